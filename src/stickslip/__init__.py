@@ -1,0 +1,83 @@
+"""Systems with dry friction: declared by their energy and their dissipation, moved exactly, switch by switch.
+
+>>> import stickslip as ss
+>>> system = ss.catalogue.rocking_toy(P=1.2)
+>>> trajectory = ss.simulate(system, (0.0, 200.0), initial={"psi": 0.8})
+>>> trajectory.certificate.ok
+True
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from stickslip import catalogue
+    from stickslip.errors import DeclarationError, StickslipError
+    from stickslip.modelfile import load
+    from stickslip.motion.outcome import Outcome
+    from stickslip.motion.simulate import simulate, simulate_many
+    from stickslip.motion.trajectory import Trajectory, open_trajectory
+    from stickslip.system import (
+        Condition,
+        Contact,
+        Inertial,
+        Internal,
+        Parameter,
+        RateIndependent,
+        System,
+        Viscous,
+    )
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Condition",
+    "Contact",
+    "DeclarationError",
+    "Inertial",
+    "Internal",
+    "Outcome",
+    "Parameter",
+    "RateIndependent",
+    "StickslipError",
+    "System",
+    "Trajectory",
+    "Viscous",
+    "__version__",
+    "catalogue",
+    "load",
+    "open_trajectory",
+    "simulate",
+    "simulate_many",
+]
+
+# Where each public name lives. Nothing is imported before it is asked for: numba and xarray take seconds.
+_HOMES = {
+    "DeclarationError": "errors",
+    "StickslipError": "errors",
+    "load": "modelfile",
+    "Outcome": "motion.outcome",
+    "simulate": "motion.simulate",
+    "simulate_many": "motion.simulate",
+    "Trajectory": "motion.trajectory",
+    "open_trajectory": "motion.trajectory",
+    **dict.fromkeys(
+        ["Condition", "Contact", "Inertial", "Internal", "Parameter", "RateIndependent", "System", "Viscous"], "system"
+    ),
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name == "catalogue":
+        return import_module("stickslip.catalogue")
+    if name not in _HOMES:
+        raise AttributeError(f"module 'stickslip' has no attribute '{name}'")
+    value = getattr(import_module(f"stickslip.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

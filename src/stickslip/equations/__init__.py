@@ -1,0 +1,1 @@
+"""From a declaration to the equations of motion, and from these to machine code."""

@@ -1,0 +1,323 @@
+"""Equations of motion -> source text of the functions the engine calls.
+
+The generated module has four functions:
+
+``setup(p, K, M, C, J)``
+    constants, mass matrix, viscous matrix and contact directions from the parameters;
+``jets(t, y, mode, reg, K, Rq, Rz, N, W, A, B, mag)``
+    Taylor coefficients of all rows up to order N along the motion in a mode; 0, or 1 if the rates are not determined;
+``residual(t, y, mode, reg, K, G, P)``
+    how far sliding rate-independent contacts are from λ + σ s = 0, and the matrix to put them back;
+``powers(W, reg, K, out)``
+    energy, dissipated power, supplied power at order 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from stickslip import expressions as ex
+from stickslip.equations.derive import MotionEquations
+from stickslip.equations.tape import Constants, Scaled, Tape, scalar_code
+from stickslip.expressions import Expr
+
+GENERATOR = 1  # raise when generated code changes: part of the key of the cache
+HEADER = '''"""Generated from a declaration; do not edit."""
+import math
+import numpy as np
+from numba import boolean, cfunc, float64, int64, void
+from stickslip.equations.series import *
+vector, matrix, indices = float64[::1], float64[:, ::1], int64[::1]
+'''
+
+
+@dataclass
+class Layout:
+    """Where the engine finds things.
+
+    Attributes
+    ----------
+    state : list of str
+        Names of the state vector y.
+    sizes : dict
+        n, nq, nz, nr, na, contacts by kind (mq, mz, mr), kinks.
+    u, force, plus, minus, kinks : list of int
+        Rows of uᵢ, λᵢ, sᵢ⁺, sᵢ⁻ by contact, and of the guards.
+    named : dict of str to int
+        Rows of the rates ``d_x`` and of the internal rates.
+    rows : int
+        Number of rows of W.
+    """
+
+    state: list[str]
+    sizes: dict[str, int]
+    u: list[int] = field(default_factory=list)
+    force: list[int] = field(default_factory=list)
+    plus: list[int] = field(default_factory=list)
+    minus: list[int] = field(default_factory=list)
+    kinks: list[int] = field(default_factory=list)
+    named: dict[str, int] = field(default_factory=dict)
+    rows: int = 0
+    constants: int = 0
+    magnitudes: int = 0
+
+
+@dataclass
+class Generated:
+    """Source text and layout of a system's compiled functions."""
+
+    source: str
+    layout: Layout
+
+
+def generate(equations: MotionEquations) -> Generated:
+    """Generate the module of a system."""
+    return _Generator(equations).module()
+
+
+class _Generator:
+    def __init__(self, equations: MotionEquations) -> None:
+        self.eq = equations
+        d = self.d = equations.declaration
+        self.constants = Constants(d.parameters)
+        self.nq, self.nz, self.nr, self.na = map(len, (d.inertial, d.viscous, d.rate_independent, d.internal))
+        self.mq, self.mz, self.mr = (equations.count(k) for k in ("inertial", "viscous", "rate-independent"))
+        self.n = len(d.state)
+        sizes = dict(n=self.n, nq=self.nq, nz=self.nz, nr=self.nr, na=self.na, mq=self.mq, mz=self.mz, mr=self.mr,
+                     kinks=len(equations.kinks))
+        self.layout = Layout(d.state, sizes)
+        rows = {name: i for i, name in enumerate(d.state)} | {"t": self.n}
+        regions = {guard: i for i, guard in enumerate(equations.kinks)}
+        self.tape = Tape(self.constants, rows, self.n + 1, regions)
+        self.solves: dict[int, list[str]] = {0: [], 1: [], 2: []}
+        self.magnitudes: list[str] = []
+        self.scratch = 3 * (self.mq + self.mz + self.mr) + len(equations.kinks)
+        self.nc = self.mq + self.mz + self.mr
+
+    # -- the blocks -------------------------------------------------------------------------------
+
+    def contact(self, i: int) -> Expr:
+        return self.eq.contacts[i].speed
+
+    def velocity(self, i: int) -> None:
+        """Row of the relative velocity of contact i, and its size for rounding."""
+        c, tape = self.eq.contacts[i], self.tape
+        parts = [Scaled(self.constants.code(j), tape.names[f"d_{x}"]) for x, j in c.direction.items()]
+        belt = tape.lower(c.speed)
+        parts.append(Scaled(f"-{belt.factor}", belt.row))
+        self.layout.u.append(tape.assign(parts, None))
+        tape.name(f"u:{i}", self.layout.u[i], tape.stage[self.layout.u[i]])
+        self.magnitudes.append(f"mag[{i}] = {self.size_of(parts)}")
+
+    def size_of(self, parts: list[Scaled]) -> str:
+        return " + ".join(f"abs({p.factor})" if p.row is None else f"abs({p.factor}*W[{p.row}, 0])" for p in parts) or "0.0"
+
+    def size(self, e: Expr) -> str:
+        """Code for the sum of the moduli of the terms of an expression: the scale of its rounding error."""
+        if e.op != "sum":
+            return self.size_of([self.tape.lower(e)])
+        lowered = [(self.tape.lower(term), c) for term, c in e.terms]
+        parts = [Scaled(f"{c!r}*{s.factor}", s.row) for s, c in lowered]
+        return self.size_of([*parts, Scaled(repr(float(e.value)))])
+
+    def block(self, forces: list[Expr], first: int, count: int, stage: int, resolvent: str) -> int:
+        """Solve one of the linear problems [x; λ] = R [f; g] order by order; returns the first row of x."""
+        tape, n = self.tape, len(forces) + count
+        right = tape.rows
+        for _ in range(n):
+            tape.new_row(stage)
+        solution = tape.rows
+        for _ in range(n):
+            tape.new_row(stage + 1)
+        base = self.scratch
+        self.scratch += n
+        for j, f in enumerate(forces):
+            tape.into(f, right + j)
+            self.magnitudes.append(f"mag[{base + j}] = {self.size(f)}")
+        for j in range(count):
+            self.contact_side(first + j, right + len(forces) + j, stage)
+            self.magnitudes.append(f"mag[{base + len(forces) + j}] = abs(W[{right + len(forces) + j}, 0])")
+        self.solves[stage].append(f"solve_order({resolvent}, W, {right}, {solution}, {n}, k)")
+        for j in range(count):
+            row = solution + len(forces) + j
+            size = " + ".join(f"abs({resolvent}[{len(forces) + j}, {m}])*mag[{base + m}]" for m in range(n))
+            self.magnitudes.append(f"mag[{2 * self.nc + first + j}] = {size}")
+            c = self.eq.contacts[first + j]
+            rate = []
+            for x, weight in c.direction.items():
+                i = (self.d.inertial if c.kind == "inertial" else self.d.viscous).index(x)
+                inner = " + ".join(f"abs({resolvent}[{i}, {m}])*mag[{base + m}]" for m in range(n))
+                rate.append(f"abs({self.constants.code(weight)})*({inner})")
+            slot = first + j if c.kind == "viscous" else self.nc + first + j
+            self.magnitudes.append(f"mag[{slot}] += {' + '.join(rate)}" if c.kind == "viscous" else
+                                   f"mag[{slot}] = {' + '.join(rate)}")
+            tape.name(f"lambda:{first + j}", row, stage + 1)
+        return solution
+
+    def contact_side(self, i: int, row: int, stage: int) -> None:
+        """Right-hand side of contact i: the belt in stick, the friction force in slip."""
+        c, tape = self.eq.contacts[i], self.tape
+        belt = c.speed if c.kind == "viscous" else ex.derivative(c.speed, "t")
+        w, plus, minus = (tape.row(e) for e in (belt, c.kinetic_plus, c.kinetic_minus))
+        tape.emit(stage, f"W[{row}, k] = W[{w}, k] if mode[{i}] == 0 else (-W[{plus}, k] if mode[{i}] > 0 else W[{minus}, k])")
+        tape.stage[row] = stage
+
+    def speeds(self) -> None:
+        """Rows of |u| in the kinetic laws of inertial contacts."""
+        for i in range(self.mq):
+            row = self.tape.new_row(0)
+            self.tape.emit(0, f"W[{row}, k] = mode[{i}]*W[{self.layout.u[i]}, k]")
+            self.tape.name(f"speed:{i}", row, 0)
+
+    def rates(self) -> int:
+        """The linear problem for the rates of the rate-independent coordinates; returns the first row of ṙ."""
+        tape, rate, n = self.tape, self.eq.rate, self.nr
+        first = tape.rows
+        for _ in range(n):
+            tape.new_row(2)
+        code = self.constants.code
+        lines, matrix, dynamic = self.solves[1], [], []
+        for i in range(n):
+            c = self.mq + self.mz + i
+            for j in range(n):
+                entries = (rate.stiffness[i][j], rate.threshold_slope[0][i][j], rate.threshold_slope[1][i][j])
+                own = code(rate.weight[i]) if i == j else "0.0"
+                if all(self.constants.is_constant(e) for e in entries):
+                    h, sp, sm = (code(e) for e in entries)
+                    matrix.append(f"A[{i}, {j}] = {own} if mode[{c}] == 0 else ({h} + {sp} if mode[{c}] > 0 else {h} - {sm})")
+                    continue
+                h, sp, sm = (tape.row(e) for e in entries)
+                row = tape.new_row(1)
+                dynamic.append((i, j, row))
+                lines.append(f"W[{row}, k] = ({own} if k == 0 else 0.0) if mode[{c}] == 0 else "
+                             f"(W[{h}, k] + W[{sp}, k] if mode[{c}] > 0 else W[{h}, k] - W[{sm}, k])")
+                matrix.append(f"A[{i}, {j}] = W[{row}, 0]")
+        right, base = tape.rows, self.scratch
+        self.scratch += n
+        for _ in range(n):
+            tape.new_row(1)
+        for i in range(n):
+            c = self.mq + self.mz + i
+            w, rest = tape.row(self.eq.contacts[c].speed), tape.row(rate.rest[i])
+            plus, minus = (tape.row(e[i]) for e in rate.threshold_rest)
+            lines.append(f"W[{right + i}, k] = W[{w}, k] if mode[{c}] == 0 else "
+                         f"(-W[{rest}, k] - W[{plus}, k] if mode[{c}] > 0 else -W[{rest}, k] + W[{minus}, k])")
+            size = f"{self.size(rate.rest[i])} + {self.size(rate.threshold_rest[0][i])} + abs(W[{w}, 0])"
+            self.magnitudes.append(f"mag[{base + i}] = {size}")
+        lines += ["if k == 0:", *("    " + m for m in matrix), f"    if not invert(A, {n}, B):", "        return 1"]
+        for i, j, row in dynamic:
+            lines.append(f"W[{right + i}, k] -= lagged_order(W, {row}, {first + j}, k)")
+        lines.append(f"solve_order(B, W, {right}, {first}, {n}, k)")
+        for i in range(n):
+            inner = " + ".join(f"abs(B[{i}, {m}])*mag[{base + m}]" for m in range(n))
+            c = self.mq + self.mz + i
+            self.magnitudes.append(f"mag[{c}] += abs({code(rate.weight[i])})*({inner})")
+            self.magnitudes.append(f"mag[{2 * self.nc + c}] = {self.size(rate.force[i])}")
+        return first
+
+    # -- the functions ----------------------------------------------------------------------------
+
+    def module(self) -> Generated:
+        tape, d, eq = self.tape, self.d, self.eq
+        for i in range(self.mq):
+            self.velocity(i)
+        self.speeds()
+        viscous = self.block(eq.viscous_force, self.mq, self.mz, 0, "Rz") if self.nz else 0
+        for i, z in enumerate(d.viscous):
+            tape.name(f"d_{z}", viscous + i, 1)
+        for i in range(self.mq, self.mq + self.mz):
+            self.velocity(i)
+        if self.nr:
+            first = self.rates()
+            for i, r in enumerate(d.rate_independent):
+                tape.name(f"d_{r}", first + i, 2)
+            for i in range(self.nr):
+                c = self.mq + self.mz + i
+                self.velocity(c)
+                tape.name(f"lambda:{c}", tape.row(eq.rate.force[i]), 0)
+        # The velocities' own magnitudes are written first, so that the linear problems may add to them.
+        self.magnitudes.sort(key=lambda line: "+=" in line)
+        laws = [tape.row(law) for law in eq.laws]
+        for name, row in zip(d.internal, laws, strict=True):
+            tape.name(f"d_{name}", row, tape.stage[row]) if f"d_{name}" not in d.state else None
+        inertial = self.block(eq.inertial_force, 0, self.mq, 2, "Rq") if self.nq else 0
+        layout = self.layout
+        layout.plus = [tape.row(c.plus) for c in eq.contacts]
+        layout.minus = [tape.row(c.minus) for c in eq.contacts]
+        layout.force = [tape.names[f"lambda:{i}"] for i in range(self.nc)]
+        for j, guard in enumerate(eq.kinks):
+            layout.kinks.append(tape.row(guard))
+            self.magnitudes.append(f"mag[{3 * self.nc + j}] = {self.size(guard)}")
+        layout.named = {f"d_{x}": tape.names[f"d_{x}"] for x in d.coordinates}
+        layout.named |= {f"d_{a}": row for a, row in zip(d.internal, laws, strict=True)}
+        layout.named |= {f"dd_{q}": inertial + i for i, q in enumerate(d.inertial)}
+        residual, powers = self.residual(), self.powers()
+        jets = self.jets(inertial, viscous, laws)
+        layout.rows = tape.rows
+        setup = self.setup()
+        layout.magnitudes = self.scratch
+        layout.constants = len(self.constants.slots)
+        return Generated("\n".join([HEADER, *setup, "", *jets, "", *residual, "", *powers, ""]), layout)
+
+    def setup(self) -> list[str]:
+        d, code = self.d, self.constants.code
+        entries = [(f"M[{i}, {j}]", e) for i, row in enumerate(self.eq.mass) for j, e in enumerate(row)]
+        entries += [(f"C[{i}, {j}]", e) for i, row in enumerate(self.eq.damping) for j, e in enumerate(row)]
+        for i, c in enumerate(self.eq.contacts):
+            entries += [(f"J[{i}, {j}]", c.direction.get(x, ex.ZERO)) for j, x in enumerate(d.coordinates)]
+        fill = [f"{place} = {code(e)}" for place, e in entries]
+        return ["@cfunc(void(vector, vector, matrix, matrix, matrix), cache=True, nopython=True, error_model='numpy')",
+                "def setup(p, K, M, C, J):", *_indent([*self.constants.source(), *fill, "return"])]
+
+    def jets(self, inertial: int, viscous: int, laws: list[int]) -> list[str]:
+        n, nq, nz, nr = self.n, self.nq, self.nz, self.nr
+        stages, solves = self.tape.statements, self.solves
+        loop = [*stages[0], *solves[0], *stages[1], *solves[1], *stages[2], *solves[2], *stages[3]]
+        for i in range(nq):
+            loop.append(f"W[{i}, k + 1] = W[{nq + i}, k]/(k + 1)")
+            loop.append(f"W[{nq + i}, k + 1] = W[{inertial + i}, k]/(k + 1)")
+        for i in range(nz):
+            loop.append(f"W[{2 * nq + i}, k + 1] = W[{viscous + i}, k]/(k + 1)")
+        for i, r in enumerate(self.d.rate_independent):
+            loop.append(f"W[{2 * nq + nz + i}, k + 1] = W[{self.tape.names[f'd_{r}']}, k]/(k + 1)")
+        for i, row in enumerate(laws):
+            loop.append(f"W[{2 * nq + nz + nr + i}, k + 1] = W[{row}, k]/(k + 1)")
+        body = [f"for i in range({n}):", "    W[i, 0] = y[i]", f"W[{n}, 0] = t", f"W[{n}, 1] = 1.0",
+                "for k in range(2, N + 1):", f"    W[{n}, k] = 0.0", "for k in range(N):", *_indent(loop),
+                *self.magnitudes, "return 0"]
+        return ["@cfunc(int64(float64, vector, indices, indices, vector, matrix, matrix, int64, matrix, matrix, matrix, vector),"
+                " cache=True, nopython=True, error_model='numpy')",
+                "def jets(t, y, mode, reg, K, Rq, Rz, N, W, A, B, mag):", *_indent(body)]
+
+    def residual(self) -> list[str]:
+        rate, names = self.eq.rate, {s: f"y[{i}]" for i, s in enumerate(self.d.state)}
+        regions = {guard: f"reg[{i}]" for i, guard in enumerate(self.eq.kinks)}
+        symbols = names | {"t": "t"} | {p: self.constants.code(ex.sym(p)) for p in self.d.parameters}
+        acting = self.eq.contacts[self.mq + self.mz:]
+        targets = [*rate.force, *(c.plus for c in acting), *(c.minus for c in acting)]
+        targets += [e for m in (rate.partial, *rate.threshold_partial) for row in m for e in row]
+        lines, v = scalar_code(targets, symbols, regions)
+        for i, c in enumerate(acting):
+            m = f"mode[{self.mq + self.mz + i}]"
+            plus, minus = v[c.plus], v[c.minus]
+            lines.append(f"G[{i}] = 0.0 if {m} == 0 else ({v[rate.force[i]]} + {plus} if {m} > 0 else {v[rate.force[i]]} - {minus})")
+            for j in range(self.nr):
+                h, p, q = (v[x[i][j]] for x in (rate.partial, *rate.threshold_partial))
+                own = 1.0 if i == j else 0.0
+                lines.append(f"P[{i}, {j}] = {own} if {m} == 0 else ({h} + {p} if {m} > 0 else {h} - {q})")
+        return ["@cfunc(void(float64, vector, indices, indices, vector, vector, matrix), cache=True, nopython=True,"
+                " error_model='numpy')", "def residual(t, y, mode, reg, K, G, P):", *_indent([*lines, "return"])]
+
+    def powers(self) -> list[str]:
+        names = {s: f"W[{row}, 0]" for s, row in self.tape.names.items()}
+        names |= {p: self.constants.code(ex.sym(p)) for p in self.d.parameters}
+        regions = {guard: f"reg[{i}]" for i, guard in enumerate(self.eq.kinks)}
+        targets = [self.eq.energy, self.eq.dissipation, self.eq.supply]
+        lines, v = scalar_code(targets, names, regions)
+        lines += [f"out[{i}] = {v[e]}" for i, e in enumerate(targets)]
+        return ["@cfunc(void(matrix, indices, vector, vector), cache=True, nopython=True, error_model='numpy')",
+                "def powers(W, reg, K, out):", *_indent([*lines, "return"])]
+
+
+def _indent(lines: list[str]) -> list[str]:
+    return ["    " + line for line in lines]

@@ -1,0 +1,192 @@
+"""System -> the equations of motion of one mode, as expressions.
+
+The three kinds of coordinates pose the same linear problem, one time derivative apart:
+
+    inertial          M a  − Jᵀλ  = f,      stick: J a = ẇ,   slip: λ = −σ k
+    viscous           C ż  − Jᵀλ  = f,      stick: J ż = w,   slip: λ = −σ k
+    rate-independent  H ṙ  − Jᵀλ̇  = −∂ₜ∂Φ,  stick: J ṙ = w,   slip: λ̇ = −σ ṡ
+
+with f the forces that are not from contacts. All expressions here hold within one region of every function
+with kinks; which region, and which mode, is decided while the motion is computed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stickslip import expressions as ex
+from stickslip.declaration import Declaration, DryContact
+from stickslip.errors import DeclarationError
+from stickslip.expressions import Expr
+
+KINDS = ("inertial", "viscous", "rate-independent")
+
+
+@dataclass(frozen=True)
+class RateProblem:
+    """The problem for the rates of the rate-independent coordinates r (contact i moves coordinate i).
+
+    Attributes
+    ----------
+    weight : list of Expr
+        Direction coefficients jᵢ, uᵢ = jᵢ ṙᵢ − wᵢ.
+    force : list of Expr
+        λᵢ = (∂ᵢΦ − forceᵢ)/jᵢ, a function of the state.
+    stiffness, rest : matrix and list of Expr
+        d/dt λᵢ = Σⱼ stiffnessᵢⱼ ṙⱼ + restᵢ.
+    threshold_slope, threshold_rest : pairs (for u > 0, u < 0) of the same for the thresholds.
+    partial, threshold_partial : matrices of ∂λᵢ/∂rⱼ and (pairs of) ∂sᵢ/∂rⱼ
+    """
+
+    weight: list[Expr]
+    force: list[Expr]
+    stiffness: list[list[Expr]]
+    rest: list[Expr]
+    threshold_slope: tuple[list[list[Expr]], list[list[Expr]]]
+    threshold_rest: tuple[list[Expr], list[Expr]]
+    partial: list[list[Expr]]
+    threshold_partial: tuple[list[list[Expr]], list[list[Expr]]]
+
+
+@dataclass(frozen=True)
+class MotionEquations:
+    """Everything the engine needs to know of a system, symbolically.
+
+    Attributes
+    ----------
+    contacts : list of DryContact
+        Ordered by kind: inertial, viscous, then rate-independent in the order of their coordinates.
+    inertial_force, viscous_force : list of Expr
+        Right-hand sides f.
+    mass, damping : list of list of Expr
+        M of the inertial and C of the viscous coordinates.
+    laws : list of Expr
+    rate : RateProblem
+    kinks : list of Expr
+        Guards of all functions with kinks; region 1 is guard ≥ 0.
+    energy, dissipation, supply : Expr
+        E, the dissipated power and the supplied power, in the state, the rates and the symbols ``u:i``, ``lambda:i``.
+    """
+
+    declaration: Declaration
+    contacts: list[DryContact]
+    inertial_force: list[Expr]
+    viscous_force: list[Expr]
+    mass: list[list[Expr]]
+    damping: list[list[Expr]]
+    laws: list[Expr]
+    rate: RateProblem
+    kinks: list[Expr]
+    energy: Expr
+    dissipation: Expr
+    supply: Expr
+
+    def count(self, kind: str) -> int:
+        """Number of contacts of a kind."""
+        return sum(c.kind == kind for c in self.contacts)
+
+
+def derive(declaration: Declaration) -> MotionEquations:
+    """Derive the equations of motion from energy and dissipation potential.
+
+    Raises
+    ------
+    DeclarationError
+        If an internal law or a threshold makes the rate problem nonlinear in the rates.
+    """
+    d = declaration
+    contacts = sorted(
+        d.contacts,
+        key=lambda c: (KINDS.index(c.kind), d.rate_independent.index(next(iter(c.direction))) if c.kind == KINDS[2] else 0),
+    )
+    contacts = [_name_speed(c, i) for i, c in enumerate(contacts)]
+    slope = {x: ex.derivative(d.potential, x) - d.forces[x] for x in d.coordinates}
+    viscous_force = [-slope[z] - _damping(d, z, d.inertial) for z in d.viscous]
+    inertial_force = [-slope[q] - d.drags[q] - _damping(d, q, [*d.inertial, *d.viscous]) for q in d.inertial]
+    laws = [d.laws[a] for a in d.internal]
+    energy, dissipation, supply = _powers(d, contacts)
+    rate = _rate_problem(d, contacts, slope)
+    used = [*inertial_force, *viscous_force, *laws, *rate.rest, *rate.force, *(r for row in rate.stiffness for r in row)]
+    for c in contacts:
+        used += [c.plus, c.minus, c.kinetic_plus, c.kinetic_minus, c.speed]
+    guards = dict.fromkeys(n.args[0] for n in ex.walk(used) if n.op == "select")
+    for n in ex.walk([energy, dissipation, supply]):
+        if n.op == "select":
+            guards.setdefault(n.args[0])
+    return MotionEquations(
+        declaration=d,
+        contacts=contacts,
+        inertial_force=inertial_force,
+        viscous_force=viscous_force,
+        mass=_matrix(d.mass, d.inertial),
+        damping=_matrix(d.damping, d.viscous),
+        laws=laws,
+        rate=rate,
+        kinks=list(guards),
+        energy=energy,
+        dissipation=dissipation,
+        supply=supply,
+    )
+
+
+
+def _name_speed(c: DryContact, i: int) -> DryContact:
+    """Give each contact's ``speed`` its own symbol."""
+    own = {"speed": ex.sym(f"speed:{i}")}
+    return DryContact(c.name, c.kind, c.direction, c.plus, c.minus, ex.substitute(c.kinetic_plus, own),
+                      ex.substitute(c.kinetic_minus, own), c.speed, c.unit)
+
+
+def _damping(d: Declaration, x: str, others: list[str]) -> Expr:
+    return ex.add(*((d.damping[x, y] * ex.sym(f"d_{y}"), 1.0) for y in others if (x, y) in d.damping))
+
+
+def _matrix(entries: dict[tuple[str, str], Expr], names: list[str]) -> list[list[Expr]]:
+    return [[entries.get((x, y), ex.ZERO) for y in names] for x in names]
+
+
+def _rate_problem(d: Declaration, contacts: list[DryContact], slope: dict[str, Expr]) -> RateProblem:
+    acting = [c for c in contacts if c.kind == KINDS[2]]
+    names = d.rate_independent
+    weight = [c.direction[r] for c, r in zip(acting, names, strict=True)]
+    force = [slope[r] / j for r, j in zip(names, weight, strict=True)]
+    rates = {"t": ex.ONE, **{x: ex.sym(f"d_{x}") for x in d.coordinates}, **{a: d.laws[a] for a in d.internal}}
+
+    def split(e: Expr, where: str) -> tuple[list[Expr], Expr]:
+        if any(f"d_{q}" in e.symbols for q in d.inertial):
+            raise DeclarationError(where, "a force on a rate-independent coordinate depends on a velocity",
+                                   "Let it depend on t, coordinates and internal variables")
+        total = ex.along(e, rates)
+        linear = [ex.derivative(total, f"d_{r}") for r in names]
+        own = {f"d_{r}" for r in names}
+        if any(part.symbols & own for part in linear):
+            raise DeclarationError(where, "its rate is not linear in the rates of the rate-independent coordinates",
+                                   "Let internal laws depend on them linearly")
+        return linear, ex.substitute(total, {r: ex.ZERO for r in own})
+
+    def rows(expressions: list[Expr]) -> tuple[list[list[Expr]], list[Expr]]:
+        pairs = [split(e, f"contacts.'{c.name}'") for e, c in zip(expressions, acting, strict=True)]
+        return [p[0] for p in pairs], [p[1] for p in pairs]
+
+    def partials(expressions: list[Expr]) -> list[list[Expr]]:
+        return [[ex.derivative(e, r) for r in names] for e in expressions]
+
+    stiffness, rest = rows(force)
+    plus, minus = [c.plus for c in acting], [c.minus for c in acting]
+    (slope_plus, rest_plus), (slope_minus, rest_minus) = rows(plus), rows(minus)
+    return RateProblem(weight, force, stiffness, rest, (slope_plus, slope_minus), (rest_plus, rest_minus),
+                       partials(force), (partials(plus), partials(minus)))
+
+
+def _powers(d: Declaration, contacts: list[DryContact]) -> tuple[Expr, Expr, Expr]:
+    """Energy, dissipated power, and power supplied by time-dependence, belts, forces and internal variables."""
+    energy = d.kinetic + d.potential
+    rates = {x: ex.sym(f"d_{x}") for x in (*d.coordinates, *d.internal)}
+    dissipated = 2.0 * d.dissipation + ex.add(*((d.drags[q] * rates[q], 1.0) for q in d.inertial))
+    supplied = ex.derivative(d.potential, "t") + ex.along(d.potential, {a: rates[a] for a in d.internal})
+    supplied = supplied + ex.add(*((d.forces[x] * rates[x], 1.0) for x in d.coordinates))
+    for i, c in enumerate(contacts):
+        u, force = ex.sym(f"u:{i}"), ex.sym(f"lambda:{i}")
+        dissipated = dissipated - force * u
+        supplied = supplied + force * c.speed
+    return energy, dissipated, supplied

@@ -1,0 +1,200 @@
+"""Recurrences of Taylor coefficients: order k of an operation from orders at most k of its rows.
+
+W[row, k] is the k-th Taylor coefficient of a row (Jorba & Zou 2005, section 2). These are the only operations
+that generated code calls.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+Array = np.ndarray
+
+# Sums may be reordered (they are long dot products), nothing else is relaxed: NaN and inf must stay visible.
+_options = {"cache": True, "error_model": "numpy", "fastmath": {"reassoc", "contract", "nsz"}}
+
+
+@njit(**_options)
+def safe_exp(x: float) -> float:
+    """Exponential; overflow gives inf."""
+    return np.exp(x)
+
+
+@njit(**_options)
+def safe_log(x: float) -> float:
+    """Logarithm; NaN for negative arguments."""
+    return np.log(x)
+
+
+@njit(**_options)
+def real_power(x: float, p: float) -> float:
+    """Real power; NaN where undefined."""
+    return np.power(x, p)
+
+
+@njit(**_options)
+def reciprocal(x: float) -> float:
+    """1/x, infinite at 0."""
+    return 1.0 / x
+
+
+@njit(**_options)
+def product_order(W: Array, a: int, b: int, k: int) -> float:
+    """Order k of a·b (Cauchy product)."""
+    s = 0.0
+    for j in range(k + 1):
+        s += W[a, j] * W[b, k - j]
+    return s
+
+
+@njit(**_options)
+def divide_order(W: Array, a: int, b: int, y: int, k: int) -> float:
+    """Order k of y = a/b."""
+    s = 0.0
+    for j in range(1, k + 1):
+        s += W[b, j] * W[y, k - j]
+    return (W[a, k] - s) / W[b, 0]
+
+
+@njit(**_options)
+def inverse_order(W: Array, b: int, y: int, k: int) -> float:
+    """Order k of y = 1/b."""
+    s = 0.0
+    for j in range(1, k + 1):
+        s += W[b, j] * W[y, k - j]
+    return ((1.0 if k == 0 else 0.0) - s) / W[b, 0]
+
+
+@njit(**_options)
+def power_order(W: Array, a: int, y: int, p: float, k: int) -> float:
+    """Order k of y = aᵖ for a constant p."""
+    a0 = W[a, 0]
+    if k == 0:
+        return math.sqrt(a0) if p == 0.5 and a0 >= 0.0 else np.power(a0, p)
+    s = 0.0
+    for j in range(1, k + 1):
+        s += (j * p - (k - j)) * W[a, j] * W[y, k - j]
+    return s / (k * a0)
+
+
+@njit(**_options)
+def exp_order(W: Array, a: int, y: int, k: int) -> float:
+    """Order k of y = exp a."""
+    if k == 0:
+        return np.exp(W[a, 0])
+    s = 0.0
+    for j in range(1, k + 1):
+        s += j * W[a, j] * W[y, k - j]
+    return s / k
+
+
+@njit(**_options)
+def log_order(W: Array, a: int, y: int, k: int) -> float:
+    """Order k of y = log a."""
+    if k == 0:
+        return np.log(W[a, 0])
+    s = 0.0
+    for j in range(1, k):
+        s += j * W[y, j] * W[a, k - j]
+    return (W[a, k] - s / k) / W[a, 0]
+
+
+@njit(**_options)
+def chain_order(W: Array, a: int, g: int, k: int) -> float:
+    """Order k ≥ 1 of y with y′ = g·a′."""
+    s = 0.0
+    for j in range(1, k + 1):
+        s += j * W[a, j] * W[g, k - j]
+    return s / k
+
+
+@njit(**_options)
+def rotation_order(W: Array, a: int, sine: int, cosine: int, k: int) -> None:
+    """Order k of sin a and cos a."""
+    if k == 0:
+        W[sine, 0] = math.sin(W[a, 0])
+        W[cosine, 0] = math.cos(W[a, 0])
+    else:
+        W[sine, k] = chain_order(W, a, cosine, k)
+        W[cosine, k] = -chain_order(W, a, sine, k)
+
+
+@njit(**_options)
+def steady_rotation_order(W: Array, a: int, sine: int, cosine: int, k: int) -> None:
+    """Order k of sin a and cos a for a phase a that is affine in time."""
+    if k == 0:
+        W[sine, 0] = math.sin(W[a, 0])
+        W[cosine, 0] = math.cos(W[a, 0])
+    else:
+        W[sine, k] = W[a, 1] * W[cosine, k - 1] / k
+        W[cosine, k] = -W[a, 1] * W[sine, k - 1] / k
+
+
+@njit(**_options)
+def hyperbolic_order(W: Array, a: int, sine: int, cosine: int, k: int) -> None:
+    """Order k of sinh a and cosh a."""
+    if k == 0:
+        W[sine, 0] = np.sinh(W[a, 0])
+        W[cosine, 0] = np.cosh(W[a, 0])
+    else:
+        W[sine, k] = chain_order(W, a, cosine, k)
+        W[cosine, k] = chain_order(W, a, sine, k)
+
+
+@njit(**_options)
+def steady_hyperbolic_order(W: Array, a: int, sine: int, cosine: int, k: int) -> None:
+    """Order k of sinh a and cosh a for a phase a that is affine in time."""
+    hyperbolic_order(W, a, sine, cosine, k)
+
+
+@njit(**_options)
+def solve_order(R: Array, W: Array, first: int, solution: int, n: int, k: int) -> None:
+    """Order k of solution = R·right-hand side, both n consecutive rows."""
+    for i in range(n):
+        s = 0.0
+        for j in range(n):
+            s += R[i, j] * W[first + j, k]
+        W[solution + i, k] = s
+
+
+@njit(cache=True, error_model="numpy")
+def invert(A: Array, n: int, R: Array) -> bool:
+    """Inverse R of the leading n×n block of A (destroyed) by Gauss-Jordan elimination; False if singular."""
+    scale = 0.0
+    for i in range(n):
+        for j in range(n):
+            scale = max(scale, abs(A[i, j]))
+            R[i, j] = 1.0 if i == j else 0.0
+    for c in range(n):
+        pivot = c
+        for i in range(c + 1, n):
+            if abs(A[i, c]) > abs(A[pivot, c]):
+                pivot = i
+        if not abs(A[pivot, c]) > 1e-13 * scale:
+            return False
+        for j in range(n):
+            A[c, j], A[pivot, j] = A[pivot, j], A[c, j]
+            R[c, j], R[pivot, j] = R[pivot, j], R[c, j]
+        inverse = 1.0 / A[c, c]
+        for j in range(n):
+            A[c, j] *= inverse
+            R[c, j] *= inverse
+        for i in range(n):
+            if i != c and A[i, c] != 0.0:
+                factor = A[i, c]
+                for j in range(n):
+                    A[i, j] -= factor * A[c, j]
+                    R[i, j] -= factor * R[c, j]
+    return True
+
+
+@njit(**_options)
+def lagged_order(W: Array, a: int, y: int, k: int) -> float:
+    """Order k of a·y without the term with a's order 0."""
+    s = 0.0
+    for j in range(1, k + 1):
+        s += W[a, j] * W[y, k - j]
+    return s

@@ -1,0 +1,89 @@
+"""Names as symbols: ``psi_star`` is ψ*, ``mu_0`` is μ₀, ``v_hat`` is v̂; and units as they are printed."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from dataclasses import dataclass
+
+GREEK = {
+    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "zeta": "ζ", "eta": "η", "theta": "θ",
+    "iota": "ι", "kappa": "κ", "lam": "λ", "lamda": "λ", "mu": "μ", "nu": "ν", "xi": "ξ", "rho": "ρ", "sigma": "σ",
+    "tau": "τ", "upsilon": "υ", "phi": "φ", "chi": "χ", "psi": "ψ", "omega": "ω", "pi": "π", "ell": "ℓ",
+    "Gamma": "Γ", "Delta": "Δ", "Theta": "Θ", "Lambda": "Λ", "Xi": "Ξ", "Pi": "Π", "Sigma": "Σ", "Upsilon": "Υ",
+    "Phi": "Φ", "Psi": "Ψ", "Omega": "Ω",
+}  # fmt: skip
+GREEK_LATEX = {"lam": r"\lambda", "lamda": r"\lambda", "epsilon": r"\varepsilon", "phi": r"\varphi"}
+ACCENTS = {"hat": ("\u0302", r"\hat"), "tilde": ("\u0303", r"\tilde"), "bar": ("\u0304", r"\bar")}
+DOTS = ("", "\u0307", "\u0308")
+SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+
+
+@dataclass(frozen=True)
+class Symbol:
+    """A name taken apart: letter, accents, star and subscripts."""
+
+    letter: str
+    accents: tuple[str, ...]
+    star: bool
+    subscripts: tuple[str, ...]
+
+
+def parse_name(name: str) -> Symbol:
+    """Take ``psi_star`` or ``x_R`` or ``x12`` apart."""
+    first, *rest = name.split("_")
+    match = re.fullmatch(r"([A-Za-z]+)(\d+)", first)
+    if match and (len(match[1]) == 1 or match[1] in GREEK):
+        first, rest = match[1], [match[2], *rest]
+    subscripts = tuple(part for part in rest if part and part != "star" and part not in ACCENTS)
+    return Symbol(first, tuple(part for part in rest if part in ACCENTS), "star" in rest, subscripts)
+
+
+def unicode_name(name: str, dots: int = 0) -> str:
+    """The name as a symbol for the terminal, with one or two dots for rates."""
+    s = parse_name(name)
+    letter = GREEK.get(s.letter, s.letter)
+    marks = "".join(ACCENTS[a][0] for a in s.accents)
+    if len(letter) == 1:
+        letter += marks + DOTS[dots]
+    else:  # a word: a dot over one of its letters would be misread
+        letter += marks + "˙" * dots
+    below = [GREEK.get(part, part) for part in s.subscripts]
+    if len(below) == 1 and below[0].isdigit():
+        tail = below[0].translate(SUBSCRIPTS)
+    else:
+        tail = "_" + ",".join(below) if below else ""
+    return unicodedata.normalize("NFC", letter) + tail + ("*" if s.star else "")
+
+
+def latex_name(name: str, dots: int = 0) -> str:
+    """The name as a symbol for LaTeX, with one or two dots for rates."""
+    s = parse_name(name)
+    text = _latex_word(s.letter)
+    for accent in s.accents:
+        text = f"{ACCENTS[accent][1]}{{{text}}}"
+    if dots:
+        text = rf"\{'d' * dots}ot{{{text}}}"
+    below = ",".join(_latex_word(part) for part in s.subscripts)
+    return text + (f"_{{{below}}}" if below else "") + ("^{*}" if s.star else "")
+
+
+def _latex_word(word: str) -> str:
+    if word in GREEK:
+        return GREEK_LATEX.get(word, rf"\{word}")
+    return word if len(word) == 1 or word.isdigit() else rf"\mathrm{{{word}}}"
+
+
+def unicode_unit(unit: str) -> str:
+    """``kg*m^2/s`` as kg·m²/s; empty if dimensionless."""
+    if unit.strip() in ("", "1"):
+        return ""
+    text = unit.replace("**", "^").replace("*", "·")
+    return re.sub(r"\^\(?(-?\d+)\)?(?!/)", lambda m: m[1].translate(SUPERSCRIPTS), text)
+
+
+def width(text: str) -> int:
+    """Columns a text takes in a terminal: combining marks take none."""
+    return sum(not unicodedata.combining(c) for c in text)
+

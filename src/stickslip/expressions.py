@@ -1,0 +1,562 @@
+"""Expression trees: numbers, names, sums, products, functions and regions.
+
+Every expression is kept in one canonical form (a sum of coefficients times products of powers) and is
+unique: equal expressions are the same object. Simplification, common subexpressions and the question
+"does this depend on the state?" then cost nothing. A function with a kink (abs, min, max, clip, piecewise)
+is a :func:`select` on the sign of its *guard*; the engine turns each guard into an event.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Iterable, Mapping
+
+Terms = tuple[tuple["Expr", float], ...]
+
+FUNCTIONS: dict[str, Callable[[float], float]] = {
+    "exp": math.exp,
+    "log": math.log,
+    "sin": math.sin,
+    "cos": math.cos,
+    "tan": math.tan,
+    "sinh": math.sinh,
+    "cosh": math.cosh,
+    "tanh": math.tanh,
+    "asinh": math.asinh,
+    "atan": math.atan,
+}
+
+
+class Expr:
+    """One node of an expression tree; build it with the functions of this module, never directly.
+
+    Attributes
+    ----------
+    op : str
+        ``num``, ``sym``, ``sum``, ``prod``, ``pow``, ``select`` or the name of a function.
+    value : float or str
+        The number, the name, or the constant of a sum.
+    args : tuple of Expr
+        Arguments of a function, a power or a select.
+    terms : tuple of (Expr, float)
+        Terms and coefficients of a sum, or factors and exponents of a product.
+    symbols : frozenset of str
+        Names the expression depends on.
+    depth : int
+        Height of the tree, which bounds every recursion over it.
+    """
+
+    __slots__ = ("_derivatives", "args", "depth", "key", "op", "symbols", "terms", "value")
+
+    def __init__(self, op: str, value: float | str, args: tuple[Expr, ...], terms: Terms, key: str) -> None:
+        self.op, self.value, self.args, self.terms, self.key = op, value, args, terms, key
+        children = [*args, *(child for child, _ in terms)]
+        self.symbols: frozenset[str] = frozenset().union(*(c.symbols for c in children))
+        if op == "sym":
+            self.symbols = frozenset([str(value)])
+        self.depth: int = 1 + max((c.depth for c in children), default=0)
+        self._derivatives: dict[str, Expr] = {}
+
+    def __add__(self, other: Expr | float) -> Expr:
+        return add((self, 1.0), (as_expr(other), 1.0))
+
+    def __radd__(self, other: float) -> Expr:
+        return self + other
+
+    def __sub__(self, other: Expr | float) -> Expr:
+        return add((self, 1.0), (as_expr(other), -1.0))
+
+    def __rsub__(self, other: float) -> Expr:
+        return as_expr(other) - self
+
+    def __neg__(self) -> Expr:
+        return add((self, -1.0))
+
+    def __mul__(self, other: Expr | float) -> Expr:
+        return multiply(self, as_expr(other))
+
+    def __rmul__(self, other: float) -> Expr:
+        return self * other
+
+    def __truediv__(self, other: Expr | float) -> Expr:
+        return multiply(self, power(as_expr(other), num(-1.0)))
+
+    def __rtruediv__(self, other: float) -> Expr:
+        return as_expr(other) / self
+
+    def __pow__(self, other: Expr | float) -> Expr:
+        return power(self, as_expr(other))
+
+    def __repr__(self) -> str:
+        return to_text(self)
+
+
+_nodes: dict[tuple, Expr] = {}
+
+
+def _node(op: str, value: float | str = 0.0, args: tuple[Expr, ...] = (), terms: Terms = ()) -> Expr:
+    identity = (op, value, tuple(map(id, args)), tuple((id(e), c) for e, c in terms))
+    node = _nodes.get(identity)
+    if node is None:
+        # The key orders terms and factors the same way in every process, so that generated code is reproducible.
+        text = "|".join([op, repr(value), *(a.key for a in args), *(f"{e.key}*{c!r}" for e, c in terms)])
+        node = _nodes[identity] = Expr(op, value, args, terms, hashlib.sha1(text.encode()).hexdigest())
+    return node
+
+
+def num(value: float) -> Expr:
+    """A number; raises ``OverflowError`` if it is not finite."""
+    if not math.isfinite(value):
+        raise OverflowError("a number in the formula is too large or undefined")
+    return _node("num", float(value) + 0.0)
+
+
+def sym(name: str) -> Expr:
+    """A name: coordinate, rate, parameter or time."""
+    return _node("sym", name)
+
+
+ZERO, ONE = num(0.0), num(1.0)
+
+
+def as_expr(value: Expr | float) -> Expr:
+    """The expression itself, or a number as an expression."""
+    return value if isinstance(value, Expr) else num(value)
+
+
+def is_number(expression: Expr, value: float | None = None) -> bool:
+    """Whether the expression is a number (equal to `value`, if given)."""
+    return expression.op == "num" and (value is None or expression.value == value)
+
+
+def number(expression: Expr) -> float:
+    """The value of a numeric expression."""
+    return float(expression.value)
+
+
+def add(*weighted: tuple[Expr, float]) -> Expr:
+    """Sum of (expression, coefficient) pairs."""
+    constant, terms = 0.0, dict[Expr, float]()
+    for expression, weight in weighted:
+        if expression.op == "num":
+            constant += weight * number(expression)
+        elif expression.op == "sum":
+            constant += weight * float(expression.value)
+            for term, coefficient in expression.terms:
+                terms[term] = terms.get(term, 0.0) + weight * coefficient
+        else:
+            terms[expression] = terms.get(expression, 0.0) + weight
+    kept = tuple(sorted(((e, c) for e, c in terms.items() if c != 0.0), key=lambda pair: pair[0].key))
+    if any(not math.isfinite(c) for _, c in kept):
+        raise OverflowError("a number in the formula is too large")
+    if not kept:
+        return num(constant)
+    if len(kept) == 1 and constant == 0.0 and kept[0][1] == 1.0:
+        return kept[0][0]
+    num(constant)
+    return _node("sum", constant, (), kept)
+
+
+def multiply(*factors: Expr) -> Expr:
+    """Product of expressions."""
+    coefficient, powers = 1.0, dict[Expr, float]()
+    for factor in factors:
+        if factor.op == "num":
+            coefficient *= number(factor)
+            continue
+        if factor.op == "sum" and factor.value == 0.0 and len(factor.terms) == 1:
+            factor, scale = factor.terms[0]
+            coefficient *= scale
+        for base, exponent in factor.terms if factor.op == "prod" else ((factor, 1.0),):
+            powers[base] = powers.get(base, 0.0) + exponent
+    if coefficient == 0.0:
+        return ZERO
+    kept = tuple(sorted(((e, p) for e, p in powers.items() if p != 0.0), key=lambda pair: pair[0].key))
+    if not kept:
+        return num(coefficient)
+    product = kept[0][0] if len(kept) == 1 and kept[0][1] == 1.0 else _product(kept)
+    return product if coefficient == 1.0 else add((product, coefficient))
+
+
+def _product(powers: Terms) -> Expr:
+    if not all(math.isfinite(p) for _, p in powers):
+        raise OverflowError("an exponent in the formula is too large")
+    return _node("prod", 0.0, (), powers)
+
+
+def power(base: Expr, exponent: Expr) -> Expr:
+    """Power; a numeric exponent becomes part of a product, any other exponent needs a positive base."""
+    if exponent.op != "num":
+        if base.op == "num" and number(base) <= 0.0:
+            raise ZeroDivisionError(f"{number(base):g} to a power that varies is undefined")
+        return num(number(base) ** 1) if is_number(base, 1.0) else _node("pow", 0.0, (base, exponent))
+    p = number(exponent)
+    if base.op == "num":
+        b = number(base)
+        if (b < 0.0 and not p.is_integer()) or (b == 0.0 and p < 0.0):
+            raise ZeroDivisionError(f"{b:g}**{p:g} is undefined")
+        return num(b**p)
+    if p == 0.0:
+        return ONE
+    if p == 1.0:
+        return base
+    if base.op == "prod" and p.is_integer():
+        return _product(tuple((e, q * p) for e, q in base.terms))
+    if base.op == "sum" and base.value == 0.0 and len(base.terms) == 1:
+        term, c = base.terms[0]
+        if c > 0.0 or p.is_integer():
+            return multiply(num(c**p), power(term, exponent))
+    return _product(((base, p),))
+
+
+def call(name: str, argument: Expr) -> Expr:
+    """One of :data:`FUNCTIONS` applied to an expression."""
+    if argument.op == "num":
+        try:
+            return num(FUNCTIONS[name](number(argument)))
+        except ValueError:
+            raise ZeroDivisionError(f"{name}({number(argument):g}) is undefined") from None
+    return _node(name, 0.0, (argument,))
+
+
+def select(guard: Expr, above: Expr, below: Expr) -> Expr:
+    """`above` where ``guard >= 0``, `below` elsewhere."""
+    if above is below:
+        return above
+    if guard.op == "num":
+        return above if number(guard) >= 0.0 else below
+    if guard.op == "sum":
+        # One boundary, one guard: g, -g and 2g all switch at the same place.
+        leading = guard.terms[0][1]
+        if leading != 1.0:
+            guard = add((guard, 1.0 / leading))
+            if leading < 0.0:
+                above, below = below, above
+    return _node("select", 0.0, (guard, above, below))
+
+
+def absolute(x: Expr) -> Expr:
+    """Absolute value."""
+    return num(abs(number(x))) if x.op == "num" else select(x, x, -x)
+
+
+def maximum(a: Expr, b: Expr) -> Expr:
+    """The larger of two."""
+    return select(a - b, a, b)
+
+
+def minimum(a: Expr, b: Expr) -> Expr:
+    """The smaller of two."""
+    return select(a - b, b, a)
+
+
+def clip(x: Expr, low: Expr, high: Expr) -> Expr:
+    """`x` held between two bounds."""
+    return select(x - low, select(x - high, high, x), low)
+
+
+def derivative(expression: Expr, name: str) -> Expr:
+    """Partial derivative; within each region for functions with kinks."""
+    if name not in expression.symbols:
+        return ZERO
+    found = expression._derivatives.get(name)
+    if found is None:
+        found = expression._derivatives[name] = _derivative(expression, name)
+    return found
+
+
+def _derivative(e: Expr, name: str) -> Expr:
+    if e.op == "sym":
+        return ONE
+    if e.op == "sum":
+        return add(*((derivative(term, name), c) for term, c in e.terms))
+    if e.op == "prod":
+        parts = []
+        for base, p in e.terms:
+            inner = derivative(base, name)
+            if inner is not ZERO:
+                parts.append((multiply(e, power(base, num(-1.0)), inner), p))
+        return add(*parts)
+    if e.op == "pow":
+        base, exponent = e.args
+        return e * (
+            derivative(exponent, name) * call("log", base) + exponent * derivative(base, name) / base
+        )
+    if e.op == "select":
+        guard, above, below = e.args
+        return select(guard, derivative(above, name), derivative(below, name))
+    (x,) = e.args
+    return _outer_derivative(e, x) * derivative(x, name)
+
+
+def _outer_derivative(e: Expr, x: Expr) -> Expr:
+    match e.op:
+        case "exp":
+            return e
+        case "log":
+            return 1.0 / x
+        case "sin":
+            return call("cos", x)
+        case "cos":
+            return -call("sin", x)
+        case "tan":
+            return 1.0 + e**2.0
+        case "sinh":
+            return call("cosh", x)
+        case "cosh":
+            return call("sinh", x)
+        case "tanh":
+            return 1.0 - e**2.0
+        case "asinh":
+            return (1.0 + x**2.0) ** -0.5
+        case _:
+            return 1.0 / (1.0 + x**2.0)  # atan
+
+
+def along(expression: Expr, rates: Mapping[str, Expr]) -> Expr:
+    """Total derivative with respect to time along given rates of the names."""
+    names = sorted(expression.symbols & rates.keys())
+    return add(*((derivative(expression, name) * rates[name], 1.0) for name in names))
+
+
+def substitute(expression: Expr, values: Mapping[str, Expr]) -> Expr:
+    """Replace names by expressions."""
+    memo: dict[Expr, Expr] = {}
+
+    def visit(e: Expr) -> Expr:
+        if not e.symbols & values.keys():
+            return e
+        if e not in memo:
+            memo[e] = rebuild(e)
+        return memo[e]
+
+    def rebuild(e: Expr) -> Expr:
+        if e.op == "sym":
+            return values[str(e.value)]
+        if e.op == "sum":
+            return add((num(float(e.value)), 1.0), *((visit(term), c) for term, c in e.terms))
+        if e.op == "prod":
+            return multiply(*(power(visit(base), num(p)) for base, p in e.terms))
+        args = [visit(a) for a in e.args]
+        if e.op == "select":
+            return select(args[0], args[1], args[2])
+        return power(args[0], args[1]) if e.op == "pow" else call(e.op, args[0])
+
+    return visit(expression)
+
+
+def walk(expressions: Iterable[Expr]) -> list[Expr]:
+    """All nodes below the given ones, children before parents, each once."""
+    order: dict[Expr, None] = {}
+
+    def visit(e: Expr) -> None:
+        if e not in order:
+            for child in (*e.args, *(c for c, _ in e.terms)):
+                visit(child)
+            order[e] = None
+
+    for expression in expressions:
+        visit(expression)
+    return list(order)
+
+
+def evaluate(expression: Expr, values: Mapping[str, float]) -> float:
+    """Number for given values of the names; NaN where undefined."""
+    result: dict[Expr, float] = {}
+    for e in walk([expression]):
+        try:
+            result[e] = _value(e, values, result)
+        except (ValueError, ZeroDivisionError, OverflowError):
+            result[e] = math.nan
+    return result[expression]
+
+
+def _value(e: Expr, values: Mapping[str, float], known: Mapping[Expr, float]) -> float:
+    match e.op:
+        case "num":
+            return number(e)
+        case "sym":
+            return values[str(e.value)]
+        case "sum":
+            return float(e.value) + sum(c * known[term] for term, c in e.terms)
+        case "prod":
+            return math.prod(_real_power(known[base], p) for base, p in e.terms)
+        case "pow":
+            return _real_power(known[e.args[0]], known[e.args[1]])
+        case "select":
+            guard, above, below = (known[a] for a in e.args)
+            return above if guard >= 0.0 else below
+        case _:
+            return FUNCTIONS[e.op](known[e.args[0]])
+
+
+def _real_power(base: float, p: float) -> float:
+    return math.nan if base < 0.0 and not p.is_integer() else base**p
+
+
+Interval = tuple[float, float]
+
+
+def bounds(expression: Expr, ranges: Mapping[str, Interval]) -> Interval:
+    """Guaranteed bounds of an expression for names within given ranges (others are unbounded)."""
+    result: dict[Expr, Interval] = {}
+    for e in walk([expression]):
+        low, high = _bounds(e, ranges, result)
+        result[e] = (-math.inf if math.isnan(low) else low, math.inf if math.isnan(high) else high)
+    return result[expression]
+
+
+def _bounds(e: Expr, ranges: Mapping[str, Interval], known: Mapping[Expr, Interval]) -> Interval:
+    match e.op:
+        case "num":
+            return number(e), number(e)
+        case "sym":
+            return ranges.get(str(e.value), (-math.inf, math.inf))
+        case "sum":
+            return _sum_bounds(float(e.value), dict(e.terms), known)
+        case "prod":
+            low = high = 1.0
+            for base, p in e.terms:
+                a, b = _power_bounds(known[base], p)
+                ends = [0.0 if 0.0 in (u, v) else u * v for u in (low, high) for v in (a, b)]
+                low, high = min(ends), max(ends)
+            return low, high
+        case "select":
+            return _select_bounds(e, known)
+        case "sin" | "cos":
+            return -1.0, 1.0
+        case "tanh":
+            return math.tanh(known[e.args[0]][0]), math.tanh(known[e.args[0]][1])
+        case "atan":
+            return math.atan(known[e.args[0]][0]), math.atan(known[e.args[0]][1])
+        case "exp":
+            low, high = known[e.args[0]]
+            return math.exp(min(low, 700.0)), math.exp(high) if high < 700.0 else math.inf
+        case "cosh":
+            return 1.0, math.inf
+        case _:
+            return -math.inf, math.inf
+
+
+def _select_bounds(e: Expr, known: Mapping[Expr, Interval], sides: tuple[tuple[Expr, float], ...] = ()) -> Interval:
+    """Bounds of `e` where every one of the given guards, times its side, is nonnegative.
+
+    Where a branch is c*guard + rest and c*guard is nonnegative, the branch is at least rest: this is what
+    bounds max, min, abs and clip.
+    """
+    low, high = known.get(e, (-math.inf, math.inf))
+    if e.op == "select" and len(sides) < 4:
+        guard, above, below = e.args
+        parts = []
+        if known[guard][1] >= 0.0:
+            parts.append(_select_bounds(above, known, (*sides, (guard, 1.0))))
+        if known[guard][0] < 0.0:
+            parts.append(_select_bounds(below, known, (*sides, (guard, -1.0))))
+        low, high = max(low, min(p[0] for p in parts)), min(high, max(p[1] for p in parts))
+    for guard, side in sides:
+        for c, rest in _splits(e, guard):
+            rest_low, rest_high = _sum_bounds(*rest, known)
+            if c * side > 0.0:
+                low = max(low, rest_low)
+            else:
+                high = min(high, rest_high)
+    # A region that is empty (or is by rounding) says nothing.
+    return (low, high) if low <= high else known.get(e, (-math.inf, math.inf))
+
+
+def _splits(e: Expr, guard: Expr) -> Iterable[tuple[float, tuple[float, dict[Expr, float]]]]:
+    """All c and rest with e = c*guard + rest in which one term of the guard is gone from the rest."""
+    (constant, terms), (shift, parts) = _linear(e), _linear(guard)
+    for term, weight in parts.items():
+        if term in terms:
+            c = terms[term] / weight
+            rest = {x: terms.get(x, 0.0) - c * parts.get(x, 0.0) for x in (terms | parts)}
+            scale = max(abs(v) for v in terms.values())
+            yield c, (constant - c * shift, {x: v for x, v in rest.items() if abs(v) > 1e-14 * scale and x is not term})
+
+
+def _linear(e: Expr) -> tuple[float, dict[Expr, float]]:
+    if e.op == "num":
+        return number(e), {}
+    return (float(e.value), dict(e.terms)) if e.op == "sum" else (0.0, {e: 1.0})
+
+
+def _sum_bounds(constant: float, terms: Mapping[Expr, float], known: Mapping[Expr, Interval]) -> Interval:
+    low = high = constant
+    for term, c in terms.items():
+        ends = sorted((c * known[term][0], c * known[term][1]))
+        low, high = low + ends[0], high + ends[1]
+    return (-math.inf if math.isnan(low) else low), (math.inf if math.isnan(high) else high)
+
+
+def _power_bounds(box: Interval, p: float) -> Interval:
+    low, high = box
+    if p.is_integer() and p > 0:
+        ends = [_safe_power(low, p), _safe_power(high, p)]
+        if p % 2 == 0 and low <= 0.0 <= high:
+            return 0.0, max(ends)
+        return min(ends), max(ends)
+    if p > 0:
+        return _safe_power(max(low, 0.0), p), _safe_power(max(high, 0.0), p)
+    if low > 0.0:
+        return _safe_power(high, p), _safe_power(low, p)
+    return (0.0, math.inf) if p % 2 == 0 or not p.is_integer() else (-math.inf, math.inf)
+
+
+def _safe_power(base: float, p: float) -> float:
+    try:
+        return base**p
+    except OverflowError:
+        return math.inf if base > 0 or p % 2 == 0 else -math.inf
+    except ZeroDivisionError:
+        return math.inf
+
+
+def to_text(expression: Expr) -> str:
+    """The expression as a formula of the declaration language; parts of more than 2000 characters become '...'."""
+    known: dict[Expr, tuple[str, int]] = {}
+    for e in walk([expression]):
+        text, level = _text(e, known)
+        known[e] = (text, level) if len(text) <= 2000 else ("...", 5)
+    return known[expression][0]
+
+
+def _text(e: Expr, known: Mapping[Expr, tuple[str, int]]) -> tuple[str, int]:
+    """Text and binding strength: 1 sum, 2 product, 3 power, 4 number, 5 name or call."""
+
+    def inner(x: Expr, level: int = 0) -> str:
+        text, own = known[x]
+        return f"({text})" if own < level else text
+
+    match e.op:
+        case "num":
+            return f"{number(e):.17g}", 0 if number(e) < 0 else 4
+        case "sym":
+            return str(e.value), 5
+        case "sum":
+            text = ""
+            for term, c in sorted(e.terms, key=lambda pair: pair[1] < 0):
+                scaled = inner(term, 2) if abs(c) == 1.0 else f"{abs(c):.17g}*{inner(term, 2)}"
+                text += (" - " if text else "-") + scaled if c < 0 else (" + " if text else "") + scaled
+            if e.value:
+                text += f" {'-' if float(e.value) < 0 else '+'} {abs(float(e.value)):.17g}"
+            return text, 1
+        case "prod":
+            above = [_factor(inner(base, 4), p) for base, p in e.terms if p > 0]
+            under = [_factor(inner(base, 4), -p) for base, p in e.terms if p < 0]
+            text = "*".join(above) or "1"
+            if under:
+                text += "/" + (under[0] if len(under) == 1 else f"({'*'.join(under)})")
+            return text, 2
+        case "pow":
+            return f"{inner(e.args[0], 4)}**{inner(e.args[1], 4)}", 3
+        case "select":
+            guard, above, below = (inner(a) for a in e.args)
+            return f"piecewise({guard} >= 0, {above}, {below})", 5
+        case _:
+            return f"{e.op}({inner(e.args[0])})", 5
+
+
+def _factor(base: str, p: float) -> str:
+    return base if p == 1.0 else f"{base}**{p:.17g}"

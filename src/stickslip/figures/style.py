@@ -1,0 +1,84 @@
+"""What all pictures share: sizes, fonts, colours that colour-blind readers can tell apart, and labels with units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from stickslip.equations.spelling import latex_name
+from stickslip.units import unit_label
+
+# Okabe & Ito's palette: distinct under all common forms of colour blindness, and in print.
+BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"
+LINES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
+STICK_SHADE = "#D9D9D9"
+STICK_LINE = "#222222"
+BAND = "#F6E3B4"
+SLIP = {-1: ORANGE, 1: BLUE}
+
+# Sizes are for a picture of full text width; at half that size the smallest letters are still 5 points.
+STYLE = {
+    "font.family": "DejaVu Sans",
+    "font.size": 11.0,
+    "mathtext.fontset": "cm",
+    "axes.labelsize": 13.0,
+    "axes.titlesize": 12.0,
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": False,
+    "axes.unicode_minus": True,
+    "legend.frameon": False,
+    "legend.fontsize": 12.0,
+    "legend.handlelength": 1.4,
+    "legend.columnspacing": 1.2,
+    "lines.linewidth": 1.6,
+    "lines.solid_joinstyle": "round",
+    "savefig.dpi": 200,
+    "figure.dpi": 100,
+    "path.simplify_threshold": 0.2,
+}
+
+
+@contextmanager
+def paper_style() -> Iterator[None]:
+    """The shared style, for the time of drawing."""
+    with mpl.rc_context(STYLE):
+        yield
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure (inches) that belongs to no window."""
+    figure = Figure(figsize=(width, height), dpi=100, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def line_colours(count: int) -> list[str]:
+    """Colours for a number of lines: the palette, or a perceptually even range if there are many."""
+    if count <= len(LINES):
+        return list(LINES[:count])
+    colours = mpl.colormaps["viridis"]
+    return [mpl.colors.to_hex(colours(0.92 * i / (count - 1))) for i in range(count)]
+
+
+def symbol(name: str) -> str:
+    """The name of a variable as mathtext; ``d_x`` is a rate."""
+    rate = name.startswith("d_") and len(name) > 2
+    return f"${latex_name(name[2:], 1) if rate else latex_name(name)}$"
+
+
+def axis_label(names: Iterable[str], unit: str) -> str:
+    """Symbols with their unit in brackets."""
+    label = unit_label(unit)
+    return ", ".join(map(symbol, names)) + (f"  [{label}]" if label else "")
+
+
+def legend_above(axes: Axes, columns: int) -> None:
+    """A legend in one row above the axes, where it covers no data."""
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 0.98), ncols=columns, borderaxespad=0.0)

@@ -1,0 +1,116 @@
+"""The motion between its knots: values at any time, and integrals over each step.
+
+A trajectory stores the state at the start of every step, no polynomial: the Taylor series is made again from that
+state, so values between knots are as accurate as at the knots, and a stored file gives the same numbers.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from stickslip.motion.engine import JETS, POWERS, resolve
+from stickslip.motion.roots import horner
+
+Array = np.ndarray
+GAUSS_NODES, GAUSS_WEIGHTS = (0.5 * (x + shift) for x, shift in zip(np.polynomial.legendre.leggauss(14), (1.0, 0.0), strict=True))
+GAUSS_NODES, GAUSS_WEIGHTS = np.ascontiguousarray(GAUSS_NODES), np.ascontiguousarray(GAUSS_WEIGHTS)
+
+_options = {"cache": True, "error_model": "numpy", "nogil": True}
+
+
+@njit(**_options)
+def sample(jets: JETS, powers: POWERS, sizes: Array, rows: int, magnitudes: int, K: Array, M: Array, C: Array, J: Array, N: int,
+           knot_time: Array, knot_state: Array, knot_mode: Array, knot_region: Array, index: Array, times: Array, out: Array) -> None:
+    """Order-0 values of all rows, then energy, dissipated and supplied power, at given times.
+
+    Parameters
+    ----------
+    index : array of int, shape (times,)
+        Knot whose step each time belongs to.
+    out : array, shape (times, rows + 3)
+    """
+    n, nq, nz, nr, mq, mz = sizes[0], sizes[1], sizes[2], sizes[3], sizes[5], sizes[6]
+    W, V, mag, y = np.zeros((rows, N + 1)), np.zeros((rows, 2)), np.zeros(magnitudes), np.zeros(n)
+    R = (np.zeros((nq + mq, nq + mq)), np.zeros((nz + mz, nz + mz)))
+    A, B = np.zeros((nr, nr)), np.zeros((nr, nr))
+    big = max(nq + mq, nz + mz)
+    scratch, known, power = np.zeros((big, big)), np.ones(mq + mz + 1, np.int64), np.zeros(3)
+    mode, reg = np.zeros(knot_mode.shape[1], np.int64), np.zeros(knot_region.shape[1], np.int64)
+    last = -1
+    for i in range(len(times)):
+        k = index[i]
+        if k != last:
+            last = k
+            mode[:] = knot_mode[k]
+            reg[:] = knot_region[k]
+            resolve(sizes, mode, known, M, C, J, scratch, R)
+            jets(knot_time[k], knot_state[k], mode, reg, K, R[0], R[1], N, W, A, B, mag)
+        for r in range(n):
+            y[r] = horner(W[r], N, times[i] - knot_time[k])
+        jets(times[i], y, mode, reg, K, R[0], R[1], 1, V, A, B, mag)
+        powers(V, reg, K, power)
+        out[i, :rows] = V[:, 0]
+        out[i, rows:] = power
+
+
+@njit(**_options)
+def integrate_steps(jets: JETS, powers: POWERS, sizes: Array, u_rows: Array, force: Array, plus: Array, minus: Array, kinks: Array,
+                    rate_rows: Array, first_rate_contact: int, rows: int, magnitudes: int, K: Array, M: Array, C: Array, J: Array,
+                    N: int, knot_time: Array, knot_state: Array, knot_mode: Array, knot_region: Array, ends: Array, check: bool,
+                    nodes: Array, weights: Array, work: Array, change: Array, worst: Array) -> None:
+    """Integrals of the dissipated and supplied power over [knot k, ends[k]], and violations of the friction law.
+
+    Parameters
+    ----------
+    work : array, shape (knots, 2)
+        Receives dissipated and supplied energy of each step.
+    change : array, shape (knots, n)
+        Receives the integral of the right-hand side over each step.
+    worst : array, shape (8,)
+        Receives the largest |λ| − s, |λ + σk| of rate-independent contacts, |u| in stick, −σu in slip, the scales of force
+        and velocity, the worst relative −guard of a region, and the supplied energy in modulus.
+    """
+    n, nq, nz, nr, mq, mz = sizes[0], sizes[1], sizes[2], sizes[3], sizes[5], sizes[6]
+    nc, nk = len(u_rows), len(kinks)
+    W, V, mag, y = np.zeros((rows, N + 1)), np.zeros((rows, 2)), np.zeros(magnitudes), np.zeros(n)
+    R = (np.zeros((nq + mq, nq + mq)), np.zeros((nz + mz, nz + mz)))
+    A, B = np.zeros((nr, nr)), np.zeros((nr, nr))
+    big = max(nq + mq, nz + mz)
+    scratch, known, power = np.zeros((big, big)), np.ones(mq + mz + 1, np.int64), np.zeros(3)
+    mode, reg = np.zeros(nc, np.int64), np.zeros(nk, np.int64)
+    for k in range(len(ends)):
+        h = ends[k] - knot_time[k]
+        if not h > 0.0:
+            continue
+        mode[:] = knot_mode[k]
+        reg[:] = knot_region[k]
+        resolve(sizes, mode, known, M, C, J, scratch, R)
+        jets(knot_time[k], knot_state[k], mode, reg, K, R[0], R[1], N, W, A, B, mag)
+        for g in range(len(nodes)):
+            tau = h * nodes[g]
+            for r in range(n):
+                y[r] = horner(W[r], N, tau)
+            jets(knot_time[k] + tau, y, mode, reg, K, R[0], R[1], 1, V, A, B, mag)
+            powers(V, reg, K, power)
+            work[k, 0] += weights[g] * h * power[1]
+            work[k, 1] += weights[g] * h * power[2]
+            worst[7] += weights[g] * h * abs(power[2])
+            for r in range(n):
+                change[k, r] += weights[g] * h * V[rate_rows[r], 0]
+            if check:
+                for c in range(nc):
+                    u, held, up, down = V[u_rows[c], 0], V[force[c], 0], V[plus[c], 0], V[minus[c], 0]
+                    worst[4] = max(worst[4], max(abs(held), max(up, down)))
+                    worst[5] = max(worst[5], abs(u))
+                    worst[0] = max(worst[0], max(-up - held, held - down))
+                    if mode[c] == 0:
+                        worst[2] = max(worst[2], abs(u))
+                    else:
+                        worst[3] = max(worst[3], -mode[c] * u)
+                        if c >= first_rate_contact:
+                            worst[1] = max(worst[1], abs(held + (up if mode[c] > 0 else -down)))
+                for j in range(nk):
+                    value = V[kinks[j], 0] if reg[j] == 1 else -V[kinks[j], 0]
+                    if value < 0.0:
+                        worst[6] = max(worst[6], -value / (mag[3 * nc + j] + 1e-300))

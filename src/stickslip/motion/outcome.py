@@ -1,0 +1,38 @@
+"""How a computation ended."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+
+class Outcome(Enum):
+    """How a motion ended; ``message`` says what it means and what to do.
+
+    Everything computed up to there is kept in the result.
+    """
+
+    FINISHED = (0, "finished", "The end of the time span was reached")
+    AT_REST = (1, "at rest forever", "No later event is possible: every contact sticks and the rest converges")
+    NO_BOUNDED_RATE = (2, "no bounded rate", "The forces cannot be balanced at any finite rate: the system jumps. "
+                       "Give the coordinate viscosity or mass, or lower the load")
+    SLIDING_ON_A_JUMP = (3, "sliding on a jump", "A piecewise function that jumps pushes the motion onto its jump from both "
+                         "sides. Make the function continuous, or model the jump as a contact")
+    ZENO = (4, "event accumulation", "Infinitely many events pile up at this time (Zeno)")
+    STEP_TOO_SMALL = (5, "step too small", "The motion blows up or the formulas are singular near this time")
+    EVENT_LIMIT = (6, "limit on events reached", "Raise max_events to go on")
+    NEGATIVE_THRESHOLD = (7, "threshold negative", "A threshold became negative; write max(..., 0) where it may vanish")
+    UNDEFINED = (8, "undefined", "A formula has no finite value here (log or sqrt of a negative number, overflow)")
+    INTERRUPTED = (9, "interrupted", "Stopped by the user; what was computed is kept")
+
+    def __init__(self, code: int, label: str, message: str) -> None:
+        self.code, self.label, self.message = code, label, message
+
+    @property
+    def ok(self) -> bool:
+        """Whether the whole time span was computed."""
+        return self in (Outcome.FINISHED, Outcome.AT_REST)
+
+    @classmethod
+    def from_code(cls, code: int) -> Outcome:
+        """The outcome with a number."""
+        return next(o for o in cls if o.code == code)

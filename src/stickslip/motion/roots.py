@@ -1,0 +1,137 @@
+"""First sign change of a polynomial on [0, 1], found for certain.
+
+The polynomial is written in the Bernstein basis: if its coefficients have no sign change it has no root, if they have
+exactly one it has exactly one; otherwise the interval is halved (de Casteljau). Nothing is sampled, so a pair of
+roots, however close, is not missed as long as the polynomial dips below zero by more than its rounding error.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+Array = np.ndarray
+
+MAX_DEGREE = 32
+NONE = 2.0  # "no root": anything beyond the interval
+_HALVINGS = 60
+
+
+def _binomials() -> Array:
+    table = np.zeros((MAX_DEGREE + 1, MAX_DEGREE + 1))
+    for n in range(MAX_DEGREE + 1):
+        table[n, 0] = 1.0
+        for k in range(1, n + 1):
+            table[n, k] = table[n - 1, k - 1] + table[n - 1, k]
+    return 1.0 / np.where(table == 0.0, 1.0, table)
+
+
+INVERSE_BINOMIAL = _binomials()
+
+_options = {"cache": True, "error_model": "numpy"}
+
+
+@njit(**_options)
+def horner(c: Array, d: int, x: float) -> float:
+    """Value of Σ c[k] xᵏ, k ≤ d."""
+    s = c[d]
+    for k in range(d - 1, -1, -1):
+        s = s * x + c[k]
+    return s
+
+
+@njit(**_options)
+def crossing(c: Array, d: int, a: float, b: float) -> float:
+    """The root between a and b, where the polynomial is positive at a, negative at b (Newton inside a bracket)."""
+    low, high = a, b
+    x = 0.5 * (a + b)
+    for _ in range(200):
+        s, ds = c[d], 0.0
+        for k in range(d - 1, -1, -1):
+            ds = ds * x + s
+            s = s * x + c[k]
+        if s > 0.0:
+            low = x
+        elif s < 0.0:
+            high = x
+        else:
+            return x
+        new = x - s / ds if ds != 0.0 else low - 1.0
+        if not low < new < high:
+            new = 0.5 * (low + high)
+        if abs(new - x) <= 2.3e-16 * abs(new) or new == low or new == high:
+            return new
+        x = new
+    return x
+
+
+@njit(**_options)
+def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -> float:
+    """First point of ]0, limit] at which a polynomial that starts positive becomes negative.
+
+    Parameters
+    ----------
+    c : array, shape (d + 1,)
+        Coefficients, c[0] > 0.
+    d : int
+        Degree, at most 32.
+    limit : float
+        End of the interval, at most 1.
+    floor : float
+        Rounding error of the values; dips that stay above −floor do not count.
+    stack : array, shape (64, 33)
+        Work space.
+
+    Returns
+    -------
+    float
+        The root, or :data:`NONE`.
+    """
+    worst, x = c[0], 1.0
+    for k in range(1, d + 1):
+        x *= limit
+        if c[k] < 0.0:
+            worst += c[k] * x
+    if worst > 0.0:
+        return NONE
+    x = 1.0
+    for k in range(d + 1):
+        stack[0, k] = c[k] * x * INVERSE_BINOMIAL[d, k]
+        x *= limit
+    for j in range(1, d + 1):
+        for i in range(d, j - 1, -1):
+            stack[0, i] += stack[0, i - 1]
+    starts = np.empty(_HALVINGS + 2)
+    widths = np.empty(_HALVINGS + 2)
+    starts[0], widths[0], depth = 0.0, 1.0, 0
+    while depth >= 0:
+        b = stack[depth]
+        changes, positive, negative = 0, True, False
+        for i in range(d + 1):
+            if positive and b[i] < -floor:
+                changes, positive, negative = changes + 1, False, True
+            elif not positive and b[i] > floor:
+                changes, positive = changes + 1, True
+        if not negative:
+            depth -= 1
+            continue
+        left, width = starts[depth], widths[depth]
+        if changes == 1 and b[d] < -floor:
+            if b[0] <= 0.0:
+                return limit * left
+            return crossing(c, d, limit * left, limit * (left + width))
+        if depth == _HALVINGS or width < 1e-17:
+            return limit * left
+        # Left half goes on top of the right half, so that the leftmost crossing is found first.
+        right, half = stack[depth], stack[depth + 1]
+        for i in range(d + 1):
+            half[i] = right[i]
+        starts[depth + 1], widths[depth + 1] = left, 0.5 * width
+        starts[depth], widths[depth] = left + 0.5 * width, 0.5 * width
+        # de Casteljau at 1/2: `half` becomes the left control points, `right` the right ones.
+        for i in range(d + 1):
+            right[d - i] = half[d]
+            for j in range(d, i, -1):
+                half[j] = 0.5 * (half[j] + half[j - 1])
+        depth += 1
+    return NONE

@@ -1,0 +1,385 @@
+"""A computed motion: data, values at any time, certificate, file and picture."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stickslip import expressions as ex
+from stickslip.certify import Certificate, certify
+from stickslip.errors import DeclarationError, StickslipError
+from stickslip.motion.outcome import Outcome
+from stickslip.motion.simulate import Problem, pose
+from stickslip.system import System
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+    from matplotlib.figure import Figure
+
+Array = np.ndarray
+MODES = {-1: "slip-", 0: "stick", 1: "slip+"}
+GRID = 1000  # points of the dataset between knots
+FORMAT = 1  # of the stored file
+
+
+@dataclass(frozen=True)
+class Knots:
+    """Start of every step: time, state, mode of each contact, region of each kink, and the switch that caused it."""
+
+    time: Array
+    state: Array
+    mode: Array
+    region: Array
+    cause: Array
+
+    @classmethod
+    def empty(cls, size: int, n: int, contacts: int, kinks: int) -> Knots:
+        """Room for a number of knots."""
+        return cls(np.zeros(size), np.zeros((size, n)), np.zeros((size, contacts), np.int8), np.zeros((size, kinks), np.int8),
+                   np.full(size, -1, np.int64))
+
+    @classmethod
+    def single(cls, t: float, y: Array, mode: Array, region: Array) -> Knots:
+        """One knot."""
+        return cls(np.array([t]), y[None].copy(), mode[None].astype(np.int8), region[None].astype(np.int8), np.array([-1]))
+
+    @classmethod
+    def joined(cls, pieces: list[Knots]) -> Knots:
+        """Knots one after the other."""
+        names = ("time", "state", "mode", "region", "cause")
+        return cls(*(np.concatenate([getattr(p, name) for p in pieces]) for name in names))
+
+    def first(self, count: int) -> Knots:
+        """The first ones."""
+        return Knots(self.time[:count], self.state[:count], self.mode[:count], self.region[:count], self.cause[:count])
+
+
+@dataclass(frozen=True)
+class Audit:
+    """Integrals and violations of a motion, recomputed from its knots."""
+
+    energy: Array
+    kinetic: Array
+    dissipated: Array
+    supplied: Array
+    supplied_modulus: float
+    change: Array
+    worst: Array
+
+
+class Trajectory:
+    """The motion of a system.
+
+    Attributes
+    ----------
+    system : System
+    parameters : dict of str to float
+    t_span : (float, float)
+        The span that was asked for.
+    outcome : Outcome
+        How the computation ended.
+    """
+
+    def __init__(self, problem: Problem, t_span: tuple[float, float], knots: Knots, outcome: Outcome, rtol: float = 1e-10) -> None:
+        self._problem = problem
+        self.t_span, self.knots, self.outcome, self.rtol = t_span, knots, outcome, rtol
+        self.wall_time = 0.0
+
+    def __repr__(self) -> str:
+        return (f"<Trajectory of {self.system.name}: t = {self.t_span[0]:g} ... {self.knots.time[-1]:g}, "
+                f"{self.n_switches} switches, {self.outcome.label}>")
+
+    @property
+    def system(self) -> System:
+        """The system that moves."""
+        return self._problem.system
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Values of all parameters."""
+        return self._problem.parameters
+
+    @property
+    def message(self) -> str:
+        """How it ended, in words."""
+        return self.outcome.message if self.outcome.ok else f"{self.outcome.label} at t = {self.knots.time[-1]:.9g}: {self.outcome.message}"
+
+    @property
+    def warnings(self) -> list[str]:
+        """Conditions of the declaration that these parameters do not meet."""
+        conditions = self.system.declaration.conditions
+        return [f"{self.system.conditions[name].formula} fails: {text}" for name, (margin, text) in conditions.items()
+                if not ex.evaluate(margin, self.parameters) > 0.0]
+
+    # -- names and rows ---------------------------------------------------------------------------
+
+    @cached_property
+    def _rows(self) -> dict[str, int]:
+        """Row of each published quantity, without modes and energies."""
+        layout, contacts = self._problem.compiled.layout, self._contacts
+        rows = {name: i for i, name in enumerate(layout.state)}
+        rows |= {name: row for name, row in layout.named.items() if name not in rows}
+        for key, i in contacts.items():
+            rows |= {f"friction_{key}": layout.force[i], f"threshold_plus_{key}": layout.plus[i],
+                     f"threshold_minus_{key}": layout.minus[i], f"slip_speed_{key}": layout.u[i]}
+        return rows
+
+    @cached_property
+    def _contacts(self) -> dict[str, int]:
+        """Key of each contact in the order of declaration, with its number in the engine."""
+        order = {c.name: i for i, c in enumerate(self._problem.compiled.equations.contacts)}
+        return {_key(name): order[name] for name in self.system.contacts}
+
+    def _sample(self, times: Array, index: Array) -> Array:
+        from stickslip.motion import dense
+
+        p, k = self._problem, self.knots
+        out = np.empty((len(times), p.compiled.layout.rows + 3))
+        dense.sample(p.compiled.jets, p.compiled.powers, p.tables[0], p.compiled.layout.rows, max(p.compiled.layout.magnitudes, 1),
+                     *p.matrices, p.order, k.time, k.state, k.mode, k.region, index, times, out)
+        return out
+
+    @cached_property
+    def audit(self) -> Audit:
+        """Energy, work and violations at the knots, recomputed from them."""
+        out = self._sample(self.knots.time, np.arange(len(self.knots.time)))
+        rows = self._problem.compiled.layout.rows
+        work, change, worst = self._integrate(np.append(self.knots.time[1:], self.knots.time[-1]), np.arange(len(self.knots.time)), True)
+        total = np.vstack([np.zeros((1, 2)), np.cumsum(work, axis=0)])[:-1]
+        return Audit(out[:, rows], self._kinetic(), total[:, 0], total[:, 1], float(worst[7]), change, worst)
+
+    def _kinetic(self) -> Array:
+        n = self._problem.compiled.layout.sizes["nq"]
+        v = self.knots.state[:, n : 2 * n]
+        return 0.5 * np.einsum("ki,ij,kj->k", v, self._problem.matrices[1], v)
+
+    def _integrate(self, ends: Array, index: Array, check: bool) -> tuple[Array, Array, Array]:
+        from stickslip.motion import dense
+
+        p, k = self._problem, self.knots
+        layout, sizes = p.compiled.layout, p.compiled.layout.sizes
+        n = sizes["n"]
+        work, change, worst = np.zeros((len(ends), 2)), np.zeros((len(ends), n)), np.zeros(8)
+        inertial = self.system.declaration.inertial
+        rates = [layout.state.index(f"d_{q}") for q in inertial] + [layout.named[f"dd_{q}"] for q in inertial]
+        rates += [layout.named[f"d_{x}"] for x in layout.state[2 * len(inertial):]]
+        dense.integrate_steps(p.compiled.jets, p.compiled.powers, *p.tables[:6], np.array(rates, dtype=np.int64),
+                              sizes["mq"] + sizes["mz"], layout.rows, max(layout.magnitudes, 1), *p.matrices, p.order,
+                              k.time[index], k.state[index], k.mode[index], k.region[index], ends, check, dense.GAUSS_NODES,
+                              dense.GAUSS_WEIGHTS, work, change, worst)
+        return work, change, worst
+
+    # -- what a user asks for ---------------------------------------------------------------------
+
+    def at(self, t: Any, side: str = "right") -> dict[str, Any]:
+        """All quantities at given times, as accurate as at a switch.
+
+        Parameters
+        ----------
+        t : float or array
+            Times within the computed span.
+        side : {"right", "left"}
+            Limit to take where a velocity or rate jumps.
+
+        Returns
+        -------
+        dict of str to float or array
+            Coordinates, rates ``d_x``, internal variables; per contact ``friction_``, ``threshold_plus_``,
+            ``threshold_minus_``, ``slip_speed_``, ``mode_``; ``energy``, ``dissipated_energy``, ``supplied_energy``.
+
+        Raises
+        ------
+        DeclarationError
+            If a time is outside the computed span, or `side` is neither.
+        """
+        times = np.atleast_1d(np.asarray(t, dtype=float))
+        first, last = self.knots.time[0], self.knots.time[-1]
+        if side not in ("left", "right"):
+            raise DeclarationError("side", f"{side!r} is no side", "Use 'left' or 'right'")
+        if times.size and not (np.all(times >= first) and np.all(times <= last)):
+            raise DeclarationError("t", "a time is outside the computed span", f"Ask for {first:g} <= t <= {last:g}")
+        shape, flat = times.shape, np.ascontiguousarray(times.ravel())
+        index = np.searchsorted(self.knots.time, flat, side=side) - 1
+        index = np.clip(index, 0, len(self.knots.time) - 1)
+        values = self._values(flat, index)
+        return {name: v[0].item() if np.ndim(t) == 0 else v.reshape(shape) for name, v in values.items()}
+
+    def _values(self, times: Array, index: Array) -> dict[str, Array]:
+        out = self._sample(times, index)
+        rows = self._problem.compiled.layout.rows
+        values = {name: out[:, row] for name, row in self._rows.items()}
+        for key, i in self._contacts.items():
+            values[f"mode_{key}"] = self.knots.mode[index, i]
+        values["energy"] = out[:, rows]
+        work, _, _ = self._integrate(times, index, False)
+        values["dissipated_energy"] = self.audit.dissipated[index] + work[:, 0]
+        values["supplied_energy"] = self.audit.supplied[index] + work[:, 1]
+        return values
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """Energy balance, friction law and equations of motion, measured."""
+        return certify(self)
+
+    @cached_property
+    def dataset(self) -> xarray.Dataset:
+        """All quantities on the knots and on an even grid of times (right limits where something jumps)."""
+        import xarray as xr
+
+        k = self.knots
+        times = np.union1d(k.time, np.linspace(k.time[0], k.time[-1], GRID + 1))
+        index = np.searchsorted(k.time, times, side="right") - 1
+        values = self._values(times, index)
+        variables = {name: ("time", v, self._attributes(name)) for name, v in values.items()}
+        coordinate = ("time", times, {"units": self.system.time_unit or "1", "long_name": "time"})
+        return xr.Dataset(variables, {"time": coordinate}, {"title": self.system.title or self.system.name,
+                          "source": self.system.source, "outcome": self.outcome.label})
+
+    def _attributes(self, name: str) -> dict[str, Any]:
+        return _attributes(self.system, name)
+
+    @cached_property
+    def events(self) -> pandas.DataFrame:
+        """Every change of mode or region: time, contact (or the kink), from, to, and the state."""
+        import pandas as pd
+
+        k, records = self.knots, []
+        contacts = self._problem.compiled.equations.contacts
+        kinks = [f"{ex.to_text(g)} = 0" for g in self._problem.compiled.equations.kinks]
+        for i in np.flatnonzero(np.any(np.diff(k.mode, axis=0) != 0, axis=1) | np.any(np.diff(k.region, axis=0) != 0, axis=1)) + 1:
+            state = dict(zip(self._problem.compiled.layout.state, map(float, k.state[i]), strict=True))
+            for c in np.flatnonzero(k.mode[i] != k.mode[i - 1]):
+                a, b = MODES[int(k.mode[i - 1, c])], MODES[int(k.mode[i, c])]
+                records.append({"time": float(k.time[i]), "contact": contacts[c].name, "from": a, "to": b, **state})
+            for j in np.flatnonzero(k.region[i] != k.region[i - 1]):
+                a, b = (("below", "above")[int(r)] for r in (k.region[i - 1, j], k.region[i, j]))
+                records.append({"time": float(k.time[i]), "contact": kinks[j], "from": a, "to": b, **state})
+        columns = ["time", "contact", "from", "to", *self._problem.compiled.layout.state]
+        return pd.DataFrame.from_records(records, columns=columns)
+
+    @property
+    def n_switches(self) -> int:
+        """Number of changes between stick and slip, over all contacts."""
+        return int(np.count_nonzero(np.diff(self.knots.mode, axis=0)))
+
+    @property
+    def n_kinks(self) -> int:
+        """Number of kinks (regions of piecewise functions) crossed."""
+        return int(np.count_nonzero(np.diff(self.knots.region, axis=0)))
+
+    @property
+    def final(self) -> dict[str, float]:
+        """The last state."""
+        return dict(zip(self._problem.compiled.layout.state, map(float, self.knots.state[-1]), strict=True))
+
+    def plot(self) -> Figure:
+        """Time traces with stick phases shaded, and the phase plane where it says something."""
+        from stickslip.figures.motion import plot_trajectory
+
+        return plot_trajectory(self)
+
+    # -- files --------------------------------------------------------------------------------------
+
+    def save(self, path: str | Path) -> None:
+        """Write a netCDF-4 file that :func:`open_trajectory` reads back exactly.
+
+        Raises
+        ------
+        StickslipError
+            If the file cannot be written; an existing file is replaced only by a complete one.
+        """
+        import os
+
+        import xarray as xr
+
+        from stickslip import __version__
+
+        k, path = self.knots, Path(path)
+        extra = {"knot_time": ("knot", k.time), "knot_state": (("knot", "state"), k.state), "knot_mode": (("knot", "contact"), k.mode),
+                 "knot_region": (("knot", "kink"), k.region), "knot_cause": ("knot", k.cause)}
+        settings = {"t_span": self.t_span, "order": self._problem.order, "tolerance": self._problem.tolerance,
+                    "atol": self._problem.atol, "rtol": self.rtol, "outcome": self.outcome.code, "wall_time": self.wall_time}
+        attributes = {"stickslip_format": FORMAT, "stickslip_version": __version__, "stickslip_system": self.system.to_toml(),
+                      "stickslip_parameters": json.dumps(self.parameters), "stickslip_settings": json.dumps(settings)}
+        whole = self.dataset.merge(xr.Dataset(extra)).assign_attrs(self.dataset.attrs | attributes)
+        partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+        try:
+            whole.to_netcdf(partial, engine="netcdf4", format="NETCDF4")
+            os.replace(partial, path)
+        except OSError as error:
+            raise StickslipError(f"{path}: cannot be written ({error.strerror or error})") from None
+        finally:
+            partial.unlink(missing_ok=True)
+
+
+def open_trajectory(path: str | Path) -> Trajectory:
+    """Read a stored trajectory; nothing is computed again until asked for.
+
+    Raises
+    ------
+    StickslipError
+        If the file does not exist or is not a stored trajectory.
+    """
+    import xarray as xr
+
+    from stickslip.modelfile import loads
+
+    path = Path(path)
+    if not path.is_file():
+        raise StickslipError(f"{path}: there is no such file")
+    try:
+        with xr.open_dataset(path, engine="netcdf4") as stored:
+            data = stored.load()
+        if int(data.attrs["stickslip_format"]) != FORMAT:
+            raise StickslipError(f"{path}: written in format {data.attrs['stickslip_format']}, this version reads {FORMAT}")
+        system = loads(data.attrs["stickslip_system"], f"{path}: system")
+        parameters, settings = json.loads(data.attrs["stickslip_parameters"]), json.loads(data.attrs["stickslip_settings"])
+        knots = Knots(*(np.ascontiguousarray(data[f"knot_{name}"].values) for name in ("time", "state", "mode", "region", "cause")))
+    except (OSError, KeyError, ValueError, TypeError) as error:
+        if isinstance(error, DeclarationError):
+            raise
+        raise StickslipError(f"{path}: not a trajectory stored by stickslip") from None
+    checked = pose(system, parameters)
+    problem = Problem(system, checked.parameters, settings["order"], settings["tolerance"], settings["atol"])
+    if knots.state.ndim != 2 or knots.state.shape[1] != len(system.declaration.state) or len(knots.time) == 0:
+        raise StickslipError(f"{path}: the stored states do not fit the stored system")
+    trajectory = Trajectory(problem, tuple(settings["t_span"]), knots, Outcome.from_code(settings["outcome"]), settings["rtol"])
+    trajectory.wall_time = settings["wall_time"]
+    return trajectory
+
+
+def _key(name: str) -> str:
+    """Contact name as part of a variable name."""
+    return "".join(c if c.isalnum() else "_" for c in name)
+
+
+def _per(unit: str, time_unit: str) -> str:
+    if not time_unit or time_unit == "1":
+        return unit or "1"
+    return f"{unit}/{time_unit}" if unit not in ("", "1") else f"1/{time_unit}"
+
+
+def _attributes(system: System, name: str) -> dict[str, Any]:
+    """units and long_name of a published quantity."""
+    named = {**system.coordinates, **system.internal}
+    if name in named:
+        return {"units": named[name].unit or "1", "long_name": named[name].meaning or name}
+    if name.startswith("d_") and name[2:] in named:
+        return {"units": _per(named[name[2:]].unit, system.time_unit), "long_name": f"rate of {named[name[2:]].meaning or name[2:]}"}
+    for contact, declared in system.contacts.items():
+        key = _key(contact)
+        if name == f"mode_{key}":
+            return {"long_name": f"mode of {contact}", "flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "slip- stick slip+"}
+        names = {f"friction_{key}": "friction force", f"threshold_plus_{key}": "threshold for u > 0",
+                 f"threshold_minus_{key}": "threshold for u < 0"}
+        if name in names:
+            return {"units": declared.unit or "1", "long_name": f"{names[name]} of {contact}"}
+        if name == f"slip_speed_{key}":
+            return {"units": "1", "long_name": f"relative velocity of {contact}"}
+    return {"units": "1", "long_name": name.replace("_", " ")}

@@ -1,0 +1,80 @@
+"""The types of a declaration's entries, checked against the annotations of its classes before anything is read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from numbers import Real
+from typing import Any
+
+from stickslip.errors import DeclarationError, short
+from stickslip.formulas import NAME
+
+EXPECTED = {
+    "str": "a text in quotes",
+    "float": "a number",
+    "Formula": "a formula in quotes, or a number",
+    "Formula | tuple[Formula, Formula]": "a formula, or a pair of formulas",
+    "tuple[float, float]": "a pair of numbers",
+}
+"""What a field of a declaration holds, by its annotation."""
+
+
+def check_shape(item: Any, where: str = "") -> None:
+    """Refuse a declaration whose entries have the wrong types, before anything is read.
+
+    Raises
+    ------
+    DeclarationError
+    """
+    for entry in fields(item):
+        key = f"{where}.{entry.name}" if where else entry.name
+        _check_kind(getattr(item, entry.name), str(entry.type), key)
+
+
+def _check_kind(value: Any, kind: str, where: str) -> None:
+    if kind.endswith(" | None"):
+        if value is None:
+            return
+        kind = kind.removesuffix(" | None")
+    if kind.startswith("Mapping["):
+        if not isinstance(value, Mapping):
+            raise wrong_kind(value, "a table", where)
+        for name, entry in value.items():
+            if not isinstance(name, str):
+                raise wrong_kind(name, "names as keys", where)
+            _check_kind(entry, kind[len("Mapping[str, ") : -1], entry_key(where, name))
+    elif kind not in EXPECTED:
+        if not is_dataclass(value):
+            raise wrong_kind(value, f"a table ({kind})", where)
+        check_shape(value, where)
+    elif not _has_kind(value, kind):
+        raise wrong_kind(value, EXPECTED[kind], where)
+
+
+def _has_kind(value: Any, kind: str) -> bool:
+    match kind:
+        case "str":
+            return isinstance(value, str)
+        case "float":
+            return isinstance(value, Real) and not isinstance(value, bool)
+        case "Formula":
+            return _has_kind(value, "str") or _has_kind(value, "float")
+        case "tuple[float, float]":
+            return isinstance(value, tuple) and len(value) == 2 and all(_has_kind(v, "float") for v in value)
+        case _:
+            pair = isinstance(value, tuple) and len(value) == 2 and all(_has_kind(v, "Formula") for v in value)
+            return pair or _has_kind(value, "Formula")
+
+
+def wrong_kind(value: Any, expected: str, where: str) -> DeclarationError:
+    """The error for a value of the wrong type."""
+    names = {"dict": "a table", "list": "a list", "tuple": "a list", "str": "a text", "bool": "true or false"}
+    kind = type(value).__name__
+    found = names.get(kind, f"a value of type {kind}") if not _has_kind(value, "float") else "a number"
+    return DeclarationError(where, f"expected {expected}, got {found}", f"Give {expected}")
+
+
+def entry_key(section: str, name: str) -> str:
+    """The full key of an entry, such as ``contacts.'right leg'``."""
+    return f"{section}.{name}" if NAME.match(name) and section != "contacts" else f"{section}.'{short(name)}'"

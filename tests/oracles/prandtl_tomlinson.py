@@ -1,0 +1,62 @@
+"""Prandtl-Tomlinson model, energy (k/2)(x − X)² − V₀ cos(2πx/a) of a tip x pulled by a support X.
+
+Prandtl, *Ein Gedankenmodell zur kinetischen Theorie der festen Körper*, ZAMM 8 (1928) 85-106; Popov & Gray,
+*Prandtl-Tomlinson model: history and applications*, ZAMM 92 (2012) 683-708. The minimum that carries the tip vanishes
+where the second derivative does, cos(2πx/a) = −1/η.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+
+
+def eta(k: float, V_0: float, a: float) -> float:
+    """Ratio η = 4π²V₀/(ka²) of the curvatures; several equilibria exist exactly if η > 1."""
+    return 4 * math.pi**2 * V_0 / (k * a**2)
+
+
+def depinning_force(k: float, V_0: float, a: float) -> float:
+    """Spring force (2πV₀/a)√(1 − η⁻²) at which the tip jumps; zero for η ≤ 1, where it never does.
+
+    It is not the largest force: that one, 2πV₀/a, is passed shortly before, at x = a/4.
+    """
+    return 2 * math.pi * V_0 / a * math.sqrt(max(0.0, 1 - eta(k, V_0, a) ** -2))
+
+
+def depinning_support(k: float, V_0: float, a: float) -> float:
+    """Support X at which a tip that started at X = x = 0 jumps first.
+
+    Raises
+    ------
+    ValueError
+        If η ≤ 1.
+    """
+    if eta(k, V_0, a) <= 1:
+        raise ValueError("the tip follows its support without a jump for eta <= 1")
+    return a / (2 * math.pi) * math.acos(-1 / eta(k, V_0, a)) + depinning_force(k, V_0, a) / k
+
+
+def quasistatic(X: ArrayLike, k: float, V_0: float, a: float, x: float = 0.0) -> NDArray[np.float64]:
+    """Tip positions for slowly moving supports X: from each one the tip slides downhill to the next minimum."""
+    force = 2 * math.pi * V_0 / a
+    turn = a / (2 * math.pi) * math.acos(-1 / max(1.0, eta(k, V_0, a)))
+
+    def slope(x: float, support: float) -> float:
+        return k * (x - support) + force * math.sin(2 * math.pi * x / a)
+
+    positions = np.empty(np.size(X))
+    for i, support in enumerate(np.asarray(X, dtype=float)):
+        # Between its turning points ±turn + na the slope is monotone, and beyond X ± force/k it has one sign.
+        end = support - math.copysign(1.001 * force / k, slope(x, support))
+        cells = np.arange(math.floor(min(x, end) / a) - 1, math.ceil(max(x, end) / a) + 2)
+        nodes = np.union1d(cells * a - turn, cells * a + turn)
+        nodes = np.append(nodes[(nodes - x) * (nodes - end) < 0], end)
+        for node in sorted(nodes, key=lambda node: abs(node - x)):
+            if slope(x, support) * slope(node, support) <= 0:
+                x = brentq(slope, x, node, args=(support,), xtol=1e-14 * a)
+                break
+            x = node
+        positions[i] = x
+    return positions
