@@ -244,8 +244,9 @@ class _Reader:
         self.clock = self.scope({"t": self.state["t"]}, why="Only t and parameters may stand here")
         self.place = self.scope(self.state, why="Only t, coordinates, internal variables and parameters may stand here")
         self.motion = self.scope(self.state, self.velocities, why="Only rates of inertial coordinates may stand here")
+        anywhere = self.scope(self.state, self.rates, {"speed": ex.sym("speed")}, why="")
         for name in self.declared:
-            self._check_definition(name)
+            anywhere.check(name)
         for name in system.drives:
             result.drives[name] = self.clock.parse(name, f"drives.{name}")
         result.potential = self.place.parse(system.potential, "potential")
@@ -258,12 +259,6 @@ class _Reader:
                 raise DeclarationError(f"coordinates.{q}", "an inertial coordinate without mass",
                                        f"Add m/2*d_{q}**2 to 'kinetic', or declare it viscous or rate-independent")
         _check_definite(result.mass, result.inertial, system.values, "kinetic", "mass matrix")
-
-    def _check_definition(self, name: str) -> None:
-        """Read each definition once with its own arguments, so that a slip in an unused one is found too."""
-        definition = self.definitions[name]
-        scope = self.scope(self.state, self.rates, {"speed": ex.sym("speed")}, why="")
-        scope.apply(name, tuple(ex.sym(a) for a in definition.arguments), definition.where)
 
     def dissipation(self) -> None:
         system, result = self.system, self.result

@@ -531,16 +531,16 @@ def _text(e: Expr, known: Mapping[Expr, tuple[str, int]]) -> tuple[str, int]:
 
     match e.op:
         case "num":
-            return f"{number(e):.17g}", 0 if number(e) < 0 else 4
+            return _digits(number(e)), 0 if number(e) < 0 else 4
         case "sym":
             return str(e.value), 5
         case "sum":
             text = ""
             for term, c in sorted(e.terms, key=lambda pair: pair[1] < 0):
-                scaled = inner(term, 2) if abs(c) == 1.0 else f"{abs(c):.17g}*{inner(term, 2)}"
+                scaled = inner(term, 2) if abs(c) == 1.0 else f"{_digits(abs(c))}*{inner(term, 2)}"
                 text += (" - " if text else "-") + scaled if c < 0 else (" + " if text else "") + scaled
             if e.value:
-                text += f" {'-' if float(e.value) < 0 else '+'} {abs(float(e.value)):.17g}"
+                text += f" {'-' if float(e.value) < 0 else '+'} {_digits(abs(float(e.value)))}"
             return text, 1
         case "prod":
             above = [_factor(inner(base, 4), p) for base, p in e.terms if p > 0]
@@ -559,4 +559,9 @@ def _text(e: Expr, known: Mapping[Expr, tuple[str, int]]) -> tuple[str, int]:
 
 
 def _factor(base: str, p: float) -> str:
-    return base if p == 1.0 else f"{base}**{p:.17g}"
+    return base if p == 1.0 else f"{base}**{_digits(p)}"
+
+
+def _digits(value: float) -> str:
+    """Shortest text of a number that is read as the same number."""
+    return f"{value:.0f}" if value.is_integer() and abs(value) < 1e15 else repr(value)

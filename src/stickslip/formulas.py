@@ -84,6 +84,12 @@ class Scope:
         self._work = 0
         return _Reader(self, where, {}).read(text)
 
+    def check(self, name: str) -> None:
+        """Read a definition with its own arguments, so that a slip is found even if nothing uses it."""
+        self._work = 0
+        definition = self.definitions[name]
+        self.apply(name, tuple(ex.sym(a) for a in definition.arguments), definition.where)
+
     def apply(self, name: str, arguments: tuple[Expr, ...], where: str) -> Expr:
         """Value of a function of the declaration."""
         definition = self.definitions[name]

@@ -11,13 +11,17 @@ from stickslip.errors import DeclarationError, short
 from stickslip.formulas import NAME
 
 EXPECTED = {
-    "str": "a text in quotes",
-    "float": "a number",
-    "Formula": "a formula in quotes, or a number",
-    "Formula | tuple[Formula, Formula]": "a formula, or a pair of formulas",
-    "tuple[float, float]": "a pair of numbers",
+    "str": ("a text", 'Write it in quotes, like "N/m"'),
+    "float": ("a number", "Write it without quotes, like 0.5"),
+    "Formula": ("a formula", 'Write it in quotes, like "k*x", or give a number'),
+    "Formula | tuple[Formula, Formula]": ("a formula or a pair of them", 'Write "mu*m*g" or ["f_plus", "f_minus"]'),
+    "tuple[float, float]": ("a pair of numbers", "Write it like [0, 100]"),
+    "table": ("a table", "Write it like {name = value} or Parameter(1.0), as for any other entry of its section"),
 }
-"""What a field of a declaration holds, by its annotation."""
+"""What a field of a declaration holds, by its annotation, and how that is written."""
+
+MOST_ENTRIES = 1000
+MOST_COORDINATES = 200
 
 
 def check_shape(item: Any, where: str = "") -> None:
@@ -39,17 +43,20 @@ def _check_kind(value: Any, kind: str, where: str) -> None:
         kind = kind.removesuffix(" | None")
     if kind.startswith("Mapping["):
         if not isinstance(value, Mapping):
-            raise wrong_kind(value, "a table", where)
+            raise wrong_kind(value, "table", where)
+        most = MOST_COORDINATES if where == "coordinates" else MOST_ENTRIES
+        if len(value) > most:
+            raise DeclarationError(where, f"it has {len(value)} entries (at most {most})", "Declare a smaller system")
         for name, entry in value.items():
             if not isinstance(name, str):
-                raise wrong_kind(name, "names as keys", where)
+                raise DeclarationError(where, "a key is not a text", "Use names as keys")
             _check_kind(entry, kind[len("Mapping[str, ") : -1], entry_key(where, name))
     elif kind not in EXPECTED:
         if not is_dataclass(value):
-            raise wrong_kind(value, f"a table ({kind})", where)
+            raise wrong_kind(value, "table", where)
         check_shape(value, where)
     elif not _has_kind(value, kind):
-        raise wrong_kind(value, EXPECTED[kind], where)
+        raise wrong_kind(value, kind, where)
 
 
 def _has_kind(value: Any, kind: str) -> bool:
@@ -68,11 +75,12 @@ def _has_kind(value: Any, kind: str) -> bool:
 
 
 def wrong_kind(value: Any, expected: str, where: str) -> DeclarationError:
-    """The error for a value of the wrong type."""
+    """The error for a value that is not of the expected kind, a key of :data:`EXPECTED`."""
     names = {"dict": "a table", "list": "a list", "tuple": "a list", "str": "a text", "bool": "true or false"}
     kind = type(value).__name__
     found = names.get(kind, f"a value of type {kind}") if not _has_kind(value, "float") else "a number"
-    return DeclarationError(where, f"expected {expected}, got {found}", f"Give {expected}")
+    what, remedy = EXPECTED[expected]
+    return DeclarationError(where, f"expected {what}, got {found}", remedy)
 
 
 def entry_key(section: str, name: str) -> str:

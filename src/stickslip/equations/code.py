@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 
 from stickslip import expressions as ex
 from stickslip.equations.derive import MotionEquations
-from stickslip.equations.tape import Constants, Scaled, Tape, scalar_code
+from stickslip.equations.tape import Constants, Scaled, Tape, literal, scalar_code
 from stickslip.expressions import Expr
 
 GENERATOR = 1  # raise when generated code changes: part of the key of the cache
@@ -114,11 +114,18 @@ class _Generator:
 
     def size(self, e: Expr) -> str:
         """Code for the sum of the moduli of the terms of an expression: the scale of its rounding error."""
-        if e.op != "sum":
-            return self.size_of([self.tape.lower(e)])
-        lowered = [(self.tape.lower(term), c) for term, c in e.terms]
-        parts = [Scaled(f"{c!r}*{s.factor}", s.row) for s, c in lowered]
-        return self.size_of([*parts, Scaled(repr(float(e.value)))])
+        if e.op == "sum":
+            parts = [f"abs({c!r})*({self.size(term)})" for term, c in e.terms]
+            return " + ".join([*parts, repr(abs(float(e.value)))])
+        if e.op == "prod" and any(base.op == "sum" and p == 1.0 for base, p in e.terms):
+            return "*".join(self.factor_size(base, p) for base, p in e.terms)
+        return self.size_of([self.tape.lower(e)])
+
+    def factor_size(self, base: Expr, p: float) -> str:
+        """Code for the size of a factor; a difference in brackets is as large as its terms."""
+        if base.op == "sum" and p == 1.0 and not self.constants.is_constant(base):
+            return f"({self.size(base)})"
+        return f"({self.size_of([self.tape.lower(base)])})**{literal(p)}"
 
     def block(self, forces: list[Expr], first: int, count: int, stage: int, resolvent: str) -> int:
         """Solve one of the linear problems [x; λ] = R [f; g] order by order; returns the first row of x."""
@@ -300,6 +307,7 @@ class _Generator:
         for i, c in enumerate(acting):
             m = f"mode[{self.mq + self.mz + i}]"
             plus, minus = v[c.plus], v[c.minus]
+            lines.append(f"G[{self.nr + i}] = abs({v[rate.force[i]]}) + max(abs({plus}), abs({minus}))")
             lines.append(f"G[{i}] = 0.0 if {m} == 0 else ({v[rate.force[i]]} + {plus} if {m} > 0 else {v[rate.force[i]]} - {minus})")
             for j in range(self.nr):
                 h, p, q = (v[x[i][j]] for x in (rate.partial, *rate.threshold_partial))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from stickslip import expressions as ex
 from stickslip.declaration import DryContact
 from stickslip.equations.layout import table, wrap
-from stickslip.equations.spelling import unicode_unit, width
+from stickslip.equations.spelling import is_word, unicode_unit, width
 from stickslip.equations.writers import LatexWriter, UnicodeWriter
 from stickslip.equations.written import (
     ONE,
@@ -30,8 +30,8 @@ from stickslip.equations.written import (
     multiply,
     names_in,
     negate,
-    rename,
     split,
+    substitute,
 )
 
 if TYPE_CHECKING:
@@ -55,34 +55,44 @@ class Friction:
 
     Attributes
     ----------
-    label : str
-        Name of the force, ``lambda`` symbolically: ``lam_1``.
     contact : str
         Name of the contact.
+    index : str
+        Index of its force: ``_1``, or nothing if it is the only one.
     velocity : Node
     thresholds, sliding : pair of Node
         Largest forces and sliding forces for u > 0 and u < 0.
     """
 
-    label: str
     contact: str
+    index: str
     velocity: Node
     thresholds: tuple[Node, Node]
     sliding: tuple[Node, Node]
 
-    def laws(self, write: UnicodeWriter) -> list[tuple[str, str]]:
-        """Pairs of a condition and the law that then holds."""
-        (plus, minus), (right, left) = self.thresholds, self.sliding
-        force, u, below = write(Name(self.label)), Name("u"), write.relation("<=")
+    @property
+    def force(self) -> Name:
+        """The symbol of its force."""
+        return Name(f"lam{self.index}")
+
+    def laws(self, write: UnicodeWriter, index: str) -> list[tuple[str, str]]:
+        """Pairs of a condition and the law that then holds, with symbols of the given index."""
+        force, u = Name(f"lam{index}"), Name(f"u{index}")
+        speed: dict[str, Node] = {"speed": Call("abs", (u,))}
+        right, left = (substitute(k, speed) for k in self.sliding)
+        plus, minus = self.thresholds
         if plus == minus:
-            stick = f"{write(Call('abs', (Name(self.label),)))} {below} {write(plus)}"
+            stick: Node = Relation("<=", Call("abs", (force,)), plus)
         else:
-            stick = f"{write(negate(plus))} {below} {force} {below} {write(minus)}"
-        laws = [("u = 0", stick)]
+            stick = Relation("<=", negate(plus), Relation("<=", force, minus))
+        laws: list[tuple[Node, Node]] = [(Relation("=", u, ZERO), stick)]
         if left == right:
-            slip = write(negate(multiply(right, Call("sgn", (u,)))))
-            return [*laws, (f"u {write.relation('!=')} 0", f"{force} = {slip}")]
-        return [*laws, ("u > 0", f"{force} = {write(negate(right))}"), ("u < 0", f"{force} = {write(left)}")]
+            slip = negate(multiply(right, Call("sgn", (u,))))
+            laws.append((Relation("!=", u, ZERO), Relation("=", force, slip)))
+        else:
+            laws.append((Relation(">", u, ZERO), Relation("=", force, negate(right))))
+            laws.append((Relation("<", u, ZERO), Relation("=", force, left)))
+        return [(write(when), write(law)) for when, law in laws]
 
 
 class Equations:
@@ -131,8 +141,8 @@ class Equations:
 
     def _balance(self, x: str) -> Balance:
         system, read = self.system, self._reader.read
-        accelerations = {f"d_{q}": ACCELERATION.format(q) for q in self._declared.inertial}
-        inertia = rename(derivative(read(system.kinetic), f"d_{x}"), accelerations)
+        accelerations: dict[str, Node] = {f"d_{q}": Name(ACCELERATION.format(q)) for q in self._declared.inertial}
+        inertia = substitute(derivative(read(system.kinetic), f"d_{x}"), accelerations)
         viscous = derivative(read(system.viscous), f"d_{x}")
         coordinate = system.coordinates[x]
         drag = read(getattr(coordinate, "drag", 0.0))
@@ -159,10 +169,10 @@ class Equations:
         if not known:
             sliding = (plus, minus) if contact.kinetic is None else self._pair(contact.kinetic)
             long = [c for c in self.system.contacts.values() if c.kinetic is not None or isinstance(c.threshold, tuple)]
-            label = "lam" if len(long) == 1 else f"lam_{len(self.frictions) + 1}"
-            known = [Friction(label, declared.name, u, (plus, minus), sliding)]
+            index = "" if len(long) == 1 else f"_{len(self.frictions) + 1}"
+            known = [Friction(declared.name, index, u, (plus, minus), sliding)]
             self.frictions += known
-        return negate(multiply(weight, Name(known[0].label)))
+        return negate(multiply(weight, known[0].force))
 
     def _pair(self, given: str | float | tuple[str | float, str | float]) -> tuple[Node, Node]:
         both = given if isinstance(given, (tuple, list)) else (given, given)
@@ -170,6 +180,13 @@ class Equations:
 
     def _velocity(self, contact: Contact) -> Node:
         return add(self._reader.read(contact.direction), negate(self._reader.read(contact.surface_speed)))
+
+    def friction_groups(self) -> list[list[Friction]]:
+        """Contacts in groups that obey the same law."""
+        groups: dict[tuple[tuple[Node, Node], tuple[Node, Node]], list[Friction]] = {}
+        for friction in self.frictions:
+            groups.setdefault((friction.thresholds, friction.sliding), []).append(friction)
+        return list(groups.values())
 
     def _definitions(self) -> Iterator[tuple[Node, Node]]:
         """Functions and drives with their bodies."""
@@ -198,11 +215,10 @@ class Equations:
             f"{write(b.left)} &{'=' if b.sign == '=' else chr(92) + 'ni'} {write(b.right)}"
             for b in [*self.balances, *self.laws]
         ]
-        for friction in self.frictions:
-            rows.append(f"u &= {write(friction.velocity)}")
-            for when, law in friction.laws(write):
-                left, relation, right = law.partition(r" \le " if r" \le " in law else " = ")
-                rows.append(rf"{left} &{relation.strip()} {right} \quad \text{{if }} {when}")
+        for group in self.friction_groups():
+            rows += [f"{write(Name(f'u{f.index}'))} &= {write(f.velocity)}" for f in group]
+            laws = group[0].laws(write, group[0].index if len(group) == 1 else "_i")
+            rows += [rf"\text{{if }} {when}: \quad & {law}" for when, law in laws]
         rows += [f"{write(left)} &= {write(body)}" for left, body in self._definitions()]
         return "\\begin{aligned}\n" + " \\\\\n".join(rows) + "\n\\end{aligned}"
 
@@ -270,9 +286,10 @@ class _Text:
 
     def friction(self) -> list[str]:
         lines = []
-        for f in self.equations.frictions:
-            lines.append(f"{f.contact}: u = {self.write(f.velocity)}")
-            for when, law in f.laws(self.write):
+        for group in self.equations.friction_groups():
+            velocities = [Relation("=", Name(f"u{f.index}"), f.velocity) for f in group]
+            lines += table([[f"{f.contact}:", self.write(u)] for f, u in zip(group, velocities, strict=True)])
+            for when, law in group[0].laws(self.write, group[0].index if len(group) == 1 else "_i"):
                 lines += ["  " + line for line in wrap(f"{when}:  {law}")]
         return lines
 
@@ -312,14 +329,15 @@ class _Text:
 
     def start(self) -> list[str]:
         system = self.system
-        given = [f"{self.write(Name(name))} = {value:g}" for name, value in system.initial.items()]
+        given = [f"{self.write(Name(name))} = {value:g}".replace("-", "−") for name, value in system.initial.items()]
         rest = len(given) < len(system.declaration.state)
         t = f"t from {system.span[0]:g} to {system.span[1]:g} {unicode_unit(system.time_unit)}".rstrip()
         others = ["all 0" if not given else "the others 0"] if rest else []
         return wrap(f"{', '.join(given + others)};  {t}", breaks=(", ",))
 
     def translation(self) -> list[str]:
-        shift = Name("c")
+        taken = {*self.system.parameters, *self.system.functions, *self.system.drives}
+        shift = Name(next(letter for letter in ("s", "h", "r", "tau", "shift") if letter not in taken))
         moved = [
             f"{self.write(Name(x))} → {self.write(add(Name(x), multiply(Number(Fraction(repr(float(w)))), shift)))}"
             for x, w in self.system.translation.items()
@@ -347,9 +365,10 @@ class _Text:
         values, lines = self.system.values, []
         for name, text in self.system.facts.items():
             value = ex.evaluate(self.system.declaration.facts[name], values)
-            formula = self.write(self.equations._reader.read(text))
+            symbol, formula = self.write(Name(name)), self.write(self.equations._reader.read(text))
             shown = f"{value:.6g}".replace("-", "−").replace("nan", "undefined")
-            lines += wrap(f"{self.write(Name(name))} = {formula} = {shown}")
+            left = name.replace("_", " ") if is_word(name) else symbol
+            lines += wrap(" = ".join([left, *([formula] if formula not in (symbol, shown) else []), shown]))
         return lines
 
 

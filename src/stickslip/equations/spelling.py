@@ -15,6 +15,7 @@ GREEK = {
 }  # fmt: skip
 GREEK_LATEX = {"lam": r"\lambda", "lamda": r"\lambda", "epsilon": r"\varepsilon", "phi": r"\varphi"}
 ACCENTS = {"hat": ("\u0302", r"\hat"), "tilde": ("\u0303", r"\tilde"), "bar": ("\u0304", r"\bar")}
+ABOVE = {"star": ("*", "*"), "plus": ("⁺", "+"), "minus": ("⁻", "-")}
 DOTS = ("", "\u0307", "\u0308")
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
@@ -22,11 +23,11 @@ SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 @dataclass(frozen=True)
 class Symbol:
-    """A name taken apart: letter, accents, star and subscripts."""
+    """A name taken apart: letter, accents, and what stands above and below on its right."""
 
     letter: str
     accents: tuple[str, ...]
-    star: bool
+    superscripts: tuple[str, ...]
     subscripts: tuple[str, ...]
 
 
@@ -36,37 +37,42 @@ def parse_name(name: str) -> Symbol:
     match = re.fullmatch(r"([A-Za-z]+)(\d+)", first)
     if match and (len(match[1]) == 1 or match[1] in GREEK):
         first, rest = match[1], [match[2], *rest]
-    subscripts = tuple(part for part in rest if part and part != "star" and part not in ACCENTS)
-    return Symbol(first, tuple(part for part in rest if part in ACCENTS), "star" in rest, subscripts)
+    accents, above = (tuple(part for part in rest if part in known) for known in (ACCENTS, ABOVE))
+    return Symbol(first, accents, above, tuple(part for part in rest if part and part not in accents + above))
+
+
+def is_word(name: str) -> bool:
+    """Whether it is a word rather than a symbol: ``mean_speed``, not ``v_mean``."""
+    first = parse_name(name).letter
+    return len(first) > 1 and first not in GREEK
 
 
 def unicode_name(name: str, dots: int = 0) -> str:
     """The name as a symbol for the terminal, with one or two dots for rates."""
+    if is_word(name):
+        return name + "˙" * dots  # a dot over one letter of a word would be misread
     s = parse_name(name)
-    letter = GREEK.get(s.letter, s.letter)
-    marks = "".join(ACCENTS[a][0] for a in s.accents)
-    if len(letter) == 1:
-        letter += marks + DOTS[dots]
-    else:  # a word: a dot over one of its letters would be misread
-        letter += marks + "˙" * dots
+    letter = GREEK.get(s.letter, s.letter) + "".join(ACCENTS[a][0] for a in s.accents) + DOTS[dots]
     below = [GREEK.get(part, part) for part in s.subscripts]
     if len(below) == 1 and below[0].isdigit():
         tail = below[0].translate(SUBSCRIPTS)
     else:
         tail = "_" + ",".join(below) if below else ""
-    return unicodedata.normalize("NFC", letter) + tail + ("*" if s.star else "")
+    return unicodedata.normalize("NFC", letter) + tail + "".join(ABOVE[a][0] for a in s.superscripts)
 
 
 def latex_name(name: str, dots: int = 0) -> str:
     """The name as a symbol for LaTeX, with one or two dots for rates."""
     s = parse_name(name)
-    text = _latex_word(s.letter)
-    for accent in s.accents:
+    text = _latex_word(s.letter) if not is_word(name) else rf"\mathrm{{{name.replace('_', chr(92) + '_')}}}"
+    for accent in () if is_word(name) else s.accents:
         text = f"{ACCENTS[accent][1]}{{{text}}}"
     if dots:
         text = rf"\{'d' * dots}ot{{{text}}}"
-    below = ",".join(_latex_word(part) for part in s.subscripts)
-    return text + (f"_{{{below}}}" if below else "") + ("^{*}" if s.star else "")
+    if is_word(name):
+        return text
+    below, above = ",".join(map(_latex_word, s.subscripts)), "".join(ABOVE[a][1] for a in s.superscripts)
+    return text + (f"_{{{below}}}" if below else "") + (f"^{{{above}}}" if above else "")
 
 
 def _latex_word(word: str) -> str:

@@ -24,7 +24,7 @@ from stickslip.equations.written import (
 
 SUM, PRODUCT, POWER, ATOM = range(4)
 VULGAR = {Fraction(1, 2): "½", Fraction(1, 3): "⅓", Fraction(2, 3): "⅔", Fraction(1, 4): "¼", Fraction(3, 4): "¾"}
-RELATIONS = {"<": "<", "<=": "≤", ">": ">", ">=": "≥", "!=": "≠"}
+RELATIONS = {"=": "=", "<": "<", "<=": "≤", ">": ">", ">=": "≥", "!=": "≠"}
 
 
 class UnicodeWriter:
@@ -111,10 +111,16 @@ class UnicodeWriter:
 
     def function(self, node: Call, arguments: list[str]) -> str:
         inside = f"({', '.join(arguments)})" if arguments else ""
+        if self.is_rate(node):
+            return unicode_name(node.name, 1) + inside
         if node.by and set(node.by) == {"0"} and len(node.arguments) == 1:
             return self.name(node.name) + "′" * len(node.by) + inside
         names = [self.name(self.arguments[node.name][int(i)] if i.isdigit() else i) for i in node.by]
         return "".join(f"∂_{name} " for name in names) + self.name(node.name) + inside
+
+    def is_rate(self, node: Call) -> bool:
+        """Whether it is the time derivative of a drive."""
+        return node.by == ("t",) and node.name in self.drives
 
     # What differs between the two alphabets.
 
@@ -217,6 +223,8 @@ class LatexWriter(UnicodeWriter):
             return rf"\{node.name}{inside}"
         if node.name in ("clip", "sgn", "asinh", "atan"):
             return rf"\operatorname{{{node.name.replace('asinh', 'arsinh').replace('atan', 'arctan')}}}{inside}"
+        if self.is_rate(node):
+            return latex_name(node.name, 1) + inside
         if node.by and set(node.by) == {"0"} and len(node.arguments) == 1:
             return self.name(node.name) + "'" * len(node.by) + inside
         names = [self.name(self.arguments[node.name][int(i)] if i.isdigit() else i) for i in node.by]

@@ -12,6 +12,7 @@ import ast
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from math import gcd
 from typing import TYPE_CHECKING
 
 from stickslip.formulas import BUILTIN, parse_signature
@@ -188,10 +189,30 @@ def _by_one_power(product: Node, base: Node, exponent: Node, name: str) -> Node:
     inner, outer = derivative(base, name), derivative(exponent, name)
     parts = []
     if inner != ZERO:
-        parts.append(multiply(exponent, product, Product(Fraction(1), ((base, MINUS_ONE),)), inner))
+        lowered = multiply(exponent, product, Product(Fraction(1), ((base, MINUS_ONE),)), _primitive(inner))
+        parts.append(_functions_last(lowered))
     if outer != ZERO:
         parts.append(multiply(product, outer, Call("log", (base,))))
     return add(*parts)
+
+
+def _primitive(node: Node) -> Node:
+    """2 (x − y) instead of 2 x − 2 y."""
+    if isinstance(node, Sum):
+        factors = [split(term)[0] for term in node.terms]
+        common = gcd(*(f.numerator for f in factors)) if all(f.denominator == 1 for f in factors) else 1
+        if common > 1:
+            rest = add(*(multiply(Number(Fraction(1, common)), term) for term in node.terms))
+            return Product(Fraction(common), ((rest, ONE),))
+    return node
+
+
+def _functions_last(node: Node) -> Node:
+    if not isinstance(node, Product):
+        return node
+    calls = [isinstance(base, Call) and bool(base.arguments) for base, _ in node.powers]
+    ordered = [p for last in (False, True) for p, c in zip(node.powers, calls, strict=True) if c == last]
+    return Product(node.factor, tuple(ordered))
 
 
 def _by_argument(call: Call, name: str) -> Node:
@@ -216,7 +237,7 @@ def _by_argument(call: Call, name: str) -> Node:
         case "piecewise":
             pairs = [(c, v) for c, v in zip(call.arguments[:-1:2], inner[1:-1:2], strict=True)]
             return choose(pairs, inner[-1])
-    return multiply(_OUTER[call.name](call.arguments[0]), inner[0])
+    return _functions_last(multiply(_OUTER[call.name](call.arguments[0]), _primitive(inner[0])))
 
 
 def _of_extremum(call: Call, inner: list[Node]) -> Node:
@@ -268,19 +289,20 @@ def names_in(node: Node) -> set[str]:
     return set().union(*map(names_in, parts))
 
 
-def rename(node: Node, names: Mapping[str, str]) -> Node:
-    """Replace names by names."""
+def substitute(node: Node, values: Mapping[str, Node]) -> Node:
+    """Replace names by trees."""
     match node:
         case Name(name):
-            return Name(names.get(name, name))
+            return values.get(name, node)
         case Sum(terms):
-            return add(*(rename(term, names) for term in terms))
+            return add(*(substitute(term, values) for term in terms))
         case Product(factor, powers):
-            return multiply(Number(factor), *(power(rename(b, names), rename(e, names)) for b, e in powers))
+            replaced = (power(substitute(b, values), substitute(e, values)) for b, e in powers)
+            return multiply(Number(factor), *replaced)
         case Call():
-            return replace(node, arguments=tuple(rename(a, names) for a in node.arguments))
+            return replace(node, arguments=tuple(substitute(a, values) for a in node.arguments))
         case Relation(sign, left, right):
-            return Relation(sign, rename(left, names), rename(right, names))
+            return Relation(sign, substitute(left, values), substitute(right, values))
     return node
 
 
@@ -300,13 +322,16 @@ class Reader:
             self._sources[name] = (arguments, text)
         self._parameters = frozenset(system.parameters)
         self._bodies: dict[str, Node] = {}
+        self._read: dict[str, Node] = {}
         self.definitions = {name: (arguments, self._body(name)) for name, (arguments, _) in self._sources.items()}
 
     def read(self, text: str | float) -> Node:
         """Tree of a formula that the declaration has accepted."""
         if not isinstance(text, str):
             return Number(Fraction(repr(float(text))))
-        return self._visit(ast.parse(text.strip().replace("\n", " "), mode="eval").body)
+        if text not in self._read:
+            self._read[text] = self._visit(ast.parse(text.strip().replace("\n", " "), mode="eval").body)
+        return self._read[text]
 
     def _body(self, name: str) -> Node:
         if name not in self._bodies:
@@ -322,21 +347,47 @@ class Reader:
             case ast.Constant(value=int() | float() as value):
                 return Number(Fraction(repr(value)))
             case ast.Name(id=name):
-                return Call(name, (), self._hidden(name)) if name in self._sources else Name(name)
+                return self._named(name)
             case ast.UnaryOp(op=ast.USub(), operand=inner):
                 return negate(self._visit(inner))
             case ast.UnaryOp(operand=inner):
                 return self._visit(inner)
+            case ast.BinOp(op=ast.Add() | ast.Sub()):
+                return add(*(self._visit(term) if plus else negate(self._visit(term)) for term, plus in _chain(node)))
             case ast.BinOp(left=left, op=op, right=right):
                 return _binary(op, self._visit(left), self._visit(right))
             case ast.Compare(left=left, ops=[op], comparators=[right]):
                 return Relation(_SIGNS[type(op)], self._visit(left), self._visit(right))
             case ast.Call(func=ast.Name(id=name), args=nodes):
-                arguments = tuple(map(self._visit, nodes))
-                if name == "sqrt":
-                    return power(arguments[0], HALF)
-                return Call(name, arguments, self._hidden(name) if name in self._sources else ())
+                return self._called(name, tuple(map(self._visit, nodes)))
         raise TypeError(f"not part of the formula language: {type(node).__name__}")
+
+    def _named(self, name: str) -> Node:
+        """A name, a drive, an abbreviation, or the rate ``d_ell`` of a drive."""
+        if name in self._sources:
+            return Call(name, (), self._hidden(name))
+        if name.startswith("d_") and self._sources.get(name[2:], (None,))[0] == ():
+            return Call(name[2:], (), self._hidden(name[2:]), by=("t",))
+        return Name(name)
+
+    def _called(self, name: str, arguments: tuple[Node, ...]) -> Node:
+        """A function, or the derivative ``d_mu(s)`` of one of the system's functions."""
+        if name == "sqrt":
+            return power(arguments[0], HALF)
+        if name in self._sources:
+            return Call(name, arguments, self._hidden(name))
+        if name.startswith("d_") and name[2:] in self._sources:
+            return Call(name[2:], arguments, self._hidden(name[2:]), by=("0",))
+        return Call(name, arguments)
+
+
+def _chain(node: ast.AST) -> list[tuple[ast.AST, bool]]:
+    """Terms of a long sum with their signs, first to last; such sums nest too deeply for recursion."""
+    terms = []
+    while isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
+        terms.append((node.right, isinstance(node.op, ast.Add)))
+        node = node.left
+    return [(node, True), *reversed(terms)]
 
 
 _SIGNS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
@@ -344,10 +395,6 @@ _SIGNS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
 
 def _binary(op: ast.operator, left: Node, right: Node) -> Node:
     match op:
-        case ast.Add():
-            return add(left, right)
-        case ast.Sub():
-            return add(left, negate(right))
         case ast.Mult():
             return multiply(left, right)
         case ast.Div():

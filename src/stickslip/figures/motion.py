@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from stickslip.figures.style import (
     BAND,
@@ -17,6 +18,7 @@ from stickslip.figures.style import (
     SLIP,
     STICK_LINE,
     STICK_SHADE,
+    THRESHOLD,
     axis_label,
     legend_above,
     line_colours,
@@ -72,23 +74,24 @@ class _Overview:
     def draw(self) -> Figure:
         panels, planes = self.panels(), self.planes()
         height = max(ROW * len(panels) + EXTRA, 3.6 if planes else 0.0)
-        figure = new_figure(TIME_WIDTH + (PLANE_WIDTH if planes else 0.0), height)
+        figure = self.figure = new_figure(TIME_WIDTH + (PLANE_WIDTH if planes else 0.0), height)
         figure.suptitle(self.system.title or self.system.name, x=0.01, ha="left", fontsize=13)
         columns = [TIME_WIDTH, PLANE_WIDTH] if planes else [TIME_WIDTH]
         grid = figure.add_gridspec(1, len(columns), width_ratios=columns)
         left = grid[0].subgridspec(len(panels), 1)
-        first: Axes | None = None
+        rows: list[Axes] = []
         for row, panel in enumerate(panels):
-            axes = figure.add_subplot(left[row], sharex=first)
-            first = first or axes
-            panel(axes)
-            axes.tick_params(labelbottom=row == len(panels) - 1)
-        self.time_axis(axes)
+            rows.append(figure.add_subplot(left[row], sharex=rows[0] if rows else None))
+            panel(rows[-1])
+            rows[-1].tick_params(labelbottom=row == len(panels) - 1)
+        if 1 < len(self.contacts) <= MANY:
+            legend_above(rows[0], [Patch(color=STICK_SHADE, label="every contact sticks")], right=True)
+        self.time_axis(rows[-1])
         if planes:
             right = grid[1].subgridspec(len(planes), 1)
             for row, plane in enumerate(planes):
                 plane(figure.add_subplot(right[row]))
-        figure.align_ylabels(figure.axes[: len(panels)])
+        figure.align_ylabels(rows)
         return figure
 
     def time_axis(self, axes: Axes) -> None:
@@ -120,12 +123,13 @@ class _Overview:
 
     def trace(self, names: list[str]) -> Callable[[Axes], None]:
         def panel(axes: Axes) -> None:
-            self.shade(axes, self.all_stick)
+            if len(self.contacts) <= MANY:  # else the map of the modes says it
+                self.shade(axes, self.all_stick)
             for name, colour in zip(names, line_colours(len(names)), strict=True):
                 axes.plot(self.t, self.values[name], color=colour, label=symbol(name))
             _roomy(axes, np.concatenate([self.values[name] for name in names]))
             if len(names) > 1:
-                legend_above(axes, len(names))
+                legend_above(axes)
             short = names if len(names) <= MANY else [names[0], names[-1]]
             label = axis_label(short, self.unit(names[0]))
             axes.set_ylabel(label if short is names else label.replace(", ", r" $\ldots$ ", 1))
@@ -142,14 +146,17 @@ class _Overview:
 
         def panel(axes: Axes) -> None:
             rows = np.array([self.values[name] for name in names])
-            largest = float(np.max(np.abs(rows))) or 1.0
+            # A violent start must not hide the rest: the largest speeds saturate.
+            largest = float(np.percentile(np.abs(rows), 97)) or float(np.max(np.abs(rows))) or 1.0
             even = np.linspace(self.t[0], self.t[-1], 1500)
             image = np.array([np.interp(even, self.t, row) for row in rows])
             extent = (self.t[0], self.t[-1], len(names) + 0.5, 0.5)
             drawn = axes.imshow(
                 image, aspect="auto", extent=extent, cmap="RdBu_r", vmin=-largest, vmax=largest, interpolation="nearest"
             )
-            axes.figure.colorbar(drawn, ax=axes, pad=0.01, aspect=8, label=axis_label(names[:1], self.unit(names[0])))
+            unit = unit_label(self.unit(names[0]))
+            label = "velocity" + (f"  [{unit}]" if unit else "")
+            self.figure.colorbar(drawn, ax=axes, pad=0.01, aspect=8, extend="both", label=label)
             _rows(axes, [symbol(name) for name in names])
 
         return panel
@@ -164,19 +171,20 @@ class _Overview:
         def panel(axes: Axes) -> None:
             self.shade(axes, mode == 0)
             # λ = −s⁺ slides forward, λ = s⁻ backward.
-            axes.fill_between(self.t, -plus, minus, color=BAND, lw=0, alpha=0.65, zorder=1)
+            axes.fill_between(self.t, -plus, minus, color=BAND, lw=0, alpha=0.6, zorder=1)
             for bound in (-plus, minus):
-                axes.plot(self.t, bound, color="#A8842C", lw=0.8, zorder=2)
+                axes.plot(self.t, bound, color=THRESHOLD, lw=0.8, zorder=2)
             axes.plot(self.t, force, color=BLUE, zorder=3)
             _roomy(axes, np.concatenate([force, -plus, minus]))
             unit = unit_label(self.unit(f"friction_{key}"))
             axes.set_ylabel(r"$\lambda$" + (f"  [{unit}]" if unit else ""))
-            handles = [
-                Line2D([], [], color=BLUE, label=f"friction force, {name}"),
-                Patch(color=BAND, label="threshold"),
-                Patch(color=STICK_SHADE, label="stick"),
-            ]
-            axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0, 0.98), ncols=3, borderaxespad=0)
+            axes.set_title(name)
+            if key == self.contacts[0]:
+                legend_above(axes, [
+                    Line2D([], [], color=BLUE, label="friction force"),
+                    Patch(fc=BAND, ec=THRESHOLD, lw=0.8, label="thresholds"),
+                    Patch(color=STICK_SHADE, label="stick"),
+                ], right=True)  # fmt: skip
 
         return panel
 
@@ -187,11 +195,9 @@ class _Overview:
             for value, colour in ((0, STICK_SHADE), *SLIP.items()):
                 axes.fill_between(self.t, row - 0.42, row + 0.42, where=mode == value, color=colour, lw=0, step="post")
         axes.set_ylim(len(self.contacts) + 0.5, 0.5)
-        _rows(axes, [name for name in self.system.contacts])
-        labels = {0: "stick", 1: "slip +", -1: "slip −"}
-        colours = {0: STICK_SHADE, **SLIP}
-        handles = [Patch(color=colours[m], label=labels[m]) for m in (0, 1, -1)]
-        axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0, 0.98), ncols=3, borderaxespad=0)
+        _rows(axes, list(self.system.contacts))
+        shown = ((STICK_SHADE, "stick"), (SLIP[1], "slip +"), (SLIP[-1], "slip −"))
+        legend_above(axes, [Patch(color=colour, label=label) for colour, label in shown])
 
     # Phase planes.
 
@@ -223,13 +229,15 @@ class _Overview:
             axes.plot(x, np.where(sticking, np.nan, y), color=BLUE, lw=1.3, label="slip" if has_contacts else None)
             if has_contacts:
                 label = "stick" if len(self.contacts) == 1 else "all stick"
-                axes.plot(x, np.where(sticking, y, np.nan), color=STICK_LINE, lw=2.6, label=label, zorder=3)
+                axes.plot(x, np.where(sticking, y, np.nan), color=STICK_LINE, lw=2.2, label=label, zorder=3)
             axes.plot(x[:1], y[:1], "o", ms=6, mfc="white", mec=STICK_LINE, zorder=4, label="start")
             axes.set_xlabel(self.quantity_label(across))
             axes.set_ylabel(self.quantity_label(up))
             _roomy(axes, y)
             axes.margins(x=0.05)
-            legend_above(axes, 3)
+            axes.set_box_aspect(0.9)
+            axes.xaxis.set_major_locator(MaxNLocator(6))
+            legend_above(axes)
 
         return panel
 

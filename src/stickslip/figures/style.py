@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 import matplotlib as mpl
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from stickslip.equations.spelling import latex_name
@@ -16,25 +19,24 @@ from stickslip.units import unit_label
 # Okabe & Ito's palette: distinct under all common forms of colour blindness, and in print.
 BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"
 LINES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
-STICK_SHADE = "#D9D9D9"
+STICK_SHADE = "#E4E4E4"
 STICK_LINE = "#222222"
-BAND = "#F6E3B4"
+THRESHOLD, BAND = "#B8860B", "#F3DFA8"
 SLIP = {-1: ORANGE, 1: BLUE}
 
 # Sizes are for a picture of full text width; at half that size the smallest letters are still 5 points.
-STYLE = {
+STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 11.0,
-    "mathtext.fontset": "cm",
+    "mathtext.fontset": "stix",
     "axes.labelsize": 13.0,
-    "axes.titlesize": 12.0,
+    "axes.titlesize": 11.0,
     "axes.linewidth": 0.8,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.grid": False,
-    "axes.unicode_minus": True,
+    "axes.titlelocation": "left",
     "legend.frameon": False,
-    "legend.fontsize": 12.0,
+    "legend.fontsize": 11.0,
     "legend.handlelength": 1.4,
     "legend.columnspacing": 1.2,
     "lines.linewidth": 1.6,
@@ -64,7 +66,7 @@ def line_colours(count: int) -> list[str]:
     if count <= len(LINES):
         return list(LINES[:count])
     colours = mpl.colormaps["viridis"]
-    return [mpl.colors.to_hex(colours(0.92 * i / (count - 1))) for i in range(count)]
+    return [to_hex(colours(0.92 * i / (count - 1))) for i in range(count)]
 
 
 def symbol(name: str) -> str:
@@ -79,6 +81,11 @@ def axis_label(names: Iterable[str], unit: str) -> str:
     return ", ".join(map(symbol, names)) + (f"  [{label}]" if label else "")
 
 
-def legend_above(axes: Axes, columns: int) -> None:
-    """A legend in one row above the axes, where it covers no data."""
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 0.98), ncols=columns, borderaxespad=0.0)
+def legend_above(axes: Axes, handles: Sequence[Artist] | None = None, right: bool = False) -> None:
+    """A legend in one row above the axes, where it covers no data; a second one may stand at the right."""
+    if handles is None:
+        handles, _ = axes.get_legend_handles_labels()
+    corner, x = ("lower right", 1.0) if right else ("lower left", 0.0)
+    if (first := axes.get_legend()) is not None:
+        axes.add_artist(first)
+    axes.legend(handles=handles, loc=corner, bbox_to_anchor=(x, 0.98), ncols=len(handles), borderaxespad=0.0)

@@ -57,28 +57,39 @@ def resolvent(A: Array, n: int, J: Array, first: int, m: int, column: int, mode:
     return invert(scratch, n + m, R)
 
 
+@njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract", "nsz"})
+def reach(W: Array, row: int, shift_row: int, sign: float, N: int, powers: Array) -> float:
+    """Bound Σ|cₖ|hᵏ, k ≥ 1, of how far sign·W[row] + W[shift_row] moves within the step."""
+    total = 0.0
+    if shift_row < 0:
+        for k in range(1, N):
+            total += abs(W[row, k]) * powers[k]
+    else:
+        for k in range(1, N):
+            total += abs(sign * W[row, k] + W[shift_row, k]) * powers[k]
+    return total
+
+
 @njit(**_options)
-def germ(W: Array, row: int, sign: float, shift_row: int, shift_sign: float, N: int, h: float, size0: float, size1: float,
-         floor0: float, c: Array) -> tuple[int, int]:
+def germ(W: Array, row: int, sign: float, shift_row: int, N: int, powers: Array, size0: float, size1: float, floor0: float, c: Array
+         ) -> tuple[int, int]:
     """Sign of a guard for small times, and the order that decides it.
 
-    The guard is sign·W[row] + shift_sign·W[shift_row]; its coefficients, scaled to the step h, are left in c.
+    The guard is sign·W[row] + W[shift_row]; its coefficients, scaled to the step, are left in c.
     """
-    x, largest = 1.0, 0.0
+    largest = 0.0
     for k in range(N):
         v = sign * W[row, k]
         if shift_row >= 0:
-            v += shift_sign * W[shift_row, k]
-        v *= x
-        c[k] = v
+            v += W[shift_row, k]
+        c[k] = v * powers[k]
         if k > 0:
-            largest = max(largest, abs(v))
-        x *= h
+            largest = max(largest, abs(c[k]))
     if c[0] > floor0:
         return 1, 0
     if c[0] < -floor0:
         return -1, 0
-    floor = ROUNDING * (size0 + h * size1 + largest)
+    floor = ROUNDING * (size0 + powers[1] * size1 + largest)
     for k in range(1, N):
         if c[k] > floor:
             return 1, k
@@ -90,42 +101,39 @@ def germ(W: Array, row: int, sign: float, shift_row: int, shift_sign: float, N: 
 @njit(**_options)
 def step_size(W: Array, rows: Array, n: int, N: int, last: float, tol: float, atol: float) -> float:
     """Step for which the last two Taylor terms of the state and of all guards are below tol times their size."""
-    worst, before = 0.0, 0.0
+    top, middle, low = 0.0, 0.0, 0.0
     for r in range(n):
-        size = abs(W[r, 0]) + abs(W[r, 1]) * last + atol
-        worst = max(worst, abs(W[r, N]) / size)
-        before = max(before, abs(W[r, N - 1]) / size)
-    h = np.inf
-    if worst > 0.0:
-        h = (tol / worst) ** (1.0 / N)
-    if before > 0.0:
-        h = min(h, (tol / before) ** (1.0 / (N - 1)))
-    worst, before = 0.0, 0.0
+        size = 1.0 / (abs(W[r, 0]) + abs(W[r, 1]) * last + atol)
+        top = max(top, abs(W[r, N]) * size)
+        middle = max(middle, abs(W[r, N - 1]) * size)
     for i in range(len(rows)):
         r = rows[i]
-        size = abs(W[r, 0]) + abs(W[r, 1]) * last + atol
-        worst = max(worst, abs(W[r, N - 1]) / size)
-        before = max(before, abs(W[r, N - 2]) / size)
-    if worst > 0.0:
-        h = min(h, (tol / worst) ** (1.0 / (N - 1)))
-    if before > 0.0:
-        h = min(h, (tol / before) ** (1.0 / (N - 2)))
+        size = 1.0 / (abs(W[r, 0]) + abs(W[r, 1]) * last + atol)
+        middle = max(middle, abs(W[r, N - 1]) * size)
+        low = max(low, abs(W[r, N - 2]) * size)
+    h = np.inf
+    if top > 0.0:
+        h = (tol / top) ** (1.0 / N)
+    if middle > 0.0:
+        h = min(h, (tol / middle) ** (1.0 / (N - 1)))
+    if low > 0.0:
+        h = min(h, (tol / low) ** (1.0 / (N - 2)))
     return h
 
 
 @njit(**_options)
 def project_rates(t: float, y: Array, mode: Array, reg: Array, K: Array, first: int, nr: int, offset: int, residual: RESIDUAL,
-                  A: Array, B: Array, G: Array, W: Array, mag: Array, nc: int) -> int:
+                  A: Array, B: Array, G: Array) -> int:
     """Put sliding rate-independent coordinates back on λ + σ s = 0 (one Newton step: they are there up to rounding)."""
-    residual(t, y, mode, reg, K, G, A)
     sliding = False
     for i in range(nr):
-        if mode[first + i] != 0:
-            sliding = True
-            if not abs(G[i]) <= 1e-9 * (1e-3 + mag[2 * nc + first + i]):
-                return OFF_SURFACE
+        sliding = sliding or mode[first + i] != 0
     if not sliding:
         return OK
+    residual(t, y, mode, reg, K, G, A)
+    for i in range(nr):
+        if mode[first + i] != 0 and not abs(G[i]) <= 1e-9 * G[nr + i]:
+            return OFF_SURFACE
     if not invert(A, nr, B):
         return SINGULAR
     for i in range(nr):
@@ -146,8 +154,11 @@ def release_or_hold(y: Array, mode: Array, nq: int, mq: int, J: Array, Rq: Array
     """
     nc = len(u_rows)
     for c in range(mq):
-        gap = W[u_rows[c], 0]
-        if mode[c] == 0 and abs(gap) > 1e-9 * last * mag[nc + c] + ROUNDING * mag[c]:
+        if mode[c] != 0:
+            continue
+        # The acceleration that this contact holds back: its force over its effective mass.
+        gap, held = W[u_rows[c], 0], mag[2 * nc + c] / abs(Rq[nq + c, nq + c])
+        if abs(gap) > 1e-9 * last * (mag[nc + c] + held) + ROUNDING * mag[c]:
             mode[c] = 1 if gap > 0.0 else -1
             return False
     for c in range(mq):
@@ -181,7 +192,7 @@ def resolve(sizes: Array, mode: Array, known: Array, M: Array, C: Array, J: Arra
 @njit(**_options)
 def evaluate_mode(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, t: float, y: Array, mode: Array, reg: Array,
                   K: Array, M: Array, C: Array, J: Array, N: int, W: Array, R: tuple, A: Array, B: Array, G: Array, scratch: Array,
-                  mag: Array, last: float, known: Array) -> int:
+                  mag: Array, last: float, known: Array, hold: bool) -> int:
     """Taylor coefficients of the motion in a mode; y is put back onto the constraints of the mode."""
     n, nq, nz, nr, mq, mz, mr = sizes[0], sizes[1], sizes[2], sizes[3], sizes[5], sizes[6], sizes[7]
     nc = mq + mz + mr
@@ -192,12 +203,14 @@ def evaluate_mode(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, t
         sticking = False
         for c in range(mq):
             sticking = sticking or mode[c] == 0
-        if (sticking or nr > 0) and jets(t, y, mode, reg, K, Rq, Rz, 1, W, A, B, mag) == SINGULAR:
+        if not sticking or not hold:
+            break
+        if jets(t, y, mode, reg, K, Rq, Rz, 1, W, A, B, mag) == SINGULAR:
             return SINGULAR
-        if not sticking or release_or_hold(y, mode, nq, mq, J, Rq, W, u_rows, mag, last):
+        if release_or_hold(y, mode, nq, mq, J, Rq, W, u_rows, mag, last):
             break
     if nr > 0:
-        status = project_rates(t, y, mode, reg, K, mq + mz, nr, 2 * nq + nz, residual, A, B, G, W, mag, nc)
+        status = project_rates(t, y, mode, reg, K, mq + mz, nr, 2 * nq + nz, residual, A, B, G)
         if status != OK:
             return status
     if jets(t, y, mode, reg, K, Rq, Rz, N, W, A, B, mag) == SINGULAR:
@@ -212,33 +225,81 @@ def evaluate_mode(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, t
 
 
 @njit(**_options)
-def violated(W: Array, mode: Array, reg: Array, sizes: Array, u_rows: Array, force: Array, plus: Array, minus: Array, kinks: Array,
-             mag: Array, N: int, h: float, fired: int, c: Array) -> int:
-    """Least switch whose guard becomes negative at once (kinks first), or −1; contacts that would slip back get +1000."""
-    nk = len(kinks)
-    nc = len(u_rows)
+def consider(W: Array, row: int, sign: float, shift_row: int, N: int, powers: Array, size0: float, size1: float, floor0: float,
+             switch: int, pending: Array, labels: Array, count: int, c: Array) -> int:
+    """Judge one guard: −1 if it becomes negative at once; else the number of guards that may fire within the step."""
+    start = sign * W[row, 0] + (W[shift_row, 0] if shift_row >= 0 else 0.0)
+    if start > floor0 and start > reach(W, row, shift_row, sign, N, powers):
+        return count
+    s, order = germ(W, row, sign, shift_row, N, powers, size0, size1, floor0, c)
+    if s < 0:
+        return -1
+    if s > 0:
+        # A zero at the start is divided out: what remains starts positive.
+        d = N - 1 - order
+        for k in range(d + 1):
+            pending[count, k] = c[k + order]
+        pending[count, N] = ROUNDING * (size0 + powers[1] * size1)
+        labels[count, 0], labels[count, 1] = switch, d
+        count += 1
+    return count
+
+
+@njit(**_options)
+def scan(W: Array, mode: Array, reg: Array, u_rows: Array, force: Array, plus: Array, minus: Array, kinks: Array, doubtful: Array,
+         mag: Array, N: int, powers: Array, last: float, fired: int, c: Array, pending: Array, labels: Array) -> tuple[int, int]:
+    """Look at all guards of a mode: (least switch that is violated at once, or −1; number of guards that may fire).
+
+    Switches are kinks first, then contacts (+1000: towards slip−), then 2000 + i for a threshold that may become negative.
+    """
+    nk, nc, count = len(kinks), len(u_rows), 0
+    # Rounding errors are relative to the values in the steps on both sides, however small they are here.
+    near = last + powers[1]
     for j in range(nk):
         size = mag[3 * nc + j]
-        floor = (FIRED if fired == j else ROUNDING) * size
-        s, _ = germ(W, kinks[j], 1.0 if reg[j] == 1 else -1.0, -1, 0.0, N, h, size, 0.0, floor, c)
-        if s < 0:
-            return j
+        floor = (FIRED if fired == j else ROUNDING) * (size + near * abs(W[kinks[j], 1]))
+        count = consider(W, kinks[j], 1.0 if reg[j] == 1 else -1.0, -1, N, powers, size, 0.0, floor, j, pending, labels, count, c)
+        if count < 0:
+            return j, 0
     for i in range(nc):
         if mode[i] == 0:
             size = mag[2 * nc + i] + abs(W[plus[i], 0]) + abs(W[minus[i], 0])
+            size += near * (abs(W[force[i], 1]) + abs(W[plus[i], 1]) + abs(W[minus[i], 1]))
             floor = (FIRED if fired == nk + i else ROUNDING) * size
-            s, _ = germ(W, force[i], 1.0, plus[i], 1.0, N, h, size, 0.0, floor, c)
-            if s < 0:
-                return nk + i
-            s, _ = germ(W, force[i], -1.0, minus[i], 1.0, N, h, size, 0.0, floor, c)
-            if s < 0:
-                return nk + i + 1000
+            count = consider(W, force[i], 1.0, plus[i], N, powers, size, 0.0, floor, nk + i, pending, labels, count, c)
+            if count < 0:
+                return nk + i, 0
+            count = consider(W, force[i], -1.0, minus[i], N, powers, size, 0.0, floor, nk + i + 1000, pending, labels, count, c)
+            if count < 0:
+                return nk + i + 1000, 0
         else:
-            size, size1 = mag[i], mag[nc + i]
-            s, _ = germ(W, u_rows[i], float(mode[i]), -1, 0.0, N, h, size, size1, ROUNDING * size, c)
-            if s < 0:
-                return nk + i
-    return -1
+            count = consider(W, u_rows[i], float(mode[i]), -1, N, powers, mag[i], mag[nc + i], ROUNDING * mag[i], nk + i, pending,
+                             labels, count, c)
+            if count < 0:
+                return nk + i, 0
+    for i in range(len(doubtful)):
+        row = doubtful[i]
+        size = abs(W[row, 0]) + abs(W[row, 1]) * powers[1]
+        before = count
+        count = consider(W, row, 1.0, -1, N, powers, size, 0.0, 1e-12 * size, 2000 + i, pending, labels, count, c)
+        if count < 0:
+            labels[before, 0], labels[before, 1] = 2000 + i, -1
+            count = before + 1
+    return -1, count
+
+
+@njit(**_options)
+def first_event(pending: Array, labels: Array, count: int, N: int, stack: Array) -> tuple[float, int]:
+    """Earliest event of the step among the guards that may fire: (fraction of the step, switch or −1)."""
+    limit, which = 1.0, -1
+    for i in range(count):
+        d = labels[i, 1]
+        if d < 0:
+            return 0.0, labels[i, 0]
+        x = first_crossing(pending[i], d, limit, pending[i, N], stack)
+        if x <= limit:
+            limit, which = x, labels[i, 0]
+    return limit, which
 
 
 @njit(**_options)
@@ -257,37 +318,49 @@ def flip(switch: int, mode: Array, reg: Array, nk: int) -> int:
 
 
 @njit(**_options)
+def fill_powers(powers: Array, h: float) -> None:
+    """Powers of the step."""
+    x = 1.0
+    for k in range(len(powers)):
+        powers[k] = x
+        x *= h
+
+
+@njit(**_options)
 def settle(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force: Array, plus: Array, minus: Array, kinks: Array,
-           watched: Array, t: float, y: Array, mode: Array, reg: Array, K: Array, M: Array, C: Array, J: Array, N: int, W: Array,
-           R: tuple, A: Array, B: Array, G: Array, scratch: Array, mag: Array, last: float, room: float, tol: float, atol: float,
-           fired: int, c: Array, touched: Array, y0: Array, known: Array) -> tuple[int, float]:
+           watched: Array, doubtful: Array, t: float, y: Array, mode: Array, reg: Array, K: Array, M: Array, C: Array, J: Array,
+           N: int, W: Array, R: tuple, A: Array, B: Array, G: Array, scratch: Array, mag: Array, last: float, room: float, tol: float,
+           atol: float, fired: int, c: Array, touched: Array, y0: Array, known: Array, hold: bool, powers: Array, pending: Array,
+           labels: Array) -> tuple[int, float, int]:
     """Find the mode the motion takes now; W then holds its Taylor coefficients.
 
     Returns
     -------
-    status, step
-        OK and the step size, or NAN, or SINGULAR if no mode is possible.
+    status, step, count
+        OK, the step size and the number of guards that may fire; or NAN; or SINGULAR if no mode is possible.
     """
     nk, nc, mq, mz, mr = len(kinks), len(u_rows), sizes[5], sizes[6], sizes[7]
     for i in range(len(y)):
         y0[i] = y[i]
     for i in range(nk + nc):
         touched[i] = 0
-    status, h = OK, room
-    for _ in range(3 * (nk + nc) + 8):
-        for i in range(len(y)):
-            y[i] = y0[i]
-        status = evaluate_mode(jets, residual, sizes, u_rows, t, y, mode, reg, K, M, C, J, N, W, R, A, B, G, scratch, mag,
-                               last, known)
+    status = OK
+    for attempt in range(3 * (nk + nc) + 8):
+        if attempt > 0:
+            for i in range(len(y)):
+                y[i] = y0[i]
+        status = evaluate_mode(jets, residual, sizes, u_rows, t, y, mode, reg, K, M, C, J, N, W, R, A, B, G, scratch, mag, last,
+                               known, hold or attempt > 0)
         if status != OK:
             break
         h = min(room, step_size(W, watched, len(y), N, last, tol, atol))
-        switch = violated(W, mode, reg, sizes, u_rows, force, plus, minus, kinks, mag, N, h, fired, c)
+        fill_powers(powers, h)
+        switch, count = scan(W, mode, reg, u_rows, force, plus, minus, kinks, doubtful, mag, N, powers, last, fired, c, pending, labels)
         if switch < 0:
-            return OK, h
+            return OK, h, count
         touched[flip(switch, mode, reg, nk)] = 1
     if status == NAN:
-        return NAN, 0.0
+        return NAN, 0.0, 0
     # Pivoting left the admissible modes (a singular or impossible one): try all states of the switches concerned.
     if fired >= 0:
         touched[fired] = 1
@@ -299,7 +372,7 @@ def settle(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force: A
         if touched[i] == 1:
             total *= 2 if i < nk else 3
     if total > 60000:
-        return SINGULAR, 0.0
+        return SINGULAR, 0.0, 0
     for candidate in range(total):
         code = candidate
         for i in range(nk + nc):
@@ -312,72 +385,22 @@ def settle(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force: A
                     code //= 3
         for i in range(len(y)):
             y[i] = y0[i]
-        if evaluate_mode(jets, residual, sizes, u_rows, t, y, mode, reg, K, M, C, J, N, W, R, A, B, G, scratch, mag, last, known) != OK:
+        if evaluate_mode(jets, residual, sizes, u_rows, t, y, mode, reg, K, M, C, J, N, W, R, A, B, G, scratch, mag, last, known,
+                         True) != OK:
             continue
         h = min(room, step_size(W, watched, len(y), N, last, tol, atol))
-        if violated(W, mode, reg, sizes, u_rows, force, plus, minus, kinks, mag, N, h, fired, c) < 0:
-            return OK, h
+        fill_powers(powers, h)
+        switch, count = scan(W, mode, reg, u_rows, force, plus, minus, kinks, doubtful, mag, N, powers, last, fired, c, pending, labels)
+        if switch < 0:
+            return OK, h, count
     for i in range(len(y)):
         y[i] = y0[i]
-    return SINGULAR, 0.0
-
-
-@njit(**_options)
-def deflated_crossing(W: Array, row: int, sign: float, shift_row: int, shift_sign: float, N: int, h: float, size0: float,
-                      size1: float, floor0: float, limit: float, c: Array, stack: Array) -> float:
-    """First crossing of a guard within the step, not counting its zero at the start."""
-    s, order = germ(W, row, sign, shift_row, shift_sign, N, h, size0, size1, floor0, c)
-    if s <= 0:
-        return NONE
-    if order > 0:
-        for k in range(N - order):
-            c[k] = c[k + order]
-    return first_crossing(c, N - 1 - order, limit, ROUNDING * (size0 + h * size1), stack)
-
-
-@njit(**_options)
-def first_event(W: Array, mode: Array, reg: Array, u_rows: Array, force: Array, plus: Array, minus: Array, kinks: Array, mag: Array,
-                N: int, h: float, fired: int, c: Array, stack: Array) -> tuple[float, int]:
-    """Earliest event of the step: (fraction of the step, switch); switch ≥ 2000 means a negative threshold."""
-    nk, nc = len(kinks), len(u_rows)
-    limit, which = 1.0, -1
-    for j in range(nk):
-        size = mag[3 * nc + j]
-        floor = (FIRED if fired == j else ROUNDING) * size
-        x = deflated_crossing(W, kinks[j], 1.0 if reg[j] == 1 else -1.0, -1, 0.0, N, h, size, 0.0, floor, limit, c, stack)
-        if x <= limit:
-            limit, which = x, j
-    for i in range(nc):
-        if mode[i] == 0:
-            size = mag[2 * nc + i] + abs(W[plus[i], 0]) + abs(W[minus[i], 0])
-            floor = (FIRED if fired == nk + i else ROUNDING) * size
-            x = deflated_crossing(W, force[i], 1.0, plus[i], 1.0, N, h, size, 0.0, floor, limit, c, stack)
-            if x <= limit:
-                limit, which = x, nk + i
-            x = deflated_crossing(W, force[i], -1.0, minus[i], 1.0, N, h, size, 0.0, floor, limit, c, stack)
-            if x <= limit:
-                limit, which = x, nk + i + 1000
-        else:
-            x = deflated_crossing(W, u_rows[i], float(mode[i]), -1, 0.0, N, h, mag[i], mag[nc + i], ROUNDING * mag[i], limit, c,
-                                  stack)
-            if x <= limit:
-                limit, which = x, nk + i
-        for side in range(2):
-            row = plus[i] if side == 0 else minus[i]
-            if side == 1 and row == plus[i]:
-                continue
-            size = abs(W[row, 0]) + abs(W[row, 1]) * h
-            if W[row, 0] < -1e-12 * (size + mag[2 * nc + i]):
-                return 0.0, 2000 + i
-            x = deflated_crossing(W, row, 1.0, -1, 0.0, N, h, size, 0.0, ROUNDING * size, limit, c, stack)
-            if x <= limit:
-                limit, which = x, 2000 + i
-    return limit, which
+    return SINGULAR, 0.0, 0
 
 
 @njit(**_options)
 def integrate(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force: Array, plus: Array, minus: Array, kinks: Array,
-              watched: Array, rows: int, magnitudes: int, K: Array, M: Array, C: Array, J: Array, N: int, tol: float, atol: float,
+              watched: Array, doubtful: Array, rows: int, magnitudes: int, K: Array, M: Array, C: Array, J: Array, N: int, tol: float, atol: float,
               end: float, max_events: int, clock: Array, y: Array, mode: Array, settled: Array, reg: Array, counters: Array, record: bool,
               times: Array, states: Array, modes: Array, regions: Array, causes: Array) -> tuple[int, int]:
     """Follow the motion until `end`, or until the record is full.
@@ -401,18 +424,22 @@ def integrate(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force
     W = np.zeros((rows, N + 1))
     mag = np.zeros(magnitudes)
     R = (np.zeros((nq + mq, nq + mq)), np.zeros((nz + mz, nz + mz)))
-    A, B, G = np.zeros((nr, nr)), np.zeros((nr, nr)), np.zeros(nr)
+    A, B, G = np.zeros((nr, nr)), np.zeros((nr, nr)), np.zeros(2 * nr)
     big = max(nq + mq, nz + mz)
     scratch = np.zeros((big, big))
-    c, stack, touched, y0 = np.zeros(N + 1), np.zeros((64, 33)), np.zeros(nk + nc, np.int64), np.zeros(n)
+    c, stack, touched, y0 = np.zeros(N + 1), np.zeros((64, 36)), np.zeros(nk + nc, np.int64), np.zeros(n)
+    powers, guards = np.zeros(N + 1), nk + 2 * nc + len(doubtful) + 1
+    pending, labels = np.zeros((guards, N + 1)), np.zeros((guards, 2), np.int64)
     known = np.ones(mq + mz + 1, np.int64)
     count = 0
     while True:
         if record and count == len(times):
             return FULL, count
         t, fired = clock[0], counters[2]
-        status, h = settle(jets, residual, sizes, u_rows, force, plus, minus, kinks, watched, t, y, mode, reg, K, M, C, J, N, W, R, A,
-                           B, G, scratch, mag, clock[1], max(end - t, 0.0), tol, atol, fired, c, touched, y0, known)
+        hold = fired >= 0 or counters[4] % 64 == 0
+        status, h, may_fire = settle(
+            jets, residual, sizes, u_rows, force, plus, minus, kinks, watched, doubtful, t, y, mode, reg, K, M, C, J, N, W, R, A, B, G,
+            scratch, mag, clock[1], max(end - t, 0.0), tol, atol, fired, c, touched, y0, known, hold, powers, pending, labels)
         if record:
             times[count] = t
             causes[count] = fired
@@ -435,7 +462,7 @@ def integrate(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force
             return FINISHED, count
         if h < 1e-15 * max(abs(t), 1e-3) and h < end - t:
             return TINY, count
-        x, which = first_event(W, mode, reg, u_rows, force, plus, minus, kinks, mag, N, h, fired, c, stack)
+        x, which = first_event(pending, labels, may_fire, N, stack)
         if which >= 2000 and x == 0.0:
             return NEGATIVE, count
         for i in range(n):

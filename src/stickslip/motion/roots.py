@@ -79,7 +79,7 @@ def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -
         End of the interval, at most 1.
     floor : float
         Rounding error of the values; dips that stay above −floor do not count.
-    stack : array, shape (64, 33)
+    stack : array, shape (64, 36)
         Work space.
 
     Returns
@@ -101,9 +101,7 @@ def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -
     for j in range(1, d + 1):
         for i in range(d, j - 1, -1):
             stack[0, i] += stack[0, i - 1]
-    starts = np.empty(_HALVINGS + 2)
-    widths = np.empty(_HALVINGS + 2)
-    starts[0], widths[0], depth = 0.0, 1.0, 0
+    stack[0, 33], stack[0, 34], depth = 0.0, 1.0, 0  # start and width of the subinterval
     while depth >= 0:
         b = stack[depth]
         changes, positive, negative = 0, True, False
@@ -115,7 +113,7 @@ def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -
         if not negative:
             depth -= 1
             continue
-        left, width = starts[depth], widths[depth]
+        left, width = b[33], b[34]
         if changes == 1 and b[d] < -floor:
             if b[0] <= 0.0:
                 return limit * left
@@ -126,8 +124,8 @@ def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -
         right, half = stack[depth], stack[depth + 1]
         for i in range(d + 1):
             half[i] = right[i]
-        starts[depth + 1], widths[depth + 1] = left, 0.5 * width
-        starts[depth], widths[depth] = left + 0.5 * width, 0.5 * width
+        half[33], half[34] = left, 0.5 * width
+        right[33], right[34] = left + 0.5 * width, 0.5 * width
         # de Casteljau at 1/2: `half` becomes the left control points, `right` the right ones.
         for i in range(d + 1):
             right[d - i] = half[d]

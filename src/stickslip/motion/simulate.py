@@ -67,7 +67,14 @@ class Problem:
         sizes = np.array([layout.sizes[k] for k in ("n", "nq", "nz", "nr", "na", "mq", "mz", "mr", "kinks")])
         rows = [np.array(r, dtype=np.int64) for r in (layout.u, layout.force, layout.plus, layout.minus, layout.kinks)]
         watched = np.unique(np.concatenate(rows)) if any(len(r) for r in rows) else np.zeros(0, np.int64)
-        return sizes, *rows, watched[watched >= layout.sizes["n"]]
+        return sizes, *rows, watched[watched >= layout.sizes["n"]], self._doubtful_thresholds()
+
+    def _doubtful_thresholds(self) -> Array:
+        """Rows of thresholds that are not nonnegative for every state."""
+        boxes = {name: (v, v) for name, v in self.parameters.items()}
+        layout, contacts = self.compiled.layout, self.compiled.equations.contacts
+        sides = [(layout.plus[i], c.plus) for i, c in enumerate(contacts)] + [(layout.minus[i], c.minus) for i, c in enumerate(contacts)]
+        return np.array(sorted({row for row, s in sides if ex.bounds(s, boxes)[0] < 0.0}), dtype=np.int64)
 
     def initial_state(self, initial: Mapping[str, float]) -> Array:
         """State vector of initial values (declared defaults where none is given)."""
@@ -100,9 +107,9 @@ def pose(system: System, parameters: Mapping[str, float] | None = None, rtol: fl
     for name, value, low, high in (("rtol", rtol, 1e-13, 1e-3), ("atol", atol, 1e-30, 1.0)):
         if not (isinstance(value, (int, float)) and low <= value <= high):
             raise DeclarationError(name, f"{value!r} is out of range", f"Choose {name} between {low:g} and {high:g}")
-    # Global quality: local steps are kept six digits finer than asked for; with Taylor series that is nearly free.
-    tolerance = max(1e-6 * rtol, 1e-16)
-    order = max(8, min(24, math.ceil(-0.5 * math.log(tolerance)) + 2))
+    # Global quality: local steps are kept three digits finer than asked for; with Taylor series that is nearly free.
+    tolerance = max(1e-3 * rtol, 1e-16)
+    order = max(8, min(24, math.ceil(-0.5 * math.log(tolerance)) + 1))
     return Problem(system, {k: float(v) for k, v in values.items()}, order, tolerance, max(atol / rtol, 1e-6))
 
 

@@ -1,0 +1,41 @@
+# Two commands for a fresh machine with Python, make and git: `make demo` and `make test`.
+
+PYTHON ?= python3
+BIN    := .venv/bin
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --prefer-binary --constraint constraints.txt
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test clean
+
+help:
+	@echo "make demo   make the environment, run the rocking toy and the spring slider, say where the pictures are"
+	@echo "make test   make the environment, check style and types, run the tests"
+	@echo "make clean  remove what these two have made"
+
+demo: .venv/ready
+	$(BIN)/stickslip run examples/rocking-toy.toml --out out/rocking-toy
+	$(BIN)/stickslip run examples/spring-slider.toml --out out/spring-slider
+	@echo
+	@echo "The pictures:  out/rocking-toy/overview.png"
+	@echo "               out/spring-slider/overview.png"
+
+test: .venv/ready-for-tests
+	$(BIN)/ruff check .
+	$(BIN)/pyright
+	$(BIN)/pytest -n 2
+
+.venv/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "stickslip needs Python 3.11 or newer; name one: make demo PYTHON=python3.12"; exit 1; }
+	$(PYTHON) -m venv .venv
+
+.venv/ready: .venv/bin/python pyproject.toml constraints.txt
+	$(INSTALL) --editable .
+	@touch $@
+
+.venv/ready-for-tests: .venv/bin/python pyproject.toml constraints.txt
+	$(INSTALL) --editable '.[test]'
+	@touch $@ .venv/ready
+
+clean:
+	rm -rf .venv out

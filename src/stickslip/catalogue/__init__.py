@@ -1,0 +1,76 @@
+"""Systems of the literature, each declared in a file of its own.
+
+>>> import stickslip as ss
+>>> ss.catalogue.names()[:3]
+['belt_block', 'block_chain', 'forced_oscillator']
+>>> ss.catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05, V=0.1).name
+'spring_slider'
+
+A file here declares the function of its own name and is found by that name; there is no table to keep up.
+"""
+
+from __future__ import annotations
+
+import sys
+from difflib import get_close_matches
+from importlib import import_module
+from pkgutil import iter_modules
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from stickslip.errors import DeclarationError, short
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from stickslip.system import System
+
+
+def names() -> list[str]:
+    """Names of all systems."""
+    return sorted(module.name for module in iter_modules(__path__) if not module.name.startswith("_"))
+
+
+def get(name: str, **given: Any) -> System:
+    """The system of that name.
+
+    Parameters
+    ----------
+    name : str
+        One of :func:`names`.
+    **given : float or str
+        Parameters as numbers, free functions as formulas.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such system, or it does not accept what is given.
+    """
+    known = names()
+    if name not in known:
+        close = get_close_matches(name.replace("-", "_"), known, 1)
+        raise DeclarationError("catalogue", f"there is no system '{short(name)}'",
+                               f"Did you mean '{close[0]}'?" if close else f"Known: {', '.join(known)}")
+    return __getattr__(name)(**given)
+
+
+def __getattr__(name: str) -> Callable[..., System]:
+    if name.startswith("_") or name not in names():
+        raise AttributeError(f"the catalogue has no system '{name}'; it has {', '.join(names())}")
+    return getattr(import_module(f"{__name__}.{name}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *names()})
+
+
+class _Catalogue(ModuleType):
+    """The import of ``catalogue.rocking_toy`` binds that file here; what is wanted by that name is its function."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if isinstance(value, ModuleType) and value.__name__ == f"{__name__}.{name}":
+            value = getattr(value, name, value)
+        super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Catalogue

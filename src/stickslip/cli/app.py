@@ -1,0 +1,182 @@
+"""The four commands: what they are called, what they take, and how they end."""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import Annotated, NoReturn, ParamSpec
+
+import typer
+
+from stickslip import __version__
+from stickslip.errors import StickslipError
+
+NOT_CERTIFIED, BAD_INPUT, OUR_FAULT, INTERRUPTED = 1, 2, 70, 130
+P = ParamSpec("P")
+
+app = typer.Typer(
+    name="stickslip",
+    help="Exact stick-slip motion of systems with dry friction.",
+    epilog="Begin with: stickslip run rocking_toy",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+
+Model = Annotated[
+    str, typer.Argument(metavar="MODEL", help="A name of the catalogue (see: stickslip list) or a .toml file.")
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Parameter, or free function as a formula; may be repeated."),
+]
+
+
+def finish(message: str, code: int) -> NoReturn:
+    """End with one line on stderr."""
+    typer.echo(f"stickslip: {message}", err=True)
+    raise typer.Exit(code)
+
+
+def guarded(command: Callable[P, None]) -> Callable[P, None]:
+    """Turn everything that can go wrong into one line and an exit code."""
+
+    @wraps(command)
+    def run(*args: P.args, **kwargs: P.kwargs) -> None:
+        try:
+            command(*args, **kwargs)
+        except StickslipError as error:
+            finish(str(error), BAD_INPUT)
+        except KeyboardInterrupt:
+            finish("interrupted; nothing new was written", INTERRUPTED)
+        except OSError as error:
+            if error.errno == errno.EPIPE:
+                raise  # the reader has seen enough, as in: stickslip show rocking_toy | head
+            finish(f"{error.filename or 'file'}: {error.strerror or error}", BAD_INPUT)
+        except typer.Exit:
+            raise
+        except Exception as error:
+            finish(f"a mistake of ours, please report it ({type(error).__name__}: {error})", OUR_FAULT)
+
+    return run
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"stickslip {__version__}")
+        raise typer.Exit()
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command("list")
+@guarded
+def list_() -> None:
+    """List the systems of the catalogue."""
+    from stickslip import catalogue
+
+    systems = [catalogue.get(name) for name in catalogue.names()]
+    names, titles = (max(len(getattr(s, key)) for s in systems) for key in ("name", "title"))
+    for s in systems:
+        typer.echo(f"{s.name:<{names}}   {s.title:<{titles}}   {s.source}".rstrip())
+
+
+@app.command()
+@guarded
+def show(
+    model: Model,
+    settings: Settings = None,
+    latex: Annotated[bool, typer.Option("--latex", help="Equations in LaTeX.")] = False,
+    toml: Annotated[bool, typer.Option("--toml", help="The model file, to start your own from.")] = False,
+) -> None:
+    """Show the equations, parameters and source of a system."""
+    from stickslip.cli.models import load_model
+
+    system = load_model(model, settings or [])
+    if toml:
+        typer.echo(system.to_toml(), nl=False)
+    elif latex:
+        typer.echo(system.equations(latex=True))
+    else:
+        typer.echo(str(system.equations()), nl=False)
+
+
+@app.command()
+@guarded
+def run(
+    model: Model,
+    settings: Settings = None,
+    initial: Annotated[
+        list[str] | None,
+        typer.Option("--initial", metavar="NAME=VALUE", help="Initial value, such as psi=0.8; may be repeated."),
+    ] = None,
+    until: Annotated[float | None, typer.Option("--until", metavar="T", help="End of the time span.")] = None,
+    rtol: Annotated[float, typer.Option("--rtol", help="Accuracy of the whole motion.")] = 1e-10,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder for the results.  [default: out/NAME]")
+    ] = None,
+    json_: Annotated[bool, typer.Option("--json", help="Print the summary as JSON and nothing else.")] = False,
+) -> None:
+    """Compute a motion, certify it, and write it down.
+
+    Writes trajectory.nc, events.csv, summary.json and overview.png into the folder DIR.
+
+    Exit code: 0 certified to its end, 1 not, 2 wrong input, 130 interrupted (what was computed is kept).
+    """
+    from stickslip.cli.models import assignments, load_model, numbers
+    from stickslip.cli.running import compute
+
+    system = load_model(model, settings or [])
+    start = numbers(assignments(initial or [], "--initial"), "--initial")
+    summary, folder = compute(system, start, until, rtol, out)
+    if json_:
+        import json
+
+        typer.echo(json.dumps(summary, indent=2, ensure_ascii=False))
+    else:
+        from stickslip.cli.report import print_summary
+
+        print_summary(summary, folder)
+    if summary["outcome"] == "interrupted":
+        finish(f"interrupted; the motion up to t = {summary['end']:g} is in {folder}", INTERRUPTED)
+    raise typer.Exit(0 if summary["certified"] and summary["complete"] else NOT_CERTIFIED)
+
+
+@app.command()
+@guarded
+def check(
+    file: Annotated[Path, typer.Argument(metavar="FILE.nc", help="A stored trajectory.")],
+    json_: Annotated[bool, typer.Option("--json", help="Print the certificate as JSON and nothing else.")] = False,
+) -> None:
+    """Check a stored trajectory.
+
+    The certificate is recomputed from the stored data alone. Exit code: 0 certified, 1 not, 2 no trajectory.
+    """
+    from stickslip import open_trajectory
+
+    trajectory = open_trajectory(file)
+    certificate = trajectory.certificate
+    if json_:
+        import json
+
+        from stickslip.cli.running import plain
+
+        typer.echo(json.dumps(plain(certificate.to_dict()), indent=2))
+    else:
+        from stickslip.cli.report import print_check
+
+        print_check(file, trajectory)
+    raise typer.Exit(0 if certificate.ok else NOT_CERTIFIED)
+
+

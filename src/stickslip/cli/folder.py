@@ -1,0 +1,93 @@
+"""The folder of one run: complete results or none, and no file of anybody else is replaced."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from stickslip.errors import StickslipError
+
+FILES = ("summary.json", "trajectory.nc", "events.csv", "overview.png")
+
+
+@contextmanager
+def result_folder(path: Path) -> Iterator[Path]:
+    """A place to write to that becomes `path` when everything went well, and vanishes otherwise.
+
+    Raises
+    ------
+    StickslipError
+        If the folder cannot be written, or holds files of these names that are not ours.
+    """
+    existed = path.exists()
+    if existed:
+        _check_ours(path)
+    made: list[Path] = []
+    try:
+        made = _make(path if existed else path.parent)
+        # Beside the goal, so that renaming never copies.
+        place = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=path if existed else path.parent))
+    except OSError as error:
+        _remove_empty(made)
+        reason = f"{path}: cannot be written ({error.strerror})"
+        raise StickslipError(f"{reason}. Choose another folder with --out") from None
+    try:
+        yield place
+        if existed or path.exists():
+            for name in FILES:
+                os.replace(place / name, path / name)
+        else:
+            place.chmod(0o777 & ~_umask())
+            os.rename(place, path)
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
+        _remove_empty(made)
+
+
+def _check_ours(path: Path) -> None:
+    if not path.is_dir():
+        raise StickslipError(f"{path}: is a file, not a folder. Choose another folder with --out")
+    found = [name for name in FILES if os.path.lexists(path / name)]
+    if found and not _is_ours(path):
+        raise StickslipError(
+            f"{path}: holds {', '.join(found)}, not written by stickslip. Choose another folder with --out"
+        )
+
+
+def _is_ours(path: Path) -> bool:
+    try:
+        summary = json.loads((path / "summary.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    regular = all((path / name).is_file() for name in FILES if os.path.lexists(path / name))
+    return regular and isinstance(summary, dict) and summary.get("program") == "stickslip"
+
+
+def _make(path: Path) -> list[Path]:
+    """Make a folder; returns those that did not exist, innermost first."""
+    missing = []
+    folder = path
+    while not folder.exists():
+        missing.append(folder)
+        folder = folder.parent
+    path.mkdir(parents=True, exist_ok=True)
+    return missing
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    for folder in folders:
+        try:
+            folder.rmdir()
+        except OSError:
+            return
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

@@ -1,0 +1,58 @@
+"""What a user types: model names, files, and assignments such as P=1.2 or mu=2/sqrt(alpha)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from stickslip import catalogue, load
+from stickslip.errors import DeclarationError
+from stickslip.expressions import is_number, number
+from stickslip.formulas import Scope
+from stickslip.system import Formula, System
+
+
+def load_model(model: str, settings: Iterable[str]) -> System:
+    """The system that a catalogue name or a model file stands for, with ``--set`` applied.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such model, or something in it or in the settings is wrong.
+    """
+    given = assignments(settings, "--set")
+    if model in catalogue.names():
+        return getattr(catalogue, model)(**given)
+    if model.endswith(".toml") or os.sep in model or Path(model).is_file():
+        return load(model).configure(given)
+    return catalogue.get(model)
+
+
+def assignments(texts: Iterable[str], option: str) -> dict[str, Formula]:
+    """Read NAME=VALUE texts; a value without names in it becomes a number (``1/3`` too)."""
+    found: dict[str, Formula] = {}
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (name.isidentifier() and equals and value):
+            raise DeclarationError(f"{option} {text}", "not of the form NAME=VALUE", f"Write it like {option} P=1.2")
+        if name in found:
+            raise DeclarationError(f"{option} {name}", "given twice", "Give it once")
+        found[name] = _value(value)
+    return found
+
+
+def numbers(given: Mapping[str, Formula], option: str) -> dict[str, float]:
+    """The same, where every value has to be a number."""
+    for name, value in given.items():
+        if isinstance(value, str):
+            raise DeclarationError(f"{option} {name}", f"'{value}' is not a number", "Give a number, like 0.8 or 1/3")
+    return {name: float(value) for name, value in given.items()}
+
+
+def _value(text: str) -> Formula:
+    try:
+        constant = Scope({}).parse(text, "")
+    except DeclarationError:
+        return text  # a formula in the system's names, or a mistake: the declaration will say
+    return number(constant) if is_number(constant) else text

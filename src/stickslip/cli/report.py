@@ -1,0 +1,79 @@
+"""Short tables for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from stickslip.cli.folder import FILES
+from stickslip.equations.spelling import unicode_name
+
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
+
+RESIDUALS = {
+    "energy balance": "energy_residual",
+    "friction law": "stability_violation",
+    "equations": "defect",
+}
+SHOWN = 8  # state variables in the table; all are in summary.json
+
+
+def print_summary(summary: dict[str, Any], folder: Path) -> None:
+    """What happened, whether it is certified, and where it is."""
+    final = [f"{_symbol(name)} = {value:.6g}" for name, value in summary["final"].items() if value is not None]
+    more = [f"... ({len(final)} in all)"] if len(final) > SHOWN else []
+    rows = [
+        ("outcome", summary["outcome"] if summary["complete"] else summary["message"]),
+        ("time", f"{summary['t_span'][0]:g} to {summary['end']:g}"),
+        ("switches", str(summary["switches"])),
+        ("final state", ", ".join(final[:SHOWN] + more)),
+        *_certificate(summary["certificate"]),
+        ("wall time", f"{summary['wall_time']:.3g} s"),
+        ("written", f"{folder}/  {', '.join(FILES)}"),
+    ]
+    _print(summary["title"] or summary["system"], rows, summary["certified"] and summary["complete"])
+    console = Console(stderr=True)
+    for warning in summary["warnings"]:
+        console.print(Text(f"warning: {warning}", style="yellow"))
+
+
+def print_check(file: Path, trajectory: Trajectory) -> None:
+    """The certificate of a stored trajectory."""
+    certificate = trajectory.certificate
+    rows = [
+        ("file", str(file)),
+        ("outcome", trajectory.message),
+        ("switches", str(trajectory.n_switches)),
+        *_certificate(certificate.to_dict()),
+    ]
+    _print(trajectory.system.title or trajectory.system.name, rows, certificate.ok)
+
+
+def _certificate(certificate: dict[str, Any]) -> list[tuple[str, str]]:
+    rows = [("certificate", str(certificate["verdict"]))]
+    for label, key in RESIDUALS.items():
+        value = certificate.get(key)
+        rows.append((f"  {label}", "not finite" if value is None else f"{value:.1e}"))
+    return rows
+
+
+def _print(title: str, rows: Iterable[tuple[str, str]], good: bool) -> None:
+    table = Table.grid(padding=(0, 3))
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column(overflow="fold")
+    for label, text in rows:
+        style = ("green" if good else "bold red") if label in ("outcome", "certificate") else ""
+        table.add_row(label, Text(text, style=style))
+    console = Console()
+    console.print(Text(title, style="bold"))
+    console.print(table)
+
+
+def _symbol(name: str) -> str:
+    return unicode_name(name[2:], 1) if name.startswith("d_") else unicode_name(name)

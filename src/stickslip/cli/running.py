@@ -1,0 +1,108 @@
+"""The work of ``stickslip run``: compute, summarise, write."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stickslip import __version__
+from stickslip.cli.folder import result_folder
+
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
+    from stickslip.system import System
+
+
+def compute(
+    system: System, initial: Mapping[str, float], until: float | None, rtol: float, out: Path | None
+) -> tuple[dict[str, Any], Path]:
+    """Simulate a system and write the results.
+
+    Parameters
+    ----------
+    system : System
+    initial : mapping of str to float
+        Initial values that replace the declared ones.
+    until : float or None
+        End of the time span (the declared one if None).
+    rtol : float
+    out : Path or None
+        Folder for the results, ``out/<name>`` if None.
+
+    Returns
+    -------
+    summary : dict
+        What ``summary.json`` holds.
+    folder : Path
+        Where the results are.
+    """
+    from stickslip.motion.simulate import simulate
+
+    span = (system.span[0], system.span[1] if until is None else until)
+    folder = out or Path("out") / re.sub(r"[^\w.-]+", "_", system.name)
+    with result_folder(folder) as place:
+        with _progress() as progress:
+            trajectory = simulate(system, span, initial, rtol=rtol, progress=progress)
+        summary = summarise(trajectory, rtol)
+        trajectory.save(place / "trajectory.nc")
+        trajectory.events.to_csv(place / "events.csv", index=False)
+        trajectory.plot().savefig(place / "overview.png")
+        text = json.dumps(summary, indent=2, ensure_ascii=False)
+        (place / "summary.json").write_text(text + "\n", encoding="utf-8")
+    return summary, folder
+
+
+def summarise(trajectory: Trajectory, rtol: float) -> dict[str, Any]:
+    """Everything about a result that fits on a page; plain data."""
+    system, certificate = trajectory.system, trajectory.certificate
+    return plain(
+        {
+            "program": "stickslip",
+            "version": __version__,
+            "system": system.name,
+            "title": system.title,
+            "outcome": trajectory.outcome.label,
+            "message": trajectory.message,
+            "complete": trajectory.outcome.ok,
+            "certified": certificate.ok,
+            "t_span": list(trajectory.t_span),
+            "end": float(trajectory.dataset["time"][-1]),
+            "switches": trajectory.n_switches,
+            "final": trajectory.final,
+            "parameters": trajectory.parameters,
+            "functions": {**system.functions, **system.drives},
+            "certificate": certificate.to_dict(),
+            "warnings": trajectory.warnings,
+            "rtol": rtol,
+            "wall_time": trajectory.wall_time,
+        }
+    )
+
+
+def plain(value: Any) -> Any:
+    """Data for JSON, which knows neither NaN nor infinity."""
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[float], None] | None]:
+    """A bar on stderr, if a person is looking."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("moving", total=1.0)
+        yield lambda fraction: bar.update(task, completed=fraction)
