@@ -117,7 +117,7 @@ class Declaration:
 
     def check_range(self, name: str, value: object) -> None:
         """Refuse one parameter value that is unknown, no number, or out of range."""
-        where = f"parameters.{name}"
+        where = entry_key("parameters", name)
         if name not in self.ranges:
             raise DeclarationError(where, "there is no such parameter",
                                    f"Known: {', '.join(self.parameters) or 'none'}")
@@ -150,13 +150,17 @@ def declare(system: System) -> Declaration:
     """
     check_shape(system)
     reader = _Reader(system)
-    reader.names()
-    reader.energy()
-    reader.dissipation()
-    reader.contacts()
-    reader.laws()
-    reader.known_facts()
-    reader.defaults()
+    try:
+        reader.names()
+        reader.energy()
+        reader.dissipation()
+        reader.contacts()
+        reader.laws()
+        reader.known_facts()
+        reader.defaults()
+    except ArithmeticError:
+        # Single formulas are checked one by one; this is for two that are too large only together.
+        raise DeclarationError(system.name, "its numbers are too large", "Check large numbers and exponents") from None
     return reader.result
 
 
@@ -194,20 +198,21 @@ class _Reader:
                 taken.add(f"d_{name}")
 
         for name, parameter in system.parameters.items():
-            where = f"parameters.{name}"
+            where = entry_key("parameters", name)
             claim(name, where)
             check_unit(parameter.unit, f"{where}.unit")
             result.ranges[name] = parse_range(parameter.range, f"{where}.range")
             result.check_range(name, parameter.default)
         kinds = {"inertial": result.inertial, "viscous": result.viscous, "rate-independent": result.rate_independent}
         for name, coordinate in system.coordinates.items():
-            where = f"coordinates.{name}"
+            where = entry_key("coordinates", name)
             claim(name, where, rate=True)
             check_unit(coordinate.unit, f"{where}.unit")
             kinds[coordinate.kind].append(name)
         for name, internal in system.internal.items():
-            claim(name, f"internal.{name}", rate=f"d_{name}" not in system.internal)
-            check_unit(internal.unit, f"internal.{name}.unit")
+            where = entry_key("internal", name)
+            claim(name, where, rate=f"d_{name}" not in system.internal)
+            check_unit(internal.unit, f"{where}.unit")
             result.internal.append(name)
         if not result.state:
             raise DeclarationError("coordinates", "the system has no coordinates and no internal variables",
@@ -220,7 +225,7 @@ class _Reader:
         derivatives = dict[str, Definition]()
         for section, entries in (("functions", system.functions), ("drives", system.drives)):
             for key, text in entries.items():
-                where = f"{section}.'{key}'" if "(" in key else f"{section}.{key}"
+                where = entry_key(section, key)
                 name, arguments = parse_signature(key, where)
                 claim(name, where)
                 self.definitions[name] = Definition(where, arguments, text)
@@ -244,7 +249,7 @@ class _Reader:
         self.clock = self.scope({"t": self.state["t"]}, why="Only t and parameters may stand here")
         self.place = self.scope(self.state, why="Only t, coordinates, internal variables and parameters may stand here")
         self.motion = self.scope(self.state, self.velocities, why="Only rates of inertial coordinates may stand here")
-        anywhere = self.scope(self.state, self.rates, {"speed": ex.sym("speed")}, why="")
+        anywhere = self.scope(self.state, self.rates, {"speed": ex.sym("speed")}, why="Use t, coordinates and rates")
         for name in self.declared:
             anywhere.check(name)
         for name in system.drives:
@@ -300,11 +305,12 @@ class _Reader:
                 raise DeclarationError(f"coordinates.{r}", "a rate-independent coordinate without dry friction",
                                        f"Add a contact with direction 'd_{r}'")
             if len(acting) > 1:
-                raise DeclarationError(f"contacts.'{acting[1]}'", f"'{r}' already has the contact '{acting[0]}'",
+                raise DeclarationError(entry_key("contacts", acting[1]),
+                                       f"'{r}' already has the contact '{short(acting[0])}'",
                                        "Add their thresholds in one contact")
 
     def _contact(self, name: str, contact: Contact) -> DryContact:
-        where = f"contacts.'{name}'"
+        where = entry_key("contacts", name)
         result = self.result
         scope = self.scope(self.rates, why="A direction is a linear combination of rates")
         text = scope.parse(contact.direction, f"{where}.direction")
@@ -375,14 +381,14 @@ class _Reader:
         return min(ex.evaluate(threshold, {**values, "t": t}) for t in times)
 
     def laws(self) -> None:
-        scope = self.scope(self.state, self.rates, why="")
+        scope = self.scope(self.state, self.rates, why="The speed of a contact is known to its kinetic law only")
         for name, internal in self.system.internal.items():
             self.result.laws[name] = scope.parse(internal.law, f"internal.{name}.law")
             _check_slopes(self.result.laws[name], self.result.state, f"internal.{name}.law")
 
     def known_facts(self) -> None:
         for name, condition in self.system.conditions.items():
-            where = f"conditions.{name}"
+            where = entry_key("conditions", name)
             sides = re.split(r"(<=|>=|<|>)", condition.formula)
             if len(sides) != 3:
                 raise DeclarationError(where, "a condition compares two formulas", "Write it like 'P > rho + c'")
@@ -390,7 +396,7 @@ class _Reader:
             margin = left - right if sides[1].startswith(">") else right - left
             self.result.conditions[name] = (margin, condition.otherwise or condition.formula)
         for name, text in self.system.facts.items():
-            self.result.facts[name] = self.static.parse(text, f"facts.{name}")
+            self.result.facts[name] = self.static.parse(text, entry_key("facts", name))
 
     def defaults(self) -> None:
         system, result = self.system, self.result
@@ -405,10 +411,15 @@ class _Reader:
     def _check_translation(self) -> None:
         system, result = self.system, self.result
         shift = {x: ex.num(float(w)) for x, w in system.translation.items()}
-        formulas: dict[str, Expr] = {f"contacts.'{c.name}'.threshold": c.plus for c in result.contacts}
-        formulas |= {f"internal.{n}.law": law for n, law in result.laws.items()} | {"potential": result.potential}
-        values = {**self._initial_values(), **{f"d_{x}": 0.3 for x in result.coordinates}}
-        for where, formula in formulas.items():
+        formulas = [("potential", result.potential), *((f"internal.{n}.law", law) for n, law in result.laws.items())]
+        for c in result.contacts:
+            where = entry_key("contacts", c.name)
+            formulas += [(f"{where}.threshold", c.plus), (f"{where}.threshold", c.minus)]
+            formulas += [(f"{where}.kinetic", c.kinetic_plus), (f"{where}.kinetic", c.kinetic_minus)]
+        for x in result.coordinates:
+            formulas += [(f"coordinates.{x}.force", result.forces[x])]
+        values = {**self._initial_values(), **{f"d_{x}": 0.3 for x in result.coordinates}, "speed": 0.3}
+        for where, formula in formulas:
             change = ex.along(formula, shift)
             # A potential may tilt (a constant pull); its slope must not change under the shift.
             tested = [ex.derivative(change, x) for x in result.coordinates] if where == "potential" else [change]

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
-CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]+")
-
 
 class StickslipError(Exception):
     """Base of every error this library raises on purpose."""
@@ -25,10 +21,15 @@ class DeclarationError(StickslipError, ValueError):
     """
 
     def __init__(self, where: str, reason: str, remedy: str = "") -> None:
-        self.where, self.reason, self.remedy = where, reason, remedy
-        text = f"{where}: {reason}" if where else reason
         # One line on the terminal, whatever stands in the user's file.
-        super().__init__(CONTROL.sub(" ", f"{text}. {remedy}" if remedy else text))
+        self.where, self.reason, self.remedy = (printable(part) for part in (where, reason, remedy))
+        text = f"{self.where}: {self.reason}" if where else self.reason
+        super().__init__(f"{text}. {self.remedy}" if remedy else text)
+
+
+def printable(text: str) -> str:
+    """The text with a space for every character that cannot be printed."""
+    return "".join(c if c.isprintable() else " " for c in text)
 
 
 def short(text: str) -> str:

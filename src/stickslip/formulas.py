@@ -291,7 +291,8 @@ class _Reader:
             return self.scope.apply(name, arguments, self.where)
         wanted = BUILTIN[name]
         if (wanted is not None and len(arguments) != wanted) or not arguments:
-            raise self.fail(f"{name} takes {wanted or 'at least 1'} argument(s), not {len(arguments)}")
+            raise self.fail(f"'{name}' takes {wanted or 'at least 1'} argument(s), not {len(arguments)}",
+                            f"Write {name}({', '.join('xyz'[: wanted or 2])})")
         return self.builtin(name, arguments)
 
     def builtin(self, name: str, arguments: tuple[Expr, ...]) -> Expr:

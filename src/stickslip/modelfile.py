@@ -20,7 +20,7 @@ from stickslip.errors import DeclarationError, short
 from stickslip.shape import entry_key, wrong_kind
 from stickslip.system import Condition, Contact, Inertial, Internal, Parameter, RateIndependent, System, Viscous
 
-MAX_BYTES = 1_000_000
+MAX_BYTES = 300_000  # tomllib reads some 300 kB in a second
 LONG_LINE = 150
 
 KINDS = {kind.kind: kind for kind in (Inertial, Viscous, RateIndependent)}
@@ -209,7 +209,7 @@ def dumps(system: System) -> str:
 
 def _is_default(entry: Any, value: Any) -> bool:
     default = entry.default if entry.default_factory is MISSING else entry.default_factory()
-    return type(value) is type(default) and value == default
+    return repr(value) == repr(default)  # 1, 1.0 and "1" are different things to say
 
 
 def _lines(key: str, value: Any) -> Iterator[str]:

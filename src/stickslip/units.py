@@ -39,4 +39,4 @@ def unit_label(text: str) -> str:
     if text.strip() in ("", "1"):
         return ""
     text = text.replace("**", "^").replace("*", r"\,").replace("µ", r"\mu ")
-    return r"$\mathrm{" + re.sub(r"\^\(?(-?[\d/]+)\)?", r"^{\1}", text) + "}$"
+    return r"$\mathrm{" + re.sub(r"\^(?:\((.*?)\)|(-?\d+(?:/\d+)?))", r"^{\1\2}", text) + "}$"

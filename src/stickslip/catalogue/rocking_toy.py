@@ -49,8 +49,8 @@ def rocking_toy(**given: float | str) -> System:
             "left leg": Contact("d_x_L", threshold="rho + H_L(psi)", unit="N"),
         },
         translation={"x_R": 1, "x_L": 1},
-        initial={"psi": -1.67, "x_R": 0.5},
-        span=(0, 63),
+        initial={"psi": 0.8, "x_R": -0.8},
+        span=(0, 120),
         time_unit="s",
         conditions={
             "stable upright": Condition("a*b > c**2", "the upright position is unstable"),

@@ -6,12 +6,13 @@ from stickslip.system import Condition, Contact, Parameter, RateIndependent, Sys
 def two_leg_crawler(**given: float | str) -> System:
     """Two legs joined by a spring whose rest length oscillates; bristles make forward motion the easier one.
 
-    A leg needs the force f_plus to move forward and f_minus to move backward. The legs are quasistatic.
+    A leg needs the force f_plus to move forward and f_minus to move backward. The legs are quasistatic, and each
+    position is measured from where the leg stands at mid-stroke, so that L is the rest length less its mean.
 
     Parameters
     ----------
     **given : float or str
-        Parameters ``k``, ``f_plus``, ``f_minus``, ``L_0``, ``D``, ``omega``; free function ``L`` (rest length, of t).
+        Parameters ``k``, ``f_plus``, ``f_minus``, ``D``, ``omega``; free function ``L`` (rest length, of t).
 
     References
     ----------
@@ -27,12 +28,11 @@ def two_leg_crawler(**given: float | str) -> System:
             "k": Parameter(1.0, "N/m", "stiffness of the spring", "(0, inf)"),
             "f_plus": Parameter(0.1, "N", "threshold against forward motion", "(0, inf)"),
             "f_minus": Parameter(0.4, "N", "threshold against backward motion", "(0, inf)"),
-            "L_0": Parameter(1.0, "m", "mean rest length"),
             "D": Parameter(1.0, "m", "stroke: largest minus smallest rest length", "[0, inf)"),
             "omega": Parameter(1.0, "rad/s", "angular frequency of the rest length", "(0, inf)"),
         },
         functions={"step": "piecewise(f_minus > f_plus, 1, -1)*max(D - 2*min(f_plus, f_minus)/k, 0)"},
-        drives={"L": "L_0 + D/2*sin(omega*t)"},
+        drives={"L": "D/2*sin(omega*t)"},
         coordinates={
             "x_1": RateIndependent("m", "position of the hind leg"),
             "x_2": RateIndependent("m", "position of the front leg"),
@@ -43,7 +43,6 @@ def two_leg_crawler(**given: float | str) -> System:
             "front leg": Contact("d_x_2", threshold=("f_plus", "f_minus"), unit="N"),
         },
         translation={"x_1": 1, "x_2": 1},
-        initial={"x_2": 1.0},
         span=(0, 40),
         time_unit="s",
         conditions={

@@ -2,8 +2,8 @@
 
 The generated module has four functions:
 
-``setup(p, K, M, C, J)``
-    constants, mass matrix, viscous matrix and contact directions from the parameters;
+``setup(p, K, M, C, J, omega)``
+    constants, mass matrix, viscous matrix, contact directions and drive frequencies from the parameters;
 ``jets(t, y, mode, reg, K, Rq, Rz, N, W, A, B, mag)``
     Taylor coefficients of all rows up to order N along the motion in a mode; 0, or 1 if the rates are not determined;
 ``residual(t, y, mode, reg, K, G, P)``
@@ -21,7 +21,7 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.equations.tape import Constants, Scaled, Tape, literal, scalar_code
 from stickslip.expressions import Expr
 
-GENERATOR = 1  # raise when generated code changes: part of the key of the cache
+GENERATOR = 2  # raise when generated code changes: part of the key of the cache
 HEADER = '''"""Generated from a declaration; do not edit."""
 import math
 import numpy as np
@@ -60,6 +60,8 @@ class Layout:
     rows: int = 0
     constants: int = 0
     magnitudes: int = 0
+    frequencies: int = 0
+    timed: bool = False
 
 
 @dataclass
@@ -262,7 +264,7 @@ class _Generator:
         jets = self.jets(inertial, viscous, laws)
         layout.rows = tape.rows
         setup = self.setup()
-        layout.magnitudes = self.scratch
+        layout.magnitudes, layout.frequencies, layout.timed = self.scratch, len(eq.frequencies), eq.timed
         layout.constants = len(self.constants.slots)
         return Generated("\n".join([HEADER, *setup, "", *jets, "", *residual, "", *powers, ""]), layout)
 
@@ -273,8 +275,9 @@ class _Generator:
         for i, c in enumerate(self.eq.contacts):
             entries += [(f"J[{i}, {j}]", c.direction.get(x, ex.ZERO)) for j, x in enumerate(d.coordinates)]
         fill = [f"{place} = {code(e)}" for place, e in entries]
-        return ["@cfunc(void(vector, vector, matrix, matrix, matrix), cache=True, nopython=True, error_model='numpy')",
-                "def setup(p, K, M, C, J):", *_indent([*self.constants.source(), *fill, "return"])]
+        fill += [f"omega[{i}] = abs({code(e)})" for i, e in enumerate(self.eq.frequencies)]
+        return ["@cfunc(void(vector, vector, matrix, matrix, matrix, vector), cache=True, nopython=True, error_model='numpy')",
+                "def setup(p, K, M, C, J, omega):", *_indent([*self.constants.source(), *fill, "return"])]
 
     def jets(self, inertial: int, viscous: int, laws: list[int]) -> list[str]:
         n, nq, nz, nr = self.n, self.nq, self.nz, self.nr
@@ -307,7 +310,9 @@ class _Generator:
         for i, c in enumerate(acting):
             m = f"mode[{self.mq + self.mz + i}]"
             plus, minus = v[c.plus], v[c.minus]
-            lines.append(f"G[{self.nr + i}] = abs({v[rate.force[i]]}) + max(abs({plus}), abs({minus}))")
+            # The largest force so far: what a residual is small against also where the force passes through zero.
+            scale = " + ".join(f"abs({e!r}*{v[term]})" for term, e in terms(rate.force[i]))
+            lines.append(f"G[{self.nr + i}] = max(G[{self.nr + i}], {scale} + max(abs({plus}), abs({minus})))")
             lines.append(f"G[{i}] = 0.0 if {m} == 0 else ({v[rate.force[i]]} + {plus} if {m} > 0 else {v[rate.force[i]]} - {minus})")
             for j in range(self.nr):
                 h, p, q = (v[x[i][j]] for x in (rate.partial, *rate.threshold_partial))
@@ -325,6 +330,11 @@ class _Generator:
         lines += [f"out[{i}] = {v[e]}" for i, e in enumerate(targets)]
         return ["@cfunc(void(matrix, indices, vector, vector), cache=True, nopython=True, error_model='numpy')",
                 "def powers(W, reg, K, out):", *_indent([*lines, "return"])]
+
+
+def terms(e: Expr) -> list[tuple[Expr, float]]:
+    """Terms of a sum with their coefficients."""
+    return list(e.terms) if e.op == "sum" else [(e, 1.0)]
 
 
 def _indent(lines: list[str]) -> list[str]:

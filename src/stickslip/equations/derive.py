@@ -64,6 +64,10 @@ class MotionEquations:
     rate : RateProblem
     kinks : list of Expr
         Guards of all functions with kinks; region 1 is guard ≥ 0.
+    frequencies : list of Expr
+        Rates ω of the phases of sines and cosines of time.
+    timed : bool
+        Whether time enters the equations.
     energy, dissipation, supply : Expr
         E, the dissipated power and the supplied power, in the state, the rates and the symbols ``u:i``, ``lambda:i``.
     """
@@ -77,6 +81,8 @@ class MotionEquations:
     laws: list[Expr]
     rate: RateProblem
     kinks: list[Expr]
+    frequencies: list[Expr]
+    timed: bool
     energy: Expr
     dissipation: Expr
     supply: Expr
@@ -123,6 +129,8 @@ def derive(declaration: Declaration) -> MotionEquations:
         laws=laws,
         rate=rate,
         kinks=list(guards),
+        frequencies=_frequencies(used, d.parameters),
+        timed=any("t" in e.symbols for e in used),
         energy=energy,
         dissipation=dissipation,
         supply=supply,
@@ -190,3 +198,13 @@ def _powers(d: Declaration, contacts: list[DryContact]) -> tuple[Expr, Expr, Exp
         dissipated = dissipated - force * u
         supplied = supplied + force * c.speed
     return energy, dissipated, supplied
+
+
+def _frequencies(used: list[Expr], parameters: list[str]) -> list[Expr]:
+    found: dict[Expr, None] = {}
+    for node in ex.walk(used):
+        if node.op in ("sin", "cos") and "t" in node.symbols:
+            rate = ex.derivative(node.args[0], "t")
+            if rate.symbols <= set(parameters) and -rate not in found:
+                found[rate] = None
+    return list(found)

@@ -86,7 +86,7 @@ def unicode_unit(unit: str) -> str:
     if unit.strip() in ("", "1"):
         return ""
     text = unit.replace("**", "^").replace("*", "·")
-    return re.sub(r"\^\(?(-?\d+)\)?(?!/)", lambda m: m[1].translate(SUPERSCRIPTS), text)
+    return re.sub(r"\^(?:(-?\d+)|\((-?\d+)\))", lambda m: (m[1] or m[2]).translate(SUPERSCRIPTS), text)
 
 
 def width(text: str) -> int:

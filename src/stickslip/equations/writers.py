@@ -51,7 +51,8 @@ class UnicodeWriter:
         """Text of a tree, in brackets if it binds less than `level`."""
         match node:
             case Number(value):
-                text, own = self.number(value), SUM if value < 0 else ATOM
+                text = self.number(value)
+                own = SUM if value < 0 else ATOM if text.replace(".", "").isdecimal() else PRODUCT
             case Name(name):
                 text, own = self.name(name), ATOM
             case Call():
@@ -194,7 +195,7 @@ class LatexWriter(UnicodeWriter):
         return rf"\tfrac{{{value.numerator}}}{{{value.denominator}}}"
 
     def relation(self, sign: str) -> str:
-        return {"<=": r"\le", ">=": r"\ge", "!=": r"\ne"}.get(sign, sign)
+        return {"<=": r"\leq", ">=": r"\geq", "!=": r"\neq"}.get(sign, sign)
 
     def brackets(self, text: str) -> str:
         tall = r"\frac" in text or r"\begin" in text

@@ -90,6 +90,8 @@ def add(*nodes: Node) -> Node:
     # Each group of equal terms: the powers they share, in the first one's order, and their total factor.
     groups: dict[frozenset[tuple[Node, Node]], tuple[Fraction, Powers]] = {}
     for factor, powers in (split(term) for node in nodes for term in _terms(node)):
+        if factor == 0:
+            continue  # a zero keeps no place for later numbers
         key = frozenset(powers)
         total, first = groups.get(key, (Fraction(0), powers))
         groups[key] = (total + factor, first)

@@ -206,8 +206,8 @@ class _Overview:
         d = self.declaration
         planes: list[Callable[[Axes], None]] = []
         if 1 <= len(d.inertial) <= 2:
-            planes += [self.plane([q], [f"d_{q}"]) for q in d.inertial]
-        elif len(d.state) == 2:
+            planes += [self.plane([q], [f"d_{q}"]) for q in d.inertial if self.returns(q)]
+        elif len(d.state) == 2 and all(map(self.returns, d.state)):
             planes.append(self.plane([d.state[0]], [d.state[1]]))
         relative = [x for x, weight in self.system.translation.items() if weight == 1.0]
         others = [x for x in d.coordinates if x not in relative]
@@ -215,6 +215,12 @@ class _Overview:
         if len(relative) == len(self.system.translation) == 2 and len(others) == 1 and self.same_unit(relative):
             planes.append(self.plane(others, relative))
         return planes
+
+    def returns(self, name: str) -> bool:
+        """Whether a quantity comes back; the plane of one that only moves on is its time trace once more."""
+        steps = np.diff(self.values[name])
+        noise = 1e-9 * float(np.ptp(self.values[name]))
+        return bool(np.any(steps > noise) and np.any(steps < -noise))
 
     def same_unit(self, names: list[str]) -> bool:
         return len({self.unit(name) for name in names}) == 1
@@ -229,13 +235,20 @@ class _Overview:
             axes.plot(x, np.where(sticking, np.nan, y), color=BLUE, lw=1.3, label="slip" if has_contacts else None)
             if has_contacts:
                 label = "stick" if len(self.contacts) == 1 else "all stick"
-                axes.plot(x, np.where(sticking, y, np.nan), color=STICK_LINE, lw=2.2, label=label, zorder=3)
+                phases = _phases(sticking)
+                width = 2.2 if len(phases) <= 20 else 1.4
+                axes.plot(x, np.where(sticking, y, np.nan), color=STICK_LINE, lw=width, label=label, zorder=3)
+                # Where the state rests while it sticks, the line is a point.
+                size = max(np.ptp(x), np.ptp(y))
+                points = [i for i, j in phases if max(np.ptp(x[i:j]), np.ptp(y[i:j])) < 0.01 * size]
+                axes.plot(x[points], y[points], ".", color=STICK_LINE, ms=4.5, zorder=3)
             axes.plot(x[:1], y[:1], "o", ms=6, mfc="white", mec=STICK_LINE, zorder=4, label="start")
             axes.set_xlabel(self.quantity_label(across))
             axes.set_ylabel(self.quantity_label(up))
             _roomy(axes, y)
             axes.margins(x=0.05)
             axes.set_box_aspect(0.9)
+            axes.set_anchor("N")
             axes.xaxis.set_major_locator(MaxNLocator(6))
             legend_above(axes)
 
@@ -262,6 +275,12 @@ def _sample_times(trajectory: Trajectory) -> Array:
     before = np.nextafter(switches, -np.inf)
     times = np.concatenate([np.linspace(start, end, SAMPLES), knots, switches, before])
     return np.unique(times[(times >= start) & (times <= end)])
+
+
+def _phases(holds: Array) -> list[tuple[int, int]]:
+    """First and last plus one index of each run in which a condition holds."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8)))
+    return [(int(i), int(j)) for i, j in edges.reshape(-1, 2)]
 
 
 def _roomy(axes: Axes, values: Array) -> None:

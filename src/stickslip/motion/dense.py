@@ -1,7 +1,8 @@
 """The motion between its knots: values at any time, and integrals over each step.
 
 A trajectory stores the state at the start of every step, no polynomial: the Taylor series is made again from that
-state, so values between knots are as accurate as at the knots, and a stored file gives the same numbers.
+state, so values between knots are as accurate as at the knots, and a stored file gives the same numbers. A long flight
+in closed form is retraced in Taylor steps, so that its end is checked by a method that did not produce it.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from stickslip.motion.engine import JETS, POWERS, resolve
+from stickslip.motion.engine import JETS, POWERS, resolve, step_size
 from stickslip.motion.roots import horner
 
 Array = np.ndarray
@@ -20,7 +21,7 @@ _options = {"cache": True, "error_model": "numpy", "nogil": True}
 
 
 @njit(**_options)
-def sample(jets: JETS, powers: POWERS, sizes: Array, rows: int, magnitudes: int, K: Array, M: Array, C: Array, J: Array, N: int,
+def sample(jets: JETS, powers: POWERS, sizes: Array, rows: int, magnitudes: int, K: Array, M: Array, C: Array, J: Array, N: int, tol: float, atol: float,
            knot_time: Array, knot_state: Array, knot_mode: Array, knot_region: Array, index: Array, times: Array, out: Array) -> None:
     """Order-0 values of all rows, then energy, dissipated and supplied power, at given times.
 
@@ -36,18 +37,26 @@ def sample(jets: JETS, powers: POWERS, sizes: Array, rows: int, magnitudes: int,
     A, B = np.zeros((nr, nr)), np.zeros((nr, nr))
     big = max(nq + mq, nz + mz)
     scratch, known, power = np.zeros((big, big)), np.ones(mq + mz + 1, np.int64), np.zeros(3)
+    nothing = np.zeros(0, np.int64)
     mode, reg = np.zeros(knot_mode.shape[1], np.int64), np.zeros(knot_region.shape[1], np.int64)
-    last = -1
+    last, base, h = -1, 0.0, 0.0
     for i in range(len(times)):
         k = index[i]
-        if k != last:
-            last = k
+        if k != last or times[i] < base:
+            last, base = k, knot_time[k]
             mode[:] = knot_mode[k]
             reg[:] = knot_region[k]
             resolve(sizes, mode, known, M, C, J, scratch, R)
-            jets(knot_time[k], knot_state[k], mode, reg, K, R[0], R[1], N, W, A, B, mag)
+            jets(base, knot_state[k], mode, reg, K, R[0], R[1], N, W, A, B, mag)
+            h = step_size(W, nothing, n, N, 0.0, tol, atol)
+        while times[i] - base > h:
+            for r in range(n):
+                y[r] = horner(W[r], N, h)
+            base += h
+            jets(base, y, mode, reg, K, R[0], R[1], N, W, A, B, mag)
+            h = max(step_size(W, nothing, n, N, h, tol, atol), 1e-12 * (times[i] - base))
         for r in range(n):
-            y[r] = horner(W[r], N, times[i] - knot_time[k])
+            y[r] = horner(W[r], N, times[i] - base)
         jets(times[i], y, mode, reg, K, R[0], R[1], 1, V, A, B, mag)
         powers(V, reg, K, power)
         out[i, :rows] = V[:, 0]
@@ -57,7 +66,7 @@ def sample(jets: JETS, powers: POWERS, sizes: Array, rows: int, magnitudes: int,
 @njit(**_options)
 def integrate_steps(jets: JETS, powers: POWERS, sizes: Array, u_rows: Array, force: Array, plus: Array, minus: Array, kinks: Array,
                     rate_rows: Array, first_rate_contact: int, rows: int, magnitudes: int, K: Array, M: Array, C: Array, J: Array,
-                    N: int, knot_time: Array, knot_state: Array, knot_mode: Array, knot_region: Array, ends: Array, check: bool,
+                    N: int, tol: float, atol: float, knot_time: Array, knot_state: Array, knot_mode: Array, knot_region: Array, ends: Array, check: bool,
                     nodes: Array, weights: Array, work: Array, change: Array, worst: Array) -> None:
     """Integrals of the dissipated and supplied power over [knot k, ends[k]], and violations of the friction law.
 
@@ -67,50 +76,67 @@ def integrate_steps(jets: JETS, powers: POWERS, sizes: Array, u_rows: Array, for
         Receives dissipated and supplied energy of each step.
     change : array, shape (knots, n)
         Receives the integral of the right-hand side over each step.
-    worst : array, shape (8,)
+    worst : array, shape (8 + 2·kinks,)
         Receives the largest |λ| − s, |λ + σk| of rate-independent contacts, |u| in stick, −σu in slip, the scales of force
-        and velocity, the worst relative −guard of a region, and the supplied energy in modulus.
+        and velocity, a free entry, the supplied energy in modulus; then for each kink the largest −guard and |guard|.
     """
     n, nq, nz, nr, mq, mz = sizes[0], sizes[1], sizes[2], sizes[3], sizes[5], sizes[6]
     nc, nk = len(u_rows), len(kinks)
-    W, V, mag, y = np.zeros((rows, N + 1)), np.zeros((rows, 2)), np.zeros(magnitudes), np.zeros(n)
+    W, V, mag, y, start = np.zeros((rows, N + 1)), np.zeros((rows, 2)), np.zeros(magnitudes), np.zeros(n), np.zeros(n)
     R = (np.zeros((nq + mq, nq + mq)), np.zeros((nz + mz, nz + mz)))
     A, B = np.zeros((nr, nr)), np.zeros((nr, nr))
     big = max(nq + mq, nz + mz)
     scratch, known, power = np.zeros((big, big)), np.ones(mq + mz + 1, np.int64), np.zeros(3)
     mode, reg = np.zeros(nc, np.int64), np.zeros(nk, np.int64)
+    side, side_scale = np.zeros(nk), np.zeros(nk)
+    nothing = np.zeros(0, np.int64)
     for k in range(len(ends)):
-        h = ends[k] - knot_time[k]
-        if not h > 0.0:
+        left = ends[k] - knot_time[k]
+        if not left > 0.0:
             continue
         mode[:] = knot_mode[k]
         reg[:] = knot_region[k]
         resolve(sizes, mode, known, M, C, J, scratch, R)
-        jets(knot_time[k], knot_state[k], mode, reg, K, R[0], R[1], N, W, A, B, mag)
-        for g in range(len(nodes)):
-            tau = h * nodes[g]
+        base, last = knot_time[k], 0.0
+        start[:] = knot_state[k]
+        while left > 0.0:
+            jets(base, start, mode, reg, K, R[0], R[1], N, W, A, B, mag)
+            h = min(left, max(step_size(W, nothing, n, N, last, tol, atol), 1e-12 * left))
+            for g in range(len(nodes)):
+                tau = h * nodes[g]
+                for r in range(n):
+                    y[r] = horner(W[r], N, tau)
+                jets(base + tau, y, mode, reg, K, R[0], R[1], 1, V, A, B, mag)
+                powers(V, reg, K, power)
+                work[k, 0] += weights[g] * h * power[1]
+                work[k, 1] += weights[g] * h * power[2]
+                worst[7] += weights[g] * h * abs(power[2])
+                for r in range(n):
+                    change[k, r] += weights[g] * h * V[rate_rows[r], 0]
+                if check:
+                    inspect(V, mode, reg, u_rows, force, plus, minus, kinks, first_rate_contact, worst)
             for r in range(n):
-                y[r] = horner(W[r], N, tau)
-            jets(knot_time[k] + tau, y, mode, reg, K, R[0], R[1], 1, V, A, B, mag)
-            powers(V, reg, K, power)
-            work[k, 0] += weights[g] * h * power[1]
-            work[k, 1] += weights[g] * h * power[2]
-            worst[7] += weights[g] * h * abs(power[2])
-            for r in range(n):
-                change[k, r] += weights[g] * h * V[rate_rows[r], 0]
-            if check:
-                for c in range(nc):
-                    u, held, up, down = V[u_rows[c], 0], V[force[c], 0], V[plus[c], 0], V[minus[c], 0]
-                    worst[4] = max(worst[4], max(abs(held), max(up, down)))
-                    worst[5] = max(worst[5], abs(u))
-                    worst[0] = max(worst[0], max(-up - held, held - down))
-                    if mode[c] == 0:
-                        worst[2] = max(worst[2], abs(u))
-                    else:
-                        worst[3] = max(worst[3], -mode[c] * u)
-                        if c >= first_rate_contact:
-                            worst[1] = max(worst[1], abs(held + (up if mode[c] > 0 else -down)))
-                for j in range(nk):
-                    value = V[kinks[j], 0] if reg[j] == 1 else -V[kinks[j], 0]
-                    if value < 0.0:
-                        worst[6] = max(worst[6], -value / (mag[3 * nc + j] + 1e-300))
+                start[r] = horner(W[r], N, h)
+            base, left, last = base + h, left - h, h
+
+
+@njit(**_options)
+def inspect(V: Array, mode: Array, reg: Array, u_rows: Array, force: Array, plus: Array, minus: Array, kinks: Array,
+            first_rate_contact: int, worst: Array) -> None:
+    """Compare one instant with the friction law; the largest violations so far are kept in `worst`."""
+    nc = len(u_rows)
+    for c in range(nc):
+        u, held, up, down = V[u_rows[c], 0], V[force[c], 0], V[plus[c], 0], V[minus[c], 0]
+        worst[4] = max(worst[4], max(abs(held), max(up, down)))
+        worst[5] = max(worst[5], abs(u))
+        worst[0] = max(worst[0], max(-up - held, held - down))
+        if mode[c] == 0:
+            worst[2] = max(worst[2], abs(u))
+        else:
+            worst[3] = max(worst[3], -mode[c] * u)
+            if c >= first_rate_contact:
+                worst[1] = max(worst[1], abs(held + (up if mode[c] > 0 else -down)))
+    for j in range(len(kinks)):
+        value = V[kinks[j], 0] if reg[j] == 1 else -V[kinks[j], 0]
+        worst[8 + 2 * j] = max(worst[8 + 2 * j], -value)
+        worst[9 + 2 * j] = max(worst[9 + 2 * j], abs(value))

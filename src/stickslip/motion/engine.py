@@ -16,18 +16,19 @@ import numpy as np
 from numba import boolean, float64, int64, njit, types, void
 
 from stickslip.equations.series import invert
+from stickslip.motion import affine
 from stickslip.motion.roots import NONE, first_crossing, horner
 
 Array = np.ndarray
 vector, matrix, indices = float64[::1], float64[:, ::1], int64[::1]
-SETUP = types.FunctionType(void(vector, vector, matrix, matrix, matrix))
+SETUP = types.FunctionType(void(vector, vector, matrix, matrix, matrix, vector))
 JETS = types.FunctionType(
     int64(float64, vector, indices, indices, vector, matrix, matrix, int64, matrix, matrix, matrix, vector))
 RESIDUAL = types.FunctionType(void(float64, vector, indices, indices, vector, vector, matrix))
 POWERS = types.FunctionType(void(matrix, indices, vector, vector))
 
-# Codes of motion.outcome.Outcome, and FULL: the record is full, call again.
-FINISHED, NO_RATE, ON_JUMP, ZENO, TINY, LIMIT, NEGATIVE, UNDEFINED, FULL = 0, 2, 3, 4, 5, 6, 7, 8, 100
+# Codes of motion.outcome.Outcome, and two that ask to be called again: with a new record, or with the closed form of a mode.
+FINISHED, NO_RATE, ON_JUMP, ZENO, TINY, LIMIT, NEGATIVE, UNDEFINED, FULL, NEED = 0, 2, 3, 4, 5, 6, 7, 8, 100, 101
 OK, SINGULAR, NAN, OFF_SURFACE = 0, 1, 2, 3
 
 ROUNDING = 64 * 2.220446049250313e-16
@@ -71,11 +72,12 @@ def reach(W: Array, row: int, shift_row: int, sign: float, N: int, powers: Array
 
 
 @njit(**_options)
-def germ(W: Array, row: int, sign: float, shift_row: int, N: int, powers: Array, size0: float, size1: float, floor0: float, c: Array
-         ) -> tuple[int, int]:
+def germ(W: Array, row: int, sign: float, shift_row: int, N: int, powers: Array, near: float, size0: float, size1: float,
+         precision: float, c: Array) -> tuple[int, int]:
     """Sign of a guard for small times, and the order that decides it.
 
-    The guard is sign·W[row] + W[shift_row]; its coefficients, scaled to the step, are left in c.
+    The guard is sign·W[row] + W[shift_row]; its coefficients, scaled to the step, are left in c. A zero is known no
+    better than the time at which it was found: relative to what the guard does in the steps on both sides.
     """
     largest = 0.0
     for k in range(N):
@@ -85,15 +87,18 @@ def germ(W: Array, row: int, sign: float, shift_row: int, N: int, powers: Array,
         c[k] = v * powers[k]
         if k > 0:
             largest = max(largest, abs(c[k]))
-    if c[0] > floor0:
+    floor = precision * (size0 + near * size1 + largest)
+    if c[0] > floor:
         return 1, 0
-    if c[0] < -floor0:
+    if c[0] < -floor:
         return -1, 0
     floor = ROUNDING * (size0 + powers[1] * size1 + largest)
     for k in range(1, N):
-        if c[k] > floor:
+        # What has just begun to slip has the acceleration 0 by definition.
+        at_least = floor if k > 1 else max(floor, precision * powers[1] * size1)
+        if c[k] > at_least:
             return 1, k
-        if c[k] < -floor:
+        if c[k] < -at_least:
             return -1, k
     return 0, N
 
@@ -181,7 +186,7 @@ def resolve(sizes: Array, mode: Array, known: Array, M: Array, C: Array, J: Arra
     for c in range(mq + mz):
         known[c] = mode[c]
     known[mq + mz] = 1
-    if nq > 0 and not resolvent(M, nq, J, 0, mq, 0, mode, scratch, R[0]):
+    if nq > 0 and not resolvent(M, nq, J, np.int64(0), mq, np.int64(0), mode, scratch, R[0]):
         return False
     if nz > 0 and not resolvent(C, nz, J, mq, mz, nq, mode, scratch, R[1]):
         return False
@@ -225,13 +230,13 @@ def evaluate_mode(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, t
 
 
 @njit(**_options)
-def consider(W: Array, row: int, sign: float, shift_row: int, N: int, powers: Array, size0: float, size1: float, floor0: float,
-             switch: int, pending: Array, labels: Array, count: int, c: Array) -> int:
+def consider(W: Array, row: int, sign: float, shift_row: int, N: int, powers: Array, near: float, size0: float, size1: float,
+             precision: float, switch: int, pending: Array, labels: Array, count: int, c: Array) -> int:
     """Judge one guard: −1 if it becomes negative at once; else the number of guards that may fire within the step."""
     start = sign * W[row, 0] + (W[shift_row, 0] if shift_row >= 0 else 0.0)
-    if start > floor0 and start > reach(W, row, shift_row, sign, N, powers):
+    if start > precision * (size0 + near * size1) and start > reach(W, row, shift_row, sign, N, powers):
         return count
-    s, order = germ(W, row, sign, shift_row, N, powers, size0, size1, floor0, c)
+    s, order = germ(W, row, sign, shift_row, N, powers, near, size0, size1, precision, c)
     if s < 0:
         return -1
     if s > 0:
@@ -252,36 +257,35 @@ def scan(W: Array, mode: Array, reg: Array, u_rows: Array, force: Array, plus: A
 
     Switches are kinks first, then contacts (+1000: towards slip−), then 2000 + i for a threshold that may become negative.
     """
-    nk, nc, count = len(kinks), len(u_rows), 0
-    # Rounding errors are relative to the values in the steps on both sides, however small they are here.
-    near = last + powers[1]
+    nk, nc, count, near = len(kinks), len(u_rows), 0, last + powers[1]
     for j in range(nk):
-        size = mag[3 * nc + j]
-        floor = (FIRED if fired == j else ROUNDING) * (size + near * abs(W[kinks[j], 1]))
-        count = consider(W, kinks[j], 1.0 if reg[j] == 1 else -1.0, -1, N, powers, size, 0.0, floor, j, pending, labels, count, c)
+        precision = FIRED if fired == j else ROUNDING
+        count = consider(W, kinks[j], 1.0 if reg[j] == 1 else -1.0, np.int64(-1), N, powers, near, mag[3 * nc + j], abs(W[kinks[j], 1]),
+                         precision, j, pending, labels, count, c)
         if count < 0:
             return j, 0
     for i in range(nc):
+        precision = FIRED if fired == nk + i else ROUNDING
         if mode[i] == 0:
             size = mag[2 * nc + i] + abs(W[plus[i], 0]) + abs(W[minus[i], 0])
             size += near * (abs(W[force[i], 1]) + abs(W[plus[i], 1]) + abs(W[minus[i], 1]))
-            floor = (FIRED if fired == nk + i else ROUNDING) * size
-            count = consider(W, force[i], 1.0, plus[i], N, powers, size, 0.0, floor, nk + i, pending, labels, count, c)
+            count = consider(W, force[i], 1.0, plus[i], N, powers, near, size, 0.0, precision, nk + i, pending, labels, count, c)
             if count < 0:
                 return nk + i, 0
-            count = consider(W, force[i], -1.0, minus[i], N, powers, size, 0.0, floor, nk + i + 1000, pending, labels, count, c)
+            count = consider(W, force[i], -1.0, minus[i], N, powers, near, size, 0.0, precision, nk + i + 1000, pending, labels,
+                             count, c)
             if count < 0:
                 return nk + i + 1000, 0
         else:
-            count = consider(W, u_rows[i], float(mode[i]), -1, N, powers, mag[i], mag[nc + i], ROUNDING * mag[i], nk + i, pending,
-                             labels, count, c)
+            count = consider(W, u_rows[i], float(mode[i]), np.int64(-1), N, powers, near, mag[i], mag[nc + i] + abs(W[u_rows[i], 1]),
+                             precision, nk + i, pending, labels, count, c)
             if count < 0:
                 return nk + i, 0
     for i in range(len(doubtful)):
         row = doubtful[i]
         size = abs(W[row, 0]) + abs(W[row, 1]) * powers[1]
         before = count
-        count = consider(W, row, 1.0, -1, N, powers, size, 0.0, 1e-12 * size, 2000 + i, pending, labels, count, c)
+        count = consider(W, row, 1.0, np.int64(-1), N, powers, 0.0, size, 0.0, 1e-12, 2000 + i, pending, labels, count, c)
         if count < 0:
             labels[before, 0], labels[before, 1] = 2000 + i, -1
             count = before + 1
@@ -344,69 +348,151 @@ def settle(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force: A
         y0[i] = y[i]
     for i in range(nk + nc):
         touched[i] = 0
-    status = OK
-    for attempt in range(3 * (nk + nc) + 8):
-        if attempt > 0:
+    # First pivoting; if that leaves the admissible modes (a singular or impossible one), every state of the switches concerned.
+    pivots, candidate, total = 0, 0, 0
+    while True:
+        if pivots > 0:
             for i in range(len(y)):
                 y[i] = y0[i]
+        pivots += 1
+        if total > 0:
+            if candidate == total:
+                break
+            code = candidate
+            candidate += 1
+            for i in range(nk + nc):
+                if touched[i] == 1:
+                    if i < nk:
+                        reg[i] = code % 2
+                        code //= 2
+                    else:
+                        mode[i - nk] = code % 3 - 1
+                        code //= 3
         status = evaluate_mode(jets, residual, sizes, u_rows, t, y, mode, reg, K, M, C, J, N, W, R, A, B, G, scratch, mag, last,
-                               known, hold or attempt > 0)
-        if status != OK:
-            break
-        h = min(room, step_size(W, watched, len(y), N, last, tol, atol))
-        fill_powers(powers, h)
-        switch, count = scan(W, mode, reg, u_rows, force, plus, minus, kinks, doubtful, mag, N, powers, last, fired, c, pending, labels)
-        if switch < 0:
-            return OK, h, count
-        touched[flip(switch, mode, reg, nk)] = 1
-    if status == NAN:
-        return NAN, 0.0, 0
-    # Pivoting left the admissible modes (a singular or impossible one): try all states of the switches concerned.
-    if fired >= 0:
-        touched[fired] = 1
-    for i in range(mr):
-        if mode[mq + mz + i] != 0:
-            touched[nk + mq + mz + i] = 1
-    total = 1
-    for i in range(nk + nc):
-        if touched[i] == 1:
-            total *= 2 if i < nk else 3
-    if total > 60000:
-        return SINGULAR, 0.0, 0
-    for candidate in range(total):
-        code = candidate
-        for i in range(nk + nc):
-            if touched[i] == 1:
-                if i < nk:
-                    reg[i] = code % 2
-                    code //= 2
-                else:
-                    mode[i - nk] = code % 3 - 1
-                    code //= 3
-        for i in range(len(y)):
-            y[i] = y0[i]
-        if evaluate_mode(jets, residual, sizes, u_rows, t, y, mode, reg, K, M, C, J, N, W, R, A, B, G, scratch, mag, last, known,
-                         True) != OK:
-            continue
-        h = min(room, step_size(W, watched, len(y), N, last, tol, atol))
-        fill_powers(powers, h)
-        switch, count = scan(W, mode, reg, u_rows, force, plus, minus, kinks, doubtful, mag, N, powers, last, fired, c, pending, labels)
-        if switch < 0:
-            return OK, h, count
+                               known, hold or pivots > 1)
+        if status == NAN:
+            return NAN, 0.0, 0
+        if status == OK:
+            h = min(room, step_size(W, watched, len(y), N, last, tol, atol))
+            fill_powers(powers, h)
+            switch, count = scan(W, mode, reg, u_rows, force, plus, minus, kinks, doubtful, mag, N, powers, last, fired, c, pending, labels)
+            if switch < 0:
+                return OK, h, count
+            if total == 0:
+                touched[flip(switch, mode, reg, nk)] = 1
+        if total == 0 and (status != OK or pivots > 3 * (nk + nc) + 8):
+            if fired >= 0:
+                touched[fired] = 1
+            for i in range(mr):
+                if mode[mq + mz + i] != 0:
+                    touched[nk + mq + mz + i] = 1
+            total = 1
+            for i in range(nk + nc):
+                if touched[i] == 1:
+                    total *= 2 if i < nk else 3
+            if total > 60000:
+                break
     for i in range(len(y)):
         y[i] = y0[i]
     return SINGULAR, 0.0, 0
 
 
 @njit(**_options)
+def fly_on(T: tuple, work: tuple, n: int, nc: int, nk: int, omega: Array, end: float, max_events: int, clock: Array, y: Array, mode: Array,
+           settled: Array, reg: Array, counters: Array, record: bool, count: int, times: Array, states: Array, modes: Array,
+           regions: Array, causes: Array) -> tuple[int, int]:
+    """Closed-form flights from event to event, as long as the modes are affine.
+
+    Returns
+    -------
+    code, count
+        Outcome code, FULL, NEED if the closed form of the present mode is to be made, or −1 where Taylor steps take over.
+    """
+    v, s, de, orders, e, r, p, up, down, c, a, b, taylor, stack, mode0, reg0 = work
+    while True:
+        if record and count == len(times):
+            return FULL, count
+        t, fired = clock[0], counters[2]
+        mode0[:] = mode
+        reg0[:] = reg
+        affine.drive_vector(t, omega, e)
+        slot, ready = -1, False
+        for _ in range(2 * (nk + nc) + 4):
+            key = affine.mode_key(mode, reg)
+            slot = -1
+            for i in range(T[18][0]):
+                if T[1][i] == key:
+                    slot = i
+                    break
+            if slot < 0:
+                if T[18][0] < len(T[0]):
+                    return NEED, count
+                break
+            if T[0][slot] != affine.AFFINE or not affine.admissible(T, slot, y, e, nc, clock[1]):
+                break
+            guard = affine.germs(T, slot, y, e, omega, fired, clock[1], v, s, de, orders)
+            if guard < 0:
+                ready = True
+                break
+            if T[13][slot, guard] >= 2000:
+                break
+            flip(T[13][slot, guard], mode, reg, nk)
+        if not ready:
+            mode[:] = mode0
+            reg[:] = reg0
+            return -1, count
+        for i in range(nc):
+            if settled[i] != mode[i]:
+                counters[1] += 1 if settled[i] < 2 else 0
+                settled[i] = mode[i]
+        if record:
+            times[count], causes[count] = t, fired
+            states[count] = y
+            modes[count] = mode
+            regions[count] = reg
+            count += 1
+        if t >= end:
+            return FINISHED, count
+        tau, guard = affine.fly(T, slot, y, t, end - t, omega, e, orders, r, p, up, down, c, a, b, taylor, stack)
+        affine.arrive(T, slot, y, tau, omega, r, p, up, down)
+        counters[4] += 1
+        clock[1] = tau
+        clock[0] = t + tau if guard >= 0 else end
+        counters[2] = -1
+        if guard < 0:
+            continue
+        if T[13][slot, guard] >= 2000:
+            return -1, count
+        code = fire(T[13][slot, guard], mode, reg, nk, clock, counters, max_events)
+        if code >= 0:
+            return code, count
+
+
+@njit(**_options)
+def fire(switch: int, mode: Array, reg: Array, nk: int, clock: Array, counters: Array, max_events: int) -> int:
+    """Count an event and give its switch the other state; an outcome code if the motion ends here, else −1."""
+    fired = flip(switch, mode, reg, nk)
+    counters[2] = fired
+    counters[0] += 1
+    counters[3] += 1 if fired < nk else 0
+    if counters[0] % ZENO_EVENTS == 0:
+        if clock[0] - clock[2] < 1e-10 * clock[3]:
+            return ZENO
+        clock[2] = clock[0]
+    return LIMIT if counters[0] >= max_events else -1
+
+
+@njit(**_options)
 def integrate(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force: Array, plus: Array, minus: Array, kinks: Array,
-              watched: Array, doubtful: Array, rows: int, magnitudes: int, K: Array, M: Array, C: Array, J: Array, N: int, tol: float, atol: float,
-              end: float, max_events: int, clock: Array, y: Array, mode: Array, settled: Array, reg: Array, counters: Array, record: bool,
+              watched: Array, doubtful: Array, rows: int, magnitudes: int, K: Array, M: Array, C: Array, J: Array, omega: Array, T: tuple,
+              N: int, tol: float, atol: float, end: float, max_events: int, clock: Array, y: Array, mode: Array, settled: Array, reg: Array, counters: Array, record: bool,
               times: Array, states: Array, modes: Array, regions: Array, causes: Array) -> tuple[int, int]:
     """Follow the motion until `end`, or until the record is full.
 
     Parameters
     ----------
+    omega, T
+        Frequencies of the drives, and the tables of closed forms (of capacity 0: Taylor steps only).
     clock : array [t, last step, time of an event ZENO_EVENTS events ago, span]
     settled : array of int
         Mode of each contact before the last event (9: none yet).
@@ -431,8 +517,19 @@ def integrate(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force
     powers, guards = np.zeros(N + 1), nk + 2 * nc + len(doubtful) + 1
     pending, labels = np.zeros((guards, N + 1)), np.zeros((guards, 2), np.int64)
     known = np.ones(mq + mz + 1, np.int64)
-    count = 0
+    count = np.int64(0)
+    ne = 2 + 2 * len(omega)
+    complexes = np.zeros((4, n + len(omega)), np.complex128)
+    work = (np.zeros((affine.GERM_ORDERS, n)), np.zeros((affine.GERM_ORDERS, n)), np.zeros((affine.GERM_ORDERS, ne)),
+            np.zeros(nk + 2 * nc + len(doubtful), np.int64), np.zeros(ne), complexes[0], np.zeros((n, 3), np.complex128),
+            np.zeros((n, len(omega)), np.complex128), np.zeros((n, len(omega)), np.complex128), np.zeros(3), complexes[1],
+            complexes[2], np.zeros(33), stack, np.zeros(nc, np.int64), np.zeros(nk, np.int64))
     while True:
+        if len(T[0]) > 0:
+            code, count = fly_on(T, work, n, nc, nk, omega, end, max_events, clock, y, mode, settled, reg, counters, record, count,
+                                 times, states, modes, regions, causes)
+            if code >= 0:
+                return code, count
         if record and count == len(times):
             return FULL, count
         t, fired = clock[0], counters[2]
@@ -461,7 +558,11 @@ def integrate(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force
         if t >= end:
             return FINISHED, count
         if h < 1e-15 * max(abs(t), 1e-3) and h < end - t:
-            return TINY, count
+            # The rate of a sliding rate-independent coordinate runs away where its branch of equilibria ends.
+            sliding = False
+            for i in range(nr):
+                sliding = sliding or mode[mq + mz + i] != 0
+            return (NO_RATE if sliding else TINY), count
         x, which = first_event(pending, labels, may_fire, N, stack)
         if which >= 2000 and x == 0.0:
             return NEGATIVE, count
@@ -475,19 +576,49 @@ def integrate(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force
             continue
         if which >= 2000:
             return NEGATIVE, count
-        fired = flip(which, mode, reg, nk)
-        counters[2] = fired
-        counters[0] += 1
-        counters[3] += 1 if fired < nk else 0
-        if counters[0] % ZENO_EVENTS == 0:
-            if clock[0] - clock[2] < 1e-10 * clock[3]:
-                return ZENO, count
-            clock[2] = clock[0]
-        if counters[0] >= max_events:
-            return LIMIT, count
+        code = fire(which, mode, reg, nk, clock, counters, max_events)
+        if code >= 0:
+            return code, count
 
 
 @njit(cache=True)
-def run_setup(setup: SETUP, p: Array, K: Array, M: Array, C: Array, J: Array) -> None:
+def run_setup(setup: SETUP, p: Array, K: Array, M: Array, C: Array, J: Array, omega: Array) -> None:
     """Call a compiled setup function."""
-    setup(p, K, M, C, J)
+    setup(p, K, M, C, J, omega)
+
+
+@njit(**_options)
+def probe(jets: JETS, sizes: Array, u_rows: Array, force: Array, plus: Array, minus: Array, kinks: Array, rows: int, magnitudes: int,
+          K: Array, M: Array, C: Array, J: Array, mode: Array, reg: Array, times: Array, states: Array, out: Array, hold: Array) -> bool:
+    """Rates of the state, then u, λ, s⁺, s⁻ and guards of a mode at some times and states; False if not all finite.
+
+    `hold` receives the columns that put the velocities of sticking inertial contacts back onto their surface.
+    """
+    n, nq, nz, nr, mq, mz = sizes[0], sizes[1], sizes[2], sizes[3], sizes[5], sizes[6]
+    nc, nk = len(u_rows), len(kinks)
+    W, mag = np.zeros((rows, 2)), np.zeros(magnitudes)
+    R = (np.zeros((nq + mq, nq + mq)), np.zeros((nz + mz, nz + mz)))
+    big = max(nq + mq, nz + mz)
+    scratch, known = np.zeros((big, big)), np.ones(mq + mz + 1, np.int64)
+    A, B = np.zeros((nr, nr)), np.zeros((nr, nr))
+    if not resolve(sizes, mode, known, M, C, J, scratch, R):
+        return False
+    for c in range(mq):
+        for i in range(nq):
+            hold[c, i] = R[0][i, nq + c] if mode[c] == 0 else 0.0
+    for p in range(len(times)):
+        if jets(times[p], states[p], mode, reg, K, R[0], R[1], 1, W, A, B, mag) != OK:
+            return False
+        for i in range(n):
+            out[p, i] = W[i, 1]
+        for c in range(nc):
+            out[p, n + c] = W[u_rows[c], 0]
+            out[p, n + nc + c] = W[force[c], 0]
+            out[p, n + 2 * nc + c] = W[plus[c], 0]
+            out[p, n + 3 * nc + c] = W[minus[c], 0]
+        for j in range(nk):
+            out[p, n + 4 * nc + j] = W[kinks[j], 0]
+        for i in range(n + 4 * nc + nk):
+            if not np.isfinite(out[p, i]):
+                return False
+    return True

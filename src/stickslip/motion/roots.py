@@ -41,7 +41,7 @@ def horner(c: Array, d: int, x: float) -> float:
 
 
 @njit(**_options)
-def crossing(c: Array, d: int, a: float, b: float) -> float:
+def crossing(c: Array, d: int, a: float, b: float, noise: float) -> float:
     """The root between a and b, where the polynomial is positive at a, negative at b (Newton inside a bracket)."""
     low, high = a, b
     x = 0.5 * (a + b)
@@ -50,12 +50,12 @@ def crossing(c: Array, d: int, a: float, b: float) -> float:
         for k in range(d - 1, -1, -1):
             ds = ds * x + s
             s = s * x + c[k]
+        if abs(s) <= noise:
+            return x
         if s > 0.0:
             low = x
-        elif s < 0.0:
-            high = x
         else:
-            return x
+            high = x
         new = x - s / ds if ds != 0.0 else low - 1.0
         if not low < new < high:
             new = 0.5 * (low + high)
@@ -117,7 +117,7 @@ def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -
         if changes == 1 and b[d] < -floor:
             if b[0] <= 0.0:
                 return limit * left
-            return crossing(c, d, limit * left, limit * (left + width))
+            return crossing(c, d, limit * left, limit * (left + width), floor / 64.0)
         if depth == _HALVINGS or width < 1e-17:
             return limit * left
         # Left half goes on top of the right half, so that the leftmost crossing is found first.

@@ -32,6 +32,8 @@ class Problem:
         Order of the Taylor series.
     tolerance, atol : float
         Local tolerance of a step relative to the size of the state plus `atol`.
+    exact : bool
+        Use closed forms for affine modes; False: Taylor steps everywhere (the two check each other).
     """
 
     system: System
@@ -39,6 +41,7 @@ class Problem:
     order: int
     tolerance: float
     atol: float
+    exact: bool = True
 
     @cached_property
     def compiled(self):  # noqa: ANN201
@@ -48,17 +51,34 @@ class Problem:
         return compile_system(self.system)
 
     @cached_property
-    def matrices(self) -> tuple[Array, Array, Array, Array]:
-        """Constants K, mass matrix M, viscous matrix C and contact directions J."""
-        from stickslip.motion import engine  # noqa: F401  (numba)
+    def constants(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Constants K, mass matrix M, viscous matrix C, contact directions J and drive frequencies ω."""
+        from stickslip.motion.engine import run_setup
 
         layout, s = self.compiled.layout, self.compiled.layout.sizes
         p = np.array([self.parameters[name] for name in self.system.parameters], dtype=float)
         K = np.zeros(max(layout.constants, 1))
         M, C = np.zeros((s["nq"], s["nq"])), np.zeros((s["nz"], s["nz"]))
         J = np.zeros((len(layout.u), s["nq"] + s["nz"] + s["nr"]))
-        call_setup(self.compiled.setup, p, K, M, C, J)
-        return K, M, C, J
+        omega = np.zeros(layout.frequencies)
+        run_setup(self.compiled.setup, p, K, M, C, J, omega)
+        return K, M, C, J, omega
+
+    @property
+    def matrices(self) -> tuple[Array, Array, Array, Array]:
+        """K, M, C and J."""
+        return self.constants[:4]
+
+    @cached_property
+    def closed_forms(self) -> tuple[Array, ...]:
+        """Storage of the closed forms of affine modes, filled while the motion is computed."""
+        from stickslip.motion import affine
+
+        layout = self.compiled.layout
+        switches, n = len(layout.u) + len(layout.kinks), layout.sizes["n"]
+        capacity = 64 if self.exact and switches <= 30 and n <= 24 and layout.frequencies <= 6 else 0
+        doubtful = len(self.tables[-1])
+        return affine.tables(capacity, n, len(layout.u), len(layout.kinks), doubtful, 2 + 2 * layout.frequencies)
 
     @cached_property
     def tables(self) -> tuple[Array, ...]:
@@ -85,14 +105,8 @@ class Problem:
         return np.array([float(given.get(name, 0.0)) for name in declaration.state])
 
 
-def call_setup(setup: Callable, p: Array, K: Array, M: Array, C: Array, J: Array) -> None:
-    """Run a compiled setup function."""
-    from stickslip.motion.engine import run_setup
-
-    run_setup(setup, p, K, M, C, J)
-
-
-def pose(system: System, parameters: Mapping[str, float] | None = None, rtol: float = 1e-10, atol: float = 1e-12) -> Problem:
+def pose(system: System, parameters: Mapping[str, float] | None = None, rtol: float = 1e-10, atol: float = 1e-12,
+         exact: bool = True) -> Problem:
     """Check parameters and tolerances, and bind them to a system.
 
     Raises
@@ -110,7 +124,7 @@ def pose(system: System, parameters: Mapping[str, float] | None = None, rtol: fl
     # Global quality: local steps are kept three digits finer than asked for; with Taylor series that is nearly free.
     tolerance = max(1e-3 * rtol, 1e-16)
     order = max(8, min(24, math.ceil(-0.5 * math.log(tolerance)) + 1))
-    return Problem(system, {k: float(v) for k, v in values.items()}, order, tolerance, max(atol / rtol, 1e-6))
+    return Problem(system, {k: float(v) for k, v in values.items()}, order, tolerance, max(atol / rtol, 1e-6), exact)
 
 
 def simulate(system: System, t_span: tuple[float, float] | None = None, initial: Mapping[str, float] | None = None,
@@ -176,6 +190,7 @@ def check_span(span: object) -> tuple[float, float]:
 def follow(problem: Problem, start: float, end: float, y: Array, max_events: int, progress: Callable[[float], None] | None = None):  # noqa: ANN201
     """Run the compiled loop chunk by chunk; Ctrl-C between two chunks keeps what is done."""
     from stickslip.motion import engine
+    from stickslip.motion.closed_form import make_closed_form
     from stickslip.motion.trajectory import Knots
 
     compiled, layout = problem.compiled, problem.compiled.layout
@@ -188,12 +203,14 @@ def follow(problem: Problem, start: float, end: float, y: Array, max_events: int
     size = 64
     code = engine.FULL
     try:
-        while code == engine.FULL:
+        while code in (engine.FULL, engine.NEED):
+            if code == engine.NEED:
+                make_closed_form(problem, mode, reg)
             size = min(2 * size, CHUNK)
             record = Knots.empty(size, n, nc, nk)
             code, count = engine.integrate(
-                compiled.jets, compiled.residual, *problem.tables, layout.rows, max(layout.magnitudes, 1), *problem.matrices,
-                problem.order, problem.tolerance, problem.atol, end, max_events, clock, y, mode, settled, reg, counters, True,
+                compiled.jets, compiled.residual, *problem.tables, layout.rows, max(layout.magnitudes, 1), *problem.constants,
+                problem.closed_forms, problem.order, problem.tolerance, problem.atol, end, max_events, clock, y, mode, settled, reg, counters, True,
                 record.time, record.state, record.mode, record.region, record.cause)
             pieces.append(record.first(count))
             if progress is not None:

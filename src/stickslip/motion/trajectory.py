@@ -142,7 +142,7 @@ class Trajectory:
         p, k = self._problem, self.knots
         out = np.empty((len(times), p.compiled.layout.rows + 3))
         dense.sample(p.compiled.jets, p.compiled.powers, p.tables[0], p.compiled.layout.rows, max(p.compiled.layout.magnitudes, 1),
-                     *p.matrices, p.order, k.time, k.state, k.mode, k.region, index, times, out)
+                     *p.matrices, p.order, p.tolerance, p.atol, k.time, k.state, k.mode, k.region, index, times, out)
         return out
 
     @cached_property
@@ -165,12 +165,12 @@ class Trajectory:
         p, k = self._problem, self.knots
         layout, sizes = p.compiled.layout, p.compiled.layout.sizes
         n = sizes["n"]
-        work, change, worst = np.zeros((len(ends), 2)), np.zeros((len(ends), n)), np.zeros(8)
+        work, change, worst = np.zeros((len(ends), 2)), np.zeros((len(ends), n)), np.zeros(8 + 2 * sizes["kinks"])
         inertial = self.system.declaration.inertial
         rates = [layout.state.index(f"d_{q}") for q in inertial] + [layout.named[f"dd_{q}"] for q in inertial]
         rates += [layout.named[f"d_{x}"] for x in layout.state[2 * len(inertial):]]
         dense.integrate_steps(p.compiled.jets, p.compiled.powers, *p.tables[:6], np.array(rates, dtype=np.int64),
-                              sizes["mq"] + sizes["mz"], layout.rows, max(layout.magnitudes, 1), *p.matrices, p.order,
+                              sizes["mq"] + sizes["mz"], layout.rows, max(layout.magnitudes, 1), *p.matrices, p.order, p.tolerance, p.atol,
                               k.time[index], k.state[index], k.mode[index], k.region[index], ends, check, dense.GAUSS_NODES,
                               dense.GAUSS_WEIGHTS, work, change, worst)
         return work, change, worst

@@ -1,0 +1,467 @@
+"""Exact flow of modes that are affine in the state: closed form instead of steps.
+
+In an affine mode, driven by 1, t, cos ωt and sin ωt with the frequencies of the declaration, every guard g is
+
+    g(τ) = c₀ + c₁τ + c₂τ² + Re Σⱼ aⱼ exp(λⱼτ) + Re Σₘ bₘ exp(iωₘτ)
+
+and its first crossing is found over the whole flight. The closed forms themselves are made by
+:mod:`stickslip.motion.closed_form`; here they are only followed.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from stickslip.motion.roots import NONE, first_crossing
+
+Array = np.ndarray
+
+UNKNOWN, AFFINE, SMOOTH = 0, 1, 2
+ROUNDING = 64 * 2.220446049250313e-16
+FIRED = 1e5  # a switch that has just fired is on its boundary by definition
+WINDOW_ORDER = 22
+GERM_ORDERS = 6
+
+_options = {"cache": True, "error_model": "numpy", "nogil": True}
+
+
+@njit(**_options)
+def drive_vector(t: float, omega: Array, e: Array) -> None:
+    """e = (1, t, cos ω₁t, sin ω₁t, …)."""
+    e[0], e[1] = 1.0, t
+    for m in range(len(omega)):
+        e[2 + 2 * m] = math.cos(omega[m] * t)
+        e[3 + 2 * m] = math.sin(omega[m] * t)
+
+
+@njit(**_options)
+def drive_rate(e: Array, omega: Array, out: Array) -> None:
+    """Derivative of a drive vector."""
+    out[0], out[1] = 0.0, e[0]
+    for m in range(len(omega)):
+        out[2 + 2 * m] = -omega[m] * e[3 + 2 * m]
+        out[3 + 2 * m] = omega[m] * e[2 + 2 * m]
+
+
+@njit(**_options)
+def signal(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, x: float) -> tuple[float, float]:
+    """Value and slope of c₀ + c₁x + c₂x² + Re Σ aⱼ exp(λⱼx) + Re Σ bₘ exp(iωₘx)."""
+    g, d = c[0] + x * (c[1] + x * c[2]), c[1] + 2.0 * x * c[2]
+    for j in range(nb):
+        if lam[j].imag == 0.0:
+            z = a[j].real * math.exp(lam[j].real * x)
+            g += z
+            d += lam[j].real * z
+        else:
+            r, angle = math.exp(lam[j].real * x), lam[j].imag * x
+            cosine, sine = r * math.cos(angle), r * math.sin(angle)
+            re = a[j].real * cosine - a[j].imag * sine
+            im = a[j].real * sine + a[j].imag * cosine
+            g += re
+            d += lam[j].real * re - lam[j].imag * im
+    for m in range(len(omega)):
+        cosine, sine = math.cos(omega[m] * x), math.sin(omega[m] * x)
+        g += b[m].real * cosine - b[m].imag * sine
+        d -= omega[m] * (b[m].real * sine + b[m].imag * cosine)
+    return g, d
+
+
+@njit(**_options)
+def falling_root(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, low: float, high: float, guess: float,
+                 floor: float) -> float:
+    """The crossing from + to − between low and high (Newton inside the bracket, down to the rounding of the values)."""
+    x, noise = guess if low < guess < high else 0.5 * (low + high), floor / 64.0
+    for _ in range(100):
+        g, d = signal(c, a, lam, nb, b, omega, x)
+        if abs(g) <= noise:
+            return x
+        if g > 0.0:
+            low = x
+        else:
+            high = x
+        new = x - g / d if d != 0.0 else low
+        if not low < new < high:
+            new = 0.5 * (low + high)
+        if abs(new - x) <= 4e-16 * abs(new) or new == low or new == high:
+            return new
+        x = new
+    return x
+
+
+@njit(**_options)
+def first_fall(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, limit: float, floor: float, rising: int,
+               work: Array, stack: Array) -> float:
+    """First crossing from + to − of a signal in ]0, limit], or NONE-like infinity.
+
+    Parameters
+    ----------
+    rising : int
+        Order of the first Taylor coefficient that is not zero (0: the signal starts positive; > 0: it starts at zero).
+    """
+    # Only what this signal contains counts.
+    real, waves, which = 0, 0, -1
+    decay = True
+    amplitude = 0.0
+    for j in range(nb):
+        if abs(a[j]) > 0.1 * floor:
+            which = j
+            amplitude += abs(a[j])
+            decay = decay and lam[j].real <= 0.0
+            if lam[j].imag == 0.0:
+                real += 1
+            else:
+                waves += 1
+    drives = 0
+    for m in range(len(omega)):
+        if abs(b[m]) > 0.1 * floor:
+            drives += 1
+            amplitude += abs(b[m])
+    if decay and c[1] >= 0.0 and c[2] >= 0.0 and c[0] - amplitude > 0.0:
+        return np.inf
+    if drives == 0 and c[2] == 0.0:
+        if waves == 0 and real == 0:
+            return _line(c, limit, rising)
+        if waves == 0 and real == 1:
+            return _bend(c, a, lam, nb, b, omega, which, limit, floor, rising)
+        if waves == 1 and real == 0 and c[1] == 0.0:
+            return _wave(c, a, lam, nb, b, omega, which, limit, floor, rising)
+    return _windows(c, a, lam, nb, b, omega, limit, floor, rising, work, stack)
+
+
+@njit(**_options)
+def _line(c: Array, limit: float, rising: int) -> float:
+    """c₀ + c₁x."""
+    if c[1] >= 0.0 or rising > 0:
+        return np.inf
+    x = -c[0] / c[1]
+    return x if x <= limit else np.inf
+
+
+@njit(**_options)
+def _bend(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, j: int, limit: float, floor: float, rising: int) -> float:
+    """c₀ + c₁x + r exp(λx): convex or concave, so at most one extremum."""
+    r, rate = a[j].real, lam[j].real
+    ratio = -c[1] / (r * rate)
+    turn = math.log(ratio) / rate if ratio > 0.0 else -1.0
+    start = 0.0
+    if turn > 0.0:
+        if r > 0.0:  # a minimum: the crossing lies before it
+            stop = min(turn, limit)
+            if signal(c, a, lam, nb, b, omega, stop)[0] >= (-floor if stop == turn else 0.0):
+                return np.inf
+            return falling_root(c, a, lam, nb, b, omega, 0.0, stop, 0.0, floor)
+        start = min(turn, limit)  # a maximum: the crossing lies after it
+    elif rising > 0 and (r > 0.0 or c[1] + r * rate >= 0.0):
+        return np.inf
+    if signal(c, a, lam, nb, b, omega, limit)[0] >= 0.0:
+        return np.inf
+    guess = -c[0] / c[1] if c[1] != 0.0 and rate < 0.0 else 0.0
+    if rate < 0.0 and r < 0.0 and c[1] < 0.0 and guess < limit:
+        limit = guess  # below its asymptote: the asymptote's zero lies beyond the crossing
+    return falling_root(c, a, lam, nb, b, omega, start, limit * (1.0 + 1e-15), guess, floor)
+
+
+@njit(**_options)
+def _wave(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, j: int, limit: float, floor: float, rising: int) -> float:
+    """c₀ + exp(μx) R cos(ωx + φ): its extrema are half a period apart."""
+    mu, w = lam[j].real, lam[j].imag
+    size = abs(a[j])
+    phase = math.atan2(a[j].imag, a[j].real)
+    half = math.pi / w
+    # g′ = R|λ| exp(μx) cos(ωx + φ + arg λ) vanishes where its argument is π/2 modulo π.
+    turn = (0.5 * math.pi - phase - math.atan2(w, mu)) / w
+    turn -= half * math.floor(turn / half)
+    if rising > 1 and turn < 1e-7 * half:
+        turn += half  # the signal starts at its minimum
+    before, climbing = 0.0, rising > 0
+    while True:
+        stop = min(turn, limit)
+        if not climbing and signal(c, a, lam, nb, b, omega, stop)[0] < (-floor if stop == turn else 0.0):
+            guess = 0.5 * (before + stop)
+            cosine = -c[0] / (size * math.exp(mu * guess))
+            if abs(cosine) < 1.0:
+                angle = math.acos(cosine) - phase  # there the cosine falls
+                guess = (angle - 2.0 * math.pi * math.floor((angle - w * before) / (2.0 * math.pi))) / w
+            return falling_root(c, a, lam, nb, b, omega, before, stop, guess, floor)
+        if stop == limit or (mu <= 0.0 and c[0] > size * math.exp(mu * turn)):
+            return np.inf
+        climbing = False
+        before, turn = turn, turn + half
+
+
+@njit(**_options)
+def _windows(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, limit: float, floor: float, rising: int, work: Array,
+             stack: Array) -> float:
+    """Any signal: window after window, its Taylor polynomial and the roots of that."""
+    fastest = 0.0
+    for j in range(nb):
+        fastest = max(fastest, abs(lam[j]))
+    for m in range(len(omega)):
+        fastest = max(fastest, omega[m])
+    h = min(limit, 1.5 / fastest if fastest > 0.0 else limit)
+    start, order = 0.0, rising
+    N = WINDOW_ORDER
+    while start < limit:
+        h = min(h, limit - start)
+        for k in range(N + 1):
+            work[k] = 0.0
+        work[0] = c[0] + start * (c[1] + start * c[2])
+        work[1] = (c[1] + 2.0 * c[2] * start) * h
+        work[2] = c[2] * h * h
+        for j in range(nb):
+            z = a[j] * np.exp(lam[j] * start)
+            for k in range(N + 1):
+                work[k] += z.real
+                z = z * lam[j] * h / (k + 1)
+        for m in range(len(omega)):
+            z = b[m] * np.exp(1j * omega[m] * start)
+            for k in range(N + 1):
+                work[k] += z.real
+                z = z * 1j * omega[m] * h / (k + 1)
+        if order > 0:
+            for k in range(N + 1 - order):
+                work[k] = work[k + order]
+        elif work[0] <= floor:
+            # Touching zero at the seam of two windows: its sign decides there.
+            if work[1] < 0.0:
+                return start
+            work[0] = abs(work[0])
+        if work[0] > 0.0:
+            x = first_crossing(work, N - order, 1.0, floor, stack)
+            if x < NONE:
+                return start + x * h
+        start += h
+        order = 0
+    return np.inf
+
+
+def tables(capacity: int, n: int, contacts: int, kinks: int, doubtful: int, ne: int) -> tuple[Array, ...]:
+    """Empty storage of closed forms: one slot per mode."""
+    guards = kinks + 2 * contacts + doubtful
+    z = np.zeros
+    return (
+        z(capacity, np.int64),  # 0 status
+        z(capacity, np.int64),  # 1 key of the mode
+        z((capacity, 4), np.int64),  # 2 number of exponents, of guards
+        z((capacity, n, n)),  # 3 A
+        z((capacity, n, ne)),  # 4 F: ẋ = A x + F e(t)
+        z((capacity, n), np.complex128),  # 5 exponents λ
+        z((capacity, n, n), np.complex128),  # 6 L: w = L x
+        z((capacity, n, n), np.complex128),  # 7 B: ẇ = λ w + B x_frozen + φ e
+        z((capacity, n, ne), np.complex128),  # 8 φ
+        z((capacity, n, n), np.complex128),  # 9 V: x = Re V w for the moving components
+        z((capacity, guards, n)),  # 10 P
+        z((capacity, guards, ne)),  # 11 Q: guard = P x + Q e
+        z((capacity, guards, n), np.complex128),  # 12 P V
+        z((capacity, guards), np.int64),  # 13 switch of each guard
+        z((capacity, n), np.int64),  # 14 1 where a component moves
+        z((capacity, contacts, n)),  # 15 rows that must vanish: u of sticking inertial, λ + σs of sliding rate-independent contacts
+        z((capacity, contacts, ne)),  # 16 the same, drive part
+        z((capacity, contacts, n)),  # 17 correction of the velocities of a sticking contact
+        z(1, np.int64),  # 18 slots in use
+    )
+
+
+@njit(**_options)
+def mode_key(mode: Array, reg: Array) -> int:
+    """Number of a mode and region."""
+    key = 1
+    for i in range(len(mode)):
+        key = key * 3 + mode[i] + 1
+    for j in range(len(reg)):
+        key = key * 2 + reg[j]
+    return key
+
+
+@njit(**_options)
+def probe(jets, t, x, mode, reg, K, Rq, Rz, W, A, B, mag, n, u_rows, force, plus, minus, kinks, out):  # noqa: ANN001, ANN201
+    """Rates of the state, then u, λ, s⁺, s⁻ and kink guards, at one state and time; False if not finite."""
+    if jets(t, x, mode, reg, K, Rq, Rz, 1, W, A, B, mag) != 0:
+        return False
+    nc, nk = len(u_rows), len(kinks)
+    for i in range(n):
+        out[i] = W[i, 1]
+    for c in range(nc):
+        out[n + c] = W[u_rows[c], 0]
+        out[n + nc + c] = W[force[c], 0]
+        out[n + 2 * nc + c] = W[plus[c], 0]
+        out[n + 3 * nc + c] = W[minus[c], 0]
+    for j in range(nk):
+        out[n + 4 * nc + j] = W[kinks[j], 0]
+    for i in range(n + 4 * nc + nk):
+        if not np.isfinite(out[i]):
+            return False
+    return True
+
+
+@njit(**_options)
+def _derive(A: Array, F: Array, omega: Array, v: Array, s: Array, de: Array, k: int) -> None:
+    """The k-th derivative of the state and the size of its terms, from the one before."""
+    for i in range(A.shape[0]):
+        total, size = 0.0, 0.0
+        for j in range(A.shape[0]):
+            total += A[i, j] * v[k - 1, j]
+            size += abs(A[i, j]) * s[k - 1, j]
+        for m in range(F.shape[1]):
+            total += F[i, m] * de[k - 1, m]
+            size += abs(F[i, m] * de[k - 1, m])
+        v[k, i], s[k, i] = total, size
+    drive_rate(de[k - 1], omega, de[k])
+
+
+@njit(**_options)
+def germs(T, slot, x, e, omega, fired, last, v, s, de, orders):  # noqa: ANN001, ANN201
+    """Least guard that becomes negative at once, or −1; the deciding order of each guard is left in `orders`."""
+    A, F, P, Q = T[3][slot], T[4][slot], T[10][slot], T[11][slot]
+    n, ne, ng = len(x), len(e), T[2][slot, 1]
+    v[0, :] = x
+    for i in range(n):
+        s[0, i] = abs(x[i])
+    de[0, :] = e
+    _derive(A, F, omega, v, s, de, 1)
+    ready = 2
+    for g in range(ng):
+        decided = False
+        for k in range(GERM_ORDERS):
+            if k == ready:  # derivatives are made as far as they are needed
+                _derive(A, F, omega, v, s, de, k)
+                ready += 1
+            value, size = 0.0, 0.0
+            for i in range(n):
+                value += P[g, i] * v[k, i]
+                size += abs(P[g, i]) * s[k, i]
+            for m in range(ne):
+                value += Q[g, m] * de[k, m]
+                size += abs(Q[g, m] * de[k, m])
+            floor = ROUNDING * size
+            if k == 0:
+                # A zero is known no better than the time at which it was found.
+                for i in range(n):
+                    floor += ROUNDING * last * abs(P[g, i]) * s[1, i]
+                if T[13][slot, g] % 1000 == fired:
+                    floor *= FIRED
+            if value > floor:
+                orders[g], decided = k, True
+                break
+            if value < -floor:
+                return g
+        if not decided:
+            orders[g] = GERM_ORDERS
+    return -1
+
+
+@njit(**_options)
+def fly(T, slot, x, t, room, omega, e, orders, r, p, up, down, c, a, b, work, stack):  # noqa: ANN001, ANN201
+    """Closed form from state x at time t; the earliest event within `room`: (duration, guard or −1)."""
+    nb, ng, n = T[2][slot, 0], T[2][slot, 1], len(x)
+    lam, L, Bf, phi, P, Q, PV, moves = (T[5][slot], T[6][slot], T[7][slot], T[8][slot], T[10][slot], T[11][slot], T[12][slot],
+                                        T[14][slot])
+    nw = len(omega)
+    for j in range(nb):
+        w, c0 = 0.0j, phi[j, 0] + phi[j, 1] * t
+        for i in range(n):
+            w += L[j, i] * x[i]
+            c0 += Bf[j, i] * x[i]
+        c1 = phi[j, 1]
+        for m in range(nw):
+            spin = complex(e[2 + 2 * m], e[3 + 2 * m])
+            up[j, m] = 0.5 * (phi[j, 2 + 2 * m] - 1j * phi[j, 3 + 2 * m]) * spin / (1j * omega[m] - lam[j])
+            down[j, m] = 0.5 * (phi[j, 2 + 2 * m] + 1j * phi[j, 3 + 2 * m]) * spin.conjugate() / (-1j * omega[m] - lam[j])
+            w -= up[j, m] + down[j, m]
+        if lam[j] == 0.0:
+            r[j], p[j, 0], p[j, 1], p[j, 2] = 0.0, w, c0, 0.5 * c1
+        else:
+            p[j, 1] = -c1 / lam[j]
+            p[j, 0] = (p[j, 1] - c0) / lam[j]
+            p[j, 2] = 0.0
+            r[j] = w - p[j, 0]
+    limit, which = room, -1
+    for g in range(ng):
+        if orders[g] >= GERM_ORDERS:
+            continue
+        c[0], c[1], c[2] = Q[g, 0] + Q[g, 1] * t, Q[g, 1], 0.0
+        size = abs(c[0])
+        for i in range(n):
+            if moves[i] == 0:
+                c[0] += P[g, i] * x[i]
+            size += abs(P[g, i] * x[i])
+        for m in range(nw):
+            b[m] = (Q[g, 2 + 2 * m] - 1j * Q[g, 3 + 2 * m]) * complex(e[2 + 2 * m], e[3 + 2 * m])
+            size += abs(b[m])
+        for j in range(nb):
+            z = PV[g, j]
+            if z == 0.0:
+                a[j] = 0.0
+                continue
+            a[j] = z * r[j]
+            c[0] += (z * p[j, 0]).real
+            c[1] += (z * p[j, 1]).real
+            c[2] += (z * p[j, 2]).real
+            size += abs(a[j]) + abs(z * p[j, 0])
+            for m in range(nw):
+                b[m] += z * up[j, m] + (z * down[j, m]).conjugate()
+        found = first_fall(c, a, lam, nb, b, omega, limit, ROUNDING * size, orders[g], work, stack)
+        if found <= limit:
+            limit, which = found, g
+    return limit, which
+
+
+@njit(**_options)
+def arrive(T, slot, x, tau, omega, r, p, up, down):  # noqa: ANN001, ANN201
+    """Put x where the closed form is after a duration."""
+    nb, lam, V, moves = T[2][slot, 0], T[5][slot], T[9][slot], T[14][slot]
+    for i in range(len(x)):
+        if moves[i] == 1:
+            x[i] = 0.0
+    for j in range(nb):
+        w = p[j, 0] + tau * (p[j, 1] + tau * p[j, 2])
+        if r[j] != 0.0:
+            if lam[j].imag == 0.0:
+                w += r[j] * math.exp(lam[j].real * tau)
+            else:
+                size, angle = math.exp(lam[j].real * tau), lam[j].imag * tau
+                w += r[j] * complex(size * math.cos(angle), size * math.sin(angle))
+        for m in range(len(omega)):
+            spin = complex(math.cos(omega[m] * tau), math.sin(omega[m] * tau))
+            w += up[j, m] * spin + down[j, m] * spin.conjugate()
+        for i in range(len(x)):
+            if moves[i] == 1:
+                x[i] += V[i, j].real * w.real - V[i, j].imag * w.imag
+
+
+@njit(**_options)
+def admissible(T, slot, x, e, nc, last):  # noqa: ANN001, ANN201
+    """Whether sticking contacts are at rest and sliding rate-independent ones on their threshold; removes rounding."""
+    n, ne = len(x), len(e)
+    for c in range(nc):
+        value, size, rate = 0.0, 0.0, 0.0
+        for i in range(n):
+            value += T[15][slot, c, i] * x[i]
+            size += abs(T[15][slot, c, i] * x[i])
+        for m in range(ne):
+            value += T[16][slot, c, m] * e[m]
+            size += abs(T[16][slot, c, m] * e[m])
+        if value == 0.0:
+            continue
+        stick = False
+        for i in range(n):
+            if T[17][slot, c, i] != 0.0:
+                stick = True
+        if not stick:
+            if abs(value) > 1e-9 * size:
+                return False
+            continue
+        for i in range(n):
+            if T[15][slot, c, i] != 0.0:
+                for j in range(n):
+                    rate += abs(T[15][slot, c, i] * T[3][slot, i, j] * x[j])
+                for m in range(ne):
+                    rate += abs(T[15][slot, c, i] * T[4][slot, i, m] * e[m])
+        if abs(value) > 1e-9 * last * rate + ROUNDING * size:
+            return False
+        for i in range(n):
+            x[i] -= T[17][slot, c, i] * value
+    return True
