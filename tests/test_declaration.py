@@ -177,6 +177,7 @@ WRONG = {
     "parameters as a number": ({"parameters": 3}, "parameters", "expected a table, got a number"),
     "contacts as a list": ({"contacts": [1, 2]}, "contacts", "expected a table, got a list"),
     "parameter as a number": ({"parameters": {"m": 2.0}}, "parameters.m", "expected a table, got a number"),
+    "parameter as a contact": ({"parameters": {"m": Contact("d_x", 1.0)}}, "parameters.m", "expected a table, got"),
     "default as a text": ({"parameters": {"m": Parameter("2")}}, "parameters.m.default", "expected a number"),
     "default as a bool": ({"parameters": {"m": Parameter(True)}}, "parameters.m.default", "got true or false"),
     "range as a number": ({"parameters": {"m": Parameter(2.0, range=5)}}, "parameters.m.range", "expected a text"),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import fields
 from numbers import Real
 from typing import Any
 
 from stickslip.errors import DeclarationError, short
 from stickslip.formulas import NAME
+from stickslip.system import Condition, Contact, Coordinate, Internal, Parameter
 
 EXPECTED = {
     "str": ("a text", 'Write it in quotes, like "N/m"'),
@@ -20,6 +21,8 @@ EXPECTED = {
 }
 """What a field of a declaration holds, by its annotation, and how that is written."""
 
+CLASSES = {"Parameter": Parameter, "Coordinate": Coordinate, "Internal": Internal, "Contact": Contact,
+           "Condition": Condition}
 MOST_ENTRIES = 1000
 MOST_COORDINATES = 200
 
@@ -52,7 +55,7 @@ def _check_kind(value: Any, kind: str, where: str) -> None:
                 raise DeclarationError(where, "a key is not a text", "Use names as keys")
             _check_kind(entry, kind[len("Mapping[str, ") : -1], entry_key(where, name))
     elif kind not in EXPECTED:
-        if not is_dataclass(value):
+        if not isinstance(value, CLASSES[kind]):
             raise wrong_kind(value, "table", where)
         check_shape(value, where)
     elif not _has_kind(value, kind):

@@ -73,7 +73,7 @@ def signal(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, x: f
 def falling_root(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, low: float, high: float, guess: float,
                  floor: float) -> float:
     """The crossing from + to − between low and high (Newton inside the bracket, down to the rounding of the values)."""
-    x, noise = guess if low < guess < high else 0.5 * (low + high), floor / 64.0
+    x, noise = guess if low < guess < high else 0.5 * (low + high), floor / 32.0
     for _ in range(100):
         g, d = signal(c, a, lam, nb, b, omega, x)
         if abs(g) <= noise:
@@ -172,24 +172,33 @@ def _wave(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, j: in
     phase = math.atan2(a[j].imag, a[j].real)
     half = math.pi / w
     # g′ = R|λ| exp(μx) cos(ωx + φ + arg λ) vanishes where its argument is π/2 modulo π.
+    # There the cosine is ± sin(arg λ), so that the extrema need no trigonometry.
     turn = (0.5 * math.pi - phase - math.atan2(w, mu)) / w
-    turn -= half * math.floor(turn / half)
+    halves = math.floor(turn / half)
+    turn -= half * halves
+    swing = size * w / math.sqrt(mu * mu + w * w) * (1.0 if halves % 2 == 0 else -1.0)
     if rising > 1 and turn < 1e-7 * half:
-        turn += half  # the signal starts at its minimum
+        turn, swing = turn + half, -swing  # the signal starts at its minimum
     before, climbing = 0.0, rising > 0
     while True:
-        stop = min(turn, limit)
-        if not climbing and signal(c, a, lam, nb, b, omega, stop)[0] < (-floor if stop == turn else 0.0):
-            guess = 0.5 * (before + stop)
-            cosine = -c[0] / (size * math.exp(mu * guess))
-            if abs(cosine) < 1.0:
-                angle = math.acos(cosine) - phase  # there the cosine falls
-                guess = (angle - 2.0 * math.pi * math.floor((angle - w * before) / (2.0 * math.pi))) / w
-            return falling_root(c, a, lam, nb, b, omega, before, stop, guess, floor)
-        if stop == limit or (mu <= 0.0 and c[0] > size * math.exp(mu * turn)):
+        if not climbing:
+            if turn <= limit:
+                stop, g = turn, c[0] + swing * math.exp(mu * turn)
+            else:
+                stop, g = limit, signal(c, a, lam, nb, b, omega, limit)[0]
+                if abs(g) <= floor:
+                    return limit  # it crosses together with the earliest event found so far
+            if g < -floor:
+                guess = 0.5 * (before + stop)
+                cosine = -c[0] / (size * math.exp(mu * guess))
+                if abs(cosine) < 1.0:
+                    angle = math.acos(cosine) - phase  # there the cosine falls
+                    guess = (angle - 2.0 * math.pi * math.floor((angle - w * before) / (2.0 * math.pi))) / w
+                return falling_root(c, a, lam, nb, b, omega, before, stop, guess, floor)
+        if turn >= limit or (mu <= 0.0 and c[0] > size * math.exp(mu * turn)):
             return np.inf
         climbing = False
-        before, turn = turn, turn + half
+        before, turn, swing = turn, turn + half, -swing
 
 
 @njit(**_options)
@@ -238,9 +247,9 @@ def _windows(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, li
     return np.inf
 
 
-def tables(capacity: int, n: int, contacts: int, kinks: int, doubtful: int, ne: int) -> tuple[Array, ...]:
-    """Empty storage of closed forms: one slot per mode."""
-    guards = kinks + 2 * contacts + doubtful
+def tables(groups: int, slots: int, n: int, contacts: int, kinks: int, doubtful: int, ne: int) -> tuple[Array, ...]:
+    """Empty storage of closed forms: one slot per mode, for each group of motions with the same parameters."""
+    guards, capacity = kinks + 2 * contacts + doubtful, groups * slots
     z = np.zeros
     return (
         z(capacity, np.int64),  # 0 status
@@ -261,7 +270,7 @@ def tables(capacity: int, n: int, contacts: int, kinks: int, doubtful: int, ne: 
         z((capacity, contacts, n)),  # 15 rows that must vanish: u of sticking inertial, λ + σs of sliding rate-independent contacts
         z((capacity, contacts, ne)),  # 16 the same, drive part
         z((capacity, contacts, n)),  # 17 correction of the velocities of a sticking contact
-        z(1, np.int64),  # 18 slots in use
+        z(groups, np.int64),  # 18 slots in use
     )
 
 

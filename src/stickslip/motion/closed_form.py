@@ -15,7 +15,7 @@ import numpy as np
 from stickslip.motion import affine, engine
 
 if TYPE_CHECKING:
-    from stickslip.motion.simulate import Problem
+    from stickslip.motion.problem import Problem
 
 Array = np.ndarray
 
@@ -24,11 +24,10 @@ CONDITION = 1e4
 SLOW = 1e-6  # smallest eigenvalue, relative to the largest, that may be divided by
 
 
-def make_closed_form(problem: Problem, mode: Array, region: Array) -> None:
-    """Put the closed form of a mode into the next slot of the problem's tables; its status says whether there is one."""
-    T = problem.closed_forms
-    slot = int(T[18][0])
-    T[18][0] += 1
+def make_closed_form(problem: Problem, T: tuple[Array, ...], group: int, mode: Array, region: Array) -> None:
+    """Put the closed form of a mode into the next slot of a group of the tables; its status says whether there is one."""
+    slot = group * (len(T[0]) // len(T[18])) + int(T[18][group])
+    T[18][group] += 1
     T[1][slot] = affine.mode_key(mode, region)
     T[0][slot] = affine.SMOOTH
     linear = linearise(problem, mode, region)
@@ -54,7 +53,7 @@ def make_closed_form(problem: Problem, mode: Array, region: Array) -> None:
     P, Q, switches = guards(problem, mode, region, O, E)
     T[10][slot, : len(P)], T[11][slot, : len(P)], T[13][slot, : len(P)] = P, Q, switches
     T[12][slot, : len(P), :nb] = product_or_zero(P[:, moving], weight * V[:, kept])
-    constraints(problem, mode, O, E, hold, slot)
+    constraints(problem, T, mode, O, E, hold, slot)
     T[2][slot, 0], T[2][slot, 1] = nb, len(P)
     T[0][slot] = affine.AFFINE
 
@@ -115,12 +114,16 @@ def eigenmodes(a: Array) -> tuple[Array, Array, Array] | None:
         return None
     try:
         X = np.linalg.inv(U)
-        drag = np.linalg.solve(inner.T, a[np.ix_(followers, core)].T).T if len(core) else np.zeros((len(followers), 0))
+        drag = np.zeros((len(followers), len(core)))
+        if drag.size:
+            drag = np.linalg.solve(inner.T, a[np.ix_(followers, core)].T).T
     except np.linalg.LinAlgError:
         return None
     if np.any(np.linalg.norm(U, axis=0) * np.linalg.norm(X, axis=1) > CONDITION):
         return None
-    drag[np.abs(drag) <= 1e-15 * np.max(np.abs(drag), initial=0.0)] = 0.0
+    # Rounding where a zero belongs would make every signal look as if it had all parts.
+    U, X, drag = (np.where(np.abs(m) > 1e-15 * np.max(np.abs(m), axis=k, initial=0.0, keepdims=True), m, 0.0)
+                  for m, k in ((U, 0), (X, 1), (drag, 1)))
     nc, n = len(core), len(a)
     V, L = np.zeros((n, n), complex), np.zeros((n, n), complex)
     V[np.ix_(core, range(nc))], L[np.ix_(range(nc), core)] = U, X
@@ -157,9 +160,9 @@ def guards(problem: Problem, mode: Array, region: Array, O: Array, E: Array) -> 
     return table[:, :n], table[:, n:], [s for _, s in rows]
 
 
-def constraints(problem: Problem, mode: Array, O: Array, E: Array, hold: Array, slot: int) -> None:
+def constraints(problem: Problem, T: tuple[Array, ...], mode: Array, O: Array, E: Array, hold: Array, slot: int) -> None:
     """Store what must vanish in a mode: u of sticking inertial, λ + σs of sliding rate-independent contacts."""
-    T, (n, nq, _, _, _, mq, mz) = problem.closed_forms, map(int, problem.tables[0][:7])
+    n, nq, _, _, _, mq, mz = map(int, problem.tables[0][:7])
     nc = len(mode)
     F = np.hstack([O, E])
     T[15][slot], T[16][slot], T[17][slot] = 0.0, 0.0, 0.0

@@ -398,7 +398,7 @@ def settle(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force: A
 
 
 @njit(**_options)
-def fly_on(T: tuple, work: tuple, n: int, nc: int, nk: int, omega: Array, end: float, max_events: int, clock: Array, y: Array, mode: Array,
+def fly_on(T: tuple, g: int, capacity: int, work: tuple, n: int, nc: int, nk: int, omega: Array, end: float, max_events: int, clock: Array, y: Array, mode: Array,
            settled: Array, reg: Array, counters: Array, record: bool, count: int, times: Array, states: Array, modes: Array,
            regions: Array, causes: Array) -> tuple[int, int]:
     """Closed-form flights from event to event, as long as the modes are affine.
@@ -420,12 +420,12 @@ def fly_on(T: tuple, work: tuple, n: int, nc: int, nk: int, omega: Array, end: f
         for _ in range(2 * (nk + nc) + 4):
             key = affine.mode_key(mode, reg)
             slot = -1
-            for i in range(T[18][0]):
+            for i in range(g * capacity, g * capacity + T[18][g]):
                 if T[1][i] == key:
                     slot = i
                     break
             if slot < 0:
-                if T[18][0] < len(T[0]):
+                if T[18][g] < capacity:
                     return NEED, count
                 break
             if T[0][slot] != affine.AFFINE or not affine.admissible(T, slot, y, e, nc, clock[1]):
@@ -484,31 +484,40 @@ def fire(switch: int, mode: Array, reg: Array, nk: int, clock: Array, counters: 
 
 @njit(**_options)
 def integrate(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force: Array, plus: Array, minus: Array, kinks: Array,
-              watched: Array, doubtful: Array, rows: int, magnitudes: int, K: Array, M: Array, C: Array, J: Array, omega: Array, T: tuple,
-              N: int, tol: float, atol: float, end: float, max_events: int, clock: Array, y: Array, mode: Array, settled: Array, reg: Array, counters: Array, record: bool,
-              times: Array, states: Array, modes: Array, regions: Array, causes: Array) -> tuple[int, int]:
-    """Follow the motion until `end`, or until the record is full.
+              watched: Array, doubtful: Array, rows: int, magnitudes: int, K_all: Array, M_all: Array, C_all: Array, J_all: Array,
+              omega_all: Array, T: tuple, capacity: int, N: int, tol: float, atol: float, end: float, max_events: int, group: Array,
+              codes: Array, clocks: Array, states_now: Array, modes_now: Array, settled_now: Array, regions_now: Array,
+              counters_all: Array, record: bool, times: Array, states: Array, modes: Array, regions: Array, causes: Array) -> int:
+    """Follow motions, lane by lane, until `end`, until the record is full, or until a closed form has to be made.
 
     Parameters
     ----------
-    omega, T
-        Frequencies of the drives, and the tables of closed forms (of capacity 0: Taylor steps only).
-    clock : array [t, last step, time of an event ZENO_EVENTS events ago, span]
-    settled : array of int
-        Mode of each contact before the last event (9: none yet).
-    counters : array of int [events, switches of contacts, fired switch or −1, kinks crossed, steps]
+    K_all, M_all, C_all, J_all, omega_all : arrays
+        Constants by group of lanes with the same parameters.
+    T, capacity
+        Tables of closed forms, and the number of slots of each group (0: Taylor steps only).
+    group : array of int, shape (lanes,)
+    codes : array of int, shape (lanes,)
+        FULL or NEED where a lane is to go on; receives the outcome code.
+    clocks : array, shape (lanes, 4)
+        t, last step, time of an event ZENO_EVENTS events ago, span.
+    states_now, modes_now, settled_now, regions_now : arrays, shape (lanes, ·)
+        Where each lane is; `settled` is the mode before the last event (9: none yet).
+    counters_all : array of int, shape (lanes, 5)
+        Events, switches of contacts, fired switch or −1, kinks crossed, steps.
+    record : bool
+        Whether to record the steps (of a single lane).
     times, states, modes, regions, causes : arrays
         Record of the steps: start time, state, mode, region, and the switch that caused it (−1: none).
 
     Returns
     -------
-    code, count
-        Outcome code (or FULL), and the number of recorded steps.
+    int
+        Number of recorded steps.
     """
     n, nq, nz, nr, mq, mz = sizes[0], sizes[1], sizes[2], sizes[3], sizes[5], sizes[6]
-    nk, nc = len(kinks), len(u_rows)
-    W = np.zeros((rows, N + 1))
-    mag = np.zeros(magnitudes)
+    nk, nc, nw = len(kinks), len(u_rows), omega_all.shape[1]
+    W, mag = np.zeros((rows, N + 1)), np.zeros(magnitudes)
     R = (np.zeros((nq + mq, nq + mq)), np.zeros((nz + mz, nz + mz)))
     A, B, G = np.zeros((nr, nr)), np.zeros((nr, nr)), np.zeros(2 * nr)
     big = max(nq + mq, nz + mz)
@@ -517,68 +526,73 @@ def integrate(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force
     powers, guards = np.zeros(N + 1), nk + 2 * nc + len(doubtful) + 1
     pending, labels = np.zeros((guards, N + 1)), np.zeros((guards, 2), np.int64)
     known = np.ones(mq + mz + 1, np.int64)
-    count = np.int64(0)
-    ne = 2 + 2 * len(omega)
-    complexes = np.zeros((4, n + len(omega)), np.complex128)
+    count, ne = np.int64(0), 2 + 2 * nw
+    complexes = np.zeros((3, n + nw), np.complex128)
     work = (np.zeros((affine.GERM_ORDERS, n)), np.zeros((affine.GERM_ORDERS, n)), np.zeros((affine.GERM_ORDERS, ne)),
-            np.zeros(nk + 2 * nc + len(doubtful), np.int64), np.zeros(ne), complexes[0], np.zeros((n, 3), np.complex128),
-            np.zeros((n, len(omega)), np.complex128), np.zeros((n, len(omega)), np.complex128), np.zeros(3), complexes[1],
+            np.zeros(guards, np.int64), np.zeros(ne), complexes[0], np.zeros((n, 3), np.complex128),
+            np.zeros((n, nw), np.complex128), np.zeros((n, nw), np.complex128), np.zeros(3), complexes[1],
             complexes[2], np.zeros(33), stack, np.zeros(nc, np.int64), np.zeros(nk, np.int64))
-    while True:
-        if len(T[0]) > 0:
-            code, count = fly_on(T, work, n, nc, nk, omega, end, max_events, clock, y, mode, settled, reg, counters, record, count,
-                                 times, states, modes, regions, causes)
-            if code >= 0:
-                return code, count
-        if record and count == len(times):
-            return FULL, count
-        t, fired = clock[0], counters[2]
-        hold = fired >= 0 or counters[4] % 64 == 0
-        status, h, may_fire = settle(
-            jets, residual, sizes, u_rows, force, plus, minus, kinks, watched, doubtful, t, y, mode, reg, K, M, C, J, N, W, R, A, B, G,
-            scratch, mag, clock[1], max(end - t, 0.0), tol, atol, fired, c, touched, y0, known, hold, powers, pending, labels)
-        if record:
-            times[count] = t
-            causes[count] = fired
-            for i in range(n):
-                states[count, i] = y[i]
-            for i in range(nc):
-                modes[count, i] = mode[i]
-            for j in range(nk):
-                regions[count, j] = reg[j]
-            count += 1
-        for i in range(nc):
-            if settled[i] != mode[i]:
-                counters[1] += 1 if settled[i] < 2 else 0
-                settled[i] = mode[i]
-        if status == NAN:
-            return UNDEFINED, count
-        if status != OK:
-            return (ON_JUMP if nr == 0 else NO_RATE), count
-        if t >= end:
-            return FINISHED, count
-        if h < 1e-15 * max(abs(t), 1e-3) and h < end - t:
-            # The rate of a sliding rate-independent coordinate runs away where its branch of equilibria ends.
-            sliding = False
-            for i in range(nr):
-                sliding = sliding or mode[mq + mz + i] != 0
-            return (NO_RATE if sliding else TINY), count
-        x, which = first_event(pending, labels, may_fire, N, stack)
-        if which >= 2000 and x == 0.0:
-            return NEGATIVE, count
-        for i in range(n):
-            y[i] = horner(W[i], N, x * h)
-        counters[4] += 1
-        clock[1] = h
-        clock[0] = end if which < 0 and h >= end - t else t + x * h
-        counters[2] = -1
-        if which < 0:
+    for lane in range(len(codes)):
+        if codes[lane] < FULL:
             continue
-        if which >= 2000:
-            return NEGATIVE, count
-        code = fire(which, mode, reg, nk, clock, counters, max_events)
-        if code >= 0:
-            return code, count
+        g = group[lane]
+        K, M, C, J, omega = K_all[g], M_all[g], C_all[g], J_all[g], omega_all[g]
+        clock, y, mode, settled = clocks[lane], states_now[lane], modes_now[lane], settled_now[lane]
+        reg, counters = regions_now[lane], counters_all[lane]
+        known[mq + mz] = 1
+        code = np.int64(-1)
+        while code < 0:
+            if capacity > 0:
+                code, count = fly_on(T, g, capacity, work, n, nc, nk, omega, end, max_events, clock, y, mode, settled, reg, counters,
+                                     record, count, times, states, modes, regions, causes)
+                if code >= 0:
+                    break
+            if record and count == len(times):
+                code = FULL
+                break
+            t, fired = clock[0], counters[2]
+            hold = fired >= 0 or counters[4] % 64 == 0
+            status, h, may_fire = settle(
+                jets, residual, sizes, u_rows, force, plus, minus, kinks, watched, doubtful, t, y, mode, reg, K, M, C, J, N, W, R, A, B,
+                G, scratch, mag, clock[1], max(end - t, 0.0), tol, atol, fired, c, touched, y0, known, hold, powers, pending, labels)
+            if record:
+                times[count], causes[count] = t, fired
+                states[count] = y
+                modes[count] = mode
+                regions[count] = reg
+                count += 1
+            for i in range(nc):
+                if settled[i] != mode[i]:
+                    counters[1] += 1 if settled[i] < 2 else 0
+                    settled[i] = mode[i]
+            if status == NAN:
+                code = UNDEFINED
+            elif status != OK:
+                code = ON_JUMP if nr == 0 else NO_RATE
+            elif t >= end:
+                code = FINISHED
+            elif h < 1e-15 * max(abs(t), 1e-3) and h < end - t:
+                # The rate of a sliding rate-independent coordinate runs away where its branch of equilibria ends.
+                code = TINY
+                for i in range(nr):
+                    if mode[mq + mz + i] != 0:
+                        code = NO_RATE
+            if code >= 0:
+                break
+            x, which = first_event(pending, labels, may_fire, N, stack)
+            if which < 2000 or x > 0.0:
+                for i in range(n):
+                    y[i] = horner(W[i], N, x * h)
+                counters[4] += 1
+                clock[1] = h
+                clock[0] = end if which < 0 and h >= end - t else t + x * h
+                counters[2] = -1
+            if which >= 2000:
+                code = NEGATIVE
+            elif which >= 0:
+                code = fire(which, mode, reg, nk, clock, counters, max_events)
+        codes[lane] = code
+    return count
 
 
 @njit(cache=True)
