@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from stickslip import catalogue
     from stickslip.errors import DeclarationError, StickslipError
     from stickslip.modelfile import load
+    from stickslip.motion.batch import simulate_many
     from stickslip.motion.outcome import Outcome
-    from stickslip.motion.simulate import simulate, simulate_many
+    from stickslip.motion.simulate import simulate
     from stickslip.motion.trajectory import Trajectory, open_trajectory
     from stickslip.system import (
         Condition,
@@ -60,7 +61,7 @@ _HOMES = {
     "load": "modelfile",
     "Outcome": "motion.outcome",
     "simulate": "motion.simulate",
-    "simulate_many": "motion.simulate",
+    "simulate_many": "motion.batch",
     "Trajectory": "motion.trajectory",
     "open_trajectory": "motion.trajectory",
     **dict.fromkeys(

@@ -330,28 +330,25 @@ def germs(T, slot, x, e, omega, fired, last, v, s, de, orders):  # noqa: ANN001,
     for i in range(n):
         s[0, i] = abs(x[i])
     de[0, :] = e
-    _derive(A, F, omega, v, s, de, 1)
-    ready = 2
+    # A zero is known no better than the time at which it was found, and a drive no better than its phase.
+    near = last + (abs(e[1]) if len(omega) > 0 else 0.0)
+    ready = 1
     for g in range(ng):
         decided = False
         for k in range(GERM_ORDERS):
-            if k == ready:  # derivatives are made as far as they are needed
-                _derive(A, F, omega, v, s, de, k)
+            while ready <= k + 1:  # derivatives are made as far as they are needed
+                _derive(A, F, omega, v, s, de, ready)
                 ready += 1
             value, size = 0.0, 0.0
             for i in range(n):
                 value += P[g, i] * v[k, i]
-                size += abs(P[g, i]) * s[k, i]
+                size += abs(P[g, i]) * (s[k, i] + near * s[k + 1, i])
             for m in range(ne):
                 value += Q[g, m] * de[k, m]
-                size += abs(Q[g, m] * de[k, m])
+                size += abs(Q[g, m]) * (abs(de[k, m]) + near * abs(de[k + 1, m]))
             floor = ROUNDING * size
-            if k == 0:
-                # A zero is known no better than the time at which it was found.
-                for i in range(n):
-                    floor += ROUNDING * last * abs(P[g, i]) * s[1, i]
-                if T[13][slot, g] % 1000 == fired:
-                    floor *= FIRED
+            if k == 0 and T[13][slot, g] % 1000 == fired:
+                floor *= FIRED
             if value > floor:
                 orders[g], decided = k, True
                 break

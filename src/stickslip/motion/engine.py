@@ -528,7 +528,7 @@ def integrate(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force
     known = np.ones(mq + mz + 1, np.int64)
     count, ne = np.int64(0), 2 + 2 * nw
     complexes = np.zeros((3, n + nw), np.complex128)
-    work = (np.zeros((affine.GERM_ORDERS, n)), np.zeros((affine.GERM_ORDERS, n)), np.zeros((affine.GERM_ORDERS, ne)),
+    work = (np.zeros((affine.GERM_ORDERS + 1, n)), np.zeros((affine.GERM_ORDERS + 1, n)), np.zeros((affine.GERM_ORDERS + 1, ne)),
             np.zeros(guards, np.int64), np.zeros(ne), complexes[0], np.zeros((n, 3), np.complex128),
             np.zeros((n, nw), np.complex128), np.zeros((n, nw), np.complex128), np.zeros(3), complexes[1],
             complexes[2], np.zeros(33), stack, np.zeros(nc, np.int64), np.zeros(nk, np.int64))

@@ -51,6 +51,7 @@ def simulate(system: System, t_span: tuple[float, float] | None = None, initial:
     DeclarationError
         If an argument is wrong, or the initial state violates |∂Φ| ≤ s of a rate-independent coordinate.
     """
+    from stickslip.motion.rest import rests_forever
     from stickslip.motion.trajectory import Trajectory
 
     started = time.perf_counter()
@@ -63,6 +64,8 @@ def simulate(system: System, t_span: tuple[float, float] | None = None, initial:
     outcome = Outcome.from_code(code)
     if outcome is Outcome.NO_BOUNDED_RATE and len(knots.time) == 1 and knots.time[0] == start:
         check_stable_start(problem, start, y)
+    if outcome is Outcome.FINISHED and rests_forever(problem, knots):
+        outcome = Outcome.AT_REST
     trajectory = Trajectory(problem, (start, end), knots, outcome, rtol)
     trajectory.wall_time = time.perf_counter() - started
     return trajectory

@@ -1,0 +1,52 @@
+"""Proof that nothing will ever happen again."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.motion import affine
+
+if TYPE_CHECKING:
+    from stickslip.motion.knots import Knots
+    from stickslip.motion.problem import Problem
+
+Array = np.ndarray
+
+
+def rests_forever(problem: Problem, knots: Knots) -> bool:
+    """Whether a motion that ends in stick stays there for all later time.
+
+    All contacts stick and the mode is affine and autonomous, so that every guard is c + Re Σ aⱼ exp(λⱼτ). If all motions
+    that are excited decay and c > Σ|aⱼ|, no guard can ever vanish: this is a proof, up to rounding. It is sufficient, not
+    necessary: while the rest still rocks so widely that the bound fails, the answer is no.
+    """
+    mode, region, x = knots.mode[-1].astype(np.int64), knots.region[-1].astype(np.int64), knots.state[-1]
+    if len(mode) == 0 or np.any(mode != 0) or problem.compiled.layout.timed:
+        return False
+    T = problem.closed_forms
+    found = np.flatnonzero((T[1] == affine.mode_key(mode, region)) & (T[0] == affine.AFFINE)) if len(T[0]) else []
+    if len(found) == 0:
+        return False
+    slot = found[0]
+    blocks, guards = T[2][slot, :2]
+    rates = T[5][slot, :blocks]
+    forcing = T[7][slot, :blocks] @ x + T[8][slot, :blocks, 0]
+    w = T[6][slot, :blocks] @ x
+    moving = rates != 0.0
+    limit = np.where(moving, -forcing / np.where(moving, rates, 1.0), w)
+    amplitude = np.where(moving, w - limit, 0.0)
+    size = np.abs(w) + np.abs(limit)
+    excited = np.abs(amplitude) > 1e-13 * size
+    drifting = ~moving & (np.abs(forcing) > 1e-13 * (np.abs(T[7][slot, :blocks]) @ np.abs(x) + np.abs(T[8][slot, :blocks, 0])))
+    if np.any(drifting) or np.any(excited & (rates.real >= 0.0)):
+        return False
+    P, PV = T[10][slot, :guards], T[12][slot, :guards, :blocks]
+    still = T[14][slot] == 0
+    constant = P[:, still] @ x[still] + T[11][slot, :guards, 0] + (PV @ limit).real
+    bound = np.abs(PV) @ np.abs(amplitude)
+    margin = 1e-12 * (np.abs(P) @ np.abs(x) + np.abs(T[11][slot, :guards, 0]))
+    # A guard that is constant (nobody moves it) stays as it is, even at zero: it was admissible when the mode was chosen.
+    inert = bound <= margin
+    return bool(np.all(np.where(inert, constant >= -margin, constant - bound > margin)))
