@@ -15,10 +15,11 @@ STRIDE = 5.969  # its period
 
 
 def follow(system: System, until: float, initial: dict[str, float] | None = None, **values: float) -> Trajectory:
-    """The motion from t = 0, which has to be finished and certified."""
+    """The motion from t = 0, which has to reach the end and be certified."""
     known = {name: value for name, value in values.items() if name in system.parameters}
     trajectory = simulate(system, (0.0, until), initial or {}, known)
-    assert trajectory.outcome is Outcome.FINISHED, trajectory.message
+    assert trajectory.outcome.ok, trajectory.message
+    assert trajectory.knots.time[-1] == until
     assert trajectory.certificate.ok, trajectory.certificate.verdict
     return trajectory
 
@@ -94,7 +95,7 @@ def test_start_with_the_speed_of_the_belt(x: float, time: float) -> None:
 def test_start_on_the_kink(gamma: float, half_map: Any) -> None:
     nu, b = 0.01, 1.0
     duration, image = map(float, half_map(gamma, str(nu), str(b)))
-    motion = follow(catalogue.scaled_slider_limit(), 1.5 * duration, {"beta": 0.0, "gamma": gamma}, nu=nu, b=b)
+    motion = follow(catalogue.scaled_slider_limit(), 1.1 * duration, {"beta": 0.0, "gamma": gamma}, nu=nu, b=b)
     event = motion.events.iloc[0]
     assert event["time"] == pytest.approx(duration, rel=1e-13)
     assert event["gamma"] == pytest.approx(image, rel=1e-12)
@@ -198,7 +199,7 @@ def test_corner_over_three_hundred_cycles(psi: float) -> None:
 
 @pytest.mark.parametrize(("c", "H_star", "psi_star"), [(0.3, 3.0, 0.7), (0.25, 2.9, 1.1), (1 / 3, 3.1, 0.9)])
 def test_corner_with_other_numbers(c: float, H_star: float, psi_star: float) -> None:
-    values = {"c": c, "H_star": H_star, "psi_star": psi_star, "delta": 0.02}
+    values = {"c": c, "H_star": H_star, "psi_star": psi_star}
     X = 1.0 - 0.2 - c * psi_star
     motion = follow(catalogue.rocking_toy(), 500.0, {"psi": -1.7, "x_R": X}, **values)
     assert motion.n_switches > 200
@@ -296,7 +297,7 @@ def test_threshold_jumps_below_the_force(kind: str, sign: int) -> None:
     motion = follow(KINDS[kind](VARIABLE), 20.0, jump=-0.9, F=0.0, f=0.3 * sign)
     t = on_grid(motion)
     assert distance(motion.at(t)["x"], sign * DROPPED[kind](t)) < 1e-13
-    assert switches(motion)["time"][0] == 1.0
+    assert switches(motion)["time"][0] == pytest.approx(1.0, abs=1e-15)
     # The mass stops exactly where the threshold holds it again.
     assert motion.n_switches == (2 if kind == "inertial" else 1)
 
@@ -306,7 +307,7 @@ def test_threshold_jumps_below_the_force(kind: str, sign: int) -> None:
 def test_threshold_jumps_below_the_force_without_a_bounded_rate(jump: float, sign: int) -> None:
     motion = simulate(play(VARIABLE), (0.0, 20.0), {}, {"jump": jump, "F": 0.0, "f": 0.3 * sign})
     assert motion.outcome is Outcome.NO_BOUNDED_RATE
-    assert motion.knots.time[-1] == 1.0
+    assert motion.knots.time[-1] == pytest.approx(1.0, abs=1e-15)
     assert motion.final["x"] == 0.0
 
 

@@ -326,10 +326,10 @@ def germs(T, slot, x, e, omega, fired, last, v, s, de, orders):  # noqa: ANN001,
     """Least guard that becomes negative at once, or −1; the deciding order of each guard is left in `orders`."""
     A, F, P, Q = T[3][slot], T[4][slot], T[10][slot], T[11][slot]
     n, ne, ng = len(x), len(e), T[2][slot, 1]
-    v[0, :] = x
     for i in range(n):
-        s[0, i] = abs(x[i])
-    de[0, :] = e
+        v[0, i], s[0, i] = x[i], abs(x[i])
+    for m in range(ne):
+        de[0, m] = e[m]
     # A zero is known no better than the time at which it was found, and a drive no better than its phase.
     near = last + (abs(e[1]) if len(omega) > 0 else 0.0)
     ready = 1

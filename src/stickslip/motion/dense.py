@@ -88,7 +88,6 @@ def integrate_steps(jets: JETS, powers: POWERS, sizes: Array, u_rows: Array, for
     big = max(nq + mq, nz + mz)
     scratch, known, power = np.zeros((big, big)), np.ones(mq + mz + 1, np.int64), np.zeros(3)
     mode, reg = np.zeros(nc, np.int64), np.zeros(nk, np.int64)
-    side, side_scale = np.zeros(nk), np.zeros(nk)
     nothing = np.zeros(0, np.int64)
     for k in range(len(ends)):
         left = ends[k] - knot_time[k]
@@ -114,21 +113,22 @@ def integrate_steps(jets: JETS, powers: POWERS, sizes: Array, u_rows: Array, for
                 for r in range(n):
                     change[k, r] += weights[g] * h * V[rate_rows[r], 0]
                 if check:
-                    inspect(V, mode, reg, u_rows, force, plus, minus, kinks, first_rate_contact, worst)
+                    inspect(V, mag, mode, reg, u_rows, force, plus, minus, kinks, first_rate_contact, worst)
             for r in range(n):
                 start[r] = horner(W[r], N, h)
             base, left, last = base + h, left - h, h
 
 
 @njit(**_options)
-def inspect(V: Array, mode: Array, reg: Array, u_rows: Array, force: Array, plus: Array, minus: Array, kinks: Array,
+def inspect(V: Array, mag: Array, mode: Array, reg: Array, u_rows: Array, force: Array, plus: Array, minus: Array, kinks: Array,
             first_rate_contact: int, worst: Array) -> None:
     """Compare one instant with the friction law; the largest violations so far are kept in `worst`."""
     nc = len(u_rows)
     for c in range(nc):
         u, held, up, down = V[u_rows[c], 0], V[force[c], 0], V[plus[c], 0], V[minus[c], 0]
-        worst[4] = max(worst[4], max(abs(held), max(up, down)))
-        worst[5] = max(worst[5], abs(u))
+        # Where thresholds vanish, a force is known up to the rounding of its terms only.
+        worst[4] = max(worst[4], max(abs(held), max(up, down)), 1e-5 * mag[2 * nc + c])
+        worst[5] = max(worst[5], abs(u), 1e-5 * mag[c])
         worst[0] = max(worst[0], max(-up - held, held - down))
         if mode[c] == 0:
             worst[2] = max(worst[2], abs(u))

@@ -398,6 +398,13 @@ def settle(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force: A
 
 
 @njit(**_options)
+def copy(source: Array, target: Array) -> None:
+    """Copy a vector (a slice assignment would compile shape checks that can never fail)."""
+    for i in range(len(source)):
+        target[i] = source[i]
+
+
+@njit(**_options)
 def fly_on(T: tuple, g: int, capacity: int, work: tuple, n: int, nc: int, nk: int, omega: Array, end: float, max_events: int, clock: Array, y: Array, mode: Array,
            settled: Array, reg: Array, counters: Array, record: bool, count: int, times: Array, states: Array, modes: Array,
            regions: Array, causes: Array) -> tuple[int, int]:
@@ -413,8 +420,8 @@ def fly_on(T: tuple, g: int, capacity: int, work: tuple, n: int, nc: int, nk: in
         if record and count == len(times):
             return FULL, count
         t, fired = clock[0], counters[2]
-        mode0[:] = mode
-        reg0[:] = reg
+        copy(mode, mode0)
+        copy(reg, reg0)
         affine.drive_vector(t, omega, e)
         slot, ready = -1, False
         for _ in range(2 * (nk + nc) + 4):
@@ -438,8 +445,8 @@ def fly_on(T: tuple, g: int, capacity: int, work: tuple, n: int, nc: int, nk: in
                 break
             flip(T[13][slot, guard], mode, reg, nk)
         if not ready:
-            mode[:] = mode0
-            reg[:] = reg0
+            copy(mode0, mode)
+            copy(reg0, reg)
             return -1, count
         for i in range(nc):
             if settled[i] != mode[i]:
@@ -447,9 +454,9 @@ def fly_on(T: tuple, g: int, capacity: int, work: tuple, n: int, nc: int, nk: in
                 settled[i] = mode[i]
         if record:
             times[count], causes[count] = t, fired
-            states[count] = y
-            modes[count] = mode
-            regions[count] = reg
+            copy(y, states[count])
+            copy(mode, modes[count])
+            copy(reg, regions[count])
             count += 1
         if t >= end:
             return FINISHED, count
@@ -482,9 +489,24 @@ def fire(switch: int, mode: Array, reg: Array, nk: int, clock: Array, counters: 
     return LIMIT if counters[0] >= max_events else -1
 
 
+def workspace(sizes: Array, doubtful: int, waves: int, rows: int, magnitudes: int, N: int) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+    """Work space of :func:`integrate`: for the Taylor steps, and for the closed forms."""
+    n, nq, nz, nr, _, mq, mz, mr, nk = map(int, sizes)
+    nc, z, orders = mq + mz + mr, np.zeros, affine.GERM_ORDERS + 1
+    big, guards, ne = max(nq + mq, nz + mz), nk + 2 * nc + doubtful + 1, 2 + 2 * waves
+    stack = z((64, 36))
+    space = (z((rows, N + 1)), z(magnitudes), z((nq + mq, nq + mq)), z((nz + mz, nz + mz)), z((nr, nr)), z((nr, nr)), z(2 * nr),
+             z((big, big)), z(N + 1), stack, z(nk + nc, np.int64), z(n), z(N + 1), z((guards, N + 1)), z((guards, 2), np.int64),
+             np.ones(mq + mz + 1, np.int64))
+    c = np.complex128
+    work = (z((orders, n)), z((orders, n)), z((orders, ne)), z(guards, np.int64), z(ne), z(n, c), z((n, 3), c), z((n, waves), c),
+            z((n, waves), c), z(3), z(n, c), z(waves, c), z(33), stack, z(nc, np.int64), z(nk, np.int64))
+    return space, work
+
+
 @njit(**_options)
 def integrate(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force: Array, plus: Array, minus: Array, kinks: Array,
-              watched: Array, doubtful: Array, rows: int, magnitudes: int, K_all: Array, M_all: Array, C_all: Array, J_all: Array,
+              watched: Array, doubtful: Array, space: tuple, work: tuple, K_all: Array, M_all: Array, C_all: Array, J_all: Array,
               omega_all: Array, T: tuple, capacity: int, N: int, tol: float, atol: float, end: float, max_events: int, group: Array,
               codes: Array, clocks: Array, states_now: Array, modes_now: Array, settled_now: Array, regions_now: Array,
               counters_all: Array, record: bool, times: Array, states: Array, modes: Array, regions: Array, causes: Array) -> int:
@@ -492,6 +514,8 @@ def integrate(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force
 
     Parameters
     ----------
+    space, work : tuples of arrays
+        Work space, see :func:`workspace`.
     K_all, M_all, C_all, J_all, omega_all : arrays
         Constants by group of lanes with the same parameters.
     T, capacity
@@ -515,23 +539,10 @@ def integrate(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force
     int
         Number of recorded steps.
     """
-    n, nq, nz, nr, mq, mz = sizes[0], sizes[1], sizes[2], sizes[3], sizes[5], sizes[6]
-    nk, nc, nw = len(kinks), len(u_rows), omega_all.shape[1]
-    W, mag = np.zeros((rows, N + 1)), np.zeros(magnitudes)
-    R = (np.zeros((nq + mq, nq + mq)), np.zeros((nz + mz, nz + mz)))
-    A, B, G = np.zeros((nr, nr)), np.zeros((nr, nr)), np.zeros(2 * nr)
-    big = max(nq + mq, nz + mz)
-    scratch = np.zeros((big, big))
-    c, stack, touched, y0 = np.zeros(N + 1), np.zeros((64, 36)), np.zeros(nk + nc, np.int64), np.zeros(n)
-    powers, guards = np.zeros(N + 1), nk + 2 * nc + len(doubtful) + 1
-    pending, labels = np.zeros((guards, N + 1)), np.zeros((guards, 2), np.int64)
-    known = np.ones(mq + mz + 1, np.int64)
-    count, ne = np.int64(0), 2 + 2 * nw
-    complexes = np.zeros((3, n + nw), np.complex128)
-    work = (np.zeros((affine.GERM_ORDERS + 1, n)), np.zeros((affine.GERM_ORDERS + 1, n)), np.zeros((affine.GERM_ORDERS + 1, ne)),
-            np.zeros(guards, np.int64), np.zeros(ne), complexes[0], np.zeros((n, 3), np.complex128),
-            np.zeros((n, nw), np.complex128), np.zeros((n, nw), np.complex128), np.zeros(3), complexes[1],
-            complexes[2], np.zeros(33), stack, np.zeros(nc, np.int64), np.zeros(nk, np.int64))
+    n, nr, mq, mz = sizes[0], sizes[3], sizes[5], sizes[6]
+    nk, nc = len(kinks), len(u_rows)
+    W, mag, Rq, Rz, A, B, G, scratch, c, stack, touched, y0, powers, pending, labels, known = space
+    R, count = (Rq, Rz), np.int64(0)
     for lane in range(len(codes)):
         if codes[lane] < FULL:
             continue
@@ -557,9 +568,9 @@ def integrate(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force
                 G, scratch, mag, clock[1], max(end - t, 0.0), tol, atol, fired, c, touched, y0, known, hold, powers, pending, labels)
             if record:
                 times[count], causes[count] = t, fired
-                states[count] = y
-                modes[count] = mode
-                regions[count] = reg
+                copy(y, states[count])
+                copy(mode, modes[count])
+                copy(reg, regions[count])
                 count += 1
             for i in range(nc):
                 if settled[i] != mode[i]:

@@ -69,8 +69,9 @@ class Lanes:
         layout = p.compiled.layout
         if record is None:
             record = (np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0), np.int8), np.zeros((0, 0), np.int8), np.zeros(0, np.int64))
+        space, work = engine.workspace(p.tables[0], len(p.tables[-1]), layout.frequencies, layout.rows, max(layout.magnitudes, 1), p.order)
         return engine.integrate(
-            p.compiled.jets, p.compiled.residual, *p.tables, layout.rows, max(layout.magnitudes, 1), *self.constants, self.forms,
+            p.compiled.jets, p.compiled.residual, *p.tables, space, work, *self.constants, self.forms,
             len(self.forms[0]) // len(self.problems), p.order, p.tolerance, p.atol, end, max_events, self.group[part], self.codes[part],
             self.clocks[part], self.states[part], self.modes[part], self.settled[part], self.regions[part], self.counters[part],
             len(record[0]) > 0, *record)
