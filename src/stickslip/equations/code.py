@@ -21,7 +21,7 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.equations.tape import Constants, Scaled, Tape, literal, scalar_code
 from stickslip.expressions import Expr
 
-GENERATOR = 2  # raise when generated code changes: part of the key of the cache
+GENERATOR = 3  # raise when generated code changes: part of the key of the cache
 HEADER = '''"""Generated from a declaration; do not edit."""
 import math
 import numpy as np
@@ -93,7 +93,8 @@ class _Generator:
         self.tape = Tape(self.constants, rows, self.n + 1, regions)
         self.solves: dict[int, list[str]] = {0: [], 1: [], 2: []}
         self.magnitudes: list[str] = []
-        self.scratch = 3 * (self.mq + self.mz + self.mr) + len(equations.kinks)
+        self.rate_sizes = 3 * (self.mq + self.mz + self.mr) + len(equations.kinks)
+        self.scratch = self.rate_sizes + self.nq + self.nz + self.nr
         self.nc = self.mq + self.mz + self.mr
 
     # -- the blocks -------------------------------------------------------------------------------
@@ -151,17 +152,27 @@ class _Generator:
             row = solution + len(forces) + j
             size = " + ".join(f"abs({resolvent}[{len(forces) + j}, {m}])*mag[{base + m}]" for m in range(n))
             self.magnitudes.append(f"mag[{2 * self.nc + first + j}] = {size}")
-            c = self.eq.contacts[first + j]
-            rate = []
-            for x, weight in c.direction.items():
-                i = (self.d.inertial if c.kind == "inertial" else self.d.viscous).index(x)
-                inner = " + ".join(f"abs({resolvent}[{i}, {m}])*mag[{base + m}]" for m in range(n))
-                rate.append(f"abs({self.constants.code(weight)})*({inner})")
-            slot = first + j if c.kind == "viscous" else self.nc + first + j
-            self.magnitudes.append(f"mag[{slot}] += {' + '.join(rate)}" if c.kind == "viscous" else
-                                   f"mag[{slot}] = {' + '.join(rate)}")
             tape.name(f"lambda:{first + j}", row, stage + 1)
+        self.block_sizes(forces, first, count, base, solution + len(forces))
         return solution
+
+    def block_sizes(self, forces: list[Expr], first: int, count: int, base: int, multipliers: int) -> None:
+        """Scales of the rates and of the relative velocities: what they would be if no two forces cancelled."""
+        inertial = first == 0 and len(forces) == self.nq and forces is self.eq.inertial_force
+        names, matrix = (self.d.inertial, self.eq.mass) if inertial else (self.d.viscous, self.eq.damping)
+        offset = self.rate_sizes + (0 if inertial else self.nq)
+        for i, x in enumerate(names):
+            terms = [f"mag[{base + i}]"]
+            for j in range(count):
+                weight = self.eq.contacts[first + j].direction.get(x)
+                if weight is not None:
+                    terms.append(f"abs({self.constants.code(weight)}*W[{multipliers + j}, 0])")
+            self.magnitudes.append(f"mag[{offset + i}] = ({' + '.join(terms)})/abs({self.constants.code(matrix[i][i])})")
+        for j in range(count):
+            direction = self.eq.contacts[first + j].direction
+            size = " + ".join(f"abs({self.constants.code(w)})*mag[{offset + names.index(x)}]" for x, w in direction.items())
+            place = f"mag[{self.nc + first + j}] =" if inertial else f"mag[{first + j}] +="
+            self.magnitudes.append(f"{place} {size}")
 
     def contact_side(self, i: int, row: int, stage: int) -> None:
         """Right-hand side of contact i: the belt in stick, the friction force in slip."""
@@ -220,7 +231,9 @@ class _Generator:
         for i in range(n):
             inner = " + ".join(f"abs(B[{i}, {m}])*mag[{base + m}]" for m in range(n))
             c = self.mq + self.mz + i
-            self.magnitudes.append(f"mag[{c}] += abs({code(rate.weight[i])})*({inner})")
+            place = self.rate_sizes + self.nq + self.nz + i
+            self.magnitudes.append(f"mag[{place}] = {inner}")
+            self.magnitudes.append(f"mag[{c}] += abs({code(rate.weight[i])})*mag[{place}]")
             self.magnitudes.append(f"mag[{2 * self.nc + c}] = {self.size(rate.force[i])}")
         return first
 

@@ -221,7 +221,7 @@ def evaluate_mode(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, t
     if jets(t, y, mode, reg, K, Rq, Rz, N, W, A, B, mag) == SINGULAR:
         return SINGULAR
     for r in range(n):
-        if not np.isfinite(W[r, N]) or not np.isfinite(W[r, 0]):
+        if not np.isfinite(W[r, N]) or not np.isfinite(W[r, 0]) or not np.isfinite(W[r, 1]):
             return NAN
     for c in range(nc):
         if not np.isfinite(W[u_rows[c], N - 1]):
@@ -331,9 +331,47 @@ def fill_powers(powers: Array, h: float) -> None:
 
 
 @njit(**_options)
+def loosen(J: Array, first: int, m: int, column: int, n: int, mode: Array, keep: int, basis: Array, touched: Array, nk: int) -> bool:
+    """Let sticking contacts whose directions depend on those of the others be carried at their threshold (u stays 0).
+
+    With more sticking contacts than directions their forces are not unique. Any admissible choice gives the same motion; a
+    contact carried at its threshold is a vertex of that choice, and pivoting walks from vertex to vertex.
+    """
+    rank, changed = 0, False
+    for turn in range(m + 1):
+        # The contact that has just begun to stick comes first: it is the one that must not be let go again.
+        c = keep if turn == 0 else first + turn - 1
+        if (turn == 0) != (c == keep) or c < first or c >= first + m or mode[c] != 0:
+            continue
+        size = 0.0
+        for i in range(n):
+            basis[rank, i] = J[c, column + i]
+            size += basis[rank, i] ** 2
+        for _ in range(2):
+            for r in range(rank):
+                dot = 0.0
+                for i in range(n):
+                    dot += basis[rank, i] * basis[r, i]
+                for i in range(n):
+                    basis[rank, i] -= dot * basis[r, i]
+        left = 0.0
+        for i in range(n):
+            left += basis[rank, i] ** 2
+        if left <= 1e-20 * size:
+            mode[c] = 1
+            touched[nk + c] = 1
+            changed = True
+            continue
+        for i in range(n):
+            basis[rank, i] /= np.sqrt(left)
+        rank += 1
+    return changed
+
+
+@njit(**_options)
 def settle(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force: Array, plus: Array, minus: Array, kinks: Array,
            watched: Array, doubtful: Array, t: float, y: Array, mode: Array, reg: Array, K: Array, M: Array, C: Array, J: Array,
-           N: int, W: Array, R: tuple, A: Array, B: Array, G: Array, scratch: Array, mag: Array, last: float, room: float, tol: float,
+           N: int, W: Array, R: tuple, A: Array, B: Array, G: Array, scratch: Array, mag: Array, last: float, recent: float, room: float, tol: float,
            atol: float, fired: int, c: Array, touched: Array, y0: Array, known: Array, hold: bool, powers: Array, pending: Array,
            labels: Array) -> tuple[int, float, int]:
     """Find the mode the motion takes now; W then holds its Taylor coefficients.
@@ -349,7 +387,7 @@ def settle(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force: A
     for i in range(nk + nc):
         touched[i] = 0
     # First pivoting; if that leaves the admissible modes (a singular or impossible one), every state of the switches concerned.
-    pivots, candidate, total = 0, 0, 0
+    pivots, candidate, total, flipped = 0, 0, 0, fired
     while True:
         if pivots > 0:
             for i in range(len(y)):
@@ -368,7 +406,7 @@ def settle(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force: A
                     else:
                         mode[i - nk] = code % 3 - 1
                         code //= 3
-        status = evaluate_mode(jets, residual, sizes, u_rows, t, y, mode, reg, K, M, C, J, N, W, R, A, B, G, scratch, mag, last,
+        status = evaluate_mode(jets, residual, sizes, u_rows, t, y, mode, reg, K, M, C, J, N, W, R, A, B, G, scratch, mag, recent,
                                known, hold or pivots > 1)
         if status == NAN:
             return NAN, 0.0, 0
@@ -379,7 +417,13 @@ def settle(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force: A
             if switch < 0:
                 return OK, h, count
             if total == 0:
-                touched[flip(switch, mode, reg, nk)] = 1
+                flipped = flip(switch, mode, reg, nk)
+                touched[flipped] = 1
+        elif status == SINGULAR and total == 0:
+            free = loosen(J, np.int64(0), mq, np.int64(0), sizes[1], mode, flipped - nk, scratch, touched, nk)
+            free = loosen(J, mq, mz, sizes[1], sizes[2], mode, flipped - nk, scratch, touched, nk) or free
+            if free and pivots <= 3 * (nk + nc) + 8:
+                continue
         if total == 0 and (status != OK or pivots > 3 * (nk + nc) + 8):
             if fired >= 0:
                 touched[fired] = 1
@@ -435,7 +479,7 @@ def fly_on(T: tuple, g: int, capacity: int, work: tuple, n: int, nc: int, nk: in
                 if T[18][g] < capacity:
                     return NEED, count
                 break
-            if T[0][slot] != affine.AFFINE or not affine.admissible(T, slot, y, e, nc, clock[1]):
+            if T[0][slot] != affine.AFFINE or not affine.admissible(T, slot, y, e, nc, clock[4]):
                 break
             guard = affine.germs(T, slot, y, e, omega, fired, clock[1], v, s, de, orders)
             if guard < 0:
@@ -463,7 +507,7 @@ def fly_on(T: tuple, g: int, capacity: int, work: tuple, n: int, nc: int, nk: in
         tau, guard = affine.fly(T, slot, y, t, end - t, omega, e, orders, r, p, up, down, c, a, b, taylor, stack)
         affine.arrive(T, slot, y, tau, omega, r, p, up, down)
         counters[4] += 1
-        clock[1] = tau
+        clock[1], clock[4] = tau, max(tau, 0.5 * clock[4])
         clock[0] = t + tau if guard >= 0 else end
         counters[2] = -1
         if guard < 0:
@@ -524,7 +568,8 @@ def integrate(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force
     codes : array of int, shape (lanes,)
         FULL or NEED where a lane is to go on; receives the outcome code.
     clocks : array, shape (lanes, 4)
-        t, last step, time of an event ZENO_EVENTS events ago, span.
+        t, last step, time of an event ZENO_EVENTS events ago, span, and the length of recent steps (events that coincide
+        make steps of length zero, which say nothing of the rounding errors made before).
     states_now, modes_now, settled_now, regions_now : arrays, shape (lanes, ·)
         Where each lane is; `settled` is the mode before the last event (9: none yet).
     counters_all : array of int, shape (lanes, 5)
@@ -565,7 +610,7 @@ def integrate(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force
             hold = fired >= 0 or counters[4] % 64 == 0
             status, h, may_fire = settle(
                 jets, residual, sizes, u_rows, force, plus, minus, kinks, watched, doubtful, t, y, mode, reg, K, M, C, J, N, W, R, A, B,
-                G, scratch, mag, clock[1], max(end - t, 0.0), tol, atol, fired, c, touched, y0, known, hold, powers, pending, labels)
+                G, scratch, mag, clock[1], clock[4], max(end - t, 0.0), tol, atol, fired, c, touched, y0, known, hold, powers, pending, labels)
             if record:
                 times[count], causes[count] = t, fired
                 copy(y, states[count])
@@ -578,6 +623,11 @@ def integrate(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force
                     settled[i] = mode[i]
             if status == NAN:
                 code = UNDEFINED
+                if record and fired < 0 and count > 1:
+                    # The last step has left the domain of a formula: its end is no state of the motion.
+                    count -= 1
+                    clock[0] = times[count - 1]
+                    copy(states[count - 1], y)
             elif status != OK:
                 code = ON_JUMP if nr == 0 else NO_RATE
             elif t >= end:
@@ -595,7 +645,7 @@ def integrate(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force
                 for i in range(n):
                     y[i] = horner(W[i], N, x * h)
                 counters[4] += 1
-                clock[1] = h
+                clock[1], clock[4] = h, max(h, 0.5 * clock[4])
                 clock[0] = end if which < 0 and h >= end - t else t + x * h
                 counters[2] = -1
             if which >= 2000:
@@ -637,13 +687,21 @@ def probe(jets: JETS, sizes: Array, u_rows: Array, force: Array, plus: Array, mi
         for i in range(n):
             out[p, i] = W[i, 1]
         for c in range(nc):
-            out[p, n + c] = W[u_rows[c], 0]
+            out[p, n + c] = settle_zero(W[u_rows[c], 0], mag[c])
             out[p, n + nc + c] = W[force[c], 0]
             out[p, n + 2 * nc + c] = W[plus[c], 0]
             out[p, n + 3 * nc + c] = W[minus[c], 0]
         for j in range(nk):
             out[p, n + 4 * nc + j] = W[kinks[j], 0]
+        for i in range(nq + nz + nr):
+            out[p, nq + i] = settle_zero(out[p, nq + i], mag[3 * nc + nk + i])
         for i in range(n + 4 * nc + nk):
             if not np.isfinite(out[p, i]):
                 return False
     return True
+
+
+@njit(**_options)
+def settle_zero(value: float, size: float) -> float:
+    """The value, or 0 if it is only the rounding error of terms of a size."""
+    return 0.0 if abs(value) <= 1e-15 * size else value

@@ -54,7 +54,7 @@ class Lanes:
         else:
             forms = empty_forms(problems[0], len(problems), slots)
         return cls(
-            problems, group, np.full(lanes, engine.FULL), np.tile([t, 0.0, t, end - t], (lanes, 1)), np.array(states, dtype=float),
+            problems, group, np.full(lanes, engine.FULL), np.tile([t, 0.0, t, end - t, 0.0], (lanes, 1)), np.array(states, dtype=float),
             np.zeros((lanes, contacts), np.int64), np.full((lanes, contacts), 9, np.int64), np.ones((lanes, kinks), np.int64), counters,
             tuple(np.stack(parts) for parts in zip(*(p.constants for p in problems), strict=True)), forms)
 
