@@ -157,7 +157,10 @@ class OneContact:
         contact = system.contacts["contact"]
         kinetic, potential, viscous, direction, s, belt = (
             to_heyoka(text, scope)
-            for text in (system.kinetic, system.potential, system.viscous, contact.direction, contact.threshold, contact.surface_speed)
+            for text in (
+                *(system.kinetic, system.potential, system.viscous),
+                *(contact.direction, contact.threshold, contact.surface_speed),
+            )
         )
         zero = dict.fromkeys((str(w) for w in v), hy.expression(0.0))
 
@@ -172,9 +175,8 @@ class OneContact:
             for name, x, w in zip(qs, q, v, strict=True)
         ]
         u = direction - belt
-        held = (hy.diff(belt, clock) - hy.sum([float(c) * force for c, force in zip(J @ inverse, f, strict=True)])) / float(
-            J @ inverse @ J
-        )
+        free = hy.sum([float(c) * force for c, force in zip(J @ inverse, f, strict=True)])
+        held = (hy.diff(belt, clock) - free) / float(J @ inverse @ J)
         k = s if contact.kinetic is None else to_heyoka(contact.kinetic, {**scope, "speed": sigma * u})
         friction = (1.0 - sigma**2.0) * held - sigma * k
         acceleration = [

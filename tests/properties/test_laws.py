@@ -252,6 +252,17 @@ def test_without_load_energy_never_increases(kind: str, size: int, contacts: int
     np.testing.assert_allclose(energy + dissipated, energy[0], rtol=1e-12)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_a_body_at_rest_is_certified(seed: int) -> None:
+    """Its velocities are rounding errors: they must not be judged relative to themselves."""
+    rng = np.random.default_rng([seed, 5])
+    weak = {"F": rng.uniform(0.01, 0.1, 2), "b": np.zeros(2), "x": np.zeros(2), "v": np.zeros(2)}
+    drawn, system = draw(rng, 2, 2, **weak), linear_family("inertial", 2, 2)
+    trajectory = certified(system, (0, 20), drawn.initial(system), drawn.parameters(system))
+    assert trajectory.n_switches == 0
+    assert np.abs(trajectory.knots.state).max() < 1e-13
+
+
 @law
 @given(toy_starts)
 def test_without_pull_the_toy_comes_to_rest(start: tuple[float, float, float]) -> None:

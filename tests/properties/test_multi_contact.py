@@ -89,11 +89,20 @@ def test_rate_independent(size: int, seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(10))
-@pytest.mark.parametrize(("kind", "size", "contacts"), [("inertial", 1, 2), ("inertial", 2, 3), ("inertial", 3, 5), ("viscous", 2, 3)])
+@pytest.mark.parametrize(
+    ("kind", "size", "contacts"), [("inertial", 1, 2), ("inertial", 2, 3), ("inertial", 3, 5), ("viscous", 2, 3)]
+)
 def test_more_contacts_than_coordinates(kind: str, size: int, contacts: int, seed: int) -> None:
     drawn = draw(np.random.default_rng([size, contacts, seed]), size, contacts, b=np.zeros(contacts))
     stepped = (by_moreau if kind == "inertial" else by_first_order)(drawn)
     assert_order_one(errors(follow(kind, drawn), stepped), 15)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_redundant_contacts_on_belts_of_different_speeds(seed: int) -> None:
+    """At rest they may all stick for an instant only."""
+    drawn = draw(np.random.default_rng([9, seed]), 2, 3, b=np.array([0.0, 0.3, -0.2]))
+    assert_order_one(errors(follow("inertial", drawn), by_moreau(drawn)), 15)
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -113,7 +122,8 @@ def test_two_equal_contacts_are_one(seed: int) -> None:
     J = rng.normal(size=(2, 2))
     J[1] = J[0]
     two = draw(rng, 2, 2, J=J, b=np.zeros(2), r=np.zeros(2))
-    one = replace(two, J=J[:1], s=two.s.sum(keepdims=True), **{name: getattr(two, name)[:1] for name in ("r", "alpha", "b", "beta")})
+    rest = {name: getattr(two, name)[:1] for name in ("r", "alpha", "b", "beta")}
+    one = replace(two, J=J[:1], s=two.s.sum(keepdims=True), **rest)
     times = np.linspace(0, T, 101)
     values = [follow("inertial", d).at(times) for d in (one, two)]
     for name in ("x0", "x1", "d_x0", "d_x1"):

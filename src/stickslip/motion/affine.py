@@ -271,6 +271,7 @@ def tables(groups: int, slots: int, n: int, contacts: int, kinks: int, doubtful:
         z((capacity, contacts, ne)),  # 16 the same, drive part
         z((capacity, contacts, n)),  # 17 correction of the velocities of a sticking contact
         z(groups, np.int64),  # 18 slots in use
+        z(capacity),  # 19 shortest time scale, 1/max |λ|
     )
 
 
@@ -330,8 +331,9 @@ def germs(T, slot, x, e, omega, fired, last, v, s, de, orders):  # noqa: ANN001,
         v[0, i], s[0, i] = x[i], abs(x[i])
     for m in range(ne):
         de[0, m] = e[m]
-    # A zero is known no better than the time at which it was found, and a drive no better than its phase.
-    near = last + (abs(e[1]) if len(omega) > 0 else 0.0)
+    # A zero is known no better than the time at which it was found, and a drive no better than its phase; and what
+    # changes less than rounding within the shortest time scale has not begun to change.
+    near = last + T[19][slot] + (abs(e[1]) if len(omega) > 0 else 0.0)
     ready = 1
     for g in range(ng):
         decided = False

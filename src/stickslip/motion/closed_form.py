@@ -55,6 +55,9 @@ def make_closed_form(problem: Problem, T: tuple[Array, ...], group: int, mode: A
     T[12][slot, : len(P), :nb] = product_or_zero(P[:, moving], weight * V[:, kept])
     constraints(problem, T, mode, O, E, hold, slot)
     T[2][slot, 0], T[2][slot, 1] = nb, len(P)
+    T[19][slot] = 1.0 / max(np.max(np.abs(values), initial=0.0), np.max(omega, initial=0.0), 1e-300)
+    if np.all(values == 0.0) and len(omega) == 0:
+        T[19][slot] = 0.0
     T[0][slot] = affine.AFFINE
 
 
@@ -62,10 +65,9 @@ def linearise(problem: Problem, mode: Array, region: Array) -> tuple[Array, Arra
     """Matrices O, E with (rates, u, λ, s⁺, s⁻, guards) = O x + E e(t), or None if they are not of this form."""
     sizes, layout, omega = problem.tables[0], problem.compiled.layout, problem.constants[4]
     n, nc, nk, ne = int(sizes[0]), len(layout.u), len(layout.kinks), 2 + 2 * len(omega)
-    drives = [0.0]
-    if layout.timed:
-        fastest = max(1.0, *omega) if len(omega) else 1.0
-        drives += [7.0 / fastest, *(phase * np.pi / w for w in omega for phase in (0.3, 0.8))]
+    # Many times spread over slow and fast periods keep the fit of the drives well conditioned.
+    window = 6.0 * np.pi / np.min(omega, initial=1.0)
+    drives = [0.0, *(window * ((0.6180339887498949 * k) % 1.0) for k in range(1, 6 * ne))] if layout.timed else [0.0]
     checks = np.array([[np.cos(2.3 * i + 1.7 * k + 0.4) * (1.0, 1.0, 37.0, 37.0)[k] for i in range(n)] for k in range(4)])
     times = np.array([*drives, *([0.0] * n), *((1.9 * k + 0.13) * layout.timed for k in range(4))])
     states = np.vstack([np.zeros((len(drives), n)), PROBE * np.eye(n), checks.reshape(4, n)])
@@ -78,17 +80,19 @@ def linearise(problem: Problem, mode: Array, region: Array) -> tuple[Array, Arra
     difference[np.abs(difference) <= 4e-16 * (np.abs(slopes) + np.abs(rest[0]))] = 0.0
     O, E = (difference / PROBE).T, np.zeros((out.shape[1], ne))
     if layout.timed:
-        # Drives in the order 1, cos ωt, sin ωt, …, t; solved exactly, then judged at the other times.
         basis = np.array([drive(t, omega) for t in drives])
-        if np.linalg.cond(basis) > 1e8:
+        basis[:, 1] /= window
+        fit, _, _, spread = np.linalg.lstsq(basis, rest, rcond=None)
+        if not spread[-1] > 1e-2 * spread[0]:
             return None
-        E[:] = np.linalg.solve(basis, rest).T
-        E[np.abs(E) <= 1e-13 * np.max(np.abs(rest), axis=0)[:, None]] = 0.0
+        fit[1] /= window
+        E[:] = fit.T
+        E[np.abs(E) <= 1e-14 * np.max(np.abs(rest), axis=0)[:, None]] = 0.0
     else:
         E[:, 0] = rest[0]
     e = np.array([drive(t, omega) for t in times[len(drives) + n :]])
     predicted, size = checks @ O.T + e @ E.T, np.abs(checks) @ np.abs(O.T) + np.abs(e) @ np.abs(E.T)
-    return (np.ascontiguousarray(O), E, hold) if np.all(np.abs(predicted - seen) <= 1e-11 * size) else None
+    return (np.ascontiguousarray(O), E, hold) if np.all(np.abs(predicted - seen) <= 1e-12 * size) else None
 
 
 def drive(t: float, omega: Array) -> list[float]:
@@ -119,7 +123,9 @@ def eigenmodes(a: Array) -> tuple[Array, Array, Array] | None:
             drag = np.linalg.solve(inner.T, a[np.ix_(followers, core)].T).T
     except np.linalg.LinAlgError:
         return None
-    if np.any(np.linalg.norm(U, axis=0) * np.linalg.norm(X, axis=1) > CONDITION):
+    with np.errstate(all="ignore"):
+        condition = np.linalg.norm(U, axis=0) * np.linalg.norm(X, axis=1)
+    if not np.all(condition < CONDITION):
         return None
     # Rounding where a zero belongs would make every signal look as if it had all parts.
     U, X, drag = (np.where(np.abs(m) > 1e-15 * np.max(np.abs(m), axis=k, initial=0.0, keepdims=True), m, 0.0)

@@ -78,7 +78,7 @@ def integrate_steps(jets: JETS, powers: POWERS, sizes: Array, u_rows: Array, for
         Receives the integral of the right-hand side over each step.
     worst : array, shape (8 + 2·kinks,)
         Receives the largest |λ| − s, |λ + σk| of rate-independent contacts, |u| in stick, −σu in slip, the scales of force
-        and velocity, a free entry, the supplied energy in modulus; then for each kink the largest −guard and |guard|.
+        and velocity, the velocity that the forces in stick hold back, the supplied energy in modulus; then for each kink the largest −guard and |guard|.
     """
     n, nq, nz, nr, mq, mz = sizes[0], sizes[1], sizes[2], sizes[3], sizes[5], sizes[6]
     nc, nk = len(u_rows), len(kinks)
@@ -114,6 +114,10 @@ def integrate_steps(jets: JETS, powers: POWERS, sizes: Array, u_rows: Array, for
                     change[k, r] += weights[g] * h * V[rate_rows[r], 0]
                 if check:
                     inspect(V, mag, mode, reg, u_rows, force, plus, minus, kinks, first_rate_contact, worst)
+            for c in range(mq + mz):
+                if check and mode[c] == 0:
+                    free = mag[2 * nc + c] / abs(R[0][nq + c, nq + c] if c < mq else R[1][nz + c - mq, nz + c - mq])
+                    worst[6] = max(worst[6], free * h if c < mq else free)
             for r in range(n):
                 start[r] = horner(W[r], N, h)
             base, left, last = base + h, left - h, h

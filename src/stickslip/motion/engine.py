@@ -12,12 +12,17 @@ All functions are scalar loops over preallocated arrays.
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
-from numba import boolean, float64, int64, njit, types, void
+from numba import float64, int64, njit, types, void
 
 from stickslip.equations.series import invert
 from stickslip.motion import affine
 from stickslip.motion.roots import NONE, first_crossing, horner
+
+# The engine takes a model's machine code as arguments; numba calls that experimental whenever it compiles such a call.
+warnings.filterwarnings("ignore", message="First-class function type feature is experimental")
 
 Array = np.ndarray
 vector, matrix, indices = float64[::1], float64[:, ::1], int64[::1]
@@ -567,7 +572,7 @@ def integrate(jets: JETS, residual: RESIDUAL, sizes: Array, u_rows: Array, force
     group : array of int, shape (lanes,)
     codes : array of int, shape (lanes,)
         FULL or NEED where a lane is to go on; receives the outcome code.
-    clocks : array, shape (lanes, 4)
+    clocks : array, shape (lanes, 5)
         t, last step, time of an event ZENO_EVENTS events ago, span, and the length of recent steps (events that coincide
         make steps of length zero, which say nothing of the rounding errors made before).
     states_now, modes_now, settled_now, regions_now : arrays, shape (lanes, ·)

@@ -310,16 +310,17 @@ def open_trajectory(path: str | Path) -> Trajectory:
         system = loads(data.attrs["stickslip_system"], f"{path}: system")
         parameters, settings = json.loads(data.attrs["stickslip_parameters"]), json.loads(data.attrs["stickslip_settings"])
         knots = Knots(*(np.ascontiguousarray(data[f"knot_{name}"].values) for name in ("time", "state", "mode", "region", "cause")))
+        checked = pose(system, {name: parameters[name] for name in system.parameters})
+        problem = Problem(system, checked.parameters, settings["order"], settings["tolerance"], settings["atol"])
+        span, outcome, rtol, wall_time = (settings[name] for name in ("t_span", "outcome", "rtol", "wall_time"))
     except (OSError, KeyError, ValueError, TypeError) as error:
         if isinstance(error, DeclarationError):
             raise
         raise StickslipError(f"{path}: not a trajectory stored by stickslip") from None
-    checked = pose(system, parameters)
-    problem = Problem(system, checked.parameters, settings["order"], settings["tolerance"], settings["atol"])
     if knots.state.ndim != 2 or knots.state.shape[1] != len(system.declaration.state) or len(knots.time) == 0:
         raise StickslipError(f"{path}: the stored states do not fit the stored system")
-    trajectory = Trajectory(problem, tuple(settings["t_span"]), knots, Outcome.from_code(settings["outcome"]), settings["rtol"])
-    trajectory.wall_time = settings["wall_time"]
+    trajectory = Trajectory(problem, tuple(span), knots, Outcome.from_code(outcome), rtol)
+    trajectory.wall_time = wall_time
     return trajectory
 
 
