@@ -146,7 +146,8 @@ def test_a_motion_that_stops_early_is_kept_and_exits_1(tmp_path: Path) -> None:
     assert result.exit_code == 1
     assert "no bounded rate at t = 0.5" in " ".join(result.stdout.split())
     summary = json.loads(Path("out/jumps/summary.json").read_text(encoding="utf-8"))
-    assert (summary["complete"], summary["end"]) == (False, 0.5)
+    assert not summary["complete"]
+    assert summary["end"] == pytest.approx(0.5, abs=1e-12)
     # What was computed up to there is right.
     assert stickslip("check", "out/jumps/trajectory.nc").exit_code == 0
 

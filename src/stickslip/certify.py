@@ -73,7 +73,10 @@ def certify(trajectory: Trajectory) -> Certificate:
     knots = trajectory.knots
     energy = audit.energy
     balance = energy - energy[0] + audit.dissipated - audit.supplied
-    scale = float(max(np.ptp(energy), audit.dissipated[-1], audit.supplied_modulus, np.max(audit.kinetic, initial=0.0)))
+    flow = max(np.ptp(energy), audit.dissipated[-1], audit.supplied_modulus, np.max(audit.kinetic, initial=0.0))
+    # The energy itself is known to rounding only: where next to nothing flows, that is the scale.
+    least = trajectory.atol
+    scale = float(max(flow, 1e-6 * np.max(np.abs(energy)), least**2))
     residual = float(np.max(np.abs(balance))) / scale if scale > 0.0 else 0.0
     excess, off, creep, back, force, speed, held = audit.worst[:7]
     # At rest, velocities are what is left of forces that cancel, and are known to the rounding of that.
@@ -82,7 +85,8 @@ def certify(trajectory: Trajectory) -> Certificate:
     beyond, reach = audit.worst[8::2], audit.worst[9::2]
     side = float(np.max(beyond / np.where(reach > 0.0, reach, 1.0), initial=0.0))
     violation = max((max(excess, off) / force if force > 0.0 else 0.0), (max(creep, back) / speed if speed > 0.0 else 0.0), side)
-    gap = np.abs(np.diff(knots.state, axis=0) - audit.change[: len(knots.time) - 1])
+    steps = len(knots.time) - 1
+    gap = np.maximum(np.abs(np.diff(knots.state, axis=0) - audit.change[:steps]) - audit.noise[:steps], 0.0)
     size = np.max(np.abs(knots.state), axis=0, initial=0.0)
     masses = len(trajectory.system.declaration.inertial)
     size[masses : 2 * masses] = np.maximum(size[masses : 2 * masses], least)

@@ -1,14 +1,17 @@
-"""Where implementations of dry friction go wrong: starts on a boundary, grazing, corners, endless slip, coincidences."""
+"""Where implementations go wrong: starts on a boundary, grazing, corners, endless slip, coincidences, resonance."""
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
+
 from oracles import coulomb_oscillator, scaled_slider
+from stickslip import Outcome, System, Trajectory, catalogue, simulate
 from systems import KINDS, SMOOTH, VARIABLE, distance, ode, on_grid, oscillator, pair, play, switches
 
-from stickslip import Outcome, System, Trajectory, catalogue, simulate
+pytestmark = pytest.mark.usefixtures("flow")
 
 WALK = {"psi": -1.67, "x_R": 0.5, "x_L": 0.0}  # near the walking motion of the toy: at rest, legs X apart
 STRIDE = 5.969  # its period
@@ -149,7 +152,7 @@ def test_slip_of_a_microsecond(kind: str) -> None:
 
 @pytest.mark.parametrize("phi", np.linspace(0.0, 1.2, 7))
 def test_grazing_of_rest(phi: float) -> None:
-    # v = 1 − (1 ± e)(sin(t + φ) − sin φ)/(1 − sin φ): a stop that is missed by e, or not, at the end of the deceleration.
+    # v = 1 − (1 ± e)(sin(t + φ) − sin φ)/(1 − sin φ): at the end of the deceleration a stop is missed by e, or not.
     for excess, stops in ((1e-12, 1), (-1e-12, 0)):
         force = (1.0 + excess) / (1.0 - math.sin(phi))
         load = {"k": 0.0, "mu": 1.0, "f": 1.0, "F": -force, "phi": phi}
@@ -193,7 +196,7 @@ def test_corner_over_three_hundred_cycles(psi: float) -> None:
     motion = follow(catalogue.rocking_toy(), 300 * STRIDE, start)
     assert 1198 <= motion.n_switches <= 1201
     moved = [leg for leg, to in legs(motion) if to == "slip+"]
-    assert all(a != b for a, b in zip(moved[:-1], moved[1:], strict=True))
+    assert all(a != b for a, b in pairwise(moved))
     assert gaps(motion).min() > 0.1
 
 

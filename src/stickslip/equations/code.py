@@ -16,6 +16,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from stickslip import expressions as ex
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.tape import Constants, Scaled, Tape, literal, scalar_code
@@ -43,6 +45,8 @@ class Layout:
         n, nq, nz, nr, na, contacts by kind (mq, mz, mr), kinks.
     u, force, plus, minus, kinks : list of int
         Rows of uᵢ, λᵢ, sᵢ⁺, sᵢ⁻ by contact, and of the guards.
+    rate_sizes : array of int
+        Place of the size of the terms of each state's rate in ``mag``; −1: nothing cancels in it.
     named : dict of str to int
         Rows of the rates ``d_x`` and of the internal rates.
     rows : int
@@ -62,6 +66,7 @@ class Layout:
     magnitudes: int = 0
     frequencies: int = 0
     timed: bool = False
+    rate_sizes: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 @dataclass
@@ -277,6 +282,8 @@ class _Generator:
         jets = self.jets(inertial, viscous, laws)
         layout.rows = tape.rows
         setup = self.setup()
+        first = np.arange(self.rate_sizes, self.scratch)[: self.nq + self.nz + self.nr]
+        layout.rate_sizes = np.concatenate([np.full(self.nq, -1), first, np.full(self.na, -1)]).astype(np.int64)
         layout.magnitudes, layout.frequencies, layout.timed = self.scratch, len(eq.frequencies), eq.timed
         layout.constants = len(self.constants.slots)
         return Generated("\n".join([HEADER, *setup, "", *jets, "", *residual, "", *powers, ""]), layout)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from stickslip.motion.engine import JETS, POWERS, resolve, step_size
+from stickslip.motion.engine import JETS, POWERS, ROUNDING, resolve, step_size
 from stickslip.motion.roots import horner
 
 Array = np.ndarray
@@ -65,9 +65,10 @@ def sample(jets: JETS, powers: POWERS, sizes: Array, rows: int, magnitudes: int,
 
 @njit(**_options)
 def integrate_steps(jets: JETS, powers: POWERS, sizes: Array, u_rows: Array, force: Array, plus: Array, minus: Array, kinks: Array,
-                    rate_rows: Array, first_rate_contact: int, rows: int, magnitudes: int, K: Array, M: Array, C: Array, J: Array,
+                    rate_rows: Array, rate_sizes: Array, first_rate_contact: int, rows: int, magnitudes: int, K: Array, M: Array, C: Array, J: Array,
                     N: int, tol: float, atol: float, knot_time: Array, knot_state: Array, knot_mode: Array, knot_region: Array, ends: Array, check: bool,
-                    nodes: Array, weights: Array, work: Array, change: Array, worst: Array) -> None:
+                    nodes: Array, weights: Array, work: Array, change: Array, noise: Array,
+                    worst: Array) -> None:
     """Integrals of the dissipated and supplied power over [knot k, ends[k]], and violations of the friction law.
 
     Parameters
@@ -76,6 +77,8 @@ def integrate_steps(jets: JETS, powers: POWERS, sizes: Array, u_rows: Array, for
         Receives dissipated and supplied energy of each step.
     change : array, shape (knots, n)
         Receives the integral of the right-hand side over each step.
+    noise : array, shape (knots, n)
+        Receives the rounding error of that integral, from the size of the terms that cancel in it.
     worst : array, shape (8 + 2·kinks,)
         Receives the largest |λ| − s, |λ + σk| of rate-independent contacts, |u| in stick, −σu in slip, the scales of force
         and velocity, the velocity that the forces in stick hold back, the supplied energy in modulus; then for each kink the largest −guard and |guard|.
@@ -88,7 +91,6 @@ def integrate_steps(jets: JETS, powers: POWERS, sizes: Array, u_rows: Array, for
     big = max(nq + mq, nz + mz)
     scratch, known, power = np.zeros((big, big)), np.ones(mq + mz + 1, np.int64), np.zeros(3)
     mode, reg = np.zeros(nc, np.int64), np.zeros(nk, np.int64)
-    nothing = np.zeros(0, np.int64)
     for k in range(len(ends)):
         left = ends[k] - knot_time[k]
         if not left > 0.0:
@@ -100,7 +102,8 @@ def integrate_steps(jets: JETS, powers: POWERS, sizes: Array, u_rows: Array, for
         start[:] = knot_state[k]
         while left > 0.0:
             jets(base, start, mode, reg, K, R[0], R[1], N, W, A, B, mag)
-            h = min(left, max(step_size(W, nothing, n, N, last, tol, atol), 1e-12 * left))
+            # The forces, too: a body at rest may feel a load that changes.
+            h = min(left, max(step_size(W, force, n, N, last, tol, atol), 1e-12 * left))
             for g in range(len(nodes)):
                 tau = h * nodes[g]
                 for r in range(n):
@@ -134,10 +137,11 @@ def inspect(V: Array, mag: Array, mode: Array, reg: Array, u_rows: Array, force:
         worst[4] = max(worst[4], max(abs(held), max(up, down)), 1e-5 * mag[2 * nc + c])
         worst[5] = max(worst[5], abs(u), 1e-5 * mag[c])
         worst[0] = max(worst[0], max(-up - held, held - down))
+        rounding = ROUNDING * mag[c]
         if mode[c] == 0:
-            worst[2] = max(worst[2], abs(u))
+            worst[2] = max(worst[2], abs(u) - rounding)
         else:
-            worst[3] = max(worst[3], -mode[c] * u)
+            worst[3] = max(worst[3], -mode[c] * u - rounding)
             if c >= first_rate_contact:
                 worst[1] = max(worst[1], abs(held + (up if mode[c] > 0 else -down)))
     for j in range(len(kinks)):

@@ -39,6 +39,7 @@ class Audit:
     supplied: Array
     supplied_modulus: float
     change: Array
+    noise: Array
     worst: Array
 
 
@@ -73,6 +74,11 @@ class Trajectory:
     def parameters(self) -> dict[str, float]:
         """Values of all parameters."""
         return self._problem.parameters
+
+    @property
+    def atol(self) -> float:
+        """Smallest size of a component that counts."""
+        return self._problem.atol * self.rtol
 
     @property
     def message(self) -> str:
@@ -119,30 +125,30 @@ class Trajectory:
         """Energy, work and violations at the knots, recomputed from them."""
         out = self._sample(self.knots.time, np.arange(len(self.knots.time)))
         rows = self._problem.compiled.layout.rows
-        work, change, worst = self._integrate(np.append(self.knots.time[1:], self.knots.time[-1]), np.arange(len(self.knots.time)), True)
+        work, change, noise, worst = self._integrate(np.append(self.knots.time[1:], self.knots.time[-1]), np.arange(len(self.knots.time)), True)
         total = np.vstack([np.zeros((1, 2)), np.cumsum(work, axis=0)])[:-1]
-        return Audit(out[:, rows], self._kinetic(), total[:, 0], total[:, 1], float(worst[7]), change, worst)
+        return Audit(out[:, rows], self._kinetic(), total[:, 0], total[:, 1], float(worst[7]), change, noise, worst)
 
     def _kinetic(self) -> Array:
         n = self._problem.compiled.layout.sizes["nq"]
         v = self.knots.state[:, n : 2 * n]
         return 0.5 * np.einsum("ki,ij,kj->k", v, self._problem.matrices[1], v)
 
-    def _integrate(self, ends: Array, index: Array, check: bool) -> tuple[Array, Array, Array]:
+    def _integrate(self, ends: Array, index: Array, check: bool) -> tuple[Array, Array, Array, Array]:
         from stickslip.motion import dense
 
         p, k = self._problem, self.knots
         layout, sizes = p.compiled.layout, p.compiled.layout.sizes
         n = sizes["n"]
-        work, change, worst = np.zeros((len(ends), 2)), np.zeros((len(ends), n)), np.zeros(8 + 2 * sizes["kinks"])
+        work, change, noise, worst = np.zeros((len(ends), 2)), np.zeros((len(ends), n)), np.zeros((len(ends), n)), np.zeros(8 + 2 * sizes["kinks"])
         inertial = self.system.declaration.inertial
         rates = [layout.state.index(f"d_{q}") for q in inertial] + [layout.named[f"dd_{q}"] for q in inertial]
         rates += [layout.named[f"d_{x}"] for x in layout.state[2 * len(inertial):]]
-        dense.integrate_steps(p.compiled.jets, p.compiled.powers, *p.tables[:6], np.array(rates, dtype=np.int64),
+        dense.integrate_steps(p.compiled.jets, p.compiled.powers, *p.tables[:6], np.array(rates, dtype=np.int64), layout.rate_sizes,
                               sizes["mq"] + sizes["mz"], layout.rows, max(layout.magnitudes, 1), *p.matrices, p.order, p.tolerance, p.atol,
                               k.time[index], k.state[index], k.mode[index], k.region[index], ends, check, dense.GAUSS_NODES,
-                              dense.GAUSS_WEIGHTS, work, change, worst)
-        return work, change, worst
+                              dense.GAUSS_WEIGHTS, work, change, noise, worst)
+        return work, change, noise, worst
 
     # -- what a user asks for ---------------------------------------------------------------------
 
@@ -186,7 +192,7 @@ class Trajectory:
         for key, i in self._contacts.items():
             values[f"mode_{key}"] = self.knots.mode[index, i]
         values["energy"] = out[:, rows]
-        work, _, _ = self._integrate(times, index, False)
+        work, *_ = self._integrate(times, index, False)
         values["dissipated_energy"] = self.audit.dissipated[index] + work[:, 0]
         values["supplied_energy"] = self.audit.supplied[index] + work[:, 1]
         return values
