@@ -79,18 +79,17 @@ def certify(trajectory: Trajectory) -> Certificate:
     scale = float(max(flow, 1e-6 * np.max(np.abs(energy)), least**2))
     residual = float(np.max(np.abs(balance))) / scale if scale > 0.0 else 0.0
     excess, off, creep, back, force, speed, held = audit.worst[:7]
-    # At rest, velocities are what is left of forces that cancel, and are known to the rounding of that.
-    least = 1e-4 * held
-    speed = max(speed, least)
+    # In stick, velocities are what is left of forces that cancel, and are known to the rounding of that.
+    at_rest = 1e-4 * held
+    speed = max(speed, at_rest)
     beyond, reach = audit.worst[8::2], audit.worst[9::2]
     side = float(np.max(beyond / np.where(reach > 0.0, reach, 1.0), initial=0.0))
     violation = max((max(excess, off) / force if force > 0.0 else 0.0), (max(creep, back) / speed if speed > 0.0 else 0.0), side)
     steps = len(knots.time) - 1
     gap = np.maximum(np.abs(np.diff(knots.state, axis=0) - audit.change[:steps]) - audit.noise[:steps], 0.0)
-    size = np.max(np.abs(knots.state), axis=0, initial=0.0)
+    size = np.maximum(np.max(np.abs(knots.state), axis=0, initial=least), audit.largest)
     masses = len(trajectory.system.declaration.inertial)
-    size[masses : 2 * masses] = np.maximum(size[masses : 2 * masses], least)
-    size = np.where(size > 0.0, size, 1.0)
+    size[masses : 2 * masses] = np.maximum(size[masses : 2 * masses], at_rest)
     defect = float(np.max(gap / size, initial=0.0))
     tolerance = max(1e-9, 10.0 * trajectory.rtol)
     values = [float(v) if np.isfinite(v) else np.inf for v in (residual, violation, defect)]

@@ -67,7 +67,7 @@ def sample(jets: JETS, powers: POWERS, sizes: Array, rows: int, magnitudes: int,
 def integrate_steps(jets: JETS, powers: POWERS, sizes: Array, u_rows: Array, force: Array, plus: Array, minus: Array, kinks: Array,
                     rate_rows: Array, rate_sizes: Array, first_rate_contact: int, rows: int, magnitudes: int, K: Array, M: Array, C: Array, J: Array,
                     N: int, tol: float, atol: float, knot_time: Array, knot_state: Array, knot_mode: Array, knot_region: Array, ends: Array, check: bool,
-                    nodes: Array, weights: Array, work: Array, change: Array, noise: Array,
+                    nodes: Array, weights: Array, work: Array, change: Array, noise: Array, largest: Array,
                     worst: Array) -> None:
     """Integrals of the dissipated and supplied power over [knot k, ends[k]], and violations of the friction law.
 
@@ -79,6 +79,8 @@ def integrate_steps(jets: JETS, powers: POWERS, sizes: Array, u_rows: Array, for
         Receives the integral of the right-hand side over each step.
     noise : array, shape (knots, n)
         Receives the rounding error of that integral, from the size of the terms that cancel in it.
+    largest : array, shape (n,)
+        Receives the largest modulus of each component on the way: knots may all lie where it vanishes.
     worst : array, shape (8 + 2·kinks,)
         Receives the largest |λ| − s, |λ + σk| of rate-independent contacts, |u| in stick, −σu in slip, the scales of force
         and velocity, the velocity that the forces in stick hold back, the supplied energy in modulus; then for each kink the largest −guard and |guard|.
@@ -115,6 +117,7 @@ def integrate_steps(jets: JETS, powers: POWERS, sizes: Array, u_rows: Array, for
                 worst[7] += weights[g] * h * abs(power[2])
                 for r in range(n):
                     change[k, r] += weights[g] * h * V[rate_rows[r], 0]
+                    largest[r] = max(largest[r], abs(y[r]))
                 if check:
                     inspect(V, mag, mode, reg, u_rows, force, plus, minus, kinks, first_rate_contact, worst)
             for c in range(mq + mz):

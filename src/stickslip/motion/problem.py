@@ -68,6 +68,11 @@ class Problem:
         return K, M, C, J, omega
 
     @property
+    def retrace(self) -> tuple[float, float]:
+        """Tolerances for following a motion again between its knots: finer than those that found it."""
+        return max(1e-2 * self.tolerance, 1e-16), 1e-3 * self.atol
+
+    @property
     def matrices(self) -> tuple[Array, Array, Array, Array]:
         """K, M, C and J."""
         return self.constants[:4]

@@ -40,6 +40,7 @@ class Audit:
     supplied_modulus: float
     change: Array
     noise: Array
+    largest: Array
     worst: Array
 
 
@@ -117,7 +118,7 @@ class Trajectory:
         p, k = self._problem, self.knots
         out = np.empty((len(times), p.compiled.layout.rows + 3))
         dense.sample(p.compiled.jets, p.compiled.powers, p.tables[0], p.compiled.layout.rows, max(p.compiled.layout.magnitudes, 1),
-                     *p.matrices, p.order, p.tolerance, p.atol, k.time, k.state, k.mode, k.region, index, times, out)
+                     *p.matrices, p.order, *p.retrace, k.time, k.state, k.mode, k.region, index, times, out)
         return out
 
     @cached_property
@@ -125,30 +126,31 @@ class Trajectory:
         """Energy, work and violations at the knots, recomputed from them."""
         out = self._sample(self.knots.time, np.arange(len(self.knots.time)))
         rows = self._problem.compiled.layout.rows
-        work, change, noise, worst = self._integrate(np.append(self.knots.time[1:], self.knots.time[-1]), np.arange(len(self.knots.time)), True)
+        work, *violations = self._integrate(np.append(self.knots.time[1:], self.knots.time[-1]), np.arange(len(self.knots.time)), True)
         total = np.vstack([np.zeros((1, 2)), np.cumsum(work, axis=0)])[:-1]
-        return Audit(out[:, rows], self._kinetic(), total[:, 0], total[:, 1], float(worst[7]), change, noise, worst)
+        return Audit(out[:, rows], self._kinetic(), total[:, 0], total[:, 1], float(violations[-1][7]), *violations)
 
     def _kinetic(self) -> Array:
         n = self._problem.compiled.layout.sizes["nq"]
         v = self.knots.state[:, n : 2 * n]
         return 0.5 * np.einsum("ki,ij,kj->k", v, self._problem.matrices[1], v)
 
-    def _integrate(self, ends: Array, index: Array, check: bool) -> tuple[Array, Array, Array, Array]:
+    def _integrate(self, ends: Array, index: Array, check: bool) -> tuple[Array, Array, Array, Array, Array]:
         from stickslip.motion import dense
 
         p, k = self._problem, self.knots
         layout, sizes = p.compiled.layout, p.compiled.layout.sizes
         n = sizes["n"]
-        work, change, noise, worst = np.zeros((len(ends), 2)), np.zeros((len(ends), n)), np.zeros((len(ends), n)), np.zeros(8 + 2 * sizes["kinks"])
+        work, change, noise, largest = np.zeros((len(ends), 2)), np.zeros((len(ends), n)), np.zeros((len(ends), n)), np.zeros(n)
+        worst = np.zeros(8 + 2 * sizes["kinks"])
         inertial = self.system.declaration.inertial
         rates = [layout.state.index(f"d_{q}") for q in inertial] + [layout.named[f"dd_{q}"] for q in inertial]
         rates += [layout.named[f"d_{x}"] for x in layout.state[2 * len(inertial):]]
         dense.integrate_steps(p.compiled.jets, p.compiled.powers, *p.tables[:6], np.array(rates, dtype=np.int64), layout.rate_sizes,
-                              sizes["mq"] + sizes["mz"], layout.rows, max(layout.magnitudes, 1), *p.matrices, p.order, p.tolerance, p.atol,
+                              sizes["mq"] + sizes["mz"], layout.rows, max(layout.magnitudes, 1), *p.matrices, p.order, *p.retrace,
                               k.time[index], k.state[index], k.mode[index], k.region[index], ends, check, dense.GAUSS_NODES,
-                              dense.GAUSS_WEIGHTS, work, change, noise, worst)
-        return work, change, noise, worst
+                              dense.GAUSS_WEIGHTS, work, change, noise, largest, worst)
+        return work, change, noise, largest, worst
 
     # -- what a user asks for ---------------------------------------------------------------------
 
