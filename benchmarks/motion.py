@@ -76,8 +76,8 @@ def batch(key: str) -> Callable[[], tuple[np.ndarray, int]]:
 
     def run() -> tuple[np.ndarray, int]:
         lanes = advance([problem], np.zeros(BATCH, np.int64), states, 0.0, reference.span, 10**6, 1)
-        switches = lanes.counters[0, 1] if system.contacts else lanes.counters[0, 3]
-        return lanes.states[0, order], int(switches)
+        switches = lanes.now.counters[0, 1] if system.contacts else lanes.now.counters[0, 3]
+        return lanes.now.y[0, order], int(switches)
 
     return run
 

@@ -74,11 +74,13 @@ def certify(trajectory: Trajectory) -> Certificate:
     energy = audit.energy
     balance = energy - energy[0] + audit.dissipated - audit.supplied
     flow = max(np.ptp(energy), audit.dissipated[-1], audit.supplied_modulus, np.max(audit.kinetic, initial=0.0))
-    # The energy itself is known to rounding only: where next to nothing flows, that is the scale.
-    least = trajectory.atol
-    scale = float(max(flow, 1e-6 * np.max(np.abs(energy)), least**2))
-    residual = float(np.max(np.abs(balance))) / scale if scale > 0.0 else 0.0
     excess, off, creep, back, force, speed, held = audit.worst[:7]
+    # The energy itself is known to rounding only: where next to nothing flows, that is the scale, or the work of the
+    # largest force over the least distance that counts.
+    least = trajectory.atol
+    scale = float(max(flow, 1e-6 * np.max(np.abs(energy)), least * max(least, force)))
+    excess_work = np.max(np.abs(balance)) - force * np.sum(audit.noise)
+    residual = float(np.maximum(excess_work, 0.0)) / scale if scale > 0.0 else 0.0
     # In stick, velocities are what is left of forces that cancel, and are known to the rounding of that.
     at_rest = 1e-4 * held
     speed = max(speed, at_rest)

@@ -11,24 +11,23 @@ and its first crossing is found over the whole flight. The closed forms themselv
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from stickslip.motion.kernel import OPTIONS, ROUNDING
 from stickslip.motion.roots import NONE, first_crossing
 
 Array = np.ndarray
 
 UNKNOWN, AFFINE, SMOOTH = 0, 1, 2
-ROUNDING = 64 * 2.220446049250313e-16
 FIRED = 1e5  # a switch that has just fired is on its boundary by definition
 WINDOW_ORDER = 22
 GERM_ORDERS = 6
 
-_options = {"cache": True, "error_model": "numpy", "nogil": True}
 
-
-@njit(**_options)
+@njit(**OPTIONS)
 def drive_vector(t: float, omega: Array, e: Array) -> None:
     """e = (1, t, cos ω₁t, sin ω₁t, …)."""
     e[0], e[1] = 1.0, t
@@ -37,7 +36,7 @@ def drive_vector(t: float, omega: Array, e: Array) -> None:
         e[3 + 2 * m] = math.sin(omega[m] * t)
 
 
-@njit(**_options)
+@njit(**OPTIONS)
 def drive_rate(e: Array, omega: Array, out: Array) -> None:
     """Derivative of a drive vector."""
     out[0], out[1] = 0.0, e[0]
@@ -46,7 +45,7 @@ def drive_rate(e: Array, omega: Array, out: Array) -> None:
         out[3 + 2 * m] = omega[m] * e[2 + 2 * m]
 
 
-@njit(**_options)
+@njit(**OPTIONS)
 def signal(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, x: float) -> tuple[float, float]:
     """Value and slope of c₀ + c₁x + c₂x² + Re Σ aⱼ exp(λⱼx) + Re Σ bₘ exp(iωₘx)."""
     g, d = c[0] + x * (c[1] + x * c[2]), c[1] + 2.0 * x * c[2]
@@ -69,7 +68,7 @@ def signal(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, x: f
     return g, d
 
 
-@njit(**_options)
+@njit(**OPTIONS)
 def falling_root(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, low: float, high: float, guess: float,
                  floor: float) -> float:
     """The crossing from + to − between low and high (Newton inside the bracket, down to the rounding of the values)."""
@@ -91,7 +90,7 @@ def falling_root(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array
     return x
 
 
-@njit(**_options)
+@njit(**OPTIONS)
 def first_fall(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, limit: float, floor: float, rising: int,
                work: Array, stack: Array) -> float:
     """First crossing from + to − of a signal in ]0, limit], or NONE-like infinity.
@@ -131,7 +130,7 @@ def first_fall(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, 
     return _windows(c, a, lam, nb, b, omega, limit, floor, rising, work, stack)
 
 
-@njit(**_options)
+@njit(**OPTIONS)
 def _line(c: Array, limit: float, rising: int) -> float:
     """c₀ + c₁x."""
     if c[1] >= 0.0 or rising > 0:
@@ -140,7 +139,7 @@ def _line(c: Array, limit: float, rising: int) -> float:
     return x if x <= limit else np.inf
 
 
-@njit(**_options)
+@njit(**OPTIONS)
 def _bend(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, j: int, limit: float, floor: float, rising: int) -> float:
     """c₀ + c₁x + r exp(λx): convex or concave, so at most one extremum."""
     r, rate = a[j].real, lam[j].real
@@ -164,7 +163,7 @@ def _bend(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, j: in
     return falling_root(c, a, lam, nb, b, omega, start, limit * (1.0 + 1e-15), guess, floor)
 
 
-@njit(**_options)
+@njit(**OPTIONS)
 def _wave(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, j: int, limit: float, floor: float, rising: int) -> float:
     """c₀ + exp(μx) R cos(ωx + φ): its extrema are half a period apart."""
     mu, w = lam[j].real, lam[j].imag
@@ -201,7 +200,7 @@ def _wave(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, j: in
         before, turn, swing = turn, turn + half, -swing
 
 
-@njit(**_options)
+@njit(**OPTIONS)
 def _windows(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, limit: float, floor: float, rising: int, work: Array,
              stack: Array) -> float:
     """Any signal: window after window, its Taylor polynomial and the roots of that."""
@@ -247,35 +246,103 @@ def _windows(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, li
     return np.inf
 
 
-def tables(groups: int, slots: int, n: int, contacts: int, kinks: int, doubtful: int, ne: int) -> tuple[Array, ...]:
-    """Empty storage of closed forms: one slot per mode, for each group of motions with the same parameters."""
-    guards, capacity = kinks + 2 * contacts + doubtful, groups * slots
-    z = np.zeros
-    return (
-        z(capacity, np.int64),  # 0 status
-        z(capacity, np.int64),  # 1 key of the mode
-        z((capacity, 4), np.int64),  # 2 number of exponents, of guards
-        z((capacity, n, n)),  # 3 A
-        z((capacity, n, ne)),  # 4 F: ẋ = A x + F e(t)
-        z((capacity, n), np.complex128),  # 5 exponents λ
-        z((capacity, n, n), np.complex128),  # 6 L: w = L x
-        z((capacity, n, n), np.complex128),  # 7 B: ẇ = λ w + B x_frozen + φ e
-        z((capacity, n, ne), np.complex128),  # 8 φ
-        z((capacity, n, n), np.complex128),  # 9 V: x = Re V w for the moving components
-        z((capacity, guards, n)),  # 10 P
-        z((capacity, guards, ne)),  # 11 Q: guard = P x + Q e
-        z((capacity, guards, n), np.complex128),  # 12 P V
-        z((capacity, guards), np.int64),  # 13 switch of each guard
-        z((capacity, n), np.int64),  # 14 1 where a component moves
-        z((capacity, contacts, n)),  # 15 rows that must vanish: u of sticking inertial, λ + σs of sliding rate-independent contacts
-        z((capacity, contacts, ne)),  # 16 the same, drive part
-        z((capacity, contacts, n)),  # 17 correction of the velocities of a sticking contact
-        z(groups, np.int64),  # 18 slots in use
-        z(capacity),  # 19 shortest time scale, 1/max |λ|
+class ClosedForms(NamedTuple):
+    """Closed forms of affine modes: one slot per mode, for each group of motions with the same parameters.
+
+    Attributes
+    ----------
+    status, key : arrays of int
+        UNKNOWN, AFFINE or SMOOTH (not affine), and the number of the mode.
+    counts : array of int
+        Numbers of exponents and of guards.
+    A, F : arrays
+        ẋ = A x + F e(t).
+    exponent : array of complex
+        λ, without the conjugates.
+    L, B, phi : arrays of complex
+        w = L x with ẇ = λ w + B x_still + φ e.
+    V : array of complex
+        x = Re V w for the components that move.
+    P, Q, PV, switch : arrays
+        Guards P x + Q e, with P V, and the switch of each.
+    moves : array of int
+        1 where a component moves.
+    zero_x, zero_e : arrays
+        What must vanish, zero_x x + zero_e e: u of sticking inertial, λ + σs of sliding rate-independent contacts.
+    hold : array
+        Correction of the velocities of a sticking contact.
+    used : array of int
+        Slots in use, by group.
+    shortest : array
+        Shortest time scale, 1/max |λ|.
+    """
+
+    status: Array
+    key: Array
+    counts: Array
+    A: Array
+    F: Array
+    exponent: Array
+    L: Array
+    B: Array
+    phi: Array
+    V: Array
+    P: Array
+    Q: Array
+    PV: Array
+    switch: Array
+    moves: Array
+    zero_x: Array
+    zero_e: Array
+    hold: Array
+    used: Array
+    shortest: Array
+
+
+def make_closed_forms(groups: int, slots: int, n: int, contacts: int, kinks: int, doubtful: int, ne: int) -> ClosedForms:
+    """Empty storage of closed forms."""
+    guards, m = kinks + 2 * contacts + doubtful, groups * slots
+    z, i, c = np.zeros, np.int64, np.complex128
+    return ClosedForms(
+        status=z(m, i), key=z(m, i), counts=z((m, 2), i), A=z((m, n, n)), F=z((m, n, ne)), exponent=z((m, n), c),
+        L=z((m, n, n), c), B=z((m, n, n), c), phi=z((m, n, ne), c), V=z((m, n, n), c), P=z((m, guards, n)),
+        Q=z((m, guards, ne)), PV=z((m, guards, n), c), switch=z((m, guards), i), moves=z((m, n), i),
+        zero_x=z((m, contacts, n)), zero_e=z((m, contacts, ne)), hold=z((m, contacts, n)), used=z(groups, i), shortest=z(m),
     )
 
 
-@njit(**_options)
+class Flight(NamedTuple):
+    """Work space of one flight: derivatives, and the coefficients of the closed form."""
+
+    v: Array
+    s: Array
+    de: Array
+    orders: Array
+    e: Array
+    r: Array
+    p: Array
+    up: Array
+    down: Array
+    c: Array
+    a: Array
+    b: Array
+    taylor: Array
+    stack: Array
+    mode0: Array
+    reg0: Array
+
+
+def make_flight(n: int, contacts: int, kinks: int, doubtful: int, waves: int) -> Flight:
+    """Work space of the flights of a system."""
+    z, c, orders, ne = np.zeros, np.complex128, GERM_ORDERS + 1, 2 + 2 * waves
+    return Flight(
+        v=z((orders, n)), s=z((orders, n)), de=z((orders, ne)), orders=z(kinks + 2 * contacts + doubtful + 1, np.int64), e=z(ne),
+        r=z(n, c), p=z((n, 3), c), up=z((n, waves), c), down=z((n, waves), c), c=z(3), a=z(n, c), b=z(waves, c), taylor=z(33),
+        stack=z((64, 36)), mode0=z(contacts, np.int64), reg0=z(kinks, np.int64),
+    )
+
+
+@njit(**OPTIONS)
 def mode_key(mode: Array, reg: Array) -> int:
     """Number of a mode and region."""
     key = 1
@@ -286,7 +353,7 @@ def mode_key(mode: Array, reg: Array) -> int:
     return key
 
 
-@njit(**_options)
+@njit(**OPTIONS)
 def probe(jets, t, x, mode, reg, K, Rq, Rz, W, A, B, mag, n, u_rows, force, plus, minus, kinks, out):  # noqa: ANN001, ANN201
     """Rates of the state, then u, λ, s⁺, s⁻ and kink guards, at one state and time; False if not finite."""
     if jets(t, x, mode, reg, K, Rq, Rz, 1, W, A, B, mag) != 0:
@@ -307,7 +374,16 @@ def probe(jets, t, x, mode, reg, K, Rq, Rz, W, A, B, mag, n, u_rows, force, plus
     return True
 
 
-@njit(**_options)
+@njit(**OPTIONS)
+def find(T: ClosedForms, first: int, used: int, key: int) -> int:
+    """Slot of a mode, or −1."""
+    for i in range(first, first + used):
+        if T.key[i] == key:
+            return i
+    return -1
+
+
+@njit(**OPTIONS)
 def _derive(A: Array, F: Array, omega: Array, v: Array, s: Array, de: Array, k: int) -> None:
     """The k-th derivative of the state and the size of its terms, from the one before."""
     for i in range(A.shape[0]):
@@ -322,18 +398,19 @@ def _derive(A: Array, F: Array, omega: Array, v: Array, s: Array, de: Array, k: 
     drive_rate(de[k - 1], omega, de[k])
 
 
-@njit(**_options)
-def germs(T, slot, x, e, omega, fired, last, v, s, de, orders):  # noqa: ANN001, ANN201
-    """Least guard that becomes negative at once, or −1; the deciding order of each guard is left in `orders`."""
-    A, F, P, Q = T[3][slot], T[4][slot], T[10][slot], T[11][slot]
-    n, ne, ng = len(x), len(e), T[2][slot, 1]
+@njit(**OPTIONS)
+def germs(T: ClosedForms, slot: int, f: Flight, x: Array, omega: Array, fired: int, last: float) -> int:
+    """Least guard that becomes negative at once, or −1; the deciding order of each guard is left in the work space."""
+    v, s, de, e, orders = f.v, f.s, f.de, f.e, f.orders
+    A, F, P, Q = T.A[slot], T.F[slot], T.P[slot], T.Q[slot]
+    n, ne, ng = len(x), len(e), T.counts[slot, 1]
     for i in range(n):
         v[0, i], s[0, i] = x[i], abs(x[i])
     for m in range(ne):
         de[0, m] = e[m]
     # A zero is known no better than the time at which it was found, and a drive no better than its phase; and what
     # changes less than rounding within the shortest time scale has not begun to change.
-    near = last + T[19][slot] + (abs(e[1]) if len(omega) > 0 else 0.0)
+    near = last + T.shortest[slot] + (abs(e[1]) if len(omega) > 0 else 0.0)
     ready = 1
     for g in range(ng):
         decided = False
@@ -349,7 +426,7 @@ def germs(T, slot, x, e, omega, fired, last, v, s, de, orders):  # noqa: ANN001,
                 value += Q[g, m] * de[k, m]
                 size += abs(Q[g, m]) * (abs(de[k, m]) + near * abs(de[k + 1, m]))
             floor = ROUNDING * size
-            if k == 0 and T[13][slot, g] % 1000 == fired:
+            if k == 0 and T.switch[slot, g] % 1000 == fired:
                 floor *= FIRED
             if value > floor:
                 orders[g], decided = k, True
@@ -361,12 +438,13 @@ def germs(T, slot, x, e, omega, fired, last, v, s, de, orders):  # noqa: ANN001,
     return -1
 
 
-@njit(**_options)
-def fly(T, slot, x, t, room, omega, e, orders, r, p, up, down, c, a, b, work, stack):  # noqa: ANN001, ANN201
+@njit(**OPTIONS)
+def fly(T: ClosedForms, slot: int, f: Flight, x: Array, t: float, room: float, omega: Array) -> tuple[float, int]:
     """Closed form from state x at time t; the earliest event within `room`: (duration, guard or −1)."""
-    nb, ng, n = T[2][slot, 0], T[2][slot, 1], len(x)
-    lam, L, Bf, phi, P, Q, PV, moves = (T[5][slot], T[6][slot], T[7][slot], T[8][slot], T[10][slot], T[11][slot], T[12][slot],
-                                        T[14][slot])
+    e, orders, r, p, up, down, c, a, b = f.e, f.orders, f.r, f.p, f.up, f.down, f.c, f.a, f.b
+    nb, ng, n = T.counts[slot, 0], T.counts[slot, 1], len(x)
+    lam, L, Bf, phi, P, Q, PV, moves = (T.exponent[slot], T.L[slot], T.B[slot], T.phi[slot], T.P[slot], T.Q[slot], T.PV[slot],
+                                        T.moves[slot])
     nw = len(omega)
     for j in range(nb):
         w, c0 = 0.0j, phi[j, 0] + phi[j, 1] * t
@@ -411,16 +489,17 @@ def fly(T, slot, x, t, room, omega, e, orders, r, p, up, down, c, a, b, work, st
             size += abs(a[j]) + abs(z * p[j, 0])
             for m in range(nw):
                 b[m] += z * up[j, m] + (z * down[j, m]).conjugate()
-        found = first_fall(c, a, lam, nb, b, omega, limit, ROUNDING * size, orders[g], work, stack)
+        found = first_fall(c, a, lam, nb, b, omega, limit, ROUNDING * size, orders[g], f.taylor, f.stack)
         if found <= limit:
             limit, which = found, g
     return limit, which
 
 
-@njit(**_options)
-def arrive(T, slot, x, tau, omega, r, p, up, down):  # noqa: ANN001, ANN201
+@njit(**OPTIONS)
+def arrive(T: ClosedForms, slot: int, f: Flight, x: Array, tau: float, omega: Array) -> None:
     """Put x where the closed form is after a duration."""
-    nb, lam, V, moves = T[2][slot, 0], T[5][slot], T[9][slot], T[14][slot]
+    r, p, up, down = f.r, f.p, f.up, f.down
+    nb, lam, V, moves = T.counts[slot, 0], T.exponent[slot], T.V[slot], T.moves[slot]
     for i in range(len(x)):
         if moves[i] == 1:
             x[i] = 0.0
@@ -440,36 +519,36 @@ def arrive(T, slot, x, tau, omega, r, p, up, down):  # noqa: ANN001, ANN201
                 x[i] += V[i, j].real * w.real - V[i, j].imag * w.imag
 
 
-@njit(**_options)
-def admissible(T, slot, x, e, nc, last):  # noqa: ANN001, ANN201
+@njit(**OPTIONS)
+def admissible(T: ClosedForms, slot: int, x: Array, e: Array, contacts: int, last: float) -> bool:
     """Whether sticking contacts are at rest and sliding rate-independent ones on their threshold; removes rounding."""
     n, ne = len(x), len(e)
-    for c in range(nc):
+    for c in range(contacts):
         value, size, rate = 0.0, 0.0, 0.0
         for i in range(n):
-            value += T[15][slot, c, i] * x[i]
-            size += abs(T[15][slot, c, i] * x[i])
+            value += T.zero_x[slot, c, i] * x[i]
+            size += abs(T.zero_x[slot, c, i] * x[i])
         for m in range(ne):
-            value += T[16][slot, c, m] * e[m]
-            size += abs(T[16][slot, c, m] * e[m])
+            value += T.zero_e[slot, c, m] * e[m]
+            size += abs(T.zero_e[slot, c, m] * e[m])
         if value == 0.0:
             continue
         stick = False
         for i in range(n):
-            if T[17][slot, c, i] != 0.0:
+            if T.hold[slot, c, i] != 0.0:
                 stick = True
         if not stick:
             if abs(value) > 1e-9 * size:
                 return False
             continue
         for i in range(n):
-            if T[15][slot, c, i] != 0.0:
+            if T.zero_x[slot, c, i] != 0.0:
                 for j in range(n):
-                    rate += abs(T[15][slot, c, i] * T[3][slot, i, j] * x[j])
+                    rate += abs(T.zero_x[slot, c, i] * T.A[slot, i, j] * x[j])
                 for m in range(ne):
-                    rate += abs(T[15][slot, c, i] * T[4][slot, i, m] * e[m])
+                    rate += abs(T.zero_x[slot, c, i] * T.F[slot, i, m] * e[m])
         if abs(value) > 1e-9 * last * rate + ROUNDING * size:
             return False
         for i in range(n):
-            x[i] -= T[17][slot, c, i] * value
+            x[i] -= T.hold[slot, c, i] * value
     return True

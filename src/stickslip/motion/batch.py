@@ -64,13 +64,13 @@ def simulate_many(system: System, t_span: tuple[float, float] | None = None, ini
     problems, group = groups(base, given_parameters, count)
     lanes = run(problems, group, states, start, end, max_events, workers or os.cpu_count() or 1)
     data = {name: ("trajectory", np.broadcast_to(v, count).copy()) for name, v in {**given_initial, **given_parameters}.items()}
-    data |= {f"final_{name}": ("trajectory", lanes.states[:, i]) for i, name in enumerate(system.declaration.state)}
+    data |= {f"final_{name}": ("trajectory", lanes.now.y[:, i]) for i, name in enumerate(system.declaration.state)}
     labels = {o.code: o.label.replace(" ", "_") for o in Outcome}
     flags = {"flag_values": np.array(list(labels), np.int8), "flag_meanings": " ".join(labels.values())}
-    data |= {"time": ("trajectory", lanes.clocks[:, 0], {"units": system.time_unit or "1"}),
+    data |= {"time": ("trajectory", lanes.now.clock[:, 0], {"units": system.time_unit or "1"}),
              "outcome": ("trajectory", lanes.codes.astype(np.int8), flags),
-             "switches": ("trajectory", lanes.counters[:, 1]), "kinks": ("trajectory", lanes.counters[:, 3]),
-             "steps": ("trajectory", lanes.counters[:, 4])}
+             "switches": ("trajectory", lanes.now.counters[:, 1]), "kinks": ("trajectory", lanes.now.counters[:, 3]),
+             "steps": ("trajectory", lanes.now.counters[:, 4])}
     return xr.Dataset(data, attrs={"title": system.title or system.name, "source": system.source})
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.motion import affine, engine
+from stickslip.motion.affine import ClosedForms
 
 if TYPE_CHECKING:
     from stickslip.motion.problem import Problem
@@ -24,46 +25,46 @@ CONDITION = 1e4
 SLOW = 1e-6  # smallest eigenvalue, relative to the largest, that may be divided by
 
 
-def make_closed_form(problem: Problem, T: tuple[Array, ...], group: int, mode: Array, region: Array) -> None:
+def make_closed_form(problem: Problem, T: ClosedForms, group: int, mode: Array, region: Array) -> None:
     """Put the closed form of a mode into the next slot of a group of the tables; its status says whether there is one."""
-    slot = group * (len(T[0]) // len(T[18])) + int(T[18][group])
-    T[18][group] += 1
-    T[1][slot] = affine.mode_key(mode, region)
-    T[0][slot] = affine.SMOOTH
+    slot = group * (len(T.status) // len(T.used)) + int(T.used[group])
+    T.used[group] += 1
+    T.key[slot] = affine.mode_key(mode, region)
+    T.status[slot] = affine.SMOOTH
     linear = linearise(problem, mode, region)
     if linear is None:
         return
     O, E, hold = linear
-    n = problem.tables[0][0]
+    n = problem.rows.sizes[0]
     moving = np.flatnonzero(np.any(O[:n] != 0.0, axis=1) | np.any(E[:n] != 0.0, axis=1))
     modes = eigenmodes(O[np.ix_(moving, moving)])
-    omega = problem.constants[4]
+    omega = problem.constants.omega
     if modes is None or np.any(np.abs(1j * omega[:, None] - modes[0][None, :]) < 1e-3 * omega[:, None]):
         return
     values, V, L = modes
     kept = np.flatnonzero(values.imag >= 0.0)
     nb, still = len(kept), np.setdiff1d(np.arange(n), moving)
-    T[3][slot], T[4][slot], T[14][slot] = O[:n], E[:n], np.isin(np.arange(n), moving)
-    T[5][slot, :nb] = values[kept]
-    T[6][slot, :nb, moving] = L[kept].T
-    T[7][slot][np.ix_(range(nb), still)] = product_or_zero(L[kept], O[np.ix_(moving, still)])
-    T[8][slot, :nb] = product_or_zero(L[kept], E[moving])
+    T.A[slot], T.F[slot], T.moves[slot] = O[:n], E[:n], np.isin(np.arange(n), moving)
+    T.exponent[slot, :nb] = values[kept]
+    T.L[slot, :nb, moving] = L[kept].T
+    T.B[slot][np.ix_(range(nb), still)] = product_or_zero(L[kept], O[np.ix_(moving, still)])
+    T.phi[slot, :nb] = product_or_zero(L[kept], E[moving])
     weight = np.where(values[kept].imag > 0.0, 2.0, 1.0)
-    T[9][slot, moving, :nb] = weight * V[:, kept]
+    T.V[slot, moving, :nb] = weight * V[:, kept]
     P, Q, switches = guards(problem, mode, region, O, E)
-    T[10][slot, : len(P)], T[11][slot, : len(P)], T[13][slot, : len(P)] = P, Q, switches
-    T[12][slot, : len(P), :nb] = product_or_zero(P[:, moving], weight * V[:, kept])
+    T.P[slot, : len(P)], T.Q[slot, : len(P)], T.switch[slot, : len(P)] = P, Q, switches
+    T.PV[slot, : len(P), :nb] = product_or_zero(P[:, moving], weight * V[:, kept])
     constraints(problem, T, mode, O, E, hold, slot)
-    T[2][slot, 0], T[2][slot, 1] = nb, len(P)
-    T[19][slot] = 1.0 / max(np.max(np.abs(values), initial=0.0), np.max(omega, initial=0.0), 1e-300)
+    T.counts[slot, 0], T.counts[slot, 1] = nb, len(P)
+    T.shortest[slot] = 1.0 / max(np.max(np.abs(values), initial=0.0), np.max(omega, initial=0.0), 1e-300)
     if np.all(values == 0.0) and len(omega) == 0:
-        T[19][slot] = 0.0
-    T[0][slot] = affine.AFFINE
+        T.shortest[slot] = 0.0
+    T.status[slot] = affine.AFFINE
 
 
 def linearise(problem: Problem, mode: Array, region: Array) -> tuple[Array, Array, Array] | None:
     """Matrices O, E with (rates, u, λ, s⁺, s⁻, guards) = O x + E e(t), or None if they are not of this form."""
-    sizes, layout, omega = problem.tables[0], problem.compiled.layout, problem.constants[4]
+    sizes, layout, omega = problem.rows.sizes, problem.compiled.layout, problem.constants.omega
     n, nc, nk, ne = int(sizes[0]), len(layout.u), len(layout.kinks), 2 + 2 * len(omega)
     # Many times spread over slow and fast periods keep the fit of the drives well conditioned.
     window = 6.0 * np.pi / np.min(omega, initial=1.0)
@@ -72,8 +73,7 @@ def linearise(problem: Problem, mode: Array, region: Array) -> tuple[Array, Arra
     times = np.array([*drives, *([0.0] * n), *((1.9 * k + 0.13) * layout.timed for k in range(4))])
     states = np.vstack([np.zeros((len(drives), n)), PROBE * np.eye(n), checks.reshape(4, n)])
     out, hold = np.zeros((len(times), n + 4 * nc + nk)), np.zeros((max(nc, 1), max(int(sizes[1]), 1)))
-    if not engine.probe(problem.compiled.jets, *problem.tables[:6], layout.rows, max(layout.magnitudes, 1), *problem.matrices, mode,
-                        region, times, states, out, hold):
+    if not engine.probe(problem.compiled.jets, problem.rows, problem.constants, problem.space(), mode, region, times, states, out, hold):
         return None
     rest, slopes, seen = out[: len(drives)], out[len(drives) : len(drives) + n], out[len(drives) + n :]
     difference = slopes - rest[0]
@@ -149,7 +149,7 @@ def product_or_zero(A: Array, B: Array) -> Array:
 
 def guards(problem: Problem, mode: Array, region: Array, O: Array, E: Array) -> tuple[Array, Array, list[int]]:
     """Rows P, Q of all guards P x + Q e of a mode, with the switch each belongs to."""
-    layout, n = problem.compiled.layout, int(problem.tables[0][0])
+    layout, n = problem.compiled.layout, int(problem.rows.sizes[0])
     nc, nk = len(layout.u), len(layout.kinks)
     F = np.hstack([O, E])
     u, force, plus, minus = (F[n + k * nc : n + (k + 1) * nc] for k in range(4))
@@ -159,25 +159,25 @@ def guards(problem: Problem, mode: Array, region: Array, O: Array, E: Array) -> 
             rows += [(force[c] + plus[c], nk + c), (minus[c] - force[c], nk + c + 1000)]
         else:
             rows.append((mode[c] * u[c], nk + c))
-    for d, row in enumerate(problem.tables[-1]):
+    for d, row in enumerate(problem.rows.doubtful):
         side, c = (plus, layout.plus.index(row)) if row in layout.plus else (minus, layout.minus.index(row))
         rows.append((side[c], 2000 + d))
     table = np.array([r for r, _ in rows]).reshape(len(rows), F.shape[1])
     return table[:, :n], table[:, n:], [s for _, s in rows]
 
 
-def constraints(problem: Problem, T: tuple[Array, ...], mode: Array, O: Array, E: Array, hold: Array, slot: int) -> None:
+def constraints(problem: Problem, T: ClosedForms, mode: Array, O: Array, E: Array, hold: Array, slot: int) -> None:
     """Store what must vanish in a mode: u of sticking inertial, λ + σs of sliding rate-independent contacts."""
-    n, nq, _, _, _, mq, mz = map(int, problem.tables[0][:7])
+    n, nq, _, _, _, mq, mz = map(int, problem.rows.sizes[:7])
     nc = len(mode)
     F = np.hstack([O, E])
-    T[15][slot], T[16][slot], T[17][slot] = 0.0, 0.0, 0.0
+    T.zero_x[slot], T.zero_e[slot], T.hold[slot] = 0.0, 0.0, 0.0
     for c in range(nc):
         if c < mq and mode[c] == 0:
             row = F[n + c]
-            T[17][slot, c, nq : 2 * nq] = hold[c, :nq]
+            T.hold[slot, c, nq : 2 * nq] = hold[c, :nq]
         elif c >= mq + mz and mode[c] != 0:
             row = F[n + nc + c] + mode[c] * F[n + (2 if mode[c] > 0 else 3) * nc + c]
         else:
             continue
-        T[15][slot, c], T[16][slot, c] = row[:n], row[n:]
+        T.zero_x[slot, c], T.zero_e[slot, c] = row[:n], row[n:]

@@ -13,10 +13,13 @@ import numpy as np
 from stickslip import expressions as ex
 from stickslip.declaration import check_initial
 from stickslip.errors import DeclarationError
+from stickslip.motion import affine
+from stickslip.motion.kernel import Constants, Rows, Space, make_space
 from stickslip.system import System
 
 if TYPE_CHECKING:
     from stickslip.equations.compiled import CompiledSystem
+    from stickslip.motion.affine import ClosedForms, Flight
 
 Array = np.ndarray
 
@@ -54,50 +57,67 @@ class Problem:
         return compile_system(self.system)
 
     @cached_property
-    def constants(self) -> tuple[Array, Array, Array, Array, Array]:
-        """Constants K, mass matrix M, viscous matrix C, contact directions J and drive frequencies ω."""
+    def constants(self) -> Constants:
+        """Constants, mass matrix, viscous matrix, contact directions and drive frequencies for these parameters."""
         from stickslip.motion.engine import run_setup
 
         layout, s = self.compiled.layout, self.compiled.layout.sizes
         p = np.array([self.parameters[name] for name in self.system.parameters], dtype=float)
-        K = np.zeros(max(layout.constants, 1))
-        M, C = np.zeros((s["nq"], s["nq"])), np.zeros((s["nz"], s["nz"]))
-        J = np.zeros((len(layout.u), s["nq"] + s["nz"] + s["nr"]))
-        omega = np.zeros(layout.frequencies)
-        run_setup(self.compiled.setup, p, K, M, C, J, omega)
-        return K, M, C, J, omega
+        constants = Constants(
+            K=np.zeros(max(layout.constants, 1)),
+            M=np.zeros((s["nq"], s["nq"])),
+            C=np.zeros((s["nz"], s["nz"])),
+            J=np.zeros((len(layout.u), s["nq"] + s["nz"] + s["nr"])),
+            omega=np.zeros(layout.frequencies),
+        )
+        run_setup(self.compiled.setup, p, constants)
+        return constants
 
     @property
     def retrace(self) -> tuple[float, float]:
         """Tolerances for following a motion again between its knots: finer than those that found it."""
         return max(1e-2 * self.tolerance, 1e-16), 1e-3 * self.atol
 
-    @property
-    def matrices(self) -> tuple[Array, Array, Array, Array]:
-        """K, M, C and J."""
-        return self.constants[:4]
-
     @cached_property
-    def closed_forms(self) -> tuple[Array, ...]:
+    def closed_forms(self) -> ClosedForms:
         """Storage of the closed forms of affine modes, filled while the motion is computed."""
-        from stickslip.motion.lanes import empty_forms
+        return self.empty_forms(1, SLOTS)
 
-        return empty_forms(self, 1, SLOTS)
+    def empty_forms(self, groups: int, slots: int) -> ClosedForms:
+        """Storage for the closed forms of groups of motions; without slots if the system is too large for them."""
+        layout = self.compiled.layout
+        n, contacts, kinks = layout.sizes["n"], len(layout.u), len(layout.kinks)
+        small = contacts + kinks <= 30 and n <= 24 and layout.frequencies <= 6
+        slots, doubtful = slots if small and self.exact else 0, len(self.rows.doubtful)
+        return affine.make_closed_forms(groups, slots, n, contacts, kinks, doubtful, 2 + 2 * layout.frequencies)
+
+    def space(self) -> Space:
+        """New work space for the Taylor steps."""
+        return make_space(self.rows, self.compiled.layout.rows, self.compiled.layout.magnitudes, self.order)
+
+    def flight(self) -> Flight:
+        """New work space for the closed forms."""
+        layout = self.compiled.layout
+        doubtful = len(self.rows.doubtful)
+        return affine.make_flight(layout.sizes["n"], len(layout.u), len(layout.kinks), doubtful, layout.frequencies)
 
     @cached_property
-    def tables(self) -> tuple[Array, ...]:
-        """Integer tables of the layout: sizes, rows of u, λ, s⁺, s⁻, guards, and the rows that bound the step."""
+    def rows(self) -> Rows:
+        """Where the compiled functions find things."""
         layout = self.compiled.layout
         sizes = np.array([layout.sizes[k] for k in ("n", "nq", "nz", "nr", "na", "mq", "mz", "mr", "kinks")])
-        rows = [np.array(r, dtype=np.int64) for r in (layout.u, layout.force, layout.plus, layout.minus, layout.kinks)]
-        watched = np.unique(np.concatenate(rows)) if any(len(r) for r in rows) else np.zeros(0, np.int64)
-        return sizes, *rows, watched[watched >= layout.sizes["n"]], self._doubtful_thresholds()
+        tables = (layout.u, layout.force, layout.plus, layout.minus, layout.kinks)
+        u, force, plus, minus, kinks = (np.array(table, dtype=np.int64) for table in tables)
+        watched = np.unique(np.concatenate([u, force, plus, minus, kinks]))
+        doubtful = self._doubtful_thresholds()
+        return Rows(sizes, u, force, plus, minus, kinks, watched[watched >= layout.sizes["n"]], doubtful)
 
     def _doubtful_thresholds(self) -> Array:
         """Rows of thresholds that are not nonnegative for every state."""
         boxes = {name: (v, v) for name, v in self.parameters.items()}
         layout, contacts = self.compiled.layout, self.compiled.equations.contacts
-        sides = [(layout.plus[i], c.plus) for i, c in enumerate(contacts)] + [(layout.minus[i], c.minus) for i, c in enumerate(contacts)]
+        sides = [(row, c.plus) for row, c in zip(layout.plus, contacts, strict=True)]
+        sides += [(row, c.minus) for row, c in zip(layout.minus, contacts, strict=True)]
         return np.array(sorted({row for row, s in sides if ex.bounds(s, boxes)[0] < 0.0}), dtype=np.int64)
 
     def initial_state(self, initial: Mapping[str, float]) -> Array:

@@ -26,27 +26,27 @@ def rests_forever(problem: Problem, knots: Knots) -> bool:
     if len(mode) == 0 or np.any(mode != 0) or problem.compiled.layout.timed:
         return False
     T = problem.closed_forms
-    found = np.flatnonzero((T[1] == affine.mode_key(mode, region)) & (T[0] == affine.AFFINE)) if len(T[0]) else []
+    found = np.flatnonzero((T.key == affine.mode_key(mode, region)) & (T.status == affine.AFFINE)) if len(T.status) else []
     if len(found) == 0:
         return False
     slot = found[0]
-    blocks, guards = T[2][slot, :2]
-    rates = T[5][slot, :blocks]
-    forcing = T[7][slot, :blocks] @ x + T[8][slot, :blocks, 0]
-    w = T[6][slot, :blocks] @ x
+    blocks, guards = T.counts[slot, :2]
+    rates = T.exponent[slot, :blocks]
+    forcing = T.B[slot, :blocks] @ x + T.phi[slot, :blocks, 0]
+    w = T.L[slot, :blocks] @ x
     moving = rates != 0.0
     limit = np.where(moving, -forcing / np.where(moving, rates, 1.0), w)
     amplitude = np.where(moving, w - limit, 0.0)
     size = np.abs(w) + np.abs(limit)
     excited = np.abs(amplitude) > 1e-13 * size
-    drifting = ~moving & (np.abs(forcing) > 1e-13 * (np.abs(T[7][slot, :blocks]) @ np.abs(x) + np.abs(T[8][slot, :blocks, 0])))
+    drifting = ~moving & (np.abs(forcing) > 1e-13 * (np.abs(T.B[slot, :blocks]) @ np.abs(x) + np.abs(T.phi[slot, :blocks, 0])))
     if np.any(drifting) or np.any(excited & (rates.real >= 0.0)):
         return False
-    P, PV = T[10][slot, :guards], T[12][slot, :guards, :blocks]
-    still = T[14][slot] == 0
-    constant = P[:, still] @ x[still] + T[11][slot, :guards, 0] + (PV @ limit).real
+    P, PV = T.P[slot, :guards], T.PV[slot, :guards, :blocks]
+    still = T.moves[slot] == 0
+    constant = P[:, still] @ x[still] + T.Q[slot, :guards, 0] + (PV @ limit).real
     bound = np.abs(PV) @ np.abs(amplitude)
-    margin = 1e-12 * (np.abs(P) @ np.abs(x) + np.abs(T[11][slot, :guards, 0]))
+    margin = 1e-12 * (np.abs(P) @ np.abs(x) + np.abs(T.Q[slot, :guards, 0]))
     # A guard that is constant (nobody moves it) stays as it is, even at zero: it was admissible when the mode was chosen.
     inert = bound <= margin
     return bool(np.all(np.where(inert, constant >= -margin, constant - bound > margin)))

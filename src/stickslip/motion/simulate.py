@@ -85,19 +85,19 @@ def check_span(span: object) -> tuple[float, float]:
 def follow(problem: Problem, start: float, end: float, y: Array, max_events: int, progress: Callable[[float], None] | None = None
            ) -> tuple[int, Knots]:
     """Run the compiled loop chunk by chunk; Ctrl-C between two chunks keeps what is done."""
-    from stickslip.motion import engine
+    from stickslip.motion.kernel import FULL, Record
     from stickslip.motion.lanes import Lanes
 
     lanes = Lanes.start([problem], np.zeros(1, np.int64), y[None], start, end, SLOTS)
-    clock, contacts, kinks = lanes.clocks[0], lanes.modes.shape[1], lanes.regions.shape[1]
+    clock, contacts, kinks = lanes.now.clock[0], lanes.now.mode.shape[1], lanes.now.reg.shape[1]
     pieces: list[Knots] = []
     size = 64
     try:
-        while lanes.codes[0] >= engine.FULL:
+        while lanes.codes[0] >= FULL:
             lanes.make_closed_forms()
             size = min(2 * size, CHUNK)
             record = Knots.empty(size, len(y), contacts, kinks)
-            count = lanes.advance(end, max_events, (record.time, record.state, record.mode, record.region, record.cause))
+            count = lanes.advance(end, max_events, Record(record.time, record.state, record.mode, record.region, record.cause))
             pieces.append(record.first(count))
             if progress is not None:
                 progress((clock[0] - start) / (end - start))
@@ -106,7 +106,7 @@ def follow(problem: Problem, start: float, end: float, y: Array, max_events: int
         code = Outcome.INTERRUPTED.code
     knots = Knots.joined(pieces) if pieces else Knots.empty(0, len(y), contacts, kinks)
     if len(knots.time) == 0 or clock[0] > knots.time[-1]:
-        knots = Knots.joined([knots, Knots.single(clock[0], lanes.states[0], lanes.modes[0], lanes.regions[0])])
+        knots = Knots.joined([knots, Knots.single(clock[0], lanes.now.y[0], lanes.now.mode[0], lanes.now.reg[0])])
     return code, knots
 
 

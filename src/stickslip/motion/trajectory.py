@@ -117,8 +117,8 @@ class Trajectory:
 
         p, k = self._problem, self.knots
         out = np.empty((len(times), p.compiled.layout.rows + 3))
-        dense.sample(p.compiled.jets, p.compiled.powers, p.tables[0], p.compiled.layout.rows, max(p.compiled.layout.magnitudes, 1),
-                     *p.matrices, p.order, *p.retrace, k.time, k.state, k.mode, k.region, index, times, out)
+        dense.sample(p.compiled.jets, p.compiled.powers, p.rows, p.constants, p.space(), p.order, *p.retrace, k.time, k.state,
+                     k.mode, k.region, index, times, out)
         return out
 
     @cached_property
@@ -133,7 +133,7 @@ class Trajectory:
     def _kinetic(self) -> Array:
         n = self._problem.compiled.layout.sizes["nq"]
         v = self.knots.state[:, n : 2 * n]
-        return 0.5 * np.einsum("ki,ij,kj->k", v, self._problem.matrices[1], v)
+        return 0.5 * np.einsum("ki,ij,kj->k", v, self._problem.constants.M, v)
 
     def _integrate(self, ends: Array, index: Array, check: bool) -> tuple[Array, Array, Array, Array, Array]:
         from stickslip.motion import dense
@@ -146,10 +146,9 @@ class Trajectory:
         inertial = self.system.declaration.inertial
         rates = [layout.state.index(f"d_{q}") for q in inertial] + [layout.named[f"dd_{q}"] for q in inertial]
         rates += [layout.named[f"d_{x}"] for x in layout.state[2 * len(inertial):]]
-        dense.integrate_steps(p.compiled.jets, p.compiled.powers, *p.tables[:6], np.array(rates, dtype=np.int64), layout.rate_sizes,
-                              sizes["mq"] + sizes["mz"], layout.rows, max(layout.magnitudes, 1), *p.matrices, p.order, *p.retrace,
-                              k.time[index], k.state[index], k.mode[index], k.region[index], ends, check, dense.GAUSS_NODES,
-                              dense.GAUSS_WEIGHTS, work, change, noise, largest, worst)
+        dense.integrate_steps(p.compiled.jets, p.compiled.powers, p.rows, p.constants, p.space(), p.order, *p.retrace,
+                              np.array(rates, dtype=np.int64), layout.rate_sizes, k.time[index], k.state[index], k.mode[index],
+                              k.region[index], ends, check, work, change, noise, largest, worst)
         return work, change, noise, largest, worst
 
     # -- what a user asks for ---------------------------------------------------------------------

@@ -1,0 +1,153 @@
+"""What the compiled functions pass to each other: layouts, constants and work space as named tuples of arrays."""
+
+from __future__ import annotations
+
+import warnings
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numba import float64, int64, types, void
+
+# The engine takes a model's machine code as arguments; numba calls that experimental whenever it compiles such a call.
+warnings.filterwarnings("ignore", message="First-class function type feature is experimental")
+
+Array = np.ndarray
+vector, matrix, indices = float64[::1], float64[:, ::1], int64[::1]
+if TYPE_CHECKING:
+    SETUP = JETS = RESIDUAL = POWERS = Any
+else:
+    SETUP = types.FunctionType(void(vector, vector, matrix, matrix, matrix, vector))
+    JETS = types.FunctionType(
+        int64(float64, vector, indices, indices, vector, matrix, matrix, int64, matrix, matrix, matrix, vector)
+    )
+    RESIDUAL = types.FunctionType(void(float64, vector, indices, indices, vector, vector, matrix))
+    POWERS = types.FunctionType(void(matrix, indices, vector, vector))
+
+# Codes of motion.outcome.Outcome, and two that ask to be called again: with a new record, or with a closed form.
+FINISHED, NO_RATE, ON_JUMP, ZENO, TINY, LIMIT, NEGATIVE, UNDEFINED, FULL, NEED = 0, 2, 3, 4, 5, 6, 7, 8, 100, 101
+# What may be said of a candidate mode.
+OK, SINGULAR, NAN, OFF_SURFACE = 0, 1, 2, 3
+
+ROUNDING = 64 * 2.220446049250313e-16
+FIRED = 1e-10  # a switch that has just fired is on its boundary by definition
+NOWHERE = np.int64(-1)  # no row
+
+OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
+
+
+class Rows(NamedTuple):
+    """Where things are in the tables of Taylor coefficients and magnitudes.
+
+    Attributes
+    ----------
+    sizes : array of int
+        n, nq, nz, nr, na, contacts by kind (mq, mz, mr), kinks.
+    u, force, plus, minus : arrays of int
+        Rows of uᵢ, λᵢ, sᵢ⁺, sᵢ⁻ by contact.
+    kinks : array of int
+        Rows of the guards.
+    watched : array of int
+        Rows that bound the step, besides the state.
+    doubtful : array of int
+        Rows of thresholds that may become negative.
+    """
+
+    sizes: Array
+    u: Array
+    force: Array
+    plus: Array
+    minus: Array
+    kinks: Array
+    watched: Array
+    doubtful: Array
+
+
+class Constants(NamedTuple):
+    """Constants K, mass matrix M, viscous matrix C, contact directions J and drive frequencies ω of a set of parameters."""
+
+    K: Array
+    M: Array
+    C: Array
+    J: Array
+    omega: Array
+
+
+class Space(NamedTuple):
+    """Work space of the Taylor steps.
+
+    Attributes
+    ----------
+    W : array, shape (rows, N + 1)
+        Taylor coefficients.
+    mag : array
+        Sizes of the terms of what may cancel: the scale of rounding errors.
+    Rq, Rz : arrays
+        Inverses of the linear problems of inertial and viscous coordinates.
+    A, B, G : arrays
+        Matrix, inverse and residual of the rate-independent coordinates.
+    known : array of int
+        Mode for which Rq and Rz were made; last entry 0 if they are valid.
+    """
+
+    W: Array
+    mag: Array
+    Rq: Array
+    Rz: Array
+    A: Array
+    B: Array
+    G: Array
+    scratch: Array
+    germ: Array
+    stack: Array
+    touched: Array
+    y0: Array
+    powers: Array
+    pending: Array
+    labels: Array
+    known: Array
+
+
+class Lane(NamedTuple):
+    """Where one motion is.
+
+    Attributes
+    ----------
+    clock : array
+        t, last step, time of an event many events ago, span, and the length of recent steps (events that coincide
+        up to rounding make steps of no length).
+    y : array
+        State.
+    mode, settled, reg : arrays of int
+        Mode of each contact, the mode before the last event (9: none yet), and region of each kink.
+    counters : array of int
+        Events, switches of contacts, fired switch or −1, kinks crossed, steps.
+    """
+
+    clock: Array
+    y: Array
+    mode: Array
+    settled: Array
+    reg: Array
+    counters: Array
+
+
+class Record(NamedTuple):
+    """Record of the steps: start time, state, mode, region, and the switch that caused it (−1: none)."""
+
+    time: Array
+    state: Array
+    mode: Array
+    region: Array
+    cause: Array
+
+
+def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
+    """Work space for a system."""
+    n, nq, nz, nr, _, mq, mz, mr, nk = map(int, rows.sizes)
+    nc, z = mq + mz + mr, np.zeros
+    big, guards = max(nq + mq, nz + mz), nk + 2 * nc + len(rows.doubtful) + 1
+    return Space(
+        W=z((table_rows, N + 1)), mag=z(max(magnitudes, 1)), Rq=z((nq + mq, nq + mq)), Rz=z((nz + mz, nz + mz)), A=z((nr, nr)),
+        B=z((nr, nr)), G=z(2 * nr), scratch=z((big, big)), germ=z(N + 1), stack=z((64, 36)), touched=z(nk + nc, np.int64),
+        y0=z(n), powers=z(N + 1), pending=z((guards, N + 1)), labels=z((guards, 2), np.int64), known=np.ones(mq + mz + 1, np.int64),
+    )

@@ -1,0 +1,290 @@
+"""Which mode the motion takes, and its Taylor coefficients.
+
+One rule decides every mode, at the start, at an event and at a corner where several contacts stand on their
+boundary: **a mode is right if all its guards are nonnegative for a short while**, that is, if the first Taylor
+coefficient of each guard that is not zero is positive. The guards of a stick are λ + s⁺ and s⁻ − λ, of a slip σu, of
+a region its signed kink function. This is the complementarity problem of the force law in the ordered field of germs
+(of Taylor series), so a principal pivoting method (Murty: flip the violated switch of least index) finds its solution.
+Its leading order is the convex minimisation of the accelerations, velocities or rates.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from stickslip.equations.series import invert
+from stickslip.motion.guards import fill_powers, scan, step_size
+from stickslip.motion.kernel import (
+    JETS,
+    NAN,
+    OFF_SURFACE,
+    OK,
+    OPTIONS,
+    RESIDUAL,
+    ROUNDING,
+    SINGULAR,
+    Constants,
+    Lane,
+    Rows,
+    Space,
+)
+
+Array = np.ndarray
+
+FIRST = np.int64(0)  # first contact, first coordinate
+MOST_CANDIDATES = 60000
+
+
+@njit(**OPTIONS)
+def resolvent(A: Array, n: int, J: Array, first: int, m: int, column: int, mode: Array, scratch: Array, R: Array) -> bool:
+    """Inverse of [[A, −Jᵀ], [stick: J, 0; slip: 0, 1]] for contacts first … first+m−1 and coordinates column … ."""
+    for i in range(n + m):
+        for j in range(n + m):
+            scratch[i, j] = 0.0
+    for i in range(n):
+        for j in range(n):
+            scratch[i, j] = A[i, j]
+        for c in range(m):
+            scratch[i, n + c] = -J[first + c, column + i]
+    for c in range(m):
+        if mode[first + c] == 0:
+            for i in range(n):
+                scratch[n + c, i] = J[first + c, column + i]
+        else:
+            scratch[n + c, n + c] = 1.0
+    return invert(scratch, n + m, R)
+
+
+@njit(**OPTIONS)
+def resolve(sizes: Array, k: Constants, space: Space, mode: Array) -> bool:
+    """Bring the inverses of the linear problems up to date with the mode; False if one is singular."""
+    nq, nz, mq, mz, known = sizes[1], sizes[2], sizes[5], sizes[6], space.known
+    same = True
+    for c in range(mq + mz):
+        same = same and known[c] == mode[c]
+    if same and known[mq + mz] == 0:
+        return True
+    for c in range(mq + mz):
+        known[c] = mode[c]
+    known[mq + mz] = 1
+    if nq > 0 and not resolvent(k.M, nq, k.J, FIRST, mq, FIRST, mode, space.scratch, space.Rq):
+        return False
+    if nz > 0 and not resolvent(k.C, nz, k.J, mq, mz, nq, mode, space.scratch, space.Rz):
+        return False
+    known[mq + mz] = 0
+    return True
+
+
+@njit(**OPTIONS)
+def project_rates(residual: RESIDUAL, sizes: Array, k: Constants, space: Space, t: float, y: Array, mode: Array, reg: Array) -> int:
+    """Put sliding rate-independent coordinates back on λ + σ s = 0 (one Newton step: they are there up to rounding)."""
+    nr, first, offset, G = sizes[3], sizes[5] + sizes[6], 2 * sizes[1] + sizes[2], space.G
+    sliding = False
+    for i in range(nr):
+        sliding = sliding or mode[first + i] != 0
+    if not sliding:
+        return OK
+    residual(t, y, mode, reg, k.K, G, space.A)
+    for i in range(nr):
+        if mode[first + i] != 0 and not abs(G[i]) <= 1e-9 * G[nr + i]:
+            return OFF_SURFACE
+    if not invert(space.A, nr, space.B):
+        return SINGULAR
+    for i in range(nr):
+        for j in range(nr):
+            y[offset + i] -= space.B[i, j] * G[j]
+    return OK
+
+
+@njit(**OPTIONS)
+def release_or_hold(rows: Rows, space: Space, y: Array, mode: Array, last: float) -> bool:
+    """Put sticking inertial contacts exactly on the surface speed; one that is not there (it cannot jump) slips.
+
+    Returns
+    -------
+    bool
+        False if a contact was released, so that the mode has changed.
+    """
+    W, mag, Rq, nc, nq, mq = space.W, space.mag, space.Rq, len(rows.u), rows.sizes[1], rows.sizes[5]
+    for c in range(mq):
+        if mode[c] != 0:
+            continue
+        # The acceleration that this contact holds back: its force over its effective mass.
+        gap, held = W[rows.u[c], 0], mag[2 * nc + c] / abs(Rq[nq + c, nq + c])
+        if abs(gap) > 1e-9 * last * (mag[nc + c] + held) + ROUNDING * mag[c]:
+            mode[c] = 1 if gap > 0.0 else -1
+            return False
+    for c in range(mq):
+        gap = W[rows.u[c], 0]
+        if mode[c] == 0 and gap != 0.0:
+            for i in range(nq):
+                y[nq + i] -= Rq[i, nq + c] * gap
+    return True
+
+
+@njit(**OPTIONS)
+def evaluate_mode(jets: JETS, residual: RESIDUAL, rows: Rows, k: Constants, space: Space, N: int, t: float, y: Array, mode: Array,
+                  reg: Array, last: float, hold: bool) -> int:
+    """Taylor coefficients of the motion in a mode; y is put back onto the constraints of the mode."""
+    W, sizes = space.W, rows.sizes
+    n, nr, mq = sizes[0], sizes[3], sizes[5]
+    while True:
+        if not resolve(sizes, k, space, mode):
+            return SINGULAR
+        sticking = False
+        for c in range(mq):
+            sticking = sticking or mode[c] == 0
+        if not sticking or not hold:
+            break
+        if jets(t, y, mode, reg, k.K, space.Rq, space.Rz, 1, W, space.A, space.B, space.mag) == SINGULAR:
+            return SINGULAR
+        if release_or_hold(rows, space, y, mode, last):
+            break
+    if nr > 0:
+        status = project_rates(residual, sizes, k, space, t, y, mode, reg)
+        if status != OK:
+            return status
+    if jets(t, y, mode, reg, k.K, space.Rq, space.Rz, N, W, space.A, space.B, space.mag) == SINGULAR:
+        return SINGULAR
+    for r in range(n):
+        if not np.isfinite(W[r, N]) or not np.isfinite(W[r, 0]) or not np.isfinite(W[r, 1]):
+            return NAN
+    for c in range(len(rows.u)):
+        if not np.isfinite(W[rows.u[c], N - 1]):
+            return NAN
+    return OK
+
+
+@njit(**OPTIONS)
+def flip(switch: int, mode: Array, reg: Array, nk: int) -> int:
+    """Give a violated switch its other state; returns the switch."""
+    if switch >= 1000:
+        mode[switch - 1000 - nk] = -1
+        return switch - 1000
+    if switch < nk:
+        reg[switch] = 1 - reg[switch]
+    elif mode[switch - nk] == 0:
+        mode[switch - nk] = 1
+    else:
+        mode[switch - nk] = 0
+    return switch
+
+
+@njit(**OPTIONS)
+def loosen(J: Array, first: int, m: int, column: int, n: int, mode: Array, keep: int, space: Space, nk: int) -> bool:
+    """Let sticking contacts whose directions depend on those of the others be carried at their threshold (u stays 0).
+
+    With more sticking contacts than directions their forces are not unique. Any admissible choice gives the same motion; a
+    contact carried at its threshold is a vertex of that choice, and pivoting walks from vertex to vertex.
+    """
+    rank, changed, basis, touched = 0, False, space.scratch, space.touched
+    for turn in range(m + 1):
+        # The contact that has just begun to stick comes first: it is the one that must not be let go again.
+        c = keep if turn == 0 else first + turn - 1
+        if (turn == 0) != (c == keep) or c < first or c >= first + m or mode[c] != 0:
+            continue
+        size = 0.0
+        for i in range(n):
+            basis[rank, i] = J[c, column + i]
+            size += basis[rank, i] ** 2
+        for _ in range(2):
+            for r in range(rank):
+                dot = 0.0
+                for i in range(n):
+                    dot += basis[rank, i] * basis[r, i]
+                for i in range(n):
+                    basis[rank, i] -= dot * basis[r, i]
+        left = 0.0
+        for i in range(n):
+            left += basis[rank, i] ** 2
+        if left <= 1e-20 * size:
+            mode[c] = 1
+            touched[nk + c] = 1
+            changed = True
+            continue
+        for i in range(n):
+            basis[rank, i] /= np.sqrt(left)
+        rank += 1
+    return changed
+
+
+@njit(**OPTIONS)
+def settle(jets: JETS, residual: RESIDUAL, rows: Rows, k: Constants, space: Space, N: int, tol: float, atol: float, lane: Lane,
+           room: float, hold: bool) -> tuple[int, float, int]:
+    """Find the mode the motion takes now; the work space then holds its Taylor coefficients.
+
+    Returns
+    -------
+    status, step, count
+        OK, the step size and the number of guards that may fire; or NAN; or SINGULAR if no mode is possible.
+    """
+    sizes, touched, mode, reg, y = rows.sizes, space.touched, lane.mode, lane.reg, lane.y
+    nk, nc, nq, nz, mq, mz, mr = len(rows.kinks), len(rows.u), sizes[1], sizes[2], sizes[5], sizes[6], sizes[7]
+    t, last, recent, fired = lane.clock[0], lane.clock[1], lane.clock[4], lane.counters[2]
+    copy(y, space.y0)
+    for i in range(nk + nc):
+        touched[i] = 0
+    # First pivoting; if that leaves the admissible modes (a singular or impossible one), every state of the switches concerned.
+    pivots, candidate, total, flipped = 0, 0, 0, fired
+    while True:
+        if pivots > 0:
+            copy(space.y0, y)
+        pivots += 1
+        if total > 0:
+            if candidate == total:
+                break
+            choose(candidate, touched, mode, reg)
+            candidate += 1
+        status = evaluate_mode(jets, residual, rows, k, space, N, t, y, mode, reg, recent, hold or pivots > 1)
+        if status == NAN:
+            return NAN, 0.0, 0
+        if status == OK:
+            h = min(room, step_size(space.W, rows.watched, len(y), N, last, tol, atol))
+            fill_powers(space.powers, h)
+            switch, count = scan(rows, space, mode, reg, N, last, fired)
+            if switch < 0:
+                return OK, h, count
+            if total == 0:
+                flipped = flip(switch, mode, reg, nk)
+                touched[flipped] = 1
+        elif status == SINGULAR and total == 0:
+            free = loosen(k.J, FIRST, mq, FIRST, nq, mode, flipped - nk, space, nk)
+            free = loosen(k.J, mq, mz, nq, nz, mode, flipped - nk, space, nk) or free
+            if free and pivots <= 3 * (nk + nc) + 8:
+                continue
+        if total == 0 and (status != OK or pivots > 3 * (nk + nc) + 8):
+            if fired >= 0:
+                touched[fired] = 1
+            for i in range(mr):
+                if mode[mq + mz + i] != 0:
+                    touched[nk + mq + mz + i] = 1
+            total = 1
+            for i in range(nk + nc):
+                if touched[i] == 1:
+                    total *= 2 if i < nk else 3
+            if total > MOST_CANDIDATES:
+                break
+    copy(space.y0, y)
+    return SINGULAR, 0.0, 0
+
+
+@njit(**OPTIONS)
+def choose(candidate: int, touched: Array, mode: Array, reg: Array) -> None:
+    """Put the switches concerned into the states that a number stands for."""
+    nk = len(reg)
+    for i in range(len(touched)):
+        if touched[i] == 1:
+            if i < nk:
+                reg[i] = candidate % 2
+                candidate //= 2
+            else:
+                mode[i - nk] = candidate % 3 - 1
+                candidate //= 3
+
+
+@njit(**OPTIONS)
+def copy(source: Array, target: Array) -> None:
+    """Copy a vector (a slice assignment would compile shape checks that can never fail)."""
+    for i in range(len(source)):
+        target[i] = source[i]
