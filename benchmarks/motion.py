@@ -1,9 +1,9 @@
 """Speed and error of the motion, all tools in one run: ``python benchmarks/motion.py``.
 
-Three motions with 30-digit reference values, each by every tool in turn, medians of interleaved rounds. stickslip stands
-in the table twice: one ``simulate`` with everything a user gets, and the compiled loop itself, measured over a batch of
-equal motions (so that the call from Python, about the same for every tool, does not hide it). The rivals' times are
-those of prepared integrators, told beforehand which boundary ends which mode.
+Three motions with 30-digit reference values, each by every tool in turn, medians of interleaved rounds. stickslip
+stands in the table twice: one ``simulate`` with everything a user gets, and the compiled loop itself, measured over a
+batch of equal motions (so that the call from Python, about the same for every tool, does not hide it). The rivals'
+times are those of prepared integrators, told beforehand which boundary ends which mode.
 
 The second table is the cold start: whole processes that import, integrate one motion and stop.
 
@@ -23,10 +23,10 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
-from reference_values import PROBLEMS
-from rivals import ABSENT, RIVALS, time_interleaved
 
 import stickslip as ss
+from reference_values import PROBLEMS
+from rivals import ABSENT, RIVALS, time_interleaved
 
 BATCH = 400
 RESULTS = Path(__file__).parent / "results" / "motion.md"
@@ -84,7 +84,10 @@ def batch(key: str) -> Callable[[], tuple[np.ndarray, int]]:
 
 def motions() -> list[str]:
     """Table of the three motions."""
-    lines = ["| motion | tool | µs per cycle | times stickslip (loop) | error | switches |", "|---|---|---|---|---|---|"]
+    lines = [
+        "| motion | tool | µs per cycle | times stickslip (loop) | error | switches |",
+        "|---|---|---|---|---|---|",
+    ]
     for key, problem in PROBLEMS.items():
         runs = {"stickslip, loop": batch(key), "stickslip, simulate": one_call(key)}
         runs |= {name: rivals[key].prepare() for name, rivals in RIVALS.items() if key in rivals}
@@ -94,8 +97,10 @@ def motions() -> list[str]:
         own = seconds["stickslip, loop"] / cycles["stickslip, loop"]
         for name, spent in seconds.items():
             state, switches = results[name]
-            lines.append(f"| {problem.title} | {name} | {spent / cycles[name] * 1e6:.2f} | {spent / cycles[name] / own:.1f} |"
-                         f" {problem.error(state):.1e} | {switches} |")
+            lines.append(
+                f"| {problem.title} | {name} | {spent / cycles[name] * 1e6:.2f} | {spent / cycles[name] / own:.1f} |"
+                f" {problem.error(state):.1e} | {switches} |"
+            )
     return lines
 
 
@@ -124,8 +129,12 @@ def machine() -> str:
     model = platform.processor() or platform.machine()
     cpuinfo = Path("/proc/cpuinfo")
     if cpuinfo.exists():
-        model = next((line.split(":")[1].strip() for line in cpuinfo.read_text().splitlines() if line.startswith("model name")), model)
-    return f"{model}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}, stickslip {ss.__version__}"
+        model = next(
+            (line.split(":")[1].strip() for line in cpuinfo.read_text().splitlines() if line.startswith("model name")),
+            model,
+        )
+    software = f"Python {platform.python_version()}, stickslip {ss.__version__}"
+    return f"{model}, {os.cpu_count()} cores, {platform.system()}, {software}"
 
 
 def main() -> None:

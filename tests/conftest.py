@@ -3,10 +3,22 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 
 import pytest
 
+import stickslip
+
 from stickslip.motion import problem, simulate
+
+
+def pytest_configure() -> None:
+    """Forget machine code that is older than any of its sources: numba looks at the file of each function only."""
+    package = Path(stickslip.__file__).parent
+    newest = max(path.stat().st_mtime for room in ("equations", "motion") for path in (package / room).glob("*.py"))
+    for cached in package.rglob("*.nb[ic]"):
+        if cached.stat().st_mtime < newest:
+            cached.unlink(missing_ok=True)
 
 
 @pytest.fixture(params=["closed forms", "Taylor steps"])

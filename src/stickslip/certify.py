@@ -53,8 +53,15 @@ class Certificate:
         """The verdict in words."""
         if self.ok:
             return f"certified: all residuals below {self.tolerance:.0e}"
-        bad = [f"{name} {value:.2e}" for name, value in (("energy balance", self.energy_residual),
-               ("friction law", self.stability_violation), ("equations of motion", self.defect)) if not value <= self.tolerance]
+        bad = [
+            f"{name} {value:.2e}"
+            for name, value in (
+                ("energy balance", self.energy_residual),
+                ("friction law", self.stability_violation),
+                ("equations of motion", self.defect),
+            )
+            if not value <= self.tolerance
+        ]
         return f"not certified: {', '.join(bad)} above {self.tolerance:.0e}"
 
     def to_dict(self) -> dict[str, float | bool | str]:
@@ -86,7 +93,9 @@ def certify(trajectory: Trajectory) -> Certificate:
     speed = max(speed, at_rest)
     beyond, reach = audit.worst[8::2], audit.worst[9::2]
     side = float(np.max(beyond / np.where(reach > 0.0, reach, 1.0), initial=0.0))
-    violation = max((max(excess, off) / force if force > 0.0 else 0.0), (max(creep, back) / speed if speed > 0.0 else 0.0), side)
+    violation = max(
+        (max(excess, off) / force if force > 0.0 else 0.0), (max(creep, back) / speed if speed > 0.0 else 0.0), side
+    )
     steps = len(knots.time) - 1
     gap = np.maximum(np.abs(np.diff(knots.state, axis=0) - audit.change[:steps]) - audit.noise[:steps], 0.0)
     size = np.maximum(np.max(np.abs(knots.state), axis=0, initial=least), audit.largest)

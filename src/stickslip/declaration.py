@@ -119,13 +119,15 @@ class Declaration:
         """Refuse one parameter value that is unknown, no number, or out of range."""
         where = entry_key("parameters", name)
         if name not in self.ranges:
-            raise DeclarationError(where, "there is no such parameter",
-                                   f"Known: {', '.join(self.parameters) or 'none'}")
+            raise DeclarationError(
+                where, "there is no such parameter", f"Known: {', '.join(self.parameters) or 'none'}"
+            )
         if not is_finite(value):
             raise DeclarationError(where, "its value is not a finite number", "Give a number")
         if value not in self.ranges[name]:
-            raise DeclarationError(where, f"{value:g} is outside the admissible range {self.ranges[name].text}",
-                                   "Choose a value inside")
+            raise DeclarationError(
+                where, f"{value:g} is outside the admissible range {self.ranges[name].text}", "Choose a value inside"
+            )
 
     def check_parameters(self, values: Mapping[str, float]) -> None:
         """Refuse parameter values that are unknown, out of range, or make M or C indefinite.
@@ -215,8 +217,9 @@ class _Reader:
             check_unit(internal.unit, f"{where}.unit")
             result.internal.append(name)
         if not result.state:
-            raise DeclarationError("coordinates", "the system has no coordinates and no internal variables",
-                                   "Declare at least one")
+            raise DeclarationError(
+                "coordinates", "the system has no coordinates and no internal variables", "Declare at least one"
+            )
         check_unit(system.time_unit, "time_unit")
         start, stop = system.span
         if not (is_finite(start) and is_finite(stop) and start < stop):
@@ -261,8 +264,11 @@ class _Reader:
         result.mass = _quadratic(result.kinetic, result.inertial, "kinetic")
         for q in result.inertial:
             if not any(q in pair for pair in result.mass):
-                raise DeclarationError(f"coordinates.{q}", "an inertial coordinate without mass",
-                                       f"Add m/2*d_{q}**2 to 'kinetic', or declare it viscous or rate-independent")
+                raise DeclarationError(
+                    f"coordinates.{q}",
+                    "an inertial coordinate without mass",
+                    f"Add m/2*d_{q}**2 to 'kinetic', or declare it viscous or rate-independent",
+                )
         _check_definite(result.mass, result.inertial, system.values, "kinetic", "mass matrix")
 
     def dissipation(self) -> None:
@@ -273,8 +279,11 @@ class _Reader:
         result.damping = _quadratic(result.dissipation, [*result.inertial, *result.viscous], "viscous")
         for z in result.viscous:
             if (z, z) not in result.damping:
-                raise DeclarationError(f"coordinates.{z}", "a viscous coordinate without viscous friction",
-                                       f"Add nu/2*d_{z}**2 to 'viscous', or declare it rate-independent")
+                raise DeclarationError(
+                    f"coordinates.{z}",
+                    "a viscous coordinate without viscous friction",
+                    f"Add nu/2*d_{z}**2 to 'viscous', or declare it rate-independent",
+                )
         _check_definite(result.damping, result.viscous, system.values, "viscous", VISCOUS_MATRIX)
         both = [*result.inertial, *result.viscous]
         _check_definite(result.damping, both, system.values, "viscous", "viscous matrix", semi=True)
@@ -291,9 +300,11 @@ class _Reader:
         for v in (-10.0, -1.0, -0.1, -1e-3, 1e-3, 0.1, 1.0, 10.0):
             power = v * ex.evaluate(drag, {**values, f"d_{name}": v})
             if not power >= -1e-14:
-                raise DeclarationError(f"coordinates.{name}.drag",
-                                       f"the resistance feeds energy in at d_{name} = {v:g}",
-                                       "A drag has v*f(v) >= 0; put other forces under 'force'")
+                raise DeclarationError(
+                    f"coordinates.{name}.drag",
+                    f"the resistance feeds energy in at d_{name} = {v:g}",
+                    "A drag has v*f(v) >= 0; put other forces under 'force'",
+                )
 
     def contacts(self) -> None:
         system, result = self.system, self.result
@@ -302,12 +313,17 @@ class _Reader:
         for r in result.rate_independent:
             acting = [c.name for c in result.contacts if r in c.direction]
             if not acting:
-                raise DeclarationError(f"coordinates.{r}", "a rate-independent coordinate without dry friction",
-                                       f"Add a contact with direction 'd_{r}'")
+                raise DeclarationError(
+                    f"coordinates.{r}",
+                    "a rate-independent coordinate without dry friction",
+                    f"Add a contact with direction 'd_{r}'",
+                )
             if len(acting) > 1:
-                raise DeclarationError(entry_key("contacts", acting[1]),
-                                       f"'{r}' already has the contact '{short(acting[0])}'",
-                                       "Add their thresholds in one contact")
+                raise DeclarationError(
+                    entry_key("contacts", acting[1]),
+                    f"'{r}' already has the contact '{short(acting[0])}'",
+                    "Add their thresholds in one contact",
+                )
 
     def _contact(self, name: str, contact: Contact) -> DryContact:
         where = entry_key("contacts", name)
@@ -317,32 +333,45 @@ class _Reader:
         direction = {x: c for x in result.coordinates if (c := ex.derivative(text, f"d_{x}")) is not ex.ZERO}
         linear = ex.add(*((c * self.rates[f"d_{x}"], 1.0) for x, c in direction.items()))
         if not direction or any(c.symbols & self.rates.keys() for c in direction.values()):
-            raise DeclarationError(f"{where}.direction", "not a linear combination of rates",
-                                   "Write it like 'd_x' or 'd_x2 - d_x1'")
+            raise DeclarationError(
+                f"{where}.direction", "not a linear combination of rates", "Write it like 'd_x' or 'd_x2 - d_x1'"
+            )
         rest = ex.substitute(text, {f"d_{x}": ex.ZERO for x in direction})
         if rest is not ex.ZERO and ex.add((text, 1.0), (linear, -1.0)) is not ex.ZERO:
-            raise DeclarationError(f"{where}.direction", f"it contains the constant {short(repr(rest))}",
-                                   "Put it under surface_speed")
+            raise DeclarationError(
+                f"{where}.direction", f"it contains the constant {short(repr(rest))}", "Put it under surface_speed"
+            )
         kinds = {self.system.coordinates[x].kind for x in direction}
         if len(kinds) > 1:
-            raise DeclarationError(f"{where}.direction", f"it joins {' and '.join(sorted(kinds))} coordinates",
-                                   "Give all coordinates of one contact the same kind")
+            raise DeclarationError(
+                f"{where}.direction",
+                f"it joins {' and '.join(sorted(kinds))} coordinates",
+                "Give all coordinates of one contact the same kind",
+            )
         kind = kinds.pop()
         if kind == "rate-independent" and len(direction) > 1:
-            raise DeclarationError(f"{where}.direction", "a contact of rate-independent coordinates moves one of them",
-                                   "Use one contact per coordinate, or give them viscosity")
+            raise DeclarationError(
+                f"{where}.direction",
+                "a contact of rate-independent coordinates moves one of them",
+                "Use one contact per coordinate, or give them viscosity",
+            )
         plus, minus = self._pair(contact.threshold, f"{where}.threshold", self.motion)
         kinetic = (plus, minus)
         if contact.kinetic is not None:
             sliding = self.scope(self.state, self.velocities, {"speed": ex.sym("speed")}, why="Use 'speed' for |u|")
             kinetic = self._pair(contact.kinetic, f"{where}.kinetic", sliding)
             if kind == "rate-independent":
-                raise DeclarationError(f"{where}.kinetic",
-                                       "without inertia or viscosity the drop to the kinetic force is a jump",
-                                       "Declare the coordinate viscous or inertial")
+                raise DeclarationError(
+                    f"{where}.kinetic",
+                    "without inertia or viscosity the drop to the kinetic force is a jump",
+                    "Declare the coordinate viscous or inertial",
+                )
             if kind == "viscous" and any("speed" in k.symbols for k in kinetic):
-                raise DeclarationError(f"{where}.kinetic", "for viscous coordinates it may not depend on the speed",
-                                       "Declare the coordinate inertial, or put the slope into 'viscous'")
+                raise DeclarationError(
+                    f"{where}.kinetic",
+                    "for viscous coordinates it may not depend on the speed",
+                    "Declare the coordinate inertial, or put the slope into 'viscous'",
+                )
         speed = self.clock.parse(contact.surface_speed, f"{where}.surface_speed")
         check_unit(contact.unit, f"{where}.unit")
         values = self._initial_values()
@@ -350,9 +379,11 @@ class _Reader:
             self._check_threshold(static, where)
             at_rest = ex.evaluate(sliding_force, {**values, "speed": 0.0})
             if not 0.0 <= at_rest <= ex.evaluate(static, values) * (1 + 1e-12):
-                raise DeclarationError(f"{where}.kinetic",
-                                       f"the kinetic force {at_rest:g} is not between 0 and the threshold",
-                                       "Sliding friction is at most the threshold")
+                raise DeclarationError(
+                    f"{where}.kinetic",
+                    f"the kinetic force {at_rest:g} is not between 0 and the threshold",
+                    "Sliding friction is at most the threshold",
+                )
         return DryContact(name, kind, direction, plus, minus, *kinetic, speed, contact.unit)
 
     def _pair(self, given: object, where: str, scope: Scope) -> tuple[Expr, Expr]:
@@ -404,8 +435,9 @@ class _Reader:
             check_initial(result, name, value)
         for name, weight in system.translation.items():
             if name not in result.coordinates or not is_finite(weight):
-                raise DeclarationError(entry_key("translation", name), "not a coordinate with a number",
-                                       "Name coordinates, like x = 1")
+                raise DeclarationError(
+                    entry_key("translation", name), "not a coordinate with a number", "Name coordinates, like x = 1"
+                )
         self._check_translation()
 
     def _check_translation(self) -> None:
@@ -424,11 +456,13 @@ class _Reader:
             # A potential may tilt (a constant pull); its slope must not change under the shift.
             tested = [ex.derivative(change, x) for x in result.coordinates] if where == "potential" else [change]
             for offset in (0.0, 0.37, -1.3):
-                moved = {k: v + offset * (1 + 0.1 * i) if k in self.state else v
-                         for i, (k, v) in enumerate(values.items())}
+                moved = {
+                    k: v + offset * (1 + 0.1 * i) if k in self.state else v for i, (k, v) in enumerate(values.items())
+                }
                 if any(abs(ex.evaluate(probe, moved)) > 1e-9 for probe in tested):
-                    raise DeclarationError("translation", f"the shift changes {where}",
-                                           "Remove it, or correct the direction")
+                    raise DeclarationError(
+                        "translation", f"the shift changes {where}", "Remove it, or correct the direction"
+                    )
 
     def _initial_values(self) -> dict[str, float]:
         state = {**dict.fromkeys(self.state, 0.0), **dict.fromkeys(self.rates, 0.0)}
@@ -475,12 +509,21 @@ def _check_slopes(formula: Expr, names: Iterable[str], where: str, order: int = 
         for _ in range(order):
             slopes = [ex.derivative(e, name) for e in slopes for name in names if name in e.symbols]
     except ArithmeticError:
-        raise DeclarationError(where, "its derivatives contain numbers that are too large or undefined",
-                               "Check exponents and large numbers") from None
+        raise DeclarationError(
+            where,
+            "its derivatives contain numbers that are too large or undefined",
+            "Check exponents and large numbers",
+        ) from None
 
 
-def _check_definite(matrix: Mapping[tuple[str, str], Expr], names: list[str], values: Mapping[str, float],
-                    where: str, what: str, semi: bool = False) -> None:
+def _check_definite(
+    matrix: Mapping[tuple[str, str], Expr],
+    names: list[str],
+    values: Mapping[str, float],
+    where: str,
+    what: str,
+    semi: bool = False,
+) -> None:
     """Refuse a matrix that is not symmetric positive (semi-)definite, by Cholesky factorisation."""
     a = [[ex.evaluate(matrix.get((x, y), ex.ZERO), values) for y in names] for x in names]
     scale = max((abs(a[i][i]) for i in range(len(a))), default=0.0)
@@ -489,12 +532,14 @@ def _check_definite(matrix: Mapping[tuple[str, str], Expr], names: list[str], va
         small = 1e-13 * scale
         if not (pivot >= -small if semi else pivot > small):
             kind = "positive semidefinite" if semi else "positive definite"
-            raise DeclarationError(where, f"the {what} is not {kind} (at '{names[k]}')",
-                                   "Check signs and missing terms")
+            raise DeclarationError(
+                where, f"the {what} is not {kind} (at '{names[k]}')", "Check signs and missing terms"
+            )
         if pivot <= small:
             if any(abs(a[i][k]) > small for i in range(k + 1, len(a))):
-                raise DeclarationError(where, f"the {what} is not positive semidefinite (at '{names[k]}')",
-                                       "Check signs and missing terms")
+                raise DeclarationError(
+                    where, f"the {what} is not positive semidefinite (at '{names[k]}')", "Check signs and missing terms"
+                )
             continue
         for i in range(k + 1, len(a)):
             factor = a[i][k] / pivot

@@ -280,9 +280,7 @@ def _derivative(e: Expr, name: str) -> Expr:
         return add(*parts)
     if e.op == "pow":
         base, exponent = e.args
-        return e * (
-            derivative(exponent, name) * call("log", base) + exponent * derivative(base, name) / base
-        )
+        return e * (derivative(exponent, name) * call("log", base) + exponent * derivative(base, name) / base)
     if e.op == "select":
         guard, above, below = e.args
         return select(guard, derivative(above, name), derivative(below, name))

@@ -95,10 +95,13 @@ class Scope:
         definition = self.definitions[name]
         if len(arguments) != len(definition.arguments):
             wanted = f"{name}({', '.join(definition.arguments)})" if definition.arguments else name
-            raise DeclarationError(where, f"'{name}' takes {len(definition.arguments)} argument(s),"
-                                          f" not {len(arguments)}", f"Write {wanted}")
+            raise DeclarationError(
+                where,
+                f"'{name}' takes {len(definition.arguments)} argument(s), not {len(arguments)}",
+                f"Write {wanted}",
+            )
         if name in self._open:
-            chain = " -> ".join([*self._open[self._open.index(name):], name])
+            chain = " -> ".join([*self._open[self._open.index(name) :], name])
             raise DeclarationError(definition.where, f"cyclic definition: {chain}", "Define it without itself")
         key = (name, arguments)
         if key not in self._known:
@@ -132,8 +135,9 @@ def parse_signature(text: str, where: str) -> tuple[str, tuple[str, ...]]:
     """Name and arguments of ``H_R(psi)``."""
     match = SIGNATURE.match(text)
     if not match:
-        raise DeclarationError(where, f"'{short(text)}' is not a name or a name with arguments",
-                               "Write it like 'H_R(psi)'")
+        raise DeclarationError(
+            where, f"'{short(text)}' is not a name or a name with arguments", "Write it like 'H_R(psi)'"
+        )
     arguments = tuple(a.strip() for a in match[2].split(",")) if match[2] is not None else ()
     for name in (match[1], *arguments):
         check_name(name, where)
@@ -145,8 +149,9 @@ def parse_signature(text: str, where: str) -> tuple[str, tuple[str, ...]]:
 def check_name(name: str, where: str, taken: Iterable[str] = ()) -> None:
     """Refuse a name that is no identifier, is reserved, or is taken."""
     if not NAME.match(name):
-        raise DeclarationError(where, f"'{short(name)}' is not a name",
-                               "Use letters, digits and _, starting with a letter")
+        raise DeclarationError(
+            where, f"'{short(name)}' is not a name", "Use letters, digits and _, starting with a letter"
+        )
     if name in RESERVED:
         raise DeclarationError(where, f"'{name}' has a fixed meaning in formulas", "Choose another name")
     if name in taken:
@@ -172,8 +177,9 @@ class _Reader:
         if not text.strip():
             raise self.fail("the formula is empty", "Write a formula, or 0")
         if len(text) > MAX_LENGTH:
-            raise self.fail(f"the formula has {len(text)} characters (at most {MAX_LENGTH})",
-                            "Use functions to shorten it")
+            raise self.fail(
+                f"the formula has {len(text)} characters (at most {MAX_LENGTH})", "Use functions to shorten it"
+            )
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
@@ -224,8 +230,10 @@ class _Reader:
             case ast.Compare():
                 raise self.fail("a comparison stands only inside piecewise(...)", "Write piecewise(x < 0, a, b)")
         kind = type(node).__name__.lower()
-        raise self.fail(f"formulas cannot contain this Python construct ({kind})",
-                        "Allowed are numbers, names, + - * / **, brackets and " + ", ".join(sorted(BUILTIN)))
+        raise self.fail(
+            f"formulas cannot contain this Python construct ({kind})",
+            "Allowed are numbers, names, + - * / **, brackets and " + ", ".join(sorted(BUILTIN)),
+        )
 
     def chain(self, node: ast.expr, depth: int) -> Expr:
         """A sum or product from left to right: as long as it may be, it is not nested."""
@@ -291,8 +299,10 @@ class _Reader:
             return self.scope.apply(name, arguments, self.where)
         wanted = BUILTIN[name]
         if (wanted is not None and len(arguments) != wanted) or not arguments:
-            raise self.fail(f"'{name}' takes {wanted or 'at least 1'} argument(s), not {len(arguments)}",
-                            f"Write {name}({', '.join('xyz'[: wanted or 2])})")
+            raise self.fail(
+                f"'{name}' takes {wanted or 'at least 1'} argument(s), not {len(arguments)}",
+                f"Write {name}({', '.join('xyz'[: wanted or 2])})",
+            )
         return self.builtin(name, arguments)
 
     def builtin(self, name: str, arguments: tuple[Expr, ...]) -> Expr:
@@ -313,8 +323,9 @@ class _Reader:
 
     def piecewise(self, nodes: list[ast.expr], depth: int) -> Expr:
         if len(nodes) < 3 or len(nodes) % 2 == 0:
-            raise self.fail("piecewise takes condition, value, ..., and a last value",
-                            "Write piecewise(x < 0, a, x < 1, b, c)")
+            raise self.fail(
+                "piecewise takes condition, value, ..., and a last value", "Write piecewise(x < 0, a, x < 1, b, c)"
+            )
         value = self.visit(nodes[-1], depth + 1)
         for condition, branch in reversed(list(zip(nodes[:-1:2], nodes[1:-1:2], strict=True))):
             value = self.choose(condition, self.visit(branch, depth + 1), value, depth)

@@ -119,11 +119,15 @@ def _system(table: dict[str, Any]) -> System:
     given = _known_keys(System, table, "")
     for section, entry in ENTRIES.items():
         if section in given:
-            given[section] = {name: _entry(entry, value, entry_key(section, name))
-                              for name, value in _mapping(given[section], section).items()}
+            given[section] = {
+                name: _entry(entry, value, entry_key(section, name))
+                for name, value in _mapping(given[section], section).items()
+            }
     if "coordinates" in given:
-        given["coordinates"] = {name: _coordinate(value, entry_key("coordinates", name))
-                                for name, value in _mapping(given["coordinates"], "coordinates").items()}
+        given["coordinates"] = {
+            name: _coordinate(value, entry_key("coordinates", name))
+            for name, value in _mapping(given["coordinates"], "coordinates").items()
+        }
     return System(**given)
 
 
@@ -137,8 +141,11 @@ def _coordinate(value: Any, where: str) -> Any:
         raise wrong_kind(kind, "str", f"{where}.kind")
     if kind not in KINDS:
         close = get_close_matches(kind, KINDS, 1)
-        raise DeclarationError(f"{where}.kind", f"there is no kind '{short(kind)}'",
-                               f'Did you mean "{close[0]}"?' if close else f"Give one of {kinds}")
+        raise DeclarationError(
+            f"{where}.kind",
+            f"there is no kind '{short(kind)}'",
+            f'Did you mean "{close[0]}"?' if close else f"Give one of {kinds}",
+        )
     return _entry(KINDS[kind], table, where)
 
 
@@ -158,8 +165,11 @@ def _known_keys(cls: Any, table: dict[str, Any], where: str) -> dict[str, Any]:
     for key in table:
         if key not in known:
             close = get_close_matches(key, known, 1)
-            raise DeclarationError(_join(where, key), "unknown key",
-                                   f"Did you mean '{close[0]}'?" if close else f"Known here: {', '.join(known)}")
+            raise DeclarationError(
+                _join(where, key),
+                "unknown key",
+                f"Did you mean '{close[0]}'?" if close else f"Known here: {', '.join(known)}",
+            )
     for key, required in known.items():
         if required and key not in table:
             raise DeclarationError(_join(where, key), "this key is missing", f"Add it, as in: {_example(cls, key)}")
@@ -172,8 +182,13 @@ def _join(where: str, key: str) -> str:
 
 
 def _example(cls: Any, key: str) -> str:
-    examples = {"default": "default = 1.0", "law": 'law = "1 - alpha"', "direction": 'direction = "d_x"',
-                "threshold": 'threshold = "mu*m*g"', "formula": 'formula = "P > rho"'}
+    examples = {
+        "default": "default = 1.0",
+        "law": 'law = "1 - alpha"',
+        "direction": 'direction = "d_x"',
+        "threshold": 'threshold = "mu*m*g"',
+        "formula": 'formula = "P > rho"',
+    }
     return examples.get(key, f'{key} = "{cls.__name__.lower()}"')
 
 

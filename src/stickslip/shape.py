@@ -21,8 +21,13 @@ EXPECTED = {
 }
 """What a field of a declaration holds, by its annotation, and how that is written."""
 
-CLASSES = {"Parameter": Parameter, "Coordinate": Coordinate, "Internal": Internal, "Contact": Contact,
-           "Condition": Condition}
+CLASSES = {
+    "Parameter": Parameter,
+    "Coordinate": Coordinate,
+    "Internal": Internal,
+    "Contact": Contact,
+    "Condition": Condition,
+}
 MOST_ENTRIES = 1000
 MOST_COORDINATES = 200
 

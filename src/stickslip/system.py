@@ -242,8 +242,9 @@ class System:
         for name, value in given.items():
             if name in self.parameters:
                 if not is_finite(value):
-                    raise DeclarationError(f"parameters.{name}", f"'{short(str(value))}' is not a finite number",
-                                           "Give a number")
+                    raise DeclarationError(
+                        f"parameters.{name}", f"'{short(str(value))}' is not a finite number", "Give a number"
+                    )
                 changes["parameters"][name] = replace(self.parameters[name], default=float(value))
             elif name in signatures:
                 changes["functions"][signatures[name]] = value
@@ -252,8 +253,11 @@ class System:
             else:
                 known = [*self.parameters, *signatures, *self.drives]
                 close = get_close_matches(name, known, 1)
-                raise DeclarationError(self.name, f"there is no parameter or free function '{short(name)}'",
-                                       f"Did you mean '{close[0]}'?" if close else f"Known: {', '.join(known)}")
+                raise DeclarationError(
+                    self.name,
+                    f"there is no parameter or free function '{short(name)}'",
+                    f"Did you mean '{close[0]}'?" if close else f"Known: {', '.join(known)}",
+                )
         return replace(self, **{key: {**getattr(self, key), **new} for key, new in changes.items() if new})
 
     def with_parameters(self, **values: float) -> System:

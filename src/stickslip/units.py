@@ -29,8 +29,11 @@ def check_unit(text: str, where: str) -> str:
     unknown = [name for name in names if name not in NAMES]
     if unknown or (plain and not UNIT.match(plain)):
         reason = f"at '{short(unknown[0])}'" if unknown else "as a product of powers"
-        raise DeclarationError(where, f"the unit '{short(text)}' does not parse {reason}",
-                               "Write a product of SI units with powers, like 'kg*m^2/s', or '1'")
+        raise DeclarationError(
+            where,
+            f"the unit '{short(text)}' does not parse {reason}",
+            "Write a product of SI units with powers, like 'kg*m^2/s', or '1'",
+        )
     return text
 
 

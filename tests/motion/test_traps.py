@@ -312,6 +312,7 @@ def test_threshold_jumps_below_the_force_without_a_bounded_rate(jump: float, sig
     assert motion.outcome is Outcome.NO_BOUNDED_RATE
     assert motion.knots.time[-1] == pytest.approx(1.0, abs=1e-15)
     assert motion.final["x"] == 0.0
+    assert motion.n_switches == 0
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -49,8 +49,11 @@ def get(name: str, **given: Any) -> System:
     known = names()
     if name not in known:
         close = get_close_matches(name.replace("-", "_"), known, 1)
-        raise DeclarationError("catalogue", f"there is no system '{short(name)}'",
-                               f"Did you mean '{close[0]}'?" if close else f"Known: {', '.join(known)}")
+        raise DeclarationError(
+            "catalogue",
+            f"there is no system '{short(name)}'",
+            f"Did you mean '{close[0]}'?" if close else f"Known: {', '.join(known)}",
+        )
     return __getattr__(name)(**given)
 
 

@@ -44,8 +44,9 @@ def block_chain(N: float = 3, **given: float | str) -> System:
         drives={"belt": "V"},
         coordinates={x: Inertial("m", f"position of block {i}") for i, x in enumerate(blocks, 1)},
         kinetic=f"m/2*({' + '.join(f'd_{x}**2' for x in blocks)})",
-        potential=" + ".join([f"k/2*({' + '.join(f'{x}**2' for x in blocks)})",
-                              *([f"k_c/2*({' + '.join(joints)})"] if joints else [])]),
+        potential=" + ".join(
+            [f"k/2*({' + '.join(f'{x}**2' for x in blocks)})", *([f"k_c/2*({' + '.join(joints)})"] if joints else [])]
+        ),
         contacts={
             f"block {i}": Contact(f"d_{x}", threshold="F_s", surface_speed="belt", kinetic="F_k", unit="N")
             for i, x in enumerate(blocks, 1)

@@ -29,8 +29,10 @@ def scaled_slider_limit(**given: float | str) -> System:
         },
         functions={"slip": "max(beta, 0)"},
         internal={
-            "beta": Internal("v_hat/nu*(1 - b*sqrt(nu)) + b/sqrt(nu)*slip - gamma/(nu*mu_0)",
-                             meaning="scaled excess over the threshold"),
+            "beta": Internal(
+                "v_hat/nu*(1 - b*sqrt(nu)) + b/sqrt(nu)*slip - gamma/(nu*mu_0)",
+                meaning="scaled excess over the threshold",
+            ),
             "gamma": Internal("mu_0*slip - gamma", meaning="scaled state of the surface"),
         },
         initial={"beta": 0.0, "gamma": 0.4},

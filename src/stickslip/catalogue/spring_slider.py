@@ -26,8 +26,7 @@ def spring_slider(**given: float | str) -> System:
         given["shear"] = given.pop("V")
     steady = not given.keys() & {"ell", "shear"}
     drives: dict[str, Formula] = {"shear": "V"} if "shear" in given else {"ell": "V*t", "shear": "d_ell"}
-    facts: dict[str, Formula] = {"U_max": "(mu(alpha_0) + nu*V)/k",
-                                 "alpha_max": "alpha_0 + (mu(alpha_0) + nu*V)**2/nu"}
+    facts: dict[str, Formula] = {"U_max": "(mu(alpha_0) + nu*V)/k", "alpha_max": "alpha_0 + (mu(alpha_0) + nu*V)**2/nu"}
     return System(
         name="spring_slider",
         title="Spring slider with state-dependent friction",

@@ -178,5 +178,3 @@ def check(
 
         print_check(file, trajectory)
     raise typer.Exit(0 if certificate.ok else NOT_CERTIFIED)
-
-

@@ -90,8 +90,17 @@ class _Generator:
         self.nq, self.nz, self.nr, self.na = map(len, (d.inertial, d.viscous, d.rate_independent, d.internal))
         self.mq, self.mz, self.mr = (equations.count(k) for k in ("inertial", "viscous", "rate-independent"))
         self.n = len(d.state)
-        sizes = dict(n=self.n, nq=self.nq, nz=self.nz, nr=self.nr, na=self.na, mq=self.mq, mz=self.mz, mr=self.mr,
-                     kinks=len(equations.kinks))
+        sizes = dict(
+            n=self.n,
+            nq=self.nq,
+            nz=self.nz,
+            nr=self.nr,
+            na=self.na,
+            mq=self.mq,
+            mz=self.mz,
+            mr=self.mr,
+            kinks=len(equations.kinks),
+        )
         self.layout = Layout(d.state, sizes)
         rows = {name: i for i, name in enumerate(d.state)} | {"t": self.n}
         regions = {guard: i for i, guard in enumerate(equations.kinks)}
@@ -118,7 +127,10 @@ class _Generator:
         self.magnitudes.append(f"mag[{i}] = {self.size_of(parts)}")
 
     def size_of(self, parts: list[Scaled]) -> str:
-        return " + ".join(f"abs({p.factor})" if p.row is None else f"abs({p.factor}*W[{p.row}, 0])" for p in parts) or "0.0"
+        return (
+            " + ".join(f"abs({p.factor})" if p.row is None else f"abs({p.factor}*W[{p.row}, 0])" for p in parts)
+            or "0.0"
+        )
 
     def size(self, e: Expr) -> str:
         """Code for the sum of the moduli of the terms of an expression: the scale of its rounding error."""
@@ -172,10 +184,14 @@ class _Generator:
                 weight = self.eq.contacts[first + j].direction.get(x)
                 if weight is not None:
                     terms.append(f"abs({self.constants.code(weight)}*W[{multipliers + j}, 0])")
-            self.magnitudes.append(f"mag[{offset + i}] = ({' + '.join(terms)})/abs({self.constants.code(matrix[i][i])})")
+            self.magnitudes.append(
+                f"mag[{offset + i}] = ({' + '.join(terms)})/abs({self.constants.code(matrix[i][i])})"
+            )
         for j in range(count):
             direction = self.eq.contacts[first + j].direction
-            size = " + ".join(f"abs({self.constants.code(w)})*mag[{offset + names.index(x)}]" for x, w in direction.items())
+            size = " + ".join(
+                f"abs({self.constants.code(w)})*mag[{offset + names.index(x)}]" for x, w in direction.items()
+            )
             place = f"mag[{self.nc + first + j}] =" if inertial else f"mag[{first + j}] +="
             self.magnitudes.append(f"{place} {size}")
 
@@ -184,7 +200,9 @@ class _Generator:
         c, tape = self.eq.contacts[i], self.tape
         belt = c.speed if c.kind == "viscous" else ex.derivative(c.speed, "t")
         w, plus, minus = (tape.row(e) for e in (belt, c.kinetic_plus, c.kinetic_minus))
-        tape.emit(stage, f"W[{row}, k] = W[{w}, k] if mode[{i}] == 0 else (-W[{plus}, k] if mode[{i}] > 0 else W[{minus}, k])")
+        tape.emit(
+            stage, f"W[{row}, k] = W[{w}, k] if mode[{i}] == 0 else (-W[{plus}, k] if mode[{i}] > 0 else W[{minus}, k])"
+        )
         tape.stage[row] = stage
 
     def speeds(self) -> None:
@@ -209,13 +227,17 @@ class _Generator:
                 own = code(rate.weight[i]) if i == j else "0.0"
                 if all(self.constants.is_constant(e) for e in entries):
                     h, sp, sm = (code(e) for e in entries)
-                    matrix.append(f"A[{i}, {j}] = {own} if mode[{c}] == 0 else ({h} + {sp} if mode[{c}] > 0 else {h} - {sm})")
+                    matrix.append(
+                        f"A[{i}, {j}] = {own} if mode[{c}] == 0 else ({h} + {sp} if mode[{c}] > 0 else {h} - {sm})"
+                    )
                     continue
                 h, sp, sm = (tape.row(e) for e in entries)
                 row = tape.new_row(1)
                 dynamic.append((i, j, row))
-                lines.append(f"W[{row}, k] = ({own} if k == 0 else 0.0) if mode[{c}] == 0 else "
-                             f"(W[{h}, k] + W[{sp}, k] if mode[{c}] > 0 else W[{h}, k] - W[{sm}, k])")
+                lines.append(
+                    f"W[{row}, k] = ({own} if k == 0 else 0.0) if mode[{c}] == 0 else "
+                    f"(W[{h}, k] + W[{sp}, k] if mode[{c}] > 0 else W[{h}, k] - W[{sm}, k])"
+                )
                 matrix.append(f"A[{i}, {j}] = W[{row}, 0]")
         right, base = tape.rows, self.scratch
         self.scratch += n
@@ -225,8 +247,10 @@ class _Generator:
             c = self.mq + self.mz + i
             w, rest = tape.row(self.eq.contacts[c].speed), tape.row(rate.rest[i])
             plus, minus = (tape.row(e[i]) for e in rate.threshold_rest)
-            lines.append(f"W[{right + i}, k] = W[{w}, k] if mode[{c}] == 0 else "
-                         f"(-W[{rest}, k] - W[{plus}, k] if mode[{c}] > 0 else -W[{rest}, k] + W[{minus}, k])")
+            lines.append(
+                f"W[{right + i}, k] = W[{w}, k] if mode[{c}] == 0 else "
+                f"(-W[{rest}, k] - W[{plus}, k] if mode[{c}] > 0 else -W[{rest}, k] + W[{minus}, k])"
+            )
             size = f"{self.size(rate.rest[i])} + {self.size(rate.threshold_rest[0][i])} + abs(W[{w}, 0])"
             self.magnitudes.append(f"mag[{base + i}] = {size}")
         lines += ["if k == 0:", *("    " + m for m in matrix), f"    if not invert(A, {n}, B):", "        return 1"]
@@ -296,8 +320,11 @@ class _Generator:
             entries += [(f"J[{i}, {j}]", c.direction.get(x, ex.ZERO)) for j, x in enumerate(d.coordinates)]
         fill = [f"{place} = {code(e)}" for place, e in entries]
         fill += [f"omega[{i}] = abs({code(e)})" for i, e in enumerate(self.eq.frequencies)]
-        return ["@cfunc(void(vector, vector, matrix, matrix, matrix, vector), cache=True, nopython=True, error_model='numpy')",
-                "def setup(p, K, M, C, J, omega):", *_indent([*self.constants.source(), *fill, "return"])]
+        return [
+            _compiled("void(vector, vector, matrix, matrix, matrix, vector)"),
+            "def setup(p, K, M, C, J, omega):",
+            *_indent([*self.constants.source(), *fill, "return"]),
+        ]
 
     def jets(self, inertial: int, viscous: int, laws: list[int]) -> list[str]:
         n, nq, nz, nr = self.n, self.nq, self.nz, self.nr
@@ -312,18 +339,31 @@ class _Generator:
             loop.append(f"W[{2 * nq + nz + i}, k + 1] = W[{self.tape.names[f'd_{r}']}, k]/(k + 1)")
         for i, row in enumerate(laws):
             loop.append(f"W[{2 * nq + nz + nr + i}, k + 1] = W[{row}, k]/(k + 1)")
-        body = [f"for i in range({n}):", "    W[i, 0] = y[i]", f"W[{n}, 0] = t", f"W[{n}, 1] = 1.0",
-                "for k in range(2, N + 1):", f"    W[{n}, k] = 0.0", "for k in range(N):", *_indent(loop),
-                *self.magnitudes, "return 0"]
-        return ["@cfunc(int64(float64, vector, indices, indices, vector, matrix, matrix, int64, matrix, matrix, matrix, vector),"
-                " cache=True, nopython=True, error_model='numpy')",
-                "def jets(t, y, mode, reg, K, Rq, Rz, N, W, A, B, mag):", *_indent(body)]
+        body = [
+            f"for i in range({n}):",
+            "    W[i, 0] = y[i]",
+            f"W[{n}, 0] = t",
+            f"W[{n}, 1] = 1.0",
+            "for k in range(2, N + 1):",
+            f"    W[{n}, k] = 0.0",
+            "for k in range(N):",
+            *_indent(loop),
+            *self.magnitudes,
+            "return 0",
+        ]
+        return [
+            _compiled(
+                f"int64(float64, vector, indices, indices, vector, matrix, matrix, int64, {'matrix, ' * 3}vector)"
+            ),
+            "def jets(t, y, mode, reg, K, Rq, Rz, N, W, A, B, mag):",
+            *_indent(body),
+        ]
 
     def residual(self) -> list[str]:
         rate, names = self.eq.rate, {s: f"y[{i}]" for i, s in enumerate(self.d.state)}
         regions = {guard: f"reg[{i}]" for i, guard in enumerate(self.eq.kinks)}
         symbols = names | {"t": "t"} | {p: self.constants.code(ex.sym(p)) for p in self.d.parameters}
-        acting = self.eq.contacts[self.mq + self.mz:]
+        acting = self.eq.contacts[self.mq + self.mz :]
         targets = [*rate.force, *(c.plus for c in acting), *(c.minus for c in acting)]
         targets += [e for m in (rate.partial, *rate.threshold_partial) for row in m for e in row]
         lines, v = scalar_code(targets, symbols, regions)
@@ -333,13 +373,16 @@ class _Generator:
             # The largest force so far: what a residual is small against also where the force passes through zero.
             scale = " + ".join(f"abs({e!r}*{v[term]})" for term, e in terms(rate.force[i]))
             lines.append(f"G[{self.nr + i}] = max(G[{self.nr + i}], {scale} + max(abs({plus}), abs({minus})))")
-            lines.append(f"G[{i}] = 0.0 if {m} == 0 else ({v[rate.force[i]]} + {plus} if {m} > 0 else {v[rate.force[i]]} - {minus})")
+            lines.append(f"G[{i}] = 0.0 if {m} == 0 else {v[rate.force[i]]} + ({plus} if {m} > 0 else -{minus})")
             for j in range(self.nr):
                 h, p, q = (v[x[i][j]] for x in (rate.partial, *rate.threshold_partial))
                 own = 1.0 if i == j else 0.0
                 lines.append(f"P[{i}, {j}] = {own} if {m} == 0 else ({h} + {p} if {m} > 0 else {h} - {q})")
-        return ["@cfunc(void(float64, vector, indices, indices, vector, vector, matrix), cache=True, nopython=True,"
-                " error_model='numpy')", "def residual(t, y, mode, reg, K, G, P):", *_indent([*lines, "return"])]
+        return [
+            _compiled("void(float64, vector, indices, indices, vector, vector, matrix)"),
+            "def residual(t, y, mode, reg, K, G, P):",
+            *_indent([*lines, "return"]),
+        ]
 
     def powers(self) -> list[str]:
         names = {s: f"W[{row}, 0]" for s, row in self.tape.names.items()}
@@ -348,13 +391,21 @@ class _Generator:
         targets = [self.eq.energy, self.eq.dissipation, self.eq.supply]
         lines, v = scalar_code(targets, names, regions)
         lines += [f"out[{i}] = {v[e]}" for i, e in enumerate(targets)]
-        return ["@cfunc(void(matrix, indices, vector, vector), cache=True, nopython=True, error_model='numpy')",
-                "def powers(W, reg, K, out):", *_indent([*lines, "return"])]
+        return [
+            _compiled("void(matrix, indices, vector, vector)"),
+            "def powers(W, reg, K, out):",
+            *_indent([*lines, "return"]),
+        ]
 
 
 def terms(e: Expr) -> list[tuple[Expr, float]]:
     """Terms of a sum with their coefficients."""
     return list(e.terms) if e.op == "sum" else [(e, 1.0)]
+
+
+def _compiled(signature: str) -> str:
+    """Decorator of a generated function."""
+    return f"@cfunc({signature}, cache=True, nopython=True, error_model='numpy')"
 
 
 def _indent(lines: list[str]) -> list[str]:

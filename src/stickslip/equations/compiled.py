@@ -52,7 +52,9 @@ def compile_system(system: System) -> CompiledSystem:
     key = hashlib.sha256(f"{GENERATOR}\n{sys.version}\n{generated.source}".encode()).hexdigest()[:24]
     if key not in _compiled:
         module = _load(f"model_{key}", generated.source)
-        _compiled[key] = CompiledSystem(equations, generated.layout, module.setup, module.jets, module.residual, module.powers)
+        _compiled[key] = CompiledSystem(
+            equations, generated.layout, module.setup, module.jets, module.residual, module.powers
+        )
     found = _compiled[key]
     return CompiledSystem(equations, generated.layout, found.setup, found.jets, found.residual, found.powers)
 

@@ -103,7 +103,10 @@ def derive(declaration: Declaration) -> MotionEquations:
     d = declaration
     contacts = sorted(
         d.contacts,
-        key=lambda c: (KINDS.index(c.kind), d.rate_independent.index(next(iter(c.direction))) if c.kind == KINDS[2] else 0),
+        key=lambda c: (
+            KINDS.index(c.kind),
+            d.rate_independent.index(next(iter(c.direction))) if c.kind == KINDS[2] else 0,
+        ),
     )
     contacts = [_name_speed(c, i) for i, c in enumerate(contacts)]
     slope = {x: ex.derivative(d.potential, x) - d.forces[x] for x in d.coordinates}
@@ -112,7 +115,14 @@ def derive(declaration: Declaration) -> MotionEquations:
     laws = [d.laws[a] for a in d.internal]
     energy, dissipation, supply = _powers(d, contacts)
     rate = _rate_problem(d, contacts, slope)
-    used = [*inertial_force, *viscous_force, *laws, *rate.rest, *rate.force, *(r for row in rate.stiffness for r in row)]
+    used = [
+        *inertial_force,
+        *viscous_force,
+        *laws,
+        *rate.rest,
+        *rate.force,
+        *(r for row in rate.stiffness for r in row),
+    ]
     for c in contacts:
         used += [c.plus, c.minus, c.kinetic_plus, c.kinetic_minus, c.speed]
     guards = dict.fromkeys(n.args[0] for n in ex.walk(used) if n.op == "select")
@@ -137,12 +147,20 @@ def derive(declaration: Declaration) -> MotionEquations:
     )
 
 
-
 def _name_speed(c: DryContact, i: int) -> DryContact:
     """Give each contact's ``speed`` its own symbol."""
     own = {"speed": ex.sym(f"speed:{i}")}
-    return DryContact(c.name, c.kind, c.direction, c.plus, c.minus, ex.substitute(c.kinetic_plus, own),
-                      ex.substitute(c.kinetic_minus, own), c.speed, c.unit)
+    return DryContact(
+        c.name,
+        c.kind,
+        c.direction,
+        c.plus,
+        c.minus,
+        ex.substitute(c.kinetic_plus, own),
+        ex.substitute(c.kinetic_minus, own),
+        c.speed,
+        c.unit,
+    )
 
 
 def _damping(d: Declaration, x: str, others: list[str]) -> Expr:
@@ -162,14 +180,20 @@ def _rate_problem(d: Declaration, contacts: list[DryContact], slope: dict[str, E
 
     def split(e: Expr, where: str) -> tuple[list[Expr], Expr]:
         if any(f"d_{q}" in e.symbols for q in d.inertial):
-            raise DeclarationError(where, "a force on a rate-independent coordinate depends on a velocity",
-                                   "Let it depend on t, coordinates and internal variables")
+            raise DeclarationError(
+                where,
+                "a force on a rate-independent coordinate depends on a velocity",
+                "Let it depend on t, coordinates and internal variables",
+            )
         total = ex.along(e, rates)
         linear = [ex.derivative(total, f"d_{r}") for r in names]
         own = {f"d_{r}" for r in names}
         if any(part.symbols & own for part in linear):
-            raise DeclarationError(where, "its rate is not linear in the rates of the rate-independent coordinates",
-                                   "Let internal laws depend on them linearly")
+            raise DeclarationError(
+                where,
+                "its rate is not linear in the rates of the rate-independent coordinates",
+                "Let internal laws depend on them linearly",
+            )
         return linear, ex.substitute(total, {r: ex.ZERO for r in own})
 
     def rows(expressions: list[Expr]) -> tuple[list[list[Expr]], list[Expr]]:
@@ -182,8 +206,16 @@ def _rate_problem(d: Declaration, contacts: list[DryContact], slope: dict[str, E
     stiffness, rest = rows(force)
     plus, minus = [c.plus for c in acting], [c.minus for c in acting]
     (slope_plus, rest_plus), (slope_minus, rest_minus) = rows(plus), rows(minus)
-    return RateProblem(weight, force, stiffness, rest, (slope_plus, slope_minus), (rest_plus, rest_minus),
-                       partials(force), (partials(plus), partials(minus)))
+    return RateProblem(
+        weight,
+        force,
+        stiffness,
+        rest,
+        (slope_plus, slope_minus),
+        (rest_plus, rest_minus),
+        partials(force),
+        (partials(plus), partials(minus)),
+    )
 
 
 def _powers(d: Declaration, contacts: list[DryContact]) -> tuple[Expr, Expr, Expr]:

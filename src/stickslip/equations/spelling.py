@@ -92,4 +92,3 @@ def unicode_unit(unit: str) -> str:
 def width(text: str) -> int:
     """Columns a text takes in a terminal: combining marks take none."""
     return sum(not unicodedata.combining(c) for c in text)
-

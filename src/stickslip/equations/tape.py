@@ -53,8 +53,9 @@ def literal(value: float) -> str:
     return repr(float(value))
 
 
-def scalar_code(targets: Iterable[Expr], names: Mapping[str, str], regions: Mapping[Expr, str] | None = None
-                ) -> tuple[list[str], dict[Expr, str]]:
+def scalar_code(
+    targets: Iterable[Expr], names: Mapping[str, str], regions: Mapping[Expr, str] | None = None
+) -> tuple[list[str], dict[Expr, str]]:
     """Straight-line scalar code for expressions.
 
     Parameters
@@ -112,7 +113,9 @@ def _scalar_power(base: str, p: float) -> str:
 class Tape:
     """Rows and statements for a set of expressions."""
 
-    def __init__(self, constants: Constants, rows: Mapping[str, int], first_free: int, regions: Mapping[Expr, int]) -> None:
+    def __init__(
+        self, constants: Constants, rows: Mapping[str, int], first_free: int, regions: Mapping[Expr, int]
+    ) -> None:
         self.constants, self.regions = constants, regions
         self.names = dict(rows)
         self.rows = first_free
@@ -226,9 +229,15 @@ class Tape:
         denominator = self._chain(below)
         assert denominator is not None
         if numerator is None:
-            return Scaled(factor, self._operation(f"W[{{r}}, k] = inverse_order(W, {denominator}, {{r}}, k)", denominator))
-        return Scaled(factor, self._operation(f"W[{{r}}, k] = divide_order(W, {numerator}, {denominator}, {{r}}, k)",
-                                              numerator, denominator))
+            return Scaled(
+                factor, self._operation(f"W[{{r}}, k] = inverse_order(W, {denominator}, {{r}}, k)", denominator)
+            )
+        return Scaled(
+            factor,
+            self._operation(
+                f"W[{{r}}, k] = divide_order(W, {numerator}, {denominator}, {{r}}, k)", numerator, denominator
+            ),
+        )
 
     def _chain(self, rows: list[int]) -> int | None:
         """Row of a product of rows, sharing the partial products."""
@@ -268,7 +277,9 @@ class Tape:
             if pair is None:
                 stage = self.stage[a]
                 pair = self._pairs[family, x] = (self.new_row(stage), self.new_row(stage))
-                steady = x.symbols - set(self.constants.parameters) == {"t"} and self.constants.is_constant(ex.derivative(x, "t"))
+                steady = x.symbols - set(self.constants.parameters) == {"t"} and self.constants.is_constant(
+                    ex.derivative(x, "t")
+                )
                 name = ("steady_" if steady else "") + ("hyperbolic_order" if hyperbolic else "rotation_order")
                 self.emit(stage, f"{name}(W, {a}, {pair[0]}, {pair[1]}, k)")
             return Scaled("1.0", pair[0] if e.op.startswith("sin") else pair[1])

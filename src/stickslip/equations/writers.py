@@ -166,8 +166,10 @@ class UnicodeWriter:
         return f"^{self(exponent, ATOM)}"
 
     def cases(self, pairs: list[tuple[str, str]], otherwise: str) -> str:
-        return "{" + "; ".join(f"{value} if {condition}" for condition, value in [(c, v) for v, c in pairs]) + (
-            f"; {otherwise} otherwise}}"
+        return (
+            "{"
+            + "; ".join(f"{value} if {condition}" for condition, value in [(c, v) for v, c in pairs])
+            + (f"; {otherwise} otherwise}}")
         )
 
 

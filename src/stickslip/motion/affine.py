@@ -69,8 +69,9 @@ def signal(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, x: f
 
 
 @njit(**OPTIONS)
-def falling_root(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, low: float, high: float, guess: float,
-                 floor: float) -> float:
+def falling_root(
+    c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, low: float, high: float, guess: float, floor: float
+) -> float:
     """The crossing from + to − between low and high (Newton inside the bracket, down to the rounding of the values)."""
     x, noise = guess if low < guess < high else 0.5 * (low + high), floor / 32.0
     for _ in range(100):
@@ -84,15 +85,26 @@ def falling_root(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array
         new = x - g / d if d != 0.0 else low
         if not low < new < high:
             new = 0.5 * (low + high)
-        if abs(new - x) <= 4e-16 * abs(new) or new == low or new == high:
+        if abs(new - x) <= 4e-16 * abs(new) or not low < new < high:
             return new
         x = new
     return x
 
 
 @njit(**OPTIONS)
-def first_fall(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, limit: float, floor: float, rising: int,
-               work: Array, stack: Array) -> float:
+def first_fall(
+    c: Array,
+    a: Array,
+    lam: Array,
+    nb: int,
+    b: Array,
+    omega: Array,
+    limit: float,
+    floor: float,
+    rising: int,
+    work: Array,
+    stack: Array,
+) -> float:
     """First crossing from + to − of a signal in ]0, limit], or NONE-like infinity.
 
     Parameters
@@ -140,7 +152,9 @@ def _line(c: Array, limit: float, rising: int) -> float:
 
 
 @njit(**OPTIONS)
-def _bend(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, j: int, limit: float, floor: float, rising: int) -> float:
+def _bend(
+    c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, j: int, limit: float, floor: float, rising: int
+) -> float:
     """c₀ + c₁x + r exp(λx): convex or concave, so at most one extremum."""
     r, rate = a[j].real, lam[j].real
     ratio = -c[1] / (r * rate)
@@ -164,7 +178,9 @@ def _bend(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, j: in
 
 
 @njit(**OPTIONS)
-def _wave(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, j: int, limit: float, floor: float, rising: int) -> float:
+def _wave(
+    c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, j: int, limit: float, floor: float, rising: int
+) -> float:
     """c₀ + exp(μx) R cos(ωx + φ): its extrema are half a period apart."""
     mu, w = lam[j].real, lam[j].imag
     size = abs(a[j])
@@ -201,8 +217,19 @@ def _wave(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, j: in
 
 
 @njit(**OPTIONS)
-def _windows(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, limit: float, floor: float, rising: int, work: Array,
-             stack: Array) -> float:
+def _windows(
+    c: Array,
+    a: Array,
+    lam: Array,
+    nb: int,
+    b: Array,
+    omega: Array,
+    limit: float,
+    floor: float,
+    rising: int,
+    work: Array,
+    stack: Array,
+) -> float:
     """Any signal: window after window, its Taylor polynomial and the roots of that."""
     fastest = 0.0
     for j in range(nb):
@@ -299,15 +326,33 @@ class ClosedForms(NamedTuple):
     shortest: Array
 
 
-def make_closed_forms(groups: int, slots: int, n: int, contacts: int, kinks: int, doubtful: int, ne: int) -> ClosedForms:
+def make_closed_forms(
+    groups: int, slots: int, n: int, contacts: int, kinks: int, doubtful: int, ne: int
+) -> ClosedForms:
     """Empty storage of closed forms."""
     guards, m = kinks + 2 * contacts + doubtful, groups * slots
     z, i, c = np.zeros, np.int64, np.complex128
     return ClosedForms(
-        status=z(m, i), key=z(m, i), counts=z((m, 2), i), A=z((m, n, n)), F=z((m, n, ne)), exponent=z((m, n), c),
-        L=z((m, n, n), c), B=z((m, n, n), c), phi=z((m, n, ne), c), V=z((m, n, n), c), P=z((m, guards, n)),
-        Q=z((m, guards, ne)), PV=z((m, guards, n), c), switch=z((m, guards), i), moves=z((m, n), i),
-        zero_x=z((m, contacts, n)), zero_e=z((m, contacts, ne)), hold=z((m, contacts, n)), used=z(groups, i), shortest=z(m),
+        status=z(m, i),
+        key=z(m, i),
+        counts=z((m, 2), i),
+        A=z((m, n, n)),
+        F=z((m, n, ne)),
+        exponent=z((m, n), c),
+        L=z((m, n, n), c),
+        B=z((m, n, n), c),
+        phi=z((m, n, ne), c),
+        V=z((m, n, n), c),
+        P=z((m, guards, n)),
+        Q=z((m, guards, ne)),
+        PV=z((m, guards, n), c),
+        switch=z((m, guards), i),
+        moves=z((m, n), i),
+        zero_x=z((m, contacts, n)),
+        zero_e=z((m, contacts, ne)),
+        hold=z((m, contacts, n)),
+        used=z(groups, i),
+        shortest=z(m),
     )
 
 
@@ -336,9 +381,22 @@ def make_flight(n: int, contacts: int, kinks: int, doubtful: int, waves: int) ->
     """Work space of the flights of a system."""
     z, c, orders, ne = np.zeros, np.complex128, GERM_ORDERS + 1, 2 + 2 * waves
     return Flight(
-        v=z((orders, n)), s=z((orders, n)), de=z((orders, ne)), orders=z(kinks + 2 * contacts + doubtful + 1, np.int64), e=z(ne),
-        r=z(n, c), p=z((n, 3), c), up=z((n, waves), c), down=z((n, waves), c), c=z(3), a=z(n, c), b=z(waves, c), taylor=z(33),
-        stack=z((64, 36)), mode0=z(contacts, np.int64), reg0=z(kinks, np.int64),
+        v=z((orders, n)),
+        s=z((orders, n)),
+        de=z((orders, ne)),
+        orders=z(kinks + 2 * contacts + doubtful + 1, np.int64),
+        e=z(ne),
+        r=z(n, c),
+        p=z((n, 3), c),
+        up=z((n, waves), c),
+        down=z((n, waves), c),
+        c=z(3),
+        a=z(n, c),
+        b=z(waves, c),
+        taylor=z(33),
+        stack=z((64, 36)),
+        mode0=z(contacts, np.int64),
+        reg0=z(kinks, np.int64),
     )
 
 
@@ -351,27 +409,6 @@ def mode_key(mode: Array, reg: Array) -> int:
     for j in range(len(reg)):
         key = key * 2 + reg[j]
     return key
-
-
-@njit(**OPTIONS)
-def probe(jets, t, x, mode, reg, K, Rq, Rz, W, A, B, mag, n, u_rows, force, plus, minus, kinks, out):  # noqa: ANN001, ANN201
-    """Rates of the state, then u, λ, s⁺, s⁻ and kink guards, at one state and time; False if not finite."""
-    if jets(t, x, mode, reg, K, Rq, Rz, 1, W, A, B, mag) != 0:
-        return False
-    nc, nk = len(u_rows), len(kinks)
-    for i in range(n):
-        out[i] = W[i, 1]
-    for c in range(nc):
-        out[n + c] = W[u_rows[c], 0]
-        out[n + nc + c] = W[force[c], 0]
-        out[n + 2 * nc + c] = W[plus[c], 0]
-        out[n + 3 * nc + c] = W[minus[c], 0]
-    for j in range(nk):
-        out[n + 4 * nc + j] = W[kinks[j], 0]
-    for i in range(n + 4 * nc + nk):
-        if not np.isfinite(out[i]):
-            return False
-    return True
 
 
 @njit(**OPTIONS)
@@ -443,8 +480,16 @@ def fly(T: ClosedForms, slot: int, f: Flight, x: Array, t: float, room: float, o
     """Closed form from state x at time t; the earliest event within `room`: (duration, guard or −1)."""
     e, orders, r, p, up, down, c, a, b = f.e, f.orders, f.r, f.p, f.up, f.down, f.c, f.a, f.b
     nb, ng, n = T.counts[slot, 0], T.counts[slot, 1], len(x)
-    lam, L, Bf, phi, P, Q, PV, moves = (T.exponent[slot], T.L[slot], T.B[slot], T.phi[slot], T.P[slot], T.Q[slot], T.PV[slot],
-                                        T.moves[slot])
+    lam, L, Bf, phi, P, Q, PV, moves = (
+        T.exponent[slot],
+        T.L[slot],
+        T.B[slot],
+        T.phi[slot],
+        T.P[slot],
+        T.Q[slot],
+        T.PV[slot],
+        T.moves[slot],
+    )
     nw = len(omega)
     for j in range(nb):
         w, c0 = 0.0j, phi[j, 0] + phi[j, 1] * t
@@ -455,7 +500,9 @@ def fly(T: ClosedForms, slot: int, f: Flight, x: Array, t: float, room: float, o
         for m in range(nw):
             spin = complex(e[2 + 2 * m], e[3 + 2 * m])
             up[j, m] = 0.5 * (phi[j, 2 + 2 * m] - 1j * phi[j, 3 + 2 * m]) * spin / (1j * omega[m] - lam[j])
-            down[j, m] = 0.5 * (phi[j, 2 + 2 * m] + 1j * phi[j, 3 + 2 * m]) * spin.conjugate() / (-1j * omega[m] - lam[j])
+            down[j, m] = (
+                0.5 * (phi[j, 2 + 2 * m] + 1j * phi[j, 3 + 2 * m]) * spin.conjugate() / (-1j * omega[m] - lam[j])
+            )
             w -= up[j, m] + down[j, m]
         if lam[j] == 0.0:
             r[j], p[j, 0], p[j, 1], p[j, 2] = 0.0, w, c0, 0.5 * c1

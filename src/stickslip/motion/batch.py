@@ -24,9 +24,17 @@ BATCH_SLOTS = 12  # closed forms kept for each set of parameters of a batch
 PIECE = 256  # lanes of one task
 
 
-def simulate_many(system: System, t_span: tuple[float, float] | None = None, initial: Mapping[str, ArrayLike] | None = None,
-                  parameters: Mapping[str, ArrayLike] | None = None, *, rtol: float = 1e-10, atol: float = 1e-12,
-                  max_events: int = 1_000_000, workers: int | None = None) -> xarray.Dataset:
+def simulate_many(
+    system: System,
+    t_span: tuple[float, float] | None = None,
+    initial: Mapping[str, ArrayLike] | None = None,
+    parameters: Mapping[str, ArrayLike] | None = None,
+    *,
+    rtol: float = 1e-10,
+    atol: float = 1e-12,
+    max_events: int = 1_000_000,
+    workers: int | None = None,
+) -> xarray.Dataset:
     """Final states of many motions of a system.
 
     Parameters
@@ -44,8 +52,8 @@ def simulate_many(system: System, t_span: tuple[float, float] | None = None, ini
     Returns
     -------
     xarray.Dataset
-        Dimension ``trajectory``: the given values, the final state (``final_psi`` …), ``time`` reached, ``outcome`` (codes
-        with flag_meanings), ``switches`` of contacts, ``kinks`` crossed, ``steps``.
+        Dimension ``trajectory``: the given values, the final state (``final_psi`` …), ``time`` reached, ``outcome``
+        (codes with flag_meanings), ``switches`` of contacts, ``kinks`` crossed, ``steps``.
 
     Raises
     ------
@@ -63,18 +71,24 @@ def simulate_many(system: System, t_span: tuple[float, float] | None = None, ini
         states[:, system.declaration.state.index(name)] = values
     problems, group = groups(base, given_parameters, count)
     lanes = run(problems, group, states, start, end, max_events, workers or os.cpu_count() or 1)
-    data = {name: ("trajectory", np.broadcast_to(v, count).copy()) for name, v in {**given_initial, **given_parameters}.items()}
+    data = {
+        name: ("trajectory", np.broadcast_to(v, count).copy())
+        for name, v in {**given_initial, **given_parameters}.items()
+    }
     data |= {f"final_{name}": ("trajectory", lanes.now.y[:, i]) for i, name in enumerate(system.declaration.state)}
     labels = {o.code: o.label.replace(" ", "_") for o in Outcome}
     flags = {"flag_values": np.array(list(labels), np.int8), "flag_meanings": " ".join(labels.values())}
-    data |= {"time": ("trajectory", lanes.now.clock[:, 0], {"units": system.time_unit or "1"}),
-             "outcome": ("trajectory", lanes.codes.astype(np.int8), flags),
-             "switches": ("trajectory", lanes.now.counters[:, 1]), "kinks": ("trajectory", lanes.now.counters[:, 3]),
-             "steps": ("trajectory", lanes.now.counters[:, 4])}
+    data |= {
+        "time": ("trajectory", lanes.now.clock[:, 0], {"units": system.time_unit or "1"}),
+        "outcome": ("trajectory", lanes.codes.astype(np.int8), flags),
+        "switches": ("trajectory", lanes.now.counters[:, 1]),
+        "kinks": ("trajectory", lanes.now.counters[:, 3]),
+        "steps": ("trajectory", lanes.now.counters[:, 4]),
+    }
     return xr.Dataset(data, attrs={"title": system.title or system.name, "source": system.source})
 
 
-def run(problems: list[Problem], group: Array, states: Array, start: float, end: float, max_events: int, workers: int):  # noqa: ANN201
+def run(problems: list[Problem], group: Array, states: Array, start: float, end: float, max_events: int, workers: int):
     """Advance all lanes to their end; the closed forms they need are made in between."""
     from stickslip.motion.lanes import Lanes
 
@@ -94,9 +108,13 @@ def columns(given: Mapping[str, ArrayLike] | None, where: str) -> dict[str, Arra
         try:
             column = np.atleast_1d(np.asarray(values, dtype=float))
         except (TypeError, ValueError):
-            raise DeclarationError(f"{where}.{name}", f"{values!r} is not numeric", "Give a number or a 1-D array") from None
+            raise DeclarationError(
+                f"{where}.{name}", f"{values!r} is not numeric", "Give a number or a 1-D array"
+            ) from None
         if column.ndim != 1 or len(column) == 0 or not np.all(np.isfinite(column)):
-            raise DeclarationError(f"{where}.{name}", "not a 1-D array of finite numbers", "Give a number or a 1-D array")
+            raise DeclarationError(
+                f"{where}.{name}", "not a 1-D array of finite numbers", "Give a number or a 1-D array"
+            )
         result[name] = column
     return result
 
@@ -105,7 +123,9 @@ def common_length(given: Mapping[str, Array]) -> int:
     """Number of motions."""
     lengths = {len(v) for v in given.values()} - {1}
     if len(lengths) > 1:
-        raise DeclarationError("initial, parameters", f"arrays of different lengths {sorted(lengths)}", "Give arrays of one length")
+        raise DeclarationError(
+            "initial, parameters", f"arrays of different lengths {sorted(lengths)}", "Give arrays of one length"
+        )
     return lengths.pop() if lengths else 1
 
 

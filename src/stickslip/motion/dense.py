@@ -21,8 +21,23 @@ GAUSS_NODES, GAUSS_WEIGHTS = 0.5 * (_nodes + 1.0), 0.5 * _weights  # on [0, 1]
 
 
 @njit(**OPTIONS)
-def sample(jets: JETS, powers: POWERS, rows: Rows, k: Constants, space: Space, N: int, tol: float, atol: float, knot_time: Array,
-           knot_state: Array, knot_mode: Array, knot_region: Array, index: Array, times: Array, out: Array) -> None:
+def sample(
+    jets: JETS,
+    powers: POWERS,
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    N: int,
+    tol: float,
+    atol: float,
+    knot_time: Array,
+    knot_state: Array,
+    knot_mode: Array,
+    knot_region: Array,
+    index: Array,
+    times: Array,
+    out: Array,
+) -> None:
     """Order-0 values of all rows, then energy, dissipated and supplied power, at given times.
 
     Parameters
@@ -61,9 +76,29 @@ def sample(jets: JETS, powers: POWERS, rows: Rows, k: Constants, space: Space, N
 
 
 @njit(**OPTIONS)
-def integrate_steps(jets: JETS, powers: POWERS, rows: Rows, k: Constants, space: Space, N: int, tol: float, atol: float,
-                    rate_rows: Array, rate_sizes: Array, knot_time: Array, knot_state: Array, knot_mode: Array, knot_region: Array,
-                    ends: Array, check: bool, work: Array, change: Array, noise: Array, largest: Array, worst: Array) -> None:
+def integrate_steps(
+    jets: JETS,
+    powers: POWERS,
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    N: int,
+    tol: float,
+    atol: float,
+    rate_rows: Array,
+    rate_sizes: Array,
+    knot_time: Array,
+    knot_state: Array,
+    knot_mode: Array,
+    knot_region: Array,
+    ends: Array,
+    check: bool,
+    work: Array,
+    change: Array,
+    noise: Array,
+    largest: Array,
+    worst: Array,
+) -> None:
     """Integrals of the dissipated and supplied power over [knot k, ends[k]], and violations of the friction law.
 
     Parameters
@@ -77,9 +112,9 @@ def integrate_steps(jets: JETS, powers: POWERS, rows: Rows, k: Constants, space:
     largest : array, shape (n,)
         Receives the largest modulus of each component on the way: knots may all lie where it vanishes.
     worst : array, shape (8 + 2·kinks,)
-        Receives the largest |λ| − s, |λ + σk| of rate-independent contacts, |u| in stick, −σu in slip, the scales of force
-        and velocity, the velocity that the forces in stick hold back, the supplied energy in modulus; then for each kink
-        the largest −guard and |guard|.
+        Receives the largest |λ| − s, |λ + σk| of rate-independent contacts, |u| in stick, −σu in slip, the scales of
+        force and velocity, the velocity that the forces in stick hold back, the supplied energy in modulus; then for
+        each kink the largest −guard and |guard|.
     """
     sizes, W, A, B, mag, Rq, Rz = rows.sizes, space.W, space.A, space.B, space.mag, space.Rq, space.Rz
     n, nq, nz, nr, mq, mz, nc = sizes[0], sizes[1], sizes[2], sizes[3], sizes[5], sizes[6], len(rows.u)

@@ -20,6 +20,7 @@ from stickslip.motion.kernel import (
     NEED,
     NEGATIVE,
     NO_RATE,
+    NOWHERE,
     OK,
     ON_JUMP,
     OPTIONS,
@@ -28,6 +29,7 @@ from stickslip.motion.kernel import (
     TINY,
     UNDEFINED,
     ZENO,
+    ZERO,
     Constants,
     Lane,
     Record,
@@ -43,9 +45,26 @@ ZENO_EVENTS = 200
 
 
 @njit(**OPTIONS)
-def integrate(jets: JETS, residual: RESIDUAL, rows: Rows, space: Space, flight: Flight, constants: Constants, forms: ClosedForms,
-              slots: int, N: int, tol: float, atol: float, end: float, max_events: int, group: Array, codes: Array, lanes: Lane,
-              recording: bool, record: Record) -> int:
+def integrate(
+    jets: JETS,
+    residual: RESIDUAL,
+    rows: Rows,
+    space: Space,
+    flight: Flight,
+    constants: Constants,
+    forms: ClosedForms,
+    slots: int,
+    N: int,
+    tol: float,
+    atol: float,
+    end: float,
+    max_events: int,
+    group: Array,
+    codes: Array,
+    lanes: Lane,
+    recording: bool,
+    record: Record,
+) -> int:
     """Follow motions, lane by lane, until `end`, until the record is full, or until a closed form has to be made.
 
     Parameters
@@ -69,7 +88,7 @@ def integrate(jets: JETS, residual: RESIDUAL, rows: Rows, space: Space, flight: 
     int
         Number of recorded steps.
     """
-    count = np.int64(0)
+    count = ZERO
     for i in range(len(codes)):
         if codes[i] < FULL:
             continue
@@ -77,19 +96,35 @@ def integrate(jets: JETS, residual: RESIDUAL, rows: Rows, space: Space, flight: 
         k = Constants(constants.K[g], constants.M[g], constants.C[g], constants.J[g], constants.omega[g])
         lane = Lane(lanes.clock[i], lanes.y[i], lanes.mode[i], lanes.settled[i], lanes.reg[i], lanes.counters[i])
         space.known[-1] = 1
-        code = np.int64(-1)
+        code = NOWHERE
         while code < 0:
             if slots > 0:
                 code, count = fly_on(forms, g, slots, flight, k.omega, lane, end, max_events, recording, record, count)
             if code < 0:
-                code, count = step_on(jets, residual, rows, k, space, N, tol, atol, lane, end, max_events, recording, record, count)
+                code, count = step_on(
+                    jets, residual, rows, k, space, N, tol, atol, lane, end, max_events, recording, record, count
+                )
         codes[i] = code
     return count
 
 
 @njit(**OPTIONS)
-def step_on(jets: JETS, residual: RESIDUAL, rows: Rows, k: Constants, space: Space, N: int, tol: float, atol: float, lane: Lane,
-            end: float, max_events: int, recording: bool, record: Record, count: int) -> tuple[int, int]:
+def step_on(
+    jets: JETS,
+    residual: RESIDUAL,
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    N: int,
+    tol: float,
+    atol: float,
+    lane: Lane,
+    end: float,
+    max_events: int,
+    recording: bool,
+    record: Record,
+    count: int,
+) -> tuple[int, int]:
     """One Taylor step, or the choice of a mode and the step after it: (outcome code or −1, recorded steps)."""
     if recording and count == len(record.time):
         return FULL, count
@@ -97,6 +132,10 @@ def step_on(jets: JETS, residual: RESIDUAL, rows: Rows, k: Constants, space: Spa
     t, fired = clock[0], counters[2]
     hold = fired >= 0 or counters[4] % 64 == 0
     status, h, may_fire = settle(jets, residual, rows, k, space, N, tol, atol, lane, max(end - t, 0.0), hold)
+    if status != OK:
+        # No mode goes on from here; what the contacts did last is kept, not the last attempt.
+        for i in range(len(lane.mode)):
+            lane.mode[i] = lane.settled[i] if lane.settled[i] < 2 else 0
     count = note(lane, recording, record, count)
     if status == NAN:
         if recording and fired < 0 and count > 1:
@@ -130,14 +169,25 @@ def step_on(jets: JETS, residual: RESIDUAL, rows: Rows, k: Constants, space: Spa
 
 
 @njit(**OPTIONS)
-def fly_on(T: ClosedForms, g: int, slots: int, flight: Flight, omega: Array, lane: Lane, end: float, max_events: int, recording: bool,
-           record: Record, count: int) -> tuple[int, int]:
+def fly_on(
+    T: ClosedForms,
+    g: int,
+    slots: int,
+    flight: Flight,
+    omega: Array,
+    lane: Lane,
+    end: float,
+    max_events: int,
+    recording: bool,
+    record: Record,
+    count: int,
+) -> tuple[int, int]:
     """Closed-form flights from event to event, as long as the modes are affine.
 
     Returns
     -------
     code, count
-        Outcome code, FULL, NEED if the closed form of the present mode is to be made, or −1 where Taylor steps take over.
+        Outcome code, FULL, NEED if the closed form of the present mode is to be made, or −1 where Taylor steps go on.
     """
     clock, y, mode, reg, counters = lane.clock, lane.y, lane.mode, lane.reg, lane.counters
     nc, nk = len(mode), len(reg)
@@ -224,8 +274,18 @@ def run_setup(setup: SETUP, p: Array, k: Constants) -> None:
 
 
 @njit(**OPTIONS)
-def probe(jets: JETS, rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, times: Array, states: Array, out: Array,
-          hold: Array) -> bool:
+def probe(
+    jets: JETS,
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    mode: Array,
+    reg: Array,
+    times: Array,
+    states: Array,
+    out: Array,
+    hold: Array,
+) -> bool:
     """Rates of the state, then u, λ, s⁺, s⁻ and guards of a mode at some times and states; False if not all finite.
 
     `hold` receives the columns that put the velocities of sticking inertial contacts back onto their surface.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from stickslip.motion.kernel import FIRED, NOWHERE, OPTIONS, ROUNDING, Rows, Space
+from stickslip.motion.kernel import FIRED, NOWHERE, OPTIONS, ROUNDING, ZERO, Rows, Space
 from stickslip.motion.roots import first_crossing
 
 Array = np.ndarray
@@ -25,8 +25,19 @@ def reach(W: Array, row: int, shift_row: int, sign: float, N: int, powers: Array
 
 
 @njit(**OPTIONS)
-def germ(W: Array, row: int, sign: float, shift_row: int, N: int, powers: Array, near: float, size0: float,
-         size1: float, precision: float, c: Array) -> tuple[int, int]:
+def germ(
+    W: Array,
+    row: int,
+    sign: float,
+    shift_row: int,
+    N: int,
+    powers: Array,
+    near: float,
+    size0: float,
+    size1: float,
+    precision: float,
+    c: Array,
+) -> tuple[int, int]:
     """Sign of a guard for small times, and the order that decides it.
 
     The guard is sign·W[row] + W[shift_row]; its coefficients, scaled to the step, are left in c. A zero is known no
@@ -89,8 +100,19 @@ def fill_powers(powers: Array, h: float) -> None:
 
 
 @njit(**OPTIONS)
-def consider(space: Space, row: int, sign: float, shift_row: int, N: int, near: float, size0: float, size1: float,
-             precision: float, switch: int, count: int) -> int:
+def consider(
+    space: Space,
+    row: int,
+    sign: float,
+    shift_row: int,
+    N: int,
+    near: float,
+    size0: float,
+    size1: float,
+    precision: float,
+    switch: int,
+    count: int,
+) -> int:
     """Judge one guard: −1 if it becomes negative at once; else the number of guards that may fire within the step."""
     W, powers, c = space.W, space.powers, space.germ
     start = sign * W[row, 0] + (W[shift_row, 0] if shift_row >= 0 else 0.0)
@@ -114,10 +136,10 @@ def consider(space: Space, row: int, sign: float, shift_row: int, N: int, near: 
 def scan(rows: Rows, space: Space, mode: Array, reg: Array, N: int, last: float, fired: int) -> tuple[int, int]:
     """Look at all guards of a mode: (least switch that is violated at once, or −1; number of guards that may fire).
 
-    Switches are kinks first, then contacts (+1000: towards slip−), then 2000 + i for a threshold that may become negative.
+    Switches are kinks first, then contacts (+1000: towards slip−), then 2000 + i for a threshold that turns negative.
     """
     W, mag, force, plus, minus = space.W, space.mag, rows.force, rows.plus, rows.minus
-    nk, nc, count, near = len(rows.kinks), len(rows.u), np.int64(0), last + space.powers[1]
+    nk, nc, count, near = len(rows.kinks), len(rows.u), ZERO, last + space.powers[1]
     for j in range(nk):
         row, precision = rows.kinks[j], FIRED if fired == j else ROUNDING
         sign = 1.0 if reg[j] == 1 else -1.0

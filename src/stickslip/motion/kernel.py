@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from numba import float64, int64, types, void
@@ -30,7 +30,9 @@ OK, SINGULAR, NAN, OFF_SURFACE = 0, 1, 2, 3
 
 ROUNDING = 64 * 2.220446049250313e-16
 FIRED = 1e-10  # a switch that has just fired is on its boundary by definition
-NOWHERE = np.int64(-1)  # no row
+# Global integers of NumPy's type: numba would compile functions a second time for literals.
+ZERO = cast(int, np.int64(0))
+NOWHERE = cast(int, np.int64(-1))  # no row
 
 OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
 
@@ -63,7 +65,7 @@ class Rows(NamedTuple):
 
 
 class Constants(NamedTuple):
-    """Constants K, mass matrix M, viscous matrix C, contact directions J and drive frequencies ω of a set of parameters."""
+    """Constants, mass matrix, viscous matrix, contact directions and drive frequencies for a set of parameters."""
 
     K: Array
     M: Array
@@ -147,7 +149,20 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
     nc, z = mq + mz + mr, np.zeros
     big, guards = max(nq + mq, nz + mz), nk + 2 * nc + len(rows.doubtful) + 1
     return Space(
-        W=z((table_rows, N + 1)), mag=z(max(magnitudes, 1)), Rq=z((nq + mq, nq + mq)), Rz=z((nz + mz, nz + mz)), A=z((nr, nr)),
-        B=z((nr, nr)), G=z(2 * nr), scratch=z((big, big)), germ=z(N + 1), stack=z((64, 36)), touched=z(nk + nc, np.int64),
-        y0=z(n), powers=z(N + 1), pending=z((guards, N + 1)), labels=z((guards, 2), np.int64), known=np.ones(mq + mz + 1, np.int64),
+        W=z((table_rows, N + 1)),
+        mag=z(max(magnitudes, 1)),
+        Rq=z((nq + mq, nq + mq)),
+        Rz=z((nz + mz, nz + mz)),
+        A=z((nr, nr)),
+        B=z((nr, nr)),
+        G=z(2 * nr),
+        scratch=z((big, big)),
+        germ=z(N + 1),
+        stack=z((64, 36)),
+        touched=z(nk + nc, np.int64),
+        y0=z(n),
+        powers=z(N + 1),
+        pending=z((guards, N + 1)),
+        labels=z((guards, 2), np.int64),
+        known=np.ones(mq + mz + 1, np.int64),
     )

@@ -22,13 +22,20 @@ class Knots:
     @classmethod
     def empty(cls, size: int, n: int, contacts: int, kinks: int) -> Knots:
         """Room for a number of knots."""
-        return cls(np.zeros(size), np.zeros((size, n)), np.zeros((size, contacts), np.int8), np.zeros((size, kinks), np.int8),
-                   np.full(size, -1, np.int64))
+        return cls(
+            np.zeros(size),
+            np.zeros((size, n)),
+            np.zeros((size, contacts), np.int8),
+            np.zeros((size, kinks), np.int8),
+            np.full(size, -1, np.int64),
+        )
 
     @classmethod
     def single(cls, t: float, y: Array, mode: Array, region: Array) -> Knots:
         """One knot."""
-        return cls(np.array([t]), y[None].copy(), mode[None].astype(np.int8), region[None].astype(np.int8), np.array([-1]))
+        return cls(
+            np.array([t]), y[None].copy(), mode[None].astype(np.int8), region[None].astype(np.int8), np.array([-1])
+        )
 
     @classmethod
     def joined(cls, pieces: list[Knots]) -> Knots:

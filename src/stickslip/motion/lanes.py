@@ -67,11 +67,28 @@ class Lanes:
     def advance(self, end: float, max_events: int, record: Record | None = None, part: slice = slice(None)) -> int:
         """Run the compiled loop once over some lanes; returns the number of recorded steps (of a single lane)."""
         p = self.problems[0]
-        nothing = Record(np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0), np.int8), np.zeros((0, 0), np.int8), np.zeros(0, np.int64))
+        nothing = Record(
+            np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0), np.int8), np.zeros((0, 0), np.int8), np.zeros(0, np.int64)
+        )
         return engine.integrate(
-            p.compiled.jets, p.compiled.residual, p.rows, p.space(), p.flight(), self.constants, self.forms,
-            len(self.forms.status) // len(self.problems), p.order, p.tolerance, p.atol, end, max_events, self.group[part],
-            self.codes[part], Lane(*(a[part] for a in self.now)), record is not None, record or nothing,
+            p.compiled.jets,
+            p.compiled.residual,
+            p.rows,
+            p.space(),
+            p.flight(),
+            self.constants,
+            self.forms,
+            len(self.forms.status) // len(self.problems),
+            p.order,
+            p.tolerance,
+            p.atol,
+            end,
+            max_events,
+            self.group[part],
+            self.codes[part],
+            Lane(*(a[part] for a in self.now)),
+            record is not None,
+            record or nothing,
         )
 
     def make_closed_forms(self) -> None:

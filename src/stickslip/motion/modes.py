@@ -24,6 +24,7 @@ from stickslip.motion.kernel import (
     RESIDUAL,
     ROUNDING,
     SINGULAR,
+    ZERO,
     Constants,
     Lane,
     Rows,
@@ -32,12 +33,13 @@ from stickslip.motion.kernel import (
 
 Array = np.ndarray
 
-FIRST = np.int64(0)  # first contact, first coordinate
 MOST_CANDIDATES = 60000
 
 
 @njit(**OPTIONS)
-def resolvent(A: Array, n: int, J: Array, first: int, m: int, column: int, mode: Array, scratch: Array, R: Array) -> bool:
+def resolvent(
+    A: Array, n: int, J: Array, first: int, m: int, column: int, mode: Array, scratch: Array, R: Array
+) -> bool:
     """Inverse of [[A, −Jᵀ], [stick: J, 0; slip: 0, 1]] for contacts first … first+m−1 and coordinates column … ."""
     for i in range(n + m):
         for j in range(n + m):
@@ -68,7 +70,7 @@ def resolve(sizes: Array, k: Constants, space: Space, mode: Array) -> bool:
     for c in range(mq + mz):
         known[c] = mode[c]
     known[mq + mz] = 1
-    if nq > 0 and not resolvent(k.M, nq, k.J, FIRST, mq, FIRST, mode, space.scratch, space.Rq):
+    if nq > 0 and not resolvent(k.M, nq, k.J, ZERO, mq, ZERO, mode, space.scratch, space.Rq):
         return False
     if nz > 0 and not resolvent(k.C, nz, k.J, mq, mz, nq, mode, space.scratch, space.Rz):
         return False
@@ -77,7 +79,9 @@ def resolve(sizes: Array, k: Constants, space: Space, mode: Array) -> bool:
 
 
 @njit(**OPTIONS)
-def project_rates(residual: RESIDUAL, sizes: Array, k: Constants, space: Space, t: float, y: Array, mode: Array, reg: Array) -> int:
+def project_rates(
+    residual: RESIDUAL, sizes: Array, k: Constants, space: Space, t: float, y: Array, mode: Array, reg: Array
+) -> int:
     """Put sliding rate-independent coordinates back on λ + σ s = 0 (one Newton step: they are there up to rounding)."""
     nr, first, offset, G = sizes[3], sizes[5] + sizes[6], 2 * sizes[1] + sizes[2], space.G
     sliding = False
@@ -124,8 +128,20 @@ def release_or_hold(rows: Rows, space: Space, y: Array, mode: Array, last: float
 
 
 @njit(**OPTIONS)
-def evaluate_mode(jets: JETS, residual: RESIDUAL, rows: Rows, k: Constants, space: Space, N: int, t: float, y: Array, mode: Array,
-                  reg: Array, last: float, hold: bool) -> int:
+def evaluate_mode(
+    jets: JETS,
+    residual: RESIDUAL,
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    N: int,
+    t: float,
+    y: Array,
+    mode: Array,
+    reg: Array,
+    last: float,
+    hold: bool,
+) -> int:
     """Taylor coefficients of the motion in a mode; y is put back onto the constraints of the mode."""
     W, sizes = space.W, rows.sizes
     n, nr, mq = sizes[0], sizes[3], sizes[5]
@@ -175,8 +191,8 @@ def flip(switch: int, mode: Array, reg: Array, nk: int) -> int:
 def loosen(J: Array, first: int, m: int, column: int, n: int, mode: Array, keep: int, space: Space, nk: int) -> bool:
     """Let sticking contacts whose directions depend on those of the others be carried at their threshold (u stays 0).
 
-    With more sticking contacts than directions their forces are not unique. Any admissible choice gives the same motion; a
-    contact carried at its threshold is a vertex of that choice, and pivoting walks from vertex to vertex.
+    With more sticking contacts than directions their forces are not unique. Any admissible choice gives the same
+    motion; a contact carried at its threshold is a vertex of that choice, and pivoting walks from vertex to vertex.
     """
     rank, changed, basis, touched = 0, False, space.scratch, space.touched
     for turn in range(m + 1):
@@ -210,8 +226,19 @@ def loosen(J: Array, first: int, m: int, column: int, n: int, mode: Array, keep:
 
 
 @njit(**OPTIONS)
-def settle(jets: JETS, residual: RESIDUAL, rows: Rows, k: Constants, space: Space, N: int, tol: float, atol: float, lane: Lane,
-           room: float, hold: bool) -> tuple[int, float, int]:
+def settle(
+    jets: JETS,
+    residual: RESIDUAL,
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    N: int,
+    tol: float,
+    atol: float,
+    lane: Lane,
+    room: float,
+    hold: bool,
+) -> tuple[int, float, int]:
     """Find the mode the motion takes now; the work space then holds its Taylor coefficients.
 
     Returns
@@ -225,7 +252,8 @@ def settle(jets: JETS, residual: RESIDUAL, rows: Rows, k: Constants, space: Spac
     copy(y, space.y0)
     for i in range(nk + nc):
         touched[i] = 0
-    # First pivoting; if that leaves the admissible modes (a singular or impossible one), every state of the switches concerned.
+    # First pivoting; if that leaves the admissible modes (a singular or impossible one), every state of the switches
+    # concerned.
     pivots, candidate, total, flipped = 0, 0, 0, fired
     while True:
         if pivots > 0:
@@ -233,7 +261,15 @@ def settle(jets: JETS, residual: RESIDUAL, rows: Rows, k: Constants, space: Spac
         pivots += 1
         if total > 0:
             if candidate == total:
-                break
+                # Where forces are not unique, contacts that pivoting never questioned may have to change, too.
+                asked = 0
+                for i in range(nc):
+                    asked += 1 - touched[nk + i]
+                    touched[nk + i] = 1
+                total = candidates(touched, nk)
+                if asked == 0 or total > MOST_CANDIDATES:
+                    break
+                candidate = 0
             choose(candidate, touched, mode, reg)
             candidate += 1
         status = evaluate_mode(jets, residual, rows, k, space, N, t, y, mode, reg, recent, hold or pivots > 1)
@@ -249,7 +285,7 @@ def settle(jets: JETS, residual: RESIDUAL, rows: Rows, k: Constants, space: Spac
                 flipped = flip(switch, mode, reg, nk)
                 touched[flipped] = 1
         elif status == SINGULAR and total == 0:
-            free = loosen(k.J, FIRST, mq, FIRST, nq, mode, flipped - nk, space, nk)
+            free = loosen(k.J, ZERO, mq, ZERO, nq, mode, flipped - nk, space, nk)
             free = loosen(k.J, mq, mz, nq, nz, mode, flipped - nk, space, nk) or free
             if free and pivots <= 3 * (nk + nc) + 8:
                 continue
@@ -259,14 +295,21 @@ def settle(jets: JETS, residual: RESIDUAL, rows: Rows, k: Constants, space: Spac
             for i in range(mr):
                 if mode[mq + mz + i] != 0:
                     touched[nk + mq + mz + i] = 1
-            total = 1
-            for i in range(nk + nc):
-                if touched[i] == 1:
-                    total *= 2 if i < nk else 3
+            total = candidates(touched, nk)
             if total > MOST_CANDIDATES:
                 break
     copy(space.y0, y)
     return SINGULAR, 0.0, 0
+
+
+@njit(**OPTIONS)
+def candidates(touched: Array, nk: int) -> int:
+    """Number of states of the switches concerned (one more than is tried, if there are too many)."""
+    total = 1
+    for i in range(len(touched)):
+        if touched[i] == 1 and total <= MOST_CANDIDATES:
+            total *= 2 if i < nk else 3
+    return total
 
 
 @njit(**OPTIONS)

@@ -13,10 +13,18 @@ class Outcome(Enum):
 
     FINISHED = (0, "finished", "The end of the time span was reached")
     AT_REST = (1, "at rest forever", "No later event is possible: every contact sticks and the rest converges")
-    NO_BOUNDED_RATE = (2, "no bounded rate", "The forces cannot be balanced at any finite rate: the system jumps. "
-                       "Give the coordinate viscosity or mass, or lower the load")
-    SLIDING_ON_A_JUMP = (3, "sliding on a jump", "A piecewise function that jumps pushes the motion onto its jump from both "
-                         "sides. Make the function continuous, or model the jump as a contact")
+    NO_BOUNDED_RATE = (
+        2,
+        "no bounded rate",
+        "The forces cannot be balanced at any finite rate: the system jumps. "
+        "Give the coordinate viscosity or mass, or lower the load",
+    )
+    SLIDING_ON_A_JUMP = (
+        3,
+        "sliding on a jump",
+        "A piecewise function that jumps pushes the motion onto its jump from both "
+        "sides. Make the function continuous, or model the jump as a contact",
+    )
     ZENO = (4, "event accumulation", "Infinitely many events pile up at this time (Zeno)")
     STEP_TOO_SMALL = (5, "step too small", "The motion blows up or the formulas are singular near this time")
     EVENT_LIMIT = (6, "limit on events reached", "Raise max_events to go on")

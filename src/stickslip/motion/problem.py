@@ -129,8 +129,13 @@ class Problem:
         return np.array([float(given.get(name, 0.0)) for name in declaration.state])
 
 
-def pose(system: System, parameters: Mapping[str, float] | None = None, rtol: float = 1e-10, atol: float = 1e-12,
-         exact: bool = True) -> Problem:
+def pose(
+    system: System,
+    parameters: Mapping[str, float] | None = None,
+    rtol: float = 1e-10,
+    atol: float = 1e-12,
+    exact: bool = True,
+) -> Problem:
     """Check parameters and tolerances, and bind them to a system.
 
     Raises
@@ -139,7 +144,9 @@ def pose(system: System, parameters: Mapping[str, float] | None = None, rtol: fl
         If a parameter is unknown or not admissible, or a tolerance is not in range.
     """
     if not isinstance(system, System):
-        raise DeclarationError("system", f"expected a System, got {type(system).__name__}", "Use ss.load or ss.catalogue")
+        raise DeclarationError(
+            "system", f"expected a System, got {type(system).__name__}", "Use ss.load or ss.catalogue"
+        )
     values = {**system.values, **{k: v for k, v in (parameters or {}).items()}}
     system.declaration.check_parameters(values)
     for name, value, low, high in (("rtol", rtol, 1e-13, 1e-3), ("atol", atol, 1e-30, 1.0)):

@@ -59,7 +59,7 @@ def crossing(c: Array, d: int, a: float, b: float, noise: float) -> float:
         new = x - s / ds if ds != 0.0 else low - 1.0
         if not low < new < high:
             new = 0.5 * (low + high)
-        if abs(new - x) <= 2.3e-16 * abs(new) or new == low or new == high:
+        if abs(new - x) <= 2.3e-16 * abs(new) or not low < new < high:
             return new
         x = new
     return x

@@ -19,9 +19,17 @@ CHUNK = 4096  # steps between looks at the clock and the keyboard
 Array = np.ndarray
 
 
-def simulate(system: System, t_span: tuple[float, float] | None = None, initial: Mapping[str, float] | None = None,
-             parameters: Mapping[str, float] | None = None, *, rtol: float = 1e-10, atol: float = 1e-12,
-             max_events: int = 1_000_000, progress: Callable[[float], None] | None = None):  # noqa: ANN201
+def simulate(
+    system: System,
+    t_span: tuple[float, float] | None = None,
+    initial: Mapping[str, float] | None = None,
+    parameters: Mapping[str, float] | None = None,
+    *,
+    rtol: float = 1e-10,
+    atol: float = 1e-12,
+    max_events: int = 1_000_000,
+    progress: Callable[[float], None] | None = None,
+):
     """The motion of a system, switch by switch.
 
     Parameters
@@ -82,8 +90,14 @@ def check_span(span: object) -> tuple[float, float]:
     return start, end
 
 
-def follow(problem: Problem, start: float, end: float, y: Array, max_events: int, progress: Callable[[float], None] | None = None
-           ) -> tuple[int, Knots]:
+def follow(
+    problem: Problem,
+    start: float,
+    end: float,
+    y: Array,
+    max_events: int,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[int, Knots]:
     """Run the compiled loop chunk by chunk; Ctrl-C between two chunks keeps what is done."""
     from stickslip.motion.kernel import FULL, Record
     from stickslip.motion.lanes import Lanes
@@ -97,7 +111,9 @@ def follow(problem: Problem, start: float, end: float, y: Array, max_events: int
             lanes.make_closed_forms()
             size = min(2 * size, CHUNK)
             record = Knots.empty(size, len(y), contacts, kinks)
-            count = lanes.advance(end, max_events, Record(record.time, record.state, record.mode, record.region, record.cause))
+            count = lanes.advance(
+                end, max_events, Record(record.time, record.state, record.mode, record.region, record.cause)
+            )
             pieces.append(record.first(count))
             if progress is not None:
                 progress((clock[0] - start) / (end - start))
@@ -122,5 +138,8 @@ def check_stable_start(problem: Problem, start: float, y: Array) -> None:
         if excess > 1e-9 * (abs(held) + plus + minus):
             name = next(iter(c.direction))
             raise DeclarationError(
-                f"initial.{name}", f"the contact '{c.name}' would have to hold the force {held:.6g}, which exceeds its threshold"
-                f" {minus if held > 0 else plus:.6g} by {excess:.6g}", f"Start with '{name}' inside the stable set")
+                f"initial.{name}",
+                f"the contact '{c.name}' would have to hold the force {held:.6g}, which exceeds its threshold"
+                f" {minus if held > 0 else plus:.6g} by {excess:.6g}",
+                f"Start with '{name}' inside the stable set",
+            )

@@ -57,14 +57,18 @@ class Trajectory:
         How the computation ended.
     """
 
-    def __init__(self, problem: Problem, t_span: tuple[float, float], knots: Knots, outcome: Outcome, rtol: float = 1e-10) -> None:
+    def __init__(
+        self, problem: Problem, t_span: tuple[float, float], knots: Knots, outcome: Outcome, rtol: float = 1e-10
+    ) -> None:
         self._problem = problem
         self.t_span, self.knots, self.outcome, self.rtol = t_span, knots, outcome, rtol
         self.wall_time = 0.0
 
     def __repr__(self) -> str:
-        return (f"<Trajectory of {self.system.name}: t = {self.t_span[0]:g} ... {self.knots.time[-1]:g}, "
-                f"{self.n_switches} switches, {self.outcome.label}>")
+        return (
+            f"<Trajectory of {self.system.name}: t = {self.t_span[0]:g} ... {self.knots.time[-1]:g}, "
+            f"{self.n_switches} switches, {self.outcome.label}>"
+        )
 
     @property
     def system(self) -> System:
@@ -84,14 +88,21 @@ class Trajectory:
     @property
     def message(self) -> str:
         """How it ended, in words."""
-        return self.outcome.message if self.outcome.ok else f"{self.outcome.label} at t = {self.knots.time[-1]:.9g}: {self.outcome.message}"
+        return (
+            self.outcome.message
+            if self.outcome.ok
+            else f"{self.outcome.label} at t = {self.knots.time[-1]:.9g}: {self.outcome.message}"
+        )
 
     @property
     def warnings(self) -> list[str]:
         """Conditions of the declaration that these parameters do not meet."""
         conditions = self.system.declaration.conditions
-        return [f"{self.system.conditions[name].formula} fails: {text}" for name, (margin, text) in conditions.items()
-                if not ex.evaluate(margin, self.parameters) > 0.0]
+        return [
+            f"{self.system.conditions[name].formula} fails: {text}"
+            for name, (margin, text) in conditions.items()
+            if not ex.evaluate(margin, self.parameters) > 0.0
+        ]
 
     # -- names and rows ---------------------------------------------------------------------------
 
@@ -102,8 +113,12 @@ class Trajectory:
         rows = {name: i for i, name in enumerate(layout.state)}
         rows |= {name: row for name, row in layout.named.items() if name not in rows}
         for key, i in contacts.items():
-            rows |= {f"friction_{key}": layout.force[i], f"threshold_plus_{key}": layout.plus[i],
-                     f"threshold_minus_{key}": layout.minus[i], f"slip_speed_{key}": layout.u[i]}
+            rows |= {
+                f"friction_{key}": layout.force[i],
+                f"threshold_plus_{key}": layout.plus[i],
+                f"threshold_minus_{key}": layout.minus[i],
+                f"slip_speed_{key}": layout.u[i],
+            }
         return rows
 
     @cached_property
@@ -117,8 +132,22 @@ class Trajectory:
 
         p, k = self._problem, self.knots
         out = np.empty((len(times), p.compiled.layout.rows + 3))
-        dense.sample(p.compiled.jets, p.compiled.powers, p.rows, p.constants, p.space(), p.order, *p.retrace, k.time, k.state,
-                     k.mode, k.region, index, times, out)
+        dense.sample(
+            p.compiled.jets,
+            p.compiled.powers,
+            p.rows,
+            p.constants,
+            p.space(),
+            p.order,
+            *p.retrace,
+            k.time,
+            k.state,
+            k.mode,
+            k.region,
+            index,
+            times,
+            out,
+        )
         return out
 
     @cached_property
@@ -126,7 +155,9 @@ class Trajectory:
         """Energy, work and violations at the knots, recomputed from them."""
         out = self._sample(self.knots.time, np.arange(len(self.knots.time)))
         rows = self._problem.compiled.layout.rows
-        work, *violations = self._integrate(np.append(self.knots.time[1:], self.knots.time[-1]), np.arange(len(self.knots.time)), True)
+        work, *violations = self._integrate(
+            np.append(self.knots.time[1:], self.knots.time[-1]), np.arange(len(self.knots.time)), True
+        )
         total = np.vstack([np.zeros((1, 2)), np.cumsum(work, axis=0)])[:-1]
         return Audit(out[:, rows], self._kinetic(), total[:, 0], total[:, 1], float(violations[-1][7]), *violations)
 
@@ -141,14 +172,38 @@ class Trajectory:
         p, k = self._problem, self.knots
         layout, sizes = p.compiled.layout, p.compiled.layout.sizes
         n = sizes["n"]
-        work, change, noise, largest = np.zeros((len(ends), 2)), np.zeros((len(ends), n)), np.zeros((len(ends), n)), np.zeros(n)
+        work, change, noise, largest = (
+            np.zeros((len(ends), 2)),
+            np.zeros((len(ends), n)),
+            np.zeros((len(ends), n)),
+            np.zeros(n),
+        )
         worst = np.zeros(8 + 2 * sizes["kinks"])
         inertial = self.system.declaration.inertial
         rates = [layout.state.index(f"d_{q}") for q in inertial] + [layout.named[f"dd_{q}"] for q in inertial]
-        rates += [layout.named[f"d_{x}"] for x in layout.state[2 * len(inertial):]]
-        dense.integrate_steps(p.compiled.jets, p.compiled.powers, p.rows, p.constants, p.space(), p.order, *p.retrace,
-                              np.array(rates, dtype=np.int64), layout.rate_sizes, k.time[index], k.state[index], k.mode[index],
-                              k.region[index], ends, check, work, change, noise, largest, worst)
+        rates += [layout.named[f"d_{x}"] for x in layout.state[2 * len(inertial) :]]
+        dense.integrate_steps(
+            p.compiled.jets,
+            p.compiled.powers,
+            p.rows,
+            p.constants,
+            p.space(),
+            p.order,
+            *p.retrace,
+            np.array(rates, dtype=np.int64),
+            layout.rate_sizes,
+            k.time[index],
+            k.state[index],
+            k.mode[index],
+            k.region[index],
+            ends,
+            check,
+            work,
+            change,
+            noise,
+            largest,
+            worst,
+        )
         return work, change, noise, largest, worst
 
     # -- what a user asks for ---------------------------------------------------------------------
@@ -214,8 +269,15 @@ class Trajectory:
         values = self._values(times, index)
         variables = {name: ("time", v, self._attributes(name)) for name, v in values.items()}
         coordinate = ("time", times, {"units": self.system.time_unit or "1", "long_name": "time"})
-        return xr.Dataset(variables, {"time": coordinate}, {"title": self.system.title or self.system.name,
-                          "source": self.system.source, "outcome": self.outcome.label})
+        return xr.Dataset(
+            variables,
+            {"time": coordinate},
+            {
+                "title": self.system.title or self.system.name,
+                "source": self.system.source,
+                "outcome": self.outcome.label,
+            },
+        )
 
     def _attributes(self, name: str) -> dict[str, Any]:
         return _attributes(self.system, name)
@@ -228,7 +290,12 @@ class Trajectory:
         k, records = self.knots, []
         contacts = self._problem.compiled.equations.contacts
         kinks = [f"{ex.to_text(g)} = 0" for g in self._problem.compiled.equations.kinks]
-        for i in np.flatnonzero(np.any(np.diff(k.mode, axis=0) != 0, axis=1) | np.any(np.diff(k.region, axis=0) != 0, axis=1)) + 1:
+        for i in (
+            np.flatnonzero(
+                np.any(np.diff(k.mode, axis=0) != 0, axis=1) | np.any(np.diff(k.region, axis=0) != 0, axis=1)
+            )
+            + 1
+        ):
             state = dict(zip(self._problem.compiled.layout.state, map(float, k.state[i]), strict=True))
             for c in np.flatnonzero(k.mode[i] != k.mode[i - 1]):
                 a, b = MODES[int(k.mode[i - 1, c])], MODES[int(k.mode[i, c])]
@@ -277,12 +344,29 @@ class Trajectory:
         from stickslip import __version__
 
         k, path = self.knots, Path(path)
-        extra = {"knot_time": ("knot", k.time), "knot_state": (("knot", "state"), k.state), "knot_mode": (("knot", "contact"), k.mode),
-                 "knot_region": (("knot", "kink"), k.region), "knot_cause": ("knot", k.cause)}
-        settings = {"t_span": self.t_span, "order": self._problem.order, "tolerance": self._problem.tolerance,
-                    "atol": self._problem.atol, "rtol": self.rtol, "outcome": self.outcome.code, "wall_time": self.wall_time}
-        attributes = {"stickslip_format": FORMAT, "stickslip_version": __version__, "stickslip_system": self.system.to_toml(),
-                      "stickslip_parameters": json.dumps(self.parameters), "stickslip_settings": json.dumps(settings)}
+        extra = {
+            "knot_time": ("knot", k.time),
+            "knot_state": (("knot", "state"), k.state),
+            "knot_mode": (("knot", "contact"), k.mode),
+            "knot_region": (("knot", "kink"), k.region),
+            "knot_cause": ("knot", k.cause),
+        }
+        settings = {
+            "t_span": self.t_span,
+            "order": self._problem.order,
+            "tolerance": self._problem.tolerance,
+            "atol": self._problem.atol,
+            "rtol": self.rtol,
+            "outcome": self.outcome.code,
+            "wall_time": self.wall_time,
+        }
+        attributes = {
+            "stickslip_format": FORMAT,
+            "stickslip_version": __version__,
+            "stickslip_system": self.system.to_toml(),
+            "stickslip_parameters": json.dumps(self.parameters),
+            "stickslip_settings": json.dumps(settings),
+        }
         whole = self.dataset.merge(xr.Dataset(extra)).assign_attrs(self.dataset.attrs | attributes)
         partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")
         try:
@@ -313,10 +397,20 @@ def open_trajectory(path: str | Path) -> Trajectory:
         with xr.open_dataset(path, engine="netcdf4") as stored:
             data = stored.load()
         if int(data.attrs["stickslip_format"]) != FORMAT:
-            raise StickslipError(f"{path}: written in format {data.attrs['stickslip_format']}, this version reads {FORMAT}")
+            raise StickslipError(
+                f"{path}: written in format {data.attrs['stickslip_format']}, this version reads {FORMAT}"
+            )
         system = loads(data.attrs["stickslip_system"], f"{path}: system")
-        parameters, settings = json.loads(data.attrs["stickslip_parameters"]), json.loads(data.attrs["stickslip_settings"])
-        knots = Knots(*(np.ascontiguousarray(data[f"knot_{name}"].values) for name in ("time", "state", "mode", "region", "cause")))
+        parameters, settings = (
+            json.loads(data.attrs["stickslip_parameters"]),
+            json.loads(data.attrs["stickslip_settings"]),
+        )
+        knots = Knots(
+            *(
+                np.ascontiguousarray(data[f"knot_{name}"].values)
+                for name in ("time", "state", "mode", "region", "cause")
+            )
+        )
         checked = pose(system, {name: parameters[name] for name in system.parameters})
         problem = Problem(system, checked.parameters, settings["order"], settings["tolerance"], settings["atol"])
         span, outcome, rtol, wall_time = (settings[name] for name in ("t_span", "outcome", "rtol", "wall_time"))
@@ -348,13 +442,23 @@ def _attributes(system: System, name: str) -> dict[str, Any]:
     if name in named:
         return {"units": named[name].unit or "1", "long_name": named[name].meaning or name}
     if name.startswith("d_") and name[2:] in named:
-        return {"units": _per(named[name[2:]].unit, system.time_unit), "long_name": f"rate of {named[name[2:]].meaning or name[2:]}"}
+        return {
+            "units": _per(named[name[2:]].unit, system.time_unit),
+            "long_name": f"rate of {named[name[2:]].meaning or name[2:]}",
+        }
     for contact, declared in system.contacts.items():
         key = _key(contact)
         if name == f"mode_{key}":
-            return {"long_name": f"mode of {contact}", "flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "slip- stick slip+"}
-        names = {f"friction_{key}": "friction force", f"threshold_plus_{key}": "threshold for u > 0",
-                 f"threshold_minus_{key}": "threshold for u < 0"}
+            return {
+                "long_name": f"mode of {contact}",
+                "flag_values": np.array([-1, 0, 1], np.int8),
+                "flag_meanings": "slip- stick slip+",
+            }
+        names = {
+            f"friction_{key}": "friction force",
+            f"threshold_plus_{key}": "threshold for u > 0",
+            f"threshold_minus_{key}": "threshold for u < 0",
+        }
         if name in names:
             return {"units": declared.unit or "1", "long_name": f"{names[name]} of {contact}"}
         if name == f"slip_speed_{key}":
