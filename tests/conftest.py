@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 import stickslip
-
 from stickslip.motion import problem, simulate
 
 
