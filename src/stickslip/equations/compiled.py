@@ -7,7 +7,8 @@ import importlib.util
 import os
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,27 @@ def cache_folder() -> Path:
     except OSError:
         pass
     return Path(tempfile.mkdtemp(prefix="stickslip-"))
+
+
+_announced = False
+
+
+@contextmanager
+def announced() -> Iterator[None]:
+    """Say once what takes half a minute: the first use of the engine on a machine, or after it has changed."""
+    global _announced
+    if _announced:
+        yield
+        return
+    sources = sorted((Path(__file__).parents[1] / "motion").glob("*.py"))
+    state = "\n".join(f"{path} {path.stat().st_mtime_ns}" for path in sources)
+    mark = cache_folder() / f"engine_{hashlib.sha256(f'{sys.version}{state}'.encode()).hexdigest()[:24]}.ready"
+    if not mark.exists() and sys.stderr.isatty():
+        print("stickslip: compiling the engine once for this machine, about half a minute ...", file=sys.stderr)
+    yield
+    _announced = True
+    with suppress(OSError):
+        mark.touch()
 
 
 def compile_system(system: System) -> CompiledSystem:

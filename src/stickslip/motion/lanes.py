@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stickslip.equations.compiled import announced
 from stickslip.motion import engine
 from stickslip.motion.affine import ClosedForms
 from stickslip.motion.closed_form import make_closed_form
@@ -67,6 +68,10 @@ class Lanes:
     def advance(self, end: float, max_events: int, record: Record | None = None, part: slice = slice(None)) -> int:
         """Run the compiled loop once over some lanes; returns the number of recorded steps (of a single lane)."""
         p = self.problems[0]
+        with announced():
+            return self._integrate(p, end, max_events, record, part)
+
+    def _integrate(self, p: Problem, end: float, max_events: int, record: Record | None, part: slice) -> int:
         nothing = Record(
             np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0), np.int8), np.zeros((0, 0), np.int8), np.zeros(0, np.int64)
         )

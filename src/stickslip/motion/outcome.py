@@ -43,4 +43,7 @@ class Outcome(Enum):
     @classmethod
     def from_code(cls, code: int) -> Outcome:
         """The outcome with a number."""
-        return next(o for o in cls if o.code == code)
+        for outcome in cls:
+            if outcome.code == code:
+                return outcome
+        raise ValueError(f"{code} is the code of no outcome")

@@ -413,14 +413,15 @@ def open_trajectory(path: str | Path) -> Trajectory:
         )
         checked = pose(system, {name: parameters[name] for name in system.parameters})
         problem = Problem(system, checked.parameters, settings["order"], settings["tolerance"], settings["atol"])
-        span, outcome, rtol, wall_time = (settings[name] for name in ("t_span", "outcome", "rtol", "wall_time"))
+        span, code, rtol, wall_time = (settings[name] for name in ("t_span", "outcome", "rtol", "wall_time"))
+        outcome = Outcome.from_code(code)
     except (OSError, KeyError, ValueError, TypeError) as error:
         if isinstance(error, DeclarationError):
             raise
         raise StickslipError(f"{path}: not a trajectory stored by stickslip") from None
     if knots.state.ndim != 2 or knots.state.shape[1] != len(system.declaration.state) or len(knots.time) == 0:
         raise StickslipError(f"{path}: the stored states do not fit the stored system")
-    trajectory = Trajectory(problem, tuple(span), knots, Outcome.from_code(outcome), rtol)
+    trajectory = Trajectory(problem, tuple(span), knots, outcome, rtol)
     trajectory.wall_time = wall_time
     return trajectory
 
