@@ -51,7 +51,7 @@ _announced = False
 
 @contextmanager
 def announced() -> Iterator[None]:
-    """Say once what takes half a minute: the first use of the engine on a machine, or after it has changed."""
+    """Say once what takes its time: the first use of the engine on a machine, or after it has changed."""
     global _announced
     if _announced:
         yield
@@ -60,7 +60,7 @@ def announced() -> Iterator[None]:
     state = "\n".join(f"{path} {path.stat().st_mtime_ns}" for path in sources)
     mark = cache_folder() / f"engine_{hashlib.sha256(f'{sys.version}{state}'.encode()).hexdigest()[:24]}.ready"
     if not mark.exists() and sys.stderr.isatty():
-        print("stickslip: compiling the engine once for this machine, about half a minute ...", file=sys.stderr)
+        print("stickslip: compiling the engine once for this machine, less than a minute ...", file=sys.stderr)
     yield
     _announced = True
     with suppress(OSError):

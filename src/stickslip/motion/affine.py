@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from stickslip.motion.kernel import OPTIONS, ROUNDING
+from stickslip.motion.kernel import INLINED, OPTIONS, ROUNDING
 from stickslip.motion.roots import NONE, first_crossing
 
 Array = np.ndarray
@@ -91,7 +91,7 @@ def falling_root(
     return x
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def first_fall(
     c: Array,
     a: Array,
@@ -435,7 +435,7 @@ def _derive(A: Array, F: Array, omega: Array, v: Array, s: Array, de: Array, k: 
     drive_rate(de[k - 1], omega, de[k])
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def germs(T: ClosedForms, slot: int, f: Flight, x: Array, omega: Array, fired: int, last: float) -> int:
     """Least guard that becomes negative at once, or −1; the deciding order of each guard is left in the work space."""
     v, s, de, e, orders = f.v, f.s, f.de, f.e, f.orders
@@ -475,7 +475,7 @@ def germs(T: ClosedForms, slot: int, f: Flight, x: Array, omega: Array, fired: i
     return -1
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def fly(T: ClosedForms, slot: int, f: Flight, x: Array, t: float, room: float, omega: Array) -> tuple[float, int]:
     """Closed form from state x at time t; the earliest event within `room`: (duration, guard or −1)."""
     e, orders, r, p, up, down, c, a, b = f.e, f.orders, f.r, f.p, f.up, f.down, f.c, f.a, f.b
@@ -542,7 +542,7 @@ def fly(T: ClosedForms, slot: int, f: Flight, x: Array, t: float, room: float, o
     return limit, which
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def arrive(T: ClosedForms, slot: int, f: Flight, x: Array, tau: float, omega: Array) -> None:
     """Put x where the closed form is after a duration."""
     r, p, up, down = f.r, f.p, f.up, f.down
@@ -566,7 +566,7 @@ def arrive(T: ClosedForms, slot: int, f: Flight, x: Array, tau: float, omega: Ar
                 x[i] += V[i, j].real * w.real - V[i, j].imag * w.imag
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def admissible(T: ClosedForms, slot: int, x: Array, e: Array, contacts: int, last: float) -> bool:
     """Whether sticking contacts are at rest and sliding rate-independent ones on their threshold; removes rounding."""
     n, ne = len(x), len(e)

@@ -14,6 +14,7 @@ from stickslip.motion.guards import first_event
 from stickslip.motion.kernel import (
     FINISHED,
     FULL,
+    INLINED,
     JETS,
     LIMIT,
     NAN,
@@ -108,7 +109,7 @@ def integrate(
     return count
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def step_on(
     jets: JETS,
     residual: RESIDUAL,
@@ -168,7 +169,7 @@ def step_on(
     return (fire(which, lane, nk, max_events) if which >= 0 else -1), count
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def fly_on(
     T: ClosedForms,
     g: int,
@@ -236,7 +237,7 @@ def fly_on(
             return code, count
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def note(lane: Lane, recording: bool, record: Record, count: int) -> int:
     """Record where a lane is, and count the switches that brought it there."""
     if recording:
@@ -252,7 +253,7 @@ def note(lane: Lane, recording: bool, record: Record, count: int) -> int:
     return count
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def fire(switch: int, lane: Lane, nk: int, max_events: int) -> int:
     """Count an event and give its switch the other state; an outcome code if the motion ends here, else −1."""
     clock, counters = lane.clock, lane.counters

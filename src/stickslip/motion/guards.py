@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from stickslip.motion.kernel import FIRED, NOWHERE, OPTIONS, ROUNDING, ZERO, Rows, Space
+from stickslip.motion.kernel import FIRED, INLINED, NOWHERE, OPTIONS, ROUNDING, ZERO, Rows, Space
 from stickslip.motion.roots import first_crossing
 
 Array = np.ndarray
@@ -67,7 +67,7 @@ def germ(
     return 0, N
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def step_size(W: Array, rows: Array, n: int, N: int, last: float, tol: float, atol: float) -> float:
     """Step for which the last two Taylor terms of the state and of all guards are below tol times their size."""
     top, middle, low = 0.0, 0.0, 0.0
@@ -101,7 +101,11 @@ def fill_powers(powers: Array, h: float) -> None:
 
 @njit(**OPTIONS)
 def consider(
-    space: Space,
+    W: Array,
+    powers: Array,
+    c: Array,
+    pending: Array,
+    labels: Array,
     row: int,
     sign: float,
     shift_row: int,
@@ -114,7 +118,6 @@ def consider(
     count: int,
 ) -> int:
     """Judge one guard: −1 if it becomes negative at once; else the number of guards that may fire within the step."""
-    W, powers, c = space.W, space.powers, space.germ
     start = sign * W[row, 0] + (W[shift_row, 0] if shift_row >= 0 else 0.0)
     if start > precision * (size0 + near * size1) and start > reach(W, row, shift_row, sign, N, powers):
         return count
@@ -125,25 +128,42 @@ def consider(
         # A zero at the start is divided out: what remains starts positive.
         d = N - 1 - order
         for k in range(d + 1):
-            space.pending[count, k] = c[k + order]
-        space.pending[count, N] = ROUNDING * (size0 + powers[1] * size1)
-        space.labels[count, 0], space.labels[count, 1] = switch, d
+            pending[count, k] = c[k + order]
+        pending[count, N] = ROUNDING * (size0 + powers[1] * size1)
+        labels[count, 0], labels[count, 1] = switch, d
         count += 1
     return count
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def scan(rows: Rows, space: Space, mode: Array, reg: Array, N: int, last: float, fired: int) -> tuple[int, int]:
     """Look at all guards of a mode: (least switch that is violated at once, or −1; number of guards that may fire).
 
     Switches are kinks first, then contacts (+1000: towards slip−), then 2000 + i for a threshold that turns negative.
     """
     W, mag, force, plus, minus = space.W, space.mag, rows.force, rows.plus, rows.minus
-    nk, nc, count, near = len(rows.kinks), len(rows.u), ZERO, last + space.powers[1]
+    powers, c, pending, labels = space.powers, space.germ, space.pending, space.labels
+    nk, nc, count, near = len(rows.kinks), len(rows.u), ZERO, last + powers[1]
     for j in range(nk):
         row, precision = rows.kinks[j], FIRED if fired == j else ROUNDING
         sign = 1.0 if reg[j] == 1 else -1.0
-        count = consider(space, row, sign, NOWHERE, N, near, mag[3 * nc + j], abs(W[row, 1]), precision, j, count)
+        count = consider(
+            W,
+            powers,
+            c,
+            pending,
+            labels,
+            row,
+            sign,
+            NOWHERE,
+            N,
+            near,
+            mag[3 * nc + j],
+            abs(W[row, 1]),
+            precision,
+            j,
+            count,
+        )
         if count < 0:
             return j, 0
     for i in range(nc):
@@ -151,29 +171,63 @@ def scan(rows: Rows, space: Space, mode: Array, reg: Array, N: int, last: float,
         if mode[i] == 0:
             size = mag[2 * nc + i] + abs(W[plus[i], 0]) + abs(W[minus[i], 0])
             size += near * (abs(W[force[i], 1]) + abs(W[plus[i], 1]) + abs(W[minus[i], 1]))
-            count = consider(space, force[i], 1.0, plus[i], N, near, size, 0.0, precision, nk + i, count)
+            count = consider(
+                W, powers, c, pending, labels, force[i], 1.0, plus[i], N, near, size, 0.0, precision, nk + i, count
+            )
             if count < 0:
                 return nk + i, 0
-            count = consider(space, force[i], -1.0, minus[i], N, near, size, 0.0, precision, nk + i + 1000, count)
+            count = consider(
+                W,
+                powers,
+                c,
+                pending,
+                labels,
+                force[i],
+                -1.0,
+                minus[i],
+                N,
+                near,
+                size,
+                0.0,
+                precision,
+                nk + i + 1000,
+                count,
+            )
             if count < 0:
                 return nk + i + 1000, 0
         else:
             row = rows.u[i]
             size1 = mag[nc + i] + abs(W[row, 1])
-            count = consider(space, row, float(mode[i]), NOWHERE, N, near, mag[i], size1, precision, nk + i, count)
+            count = consider(
+                W,
+                powers,
+                c,
+                pending,
+                labels,
+                row,
+                float(mode[i]),
+                NOWHERE,
+                N,
+                near,
+                mag[i],
+                size1,
+                precision,
+                nk + i,
+                count,
+            )
             if count < 0:
                 return nk + i, 0
     for i in range(len(rows.doubtful)):
         row, before = rows.doubtful[i], count
-        size = abs(W[row, 0]) + abs(W[row, 1]) * space.powers[1]
-        count = consider(space, row, 1.0, NOWHERE, N, 0.0, size, 0.0, 1e-12, 2000 + i, count)
+        size = abs(W[row, 0]) + abs(W[row, 1]) * powers[1]
+        count = consider(W, powers, c, pending, labels, row, 1.0, NOWHERE, N, 0.0, size, 0.0, 1e-12, 2000 + i, count)
         if count < 0:
             space.labels[before, 0], space.labels[before, 1] = 2000 + i, -1
             count = before + 1
     return -1, count
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def first_event(space: Space, count: int, N: int) -> tuple[float, int]:
     """Earliest event of the step among the guards that may fire: (fraction of the step, switch or −1)."""
     limit, which = 1.0, -1

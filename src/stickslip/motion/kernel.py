@@ -35,6 +35,8 @@ ZERO = cast(int, np.int64(0))
 NOWHERE = cast(int, np.int64(-1))  # no row
 
 OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
+# For functions with one caller: their tuples of arrays are hundreds of machine words, which a call would copy.
+INLINED: dict[str, Any] = {**OPTIONS, "forceinline": True}
 
 
 class Rows(NamedTuple):

@@ -16,6 +16,7 @@ from numba import njit
 from stickslip.equations.series import invert
 from stickslip.motion.guards import fill_powers, scan, step_size
 from stickslip.motion.kernel import (
+    INLINED,
     JETS,
     NAN,
     OFF_SURFACE,
@@ -78,7 +79,7 @@ def resolve(sizes: Array, k: Constants, space: Space, mode: Array) -> bool:
     return True
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def project_rates(
     residual: RESIDUAL, sizes: Array, k: Constants, space: Space, t: float, y: Array, mode: Array, reg: Array
 ) -> int:
@@ -101,7 +102,7 @@ def project_rates(
     return OK
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def release_or_hold(rows: Rows, space: Space, y: Array, mode: Array, last: float) -> bool:
     """Put sticking inertial contacts exactly on the surface speed; one that is not there (it cannot jump) slips.
 
@@ -127,7 +128,7 @@ def release_or_hold(rows: Rows, space: Space, y: Array, mode: Array, last: float
     return True
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def evaluate_mode(
     jets: JETS,
     residual: RESIDUAL,
@@ -225,7 +226,7 @@ def loosen(J: Array, first: int, m: int, column: int, n: int, mode: Array, keep:
     return changed
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def settle(
     jets: JETS,
     residual: RESIDUAL,
