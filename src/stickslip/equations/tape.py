@@ -123,6 +123,7 @@ class Tape:
         self.statements: dict[int, list[str]] = {0: [], 1: [], 2: [], 3: []}
         self._known: dict[Expr, Scaled] = {}
         self._own: dict[Expr, int] = {}
+        self._products: dict[tuple[int, int], int] = {}
         self._pairs: dict[tuple[str, Expr], tuple[int, int]] = {}
 
     def new_row(self, stage: int = 0) -> int:
@@ -246,12 +247,11 @@ class Tape:
         rows = sorted(rows)
         result = rows[0]
         for other in rows[1:]:
-            key = ("*", (min(result, other), max(result, other)))
-            known = self._pairs.get(key)  # type: ignore[call-overload]
-            if known is None:
-                row = self._operation(f"W[{{r}}, k] = product_order(W, {result}, {other}, k)", result, other)
-                known = self._pairs[key] = (row, row)  # type: ignore[index]
-            result = known[0]
+            key = (min(result, other), max(result, other))
+            if key not in self._products:
+                text = f"W[{{r}}, k] = product_order(W, {result}, {other}, k)"
+                self._products[key] = self._operation(text, result, other)
+            result = self._products[key]
         return result
 
     def _select(self, e: Expr) -> Scaled:

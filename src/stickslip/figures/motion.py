@@ -26,6 +26,7 @@ from stickslip.figures.style import (
     paper_style,
     symbol,
 )
+from stickslip.motion.trajectory import contact_key
 from stickslip.units import unit_label
 
 if TYPE_CHECKING:
@@ -260,11 +261,6 @@ class _Overview:
     def quantity_label(self, names: list[str]) -> str:
         label = axis_label(names, self.unit(names[0]))
         return label.replace("$, $", " - ") if len(names) == 2 else label
-
-
-def contact_key(name: str) -> str:
-    """Contact name as part of a variable name, as in ``mode_right_leg``."""
-    return "".join(c if c.isalnum() else "_" for c in name)
 
 
 def _sample_times(trajectory: Trajectory) -> Array:

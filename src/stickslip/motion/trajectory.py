@@ -125,7 +125,7 @@ class Trajectory:
     def _contacts(self) -> dict[str, int]:
         """Key of each contact in the order of declaration, with its number in the engine."""
         order = {c.name: i for i, c in enumerate(self._problem.compiled.equations.contacts)}
-        return {_key(name): order[name] for name in self.system.contacts}
+        return {contact_key(name): order[name] for name in self.system.contacts}
 
     def _sample(self, times: Array, index: Array) -> Array:
         from stickslip.motion import dense
@@ -426,7 +426,7 @@ def open_trajectory(path: str | Path) -> Trajectory:
     return trajectory
 
 
-def _key(name: str) -> str:
+def contact_key(name: str) -> str:
     """Contact name as part of a variable name."""
     return "".join(c if c.isalnum() else "_" for c in name)
 
@@ -448,7 +448,7 @@ def _attributes(system: System, name: str) -> dict[str, Any]:
             "long_name": f"rate of {named[name[2:]].meaning or name[2:]}",
         }
     for contact, declared in system.contacts.items():
-        key = _key(contact)
+        key = contact_key(contact)
         if name == f"mode_{key}":
             return {
                 "long_name": f"mode of {contact}",
