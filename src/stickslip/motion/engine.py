@@ -109,7 +109,7 @@ def integrate(
     return count
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def step_on(
     jets: JETS,
     residual: RESIDUAL,
@@ -126,50 +126,52 @@ def step_on(
     record: Record,
     count: int,
 ) -> tuple[int, int]:
-    """One Taylor step, or the choice of a mode and the step after it: (outcome code or −1, recorded steps)."""
-    if recording and count == len(record.time):
-        return FULL, count
+    """Taylor steps up to and including the next event: (outcome code or −1, recorded steps)."""
     clock, counters, y, nk = lane.clock, lane.counters, lane.y, len(rows.kinks)
-    t, fired = clock[0], counters[2]
-    hold = fired >= 0 or counters[4] % 64 == 0
-    status, h, may_fire = settle(jets, residual, rows, k, space, N, tol, atol, lane, max(end - t, 0.0), hold)
-    if status != OK:
-        # No mode goes on from here; what the contacts did last is kept, not the last attempt.
-        for i in range(len(lane.mode)):
-            lane.mode[i] = lane.settled[i] if lane.settled[i] < 2 else 0
-    count = note(lane, recording, record, count)
-    if status == NAN:
-        if recording and fired < 0 and count > 1:
-            # The last step has left the domain of a formula: its end is no state of the motion.
-            count -= 1
-            clock[0] = record.time[count - 1]
-            copy(record.state[count - 1], y)
-        return UNDEFINED, count
-    if status != OK:
-        return (ON_JUMP if rows.sizes[3] == 0 else NO_RATE), count
-    if t >= end:
-        return FINISHED, count
-    if h < 1e-15 * max(abs(t), 1e-3) and h < end - t:
-        # The rate of a sliding rate-independent coordinate runs away where its branch of equilibria ends.
-        sliding = False
-        for c in range(rows.sizes[5] + rows.sizes[6], len(rows.u)):
-            sliding = sliding or lane.mode[c] != 0
-        return (NO_RATE if sliding else TINY), count
-    x, which = first_event(space, may_fire, N)
-    if which >= 2000 and x == 0.0:
-        return NEGATIVE, count
-    for i in range(len(y)):
-        y[i] = horner(space.W[i], N, x * h)
-    counters[4] += 1
-    clock[1], clock[4] = h, max(h, 0.5 * clock[4])
-    clock[0] = end if which < 0 and h >= end - t else t + x * h
-    counters[2] = -1
-    if which >= 2000:
-        return NEGATIVE, count
-    return (fire(which, lane, nk, max_events) if which >= 0 else -1), count
+    while True:
+        if recording and count == len(record.time):
+            return FULL, count
+        t, fired = clock[0], counters[2]
+        hold = fired >= 0 or counters[4] % 64 == 0
+        status, h, may_fire = settle(jets, residual, rows, k, space, N, tol, atol, lane, max(end - t, 0.0), hold)
+        if status != OK:
+            # No mode goes on from here; what the contacts did last is kept, not the last attempt.
+            for i in range(len(lane.mode)):
+                lane.mode[i] = lane.settled[i] if lane.settled[i] < 2 else 0
+        count = note(lane, recording, record, count)
+        if status == NAN:
+            if recording and fired < 0 and count > 1:
+                # The last step has left the domain of a formula: its end is no state of the motion.
+                count -= 1
+                clock[0] = record.time[count - 1]
+                copy(record.state[count - 1], y)
+            return UNDEFINED, count
+        if status != OK:
+            return (ON_JUMP if rows.sizes[3] == 0 else NO_RATE), count
+        if t >= end:
+            return FINISHED, count
+        if h < 1e-15 * max(abs(t), 1e-3) and h < end - t:
+            # The rate of a sliding rate-independent coordinate runs away where its branch of equilibria ends.
+            sliding = False
+            for c in range(rows.sizes[5] + rows.sizes[6], len(rows.u)):
+                sliding = sliding or lane.mode[c] != 0
+            return (NO_RATE if sliding else TINY), count
+        x, which = first_event(space, may_fire, N)
+        if which >= 2000 and x == 0.0:
+            return NEGATIVE, count
+        for i in range(len(y)):
+            y[i] = horner(space.W[i], N, x * h)
+        counters[4] += 1
+        clock[1], clock[4] = h, max(h, 0.5 * clock[4])
+        clock[0] = end if which < 0 and h >= end - t else t + x * h
+        counters[2] = -1
+        if which >= 2000:
+            return NEGATIVE, count
+        if which >= 0:
+            return fire(which, lane, nk, max_events), count
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def fly_on(
     T: ClosedForms,
     g: int,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from stickslip.motion.kernel import FIRED, INLINED, NOWHERE, OPTIONS, ROUNDING, ZERO, Rows, Space
+from stickslip.motion.kernel import DOUBTFUL, FIRED, INLINED, NOWHERE, OPTIONS, ROUNDING, ZERO, Rows, Space
 from stickslip.motion.roots import first_crossing
 
 Array = np.ndarray
@@ -99,131 +99,54 @@ def fill_powers(powers: Array, h: float) -> None:
         x *= h
 
 
-@njit(**OPTIONS)
-def consider(
-    W: Array,
-    powers: Array,
-    c: Array,
-    pending: Array,
-    labels: Array,
-    row: int,
-    sign: float,
-    shift_row: int,
-    N: int,
-    near: float,
-    size0: float,
-    size1: float,
-    precision: float,
-    switch: int,
-    count: int,
-) -> int:
-    """Judge one guard: −1 if it becomes negative at once; else the number of guards that may fire within the step."""
-    start = sign * W[row, 0] + (W[shift_row, 0] if shift_row >= 0 else 0.0)
-    if start > precision * (size0 + near * size1) and start > reach(W, row, shift_row, sign, N, powers):
-        return count
-    s, order = germ(W, row, sign, shift_row, N, powers, near, size0, size1, precision, c)
-    if s < 0:
-        return -1
-    if s > 0:
-        # A zero at the start is divided out: what remains starts positive.
-        d = N - 1 - order
-        for k in range(d + 1):
-            pending[count, k] = c[k + order]
-        pending[count, N] = ROUNDING * (size0 + powers[1] * size1)
-        labels[count, 0], labels[count, 1] = switch, d
-        count += 1
-    return count
-
-
 @njit(**INLINED)
 def scan(rows: Rows, space: Space, mode: Array, reg: Array, N: int, last: float, fired: int) -> tuple[int, int]:
     """Look at all guards of a mode: (least switch that is violated at once, or −1; number of guards that may fire).
 
     Switches are kinks first, then contacts (+1000: towards slip−), then 2000 + i for a threshold that turns negative.
     """
-    W, mag, force, plus, minus = space.W, space.mag, rows.force, rows.plus, rows.minus
-    powers, c, pending, labels = space.powers, space.germ, space.pending, space.labels
+    W, mag, force, plus, minus, u = space.W, space.mag, rows.force, rows.plus, rows.minus, rows.u
+    powers, pending, labels = space.powers, space.pending, space.labels
     nk, nc, count, near = len(rows.kinks), len(rows.u), ZERO, last + powers[1]
-    for j in range(nk):
-        row, precision = rows.kinks[j], FIRED if fired == j else ROUNDING
-        sign = 1.0 if reg[j] == 1 else -1.0
-        count = consider(
-            W,
-            powers,
-            c,
-            pending,
-            labels,
-            row,
-            sign,
-            NOWHERE,
-            N,
-            near,
-            mag[3 * nc + j],
-            abs(W[row, 1]),
-            precision,
-            j,
-            count,
-        )
-        if count < 0:
-            return j, 0
-    for i in range(nc):
-        precision = FIRED if fired == nk + i else ROUNDING
-        if mode[i] == 0:
-            size = mag[2 * nc + i] + abs(W[plus[i], 0]) + abs(W[minus[i], 0])
-            size += near * (abs(W[force[i], 1]) + abs(W[plus[i], 1]) + abs(W[minus[i], 1]))
-            count = consider(
-                W, powers, c, pending, labels, force[i], 1.0, plus[i], N, near, size, 0.0, precision, nk + i, count
-            )
-            if count < 0:
-                return nk + i, 0
-            count = consider(
-                W,
-                powers,
-                c,
-                pending,
-                labels,
-                force[i],
-                -1.0,
-                minus[i],
-                N,
-                near,
-                size,
-                0.0,
-                precision,
-                nk + i + 1000,
-                count,
-            )
-            if count < 0:
-                return nk + i + 1000, 0
+    for g in range(nk + 2 * nc + len(rows.doubtful)):
+        # The guard is sign·W[row] + W[shift]; size0 and size1 are the scales of its value and of its rate.
+        i, shift, size1, around = (g - nk) // 2, NOWHERE, 0.0, near
+        if g < nk:
+            switch, row, sign = g, rows.kinks[g], 1.0 if reg[g] == 1 else -1.0
+            size0, size1 = mag[3 * nc + g], abs(W[row, 1])
+        elif g >= nk + 2 * nc:
+            switch, row, sign, around = 2000 + g - nk - 2 * nc, rows.doubtful[g - nk - 2 * nc], 1.0, 0.0
+            size0 = abs(W[row, 0]) + abs(W[row, 1]) * powers[1]
+        elif mode[i] == 0:
+            switch, row, sign, shift = nk + i, force[i], 1.0, plus[i]
+            if (g - nk) % 2 == 1:
+                switch, sign, shift = nk + i + 1000, -1.0, minus[i]
+            size0 = mag[2 * nc + i] + abs(W[plus[i], 0]) + abs(W[minus[i], 0])
+            size0 += near * (abs(W[row, 1]) + abs(W[plus[i], 1]) + abs(W[minus[i], 1]))
         else:
-            row = rows.u[i]
-            size1 = mag[nc + i] + abs(W[row, 1])
-            count = consider(
-                W,
-                powers,
-                c,
-                pending,
-                labels,
-                row,
-                float(mode[i]),
-                NOWHERE,
-                N,
-                near,
-                mag[i],
-                size1,
-                precision,
-                nk + i,
-                count,
-            )
-            if count < 0:
-                return nk + i, 0
-    for i in range(len(rows.doubtful)):
-        row, before = rows.doubtful[i], count
-        size = abs(W[row, 0]) + abs(W[row, 1]) * powers[1]
-        count = consider(W, powers, c, pending, labels, row, 1.0, NOWHERE, N, 0.0, size, 0.0, 1e-12, 2000 + i, count)
-        if count < 0:
-            space.labels[before, 0], space.labels[before, 1] = 2000 + i, -1
-            count = before + 1
+            if (g - nk) % 2 == 1:
+                continue
+            switch, row, sign = nk + i, u[i], float(mode[i])
+            size0, size1 = mag[i], mag[nc + i] + abs(W[row, 1])
+        precision = FIRED if switch % 1000 == fired else ROUNDING
+        if switch >= 2000:
+            precision = DOUBTFUL
+        start = sign * W[row, 0] + (W[shift, 0] if shift >= 0 else 0.0)
+        if start > precision * (size0 + around * size1) and start > reach(W, row, shift, sign, N, powers):
+            continue
+        c = pending[count]
+        s, order = germ(W, row, sign, shift, N, powers, around, size0, size1, precision, c)
+        if s == 0:
+            continue
+        labels[count, 0], labels[count, 1] = switch, N - 1 - order
+        if s < 0:
+            if switch < 2000:
+                return switch, 0
+            labels[count, 1] = -1
+        for k in range(N - order):  # a zero at the start is divided out: what remains starts positive
+            c[k] = c[k + order]
+        c[N] = ROUNDING * (size0 + powers[1] * size1)
+        count += 1
     return -1, count
 
 

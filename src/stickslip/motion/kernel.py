@@ -30,13 +30,14 @@ OK, SINGULAR, NAN, OFF_SURFACE = 0, 1, 2, 3
 
 ROUNDING = 64 * 2.220446049250313e-16
 FIRED = 1e-10  # a switch that has just fired is on its boundary by definition
+DOUBTFUL = 1e-12  # a threshold this close to zero may have become negative
 # Global integers of NumPy's type: numba would compile functions a second time for literals.
 ZERO = cast(int, np.int64(0))
 NOWHERE = cast(int, np.int64(-1))  # no row
 
-OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
+OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "_nrt": False}
 # For functions with one caller: their tuples of arrays are hundreds of machine words, which a call would copy.
-INLINED: dict[str, Any] = {**OPTIONS, "forceinline": True}
+INLINED: dict[str, Any] = {**OPTIONS, "inline": "always"}
 
 
 class Rows(NamedTuple):

@@ -59,7 +59,7 @@ def resolvent(
     return invert(scratch, n + m, R)
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def resolve(sizes: Array, k: Constants, space: Space, mode: Array) -> bool:
     """Bring the inverses of the linear problems up to date with the mode; False if one is singular."""
     nq, nz, mq, mz, known = sizes[1], sizes[2], sizes[5], sizes[6], space.known

@@ -12,6 +12,7 @@ import numpy as np
 
 from stickslip import expressions as ex
 from stickslip.declaration import check_initial
+from stickslip.equations.code import ORDERS
 from stickslip.errors import DeclarationError
 from stickslip.motion import affine
 from stickslip.motion.kernel import Constants, Rows, Space, make_space
@@ -154,5 +155,5 @@ def pose(
             raise DeclarationError(name, f"{value!r} is out of range", f"Choose {name} between {low:g} and {high:g}")
     # Global quality: local steps are kept three digits finer than asked for; with Taylor series that is nearly free.
     tolerance = max(1e-3 * rtol, 1e-16)
-    order = max(8, min(24, math.ceil(-0.5 * math.log(tolerance)) + 1))
+    order = min((n for n in ORDERS if n >= -0.8 * math.log(tolerance)), default=ORDERS[-1])
     return Problem(system, {k: float(v) for k, v in values.items()}, order, tolerance, max(atol / rtol, 1e-6), exact)

@@ -28,7 +28,7 @@ def _binomials() -> Array:
 
 INVERSE_BINOMIAL = _binomials()
 
-_options = {"cache": True, "error_model": "numpy"}
+_options = {"cache": True, "error_model": "numpy", "_nrt": False}
 
 
 @njit(**_options)
