@@ -27,7 +27,15 @@ from stickslip.expressions import Expr
 GENERATOR = 4  # raise when generated code changes: part of the key of the cache
 ORDERS = (8, 12, 16, 20, 24)  # that a Taylor series may have
 MOST_PRODUCTS = 4000  # beyond this, unrolled code takes too long to compile
-CONVOLUTIONS = ("product_order", "divide_order", "inverse_order", "power_order", "exp_order", "log_order", "chain_order")
+CONVOLUTIONS = (
+    "product_order",
+    "divide_order",
+    "inverse_order",
+    "power_order",
+    "exp_order",
+    "log_order",
+    "chain_order",
+)
 HEADER = '''"""Generated from a declaration; do not edit."""
 import math
 import numpy as np

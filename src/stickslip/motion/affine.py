@@ -46,10 +46,18 @@ def drive_rate(e: Array, omega: Array, out: Array) -> None:
 
 
 @njit(**OPTIONS)
+def length(z: complex) -> float:
+    """|Re z| + |Im z|: a bound of the modulus that needs no square root."""
+    return abs(z.real) + abs(z.imag)
+
+
+@njit(**OPTIONS)
 def signal(c: Array, a: Array, lam: Array, nb: int, b: Array, omega: Array, x: float) -> tuple[float, float]:
     """Value and slope of c₀ + c₁x + c₂x² + Re Σ aⱼ exp(λⱼx) + Re Σ bₘ exp(iωₘx)."""
     g, d = c[0] + x * (c[1] + x * c[2]), c[1] + 2.0 * x * c[2]
     for j in range(nb):
+        if a[j] == 0.0:
+            continue
         if lam[j].imag == 0.0:
             z = a[j].real * math.exp(lam[j].real * x)
             g += z
@@ -117,9 +125,10 @@ def first_fall(
     decay = True
     amplitude = 0.0
     for j in range(nb):
-        if abs(a[j]) > 0.1 * floor:
+        size = length(a[j])
+        if size > 0.1 * floor:
             which = j
-            amplitude += abs(a[j])
+            amplitude += size
             decay = decay and lam[j].real <= 0.0
             if lam[j].imag == 0.0:
                 real += 1
@@ -127,9 +136,10 @@ def first_fall(
                 waves += 1
     drives = 0
     for m in range(len(omega)):
-        if abs(b[m]) > 0.1 * floor:
+        size = length(b[m])
+        if size > 0.1 * floor:
             drives += 1
-            amplitude += abs(b[m])
+            amplitude += size
     if decay and c[1] >= 0.0 and c[2] >= 0.0 and c[0] - amplitude > 0.0:
         return np.inf
     if drives == 0 and c[2] == 0.0:
@@ -183,7 +193,7 @@ def _wave(
 ) -> float:
     """c₀ + exp(μx) R cos(ωx + φ): its extrema are half a period apart."""
     mu, w = lam[j].real, lam[j].imag
-    size = abs(a[j])
+    size = math.sqrt(a[j].real * a[j].real + a[j].imag * a[j].imag)
     phase = math.atan2(a[j].imag, a[j].real)
     half = math.pi / w
     # g′ = R|λ| exp(μx) cos(ωx + φ + arg λ) vanishes where its argument is π/2 modulo π.
@@ -284,8 +294,8 @@ class ClosedForms(NamedTuple):
         Numbers of exponents and of guards.
     A, F : arrays
         ẋ = A x + F e(t).
-    exponent : array of complex
-        λ, without the conjugates.
+    exponent, inverse : arrays of complex
+        λ, without the conjugates, and 1/λ (0 for λ = 0).
     L, B, phi : arrays of complex
         w = L x with ẇ = λ w + B x_still + φ e.
     V : array of complex
@@ -310,6 +320,7 @@ class ClosedForms(NamedTuple):
     A: Array
     F: Array
     exponent: Array
+    inverse: Array
     L: Array
     B: Array
     phi: Array
@@ -339,6 +350,7 @@ def make_closed_forms(
         A=z((m, n, n)),
         F=z((m, n, ne)),
         exponent=z((m, n), c),
+        inverse=z((m, n), c),
         L=z((m, n, n), c),
         B=z((m, n, n), c),
         phi=z((m, n, ne), c),
@@ -480,8 +492,9 @@ def fly(T: ClosedForms, slot: int, f: Flight, x: Array, t: float, room: float, o
     """Closed form from state x at time t; the earliest event within `room`: (duration, guard or −1)."""
     e, orders, r, p, up, down, c, a, b = f.e, f.orders, f.r, f.p, f.up, f.down, f.c, f.a, f.b
     nb, ng, n = T.counts[slot, 0], T.counts[slot, 1], len(x)
-    lam, L, Bf, phi, P, Q, PV, moves = (
+    lam, inverse, L, Bf, phi, P, Q, PV, moves = (
         T.exponent[slot],
+        T.inverse[slot],
         T.L[slot],
         T.B[slot],
         T.phi[slot],
@@ -507,8 +520,8 @@ def fly(T: ClosedForms, slot: int, f: Flight, x: Array, t: float, room: float, o
         if lam[j] == 0.0:
             r[j], p[j, 0], p[j, 1], p[j, 2] = 0.0, w, c0, 0.5 * c1
         else:
-            p[j, 1] = -c1 / lam[j]
-            p[j, 0] = (p[j, 1] - c0) / lam[j]
+            p[j, 1] = -c1 * inverse[j]
+            p[j, 0] = (p[j, 1] - c0) * inverse[j]
             p[j, 2] = 0.0
             r[j] = w - p[j, 0]
     limit, which = room, -1
@@ -523,7 +536,7 @@ def fly(T: ClosedForms, slot: int, f: Flight, x: Array, t: float, room: float, o
             size += abs(P[g, i] * x[i])
         for m in range(nw):
             b[m] = (Q[g, 2 + 2 * m] - 1j * Q[g, 3 + 2 * m]) * complex(e[2 + 2 * m], e[3 + 2 * m])
-            size += abs(b[m])
+            size += length(b[m])
         for j in range(nb):
             z = PV[g, j]
             if z == 0.0:
@@ -533,7 +546,7 @@ def fly(T: ClosedForms, slot: int, f: Flight, x: Array, t: float, room: float, o
             c[0] += (z * p[j, 0]).real
             c[1] += (z * p[j, 1]).real
             c[2] += (z * p[j, 2]).real
-            size += abs(a[j]) + abs(z * p[j, 0])
+            size += length(a[j]) + length(z * p[j, 0])
             for m in range(nw):
                 b[m] += z * up[j, m] + (z * down[j, m]).conjugate()
         found = first_fall(c, a, lam, nb, b, omega, limit, ROUNDING * size, orders[g], f.taylor, f.stack)

@@ -46,6 +46,7 @@ def make_closed_form(problem: Problem, T: ClosedForms, group: int, mode: Array, 
     nb, still = len(kept), np.setdiff1d(np.arange(n), moving)
     T.A[slot], T.F[slot], T.moves[slot] = D[:n], E[:n], np.isin(np.arange(n), moving)
     T.exponent[slot, :nb] = values[kept]
+    T.inverse[slot, :nb] = np.divide(1.0, values[kept], out=np.zeros(nb, complex), where=values[kept] != 0.0)
     T.L[slot, :nb, moving] = L[kept].T
     T.B[slot][np.ix_(np.arange(nb), still)] = product_or_zero(L[kept], D[np.ix_(moving, still)])
     T.phi[slot, :nb] = product_or_zero(L[kept], E[moving])
