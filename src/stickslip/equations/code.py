@@ -380,7 +380,7 @@ class _Generator:
         if sum(line.count("*") for line in lines) > MOST_PRODUCTS:
             return []
         return [
-            "@njit(cache=True, error_model='numpy', fastmath={'reassoc', 'contract', 'nsz'})",
+            "@njit(cache=True, error_model='numpy', _nrt=False, fastmath={'reassoc', 'contract', 'nsz'})",
             "def terms(mode, reg, K, Rq, Rz, N, W, A, B):",
             *_indent([*lines, "return 0"]),
             "",
@@ -432,7 +432,7 @@ def terms(e: Expr) -> list[tuple[Expr, float]]:
 
 def _compiled(signature: str) -> str:
     """Decorator of a generated function."""
-    return f"@cfunc({signature}, cache=True, nopython=True, error_model='numpy')"
+    return f"@cfunc({signature}, cache=True, nopython=True, error_model='numpy', _nrt=False)"
 
 
 def _indent(lines: list[str]) -> list[str]:

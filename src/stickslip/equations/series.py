@@ -14,7 +14,7 @@ from numba import njit
 Array = np.ndarray
 
 # Sums may be reordered (they are long dot products), nothing else is relaxed: NaN and inf must stay visible.
-_options = {"cache": True, "error_model": "numpy", "fastmath": {"reassoc", "contract", "nsz"}}
+_options = {"cache": True, "error_model": "numpy", "_nrt": False, "fastmath": {"reassoc", "contract", "nsz"}}
 
 
 @njit(**_options)
@@ -160,7 +160,7 @@ def solve_order(R: Array, W: Array, first: int, solution: int, n: int, k: int) -
         W[solution + i, k] = s
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", _nrt=False)
 def invert(A: Array, n: int, R: Array) -> bool:
     """Inverse R of the leading n×n block of A (destroyed) by Gauss-Jordan elimination; False if singular."""
     scale = 0.0

@@ -120,9 +120,9 @@ class _Folder(ast.NodeTransformer):
         a, b = _number(left), _number(right)
         if a is not None and b is not None:
             return ast.Constant(ARITHMETIC[kind](a, b))
-        if kind is ast.Add and a == 0.0 or kind is ast.Mult and a == 1.0:
+        if (kind is ast.Add and a == 0.0) or (kind is ast.Mult and a == 1.0):
             return right
-        if kind in (ast.Add, ast.Sub) and b == 0.0 or kind in (ast.Mult, ast.Div) and b == 1.0:
+        if (kind in (ast.Add, ast.Sub) and b == 0.0) or (kind in (ast.Mult, ast.Div) and b == 1.0):
             return left
         if kind is ast.Div and b is not None:
             return ast.BinOp(left, ast.Mult(), ast.Constant(1.0 / b))

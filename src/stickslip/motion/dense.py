@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from stickslip.motion.guards import step_size
-from stickslip.motion.kernel import JETS, OPTIONS, POWERS, ROUNDING, Constants, Rows, Space
+from stickslip.motion.guards import finite_order, step_size
+from stickslip.motion.kernel import ALLOCATING, JETS, OPTIONS, POWERS, ROUNDING, Constants, Rows, Space
 from stickslip.motion.modes import copy, resolve
 from stickslip.motion.roots import horner
 
@@ -20,7 +20,7 @@ _nodes, _weights = np.polynomial.legendre.leggauss(14)
 GAUSS_NODES, GAUSS_WEIGHTS = 0.5 * (_nodes + 1.0), 0.5 * _weights  # on [0, 1]
 
 
-@njit(**OPTIONS)
+@njit(**ALLOCATING)
 def sample(
     jets: JETS,
     powers: POWERS,
@@ -49,7 +49,7 @@ def sample(
     sizes, W, A, B, mag, n = rows.sizes, space.W, space.A, space.B, space.mag, rows.sizes[0]
     V, y, power, nothing = np.zeros((len(W), 2)), np.zeros(n), np.zeros(3), np.zeros(0, np.int64)
     mode, reg = np.zeros(knot_mode.shape[1], np.int64), np.zeros(knot_region.shape[1], np.int64)
-    last, base, h = -1, 0.0, 0.0
+    last, base, h, order = -1, 0.0, 0.0, N
     for i in range(len(times)):
         knot = index[i]
         if knot != last or times[i] < base:
@@ -58,15 +58,17 @@ def sample(
             copy(knot_region[knot], reg)
             resolve(sizes, k, space, mode)
             jets(base, knot_state[knot], mode, reg, k.K, space.Rq, space.Rz, N, W, A, B, mag)
-            h = step_size(W, nothing, n, N, 0.0, tol, atol)
+            order = finite_order(W, n, N)
+            h = step_size(W, nothing, n, order, 0.0, tol, atol)
         while times[i] - base > h:
             for r in range(n):
-                y[r] = horner(W[r], N, h)
+                y[r] = horner(W[r], order, h)
             base += h
             jets(base, y, mode, reg, k.K, space.Rq, space.Rz, N, W, A, B, mag)
-            h = max(step_size(W, nothing, n, N, h, tol, atol), 1e-12 * (times[i] - base))
+            order = finite_order(W, n, N)
+            h = max(step_size(W, nothing, n, order, h, tol, atol), 1e-12 * (times[i] - base))
         for r in range(n):
-            y[r] = horner(W[r], N, times[i] - base)
+            y[r] = horner(W[r], order, times[i] - base)
         jets(times[i], y, mode, reg, k.K, space.Rq, space.Rz, 1, V, A, B, mag)
         powers(V, reg, k.K, power)
         for r in range(len(W)):
@@ -75,7 +77,7 @@ def sample(
             out[i, len(W) + r] = power[r]
 
 
-@njit(**OPTIONS)
+@njit(**ALLOCATING)
 def integrate_steps(
     jets: JETS,
     powers: POWERS,
@@ -132,11 +134,12 @@ def integrate_steps(
         while left > 0.0:
             jets(base, start, mode, reg, k.K, Rq, Rz, N, W, A, B, mag)
             # The forces, too: a body at rest may feel a load that changes.
-            h = min(left, max(step_size(W, rows.force, n, N, last, tol, atol), 1e-12 * left))
+            order = finite_order(W, n, N)
+            h = min(left, max(step_size(W, rows.force, n, order, last, tol, atol), 1e-12 * left))
             for g in range(len(GAUSS_NODES)):
                 tau, weight = h * GAUSS_NODES[g], h * GAUSS_WEIGHTS[g]
                 for r in range(n):
-                    y[r] = horner(W[r], N, tau)
+                    y[r] = horner(W[r], order, tau)
                 jets(base + tau, y, mode, reg, k.K, Rq, Rz, 1, V, A, B, mag)
                 powers(V, reg, k.K, power)
                 work[i, 0] += weight * power[1]
@@ -154,7 +157,7 @@ def integrate_steps(
                     free = mag[2 * nc + c] / abs(Rq[nq + c, nq + c] if c < mq else Rz[nz + c - mq, nz + c - mq])
                     worst[6] = max(worst[6], free * h if c < mq else free)
             for r in range(n):
-                start[r] = horner(W[r], N, h)
+                start[r] = horner(W[r], order, h)
             base, left, last = base + h, left - h, h
         # What slides without viscosity is put back onto λ + σ s = 0, which is known to the rounding of its terms.
         for j in range(nr):

@@ -91,6 +91,18 @@ def step_size(W: Array, rows: Array, n: int, N: int, last: float, tol: float, at
 
 
 @njit(**OPTIONS)
+def finite_order(W: Array, n: int, N: int) -> int:
+    """Order up to which the state's coefficients are finite: close to a blow-up the high ones overflow."""
+    for k in range(N, 2, -1):
+        finite = True
+        for r in range(n):
+            finite = finite and np.isfinite(W[r, k])
+        if finite:
+            return k
+    return 2
+
+
+@njit(**OPTIONS)
 def fill_powers(powers: Array, h: float) -> None:
     """Powers of the step."""
     x = 1.0

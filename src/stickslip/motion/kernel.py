@@ -35,8 +35,12 @@ DOUBTFUL = 1e-12  # a threshold this close to zero may have become negative
 ZERO = cast(int, np.int64(0))
 NOWHERE = cast(int, np.int64(-1))  # no row
 
+# The loops allocate nothing and own no array, so that no reference has to be counted (half of the time, where views of
+# arrays are as many as here).
 OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "_nrt": False}
-# For functions with one caller: their tuples of arrays are hundreds of machine words, which a call would copy.
+ALLOCATING: dict[str, Any] = {**OPTIONS, "_nrt": True}
+# For functions with one or two callers: their tuples of arrays are hundreds of machine words, which a call would copy.
+# Inlined before they are typed, they are compiled once, not again at every level above them.
 INLINED: dict[str, Any] = {**OPTIONS, "inline": "always"}
 
 

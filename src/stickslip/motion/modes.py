@@ -165,11 +165,16 @@ def evaluate_mode(
     if jets(t, y, mode, reg, k.K, space.Rq, space.Rz, N, W, space.A, space.B, space.mag) == SINGULAR:
         return SINGULAR
     for r in range(n):
-        if not np.isfinite(W[r, N]) or not np.isfinite(W[r, 0]) or not np.isfinite(W[r, 1]):
+        if not (np.isfinite(W[r, 0]) and np.isfinite(W[r, 1]) and np.isfinite(W[r, min(N, 2)])):
             return NAN
+        if not np.isfinite(W[r, N]):
+            W[r, N] = np.inf  # what overflows at high orders only is a blow-up: no step is small enough
     for c in range(len(rows.u)):
-        if not np.isfinite(W[rows.u[c], N - 1]):
+        r = rows.u[c]
+        if not np.isfinite(W[r, 0]):
             return NAN
+        if not np.isfinite(W[r, N - 1]):
+            W[r, N - 1] = np.inf
     return OK
 
 
