@@ -216,10 +216,7 @@ class Tape:
             scaled = self.lower(base)
             if p.is_integer() and abs(p) <= 8:
                 row = scaled.row
-                assert row is not None
-                scale = "*".join([f"({scaled.factor})"] * int(abs(p))) if scaled.factor != "1.0" else "1.0"
-                if scale != "1.0":
-                    factor = f"{factor}*({scale})" if p > 0 else f"{factor}/({scale})"
+                assert row is not None and scaled.factor == "1.0"  # numbers stand in front of a product
                 (above if p > 0 else below).extend([row] * int(abs(p)))
             else:
                 a = self.row(base)

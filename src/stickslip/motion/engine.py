@@ -12,6 +12,7 @@ from stickslip.motion import affine
 from stickslip.motion.affine import ClosedForms, Flight
 from stickslip.motion.guards import first_event
 from stickslip.motion.kernel import (
+    CALLED,
     FINISHED,
     FULL,
     INLINED,
@@ -45,7 +46,7 @@ Array = np.ndarray
 ZENO_EVENTS = 200
 
 
-@njit(**OPTIONS)
+@njit(**CALLED)
 def integrate(
     jets: JETS,
     residual: RESIDUAL,
@@ -276,7 +277,7 @@ def run_setup(setup: SETUP, p: Array, k: Constants) -> None:
     setup(p, k.K, k.M, k.C, k.J, k.omega)
 
 
-@njit(**OPTIONS)
+@njit(**CALLED)
 def probe(
     jets: JETS,
     rows: Rows,

@@ -37,8 +37,9 @@ NOWHERE = cast(int, np.int64(-1))  # no row
 
 # The loops allocate nothing and own no array, so that no reference has to be counted (half of the time, where views of
 # arrays are as many as here).
-OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "_nrt": False}
-ALLOCATING: dict[str, Any] = {**OPTIONS, "_nrt": True}
+OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+CALLED = {**OPTIONS, "no_cpython_wrapper": False, "no_cfunc_wrapper": False}
+ALLOCATING: dict[str, Any] = {**CALLED, "_nrt": True}
 # For functions with one or two callers: their tuples of arrays are hundreds of machine words, which a call would copy.
 # Inlined before they are typed, they are compiled once, not again at every level above them.
 INLINED: dict[str, Any] = {**OPTIONS, "inline": "always"}
