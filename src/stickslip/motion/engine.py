@@ -12,7 +12,6 @@ from stickslip.motion import affine
 from stickslip.motion.affine import ClosedForms, Flight
 from stickslip.motion.guards import first_event
 from stickslip.motion.kernel import (
-    CALLED,
     FINISHED,
     FULL,
     INLINED,
@@ -46,7 +45,7 @@ Array = np.ndarray
 ZENO_EVENTS = 200
 
 
-@njit(**CALLED)
+@njit(**OPTIONS)
 def integrate(
     jets: JETS,
     residual: RESIDUAL,
@@ -129,17 +128,21 @@ def step_on(
 ) -> tuple[int, int]:
     """Taylor steps up to and including the next event: (outcome code or −1, recorded steps)."""
     clock, counters, y, nk = lane.clock, lane.counters, lane.y, len(rows.kinks)
+    room, again = np.inf, False
     while True:
-        if recording and count == len(record.time):
+        if recording and count == len(record.time) and not again:
             return FULL, count
         t, fired = clock[0], counters[2]
         hold = fired >= 0 or counters[4] % 64 == 0
-        status, h, may_fire = settle(jets, residual, rows, k, space, N, tol, atol, lane, max(end - t, 0.0), hold)
+        status, h, may_fire = settle(
+            jets, residual, rows, k, space, N, tol, atol, lane, min(room, max(end - t, 0.0)), hold
+        )
         if status != OK:
             # No mode goes on from here; what the contacts did last is kept, not the last attempt.
             for i in range(len(lane.mode)):
                 lane.mode[i] = lane.settled[i] if lane.settled[i] < 2 else 0
-        count = note(lane, recording, record, count)
+        if not again:
+            count = note(lane, recording, record, count)
         if status == NAN:
             if recording and fired < 0 and count > 1:
                 # The last step has left the domain of a formula: its end is no state of the motion.
@@ -160,8 +163,11 @@ def step_on(
         x, which = first_event(space, may_fire, N)
         if which >= 2000 and x == 0.0:
             return NEGATIVE, count
-        for i in range(len(y)):
-            y[i] = horner(space.W[i], N, x * h)
+        if not solves(jets, k, space, N, 1e4 * tol, atol, t, x * h, lane):
+            room, again = 0.25 * x * h, True
+            continue
+        copy(space.trial, y)
+        room, again = np.inf, False
         counters[4] += 1
         clock[1], clock[4] = h, max(h, 0.5 * clock[4])
         clock[0] = end if which < 0 and h >= end - t else t + x * h
@@ -170,6 +176,28 @@ def step_on(
             return NEGATIVE, count
         if which >= 0:
             return fire(which, lane, nk, max_events), count
+
+
+@njit(**INLINED)
+def solves(
+    jets: JETS, k: Constants, space: Space, N: int, tol: float, atol: float, t: float, h: float, lane: Lane
+) -> bool:
+    """Whether the series still solves the equations at the end of a step, which is left in the work space.
+
+    A term such as exp(−α/ε) may be too small to be seen in any coefficient, and yet be large when the step ends.
+    """
+    W, V, y = space.W, space.V, space.trial
+    for i in range(len(y)):
+        y[i] = horner(W[i], N, h)
+    if jets(t + h, y, lane.mode, lane.reg, k.K, space.Rq, space.Rz, 1, V, space.A, space.B, space.mag) != OK:
+        return True  # the rates are not determined here, which the next step finds out
+    for i in range(len(y)):
+        rate = 0.0
+        for j in range(N, 0, -1):
+            rate = rate * h + j * W[i, j]
+        if abs(V[i, 1] - rate) * h > tol * (abs(y[i]) + abs(rate) * h + atol):
+            return False
+    return True
 
 
 @njit(**OPTIONS)
@@ -277,7 +305,7 @@ def run_setup(setup: SETUP, p: Array, k: Constants) -> None:
     setup(p, k.K, k.M, k.C, k.J, k.omega)
 
 
-@njit(**CALLED)
+@njit(**OPTIONS)
 def probe(
     jets: JETS,
     rows: Rows,

@@ -37,9 +37,8 @@ NOWHERE = cast(int, np.int64(-1))  # no row
 
 # The loops allocate nothing and own no array, so that no reference has to be counted (half of the time, where views of
 # arrays are as many as here).
-OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-CALLED = {**OPTIONS, "no_cpython_wrapper": False, "no_cfunc_wrapper": False}
-ALLOCATING: dict[str, Any] = {**CALLED, "_nrt": True}
+OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "_nrt": False}
+ALLOCATING: dict[str, Any] = {**OPTIONS, "_nrt": True}
 # For functions with one or two callers: their tuples of arrays are hundreds of machine words, which a call would copy.
 # Inlined before they are typed, they are compiled once, not again at every level above them.
 INLINED: dict[str, Any] = {**OPTIONS, "inline": "always"}
@@ -87,8 +86,8 @@ class Space(NamedTuple):
 
     Attributes
     ----------
-    W : array, shape (rows, N + 1)
-        Taylor coefficients.
+    W, V : arrays, shapes (rows, N + 1), (rows, 2)
+        Taylor coefficients; values and rates at the end of a step.
     mag : array
         Sizes of the terms of what may cancel: the scale of rounding errors.
     Rq, Rz : arrays
@@ -100,6 +99,7 @@ class Space(NamedTuple):
     """
 
     W: Array
+    V: Array
     mag: Array
     Rq: Array
     Rz: Array
@@ -111,6 +111,7 @@ class Space(NamedTuple):
     stack: Array
     touched: Array
     y0: Array
+    trial: Array
     powers: Array
     pending: Array
     labels: Array
@@ -158,6 +159,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
     big, guards = max(nq + mq, nz + mz), nk + 2 * nc + len(rows.doubtful) + 1
     return Space(
         W=z((table_rows, N + 1)),
+        V=z((table_rows, 2)),
         mag=z(max(magnitudes, 1)),
         Rq=z((nq + mq, nq + mq)),
         Rz=z((nz + mz, nz + mz)),
@@ -169,6 +171,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         stack=z((64, 36)),
         touched=z(nk + nc, np.int64),
         y0=z(n),
+        trial=z(n),
         powers=z(N + 1),
         pending=z((guards, N + 1)),
         labels=z((guards, 2), np.int64),
