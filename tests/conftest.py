@@ -14,10 +14,13 @@ from stickslip.motion import problem, simulate
 def pytest_configure() -> None:
     """Forget machine code that is older than any of its sources: numba looks at the file of each function only."""
     package = Path(stickslip.__file__).parent
-    newest = max(path.stat().st_mtime for room in ("equations", "motion") for path in (package / room).glob("*.py"))
-    for cached in package.rglob("*.nb[ic]"):
-        if cached.stat().st_mtime < newest:
-            cached.unlink(missing_ok=True)
+    motion = [package / "equations" / "series.py", *(package / "motion").glob("*.py")]
+    evolution = [*(package / "rate_independent").rglob("*.py")]
+    for sources in (motion, evolution):
+        newest = max(path.stat().st_mtime for path in sources)
+        for cached in {cached for path in sources for cached in path.parent.glob("__pycache__/*.nb[ic]")}:
+            if cached.stat().st_mtime < newest:
+                cached.unlink(missing_ok=True)
 
 
 @pytest.fixture(params=["closed forms", "Taylor steps"])

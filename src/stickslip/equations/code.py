@@ -21,21 +21,10 @@ import numpy as np
 from stickslip import expressions as ex
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.tape import Constants, Scaled, Tape, literal, scalar_code
-from stickslip.equations.unroll import unrolled
 from stickslip.expressions import Expr
 
 GENERATOR = 4  # raise when generated code changes: part of the key of the cache
 ORDERS = (8, 12, 16, 20, 24)  # that a Taylor series may have
-MOST_PRODUCTS = 4000  # beyond this, unrolled code takes too long to compile
-CONVOLUTIONS = (
-    "product_order",
-    "divide_order",
-    "inverse_order",
-    "power_order",
-    "exp_order",
-    "log_order",
-    "chain_order",
-)
 HEADER = '''"""Generated from a declaration; do not edit."""
 import math
 import numpy as np
@@ -351,7 +340,6 @@ class _Generator:
             loop.append(f"W[{2 * nq + nz + i}, k + 1] = W[{self.tape.names[f'd_{r}']}, k]/(k + 1)")
         for i, row in enumerate(laws):
             loop.append(f"W[{2 * nq + nz + nr + i}, k + 1] = W[{row}, k]/(k + 1)")
-        terms = self.terms(loop)
         body = [
             f"for i in range({n}):",
             "    W[i, 0] = y[i]",
@@ -359,31 +347,17 @@ class _Generator:
             f"W[{n}, 1] = 1.0",
             "for k in range(2, N + 1):",
             f"    W[{n}, k] = 0.0",
-            *(["terms(mode, reg, K, Rq, Rz, N, W, A, B)"] if terms else ["for k in range(N):", *_indent(loop)]),
+            "for k in range(N):",
+            *_indent(loop),
             *self.magnitudes,
             "return 0",
         ]
         return [
-            *terms,
             _compiled(
                 f"int64(float64, vector, indices, indices, vector, matrix, matrix, int64, {'matrix, ' * 3}vector)"
             ),
             "def jets(t, y, mode, reg, K, Rq, Rz, N, W, A, B, mag):",
             *_indent(body),
-        ]
-
-    def terms(self, loop: list[str]) -> list[str]:
-        """The loop over the orders, written out; nothing if there is nothing to gain, or if it would be too long."""
-        if self.nr or not any(name in line for line in loop for name in CONVOLUTIONS):
-            return []
-        lines = unrolled(loop, ORDERS[-1], (1, *ORDERS[:-1]))
-        if sum(line.count("*") for line in lines) > MOST_PRODUCTS:
-            return []
-        return [
-            "@njit(cache=True, error_model='numpy', _nrt=False, fastmath={'reassoc', 'contract', 'nsz'})",
-            "def terms(mode, reg, K, Rq, Rz, N, W, A, B):",
-            *_indent([*lines, "return 0"]),
-            "",
         ]
 
     def residual(self) -> list[str]:

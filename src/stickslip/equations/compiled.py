@@ -15,6 +15,7 @@ from typing import Any
 
 from stickslip.equations.code import GENERATOR, Layout, generate
 from stickslip.equations.derive import MotionEquations, derive
+from stickslip.equations.unroll import written_out
 from stickslip.system import System
 
 
@@ -86,7 +87,7 @@ def _load(name: str, source: str) -> Any:
     fresh = not path.exists()
     if fresh:
         partial = path.with_suffix(f".{os.getpid()}.tmp")
-        partial.write_text(source)
+        partial.write_text(written_out(source))
         partial.replace(path)
         if sys.stderr.isatty():
             print("stickslip: compiling this system once ...", file=sys.stderr)

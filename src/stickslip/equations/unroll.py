@@ -15,24 +15,58 @@ from copy import deepcopy
 from functools import cache
 
 from stickslip.equations import series
+from stickslip.equations.code import ORDERS
 
 Names = dict[str, ast.expr]
 ARITHMETIC = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv}
 COMPARISONS = {ast.Eq: operator.eq, ast.Gt: operator.gt, ast.GtE: operator.ge}
 
 
-def unrolled(loop: Iterable[str], order: int, checkpoints: Iterable[int]) -> list[str]:
+MOST_PRODUCTS = 4000  # beyond this, the code would take too long to compile
+SUMS = tuple(f"{name}_order" for name in "product divide inverse power exp log chain".split())
+TERMS = """
+@njit(cache=True, error_model='numpy', _nrt=False, fastmath={{'reassoc', 'contract', 'nsz'}})
+def terms(mode, reg, K, Rq, Rz, N, W, A, B):
+    {}
+    return 0
+"""
+
+
+def written_out(source: str) -> str:
+    """The module of a system with the loop of its ``jets`` written out, where that makes it faster.
+
+    It does where the series contain products of series, not too many, and no linear problem that depends on the state.
+    """
+    module = ast.parse(source)
+    at, jets = next((i, f) for i, f in enumerate(module.body) if isinstance(f, ast.FunctionDef) and f.name == "jets")
+    place, loop = next((i, s) for i, s in enumerate(jets.body) if isinstance(s, ast.For) and _runs_over_orders(s))
+    text = ast.unparse(loop)
+    if "invert(" in text or not any(name in text for name in SUMS):
+        return source
+    lines = unrolled(loop.body, ORDERS[-1], (1, *ORDERS[:-1]))
+    if sum(line.count("*") for line in lines) > MOST_PRODUCTS:
+        return source
+    jets.body[place] = ast.parse("terms(mode, reg, K, Rq, Rz, N, W, A, B)").body[0]
+    module.body[at:at] = ast.parse(TERMS.format("\n    ".join(lines))).body
+    return ast.unparse(module)
+
+
+def _runs_over_orders(loop: ast.For) -> bool:
+    return ast.unparse(loop).startswith("for k in range(N):")
+
+
+def unrolled(body: list[ast.stmt], order: int, checkpoints: Iterable[int]) -> list[str]:
     """Statements for the orders 0 … order − 1 of a loop body over ``k``.
 
     Parameters
     ----------
-    loop : iterable of str
+    body : list of ast.stmt
         Statements that compute order k of all rows (k + 1 of the state) from lower orders.
     order : int
     checkpoints : iterable of int
         Orders after which the code stops if ``N`` is that order.
     """
-    body, writer = ast.parse("\n".join(loop)).body, _Writer()
+    writer = _Writer()
     for k in range(order):
         if k in checkpoints:
             writer.lines += [f"if N == {k}:", "    return 0"]

@@ -1,0 +1,75 @@
+"""Series written out order by order are the series of the loops."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stickslip import Internal, Parameter, System, catalogue
+from stickslip.equations import unroll
+from stickslip.equations.code import generate
+from stickslip.equations.derive import derive
+from stickslip.equations.unroll import written_out
+from stickslip.motion.engine import run_setup
+from stickslip.motion.problem import pose
+
+
+def everything() -> System:
+    """Every recurrence there is, in one law."""
+    law = "exp(-x) + log(2 + x) + sqrt(1 + x**2) + 1/(2 + x) + x/(3 + x) + sin(x)*cosh(x) + tanh(x) + atan(x) + x**p"
+    return System(
+        name="everything", parameters={"p": Parameter(1.7)}, internal={"x": Internal(law)}, initial={"x": 0.4}
+    )
+
+
+def module(folder: Path, name: str, source: str) -> Any:
+    path = folder / f"{name}.py"
+    path.write_text(source)
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    made = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(made)
+    return made
+
+
+@pytest.mark.parametrize("system", [everything(), catalogue.spring_slider(mu="2/sqrt(alpha)")], ids=lambda s: s.name)
+def test_written_out_series_are_those_of_the_loops(
+    system: System, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(unroll, "ORDERS", (4, 8))
+    source = generate(derive(system.declaration)).source
+    long = written_out(source)
+    assert "def terms(" in long
+    problem = pose(system)
+    constants, y = problem.constants, problem.initial_state({})
+    tables = []
+    for name, text in (("loops", source), ("long", long)):
+        code, space = module(tmp_path, name, text), problem.space()
+        run_setup(code.setup, np.array(list(problem.parameters.values())), constants)
+        space.Rz[:] = np.eye(len(space.Rz))
+        mode, region = np.ones(len(problem.rows.u), np.int64), np.ones(len(problem.rows.kinks), np.int64)
+        order = 8
+        call = _caller()
+        assert call(code.jets, 0.3, y, mode, region, constants.K, space, order) == 0
+        tables.append(space.W[:, :order].copy())
+    np.testing.assert_allclose(tables[1], tables[0], rtol=1e-11, atol=1e-13)
+
+
+def _caller() -> Any:
+    from numba import njit
+
+    @njit
+    def call(jets: Any, t: float, y: Any, mode: Any, region: Any, K: Any, space: Any, N: int) -> int:
+        return jets(t, y, mode, region, K, space.Rq, space.Rz, N, space.W, space.A, space.B, space.mag)
+
+    return call
+
+
+def test_what_has_no_products_of_series_keeps_its_loops() -> None:
+    for system in (catalogue.forced_oscillator(), catalogue.rocking_toy()):
+        source = generate(derive(system.declaration)).source
+        assert written_out(source) == source
