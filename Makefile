@@ -8,16 +8,18 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --pr
 .PHONY: help demo test clean
 
 help:
-	@echo "make demo   make the environment, run the rocking toy and the spring slider, say where the pictures are"
+	@echo "make demo   make the environment, run three examples, say where the pictures are"
 	@echo "make test   make the environment, check style and types, run the tests"
 	@echo "make clean  remove what these two have made"
 
 demo: .venv/ready
 	$(BIN)/stickslip run examples/rocking-toy.toml --out out/rocking-toy
 	$(BIN)/stickslip run examples/spring-slider.toml --out out/spring-slider
+	$(BIN)/python examples/play-moving-threshold.py
 	@echo
 	@echo "The pictures:  out/rocking-toy/overview.png"
 	@echo "               out/spring-slider/overview.png"
+	@echo "               out/play-moving-threshold/figure-2-1.png"
 
 test: .venv/ready-for-tests
 	$(BIN)/ruff check .

@@ -20,6 +20,20 @@ if TYPE_CHECKING:
     from stickslip.motion.outcome import Outcome
     from stickslip.motion.simulate import simulate
     from stickslip.motion.trajectory import Trajectory, open_trajectory
+    from stickslip.rate_independent.dissipation import (
+        Dissipation,
+        Ellipsoid,
+        GroupNorm,
+        Polytope,
+        Product,
+        SupportFunction,
+        WeightedL1,
+    )
+    from stickslip.rate_independent.evolution import Evolution
+    from stickslip.rate_independent.evolve import evolve
+    from stickslip.rate_independent.history import History, open_history
+    from stickslip.rate_independent.play import Play, play
+    from stickslip.rate_independent.study import averaging_study
     from stickslip.system import (
         Condition,
         Contact,
@@ -37,19 +51,33 @@ __all__ = [
     "Condition",
     "Contact",
     "DeclarationError",
+    "Dissipation",
+    "Ellipsoid",
+    "Evolution",
+    "GroupNorm",
+    "History",
     "Inertial",
     "Internal",
     "Outcome",
     "Parameter",
+    "Play",
+    "Polytope",
+    "Product",
     "RateIndependent",
     "StickslipError",
+    "SupportFunction",
     "System",
     "Trajectory",
     "Viscous",
+    "WeightedL1",
     "__version__",
+    "averaging_study",
     "catalogue",
+    "evolve",
     "load",
+    "open_history",
     "open_trajectory",
+    "play",
     "simulate",
     "simulate_many",
 ]
@@ -64,6 +92,17 @@ _HOMES = {
     "simulate_many": "motion.batch",
     "Trajectory": "motion.trajectory",
     "open_trajectory": "motion.trajectory",
+    "Evolution": "rate_independent.evolution",
+    "evolve": "rate_independent.evolve",
+    "History": "rate_independent.history",
+    "open_history": "rate_independent.history",
+    "Play": "rate_independent.play",
+    "play": "rate_independent.play",
+    "averaging_study": "rate_independent.study",
+    **dict.fromkeys(
+        ["Dissipation", "Ellipsoid", "GroupNorm", "Polytope", "Product", "SupportFunction", "WeightedL1"],
+        "rate_independent.dissipation",
+    ),
     **dict.fromkeys(
         ["Condition", "Contact", "Inertial", "Internal", "Parameter", "RateIndependent", "System", "Viscous"], "system"
     ),

@@ -27,6 +27,24 @@ class DeclarationError(StickslipError, ValueError):
         super().__init__(f"{text}. {self.remedy}" if remedy else text)
 
 
+class ConvergenceError(StickslipError, RuntimeError):
+    """An iteration cannot reach its tolerance; the message says what it did reach.
+
+    Parameters
+    ----------
+    where : str
+        What was to be computed.
+    reached : str
+        How far it came.
+    remedy : str, optional
+        What would help.
+    """
+
+    def __init__(self, where: str, reached: str, remedy: str = "") -> None:
+        self.where, self.reached, self.remedy = where, reached, remedy
+        super().__init__(f"{where}: {reached}. {remedy}" if remedy else f"{where}: {reached}")
+
+
 def printable(text: str) -> str:
     """The text with a space for every character that cannot be printed."""
     return "".join(c if c.isprintable() else " " for c in text)

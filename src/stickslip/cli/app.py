@@ -1,4 +1,4 @@
-"""The four commands: what they are called, what they take, and how they end."""
+"""The commands: what they are called, what they take, and how they end."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Annotated, NoReturn, ParamSpec
 import typer
 
 from stickslip import __version__
+from stickslip.cli import evolving
 from stickslip.errors import StickslipError
 
 NOT_CERTIFIED, BAD_INPUT, OUR_FAULT, INTERRUPTED = 1, 2, 70, 130
@@ -178,3 +179,7 @@ def check(
 
         print_check(file, trajectory)
     raise typer.Exit(0 if certificate.ok else NOT_CERTIFIED)
+
+
+app.command()(guarded(evolving.average))
+app.command()(guarded(evolving.evolve))

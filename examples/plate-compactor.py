@@ -1,0 +1,119 @@
+"""The plate compactor: how much force a shaken plate needs, from pure rest friction to nearly none.
+
+A plate of 100 kg is pulled by a spring while an imbalance shakes its weight, N(t) = (mg + F cos Ωt)⁺. Averaging
+([M] Theorem 2.2) says that it takes μ(mg − F)⁺ to move it: only the lightest moment counts. The fully resolved motion
+with inertia, switch by switch, comes down to this law as the pull becomes slow. A fast pull gains nothing: a plate that
+never rests feels the mean of its friction. Without inertia the motion is a play, which is exact.
+
+[M] A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017).
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+import stickslip as ss
+
+WEIGHT, MU, STIFFNESS, OMEGA = 981.0, 0.6, 5000.0, 60.0  # N, 1, N/m, rad/s
+PERIOD = 2 * np.pi / OMEGA
+PERIODS, LAST = 400, 17  # of the shaking that are computed, and over which forces are averaged: two of the spring
+SPEEDS = (0.1, 0.02, 0.004, 0.001)  # [m/s]
+
+
+def threshold(amplitude):
+    """μN(s) [N], a formula of the phase."""
+    return f"{MU}*max({WEIGHT} + {amplitude}*cos(2*pi*s), 0)"
+
+
+def averaged_law(amplitude):
+    """Ψ_av(1), the force that moves the plate on average [N]."""
+    return ss.WeightedL1([threshold(amplitude)]).average().support([1.0])
+
+
+def instants(periods, each):
+    """Times in the last periods [s], so many in each."""
+    return np.linspace(PERIODS - periods, PERIODS, each * periods + 1) * PERIOD
+
+
+def start(amplitude):
+    """Position at which the spring pulls with the averaged law [m]."""
+    return -averaged_law(amplitude) / STIFFNESS
+
+
+def resolved(amplitude, speed, periods=LAST, each=32):
+    """Spring force [N] of the motion with inertia over the last periods."""
+    system = ss.catalogue.plate_compactor(F=amplitude, V=speed)
+    motion = ss.simulate(system, (0.0, PERIODS * PERIOD), {"x": start(amplitude)})
+    assert motion.certificate.ok, motion.certificate.verdict
+    t = instants(periods, each)
+    return STIFFNESS * (speed * t - np.asarray(motion.at(t)["x"]))
+
+
+def without_inertia(amplitude, speed, periods=LAST, each=32):
+    """The same without inertia: an exact play."""
+    load, span = f"{STIFFNESS * speed}*t", (0.0, PERIODS * PERIOD)
+    motion = ss.play(load, threshold(amplitude), span, start(amplitude), epsilon=PERIOD, stiffness=STIFFNESS)
+    assert motion.certificate.ok, motion.certificate.verdict
+    t = instants(periods, each)
+    return STIFFNESS * (speed * t - motion.position(t))
+
+
+slowest = {F: float(resolved(F, SPEEDS[-1]).mean()) for F in (300.0, 900.0)}
+exact = {F: float(without_inertia(F, SPEEDS[-1]).mean()) for F in (300.0, 900.0)}
+
+
+def plot_forces(axes):
+    """Mean force over the amplitude of the shaking."""
+    from stickslip.figures.style import STICK_LINE, line_colours
+
+    amplitudes = np.append(np.linspace(0.0, 975.0, 14), [1020.0, 1065.0, 1110.0])
+    for speed, colour in zip(SPEEDS, line_colours(len(SPEEDS)), strict=True):
+        forces = [resolved(F, speed).mean() for F in amplitudes]
+        axes.plot(amplitudes, forces, "o-", color=colour, ms=4, lw=1.2, label=f"{speed:g} m/s")
+    play = [without_inertia(F, SPEEDS[-1]).mean() for F in amplitudes]
+    axes.plot(amplitudes, play, "s", color=STICK_LINE, mfc="none", ms=7, mew=1.1, label="no inertia")
+    law = [averaged_law(F) for F in amplitudes]
+    axes.plot(amplitudes, law, color=STICK_LINE, lw=2.2, zorder=1, label="averaged law")
+    axes.axvline(WEIGHT, color=STICK_LINE, lw=0.8, ls=":")
+    axes.text(WEIGHT - 12, 640, "$F = mg$", ha="right")
+    axes.set_xlim(0, 1120)
+    axes.set_ylim(0, 670)
+    axes.set_xlabel("shaking amplitude $F$  [N]")
+    axes.set_ylabel("mean pulling force  [N]")
+    axes.legend(loc="lower left", fontsize=10, title="pulled at", alignment="left")
+
+
+def plot_steps(axes, amplitude=600.0, speed=0.02, periods=3, each=300):
+    """Pulling force below the friction that the ground could give."""
+    from stickslip.figures.style import BAND, BLUE, STICK_LINE, THRESHOLD, VERMILION, legend_above
+
+    t = instants(periods, each)
+    friction = MU * np.maximum(WEIGHT + amplitude * np.cos(OMEGA * t), 0.0)
+    s = t / PERIOD - (PERIODS - periods)
+    axes.fill_between(s, 0.0, friction, fc=BAND, ec=THRESHOLD, lw=0.8, label=r"$\mu N(t)$")
+    axes.plot(s, resolved(amplitude, speed, periods, each), color=BLUE, label="resolved")
+    axes.plot(s, without_inertia(amplitude, speed, periods, each), color=VERMILION, label="no inertia")
+    axes.axhline(averaged_law(amplitude), color=STICK_LINE, lw=1.2, ls="--", label="averaged")
+    axes.set_xlim(0, periods)
+    axes.set_ylim(0, 1150)
+    axes.set_xlabel(r"time  [periods]")
+    axes.set_ylabel("force  [N]")
+    axes.text(0.5 * periods, 1060, f"$F$ = {amplitude:g} N, pulled at {speed:g} m/s", ha="center")
+    legend_above(axes)
+
+
+if __name__ == "__main__":
+    from stickslip.figures.style import new_figure, paper_style
+
+    path = Path("out/plate-compactor/force.png")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with paper_style():
+        figure = new_figure(10.4, 4.6)
+        left, right = figure.subplots(1, 2)
+        plot_forces(left)
+        plot_steps(right)
+        figure.savefig(path)
+    for F in exact:
+        law = averaged_law(F)
+        print(f"F = {F:g} N: averaged {law:.1f} N, no inertia {exact[F]:.1f} N, resolved {slowest[F]:.1f} N")
+    print(path)

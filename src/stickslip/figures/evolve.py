@@ -1,0 +1,152 @@
+"""Pictures of evolutions: components over time with stick phases shaded, and convergence under averaging."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from stickslip.figures.style import (
+    BLUE,
+    GREEN,
+    ORANGE,
+    STICK_SHADE,
+    VERMILION,
+    legend_above,
+    new_figure,
+    paper_style,
+)
+
+if TYPE_CHECKING:
+    from stickslip.rate_independent.history import History
+    from stickslip.rate_independent.study import AveragingStudy
+
+Array = np.ndarray
+FEW = 4  # components with a panel of their own
+ROW, EXTRA, WIDTH = 1.5, 1.0, 7.2  # inches
+
+
+def plot_history(history: History) -> Figure:
+    """Components over time, grey where they stick (a map of all of them if there are more than four), and energies.
+
+    Parameters
+    ----------
+    history : History
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    t, z = history.times, history.z
+    n = z.shape[1]
+    with paper_style():
+        rows = n if n <= FEW else 2
+        figure = new_figure(WIDTH, ROW * (rows + 1) + EXTRA)
+        panels: list[Axes] = list(figure.subplots(rows + 1, 1, sharex=True, gridspec_kw=_heights(n)))
+        if n <= FEW:
+            for i in range(n):
+                _component(panels[i], t, z[:, i], f"$z_{{{i + 1}}}$" if n > 1 else "$z$")
+            legend_above(panels[0], [Patch(color=STICK_SHADE, label="stick")], right=True)
+        else:
+            _map(figure, panels[0], t, z)
+            _slipping(panels[1], history)
+        _energies(panels[-1], history)
+        panels[-1].set_xlabel("time $t$")
+        panels[-1].set_xlim(t[0], t[-1] if t[-1] > t[0] else t[0] + 1.0)
+        figure.align_ylabels(panels)
+        return figure
+
+
+def _heights(n: int) -> dict[str, list[float]]:
+    return {"height_ratios": [1.0] * (n + 1) if n <= FEW else [2.0, 1.0, 1.0]}
+
+
+def _component(axes: Axes, t: Array, z: Array, label: str) -> None:
+    """One component; where it does not change from one output to the next, it sticks."""
+    rests = np.append(np.diff(z) == 0.0, False)
+    across = axes.get_xaxis_transform()
+    axes.fill_between(t, 0.0, 1.0, where=rests, step="post", transform=across, color=STICK_SHADE, lw=0, zorder=0)
+    axes.plot(t, z, color=BLUE)
+    axes.set_ylabel(label)
+
+
+def _map(figure: Figure, axes: Axes, t: Array, z: Array) -> None:
+    even = np.linspace(t[0], t[-1], min(1500, 4 * len(t)))
+    index = np.clip(np.searchsorted(t, even, side="right") - 1, 0, len(t) - 1)
+    rows = z[:, :: max(1, z.shape[1] // 1000)]
+    largest = float(np.abs(rows).max()) or 1.0
+    drawn = axes.imshow(
+        rows[index].T,
+        aspect="auto",
+        extent=(float(t[0]), float(t[-1]), z.shape[1] + 0.5, 0.5),
+        cmap="RdBu_r",
+        vmin=-largest,
+        vmax=largest,
+        interpolation="nearest",
+    )
+    figure.colorbar(drawn, ax=axes, pad=0.01, label="$z$")
+    axes.set_ylabel("component")
+
+
+def _slipping(axes: Axes, history: History) -> None:
+    data = history.dataset
+    axes.plot(data["step_time"], data["slipping"], color=BLUE, lw=0.8)
+    axes.set_ylabel("slipping")
+    axes.set_ylim(bottom=0)
+
+
+def _energies(axes: Axes, history: History) -> None:
+    data = history.dataset
+    lines = (("energy", "energy", BLUE), ("dissipated", "dissipated", VERMILION), ("work", "work of the load", GREEN))
+    for name, label, colour in lines:
+        axes.plot(data["step_time"], data[name], color=colour, label=label)
+    axes.set_ylabel("energy")
+    legend_above(axes)
+
+
+def plot_study(study: AveragingStudy) -> Figure:
+    """Distance from the averaged motion against ε with its fitted rate, and what happens to the rates.
+
+    Parameters
+    ----------
+    study : AveragingStudy
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    table = study.table
+    epsilon = table["epsilon"].values
+    with paper_style():
+        figure = new_figure(WIDTH, 3.6)
+        left, right = figure.subplots(1, 2)
+        _fitted(left, epsilon, table["distance"].values, BLUE, r"$\sup\,|z_\varepsilon - z_0|$")
+        _fitted(left, epsilon, table["equicontinuity"].values, ORANGE, r"$\omega(\varepsilon)$")
+        left.set_ylabel("motions")
+        _fitted(
+            right,
+            epsilon,
+            table["weak_distance"].max("test").values,
+            GREEN,
+            r"$|\langle\dot z_\varepsilon - \dot z_0, \varphi\rangle|$",
+        )
+        _fitted(right, epsilon, table["rate_l2"].values, VERMILION, r"$|\dot z_\varepsilon|_{L^2}$")
+        right.set_ylabel("rates")
+        for axes in (left, right):
+            axes.set_xlabel(r"$\varepsilon$")
+            axes.legend()
+        return figure
+
+
+def _fitted(axes: Axes, epsilon: Array, values: Array, colour: str, label: str) -> None:
+    """Points in double logarithmic axes, with the line of the fitted power."""
+    from stickslip.rate_independent.study import fitted_power
+
+    power, factor = fitted_power(epsilon, values)
+    shown = f"{label} $\\sim \\varepsilon^{{{power:.2f}}}$" if np.isfinite(power) else label
+    axes.loglog(epsilon, values, "o", color=colour, ms=4.5, label=shown)
+    if np.isfinite(power):
+        axes.loglog(epsilon, factor * epsilon**power, color=colour, lw=1.0)

@@ -1,0 +1,1 @@
+"""Rate-independent evolution in Rⁿ: dissipation, steps, averaging."""

@@ -1,0 +1,211 @@
+"""Averages that have a closed form: the same kind of potential, with the least of each number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stickslip.errors import DeclarationError
+from stickslip.rate_independent.averaging.minima import least_over_phases
+from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, OptimalMotion
+from stickslip.rate_independent.dissipation.group_norm import GroupNorm
+from stickslip.rate_independent.dissipation.polytope import Polytope
+from stickslip.rate_independent.dissipation.product import Product
+from stickslip.rate_independent.dissipation.weighted_l1 import WeightedL1
+
+MOST_NUMBERS = 20_000_000  # in the table of an optimal motion
+VANISHING = 1e-12  # thresholds that count as 0, of the largest
+
+
+@dataclass(frozen=True, eq=False)
+class AveragedWeightedL1(Average, WeightedL1):
+    """Σ min ρᵢ⁺ max(vᵢ, 0) + min ρᵢ⁻ max(−vᵢ, 0).
+
+    Attributes
+    ----------
+    source : WeightedL1
+    upper_phases, lower_phases : ndarray of shape (n,)
+        When component i moves up, and down.
+    """
+
+    source: WeightedL1 = field(kw_only=True)
+    upper_phases: Array = field(kw_only=True)
+    lower_phases: Array = field(kw_only=True)
+
+    @property
+    def frictionless(self) -> Array:
+        lower, upper = self.bounds()
+        return _axes(_vanishing(upper - lower))
+
+    def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
+        V = self.vector(V, "V")
+        when = np.where(V >= 0, self.upper_phases, self.lower_phases)
+        return _scheduled(self, self.source, V, when)
+
+
+def average_weighted_l1(source: WeightedL1) -> AveragedWeightedL1:
+    """Each weight at its minimum over the phase."""
+    upper, upper_phases = least_over_phases(source.above)
+    lower, lower_phases = (upper, upper_phases) if source.below is source.above else least_over_phases(source.below)
+    return AveragedWeightedL1(
+        np.maximum(upper, 0.0),
+        None if lower is upper else np.maximum(lower, 0.0),
+        source=source,
+        upper_phases=upper_phases,
+        lower_phases=lower_phases,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class AveragedGroupNorm(Average, GroupNorm):
+    """Σ min r_g |v_g|₂.
+
+    Attributes
+    ----------
+    source : GroupNorm
+    phases : ndarray of shape (groups,)
+        When each group moves.
+    """
+
+    source: GroupNorm = field(kw_only=True)
+    phases: Array = field(kw_only=True)
+
+    @property
+    def frictionless(self) -> Array:
+        return _axes(np.repeat(_vanishing(self.radii_at()), self.size))
+
+    def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
+        return _scheduled(self, self.source, self.vector(V, "V"), np.repeat(self.phases, self.size))
+
+
+def average_group_norm(source: GroupNorm) -> AveragedGroupNorm:
+    """Each radius at its minimum over the phase."""
+    radii, phases = least_over_phases(source.radius)
+    return AveragedGroupNorm(np.maximum(radii, 0.0), source.size, source=source, phases=phases)
+
+
+@dataclass(frozen=True, eq=False)
+class AveragedPolytope(Average, Polytope):
+    """{ξ : N ξ ≤ min b(s)} for fixed normals N.
+
+    Attributes
+    ----------
+    source : Polytope
+    phases : ndarray of shape (m,)
+        When each face comes closest to 0.
+    """
+
+    source: Polytope = field(kw_only=True)
+    phases: Array = field(kw_only=True)
+
+    @property
+    def frictionless(self) -> Array:
+        from stickslip.rate_independent.averaging.exchange import lineality
+
+        return lineality(self, VANISHING * float(self.halfspaces_at()[1].max()))
+
+    def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
+        """Each face pushes along its normal at the phase at which it is closest."""
+        from stickslip.rate_independent.averaging.cones import polyhedron, solve
+
+        V = self.vector(V, "V")
+        normals, offsets = self.halfspaces_at()
+        size, length = float(offsets.max()) or 1.0, float(np.abs(V).max())
+        if length == 0.0:
+            return OptimalMotion(np.zeros(0), np.zeros((0, len(V))), 0.0, 0.0)
+        forms = [polyhedron(normals[[j]], offsets[[j]] / size) for j in range(len(normals))]
+        xi, motions = solve(forms, V / length)
+        return measure(self.source, V, self.phases, motions * length, xi * size, 0.0)
+
+
+def average_polytope(source: Polytope) -> AveragedPolytope:
+    """Each offset at its minimum over the phase."""
+    assert source.reach is not None
+    offsets, phases = least_over_phases(source.reach)
+    return AveragedPolytope(normals=source.normals, offsets=np.maximum(offsets, 0.0), source=source, phases=phases)
+
+
+@dataclass(frozen=True, eq=False)
+class AveragedProduct(Average, Product):
+    """The product of averages is the average of a product."""
+
+    source: Product
+    tolerance: float
+
+    @property
+    def frictionless(self) -> Array:
+        from scipy.linalg import block_diag
+
+        return np.asarray(block_diag(*(factor.frictionless for factor in self.averages)))
+
+    @property
+    def averages(self) -> tuple[Average, ...]:
+        """The factors."""
+        return tuple(factor for factor in self.factors if isinstance(factor, Average))
+
+    def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
+        """The nearest point, factor by factor; in a metric, which couples them, from the phases of all together."""
+        from stickslip.rate_independent.averaging.exchange import Intersection
+
+        if metric is not None and self.cone_form(s) is None:
+            return Intersection(self.source, self.tolerance).project(xi, s, metric)
+        return super().project(xi, s, metric)
+
+    def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
+        """The motions of all factors."""
+        V = self.vector(V, "V")
+        own = [average.optimal_motion(V[part]) for average, part in zip(self.averages, self.parts, strict=True)]
+        motions = np.zeros((sum(len(motion.phases) for motion in own), len(V)))
+        row = 0
+        for motion, part in zip(own, self.parts, strict=True):
+            motions[row : row + len(motion.phases), part] = motion.motions
+            row += len(motion.phases)
+        phases = np.concatenate([motion.phases for motion in own])
+        together, place = np.unique(phases, return_inverse=True)
+        sums = np.zeros((len(together), len(V)))
+        np.add.at(sums, place, motions)
+        return OptimalMotion(together, sums, sum(motion.cost for motion in own), sum(motion.bound for motion in own))
+
+
+def measure(source: Dissipation, V: Array, phases: Array, motions: Array, xi: Array, violation: float) -> OptimalMotion:
+    """A measure with the sum V, what it costs, and what a force ξ says about the least cost."""
+    moving = np.abs(motions).max(axis=1) > 1e-14 * np.abs(V).max(initial=0.0)
+    together, place = np.unique(phases[moving], return_inverse=True)
+    sums = np.zeros((len(together), len(V)))
+    np.add.at(sums, place, motions[moving])
+    if len(sums):
+        # Rounding of the program that found them.
+        sums[int(np.linalg.norm(sums, axis=1).argmax())] += V - sums.sum(axis=0)
+    cost = sum(source.support(v, s) for s, v in zip(together, sums, strict=True))
+    total = float(np.linalg.norm(sums, axis=1).sum())
+    return OptimalMotion(together, sums, float(cost), float(xi @ V) - max(violation, 0.0) * total)
+
+
+def _scheduled(average: Average, source: Dissipation, V: Array, when: Array) -> OptimalMotion:
+    """Each component moves at a phase of its own."""
+    moving = V != 0
+    phases, place = np.unique(when[moving], return_inverse=True)
+    if len(phases) * len(V) > MOST_NUMBERS:
+        raise DeclarationError(
+            "optimal_motion",
+            f"{len(phases)} phases times {len(V)} components make too large a table",
+            "The phase of each component is an attribute of the average",
+        )
+    motions = np.zeros((len(phases), len(V)))
+    motions[place, np.flatnonzero(moving)] = V[moving]
+    cost = sum(source.support(v, s) for s, v in zip(phases, motions, strict=True))
+    return OptimalMotion(phases, motions, float(cost), average.support(V))
+
+
+def _vanishing(thresholds: Array) -> NDArray[np.bool_]:
+    return thresholds <= VANISHING * float(thresholds.max())
+
+
+def _axes(chosen: NDArray[np.bool_]) -> Array:
+    """Unit vectors of the chosen components as columns."""
+    (index,) = np.nonzero(chosen)
+    basis = np.zeros((len(chosen), len(index)))
+    basis[index, np.arange(len(index))] = 1.0
+    return basis

@@ -1,0 +1,327 @@
+"""Functions of one variable as polynomials on panels: fitted, restricted, and every change of sign found.
+
+Coefficients are those of Chebyshev polynomials in x ∈ [−1, 1], one column per panel: shape (degree + 1, panels).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+from numba import njit
+from numpy.polynomial.chebyshev import chebder, chebval, chebvander
+
+Array = np.ndarray
+
+DEGREE = 16
+EPS = float(np.finfo(float).eps)
+ROUNDING = 64 * EPS
+"""Largest error of a fit, relative to the largest value: what evaluation may leave."""
+COARSEST = 1e-9
+"""Largest relative error that rounding of the places may excuse: beyond it a function has a jump."""
+FIRST_PANELS = 4
+MOST_PANELS = 2**18  # of a fit
+NARROWEST = 2.0**-50  # width of a panel in parts of the whole, below which a function is taken to jump
+DEEP = 2.0**-12  # width of a panel that only a corner can call for, if few of its neighbours are as narrow
+SAME = 2.0**-40  # distance of two corners in parts of the whole, below which they are one
+CLUSTER = 250  # panels that gather around one corner, at most
+PASSES = 6
+MOST_HALVINGS = 52  # of a panel, in search of zeros
+SEARCH, FINAL = 30, 42  # how close to an end a fit is checked, as long as corners are known roughly, and afterwards
+
+
+@cache
+def nodes(m: int) -> Array:
+    """The m Chebyshev points, ascending; none is an end, so a panel never sees the other side of a jump."""
+    return -np.cos(np.pi * (np.arange(m) + 0.5) / m)
+
+
+@cache
+def transform(m: int) -> Array:
+    """Values at the m Chebyshev points -> coefficients, shape (m, m)."""
+    k = np.arange(m)
+    # T_k(−cos θ) = (−1)^k cos kθ: evaluated by its recurrence it would lose two digits.
+    matrix = 2.0 / m * (-1.0) ** k[:, None] * np.cos(np.pi / (2 * m) * (k[:, None] * (2 * k + 1) % (4 * m)))
+    matrix[0] /= 2.0
+    return matrix
+
+
+@cache
+def _halves(m: int) -> Array:
+    """Coefficients on [−1, 1] -> coefficients on [−1, 0] and on [0, 1], shape (2, m, m)."""
+    return np.stack([transform(m) @ chebvander((nodes(m) + shift) / 2.0, m - 1) for shift in (-1.0, 1.0)])
+
+
+@cache
+def _checks(closest: int) -> tuple[Array, Array]:
+    """Points at which a fit is compared with its function, and the values of the polynomials there.
+
+    Next to the ends they come as close as 2^−closest, or a corner could hide between an end and the first point.
+    """
+    even = (0.5 + np.arange(2 * DEGREE)) * 0.6180339887498949 % 1.0 * 2.0 - 1.0
+    near_end = 1.0 - 2.0 ** -np.arange(6.0, closest + 1.0, 4.0)
+    points = np.concatenate([even, near_end, -near_end])
+    return points, chebvander(points, DEGREE)
+
+
+def values(c: Array, x: Array) -> Array:
+    """Polynomial of each column at the same column of x, shape (..., panels)."""
+    return chebval(x, c, tensor=False)
+
+
+def slopes(c: Array) -> Array:
+    """Coefficients of the derivative with respect to x."""
+    return chebder(c, axis=0) if len(c) > 1 else np.zeros_like(c)
+
+
+def restrict(c: Array, start: Array, end: Array) -> Array:
+    """The polynomials on subintervals [start, end] of [−1, 1], in their own coordinate from −1 to 1."""
+    out = np.empty(c.shape)
+    _restrict(np.ascontiguousarray(c), start, end, nodes(len(c)), transform(len(c)), out)
+    return out
+
+
+@njit(cache=True)
+def _restrict(c: Array, start: Array, end: Array, nodes: Array, transform: Array, out: Array) -> None:
+    m = len(c)
+    own, sampled = np.empty(m), np.empty(m)
+    for p in range(c.shape[1]):
+        own[:] = c[:, p]
+        for j in range(m):
+            sampled[j] = _value(own, 0.5 * (start[p] + end[p]) + 0.5 * (end[p] - start[p]) * nodes[j])[0]
+        for k in range(m):
+            total = 0.0
+            for j in range(m):
+                total += transform[k, j] * sampled[j]
+            out[k, p] = total
+
+
+@njit(cache=True)
+def _value(c: Array, x: float) -> tuple[float, float]:
+    """Value and derivative (Clenshaw)."""
+    value, before, slope, slope_before = 0.0, 0.0, 0.0, 0.0
+    for k in range(len(c) - 1, 0, -1):
+        slope, slope_before = 2.0 * value + 2.0 * x * slope - slope_before, slope
+        value, before = c[k] + 2.0 * x * value - before, value
+    return c[0] + x * value - before, value + x * slope - slope_before
+
+
+class Unresolved(Exception):
+    """A function needs too many panels; the argument is a place that does."""
+
+
+def fit(function: Callable[[Array], Array], edges: Array, most: int = MOST_PANELS) -> tuple[Array, Array, float]:
+    """A function as polynomials of degree at most 16, to rounding.
+
+    Panels are halved until the polynomial agrees with the function at 50 other points. Where the function has a corner
+    or a jump, panels gather; that place becomes an edge, and the fit is made again.
+
+    Parameters
+    ----------
+    function : callable
+        Array of places -> array of values, all finite.
+    edges : array
+        First and last place, and the corners and jumps that are known.
+    most : int
+        Most panels that are tried.
+
+    Returns
+    -------
+    breaks : array, shape (panels + 1,)
+    coefficients : array, shape (m, panels)
+    noise : float
+        Largest difference from the function that was seen, and rounding.
+
+    Raises
+    ------
+    Unresolved
+        If more panels are needed.
+
+    Notes
+    -----
+    What lies between two sampled places is not seen: a spike narrower than 1/200 of the whole, away from any known
+    corner, may be missed.
+    """
+    known, whole, place = edges, edges[-1] - edges[0], EPS * np.max(np.abs(edges))
+    same = max(SAME * whole, 1024.0 * place)
+    for _ in range(PASSES):
+        breaks, c, _ = _halve_until_resolved(function, edges, most, SEARCH)
+        corners = _corners(breaks)
+        corners = corners[np.min(np.abs(corners[:, None] - edges), axis=1, initial=np.inf) > same]
+        if not len(corners):
+            if len(edges) > len(known):
+                edges = np.union1d(known, _sharpened(function, np.setdiff1d(edges, known), same, breaks, c))
+            break
+        edges = np.union1d(edges, corners)
+    closest = min(FINAL, int(np.log2(whole / (256.0 * place))))
+    breaks, c, noise = _halve_until_resolved(function, edges, most, closest)
+    size = np.max(np.abs(c), axis=1)
+    used = np.flatnonzero(size > EPS * np.max(size))
+    return breaks, c[: used[-1] + 1 if len(used) else 1], noise
+
+
+def _halve_until_resolved(
+    function: Callable[[Array], Array], edges: Array, most: int, closest: int
+) -> tuple[Array, Array, float]:
+    points, at_points = _checks(closest)
+    start, end = _first_panels(edges)
+    whole, scale, noise, total = edges[-1] - edges[0], 0.0, 0.0, 0
+    done: list[tuple[Array, Array]] = []
+    while len(start):
+        total += len(start)
+        if total > most:
+            raise Unresolved(float(start[0]))
+        middle, half = 0.5 * (start + end), 0.5 * (end - start)
+        sampled = function(middle + half * nodes(DEGREE + 1)[:, None])
+        c = transform(DEGREE + 1) @ sampled
+        scale = max(scale, float(np.max(np.abs(sampled))))
+        # A place is a rounded number, so a steep function is known no better than slope times rounding (a jump is).
+        steepness = np.sum(np.abs(slopes(c)), axis=0) / half
+        blur = 4.0 * EPS * np.maximum(np.abs(start), np.abs(end)) * steepness
+        tolerance = ROUNDING * scale + np.minimum(blur, COARSEST * scale)
+        off = np.max(np.abs(at_points @ c - function(middle + half * points[:, None])), axis=0)
+        off = np.maximum(off, np.abs(c[-1]) + np.abs(c[-2]))
+        resolved = off <= tolerance
+        noise = max(noise, float(np.max(off[resolved], initial=0.0)))
+        resolved |= end - start <= np.maximum(NARROWEST * whole, 8.0 * np.spacing(np.abs(middle)))
+        done.append((start[resolved], c[:, resolved]))
+        start, middle, end = start[~resolved], middle[~resolved], end[~resolved]
+        start, end = np.concatenate([start, middle]), np.concatenate([middle, end])
+    starts, c = np.concatenate([s for s, _ in done]), np.concatenate([c for _, c in done], axis=1)
+    order = np.argsort(starts)
+    return np.append(starts[order], edges[-1]), c[:, order], noise + 4.0 * EPS * scale
+
+
+def _first_panels(edges: Array) -> tuple[Array, Array]:
+    even = np.linspace(edges[0], edges[-1], FIRST_PANELS + 1)
+    # An even edge that nearly coincides with a given one would make a sliver.
+    apart = np.min(np.abs(even[:, None] - edges), axis=1) > 1e-3 * (edges[-1] - edges[0])
+    edges = np.union1d(edges, even[apart])
+    return edges[:-1], edges[1:]
+
+
+def _corners(breaks: Array) -> Array:
+    """Places around which panels gather: the narrowest panel of each small cluster of narrow ones."""
+    widths = np.diff(breaks)
+    narrow = np.concatenate([[False], widths < DEEP * (breaks[-1] - breaks[0]), [False]])
+    runs = np.flatnonzero(narrow[1:] != narrow[:-1]).reshape(-1, 2)
+    found = [first + np.argmin(widths[first:last]) for first, last in runs if last - first <= CLUSTER]
+    return np.array([0.5 * (breaks[i] + breaks[i + 1]) for i in found])
+
+
+def _sharpened(function: Callable[[Array], Array], corners: Array, reach: float, breaks: Array, c: Array) -> Array:
+    """The corners again, each moved to where the function leaves the polynomial of one side for that of the other."""
+    i = np.searchsorted(breaks, corners)
+    start, width = breaks[:-1], np.diff(breaks)
+    clear = np.minimum(width[i - 1], width[i]) > DEEP * (breaks[-1] - breaks[0])
+    i = i[clear]
+    low, high = breaks[i] - reach, breaks[i] + reach
+    for _ in range(16):
+        middle = 0.5 * (low + high)
+        value = function(middle)
+        off = (np.abs(values(c[:, j], 2.0 * (middle - start[j]) / width[j] - 1.0) - value) for j in (i - 1, i))
+        before = next(off) <= next(off)
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    return np.concatenate([corners[~clear], 0.5 * (low + high)])
+
+
+def sign_changes(c: Array, negligible: float) -> tuple[Array, Array]:
+    """Every change of sign inside [−1, 1], of each polynomial.
+
+    Intervals are halved until the polynomial has no zero there (its constant coefficient outweighs the others), is
+    monotone (its linear one outweighs the others, |T_k′| ≤ k²), or its integral there is negligible: a pair of zeros,
+    however close, is not missed, unless what lies between them is rounding.
+
+    Parameters
+    ----------
+    c : array, shape (m, panels)
+    negligible : float
+        Integral over x that does not count.
+
+    Returns
+    -------
+    panel : array of int, shape (changes,)
+    x : array, shape (changes,)
+        In order.
+    """
+    m, count = c.shape
+    panel, x = np.empty(m * count, np.intp), np.empty(m * count)
+    found = _sign_changes(np.ascontiguousarray(c), _halves(m), negligible, panel, x) if m > 1 else 0
+    return panel[:found].copy(), x[:found].copy()
+
+
+@njit(cache=True)
+def _sign_changes(c: Array, halves: Array, negligible: float, panel: Array, x: Array) -> int:
+    m, found = len(c), 0
+    # What is still to be looked at: polynomials with middle and half width of their intervals, and values at the ends,
+    # which neighbours share, so that no sign change falls between them.
+    stack, place = np.empty((MOST_HALVINGS + 2, m)), np.empty((MOST_HALVINGS + 2, 4))
+    whole = np.empty(m)
+    for p in range(c.shape[1]):
+        stack[0] = c[:, p]
+        place[0] = 0.0, 1.0, _value(stack[0], -1.0)[0], _value(stack[0], 1.0)[0]
+        depth = 0
+        while depth >= 0:
+            b = stack[depth]
+            middle, half, begin, end = place[depth]
+            rest, bend = 0.0, 0.0
+            for k in range(1, m):
+                rest += abs(b[k])
+                bend += k * k * abs(b[k]) if k > 1 else 0.0
+            if abs(b[0]) > rest:
+                depth -= 1
+            elif abs(b[1]) >= bend or (abs(b[0]) + rest) * half <= negligible or half <= 2.0**-MOST_HALVINGS:
+                if (begin < 0.0) != (end < 0.0) and found < len(x):
+                    panel[found], x[found] = p, middle + half * _crossing(b, -1.0, 1.0)
+                    found += 1
+                depth -= 1
+            else:
+                whole[:] = b
+                between = _value(whole, 0.0)[0]
+                for side in range(2):  # the left half is looked at first
+                    for k in range(m):
+                        total = 0.0
+                        for j in range(m):
+                            total += halves[1 - side, k, j] * whole[j]
+                        stack[depth + side, k] = total
+                place[depth] = middle + 0.5 * half, 0.5 * half, between, end
+                place[depth + 1] = middle - 0.5 * half, 0.5 * half, begin, between
+                depth += 1
+    return found
+
+
+@njit(cache=True)
+def _crossing(c: Array, low: float, high: float) -> float:
+    """The place between low and high at which a polynomial, monotone there, changes sign (Newton in a bracket)."""
+    rising = _value(c, high)[0] > _value(c, low)[0]
+    x = 0.5 * (low + high)
+    for _ in range(100):
+        value, slope = _value(c, x)
+        if value == 0.0:
+            break
+        if (value < 0.0) == rising:
+            low = x
+        else:
+            high = x
+        new = x - value / slope if slope != 0.0 else low
+        if not low < new < high:
+            new = 0.5 * (low + high)
+        if abs(new - x) <= 2.0 * EPS:
+            break
+        x = new
+    return x
+
+
+def crossings(c: Array, low: Array, high: Array) -> Array:
+    """The place between low and high at which each polynomial, monotone there, changes sign."""
+    return _crossings(np.ascontiguousarray(c), low, high)
+
+
+@njit(cache=True)
+def _crossings(c: Array, low: Array, high: Array) -> Array:
+    x, own = np.empty(c.shape[1]), np.empty(len(c))
+    for p in range(c.shape[1]):
+        own[:] = c[:, p]
+        x[p] = _crossing(own, low[p], high[p])
+    return x

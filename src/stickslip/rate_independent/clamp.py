@@ -1,0 +1,203 @@
+"""The play operator on arrays: z_k = min(max(z_{k−1}, L_k), U_k), in one compiled pass.
+
+Each sample waits for the one before, and a processor that waits is slower than its memory. But z ↦ min(max(z, L), U) is
+a clamp, and compositions of clamps are clamps: two samples are made one first, which needs no state, so that only every
+other sample has to wait.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from stickslip.errors import DeclarationError
+
+Array = NDArray[np.float64]
+
+
+@njit(cache=True, inline="always")
+def _clamped(y: float, low: float, high: float) -> float:
+    # Two selections without a branch: where loads are noisy, a branch would be guessed wrong most of the time.
+    y = low if y < low else y
+    return high if y > high else y
+
+
+@njit(cache=True)
+def _two_by_two(L: Array, U: Array, M: Array, V: Array, z: Array, w: Array, y: float) -> tuple[float, int]:
+    """Samples (L, U) and (M, V) in turn, with states z and w: the last state, and how many have no L <= U."""
+    wrong = 0
+    for k in range(len(L)):
+        low, high, next_low, next_high = L[k], U[k], M[k], V[k]
+        z[k] = _clamped(y, low, high)
+        w[k] = y = _clamped(y, _clamped(low, next_low, next_high), _clamped(high, next_low, next_high))
+        wrong += (not low <= high) | (not next_low <= next_high)
+    return y, wrong
+
+
+@njit(cache=True)
+def clamp_samples(L: Array, U: Array, y: float, z: Array) -> int:
+    """Write the states to z (shapes (n,)), starting from y; return how many pairs of samples have no L <= U."""
+    n = len(L) // 2 * 2
+    y, wrong = _two_by_two(L[0:n:2], U[0:n:2], L[1:n:2], U[1:n:2], z[0:n:2], z[1:n:2], y)
+    if n < len(L):
+        z[n] = _clamped(y, L[n], U[n])
+        wrong += not L[n] <= U[n]
+    return wrong
+
+
+def clamp(lower: ArrayLike, upper: ArrayLike, initial: float, out: Array | None = None) -> Array:
+    """The play operator between two moving bounds: z_k = min(max(z_{k−1}, L_k), U_k).
+
+    Exact for the continuous motion, if the bounds L = ℓ − ρ⁺ and U = ℓ + ρ⁻ are monotone between samples.
+
+    Parameters
+    ----------
+    lower, upper : array, shape (n,)
+        L and U at the samples, L <= U.
+    initial : float
+        z before the first sample.
+    out : array, shape (n,), optional
+        Where to write; contiguous float64.
+
+    Returns
+    -------
+    array, shape (n,)
+        z at the samples.
+
+    Raises
+    ------
+    DeclarationError
+        If sizes do not fit, or a sample is NaN or has L > U (its index is named).
+    """
+    L, U = (samples(given, where) for given, where in ((lower, "lower"), (upper, "upper")))
+    if len(L) != len(U):
+        raise DeclarationError("upper", f"it has {len(U)} samples, but lower has {len(L)}", "Give as many of both")
+    if not np.isfinite(initial):
+        raise DeclarationError("initial", f"{initial} is no position", "Give a finite number")
+    z = np.empty_like(L) if out is None else out
+    if z.shape != L.shape or z.dtype != np.float64 or not z.flags.c_contiguous:
+        raise DeclarationError("out", f"it has the shape {z.shape}, type {z.dtype}", f"Give {L.shape} numbers float64")
+    if clamp_samples(L, U, float(initial), z):
+        k = int(np.argmax(~(L <= U)))
+        if np.isnan(L[k]) or np.isnan(U[k]):
+            raise DeclarationError("lower" if np.isnan(L[k]) else "upper", f"sample {k} is NaN", "Give numbers")
+        raise DeclarationError(
+            "lower", f"at sample {k} it is {L[k]:g}, above the upper bound {U[k]:g}", "Give lower <= upper"
+        )
+    return z
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz"})
+def _weighted_sum(load: Array, r: Array, w: Array, z: Array, out: Array) -> None:
+    for k in range(len(load)):
+        x, total = load[k], 0.0
+        for i in range(len(r)):
+            z[i] = y = _clamped(z[i], x - r[i], x + r[i])
+            total += w[i] * y
+        out[k] = total
+
+
+@njit(cache=True)
+def _each(load: Array, r: Array, z: Array, out: Array) -> None:
+    for k in range(len(load)):
+        x = load[k]
+        for i in range(len(r)):
+            out[k, i] = z[i] = _clamped(z[i], x - r[i], x + r[i])
+
+
+def plays(load: ArrayLike, radii: ArrayLike, initial: ArrayLike = 0.0) -> Array:
+    """Many plays with constant thresholds under one load: z_i between ℓ − r_i and ℓ + r_i.
+
+    Parameters
+    ----------
+    load : array, shape (n,)
+        Samples of ℓ, in their order; only the sequence of turning points matters.
+    radii : array, shape (m,)
+        Thresholds r_i >= 0.
+    initial : float or array of shape (m,)
+        Positions before the first sample.
+
+    Returns
+    -------
+    array, shape (n, m)
+
+    Raises
+    ------
+    DeclarationError
+        If a number is not finite (its index is named), a radius is negative, or sizes do not fit.
+    """
+    samples_, r, z = _bank(load, radii, initial)
+    out = np.empty((len(samples_), len(r)))
+    _each(samples_, r, z, out)
+    return out
+
+
+def prandtl_ishlinskii(load: ArrayLike, radii: ArrayLike, weights: ArrayLike, initial: ArrayLike = 0.0) -> Array:
+    """The Prandtl–Ishlinskii operator Σ w_i z_i, a weighted sum of plays, without storing the plays.
+
+    Parameters
+    ----------
+    load, radii, initial
+        As for :func:`plays`.
+    weights : array, shape (m,)
+        w_i, of any sign.
+
+    Returns
+    -------
+    array, shape (n,)
+
+    Raises
+    ------
+    DeclarationError
+        As for :func:`plays`.
+
+    References
+    ----------
+    P. Krejčí, *Hysteresis, Convexity and Dissipation in Hyperbolic Equations*, Gakkōtosho (1996).
+    """
+    samples_, r, z = _bank(load, radii, initial)
+    w = samples(weights, "weights", finite=True)
+    if len(w) != len(r):
+        raise DeclarationError("weights", f"there are {len(w)}, but {len(r)} radii", "Give one weight per radius")
+    out = np.empty(len(samples_))
+    _weighted_sum(samples_, r, w, z, out)
+    return out
+
+
+def _bank(load: ArrayLike, radii: ArrayLike, initial: ArrayLike) -> tuple[Array, Array, Array]:
+    """The checked load and radii, and the positions as an array of their own."""
+    load, r = samples(load, "load", finite=True), samples(radii, "radii", finite=True)
+    if np.any(r < 0.0):
+        i = int(np.argmax(r < 0.0))
+        raise DeclarationError("radii", f"entry {i} is negative ({r[i]:g})", "A threshold is at least 0")
+    z = samples(np.atleast_1d(initial), "initial", finite=True)
+    if len(z) not in (1, len(r)):
+        raise DeclarationError(
+            "initial", f"there are {len(z)}, but {len(r)} radii", "Give one number or one per radius"
+        )
+    return load, r, np.array(np.broadcast_to(z, r.shape))
+
+
+def samples(given: Any, where: str, finite: bool = False) -> Array:
+    """The numbers as a contiguous array of shape (n,).
+
+    Raises
+    ------
+    DeclarationError
+        If they are no numbers, or (if asked) one is not finite; its index is named.
+    """
+    try:
+        values = np.ascontiguousarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise DeclarationError(
+            where, f"a {type(given).__name__} of something is no array of numbers", "Give numbers"
+        ) from None
+    if np.ndim(given) != 1:
+        raise DeclarationError(where, f"it has {np.ndim(given)} dimensions", "Give an array of shape (n,)")
+    if finite and not np.isfinite(values).all():
+        k = int(np.argmin(np.isfinite(values)))
+        raise DeclarationError(where, f"sample {k} is {values[k]}", "Give finite numbers")
+    return values

@@ -1,0 +1,291 @@
+"""What every dissipation potential can be asked."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stickslip.errors import DeclarationError
+from stickslip.rate_independent.dissipation.phase import check_finite
+
+if TYPE_CHECKING:
+    from stickslip.rate_independent.averaging.cones import ConeForm
+
+Array = NDArray[np.float64]
+
+
+class Dissipation(ABC):
+    """A dissipation potential Ψ(s, ·): convex and 1-homogeneous on Rⁿ, 1-periodic in the phase s, [M] section 2.1.
+
+    It is the support function of its stable set K(s) = ∂Ψ(s, 0), a closed convex set that contains 0:
+    Ψ(s, v) = sup {⟨ξ, v⟩ : ξ ∈ K(s)}.
+
+    Attributes
+    ----------
+    dimension : int
+        n.
+    depends_on_phase : bool
+    """
+
+    @property
+    @abstractmethod
+    def dimension(self) -> int:
+        """n."""
+
+    @property
+    @abstractmethod
+    def depends_on_phase(self) -> bool:
+        """Whether Ψ(s, ·) is not the same for all s."""
+
+    @abstractmethod
+    def support(self, v: ArrayLike, s: float = 0.0) -> float:
+        """Support function of K(s) at v, shape (n,): the number Ψ(s, v)."""
+
+    @abstractmethod
+    def exposed(self, v: ArrayLike, s: float = 0.0) -> Array:
+        """A point ξ of K(s) with ⟨ξ, v⟩ = Ψ(s, v): a subgradient of Ψ(s, ·) at v, shape (n,)."""
+
+    @abstractmethod
+    def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
+        """The point y of K(s) with the least ½⟨M(ξ − y), ξ − y⟩.
+
+        Parameters
+        ----------
+        xi : array of shape (n,)
+        s : float
+            Phase.
+        metric : array of shape (n, n), optional
+            M, symmetric and positive definite; by default the identity.
+
+        Returns
+        -------
+        ndarray of shape (n,)
+
+        Raises
+        ------
+        DeclarationError
+            If an argument does not fit, or the potential is not one at this phase.
+        ConvergenceError
+            If an iterative projection cannot reach its accuracy.
+        """
+
+    @abstractmethod
+    def cone_form(self, s: float) -> ConeForm | None:
+        """K(s) as an image of cones; None if it is known by its support function only."""
+
+    @abstractmethod
+    def average(self, tolerance: float = 1e-8) -> Average:
+        """K_av = ∩ₛ K(s) and its support function Ψ_av, [M] (2.3).
+
+        Parameters
+        ----------
+        tolerance : float
+            Accuracy of what has no closed form, relative to the size of K(s).
+
+        Raises
+        ------
+        ConvergenceError
+            If the tolerance cannot be reached.
+        """
+
+    def outer_form(self, s: float, xi: Array) -> ConeForm:
+        """A bounded image of cones that contains K(s), but not a given ξ outside it: K(s) itself where it is one."""
+        form = self.cone_form(s)
+        assert form is not None
+        return form
+
+    def value(self, s: float, v: ArrayLike) -> float:
+        """Ψ(s, v) for v of shape (n,)."""
+        return self.support(v, s)
+
+    def distance(self, xi: ArrayLike, s: float = 0.0) -> float:
+        """Euclidean distance of ξ, shape (n,), from K(s)."""
+        xi = self.vector(xi, "xi")
+        return float(np.linalg.norm(xi - self.project(xi, s)))
+
+    def contains(self, xi: ArrayLike, s: float = 0.0, tolerance: float = 1e-12) -> bool:
+        """Whether ξ, shape (n,), lies in K(s), up to `tolerance` times its length."""
+        xi = self.vector(xi, "xi")
+        return self.distance(xi, s) <= tolerance * float(np.linalg.norm(xi))
+
+    def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
+        """How far ξ, shape (n,), lies outside K(s): positive outside, negative inside, of the size of a distance."""
+        xi = self.vector(xi, "xi")
+        nearest = self._nearest_at(s)
+        outside, length = float(np.linalg.norm(xi - nearest(xi))), float(np.linalg.norm(xi))
+        return outside if outside > 1e-13 * length else -self._depth(xi, length, s, nearest)
+
+    def sampled(self, phases: Array) -> Sampled:
+        """The potential at several phases, shape (m,), at once."""
+        return OneByOne(self, phases)
+
+    def prox(self, v: ArrayLike, s: float = 0.0, step: float = 1.0) -> Array:
+        """Proximal step: the w with the least ½|w − v|² + step Ψ(s, w), shape (n,).
+
+        By Moreau's decomposition it is v minus its nearest point in step K(s).
+        """
+        v = self.vector(v, "v")
+        if not (np.isfinite(step) and step > 0):
+            raise DeclarationError("step", f"{step} is not positive", "Give the length of a proximal step")
+        return v - step * self.project(v / step, s)
+
+    def vector(self, given: ArrayLike, name: str) -> Array:
+        """The argument as an array of shape (n,); refuses other sizes and NaN."""
+        try:
+            x = np.asarray(given, dtype=float)
+        except (TypeError, ValueError):
+            raise DeclarationError(name, "it is not a vector of numbers", f"Give {self.dimension} numbers") from None
+        if x.shape != (self.dimension,):
+            raise DeclarationError(
+                name, f"it has the shape {x.shape}, but the potential lives on R^{self.dimension}", "Correct its size"
+            )
+        check_finite(x, name)
+        return x
+
+    def metric(self, given: ArrayLike | None) -> Array | None:
+        """A metric of a projection; refuses what is not symmetric and positive definite."""
+        return None if given is None else spd(given, self.dimension, "metric")
+
+    def _nearest_at(self, s: float) -> Callable[[Array], Array]:
+        """The Euclidean projection onto K(s), for several points, as accurate as a search over the phase needs it."""
+        return lambda x: self.project(x, s)
+
+    def _depth(self, xi: Array, length: float, s: float, nearest: Callable[[Array], Array]) -> float:
+        """How much further than ξ, a point of K(s), its ray goes on inside K(s)."""
+        if length == 0.0:
+            return float("inf")
+        direction, reach = xi / length, self.support(xi, s) / length
+        # Newton's method from outside: cut the ray by the supporting hyperplane at the nearest point of K(s).
+        for _ in range(60):
+            ahead = reach * direction - nearest(reach * direction)
+            slope = float(ahead @ direction)
+            if slope <= 1e-12 * length:
+                break
+            reach, last = min(reach, self.support(ahead, s) / slope), reach
+            if last - reach <= 1e-8 * last:
+                break
+        return max(reach - length, 0.0)
+
+
+class Sampled(Protocol):
+    """A dissipation potential at m phases."""
+
+    def support(self, v: Array) -> Array:
+        """Ψ(s, v) at each phase, shape (m,)."""
+        ...
+
+    def excess(self, xi: Array) -> Array:
+        """How far ξ lies outside K(s) at each phase, shape (m,)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class OneByOne:
+    """A potential asked phase by phase."""
+
+    potential: Dissipation
+    phases: Array
+
+    def support(self, v: Array) -> Array:
+        return np.array([self.potential.support(v, s) for s in self.phases.tolist()])
+
+    def excess(self, xi: Array) -> Array:
+        return np.array([self.potential.excess(xi, s) for s in self.phases.tolist()])
+
+
+@dataclass(frozen=True, eq=False)
+class OptimalMotion:
+    """A measure v(s) that attains the infimum of [M] (2.3): which phases do the moving.
+
+    Attributes
+    ----------
+    phases : ndarray of shape (m,)
+        Phases at which something moves, increasing.
+    motions : ndarray of shape (m, n)
+        What moves at each; the sum over the phases is V.
+    cost : float
+        Σ Ψ(s_k, v_k), an upper bound of Ψ_av(V).
+    bound : float
+        ⟨ξ, V⟩ − δ Σ|v_k| with the force ξ that holds V back, at most δ outside every K(s). No measure that moves as
+        much as this one costs less.
+    gap : float
+        Duality gap: cost − bound.
+    """
+
+    phases: Array
+    motions: Array
+    cost: float
+    bound: float
+
+    @property
+    def gap(self) -> float:
+        """Duality gap: cost − bound."""
+        return self.cost - self.bound
+
+
+class Average(Dissipation):
+    """The averaged potential Ψ_av, the support function of K_av = ∩ₛ K(s); it does not depend on the phase.
+
+    Attributes
+    ----------
+    frictionless : ndarray of shape (n, k)
+        Orthonormal basis of the directions V with Ψ_av(V) = Ψ_av(−V) = 0.
+    """
+
+    @property
+    def depends_on_phase(self) -> bool:
+        """False: the phase is averaged out."""
+        return False
+
+    @property
+    @abstractmethod
+    def frictionless(self) -> Array:
+        """Orthonormal basis, shape (n, k), of the directions V with Ψ_av(V) = Ψ_av(−V) = 0."""
+
+    @abstractmethod
+    def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
+        """The measure v(s) of [M] (2.3) that moves by V, shape (n,), at the least cost."""
+
+    @property
+    def verdict(self) -> str:
+        """Whether friction vanishes in some direction, as a sentence."""
+        count, n = self.frictionless.shape[1], self.dimension
+        if count == 0:
+            return "Friction vanishes in no direction"
+        if count == n:
+            return "Friction vanishes in every direction: K_av = {0}"
+        axes = [i for i in range(n) if np.abs(self.frictionless[i]).max() > 1e-8]
+        named = f"among the components {', '.join(map(str, axes[:10]))}{', ...' if len(axes) > 10 else ''}"
+        return f"Friction vanishes in {count} of {n} directions, {named}: K_av has no interior"
+
+    def average(self, tolerance: float = 1e-8) -> Average:
+        """Itself."""
+        return self
+
+
+def spd(given: ArrayLike, n: int, where: str) -> Array:
+    """A symmetric positive definite array of shape (n, n); refuses anything else."""
+    from scipy.linalg import LinAlgError, cholesky
+
+    try:
+        matrix = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        raise DeclarationError(where, "it is not a matrix of numbers", f"Give a {n} x {n} array") from None
+    if matrix.shape != (n, n):
+        raise DeclarationError(where, f"it has the shape {matrix.shape}", f"Give a {n} x {n} array")
+    check_finite(matrix, where)
+    lopsided = np.abs(matrix - matrix.T).max(initial=0.0)
+    if lopsided > 1e-10 * np.abs(matrix).max(initial=0.0):
+        raise DeclarationError(where, f"it is not symmetric (M - M^T reaches {lopsided:.3g})", "Give (M + M^T)/2")
+    try:
+        cholesky(matrix, lower=True)
+    except LinAlgError:
+        raise DeclarationError(
+            where, "it is not positive definite", "All its eigenvalues have to be positive"
+        ) from None
+    return matrix

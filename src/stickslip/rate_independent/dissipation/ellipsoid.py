@@ -1,0 +1,140 @@
+"""Ellipsoids: anisotropic friction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stickslip.errors import DeclarationError
+from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, Sampled
+from stickslip.rate_independent.dissipation.phase import SAMPLE_PHASES, Varying, read, wrapped
+
+if TYPE_CHECKING:
+    from stickslip.rate_independent.averaging.cones import ConeForm
+
+ROUNDING = 4e-16
+
+
+@dataclass(frozen=True, eq=False)
+class Ellipsoid(Dissipation):
+    """Ψ(s, v) = √⟨v, S(s) v⟩; K(s) = {ξ : ⟨ξ, S(s)⁻¹ ξ⟩ ≤ 1}.
+
+    Parameters
+    ----------
+    shape : array of shape (n, n), callable s -> array of shape (n, n), or nested lists of formulas in ``s``
+        S, symmetric and positive semidefinite: the eigenvectors are the axes, the eigenvalues their half lengths
+        squared. Along an axis of length 0 friction vanishes.
+
+    Raises
+    ------
+    DeclarationError
+        If S is not symmetric or has a negative eigenvalue at a phase.
+    """
+
+    shape: Any
+    matrix: Varying = field(init=False, repr=False)
+    _fixed_root: Array | None = field(init=False, repr=False, default=None)
+
+    def __post_init__(self) -> None:
+        matrix = read(self.shape, "shape")
+        if len(matrix.shape) != 2 or matrix.shape[0] != matrix.shape[1] or matrix.shape[0] == 0:
+            raise DeclarationError("shape", f"its shape {matrix.shape} is not that of a square matrix", "Give n x n")
+        object.__setattr__(self, "matrix", matrix)
+        self._axes(np.array(SAMPLE_PHASES))
+        if not matrix.depends_on_phase:
+            object.__setattr__(self, "_fixed_root", self.root_at(0.0))
+
+    @property
+    def dimension(self) -> int:
+        return self.matrix.shape[0]
+
+    @property
+    def depends_on_phase(self) -> bool:
+        return self.matrix.depends_on_phase
+
+    def root_at(self, s: float = 0.0) -> Array:
+        """R of shape (n, r) and full rank with S = R Rᵀ: its columns are the half axes, without those of length 0.
+
+        An axis shorter than some 1e-8 of the longest is lost in the rounding of S and has length 0.
+        """
+        if self._fixed_root is not None:
+            return self._fixed_root
+        ((axes,), (squares,), (floor,)) = self._axes(np.array([s]))
+        kept = squares > floor
+        return axes[:, kept] * np.sqrt(squares[kept])
+
+    def _axes(self, phases: Array) -> tuple[Array, Array, Array]:
+        """Eigenvectors (m, n, n) and eigenvalues (m, n) of S at several phases, and what is rounding of them (m,)."""
+        S = self.matrix.over(phases)
+        size = np.abs(S).max(axis=(1, 2))
+        transposed = S.transpose(0, 2, 1)
+        lopsided = np.abs(S - transposed).max(axis=(1, 2))
+        if (lopsided > 1e-10 * size).any():
+            k = int((lopsided - 1e-10 * size).argmax())
+            reason = f"it is not symmetric{self._when(phases[k])} (S - S^T reaches {lopsided[k]:.3g})"
+            raise DeclarationError("shape", reason, "Give a symmetric matrix")
+        squares, axes = np.linalg.eigh((S + transposed) / 2)
+        if (squares[:, 0] < -1e-12 * size).any():
+            k = int((squares[:, 0] + 1e-12 * size).argmin())
+            reason = f"it has the negative eigenvalue {squares[k, 0]:.6g}{self._when(phases[k])}"
+            raise DeclarationError("shape", reason, "No eigenvalue may be negative")
+        return axes, squares, ROUNDING * self.dimension * size
+
+    def _when(self, s: float) -> str:
+        return f" at phase s = {wrapped(s):g}" if self.depends_on_phase else ""
+
+    def support(self, v: ArrayLike, s: float = 0.0) -> float:
+        return float(np.linalg.norm(self.vector(v, "v") @ self.root_at(s)))
+
+    def exposed(self, v: ArrayLike, s: float = 0.0) -> Array:
+        root = self.root_at(s)
+        along = self.vector(v, "v") @ root
+        length = np.linalg.norm(along)
+        return root @ (along / length) if length > 0 else np.zeros(self.dimension)
+
+    def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
+        """The nearest point of the ellipsoid by its secular equation, exact up to rounding."""
+        from stickslip.rate_independent.dissipation.projections import nearest_in_ellipsoid
+
+        return nearest_in_ellipsoid(self.root_at(s), self.vector(xi, "xi"), self.metric(metric))
+
+    def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
+        """How far ξ lies outside K(s) along its ray, or along an axis if that is more."""
+        return float(self.sampled(np.array([s])).excess(self.vector(xi, "xi"))[0])
+
+    def sampled(self, phases: Array) -> Sampled:
+        return SampledEllipsoid(*self._axes(phases))
+
+    def cone_form(self, s: float) -> ConeForm:
+        from stickslip.rate_independent.averaging.cones import ellipsoid
+
+        return ellipsoid(self.root_at(s))
+
+    def average(self, tolerance: float = 1e-8) -> Average:
+        from stickslip.rate_independent.averaging.exchange import Intersection
+
+        return Intersection(self, tolerance)
+
+
+@dataclass(frozen=True, eq=False)
+class SampledEllipsoid:
+    """Ellipsoids at m phases by their axes (m, n, n), the squares of their lengths (m, n) and the rounding of these."""
+
+    axes: Array
+    squares: Array
+    floor: Array
+
+    def support(self, v: Array) -> Array:
+        squares = np.where(self.squares > self.floor[:, None], self.squares, 0.0)
+        return np.sqrt((np.square(v @ self.axes) * squares).sum(axis=1))
+
+    def excess(self, xi: Array) -> Array:
+        tiny = np.finfo(float).tiny
+        squares, along = np.maximum(self.squares, np.maximum(self.floor, tiny)[:, None]), np.abs(xi @ self.axes)
+        gauge = np.sqrt((np.square(along) / squares).sum(axis=1))
+        radial = float(np.linalg.norm(xi)) * (1.0 - 1.0 / np.maximum(gauge, tiny))
+        # Where an axis shrinks to 0, its ray knows too late.
+        return np.maximum(radial, (along - np.sqrt(np.maximum(self.squares, 0.0))).max(axis=1))

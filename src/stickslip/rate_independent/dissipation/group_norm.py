@@ -1,0 +1,119 @@
+"""Isotropic groups: planar friction, K(s) is a product of discs or balls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stickslip.errors import DeclarationError
+from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, Sampled
+from stickslip.rate_independent.dissipation.phase import Varying
+from stickslip.rate_independent.dissipation.weighted_l1 import nonnegative, nonnegative_over, read_weights
+
+if TYPE_CHECKING:
+    from stickslip.rate_independent.averaging.cones import ConeForm
+
+
+@dataclass(frozen=True, eq=False)
+class GroupNorm(Dissipation):
+    """Ψ(s, v) = Σ_g r_g(s) |v_g|₂; K(s) is a product of balls of radius r_g(s).
+
+    Component c of group g is entry ``g*size + c``.
+
+    Parameters
+    ----------
+    radii : array of shape (groups,), callable s -> array of shape (groups,), or list of formulas in ``s``
+        r ≥ 0.
+    size : int
+        Components of a group: 2 for planar friction.
+
+    Raises
+    ------
+    DeclarationError
+        If a radius is negative or not finite at a phase, or sizes do not fit.
+    """
+
+    radii: Any
+    size: int = 2
+    radius: Varying = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if isinstance(self.size, bool) or not isinstance(self.size, int | np.integer) or self.size < 1:
+            raise DeclarationError("size", f"{self.size!r} is not a number of components", "Give 1, 2, 3, ...")
+        object.__setattr__(self, "radius", read_weights(self.radii, "radii"))
+
+    @property
+    def groups(self) -> int:
+        """Number of groups."""
+        return self.radius.shape[0]
+
+    @property
+    def dimension(self) -> int:
+        return self.groups * self.size
+
+    @property
+    def depends_on_phase(self) -> bool:
+        return self.radius.depends_on_phase
+
+    def radii_at(self, s: float = 0.0) -> Array:
+        """Radii of the balls, shape (groups,)."""
+        return nonnegative(self.radius, s)
+
+    def norms(self, v: Array) -> Array:
+        """Length of each group, shape (groups,)."""
+        return np.linalg.norm(v.reshape(self.groups, self.size), axis=1)
+
+    def support(self, v: ArrayLike, s: float = 0.0) -> float:
+        return float(self.radii_at(s) @ self.norms(self.vector(v, "v")))
+
+    def exposed(self, v: ArrayLike, s: float = 0.0) -> Array:
+        return self._scaled(self.vector(v, "v"), self.radii_at(s))
+
+    def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
+        return float((self.norms(self.vector(xi, "xi")) - self.radii_at(s)).max())
+
+    def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
+        """The nearest point of the balls: each group shortened, or in a metric by a cone program refined by Newton."""
+        from stickslip.rate_independent.dissipation.projections import nearest_in_cones
+
+        xi, radii, M = self.vector(xi, "xi"), self.radii_at(s), self.metric(metric)
+        if M is not None:
+            return nearest_in_cones(self, xi, s, M)
+        return self._scaled(xi, np.minimum(radii, self.norms(xi)))
+
+    def _scaled(self, v: Array, lengths: Array) -> Array:
+        """Each group with its direction and the given length; a group that is 0 stays 0."""
+        norms = self.norms(v)
+        factor = np.divide(lengths, norms, out=np.zeros_like(norms), where=norms > 0)
+        return (v.reshape(self.groups, self.size) * factor[:, None]).ravel()
+
+    def cone_form(self, s: float) -> ConeForm:
+        from stickslip.rate_independent.averaging.cones import balls
+
+        return balls(self.radii_at(s), self.size)
+
+    def sampled(self, phases: Array) -> Sampled:
+        return SampledBalls(self, nonnegative_over(self.radius, phases))
+
+    def average(self, tolerance: float = 1e-8) -> Average:
+        """Each radius becomes its minimum over the phase, refined to rounding; `tolerance` is not needed."""
+        from stickslip.rate_independent.averaging.closed_forms import average_group_norm
+
+        return average_group_norm(self)
+
+
+@dataclass(frozen=True, eq=False)
+class SampledBalls:
+    """Balls at m phases by their radii, shape (m, groups)."""
+
+    potential: GroupNorm
+    radii: Array
+
+    def support(self, v: Array) -> Array:
+        return self.radii @ self.potential.norms(v)
+
+    def excess(self, xi: Array) -> Array:
+        return (self.potential.norms(xi) - self.radii).max(axis=1)

@@ -1,0 +1,238 @@
+"""Polytopes: crystalline friction, given by vertices or by half-spaces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stickslip.errors import DeclarationError
+from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, Sampled
+from stickslip.rate_independent.dissipation.phase import SAMPLE_PHASES, Constant, Varying, not_periodic, read, wrapped
+from stickslip.rate_independent.dissipation.weighted_l1 import nonnegative
+
+if TYPE_CHECKING:
+    from stickslip.rate_independent.averaging.cones import ConeForm
+
+QHULL_UP_TO = 6  # dimension above which the vertices of a polytope are too many
+
+
+@dataclass(frozen=True, eq=False)
+class Polytope(Dissipation):
+    """K(s) is the convex hull of vertices, or the set {ξ : N(s) ξ ≤ b(s)}.
+
+    Parameters
+    ----------
+    vertices : array of shape (k, n), callable s -> array, or nested lists of formulas in ``s``
+        Their convex hull has to contain 0.
+    normals, offsets : arrays of shape (m, n) and (m,), or the same of the phase
+        Instead of vertices: N and b ≥ 0. The polytope has to be bounded.
+
+    Raises
+    ------
+    DeclarationError
+        If 0 lies outside at a phase, the half-spaces leave a direction unbounded, or sizes do not fit.
+    """
+
+    vertices: Any = None
+    normals: Any = None
+    offsets: Any = None
+    corners: Varying | None = field(init=False, repr=False, default=None)
+    faces: Varying | None = field(init=False, repr=False, default=None)
+    reach: Varying | None = field(init=False, repr=False, default=None)
+
+    def __post_init__(self) -> None:
+        by_vertices = self.vertices is not None
+        if by_vertices == (self.normals is not None) or (self.normals is None) != (self.offsets is None):
+            raise DeclarationError(
+                "Polytope", "it needs vertices, or normals and offsets", "Give one of these two descriptions"
+            )
+        if by_vertices:
+            object.__setattr__(self, "corners", read_table(self.vertices, "vertices"))
+        else:
+            self._read_halfspaces()
+        for s in SAMPLE_PHASES if self.depends_on_phase else (0.0,):
+            self._check(s)
+        if not isinstance(self.faces, Constant):
+            self._check_period()
+
+    def _read_halfspaces(self) -> None:
+        faces = read_table(self.normals, "normals")
+        reach = read(self.offsets, "offsets", closes=isinstance(faces, Constant))
+        if reach.shape != faces.shape[:1]:
+            raise DeclarationError(
+                "offsets", f"it has the shape {reach.shape}, but there are {faces.shape[0]} normals", "Give as many"
+            )
+        object.__setattr__(self, "faces", faces)
+        object.__setattr__(self, "reach", reach)
+
+    @property
+    def dimension(self) -> int:
+        return (self.corners or self._given(self.faces)).shape[1]
+
+    @property
+    def depends_on_phase(self) -> bool:
+        return any(part is not None and part.depends_on_phase for part in (self.corners, self.faces, self.reach))
+
+    def vertices_at(self, s: float = 0.0) -> Array | None:
+        """Points whose convex hull is K(s), shape (k, n); None where they cannot be told from half-spaces."""
+        if self.corners is not None:
+            return self.corners.at(s)
+        return self._intersected(s) if self.depends_on_phase else self._fixed_vertices
+
+    def halfspaces_at(self, s: float = 0.0) -> tuple[Array, Array]:
+        """Unit normals, shape (m, n), and offsets b ≥ 0, shape (m,), of a polytope given by half-spaces."""
+        normals, offsets = self._given(self.faces).at(s), nonnegative(self._given(self.reach), s)
+        lengths = np.linalg.norm(normals, axis=1)
+        if not lengths.all():
+            when = f" at phase s = {wrapped(s):g}" if self.depends_on_phase else ""
+            raise DeclarationError("normals", f"row {int(lengths.argmin())} is 0{when}", "Give a direction")
+        return normals / lengths[:, None], offsets / lengths
+
+    def facets_at(self, s: float = 0.0) -> tuple[Array, Array] | None:
+        """Unit normals and offsets; None where they cannot be told from the vertices."""
+        if self.corners is None:
+            return self.halfspaces_at(s)
+        if not 2 <= self.dimension <= QHULL_UP_TO:
+            return None
+        from scipy.spatial import ConvexHull, QhullError
+
+        try:
+            equations = ConvexHull(self.corners.at(s)).equations
+        except QhullError:  # it is flat
+            return None
+        return equations[:, :-1], -equations[:, -1]
+
+    def support(self, v: ArrayLike, s: float = 0.0) -> float:
+        v = self.vector(v, "v")
+        value = float(self.exposed(v, s) @ v)
+        if value < 0.0:
+            self._check(s)
+        return max(value, 0.0)
+
+    def exposed(self, v: ArrayLike, s: float = 0.0) -> Array:
+        v, vertices = self.vector(v, "v"), self.vertices_at(s)
+        if vertices is not None:
+            return vertices[int((vertices @ v).argmax())].copy()
+        length = float(np.abs(v).max())
+        if length == 0.0:
+            return np.zeros(self.dimension)
+        from stickslip.rate_independent.averaging.cones import polyhedron, solve
+
+        self._check(s)
+        normals, offsets = self.halfspaces_at(s)
+        size = float(offsets.max()) or 1.0
+        return solve([polyhedron(normals, offsets / size)], v / length)[0] * size
+
+    def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
+        return self._excess(self.vector(xi, "xi"), s, self.facets_at(s))
+
+    def _excess(self, xi: Array, s: float, facets: tuple[Array, Array] | None) -> float:
+        return super().excess(xi, s) if facets is None else float((facets[0] @ xi - facets[1]).max())
+
+    def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
+        """The nearest point of the polytope by an active set, exact up to rounding."""
+        from stickslip.rate_independent.dissipation.projections import nearest_in_hull, nearest_in_polyhedron
+
+        xi, M = self.vector(xi, "xi"), self.metric(metric)
+        if self.corners is not None:
+            return nearest_in_hull(self.corners.at(s), xi, M)
+        return nearest_in_polyhedron(*self.halfspaces_at(s), xi, M)
+
+    def cone_form(self, s: float) -> ConeForm:
+        from stickslip.rate_independent.averaging.cones import hull, polyhedron
+
+        return polyhedron(*self.halfspaces_at(s)) if self.corners is None else hull(self.corners.at(s))
+
+    def average(self, tolerance: float = 1e-8) -> Average:
+        """Where the normals are fixed, each offset becomes its minimum over the phase; else to the tolerance."""
+        from stickslip.rate_independent.averaging.closed_forms import average_polytope
+        from stickslip.rate_independent.averaging.exchange import Intersection
+
+        return average_polytope(self) if isinstance(self.faces, Constant) else Intersection(self, tolerance)
+
+    def sampled(self, phases: Array) -> Sampled:
+        return SampledPolytope(self, phases)
+
+    @cached_property
+    def _fixed_vertices(self) -> Array | None:
+        return self._intersected(0.0)
+
+    def _intersected(self, s: float) -> Array | None:
+        """Vertices of half-spaces around 0; None where they are too many or too close to 0."""
+        if not 2 <= self.dimension <= QHULL_UP_TO:
+            return None
+        from scipy.spatial import HalfspaceIntersection
+
+        normals, offsets = self.halfspaces_at(s)
+        if offsets.min() <= 1e-6 * offsets.max():
+            return None
+        self._check(s)
+        return HalfspaceIntersection(np.column_stack([normals, -offsets]), np.zeros(self.dimension)).intersections
+
+    def _check(self, s: float) -> None:
+        """Refuse a phase at which K(s) does not contain 0 or is not bounded."""
+        when = f" at phase s = {wrapped(s):g}" if self.depends_on_phase else ""
+        if self.corners is not None:
+            far = float(np.linalg.norm(self.project(np.zeros(self.dimension), s)))
+            if far > 1e-12 * np.abs(self.corners.at(s)).max():
+                raise DeclarationError(
+                    "vertices", f"their convex hull does not contain 0{when} (distance {far:.6g})", "Move them around 0"
+                )
+            return
+        from scipy.optimize import nnls
+
+        normals, _ = self.halfspaces_at(s)
+        # Bounded if the normals, each with a positive factor, add up to 0.
+        left = nnls(normals.T, -normals.sum(axis=0), maxiter=30 * len(normals) + 100)[1]
+        if left > 1e-10 or np.linalg.matrix_rank(normals) < self.dimension:
+            raise DeclarationError("normals", f"the half-spaces leave a direction unbounded{when}", "Add a half-space")
+
+    def _check_period(self) -> None:
+        """Refuse vertices or half-spaces that describe another set after one period; their order may change."""
+        later = [None if part is None else part.later(0.0) for part in (self.corners, self.faces, self.reach)]
+        after = Polytope(*later) if self.depends_on_phase else self
+        for d in np.random.default_rng(0).normal(size=(3, self.dimension)):
+            if abs(after.support(d) - self.support(d)) > 1e-8 * self.support(d):
+                raise not_periodic("vertices" if self.faces is None else "normals", 0.0)
+
+    def _given(self, part: Varying | None) -> Varying:
+        assert part is not None
+        return part
+
+
+@dataclass(frozen=True, eq=False)
+class SampledPolytope:
+    """A polytope at m phases."""
+
+    potential: Polytope
+    phases: Array
+
+    @cached_property
+    def vertices(self) -> list[Array | None]:
+        """Vertices at each phase, where they are known."""
+        return [self.potential.vertices_at(s) for s in self.phases.tolist()]
+
+    @cached_property
+    def facets(self) -> list[tuple[Array, Array] | None]:
+        """Normals and offsets at each phase, where they are known."""
+        return [self.potential.facets_at(s) for s in self.phases.tolist()]
+
+    def support(self, v: Array) -> Array:
+        known = zip(self.phases.tolist(), self.vertices, strict=True)
+        return np.array([self.potential.support(v, s) if p is None else (p @ v).max() for s, p in known])
+
+    def excess(self, xi: Array) -> Array:
+        known = zip(self.phases.tolist(), self.facets, strict=True)
+        return np.array([self.potential._excess(xi, s, facets) for s, facets in known])
+
+
+def read_table(given: object, where: str) -> Varying:
+    """Rows of vectors that may depend on the phase."""
+    table = read(given, where, closes=False)
+    if len(table.shape) != 2 or 0 in table.shape:
+        raise DeclarationError(where, f"it has the shape {table.shape}", "Give one row of n numbers for each")
+    return table

@@ -1,0 +1,112 @@
+"""Sums of potentials on a product space."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stickslip.errors import DeclarationError
+from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, Sampled
+
+if TYPE_CHECKING:
+    from stickslip.rate_independent.averaging.cones import ConeForm
+
+
+@dataclass(frozen=True, eq=False)
+class Product(Dissipation):
+    """Ψ(s, (v₁, ..., v_m)) = Σ Ψ_k(s, v_k); K(s) is the product of the K_k(s).
+
+    Parameters
+    ----------
+    factors : sequence of Dissipation
+    """
+
+    factors: Sequence[Dissipation]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "factors", tuple(self.factors))
+        if not self.factors:
+            raise DeclarationError("factors", "there is none", "Give at least one potential")
+        for k, factor in enumerate(self.factors):
+            if not isinstance(factor, Dissipation):
+                raise DeclarationError(
+                    f"factors[{k}]", f"it is a {type(factor).__name__}, not a dissipation potential", "Give potentials"
+                )
+
+    @property
+    def dimension(self) -> int:
+        return sum(factor.dimension for factor in self.factors)
+
+    @property
+    def depends_on_phase(self) -> bool:
+        return any(factor.depends_on_phase for factor in self.factors)
+
+    @property
+    def parts(self) -> list[slice]:
+        """Components of each factor."""
+        ends = np.cumsum([0, *(factor.dimension for factor in self.factors)])
+        return [slice(start, end) for start, end in pairwise(map(int, ends))]
+
+    def split(self, x: Array) -> Iterator[tuple[Dissipation, Array]]:
+        """Each factor with its components of x."""
+        return zip(self.factors, (x[part] for part in self.parts), strict=True)
+
+    def support(self, v: ArrayLike, s: float = 0.0) -> float:
+        return sum(factor.support(part, s) for factor, part in self.split(self.vector(v, "v")))
+
+    def exposed(self, v: ArrayLike, s: float = 0.0) -> Array:
+        return np.concatenate([factor.exposed(part, s) for factor, part in self.split(self.vector(v, "v"))])
+
+    def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
+        return max(factor.excess(part, s) for factor, part in self.split(self.vector(xi, "xi")))
+
+    def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
+        """The nearest point, factor by factor; in a metric by a cone program refined by Newton."""
+        from stickslip.rate_independent.dissipation.projections import nearest_by_support, nearest_in_cones
+
+        xi, M = self.vector(xi, "xi"), self.metric(metric)
+        if M is None:
+            return np.concatenate([factor.project(part, s) for factor, part in self.split(xi)])
+        known_by_cones = all(factor.cone_form(s) is not None for factor in self.factors)
+        return (nearest_in_cones if known_by_cones else nearest_by_support)(self, xi, s, M)
+
+    def cone_form(self, s: float) -> ConeForm | None:
+        from stickslip.rate_independent.averaging.cones import product
+
+        forms = [form for factor in self.factors if (form := factor.cone_form(s)) is not None]
+        complete = len(forms) == len(self.factors)
+        return product(forms, [factor.dimension for factor in self.factors]) if complete else None
+
+    def outer_form(self, s: float, xi: Array) -> ConeForm:
+        from stickslip.rate_independent.averaging.cones import product
+
+        forms = [factor.outer_form(s, part) for factor, part in self.split(xi)]
+        return product(forms, [factor.dimension for factor in self.factors])
+
+    def sampled(self, phases: Array) -> Sampled:
+        return SampledProduct(self.parts, [factor.sampled(phases) for factor in self.factors])
+
+    def average(self, tolerance: float = 1e-8) -> Average:
+        """The product of the averages."""
+        from stickslip.rate_independent.averaging.closed_forms import AveragedProduct
+
+        return AveragedProduct(tuple(factor.average(tolerance) for factor in self.factors), self, tolerance)
+
+
+@dataclass(frozen=True, eq=False)
+class SampledProduct:
+    """A product at m phases."""
+
+    parts: list[slice]
+    factors: list[Sampled]
+
+    def support(self, v: Array) -> Array:
+        return np.sum([factor.support(v[part]) for factor, part in zip(self.factors, self.parts, strict=True)], axis=0)
+
+    def excess(self, xi: Array) -> Array:
+        return np.max([factor.excess(xi[part]) for factor, part in zip(self.factors, self.parts, strict=True)], axis=0)

@@ -1,0 +1,232 @@
+"""Nearest points of convex sets: one finite or safeguarded method for each shape."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.errors import ConvergenceError
+
+if TYPE_CHECKING:
+    from stickslip.rate_independent.dissipation.base import Dissipation
+
+Array = NDArray[np.float64]
+BLOCK_TRIALS = 3  # exchanges of whole blocks without progress before one index at a time is exchanged
+
+
+def nearest_in_box(M: Array, xi: Array, lower: Array, upper: Array) -> Array:
+    """The y in [lower, upper] with the least ½⟨M(ξ − y), ξ − y⟩, by block principal pivoting.
+
+    All components on the wrong side change at once as long as their number falls; otherwise only the first one does, a
+    rule that cannot cycle since M is positive definite (J. J. Júdice and F. M. Pires, *A block principal pivoting
+    algorithm for large-scale strictly monotone linear complementarity problems*, Comput. Oper. Res. 21 (1994) 587-596).
+    """
+    from scipy.linalg import cho_factor, cho_solve
+
+    if (lower <= xi).all() and (xi <= upper).all():
+        return xi.copy()
+    size = max(np.abs(xi).max(), np.abs(lower).max(), np.abs(upper).max())
+    slack, push = 1e-14 * size, 1e-14 * size * np.abs(M).sum(axis=1).max()
+    held = np.where(xi < lower, -1, np.where(xi > upper, 1, 0))
+    pinned = lower == upper
+    held[pinned] = -1
+    fewest, trials = len(xi) + 1, BLOCK_TRIALS
+    for _ in range(1000 + 50 * len(xi)):
+        free = held == 0
+        y = np.where(held < 0, lower, upper)
+        if free.any():
+            pull = (M[free] @ xi) - M[np.ix_(free, ~free)] @ y[~free]
+            y[free] = cho_solve(cho_factor(M[np.ix_(free, free)]), pull)
+        force = M @ (xi - y)
+        below, above = free & (y < lower - slack), free & (y > upper + slack)
+        off = ~pinned & (((held < 0) & (force > push)) | ((held > 0) & (force < -push)))
+        wrong = np.flatnonzero(below | above | off)
+        if not len(wrong):
+            return np.clip(y, lower, upper)
+        if len(wrong) < fewest:
+            fewest, trials = len(wrong), BLOCK_TRIALS
+        elif trials > 0:
+            trials -= 1
+        else:
+            wrong = wrong[:1]
+        held[wrong] = np.where(below, -1, np.where(above, 1, 0))[wrong]
+    raise ConvergenceError(
+        "projection onto a box",
+        f"{fewest} of {len(xi)} components still stand on the wrong side",
+        "The metric is too ill-conditioned for double precision",
+    )
+
+
+def nearest_in_ellipsoid(root: Array, xi: Array, M: Array | None = None) -> Array:
+    """The y in {root u : |u| ≤ 1} with the least ½⟨M(ξ − y), ξ − y⟩; `root` has full column rank.
+
+    u = (B + λ)⁻¹ rootᵀMξ with B = rootᵀ M root; 1/|u| is concave and increasing in λ, so that Newton's method for
+    1/|u| = 1 from λ = 0 goes up to the root and not beyond.
+    """
+    if root.shape[1] == 0:
+        return np.zeros_like(xi)
+    pulled = root if M is None else M @ root
+    eigenvalues, Q = np.linalg.eigh(root.T @ pulled)
+    load = Q.T @ (pulled.T @ xi)
+    u, multiplier = load / eigenvalues, 0.0
+    if np.linalg.norm(u) <= 1.0:
+        return xi.copy() if root.shape[0] == root.shape[1] else root @ (Q @ u)
+    for _ in range(100):
+        length = np.linalg.norm(u)
+        step = (length - 1.0) * length**2 / float(u @ (u / (eigenvalues + multiplier)))
+        if step <= 1e-16 * multiplier:
+            break
+        multiplier += step
+        u = load / (eigenvalues + multiplier)
+        if abs(np.linalg.norm(u) - 1.0) <= 2e-16:
+            break
+    return root @ (Q @ (u / np.linalg.norm(u)))
+
+
+def nearest_in_hull(points: Array, xi: Array, M: Array | None = None) -> Array:
+    """The point of the convex hull of the rows of `points`, shape (k, n), nearest to ξ, by an active set.
+
+    The nonnegative u with the least |Σ u_j (p_j − ξ)|² + (Σ u_j − 1)² has the weights of the nearest point, up to a
+    factor (C. L. Lawson and R. J. Hanson, *Solving Least Squares Problems*, 1974, chapter 23).
+    """
+    rest = points - xi
+    if M is not None:
+        rest = rest @ np.linalg.cholesky(M)
+    size = np.linalg.norm(rest, axis=1).max()
+    if size == 0.0:
+        return xi.copy()
+    weights = nonnegative_least_squares(np.vstack([rest.T / size, np.ones(len(rest))]))
+    active = weights > 0
+    base, *others = np.flatnonzero(active)
+    # Once more, on the face that was found, with all digits.
+    if others:
+        share = np.linalg.lstsq((rest[others] - rest[base]).T, -rest[base], rcond=None)[0]
+        if share.min() >= 0 and share.sum() <= 1:
+            return points[base] + share @ (points[others] - points[base])
+    return weights / weights.sum() @ points
+
+
+def nearest_in_polyhedron(normals: Array, offsets: Array, xi: Array, M: Array | None = None) -> Array:
+    """The y with normals y ≤ offsets nearest to ξ, by the least distance program of Lawson and Hanson, chapter 23."""
+    beyond = normals @ xi - offsets
+    worst = beyond.max()
+    if worst <= 0:
+        return xi.copy()
+    G = -normals if M is None else -np.linalg.solve(np.linalg.cholesky(M), normals.T).T
+    rows = np.column_stack([G, beyond / worst])
+    rows /= np.linalg.norm(rows, axis=1)[:, None]
+    weights = nonnegative_least_squares(rows.T)
+    active = weights > 0
+    # The faces that hold it are known: the nearest point of their intersection, with all digits.
+    step = np.linalg.lstsq(G[active], beyond[active], rcond=None)[0]
+    y = xi + (step if M is None else np.linalg.solve(np.linalg.cholesky(M).T, step))
+    left = float((normals @ y - offsets).max())
+    if not left <= 1e-9 * max(worst, float(np.abs(offsets).max())):
+        raise ConvergenceError("projection onto a polytope", f"the point found is still {left:.3g} outside")
+    return y
+
+
+def nonnegative_least_squares(E: Array) -> Array:
+    """The u ≥ 0 with the least |E u − (0, ..., 0, 1)|."""
+    from scipy.optimize import nnls
+
+    try:
+        return nnls(E, np.append(np.zeros(len(E) - 1), 1.0), maxiter=30 * E.shape[1] + 100)[0]
+    except RuntimeError as error:
+        raise ConvergenceError("projection onto a polytope", f"the active set did not settle ({error})") from None
+
+
+def nearest_in_cones(dissipation: Dissipation, xi: Array, s: float, M: Array) -> Array:
+    """The point of K(s) nearest to ξ in a metric: a cone program, refined by Newton's method.
+
+    y is nearest if it is the Euclidean projection of y + τM(ξ − y). The derivative of the projection is taken by
+    differences, so that each step gains some seven digits.
+
+    Raises
+    ------
+    ConvergenceError
+        If the residual stays above 1e-10 times the size of ξ.
+    """
+    from stickslip.rate_independent.averaging.cones import solve
+
+    size, tau = float(np.abs(xi).max()), 1.0 / float(np.linalg.eigvalsh(M)[-1])
+    if size == 0.0 or dissipation.distance(xi, s) == 0.0:
+        return xi.copy()
+    form = dissipation.outer_form(s, xi).scaled(1.0 / size)
+    y = dissipation.project(solve([form], tau * (M @ xi) / size, tau * M)[0] * size, s)
+    best, residual = y, np.inf
+    for _ in range(20):
+        target = y + tau * (M @ (xi - y))
+        image = dissipation.project(target, s)
+        if (reached := float(np.linalg.norm(y - image))) >= 0.5 * residual:
+            break
+        best, residual = image, reached
+        slope = _slope(dissipation, target, image, s, 1e-7 * size)
+        y = y - np.linalg.solve(np.eye(len(xi)) - slope @ (np.eye(len(xi)) - tau * M), y - image)
+    if not residual <= 1e-10 * size:
+        raise ConvergenceError(
+            "projection in a metric",
+            f"the residual stays at {residual / size:.3g} of the size of xi",
+            "Scale the metric",
+        )
+    return best
+
+
+def _slope(dissipation: Dissipation, target: Array, image: Array, s: float, h: float) -> Array:
+    """Derivative of the Euclidean projection, column by column."""
+    shifts = h * np.eye(len(target))
+    return np.column_stack([(dissipation.project(target + shift, s) - image) / h for shift in shifts])
+
+
+def nearest_by_support(
+    dissipation: Dissipation,
+    xi: Array,
+    s: float,
+    M: Array | None,
+    known: list[Array] | None = None,
+    accuracy: float = 0.0,
+) -> Array:
+    """The point of K(s) nearest to ξ from points of K(s) that are exposed in the direction in which ξ still lies.
+
+    With d = M(ξ − y), the support function bounds what is left to gain: |y − y*|²_M ≤ Ψ(s, d) − ⟨d, y⟩.
+
+    Parameters
+    ----------
+    known : list of ndarray, optional
+        Points of K(s) to start from; those that are found are added.
+    accuracy : float
+        Relative error of the distance that will do; by default as little as possible.
+
+    Raises
+    ------
+    ConvergenceError
+        If the distance is not accurate to 1e-9 of the size of K(s).
+    """
+    points = [] if known is None else known
+    if not points:
+        points.append(dissipation.exposed(xi, s))
+    best, least = points[0], np.inf
+    for _ in range(300):
+        table = np.array(points)
+        y = nearest_in_hull(table, xi, M)
+        size = float(np.abs(table).max() + np.abs(xi).max())
+        d = xi - y if M is None else M @ (xi - y)
+        far = float(np.linalg.norm(xi - y)) / size
+        if far <= 1e-14:
+            return y
+        ahead = dissipation.exposed(d, s)
+        gap = (dissipation.support(d, s) - float(d @ y)) / (float(np.linalg.norm(d)) * size)
+        if min(gap, far) < least:
+            best, least = y, min(gap, far)
+        if gap <= max(1e-15, accuracy * far) or (np.abs(table - ahead).max(axis=1) <= 1e-15 * size).any():
+            break
+        points.append(ahead)
+    if not least <= max(1e-9, accuracy):
+        raise ConvergenceError(
+            "projection by a support function",
+            f"the distance is known to {least:.3g} of the size of K(s) only",
+            "Give the subgradient of the function",
+        )
+    return best

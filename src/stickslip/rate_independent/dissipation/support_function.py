@@ -1,0 +1,172 @@
+"""Potentials known only as functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stickslip.errors import DeclarationError
+from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation
+from stickslip.rate_independent.dissipation.phase import SAMPLE_PHASES, wrapped
+
+if TYPE_CHECKING:
+    from stickslip.rate_independent.averaging.cones import ConeForm
+
+STEPS = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5)  # of differences, in units of |v|
+TILT = 1e-4
+
+
+class SupportFunction(Dissipation):
+    """Ψ(s, v) as a callable.
+
+    Parameters
+    ----------
+    function : callable (s, v) -> float
+        Ψ: nonnegative, convex and 1-homogeneous in v of shape (n,), 1-periodic in s.
+    dimension : int
+        n.
+    subgradient : callable (s, v) -> array of shape (n,), optional
+        A point ξ of K(s) with ⟨ξ, v⟩ = Ψ(s, v). By default it is found from differences of Ψ, with some nine digits.
+    depends_on_phase : bool
+
+    Raises
+    ------
+    DeclarationError
+        If Ψ is negative, not finite, not homogeneous or not convex where it is looked at.
+
+    Notes
+    -----
+    Nearest points are found from subgradients alone. Distances are accurate to 1e-9 of the size of K(s), or the call
+    stops with a ConvergenceError.
+    """
+
+    def __init__(
+        self,
+        function: Callable[[float, Array], float],
+        dimension: int,
+        subgradient: Callable[[float, Array], ArrayLike] | None = None,
+        depends_on_phase: bool = True,
+    ) -> None:
+        if isinstance(dimension, bool) or not isinstance(dimension, int | np.integer) or dimension < 1:
+            raise DeclarationError("dimension", f"{dimension!r} is not a dimension", "Give 1, 2, 3, ...")
+        if not callable(function):
+            raise DeclarationError("function", "it cannot be called", "Give a function of the phase s and of v")
+        self.function, self.subgradient = function, subgradient
+        self._dimension, self._depends_on_phase = int(dimension), depends_on_phase
+        directions = np.random.default_rng(0).normal(size=(len(SAMPLE_PHASES) + 1, dimension))
+        for s, v, w in zip(SAMPLE_PHASES, directions, directions[1:], strict=False):
+            self._check(s, v, w)
+        start = self._psi(0.0, directions[0])
+        if depends_on_phase and abs(start - self._psi(1.0, directions[0])) > 1e-9 * start:
+            raise DeclarationError(
+                "function", "it differs between the phases s = 0 and s = 1", "Write it as a function with period 1 in s"
+            )
+
+    @property
+    def dimension(self) -> int:
+        return self._dimension
+
+    @property
+    def depends_on_phase(self) -> bool:
+        return self._depends_on_phase
+
+    def support(self, v: ArrayLike, s: float = 0.0) -> float:
+        v = self.vector(v, "v")
+        length = float(np.linalg.norm(v))
+        return length * self._psi(wrapped(s), v / length) if length > 0 else 0.0
+
+    def exposed(self, v: ArrayLike, s: float = 0.0) -> Array:
+        v, s = self.vector(v, "v"), wrapped(s)
+        length = float(np.linalg.norm(v))
+        if length == 0.0:
+            return np.zeros(self.dimension)
+        if self.subgradient is None:
+            return self._differences(v / length, s)
+        return self.vector(self.subgradient(s, v / length), f"subgradient at phase s = {s:g}")
+
+    def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
+        """The nearest point of the convex hull of subgradients, taken where they are needed."""
+        from stickslip.rate_independent.dissipation.projections import nearest_by_support
+
+        return nearest_by_support(self, self.vector(xi, "xi"), s, self.metric(metric))
+
+    def _nearest_at(self, s: float) -> Callable[[Array], Array]:
+        from stickslip.rate_independent.dissipation.projections import nearest_by_support
+
+        # Points of K(s) serve all projections. They are for a search, which four digits do not mislead.
+        known: list[Array] = []
+        return lambda x: nearest_by_support(self, x, s, None, known, accuracy=1e-4)
+
+    def cone_form(self, s: float) -> None:
+        return None
+
+    def outer_form(self, s: float, xi: Array) -> ConeForm:
+        """The half-space that separates ξ from K(s), and a box around K(s)."""
+        from stickslip.rate_independent.averaging.cones import polyhedron
+
+        axes = np.eye(self.dimension)
+        beyond = xi - self.project(xi, s)
+        length = float(np.linalg.norm(beyond))
+        normals = np.vstack([axes, -axes, *([beyond / length] if length > 0 else [])])
+        return polyhedron(normals, np.array([self.support(d, s) for d in normals]))
+
+    def average(self, tolerance: float = 1e-8) -> Average:
+        from stickslip.rate_independent.averaging.exchange import Intersection
+
+        return Intersection(self, tolerance)
+
+    def _psi(self, s: float, v: Array) -> float:
+        try:
+            value = float(self.function(s, v))
+        except Exception as error:
+            raise DeclarationError(
+                "function", f"it fails at phase s = {s:g} and v = {v} ({type(error).__name__}: {error})", "Correct it"
+            ) from error
+        if not (np.isfinite(value) and value >= 0.0):
+            reason = "but a dissipation potential is nonnegative: K(s) has to contain 0"
+            raise DeclarationError("function", f"it is {value} at phase s = {s:g} and v = {v}, {reason}", "Correct it")
+        return value
+
+    def _check(self, s: float, v: Array, w: Array) -> None:
+        """Look whether it is a support function in two directions at one phase."""
+        one, other, both = self._psi(s, v), self._psi(s, w), self._psi(s, v + w)
+        if abs(self._psi(s, 2 * v) - 2 * one) > 1e-9 * one:
+            raise DeclarationError(
+                "function",
+                f"it is not 1-homogeneous at phase s = {s:g}: Psi(2v) is not 2 Psi(v) for v = {v}",
+                "Correct it",
+            )
+        if both > (one + other) * (1 + 1e-9):
+            raise DeclarationError(
+                "function",
+                f"it is not convex at phase s = {s:g}: Psi(v + w) > Psi(v) + Psi(w) for v = {v}, w = {w}",
+                "A potential has to be convex in v",
+            )
+
+    def _differences(self, v: Array, s: float) -> Array:
+        """Subgradient at a unit vector by central differences of fourth order.
+
+        The step is right where the next smaller one agrees and Euler's identity ⟨ξ, v⟩ = Ψ(s, v) holds. If none does, v
+        stands on a kink and is tilted.
+        """
+        psi, axes = self._psi(s, v), np.eye(self.dimension)
+        best, least = v * psi, np.inf
+        for w in (v, *(v + tilt for tilt in TILT * np.random.default_rng(1).normal(size=(3, self.dimension)))):
+            last = np.full(self.dimension, np.inf)
+            for h in STEPS:
+                near = [self._psi(s, w + h * e) - self._psi(s, w - h * e) for e in axes]
+                far = [self._psi(s, w + 2 * h * e) - self._psi(s, w - 2 * h * e) for e in axes]
+                slope = (8 * np.array(near) - np.array(far)) / (12 * h)
+                missing = max(abs(float(slope @ w) - self._psi(s, w)), psi - float(slope @ v))
+                off = max(missing, float(np.abs(slope - last).max()))
+                if off < least:
+                    best, least = slope, off
+                if off <= 1e-11 * psi:
+                    return slope
+                last = slope
+            if least <= 1e-9 * psi:
+                break
+        return best

@@ -1,0 +1,131 @@
+"""The load ℓ(t) of an evolution: a callable, a table of values, or formulas in t."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from stickslip import expressions as ex
+from stickslip.errors import DeclarationError
+from stickslip.formulas import Scope
+from stickslip.rate_independent.dissipation.phase import evaluate
+
+Array = np.ndarray
+CACHED = 2_000_000  # numbers of a callable load that are remembered: refined steps ask for the same times again
+
+
+@dataclass(frozen=True)
+class Load:
+    """ℓ at many times.
+
+    Attributes
+    ----------
+    at : callable
+        Times of shape (m,) → values of shape (m, n).
+    knots : array
+        Times at which the slope jumps (of a table).
+    span : (float, float)
+        Times between which the load is known.
+    """
+
+    at: Callable[[Array], Array]
+    knots: Array = field(default_factory=lambda: np.empty(0))
+    span: tuple[float, float] = (-np.inf, np.inf)
+
+
+def read_load(given: Any, n: int) -> Load:
+    """The load as given, in one form.
+
+    Parameters
+    ----------
+    given : callable, (times, values), or formulas
+        t → (n,); or arrays of shapes (m,) and (m, n), linear in between; or a list of n formulas in ``t`` (one formula
+        if n = 1).
+    n : int
+        Number of components.
+
+    Raises
+    ------
+    DeclarationError
+        If it is none of these, does not fit, or a table has an entry that is not finite.
+    """
+    if callable(given):
+        return Load(_callable_rows(given, n))
+    if isinstance(given, str):
+        return _formulas([given], n)
+    if isinstance(given, tuple) and len(given) == 2 and np.ndim(given[0]) == 1:
+        return _table(*given, n)
+    if isinstance(given, Sequence) and all(np.ndim(item) == 0 for item in given):
+        return _formulas(given, n)
+    raise DeclarationError(
+        "load",
+        f"a {type(given).__name__} is no load",
+        f"Give a callable t -> ({n},), a pair (times, values), or a list of {n} formulas in t",
+    )
+
+
+def _callable_rows(function: Callable[[float], Any], n: int) -> Callable[[Array], Array]:
+    @lru_cache(maxsize=max(4, CACHED // n))
+    def row(t: float) -> Array:
+        try:
+            value = np.array(function(t), dtype=float)
+        except (TypeError, ValueError) as error:
+            raise DeclarationError("load", f"no value at t = {t:.9g} ({error})", f"Return {n} numbers") from None
+        if value.shape != (n,) and value.size != n:
+            raise DeclarationError("load", f"shape {value.shape} at t = {t:.9g}, but A has {n} rows", f"Return ({n},)")
+        return value.reshape(n)
+
+    return lambda times: np.array([row(t) for t in times.tolist()]).reshape(len(times), n)
+
+
+def _table(times: Any, values: Any, n: int) -> Load:
+    try:
+        times, values = np.array(times, dtype=float), np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise DeclarationError(
+            "load", "the table holds something that is no number", "Give arrays of numbers"
+        ) from None
+    if values.ndim == 1 and n == 1:
+        values = values[:, None]
+    if len(times) < 2 or values.shape != (len(times), n):
+        raise DeclarationError(
+            "load",
+            f"{len(times)} times and values of shape {values.shape} do not fit",
+            f"Give at least 2 times and values of shape (times, {n})",
+        )
+    if not (np.all(np.isfinite(times)) and np.all(np.diff(times) > 0.0)):
+        raise DeclarationError("load", "the times do not increase", "Sort them, each once, all finite")
+    check_finite(times, values)
+
+    def rows(at: Array) -> Array:
+        left = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
+        share = ((at - times[left]) / (times[left + 1] - times[left]))[:, None]
+        return (1.0 - share) * values[left] + share * values[left + 1]
+
+    return Load(rows, times[1:-1], (float(times[0]), float(times[-1])))
+
+
+def _formulas(given: Sequence[Any], n: int) -> Load:
+    if len(given) != n:
+        raise DeclarationError("load", f"{len(given)} formulas for {n} components", f"Give a list of {n} formulas in t")
+    scope = Scope({"t": ex.sym("t")})
+    expressions = [scope.parse(text, f"load[{i}]") for i, text in enumerate(given)]
+
+    def rows(times: Array) -> Array:
+        return np.stack([np.broadcast_to(v, times.shape) for v in evaluate(expressions, times)], axis=1)
+
+    return Load(rows)
+
+
+def check_finite(times: Array, rows: Array) -> None:
+    """Refuse a load that is not finite; names the first time and component."""
+    bad = np.argwhere(~np.isfinite(rows))
+    if len(bad):
+        k, i = map(int, bad[0])
+        raise DeclarationError(
+            f"load[{i}]", f"{rows[k, i]} at t = {times[k]:.9g}", "Every value of the load must be finite"
+        )

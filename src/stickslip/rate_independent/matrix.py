@@ -1,0 +1,127 @@
+"""Whether a matrix, dense or sparse, is symmetric and positive definite."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from stickslip.errors import DeclarationError
+
+Array = np.ndarray
+DECIDED = 20_000  # rows up to which a sparse matrix is factorised to see whether it is positive definite
+
+
+def checked_matrix(given: Any) -> Any:
+    """A as a float array or in compressed rows.
+
+    Raises
+    ------
+    DeclarationError
+        If it is not square, finite, symmetric and positive definite.
+    """
+    from scipy import sparse
+
+    try:
+        A: Any = sparse.csr_array(given, dtype=float) if sparse.issparse(given) else np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        raise DeclarationError("A", "not a matrix of numbers", "Give an (n, n) array or sparse array") from None
+    if A.ndim == 0:
+        A = A.reshape(1, 1)
+    if A.ndim != 2 or A.shape[0] != A.shape[1] or A.shape[0] == 0:
+        raise DeclarationError("A", f"its shape is {A.shape}", "Give a square matrix")
+    _check_symmetric(A)
+    _check_definite(A)
+    return A
+
+
+def _check_symmetric(A: Any) -> None:
+    from scipy import sparse
+
+    entries = A.data if sparse.issparse(A) else A
+    if not np.all(np.isfinite(entries)):
+        raise DeclarationError("A", "an entry is not finite", "Give finite numbers")
+    gap = abs(A - A.T)
+    if gap.max() > 1e-10 * abs(entries).max(initial=0.0):
+        if sparse.issparse(gap):
+            gap = sparse.coo_array(gap)
+            k = int(np.argmax(gap.data))
+            i, j = int(gap.coords[0][k]), int(gap.coords[1][k])
+        else:
+            i, j = map(int, np.unravel_index(np.argmax(gap), gap.shape))
+        i, j = min(i, j), max(i, j)
+        raise DeclarationError(
+            f"A[{i}, {j}]", f"{A[i, j]:.9g}, but A[{j}, {i}] = {A[j, i]:.9g}", "A has to be symmetric"
+        )
+
+
+def _check_definite(A: Any) -> None:
+    """Refuse a matrix that is not positive definite.
+
+    Small matrices, sparse ones up to 2e4 rows, and diagonally dominant ones are decided. A larger sparse one is refused
+    only if some direction of a Krylov space (or the constant vector) has no positive energy.
+    """
+    from scipy import sparse
+
+    diagonal = A.diagonal()
+    i = int(np.argmin(diagonal))
+    if diagonal[i] <= 0.0:
+        raise _indefinite(f"A[{i}, {i}] = {diagonal[i]:.6g}")
+    if sparse.issparse(A):
+        _check_definite_sparse(A, diagonal)
+        return
+    try:
+        pivots = np.square(np.diag(np.linalg.cholesky(A)))
+    except np.linalg.LinAlgError:
+        pivots = np.zeros(1)
+    if pivots.min() <= 4.0 * np.finfo(float).eps * len(A) * diagonal.max():
+        raise _indefinite(f"its smallest eigenvalue is {np.linalg.eigvalsh(A)[0]:.6g}")
+
+
+def _check_definite_sparse(A: Any, diagonal: Array) -> None:
+    from scipy.sparse.linalg import splu
+
+    n, noise = len(diagonal), 4.0 * np.finfo(float).eps * diagonal.max()
+    if np.min(2.0 * diagonal - abs(A).sum(axis=1)) > noise:
+        return  # diagonally dominant
+    if n <= DECIDED:
+        options = {"SymmetricMode": True}
+        try:
+            factors = splu(A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+            pivot = float(factors.U.diagonal().min())  # of L D Lᵀ: as many negative ones as negative eigenvalues
+        except RuntimeError:
+            pivot = 0.0
+        if pivot <= noise:
+            raise _indefinite(f"a pivot of its factorisation is {pivot:.6g}")
+        return
+    ones = np.ones(n)
+    if ones @ (A @ ones) <= noise * n:
+        raise _indefinite("a translation of all components costs no energy")
+    if (lowest := _lowest_ritz_value(A)) <= 0.0:
+        raise _indefinite(f"a direction has the energy {lowest:.6g}")
+
+
+def _lowest_ritz_value(A: Any, steps: int = 30) -> float:
+    """Smallest eigenvalue that a short Lanczos process sees: an upper bound of the true one."""
+    from scipy.linalg import eigh_tridiagonal
+
+    v = np.random.default_rng(0).standard_normal(A.shape[0])
+    v /= np.linalg.norm(v)
+    previous, beta = np.zeros_like(v), 0.0
+    diagonal, below = [], []
+    for _ in range(steps):
+        w = A @ v - beta * previous
+        diagonal.append(float(w @ v))
+        w -= diagonal[-1] * v
+        beta = float(np.linalg.norm(w))
+        below.append(beta)
+        if beta <= 1e-12 * abs(diagonal[0]):
+            break
+        previous, v = v, w / beta
+    return float(eigh_tridiagonal(diagonal, below[:-1], eigvals_only=True)[0])
+
+
+def _indefinite(evidence: str) -> DeclarationError:
+    return DeclarationError(
+        "A", f"not positive definite: {evidence}", "Fix a component, or add a spring that holds every direction"
+    )

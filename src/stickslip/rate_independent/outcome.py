@@ -1,0 +1,43 @@
+"""How an evolution ended."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+
+class EvolutionOutcome(Enum):
+    """How an evolution ended; ``message`` says what it means and what to do.
+
+    Everything computed up to there is kept in the result.
+    """
+
+    FINISHED = (0, "finished", "The end of the time span was reached")
+    NOT_CONVERGED = (
+        1,
+        "a step did not converge",
+        "The solver did not reach the KKT tolerance. Raise kkt, or check that A is well scaled",
+    )
+    JUMP = (
+        2,
+        "a jump",
+        "The energy balance fails however short the step: the load or a threshold jumps. "
+        "Make them continuous, or give the times of the steps",
+    )
+    UNDEFINED = (3, "undefined", "The load or the dissipation has no admissible value in the next step")
+    INTERRUPTED = (4, "interrupted", "Stopped by the user. evolve(problem, times, start=result) goes on from here")
+
+    def __init__(self, code: int, label: str, message: str) -> None:
+        self.code, self.label, self.message = code, label, message
+
+    @property
+    def ok(self) -> bool:
+        """Whether the whole time span was computed."""
+        return self is EvolutionOutcome.FINISHED
+
+    @classmethod
+    def from_code(cls, code: int) -> EvolutionOutcome:
+        """The outcome with a number."""
+        for outcome in cls:
+            if outcome.code == code:
+                return outcome
+        raise ValueError(f"{code} is the code of no outcome")

@@ -1,0 +1,181 @@
+"""Levels of an algebraic multigrid hierarchy whose operators follow the set of moving nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from stickslip.rate_independent.solvers.smoothing import Array, Rows, defect, sweep
+from stickslip.rate_independent.solvers.truncation import galerkin, gather, truncate
+
+DENSE = 300  # unknowns up to which the last level is solved by a dense factorisation
+RIDGE = 1e-12  # added to a unit diagonal there: truncation can make coarse operators singular
+
+
+@dataclass(eq=False)
+class Level:
+    """One level: the operator A and its truncation H.
+
+    Attributes
+    ----------
+    A, H : Rows
+        Of the same pattern, values (entries, m, m).
+    inverse : array (nodes, m, m)
+        Inverses of the diagonal blocks of H, zero in empty rows.
+    whole : array (nodes,) of uint8
+        Which rows of H are those of A.
+    x, b, rest : array (nodes, m)
+        Of a V-cycle: solution, right-hand side, b − H x.
+    """
+
+    A: Rows
+    H: Rows = field(init=False)
+    inverse: Array = field(init=False)
+    whole: Array = field(init=False)
+    x: Array = field(init=False)
+    b: Array = field(init=False)
+    rest: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        n, m = len(self.A.start) - 1, self.A.value.shape[1]
+        self.H = self.A._replace(value=np.zeros_like(self.A.value))
+        self.inverse, self.whole = np.zeros((n, m, m)), np.zeros(n, np.uint8)
+        self.x, self.b, self.rest = np.zeros((n, m)), np.zeros((n, m)), np.zeros((n, m))
+
+
+class Transfer(NamedTuple):
+    """Interpolation P from a level to the finer one, the same for every component, and its transpose R."""
+
+    P: Rows
+    R: Rows
+
+
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """Cholesky factor of H on the last level, scaled to a unit diagonal: LLᵀ = S H S; empty rows are those of I.
+
+    Attributes
+    ----------
+    L : array (unknowns, unknowns)
+    scale : array (unknowns,)
+        The diagonal matrix S.
+    """
+
+    L: Array
+    scale: Array
+
+    @classmethod
+    def of(cls, level: Level) -> Factor:
+        """Factorise, with the least ridge on the diagonal that makes H definite in spite of rounding."""
+        from scipy.linalg import cholesky
+        from scipy.sparse import bsr_array
+
+        H = bsr_array((level.H.value, level.H.column, level.H.start), shape=(level.x.size,) * 2).toarray()
+        diagonal = np.diagonal(H)
+        scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        H *= np.outer(scale, scale)
+        ridge = RIDGE
+        while True:
+            np.fill_diagonal(H, 1.0 + ridge)
+            try:
+                return cls(cholesky(H, lower=True, check_finite=False), scale)
+            except np.linalg.LinAlgError:
+                ridge *= 1e3
+
+    def solve(self, b: Array) -> Array:
+        """H⁻¹ b, in the shape of b."""
+        from scipy.linalg import cho_solve
+
+        scaled = cho_solve((self.L, True), self.scale * b.ravel(), check_finite=False)
+        return (self.scale * scaled).reshape(b.shape)
+
+
+class Hierarchy:
+    """Levels from the finest to the coarsest, made once, and V-cycles over them.
+
+    Parameters
+    ----------
+    A : Rows
+        The operator on the finest level.
+    nodal : scipy.sparse.csr_array (nodes, nodes)
+        One number for every pair of nodes, from which the levels are made (classical Ruge–Stüben coarsening).
+
+    Attributes
+    ----------
+    levels : list of Level
+    transfers : list of Transfer
+        transfers[k] between levels[k] and levels[k + 1].
+    factor : Factor or None
+        Of the last level; None where coarsening ended early.
+    """
+
+    def __init__(self, A: Rows, nodal: Any) -> None:
+        from pyamg import ruge_stuben_solver
+
+        made: list[Any] = ruge_stuben_solver(nodal, max_coarse=DENSE // A.value.shape[1]).levels
+        self.levels = [Level(A)]
+        self.transfers: list[Transfer] = []
+        for fine, coarse in pairwise(made):
+            self.transfers.append(Transfer(rows(fine.P), rows(fine.R)))
+            fine.A = fine.P = fine.R = None  # memory
+            self.levels.append(Level(coarse_operator(self.levels[-1], self.transfers[-1], coarse.A)))
+        self.factor: Factor | None = None
+        self.top = -1  # the level whose moving nodes the operators belong to
+
+    def truncate(self, top: int, upper: Array, d: Array) -> None:
+        """Make the operators from level `top` on the Hessian at d and its Galerkin products."""
+        fine = self.levels[top]
+        dirty = np.full(len(d), top != self.top, np.uint8)
+        self.top = top
+        truncate(fine.A, upper, d, fine.H, fine.inverse, fine.whole, dirty)
+        for (P, R), coarse in zip(self.transfers[top:], self.levels[top + 1 :], strict=True):
+            dirty = galerkin(fine.H, P, R, fine.whole, dirty, coarse.A, coarse.H, coarse.inverse, coarse.whole)
+            fine = coarse
+        if dirty.any() and fine.x.size <= DENSE:
+            self.factor = Factor.of(fine)
+
+    def cycle(self, top: int, b: Array) -> Array:
+        """One V-cycle for H x = b from level `top` on: linear, symmetric and positive definite in b."""
+        levels, transfers = self.levels[top:], self.transfers[top:]
+        levels[0].b = b
+        for (_, R), level, coarse in zip(transfers, levels, levels[1:], strict=False):
+            level.x[:] = 0.0
+            sweep(level.H, level.inverse, level.b, level.x, False)
+            defect(level.H, level.inverse, level.b, level.x, level.rest)
+            coarse.b = np.zeros_like(coarse.x)
+            gather(R, coarse.inverse, level.rest, coarse.b)
+        self.solve_last(levels[-1])
+        for (P, _), level, coarse in zip(transfers[::-1], levels[-2::-1], levels[:0:-1], strict=True):
+            gather(P, level.inverse, coarse.x, level.x)
+            sweep(level.H, level.inverse, level.b, level.x, True)
+        return levels[0].x
+
+    def solve_last(self, last: Level) -> None:
+        """Solve on the last level: dense, or by a symmetric sweep where coarsening ended early."""
+        if self.factor is not None:
+            last.x[:] = self.factor.solve(last.b)
+        else:
+            last.x[:] = 0.0
+            sweep(last.H, last.inverse, last.b, last.x, False)
+            sweep(last.H, last.inverse, last.b, last.x, True)
+
+
+def rows(matrix: Any) -> Rows:
+    """A scipy matrix in CSR or BSR format in the types the kernels are compiled for."""
+    return Rows(
+        np.require(matrix.indptr, np.int32, ("C", "W")),
+        np.require(matrix.indices, np.int32, ("C", "W")),
+        np.require(matrix.data, np.float64, ("C", "W")),
+    )
+
+
+def coarse_operator(fine: Level, transfer: Transfer, nodal: Any) -> Rows:
+    """PᵀAP on the pattern of the nodal operator."""
+    n, m = nodal.shape[0], fine.A.value.shape[1]
+    coarse = rows(nodal)._replace(value=np.zeros((nodal.nnz, m, m)))
+    every, inverse, whole = np.ones(len(fine.x), np.uint8), np.empty((n, m, m)), np.zeros(n, np.uint8)
+    galerkin(fine.A, transfer.P, transfer.R, fine.whole, every, coarse, coarse, inverse, whole)
+    return coarse

@@ -1,0 +1,267 @@
+"""Compiled sweeps over block rows: exact minimisation node by node, linear smoothing, forces, line search.
+
+A matrix is `Rows(start, column, value)` with m × m blocks, a vector has shape (nodes, m). The dissipation of node i is
+max(lowerᵢ d, upperᵢ d) for m = 1 and upperᵢ |d|₂ for m > 1. The scalar case has a branch of its own wherever that pays.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+Array = np.ndarray
+ROUNDING = 8 * 2.220446049250313e-16  # of the magnitudes a force is the sum of
+OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
+
+
+class Rows(NamedTuple):
+    """A sparse matrix in block rows.
+
+    Attributes
+    ----------
+    start : array (nodes + 1,) of int32
+    column : array (entries,) of int32
+    value : array (entries, m, m), or (entries,) where the same number acts on every component
+    """
+
+    start: Array
+    column: Array
+    value: Array
+
+
+@njit(**OPTIONS)
+def moves(d: Array, i: int) -> bool:
+    """Whether node i has an increment."""
+    moving = False
+    for c in range(d.shape[1]):
+        moving |= d[i, c] != 0.0
+    return moving
+
+
+@njit(**OPTIONS)
+def norm(v: Array, i: int) -> float:
+    """|vᵢ|₂."""
+    total = 0.0
+    for c in range(v.shape[1]):
+        total += v[i, c] * v[i, c]
+    return math.sqrt(total)
+
+
+@njit(**OPTIONS)
+def solve_shifted(B: Array, shift: float, g: Array, L: Array, x: Array) -> None:
+    """Solve (B + shift I) x = g for a small positive definite B by Cholesky; L is work space."""
+    m = len(g)
+    for c in range(m):
+        x[c] = g[c]
+        for e in range(c + 1):
+            entry = B[c, e] + (shift if e == c else 0.0)
+            for k in range(e):
+                entry -= L[c, k] * L[e, k]
+            L[c, e] = math.sqrt(entry) if e == c else entry / L[e, e]
+            if e < c:
+                x[c] -= L[c, e] * x[e]
+        x[c] /= L[c, c]
+    for c in range(m - 1, -1, -1):
+        for e in range(c + 1, m):
+            x[c] -= L[e, c] * x[e]
+        x[c] /= L[c, c]
+
+
+@njit(**OPTIONS)
+def minimise_block(B: Array, g: Array, radius: float, L: Array, x: Array, y: Array) -> None:
+    """Minimise ½ xᵀBx − gᵀx + radius |x|₂ into x; L (m, m) and y (m,) are work space.
+
+    x(λ) = (B + λI)⁻¹g with λ|x(λ)| = radius. Since 1/|x(λ)| is concave and at most (tr B + λ)/|g|, Newton's method for
+    1/|x(λ)| = λ/radius falls monotonically from the start below; one step is enough where B is a multiple of I.
+    """
+    m = len(g)
+    size, trace = 0.0, 0.0
+    for c in range(m):
+        size += g[c] * g[c]
+        trace += B[c, c]
+    size = math.sqrt(size)
+    if size <= radius:
+        x[:] = 0.0
+        return
+    shift = radius * trace / (size - radius)
+    for _ in range(50):
+        solve_shifted(B, shift, g, L, x)
+        solve_shifted(B, shift, x, L, y)
+        square, product = 0.0, 0.0
+        for c in range(m):
+            square += x[c] * x[c]
+            product += x[c] * y[c]
+        # With 1/|x| = 1/√square, its derivative product/√square³ and everything multiplied by radius √square:
+        following = shift + (radius - shift * math.sqrt(square)) / (math.sqrt(square) - radius * product / square)
+        if not following < shift * (1.0 - 1e-15):
+            return
+        shift = max(following, 0.0)
+
+
+@njit(**OPTIONS)
+def relax(A: Rows, r: Array, lower: Array, upper: Array, d: Array) -> None:
+    """One sweep of nonlinear Gauss–Seidel: every node in turn takes its exact minimiser."""
+    start, column, value = A
+    m = d.shape[1]
+    g, y, L = np.empty(m), np.empty(m), np.empty((m, m))
+    for i in range(len(d)):
+        here = start[i]
+        if m == 1:
+            force = r[i, 0]
+            for k in range(start[i], start[i + 1]):
+                if column[k] == i:
+                    here = k
+                else:
+                    force -= value[k, 0, 0] * d[column[k], 0]
+            beyond = max(force - upper[i], 0.0) + min(force - lower[i], 0.0)
+            d[i, 0] = beyond / value[here, 0, 0] if beyond != 0.0 else 0.0
+        else:
+            for c in range(m):
+                g[c] = r[i, c]
+            for k in range(start[i], start[i + 1]):
+                j = column[k]
+                if j == i:
+                    here = k
+                else:
+                    for c in range(m):
+                        for e in range(m):
+                            g[c] -= value[k, c, e] * d[j, e]
+            minimise_block(value[here], g, upper[i], L, d[i], y)
+
+
+@njit(**OPTIONS)
+def forces(A: Rows, r: Array, lower: Array, upper: Array, d: Array, b: Array) -> tuple[float, float]:
+    """Distance of ξ = r − A d to the subdifferential of the dissipation at d: b = −∇J where d ≠ 0, and 0 elsewhere.
+
+    Returns the largest distance, also of the nodes at rest, and the largest that exceeds what rounding does to ξ.
+    """
+    start, column, value = A
+    m = d.shape[1]
+    worst, beyond = 0.0, 0.0
+    for i in range(len(d)):
+        if m == 1:
+            force, terms = r[i, 0], abs(r[i, 0])
+            for k in range(start[i], start[i + 1]):
+                term = value[k, 0, 0] * d[column[k], 0]
+                force -= term
+                terms += abs(term)
+            excess = max(force - upper[i], lower[i] - force)
+            b[i, 0] = 0.0
+            if d[i, 0] != 0.0:
+                b[i, 0] = force - (upper[i] if d[i, 0] > 0.0 else lower[i])
+                excess = abs(b[i, 0])
+        else:
+            terms = 0.0
+            for c in range(m):
+                force = r[i, c]
+                terms += abs(force)
+                for k in range(start[i], start[i + 1]):
+                    for e in range(m):
+                        term = value[k, c, e] * d[column[k], e]
+                        force -= term
+                        terms += abs(term)
+                b[i, c] = force
+            length = norm(d, i)
+            excess = norm(b, i) - upper[i]
+            for c in range(m):
+                b[i, c] = b[i, c] - upper[i] * d[i, c] / length if length > 0.0 else 0.0
+            if length > 0.0:
+                excess = norm(b, i)
+        if not excess <= worst:
+            worst = excess
+            if math.isnan(excess):
+                break
+        beyond = max(beyond, excess - ROUNDING * terms)
+    return worst, beyond
+
+
+@njit(**OPTIONS)
+def sweep(H: Rows, inverse: Array, b: Array, x: Array, backward: bool) -> None:
+    """One sweep of block Gauss–Seidel for H x = b over the rows that are not empty."""
+    start, column, value = H
+    n, m = x.shape
+    g = np.empty(m)
+    for number in range(n):
+        i = n - 1 - number if backward else number
+        if inverse[i, 0, 0] == 0.0:
+            continue
+        if m == 1:
+            defect = b[i, 0]
+            for k in range(start[i], start[i + 1]):
+                defect -= value[k, 0, 0] * x[column[k], 0]
+            x[i, 0] += inverse[i, 0, 0] * defect
+        else:
+            for c in range(m):
+                g[c] = b[i, c]
+                for k in range(start[i], start[i + 1]):
+                    for e in range(m):
+                        g[c] -= value[k, c, e] * x[column[k], e]
+            for c in range(m):
+                for e in range(m):
+                    x[i, c] += inverse[i, c, e] * g[e]
+
+
+@njit(**OPTIONS)
+def defect(H: Rows, inverse: Array, b: Array, x: Array, out: Array) -> float:
+    """out = b − H x, zero in empty rows; returns xᵀH x."""
+    start, column, value = H
+    m = x.shape[1]
+    total = 0.0
+    for i in range(len(x)):
+        if inverse[i, 0, 0] == 0.0:
+            for c in range(m):
+                out[i, c] = 0.0
+        elif m == 1:
+            entry = 0.0
+            for k in range(start[i], start[i + 1]):
+                entry += value[k, 0, 0] * x[column[k], 0]
+            out[i, 0] = b[i, 0] - entry
+            total += x[i, 0] * entry
+        else:
+            for c in range(m):
+                entry = 0.0
+                for k in range(start[i], start[i + 1]):
+                    for e in range(m):
+                        entry += value[k, c, e] * x[column[k], e]
+                out[i, c] = b[i, c] - entry
+                total += x[i, c] * entry
+    return total
+
+
+@njit(**OPTIONS)
+def project(d: Array, p: Array) -> int:
+    """Stop at rest the nodes that the correction p would carry through the kink; returns how many."""
+    stopped = 0
+    for i in range(len(d)):
+        ahead = 0.0
+        for c in range(d.shape[1]):
+            ahead += d[i, c] * (d[i, c] + p[i, c])
+        if ahead <= 0.0 and moves(d, i):
+            stopped += 1
+            for c in range(d.shape[1]):
+                p[i, c] = -d[i, c]
+    return stopped
+
+
+@njit(**OPTIONS)
+def slope(lower: Array, upper: Array, d: Array, p: Array, t: float) -> float:
+    """Derivative in t, from the left, of the dissipation of d + t p."""
+    m = d.shape[1]
+    total = 0.0
+    for i in range(len(d)):
+        if m == 1:
+            there = d[i, 0] + t * p[i, 0]
+            below = there < 0.0 or (there == 0.0 and p[i, 0] > 0.0)
+            total += (lower[i] if below else upper[i]) * p[i, 0]
+        else:
+            square, product, speed = 0.0, 0.0, 0.0
+            for c in range(m):
+                there = d[i, c] + t * p[i, c]
+                square += there * there
+                product += there * p[i, c]
+                speed += p[i, c] * p[i, c]
+            total += upper[i] * (product / math.sqrt(square) if square > 0.0 else -math.sqrt(speed))
+    return total

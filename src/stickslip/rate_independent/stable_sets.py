@@ -1,0 +1,263 @@
+"""Stable sets K(s) at many phases at once: what a step and its audit ask of a dissipation potential, row by row.
+
+Row k of every array belongs to phase k. Boxes and discs are plain arrays, so that a million components or a hundred
+thousand steps cost a few passes over memory; every other potential is asked phase by phase.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol, Self
+
+import numpy as np
+
+from stickslip.rate_independent.dissipation import Dissipation, GroupNorm, WeightedL1
+from stickslip.rate_independent.dissipation.phase import Varying
+from stickslip.rate_independent.dissipation.weighted_l1 import nonnegative
+
+Array = np.ndarray
+Forces = tuple[Array, Array, Array]
+PHASES = 17  # at which the size of K(s) is looked up
+AHEAD = 0.25  # part of a force by which it is lengthened to find the boundary that is near
+
+
+class StableSets(Protocol):
+    """K(s) for a row of phases."""
+
+    def value(self, v: Array) -> Array:
+        """Ψ(s, v) of every row, shape (m,)."""
+        ...
+
+    def outside(self, xi: Array) -> Array:
+        """ξ minus its nearest point of K(s) in every row, shape (m, n)."""
+        ...
+
+    def largest(self, xi: Array) -> Array:
+        """Size of the largest component or group of every row, shape (m,); of the row if K(s) is no product."""
+        ...
+
+    def residual(self, xi: Array, outside: Array, d: Array, pull: Array) -> Array:
+        """Distance of ξ from ∂Ψ(s, ·)(d) in every row: the largest over the components, shape (m,).
+
+        `outside` belongs to ξ; `pull` is A d, the force that the increment is worth.
+        """
+        ...
+
+    def size(self) -> Array:
+        """Largest weight of every row."""
+        ...
+
+    def overshoot(self, before: Self, middle: Self, forces: Forces, d: Array) -> Array:
+        """How far ξ may leave K(s) during the step that ends with each row, shape (m,).
+
+        `forces` and sets are those before, in the middle of and after the step; d is its increment.
+        """
+        ...
+
+    def moving(self, d: Array) -> Array:
+        """How many components (or groups) of every row move."""
+        ...
+
+    def before(self, first: Self) -> Self:
+        """The sets of the phase before each row; `first` comes before row 0, and is `self` if one set serves all."""
+        ...
+
+    def row(self, k: int) -> Self:
+        """The set of one row."""
+        ...
+
+
+def stable_sets(dissipation: Dissipation, phases: Array) -> StableSets:
+    """K(s) at given phases, shape (m,).
+
+    Raises
+    ------
+    DeclarationError
+        If a threshold is negative or not finite at one of them.
+    """
+    if not dissipation.depends_on_phase:
+        phases = phases[:1]  # one row stands for all
+    if isinstance(dissipation, WeightedL1):
+        upper = _rows(dissipation.above, phases)
+        return Boxes(-(upper if dissipation.below is dissipation.above else _rows(dissipation.below, phases)), upper)
+    if isinstance(dissipation, GroupNorm):
+        return Discs(_rows(dissipation.radius, phases), dissipation.size)
+    return ConvexSets(dissipation, phases)
+
+
+def _rows(thresholds: Varying, phases: Array) -> Array:
+    """Thresholds at many phases, one row each."""
+    if len(phases) == 1:  # no copy of what may be large
+        return nonnegative(thresholds, float(phases[0]))[None]
+    rows = thresholds.over(phases)
+    return rows if rows.min() >= 0.0 else np.array([nonnegative(thresholds, s) for s in phases.tolist()])
+
+
+def largest_weight(dissipation: Dissipation) -> float:
+    """Largest weight over the phases, as sampled: the force that residuals are compared with."""
+    phases = np.linspace(0.0, 1.0, PHASES) if dissipation.depends_on_phase else np.zeros(1)
+    return max(float(stable_sets(dissipation, phases[k : k + 1]).size()[0]) for k in range(len(phases)))
+
+
+def _crest(start: Array, middle: Array, end: Array) -> Array:
+    """Largest value that a function may reach during a step, given its values; at least 0, the largest of every row.
+
+    Twice its deviation from the chord: the crest of a parabola with that deviation, or of a kink anywhere in the step.
+    """
+    crest = np.maximum(start, end) + np.abs(2.0 * middle - start - end)
+    return np.maximum(crest.max(axis=1), 0.0)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.einsum("ij,ij->i", a, b)
+
+
+def _shifted(rows: Array, first: Array) -> Array:
+    return first if len(rows) == 1 else np.concatenate([first, rows[:-1]])
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """K(s) = {lower ≤ ξ ≤ upper}: weighted ℓ1. Arrays of shape (m, n), or (1, n) if all rows are alike."""
+
+    lower: Array
+    upper: Array
+
+    def value(self, v: Array) -> Array:
+        return np.maximum(self.lower * v, self.upper * v).sum(axis=1)
+
+    def outside(self, xi: Array) -> Array:
+        return xi - np.clip(xi, self.lower, self.upper)
+
+    def largest(self, xi: Array) -> Array:
+        return np.abs(xi).max(axis=1)
+
+    def residual(self, xi: Array, outside: Array, d: Array, pull: Array) -> Array:
+        # A component that moves has one admissible force.
+        low = np.where(d > 0.0, self.upper, self.lower)
+        high = np.where(d < 0.0, self.lower, self.upper)
+        return self.largest(xi - np.clip(xi, low, high))
+
+    def size(self) -> Array:
+        return np.maximum(-self.lower, self.upper).max(axis=1)
+
+    def overshoot(self, before: Self, middle: Self, forces: Forces, d: Array) -> Array:
+        sets = (before, middle, self)
+        above = _crest(*(xi - box.upper for xi, box in zip(forces, sets, strict=True)))
+        return np.maximum(above, _crest(*(box.lower - xi for xi, box in zip(forces, sets, strict=True))))
+
+    def moving(self, d: Array) -> Array:
+        return np.count_nonzero(d, axis=1)
+
+    def before(self, first: Self) -> Self:
+        if first is self:
+            return self
+        return replace(self, lower=_shifted(self.lower, first.lower), upper=_shifted(self.upper, first.upper))
+
+    def row(self, k: int) -> Self:
+        return self if len(self.lower) == 1 else replace(self, lower=self.lower[k : k + 1], upper=self.upper[k : k + 1])
+
+
+@dataclass(frozen=True)
+class Discs:
+    """K(s) = {|ξ_g| ≤ r_g}: isotropic friction of groups. Radii of shape (m, groups), or (1, groups)."""
+
+    radii: Array
+    group: int
+
+    def _norms(self, v: Array) -> Array:
+        return np.sqrt(np.square(self._groups(v)).sum(axis=2))
+
+    def _groups(self, v: Array) -> Array:
+        return v.reshape(len(v), -1, self.group)
+
+    def value(self, v: Array) -> Array:
+        return (self.radii * self._norms(v)).sum(axis=1)
+
+    def outside(self, xi: Array) -> Array:
+        norms = self._norms(xi)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            excess = np.where(norms > self.radii, 1.0 - self.radii / norms, 0.0)
+        return (excess[:, :, None] * self._groups(xi)).reshape(xi.shape)
+
+    def largest(self, xi: Array) -> Array:
+        return self._norms(xi).max(axis=1)
+
+    def residual(self, xi: Array, outside: Array, d: Array, pull: Array) -> Array:
+        speed = self._norms(d)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            target = (self.radii / speed)[:, :, None] * self._groups(d)
+        off = np.where((speed > 0.0)[:, :, None], self._groups(xi) - target, self._groups(outside))
+        return self.largest(off.reshape(xi.shape))
+
+    def size(self) -> Array:
+        return self.radii.max(axis=1)
+
+    def overshoot(self, before: Self, middle: Self, forces: Forces, d: Array) -> Array:
+        return _crest(*(s._norms(xi) - s.radii for xi, s in zip(forces, (before, middle, self), strict=True)))
+
+    def moving(self, d: Array) -> Array:
+        return np.any(self._groups(d) != 0.0, axis=2).sum(axis=1)
+
+    def before(self, first: Self) -> Self:
+        return self if first is self else replace(self, radii=_shifted(self.radii, first.radii))
+
+    def row(self, k: int) -> Self:
+        return self if len(self.radii) == 1 else replace(self, radii=self.radii[k : k + 1])
+
+
+@dataclass(frozen=True)
+class ConvexSets:
+    """K(s) of any other potential, asked one phase at a time. One phase stands for all rows."""
+
+    dissipation: Dissipation
+    phases: Array
+
+    def _at(self, count: int) -> list[float]:
+        return np.broadcast_to(self.phases, count).tolist()
+
+    def value(self, v: Array) -> Array:
+        return np.array([self.dissipation.value(s, row) for s, row in zip(self._at(len(v)), v, strict=True)])
+
+    def outside(self, xi: Array) -> Array:
+        return np.array([row - self.dissipation.project(row, s) for s, row in zip(self._at(len(xi)), xi, strict=True)])
+
+    def largest(self, xi: Array) -> Array:
+        return np.sqrt(_dot(xi, xi))
+
+    def residual(self, xi: Array, outside: Array, d: Array, pull: Array) -> Array:
+        # ξ ∈ ∂Ψ(d) exactly if ξ ∈ K and ⟨ξ, d⟩ = Ψ(d); the gap is put into the units of a force. An increment so
+        # small that its direction is rounding may as well be none, which is wrong by its pull.
+        speed = self.largest(d)
+        gap = np.maximum(self.value(d) - _dot(xi, d), 0.0)
+        along = np.divide(gap, speed, out=np.zeros_like(gap), where=speed > 0.0)
+        along = np.minimum(along, self.largest(pull))
+        return np.maximum(along, self.largest(outside))
+
+    def size(self) -> Array:
+        return np.full(len(self.phases), self._size)
+
+    @cached_property
+    def _size(self) -> float:
+        s, n = float(self.phases[0]), self.dissipation.dimension
+        return max(self.dissipation.value(s, sign * unit) for unit in np.eye(n) for sign in (1.0, -1.0))
+
+    def overshoot(self, before: Self, middle: Self, forces: Forces, d: Array) -> Array:
+        # Along one direction ν: that of the motion, or the normal of K near the force in the middle of the step.
+        beyond = middle.outside((1.0 + AHEAD) * forces[1])
+        nu = np.where(np.any(d != 0.0, axis=1)[:, None], d, beyond)
+        length = self.largest(nu)[:, None]
+        nu = np.divide(nu, length, out=np.zeros_like(nu), where=length > 0.0)
+        sets = (before, middle, self)
+        crest = _crest(*((_dot(xi, nu) - s.value(nu))[:, None] for xi, s in zip(forces, sets, strict=True)))
+        return np.maximum(crest, self.largest(middle.outside(forces[1])))
+
+    def moving(self, d: Array) -> Array:
+        return np.count_nonzero(d, axis=1)
+
+    def before(self, first: Self) -> Self:
+        return self if first is self else replace(self, phases=_shifted(self.phases, first.phases))
+
+    def row(self, k: int) -> Self:
+        return self if len(self.phases) == 1 else replace(self, phases=self.phases[k : k + 1])
