@@ -29,41 +29,50 @@ def ode(name: str, functions: dict[str, str] | None = None, **laws: str) -> Syst
 @cache
 def oscillator(threshold: str = "mu") -> System:
     """m x'' + c x' + k x + s Sign(x' - V) ∋ f + F cos(omega t + phi)."""
-    return _with_threshold(threshold, System(
-        name="oscillator",
-        parameters=parameters(m=1.0, c=0.0, k=1.0, mu=0.5, V=0.0, f=0.0, F=1.0, omega=1.0, phi=0.0),
-        coordinates={"x": Inertial("m", "position")},
-        kinetic="m/2*d_x**2",
-        potential="k/2*x**2 - (f + F*cos(omega*t + phi))*x",
-        viscous="c/2*d_x**2",
-        contacts={"ground": Contact("d_x", "mu", surface_speed="V", unit="N")},
-        time_unit="s",
-    ))
+    return _with_threshold(
+        threshold,
+        System(
+            name="oscillator",
+            parameters=parameters(m=1.0, c=0.0, k=1.0, mu=0.5, V=0.0, f=0.0, F=1.0, omega=1.0, phi=0.0),
+            coordinates={"x": Inertial("m", "position")},
+            kinetic="m/2*d_x**2",
+            potential="k/2*x**2 - (f + F*cos(omega*t + phi))*x",
+            viscous="c/2*d_x**2",
+            contacts={"ground": Contact("d_x", "mu", surface_speed="V", unit="N")},
+            time_unit="s",
+        ),
+    )
 
 
 @cache
 def dashpot(threshold: str = "mu") -> System:
     """c x' + k x + s Sign(x') ∋ f + F cos(omega t + phi)."""
-    return _with_threshold(threshold, System(
-        name="dashpot",
-        parameters=parameters(c=1.0, k=1.0, mu=0.5, f=0.0, F=1.0, omega=1.0, phi=0.0),
-        coordinates={"x": Viscous()},
-        potential="k/2*x**2 - (f + F*cos(omega*t + phi))*x",
-        viscous="c/2*d_x**2",
-        contacts={"ground": Contact("d_x", "mu")},
-    ))
+    return _with_threshold(
+        threshold,
+        System(
+            name="dashpot",
+            parameters=parameters(c=1.0, k=1.0, mu=0.5, f=0.0, F=1.0, omega=1.0, phi=0.0),
+            coordinates={"x": Viscous()},
+            potential="k/2*x**2 - (f + F*cos(omega*t + phi))*x",
+            viscous="c/2*d_x**2",
+            contacts={"ground": Contact("d_x", "mu")},
+        ),
+    )
 
 
 @cache
 def play(threshold: str = "mu") -> System:
     """k x + s Sign(x') ∋ f + F cos(omega t + phi)."""
-    return _with_threshold(threshold, System(
-        name="play",
-        parameters=parameters(k=1.0, mu=0.5, f=0.0, F=1.0, omega=1.0, phi=0.0),
-        coordinates={"x": RateIndependent()},
-        potential="k/2*x**2 - (f + F*cos(omega*t + phi))*x",
-        contacts={"ground": Contact("d_x", "mu")},
-    ))
+    return _with_threshold(
+        threshold,
+        System(
+            name="play",
+            parameters=parameters(k=1.0, mu=0.5, f=0.0, F=1.0, omega=1.0, phi=0.0),
+            coordinates={"x": RateIndependent()},
+            potential="k/2*x**2 - (f + F*cos(omega*t + phi))*x",
+            contacts={"ground": Contact("d_x", "mu")},
+        ),
+    )
 
 
 KINDS = {"inertial": oscillator, "viscous": dashpot, "rate-independent": play}

@@ -21,9 +21,19 @@ from stickslip.system import System
 
 SOURCE = Path(stickslip.__file__).parent
 ISSUED = [
-    "belt_block", "block_chain", "forced_oscillator", "oscillating_play", "plate_compactor", "prandtl_tomlinson",
-    "rocking_oscillator", "rocking_toy", "rocking_toy_inertial", "scaled_slider", "scaled_slider_limit",
-    "spring_slider", "two_leg_crawler",
+    "belt_block",
+    "block_chain",
+    "forced_oscillator",
+    "oscillating_play",
+    "plate_compactor",
+    "prandtl_tomlinson",
+    "rocking_oscillator",
+    "rocking_toy",
+    "rocking_toy_inertial",
+    "scaled_slider",
+    "scaled_slider_limit",
+    "spring_slider",
+    "two_leg_crawler",
 ]
 
 
@@ -278,8 +288,10 @@ def test_scaled_slider_tends_to_its_limit():
         gaps = []
         for nu in (1e-2, 1e-4, 1e-6):
             full, limit = catalogue.scaled_slider(nu=nu), catalogue.scaled_slider_limit(nu=nu)
-            a, b = ([ex.evaluate(s.declaration.laws[x], values(s, beta=beta, gamma=gamma)) for x in ("beta", "gamma")]
-                    for s in (full, limit))
+            a, b = (
+                [ex.evaluate(s.declaration.laws[x], values(s, beta=beta, gamma=gamma)) for x in ("beta", "gamma")]
+                for s in (full, limit)
+            )
             gaps.append([nu * abs(a[0] - b[0]), abs(a[1] - b[1])])
         assert np.all(np.array(gaps[1:]) <= 0.15 * np.array(gaps[:-1]) + 1e-15)
 
@@ -320,14 +332,22 @@ def test_rocking_toy_facts():
 
 @pytest.mark.parametrize(
     ("given", "failing"),
-    [({"P": 0.4}, {"stride"}), ({"P": 1.6}, {"hold"}), ({"c": 1.5, "P": 1.9, "H_star": 5.0}, {"stable upright"}),
-     ({"c": 0.9, "H_star": 1.0, "P": 0.45}, {"stride", "corner"}), ({}, set())],
+    [
+        ({"P": 0.4}, {"stride"}),
+        ({"P": 1.6}, {"hold"}),
+        ({"c": 1.5, "P": 1.9, "H_star": 5.0}, {"stable upright"}),
+        ({"c": 0.9, "H_star": 1.0, "P": 0.45}, {"stride", "corner"}),
+        ({}, set()),
+    ],
 )
 def test_conditions_for_walking(given, failing):
     for name in ("rocking_toy", "rocking_oscillator"):
         system = catalogue.get(name, **given)
-        found = {key for key, (margin, _) in system.declaration.conditions.items()
-                 if not ex.evaluate(margin, system.values) > 0}
+        found = {
+            key
+            for key, (margin, _) in system.declaration.conditions.items()
+            if not ex.evaluate(margin, system.values) > 0
+        }
         assert found == failing
 
 
@@ -335,8 +355,9 @@ def test_rocking_toy_inertial_is_4_1():
     system = catalogue.rocking_toy_inertial(m_W=0.3, m_b=0.2, m_l=0.1, I_b=2.0, g=10.0)
     d, p = system.declaration, system.values
     mass = {pair: ex.evaluate(e, p) for pair, e in d.mass.items()}
-    assert mass == pytest.approx({("psi", "psi"): 2.0, ("x_R", "x_R"): 0.6, ("x_L", "x_L"): 0.6,
-                                  ("x_R", "x_L"): 0.5, ("x_L", "x_R"): 0.5})
+    assert mass == pytest.approx(
+        {("psi", "psi"): 2.0, ("x_R", "x_R"): 0.6, ("x_L", "x_L"): 0.6, ("x_R", "x_L"): 0.5, ("x_L", "x_R"): 0.5}
+    )
     damping = {pair: ex.evaluate(e, p) for pair, e in d.damping.items()}
     assert damping == pytest.approx({("psi", "psi"): 0.04, ("x_R", "x_R"): 0.05, ("x_L", "x_L"): 0.05})
     state = values(system, psi=0.4, x_R=1.0, x_L=0.3)
@@ -402,8 +423,9 @@ def test_belt_block_facts():
 def test_prandtl_tomlinson_facts():
     system = catalogue.prandtl_tomlinson()
     p = {name: system.values[name] for name in ("k", "V_0", "a")}
-    assert facts(system) == pytest.approx({"eta": prandtl_tomlinson.eta(**p),
-                                           "depinning_force": prandtl_tomlinson.depinning_force(**p)})
+    assert facts(system) == pytest.approx(
+        {"eta": prandtl_tomlinson.eta(**p), "depinning_force": prandtl_tomlinson.depinning_force(**p)}
+    )
     soft = catalogue.prandtl_tomlinson(k=50.0)
     assert facts(soft)["depinning_force"] == 0
     assert ex.evaluate(soft.declaration.conditions["jumps"][0], soft.values) < 0
@@ -421,8 +443,9 @@ def test_block_chain(N):
     system = catalogue.block_chain(N=N, k=1.5, k_c=0.25)
     d = system.declaration
     assert len(d.inertial) == len(d.contacts) == N
-    stiffness = np.array([[ex.evaluate(ex.derivative(slope(system, x), y), system.values) for y in d.inertial]
-                          for x in d.inertial])
+    stiffness = np.array(
+        [[ex.evaluate(ex.derivative(slope(system, x), y), system.values) for y in d.inertial] for x in d.inertial]
+    )
     neighbours = np.diag(np.ones(N - 1), 1) + np.diag(np.ones(N - 1), -1)
     assert stiffness == pytest.approx(1.5 * np.eye(N) + 0.25 * (np.diag(neighbours.sum(0)) - neighbours))
     assert all(ex.evaluate(c.speed, system.values) == 0.1 for c in d.contacts)

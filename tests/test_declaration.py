@@ -68,8 +68,11 @@ WRONG = {
     # Names.
     "unknown name": ({"potential": "k*xx"}, "potential", "unknown name 'xx'"),
     "unknown name in a law": ({"internal": {"alpha": Internal("1 - alph")}}, "internal.alpha.law", "name 'alph'"),
-    "unknown name in a threshold": ({"contacts": {"pad": replace(pad, threshold="mu(z")}}, "contacts.'pad'.threshold",
-                                    "not a formula"),
+    "unknown name in a threshold": (
+        {"contacts": {"pad": replace(pad, threshold="mu(z")}},
+        "contacts.'pad'.threshold",
+        "not a formula",
+    ),
     "unknown function": ({"potential": "cot(x)"}, "potential", "unknown function 'cot'"),
     "unused function": ({"functions": {"f(s)": "s + q"}}, "functions.'f(s)'", "unknown name 'q'"),
     "no name": ({"name": "  "}, "name", "no name"),
@@ -113,39 +116,87 @@ WRONG = {
     "without contact": ({"contacts": {"play": None}}, "coordinates.z", "without dry friction"),
     "two contacts": ({"contacts": {"more": Contact("d_z", 1.0)}}, "contacts.'more'", "already has the contact 'play'"),
     "negative threshold": ({"contacts": {"pad": replace(pad, threshold="-1")}}, "contacts.'pad'.threshold", "it is -1"),
-    "threshold negative later": ({"contacts": {"pad": replace(pad, threshold="1 + 2*cos(t)")}},
-                                 "contacts.'pad'.threshold", "can become negative"),
-    "threshold negative elsewhere": ({"contacts": {"pad": replace(pad, threshold="1 + 2*cos(x)")}},
-                                     "contacts.'pad'.threshold", "can become negative"),
-    "threshold undefined": ({"contacts": {"pad": replace(pad, threshold="sqrt(-1 - x)")}}, "contacts.'pad'.threshold",
-                            "nan at the initial state"),
-    "one threshold of two": ({"contacts": {"play": replace(play, threshold=("1", "-1"))}}, "contacts.'play'.threshold",
-                             "it is -1"),
-    "three thresholds": ({"contacts": {"play": replace(play, threshold=("1", "1", "1"))}}, "contacts.'play'.threshold",
-                         "a formula or a pair of them"),
-    "threshold of viscous rates": ({"contacts": {"pad": replace(pad, threshold="1 + d_u**2")}},
-                                   "contacts.'pad'.threshold", "'d_u' may not stand here"),
-    "kinetic above static": ({"contacts": {"pad": replace(pad, kinetic="2")}}, "contacts.'pad'.kinetic",
-                             "the kinetic force 2 is not between"),
+    "threshold negative later": (
+        {"contacts": {"pad": replace(pad, threshold="1 + 2*cos(t)")}},
+        "contacts.'pad'.threshold",
+        "can become negative",
+    ),
+    "threshold negative elsewhere": (
+        {"contacts": {"pad": replace(pad, threshold="1 + 2*cos(x)")}},
+        "contacts.'pad'.threshold",
+        "can become negative",
+    ),
+    "threshold undefined": (
+        {"contacts": {"pad": replace(pad, threshold="sqrt(-1 - x)")}},
+        "contacts.'pad'.threshold",
+        "nan at the initial state",
+    ),
+    "one threshold of two": (
+        {"contacts": {"play": replace(play, threshold=("1", "-1"))}},
+        "contacts.'play'.threshold",
+        "it is -1",
+    ),
+    "three thresholds": (
+        {"contacts": {"play": replace(play, threshold=("1", "1", "1"))}},
+        "contacts.'play'.threshold",
+        "a formula or a pair of them",
+    ),
+    "threshold of viscous rates": (
+        {"contacts": {"pad": replace(pad, threshold="1 + d_u**2")}},
+        "contacts.'pad'.threshold",
+        "'d_u' may not stand here",
+    ),
+    "kinetic above static": (
+        {"contacts": {"pad": replace(pad, kinetic="2")}},
+        "contacts.'pad'.kinetic",
+        "the kinetic force 2 is not between",
+    ),
     "kinetic negative": ({"contacts": {"pad": replace(pad, kinetic="-0.1")}}, "contacts.'pad'.kinetic", "not between"),
-    "kinetic and viscous": ({"contacts": {"slider": replace(slider, kinetic="0.1/(1 + speed)")}},
-                            "contacts.'slider'.kinetic", "may not depend on the speed"),
-    "kinetic and rate-independent": ({"contacts": {"play": replace(play, kinetic="0.1")}}, "contacts.'play'.kinetic",
-                                     "is a jump"),
-    "speed in a threshold": ({"contacts": {"pad": replace(pad, threshold="1 + speed")}}, "contacts.'pad'.threshold",
-                             "'speed' may not stand here"),
-    "direction of a position": ({"contacts": {"pad": replace(pad, direction="x")}}, "contacts.'pad'.direction",
-                                "'x' may not stand here"),
-    "direction not linear": ({"contacts": {"pad": replace(pad, direction="d_x**2")}}, "contacts.'pad'.direction",
-                             "not a linear combination"),
-    "direction of nothing": ({"contacts": {"pad": replace(pad, direction="m")}}, "contacts.'pad'.direction",
-                             "not a linear combination"),
-    "direction with a constant": ({"contacts": {"pad": replace(pad, direction="d_x - 1")}}, "contacts.'pad'.direction",
-                                  "contains the constant -1"),
-    "direction of two kinds": ({"contacts": {"pad": replace(pad, direction="d_x - d_u")}}, "contacts.'pad'.direction",
-                               "joins inertial and viscous coordinates"),
-    "surface speed of the state": ({"contacts": {"pad": replace(pad, surface_speed="x")}},
-                                   "contacts.'pad'.surface_speed", "'x' may not stand here"),
+    "kinetic and viscous": (
+        {"contacts": {"slider": replace(slider, kinetic="0.1/(1 + speed)")}},
+        "contacts.'slider'.kinetic",
+        "may not depend on the speed",
+    ),
+    "kinetic and rate-independent": (
+        {"contacts": {"play": replace(play, kinetic="0.1")}},
+        "contacts.'play'.kinetic",
+        "is a jump",
+    ),
+    "speed in a threshold": (
+        {"contacts": {"pad": replace(pad, threshold="1 + speed")}},
+        "contacts.'pad'.threshold",
+        "'speed' may not stand here",
+    ),
+    "direction of a position": (
+        {"contacts": {"pad": replace(pad, direction="x")}},
+        "contacts.'pad'.direction",
+        "'x' may not stand here",
+    ),
+    "direction not linear": (
+        {"contacts": {"pad": replace(pad, direction="d_x**2")}},
+        "contacts.'pad'.direction",
+        "not a linear combination",
+    ),
+    "direction of nothing": (
+        {"contacts": {"pad": replace(pad, direction="m")}},
+        "contacts.'pad'.direction",
+        "not a linear combination",
+    ),
+    "direction with a constant": (
+        {"contacts": {"pad": replace(pad, direction="d_x - 1")}},
+        "contacts.'pad'.direction",
+        "contains the constant -1",
+    ),
+    "direction of two kinds": (
+        {"contacts": {"pad": replace(pad, direction="d_x - d_u")}},
+        "contacts.'pad'.direction",
+        "joins inertial and viscous coordinates",
+    ),
+    "surface speed of the state": (
+        {"contacts": {"pad": replace(pad, surface_speed="x")}},
+        "contacts.'pad'.surface_speed",
+        "'x' may not stand here",
+    ),
     # The rest.
     "drive of the state": ({"drives": {"ell": "x"}}, "drives.ell", "'x' may not stand here"),
     "cyclic definition": ({"functions": {"f": "g + 1", "g": "2*f"}}, "functions.f", "cyclic definition: f -> g -> f"),
@@ -163,13 +214,19 @@ WRONG = {
     "translation that changes the energy": ({"translation": {"x": 1}}, "translation", "the shift changes potential"),
     "translation that changes the backward threshold": (
         {"translation": {"x": 1, "y": 1}, "contacts": {"pad": replace(pad, threshold=("1", "1 + x**2"))}},
-        "translation", "the shift changes contacts.'pad'.threshold"),
+        "translation",
+        "the shift changes contacts.'pad'.threshold",
+    ),
     "translation that changes a force": (
         {"translation": {"x": 1, "y": 1}, "coordinates": {"x": Inertial(force="x")}},
-        "translation", "the shift changes coordinates.x.force"),
+        "translation",
+        "the shift changes coordinates.x.force",
+    ),
     "translation that changes a threshold": (
         {"translation": {"x": 1, "y": 1}, "contacts": {"pad": replace(pad, threshold="1 + x**2")}},
-        "translation", "the shift changes contacts.'pad'.threshold"),
+        "translation",
+        "the shift changes contacts.'pad'.threshold",
+    ),
     "condition without comparison": ({"conditions": {"order": Condition("k")}}, "conditions.order", "compares two"),
     "condition of the state": ({"conditions": {"order": Condition("x > k")}}, "conditions.order", "'x' may not stand"),
     "fact of the state": ({"facts": {"omega": "x"}}, "facts.omega", "'x' may not stand here"),
@@ -200,9 +257,15 @@ def test_wrong_declaration(case):
 
 
 ANYTHING = st.recursive(
-    st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=5),
-              st.sampled_from(["x", "d_x", "m", "k*x", "sin(t)", "viscous", "(0, 1)", 10**400, 1j]),
-              st.sampled_from([Parameter(1.0), Inertial(), Contact("d_x", 1)])),
+    st.one_of(
+        st.none(),
+        st.booleans(),
+        st.integers(),
+        st.floats(),
+        st.text(max_size=5),
+        st.sampled_from(["x", "d_x", "m", "k*x", "sin(t)", "viscous", "(0, 1)", 10**400, 1j]),
+        st.sampled_from([Parameter(1.0), Inertial(), Contact("d_x", 1)]),
+    ),
     lambda inner: st.one_of(
         st.lists(inner, max_size=3),
         st.tuples(inner, inner),
@@ -260,8 +323,9 @@ def test_drag_is_accepted_if_it_resists():
 
 
 def test_derivatives_of_functions_and_drives():
-    d = system(contacts={"slider": replace(slider, surface_speed="d_ell")},
-               internal={"alpha": Internal("d_mu(2*alpha)")}).declaration
+    d = system(
+        contacts={"slider": replace(slider, surface_speed="d_ell")}, internal={"alpha": Internal("d_mu(2*alpha)")}
+    ).declaration
     assert d.contacts[1].speed is ex.call("cos", ex.sym("t"))
     assert ex.evaluate(d.laws["alpha"], {"alpha": 0.0, "s_0": 0.5}) == -0.5
     # A name that the declaration uses itself comes first.
@@ -277,8 +341,12 @@ def test_configure():
     assert changed.drives == {"ell": "0.3*t"}
     assert original == system()
     assert original.with_parameters(k=4.0).values["k"] == 4.0
-    for change, reason in [({"mm": 1.0}, r"'mm'. Did you mean 'm'\?"), ({"m": "2"}, "not a finite number"),
-                           ({"m": -1.0}, "outside"), ({"mu": "alpha +"}, "not a formula")]:
+    for change, reason in [
+        ({"mm": 1.0}, r"'mm'. Did you mean 'm'\?"),
+        ({"m": "2"}, "not a finite number"),
+        ({"m": -1.0}, "outside"),
+        ({"mu": "alpha +"}, "not a formula"),
+    ]:
         with pytest.raises(DeclarationError, match=reason):
             original.configure(change)
 

@@ -22,8 +22,12 @@ VALUES = {"t": 0.7, "x": 1.3, "y": -0.4, "a": 2.0, "b": 3.0, "c": 5.0, "rho": 0.
 
 def parse(text: object, **definitions: tuple[str, ...] | str) -> Expr:
     """Read a formula; definitions are ``f=("x", "x**2")`` or ``f="a + b"``."""
-    known = {name: Definition(f"functions.{name}", d[:-1], d[-1]) if isinstance(d, tuple) else
-             Definition(f"functions.{name}", (), d) for name, d in definitions.items()}
+    known = {
+        name: Definition(f"functions.{name}", d[:-1], d[-1])
+        if isinstance(d, tuple)
+        else Definition(f"functions.{name}", (), d)
+        for name, d in definitions.items()
+    }
     return Scope(NAMES, known, {"speed": "It is known to kinetic laws only"}).parse(text, "here")
 
 
@@ -290,12 +294,15 @@ def test_error_in_a_definition_names_the_definition():
 
 
 def test_derivative_of_a_definition():
-    scope = Scope(NAMES, {
-        "mu": Definition("mu", ("s",), "exp(-s/a)"),
-        "d_mu": Definition("mu", ("s",), "exp(-s/a)", "s"),
-        "ell": Definition("ell", (), "a*t + sin(b*t)"),
-        "d_ell": Definition("ell", (), "a*t + sin(b*t)", "t"),
-    })
+    scope = Scope(
+        NAMES,
+        {
+            "mu": Definition("mu", ("s",), "exp(-s/a)"),
+            "d_mu": Definition("mu", ("s",), "exp(-s/a)", "s"),
+            "ell": Definition("ell", (), "a*t + sin(b*t)"),
+            "d_ell": Definition("ell", (), "a*t + sin(b*t)", "t"),
+        },
+    )
     slope = ex.evaluate(scope.parse("d_mu(x*y)", ""), VALUES)
     assert slope == pytest.approx(-math.exp(-1.3 * -0.4 / 2) / 2, rel=1e-15)
     assert scope.parse("d_ell", "") is parse("a + b*cos(b*t)")
@@ -310,10 +317,27 @@ def test_signature(text, expected):
     assert parse_signature(text, "functions") == expected
 
 
-@pytest.mark.parametrize("text", [
-    "", "2f", "f(", "f(x", "f(x))", "f(x)(y)", "f()", "f(x,)", "f(x, x)", "sin(x)", "f(t)", "f(1)", "a.b", "a-b", "é",
-    "f(x y)",
-])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "2f",
+        "f(",
+        "f(x",
+        "f(x))",
+        "f(x)(y)",
+        "f()",
+        "f(x,)",
+        "f(x, x)",
+        "sin(x)",
+        "f(t)",
+        "f(1)",
+        "a.b",
+        "a-b",
+        "é",
+        "f(x y)",
+    ],
+)
 def test_wrong_signature(text):
     with pytest.raises(DeclarationError) as caught:
         parse_signature(text, "functions")
@@ -354,13 +378,17 @@ def _compound(inner):
 
 
 SMOOTH = st.recursive(LEAVES, _compound, max_leaves=6)
-KINKED = st.recursive(LEAVES, lambda inner: st.one_of(
-    _compound(inner),
-    inner.map(lambda p: f"abs({p})"),
-    st.tuples(st.sampled_from(["min", "max"]), inner, inner).map(lambda p: f"{p[0]}({p[1]}, {p[2]})"),
-    inner.map(lambda p: f"clip({p}, -1, 2)"),
-    st.tuples(inner, inner, inner).map(lambda p: f"piecewise({p[0]} < 1, {p[1]}, {p[2]})"),
-), max_leaves=6)
+KINKED = st.recursive(
+    LEAVES,
+    lambda inner: st.one_of(
+        _compound(inner),
+        inner.map(lambda p: f"abs({p})"),
+        st.tuples(st.sampled_from(["min", "max"]), inner, inner).map(lambda p: f"{p[0]}({p[1]}, {p[2]})"),
+        inner.map(lambda p: f"clip({p}, -1, 2)"),
+        st.tuples(inner, inner, inner).map(lambda p: f"piecewise({p[0]} < 1, {p[1]}, {p[2]})"),
+    ),
+    max_leaves=6,
+)
 NUMBERS = st.floats(-2, 2).map(lambda v: round(v, 3))
 
 
@@ -500,17 +528,52 @@ def test_substitute_and_along():
     assert ex.along(e, {"x": parse("b"), "y": parse("x")}) is parse("2*a*b*x + x*cos(y)")
 
 
-@pytest.mark.parametrize("unit", [
-    "", "1", "m", "kg*m^2/s", "kg m^2/s", "N/(m*s)", "m**2", "s^-1", "m^(1/2)", "m^1/2", "N·m", "µm/s", "%", "rad",
-    "1/s", "aJ", " N / m ", "m\n",
-])
+@pytest.mark.parametrize(
+    "unit",
+    [
+        "",
+        "1",
+        "m",
+        "kg*m^2/s",
+        "kg m^2/s",
+        "N/(m*s)",
+        "m**2",
+        "s^-1",
+        "m^(1/2)",
+        "m^1/2",
+        "N·m",
+        "µm/s",
+        "%",
+        "rad",
+        "1/s",
+        "aJ",
+        " N / m ",
+        "m\n",
+    ],
+)
 def test_unit(unit):
     assert check_unit(unit, "here") == unit
 
 
-@pytest.mark.parametrize("unit", [
-    "furlong", "m//s", "m^", "N/(m*s", "N/m)", "*m", "m*", "kg^2.5", "m^x", "()", "2m", "m^2^2", "m; s", "N" * 5000,
-])
+@pytest.mark.parametrize(
+    "unit",
+    [
+        "furlong",
+        "m//s",
+        "m^",
+        "N/(m*s",
+        "N/m)",
+        "*m",
+        "m*",
+        "kg^2.5",
+        "m^x",
+        "()",
+        "2m",
+        "m^2^2",
+        "m; s",
+        "N" * 5000,
+    ],
+)
 def test_wrong_unit(unit):
     with pytest.raises(DeclarationError, match=r"here: the unit .* does not parse") as caught:
         check_unit(unit, "here")

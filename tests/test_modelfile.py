@@ -37,8 +37,11 @@ EVERYTHING = System(
     parameters={"m": Parameter(2, "kg", "mass", "(0, inf)"), "k": Parameter(1e-7), "n": Parameter(-1.5e300)},
     functions={"H(s)": "max(s, 0)", "two(p, q)": "p*q", "half": 0.5, "one": 1, "one_text": "1"},
     drives={"ell": "sin(t)", "level": 2.0},
-    coordinates={"x": Inertial("m", "place", drag="d_x**3", force="0.1*m"), "u": Viscous(force=0.25),
-                 "z": RateIndependent(meaning="hysteresis")},
+    coordinates={
+        "x": Inertial("m", "place", drag="d_x**3", force="0.1*m"),
+        "u": Viscous(force=0.25),
+        "z": RateIndependent(meaning="hysteresis"),
+    },
     internal={"alpha": Internal("1 - alpha", "K", "temperature"), "beta": Internal(-1)},
     kinetic="m/2*d_x**2",
     potential="k/2*x**2 + H(u)**2 + (z - u)**2",
@@ -82,11 +85,20 @@ def test_round_trip_of_everything():
     assert [c.name for c in again.declaration.contacts] == list(EVERYTHING.contacts)
 
 
-@given(st.text(st.characters(codec="utf-8")), st.floats(allow_nan=False, allow_infinity=False),
-       st.integers(-(2**70), 2**70))
+@given(
+    st.text(st.characters(codec="utf-8")),
+    st.floats(allow_nan=False, allow_infinity=False),
+    st.integers(-(2**70), 2**70),
+)
 def test_round_trip_of_texts_and_numbers(text, number, integer):
-    system = System(name="s", title=text, source=f"\\ {text}", parameters={"p": Parameter(number, meaning=text)},
-                    internal={"a": Internal(integer)}, conditions={text: Condition("p < 1", text)})
+    system = System(
+        name="s",
+        title=text,
+        source=f"\\ {text}",
+        parameters={"p": Parameter(number, meaning=text)},
+        internal={"a": Internal(integer)},
+        conditions={text: Condition("p < 1", text)},
+    )
     assert loads(dumps(system)) == system
     assert same_types(loads(dumps(system)), system)
 
@@ -179,12 +191,18 @@ WRONG = {
     "unknown key": (SMALLEST + 'potentail = "1"', "model: potentail", "unknown key"),
     "unknown odd key": (SMALLEST + '"a\\nb" = "1"', "model: 'a b'", "unknown key"),
     "unknown key of a parameter": (SMALLEST + "parameters.P = {defalt = 1}", "model: parameters.P.defalt", "unknown"),
-    "unknown key of a coordinate": (SMALLEST + 'coordinates.x = {kind = "viscous", drag = "1"}',
-                                    "model: coordinates.x.drag", "unknown key"),
+    "unknown key of a coordinate": (
+        SMALLEST + 'coordinates.x = {kind = "viscous", drag = "1"}',
+        "model: coordinates.x.drag",
+        "unknown key",
+    ),
     "missing default": (SMALLEST + "parameters.P = {}", "model: parameters.P.default", "this key is missing"),
     "missing law": ('name = "s"\ninternal.a = {}', "model: internal.a.law", "this key is missing"),
-    "missing threshold": (SMALLEST + 'contacts."a b" = {direction = "d"}', "model: contacts.'a b'.threshold",
-                          "this key is missing"),
+    "missing threshold": (
+        SMALLEST + 'contacts."a b" = {direction = "d"}',
+        "model: contacts.'a b'.threshold",
+        "this key is missing",
+    ),
     "missing kind": (SMALLEST + "coordinates.x = {}", "model: coordinates.x.kind", "missing"),
     "unknown kind": (SMALLEST + 'coordinates.x = {kind = "viscose"}', "model: coordinates.x.kind", "no kind 'viscose'"),
     "kind of no text": (SMALLEST + "coordinates.x = {kind = 1}", "model: coordinates.x.kind", "expected a text"),
@@ -205,9 +223,12 @@ WRONG = {
     "law as a table": ('name = "s"\ninternal.a = {law = {b = {c = 1}}}', "model: internal.a.law", "got a table"),
     "formula as a bool": (SMALLEST + "potential = true", "model: potential", "got true or false"),
     "formula too large": (SMALLEST + f"potential = 0x{'f' * 9000}", "model: potential", "not finite"),
-    "threshold of three": ('name = "s"\ncoordinates.z = {kind = "rate-independent"}\n'
-                           'contacts.c = {direction = "d_z", threshold = [1, 2, 3]}',
-                           "model: contacts.'c'.threshold", "expected a formula or a pair of them"),
+    "threshold of three": (
+        'name = "s"\ncoordinates.z = {kind = "rate-independent"}\n'
+        'contacts.c = {direction = "d_z", threshold = [1, 2, 3]}',
+        "model: contacts.'c'.threshold",
+        "expected a formula or a pair of them",
+    ),
     "function as a table": (SMALLEST + "functions.f = {text = 1}", "model: functions.f", "got a table"),
     "initial as a text": (SMALLEST + 'initial.a = "1"', "model: initial.a", "expected a number, got a text"),
     "initial as a list": (SMALLEST + "initial = [1]", "model: initial", "expected a table, got a list"),

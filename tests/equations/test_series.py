@@ -252,6 +252,7 @@ FUNCTIONS: dict[str, Callable[..., mp.mpf]] = {
 
 def by_mpmath(text: str, parameters: dict[str, float]) -> Series:
     """The same formula as a function of time in many digits."""
+
     # Numbers as mpf, so that 1/3 or 2**0.5 do not slip through doubles.
     def compiled(formula: str) -> object:
         class Exact(ast.NodeTransformer):

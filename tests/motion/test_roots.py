@@ -73,7 +73,7 @@ def test_two_roots_close_together(place: float, scale: float, extra: int) -> Non
     # Between the roots the polynomial dips to −2.5e−15 of its size only, and a sample would have to fall between them.
     gap = 1e-7
     c = scale * polynomial.polyfromroots([place, place + gap])
-    c = polynomial.polymul(c, [2.0 ** -k for k in range(extra + 1)])  # positive, so it adds no root
+    c = polynomial.polymul(c, [2.0**-k for k in range(extra + 1)])  # positive, so it adds no root
     found = crossing(c, floor=1e-17 * scale)
     assert place - gap < found < place + 2 * gap
 

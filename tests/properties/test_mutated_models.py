@@ -13,20 +13,96 @@ from stickslip.errors import DeclarationError
 from stickslip.modelfile import dumps, loads
 from stickslip.system import System
 
-TEXTS = {path.name: path.read_text(encoding="utf-8")
-         for path in sorted((Path(__file__).parents[2] / "examples").glob("*.toml"))}
+TEXTS = {
+    path.name: path.read_text(encoding="utf-8")
+    for path in sorted((Path(__file__).parents[2] / "examples").glob("*.toml"))
+}
 SEEDS = range(200)
 
-VALUES = ["3", "-1", "0", "0.0", "1e308", "1e-320", "nan", "inf", "-inf", "true", '""', '"x"', "[]", "[1, 2]", "[[[]]]",
-          "{}", "{a = 1}", "{a = {b = {c = [1, {d = 2}]}}}", "1979-05-27", "07:32:00", "0xff", "0b1", "1" * 400,
-          f"0x{'f' * 5000}", "'''\na\n'''", '"\\u0000"', '"\\ud800"', "1_0", "+1", ".5", "1.", '"1"', '["1", 2]']
-HOSTILE = ["__import__('os').system('touch MARKER')", "().__class__.__base__.__subclasses__()", "9**9**9**9",
-           "(lambda: open('MARKER', 'w'))()", "[open('MARKER', 'w') for _ in (1,)]", "eval('1')", "factorial(10**7)",
-           "(" * 300 + "1" + ")" * 300, "-" * 2000 + "1", "sin(" * 100 + "1" + ")" * 100, "exp(exp(exp(exp(9))))",
-           "+".join(["x"] * 1000), "1/0", "0**-1", "log(-1)", "x if x else y", "f'{1}'", "1e999",
-           "open('MARKER').read()"]
-CHARACTERS = ["\x00", "\x07", "\n", "\r", "\t", '"', "'", "\\", "[", "]", "{", "}", "=", ".", ",", "#", "ψ", "\u2028",
-              "\U0001f600", "\ufeff", "é", "(", ")", "*", "^", "_"]
+VALUES = [
+    "3",
+    "-1",
+    "0",
+    "0.0",
+    "1e308",
+    "1e-320",
+    "nan",
+    "inf",
+    "-inf",
+    "true",
+    '""',
+    '"x"',
+    "[]",
+    "[1, 2]",
+    "[[[]]]",
+    "{}",
+    "{a = 1}",
+    "{a = {b = {c = [1, {d = 2}]}}}",
+    "1979-05-27",
+    "07:32:00",
+    "0xff",
+    "0b1",
+    "1" * 400,
+    f"0x{'f' * 5000}",
+    "'''\na\n'''",
+    '"\\u0000"',
+    '"\\ud800"',
+    "1_0",
+    "+1",
+    ".5",
+    "1.",
+    '"1"',
+    '["1", 2]',
+]
+HOSTILE = [
+    "__import__('os').system('touch MARKER')",
+    "().__class__.__base__.__subclasses__()",
+    "9**9**9**9",
+    "(lambda: open('MARKER', 'w'))()",
+    "[open('MARKER', 'w') for _ in (1,)]",
+    "eval('1')",
+    "factorial(10**7)",
+    "(" * 300 + "1" + ")" * 300,
+    "-" * 2000 + "1",
+    "sin(" * 100 + "1" + ")" * 100,
+    "exp(exp(exp(exp(9))))",
+    "+".join(["x"] * 1000),
+    "1/0",
+    "0**-1",
+    "log(-1)",
+    "x if x else y",
+    "f'{1}'",
+    "1e999",
+    "open('MARKER').read()",
+]
+CHARACTERS = [
+    "\x00",
+    "\x07",
+    "\n",
+    "\r",
+    "\t",
+    '"',
+    "'",
+    "\\",
+    "[",
+    "]",
+    "{",
+    "}",
+    "=",
+    ".",
+    ",",
+    "#",
+    "ψ",
+    "\u2028",
+    "\U0001f600",
+    "\ufeff",
+    "é",
+    "(",
+    ")",
+    "*",
+    "^",
+    "_",
+]
 
 
 def lines(text: str) -> list[str]:
@@ -50,7 +126,7 @@ def on_a_line(change: Callable[[str, random.Random], str]) -> Callable[[str, ran
 
 def drop_span(text: str, rng: random.Random) -> str:
     start = rng.randrange(len(text))
-    return text[:start] + text[start + rng.randint(1, 40):]
+    return text[:start] + text[start + rng.randint(1, 40) :]
 
 
 def insert_character(text: str, rng: random.Random) -> str:
@@ -137,8 +213,20 @@ def two_files(text: str, rng: random.Random) -> str:
 
 
 MUTATIONS: list[Callable[[str, random.Random], str]] = [
-    drop_span, insert_character, swap_characters, truncate, repeat_line, drop_line, shuffle_lines, another_value,
-    another_value_inside, another_key, hostile_formula, slip_in_a_formula, without_quotes, two_files,
+    drop_span,
+    insert_character,
+    swap_characters,
+    truncate,
+    repeat_line,
+    drop_line,
+    shuffle_lines,
+    another_value,
+    another_value_inside,
+    another_key,
+    hostile_formula,
+    slip_in_a_formula,
+    without_quotes,
+    two_files,
 ]
 
 

@@ -171,9 +171,7 @@ def test_fixed_normals_that_close_up() -> None:
 def test_a_moving_polytope_against_a_fine_grid() -> None:
     # Constraints of 600 phases together, in one linear program: an outer approximation, which the average refines.
     corners = np.array([[2.0, 0.3], [-1.0, 1.0], [-0.5, -1.0], [1.0, -0.8]])
-    source = Polytope(
-        vertices=lambda s: turned(corners, 0.4 * np.sin(2 * np.pi * s)) + [0.1 * np.cos(2 * np.pi * s), 0]
-    )
+    source = Polytope(vertices=lambda s: turned(corners, 0.4 * np.sin(2 * np.pi * s)) + shift(0.1, s))
     average = source.average()
     rows, offsets = [], []
     for s in np.arange(600) / 600:
