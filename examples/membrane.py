@@ -20,7 +20,6 @@ from skfem.models.poisson import laplace, unit_load
 
 import stickslip as ss
 
-
 MEAN, SWING, SPRINGS, LARGEST_LOAD = 1.0, 0.9, 30.0, 2.0
 PER_PERIOD = 10  # steps
 TOLERANCE, KKT = 0.05, 1e-6
