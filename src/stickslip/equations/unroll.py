@@ -99,7 +99,7 @@ class _Writer:
                 case ast.AugAssign(target=target, op=op, value=value):
                     self.assign(target, self.value(ast.BinOp(target, op, value), names), names)
                 case ast.For(target=ast.Name(id=index), iter=ast.Call(args=limits)):
-                    for j in range(*(int(_number(self.value(limit, names))) for limit in limits)):
+                    for j in range(*(int(_number(self.value(limit, names)) or 0) for limit in limits)):
                         names[index] = ast.Constant(j)
                         self.run(statement.body, names)
                 case ast.If(test=test):
@@ -196,7 +196,9 @@ def _number(node: ast.expr) -> float | None:
     """The value of a numeric constant."""
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub) and (x := _number(node.operand)) is not None:
         return -x
-    return node.value if isinstance(node, ast.Constant) and type(node.value) in (int, float) else None
+    if not isinstance(node, ast.Constant) or isinstance(node.value, bool):
+        return None
+    return node.value if isinstance(node.value, int | float) else None
 
 
 def _variable(place: str) -> str | None:
