@@ -7,6 +7,7 @@ that generated code calls.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -14,7 +15,8 @@ from numba import njit
 Array = np.ndarray
 
 # Sums may be reordered (they are long dot products), nothing else is relaxed: NaN and inf must stay visible.
-_options = {"cache": True, "error_model": "numpy", "_nrt": False, "fastmath": {"reassoc", "contract", "nsz"}}
+_exact: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
+_options = {**_exact, "fastmath": {"reassoc", "contract", "nsz"}}
 
 
 @njit(**_options)
@@ -160,7 +162,7 @@ def solve_order(R: Array, W: Array, first: int, solution: int, n: int, k: int) -
         W[solution + i, k] = s
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@njit(**_exact)
 def invert(A: Array, n: int, R: Array) -> bool:
     """Inverse R of the leading n×n block of A (destroyed) by Gauss-Jordan elimination; False if singular."""
     scale = 0.0
