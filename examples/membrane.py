@@ -122,18 +122,16 @@ def draw_maps(figure, disc, resolved):
     triangles = Triangulation(*disc.mesh.p, disc.mesh.t.T)
     rho = threshold(t / disc.problem.epsilon, disc.mesh.p[0])
     shown = (
-        (wave, rho, "cividis", r"threshold $\rho$"),
-        (plane, disc.on_mesh(z), "viridis", r"deflection $z_\varepsilon$"),
+        (wave, rho, "cividis", f"threshold $\\rho$ [dimensionless]\nat $t = {t:.2f}$; hatched: slips"),
+        (plane, disc.on_mesh(z), "viridis", f"deflection $z_\\varepsilon$ [dimensionless]\nat $t = {t:.2f}$"),
     )
     for axes, values, colours, label in shown:
         image = axes.tripcolor(triangles, values, shading="gouraud", cmap=colours, rasterized=True)
-        figure.colorbar(image, ax=axes, location="bottom", shrink=0.8, label=f"{label}  [dimensionless]")
+        figure.colorbar(image, ax=axes, location="bottom", shrink=0.8, label=label)
         axes.set_aspect("equal")
         axes.set_axis_off()
     wave.tricontourf(triangles, slips, levels=[0.5, 2.0], colors="none", hatches=["////"])
     wave.tricontour(triangles, slips, levels=[0.5], colors="white", linewidths=1.2)
-    wave.set_title(f"hatched: slips at $t = {t:.2f}$")
-    plane.set_title(f"$t = {t:.2f}$")
 
 
 def draw_profiles(axes, disc, resolved, averaged, coarse, fast):
@@ -146,8 +144,9 @@ def draw_profiles(axes, disc, resolved, averaged, coarse, fast):
         first = period == 1
         axes.plot(x, line, color=BLUE, label=rf"$\varepsilon = 1/{disc.periods}$" if first else None)
         axes.plot(x, limit, color=STICK_LINE, lw=1.1, label=r"$\varepsilon \to 0$" if first else None)
-        axes.text(0.0, limit.max() + 8e-4, f"$t = {averaged.times[period]:.2f}$", ha="center", fontsize=10)
     axes.plot(*coarse.profile(fast.final), color=ORANGE, label=rf"$\varepsilon = 1/{coarse.periods}$")
+    times = ", ".join(f"{period}/{disc.periods}" for period in range(1, disc.periods))
+    axes.text(0.0, 0.066, f"from below: $t = {times}, 1$", ha="center", fontsize=10)
     axes.set_xlim(-1, 1)
     axes.set_xticks([-1, -0.5, 0, 0.5, 1])
     axes.set_ylim(0.0, 0.07)

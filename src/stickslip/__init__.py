@@ -20,6 +20,11 @@ if TYPE_CHECKING:
     from stickslip.motion.outcome import Outcome
     from stickslip.motion.simulate import simulate
     from stickslip.motion.trajectory import Trajectory, open_trajectory
+    from stickslip.orbits.branch import Branch, SpecialPoint, open_branch
+    from stickslip.orbits.curves import fold_curve, hopf_curve
+    from stickslip.orbits.equilibria import equilibria
+    from stickslip.orbits.equilibrium import Equilibria, Equilibrium, EquilibriumSet
+    from stickslip.orbits.equilibrium_branch import continue_equilibrium
     from stickslip.rate_independent.dissipation import (
         Dissipation,
         Ellipsoid,
@@ -48,11 +53,15 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Branch",
     "Condition",
     "Contact",
     "DeclarationError",
     "Dissipation",
     "Ellipsoid",
+    "Equilibria",
+    "Equilibrium",
+    "EquilibriumSet",
     "Evolution",
     "GroupNorm",
     "History",
@@ -64,6 +73,7 @@ __all__ = [
     "Polytope",
     "Product",
     "RateIndependent",
+    "SpecialPoint",
     "StickslipError",
     "SupportFunction",
     "System",
@@ -73,8 +83,13 @@ __all__ = [
     "__version__",
     "averaging_study",
     "catalogue",
+    "continue_equilibrium",
+    "equilibria",
     "evolve",
+    "fold_curve",
+    "hopf_curve",
     "load",
+    "open_branch",
     "open_history",
     "open_trajectory",
     "play",
@@ -96,6 +111,11 @@ _HOMES = {
     "evolve": "rate_independent.evolve",
     "History": "rate_independent.history",
     "open_history": "rate_independent.history",
+    **dict.fromkeys(["Branch", "SpecialPoint", "open_branch"], "orbits.branch"),
+    **dict.fromkeys(["fold_curve", "hopf_curve"], "orbits.curves"),
+    **dict.fromkeys(["Equilibria", "Equilibrium", "EquilibriumSet"], "orbits.equilibrium"),
+    "equilibria": "orbits.equilibria",
+    "continue_equilibrium": "orbits.equilibrium_branch",
     "Play": "rate_independent.play",
     "play": "rate_independent.play",
     "averaging_study": "rate_independent.study",

@@ -175,6 +175,9 @@ def test_projection_and_proximal_step(kind: str, seed: int, step: float) -> None
     # Support function, exposed point and excess say the same about K(s).
     assert source.exposed(v, s) @ v == pytest.approx(source.support(v, s), rel=1e-11)
     assert (source.excess(v, s) > 1e-9) == (source.distance(v, s) > 1e-9)
+    together = source.sampled(PHASES)
+    np.testing.assert_allclose(together.support(v), [source.support(v, t) for t in PHASES], rtol=1e-12)
+    np.testing.assert_allclose(together.excess(v), [source.excess(v, t) for t in PHASES], rtol=1e-9, atol=1e-12)
     assert source.value(s, v + other) <= source.value(s, v) + source.value(s, other) + 1e-12
     assert source.value(s, 3 * v) == pytest.approx(3 * source.value(s, v))
 

@@ -119,6 +119,19 @@ def test_asymmetric_weights() -> None:
     assert abs(motion.gap) < 1e-14
 
 
+def test_weights_that_vanish_up_to_rounding() -> None:
+    # At the minimum 1 + cos is a rounding error, of either sign.
+    for shift_by in np.linspace(0.01, 0.99, 23):
+        source = WeightedL1([f"1 + cos(2*pi*(s - {shift_by}))"])
+        assert source.value(shift_by + 0.5, [1.0]) == pytest.approx(0, abs=1e-15)
+        assert 0 <= source.average().support([1.0]) < 1e-15
+
+
+def test_weights_negative_where_nobody_looked() -> None:
+    with pytest.raises(DeclarationError, match=r"component 1 is -0\.\d+ at phase s = 0\.7, but a threshold cannot"):
+        WeightedL1(lambda s: [1.0, np.abs(np.sin(np.pi * (s - 0.7))) - 1e-3]).average()
+
+
 def test_one_sided_friction_does_not_count_as_frictionless() -> None:
     ratchet = WeightedL1(["cos(pi*s)**2", "cos(pi*s)**2"], lower=["1", "sin(pi*s)**2"]).average()
     assert ratchet.value(0, [3, 0]) == pytest.approx(0, abs=1e-15)

@@ -132,6 +132,27 @@ def test_support_function_with_corners() -> None:
     np.testing.assert_allclose(potential.project([0.3, 0.2, -0.5]), [0.3, 0.2, -0.5], atol=1e-8)
 
 
+@pytest.mark.parametrize("n", [2, 3])
+def test_support_functions_with_edges_and_curves(n: int) -> None:
+    # A sum of segments and a ball: with and without its subgradient.
+    rng = np.random.default_rng(n)
+    for _ in range(10):
+        D, r = rng.normal(size=(3, n)), rng.uniform(0, 0.7)
+
+        def psi(s: float, v: Array, D: Array = D, r: float = r) -> float:
+            return float(np.abs(D @ v).sum() + r * np.linalg.norm(v))
+
+        def slope(s: float, v: Array, D: Array = D, r: float = r) -> Array:
+            return D.T @ np.sign(D @ v) + r * v / np.linalg.norm(v)
+
+        exact = SupportFunction(psi, n, slope, depends_on_phase=False)
+        xi = 4 * rng.normal(size=n)
+        y = exact.project(xi)
+        assert exact.support(xi - y) - (xi - y) @ y <= 1e-8 * np.linalg.norm(xi)
+        found = SupportFunction(psi, n, depends_on_phase=False).project(xi)
+        np.testing.assert_allclose(found, y, atol=1e-4)
+
+
 def test_formulas_jump_and_vanish() -> None:
     square = WeightedL1(["piecewise(sin(2*pi*s) > 0, 1, 2)", "max(cos(2*pi*s), 0)"])
     np.testing.assert_array_equal(square.bounds(0.2)[1][0], 1)

@@ -227,7 +227,6 @@ def test_two_turning_points_close_together(width: float) -> None:
     motion = play(f"1 + ((t - {c})**3 - 3*{width}**2*(t - {c}))/3", 0.01, (0, 2), 1 - c**3 / 3 + c * width**2)
     last = motion.events["time"].to_numpy()[-2:]
     assert last == pytest.approx([c - width, c + 2 * width], abs=1e-7)
-    # At the least it falls by 1e-11, of which rounding leaves four digits.
     rest = motion.position(np.linspace(c - width, c + 2 * width, 50)[1:-1])
     assert np.ptp(rest) == 0.0
     assert rest[0] == pytest.approx(0.99 + 2 / 3 * width**3, abs=1e-15)
@@ -327,8 +326,7 @@ def motion() -> Play:
 def test_values_between_nodes(motion: Play) -> None:
     t = np.random.default_rng(0).uniform(0, 5, (3, 500))
     now = motion.at(t)
-    assert all(value.shape == t.shape for value in now.values())
-    assert np.array_equal(now["z"], motion.position(t))
+    assert all(value.shape == t.shape for value in now.values()) and np.array_equal(now["z"], motion.position(t))
     assert motion.position(motion.time) == pytest.approx(motion.z, abs=1e-14)
     assert now["load"] == pytest.approx(5 * t - t**2, abs=1e-14)
     assert now["threshold_plus"] == pytest.approx(1 + np.cos(20 * np.pi * t) / 2, abs=1e-13)
@@ -477,7 +475,6 @@ def test_picture_of_many_nodes() -> None:
 def test_figure_2_1() -> None:
     example = runpy.run_path(str(EXAMPLES / "play-moving-threshold.py"))
     resolved, averaged = example["resolved"], example["averaged"]
-    # At t = 0.1 (k + 1/2) the threshold is least; before that z has waited for a whole period.
     assert 0.3 < example["distance"] < 0.5
     assert averaged.dissipated == pytest.approx(0.5 * (5.75 + 5.25), rel=1e-14)
     left, right = plot_limit(resolved, averaged).axes

@@ -41,7 +41,9 @@ def test_section_2_2(threshold: str, power: float) -> None:
     assert study.rate == pytest.approx(1.0, abs=0.1)
     assert np.all(table["distance"] < 5.0 * table["epsilon"])
     assert study.powers["equicontinuity"] == pytest.approx(1.0, abs=0.15)
-    assert study.powers["weak_distance"] == pytest.approx(1.0, abs=0.15)
+    # Of the order ε, with a factor that depends on where in a period the motion turns and ends.
+    assert np.all(table["weak_distance"].max("test") < 6.0 * table["epsilon"])
+    assert study.powers["weak_distance"] > 0.8
     assert study.powers["rate_l2"] == pytest.approx(power, abs=0.03)
     assert study.powers["steps"] == pytest.approx(-1.0, abs=0.05)
     # z_0 rises to 25/4 − 1/2 and falls to 1/2; its rate is that of ℓ while it moves.

@@ -204,7 +204,7 @@ def summarise_average(model: EvolutionModel, averaged: Average) -> dict[str, Any
     import numpy as np
 
     source, n = model.potential, model.potential.dimension
-    grid = np.arange(256) / 256 if source.depends_on_phase else np.zeros(1)
+    grid = np.arange(128) / 128 if source.depends_on_phase else np.zeros(1)
     unit_motions = []
     for i in range(n):
         for sign in (1, -1):

@@ -24,12 +24,13 @@ from stickslip.figures.style import (
     new_figure,
     paper_style,
 )
+from stickslip.rate_independent.dissipation import Polytope
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.dissipation import Average, Dissipation
 
 Array = np.ndarray
-DIRECTIONS, PHASES = 720, 256
+DIRECTIONS, PHASES = 360, 128
 FEW = 4  # components with a line of their own; of more a map is drawn
 PLANE, COSTS, HEIGHT = 4.4, 4.8, 4.8  # inches
 
@@ -69,7 +70,7 @@ def stable_sets(axes: Axes, potential: Dissipation, sets: int = 8, unit: str = "
     colours = ListedColormap(mpl.colormaps["twilight"](np.linspace(0.12, 0.88, sets)))
     for k, s in enumerate(phases.tolist()):
         axes.fill(*_boundary(potential, np.array([s])).T, fc="none", ec=colours(k), lw=1.2)
-    common = _boundary(potential, np.arange(PHASES) / PHASES)
+    common = _boundary(potential, np.arange(PHASES if potential.depends_on_phase else 1) / PHASES)
     axes.fill(*common.T, fc=BAND, ec=THRESHOLD, lw=2.2, zorder=3, label=r"$K_\mathrm{av}$, common to all")
     axes.plot(0, 0, "+", color=STICK_LINE, ms=7, zorder=4)
     axes.set_aspect("equal", adjustable="datalim")
@@ -97,12 +98,20 @@ def _boundary(potential: Dissipation, phases: Array) -> Array:
     """Boundary of what K(s) has in common at some phases, shape (DIRECTIONS, 2): where rays meet a supporting line."""
     angles = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     rays = np.column_stack([np.cos(angles), np.sin(angles)])
-    sampled = potential.sampled(phases)
-    least = np.array([sampled.support(v).min() for v in rays])
-    slopes = rays @ rays.T
+    normals, offsets = _half_planes(potential, phases, rays)
+    slopes = rays @ normals.T
     ahead = slopes > 1e-12
-    reach = np.where(ahead, least / np.where(ahead, slopes, 1.0), np.inf).min(axis=1)
+    reach = np.where(ahead, offsets / np.where(ahead, slopes, 1.0), np.inf).min(axis=1)
     return rays * reach[:, None]
+
+
+def _half_planes(potential: Dissipation, phases: Array, directions: Array) -> tuple[Array, Array]:
+    """Unit normals (m, 2) and offsets (m,) of half-planes that enclose K(s) at some phases."""
+    if isinstance(potential, Polytope) and potential.faces is not None:
+        normals, offsets = zip(*(potential.halfspaces_at(s) for s in phases.tolist()), strict=True)
+        return np.concatenate(normals), np.concatenate(offsets)
+    sampled = potential.sampled(phases)
+    return directions, np.array([sampled.support(v).min() for v in directions])
 
 
 def _with_unit(label: str, unit: str) -> str:

@@ -366,8 +366,12 @@ class Play:
         audit = self.audit
         balance = audit.energy - audit.energy[0] + audit.dissipated - audit.supplied
         scale = max(float(np.ptp(audit.energy)), audit.dissipated[-1], audit.supplied_modulus)
-        scale = max(scale, 1e-6 * float(np.max(np.abs(audit.energy))))
-        size = float(np.max(np.abs(self.z)))
+        # What is small against the largest force is known to its rounding only.
+        now = self.at(self.time)
+        yielding = float(max(np.max(np.abs(now[name])) for name in ("load", "threshold_plus", "threshold_minus")))
+        length = 1e-6 * yielding / self.bounds.stiffness
+        scale = max(scale, 1e-6 * float(np.max(np.abs(audit.energy))), length * yielding)
+        size = max(float(np.max(np.abs(self.z))), length)
         energy, stability, defect = (
             measured / of if of > 0.0 else 0.0
             for measured, of in (

@@ -111,7 +111,7 @@ class Signal:
 
 def _phase(t: Array, period: float) -> Array:
     # The remainder is exact, the quotient is not.
-    return t / period % 1.0
+    return np.mod(t, period) / period
 
 
 def is_table(given: Any) -> bool:

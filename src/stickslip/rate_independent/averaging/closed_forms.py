@@ -11,9 +11,10 @@ from stickslip.errors import DeclarationError
 from stickslip.rate_independent.averaging.minima import least_over_phases
 from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, OptimalMotion
 from stickslip.rate_independent.dissipation.group_norm import GroupNorm
+from stickslip.rate_independent.dissipation.phase import Varying
 from stickslip.rate_independent.dissipation.polytope import Polytope
 from stickslip.rate_independent.dissipation.product import Product
-from stickslip.rate_independent.dissipation.weighted_l1 import WeightedL1
+from stickslip.rate_independent.dissipation.weighted_l1 import WeightedL1, nonnegative
 
 MOST_NUMBERS = 20_000_000  # in the table of an optimal motion
 VANISHING = 1e-12  # thresholds that count as 0, of the largest
@@ -47,11 +48,11 @@ class AveragedWeightedL1(Average, WeightedL1):
 
 def average_weighted_l1(source: WeightedL1) -> AveragedWeightedL1:
     """Each weight at its minimum over the phase."""
-    upper, upper_phases = least_over_phases(source.above)
-    lower, lower_phases = (upper, upper_phases) if source.below is source.above else least_over_phases(source.below)
+    upper, upper_phases = least_thresholds(source.above)
+    lower, lower_phases = (upper, upper_phases) if source.below is source.above else least_thresholds(source.below)
     return AveragedWeightedL1(
-        np.maximum(upper, 0.0),
-        None if lower is upper else np.maximum(lower, 0.0),
+        upper,
+        None if lower is upper else lower,
         source=source,
         upper_phases=upper_phases,
         lower_phases=lower_phases,
@@ -82,8 +83,8 @@ class AveragedGroupNorm(Average, GroupNorm):
 
 def average_group_norm(source: GroupNorm) -> AveragedGroupNorm:
     """Each radius at its minimum over the phase."""
-    radii, phases = least_over_phases(source.radius)
-    return AveragedGroupNorm(np.maximum(radii, 0.0), source.size, source=source, phases=phases)
+    radii, phases = least_thresholds(source.radius)
+    return AveragedGroupNorm(radii, source.size, source=source, phases=phases)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,8 +124,8 @@ class AveragedPolytope(Average, Polytope):
 def average_polytope(source: Polytope) -> AveragedPolytope:
     """Each offset at its minimum over the phase."""
     assert source.reach is not None
-    offsets, phases = least_over_phases(source.reach)
-    return AveragedPolytope(normals=source.normals, offsets=np.maximum(offsets, 0.0), source=source, phases=phases)
+    offsets, phases = least_thresholds(source.reach)
+    return AveragedPolytope(normals=source.normals, offsets=offsets, source=source, phases=phases)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,25 +163,36 @@ class AveragedProduct(Average, Product):
         for motion, part in zip(own, self.parts, strict=True):
             motions[row : row + len(motion.phases), part] = motion.motions
             row += len(motion.phases)
-        phases = np.concatenate([motion.phases for motion in own])
-        together, place = np.unique(phases, return_inverse=True)
-        sums = np.zeros((len(together), len(V)))
-        np.add.at(sums, place, motions)
-        return OptimalMotion(together, sums, sum(motion.cost for motion in own), sum(motion.bound for motion in own))
+        phases, motions = gathered(np.concatenate([motion.phases for motion in own]), motions)
+        return OptimalMotion(phases, motions, sum(motion.cost for motion in own), sum(motion.bound for motion in own))
+
+
+def least_thresholds(thresholds: Varying) -> tuple[Array, Array]:
+    """Thresholds at their minima over the phase, and the phases; refuses negative ones."""
+    values, phases = least_over_phases(thresholds)
+    if values.min() < 0.0:
+        nonnegative(thresholds, float(phases[values.argmin()]))
+    return np.maximum(values, 0.0), phases
 
 
 def measure(source: Dissipation, V: Array, phases: Array, motions: Array, xi: Array, violation: float) -> OptimalMotion:
     """A measure with the sum V, what it costs, and what a force ξ says about the least cost."""
     moving = np.abs(motions).max(axis=1) > 1e-14 * np.abs(V).max(initial=0.0)
-    together, place = np.unique(phases[moving], return_inverse=True)
-    sums = np.zeros((len(together), len(V)))
-    np.add.at(sums, place, motions[moving])
+    together, sums = gathered(phases[moving], motions[moving])
     if len(sums):
         # Rounding of the program that found them.
         sums[int(np.linalg.norm(sums, axis=1).argmax())] += V - sums.sum(axis=0)
     cost = sum(source.support(v, s) for s, v in zip(together, sums, strict=True))
     total = float(np.linalg.norm(sums, axis=1).sum())
     return OptimalMotion(together, sums, float(cost), float(xi @ V) - max(violation, 0.0) * total)
+
+
+def gathered(phases: Array, motions: Array) -> tuple[Array, Array]:
+    """The same measure with increasing phases, each once."""
+    together, place = np.unique(phases, return_inverse=True)
+    sums = np.zeros((len(together), motions.shape[1]))
+    np.add.at(sums, place, motions)
+    return together, sums
 
 
 def _scheduled(average: Average, source: Dissipation, V: Array, when: Array) -> OptimalMotion:

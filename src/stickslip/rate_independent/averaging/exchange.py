@@ -28,7 +28,9 @@ CLUSTER = 0.02  # phases closer than this may be one
 NEAR = 1e-2  # violation, as a multiple of the size of K, from which Newton's method is tried
 ROUNDING = 1e-15  # of a distance, as a multiple of the size of K
 SHARPEST = 1e-13  # duality gap that rounding allows
-DIFFERENCE = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0  # derivative of fourth order from the values at −2h, −h, h, 2h
+STEP = 1e-6  # of differences in Newton's method
+SHIFTS = (-2e-3, -1e-3, 1e-3, 2e-3)
+DIFFERENCE = np.array([1.0, -8.0, 8.0, -1.0]) / 12e-3  # derivative of fourth order from the values at SHIFTS
 Constraint = tuple[float, ConeForm]
 
 
@@ -266,31 +268,37 @@ def refined(source: Dissipation, held: Held, c: Array, Q: Array | None, size: fl
     """
     n, k = len(c), len(held.phases)
     length = float(np.linalg.norm(held.motions, axis=1).max())
-    shifts = (-2e-3, -1e-3, 1e-3, 2e-3)
-
-    def parts(x: Array) -> tuple[Array, Array, Array]:
-        return x[:n] * size, x[n : n + k], x[n + k :].reshape(k, n) * length
-
-    def residual(x: Array) -> Array:
-        xi, phases, motions = parts(x)
-        balance = motions.sum(axis=0) - c + (0.0 if Q is None else Q @ xi)
-        pairs = [(s, xi + v * (size / length)) for s, v in zip(phases.tolist(), motions, strict=True)]
-        touch = [xi - source.project(beyond, s) for s, beyond in pairs]
-        squares = [[np.square(beyond - source.project(beyond, s + h)).sum() for h in shifts] for s, beyond in pairs]
-        slope = np.array(squares) @ DIFFERENCE / (2e-3 * size**2)
-        return np.concatenate([balance / length, np.concatenate(touch) / size, slope])
-
-    x = np.concatenate([held.xi / size, held.phases, held.motions.ravel() / length])
-    off = residual(x)
+    curvature = np.zeros((n, n)) if Q is None else Q * (size / length)
+    # Unknowns: ξ in units of size, and for each phase v_k in units of length and s_k.
+    x, contacts = held.xi / size, np.column_stack([held.motions / length, held.phases])
+    reached, best = np.inf, (x, contacts)
     for _ in range(12):
-        columns = [(residual(x + 1e-6 * e) - off) / 1e-6 for e in np.eye(len(x))]
-        trial = x - np.linalg.lstsq(np.column_stack(columns), off, rcond=1e-10)[0]
-        left = residual(trial)
-        if not np.linalg.norm(left) < 0.5 * np.linalg.norm(off):
+        touch = [_contact(source, x + row[:n], row[n], size) for row in contacts]
+        residual = [curvature @ x + contacts[:, :n].sum(axis=0) - c / length]
+        residual += [np.append(x - at[:n], at[n]) for at in touch]
+        off = float(np.linalg.norm(np.concatenate(residual)))
+        if not off < 0.5 * reached:
             break
-        x, off = trial, left
-    xi, phases, motions = parts(x)
-    return Held(xi, wrapped(phases), motions)
+        reached, best = off, (x, contacts)
+        jacobian = np.zeros((n + k * (n + 1), n + k * (n + 1)))
+        jacobian[:n, :n] = curvature
+        for i, (row, at) in enumerate(zip(contacts, touch, strict=True)):
+            own = slice(n + i * (n + 1), n + (i + 1) * (n + 1))
+            moved = [_contact(source, x + row[:n] + step[:n], row[n] + step[n], size) for step in STEP * np.eye(n + 1)]
+            slopes = np.column_stack([(there - at) / STEP for there in moved])
+            slopes[:n] *= -1.0
+            jacobian[own, own], jacobian[own, :n] = slopes, slopes[:, :n] + np.eye(n + 1, n)
+            jacobian[:n, own] = np.eye(n, n + 1)
+        step = np.linalg.lstsq(jacobian, np.concatenate(residual), rcond=1e-10)[0]
+        x, contacts = x - step[:n], contacts - step[n:].reshape(k, n + 1)
+    x, contacts = best
+    return Held(x * size, wrapped(contacts[:, n]), contacts[:, :n] * length)
+
+
+def _contact(source: Dissipation, beyond: Array, s: float, size: float) -> Array:
+    """The point of K(s) nearest to one beyond it, and the slope of half the squared distance in s; in units of size."""
+    squares = [np.square(beyond - source.project(size * beyond, s + h) / size).sum() / 2 for h in SHIFTS]
+    return np.append(source.project(size * beyond, s) / size, DIFFERENCE @ squares)
 
 
 def lineality(average: Average, least: float) -> Array:

@@ -41,13 +41,13 @@ def least_over_phases(varying: Varying) -> tuple[Array, Array]:
     n = varying.shape[0]
     if not varying.depends_on_phase:
         return varying.at(0.0), np.zeros(n)
-    values, phases, index, centre = _scan(varying)
     if isinstance(varying, Function) and n > MOST_SEPARATE and not varying.elementwise:
         raise DeclarationError(
             varying.where,
             f"{n} minima over the phase cannot be refined one by one",
             "Let the function take an array of n phases, one for each component, and return each component at its own",
         )
+    values, phases, index, centre = _scan(varying)
     if len(index):
         refined, found = golden_section(lambda s: varying.entries(index, s), centre - 1 / SAMPLES, centre + 1 / SAMPLES)
         order = np.argsort(-refined, kind="stable")  # the least of an entry is written last

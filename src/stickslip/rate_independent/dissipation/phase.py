@@ -21,7 +21,6 @@ from stickslip.formulas import Scope
 Array = NDArray[np.float64]
 
 SAMPLE_PHASES = tuple((k * 0.6180339887498949) % 1.0 for k in range(8))
-"""Phases at which a declaration is looked at when it is made; afterwards each phase is checked when it is used."""
 
 NUMPY: dict[str, Callable[[Any], Any]] = {
     **{name: getattr(np, name) for name in ("exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
@@ -39,11 +38,19 @@ class Varying(ABC):
         How errors call it.
     shape : tuple of int
     depends_on_phase : bool
+    scale : float
+        Largest entry at a few phases.
     """
 
     where: str
     shape: tuple[int, ...]
     depends_on_phase: bool = True
+    scale: float = 0.0
+
+    @property
+    def looks(self) -> tuple[float, ...]:
+        """Phases at which a declaration is looked at when it is made; afterwards each is checked when it is used."""
+        return SAMPLE_PHASES if self.depends_on_phase else (0.0,)
 
     @abstractmethod
     def raw(self, s: float) -> Any:
@@ -88,14 +95,12 @@ class Varying(ABC):
         return value
 
     def check(self) -> None:
-        """Look at a few phases, and whether the function closes up after one period.
+        """Look whether the function closes up after one period.
 
         Raises
         ------
         DeclarationError
         """
-        for s in SAMPLE_PHASES:
-            self.at(s)
         if same(self.at(0.0), self.later(0.0)):
             return
         # A function that jumps at s = 0 is periodic all the same if it says so beyond s = 1.
@@ -225,6 +230,7 @@ def read(given: Any, where: str, closes: bool = True) -> Varying:
         If it is none of these, not finite, or not 1-periodic.
     """
     varying = _read(given, where)
+    varying.scale = max(float(np.abs(varying.at(s)).max(initial=0.0)) for s in varying.looks)
     if closes:
         varying.check()
     return varying

@@ -56,7 +56,7 @@ class Polytope(Dissipation):
             self._read_halfspaces()
         for s in SAMPLE_PHASES if self.depends_on_phase else (0.0,):
             self._check(s)
-        if not isinstance(self.faces, Constant):
+        if self.depends_on_phase and not isinstance(self.faces, Constant):
             self._check_period()
 
     def _read_halfspaces(self) -> None:
@@ -170,8 +170,10 @@ class Polytope(Dissipation):
         normals, offsets = self.halfspaces_at(s)
         if offsets.min() <= 1e-6 * offsets.max():
             return None
-        self._check(s)
-        return HalfspaceIntersection(np.column_stack([normals, -offsets]), np.zeros(self.dimension)).intersections
+        vertices = HalfspaceIntersection(np.column_stack([normals, -offsets]), np.zeros(self.dimension)).intersections
+        if not np.isfinite(vertices).all():
+            self._check(s)
+        return vertices
 
     def _check(self, s: float) -> None:
         """Refuse a phase at which K(s) does not contain 0 or is not bounded."""
@@ -194,7 +196,7 @@ class Polytope(Dissipation):
     def _check_period(self) -> None:
         """Refuse vertices or half-spaces that describe another set after one period; their order may change."""
         later = [None if part is None else part.later(0.0) for part in (self.corners, self.faces, self.reach)]
-        after = Polytope(*later) if self.depends_on_phase else self
+        after = Polytope(*later)
         for d in np.random.default_rng(0).normal(size=(3, self.dimension)):
             if abs(after.support(d) - self.support(d)) > 1e-8 * self.support(d):
                 raise not_periodic("vertices" if self.faces is None else "normals", 0.0)

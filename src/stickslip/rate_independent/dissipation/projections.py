@@ -169,7 +169,7 @@ def nearest_in_cones(dissipation: Dissipation, xi: Array, s: float, M: Array) ->
         raise ConvergenceError(
             "projection in a metric",
             f"the residual stays at {residual / size:.3g} of the size of xi",
-            "Scale the metric",
+            "The metric is too ill-conditioned",
         )
     return best
 
@@ -187,6 +187,7 @@ def nearest_by_support(
     M: Array | None,
     known: list[Array] | None = None,
     accuracy: float = 0.0,
+    sure: float = 1e-9,
 ) -> Array:
     """The point of K(s) nearest to ξ from points of K(s) that are exposed in the direction in which ξ still lies.
 
@@ -198,11 +199,13 @@ def nearest_by_support(
         Points of K(s) to start from; those that are found are added.
     accuracy : float
         Relative error of the distance that will do; by default as little as possible.
+    sure : float
+        Largest error of the distance, as a multiple of the size of K(s).
 
     Raises
     ------
     ConvergenceError
-        If the distance is not accurate to 1e-9 of the size of K(s).
+        If the distance is not that accurate.
     """
     points = [] if known is None else known
     if not points:
@@ -223,7 +226,7 @@ def nearest_by_support(
         if gap <= max(1e-15, accuracy * far) or (np.abs(table - ahead).max(axis=1) <= 1e-15 * size).any():
             break
         points.append(ahead)
-    if not least <= max(1e-9, accuracy):
+    if not least <= max(sure, accuracy):
         raise ConvergenceError(
             "projection by a support function",
             f"the distance is known to {least:.3g} of the size of K(s) only",

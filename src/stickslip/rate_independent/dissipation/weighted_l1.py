@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, Sampled
-from stickslip.rate_independent.dissipation.phase import SAMPLE_PHASES, Varying, read, wrapped
+from stickslip.rate_independent.dissipation.phase import Varying, read, wrapped
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.averaging.cones import ConeForm
@@ -127,7 +127,7 @@ def read_weights(given: object, where: str) -> Varying:
         raise DeclarationError(
             where, f"it has the shape {varying.shape}, but one threshold for each component is needed", "Give a vector"
         )
-    for s in SAMPLE_PHASES if varying.depends_on_phase else (0.0,):
+    for s in varying.looks:
         nonnegative(varying, s)
     return varying
 
@@ -138,7 +138,7 @@ def nonnegative(thresholds: Varying, s: float) -> Array:
     least = value.min(initial=0.0)
     if least >= 0.0:
         return value
-    if least < -1e-13 * np.abs(value).max():
+    if least < -1e-13 * thresholds.scale:
         i = int(value.argmin())
         when = f" at phase s = {wrapped(s):g}" if thresholds.depends_on_phase else ""
         raise DeclarationError(

@@ -265,7 +265,7 @@ def lowest(derivative: Callable[[float], float], start: float) -> tuple[float, f
     hits the minimum.
     """
     left, low, right, high = 0.0, start, 1.0, derivative(1.0)
-    if low >= 0.0:
+    if not low < 0.0:
         return left, low
     if high <= 0.0:
         return right, high

@@ -14,6 +14,7 @@ from numba import njit
 
 Array = np.ndarray
 ROUNDING = 8 * 2.220446049250313e-16  # of the magnitudes a force is the sum of
+HELD = 1.0 + 1e-12  # times the radius: a group that barely moves would have a curvature radius/|d| beyond all others
 OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
 
 
@@ -83,7 +84,7 @@ def minimise_block(B: Array, g: Array, radius: float, L: Array, x: Array, y: Arr
         size += g[c] * g[c]
         trace += B[c, c]
     size = math.sqrt(size)
-    if size <= radius:
+    if size <= radius * HELD:
         x[:] = 0.0
         return
     shift = radius * trace / (size - radius)

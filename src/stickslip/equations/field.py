@@ -1,0 +1,329 @@
+"""The smooth vector field of one mode and region, as expressions.
+
+Within a fixed mode of every contact and a fixed region of every kink the linear problems of
+:mod:`stickslip.equations.derive` are solved symbolically: the rates are then plain expressions in t, the state and the
+parameters, and their Jacobian, higher derivatives, guards and derivatives with respect to parameters are exact.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stickslip import expressions as ex
+from stickslip.equations.derive import MotionEquations
+from stickslip.equations.evaluator import evaluator
+from stickslip.expressions import Expr
+
+Array = np.ndarray
+Mode = tuple[int, ...]
+Region = tuple[int, ...]
+
+MODE_NAMES = {-1: "slip-", 0: "stick", 1: "slip+"}
+
+
+@dataclass(frozen=True)
+class ContactField:
+    """One contact in a mode: relative velocity u, friction force λ, thresholds s⁺ (u > 0) and s⁻ (u < 0)."""
+
+    name: str
+    kind: str
+    u: Expr
+    force: Expr
+    plus: Expr
+    minus: Expr
+
+
+@dataclass(frozen=True)
+class Guard:
+    """What must be nonnegative in a mode.
+
+    Attributes
+    ----------
+    value : Expr
+    switch : int
+        The engine's number of the switch (``Knots.cause``): kinks first, then contacts.
+    to : int
+        Region or mode of that switch on the other side.
+    """
+
+    value: Expr
+    switch: int
+    to: int
+
+
+@dataclass(frozen=True)
+class Field:
+    """The vector field y' = f(t, y, p) of one mode and region.
+
+    Attributes
+    ----------
+    state, parameters : tuple of str
+        Names of y and p, in their order.
+    mode, region : tuple of int
+        Mode of each contact (0 stick, ±1 slip) and region of each kink (1: guard ≥ 0, 0: guard < 0).
+    rates : list of Expr
+        f, in the order of the state.
+    contacts : list of ContactField
+        In the engine's order.
+    kinks : list of Expr
+        Guards of the functions with kinks.
+    constraints : list of Expr
+        What vanishes in this mode: u of sticking inertial contacts, λ + σs of sliding rate-independent ones. They are
+        invariant under the flow.
+    """
+
+    state: tuple[str, ...]
+    parameters: tuple[str, ...]
+    mode: Mode
+    region: Region
+    rates: list[Expr]
+    contacts: list[ContactField]
+    kinks: list[Expr]
+    constraints: list[Expr]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All names the expressions depend on: t, the state, the parameters."""
+        return ("t", *self.state, *self.parameters)
+
+    @cached_property
+    def jacobian(self) -> list[list[Expr]]:
+        """∂f/∂y."""
+        return [self.gradient(f) for f in self.rates]
+
+    def gradient(self, e: Expr) -> list[Expr]:
+        """∂e/∂y."""
+        return [ex.derivative(e, y) for y in self.state]
+
+    def slopes(self, parameter: str) -> list[Expr]:
+        """∂f/∂p for one parameter (or ∂f/∂t for ``"t"``)."""
+        return [ex.derivative(f, parameter) for f in self.rates]
+
+    def along(self, e: Expr) -> Expr:
+        """Rate of change of an expression along the motion."""
+        return ex.along(e, {"t": ex.ONE, **dict(zip(self.state, self.rates, strict=True))})
+
+    @cached_property
+    def guards(self) -> list[Guard]:
+        """What must be nonnegative here: signed kinks, λ + s⁺ and s⁻ − λ in stick, σu in slip."""
+        found = [
+            Guard(g if r == 1 else -g, j, 1 - r) for j, (g, r) in enumerate(zip(self.kinks, self.region, strict=True))
+        ]
+        for switch, (c, m) in enumerate(zip(self.contacts, self.mode, strict=True), start=len(self.kinks)):
+            if m == 0:
+                found += [Guard(c.force + c.plus, switch, 1), Guard(c.minus - c.force, switch, -1)]
+            else:
+                found.append(Guard(c.u if m > 0 else -c.u, switch, 0))
+        return found
+
+    def function(self, expressions: Sequence[Expr]) -> Callable[[ArrayLike, ArrayLike, ArrayLike], Array]:
+        """NumPy function (t, y, p) -> values of expressions.
+
+        Shapes: t () or (…), y (states, …), p (parameters,) or (parameters, …); result (expressions, …).
+        """
+        evaluate, n = evaluator(expressions, self.names), 1 + len(self.state)
+
+        def function(t: ArrayLike, y: ArrayLike, p: ArrayLike) -> Array:
+            y, p = np.asarray(y, dtype=float), np.asarray(p, dtype=float)
+            values = np.empty((len(self.names), *y.shape[1:]))
+            values[0], values[1:n] = t, y
+            values[n:] = p.reshape(p.shape + (1,) * (y.ndim - p.ndim))
+            return evaluate(values)
+
+        return function
+
+
+def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
+    """Vector field of a mode and region.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    mode : tuple of int
+        By contact in the order of ``equations.contacts``: 0 stick, +1 or −1 slip.
+    region : tuple of int
+        By kink in the order of ``equations.kinks``: 1 where the guard is ≥ 0, else 0.
+
+    Raises
+    ------
+    ZeroDivisionError
+        If the rates are not determined in this mode (more contacts stick than there are directions, or the stiffness
+        of the sliding rate-independent coordinates is singular).
+    """
+    return _Solver(equations, mode, region).field()
+
+
+class _Solver:
+    def __init__(self, equations: MotionEquations, mode: Mode, region: Region) -> None:
+        self.eq, self.d, self.mode, self.region = equations, equations.declaration, tuple(mode), tuple(region)
+        self.regions = dict(zip(equations.kinks, self.region, strict=True))
+        self.known: dict[str, Expr] = {}
+        for i, c in enumerate(equations.contacts):
+            if c.kind == "inertial":
+                self.known[f"speed:{i}"] = self.velocity(i) * float(mode[i])
+
+    def fix(self, e: Expr) -> Expr:
+        """The expression in this region, with what is already known of the rates."""
+        return ex.substitute(in_region(e, self.regions), self.known)
+
+    def velocity(self, i: int) -> Expr:
+        """Relative velocity of contact i."""
+        c = self.eq.contacts[i]
+        moved = ex.add(*((w * ex.sym(f"d_{x}"), 1.0) for x, w in c.direction.items()))
+        return self.fix(moved - c.speed)
+
+    def block(self, kind: str, names: list[str], matrix: list[list[Expr]], forces: list[Expr]) -> list[Expr]:
+        """Solve M x − Jᵀλ = f with J x given in stick and λ given in slip; notes λ, returns x."""
+        contacts = {i: c for i, c in enumerate(self.eq.contacts) if c.kind == kind}
+        stuck = [i for i in contacts if self.mode[i] == 0]
+        right = [self.fix(f) for f in forces]
+        for i, c in contacts.items():
+            if self.mode[i] != 0:
+                force = -self.fix(c.kinetic_plus) if self.mode[i] > 0 else self.fix(c.kinetic_minus)
+                self.known[f"lambda:{i}"] = force
+                pulled = [c.direction.get(x, ex.ZERO) * force for x in names]
+                right = [f + g for f, g in zip(right, pulled, strict=True)]
+        J = [[contacts[i].direction.get(x, ex.ZERO) for x in names] for i in stuck]
+        for i in stuck:
+            belt = contacts[i].speed
+            right.append(self.fix(belt if kind == "viscous" else ex.derivative(belt, "t")))
+        rows = [[*row, *(-j[k] for j in J)] for k, row in enumerate(matrix)]
+        rows += [[*j, *(ex.ZERO for _ in stuck)] for j in J]
+        solution = solve(rows, right)
+        self.known |= {f"lambda:{i}": e for i, e in zip(stuck, solution[len(names) :], strict=True)}
+        return solution[: len(names)]
+
+    def rates(self) -> list[Expr]:
+        """Rates of the rate-independent coordinates."""
+        rate, first = self.eq.rate, len(self.eq.contacts) - len(self.d.rate_independent)
+        rows, right = [], []
+        for i in range(len(self.d.rate_independent)):
+            sigma = self.mode[first + i]
+            if sigma == 0:
+                rows.append([rate.weight[i] if i == j else ex.ZERO for j in range(len(rate.weight))])
+                right.append(self.fix(self.eq.contacts[first + i].speed))
+                continue
+            side = 0 if sigma > 0 else 1
+            slopes = zip(rate.stiffness[i], rate.threshold_slope[side][i], strict=True)
+            rows.append([self.fix(h) + float(sigma) * self.fix(s) for h, s in slopes])
+            right.append(-self.fix(rate.rest[i]) - float(sigma) * self.fix(rate.threshold_rest[side][i]))
+        return solve(rows, right)
+
+    def field(self) -> Field:
+        d, eq = self.d, self.eq
+        damped = self.block("viscous", d.viscous, eq.damping, eq.viscous_force)
+        self.known |= {f"d_{z}": e for z, e in zip(d.viscous, damped, strict=True)}
+        slid = self.rates()
+        self.known |= {f"d_{r}": e for r, e in zip(d.rate_independent, slid, strict=True)}
+        laws = [self.fix(law) for law in eq.laws]
+        accelerations = self.block("inertial", d.inertial, eq.mass, eq.inertial_force)
+        contacts = [self.contact(i) for i in range(len(eq.contacts))]
+        velocities = [ex.sym(f"d_{q}") for q in d.inertial]
+        return Field(
+            state=tuple(d.state),
+            parameters=tuple(d.parameters),
+            mode=self.mode,
+            region=self.region,
+            rates=[*velocities, *accelerations, *damped, *slid, *laws],
+            contacts=contacts,
+            kinks=[self.fix(g) for g in eq.kinks],
+            constraints=self.constraints(contacts),
+        )
+
+    def contact(self, i: int) -> ContactField:
+        c = self.eq.contacts[i]
+        if c.kind == "rate-independent":
+            first = len(self.eq.contacts) - len(self.d.rate_independent)
+            force = self.fix(self.eq.rate.force[i - first])
+        else:
+            force = self.known[f"lambda:{i}"]
+        at_rest = self.mode[i] == 0 and c.kind != "inertial"
+        u = ex.ZERO if at_rest else self.velocity(i)
+        return ContactField(c.name, c.kind, u, force, self.fix(c.plus), self.fix(c.minus))
+
+    def constraints(self, contacts: list[ContactField]) -> list[Expr]:
+        found = []
+        for c, m in zip(contacts, self.mode, strict=True):
+            if c.kind == "inertial" and m == 0:
+                found.append(c.u)
+            elif c.kind == "rate-independent" and m != 0:
+                found.append(c.force + c.plus if m > 0 else c.force - c.minus)
+        return found
+
+
+def in_region(expression: Expr, regions: Mapping[Expr, int]) -> Expr:
+    """The expression with every function with a kink replaced by its branch in a region (1: guard ≥ 0)."""
+    memo: dict[Expr, Expr] = {}
+
+    def visit(e: Expr) -> Expr:
+        if e not in memo:
+            memo[e] = rebuild(e)
+        return memo[e]
+
+    def rebuild(e: Expr) -> Expr:
+        match e.op:
+            case "num" | "sym":
+                return e
+            case "sum":
+                return ex.add((ex.num(float(e.value)), 1.0), *((visit(term), c) for term, c in e.terms))
+            case "prod":
+                return ex.multiply(*(ex.power(visit(base), ex.num(p)) for base, p in e.terms))
+            case "pow":
+                return ex.power(visit(e.args[0]), visit(e.args[1]))
+            case "select":
+                return visit(e.args[1] if regions[e.args[0]] == 1 else e.args[2])
+            case _:
+                return ex.call(e.op, visit(e.args[0]))
+
+    return visit(expression)
+
+
+def solve(matrix: list[list[Expr]], right: list[Expr]) -> list[Expr]:
+    """Solution of a linear system of expressions.
+
+    Gaussian elimination along the diagonal: the matrices of mechanics (positive definite, with constraints last) have
+    pivots that vanish only where the matrix is singular.
+
+    Raises
+    ------
+    ZeroDivisionError
+        If a pivot vanishes identically.
+    """
+    a, b, n = [list(row) for row in matrix], list(right), len(right)
+    for k in range(n):
+        if vanishes(a[k][k]):
+            raise ZeroDivisionError("the rates are not determined in this mode")
+        for i in range(k + 1, n):
+            if a[i][k] is ex.ZERO:
+                continue
+            factor = a[i][k] / a[k][k]
+            a[i] = [x - factor * y if y is not ex.ZERO else x for x, y in zip(a[i], a[k], strict=True)]
+            a[i][k] = ex.ZERO
+            b[i] = b[i] - factor * b[k]
+    for k in reversed(range(n)):
+        known = ex.add(*((a[k][j] * b[j], 1.0) for j in range(k + 1, n)))
+        b[k] = (b[k] - known) / a[k][k]
+    return b
+
+
+def vanishes(e: Expr) -> bool:
+    """Whether an expression is zero identically: where it is not, random points show it up to rounding."""
+    if e.op == "num":
+        return ex.is_number(e, 0.0)
+    names = sorted(e.symbols)
+    parts = list(e.terms) if e.op == "sum" else [(e, 1.0)]
+    constant = float(e.value) if e.op == "sum" else 0.0
+    for turn in range(1, 5):
+        values = {
+            name: 0.5 + (0.3819660112501051 * turn + 0.5545497331806323 * i) % 1.0 for i, name in enumerate(names)
+        }
+        terms = [constant, *(c * ex.evaluate(term, values) for term, c in parts)]
+        if all(map(math.isfinite, terms)):
+            return abs(sum(terms)) <= 1e-12 * sum(map(abs, terms))
+    return False

@@ -1,0 +1,1 @@
+"""Long-run behaviour: equilibria, cycles, gaits, their stability and their continuation in parameters."""

@@ -1,0 +1,209 @@
+"""A branch of equilibria or cycles over a parameter: data, files, table."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stickslip.equations.field import Mode, Region
+from stickslip.errors import StickslipError
+from stickslip.system import System
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+    from matplotlib.figure import Figure
+
+FORMAT = 1  # of the stored file
+
+
+@dataclass(frozen=True)
+class SpecialPoint:
+    """Where something happens on a branch.
+
+    Attributes
+    ----------
+    kind : str
+        Such as ``"Hopf"``, ``"fold"``, ``"branch point"``, ``"boundary equilibrium"``.
+    value : float
+        The parameter of the branch.
+    state : dict of str to float
+    parameters : dict of str to float
+        All parameters.
+    mode, region : tuple of int
+        Mode of each contact and region of each kink (of a cycle: where it starts).
+    index : int
+        Its number among the points of the branch.
+    period : float or None
+        Of a cycle; of a Hopf point the period of the cycles that are born there.
+    data : dict of str to float
+        Numbers that belong to the kind: a Hopf point has ``frequency`` and ``lyapunov``.
+    note : str
+        In words: a Hopf point is ``"supercritical"``, ``"subcritical"`` or ``"degenerate"``.
+    """
+
+    kind: str
+    value: float
+    state: dict[str, float]
+    parameters: dict[str, float]
+    mode: Mode
+    region: Region
+    index: int
+    period: float | None = None
+    data: dict[str, float] = field(default_factory=dict)
+    note: str = ""
+
+    def describe(self, parameter: str) -> str:
+        """One line."""
+        data = ", ".join(f"{name} = {value:.9g}" for name, value in self.data.items())
+        parts = [f"{self.kind} at {parameter} = {self.value:.12g}", data, self.note]
+        return ", ".join(part for part in parts if part)
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Points of a curve of equilibria or cycles.
+
+    Attributes
+    ----------
+    system : System
+    parameters : dict of str to float
+        Values of the parameters that stay fixed (and the start value of the others).
+    parameter : str
+        The parameter of the branch.
+    points : xarray.Dataset
+        Dimension ``point``, in the order along the curve.
+    special : list of SpecialPoint
+        In the same order.
+    ended : str
+        Why it ends, at its first and at its last point.
+    """
+
+    system: System
+    parameters: dict[str, float]
+    parameter: str
+    points: xarray.Dataset
+    special: list[SpecialPoint]
+    ended: str
+
+    def __repr__(self) -> str:
+        values = self.points[self.parameter].values
+        return (
+            f"<Branch of {self.system.name}: {len(values)} points, {self.parameter} = {values.min():g} ... "
+            f"{values.max():g}, {len(self.special)} special points>"
+        )
+
+    def of_kind(self, kind: str) -> list[SpecialPoint]:
+        """The special points of a kind."""
+        return [s for s in self.special if s.kind == kind]
+
+    @property
+    def summary(self) -> str:
+        """The special points and the ends, line by line."""
+        return "\n".join([*(s.describe(self.parameter) for s in self.special), self.ended])
+
+    @property
+    def table(self) -> pandas.DataFrame:
+        """One row a point; quantities with more dimensions in columns of their own."""
+        import pandas as pd
+
+        columns: dict[str, Any] = {}
+        for name, values in self.points.data_vars.items():
+            flat = values.values.reshape(len(values), -1)
+            labels = [str(name)] if values.ndim == 1 else [f"{name}_{i + 1}" for i in range(flat.shape[1])]
+            columns |= dict(zip(labels, flat.T, strict=True))
+        return pd.DataFrame(columns)
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write the points as a table.
+
+        Raises
+        ------
+        StickslipError
+            If the file cannot be written.
+        """
+        try:
+            self.table.to_csv(path, index=False)
+        except OSError as error:
+            raise StickslipError(f"{path}: cannot be written ({error.strerror or error})") from None
+
+    def plot(self) -> Figure:
+        """Bifurcation diagram."""
+        from stickslip.figures.orbits import plot_branch  # pyright: ignore[reportMissingImports]
+
+        return plot_branch(self)
+
+    def save(self, path: str | Path) -> None:
+        """Write a netCDF-4 file that :func:`open_branch` reads back exactly.
+
+        Raises
+        ------
+        StickslipError
+            If the file cannot be written; an existing file is replaced only by a complete one.
+        """
+        from stickslip import __version__
+
+        path = Path(path)
+        attributes = {
+            "stickslip_branch_format": FORMAT,
+            "stickslip_version": __version__,
+            "stickslip_system": self.system.to_toml(),
+            "stickslip_parameters": json.dumps(self.parameters),
+            "stickslip_parameter": self.parameter,
+            "stickslip_special": json.dumps([asdict(s) for s in self.special]),
+            "stickslip_ended": self.ended,
+        }
+        partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+        try:
+            self.points.assign_attrs(attributes).to_netcdf(partial, engine="netcdf4", format="NETCDF4")
+            os.replace(partial, path)
+        except OSError as error:
+            raise StickslipError(f"{path}: cannot be written ({error.strerror or error})") from None
+        finally:
+            partial.unlink(missing_ok=True)
+
+
+def open_branch(path: str | Path) -> Branch:
+    """Read a stored branch.
+
+    Raises
+    ------
+    StickslipError
+        If the file does not exist or is not a stored branch.
+    """
+    import xarray as xr
+
+    from stickslip.modelfile import loads
+
+    path = Path(path)
+    if not path.is_file():
+        raise StickslipError(f"{path}: there is no such file")
+    try:
+        with xr.open_dataset(path, engine="netcdf4") as stored:
+            points = stored.load()
+        own = {name: points.attrs.pop(f"stickslip_{name}") for name in ("system", "parameters", "parameter", "special")}
+        version, ended = points.attrs.pop("stickslip_branch_format"), points.attrs.pop("stickslip_ended")
+        points.attrs.pop("stickslip_version")
+        if int(version) != FORMAT:
+            raise StickslipError(f"{path}: written in format {version}, this version reads {FORMAT}")
+        return Branch(
+            loads(own["system"], f"{path}: system"),
+            json.loads(own["parameters"]),
+            own["parameter"],
+            points,
+            [_special(entry) for entry in json.loads(own["special"])],
+            ended,
+        )
+    except (OSError, KeyError, ValueError, TypeError) as error:
+        if isinstance(error, StickslipError):
+            raise
+        raise StickslipError(f"{path}: not a branch stored by stickslip") from None
+
+
+def _special(entry: Mapping[str, Any]) -> SpecialPoint:
+    """A special point as it was stored: lists were tuples."""
+    return SpecialPoint(**{**entry, "mode": tuple(entry["mode"]), "region": tuple(entry["region"])})

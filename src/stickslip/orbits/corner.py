@@ -1,0 +1,129 @@
+"""Corners of a branch of cycles: at a change of the sequence the branch may go on in quite another direction.
+
+Up to the change the cycles solve one smooth problem, beyond it another, and the two curves meet at an angle that no
+short step bridges; the branch may even turn back (a fold that is not smooth). The corner is located from this side.
+Just beyond it, the derivatives are those of the other problem, and their null vector is the direction to go on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stickslip.orbits.chart import Chart
+from stickslip.orbits.continuation import UNDEFINED, Point, _Lost, correct
+from stickslip.orbits.touching import Sequence, change_of, nearest_change, sequence
+
+Array = np.ndarray
+
+FAILURES = (_Lost, *UNDEFINED)
+TOLERANCE = 1e-10
+LOCATED = 1e-10  # a corner is located to this length
+AHEAD = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # how far beyond a corner the other side is looked for
+
+
+@dataclass(frozen=True)
+class Corner:
+    """Where a branch changes its direction.
+
+    Attributes
+    ----------
+    x : array
+        Unknowns there.
+    kind, note : str
+        What changes.
+    onward : (array, array) or None
+        A point of the branch beyond, and the direction of travel; None if no cycle goes on.
+    """
+
+    x: Array
+    kind: str
+    note: str
+    onward: tuple[Array, Array] | None
+
+
+def corner_after(chart: Chart, point: Point, reach: float) -> Corner | None:
+    """The corner within some length after a point; None if the sequence does not change there."""
+    here = sequence(chart.orbit(point.x).motion)
+    if _beyond(chart, point.x, _unit(chart, point), here, (0.25 * reach, reach, 4.0 * reach)) is None:
+        return None
+    x = _located(chart, point, here, 4.0 * reach)
+    units, tangent = chart.scale(x), _unit(chart, point)
+    found = _beyond(chart, x, tangent, here, AHEAD)
+    if found is None:
+        return None
+    trial, there, distance = found
+    contacts = [c.name for c in chart.shooting.pieces.equations.contacts]
+    kind, note = change_of(contacts, here, there)
+    direction = np.linalg.svd(chart.orbit(trial).J * units)[2][-1]
+    return Corner(x, kind, note, _onward(chart, x, direction, here, distance))
+
+
+def _unit(chart: Chart, point: Point) -> Array:
+    tangent = point.tangent / chart.scale(point.x)
+    return tangent / np.linalg.norm(tangent)
+
+
+def _beyond(
+    chart: Chart, x: Array, tangent: Array, here: Sequence, distances: tuple[float, ...]
+) -> tuple[Array, Sequence, float] | None:
+    """A trial point ahead whose motion has another sequence."""
+    units = chart.scale(x)
+    for distance in distances:
+        trial = x + units * tangent * distance
+        try:
+            there = sequence(chart.orbit(trial).motion)
+        except FAILURES:
+            return None
+        if there != here:
+            return trial, there, distance
+    return None
+
+
+def _located(chart: Chart, point: Point, here: Sequence, reach: float) -> Array:
+    """The last point before the corner: nested intervals, with steps to where the margin would vanish."""
+    low, high, x = 0.0, reach, point.x
+    seen = [(0.0, nearest_change(chart.orbit(x).motion, chart.shooting.pieces))]
+    for _ in range(60):
+        if high - low <= LOCATED:
+            break
+        distance = _next_trial(seen, low, high)
+        try:
+            trial = chart.along(point, distance, TOLERANCE)
+            motion = chart.orbit(trial).motion
+            same = sequence(motion) == here
+        except FAILURES:
+            same, trial, motion = False, x, None
+        if same and motion is not None:
+            low, x = distance, trial
+            seen.append((distance, nearest_change(motion, chart.shooting.pieces)))
+        else:
+            high = distance
+    return x
+
+
+def _next_trial(seen: list[tuple[float, float]], low: float, high: float) -> float:
+    """Where the margin, or its square (phases are as long as square roots), vanishes by extrapolation, or midway."""
+    width = high - low
+    if len(seen) >= 2 and len(seen) % 3:
+        (a, fa), (b, fb) = seen[-2:]
+        power = 1.0 if len(seen) % 2 else 2.0
+        fa, fb = fa**power, fb**power
+        if fb < fa:
+            return float(np.clip(b + 1.001 * fb * (b - a) / (fa - fb), low + 1e-3 * width, high - 0.02 * width))
+    return low + 0.5 * width
+
+
+def _onward(chart: Chart, x: Array, direction: Array, here: Sequence, distance: float) -> tuple[Array, Array] | None:
+    """A cycle beyond the corner, in one of the two senses of a direction."""
+    units = chart.scale(x)
+    for length in (10.0 * distance, 100.0 * distance, distance):
+        for sense in (direction, -direction):
+            try:
+                there = correct(chart, x + units * sense * length, units, sense, TOLERANCE)
+                if sequence(chart.orbit(there).motion) != here:
+                    return there, units * sense
+            except FAILURES:
+                continue
+    return None

@@ -1,0 +1,325 @@
+"""Curves in two parameters along which an equilibrium keeps a Hopf or a fold point.
+
+Both are zeros of extended systems that are regular where the points are generic (Kuznetsov, *Elements of Applied
+Bifurcation Theory*, section 10.3), made symbolically from the field:
+
+    fold   f = 0,  A v = 0,         ⟨v, v⟩ = 1
+    Hopf   f = 0,  (A² + κ) v = 0,  ⟨v, v⟩ = 1,  ⟨c, v⟩ = 0,   κ = ω²
+
+with A = ∂f/∂y. A Hopf curve ends where κ vanishes, a Bogdanov-Takens point: beyond it, κ < 0 is a neutral saddle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from stickslip import expressions as ex
+from stickslip.equations.field import mode_field
+from stickslip.errors import DeclarationError
+from stickslip.expressions import Expr
+from stickslip.orbits.branch import Branch, SpecialPoint
+from stickslip.orbits.continuation import Path, Steps, trace
+from stickslip.orbits.equilibria import autonomous, checked_values
+from stickslip.orbits.equilibrium import describe_guard
+from stickslip.orbits.equilibrium_branch import checked_range, hopf_test
+from stickslip.orbits.normal_form import Derivatives, critical_pair, hopf
+from stickslip.orbits.steady import Array, Residual, Steady, invariant_directions
+from stickslip.system import System
+
+STEPS = Steps(first=0.005, largest=0.02)
+Numbers = Callable[[Array], dict[str, float]]
+
+
+def hopf_curve(
+    system: System,
+    point: SpecialPoint,
+    first: str,
+    second: str,
+    ranges: Mapping[str, tuple[float, float]],
+    *,
+    steps: Steps | None = None,
+) -> Branch:
+    """Follow a Hopf point of an equilibrium while two parameters change.
+
+    Parameters
+    ----------
+    system : System
+    point : SpecialPoint
+        Of kind ``"Hopf"``.
+    first, second : str
+        The two parameters.
+    ranges : mapping of str to (float, float)
+        The range of each.
+    steps : Steps, optional
+
+    Returns
+    -------
+    Branch
+        With ``frequency`` and ``lyapunov`` at every point. Special points: ``"Bautin"`` (the first Lyapunov coefficient
+        vanishes), ``"Bogdanov-Takens"`` (the frequency does), ``"zero-Hopf"``, ``"boundary equilibrium"``.
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is wrong.
+    """
+    curve = _posed(system, "Hopf", point, (first, second), ranges)
+    return curve.branch(system, _hopf_problem(curve), steps or STEPS)
+
+
+def fold_curve(
+    system: System,
+    point: SpecialPoint,
+    first: str,
+    second: str,
+    ranges: Mapping[str, tuple[float, float]],
+    *,
+    steps: Steps | None = None,
+) -> Branch:
+    """Follow a fold of equilibria while two parameters change.
+
+    Arguments and errors as for :func:`hopf_curve`, with a point of kind ``"fold"``. Special points: ``"cusp"``,
+    ``"Bogdanov-Takens"``, ``"zero-Hopf"``, ``"boundary equilibrium"``.
+    """
+    curve = _posed(system, "fold", point, (first, second), ranges)
+    return curve.branch(system, _fold_problem(curve), steps or STEPS)
+
+
+def _posed(
+    system: System, kind: str, point: SpecialPoint, names: tuple[str, str], ranges: Mapping[str, tuple[float, float]]
+) -> _Curve:
+    """Check the arguments."""
+    equations = autonomous(system)
+    if not isinstance(point, SpecialPoint) or point.kind != kind:
+        given = f"a special point of kind '{point.kind}'" if isinstance(point, SpecialPoint) else repr(point)
+        raise DeclarationError("point", f"it is {given}", f"Give a special point of kind '{kind}'")
+    values = checked_values(system, point.parameters)
+    if names[0] == names[1]:
+        raise DeclarationError(names[1], "the two parameters are the same", "Name two")
+    spans = {}
+    for name in names:
+        if name not in ranges:
+            raise DeclarationError(f"ranges.{name}", "it is missing", "Give (low, high)")
+        spans[name] = checked_range(system, name, ranges[name])
+        if not spans[name][0] <= values[name] <= spans[name][1]:
+            raise DeclarationError(f"ranges.{name}", f"the point lies at {name} = {values[name]:g}", "Include it")
+    y = np.array([point.state[name] for name in system.declaration.state])
+    steady = Steady(
+        mode_field(equations, point.mode, point.region), values, invariant_directions(equations, values, y), y
+    )
+    guards = [describe_guard(equations, g, point.mode) for g in steady.field.guards]
+    return _Curve(steady, y, spans, guards)
+
+
+@dataclass(frozen=True)
+class _Extended:
+    """An extended system.
+
+    Attributes
+    ----------
+    residual : Residual
+        In the state, the vector v, further unknowns, and the two parameters.
+    start : array
+        Its solution at the given point.
+    tests, numbers : functions
+        Of the unknowns: test functions; numbers to report.
+    endings : dict of str to str
+        Test functions that end the curve.
+    """
+
+    residual: Residual
+    start: Array
+    tests: Numbers
+    numbers: Numbers
+    endings: dict[str, str]
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """Where a curve starts and how far it may go."""
+
+    steady: Steady
+    y: Array
+    spans: dict[str, tuple[float, float]]
+    guards: list[str]
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return len(self.y)
+
+    def vector(self) -> list[Expr]:
+        """The unknown vector v."""
+        return [ex.sym(f"v:{i}") for i in range(self.n)]
+
+    def image(self, u: list[Expr]) -> list[Expr]:
+        """A u."""
+        rows = ([ex.derivative(f, x) for x in self.steady.field.state] for f in self.steady.rates)
+        return [ex.add(*((d * v, 1.0) for d, v in zip(row, u, strict=True))) for row in rows]
+
+    def extended(self, conditions: list[Expr], *own: str) -> Residual:
+        """f = 0, the conditions, and ⟨v, v⟩ = 1."""
+        v = self.vector()
+        norm = ex.add(*((x * x, 1.0) for x in v)) - 1.0
+        unknowns = [*self.steady.field.state, *(str(x.value) for x in v), *own, *self.spans]
+        return Residual([*self.steady.rates, *conditions, norm], unknowns, self.steady.values)
+
+    def values(self, x: Array) -> dict[str, float]:
+        """All parameters."""
+        return {**self.steady.values, **dict(zip(self.spans, map(float, x[-2:]), strict=True))}
+
+    def point(self, x: Array) -> Array:
+        """State and all parameters."""
+        return self.steady.point(x[: self.n], self.values(x))
+
+    # -- following --------------------------------------------------------------------------------
+
+    def branch(self, system: System, problem: _Extended, steps: Steps) -> Branch:
+        """Both ways from the start."""
+        towards = np.zeros(len(problem.start))
+        towards[-2] = 1.0
+        forth = self._trace(problem, towards, steps)
+        back = self._trace(problem, -forth.points[0].tangent, steps)
+        last = len(back.points) - 1
+        points = [p.x for p in (*reversed(back.points), *forth.points[1:])]
+        crossings = [(last - c.index, c.name) for c in reversed(back.crossings)]
+        crossings += [(last + c.index, c.name) for c in forth.crossings]
+        special = [self._special(name, points[i], i, problem) for i, name in crossings if name not in self._limits]
+        ended = f"first point: {back.ended}; last point: {forth.ended}"
+        parameter = next(iter(self.spans))
+        return Branch(
+            system, dict(self.steady.values), parameter, self._dataset(system, points, problem), special, ended
+        )
+
+    @property
+    def _limits(self) -> dict[str, str]:
+        ends = (
+            (name, side, end)
+            for name, span in self.spans.items()
+            for side, end in zip(("low", "high"), span, strict=True)
+        )
+        return {f"{name} {side}": f"{name} = {end:g}, the end of the range" for name, side, end in ends}
+
+    def _trace(self, problem: _Extended, towards: Array, steps: Steps) -> Path:
+        start, floor = np.append(self.y, problem.start[-2:]), 0.2 * np.abs(problem.start)
+        floor[: self.n], floor[self.n : 2 * self.n] = self.steady.units(start, self.spans), 1.0
+        widths = np.array([high - low for low, high in self.spans.values()])
+
+        def tests(x: Array, tangent: Array) -> dict[str, float]:
+            margins = self.steady.guards(self.point(x))
+            limits = [
+                d for p, (low, high) in zip(x[-2:], self.spans.values(), strict=True) for d in (p - low, high - p)
+            ]
+            return {
+                **problem.tests(x),
+                **{f"guard {i}": float(g) for i, g in enumerate(margins)},
+                **dict(zip(self._limits, map(float, limits), strict=True)),
+            }
+
+        return trace(
+            problem.residual,
+            problem.start,
+            towards,
+            scale=lambda x: np.append(np.maximum(np.abs(x[:-2]), floor[:-2]), widths),
+            tests=tests,
+            endings={
+                **problem.endings,
+                **{f"guard {i}": f"boundary equilibrium: {text}" for i, text in enumerate(self.guards)},
+                **self._limits,
+            },
+            steps=steps,
+        )
+
+    # -- results ----------------------------------------------------------------------------------
+
+    def _special(self, name: str, x: Array, index: int, problem: _Extended) -> SpecialPoint:
+        field, note, kind = self.steady.field, "", name
+        if name.startswith("guard"):
+            kind, note = "boundary equilibrium", self.guards[int(name.split()[1])]
+        state = dict(zip(field.state, map(float, x[: self.n]), strict=True))
+        data, values = {name: v for name, v in problem.numbers(x).items() if np.isfinite(v)}, self.values(x)
+        return SpecialPoint(kind, float(x[-2]), state, values, field.mode, field.region, index, None, data, note)
+
+    def _dataset(self, system: System, points: list[Array], problem: _Extended):
+        """Parameters, state, numbers of the family, and certificate of every point."""
+        import xarray as xr
+
+        xs = np.array(points)
+        sizes = self.steady.sizes(np.array([self.point(x) for x in points]).T)
+        numbers = [problem.numbers(x) for x in points]
+        data = {name: ("point", xs[:, i - 2]) for i, name in enumerate(self.spans)}
+        data |= {name: ("point", xs[:, i]) for i, name in enumerate(self.steady.field.state)}
+        data |= {name: ("point", np.array([row[name] for row in numbers])) for name in numbers[0]}
+        data |= {"margin": ("point", np.min(sizes.margins, axis=1, initial=1.0)), "defect": ("point", sizes.defect)}
+        return xr.Dataset(data, attrs={"title": system.title or system.name, "kind": "special points"})
+
+
+def _hopf_problem(curve: _Curve) -> _Extended:
+    steady, n, v, kappa = curve.steady, curve.n, curve.vector(), ex.sym("kappa:")
+    derivatives = Derivatives(steady.rates, steady.field.state)
+    eigenvalue, q = critical_pair(derivatives(curve.y, steady.values)[0])
+    first = q.real / np.linalg.norm(q.real)
+    other = q.imag - (q.imag @ first) * first
+    # Of the plane of v, the direction across the first v is shut out.
+    across = ex.add(*((x, float(w)) for x, w in zip(v, other / np.linalg.norm(other), strict=True)))
+    twice = curve.image(curve.image(v))
+    residual = curve.extended([*(a + kappa * x for a, x in zip(twice, v, strict=True)), across], str(kappa.value))
+    start = np.concatenate([curve.y, first, [eigenvalue.imag**2], [steady.values[name] for name in curve.spans]])
+
+    def numbers(x: Array) -> dict[str, float]:
+        if not x[2 * n] > 0.0:
+            return {"frequency": 0.0, "lyapunov": np.nan}
+        form = hopf(derivatives, x[:n], curve.values(x), steady.invariant)
+        return {"frequency": form.frequency, "lyapunov": form.lyapunov}
+
+    def tests(x: Array) -> dict[str, float]:
+        eigenvalues = steady.eigenvalues(curve.point(x))
+        others = np.argsort(np.abs(eigenvalues**2 + x[2 * n]))[2:]
+        return {
+            "Bautin": numbers(x)["lyapunov"],
+            "zero-Hopf": float(np.prod(eigenvalues[others]).real),
+            "Bogdanov-Takens": float(x[2 * n]),
+        }
+
+    ending = {"Bogdanov-Takens": "Bogdanov-Takens point: the frequency vanishes"}
+    return _Extended(residual, start, tests, numbers, ending)
+
+
+def _fold_problem(curve: _Curve) -> _Extended:
+    steady, n, v = curve.steady, curve.n, curve.vector()
+    image = curve.image(v)
+    curvature = [
+        ex.add(*((ex.derivative(a, x) * w, 1.0) for x, w in zip(steady.field.state, v, strict=True))) for a in image
+    ]
+    second = Residual(curvature, [*steady.field.state, *(str(x.value) for x in v), *curve.spans], steady.values)
+    slopes = Residual(steady.rates, [*steady.field.state, *curve.spans], steady.values)
+    residual = curve.extended(image)
+
+    def matrix(x: Array) -> Array:
+        return slopes(np.append(x[:n], x[-2:]))[1][:, :n]
+
+    start = np.concatenate([curve.y, np.zeros(n), [steady.values[name] for name in curve.spans]])
+    u, _, w = np.linalg.svd(matrix(start))
+    left, right = u[:, -1], w[-1]
+    start[n : 2 * n] = right
+
+    def numbers(x: Array) -> dict[str, float]:
+        # The left null vector by a border that stays the same, so that its sign does.
+        border = np.block([[matrix(x), left[:, None]], [right[None], np.zeros((1, 1))]])
+        p = np.linalg.solve(border.T, np.append(np.zeros(n), 1.0))[:n]
+        return {"curvature": float(0.5 * p @ second(x)[0] / np.linalg.norm(p))}
+
+    def tests(x: Array) -> dict[str, float]:
+        eigenvalues = steady.eigenvalues(curve.point(x))
+        others = np.delete(eigenvalues, np.argmin(np.abs(eigenvalues)))
+        products = [np.prod(np.delete(eigenvalues, i)) for i in range(len(eigenvalues))]
+        return {
+            "cusp": numbers(x)["curvature"],
+            "Bogdanov-Takens": float(np.sum(products).real),
+            "zero-Hopf": hopf_test(others),
+        }
+
+    return _Extended(residual, start, tests, numbers, {})

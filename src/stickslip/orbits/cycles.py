@@ -1,0 +1,382 @@
+"""Cycles and gaits: motions that close after a period, up to a drift along a translation.
+
+Newton's method on the return map finds stable and unstable ones alike; the order of sticking and slipping comes from
+the motion itself. Sources: R. Seydel, *Practical Bifurcation and Stability Analysis*, chapter 7 (shooting);
+R. I. Leine, H. Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical Systems* (stick-slip cycles).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stickslip.equations.field import MODE_NAMES
+from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.motion.outcome import Outcome
+from stickslip.motion.problem import Problem, pose
+from stickslip.motion.rest import rests_forever
+from stickslip.orbits import measure
+from stickslip.orbits.branch import SpecialPoint
+from stickslip.orbits.closing import Closed, converge, near
+from stickslip.orbits.measure import ContactShare, Phase
+from stickslip.orbits.pieces import Pieces
+from stickslip.orbits.recurrence import Recurrence, Window, earliest, latest, window
+from stickslip.orbits.shooting import NoReturn, Shooting, follow_freely
+from stickslip.system import System
+
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
+
+Array = np.ndarray
+
+NEARBY = 0.05  # a start that returns this close, relative to its motion, is near a cycle
+SETTLED = 1e-3  # a motion that returns this close has settled
+ROUNDS = 7  # the time a motion is given to settle doubles so many times
+AGREES = 0.3  # a cycle this far from the motion it was found from, relative to its size, is another one
+COLLAPSED = 1e-4  # a cycle that has shrunk to this part of the motion it was found from is an equilibrium
+STILL = 1e-7  # a motion with this extent, relative to the state, is none
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """A periodic motion, or one that repeats up to a drift.
+
+    Attributes
+    ----------
+    system : System
+    parameters : dict of str to float
+    period : float
+    time : float
+        When `state` is passed: only systems that are driven care.
+    state : dict of str to float
+        Where the period starts.
+    section : str
+        What is special about this state.
+    multipliers : array of complex
+        Floquet multipliers, the largest first: how a small change of the state has grown a period later. Exactly 0 for
+        what stick, or sliding without mass, forgets.
+    trivial : int
+        How many of them are 1 by symmetry: 1 of an autonomous system (a later start) and 1 for each translation.
+    differentiable : bool
+        Whether the return map has a derivative there; not where events coincide or a guard is touched. The
+        multipliers are then those of one side.
+    phases : tuple of Phase
+        The sequence of modes, from the simulation.
+    extrema : dict of str to (float, float)
+    contacts : dict of str to ContactShare
+        Time in stick and slip and dissipated energy, in one period.
+    stick_time, slip_time : float
+        Time in which all contacts stick, and the rest of the period.
+    dissipated, supplied : float
+        Energy in one period.
+    direction : dict of str to float
+        Of the drift: the declared translation, or scaled to the largest component 1. Empty without drift.
+    drift : float
+        Shift along `direction` in one period.
+    residual : float
+        By how much the motion fails to close, relative to its size.
+    trajectory : Trajectory
+        One period.
+    """
+
+    system: System
+    parameters: dict[str, float]
+    period: float
+    time: float
+    state: dict[str, float]
+    section: str
+    multipliers: Array
+    trivial: int
+    differentiable: bool
+    phases: tuple[Phase, ...]
+    extrema: dict[str, tuple[float, float]]
+    contacts: dict[str, ContactShare]
+    stick_time: float
+    slip_time: float
+    dissipated: float
+    supplied: float
+    direction: dict[str, float]
+    drift: float
+    residual: float
+    trajectory: Trajectory = field(repr=False)
+    closed: Closed = field(repr=False)
+
+    @property
+    def speed(self) -> float:
+        """Drift per time."""
+        return self.drift / self.period
+
+    @property
+    def nontrivial(self) -> Array:
+        """The multipliers that say something: without those that are 1 by symmetry."""
+        return self.closed.spectrum.others
+
+    @property
+    def stable(self) -> bool:
+        """Whether neighbours are attracted (along the cycle and its translations they stay neighbours)."""
+        return bool(np.all(np.abs(self.nontrivial) < 1.0))
+
+    @property
+    def sticks(self) -> bool:
+        """Whether a contact sticks for a while."""
+        return any(share.stick_time > 0.0 for share in self.contacts.values())
+
+    @property
+    def energy_per_distance(self) -> float:
+        """Energy dissipated per distance; infinite without drift."""
+        return self.dissipated / abs(self.drift) if self.drift else math.inf
+
+    def cost_of_transport(self, weight: float) -> float:
+        """Energy per distance and weight (a force), without dimension."""
+        return self.energy_per_distance / weight
+
+    def describe(self) -> str:
+        """A few lines."""
+        shown = ", ".join(f"{z.real:.6g}" + (f"{z.imag:+.6g}i" if z.imag else "") for z in self.multipliers)
+        lines = [
+            f"period {self.period:.12g}, {'stable' if self.stable else 'unstable'}, multipliers {shown}",
+            f"stick {self.stick_time:.9g}, slip {self.slip_time:.9g}, dissipated {self.dissipated:.9g}",
+        ]
+        if self.drift:
+            lines.append(f"drift {self.drift:.9g} a period, speed {self.speed:.9g}")
+        return "\n".join(lines)
+
+
+def find_cycle(
+    system: System,
+    start: Trajectory | Cycle | SpecialPoint | Mapping[str, float] | ArrayLike | None = None,
+    parameters: Mapping[str, float] | None = None,
+) -> Cycle:
+    """The cycle near a motion, a state, another cycle or a Hopf point.
+
+    Parameters
+    ----------
+    system : System
+    start : Trajectory, Cycle, SpecialPoint, mapping of str to float, or array, optional
+        A motion that has settled: the cycle it is near at its end. A state: the cycle that it is near, stable or not,
+        else the one that the motion from there settles on; by default the declared initial state. A cycle at other
+        parameters. A Hopf point of a branch of equilibria: the cycles that are born there.
+    parameters : mapping of str to float, optional
+        Values that replace the defaults, or those of `start`. At a Hopf point the value of the branch's parameter
+        tells which of the cycles is meant; by default a small one.
+
+    Returns
+    -------
+    Cycle
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is wrong, or the system depends on time without repeating.
+    ConvergenceError
+        If the motion comes to rest, does not come back, or Newton's method does not converge; if the cycles come in
+        a family without a translation. The message says what was tried and what came nearest.
+    """
+    from stickslip.motion.trajectory import Trajectory
+
+    if isinstance(start, SpecialPoint):
+        from stickslip.orbits.birth import born_at
+
+        return make_cycle(born_at(system, start, parameters))
+    if isinstance(start, Cycle):
+        return make_cycle(_moved(system, start, parameters))
+    if isinstance(start, Trajectory):
+        if start.system != system:
+            raise DeclarationError("start", f"a motion of {start.system.name}, not of {system.name}", "Give its system")
+        if not parameters:
+            return make_cycle(_from_motion(start))
+        return make_cycle(_Search(pose(system, {**start.parameters, **parameters}), start.knots.state[-1]).run())
+    problem = pose(system, parameters)
+    return make_cycle(_Search(problem, _state(problem, start)).run())
+
+
+def _state(problem: Problem, start: Mapping[str, float] | ArrayLike | None) -> Array:
+    """State vector of what was given."""
+    names = problem.system.declaration.state
+    if start is None or isinstance(start, Mapping):
+        return problem.initial_state(start or {})
+    try:
+        y = np.asarray(start, dtype=float)
+    except (TypeError, ValueError):
+        y = np.zeros(0)
+    if y.shape != (len(names),):
+        raise DeclarationError("start", "not a state", f"Give values of {', '.join(names)}, a motion or a Hopf point")
+    return problem.initial_state(dict(zip(names, map(float, y), strict=True)))
+
+
+def _moved(system: System, start: Cycle, parameters: Mapping[str, float] | None) -> Closed:
+    """The cycle that another one becomes at other parameters."""
+    if start.system != system:
+        raise DeclarationError("start", f"a cycle of {start.system.name}, not of {system.name}", "Give its system")
+    problem, old = pose(system, {**start.parameters, **(parameters or {})}), start.closed
+    pieces = Pieces(problem.compiled.equations)
+    w = window(old.orbit.motion, pieces)
+    y = old.orbit.legs[0].place.state
+    found = Recurrence(start.time, y, start.period, old.shooting.setting.turns, old.orbit.shift, 0.0)
+    if w.clock is not None:
+        found = replace(found, period=found.turns * w.clock.period(problem.parameters))
+    return _accepted(*near(problem, pieces, w, found))
+
+
+def _accepted(shooting: Shooting, x: Array) -> Closed:
+    """Close a cycle and see that it is the one that was meant."""
+    closed = converge(shooting, x)
+    change = abs(math.log(closed.orbit.period / x[shooting.time]))
+    if (
+        closed.distance(shooting.stations[0].origin, shooting.start) > AGREES
+        or change > AGREES
+        or closed.extent < COLLAPSED
+    ):
+        raise ConvergenceError(
+            f"a cycle of {shooting.problem.system.name}",
+            "Newton's method left the motion it started from for "
+            + (f"another, of period {closed.orbit.period:.6g}" if closed.extent > COLLAPSED else "an equilibrium"),
+            "Start nearer to the cycle, or with a motion that has settled",
+        )
+    return closed
+
+
+def _from_motion(motion: Trajectory) -> Closed:
+    """The cycle a motion has settled on."""
+    pieces = Pieces(motion._problem.compiled.equations)
+    if motion.outcome is Outcome.AT_REST or len(motion.knots.time) < 2:
+        raise _at_rest(motion)
+    k = motion.knots
+    w = window(motion, pieces, int(np.searchsorted(k.time, 0.5 * (k.time[0] + k.time[-1]))))
+    if w.extent < STILL:
+        raise _at_rest(motion)
+    found = latest(w, pieces)
+    if found is None or found.distance > AGREES:
+        miss = "not once" if found is None else f"at best to {found.distance:.2g} of its size"
+        raise ConvergenceError(
+            f"a cycle of {motion.system.name}",
+            f"the motion until t = {motion.knots.time[-1]:.6g} comes back {miss}",
+            "Simulate longer, until it has settled, or start from a state",
+        )
+    return _accepted(*near(motion._problem, pieces, w, found))
+
+
+def _at_rest(motion: Trajectory) -> ConvergenceError:
+    final = ", ".join(f"{name} = {value:.6g}" for name, value in motion.final.items())
+    return ConvergenceError(
+        f"a cycle of {motion.system.name}",
+        f"the motion comes to rest: at t = {motion.knots.time[-1]:.6g} it is at {final}",
+        "Start with more energy, or choose parameters for which it keeps moving",
+    )
+
+
+class _Search:
+    """Follow the motion from a state until it comes back."""
+
+    def __init__(self, problem: Problem, state: Array) -> None:
+        self.problem, self.state = problem, state
+        self.pieces = Pieces(problem.compiled.equations)
+        self.time, self.span = problem.system.span[0], problem.system.span[1] - problem.system.span[0]
+        self.best: tuple[Window, Recurrence] | None = None
+        self.extents: list[float] = []
+        self.failure: ConvergenceError | None = None
+
+    def run(self) -> Closed:
+        for turn in range(ROUNDS):
+            motion = follow_freely(self.problem, self.time, self.time + self.span, self.state)
+            if len(motion.knots.time) < 2 or rests_forever(self.problem, motion.knots):
+                raise _at_rest(motion) if motion.outcome.ok else NoReturn("find_cycle", motion.message)
+            w = window(motion, self.pieces)
+            self.extents.append(w.extent)
+            if self.extents[-1] < STILL:
+                raise _at_rest(motion)
+            closed = self._try(w, earliest(w), NEARBY) if turn == 0 else None
+            closed = closed or self._try(w, latest(w, self.pieces), SETTLED)
+            if closed is not None:
+                return closed
+            if not motion.outcome.ok:
+                raise NoReturn(f"a cycle of {self.problem.system.name}", motion.message)
+            self.time, self.state, self.span = float(motion.knots.time[-1]), motion.knots.state[-1], 2.0 * self.span
+        closed = self._try(*self.best, NEARBY) if self.best is not None else None
+        if closed is None:
+            raise self._failed()
+        return closed
+
+    def _try(self, w: Window, found: Recurrence | None, near_enough: float) -> Closed | None:
+        """The cycle at a recurrence, if that is one."""
+        if found is None:
+            return None
+        if self.best is None or found.distance < self.best[1].distance:
+            self.best = w, found
+        if found.distance > near_enough:
+            return None
+        try:
+            return _accepted(*near(self.problem, self.pieces, w, found))
+        except ConvergenceError as failure:
+            self.failure = failure
+            return None
+
+    def _failed(self) -> ConvergenceError:
+        if self.failure is not None:
+            return self.failure
+        reached = f"the motion was followed to t = {self.time:.6g} and comes back "
+        reached += "not once" if self.best is None else f"at best to {self.best[1].distance:.2g} of its size"
+        if self.extents[-1] < 1e-2 * self.extents[0]:
+            reached += f"; it dies out: its extent fell from {self.extents[0]:.2g} to {self.extents[-1]:.2g}"
+        return ConvergenceError(f"a cycle of {self.problem.system.name}", reached, "Start elsewhere, nearer to a cycle")
+
+
+def make_cycle(closed: Closed) -> Cycle:
+    """Everything that is said of a cycle."""
+    orbit, shooting, motion = closed.orbit, closed.shooting, closed.orbit.motion
+    k, names = motion.knots, motion.system.declaration.state
+    made = [shooting.pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
+    samples = measure.sampled(motion, made)
+    low, high = measure.extrema(samples, len(names))
+    found = measure.phases(motion)
+    stuck = sum(phase.duration for phase in found if phase.sticks)
+    direction, drift = _drift(motion.system, orbit.shift)
+    audit = motion.audit
+    return Cycle(
+        system=motion.system,
+        parameters=dict(motion.parameters),
+        period=orbit.period,
+        time=shooting.start,
+        state=dict(zip(names, map(float, orbit.legs[0].place.state), strict=True)),
+        section=_section(found[0]),
+        multipliers=closed.spectrum.every,
+        trivial=len(closed.spectrum.trivial),
+        differentiable=all(leg.change.differentiable for leg in orbit.legs),
+        phases=found,
+        extrema={name: (float(a), float(b)) for name, a, b in zip(names, low, high, strict=True)},
+        contacts=measure.contact_shares(motion, samples),
+        stick_time=stuck,
+        slip_time=orbit.period - stuck,
+        dissipated=float(audit.dissipated[-1]),
+        supplied=float(audit.supplied[-1]),
+        direction=direction,
+        drift=drift,
+        residual=shooting.miss(orbit),
+        trajectory=motion,
+        closed=closed,
+    )
+
+
+def _section(phase: Phase) -> str:
+    modes = ", ".join(f"{contact}: {MODE_NAMES[m]}" for contact, m in phase.modes.items())
+    return "the middle of a phase" + (f" ({modes})" if modes else "")
+
+
+def _drift(system: System, shift: Array) -> tuple[dict[str, float], float]:
+    """Direction and size of the shift of the state in a period."""
+    names = system.declaration.state
+    size = float(np.max(np.abs(shift)))
+    declared = np.array([float(system.translation.get(name, 0.0)) for name in names])
+    if np.any(declared):
+        along = float(declared @ shift / (declared @ declared))
+        if np.max(np.abs(shift - along * declared)) <= 1e-9 * size:
+            return {name: float(w) for name, w in zip(names, declared, strict=True) if w}, along
+    if size == 0.0:
+        return {}, 0.0
+    top = float(shift[np.argmax(np.abs(shift))])
+    return {name: float(w / top) for name, w in zip(names, shift, strict=True) if w}, top

@@ -1,0 +1,257 @@
+"""Cycles against closed forms: stable and unstable ones, driven ones, moving frames, families, honest failures."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+from stickslip import Contact, Inertial, Internal, Parameter, System, catalogue, simulate
+from stickslip import expressions as ex
+from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.orbits.cycles import Cycle, find_cycle
+from stickslip.orbits.equilibrium_branch import continue_equilibrium
+from systems import distance, oscillator
+
+SLIDER = catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05)
+
+
+def ring() -> System:
+    """r' = r (p + q r² − w r⁴), θ' = 1: cycles where the bracket vanishes, multiplier exp(2π r² (2q − 4w r²))."""
+    g = "p + q*(x**2 + y**2) - w*(x**2 + y**2)**2"
+    return System(
+        name="ring",
+        parameters={name: Parameter(value) for name, value in {"p": -0.1, "q": 1.0, "w": 1.0}.items()},
+        internal={"x": Internal(f"({g})*x - y"), "y": Internal(f"({g})*y + x")},
+        span=(0, 60),
+    )
+
+
+def half_turn() -> System:
+    """In a frame that makes half a turn in each period of the drive w' = diag(a, −b)w − w|w|², about (cos t, sin t)."""
+    u, v, m, h = "(x - cos(t))", "(y - sin(t))", "(a - b)/2", "(a + b)/2"
+    square = f"({u}**2 + {v}**2)"
+    return System(
+        name="half turn",
+        parameters={"a": Parameter(-0.1), "b": Parameter(0.2)},
+        internal={
+            "x": Internal(f"{m}*{u} + {h}*(cos(t)*{u} + sin(t)*{v}) - {v}/2 - {u}*{square} - sin(t)"),
+            "y": Internal(f"{m}*{v} + {h}*(sin(t)*{u} - cos(t)*{v}) + {u}/2 - {v}*{square} + cos(t)"),
+        },
+        initial={"x": 1.5},
+        span=(0, 60),
+    )
+
+
+def dragged() -> System:
+    """The block on a belt, seen from the ground: dragged by a spring whose end moves with V."""
+    return System(
+        name="dragged block",
+        parameters={"V": Parameter(0.3), "A": Parameter(0.0), "F_s": Parameter(1.0), "F_k": Parameter(0.6)},
+        coordinates={"x": Inertial()},
+        kinetic="d_x**2/2",
+        potential="(V*t + A*sin(2*t) - x)**2/2",
+        contacts={"ground": Contact("d_x", "F_s", kinetic="F_k")},
+        span=(0, 60),
+    )
+
+
+def check(cycle: Cycle) -> None:
+    """What every cycle has to satisfy."""
+    assert cycle.trajectory.certificate.ok, cycle.trajectory.certificate.verdict
+    assert cycle.residual < 1e-9
+    assert cycle.stick_time + cycle.slip_time == pytest.approx(cycle.period)
+    assert sum(phase.duration for phase in cycle.phases) == pytest.approx(cycle.period)
+    assert np.sum(np.abs(cycle.multipliers - 1.0) < 1e-9) >= cycle.trivial
+    first, last = cycle.trajectory.knots.state[[0, -1]]
+    names = list(cycle.state)
+    shift = np.array([cycle.drift * cycle.direction.get(name, 0.0) for name in names])
+    assert distance(last - first, shift) < 1e-9 * (1.0 + np.max(np.abs(first)))
+    for i, name in enumerate(names):
+        low, high = cycle.extrema[name]
+        assert low - 1e-12 <= cycle.trajectory.knots.state[:, i].min()
+        assert cycle.trajectory.knots.state[:, i].max() <= high + 1e-12
+
+
+@pytest.mark.parametrize("stable", [True, False])
+def test_ring(stable: bool) -> None:
+    square = (1 + (1 if stable else -1) * math.sqrt(0.6)) / 2
+    cycle = find_cycle(ring(), {"x": 1.02 * math.sqrt(square), "y": 0.01})
+    check(cycle)
+    assert cycle.period == pytest.approx(2 * math.pi, rel=1e-12)
+    assert cycle.nontrivial == pytest.approx([math.exp(2 * math.pi * square * (2 - 4 * square))], rel=1e-10)
+    assert cycle.stable is stable
+    assert cycle.trivial == 1
+    radius = math.sqrt(square)
+    assert cycle.extrema["x"] == pytest.approx((-radius, radius), rel=1e-12)
+    assert math.hypot(*cycle.state.values()) == pytest.approx(radius, rel=1e-12)
+
+
+def test_strongly_unstable() -> None:
+    """r' = 2r(r² − 1): a neighbour is 10^10.9 times as far a period later, and gone before the second is over."""
+    cycle = find_cycle(ring(), {"x": 1.0, "y": 0.0}, {"p": -2.0, "q": 2.0, "w": 0.0})
+    check(cycle)
+    assert cycle.nontrivial == pytest.approx([math.exp(8 * math.pi)], rel=1e-9)
+    assert len(cycle.closed.shooting.stations) > 1
+
+
+def test_near_unstable_cycles_of_friction() -> None:
+    """The unstable cycle of the spring slider below its fold; a little inside the slider comes to rest, outside not."""
+    point = continue_equilibrium(SLIDER, "V", (0.2, 0.25)).of_kind("Hopf")[0]
+    cycle = find_cycle(SLIDER, point, {"V": 0.2251})
+    check(cycle)
+    assert not cycle.stable
+    assert cycle.nontrivial[0].real > 1.0
+    middle = np.array([point.state["U"], point.state["alpha"]])
+    state = np.array(list(cycle.state.values()))
+    for factor, sticks in ((0.95, False), (1.05, True)):
+        start = dict(zip(cycle.state, map(float, middle + factor * (state - middle)), strict=True))
+        assert (simulate(SLIDER, (0, 600), start, {"V": 0.2251}).n_switches > 0) is sticks
+
+
+def test_hopf_point() -> None:
+    """Small cycles have the period and the growth that the normal form says."""
+    point = continue_equilibrium(SLIDER, "V", (0.2, 0.25)).of_kind("Hopf")[0]
+    cycle = find_cycle(SLIDER, point)
+    check(cycle)
+    assert cycle.parameters["V"] > point.value
+    assert abs(cycle.parameters["V"] - point.value) < 1e-3
+    assert cycle.period == pytest.approx(point.period, rel=1e-2)
+    with pytest.raises(ConvergenceError, match="born above"):
+        find_cycle(SLIDER, point, {"V": 0.22})
+
+
+def test_any_point_of_the_motion() -> None:
+    """A settled motion, another cycle, and any of its states lead to the same cycle."""
+    values = {"V": 0.1}
+    motion = simulate(SLIDER, (0, 60), {"U": 1.5, "alpha": 1.2}, values)
+    first = find_cycle(SLIDER, motion)
+    check(first)
+    rng = np.random.default_rng(1)
+    for t in rng.uniform(0, first.period, 6):
+        values_there = first.trajectory.at(float(t) + first.time)
+        again = find_cycle(SLIDER, {name: values_there[name] for name in first.state}, values)
+        assert again.period == pytest.approx(first.period, rel=1e-12)
+        assert again.nontrivial == pytest.approx(first.nontrivial, rel=1e-9)
+    nearby = find_cycle(SLIDER, find_cycle(SLIDER, first, {"V": 0.12}), values)
+    assert nearby.period == pytest.approx(first.period, rel=1e-12)
+    assert nearby.stick_time == pytest.approx(first.stick_time, rel=1e-10)
+
+
+def test_energy_of_a_cycle() -> None:
+    cycle = find_cycle(catalogue.belt_block())
+    check(cycle)
+    share = cycle.contacts["belt contact"]
+    # On the whole the belt does the work that friction loses: F_k against the sliding distance, V times the slip time.
+    assert cycle.dissipated == pytest.approx(cycle.supplied, rel=1e-11)
+    assert share.dissipated == pytest.approx(cycle.dissipated, rel=1e-11)
+    facts = catalogue.belt_block().declaration.facts
+    slip = ex.evaluate(facts["slip_duration"], cycle.parameters)
+    travelled = 0.3 * slip + 0.3 * (cycle.period - slip)
+    assert share.dissipated == pytest.approx(0.6 * travelled, rel=1e-11)
+    assert (share.stick_time, share.slip_time) == pytest.approx((cycle.period - slip, slip), rel=1e-11)
+    assert cycle.multipliers.tolist() == [pytest.approx(1.0), 0.0]
+
+
+def test_driven() -> None:
+    """A damped linear oscillator: multipliers exp((−c/2 ± iω)T)."""
+    cycle = find_cycle(oscillator(), None, {"mu": 0.0, "c": 0.2, "k": 1.7, "omega": 1.3})
+    check(cycle)
+    assert cycle.trivial == 0
+    assert cycle.period == pytest.approx(2 * math.pi / 1.3, rel=1e-14)
+    expected = np.exp((-0.1 + 1j * math.sqrt(1.7 - 0.01)) * cycle.period)
+    assert sorted(cycle.multipliers, key=lambda z: z.imag) == pytest.approx([expected.conj(), expected], rel=1e-10)
+    amplitude = 1 / math.hypot(1.7 - 1.3**2, 0.2 * 1.3)
+    assert cycle.extrema["x"] == pytest.approx((-amplitude, amplitude), rel=1e-11)
+
+
+def test_subharmonic() -> None:
+    """Past the period doubling the cycle closes after two periods of the drive only."""
+    cycle = find_cycle(half_turn(), None, {"a": 0.15})
+    check(cycle)
+    assert cycle.period == pytest.approx(4 * math.pi, rel=1e-14)
+    rates = np.array([-2 * 0.15, -0.2 - 0.15])
+    assert sorted(cycle.nontrivial.real) == pytest.approx(sorted(np.exp(4 * math.pi * rates)), rel=1e-9)
+    single = find_cycle(half_turn(), {"x": 1.0, "y": 0.0}, {"a": 0.15})
+    assert single.period == pytest.approx(2 * math.pi, rel=1e-14)
+    assert sorted(single.nontrivial.real) == pytest.approx(
+        sorted(-np.exp(2 * math.pi * np.array([0.15, -0.2]))), rel=1e-9
+    )
+
+
+def test_moving_frame() -> None:
+    """Dragged over the ground the block repeats itself in the frame of its spring."""
+    cycle, belt = find_cycle(dragged()), find_cycle(catalogue.belt_block())
+    check(cycle)
+    assert cycle.period == pytest.approx(belt.period, rel=1e-12)
+    assert cycle.speed == pytest.approx(0.3, rel=1e-12)
+    assert cycle.dissipated == pytest.approx(belt.dissipated, rel=1e-11)
+    assert cycle.energy_per_distance == pytest.approx(0.6, rel=1e-11)
+    assert cycle.cost_of_transport(2.0) == pytest.approx(0.3, rel=1e-11)
+
+
+def test_moving_frame_and_drive() -> None:
+    """A load that moves and shakes: after a period of the shaking the system is the same, V T further on."""
+    cycle = find_cycle(dragged(), None, {"A": 0.5, "F_s": 0.4, "F_k": 0.4, "V": 0.1})
+    check(cycle)
+    turns = cycle.period / math.pi
+    assert turns == pytest.approx(round(turns), rel=1e-12)
+    assert cycle.speed == pytest.approx(0.1, rel=1e-12)
+
+
+def test_two_contacts_that_stick_together() -> None:
+    """The chain of blocks: one cycle in which all blocks stick at once, so that three multipliers are 0."""
+    cycle = find_cycle(catalogue.block_chain())
+    check(cycle)
+    assert np.count_nonzero(cycle.multipliers == 0.0) == 3
+    assert cycle.stick_time > 0.0
+    assert not cycle.stable  # the blocks start alike and stay so, which neighbours do not
+
+
+def test_falls_to_rest() -> None:
+    with pytest.raises(ConvergenceError, match="comes to rest"):
+        find_cycle(SLIDER, None, {"V": 0.3})
+    with pytest.raises(ConvergenceError, match="comes to rest"):
+        find_cycle(catalogue.rocking_toy(), {"psi": 0.1, "x_R": 0.0})
+    with pytest.raises(ConvergenceError, match="comes to rest"):
+        find_cycle(SLIDER, simulate(SLIDER, (0, 300), {"U": 1.65}, {"V": 0.3}))
+
+
+def test_dies_out() -> None:
+    """A pendulum with hardly any damping never returns to where it was."""
+    with pytest.raises(ConvergenceError, match=r"comes back at best to|dies out|comes to rest"):
+        find_cycle(oscillator(), {"x": 1.0}, {"mu": 0.0, "F": 0.0, "c": 0.02})
+
+
+def test_family() -> None:
+    """Without friction and damping every amplitude is a cycle: an invariant direction that is no translation."""
+    with pytest.raises(ConvergenceError, match="come in a family"):
+        find_cycle(oscillator(), {"x": 1.0}, {"mu": 0.0, "F": 0.0})
+
+
+def test_motion_has_not_settled() -> None:
+    motion = simulate(SLIDER, (0, 4), None, {"V": 0.1})
+    with pytest.raises(ConvergenceError, match="comes back"):
+        find_cycle(SLIDER, motion)
+
+
+def test_time_that_does_not_repeat() -> None:
+    with pytest.raises(DeclarationError, match="no sine or cosine"):
+        find_cycle(catalogue.spring_slider(V="0.1 + exp(-t)"))
+    with pytest.raises(DeclarationError, match="time enters in another way"):
+        find_cycle(catalogue.spring_slider(V="0.1 + 0.02*sin(t) + exp(-t)"))
+    with pytest.raises(DeclarationError, match="no common period"):
+        find_cycle(catalogue.spring_slider(V="0.1 + 0.02*sin(t) + 0.01*cos(sqrt(2)*t)"))
+
+
+def test_bad_arguments() -> None:
+    with pytest.raises(DeclarationError, match=re.escape("initial.speed")):
+        find_cycle(SLIDER, {"speed": 1.0})
+    with pytest.raises(DeclarationError, match="not a state"):
+        find_cycle(SLIDER, [1.0, 2.0, 3.0])
+    with pytest.raises(DeclarationError, match="W"):
+        find_cycle(SLIDER, None, {"W": 1.0})
+    with pytest.raises(DeclarationError, match="a motion of belt_block"):
+        find_cycle(SLIDER, simulate(catalogue.belt_block(), (0, 1)))

@@ -1,0 +1,168 @@
+"""The symbolic field of a mode: the values of the compiled one, and derivatives that are exact."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from stickslip import Contact, Internal, Parameter, System, Viscous, catalogue
+from stickslip import expressions as ex
+from stickslip.equations.derive import derive
+from stickslip.equations.evaluator import evaluator
+from stickslip.equations.field import Field, in_region, mode_field, solve
+from stickslip.motion import engine
+from stickslip.motion.problem import Problem, pose
+from systems import ode, oscillator, pair
+
+SYSTEMS = {name: catalogue.get(name) for name in catalogue.names()}
+SYSTEMS |= {
+    "oscillator": oscillator(),
+    "viscous pair": pair("viscous"),
+    "rate-independent pair": pair("rate-independent"),
+}
+SYSTEMS["everything"] = System(
+    name="everything",
+    parameters={"nu": Parameter(0.3), "k": Parameter(1.2)},
+    coordinates={"z": Viscous()},
+    internal={
+        "a": Internal("exp(-a**2) - tanh(z)*d_z + log(1 + a**2)"),
+        "b": Internal("sqrt(1 + z**2)*cos(a) + atan(b) + asinh(a*b) + sinh(0.1*a) - cosh(b)/3 + tan(0.2*b) + a**k"),
+    },
+    potential="k/2*z**2 + a**3*z",
+    viscous="nu/2*d_z**2",
+    contacts={"ground": Contact("d_z", "1 + abs(a)", surface_speed="0.1*sin(t)")},
+    initial={"a": 0.5},
+)
+
+
+def compiled_values(problem: Problem, mode: NDArray, region: NDArray, t: float, y: NDArray) -> NDArray | None:
+    """Rates, then u, λ, s⁺, s⁻ and guards from the engine; None where the mode has no rates."""
+    sizes = problem.compiled.layout.sizes
+    contacts = len(problem.compiled.layout.u)
+    out = np.zeros((1, sizes["n"] + 4 * contacts + sizes["kinks"]))
+    hold = np.zeros((max(contacts, 1), max(sizes["nq"], 1)))
+    work = (problem.compiled.jets, problem.rows, problem.constants, problem.space())
+    fine = engine.probe(*work, mode, region, np.array([t]), y[None], out, hold)
+    return out[0] if fine else None
+
+
+def symbolic_values(field: Field, t: float, y: NDArray, p: NDArray) -> NDArray:
+    columns = [[getattr(c, name) for c in field.contacts] for name in ("u", "force", "plus", "minus")]
+    wanted = [*field.rates, *(e for column in columns for e in column), *field.kinks]
+    return field.function(wanted)(t, y, p)
+
+
+def random_fields(name: str, count: int) -> list[tuple[Field, float, NDArray, NDArray, NDArray]]:
+    """Fields of random modes and regions, with t, y, p and the compiled values there."""
+    problem = pose(SYSTEMS[name])
+    equations, rng = problem.compiled.equations, np.random.default_rng(len(name))
+    p, found = np.array(list(problem.parameters.values())), []
+    for _ in range(count):
+        mode = rng.integers(-1, 2, len(equations.contacts))
+        region = rng.integers(0, 2, len(equations.kinks))
+        t, y = float(rng.uniform(0, 3)), rng.uniform(0.3, 1.7, len(problem.system.declaration.state))
+        expected = compiled_values(problem, mode, region, t, y)
+        if expected is not None:
+            found.append((mode_field(equations, tuple(mode), tuple(region)), t, y, p, expected))
+    return found
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_same_values_as_the_engine(name: str) -> None:
+    cases = random_fields(name, 12)
+    assert len(cases) >= 3
+    for field, t, y, p, expected in cases:
+        found = symbolic_values(field, t, y, p)
+        scale = np.maximum(np.abs(expected), np.max(np.abs(expected[np.abs(expected) < 1e6]), initial=1.0))
+        assert np.max(np.abs(found - expected) / scale) < 1e-12
+
+
+@pytest.mark.parametrize("name", ["everything", "rocking_toy_inertial", "spring_slider", "rate-independent pair"])
+def test_slopes_are_those_of_differences(name: str) -> None:
+    for field, t, y, p, _ in random_fields(name, 4):
+        rates = field.function(field.rates)
+        jacobian = field.function([e for row in field.jacobian for e in row])(t, y, p).reshape(len(y), -1)
+        h = 1e-6
+        steps = np.eye(len(y)) * h
+        numeric = np.column_stack([(rates(t, y + e, p) - rates(t, y - e, p)) / (2 * h) for e in steps])
+        assert jacobian == pytest.approx(numeric, rel=1e-6, abs=1e-6 * np.max(np.abs(numeric), initial=1.0))
+        for i, parameter in enumerate(field.parameters):
+            step = h * np.eye(len(p))[i]
+            slope = (rates(t, y, p + step) - rates(t, y, p - step)) / (2 * h)
+            scale = np.max(np.abs(slope), initial=1.0)
+            assert field.function(field.slopes(parameter))(t, y, p) == pytest.approx(slope, rel=1e-6, abs=1e-6 * scale)
+
+
+@pytest.mark.parametrize("name", ["block_chain", "belt_block", "rocking_toy", "rate-independent pair", "oscillator"])
+def test_constraints_do_not_change_along_the_motion(name: str) -> None:
+    seen = 0
+    for field, t, y, p, _ in random_fields(name, 12):
+        seen += len(field.constraints)
+        rates = field.function([field.along(g) for g in field.constraints])(t, y, p)
+        assert np.max(np.abs(rates), initial=0.0) < 1e-12
+    assert seen > 0
+
+
+def test_guards_are_those_of_the_mode() -> None:
+    equations = derive(catalogue.spring_slider(mu="abs(alpha)").declaration)
+    values = {"t": 0.0, "U": 0.9, "alpha": 1.1, "V": 0.2, "k": 1.0, "alpha_0": 1.0, "nu": 0.02}
+
+    def guards(mode: int, region: int) -> list[tuple[int, int, float]]:
+        field = mode_field(equations, (mode,), (region,))
+        return [(g.switch, g.to, ex.evaluate(g.value, values)) for g in field.guards]
+
+    # In stick λ = kU; in slip ν(U' − V) = −kU − σμ.
+    assert guards(0, 1) == [(0, 0, 1.1), (1, 1, pytest.approx(0.9 + 1.1)), (1, -1, pytest.approx(1.1 - 0.9))]
+    assert guards(0, 0)[0] == (0, 1, -1.1)
+    assert guards(1, 1)[1] == (1, 0, pytest.approx((-0.9 - 1.1) / 0.02))
+    assert guards(-1, 1)[1] == (1, 0, pytest.approx(-(-0.9 + 1.1) / 0.02))
+
+
+def test_a_mode_without_rates_is_refused() -> None:
+    equations = derive(catalogue.rocking_toy().declaration)
+    with pytest.raises(ZeroDivisionError, match="not determined"):
+        mode_field(equations, (1, 1), (1,) * len(equations.kinks))
+
+
+def test_many_states_at_once() -> None:
+    field = mode_field(derive(SYSTEMS["everything"].declaration), (1,), (1,))
+    rng, p = np.random.default_rng(3), np.array([0.3, 1.2])
+    t, y = rng.uniform(0, 3, 7), rng.uniform(0.3, 1.7, (3, 7))
+    together = field.function(field.rates)(t, y, p)
+    assert together.shape == (3, 7)
+    for k in range(7):
+        one = field.function(field.rates)(t[k], y[:, k], p)
+        assert together[:, k] == pytest.approx(one, rel=1e-14)
+        exact = [ex.evaluate(e, dict(zip(field.names, [t[k], *y[:, k], *p], strict=True))) for e in field.rates]
+        assert one == pytest.approx(exact, rel=1e-13)
+
+
+def test_numbers_alone_fill_the_shape() -> None:
+    assert evaluator([ex.num(2.0), ex.sym("x")], ["x"])(np.array([[1.0, 3.0]])).tolist() == [[2.0, 2.0], [1.0, 3.0]]
+
+
+def test_kinks_need_their_region() -> None:
+    x = ex.sym("x")
+    clipped = ex.clip(x, ex.num(-1.0), ex.num(1.0))
+    with pytest.raises(ValueError, match="regions"):
+        evaluator([clipped], ["x"])
+    guards = [n.args[0] for n in ex.walk([clipped]) if n.op == "select"]
+    values = {0.0: x, 5.0: ex.ONE, -5.0: -ex.ONE}
+    for at, branch in values.items():
+        assert in_region(clipped, {g: int(ex.evaluate(g, {"x": at}) >= 0) for g in guards}) is branch
+
+
+def test_linear_systems_of_expressions() -> None:
+    a, b = ex.sym("a"), ex.sym("b")
+    x = solve([[a, b, ex.ZERO], [b, a, ex.ONE], [ex.ZERO, ex.ONE, ex.ZERO - 2.0]], [ex.ONE, a, b])
+    values = {"a": 3.0, "b": 0.7}
+    expected = np.linalg.solve([[3.0, 0.7, 0.0], [0.7, 3.0, 1.0], [0.0, 1.0, -2.0]], [1.0, 3.0, 0.7])
+    assert [ex.evaluate(e, values) for e in x] == pytest.approx(list(expected))
+    with pytest.raises(ZeroDivisionError):
+        solve([[(a + 1.0) * b, b], [a * b + b, b]], [ex.ONE, ex.ONE])
+
+
+def test_a_field_without_contacts() -> None:
+    field = mode_field(derive(ode("pendulum", x="v", v="-sin(x)").declaration), (), ())
+    assert field.function(field.rates)(0.0, [0.5, 1.0], []).tolist() == [1.0, -np.sin(0.5)]
+    assert field.guards == []
+    assert field.constraints == []
