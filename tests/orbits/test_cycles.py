@@ -8,54 +8,15 @@ import re
 import numpy as np
 import pytest
 
-from stickslip import Contact, Inertial, Internal, Parameter, System, catalogue, simulate
+from properties.families import linear_family
+from orbits.examples import HALF_TURN, SLIDER, dragged, planar
+from properties.families import linear_family
+from stickslip import catalogue, simulate
 from stickslip import expressions as ex
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.orbits.cycles import Cycle, find_cycle
 from stickslip.orbits.equilibrium_branch import continue_equilibrium
 from systems import distance, oscillator
-
-SLIDER = catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05)
-
-
-def ring() -> System:
-    """r' = r (p + q r² − w r⁴), θ' = 1: cycles where the bracket vanishes, multiplier exp(2π r² (2q − 4w r²))."""
-    g = "p + q*(x**2 + y**2) - w*(x**2 + y**2)**2"
-    return System(
-        name="ring",
-        parameters={name: Parameter(value) for name, value in {"p": -0.1, "q": 1.0, "w": 1.0}.items()},
-        internal={"x": Internal(f"({g})*x - y"), "y": Internal(f"({g})*y + x")},
-        span=(0, 60),
-    )
-
-
-def half_turn() -> System:
-    """In a frame that makes half a turn in each period of the drive w' = diag(a, −b)w − w|w|², about (cos t, sin t)."""
-    u, v, m, h = "(x - cos(t))", "(y - sin(t))", "(a - b)/2", "(a + b)/2"
-    square = f"({u}**2 + {v}**2)"
-    return System(
-        name="half turn",
-        parameters={"a": Parameter(-0.1), "b": Parameter(0.2)},
-        internal={
-            "x": Internal(f"{m}*{u} + {h}*(cos(t)*{u} + sin(t)*{v}) - {v}/2 - {u}*{square} - sin(t)"),
-            "y": Internal(f"{m}*{v} + {h}*(sin(t)*{u} - cos(t)*{v}) + {u}/2 - {v}*{square} + cos(t)"),
-        },
-        initial={"x": 1.5},
-        span=(0, 60),
-    )
-
-
-def dragged() -> System:
-    """The block on a belt, seen from the ground: dragged by a spring whose end moves with V."""
-    return System(
-        name="dragged block",
-        parameters={"V": Parameter(0.3), "A": Parameter(0.0), "F_s": Parameter(1.0), "F_k": Parameter(0.6)},
-        coordinates={"x": Inertial()},
-        kinetic="d_x**2/2",
-        potential="(V*t + A*sin(2*t) - x)**2/2",
-        contacts={"ground": Contact("d_x", "F_s", kinetic="F_k")},
-        span=(0, 60),
-    )
 
 
 def check(cycle: Cycle) -> None:
@@ -75,23 +36,23 @@ def check(cycle: Cycle) -> None:
         assert cycle.trajectory.knots.state[:, i].max() <= high + 1e-12
 
 
-@pytest.mark.parametrize("stable", [True, False])
-def test_ring(stable: bool) -> None:
-    square = (1 + (1 if stable else -1) * math.sqrt(0.6)) / 2
-    cycle = find_cycle(ring(), {"x": 1.02 * math.sqrt(square), "y": 0.01})
+@pytest.mark.parametrize("a", [0.1, -0.1])
+def test_stable_and_unstable(a: float) -> None:
+    radius = math.sqrt(abs(a))
+    cycle = find_cycle(planar(), {"x": 1.003 * radius, "y": 0.01}, {"a": a, "b": -a, "q": -math.copysign(1.0, a)})
     check(cycle)
-    assert cycle.period == pytest.approx(2 * math.pi, rel=1e-12)
-    assert cycle.nontrivial == pytest.approx([math.exp(2 * math.pi * square * (2 - 4 * square))], rel=1e-10)
-    assert cycle.stable is stable
+    assert cycle.period == pytest.approx(4 * math.pi, rel=1e-12)
+    assert cycle.nontrivial == pytest.approx([math.exp(-8 * math.pi * a)], rel=1e-10)
+    assert cycle.stable is (a > 0)
     assert cycle.trivial == 1
-    radius = math.sqrt(square)
     assert cycle.extrema["x"] == pytest.approx((-radius, radius), rel=1e-12)
+    assert cycle.extrema["y"] == pytest.approx((-radius, radius), rel=1e-12)
     assert math.hypot(*cycle.state.values()) == pytest.approx(radius, rel=1e-12)
 
 
 def test_strongly_unstable() -> None:
-    """r' = 2r(r² − 1): a neighbour is 10^10.9 times as far a period later, and gone before the second is over."""
-    cycle = find_cycle(ring(), {"x": 1.0, "y": 0.0}, {"p": -2.0, "q": 2.0, "w": 0.0})
+    """r' = r(r² − 1): a neighbour is 10^10.9 times as far a period later, and gone before the second is over."""
+    cycle = find_cycle(planar(), {"x": 1.0, "y": 0.0}, {"a": -1.0, "b": 1.0, "q": 1.0})
     check(cycle)
     assert cycle.nontrivial == pytest.approx([math.exp(8 * math.pi)], rel=1e-9)
     assert len(cycle.closed.shooting.stations) > 1
@@ -169,16 +130,15 @@ def test_driven() -> None:
 
 def test_subharmonic() -> None:
     """Past the period doubling the cycle closes after two periods of the drive only."""
-    cycle = find_cycle(half_turn(), None, {"a": 0.15})
+    cycle = find_cycle(planar(), None, HALF_TURN)
     check(cycle)
     assert cycle.period == pytest.approx(4 * math.pi, rel=1e-14)
     rates = np.array([-2 * 0.15, -0.2 - 0.15])
     assert sorted(cycle.nontrivial.real) == pytest.approx(sorted(np.exp(4 * math.pi * rates)), rel=1e-9)
-    single = find_cycle(half_turn(), {"x": 1.0, "y": 0.0}, {"a": 0.15})
+    single = find_cycle(planar(), {"x": 1.0, "y": 0.0}, HALF_TURN)
     assert single.period == pytest.approx(2 * math.pi, rel=1e-14)
-    assert sorted(single.nontrivial.real) == pytest.approx(
-        sorted(-np.exp(2 * math.pi * np.array([0.15, -0.2]))), rel=1e-9
-    )
+    expected = -np.exp(2 * math.pi * np.array([0.15, -0.2]))
+    assert sorted(single.nontrivial.real) == pytest.approx(sorted(expected), rel=1e-9)
 
 
 def test_moving_frame() -> None:
@@ -201,13 +161,16 @@ def test_moving_frame_and_drive() -> None:
     assert cycle.speed == pytest.approx(0.1, rel=1e-12)
 
 
-def test_two_contacts_that_stick_together() -> None:
-    """The chain of blocks: one cycle in which all blocks stick at once, so that three multipliers are 0."""
-    cycle = find_cycle(catalogue.block_chain())
+def test_contacts_that_stick_together() -> None:
+    """The chain of blocks: where all stick at once three directions are lost, so that three multipliers are 0."""
+    start = {"x_1": 0.578, "x_2": 0.628, "x_3": 0.578, "d_x_1": 0.1, "d_x_2": 0.1, "d_x_3": 0.1}
+    cycle = find_cycle(catalogue.block_chain(), start)
     check(cycle)
     assert np.count_nonzero(cycle.multipliers == 0.0) == 3
-    assert cycle.stick_time > 0.0
-    assert not cycle.stable  # the blocks start alike and stay so, which neighbours do not
+    assert len(cycle.nontrivial) == 2
+    sticking = [phase for phase in cycle.phases if phase.sticks]
+    assert cycle.stick_time == pytest.approx(sum(phase.duration for phase in sticking))
+    assert cycle.stick_time < min(share.stick_time for share in cycle.contacts.values()) + 1e-9
 
 
 def test_falls_to_rest() -> None:
@@ -239,11 +202,12 @@ def test_motion_has_not_settled() -> None:
 
 def test_time_that_does_not_repeat() -> None:
     with pytest.raises(DeclarationError, match="no sine or cosine"):
-        find_cycle(catalogue.spring_slider(V="0.1 + exp(-t)"))
+        find_cycle(catalogue.prandtl_tomlinson())
     with pytest.raises(DeclarationError, match="time enters in another way"):
-        find_cycle(catalogue.spring_slider(V="0.1 + 0.02*sin(t) + exp(-t)"))
+        find_cycle(catalogue.oscillating_play())
+    family = linear_family("inertial", 2, 1)
     with pytest.raises(DeclarationError, match="no common period"):
-        find_cycle(catalogue.spring_slider(V="0.1 + 0.02*sin(t) + 0.01*cos(sqrt(2)*t)"))
+        find_cycle(family, {"x0": 0.1}, {"F0": 1.0, "F1": 1.0, "omega0": 1.0, "omega1": math.sqrt(2), "s0": 0.1})
 
 
 def test_bad_arguments() -> None:

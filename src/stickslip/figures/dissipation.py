@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.dissipation import Average, Dissipation
 
 Array = np.ndarray
-DIRECTIONS, PHASES = 360, 128
+DIRECTIONS, RAYS, PHASES = 360, 2880, 128  # more rays, so that corners stay sharp
 FEW = 4  # components with a line of their own; of more a map is drawn
 PLANE, COSTS, HEIGHT = 4.4, 4.8, 4.8  # inches
 
@@ -95,23 +95,27 @@ def _phase_bar(axes: Axes, colours: ListedColormap, sets: int) -> None:
 
 
 def _boundary(potential: Dissipation, phases: Array) -> Array:
-    """Boundary of what K(s) has in common at some phases, shape (DIRECTIONS, 2): where rays meet a supporting line."""
-    angles = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-    rays = np.column_stack([np.cos(angles), np.sin(angles)])
-    normals, offsets = _half_planes(potential, phases, rays)
+    """Boundary of what K(s) has in common at some phases, shape (RAYS, 2): where rays meet the first line."""
+    rays = _circle(RAYS)
+    normals, offsets = _half_planes(potential, phases)
     slopes = rays @ normals.T
     ahead = slopes > 1e-12
     reach = np.where(ahead, offsets / np.where(ahead, slopes, 1.0), np.inf).min(axis=1)
     return rays * reach[:, None]
 
 
-def _half_planes(potential: Dissipation, phases: Array, directions: Array) -> tuple[Array, Array]:
+def _half_planes(potential: Dissipation, phases: Array) -> tuple[Array, Array]:
     """Unit normals (m, 2) and offsets (m,) of half-planes that enclose K(s) at some phases."""
     if isinstance(potential, Polytope) and potential.faces is not None:
         normals, offsets = zip(*(potential.halfspaces_at(s) for s in phases.tolist()), strict=True)
         return np.concatenate(normals), np.concatenate(offsets)
-    sampled = potential.sampled(phases)
+    sampled, directions = potential.sampled(phases), _circle(DIRECTIONS)
     return directions, np.array([sampled.support(v).min() for v in directions])
+
+
+def _circle(count: int) -> Array:
+    angles = 2.0 * np.pi * np.arange(count) / count
+    return np.column_stack([np.cos(angles), np.sin(angles)])
 
 
 def _with_unit(label: str, unit: str) -> str:

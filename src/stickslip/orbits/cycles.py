@@ -247,7 +247,7 @@ def _from_motion(motion: Trajectory) -> Closed:
     if motion.outcome is Outcome.AT_REST or len(motion.knots.time) < 2:
         raise _at_rest(motion)
     k = motion.knots
-    w = window(motion, pieces, int(np.searchsorted(k.time, 0.5 * (k.time[0] + k.time[-1]))))
+    w = window(motion, pieces, max(0, int(np.searchsorted(k.time, 0.5 * (k.time[0] + k.time[-1]))) - 1))
     if w.extent < STILL:
         raise _at_rest(motion)
     found = latest(w, pieces)

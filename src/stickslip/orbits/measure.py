@@ -130,17 +130,16 @@ def extrema(found: Sampled, n: int) -> tuple[Array, Array]:
     low, high = np.min(states, axis=(0, 1)), np.max(states, axis=(0, 1))
     for j in range(n):
         for node in (int(np.argmin(states[:, :, j])), int(np.argmax(states[:, :, j]))):
-            for values in states[_neighbours(node, len(states)), :, j]:
-                turns = _turns(values)
+            for piece in _neighbours(node, len(states)):
+                turns = _turns(states[piece, :, j])
                 low[j], high[j] = min(low[j], *turns, low[j]), max(high[j], *turns, high[j])
     return low, high
 
 
-def _neighbours(node: int, pieces: int) -> list[int]:
-    """The piece of a node, and the one next to it if the node is shared."""
+def _neighbours(node: int, pieces: int) -> set[int]:
+    """The piece of a node, and the one next to it if the node is shared; the last one comes before the first."""
     piece, place = divmod(node, NODES)
-    near = [piece - 1] if place == 0 else [piece + 1] if place == NODES - 1 else []
-    return [piece, *(i for i in near if 0 <= i < pieces)]
+    return {piece, (piece - (place == 0)) % pieces, (piece + (place == NODES - 1)) % pieces}
 
 
 def _turns(values: Array) -> Array:
