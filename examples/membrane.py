@@ -162,7 +162,7 @@ if __name__ == "__main__":
     path.parent.mkdir(parents=True, exist_ok=True)
     disc, coarse = membrane(8, periods=3), membrane(4, periods=48)
     resolved, averaged = disc.resolved(), disc.averaged()
-    draw(disc, resolved, averaged, coarse, coarse.resolved()).savefig(path)
+    draw(disc, resolved, averaged, coarse, coarse.resolved()).savefig(path, dpi=200)
     print(
         f"{disc.problem.n} unknowns, {resolved.steps} steps: {resolved.wall_time:.0f} s; {resolved.certificate.verdict}"
     )

@@ -91,7 +91,7 @@ def plot_steps(axes, amplitude=600.0, speed=0.02, periods=3, each=300):
     friction = MU * np.maximum(WEIGHT + amplitude * np.cos(OMEGA * t), 0.0)
     s = t / PERIOD - (PERIODS - periods)
     axes.fill_between(s, 0.0, friction, fc=BAND, ec=THRESHOLD, lw=0.8, label=r"$\mu N(t)$")
-    axes.plot(s, resolved(amplitude, speed, periods, each), color=BLUE, label="resolved")
+    axes.plot(s, resolved(amplitude, speed, periods, each), color=BLUE, label="with inertia")
     axes.plot(s, without_inertia(amplitude, speed, periods, each), color=VERMILION, label="no inertia")
     axes.axhline(averaged_law(amplitude), color=STICK_LINE, lw=1.2, ls="--", label="averaged")
     axes.set_xlim(0, periods)
@@ -112,7 +112,7 @@ if __name__ == "__main__":
         left, right = figure.subplots(1, 2)
         plot_forces(left)
         plot_steps(right)
-        figure.savefig(path)
+        figure.savefig(path, dpi=200)
     for F in exact:
         law = averaged_law(F)
         print(f"F = {F:g} N: averaged {law:.1f} N, no inertia {exact[F]:.1f} N, resolved {slowest[F]:.1f} N")

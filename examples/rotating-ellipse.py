@@ -56,6 +56,6 @@ if __name__ == "__main__":
         left, right = figure.subplots(1, 2)
         stable_sets(left, model.potential, unit="dimensionless")
         plot_phases(right)
-        figure.savefig(path)
+        figure.savefig(path, dpi=200)
     print(f"largest difference of Ψ_av(V) from |V|/2: {error:.1e}; largest duality gap: {gap:.1e}")
     print(path)

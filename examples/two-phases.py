@@ -32,8 +32,8 @@ if __name__ == "__main__":
 
     folder = Path("out/two-phases")
     folder.mkdir(parents=True, exist_ok=True)
-    plot_path(resolved.z, averaged.z, model.problem.epsilon).savefig(folder / "path.png")
-    plot_average(model.potential, average, unit="dimensionless").savefig(folder / "stable-sets.png")
+    plot_path(resolved.z, averaged.z, model.problem.epsilon).savefig(folder / "path.png", dpi=200)
+    plot_average(model.potential, average, unit="dimensionless").savefig(folder / "stable-sets.png", dpi=200)
     print(f"Ψ_av(3, -4) = {average.support([3, -4]):.12g}, that is |v₁| + |v₂|")
     print(f"the first component moves near s = 0 for {first_near_0:.1%} of its way,")
     print(f"the second near s = 1/2 for {second_near_half:.1%} of its way")
