@@ -118,10 +118,14 @@ class Hierarchy:
         made: list[Any] = ruge_stuben_solver(nodal, max_coarse=DENSE // A.value.shape[1]).levels
         self.levels = [Level(A)]
         self.transfers: list[Transfer] = []
-        for fine, coarse in pairwise(made):
+        pattern = abs(nodal)
+        for fine, _ in pairwise(made):
+            # Entries that cancel in R A P have their place all the same: they do not cancel once A is truncated.
+            pattern = (abs(fine.R) @ pattern @ abs(fine.P)).tocsr()
+            pattern.sort_indices()
             self.transfers.append(Transfer(rows(fine.P), rows(fine.R)))
             fine.A = fine.P = fine.R = None  # memory
-            self.levels.append(Level(coarse_operator(self.levels[-1], self.transfers[-1], coarse.A)))
+            self.levels.append(Level(coarse_operator(self.levels[-1], self.transfers[-1], pattern)))
         self.factor: Factor | None = None
         self.top = -1  # the level whose moving nodes the operators belong to
 
