@@ -7,9 +7,8 @@ import re
 
 import numpy as np
 import pytest
-
-from properties.families import linear_family
 from orbits.examples import HALF_TURN, SLIDER, dragged, planar
+
 from properties.families import linear_family
 from stickslip import catalogue, simulate
 from stickslip import expressions as ex
