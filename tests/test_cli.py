@@ -195,6 +195,13 @@ def test_broken_model_files_and_wrong_files(tmp_path: Path) -> None:
     assert refused(stickslip("check", "."))
 
 
+def test_files_of_evolutions_have_their_own_commands(tmp_path: Path) -> None:
+    model = Path(__file__).parents[1] / "examples" / "evolution" / "two-phases.toml"
+    assert "Use: stickslip evolve" in refused(stickslip("run", str(model)))
+    assert stickslip("evolve", str(model), "--out", str(tmp_path / "e"), "--until", "0.1").exit_code == 0
+    assert "holds an evolution, not a trajectory" in refused(stickslip("check", str(tmp_path / "e" / "evolution.nc")))
+
+
 def test_nothing_of_others_is_overwritten(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("mine", encoding="utf-8")
     assert "not a folder" in refused(stickslip("run", "belt_block", "--out", "file"))

@@ -291,7 +291,7 @@ def test_a_wrong_file_is_one_clear_line(old: str, new: str, parts: list[str], tm
     ("arguments", "part"),
     [
         (["evolve", "nowhere.toml"], "nowhere.toml: there is no such file"),
-        (["evolve", "."], "cannot be read"),
+        (["evolve", "."], "this is a directory"),
         (["average", TWO, "--set", "delta=1"], "no parameter or function 'delta'"),
         (["average", TWO, "--set", "epsilon=x"], "parameters.epsilon"),
         (["average", TWO, "--set", "epsilon=-1"], "(0, inf)"),

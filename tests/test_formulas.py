@@ -205,10 +205,10 @@ HOSTILE = [
 @pytest.mark.parametrize("text", HOSTILE, ids=lambda text: repr(text[:30]))
 def test_hostile_formula(text, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(DeclarationError) as caught:
         parse(text)
-    assert time.perf_counter() - start < 1
+    assert time.process_time() - start < 1
     error = caught.value
     assert error.where == "here"
     assert error.reason
@@ -242,10 +242,10 @@ def test_long_sums_are_not_nested():
     ids=["composition", "new arguments", "height", "chain"],
 )
 def test_definitions_that_explode(definitions):
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(DeclarationError):
         parse("f39(x, y)" if len(definitions["f39"]) == 3 else "f39(x)", **definitions)
-    assert time.perf_counter() - start < 2
+    assert time.process_time() - start < 2
 
 
 def test_long_chain_of_definitions_is_no_traceback():

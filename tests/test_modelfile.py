@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from stickslip import catalogue
 from stickslip.errors import DeclarationError
-from stickslip.modelfile import MAX_BYTES, dumps, load, loads, save
+from stickslip.modelfile import dumps, load, loads, save
 from stickslip.system import Condition, Contact, Inertial, Internal, Parameter, RateIndependent, System, Viscous
+from stickslip.toml import MAX_BYTES
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 TWINS = {
@@ -244,10 +245,10 @@ WRONG = {
 @pytest.mark.parametrize("case", WRONG)
 def test_wrong_text(case):
     text, where, reason = WRONG[case]
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(DeclarationError) as caught:
         loads(text)
-    assert time.perf_counter() - start < 2
+    assert time.process_time() - start < 2
     error = caught.value
     assert error.where == where
     assert reason in error.reason
@@ -282,10 +283,10 @@ def test_large_text_is_read_or_refused_in_time():
         "#" * 299_999,
         "x" * (MAX_BYTES + 1),
     ):
-        start = time.perf_counter()
+        start = time.process_time()
         with pytest.raises(DeclarationError):
             loads(text)
-        assert time.perf_counter() - start < 2
+        assert time.process_time() - start < 2
 
 
 def test_wrong_files(tmp_path):

@@ -284,13 +284,13 @@ def test_mutated_model(seed, watch, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     text = mutated(seed)
     assert text not in TEXTS.values()
-    start = time.perf_counter()
+    start = time.process_time()
     with watch:
         try:
             result: System | DeclarationError = loads(text, "mutant.toml")
         except DeclarationError as error:
             result = error
-    assert time.perf_counter() - start < 2
+    assert time.process_time() - start < 2
     assert watch.seen == []
     assert not list(tmp_path.iterdir())
     assert capsys.readouterr() == ("", "")

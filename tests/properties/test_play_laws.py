@@ -52,7 +52,7 @@ class Motion:
     def follow(self, **changes: object) -> Play:
         given = {
             "load": self.load,
-            "threshold": (self.below, self.above),
+            "threshold": (self.above, self.below),
             "t_span": (0.0, T),
             "initial": self.start(),
         }

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import skfem
 from scipy import sparse
+from skfem.models.poisson import laplace
 
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.rate_independent import evolve as evolve_module
@@ -35,6 +37,8 @@ asymmetric = STIFF + np.array([[0, 0, 0.25], [0, 0, 0], [0, 0, 0]])
 laplacian = sparse.diags_array([-np.ones(29_999), 2.0 * np.ones(30_000), -np.ones(29_999)], offsets=[-1, 0, 1])
 free = sparse.csr_array(laplacian.copy())
 free[0, 0] = free[-1, -1] = 1.0
+disc = skfem.MeshTri.init_circle(3)
+nowhere_held = sparse.csr_array(laplace.assemble(skfem.Basis(disc, skfem.ElementTriP1())))
 table = np.zeros((4, 3))
 table[2, 1] = np.nan
 
@@ -48,6 +52,7 @@ table[2, 1] = np.nan
         ({"A": np.diag([1.0, -1.0, 1.0])}, ["A[1, 1] = -1", "positive definite"]),
         ({"A": np.ones((3, 3))}, ["positive definite", "eigenvalue"]),
         ({"A": sparse.csr_array(np.ones((3, 3)))}, ["positive definite", "pivot"]),
+        ({"A": nowhere_held}, ["positive definite", "translation"]),
         (
             {"A": sparse.csr_array(np.array([[1, 2, 0], [2, 1, 0], [0, 0, 1.0]]))},
             ["positive definite", "factorisation is -3"],

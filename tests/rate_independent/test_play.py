@@ -174,7 +174,7 @@ def test_fine_sampling_converges_to_it(seed: int) -> None:
     def load(t: Array) -> Array:
         return (size * np.sin(np.multiply.outer(t, w) + angle)).sum(axis=-1)
 
-    motion = play(load, (minus, plus), (0.0, 10.0), float(load(np.zeros(1))[0]) / a, stiffness=a)
+    motion = play(load, (plus, minus), (0.0, 10.0), float(load(np.zeros(1))[0]) / a, stiffness=a)
     assert motion.certificate.ok, motion.certificate.verdict
     errors = []
     for n in (20_000, 80_000):
@@ -320,7 +320,7 @@ def test_another_start_of_time(shift: float) -> None:
 
 @pytest.fixture(scope="module")
 def motion() -> Play:
-    return play(LOAD, (0.7, THRESHOLD), (0, 5), 0.0, epsilon=0.1, stiffness=1.5)
+    return play(LOAD, (THRESHOLD, 0.7), (0, 5), 0.0, epsilon=0.1, stiffness=1.5)
 
 
 def test_values_between_nodes(motion: Play) -> None:
@@ -405,7 +405,7 @@ UP = np.linspace(0, 5, 6)
         ({"threshold": "1 + t", "epsilon": 0.1}, "threshold: unknown name 't'"),
         ({"threshold": ("1", "rho")}, r"threshold\[1\]: unknown name 'rho'"),
         ({"threshold": "cos(t)"}, r"threshold: ρ⁻ is negative, -1 at t = 3.14159265"),
-        ({"threshold": (1, "0.1 - sin(2*pi*s)"), "epsilon": 0.1}, r"ρ⁺ is negative, -0.9 at .*phase s = 0.25"),
+        ({"threshold": ("0.1 - sin(2*pi*s)", 1), "epsilon": 0.1}, r"ρ⁺ is negative, -0.9 at .*phase s = 0.25"),
         ({"threshold": -1}, "ρ⁻ is negative, -1 at t = 0"),
         ({"threshold": (UP, 1 - UP)}, "ρ⁻ is negative"),
         ({"initial": 1.5}, r"initial: .*exceeds its threshold by 0.5. .* between -1 and 1; the nearest .* 1$"),

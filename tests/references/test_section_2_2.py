@@ -40,7 +40,7 @@ def limit(t: Array, minus: float, plus: float) -> Array:
 @pytest.mark.parametrize("ratio", [0.2, 1.0, 1.7])
 def test_constant_thresholds(plus: float, ratio: float) -> None:
     minus = ratio * plus
-    motion = play(LOAD, (minus, plus), SPAN, 0.0)
+    motion = play(LOAD, (plus, minus), SPAN, 0.0)
     t = np.linspace(*SPAN, 5001)
     assert np.abs(motion.position(t) - limit(t, minus, plus)).max() < 1e-14 * HEIGHT
     stop = TOP + np.sqrt(minus + plus)  # √(2ρ) if both are ρ

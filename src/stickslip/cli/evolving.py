@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stickslip import __version__
-from stickslip.cli.folder import _is_ours, result_folder
-from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
+from stickslip.cli.folder import result_folder
+from stickslip.errors import ConvergenceError, DeclarationError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,7 +49,8 @@ def average(file: File, settings: Settings = None, out: Out = None, json_: Json 
 
     model = configured(file, settings)
     began = time.perf_counter()
-    with results(out or default_folder(model, "average"), AVERAGE_FILES) as (place, folder):
+    folder = out or default_folder(model, "average")
+    with result_folder(folder, AVERAGE_FILES) as place:
         try:
             averaged = model.potential.average(TOLERANCE)
             summary = summarise_average(model, averaged)
@@ -88,7 +87,8 @@ def evolve(
     if steps is not None:
         model = with_option("--steps", model, steps=steps)
     _ = model.problem  # a dissipation potential alone does not evolve
-    with results(out or default_folder(model, "averaged" if averaged else ""), EVOLVE_FILES) as (place, folder):
+    folder = out or default_folder(model, "averaged" if averaged else "")
+    with result_folder(folder, EVOLVE_FILES) as place:
         began = time.perf_counter()
         result = computed(model, averaged)
         summary = summarise_evolution(model, result, averaged) | {"wall_time": time.perf_counter() - began}
@@ -125,34 +125,6 @@ def default_folder(model: EvolutionModel, what: str) -> Path:
     return Path("out") / (f"{name}-{what}" if what else name)
 
 
-@contextmanager
-def results(path: Path, names: Sequence[str]) -> Iterator[tuple[Path, Path]]:
-    """A place to write files to, which get to the folder `path` together when everything went well; and the folder.
-
-    Raises
-    ------
-    StickslipError
-        If the folder cannot be written, or holds files of these names that are not ours.
-    """
-    if not path.exists():
-        with result_folder(path) as place:
-            yield place, path
-        return
-    if not path.is_dir():
-        raise StickslipError(f"{path}: is a file, not a folder. Choose another folder with --out")
-    taken = [name for name in names if os.path.lexists(path / name)]
-    if taken and not _is_ours(path):
-        raise StickslipError(
-            f"{path}: holds {', '.join(taken)}, not written by stickslip. Choose another folder with --out"
-        )
-    new = path / f".new-{os.getpid()}"
-    with result_folder(new) as place:
-        yield place, path
-    for name in names:
-        os.replace(new / name, path / name)
-    new.rmdir()
-
-
 def write(place: Path, summary: dict[str, Any], figure: Figure) -> None:
     """Summary and picture."""
     figure.savefig(place / "overview.png")
@@ -171,10 +143,10 @@ def show(summary: dict[str, Any], json_: bool, rows: list[tuple[str, str]], fold
     if json_:
         typer.echo(as_json(summary))
         return
-    from stickslip.cli.report import _print
+    from stickslip.cli.report import print_table
 
     more = [("wall time", f"{summary['wall_time']:.3g} s"), ("written", f"{folder}/  {', '.join(files)}")]
-    _print(summary["title"] or summary["model"], [*rows, *more], summary["certified"] and summary["complete"])
+    print_table(summary["title"] or summary["model"], [*rows, *more], summary["certified"] and summary["complete"])
 
 
 def heading(model: EvolutionModel) -> dict[str, Any]:

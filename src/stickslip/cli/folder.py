@@ -6,18 +6,18 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from stickslip.errors import StickslipError
 
-FILES = ("summary.json", "trajectory.nc", "events.csv", "overview.png")
+FILES = ("summary.json", "trajectory.nc", "events.csv", "overview.png")  # of `run`
 
 
 @contextmanager
-def result_folder(path: Path) -> Iterator[Path]:
-    """A place to write to that becomes `path` when everything went well, and vanishes otherwise.
+def result_folder(path: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
+    """A place to write `files` to that becomes `path` when everything went well, and vanishes otherwise.
 
     Raises
     ------
@@ -26,7 +26,7 @@ def result_folder(path: Path) -> Iterator[Path]:
     """
     existed = path.exists()
     if existed:
-        _check_ours(path)
+        _check_ours(path, files)
     made: list[Path] = []
     try:
         made = _make(path if existed else path.parent)
@@ -39,7 +39,7 @@ def result_folder(path: Path) -> Iterator[Path]:
     try:
         yield place
         if existed or path.exists():
-            for name in FILES:
+            for name in files:
                 os.replace(place / name, path / name)
         else:
             place.chmod(0o777 & ~_umask())
@@ -49,22 +49,22 @@ def result_folder(path: Path) -> Iterator[Path]:
         _remove_empty(made)
 
 
-def _check_ours(path: Path) -> None:
+def _check_ours(path: Path, files: Sequence[str]) -> None:
     if not path.is_dir():
         raise StickslipError(f"{path}: is a file, not a folder. Choose another folder with --out")
-    found = [name for name in FILES if os.path.lexists(path / name)]
-    if found and not _is_ours(path):
+    found = [name for name in files if os.path.lexists(path / name)]
+    if found and not _is_ours(path, files):
         raise StickslipError(
             f"{path}: holds {', '.join(found)}, not written by stickslip. Choose another folder with --out"
         )
 
 
-def _is_ours(path: Path) -> bool:
+def _is_ours(path: Path, files: Sequence[str]) -> bool:
     try:
         summary = json.loads((path / "summary.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
-    regular = all((path / name).is_file() for name in FILES if os.path.lexists(path / name))
+    regular = all((path / name).is_file() for name in files if os.path.lexists(path / name))
     return regular and isinstance(summary, dict) and summary.get("program") == "stickslip"
 
 

@@ -37,7 +37,7 @@ def print_summary(summary: dict[str, Any], folder: Path) -> None:
         ("wall time", f"{summary['wall_time']:.3g} s"),
         ("written", f"{folder}/  {', '.join(FILES)}"),
     ]
-    _print(summary["title"] or summary["system"], rows, summary["certified"] and summary["complete"])
+    print_table(summary["title"] or summary["system"], rows, summary["certified"] and summary["complete"])
     console = Console(stderr=True)
     for warning in summary["warnings"]:
         console.print(Text(f"warning: {warning}", style="yellow"))
@@ -52,7 +52,7 @@ def print_check(file: Path, trajectory: Trajectory) -> None:
         ("switches", str(trajectory.n_switches)),
         *_certificate(certificate.to_dict()),
     ]
-    _print(trajectory.system.title or trajectory.system.name, rows, certificate.ok)
+    print_table(trajectory.system.title or trajectory.system.name, rows, certificate.ok)
 
 
 def _certificate(certificate: dict[str, Any]) -> list[tuple[str, str]]:
@@ -63,7 +63,8 @@ def _certificate(certificate: dict[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def _print(title: str, rows: Iterable[tuple[str, str]], good: bool) -> None:
+def print_table(title: str, rows: Iterable[tuple[str, str]], good: bool) -> None:
+    """A title and lines of two columns; what is not good is shown in red."""
     table = Table.grid(padding=(0, 3))
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 MODES = {-1: "slip-", 0: "stick", 1: "slip+"}
 GRID = 1000  # points of the dataset between knots
-FORMAT = 1  # of the stored file
+KIND, FORMAT = "trajectory", 1  # of the stored file
 
 
 @dataclass(frozen=True)
@@ -337,13 +337,11 @@ class Trajectory:
         StickslipError
             If the file cannot be written; an existing file is replaced only by a complete one.
         """
-        import os
-
         import xarray as xr
 
-        from stickslip import __version__
+        from stickslip import storage
 
-        k, path = self.knots, Path(path)
+        k = self.knots
         extra = {
             "knot_time": ("knot", k.time),
             "knot_state": (("knot", "state"), k.state),
@@ -360,22 +358,9 @@ class Trajectory:
             "outcome": self.outcome.code,
             "wall_time": self.wall_time,
         }
-        attributes = {
-            "stickslip_format": FORMAT,
-            "stickslip_version": __version__,
-            "stickslip_system": self.system.to_toml(),
-            "stickslip_parameters": json.dumps(self.parameters),
-            "stickslip_settings": json.dumps(settings),
-        }
-        whole = self.dataset.merge(xr.Dataset(extra)).assign_attrs(self.dataset.attrs | attributes)
-        partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-        try:
-            whole.to_netcdf(partial, engine="netcdf4", format="NETCDF4")
-            os.replace(partial, path)
-        except OSError as error:
-            raise StickslipError(f"{path}: cannot be written ({error.strerror or error})") from None
-        finally:
-            partial.unlink(missing_ok=True)
+        data = self.dataset.merge(xr.Dataset(extra))
+        parts = {"system": self.system.to_toml(), "parameters": self.parameters, "settings": settings}
+        storage.write(path, data, KIND, FORMAT, **parts)
 
 
 def open_trajectory(path: str | Path) -> Trajectory:
@@ -386,39 +371,18 @@ def open_trajectory(path: str | Path) -> Trajectory:
     StickslipError
         If the file does not exist or is not a stored trajectory.
     """
-    import xarray as xr
-
+    from stickslip import storage
     from stickslip.modelfile import loads
 
-    path = Path(path)
-    if not path.is_file():
-        raise StickslipError(f"{path}: there is no such file")
-    try:
-        with xr.open_dataset(path, engine="netcdf4") as stored:
-            data = stored.load()
-        if int(data.attrs["stickslip_format"]) != FORMAT:
-            raise StickslipError(
-                f"{path}: written in format {data.attrs['stickslip_format']}, this version reads {FORMAT}"
-            )
-        system = loads(data.attrs["stickslip_system"], f"{path}: system")
-        parameters, settings = (
-            json.loads(data.attrs["stickslip_parameters"]),
-            json.loads(data.attrs["stickslip_settings"]),
-        )
-        knots = Knots(
-            *(
-                np.ascontiguousarray(data[f"knot_{name}"].values)
-                for name in ("time", "state", "mode", "region", "cause")
-            )
-        )
+    with storage.reading(path, KIND, FORMAT) as (data, own):
+        system = loads(own["system"], f"{path}: system")
+        parameters, settings = json.loads(own["parameters"]), json.loads(own["settings"])
+        names = ("time", "state", "mode", "region", "cause")
+        knots = Knots(*(np.ascontiguousarray(data[f"knot_{name}"].values) for name in names))
         checked = pose(system, {name: parameters[name] for name in system.parameters})
         problem = Problem(system, checked.parameters, settings["order"], settings["tolerance"], settings["atol"])
         span, code, rtol, wall_time = (settings[name] for name in ("t_span", "outcome", "rtol", "wall_time"))
         outcome = Outcome.from_code(code)
-    except (OSError, KeyError, ValueError, TypeError) as error:
-        if isinstance(error, DeclarationError):
-            raise
-        raise StickslipError(f"{path}: not a trajectory stored by stickslip") from None
     if knots.state.ndim != 2 or knots.state.shape[1] != len(system.declaration.state) or len(knots.time) == 0:
         raise StickslipError(f"{path}: the stored states do not fit the stored system")
     trajectory = Trajectory(problem, tuple(span), knots, outcome, rtol)

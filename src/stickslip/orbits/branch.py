@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-FORMAT = 1  # of the stored file
+KIND, FORMAT = "branch", 1  # of the stored file
 
 
 @dataclass(frozen=True)
@@ -145,26 +144,16 @@ class Branch:
         StickslipError
             If the file cannot be written; an existing file is replaced only by a complete one.
         """
-        from stickslip import __version__
+        from stickslip import storage
 
-        path = Path(path)
-        attributes = {
-            "stickslip_branch_format": FORMAT,
-            "stickslip_version": __version__,
-            "stickslip_system": self.system.to_toml(),
-            "stickslip_parameters": json.dumps(self.parameters),
-            "stickslip_parameter": self.parameter,
-            "stickslip_special": json.dumps([asdict(s) for s in self.special]),
-            "stickslip_ended": self.ended,
+        parts = {
+            "system": self.system.to_toml(),
+            "parameters": self.parameters,
+            "parameter": self.parameter,
+            "special": [asdict(s) for s in self.special],
+            "ended": self.ended,
         }
-        partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-        try:
-            self.points.assign_attrs(attributes).to_netcdf(partial, engine="netcdf4", format="NETCDF4")
-            os.replace(partial, path)
-        except OSError as error:
-            raise StickslipError(f"{path}: cannot be written ({error.strerror or error})") from None
-        finally:
-            partial.unlink(missing_ok=True)
+        storage.write(path, self.points, KIND, FORMAT, **parts)
 
 
 def open_branch(path: str | Path) -> Branch:
@@ -175,33 +164,18 @@ def open_branch(path: str | Path) -> Branch:
     StickslipError
         If the file does not exist or is not a stored branch.
     """
-    import xarray as xr
-
+    from stickslip import storage
     from stickslip.modelfile import loads
 
-    path = Path(path)
-    if not path.is_file():
-        raise StickslipError(f"{path}: there is no such file")
-    try:
-        with xr.open_dataset(path, engine="netcdf4") as stored:
-            points = stored.load()
-        own = {name: points.attrs.pop(f"stickslip_{name}") for name in ("system", "parameters", "parameter", "special")}
-        version, ended = points.attrs.pop("stickslip_branch_format"), points.attrs.pop("stickslip_ended")
-        points.attrs.pop("stickslip_version")
-        if int(version) != FORMAT:
-            raise StickslipError(f"{path}: written in format {version}, this version reads {FORMAT}")
+    with storage.reading(path, KIND, FORMAT) as (points, own):
         return Branch(
             loads(own["system"], f"{path}: system"),
             json.loads(own["parameters"]),
             own["parameter"],
             points,
             [_special(entry) for entry in json.loads(own["special"])],
-            ended,
+            own["ended"],
         )
-    except (OSError, KeyError, ValueError, TypeError) as error:
-        if isinstance(error, StickslipError):
-            raise
-        raise StickslipError(f"{path}: not a branch stored by stickslip") from None
 
 
 def _special(entry: Mapping[str, Any]) -> SpecialPoint:

@@ -66,7 +66,7 @@ class PlayMotion:
         lower = psi.weights if psi.lower is None else psi.lower
         self.play = play(
             _signal(problem.load, problem.ell.at),
-            (_threshold(lower, psi.below), _threshold(psi.weights, psi.above)),
+            (_threshold(psi.weights, psi.above), _threshold(lower, psi.below)),
             problem.span,
             float(problem.initial[0]),
             epsilon=problem.epsilon,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stickslip.errors import StickslipError
 from stickslip.rate_independent.outcome import EvolutionOutcome
 
 if TYPE_CHECKING:
@@ -19,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = np.ndarray
-FORMAT = 1  # of the stored file
+KIND, FORMAT = "evolution", 1  # of the stored file
 PHASE_STEP = 0.25  # longest step that still sees the oscillation, in periods
 
 
@@ -192,9 +190,8 @@ class History:
         StickslipError
             If the file cannot be written; an existing file is replaced only by a complete one.
         """
-        from stickslip import __version__
+        from stickslip import storage
 
-        path = Path(path)
         settings = {
             "outcome": self.outcome.code,
             "detail": self.detail,
@@ -202,19 +199,7 @@ class History:
             "kkt": self.kkt,
             "wall_time": self.wall_time,
         }
-        attributes = {
-            "stickslip_evolution_format": FORMAT,
-            "stickslip_version": __version__,
-            "stickslip_settings": json.dumps(settings),
-        }
-        partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-        try:
-            self.dataset.assign_attrs(attributes).to_netcdf(partial, engine="netcdf4", format="NETCDF4")
-            os.replace(partial, path)
-        except OSError as error:
-            raise StickslipError(f"{path}: cannot be written ({error.strerror or error})") from None
-        finally:
-            partial.unlink(missing_ok=True)
+        storage.write(path, self.dataset, KIND, FORMAT, settings=settings)
 
 
 def open_history(path: str | Path) -> History:
@@ -225,19 +210,8 @@ def open_history(path: str | Path) -> History:
     StickslipError
         If the file does not exist or is not a stored evolution.
     """
-    import xarray as xr
+    from stickslip import storage
 
-    path = Path(path)
-    if not path.is_file():
-        raise StickslipError(f"{path}: there is no such file")
-    try:
-        with xr.open_dataset(path, engine="netcdf4") as stored:
-            data = stored.load()
-        if int(data.attrs.pop("stickslip_evolution_format")) != FORMAT:
-            raise StickslipError(f"{path}: written in another format than {FORMAT}, which this version reads")
-        data.attrs.pop("stickslip_version")
-        settings: dict[str, Any] = json.loads(data.attrs.pop("stickslip_settings"))
-        outcome = EvolutionOutcome.from_code(settings.pop("outcome"))
-        return History(data, outcome, **settings)
-    except (OSError, KeyError, ValueError, TypeError):
-        raise StickslipError(f"{path}: not an evolution stored by stickslip") from None
+    with storage.reading(path, KIND, FORMAT) as (data, own):
+        settings: dict[str, Any] = json.loads(own["settings"])
+        return History(data, EvolutionOutcome.from_code(settings.pop("outcome")), **settings)

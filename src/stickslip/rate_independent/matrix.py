@@ -84,6 +84,9 @@ def _check_definite_sparse(A: Any, diagonal: Array) -> None:
     n, noise = len(diagonal), 4.0 * np.finfo(float).eps * diagonal.max()
     if np.min(2.0 * diagonal - abs(A).sum(axis=1)) > noise:
         return  # diagonally dominant
+    ones = np.ones(n)
+    if ones @ (A @ ones) <= noise * n:
+        raise _indefinite("a translation of all components costs no energy")
     if n <= DECIDED:
         options = {"SymmetricMode": True}
         try:
@@ -94,9 +97,6 @@ def _check_definite_sparse(A: Any, diagonal: Array) -> None:
         if pivot <= noise:
             raise _indefinite(f"a pivot of its factorisation is {pivot:.6g}")
         return
-    ones = np.ones(n)
-    if ones @ (A @ ones) <= noise * n:
-        raise _indefinite("a translation of all components costs no energy")
     if (lowest := _lowest_ritz_value(A)) <= 0.0:
         raise _indefinite(f"a direction has the energy {lowest:.6g}")
 

@@ -12,22 +12,13 @@ from dataclasses import MISSING, dataclass, field, fields, replace
 from difflib import get_close_matches
 from functools import cached_property
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 from stickslip import expressions as ex
+from stickslip import toml
 from stickslip.declaration import parse_range
 from stickslip.errors import DeclarationError, short
 from stickslip.formulas import Definition, Scope, check_name, is_finite, parse_signature
-from stickslip.modelfile import (
-    MAX_BYTES,
-    _entry,
-    _is_default,
-    _known_keys,
-    _lines,
-    _mapping,
-    _table,
-)
 from stickslip.rate_independent.dissipation import Dissipation, Ellipsoid, GroupNorm, Polytope, WeightedL1
 from stickslip.rate_independent.evolution import Evolution, UnstableStart
 from stickslip.shape import check_shape, entry_key, wrong_kind
@@ -133,7 +124,7 @@ class EvolutionModel:
     @cached_property
     def potential(self) -> Dissipation:
         """The dissipation potential."""
-        given = dict(_mapping(self.dissipation, "dissipation"))
+        given = dict(toml.mapping(self.dissipation, "dissipation"))
         if not given:
             raise _missing("dissipation", "dissipation")
         cls = _kind(given.pop("kind", None))
@@ -215,14 +206,14 @@ class EvolutionModel:
             check_name(name, where, taken)
             taken.add(name)
 
-        for name, parameter in _mapping(self.parameters, "parameters").items():
+        for name, parameter in toml.mapping(self.parameters, "parameters").items():
             where = entry_key("parameters", name)
             check_shape(parameter, where)
             claim(name, where)
             check_unit(parameter.unit, f"{where}.unit")
             _check_value(parameter, where)
         declared, derivatives = dict[str, Definition](), dict[str, Definition]()
-        for key, text in _mapping(self.functions, "functions").items():
+        for key, text in toml.mapping(self.functions, "functions").items():
             where = entry_key("functions", key)
             name, arguments = parse_signature(key, where)
             claim(name, where)
@@ -273,18 +264,7 @@ def load(path: str | PathLike[str]) -> EvolutionModel:
         If the file cannot be read or anything in it is wrong; the message names the file, the key, the reason and
         the remedy.
     """
-    where = str(path)
-    try:
-        with Path(path).open("rb") as file:
-            text = file.read(MAX_BYTES + 1).decode("utf-8-sig")
-    except FileNotFoundError:
-        raise DeclarationError(where, "there is no such file", "Check the path") from None
-    except UnicodeDecodeError:
-        raise DeclarationError(where, "the file is not UTF-8 text", "Save it as UTF-8") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise DeclarationError(where, f"the file cannot be read ({reason})", "Check the path and its rights") from None
-    return loads(text, where)
+    return loads(toml.read_text(path), str(path))
 
 
 def loads(text: str, where: str = "model") -> EvolutionModel:
@@ -295,13 +275,8 @@ def loads(text: str, where: str = "model") -> EvolutionModel:
     DeclarationError
         If anything in it is wrong.
     """
-    if len(text.encode("utf-8", "replace")) > MAX_BYTES:
-        raise DeclarationError(where, f"the text has more than {MAX_BYTES:,} bytes", "Is it a model file?")
-    try:
-        return _model(_table(text))
-    except DeclarationError as error:
-        full = f"{where}: {error.where}" if error.where else where
-        raise DeclarationError(full, error.reason, error.remedy) from None
+    with toml.said_of(where):
+        return _model(toml.parse(text))
 
 
 def dumps(model: EvolutionModel) -> str:
@@ -309,25 +284,18 @@ def dumps(model: EvolutionModel) -> str:
 
     What has its default value is left out, except the default of a parameter.
     """
-    lines = []
-    for entry in fields(EvolutionModel):
-        value = getattr(model, entry.name)
-        written = list(_lines(entry.name, value)) if entry.name == "name" or not _is_default(entry, value) else []
-        if lines and written and entry.name in GROUPS:
-            lines.append("")
-        lines += written
-    return "\n".join(lines) + "\n"
+    return toml.written(model, GROUPS)
 
 
 def _model(table: dict[str, Any]) -> EvolutionModel:
     for key in ("coordinates", "internal", "contacts"):
         if key in table:
             raise DeclarationError(key, "this file declares a system, not an evolution", "Use: stickslip run FILE")
-    given = _known_keys(EvolutionModel, table, "")
+    given = toml.known_keys(EvolutionModel, table, "")
     if "parameters" in given:
         given["parameters"] = {
-            name: _entry(Parameter, value, entry_key("parameters", name))
-            for name, value in _mapping(given["parameters"], "parameters").items()
+            name: toml.entry(Parameter, value, entry_key("parameters", name))
+            for name, value in toml.mapping(given["parameters"], "parameters").items()
         }
     return EvolutionModel(**given)
 

@@ -68,7 +68,7 @@ def play(
     load : str, float, callable or (times, values)
         ℓ: a formula in ``t``, a function of t (for numbers; one that also takes arrays is faster), or samples.
     threshold : the same, or a pair of them
-        ρ >= 0, or (ρ⁻, ρ⁺): what a motion downward and a motion upward have to overcome.
+        ρ >= 0, or (ρ⁺, ρ⁻): what a motion upward and a motion downward have to overcome.
     t_span : (float, float)
         Start and end.
     initial : float
@@ -125,7 +125,7 @@ def play(
         )
     ell = read_signal(load, "load", span, None, interpolation)
     if isinstance(threshold, tuple) and len(threshold) == 2 and not is_table(threshold):
-        minus, plus = (
+        plus, minus = (
             read_signal(part, f"threshold[{i}]", span, epsilon, interpolation) for i, part in enumerate(threshold)
         )
     else:
@@ -372,12 +372,13 @@ class Play:
         length = 1e-6 * yielding / self.bounds.stiffness
         scale = max(scale, 1e-6 * float(np.max(np.abs(audit.energy))), length * yielding)
         size = max(float(np.max(np.abs(self.z))), length)
+        gap = max(audit.gap - ROUNDING * yielding / self.bounds.stiffness, 0.0)
         energy, stability, defect = (
             measured / of if of > 0.0 else 0.0
             for measured, of in (
                 (float(np.max(np.abs(balance))), scale),
                 (audit.excess, audit.force),
-                (audit.gap, size),
+                (gap, size),
             )
         )
         return Certificate(energy, stability, defect, TOLERANCE, scale)

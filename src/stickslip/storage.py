@@ -1,0 +1,89 @@
+"""Results as netCDF-4 files: written whole or not at all, read back as what they were written.
+
+Beside its data a file holds attributes ``stickslip_*``: the kind of the result, the format of that kind, the version
+that wrote it, and what else the result is made of, texts as they are and all other values as JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stickslip.errors import StickslipError
+
+if TYPE_CHECKING:
+    import xarray
+
+PREFIX = "stickslip_"
+
+
+def write(path: str | Path, data: xarray.Dataset, kind: str, form: int, **parts: Any) -> None:
+    """Write a result; an existing file is replaced only by a complete one.
+
+    Parameters
+    ----------
+    path : str or Path
+    data : xarray.Dataset
+    kind : str
+        What the result is, such as ``"trajectory"``.
+    form : int
+        Number of the format.
+    **parts
+        Texts, and data for JSON.
+
+    Raises
+    ------
+    StickslipError
+        If the file cannot be written.
+    """
+    from stickslip import __version__
+
+    path = Path(path)
+    own = {"kind": kind, "format": form, "version": __version__, **parts}
+    texts = {PREFIX + key: value if isinstance(value, str) else json.dumps(value) for key, value in own.items()}
+    partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        data.assign_attrs(texts).to_netcdf(partial, engine="netcdf4", format="NETCDF4")
+        os.replace(partial, path)
+    except OSError as error:
+        raise StickslipError(f"{path}: cannot be written ({error.strerror or error})") from None
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def reading(path: str | Path, kind: str, form: int) -> Iterator[tuple[xarray.Dataset, dict[str, str]]]:
+    """The data of a stored result and its parts, as texts; what does not fit inside the block is said of the file.
+
+    Raises
+    ------
+    StickslipError
+        If the file does not exist, or is not a stored result of that kind and format.
+    """
+    import xarray as xr
+
+    path = Path(path)
+    if not path.is_file():
+        raise StickslipError(f"{path}: there is no such file")
+    try:
+        with xr.open_dataset(path, engine="netcdf4") as stored:
+            data = stored.load()
+        own = {key.removeprefix(PREFIX): data.attrs.pop(key) for key in [*data.attrs] if key.startswith(PREFIX)}
+        if own["kind"] != kind:
+            raise StickslipError(f"{path}: holds {named(own['kind'])}, not {named(kind)}")
+        if int(own["format"]) != form:
+            raise StickslipError(f"{path}: written in format {own['format']}, this version reads {form}")
+        yield data, own
+    except (OSError, KeyError, ValueError, TypeError) as error:
+        if isinstance(error, StickslipError):
+            raise
+        raise StickslipError(f"{path}: not {named(kind)} stored by stickslip") from None
+
+
+def named(kind: str) -> str:
+    """The kind with its article."""
+    return f"an {kind}" if kind[:1] in "aeiou" else f"a {kind}"
