@@ -155,9 +155,9 @@ class Trajectory:
         """Energy, work and violations at the knots, recomputed from them."""
         out = self._sample(self.knots.time, np.arange(len(self.knots.time)))
         rows = self._problem.compiled.layout.rows
-        work, *violations = self._integrate(
-            np.append(self.knots.time[1:], self.knots.time[-1]), np.arange(len(self.knots.time)), True
-        )
+        k = self.knots
+        ends = np.append(k.time[1:], k.time[-1])
+        work, *violations = self._integrate(k.time, k.state, np.arange(len(k.time)), ends, True)
         total = np.vstack([np.zeros((1, 2)), np.cumsum(work, axis=0)])[:-1]
         return Audit(out[:, rows], self._kinetic(), total[:, 0], total[:, 1], float(violations[-1][7]), *violations)
 
@@ -166,7 +166,10 @@ class Trajectory:
         v = self.knots.state[:, n : 2 * n]
         return 0.5 * np.einsum("ki,ij,kj->k", v, self._problem.constants.M, v)
 
-    def _integrate(self, ends: Array, index: Array, check: bool) -> tuple[Array, Array, Array, Array, Array]:
+    def _integrate(
+        self, times: Array, states: Array, index: Array, ends: Array, check: bool
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        """Integrals from given times and states, inside the steps of the knots `index`, to `ends`; see dense.py."""
         from stickslip.motion import dense
 
         p, k = self._problem, self.knots
@@ -192,8 +195,8 @@ class Trajectory:
             *p.retrace,
             np.array(rates, dtype=np.int64),
             layout.rate_sizes,
-            k.time[index],
-            k.state[index],
+            times,
+            states,
             k.mode[index],
             k.region[index],
             ends,
@@ -248,10 +251,26 @@ class Trajectory:
         for key, i in self._contacts.items():
             values[f"mode_{key}"] = self.knots.mode[index, i]
         values["energy"] = out[:, rows]
-        work, *_ = self._integrate(times, index, False)
+        work = self._work(times, index, out[:, : self.knots.state.shape[1]])
         values["dissipated_energy"] = self.audit.dissipated[index] + work[:, 0]
         values["supplied_energy"] = self.audit.supplied[index] + work[:, 1]
         return values
+
+    def _work(self, times: Array, index: Array, states: Array) -> Array:
+        """Dissipated and supplied energy from the knots `index` to `times`, where the motion is at `states`.
+
+        Integrated from one time to the next, so that many times in a long flight cost no more than the flight.
+        """
+        k, work = self.knots, np.empty((len(times), 2))
+        order = np.lexsort((times, index))
+        ends, knot = times[order], index[order]
+        first = np.diff(knot, prepend=-1) != 0
+        starts = np.where(first, k.time[knot], np.roll(ends, 1))
+        origins = np.where(first[:, None], k.state[knot], np.roll(states[order], 1, axis=0))
+        pieces, *_ = self._integrate(starts, np.ascontiguousarray(origins), knot, ends, False)
+        sums = np.cumsum(pieces, axis=0)
+        work[order] = sums - (sums - pieces)[first][np.cumsum(first) - 1]
+        return work
 
     @cached_property
     def certificate(self) -> Certificate:
