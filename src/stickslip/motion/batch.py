@@ -5,23 +5,28 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.declaration import check_initial
 from stickslip.errors import DeclarationError
 from stickslip.motion.outcome import Outcome
-from stickslip.motion.problem import Problem, pose
+from stickslip.motion.problem import SLOTS, Problem, pose
 from stickslip.motion.simulate import check_span
 from stickslip.system import System
 
 if TYPE_CHECKING:
     import xarray
 
+    from stickslip.motion.kernel import Lane
+    from stickslip.motion.lanes import Lanes
+
 Array = np.ndarray
 BATCH_SLOTS = 12  # closed forms kept for each set of parameters of a batch
-PIECE = 256  # lanes of one task
+BLOCK = 512  # motions of one task
 
 
 def simulate_many(
@@ -65,39 +70,54 @@ def simulate_many(
     start, end = check_span(system.span if t_span is None else t_span)
     given_initial, given_parameters = columns(initial, "initial"), columns(parameters, "parameters")
     count = common_length({**given_initial, **given_parameters})
-    base = pose(system, {}, rtol, atol)
-    states = np.tile(base.initial_state({k: float(v[0]) for k, v in given_initial.items()}), (count, 1))
-    for name, values in given_initial.items():
-        states[:, system.declaration.state.index(name)] = values
-    problems, group = groups(base, given_parameters, count)
-    lanes = run(problems, group, states, start, end, max_events, workers or os.cpu_count() or 1)
+    table = parameter_table(system, given_parameters, count)
+    states = initial_states(system, given_initial, count)
+    problem = pose_all(system, table, rtol, atol)
+    now, codes = run(problem, table, states, (start, end), max_events, workers or os.cpu_count() or 1)
     data = {
         name: ("trajectory", np.broadcast_to(v, count).copy())
         for name, v in {**given_initial, **given_parameters}.items()
     }
-    data |= {f"final_{name}": ("trajectory", lanes.now.y[:, i]) for i, name in enumerate(system.declaration.state)}
+    data |= {f"final_{name}": ("trajectory", now.y[:, i]) for i, name in enumerate(system.declaration.state)}
     labels = {o.code: o.label.replace(" ", "_") for o in Outcome}
     flags = {"flag_values": np.array(list(labels), np.int8), "flag_meanings": " ".join(labels.values())}
     data |= {
-        "time": ("trajectory", lanes.now.clock[:, 0], {"units": system.time_unit or "1"}),
-        "outcome": ("trajectory", lanes.codes.astype(np.int8), flags),
-        "switches": ("trajectory", lanes.now.counters[:, 1]),
-        "kinks": ("trajectory", lanes.now.counters[:, 3]),
-        "steps": ("trajectory", lanes.now.counters[:, 4]),
+        "time": ("trajectory", now.clock[:, 0], {"units": system.time_unit or "1"}),
+        "outcome": ("trajectory", codes.astype(np.int8), flags),
+        "switches": ("trajectory", now.counters[:, 1]),
+        "kinks": ("trajectory", now.counters[:, 3]),
+        "steps": ("trajectory", now.counters[:, 4]),
     }
     return xr.Dataset(data, attrs={"title": system.title or system.name, "source": system.source})
 
 
-def run(problems: list[Problem], group: Array, states: Array, start: float, end: float, max_events: int, workers: int):
-    """Advance all lanes to their end; the closed forms they need are made in between."""
+def run(
+    problem: Problem, table: Array, states: Array, span: tuple[float, float], max_events: int, workers: int
+) -> tuple[Lane, Array]:
+    """Follow motions with the parameters of the rows of a table: where they are at their end, and outcome codes.
+
+    Blocks of motions are independent of each other, so that neither threads nor memory matter to the result.
+    """
+    blocks = [slice(i, i + BLOCK) for i in range(0, len(states), BLOCK)]
+    slots = BATCH_SLOTS if np.any(table != table[0]) else SLOTS
+    with ThreadPoolExecutor(workers) as pool:
+        done = list(pool.map(lambda b: follow_block(problem, table[b], states[b], span, max_events, slots), blocks))
+    now = type(done[0].now)(*(np.concatenate(parts) for parts in zip(*(d.now for d in done), strict=True)))
+    return now, np.concatenate([d.codes for d in done])
+
+
+def follow_block(
+    problem: Problem, table: Array, states: Array, span: tuple[float, float], max_events: int, slots: int
+) -> Lanes:
+    """Follow some motions to their end; the closed forms they need are made in between."""
     from stickslip.motion.lanes import Lanes
 
-    lanes = Lanes.start(problems, group, states, start, end, BATCH_SLOTS)
-    parts = [slice(i, i + PIECE) for i in range(0, len(states), PIECE)]
-    with ThreadPoolExecutor(workers) as pool:
-        while len(lanes.going):
-            lanes.make_closed_forms()
-            list(pool.map(lambda part: lanes.advance(end, max_events, None, part), parts))
+    sets, group = distinct(table)
+    forms = problem.empty_forms(len(sets), slots)
+    lanes = Lanes.start(problem, problem.constants_of(sets), group, states, span, forms)
+    while len(lanes.going):
+        lanes.make_closed_forms()
+        lanes.advance(span[1], max_events)
     return lanes
 
 
@@ -129,15 +149,47 @@ def common_length(given: Mapping[str, Array]) -> int:
     return lengths.pop() if lengths else 1
 
 
-def groups(base: Problem, parameters: Mapping[str, Array], count: int) -> tuple[list[Problem], Array]:
-    """One problem per distinct set of parameters, and the group of each motion."""
-    if not parameters:
-        return [base], np.zeros(count, np.int64)
-    table = np.column_stack([np.broadcast_to(v, count) for v in parameters.values()])
+def parameter_table(system: System, given: Mapping[str, Array], count: int) -> Array:
+    """All parameters of every motion, shape (motions, parameters), checked.
+
+    Raises
+    ------
+    DeclarationError
+        If a parameter is unknown or not admissible, or if masses or viscosities are.
+    """
+    declaration, names = system.declaration, list(system.parameters)
+    table = np.tile([system.values[name] for name in names], (count, 1)).reshape(count, len(names))
+    for name, values in given.items():
+        for extreme in (np.min(values), np.max(values)):
+            declaration.check_range(name, float(extreme))
+        table[:, names.index(name)] = values
+    matrices = {**declaration.mass, **declaration.damping}
+    shaping = [i for i, name in enumerate(names) if any(name in entry.symbols for entry in matrices.values())]
+    _, first = np.unique(table[:, shaping], axis=0, return_index=True)
+    for row in table[first]:
+        declaration.check_parameters(dict(zip(names, map(float, row), strict=True)))
+    return table
+
+
+def initial_states(system: System, given: Mapping[str, Array], count: int) -> Array:
+    """Initial state of every motion, shape (motions, n), checked."""
+    declaration = system.declaration
+    states = np.tile([float(system.initial.get(name, 0.0)) for name in declaration.state], (count, 1))
+    for name, values in given.items():
+        check_initial(declaration, name, float(values[0]))
+        states[:, declaration.state.index(name)] = values
+    return states
+
+
+def pose_all(system: System, table: Array, rtol: float, atol: float) -> Problem:
+    """The problem that all rows of a table share: thresholds that may be negative for one are watched in all."""
+    problem = pose(system, None, rtol, atol)
+    lowest, highest = np.min(table, axis=0), np.max(table, axis=0)
+    boxes = {name: (float(a), float(b)) for name, a, b in zip(system.parameters, lowest, highest, strict=True)}
+    return replace(problem, boxes=boxes)
+
+
+def distinct(table: Array) -> tuple[Array, Array]:
+    """The different rows of a table, and which of them each row is."""
     sets, group = np.unique(table, axis=0, return_inverse=True)
-    problems = []
-    for row in sets:
-        values = {**base.parameters, **dict(zip(parameters, map(float, row), strict=True))}
-        base.system.declaration.check_parameters(values)
-        problems.append(Problem(base.system, values, base.order, base.tolerance, base.atol, base.exact))
-    return problems, np.ascontiguousarray(group.reshape(-1).astype(np.int64))
+    return np.ascontiguousarray(sets), np.ascontiguousarray(group.reshape(-1).astype(np.int64))

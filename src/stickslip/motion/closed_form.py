@@ -1,4 +1,4 @@
-"""Is a mode affine? If so, its closed form.
+"""Which modes are affine, and their closed forms: all that are asked for at a time, stacked.
 
 Within one mode and region the vector field and the guards are analytic, so probing them at a few states and times
 decides: if random points agree with the affine prediction to rounding, they are affine. Time may enter as 1, t,
@@ -8,12 +8,14 @@ near resonance, is left to the Taylor steps, which need no such structure.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stickslip.motion import affine, engine
+from stickslip.motion import affine
 from stickslip.motion.affine import ClosedForms
+from stickslip.motion.kernel import Constants
 
 if TYPE_CHECKING:
     from stickslip.motion.problem import Problem
@@ -25,129 +27,226 @@ CONDITION = 1e4
 SLOW = 1e-6  # smallest eigenvalue, relative to the largest, that may be divided by
 
 
-def make_closed_form(problem: Problem, T: ClosedForms, group: int, mode: Array, region: Array) -> None:
-    """Put the closed form of a mode into the next slot of a group; its status says whether there is one."""
-    slot = group * (len(T.status) // len(T.used)) + int(T.used[group])
-    T.used[group] += 1
-    T.key[slot] = affine.mode_key(mode, region)
-    T.status[slot] = affine.SMOOTH
-    linear = linearise(problem, mode, region)
-    if linear is None:
+@dataclass(frozen=True)
+class Linear:
+    """Modes in the form (rates, u, λ, s⁺, s⁻, guards) = D x + E e(t).
+
+    Attributes
+    ----------
+    D, E : arrays, shapes (modes, rows, n) and (modes, rows, drives)
+    hold : array
+        Columns that put the velocities of sticking inertial contacts back onto their surface.
+    mode, region : arrays of int
+    omega : array, shape (modes, frequencies)
+    """
+
+    D: Array
+    E: Array
+    hold: Array
+    mode: Array
+    region: Array
+    omega: Array
+
+    def take(self, index: Array) -> Linear:
+        """Some of the modes."""
+        return Linear(*(getattr(self, name)[index] for name in ("D", "E", "hold", "mode", "region", "omega")))
+
+
+def fill_closed_forms(
+    problem: Problem, constants: Constants, T: ClosedForms, group: Array, mode: Array, region: Array
+) -> None:
+    """Put the closed forms of modes into the next slots of their groups; their status says whether there is one.
+
+    Parameters
+    ----------
+    problem : Problem
+        With the machine code; its own parameters do not matter.
+    constants : Constants
+        By group.
+    group, mode, region : arrays of int, shapes (modes,), (modes, contacts), (modes, kinks)
+        What is asked for; a mode that is asked for twice is made once.
+    """
+    from stickslip.motion import tables
+
+    place = np.zeros(len(group), np.int64)
+    tables.claim(T, len(T.status) // len(T.used), group, mode, region, place)
+    new = place >= 0
+    slot, group, mode, region = (np.ascontiguousarray(a[new]) for a in (place, group, mode, region))
+    linear, found = linearise(problem, constants, group, mode, region)
+    slot, linear = slot[found], linear.take(found)
+    n = int(problem.rows.sizes[0])
+    moving = np.any(linear.D[:, :n] != 0.0, axis=2) | np.any(linear.E[:, :n] != 0.0, axis=2)
+    core = np.any((linear.D[:, :n] != 0.0) & moving[:, :, None], axis=1) & moving
+    pattern = np.hstack([moving, core, linear.mode == 0])
+    # What moves, what moves others and what sticks is the same in most of them: those are worked on as one stack.
+    _, kind = np.unique(pattern, axis=0, return_inverse=True)
+    for number in range(np.max(kind, initial=-1) + 1):
+        index = np.flatnonzero(kind.reshape(-1) == number)
+        fill_alike(problem, T, slot[index], linear.take(index), moving[index[0]], core[index[0]])
+
+
+def fill_alike(problem: Problem, T: ClosedForms, slot: Array, linear: Linear, moving: Array, core: Array) -> None:
+    """Closed forms of modes in which the same components move and the same contacts stick."""
+    n, m, s = len(moving), np.flatnonzero(moving), np.flatnonzero(~moving)
+    modes, good = eigenmodes(linear.D[:, m[:, None], m], core[moving])
+    distance = np.abs(1j * linear.omega[:, :, None] - modes[0][:, None, :])
+    good &= ~np.any(distance < 1e-3 * linear.omega[:, :, None], axis=(1, 2))
+    slot, linear, (values, V, L) = slot[good], linear.take(good), (part[good] for part in modes)
+    if len(slot) == 0:
         return
-    D, E, hold = linear
-    n = problem.rows.sizes[0]
-    moving = np.flatnonzero(np.any(D[:n] != 0.0, axis=1) | np.any(E[:n] != 0.0, axis=1))
-    modes = eigenmodes(D[np.ix_(moving, moving)])
-    omega = problem.constants.omega
-    if modes is None or np.any(np.abs(1j * omega[:, None] - modes[0][None, :]) < 1e-3 * omega[:, None]):
-        return
-    values, V, L = modes
-    kept = np.flatnonzero(values.imag >= 0.0)
-    nb, still = len(kept), np.setdiff1d(np.arange(n), moving)
-    T.A[slot], T.F[slot], T.moves[slot] = D[:n], E[:n], np.isin(np.arange(n), moving)
-    T.exponent[slot, :nb] = values[kept]
-    T.inverse[slot, :nb] = np.divide(1.0, values[kept], out=np.zeros(nb, complex), where=values[kept] != 0.0)
-    T.L[slot, :nb, moving] = L[kept].T
-    T.B[slot][np.ix_(np.arange(nb), still)] = product_or_zero(L[kept], D[np.ix_(moving, still)])
-    T.phi[slot, :nb] = product_or_zero(L[kept], E[moving])
-    weight = np.where(values[kept].imag > 0.0, 2.0, 1.0)
-    T.V[slot, moving, :nb] = weight * V[:, kept]
-    P, Q, switches = guards(problem, mode, region, D, E)
-    T.P[slot, : len(P)], T.Q[slot, : len(P)], T.switch[slot, : len(P)] = P, Q, switches
-    T.PV[slot, : len(P), :nb] = product_or_zero(P[:, moving], weight * V[:, kept])
-    constraints(problem, T, mode, D, E, hold, slot)
-    T.counts[slot, 0], T.counts[slot, 1] = nb, len(P)
-    T.shortest[slot] = 1.0 / max(np.max(np.abs(values), initial=0.0), np.max(omega, initial=0.0), 1e-300)
-    if np.all(values == 0.0) and len(omega) == 0:
-        T.shortest[slot] = 0.0
+    D, E, omega = linear.D, linear.E, linear.omega
+    # Of a conjugate pair one is kept, and counts twice.
+    order = np.argsort(values.imag < 0.0, axis=1, kind="stable")
+    kept = np.sort(values.imag < 0.0, axis=1, kind="stable") == 0
+    values = np.where(kept, np.take_along_axis(values, order, 1), 0.0)
+    L = np.where(kept[:, :, None], np.take_along_axis(L, order[:, :, None], 1), 0.0)
+    weight = np.where(kept, np.where(values.imag > 0.0, 2.0, 1.0), 0.0)
+    V = weight[:, None, :] * np.take_along_axis(V, order[:, None, :], 2)
+    b = np.arange(len(m))
+    T.A[slot], T.F[slot], T.moves[slot] = D[:, :n], E[:, :n], moving
+    T.exponent[slot[:, None], b] = values
+    T.inverse[slot[:, None], b] = np.divide(1.0, values, out=np.zeros_like(values), where=values != 0.0)
+    T.L[slot[:, None, None], b[:, None], m] = L
+    T.B[slot[:, None, None], b[:, None], s] = product_or_zero(L, D[:, m[:, None], s])
+    T.phi[slot[:, None], b] = product_or_zero(L, E[:, m])
+    T.V[slot[:, None, None], m[:, None], b] = V
+    P, Q, switches = guards(problem, linear)
+    T.P[slot, : P.shape[1]], T.Q[slot, : P.shape[1]], T.switch[slot, : P.shape[1]] = P, Q, switches
+    T.PV[slot[:, None, None], np.arange(P.shape[1])[:, None], b] = product_or_zero(P[:, :, m], V)
+    constraints(problem, T, linear, slot)
+    T.counts[slot, 0], T.counts[slot, 1] = np.sum(kept, axis=1), P.shape[1]
+    fastest = np.maximum(np.max(np.abs(values), axis=1, initial=0.0), np.max(omega, axis=1, initial=0.0))
+    T.shortest[slot] = 1.0 / np.maximum(fastest, 1e-300)
+    if omega.shape[1] == 0:
+        T.shortest[slot[np.all(values == 0.0, axis=1)]] = 0.0
     T.status[slot] = affine.AFFINE
 
 
-def linearise(problem: Problem, mode: Array, region: Array) -> tuple[Array, Array, Array] | None:
-    """Matrices D, E with (rates, u, λ, s⁺, s⁻, guards) = D x + E e(t), or None if they are not of this form."""
-    sizes, layout, omega = problem.rows.sizes, problem.compiled.layout, problem.constants.omega
-    n, nc, nk, ne = int(sizes[0]), len(layout.u), len(layout.kinks), 2 + 2 * len(omega)
+def linearise(
+    problem: Problem, constants: Constants, group: Array, mode: Array, region: Array
+) -> tuple[Linear, Array]:
+    """Modes as matrices, and which of them are of this form."""
+    from stickslip.motion import tables
+
+    sizes, layout, omega = problem.rows.sizes, problem.compiled.layout, constants.omega[group]
+    count, n, nc, nk, ne = len(group), int(sizes[0]), len(layout.u), len(layout.kinks), 2 + 2 * omega.shape[1]
     # Many times spread over slow and fast periods keep the fit of the drives well conditioned.
-    window = 6.0 * np.pi / np.min(omega, initial=1.0)
-    drives = [0.0, *(window * ((0.6180339887498949 * k) % 1.0) for k in range(1, 6 * ne))] if layout.timed else [0.0]
+    window = 6.0 * np.pi / np.min(omega, axis=1, initial=1.0)
+    spread = [(0.6180339887498949 * k) % 1.0 for k in range(1, 6 * ne)] if layout.timed else []
+    d = 1 + len(spread)
+    later = np.array([0.0, *spread]) * window[:, None]
     checks = np.array(
         [[np.cos(2.3 * i + 1.7 * k + 0.4) * (1.0, 1.0, 37.0, 37.0)[k] for i in range(n)] for k in range(4)]
+    ).reshape(4, n)
+    checked = np.array([(1.9 * k + 0.13) * layout.timed for k in range(4)])
+    times = np.hstack([later, np.zeros((count, n)), np.tile(checked, (count, 1))])
+    states = np.vstack([np.zeros((d, n)), PROBE * np.eye(n), checks])
+    out = np.zeros((count, len(states), n + 4 * nc + nk))
+    hold, found = np.zeros((count, max(nc, 1), max(int(sizes[1]), 1))), np.zeros(count, np.bool_)
+    tables.probe_modes(
+        problem.compiled.jets,
+        problem.rows,
+        constants,
+        problem.space(),
+        group,
+        mode,
+        region,
+        times,
+        states,
+        out,
+        hold,
+        found,
     )
-    times = np.array([*drives, *([0.0] * n), *((1.9 * k + 0.13) * layout.timed for k in range(4))])
-    states = np.vstack([np.zeros((len(drives), n)), PROBE * np.eye(n), checks.reshape(4, n)])
-    out, hold = np.zeros((len(times), n + 4 * nc + nk)), np.zeros((max(nc, 1), max(int(sizes[1]), 1)))
-    if not engine.probe(
-        problem.compiled.jets, problem.rows, problem.constants, problem.space(), mode, region, times, states, out, hold
-    ):
-        return None
-    rest, slopes, seen = out[: len(drives)], out[len(drives) : len(drives) + n], out[len(drives) + n :]
-    difference = slopes - rest[0]
-    difference[np.abs(difference) <= 4e-16 * (np.abs(slopes) + np.abs(rest[0]))] = 0.0
-    D, E = (difference / PROBE).T, np.zeros((out.shape[1], ne))
+    out[~found] = 0.0
+    rest, slopes, seen = out[:, :d], out[:, d : d + n], out[:, d + n :]
+    difference = slopes - rest[:, :1]
+    difference[np.abs(difference) <= 4e-16 * (np.abs(slopes) + np.abs(rest[:, :1]))] = 0.0
+    D = np.ascontiguousarray((difference / PROBE).transpose(0, 2, 1))
+    E = np.zeros((count, out.shape[2], ne))
     if layout.timed:
-        basis = np.array([drive(t, omega) for t in drives])
-        basis[:, 1] /= window
-        fit, _, _, spread = np.linalg.lstsq(basis, rest, rcond=None)
-        if not spread[-1] > 1e-2 * spread[0]:
-            return None
-        fit[1] /= window
-        E[:] = fit.T
-        E[np.abs(E) <= 1e-14 * np.max(np.abs(rest), axis=0)[:, None]] = 0.0
+        E, steady = fit_drives(drives(later, omega), rest, window)
+        found &= steady
     else:
-        E[:, 0] = rest[0]
-    e = np.array([drive(t, omega) for t in times[len(drives) + n :]])
-    predicted, size = checks @ D.T + e @ E.T, np.abs(checks) @ np.abs(D.T) + np.abs(e) @ np.abs(E.T)
-    return (np.ascontiguousarray(D), E, hold) if np.all(np.abs(predicted - seen) <= 1e-12 * size) else None
+        E[:, :, 0] = rest[:, 0]
+    e = drives(times[:, d + n :], omega)
+    predicted = checks @ D.transpose(0, 2, 1) + e @ E.transpose(0, 2, 1)
+    size = np.abs(checks) @ np.abs(D).transpose(0, 2, 1) + np.abs(e) @ np.abs(E).transpose(0, 2, 1)
+    found &= np.all(np.abs(predicted - seen) <= 1e-12 * size, axis=(1, 2))
+    return Linear(D, E, hold, mode, region, omega), found
 
 
-def drive(t: float, omega: Array) -> list[float]:
-    """(1, t, cos ω₁t, sin ω₁t, …)."""
-    return [1.0, t, *(f(w * t) for w in omega for f in (np.cos, np.sin))]
+def fit_drives(basis: Array, values: Array, window: Array) -> tuple[Array, Array]:
+    """Coefficients of the drives that give values at many times, and whether they are well determined."""
+    basis[:, :, 1] /= window[:, None]
+    U, s, Vh = np.linalg.svd(basis, full_matrices=False)
+    steady = s[:, -1] > 1e-2 * s[:, 0]
+    s = np.where(steady[:, None], s, 1.0)
+    fit = Vh.transpose(0, 2, 1) @ ((U.transpose(0, 2, 1) @ values) / s[:, :, None])
+    fit[:, 1] /= window[:, None]
+    E = np.ascontiguousarray(fit.transpose(0, 2, 1))
+    E[np.abs(E) <= 1e-14 * np.max(np.abs(values), axis=1)[:, :, None]] = 0.0
+    return E, steady
 
 
-def eigenmodes(a: Array) -> tuple[Array, Array, Array] | None:
-    """Eigenvalues λ, eigenvectors V and L = V⁻¹, or None if they are ill-conditioned.
+def drives(times: Array, omega: Array) -> Array:
+    """(1, t, cos ω₁t, sin ω₁t, …), shape (modes, times, drives)."""
+    angle = times[:, :, None] * omega[:, None, :]
+    waves = np.stack([np.cos(angle), np.sin(angle)], axis=3).reshape(*times.shape, -1)
+    return np.concatenate([np.ones((*times.shape, 1)), times[:, :, None], waves], axis=2)
+
+
+def eigenmodes(a: Array, core: Array) -> tuple[tuple[Array, Array, Array], Array]:
+    """Eigenvalues λ, eigenvectors V and L = V⁻¹ of a stack, and which of them are well-conditioned.
 
     Components that nothing depends on (followers: a leg dragged along) are eliminated first: x_f − z·x_core does not
     feel the core's motion, for z = A_f A_core⁻¹. So their zeros are exact zeros.
     """
-    core = np.flatnonzero(np.any(a != 0.0, axis=0))
-    followers = np.flatnonzero(np.all(a == 0.0, axis=0))
-    inner = a[np.ix_(core, core)]
-    values: Array
-    U: Array
-    values, U = np.linalg.eig(inner) if len(core) else (np.zeros(0), np.zeros((0, 0)))
-    values, U = values.astype(complex), U.astype(complex)
-    scale = np.max(np.abs(values), initial=0.0)
+    count, n, c, f = len(a), len(core), np.flatnonzero(core), np.flatnonzero(~core)
+    inner = a[:, c[:, None], c]
+    values, U = (part.astype(complex) for part in np.linalg.eig(inner))
+    scale = np.max(np.abs(values), axis=1, initial=0.0)[:, None]
     values.imag[np.abs(values.imag) < 1e-12 * scale] = 0.0
     values[np.abs(values) < 1e-13 * scale] = 0.0
-    if np.any((values != 0.0) & (np.abs(values) < SLOW * scale)) or (len(followers) and np.any(values == 0.0)):
-        return None
-    try:
-        X = np.linalg.inv(U)
-        drag = np.zeros((len(followers), len(core)))
-        if drag.size:
-            drag = np.linalg.solve(inner.T, a[np.ix_(followers, core)].T).T
-    except np.linalg.LinAlgError:
-        return None
+    good = ~np.any((values != 0.0) & (np.abs(values) < SLOW * scale), axis=1)
+    if len(f):
+        good &= ~np.any(values == 0.0, axis=1)
+    X, regular = inverses(U)
+    dragged, driven = inverses(inner) if len(f) and len(c) else (np.zeros_like(inner), np.ones(count, bool))
+    drag = a[:, f[:, None], c] @ dragged
+    good &= regular & driven
     with np.errstate(all="ignore"):
-        condition = np.linalg.norm(U, axis=0) * np.linalg.norm(X, axis=1)
-    if not np.all(condition < CONDITION):
-        return None
+        condition = np.linalg.norm(U, axis=1) * np.linalg.norm(X, axis=2)
+        good &= np.all(condition < CONDITION, axis=1)
     # Rounding where a zero belongs would make every signal look as if it had all parts.
     U, X, drag = (
         np.where(np.abs(m) > 1e-15 * np.max(np.abs(m), axis=k, initial=0.0, keepdims=True), m, 0.0)
-        for m, k in ((U, 0), (X, 1), (drag, 1))
+        for m, k in ((U, 1), (X, 2), (drag, 2))
     )
-    nc, n, first = len(core), len(a), np.arange(len(core))
-    V, L = np.zeros((n, n), complex), np.zeros((n, n), complex)
-    V[np.ix_(core, first)], L[np.ix_(first, core)] = U, X
-    if len(followers):
+    nc, first = len(c), np.arange(len(c))
+    V, L = np.zeros((count, n, n), complex), np.zeros((count, n, n), complex)
+    V[:, c[:, None], first], L[:, first[:, None], c] = U, X
+    if len(f):
         ends = np.arange(nc, n)
-        V[followers, ends] = L[ends, followers] = 1.0
-        L[np.ix_(ends, core)] = -drag
-        V[np.ix_(followers, first)] = a[np.ix_(followers, core)] @ U / values
-    return np.concatenate([values, np.zeros(len(followers))]), V, L
+        V[:, f, ends] = L[:, ends, f] = 1.0
+        L[:, ends[:, None], c] = -drag
+        slow = np.where(values == 0.0, 1.0, values)[:, None, :]
+        V[:, f[:, None], first] = a[:, f[:, None], c] @ U / slow
+    return (np.concatenate([values, np.zeros((count, len(f)))], axis=1), V, L), good
+
+
+def inverses(a: Array) -> tuple[Array, Array]:
+    """Inverses of a stack, and which exist."""
+    exists = np.ones(len(a), bool)
+    try:
+        return np.linalg.inv(a), exists
+    except np.linalg.LinAlgError:
+        result = np.zeros_like(a)
+        for i in range(len(a)):
+            try:
+                result[i] = np.linalg.inv(a[i])
+            except np.linalg.LinAlgError:
+                exists[i] = False
+        return result, exists
 
 
 def product_or_zero(A: Array, B: Array) -> Array:
@@ -156,37 +255,38 @@ def product_or_zero(A: Array, B: Array) -> Array:
     return np.where(np.abs(product) > 1e-14 * (np.abs(A) @ np.abs(B)), product, 0.0)
 
 
-def guards(problem: Problem, mode: Array, region: Array, D: Array, E: Array) -> tuple[Array, Array, list[int]]:
-    """Rows P, Q of all guards P x + Q e of a mode, with the switch each belongs to."""
+def guards(problem: Problem, linear: Linear) -> tuple[Array, Array, list[int]]:
+    """Rows P, Q of all guards P x + Q e of modes in which the same contacts stick, and the switch each belongs to."""
     layout, n = problem.compiled.layout, int(problem.rows.sizes[0])
-    nc, nk = len(layout.u), len(layout.kinks)
-    F = np.hstack([D, E])
-    u, force, plus, minus = (F[n + k * nc : n + (k + 1) * nc] for k in range(4))
-    rows = [(F[n + 4 * nc + j] * (1.0 if region[j] == 1 else -1.0), j) for j in range(nk)]
+    nc, nk, mode = len(layout.u), len(layout.kinks), linear.mode
+    F = np.concatenate([linear.D, linear.E], axis=2)
+    u, force, plus, minus = (F[:, n + k * nc : n + (k + 1) * nc] for k in range(4))
+    side = np.where(linear.region == 1, 1.0, -1.0)
+    rows = [(F[:, n + 4 * nc + j] * side[:, j, None], j) for j in range(nk)]
     for c in range(nc):
-        if mode[c] == 0:
-            rows += [(force[c] + plus[c], nk + c), (minus[c] - force[c], nk + c + 1000)]
+        if mode[0, c] == 0:
+            rows += [(force[:, c] + plus[:, c], nk + c), (minus[:, c] - force[:, c], nk + c + 1000)]
         else:
-            rows.append((mode[c] * u[c], nk + c))
+            rows.append((mode[:, c, None] * u[:, c], nk + c))
     for d, row in enumerate(problem.rows.doubtful):
-        side, c = (plus, layout.plus.index(row)) if row in layout.plus else (minus, layout.minus.index(row))
-        rows.append((side[c], 2000 + d))
-    table = np.array([r for r, _ in rows]).reshape(len(rows), F.shape[1])
-    return table[:, :n], table[:, n:], [s for _, s in rows]
+        threshold, c = (plus, layout.plus.index(row)) if row in layout.plus else (minus, layout.minus.index(row))
+        rows.append((threshold[:, c], 2000 + d))
+    table = np.stack([r for r, _ in rows], axis=1) if rows else np.zeros((len(F), 0, F.shape[2]))
+    return table[:, :, :n], table[:, :, n:], [s for _, s in rows]
 
 
-def constraints(problem: Problem, T: ClosedForms, mode: Array, D: Array, E: Array, hold: Array, slot: int) -> None:
+def constraints(problem: Problem, T: ClosedForms, linear: Linear, slot: Array) -> None:
     """Store what must vanish in a mode: u of sticking inertial, λ + σs of sliding rate-independent contacts."""
     n, nq, _, _, _, mq, mz = map(int, problem.rows.sizes[:7])
-    nc = len(mode)
-    F = np.hstack([D, E])
-    T.zero_x[slot], T.zero_e[slot], T.hold[slot] = 0.0, 0.0, 0.0
+    mode, nc = linear.mode, linear.mode.shape[1]
+    F = np.concatenate([linear.D, linear.E], axis=2)
     for c in range(nc):
-        if c < mq and mode[c] == 0:
-            row = F[n + c]
-            T.hold[slot, c, nq : 2 * nq] = hold[c, :nq]
-        elif c >= mq + mz and mode[c] != 0:
-            row = F[n + nc + c] + mode[c] * F[n + (2 if mode[c] > 0 else 3) * nc + c]
+        if c < mq and mode[0, c] == 0:
+            row = F[:, n + c]
+            T.hold[slot, c, nq : 2 * nq] = linear.hold[:, c, :nq]
+        elif c >= mq + mz and mode[0, c] != 0:
+            side = np.where(mode[:, c, None] > 0, F[:, n + 2 * nc + c], F[:, n + 3 * nc + c])
+            row = F[:, n + nc + c] + mode[:, c, None] * side
         else:
             continue
-        T.zero_x[slot, c], T.zero_e[slot, c] = row[:n], row[n:]
+        T.zero_x[slot, c], T.zero_e[slot, c] = row[:, :n], row[:, n:]

@@ -9,7 +9,7 @@ import numpy as np
 from stickslip.equations.compiled import announced
 from stickslip.motion import engine
 from stickslip.motion.affine import ClosedForms
-from stickslip.motion.closed_form import make_closed_form
+from stickslip.motion.closed_form import fill_closed_forms
 from stickslip.motion.kernel import FULL, NEED, Constants, Lane, Record
 from stickslip.motion.problem import Problem
 
@@ -22,30 +22,38 @@ class Lanes:
 
     Attributes
     ----------
-    problems : list of Problem
-        One per group.
+    problem : Problem
+        Machine code, tolerances and order of all lanes; its own parameters do not matter.
+    constants : Constants
+        By group.
     group : array of int, shape (lanes,)
     codes : array of int, shape (lanes,)
         Outcome code, or FULL / NEED while a lane goes on.
     now : Lane
         Where each lane is, arrays of shape (lanes, ·).
-    constants : Constants
-        By group.
     forms : ClosedForms
     """
 
-    problems: list[Problem]
+    problem: Problem
+    constants: Constants
     group: Array
     codes: Array
     now: Lane
-    constants: Constants
     forms: ClosedForms
 
     @classmethod
-    def start(cls, problems: list[Problem], group: Array, states: Array, t: float, end: float, slots: int) -> Lanes:
+    def start(
+        cls,
+        problem: Problem,
+        constants: Constants,
+        group: Array,
+        states: Array,
+        span: tuple[float, float],
+        forms: ClosedForms,
+    ) -> Lanes:
         """Lanes at their initial states (lanes × n)."""
-        first, lanes = problems[0], len(states)
-        contacts, kinks = len(first.rows.u), len(first.rows.kinks)
+        (t, end), lanes = span, len(states)
+        contacts, kinks = len(problem.rows.u), len(problem.rows.kinks)
         counters = np.zeros((lanes, 5), np.int64)
         counters[:, 2] = -1
         now = Lane(
@@ -56,52 +64,49 @@ class Lanes:
             reg=np.ones((lanes, kinks), np.int64),
             counters=counters,
         )
-        constants = Constants(*(np.stack(parts) for parts in zip(*(p.constants for p in problems), strict=True)))
-        forms = first.closed_forms if len(problems) == 1 else first.empty_forms(len(problems), slots)
-        return cls(problems, group, np.full(lanes, FULL), now, constants, forms)
+        return cls(problem, constants, group, np.full(lanes, FULL), now, forms)
 
     @property
     def going(self) -> Array:
         """Lanes that are not at their end."""
         return np.flatnonzero(self.codes >= FULL)
 
-    def advance(self, end: float, max_events: int, record: Record | None = None, part: slice = slice(None)) -> int:
-        """Run the compiled loop once over some lanes; returns the number of recorded steps (of a single lane)."""
-        p = self.problems[0]
-        with announced():
-            return self._integrate(p, end, max_events, record, part)
+    @property
+    def slots(self) -> int:
+        """Closed forms that each group may have."""
+        return len(self.forms.status) // len(self.forms.used)
 
-    def _integrate(self, p: Problem, end: float, max_events: int, record: Record | None, part: slice) -> int:
+    def advance(self, end: float, max_events: int, record: Record | None = None) -> int:
+        """Run the compiled loop once over all lanes; returns the number of recorded steps (of a single lane)."""
+        p = self.problem
         nothing = Record(
             np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0), np.int8), np.zeros((0, 0), np.int8), np.zeros(0, np.int64)
         )
-        return engine.integrate(
-            p.compiled.jets,
-            p.compiled.residual,
-            p.rows,
-            p.space(),
-            p.flight(),
-            self.constants,
-            self.forms,
-            len(self.forms.status) // len(self.problems),
-            p.order,
-            p.tolerance,
-            p.atol,
-            end,
-            max_events,
-            self.group[part],
-            self.codes[part],
-            Lane(*(a[part] for a in self.now)),
-            record is not None,
-            record or nothing,
-        )
+        with announced():
+            return engine.integrate(
+                p.compiled.jets,
+                p.compiled.residual,
+                p.rows,
+                p.space(),
+                p.flight(),
+                self.constants,
+                self.forms,
+                self.slots,
+                p.order,
+                p.tolerance,
+                p.atol,
+                end,
+                max_events,
+                self.group,
+                self.codes,
+                self.now,
+                record is not None,
+                record or nothing,
+            )
 
     def make_closed_forms(self) -> None:
         """Make the closed forms that lanes are waiting for."""
-        made = set()
-        for lane in np.flatnonzero(self.codes == NEED):
-            g, mode, region = int(self.group[lane]), self.now.mode[lane], self.now.reg[lane]
-            key = (g, mode.tobytes(), region.tobytes())
-            if key not in made:
-                made.add(key)
-                make_closed_form(self.problems[g], self.forms, g, mode, region)
+        waiting = np.flatnonzero(self.codes == NEED)
+        if len(waiting):
+            modes, regions = self.now.mode[waiting], self.now.reg[waiting]
+            fill_closed_forms(self.problem, self.constants, self.forms, self.group[waiting], modes, regions)

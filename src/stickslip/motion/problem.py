@@ -60,18 +60,22 @@ class Problem:
     @cached_property
     def constants(self) -> Constants:
         """Constants, mass matrix, viscous matrix, contact directions and drive frequencies for these parameters."""
-        from stickslip.motion.engine import run_setup
+        table = np.array([[self.parameters[name] for name in self.system.parameters]], dtype=float)
+        return Constants(*(part[0] for part in self.constants_of(table)))
 
-        layout, s = self.compiled.layout, self.compiled.layout.sizes
-        p = np.array([self.parameters[name] for name in self.system.parameters], dtype=float)
+    def constants_of(self, table: Array) -> Constants:
+        """The same for a table of parameters, shape (groups, parameters): arrays with a leading axis."""
+        from stickslip.motion.tables import run_setups
+
+        layout, s, groups = self.compiled.layout, self.compiled.layout.sizes, len(table)
         constants = Constants(
-            K=np.zeros(max(layout.constants, 1)),
-            M=np.zeros((s["nq"], s["nq"])),
-            C=np.zeros((s["nz"], s["nz"])),
-            J=np.zeros((len(layout.u), s["nq"] + s["nz"] + s["nr"])),
-            omega=np.zeros(layout.frequencies),
+            K=np.zeros((groups, max(layout.constants, 1))),
+            M=np.zeros((groups, s["nq"], s["nq"])),
+            C=np.zeros((groups, s["nz"], s["nz"])),
+            J=np.zeros((groups, len(layout.u), s["nq"] + s["nz"] + s["nr"])),
+            omega=np.zeros((groups, layout.frequencies)),
         )
-        run_setup(self.compiled.setup, p, constants)
+        run_setups(self.compiled.setup, table, constants)
         return constants
 
     @property

@@ -12,7 +12,7 @@ from stickslip import expressions as ex
 from stickslip.errors import DeclarationError
 from stickslip.motion.knots import Knots
 from stickslip.motion.outcome import Outcome
-from stickslip.motion.problem import SLOTS, Problem, pose
+from stickslip.motion.problem import Problem, pose
 from stickslip.system import System
 
 CHUNK = 4096  # steps between looks at the clock and the keyboard
@@ -99,10 +99,11 @@ def follow(
     progress: Callable[[float], None] | None = None,
 ) -> tuple[int, Knots]:
     """Run the compiled loop chunk by chunk; Ctrl-C between two chunks keeps what is done."""
-    from stickslip.motion.kernel import FULL, Record
+    from stickslip.motion.kernel import FULL, Constants, Record
     from stickslip.motion.lanes import Lanes
 
-    lanes = Lanes.start([problem], np.zeros(1, np.int64), y[None], start, end, SLOTS)
+    constants = Constants(*(part[None] for part in problem.constants))
+    lanes = Lanes.start(problem, constants, np.zeros(1, np.int64), y[None], (start, end), problem.closed_forms)
     clock, contacts, kinks = lanes.now.clock[0], lanes.now.mode.shape[1], lanes.now.reg.shape[1]
     pieces: list[Knots] = []
     size = 64

@@ -12,6 +12,7 @@ import numpy as np
 
 from stickslip import expressions as ex
 from stickslip.certify import Certificate, certify
+from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.motion.knots import Knots
 from stickslip.motion.outcome import Outcome
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = np.ndarray
-MODES = {-1: "slip-", 0: "stick", 1: "slip+"}
 GRID = 1000  # points of the dataset between knots
 KIND, FORMAT = "trajectory", 1  # of the stored file
 
@@ -317,7 +317,7 @@ class Trajectory:
         ):
             state = dict(zip(self._problem.compiled.layout.state, map(float, k.state[i]), strict=True))
             for c in np.flatnonzero(k.mode[i] != k.mode[i - 1]):
-                a, b = MODES[int(k.mode[i - 1, c])], MODES[int(k.mode[i, c])]
+                a, b = MODE_NAMES[int(k.mode[i - 1, c])], MODE_NAMES[int(k.mode[i, c])]
                 records.append({"time": float(k.time[i]), "contact": contacts[c].name, "from": a, "to": b, **state})
             for j in np.flatnonzero(k.region[i] != k.region[i - 1]):
                 a, b = (("below", "above")[int(r)] for r in (k.region[i - 1, j], k.region[i, j]))

@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from stickslip.certify import Certificate
+from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError
 from stickslip.formulas import is_finite
 from stickslip.motion.simulate import check_span
-from stickslip.motion.trajectory import GRID, MODES
+from stickslip.motion.trajectory import GRID
 from stickslip.rate_independent.chebyshev import ROUNDING
 from stickslip.rate_independent.play_nodes import Bounds, Nodes, Sample, follow, panel_edges
 from stickslip.rate_independent.play_signals import INTERPOLATIONS, is_table, read_signal
@@ -46,8 +47,8 @@ LONG_NAMES = {
 }
 FLAGS = {
     "long_name": "mode",
-    "flag_values": np.array(list(MODES), np.int8),
-    "flag_meanings": " ".join(MODES.values()),
+    "flag_values": np.array(list(MODE_NAMES), np.int8),
+    "flag_meanings": " ".join(MODE_NAMES.values()),
 }
 
 
@@ -405,7 +406,7 @@ class Play:
         import pandas as pd
 
         k = np.flatnonzero(np.diff(self.mode)) + 1
-        names = {column: [MODES[m] for m in self.mode[at].tolist()] for column, at in (("from", k - 1), ("to", k))}
+        names = {column: [MODE_NAMES[m] for m in self.mode[at].tolist()] for column, at in (("from", k - 1), ("to", k))}
         return pd.DataFrame({"time": self.time[k], **names, "z": self.z[k]})
 
     def plot(self) -> Figure:
