@@ -154,6 +154,8 @@ def test_bifurcation_is_subcritical() -> None:
     alpha = 1 + V_hopf * U_hopf
     slope = -(alpha**-1.5)
     assert -1 - (1 + U_hopf * slope) / 0.05 == pytest.approx(0.0, abs=1e-9)  # trace DF
+    V_fold, _ = line(axes, "stick onset and fold")
+    assert V_fold == pytest.approx(0.2263881277, abs=1e-9)
     extent = {}
     for name in ("$V$ rising", "$V$ falling"):
         low, high = (points(artist)[1] for artist in axes.lines if artist.get_gid() == name)

@@ -8,6 +8,8 @@ from matplotlib.figure import Figure
 
 import stickslip as ss
 from stickslip.figures.style import BLUE, LINES, STICK_LINE, VERMILION, new_figure, paper_style
+from stickslip.orbits.cycle_branch import continue_cycle
+from stickslip.orbits.cycles import find_cycle
 from stickslip.paper.figures.entry import FigureEntry
 from stickslip.paper.figures.style import arrow
 
@@ -20,18 +22,22 @@ def draw() -> Figure:
     """Steady sliding with its Hopf point, and the extent of U of what the slider does as V goes up and down."""
     slider = ss.catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05)
     steady = ss.continue_equilibrium(slider, "V", (0.02, 0.4))
+    hopf = steady.of_kind("Hopf")[0]
+    cycles = continue_cycle(find_cycle(slider, hopf), "V", (0.02, 0.4))
     sweeps = {"$V$ rising": sweep(slider, SPEEDS), "$V$ falling": sweep(slider, SPEEDS[::-1])[::-1]}
     with paper_style():
         figure = new_figure(7.2, 4.4)
         axes = figure.add_subplot(xlim=(0.0, 0.4))
         zoom = axes.inset_axes((0.66, 0.52, 0.34, 0.48), xlim=(0.2235, 0.2280), ylim=(1.615, 1.83))
         for panel in (axes, zoom):
-            stable = steady.points["stable"].values == 1
-            hopf = steady.of_kind("Hopf")[0]
-            V, U = steady.points["V"].values, steady.points["U"].values
-            panel.plot(V[stable], U[stable], color=STICK_LINE, label="steady sliding")
-            panel.plot(V[~stable], U[~stable], color=STICK_LINE, ls=DASHES, label="unstable")
+            _draw_branch(panel, steady, "U", STICK_LINE, "steady sliding")
+            _draw_branch(panel, cycles, "max_U", LINES[2], "cycles")
+            _draw_branch(panel, cycles, "min_U", LINES[2], "")
             panel.plot(hopf.value, hopf.state["U"], "s", color=LINES[4], ms=7, zorder=5, label="Hopf point")
+            fold = cycles.of_kind("fold")[0]
+            ends = [float(cycles.points[key][fold.index]) for key in ("min_U", "max_U")]
+            turn = "stick onset and fold"
+            panel.plot([fold.value] * 2, ends, "o", mfc="white", mec=LINES[2], ms=6, zorder=5, label=turn)
             _draw_sweeps(panel, sweeps)
         _finish(axes, zoom, hopf.value)
     return figure
@@ -47,10 +53,18 @@ def sweep(slider: ss.System, speeds: Array) -> Array:
     return np.array(extent)
 
 
+def _draw_branch(axes: Axes, branch: ss.Branch, name: str, colour: str, label: str) -> None:
+    """Stable points solid, unstable ones dashed; both stretches end at the point where they meet."""
+    V, values, stable = (branch.points[key].values for key in ("V", name, "stable"))
+    meet = np.isin(np.arange(len(V)), [point.index for kind in ("Hopf", "fold") for point in branch.of_kind(kind)])
+    axes.plot(np.where((stable == 1) | meet, V, np.nan), values, color=colour, label=label)
+    axes.plot(np.where((stable != 1) | meet, V, np.nan), values, color=colour, ls=DASHES)
+
+
 def _draw_sweeps(axes: Axes, sweeps: dict[str, Array]) -> None:
     """Both ends of U as triangles that point with V."""
     for (label, extent), marker, colour, size in zip(
-        sweeps.items(), (">", "<"), (BLUE, VERMILION), (6.5, 4.0), strict=True
+        sweeps.items(), (">", "<"), (BLUE, VERMILION), (5.0, 3.2), strict=True
     ):
         for j in range(2):
             axes.plot(SPEEDS, extent[:, j], marker, color=colour, ms=size, label=label if j else None, gid=label)
@@ -65,17 +79,18 @@ def _finish(axes: Axes, zoom: Axes, hopf: float) -> None:
     for end in (1.645, 1.785):
         arrow(zoom, (hopf - 1.2e-4, 1.71), (hopf - 1.2e-4, end), VERMILION, width=1.0)
         arrow(zoom, (0.22638, 3.43 - end), (0.22638, 1.71), BLUE, width=1.0)
-    axes.legend(loc="lower left", bbox_to_anchor=(0.04, 0.13))
+    axes.legend(loc="lower left", bbox_to_anchor=(0.04, 0.16))
 
 
 ENTRY = FigureEntry(
     "bifurcation",
     "Steady sliding and stick-slip",
-    "What the spring slider (3.3) settles to at constant V, with μ̃(α) = 2/√α, ν = 0.05, k = α₀ = 1. Line: the unique "
-    "equilibrium U* = μ̃(α*) + νV; it loses its stability at the Hopf point V = 0.22485, where trace DF = 0. "
-    "Triangles: least and largest U of the settled motion while V rises (▸) and falls (◂) in small steps. The Hopf "
-    "bifurcation is subcritical (first Lyapunov coefficient 2.345 > 0): the equilibrium gives way to stick-slip of "
-    "finite size at once, which on the way back lasts up to V = 0.2263. In between both are stable. Theorem 3.1 gives "
-    "a cycle wherever the equilibrium is unstable.",
+    "What the spring slider (3.3) does at constant V, with μ̃(α) = 2/√α, ν = 0.05, k = α₀ = 1; dashed: unstable. The "
+    "unique equilibrium U* = μ̃(α*) + νV loses its stability at the Hopf point V = 0.22485, where trace DF = 0. The "
+    "bifurcation is subcritical (first Lyapunov coefficient 2.345 > 0): small unstable cycles that never stick are "
+    "born there; they begin to stick at V = 0.2263815 and turn into stable stick-slip in a fold at V = 0.2263881. "
+    "Triangles: least and largest U of the settled motion while V rises (▸) and falls (◂) in small steps: sliding "
+    "gives way to stick-slip of finite size at once, and in between both are stable. Theorem 3.1 gives a cycle "
+    "wherever the equilibrium is unstable.",
     draw,
 )
