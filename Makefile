@@ -8,7 +8,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --pr
 .PHONY: help demo test clean
 
 help:
-	@echo "make demo   make the environment, run three examples, say where the pictures are"
+	@echo "make demo   make the environment, run three examples and the paper, say where the pictures are"
 	@echo "make test   make the environment, check style and types, run the tests"
 	@echo "make clean  remove what these two have made"
 
@@ -16,10 +16,12 @@ demo: .venv/ready
 	$(BIN)/stickslip run examples/rocking-toy.toml --out out/rocking-toy
 	$(BIN)/stickslip run examples/spring-slider.toml --out out/spring-slider
 	$(BIN)/python examples/play-moving-threshold.py
+	$(BIN)/stickslip paper --out out/paper
 	@echo
 	@echo "The pictures:  out/rocking-toy/overview.png"
 	@echo "               out/spring-slider/overview.png"
 	@echo "               out/play-moving-threshold/figure-2-1.png"
+	@echo "The paper:     out/paper/index.html"
 
 test: .venv/ready-for-tests
 	$(BIN)/ruff check .

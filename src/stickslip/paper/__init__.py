@@ -1,0 +1,31 @@
+"""[M] as a computation: every figure drawn, every statement that can be computed checked, with a measured number.
+
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017).
+The figures are ``stickslip.paper.figures.FIGURES``, the animations ``stickslip.paper.animations.ANIMATIONS``.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from stickslip.paper.claim import Claim
+
+SECTIONS = (
+    "section2_scalar",
+    "section2_averaging",
+    "section3_slider",
+    "section3_scaling",
+    "section3_maps",
+    "section4_model",
+    "section4_walking",
+)
+
+
+def claims() -> list[Claim]:
+    """All claims, section by section."""
+    from stickslip.paper.claim import Claim
+
+    modules = [import_module(f"stickslip.paper.{name}") for name in SECTIONS]
+    return [item for module in modules for item in vars(module).values() if isinstance(item, Claim)]
