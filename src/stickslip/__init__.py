@@ -14,17 +14,23 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from stickslip import catalogue
-    from stickslip.errors import DeclarationError, StickslipError
+    from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
     from stickslip.modelfile import load
     from stickslip.motion.batch import simulate_many
     from stickslip.motion.outcome import Outcome
     from stickslip.motion.simulate import simulate
     from stickslip.motion.trajectory import Trajectory, open_trajectory
+    from stickslip.orbits.basin import basin
     from stickslip.orbits.branch import Branch, SpecialPoint, open_branch
     from stickslip.orbits.curves import fold_curve, hopf_curve
+    from stickslip.orbits.cycle_branch import continue_cycle
+    from stickslip.orbits.cycles import Cycle, find_cycle
     from stickslip.orbits.equilibria import equilibria
     from stickslip.orbits.equilibrium import Equilibria, Equilibrium, EquilibriumSet
     from stickslip.orbits.equilibrium_branch import continue_equilibrium
+    from stickslip.orbits.gaits import gait_study, sliding_threshold, walking_threshold
+    from stickslip.orbits.hysteresis import HysteresisOperator
+    from stickslip.orbits.onset_curve import stick_onset_curve
     from stickslip.rate_independent.dissipation import (
         Dissipation,
         Ellipsoid,
@@ -56,6 +62,8 @@ __all__ = [
     "Branch",
     "Condition",
     "Contact",
+    "ConvergenceError",
+    "Cycle",
     "DeclarationError",
     "Dissipation",
     "Ellipsoid",
@@ -65,6 +73,7 @@ __all__ = [
     "Evolution",
     "GroupNorm",
     "History",
+    "HysteresisOperator",
     "Inertial",
     "Internal",
     "Outcome",
@@ -82,11 +91,15 @@ __all__ = [
     "WeightedL1",
     "__version__",
     "averaging_study",
+    "basin",
     "catalogue",
+    "continue_cycle",
     "continue_equilibrium",
     "equilibria",
     "evolve",
+    "find_cycle",
     "fold_curve",
+    "gait_study",
     "hopf_curve",
     "load",
     "open_branch",
@@ -95,12 +108,14 @@ __all__ = [
     "play",
     "simulate",
     "simulate_many",
+    "sliding_threshold",
+    "stick_onset_curve",
+    "walking_threshold",
 ]
 
 # Where each public name lives. Nothing is imported before it is asked for: numba and xarray take seconds.
 _HOMES = {
-    "DeclarationError": "errors",
-    "StickslipError": "errors",
+    **dict.fromkeys(["ConvergenceError", "DeclarationError", "StickslipError"], "errors"),
     "load": "modelfile",
     "Outcome": "motion.outcome",
     "simulate": "motion.simulate",
@@ -116,6 +131,12 @@ _HOMES = {
     **dict.fromkeys(["Equilibria", "Equilibrium", "EquilibriumSet"], "orbits.equilibrium"),
     "equilibria": "orbits.equilibria",
     "continue_equilibrium": "orbits.equilibrium_branch",
+    **dict.fromkeys(["Cycle", "find_cycle"], "orbits.cycles"),
+    "continue_cycle": "orbits.cycle_branch",
+    "stick_onset_curve": "orbits.onset_curve",
+    "basin": "orbits.basin",
+    "HysteresisOperator": "orbits.hysteresis",
+    **dict.fromkeys(["gait_study", "sliding_threshold", "walking_threshold"], "orbits.gaits"),
     "Play": "rate_independent.play",
     "play": "rate_independent.play",
     "averaging_study": "rate_independent.study",

@@ -7,8 +7,8 @@ import re
 
 import numpy as np
 import pytest
-from orbits.examples import HALF_TURN, SLIDER, dragged, planar
 
+from orbits.examples import HALF_TURN, SLIDER, dragged, isola, planar
 from properties.families import linear_family
 from stickslip import catalogue, simulate
 from stickslip import expressions as ex
@@ -160,6 +160,15 @@ def test_moving_frame_and_drive() -> None:
     assert cycle.speed == pytest.approx(0.1, rel=1e-12)
 
 
+def test_many_periods_of_the_drive() -> None:
+    """The plate compactor: seen after each period of the shaking it is nowhere near where it was for a long time."""
+    cycle = find_cycle(catalogue.plate_compactor())
+    check(cycle)
+    turns = cycle.period * cycle.parameters["Omega"] / (2 * math.pi)
+    assert turns == pytest.approx(round(turns), rel=1e-12)
+    assert cycle.speed == pytest.approx(cycle.parameters["V"], rel=1e-12)
+
+
 def test_contacts_that_stick_together() -> None:
     """The chain of blocks: where all stick at once three directions are lost, so that three multipliers are 0."""
     start = {"x_1": 0.578, "x_2": 0.628, "x_3": 0.578, "d_x_1": 0.1, "d_x_2": 0.1, "d_x_3": 0.1}
@@ -182,9 +191,18 @@ def test_falls_to_rest() -> None:
 
 
 def test_dies_out() -> None:
-    """A pendulum with hardly any damping never returns to where it was."""
-    with pytest.raises(ConvergenceError, match=r"comes back at best to|dies out|comes to rest"):
+    """A pendulum with hardly any damping never returns to where it was; in the end only rounding moves."""
+    with pytest.raises(ConvergenceError, match="comes to rest"):
         find_cycle(oscillator(), {"x": 1.0}, {"mu": 0.0, "F": 0.0, "c": 0.02})
+
+
+def test_newton_does_not_converge() -> None:
+    """Just beyond the fold of cycles the motion nearly closes; the message says how nearly, and where it ends."""
+    with pytest.raises(ConvergenceError, match=r"comes to rest.*did not converge; the nearest motion misses by 0\.0"):
+        find_cycle(isola(), {"x": math.sqrt(2), "y": 0.0}, {"a": 1.01})
+    cycle = find_cycle(SLIDER, None, {"V": 0.15})
+    with pytest.raises(ConvergenceError, match=r"the nearest motion misses by.*continue_cycle"):
+        find_cycle(SLIDER, cycle, {"V": 0.3})
 
 
 def test_family() -> None:

@@ -11,7 +11,8 @@ from typing import Annotated, NoReturn, ParamSpec
 import typer
 
 from stickslip import __version__
-from stickslip.cli import evolving
+from stickslip.cli import evolving, orbits, sweeping
+from stickslip.cli.paper import paper
 from stickslip.errors import StickslipError
 
 NOT_CERTIFIED, BAD_INPUT, OUR_FAULT, INTERRUPTED = 1, 2, 70, 130
@@ -183,3 +184,10 @@ def check(
 
 app.command()(guarded(evolving.average))
 app.command()(guarded(evolving.evolve))
+app.command()(guarded(orbits.equilibria))
+app.command()(guarded(orbits.cycle))
+app.command()(guarded(orbits.branch))
+app.command()(guarded(orbits.basin))
+app.command()(guarded(paper))
+app.command()(guarded(sweeping.sweep))
+app.command()(guarded(sweeping.plot))

@@ -2,48 +2,57 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from stickslip.figures.style import BLUE, LINES, axis_label, legend_above, new_figure, paper_style
+from stickslip.figures.style import BLUE, LINES, STICK_LINE, axis_label, new_figure, paper_style
 
 if TYPE_CHECKING:
-    from stickslip.orbits.branch import Branch
+    from stickslip.orbits.branch import Branch, SpecialPoint
 
 Array = np.ndarray
 MARKERS = "osD^vPX*"
+VANISHING = ("Hopf", "boundary equilibrium")  # there a cycle is a point
 
 
-def plot_branch(branch: Branch, names: list[str] | None = None) -> Figure:
+def plot_branch(branch: Branch, names: list[str] | None = None, *, others: Sequence[Branch] = ()) -> Figure:
     """Bifurcation diagram: stable points solid, unstable ones dashed, special points marked and named.
+
+    Of cycles the largest and the smallest value is drawn; those that stick are black.
 
     Parameters
     ----------
     branch : Branch
     names : list of str, optional
         What is drawn over the parameter; by default the coordinates and internal variables that change, at most three.
+    others : sequence of Branch
+        Of the same system and parameter, such as the cycles that are born on a branch of equilibria.
     """
     names = names or _changing(branch)
+    every = [branch, *others]
     with paper_style():
-        figure = new_figure(6.4, 0.8 + 2.4 * len(names))
+        figure = new_figure(6.4, 1.2 + 2.4 * len(names))
         panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
         for axes, name in zip(panels, names, strict=True):
-            _draw(axes, branch, name)
+            for one in every:
+                _draw(axes, one, name, _markers(every))
             axes.set_ylabel(axis_label([name], _unit(branch, name)))
         parameter = branch.system.parameters[branch.parameter]
         panels[-1].set_xlabel(axis_label([branch.parameter], parameter.unit))
-        legend_above(panels[0], _legend(branch))
+        figure.legend(handles=_legend(every), loc="outside upper left", ncols=3)
     return figure
 
 
 def _changing(branch: Branch) -> list[str]:
     """Coordinates and internal variables that change along the branch (all of them if none does)."""
     candidates = [x for x in branch.system.declaration.state if x in branch.points and not x.startswith("d_")]
+    candidates = [x for x in candidates if not branch.system.translation.get(x)] or candidates
     moving = [x for x in candidates if np.ptp(branch.points[x].values) > 1e-9 * (1 + np.ptp(_values(branch)))]
     return (moving or candidates)[:3]
 
@@ -57,46 +66,78 @@ def _values(branch: Branch) -> Array:
     return branch.points[branch.parameter].values
 
 
-def _draw(axes: Axes, branch: Branch, name: str) -> None:
+def _is_cycles(branch: Branch) -> bool:
+    return "period" in branch.points
+
+
+def _sticks(branch: Branch) -> Array:
+    """Whether each point is a cycle that sticks."""
+    return branch.points["sticks"].values if _is_cycles(branch) else np.zeros(len(_values(branch)), np.int8)
+
+
+def _draw(axes: Axes, branch: Branch, name: str, markers: Mapping[str, dict[str, Any]]) -> None:
     """One variable over the parameter: a line for each stretch of one stability."""
-    x, y, stable = _values(branch), branch.points[name].values, branch.points["stable"].values
-    for first, last in _stretches(stable):
+    x, stable, sticks = _values(branch), _decided(branch), _sticks(branch)
+    curves = [f"max_{name}", f"min_{name}"] if _is_cycles(branch) else [name]
+    changed = np.flatnonzero((np.diff(stable) != 0) | (np.diff(sticks) != 0)) + 1
+    for first, last in pairwise([0, *changed, len(x)]):
         part = slice(first, min(last + 1, len(x)))  # up to the first point of the next stretch
-        axes.plot(x[part], y[part], color=BLUE, linestyle="-" if stable[first] == 1 else (0, (4, 2)))
-    for kind, marker, colour in _kinds(branch):
-        points = branch.of_kind(kind)
-        axes.plot(
-            [s.value for s in points],
-            [s.state[name] for s in points],
-            linestyle="none",
-            marker=marker,
-            color=colour,
-            markersize=7,
-            zorder=3,
-        )
+        style, colour = _line(stable[first] == 1), _colour(sticks[first])
+        for curve in curves:
+            axes.plot(x[part], branch.points[curve].values[part], color=colour, linestyle=style)
+    for point in branch.special:
+        style = markers[point.kind]
+        for height in _heights(branch, point, name):
+            axes.plot(point.value, height, **style, zorder=3)
 
 
-def _stretches(stable: Array) -> list[tuple[int, int]]:
-    """Bounds of the stretches of points of one stability; an undecided point belongs to the stretch before it."""
-    decided = stable.copy()
+def _heights(branch: Branch, point: SpecialPoint, name: str) -> list[float]:
+    """Where a special point is marked: at the extremes of a cycle, once where it has none."""
+    if not _is_cycles(branch) or point.kind in VANISHING:
+        return [point.state[name]]
+    return [float(branch.points[f"{side}_{name}"].values[point.index]) for side in ("max", "min")]
+
+
+def _decided(branch: Branch) -> Array:
+    """Stability of each point; an undecided one has that of the point before it."""
+    decided = branch.points["stable"].values.copy()
     for i in range(1, len(decided)):
         if decided[i] < 0:
             decided[i] = decided[i - 1]
-    edges = [0, *(np.flatnonzero(np.diff(decided)) + 1), len(decided)]
-    return list(pairwise(edges))
+    return decided
 
 
-def _kinds(branch: Branch) -> list[tuple[str, str, str]]:
-    """Kinds of special points with a marker and a colour for each."""
-    kinds = list(dict.fromkeys(s.kind for s in branch.special))
-    return [(kind, MARKERS[i % len(MARKERS)], LINES[1:][i % (len(LINES) - 1)]) for i, kind in enumerate(kinds)]
+def _line(stable: bool) -> Any:
+    return "-" if stable else (0, (4, 2))
 
 
-def _legend(branch: Branch) -> list[Line2D]:
-    stable = branch.points["stable"].values
-    handles = [Line2D([], [], color=BLUE, label="stable")] if np.any(stable == 1) else []
-    if np.any(stable == 0):
-        handles.append(Line2D([], [], color=BLUE, linestyle=(0, (4, 2)), label="unstable"))
-    for kind, marker, colour in _kinds(branch):
-        handles.append(Line2D([], [], color=colour, marker=marker, linestyle="none", markersize=7, label=kind))
-    return handles
+def _colour(sticks: int) -> str:
+    return STICK_LINE if sticks else BLUE
+
+
+def _markers(branches: Sequence[Branch]) -> dict[str, dict[str, Any]]:
+    """How every kind of special points is marked: hollow and of different sizes, since two may be close together."""
+    kinds = list(dict.fromkeys(s.kind for branch in branches for s in branch.special))
+    return {
+        kind: {
+            "marker": MARKERS[i % len(MARKERS)],
+            "color": LINES[1:][i % (len(LINES) - 1)],
+            "linestyle": "none",
+            "markersize": 6 + 2 * i,
+            "markerfacecolor": "none",
+            "markeredgewidth": 1.6,
+        }
+        for i, kind in enumerate(kinds)
+    }
+
+
+def _legend(branches: Sequence[Branch]) -> list[Line2D]:
+    found = {}
+    for branch in branches:
+        what = " cycle" if _is_cycles(branch) else " equilibrium" if len(branches) > 1 else ""
+        for stable, sticks in sorted(set(zip(_decided(branch).tolist(), _sticks(branch).tolist(), strict=True)))[::-1]:
+            text = ("stable" if stable == 1 else "unstable") + what + (" with stick" if sticks else "")
+            found[text] = Line2D([], [], color=_colour(sticks), linestyle=_line(stable == 1), label=text)
+    for kind, style in _markers(branches).items():
+        found[kind] = Line2D([], [], **style, label=kind)
+    return list(found.values())

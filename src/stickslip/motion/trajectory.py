@@ -286,7 +286,7 @@ class Trajectory:
         times = np.union1d(k.time, np.linspace(k.time[0], k.time[-1], GRID + 1))
         index = np.searchsorted(k.time, times, side="right") - 1
         values = self._values(times, index)
-        variables = {name: ("time", v, self._attributes(name)) for name, v in values.items()}
+        variables = {name: ("time", v, attributes(self.system, name)) for name, v in values.items()}
         coordinate = ("time", times, {"units": self.system.time_unit or "1", "long_name": "time"})
         return xr.Dataset(
             variables,
@@ -297,9 +297,6 @@ class Trajectory:
                 "outcome": self.outcome.label,
             },
         )
-
-    def _attributes(self, name: str) -> dict[str, Any]:
-        return _attributes(self.system, name)
 
     @cached_property
     def events(self) -> pandas.DataFrame:
@@ -420,7 +417,7 @@ def _per(unit: str, time_unit: str) -> str:
     return f"{unit}/{time_unit}" if unit not in ("", "1") else f"1/{time_unit}"
 
 
-def _attributes(system: System, name: str) -> dict[str, Any]:
+def attributes(system: System, name: str) -> dict[str, Any]:
     """units and long_name of a published quantity."""
     named = {**system.coordinates, **system.internal}
     if name in named:

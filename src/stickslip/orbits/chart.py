@@ -10,6 +10,8 @@ import numpy as np
 from stickslip.errors import StickslipError
 from stickslip.orbits.closing import Closed, best_start, restarted, stations_for
 from stickslip.orbits.continuation import Point, correct
+from stickslip.orbits.halving import half_gap
+from stickslip.orbits.pieces import Pieces
 from stickslip.orbits.recurrence import segments, sizes_of
 from stickslip.orbits.shooting import Orbit, Shooting, follow, numbers
 from stickslip.orbits.spectrum import spectrum
@@ -23,6 +25,7 @@ SLANTED = 0.3  # least cosine between the motion and the normal of its section
 WIDTH = 0.25  # part of the range of the parameter that is its unit
 FLOOR = 2e-3  # units of a component are not smaller than this part of its modulus
 VANISHED = 5e-3  # a cycle of this amplitude, relative to the state, is about to shrink to an equilibrium
+HALVED = 2e-2  # a cycle whose halves differ by this part of its size is about to become one of half its period
 UNBOUNDED = 1e3  # a period or an amplitude that has grown by this factor grows without bound
 
 
@@ -42,6 +45,8 @@ class Extent:
     period : float
     least, largest : float
         Amplitudes, relative to the modulus, below which a cycle is about to vanish and above which it has no bound.
+    halved : float
+        Difference of its halves below which a cycle is about to become one of half its period.
     """
 
     low: float
@@ -50,6 +55,7 @@ class Extent:
     period: float
     least: float
     largest: float
+    halved: float
 
     def amplitude(self, closed: Closed) -> float:
         """Largest half range of a component relative to its modulus."""
@@ -60,7 +66,8 @@ def extent_of(closed: Closed, span: tuple[float, float]) -> Extent:
     """Sizes of a branch that starts in a cycle."""
     sizes = sizes_of(closed.orbit.motion, closed.orbit.shift, closed.shooting.pieces)
     modulus = np.maximum(np.max(np.abs(closed.samples(64)), axis=0), sizes)
-    extent = Extent(*span, modulus, closed.orbit.period, VANISHED, UNBOUNDED)
+    halved = min(HALVED, max(0.3 * half_gap(closed), OPEN))
+    extent = Extent(*span, modulus, closed.orbit.period, VANISHED, UNBOUNDED, halved)
     amplitude = extent.amplitude(closed)
     return replace(extent, least=min(VANISHED, 0.3 * amplitude), largest=UNBOUNDED * max(amplitude, 0.1))
 
@@ -112,7 +119,7 @@ class Chart:
     def tests(self, x: Array, tangent: Array) -> dict[str, float]:
         """Test functions of special points, and of what ends a branch."""
         orbit = self.orbit(x)
-        self._check(orbit)
+        self.check(orbit)
         slope, extent = float(tangent[-1] / self.scale(x)[-1]), self.extent
         amplitude = extent.amplitude(self.closed(x))
         return {
@@ -121,11 +128,19 @@ class Chart:
             "low": float(x[-1] - extent.low),
             "high": float(extent.high - x[-1]),
             "amplitude": amplitude / extent.least - 1.0,
+            "halving": half_gap(self.closed(x)) / extent.halved - 1.0,
             "growth": 1.0 - amplitude / extent.largest,
             "period": 1.0 - orbit.period / (UNBOUNDED * extent.period),
         }
 
-    def _check(self, orbit: Orbit) -> None:
+    def check(self, orbit: Orbit) -> None:
+        """See that an orbit is a cycle of this chart.
+
+        Raises
+        ------
+        OutOfChart
+            If it is not.
+        """
         shooting = self.shooting
         for station, leg in zip(shooting.stations, orbit.legs, strict=True):
             k, a = leg.motion.knots, segments(leg.motion.knots)[0][0]
@@ -141,6 +156,19 @@ class Chart:
             motion = station.chart @ rate
             if not shooting.fixed[0] @ motion >= SLANTED * np.linalg.norm(motion):
                 raise OutOfChart("the motion runs along its section")
+
+
+def first_chart(closed: Closed, pieces: Pieces, extent: Extent) -> tuple[Chart, Array]:
+    """A chart around a cycle, with the free parameter of the pieces, and its unknowns."""
+    problem = closed.orbit.problem
+    # A closed form is made for one set of parameters; here every motion has its own.
+    general = replace(problem, exact=False)
+    vars(general)["compiled"] = problem.compiled
+    shooting = closed.shooting.with_pieces(pieces, general)
+    assert pieces.free is not None
+    orbit = shooting.orbit(np.append(closed.orbit.x, problem.parameters[pieces.free]))
+    new, x = restarted(shooting, orbit, len(shooting.stations), chart_sizes(closed, extent))
+    return Chart(new, extent), x
 
 
 def spectral_tests(multipliers: Array, slope: float) -> dict[str, float]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from stickslip.errors import ConvergenceError, StickslipError
 from stickslip.motion.problem import Problem
-from stickslip.orbits.pieces import Pieces
+from stickslip.orbits.pieces import Piece, Pieces
 from stickslip.orbits.recurrence import Recurrence, Window, segments, sizes_of
 from stickslip.orbits.shooting import Orbit, Setting, Shooting, follow, make_station, numbers
 from stickslip.orbits.spectrum import Spectrum, spectrum
@@ -25,6 +25,7 @@ CLOSED = 1e-9  # a cycle closes up to this part of its size
 SINGULAR = 1e-11  # a singular value below this part of the largest is zero
 STATIONS = (1, 4, 16)  # tried one after the other
 LONG = 0.1  # a stretch that is shorter than this part of the longest may vanish
+ACROSS = 0.1  # cosine of what is nearly a right angle
 GROWTH = 1e4  # perturbations grow by at most this much between two stations
 
 
@@ -113,7 +114,8 @@ def check_isolated(shooting: Shooting, orbit: Orbit) -> None:
         f"a cycle of {shooting.problem.system.name}",
         f"the cycles come in a family, although the system has no translation: the one of period {orbit.period:.9g} "
         f"from {_named(orbit)} still closes if its state is moved along ({along})",
-        "Something moves freely within a stick; choose parameters or a start with which it is carried along",
+        "Nothing chooses one of them, such as damping or a contact that carries along what moves freely; change the "
+        "parameters, or start elsewhere",
     )
 
 
@@ -145,7 +147,7 @@ def best_start(shooting: Shooting, orbit: Orbit) -> float:
     first, last = stretches[0], stretches[-1]
     made = [pieces(k.mode[i], k.region[i]) for _, _, i in stretches]
     if all(piece is made[0] for piece in made):
-        return _across_the_centre(shooting, orbit)
+        return _across_the_centre(shooting, orbit, made[0])
     if made[0] is made[-1]:
         stretches, made = [*stretches[1:-1], (last[0] - orbit.period, first[1], first[2])], [*made[1:-1], made[0]]
     lengths = [b - a for a, b, _ in stretches]
@@ -157,16 +159,21 @@ def best_start(shooting: Shooting, orbit: Orbit) -> float:
     return middle if middle >= k.time[0] else middle + orbit.period
 
 
-def _across_the_centre(shooting: Shooting, orbit: Orbit) -> float:
-    """When the motion is most nearly at a right angle to the direction from the centre."""
+def _across_the_centre(shooting: Shooting, orbit: Orbit, piece: Piece) -> float:
+    """When the motion is nearly at a right angle to the direction from the centre, and far from every boundary."""
     closed, count = Closed(shooting, orbit), 64
-    sizes = shooting.setting.sizes
-    states = closed.samples(count) / sizes
-    radius = states - np.mean(states, axis=0)
-    motion = np.roll(states, -1, axis=0) - np.roll(states, 1, axis=0)
+    sizes, times = shooting.setting.sizes, orbit.motion.knots.time[0] + np.arange(count) / count * orbit.period
+    states = closed.samples(count)
+    radius = (states - np.mean(states, axis=0)) / sizes
+    motion = np.roll(radius, -1, axis=0) - np.roll(radius, 1, axis=0)
     lengths = np.linalg.norm(radius, axis=1) * np.linalg.norm(motion, axis=1)
     cosine = np.abs(np.sum(radius * motion, axis=1)) / np.maximum(lengths, 1e-300)
-    return orbit.motion.knots.time[0] + float(np.argmin(cosine)) / count * orbit.period
+    states = states + np.outer(np.arange(count) / count, orbit.shift)
+    n, p = states.shape[1], numbers(orbit.problem)
+    guards = piece.felt(times, states.T, p)[n : n + len(piece.switches)]
+    room = np.min(guards / np.max(np.abs(guards), axis=1, keepdims=True, initial=1e-300), axis=0, initial=1.0)
+    across = cosine <= max(ACROSS, float(np.min(cosine)))
+    return float(times[np.argmax(np.where(across, room, -np.inf))])
 
 
 def restarted(shooting: Shooting, orbit: Orbit, count: int, sizes: Array | None = None) -> tuple[Shooting, Array]:
@@ -235,12 +242,26 @@ class Closed:
         return float(np.max(np.ptp(self.samples(64), axis=0) / self.shooting.setting.sizes))
 
     def distance(self, state: Array, time: float) -> float:
-        """From a state to the nearest point of the cycle, up to translations, in the same units."""
+        """From a state to the nearest point of the cycle, up to translations, in the same units.
+
+        Of a driven system the points are those that the cycle passes at the same phase of the drive.
+        """
         setting = self.shooting.setting
-        state = state - carried_along(setting, self.orbit.problem, time)[0]
-        gap, N = (self.samples(256) - state) / setting.sizes, setting.symmetry.shifts / setting.sizes[:, None]
+        shift, time = carried_along(setting, self.orbit.problem, time)
+        points = self.samples(256) if setting.symmetry.frame is not None else self._strobed(time)
+        gap, N = (points - (state - shift)) / setting.sizes, setting.symmetry.shifts / setting.sizes[:, None]
         gap = gap - (gap @ N) @ np.linalg.pinv(N) if N.shape[1] else gap
         return float(np.min(np.linalg.norm(gap, axis=1)))
+
+    def _strobed(self, time: float) -> Array:
+        """States at one phase of the drive, each without what the loads have shifted it by."""
+        motion, setting, problem = self.orbit.motion, self.shooting.setting, self.orbit.problem
+        assert setting.clock is not None
+        whole, begin = setting.clock.period(problem.parameters), float(motion.knots.time[0])
+        times = begin + (time - begin) % whole + whole * np.arange(setting.turns)
+        steps = np.array([_step(motion, t) for t in times])
+        states = motion._sample(times, steps)[:, : len(self.orbit.shift)]
+        return states - [carried_along(setting, problem, t)[0] for t in times]
 
 
 def carried_along(setting: Setting, problem: Problem, time: float) -> tuple[Array, float]:

@@ -103,7 +103,7 @@ class Path:
     ended: str = ""
 
 
-class _Lost(Exception):
+class Lost(Exception):
     """The corrector does not converge; the message says why."""
 
 
@@ -116,14 +116,14 @@ def correct(equations: Equations, guess: Array, scale: Array, tangent: Array, to
             matrix, right = np.vstack([J * scale, tangent]), np.append(F, tangent @ ((x - guess) / scale))
             dz = np.linalg.solve(matrix, right)
         except UNDEFINED as problem:
-            raise _Lost(str(problem)) from None
+            raise Lost(str(problem)) from None
         size = float(np.linalg.norm(dz))
         if not size <= 2.0 * last:
             break
         x, last = x - scale * dz, size
         if size <= tolerance:
             return x
-    raise _Lost("Newton's method does not converge")
+    raise Lost("Newton's method does not converge")
 
 
 def direction(equations: Equations, x: Array, scale: Array, towards: Array) -> tuple[Array, float]:
@@ -185,7 +185,7 @@ def trace(
         tangent, _ = direction(equations, start, units, towards)
         x = correct(equations, start, units, tangent, steps.tolerance)
         tangent, orientation = direction(equations, x, scale(x), towards)
-    except (_Lost, *UNDEFINED) as problem:
+    except (Lost, *UNDEFINED) as problem:
         raise StickslipError(f"there is no solution near the start of the curve ({problem})") from None
     path = Path([tracer.point(x, tangent, orientation, 0.0)])
     ended, step = "", steps.first
@@ -240,7 +240,7 @@ class _Tracer:
                 if angle <= self.steps.turn and not jumped:
                     break
                 failure = "the curve turns too sharply"
-            except (_Lost, *UNDEFINED) as problem:
+            except (Lost, *UNDEFINED) as problem:
                 failure = f"no solution was found further on ({problem})"
             step *= 0.5
         for name, point in self._crossings(last, new):
@@ -300,7 +300,7 @@ class _Tracer:
             if length not in best:
                 point = self.step(last, along)
                 if self._angle(last, point) > self.steps.turn:
-                    raise _Lost("the curve turns too sharply")
+                    raise Lost("the curve turns too sharply")
                 best[length] = point
             return best[length].tests[name]
 
@@ -309,6 +309,6 @@ class _Tracer:
             return new
         try:
             brentq(value, 0.0, distance, xtol=1e-15, maxiter=60)
-        except (_Lost, RuntimeError, ValueError, *UNDEFINED):
+        except (Lost, RuntimeError, ValueError, *UNDEFINED):
             pass  # the nearest point found so far is the answer
         return min(best.values(), key=lambda point: abs(point.tests[name]))

@@ -11,15 +11,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stickslip.orbits.chart import Chart
-from stickslip.orbits.continuation import UNDEFINED, Point, _Lost, correct
-from stickslip.orbits.touching import Sequence, change_of, nearest_change, sequence
+from stickslip.orbits.chart import OPEN, Chart
+from stickslip.orbits.continuation import UNDEFINED, Lost, Point, correct, direction
+from stickslip.orbits.recurrence import segments
+from stickslip.orbits.touching import Sequence, change_of, is_open, nearest_change, sequence
 
 Array = np.ndarray
 
-FAILURES = (_Lost, *UNDEFINED)
+FAILURES = (Lost, *UNDEFINED)
 TOLERANCE = 1e-10
 LOCATED = 1e-10  # a corner is located to this length
+EDGE = 0.1  # a station nearer to the end of its phase, as a part of it, says nothing about what comes back
 AHEAD = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # how far beyond a corner the other side is looked for
 
 
@@ -43,21 +45,46 @@ class Corner:
     onward: tuple[Array, Array] | None
 
 
-def corner_after(chart: Chart, point: Point, reach: float) -> Corner | None:
-    """The corner within some length after a point; None if the sequence does not change there."""
+def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corner | None:
+    """The corner within some length after a point.
+
+    None if the sequence does not change there, or if the branch turns by more than an angle, or back, before it does:
+    that has to be resolved first.
+    """
     here = sequence(chart.orbit(point.x).motion)
     if _beyond(chart, point.x, _unit(chart, point), here, (0.25 * reach, reach, 4.0 * reach)) is None:
         return None
     x = _located(chart, point, here, 4.0 * reach)
-    units, tangent = chart.scale(x), _unit(chart, point)
+    tangent = _tangent(chart, x, point, turn)
+    if tangent is None:
+        return None
+    units = chart.scale(x)
     found = _beyond(chart, x, tangent, here, AHEAD)
     if found is None:
         return None
     trial, there, distance = found
+    if is_open(there) and not _well_inside(chart, x):
+        return None
     contacts = [c.name for c in chart.shooting.pieces.equations.contacts]
     kind, note = change_of(contacts, here, there)
     direction = np.linalg.svd(chart.orbit(trial).J * units)[2][-1]
     return Corner(x, kind, note, _onward(chart, x, direction, here, distance))
+
+
+def _tangent(chart: Chart, x: Array, point: Point, turn: float) -> Array | None:
+    """Direction of travel at a corner, on this side of it; None if it is not nearly that at a point before."""
+    before = _unit(chart, point)
+    tangent, _ = direction(chart, x, chart.scale(x), before)
+    back = tangent[-1] * before[-1] < 0.0
+    return None if back or tangent @ before < np.cos(turn) else tangent
+
+
+def _well_inside(chart: Chart, x: Array) -> bool:
+    """Whether a cycle starts well inside its first phase, which is its last one, too."""
+    k = chart.orbit(x).motion.knots
+    found = segments(k)
+    before, after = (float(k.time[b] - k.time[a]) for a, b in (found[-1], found[0]))
+    return len(found) == 1 or min(before, after) > EDGE * (before + after)
 
 
 def _unit(chart: Chart, point: Point) -> Array:
@@ -122,7 +149,8 @@ def _onward(chart: Chart, x: Array, direction: Array, here: Sequence, distance: 
         for sense in (direction, -direction):
             try:
                 there = correct(chart, x + units * sense * length, units, sense, TOLERANCE)
-                if sequence(chart.orbit(there).motion) != here:
+                after = sequence(chart.orbit(there).motion)
+                if after != here and not is_open(after) and chart.shooting.miss(chart.orbit(there)) <= OPEN:
                     return there, units * sense
             except FAILURES:
                 continue

@@ -9,6 +9,7 @@ the change is located.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,32 +17,40 @@ import numpy as np
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.orbits.birth import shrinks_to
 from stickslip.orbits.branch import Branch, SpecialPoint
-from stickslip.orbits.chart import Chart, chart_sizes, extent_of, renewed
-from stickslip.orbits.closing import restarted
-from stickslip.orbits.continuation import Path, Steps, trace
+from stickslip.orbits.chart import Chart, extent_of, first_chart, renewed
+from stickslip.orbits.closing import Closed
+from stickslip.orbits.continuation import UNDEFINED, Lost, Path, Point, Steps, correct, trace
 from stickslip.orbits.corner import corner_after
-from stickslip.orbits.cycle_points import confirmed, dataset, locate_changes
-from stickslip.orbits.cycles import Cycle, make_cycle
+from stickslip.orbits.cycle_points import confirmed, dataset, is_flat, locate_changes
+from stickslip.orbits.cycles import Cycle, find_cycle, make_cycle
 from stickslip.orbits.equilibrium_branch import checked_range
+from stickslip.orbits.halving import doubles_at, half_gap, half_of
 from stickslip.orbits.pieces import Pieces
+from stickslip.orbits.touching import LOSS
 
 Array = np.ndarray
 
 STEPS = Steps(first=0.01, largest=0.25, tolerance=1e-8, turn=0.3)
 IN_CHART = 8  # points before the chart is made anew
 FULL = f"the limit of {IN_CHART + 1} points was reached"
+CLOSED, INTERRUPTED = "the branch is closed", "interrupted"
+AT_END = 1e-9  # part of the range within which its end is reached
 PATIENCE = 64.0  # a step is shortened by this factor before the chart is made anew
-ENDINGS = ("low", "high", "amplitude", "growth", "period")
+ENDINGS = ("low", "high", "amplitude", "halving", "growth", "period")
 
 
 @dataclass
 class _Station:
-    """A point of the branch and what happens there."""
+    """A point of the branch and what happens there.
+
+    The last one may stand a little before the point where its cycle vanishes: at `limit`, in the equilibrium `centre`.
+    """
 
     value: float
     cycle: Cycle
     events: list[tuple[str, str]] = field(default_factory=list)
     end: str = ""
+    limit: float | None = None
     centre: Array | None = None
 
 
@@ -60,10 +69,16 @@ def continue_cycle(cycle: Cycle, parameter: str, span: tuple[float, float], *, s
     Returns
     -------
     Branch
-        Both ways from the cycle, through folds and changes of the sequence. ``special`` has the kinds ``"fold"``,
-        ``"period doubling"``, ``"torus"``, ``"branch point"``, ``"stick onset"`` (a contact begins to stick, or no
-        longer does), ``"grazing"`` (a phase appears where a boundary is touched), ``"sequence change"``, ``"Hopf"`` and
-        ``"boundary equilibrium"`` (the cycle shrinks to an equilibrium inside a mode or on its boundary).
+        Both ways from the cycle, through folds and changes of the sequence. ``special`` has the kinds
+
+        - ``"fold"`` (noted as not smooth at a corner of the branch), ``"period doubling"``, ``"torus"``,
+          ``"branch point"``;
+        - ``"stick onset"`` (a contact begins to stick, or no longer does), ``"grazing"`` (a phase appears where a
+          boundary is touched), ``"sequence change"`` (any other), ``"loss of the cycle"`` (it ends at a change);
+        - ``"Hopf"`` and ``"boundary equilibrium"`` (the cycle shrinks to an equilibrium inside a mode or on its
+          boundary).
+
+        Of driven systems ``time`` says when the state is passed.
 
     Raises
     ------
@@ -77,54 +92,51 @@ def continue_cycle(cycle: Cycle, parameter: str, span: tuple[float, float], *, s
     if not low <= value <= high:
         raise DeclarationError("cycle", f"it is at {parameter} = {value:g}, outside ({low:g}, {high:g})", "Enclose it")
     follower = _Follower(cycle, parameter, (low, high), steps or STEPS)
-    back, forth = follower.follow(-1.0), follower.follow(1.0)
+    back = follower.follow(-1.0)
+    forth = ([], back[1]) if back[1] in (CLOSED, INTERRUPTED) else follower.follow(1.0)
     return follower.branch(back, forth)
 
 
 class _Follower:
     def __init__(self, cycle: Cycle, parameter: str, span: tuple[float, float], steps: Steps) -> None:
         self.cycle, self.parameter, self.span, self.steps = cycle, parameter, span, steps
-        closed = cycle.closed
-        # A closed form is made for one set of parameters; here every motion has its own.
-        self.problem = replace(closed.orbit.problem, exact=False)
-        vars(self.problem)["compiled"] = closed.orbit.problem.compiled
-        self.extent = extent_of(closed, span)
-        self.pieces = Pieces(self.problem.compiled.equations, parameter)
-
-    def first_chart(self) -> tuple[Chart, Array]:
-        """The chart around the given cycle."""
-        closed = self.cycle.closed
-        shooting = closed.shooting.with_pieces(self.pieces, self.problem)
-        new, x = restarted(
-            shooting, shooting.orbit(np.append(closed.orbit.x, self.cycle.parameters[self.parameter])),
-            len(shooting.stations), chart_sizes(closed, self.extent),
-        )  # fmt: skip
-        return Chart(new, self.extent), x
+        self.extent = extent_of(cycle.closed, span)
+        self.pieces = Pieces(cycle.closed.orbit.problem.compiled.equations, parameter)
 
     def follow(self, sign: float) -> tuple[list[_Station], str]:
         """The points in one direction, without the start, and the reason for the end."""
-        chart, x = self.first_chart()
+        stations: list[_Station] = []
+        try:
+            return stations, self._collect(sign, stations)
+        except KeyboardInterrupt:
+            return stations, INTERRUPTED
+
+    def _collect(self, sign: float, stations: list[_Station]) -> str:
+        """Append the points in one direction; the reason for the end."""
+        chart, x = first_chart(self.cycle.closed, self.pieces, self.extent)
         towards = np.zeros(len(x))
         towards[-1] = sign
-        stations: list[_Station] = []
         step = self.steps.first
         while True:
             try:
                 path = self._trace(chart, x, towards, step)
             except StickslipError as failure:
-                return stations, f"no cycle was found further on ({failure})"
+                return f"no cycle was found further on ({failure})"
             stations += self._stations(chart, path)
+            last, bent = path.points[-1], None
+            if path.ended not in (FULL, INTERRUPTED, *ENDINGS):
+                stations += self._edge(chart, last)
             reason = self._end(path, stations)
             if reason:
-                return stations, reason
-            last, bent = path.points[-1], None
+                return reason
             if path.ended not in (FULL, *ENDINGS):
-                bent = corner_after(chart, last, self._smallest(step))
+                bent = corner_after(chart, last, self._smallest(step), self.steps.turn)
             if bent is not None:
                 stations.append(self._station(chart, bent.x))
-                stations[-1].events.append((bent.kind, bent.note))
                 if bent.onward is None:
-                    return stations, f"the cycle is lost at a change of the sequence: {bent.kind}, {bent.note}"
+                    stations[-1].events.append((LOSS, bent.note))
+                    return f"{LOSS} at {self.parameter} = {stations[-1].value:.12g}: {bent.note}"
+                stations[-1].events.append((bent.kind, bent.note))
                 x, towards = bent.onward
                 if towards[-1] * last.tangent[-1] < 0.0:
                     stations[-1].events.append(("fold", "not smooth: the sequence changes there"))
@@ -133,9 +145,30 @@ class _Follower:
                 step = self.steps.first
                 continue
             if len(path.points) == 1 and step <= PATIENCE * self.steps.smallest:
-                return stations, path.ended
+                return self._reached(float(last.x[-1])) or path.ended
             step = self._next_step(path, step)
             chart, x, towards = renewed(chart, last.x, last.tangent)
+
+    def _edge(self, chart: Chart, last: Point) -> list[_Station]:
+        """The cycle at the end of the range, if it is a step away: a parameter may not be allowed to go beyond."""
+        side = int(last.tangent[-1] > 0.0)
+        value = self.span[side]
+        if not 0.0 < abs(value - last.x[-1]) < self.steps.largest * abs(last.tangent[-1]):
+            return []
+        units, along = chart.scale(last.x), np.zeros(len(last.x))
+        along[-1] = 1.0
+        guess = last.x + last.tangent * (value - last.x[-1]) / last.tangent[-1]
+
+        def exactly(x: Array) -> Array:
+            return np.append(x[:-1], value)
+
+        try:
+            x = exactly(correct(lambda x: chart(exactly(x)), guess, units, along, self.steps.tolerance))
+        except (Lost, *UNDEFINED):
+            return []
+        found = self._station(chart, x)
+        found.end = ("low", "high")[side]
+        return [found]
 
     def _trace(self, chart: Chart, x: Array, towards: Array, step: float) -> Path:
         """Some points in one chart."""
@@ -172,10 +205,10 @@ class _Follower:
             found.append(self._station(chart, point.x))
             slope = float(point.tangent[-1] / chart.scale(point.x)[-1])
             for crossing in path.crossings:
-                if crossing.index == i and crossing.name not in ENDINGS:
+                if crossing.index == i and crossing.name not in ENDINGS and not is_flat(path, crossing):
                     event = confirmed(crossing.name, slope, found[-1].cycle.nontrivial, changes)
                     found[-1].events += [event] if event else []
-                elif crossing.index == i:
+                elif crossing.index == i and crossing.name in ENDINGS:
                     found[-1].end = crossing.name
         return found
 
@@ -193,38 +226,53 @@ class _Follower:
             return f"the next cycle is {verdict}"
         if stations and stations[-1].end:
             return self._named_end(stations)
-        if path.ended == "interrupted":
-            return path.ended
+        if path.ended == INTERRUPTED:
+            return INTERRUPTED
         if len(stations) >= self.steps.most:
             return f"the limit of {self.steps.most} points was reached"
         if self._came_back(stations, len(path.points)):
-            return "the branch is closed"
+            return CLOSED
         return ""
+
+    def _reached(self, value: float) -> str:
+        """That a value is an end of the range, if it is one; right there the cycle may be degenerate."""
+        end = min(self.span, key=lambda end: abs(end - value))
+        near = abs(end - value) <= AT_END * (self.span[1] - self.span[0])
+        return f"{self.parameter} = {end:g}, the end of the range" if near else ""
 
     def _named_end(self, stations: list[_Station]) -> str:
         last = stations[-1]
         if last.end in ("low", "high"):
-            return f"{self.parameter} = {self.span[last.end == 'high']:g}, the end of the range"
+            return self._reached(self.span[last.end == "high"])
         if last.end == "period":
             return f"the period grows without bound, it is {last.cycle.period:.6g}"
         if last.end == "growth":
-            return f"the cycle grows without bound, its extent is {2.0 * self._amplitude(last.cycle):.3g} times that"
+            size = self._amplitude(last.cycle)
+            return f"the cycle grows without bound, to {size:.3g} times the state at the start of the branch"
+        if last.end == "halving":
+            return self._halved(stations)
         smooth = len(last.cycle.phases) == 1
-        last.value = self._vanishing(stations, 2 if smooth else 1)
+        last.limit = _vanishing(stations, self._amplitude, 2 if smooth else 1)
         last.centre = np.mean(last.cycle.closed.samples(64), axis=0)
-        born = shrinks_to(last.cycle.closed, self.parameter, last.value) if smooth else None
+        born = shrinks_to(last.cycle.closed, self.parameter, last.limit) if smooth else None
         if born is not None:
-            last.value, last.centre = born
+            last.limit, last.centre = born
         kind = "Hopf" if smooth else "boundary equilibrium"
         last.events.append((kind, "the cycle shrinks to an equilibrium"))
-        return f"{kind} at {self.parameter} = {last.value:.12g}: the cycle shrinks to an equilibrium"
+        return f"{kind} at {self.parameter} = {last.limit:.12g}: the cycle shrinks to an equilibrium"
 
-    def _vanishing(self, stations: list[_Station], power: int) -> float:
-        """Value of the parameter at which the amplitude is 0; a power of it is linear in the parameter."""
-        if len(stations) < 2:
-            return stations[-1].value
-        (p, a), (q, b) = ((s.value, self._amplitude(s.cycle) ** power) for s in stations[-2:])
-        return q - b * (q - p) / (b - a)
+    def _halved(self, stations: list[_Station]) -> str:
+        """The cycle becomes one of half its period, which doubles its period there."""
+        last = stations[-1]
+        near = _vanishing(stations, lambda cycle: half_gap(cycle.closed), 2)
+
+        def at(closed: Closed, value: float) -> Closed:
+            return find_cycle(self.cycle.system, make_cycle(closed), {self.parameter: value}).closed
+
+        found = doubles_at(half_of(last.cycle.closed), last.value, near, at)
+        last.limit = near if found is None else found
+        last.events.append(("period doubling", "the cycle becomes one of half its period"))
+        return f"period doubling at {self.parameter} = {last.limit:.12g}: the cycle becomes one of half its period"
 
     def _amplitude(self, cycle: Cycle) -> float:
         ranges = np.array([high - low for low, high in cycle.extrema.values()])
@@ -262,12 +310,18 @@ class _Follower:
         return Branch(self.cycle.system, dict(self.cycle.parameters), self.parameter, points, special, ended)
 
     def _special(self, station: _Station, index: int, kind: str, note: str) -> SpecialPoint:
-        cycle = station.cycle
-        field = cycle.closed.shooting.stations[0].piece.field
-        state = cycle.state
-        if kind in ("Hopf", "boundary equilibrium") and station.centre is not None:
+        cycle, value = station.cycle, station.value if station.limit is None else station.limit
+        field, state = cycle.closed.shooting.stations[0].piece.field, cycle.state
+        if station.centre is not None:
             state = dict(zip(state, map(float, station.centre), strict=True))
-        parameters = {**cycle.parameters, self.parameter: station.value}
-        return SpecialPoint(
-            kind, station.value, state, parameters, field.mode, field.region, index, cycle.period, note=note
-        )
+        parameters = {**cycle.parameters, self.parameter: value}
+        data = {"time": cycle.time} if cycle.closed.shooting.symmetry.driven else {}
+        return SpecialPoint(kind, value, state, parameters, field.mode, field.region, index, cycle.period, data, note)
+
+
+def _vanishing(stations: list[_Station], size: Callable[[Cycle], float], power: int) -> float:
+    """Value of the parameter at which a size of cycles is 0; a power of it is linear in the parameter."""
+    if len(stations) < 2:
+        return stations[-1].value
+    (p, a), (q, b) = ((s.value, size(s.cycle) ** power) for s in stations[-2:])
+    return q - b * (q - p) / (b - a)

@@ -9,7 +9,7 @@ import numpy as np
 
 from stickslip.motion.trajectory import contact_key
 from stickslip.orbits.chart import Chart
-from stickslip.orbits.continuation import UNDEFINED, Point, _Lost
+from stickslip.orbits.continuation import UNDEFINED, Crossing, Lost, Path, Point
 from stickslip.orbits.touching import Sequence, change_of, nearest_change, sequence
 
 if TYPE_CHECKING:
@@ -20,11 +20,12 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 NEAR = 1e-4  # a located multiplier or slope is this close to its critical value, else it jumps there
+FLAT = 1e-9  # values of a test function that are rounding
 MOST_CHANGES = 8  # located within one step
 TOUCHES = 1e-11  # a margin this small is zero
 TOGETHER = 1e-6  # changes that are nearer to each other are one
 FINE = 1e-11  # corrector's tolerance where a change is located
-STABLE = {"flag_values": np.array([0, 1], np.int8), "flag_meanings": "unstable stable"}
+STABLE = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "neutral unstable stable"}
 
 
 @dataclass(frozen=True)
@@ -79,11 +80,17 @@ class _Finder:
         self(high)
         try:
             brentq(self, low, high, xtol=1e-13, maxiter=60)
-        except (_Lost, RuntimeError, ValueError, *UNDEFINED):
+        except (Lost, RuntimeError, ValueError, *UNDEFINED):
             pass  # what was found so far encloses the change
         beyond = min(s for s, (_, order, _) in self.seen.items() if order != self.here)
         x = min(self.seen.values(), key=lambda entry: abs(entry[2]))[0]
         return x, beyond, self.seen[beyond][1]
+
+
+def is_flat(path: Path, crossing: Crossing) -> bool:
+    """Whether a test function is zero on both sides, too, but for rounding: without damping that is so all along."""
+    beside = path.points[max(crossing.index - 1, 0) : crossing.index + 2]
+    return max(abs(point.tests[crossing.name]) for point in beside) < FLAT
 
 
 def confirmed(name: str, slope: float, multipliers: Array, changes: list[Change]) -> tuple[str, str] | None:
@@ -113,13 +120,13 @@ def dataset(parameter: str, values: list[float], cycles: list[Cycle]) -> xarray.
     def column(quantity: str) -> tuple[str, Array]:
         return "point", np.array([getattr(c, quantity) for c in cycles], dtype=float)
 
-    data: dict = {parameter: ("point", np.array(values)), "period": column("period")}
+    data: dict = {parameter: ("point", np.array(values)), "period": column("period"), "time": column("time")}
     for name in system.declaration.state:
         data[name] = "point", np.array([c.state[name] for c in cycles])
         data[f"min_{name}"] = "point", np.array([c.extrema[name][0] for c in cycles])
         data[f"max_{name}"] = "point", np.array([c.extrema[name][1] for c in cycles])
     data |= {
-        "stable": ("point", np.array([c.stable for c in cycles], np.int8), STABLE),
+        "stable": ("point", np.array([-1 if c.neutral else int(c.stable) for c in cycles], np.int8), STABLE),
         "multiplier_real": (("point", "multiplier"), multipliers.real),
         "multiplier_imag": (("point", "multiplier"), multipliers.imag),
         "differentiable": ("point", np.array([c.differentiable for c in cycles], np.int8)),

@@ -27,6 +27,7 @@ from stickslip.orbits.measure import ContactShare, Phase
 from stickslip.orbits.pieces import Pieces
 from stickslip.orbits.recurrence import Recurrence, Window, earliest, latest, window
 from stickslip.orbits.shooting import NoReturn, Shooting, follow_freely
+from stickslip.orbits.touching import nearest_change
 from stickslip.system import System
 
 if TYPE_CHECKING:
@@ -39,6 +40,8 @@ SETTLED = 1e-3  # a motion that returns this close has settled
 ROUNDS = 7  # the time a motion is given to settle doubles so many times
 AGREES = 0.3  # a cycle this far from the motion it was found from, relative to its size, is another one
 COLLAPSED = 1e-4  # a cycle that has shrunk to this part of the motion it was found from is an equilibrium
+TOUCHED = 1e-9  # a guard that comes down to this part of its size is touched
+NEUTRAL = 1e-9  # multipliers this close to the unit circle are on it
 STILL = 1e-7  # a motion with this extent, relative to the state, is none
 
 
@@ -119,7 +122,12 @@ class Cycle:
     @property
     def stable(self) -> bool:
         """Whether neighbours are attracted (along the cycle and its translations they stay neighbours)."""
-        return bool(np.all(np.abs(self.nontrivial) < 1.0))
+        return bool(np.all(np.abs(self.nontrivial) < 1.0 - NEUTRAL))
+
+    @property
+    def neutral(self) -> bool:
+        """Whether neighbours are neither attracted nor repelled, as without damping."""
+        return not self.stable and bool(np.all(np.abs(self.nontrivial) <= 1.0 + NEUTRAL))
 
     @property
     def sticks(self) -> bool:
@@ -138,8 +146,9 @@ class Cycle:
     def describe(self) -> str:
         """A few lines."""
         shown = ", ".join(f"{z.real:.6g}" + (f"{z.imag:+.6g}i" if z.imag else "") for z in self.multipliers)
+        stability = "stable" if self.stable else "neutral" if self.neutral else "unstable"
         lines = [
-            f"period {self.period:.12g}, {'stable' if self.stable else 'unstable'}, multipliers {shown}",
+            f"period {self.period:.12g}, {stability}, multipliers {shown}",
             f"stick {self.stick_time:.9g}, slip {self.slip_time:.9g}, dissipated {self.dissipated:.9g}",
         ]
         if self.drift:
@@ -220,7 +229,10 @@ def _moved(system: System, start: Cycle, parameters: Mapping[str, float] | None)
     found = Recurrence(start.time, y, start.period, old.shooting.setting.turns, old.orbit.shift, 0.0)
     if w.clock is not None:
         found = replace(found, period=found.turns * w.clock.period(problem.parameters))
-    return _accepted(*near(problem, pieces, w, found))
+    try:
+        return _accepted(*near(problem, pieces, w, found))
+    except ConvergenceError as failure:
+        raise ConvergenceError(failure.where, failure.reached, "Take smaller steps, or use continue_cycle") from None
 
 
 def _accepted(shooting: Shooting, x: Array) -> Closed:
@@ -248,7 +260,7 @@ def _from_motion(motion: Trajectory) -> Closed:
         raise _at_rest(motion)
     k = motion.knots
     w = window(motion, pieces, max(0, int(np.searchsorted(k.time, 0.5 * (k.time[0] + k.time[-1]))) - 1))
-    if w.extent < STILL:
+    if w.extent(np.max(np.abs(k.state), axis=0)) < STILL:
         raise _at_rest(motion)
     found = latest(w, pieces)
     if found is None or found.distance > AGREES:
@@ -261,11 +273,12 @@ def _from_motion(motion: Trajectory) -> Closed:
     return _accepted(*near(motion._problem, pieces, w, found))
 
 
-def _at_rest(motion: Trajectory) -> ConvergenceError:
+def _at_rest(motion: Trajectory, before: ConvergenceError | None = None) -> ConvergenceError:
     final = ", ".join(f"{name} = {value:.6g}" for name, value in motion.final.items())
+    tried = f"; before that, {before.reached}" if before is not None else ""
     return ConvergenceError(
         f"a cycle of {motion.system.name}",
-        f"the motion comes to rest: at t = {motion.knots.time[-1]:.6g} it is at {final}",
+        f"the motion comes to rest: at t = {motion.knots.time[-1]:.6g} it is at {final}{tried}",
         "Start with more energy, or choose parameters for which it keeps moving",
     )
 
@@ -278,6 +291,7 @@ class _Search:
         self.pieces = Pieces(problem.compiled.equations)
         self.time, self.span = problem.system.span[0], problem.system.span[1] - problem.system.span[0]
         self.best: tuple[Window, Recurrence] | None = None
+        self.modulus = np.zeros(len(state))
         self.extents: list[float] = []
         self.failure: ConvergenceError | None = None
 
@@ -285,17 +299,18 @@ class _Search:
         for turn in range(ROUNDS):
             motion = follow_freely(self.problem, self.time, self.time + self.span, self.state)
             if len(motion.knots.time) < 2 or rests_forever(self.problem, motion.knots):
-                raise _at_rest(motion) if motion.outcome.ok else NoReturn("find_cycle", motion.message)
+                raise _at_rest(motion, self.failure) if motion.outcome.ok else self._ended(motion)
             w = window(motion, self.pieces)
-            self.extents.append(w.extent)
+            self.modulus = np.maximum(self.modulus, np.max(np.abs(w.states), axis=0))
+            self.extents.append(w.extent(self.modulus))
             if self.extents[-1] < STILL:
-                raise _at_rest(motion)
+                raise _at_rest(motion, self.failure)
             closed = self._try(w, earliest(w), NEARBY) if turn == 0 else None
             closed = closed or self._try(w, latest(w, self.pieces), SETTLED)
             if closed is not None:
                 return closed
             if not motion.outcome.ok:
-                raise NoReturn(f"a cycle of {self.problem.system.name}", motion.message)
+                raise self._ended(motion)
             self.time, self.state, self.span = float(motion.knots.time[-1]), motion.knots.state[-1], 2.0 * self.span
         closed = self._try(*self.best, NEARBY) if self.best is not None else None
         if closed is None:
@@ -315,6 +330,9 @@ class _Search:
         except ConvergenceError as failure:
             self.failure = failure
             return None
+
+    def _ended(self, motion: Trajectory) -> ConvergenceError:
+        return NoReturn(f"a cycle of {self.problem.system.name}", f"the motion from the start ends: {motion.message}")
 
     def _failed(self) -> ConvergenceError:
         if self.failure is not None:
@@ -346,7 +364,7 @@ def make_cycle(closed: Closed) -> Cycle:
         section=_section(found[0]),
         multipliers=closed.spectrum.every,
         trivial=len(closed.spectrum.trivial),
-        differentiable=all(leg.change.differentiable for leg in orbit.legs),
+        differentiable=_differentiable(closed),
         phases=found,
         extrema={name: (float(a), float(b)) for name, a, b in zip(names, low, high, strict=True)},
         contacts=measure.contact_shares(motion, samples),
@@ -360,6 +378,12 @@ def make_cycle(closed: Closed) -> Cycle:
         trajectory=motion,
         closed=closed,
     )
+
+
+def _differentiable(closed: Closed) -> bool:
+    """Whether neighbours follow the same sequence: no events coincide that need not, and no guard is touched."""
+    smooth = all(leg.change.differentiable for leg in closed.orbit.legs)
+    return smooth and nearest_change(closed.orbit.motion, closed.shooting.pieces) > TOUCHED
 
 
 def _section(phase: Phase) -> str:

@@ -87,11 +87,10 @@ class Window:
         scaled = (states if e is None else states - np.multiply.outer(times, e)) / self.sizes
         return scaled - (scaled @ N) @ np.linalg.pinv(N) if N.shape[1] else scaled
 
-    @property
-    def extent(self) -> float:
-        """Largest range of a component relative to its modulus: 0 if nothing moves but along translations."""
+    def extent(self, modulus: Array) -> float:
+        """Largest range of a component relative to a modulus: 0 if nothing moves but along translations."""
         home = self.at_home(self.states, self.times)
-        return float(np.max(np.ptp(home, axis=0) * self.sizes / (np.max(np.abs(self.states), axis=0) + 1e-300)))
+        return float(np.max(np.ptp(home, axis=0) * self.sizes / (modulus + 1e-300)))
 
 
 def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:

@@ -274,12 +274,18 @@ class Shooting:
         self._last: Orbit | None = None
 
     def with_pieces(self, pieces: Pieces, problem: Problem) -> Shooting:
-        """The same equations with another free parameter, or with other values of the parameters."""
+        """The same equations with another free parameter."""
         stations = []
         for station in self.stations:
             mode, region = station.piece.field.mode, station.piece.field.region
             stations.append(replace(station, piece=pieces(np.array(mode, np.int8), np.array(region, np.int8))))
         return Shooting(problem, pieces, stations, self.start, self.setting)
+
+    def with_problem(self, problem: Problem) -> Shooting:
+        """The same unknowns for other values of the parameters."""
+        other = Shooting(problem, self.pieces, self.stations, self.start, self.setting)
+        other.fixed = self.fixed
+        return other
 
     def guess(self, period: float, shift: Array) -> Array:
         """Unknowns at the origins of the stations, from a period and the shift of the state in it."""

@@ -25,6 +25,7 @@ Array = np.ndarray
 
 RANK = 1e-9  # singular values below this part of the largest are zero
 SAME = 1e-9  # changes below this part of their terms are none
+ROUNDING = 1e-15  # … and so are those below this part of the largest terms
 MOST_PERIODS = 24  # drives have a common period if it is at most this many of their own
 
 
@@ -123,7 +124,9 @@ class Surroundings:
             changes.append((later - now).T.ravel())
             terms.append((np.abs(now) + np.abs(later) + period * np.abs(slopes[:, :, 0].T)).T.ravel())
         matrix, change = np.concatenate(rows) * self.sizes, np.concatenate(changes)
-        size = np.maximum(np.max(np.abs(matrix), axis=1, initial=0.0) + np.concatenate(terms), 1e-300)
+        size = np.max(np.abs(matrix), axis=1, initial=0.0) + np.concatenate(terms)
+        # What vanishes in a piece, as the acceleration in stick does, is rounding of what is large elsewhere.
+        size = np.maximum(size, ROUNDING / SAME * np.max(size) + 1e-300)
         matrix, change = matrix / size[:, None], change / size
         if np.max(np.abs(change)) <= SAME:
             return np.zeros(n)

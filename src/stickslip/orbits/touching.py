@@ -24,11 +24,22 @@ Array = np.ndarray
 Setting = tuple[tuple[int, ...], tuple[int, ...]]
 Sequence = tuple[Setting, ...]
 
+LOSS = "loss of the cycle"
+
 
 def sequence(motion: Trajectory) -> Sequence:
-    """Mode and region of the phases of a period, wherever it starts."""
+    """Mode and region of the phases of a period, wherever it starts.
+
+    A motion that does not end in the phase it starts in is no cycle; its phases are followed by the first one.
+    """
     k = motion.knots
-    return _canonical([(tuple(map(int, k.mode[a])), tuple(map(int, k.region[a]))) for a, _ in segments(k)])
+    phases = [(tuple(map(int, k.mode[a])), tuple(map(int, k.region[a]))) for a, _ in segments(k)]
+    return _canonical(phases) if phases[0] == phases[-1] else (*phases, phases[0])
+
+
+def is_open(s: Sequence) -> bool:
+    """Whether it is the sequence of a motion that is no cycle."""
+    return len(s) > 1 and s[0] == s[-1]
 
 
 def _canonical(phases: list[Setting]) -> Sequence:
@@ -39,16 +50,36 @@ def _canonical(phases: list[Setting]) -> Sequence:
 
 def change_of(contacts: list[str], before: Sequence, after: Sequence) -> tuple[str, str]:
     """Name of a change of the sequence, and what happens in words."""
+    if is_open(after):
+        missed = _difference(contacts, after[-2], after[0])
+        return LOSS, f"the motion no longer comes back to the phase it starts in: {missed}"
     for i, name in enumerate(contacts):
         stuck, sticks = (any(mode[i] == 0 for mode, _ in s) for s in (before, after))
         if stuck != sticks:
             return "stick onset", f"contact '{name}' " + ("begins to stick" if sticks else "no longer sticks")
     few, many = sorted((before, after), key=len)
-    for i, phase in enumerate(many):
-        others = [*many[:i], *many[i + 1 :]]
-        if len(many) > len(few) and many[i - 1] == many[(i + 1) % len(many)] and _canonical(others) == few:
-            return "grazing", _difference(contacts, many[i - 1], phase)
+    touched = _excursions(many, few)
+    if touched:
+        return "grazing", ", ".join(dict.fromkeys(_difference(contacts, a, b) for a, b in touched))
     return "sequence change", f"{_phases(before)} become {_phases(after)}"
+
+
+def _excursions(many: Sequence, few: Sequence) -> list[tuple[Setting, Setting]]:
+    """Phases of a sequence without which it is the other one, each after the phase that it interrupts.
+
+    There may be several: a cycle with a symmetry touches a boundary more than once.
+    """
+    found: dict[Sequence, list[tuple[Setting, Setting]]] = {many: []}
+    waiting = [many]
+    while waiting:
+        s = waiting.pop()
+        for i, phase in enumerate(s):
+            if len(s) > len(few) and s[i - 1] == s[(i + 1) % len(s)]:
+                rest = _canonical([*s[:i], *s[i + 1 :]])
+                if rest not in found:
+                    found[rest] = [*found[s], (s[i - 1], phase)]
+                    waiting.append(rest)
+    return found.get(few, [])
 
 
 def _phases(s: Sequence) -> str:
@@ -60,7 +91,7 @@ def _difference(contacts: list[str], a: Setting, b: Setting) -> str:
     from stickslip.equations.field import MODE_NAMES
 
     modes = [
-        f"contact '{c}' touches {MODE_NAMES[n]} from {MODE_NAMES[m]}"
+        f"contact '{c}' touches the boundary between {MODE_NAMES[max(m, n)]} and {MODE_NAMES[min(m, n)]}"
         for c, m, n in zip(contacts, a[0], b[0], strict=True)
         if m != n
     ]
@@ -75,18 +106,19 @@ def nearest_change(motion: Trajectory, pieces: Pieces) -> float:
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
     period = k.time[-1] - k.time[0]
     margins = [float(k.time[b] - k.time[a]) / period for a, b in found[1:-1]]
-    dips = [dip for a, b in found for dip in _dips(motion, pieces(k.mode[a], k.region[a]), a, b, p)]
-    if dips:
-        margins.append(min(dips, key=lambda dip: dip.value).refined())
+    low = [dip for a, b in found for dip in dips(motion, pieces(k.mode[a], k.region[a]), a, b, p)]
+    if low:
+        margins.append(min(low, key=lambda dip: dip.value).refined())
     for (_, a), (b, _) in itertools.pairwise(found):
         margins += _reversals(motion, pieces, a, b, p)
     return max(min(margins, default=1.0), 1e-300)
 
 
 @dataclass(frozen=True)
-class _Dip:
-    """A local minimum of a guard: three times around it, values there, and the guard as a function of time."""
+class Dip:
+    """A local minimum of a guard: its switch, three times around it, values there, and the guard over time."""
 
+    switch: int
     times: Array
     values: Array
     scale: float
@@ -116,7 +148,7 @@ class _Dip:
         return max(float(np.min(g)), 0.0) / self.scale
 
 
-def _dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array) -> list[_Dip]:
+def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array) -> list[Dip]:
     """Local minima of the guards inside a phase."""
     k, n = motion.knots, motion.knots.state.shape[1]
     steps = np.array([i for i in range(a, b) if k.time[i + 1] > k.time[i]])
@@ -134,7 +166,7 @@ def _dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array) -> list[_D
                 y = motion._sample(np.array([t]), np.array([at]))[0, :n]
                 return float(piece.felt(t, y, p)[n + row])  # pyright: ignore[reportArgumentType]
 
-            found.append(_Dip(times[i - 1 : i + 2], g[i - 1 : i + 2], scale, guard))
+            found.append(Dip(int(piece.switches[row]), times[i - 1 : i + 2], g[i - 1 : i + 2], scale, guard))
     return found
 
 
@@ -146,10 +178,15 @@ def _reversals(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> 
         mode = k.mode[b].copy()
         mode[c] = 0
         try:
-            piece = pieces(mode, k.region[b])
+            held = holding(pieces(mode, k.region[b]), kinks + int(c), float(k.time[b]), k.state[b], p)
         except ZeroDivisionError:
             continue
-        here = piece.leave(float(k.time[b]), k.state[b], p)
-        forces = here.value[piece.switches == kinks + c]
-        found.append(abs(float(np.min(forces))) / float(np.sum(np.abs(forces))))
+        found.append(abs(held))
     return found
+
+
+def holding(stuck: Piece, switch: int, t: float, y: Array, p: Array) -> float:
+    """By how much a contact that sticks is held: the nearer threshold, relative to both. Negative if it slips."""
+    here = stuck.leave(t, y, p)
+    forces = here.value[stuck.switches == switch]
+    return float(np.min(forces)) / float(np.sum(np.abs(forces)))

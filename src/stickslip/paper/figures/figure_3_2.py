@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stickslip.figures.style import BLUE, STICK_LINE, VERMILION, new_figure, paper_style
-from stickslip.orbits.scaling import ReturnMap, exact, lowest_order
 from stickslip.paper.figures.entry import FigureEntry
+from stickslip.paper.scaling import ReturnMap, exact, lowest_order
 
 B = 0.7
 

@@ -1,0 +1,97 @@
+"""The gait diagram: which contact moves when, and where that takes the feet."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from stickslip.errors import DeclarationError
+from stickslip.figures.style import (
+    SLIP,
+    STICK_SHADE,
+    axis_label,
+    legend_above,
+    line_colours,
+    new_figure,
+    paper_style,
+)
+from stickslip.motion.trajectory import attributes
+from stickslip.units import unit_label
+
+if TYPE_CHECKING:
+    from stickslip.orbits.cycles import Cycle
+
+Array = np.ndarray
+SAMPLES = 400
+
+
+def plot_gait(cycle: Cycle, periods: int = 2) -> Figure:
+    """Which contact sticks, slips forward or slips back, over the coordinates that drift.
+
+    Parameters
+    ----------
+    cycle : Cycle
+        Of a system with contacts.
+    periods : int
+        Number of periods shown.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    if not cycle.contacts:
+        raise DeclarationError("cycle", "its system has no contacts", "A gait diagram shows contacts")
+    moving = [name for name in cycle.direction if cycle.drift] or list(cycle.system.declaration.coordinates)
+    rows = len(cycle.contacts)
+    with paper_style():
+        figure = new_figure(6.4, 2.9 + 0.42 * rows)
+        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=[0.42 * rows, 2.2])
+        _bars(top, cycle, periods)
+        _positions(bottom, cycle, moving, periods)
+        unit = unit_label(cycle.system.time_unit)
+        bottom.set_xlabel("time $t$" + (f"  [{unit}]" if unit else ""))
+        bottom.set_xlim(0.0, periods * cycle.period)
+    return figure
+
+
+def _bars(axes: Axes, cycle: Cycle, periods: int) -> None:
+    """One row for each contact, one bar for each phase."""
+    knots = cycle.trajectory.knots
+    contacts = [c.name for c in cycle.trajectory._problem.compiled.equations.contacts]
+    start, length = knots.time[:-1] - knots.time[0], np.diff(knots.time)
+    shown: set[int] = set()
+    for row, name in enumerate(cycle.system.contacts):
+        mode = knots.mode[:-1, contacts.index(name)]
+        edges = np.flatnonzero(np.append(True, np.diff(mode) != 0))
+        for turn in range(periods):
+            for i, j in zip(edges, [*edges[1:], len(mode)], strict=True):
+                begins, lasts = start[i] + turn * cycle.period, float(np.sum(length[i:j]))
+                colour = SLIP.get(int(mode[i]), STICK_SHADE)
+                axes.broken_barh([(begins, lasts)], (row - 0.36, 0.72), color=colour, lw=0)
+                shown.add(int(mode[i]))
+    axes.set_yticks(range(rows := len(cycle.contacts)), list(cycle.system.contacts))
+    axes.set_ylim(rows - 0.5, -0.5)
+    axes.tick_params(left=False)
+    axes.spines[["left", "bottom"]].set_visible(False)
+    axes.tick_params(bottom=False, labelbottom=False)
+    meanings = ((0, STICK_SHADE, "stick"), (1, SLIP[1], "slip forward"), (-1, SLIP[-1], "slip back"))
+    legend_above(axes, [Patch(color=colour, label=label) for mode, colour, label in meanings if mode in shown])
+
+
+def _positions(axes: Axes, cycle: Cycle, names: list[str], periods: int) -> None:
+    """Where the coordinates go, from 0 at the first one's start."""
+    t = np.linspace(0.0, cycle.period, SAMPLES)
+    values = cycle.trajectory.at(np.minimum(t + cycle.time, cycle.trajectory.knots.time[-1]))
+    origin = values[names[0]][0]
+    for name, colour in zip(names, line_colours(len(names) + 2)[2:], strict=True):
+        shift = cycle.drift * cycle.direction.get(name, 0.0)
+        x = np.concatenate([values[name] - origin + turn * shift for turn in range(periods)])
+        times = np.concatenate([t + turn * cycle.period for turn in range(periods)])
+        axes.plot(times, x, color=colour, label=axis_label([name], ""))
+    axes.set_ylabel(axis_label(names, str(attributes(cycle.system, names[0])["units"])))
+    if len(names) > 1:
+        legend_above(axes)

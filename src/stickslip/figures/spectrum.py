@@ -1,0 +1,59 @@
+"""Eigenvalues of equilibria in the complex plane."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
+
+from stickslip.figures.style import STICK_SHADE, line_colours, new_figure, paper_style
+
+if TYPE_CHECKING:
+    from stickslip.orbits.equilibrium import Equilibria
+
+MARKERS = "osD^vPX*"
+
+
+def plot_eigenvalues(found: Equilibria) -> Figure:
+    """The eigenvalues of every equilibrium; those in the white half plane decay.
+
+    Parameters
+    ----------
+    found : Equilibria
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    with paper_style():
+        figure = new_figure(5.2, 4.2)
+        axes = figure.add_subplot()
+        colours = line_colours(max(len(found), 1))
+        verdicts = {True: "stable", False: "unstable", None: "undecided"}
+        for i, e in enumerate(found):
+            values = e.eigenvalues or ()
+            label = (
+                f"{i + 1}: {', '.join(f'{c} {m}' for c, m in e.modes.items()) or 'no contacts'}, {verdicts[e.stable]}"
+            )
+            axes.plot(
+                [z.real for z in values],
+                [z.imag for z in values],
+                linestyle="none",
+                marker=MARKERS[i % len(MARKERS)],
+                markerfacecolor="none",
+                markeredgewidth=1.6,
+                color=colours[i],
+                label=label,
+                zorder=3,
+            )
+        axes.margins(0.12)
+        low, high = axes.get_xlim()
+        reach = max(high, 0.1 * abs(low), 1e-3)
+        axes.axvspan(0.0, reach, color=STICK_SHADE, lw=0, zorder=0)
+        axes.axhline(0.0, color="#888888", lw=0.6, zorder=1)
+        axes.set_xlim(min(low, -0.1 * reach), reach)
+        axes.set_xlabel(r"Re $\lambda$")
+        axes.set_ylabel(r"Im $\lambda$")
+        if len(found):
+            figure.legend(loc="outside upper left", ncols=1)
+    return figure

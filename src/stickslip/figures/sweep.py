@@ -1,0 +1,316 @@
+"""Pictures of maps: lines over one axis, maps over two, small multiples over three, dots for samples."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from stickslip.errors import DeclarationError, short
+from stickslip.figures.style import (
+    BLUE,
+    GREEN,
+    LINES,
+    STICK_LINE,
+    STICK_SHADE,
+    VERMILION,
+    axis_label,
+    legend_above,
+    new_figure,
+    paper_style,
+)
+from stickslip.sweep.axes import SAMPLES
+from stickslip.sweep.plan import INTERPOLATED, NOT_COMPUTED
+from stickslip.units import unit_label
+
+if TYPE_CHECKING:
+    import xarray
+
+Array = np.ndarray
+WIDTH, HEIGHT = 5.2, 4.2  # inches of a map
+MULTIPLES = 6  # maps of a third axis at most; more would be stamps
+HATCH = "////"
+
+
+def plot_sweep(data: xarray.Dataset, measures: Sequence[str] | None = None) -> Figure:
+    """The picture of a map.
+
+    Points without a certificate are hatched (hollow, on a line); grey points were computed, but have no value of the
+    measure; white ones are not computed.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        As :func:`stickslip.sweep` gives it, with one, two or three axes.
+    measures : sequence of str, optional
+        What is shown; by default all measures. ``"outcome"`` is understood, too.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such measure, or there are more than three axes.
+    """
+    names = _chosen(data, measures)
+    dimensions = list(data["outcome"].dims)
+    with paper_style():
+        if len(dimensions) == 1:
+            return _lines(data, names)
+        if len(dimensions) == 2:
+            return _maps(data, names)
+        if len(dimensions) == 3:
+            return _multiples(data, names)
+    count = len(dimensions)
+    raise DeclarationError("plot", f"a map over {count} axes has no picture", "Choose values of some: data.sel(P=1)")
+
+
+def measures_of(data: xarray.Dataset) -> list[str]:
+    """The measures that a map holds."""
+    order = data.attrs.get("stickslip_measures", "")
+    names = [str(n) for n in data.data_vars if n not in ("outcome", "certificate") and not str(n).endswith("_missing")]
+    return sorted(names, key=lambda name: order.find(f'"{name}'))
+
+
+def _chosen(data: xarray.Dataset, measures: Sequence[str] | None) -> list[str]:
+    known = [*measures_of(data), "outcome"]
+    for name in measures or []:
+        if name not in known:
+            raise DeclarationError("measure", f"the map has no '{short(name)}'", f"It has {', '.join(known)}")
+    return list(measures) if measures else known[:-1]
+
+
+# -- one axis -----------------------------------------------------------------------------------------
+
+
+def _lines(data: xarray.Dataset, names: list[str]) -> Figure:
+    """Panels of lines; dots in a plane for samples of two or more names."""
+    along = _coordinates(data, str(data["outcome"].dims[0]))
+    if len(along) > 1 and data[along[0]].attrs.get("spacing") in SAMPLES:
+        return _dots(data, names, along[:2])
+    figure = new_figure(6.4, 0.9 + 2.2 * len(names))
+    figure.suptitle(data.attrs["title"], x=0.01, ha="left", fontsize=13)
+    panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    x = data[along[0]].values
+    order = np.argsort(x)
+    computed = data["outcome"].values[order] >= 0
+    scattered = data[along[0]].attrs.get("spacing") in SAMPLES
+    marker = "." if len(x) <= 80 or scattered else ""
+    for axes, name in zip(panels, names, strict=True):
+        values = np.where(computed, data[name].values[order], np.nan)
+        axes.plot(x[order], values, color=BLUE, marker=marker, linestyle="none" if scattered else "-")
+        bad = _uncertified(data, name)[order]
+        axes.plot(x[order][bad], values[bad], "o", mfc="white", mec=VERMILION, ms=5, zorder=3)
+        axes.set_ylabel(_label(data, name, 26))
+    _scale(panels[-1], data, along[0], "x")
+    panels[-1].set_xlabel(_axis_text(data, along[:1]))
+    if any(np.any(_uncertified(data, name)) for name in names):
+        legend_above(panels[0], [_mark("white")], right=True)
+    return figure
+
+
+def _mark(inside: str) -> Line2D:
+    return Line2D([], [], linestyle="none", marker="o", mfc=inside, mec=VERMILION, label="not certified")
+
+
+def _dots(data: xarray.Dataset, names: list[str], along: list[str]) -> Figure:
+    figure, panels = _panels(data, names)
+    x, y = (data[name].values for name in along)
+    computed = data["outcome"].values >= 0
+    for axes, name in zip(panels, names, strict=True):
+        shown = computed & np.isfinite(data[name].values)
+        axes.plot(x[computed & ~shown], y[computed & ~shown], ".", color=STICK_SHADE, ms=6)
+        size = max(6.0, min(40.0, 2e4 / max(len(x), 1)))
+        dots = axes.scatter(x[shown], y[shown], c=data[name].values[shown], s=size, cmap="viridis", lw=0)
+        bad = _uncertified(data, name)
+        axes.plot(x[bad], y[bad], "o", mfc="none", mec=VERMILION, ms=math.sqrt(size) + 2)
+        figure.colorbar(dots, ax=axes, label=_label(data, name))
+        _frame(axes, data, along[0], along[1])
+    if any(np.any(_uncertified(data, name)) for name in names):
+        figure.legend(handles=[_mark("none")], loc="outside lower left")
+    return figure
+
+
+# -- two and three axes -------------------------------------------------------------------------------
+
+
+def _maps(data: xarray.Dataset, names: list[str]) -> Figure:
+    figure, panels = _panels(data, names)
+    for axes, name in zip(panels, names, strict=True):
+        draw_map(axes, data, name)
+    _legend(figure, data, names)
+    return figure
+
+
+def _multiples(data: xarray.Dataset, names: list[str]) -> Figure:
+    """One measure, over two axes for values of the shortest one."""
+    third = str(min(data["outcome"].dims, key=lambda d: data.sizes[d]))
+    count = data.sizes[third]
+    picked = np.unique(np.linspace(0, count - 1, min(count, MULTIPLES)).round().astype(int))
+    name, along = names[0], _coordinates(data, third)
+    figure, panels = _panels(data, [name] * len(picked))
+    limits = _limits(data[name].values[data["outcome"].values >= 0]) if name != "outcome" else None
+    for axes, index in zip(panels, picked, strict=True):
+        part = data.isel({third: int(index)})
+        draw_map(axes, part, name, limits, bar=bool(index == picked[-1]))
+        unit = unit_label(_unit(data, along[0]))
+        axes.set_title(f"{axis_label(along[:1], '')} = {float(part[along[0]]):.4g} {unit}")
+    _legend(figure, data, [name])
+    return figure
+
+
+def draw_map(
+    axes: Axes, data: xarray.Dataset, name: str, limits: tuple[float, float] | None = None, bar: bool = True
+) -> None:
+    """Draw one measure of a map over two axes, hatched where it is not certified.
+
+    Parameters
+    ----------
+    axes : Axes
+    data : xarray.Dataset
+        A map over two axes.
+    name : str
+        A measure or ``"outcome"``.
+    limits : (float, float), optional
+        Ends of the colours.
+    bar : bool
+        Whether the colours get a scale.
+    """
+    first, second = (_coordinates(data, str(d))[0] for d in data["outcome"].dims)
+    x, y = data[first].values, data[second].values
+    rows, columns = np.argsort(x), np.argsort(y)
+    turned = np.ix_(rows, columns)
+    edges = [
+        _edges(data[n].values[o], data[n].attrs.get("spacing") == "log") for n, o in ((first, rows), (second, columns))
+    ]
+    values, outcome = data[name].values[turned], data["outcome"].values[turned]
+    computed = outcome != NOT_COMPUTED
+    if name == "outcome":
+        _draw_outcomes(axes, edges, data, outcome, bar)
+    else:
+        axes.pcolormesh(*edges, np.where(computed, 1.0, np.nan).T, cmap=ListedColormap([STICK_SHADE]), rasterized=True)
+        low, high = limits or _limits(values[computed])
+        mesh = axes.pcolormesh(*edges, np.where(computed, values, np.nan).T, vmin=low, vmax=high, rasterized=True)
+        if bar:
+            axes.figure.colorbar(mesh, ax=axes, label=_label(data, name))
+    bad = _uncertified(data, name)[turned]
+    if np.any(bad) and min(bad.shape) > 1:
+        style: dict[str, Any] = {"levels": [0.5, 1.5], "colors": "none", "hatches": [HATCH]}
+        axes.contourf(x[rows], y[columns], bad.T.astype(float), **style)
+    _frame(axes, data, first, second)
+
+
+def _draw_outcomes(axes: Axes, edges: list[Array], data: xarray.Dataset, outcome: Array, bar: bool) -> None:
+    """Outcomes in distinct colours, with their names."""
+    attributes = data["outcome"].attrs
+    words = dict(zip(map(int, attributes["flag_values"]), attributes["flag_meanings"].split(), strict=True))
+    found = [int(code) for code in np.unique(outcome) if code >= 0]
+    colours = dict(zip(found, (GREEN, *LINES), strict=False))
+    shown = np.full(outcome.shape, np.nan)
+    for i, code in enumerate(found):
+        shown[outcome == code] = i
+    norm = BoundaryNorm(np.arange(len(found) + 1) - 0.5, len(found))
+    mesh = axes.pcolormesh(*edges, shown.T, cmap=ListedColormap(list(colours.values())), norm=norm, rasterized=True)
+    if bar:
+        scale = axes.figure.colorbar(mesh, ax=axes, ticks=range(len(found)))
+        scale.ax.set_yticklabels([words[code].replace("_", " ") for code in found])
+
+
+def _panels(data: xarray.Dataset, names: list[str]) -> tuple[Figure, list[Axes]]:
+    """Equal panels in rows of at most three, with the title of the system."""
+    columns = min(len(names), 3 if len(names) != 4 else 2)
+    rows = -(-len(names) // columns)
+    figure = new_figure(WIDTH * columns, HEIGHT * rows + 0.4)
+    figure.suptitle(data.attrs["title"], x=0.01, ha="left", fontsize=13)
+    grid = figure.subplots(rows, columns, squeeze=False).reshape(-1)
+    for spare in grid[len(names) :]:
+        spare.remove()
+    return figure, list(grid[: len(names)])
+
+
+def _legend(figure: Figure, data: xarray.Dataset, names: list[str]) -> None:
+    """What hatching and grey stand for, and how much was computed."""
+    outcome = data["outcome"].values
+    handles = []
+    if any(np.any(_uncertified(data, name)) for name in names):
+        handles.append(Patch(fc="none", ec=STICK_LINE, lw=0.0, hatch=HATCH, label="not certified"))
+    numbers = [data[name].values for name in names if name != "outcome"]
+    if any(np.any(np.isnan(values[outcome != NOT_COMPUTED])) for values in numbers):
+        handles.append(Patch(fc=STICK_SHADE, ec="none", label="no value"))
+    if np.any(outcome == NOT_COMPUTED):
+        handles.append(Patch(fc="white", ec=STICK_LINE, lw=0.6, label="not computed"))
+    if np.any(outcome == INTERPOLATED):
+        share = np.count_nonzero(outcome >= 0) / outcome.size
+        handles.append(Patch(fc="none", ec="none", label=f"interpolated from {share:.1%} of the points"))
+    if handles:
+        figure.legend(handles=handles, loc="outside lower left", ncols=len(handles))
+
+
+# -- axes and values ----------------------------------------------------------------------------------
+
+
+def _coordinates(data: xarray.Dataset, dimension: str) -> list[str]:
+    """Names that vary along a dimension, in the order in which they were given."""
+    names = [str(n) for n, c in data.coords.items() if c.dims == (dimension,)]
+    return sorted(names, key=lambda name: f"_{dimension}_".find(f"_{name}_"))
+
+
+def _uncertified(data: xarray.Dataset, name: str) -> Array:
+    """Where something is shown that has no certificate."""
+    certified = data["certificate"].values <= data["certificate"].attrs["tolerance"]
+    return (data["outcome"].values != NOT_COMPUTED) & ~np.isnan(data[name].values) & ~certified
+
+
+def _limits(values: Array) -> tuple[float, float]:
+    finite = values[np.isfinite(values)]
+    low, high = (float(np.min(finite)), float(np.max(finite))) if len(finite) else (0.0, 1.0)
+    return (low, high) if high > low else (low - 0.5, low + 0.5)
+
+
+def _edges(values: Array, log: bool) -> Array:
+    """Boundaries of the cells around sorted values, half way to their neighbours."""
+    v = np.log(values) if log else values
+    if len(v) == 1:
+        edges = np.array([v[0] - 0.5, v[0] + 0.5])
+    else:
+        middle = (v[1:] + v[:-1]) / 2
+        edges = np.concatenate([[v[0] - (middle[0] - v[0])], middle, [v[-1] + (v[-1] - middle[-1])]])
+    return np.exp(edges) if log else edges
+
+
+def _frame(axes: Axes, data: xarray.Dataset, first: str, second: str) -> None:
+    axes.set_xlabel(_axis_text(data, [first]))
+    axes.set_ylabel(_axis_text(data, [second]))
+    _scale(axes, data, first, "x")
+    _scale(axes, data, second, "y")
+
+
+def _scale(axes: Axes, data: xarray.Dataset, name: str, direction: str) -> None:
+    if data[name].attrs.get("spacing") == "log":
+        getattr(axes, f"set_{direction}scale")("log")
+
+
+def _unit(data: xarray.Dataset, name: str) -> str:
+    unit = str(data[name].attrs.get("units", ""))
+    return "" if unit == "1" else unit
+
+
+def _axis_text(data: xarray.Dataset, names: list[str]) -> str:
+    meaning = str(data[names[0]].attrs.get("long_name", ""))
+    label = axis_label(names, _unit(data, names[0]))
+    return f"{meaning} {label}" if meaning and meaning != names[0] and len(meaning) <= 40 else label
+
+
+def _label(data: xarray.Dataset, name: str, width: int = 60) -> str:
+    """Meaning and unit of a measure, on two lines if it is long."""
+    meaning, unit = str(data[name].attrs.get("long_name", name)), unit_label(_unit(data, name))
+    text = f"{meaning}  [{unit}]" if unit else meaning
+    if len(meaning) <= width:
+        return text
+    words = text.split(" ")
+    return " ".join(words[: len(words) // 2]) + "\n" + " ".join(words[len(words) // 2 :])

@@ -1,0 +1,79 @@
+"""Where a cycle becomes one of half its period: the other end of a branch that begins in a period doubling.
+
+The two halves of a cycle that was born there differ like the square root of the distance from that point. Up to it
+its branch is regular; beyond, the same equations have the shorter cycle, run through twice, as a solution.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.errors import StickslipError
+from stickslip.orbits.closing import Closed, converge, near
+from stickslip.orbits.pieces import Pieces
+from stickslip.orbits.recurrence import Recurrence, window
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+Array = np.ndarray
+
+EXACT = 1e-12  # the parameter is found to this part of its change
+
+
+def half_gap(closed: Closed) -> float:
+    """By how much a cycle fails to close after half its period, in units of its size.
+
+    Of a driven system only an even number of the drive's periods can be halved; otherwise it is infinite.
+    """
+    orbit, setting = closed.orbit, closed.shooting.setting
+    if setting.symmetry.driven and setting.turns % 2:
+        return np.inf
+    start, half = closed.samples(2)
+    return float(np.max(np.abs(half - start) / setting.sizes)) if orbit.period > 0.0 else np.inf
+
+
+def half_of(closed: Closed) -> Closed:
+    """The cycle of half the period near a cycle that almost closes there."""
+    orbit, setting = closed.orbit, closed.shooting.setting
+    pieces = Pieces(orbit.problem.compiled.equations)
+    first = orbit.legs[0].place.state
+    found = Recurrence(closed.shooting.start, first, orbit.period / 2, max(setting.turns // 2, 1), orbit.shift / 2, 0.0)
+    return converge(*near(orbit.problem, pieces, window(orbit.motion, pieces), found))
+
+
+def doubles_at(half: Closed, value: float, other: float, at: Callable[[Closed, float], Closed]) -> float | None:
+    """The value of the parameter near which a cycle has the multiplier −1.
+
+    Parameters
+    ----------
+    half : Closed
+        The cycle at `value`.
+    value, other : float
+        Where it is known, and where the multiplier is expected.
+    at : function
+        (cycle, value) ↦ the cycle at another value.
+
+    Returns
+    -------
+    float or None
+        None if there is no such value nearby.
+    """
+
+    def excess(cycle: Closed) -> float:
+        others = cycle.spectrum.others
+        return float(others[np.argmin(np.abs(others + 1.0))].real) + 1.0
+
+    a, b, fa = value, other, excess(half)
+    try:
+        for _ in range(20):
+            half = at(half, b)
+            fb = excess(half)
+            if fb == fa or abs(b - a) <= EXACT * abs(b):
+                break
+            a, b, fa = b, b - fb * (b - a) / (fb - fa), fb
+    except StickslipError:
+        return None
+    return b if abs(excess(half)) < 1e-6 else None

@@ -1,0 +1,172 @@
+"""Chunks of points: stacked closed forms, independence of how points are split, bad input."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.errors import DeclarationError
+from stickslip.motion import affine
+from stickslip.motion.batch import initial_states, parameter_table, pose_all
+from stickslip.motion.closed_form import fill_closed_forms, linearise
+from stickslip.motion.outcome import Outcome
+from stickslip.sweep import chunk
+from stickslip.sweep.chunk import Settings, measure_chunk
+
+Array = np.ndarray
+MEASURES = ("period", "amplitude", "speed", "stick_fraction", "energy_per_cycle", "peak_force", "switches")
+TOY = ss.catalogue.rocking_toy()
+SYSTEMS = {
+    "toy": (TOY, {"P": (0.8, 1.3), "delta": (0.02, 0.2)}),
+    "scaled slider": (ss.catalogue.scaled_slider_limit(), {"b": (0.3, 1.9), "nu": (1e-3, 1e-2)}),
+    "forced oscillator": (ss.catalogue.forced_oscillator(), {"omega": (0.3, 1.7)}),
+    "plate compactor": (ss.catalogue.plate_compactor(), {"Omega": (30.0, 70.0), "V": (0.05, 0.2)}),
+    "crawler": (ss.catalogue.two_leg_crawler(), {"D": (0.1, 1.0)}),
+}
+
+
+def spread(ranges: dict[str, tuple[float, float]], count: int) -> dict[str, Array]:
+    rng = np.random.default_rng(5)
+    return {name: rng.uniform(low, high, count) for name, (low, high) in ranges.items()}
+
+
+def toy_points(count: int) -> tuple[dict[str, Array], dict[str, Array]]:
+    start = {"psi": np.zeros(count), "d_psi": np.linspace(1.0, 1.9, count), "x_R": np.zeros(count)}
+    return start, spread(SYSTEMS["toy"][1], count)
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_stacked_closed_forms_are_those_of_single_modes(name: str) -> None:
+    system, ranges = SYSTEMS[name]
+    given = spread(ranges, 6)
+    table, problem = parameter_table(system, given, 6), pose_all(system, given, 1e-10, 1e-12)
+    constants = problem.constants_of(table)
+    contacts, kinks = len(problem.rows.u), len(problem.rows.kinks)
+    rng = np.random.default_rng(1)
+    group = np.repeat(np.arange(6), 4)
+    mode = rng.integers(-1, 2, (24, contacts))
+    region = rng.integers(0, 2, (24, kinks))
+    stacked, single = problem.empty_forms(6, 4), problem.empty_forms(6, 4)
+    fill_closed_forms(problem, constants, stacked, group, mode, region)
+    for i in range(24):
+        fill_closed_forms(problem, constants, single, *(a[i : i + 1] for a in (group, mode, region)))
+    assert np.any(stacked.status == affine.AFFINE)
+    for part, other in zip(stacked, single, strict=True):
+        np.testing.assert_array_equal(part, other)
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_closed_form_is_a_spectral_decomposition(name: str) -> None:
+    """L V = 1 on what moves, A V = V λ, and A, F are what the probe found."""
+    system, ranges = SYSTEMS[name]
+    given = spread(ranges, 5)
+    problem = pose_all(system, given, 1e-10, 1e-12)
+    constants = problem.constants_of(parameter_table(system, given, 5))
+    shape = (5, len(problem.rows.u)), (5, len(problem.rows.kinks))
+    group, mode, region = np.arange(5), np.zeros(shape[0], np.int64), np.ones(shape[1], np.int64)
+    T = problem.empty_forms(5, 1)
+    fill_closed_forms(problem, constants, T, group, mode, region)
+    linear, found = linearise(problem, constants, group, mode, region)
+    assert np.all(found) and np.all(T.status == affine.AFFINE)
+    n = T.A.shape[1]
+    np.testing.assert_array_equal(T.A, linear.D[:, :n])
+    for g in range(5):
+        nb, moves = T.counts[g, 0], T.moves[g] == 1
+        V, L, rates = T.V[g][moves][:, :nb], T.L[g, :nb][:, moves], T.exponent[g, :nb]
+        weight = np.where(rates.imag > 0.0, 2.0, 1.0)
+        A = T.A[g][np.ix_(moves, moves)]
+        np.testing.assert_allclose(A @ V, V * rates, atol=1e-11 * np.max(np.abs(A), initial=1.0))
+        np.testing.assert_allclose(L @ V, np.diag(weight), atol=1e-10)
+
+
+def test_many_motions_end_where_single_ones_do() -> None:
+    system, ranges = SYSTEMS["scaled slider"]
+    given = spread(ranges, 9)
+    many = ss.simulate_many(system, (0.0, 30.0), None, given)
+    for i in range(9):
+        one = ss.simulate(system, (0.0, 30.0), None, {name: float(v[i]) for name, v in given.items()})
+        for name, value in one.final.items():
+            assert float(many[f"final_{name}"][i]) == pytest.approx(value, rel=1e-9, abs=1e-9)
+
+
+def test_points_do_not_depend_on_their_company(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bit by bit, whatever the chunks, the blocks within them and the threads."""
+    start, given = toy_points(23)
+    measures = (*MEASURES, "speed:x_R", "stick_fraction:left leg")
+    whole = measure_chunk(TOY, start, given, measures, Settings())
+    parts = [slice(i, j) for i, j in ((0, 1), (1, 8), (8, 9), (9, 23))]
+
+    def part(piece: slice) -> dict[str, Array]:
+        return measure_chunk(
+            TOY, {k: v[piece] for k, v in start.items()}, {k: v[piece] for k, v in given.items()}, measures, Settings()
+        )
+
+    with ThreadPoolExecutor(2) as pool:
+        pieces = list(pool.map(part, parts))
+    monkeypatch.setattr(chunk, "lanes_of_block", lambda problem, slots: 5)
+    blocks = measure_chunk(TOY, start, given, measures, Settings())
+    for name, values in whole.items():
+        np.testing.assert_array_equal(np.concatenate([piece[name] for piece in pieces]), values)
+        np.testing.assert_array_equal(blocks[name], values)
+
+
+def test_a_start_outside_the_stable_set_is_a_point_without_measures() -> None:
+    start = {"psi": np.array([0.0, 1.6]), "d_psi": np.array([1.8, 0.0]), "x_R": np.array([0.0, 0.0])}
+    found = measure_chunk(TOY, start, {"P": np.array([1.0, 1.6])}, ("speed",), Settings())
+    assert list(found["outcome"]) == [Outcome.PERIODIC.code, Outcome.NO_BOUNDED_RATE.code]
+    assert np.array_equal(np.isnan(found["speed"]), [False, True])
+    assert np.array_equal(np.isnan(found["certificate"]), [False, True])
+
+
+def test_limits_are_kept() -> None:
+    start, given = toy_points(2)
+    short = measure_chunk(TOY, start, given, ("period",), Settings(max_time=20.0))
+    assert np.all(short["outcome"] == Outcome.NOT_SETTLED.code) and np.all(np.isnan(short["period"]))
+    few = measure_chunk(TOY, start, given, ("period",), Settings(max_events=20))
+    assert np.all(few["outcome"] == Outcome.EVENT_LIMIT.code)
+    cycles = measure_chunk(
+        ss.catalogue.forced_oscillator(), {}, {"omega": np.array([0.5])}, ("period",), Settings(max_cycles=3)
+    )
+    assert cycles["outcome"][0] == Outcome.NOT_SETTLED.code
+
+
+@pytest.mark.parametrize(
+    ("initial", "parameters", "measures", "words"),
+    [
+        ({}, {"P": [1.0]}, ("sped",), "no measure 'sped'"),
+        ({}, {"P": [1.0]}, ("amplitude:phi",), "no 'phi'"),
+        ({}, {"P": [1.0]}, ("stick_fraction:tail",), "no 'tail'"),
+        ({}, {"rho": [-1.0]}, ("speed",), "outside the admissible range"),
+        ({}, {"Q": [1.0]}, ("speed",), "no such parameter"),
+        ({}, {"P": [np.nan]}, ("speed",), "finite"),
+        ({"psi": [0.1, 0.2]}, {"P": [1.0, 1.1, 1.2]}, ("speed",), "different lengths"),
+        ({"phi": [0.1]}, {}, ("speed",), "not a part of the state"),
+    ],
+)
+def test_bad_input_is_named(
+    initial: dict[str, list[float]], parameters: dict[str, list[float]], measures: tuple[str, ...], words: str
+) -> None:
+    given = ({k: np.array(v) for k, v in part.items()} for part in (initial, parameters))
+    with pytest.raises(DeclarationError, match=words):
+        measure_chunk(TOY, *given, measures, Settings())
+
+
+def test_speed_needs_a_direction() -> None:
+    with pytest.raises(DeclarationError, match="declares no translation"):
+        measure_chunk(ss.catalogue.belt_block(), {}, {"V": np.array([0.3])}, ("speed",), Settings())
+
+
+@pytest.mark.parametrize("bad", [{"tolerance": 0.0}, {"max_time": -1.0}, {"max_cycles": 0}, {"max_events": 0}])
+def test_settings_are_checked(bad: dict[str, float]) -> None:
+    with pytest.raises(DeclarationError, match=next(iter(bad))):
+        Settings(**bad)
+
+
+def test_initial_values_replace_the_declared_ones() -> None:
+    states = initial_states(TOY, {"psi": np.array([0.1, 0.2])}, 2)
+    names = TOY.declaration.state
+    np.testing.assert_array_equal(states[:, names.index("psi")], [0.1, 0.2])
+    np.testing.assert_array_equal(states[:, names.index("x_R")], [-0.8, -0.8])

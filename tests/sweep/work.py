@@ -1,0 +1,33 @@
+"""Work for the tests of schedulers, in a module that other processes can import."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+
+
+def square(number: int) -> int:
+    return number * number
+
+
+def die_once(task: tuple[str, int]) -> int:
+    """The square, unless this is the first one to see the number 3."""
+    folder, number = task
+    if number == 3:
+        try:
+            (Path(folder) / "died").touch(exist_ok=False)
+        except FileExistsError:
+            return square(number)
+        os.kill(os.getpid(), signal.SIGKILL)
+    return square(number)
+
+
+def die_always(task: tuple[str, int]) -> int:
+    if task[1] == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return square(task[1])
+
+
+def fail(number: int) -> int:
+    raise ArithmeticError(f"no square of {number}")

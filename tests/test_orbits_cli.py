@@ -1,0 +1,145 @@
+"""The commands of the long run: what they print, what they write, and how they end."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import xarray as xr
+from typer.testing import CliRunner, Result
+
+import stickslip as ss
+from stickslip.cli.app import app
+from stickslip.cli.orbits import BASIN_FILES, BRANCH_FILES, CYCLE_FILES, EQUILIBRIA_FILES
+
+SLIDER = ("--set", "mu=2/sqrt(alpha)", "--set", "nu=1/20")
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def stickslip(*arguments: str) -> Result:
+    return CliRunner().invoke(app, list(arguments), catch_exceptions=False)
+
+
+def summary(folder: Path, files: tuple[str, ...]) -> dict:
+    assert sorted(path.name for path in folder.iterdir()) == sorted(files)
+    assert (folder / "overview.png").read_bytes().startswith(b"\x89PNG")
+    return json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+
+
+def test_equilibria(tmp_path: Path) -> None:
+    result = stickslip("equilibria", "spring_slider", *SLIDER, "--set", "V=0.3")
+    assert result.exit_code == 0, result.stderr
+    assert "stable" in result.stdout
+    folder = tmp_path / "out" / "spring_slider-equilibria"
+    found = summary(folder, EQUILIBRIA_FILES)
+    (only,) = found["equilibria"]
+    # U = μ(α) + νV, α = 1 + UV.
+    U, alpha = only["state"]["U"], only["state"]["alpha"]
+    assert pytest.approx(2 / alpha**0.5 + 0.05 * 0.3) == U
+    assert alpha == pytest.approx(1 + 0.3 * U)
+    assert only["stable"] is True
+    assert (folder / "equilibria.csv").read_text(encoding="utf-8").startswith("dimension,U,alpha")
+
+
+def test_set_of_equilibria() -> None:
+    result = stickslip("equilibria", "rocking_toy", "--json")
+    (only,) = json.loads(result.stdout)["equilibria"]
+    assert only["dimension"] == 2
+    assert only["modes"] == {"right leg": "stick", "left leg": "stick"}
+
+
+def test_cycle(tmp_path: Path) -> None:
+    result = stickslip("cycle", "rocking_toy")
+    assert result.exit_code == 0, result.stderr
+    assert "speed 0.1675328" in result.stdout
+    folder = tmp_path / "out" / "rocking_toy-cycle"
+    found = summary(folder, CYCLE_FILES)
+    assert found["drift"] == pytest.approx(1.0)
+    assert found["stable"] is True
+    period = ss.open_trajectory(folder / "cycle.nc")
+    assert period.certificate.ok
+    assert period.knots.time[-1] - period.knots.time[0] == pytest.approx(found["period"])
+
+
+def test_cycle_that_is_none() -> None:
+    result = stickslip("cycle", "rocking_toy", "--initial", "psi=0.1", "--initial", "x_R=0")
+    assert result.exit_code == 1
+    assert "comes to rest" in result.stderr
+    assert not Path("out").exists()
+
+
+def test_branch(tmp_path: Path) -> None:
+    result = stickslip("branch", "spring_slider", *SLIDER, "--over", "V=0.22:0.23")
+    assert result.exit_code == 0, result.stderr
+    assert "Hopf at V = 0.2248493012" in result.stdout
+    folder = tmp_path / "out" / "spring_slider-branch"
+    found = summary(folder, BRANCH_FILES)
+    stored = ss.open_branch(folder / "branch.nc")
+    assert [s["value"] for s in found["special"]] == [s.value for s in stored.special]
+    assert found["points"] == stored.points.sizes["point"]
+    assert len((folder / "branch.csv").read_text(encoding="utf-8").splitlines()) == 1 + found["points"]
+
+
+def test_branch_of_cycles(tmp_path: Path) -> None:
+    result = stickslip("branch", "belt_block", "--cycle", "--over", "V=0.25:0.35", "--out", "mine")
+    assert result.exit_code == 0, result.stderr
+    stored = ss.open_branch(tmp_path / "mine" / "branch.nc")
+    V, T = stored.points["V"].values, stored.points["period"].values
+    assert (V[0], V[-1]) == pytest.approx((0.25, 0.35))
+    assert ss.catalogue.belt_block().values["V"] == 0.3
+    assert T[abs(V - 0.3).argmin()] == pytest.approx(7.0952615, abs=1e-6)
+
+
+def test_basin(tmp_path: Path) -> None:
+    over = ("--over", "psi=-1:1:5", "--over", "d_psi=-9/10:0.9:4")
+    result = stickslip("basin", "rocking_toy", *over, "--initial", "x_R=0")
+    assert result.exit_code == 0, result.stderr
+    assert "walking" in result.stdout
+    found = summary(tmp_path / "out" / "rocking_toy-basin", BASIN_FILES)
+    assert {e["kind"] for e in found["attractors"]} == {"walking", "rest"}
+    assert found["section"]["d_psi"] == [-0.9, 0.9, 4]
+    with xr.open_dataset(tmp_path / "out" / "rocking_toy-basin" / "basin.nc") as stored:
+        assert stored["attractor"].shape == (5, 4)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["branch", "spring_slider", "--over", "V=0.2"], "not of the form V=LOW:HIGH"),
+        (["branch", "spring_slider", "--over", "V=0.2:x"], "not a number"),
+        (["branch", "spring_slider", "--over", "V=0.4:0.2"], "not a range"),
+        (["branch", "spring_slider", "--over", "W=0.1:0.2"], "W"),
+        (["branch", "spring_slider", "--over", "V=0.1:0.2", "--over", "nu=0.1:0.2"], "A branch has one"),
+        (["basin", "rocking_toy", "--over", "psi=-1:1:5"], "A map needs two"),
+        (["basin", "rocking_toy", "--over", "psi=-1:1:5.5", "--over", "d_psi=-1:1:5"], "whole number"),
+        (["basin", "rocking_toy", "--over", "phi=-1:1:5", "--over", "d_psi=-1:1:5"], "not a state"),
+        (["cycle", "rocking_toy", "--initial", "phi=1"], "phi"),
+        (["cycle", "no_such_toy"], "there is no system"),
+        (["equilibria", "forced_oscillator"], "depend on time"),
+    ],
+)
+def test_bad_input(arguments: list[str], message: str) -> None:
+    result = stickslip(*arguments)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    line = result.stderr.strip()
+    assert line.startswith("stickslip: ")
+    assert message in line
+    assert "\n" not in line
+    assert not Path("out").exists()
+
+
+def test_a_file_of_somebody_else_stays() -> None:
+    folder = Path("mine")
+    folder.mkdir()
+    (folder / "basin.nc").write_text("precious", encoding="utf-8")
+    over = ("--over", "psi=-1:1:2", "--over", "d_psi=-1:1:2")
+    result = stickslip("basin", "rocking_toy", *over, "--out", "mine")
+    assert result.exit_code == 2
+    assert "not written by stickslip" in result.stderr
+    assert (folder / "basin.nc").read_text(encoding="utf-8") == "precious"
