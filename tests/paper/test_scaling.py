@@ -109,5 +109,5 @@ def test_bad_arguments() -> None:
         exact("(3.7)", 0.01, 0.5)
     with pytest.raises(DeclarationError, match="two different values"):
         scaling_study([1e-3])
-    with pytest.raises(DeclarationError, match="starts above"):
+    with pytest.raises(DeclarationError, match="or above"):
         lowest_order(1.0).stick(0.5)

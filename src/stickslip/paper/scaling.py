@@ -120,17 +120,19 @@ class ReturnMap:
 
 
 def stick_time(q: float) -> float:
-    """𝒞(q): the inverse of 𝓑: T ↦ (1 − e^{−T})/T, which maps ]0, ∞[ onto ]0, 1[.
+    """𝒞(q): the inverse of 𝓑: T ↦ (1 − e^{−T})/T, which maps [0, ∞[ onto ]0, 1].
 
     Raises
     ------
     DeclarationError
-        If q is not in ]0, 1[.
+        If q is not in ]0, 1].
     """
     from scipy.special import lambertw
 
-    if not 0.0 < q < 1.0:
-        raise DeclarationError("q", f"{q:g} is not in ]0, 1[", "A stick starts above mu_0*v_hat")
+    if not 0.0 < q <= 1.0:
+        raise DeclarationError("q", f"{q:g} is not in ]0, 1]", "A stick starts at mu_0*v_hat or above")
+    if q == 1.0:
+        return 0.0
     # Next to its branch point, q near 1, Lambert's function keeps half the digits; 2(1 − q) is close there.
     T = 2.0 * (1.0 - q) if q > 0.99 else 1.0 / q + float(lambertw(-math.exp(-1.0 / q) / q).real)
     for _ in range(4):
