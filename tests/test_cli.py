@@ -240,13 +240,13 @@ def test_a_result_folder_is_complete_or_absent(tmp_path: Path) -> None:
 
 def test_ctrl_c_keeps_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     @contextmanager
-    def impatient() -> Iterator[Callable[[float], None]]:
+    def impatient(what: str) -> Iterator[Callable[[float], None]]:
         def stop(fraction: float) -> None:
             raise KeyboardInterrupt
 
         yield stop
 
-    monkeypatch.setattr("stickslip.cli.running._progress", impatient)
+    monkeypatch.setattr("stickslip.cli.running.watched", impatient)
     result = stickslip("run", "belt_block", "--until", "1000")
     assert result.exit_code == 130
     assert "interrupted; the motion up to t = " in result.stderr

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import re
-import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,6 +14,7 @@ from stickslip import __version__
 from stickslip.cli.evolving import Json, Out, show, write
 from stickslip.cli.folder import result_folder
 from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.progress import watched
 
 if TYPE_CHECKING:
     import xarray
@@ -181,7 +180,7 @@ def present(
     began = time.perf_counter()
     with result_folder(folder, files) as place:
         try:
-            with _busy(f"{what} of {system.name}"):
+            with watched(f"{what} of {system.name}"):
                 found, figure = work(system, place)
         except ConvergenceError as failure:
             finish(str(failure), NOT_CERTIFIED)
@@ -229,18 +228,6 @@ def grid(name: str, values: list[float]) -> tuple[float, float, int]:
     if number != int(number) or number < 2:
         raise DeclarationError(f"--over {name}", f"{number:g} values", "Give a whole number, at least 2")
     return low, high, int(number)
-
-
-@contextmanager
-def _busy(what: str) -> Iterator[None]:
-    """A sign of life on stderr, if a person is looking."""
-    if not sys.stderr.isatty():
-        yield
-        return
-    from rich.console import Console
-
-    with Console(stderr=True).status(what):
-        yield
 
 
 def heading(system: System) -> dict[str, Any]:

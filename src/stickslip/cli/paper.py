@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,9 +13,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stickslip.errors import StickslipError
+from stickslip.progress import watched
 
 if TYPE_CHECKING:
-    from stickslip.paper.making import Item, Work
+    from stickslip.paper.making import Work
 
 NAMES = ("claims.json", "index.html", "figures", "animations")
 
@@ -45,8 +45,8 @@ def paper(
     folder = out or Path("out") / ("paper" if only is None else f"paper-{re.sub(r'[^0-9A-Za-z.]+', '', only)}")
     with _writing(folder):
         write_data(work, folder, 0.0)  # from now on the folder is known as ours
-        with _progress() as progress:
-            make_all(work, folder, progress)
+        with watched("making") as progress:
+            make_all(work, folder, lambda fraction, item: progress(fraction, f"{item.kind} {item.key[:32]:<32}"))
         seconds = time.perf_counter() - began
         write_data(work, folder, seconds)
         write_page(work, folder, seconds)
@@ -80,24 +80,6 @@ def _is_ours(folder: Path) -> bool:
     except (OSError, ValueError):
         return False
     return isinstance(data, dict) and data.get("program") == "stickslip"
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[float, Item], None]]:
-    """A bar on stderr, if a person is looking."""
-    if not sys.stderr.isatty():
-        yield lambda fraction, item: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("making", total=1.0)
-
-        def show(fraction: float, item: Item) -> None:
-            bar.update(task, completed=fraction, description=f"{item.kind} {item.key[:32]:<32}")
-
-        yield show
 
 
 def _report(work: Work, folder: Path, seconds: float) -> None:

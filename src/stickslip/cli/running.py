@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import math
 import re
-import sys
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip import __version__
 from stickslip.cli.folder import result_folder
+from stickslip.progress import watched
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -47,7 +46,7 @@ def compute(
     span = (system.span[0], system.span[1] if until is None else until)
     folder = out or Path("out") / re.sub(r"[^\w.-]+", "_", system.name)
     with result_folder(folder) as place:
-        with _progress() as progress:
+        with watched("moving") as progress:
             trajectory = simulate(system, span, initial, rtol=rtol, progress=progress)
         summary = summarise(trajectory, rtol)
         trajectory.save(place / "trajectory.nc")
@@ -92,17 +91,3 @@ def plain(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[float], None] | None]:
-    """A bar on stderr, if a person is looking."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("moving", total=1.0)
-        yield lambda fraction: bar.update(task, completed=fraction)

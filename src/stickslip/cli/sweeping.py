@@ -41,8 +41,8 @@ def sweep(
         typer.Option(
             "--measure",
             metavar="MEASURE",
-            help="period, amplitude, speed, stick_fraction, energy_per_cycle, peak_force, switches ..., also of one part as"
-            " in amplitude:psi; 'name = formula' of these; file.py:function; may be repeated.",
+            help="period, amplitude, speed, stick_fraction, energy_per_cycle, peak_force, switches ..., also of one"
+            " part as in amplitude:psi; 'name = formula' of these; file.py:function; may be repeated.",
         ),
     ],
     out: Annotated[
@@ -180,7 +180,13 @@ def _progress(label: str) -> Iterator[Callable[[Progress], None] | None]:
     )
     with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(label, total=None, points="")
-        yield lambda state: bar.update(task, total=state.total, completed=state.done, points=points_line(state))
+
+        def show(state: Progress) -> None:
+            if state.new == 0:  # what was found in the store says nothing about the time left
+                bar.reset(task, total=state.total, completed=state.done)
+            bar.update(task, completed=state.done, points=points_line(state))
+
+        yield show
 
 
 def points_line(state: Progress) -> str:

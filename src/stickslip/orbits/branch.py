@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -130,11 +130,11 @@ class Branch:
         except OSError as error:
             raise StickslipError(f"{path}: cannot be written ({error.strerror or error})") from None
 
-    def plot(self) -> Figure:
-        """Bifurcation diagram."""
-        from stickslip.figures.orbits import plot_branch  # pyright: ignore[reportMissingImports]
+    def plot(self, *, others: Sequence[Branch] = ()) -> Figure:
+        """Bifurcation diagram, together with other branches over the same parameter."""
+        from stickslip.figures.orbits import plot_branch
 
-        return plot_branch(self)
+        return plot_branch(self, others=others)
 
     def save(self, path: str | Path) -> None:
         """Write a netCDF-4 file that :func:`open_branch` reads back exactly.

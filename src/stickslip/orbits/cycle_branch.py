@@ -27,6 +27,7 @@ from stickslip.orbits.equilibrium_branch import checked_range
 from stickslip.orbits.halving import doubles_at, half_gap, half_of
 from stickslip.orbits.pieces import Pieces
 from stickslip.orbits.touching import LOSS
+from stickslip.progress import Show, watched
 
 Array = np.ndarray
 
@@ -92,8 +93,9 @@ def continue_cycle(cycle: Cycle, parameter: str, span: tuple[float, float], *, s
     if not low <= value <= high:
         raise DeclarationError("cycle", f"it is at {parameter} = {value:g}, outside ({low:g}, {high:g})", "Enclose it")
     follower = _Follower(cycle, parameter, (low, high), steps or STEPS)
-    back = follower.follow(-1.0)
-    forth = ([], back[1]) if back[1] in (CLOSED, INTERRUPTED) else follower.follow(1.0)
+    with watched("following the cycle") as show:
+        back = follower.follow(-1.0, show)
+        forth = ([], back[1]) if back[1] in (CLOSED, INTERRUPTED) else follower.follow(1.0, show)
     return follower.branch(back, forth)
 
 
@@ -103,15 +105,15 @@ class _Follower:
         self.extent = extent_of(cycle.closed, span)
         self.pieces = Pieces(cycle.closed.orbit.problem.compiled.equations, parameter)
 
-    def follow(self, sign: float) -> tuple[list[_Station], str]:
+    def follow(self, sign: float, show: Show) -> tuple[list[_Station], str]:
         """The points in one direction, without the start, and the reason for the end."""
         stations: list[_Station] = []
         try:
-            return stations, self._collect(sign, stations)
+            return stations, self._collect(sign, stations, show)
         except KeyboardInterrupt:
             return stations, INTERRUPTED
 
-    def _collect(self, sign: float, stations: list[_Station]) -> str:
+    def _collect(self, sign: float, stations: list[_Station], show: Show) -> str:
         """Append the points in one direction; the reason for the end."""
         chart, x = first_chart(self.cycle.closed, self.pieces, self.extent)
         towards = np.zeros(len(x))
@@ -124,6 +126,7 @@ class _Follower:
                 return f"no cycle was found further on ({failure})"
             stations += self._stations(chart, path)
             last, bent = path.points[-1], None
+            show(None, f"{len(stations)} points, {self.parameter} = {float(last.x[-1]):.6g}")
             if path.ended not in (FULL, INTERRUPTED, *ENDINGS):
                 stations += self._edge(chart, last)
             reason = self._end(path, stations)

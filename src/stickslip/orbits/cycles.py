@@ -109,6 +109,10 @@ class Cycle:
     trajectory: Trajectory = field(repr=False)
     closed: Closed = field(repr=False)
 
+    def __repr__(self) -> str:
+        drift = f", drift {self.drift:g}" if self.drift else ""
+        return f"<Cycle of {self.system.name}: period {self.period:.9g}, {self.stability}{drift}>"
+
     @property
     def speed(self) -> float:
         """Drift per time."""
@@ -130,6 +134,11 @@ class Cycle:
         return not self.stable and bool(np.all(np.abs(self.nontrivial) <= 1.0 + NEUTRAL))
 
     @property
+    def stability(self) -> str:
+        """``"stable"``, ``"neutral"`` or ``"unstable"``."""
+        return "stable" if self.stable else "neutral" if self.neutral else "unstable"
+
+    @property
     def sticks(self) -> bool:
         """Whether a contact sticks for a while."""
         return any(share.stick_time > 0.0 for share in self.contacts.values())
@@ -146,9 +155,8 @@ class Cycle:
     def describe(self) -> str:
         """A few lines."""
         shown = ", ".join(f"{z.real:.6g}" + (f"{z.imag:+.6g}i" if z.imag else "") for z in self.multipliers)
-        stability = "stable" if self.stable else "neutral" if self.neutral else "unstable"
         lines = [
-            f"period {self.period:.12g}, {stability}, multipliers {shown}",
+            f"period {self.period:.12g}, {self.stability}, multipliers {shown}",
             f"stick {self.stick_time:.9g}, slip {self.slip_time:.9g}, dissipated {self.dissipated:.9g}",
         ]
         if self.drift:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -13,6 +12,7 @@ import numpy as np
 
 from stickslip.errors import DeclarationError
 from stickslip.formulas import is_finite
+from stickslip.progress import watched
 from stickslip.rate_independent.audit import COLUMNS, Block, Flow, State, start_state
 from stickslip.rate_independent.evolution import STABLE, Evolution
 from stickslip.rate_independent.history import History
@@ -288,12 +288,5 @@ def bar(progress: Callable[[float], None] | None) -> Iterator[Callable[[float], 
     if progress is not None:
         yield progress
         return
-    if not sys.stderr.isatty():
-        yield lambda fraction: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as display:
-        task = display.add_task("evolving", total=1.0)
-        yield lambda fraction: display.update(task, completed=fraction)
+    with watched("evolving") as show:
+        yield show
