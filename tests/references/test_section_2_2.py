@@ -94,12 +94,12 @@ CASES = {
     "corner at the minimum, callable": same(valley, valley, (0.0, 0.2, 1.0)),
     "corners, from samples": same((np.array([0.0, 0.3, 1.0]), np.array([0.4, 1.6, 0.4])), teeth, (0.0, 0.3, 1.0)),
     "asymmetric": Case(
-        ("0.5 + 0.2*sin(2*pi*s)", "1 + cos(2*pi*s)/2 + 0.1*sin(6*pi*s)"),
+        ("1 + cos(2*pi*s)/2 + 0.1*sin(6*pi*s)", "0.5 + 0.2*sin(2*pi*s)"),
         lambda s: 0.5 + 0.2 * np.sin(2 * np.pi * s),
         lambda s: 1 + np.cos(2 * np.pi * s) / 2 + 0.1 * np.sin(6 * np.pi * s),
     ),
     "only one side oscillates": Case(
-        (0.8, "max(0.5, 1 + cos(2*pi*s))"),
+        ("max(0.5, 1 + cos(2*pi*s))", 0.8),
         lambda s: np.full_like(s, 0.8),
         lambda s: np.maximum(0.5, 1 + np.cos(2 * np.pi * s)),
         (0.0, 1 / 3, 2 / 3, 1.0),

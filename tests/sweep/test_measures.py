@@ -125,7 +125,7 @@ def test_cycles_of_newton(system: System, start: dict[str, float], parameters: d
 
 
 def test_published_walking_speed() -> None:
-    """Section 6 of the notes on [M]: period 5.969, v = 0.1675 (amplitude 1.6236), and rest beside it for a smaller push."""
+    """Section 6 of the notes on [M]: period 5.969, v = 0.1675, amplitude 1.6236; rest beside it."""
     system = ss.catalogue.rocking_toy()
     start = {"psi": np.zeros(2), "d_psi": np.array([1.8, 0.4]), "x_R": np.zeros(2)}
     found = measure_chunk(system, start, {}, ("speed", "period", "amplitude:psi", "stick_fraction"), Settings())

@@ -124,6 +124,17 @@ def test_extension_that_would_lose_points_is_refused(tmp_path: Path) -> None:
     assert equal(open_sweep(store), coarse)
 
 
+def test_a_damaged_map_is_repaired_before_it_grows(tmp_path: Path) -> None:
+    store = tmp_path / "toy.zarr"
+    sweep(TOY, {"P": "0.6:1.6:21"}, ["speed"], store)
+    (store / "speed" / "c" / "0").unlink()
+    with pytest.raises(StickslipError, match=r"damaged: speed/c/0.*--repair"):
+        sweep(TOY, {"P": "0.6:1.6:41"}, ["speed"], store, extend=True)
+    sweep(TOY, {"P": "0.6:1.6:21"}, ["speed"], store, repair=True)
+    fine = sweep(TOY, {"P": "0.6:1.6:41"}, ["speed"], store, extend=True)
+    np.testing.assert_allclose(fine["speed"], sweep(TOY, {"P": "0.6:1.6:41"}, ["speed"])["speed"], rtol=1e-14)
+
+
 def test_extension_killed_between_its_renamings(tmp_path: Path) -> None:
     store = tmp_path / "toy.zarr"
     coarse = sweep(TOY, {"P": "0.6:1.6:21"}, ["speed"], store).load()

@@ -113,6 +113,14 @@ def test_nothing_is_begun_after_a_wish_to_stop() -> None:
         stop(signal.SIGINT, None)
 
 
+def test_a_function_that_other_processes_cannot_find() -> None:
+    def local(motion: ss.Trajectory) -> float:
+        return motion.final["psi"]
+
+    with pytest.raises(DeclarationError, match="cannot be sent to other processes"):
+        sweep(TOY, OVER, [local], scheduler="processes")
+
+
 def test_no_workers_and_no_cluster(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scheduler, "PATIENCE", 0.2)
     with pytest.raises(DeclarationError, match="number of workers"):

@@ -13,13 +13,17 @@ import numpy as np
 import pytest
 import xarray as xr
 import zarr
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import stickslip as ss
+from stickslip import expressions as ex
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.modelfile import loads
 from stickslip.sweep.axes import read_axes
 from stickslip.sweep.store import create, opened
 from stickslip.sweep.sweep import _tasks, make_plan, open_sweep, sweep
+from stickslip.sweep.user_measures import FormulaMeasure, read_measures
 from sweep import stand_in
 
 TOY = ss.catalogue.rocking_toy()
@@ -90,6 +94,29 @@ def test_a_formula_of_measures_and_parameters() -> None:
     assert set(data.data_vars) == {"cost", "certificate", "outcome"}
 
 
+FORMULAS = [
+    "P**0.5 + log(period - 2)",
+    "abs(speed)/(speed - 0.25) + atan(1/psi)",
+    "piecewise(speed > 0, P, -P)**3 - max(speed, period, 0.3)",
+    "exp(1000*speed) - sqrt(psi) + asinh(P)**(speed)",
+    "2",
+]
+
+
+@given(st.sampled_from(FORMULAS), st.lists(st.floats(-3, 3), min_size=8, max_size=8))
+@settings(max_examples=100, deadline=None)
+def test_formulas_at_many_points_are_those_at_one(text: str, numbers: list[float]) -> None:
+    (measure,) = read_measures(TOY, [f"m = {text}"])
+    assert isinstance(measure, FormulaMeasure)
+    table = {name: np.roll(numbers, i) for i, name in enumerate(("P", "psi", "speed", "period"))}
+    table["psi"][0] = 0.0
+    alone = [ex.evaluate(measure.expression, {n: float(v[i]) for n, v in table.items()}) for i in range(8)]
+    together = measure.values(table, 8)
+    finite = np.isfinite(alone)
+    np.testing.assert_allclose(together[finite], np.array(alone)[finite], rtol=1e-10, atol=1e-12)
+    assert np.all(np.isnan(together[~finite]))
+
+
 def swing(trajectory: ss.Trajectory) -> float:
     """Largest angle of the start, or what the pull makes of it."""
     pull = trajectory.parameters["P"]
@@ -147,14 +174,14 @@ def test_measures_that_do_not_exist(measure: list[object], said: str) -> None:
     ],
 )
 def test_another_map_is_refused_and_kept(tmp_path: Path, changes: dict[str, object], said: str) -> None:
-    given: dict[str, object] = {"system": TOY, "over": OVER, "measure": MEASURE, "out": tmp_path / "toy.zarr"}
-    sweep(**given)  # type: ignore[arg-type]
+    asked: dict[str, object] = {"system": TOY, "over": OVER, "measure": MEASURE, "out": tmp_path / "toy.zarr"}
+    sweep(**asked)  # type: ignore[arg-type]
     stand_in.calls.clear()
     with pytest.raises(StickslipError, match=said):
-        sweep(**{**given, **changes})  # type: ignore[arg-type]
+        sweep(**{**asked, **changes})  # type: ignore[arg-type]
     assert not stand_in.calls
     same(open_sweep(tmp_path / "toy.zarr"), exact())
-    sweep(**{**given, **changes, "overwrite": True})  # type: ignore[arg-type]
+    sweep(**{**asked, **changes, "overwrite": True})  # type: ignore[arg-type]
     assert stand_in.calls
     assert [path.name for path in tmp_path.iterdir()] == ["toy.zarr"]
 
