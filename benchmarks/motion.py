@@ -74,12 +74,13 @@ def batch(key: str) -> Callable[[], tuple[np.ndarray, int]]:
     system, initial = SYSTEMS[key]
     reference, problem = PROBLEMS[key], pose(system, rtol=RTOL[key])
     states = np.tile(problem.initial_state(initial), (BATCH, 1))
+    table = np.tile(list(problem.parameters.values()), (BATCH, 1))
     order = [system.declaration.state.index(name) for name in reference.variables]
 
     def run() -> tuple[np.ndarray, int]:
-        lanes = advance([problem], np.zeros(BATCH, np.int64), states, 0.0, reference.span, 10**6, 1)
-        switches = lanes.now.counters[0, 1] if system.contacts else lanes.now.counters[0, 3]
-        return lanes.now.y[0, order], int(switches)
+        now, _ = advance(problem, table, states, (0.0, reference.span), 10**6, 1)
+        switches = now.counters[0, 1] if system.contacts else now.counters[0, 3]
+        return now.y[0, order], int(switches)
 
     return run
 

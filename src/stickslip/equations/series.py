@@ -22,13 +22,13 @@ _options = {**_exact, "fastmath": {"reassoc", "contract", "nsz"}}
 @njit(**_options)
 def safe_exp(x: float) -> float:
     """Exponential; overflow gives inf."""
-    return np.exp(x)
+    return math.exp(x)
 
 
 @njit(**_options)
 def safe_log(x: float) -> float:
     """Logarithm; NaN for negative arguments."""
-    return np.log(x)
+    return math.log(x)
 
 
 @njit(**_options)
@@ -86,7 +86,7 @@ def power_order(W: Array, a: int, y: int, p: float, k: int) -> float:
 def exp_order(W: Array, a: int, y: int, k: int) -> float:
     """Order k of y = exp a."""
     if k == 0:
-        return np.exp(W[a, 0])
+        return math.exp(W[a, 0])
     s = 0.0
     for j in range(1, k + 1):
         s += j * W[a, j] * W[y, k - j]
@@ -97,7 +97,7 @@ def exp_order(W: Array, a: int, y: int, k: int) -> float:
 def log_order(W: Array, a: int, y: int, k: int) -> float:
     """Order k of y = log a."""
     if k == 0:
-        return np.log(W[a, 0])
+        return math.log(W[a, 0])
     s = 0.0
     for j in range(1, k):
         s += j * W[y, j] * W[a, k - j]
@@ -139,8 +139,8 @@ def steady_rotation_order(W: Array, a: int, sine: int, cosine: int, k: int) -> N
 def hyperbolic_order(W: Array, a: int, sine: int, cosine: int, k: int) -> None:
     """Order k of sinh a and cosh a."""
     if k == 0:
-        W[sine, 0] = np.sinh(W[a, 0])
-        W[cosine, 0] = np.cosh(W[a, 0])
+        W[sine, 0] = math.sinh(W[a, 0])
+        W[cosine, 0] = math.cosh(W[a, 0])
     else:
         W[sine, k] = chain_order(W, a, cosine, k)
         W[cosine, k] = chain_order(W, a, sine, k)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     import xarray
 
     from stickslip.motion.kernel import Lane
-    from stickslip.motion.lanes import Lanes
 
 Array = np.ndarray
 BATCH_SLOTS = 12  # closed forms kept for each set of parameters of a batch
-BLOCK = 512  # motions of one task
+BLOCK_BYTES = 32e6  # for the closed forms of the motions that are worked on together
+MOST_LANES = 2048
 
 
 def simulate_many(
@@ -72,7 +72,7 @@ def simulate_many(
     count = common_length({**given_initial, **given_parameters})
     table = parameter_table(system, given_parameters, count)
     states = initial_states(system, given_initial, count)
-    problem = pose_all(system, table, rtol, atol)
+    problem = pose_all(system, given_parameters, rtol, atol)
     now, codes = run(problem, table, states, (start, end), max_events, workers or os.cpu_count() or 1)
     data = {
         name: ("trajectory", np.broadcast_to(v, count).copy())
@@ -98,17 +98,24 @@ def run(
 
     Blocks of motions are independent of each other, so that neither threads nor memory matter to the result.
     """
-    blocks = [slice(i, i + BLOCK) for i in range(0, len(states), BLOCK)]
     slots = BATCH_SLOTS if np.any(table != table[0]) else SLOTS
+    lanes = lanes_of_block(problem, slots)
+    blocks = [slice(i, i + lanes) for i in range(0, len(states), lanes)]
     with ThreadPoolExecutor(workers) as pool:
         done = list(pool.map(lambda b: follow_block(problem, table[b], states[b], span, max_events, slots), blocks))
-    now = type(done[0].now)(*(np.concatenate(parts) for parts in zip(*(d.now for d in done), strict=True)))
-    return now, np.concatenate([d.codes for d in done])
+    now = type(done[0][0])(*(np.concatenate(parts) for parts in zip(*(lane for lane, _ in done), strict=True)))
+    return now, np.concatenate([codes for _, codes in done])
+
+
+def lanes_of_block(problem: Problem, slots: int) -> int:
+    """Motions worked on together: as many as memory lets, which does not matter to where they end."""
+    size = sum(part.nbytes for part in problem.empty_forms(1, slots))
+    return int(np.clip(BLOCK_BYTES / size, 1, MOST_LANES))
 
 
 def follow_block(
     problem: Problem, table: Array, states: Array, span: tuple[float, float], max_events: int, slots: int
-) -> Lanes:
+) -> tuple[Lane, Array]:
     """Follow some motions to their end; the closed forms they need are made in between."""
     from stickslip.motion.lanes import Lanes
 
@@ -118,7 +125,7 @@ def follow_block(
     while len(lanes.going):
         lanes.make_closed_forms()
         lanes.advance(span[1], max_events)
-    return lanes
+    return lanes.now, lanes.codes
 
 
 def columns(given: Mapping[str, ArrayLike] | None, where: str) -> dict[str, Array]:
@@ -163,9 +170,10 @@ def parameter_table(system: System, given: Mapping[str, Array], count: int) -> A
         for extreme in (np.min(values), np.max(values)):
             declaration.check_range(name, float(extreme))
         table[:, names.index(name)] = values
-    matrices = {**declaration.mass, **declaration.damping}
-    shaping = [i for i, name in enumerate(names) if any(name in entry.symbols for entry in matrices.values())]
-    _, first = np.unique(table[:, shaping], axis=0, return_index=True)
+    definite = [entry for pair, entry in declaration.mass.items() if {*pair} <= {*declaration.inertial}]
+    definite += [entry for pair, entry in declaration.damping.items() if {*pair} <= {*declaration.viscous}]
+    shaping = [i for i, name in enumerate(names) if name in given and any(name in e.symbols for e in definite)]
+    first = np.unique(table[:, shaping], axis=0, return_index=True)[1] if shaping else [0]
     for row in table[first]:
         declaration.check_parameters(dict(zip(names, map(float, row), strict=True)))
     return table
@@ -181,12 +189,11 @@ def initial_states(system: System, given: Mapping[str, Array], count: int) -> Ar
     return states
 
 
-def pose_all(system: System, table: Array, rtol: float, atol: float) -> Problem:
-    """The problem that all rows of a table share: thresholds that may be negative for one are watched in all."""
-    problem = pose(system, None, rtol, atol)
-    lowest, highest = np.min(table, axis=0), np.max(table, axis=0)
-    boxes = {name: (float(a), float(b)) for name, a, b in zip(system.parameters, lowest, highest, strict=True)}
-    return replace(problem, boxes=boxes)
+def pose_all(system: System, given: Iterable[str], rtol: float, atol: float) -> Problem:
+    """The problem that motions share whose parameters of these names vary over all they may be."""
+    problem, ranges = pose(system, None, rtol, atol), system.declaration.ranges
+    boxes = {name: (value, value) for name, value in problem.parameters.items()}
+    return replace(problem, boxes=boxes | {name: (ranges[name].low, ranges[name].high) for name in given})
 
 
 def distinct(table: Array) -> tuple[Array, Array]:

@@ -91,6 +91,7 @@ def fill_alike(problem: Problem, T: ClosedForms, slot: Array, linear: Linear, mo
     modes, good = eigenmodes(linear.D[:, m[:, None], m], core[moving])
     distance = np.abs(1j * linear.omega[:, :, None] - modes[0][:, None, :])
     good &= ~np.any(distance < 1e-3 * linear.omega[:, :, None], axis=(1, 2))
+    values: Array
     slot, linear, (values, V, L) = slot[good], linear.take(good), (part[good] for part in modes)
     if len(slot) == 0:
         return
@@ -122,9 +123,7 @@ def fill_alike(problem: Problem, T: ClosedForms, slot: Array, linear: Linear, mo
     T.status[slot] = affine.AFFINE
 
 
-def linearise(
-    problem: Problem, constants: Constants, group: Array, mode: Array, region: Array
-) -> tuple[Linear, Array]:
+def linearise(problem: Problem, constants: Constants, group: Array, mode: Array, region: Array) -> tuple[Linear, Array]:
     """Modes as matrices, and which of them are of this form."""
     from stickslip.motion import tables
 
@@ -191,7 +190,7 @@ def fit_drives(basis: Array, values: Array, window: Array) -> tuple[Array, Array
 def drives(times: Array, omega: Array) -> Array:
     """(1, t, cos ω₁t, sin ω₁t, …), shape (modes, times, drives)."""
     angle = times[:, :, None] * omega[:, None, :]
-    waves = np.stack([np.cos(angle), np.sin(angle)], axis=3).reshape(*times.shape, -1)
+    waves = np.stack([np.cos(angle), np.sin(angle)], axis=3).reshape(*times.shape, 2 * omega.shape[1])
     return np.concatenate([np.ones((*times.shape, 1)), times[:, :, None], waves], axis=2)
 
 
@@ -203,7 +202,10 @@ def eigenmodes(a: Array, core: Array) -> tuple[tuple[Array, Array, Array], Array
     """
     count, n, c, f = len(a), len(core), np.flatnonzero(core), np.flatnonzero(~core)
     inner = a[:, c[:, None], c]
-    values, U = (part.astype(complex) for part in np.linalg.eig(inner))
+    values: Array
+    U: Array
+    values, U = np.linalg.eig(inner)
+    values, U = values.astype(complex), U.astype(complex)
     scale = np.max(np.abs(values), axis=1, initial=0.0)[:, None]
     values.imag[np.abs(values.imag) < 1e-12 * scale] = 0.0
     values[np.abs(values) < 1e-13 * scale] = 0.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 
@@ -96,7 +98,7 @@ def finite_order(W: Array, n: int, N: int) -> int:
     for k in range(N, 2, -1):
         finite = True
         for r in range(n):
-            finite = finite and np.isfinite(W[r, k])
+            finite = finite and math.isfinite(W[r, k])
         if finite:
             return k
     return 2

@@ -10,6 +10,8 @@ Its leading order is the convex minimisation of the accelerations, velocities or
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 
@@ -165,15 +167,15 @@ def evaluate_mode(
     if jets(t, y, mode, reg, k.K, space.Rq, space.Rz, N, W, space.A, space.B, space.mag) == SINGULAR:
         return SINGULAR
     for r in range(n):
-        if not (np.isfinite(W[r, 0]) and np.isfinite(W[r, 1]) and np.isfinite(W[r, min(N, 2)])):
+        if not (math.isfinite(W[r, 0]) and math.isfinite(W[r, 1]) and math.isfinite(W[r, min(N, 2)])):
             return NAN
-        if not np.isfinite(W[r, N]):
+        if not math.isfinite(W[r, N]):
             W[r, N] = np.inf  # what overflows at high orders only is a blow-up: no step is small enough
     for c in range(len(rows.u)):
         r = rows.u[c]
-        if not np.isfinite(W[r, 0]):
+        if not math.isfinite(W[r, 0]):
             return NAN
-        if not np.isfinite(W[r, N - 1]):
+        if not math.isfinite(W[r, N - 1]):
             W[r, N - 1] = np.inf
     return OK
 
@@ -226,7 +228,7 @@ def loosen(J: Array, first: int, m: int, column: int, n: int, mode: Array, keep:
             changed = True
             continue
         for i in range(n):
-            basis[rank, i] /= np.sqrt(left)
+            basis[rank, i] /= math.sqrt(left)
         rank += 1
     return changed
 

@@ -31,14 +31,17 @@ class Outcome(Enum):
     NEGATIVE_THRESHOLD = (7, "threshold negative", "A threshold became negative; write max(..., 0) where it may vanish")
     UNDEFINED = (8, "undefined", "A formula has no finite value here (log or sqrt of a negative number, overflow)")
     INTERRUPTED = (9, "interrupted", "Stopped by the user; what was computed is kept")
+    PERIODIC = (10, "periodic", "The motion has settled on a cycle")
+    STEADY = (11, "steady", "The motion has settled on steady sliding or another equilibrium")
+    NOT_SETTLED = (12, "not settled", "The limits were reached before the motion repeated itself")
 
     def __init__(self, code: int, label: str, message: str) -> None:
         self.code, self.label, self.message = code, label, message
 
     @property
     def ok(self) -> bool:
-        """Whether the whole time span was computed."""
-        return self in (Outcome.FINISHED, Outcome.AT_REST)
+        """Whether what was asked for was computed: the whole time span, or what the motion settles on."""
+        return self in (Outcome.FINISHED, Outcome.AT_REST, Outcome.PERIODIC, Outcome.STEADY)
 
     @classmethod
     def from_code(cls, code: int) -> Outcome:

@@ -41,6 +41,8 @@ class Problem:
         Local tolerance of a step relative to the size of the state plus `atol`.
     exact : bool
         Use closed forms for affine modes; False: Taylor steps everywhere (the two check each other).
+    boxes : dict of str to (float, float), optional
+        Least and largest value of each parameter, where many sets of parameters share the problem.
     """
 
     system: System
@@ -49,6 +51,7 @@ class Problem:
     tolerance: float
     atol: float
     exact: bool = True
+    boxes: Mapping[str, tuple[float, float]] | None = None
 
     @cached_property
     def compiled(self) -> CompiledSystem:
@@ -119,7 +122,7 @@ class Problem:
 
     def _doubtful_thresholds(self) -> Array:
         """Rows of thresholds that are not nonnegative for every state."""
-        boxes = {name: (v, v) for name, v in self.parameters.items()}
+        boxes = self.boxes or {name: (v, v) for name, v in self.parameters.items()}
         layout, contacts = self.compiled.layout, self.compiled.equations.contacts
         sides = [(row, c.plus) for row, c in zip(layout.plus, contacts, strict=True)]
         sides += [(row, c.minus) for row, c in zip(layout.minus, contacts, strict=True)]

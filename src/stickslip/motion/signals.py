@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 
 import numpy as np
@@ -227,12 +228,12 @@ def _windows(
         work[1] = (c[1] + 2.0 * c[2] * start) * h
         work[2] = c[2] * h * h
         for j in range(nb):
-            z = a[j] * np.exp(lam[j] * start)
+            z = a[j] * cmath.exp(lam[j] * start)
             for k in range(N + 1):
                 work[k] += z.real
                 z = z * lam[j] * h / (k + 1)
         for m in range(len(omega)):
-            z = b[m] * np.exp(1j * omega[m] * start)
+            z = b[m] * cmath.exp(1j * omega[m] * start)
             for k in range(N + 1):
                 work[k] += z.real
                 z = z * 1j * omega[m] * h / (k + 1)

@@ -177,7 +177,8 @@ def find_cycle(
     start : Trajectory, Cycle, SpecialPoint, mapping of str to float, or array, optional
         A motion that has settled: the cycle it is near at its end. A state: the cycle that it is near, stable or not,
         else the one that the motion from there settles on; by default the declared initial state. A cycle at other
-        parameters. A Hopf point of a branch of equilibria: the cycles that are born there.
+        parameters. A Hopf point of a branch of equilibria: the cycles that are born there. A motion goes on from its
+        end, a state from the start of the declared span.
     parameters : mapping of str to float, optional
         Values that replace the defaults, or those of `start`. At a Hopf point the value of the branch's parameter
         tells which of the cycles is meant; by default a small one.
@@ -207,9 +208,10 @@ def find_cycle(
             raise DeclarationError("start", f"a motion of {start.system.name}, not of {system.name}", "Give its system")
         if not parameters:
             return make_cycle(_from_motion(start))
-        return make_cycle(_Search(pose(system, {**start.parameters, **parameters}), start.knots.state[-1]).run())
+        k, problem = start.knots, pose(system, {**start.parameters, **parameters})
+        return make_cycle(_Search(problem, k.state[-1], float(k.time[-1])).run())
     problem = pose(system, parameters)
-    return make_cycle(_Search(problem, _state(problem, start)).run())
+    return make_cycle(_Search(problem, _state(problem, start), system.span[0]).run())
 
 
 def _state(problem: Problem, start: Mapping[str, float] | ArrayLike | None) -> Array:
@@ -294,10 +296,10 @@ def _at_rest(motion: Trajectory, before: ConvergenceError | None = None) -> Conv
 class _Search:
     """Follow the motion from a state until it comes back."""
 
-    def __init__(self, problem: Problem, state: Array) -> None:
-        self.problem, self.state = problem, state
+    def __init__(self, problem: Problem, state: Array, time: float) -> None:
+        self.problem, self.state, self.time = problem, state, time
         self.pieces = Pieces(problem.compiled.equations)
-        self.time, self.span = problem.system.span[0], problem.system.span[1] - problem.system.span[0]
+        self.span = problem.system.span[1] - problem.system.span[0]
         self.best: tuple[Window, Recurrence] | None = None
         self.modulus = np.zeros(len(state))
         self.extents: list[float] = []
