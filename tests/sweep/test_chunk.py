@@ -108,6 +108,9 @@ def test_points_do_not_depend_on_their_company(monkeypatch: pytest.MonkeyPatch) 
         pieces = list(pool.map(part, parts))
     monkeypatch.setattr(chunk, "lanes_of_block", lambda problem, slots: 5)
     blocks = measure_chunk(TOY, start, given, measures, Settings())
+    less = measure_chunk(TOY, start, given, ("speed",), Settings())
+    for name, values in less.items():
+        np.testing.assert_array_equal(values, whole[name])
     for name, values in whole.items():
         np.testing.assert_array_equal(np.concatenate([piece[name] for piece in pieces]), values)
         np.testing.assert_array_equal(blocks[name], values)

@@ -164,3 +164,12 @@ def test_a_load_that_does_not_repeat() -> None:
     """The play rests at first, while its threshold oscillates and its load runs away: that is no cycle."""
     found = measure_chunk(ss.catalogue.oscillating_play(), {}, {}, ("period",), Settings(max_time=5.0))
     assert found["outcome"][0] == Outcome.NOT_SETTLED.code and found["certificate"][0] < 1e-9
+
+
+def test_waiting_for_a_load_is_not_rest() -> None:
+    """A play under a slowly growing load rests for many looks before it moves."""
+    play = ss.catalogue.oscillating_play(rho="1", ell="t**2/1000")
+    waiting = measure_chunk(play, {}, {}, ("stick_fraction",), Settings(max_time=20.0))
+    assert waiting["outcome"][0] == Outcome.NOT_SETTLED.code and waiting["stick_fraction"][0] == 1.0
+    still = measure_chunk(ss.catalogue.oscillating_play(rho="1", ell="1/2"), {}, {}, ("stick_fraction",), Settings())
+    assert still["outcome"][0] == Outcome.AT_REST.code

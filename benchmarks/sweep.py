@@ -1,0 +1,223 @@
+"""Speed of parameter maps, all tools in one run: ``python benchmarks/sweep.py [--small]``.
+
+*Cycles*: the scaled slider (3.6) at 1e5 points (b, ν), about 20 cycles each. stickslip stands in the table twice: one
+``simulate_many`` with everything in it, and the compiled loop alone, whose modes are known. The rival is SciPy in a
+pool of processes, told which boundary ends which mode, on a sample of the points; its rate is that of the sample.
+
+*Map*: walking speed of the toy (4.2) over 300 × 300 values of (P, δ), every motion followed until it has settled to
+1e-8, measured and certified; and the same map stored by ``sweep``, whose overhead is the time beyond that.
+
+All times are medians of rounds in which the tools take turns. The tables go to ``benchmarks/results/sweep.md``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import os
+import resource
+import tempfile
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+
+import stickslip as ss
+from motion import machine
+from reference_values import PROBLEMS
+from rivals import RIVALS
+from stickslip.motion.batch import BATCH_SLOTS, initial_states, lanes_of_block, parameter_table, pose_all
+from stickslip.motion.kernel import FULL
+from stickslip.motion.lanes import Lanes
+from stickslip.motion.outcome import Outcome
+from stickslip.sweep import measuring
+from stickslip.sweep.chunk import Settings, measure_chunk
+from stickslip.sweep.sweep import sweep
+
+Array = np.ndarray
+RESULTS = Path(__file__).parent / "results" / "sweep.md"
+CORES = os.cpu_count() or 1
+SLIDER, TOY = ss.catalogue.scaled_slider_limit(), ss.catalogue.rocking_toy()
+SPAN = 77.0  # 20 cycles on average
+RTOL = 1e-6  # the error stays below 1e-10, as for the rivals (benchmarks/motion.py)
+PUSH = {"psi": 0.0, "d_psi": 1.8, "x_R": 0.0}
+SAMPLE = 16
+WARM_UP = 0.8  # of a cycle, until every motion has seen both its modes
+
+
+def in_turn(runs: dict[str, Callable[[], float]], rounds: int) -> dict[str, float]:
+    """Median of what runs return, taken in turn; each is called once before."""
+    for run in runs.values():
+        run()
+    found: dict[str, list[float]] = {name: [] for name in runs}
+    for _ in range(rounds):
+        for name, run in runs.items():
+            found[name].append(run())
+    return {name: median(values) for name, values in found.items()}
+
+
+def points(count: int) -> dict[str, Array]:
+    """Points (b, ν) of the slider."""
+    rng = np.random.default_rng(0)
+    return {"b": rng.uniform(0.3, 1.2, count), "nu": 10.0 ** rng.uniform(-3.0, -2.0, count)}
+
+
+def many(given: dict[str, Array], workers: int) -> float:
+    """Cycles per second and core of one call."""
+    began = time.perf_counter()
+    found = ss.simulate_many(SLIDER, (0.0, SPAN), None, given, rtol=RTOL, workers=workers)
+    return 0.5 * float(found.kinks.sum()) / (time.perf_counter() - began) / workers
+
+
+def loop_alone(given: dict[str, Array]) -> float:
+    """Cycles per second of the compiled loop on one core, once the closed forms are made."""
+    count = len(given["b"])
+    table, states = parameter_table(SLIDER, given, count), initial_states(SLIDER, {}, count)
+    problem, cycles, spent = pose_all(SLIDER, given, RTOL, 1e-12), 0.0, 0.0
+    block = lanes_of_block(problem, BATCH_SLOTS)
+    for first in range(0, count, block):
+        part = table[first : first + block]
+        lanes = Lanes.start(
+            problem,
+            problem.constants_of(part),
+            np.arange(len(part)),
+            states[first : first + block],
+            (0.0, SPAN),
+            problem.empty_forms(len(part), BATCH_SLOTS),
+        )
+        while len(lanes.going):
+            lanes.make_closed_forms()
+            lanes.advance(SPAN * WARM_UP / 20.0, 10**6)
+        lanes.codes[:] = FULL
+        before, began = lanes.now.counters[:, 3].sum(), time.perf_counter()
+        lanes.advance(SPAN, 10**6)
+        spent += time.perf_counter() - began
+        cycles += 0.5 * float(lanes.now.counters[:, 3].sum() - before)
+    return cycles / spent
+
+
+def scipy_point(values: tuple[float, float]) -> float:
+    """Cycles of one point by SciPy."""
+    b, nu = values
+    rival, problem = RIVALS["SciPy"]["B"], PROBLEMS["B"]
+    problem = replace(problem, parameters={**problem.parameters, "b": b, "nu": nu}, span=SPAN)
+    return 0.5 * replace(rival, problem=problem).prepare()()[1]
+
+
+def scipy_pool(pool: ProcessPoolExecutor, given: dict[str, Array]) -> float:
+    """Cycles per second and core of SciPy in a pool of processes, on a sample."""
+    began = time.perf_counter()
+    cycles = sum(pool.map(scipy_point, zip(given["b"][:SAMPLE], given["nu"][:SAMPLE], strict=True)))
+    return cycles / (time.perf_counter() - began) / CORES
+
+
+def cycles_table(count: int, rounds: int) -> list[str]:
+    """Table of cycles per second and core."""
+    given = points(count)
+    with ProcessPoolExecutor(CORES) as pool:
+        runs = {
+            "stickslip, loop": lambda: loop_alone(given),
+            "stickslip, simulate_many, one thread": lambda: many(given, 1),
+            f"stickslip, simulate_many, {CORES} threads": lambda: many(given, CORES),
+            f"SciPy, {CORES} processes, {SAMPLE} points": lambda: scipy_pool(pool, given),
+        }
+        rates = in_turn(runs, rounds)
+    slowest = min(rates.values())
+    lines = [f"| (3.6), {count:,} points, 20 cycles each | cycles per second and core | times SciPy |", "|---|---|---|"]
+    lines += [f"| {name} | {rate:,.0f} | {rate / slowest:,.0f} |" for name, rate in rates.items()]
+    if importlib.util.find_spec("diffrax") is None:
+        lines += ["", "diffrax is absent: it is not installed here, so that its vmap was not measured."]
+    return lines
+
+
+def grid(side: int) -> dict[str, Array]:
+    """Points (P, δ) of the toy."""
+    P, delta = np.meshgrid(np.linspace(0.8, 1.6, side), np.linspace(0.01, 0.2, side), indexing="ij")
+    return {"P": P.ravel(), "delta": delta.ravel()}
+
+
+def kernels(given: dict[str, Array], found: dict[str, Array]) -> tuple[float, float]:
+    """Wall time of the map by `measure_chunk` on all cores, and the share of it spent in compiled loops."""
+    inside, advance = [0.0], measuring.advance
+
+    def timed(*arguments: object) -> int:
+        began = time.perf_counter()
+        waiting = advance(*arguments)
+        inside[0] += time.perf_counter() - began
+        return waiting
+
+    def part(first: int) -> dict[str, Array]:
+        piece = slice(first, first + 2048)
+        here = {name: values[piece] for name, values in given.items()}
+        start = {name: np.full(len(here["P"]), value) for name, value in PUSH.items()}
+        return measure_chunk(TOY, start, here, ("speed",), Settings())
+
+    measuring.advance = timed  # type: ignore[assignment]
+    began = time.perf_counter()
+    with ThreadPoolExecutor(CORES) as pool:
+        parts = list(pool.map(part, range(0, len(given["P"]), 2048)))
+    wall = time.perf_counter() - began
+    measuring.advance = advance
+    found.update({name: np.concatenate([p[name] for p in parts]) for name in parts[0]})
+    return wall, inside[0] / (wall * CORES)
+
+
+def stored(side: int) -> float:
+    """Wall time of the map computed and stored by `sweep`."""
+    axes = {"P": f"0.8:1.6:{side}", "delta": f"0.01:0.2:{side}"}
+    with tempfile.TemporaryDirectory() as folder:
+        began = time.perf_counter()
+        sweep(TOY, axes, ["speed"], Path(folder) / "map.zarr", initial=PUSH)
+        return time.perf_counter() - began
+
+
+def map_table(side: int, rounds: int) -> list[str]:
+    """Table of the map."""
+    given, found, shares = grid(side), {}, []
+
+    def computed() -> float:
+        wall, share = kernels(given, found)
+        shares.append(share)
+        return wall
+
+    times = in_turn({"computed": computed, "stored": lambda: stored(side)}, rounds)
+    count, outcome, certificate = side * side, found["outcome"], found["certificate"]
+    kinds = ", ".join(f"{int(np.sum(outcome == o.code)):,} {o.label}" for o in Outcome if np.any(outcome == o.code))
+    bad = int(np.sum(~(certificate <= 1e-8)))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    rate = count / times["computed"]
+    return [
+        f"| (4.2), speed over (P, δ), {side} × {side} | |",
+        "|---|---|",
+        f"| wall time, {CORES} cores | {times['computed']:.1f} s |",
+        f"| points per second | {rate:,.0f} |",
+        f"| share of it in compiled loops | {100.0 * median(shares):.0f} % |",
+        f"| stored by `sweep` | {times['stored']:.1f} s |",
+        f"| overhead of storage and scheduling | {100.0 * (times['stored'] / times['computed'] - 1.0):.1f} % |",
+        f"| outcomes | {kinds} |",
+        f"| certificates above 1e-8 | {bad:,} |",
+        f"| largest certificate | {np.nanmax(certificate):.1e} |",
+        f"| peak memory of the process | {peak:,.0f} MiB |",
+    ]
+
+
+def main() -> None:
+    """Run everything, print it and keep it."""
+    parser = argparse.ArgumentParser(description="Speed of parameter maps.")
+    parser.add_argument("--small", action="store_true", help="a tenth of everything, nothing kept")
+    small = parser.parse_args().small
+    cycles = cycles_table(10_000 if small else 100_000, 3)
+    toy = map_table(40 if small else 300, 1 if small else 2)
+    text = "\n".join(["# Parameter maps: cycles and points per second", "", machine(), "", *cycles, "", *toy, ""])
+    if not small:
+        RESULTS.parent.mkdir(exist_ok=True)
+        RESULTS.write_text(text)
+    print(text)
+
+
+if __name__ == "__main__":
+    main()

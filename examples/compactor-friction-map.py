@@ -1,0 +1,66 @@
+"""What is left of the friction under a plate that is shaken, over the force and the speed of the imbalance.
+
+The pull needs the mean friction force; that of the resting plate is μmg. A plate that slides on without stopping feels
+μmg on average: shaking helps only if it stops, that is, if the forced oscillation of its velocity alone, of amplitude
+μFΩ/(m|Ω² − k/m|), exceeds the speed of the pull. Then friction falls towards μ(mg − F), the smallest one in a period.
+
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
+figure 1.1(A) and theorem 2.2.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from stickslip import catalogue
+from stickslip.sweep.sweep import sweep
+
+compactor = catalogue.plate_compactor(V=0.01)
+p = compactor.values
+
+
+def friction(forces=50, speeds=40, out=None):
+    """The map, with so many values of each parameter."""
+    over = {"F": f"0:980:{forces}", "Omega": f"log:10:300:{speeds}"}
+    return sweep(compactor, over, ["friction = -mean_force/(m*g)"], out)
+
+
+def stopping_force(Omega):
+    """Force of the imbalance from which on the plate cannot slide without stopping."""
+    return p["V"] * p["m"] * np.abs(Omega**2 - p["k"] / p["m"]) / (p["mu"] * Omega)
+
+
+def plot_stopping(axes):
+    """The boundary between sliding on and stopping."""
+    from stickslip.figures.style import VERMILION
+
+    Omega = np.geomspace(10.0, 300.0, 400)
+    force = stopping_force(Omega)
+    inside = force <= 980.0
+    axes.plot(
+        force[inside],
+        Omega[inside],
+        color=VERMILION,
+        ls=(0, (4, 2)),
+        lw=1.8,
+        label="from here on the plate stops again and again",
+    )
+
+
+if __name__ == "__main__":
+    from stickslip.figures.style import legend_above, new_figure, paper_style
+    from stickslip.figures.sweep import draw_map
+
+    data = friction(out="out/compactor-friction-map/friction.zarr")
+    data["friction"].attrs["long_name"] = "effective coefficient of friction"
+    path = Path("out/compactor-friction-map/friction.png")
+    with paper_style():
+        figure = new_figure(6.4, 4.6)
+        axes = figure.subplots()
+        draw_map(axes, data, "friction")
+        plot_stopping(axes)
+        legend_above(axes)
+        figure.savefig(path)
+    least = data["friction"].where(data["F"] == data["F"].max(), drop=True)
+    print(f"friction of the plate at rest {p['mu']:g}, least on the map {float(least.min()):.3f}")
+    print(path)

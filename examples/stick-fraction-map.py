@@ -1,0 +1,66 @@
+"""How much of the time a spring slider sticks, over the rate of its load and its viscosity.
+
+Steady sliding loses its stability on the curve where the trace of its Jacobian vanishes. Stick-slip goes on a little
+beyond that curve, next to stable steady sliding: there the start decides.
+
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
+(3.3).
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from stickslip import catalogue
+from stickslip.sweep.sweep import sweep
+
+slider = catalogue.spring_slider()  # k = alpha_0 = 1, mu = 1/2 + exp(-(alpha - 1)/0.4)
+
+
+def sticking(rates=140, viscosities=110, out=None):
+    """The map, with so many values of each parameter."""
+    over = {"V": f"log:0.02:1:{rates}", "nu": f"log:0.005:0.5:{viscosities}"}
+    return sweep(slider, over, ["stick_fraction"], out)
+
+
+def trace(V, nu):
+    """Trace of the Jacobian of steady sliding: positive where it is unstable.
+
+    α* = 1 + V U* and U* = μ(α*) + νV; Newton's iteration, for the function is convex and decreases.
+    """
+    alpha = np.ones(np.broadcast(V, nu).shape)
+    for _ in range(30):
+        friction = np.exp(-(alpha - 1.0) / 0.4)
+        alpha -= (1.0 + V * (0.5 + friction + nu * V) - alpha) / (-V * friction / 0.4 - 1.0)
+    friction = np.exp(-(alpha - 1.0) / 0.4)
+    return -1.0 - (1.0 + (0.5 + friction + nu * V) * (-friction / 0.4)) / nu
+
+
+def plot_hopf(axes, data):
+    """Where steady sliding loses its stability."""
+    from stickslip.figures.style import VERMILION
+
+    V, nu = np.geomspace(0.02, 1.0, 400)[:, None], np.geomspace(0.005, 0.5, 400)
+    style = {"levels": [0.0], "colors": VERMILION, "linewidths": 1.8, "linestyles": [(0, (4, 2))]}
+    axes.contour(V[:, 0], nu, trace(V, nu).T, **style)
+    axes.plot([], [], color=VERMILION, ls=(0, (4, 2)), lw=1.8, label="steady sliding loses its stability")
+
+
+if __name__ == "__main__":
+    from stickslip.figures.style import legend_above, new_figure, paper_style
+    from stickslip.figures.sweep import draw_map
+
+    data = sticking(out="out/stick-fraction-map/stick.zarr")
+    path = Path("out/stick-fraction-map/stick.png")
+    with paper_style():
+        figure = new_figure(6.4, 4.6)
+        axes = figure.subplots()
+        draw_map(axes, data, "stick_fraction")
+        plot_hopf(axes, data)
+        legend_above(axes)
+        figure.savefig(path)
+    V, nu = data["V"].values[:, None], data["nu"].values
+    moving = data["stick_fraction"].values > 0.0
+    beyond = np.mean((trace(V, nu) < 0.0) & moving) / np.mean(moving)
+    print(f"stick-slip at {np.mean(moving):.0%} of the points, {beyond:.0%} of them beside stable steady sliding")
+    print(path)

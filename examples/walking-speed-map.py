@@ -1,0 +1,60 @@
+"""How fast a toy animal walks, over the pull on its legs and the damping of its rocking.
+
+Its rocking takes its energy from the pull; where that is less than what the damping eats, the toy comes to rest. Rest
+and walking coexist, so the map is one of what a start leads to: here ψ = 0.8, with the legs where friction holds them.
+That depends on the pull, so P and x_R vary together. Below P = ρ + cψ* the pull does not move an unloaded leg, from
+P = H*/2 on a fully loaded leg does not hold.
+
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
+(4.2).
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from stickslip import catalogue
+from stickslip.motion.outcome import Outcome
+from stickslip.sweep.sweep import sweep
+
+toy = catalogue.rocking_toy()
+p = toy.values
+bounds = p["rho"] + p["c"] * p["psi_star"], p["H_star"] / 2
+
+
+def walking(pulls=120, dampings=90, out=None):
+    """The map, with so many values of each parameter."""
+    over = {"P,x_R": f"0.4:1.65:{pulls}; 0.3:-0.95:{pulls}", "delta": f"log:0.005:0.2:{dampings}"}
+    return sweep(toy, over, ["speed"], out)
+
+
+def plot_boundary(axes, data):
+    """Where walking begins, and what the pull says of it."""
+    from stickslip.figures.style import STICK_LINE, VERMILION
+
+    walks = (data["outcome"] == Outcome.PERIODIC.code) & (data["speed"] > 1e-6)
+    style = {"levels": [0.5], "colors": "white", "linewidths": 1.8}
+    axes.contour(data["P"], data["delta"], walks.T.astype(float), **style)
+    for bound, label in zip(bounds, (r"$\rho + c\psi_*$", r"$H_*/2$"), strict=True):
+        axes.axvline(bound, color=VERMILION, ls=(0, (4, 2)), lw=1.2)
+        axes.text(bound, 1.02, label, transform=axes.get_xaxis_transform(), color=STICK_LINE, ha="center")
+
+
+if __name__ == "__main__":
+    from stickslip.figures.style import new_figure, paper_style
+    from stickslip.figures.sweep import draw_map
+
+    data = walking(out="out/walking-speed-map/speed.zarr")
+    path = Path("out/walking-speed-map/speed.png")
+    with paper_style():
+        figure = new_figure(6.4, 4.6)
+        axes = figure.subplots()
+        draw_map(axes, data, "speed")
+        plot_boundary(axes, data)
+        figure.savefig(path)
+    fastest = data.isel(data["speed"].argmax(...))
+    print(f"walks at {np.mean(data['speed'].values > 1e-6):.0%} of the points, fastest with", end=" ")
+    print(
+        f"{float(fastest['speed']):.3g} m/s at P = {float(fastest['P']):.3g} N, delta = {float(fastest['delta']):.2g}"
+    )
+    print(path)

@@ -1,0 +1,1 @@
+"""Parameter maps: many motions, what each settles on, stored."""

@@ -1,0 +1,181 @@
+"""Adaptive maps: computed finely only where something changes.
+
+The points of the full grid stay the points of the map. A coarse selection of them divides it into cells; a cell is
+halved in all directions where an outcome or a measure changes among the points computed in it and on its boundary, down
+to the grid itself. Looking at the boundary, too, lets cells follow a curve that their neighbours have found. What lies
+in a cell where nothing changes is interpolated and marked as such; a feature that no coarse point sees is not found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise, product
+
+import numpy as np
+
+from stickslip.errors import DeclarationError, short
+from stickslip.sweep.axes import Grid
+from stickslip.sweep.plan import INTERPOLATED
+from stickslip.sweep.store import MapStore
+
+Array = np.ndarray
+Cell = tuple[tuple[int, int], ...]
+"""First and last index along each axis."""
+
+COARSEST = 8  # cells along an axis to begin with, at least
+
+
+@dataclass(frozen=True)
+class Adaptive:
+    """Where a map is refined.
+
+    Attributes
+    ----------
+    by : tuple of str
+        ``"outcome"`` and measures.
+    contrast : float
+        Change of a measure within a cell that asks for more points, relative to its range over the map.
+    """
+
+    by: tuple[str, ...] = ("outcome",)
+    contrast: float = 0.05
+
+
+def check_adaptive(adaptive: Adaptive, store: MapStore) -> None:
+    """Refuse a refinement by what is not measured, or along axes without order.
+
+    Raises
+    ------
+    DeclarationError
+    """
+    known = ["outcome", *filter(_is_measure, store.names)]
+    for name in adaptive.by:
+        if name not in known:
+            raise DeclarationError("adaptive", f"'{short(name)}' is not measured", f"Measured: {', '.join(known)}")
+    if not adaptive.by or not 0.0 < adaptive.contrast < 1.0:
+        raise DeclarationError("adaptive", "a contrast between 0 and 1, of something measured, is needed", "Try 0.05")
+    for axis in store.grid.axes:
+        if not axis.ordered:
+            names = ",".join(axis.names)
+            raise DeclarationError("adaptive", f"the values of {names} have no order", "Vary one parameter by a range")
+
+
+def rounds(store: MapStore, adaptive: Adaptive) -> Iterator[Array]:
+    """Points wanted, one set after another; the next set depends on what was computed.
+
+    Yields
+    ------
+    array of bool, shape of the grid
+    """
+    leaves = _coarse(store.grid)
+    while True:
+        yield _corners(store.grid, leaves)
+        tables = [np.where(store.outcome >= 0, store.outcome, np.nan) if name == "outcome" else store.whole(name)
+                  for name in adaptive.by]  # fmt: skip
+        known = store.outcome >= 0
+        limits = [0.0 if name == "outcome" else adaptive.contrast * _range(table[known])
+                  for name, table in zip(adaptive.by, tables, strict=True)]  # fmt: skip
+        finer: list[Cell] = []
+        for cell in leaves:
+            finer += _halves(cell) if _divisible(cell) and _changes(cell, known, tables, limits) else [cell]
+        if len(finer) == len(leaves):
+            break
+        leaves = finer
+    _interpolate(store, leaves)
+
+
+def _coarse(grid: Grid) -> list[Cell]:
+    """The cells to begin with."""
+    ranges = []
+    for n in grid.shape:
+        stride = 1
+        while (n - 1) // (2 * stride) >= COARSEST:
+            stride *= 2
+        nodes = [*range(0, n - 1, stride), n - 1] if n > 1 else [0, 0]
+        ranges.append(list(pairwise(nodes)))
+    return list(product(*ranges))
+
+
+def _corners(grid: Grid, cells: Sequence[Cell]) -> Array:
+    wanted = np.zeros(grid.shape, bool)
+    ends = np.array(cells)  # cells, axes, 2
+    for corner in product((0, 1), repeat=len(grid.shape)):
+        wanted[tuple(ends[:, axis, side] for axis, side in enumerate(corner))] = True
+    return wanted
+
+
+def _range(values: Array) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.ptp(finite)) if len(finite) else 0.0
+
+
+def _box(cell: Cell) -> tuple[slice, ...]:
+    return tuple(slice(low, high + 1) for low, high in cell)
+
+
+def _divisible(cell: Cell) -> bool:
+    return any(high - low > 1 for low, high in cell)
+
+
+def _changes(cell: Cell, known: Array, tables: Sequence[Array], limits: Sequence[float]) -> bool:
+    """Whether something changes among the computed points of a cell."""
+    box = _box(cell)
+    here = known[box]
+    for table, limit in zip(tables, limits, strict=True):
+        values = table[box][here]
+        undefined = np.isnan(values)
+        if undefined.any() and not undefined.all():
+            return True
+        if not undefined.any() and np.ptp(values) > limit:
+            return True
+    return False
+
+
+def _halves(cell: Cell) -> list[Cell]:
+    parts = []
+    for low, high in cell:
+        middle = (low + high) // 2
+        parts.append([(low, middle), (middle, high)] if high - low > 1 else [(low, high)])
+    return list(product(*parts))
+
+
+def _interpolate(store: MapStore, leaves: Sequence[Cell]) -> None:
+    """Give the points inside cells the values that their corners suggest, and their worst certificate."""
+    gaps = [cell for cell in leaves if np.any(store.outcome[_box(cell)] < 0)]
+    if not gaps:
+        return
+    inferred = store.outcome < 0
+    for name in store.names:
+        if name == "outcome":
+            continue
+        table = store.whole(name)
+        filled = table.copy()
+        for cell in gaps:
+            box = _box(cell)
+            if _is_measure(name):
+                filled[box] = np.where(inferred[box], _multilinear(table, cell), table[box])
+            elif name == "certificate":
+                filled[box] = np.where(inferred[box], np.max(_at_corners(table, cell)), table[box])
+        store.replace(name, filled, inferred)
+    store.replace("outcome", np.where(inferred, np.int8(INTERPOLATED), store.outcome), inferred)
+
+
+def _is_measure(name: str) -> bool:
+    return name not in ("outcome", "certificate") and not name.endswith("_missing")
+
+
+def _at_corners(table: Array, cell: Cell) -> Array:
+    return table[np.ix_(*([low, high] for low, high in cell))]
+
+
+def _multilinear(table: Array, cell: Cell) -> Array:
+    """Values in a box that are linear along each axis between its corners."""
+    values = _at_corners(table, cell)
+    for axis, (low, high) in enumerate(cell):
+        shape = [1] * len(cell)
+        shape[axis] = high - low + 1
+        weight = np.linspace(0.0, 1.0, high - low + 1).reshape(shape)
+        first, last = np.take(values, [0], axis), np.take(values, [1], axis)
+        values = first + (last - first) * weight
+    return values

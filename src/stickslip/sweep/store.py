@@ -1,0 +1,421 @@
+"""A map on disk: a Zarr 3 group that xarray reads as it is, written chunk by chunk.
+
+The store is its own record of what is done. Every chunk of every variable is one file with a checksum, replaced whole
+or not at all, and the outcomes of a chunk are written after all its other variables: a point that has an outcome has
+everything else. So whoever opens the store, after whatever happened, knows which points are left to compute.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import warnings
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stickslip.errors import StickslipError
+from stickslip.storage import PREFIX
+from stickslip.sweep.axes import Axis, Grid, make_grid
+from stickslip.sweep.plan import FORMAT, KIND, NOT_COMPUTED, Plan
+
+if TYPE_CHECKING:
+    import xarray
+    import zarr
+
+Array = np.ndarray
+Region = tuple[slice, ...]
+Chunk = tuple[int, ...]
+
+
+class MapStore:
+    """A map that is being computed.
+
+    Attributes
+    ----------
+    plan : Plan
+    grid : Grid
+    path : Path or None
+        None: in memory.
+    outcome : array of int8
+        Codes of all points, a negative one where nothing is computed.
+    """
+
+    def __init__(self, group: zarr.Group, plan: Plan, grid: Grid, path: Path | None) -> None:
+        self.group, self.plan, self.grid, self.path = group, plan, grid, path
+        self.names = list(plan.variables())
+        # A chunk without a file is one that is not computed, so also chunks without any value get one.
+        self.arrays = {name: _array(group, name).with_config({"write_empty_chunks": True}) for name in self.names}
+        self.outcome = np.full(grid.shape, NOT_COMPUTED, np.int8)
+
+    @property
+    def left(self) -> int:
+        """Points that are not computed."""
+        return int(np.count_nonzero(self.outcome < 0))
+
+    def load(self) -> None:
+        """Read which points are computed.
+
+        Raises
+        ------
+        StickslipError
+            If a chunk of outcomes is damaged.
+        """
+        for chunk in self.grid.chunks():
+            region = self.grid.region(chunk)
+            self.outcome[region] = self.read("outcome", chunk)
+
+    def read(self, name: str, chunk: Chunk) -> Array:
+        """One chunk of a variable.
+
+        Raises
+        ------
+        StickslipError
+            If it is damaged.
+        """
+        region = self.grid.region(chunk)
+        try:
+            return np.asarray(self.arrays[name][region])
+        except (ValueError, RuntimeError) as error:
+            raise self.damage([(name, chunk)], str(error)) from None
+
+    def damage(self, chunks: list[tuple[str, Chunk]], reason: str = "") -> StickslipError:
+        """What to say about damaged chunks."""
+        shown = ", ".join(f"{name}/c/{'/'.join(map(str, chunk))}" for name, chunk in chunks[:3])
+        more = f" and {len(chunks) - 3} more" if len(chunks) > 3 else ""
+        why = f" ({' '.join(reason.split())})" if reason else ""
+        return StickslipError(
+            f"{self.path}: damaged: {shown}{more}{why}. The rest is intact; --repair computes these chunks again"
+        )
+
+    def damaged(self) -> list[tuple[str, Chunk]]:
+        """Chunks whose checksum is wrong, or that are missing although their points are computed."""
+        found = []
+        for chunk in self.grid.chunks():
+            for name in reversed(self.names):
+                try:
+                    values = self.read(name, chunk)
+                except StickslipError:
+                    found.append((name, chunk))
+                    continue
+                if name == "outcome" and np.all(values == NOT_COMPUTED):
+                    break
+                if not self._exists(name, chunk):
+                    found.append((name, chunk))
+        return found
+
+    def forget(self, chunk: Chunk) -> None:
+        """Take a chunk for not computed."""
+        self._write("outcome", self.grid.region(chunk), NOT_COMPUTED)
+
+    def _exists(self, name: str, chunk: Chunk) -> bool:
+        return self.path is None or self.path.joinpath(name, "c", *map(str, chunk)).is_file()
+
+    def missing(self, chunk: Chunk, wanted: Array | None = None) -> Array:
+        """Positions in a chunk, in C order, of the points that are not computed.
+
+        Parameters
+        ----------
+        chunk : tuple of int
+        wanted : array of bool, shape of the grid, optional
+            Only these.
+        """
+        region = self.grid.region(chunk)
+        todo = self.outcome[region] < 0
+        return np.flatnonzero(todo if wanted is None else todo & wanted[region])
+
+    def write(self, chunk: Chunk, inside: Array, values: Mapping[str, Array]) -> None:
+        """Keep what was computed at some points of a chunk.
+
+        Raises
+        ------
+        StickslipError
+            If it cannot be written; what was written before stays intact.
+        """
+        region = self.grid.region(chunk)
+        for name in self.names:
+            block = self._merged(name, chunk, inside, np.asarray(values[name]))
+            self._write(name, region, block)
+            if name == "outcome":
+                self.outcome[region] = block
+
+    def _merged(self, name: str, chunk: Chunk, inside: Array, values: Array) -> Array:
+        """A chunk of a variable with other values at some points."""
+        before = self.outcome[self.grid.region(chunk)]
+        if len(inside) == before.size:
+            return values.reshape(before.shape)
+        block = before.copy() if name == "outcome" else self.read(name, chunk).copy()
+        block.reshape(-1)[inside] = values
+        return block
+
+    def whole(self, name: str) -> Array:
+        """All values of a variable."""
+        return np.asarray(self.arrays[name][...])
+
+    def replace(self, name: str, table: Array, where: Array) -> None:
+        """Write other values at some points, chunk by chunk.
+
+        Parameters
+        ----------
+        name : str
+        table, where : array, shape of the grid
+            Values, and whether they are new.
+        """
+        for chunk in self.grid.chunks():
+            region = self.grid.region(chunk)
+            if np.any(where[region]):
+                self._write(name, region, table[region])
+        if name == "outcome":
+            self.outcome[...] = table
+
+    def _write(self, name: str, region: Region, block: Array | int) -> None:
+        try:
+            self.arrays[name][region] = block
+        except OSError as error:
+            done = self.grid.size - self.left
+            raise StickslipError(
+                f"{self.path}: cannot be written ({error.strerror or error}). {done} of {self.grid.size} points are"
+                " kept; make room, and give the same command again"
+            ) from None
+
+    def dataset(self) -> xarray.Dataset:
+        """The map; values are read from the store when they are needed."""
+        import xarray as xr
+
+        return xr.open_zarr(self.group.store, chunks=None, consolidated=True)
+
+
+def _array(group: zarr.Group, name: str) -> zarr.Array:
+    found: Any = group[name]
+    return found
+
+
+# -- making and opening -------------------------------------------------------------------------------
+
+
+def create(plan: Plan, path: Path | None) -> MapStore:
+    """A new store without points, in memory or at a path where nothing is."""
+    import zarr
+    from zarr.storage import MemoryStore
+
+    grid = make_grid(plan.axes)
+    group = zarr.open_group(MemoryStore() if path is None else path, mode="w-", zarr_format=3)
+    coordinates = plan.coordinates()
+    group.attrs.update(
+        {
+            "title": plan.system.title or plan.system.name,
+            "source": plan.system.source,
+            "coordinates": " ".join(coordinates),
+            **{PREFIX + key: text for key, text in plan.parts().items()},
+        }
+    )
+    for name, (dimension, values, attributes) in coordinates.items():
+        array = _new_array(group, name, (dimension,), values.shape, values.shape, "f8", np.nan, attributes)
+        array[:] = values
+    dimensions = tuple(axis.dimension for axis in plan.axes)
+    for name, (kind, empty, attributes) in plan.variables().items():
+        _new_array(group, name, dimensions, grid.shape, grid.chunk, kind, empty, attributes)
+    with warnings.catch_warnings():
+        # Zarr 3 has no word on consolidated metadata yet; xarray looks for them all the same.
+        warnings.filterwarnings("ignore", message="Consolidated metadata")
+        group = zarr.consolidate_metadata(group.store)
+    return MapStore(group, plan, grid, path)
+
+
+def _new_array(
+    group: zarr.Group,
+    name: str,
+    dimensions: tuple[str, ...],
+    shape: tuple[int, ...],
+    chunk: tuple[int, ...],
+    kind: str,
+    empty: float,
+    attributes: dict[str, Any],
+) -> zarr.Array:
+    from zarr.codecs import Crc32cCodec, ZstdCodec
+
+    return group.create_array(
+        name,
+        shape=shape,
+        chunks=chunk,
+        dtype=kind,
+        fill_value=empty,
+        dimension_names=dimensions,
+        attributes=attributes,
+        compressors=[ZstdCodec(level=1), Crc32cCodec()],
+    )
+
+
+@contextlib.contextmanager
+def opened(plan: Plan, path: Path, *, extend: bool = False, overwrite: bool = False) -> Iterator[MapStore]:
+    """The store of a plan at a path, for this process alone: made, taken up again, extended or replaced.
+
+    Raises
+    ------
+    StickslipError
+        If something else is there, another map, or another process is writing it; or the place is not writable.
+    """
+    with contextlib.ExitStack() as stack:
+        try:
+            store = _opened(stack, plan, path, extend, overwrite)
+        except OSError as error:
+            raise StickslipError(
+                f"{path}: cannot be written ({error.strerror or error}). Choose another --out"
+            ) from None
+        yield store
+
+
+def _opened(stack: contextlib.ExitStack, plan: Plan, path: Path, extend: bool, overwrite: bool) -> MapStore:
+    _finish_replacement(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.exists():
+        return _replaced(stack, plan, path, None)
+    parts, axes = stored_plan(path)
+    stack.enter_context(_lock(path))
+    for leftover in [*path.rglob("*.partial"), *path.parent.glob(f".{path.name}.*.unfinished")]:
+        shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink()
+    if overwrite:
+        return _replaced(stack, plan, path, None)
+    held = Plan(plan.system, axes, plan.measures, plan.initial, plan.settings, plan.seed)
+    change = held.difference(parts, axes) or (plan.difference(parts, axes) if not extend else "")
+    if change:
+        add = "" if extend or "over other values" not in change else "--extend to add points, "
+        raise StickslipError(f"{path}: holds a map {change}. Use {add}--overwrite to replace it, or another --out")
+    store = _existing(held, path)
+    if extend and plan.difference(parts, axes):
+        if damaged := store.damaged():
+            raise store.damage(damaged)
+        return _replaced(stack, _extended(plan, held, path), path, store)
+    return store
+
+
+def _existing(plan: Plan, path: Path) -> MapStore:
+    import zarr
+
+    group = zarr.open_group(path, mode="r+", use_consolidated=False)
+    return MapStore(group, plan, Grid(plan.axes, _array(group, "outcome").chunks), path)
+
+
+def stored_plan(path: Path) -> tuple[dict[str, str], tuple[Axis, ...]]:
+    """What a store says that it holds, and its axes.
+
+    Raises
+    ------
+    StickslipError
+        If it is no map of ours.
+    """
+    import zarr
+
+    if not path.exists():
+        raise StickslipError(f"{path}: there is no such store")
+    try:
+        group = zarr.open_group(path, mode="r", use_consolidated=False)
+        parts = {k.removeprefix(PREFIX): str(v) for k, v in group.attrs.items() if k.startswith(PREFIX)}
+        if parts["kind"] != KIND:
+            raise KeyError(parts["kind"])
+        if parts["format"] != str(FORMAT):
+            raise StickslipError(f"{path}: written in format {parts['format']}, this version reads {FORMAT}")
+        axes = []
+        for declared in json.loads(parts["axes"]):
+            values = np.array([_array(group, name)[:] for name in declared["names"]])
+            axes.append(Axis(tuple(declared["names"]), values, declared["spacing"]))
+    except (OSError, ValueError, KeyError, TypeError):
+        raise StickslipError(
+            f"{path}: not a map stored by stickslip, or its description is damaged; it is left as it is"
+        ) from None
+    return parts, tuple(axes)
+
+
+# -- replacing and extending --------------------------------------------------------------------------
+
+
+def _extended(plan: Plan, held: Plan, path: Path) -> Plan:
+    """The plan with the values of the held axes bit by bit where it has the same ones."""
+    if [axis.names for axis in plan.axes] != [axis.names for axis in held.axes]:
+        raise StickslipError(
+            f"{path}: holds a map {plan.difference(held.parts(), held.axes)}. Extend it over its own axes"
+        )
+    axes = []
+    for new, old in zip(plan.axes, held.axes, strict=True):
+        found = new.positions(old)
+        if np.any(found < 0):
+            lost = ", ".join(f"{v:g}" for v in old.values[:, np.argmin(found)])
+            raise StickslipError(
+                f"{path}: the value {','.join(old.names)} = {lost} of the stored map is not among the new ones."
+                " Refine it, such as from n to 2n - 1 points"
+            )
+        values = new.values.copy()
+        values[:, found] = old.values
+        axes.append(Axis(new.names, values, new.spacing))
+    return Plan(plan.system, tuple(axes), plan.measures, plan.initial, plan.settings, plan.seed)
+
+
+def _replaced(stack: contextlib.ExitStack, plan: Plan, path: Path, old: MapStore | None) -> MapStore:
+    """A new store in the place of the one at the path, with the points of the old one.
+
+    It is made beside the path and takes its place when it is complete.
+    """
+    place = path.with_name(f".{path.name}.{os.getpid()}.unfinished")
+    before = _before(path)
+    try:
+        store = create(plan, place)
+        if old is not None:
+            _copy(old, store)
+        stack.enter_context(_lock(place))
+        if path.exists():
+            os.rename(path, before)
+        os.rename(place, path)
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
+    shutil.rmtree(before, ignore_errors=True)
+    return _existing(plan, path)
+
+
+def _before(path: Path) -> Path:
+    return path.with_name(f".{path.name}.before")
+
+
+def _finish_replacement(path: Path) -> None:
+    """Put back what a replacement that was killed between its two renamings has left."""
+    before = _before(path)
+    if before.is_dir():
+        shutil.rmtree(before) if path.exists() else os.rename(before, path)
+
+
+def _copy(old: MapStore, new: MapStore) -> None:
+    """Points of one store that the other has, too."""
+    places = [o.positions(n) for o, n in zip(old.grid.axes, new.grid.axes, strict=True)]
+    for chunk in new.grid.chunks():
+        region = new.grid.region(chunk)
+        where = [place[part] for place, part in zip(places, region, strict=True)]
+        kept = [np.flatnonzero(place >= 0) for place in where]
+        if not all(map(len, kept)):
+            continue
+        source = tuple(place[k] for place, k in zip(where, kept, strict=True))
+        shape = tuple(part.stop - part.start for part in region)
+        inside = np.ravel_multi_index(np.ix_(*kept), shape).reshape(-1)
+        values = {name: np.asarray(old.arrays[name].oindex[source]).reshape(-1) for name in new.names}
+        done = values["outcome"] >= 0
+        new.write(chunk, inside[done], {name: some[done] for name, some in values.items()})
+
+
+@contextlib.contextmanager
+def _lock(path: Path) -> Iterator[None]:
+    """Keep other processes from writing here; ends with the process, however that ends."""
+    import fcntl
+
+    folder = os.open(path, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise StickslipError(
+                f"{path}: another process is writing it. Wait for it, or choose another --out"
+            ) from None
+        yield
+    finally:
+        os.close(folder)

@@ -1,0 +1,251 @@
+"""Maps: a system measured at every point of a grid of parameters and initial values."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stickslip.declaration import check_initial
+from stickslip.errors import DeclarationError
+from stickslip.sweep.adaptive import Adaptive, check_adaptive, rounds
+from stickslip.sweep.axes import read_axes
+from stickslip.sweep.plan import Plan
+from stickslip.sweep.scheduler import Pool, Stop, distribute, listening
+from stickslip.sweep.store import Chunk, MapStore, create, opened, stored_plan
+from stickslip.sweep.user_measures import read_measures
+from stickslip.sweep.work import Work, check_sendable, compute, work_of
+from stickslip.system import System
+
+if TYPE_CHECKING:
+    import xarray
+
+    from stickslip.sweep.chunk import Settings
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a map is.
+
+    Attributes
+    ----------
+    done, total : int
+        Points that are computed, and of the whole grid.
+    new : int
+        Points computed by this run.
+    elapsed : float
+        Seconds since it began.
+    outcomes : dict of int to int
+        Number of points by the code of their outcome.
+    """
+
+    done: int
+    total: int
+    new: int
+    elapsed: float
+    outcomes: Mapping[int, int]
+
+
+@dataclass(frozen=True)
+class Task:
+    """Some points of one chunk."""
+
+    chunk: Chunk
+    inside: Array
+    columns: dict[str, Array]
+
+
+def sweep(
+    system: System,
+    over: Mapping[str, Any] | Sequence[str],
+    measure: Sequence[Any],
+    out: str | Path | None = None,
+    *,
+    initial: Mapping[str, float] | None = None,
+    settings: Settings | None = None,
+    seed: int = 0,
+    adaptive: Adaptive | None = None,
+    scheduler: str = "threads",
+    workers: int | None = None,
+    extend: bool = False,
+    overwrite: bool = False,
+    repair: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+) -> xarray.Dataset:
+    """Measure a system over parameters and initial values.
+
+    Parameters
+    ----------
+    system : System
+    over : mapping of str to axis
+        What varies: ``{"P": "0.8:1.6:400", "delta": "log:0.01:0.2:300"}``, or arrays of values
+        (:mod:`stickslip.sweep.axes` says all that is understood).
+    measure : sequence of str or callable
+        Named measures, formulas ``"name = formula"`` of them, functions of a Trajectory.
+    out : str or Path, optional
+        Store to write as the map is computed; one that is begun is taken up again. Without it the map is in memory.
+    initial : mapping of str to float, optional
+        Initial values at all points.
+    settings : Settings, optional
+        How a motion settles, and the accuracy.
+    seed : int
+        Of random and low-discrepancy samples.
+    adaptive : Adaptive, optional
+        Compute finely only where something changes.
+    scheduler : str
+        ``"threads"``, ``"processes"``, or the address of a Dask scheduler. The result does not depend on it.
+    workers : int, optional
+        Threads or processes; by default one for each core.
+    extend : bool
+        Add the new values of the axes to a stored map over some of them.
+    overwrite : bool
+        Replace a stored map.
+    repair : bool
+        Compute damaged chunks again.
+    progress : callable, optional
+        Called as points are done.
+
+    Returns
+    -------
+    xarray.Dataset
+        One dimension for each axis; the measures, ``outcome`` and ``certificate``. After Ctrl-C some points have the
+        outcome -1, not computed.
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is wrong; nothing is computed then.
+    StickslipError
+        If the store cannot be written, is damaged, or holds another map.
+    """
+    plan = make_plan(system, over, measure, initial, settings, seed)
+    with contextlib.ExitStack() as stack:
+        if out is None:
+            store = create(plan, None)
+        else:
+            store = stack.enter_context(opened(plan, Path(out), extend=extend, overwrite=overwrite))
+            _audit(store, repair)
+            store.load()
+        if adaptive is not None:
+            check_adaptive(adaptive, store)
+        run(store, Pool(scheduler, workers), adaptive, progress)
+        return store.dataset()
+
+
+def open_sweep(path: str | Path) -> xarray.Dataset:
+    """A stored map, finished or not; values are read when they are needed.
+
+    Raises
+    ------
+    StickslipError
+        If there is no map at the path.
+    """
+    import xarray as xr
+
+    stored_plan(Path(path))
+    return xr.open_zarr(Path(path), chunks=None, consolidated=True)
+
+
+def make_plan(
+    system: System,
+    over: Mapping[str, Any] | Sequence[str],
+    measure: Sequence[Any],
+    initial: Mapping[str, float] | None = None,
+    settings: Settings | None = None,
+    seed: int = 0,
+) -> Plan:
+    """Everything that is asked for, checked.
+
+    Raises
+    ------
+    DeclarationError
+        If anything is wrong.
+    """
+    from stickslip.sweep.chunk import Settings
+
+    if not isinstance(system, System):
+        reason = f"expected a System, got {type(system).__name__}"
+        raise DeclarationError("system", reason, "Use ss.load or ss.catalogue")
+    axes = read_axes(system, over, seed)
+    varied = [name for axis in axes for name in axis.names]
+    for name, value in (initial or {}).items():
+        check_initial(system.declaration, name, value)
+        if name in varied:
+            raise DeclarationError(f"initial.{name}", "it varies along an axis", "Give it once")
+    start = {name: float(value) for name, value in (initial or {}).items()}
+    return Plan(system, axes, read_measures(system, measure), start, settings or Settings(), seed)
+
+
+def _audit(store: MapStore, repair: bool) -> None:
+    """Find damaged chunks; forget them if they are to be repaired."""
+    damaged = store.damaged()
+    if damaged and not repair:
+        raise store.damage(damaged)
+    for _, chunk in damaged:
+        store.forget(chunk)
+
+
+def run(
+    store: MapStore, pool: Pool, adaptive: Adaptive | None, progress: Callable[[Progress], None] | None = None
+) -> bool:
+    """Compute what is missing; True if it came to its end."""
+    work = work_of(store.plan)
+    if pool.scheduler == "processes":
+        check_sendable(work)
+    tell = _Teller(store, progress)
+    wanted: Iterator[Array | None] = iter([None]) if adaptive is None else rounds(store, adaptive)
+    with pool, listening() as stop:
+        for points in wanted:
+            _fill(store, work, points, pool, stop, tell)
+            if stop.wished:
+                return False
+    return True
+
+
+def _fill(store: MapStore, work: Work, points: Array | None, pool: Pool, stop: Stop, tell: _Teller) -> None:
+    """Compute the wanted points (all if None) that are missing, and write them chunk by chunk."""
+    tell(np.empty(0, np.int8))
+    for task, values in distribute(partial(_work, work), _tasks(store, points), pool, stop):
+        store.write(task.chunk, task.inside, values)
+        tell(values["outcome"])
+
+
+def _tasks(store: MapStore, points: Array | None) -> Iterator[Task]:
+    for chunk in store.grid.chunks():
+        inside = store.missing(chunk, points)
+        if len(inside):
+            yield Task(chunk, inside, store.grid.columns(store.grid.region(chunk), inside))
+
+
+def _work(work: Work, task: Task) -> dict[str, Array]:
+    return compute(work, task.columns)
+
+
+class _Teller:
+    """Counts what is done, for whoever wants to know."""
+
+    def __init__(self, store: MapStore, listener: Callable[[Progress], None] | None) -> None:
+        self.listener, self.total = listener, store.grid.size
+        self.began, self.new = time.perf_counter(), 0
+        self.counts = _count(store.outcome.reshape(-1))
+
+    def __call__(self, codes: Array) -> None:
+        self.new += len(codes)
+        self.counts += _count(codes)
+        if self.listener is not None:
+            outcomes = {int(code): int(self.counts[code]) for code in np.flatnonzero(self.counts)}
+            elapsed = time.perf_counter() - self.began
+            self.listener(Progress(sum(outcomes.values()), self.total, self.new, elapsed, outcomes))
+
+
+def _count(codes: Array) -> Array:
+    """Points by their outcome, of those that have one."""
+    return np.bincount(codes[codes >= 0], minlength=128)
