@@ -34,9 +34,9 @@ from stickslip.motion.batch import BATCH_SLOTS, initial_states, lanes_of_block, 
 from stickslip.motion.kernel import FULL
 from stickslip.motion.lanes import Lanes
 from stickslip.motion.outcome import Outcome
-from stickslip.sweep import measuring
-from stickslip.sweep.chunk import Settings, measure_chunk
-from stickslip.sweep.sweep import sweep
+from stickslip.sweeps import measuring
+from stickslip.sweeps.chunk import Settings, measure_chunk
+from stickslip.sweeps.sweep import sweep
 
 Array = np.ndarray
 RESULTS = Path(__file__).parent / "results" / "sweep.md"

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip import catalogue
-from stickslip.sweep.sweep import sweep
+from stickslip import catalogue, sweep
 
 compactor = catalogue.plate_compactor(V=0.01)
 p = compactor.values

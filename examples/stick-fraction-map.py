@@ -11,8 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip import catalogue
-from stickslip.sweep.sweep import sweep
+from stickslip import catalogue, sweep
 
 slider = catalogue.spring_slider()  # k = alpha_0 = 1, mu = 1/2 + exp(-(alpha - 1)/0.4)
 

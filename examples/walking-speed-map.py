@@ -13,9 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip import catalogue
+from stickslip import catalogue, sweep
 from stickslip.motion.outcome import Outcome
-from stickslip.sweep.sweep import sweep
 
 toy = catalogue.rocking_toy()
 p = toy.values

@@ -45,6 +45,9 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.history import History, open_history
     from stickslip.rate_independent.play import Play, play
     from stickslip.rate_independent.study import averaging_study
+    from stickslip.sweeps.adaptive import Adaptive
+    from stickslip.sweeps.chunk import Settings
+    from stickslip.sweeps.sweep import open_sweep, sweep
     from stickslip.system import (
         Condition,
         Contact,
@@ -59,6 +62,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Adaptive",
     "Branch",
     "Condition",
     "Contact",
@@ -82,6 +86,7 @@ __all__ = [
     "Polytope",
     "Product",
     "RateIndependent",
+    "Settings",
     "SpecialPoint",
     "StickslipError",
     "SupportFunction",
@@ -104,12 +109,14 @@ __all__ = [
     "load",
     "open_branch",
     "open_history",
+    "open_sweep",
     "open_trajectory",
     "play",
     "simulate",
     "simulate_many",
     "sliding_threshold",
     "stick_onset_curve",
+    "sweep",
     "walking_threshold",
 ]
 
@@ -137,6 +144,9 @@ _HOMES = {
     "basin": "orbits.basin",
     "HysteresisOperator": "orbits.hysteresis",
     **dict.fromkeys(["gait_study", "sliding_threshold", "walking_threshold"], "orbits.gaits"),
+    "Adaptive": "sweeps.adaptive",
+    "Settings": "sweeps.chunk",
+    **dict.fromkeys(["open_sweep", "sweep"], "sweeps.sweep"),
     "Play": "rate_independent.play",
     "play": "rate_independent.play",
     "averaging_study": "rate_independent.study",

@@ -429,3 +429,13 @@ def test_resonance(n: int) -> None:
     exact = coulomb_oscillator.phases(40 * period, mu=0.05, omega=omega)
     t = np.linspace(0.0, 40 * period, 101)
     assert distance(motion.at(t)["x"], coulomb_oscillator.state(t, exact)[0]) < 1e-10
+
+
+@pytest.mark.parametrize("i", range(-4, 5))
+def test_a_reversal_at_the_threshold(i: int) -> None:
+    """A velocity comes to 0 where stick and slip differ by rounding: one of them has to go on."""
+    motion = simulate(
+        catalogue.forced_oscillator(), (0.0, 200.0), {}, {"omega": 0.77, "F_c": 0.8008793135880453 * (1 + i * 1e-13)}
+    )
+    assert motion.outcome.ok
+    assert motion.certificate.ok

@@ -16,8 +16,8 @@ from stickslip.errors import DeclarationError
 if TYPE_CHECKING:
     import xarray
 
-    from stickslip.sweep.adaptive import Adaptive
-    from stickslip.sweep.sweep import Progress
+    from stickslip.sweeps.adaptive import Adaptive
+    from stickslip.sweeps.sweep import Progress
 
 Model = Annotated[
     str, typer.Argument(metavar="MODEL", help="A name of the catalogue (see: stickslip list) or a .toml file.")
@@ -90,8 +90,8 @@ def sweep(
     """
     from stickslip.cli.app import INTERRUPTED, finish
     from stickslip.cli.models import assignments, load_model, numbers
-    from stickslip.sweep.chunk import Settings
-    from stickslip.sweep.sweep import sweep as compute
+    from stickslip.sweeps.chunk import Settings
+    from stickslip.sweeps.sweep import sweep as compute
 
     system = load_model(model, settings or [])
     start = numbers(assignments(initial or [], "--initial"), "--initial")
@@ -130,7 +130,7 @@ def plot(
 ) -> None:
     """Draw a stored map: lines over one axis, a map over two, small multiples over three."""
     from stickslip.figures.sweep import plot_sweep
-    from stickslip.sweep.sweep import open_sweep
+    from stickslip.sweeps.sweep import open_sweep
 
     picture = out or store.with_suffix(".png")
     figure = plot_sweep(open_sweep(store), measure)
@@ -142,7 +142,7 @@ def plot(
 
 
 def _adaptive(names: list[str] | None, contrast: float) -> Adaptive | None:
-    from stickslip.sweep.adaptive import Adaptive
+    from stickslip.sweeps.adaptive import Adaptive
 
     return Adaptive(tuple(names), contrast) if names else None
 
@@ -150,7 +150,7 @@ def _adaptive(names: list[str] | None, contrast: float) -> Adaptive | None:
 @contextlib.contextmanager
 def _workers(address: str | None, local_cluster: bool, processes: bool, workers: int | None) -> Iterator[str]:
     """Who does the work, as the name of a scheduler."""
-    from stickslip.sweep.scheduler import local_cluster as started
+    from stickslip.sweeps.scheduler import local_cluster as started
 
     if (address is not None) + local_cluster + processes > 1:
         reason = "only one of --processes, --scheduler and --local-cluster can do the work"
@@ -204,7 +204,7 @@ def _report(data: xarray.Dataset, path: Path) -> None:
 
     from stickslip.cli.app import INTERRUPTED, finish
     from stickslip.cli.report import print_table
-    from stickslip.sweep.plan import NOT_COMPUTED
+    from stickslip.sweeps.plan import NOT_COMPUTED
 
     outcome, certificate = data["outcome"], data["certificate"]
     codes = outcome.values

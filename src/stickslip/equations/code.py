@@ -23,7 +23,7 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.equations.tape import Constants, Scaled, Tape, literal, scalar_code
 from stickslip.expressions import Expr
 
-GENERATOR = 4  # raise when generated code changes: part of the key of the cache
+GENERATOR = 5  # raise when generated code changes: part of the key of the cache
 ORDERS = (8, 12, 16, 20, 24)  # that a Taylor series may have
 HEADER = '''"""Generated from a declaration; do not edit."""
 import math

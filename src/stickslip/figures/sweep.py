@@ -26,8 +26,8 @@ from stickslip.figures.style import (
     new_figure,
     paper_style,
 )
-from stickslip.sweep.axes import SAMPLES
-from stickslip.sweep.plan import INTERPOLATED, NOT_COMPUTED
+from stickslip.sweeps.axes import SAMPLES
+from stickslip.sweeps.plan import INTERPOLATED, NOT_COMPUTED
 from stickslip.units import unit_label
 
 if TYPE_CHECKING:

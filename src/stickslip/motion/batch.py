@@ -98,8 +98,9 @@ def run(
 
     Blocks of motions are independent of each other, so that neither threads nor memory matter to the result.
     """
-    slots = BATCH_SLOTS if np.any(table != table[0]) else SLOTS
-    lanes = lanes_of_block(problem, slots)
+    shared = bool(np.all(table == table[0]))
+    slots = SLOTS if shared else BATCH_SLOTS
+    lanes = -(-len(states) // workers) if shared else lanes_of_block(problem, slots)
     blocks = [slice(i, i + lanes) for i in range(0, len(states), lanes)]
     with ThreadPoolExecutor(workers) as pool:
         done = list(pool.map(lambda b: follow_block(problem, table[b], states[b], span, max_events, slots), blocks))

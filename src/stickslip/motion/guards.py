@@ -38,6 +38,7 @@ def germ(
     size0: float,
     size1: float,
     precision: float,
+    slack: float,
     c: Array,
 ) -> tuple[int, int]:
     """Sign of a guard for small times, and the order that decides it.
@@ -58,7 +59,7 @@ def germ(
         return 1, 0
     if c[0] < -floor:
         return -1, 0
-    floor = ROUNDING * (size0 + powers[1] * size1 + largest)
+    floor = slack * ROUNDING * (size0 + powers[1] * size1 + largest)
     for k in range(1, N):
         # What has just begun to slip has the acceleration 0 by definition.
         at_least = floor if k > 1 else max(floor, precision * powers[1] * size1)
@@ -114,10 +115,13 @@ def fill_powers(powers: Array, h: float) -> None:
 
 
 @njit(**INLINED)
-def scan(rows: Rows, space: Space, mode: Array, reg: Array, N: int, last: float, fired: int) -> tuple[int, int]:
+def scan(
+    rows: Rows, space: Space, mode: Array, reg: Array, N: int, last: float, fired: int, slack: float
+) -> tuple[int, int]:
     """Look at all guards of a mode: (least switch that is violated at once, or −1; number of guards that may fire).
 
     Switches are kinks first, then contacts (+1000: towards slip−), then 2000 + i for a threshold that turns negative.
+    What is below `slack` rounding errors counts as zero.
     """
     W, mag, force, plus, minus, u = space.W, space.mag, rows.force, rows.plus, rows.minus, rows.u
     powers, pending, labels = space.powers, space.pending, space.labels
@@ -142,14 +146,14 @@ def scan(rows: Rows, space: Space, mode: Array, reg: Array, N: int, last: float,
                 continue
             switch, row, sign = nk + i, u[i], float(mode[i])
             size0, size1 = mag[i], mag[nc + i] + abs(W[row, 1])
-        precision = FIRED if switch % 1000 == fired else ROUNDING
+        precision = FIRED if switch % 1000 == fired else slack * ROUNDING
         if switch >= 2000:
             precision = DOUBTFUL
         start = sign * W[row, 0] + (W[shift, 0] if shift >= 0 else 0.0)
         if start > precision * (size0 + around * size1) and start > reach(W, row, shift, sign, N, powers):
             continue
         c = pending[count]
-        s, order = germ(W, row, sign, shift, N, powers, around, size0, size1, precision, c)
+        s, order = germ(W, row, sign, shift, N, powers, around, size0, size1, precision, slack, c)
         if s == 0:
             continue
         labels[count, 0], labels[count, 1] = switch, N - 1 - order

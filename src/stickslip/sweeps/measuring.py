@@ -23,8 +23,8 @@ from stickslip.motion.kernel import (
     Space,
 )
 from stickslip.motion.modes import copy, resolve
-from stickslip.sweep.observers import Sums, clear, observe
-from stickslip.sweep.settling import (
+from stickslip.sweeps.observers import Sums, clear, observe
+from stickslip.sweeps.settling import (
     AT_REST,
     DONE,
     MEASURING,
@@ -82,7 +82,7 @@ def measure(
     record : Record
         Work space; what does not fit is measured piece by piece.
     closely : bool
-        As in :func:`stickslip.sweep.observers.observe`.
+        As in :func:`stickslip.sweeps.observers.observe`.
     audit : array, shape (4,)
         Receives residual of the energy balance, violation of the friction law, defect of the equations of motion, and
         by how much a cycle fails to close.

@@ -1,4 +1,4 @@
-"""What the named measures mean, and in which units; :mod:`stickslip.sweep.measures` computes them."""
+"""What the named measures mean, and in which units; :mod:`stickslip.sweeps.measures` computes them."""
 
 from __future__ import annotations
 

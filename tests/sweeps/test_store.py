@@ -20,11 +20,11 @@ import stickslip as ss
 from stickslip import expressions as ex
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.modelfile import loads
-from stickslip.sweep.axes import read_axes
-from stickslip.sweep.store import create, opened
-from stickslip.sweep.sweep import _tasks, make_plan, open_sweep, sweep
-from stickslip.sweep.user_measures import FormulaMeasure, read_measures
-from sweep import stand_in
+from stickslip.sweeps.axes import read_axes
+from stickslip.sweeps.store import create, opened
+from stickslip.sweeps.sweep import _tasks, make_plan, open_sweep, sweep
+from stickslip.sweeps.user_measures import FormulaMeasure, read_measures
+from sweeps import stand_in
 
 TOY = ss.catalogue.rocking_toy()
 OVER = {"P": "0.6:1.6:21", "delta": "log:0.01:0.2:15"}

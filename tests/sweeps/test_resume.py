@@ -15,8 +15,8 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip.errors import StickslipError
-from stickslip.sweep.sweep import Progress, open_sweep, sweep
-from sweep import killing, stand_in
+from stickslip.sweeps.sweep import Progress, open_sweep, sweep
+from sweeps import killing, stand_in
 
 TOY = ss.catalogue.rocking_toy()
 

@@ -21,9 +21,9 @@ from stickslip.motion.batch import (
 from stickslip.motion.kernel import FULL, NEED, Lane, Record
 from stickslip.motion.lanes import Lanes
 from stickslip.motion.problem import Problem
-from stickslip.sweep import measuring, settling
-from stickslip.sweep.measures import Observed, measured, needs_close_look
-from stickslip.sweep.observers import Sums
+from stickslip.sweeps import measuring, settling
+from stickslip.sweeps.measures import Observed, measured, needs_close_look
+from stickslip.sweeps.observers import Sums
 from stickslip.system import System
 
 Array = np.ndarray
@@ -83,7 +83,7 @@ def measure_chunk(
     initial, parameters : mapping of str to array, shape (points,)
         What varies; numbers hold for all points. What a point gives does not depend on the others.
     measures : sequence of str
-        See :mod:`stickslip.sweep.measures`.
+        See :mod:`stickslip.sweeps.measures`.
     settings : Settings
 
     Returns
@@ -231,7 +231,7 @@ class _Block:
         )
 
     def _grow_apart(self) -> int:
-        from stickslip.sweep import exponents
+        from stickslip.sweeps import exponents
 
         p, lanes = self.problem, self.lanes
         return exponents.grow_all(

@@ -18,9 +18,9 @@ from stickslip.cli.app import app
 from stickslip.cli.sweeping import points_line
 from stickslip.errors import DeclarationError
 from stickslip.figures.sweep import measures_of, plot_sweep
-from stickslip.sweep.adaptive import Adaptive
-from stickslip.sweep.sweep import Progress, open_sweep, sweep
-from sweep import stand_in
+from stickslip.sweeps.adaptive import Adaptive
+from stickslip.sweeps.sweep import Progress, open_sweep, sweep
+from sweeps import stand_in
 
 TOY = ss.catalogue.rocking_toy()
 OVER = ["--over", "P=0.6:1.6:12", "--over", "delta=log:0.01:0.2:9"]
@@ -105,7 +105,7 @@ def test_plot_of_what_is_no_map() -> None:
 
 def test_control_c_names_what_is_kept() -> None:
     code = (
-        "import sys; from sweep import stand_in; sys.modules['stickslip.sweep.chunk'] = stand_in;"
+        "import sys; from sweeps import stand_in; sys.modules['stickslip.sweeps.chunk'] = stand_in;"
         "fast = stand_in.measure_chunk;"
         "stand_in.measure_chunk = lambda *given: (stand_in.time.sleep(0.2), fast(*given))[1];"
         "from stickslip.cli import main; sys.argv[0] = 'stickslip'; main()"

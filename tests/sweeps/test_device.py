@@ -15,7 +15,7 @@ SMALL_MAP = """
 import numpy as np, stickslip as ss
 from dataclasses import replace
 from stickslip.motion.batch import follow_block, initial_states, parameter_table, pose_all
-from stickslip.sweep.device import follow_on_device
+from stickslip.sweeps.device import follow_on_device
 push = {"psi": np.zeros(3), "d_psi": np.full(3, 1.8), "x_R": np.zeros(3)}
 cases = [
     (ss.catalogue.scaled_slider_limit(), {"b": [0.5, 1.0, 1.5], "nu": [0.01, 0.005, 0.01]}, {}, 8.0, True),
@@ -51,7 +51,7 @@ def test_small_maps_in_the_simulator() -> None:
 def test_without_a_gpu_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     from stickslip.motion.batch import initial_states, parameter_table
     from stickslip.motion.problem import pose
-    from stickslip.sweep import device
+    from stickslip.sweeps import device
 
     system = ss.catalogue.scaled_slider_limit()
     monkeypatch.setattr(device.cuda, "is_available", lambda: False)

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from stickslip.motion.outcome import Outcome
-from stickslip.sweep.axes import Axis
-from stickslip.sweep.named import described, quantity
-from stickslip.sweep.user_measures import REASONS, FunctionMeasure, Measure, variable
+from stickslip.sweeps.axes import Axis
+from stickslip.sweeps.named import described, quantity
+from stickslip.sweeps.user_measures import REASONS, FunctionMeasure, Measure, variable
 from stickslip.system import System
 
 NOT_COMPUTED, INTERPOLATED = -1, -2

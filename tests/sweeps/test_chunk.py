@@ -13,8 +13,8 @@ from stickslip.motion import affine
 from stickslip.motion.batch import initial_states, parameter_table, pose_all
 from stickslip.motion.closed_form import fill_closed_forms, linearise
 from stickslip.motion.outcome import Outcome
-from stickslip.sweep import chunk
-from stickslip.sweep.chunk import Settings, measure_chunk
+from stickslip.sweeps import chunk
+from stickslip.sweeps.chunk import Settings, measure_chunk
 
 Array = np.ndarray
 MEASURES = ("period", "amplitude", "speed", "stick_fraction", "energy_per_cycle", "peak_force", "switches")

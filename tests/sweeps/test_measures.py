@@ -8,7 +8,7 @@ import pytest
 import stickslip as ss
 from stickslip.motion.outcome import Outcome
 from stickslip.orbits.cycles import find_cycle
-from stickslip.sweep.chunk import Settings, measure_chunk
+from stickslip.sweeps.chunk import Settings, measure_chunk
 from stickslip.system import Inertial, Parameter, System
 
 Array = np.ndarray

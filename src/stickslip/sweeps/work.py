@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip.errors import DeclarationError
-from stickslip.sweep.plan import Plan
-from stickslip.sweep.user_measures import (
+from stickslip.sweeps.plan import Plan
+from stickslip.sweeps.user_measures import (
     FormulaMeasure,
     FunctionMeasure,
     Measure,
@@ -23,7 +23,7 @@ from stickslip.sweep.user_measures import (
 from stickslip.system import System
 
 if TYPE_CHECKING:
-    from stickslip.sweep.chunk import Settings
+    from stickslip.sweeps.chunk import Settings
 
 Array = np.ndarray
 
@@ -90,7 +90,7 @@ def compute(work: Work, columns: Mapping[str, Array]) -> dict[str, Array]:
     dict of str to array, shape (points,)
         By variable; what is not a number where there is nothing to measure.
     """
-    from stickslip.sweep.chunk import measure_chunk
+    from stickslip.sweeps.chunk import measure_chunk
 
     system, measures = _prepared(work)
     count = len(next(iter(columns.values())))

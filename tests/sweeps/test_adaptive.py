@@ -9,9 +9,9 @@ import pytest
 
 import stickslip as ss
 from stickslip.errors import DeclarationError
-from stickslip.sweep.adaptive import Adaptive
-from stickslip.sweep.sweep import sweep
-from sweep import stand_in
+from stickslip.sweeps.adaptive import Adaptive
+from stickslip.sweeps.sweep import sweep
+from sweeps import stand_in
 
 TOY = ss.catalogue.rocking_toy()
 OVER = {"P": "0.6:1.6:65", "delta": "0.01:0.2:65"}

@@ -18,7 +18,7 @@ import numpy as np
 from stickslip import expressions as ex
 from stickslip.errors import DeclarationError, StickslipError, short
 from stickslip.formulas import NAME, Scope
-from stickslip.sweep.measures import MEASURES, needs_close_look
+from stickslip.sweeps.measures import MEASURES, needs_close_look
 from stickslip.system import System
 
 if TYPE_CHECKING:

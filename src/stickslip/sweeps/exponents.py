@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from stickslip.motion.kernel import FINISHED, INLINED, JETS, NEED, OPTIONS, RESIDUAL, Lane, Record
-from stickslip.sweep.settling import DONE, MEASURING, Engine, Limits, Marks, copy_lane, follow
+from stickslip.sweeps.settling import DONE, MEASURING, Engine, Limits, Marks, copy_lane, follow
 
 Array = np.ndarray
 

@@ -14,19 +14,19 @@ import numpy as np
 
 from stickslip.declaration import check_initial
 from stickslip.errors import DeclarationError
-from stickslip.sweep.adaptive import Adaptive, check_adaptive, rounds
-from stickslip.sweep.axes import read_axes
-from stickslip.sweep.plan import Plan
-from stickslip.sweep.scheduler import Pool, Stop, distribute, listening
-from stickslip.sweep.store import Chunk, MapStore, create, opened, stored_plan
-from stickslip.sweep.user_measures import read_measures
-from stickslip.sweep.work import Work, check_sendable, compute, work_of
+from stickslip.sweeps.adaptive import Adaptive, check_adaptive, rounds
+from stickslip.sweeps.axes import read_axes
+from stickslip.sweeps.plan import Plan
+from stickslip.sweeps.scheduler import Pool, Stop, distribute, listening
+from stickslip.sweeps.store import Chunk, MapStore, create, opened, stored_plan
+from stickslip.sweeps.user_measures import read_measures
+from stickslip.sweeps.work import Work, check_sendable, compute, work_of
 from stickslip.system import System
 
 if TYPE_CHECKING:
     import xarray
 
-    from stickslip.sweep.chunk import Settings
+    from stickslip.sweeps.chunk import Settings
 
 Array = np.ndarray
 
@@ -87,7 +87,7 @@ def sweep(
     system : System
     over : mapping of str to axis
         What varies: ``{"P": "0.8:1.6:400", "delta": "log:0.01:0.2:300"}``, or arrays of values
-        (:mod:`stickslip.sweep.axes` says all that is understood).
+        (:mod:`stickslip.sweeps.axes` says all that is understood).
     measure : sequence of str or callable
         Named measures, formulas ``"name = formula"`` of them, functions of a Trajectory.
     out : str or Path, optional
@@ -169,7 +169,7 @@ def make_plan(
     DeclarationError
         If anything is wrong.
     """
-    from stickslip.sweep.chunk import Settings
+    from stickslip.sweeps.chunk import Settings
 
     if not isinstance(system, System):
         reason = f"expected a System, got {type(system).__name__}"

@@ -62,5 +62,5 @@ def closed_form(system: System, given: Mapping[str, Array], measures: Sequence[s
 
 def put_in_place(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let maps be computed by this module."""
-    monkeypatch.setitem(sys.modules, "stickslip.sweep.chunk", sys.modules[__name__])
+    monkeypatch.setitem(sys.modules, "stickslip.sweeps.chunk", sys.modules[__name__])
     calls.clear()

@@ -13,11 +13,11 @@ import pytest
 
 import stickslip as ss
 from stickslip.errors import DeclarationError, StickslipError
-from stickslip.sweep import scheduler
-from stickslip.sweep.adaptive import Adaptive
-from stickslip.sweep.scheduler import Pool, Stop, distribute, local_cluster
-from stickslip.sweep.sweep import Progress, sweep
-from sweep import work
+from stickslip.sweeps import scheduler
+from stickslip.sweeps.adaptive import Adaptive
+from stickslip.sweeps.scheduler import Pool, Stop, distribute, local_cluster
+from stickslip.sweeps.sweep import Progress, sweep
+from sweeps import work
 
 TOY = ss.catalogue.rocking_toy()
 OVER = {"P": "0.8:1.4:17", "delta": "log:0.02:0.3:17"}

@@ -15,9 +15,9 @@ from itertools import pairwise, product
 import numpy as np
 
 from stickslip.errors import DeclarationError, short
-from stickslip.sweep.axes import Grid
-from stickslip.sweep.plan import INTERPOLATED
-from stickslip.sweep.store import MapStore
+from stickslip.sweeps.axes import Grid
+from stickslip.sweeps.plan import INTERPOLATED
+from stickslip.sweeps.store import MapStore
 
 Array = np.ndarray
 Cell = tuple[tuple[int, int], ...]

@@ -17,9 +17,9 @@ import zarr.codecs
 import zarr.storage  # noqa: F401
 
 import stickslip as ss
-import stickslip.sweep.user_measures
-from stickslip.sweep.sweep import Progress, sweep
-from sweep import stand_in
+import stickslip.sweeps.user_measures
+from stickslip.sweeps.sweep import Progress, sweep
+from sweeps import stand_in
 
 OVER = {"P": "0.6:1.6:40", "delta": "0.01:0.2:40"}
 MEASURE = ["speed", "period"]
@@ -38,7 +38,7 @@ def attempt(store: str, log: str, number: int, opened: int) -> None:
 
 
 if __name__ == "__main__":
-    sys.modules["stickslip.sweep.chunk"] = stand_in
+    sys.modules["stickslip.sweeps.chunk"] = stand_in
     moments = random.Random(20)
     for number in range(int(sys.argv[3])):
         opened, tell = os.pipe()

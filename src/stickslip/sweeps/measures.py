@@ -18,7 +18,7 @@ import numpy as np
 from stickslip.errors import DeclarationError
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
-from stickslip.sweep.observers import Sums
+from stickslip.sweeps.observers import Sums
 from stickslip.system import System
 
 Array = np.ndarray
