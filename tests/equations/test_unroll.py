@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stickslip import Internal, Parameter, System, catalogue
-from stickslip.equations import unroll
+from stickslip.equations import compiled, unroll
 from stickslip.equations.code import generate
 from stickslip.equations.derive import derive
 from stickslip.equations.unroll import written_out
@@ -41,6 +41,8 @@ def test_written_out_series_are_those_of_the_loops(
     system: System, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(unroll, "ORDERS", (4, 8))
+    monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path))  # what is compiled with other orders is for this test alone
+    monkeypatch.setattr(compiled, "_compiled", {})
     source = generate(derive(system.declaration)).source
     long = written_out(source)
     assert "def terms(" in long

@@ -107,7 +107,7 @@ def test_certified_and_exact_between_samples(m: Motion) -> None:
 def test_rate_independence(m: Motion, clock: Callable[[Array], Array]) -> None:
     """Load and thresholds at another pace: the same path."""
     slow = m.follow(
-        load=lambda t: m.load(clock(t)), threshold=(lambda t: m.below(clock(t)), lambda t: m.above(clock(t)))
+        load=lambda t: m.load(clock(t)), threshold=(lambda t: m.above(clock(t)), lambda t: m.below(clock(t)))
     )
     motion = m.follow()
     assert largest(slow.position(TIMES) - motion.position(np.minimum(clock(TIMES), T))) < 1e-11
@@ -155,7 +155,7 @@ def test_scaling(m: Motion, force: float, stiffness: float) -> None:
     """All forces times one number, and the stiffness times another."""
     scaled = m.follow(
         load=lambda t: force * m.load(t),
-        threshold=(lambda t: force * m.below(t), lambda t: force * m.above(t)),
+        threshold=(lambda t: force * m.above(t), lambda t: force * m.below(t)),
         stiffness=stiffness,
         initial=m.start() * force / stiffness,
     )
@@ -167,7 +167,7 @@ def test_scaling(m: Motion, force: float, stiffness: float) -> None:
 @law
 @given(motions)
 def test_reflection(m: Motion) -> None:
-    mirrored = m.follow(load=lambda t: -m.load(t), threshold=(m.above, m.below), initial=-m.start())
+    mirrored = m.follow(load=lambda t: -m.load(t), threshold=(m.below, m.above), initial=-m.start())
     assert largest(mirrored.position(TIMES) + m.follow().position(TIMES)) < 1e-11
 
 
