@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -117,6 +118,12 @@ def test_basin(tmp_path: Path) -> None:
         (["branch", "spring_slider", "--over", "V=0.1:0.2", "--over", "nu=0.1:0.2"], "A branch has one"),
         (["basin", "rocking_toy", "--over", "psi=-1:1:5"], "A map needs two"),
         (["basin", "rocking_toy", "--over", "psi=-1:1:5.5", "--over", "d_psi=-1:1:5"], "whole number"),
+        (["basin", "rocking_toy", "--over", "psi=-1:1:1e12", "--over", "d_psi=-1:1:5"], "more than 10,000,000 states"),
+        (
+            ["basin", "rocking_toy", "--over", "psi=-1:1:5", "--over", "d_psi=-1:1:5", "--initial", "psi=1"],
+            "Give it once",
+        ),
+        (["branch", "spring_slider", "--over", "V"], "--over V=LOW:HIGH"),
         (["basin", "rocking_toy", "--over", "phi=-1:1:5", "--over", "d_psi=-1:1:5"], "not a state"),
         (["cycle", "rocking_toy", "--initial", "phi=1"], "phi"),
         (["cycle", "no_such_toy"], "there is no system"),
@@ -143,3 +150,21 @@ def test_a_file_of_somebody_else_stays() -> None:
     assert result.exit_code == 2
     assert "not written by stickslip" in result.stderr
     assert (folder / "basin.nc").read_text(encoding="utf-8") == "precious"
+
+
+def test_units_are_said() -> None:
+    result = stickslip("cycle", "two_leg_crawler")
+    lines = [" ".join(line.split()) for line in result.stdout.splitlines()]
+    assert "drift 0.8 m a period, speed 0.127323954 m/s" in lines
+    assert "energy per distance 0.2 N" in lines
+    found = json.loads(Path("out/two_leg_crawler-cycle/summary.json").read_text(encoding="utf-8"))
+    assert found["units"] == {"time": "s", "energy": "N*m", "drift": "m", "speed": "m/s", "energy_per_distance": "N"}
+
+
+def test_a_neutral_cycle_is_not_called_unstable() -> None:
+    # Without damping the plate oscillates on as it likes; the forced motion has the period of the imbalance.
+    result = stickslip("cycle", "plate_compactor", "--json")
+    found = json.loads(result.stdout)
+    assert found["stability"] == "neutral"
+    assert found["period"] == pytest.approx(2.0 * math.pi / 60.0, rel=1e-12)
+    assert found["drift"] == pytest.approx(0.1 * found["period"], rel=1e-9)

@@ -37,6 +37,11 @@ def check_unit(text: str, where: str) -> str:
     return text
 
 
+def with_unit(value: float, unit: str, digits: int = 9) -> str:
+    """A number with its unit, if it has one."""
+    return f"{value:.{digits}g}" + ("" if unit.strip() in ("", "1") else f" {unit}")
+
+
 def unit_label(text: str) -> str:
     """The unit as mathtext for a picture; empty if dimensionless."""
     if text.strip() in ("", "1"):

@@ -164,3 +164,14 @@ def test_interruption_keeps_what_has_arrived(monkeypatch: pytest.MonkeyPatch) ->
     assert found.attrs["interrupted"] == 1
     assert found["attractor"].values[0, 0] == 0
     assert found["attractor"].values[2, 0] == -2
+
+
+def test_interrupted_before_anything_has_arrived(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*given: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "run", interrupted)
+    found = basin(catalogue.rocking_toy(), {"psi": (-1.0, 1.0, 3), "d_psi": (-1.0, 1.0, 2)})
+    assert found.attrs["interrupted"] == 1
+    assert found.sizes["reached"] == 0
+    assert (found["attractor"] == module.ON_ITS_WAY).all()

@@ -505,3 +505,11 @@ def test_more_regions_than_can_be_tried() -> None:
     found = only(flow(laws))
     assert list(found.state.values()) == pytest.approx(x.tolist(), rel=1e-12)
     assert found.stable
+
+
+def test_what_a_prompt_shows_is_short() -> None:
+    found = equilibria(catalogue.rocking_toy())
+    assert repr(found) == "<Equilibria: isolated 0, sets 1>"
+    shown = repr(found[0])
+    assert shown.startswith("<EquilibriumSet of dimension 2, right leg: stick, left leg: stick: -0.15441")
+    assert shown.endswith("d_psi = 0, any x_R, any x_L>")

@@ -123,7 +123,7 @@ def test_basin_map() -> None:
     found = basin(catalogue.rocking_toy(), {"psi": (-1.0, 1.0, 7), "d_psi": (-0.9, 0.9, 5)}, initial={"x_R": 0.0})
     figure = plot_basin(found)
     (axes,) = figure.axes
-    assert legend(figure) == ["walking, speed 0.168", "rest"]
+    assert legend(figure) == ["walking, speed 0.168 m/s", "rest"]
     (mesh,) = axes.collections
     assert np.array_equal(np.asarray(mesh.get_array()).reshape(5, 7), found["attractor"].values.T)
     assert axes.get_xlabel() == r"$\psi$  [$\mathrm{rad}$]"
@@ -153,3 +153,14 @@ def test_eigenvalues() -> None:
     values = np.concatenate([np.asarray(line.get_xydata()) for line in axes.get_lines() if line.get_marker() == "o"])
     assert values[:, 0] + 1j * values[:, 1] == pytest.approx(np.array(found.isolated[0].eigenvalues))
     assert legend(figure) == ["1: block slip-, stable"]
+
+
+def test_a_branch_of_gaits_shows_their_speed() -> None:
+    # Where the feet are says nothing: the crawler has only them.
+    branch = continue_cycle(find_cycle(catalogue.two_leg_crawler()), "D", (0.9, 1.1))
+    (axes,) = branch.plot().axes
+    assert axes.get_ylabel().startswith("$\\mathrm{speed}$  [")
+    (line,) = axes.lines
+    # A step D − 2 f₊/k in each period of the rest length.
+    D, speed = line.get_xdata(), line.get_ydata()
+    assert speed == pytest.approx((np.asarray(D) - 0.2) / (2.0 * np.pi), rel=1e-9)

@@ -86,6 +86,7 @@ def test_a_function_from_a_file() -> None:
         (["--over", "P=1:2:4", "--measure", "speed", "--adaptive", "period"], "not measured"),
         (["--over", "P=1:2:4", "--measure", "speed", "--processes", "--local-cluster"], "Choose one"),
         (["--over", "P=1:2:4", "--measure", "speed", "--workers", "0"], "number of workers"),
+        (["--over", "P=1:2:4", "--measure", "speed", "--rtol", "0"], "rtol: 0.0 is out of range"),
     ],
 )
 def test_wrong_input_is_one_line_and_leaves_nothing(arguments: list[str], said: str) -> None:
@@ -101,6 +102,7 @@ def test_plot_of_what_is_no_map() -> None:
     stickslip(*GIVEN)
     assert "the map has no 'period'" in stickslip("plot", "toy.zarr", "--measure", "period").stderr
     assert "no ending of a picture" in stickslip("plot", "toy.zarr", "--out", "toy.xyz").stderr
+    assert "not a map" in stickslip("plot", ".").stderr
 
 
 def test_control_c_names_what_is_kept() -> None:

@@ -15,6 +15,7 @@ from stickslip.cli.evolving import Json, Out, show, write
 from stickslip.cli.folder import result_folder
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.progress import watched
+from stickslip.units import with_unit
 
 if TYPE_CHECKING:
     import xarray
@@ -210,6 +211,12 @@ def spans(texts: list[str], parts: tuple[str, ...]) -> dict[str, list[float]]:
     """Read NAME=LOW:HIGH or NAME=LOW:HIGH:N; every number may be a fraction."""
     from stickslip.cli.models import assignments, numbers
 
+    for text in texts:
+        if "=" not in text:
+            shape = ":".join(parts)
+            raise DeclarationError(
+                f"--over {text}", f"not of the form NAME={shape}", f"Write it like --over {text}={shape}"
+            )
     found = {}
     for name, value in assignments(texts, "--over").items():
         pieces = str(value).split(":")
@@ -291,7 +298,11 @@ def summarise_cycle(found: Cycle) -> dict[str, Any]:
     return {
         "certified": certificate.ok,
         "certificate": certificate.to_dict(),
-        **{x: getattr(found, x) for x in ("period", "stable", "drift", "speed", "stick_time", "slip_time", "state")},
+        **{
+            x: getattr(found, x) for x in ("period", "stable", "stability", "drift", "speed", "stick_time", "slip_time")
+        },
+        "state": found.state,
+        "units": found.units,
         "multipliers": [[float(z.real), float(z.imag)] for z in found.multipliers],
         "extrema": {name: list(ends) for name, ends in found.extrema.items()},
         "contacts": {name: asdict(share) for name, share in found.contacts.items()},
@@ -305,15 +316,20 @@ def summarise_cycle(found: Cycle) -> dict[str, Any]:
 def cycle_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     """The short table."""
     multipliers = [f"{x:.6g}" + (f"{y:+.6g}i" if y else "") for x, y in summary["multipliers"]]
+
+    def text(name: str, unit: str, digits: int = 9) -> str:
+        return with_unit(summary[name], summary["units"][unit], digits)
+
     rows = [
-        ("period", f"{summary['period']:.12g}"),
-        ("stability", "stable" if summary["stable"] else "unstable"),
+        ("period", text("period", "time", 12)),
+        ("stability", summary["stability"]),
         ("multipliers", ", ".join(multipliers[:SHOWN])),
-        ("stick, slip", f"{summary['stick_time']:.9g}, {summary['slip_time']:.9g}"),
     ]
+    if summary["contacts"]:
+        rows.append(("stick, slip", f"{text('stick_time', 'time')}, {text('slip_time', 'time')}"))
     if summary["drift"]:
-        rows.append(("drift", f"{summary['drift']:.9g} a period, speed {summary['speed']:.9g}"))
-        rows.append(("energy per distance", f"{summary['energy_per_distance']:.9g}"))
+        rows.append(("drift", f"{text('drift', 'drift')} a period, speed {text('speed', 'speed')}"))
+        rows.append(("energy per distance", text("energy_per_distance", "energy_per_distance")))
     return [*rows, ("certificate", str(summary["certificate"]["verdict"]))]
 
 
@@ -363,6 +379,7 @@ def summarise_basin(found: xarray.Dataset) -> dict[str, Any]:
         "certified": bool(found["certified"].all()) and int(labels.min()) >= 0,
         "section": {str(d): [float(found[d][0]), float(found[d][-1]), found.sizes[d]] for d in found["attractor"].dims},
         "attractors": entries,
+        "units": {name: found[name].attrs["units"] for name in ("period", "speed")},
         "stopped": int((labels == -1).sum()),
         "not_arrived": int((labels == -2).sum()),
     }
@@ -372,8 +389,8 @@ def basin_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     """The short table."""
     rows = []
     for e in summary["attractors"]:
-        more = f", period {e['period']:.6g}" if e["period"] else ""
-        more += f", speed {e['speed']:.6g}" if e["speed"] else ""
+        quantities = [f"{x} {with_unit(e[x], summary['units'][x], 6)}" for x in ("period", "speed") if e[x]]
+        more = "".join(f", {text}" for text in quantities)
         rows.append((e["name"].replace("_", " "), f"{100 * e['share']:.3g} % of the section{more}"))
     rows = shortened(rows)
     rows += [

@@ -132,8 +132,8 @@ def plot(
     from stickslip.figures.sweep import plot_sweep
     from stickslip.sweeps.sweep import open_sweep
 
-    picture = out or store.with_suffix(".png")
     figure = plot_sweep(open_sweep(store), measure)
+    picture = out or (store if store.stem else store.resolve()).with_suffix(".png")
     try:
         figure.savefig(picture)
     except ValueError:

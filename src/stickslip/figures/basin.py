@@ -16,6 +16,7 @@ from stickslip.figures.style import (
     new_figure,
     paper_style,
 )
+from stickslip.units import with_unit
 
 if TYPE_CHECKING:
     import xarray
@@ -79,5 +80,5 @@ def _name(basin: xarray.Dataset, code: int) -> str:
     one = basin.isel(reached=code)
     kind, period, speed = str(one["reached"].values).replace("_", " "), float(one["period"]), float(one["speed"])
     if speed:
-        return f"{kind}, speed {speed:.3g}"
-    return f"{kind}, period {period:.3g}" if period else kind
+        return f"{kind}, speed {with_unit(speed, one['speed'].attrs['units'], 3)}"
+    return f"{kind}, period {with_unit(period, one['period'].attrs['units'], 3)}" if period else kind

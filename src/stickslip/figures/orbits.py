@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from stickslip.figures.style import BLUE, LINES, STICK_LINE, axis_label, new_figure, paper_style
+from stickslip.quantities import drift_units
 
 if TYPE_CHECKING:
     from stickslip.orbits.branch import Branch, SpecialPoint
@@ -30,7 +31,8 @@ def plot_branch(branch: Branch, names: list[str] | None = None, *, others: Seque
     ----------
     branch : Branch
     names : list of str, optional
-        What is drawn over the parameter; by default the coordinates and internal variables that change, at most three.
+        What is drawn over the parameter; by default the coordinates and internal variables that change, and the speed
+        of gaits, at most three.
     others : sequence of Branch
         Of the same system and parameter, such as the cycles that are born on a branch of equilibria.
     """
@@ -50,14 +52,21 @@ def plot_branch(branch: Branch, names: list[str] | None = None, *, others: Seque
 
 
 def _changing(branch: Branch) -> list[str]:
-    """Coordinates and internal variables that change along the branch (all of them if none does)."""
+    """Coordinates and internal variables that change along the branch (all of them if none does), and a gait's speed.
+
+    Where a gait's feet are says nothing.
+    """
+    speed = ["speed"] if _is_cycles(branch) and np.any(branch.points["speed"].values != 0.0) else []
     candidates = [x for x in branch.system.declaration.state if x in branch.points and not x.startswith("d_")]
-    candidates = [x for x in candidates if not branch.system.translation.get(x)] or candidates
+    resting = [x for x in candidates if not branch.system.translation.get(x)]
+    candidates = resting if speed else resting or candidates
     moving = [x for x in candidates if np.ptp(branch.points[x].values) > 1e-9 * (1 + np.ptp(_values(branch)))]
-    return (moving or candidates)[:3]
+    return (moving or candidates)[: 3 - len(speed)] + speed
 
 
 def _unit(branch: Branch, name: str) -> str:
+    if name == "speed":
+        return drift_units(branch.system, branch.system.translation)[1]
     declared = {**branch.system.coordinates, **branch.system.internal}
     return declared[name].unit if name in declared else ""
 
@@ -78,7 +87,9 @@ def _sticks(branch: Branch) -> Array:
 def _draw(axes: Axes, branch: Branch, name: str, markers: Mapping[str, dict[str, Any]]) -> None:
     """One variable over the parameter: a line for each stretch of one stability."""
     x, stable, sticks = _values(branch), _decided(branch), _sticks(branch)
-    curves = [f"max_{name}", f"min_{name}"] if _is_cycles(branch) else [name]
+    curves = [c for c in (f"max_{name}", f"min_{name}") if c in branch.points] or [name]
+    if curves[0] not in branch.points:
+        return  # an equilibrium has no speed of a gait
     changed = np.flatnonzero((np.diff(stable) != 0) | (np.diff(sticks) != 0)) + 1
     for first, last in pairwise([0, *changed, len(x)]):
         part = slice(first, min(last + 1, len(x)))  # up to the first point of the next stretch
@@ -93,6 +104,8 @@ def _draw(axes: Axes, branch: Branch, name: str, markers: Mapping[str, dict[str,
 
 def _heights(branch: Branch, point: SpecialPoint, name: str) -> list[float]:
     """Where a special point is marked: at the extremes of a cycle, once where it has none."""
+    if name not in point.state:
+        return [float(branch.points[name].values[point.index])]
     if not _is_cycles(branch) or point.kind in VANISHING:
         return [point.state[name]]
     return [float(branch.points[f"{side}_{name}"].values[point.index]) for side in ("max", "min")]

@@ -48,10 +48,10 @@ def plot_eigenvalues(found: Equilibria) -> Figure:
             )
         axes.margins(0.12)
         low, high = axes.get_xlim()
-        reach = max(high, 0.1 * abs(low), 1e-3)
+        reach = max(high, 0.1 * abs(low), 0.02 * axes.get_ylim()[1], 1e-3)
         axes.axvspan(0.0, reach, color=STICK_SHADE, lw=0, zorder=0)
         axes.axhline(0.0, color="#888888", lw=0.6, zorder=1)
-        axes.set_xlim(min(low, -0.1 * reach), reach)
+        axes.set_xlim(min(low, -0.4 * reach), reach)
         axes.set_xlabel(r"Re $\lambda$")
         axes.set_ylabel(r"Im $\lambda$")
         if len(found):

@@ -7,6 +7,7 @@ closed. An initial state belongs to the attractor on which its motion arrives; w
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -31,6 +32,7 @@ from stickslip.orbits.regions import values_at
 from stickslip.orbits.shooting import follow_freely
 from stickslip.orbits.steady import invariant_directions
 from stickslip.orbits.symmetry import clock
+from stickslip.quantities import drift_units
 from stickslip.system import System
 
 if TYPE_CHECKING:
@@ -49,6 +51,7 @@ MOST = 64  # attractors
 TRIES = 4  # motions of a round that may lead to nothing new before the others are followed longer
 SWEEPS = 100  # of the start of rate-independent coordinates
 MAX_EVENTS = 1_000_000
+MOST_STATES = 10**7  # of a section
 
 
 @dataclass(frozen=True)
@@ -113,8 +116,12 @@ def basin(
     DeclarationError
         If an argument is wrong.
     """
-    axes = _axes(system, over)
     problem = pose(system, parameters)
+    axes = _axes(system, over)
+    if workers is not None and workers < 1:
+        raise DeclarationError("workers", f"{workers} is not a number of workers", "Give at least 1")
+    if twice := [name for name in initial or {} if name in axes]:
+        raise DeclarationError(f"initial.{twice[0]}", "it varies along an axis", "Give it once")
     mesh = np.meshgrid(*axes.values(), indexing="ij")
     states = np.tile(problem.initial_state(dict(initial or {})), (mesh[0].size, 1))
     for name, values in zip(axes, mesh, strict=True):
@@ -136,7 +143,7 @@ def _axes(system: System, over: Mapping[str, Axis]) -> dict[str, Array]:
             )
         try:
             if isinstance(given, tuple) and len(given) == 3 and isinstance(given[2], int):
-                values = np.linspace(float(given[0]), float(given[1]), max(given[2], 0))
+                values = np.linspace(float(given[0]), float(given[1]), min(max(given[2], 0), MOST_STATES + 1))
             else:
                 values = np.asarray(given, dtype=float)
         except (TypeError, ValueError):
@@ -146,6 +153,8 @@ def _axes(system: System, over: Mapping[str, Axis]) -> dict[str, Array]:
         axes[name] = values
     if not axes:
         raise DeclarationError("over", "nothing varies", "Give ranges of one or two states")
+    if math.prod(map(len, axes.values())) > MOST_STATES:
+        raise DeclarationError("over", f"the section has more than {MOST_STATES:,} states", "Give fewer values")
     return axes
 
 
@@ -326,7 +335,9 @@ def _dataset(system: System, axes: Mapping[str, Array], search: _Search) -> xarr
     counts = [int(np.sum(search.label == i)) for i in range(len(search.found))]
     order = [i for i in np.argsort(counts)[::-1] if counts[i]]
     reached = [search.found[i][0] for i in order]
-    label = np.select([search.label == i for i in order], range(len(order)), search.label)
+    label = search.label.copy()
+    for new, old in enumerate(order):
+        label[search.label == old] = new
     names = [_title(a, reached) for a in reached]
     flags = {
         "long_name": "attractor reached",
@@ -346,7 +357,7 @@ def _dataset(system: System, axes: Mapping[str, Array], search: _Search) -> xarr
         per[f"state_{name}"] = [a.state[name] for a in reached]
         for side, prefix in enumerate(("low", "high")):
             per[f"{prefix}_{name}"] = [a.extrema[name][side] for a in reached]
-    data |= {name: ("reached", np.array(values)) for name, values in per.items()}
+    data |= {name: ("reached", np.array(values), _attributes(system, name)) for name, values in per.items()}
     coordinates = {name: (name, values, attributes(system, name)) for name, values in axes.items()}
     attrs = {
         "title": system.title or system.name,
@@ -355,6 +366,16 @@ def _dataset(system: System, axes: Mapping[str, Array], search: _Search) -> xarr
         "interrupted": int(search.interrupted),
     }
     return xr.Dataset(data, {**coordinates, "reached": names}, attrs)
+
+
+def _attributes(system: System, name: str) -> dict[str, str]:
+    """Units of a column of the table, where it has some."""
+    kind, _, state = name.partition("_")
+    if name == "period":
+        return {"units": system.time_unit or "1"}
+    if name == "speed":
+        return {"units": drift_units(system, system.translation)[1]}
+    return {"units": attributes(system, state)["units"]} if kind in ("state", "low", "high") else {}
 
 
 def _title(attractor: Attractor, reached: Sequence[Attractor]) -> str:

@@ -56,6 +56,9 @@ class SpecialPoint:
     data: dict[str, float] = field(default_factory=dict)
     note: str = ""
 
+    def __repr__(self) -> str:
+        return f"<SpecialPoint: {self.describe('value')}>"
+
     def describe(self, parameter: str) -> str:
         """One line."""
         data = ", ".join(f"{name} = {value:.9g}" for name, value in self.data.items())
@@ -93,7 +96,7 @@ class Branch:
         values = self.points[self.parameter].values
         return (
             f"<Branch of {self.system.name}: {len(values)} points, {self.parameter} = {values.min():g} ... "
-            f"{values.max():g}, {len(self.special)} special points>"
+            f"{values.max():g}, special points: {len(self.special)}>"
         )
 
     def of_kind(self, kind: str) -> list[SpecialPoint]:

@@ -23,12 +23,15 @@ from stickslip.motion.rest import rests_forever
 from stickslip.orbits import measure
 from stickslip.orbits.branch import SpecialPoint
 from stickslip.orbits.closing import Closed, converge, near
+from stickslip.orbits.halving import once
 from stickslip.orbits.measure import ContactShare, Phase
 from stickslip.orbits.pieces import Pieces
 from stickslip.orbits.recurrence import Recurrence, Window, earliest, latest, window
 from stickslip.orbits.shooting import NoReturn, Shooting, follow_freely
 from stickslip.orbits.touching import nearest_change
+from stickslip.quantities import described, drift_units
 from stickslip.system import System
+from stickslip.units import with_unit
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -110,8 +113,9 @@ class Cycle:
     closed: Closed = field(repr=False)
 
     def __repr__(self) -> str:
-        drift = f", drift {self.drift:g}" if self.drift else ""
-        return f"<Cycle of {self.system.name}: period {self.period:.9g}, {self.stability}{drift}>"
+        period = with_unit(self.period, self.units["time"])
+        drift = f", drift {with_unit(self.drift, self.units['drift'], 6)}" if self.drift else ""
+        return f"<Cycle of {self.system.name}: period {period}, {self.stability}{drift}>"
 
     @property
     def speed(self) -> float:
@@ -148,6 +152,21 @@ class Cycle:
         """Energy dissipated per distance; infinite without drift."""
         return self.dissipated / abs(self.drift) if self.drift else math.inf
 
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of time, energy, drift, speed and energy per distance; ``"1"`` where there is none."""
+        drift, speed = drift_units(self.system, self.direction)
+        energy = described(self.system, "energy_per_cycle")["units"]
+        force = described(self.system, "peak_force")["units"]
+        ratio = force if drift == "1" or energy == f"{force}*{drift}" else f"{energy}/({drift})"
+        return {
+            "time": self.system.time_unit or "1",
+            "energy": energy,
+            "drift": drift,
+            "speed": speed,
+            "energy_per_distance": ratio,
+        }
+
     def cost_of_transport(self, weight: float) -> float:
         """Energy per distance and weight (a force), without dimension."""
         return self.energy_per_distance / weight
@@ -155,12 +174,23 @@ class Cycle:
     def describe(self) -> str:
         """A few lines."""
         shown = ", ".join(f"{z.real:.6g}" + (f"{z.imag:+.6g}i" if z.imag else "") for z in self.multipliers)
+        units = self.units
+        period, stick, slip, energy = (
+            with_unit(value, units[kind], digits)
+            for value, kind, digits in (
+                (self.period, "time", 12),
+                (self.stick_time, "time", 9),
+                (self.slip_time, "time", 9),
+                (self.dissipated, "energy", 9),
+            )
+        )
         lines = [
-            f"period {self.period:.12g}, {self.stability}, multipliers {shown}",
-            f"stick {self.stick_time:.9g}, slip {self.slip_time:.9g}, dissipated {self.dissipated:.9g}",
+            f"period {period}, {self.stability}, multipliers {shown}",
+            f"stick {stick}, slip {slip}, dissipated {energy}",
         ]
         if self.drift:
-            lines.append(f"drift {self.drift:.9g} a period, speed {self.speed:.9g}")
+            drift, speed = with_unit(self.drift, units["drift"]), with_unit(self.speed, units["speed"])
+            lines.append(f"drift {drift} a period, speed {speed}")
         return "\n".join(lines)
 
 
@@ -260,7 +290,7 @@ def _accepted(shooting: Shooting, x: Array) -> Closed:
             + (f"another, of period {closed.orbit.period:.6g}" if closed.extent > COLLAPSED else "an equilibrium"),
             "Start nearer to the cycle, or with a motion that has settled",
         )
-    return closed
+    return once(closed)
 
 
 def _from_motion(motion: Trajectory) -> Closed:

@@ -48,6 +48,9 @@ class Equilibrium:
     drift: dict[str, float]
     boundary: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        return f"<Equilibrium {self.describe()}>"
+
     @property
     def modes(self) -> dict[str, str]:
         """Mode of each contact by name."""
@@ -100,6 +103,9 @@ class EquilibriumSet:
     eigenvalues: tuple[complex, ...] | None
     drift: dict[str, float]
 
+    def __repr__(self) -> str:
+        return f"<EquilibriumSet {self.describe()}>"
+
     @property
     def modes(self) -> dict[str, str]:
         """Mode of each contact by name."""
@@ -112,9 +118,9 @@ class EquilibriumSet:
 
     def describe(self) -> str:
         """One line."""
-        extent = ", ".join(f"{low:.9g} ≤ {name} ≤ {high:.9g}" for name, (low, high) in self.extent.items())
+        extent = ", ".join(_interval(name, low, high) for name, (low, high) in self.extent.items())
         how = "" if self.exact else " (followed from a point inside)"
-        return f"set of dimension {self.dimension}, {modes_text(self.modes)}: {extent}{how}"
+        return f"of dimension {self.dimension}, {modes_text(self.modes)}: {extent}{how}"
 
 
 @dataclass(frozen=True)
@@ -136,6 +142,9 @@ class Equilibria:
     sets: tuple[EquilibriumSet, ...]
     tried: str
     nearest: str = ""
+
+    def __repr__(self) -> str:
+        return f"<Equilibria: isolated {len(self.isolated)}, sets {len(self.sets)}>"
 
     def __iter__(self) -> Iterator[Equilibrium | EquilibriumSet]:
         return iter((*self.isolated, *self.sets))
@@ -178,6 +187,16 @@ class Equilibria:
                 }
             )
         return pd.DataFrame(rows)
+
+
+def _interval(name: str, low: float, high: float) -> str:
+    """Where a state lies in a set."""
+    if low == high:
+        return f"{name} = {low:.9g}"
+    if math.isinf(low) and math.isinf(high):
+        return f"any {name}"
+    below = "" if math.isinf(low) else f"{low:.9g} ≤ "
+    return below + name + ("" if math.isinf(high) else f" ≤ {high:.9g}")
 
 
 def decays(eigenvalues: tuple[complex, ...]) -> bool | None:

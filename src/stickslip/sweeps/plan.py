@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from stickslip.motion.outcome import Outcome
+from stickslip.quantities import described, quantity
 from stickslip.sweeps.axes import Axis
-from stickslip.sweeps.named import described, quantity
 from stickslip.sweeps.user_measures import REASONS, FunctionMeasure, Measure, variable
 from stickslip.system import System
 

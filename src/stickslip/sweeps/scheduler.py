@@ -43,6 +43,8 @@ class Stop:
         if self.wished:
             raise KeyboardInterrupt
         self.wished = True
+        if os.isatty(2):  # written at once: a signal may come in the middle of other output
+            os.write(2, b"\nending when the chunks in work are done; Ctrl-C again ends now\n")
 
 
 @contextlib.contextmanager

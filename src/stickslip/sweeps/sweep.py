@@ -14,6 +14,7 @@ import numpy as np
 
 from stickslip.declaration import check_initial
 from stickslip.errors import DeclarationError
+from stickslip.motion.problem import pose
 from stickslip.sweeps.adaptive import Adaptive, check_adaptive, rounds
 from stickslip.sweeps.axes import read_axes
 from stickslip.sweeps.plan import Plan
@@ -181,7 +182,9 @@ def make_plan(
         if name in varied:
             raise DeclarationError(f"initial.{name}", "it varies along an axis", "Give it once")
     start = {name: float(value) for name, value in (initial or {}).items()}
-    return Plan(system, axes, read_measures(system, measure), start, settings or Settings(), seed)
+    settings = settings or Settings()
+    pose(system, None, settings.rtol, settings.atol)  # refuses what no motion can be computed with
+    return Plan(system, axes, read_measures(system, measure), start, settings, seed)
 
 
 def _audit(store: MapStore, repair: bool) -> None:

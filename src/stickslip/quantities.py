@@ -1,8 +1,8 @@
-"""What the named measures mean, and in which units; :mod:`stickslip.sweeps.measures` computes them."""
+"""Units and meanings of what is measured: parts of the state, drifts, and the named measures of maps."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from stickslip.system import System
 
@@ -27,6 +27,15 @@ def per_time(system: System, unit: str) -> str:
     """The unit of a rate."""
     time = system.time_unit
     return f"{unit or '1'}/{time}" if time not in ("", "1") else unit or "1"
+
+
+def drift_units(system: System, direction: Mapping[str, float]) -> tuple[str, str]:
+    """Units of a shift along a direction and of its rate; ``"1"`` if the components have none in common."""
+    found = {quantity(system, name)["units"] for name, weight in direction.items() if weight}
+    if len(found) != 1:
+        return "1", "1"
+    drift = found.pop()
+    return drift, per_time(system, drift)
 
 
 def described(system: System, text: str) -> dict[str, str]:
