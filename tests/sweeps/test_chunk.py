@@ -173,3 +173,13 @@ def test_initial_values_replace_the_declared_ones() -> None:
     names = TOY.declaration.state
     np.testing.assert_array_equal(states[:, names.index("psi")], [0.1, 0.2])
     np.testing.assert_array_equal(states[:, names.index("x_R")], [-0.8, -0.8])
+
+
+@pytest.mark.parametrize(
+    ("given", "named"), [({"workers": -1}, "workers"), ({"workers": 0}, "workers"), ({"max_events": 0}, "max_events")]
+)
+def test_many_motions_refuse_numbers_that_are_none(given: dict[str, int], named: str) -> None:
+    with pytest.raises(DeclarationError, match=named):
+        ss.simulate_many(ss.catalogue.rocking_toy(), (0.0, 1.0), **given)  # type: ignore[arg-type]
+    with pytest.raises(DeclarationError, match="is no System"):
+        ss.simulate_many("toy")  # type: ignore[arg-type]

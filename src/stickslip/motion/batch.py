@@ -15,7 +15,7 @@ from stickslip.declaration import check_initial
 from stickslip.errors import DeclarationError
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import SLOTS, Problem, pose
-from stickslip.motion.simulate import check_span
+from stickslip.motion.simulate import check_positive, check_span
 from stickslip.system import System
 
 if TYPE_CHECKING:
@@ -67,6 +67,11 @@ def simulate_many(
     """
     import xarray as xr
 
+    if not isinstance(system, System):
+        raise DeclarationError(
+            "system", f"{system!r} is no System", "Give a System, such as ss.catalogue.rocking_toy()"
+        )
+    check_positive(max_events=max_events, **({} if workers is None else {"workers": workers}))
     start, end = check_span(system.span if t_span is None else t_span)
     given_initial, given_parameters = columns(initial, "initial"), columns(parameters, "parameters")
     count = common_length({**given_initial, **given_parameters})
@@ -100,7 +105,7 @@ def run(
     """
     shared = bool(np.all(table == table[0]))
     slots = SLOTS if shared else BATCH_SLOTS
-    lanes = -(-len(states) // workers) if shared else lanes_of_block(problem, slots)
+    lanes = MOST_LANES if shared else lanes_of_block(problem, slots)
     blocks = [slice(i, i + lanes) for i in range(0, len(states), lanes)]
     with ThreadPoolExecutor(workers) as pool:
         done = list(pool.map(lambda b: follow_block(problem, table[b], states[b], span, max_events, slots), blocks))

@@ -66,8 +66,7 @@ def simulate(
     problem = pose(system, parameters, rtol, atol)
     start, end = check_span(system.span if t_span is None else t_span)
     y = problem.initial_state(initial or {})
-    if max_events < 1:
-        raise DeclarationError("max_events", f"{max_events} is not positive", "Allow at least one event")
+    check_positive(max_events=max_events)
     code, knots = follow(problem, start, end, y, max_events, progress)
     outcome = Outcome.from_code(code)
     if outcome is Outcome.NO_BOUNDED_RATE and len(knots.time) == 1 and knots.time[0] == start:
@@ -77,6 +76,13 @@ def simulate(
     trajectory = Trajectory(problem, (start, end), knots, outcome, rtol)
     trajectory.wall_time = time.perf_counter() - started
     return trajectory
+
+
+def check_positive(**given: object) -> None:
+    """Refuse numbers of events or workers that are none."""
+    for name, value in given.items():
+        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+            raise DeclarationError(name, f"{value!r} is not a positive whole number", "Give at least 1")
 
 
 def check_span(span: object) -> tuple[float, float]:

@@ -35,7 +35,7 @@ Array = np.ndarray
 STEPS = Steps(first=0.05, largest=0.4, tolerance=1e-10, turn=0.3)
 IN_CHART = 6  # points before the chart is made anew
 DIFFERENCE = 1e-7  # of the unknowns, in their units, for derivatives
-SLIPPING = 1e-10  # margin of the cycles on the curve: exactly at the onset the next mode is not determined
+SLIPPING = 1e-9  # margin of the cycles on the curve: closer to the onset rounding decides on the next mode
 AT_ONSET = 1e-3  # a cycle with a larger margin is not at the onset
 ENDINGS = ("amplitude", "low 1", "high 1", "low 2", "high 2")
 
