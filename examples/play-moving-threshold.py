@@ -22,7 +22,7 @@ times = np.linspace(0, 5, 10_001)
 distance = float(np.max(np.abs(resolved.position(times) - averaged.position(times))))
 
 if __name__ == "__main__":
-    from stickslip.figures.evolution import plot_limit
+    from stickslip.figures.play import plot_limit
 
     path = Path("out/play-moving-threshold/figure-2-1.png")
     path.parent.mkdir(parents=True, exist_ok=True)

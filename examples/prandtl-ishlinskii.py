@@ -28,7 +28,7 @@ first_way = np.maximum(load[:400, None] - RADII, 0.0) @ WEIGHTS
 error = float(np.max(np.abs(output[:400] - first_way)))
 
 if __name__ == "__main__":
-    from stickslip.figures.evolution import plot_loops
+    from stickslip.figures.play import plot_loops
 
     path = Path("out/prandtl-ishlinskii/loops.png")
     path.parent.mkdir(parents=True, exist_ok=True)

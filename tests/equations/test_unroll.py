@@ -14,8 +14,9 @@ from stickslip.equations import compiled, unroll
 from stickslip.equations.code import generate
 from stickslip.equations.derive import derive
 from stickslip.equations.unroll import written_out
-from stickslip.motion.engine import run_setup
+from stickslip.motion.kernel import Constants
 from stickslip.motion.problem import pose
+from stickslip.motion.tables import run_setups
 
 
 def everything() -> System:
@@ -51,7 +52,8 @@ def test_written_out_series_are_those_of_the_loops(
     tables = []
     for name, text in (("loops", source), ("long", long)):
         code, space = module(tmp_path, name, text), problem.space()
-        run_setup(code.setup, np.array(list(problem.parameters.values())), constants)
+        table = np.array([list(problem.parameters.values())])
+        run_setups(code.setup, table, Constants(*(part[None] for part in constants)))
         space.Rz[:] = np.eye(len(space.Rz))
         mode, region = np.ones(len(problem.rows.u), np.int64), np.ones(len(problem.rows.kinks), np.int64)
         order = 8

@@ -15,7 +15,7 @@ from numpy.polynomial import chebyshev
 
 import stickslip as ss
 from stickslip.errors import DeclarationError
-from stickslip.figures.evolution import plot_limit, plot_loops, plot_play
+from stickslip.figures.play import plot_limit, plot_loops, plot_play
 from stickslip.rate_independent import chebyshev as panels
 from stickslip.rate_independent import play_nodes
 from stickslip.rate_independent.clamp import clamp, plays, prandtl_ishlinskii

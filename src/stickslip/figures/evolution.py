@@ -1,125 +1,152 @@
-"""Pictures of rate-independent evolutions: a play inside its stable region, and beside its limit."""
+"""Pictures of evolutions: components over time with stick phases shaded, and convergence under averaging."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from stickslip.figures.style import (
-    BAND,
     BLUE,
-    STICK_LINE,
-    THRESHOLD,
+    GREEN,
+    ORANGE,
+    STICK_SHADE,
+    VERMILION,
     legend_above,
-    line_colours,
     new_figure,
     paper_style,
 )
 
 if TYPE_CHECKING:
-    from stickslip.rate_independent.play import Play
+    from stickslip.rate_independent.history import History
+    from stickslip.rate_independent.study import AveragingStudy
 
 Array = np.ndarray
-SAMPLES = 4000
-MOST_NODES = 100_000  # that are drawn one by one
-WIDTH, HEIGHT = 7.2, 3.8  # inches
+FEW = 4  # components with a panel of their own
+ROW, EXTRA, WIDTH = 1.5, 1.0, 7.2  # inches
 
 
-def plot_play(play: Play) -> Figure:
-    """z over time, the stable region shaded.
+def plot_history(history: History) -> Figure:
+    """Components over time, grey where they stick (a map of all of them if there are more than four), and energies.
 
     Parameters
     ----------
-    play : Play
+    history : History
 
     Returns
     -------
     matplotlib.figure.Figure
     """
+    t, z = history.times, history.z
+    n = z.shape[1]
     with paper_style():
-        figure = new_figure(WIDTH, HEIGHT)
-        _draw(figure.add_subplot(), play, "z", "stable region")
+        rows = n if n <= FEW else 2
+        figure = new_figure(WIDTH, ROW * (rows + 1) + EXTRA)
+        panels: list[Axes] = list(figure.subplots(rows + 1, 1, sharex=True, gridspec_kw=_heights(n)))
+        if n <= FEW:
+            for i in range(n):
+                _component(panels[i], t, z[:, i], f"$z_{{{i + 1}}}$" if n > 1 else "$z$")
+            legend_above(panels[0], [Patch(color=STICK_SHADE, label="stick")], right=True)
+        else:
+            _map(figure, panels[0], t, z)
+            _slipping(panels[1], history)
+        _energies(panels[-1], history)
+        panels[-1].set_xlabel("time $t$")
+        panels[-1].set_xlim(t[0], t[-1] if t[-1] > t[0] else t[0] + 1.0)
+        figure.align_ylabels(panels)
         return figure
 
 
-def plot_limit(resolved: Play, averaged: Play) -> Figure:
-    """Two plays side by side: one with an oscillating threshold, and its limit for ε → 0 ([M] figure 2.1).
+def _heights(n: int) -> dict[str, list[float]]:
+    return {"height_ratios": [1.0] * (n + 1) if n <= FEW else [2.0, 1.0, 1.0]}
+
+
+def _component(axes: Axes, t: Array, z: Array, label: str) -> None:
+    """One component; where it does not change from one output to the next, it sticks."""
+    rests = np.append(np.diff(z) == 0.0, False)
+    across = axes.get_xaxis_transform()
+    axes.fill_between(t, 0.0, 1.0, where=rests, step="post", transform=across, color=STICK_SHADE, lw=0, zorder=0)
+    axes.plot(t, z, color=BLUE)
+    axes.set_ylabel(label)
+
+
+def _map(figure: Figure, axes: Axes, t: Array, z: Array) -> None:
+    even = np.linspace(t[0], t[-1], min(1500, 4 * len(t)))
+    index = np.clip(np.searchsorted(t, even, side="right") - 1, 0, len(t) - 1)
+    rows = z[:, :: max(1, z.shape[1] // 1000)]
+    largest = float(np.abs(rows).max()) or 1.0
+    drawn = axes.imshow(
+        rows[index].T,
+        aspect="auto",
+        extent=(float(t[0]), float(t[-1]), z.shape[1] + 0.5, 0.5),
+        cmap="RdBu_r",
+        vmin=-largest,
+        vmax=largest,
+        interpolation="nearest",
+    )
+    figure.colorbar(drawn, ax=axes, pad=0.01, label="$z$")
+    axes.set_ylabel("component")
+
+
+def _slipping(axes: Axes, history: History) -> None:
+    data = history.dataset
+    axes.plot(data["step_time"], data["slipping"], color=BLUE, lw=0.8)
+    axes.set_ylabel("slipping")
+    axes.set_ylim(bottom=0)
+
+
+def _energies(axes: Axes, history: History) -> None:
+    data = history.dataset
+    lines = (("energy", "energy", BLUE), ("dissipated", "dissipated", VERMILION), ("work", "work of the load", GREEN))
+    for name, label, colour in lines:
+        axes.plot(data["step_time"], data[name], color=colour, label=label)
+    axes.set_ylabel("energy")
+    legend_above(axes)
+
+
+def plot_study(study: AveragingStudy) -> Figure:
+    """Distance from the averaged motion against ε with its fitted rate, and what happens to the rates.
 
     Parameters
     ----------
-    resolved : Play
-        z_ε; ε is the period of its thresholds.
-    averaged : Play
-        z_0, with the smallest threshold of all phases.
+    study : AveragingStudy
 
     Returns
     -------
     matplotlib.figure.Figure
     """
+    table = study.table
+    epsilon = table["epsilon"].values
     with paper_style():
-        figure = new_figure(WIDTH, HEIGHT)
-        left, right = figure.subplots(1, 2, sharex=True, sharey=True)
-        _draw(left, resolved, r"z_\varepsilon", "stable region")
-        _draw(right, averaged, "z_0", "stable at every phase")
-        period = resolved.bounds.plus.period or resolved.bounds.minus.period
-        left.set_title(r"$\varepsilon > 0$" if period is None else rf"$\varepsilon = {period:g}$", pad=20)
-        right.set_title(r"$\varepsilon \to 0$", pad=20)
-        return figure
-
-
-def plot_loops(load: Array, plays: Mapping[str, Array], total: Array) -> Figure:
-    """Hysteresis loops over the load: single plays, and a weighted sum of plays (Prandtl–Ishlinskii).
-
-    Parameters
-    ----------
-    load : array, shape (n,)
-    plays : mapping of str to array of shape (n,)
-        Positions of some plays, by their labels.
-    total : array, shape (n,)
-        The weighted sum.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
-    with paper_style():
-        figure = new_figure(WIDTH, HEIGHT)
+        figure = new_figure(WIDTH, 3.6)
         left, right = figure.subplots(1, 2)
-        for (label, z), colour in zip(plays.items(), line_colours(len(plays)), strict=True):
-            left.plot(load, z, color=colour, label=label)
-        left.set_ylabel("position $z_i$")
-        legend_above(left)
-        right.plot(load, total, color=BLUE)
-        right.plot(load[:1], total[:1], "o", ms=6, mfc="white", mec=STICK_LINE, zorder=4, label="start")
-        right.set_ylabel(r"output $\sum w_i z_i$")
-        legend_above(right)
+        _fitted(left, epsilon, table["distance"].values, BLUE, r"$\sup\,|z_\varepsilon - z_0|$")
+        _fitted(left, epsilon, table["equicontinuity"].values, ORANGE, r"$\omega(\varepsilon)$")
+        left.set_ylabel("motions")
+        _fitted(
+            right,
+            epsilon,
+            table["weak_distance"].max("test").values,
+            GREEN,
+            r"$|\langle\dot z_\varepsilon - \dot z_0, \varphi\rangle|$",
+        )
+        _fitted(right, epsilon, table["rate_l2"].values, VERMILION, r"$|\dot z_\varepsilon|_{L^2}$")
+        right.set_ylabel("rates")
         for axes in (left, right):
-            axes.set_xlabel(r"load $\ell$")
+            axes.set_xlabel(r"$\varepsilon$")
+            axes.legend()
         return figure
 
 
-def _draw(axes: Axes, play: Play, name: str, region: str) -> None:
-    """The position and the interval in which it is stable."""
-    t = _times(play)
-    now = play.at(t)
-    a = play.bounds.stiffness
-    low, high = (now["load"] - now["threshold_plus"]) / a, (now["load"] + now["threshold_minus"]) / a
-    axes.fill_between(t, low, high, fc=BAND, ec=THRESHOLD, lw=0.5, zorder=1, label=region)
-    axes.plot(t, now["z"], color=BLUE, zorder=3, label=f"${name}$")
-    axes.set_xlim(t[0], t[-1])
-    axes.set_xlabel("time $t$")
-    axes.set_ylabel(f"position ${name}$")
-    legend_above(axes, list(reversed(axes.get_legend_handles_labels()[0])))
+def _fitted(axes: Axes, epsilon: Array, values: Array, colour: str, label: str) -> None:
+    """Points in double logarithmic axes, with the line of the fitted power."""
+    from stickslip.rate_independent.study import fitted_power
 
-
-def _times(play: Play) -> Array:
-    """An even grid, and the nodes unless they are too many, those of jumps from both sides."""
-    grid = np.linspace(play.time[0], play.time[-1], SAMPLES)
-    if len(play.time) > MOST_NODES:
-        return grid
-    jumps = np.nextafter(play.time[1:][np.diff(play.time) == 0.0], -np.inf)
-    return np.union1d(np.concatenate([grid, jumps]), play.time)
+    power, factor = fitted_power(epsilon, values)
+    shown = f"{label} $\\sim \\varepsilon^{{{power:.2f}}}$" if np.isfinite(power) else label
+    axes.loglog(epsilon, values, "o", color=colour, ms=4.5, label=shown)
+    if np.isfinite(power):
+        axes.loglog(epsilon, factor * epsilon**power, color=colour, lw=1.0)

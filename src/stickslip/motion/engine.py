@@ -26,7 +26,6 @@ from stickslip.motion.kernel import (
     ON_JUMP,
     OPTIONS,
     RESIDUAL,
-    SETUP,
     TINY,
     UNDEFINED,
     ZENO,
@@ -297,12 +296,6 @@ def fire(switch: int, lane: Lane, nk: int, max_events: int) -> int:
             return ZENO
         clock[2] = clock[0]
     return LIMIT if counters[0] >= max_events else -1
-
-
-@njit(cache=True)
-def run_setup(setup: SETUP, p: Array, k: Constants) -> None:
-    """Fill the constants from the parameters."""
-    setup(p, k.K, k.M, k.C, k.J, k.omega)
 
 
 @njit(**OPTIONS)

@@ -178,7 +178,7 @@ class History:
 
     def plot(self) -> Figure:
         """Components over time with stick phases shaded, and the energies."""
-        from stickslip.figures.evolve import plot_history
+        from stickslip.figures.evolution import plot_history
 
         return plot_history(self)
 

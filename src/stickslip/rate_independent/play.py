@@ -411,6 +411,6 @@ class Play:
 
     def plot(self) -> Figure:
         """z over time inside the stable region."""
-        from stickslip.figures.evolution import plot_play
+        from stickslip.figures.play import plot_play
 
         return plot_play(self)

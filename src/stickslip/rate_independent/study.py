@@ -72,7 +72,7 @@ class AveragingStudy:
 
     def plot(self) -> Figure:
         """Distances and rates against ε in double logarithmic axes, with their fitted powers."""
-        from stickslip.figures.evolve import plot_study
+        from stickslip.figures.evolution import plot_study
 
         return plot_study(self)
 

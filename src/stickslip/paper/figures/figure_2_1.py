@@ -3,7 +3,7 @@
 from matplotlib.figure import Figure
 
 import stickslip as ss
-from stickslip.figures.evolution import plot_limit
+from stickslip.figures.play import plot_limit
 from stickslip.paper.figures.entry import FigureEntry
 
 

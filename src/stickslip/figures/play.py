@@ -1,0 +1,125 @@
+"""Pictures of plays: inside their stable region, beside their limit, and as loops over the load."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from stickslip.figures.style import (
+    BAND,
+    BLUE,
+    STICK_LINE,
+    THRESHOLD,
+    legend_above,
+    line_colours,
+    new_figure,
+    paper_style,
+)
+
+if TYPE_CHECKING:
+    from stickslip.rate_independent.play import Play
+
+Array = np.ndarray
+SAMPLES = 4000
+MOST_NODES = 100_000  # that are drawn one by one
+WIDTH, HEIGHT = 7.2, 3.8  # inches
+
+
+def plot_play(play: Play) -> Figure:
+    """z over time, the stable region shaded.
+
+    Parameters
+    ----------
+    play : Play
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    with paper_style():
+        figure = new_figure(WIDTH, HEIGHT)
+        _draw(figure.add_subplot(), play, "z", "stable region")
+        return figure
+
+
+def plot_limit(resolved: Play, averaged: Play) -> Figure:
+    """Two plays side by side: one with an oscillating threshold, and its limit for ε → 0 ([M] figure 2.1).
+
+    Parameters
+    ----------
+    resolved : Play
+        z_ε; ε is the period of its thresholds.
+    averaged : Play
+        z_0, with the smallest threshold of all phases.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    with paper_style():
+        figure = new_figure(WIDTH, HEIGHT)
+        left, right = figure.subplots(1, 2, sharex=True, sharey=True)
+        _draw(left, resolved, r"z_\varepsilon", "stable region")
+        _draw(right, averaged, "z_0", "stable at every phase")
+        period = resolved.bounds.plus.period or resolved.bounds.minus.period
+        left.set_title(r"$\varepsilon > 0$" if period is None else rf"$\varepsilon = {period:g}$", pad=20)
+        right.set_title(r"$\varepsilon \to 0$", pad=20)
+        return figure
+
+
+def plot_loops(load: Array, plays: Mapping[str, Array], total: Array) -> Figure:
+    """Hysteresis loops over the load: single plays, and a weighted sum of plays (Prandtl–Ishlinskii).
+
+    Parameters
+    ----------
+    load : array, shape (n,)
+    plays : mapping of str to array of shape (n,)
+        Positions of some plays, by their labels.
+    total : array, shape (n,)
+        The weighted sum.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    with paper_style():
+        figure = new_figure(WIDTH, HEIGHT)
+        left, right = figure.subplots(1, 2)
+        for (label, z), colour in zip(plays.items(), line_colours(len(plays)), strict=True):
+            left.plot(load, z, color=colour, label=label)
+        left.set_ylabel("position $z_i$")
+        legend_above(left)
+        right.plot(load, total, color=BLUE)
+        right.plot(load[:1], total[:1], "o", ms=6, mfc="white", mec=STICK_LINE, zorder=4, label="start")
+        right.set_ylabel(r"output $\sum w_i z_i$")
+        legend_above(right)
+        for axes in (left, right):
+            axes.set_xlabel(r"load $\ell$")
+        return figure
+
+
+def _draw(axes: Axes, play: Play, name: str, region: str) -> None:
+    """The position and the interval in which it is stable."""
+    t = _times(play)
+    now = play.at(t)
+    a = play.bounds.stiffness
+    low, high = (now["load"] - now["threshold_plus"]) / a, (now["load"] + now["threshold_minus"]) / a
+    axes.fill_between(t, low, high, fc=BAND, ec=THRESHOLD, lw=0.5, zorder=1, label=region)
+    axes.plot(t, now["z"], color=BLUE, zorder=3, label=f"${name}$")
+    axes.set_xlim(t[0], t[-1])
+    axes.set_xlabel("time $t$")
+    axes.set_ylabel(f"position ${name}$")
+    legend_above(axes, list(reversed(axes.get_legend_handles_labels()[0])))
+
+
+def _times(play: Play) -> Array:
+    """An even grid, and the nodes unless they are too many, those of jumps from both sides."""
+    grid = np.linspace(play.time[0], play.time[-1], SAMPLES)
+    if len(play.time) > MOST_NODES:
+        return grid
+    jumps = np.nextafter(play.time[1:][np.diff(play.time) == 0.0], -np.inf)
+    return np.union1d(np.concatenate([grid, jumps]), play.time)
