@@ -2,10 +2,14 @@
 
 *Cycles*: the scaled slider (3.6) at 1e5 points (b, ν), about 20 cycles each. stickslip stands in the table twice: one
 ``simulate_many`` with everything in it, and the compiled loop alone, whose modes are known. The rival is SciPy in a
-pool of processes, told which boundary ends which mode, on a sample of the points; its rate is that of the sample.
+pool of processes, told which boundary ends which mode, on a sample of the points; its rate is that of the sample. So is
+diffrax, all motions of its sample at once (``diffrax_slider.py``).
 
 *Map*: walking speed of the toy (4.2) over 300 × 300 values of (P, δ), every motion followed until it has settled to
 1e-8, measured and certified; and the same map stored by ``sweep``, whose overhead is the time beyond that.
+
+*GPU*: the same map, and (3.3) by Taylor steps, with the share of the peak in double precision that the products of its
+series alone take. Where there is none, a line says so.
 
 All times are medians of rounds in which the tools take turns. The tables go to ``benchmarks/results/sweep.md``.
 """
@@ -15,12 +19,14 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import os
+import re
 import resource
 import tempfile
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
 
@@ -30,13 +36,17 @@ import stickslip as ss
 from motion import machine
 from reference_values import PROBLEMS
 from rivals import RIVALS
+from stickslip.equations.code import generate
+from stickslip.equations.derive import derive
+from stickslip.errors import DeclarationError
 from stickslip.motion.batch import BATCH_SLOTS, initial_states, lanes_of_block, parameter_table, pose_all
 from stickslip.motion.kernel import FULL
 from stickslip.motion.lanes import Lanes
 from stickslip.motion.outcome import Outcome
 from stickslip.sweeps import measuring
-from stickslip.sweeps.chunk import Settings, measure_chunk
+from stickslip.sweeps.chunk import Block, Settings, measure_chunk
 from stickslip.sweeps.sweep import sweep
+from stickslip.sweeps.tables import DEVICE_LANES
 
 Array = np.ndarray
 RESULTS = Path(__file__).parent / "results" / "sweep.md"
@@ -46,6 +56,9 @@ SPAN = 77.0  # 20 cycles on average
 RTOL = 1e-6  # the error stays below 1e-10, as for the rivals (benchmarks/motion.py)
 PUSH = {"psi": 0.0, "d_psi": 1.8, "x_R": 0.0}
 SAMPLE = 16
+VMAP = 1024  # points that diffrax follows at once
+VMAP_TOLERANCE = 3e-14  # the loosest with which its error is below 1e-10
+LANES_OF_SM = {(6, 0): 32, (7, 0): 32, (8, 0): 32, (9, 0): 64, (10, 0): 64}  # in double precision; 2 for the others
 WARM_UP = 0.8  # of a cycle, until every motion has seen both its modes
 
 
@@ -115,23 +128,42 @@ def scipy_pool(pool: ProcessPoolExecutor, given: dict[str, Array]) -> float:
     return cycles / (time.perf_counter() - began) / CORES
 
 
+def diffrax_vmap(given: dict[str, Array]) -> tuple[Callable[[], float], float]:
+    """What measures diffrax, in cycles per second of one core; and its error on the reference problem."""
+    from diffrax_slider import follower
+
+    problem, b, nu = PROBLEMS["B"], given["b"][:VMAP], given["nu"][:VMAP]
+    values = (np.array([problem.parameters[name]]) for name in ("b", "nu"))
+    error = problem.error(follower(problem.span, VMAP_TOLERANCE)(*values)[0][0])
+    follow = follower(SPAN, VMAP_TOLERANCE)
+
+    def run() -> float:
+        began = time.perf_counter()
+        _, switches = follow(b, nu)
+        return 0.5 * float(switches.sum()) / (time.perf_counter() - began)
+
+    return run, error
+
+
 def cycles_table(count: int, rounds: int) -> list[str]:
     """Table of cycles per second and core."""
-    given = points(count)
-    with ProcessPoolExecutor(CORES) as pool:
+    given, note = points(count), "diffrax is absent: it is not installed here, so that its vmap was not measured."
+    # Not forked: a fork of a process with threads may hang.
+    with ProcessPoolExecutor(CORES, get_context("spawn")) as pool:
         runs = {
             "stickslip, loop": lambda: loop_alone(given),
             "stickslip, simulate_many, one thread": lambda: many(given, 1),
             f"stickslip, simulate_many, {CORES} threads": lambda: many(given, CORES),
             f"SciPy, {CORES} processes, {SAMPLE} points": lambda: scipy_pool(pool, given),
         }
+        if importlib.util.find_spec("diffrax"):
+            runs[f"diffrax, vmap, one core, {VMAP:,} points"], error = diffrax_vmap(given)
+            note = f"diffrax: events and restarts, tolerance {VMAP_TOLERANCE:g}, error {error:.1e} on problem B."
         rates = in_turn(runs, rounds)
     slowest = min(rates.values())
     lines = [f"| (3.6), {count:,} points, 20 cycles each | cycles per second and core | times SciPy |", "|---|---|---|"]
     lines += [f"| {name} | {rate:,.0f} | {rate / slowest:,.0f} |" for name, rate in rates.items()]
-    if importlib.util.find_spec("diffrax") is None:
-        lines += ["", "diffrax is absent: it is not installed here, so that its vmap was not measured."]
-    return lines
+    return [*lines, "", note]
 
 
 def grid(side: int) -> dict[str, Array]:
@@ -144,11 +176,10 @@ def kernels(given: dict[str, Array], found: dict[str, Array]) -> tuple[float, fl
     """Wall time of the map by `measure_chunk` on all cores, and the share of it spent in compiled loops."""
     inside, advance = [0.0], measuring.advance
 
-    def timed(*arguments: object) -> int:
+    def timed(*arguments: object) -> None:
         began = time.perf_counter()
-        waiting = advance(*arguments)
+        advance(*arguments)
         inside[0] += time.perf_counter() - began
-        return waiting
 
     def part(first: int) -> dict[str, Array]:
         piece = slice(first, first + 2048)
@@ -205,14 +236,64 @@ def map_table(side: int, rounds: int) -> list[str]:
     ]
 
 
+def device_table(side: int) -> list[str]:
+    """Table of a GPU, or why there is none."""
+    from stickslip.sweeps.device import OnDevice, check_device
+
+    try:
+        check_device()
+    except DeclarationError as error:
+        return [f"GPU not measured: {error.reason}."]
+    from numba import cuda
+
+    given, slider, count = grid(side), ss.catalogue.spring_slider(), min(side * side, DEVICE_LANES)
+    start = {name: np.full(side * side, value) for name, value in PUSH.items()}
+    table = parameter_table(slider, {"V": np.linspace(0.1, 0.3, count)}, count)
+    problem = replace(pose_all(slider, {"V"}, 1e-10, 1e-12), exact=False)
+    steps = [0]
+
+    def walking() -> float:
+        began = time.perf_counter()
+        measure_chunk(TOY, start, given, ("speed",), Settings(), "gpu")
+        return side * side / (time.perf_counter() - began)
+
+    def sliding() -> float:
+        block = Block(problem, table, initial_states(slider, {}, count), Settings(), False)
+        began = time.perf_counter()
+        block.run(OnDevice, False, np.zeros(1, np.int64))
+        steps[0] = int(block.lanes.now.counters[:, 4].sum())
+        return count / (time.perf_counter() - began)
+
+    rates = in_turn({"(4.2), closed forms": walking, "(3.3), Taylor steps": sliding}, 3)
+    recurrences = len(re.findall(r"(?:product|divide|inverse|exp|power|log)_order\(", source_of(slider)))
+    work = recurrences * (problem.order + 1) * (problem.order + 2) * steps[0] * rates["(3.3), Taylor steps"] / count
+    gpu = cuda.get_current_device()
+    wide = LANES_OF_SM.get(gpu.compute_capability, 2) * gpu.MULTIPROCESSOR_COUNT
+    share = work / (2.0 * wide * 1e3 * gpu.CLOCK_RATE)
+    lines = [f"| {gpu.name} | trajectories per second |", "|---|---|"]
+    lines += [f"| {name} | {rate:,.0f} |" for name, rate in rates.items()]
+    return [
+        *lines,
+        "",
+        f"The products of the series of (3.3) take {100.0 * share:.2g} % of the peak in double precision.",
+    ]
+
+
+def source_of(system: ss.System) -> str:
+    """The generated code of a system."""
+    return generate(derive(system.declaration)).source
+
+
 def main() -> None:
     """Run everything, print it and keep it."""
     parser = argparse.ArgumentParser(description="Speed of parameter maps.")
     parser.add_argument("--small", action="store_true", help="a tenth of everything, nothing kept")
     small = parser.parse_args().small
+    toy = map_table(40 if small else 300, 1 if small else 2)  # first, so that its memory is not that of the rivals
     cycles = cycles_table(10_000 if small else 100_000, 3)
-    toy = map_table(40 if small else 300, 1 if small else 2)
-    text = "\n".join(["# Parameter maps: cycles and points per second", "", machine(), "", *cycles, "", *toy, ""])
+    gpu = device_table(100 if small else 300)
+    parts = ["# Parameter maps: cycles and points per second", machine(), *map("\n".join, (cycles, toy, gpu))]
+    text = "\n\n".join(parts) + "\n"
     if not small:
         RESULTS.parent.mkdir(exist_ok=True)
         RESULTS.write_text(text)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from stickslip.sweeps.scheduler import Stopped
 from stickslip.system import System
 
 Array = np.ndarray
@@ -24,6 +25,7 @@ class Settings:
     atol: float = 1e-12
     max_events: int = 1000
     max_time: float | None = None
+    longest_cycle: int = 48
     pause: float = 0.0
 
 
@@ -33,11 +35,15 @@ def measure_chunk(
     parameters: Mapping[str, Array],
     measures: Sequence[str],
     settings: Settings,
+    device: str = "cpu",
+    stop: Array | None = None,
 ) -> dict[str, Array]:
     """Rocking toys that walk outside a circle around (P, δ) = (1, 0.1)."""
     given = {**initial, **parameters}
     calls.append(len(next(iter(given.values()))))
     time.sleep(settings.pause)
+    if stop is not None and stop[0]:
+        raise Stopped
     return closed_form(system, given, measures)
 
 

@@ -162,7 +162,9 @@ def test_speed_needs_a_direction() -> None:
         measure_chunk(ss.catalogue.belt_block(), {}, {"V": np.array([0.3])}, ("speed",), Settings())
 
 
-@pytest.mark.parametrize("bad", [{"tolerance": 0.0}, {"max_time": -1.0}, {"max_cycles": 0}, {"max_events": 0}])
+@pytest.mark.parametrize(
+    "bad", [{"tolerance": 0.0}, {"max_time": -1.0}, {"max_cycles": 0}, {"max_events": 0}, {"longest_cycle": 3}]
+)
 def test_settings_are_checked(bad: dict[str, float]) -> None:
     with pytest.raises(DeclarationError, match=next(iter(bad))):
         Settings(**bad)

@@ -8,6 +8,8 @@ import pytest
 import stickslip as ss
 from stickslip.motion.outcome import Outcome
 from stickslip.orbits.cycles import find_cycle
+from stickslip.quantities import MEANINGS
+from stickslip.sweeps import measures
 from stickslip.sweeps.chunk import Settings, measure_chunk
 from stickslip.system import Inertial, Parameter, System
 
@@ -107,10 +109,10 @@ def test_linear_oscillator() -> None:
     ids=["toy", "stick-slip", "smooth"],
 )
 def test_cycles_of_newton(system: System, start: dict[str, float], parameters: dict[str, float]) -> None:
-    measures = ["period", "stick_fraction", "energy_per_cycle", *(f"amplitude:{x}" for x in system.declaration.state)]
-    measures += ["speed"] if system.translation else []
+    asked = ["period", "stick_fraction", "energy_per_cycle", *(f"amplitude:{x}" for x in system.declaration.state)]
+    asked += ["speed"] if system.translation else []
     point = ({k: np.array([v]) for k, v in given.items()} for given in (start, parameters))
-    found = {name: float(v[0]) for name, v in measure_chunk(system, *point, measures, Settings()).items()}
+    found = {name: float(v[0]) for name, v in measure_chunk(system, *point, asked, Settings()).items()}
     cycle = find_cycle(system, start, parameters)
     assert found["outcome"] == Outcome.PERIODIC.code and found["certificate"] < 1e-8
     assert found["period"] == pytest.approx(cycle.period, rel=1e-7)
@@ -145,7 +147,21 @@ def test_steady_sliding_and_motions_that_do_not_settle() -> None:
         ss.catalogue.belt_block(), {"x": np.array([0.5])}, {"V": np.array([0.9])}, ("amplitude", "speed:x"),
         Settings(max_time=500.0),
     )  # fmt: skip
-    assert block["outcome"][0] == Outcome.NOT_SETTLED.code and block["certificate"][0] < 1e-9
+    assert block["outcome"][0] == Outcome.UNDAMPED.code and block["certificate"][0] < 1e-9
+
+
+def test_every_measure_is_described() -> None:
+    assert set(measures.MEASURES) == set(MEANINGS)
+    assert all(f"``{name}" in str(measures.__doc__) for name in measures.MEASURES)
+
+
+def test_the_longest_cycle_is_a_setting() -> None:
+    """A step of the toy has more than four events: whoever compares each with only four before it does not see it."""
+    start = {"psi": np.zeros(1), "d_psi": np.full(1, 1.8), "x_R": np.zeros(1)}
+    for longest, outcome in ((4, Outcome.NOT_SETTLED), (16, Outcome.PERIODIC)):
+        settings = Settings(longest_cycle=longest, max_time=600.0)
+        found = measure_chunk(ss.catalogue.rocking_toy(), start, {}, ("period",), settings)
+        assert found["outcome"][0] == outcome.code
 
 
 def test_moving_frame() -> None:

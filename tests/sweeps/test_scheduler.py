@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,6 +17,7 @@ import stickslip as ss
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.sweeps import scheduler
 from stickslip.sweeps.adaptive import Adaptive
+from stickslip.sweeps.chunk import Settings, measure_chunk
 from stickslip.sweeps.scheduler import Pool, Stop, distribute, local_cluster
 from stickslip.sweeps.sweep import Progress, sweep
 from sweeps import work
@@ -111,6 +114,60 @@ def test_nothing_is_begun_after_a_wish_to_stop() -> None:
         assert len(list(results)) <= 2
     with pytest.raises(KeyboardInterrupt):
         stop(signal.SIGINT, None)
+
+
+def end_what_is_under_way(pool: Pool, folder: Path) -> None:
+    stop, moments = Stop(pool.flag), list[float]()
+
+    def wish() -> None:
+        while not (folder / "begun").exists():
+            time.sleep(0.01)
+        moments.append(time.monotonic())
+        stop(signal.SIGINT, None)
+
+    threading.Thread(target=wish).start()
+    assert not list(distribute(work.until_stopped, [str(folder)] * 9, pool, stop))
+    assert time.monotonic() - moments[0] < 2.0
+
+
+@pytest.mark.parametrize("kind", ["threads", "processes"])
+def test_what_is_under_way_sees_the_wish_to_stop(tmp_path: Path, kind: str) -> None:
+    with Pool(kind, 1) as pool:
+        end_what_is_under_way(pool, tmp_path)
+
+
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning")
+def test_a_cluster_sees_the_wish_to_stop_and_goes_on_with_another_map(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    with local_cluster(1) as address:
+        with Pool(address) as pool:
+            end_what_is_under_way(pool, tmp_path)
+        with Pool(address) as pool:
+            assert dict(distribute(work.square, [2, 3], pool, Stop())) == {2: 4, 3: 9}
+
+
+def test_compiled_loops_see_the_wish_to_stop() -> None:
+    """A block that slides for ever without damping is followed for hours, if nobody stops it."""
+    stop, began = np.zeros(1, np.int64), time.monotonic()
+    threading.Timer(0.5, lambda: stop.fill(1)).start()
+    system, points = ss.catalogue.belt_block(), {"x": np.full(8, 0.5)}
+    with pytest.raises(scheduler.Stopped):
+        measure_chunk(system, points, {"V": np.full(8, 0.9)}, (), Settings(max_time=1e9), stop=stop)
+    assert 0.4 < time.monotonic() - began < 5.0
+
+
+def test_control_c_gives_up_chunks_and_a_map_goes_on_to_the_same_bits(alone: dict[str, bytes], tmp_path: Path) -> None:
+    sent: list[float] = []
+
+    def interrupt(state: Progress) -> None:
+        if state.new and not sent:
+            sent.append(time.monotonic())
+            os.kill(os.getpid(), signal.SIGINT)
+
+    part = sweep(TOY, OVER, MEASURE, tmp_path / "toy.zarr", workers=2, progress=interrupt)
+    assert time.monotonic() - sent[0] < 2.0
+    assert 0 < int((part["outcome"] >= 0).sum()) < part["outcome"].size
+    assert bits(sweep(TOY, OVER, MEASURE, tmp_path / "toy.zarr")) == alone
 
 
 def test_a_function_that_other_processes_cannot_find() -> None:

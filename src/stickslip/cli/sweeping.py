@@ -64,6 +64,9 @@ def sweep(
         float | None,
         typer.Option("--max-time", metavar="T", help="Time after which a motion counts as not settled."),
     ] = None,
+    longest_cycle: Annotated[
+        int, typer.Option("--longest-cycle", metavar="N", help="Most events, or periods of the drive, of a cycle.")
+    ] = 48,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of random and low-discrepancy samples.")] = 0,
     adaptive: Annotated[
         list[str] | None,
@@ -78,6 +81,9 @@ def sweep(
         str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Use the Dask cluster at this address.")
     ] = None,
     local_cluster: Annotated[bool, typer.Option("--local-cluster", help="Start a Dask cluster here.")] = False,
+    device: Annotated[
+        str, typer.Option("--device", metavar="cpu|gpu", help="Where the compiled loops run; gpu: a CUDA device.")
+    ] = "cpu",
     extend: Annotated[bool, typer.Option("--extend", help="Add points to a map over some of these values.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a stored map.")] = False,
     repair: Annotated[bool, typer.Option("--repair", help="Compute damaged chunks again.")] = False,
@@ -104,11 +110,12 @@ def sweep(
                 measure,
                 path,
                 initial=start,
-                settings=Settings(tolerance=tolerance, max_time=max_time, rtol=rtol),
+                settings=Settings(tolerance=tolerance, max_time=max_time, longest_cycle=longest_cycle, rtol=rtol),
                 seed=seed,
                 adaptive=_adaptive(adaptive, contrast),
                 scheduler=who,
                 workers=workers,
+                device=device,
                 extend=extend,
                 overwrite=overwrite,
                 repair=repair,

@@ -77,7 +77,7 @@ def sample(
             out[i, len(W) + r] = power[r]
 
 
-@njit(**ALLOCATING)
+@njit(**OPTIONS)
 def integrate_steps(
     jets: JETS,
     powers: POWERS,
@@ -120,8 +120,9 @@ def integrate_steps(
     """
     sizes, W, A, B, mag, Rq, Rz = rows.sizes, space.W, space.A, space.B, space.mag, space.Rq, space.Rz
     n, nq, nz, nr, mq, mz, nc = sizes[0], sizes[1], sizes[2], sizes[3], sizes[5], sizes[6], len(rows.u)
-    V, y, start, power = np.zeros((len(W), 2)), np.zeros(n), np.zeros(n), np.zeros(3)
-    mode, reg = np.zeros(nc, np.int64), np.zeros(len(rows.kinks), np.int64)
+    # Parts of the work space that are free between steps.
+    V, y, start, power = space.V, space.y0, space.trial, space.powers
+    mode, reg = space.touched[:nc], space.touched[nc:]
     for i in range(len(ends)):
         left = ends[i] - knot_time[i]
         if not left > 0.0:

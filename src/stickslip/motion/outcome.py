@@ -33,7 +33,19 @@ class Outcome(Enum):
     INTERRUPTED = (9, "interrupted", "Stopped by the user; what was computed is kept")
     PERIODIC = (10, "periodic", "The motion has settled on a cycle")
     STEADY = (11, "steady", "The motion has settled on steady sliding or another equilibrium")
-    NOT_SETTLED = (12, "not settled", "The limits were reached before the motion repeated itself")
+    NOT_SETTLED = (
+        12,
+        "not settled",
+        "The limits were reached before the motion repeated itself: it is not periodic, it repeats too late (a cycle "
+        "of more events than are compared), or it nears its cycle too slowly. Raise max_time, max_cycles or "
+        "longest_cycle",
+    )
+    UNDAMPED = (
+        13,
+        "undamped",
+        "The motion slides on without events, and neither dies out nor repeats within the limits: too little damps it, "
+        "or its load goes on changing. Add damping, or raise max_time",
+    )
 
     def __init__(self, code: int, label: str, message: str) -> None:
         self.code, self.label, self.message = code, label, message

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -18,12 +19,14 @@ from stickslip.motion.batch import (
     parameter_table,
     pose_all,
 )
-from stickslip.motion.kernel import FULL, NEED, Lane, Record
+from stickslip.motion.kernel import FULL, NEED, Lane
 from stickslip.motion.lanes import Lanes
+from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
-from stickslip.sweeps import measuring, settling
+from stickslip.sweeps import measuring
 from stickslip.sweeps.measures import Observed, measured, needs_close_look
-from stickslip.sweeps.observers import Sums
+from stickslip.sweeps.scheduler import Stopped
+from stickslip.sweeps.tables import DONE, MEASURING, Engine, Found, Marks, Rules, make_bench, make_found, make_marks
 from stickslip.system import System
 
 Array = np.ndarray
@@ -33,6 +36,7 @@ ROOM = 256  # knots that are measured at a time
 SPANS = 100.0  # of the system, after which a motion is given up by default
 LOOKS = 4.0  # in a span
 MARGIN = 0.1  # what a section misses by is more where the motion is fast
+ENDLESS = np.iinfo(np.int64).max
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,8 @@ class Settings:
         When it is given up; by default after 100 times the span of the system.
     max_cycles : int
         … or after so many cycles.
+    longest_cycle : int
+        Most events, or periods of the drive, that a cycle may have; every one is compared with so many before it.
     rtol, atol, max_events
         As in :func:`stickslip.simulate`.
     """
@@ -54,6 +60,7 @@ class Settings:
     tolerance: float = 1e-8
     max_time: float | None = None
     max_cycles: int = 10_000
+    longest_cycle: int = 48
     rtol: float = 1e-10
     atol: float = 1e-12
     max_events: int = 1_000_000
@@ -66,6 +73,24 @@ class Settings:
         for name in ("max_cycles", "max_events"):
             if getattr(self, name) < 1:
                 raise DeclarationError(name, f"{getattr(self, name)} is not positive", "Allow at least one")
+        if not 4 <= self.longest_cycle <= 4096:
+            raise DeclarationError("longest_cycle", f"{self.longest_cycle} is out of range", "Choose 4 ... 4096")
+
+
+class Loops(Protocol):
+    """Where the compiled loops of a block run."""
+
+    def advance(self) -> None:
+        """Let all motions go on until they are done or wait for the host."""
+        ...
+
+    def grow_apart(self) -> None:
+        """The same for motions beside their twins."""
+        ...
+
+    def fetch(self) -> None:
+        """Bring what was found, and where the motions are, to the host."""
+        ...
 
 
 def measure_chunk(
@@ -74,6 +99,8 @@ def measure_chunk(
     parameters: Mapping[str, Array],
     measures: Sequence[str],
     settings: Settings,
+    device: str = "cpu",
+    stop: Array | None = None,
 ) -> dict[str, Array]:
     """Measures of what motions settle on.
 
@@ -85,6 +112,10 @@ def measure_chunk(
     measures : sequence of str
         See :mod:`stickslip.sweeps.measures`.
     settings : Settings
+    device : str
+        ``"cpu"`` or ``"gpu"``.
+    stop : array of int, shape (1,), optional
+        Looked at all the time; not zero once there is a wish to stop.
 
     Returns
     -------
@@ -96,176 +127,122 @@ def measure_chunk(
     Raises
     ------
     DeclarationError
-        If a name, a value or a measure is wrong.
+        If a name, a value or a measure is wrong, or there is no such device.
+    Stopped
+        If there was a wish to stop.
     """
     starts, given = columns(initial, "initial"), columns(parameters, "parameters")
     count = common_length({**starts, **given})
     table, states = parameter_table(system, given, count), initial_states(system, starts, count)
     problem = pose_all(system, given, settings.rtol, settings.atol)
-    closely, exponents, lanes = (
-        needs_close_look(system, measures),
-        "lyapunov" in measures,
-        lanes_of_block(problem, SLOTS),
-    )
+    closely, exponents = needs_close_look(system, measures), "lyapunov" in measures
+    stop = np.zeros(1, np.int64) if stop is None else stop
+    if device == "gpu":
+        from stickslip.sweeps.device import OnDevice, lanes_on_device
+
+        lanes, loops = lanes_on_device(problem, settings), OnDevice
+    else:
+        lanes, loops = lanes_of_block(problem, SLOTS), Here
     blocks = [slice(i, i + lanes) for i in range(0, count, lanes)]
-    found = [_Block(problem, table[b], states[b], settings, closely, exponents).run() for b in blocks]
+    found = [Block(problem, table[b], states[b], settings, closely).run(loops, exponents, stop) for b in blocks]
     parts = [measured(problem, observed, measures) for observed in found]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-class _Block:
-    """Points that are worked on together, each with closed forms of its own."""
+class Block:
+    """Points that are worked on together, each with closed forms of its own.
 
-    def __init__(
-        self, problem: Problem, table: Array, states: Array, settings: Settings, closely: bool, exponents: bool
-    ) -> None:
-        self.problem, self.settings, self.closely = problem, settings, closely
-        count, (n, contacts, kinks) = len(table), (states.shape[1], len(problem.rows.u), len(problem.rows.kinks))
-        t, end = problem.system.span
-        self.limits = settling.Limits(
-            np.array([
-                t,
-                t + (settings.max_time or SPANS * (end - t)),
-                (end - t) / LOOKS,
-                MARGIN * settings.tolerance,
-                settings.atol,
-            ]),
-            np.array([settings.max_cycles, settings.max_events]),
-        )  # fmt: skip
-        constants, group = problem.constants_of(table), np.arange(count)
-        self.lanes = Lanes.start(
-            problem, constants, group, states, (t, float(self.limits.real[1])), problem.empty_forms(count, SLOTS)
-        )
+    Attributes
+    ----------
+    lanes, twins : Lanes
+        The motions, and others that start close to them (with the same closed forms).
+    marks, rules, saved, found
+        See :mod:`stickslip.sweeps.tables`.
+    """
+
+    def __init__(self, problem: Problem, table: Array, states: Array, settings: Settings, closely: bool) -> None:
+        count, n, contacts = len(table), states.shape[1], len(problem.rows.u)
+        self.problem, constants = problem, problem.constants_of(table)
+        self.rules = make_rules(problem, settings, closely)
+        span = float(self.rules.real[0]), float(self.rules.real[1])
+        forms = problem.empty_forms(count, SLOTS)
+        self.lanes = Lanes.start(problem, constants, np.arange(count), states, span, forms)
+        self.twins = Lanes.start(problem, constants, np.arange(count), states, span, forms)
         self.saved = Lane(*(part.copy() for part in self.lanes.now))
-        self.marks = empty_marks(count, n)
-        self.driven = drive_period(constants.omega)
-        self.translation = np.array(
-            [float(problem.system.translation.get(x, 0.0)) for x in problem.compiled.layout.state]
-        )
-        self.sums = Sums(
-            low=np.zeros((count, n)),
-            high=np.zeros((count, n)),
-            stick=np.zeros((count, contacts)),
-            work=np.zeros((count, contacts)),
-            peak=np.zeros((count, contacts)),
-            impulse=np.zeros((count, contacts)),
-            total=np.zeros((count, 2)),
-            switches=np.zeros((count, 1), np.int64),
-        )
-        self.audit, self.shift = np.zeros((count, 4)), np.zeros((count, n))
-        self.exponents = exponents
-        self.exponent = np.full(count, np.nan)
-        self.record = Record(
-            np.zeros(ROOM + 1),
-            np.zeros((ROOM + 1, n)),
-            np.zeros((ROOM + 1, contacts), np.int8),
-            np.zeros((ROOM + 1, kinks), np.int8),
-            np.zeros(ROOM + 1, np.int64),
-        )
+        self.marks: Marks = make_marks(drive_period(constants.omega), settings.longest_cycle, n)
+        self.found: Found = make_found(count, n, contacts)
 
-    def run(self) -> Observed:
+    def engine(self, lanes: Lanes) -> Engine:
+        """What the event loop takes for these lanes."""
+        p = self.problem
+        return Engine(
+            p.compiled.jets, p.compiled.residual, p.compiled.powers, p.rows, p.space(), p.flight(), lanes.constants,
+            lanes.forms, lanes.slots, p.order, p.tolerance, p.atol, lanes.group, lanes.codes, lanes.now,
+        )  # fmt: skip
+
+    def run(self, where: Callable[[Block, Array], Loops], exponents: bool, stop: Array) -> Observed:
         """Follow and measure all points; the closed forms they need are made in between."""
-        self._until_done(self._advance, self.lanes)
-        if self.exponents:
-            settled = (self.marks.outcome >= settling.PERIODIC) & (self.marks.outcome <= settling.NOT_SETTLED)
-            self.marks.numbers[settled, 0] = settling.MEASURING
-            self.twins = replace(
-                self.lanes, codes=self.lanes.codes.copy(), now=Lane(*(part.copy() for part in self.lanes.now))
-            )
-            self._until_done(self._grow_apart, self.lanes, self.twins)
-        return Observed(
-            self.marks.outcome,
-            self.marks.period[:, 1],
-            self.shift,
-            self.sums,
-            self.audit,
-            self.translation,
-            self.exponent,
-        )
+        marks, loops = self.marks, where(self, stop)
+        self._until_done(loops.advance, stop, self.lanes)
+        loops.fetch()
+        if exponents:
+            marks.numbers[marks.outcome >= Outcome.PERIODIC.code, 0] = MEASURING
+            self._until_done(loops.grow_apart, stop, self.lanes, self.twins)
+            loops.fetch()
+        return Observed(marks.outcome, marks.period[:, 1], self.rules.translation, self.found)
 
-    def _until_done(self, compiled: Callable[[], int], *involved: Lanes) -> None:
-        waiting = True
-        while waiting:
+    def _until_done(self, compiled: Callable[[], None], stop: Array, *involved: Lanes) -> None:
+        marks = self.marks
+        while np.any(marks.numbers[:, 0] != DONE):
             for lanes in involved:
                 lanes.make_closed_forms()
                 need = np.flatnonzero(lanes.codes == NEED)
                 if self.problem.compiled.layout.timed and len(need):
-                    self.marks.frame[need] = frames(lanes, need)
+                    marks.frame[need] = frames(lanes, need)
                 lanes.codes[need] = FULL
             with announced():
-                waiting = compiled() > 0
+                compiled()
+            if stop[0] != 0:
+                raise Stopped
 
-    def _engine(self, lanes: Lanes) -> settling.Engine:
-        p = self.problem
-        return settling.Engine(
-            p.rows, p.space(), p.flight(), lanes.constants, lanes.forms, lanes.group, lanes.codes, lanes.now
-        )
 
-    def _advance(self) -> int:
-        p, lanes = self.problem, self.lanes
-        layout, inertial = p.compiled.layout, p.system.declaration.inertial
-        rates = [layout.state.index(f"d_{q}") for q in inertial] + [layout.named[f"dd_{q}"] for q in inertial]
-        rates += [layout.named[f"d_{x}"] for x in layout.state[2 * len(inertial) :]]
-        return measuring.advance(
-            self._engine(lanes),
-            p.compiled.jets,
-            p.compiled.residual,
-            p.compiled.powers,
-            lanes.slots,
-            p.order,
-            p.tolerance,
-            p.atol,
-            np.array(p.retrace),
-            self.marks,
-            self.limits,
-            self.driven,
-            self.translation,
-            self.saved,
-            self.record,
-            np.array(rates, dtype=np.int64),
-            layout.rate_sizes,
-            self.closely,
-            self.sums,
-            self.audit,
-            self.shift,
-        )
+class Here:
+    """The compiled loops on this processor."""
 
-    def _grow_apart(self) -> int:
+    def __init__(self, block: Block, stop: Array) -> None:
+        bench = make_bench(block.problem, ROOM)
+        self.block, self.engine = block, block.engine(block.lanes)
+        self.rest = block.marks, block.rules, block.saved, bench, block.found, stop
+
+    def advance(self) -> None:
+        """Settle and measure."""
+        measuring.advance(self.engine, *self.rest)
+
+    def grow_apart(self) -> None:
+        """Measure exponents."""
         from stickslip.sweeps import exponents
 
-        p, lanes = self.problem, self.lanes
-        return exponents.grow_all(
-            self._engine(lanes),
-            self._engine(self.twins),
-            p.compiled.jets,
-            p.compiled.residual,
-            lanes.slots,
-            p.order,
-            p.tolerance,
-            p.atol,
-            self.marks,
-            self.limits,
-            self.saved,
-            self.record,
-            self.exponent,
-        )
+        exponents.grow_all(self.engine, self.block.engine(self.block.twins), *self.rest)
+
+    def fetch(self) -> None:
+        """Everything is here."""
 
 
-def empty_marks(count: int, n: int) -> settling.Marks:
-    """Nothing remembered yet."""
-    ring = settling.RING
-    return settling.Marks(
-        time=np.zeros((count, ring)),
-        state=np.zeros((count, ring, n)),
-        kind=np.zeros((count, ring), np.int64),
-        miss=np.zeros((count, ring)),
-        lag=np.zeros((count, ring), np.int64),
-        numbers=np.zeros((count, 6), np.int64),
-        plane=np.zeros((count, 3, n)),
-        size=np.zeros((count, n)),
-        period=np.zeros((count, 3)),
-        frame=np.zeros((count, n)),
-        outcome=np.full(count, -1, np.int64),
+def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
+    """How motions of a system settle and are measured."""
+    system, layout = problem.system, problem.compiled.layout
+    inertial, (t, end) = system.declaration.inertial, system.span
+    rates = [layout.state.index(f"d_{q}") for q in inertial] + [layout.named[f"dd_{q}"] for q in inertial]
+    rates += [layout.named[f"d_{x}"] for x in layout.state[2 * len(inertial) :]]
+    last, look = t + (settings.max_time or SPANS * (end - t)), (end - t) / LOOKS
+    return Rules(
+        real=np.array([t, last, look, MARGIN * settings.tolerance, settings.atol]),
+        most=np.array([settings.max_cycles, settings.max_events, ENDLESS]),
+        translation=np.array([float(system.translation.get(x, 0.0)) for x in layout.state]),
+        fine=np.array(problem.retrace),
+        rate_rows=np.array(rates, dtype=np.int64),
+        rate_sizes=layout.rate_sizes,
+        closely=closely,
     )
 
 

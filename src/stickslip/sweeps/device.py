@@ -1,148 +1,259 @@
-"""Many motions on a GPU, one per thread: the event loop, compiled from the same source for another machine.
+"""The compiled loops of maps on a GPU, one motion per thread, compiled from the same source for another machine.
 
-The compiled functions of :mod:`stickslip.motion` and of a system are scalar loops over arrays that allocate nothing, so
-that each of them is also a device function. Closed forms are made by the host between two launches, as for threads.
+The compiled functions of :mod:`stickslip.motion`, of the maps and of a system are scalar loops over arrays that
+allocate nothing, so that each of them is also a device function. Closed forms are made by the host between two
+launches, as for threads; what a motion has come to stays on the GPU until all are done.
 """
 
 from __future__ import annotations
 
-from functools import cache
+import sys
+from collections.abc import Callable
+from functools import cache, partial
+from importlib.util import find_spec
 from types import FunctionType, ModuleType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import cuda
+from numba import config, cuda
 from numba.core.dispatcher import Dispatcher
 
-from stickslip.errors import StickslipError
-from stickslip.motion import engine
+from stickslip.errors import DeclarationError
 from stickslip.motion.affine import Flight
-from stickslip.motion.batch import BATCH_SLOTS
-from stickslip.motion.kernel import FULL, Lane, Record, Space
+from stickslip.motion.kernel import Record, Space
 from stickslip.motion.lanes import Lanes
+from stickslip.sweeps.chunk import SLOTS, Block, Settings
+from stickslip.sweeps.exponents import grow_lane
+from stickslip.sweeps.measuring import advance_lane
+from stickslip.sweeps.tables import DEVICE_LANES, Bench, Engine, make_bench, make_marks
 
 if TYPE_CHECKING:
+    from stickslip.motion.affine import ClosedForms
     from stickslip.motion.problem import Problem
 
 Array = np.ndarray
-Tables = TypeVar("Tables", bound=tuple)
 
-THREADS = 64  # of a block
+THREADS = 64  # of a CUDA block
+ROOM = 16  # knots that are measured at a time
+LIBDEVICE = ("floor", "fma")  # what numba-cuda does not know by the names that the code uses
+SIMULATED: bool = config.ENABLE_CUDASIM  # pyright: ignore[reportAttributeAccessIssue]
+TURNS = 256  # marks after which a motion lets the host look whether to go on
 
 
-def follow_on_device(
-    problem: Problem, table: Array, states: Array, span: tuple[float, float], max_events: int = 1_000_000
-) -> tuple[Lane, Array]:
-    """Follow motions with the parameters of the rows of a table: where they are at their end, and outcome codes.
-
-    Parameters
-    ----------
-    problem : Problem
-    table : array, shape (motions, parameters)
-    states : array, shape (motions, n)
-    span : (float, float)
-    max_events : int
+def check_device() -> None:
+    """Refuse to work without a GPU, or without what drives it.
 
     Raises
     ------
-    StickslipError
-        If there is no GPU.
+    DeclarationError
     """
+    if not SIMULATED and find_spec("numba_cuda") is None:
+        raise DeclarationError("device", "numba-cuda, which drives the GPU, is not installed", "Install stickslip[gpu]")
     if not cuda.is_available():
-        remedy = "Install the extra 'gpu' on a machine with an NVIDIA GPU, or leave the work to the processor"
-        raise StickslipError(f"No CUDA device was found. {remedy}")
-    count, kernel = len(states), _kernel(problem.compiled.jets, problem.compiled.residual)
-    forms = problem.empty_forms(count, BATCH_SLOTS)
-    lanes = Lanes.start(problem, problem.constants_of(table), np.arange(count), states, span, forms)
-    rows, constants, group = on_device(problem.rows), on_device(lanes.constants), cuda.to_device(lanes.group)
-    space, flight = (on_device(of_each(work, count)) for work in (problem.space(), problem.flight()))
-    small = np.zeros((1, 1), np.int8)
-    nothing = on_device(Record(np.zeros(1), np.zeros((1, 1)), small, small, np.zeros(1, np.int64)))
-    while len(lanes.going):
-        lanes.make_closed_forms()
-        now, codes = on_device(lanes.now), cuda.to_device(lanes.codes)
-        kernel[-(-count // THREADS), THREADS](
-            rows,
-            space,
-            flight,
-            constants,
-            on_device(lanes.forms),
-            lanes.slots,
-            problem.order,
-            problem.tolerance,
-            problem.atol,
-            span[1],
-            max_events,
-            group,
-            codes,
-            now,
-            nothing,
+        raise DeclarationError("device", "no CUDA device was found on this machine", "Leave the work to the cpu")
+
+
+def lanes_on_device(problem: Problem, settings: Settings) -> int:
+    """Motions worked on together: as many as memory lets, which does not matter to where they end."""
+    marks = make_marks(np.zeros(1), settings.longest_cycle, int(problem.rows.sizes[0]))
+    tables = problem.empty_forms(1, SLOTS), problem.space(), problem.flight(), make_bench(problem, ROOM), marks
+    sizes: list[int] = []
+    each(lambda part: sizes.append(part.nbytes), tables)
+    free = cuda.current_context().get_memory_info()[0]
+    return int(np.clip(0.5 * free / sum(sizes), 1, DEVICE_LANES))
+
+
+class OnDevice:
+    """The compiled loops of a block on the GPU.
+
+    Parameters
+    ----------
+    block : Block
+    stop : array
+        Seen by the host; no launch takes long.
+    """
+
+    def __init__(self, block: Block, stop: Array) -> None:
+        self.block, self.count = block, len(block.lanes.codes)
+        here = block.engine(block.lanes)
+        self.kernels = _kernels(here.jets, here.residual, here.powers)
+        rules = block.rules._replace(most=np.array([*block.rules.most[:2], TURNS]))
+        space, flight, bench = (
+            each(self._zeros, part) for part in (here.space, here.flight, make_bench(block.problem, ROOM))
         )
-        lanes.codes = on_host(codes)
-        lanes.now = Lane(*map(on_host, now))
-    return lanes.now, lanes.codes
+        machine = {"jets": 0, "residual": 0, "powers": 0}  # part of the kernels
+        engine = each(cuda.to_device, here._replace(space=0, flight=0, **machine))
+        self.engine = engine._replace(space=space, flight=flight)
+        twins = block.twins
+        self.twin = self.engine._replace(codes=cuda.to_device(twins.codes), lanes=each(cuda.to_device, twins.now))
+        self.marks, self.rules, self.saved, self.found, self.stop = each(
+            cuda.to_device, (block.marks, rules, block.saved, block.found, np.zeros(1, np.int64))
+        )
+        self.bench, self.sent = bench, np.zeros_like(here.forms.used)
+
+    def _zeros(self, part: Array) -> Any:
+        """Work space for every thread (a leading axis)."""
+        return cuda.to_device(np.zeros((self.count, *part.shape), part.dtype))
+
+    def advance(self) -> None:
+        """Settle and measure."""
+        self._launch(self.kernels[0], [(self.block.lanes, self.engine)])
+
+    def grow_apart(self) -> None:
+        """Measure exponents."""
+        both = [(self.block.lanes, self.engine), (self.block.twins, self.twin)]
+        self._launch(self.kernels[1], both)
+
+    def fetch(self) -> None:
+        """Bring what was found, and where the motions are, to the host."""
+        block, marks, there = self.block, self.block.marks, self.marks
+        here = marks.outcome, marks.period, block.found, block.lanes.now
+        copies = there.outcome, there.period, self.found, self.engine.lanes
+        each_pair(lambda table, part: part.copy_to_host(table), here, copies)
+
+    def _launch(self, kernel: Any, involved: list[tuple[Lanes, Any]]) -> None:
+        """Send what the host has changed, let all motions go on, and bring back what the host looks at."""
+        marks = self.block.marks
+        self._send_forms(self.block.lanes.forms)
+        for lanes, there in involved:
+            there.codes.copy_to_device(lanes.codes)
+        self.marks.numbers.copy_to_device(marks.numbers)
+        self.marks.frame.copy_to_device(marks.frame)
+        engines = [there for _, there in involved]
+        kernel[-(-self.count // THREADS), THREADS](
+            *engines, self.marks, self.rules, self.saved, self.bench, self.found, self.stop
+        )
+        for lanes, there in involved:
+            there.codes.copy_to_host(lanes.codes)
+            there.lanes.mode.copy_to_host(lanes.now.mode)
+            there.lanes.reg.copy_to_host(lanes.now.reg)
+        self.marks.numbers.copy_to_host(marks.numbers)
+
+    def _send_forms(self, forms: ClosedForms) -> None:
+        """Send the closed forms that were made since the last launch."""
+        slots = self.block.lanes.slots
+        rows = np.concatenate(
+            [g * slots + np.arange(self.sent[g], forms.used[g]) for g in np.flatnonzero(forms.used > self.sent)]
+            or [np.zeros(0, np.int64)]
+        )
+        if len(rows) == 0:
+            return
+        index = cuda.to_device(rows)
+        for part, there in zip(forms, self.engine.forms, strict=True):
+            if len(part) == slots * len(forms.used) and part.size:
+                width = part.size // len(part)
+                new = cuda.to_device(part[rows].reshape(len(rows), width))
+                scatter = _scatter()
+                scatter[-(-new.size // THREADS), THREADS](there.reshape(len(part), width), new, index)
+        self.engine.forms.used.copy_to_device(forms.used)
+        self.sent[:] = forms.used
 
 
-def on_device(tables: Tables) -> Tables:
-    """The same tables in the memory of the GPU."""
-    return type(tables)(*(cuda.to_device(part) for part in tables))
+def each(function: Callable[[Array], Any], part: Any) -> Any:
+    """Apply a function to all arrays of a tree of tuples."""
+    if isinstance(part, tuple):
+        inner = [each(function, item) for item in part]
+        return type(part)(*inner) if hasattr(part, "_fields") else type(part)(inner)
+    return function(part) if isinstance(part, np.ndarray) else part
 
 
-def on_host(part: Any) -> Array:
-    """A table of the GPU in the memory of the host."""
-    return part.copy_to_host()
-
-
-def of_each(work: Tables, count: int) -> Tables:
-    """Work space for every thread (a leading axis)."""
-    return type(work)(*(np.repeat(part[None], count, axis=0) for part in work))
+def each_pair(function: Callable[[Array, Any], Any], part: Any, other: Any) -> None:
+    """Apply a function to all arrays of a tree of tuples and their counterparts in another one."""
+    if isinstance(part, tuple):
+        for item, counterpart in zip(part, other, strict=True):
+            each_pair(function, item, counterpart)
+    else:
+        function(part, other)
 
 
 @cache
 def ported(function: Any) -> Any:
     """A compiled function as a device function, with everything it calls.
 
-    Functions are found by the names that the code uses, in its own module or in a module of the package it names.
+    Functions are found by the names that the code uses, in its own module or in a module it names.
     """
     source = function.py_func if isinstance(function, Dispatcher) else function._pyfunc
-    space, names = dict(source.__globals__), source.__code__.co_names
-    for name in names:
-        value = space.get(name)
-        if isinstance(value, Dispatcher):
-            space[name] = ported(value)
-        elif isinstance(value, ModuleType) and value.__name__.startswith("stickslip."):
-            space[name] = ModuleType(value.__name__)
-            for inner in names:
-                item = getattr(value, inner, None)
-                setattr(space[name], inner, ported(item) if isinstance(item, Dispatcher) else item)
+    names = source.__code__.co_names
+    space = {name: _there(name, value, names) for name, value in source.__globals__.items()}
     return cuda.jit(device=True)(FunctionType(source.__code__, space, source.__name__, source.__defaults__))
 
 
+def _there(name: str, value: Any, names: tuple[str, ...]) -> Any:
+    """What a global name of a function stands for on the GPU, if the function uses these names."""
+    if name not in names:
+        return value
+    if isinstance(value, Dispatcher):
+        return ported(value)
+    if name in LIBDEVICE and callable(value) and not SIMULATED:
+        return getattr(cuda.libdevice, name)  # pyright: ignore[reportAttributeAccessIssue]
+    if value is np or (isinstance(value, ModuleType) and value.__name__.startswith("stickslip.")):
+        module = ModuleType(value.__name__)
+        for inner in filter(partial(hasattr, value), names):
+            setattr(module, inner, _there(inner, getattr(value, inner), names))
+        return module
+    return value
+
+
+def own(*kinds: type) -> Any:
+    """The device function that takes the row of a thread from every table of a named tuple.
+
+    Parameters
+    ----------
+    kinds : NamedTuple classes
+        The first is taken; those of its fields that bear the name of another one are named tuples themselves.
+    """
+    nested = {kind.__name__.lower(): kind for kind in kinds[1:]}
+
+    def rows(kind: Any, name: str) -> str:
+        parts = (rows(nested[f], f"{name}.{f}") if f in nested else f"{name}.{f}[a]" for f in kind._fields)
+        return f"{kind.__name__}({', '.join(parts)})"
+
+    # Compiled code knows no loop over the fields of a tuple, so it is written out.
+    written = eval(f"lambda part, a: {rows(kinds[0], 'part')}", {kind.__name__: kind for kind in kinds})
+    return cuda.jit(device=True)(written)
+
+
 @cache
-def _kernel(jets: Any, residual: Any) -> Any:
-    """The kernel for a system."""
-    integrate, jets, residual = ported(engine.integrate), ported(jets), ported(residual)
+def _kernels(jets: Any, residual: Any, powers: Any) -> tuple[Any, Any]:
+    """The kernels for a system: settle and measure, and exponents."""
+    if sys.stderr.isatty():
+        print("stickslip: compiling this system for the GPU, some minutes ...", file=sys.stderr)
+    jets, residual, powers = ported(jets), ported(residual), ported(powers)
+    advance_here, grow_here = ported(advance_lane), ported(grow_lane)
+    own_space, own_flight, own_bench = own(Space), own(Flight), own(Bench, Record)
+
+    @cuda.jit(device=True)
+    def of_thread(e: Any, a: int) -> Any:
+        return Engine(
+            jets, residual, powers, e.rows, own_space(e.space, a), own_flight(e.flight, a), e.constants, e.forms,
+            e.slots, e.order, e.tolerance, e.atol, e.group, e.codes, e.lanes,
+        )  # fmt: skip
 
     @cuda.jit
-    def follow(rows, s, f, constants, forms, slots, N, tol, atol, end, max_events, group, codes, lanes, nothing):
+    def advance(engine, marks, rules, saved, bench, found, stop):
         a = cuda.grid(1)  # pyright: ignore[reportCallIssue]
-        if a >= codes.shape[0] or codes[a] < FULL:
-            return
-        b = a + 1
-        space = Space(
-            s.W[a], s.V[a], s.mag[a], s.Rq[a], s.Rz[a], s.A[a], s.B[a], s.G[a], s.scratch[a], s.germ[a], s.stack[a],
-            s.touched[a], s.y0[a], s.trial[a], s.powers[a], s.pending[a], s.labels[a], s.known[a],
-        )  # fmt: skip
-        flight = Flight(
-            f.v[a], f.s[a], f.de[a], f.orders[a], f.e[a], f.r[a], f.p[a], f.up[a], f.down[a], f.c[a], f.a[a], f.b[a],
-            f.taylor[a], f.stack[a], f.mode0[a], f.reg0[a],
-        )  # fmt: skip
-        lane = Lane(
-            lanes.clock[a:b], lanes.y[a:b], lanes.mode[a:b], lanes.settled[a:b], lanes.reg[a:b], lanes.counters[a:b]
-        )
-        integrate(
-            jets, residual, rows, space, flight, constants, forms, slots, N, tol, atol, end, max_events, group[a:b],
-            codes[a:b], lane, False, nothing,
-        )  # fmt: skip
+        if a < engine.codes.shape[0]:
+            advance_here(of_thread(engine, a), marks, rules, saved, own_bench(bench, a), found, stop, a)
 
-    return follow
+    @cuda.jit
+    def grow(engine, twin, marks, rules, saved, bench, found, stop):
+        a = cuda.grid(1)  # pyright: ignore[reportCallIssue]
+        if a < engine.codes.shape[0]:
+            work = own_bench(bench, a)
+            grow_here(of_thread(engine, a), of_thread(twin, a), marks, rules, saved, work, found, stop, a)
+
+    return advance, grow
+
+
+@cache
+def _scatter() -> Any:
+    """The kernel that copies rows into a larger table."""
+
+    @cuda.jit
+    def scatter(table, rows, index):
+        i = cuda.grid(1)  # pyright: ignore[reportCallIssue]
+        if i < rows.size:
+            row, column = i // rows.shape[1], i % rows.shape[1]
+            table[index[row], column] = rows[row, column]
+
+    return scatter

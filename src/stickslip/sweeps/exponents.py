@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 
-from stickslip.motion.kernel import FINISHED, INLINED, JETS, NEED, OPTIONS, RESIDUAL, Lane, Record
-from stickslip.sweeps.settling import DONE, MEASURING, Engine, Limits, Marks, copy_lane, follow
+from stickslip.motion.kernel import FINISHED, INLINED, NEED, OPTIONS, Lane
+from stickslip.sweeps.settling import UNRECORDED, copy_lane, follow
+from stickslip.sweeps.tables import DONE, MEASURING, Bench, Engine, Found, Marks, Rules
 
 Array = np.ndarray
 
@@ -16,61 +19,38 @@ CHANGE = 1e-7  # of the size of the motion
 
 @njit(**OPTIONS)
 def grow_all(
-    e: Engine,
-    twin: Engine,
-    jets: JETS,
-    residual: RESIDUAL,
-    slots: int,
-    N: int,
-    tol: float,
-    atol: float,
-    m: Marks,
-    limits: Limits,
-    saved: Lane,
-    record: Record,
-    exponent: Array,
-) -> int:
-    """Exponents of all lanes that are in the phase of being measured; how many wait for a closed form.
+    e: Engine, twin: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array
+) -> None:
+    """Exponents of all lanes that are in the phase of being measured, as far as they come.
 
     Parameters
     ----------
     twin : Engine
         The same with lanes of its own.
-    exponent : array, shape (lanes,)
-        Receives the largest Lyapunov exponents.
+    stop : array, shape (1,)
+        Not zero once there is a wish to stop.
     """
-    waiting = 0
     for i in range(len(e.codes)):
-        if m.numbers[i, 0] != MEASURING:
-            continue
-        if grow_apart(e, twin, jets, residual, slots, N, tol, atol, m, limits, saved, record, exponent, i):
-            m.numbers[i, 0] = DONE
-        else:
-            waiting += 1
-    return waiting
+        grow_lane(e, twin, m, rules, saved, bench, found, stop, i)
+
+
+@njit(**INLINED)
+def grow_lane(
+    e: Engine, twin: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array, i: int
+) -> None:
+    """The exponent of one lane, if it is in the phase of being measured."""
+    if m.numbers[i, 0] == MEASURING and grow_apart(e, twin, m, rules, saved, bench, found.exponent, stop, i):
+        m.numbers[i, 0] = DONE
 
 
 @njit(**INLINED)
 def grow_apart(
-    e: Engine,
-    twin: Engine,
-    jets: JETS,
-    residual: RESIDUAL,
-    slots: int,
-    N: int,
-    tol: float,
-    atol: float,
-    m: Marks,
-    limits: Limits,
-    saved: Lane,
-    record: Record,
-    exponent: Array,
-    i: int,
+    e: Engine, twin: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, exponent: Array, stop: Array, i: int
 ) -> bool:
     """Largest Lyapunov exponent: a motion and its twin, which is put back close to it after every stretch.
 
     What slides without mass is on its threshold, from which a change would take it away; so both go a bit further
-    before the twin leaves, until it can. NaN where it never can.
+    before the twin leaves, until it can. NaN where it never can. Returns whether that is known, as in :func:`settle`.
     """
     s, w, n = e.lanes, twin.lanes, e.rows.sizes[0]
     first, size = 2 * e.rows.sizes[1] + e.rows.sizes[2], m.size[i]
@@ -79,25 +59,27 @@ def grow_apart(
         copy_lane(saved, i, s, i)
         t = m.period[i, 0] + attempt * stretch / 7.3
         if attempt > 0:
-            follow(e, jets, residual, slots, N, tol, atol, i, t, limits.most[1], False, record)
+            follow(e, i, t, rules.most[1], UNRECORDED, bench.record)
         copy_lane(s, i, w, i)
         for r in range(n):
-            w.y[i, r] += CHANGE * size[r] * np.cos(1.0 + r) if r < first or r >= last else 0.0
+            w.y[i, r] += CHANGE * size[r] * math.cos(1.0 + r) if r < first or r >= last else 0.0
         total = 0.0
         for turn in range(TURNS):
+            if stop[0] != 0:
+                return False
             t += stretch
-            follow(e, jets, residual, slots, N, tol, atol, i, t, limits.most[1], False, record)
-            follow(twin, jets, residual, slots, N, tol, atol, i, t, limits.most[1], False, record)
+            follow(e, i, t, rules.most[1], UNRECORDED, bench.record)
+            follow(twin, i, t, rules.most[1], UNRECORDED, bench.record)
             if e.codes[i] != FINISHED or twin.codes[i] != FINISHED:
                 break
             apart = 0.0
             for r in range(n):
                 if size[r] > 0.0:
                     apart = max(apart, abs(w.y[i, r] - s.y[i, r]) / size[r])
-            total += np.log(apart / CHANGE) if turn >= SKIPPED else 0.0
             if apart == 0.0:
                 total = -np.inf
                 break
+            total += math.log(apart / CHANGE) if turn >= SKIPPED else 0.0
             for r in range(n):
                 w.y[i, r] = s.y[i, r] + (w.y[i, r] - s.y[i, r]) * CHANGE / apart
         if e.codes[i] == NEED or twin.codes[i] == NEED:

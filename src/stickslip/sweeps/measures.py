@@ -18,7 +18,7 @@ import numpy as np
 from stickslip.errors import DeclarationError
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
-from stickslip.sweeps.observers import Sums
+from stickslip.sweeps.tables import Found, Sums
 from stickslip.system import System
 
 Array = np.ndarray
@@ -33,24 +33,20 @@ class Observed:
     outcome : array of int, shape (points,)
     duration : array, shape (points,)
         Of what was measured: the period of a cycle.
-    shift : array, shape (points, n)
-        Of the state, in that time.
-    sums : Sums
-        By point.
-    audit : array, shape (points, 4)
-        Residual of the energy balance, violation of the friction law, defect, and failure to close.
     translation : array, shape (n,)
-    exponent : array, shape (points,)
-        Largest Lyapunov exponent.
+    found : Found
+        By point.
     """
 
     outcome: Array
     duration: Array
-    shift: Array
-    sums: Sums
-    audit: Array
     translation: Array
-    exponent: Array
+    found: Found
+
+    @property
+    def sums(self) -> Sums:
+        """What was summed up."""
+        return self.found.sums
 
 
 Rule = Callable[[Problem, Observed, str], Array]
@@ -75,8 +71,8 @@ def _amplitude(problem: Problem, o: Observed, of: str) -> Array:
 
 def _speed(problem: Problem, o: Observed, of: str) -> Array:
     if of:
-        return o.shift[:, _component(problem, of)] / o.duration
-    return o.shift @ o.translation / (o.translation @ o.translation) / o.duration
+        return o.found.shift[:, _component(problem, of)] / o.duration
+    return o.found.shift @ o.translation / (o.translation @ o.translation) / o.duration
 
 
 def _stick_fraction(problem: Problem, o: Observed, of: str) -> Array:
@@ -103,7 +99,7 @@ def _switches(problem: Problem, o: Observed, of: str) -> Array:
 
 
 def _lyapunov(problem: Problem, o: Observed, of: str) -> Array:
-    return o.exponent
+    return o.found.exponent
 
 
 @dataclass(frozen=True)
@@ -156,9 +152,9 @@ def _named(system: System, measure: str) -> Named:
 
 def measured(problem: Problem, observed: Observed, measures: Sequence[str]) -> dict[str, Array]:
     """Values of the measures by name, and outcome and certificate."""
-    failed = ~np.isin(observed.outcome, [o.code for o in (Outcome.AT_REST, *SETTLED, Outcome.NOT_SETTLED)])
+    failed = ~np.isin(observed.outcome, [o.code for o in MEASURED])
     result = {"outcome": observed.outcome.astype(np.int8)}
-    result["certificate"] = np.where(failed, np.nan, np.max(observed.audit, axis=1))
+    result["certificate"] = np.where(failed, np.nan, np.max(observed.found.audit, axis=1))
     for measure in measures:
         name, _, of = measure.partition(":")
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -166,4 +162,4 @@ def measured(problem: Problem, observed: Observed, measures: Sequence[str]) -> d
     return result
 
 
-SETTLED = (Outcome.PERIODIC, Outcome.STEADY)
+MEASURED = (Outcome.AT_REST, Outcome.PERIODIC, Outcome.STEADY, Outcome.NOT_SETTLED, Outcome.UNDAMPED)

@@ -6,42 +6,23 @@ import numpy as np
 from numba import njit
 
 from stickslip.motion.dense import integrate_steps
-from stickslip.motion.kernel import (
-    ALLOCATING,
-    FINISHED,
-    FULL,
-    INLINED,
-    JETS,
-    NEED,
-    OPTIONS,
-    POWERS,
-    RESIDUAL,
-    Constants,
-    Lane,
-    Record,
-    Rows,
-    Space,
-)
+from stickslip.motion.kernel import FINISHED, FULL, INLINED, NEED, OPTIONS, Constants, Lane, Record
 from stickslip.motion.modes import copy, resolve
-from stickslip.sweeps.observers import Sums, clear, observe
+from stickslip.sweeps.observers import clear, observe
 from stickslip.sweeps.settling import (
     AT_REST,
-    DONE,
-    MEASURING,
     NOT_SETTLED,
     PERIODIC,
-    RING,
-    SETTLING,
+    RECORDED,
     STEADY,
-    Engine,
-    Limits,
-    Marks,
+    constants_of,
     copy_lane,
     follow,
     miss,
     remove_shift,
     settle,
 )
+from stickslip.sweeps.tables import DONE, MEASURING, SETTLING, Bench, Engine, Found, Marks, Rules, Sums
 
 Array = np.ndarray
 
@@ -51,150 +32,124 @@ FORGOTTEN = -9  # kind of a mark
 
 
 @njit(**INLINED)
-def measure(
-    e: Engine,
-    jets: JETS,
-    residual: RESIDUAL,
-    powers: POWERS,
-    slots: int,
-    N: int,
-    tol: float,
-    atol: float,
-    fine: Array,
-    m: Marks,
-    limits: Limits,
-    saved: Lane,
-    record: Record,
-    rate_rows: Array,
-    rate_sizes: Array,
-    closely: bool,
-    sums: Sums,
-    audit: Array,
-    translation: Array,
-    i: int,
-) -> bool:
+def measure(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, sums: Sums, audit: Array, i: int) -> bool:
     """Record a lane from its saved state on for the duration in its marks, and measure it; False as in :func:`settle`.
 
     Parameters
     ----------
-    fine : array
-        Tolerances with which steps are followed again.
-    record : Record
-        Work space; what does not fit is measured piece by piece.
-    closely : bool
-        As in :func:`stickslip.sweeps.observers.observe`.
+    sums : Sums
+        Receives what is observed of this lane.
     audit : array, shape (4,)
-        Receives residual of the energy balance, violation of the friction law, defect of the equations of motion, and
-        by how much a cycle fails to close.
+        Receives what :class:`stickslip.sweeps.tables.Found` says.
     """
-    g, s, n, room = e.group[i], e.lanes, e.rows.sizes[0], len(record.time) - 1
-    k = Constants(e.constants.K[g], e.constants.M[g], e.constants.C[g], e.constants.J[g], e.constants.omega[g])
+    k, s, record, carried = constants_of(e, i), e.lanes, bench.record, 0
     copy_lane(saved, i, s, i)
     stop = m.period[i, 0] + m.period[i, 1]
-    change, noise, largest = np.zeros((room, n)), np.zeros((room, n)), np.zeros(n)
-    spent, worst, value = np.zeros((room, 2)), np.zeros(8 + 2 * len(e.rows.kinks)), np.zeros(3)
-    balance = np.zeros(6)  # first energy, dissipated and supplied so far, least and largest energy, largest residual
-    slack, carried, gaps = 0.0, 0, np.zeros(n)
+    for part in (bench.largest, bench.worst, bench.balance, bench.gaps, audit):
+        fill(part, 0.0)
     clear(sums)
-    audit[:] = 0.0
-    table, felt = np.zeros((len(e.space.W), 2)), np.zeros((2, 3 * len(e.rows.u)))
-    mode, reg = np.zeros(len(e.rows.u), np.int64), np.zeros(len(e.rows.kinks), np.int64)
+    slack = 0.0
     while True:
         rest = Record(
             record.time[carried:], record.state[carried:], record.mode[carried:], record.region[carried:],
             record.cause[carried:],
         )  # fmt: skip
-        count = carried + follow(e, jets, residual, slots, N, tol, atol, i, stop, limits.most[1], True, rest)
+        count = carried + follow(e, i, stop, rules.most[1], RECORDED, rest)
         code = e.codes[i]
         if code == NEED:
             return False
         if code != FULL and code != FINISHED:
             m.outcome[i] = code
             return True
-        steps = count - 1
-        e.space.known[-1] = 1
-        observe(jets, e.rows, k, e.space, N, fine[0], fine[1], record, 0, steps, closely, sums)
-        spent[:], change[:], noise[:] = 0.0, 0.0, 0.0
-        integrate_steps(
-            jets, powers, e.rows, k, e.space, N, fine[0], fine[1], rate_rows, rate_sizes, record.time[:steps],
-            record.state[:steps], record.mode[:steps], record.region[:steps], record.time[1:count], True,
-            spent, change, noise, largest, worst,
-        )  # fmt: skip
         if carried == 0:
-            copy(record.mode[0], mode)
-            copy(record.region[0], reg)
-            feel(e.rows, e.space, jets, k, record.time[0], record.state[0], mode, reg, table, felt[0])
-        for j in range(count):
-            if carried == 1 and j == 0:
-                continue
-            energy = energy_at(e, jets, powers, k, record, j, table, value)
-            if j == 0:
-                balance[0] = balance[3] = balance[4] = energy
-                continue
-            balance[1] += spent[j - 1, 0]
-            balance[2] += spent[j - 1, 1]
-            balance[3], balance[4] = min(balance[3], energy), max(balance[4], energy)
-            balance[5] = max(balance[5], abs(energy - balance[0] + balance[1] - balance[2]))
-            for r in range(n):
-                slack += noise[j - 1, r]
-                off = abs(record.state[j, r] - record.state[j - 1, r] - change[j - 1, r]) - noise[j - 1, r]
-                gaps[r] = max(gaps[r], off)
-                largest[r] = max(largest[r], abs(record.state[j, r]), abs(record.state[j - 1, r]))
+            copy(record.mode[0], bench.mode)
+            copy(record.region[0], bench.region)
+            feel(e, k, record.time[0], record.state[0], bench, bench.felt[0])
+        slack += add_steps(e, k, rules, bench, count, carried, sums)
         if code == FINISHED:
             break
+        steps = count - 1
         record.time[0] = record.time[steps]
         copy(record.state[steps], record.state[0])
         copy(record.mode[steps], record.mode[0])
         copy(record.region[steps], record.region[0])
         carried = 1
-    judge(e.rows.sizes, balance, worst, slack, gaps, largest, limits.real[4], audit)
-    feel(e.rows, e.space, jets, k, s.clock[i, 0], s.y[i], mode, reg, table, felt[1])
-    m.period[i, 2] = difference(felt)
+    judge(e.rows.sizes, bench.balance, bench.worst, slack, bench.gaps, bench.largest, rules.real[4], audit)
+    feel(e, k, s.clock[i, 0], s.y[i], bench, bench.felt[1])
+    m.period[i, 2] = difference(bench.felt)
     if m.outcome[i] == PERIODIC:
-        for r in range(n):
+        gaps, largest = bench.gaps, bench.largest
+        for r in range(len(gaps)):
             gaps[r] = s.y[i, r] - saved.y[i, r] - m.frame[i, r] * m.period[i, 1]
             largest[r] = max(largest[r], m.size[i, r])
-        remove_shift(gaps, translation)
-        audit[3] = miss(gaps, largest, limits.real[4])
+        remove_shift(gaps, rules.translation)
+        audit[3] = miss(gaps, largest, rules.real[4])
     return True
 
 
 @njit(**INLINED)
-def energy_at(
-    e: Engine, jets: JETS, powers: POWERS, k: Constants, record: Record, j: int, table: Array, value: Array
-) -> float:
-    """Energy at a knot."""
-    s, flight = e.space, e.flight
-    copy(record.mode[j], flight.mode0)
-    copy(record.region[j], flight.reg0)
-    resolve(e.rows.sizes, k, s, flight.mode0)
-    jets(record.time[j], record.state[j], flight.mode0, flight.reg0, k.K, s.Rq, s.Rz, 1, table, s.A, s.B, s.mag)
-    powers(table, flight.reg0, k.K, value)
-    return value[0]
+def add_steps(e: Engine, k: Constants, rules: Rules, bench: Bench, count: int, carried: int, sums: Sums) -> float:
+    """Measure the steps between the recorded knots, the first of which may have been counted; their rounding errors."""
+    record, balance, spent, change, noise = bench.record, bench.balance, bench.spent, bench.change, bench.noise
+    steps, slack, fine = count - 1, 0.0, rules.fine
+    e.space.known[-1] = 1
+    observe(e.jets, e.rows, k, e.space, e.order, fine[0], fine[1], record, 0, steps, rules.closely, sums)
+    for j in range(steps):
+        fill(spent[j], 0.0)
+        fill(change[j], 0.0)
+        fill(noise[j], 0.0)
+    integrate_steps(
+        e.jets, e.powers, e.rows, k, e.space, e.order, fine[0], fine[1], rules.rate_rows, rules.rate_sizes,
+        record.time[:steps], record.state[:steps], record.mode[:steps], record.region[:steps], record.time[1:count],
+        True, spent, change, noise, bench.largest, bench.worst,
+    )  # fmt: skip
+    for j in range(carried, count):
+        energy = energy_at(e, k, bench, j)
+        if j == 0:
+            balance[0] = balance[3] = balance[4] = energy
+            continue
+        balance[1] += spent[j - 1, 0]
+        balance[2] += spent[j - 1, 1]
+        balance[3], balance[4] = min(balance[3], energy), max(balance[4], energy)
+        balance[5] = max(balance[5], abs(energy - balance[0] + balance[1] - balance[2]))
+        now, before, largest = record.state[j], record.state[j - 1], bench.largest
+        for r in range(len(now)):
+            slack += noise[j - 1, r]
+            off = abs(now[r] - before[r] - change[j - 1, r]) - noise[j - 1, r]
+            bench.gaps[r] = max(bench.gaps[r], off)
+            largest[r] = max(largest[r], abs(now[r]), abs(before[r]))
+    return slack
 
 
 @njit(**OPTIONS)
-def feel(
-    rows: Rows,
-    s: Space,
-    jets: JETS,
-    k: Constants,
-    t: float,
-    y: Array,
-    mode: Array,
-    reg: Array,
-    table: Array,
-    felt: Array,
-) -> None:
-    """Forces and thresholds of the contacts at an instant."""
-    nc = len(rows.u)
+def fill(part: Array, value: float) -> None:
+    """Give all entries of a vector a value."""
+    for i in range(len(part)):
+        part[i] = value
+
+
+@njit(**INLINED)
+def energy_at(e: Engine, k: Constants, bench: Bench, j: int) -> float:
+    """Energy at a knot."""
+    s, flight, record, table = e.space, e.flight, bench.record, bench.table
+    copy(record.mode[j], flight.mode0)
+    copy(record.region[j], flight.reg0)
+    resolve(e.rows.sizes, k, s, flight.mode0)
+    e.jets(record.time[j], record.state[j], flight.mode0, flight.reg0, k.K, s.Rq, s.Rz, 1, table, s.A, s.B, s.mag)
+    e.powers(table, flight.reg0, k.K, bench.value)
+    return bench.value[0]
+
+
+@njit(**INLINED)
+def feel(e: Engine, k: Constants, t: float, y: Array, bench: Bench, felt: Array) -> None:
+    """Forces and thresholds of the contacts at an instant, in the mode of the first knot."""
+    s, rows, table, nc = e.space, e.rows, bench.table, len(e.rows.u)
     s.known[-1] = 1
-    resolve(rows.sizes, k, s, mode)
-    jets(t, y, mode, reg, k.K, s.Rq, s.Rz, 1, table, s.A, s.B, s.mag)
+    resolve(rows.sizes, k, s, bench.mode)
+    e.jets(t, y, bench.mode, bench.region, k.K, s.Rq, s.Rz, 1, table, s.A, s.B, s.mag)
     for c in range(nc):
-        felt[c], felt[nc + c], felt[2 * nc + c] = (
-            table[rows.force[c], 0], table[rows.plus[c], 0], table[rows.minus[c], 0],
-        )  # fmt: skip
+        felt[c], felt[nc + c] = table[rows.force[c], 0], table[rows.plus[c], 0]
+        felt[2 * nc + c] = table[rows.minus[c], 0]
 
 
 @njit(**OPTIONS)
@@ -240,66 +195,47 @@ def deceives(outcome: int, change: float, closure: float) -> bool:
 @njit(**OPTIONS)
 def forget(m: Marks, i: int, driven: bool) -> None:
     """Forget all marks of a lane; one that is driven has gone on by a supposed period."""
-    for j in range(RING):
+    for j in range(m.kind.shape[1]):
         m.kind[i, j] = FORGOTTEN
     m.numbers[i, 1] += m.numbers[i, 3] if driven else 0
     m.numbers[i, 2] = 0
 
 
-@njit(**ALLOCATING)
-def advance(
-    e: Engine,
-    jets: JETS,
-    residual: RESIDUAL,
-    powers: POWERS,
-    slots: int,
-    N: int,
-    tol: float,
-    atol: float,
-    fine: Array,
-    m: Marks,
-    limits: Limits,
-    driven: Array,
-    translation: Array,
-    saved: Lane,
-    record: Record,
-    rate_rows: Array,
-    rate_sizes: Array,
-    closely: bool,
-    sums: Sums,
-    audit: Array,
-    shift: Array,
-) -> int:
-    """Settle and measure all lanes, as far as they come; returns how many wait for a closed form.
+@njit(**OPTIONS)
+def advance(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array) -> None:
+    """Settle and measure all lanes, as far as they come without a new closed form.
 
     Parameters
     ----------
-    shift : array, shape (lanes, n)
-        Receives the shift of the state while it is measured.
+    stop : array, shape (1,)
+        Not zero once there is a wish to stop.
     """
-    waiting, work = 0, np.zeros((2, e.rows.sizes[0]))
     for i in range(len(e.codes)):
-        phase = m.numbers[i, 0]
-        if phase == SETTLING and settle(
-            e, jets, residual, slots, N, tol, atol, m, limits, driven, translation, saved, record, work, i
-        ):
-            phase = MEASURING if m.outcome[i] == AT_REST or m.outcome[i] >= PERIODIC else DONE
-        if phase == MEASURING:
-            own = Sums(
-                sums.low[i], sums.high[i], sums.stick[i], sums.work[i], sums.peak[i], sums.impulse[i],
-                sums.total[i], sums.switches[i],
-            )  # fmt: skip
-            if measure(
-                e, jets, residual, powers, slots, N, tol, atol, fine, m, limits, saved, record, rate_rows, rate_sizes,
-                closely, own, audit[i], translation, i,
-            ):  # fmt: skip
-                for r in range(e.rows.sizes[0]):
-                    shift[i, r] = e.lanes.y[i, r] - saved.y[i, r]
-                phase = DONE
-                if deceives(m.outcome[i], m.period[i, 2], audit[i, 3]):
-                    forget(m, i, driven[i] > 0.0)
-                    m.outcome[i] = NOT_SETTLED
-                    phase = SETTLING if e.lanes.clock[i, 0] < limits.real[1] else DONE
-        m.numbers[i, 0] = phase
-        waiting += 1 if phase != DONE else 0
-    return waiting
+        advance_lane(e, m, rules, saved, bench, found, stop, i)
+
+
+@njit(**INLINED)
+def advance_lane(
+    e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array, i: int
+) -> None:
+    """Settle and measure one lane, as far as it comes; its phase is left in the marks."""
+    phase = m.numbers[i, 0]
+    if phase == SETTLING and settle(e, m, rules, saved, bench, stop, i):
+        phase = MEASURING if m.outcome[i] == AT_REST or m.outcome[i] >= PERIODIC else DONE
+    if phase == MEASURING and stop[0] == 0:
+        own, audit = sums_of(found.sums, i), found.audit[i]
+        if measure(e, m, rules, saved, bench, own, audit, i):
+            for r in range(e.rows.sizes[0]):
+                found.shift[i, r] = e.lanes.y[i, r] - saved.y[i, r]
+            phase = DONE
+            if deceives(m.outcome[i], m.period[i, 2], audit[3]):
+                forget(m, i, m.drive[i] > 0.0)
+                m.outcome[i] = NOT_SETTLED
+                phase = SETTLING if e.lanes.clock[i, 0] < rules.real[1] else DONE
+    m.numbers[i, 0] = phase
+
+
+@njit(**OPTIONS)
+def sums_of(s: Sums, i: int) -> Sums:
+    """The sums of a lane."""
+    return Sums(s.low[i], s.high[i], s.stick[i], s.work[i], s.peak[i], s.impulse[i], s.total[i], s.switches[i])

@@ -6,45 +6,19 @@ The steps are followed again by Taylor series from their first states, as everyw
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
 from stickslip.motion.dense import GAUSS_NODES, GAUSS_WEIGHTS
 from stickslip.motion.guards import finite_order, step_size
-from stickslip.motion.kernel import ALLOCATING, JETS, OPTIONS, Constants, Record, Rows, Space
+from stickslip.motion.kernel import JETS, OPTIONS, Constants, Record, Rows, Space
 from stickslip.motion.modes import copy, resolve
 from stickslip.motion.roots import horner
+from stickslip.sweeps.tables import Sums
 
 Array = np.ndarray
 
 NODES = 6  # at which the slope of a polynomial is looked at for a change of sign
-
-
-class Sums(NamedTuple):
-    """What has been observed of one motion.
-
-    Attributes
-    ----------
-    low, high : arrays, shape (n,)
-        Least and largest value of each component.
-    stick, work, peak, impulse : arrays, shape (contacts,)
-        Time in stick, dissipated energy −∫λu dt, largest |λ| and ∫λ dt.
-    total : array
-        Duration, and the time in which all contacts stick.
-    switches : array of int
-        Changes between stick and slip.
-    """
-
-    low: Array
-    high: Array
-    stick: Array
-    work: Array
-    peak: Array
-    impulse: Array
-    total: Array
-    switches: Array
 
 
 @njit(**OPTIONS)
@@ -100,7 +74,7 @@ def widen(c: Array, d: int, h: float, low: float, high: float) -> tuple[float, f
     return low, high
 
 
-@njit(**ALLOCATING)
+@njit(**OPTIONS)
 def observe(
     jets: JETS,
     rows: Rows,
@@ -127,7 +101,7 @@ def observe(
         Whether extrema, work and forces are wanted, for which the steps have to be followed again.
     """
     sizes, W, n, nc = rows.sizes, space.W, rows.sizes[0], len(rows.u)
-    y, mode, reg = np.zeros(n), np.zeros(nc, np.int64), np.zeros(len(rows.kinks), np.int64)
+    y, mode, reg = space.y0, space.touched[:nc], space.touched[nc:]  # free between steps
     for i in range(first, last):
         length, stuck = knots.time[i + 1] - knots.time[i], True
         for c in range(nc):

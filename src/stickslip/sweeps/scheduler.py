@@ -10,8 +10,10 @@ import contextlib
 import os
 import signal
 import threading
+import uuid
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import (
+    ALL_COMPLETED,
     FIRST_COMPLETED,
     BrokenExecutor,
     Executor,
@@ -23,34 +25,53 @@ from concurrent.futures import (
 from types import FrameType
 from typing import Any, TypeVar
 
+import numpy as np
+
 from stickslip.errors import DeclarationError, StickslipError
 
+Array = np.ndarray
 T = TypeVar("T")
 R = TypeVar("R")
 CHANCES = 4  # workers that may die over one task before the task is to blame
 AHEAD = 2  # tasks that are handed out for each worker
 PATIENCE = 10.0  # seconds that a cluster has to answer
+PULSE = 0.25  # seconds after which a wish to stop is noticed, and that tasks under way then have to end
 LOCAL = ("threads", "processes")
 
 
-class Stop:
-    """A wish to end early, from Ctrl-C: the first one lets what has begun be finished, the second one does not."""
+class Stopped(Exception):
+    """A task was given up, since there was a wish to stop."""
 
-    def __init__(self) -> None:
-        self.wished = False
+
+class Stop:
+    """A wish to end early, from Ctrl-C: the first one gives up what is under way, the second one everything at once.
+
+    Parameters
+    ----------
+    flag : array of int, shape (1,)
+        Becomes 1; those who work look at it.
+    """
+
+    def __init__(self, flag: Array | None = None) -> None:
+        self.flag = np.zeros(1, np.int64) if flag is None else flag
+
+    @property
+    def wished(self) -> bool:
+        """Whether to end."""
+        return bool(self.flag[0] != 0)
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         if self.wished:
             raise KeyboardInterrupt
-        self.wished = True
+        self.flag[0] = 1
         if os.isatty(2):  # written at once: a signal may come in the middle of other output
-            os.write(2, b"\nending when the chunks in work are done; Ctrl-C again ends now\n")
+            os.write(2, b"\nending; the chunks that are done are kept\n")
 
 
 @contextlib.contextmanager
-def listening() -> Iterator[Stop]:
+def listening(flag: Array) -> Iterator[Stop]:
     """Take Ctrl-C for a wish to end, for the time of a block; only the main thread can."""
-    stop = Stop()
+    stop = Stop(flag)
     if threading.current_thread() is not threading.main_thread():
         yield stop
         return
@@ -71,6 +92,11 @@ class Pool:
     workers : int, optional
         Number of threads or processes; by default that of the cores.
 
+    Attributes
+    ----------
+    flag : array of int, shape (1,)
+        In the memory that threads and processes share; 1 once they have to give up what they do.
+
     Raises
     ------
     DeclarationError
@@ -84,6 +110,12 @@ class Pool:
             raise DeclarationError("workers", f"{workers} is not a number of workers", "Give at least 1")
         self.scheduler = scheduler
         self.count = workers or os.cpu_count() or 1
+        self._shared: Any = None
+        self.flag = np.zeros(1, np.int64)
+        if scheduler == "processes":
+            self._shared = _context().RawArray("q", 1)
+            self.flag = np.frombuffer(self._shared, np.int64)
+        self._key = uuid.uuid4().hex
         self._client: Any = None
         self._executor: Executor | None = None
 
@@ -112,31 +144,67 @@ class Pool:
         """Workers that work side by side now."""
         return self.count if self._client is None else max(1, sum(self._client.nthreads().values()))
 
-    def submit(self, function: Callable[[T], R], task: T) -> tuple[Future[R], Executor]:
-        """Hand out a task; who has it is told, too."""
-        if self._executor is None:
-            self._executor = self._open()
+    def submit(self, function: Callable[[T, Array], R], task: T) -> tuple[Future[R | None], Executor]:
+        """Hand out a task with the flag that is to be looked at; who has it is told, too."""
         try:
-            return self._executor.submit(function, task), self._executor
+            return self._hand_out(function, task)
         except BrokenExecutor:
-            self._executor = self._open()
-            return self._executor.submit(function, task), self._executor
+            self._executor = None
+            return self._hand_out(function, task)
+
+    def _hand_out(self, function: Callable[[T, Array], R], task: T) -> tuple[Future[R | None], Executor]:
+        executor = self._executor = self._executor or self._open()
+        if self.scheduler == "threads":
+            return executor.submit(_attempt, function, task, self.flag), executor
+        return executor.submit(_attempt_elsewhere, function, task, self._key), executor
+
+    def give_up(self) -> None:
+        """Raise the flag of those who do not share the memory of this machine."""
+        if self._client is not None:
+            self._client.run(_raise_flag, self._key, on_error="ignore")
 
     def _open(self) -> Executor:
         if self._client is not None:
             return self._client.get_executor(pure=False)
         if self.scheduler == "threads":
             return ThreadPoolExecutor(self.count)
-        import multiprocessing
-
-        # A fork of a process with threads may hang.
-        context = multiprocessing.get_context("spawn")
-        return ProcessPoolExecutor(self.count, context, initializer=_ignore_interrupts)
+        return ProcessPoolExecutor(self.count, _context(), initializer=_begin, initargs=(self._key, self._shared))
 
 
-def _ignore_interrupts() -> None:
-    """Ctrl-C reaches all processes of a terminal; the one that writes decides."""
+def _context() -> Any:
+    import multiprocessing
+
+    return multiprocessing.get_context("spawn")  # a fork of a process with threads may hang
+
+
+_flags: dict[str, Array] = {}
+"""The flags that a worker process knows, by pool."""
+
+
+def _begin(key: str, shared: Any) -> None:
+    """Ctrl-C reaches all processes of a terminal; the one that writes decides, and raises the flag."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _flags[key] = np.frombuffer(shared, np.int64)
+
+
+def _flag_of(key: str) -> Array:
+    return _flags.setdefault(key, np.zeros(1, np.int64))
+
+
+def _raise_flag(key: str) -> None:
+    _flag_of(key)[0] = 1
+
+
+def _attempt(function: Callable[[T, Array], R], task: T, flag: Array) -> R | None:
+    """The result of a task; None if it was given up."""
+    try:
+        return function(task, flag)
+    except Stopped:
+        return None
+
+
+def _attempt_elsewhere(function: Callable[[T, Array], R], task: T, key: str) -> R | None:
+    return _attempt(function, task, _flag_of(key))
 
 
 def _client(address: str) -> Any:
@@ -164,17 +232,18 @@ def local_cluster(workers: int | None) -> Iterator[str]:
         yield cluster.scheduler_address
 
 
-def distribute(function: Callable[[T], R], tasks: Iterable[T], pool: Pool, stop: Stop) -> Iterator[tuple[T, R]]:
+def distribute(function: Callable[[T, Array], R], tasks: Iterable[T], pool: Pool, stop: Stop) -> Iterator[tuple[T, R]]:
     """Results of tasks, in the order in which they are ready; few are under way at any time.
 
     Parameters
     ----------
     function : callable
+        Of a task and the flag of the pool; raises Stopped if it sees it raised. Its results are not None.
     tasks : iterable
         Looked at one by one, as workers become free.
     pool : Pool
     stop : Stop
-        Once it is wished for, no task is begun any more.
+        Once it is wished for, no task is begun any more, and what is not ready in a moment is given up.
 
     Yields
     ------
@@ -187,7 +256,8 @@ def distribute(function: Callable[[T], R], tasks: Iterable[T], pool: Pool, stop:
     """
     source, again = iter(tasks), list[T]()
     lost: dict[int, int] = {}
-    pending: dict[Future[R], tuple[T, Executor]] = {}
+    pending: dict[Future[R | None], tuple[T, Executor]] = {}
+    last = False
     while True:
         most = AHEAD * pool.width
         while not stop.wished and len(pending) < most:
@@ -196,12 +266,14 @@ def distribute(function: Callable[[T], R], tasks: Iterable[T], pool: Pool, stop:
                 break
             future, executor = pool.submit(function, task)
             pending[future] = task, executor
-        if stop.wished:
-            for future in [future for future in pending if future.cancel()]:
-                del pending[future]
-        if not pending:
+        if not pending or last:
+            for future in pending:
+                future.cancel()
             return
-        for future in wait(pending, return_when=FIRST_COMPLETED).done:
+        last = stop.wished
+        if last:
+            pool.give_up()
+        for future in wait(pending, timeout=PULSE, return_when=ALL_COMPLETED if last else FIRST_COMPLETED).done:
             task, executor = pending.pop(future)
             try:
                 result = future.result()
@@ -215,7 +287,8 @@ def distribute(function: Callable[[T], R], tasks: Iterable[T], pool: Pool, stop:
                 if isinstance(error, BrokenExecutor):
                     pool.close(executor)
                 continue
-            yield task, result
+            if result is not None:
+                yield task, result
 
 
 def _worker_died(error: Exception) -> bool:

@@ -7,19 +7,21 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from stickslip.declaration import check_initial
-from stickslip.errors import DeclarationError
+from stickslip.errors import DeclarationError, short
 from stickslip.motion.problem import pose
 from stickslip.sweeps.adaptive import Adaptive, check_adaptive, rounds
 from stickslip.sweeps.axes import read_axes
 from stickslip.sweeps.plan import Plan
 from stickslip.sweeps.scheduler import Pool, Stop, distribute, listening
 from stickslip.sweeps.store import Chunk, MapStore, create, opened, stored_plan
+from stickslip.sweeps.tables import DEVICE_LANES
 from stickslip.sweeps.user_measures import read_measures
 from stickslip.sweeps.work import Work, check_sendable, compute, work_of
 from stickslip.system import System
@@ -57,10 +59,17 @@ class Progress:
 
 @dataclass(frozen=True)
 class Task:
-    """Some points of one chunk."""
+    """Points that are computed together.
 
-    chunk: Chunk
-    inside: Array
+    Attributes
+    ----------
+    pieces : list of (chunk, array of int)
+        Chunks, and positions of the points in them.
+    columns : dict of str to array
+        Values of what varies at all of them.
+    """
+
+    pieces: list[tuple[Chunk, Array]]
     columns: dict[str, Array]
 
 
@@ -76,6 +85,7 @@ def sweep(
     adaptive: Adaptive | None = None,
     scheduler: str = "threads",
     workers: int | None = None,
+    device: str = "cpu",
     extend: bool = False,
     overwrite: bool = False,
     repair: bool = False,
@@ -104,7 +114,11 @@ def sweep(
     scheduler : str
         ``"threads"``, ``"processes"``, or the address of a Dask scheduler. The result does not depend on it.
     workers : int, optional
-        Threads or processes; by default one for each core.
+        Threads or processes; by default one for each core. With a GPU, chunks that are prepared and computed at the
+        same time; by default one.
+    device : str
+        ``"cpu"``, or ``"gpu"``: the same loops on a CUDA device, one motion per thread (extra ``[gpu]``). Its numbers
+        agree up to rounding, so that either may go on with what the other has begun.
     extend : bool
         Add the new values of the axes to a stored map over some of them.
     overwrite : bool
@@ -128,6 +142,7 @@ def sweep(
         If the store cannot be written, is damaged, or holds another map.
     """
     plan = make_plan(system, over, measure, initial, settings, seed)
+    pool = _pool(scheduler, workers, device)
     with contextlib.ExitStack() as stack:
         if out is None:
             store = create(plan, None)
@@ -137,7 +152,7 @@ def sweep(
             store.load()
         if adaptive is not None:
             check_adaptive(adaptive, store)
-        run(store, Pool(scheduler, workers), adaptive, progress)
+        run(store, pool, adaptive, progress, device)
         return store.dataset()
 
 
@@ -196,16 +211,35 @@ def _audit(store: MapStore, repair: bool) -> None:
         store.forget(chunk)
 
 
+def _pool(scheduler: str, workers: int | None, device: str) -> Pool:
+    """Who does the work, checked."""
+    if device == "gpu":
+        from stickslip.sweeps.device import check_device
+
+        if scheduler != "threads":
+            reason = f"a GPU serves the threads of one process, not '{short(scheduler)}'"
+            raise DeclarationError("device", reason, "Leave the scheduler out")
+        check_device()
+        return Pool(scheduler, 1 if workers is None else workers)
+    if device != "cpu":
+        raise DeclarationError("device", f"there is no '{short(device)}'", "Choose cpu or gpu")
+    return Pool(scheduler, workers)
+
+
 def run(
-    store: MapStore, pool: Pool, adaptive: Adaptive | None, progress: Callable[[Progress], None] | None = None
+    store: MapStore,
+    pool: Pool,
+    adaptive: Adaptive | None,
+    progress: Callable[[Progress], None] | None = None,
+    device: str = "cpu",
 ) -> bool:
     """Compute what is missing; True if it came to its end."""
-    work = work_of(store.plan)
+    work = work_of(store.plan, device)
     if pool.scheduler == "processes":
         check_sendable(work)
     tell = _Teller(store, progress)
     wanted: Iterator[Array | None] = iter([None]) if adaptive is None else rounds(store, adaptive)
-    with pool, listening() as stop:
+    with pool, listening(pool.flag) as stop:
         for points in wanted:
             _fill(store, work, points, pool, stop, tell)
             if stop.wished:
@@ -216,20 +250,31 @@ def run(
 def _fill(store: MapStore, work: Work, points: Array | None, pool: Pool, stop: Stop, tell: _Teller) -> None:
     """Compute the wanted points (all if None) that are missing, and write them chunk by chunk."""
     tell(np.empty(0, np.int8))
-    for task, values in distribute(partial(_work, work), _tasks(store, points), pool, stop):
-        store.write(task.chunk, task.inside, values)
+    together = DEVICE_LANES if work.device == "gpu" else 1
+    for task, values in distribute(partial(_work, work), _tasks(store, points, together), pool, stop):
+        first = 0
+        for chunk, inside in task.pieces:
+            piece = slice(first, first + len(inside))
+            store.write(chunk, inside, {name: some[piece] for name, some in values.items()})
+            first = piece.stop
         tell(values["outcome"])
 
 
-def _tasks(store: MapStore, points: Array | None) -> Iterator[Task]:
-    for chunk in store.grid.chunks():
-        inside = store.missing(chunk, points)
-        if len(inside):
-            yield Task(chunk, inside, store.grid.columns(store.grid.region(chunk), inside))
+def _tasks(store: MapStore, points: Array | None, together: int) -> Iterator[Task]:
+    """Chunks with points that are missing, so many that there are at least so many points in a task."""
+    grid, pieces, count = store.grid, list[tuple[Chunk, Array]](), 0
+    for chunk in chain(grid.chunks(), [None]):
+        if chunk is not None and len(inside := store.missing(chunk, points)):
+            pieces.append((chunk, inside))
+            count += len(inside)
+        if count >= together or (chunk is None and pieces):
+            parts = [grid.columns(grid.region(chunk), inside) for chunk, inside in pieces]
+            yield Task(pieces, {name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
+            pieces, count = [], 0
 
 
-def _work(work: Work, task: Task) -> dict[str, Array]:
-    return compute(work, task.columns)
+def _work(work: Work, task: Task, stop: Array) -> dict[str, Array]:
+    return compute(work, task.columns, stop)
 
 
 class _Teller:

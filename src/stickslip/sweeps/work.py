@@ -12,6 +12,7 @@ import numpy as np
 
 from stickslip.errors import DeclarationError
 from stickslip.sweeps.plan import Plan
+from stickslip.sweeps.scheduler import Stopped
 from stickslip.sweeps.user_measures import (
     FormulaMeasure,
     FunctionMeasure,
@@ -40,18 +41,21 @@ class Work:
         What the measures are made of again.
     initial : tuple of (str, float)
     settings : Settings
+    device : str
+        ``"cpu"`` or ``"gpu"``: where the compiled loops run.
     """
 
     model: str
     asked: tuple[Any, ...]
     initial: tuple[tuple[str, float], ...]
     settings: Settings
+    device: str = "cpu"
 
 
-def work_of(plan: Plan) -> Work:
+def work_of(plan: Plan, device: str = "cpu") -> Work:
     """The work that a plan asks for at its points."""
     asked = tuple(asked_again(measure) for measure in plan.measures)
-    return Work(plan.system.to_toml(), asked, tuple(plan.initial.items()), plan.settings)
+    return Work(plan.system.to_toml(), asked, tuple(plan.initial.items()), plan.settings, device)
 
 
 def check_sendable(work: Work) -> None:
@@ -76,7 +80,7 @@ def _prepared(work: Work) -> tuple[System, tuple[Measure, ...]]:
     return system, read_measures(system, work.asked)
 
 
-def compute(work: Work, columns: Mapping[str, Array]) -> dict[str, Array]:
+def compute(work: Work, columns: Mapping[str, Array], stop: Array) -> dict[str, Array]:
     """Everything that is stored of some points.
 
     Parameters
@@ -84,11 +88,18 @@ def compute(work: Work, columns: Mapping[str, Array]) -> dict[str, Array]:
     work : Work
     columns : mapping of str to array, shape (points,)
         Parameters and initial values that vary.
+    stop : array of int, shape (1,)
+        Not zero once there is a wish to stop.
 
     Returns
     -------
     dict of str to array, shape (points,)
         By variable; what is not a number where there is nothing to measure.
+
+    Raises
+    ------
+    Stopped
+        If there was a wish to stop.
     """
     from stickslip.sweeps.chunk import measure_chunk
 
@@ -99,7 +110,7 @@ def compute(work: Work, columns: Mapping[str, Array]) -> dict[str, Array]:
     initial |= {name: values for name, values in columns.items() if name not in system.parameters}
     formulas = [m for m in measures if isinstance(m, FormulaMeasure)]
     needed = dict.fromkeys([m for m in measures if isinstance(m, str)] + [n for f in formulas for n in f.needs])
-    found = measure_chunk(system, initial, parameters, tuple(needed), work.settings)
+    found = measure_chunk(system, initial, parameters, tuple(needed), work.settings, work.device, stop)
     result = {name: found[name] for name in ("outcome", "certificate")}
     known = {**system.values, **_start(system, initial), **parameters, **found}
     for measure in measures:
@@ -107,7 +118,8 @@ def compute(work: Work, columns: Mapping[str, Array]) -> dict[str, Array]:
         if isinstance(measure, FormulaMeasure):
             result[name] = measure.values(known, count)
         elif isinstance(measure, FunctionMeasure):
-            result[name], result[f"{name}_missing"] = _by_function(measure, system, initial, parameters, work.settings)
+            values = _by_function(measure, system, initial, parameters, work.settings, stop)
+            result[name], result[f"{name}_missing"] = values
         else:
             result[name] = found[name]
     return result
@@ -124,6 +136,7 @@ def _by_function(
     initial: Mapping[str, Array],
     parameters: Mapping[str, Array],
     settings: Settings,
+    stop: Array,
 ) -> tuple[Array, Array]:
     """A function of the whole motion, point by point, and why it is missing."""
     from stickslip.motion.simulate import simulate
@@ -131,6 +144,8 @@ def _by_function(
     count = len(next(iter({**initial, **parameters}.values())))
     values, why = np.full(count, np.nan), np.zeros(count, np.int8)
     for i in range(count):
+        if stop[0] != 0:
+            raise Stopped
         here = ({name: float(column[i]) for name, column in given.items()} for given in (initial, parameters))
         motion = simulate(system, None, *here, rtol=settings.rtol, atol=settings.atol, max_events=settings.max_events)
         values[i], why[i] = measure.value(motion)
