@@ -103,24 +103,96 @@ def fill_alike(problem: Problem, T: ClosedForms, slot: Array, linear: Linear, mo
     L = np.where(kept[:, :, None], np.take_along_axis(L, order[:, :, None], 1), 0.0)
     weight = np.where(kept, np.where(values.imag > 0.0, 2.0, 1.0), 0.0)
     V = weight[:, None, :] * np.take_along_axis(V, order[:, None, :], 2)
-    b = np.arange(len(m))
-    T.A[slot], T.F[slot], T.moves[slot] = D[:, :n], E[:, :n], moving
-    T.exponent[slot[:, None], b] = values
-    T.inverse[slot[:, None], b] = np.divide(1.0, values, out=np.zeros_like(values), where=values != 0.0)
-    T.L[slot[:, None, None], b[:, None], m] = L
-    T.B[slot[:, None, None], b[:, None], s] = product_or_zero(L, D[:, m[:, None], s])
-    T.phi[slot[:, None], b] = product_or_zero(L, E[:, m])
-    T.V[slot[:, None, None], m[:, None], b] = V
-    P, Q, switches = guards(problem, linear)
-    T.P[slot, : P.shape[1]], T.Q[slot, : P.shape[1]], T.switch[slot, : P.shape[1]] = P, Q, switches
-    T.PV[slot[:, None, None], np.arange(P.shape[1])[:, None], b] = product_or_zero(P[:, :, m], V)
+    b, weights = np.arange(len(m)), (values, V, L)
+    fill_signals(problem, T, slot, linear, moving, weights)
     constraints(problem, T, linear, slot)
-    T.counts[slot, 0], T.counts[slot, 1] = np.sum(kept, axis=1), P.shape[1]
+    T.exponent[slot[:, None], b] = values
+    T.tilt[slot[:, None], b] = np.angle(values)
+    T.sine[slot[:, None], b] = np.sin(np.angle(values))
+    T.counts[slot, 0] = np.sum(kept, axis=1)
     fastest = np.maximum(np.max(np.abs(values), axis=1, initial=0.0), np.max(omega, axis=1, initial=0.0))
     T.shortest[slot] = 1.0 / np.maximum(fastest, 1e-300)
     if omega.shape[1] == 0:
         T.shortest[slot[np.all(values == 0.0, axis=1)]] = 0.0
     T.status[slot] = affine.AFFINE
+
+
+def fill_signals(
+    problem: Problem, T: ClosedForms, slot: Array, linear: Linear, moving: Array, modes: tuple[Array, Array, Array]
+) -> None:
+    """Guards and components of the state as signals: all coefficients are linear in s = (x, e).
+
+    With w = L x the components that move are Re V w, and ẇ = λ w + B x_still + φ e is solved by
+
+        w = p₀ + p₁τ + p₂τ² + r exp(λτ) + Σₘ (↑ₘ exp(iωₘt) + ↓ₘ exp(−iωₘt)),
+
+    where the p and r are linear in s at τ = 0.
+    """
+    D, E, omega = linear.D, linear.E, linear.omega
+    values, V, L = modes
+    n, m, ns = len(moving), np.flatnonzero(moving), len(moving) + E.shape[2]
+    count, blocks, waves = len(slot), len(m), omega.shape[1]
+    full = np.zeros((count, blocks, ns), complex)
+    state, force = full.copy(), full.copy()
+    state[:, :, m] = L
+    force[:, :, np.append(~moving, np.ones(ns - n, bool))] = product_or_zero(
+        L, np.concatenate([D[:, m[:, None], np.flatnonzero(~moving)], E[:, m]], axis=2)
+    )
+    # Parts at the frequencies of the drives.
+    cosine, sine = force[:, :, n + 2 :: 2], force[:, :, n + 3 :: 2]
+    up = 0.5 * (cosine - 1j * sine) / (1j * omega[:, None] - values[:, :, None])
+    down = 0.5 * (cosine + 1j * sine) / (-1j * omega[:, None] - values[:, :, None])
+    swaying = full.copy()
+    swaying[:, :, n + 2 :: 2], swaying[:, :, n + 3 :: 2] = up + down, 1j * (up - down)
+    # Powers of τ: where λ = 0, w itself and its rates; elsewhere what balances a force that grows evenly.
+    still = (values == 0.0)[:, :, None]
+    over = np.divide(1.0, values, out=np.zeros_like(values), where=values != 0.0)[:, :, None]
+    ramp, even = full.copy(), force.copy()
+    ramp[:, :, n] = force[:, :, n + 1]
+    even[:, :, n + 2 :] = 0.0
+    p0 = np.where(still, state - swaying, -over * (even + over * ramp))
+    p1 = np.where(still, even, -over * ramp)
+    p2 = np.where(still, 0.5 * ramp, 0.0)[:, :, n]
+    r = np.where(still, 0.0, state - p0 - swaying)
+    # Rows: the guards, then the components of the state.
+    P, Q, switches = guards(problem, linear)
+    a = np.zeros((count, P.shape[1] + n, blocks), complex)
+    a[:, : P.shape[1]] = product_or_zero(P[:, :, m], V)
+    a[:, P.shape[1] + m] = V
+    direct, later = np.zeros((count, len(a[0]), E.shape[2])), np.zeros((count, len(a[0]), ns))
+    direct[:, : P.shape[1]], later[:, : P.shape[1], n] = Q, Q[:, :, 1]
+    wave = direct[:, :, 2::2] - 1j * direct[:, :, 3::2] + a @ up + np.conj(a) @ np.conj(down)
+    c1 = real_or_zero(a, p1, later)
+    c2 = real_or_zero(a, p2[:, :, None], np.zeros((count, len(a[0]), 1)))[:, :, 0]
+    g, last = P.shape[1], T.c2.shape[1] - n
+    rows, S = np.append(np.arange(g), np.arange(last, last + n)), np.zeros((count, ns, ns))
+    S[:, :n, :n], S[:, :n, n:], S[:, n + 1, n] = D[:, :n], E[:, :n], 1.0
+    for k in range(waves):
+        S[:, n + 2 + 2 * k, n + 3 + 2 * k], S[:, n + 3 + 2 * k, n + 2 + 2 * k] = -omega[:, k], omega[:, k]
+    T.S[slot], T.G[slot, :g, :n], T.G[slot, :g, n:] = S, P, Q
+    terms = np.abs(T.G[slot, :g])
+    T.felt[slot] = np.any(S != 0.0, axis=1) | np.any(terms != 0.0, axis=1)
+    for k in range(affine.GERM_ORDERS + 1):
+        T.reach[slot, :g, k] = np.sum(terms, axis=2)
+        terms = terms @ np.abs(S)
+    T.R[slot, :blocks] = r
+    at = slot[:, None], rows
+    T.c1[at], T.c2[at] = c1, c2
+    T.drifts[at] = np.any(c1 != 0.0, axis=2) | (c2 != 0.0)
+    T.b[at] = wave
+    T.a[slot[:, None, None], rows[:, None], np.arange(blocks)] = a
+    T.swing[slot[:, None, None], rows[:, None], np.arange(blocks)] = np.abs(a)
+    T.swing[slot[:, None, None], rows[:, None], n + np.arange(waves)] = np.abs(wave)
+    T.angle[slot[:, None, None], rows[:, None], np.arange(blocks)] = np.angle(a)
+    T.decays[slot, :g] = ~np.any((a[:, :g] != 0.0) & (values.real > 0.0)[:, None, :], axis=2)
+    T.switch[slot, :g], T.counts[slot, 1] = switches, g
+
+
+def real_or_zero(a: Array, p: Array, direct: Array) -> Array:
+    """Re a p + direct, where what is only rounding is exactly zero: absent parts of a signal then cost nothing."""
+    terms = np.abs(a) @ np.abs(p) + np.abs(direct)
+    total = (a @ p).real + direct
+    return np.where(np.abs(total) > 1e-14 * terms, total, 0.0)
 
 
 def linearise(problem: Problem, constants: Constants, group: Array, mode: Array, region: Array) -> tuple[Linear, Array]:
@@ -284,11 +356,11 @@ def constraints(problem: Problem, T: ClosedForms, linear: Linear, slot: Array) -
     F = np.concatenate([linear.D, linear.E], axis=2)
     for c in range(nc):
         if c < mq and mode[0, c] == 0:
-            row = F[:, n + c]
+            row, T.held[slot, c] = F[:, n + c], affine.STICKS
             T.hold[slot, c, nq : 2 * nq] = linear.hold[:, c, :nq]
         elif c >= mq + mz and mode[0, c] != 0:
             side = np.where(mode[:, c, None] > 0, F[:, n + 2 * nc + c], F[:, n + 3 * nc + c])
-            row = F[:, n + nc + c] + mode[:, c, None] * side
+            row, T.held[slot, c] = F[:, n + nc + c] + mode[:, c, None] * side, affine.SLIDES
         else:
             continue
-        T.zero_x[slot, c], T.zero_e[slot, c] = row[:, :n], row[:, n:]
+        T.zero[slot, c] = row

@@ -228,17 +228,17 @@ def fly_on(
         t, fired = clock[0], counters[2]
         copy(mode, flight.mode0)
         copy(reg, flight.reg0)
-        affine.drive_vector(t, omega, flight.e)
+        affine.place(flight, y, t, omega)
         slot, ready = -1, False
         for _ in range(2 * (nk + nc) + 4):
-            slot = affine.find(T, g * slots, T.used[g], affine.mode_key(mode, reg))
+            slot = affine.find(T.key, T.own, g * slots, T.used[g], affine.mode_key(mode, reg))
             if slot < 0:
                 if T.used[g] < slots:
                     return NEED, count
                 break
-            if T.status[slot] != affine.AFFINE or not affine.admissible(T, slot, y, flight.e, nc, clock[4]):
+            if T.status[slot] != affine.AFFINE or not affine.admissible(T, slot, flight, y, clock[4]):
                 break
-            guard = affine.germs(T, slot, flight, y, omega, fired, clock[1])
+            guard = affine.germs(T, slot, flight, omega, fired, clock[1])
             if guard < 0:
                 ready = True
                 break
@@ -252,11 +252,11 @@ def fly_on(
         count = note(lane, recording, record, count)
         if t >= end:
             return FINISHED, count
-        tau, guard = affine.fly(T, slot, flight, y, t, end - t, omega)
-        affine.arrive(T, slot, flight, y, tau, omega)
+        tau, guard = affine.fly(T, slot, flight, end - t, omega)
         counters[4] += 1
         clock[1], clock[4] = tau, max(tau, 0.5 * clock[4])
         clock[0] = t + tau if guard >= 0 else end
+        affine.arrive(T, slot, flight, y, tau, omega)
         counters[2] = -1
         if guard < 0:
             continue

@@ -97,7 +97,7 @@ class Problem:
         n, contacts, kinks = layout.sizes["n"], len(layout.u), len(layout.kinks)
         small = contacts + kinks <= 30 and n <= 24 and layout.frequencies <= 6
         slots, doubtful = slots if small and self.exact else 0, len(self.rows.doubtful)
-        return affine.make_closed_forms(groups, slots, n, contacts, kinks, doubtful, 2 + 2 * layout.frequencies)
+        return affine.make_closed_forms(groups, slots, n, contacts, kinks, doubtful, layout.frequencies)
 
     def space(self) -> Space:
         """New work space for the Taylor steps."""
