@@ -26,6 +26,7 @@ from stickslip.motion.kernel import (
     ON_JUMP,
     OPTIONS,
     RESIDUAL,
+    STEPS,
     TINY,
     UNDEFINED,
     ZENO,
@@ -77,7 +78,7 @@ def integrate(
         Order of the Taylor series, and local tolerance relative to the size of the state plus `atol`.
     group : array of int, shape (lanes,)
     codes : array of int, shape (lanes,)
-        FULL or NEED where a lane is to go on; receives the outcome code.
+        FULL, NEED or STEPS where a lane is to go on; receives the outcome code.
     lanes : Lane
         Of all lanes (a leading axis).
     recording : bool
@@ -96,15 +97,47 @@ def integrate(
         k = Constants(constants.K[g], constants.M[g], constants.C[g], constants.J[g], constants.omega[g])
         lane = Lane(lanes.clock[i], lanes.y[i], lanes.mode[i], lanes.settled[i], lanes.reg[i], lanes.counters[i])
         space.known[-1] = 1
-        code = NOWHERE
+        code, flying = NOWHERE, slots > 0 and codes[i] != STEPS
         while code < 0:
-            if slots > 0:
+            if flying:
                 code, count = fly_on(forms, g, slots, flight, k.omega, lane, end, max_events, recording, record, count)
             if code < 0:
                 code, count = step_on(
                     jets, residual, rows, k, space, N, tol, atol, lane, end, max_events, recording, record, count
                 )
+                flying = slots > 0
         codes[i] = code
+    return count
+
+
+@njit(**OPTIONS)
+def integrate_affine(
+    constants: Constants,
+    forms: ClosedForms,
+    slots: int,
+    flight: Flight,
+    end: float,
+    max_events: int,
+    group: Array,
+    codes: Array,
+    lanes: Lane,
+    recording: bool,
+    record: Record,
+) -> int:
+    """The same as :func:`integrate` in closed form alone: a motion that needs Taylor steps is left with code STEPS.
+
+    Most systems with closed forms need nothing else, and need not wait until the Taylor steps are compiled.
+    """
+    count = ZERO
+    for i in range(len(codes)):
+        if codes[i] < FULL:
+            continue
+        g = group[i]
+        lane = Lane(lanes.clock[i], lanes.y[i], lanes.mode[i], lanes.settled[i], lanes.reg[i], lanes.counters[i])
+        code, count = fly_on(
+            forms, g, slots, flight, constants.omega[g], lane, end, max_events, recording, record, count
+        )
+        codes[i] = code if code >= 0 else STEPS
     return count
 
 
