@@ -79,8 +79,9 @@ def fill_closed_forms(
     core = np.any((linear.D[:, :n] != 0.0) & moving[:, :, None], axis=1) & moving
     pattern = np.hstack([moving, core, linear.mode == 0])
     # What moves, what moves others and what sticks is the same in most of them: those are worked on as one stack.
-    _, kind = np.unique(pattern, axis=0, return_inverse=True)
-    for number in range(np.max(kind, initial=-1) + 1):
+    packed = np.packbits(pattern, axis=1)
+    kinds, kind = np.unique(packed.view(f"V{packed.shape[1]}"), return_inverse=True)
+    for number in range(len(kinds)):
         index = np.flatnonzero(kind.reshape(-1) == number)
         fill_alike(problem, T, slot[index], linear.take(index), moving[index[0]], core[index[0]])
 
@@ -170,11 +171,12 @@ def fill_signals(
     for k in range(waves):
         S[:, n + 2 + 2 * k, n + 3 + 2 * k], S[:, n + 3 + 2 * k, n + 2 + 2 * k] = -omega[:, k], omega[:, k]
     T.S[slot], T.G[slot, :g, :n], T.G[slot, :g, n:] = S, P, Q
-    terms = np.abs(T.G[slot, :g])
-    T.felt[slot] = np.any(S != 0.0, axis=1) | np.any(terms != 0.0, axis=1)
+    terms, rates = np.abs(np.concatenate([P, Q], axis=2)), np.abs(S)
+    T.felt[slot] = np.any(rates, axis=1) | np.any(terms, axis=1)
+    ones = np.ones((count, ns, 1))
     for k in range(affine.GERM_ORDERS + 1):
-        T.reach[slot, :g, k] = np.sum(terms, axis=2)
-        terms = terms @ np.abs(S)
+        T.reach[slot, :g, k] = (terms @ ones)[:, :, 0]
+        ones = rates @ ones
     T.R[slot, :blocks] = r
     at = slot[:, None], rows
     T.c1[at], T.c2[at] = c1, c2
