@@ -60,7 +60,7 @@ def test_stacked_closed_forms_are_those_of_single_modes(name: str) -> None:
 
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_closed_form_solves_the_linear_equations(name: str) -> None:
-    """x(τ) = x + c₁τ + c₂τ² + Re Σ a r (exp(λτ) − 1) + … is what the matrix exponential gives, and so are the guards."""
+    """x(τ) = x + c₁τ + c₂τ² + Re Σ a r (exp(λτ) − 1) + … is what the matrix exponential gives; so are the guards."""
     from scipy.linalg import expm
 
     system, ranges = SYSTEMS[name]

@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 
 from stickslip.motion.kernel import INLINED, OPTIONS, ROUNDING
-from stickslip.motion.signals import length, first_of_bend, first_of_line, first_of_many, first_of_wave
+from stickslip.motion.signals import first_of_bend, first_of_line, first_of_many, first_of_wave, length
 
 Array = np.ndarray
 
@@ -424,7 +424,7 @@ def sort_guards(T: ClosedForms, slot: int, f: Flight, omega: Array) -> int:
 
 @njit(**INLINED)
 def fly(T: ClosedForms, slot: int, f: Flight, room: float, omega: Array) -> tuple[float, int]:
-    """The earliest event within `room`: (duration, guard or −1); the changes until then of the exponentials are left in the work space."""
+    """The earliest event within `room`: (duration, guard or −1), with the changes of the exponentials until then."""
     r, a, b, lam, nb = f.r, f.a, f.b, T.exponent[slot], T.counts[slot, 0]
     amplitudes(T, slot, f, omega)
     first = sort_guards(T, slot, f, omega)

@@ -88,7 +88,7 @@ def fill_closed_forms(
 
 def fill_alike(problem: Problem, T: ClosedForms, slot: Array, linear: Linear, moving: Array, core: Array) -> None:
     """Closed forms of modes in which the same components move and the same contacts stick."""
-    n, m, s = len(moving), np.flatnonzero(moving), np.flatnonzero(~moving)
+    m = np.flatnonzero(moving)
     modes, good = eigenmodes(linear.D[:, m[:, None], m], core[moving])
     distance = np.abs(1j * linear.omega[:, :, None] - modes[0][:, None, :])
     good &= ~np.any(distance < 1e-3 * linear.omega[:, :, None], axis=(1, 2))
@@ -96,7 +96,7 @@ def fill_alike(problem: Problem, T: ClosedForms, slot: Array, linear: Linear, mo
     slot, linear, (values, V, L) = slot[good], linear.take(good), (part[good] for part in modes)
     if len(slot) == 0:
         return
-    D, E, omega = linear.D, linear.E, linear.omega
+    omega = linear.omega
     # Of a conjugate pair one is kept, and counts twice.
     order = np.argsort(values.imag < 0.0, axis=1, kind="stable")
     kept = np.sort(values.imag < 0.0, axis=1, kind="stable") == 0

@@ -12,7 +12,6 @@ import numpy as np
 from numba import float64, int64, types, void
 
 
-
 def _import_array_functions() -> None:
     """Import numba's array functions but not SciPy's linear algebra, a sixth of the time of a whole short process.
 

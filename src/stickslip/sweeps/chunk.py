@@ -281,8 +281,8 @@ def drive_period(omega: Array) -> Array:
 def frames(lanes: Lanes, index: Array) -> Array:
     """Velocities of the frames in which systems under loads Vt do not depend on time, but for their drives.
 
-    In the closed forms ẋ and the guards are linear in (x, 1, t, …): shifting the state by v·Δt makes up for the time if the
-    column of t is minus the columns of x times v in all modes. 0 where there is no such v.
+    In the closed forms ẋ and the guards are linear in (x, 1, t, …): shifting the state by v·Δt makes up for the time
+    if the column of t is minus the columns of x times v in all modes. 0 where there is no such v.
     """
     T, slots = lanes.forms, lanes.slots
     place = index[:, None] * slots + np.arange(slots)
