@@ -91,7 +91,7 @@ def fill_alike(problem: Problem, T: ClosedForms, slot: Array, linear: Linear, mo
     m = np.flatnonzero(moving)
     modes, good = eigenmodes(linear.D[:, m[:, None], m], core[moving])
     distance = np.abs(1j * linear.omega[:, :, None] - modes[0][:, None, :])
-    good &= ~np.any(distance < 1e-3 * linear.omega[:, :, None], axis=(1, 2))
+    good &= ~np.any(distance <= 1e-3 * linear.omega[:, :, None], axis=(1, 2))
     values: Array
     slot, linear, (values, V, L) = slot[good], linear.take(good), (part[good] for part in modes)
     if len(slot) == 0:
@@ -118,23 +118,23 @@ def fill_alike(problem: Problem, T: ClosedForms, slot: Array, linear: Linear, mo
     T.status[slot] = affine.AFFINE
 
 
-def fill_signals(
-    problem: Problem, T: ClosedForms, slot: Array, linear: Linear, moving: Array, modes: tuple[Array, Array, Array]
-) -> None:
-    """Guards and components of the state as signals: all coefficients are linear in s = (x, e).
+def responses(linear: Linear, moving: Array, modes: tuple[Array, Array, Array]) -> tuple[Array, ...]:
+    """How the components w = L x answer: coefficients of s = (x, e) at τ = 0.
 
-    With w = L x the components that move are Re V w, and ẇ = λ w + B x_still + φ e is solved by
+    ẇ = λ w + B x_still + φ e is solved by
 
-        w = p₀ + p₁τ + p₂τ² + r exp(λτ) + Σₘ (↑ₘ exp(iωₘt) + ↓ₘ exp(−iωₘt)),
+        w = p₀ + p₁τ + p₂τ² + r exp(λτ) + Σₘ (↑ₘ exp(iωₘt) + ↓ₘ exp(−iωₘt)).
 
-    where the p and r are linear in s at τ = 0.
+    Returns
+    -------
+    r, p₁, p₂, ↑, ↓
+        The first two linear in s, the others numbers.
     """
     D, E, omega = linear.D, linear.E, linear.omega
-    values, V, L = modes
+    values, _, L = modes
     n, m, ns = len(moving), np.flatnonzero(moving), len(moving) + E.shape[2]
-    count, blocks, waves = len(slot), len(m), omega.shape[1]
-    full = np.zeros((count, blocks, ns), complex)
-    state, force = full.copy(), full.copy()
+    state = np.zeros((len(D), len(m), ns), complex)
+    force, swaying, ramp = np.zeros_like(state), np.zeros_like(state), np.zeros_like(state)
     state[:, :, m] = L
     force[:, :, np.append(~moving, np.ones(ns - n, bool))] = product_or_zero(
         L, np.concatenate([D[:, m[:, None], np.flatnonzero(~moving)], E[:, m]], axis=2)
@@ -143,50 +143,49 @@ def fill_signals(
     cosine, sine = force[:, :, n + 2 :: 2], force[:, :, n + 3 :: 2]
     up = 0.5 * (cosine - 1j * sine) / (1j * omega[:, None] - values[:, :, None])
     down = 0.5 * (cosine + 1j * sine) / (-1j * omega[:, None] - values[:, :, None])
-    swaying = full.copy()
     swaying[:, :, n + 2 :: 2], swaying[:, :, n + 3 :: 2] = up + down, 1j * (up - down)
     # Powers of τ: where λ = 0, w itself and its rates; elsewhere what balances a force that grows evenly.
     still = (values == 0.0)[:, :, None]
     over = np.divide(1.0, values, out=np.zeros_like(values), where=values != 0.0)[:, :, None]
-    ramp, even = full.copy(), force.copy()
-    ramp[:, :, n] = force[:, :, n + 1]
+    ramp[:, :, n], even = force[:, :, n + 1], force
     even[:, :, n + 2 :] = 0.0
-    p0 = np.where(still, state - swaying, -over * (even + over * ramp))
-    p1 = np.where(still, even, -over * ramp)
-    p2 = np.where(still, 0.5 * ramp, 0.0)[:, :, n]
-    r = np.where(still, 0.0, state - p0 - swaying)
-    # Rows: the guards, then the components of the state.
+    r = np.where(still, 0.0, state + over * (even + over * ramp) - swaying)
+    return r, np.where(still, even, -over * ramp), np.where(still, 0.5 * ramp, 0.0)[:, :, n], up, down
+
+
+def fill_signals(
+    problem: Problem, T: ClosedForms, slot: Array, linear: Linear, moving: Array, modes: tuple[Array, Array, Array]
+) -> None:
+    """Store guards and components of the state as signals: those that move are Re V w."""
+    D, E, omega, V = linear.D, linear.E, linear.omega, modes[1]
+    r, p1, p2, up, down = responses(linear, moving, modes)
+    (count, blocks, ns), n, m, waves = r.shape, len(moving), np.flatnonzero(moving), omega.shape[1]
     P, Q, switches = guards(problem, linear)
-    a = np.zeros((count, P.shape[1] + n, blocks), complex)
-    a[:, : P.shape[1]] = product_or_zero(P[:, :, m], V)
-    a[:, P.shape[1] + m] = V
-    direct, later = np.zeros((count, len(a[0]), E.shape[2])), np.zeros((count, len(a[0]), ns))
-    direct[:, : P.shape[1]], later[:, : P.shape[1], n] = Q, Q[:, :, 1]
+    g = P.shape[1]
+    a = np.zeros((count, g + n, blocks), complex)
+    a[:, :g], a[:, g + m] = product_or_zero(P[:, :, m], V), V
+    direct, later = np.zeros((count, g + n, ns - n)), np.zeros((count, g + n, ns))
+    direct[:, :g], later[:, :g, n] = Q, Q[:, :, 1]
     wave = direct[:, :, 2::2] - 1j * direct[:, :, 3::2] + a @ up + np.conj(a) @ np.conj(down)
-    c1 = real_or_zero(a, p1, later)
-    c2 = real_or_zero(a, p2[:, :, None], np.zeros((count, len(a[0]), 1)))[:, :, 0]
-    g, last = P.shape[1], T.c2.shape[1] - n
-    rows, S = np.append(np.arange(g), np.arange(last, last + n)), np.zeros((count, ns, ns))
+    c1, c2 = real_or_zero(a, p1, later), real_or_zero(a, p2[:, :, None], np.zeros((count, g + n, 1)))[:, :, 0]
+    S = np.zeros((count, ns, ns))
     S[:, :n, :n], S[:, :n, n:], S[:, n + 1, n] = D[:, :n], E[:, :n], 1.0
     for k in range(waves):
         S[:, n + 2 + 2 * k, n + 3 + 2 * k], S[:, n + 3 + 2 * k, n + 2 + 2 * k] = -omega[:, k], omega[:, k]
-    T.S[slot], T.G[slot, :g, :n], T.G[slot, :g, n:] = S, P, Q
-    terms, rates = np.abs(np.concatenate([P, Q], axis=2)), np.abs(S)
+    terms, rates, ones = np.abs(np.concatenate([P, Q], axis=2)), np.abs(S), np.ones((count, ns, 1))
     T.felt[slot] = np.any(rates, axis=1) | np.any(terms, axis=1)
-    ones = np.ones((count, ns, 1))
     for k in range(affine.GERM_ORDERS + 1):
         T.reach[slot, :g, k] = (terms @ ones)[:, :, 0]
         ones = rates @ ones
-    T.R[slot, :blocks] = r
-    at = slot[:, None], rows
-    T.c1[at], T.c2[at] = c1, c2
-    T.drifts[at] = np.any(c1 != 0.0, axis=2) | (c2 != 0.0)
-    T.b[at] = wave
-    T.a[slot[:, None, None], rows[:, None], np.arange(blocks)] = a
-    T.swing[slot[:, None, None], rows[:, None], np.arange(blocks)] = np.abs(a)
-    T.swing[slot[:, None, None], rows[:, None], n + np.arange(waves)] = np.abs(wave)
-    T.angle[slot[:, None, None], rows[:, None], np.arange(blocks)] = np.angle(a)
-    T.decays[slot, :g] = ~np.any((a[:, :g] != 0.0) & (values.real > 0.0)[:, None, :], axis=2)
+    T.S[slot], T.G[slot, :g, :n], T.G[slot, :g, n:], T.R[slot, :blocks] = S, P, Q, r
+    # Rows: the guards, then the components of the state.
+    first = T.c2.shape[1] - n
+    rows, b = np.append(np.arange(g), np.arange(first, first + n)), np.arange(blocks)
+    at, parts = (slot[:, None], rows), (slot[:, None, None], rows[:, None])
+    T.c1[at], T.c2[at], T.drifts[at], T.b[at] = c1, c2, np.any(c1 != 0.0, axis=2) | (c2 != 0.0), wave
+    T.a[*parts, b], T.swing[*parts, b], T.angle[*parts, b] = a, np.abs(a), np.angle(a)
+    T.swing[*parts, n + np.arange(waves)] = np.abs(wave)
+    T.decays[slot, :g] = ~np.any((a[:, :g] != 0.0) & (modes[0].real > 0.0)[:, None, :], axis=2)
     T.switch[slot, :g], T.counts[slot, 1] = switches, g
 
 
