@@ -83,14 +83,18 @@ def power_order(W: Array, a: int, y: int, p: float, k: int) -> float:
 
 
 @njit(**_options)
+def chain_order(W: Array, a: int, g: int, k: int) -> float:
+    """Order k ≥ 1 of y with y′ = g·a′; the newest coefficient comes last, in one multiplication and one addition."""
+    s = 0.0
+    for j in range(1, k):
+        s += j * W[a, j] * W[g, k - j]
+    return s / k + W[a, k] * W[g, 0]
+
+
+@njit(**_options)
 def exp_order(W: Array, a: int, y: int, k: int) -> float:
     """Order k of y = exp a."""
-    if k == 0:
-        return math.exp(W[a, 0])
-    s = 0.0
-    for j in range(1, k + 1):
-        s += j * W[a, j] * W[y, k - j]
-    return s / k
+    return math.exp(W[a, 0]) if k == 0 else chain_order(W, a, y, k)
 
 
 @njit(**_options)
@@ -102,15 +106,6 @@ def log_order(W: Array, a: int, y: int, k: int) -> float:
     for j in range(1, k):
         s += j * W[y, j] * W[a, k - j]
     return (W[a, k] - s / k) / W[a, 0]
-
-
-@njit(**_options)
-def chain_order(W: Array, a: int, g: int, k: int) -> float:
-    """Order k ≥ 1 of y with y′ = g·a′."""
-    s = 0.0
-    for j in range(1, k + 1):
-        s += j * W[a, j] * W[g, k - j]
-    return s / k
 
 
 @njit(**_options)

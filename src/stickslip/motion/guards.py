@@ -83,13 +83,15 @@ def step_size(W: Array, rows: Array, n: int, N: int, last: float, tol: float, at
         size = 1.0 / (abs(W[r, 0]) + abs(W[r, 1]) * last + atol)
         middle = max(middle, abs(W[r, N - 1]) * size)
         low = max(low, abs(W[r, N - 2]) * size)
-    h = np.inf
-    if top > 0.0:
-        h = (tol / top) ** (1.0 / N)
-    if middle > 0.0:
-        h = min(h, (tol / middle) ** (1.0 / (N - 1)))
+    # One root is enough where it meets the other conditions, too; edge = tol/h^(N−1).
+    h, edge = np.inf, 0.0
     if low > 0.0:
-        h = min(h, (tol / low) ** (1.0 / (N - 2)))
+        h = (tol / low) ** (1.0 / (N - 2))
+        edge = low / h
+    if middle > edge:
+        h, edge = (tol / middle) ** (1.0 / (N - 1)), middle
+    if top * h > edge:
+        h = (tol / top) ** (1.0 / N)
     return h
 
 
@@ -107,11 +109,10 @@ def finite_order(W: Array, n: int, N: int) -> int:
 
 @njit(**OPTIONS)
 def fill_powers(powers: Array, h: float) -> None:
-    """Powers of the step."""
-    x = 1.0
-    for k in range(len(powers)):
-        powers[k] = x
-        x *= h
+    """Powers of the step, at least four of them; in fours, since each multiplication waits for the one before."""
+    powers[0], powers[1], powers[2], powers[3] = 1.0, h, h * h, h * h * h
+    for k in range(4, len(powers)):
+        powers[k] = powers[k - 4] * (powers[2] * powers[2])
 
 
 @njit(**INLINED)
