@@ -109,7 +109,7 @@ def integrate(
     return count
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def step_on(
     jets: JETS,
     residual: RESIDUAL,

@@ -14,16 +14,18 @@ Array = np.ndarray
 
 
 @njit(**OPTIONS, fastmath={"reassoc", "contract", "nsz"})
-def reach(W: Array, row: int, shift_row: int, sign: float, N: int, powers: Array) -> float:
-    """Bound Σ|cₖ|hᵏ, k ≥ 1, of how far sign·W[row] + W[shift_row] moves within the step."""
+def fall(W: Array, row: int, shift_row: int, sign: float, N: int, powers: Array) -> float:
+    """Bound Σ max(−cₖ, 0) hᵏ of how far sign·W[row] + W[shift], which starts positive, falls within the step."""
     total = 0.0
     if shift_row < 0:
-        for k in range(1, N):
-            total += abs(W[row, k]) * powers[k]
+        for k in range(N):
+            c = sign * W[row, k]
+            total += (abs(c) - c) * powers[k]
     else:
-        for k in range(1, N):
-            total += abs(sign * W[row, k] + W[shift_row, k]) * powers[k]
-    return total
+        for k in range(N):
+            c = sign * W[row, k] + W[shift_row, k]
+            total += (abs(c) - c) * powers[k]
+    return 0.5 * total
 
 
 @njit(**OPTIONS)
@@ -109,10 +111,14 @@ def finite_order(W: Array, n: int, N: int) -> int:
 
 @njit(**OPTIONS)
 def fill_powers(powers: Array, h: float) -> None:
-    """Powers of the step, at least four of them; in fours, since each multiplication waits for the one before."""
-    powers[0], powers[1], powers[2], powers[3] = 1.0, h, h * h, h * h * h
-    for k in range(4, len(powers)):
-        powers[k] = powers[k - 4] * (powers[2] * powers[2])
+    """Powers of the step; in fours, since each multiplication waits for the one before."""
+    a, b, c, d, fourth, n = 1.0, h, h * h, h * h * h, (h * h) * (h * h), len(powers) // 4 * 4
+    for k in range(0, n, 4):
+        powers[k], powers[k + 1], powers[k + 2], powers[k + 3] = a, b, c, d
+        a, b, c, d = a * fourth, b * fourth, c * fourth, d * fourth
+    for k in range(n, len(powers)):
+        powers[k] = a
+        a *= h
 
 
 @njit(**INLINED)
@@ -151,7 +157,7 @@ def scan(
         if switch >= 2000:
             precision = DOUBTFUL
         start = sign * W[row, 0] + (W[shift, 0] if shift >= 0 else 0.0)
-        if start > precision * (size0 + around * size1) and start > reach(W, row, shift, sign, N, powers):
+        if start > precision * (size0 + around * size1) and start > fall(W, row, shift, sign, N, powers):
             continue
         c = pending[count]
         s, order = germ(W, row, sign, shift, N, powers, around, size0, size1, precision, slack, c)

@@ -13,7 +13,7 @@ from numba import njit
 Array = np.ndarray
 
 MAX_DEGREE = 32
-QUICK = 4  # orders that decide most of the time, where the step is so small that the others hardly matter
+QUICK = 6  # orders that decide most of the time, where the step is so small that the others hardly matter
 NONE = 2.0  # "no root": anything beyond the interval
 _HALVINGS = 60
 
@@ -44,13 +44,14 @@ def horner(c: Array, d: int, x: float) -> float:
 
 @njit(**_sums)
 def arrive(c: Array, d: int, powers: Array) -> tuple[float, float]:
-    """Value at h of Σ c[k] xᵏ, k ≤ d, and h times its derivative there, from the powers of h."""
+    """Value at h of Σ c[k] xᵏ, k ≤ d, d ≥ 4, and h times its derivative there, from the powers of h."""
+    first, second, third = c[1] * powers[1], c[2] * powers[2], c[3] * powers[3]
     change, rate = 0.0, 0.0
-    for k in range(1, d + 1):
+    for k in range(4, d + 1):  # in fours, as the powers are stored
         term = c[k] * powers[k]
         change += term
         rate += k * term
-    return c[0] + change, rate
+    return c[0] + (first + (second + (third + change))), first + (2.0 * second + (3.0 * third + rate))
 
 
 @njit(**_options)
@@ -79,16 +80,15 @@ def crossing(c: Array, d: int, a: float, b: float, start: float, noise: float) -
 
 
 @njit(**_options)
-def lowest(c: Array, d: int, b: Array) -> float:
+def lowest(c: Array, d: int, b: Array, work: Array) -> float:
     """Lower bound of Σ c[k] xᵏ, k ≤ d, on [0, 1]: the least of its Bernstein coefficients, which are left in b."""
-    for k in range(d + 1):
-        b[k] = c[k] * INVERSE_BINOMIAL[d, k]
-    for j in range(1, d + 1):
-        for i in range(d, j - 1, -1):
-            b[i] += b[i - 1]
-    least = b[0]
-    for i in range(1, d + 1):
-        least = min(least, b[i])
+    least = np.inf
+    for i in range(d + 1):
+        value = c[i] * INVERSE_BINOMIAL[d, i]
+        for j in range(i):
+            value, work[j] = value + work[j], value
+        b[i] = work[i] = value
+        least = min(least, value)
     return least
 
 
@@ -120,7 +120,7 @@ def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -
         x *= limit
         if k > QUICK and stack[1, k] < 0.0:
             fall -= stack[1, k]
-    if lowest(stack[1], min(d, QUICK), stack[0]) > fall or lowest(stack[1], d, stack[0]) > 0.0:
+    if lowest(stack[1], min(d, QUICK), stack[0], stack[2]) > fall or lowest(stack[1], d, stack[0], stack[2]) > 0.0:
         return NONE
     stack[0, 33], stack[0, 34], depth = 0.0, 1.0, 0  # start and width of the subinterval
     while depth >= 0:
