@@ -92,6 +92,7 @@ class _Writer:
         self.lines: list[str] = []
         self.known: dict[str, ast.expr] = {}  # coefficients: their variables, or numbers
         self.age: dict[str, int] = {}  # variables, with the line that made them
+        self.made: dict[str, ast.expr] = {}  # and what they were made of
 
     def run(self, body: list[ast.stmt], names: Names) -> ast.expr | None:
         """Follow statements; the value of a ``return``, if one is reached."""
@@ -132,7 +133,8 @@ class _Writer:
         variable = f"w{row}_{order}"
         if _number(value) is None:
             self.age[variable] = len(self.lines)
-            self.lines.append(f"{variable} = {ast.unparse(_Sums(self.age).visit(value))}")
+            value = self.made[variable] = _Sums(self.age, self.made).visit(value)
+            self.lines.append(f"{variable} = {ast.unparse(value)}")
             value = ast.Name(variable)
         self.known[place] = value
         if order == 0 or row in self.kept:
@@ -210,13 +212,15 @@ class _Sums(ast.NodeTransformer):
     are added up in strands; what is known last is added last, its product and its sum in one instruction.
     """
 
-    def __init__(self, age: dict[str, int]) -> None:
-        self.age = age
+    def __init__(self, age: dict[str, int], made: dict[str, ast.expr]) -> None:
+        self.age, self.made = age, made
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
+        if isinstance(node.op, ast.Mult):
+            return self.scaled(node)
         if not isinstance(node.op, ast.Add):
             return self.generic_visit(node)  # type: ignore[return-value]
-        terms = sorted((self.generic_visit(term) for term in _terms(node)), key=self.last)
+        terms = sorted(map(self.visit, _terms(node)), key=self.last)
         strands, new = [[term] for term in terms[:-2]], terms[-2:]
         if len(strands) > STRANDS:
             strands = [terms[i:-2:STRANDS] for i in range(STRANDS)]
@@ -224,6 +228,19 @@ class _Sums(ast.NodeTransformer):
         while len(sums) > 1:
             sums = [reduce(_plus, sums[i : i + 2]) for i in range(0, len(sums), 2)]
         return reduce(_plus, [*sums, *new])
+
+    def scaled(self, node: ast.BinOp) -> ast.expr:
+        """A product without waiting for a product: factors that are known go to what is known."""
+        left, right = self.visit(node.left), self.visit(node.right)
+        newest = isinstance(left, ast.Name) and self.last(left) > self.last(right)
+        match self.made.get(left.id) if newest else None:
+            case ast.BinOp(factor, ast.Mult(), ast.Name() as base) if self.last(base) > self.last(factor):
+                return ast.BinOp(base, ast.Mult(), ast.BinOp(factor, ast.Mult(), right))
+            case ast.Call(ast.Name("fma"), [a, b, rest]) if isinstance(right, ast.Constant):
+                return _plus(
+                    ast.BinOp(rest, ast.Mult(), right), ast.BinOp(b, ast.Mult(), ast.BinOp(a, ast.Mult(), right))
+                )
+        return ast.BinOp(left, ast.Mult(), right)
 
     def last(self, term: ast.AST) -> int:
         """When a term is known."""

@@ -109,7 +109,7 @@ def integrate(
     return count
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def step_on(
     jets: JETS,
     residual: RESIDUAL,

@@ -153,7 +153,7 @@ def scan(
                 continue
             switch, row, sign = nk + i, u[i], float(mode[i])
             size0, size1 = mag[i], mag[nc + i] + abs(W[row, 1])
-        precision = FIRED if switch % 1000 == fired else slack * ROUNDING
+        precision = max(FIRED if switch % 1000 == fired else 0.0, slack * ROUNDING)
         if switch >= 2000:
             precision = DOUBTFUL
         start = sign * W[row, 0] + (W[shift, 0] if shift >= 0 else 0.0)
