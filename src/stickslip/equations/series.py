@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import njit, types
-from numba.extending import intrinsic
+from numba.extending import lower_builtin, type_callable
 
 Array = np.ndarray
 
@@ -21,16 +21,24 @@ _exact: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
 _options = {**_exact, "fastmath": {"reassoc", "contract", "nsz"}}
 
 
-@intrinsic
-def fma(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
-    """a·b + c, in one instruction where the machine has it."""
+def fma(a: float, b: float, c: float) -> float:
+    """a·b + c, compiled to one instruction where the machine has it."""
+    return a * b + c
+
+
+@type_callable(fma)
+def _type_of_fma(context: Any) -> Any:
+    def signature(a: Any, b: Any, c: Any) -> Any:
+        return types.float64(types.float64, types.float64, types.float64)
+
+    return signature
+
+
+@lower_builtin(fma, types.float64, types.float64, types.float64)
+def _code_of_fma(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     real = ir.DoubleType()
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        function = builder.module.declare_intrinsic("llvm.fmuladd", [real], ir.FunctionType(real, [real] * 3))
-        return builder.call(function, arguments)
-
-    return types.float64(types.float64, types.float64, types.float64), generate
+    function = builder.module.declare_intrinsic("llvm.fmuladd", [real], ir.FunctionType(real, [real] * 3))
+    return builder.call(function, arguments)
 
 
 @njit(**_options)
