@@ -130,8 +130,8 @@ def _kernel(jets: Any, residual: Any) -> Any:
             return
         b = a + 1
         space = Space(
-            s.W[a], s.V[a], s.mag[a], s.Rq[a], s.Rz[a], s.A[a], s.B[a], s.G[a], s.scratch[a], s.germ[a], s.stack[a],
-            s.touched[a], s.y0[a], s.trial[a], s.powers[a], s.pending[a], s.labels[a], s.known[a],
+            s.W[a], s.V[a], s.mag[a], s.Rq[a], s.Rz[a], s.A[a], s.B[a], s.G[a], s.scratch[a], s.stack[a],
+            s.touched[a], s.y0[a], s.trial[a], s.promise[a], s.powers[a], s.pending[a], s.labels[a], s.known[a],
         )  # fmt: skip
         flight = Flight(
             f.v[a], f.s[a], f.de[a], f.orders[a], f.e[a], f.r[a], f.p[a], f.up[a], f.down[a], f.c[a], f.a[a], f.b[a],
