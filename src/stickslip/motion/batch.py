@@ -205,6 +205,8 @@ def pose_all(system: System, given: Iterable[str], rtol: float, atol: float) -> 
 
 def distinct(table: Array) -> tuple[Array, Array]:
     """The different rows of a table, and which of them each row is."""
+    if table.shape[1] == 0:
+        return table[:1], np.zeros(len(table), np.int64)
     rows = np.ascontiguousarray(table)
     _, first, group = np.unique(rows.view(f"V{rows[0].nbytes}"), return_index=True, return_inverse=True)
     return rows[first], np.ascontiguousarray(group.reshape(-1).astype(np.int64))
