@@ -439,3 +439,11 @@ def test_a_reversal_at_the_threshold(i: int) -> None:
     )
     assert motion.outcome.ok
     assert motion.certificate.ok
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 1e-6])
+def test_an_event_is_known_no_better_than_the_series(rtol: float) -> None:
+    # With a loose tolerance a slip begins while the force is below its threshold by more than rounding.
+    motion = simulate(catalogue.spring_slider(), (0, 50), rtol=rtol)
+    assert motion.outcome is Outcome.FINISHED
+    assert motion.n_switches == 18

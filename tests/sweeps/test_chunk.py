@@ -59,8 +59,10 @@ def test_stacked_closed_forms_are_those_of_single_modes(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
-def test_closed_form_is_a_spectral_decomposition(name: str) -> None:
-    """L V = 1 on what moves, A V = V λ, and A, F are what the probe found."""
+def test_closed_form_solves_the_linear_equations(name: str) -> None:
+    """x(τ) = x + c₁τ + c₂τ² + Re Σ a r (exp(λτ) − 1) + … is what the matrix exponential gives; so are the guards."""
+    from scipy.linalg import expm
+
     system, ranges = SYSTEMS[name]
     given = spread(ranges, 5)
     problem = pose_all(system, given, 1e-10, 1e-12)
@@ -71,15 +73,21 @@ def test_closed_form_is_a_spectral_decomposition(name: str) -> None:
     fill_closed_forms(problem, constants, T, group, mode, region)
     linear, found = linearise(problem, constants, group, mode, region)
     assert np.all(found) and np.all(T.status == affine.AFFINE)
-    n = T.A.shape[1]
-    np.testing.assert_array_equal(T.A, linear.D[:, :n])
+    n, rng = T.hold.shape[2], np.random.default_rng(3)
+    np.testing.assert_array_equal(T.S[:, :n, :n], linear.D[:, :n])
+    np.testing.assert_array_equal(T.S[:, :n, n:], linear.E[:, :n])
     for g in range(5):
-        nb, moves = T.counts[g, 0], T.moves[g] == 1
-        V, L, rates = T.V[g][moves][:, :nb], T.L[g, :nb][:, moves], T.exponent[g, :nb]
-        weight = np.where(rates.imag > 0.0, 2.0, 1.0)
-        A = T.A[g][np.ix_(moves, moves)]
-        np.testing.assert_allclose(A @ V, V * rates, atol=1e-11 * np.max(np.abs(A), initial=1.0))
-        np.testing.assert_allclose(L @ V, np.diag(weight), atol=1e-10)
+        t, tau, omega = 0.7, 0.4 * T.shortest[g] + 0.1, constants.omega[g]
+        s = np.concatenate([rng.normal(size=n), [1.0, t], *np.stack([np.cos(omega * t), np.sin(omega * t)], axis=1)])
+        (nb, ng), first = T.counts[g], T.c2.shape[1] - n
+        turned = (T.R[g, :nb] @ s) * np.expm1(T.exponent[g, :nb] * tau)
+        spun = np.exp(1j * omega * t) * np.expm1(1j * omega * tau)
+        change = tau * (T.c1[g] @ s + tau * T.c2[g]) + (T.a[g, :, :nb] @ turned).real + (T.b[g] @ spun).real
+        after = expm(T.S[g] * tau) @ s
+        size = np.max(np.abs(expm(np.abs(T.S[g]) * tau) @ np.abs(s)))
+        np.testing.assert_allclose(s[:n] + change[first:], after[:n], rtol=0.0, atol=1e-11 * size)
+        guards = T.G[g, :ng]
+        np.testing.assert_allclose(guards @ s + change[:ng], guards @ after, atol=1e-11 * size * (1 + np.max(guards)))
 
 
 def test_many_motions_end_where_single_ones_do() -> None:

@@ -1,6 +1,6 @@
 """Equations of motion -> source text of the functions the engine calls.
 
-The generated module has four functions:
+The generated module has four functions, and ``KEPT``, the rows that are read beyond order 0:
 
 ``setup(p, K, M, C, J, omega)``
     constants, mass matrix, viscous matrix, contact directions and drive frequencies from the parameters;
@@ -23,7 +23,7 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.equations.tape import Constants, Scaled, Tape, literal, scalar_code
 from stickslip.expressions import Expr
 
-GENERATOR = 5  # raise when generated code changes: part of the key of the cache
+GENERATOR = 6  # raise when generated code changes: part of the key of the cache
 ORDERS = (8, 12, 16, 20, 24)  # that a Taylor series may have
 HEADER = '''"""Generated from a declaration; do not edit."""
 import math
@@ -311,7 +311,10 @@ class _Generator:
         layout.rate_sizes = np.concatenate([np.full(self.nq, -1), first, np.full(self.na, -1)]).astype(np.int64)
         layout.magnitudes, layout.frequencies, layout.timed = self.scratch, len(eq.frequencies), eq.timed
         layout.constants = len(self.constants.slots)
-        return Generated("\n".join([HEADER, *setup, "", *jets, "", *residual, "", *powers, ""]), layout)
+        kept = sorted({*range(self.n), *layout.u, *layout.force, *layout.plus, *layout.minus, *layout.kinks})
+        return Generated(
+            "\n".join([HEADER, f"KEPT = {tuple(kept)}", "", *setup, "", *jets, "", *residual, "", *powers, ""]), layout
+        )
 
     def setup(self) -> list[str]:
         d, code = self.d, self.constants.code

@@ -10,9 +10,9 @@ from __future__ import annotations
 import ast
 import inspect
 import operator
-from collections.abc import Iterable
+from collections.abc import Collection
 from copy import deepcopy
-from functools import cache
+from functools import cache, reduce
 
 from stickslip.equations import series
 from stickslip.equations.code import ORDERS
@@ -23,31 +23,27 @@ COMPARISONS = {ast.Eq: operator.eq, ast.Gt: operator.gt, ast.GtE: operator.ge}
 
 
 MOST_PRODUCTS = 4000  # beyond this, the code would take too long to compile
+STRANDS = 4  # in which long sums are added up, so that no instruction waits long for another
 SUMS = tuple(f"{name}_order" for name in "product divide inverse power exp log chain".split())
-TERMS = """
-@njit(cache=True, error_model='numpy', _nrt=False, fastmath={{'reassoc', 'contract', 'nsz'}})
-def terms(mode, reg, K, Rq, Rz, N, W, A, B):
-    {}
-    return 0
-"""
 
 
 def written_out(source: str) -> str:
     """The module of a system with the loop of its ``jets`` written out, where that makes it faster.
 
     It does where the series contain products of series, not too many, and no linear problem that depends on the state.
+    Coefficients beyond order 0 are stored only for the rows that are read, those of ``KEPT``.
     """
     module = ast.parse(source)
-    at, jets = next((i, f) for i, f in enumerate(module.body) if isinstance(f, ast.FunctionDef) and f.name == "jets")
+    jets = next(f for f in module.body if isinstance(f, ast.FunctionDef) and f.name == "jets")
     place, loop = next((i, s) for i, s in enumerate(jets.body) if isinstance(s, ast.For) and _runs_over_orders(s))
     text = ast.unparse(loop)
     if "invert(" in text or not any(name in text for name in SUMS):
         return source
-    lines = unrolled(loop.body, ORDERS[-1], (1, *ORDERS[:-1]))
-    if sum(line.count("*") for line in lines) > MOST_PRODUCTS:
+    kept = next(s.value for s in module.body if isinstance(s, ast.Assign) and ast.unparse(s.targets[0]) == "KEPT")
+    lines = unrolled(jets.body[:place], loop.body, jets.body[place + 1 : -1], ast.literal_eval(kept))
+    if sum(line.count("*") + line.count("fma(") for line in lines) > MOST_PRODUCTS:
         return source
-    jets.body[place] = ast.parse("terms(mode, reg, K, Rq, Rz, N, W, A, B)").body[0]
-    module.body[at:at] = ast.parse(TERMS.format("\n    ".join(lines))).body
+    jets.body = ast.parse("\n".join(lines)).body
     return ast.unparse(module)
 
 
@@ -55,23 +51,30 @@ def _runs_over_orders(loop: ast.For) -> bool:
     return ast.unparse(loop).startswith("for k in range(N):")
 
 
-def unrolled(body: list[ast.stmt], order: int, checkpoints: Iterable[int]) -> list[str]:
-    """Statements for the orders 0 … order − 1 of a loop body over ``k``.
+def unrolled(start: list[ast.stmt], body: list[ast.stmt], sizes: list[ast.stmt], kept: Collection[int]) -> list[str]:
+    """The lines of ``jets``.
 
     Parameters
     ----------
+    start : list of ast.stmt
+        Statements that set order 0 of the state.
     body : list of ast.stmt
         Statements that compute order k of all rows (k + 1 of the state) from lower orders.
-    order : int
-    checkpoints : iterable of int
-        Orders after which the code stops if ``N`` is that order.
+    sizes : list of ast.stmt
+        Statements that need order 0 only.
+    kept : collection of int
+        Rows of which all orders are stored.
     """
-    writer = _Writer()
-    for k in range(order):
-        if k in checkpoints:
-            writer.lines += [f"if N == {k}:", "    return 0"]
+    *checkpoints, last = ORDERS
+    writer = _Writer(kept)
+    writer.run(start, {"N": ast.Constant(last)})
+    for k in range(last):
         writer.run(body, {"k": ast.Constant(k)})
-    return writer.lines
+        if k == 0:
+            writer.lines += map(ast.unparse, sizes)
+        if k + 1 in (1, *checkpoints):
+            writer.lines += [f"if N == {k + 1}:", "    return 0"]
+    return [*writer.lines, "return 0"]
 
 
 @cache
@@ -84,9 +87,12 @@ def _recurrences() -> dict[str, ast.FunctionDef]:
 class _Writer:
     """Follows statements as far as they are known: loops and tests vanish, coefficients W[r, k] become variables."""
 
-    def __init__(self) -> None:
+    def __init__(self, kept: Collection[int]) -> None:
+        self.kept = kept
         self.lines: list[str] = []
-        self.known: set[str] = set()
+        self.known: dict[str, ast.expr] = {}  # coefficients: their variables, or numbers
+        self.age: dict[str, int] = {}  # variables, with the line that made them
+        self.made: dict[str, ast.expr] = {}  # and what they were made of
 
     def run(self, body: list[ast.stmt], names: Names) -> ast.expr | None:
         """Follow statements; the value of a ``return``, if one is reached."""
@@ -119,12 +125,20 @@ class _Writer:
             names[target.id] = value
             return
         place = ast.unparse(_Folder(self, names).visit_index(deepcopy(target)))
-        text, variable = ast.unparse(value), _variable(place)
-        if variable is None:
-            self.lines.append(f"{place} = {text}")
+        coefficient = _coefficient(place)
+        if coefficient is None:
+            self.lines.append(f"{place} = {ast.unparse(value)}")
             return
-        self.known.add(variable)
-        self.lines += [f"{variable} = {text}", f"{place} = {variable}"]
+        row, order = coefficient
+        variable = f"w{row}_{order}"
+        if _number(value) is None:
+            self.age[variable] = len(self.lines)
+            value = self.made[variable] = _Sums(self.age, self.made).visit(value)
+            self.lines.append(f"{variable} = {ast.unparse(value)}")
+            value = ast.Name(variable)
+        self.known[place] = value
+        if order == 0 or row in self.kept:
+            self.lines.append(f"{place} = {ast.unparse(value)}")
 
     def value(self, expression: ast.expr, names: Names) -> ast.expr:
         """The expression with everything known put in."""
@@ -146,8 +160,7 @@ class _Folder(ast.NodeTransformer):
 
     def visit_Subscript(self, node: ast.Subscript) -> ast.expr:
         place = self.visit_index(node)
-        variable = _variable(ast.unparse(place))
-        return ast.Name(variable) if variable in self.writer.known else place
+        return self.writer.known.get(ast.unparse(place), place)
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
         left, right, kind = self.visit(node.left), self.visit(node.right), type(node.op)
@@ -192,6 +205,62 @@ class _Folder(ast.NodeTransformer):
         return self.writer.run(function.body, names) or ast.Constant(None)
 
 
+class _Sums(ast.NodeTransformer):
+    """Adds up long sums in the order in which their terms become known.
+
+    Each coefficient waits for the one before, so that what takes time is the longest chain of instructions. Old terms
+    are added up in strands; what is known last is added last, its product and its sum in one instruction.
+    """
+
+    def __init__(self, age: dict[str, int], made: dict[str, ast.expr]) -> None:
+        self.age, self.made = age, made
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
+        if isinstance(node.op, ast.Mult):
+            return self.scaled(node)
+        if not isinstance(node.op, ast.Add):
+            return self.generic_visit(node)  # type: ignore[return-value]
+        terms = sorted(map(self.visit, _terms(node)), key=self.last)
+        strands, new = [[term] for term in terms[:-2]], terms[-2:]
+        if len(strands) > STRANDS:
+            strands = [terms[i:-2:STRANDS] for i in range(STRANDS)]
+        sums = [reduce(_plus, strand) for strand in strands]
+        while len(sums) > 1:
+            sums = [reduce(_plus, sums[i : i + 2]) for i in range(0, len(sums), 2)]
+        return reduce(_plus, [*sums, *new])
+
+    def scaled(self, node: ast.BinOp) -> ast.expr:
+        """A product without waiting for a product: factors that are known go to what is known."""
+        left, right = self.visit(node.left), self.visit(node.right)
+        newest = isinstance(left, ast.Name) and self.last(left) > self.last(right)
+        match self.made.get(left.id) if newest else None:
+            case ast.BinOp(factor, ast.Mult(), ast.Name() as base) if self.last(base) > self.last(factor):
+                return ast.BinOp(base, ast.Mult(), ast.BinOp(factor, ast.Mult(), right))
+            case ast.Call(ast.Name("fma"), [a, b, rest]) if isinstance(right, ast.Constant):
+                return _plus(
+                    ast.BinOp(rest, ast.Mult(), right), ast.BinOp(b, ast.Mult(), ast.BinOp(a, ast.Mult(), right))
+                )
+        return ast.BinOp(left, ast.Mult(), right)
+
+    def last(self, term: ast.AST) -> int:
+        """When a term is known."""
+        return max((self.age.get(n.id, -1) for n in ast.walk(term) if isinstance(n, ast.Name)), default=-1)
+
+
+def _plus(rest: ast.expr, term: ast.expr) -> ast.expr:
+    """The sum of the rest and a term."""
+    if isinstance(term, ast.BinOp) and isinstance(term.op, ast.Mult):
+        return ast.Call(ast.Name("fma"), [term.left, term.right, rest], [])
+    return ast.BinOp(rest, ast.Add(), term)
+
+
+def _terms(node: ast.expr) -> list[ast.expr]:
+    """The terms of a sum."""
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
+        return [*_terms(node.left), *_terms(node.right)]
+    return [node]
+
+
 def _number(node: ast.expr) -> float | None:
     """The value of a numeric constant."""
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub) and (x := _number(node.operand)) is not None:
@@ -201,9 +270,9 @@ def _number(node: ast.expr) -> float | None:
     return node.value if isinstance(node.value, int | float) else None
 
 
-def _variable(place: str) -> str | None:
-    """Name of the variable that holds a coefficient W[r, k]."""
+def _coefficient(place: str) -> tuple[int, int] | None:
+    """Row and order of a coefficient W[r, k]."""
     if not place.startswith("W["):
         return None
     row, order = place[2:-1].split(", ")
-    return f"w{row}_{order}" if row.isdigit() and order.isdigit() else None
+    return (int(row), int(order)) if row.isdigit() and order.isdigit() else None

@@ -1,11 +1,12 @@
 """Exact flow of modes that are affine in the state: closed form instead of steps.
 
-In an affine mode, driven by 1, t, cos ωt and sin ωt with the frequencies of the declaration, every guard g is
+In an affine mode, driven by e = (1, t, cos ω₁t, sin ω₁t, …), state and drives s = (x, e) obey ṡ = S s, and every guard
+and every component of the state is a signal
 
-    g(τ) = c₀ + c₁τ + c₂τ² + Re Σⱼ aⱼ exp(λⱼτ) + Re Σₘ bₘ exp(iωₘτ)
+    g(τ) = g(0) + c₁τ + c₂τ² + Re Σⱼ aⱼ rⱼ (exp(λⱼτ) − 1) + Re Σₘ bₘ exp(iωₘt) (exp(iωₘτ) − 1)
 
-and its first crossing is found over the whole flight. The closed forms themselves are made by
-:mod:`stickslip.motion.closed_form`; here they are only followed.
+with c₁ and r linear in s at the beginning of the flight. Its first crossing is found over the whole flight.
+The tables of coefficients are made by :mod:`stickslip.motion.closed_form`; here they are only followed.
 """
 
 from __future__ import annotations
@@ -17,56 +18,66 @@ import numpy as np
 from numba import njit
 
 from stickslip.motion.kernel import INLINED, OPTIONS, ROUNDING
-from stickslip.motion.signals import first_fall, length
+from stickslip.motion.signals import first_of_bend, first_of_line, first_of_many, first_of_wave, length
 
 Array = np.ndarray
 
 UNKNOWN, AFFINE, SMOOTH = 0, 1, 2
 FIRED = 1e5  # a switch that has just fired is on its boundary by definition
 GERM_ORDERS = 6
+SLIDES, STICKS = 1, 2
+NEVER, LINE, BEND, WAVE, MANY = 0, 1, 2, 3, 4  # kinds of signals
 
 
 @njit(**OPTIONS)
-def drive_vector(t: float, omega: Array, e: Array) -> None:
-    """e = (1, t, cos ω₁t, sin ω₁t, …)."""
-    e[0], e[1] = 1.0, t
+def drive_vector(t: float, omega: Array, s: Array, n: int) -> None:
+    """Put the drives e = (1, t, cos ω₁t, sin ω₁t, …) behind the n components of the state."""
+    s[n], s[n + 1] = 1.0, t
     for m in range(len(omega)):
-        e[2 + 2 * m] = math.cos(omega[m] * t)
-        e[3 + 2 * m] = math.sin(omega[m] * t)
-
-
-@njit(**OPTIONS)
-def drive_rate(e: Array, omega: Array, out: Array) -> None:
-    """Derivative of a drive vector."""
-    out[0], out[1] = 0.0, e[0]
-    for m in range(len(omega)):
-        out[2 + 2 * m] = -omega[m] * e[3 + 2 * m]
-        out[3 + 2 * m] = omega[m] * e[2 + 2 * m]
+        s[n + 2 + 2 * m] = math.cos(omega[m] * t)
+        s[n + 3 + 2 * m] = math.sin(omega[m] * t)
 
 
 class ClosedForms(NamedTuple):
     """Closed forms of affine modes: one slot per mode, for each group of motions with the same parameters.
 
+    Rows of signals are the guards, then the components of the state; their number is that of all guards that a mode
+    may have, plus n.
+
     Attributes
     ----------
-    status, key : arrays of int
-        UNKNOWN, AFFINE or SMOOTH (not affine), and the number of the mode.
+    status, key, own : arrays of int
+        UNKNOWN, AFFINE or SMOOTH (not affine), the number of the mode, and that of the slot itself.
     counts : array of int
         Numbers of exponents and of guards.
-    A, F : arrays
-        ẋ = A x + F e(t).
-    exponent, inverse : arrays of complex
-        λ, without the conjugates, and 1/λ (0 for λ = 0).
-    L, B, phi : arrays of complex
-        w = L x with ẇ = λ w + B x_still + φ e.
-    V : array of complex
-        x = Re V w for the components that move.
-    P, Q, PV, switch : arrays
-        Guards P x + Q e, with P V, and the switch of each.
-    moves : array of int
-        1 where a component moves.
-    zero_x, zero_e : arrays
-        What must vanish, zero_x x + zero_e e: u of sticking inertial, λ + σs of sliding rate-independent contacts.
+    S : array
+        ṡ = S s.
+    exponent : array of complex
+        λ, without the conjugates.
+    tilt, sine : arrays
+        arg λ, and its sine.
+    R : array of complex
+        Amplitudes r = R s of the exponentials.
+    G, reach : arrays
+        Guards G s, and the sums of the rows of |G| |S|ᵏ.
+    felt : array
+        1 for each component of s that matters, else 0.
+    switch : array of int
+        The switch of each guard.
+    c1, c2 : arrays
+        Coefficients of the powers of τ in the signals: c₁ = c1·s, c₂ = c2.
+    a, b : arrays of complex
+        Coefficients of the exponentials in the signals.
+    swing : array
+        Moduli of a, then of b.
+    angle : array
+        arg a.
+    drifts, decays : arrays of int
+        1 where c₁ or c₂ may differ from zero, and where no exponential of a guard grows.
+    held : array of int
+        For each contact: SLIDES or STICKS if something must vanish, else 0.
+    zero : array
+        What must vanish, zero·s: u of sticking inertial, λ + σs of sliding rate-independent contacts.
     hold : array
         Correction of the velocities of a sticking contact.
     used : array of int
@@ -77,52 +88,62 @@ class ClosedForms(NamedTuple):
 
     status: Array
     key: Array
+    own: Array
     counts: Array
-    A: Array
-    F: Array
+    S: Array
     exponent: Array
-    inverse: Array
-    L: Array
-    B: Array
-    phi: Array
-    V: Array
-    P: Array
-    Q: Array
-    PV: Array
+    tilt: Array
+    sine: Array
+    R: Array
+    G: Array
+    reach: Array
+    felt: Array
     switch: Array
-    moves: Array
-    zero_x: Array
-    zero_e: Array
+    c1: Array
+    c2: Array
+    a: Array
+    b: Array
+    swing: Array
+    angle: Array
+    drifts: Array
+    decays: Array
+    held: Array
+    zero: Array
     hold: Array
     used: Array
     shortest: Array
 
 
 def make_closed_forms(
-    groups: int, slots: int, n: int, contacts: int, kinks: int, doubtful: int, ne: int
+    groups: int, slots: int, n: int, contacts: int, kinks: int, doubtful: int, waves: int
 ) -> ClosedForms:
     """Empty storage of closed forms."""
-    guards, m = kinks + 2 * contacts + doubtful, groups * slots
-    z, i, c = np.zeros, np.int64, np.complex128
+    guards, m, ns = kinks + 2 * contacts + doubtful, groups * slots, n + 2 + 2 * waves
+    z, i, c, rows = np.zeros, np.int64, np.complex128, guards + n
     return ClosedForms(
         status=z(m, i),
         key=z(m, i),
+        own=np.arange(m),
         counts=z((m, 2), i),
-        A=z((m, n, n)),
-        F=z((m, n, ne)),
+        S=z((m, ns, ns)),
         exponent=z((m, n), c),
-        inverse=z((m, n), c),
-        L=z((m, n, n), c),
-        B=z((m, n, n), c),
-        phi=z((m, n, ne), c),
-        V=z((m, n, n), c),
-        P=z((m, guards, n)),
-        Q=z((m, guards, ne)),
-        PV=z((m, guards, n), c),
+        tilt=z((m, n)),
+        sine=z((m, n)),
+        R=z((m, n, ns), c),
+        G=z((m, guards, ns)),
+        reach=z((m, guards, GERM_ORDERS + 1)),
+        felt=z((m, ns)),
         switch=z((m, guards), i),
-        moves=z((m, n), i),
-        zero_x=z((m, contacts, n)),
-        zero_e=z((m, contacts, ne)),
+        c1=z((m, rows, ns)),
+        c2=z((m, rows)),
+        a=z((m, rows, n), c),
+        b=z((m, rows, waves), c),
+        swing=z((m, rows, n + waves)),
+        angle=z((m, rows, n)),
+        drifts=z((m, rows), i),
+        decays=z((m, guards), i),
+        held=z((m, contacts), i),
+        zero=z((m, contacts, ns)),
         hold=z((m, contacts, n)),
         used=z(groups, i),
         shortest=z(m),
@@ -130,20 +151,47 @@ def make_closed_forms(
 
 
 class Flight(NamedTuple):
-    """Work space of one flight: derivatives, and the coefficients of the closed form."""
+    """Work space of one flight.
+
+    Attributes
+    ----------
+    v, size : arrays
+        s and its derivatives, and the sizes of their terms.
+    value, terms : arrays
+        Guards and the sizes of their terms.
+    orders : array of int
+        Order of the first derivative of each guard that is not zero.
+    r, turned : arrays of complex
+        Amplitudes of the exponentials, and their changes until the end of the flight.
+    modulus, phase, rounding : arrays
+        |r|, arg r, and the sizes of the terms of r.
+    spin : array of complex
+        exp(iωₘt) at the beginning of the flight.
+    a, b : arrays of complex
+        Amplitudes of one signal.
+    kind, lead, c, floor, guess : arrays
+        Of each guard: what kind of signal it is, its only exponential, its powers of τ, the rounding error of its
+        values, and about when it falls.
+    """
 
     v: Array
-    s: Array
-    de: Array
+    size: Array
+    value: Array
+    terms: Array
     orders: Array
-    e: Array
     r: Array
-    p: Array
-    up: Array
-    down: Array
-    c: Array
+    turned: Array
+    modulus: Array
+    phase: Array
+    rounding: Array
+    spin: Array
     a: Array
     b: Array
+    kind: Array
+    lead: Array
+    c: Array
+    floor: Array
+    guess: Array
     taylor: Array
     stack: Array
     mode0: Array
@@ -152,20 +200,27 @@ class Flight(NamedTuple):
 
 def make_flight(n: int, contacts: int, kinks: int, doubtful: int, waves: int) -> Flight:
     """Work space of the flights of a system."""
-    z, c, orders, ne = np.zeros, np.complex128, GERM_ORDERS + 1, 2 + 2 * waves
+    z, c, orders, ns = np.zeros, np.complex128, GERM_ORDERS + 1, n + 2 + 2 * waves
+    guards = kinks + 2 * contacts + doubtful + 1
     return Flight(
-        v=z((orders, n)),
-        s=z((orders, n)),
-        de=z((orders, ne)),
-        orders=z(kinks + 2 * contacts + doubtful + 1, np.int64),
-        e=z(ne),
+        v=z((orders, ns)),
+        size=z((orders, ns)),
+        value=z(guards),
+        terms=z(guards),
+        orders=z(guards, np.int64),
         r=z(n, c),
-        p=z((n, 3), c),
-        up=z((n, waves), c),
-        down=z((n, waves), c),
-        c=z(3),
+        turned=z(n, c),
+        modulus=z(n),
+        phase=z(n),
+        rounding=z(n),
+        spin=z(waves, c),
         a=z(n, c),
         b=z(waves, c),
+        kind=z(guards, np.int64),
+        lead=z(guards, np.int64),
+        c=z((guards, 3)),
+        floor=z(guards),
+        guess=z(guards),
         taylor=z(33),
         stack=z((64, 36)),
         mode0=z(contacts, np.int64),
@@ -185,191 +240,276 @@ def mode_key(mode: Array, reg: Array) -> int:
 
 
 @njit(**OPTIONS)
-def find(T: ClosedForms, first: int, used: int, key: int) -> int:
+def find(key: Array, own: Array, first: int, used: int, wanted: int) -> int:
     """Slot of a mode, or −1."""
     for i in range(first, first + used):
-        if T.key[i] == key:
-            return i
+        if key[i] == wanted:
+            # Not i itself: the compiler would carry the address of every table through this loop.
+            return own[i]
     return -1
 
 
 @njit(**OPTIONS)
-def _derive(A: Array, F: Array, omega: Array, v: Array, s: Array, de: Array, k: int) -> None:
-    """The k-th derivative of the state and the size of its terms, from the one before."""
-    for i in range(A.shape[0]):
-        total, size = 0.0, 0.0
-        for j in range(A.shape[0]):
-            total += A[i, j] * v[k - 1, j]
-            size += abs(A[i, j]) * s[k - 1, j]
-        for m in range(F.shape[1]):
-            total += F[i, m] * de[k - 1, m]
-            size += abs(F[i, m] * de[k - 1, m])
-        v[k, i], s[k, i] = total, size
-    drive_rate(de[k - 1], omega, de[k])
+def dot(row: Array, s: Array) -> float:
+    """Scalar product."""
+    total = 0.0
+    for i in range(len(s)):
+        total += row[i] * s[i]
+    return total
 
 
 @njit(**INLINED)
-def germs(T: ClosedForms, slot: int, f: Flight, x: Array, omega: Array, fired: int, last: float) -> int:
-    """Least guard that becomes negative at once, or −1; the deciding order of each guard is left in the work space."""
-    v, s, de, e, orders = f.v, f.s, f.de, f.e, f.orders
-    A, F, P, Q = T.A[slot], T.F[slot], T.P[slot], T.Q[slot]
-    n, ne, ng = len(x), len(e), T.counts[slot, 1]
+def place(f: Flight, x: Array, t: float, omega: Array) -> None:
+    """Put state and drives at time t, and their moduli, into the work space."""
+    s, n = f.v[0], len(x)
     for i in range(n):
-        v[0, i], s[0, i] = x[i], abs(x[i])
-    for m in range(ne):
-        de[0, m] = e[m]
+        s[i] = x[i]
+    drive_vector(t, omega, s, n)
+    for i in range(len(s)):
+        f.size[0, i] = abs(s[i])
+
+
+@njit(**OPTIONS)
+def _derive(S: Array, v: Array, k: int) -> None:
+    """The k-th derivative from the one before."""
+    for i in range(len(S)):
+        total = 0.0
+        for j in range(len(S)):
+            total += S[i, j] * v[k - 1, j]
+        v[k, i] = total
+
+
+@njit(**OPTIONS)
+def _terms(S: Array, G: Array, size: Array, k: int, near: float) -> float:
+    """Size of the terms of G s⁽ᵏ⁾, and of what it changes by within a time."""
+    for o in range(1, k + 2):
+        for i in range(len(S)):
+            total = 0.0
+            for j in range(len(S)):
+                total += abs(S[i, j]) * size[o - 1, j]
+            size[o, i] = total
+    total = 0.0
+    for i in range(len(S)):
+        total += abs(G[i]) * (size[k, i] + near * size[k + 1, i])
+    return total
+
+
+@njit(**INLINED)
+def germs(T: ClosedForms, slot: int, f: Flight, omega: Array, fired: int, last: float) -> int:
+    """Least guard that becomes negative at once, or −1; the deciding order of each guard is left in the work space."""
+    v, size, orders, S, G, reach = f.v, f.size, f.orders, T.S[slot], T.G[slot], T.reach[slot]
+    ns, largest = len(S), 0.0
+    for i in range(ns):
+        largest = max(largest, T.felt[slot, i] * size[0, i])
     # A zero is known no better than the time at which it was found, and a drive no better than its phase; and what
     # changes less than rounding within the shortest time scale has not begun to change.
-    near = last + T.shortest[slot] + (abs(e[1]) if len(omega) > 0 else 0.0)
-    ready = 1
-    for g in range(ng):
-        decided = False
-        for k in range(GERM_ORDERS):
-            while ready <= k + 1:  # derivatives are made as far as they are needed
-                _derive(A, F, omega, v, s, de, ready)
-                ready += 1
-            value, size = 0.0, 0.0
-            for i in range(n):
-                value += P[g, i] * v[k, i]
-                size += abs(P[g, i]) * (s[k, i] + near * s[k + 1, i])
-            for m in range(ne):
-                value += Q[g, m] * de[k, m]
-                size += abs(Q[g, m]) * (abs(de[k, m]) + near * abs(de[k + 1, m]))
-            floor = ROUNDING * size
-            if k == 0 and T.switch[slot, g] % 1000 == fired:
-                floor *= FIRED
-            if value > floor:
-                orders[g], decided = k, True
+    near = last + T.shortest[slot]
+    if len(omega) > 0:
+        near += size[0, ns - 2 * len(omega) - 1]
+    ready = 0
+    for g in range(T.counts[slot, 1]):
+        k = 0
+        while k < GERM_ORDERS:
+            if ready < k:  # derivatives are made as far as they are needed
+                ready = k
+                _derive(S, v, k)
+            value, terms = 0.0, 0.0
+            for i in range(ns):
+                term = G[g, i] * v[k, i]
+                value += term
+                terms += abs(term)
+            if k == 0:
+                f.value[g], f.terms[g] = value, terms
+            # What is far from zero, or as close to it as rounding makes it, needs no exact account of its terms.
+            if abs(value) > ROUNDING * FIRED * largest * (reach[g, k] + near * reach[g, k + 1]):
                 break
-            if value < -floor:
-                return g
-        if not decided:
-            orders[g] = GERM_ORDERS
+            if abs(value) > ROUNDING * terms:
+                floor = ROUNDING * _terms(S, G[g], size, k, near)
+                if k == 0 and T.switch[slot, g] % 1000 == fired:
+                    floor *= FIRED
+                if abs(value) > floor:
+                    break
+            k += 1
+        orders[g] = k
+        if k < GERM_ORDERS and value < 0.0:
+            return g
     return -1
 
 
 @njit(**INLINED)
-def fly(T: ClosedForms, slot: int, f: Flight, x: Array, t: float, room: float, omega: Array) -> tuple[float, int]:
-    """Closed form from state x at time t; the earliest event within `room`: (duration, guard or −1)."""
-    e, orders, r, p, up, down, c, a, b = f.e, f.orders, f.r, f.p, f.up, f.down, f.c, f.a, f.b
-    nb, ng, n = T.counts[slot, 0], T.counts[slot, 1], len(x)
-    lam, inverse, L, Bf, phi, P, Q, PV, moves = (
-        T.exponent[slot],
-        T.inverse[slot],
-        T.L[slot],
-        T.B[slot],
-        T.phi[slot],
-        T.P[slot],
-        T.Q[slot],
-        T.PV[slot],
-        T.moves[slot],
-    )
-    nw = len(omega)
-    for j in range(nb):
-        w, c0 = 0.0j, phi[j, 0] + phi[j, 1] * t
-        for i in range(n):
-            w += L[j, i] * x[i]
-            c0 += Bf[j, i] * x[i]
-        c1 = phi[j, 1]
-        for m in range(nw):
-            spin = complex(e[2 + 2 * m], e[3 + 2 * m])
-            up[j, m] = 0.5 * (phi[j, 2 + 2 * m] - 1j * phi[j, 3 + 2 * m]) * spin / (1j * omega[m] - lam[j])
-            down[j, m] = (
-                0.5 * (phi[j, 2 + 2 * m] + 1j * phi[j, 3 + 2 * m]) * spin.conjugate() / (-1j * omega[m] - lam[j])
-            )
-            w -= up[j, m] + down[j, m]
-        if lam[j] == 0.0:
-            r[j], p[j, 0], p[j, 1], p[j, 2] = 0.0, w, c0, 0.5 * c1
+def amplitudes(T: ClosedForms, slot: int, f: Flight, omega: Array) -> None:
+    """Amplitudes of the exponentials at the beginning of a flight."""
+    s, moduli, first = f.v[0], f.size[0], len(f.r) + 2
+    for j in range(T.counts[slot, 0]):
+        row, re, im, terms = T.R[slot, j], 0.0, 0.0, 0.0
+        for i in range(len(s)):
+            re += row[i].real * s[i]
+            im += row[i].imag * s[i]
+            terms += length(row[i]) * moduli[i]
+        f.r[j], f.rounding[j] = complex(re, im), terms
+        if T.exponent[slot, j].imag == 0.0:
+            f.modulus[j] = abs(re)
         else:
-            p[j, 1] = -c1 * inverse[j]
-            p[j, 0] = (p[j, 1] - c0) * inverse[j]
-            p[j, 2] = 0.0
-            r[j] = w - p[j, 0]
-    limit, which = room, -1
-    for g in range(ng):
-        if orders[g] >= GERM_ORDERS:
+            f.modulus[j], f.phase[j] = math.sqrt(re * re + im * im), math.atan2(im, re)
+    for m in range(len(omega)):
+        f.spin[m] = complex(s[first + 2 * m], s[first + 2 * m + 1])
+
+
+@njit(**OPTIONS)
+def turn(re: float, im: float) -> complex:
+    """exp(z) − 1, to full accuracy where z is small: so is then the change of the state in a short flight."""
+    grown = math.expm1(re) if re != 0.0 else 0.0
+    if im == 0.0:
+        return complex(grown, 0.0)
+    sine, cosine = math.sin(0.5 * im), math.cos(0.5 * im)
+    back = -2.0 * sine * sine  # cos − 1
+    return complex(grown + back + grown * back, (1.0 + grown) * 2.0 * sine * cosine)
+
+
+@njit(**OPTIONS)
+def _turn_all(lam: Array, r: Array, nb: int, tau: float, turned: Array) -> None:
+    """Changes of the exponentials in a time."""
+    for j in range(nb):
+        turned[j] = r[j] * turn(lam[j].real * tau, lam[j].imag * tau) if r[j] != 0.0 else 0.0j
+
+
+@njit(**INLINED)
+def sort_guards(T: ClosedForms, slot: int, f: Flight, omega: Array) -> int:
+    """Say of each guard what kind of signal it is; returns the one that will probably fall first, or −1."""
+    r, modulus, b, lam, swing = f.r, f.modulus, f.b, T.exponent[slot], T.swing[slot]
+    first, soonest = -1, np.inf
+    for g in range(T.counts[slot, 1]):
+        f.kind[g] = NEVER
+        if f.orders[g] >= GERM_ORDERS:
             continue
-        c[0], c[1], c[2] = Q[g, 0] + Q[g, 1] * t, Q[g, 1], 0.0
-        size = abs(c[0])
-        for i in range(n):
-            if moves[i] == 0:
-                c[0] += P[g, i] * x[i]
-            size += abs(P[g, i] * x[i])
-        for m in range(nw):
-            b[m] = (Q[g, 2 + 2 * m] - 1j * Q[g, 3 + 2 * m]) * complex(e[2 + 2 * m], e[3 + 2 * m])
-            size += length(b[m])
-        for j in range(nb):
-            z = PV[g, j]
-            if z == 0.0:
-                a[j] = 0.0
-                continue
-            a[j] = z * r[j]
-            c[0] += (z * p[j, 0]).real
-            c[1] += (z * p[j, 1]).real
-            c[2] += (z * p[j, 2]).real
-            size += length(a[j]) + length(z * p[j, 0])
-            for m in range(nw):
-                b[m] += z * up[j, m] + (z * down[j, m]).conjugate()
-        found = first_fall(c, a, lam, nb, b, omega, limit, ROUNDING * size, orders[g], f.taylor, f.stack)
+        # c₀ and the amplitudes about it; what is too small to be seen does not count.
+        c0, c1, c2, reach, terms = f.value[g], 0.0, 0.0, 0.0, f.terms[g]
+        for j in range(T.counts[slot, 0]):
+            c0 -= T.a[slot, g, j].real * r[j].real - T.a[slot, g, j].imag * r[j].imag
+            reach += swing[g, j] * modulus[j]
+            terms += swing[g, j] * f.rounding[j]
+        for m in range(len(omega)):
+            b[m] = T.b[slot, g, m] * f.spin[m]
+            c0 -= b[m].real
+            reach += swing[g, len(r) + m]
+        if T.drifts[slot, g] == 1:
+            c1, c2 = dot(T.c1[slot, g], f.v[0]), T.c2[slot, g]
+        if T.decays[slot, g] == 1 and c0 > reach and c1 >= 0.0 and c2 >= 0.0:
+            continue  # what is in motion can never bring it down
+        floor = ROUNDING * (terms + reach)
+        real, waves, drives, lead = 0, 0, 0, 0
+        for j in range(T.counts[slot, 0]):
+            if swing[g, j] * modulus[j] > 0.1 * floor:
+                lead = j
+                if lam[j].imag == 0.0:
+                    real += 1
+                else:
+                    waves += 1
+        for m in range(len(omega)):
+            drives += 1 if swing[g, len(r) + m] > 0.1 * floor else 0
+        f.c[g, 0], f.c[g, 1], f.c[g, 2], f.floor[g], f.lead[g], f.guess[g] = c0, c1, c2, floor, lead, 0.0
+        if drives > 0 or c2 != 0.0 or real + waves > 1 or (waves == 1 and c1 != 0.0):
+            f.kind[g] = MANY
+        elif waves == 1:
+            f.kind[g], size = WAVE, swing[g, lead] * modulus[lead]
+            if abs(c0) < size:
+                angle = math.acos(-c0 / size) - T.angle[slot, g, lead] - f.phase[lead]  # where the cosine falls
+                f.guess[g] = (angle - 2.0 * math.pi * np.floor(angle * (0.5 / math.pi))) / lam[lead].imag
+        else:
+            f.kind[g] = BEND if real == 1 else LINE
+        if f.guess[g] < soonest:
+            first, soonest = g, f.guess[g]
+    return first
+
+
+@njit(**INLINED)
+def fly(T: ClosedForms, slot: int, f: Flight, room: float, omega: Array) -> tuple[float, int]:
+    """The earliest event within `room`: (duration, guard or −1), with the changes of the exponentials until then."""
+    r, a, b, lam, nb = f.r, f.a, f.b, T.exponent[slot], T.counts[slot, 0]
+    amplitudes(T, slot, f, omega)
+    first = sort_guards(T, slot, f, omega)
+    limit, which, known = room, -1, False
+    for rank in range(-1, T.counts[slot, 1] if first >= 0 else -1):
+        # The one that probably falls first leaves little to be searched by the others.
+        g = first if rank < 0 else rank
+        if rank == first or f.kind[g] == NEVER:
+            continue
+        j, floor, rising, found = f.lead[g], f.floor[g], f.orders[g], np.inf
+        if f.kind[g] == WAVE:
+            mu, w, size = lam[j].real, lam[j].imag, T.swing[slot, g, j] * f.modulus[j]
+            angle, tilt, sine = T.angle[slot, g, j] + f.phase[j], T.tilt[slot, j], T.sine[slot, j]
+            while True:
+                ending = f.value[g] + (T.a[slot, g, j] * f.turned[j]).real if known else np.nan
+                found = first_of_wave(
+                    f.c[g, 0], size, angle, mu, w, tilt, sine, limit, ending, f.guess[g], floor, rising
+                )
+                if known or found == found:
+                    break
+                _turn_all(lam, r, nb, limit, f.turned)
+                known = True
+        elif f.kind[g] == BEND:
+            size = T.a[slot, g, j].real * r[j].real
+            found = first_of_bend(f.c[g, 0], f.c[g, 1], size, lam[j].real, limit, floor, rising)
+        elif f.kind[g] == LINE:
+            found = first_of_line(f.c[g, 0], f.c[g, 1], limit, rising)
+        else:
+            for i in range(nb):
+                a[i] = T.a[slot, g, i] * r[i]
+            for m in range(len(omega)):
+                b[m] = T.b[slot, g, m] * f.spin[m]
+            found = first_of_many(f.c[g], a, lam, nb, b, omega, limit, floor, rising, f.taylor, f.stack)
         if found <= limit:
+            known = known and found == limit
             limit, which = found, g
+    if not known:
+        _turn_all(lam, r, nb, limit, f.turned)
     return limit, which
 
 
 @njit(**INLINED)
 def arrive(T: ClosedForms, slot: int, f: Flight, x: Array, tau: float, omega: Array) -> None:
-    """Put x where the closed form is after a duration."""
-    r, p, up, down = f.r, f.p, f.up, f.down
-    nb, lam, V, moves = T.counts[slot, 0], T.exponent[slot], T.V[slot], T.moves[slot]
-    for i in range(len(x)):
-        if moves[i] == 1:
-            x[i] = 0.0
-    for j in range(nb):
-        w = p[j, 0] + tau * (p[j, 1] + tau * p[j, 2])
-        if r[j] != 0.0:
-            if lam[j].imag == 0.0:
-                w += r[j] * math.exp(lam[j].real * tau)
-            else:
-                size, angle = math.exp(lam[j].real * tau), lam[j].imag * tau
-                w += r[j] * complex(size * math.cos(angle), size * math.sin(angle))
+    """Put x where it is at the end of the flight just found."""
+    n, b, turned = len(x), f.b, f.turned
+    first = T.c2.shape[1] - n
+    for m in range(len(omega)):
+        b[m] = f.spin[m] * turn(0.0, omega[m] * tau)
+    for i in range(n):
+        g, change = first + i, 0.0
+        if T.drifts[slot, g] == 1:
+            change = tau * (dot(T.c1[slot, g], f.v[0]) + tau * T.c2[slot, g])
+        for j in range(T.counts[slot, 0]):
+            z = T.a[slot, g, j]
+            change += z.real * turned[j].real - z.imag * turned[j].imag
         for m in range(len(omega)):
-            spin = complex(math.cos(omega[m] * tau), math.sin(omega[m] * tau))
-            w += up[j, m] * spin + down[j, m] * spin.conjugate()
-        for i in range(len(x)):
-            if moves[i] == 1:
-                x[i] += V[i, j].real * w.real - V[i, j].imag * w.imag
+            z = T.b[slot, g, m]
+            change += z.real * b[m].real - z.imag * b[m].imag
+        x[i] += change
 
 
 @njit(**INLINED)
-def admissible(T: ClosedForms, slot: int, x: Array, e: Array, contacts: int, last: float) -> bool:
+def admissible(T: ClosedForms, slot: int, f: Flight, x: Array, last: float) -> bool:
     """Whether sticking contacts are at rest and sliding rate-independent ones on their threshold; removes rounding."""
-    n, ne = len(x), len(e)
-    for c in range(contacts):
-        value, size, rate = 0.0, 0.0, 0.0
-        for i in range(n):
-            value += T.zero_x[slot, c, i] * x[i]
-            size += abs(T.zero_x[slot, c, i] * x[i])
-        for m in range(ne):
-            value += T.zero_e[slot, c, m] * e[m]
-            size += abs(T.zero_e[slot, c, m] * e[m])
+    s, moduli, S = f.v[0], f.size[0], T.S[slot]
+    for c in range(T.held.shape[1]):
+        if T.held[slot, c] == 0:
+            continue
+        zero, value, size, rate = T.zero[slot, c], 0.0, 0.0, 0.0
+        for i in range(len(s)):
+            value += zero[i] * s[i]
+            size += abs(zero[i]) * moduli[i]
         if value == 0.0:
             continue
-        stick = False
-        for i in range(n):
-            if T.hold[slot, c, i] != 0.0:
-                stick = True
-        if not stick:
+        if T.held[slot, c] == SLIDES:
             if abs(value) > 1e-9 * size:
                 return False
             continue
-        for i in range(n):
-            if T.zero_x[slot, c, i] != 0.0:
-                for j in range(n):
-                    rate += abs(T.zero_x[slot, c, i] * T.A[slot, i, j] * x[j])
-                for m in range(ne):
-                    rate += abs(T.zero_x[slot, c, i] * T.F[slot, i, m] * e[m])
+        for i in range(len(x)):
+            if zero[i] != 0.0:
+                for j in range(len(s)):
+                    rate += abs(zero[i] * S[i, j]) * moduli[j]
         if abs(value) > 1e-9 * last * rate + ROUNDING * size:
             return False
-        for i in range(n):
+        for i in range(len(x)):
             x[i] -= T.hold[slot, c, i] * value
+            s[i], moduli[i] = x[i], abs(x[i])
     return True

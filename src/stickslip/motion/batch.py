@@ -105,7 +105,8 @@ def run(
     """
     shared = bool(np.all(table == table[0]))
     slots = SLOTS if shared else BATCH_SLOTS
-    lanes = MOST_LANES if shared else lanes_of_block(problem, slots)
+    # Motions with the same parameters share their closed forms: the fewer blocks, the seldomer these are made.
+    lanes = max(MOST_LANES, -(-len(states) // workers)) if shared else lanes_of_block(problem, slots)
     blocks = [slice(i, i + lanes) for i in range(0, len(states), lanes)]
     with ThreadPoolExecutor(workers) as pool:
         done = list(pool.map(lambda b: follow_block(problem, table[b], states[b], span, max_events, slots), blocks))
@@ -204,5 +205,8 @@ def pose_all(system: System, given: Iterable[str], rtol: float, atol: float) -> 
 
 def distinct(table: Array) -> tuple[Array, Array]:
     """The different rows of a table, and which of them each row is."""
-    sets, group = np.unique(table, axis=0, return_inverse=True)
-    return np.ascontiguousarray(sets), np.ascontiguousarray(group.reshape(-1).astype(np.int64))
+    if table.shape[1] == 0:
+        return table[:1], np.zeros(len(table), np.int64)
+    rows = np.ascontiguousarray(table)
+    _, first, group = np.unique(rows.view(f"V{rows[0].nbytes}"), return_index=True, return_inverse=True)
+    return rows[first], np.ascontiguousarray(group.reshape(-1).astype(np.int64))

@@ -79,23 +79,24 @@ def fill_closed_forms(
     core = np.any((linear.D[:, :n] != 0.0) & moving[:, :, None], axis=1) & moving
     pattern = np.hstack([moving, core, linear.mode == 0])
     # What moves, what moves others and what sticks is the same in most of them: those are worked on as one stack.
-    _, kind = np.unique(pattern, axis=0, return_inverse=True)
-    for number in range(np.max(kind, initial=-1) + 1):
+    packed = np.packbits(pattern, axis=1)
+    kinds, kind = np.unique(packed.view(f"V{packed.shape[1]}"), return_inverse=True)
+    for number in range(len(kinds)):
         index = np.flatnonzero(kind.reshape(-1) == number)
         fill_alike(problem, T, slot[index], linear.take(index), moving[index[0]], core[index[0]])
 
 
 def fill_alike(problem: Problem, T: ClosedForms, slot: Array, linear: Linear, moving: Array, core: Array) -> None:
     """Closed forms of modes in which the same components move and the same contacts stick."""
-    n, m, s = len(moving), np.flatnonzero(moving), np.flatnonzero(~moving)
+    m = np.flatnonzero(moving)
     modes, good = eigenmodes(linear.D[:, m[:, None], m], core[moving])
     distance = np.abs(1j * linear.omega[:, :, None] - modes[0][:, None, :])
-    good &= ~np.any(distance < 1e-3 * linear.omega[:, :, None], axis=(1, 2))
+    good &= ~np.any(distance <= 1e-3 * linear.omega[:, :, None], axis=(1, 2))
     values: Array
     slot, linear, (values, V, L) = slot[good], linear.take(good), (part[good] for part in modes)
     if len(slot) == 0:
         return
-    D, E, omega = linear.D, linear.E, linear.omega
+    omega = linear.omega
     # Of a conjugate pair one is kept, and counts twice.
     order = np.argsort(values.imag < 0.0, axis=1, kind="stable")
     kept = np.sort(values.imag < 0.0, axis=1, kind="stable") == 0
@@ -103,24 +104,96 @@ def fill_alike(problem: Problem, T: ClosedForms, slot: Array, linear: Linear, mo
     L = np.where(kept[:, :, None], np.take_along_axis(L, order[:, :, None], 1), 0.0)
     weight = np.where(kept, np.where(values.imag > 0.0, 2.0, 1.0), 0.0)
     V = weight[:, None, :] * np.take_along_axis(V, order[:, None, :], 2)
-    b = np.arange(len(m))
-    T.A[slot], T.F[slot], T.moves[slot] = D[:, :n], E[:, :n], moving
-    T.exponent[slot[:, None], b] = values
-    T.inverse[slot[:, None], b] = np.divide(1.0, values, out=np.zeros_like(values), where=values != 0.0)
-    T.L[slot[:, None, None], b[:, None], m] = L
-    T.B[slot[:, None, None], b[:, None], s] = product_or_zero(L, D[:, m[:, None], s])
-    T.phi[slot[:, None], b] = product_or_zero(L, E[:, m])
-    T.V[slot[:, None, None], m[:, None], b] = V
-    P, Q, switches = guards(problem, linear)
-    T.P[slot, : P.shape[1]], T.Q[slot, : P.shape[1]], T.switch[slot, : P.shape[1]] = P, Q, switches
-    T.PV[slot[:, None, None], np.arange(P.shape[1])[:, None], b] = product_or_zero(P[:, :, m], V)
+    b, weights = np.arange(len(m)), (values, V, L)
+    fill_signals(problem, T, slot, linear, moving, weights)
     constraints(problem, T, linear, slot)
-    T.counts[slot, 0], T.counts[slot, 1] = np.sum(kept, axis=1), P.shape[1]
+    T.exponent[slot[:, None], b] = values
+    T.tilt[slot[:, None], b] = np.angle(values)
+    T.sine[slot[:, None], b] = np.sin(np.angle(values))
+    T.counts[slot, 0] = np.sum(kept, axis=1)
     fastest = np.maximum(np.max(np.abs(values), axis=1, initial=0.0), np.max(omega, axis=1, initial=0.0))
     T.shortest[slot] = 1.0 / np.maximum(fastest, 1e-300)
     if omega.shape[1] == 0:
         T.shortest[slot[np.all(values == 0.0, axis=1)]] = 0.0
     T.status[slot] = affine.AFFINE
+
+
+def responses(linear: Linear, moving: Array, modes: tuple[Array, Array, Array]) -> tuple[Array, ...]:
+    """How the components w = L x answer: coefficients of s = (x, e) at τ = 0.
+
+    ẇ = λ w + B x_still + φ e is solved by
+
+        w = p₀ + p₁τ + p₂τ² + r exp(λτ) + Σₘ (↑ₘ exp(iωₘt) + ↓ₘ exp(−iωₘt)).
+
+    Returns
+    -------
+    r, p₁, p₂, ↑, ↓
+        The first two linear in s, the others numbers.
+    """
+    D, E, omega = linear.D, linear.E, linear.omega
+    values, _, L = modes
+    n, m, ns = len(moving), np.flatnonzero(moving), len(moving) + E.shape[2]
+    state = np.zeros((len(D), len(m), ns), complex)
+    force, swaying, ramp = np.zeros_like(state), np.zeros_like(state), np.zeros_like(state)
+    state[:, :, m] = L
+    force[:, :, np.append(~moving, np.ones(ns - n, bool))] = product_or_zero(
+        L, np.concatenate([D[:, m[:, None], np.flatnonzero(~moving)], E[:, m]], axis=2)
+    )
+    # Parts at the frequencies of the drives.
+    cosine, sine = force[:, :, n + 2 :: 2], force[:, :, n + 3 :: 2]
+    up = 0.5 * (cosine - 1j * sine) / (1j * omega[:, None] - values[:, :, None])
+    down = 0.5 * (cosine + 1j * sine) / (-1j * omega[:, None] - values[:, :, None])
+    swaying[:, :, n + 2 :: 2], swaying[:, :, n + 3 :: 2] = up + down, 1j * (up - down)
+    # Powers of τ: where λ = 0, w itself and its rates; elsewhere what balances a force that grows evenly.
+    still = (values == 0.0)[:, :, None]
+    over = np.divide(1.0, values, out=np.zeros_like(values), where=values != 0.0)[:, :, None]
+    ramp[:, :, n], even = force[:, :, n + 1], force
+    even[:, :, n + 2 :] = 0.0
+    r = np.where(still, 0.0, state + over * (even + over * ramp) - swaying)
+    return r, np.where(still, even, -over * ramp), np.where(still, 0.5 * ramp, 0.0)[:, :, n], up, down
+
+
+def fill_signals(
+    problem: Problem, T: ClosedForms, slot: Array, linear: Linear, moving: Array, modes: tuple[Array, Array, Array]
+) -> None:
+    """Store guards and components of the state as signals: those that move are Re V w."""
+    D, E, omega, V = linear.D, linear.E, linear.omega, modes[1]
+    r, p1, p2, up, down = responses(linear, moving, modes)
+    (count, blocks, ns), n, m, waves = r.shape, len(moving), np.flatnonzero(moving), omega.shape[1]
+    P, Q, switches = guards(problem, linear)
+    g = P.shape[1]
+    a = np.zeros((count, g + n, blocks), complex)
+    a[:, :g], a[:, g + m] = product_or_zero(P[:, :, m], V), V
+    direct, later = np.zeros((count, g + n, ns - n)), np.zeros((count, g + n, ns))
+    direct[:, :g], later[:, :g, n] = Q, Q[:, :, 1]
+    wave = direct[:, :, 2::2] - 1j * direct[:, :, 3::2] + a @ up + np.conj(a) @ np.conj(down)
+    c1, c2 = real_or_zero(a, p1, later), real_or_zero(a, p2[:, :, None], np.zeros((count, g + n, 1)))[:, :, 0]
+    S = np.zeros((count, ns, ns))
+    S[:, :n, :n], S[:, :n, n:], S[:, n + 1, n] = D[:, :n], E[:, :n], 1.0
+    for k in range(waves):
+        S[:, n + 2 + 2 * k, n + 3 + 2 * k], S[:, n + 3 + 2 * k, n + 2 + 2 * k] = -omega[:, k], omega[:, k]
+    terms, rates, ones = np.abs(np.concatenate([P, Q], axis=2)), np.abs(S), np.ones((count, ns, 1))
+    T.felt[slot] = np.any(rates, axis=1) | np.any(terms, axis=1)
+    for k in range(affine.GERM_ORDERS + 1):
+        T.reach[slot, :g, k] = (terms @ ones)[:, :, 0]
+        ones = rates @ ones
+    T.S[slot], T.G[slot, :g, :n], T.G[slot, :g, n:], T.R[slot, :blocks] = S, P, Q, r
+    # Rows: the guards, then the components of the state.
+    first = T.c2.shape[1] - n
+    rows, b = np.append(np.arange(g), np.arange(first, first + n)), np.arange(blocks)
+    at, parts = (slot[:, None], rows), (slot[:, None, None], rows[:, None])
+    T.c1[at], T.c2[at], T.drifts[at], T.b[at] = c1, c2, np.any(c1 != 0.0, axis=2) | (c2 != 0.0), wave
+    T.a[*parts, b], T.swing[*parts, b], T.angle[*parts, b] = a, np.abs(a), np.angle(a)
+    T.swing[*parts, n + np.arange(waves)] = np.abs(wave)
+    T.decays[slot, :g] = ~np.any((a[:, :g] != 0.0) & (modes[0].real > 0.0)[:, None, :], axis=2)
+    T.switch[slot, :g], T.counts[slot, 1] = switches, g
+
+
+def real_or_zero(a: Array, p: Array, direct: Array) -> Array:
+    """Re a p + direct, where what is only rounding is exactly zero: absent parts of a signal then cost nothing."""
+    terms = np.abs(a) @ np.abs(p) + np.abs(direct)
+    total = (a @ p).real + direct
+    return np.where(np.abs(total) > 1e-14 * terms, total, 0.0)
 
 
 def linearise(problem: Problem, constants: Constants, group: Array, mode: Array, region: Array) -> tuple[Linear, Array]:
@@ -284,11 +357,11 @@ def constraints(problem: Problem, T: ClosedForms, linear: Linear, slot: Array) -
     F = np.concatenate([linear.D, linear.E], axis=2)
     for c in range(nc):
         if c < mq and mode[0, c] == 0:
-            row = F[:, n + c]
+            row, T.held[slot, c] = F[:, n + c], affine.STICKS
             T.hold[slot, c, nq : 2 * nq] = linear.hold[:, c, :nq]
         elif c >= mq + mz and mode[0, c] != 0:
             side = np.where(mode[:, c, None] > 0, F[:, n + 2 * nc + c], F[:, n + 3 * nc + c])
-            row = F[:, n + nc + c] + mode[:, c, None] * side
+            row, T.held[slot, c] = F[:, n + nc + c] + mode[:, c, None] * side, affine.SLIDES
         else:
             continue
-        T.zero_x[slot, c], T.zero_e[slot, c] = row[:, :n], row[:, n:]
+        T.zero[slot, c] = row

@@ -10,8 +10,9 @@ from numba import njit
 
 from stickslip.motion import affine
 from stickslip.motion.affine import ClosedForms, Flight
-from stickslip.motion.guards import first_event
+from stickslip.motion.guards import fill_powers, first_event
 from stickslip.motion.kernel import (
+    ASTRAY,
     FINISHED,
     FULL,
     INLINED,
@@ -26,6 +27,7 @@ from stickslip.motion.kernel import (
     ON_JUMP,
     OPTIONS,
     RESIDUAL,
+    STEPS,
     TINY,
     UNDEFINED,
     ZENO,
@@ -36,8 +38,8 @@ from stickslip.motion.kernel import (
     Rows,
     Space,
 )
-from stickslip.motion.modes import copy, flip, resolve, settle
-from stickslip.motion.roots import horner
+from stickslip.motion.modes import copy, flip, keeps, resolve, settle
+from stickslip.motion.roots import arrive
 
 Array = np.ndarray
 
@@ -77,7 +79,7 @@ def integrate(
         Order of the Taylor series, and local tolerance relative to the size of the state plus `atol`.
     group : array of int, shape (lanes,)
     codes : array of int, shape (lanes,)
-        FULL or NEED where a lane is to go on; receives the outcome code.
+        FULL, NEED or STEPS where a lane is to go on; receives the outcome code.
     lanes : Lane
         Of all lanes (a leading axis).
     recording : bool
@@ -96,15 +98,47 @@ def integrate(
         k = Constants(constants.K[g], constants.M[g], constants.C[g], constants.J[g], constants.omega[g])
         lane = Lane(lanes.clock[i], lanes.y[i], lanes.mode[i], lanes.settled[i], lanes.reg[i], lanes.counters[i])
         space.known[-1] = 1
-        code = NOWHERE
+        code, flying = NOWHERE, slots > 0 and codes[i] != STEPS
         while code < 0:
-            if slots > 0:
+            if flying:
                 code, count = fly_on(forms, g, slots, flight, k.omega, lane, end, max_events, recording, record, count)
             if code < 0:
                 code, count = step_on(
                     jets, residual, rows, k, space, N, tol, atol, lane, end, max_events, recording, record, count
                 )
+                flying = slots > 0
         codes[i] = code
+    return count
+
+
+@njit(**OPTIONS)
+def integrate_affine(
+    constants: Constants,
+    forms: ClosedForms,
+    slots: int,
+    flight: Flight,
+    end: float,
+    max_events: int,
+    group: Array,
+    codes: Array,
+    lanes: Lane,
+    recording: bool,
+    record: Record,
+) -> int:
+    """The same as :func:`integrate` in closed form alone: a motion that needs Taylor steps is left with code STEPS.
+
+    Most systems with closed forms need nothing else, and need not wait until the Taylor steps are compiled.
+    """
+    count = ZERO
+    for i in range(len(codes)):
+        if codes[i] < FULL:
+            continue
+        g = group[i]
+        lane = Lane(lanes.clock[i], lanes.y[i], lanes.mode[i], lanes.settled[i], lanes.reg[i], lanes.counters[i])
+        code, count = fly_on(
+            forms, g, slots, flight, constants.omega[g], lane, end, max_events, recording, record, count
+        )
+        codes[i] = code if code >= 0 else STEPS
     return count
 
 
@@ -127,15 +161,22 @@ def step_on(
 ) -> tuple[int, int]:
     """Taylor steps up to and including the next event: (outcome code or −1, recorded steps)."""
     clock, counters, y, nk = lane.clock, lane.counters, lane.y, len(rows.kinks)
-    room, again = np.inf, False
+    room, again, promised = np.inf, False, 0.0
+    t0, last, recent, cause = 0.0, 0.0, 0.0, NOWHERE
     while True:
         if recording and count == len(record.time) and not again:
             return FULL, count
         t, fired = clock[0], counters[2]
         hold = fired >= 0 or counters[4] % 64 == 0
         status, h, may_fire = settle(
-            jets, residual, rows, k, space, N, tol, atol, lane, min(room, max(end - t, 0.0)), hold
+            jets, residual, rows, k, space, N, tol, atol, lane, min(room, max(end - t, 0.0)), hold, promised
         )
+        if status == ASTRAY:
+            clock[0], clock[1], clock[4], counters[2] = t0, last, recent, cause
+            counters[4] -= 1
+            copy(space.promise[1], y)
+            room, again, promised = 0.25 * promised, True, 0.0
+            continue
         if status != OK:
             # No mode goes on from here; what the contacts did last is kept, not the last attempt.
             for i in range(len(lane.mode)):
@@ -162,9 +203,19 @@ def step_on(
         x, which = first_event(space, may_fire, N)
         if which >= 2000 and x == 0.0:
             return NEGATIVE, count
-        if not solves(jets, k, space, N, 1e4 * tol, atol, t, x * h, lane):
-            room, again = 0.25 * x * h, True
-            continue
+        if x < 1.0:
+            fill_powers(space.powers, x * h)
+        for i in range(len(y)):
+            space.trial[i], space.promise[0, i] = arrive(space.W[i], N, space.powers)
+        # The next step begins with the rates at the end of this one, unless something comes in between.
+        promised = x * h
+        if which >= 0 or (counters[4] + 1) % 64 == 0 or rows.sizes[3] > 0 or (recording and count == len(record.time)):
+            if not solves(jets, k, space, 1e4 * tol, atol, t, x * h, lane):
+                room, again, promised = 0.25 * x * h, True, 0.0
+                continue
+            promised = 0.0
+        t0, last, recent, cause = t, clock[1], clock[4], fired
+        copy(y, space.promise[1])
         copy(space.trial, y)
         room, again = np.inf, False
         counters[4] += 1
@@ -178,25 +229,12 @@ def step_on(
 
 
 @njit(**INLINED)
-def solves(
-    jets: JETS, k: Constants, space: Space, N: int, tol: float, atol: float, t: float, h: float, lane: Lane
-) -> bool:
-    """Whether the series still solves the equations at the end of a step, which is left in the work space.
-
-    A term such as exp(−α/ε) may be too small to be seen in any coefficient, and yet be large when the step ends.
-    """
-    W, V, y = space.W, space.V, space.trial
-    for i in range(len(y)):
-        y[i] = horner(W[i], N, h)
+def solves(jets: JETS, k: Constants, space: Space, tol: float, atol: float, t: float, h: float, lane: Lane) -> bool:
+    """Whether the rates at the end of a step are those that its series promises."""
+    y, V = space.trial, space.V
     if jets(t + h, y, lane.mode, lane.reg, k.K, space.Rq, space.Rz, 1, V, space.A, space.B, space.mag) != OK:
         return True  # the rates are not determined here, which the next step finds out
-    for i in range(len(y)):
-        rate = 0.0
-        for j in range(N, 0, -1):
-            rate = rate * h + j * W[i, j]
-        if abs(V[i, 1] - rate) * h > tol * (abs(y[i]) + abs(rate) * h + atol):
-            return False
-    return True
+    return keeps(V, space.promise[0], y, h, tol, atol)
 
 
 @njit(**OPTIONS)
@@ -228,17 +266,17 @@ def fly_on(
         t, fired = clock[0], counters[2]
         copy(mode, flight.mode0)
         copy(reg, flight.reg0)
-        affine.drive_vector(t, omega, flight.e)
+        affine.place(flight, y, t, omega)
         slot, ready = -1, False
         for _ in range(2 * (nk + nc) + 4):
-            slot = affine.find(T, g * slots, T.used[g], affine.mode_key(mode, reg))
+            slot = affine.find(T.key, T.own, g * slots, T.used[g], affine.mode_key(mode, reg))
             if slot < 0:
                 if T.used[g] < slots:
                     return NEED, count
                 break
-            if T.status[slot] != affine.AFFINE or not affine.admissible(T, slot, y, flight.e, nc, clock[4]):
+            if T.status[slot] != affine.AFFINE or not affine.admissible(T, slot, flight, y, clock[4]):
                 break
-            guard = affine.germs(T, slot, flight, y, omega, fired, clock[1])
+            guard = affine.germs(T, slot, flight, omega, fired, clock[1])
             if guard < 0:
                 ready = True
                 break
@@ -252,11 +290,11 @@ def fly_on(
         count = note(lane, recording, record, count)
         if t >= end:
             return FINISHED, count
-        tau, guard = affine.fly(T, slot, flight, y, t, end - t, omega)
-        affine.arrive(T, slot, flight, y, tau, omega)
+        tau, guard = affine.fly(T, slot, flight, end - t, omega)
         counters[4] += 1
         clock[1], clock[4] = tau, max(tau, 0.5 * clock[4])
         clock[0] = t + tau if guard >= 0 else end
+        affine.arrive(T, slot, flight, y, tau, omega)
         counters[2] = -1
         if guard < 0:
             continue

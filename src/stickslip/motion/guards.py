@@ -14,16 +14,18 @@ Array = np.ndarray
 
 
 @njit(**OPTIONS, fastmath={"reassoc", "contract", "nsz"})
-def reach(W: Array, row: int, shift_row: int, sign: float, N: int, powers: Array) -> float:
-    """Bound Σ|cₖ|hᵏ, k ≥ 1, of how far sign·W[row] + W[shift_row] moves within the step."""
+def fall(W: Array, row: int, shift_row: int, sign: float, N: int, powers: Array) -> float:
+    """Bound Σ max(−cₖ, 0) hᵏ of how far sign·W[row] + W[shift], which starts positive, falls within the step."""
     total = 0.0
     if shift_row < 0:
-        for k in range(1, N):
-            total += abs(W[row, k]) * powers[k]
+        for k in range(N):
+            c = sign * W[row, k]
+            total += (abs(c) - c) * powers[k]
     else:
-        for k in range(1, N):
-            total += abs(sign * W[row, k] + W[shift_row, k]) * powers[k]
-    return total
+        for k in range(N):
+            c = sign * W[row, k] + W[shift_row, k]
+            total += (abs(c) - c) * powers[k]
+    return 0.5 * total
 
 
 @njit(**OPTIONS)
@@ -83,13 +85,15 @@ def step_size(W: Array, rows: Array, n: int, N: int, last: float, tol: float, at
         size = 1.0 / (abs(W[r, 0]) + abs(W[r, 1]) * last + atol)
         middle = max(middle, abs(W[r, N - 1]) * size)
         low = max(low, abs(W[r, N - 2]) * size)
-    h = np.inf
-    if top > 0.0:
-        h = (tol / top) ** (1.0 / N)
-    if middle > 0.0:
-        h = min(h, (tol / middle) ** (1.0 / (N - 1)))
+    # One root is enough where it meets the other conditions, too; edge = tol/h^(N−1).
+    h, edge = np.inf, 0.0
     if low > 0.0:
-        h = min(h, (tol / low) ** (1.0 / (N - 2)))
+        h = (tol / low) ** (1.0 / (N - 2))
+        edge = low / h
+    if middle > edge:
+        h, edge = (tol / middle) ** (1.0 / (N - 1)), middle
+    if top * h > edge:
+        h = (tol / top) ** (1.0 / N)
     return h
 
 
@@ -107,11 +111,14 @@ def finite_order(W: Array, n: int, N: int) -> int:
 
 @njit(**OPTIONS)
 def fill_powers(powers: Array, h: float) -> None:
-    """Powers of the step."""
-    x = 1.0
-    for k in range(len(powers)):
-        powers[k] = x
-        x *= h
+    """Powers of the step; in fours, since each multiplication waits for the one before."""
+    a, b, c, d, fourth, n = 1.0, h, h * h, h * h * h, (h * h) * (h * h), len(powers) // 4 * 4
+    for k in range(0, n, 4):
+        powers[k], powers[k + 1], powers[k + 2], powers[k + 3] = a, b, c, d
+        a, b, c, d = a * fourth, b * fourth, c * fourth, d * fourth
+    for k in range(n, len(powers)):
+        powers[k] = a
+        a *= h
 
 
 @njit(**INLINED)
@@ -146,11 +153,11 @@ def scan(
                 continue
             switch, row, sign = nk + i, u[i], float(mode[i])
             size0, size1 = mag[i], mag[nc + i] + abs(W[row, 1])
-        precision = FIRED if switch % 1000 == fired else slack * ROUNDING
+        precision = max(FIRED if switch % 1000 == fired else 0.0, slack * ROUNDING)
         if switch >= 2000:
             precision = DOUBTFUL
         start = sign * W[row, 0] + (W[shift, 0] if shift >= 0 else 0.0)
-        if start > precision * (size0 + around * size1) and start > reach(W, row, shift, sign, N, powers):
+        if start > precision * (size0 + around * size1) and start > fall(W, row, shift, sign, N, powers):
             continue
         c = pending[count]
         s, order = germ(W, row, sign, shift, N, powers, around, size0, size1, precision, slack, c)

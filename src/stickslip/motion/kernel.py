@@ -2,12 +2,31 @@
 
 from __future__ import annotations
 
+import importlib
+import sys
 import warnings
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from numba import float64, int64, types, void
 
+
+def _import_array_functions() -> None:
+    """Import numba's array functions but not SciPy's linear algebra, a sixth of the time of a whole short process.
+
+    They only look whether it is there; compiled code that calls it (none of ours) imports it by itself.
+    """
+    blas = "scipy.linalg.cython_blas"
+    if blas not in sys.modules:
+        sys.modules[blas] = ModuleType(blas)
+        try:
+            importlib.import_module("numba.np.arraymath")
+        finally:
+            del sys.modules[blas]
+
+
+_import_array_functions()
 # The engine takes a model's machine code as arguments; numba calls that experimental whenever it compiles such a call.
 warnings.filterwarnings("ignore", message="First-class function type feature is experimental")
 
@@ -23,10 +42,12 @@ else:
     RESIDUAL = types.FunctionType(void(float64, vector, indices, indices, vector, vector, matrix))
     POWERS = types.FunctionType(void(matrix, indices, vector, vector))
 
-# Codes of motion.outcome.Outcome, and two that ask to be called again: with a new record, or with a closed form.
-FINISHED, NO_RATE, ON_JUMP, ZENO, TINY, LIMIT, NEGATIVE, UNDEFINED, FULL, NEED = 0, 2, 3, 4, 5, 6, 7, 8, 100, 101
-# What may be said of a candidate mode.
-OK, SINGULAR, NAN, OFF_SURFACE = 0, 1, 2, 3
+# Codes of motion.outcome.Outcome, and three that ask to be called again: with a new record, with a closed form, or for
+# Taylor steps.
+FINISHED, NO_RATE, ON_JUMP, ZENO, TINY, LIMIT, NEGATIVE, UNDEFINED = 0, 2, 3, 4, 5, 6, 7, 8
+FULL, NEED, STEPS = 100, 101, 102
+# What may be said of a candidate mode; or of the step that led to it: that it does not solve the equations.
+OK, SINGULAR, NAN, OFF_SURFACE, ASTRAY = 0, 1, 2, 3, 4
 
 ROUNDING = 64 * 2.220446049250313e-16
 FIRED = 1e-10  # a switch that has just fired is on its boundary by definition
@@ -94,6 +115,8 @@ class Space(NamedTuple):
         Inverses of the linear problems of inertial and viscous coordinates.
     A, B, G : arrays
         Matrix, inverse and residual of the rate-independent coordinates.
+    promise : array, shape (2, n)
+        Rates at the end of the last step, times its length, as its series has them; and the state it started from.
     known : array of int
         Mode for which Rq and Rz were made; last entry 0 if they are valid.
     """
@@ -107,11 +130,11 @@ class Space(NamedTuple):
     B: Array
     G: Array
     scratch: Array
-    germ: Array
     stack: Array
     touched: Array
     y0: Array
     trial: Array
+    promise: Array
     powers: Array
     pending: Array
     labels: Array
@@ -167,11 +190,11 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         B=z((nr, nr)),
         G=z(2 * nr),
         scratch=z((big, big)),
-        germ=z(N + 1),
         stack=z((64, 36)),
         touched=z(nk + nc, np.int64),
         y0=z(n),
         trial=z(n),
+        promise=z((2, n)),
         powers=z(N + 1),
         pending=z((guards, N + 1)),
         labels=z((guards, 2), np.int64),

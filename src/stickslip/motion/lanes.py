@@ -8,9 +8,9 @@ import numpy as np
 
 from stickslip.equations.compiled import announced
 from stickslip.motion import engine
-from stickslip.motion.affine import ClosedForms
+from stickslip.motion.affine import AFFINE, ClosedForms
 from stickslip.motion.closed_form import fill_closed_forms
-from stickslip.motion.kernel import FULL, NEED, Constants, Lane, Record
+from stickslip.motion.kernel import FULL, NEED, STEPS, Constants, Lane, Record
 from stickslip.motion.problem import Problem
 
 Array = np.ndarray
@@ -28,7 +28,7 @@ class Lanes:
         By group.
     group : array of int, shape (lanes,)
     codes : array of int, shape (lanes,)
-        Outcome code, or FULL / NEED while a lane goes on.
+        Outcome code, or FULL, NEED or STEPS while a lane goes on.
     now : Lane
         Where each lane is, arrays of shape (lanes, ·).
     forms : ClosedForms
@@ -64,7 +64,8 @@ class Lanes:
             reg=np.ones((lanes, kinks), np.int64),
             counters=counters,
         )
-        return cls(problem, constants, group, np.full(lanes, FULL), now, forms)
+        # The first thing needed is the closed form of the mode they start in.
+        return cls(problem, constants, group, np.full(lanes, NEED if len(forms.status) else FULL), now, forms)
 
     @property
     def going(self) -> Array:
@@ -78,11 +79,22 @@ class Lanes:
 
     def advance(self, end: float, max_events: int, record: Record | None = None) -> int:
         """Run the compiled loop once over all lanes; returns the number of recorded steps (of a single lane)."""
-        p = self.problem
-        nothing = Record(
-            np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0), np.int8), np.zeros((0, 0), np.int8), np.zeros(0, np.int64)
-        )
+        p, recording, kept = self.problem, record is not None, record or no_record()
         with announced():
+            if np.any(self.forms.status == AFFINE) and not np.any(self.codes == STEPS):
+                return engine.integrate_affine(
+                    self.constants,
+                    self.forms,
+                    self.slots,
+                    p.flight(),
+                    end,
+                    max_events,
+                    self.group,
+                    self.codes,
+                    self.now,
+                    recording,
+                    kept,
+                )
             return engine.integrate(
                 p.compiled.jets,
                 p.compiled.residual,
@@ -100,8 +112,8 @@ class Lanes:
                 self.group,
                 self.codes,
                 self.now,
-                record is not None,
-                record or nothing,
+                recording,
+                kept,
             )
 
     def make_closed_forms(self) -> None:
@@ -110,3 +122,9 @@ class Lanes:
         if len(waiting):
             modes, regions = self.now.mode[waiting], self.now.reg[waiting]
             fill_closed_forms(self.problem, self.constants, self.forms, self.group[waiting], modes, regions)
+
+
+def no_record() -> Record:
+    """Nowhere to record steps."""
+    nothing = np.zeros((0, 0), np.int8)
+    return Record(np.zeros(0), np.zeros((0, 0)), nothing, nothing, np.zeros(0, np.int64))

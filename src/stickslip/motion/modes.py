@@ -18,6 +18,7 @@ from numba import njit
 from stickslip.equations.series import invert
 from stickslip.motion.guards import fill_powers, scan, step_size
 from stickslip.motion.kernel import (
+    ASTRAY,
     INLINED,
     JETS,
     NAN,
@@ -182,6 +183,19 @@ def evaluate_mode(
 
 
 @njit(**OPTIONS)
+def keeps(W: Array, promise: Array, y: Array, h: float, tol: float, atol: float) -> bool:
+    """Whether rates, times the length of the step that ends here, are those that the step's series promises.
+
+    A term such as exp(−α/ε) may be too small to be seen in any coefficient, and yet be large when the step ends.
+    """
+    for i in range(len(y)):
+        size = abs(y[i]) + abs(promise[i]) + atol
+        if abs(W[i, 1] * h - promise[i]) > tol * size:
+            return False
+    return True
+
+
+@njit(**OPTIONS)
 def flip(switch: int, mode: Array, reg: Array, nk: int) -> int:
     """Give a violated switch its other state; returns the switch."""
     if switch >= 1000:
@@ -247,13 +261,20 @@ def settle(
     lane: Lane,
     room: float,
     hold: bool,
+    promised: float,
 ) -> tuple[int, float, int]:
     """Find the mode the motion takes now; the work space then holds its Taylor coefficients.
+
+    Parameters
+    ----------
+    promised : float
+        Length of the step that ended here, if it has not been checked whether it keeps its promise; otherwise 0.
 
     Returns
     -------
     status, step, count
-        OK, the step size and the number of guards that may fire; or NAN; or SINGULAR if no mode is possible.
+        OK, the step size and the number of guards that may fire; or NAN; or SINGULAR if no mode is possible; or ASTRAY
+        if the step that ended here does not solve the equations.
     """
     sizes, touched, mode, reg, y = rows.sizes, space.touched, lane.mode, lane.reg, lane.y
     nk, nc, nq, nz, mq, mz, mr = len(rows.kinks), len(rows.u), sizes[1], sizes[2], sizes[5], sizes[6], sizes[7]
@@ -287,6 +308,9 @@ def settle(
             choose(candidate, touched, mode, reg)
             candidate += 1
         status = evaluate_mode(jets, residual, rows, k, space, N, t, y, mode, reg, recent, hold or pivots > 1)
+        first = promised > 0.0 and pivots == 1 and status != SINGULAR
+        if first and not keeps(space.W, space.promise[0], y, promised, 1e4 * tol, atol):
+            return ASTRAY, 0.0, 0
         if status == NAN:
             return NAN, 0.0, 0
         if status == OK:

@@ -97,7 +97,7 @@ class Problem:
         n, contacts, kinks = layout.sizes["n"], len(layout.u), len(layout.kinks)
         small = contacts + kinks <= 30 and n <= 24 and layout.frequencies <= 6
         slots, doubtful = slots if small and self.exact else 0, len(self.rows.doubtful)
-        return affine.make_closed_forms(groups, slots, n, contacts, kinks, doubtful, 2 + 2 * layout.frequencies)
+        return affine.make_closed_forms(groups, slots, n, contacts, kinks, doubtful, layout.frequencies)
 
     def space(self) -> Space:
         """New work space for the Taylor steps."""
@@ -162,5 +162,5 @@ def pose(
             raise DeclarationError(name, f"{value!r} is out of range", f"Choose {name} between {low:g} and {high:g}")
     # Global quality: local steps are kept three digits finer than asked for; with Taylor series that is nearly free.
     tolerance = max(1e-3 * rtol, 1e-16)
-    order = min((n for n in ORDERS if n >= -0.8 * math.log(tolerance)), default=ORDERS[-1])
+    order = min((n for n in ORDERS if n >= -0.95 * math.log(tolerance)), default=ORDERS[-1])
     return Problem(system, {k: float(v) for k, v in values.items()}, order, tolerance, max(atol / rtol, 1e-6), exact)

@@ -33,24 +33,16 @@ def rests_forever(problem: Problem, knots: Knots) -> bool:
         return False
     slot = found[0]
     blocks, guards = T.counts[slot, :2]
-    rates: Array = T.exponent[slot, :blocks]
-    forcing = T.B[slot, :blocks] @ x + T.phi[slot, :blocks, 0]
-    w = T.L[slot, :blocks] @ x
-    moving = rates != 0.0
-    limit: Array = np.where(moving, -forcing / np.where(moving, rates, 1.0), w)
-    amplitude = np.where(moving, w - limit, 0.0)
-    size = np.abs(w) + np.abs(limit)
-    excited = np.abs(amplitude) > 1e-13 * size
-    drifting = ~moving & (
-        np.abs(forcing) > 1e-13 * (np.abs(T.B[slot, :blocks]) @ np.abs(x) + np.abs(T.phi[slot, :blocks, 0]))
-    )
-    if np.any(drifting) or np.any(excited & (rates.real >= 0.0)):
+    s = np.append(x, [1.0, 0.0])
+    sizes, rates = np.abs(s), T.exponent[slot, :blocks]
+    r = T.R[slot, :blocks] @ s
+    excited = np.abs(r) > 1e-13 * (np.abs(T.R[slot, :blocks]) @ sizes)
+    drift, terms = T.c1[slot] @ s, np.abs(T.c1[slot]) @ sizes
+    if np.any(np.abs(drift) > 1e-13 * terms) or np.any(excited & (rates.real >= 0.0)):
         return False
-    P, PV = T.P[slot, :guards], T.PV[slot, :guards, :blocks]
-    still = T.moves[slot] == 0
-    constant = P[:, still] @ x[still] + T.Q[slot, :guards, 0] + (PV @ limit).real
-    bound = np.abs(PV) @ np.abs(amplitude)
-    margin = 1e-12 * (np.abs(P) @ np.abs(x) + np.abs(T.Q[slot, :guards, 0]))
+    constant = T.G[slot, :guards] @ s - (T.a[slot, :guards, :blocks] @ r).real
+    bound = T.swing[slot, :guards, :blocks] @ np.abs(r)
+    margin = 1e-12 * (np.abs(T.G[slot, :guards]) @ sizes)
     # A guard that nobody moves stays as it is, even at zero: it was admissible when the mode was chosen.
     inert = bound <= margin
     return bool(np.all(np.where(inert, constant >= -margin, constant - bound > margin)))

@@ -13,6 +13,7 @@ from numba import njit
 Array = np.ndarray
 
 MAX_DEGREE = 32
+QUICK = 6  # orders that decide most of the time, where the step is so small that the others hardly matter
 NONE = 2.0  # "no root": anything beyond the interval
 _HALVINGS = 60
 
@@ -28,7 +29,8 @@ def _binomials() -> Array:
 
 INVERSE_BINOMIAL = _binomials()
 
-_options = {"cache": True, "error_model": "numpy", "_nrt": False}
+_options = {"cache": True, "error_model": "numpy", "_nrt": False, "fastmath": {"contract"}}
+_sums = {**_options, "fastmath": {"reassoc", "contract", "nsz"}}
 
 
 @njit(**_options)
@@ -40,11 +42,23 @@ def horner(c: Array, d: int, x: float) -> float:
     return s
 
 
+@njit(**_sums)
+def arrive(c: Array, d: int, powers: Array) -> tuple[float, float]:
+    """Value at h of Σ c[k] xᵏ, k ≤ d, d ≥ 4, and h times its derivative there, from the powers of h."""
+    first, second, third = c[1] * powers[1], c[2] * powers[2], c[3] * powers[3]
+    change, rate = 0.0, 0.0
+    for k in range(4, d + 1):  # in fours, as the powers are stored
+        term = c[k] * powers[k]
+        change += term
+        rate += k * term
+    return c[0] + (first + (second + (third + change))), first + (2.0 * second + (3.0 * third + rate))
+
+
 @njit(**_options)
-def crossing(c: Array, d: int, a: float, b: float, noise: float) -> float:
+def crossing(c: Array, d: int, a: float, b: float, start: float, noise: float) -> float:
     """The root between a and b, where the polynomial is positive at a, negative at b (Newton inside a bracket)."""
     low, high = a, b
-    x = 0.5 * (a + b)
+    x = start
     for _ in range(200):
         s, ds = c[d], 0.0
         for k in range(d - 1, -1, -1):
@@ -63,6 +77,19 @@ def crossing(c: Array, d: int, a: float, b: float, noise: float) -> float:
             return new
         x = new
     return x
+
+
+@njit(**_options)
+def lowest(c: Array, d: int, b: Array, work: Array) -> float:
+    """Lower bound of Σ c[k] xᵏ, k ≤ d, on [0, 1]: the least of its Bernstein coefficients, which are left in b."""
+    least = np.inf
+    for i in range(d + 1):
+        value = c[i] * INVERSE_BINOMIAL[d, i]
+        for j in range(i):
+            value, work[j] = value + work[j], value
+        b[i] = work[i] = value
+        least = min(least, value)
+    return least
 
 
 @njit(**_options)
@@ -87,20 +114,14 @@ def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -
     float
         The root, or :data:`NONE`.
     """
-    worst, x = c[0], 1.0
-    for k in range(1, d + 1):
-        x *= limit
-        if c[k] < 0.0:
-            worst += c[k] * x
-    if worst > 0.0:
-        return NONE
-    x = 1.0
+    x, fall = 1.0, 0.0  # fall: how far the orders above QUICK can take the polynomial down
     for k in range(d + 1):
-        stack[0, k] = c[k] * x * INVERSE_BINOMIAL[d, k]
+        stack[1, k] = c[k] * x
         x *= limit
-    for j in range(1, d + 1):
-        for i in range(d, j - 1, -1):
-            stack[0, i] += stack[0, i - 1]
+        if k > QUICK and stack[1, k] < 0.0:
+            fall -= stack[1, k]
+    if lowest(stack[1], min(d, QUICK), stack[0], stack[2]) > fall or lowest(stack[1], d, stack[0], stack[2]) > 0.0:
+        return NONE
     stack[0, 33], stack[0, 34], depth = 0.0, 1.0, 0  # start and width of the subinterval
     while depth >= 0:
         b = stack[depth]
@@ -117,7 +138,8 @@ def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -
         if changes == 1 and b[d] < -floor:
             if b[0] <= 0.0:
                 return limit * left
-            return crossing(c, d, limit * left, limit * (left + width), floor / 64.0)
+            start = left + width * b[0] / (b[0] - b[d])
+            return crossing(c, d, limit * left, limit * (left + width), limit * start, floor / 64.0)
         if depth == _HALVINGS or width < 1e-17:
             return limit * left
         # Left half goes on top of the right half, so that the leftmost crossing is found first.

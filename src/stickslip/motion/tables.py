@@ -26,7 +26,7 @@ def claim(T: ClosedForms, slots: int, group: Array, mode: Array, region: Array, 
     for i in range(len(group)):
         g, key = group[i], affine.mode_key(mode[i], region[i])
         place[i] = -1
-        if affine.find(T, g * slots, int(T.used[g]), key) < 0:
+        if affine.find(T.key, T.own, g * slots, int(T.used[g]), key) < 0:
             place[i] = g * slots + T.used[g]
             T.key[place[i]], T.status[place[i]] = key, affine.SMOOTH
             T.used[g] += 1

@@ -258,13 +258,14 @@ def drive_period(omega: Array) -> Array:
 def frames(lanes: Lanes, index: Array) -> Array:
     """Velocities of the frames in which systems under loads Vt do not depend on time, but for their drives.
 
-    In the closed forms ẋ = A x + F e(t) and the guards P x + Q e(t) time enters as t in the second columns of F and Q:
-    shifting the state by e·Δt makes up for it if A e = −F₂ and P e = −Q₂ in all modes. 0 where there is no such e.
+    In the closed forms ẋ and the guards are linear in (x, 1, t, …): shifting the state by v·Δt makes up for the time
+    if the column of t is minus the columns of x times v in all modes. 0 where there is no such v.
     """
     T, slots = lanes.forms, lanes.slots
     place = index[:, None] * slots + np.arange(slots)
-    matrix = np.concatenate([T.A[place], T.P[place]], axis=2)
-    load = np.concatenate([T.F[place][..., 1], T.Q[place][..., 1]], axis=2)
+    n = T.hold.shape[2]
+    table = np.concatenate([T.S[place][:, :, :n], T.G[place]], axis=2)
+    matrix, load = table[..., :n], table[..., n + 1]
     known = (T.status[place] == affine.AFFINE)[:, :, None]
     matrix = np.where(known[..., None], matrix, 0.0).reshape(len(index), -1, matrix.shape[3])
     load = np.where(known, load, 0.0).reshape(len(index), -1)
