@@ -6,7 +6,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import polynomial
 
-from stickslip.motion.roots import MAX_DEGREE, NONE, first_crossing
+from stickslip.motion.guards import fill_powers
+from stickslip.motion.roots import MAX_DEGREE, NONE, arrive, first_crossing
 
 # The first call compiles.
 many = settings(deadline=None, max_examples=200)
@@ -122,3 +123,15 @@ def test_first_of_many() -> None:
     real = np.linspace(0.1, 0.9, 9)
     c = starting_positive(polynomial.polyfromroots(real))
     assert crossing(c) == pytest.approx(0.1, abs=1e-9)
+
+
+@many
+@given(st.lists(st.floats(-1, 1), min_size=5, max_size=25), st.floats(0.01, 2))
+def test_value_and_rate_at_the_end_of_a_step(coefficients: list[float], h: float) -> None:
+    c, powers = np.array(coefficients), np.zeros(len(coefficients))
+    fill_powers(powers, h)
+    np.testing.assert_allclose(powers, h ** np.arange(len(c)), rtol=1e-14)
+    value, rate = arrive(c, len(c) - 1, powers)
+    size = float(np.abs(c) @ (powers * np.arange(1, len(c) + 1)))
+    assert abs(value - polynomial.polyval(h, c)) <= 8 * EPS * size
+    assert abs(rate - h * polynomial.polyval(h, polynomial.polyder(c))) <= 8 * EPS * size

@@ -447,3 +447,9 @@ def test_an_event_is_known_no_better_than_the_series(rtol: float) -> None:
     motion = simulate(catalogue.spring_slider(), (0, 50), rtol=rtol)
     assert motion.outcome is Outcome.FINISHED
     assert motion.n_switches == 18
+
+
+def test_a_term_too_small_to_be_seen() -> None:
+    # At the start no coefficient shows that the exponential will ever matter.
+    motion = follow(ode("sleeper", x="1.0", y="exp(200*(x - 2))"), 2.02)
+    assert motion.final["y"] == pytest.approx(math.exp(4.0) / 200, rel=1e-9)

@@ -19,13 +19,11 @@ def fall(W: Array, row: int, shift_row: int, sign: float, N: int, powers: Array)
     total = 0.0
     if shift_row < 0:
         for k in range(N):
-            c = sign * W[row, k]
-            total += (abs(c) - c) * powers[k]
+            total -= min(sign * W[row, k], 0.0) * powers[k]
     else:
         for k in range(N):
-            c = sign * W[row, k] + W[shift_row, k]
-            total += (abs(c) - c) * powers[k]
-    return 0.5 * total
+            total -= min(sign * W[row, k] + W[shift_row, k], 0.0) * powers[k]
+    return total
 
 
 @njit(**OPTIONS)

@@ -48,7 +48,7 @@ def arrive(c: Array, d: int, powers: Array) -> tuple[float, float]:
     first, second, third = c[1] * powers[1], c[2] * powers[2], c[3] * powers[3]
     change, rate = 0.0, 0.0
     for k in range(4, d + 1):  # in fours, as the powers are stored
-        term = c[k] * powers[k]
+        term = c[k] * powers[k] if c[k] != 0.0 else 0.0  # powers of a very long step are infinite
         change += term
         rate += k * term
     return c[0] + (first + (second + (third + change))), first + (2.0 * second + (3.0 * third + rate))
