@@ -308,7 +308,7 @@ def germs(T: ClosedForms, slot: int, f: Flight, omega: Array, fired: int, last: 
         near += size[0, ns - 2 * len(omega) - 1]
     ready = 0
     for g in range(T.counts[slot, 1]):
-        k = 0
+        k, value = 0, 0.0
         while k < GERM_ORDERS:
             if ready < k:  # derivatives are made as far as they are needed
                 ready = k
@@ -434,12 +434,13 @@ def fly(T: ClosedForms, slot: int, f: Flight, room: float, omega: Array) -> tupl
         g = first if rank < 0 else rank
         if rank == first or f.kind[g] == NEVER:
             continue
-        j, floor, rising, found = f.lead[g], f.floor[g], f.orders[g], np.inf
+        j, floor, rising, found = int(f.lead[g]), f.floor[g], f.orders[g], np.inf
         if f.kind[g] == WAVE:
             mu, w, size = lam[j].real, lam[j].imag, T.swing[slot, g, j] * f.modulus[j]
             angle, tilt, sine = T.angle[slot, g, j] + f.phase[j], T.tilt[slot, j], T.sine[slot, j]
             while True:
-                ending = f.value[g] + (T.a[slot, g, j] * f.turned[j]).real if known else np.nan
+                z, turned = T.a[slot, g, j], f.turned[j]
+                ending = f.value[g] + z.real * turned.real - z.imag * turned.imag if known else np.nan
                 found = first_of_wave(
                     f.c[g, 0], size, angle, mu, w, tilt, sine, limit, ending, f.guess[g], floor, rising
                 )

@@ -34,13 +34,15 @@ def rests_forever(problem: Problem, knots: Knots) -> bool:
     slot = found[0]
     blocks, guards = T.counts[slot, :2]
     s = np.append(x, [1.0, 0.0])
-    sizes, rates = np.abs(s), T.exponent[slot, :blocks]
-    r = T.R[slot, :blocks] @ s
+    sizes: Array = np.abs(s)
+    rates: Array = T.exponent[slot, :blocks]
+    r: Array = T.R[slot, :blocks] @ s
     excited = np.abs(r) > 1e-13 * (np.abs(T.R[slot, :blocks]) @ sizes)
     drift, terms = T.c1[slot] @ s, np.abs(T.c1[slot]) @ sizes
     if np.any(np.abs(drift) > 1e-13 * terms) or np.any(excited & (rates.real >= 0.0)):
         return False
-    constant = T.G[slot, :guards] @ s - (T.a[slot, :guards, :blocks] @ r).real
+    coefficients: Array = T.a[slot, :guards, :blocks]
+    constant = T.G[slot, :guards] @ s - (coefficients @ r).real
     bound = T.swing[slot, :guards, :blocks] @ np.abs(r)
     margin = 1e-12 * (np.abs(T.G[slot, :guards]) @ sizes)
     # A guard that nobody moves stays as it is, even at zero: it was admissible when the mode was chosen.
