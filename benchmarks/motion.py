@@ -28,7 +28,7 @@ import stickslip as ss
 from reference_values import PROBLEMS
 from rivals import ABSENT, RIVALS, time_interleaved
 
-BATCH = {"A": 2000, "B": 8000, "C": 4000}  # motions in one call, so many that making the closed forms does not count
+BATCH = {"A": 2000, "B": 30000, "C": 10000}  # motions in one call, so many that making the closed forms does not count
 RESULTS = Path(__file__).parent / "results" / "motion.md"
 SLIDER = {"mu": "0.5 + exp(-(alpha - 1)/0.4)", "V": 0.18, "nu": 0.02}
 SYSTEMS: dict[str, tuple[ss.System, dict[str, float]]] = {
