@@ -9,9 +9,9 @@ import pytest
 
 import stickslip as ss
 from stickslip.errors import DeclarationError
-from stickslip.motion import affine
 from stickslip.motion.batch import initial_states, parameter_table, pose_all
 from stickslip.motion.closed_form import fill_closed_forms, linearise
+from stickslip.motion.forms import AFFINE
 from stickslip.motion.outcome import Outcome
 from stickslip.sweeps import chunk
 from stickslip.sweeps.chunk import Settings, measure_chunk
@@ -53,7 +53,7 @@ def test_stacked_closed_forms_are_those_of_single_modes(name: str) -> None:
     fill_closed_forms(problem, constants, stacked, group, mode, region)
     for i in range(24):
         fill_closed_forms(problem, constants, single, *(a[i : i + 1] for a in (group, mode, region)))
-    assert np.any(stacked.status == affine.AFFINE)
+    assert np.any(stacked.status == AFFINE)
     for part, other in zip(stacked, single, strict=True):
         np.testing.assert_array_equal(part, other)
 
@@ -72,7 +72,7 @@ def test_closed_form_solves_the_linear_equations(name: str) -> None:
     T = problem.empty_forms(5, 1)
     fill_closed_forms(problem, constants, T, group, mode, region)
     linear, found = linearise(problem, constants, group, mode, region)
-    assert np.all(found) and np.all(T.status == affine.AFFINE)
+    assert np.all(found) and np.all(T.status == AFFINE)
     n, rng = T.hold.shape[2], np.random.default_rng(3)
     np.testing.assert_array_equal(T.S[:, :n, :n], linear.D[:, :n])
     np.testing.assert_array_equal(T.S[:, :n, n:], linear.E[:, :n])

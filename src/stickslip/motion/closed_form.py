@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stickslip.motion import affine
-from stickslip.motion.affine import ClosedForms
+from stickslip.motion.forms import AFFINE, GERM_ORDERS, SLIDES, STICKS, ClosedForms
 from stickslip.motion.kernel import Constants
 
 if TYPE_CHECKING:
@@ -115,7 +114,7 @@ def fill_alike(problem: Problem, T: ClosedForms, slot: Array, linear: Linear, mo
     T.shortest[slot] = 1.0 / np.maximum(fastest, 1e-300)
     if omega.shape[1] == 0:
         T.shortest[slot[np.all(values == 0.0, axis=1)]] = 0.0
-    T.status[slot] = affine.AFFINE
+    T.status[slot] = AFFINE
 
 
 def responses(linear: Linear, moving: Array, modes: tuple[Array, Array, Array]) -> tuple[Array, ...]:
@@ -174,7 +173,7 @@ def fill_signals(
         S[:, n + 2 + 2 * k, n + 3 + 2 * k], S[:, n + 3 + 2 * k, n + 2 + 2 * k] = -omega[:, k], omega[:, k]
     terms, rates, ones = np.abs(np.concatenate([P, Q], axis=2)), np.abs(S), np.ones((count, ns, 1))
     T.felt[slot] = np.any(rates, axis=1) | np.any(terms, axis=1)
-    for k in range(affine.GERM_ORDERS + 1):
+    for k in range(GERM_ORDERS + 1):
         T.reach[slot, :g, k] = (terms @ ones)[:, :, 0]
         ones = rates @ ones
     T.S[slot], T.G[slot, :g, :n], T.G[slot, :g, n:], T.R[slot, :blocks] = S, P, Q, r
@@ -357,11 +356,11 @@ def constraints(problem: Problem, T: ClosedForms, linear: Linear, slot: Array) -
     F = np.concatenate([linear.D, linear.E], axis=2)
     for c in range(nc):
         if c < mq and mode[0, c] == 0:
-            row, T.held[slot, c] = F[:, n + c], affine.STICKS
+            row, T.held[slot, c] = F[:, n + c], STICKS
             T.hold[slot, c, nq : 2 * nq] = linear.hold[:, c, :nq]
         elif c >= mq + mz and mode[0, c] != 0:
             side = np.where(mode[:, c, None] > 0, F[:, n + 2 * nc + c], F[:, n + 3 * nc + c])
-            row, T.held[slot, c] = F[:, n + nc + c] + mode[:, c, None] * side, affine.SLIDES
+            row, T.held[slot, c] = F[:, n + nc + c] + mode[:, c, None] * side, SLIDES
         else:
             continue
         T.zero[slot, c] = row

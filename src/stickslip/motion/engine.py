@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from stickslip.motion import affine
-from stickslip.motion.affine import ClosedForms, Flight
+from stickslip.motion.forms import AFFINE, ClosedForms, Flight
 from stickslip.motion.guards import fill_powers, first_event
 from stickslip.motion.kernel import (
     ASTRAY,
@@ -274,7 +274,7 @@ def fly_on(
                 if T.used[g] < slots:
                     return NEED, count
                 break
-            if T.status[slot] != affine.AFFINE or not affine.admissible(T, slot, flight, y, clock[4]):
+            if T.status[slot] != AFFINE or not affine.admissible(T, slot, flight, y, clock[4]):
                 break
             guard = affine.germs(T, slot, flight, omega, fired, clock[1])
             if guard < 0:

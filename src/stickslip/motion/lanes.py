@@ -8,8 +8,8 @@ import numpy as np
 
 from stickslip.equations.compiled import announced
 from stickslip.motion import engine
-from stickslip.motion.affine import AFFINE, ClosedForms
 from stickslip.motion.closed_form import fill_closed_forms
+from stickslip.motion.forms import AFFINE, ClosedForms
 from stickslip.motion.kernel import FULL, NEED, STEPS, Constants, Lane, Record
 from stickslip.motion.problem import Problem
 

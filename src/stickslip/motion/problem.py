@@ -14,13 +14,13 @@ from stickslip import expressions as ex
 from stickslip.declaration import check_initial
 from stickslip.equations.code import ORDERS
 from stickslip.errors import DeclarationError
-from stickslip.motion import affine
+from stickslip.motion.forms import make_closed_forms, make_flight
 from stickslip.motion.kernel import Constants, Rows, Space, make_space
 from stickslip.system import System
 
 if TYPE_CHECKING:
     from stickslip.equations.compiled import CompiledSystem
-    from stickslip.motion.affine import ClosedForms, Flight
+    from stickslip.motion.forms import ClosedForms, Flight
 
 Array = np.ndarray
 
@@ -97,7 +97,7 @@ class Problem:
         n, contacts, kinks = layout.sizes["n"], len(layout.u), len(layout.kinks)
         small = contacts + kinks <= 30 and n <= 24 and layout.frequencies <= 6
         slots, doubtful = slots if small and self.exact else 0, len(self.rows.doubtful)
-        return affine.make_closed_forms(groups, slots, n, contacts, kinks, doubtful, layout.frequencies)
+        return make_closed_forms(groups, slots, n, contacts, kinks, doubtful, layout.frequencies)
 
     def space(self) -> Space:
         """New work space for the Taylor steps."""
@@ -107,7 +107,7 @@ class Problem:
         """New work space for the closed forms."""
         layout = self.compiled.layout
         doubtful = len(self.rows.doubtful)
-        return affine.make_flight(layout.sizes["n"], len(layout.u), len(layout.kinks), doubtful, layout.frequencies)
+        return make_flight(layout.sizes["n"], len(layout.u), len(layout.kinks), doubtful, layout.frequencies)
 
     @cached_property
     def rows(self) -> Rows:

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stickslip.motion import affine
+from stickslip.motion.affine import mode_key
+from stickslip.motion.forms import AFFINE
 
 if TYPE_CHECKING:
     from stickslip.motion.knots import Knots
@@ -26,9 +27,7 @@ def rests_forever(problem: Problem, knots: Knots) -> bool:
     if len(mode) == 0 or np.any(mode != 0) or problem.compiled.layout.timed:
         return False
     T = problem.closed_forms
-    found = (
-        np.flatnonzero((T.key == affine.mode_key(mode, region)) & (T.status == affine.AFFINE)) if len(T.status) else []
-    )
+    found = np.flatnonzero((T.key == mode_key(mode, region)) & (T.status == AFFINE)) if len(T.status) else []
     if len(found) == 0:
         return False
     slot = found[0]

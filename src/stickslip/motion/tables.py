@@ -6,8 +6,8 @@ import numpy as np
 from numba import njit
 
 from stickslip.motion import affine
-from stickslip.motion.affine import ClosedForms
 from stickslip.motion.engine import probe
+from stickslip.motion.forms import SMOOTH, ClosedForms
 from stickslip.motion.kernel import JETS, OPTIONS, SETUP, Constants, Rows, Space
 
 Array = np.ndarray
@@ -28,7 +28,7 @@ def claim(T: ClosedForms, slots: int, group: Array, mode: Array, region: Array, 
         place[i] = -1
         if affine.find(T.key, T.own, g * slots, int(T.used[g]), key) < 0:
             place[i] = g * slots + T.used[g]
-            T.key[place[i]], T.status[place[i]] = key, affine.SMOOTH
+            T.key[place[i]], T.status[place[i]] = key, SMOOTH
             T.used[g] += 1
 
 

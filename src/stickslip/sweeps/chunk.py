@@ -10,7 +10,6 @@ import numpy as np
 
 from stickslip.equations.compiled import announced
 from stickslip.errors import DeclarationError
-from stickslip.motion import affine
 from stickslip.motion.batch import (
     columns,
     common_length,
@@ -19,6 +18,7 @@ from stickslip.motion.batch import (
     parameter_table,
     pose_all,
 )
+from stickslip.motion.forms import AFFINE
 from stickslip.motion.kernel import FULL, NEED, Lane
 from stickslip.motion.lanes import Lanes
 from stickslip.motion.outcome import Outcome
@@ -266,7 +266,7 @@ def frames(lanes: Lanes, index: Array) -> Array:
     n = T.hold.shape[2]
     table = np.concatenate([T.S[place][:, :, :n], T.G[place]], axis=2)
     matrix, load = table[..., :n], table[..., n + 1]
-    known = (T.status[place] == affine.AFFINE)[:, :, None]
+    known = (T.status[place] == AFFINE)[:, :, None]
     matrix = np.where(known[..., None], matrix, 0.0).reshape(len(index), -1, matrix.shape[3])
     load = np.where(known, load, 0.0).reshape(len(index), -1)
     size = np.max(np.abs(matrix), axis=2) + np.abs(load)

@@ -19,7 +19,7 @@ from numba import config, cuda
 from numba.core.dispatcher import Dispatcher
 
 from stickslip.errors import DeclarationError
-from stickslip.motion.affine import Flight
+from stickslip.motion.forms import Flight
 from stickslip.motion.kernel import Record, Space
 from stickslip.motion.lanes import Lanes
 from stickslip.sweeps.chunk import SLOTS, Block, Settings
@@ -28,7 +28,7 @@ from stickslip.sweeps.measuring import advance_lane
 from stickslip.sweeps.tables import DEVICE_LANES, Bench, Engine, make_bench, make_marks
 
 if TYPE_CHECKING:
-    from stickslip.motion.affine import ClosedForms
+    from stickslip.motion.forms import ClosedForms
     from stickslip.motion.problem import Problem
 
 Array = np.ndarray

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from stickslip.motion.affine import ClosedForms, Flight
+from stickslip.motion.forms import ClosedForms, Flight
 from stickslip.motion.kernel import JETS, POWERS, RESIDUAL, Constants, Lane, Record, Rows, Space
 
 if TYPE_CHECKING:
