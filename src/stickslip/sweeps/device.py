@@ -194,23 +194,30 @@ def _there(name: str, value: Any, names: tuple[str, ...]) -> Any:
     return value
 
 
-def own(*kinds: type) -> Any:
-    """The device function that takes the row of a thread from every table of a named tuple.
+def space_of_thread(s: Any, a: int) -> Any:
+    """The rows of a thread, field by field: compiled code knows no loop over the fields of a tuple."""
+    return Space(
+        s.W[a], s.V[a], s.mag[a], s.Rq[a], s.Rz[a], s.A[a], s.B[a], s.G[a], s.scratch[a], s.stack[a],
+        s.touched[a], s.y0[a], s.trial[a], s.promise[a], s.powers[a], s.pending[a], s.labels[a], s.known[a],
+    )  # fmt: skip
 
-    Parameters
-    ----------
-    kinds : NamedTuple classes
-        The first is taken; those of its fields that bear the name of another one are named tuples themselves.
-    """
-    nested = {kind.__name__.lower(): kind for kind in kinds[1:]}
 
-    def rows(kind: Any, name: str) -> str:
-        parts = (rows(nested[f], f"{name}.{f}") if f in nested else f"{name}.{f}[a]" for f in kind._fields)
-        return f"{kind.__name__}({', '.join(parts)})"
+def flight_of_thread(f: Any, a: int) -> Any:
+    """The rows of a thread, field by field: compiled code knows no loop over the fields of a tuple."""
+    return Flight(
+        f.v[a], f.size[a], f.value[a], f.terms[a], f.orders[a], f.r[a], f.turned[a], f.modulus[a],
+        f.phase[a], f.rounding[a], f.spin[a], f.a[a], f.b[a], f.kind[a], f.lead[a], f.c[a], f.floor[a],
+        f.guess[a], f.taylor[a], f.stack[a], f.mode0[a], f.reg0[a],
+    )  # fmt: skip
 
-    # Compiled code knows no loop over the fields of a tuple, so it is written out.
-    written = eval(f"lambda part, a: {rows(kinds[0], 'part')}", {kind.__name__: kind for kind in kinds})
-    return cuda.jit(device=True)(written)
+
+def bench_of_thread(b: Any, a: int) -> Any:
+    """The rows of a thread, field by field: compiled code knows no loop over the fields of a tuple."""
+    return Bench(
+        b.work[a], Record(b.record.time[a], b.record.state[a], b.record.mode[a], b.record.region[a],
+        b.record.cause[a]), b.spent[a], b.change[a], b.noise[a], b.largest[a], b.worst[a], b.gaps[a],
+        b.balance[a], b.table[a], b.value[a], b.mode[a], b.region[a], b.felt[a],
+    )  # fmt: skip
 
 
 @cache
@@ -220,7 +227,8 @@ def _kernels(jets: Any, residual: Any, powers: Any) -> tuple[Any, Any]:
         print("stickslip: compiling this system for the GPU, some minutes ...", file=sys.stderr)
     jets, residual, powers = ported(jets), ported(residual), ported(powers)
     advance_here, grow_here = ported(advance_lane), ported(grow_lane)
-    own_space, own_flight, own_bench = own(Space), own(Flight), own(Bench, Record)
+    on_gpu: Any = cuda.jit(device=True)
+    own_space, own_flight, own_bench = map(on_gpu, (space_of_thread, flight_of_thread, bench_of_thread))
 
     @cuda.jit(device=True)
     def of_thread(e: Any, a: int) -> Any:
