@@ -1,11 +1,14 @@
-"""Certificates: does a result obey the law it is meant to solve?
+"""Certificates: does a motion obey the law it is meant to solve?
 
-All three numbers are computed from the stored knots alone, with a quadrature that the integration did not use:
+All numbers are computed from the stored knots alone, by a method that did not produce them
+(:mod:`stickslip.motion.audit`):
 
 * *energy balance (E)*: E(t) + dissipated = E(0) + supplied, at every knot, relative to the energy that flows;
-* *stability (S)*, force form: |λ| ≤ s always, λ = −σk and σu ≥ 0 in slip, u = 0 in stick, relative to the largest force
-  and relative velocity, and every region on its side of its kink;
-* *defect*: y(t_{k+1}) − y(t_k) − ∫ẏ dt over every step, relative to the size of each component.
+* *stability (S)*, force form: |λ| ≤ s always, λ = −σk and σu ≥ 0 in slip, u = 0 in stick, and every region on its side of
+  its kink, each relative to the largest force and relative velocity of its contact;
+* *defect*: by how much the equations of motion fail over a step, relative to the size of each component.
+
+The last two are bounds for all times, not for those that were looked at: what could not be enclosed is named.
 """
 
 from __future__ import annotations
@@ -18,6 +21,8 @@ import numpy as np
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
+MOST_SPANS = 8  # not verified, that are named
+
 
 @dataclass(frozen=True)
 class Certificate:
@@ -26,82 +31,83 @@ class Certificate:
     Attributes
     ----------
     energy_residual : float
-        Largest violation of the energy balance, relative to the energy scale.
+        Largest violation of the energy balance, relative to the energy that flows.
     stability_violation : float
-        Largest violation of the friction law, relative to the largest force and velocity.
+        Bound of the violation of the friction law, relative to the largest force and velocity of each contact.
     defect : float
-        Largest violation of the equations of motion over one step, relative to the state.
+        Bound of the violation of the equations of motion over one step, relative to the size of each component.
+    audit_error : float
+        Rounding errors of the audit itself, in the same units as the defect.
     tolerance : float
-        Each of the three must stay below it.
-    energy_scale : float
-        Energy that the residual is relative to (0: the system has no energy to balance).
+        Each of these must stay below it.
+    unverified : tuple of (float, float)
+        Times between which the law could not be enclosed; the numbers above hold there at the times looked at only.
+    outcome : str
+        How the motion ended, if it was refused.
     """
 
     energy_residual: float
     stability_violation: float
     defect: float
+    audit_error: float
     tolerance: float
-    energy_scale: float
+    unverified: tuple[tuple[float, float], ...] = ()
+    outcome: str = ""
 
     @property
     def ok(self) -> bool:
         """Whether the result is certified."""
-        return all(v <= self.tolerance for v in (self.energy_residual, self.stability_violation, self.defect))
+        return not self.outcome and not self.unverified and all(v <= self.tolerance for v in self._residuals.values())
+
+    @property
+    def _residuals(self) -> dict[str, float]:
+        return {
+            "energy balance": self.energy_residual,
+            "friction law": self.stability_violation,
+            "equations of motion": self.defect,
+            "rounding errors of the audit": self.audit_error,
+        }
 
     @property
     def verdict(self) -> str:
         """The verdict in words."""
         if self.ok:
             return f"certified: all residuals below {self.tolerance:.0e}"
-        bad = [
-            f"{name} {value:.2e}"
-            for name, value in (
-                ("energy balance", self.energy_residual),
-                ("friction law", self.stability_violation),
-                ("equations of motion", self.defect),
-            )
-            if not value <= self.tolerance
-        ]
-        return f"not certified: {', '.join(bad)} above {self.tolerance:.0e}"
+        bad = [f"{name} {value:.2e}" for name, value in self._residuals.items() if not value <= self.tolerance]
+        reasons = [f"the motion ended with '{self.outcome}'"] if self.outcome else []
+        reasons += [f"{', '.join(bad)} above {self.tolerance:.0e}"] if bad else []
+        reasons += [f"not verified {self._spans}"] if self.unverified else []
+        return f"not certified: {'; '.join(reasons)}"
 
-    def to_dict(self) -> dict[str, float | bool | str]:
+    @property
+    def _spans(self) -> str:
+        shown = [f"between t = {a:.9g} and {b:.9g}" for a, b in self.unverified[:MOST_SPANS]]
+        more = len(self.unverified) - len(shown)
+        return ", ".join(shown) + (f" and in {more} more spans" if more else "")
+
+    def to_dict(self) -> dict[str, float | bool | str | list]:
         """Numbers and verdict."""
-        return {**asdict(self), "ok": self.ok, "verdict": self.verdict}
+        spans = [list(span) for span in self.unverified]
+        return {**asdict(self), "unverified": spans, "ok": self.ok, "verdict": self.verdict}
 
 
 def certify(trajectory: Trajectory) -> Certificate:
-    """Measure a trajectory against energy balance, friction law and equations of motion.
-
-    Returns
-    -------
-    Certificate
-    """
+    """Measure a trajectory against energy balance, friction law and equations of motion."""
     audit = trajectory.audit
-    knots = trajectory.knots
-    energy = audit.energy
-    balance = energy - energy[0] + audit.dissipated - audit.supplied
-    flow = max(np.ptp(energy), audit.dissipated[-1], audit.supplied_modulus, np.max(audit.kinetic, initial=0.0))
-    excess, off, creep, back, force, speed, held = audit.worst[:7]
-    # The energy itself is known to rounding only: where next to nothing flows, that is the scale, or the work of the
-    # largest force over the least distance that counts.
-    least = trajectory.atol
-    scale = float(max(flow, 1e-6 * np.max(np.abs(energy)), least * max(least, force)))
-    excess_work = np.max(np.abs(balance)) - force * np.sum(audit.noise)
-    residual = float(np.maximum(excess_work, 0.0)) / scale if scale > 0.0 else 0.0
-    # In stick, velocities are what is left of forces that cancel, and are known to the rounding of that.
-    at_rest = 1e-4 * held
-    speed = max(speed, at_rest)
-    beyond, reach = audit.worst[8::2], audit.worst[9::2]
-    side = float(np.max(beyond / np.where(reach > 0.0, reach, 1.0), initial=0.0))
-    violation = max(
-        (max(excess, off) / force if force > 0.0 else 0.0), (max(creep, back) / speed if speed > 0.0 else 0.0), side
-    )
-    steps = len(knots.time) - 1
-    gap = np.maximum(np.abs(np.diff(knots.state, axis=0) - audit.change[:steps]) - audit.noise[:steps], 0.0)
-    size = np.maximum(np.max(np.abs(knots.state), axis=0, initial=least), audit.largest)
-    masses = len(trajectory.system.declaration.inertial)
-    size[masses : 2 * masses] = np.maximum(size[masses : 2 * masses], at_rest)
-    defect = float(np.max(gap / size, initial=0.0))
     tolerance = max(1e-9, 10.0 * trajectory.rtol)
-    values = [float(v) if np.isfinite(v) else np.inf for v in (residual, violation, defect)]
-    return Certificate(values[0], values[1], values[2], tolerance, scale)
+    energy, friction, defect, own = (float(v) if np.isfinite(v) else np.inf for v in audit.residuals)
+    outcome = "" if trajectory.outcome.ok else trajectory.outcome.label
+    return Certificate(energy, friction, defect, own, tolerance, _unverified(trajectory), outcome)
+
+
+def _unverified(trajectory: Trajectory) -> tuple[tuple[float, float], ...]:
+    """Spans of the steps that could not be enclosed to their end, joined where they touch."""
+    time, left = trajectory.knots.time, trajectory.audit.open
+    spans: list[tuple[float, float]] = []
+    for i in np.flatnonzero(left > 0.0):
+        begin, end = float(time[i + 1] - left[i]), float(time[i + 1])
+        if spans and begin <= spans[-1][1]:
+            spans[-1] = spans[-1][0], end
+        else:
+            spans.append((begin, end))
+    return tuple(spans)

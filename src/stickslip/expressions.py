@@ -272,12 +272,7 @@ def _derivative(e: Expr, name: str) -> Expr:
     if e.op == "sum":
         return add(*((derivative(term, name), c) for term, c in e.terms))
     if e.op == "prod":
-        parts = []
-        for base, p in e.terms:
-            inner = derivative(base, name)
-            if inner is not ZERO:
-                parts.append((multiply(e, power(base, num(-1.0)), inner), p))
-        return add(*parts)
+        return add(*((multiply(e, _relative_slope(base, p, name)), p) for base, p in e.terms))
     if e.op == "pow":
         base, exponent = e.args
         return e * (derivative(exponent, name) * call("log", base) + exponent * derivative(base, name) / base)
@@ -286,6 +281,21 @@ def _derivative(e: Expr, name: str) -> Expr:
         return select(guard, derivative(above, name), derivative(below, name))
     (x,) = e.args
     return _outer_derivative(e, x) * derivative(x, name)
+
+
+def _relative_slope(base: Expr, p: float, name: str) -> Expr:
+    """The derivative of a factor, divided by it; of 1/(a + c exp u) and 1/cosh u such that it does not overflow."""
+    if name not in base.symbols:
+        return ZERO
+    if p < 0.0 and base.op == "cosh":
+        return call("tanh", base.args[0]) * derivative(base.args[0], name)
+    growing = [(term, c) for term, c in base.terms if term.op == "exp" and name in term.symbols]
+    if p < 0.0 and base.op == "sum" and len(growing) == 1:
+        # c exp u = base − rest, so that base′/base = u′ + (rest′ − u′ rest)/base.
+        (term, c), rate = growing[0], derivative(growing[0][0].args[0], name)
+        rest = add((base, 1.0), (term, -c))
+        return rate + (derivative(rest, name) - rate * rest) / base
+    return derivative(base, name) / base
 
 
 def _outer_derivative(e: Expr, x: Expr) -> Expr:

@@ -20,10 +20,11 @@ import numpy as np
 
 from stickslip import expressions as ex
 from stickslip.equations.derive import MotionEquations
-from stickslip.equations.tape import Constants, Scaled, Tape, literal, scalar_code
+from stickslip.equations.printer import printed
+from stickslip.equations.tape import ORIGIN, Constants, Instruction, Op, Scaled, Tape, literal, scalar_code
 from stickslip.expressions import Expr
 
-GENERATOR = 6  # raise when generated code changes: part of the key of the cache
+GENERATOR = 7  # raise when generated code changes: part of the key of the cache
 ORDERS = (8, 12, 16, 20, 24)  # that a Taylor series may have
 HEADER = '''"""Generated from a declaration; do not edit."""
 import math
@@ -50,8 +51,16 @@ class Layout:
         Place of the size of the terms of each state's rate in ``mag``; −1: nothing cancels in it.
     named : dict of str to int
         Rows of the rates ``d_x`` and of the internal rates.
+    kinetic : list of (int, int, int, int)
+        Contact, direction of slip, row of the sliding force k, and row of s − k at speed 0; where k is declared.
+    rates : list of int
+        Rows of the rates of the state.
     rows : int
         Number of rows of W.
+    instructions : list of Instruction
+        The tape, in the order of its computation.
+    constants : list of Expr
+        What stands in K.
     """
 
     state: list[str]
@@ -62,8 +71,11 @@ class Layout:
     minus: list[int] = field(default_factory=list)
     kinks: list[int] = field(default_factory=list)
     named: dict[str, int] = field(default_factory=dict)
+    kinetic: list[tuple[int, int, int, int]] = field(default_factory=list)
+    rates: list[int] = field(default_factory=list)
     rows: int = 0
-    constants: int = 0
+    instructions: list[Instruction] = field(default_factory=list)
+    constants: dict[Expr, int] = field(default_factory=dict)
     magnitudes: int = 0
     frequencies: int = 0
     timed: bool = False
@@ -87,7 +99,7 @@ class _Generator:
     def __init__(self, equations: MotionEquations) -> None:
         self.eq = equations
         d = self.d = equations.declaration
-        self.constants = Constants(d.parameters)
+        self.constants = Constants([*d.parameters, ORIGIN])
         self.nq, self.nz, self.nr, self.na = map(len, (d.inertial, d.viscous, d.rate_independent, d.internal))
         self.mq, self.mz, self.mr = (equations.count(k) for k in ("inertial", "viscous", "rate-independent"))
         self.n = len(d.state)
@@ -106,32 +118,27 @@ class _Generator:
         rows = {name: i for i, name in enumerate(d.state)} | {"t": self.n}
         regions = {guard: i for i, guard in enumerate(equations.kinks)}
         self.tape = Tape(self.constants, rows, self.n + 1, regions)
-        self.solves: dict[int, list[str]] = {0: [], 1: [], 2: []}
+        self.solves: dict[int, list[Instruction]] = {0: [], 1: [], 2: []}
         self.magnitudes: list[str] = []
         self.rate_sizes = 3 * (self.mq + self.mz + self.mr) + len(equations.kinks)
-        self.scratch = self.rate_sizes + self.nq + self.nz + self.nr
+        self.scratch = self.rate_sizes + self.nq + self.nz + self.nr + self.na
         self.nc = self.mq + self.mz + self.mr
 
     # -- the blocks -------------------------------------------------------------------------------
 
-    def contact(self, i: int) -> Expr:
-        return self.eq.contacts[i].speed
-
     def velocity(self, i: int) -> None:
         """Row of the relative velocity of contact i, and its size for rounding."""
         c, tape = self.eq.contacts[i], self.tape
-        parts = [Scaled(self.constants.code(j), tape.names[f"d_{x}"]) for x, j in c.direction.items()]
+        parts = [Scaled(j, tape.names[f"d_{x}"]) for x, j in c.direction.items()]
         belt = tape.lower(c.speed)
-        parts.append(Scaled(f"-{belt.factor}", belt.row))
+        parts.append(Scaled(-belt.factor, belt.row))
         self.layout.u.append(tape.assign(parts, None))
         tape.name(f"u:{i}", self.layout.u[i], tape.stage[self.layout.u[i]])
         self.magnitudes.append(f"mag[{i}] = {self.size_of(parts)}")
 
     def size_of(self, parts: list[Scaled]) -> str:
-        return (
-            " + ".join(f"abs({p.factor})" if p.row is None else f"abs({p.factor}*W[{p.row}, 0])" for p in parts)
-            or "0.0"
-        )
+        code = [(self.constants.code(p.factor), p.row) for p in parts]
+        return " + ".join(f"abs({c})" if row is None else f"abs({c}*W[{row}, 0])" for c, row in code) or "0.0"
 
     def size(self, e: Expr) -> str:
         """Code for the sum of the moduli of the terms of an expression: the scale of its rounding error."""
@@ -165,7 +172,7 @@ class _Generator:
         for j in range(count):
             self.contact_side(first + j, right + len(forces) + j, stage)
             self.magnitudes.append(f"mag[{base + len(forces) + j}] = abs(W[{right + len(forces) + j}, 0])")
-        self.solves[stage].append(f"solve_order({resolvent}, W, {right}, {solution}, {n}, k)")
+        self.solves[stage].append(Instruction(Op.SOLVE, solution, (right,), size=n, matrix=resolvent))
         for j in range(count):
             row = solution + len(forces) + j
             size = " + ".join(f"abs({resolvent}[{len(forces) + j}, {m}])*mag[{base + m}]" for m in range(n))
@@ -200,17 +207,15 @@ class _Generator:
         """Right-hand side of contact i: the belt in stick, the friction force in slip."""
         c, tape = self.eq.contacts[i], self.tape
         belt = c.speed if c.kind == "viscous" else ex.derivative(c.speed, "t")
-        w, plus, minus = (tape.row(e) for e in (belt, c.kinetic_plus, c.kinetic_minus))
-        tape.emit(
-            stage, f"W[{row}, k] = W[{w}, k] if mode[{i}] == 0 else (-W[{plus}, k] if mode[{i}] > 0 else W[{minus}, k])"
-        )
+        sides = tuple(tape.row(e) for e in (belt, c.kinetic_plus, c.kinetic_minus, c.plus, c.minus))
+        tape.emit(stage, Instruction(Op.SIDE, row, sides, place=i))
         tape.stage[row] = stage
 
     def speeds(self) -> None:
         """Rows of |u| in the kinetic laws of inertial contacts."""
         for i in range(self.mq):
             row = self.tape.new_row(0)
-            self.tape.emit(0, f"W[{row}, k] = mode[{i}]*W[{self.layout.u[i]}, k]")
+            self.tape.emit(0, Instruction(Op.SPEED, row, (self.layout.u[i],), place=i))
             self.tape.name(f"speed:{i}", row, 0)
 
     def rates(self) -> int:
@@ -219,53 +224,46 @@ class _Generator:
         first = tape.rows
         for _ in range(n):
             tape.new_row(2)
-        code = self.constants.code
-        lines, matrix, dynamic = self.solves[1], [], []
-        for i in range(n):
-            c = self.mq + self.mz + i
-            for j in range(n):
-                entries = (rate.stiffness[i][j], rate.threshold_slope[0][i][j], rate.threshold_slope[1][i][j])
-                own = code(rate.weight[i]) if i == j else "0.0"
-                if all(self.constants.is_constant(e) for e in entries):
-                    h, sp, sm = (code(e) for e in entries)
-                    matrix.append(
-                        f"A[{i}, {j}] = {own} if mode[{c}] == 0 else ({h} + {sp} if mode[{c}] > 0 else {h} - {sm})"
-                    )
-                    continue
-                h, sp, sm = (tape.row(e) for e in entries)
-                row = tape.new_row(1)
-                dynamic.append((i, j, row))
-                lines.append(
-                    f"W[{row}, k] = ({own} if k == 0 else 0.0) if mode[{c}] == 0 else "
-                    f"(W[{h}, k] + W[{sp}, k] if mode[{c}] > 0 else W[{h}, k] - W[{sm}, k])"
-                )
-                matrix.append(f"A[{i}, {j}] = W[{row}, 0]")
+        entries = [self.entry(i, j) for i in range(n) for j in range(n)]
+        self.solves[1] += [entry for entry in entries if entry.inputs]
         right, base = tape.rows, self.scratch
         self.scratch += n
         for _ in range(n):
             tape.new_row(1)
         for i in range(n):
             c = self.mq + self.mz + i
-            w, rest = tape.row(self.eq.contacts[c].speed), tape.row(rate.rest[i])
-            plus, minus = (tape.row(e[i]) for e in rate.threshold_rest)
-            lines.append(
-                f"W[{right + i}, k] = W[{w}, k] if mode[{c}] == 0 else "
-                f"(-W[{rest}, k] - W[{plus}, k] if mode[{c}] > 0 else -W[{rest}, k] + W[{minus}, k])"
-            )
-            size = f"{self.size(rate.rest[i])} + {self.size(rate.threshold_rest[0][i])} + abs(W[{w}, 0])"
+            sides = self.eq.contacts[c].speed, rate.rest[i], rate.threshold_rest[0][i], rate.threshold_rest[1][i]
+            rows = tuple(tape.row(e) for e in sides)
+            self.solves[1].append(Instruction(Op.RIGHT, right + i, rows, place=c))
+            size = f"{self.size(rate.rest[i])} + {self.size(rate.threshold_rest[0][i])} + abs(W[{rows[0]}, 0])"
             self.magnitudes.append(f"mag[{base + i}] = {size}")
-        lines += ["if k == 0:", *("    " + m for m in matrix), f"    if not invert(A, {n}, B):", "        return 1"]
-        for i, j, row in dynamic:
-            lines.append(f"W[{right + i}, k] -= lagged_order(W, {row}, {first + j}, k)")
-        lines.append(f"solve_order(B, W, {right}, {first}, {n}, k)")
+        self.solves[1].append(Instruction(Op.RATES, first, (right,), size=n, entries=tuple(entries)))
         for i in range(n):
             inner = " + ".join(f"abs(B[{i}, {m}])*mag[{base + m}]" for m in range(n))
             c = self.mq + self.mz + i
             place = self.rate_sizes + self.nq + self.nz + i
             self.magnitudes.append(f"mag[{place}] = {inner}")
-            self.magnitudes.append(f"mag[{c}] += abs({code(rate.weight[i])})*mag[{place}]")
+            self.magnitudes.append(f"mag[{c}] += abs({self.constants.code(rate.weight[i])})*mag[{place}]")
             self.magnitudes.append(f"mag[{2 * self.nc + c}] = {self.size(rate.force[i])}")
         return first
+
+    def entry(self, i: int, j: int) -> Instruction:
+        """An entry of the matrix of that problem."""
+        rate, contact = self.eq.rate, self.mq + self.mz + i
+        own = Scaled(rate.weight[i] if i == j else ex.ZERO)
+        others = rate.stiffness[i][j], rate.threshold_slope[0][i][j], rate.threshold_slope[1][i][j]
+        if all(map(self.constants.is_constant, others)):
+            return Instruction(Op.ENTRY, -1, parts=(own, *map(Scaled, others)), place=contact)
+        rows = tuple(self.tape.row(e) for e in others)
+        return Instruction(Op.ENTRY, self.tape.new_row(1), rows, (own,), place=contact)
+
+    def kinetic_laws(self) -> None:
+        """Rows that say whether sliding forces are admissible, 0 ≤ k and k ≤ s at speed 0."""
+        for i, c in enumerate(self.eq.contacts):
+            for side, force, static in ((1, c.kinetic_plus, c.plus), (-1, c.kinetic_minus, c.minus)):
+                if force is not static:
+                    at_rest = ex.substitute(force, {f"speed:{i}": ex.ZERO})
+                    self.layout.kinetic.append((i, side, self.tape.row(force), self.tape.row(static - at_rest)))
 
     # -- the functions ----------------------------------------------------------------------------
 
@@ -293,25 +291,37 @@ class _Generator:
         for name, row in zip(d.internal, laws, strict=True):
             tape.name(f"d_{name}", row, tape.stage[row]) if f"d_{name}" not in d.state else None
         inertial = self.block(eq.inertial_force, 0, self.mq, 2, "Rq") if self.nq else 0
+        self.law_sizes()
+        self.kinetic_laws()
         layout = self.layout
         layout.plus = [tape.row(c.plus) for c in eq.contacts]
         layout.minus = [tape.row(c.minus) for c in eq.contacts]
         layout.force = [tape.names[f"lambda:{i}"] for i in range(self.nc)]
+        for i, (plus, minus) in enumerate(zip(layout.plus, layout.minus, strict=True)):
+            # A force is measured against its threshold, too.
+            self.magnitudes.append(f"mag[{2 * self.nc + i}] += abs(W[{plus}, 0]) + abs(W[{minus}, 0])")
         for j, guard in enumerate(eq.kinks):
             layout.kinks.append(tape.row(guard))
             self.magnitudes.append(f"mag[{3 * self.nc + j}] = {self.size(guard)}")
         layout.named = {f"d_{x}": tape.names[f"d_{x}"] for x in d.coordinates}
         layout.named |= {f"d_{a}": row for a, row in zip(d.internal, laws, strict=True)}
         layout.named |= {f"dd_{q}": inertial + i for i, q in enumerate(d.inertial)}
+        layout.rates = [*range(self.nq, 2 * self.nq), *(inertial + i for i in range(self.nq))]
+        layout.rates += [*(viscous + i for i in range(self.nz))]
+        layout.rates += [*(tape.names[f"d_{r}"] for r in d.rate_independent), *laws]
+        stages, solves = tape.instructions, self.solves
+        layout.instructions = [*stages[0], *solves[0], *stages[1], *solves[1], *stages[2], *solves[2], *stages[3]]
         residual, powers = self.residual(), self.powers()
-        jets = self.jets(inertial, viscous, laws)
+        jets = self.jets()
         layout.rows = tape.rows
         setup = self.setup()
-        first = np.arange(self.rate_sizes, self.scratch)[: self.nq + self.nz + self.nr]
-        layout.rate_sizes = np.concatenate([np.full(self.nq, -1), first, np.full(self.na, -1)]).astype(np.int64)
+        first = np.arange(self.rate_sizes, self.scratch)[: self.nq + self.nz + self.nr + self.na]
+        layout.rate_sizes = np.concatenate([np.full(self.nq, -1), first]).astype(np.int64)
         layout.magnitudes, layout.frequencies, layout.timed = self.scratch, len(eq.frequencies), eq.timed
-        layout.constants = len(self.constants.slots)
-        kept = sorted({*range(self.n), *layout.u, *layout.force, *layout.plus, *layout.minus, *layout.kinks})
+        layout.constants = self.constants.slots
+        guards = [*layout.u, *layout.force, *layout.plus, *layout.minus, *layout.kinks]
+        guards += [row for *_, force, margin in layout.kinetic for row in (force, margin)]
+        kept = sorted({*range(self.n), *guards})
         return Generated(
             "\n".join([HEADER, f"KEPT = {tuple(kept)}", "", *setup, "", *jets, "", *residual, "", *powers, ""]), layout
         )
@@ -330,19 +340,15 @@ class _Generator:
             *_indent([*self.constants.source(), *fill, "return"]),
         ]
 
-    def jets(self, inertial: int, viscous: int, laws: list[int]) -> list[str]:
-        n, nq, nz, nr = self.n, self.nq, self.nz, self.nr
-        stages, solves = self.tape.statements, self.solves
-        loop = [*stages[0], *solves[0], *stages[1], *solves[1], *stages[2], *solves[2], *stages[3]]
-        for i in range(nq):
-            loop.append(f"W[{i}, k + 1] = W[{nq + i}, k]/(k + 1)")
-            loop.append(f"W[{nq + i}, k + 1] = W[{inertial + i}, k]/(k + 1)")
-        for i in range(nz):
-            loop.append(f"W[{2 * nq + i}, k + 1] = W[{viscous + i}, k]/(k + 1)")
-        for i, r in enumerate(self.d.rate_independent):
-            loop.append(f"W[{2 * nq + nz + i}, k + 1] = W[{self.tape.names[f'd_{r}']}, k]/(k + 1)")
-        for i, row in enumerate(laws):
-            loop.append(f"W[{2 * nq + nz + nr + i}, k + 1] = W[{row}, k]/(k + 1)")
+    def law_sizes(self) -> None:
+        """Scales of the rates of the internal variables."""
+        for i, law in enumerate(self.eq.laws):
+            self.magnitudes.append(f"mag[{self.rate_sizes + self.nq + self.nz + self.nr + i}] = {self.size(law)}")
+
+    def jets(self) -> list[str]:
+        n, layout = self.n, self.layout
+        loop = [line for instruction in layout.instructions for line in printed(instruction, self.constants)]
+        loop += [f"W[{i}, k + 1] = W[{row}, k]/(k + 1)" for i, row in enumerate(layout.rates)]
         body = [
             f"for i in range({n}):",
             "    W[i, 0] = y[i]",
@@ -366,11 +372,11 @@ class _Generator:
     def residual(self) -> list[str]:
         rate, names = self.eq.rate, {s: f"y[{i}]" for i, s in enumerate(self.d.state)}
         regions = {guard: f"reg[{i}]" for i, guard in enumerate(self.eq.kinks)}
-        symbols = names | {"t": "t"} | {p: self.constants.code(ex.sym(p)) for p in self.d.parameters}
         acting = self.eq.contacts[self.mq + self.mz :]
         targets = [*rate.force, *(c.plus for c in acting), *(c.minus for c in acting)]
+        targets += [term for force in rate.force for term, _ in terms(force)]
         targets += [e for m in (rate.partial, *rate.threshold_partial) for row in m for e in row]
-        lines, v = scalar_code(targets, symbols, regions)
+        lines, v = scalar_code(targets, names, regions, self.constants)
         for i, c in enumerate(acting):
             m = f"mode[{self.mq + self.mz + i}]"
             plus, minus = v[c.plus], v[c.minus]
@@ -390,10 +396,10 @@ class _Generator:
 
     def powers(self) -> list[str]:
         names = {s: f"W[{row}, 0]" for s, row in self.tape.names.items()}
-        names |= {p: self.constants.code(ex.sym(p)) for p in self.d.parameters}
         regions = {guard: f"reg[{i}]" for i, guard in enumerate(self.eq.kinks)}
         targets = [self.eq.energy, self.eq.dissipation, self.eq.supply]
-        lines, v = scalar_code(targets, names, regions)
+        lines, v = scalar_code(targets, names, regions, self.constants)
+        lines = [f"t = W[{self.n}, 0]", *lines]
         lines += [f"out[{i}] = {v[e]}" for i, e in enumerate(targets)]
         return [
             _compiled("void(matrix, indices, vector, vector)"),

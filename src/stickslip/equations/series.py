@@ -15,6 +15,8 @@ from numba import njit, types
 from numba.extending import lower_builtin, type_callable
 
 Array = np.ndarray
+NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a difference may be zero
+OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
 
 # Sums may be reordered (they are long dot products), nothing else is relaxed: NaN and inf must stay visible.
 _exact: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
@@ -76,32 +78,44 @@ def product_order(W: Array, a: int, b: int, k: int) -> float:
 
 @njit(**_options)
 def divide_order(W: Array, a: int, b: int, y: int, k: int) -> float:
-    """Order k of y = a/b."""
+    """Order k of y = a/b; nothing where b has overflowed."""
     s = 0.0
     for j in range(1, k + 1):
         s += W[b, j] * W[y, k - j]
-    return (W[a, k] - s) / W[b, 0]
+    return 0.0 if abs(W[b, 0]) == np.inf else (W[a, k] - s) / W[b, 0]
 
 
 @njit(**_options)
 def inverse_order(W: Array, b: int, y: int, k: int) -> float:
-    """Order k of y = 1/b."""
+    """Order k of y = 1/b; nothing where b has overflowed."""
     s = 0.0
     for j in range(1, k + 1):
         s += W[b, j] * W[y, k - j]
-    return ((1.0 if k == 0 else 0.0) - s) / W[b, 0]
+    return 0.0 if abs(W[b, 0]) == np.inf else ((1.0 if k == 0 else 0.0) - s) / W[b, 0]
+
+
+@njit(**_exact)
+def first_power(a: float, p: float, size: float) -> float:
+    """aᵖ, where a is known up to the rounding error of terms of a size: what may be 0 is 0."""
+    if p > 0.0 and abs(a) <= NOTHING * size:
+        return 0.0
+    return math.sqrt(a) if p == 0.5 and a >= 0.0 else np.power(a, p)
 
 
 @njit(**_options)
-def power_order(W: Array, a: int, y: int, p: float, k: int) -> float:
-    """Order k of y = aᵖ for a constant p."""
+def power_order(W: Array, a: int, y: int, p: float, size: float, k: int) -> float:
+    """Order k of y = aᵖ for a constant p.
+
+    Where y begins with 0, all its orders are 0: a power of zero has no series of its own, and what it is later counts
+    as what the series cannot show (:mod:`stickslip.motion.discs`).
+    """
     a0 = W[a, 0]
     if k == 0:
-        return math.sqrt(a0) if p == 0.5 and a0 >= 0.0 else np.power(a0, p)
+        return first_power(a0, p, size)
     s = 0.0
     for j in range(1, k + 1):
         s += (j * p - (k - j)) * W[a, j] * W[y, k - j]
-    return s / (k * a0)
+    return s / (k * a0) if W[y, 0] != 0.0 else 0.0
 
 
 @njit(**_options)
@@ -113,10 +127,16 @@ def chain_order(W: Array, a: int, g: int, k: int) -> float:
     return s / k + W[a, k] * W[g, 0]
 
 
+@njit(**_exact)
+def first_exp(x: float) -> float:
+    """exp x, infinite before its derivatives overflow: what is divided by it then is zero, and so are they."""
+    return math.exp(x) if x < OVERFLOW else np.inf
+
+
 @njit(**_options)
 def exp_order(W: Array, a: int, y: int, k: int) -> float:
     """Order k of y = exp a."""
-    return math.exp(W[a, 0]) if k == 0 else chain_order(W, a, y, k)
+    return first_exp(W[a, 0]) if k == 0 else chain_order(W, a, y, k)
 
 
 @njit(**_options)
@@ -156,17 +176,11 @@ def steady_rotation_order(W: Array, a: int, sine: int, cosine: int, k: int) -> N
 def hyperbolic_order(W: Array, a: int, sine: int, cosine: int, k: int) -> None:
     """Order k of sinh a and cosh a."""
     if k == 0:
-        W[sine, 0] = math.sinh(W[a, 0])
-        W[cosine, 0] = math.cosh(W[a, 0])
+        W[sine, 0] = 0.5 * first_exp(W[a, 0]) - 0.5 * first_exp(-W[a, 0]) if abs(W[a, 0]) > 1.0 else math.sinh(W[a, 0])
+        W[cosine, 0] = 0.5 * first_exp(W[a, 0]) + 0.5 * first_exp(-W[a, 0])
     else:
         W[sine, k] = chain_order(W, a, cosine, k)
         W[cosine, k] = chain_order(W, a, sine, k)
-
-
-@njit(**_options)
-def steady_hyperbolic_order(W: Array, a: int, sine: int, cosine: int, k: int) -> None:
-    """Order k of sinh a and cosh a for a phase a that is affine in time."""
-    hyperbolic_order(W, a, sine, cosine, k)
 
 
 @njit(**_options)
@@ -180,19 +194,48 @@ def solve_order(R: Array, W: Array, first: int, solution: int, n: int, k: int) -
 
 
 @njit(**_exact)
+def balance(A: Array, n: int, row: int, by_rows: bool) -> float:
+    """A power of two near the reciprocal of the largest entry of a row (or column); 0 if there is none."""
+    largest = 0.0
+    for j in range(n):
+        largest = max(largest, abs(A[row, j] if by_rows else A[j, row]))
+    return math.ldexp(1.0, -math.frexp(largest)[1]) if 0.0 < largest < np.inf else 0.0
+
+
+@njit(**_exact)
 def invert(A: Array, n: int, R: Array) -> bool:
-    """Inverse R of the leading n×n block of A (destroyed) by Gauss-Jordan elimination; False if singular."""
-    scale = 0.0
+    """Inverse R of the leading n×n block of A (destroyed, with the row below) by Gauss-Jordan elimination.
+
+    Returns
+    -------
+    bool
+        False if it is singular.
+
+    Notes
+    -----
+    Rows and columns are brought to size 1 first, by powers of two, which round nothing: a pivot is small beside its
+    own row, not beside a mass in other units.
+    """
     for i in range(n):
+        factor = balance(A, n, i, True)
+        if factor == 0.0:
+            return False
         for j in range(n):
-            scale = max(scale, abs(A[i, j]))
-            R[i, j] = 1.0 if i == j else 0.0
+            A[i, j] *= factor
+            R[i, j] = factor if i == j else 0.0
+    for j in range(n):
+        factor = balance(A, n, j, False)
+        if factor == 0.0:
+            return False
+        A[n, j] = factor
+        for i in range(n):
+            A[i, j] *= factor
     for c in range(n):
         pivot = c
         for i in range(c + 1, n):
             if abs(A[i, c]) > abs(A[pivot, c]):
                 pivot = i
-        if not abs(A[pivot, c]) > 1e-13 * scale:
+        if not abs(A[pivot, c]) > 1e-13:
             return False
         for j in range(n):
             A[c, j], A[pivot, j] = A[pivot, j], A[c, j]
@@ -207,6 +250,9 @@ def invert(A: Array, n: int, R: Array) -> bool:
                 for j in range(n):
                     A[i, j] -= factor * A[c, j]
                     R[i, j] -= factor * R[c, j]
+    for i in range(n):
+        for j in range(n):
+            R[i, j] *= A[n, i]
     return True
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit
 
 from stickslip.motion.forms import GERM_ORDERS, SLIDES, ClosedForms, Flight
+from stickslip.motion.guards import switch_of
 from stickslip.motion.kernel import INLINED, OPTIONS, ROUNDING
 from stickslip.motion.signals import first_of_bend, first_of_line, first_of_many, first_of_wave, length
 
@@ -102,7 +103,7 @@ def _terms(S: Array, G: Array, size: Array, k: int, near: float) -> float:
 
 
 @njit(**INLINED)
-def germs(T: ClosedForms, slot: int, f: Flight, omega: Array, fired: int, last: float) -> int:
+def germs(T: ClosedForms, slot: int, f: Flight, omega: Array, fired: int, kinks: int, last: float) -> int:
     """Least guard that becomes negative at once, or −1; the deciding order of each guard is left in the work space."""
     v, size, orders, S, G, reach = f.v, f.size, f.orders, T.S[slot], T.G[slot], T.reach[slot]
     ns, largest = len(S), 0.0
@@ -132,7 +133,7 @@ def germs(T: ClosedForms, slot: int, f: Flight, omega: Array, fired: int, last: 
                 break
             if abs(value) > ROUNDING * terms:
                 floor = ROUNDING * _terms(S, G[g], size, k, near)
-                if k == 0 and T.switch[slot, g] % 1000 == fired:
+                if k == 0 and switch_of(T.switch[slot, g], kinks, T.held.shape[1]) == fired:
                     floor *= FIRED
                 if abs(value) > floor:
                     break
@@ -301,7 +302,8 @@ def admissible(T: ClosedForms, slot: int, f: Flight, x: Array, last: float) -> b
     for c in range(T.held.shape[1]):
         if T.held[slot, c] == 0:
             continue
-        zero, value, size, rate = T.zero[slot, c], 0.0, 0.0, 0.0
+        zero, value, size = T.zero[slot, c], 0.0, 0.0
+        rate = abs(dot(T.brake[slot, c], s))
         for i in range(len(s)):
             value += zero[i] * s[i]
             size += abs(zero[i]) * moduli[i]

@@ -34,7 +34,8 @@ class Linear:
     ----------
     D, E : arrays, shapes (modes, rows, n) and (modes, rows, drives)
     hold : array
-        Columns that put the velocities of sticking inertial contacts back onto their surface.
+        Columns that put the velocities of sticking inertial contacts back onto their surface; last, the acceleration
+        that a unit of force gives to each.
     mode, region : arrays of int
     omega : array, shape (modes, frequencies)
     """
@@ -76,7 +77,8 @@ def fill_closed_forms(
     n = int(problem.rows.sizes[0])
     moving = np.any(linear.D[:, :n] != 0.0, axis=2) | np.any(linear.E[:, :n] != 0.0, axis=2)
     core = np.any((linear.D[:, :n] != 0.0) & moving[:, :, None], axis=1) & moving
-    pattern = np.hstack([moving, core, linear.mode == 0])
+    lawful = problem.rows.doubtful[:, 1]
+    pattern = np.hstack([moving, core, linear.mode == 0, linear.mode[:, lawful[lawful >= 0]] > 0])
     # What moves, what moves others and what sticks is the same in most of them: those are worked on as one stack.
     packed = np.packbits(pattern, axis=1)
     kinds, kind = np.unique(packed.view(f"V{packed.shape[1]}"), return_inverse=True)
@@ -212,8 +214,8 @@ def linearise(problem: Problem, constants: Constants, group: Array, mode: Array,
     checked = np.array([(1.9 * k + 0.13) * layout.timed for k in range(4)])
     times = np.hstack([later, np.zeros((count, n)), np.tile(checked, (count, 1))])
     states = np.vstack([np.zeros((d, n)), PROBE * np.eye(n), checks])
-    out = np.zeros((count, len(states), n + 4 * nc + nk))
-    hold, found = np.zeros((count, max(nc, 1), max(int(sizes[1]), 1))), np.zeros(count, np.bool_)
+    out = np.zeros((count, len(states), n + 4 * nc + nk + len(problem.rows.doubtful)))
+    hold, found = np.zeros((count, max(nc, 1), int(sizes[1]) + 1)), np.zeros(count, np.bool_)
     tables.probe_modes(
         problem.compiled.jets,
         problem.rows,
@@ -339,12 +341,12 @@ def guards(problem: Problem, linear: Linear) -> tuple[Array, Array, list[int]]:
     rows = [(F[:, n + 4 * nc + j] * side[:, j, None], j) for j in range(nk)]
     for c in range(nc):
         if mode[0, c] == 0:
-            rows += [(force[:, c] + plus[:, c], nk + c), (minus[:, c] - force[:, c], nk + c + 1000)]
+            rows += [(force[:, c] + plus[:, c], nk + 2 * c), (minus[:, c] - force[:, c], nk + 2 * c + 1)]
         else:
-            rows.append((mode[:, c, None] * u[:, c], nk + c))
-    for d, row in enumerate(problem.rows.doubtful):
-        threshold, c = (plus, layout.plus.index(row)) if row in layout.plus else (minus, layout.minus.index(row))
-        rows.append((threshold[:, c], 2000 + d))
+            rows.append((mode[:, c, None] * u[:, c], nk + 2 * c))
+    for d, (_, c, side) in enumerate(problem.rows.doubtful):
+        if c < 0 or np.all(mode[:, c] * side > 0):
+            rows.append((F[:, n + 4 * nc + nk + d], nk + 2 * nc + d))
     table = np.stack([r for r, _ in rows], axis=1) if rows else np.zeros((len(F), 0, F.shape[2]))
     return table[:, :, :n], table[:, :, n:], [s for _, s in rows]
 
@@ -358,6 +360,7 @@ def constraints(problem: Problem, T: ClosedForms, linear: Linear, slot: Array) -
         if c < mq and mode[0, c] == 0:
             row, T.held[slot, c] = F[:, n + c], STICKS
             T.hold[slot, c, nq : 2 * nq] = linear.hold[:, c, :nq]
+            T.brake[slot, c] = (F[:, n + 2 * nc + c] + F[:, n + 3 * nc + c]) * linear.hold[:, c, nq, None]
         elif c >= mq + mz and mode[0, c] != 0:
             side = np.where(mode[:, c, None] > 0, F[:, n + 2 * nc + c], F[:, n + 3 * nc + c])
             row, T.held[slot, c] = F[:, n + nc + c] + mode[:, c, None] * side, SLIDES

@@ -10,11 +10,12 @@ from numba import njit
 
 from stickslip.motion import affine
 from stickslip.motion.forms import AFFINE, ClosedForms, Flight
-from stickslip.motion.guards import fill_powers, first_event
+from stickslip.motion.guards import first_event
 from stickslip.motion.kernel import (
     ASTRAY,
     FINISHED,
     FULL,
+    INADMISSIBLE,
     INLINED,
     JETS,
     LIMIT,
@@ -38,12 +39,15 @@ from stickslip.motion.kernel import (
     Rows,
     Space,
 )
-from stickslip.motion.modes import copy, flip, keeps, resolve, settle
+from stickslip.motion.modes import copy, flip, keeps, let_slide, resolve, settle
 from stickslip.motion.roots import arrive
+from stickslip.motion.steps import fill_powers
+from stickslip.motion.structure import is_affine
 
 Array = np.ndarray
 
 ZENO_EVENTS = 200
+CLOSEST = 1e-15  # relative difference of times that can be told apart
 
 
 @njit(**OPTIONS)
@@ -96,12 +100,14 @@ def integrate(
             continue
         g = group[i]
         k = Constants(constants.K[g], constants.M[g], constants.C[g], constants.J[g], constants.omega[g])
-        lane = Lane(lanes.clock[i], lanes.y[i], lanes.mode[i], lanes.settled[i], lanes.reg[i], lanes.counters[i])
+        lane = lane_of(lanes, i)
         space.known[-1] = 1
         code, flying = NOWHERE, slots > 0 and codes[i] != STEPS
         while code < 0:
             if flying:
-                code, count = fly_on(forms, g, slots, flight, k.omega, lane, end, max_events, recording, record, count)
+                code, count = fly_on(
+                    forms, g, slots, flight, rows.drops, k.omega, lane, end, max_events, recording, record, count
+                )
             if code < 0:
                 code, count = step_on(
                     jets, residual, rows, k, space, N, tol, atol, lane, end, max_events, recording, record, count
@@ -113,6 +119,7 @@ def integrate(
 
 @njit(**OPTIONS)
 def integrate_affine(
+    rows: Rows,
     constants: Constants,
     forms: ClosedForms,
     slots: int,
@@ -134,12 +141,20 @@ def integrate_affine(
         if codes[i] < FULL:
             continue
         g = group[i]
-        lane = Lane(lanes.clock[i], lanes.y[i], lanes.mode[i], lanes.settled[i], lanes.reg[i], lanes.counters[i])
+        lane = lane_of(lanes, i)
         code, count = fly_on(
-            forms, g, slots, flight, constants.omega[g], lane, end, max_events, recording, record, count
+            forms, g, slots, flight, rows.drops, constants.omega[g], lane, end, max_events, recording, record, count
         )
         codes[i] = code if code >= 0 else STEPS
     return count
+
+
+@njit(**INLINED)
+def lane_of(lanes: Lane, i: int) -> Lane:
+    """One of many lanes."""
+    return Lane(
+        lanes.clock[i], lanes.y[i], lanes.seen[i], lanes.mode[i], lanes.settled[i], lanes.reg[i], lanes.counters[i]
+    )
 
 
 @njit(**OPTIONS)
@@ -194,15 +209,16 @@ def step_on(
             return (ON_JUMP if rows.sizes[3] == 0 else NO_RATE), count
         if t >= end:
             return FINISHED, count
-        if h < 1e-15 * max(abs(t), 1e-3) and h < end - t:
+        if h <= CLOSEST * abs(t) and h < end - t:
             # The rate of a sliding rate-independent coordinate runs away where its branch of equilibria ends.
             sliding = False
             for c in range(rows.sizes[5] + rows.sizes[6], len(rows.u)):
                 sliding = sliding or lane.mode[c] != 0
             return (NO_RATE if sliding else TINY), count
         x, which = first_event(space, may_fire, N)
-        if which >= 2000 and x == 0.0:
-            return NEGATIVE, count
+        forbidden = which - nk - 2 * len(rows.u)  # what has become negative, though it must not
+        if forbidden >= 0 and x == 0.0:
+            return (NEGATIVE if rows.doubtful[forbidden, 1] < 0 else INADMISSIBLE), count
         if x < 1.0:
             fill_powers(space.powers, x * h)
         for i in range(len(y)):
@@ -210,7 +226,7 @@ def step_on(
         # The next step begins with the rates at the end of this one, unless something comes in between.
         promised = x * h
         if which >= 0 or (counters[4] + 1) % 64 == 0 or rows.sizes[3] > 0 or (recording and count == len(record.time)):
-            if not solves(jets, k, space, 1e4 * tol, atol, t, x * h, lane):
+            if not solves(jets, rows, k, space, 1e4 * tol, atol, t, x * h, lane):
                 room, again, promised = 0.25 * x * h, True, 0.0
                 continue
             promised = 0.0
@@ -222,19 +238,21 @@ def step_on(
         clock[1], clock[4] = h, max(h, 0.5 * clock[4])
         clock[0] = end if which < 0 and h >= end - t else t + x * h
         counters[2] = -1
-        if which >= 2000:
-            return NEGATIVE, count
+        if forbidden >= 0:
+            return (NEGATIVE if rows.doubtful[forbidden, 1] < 0 else INADMISSIBLE), count
         if which >= 0:
-            return fire(which, lane, nk, max_events), count
+            return fire(which, lane, nk, rows.drops, max_events), count
 
 
 @njit(**INLINED)
-def solves(jets: JETS, k: Constants, space: Space, tol: float, atol: float, t: float, h: float, lane: Lane) -> bool:
+def solves(
+    jets: JETS, rows: Rows, k: Constants, space: Space, tol: float, atol: float, t: float, h: float, lane: Lane
+) -> bool:
     """Whether the rates at the end of a step are those that its series promises."""
     y, V = space.trial, space.V
     if jets(t + h, y, lane.mode, lane.reg, k.K, space.Rq, space.Rz, 1, V, space.A, space.B, space.mag) != OK:
         return True  # the rates are not determined here, which the next step finds out
-    return keeps(V, space.promise[0], y, h, tol, atol)
+    return keeps(rows, V, space.mag, space.promise[0], y, lane.seen, h, tol, atol)
 
 
 @njit(**OPTIONS)
@@ -243,6 +261,7 @@ def fly_on(
     g: int,
     slots: int,
     flight: Flight,
+    drops: Array,
     omega: Array,
     lane: Lane,
     end: float,
@@ -259,13 +278,14 @@ def fly_on(
         Outcome code, FULL, NEED if the closed form of the present mode is to be made, or −1 where Taylor steps go on.
     """
     clock, y, mode, reg, counters = lane.clock, lane.y, lane.mode, lane.reg, lane.counters
-    nc, nk = len(mode), len(reg)
+    nc, nk, several = len(mode), len(reg), total(drops) > 1
     while True:
         if recording and count == len(record.time):
             return FULL, count
         t, fired = clock[0], counters[2]
         copy(mode, flight.mode0)
         copy(reg, flight.reg0)
+        let_slide(mode)
         affine.place(flight, y, t, omega)
         slot, ready = -1, False
         for _ in range(2 * (nk + nc) + 4):
@@ -276,13 +296,17 @@ def fly_on(
                 break
             if T.status[slot] != AFFINE or not affine.admissible(T, slot, flight, y, clock[4]):
                 break
-            guard = affine.germs(T, slot, flight, omega, fired, clock[1])
+            guard = affine.germs(T, slot, flight, omega, fired, nk, clock[1])
             if guard < 0:
                 ready = True
                 break
-            if T.switch[slot, guard] >= 2000:
+            number = T.switch[slot, guard]
+            c = (number - nk) // 2
+            # Which of several contacts break their thresholds together is not decided here.
+            if number >= nk + 2 * nc or (several and number >= nk and drops[c] == 1 and mode[c] == 0):
                 break
-            flip(T.switch[slot, guard], mode, reg, nk)
+            flip(number, mode, reg, nk, drops)
+            let_slide(mode)
         if not ready:
             copy(flight.mode0, mode)
             copy(flight.reg0, reg)
@@ -298,11 +322,20 @@ def fly_on(
         counters[2] = -1
         if guard < 0:
             continue
-        if T.switch[slot, guard] >= 2000:
+        if T.switch[slot, guard] >= nk + 2 * nc:
             return -1, count
-        code = fire(T.switch[slot, guard], lane, nk, max_events)
+        code = fire(T.switch[slot, guard], lane, nk, drops, max_events)
         if code >= 0:
             return code, count
+
+
+@njit(**OPTIONS)
+def total(numbers: Array) -> int:
+    """Sum of whole numbers."""
+    found = 0
+    for number in numbers:
+        found += number
+    return found
 
 
 @njit(**INLINED)
@@ -322,15 +355,15 @@ def note(lane: Lane, recording: bool, record: Record, count: int) -> int:
 
 
 @njit(**INLINED)
-def fire(switch: int, lane: Lane, nk: int, max_events: int) -> int:
+def fire(guard: int, lane: Lane, nk: int, drops: Array, max_events: int) -> int:
     """Count an event and give its switch the other state; an outcome code if the motion ends here, else −1."""
     clock, counters = lane.clock, lane.counters
-    fired = flip(switch, lane.mode, lane.reg, nk)
+    fired = flip(guard, lane.mode, lane.reg, nk, drops)
     counters[2] = fired
     counters[0] += 1
     counters[3] += 1 if fired < nk else 0
     if counters[0] % ZENO_EVENTS == 0:
-        if clock[0] - clock[2] < 1e-10 * clock[3]:
+        if clock[0] - clock[2] <= 1e2 * CLOSEST * abs(clock[0]):
             return ZENO
         clock[2] = clock[0]
     return LIMIT if counters[0] >= max_events else -1
@@ -349,9 +382,12 @@ def probe(
     out: Array,
     hold: Array,
 ) -> bool:
-    """Rates of the state, then u, λ, s⁺, s⁻ and guards of a mode at some times and states; False if not all finite.
+    """Rates of the state, then u, λ, s⁺, s⁻ and guards of a mode at some times and states.
 
-    `hold` receives the columns that put the velocities of sticking inertial contacts back onto their surface.
+    False if the mode is not affine, or if not all are finite.
+
+    `hold` receives the columns that put the velocities of sticking inertial contacts back onto their surface, and the
+    acceleration that a unit of force gives to each.
     """
     sizes, W, mag = rows.sizes, space.W, space.mag
     n, nq, nz, nr, mq = sizes[0], sizes[1], sizes[2], sizes[3], sizes[5]
@@ -362,8 +398,11 @@ def probe(
     for c in range(mq):
         for i in range(nq):
             hold[c, i] = space.Rq[i, nq + c] if mode[c] == 0 else 0.0
+        hold[c, nq] = 1.0 / abs(space.Rq[nq + c, nq + c]) if mode[c] == 0 else 0.0
     for p in range(len(times)):
         if jets(times[p], states[p], mode, reg, k.K, space.Rq, space.Rz, 1, W, space.A, space.B, mag) != OK:
+            return False
+        if p == 0 and not is_affine(rows, k, space, mode, reg):
             return False
         for i in range(n):
             out[p, i] = W[i, 1]
@@ -374,9 +413,11 @@ def probe(
             out[p, n + 3 * nc + c] = W[rows.minus[c], 0]
         for j in range(nk):
             out[p, n + 4 * nc + j] = W[rows.kinks[j], 0]
+        for d in range(len(rows.doubtful)):
+            out[p, n + 4 * nc + nk + d] = W[rows.doubtful[d, 0], 0]
         for i in range(nq + nz + nr):
             out[p, nq + i] = settle_zero(out[p, nq + i], mag[3 * nc + nk + i])
-        for i in range(n + 4 * nc + nk):
+        for i in range(n + 4 * nc + nk + len(rows.doubtful)):
             if not np.isfinite(out[p, i]):
                 return False
     return True

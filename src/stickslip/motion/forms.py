@@ -38,7 +38,7 @@ class ClosedForms(NamedTuple):
     felt : array
         1 for each component of s that matters, else 0.
     switch : array of int
-        The switch of each guard.
+        The number of each guard, as in :func:`stickslip.motion.guards.scan`.
     c1, c2 : arrays
         Coefficients of the powers of τ in the signals: c₁ = c1·s, c₂ = c2.
     a, b : arrays of complex
@@ -55,6 +55,8 @@ class ClosedForms(NamedTuple):
         What must vanish, zero·s: u of sticking inertial, λ + σs of sliding rate-independent contacts.
     hold : array
         Correction of the velocities of a sticking contact.
+    brake : array
+        Acceleration that its thresholds could give it, brake·s.
     used : array of int
         Slots in use, by group.
     shortest : array
@@ -85,6 +87,7 @@ class ClosedForms(NamedTuple):
     held: Array
     zero: Array
     hold: Array
+    brake: Array
     used: Array
     shortest: Array
 
@@ -120,6 +123,7 @@ def make_closed_forms(
         held=z((m, contacts), i),
         zero=z((m, contacts, ns)),
         hold=z((m, contacts, n)),
+        brake=z((m, contacts, ns)),
         used=z(groups, i),
         shortest=z(m),
     )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 
@@ -70,89 +68,51 @@ def germ(
     return 0, N
 
 
-@njit(**INLINED)
-def step_size(W: Array, rows: Array, n: int, N: int, last: float, tol: float, atol: float) -> float:
-    """Step for which the last two Taylor terms of the state and of all guards are below tol times their size."""
-    top, middle, low = 0.0, 0.0, 0.0
-    for r in range(n):
-        size = 1.0 / (abs(W[r, 0]) + abs(W[r, 1]) * last + atol)
-        top = max(top, abs(W[r, N]) * size)
-        middle = max(middle, abs(W[r, N - 1]) * size)
-    for i in range(len(rows)):
-        r = rows[i]
-        size = 1.0 / (abs(W[r, 0]) + abs(W[r, 1]) * last + atol)
-        middle = max(middle, abs(W[r, N - 1]) * size)
-        low = max(low, abs(W[r, N - 2]) * size)
-    # One root is enough where it meets the other conditions, too; edge = tol/h^(N−1).
-    h, edge = np.inf, 0.0
-    if low > 0.0:
-        h = (tol / low) ** (1.0 / (N - 2))
-        edge = low / h
-    if middle > edge:
-        h, edge = (tol / middle) ** (1.0 / (N - 1)), middle
-    if top * h > edge:
-        h = (tol / top) ** (1.0 / N)
-    return h
-
-
 @njit(**OPTIONS)
-def finite_order(W: Array, n: int, N: int) -> int:
-    """Order up to which the state's coefficients are finite: close to a blow-up the high ones overflow."""
-    for k in range(N, 2, -1):
-        finite = True
-        for r in range(n):
-            finite = finite and math.isfinite(W[r, k])
-        if finite:
-            return k
-    return 2
-
-
-@njit(**OPTIONS)
-def fill_powers(powers: Array, h: float) -> None:
-    """Powers of the step; in fours, since each multiplication waits for the one before."""
-    a, b, c, d, fourth, n = 1.0, h, h * h, h * h * h, (h * h) * (h * h), len(powers) // 4 * 4
-    for k in range(0, n, 4):
-        powers[k], powers[k + 1], powers[k + 2], powers[k + 3] = a, b, c, d
-        a, b, c, d = a * fourth, b * fourth, c * fourth, d * fourth
-    for k in range(n, len(powers)):
-        powers[k] = a
-        a *= h
+def switch_of(guard: int, nk: int, nc: int) -> int:
+    """The switch that a guard belongs to: kinks, then contacts; −1 for what must not become negative."""
+    if guard < nk:
+        return guard
+    return nk + (guard - nk) // 2 if guard < nk + 2 * nc else -1
 
 
 @njit(**INLINED)
 def scan(
     rows: Rows, space: Space, mode: Array, reg: Array, N: int, last: float, fired: int, slack: float
 ) -> tuple[int, int]:
-    """Look at all guards of a mode: (least switch that is violated at once, or −1; number of guards that may fire).
+    """Look at all guards of a mode: (least guard that is violated at once, or −1; number of guards that may fire).
 
-    Switches are kinks first, then contacts (+1000: towards slip−), then 2000 + i for a threshold that turns negative.
-    What is below `slack` rounding errors counts as zero.
+    Guards are numbered: kinks, then two for each contact (towards slip+, or back to stick; towards slip−), then what
+    must not become negative. What is below `slack` rounding errors counts as zero.
     """
     W, mag, force, plus, minus, u = space.W, space.mag, rows.force, rows.plus, rows.minus, rows.u
     powers, pending, labels = space.powers, space.pending, space.labels
     nk, nc, count, near = len(rows.kinks), len(rows.u), ZERO, last + powers[1]
     for g in range(nk + 2 * nc + len(rows.doubtful)):
         # The guard is sign·W[row] + W[shift]; size0 and size1 are the scales of its value and of its rate.
-        i, shift, size1, around = (g - nk) // 2, NOWHERE, 0.0, near
+        i, shift, size1, around, sign = (g - nk) // 2, NOWHERE, 0.0, near, 1.0
         if g < nk:
-            switch, row, sign = g, rows.kinks[g], 1.0 if reg[g] == 1 else -1.0
+            row, sign = rows.kinks[g], 1.0 if reg[g] == 1 else -1.0
             size0, size1 = mag[3 * nc + g], abs(W[row, 1])
         elif g >= nk + 2 * nc:
-            switch, row, sign, around = 2000 + g - nk - 2 * nc, rows.doubtful[g - nk - 2 * nc], 1.0, 0.0
-            size0 = abs(W[row, 0]) + abs(W[row, 1]) * powers[1]
+            row, i, side = rows.doubtful[g - nk - 2 * nc]
+            if i >= 0 and mode[i] * side <= 0:
+                continue
+            around, size0 = 0.0, abs(W[row, 0]) + abs(W[row, 1]) * powers[1]
+            if i >= 0:
+                size0 += max(W[plus[i], 0], W[minus[i], 0])
         elif mode[i] == 0:
-            switch, row, sign, shift = nk + i, force[i], 1.0, plus[i]
+            row, shift = force[i], plus[i]
             if (g - nk) % 2 == 1:
-                switch, sign, shift = nk + i + 1000, -1.0, minus[i]
-            size0 = mag[2 * nc + i] + abs(W[plus[i], 0]) + abs(W[minus[i], 0])
-            size0 += near * (abs(W[row, 1]) + abs(W[plus[i], 1]) + abs(W[minus[i], 1]))
+                sign, shift = -1.0, minus[i]
+            size0 = mag[2 * nc + i] + near * (abs(W[row, 1]) + abs(W[plus[i], 1]) + abs(W[minus[i], 1]))
         else:
             if (g - nk) % 2 == 1:
                 continue
-            switch, row, sign = nk + i, u[i], float(mode[i])
+            row, sign = u[i], 1.0 if mode[i] > 0 else -1.0
             size0, size1 = mag[i], mag[nc + i] + abs(W[row, 1])
-        precision = max(FIRED if switch % 1000 == fired else 0.0, slack * ROUNDING)
-        if switch >= 2000:
+        precision = max(FIRED if switch_of(g, nk, nc) == fired else 0.0, slack * ROUNDING)
+        if g >= nk + 2 * nc:
             precision = DOUBTFUL
         start = sign * W[row, 0] + (W[shift, 0] if shift >= 0 else 0.0)
         if start > precision * (size0 + around * size1) and start > fall(W, row, shift, sign, N, powers):
@@ -161,10 +121,10 @@ def scan(
         s, order = germ(W, row, sign, shift, N, powers, around, size0, size1, precision, slack, c)
         if s == 0:
             continue
-        labels[count, 0], labels[count, 1] = switch, N - 1 - order
+        labels[count, 0], labels[count, 1] = g, N - 1 - order
         if s < 0:
-            if switch < 2000:
-                return switch, 0
+            if g < nk + 2 * nc:
+                return g, 0
             labels[count, 1] = -1
         for k in range(N - order):  # a zero at the start is divided out: what remains starts positive
             c[k] = c[k + order]
@@ -175,7 +135,7 @@ def scan(
 
 @njit(**INLINED)
 def first_event(space: Space, count: int, N: int) -> tuple[float, int]:
-    """Earliest event of the step among the guards that may fire: (fraction of the step, switch or −1)."""
+    """Earliest event of the step among the guards that may fire: (fraction of the step, guard or −1)."""
     limit, which = 1.0, -1
     for i in range(count):
         d = space.labels[i, 1]

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 from numba import float64, int64, types, void
 
+from stickslip.equations.program import Program
+
 
 def _import_array_functions() -> None:
     """Import numba's array functions but not SciPy's linear algebra, a sixth of the time of a whole short process.
@@ -44,12 +46,14 @@ else:
 
 # Codes of motion.outcome.Outcome, and three that ask to be called again: with a new record, with a closed form, or for
 # Taylor steps.
-FINISHED, NO_RATE, ON_JUMP, ZENO, TINY, LIMIT, NEGATIVE, UNDEFINED = 0, 2, 3, 4, 5, 6, 7, 8
+FINISHED, NO_RATE, ON_JUMP, ZENO, TINY, LIMIT, NEGATIVE, UNDEFINED, INADMISSIBLE = 0, 2, 3, 4, 5, 6, 7, 8, 14
 FULL, NEED, STEPS = 100, 101, 102
 # What may be said of a candidate mode; or of the step that led to it: that it does not solve the equations.
 OK, SINGULAR, NAN, OFF_SURFACE, ASTRAY = 0, 1, 2, 3, 4
 
-ROUNDING = 64 * 2.220446049250313e-16
+NODES = 18  # of an audit, in a piece of a step
+EPSILON = 2.220446049250313e-16
+ROUNDING = 64 * EPSILON
 FIRED = 1e-10  # a switch that has just fired is on its boundary by definition
 DOUBTFUL = 1e-12  # a threshold this close to zero may have become negative
 # Global integers of NumPy's type: numba would compile functions a second time for literals.
@@ -77,9 +81,16 @@ class Rows(NamedTuple):
     kinks : array of int
         Rows of the guards.
     watched : array of int
-        Rows that bound the step, besides the state.
-    doubtful : array of int
-        Rows of thresholds that may become negative.
+        Rows that bound the step: the state, then what the guards are made of.
+    noise : array of int
+        Place of the size of the terms of each of these in the table of magnitudes, −1: nothing cancels in it.
+    doubtful : array of int, shape (·, 3)
+        Rows that may become negative, though they must not; the contact and the direction in which it slips then
+        (−1, 0: always).
+    drops : array of int
+        1 for each contact whose sliding force is not its threshold.
+    program : Program
+        The tape of the system.
     """
 
     sizes: Array
@@ -89,7 +100,10 @@ class Rows(NamedTuple):
     minus: Array
     kinks: Array
     watched: Array
+    noise: Array
     doubtful: Array
+    drops: Array
+    program: Program
 
 
 class Constants(NamedTuple):
@@ -115,6 +129,13 @@ class Space(NamedTuple):
         Inverses of the linear problems of inertial and viscous coordinates.
     A, B, G : arrays
         Matrix, inverse and residual of the rate-independent coordinates.
+    discs : array, shape (rows, 4)
+        How far each row strays from its value at the beginning of a step, and how near it comes to zero, see
+        :mod:`stickslip.motion.discs`; last, how far the derivative of a part of the state strays.
+    kinds : array of int
+        What each row depends on; see :mod:`stickslip.motion.structure`.
+    samples, bernstein : arrays, shapes (rows, nodes) and (halvings, nodes)
+        Of an audit: residuals and guards at the nodes of a piece, and polynomials in Bernstein's form.
     promise : array, shape (2, n)
         Rates at the end of the last step, times its length, as its series has them; and the state it started from.
     known : array of int
@@ -129,6 +150,12 @@ class Space(NamedTuple):
     A: Array
     B: Array
     G: Array
+    discs: Array
+    balls: Array
+    reaches: Array
+    kinds: Array
+    samples: Array
+    bernstein: Array
     scratch: Array
     stack: Array
     touched: Array
@@ -151,6 +178,8 @@ class Lane(NamedTuple):
         up to rounding make steps of no length).
     y : array
         State.
+    seen : array
+        Largest modulus so far of each row that bounds the steps.
     mode, settled, reg : arrays of int
         Mode of each contact, the mode before the last event (9: none yet), and region of each kink.
     counters : array of int
@@ -159,6 +188,7 @@ class Lane(NamedTuple):
 
     clock: Array
     y: Array
+    seen: Array
     mode: Array
     settled: Array
     reg: Array
@@ -186,10 +216,16 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         mag=z(max(magnitudes, 1)),
         Rq=z((nq + mq, nq + mq)),
         Rz=z((nz + mz, nz + mz)),
-        A=z((nr, nr)),
+        A=z((nr + 1, nr)),
         B=z((nr, nr)),
         G=z(2 * nr),
-        scratch=z((big, big)),
+        discs=z((table_rows, 4)),
+        balls=z((2, max(nr, 1))),
+        reaches=z(N + 1),
+        kinds=z(table_rows, np.int64),
+        samples=z((n + 3 * nc + nk, NODES)),
+        bernstein=z((24, NODES)),
+        scratch=z((big + 1, big)),
         stack=z((64, 36)),
         touched=z(nk + nc, np.int64),
         y0=z(n),

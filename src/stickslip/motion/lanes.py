@@ -59,6 +59,7 @@ class Lanes:
         now = Lane(
             clock=np.tile([t, 0.0, t, end - t, 0.0], (lanes, 1)),
             y=np.array(states, dtype=float),
+            seen=np.zeros((lanes, len(problem.rows.watched))),
             mode=np.zeros((lanes, contacts), np.int64),
             settled=np.full((lanes, contacts), 9, np.int64),
             reg=np.ones((lanes, kinks), np.int64),
@@ -83,6 +84,7 @@ class Lanes:
         with announced():
             if np.any(self.forms.status == AFFINE) and not np.any(self.codes == STEPS):
                 return engine.integrate_affine(
+                    p.rows,
                     self.constants,
                     self.forms,
                     self.slots,

@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 
 from stickslip.equations.series import invert
-from stickslip.motion.guards import fill_powers, scan, step_size
+from stickslip.motion.guards import scan
 from stickslip.motion.kernel import (
     ASTRAY,
     INLINED,
@@ -34,6 +34,7 @@ from stickslip.motion.kernel import (
     Rows,
     Space,
 )
+from stickslip.motion.steps import LEAST, fill_powers, shortened, step_size
 
 Array = np.ndarray
 
@@ -119,7 +120,7 @@ def release_or_hold(rows: Rows, space: Space, y: Array, mode: Array, last: float
     for c in range(mq):
         if mode[c] != 0:
             continue
-        # The acceleration that this contact holds back: its force over its effective mass.
+        # The acceleration that this contact holds back, or could: its force over its effective mass.
         gap, held = W[rows.u[c], 0], mag[2 * nc + c] / abs(Rq[nq + c, nq + c])
         if abs(gap) > 1e-9 * last * (mag[nc + c] + held) + ROUNDING * mag[c]:
             mode[c] = 1 if gap > 0.0 else -1
@@ -183,31 +184,44 @@ def evaluate_mode(
 
 
 @njit(**OPTIONS)
-def keeps(W: Array, promise: Array, y: Array, h: float, tol: float, atol: float) -> bool:
-    """Whether rates, times the length of the step that ends here, are those that the step's series promises.
-
-    A term such as exp(−α/ε) may be too small to be seen in any coefficient, and yet be large when the step ends.
-    """
+def keeps(rows: Rows, W: Array, mag: Array, promise: Array, y: Array, seen: Array, h: float, tol: float, atol: float) -> bool:
+    """Whether rates, times the length of the step that ends here, are those that the step's series promises."""
     for i in range(len(y)):
-        size = abs(y[i]) + abs(promise[i]) + atol
-        if abs(W[i, 1] * h - promise[i]) > tol * size:
+        size = LEAST + abs(y[i]) + abs(promise[i]) + atol * seen[i]
+        rounding = ROUNDING * mag[rows.noise[i]] * h if rows.noise[i] >= 0 else 0.0
+        if abs(W[rows.program.rates[i], 0] * h - promise[i]) > tol * size + rounding:
             return False
     return True
 
 
 @njit(**OPTIONS)
-def flip(switch: int, mode: Array, reg: Array, nk: int) -> int:
-    """Give a violated switch its other state; returns the switch."""
-    if switch >= 1000:
-        mode[switch - 1000 - nk] = -1
-        return switch - 1000
-    if switch < nk:
-        reg[switch] = 1 - reg[switch]
-    elif mode[switch - nk] == 0:
-        mode[switch - nk] = 1
+def flip(guard: int, mode: Array, reg: Array, nk: int, drops: Array) -> int:
+    """Give the switch of a violated guard its other state; returns the switch.
+
+    What leaves stick has its threshold to break, as long as it is not known which of several contacts do: ±2 where the
+    sliding force is another one.
+    """
+    if guard < nk:
+        reg[guard] = 1 - reg[guard]
+        return guard
+    c = (guard - nk) // 2
+    if mode[c] == 0:
+        side = 1 if (guard - nk) % 2 == 0 else -1
+        mode[c] = 2 * side if drops[c] == 1 else side
     else:
-        mode[switch - nk] = 0
-    return switch
+        mode[c] = 0
+    return nk + c
+
+
+@njit(**OPTIONS)
+def let_slide(mode: Array) -> bool:
+    """Let the contacts that break their thresholds slide; whether there are any."""
+    found = False
+    for c in range(len(mode)):
+        if abs(mode[c]) == 2:
+            mode[c] //= 2
+            found = True
+    return found
 
 
 @njit(**OPTIONS)
@@ -309,18 +323,29 @@ def settle(
             candidate += 1
         status = evaluate_mode(jets, residual, rows, k, space, N, t, y, mode, reg, recent, hold or pivots > 1)
         first = promised > 0.0 and pivots == 1 and status != SINGULAR
-        if first and not keeps(space.W, space.promise[0], y, promised, 1e4 * tol, atol):
+        if first and not keeps(rows, space.W, space.mag, space.promise[0], y, lane.seen, promised, 1e4 * tol, atol):
             return ASTRAY, 0.0, 0
         if status == NAN:
             return NAN, 0.0, 0
         if status == OK:
-            h = min(room, step_size(space.W, rows.watched, len(y), N, last, tol, atol))
+            h = step_size(
+                space.W, rows.watched, rows.noise, space.mag, lane.seen, len(y), N, last, tol, atol
+            )  # fmt: skip
+            h = min(room, h)
             fill_powers(space.powers, h)
-            switch, count = scan(rows, space, mode, reg, N, last, fired, slack)
-            if switch < 0:
-                return OK, h, count
-            if total == 0:
-                flipped = flip(switch, mode, reg, nk)
+            guard, count = scan(rows, space, mode, reg, N, last, fired, slack)
+            if guard < 0 and not let_slide(mode):
+                short = shortened(rows, k, space, mode, reg, N, h, tol, atol, lane.seen)
+                if short < h:
+                    h = short
+                    fill_powers(space.powers, h)
+                    guard, count = scan(rows, space, mode, reg, N, last, fired, slack)
+                if guard < 0:
+                    for i in range(len(rows.watched)):
+                        lane.seen[i] = max(lane.seen[i], abs(space.W[rows.watched[i], 0]))
+                    return OK, h, count
+            if guard >= 0 and total == 0:
+                flipped = flip(guard, mode, reg, nk, rows.drops)
                 touched[flipped] = 1
         elif status == SINGULAR and total == 0:
             free = loosen(k.J, ZERO, mq, ZERO, nq, mode, flipped - nk, space, nk)

@@ -47,6 +47,13 @@ class Outcome(Enum):
         "or its load goes on changing. Add damping, or raise max_time",
     )
 
+    INADMISSIBLE_KINETIC = (
+        14,
+        "kinetic force not admissible",
+        "The sliding force of a contact became negative, or larger than its threshold at the onset of slip. "
+        "Keep 0 <= kinetic, and kinetic <= threshold at speed 0",
+    )
+
     def __init__(self, code: int, label: str, message: str) -> None:
         self.code, self.label, self.message = code, label, message
 

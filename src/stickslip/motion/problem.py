@@ -13,6 +13,7 @@ import numpy as np
 from stickslip import expressions as ex
 from stickslip.declaration import check_initial
 from stickslip.equations.code import ORDERS
+from stickslip.equations.program import pack
 from stickslip.errors import DeclarationError
 from stickslip.motion.forms import make_closed_forms, make_flight
 from stickslip.motion.kernel import Constants, Rows, Space, make_space
@@ -43,6 +44,8 @@ class Problem:
         Use closed forms for affine modes; False: Taylor steps everywhere (the two check each other).
     boxes : dict of str to (float, float), optional
         Least and largest value of each parameter, where many sets of parameters share the problem.
+    origin : float
+        Time at which the clock of the compiled loops starts from 0.
     """
 
     system: System
@@ -52,6 +55,7 @@ class Problem:
     atol: float
     exact: bool = True
     boxes: Mapping[str, tuple[float, float]] | None = None
+    origin: float = 0.0
 
     @cached_property
     def compiled(self) -> CompiledSystem:
@@ -72,13 +76,13 @@ class Problem:
 
         layout, s, groups = self.compiled.layout, self.compiled.layout.sizes, len(table)
         constants = Constants(
-            K=np.zeros((groups, max(layout.constants, 1))),
+            K=np.zeros((groups, max(len(layout.constants), 1))),
             M=np.zeros((groups, s["nq"], s["nq"])),
             C=np.zeros((groups, s["nz"], s["nz"])),
             J=np.zeros((groups, len(layout.u), s["nq"] + s["nz"] + s["nr"])),
             omega=np.zeros((groups, layout.frequencies)),
         )
-        run_setups(self.compiled.setup, table, constants)
+        run_setups(self.compiled.setup, np.column_stack([table, np.full(groups, self.origin)]), constants)
         return constants
 
     @property
@@ -116,17 +120,48 @@ class Problem:
         sizes = np.array([layout.sizes[k] for k in ("n", "nq", "nz", "nr", "na", "mq", "mz", "mr", "kinks")])
         tables = (layout.u, layout.force, layout.plus, layout.minus, layout.kinks)
         u, force, plus, minus, kinks = (np.array(table, dtype=np.int64) for table in tables)
-        watched = np.unique(np.concatenate([u, force, plus, minus, kinks]))
-        doubtful = self._doubtful_thresholds()
-        return Rows(sizes, u, force, plus, minus, kinks, watched[watched >= layout.sizes["n"]], doubtful)
+        noise = self._places_of_sizes()
+        watched = np.array(list(noise), dtype=np.int64)
+        return Rows(
+            sizes,
+            u,
+            force,
+            plus,
+            minus,
+            kinks,
+            watched,
+            np.array(list(noise.values()), dtype=np.int64),
+            self._doubtful(),
+            np.array([any(i == c for i, *_ in layout.kinetic) for c in range(len(u))], dtype=np.int64),
+            pack(layout),
+        )
 
-    def _doubtful_thresholds(self) -> Array:
-        """Rows of thresholds that are not nonnegative for every state."""
-        boxes = self.boxes or {name: (v, v) for name, v in self.parameters.items()}
+    def _places_of_sizes(self) -> dict[int, int]:
+        """Rows that bound the step, with the places of the sizes of their terms: the state, then guards."""
+        layout = self.compiled.layout
+        n, contacts, kinks = layout.sizes["n"], len(layout.u), len(layout.kinks)
+        noise = dict(enumerate(layout.rate_sizes))
+        others = {row: -1 for row in (*layout.plus, *layout.minus)}
+        others |= {row: 2 * contacts + c for c, row in enumerate(layout.force)}
+        others |= {row: c for c, row in enumerate(layout.u)}
+        others |= {row: 3 * contacts + j for j, row in enumerate(layout.kinks[:kinks])}
+        return noise | {row: others[row] for row in sorted(others) if row >= n}
+
+    def _doubtful(self) -> Array:
+        """Rows of thresholds that are not nonnegative for every state, and of kinetic laws that may be inadmissible."""
+        boxes = dict(self.boxes or {name: (v, v) for name, v in self.parameters.items()})
         layout, contacts = self.compiled.layout, self.compiled.equations.contacts
         sides = [(row, c.plus) for row, c in zip(layout.plus, contacts, strict=True)]
         sides += [(row, c.minus) for row, c in zip(layout.minus, contacts, strict=True)]
-        return np.array(sorted({row for row, s in sides if ex.bounds(s, boxes)[0] < 0.0}), dtype=np.int64)
+        found = {(row, -1, 0) for row, s in sides if ex.bounds(s, boxes)[0] < 0.0}
+        for i, side, force, margin in layout.kinetic:
+            c = contacts[i]
+            static, sliding = (c.plus, c.kinetic_plus) if side > 0 else (c.minus, c.kinetic_minus)
+            at_rest = ex.substitute(sliding, {f"speed:{i}": ex.ZERO})
+            boxes[f"speed:{i}"] = (0.0, math.inf)
+            found |= {(force, i, side)} if ex.bounds(sliding, boxes)[0] < 0.0 else set()
+            found |= {(margin, i, side)} if ex.bounds(static - at_rest, boxes)[0] < 0.0 else set()
+        return np.array(sorted(found), dtype=np.int64).reshape(-1, 3)
 
     def initial_state(self, initial: Mapping[str, float]) -> Array:
         """State vector of initial values (declared defaults where none is given)."""

@@ -129,7 +129,7 @@ def follow(
         code = Outcome.INTERRUPTED.code
     knots = Knots.joined(pieces) if pieces else Knots.empty(0, len(y), contacts, kinks)
     if len(knots.time) == 0 or clock[0] > knots.time[-1]:
-        knots = Knots.joined([knots, Knots.single(clock[0], lanes.now.y[0], lanes.now.mode[0], lanes.now.reg[0])])
+        knots = Knots.joined([knots, Knots.single(clock[0], lanes.now.y[0], np.sign(lanes.now.mode[0]), lanes.now.reg[0])])
     return code, knots
 
 

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
+    from stickslip.motion.audit import Steps, Tally
+
 Array = np.ndarray
 GRID = 1000  # points of the dataset between knots
 KIND, FORMAT = "trajectory", 1  # of the stored file
@@ -31,17 +33,25 @@ KIND, FORMAT = "trajectory", 1  # of the stored file
 
 @dataclass(frozen=True)
 class Audit:
-    """Integrals and violations of a motion, recomputed from its knots."""
+    """A motion measured again from its knots.
+
+    Attributes
+    ----------
+    energy, dissipated, supplied : arrays, shape (knots,)
+    residuals : array, shape (4,)
+        See :func:`stickslip.motion.audit.judge`.
+    open : array, shape (knots,)
+        Time after each knot that is not verified.
+    largest : array, shape (n,)
+        Largest modulus of each component.
+    """
 
     energy: Array
-    kinetic: Array
     dissipated: Array
     supplied: Array
-    supplied_modulus: float
-    change: Array
-    noise: Array
+    residuals: Array
+    open: Array
     largest: Array
-    worst: Array
 
 
 class Trajectory:
@@ -140,6 +150,7 @@ class Trajectory:
             p.space(),
             p.order,
             *p.retrace,
+            self._seen,
             k.time,
             k.state,
             k.mode,
@@ -151,41 +162,46 @@ class Trajectory:
         return out
 
     @cached_property
+    def _seen(self) -> Array:
+        """Sizes of the state, against which steps are measured that follow the motion again."""
+        seen = np.zeros(len(self._problem.rows.watched))
+        n = self.knots.state.shape[1]
+        seen[:n] = np.max(np.abs(self.knots.state), axis=0, initial=0.0)
+        return seen
+
+    @cached_property
     def audit(self) -> Audit:
         """Energy, work and violations at the knots, recomputed from them."""
-        out = self._sample(self.knots.time, np.arange(len(self.knots.time)))
-        rows = self._problem.compiled.layout.rows
-        k = self.knots
-        ends = np.append(k.time[1:], k.time[-1])
-        work, *violations = self._integrate(k.time, k.state, np.arange(len(k.time)), ends, True)
-        total = np.vstack([np.zeros((1, 2)), np.cumsum(work, axis=0)])[:-1]
-        return Audit(out[:, rows], self._kinetic(), total[:, 0], total[:, 1], float(violations[-1][7]), *violations)
+        from stickslip.motion.audit import judge, make_tally
+
+        k, rows = self.knots, self._problem.compiled.layout.rows
+        energy = self._sample(k.time, np.arange(len(k.time)))[:, rows]
+        tally = make_tally(self._problem.rows)
+        index = np.arange(len(k.time) - 1)
+        steps = self._integrate(k.time[:-1], k.state[:-1], index, k.time[1:], tally)
+        work = np.vstack([np.zeros((1, 2)), np.cumsum(steps.work, axis=0)])
+        balance = energy - energy[0] + work[:, 0] - work[:, 1]
+        flow = max(np.ptp(energy), work[-1, 0], tally.total[0], np.max(self._kinetic(), initial=0.0))
+        imbalance, top = np.max(np.abs(balance)), np.max(np.abs(energy))
+        residuals = np.zeros(4)
+        judge(self._problem.rows, tally, float(imbalance), float(flow), float(top), residuals)
+        return Audit(energy, work[:, 0], work[:, 1], residuals, np.append(steps.open, 0.0), tally.state[0])
 
     def _kinetic(self) -> Array:
         n = self._problem.compiled.layout.sizes["nq"]
         v = self.knots.state[:, n : 2 * n]
         return 0.5 * np.einsum("ki,ij,kj->k", v, self._problem.constants.M, v)
 
-    def _integrate(
-        self, times: Array, states: Array, index: Array, ends: Array, check: bool
-    ) -> tuple[Array, Array, Array, Array, Array]:
-        """Integrals from given times and states, inside the steps of the knots `index`, to `ends`; see dense.py."""
-        from stickslip.motion import dense
+    def _integrate(self, times: Array, states: Array, index: Array, ends: Array, tally: Tally | None = None) -> Steps:
+        """Follow the motion from given times and states, inside the steps of the knots `index`, to `ends`.
+
+        With a tally, from knots to the next ones: they are checked, too.
+        """
+        from stickslip.motion import audit
 
         p, k = self._problem, self.knots
-        layout, sizes = p.compiled.layout, p.compiled.layout.sizes
-        n = sizes["n"]
-        work, change, noise, largest = (
-            np.zeros((len(ends), 2)),
-            np.zeros((len(ends), n)),
-            np.zeros((len(ends), n)),
-            np.zeros(n),
-        )
-        worst = np.zeros(8 + 2 * sizes["kinks"])
-        inertial = self.system.declaration.inertial
-        rates = [layout.state.index(f"d_{q}") for q in inertial] + [layout.named[f"dd_{q}"] for q in inertial]
-        rates += [layout.named[f"d_{x}"] for x in layout.state[2 * len(inertial) :]]
-        dense.integrate_steps(
+        steps = audit.make_steps(len(ends), k.state.shape[1])
+        audit.audit_steps(
             p.compiled.jets,
             p.compiled.powers,
             p.rows,
@@ -193,21 +209,18 @@ class Trajectory:
             p.space(),
             p.order,
             *p.retrace,
-            np.array(rates, dtype=np.int64),
-            layout.rate_sizes,
+            self._seen,
             times,
             states,
             k.mode[index],
             k.region[index],
             ends,
-            check,
-            work,
-            change,
-            noise,
-            largest,
-            worst,
+            k.state[1:] if tally is not None else states,
+            tally is not None,
+            steps,
+            audit.make_tally(p.rows) if tally is None else tally,
         )
-        return work, change, noise, largest, worst
+        return steps
 
     # -- what a user asks for ---------------------------------------------------------------------
 
@@ -267,7 +280,7 @@ class Trajectory:
         first = np.diff(knot, prepend=-1) != 0
         starts = np.where(first, k.time[knot], np.roll(ends, 1))
         origins = np.where(first[:, None], k.state[knot], np.roll(states[order], 1, axis=0))
-        pieces, *_ = self._integrate(starts, np.ascontiguousarray(origins), knot, ends, False)
+        pieces = self._integrate(starts, np.ascontiguousarray(origins), knot, ends).work
         sums = np.cumsum(pieces, axis=0)
         work[order] = sums - (sums - pieces)[first][np.cumsum(first) - 1]
         return work

@@ -1,0 +1,490 @@
+"""The audit of a motion: does it obey its law between the knots, too?
+
+A step is followed again from its first state by Taylor polynomials p, which are nothing but candidates here. The law is
+evaluated for them at Gauss nodes, where it uses no series, and between the nodes it is enclosed: on a disc around the
+beginning of a piece [0, h] the residual r = p′ − f(p) and every guard differ from their first values by at most B
+(:mod:`stickslip.motion.discs`). A function that is analytic and bounded by B inside the ellipse with foci 0 and h and sum
+of half axes ρh/2 differs from its interpolant at n nodes by at most
+
+    2 (1 + Λ) B ρ^(1 − n)/(ρ − 1)
+
+(L. N. Trefethen, *Approximation Theory and Approximation Practice*, theorem 8.2; Λ is the Lebesgue constant of the nodes).
+Nothing is hidden between them: a pulse, however narrow, makes B large. Pieces are halved until what may be between the
+nodes is negligible; where that does not succeed, the time is noted as not verified.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from stickslip.motion.discs import reach, spread, spread_state
+from stickslip.motion.kernel import EPSILON, INLINED, JETS, OPTIONS, POWERS, Constants, Rows, Space
+from stickslip.motion.kernel import NODES as COUNT
+from stickslip.motion.modes import copy, resolve
+from stickslip.motion.roots import horner
+from stickslip.motion.steps import LEAST, fill_powers, finite_order, step_size
+
+Array = np.ndarray
+
+_nodes, _weights = np.polynomial.legendre.leggauss(COUNT)
+NODES, WEIGHTS = 0.5 * (_nodes + 1.0), 0.5 * _weights  # on [0, 1]
+NEGLIGIBLE = 1e-10  # part of its size that a quantity may have between the nodes
+MOST_PIECES = 512  # of a step
+REST = 1e-4  # part of the velocity that forces would give to what sticks, against which it is measured
+ROUNDINGS = 8.0  # rounding errors of a rate, in parts of the size of its terms
+
+
+def _lagrange(x: Array) -> Array:
+    """Values of the Lagrange polynomials of the nodes, shape (points, nodes)."""
+    return np.array([[np.prod((t - np.delete(NODES, j)) / (c - np.delete(NODES, j))) for j, c in enumerate(NODES)] for t in x])
+
+
+def _to_bernstein() -> Array:
+    """Matrix from values at the nodes to Bernstein coefficients on [0, 1]."""
+    from math import comb
+
+    d = COUNT - 1
+    bernstein = np.array([[comb(d, i) * t**i * (1.0 - t) ** (d - i) for i in range(COUNT)] for t in NODES])
+    return np.linalg.inv(bernstein)
+
+
+LEBESGUE = float(np.max(np.sum(np.abs(_lagrange(np.linspace(0.0, 1.0, 801))), axis=1)))
+TO_BERNSTEIN = _to_bernstein()
+
+
+def _between(part: float) -> float:
+    """What a function that strays by at most 1 on the disc of radius h/part may do between the nodes in [0, h]."""
+    axis = 2.0 / part - 1.0  # half axis of the ellipse inside the disc, in units of h/2
+    rho = axis + np.sqrt(axis * axis - 1.0)
+    return float(2.0 * (1.0 + LEBESGUE) * rho ** (1 - COUNT) / (rho - 1.0))
+
+
+WIDE, NARROW = _between(0.25), _between(0.5)
+
+
+class Tally(NamedTuple):
+    """What an audit adds up, motion by motion.
+
+    Attributes
+    ----------
+    state : array, shape (4, n)
+        Largest modulus of each component; by how much the terms of its rate would change it within a piece; largest
+        defect of a step; largest rounding error of a step.
+    law : array, shape (contacts, 7)
+        Largest |λ| − s, |λ + σs| of what slides without mass, |u| in stick, −σu in slip; largest force, relative
+        velocity, and velocity that the forces in stick hold back.
+    kinks : array, shape (kinks, 2)
+        Largest −guard and |guard|.
+    total : array, shape (3,)
+        Supplied energy in modulus; rounding errors of the states, summed up; time that is not verified.
+    """
+
+    state: Array
+    law: Array
+    kinks: Array
+    total: Array
+
+
+def make_tally(rows: Rows) -> Tally:
+    """Nothing added up yet."""
+    n, contacts, kinks = int(rows.sizes[0]), len(rows.u), len(rows.kinks)
+    return Tally(np.zeros((4, n)), np.zeros((contacts, 7)), np.zeros((kinks, 2)), np.zeros(3))
+
+
+class Steps(NamedTuple):
+    """What an audit says of every step.
+
+    Attributes
+    ----------
+    work : array, shape (steps, 2)
+        Dissipated and supplied energy.
+    gap : array, shape (steps, n)
+        Bound of how far the end of the step is from what the equations make of its beginning.
+    noise : array, shape (steps, n)
+        Rounding errors of that.
+    open : array, shape (steps,)
+        Time that could not be enclosed.
+    """
+
+    work: Array
+    gap: Array
+    noise: Array
+    open: Array
+
+
+def make_steps(count: int, n: int) -> Steps:
+    """Room for some steps."""
+    return Steps(np.zeros((count, 2)), np.zeros((count, n)), np.zeros((count, n)), np.zeros(count))
+
+
+@njit(**OPTIONS)
+def audit_steps(
+    jets: JETS,
+    powers: POWERS,
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    N: int,
+    tol: float,
+    atol: float,
+    seen: Array,
+    knot_time: Array,
+    knot_state: Array,
+    knot_mode: Array,
+    knot_region: Array,
+    ends: Array,
+    end_state: Array,
+    check: bool,
+    steps: Steps,
+    tally: Tally,
+) -> None:
+    """Follow steps again, and measure them.
+
+    Parameters
+    ----------
+    seen : array
+        Sizes of the rows that bound the steps; see :class:`stickslip.motion.kernel.Lane`.
+    ends, end_state : arrays, shapes (steps,) and (steps, n)
+        Where each step ends.
+    check : bool
+        Whether more than the work is wanted.
+    steps : Steps
+        Zeros; receives the numbers of each step.
+    tally : Tally
+        Is added to.
+    """
+    n, nc, W, V = rows.sizes[0], len(rows.u), space.W, space.V
+    mode, reg, start = space.touched[:nc], space.touched[nc:], space.trial
+    for i in range(len(ends)):
+        left = ends[i] - knot_time[i]
+        if not left > 0.0:
+            continue
+        copy(knot_mode[i], mode)
+        copy(knot_region[i], reg)
+        resolve(rows.sizes, k, space, mode)
+        base, last, pieces = knot_time[i], 0.0, 0
+        copy(knot_state[i], start)
+        while left > 0.0:
+            jets(base, start, mode, reg, k.K, space.Rq, space.Rz, N, W, space.A, space.B, space.mag)
+            order = finite_order(W, n, N)
+            h = step_size(W, rows.watched, rows.noise, space.mag, seen, n, order, last, tol, atol)
+            h, between = min(left, max(h, 1e-12 * left)), 0.0
+            if check:
+                longest = h
+                between = enclose(rows, k, space, mode, reg, order, h, tally)
+                while not between < np.inf and pieces < MOST_PIECES:
+                    h, pieces = 0.5 * h, pieces + 1
+                    between = enclose(rows, k, space, mode, reg, order, h, tally)
+                if not between < np.inf:
+                    h, steps.open[i] = longest, left  # no more is tried in this step
+            measure_piece(jets, powers, rows, k, space, order, base, h, mode, reg, between, check, i, steps, tally)
+            for r in range(n):
+                start[r] = horner(W[r], order, h)
+            base, left, last, pieces = base + h, left - h, h, pieces + 1
+        if check:
+            close_step(rows, space, mode, knot_state[i], end_state[i], V, i, steps, tally)
+
+
+@njit(**OPTIONS)
+def most(a: float, b: float) -> float:
+    """The larger of two; what is not a number is infinite, so that it is never lost."""
+    return a if b <= a else (b if b == b else np.inf)
+
+
+@njit(**OPTIONS)
+def enclose(
+    rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, N: int, h: float, tally: Tally
+) -> float:
+    """Bound the residual and all guards on a piece; the factor from discs to what may be between the nodes, or infinity.
+
+    The discs of all rows are left in the work space.
+    """
+    for turn in range(2):
+        radius, factor = (4.0 * h, WIDE) if turn == 0 else (2.0 * h, NARROW)
+        p, n, powers = rows.program, rows.sizes[0], space.reaches
+        fill_powers(powers, radius)
+        space.discs[n, 0], space.discs[n, 1] = radius, 0.0
+        spread_state(space.W, N, powers, rows.watched[:n], space.discs)
+        spread(p, k.K, space, mode, reg, 0, len(p.code))
+        for r in range(n):
+            space.discs[r, 3] = slopes(space.W[r], N, powers)
+        if encloses(rows, space, mode, h, factor, tally):
+            return factor
+    return np.inf
+
+
+@njit(**OPTIONS)
+def impulse(rows: Rows, mag: Array, r: int, h: float) -> float:
+    """By how much the terms of its rate, if none cancelled, would change a part of the state within a time."""
+    sizes, nq = rows.program.rate_sizes, rows.sizes[1]
+    return h * mag[sizes[r]] if sizes[r] >= 0 else h * h * mag[sizes[r + nq]]
+
+
+@njit(**{**OPTIONS, "fastmath": {"reassoc", "contract", "nsz"}})
+def slopes(c: Array, N: int, powers: Array) -> float:
+    """How far the derivative of a polynomial strays from its first value on a disc."""
+    total = 0.0
+    for k in range(2, N + 1):
+        total += k * abs(c[k]) * powers[k - 1]
+    return total
+
+
+@njit(**OPTIONS)
+def strays(disc: Array, factor: float) -> float:
+    """What a row may do between the nodes."""
+    return factor * disc[0] + 2.0 * (1.0 + LEBESGUE) * disc[1]
+
+
+@njit(**OPTIONS)
+def residual_strays(rows: Rows, discs: Array, r: int, factor: float) -> float:
+    """What the residual of a part of the state may do between the nodes."""
+    return strays(discs[rows.program.rates[r]], factor) + factor * discs[r, 3]
+
+
+@njit(**OPTIONS)
+def encloses(rows: Rows, space: Space, mode: Array, h: float, factor: float, tally: Tally) -> bool:
+    """Whether what may be between the nodes of a piece is negligible."""
+    n, nc, mag, discs, W = rows.sizes[0], len(rows.u), space.mag, space.discs, space.W
+    for r in range(n):
+        size = LEAST + max(abs(W[r, 0]), tally.state[0, r]) + h * abs(W[r, 1]) + REST * impulse(rows, mag, r, h)
+        if not h * residual_strays(rows, discs, r, factor) <= NEGLIGIBLE * size:
+            return False
+    for c in range(nc):
+        force = LEAST + max(mag[2 * nc + c], tally.law[c, 4])
+        speed = LEAST + max(mag[c], tally.law[c, 5]) + REST * h * mag[nc + c]
+        bad = not strays(discs[rows.u[c]], factor) <= NEGLIGIBLE * speed
+        for row in (rows.force[c], rows.plus[c], rows.minus[c]):
+            bad = bad or not strays(discs[row], factor) <= NEGLIGIBLE * force
+        if bad:
+            return False
+    for j in range(len(rows.kinks)):
+        size = LEAST + max(mag[3 * nc + j], tally.kinks[j, 1])
+        if not strays(discs[rows.kinks[j]], factor) <= NEGLIGIBLE * size:
+            return False
+    return True
+
+
+@njit(**INLINED)
+def measure_piece(
+    jets: JETS,
+    powers: POWERS,
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    N: int,
+    base: float,
+    h: float,
+    mode: Array,
+    reg: Array,
+    factor: float,
+    check: bool,
+    i: int,
+    steps: Steps,
+    tally: Tally,
+) -> None:
+    """Evaluate the law at the nodes of a piece, and add up what was found there and what may be between them."""
+    n, W, V, mag, y, power, sizes = rows.sizes[0], space.W, space.V, space.mag, space.y0, space.powers, rows.program.rate_sizes
+    for g in range(COUNT):
+        tau, weight = h * NODES[g], h * WEIGHTS[g]
+        for r in range(n):
+            y[r] = horner(W[r], N, tau)
+        jets(base + tau, y, mode, reg, k.K, space.Rq, space.Rz, 1, V, space.A, space.B, mag)
+        powers(V, reg, k.K, power)
+        steps.work[i, 0] += weight * power[1]
+        steps.work[i, 1] += weight * power[2]
+        tally.total[0] += weight * abs(power[2])
+        if not check:
+            continue
+        for r in range(n):
+            rate = V[rows.program.rates[r], 0]
+            space.samples[r, g] = rate - rate_on(W[r], N, tau)
+            tally.state[0, r] = most(tally.state[0, r], abs(y[r]))
+            if sizes[r] >= 0:
+                steps.noise[i, r] += weight * ROUNDINGS * EPSILON * mag[sizes[r]]
+            tally.state[1, r] = most(tally.state[1, r], impulse(rows, mag, r, h))
+        sample_law(rows, space, mode, reg, h, g, tally)
+    if not check:
+        return
+    for r in range(n):
+        largest = 0.0
+        for g in range(COUNT):
+            largest = most(largest, abs(space.samples[r, g]))
+        between = residual_strays(rows, space.discs, r, factor) if factor < np.inf else 0.0
+        steps.gap[i, r] += h * (LEBESGUE * largest + between)
+    judge_law(rows, space, mode, factor, tally)
+
+
+@njit(**OPTIONS)
+def rate_on(c: Array, d: int, x: float) -> float:
+    """Derivative of Σ c[k] xᵏ, k ≤ d."""
+    s = 0.0
+    for k in range(d, 0, -1):
+        s = s * x + k * c[k]
+    return s
+
+
+@njit(**OPTIONS)
+def sample_law(rows: Rows, space: Space, mode: Array, reg: Array, h: float, g: int, tally: Tally) -> None:
+    """Keep the values of all guards at a node, and the sizes of what they are made of.
+
+    A contact has three rows: what must be nonnegative (two of them in stick), and what must vanish.
+    """
+    n, nc, mq, mz, V, mag, samples, law = (
+        rows.sizes[0], len(rows.u), rows.sizes[5], rows.sizes[6], space.V, space.mag, space.samples, tally.law,
+    )  # fmt: skip
+    for c in range(nc):
+        u, held, up, down = V[rows.u[c], 0], V[rows.force[c], 0], V[rows.plus[c], 0], V[rows.minus[c], 0]
+        # Where thresholds vanish, a force is known up to the rounding of its terms only.
+        law[c, 4] = most(most(law[c, 4], max(abs(held), max(up, down))), 1e-5 * mag[2 * nc + c])
+        law[c, 5] = most(most(law[c, 5], abs(u)), 1e-5 * mag[c])
+        row = n + 3 * c
+        if mode[c] == 0:
+            samples[row, g], samples[row + 1, g], samples[row + 2, g] = held + up, down - held, u
+            matrix, place = (space.Rq, rows.sizes[1] + c) if c < mq else (space.Rz, rows.sizes[2] + c - mq)
+            if c < mq + mz:
+                free = mag[2 * nc + c] / abs(matrix[place, place])
+                law[c, 6] = most(law[c, 6], free * h if c < mq else free)
+            else:
+                law[c, 6] = most(law[c, 6], mag[c])
+        else:
+            samples[row, g] = mode[c] * u
+            samples[row + 2, g] = held + (up if mode[c] > 0 else -down)
+    for j in range(len(rows.kinks)):
+        value = V[rows.kinks[j], 0] if reg[j] == 1 else -V[rows.kinks[j], 0]
+        samples[n + 3 * nc + j, g] = value
+        tally.kinks[j, 1] = most(tally.kinks[j, 1], abs(value))
+
+
+@njit(**OPTIONS)
+def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally) -> None:
+    """By how much guards fail on a piece, at the nodes and between them."""
+    n, nc, mag, discs, samples, law = rows.sizes[0], len(rows.u), space.mag, space.discs, space.samples, tally.law
+    for c in range(nc):
+        row, rounding, loose, tight = n + 3 * c, 64.0 * EPSILON * mag[c], 0.0, 0.0
+        if factor < np.inf:
+            loose = strays(discs[rows.force[c]], factor)
+            loose += max(strays(discs[rows.plus[c]], factor), strays(discs[rows.minus[c]], factor))
+            tight = strays(discs[rows.u[c]], factor)
+        if mode[c] == 0:
+            for part in range(2):
+                law[c, 0] = most(law[c, 0], loose - least(samples[row + part], space.bernstein, 1e-2 * NEGLIGIBLE * law[c, 4]))
+            law[c, 2] = most(law[c, 2], largest_of(samples[row + 2]) + tight - rounding)
+        else:
+            law[c, 3] = most(law[c, 3], tight - rounding - least(samples[row], space.bernstein, rounding))
+            if c >= rows.sizes[5] + rows.sizes[6]:
+                law[c, 1] = most(law[c, 1], largest_of(samples[row + 2]) + loose)
+    for j in range(len(rows.kinks)):
+        between = strays(discs[rows.kinks[j]], factor) if factor < np.inf else 0.0
+        negligible = 1e-2 * NEGLIGIBLE * tally.kinks[j, 1]
+        low = least(samples[n + 3 * nc + j], space.bernstein, negligible)
+        tally.kinks[j, 0] = most(tally.kinks[j, 0], between - low)
+
+
+@njit(**OPTIONS)
+def largest_of(values: Array) -> float:
+    """Bound of the modulus of the interpolant of values at the nodes."""
+    found = 0.0
+    for g in range(COUNT):
+        found = most(found, abs(values[g]))
+    return LEBESGUE * found
+
+
+@njit(**OPTIONS)
+def least(values: Array, stack: Array, negligible: float) -> float:
+    """Lower bound of the interpolant of values at the nodes, close to its minimum where that is negative.
+
+    The Bernstein coefficients of a polynomial enclose it; where their least is much below the ends, the interval is
+    halved (de Casteljau).
+    """
+    bound, depth, d = np.inf, 0, COUNT - 1
+    for i in range(COUNT):
+        total = 0.0
+        for g in range(COUNT):
+            total += TO_BERNSTEIN[i, g] * values[g]
+        if total != total:
+            return -np.inf
+        stack[0, i] = total
+    while depth >= 0:
+        b, low = stack[depth], np.inf
+        for i in range(COUNT):
+            low = min(low, b[i])
+        edge = min(b[0], b[d])
+        if not low < -negligible or low >= 2.0 * edge or depth + 2 > len(stack):
+            bound = min(bound, low)
+            depth -= 1
+            continue
+        half = stack[depth + 1]
+        for i in range(COUNT):
+            half[i] = b[i]
+        for i in range(COUNT):
+            b[d - i] = half[d]
+            for j in range(d, i, -1):
+                half[j] = 0.5 * (half[j] + half[j - 1])
+        depth += 1
+    return bound
+
+
+@njit(**OPTIONS)
+def close_step(
+    rows: Rows, space: Space, mode: Array, first: Array, end: Array, V: Array, i: int, steps: Steps, tally: Tally
+) -> None:
+    """Compare the end of a step with where its pieces have arrived (still in the work space)."""
+    nq, nz, nr, mq, mz, nc = rows.sizes[1], rows.sizes[2], rows.sizes[3], rows.sizes[5], rows.sizes[6], len(rows.u)
+    # What slides without viscosity is put back onto λ + σ s = 0, which is known to the rounding of its terms.
+    for j in range(nr):
+        c = mq + mz + j
+        if mode[c] != 0:
+            terms = space.mag[2 * nc + c] + max(abs(V[rows.plus[c], 0]), abs(V[rows.minus[c], 0]))
+            for r in range(nr):
+                steps.noise[i, 2 * nq + nz + r] += ROUNDINGS * EPSILON * abs(space.B[r, j]) * terms
+    for r in range(len(first)):
+        steps.gap[i, r] += abs(end[r] - space.trial[r])
+        tally.state[0, r] = most(most(tally.state[0, r], abs(first[r])), abs(end[r]))
+        tally.state[2, r] = most(tally.state[2, r], steps.gap[i, r])
+        tally.state[3, r] = most(tally.state[3, r], steps.noise[i, r])
+        tally.total[1] += steps.noise[i, r]
+    tally.total[2] += steps.open[i]
+
+
+@njit(**OPTIONS)
+def judge(rows: Rows, tally: Tally, imbalance: float, flow: float, energy: float, residuals: Array) -> None:
+    """Residuals of a motion, relative to sizes that do not vanish where something sticks.
+
+    Parameters
+    ----------
+    imbalance : float
+        Largest violation of the energy balance.
+    flow, energy : float
+        Energy that flows, and the largest modulus of the energy.
+    residuals : array, shape (4,)
+        Receives the residual of the energy balance, the violation of the friction law, the defect of the equations of
+        motion, and the audit's own rounding errors.
+    """
+    state, law, n = tally.state, tally.law, rows.sizes[0]
+    force, reach_, violation, defect, own = 0.0, 0.0, 0.0, 0.0, 0.0
+    for c in range(len(law)):
+        force = most(force, law[c, 4])
+        speed = max(law[c, 5], REST * law[c, 6])
+        violation = most(violation, relative(max(law[c, 0], law[c, 1]), law[c, 4]))
+        violation = most(violation, relative(max(law[c, 2], law[c, 3]), speed))
+    for j in range(len(tally.kinks)):
+        violation = most(violation, relative(tally.kinks[j, 0], tally.kinks[j, 1]))
+    for r in range(n):
+        size = max(state[0, r], REST * state[1, r])
+        defect, own = most(defect, relative(state[2, r], size)), most(own, relative(state[3, r], size))
+        reach_ = max(reach_, state[0, r])
+    # The energy itself is known to rounding only: where next to nothing flows, that is the scale.
+    scale = max(flow, 1e-6 * energy, 1e-6 * force * reach_)
+    residuals[0] = relative(max(imbalance - force * tally.total[1], 0.0), scale)
+    residuals[1], residuals[2], residuals[3] = violation, defect, own
+
+
+@njit(**OPTIONS)
+def relative(value: float, size: float) -> float:
+    """A violation relative to a size; nothing relative to nothing is nothing."""
+    if value <= 0.0:
+        return 0.0
+    return value / size if size > 0.0 else np.inf
