@@ -4,8 +4,8 @@ All numbers are computed from the stored knots alone, by a method that did not p
 (:mod:`stickslip.motion.audit`):
 
 * *energy balance (E)*: E(t) + dissipated = E(0) + supplied, at every knot, relative to the energy that flows;
-* *stability (S)*, force form: |λ| ≤ s always, λ = −σk and σu ≥ 0 in slip, u = 0 in stick, and every region on its side of
-  its kink, each relative to the largest force and relative velocity of its contact;
+* *stability (S)*, force form: |λ| ≤ s always, λ = −σk and σu ≥ 0 in slip, u = 0 in stick, and every region on its side
+  of its kink, each relative to the largest force and relative velocity of its contact;
 * *defect*: by how much the equations of motion fail over a step, relative to the size of each component.
 
 The last two are bounds for all times, not for those that were looked at: what could not be enclosed is named.
@@ -56,8 +56,13 @@ class Certificate:
 
     @property
     def ok(self) -> bool:
-        """Whether the result is certified."""
-        return not self.outcome and not self.unverified and all(v <= self.tolerance for v in self._residuals.values())
+        """Whether the result is certified: it was computed to its end, and obeys its law."""
+        return not self.outcome and self.lawful
+
+    @property
+    def lawful(self) -> bool:
+        """Whether what was computed obeys the law, however it ended."""
+        return not self.unverified and all(v <= self.tolerance for v in self._residuals.values())
 
     @property
     def _residuals(self) -> dict[str, float]:
@@ -74,7 +79,8 @@ class Certificate:
         if self.ok:
             return f"certified: all residuals below {self.tolerance:.0e}"
         bad = [f"{name} {value:.2e}" for name, value in self._residuals.items() if not value <= self.tolerance]
-        reasons = [f"the motion ended with '{self.outcome}'"] if self.outcome else []
+        until = ", and obeys the law until then" if self.lawful else ""
+        reasons = [f"the motion ended with '{self.outcome}'{until}"] if self.outcome else []
         reasons += [f"{', '.join(bad)} above {self.tolerance:.0e}"] if bad else []
         reasons += [f"not verified {self._spans}"] if self.unverified else []
         return f"not certified: {'; '.join(reasons)}"

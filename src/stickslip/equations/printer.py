@@ -17,7 +17,8 @@ _CHAINS = {Op.ATAN: "atan", Op.ASINH: "asinh", Op.TAN: "tan", Op.TANH: "tanh"}
 
 def printed(instruction: Instruction, constants: Constants) -> list[str]:
     """Statements that compute order k of the row of an instruction."""
-    i, row, inputs = instruction, instruction.row, instruction.inputs
+    i, row = instruction, instruction.row
+    inputs: tuple[int, ...] = i.inputs
     target = f"W[{row}, k] = "
     match i.op:
         case Op.LINEAR:
@@ -27,7 +28,7 @@ def printed(instruction: Instruction, constants: Constants) -> list[str]:
         case Op.RECIPROCAL | Op.EXP | Op.LOG:
             return [target + _OF_ONE[i.op].format(*inputs, row=row)]
         case Op.POWER:
-            size = f"W[{inputs[1]}, 0]" if len(inputs) > 1 else "0.0"
+            size = f"W[{inputs[-1]}, 0]" if inputs[1:] else "0.0"
             return [target + f"power_order(W, {inputs[0]}, {row}, {constants.code(i.parts[0].factor)}, {size}, k)"]
         case Op.SIZE:
             return [target + f"({' + '.join(_modulus(part, constants) for part in i.parts)} if k == 0 else 0.0)"]

@@ -64,13 +64,14 @@ class Instruction:
     ----------
     op : Op
         LINEAR is the sum of the parts; PRODUCT, QUOTIENT, RECIPROCAL, EXP, LOG of the inputs. POWER has a constant
-        exponent, its only part, and may have as second input the SIZE of its base: the sum of the moduli of the parts at
-        order 0, of which the base is known up to rounding only. ROTATION, STEADY (of a phase affine in time) and HYPERBOLIC fill the row and the next
-        one, (co)sines of the input. ATAN, ASINH have as second input the row of their slope; TAN, TANH fill it as the
-        next row. SELECT takes the first part where the region `place` is 1, the second elsewhere. SIDE is the right-hand
-        side of contact `place` (inputs: surface; friction for u > 0, u < 0; thresholds for u > 0, u < 0), SPEED its
-        |u|. ENTRY (of the matrix) and RIGHT belong to the linear problem of the rate-independent coordinates, whose
-        contact is `place`; RATES solves it. SOLVE applies the inverse `matrix` to `size` rows that begin with the input.
+        exponent, its only part, and may have as second input the SIZE of its base: the sum of the moduli of the parts
+        at order 0, of which the base is known up to rounding only. ROTATION, STEADY (of a phase affine in time) and
+        HYPERBOLIC fill the row and the next one, (co)sines of the input. ATAN, ASINH have as second input the row of
+        their slope; TAN, TANH fill it as the next row. SELECT takes the first part where the region `place` is 1, the
+        second elsewhere. SIDE is the right-hand side of contact `place` (inputs: surface; friction for u > 0, u < 0;
+        thresholds for u > 0, u < 0), SPEED its |u|. ENTRY (of the matrix) and RIGHT belong to the linear problem of
+        the rate-independent coordinates, whose contact is `place`; RATES solves it. SOLVE applies the inverse `matrix`
+        to `size` rows that begin with the input.
     row : int
         Where the result goes (the first row of several).
     inputs : tuple of int

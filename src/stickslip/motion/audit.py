@@ -3,14 +3,14 @@
 A step is followed again from its first state by Taylor polynomials p, which are nothing but candidates here. The law is
 evaluated for them at Gauss nodes, where it uses no series, and between the nodes it is enclosed: on a disc around the
 beginning of a piece [0, h] the residual r = p′ − f(p) and every guard differ from their first values by at most B
-(:mod:`stickslip.motion.discs`). A function that is analytic and bounded by B inside the ellipse with foci 0 and h and sum
-of half axes ρh/2 differs from its interpolant at n nodes by at most
+(:mod:`stickslip.motion.discs`). A function that is analytic and bounded by B inside the ellipse with foci 0 and h and
+sum of half axes ρh/2 differs from its interpolant at n nodes by at most
 
     2 (1 + Λ) B ρ^(1 − n)/(ρ − 1)
 
-(L. N. Trefethen, *Approximation Theory and Approximation Practice*, theorem 8.2; Λ is the Lebesgue constant of the nodes).
-Nothing is hidden between them: a pulse, however narrow, makes B large. Pieces are halved until what may be between the
-nodes is negligible; where that does not succeed, the time is noted as not verified.
+(L. N. Trefethen, *Approximation Theory and Approximation Practice*, theorem 8.2; Λ is the Lebesgue constant of the
+nodes). Nothing is hidden between them: a pulse, however narrow, makes B large. Pieces are halved until what may be
+between the nodes is negligible; where that does not succeed, the time is noted as not verified.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from stickslip.motion.discs import reach, spread, spread_state
+from stickslip.motion.discs import spread, spread_state
 from stickslip.motion.kernel import EPSILON, INLINED, JETS, OPTIONS, POWERS, Constants, Rows, Space
 from stickslip.motion.kernel import NODES as COUNT
 from stickslip.motion.modes import copy, resolve
@@ -39,7 +39,8 @@ ROUNDINGS = 8.0  # rounding errors of a rate, in parts of the size of its terms
 
 def _lagrange(x: Array) -> Array:
     """Values of the Lagrange polynomials of the nodes, shape (points, nodes)."""
-    return np.array([[np.prod((t - np.delete(NODES, j)) / (c - np.delete(NODES, j))) for j, c in enumerate(NODES)] for t in x])
+    others = [np.delete(NODES, j) for j in range(COUNT)]
+    return np.array([[np.prod((t - a) / (c - a)) for a, c in zip(others, NODES, strict=True)] for t in x])
 
 
 def _to_bernstein() -> Array:
@@ -156,7 +157,7 @@ def audit_steps(
     tally : Tally
         Is added to.
     """
-    n, nc, W, V = rows.sizes[0], len(rows.u), space.W, space.V
+    n, nc, W = rows.sizes[0], len(rows.u), space.W
     mode, reg, start = space.touched[:nc], space.touched[nc:], space.trial
     for i in range(len(ends)):
         left = ends[i] - knot_time[i]
@@ -172,6 +173,8 @@ def audit_steps(
             order = finite_order(W, n, N)
             h = step_size(W, rows.watched, rows.noise, space.mag, seen, n, order, last, tol, atol)
             h, between = min(left, max(h, 1e-12 * left)), 0.0
+            if not h > 0.0:
+                h = left  # nothing here is a number, which the nodes will show
             if check:
                 longest = h
                 between = enclose(rows, k, space, mode, reg, order, h, tally)
@@ -185,7 +188,7 @@ def audit_steps(
                 start[r] = horner(W[r], order, h)
             base, left, last, pieces = base + h, left - h, h, pieces + 1
         if check:
-            close_step(rows, space, mode, knot_state[i], end_state[i], V, i, steps, tally)
+            close_step(rows, space, mode, knot_state[i], end_state[i], i, steps, tally)
 
 
 @njit(**OPTIONS)
@@ -195,11 +198,16 @@ def most(a: float, b: float) -> float:
 
 
 @njit(**OPTIONS)
-def enclose(
-    rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, N: int, h: float, tally: Tally
-) -> float:
-    """Bound the residual and all guards on a piece; the factor from discs to what may be between the nodes, or infinity.
+def enclose(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, N: int, h: float, tally: Tally) -> float:
+    """Bound the residual and all guards on a piece.
 
+    Returns
+    -------
+    float
+        Factor from discs to what may be between the nodes, or infinity.
+
+    Notes
+    -----
     The discs of all rows are left in the work space.
     """
     for turn in range(2):
@@ -220,10 +228,10 @@ def enclose(
 def impulse(rows: Rows, mag: Array, r: int, h: float) -> float:
     """By how much the terms of its rate, if none cancelled, would change a part of the state within a time."""
     sizes, nq = rows.program.rate_sizes, rows.sizes[1]
-    return h * mag[sizes[r]] if sizes[r] >= 0 else h * h * mag[sizes[r + nq]]
+    return float(h * mag[sizes[r]] if sizes[r] >= 0 else h * h * mag[sizes[r + nq]])
 
 
-@njit(**{**OPTIONS, "fastmath": {"reassoc", "contract", "nsz"}})
+@njit(**OPTIONS, fastmath={"reassoc", "contract", "nsz"})
 def slopes(c: Array, N: int, powers: Array) -> float:
     """How far the derivative of a polynomial strays from its first value on a disc."""
     total = 0.0
@@ -286,7 +294,8 @@ def measure_piece(
     tally: Tally,
 ) -> None:
     """Evaluate the law at the nodes of a piece, and add up what was found there and what may be between them."""
-    n, W, V, mag, y, power, sizes = rows.sizes[0], space.W, space.V, space.mag, space.y0, space.powers, rows.program.rate_sizes
+    n, W, V, mag, y, power = rows.sizes[0], space.W, space.V, space.mag, space.y0, space.powers
+    sizes = rows.program.rate_sizes
     for g in range(COUNT):
         tau, weight = h * NODES[g], h * WEIGHTS[g]
         for r in range(n):
@@ -370,7 +379,8 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
             tight = strays(discs[rows.u[c]], factor)
         if mode[c] == 0:
             for part in range(2):
-                law[c, 0] = most(law[c, 0], loose - least(samples[row + part], space.bernstein, 1e-2 * NEGLIGIBLE * law[c, 4]))
+                low = least(samples[row + part], space.bernstein, 1e-2 * NEGLIGIBLE * law[c, 4])
+                law[c, 0] = most(law[c, 0], loose - low)
             law[c, 2] = most(law[c, 2], largest_of(samples[row + 2]) + tight - rounding)
         else:
             law[c, 3] = most(law[c, 3], tight - rounding - least(samples[row], space.bernstein, rounding))
@@ -429,19 +439,20 @@ def least(values: Array, stack: Array, negligible: float) -> float:
 
 @njit(**OPTIONS)
 def close_step(
-    rows: Rows, space: Space, mode: Array, first: Array, end: Array, V: Array, i: int, steps: Steps, tally: Tally
+    rows: Rows, space: Space, mode: Array, first: Array, end: Array, i: int, steps: Steps, tally: Tally
 ) -> None:
     """Compare the end of a step with where its pieces have arrived (still in the work space)."""
     nq, nz, nr, mq, mz, nc = rows.sizes[1], rows.sizes[2], rows.sizes[3], rows.sizes[5], rows.sizes[6], len(rows.u)
-    # What slides without viscosity is put back onto λ + σ s = 0, which is known to the rounding of its terms.
-    for j in range(nr):
-        c = mq + mz + j
-        if mode[c] != 0:
-            terms = space.mag[2 * nc + c] + max(abs(V[rows.plus[c], 0]), abs(V[rows.minus[c], 0]))
-            for r in range(nr):
-                steps.noise[i, 2 * nq + nz + r] += ROUNDINGS * EPSILON * abs(space.B[r, j]) * terms
     for r in range(len(first)):
-        steps.gap[i, r] += abs(end[r] - space.trial[r])
+        off = abs(end[r] - space.trial[r])
+        if 2 * nq + nz <= r < 2 * nq + nz + nr:
+            # What slides without viscosity is put back onto λ + σ s = 0, where forces are known to rounding only; near
+            # a fold, where its stiffness vanishes, that moves it. The friction law sees the forces themselves.
+            for j in range(nr):
+                c = mq + mz + j
+                if mode[c] != 0:
+                    off -= 64.0 * EPSILON * abs(space.B[r - 2 * nq - nz, j]) * space.mag[2 * nc + c]
+        steps.gap[i, r] += max(off, 0.0) if off == off else np.inf
         tally.state[0, r] = most(most(tally.state[0, r], abs(first[r])), abs(end[r]))
         tally.state[2, r] = most(tally.state[2, r], steps.gap[i, r])
         tally.state[3, r] = most(tally.state[3, r], steps.noise[i, r])

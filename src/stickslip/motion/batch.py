@@ -77,8 +77,8 @@ def simulate_many(
     count = common_length({**given_initial, **given_parameters})
     table = parameter_table(system, given_parameters, count)
     states = initial_states(system, given_initial, count)
-    problem = pose_all(system, given_parameters, rtol, atol)
-    now, codes = run(problem, table, states, (start, end), max_events, workers or os.cpu_count() or 1)
+    problem = replace(pose_all(system, given_parameters, rtol, atol), origin=start)
+    now, codes = run(problem, table, states, (0.0, end - start), max_events, workers or os.cpu_count() or 1)
     data = {
         name: ("trajectory", np.broadcast_to(v, count).copy())
         for name, v in {**given_initial, **given_parameters}.items()
@@ -87,7 +87,7 @@ def simulate_many(
     labels = {o.code: o.label.replace(" ", "_") for o in Outcome}
     flags = {"flag_values": np.array(list(labels), np.int8), "flag_meanings": " ".join(labels.values())}
     data |= {
-        "time": ("trajectory", now.clock[:, 0], {"units": system.time_unit or "1"}),
+        "time": ("trajectory", now.clock[:, 0] + problem.origin, {"units": system.time_unit or "1"}),
         "outcome": ("trajectory", codes.astype(np.int8), flags),
         "switches": ("trajectory", now.counters[:, 1]),
         "kinks": ("trajectory", now.counters[:, 3]),
@@ -100,6 +100,8 @@ def run(
     problem: Problem, table: Array, states: Array, span: tuple[float, float], max_events: int, workers: int
 ) -> tuple[Lane, Array]:
     """Follow motions with the parameters of the rows of a table: where they are at their end, and outcome codes.
+
+    The span is counted from the origin of the problem.
 
     Blocks of motions are independent of each other, so that neither threads nor memory matter to the result.
     """

@@ -2,8 +2,8 @@
 
 A Taylor polynomial of a function that underflows where a step begins says nothing about the rest of the step. The tape
 that makes the series can bound the functions themselves. For every row w numbers are found in one pass, without
-series: B, with abs(w(τ) − w(0)) ≤ B for all *complex* times abs(τ) ≤ H, and S, by how much w on the real step [0, h] may
-differ from what is analytic there. By Cauchy's estimate the Taylor coefficients are at most B/Hᵏ, so that what a
+series: B, with abs(w(τ) − w(0)) ≤ B for all *complex* times abs(τ) ≤ H, and S, by how much w on the real step [0, h]
+may differ from what is analytic there. By Cauchy's estimate the Taylor coefficients are at most B/Hᵏ, so that what a
 polynomial of degree N cannot show on [0, h] is below B (h/H)^(N+1)/(1 − h/H) + S.
 
 A third number, a lower bound of abs(w) on the disc, is larger than abs(w(0)) − B where exponentials grow: a quotient
@@ -29,9 +29,7 @@ Array = np.ndarray
 LINEAR, PRODUCT, QUOTIENT, RECIPROCAL, POWER = (
     int(op) for op in (Op.LINEAR, Op.PRODUCT, Op.QUOTIENT, Op.RECIPROCAL, Op.POWER)
 )
-EXP, LOG, ROTATION, STEADY, HYPERBOLIC = (
-    int(op) for op in (Op.EXP, Op.LOG, Op.ROTATION, Op.STEADY, Op.HYPERBOLIC)
-)
+EXP, LOG, ROTATION, STEADY, HYPERBOLIC = (int(op) for op in (Op.EXP, Op.LOG, Op.ROTATION, Op.STEADY, Op.HYPERBOLIC))
 ATAN, ASINH, TAN, TANH = (int(op) for op in (Op.ATAN, Op.ASINH, Op.TAN, Op.TANH))
 SELECT, SIDE, SPEED, ENTRY, RIGHT, SOLVE, RATES = (
     int(op) for op in (Op.SELECT, Op.SIDE, Op.SPEED, Op.ENTRY, Op.RIGHT, Op.SOLVE, Op.RATES)
@@ -44,10 +42,10 @@ SWEEPS = 40  # of an iteration that bounds the rates of the rate-independent coo
 def factor(p: Program, K: Array, i: int) -> float:
     """The constant in front of a term."""
     place = p.term_factor[i]
-    return K[place] if place >= 0 else p.numbers[-1 - place]
+    return float(K[place] if place >= 0 else p.numbers[-1 - place])
 
 
-@njit(**{**OPTIONS, "fastmath": {"reassoc", "contract", "nsz"}})
+@njit(**OPTIONS, fastmath={"reassoc", "contract", "nsz"})
 def reach(c: Array, N: int, powers: Array) -> float:
     """Σ abs(cₖ) Hᵏ, 1 ≤ k ≤ N, from the powers of H."""
     total = 0.0
@@ -216,7 +214,7 @@ def spread_function(p: Program, K: Array, W: Array, discs: Array, i: int) -> Non
 
 @njit(**OPTIONS)
 def quotient_disc(x: float, u: float, s: float, y: float, W: Array, discs: Array, b: int) -> tuple[float, float]:
-    """Disc of a quotient, from the modulus and the disc of its numerator, and its own value y; and what is not analytic."""
+    """Disc of a quotient, from the modulus and the disc of its numerator, and its own value y."""
     v, t, left = discs[b, 0], discs[b, 1], discs[b, 2]
     ball, off = np.inf, np.inf
     if left > 0.0:
@@ -261,11 +259,11 @@ def spread_choice(p: Program, K: Array, space: Space, mode: Array, reg: Array, i
     W, discs = space.W, space.discs
     if op == SELECT:
         j = a if reg[c] == 1 else a + 1
-        copy_disc(W, discs, p.term_row[j], -1, abs(factor(p, K, j)), row)
+        copy_disc(W, discs, int(p.term_row[j]), -1, abs(factor(p, K, j)), row)
     elif op == SPEED:
         copy_disc(W, discs, a if mode[c] != 0 else -1, -1, 1.0, row)
     elif op == SIDE:
-        copy_disc(W, discs, p.code[i, side_operand(mode[c])], -1, 1.0, row)
+        copy_disc(W, discs, p.code[i, side_operand(int(mode[c]))], -1, 1.0, row)
     elif op == ENTRY:
         threshold = p.code[i, 3 if mode[c] > 0 else 4]
         copy_disc(W, discs, a if mode[c] != 0 else -1, threshold, 1.0, row)

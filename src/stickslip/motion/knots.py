@@ -11,16 +11,31 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Knots:
-    """Start of every step: time, state, mode of each contact, region of each kink, and the switch that caused it."""
+    """Start of every step.
 
-    time: Array
+    Attributes
+    ----------
+    clock : array
+        Time since the origin: as exact late as early.
+    state, mode, region, cause : arrays
+        State, mode of each contact, region of each kink, and the switch that caused it (−1: none).
+    origin : float
+    """
+
+    clock: Array
     state: Array
     mode: Array
     region: Array
     cause: Array
+    origin: float = 0.0
+
+    @property
+    def time(self) -> Array:
+        """Time."""
+        return self.clock + self.origin
 
     @classmethod
-    def empty(cls, size: int, n: int, contacts: int, kinks: int) -> Knots:
+    def empty(cls, size: int, n: int, contacts: int, kinks: int, origin: float = 0.0) -> Knots:
         """Room for a number of knots."""
         return cls(
             np.zeros(size),
@@ -28,21 +43,23 @@ class Knots:
             np.zeros((size, contacts), np.int8),
             np.zeros((size, kinks), np.int8),
             np.full(size, -1, np.int64),
+            origin,
         )
 
     @classmethod
-    def single(cls, t: float, y: Array, mode: Array, region: Array) -> Knots:
+    def single(cls, clock: float, y: Array, mode: Array, region: Array, origin: float = 0.0) -> Knots:
         """One knot."""
-        return cls(
-            np.array([t]), y[None].copy(), mode[None].astype(np.int8), region[None].astype(np.int8), np.array([-1])
-        )
+        modes, regions = mode[None].astype(np.int8), region[None].astype(np.int8)
+        return cls(np.array([clock]), y[None].copy(), modes, regions, np.array([-1]), origin)
 
     @classmethod
     def joined(cls, pieces: list[Knots]) -> Knots:
-        """Knots one after the other."""
-        names = ("time", "state", "mode", "region", "cause")
-        return cls(*(np.concatenate([getattr(p, name) for p in pieces]) for name in names))
+        """Knots one after the other, with one origin."""
+        names = ("clock", "state", "mode", "region", "cause")
+        parts = {name: np.concatenate([getattr(p, name) for p in pieces]) for name in names}
+        return cls(**parts, origin=pieces[0].origin)
 
     def first(self, count: int) -> Knots:
         """The first ones."""
-        return Knots(self.time[:count], self.state[:count], self.mode[:count], self.region[:count], self.cause[:count])
+        parts = (self.clock, self.state, self.mode, self.region, self.cause)
+        return Knots(*(part[:count] for part in parts), origin=self.origin)

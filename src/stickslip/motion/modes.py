@@ -184,7 +184,9 @@ def evaluate_mode(
 
 
 @njit(**OPTIONS)
-def keeps(rows: Rows, W: Array, mag: Array, promise: Array, y: Array, seen: Array, h: float, tol: float, atol: float) -> bool:
+def keeps(
+    rows: Rows, W: Array, mag: Array, promise: Array, y: Array, seen: Array, h: float, tol: float, atol: float
+) -> bool:
     """Whether rates, times the length of the step that ends here, are those that the step's series promises."""
     for i in range(len(y)):
         size = LEAST + abs(y[i]) + abs(promise[i]) + atol * seen[i]

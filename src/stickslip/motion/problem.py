@@ -178,6 +178,7 @@ def pose(
     rtol: float = 1e-10,
     atol: float = 1e-12,
     exact: bool = True,
+    origin: float = 0.0,
 ) -> Problem:
     """Check parameters and tolerances, and bind them to a system.
 
@@ -198,4 +199,5 @@ def pose(
     # Global quality: local steps are kept three digits finer than asked for; with Taylor series that is nearly free.
     tolerance = max(1e-3 * rtol, 1e-16)
     order = min((n for n in ORDERS if n >= -0.95 * math.log(tolerance)), default=ORDERS[-1])
-    return Problem(system, {k: float(v) for k, v in values.items()}, order, tolerance, max(atol / rtol, 1e-6), exact)
+    numbers = {name: float(value) for name, value in values.items()}
+    return Problem(system, numbers, order, tolerance, max(atol / rtol, 1e-6), exact, origin=origin)

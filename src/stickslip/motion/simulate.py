@@ -63,13 +63,13 @@ def simulate(
     from stickslip.motion.trajectory import Trajectory
 
     started = time.perf_counter()
-    problem = pose(system, parameters, rtol, atol)
     start, end = check_span(system.span if t_span is None else t_span)
+    problem = pose(system, parameters, rtol, atol, origin=start)
     y = problem.initial_state(initial or {})
     check_positive(max_events=max_events)
     code, knots = follow(problem, start, end, y, max_events, progress)
     outcome = Outcome.from_code(code)
-    if outcome is Outcome.NO_BOUNDED_RATE and len(knots.time) == 1 and knots.time[0] == start:
+    if outcome is Outcome.NO_BOUNDED_RATE and len(knots.clock) == 1:
         check_stable_start(problem, start, y)
     if outcome is Outcome.FINISHED and rests_forever(problem, knots):
         outcome = Outcome.AT_REST
@@ -104,12 +104,16 @@ def follow(
     max_events: int,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[int, Knots]:
-    """Run the compiled loop chunk by chunk; Ctrl-C between two chunks keeps what is done."""
+    """Run the compiled loop chunk by chunk; Ctrl-C between two chunks keeps what is done.
+
+    The compiled loops count time from the origin of the problem.
+    """
     from stickslip.motion.kernel import FULL, Constants, Record
     from stickslip.motion.lanes import Lanes
 
     constants = Constants(*(part[None] for part in problem.constants))
-    lanes = Lanes.start(problem, constants, np.zeros(1, np.int64), y[None], (start, end), problem.closed_forms)
+    begin, end = start - problem.origin, end - problem.origin
+    lanes = Lanes.start(problem, constants, np.zeros(1, np.int64), y[None], (begin, end), problem.closed_forms)
     clock, contacts, kinks = lanes.now.clock[0], lanes.now.mode.shape[1], lanes.now.reg.shape[1]
     pieces: list[Knots] = []
     size = 64
@@ -117,19 +121,21 @@ def follow(
         while lanes.codes[0] >= FULL:
             lanes.make_closed_forms()
             size = min(2 * size, CHUNK)
-            record = Knots.empty(size, len(y), contacts, kinks)
+            record = Knots.empty(size, len(y), contacts, kinks, problem.origin)
             count = lanes.advance(
-                end, max_events, Record(record.time, record.state, record.mode, record.region, record.cause)
+                end, max_events, Record(record.clock, record.state, record.mode, record.region, record.cause)
             )
             pieces.append(record.first(count))
             if progress is not None:
-                progress((clock[0] - start) / (end - start))
+                progress((clock[0] - begin) / (end - begin))
         code = int(lanes.codes[0])
     except KeyboardInterrupt:
         code = Outcome.INTERRUPTED.code
-    knots = Knots.joined(pieces) if pieces else Knots.empty(0, len(y), contacts, kinks)
-    if len(knots.time) == 0 or clock[0] > knots.time[-1]:
-        knots = Knots.joined([knots, Knots.single(clock[0], lanes.now.y[0], np.sign(lanes.now.mode[0]), lanes.now.reg[0])])
+    knots = Knots.joined(pieces) if pieces else Knots.empty(0, len(y), contacts, kinks, problem.origin)
+    if len(knots.clock) == 0 or clock[0] > knots.clock[-1]:
+        now = lanes.now
+        last = Knots.single(clock[0], now.y[0], np.sign(now.mode[0]), now.reg[0], problem.origin)
+        knots = Knots.joined([knots, last])
     return code, knots
 
 

@@ -29,8 +29,8 @@ def step_size(
     """Step for which the last two Taylor terms of rows are below tol times their size, or lost in rounding.
 
     The size of a row is what it is, what it becomes within a step, and a part `atol` of the largest that it has been:
-    nothing is measured against a number that the motion does not have. The first n rows are the state, known to order N;
-    the others to order N − 1.
+    nothing is measured against a number that the motion does not have. The first n rows are the state, known to order
+    N; the others to order N − 1.
     """
     top, middle, low, h = 0.0, 0.0, 0.0, np.inf
     for i in range(len(rows)):
@@ -99,7 +99,16 @@ def fill_powers(powers: Array, h: float) -> None:
 
 @njit(**OPTIONS)
 def shortened(
-    rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, N: int, h: float, tol: float, atol: float, seen: Array
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    mode: Array,
+    reg: Array,
+    N: int,
+    h: float,
+    tol: float,
+    atol: float,
+    seen: Array,
 ) -> float:
     """The step, or as much of it as hides nothing."""
     if rows.program.leading[0] > 0:
@@ -113,7 +122,16 @@ def shortened(
 
 @njit(**INLINED)
 def unseen(
-    rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, N: int, h: float, tol: float, atol: float, seen: Array
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    mode: Array,
+    reg: Array,
+    N: int,
+    h: float,
+    tol: float,
+    atol: float,
+    seen: Array,
 ) -> float:
     """What the series cannot show within a step, in parts of what it may be: the step is fine if this is at most 1."""
     p, W, discs, powers, n = rows.program, space.W, space.discs, space.reaches, rows.sizes[0]
@@ -137,7 +155,7 @@ def may_hide(rows: Rows, W: Array, discs: Array, part: float) -> bool:
     for i in range(p.leading[0]):
         if p.hiding[i] == 1:
             op, row = p.code[i, 0], p.code[i, 1]
-            size = abs(W[row, 0]) + (1.0 if op == LOG or op == ROTATION or ATAN <= op <= TANH else 0.0)
+            size = abs(W[row, 0]) + (1.0 if op in (LOG, ROTATION) or ATAN <= op <= TANH else 0.0)
             if not (part * discs[row, 0] <= LOOSE * size and discs[row, 1] == 0.0):
                 return True
     return False

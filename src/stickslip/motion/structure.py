@@ -51,7 +51,7 @@ def is_affine(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array) -
         for j in range(max(size, 1)):
             kinds[row + j] = kind
         op = p.code[i, 0]
-        if ROTATION <= op <= HYPERBOLIC or op == TAN or op == TANH:
+        if ROTATION <= op <= HYPERBOLIC or op in (TAN, TANH):
             kinds[row + 1] = kind
     found = NOTHING
     for r in p.rates:
@@ -74,7 +74,7 @@ def kind_of(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, i: 
             if p.term_row[j] >= 0 and factor(p, k.K, j) != 0.0:
                 kind |= kinds[p.term_row[j]]
     elif op == PRODUCT:
-        kind = kind_of_product(kinds[a], kinds[b], W[a, 0], W[b, 0])
+        kind = kind_of_product(int(kinds[a]), int(kinds[b]), float(W[a, 0]), float(W[b, 0]))
     elif op == QUOTIENT:
         kind = kinds[a] if kinds[b] == NOTHING else OTHER
     elif op == STEADY:
@@ -88,19 +88,19 @@ def kind_of(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, i: 
     elif op == SPEED:
         kind = kinds[a] if mode[c] != 0 else NOTHING
     elif op == SIDE:
-        kind = kinds[p.code[i, side_operand(mode[c])]]
+        kind = kinds[p.code[i, side_operand(int(mode[c]))]]
     elif op == ENTRY:
         kind = kinds[a] | kinds[p.code[i, 3 if mode[c] > 0 else 4]] if mode[c] != 0 else NOTHING
     elif op == RIGHT:
         kind = kinds[b] | kinds[p.code[i, 4 if mode[c] > 0 else 5]] if mode[c] != 0 else kinds[a]
-    elif op == SOLVE or op == RATES:
+    elif op in (SOLVE, RATES):
         # Which component depends on which is not asked: it is all or nothing.
         for j in range(p.code[i, 8]):
             kind |= kinds[a + j]
         if op == RATES:
             for e in range(b, b + p.code[i, 4]):
                 kind |= NOTHING if kinds[p.term_row[e]] == NOTHING else OTHER
-    return kind
+    return int(kind)
 
 
 @njit(**OPTIONS)

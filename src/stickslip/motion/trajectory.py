@@ -138,10 +138,15 @@ class Trajectory:
         return {contact_key(name): order[name] for name in self.system.contacts}
 
     def _sample(self, times: Array, index: Array) -> Array:
+        """Values of all rows, energy and powers at times within the steps of the knots `index`."""
+        return self._sample_clock(times - self.knots.origin, index)
+
+    def _sample_clock(self, clock: Array, index: Array) -> Array:
+        """The same at times since the origin."""
         from stickslip.motion import dense
 
         p, k = self._problem, self.knots
-        out = np.empty((len(times), p.compiled.layout.rows + 3))
+        out = np.empty((len(clock), p.compiled.layout.rows + 3))
         dense.sample(
             p.compiled.jets,
             p.compiled.powers,
@@ -151,12 +156,12 @@ class Trajectory:
             p.order,
             *p.retrace,
             self._seen,
-            k.time,
+            k.clock,
             k.state,
             k.mode,
             k.region,
             index,
-            times,
+            clock,
             out,
         )
         return out
@@ -175,10 +180,10 @@ class Trajectory:
         from stickslip.motion.audit import judge, make_tally
 
         k, rows = self.knots, self._problem.compiled.layout.rows
-        energy = self._sample(k.time, np.arange(len(k.time)))[:, rows]
+        energy = self._sample_clock(k.clock, np.arange(len(k.clock)))[:, rows]
         tally = make_tally(self._problem.rows)
-        index = np.arange(len(k.time) - 1)
-        steps = self._integrate(k.time[:-1], k.state[:-1], index, k.time[1:], tally)
+        index = np.arange(len(k.clock) - 1)
+        steps = self._integrate(k.clock[:-1], k.state[:-1], index, k.clock[1:], tally)
         work = np.vstack([np.zeros((1, 2)), np.cumsum(steps.work, axis=0)])
         balance = energy - energy[0] + work[:, 0] - work[:, 1]
         flow = max(np.ptp(energy), work[-1, 0], tally.total[0], np.max(self._kinetic(), initial=0.0))
@@ -246,39 +251,40 @@ class Trajectory:
             If a time is outside the computed span, or `side` is neither.
         """
         times = np.atleast_1d(np.asarray(t, dtype=float))
-        first, last = self.knots.time[0], self.knots.time[-1]
+        first, last = float(self.knots.time[0]), float(self.knots.time[-1])
         if side not in ("left", "right"):
             raise DeclarationError("side", f"{side!r} is no side", "Use 'left' or 'right'")
-        if times.size and not (np.all(times >= first) and np.all(times <= last)):
+        shape, clock = times.shape, np.ascontiguousarray(times.ravel()) - self.knots.origin
+        if times.size and not (np.all(clock >= self.knots.clock[0]) and np.all(clock <= self.knots.clock[-1])):
             raise DeclarationError("t", "a time is outside the computed span", f"Ask for {first:g} <= t <= {last:g}")
-        shape, flat = times.shape, np.ascontiguousarray(times.ravel())
-        index = np.searchsorted(self.knots.time, flat, side=side) - 1
-        index = np.clip(index, 0, len(self.knots.time) - 1)
-        values = self._values(flat, index)
+        index = np.searchsorted(self.knots.clock, clock, side=side) - 1
+        index = np.clip(index, 0, len(self.knots.clock) - 1)
+        values = self._values(clock, index)
         return {name: v[0].item() if np.ndim(t) == 0 else v.reshape(shape) for name, v in values.items()}
 
-    def _values(self, times: Array, index: Array) -> dict[str, Array]:
-        out = self._sample(times, index)
+    def _values(self, clock: Array, index: Array) -> dict[str, Array]:
+        """All published quantities at times since the origin, within the steps of the knots `index`."""
+        out = self._sample_clock(clock, index)
         rows = self._problem.compiled.layout.rows
         values = {name: out[:, row] for name, row in self._rows.items()}
         for key, i in self._contacts.items():
             values[f"mode_{key}"] = self.knots.mode[index, i]
         values["energy"] = out[:, rows]
-        work = self._work(times, index, out[:, : self.knots.state.shape[1]])
+        work = self._work(clock, index, out[:, : self.knots.state.shape[1]])
         values["dissipated_energy"] = self.audit.dissipated[index] + work[:, 0]
         values["supplied_energy"] = self.audit.supplied[index] + work[:, 1]
         return values
 
-    def _work(self, times: Array, index: Array, states: Array) -> Array:
-        """Dissipated and supplied energy from the knots `index` to `times`, where the motion is at `states`.
+    def _work(self, clock: Array, index: Array, states: Array) -> Array:
+        """Dissipated and supplied energy from the knots `index` to times since the origin, where it is at `states`.
 
         Integrated from one time to the next, so that many times in a long flight cost no more than the flight.
         """
-        k, work = self.knots, np.empty((len(times), 2))
-        order = np.lexsort((times, index))
-        ends, knot = times[order], index[order]
+        k, work = self.knots, np.empty((len(clock), 2))
+        order = np.lexsort((clock, index))
+        ends, knot = clock[order], index[order]
         first = np.diff(knot, prepend=-1) != 0
-        starts = np.where(first, k.time[knot], np.roll(ends, 1))
+        starts = np.where(first, k.clock[knot], np.roll(ends, 1))
         origins = np.where(first[:, None], k.state[knot], np.roll(states[order], 1, axis=0))
         pieces = self._integrate(starts, np.ascontiguousarray(origins), knot, ends).work
         sums = np.cumsum(pieces, axis=0)
@@ -296,11 +302,11 @@ class Trajectory:
         import xarray as xr
 
         k = self.knots
-        times = np.union1d(k.time, np.linspace(k.time[0], k.time[-1], GRID + 1))
-        index = np.searchsorted(k.time, times, side="right") - 1
-        values = self._values(times, index)
+        clock = np.union1d(k.clock, np.linspace(k.clock[0], k.clock[-1], GRID + 1))
+        index = np.searchsorted(k.clock, clock, side="right") - 1
+        values = self._values(clock, index)
         variables = {name: ("time", v, attributes(self.system, name)) for name, v in values.items()}
-        coordinate = ("time", times, {"units": self.system.time_unit or "1", "long_name": "time"})
+        coordinate = ("time", clock + k.origin, {"units": self.system.time_unit or "1", "long_name": "time"})
         return xr.Dataset(
             variables,
             {"time": coordinate},
@@ -372,7 +378,7 @@ class Trajectory:
 
         k = self.knots
         extra = {
-            "knot_time": ("knot", k.time),
+            "knot_time": ("knot", k.clock),
             "knot_state": (("knot", "state"), k.state),
             "knot_mode": (("knot", "contact"), k.mode),
             "knot_region": (("knot", "kink"), k.region),
@@ -380,6 +386,7 @@ class Trajectory:
         }
         settings = {
             "t_span": self.t_span,
+            "origin": k.origin,
             "order": self._problem.order,
             "tolerance": self._problem.tolerance,
             "atol": self._problem.atol,
@@ -407,9 +414,11 @@ def open_trajectory(path: str | Path) -> Trajectory:
         system = loads(own["system"], f"{path}: system")
         parameters, settings = json.loads(own["parameters"]), json.loads(own["settings"])
         names = ("time", "state", "mode", "region", "cause")
-        knots = Knots(*(np.ascontiguousarray(data[f"knot_{name}"].values) for name in names))
+        origin = settings.get("origin", 0.0)
+        knots = Knots(*(np.ascontiguousarray(data[f"knot_{name}"].values) for name in names), origin=origin)
         checked = pose(system, {name: parameters[name] for name in system.parameters})
-        problem = Problem(system, checked.parameters, settings["order"], settings["tolerance"], settings["atol"])
+        numbers = (settings[name] for name in ("order", "tolerance", "atol"))
+        problem = Problem(system, checked.parameters, *numbers, origin=origin)
         span, code, rtol, wall_time = (settings[name] for name in ("t_span", "outcome", "rtol", "wall_time"))
         outcome = Outcome.from_code(code)
     if knots.state.ndim != 2 or knots.state.shape[1] != len(system.declaration.state) or len(knots.time) == 0:

@@ -231,17 +231,13 @@ class Here:
 def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
     """How motions of a system settle and are measured."""
     system, layout = problem.system, problem.compiled.layout
-    inertial, (t, end) = system.declaration.inertial, system.span
-    rates = [layout.state.index(f"d_{q}") for q in inertial] + [layout.named[f"dd_{q}"] for q in inertial]
-    rates += [layout.named[f"d_{x}"] for x in layout.state[2 * len(inertial) :]]
+    t, end = system.span
     last, look = t + (settings.max_time or SPANS * (end - t)), (end - t) / LOOKS
     return Rules(
         real=np.array([t, last, look, MARGIN * settings.tolerance, settings.atol]),
         most=np.array([settings.max_cycles, settings.max_events, ENDLESS]),
         translation=np.array([float(system.translation.get(x, 0.0)) for x in layout.state]),
         fine=np.array(problem.retrace),
-        rate_rows=np.array(rates, dtype=np.int64),
-        rate_sizes=layout.rate_sizes,
         closely=closely,
     )
 

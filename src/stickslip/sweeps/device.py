@@ -19,6 +19,7 @@ from numba import config, cuda
 from numba.core.dispatcher import Dispatcher
 
 from stickslip.errors import DeclarationError
+from stickslip.motion.audit import Steps, Tally
 from stickslip.motion.forms import Flight
 from stickslip.motion.kernel import Record, Space
 from stickslip.motion.lanes import Lanes
@@ -197,8 +198,9 @@ def _there(name: str, value: Any, names: tuple[str, ...]) -> Any:
 def space_of_thread(s: Any, a: int) -> Any:
     """The rows of a thread, field by field: compiled code knows no loop over the fields of a tuple."""
     return Space(
-        s.W[a], s.V[a], s.mag[a], s.Rq[a], s.Rz[a], s.A[a], s.B[a], s.G[a], s.scratch[a], s.stack[a],
-        s.touched[a], s.y0[a], s.trial[a], s.promise[a], s.powers[a], s.pending[a], s.labels[a], s.known[a],
+        s.W[a], s.V[a], s.mag[a], s.Rq[a], s.Rz[a], s.A[a], s.B[a], s.G[a], s.discs[a], s.balls[a], s.reaches[a],
+        s.kinds[a], s.samples[a], s.bernstein[a], s.scratch[a], s.stack[a], s.touched[a], s.y0[a], s.trial[a],
+        s.promise[a], s.powers[a], s.pending[a], s.labels[a], s.known[a],
     )  # fmt: skip
 
 
@@ -215,8 +217,9 @@ def bench_of_thread(b: Any, a: int) -> Any:
     """The rows of a thread, field by field: compiled code knows no loop over the fields of a tuple."""
     return Bench(
         b.work[a], Record(b.record.time[a], b.record.state[a], b.record.mode[a], b.record.region[a],
-        b.record.cause[a]), b.spent[a], b.change[a], b.noise[a], b.largest[a], b.worst[a], b.gaps[a],
-        b.balance[a], b.table[a], b.value[a], b.mode[a], b.region[a], b.felt[a],
+        b.record.cause[a]), Steps(b.steps.work[a], b.steps.gap[a], b.steps.noise[a], b.steps.open[a]),
+        Tally(b.tally.state[a], b.tally.law[a], b.tally.kinks[a], b.tally.total[a]), b.gaps[a],
+        b.balance[a], b.residuals[a], b.table[a], b.value[a], b.mode[a], b.region[a], b.felt[a],
     )  # fmt: skip
 
 

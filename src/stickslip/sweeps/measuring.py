@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from stickslip.motion.dense import integrate_steps
+from stickslip.motion.audit import Tally, audit_steps, judge
 from stickslip.motion.kernel import FINISHED, FULL, INLINED, NEED, OPTIONS, Constants, Lane, Record
 from stickslip.motion.modes import copy, resolve
 from stickslip.sweeps.observers import clear, observe
@@ -45,10 +45,10 @@ def measure(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, sums: 
     k, s, record, carried = constants_of(e, i), e.lanes, bench.record, 0
     copy_lane(saved, i, s, i)
     stop = m.period[i, 0] + m.period[i, 1]
-    for part in (bench.largest, bench.worst, bench.balance, bench.gaps, audit):
+    for part in (bench.balance, bench.gaps, audit):
         fill(part, 0.0)
     clear(sums)
-    slack = 0.0
+    begin(bench.tally)
     while True:
         rest = Record(
             record.time[carried:], record.state[carried:], record.mode[carried:], record.region[carried:],
@@ -65,7 +65,7 @@ def measure(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, sums: 
             copy(record.mode[0], bench.mode)
             copy(record.region[0], bench.region)
             feel(e, k, record.time[0], record.state[0], bench, bench.felt[0])
-        slack += add_steps(e, k, rules, bench, count, carried, sums)
+        add_steps(e, k, rules, bench, count, carried, s.seen[i], sums)
         if code == FINISHED:
             break
         steps = count - 1
@@ -74,11 +74,11 @@ def measure(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, sums: 
         copy(record.mode[steps], record.mode[0])
         copy(record.region[steps], record.region[0])
         carried = 1
-    judge(e.rows.sizes, bench.balance, bench.worst, slack, bench.gaps, bench.largest, rules.real[4], audit)
+    conclude(e, bench, audit)
     feel(e, k, s.clock[i, 0], s.y[i], bench, bench.felt[1])
     m.period[i, 2] = difference(bench.felt)
     if m.outcome[i] == PERIODIC:
-        gaps, largest = bench.gaps, bench.largest
+        gaps, largest = bench.gaps, bench.tally.state[0]
         for r in range(len(gaps)):
             gaps[r] = s.y[i, r] - saved.y[i, r] - m.frame[i, r] * m.period[i, 1]
             largest[r] = max(largest[r], m.size[i, r])
@@ -88,20 +88,22 @@ def measure(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, sums: 
 
 
 @njit(**INLINED)
-def add_steps(e: Engine, k: Constants, rules: Rules, bench: Bench, count: int, carried: int, sums: Sums) -> float:
-    """Measure the steps between the recorded knots, the first of which may have been counted; their rounding errors."""
-    record, balance, spent, change, noise = bench.record, bench.balance, bench.spent, bench.change, bench.noise
-    steps, slack, fine = count - 1, 0.0, rules.fine
+def add_steps(
+    e: Engine, k: Constants, rules: Rules, bench: Bench, count: int, carried: int, seen: Array, sums: Sums
+) -> None:
+    """Measure the steps between the recorded knots, the first of which may have been counted."""
+    record, balance, spent, steps, fine = bench.record, bench.balance, bench.steps.work, count - 1, rules.fine
     e.space.known[-1] = 1
-    observe(e.jets, e.rows, k, e.space, e.order, fine[0], fine[1], record, 0, steps, rules.closely, sums)
+    observe(e.jets, e.rows, k, e.space, e.order, fine[0], fine[1], seen, record, 0, steps, rules.closely, sums)
     for j in range(steps):
         fill(spent[j], 0.0)
-        fill(change[j], 0.0)
-        fill(noise[j], 0.0)
-    integrate_steps(
-        e.jets, e.powers, e.rows, k, e.space, e.order, fine[0], fine[1], rules.rate_rows, rules.rate_sizes,
-        record.time[:steps], record.state[:steps], record.mode[:steps], record.region[:steps], record.time[1:count],
-        True, spent, change, noise, bench.largest, bench.worst,
+        fill(bench.steps.gap[j], 0.0)
+        fill(bench.steps.noise[j], 0.0)
+        bench.steps.open[j] = 0.0
+    audit_steps(
+        e.jets, e.powers, e.rows, k, e.space, e.order, fine[0], fine[1], seen, record.time[:steps],
+        record.state[:steps], record.mode[:steps], record.region[:steps], record.time[1:count], record.state[1:count],
+        True, bench.steps, bench.tally,
     )  # fmt: skip
     for j in range(carried, count):
         energy = energy_at(e, k, bench, j)
@@ -112,13 +114,6 @@ def add_steps(e: Engine, k: Constants, rules: Rules, bench: Bench, count: int, c
         balance[2] += spent[j - 1, 1]
         balance[3], balance[4] = min(balance[3], energy), max(balance[4], energy)
         balance[5] = max(balance[5], abs(energy - balance[0] + balance[1] - balance[2]))
-        now, before, largest = record.state[j], record.state[j - 1], bench.largest
-        for r in range(len(now)):
-            slack += noise[j - 1, r]
-            off = abs(now[r] - before[r] - change[j - 1, r]) - noise[j - 1, r]
-            bench.gaps[r] = max(bench.gaps[r], off)
-            largest[r] = max(largest[r], abs(now[r]), abs(before[r]))
-    return slack
 
 
 @njit(**OPTIONS)
@@ -163,27 +158,26 @@ def difference(felt: Array) -> float:
 
 
 @njit(**OPTIONS)
-def judge(
-    sizes: Array, balance: Array, worst: Array, slack: float, gaps: Array, largest: Array, atol: float, audit: Array
-) -> None:
-    """The three residuals of :mod:`stickslip.certify`, of what has been summed up."""
-    excess, off, creep, back, force, speed, held = worst[0], worst[1], worst[2], worst[3], worst[4], worst[5], worst[6]
-    top = max(abs(balance[3]), abs(balance[4]))
-    scale = max(balance[4] - balance[3], balance[1], worst[7], 1e-6 * top, atol * max(atol, force))
-    audit[0] = max(balance[5] - force * slack, 0.0) / scale
-    at_rest = 1e-4 * held
-    speed = max(speed, at_rest)
-    violation = max(excess, off) / force if force > 0.0 else 0.0
-    violation = max(violation, max(creep, back) / speed if speed > 0.0 else 0.0)
-    for j in range(8, len(worst), 2):
-        violation = max(violation, worst[j] / (worst[j + 1] if worst[j + 1] > 0.0 else 1.0))
-    audit[1] = violation
-    masses = sizes[1]
-    for r in range(len(gaps)):
-        size = max(largest[r], atol)
-        if masses <= r < 2 * masses:
-            size = max(size, at_rest)
-        audit[2] = max(audit[2], gaps[r] / size)
+def begin(tally: Tally) -> None:
+    """Nothing is added up yet."""
+    for part in range(len(tally.state)):
+        fill(tally.state[part], 0.0)
+    for c in range(len(tally.law)):
+        fill(tally.law[c], 0.0)
+    for j in range(len(tally.kinks)):
+        fill(tally.kinks[j], 0.0)
+    fill(tally.total, 0.0)
+
+
+@njit(**OPTIONS)
+def conclude(e: Engine, bench: Bench, audit: Array) -> None:
+    """The residuals of :mod:`stickslip.certify`, of what has been summed up; infinite if not all could be enclosed."""
+    balance, tally, residuals = bench.balance, bench.tally, bench.residuals
+    flow = max(balance[4] - balance[3], balance[1], tally.total[0])
+    judge(e.rows, tally, balance[5], flow, max(abs(balance[3]), abs(balance[4])), residuals)
+    audit[0], audit[1], audit[2] = residuals[0], residuals[1], max(residuals[2], residuals[3])
+    if tally.total[2] > 0.0:
+        audit[2] = np.inf
 
 
 @njit(**OPTIONS)

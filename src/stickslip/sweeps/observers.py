@@ -9,11 +9,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from stickslip.motion.dense import GAUSS_NODES, GAUSS_WEIGHTS
-from stickslip.motion.guards import finite_order, step_size
+from stickslip.motion.audit import NODES as GAUSS_NODES
+from stickslip.motion.audit import WEIGHTS as GAUSS_WEIGHTS
 from stickslip.motion.kernel import JETS, OPTIONS, Constants, Record, Rows, Space
 from stickslip.motion.modes import copy, resolve
 from stickslip.motion.roots import horner
+from stickslip.motion.steps import finite_order, step_size
 from stickslip.sweeps.tables import Sums
 
 Array = np.ndarray
@@ -83,6 +84,7 @@ def observe(
     N: int,
     tol: float,
     atol: float,
+    seen: Array,
     knots: Record,
     first: int,
     last: int,
@@ -93,6 +95,8 @@ def observe(
 
     Parameters
     ----------
+    seen : array
+        Sizes of the rows that bound the steps; see :class:`stickslip.motion.kernel.Lane`.
     knots : Record
         The step `i` lasts from knot `i` to the next.
     first, last : int
@@ -120,7 +124,8 @@ def observe(
         while left > 0.0:
             jets(base, y, mode, reg, k.K, space.Rq, space.Rz, N, W, space.A, space.B, space.mag)
             order = finite_order(W, n, N)
-            h = min(left, max(step_size(W, rows.force, n, order, before, tol, atol), 1e-12 * left))
+            h = step_size(W, rows.watched, rows.noise, space.mag, seen, n, order, before, tol, atol)
+            h = min(left, max(h, 1e-12 * left))
             add_step(rows, W, order, h, sums)
             for r in range(n):
                 y[r] = horner(W[r], order, h)

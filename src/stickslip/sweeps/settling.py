@@ -156,7 +156,7 @@ def follow(e: Engine, i: int, end: float, max_events: int, recording: bool, reco
     """The event loop for one lane; its code stays behind. Returns the number of recorded steps."""
     a, b = i, i + 1
     s = e.lanes
-    lane = Lane(s.clock[a:b], s.y[a:b], s.mode[a:b], s.settled[a:b], s.reg[a:b], s.counters[a:b])
+    lane = Lane(s.clock[a:b], s.y[a:b], s.seen[a:b], s.mode[a:b], s.settled[a:b], s.reg[a:b], s.counters[a:b])
     e.codes[i] = FULL
     return integrate(
         e.jets, e.residual, e.rows, e.space, e.flight, e.constants, e.forms, e.slots, e.order, e.tolerance, e.atol,
@@ -169,6 +169,7 @@ def copy_lane(source: Lane, i: int, target: Lane, j: int) -> None:
     """Copy where a lane is."""
     copy(source.clock[i], target.clock[j])
     copy(source.y[i], target.y[j])
+    copy(source.seen[i], target.seen[j])
     copy(source.mode[i], target.mode[j])
     copy(source.settled[i], target.settled[j])
     copy(source.reg[i], target.reg[j])

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from stickslip.motion.audit import Steps, Tally, make_steps, make_tally
 from stickslip.motion.forms import ClosedForms, Flight
 from stickslip.motion.kernel import JETS, POWERS, RESIDUAL, Constants, Lane, Record, Rows, Space
 
@@ -66,8 +67,6 @@ class Rules(NamedTuple):
     translation : array, shape (n,)
     fine : array, shape (2,)
         Tolerances with which steps are followed again.
-    rate_rows, rate_sizes : arrays of int
-        As in :func:`stickslip.motion.dense.integrate_steps`.
     closely : bool
         As in :func:`stickslip.sweeps.observers.observe`.
     """
@@ -76,8 +75,6 @@ class Rules(NamedTuple):
     most: Array
     translation: Array
     fine: Array
-    rate_rows: Array
-    rate_sizes: Array
     closely: bool
 
 
@@ -174,12 +171,15 @@ class Bench(NamedTuple):
     work : array, shape (2, n)
     record : Record
         Knots; what does not fit is measured piece by piece.
-    spent, change, noise, largest, worst
-        As in :func:`stickslip.motion.dense.integrate_steps`.
+    steps : Steps
+    tally : Tally
+        As in :func:`stickslip.motion.audit.audit_steps`.
     gaps : array, shape (n,)
-        Largest defect of each component.
+        By how much a cycle fails to close.
     balance : array, shape (6,)
         First energy; dissipated and supplied so far; least and largest energy; largest residual.
+    residuals : array, shape (4,)
+        See :func:`stickslip.motion.audit.judge`.
     table, value : arrays
         Taylor coefficients and powers at an instant.
     mode, region : arrays of int
@@ -190,13 +190,11 @@ class Bench(NamedTuple):
 
     work: Array
     record: Record
-    spent: Array
-    change: Array
-    noise: Array
-    largest: Array
-    worst: Array
+    steps: Steps
+    tally: Tally
     gaps: Array
     balance: Array
+    residuals: Array
     table: Array
     value: Array
     mode: Array
@@ -253,13 +251,11 @@ def make_bench(problem: Problem, room: int) -> Bench:
     return Bench(
         work=z((2, n)),
         record=record,
-        spent=z((room, 2)),
-        change=z((room, n)),
-        noise=z((room, n)),
-        largest=z(n),
-        worst=z(8 + 2 * kinks),
+        steps=make_steps(room, n),
+        tally=make_tally(problem.rows),
         gaps=z(n),
         balance=z(6),
+        residuals=z(4),
         table=z((problem.compiled.layout.rows, 2)),
         value=z(3),
         mode=z(contacts, np.int64),
