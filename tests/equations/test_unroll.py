@@ -59,6 +59,7 @@ def test_written_out_series_are_those_of_the_loops(
         call, read = _caller(), []
         for order in (1, 4, 8):
             space.W[:], space.mag[:] = 0.0, 0.0
+            space.W[len(y), 1] = 1.0
             assert call(code.jets, 0.3, y, mode, region, constants.K, space, order) == 0
             read += [space.W[:, 0].copy(), space.W[list(code.KEPT), :order].copy(), space.W[: len(y), order].copy()]
             read += [space.mag.copy()]

@@ -5,7 +5,8 @@ The generated module has four functions, and ``KEPT``, the rows that are read be
 ``setup(p, K, M, C, J, omega)``
     constants, mass matrix, viscous matrix, contact directions and drive frequencies from the parameters;
 ``jets(t, y, mode, reg, K, Rq, Rz, N, W, A, B, mag)``
-    Taylor coefficients of all rows up to order N along the motion in a mode; 0, or 1 if the rates are not determined;
+    Taylor coefficients of all rows up to order N along the motion in a mode, in powers of the time that W holds as the
+    rate of the clock (so that they neither overflow nor vanish); 0, or 1 if the rates are not determined;
 ``residual(t, y, mode, reg, K, G, P)``
     how far sliding rate-independent contacts are from λ + σ s = 0, and the matrix to put them back;
 ``powers(W, reg, K, out)``
@@ -348,12 +349,11 @@ class _Generator:
     def jets(self) -> list[str]:
         n, layout = self.n, self.layout
         loop = [line for instruction in layout.instructions for line in printed(instruction, self.constants)]
-        loop += [f"W[{i}, k + 1] = W[{row}, k]/(k + 1)" for i, row in enumerate(layout.rates)]
+        loop += [f"W[{i}, k + 1] = W[{row}, k]*(W[{n}, 1]/(k + 1))" for i, row in enumerate(layout.rates)]
         body = [
             f"for i in range({n}):",
             "    W[i, 0] = y[i]",
             f"W[{n}, 0] = t",
-            f"W[{n}, 1] = 1.0",
             "for k in range(2, N + 1):",
             f"    W[{n}, k] = 0.0",
             "for k in range(N):",

@@ -236,7 +236,7 @@ class _Sums(ast.NodeTransformer):
         match self.made.get(left.id) if newest else None:
             case ast.BinOp(factor, ast.Mult(), ast.Name() as base) if self.last(base) > self.last(factor):
                 return ast.BinOp(base, ast.Mult(), ast.BinOp(factor, ast.Mult(), right))
-            case ast.Call(ast.Name("fma"), [a, b, rest]) if isinstance(right, ast.Constant):
+            case ast.Call(ast.Name("fma"), [a, b, rest]) if self.last(right) < 0:
                 return _plus(
                     ast.BinOp(rest, ast.Mult(), right), ast.BinOp(b, ast.Mult(), ast.BinOp(a, ast.Mult(), right))
                 )

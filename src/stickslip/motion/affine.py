@@ -114,7 +114,7 @@ def germs(T: ClosedForms, slot: int, f: Flight, omega: Array, fired: int, kinks:
     near = last + T.shortest[slot]
     if len(omega) > 0:
         near += size[0, ns - 2 * len(omega) - 1]
-    ready = 0
+    ready, near = 0, near / T.pace[slot]
     for g in range(T.counts[slot, 1]):
         k, value = 0, 0.0
         while k < GERM_ORDERS:
@@ -316,7 +316,7 @@ def admissible(T: ClosedForms, slot: int, f: Flight, x: Array, last: float) -> b
         for i in range(len(x)):
             if zero[i] != 0.0:
                 for j in range(len(s)):
-                    rate += abs(zero[i] * S[i, j]) * moduli[j]
+                    rate += abs(zero[i] * S[i, j]) * moduli[j] / T.pace[slot]
         if abs(value) > 1e-9 * last * rate + ROUNDING * size:
             return False
         for i in range(len(x)):

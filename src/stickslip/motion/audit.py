@@ -25,7 +25,7 @@ from stickslip.motion.kernel import EPSILON, INLINED, JETS, OPTIONS, POWERS, Con
 from stickslip.motion.kernel import NODES as COUNT
 from stickslip.motion.modes import copy, resolve
 from stickslip.motion.roots import horner
-from stickslip.motion.steps import LEAST, fill_powers, finite_order, step_size
+from stickslip.motion.steps import LEAST, expand, fill_powers
 
 Array = np.ndarray
 
@@ -169,9 +169,7 @@ def audit_steps(
         base, last, pieces = knot_time[i], 0.0, 0
         copy(knot_state[i], start)
         while left > 0.0:
-            jets(base, start, mode, reg, k.K, space.Rq, space.Rz, N, W, space.A, space.B, space.mag)
-            order = finite_order(W, n, N)
-            h = step_size(W, rows.watched, rows.noise, space.mag, seen, n, order, last, tol, atol)
+            order, h = expand(jets, rows, k, space, N, base, start, mode, reg, left, last, tol, atol, seen)
             h, between = min(left, max(h, 1e-12 * left)), 0.0
             if not h > 0.0:
                 h = left  # nothing here is a number, which the nodes will show
@@ -185,7 +183,7 @@ def audit_steps(
                     h, steps.open[i] = longest, left  # no more is tried in this step
             measure_piece(jets, powers, rows, k, space, order, base, h, mode, reg, between, check, i, steps, tally)
             for r in range(n):
-                start[r] = horner(W[r], order, h)
+                start[r] = horner(W[r], order, h / W[n, 1])
             base, left, last, pieces = base + h, left - h, h, pieces + 1
         if check:
             close_step(rows, space, mode, knot_state[i], end_state[i], i, steps, tally)
@@ -213,12 +211,13 @@ def enclose(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, N: 
     for turn in range(2):
         radius, factor = (4.0 * h, WIDE) if turn == 0 else (2.0 * h, NARROW)
         p, n, powers = rows.program, rows.sizes[0], space.reaches
-        fill_powers(powers, radius)
+        unit = space.W[n, 1]
+        fill_powers(powers, radius / unit)
         space.discs[n, 0], space.discs[n, 1] = radius, 0.0
         spread_state(space.W, N, powers, rows.watched[:n], space.discs)
         spread(p, k.K, space, mode, reg, 0, len(p.code))
         for r in range(n):
-            space.discs[r, 3] = slopes(space.W[r], N, powers)
+            space.discs[r, 3] = slopes(space.W[r], N, powers) / unit
         if encloses(rows, space, mode, h, factor, tally):
             return factor
     return np.inf
@@ -257,7 +256,12 @@ def encloses(rows: Rows, space: Space, mode: Array, h: float, factor: float, tal
     """Whether what may be between the nodes of a piece is negligible."""
     n, nc, mag, discs, W = rows.sizes[0], len(rows.u), space.mag, space.discs, space.W
     for r in range(n):
-        size = LEAST + max(abs(W[r, 0]), tally.state[0, r]) + h * abs(W[r, 1]) + REST * impulse(rows, mag, r, h)
+        size = (
+            LEAST
+            + max(abs(W[r, 0]), tally.state[0, r])
+            + abs(W[r, 1]) * (h / W[n, 1])
+            + REST * impulse(rows, mag, r, h)
+        )
         if not h * residual_strays(rows, discs, r, factor) <= NEGLIGIBLE * size:
             return False
     for c in range(nc):
@@ -295,11 +299,11 @@ def measure_piece(
 ) -> None:
     """Evaluate the law at the nodes of a piece, and add up what was found there and what may be between them."""
     n, W, V, mag, y, power = rows.sizes[0], space.W, space.V, space.mag, space.y0, space.powers
-    sizes = rows.program.rate_sizes
+    sizes, unit = rows.program.rate_sizes, W[n, 1]
     for g in range(COUNT):
         tau, weight = h * NODES[g], h * WEIGHTS[g]
         for r in range(n):
-            y[r] = horner(W[r], N, tau)
+            y[r] = horner(W[r], N, tau / unit)
         jets(base + tau, y, mode, reg, k.K, space.Rq, space.Rz, 1, V, space.A, space.B, mag)
         powers(V, reg, k.K, power)
         steps.work[i, 0] += weight * power[1]
@@ -309,7 +313,7 @@ def measure_piece(
             continue
         for r in range(n):
             rate = V[rows.program.rates[r], 0]
-            space.samples[r, g] = rate - rate_on(W[r], N, tau)
+            space.samples[r, g] = rate - rate_on(W[r], N, tau / unit) / unit
             tally.state[0, r] = most(tally.state[0, r], abs(y[r]))
             if sizes[r] >= 0:
                 steps.noise[i, r] += weight * ROUNDINGS * EPSILON * mag[sizes[r]]

@@ -106,13 +106,14 @@ def fill_alike(problem: Problem, T: ClosedForms, slot: Array, linear: Linear, mo
     weight = np.where(kept, np.where(values.imag > 0.0, 2.0, 1.0), 0.0)
     V = weight[:, None, :] * np.take_along_axis(V, order[:, None, :], 2)
     b, weights = np.arange(len(m)), (values, V, L)
+    fastest = np.maximum(np.max(np.abs(values), axis=1, initial=0.0), np.max(omega, axis=1, initial=0.0))
+    T.pace[slot] = np.ldexp(1.0, -np.frexp(np.where(fastest > 0.0, fastest, 1.0))[1])
     fill_signals(problem, T, slot, linear, moving, weights)
     constraints(problem, T, linear, slot)
     T.exponent[slot[:, None], b] = values
     T.tilt[slot[:, None], b] = np.angle(values)
     T.sine[slot[:, None], b] = np.sin(np.angle(values))
     T.counts[slot, 0] = np.sum(kept, axis=1)
-    fastest = np.maximum(np.max(np.abs(values), axis=1, initial=0.0), np.max(omega, axis=1, initial=0.0))
     T.shortest[slot] = 1.0 / np.maximum(fastest, 1e-300)
     if omega.shape[1] == 0:
         T.shortest[slot[np.all(values == 0.0, axis=1)]] = 0.0
@@ -173,6 +174,7 @@ def fill_signals(
     S[:, :n, :n], S[:, :n, n:], S[:, n + 1, n] = D[:, :n], E[:, :n], 1.0
     for k in range(waves):
         S[:, n + 2 + 2 * k, n + 3 + 2 * k], S[:, n + 3 + 2 * k, n + 2 + 2 * k] = -omega[:, k], omega[:, k]
+    S *= T.pace[slot, None, None]
     terms, rates, ones = np.abs(np.concatenate([P, Q], axis=2)), np.abs(S), np.ones((count, ns, 1))
     T.felt[slot] = np.any(rates, axis=1) | np.any(terms, axis=1)
     for k in range(GERM_ORDERS + 1):

@@ -12,7 +12,7 @@ from numba import njit
 from stickslip.motion.kernel import ALLOCATING, JETS, POWERS, Constants, Rows, Space
 from stickslip.motion.modes import copy, resolve
 from stickslip.motion.roots import horner
-from stickslip.motion.steps import finite_order, step_size
+from stickslip.motion.steps import expand
 
 Array = np.ndarray
 
@@ -47,7 +47,7 @@ def sample(
     out : array, shape (times, rows + 3)
     """
     sizes, W, A, B, mag, n = rows.sizes, space.W, space.A, space.B, space.mag, rows.sizes[0]
-    V, y, power = np.zeros((len(W), 2)), np.zeros(n), np.zeros(3)
+    V, y, z, power = np.zeros((len(W), 2)), np.zeros(n), np.zeros(n), np.zeros(3)
     mode, reg = np.zeros(knot_mode.shape[1], np.int64), np.zeros(knot_region.shape[1], np.int64)
     last, base, h, order = -1, 0.0, 0.0, N
     for i in range(len(times)):
@@ -57,20 +57,19 @@ def sample(
             copy(knot_mode[knot], mode)
             copy(knot_region[knot], reg)
             resolve(sizes, k, space, mode)
-            jets(base, knot_state[knot], mode, reg, k.K, space.Rq, space.Rz, N, W, A, B, mag)
-            order = finite_order(W, n, N)
-            h = step_size(W, rows.watched, rows.noise, mag, seen, n, order, 0.0, tol, atol)
+            copy(knot_state[knot], y)
+            left = times[i] - base
+            order, h = expand(jets, rows, k, space, N, float(base), y, mode, reg, left, 0.0, tol, atol, seen)
         while times[i] - base > h:
             for r in range(n):
-                y[r] = horner(W[r], order, h)
+                y[r] = horner(W[r], order, h / W[n, 1])
             base += h
-            jets(base, y, mode, reg, k.K, space.Rq, space.Rz, N, W, A, B, mag)
-            order = finite_order(W, n, N)
-            h = step_size(W, rows.watched, rows.noise, mag, seen, n, order, h, tol, atol)
-            h = max(h, 1e-12 * (times[i] - base))
+            left = times[i] - base
+            order, h = expand(jets, rows, k, space, N, base, y, mode, reg, left, h, tol, atol, seen)
+            h = max(h, 1e-12 * left)
         for r in range(n):
-            y[r] = horner(W[r], order, times[i] - base)
-        jets(times[i], y, mode, reg, k.K, space.Rq, space.Rz, 1, V, A, B, mag)
+            z[r] = horner(W[r], order, (times[i] - base) / W[n, 1])
+        jets(times[i], z, mode, reg, k.K, space.Rq, space.Rz, 1, V, A, B, mag)
         powers(V, reg, k.K, power)
         for r in range(len(W)):
             out[i, r] = V[r, 0]

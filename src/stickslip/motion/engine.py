@@ -220,7 +220,7 @@ def step_on(
         if forbidden >= 0 and x == 0.0:
             return (NEGATIVE if rows.doubtful[forbidden, 1] < 0 else INADMISSIBLE), count
         if x < 1.0:
-            fill_powers(space.powers, x * h)
+            fill_powers(space.powers, x * h / space.W[len(y), 1])
         for i in range(len(y)):
             space.trial[i], space.promise[0, i] = arrive(space.W[i], N, space.powers)
         # The next step begins with the rates at the end of this one, unless something comes in between.
@@ -392,7 +392,7 @@ def probe(
     sizes, W, mag = rows.sizes, space.W, space.mag
     n, nq, nz, nr, mq = sizes[0], sizes[1], sizes[2], sizes[3], sizes[5]
     nc, nk = len(rows.u), len(rows.kinks)
-    space.known[-1] = 1
+    space.known[-1], W[n, 1] = 1, 1.0
     if not resolve(sizes, k, space, mode):
         return False
     for c in range(mq):

@@ -25,8 +25,10 @@ class ClosedForms(NamedTuple):
         UNKNOWN, AFFINE or SMOOTH (not affine), the number of the mode, and that of the slot itself.
     counts : array of int
         Numbers of exponents and of guards.
+    pace : array
+        Time, a power of two, near the shortest of the mode.
     S : array
-        ṡ = S s.
+        ṡ = S s, in units of that time.
     exponent : array of complex
         λ, without the conjugates.
     tilt, sine : arrays
@@ -67,6 +69,7 @@ class ClosedForms(NamedTuple):
     key: Array
     own: Array
     counts: Array
+    pace: Array
     S: Array
     exponent: Array
     tilt: Array
@@ -103,6 +106,7 @@ def make_closed_forms(
         key=z(m, i),
         own=np.arange(m),
         counts=z((m, 2), i),
+        pace=np.ones(m),
         S=z((m, ns, ns)),
         exponent=z((m, n), c),
         tilt=z((m, n)),

@@ -87,7 +87,8 @@ def scan(
     """
     W, mag, force, plus, minus, u = space.W, space.mag, rows.force, rows.plus, rows.minus, rows.u
     powers, pending, labels = space.powers, space.pending, space.labels
-    nk, nc, count, near = len(rows.kinks), len(rows.u), ZERO, last + powers[1]
+    unit = W[rows.sizes[0], 1]
+    nk, nc, count, near = len(rows.kinks), len(rows.u), ZERO, last / unit + powers[1]
     for g in range(nk + 2 * nc + len(rows.doubtful)):
         # The guard is sign·W[row] + W[shift]; size0 and size1 are the scales of its value and of its rate.
         i, shift, size1, around, sign = (g - nk) // 2, NOWHERE, 0.0, near, 1.0
@@ -110,7 +111,7 @@ def scan(
             if (g - nk) % 2 == 1:
                 continue
             row, sign = u[i], 1.0 if mode[i] > 0 else -1.0
-            size0, size1 = mag[i], mag[nc + i] + abs(W[row, 1])
+            size0, size1 = mag[i], mag[nc + i] * unit + abs(W[row, 1])
         precision = max(FIRED if switch_of(g, nk, nc) == fired else 0.0, slack * ROUNDING)
         if g >= nk + 2 * nc:
             precision = DOUBTFUL

@@ -49,7 +49,7 @@ else:
 FINISHED, NO_RATE, ON_JUMP, ZENO, TINY, LIMIT, NEGATIVE, UNDEFINED, INADMISSIBLE = 0, 2, 3, 4, 5, 6, 7, 8, 14
 FULL, NEED, STEPS = 100, 101, 102
 # What may be said of a candidate mode; or of the step that led to it: that it does not solve the equations.
-OK, SINGULAR, NAN, OFF_SURFACE, ASTRAY = 0, 1, 2, 3, 4
+OK, SINGULAR, NAN, OFF_SURFACE, ASTRAY, OVERFLOW = 0, 1, 2, 3, 4, 5
 
 NODES = 18  # of an audit, in a piece of a step
 EPSILON = 2.220446049250313e-16
@@ -122,7 +122,8 @@ class Space(NamedTuple):
     Attributes
     ----------
     W, V : arrays, shapes (rows, N + 1), (rows, 2)
-        Taylor coefficients; values and rates at the end of a step.
+        Taylor coefficients, in powers of the unit of time that is the rate of the clock, row n; values and rates at the
+        end of a step.
     mag : array
         Sizes of the terms of what may cancel: the scale of rounding errors.
     Rq, Rz : arrays
@@ -174,8 +175,8 @@ class Lane(NamedTuple):
     Attributes
     ----------
     clock : array
-        t, last step, time of an event many events ago, span, and the length of recent steps (events that coincide
-        up to rounding make steps of no length).
+        t, last step, time of an event many events ago, span, the length of recent steps (events that coincide up to
+        rounding make steps of no length), and the unit of time of the Taylor coefficients.
     y : array
         State.
     seen : array
@@ -210,9 +211,11 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
     n, nq, nz, nr, _, mq, mz, mr, nk = map(int, rows.sizes)
     nc, z = mq + mz + mr, np.zeros
     big, guards = max(nq + mq, nz + mz), nk + 2 * nc + len(rows.doubtful) + 1
+    W, V = z((table_rows, N + 1)), z((table_rows, 2))
+    W[n, 1] = V[n, 1] = 1.0
     return Space(
-        W=z((table_rows, N + 1)),
-        V=z((table_rows, 2)),
+        W=W,
+        V=V,
         mag=z(max(magnitudes, 1)),
         Rq=z((nq + mq, nq + mq)),
         Rz=z((nz + mz, nz + mz)),

@@ -25,6 +25,7 @@ from stickslip.motion.kernel import (
     OFF_SURFACE,
     OK,
     OPTIONS,
+    OVERFLOW,
     RESIDUAL,
     ROUNDING,
     SINGULAR,
@@ -34,7 +35,16 @@ from stickslip.motion.kernel import (
     Rows,
     Space,
 )
-from stickslip.motion.steps import LEAST, fill_powers, shortened, step_size
+from stickslip.motion.steps import (
+    COARSER,
+    LEAST,
+    MOST_UNITS,
+    better,
+    fill_powers,
+    shortened,
+    step_size,
+    suits,
+)
 
 Array = np.ndarray
 
@@ -170,8 +180,10 @@ def evaluate_mode(
     if jets(t, y, mode, reg, k.K, space.Rq, space.Rz, N, W, space.A, space.B, space.mag) == SINGULAR:
         return SINGULAR
     for r in range(n):
-        if not (math.isfinite(W[r, 0]) and math.isfinite(W[r, 1]) and math.isfinite(W[r, min(N, 2)])):
+        if not (math.isfinite(W[r, 0]) and math.isfinite(W[rows.program.rates[r], 0])):
             return NAN
+        if not (math.isfinite(W[r, 1]) and math.isfinite(W[r, min(N, 2)])):
+            return OVERFLOW
         if not math.isfinite(W[r, N]):
             W[r, N] = np.inf  # what overflows at high orders only is a blow-up: no step is small enough
     for c in range(len(rows.u)):
@@ -300,7 +312,8 @@ def settle(
         touched[i] = 0
     # First pivoting; if that leaves the admissible modes (a singular or impossible one), every state of the switches
     # concerned.
-    pivots, candidate, total, flipped, slack = 0, 0, 0, fired, 1.0
+    pivots, candidate, total, flipped, slack, units, h = 0, 0, 0, fired, 1.0, 0, 0.0
+    space.W[len(y), 1] = lane.clock[5]
     while True:
         if pivots > 0:
             copy(space.y0, y)
@@ -334,15 +347,26 @@ def settle(
                 space.W, rows.watched, rows.noise, space.mag, lane.seen, len(y), N, last, tol, atol
             )  # fmt: skip
             h = min(room, h)
-            fill_powers(space.powers, h)
+        if status == OVERFLOW or (status == OK and not suits(h, room, space.W[len(y), 1])):
+            # Coefficients in other units of time: all others are powers of two times these, so that nothing is rounded.
+            if units == MOST_UNITS:
+                return NAN, 0.0, 0
+            space.W[len(y), 1] = better(h, space.W[len(y), 1]) if status == OK else COARSER * space.W[len(y), 1]
+            units, pivots = units + 1, pivots - 1
+            if total > 0:
+                candidate -= 1
+            continue
+        if status == OK:
+            fill_powers(space.powers, h / space.W[len(y), 1])
             guard, count = scan(rows, space, mode, reg, N, last, fired, slack)
             if guard < 0 and not let_slide(mode):
                 short = shortened(rows, k, space, mode, reg, N, h, tol, atol, lane.seen)
                 if short < h:
                     h = short
-                    fill_powers(space.powers, h)
+                    fill_powers(space.powers, h / space.W[len(y), 1])
                     guard, count = scan(rows, space, mode, reg, N, last, fired, slack)
                 if guard < 0:
+                    lane.clock[5] = space.W[len(y), 1]
                     for i in range(len(rows.watched)):
                         lane.seen[i] = max(lane.seen[i], abs(space.W[rows.watched[i], 0]))
                     return OK, h, count

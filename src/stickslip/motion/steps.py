@@ -13,11 +13,14 @@ import numpy as np
 from numba import njit
 
 from stickslip.motion.discs import ATAN, LOG, ROTATION, TANH, reach, spread, spread_state
-from stickslip.motion.kernel import EPSILON, INLINED, OPTIONS, Constants, Rows, Space
+from stickslip.motion.kernel import EPSILON, INLINED, JETS, OPTIONS, Constants, Rows, Space
 
 Array = np.ndarray
 
 LEAST = 1e-250  # what is smaller is nothing
+SHORT, LONG = 2.0**-30, 2.0**10  # steps, in units of time of the coefficients
+COARSER = 2.0**-16  # of a unit of time in which coefficients overflow
+MOST_UNITS = 60  # that are tried
 MOST_CUTS = 1100  # halvings from the largest number to nothing
 LOOSE = 1e-3  # part of its size that may be hidden in a row
 
@@ -32,11 +35,12 @@ def step_size(
     nothing is measured against a number that the motion does not have. The first n rows are the state, known to order
     N; the others to order N − 1.
     """
+    unit = W[n, 1]
     top, middle, low, h = 0.0, 0.0, 0.0, np.inf
     for i in range(len(rows)):
         r = rows[i]
         value = abs(W[r, 0])
-        size = LEAST + value + abs(W[r, 1]) * last + atol * max(value, seen[i])
+        size = LEAST + value + abs(W[r, 1]) * (last / unit) + atol * max(value, seen[i])
         if noise[i] >= 0:
             # What cancels in a rate is known to rounding only.
             size += EPSILON / tol * mag[noise[i]] * (last if i < n else 1.0)
@@ -58,7 +62,7 @@ def step_size(
         h, edge = (tol / middle) ** (1.0 / (N - 1)), middle
     if top * h > edge:
         h = (tol / top) ** (1.0 / N)
-    return h
+    return h * unit
 
 
 @njit(**OPTIONS)
@@ -71,6 +75,55 @@ def first_step(c: Array, N: int, tol: float) -> float:
         if c[k] != 0.0 and c[j] != 0.0 and k > j:
             h = min(h, abs(c[j] / c[k] * tol) ** (1.0 / (k - j)))
     return h
+
+
+@njit(**OPTIONS)
+def suits(h: float, room: float, unit: float) -> bool:
+    """Whether coefficients in powers of a unit of time neither overflow nor vanish, if a step has this length."""
+    return h >= SHORT * unit and (h <= LONG * unit or unit >= room)
+
+
+@njit(**OPTIONS)
+def better(h: float, unit: float) -> float:
+    """A unit of time that suits a step better: a power of two near it."""
+    if not h > 0.0:
+        return unit * SHORT
+    return math.ldexp(1.0, math.frexp(h)[1])
+
+
+@njit(**OPTIONS)
+def expand(
+    jets: JETS,
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    N: int,
+    t: float,
+    y: Array,
+    mode: Array,
+    reg: Array,
+    room: float,
+    last: float,
+    tol: float,
+    atol: float,
+    seen: Array,
+) -> tuple[int, float]:
+    """Taylor coefficients of a known motion in a mode, in units of time that suit it.
+
+    Returns
+    -------
+    order, step
+        Order up to which they are finite, and the step for which they are good.
+    """
+    W, n, order, h = space.W, rows.sizes[0], N, 0.0
+    for _ in range(MOST_UNITS):
+        jets(t, y, mode, reg, k.K, space.Rq, space.Rz, N, W, space.A, space.B, space.mag)
+        order = finite_order(W, n, N)
+        h = step_size(W, rows.watched, rows.noise, space.mag, seen, n, order, last, tol, atol)
+        if order == N and (not room > 0.0 or suits(min(h, room), room, W[n, 1])):
+            break
+        W[n, 1] = better(min(h, room), W[n, 1]) if order == N else COARSER * W[n, 1]
+    return order, h
 
 
 @njit(**OPTIONS)
@@ -135,7 +188,7 @@ def unseen(
 ) -> float:
     """What the series cannot show within a step, in parts of what it may be: the step is fine if this is at most 1."""
     p, W, discs, powers, n = rows.program, space.W, space.discs, space.reaches, rows.sizes[0]
-    fill_powers(powers, 2.0 * h)
+    fill_powers(powers, 2.0 * h / W[n, 1])
     discs[n, 0], discs[n, 1] = 2.0 * h, 0.0
     spread_state(W, N, powers, p.seen, discs)
     spread(p, k.K, space, mode, reg, 0, p.leading[0])
@@ -144,7 +197,7 @@ def unseen(
         return 0.0
     spread_state(W, N, powers, rows.watched[:n], discs)
     spread(p, k.K, space, mode, reg, p.leading[0], len(p.code))
-    fill_powers(powers, h)
+    fill_powers(powers, h / W[n, 1])
     return hidden(rows, space, mode, N, h, part, tol, atol, seen)
 
 

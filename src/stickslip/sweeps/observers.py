@@ -122,6 +122,7 @@ def observe(
         copy(knots.state[i], y)
         base, left, before = knots.time[i], length, 0.0
         while left > 0.0:
+            W[n, 1] = 1.0
             jets(base, y, mode, reg, k.K, space.Rq, space.Rz, N, W, space.A, space.B, space.mag)
             order = finite_order(W, n, N)
             h = step_size(W, rows.watched, rows.noise, space.mag, seen, n, order, before, tol, atol)

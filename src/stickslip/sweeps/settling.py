@@ -180,7 +180,7 @@ def copy_lane(source: Lane, i: int, target: Lane, j: int) -> None:
 def dies_out(e: Engine, m: Marks, rules: Rules, i: int, tolerance: float, look: float, work: Array) -> bool:
     """Whether the rates of a lane, without frame and translation, are so small that nothing more will change."""
     k, s, w = constants_of(e, i), e.lanes, e.space
-    w.known[-1] = 1
+    w.known[-1], w.W[len(work), 1] = 1, 1.0
     if not resolve(e.rows.sizes, k, w, s.mode[i]):
         return False
     if e.jets(s.clock[i, 0], s.y[i], s.mode[i], s.reg[i], k.K, w.Rq, w.Rz, 1, w.W, w.A, w.B, w.mag) != OK:
@@ -291,6 +291,7 @@ def cross_plane(e: Engine, m: Marks, rules: Rules, bench: Bench, i: int, count: 
         copy(record.region[j], f.reg0)
         s.known[-1] = 1
         resolve(e.rows.sizes, k, s, f.mode0)
+        s.W[len(y), 1] = 1.0
         e.jets(t, y, f.mode0, f.reg0, k.K, s.Rq, s.Rz, N, s.W, s.A, s.B, s.mag)
         low, high = 0.0, after - t
         point_on(s.W, N, high, work[1])
