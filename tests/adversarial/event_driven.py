@@ -1,0 +1,508 @@
+"""Event-driven motion of given mechanics by SciPy's DOP853: the reference that shares no code with the library.
+
+*One mode, one linear problem.* With the mode σᵢ ∈ {−, stick, +} of every contact and the side of every kink fixed, the
+rates solve W ρ = f + Jᵀλ with λᵢ = −σᵢkᵢ in slip and Jρ = ẇ (inertial) or w (viscous) in stick: a constant matrix. A
+rate-independent coordinate in slip follows g = f + Jλ = 0, differentiated along the motion by the complex step.
+
+*Guards* are nonnegative while a mode is right: λ + s⁺ and s⁻ − λ in stick, σu in slip, the signed kink functions. They
+are sampled within every step, minima between samples are refined, roots are bracketed on the dense output, and the step
+is integrated again up to the root.
+
+*Which mode comes next* is decided by trial (complementarity by enumeration): the open switches, those at zero of
+their guards, are tried in all 3^m 2^k states; each candidate is followed for a short while, and the one whose guards stay
+nonnegative is right. Static thresholds decide who slides; what slides takes its kinetic force; then the rest is decided again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+from scipy.integrate import DOP853
+from scipy.optimize import brentq, minimize_scalar
+
+from .mechanics import TIME, Array, Law, Mechanics, pair
+
+ZERO = 1e-13  # of a guard's scale: what rounding makes of a guard that is 0
+NEAR = 1e-9  # of a guard's scale: a switch this close is tried in all states
+COMPLEX_STEP = 1e-30
+FRESH = np.array([0.0, 1 / 1024, 1 / 256, 1 / 64, 1 / 16, 1 / 8, 1 / 4, 3 / 8, 1 / 2, 5 / 8, 3 / 4, 7 / 8, 1.0])
+LATER = np.array([0.0, 1 / 8, 1 / 4, 3 / 8, 1 / 2, 5 / 8, 3 / 4, 7 / 8, 1.0])
+MOST_EVENTS = 20_000
+MOST_STEPS = 200_000
+
+
+class NoAnswer(Exception):
+    """The reference cannot say how the motion goes on."""
+
+
+@dataclass
+class Motion:
+    """What the reference computed.
+
+    Attributes
+    ----------
+    times, states, friction : ndarray, shapes (k,), (k, n), (k, m)
+        States and contact forces (NaN where they are not unique) at the times asked for, as far as it got.
+    phases : list of (time, mode)
+        Beginnings of modes.
+    end : float
+        Where it ended.
+    outcome : str
+        "finished", or why it ended before.
+    """
+
+    times: Array
+    states: Array
+    friction: Array
+    phases: list[tuple[float, Array]]
+    end: float
+    outcome: str = "finished"
+    steps: int = 0
+
+
+class Piece:
+    """Rates and guards of one mode in one region."""
+
+    def __init__(self, m: Mechanics, mode: Array, side: Array, static: Sequence[int] = ()) -> None:
+        self.m, self.mode, self.side, self.static = m, mode, side, list(static)
+        nq, nz, nr, _ = m.kinds
+        self.nq, self.p, self.n = nq, nq + nz, nq + nz + nr
+        self.J = J = np.asarray(m.J, dtype=float).reshape(len(mode), self.n)
+        self.Jp, self.Jq = J[:, : self.p], J[:, :nq]
+        self.inertial, self.rate = np.any(self.Jq != 0.0, axis=1), np.any(J[:, self.p :] != 0.0, axis=1)
+        self.only_inertial = bool(np.all(self.inertial))
+        self.sticks, self.up, self.down = mode == 0, (mode > 0).astype(float), (mode < 0).astype(float)
+        self.stick = np.flatnonzero(self.sticks & ~self.rate)
+        self.held = [(i, int(np.flatnonzero(J[i])[0])) for i in np.flatnonzero(self.rate & self.sticks)]
+        self.sliding = [(i, int(np.flatnonzero(J[i])[0])) for i in np.flatnonzero(self.rate & ~self.sticks)]
+        self.still, self.ones = np.zeros(len(mode)), np.ones(len(mode))
+        self._solve_once()
+
+    def _solve_once(self) -> None:
+        """The matrices of W ρ = f + Jᵀλ, J_S ρ = b: ρ = A f + B b, λ_S = −Bᵀf + G b."""
+        W = np.asarray(self.m.inertia, dtype=float).reshape(self.p, self.p)
+        self.inverse = np.linalg.inv(W) if self.p else W
+        JS = self.Jp[self.stick]
+        scale = 1.0 / np.sqrt(np.diag(JS @ self.inverse @ JS.T)) if len(JS) else np.ones(0)
+        values, vectors = np.linalg.eigh(scale[:, None] * (JS @ self.inverse @ JS.T) * scale)
+        full = values > 1e-12
+        self.G = scale[:, None] * ((vectors[:, full] / values[full]) @ vectors[:, full].T) * scale
+        # Forces of redundant contacts are unique up to this direction.
+        self.spare = vectors[:, ~full] * scale[:, None]
+        self.B = self.inverse @ JS.T @ self.G
+        self.A = self.inverse - self.B @ JS @ self.inverse
+
+    def rhs(self, t: float, y: Array) -> Array:
+        """Rates of the state."""
+        return self.evaluate(t, y)[0]
+
+    def rates(self, t: float, y: Array) -> tuple[Array, Array, Array]:
+        """Rates of the state, guards (two for each contact, then the kinks), and contact forces."""
+        out, f, lam, plus, minus, u, w, target = self.evaluate(t, y)
+        lam[self.stick] = self.G @ target - self.B.T @ (f[: self.p] + self.Jp.T @ lam)
+        for i, k in self.held:
+            lam[i] = -f[k] / self.J[i, k]
+        if not self.only_inertial:
+            u = np.where(self.inertial, u, self.J @ out[: self.n] - w)
+        return out, self._guards(t, y, plus, minus, lam, u), lam
+
+    def evaluate(self, t: float, y: Array) -> tuple[Array, ...]:
+        """Rates, smooth forces, friction in slip (0 in stick), thresholds, relative velocities and surface speeds."""
+        m, n, nq, p = self.m, self.n, self.nq, self.p
+        x, v, a = y[:n], y[n : n + nq], y[n + nq :]
+        f = np.asarray(m.force(t, x, v, a, self.side))
+        w, w_rate = self.belt(t)
+        u = self.Jq @ v - w
+        k_plus, k_minus = plus, minus = pair(m.threshold(t, x, v, a, self.side))
+        if m.kinetic is not None:
+            k_plus, k_minus = pair(m.kinetic(t, x, v, a, self.side, np.abs(u)))
+            if self.static:
+                k_plus, k_minus = k_plus.copy(), k_minus.copy()
+                k_plus[self.static], k_minus[self.static] = plus[self.static], minus[self.static]
+        lam = self.down * k_minus - self.up * k_plus
+        target = w_rate if self.only_inertial else np.where(self.inertial, w_rate, w)
+        rho = self.A @ (f[:p] + self.Jp.T @ lam)
+        if len(self.stick):
+            target = target[self.stick]
+            rho += self.B @ target
+        else:
+            target = target[:0]
+        out = np.zeros(len(y))
+        out[:nq], out[nq:p], out[n : n + nq] = v, rho[nq:], rho[:nq]
+        if m.law is not None:
+            out[n + nq :] = m.law(t, x, out[:n], a, self.side)
+        if self.sliding:
+            self._slide(t, y, out)
+        return out, f, lam, plus, minus, u, w, target
+
+    def belt(self, t: float) -> tuple[Array, Array]:
+        """Surface speeds and their rates."""
+        if self.m.belt is None:
+            return self.still, self.still
+        w = np.asarray(self.m.belt(t + COMPLEX_STEP * 1j), dtype=complex)
+        return w.real, w.imag / COMPLEX_STEP
+
+    def _slide(self, t: float, y: Array, out: Array) -> None:
+        """Rates of the rate-independent coordinates that slide."""
+        columns, slope = self.slopes(t, y)
+        if not np.linalg.cond(slope) < 1e12:
+            raise NoAnswer("no bounded rate")
+        out[columns] = np.linalg.solve(slope, -self._along(t, y, 1.0, out))
+
+    def slopes(self, t: float, y: Array) -> tuple[list[int], Array]:
+        """Rate-independent coordinates that slide, and the derivatives of their balance by them."""
+        columns = [k for _, k in self.sliding]
+        directions = np.eye(len(y))[columns]
+        return columns, np.array([self._along(t, y, 0.0, d) for d in directions]).T
+
+    def _along(self, t: float, y: Array, dt: float, dy: Array) -> Array:
+        """Derivative of the balance of the sliding rate-independent coordinates along a direction."""
+        return self.balance(t + COMPLEX_STEP * 1j * dt, y + COMPLEX_STEP * 1j * dy).imag / COMPLEX_STEP
+
+    def balance(self, t: complex, y: Array) -> Array:
+        """f + Jλ of the rate-independent coordinates that slide."""
+        n, nq = self.n, self.nq
+        state = t, y[:n], y[n : n + nq], y[n + nq :], self.side
+        f, (plus, minus) = self.m.force(*state), pair(self.m.threshold(*state))
+        return np.array([f[k] - self.J[i, k] * (plus[i] if self.mode[i] > 0 else -minus[i]) for i, k in self.sliding])
+
+    def _guards(self, t: float, y: Array, plus: Array, minus: Array, lam: Array, u: Array) -> Array:
+        upper = np.where(self.sticks, minus - lam, self.mode * u)
+        lower = np.where(self.sticks, lam + plus, 1.0)
+        if self.spare.shape[1] == 1:
+            # Some force in the segment λ + cν has to be admissible: the room that is left for c.
+            S, nu = self.stick, self.spare[:, 0]
+            moved = np.abs(nu) > 1e-9 * np.max(np.abs(nu))
+            a_end = (np.where(nu > 0, -plus[S], minus[S]) - lam[S])[moved] / nu[moved]
+            b_end = (np.where(nu > 0, minus[S], -plus[S]) - lam[S])[moved] / nu[moved]
+            free = S[moved]
+            upper[free], lower[free] = np.min(b_end) - np.max(a_end), 1.0
+            lam[free] = np.nan
+        elif self.spare.shape[1] > 1:
+            raise NoAnswer("forces with two free directions")
+        if self.m.kinks is None:
+            return np.concatenate([upper, lower])
+        n, nq = self.n, self.nq
+        return np.concatenate([upper, lower, self.side * self.m.kinks(t, y[:n], y[n : n + nq], y[n + nq :])])
+
+    def scales(self, t: float, y: Array, h: float) -> Array:
+        """Sizes of the guards: forces, relative velocities after a short time h, and 1 for rates and kinks."""
+        n, nq, p = self.n, self.nq, self.p
+        state = t, y[:n], y[n : n + nq], y[n + nq :], self.side
+        f = np.abs(np.asarray(self.m.force(*state)))
+        bound = np.max([np.max(s, initial=0.0) for s in pair(self.m.threshold(*state))])
+        force = np.max(f, initial=0.0) + bound
+        reach = np.abs(self.Jp @ self.inverse) @ (f[:p] + np.abs(self.Jp.T) @ np.full(len(self.mode), bound))
+        speed = np.where(self.inertial, h * reach + 1e-30, np.where(self.rate, 1.0, reach + 1e-30))
+        contact = np.where(self.mode == 0, force + 1e-30, speed)
+        return np.concatenate([contact, np.full(len(self.mode), force + 1e-30), np.ones(len(self.side))])
+
+
+@dataclass
+class Run:
+    """A motion under way."""
+
+    m: Mechanics
+    t: float
+    y: Array
+    end: float
+    times: Array
+    rtol: float
+    mode: Array = field(init=False)
+    side: Array = field(init=False)
+    piece: Piece = field(init=False)
+    h: float = 0.0
+    steps: int = 0
+    size: float = 0.0
+
+    def __post_init__(self) -> None:
+        m, (nq, nz, nr, _) = self.m, self.m.kinds
+        n = nq + nz + nr
+        self.y = np.array(self.y, dtype=float)
+        x, v, a = self.y[:n], self.y[n : n + nq], self.y[n + nq :]
+        kinks = np.asarray(m.kinks(self.t, x, v, a), dtype=float) if m.kinks is not None else np.zeros(0)
+        self.side = np.where(kinks >= 0.0, 1, -1)
+        contacts = len(m.J)
+        piece = Piece(m, np.zeros(contacts, int), self.side)
+        w = piece.belt(self.t)[0]
+        u = piece.J[:, :nq] @ v - w
+        self.mode = np.where(piece.inertial & (np.abs(u) > 1e-14 * (1 + np.abs(w))), np.sign(u), 0).astype(int)
+        self.found: list[tuple[float, Array, Array]] = []
+        self.phases: list[tuple[float, Array]] = []
+        self.h = min(m.step, self.limit(Piece(m, self.mode, self.side), self.t, self.y), 1e-3 * (self.end - self.t))
+        held = set(np.flatnonzero((self.mode == 0) & ~piece.rate))
+        self.check_stable(Piece(m, self.mode, self.side), n, nq)
+        self.decide(held, set(np.flatnonzero(np.abs(kinks) < 1e-14)))
+
+    def check_stable(self, piece: Piece, n: int, nq: int) -> None:
+        guards = piece.rates(self.t, self.y)[1]
+        scale = piece.scales(self.t, self.y, self.h)
+        held = np.flatnonzero(piece.rate)
+        both = np.concatenate([held, held + len(self.mode)])
+        if np.any(guards[both] < -1e-9 * scale[both]):
+            raise NoAnswer("unstable start")
+
+    # -- deciding -----------------------------------------------------------------------------------
+
+    def decide(self, contacts: set[int], kinks: set[int]) -> None:
+        """Find the mode and region that are right from here on; the open switches are given, near ones are added."""
+        now = Piece(self.m, self.mode, self.side)
+        guards, scale = now.rates(self.t, self.y)[1], now.scales(self.t, self.y, self.h)
+        count = len(self.mode)
+        close = np.abs(guards) <= NEAR * scale
+        contacts = contacts | {int(i) % count for i in np.flatnonzero(close[: 2 * count])}
+        kinks = kinks | {int(j) for j in np.flatnonzero(close[2 * count :])}
+        for _ in range(count + len(self.side) + 2):
+            self.land(contacts)
+            mode, side = self.choose(contacts, kinks)
+            piece = Piece(self.m, mode, side)
+            broken = np.flatnonzero(self.probe(piece, self.h) < -1e-9)
+            more = {int(g) % count for g in broken[broken < 2 * count]} - contacts
+            bent = {int(g) - 2 * count for g in broken[broken >= 2 * count]} - kinks
+            if not more and not bent:
+                break
+            contacts, kinks = contacts | more, kinks | bent
+        self.mode, self.side, self.piece = mode, side, piece
+        self.settle(piece)
+        self.phases.append((self.t, mode.copy()))
+
+    def choose(self, contacts: set[int], kinks: set[int]) -> tuple[Array, Array]:
+        """Static thresholds decide who slides; what slides takes its kinetic force; the rest is decided again."""
+        open_, mode, side = set(contacts), self.mode.copy(), self.side.copy()
+        while True:
+            mode, side = self.best(sorted(open_), sorted(kinks), mode, side)
+            moving = {i for i in open_ if mode[i] != 0}
+            if self.m.kinetic is None or not moving:
+                return mode, side
+            open_ -= moving
+
+    def best(self, contacts: list[int], kinks: list[int], mode: Array, side: Array) -> tuple[Array, Array]:
+        """The state of the open switches whose guards stay nonnegative for a short while."""
+        count = len(mode)
+        watched = [*contacts, *(i + count for i in contacts), *(2 * count + j for j in kinks)]
+        if not watched:
+            return mode, side
+        candidates = []
+        for states in product(*[(0, 1, -1)] * len(contacts), *[(1, -1)] * len(kinks)):
+            new_mode, new_side = mode.copy(), side.copy()
+            new_mode[contacts], new_side[kinks] = states[: len(contacts)], states[len(contacts) :]
+            candidates.append((np.count_nonzero(new_mode), new_mode, new_side))
+        candidates.sort(key=lambda c: c[0])  # what can stick sticks
+        for h in (self.h, 0.1 * self.h, 0.01 * self.h, 1e-3 * self.h):
+            scores = [
+                np.min(self.probe(Piece(self.m, c[1], c[2], contacts), h)[watched], initial=np.inf) for c in candidates
+            ]
+            right = next((c for c, score in zip(candidates, scores, strict=True) if score >= -ZERO), None)
+            if right is None and max(scores) > -1e-9:
+                right = candidates[int(np.argmax(scores))]
+            if right is not None:
+                return right[1], right[2]
+        if np.any(np.isneginf(scores)):
+            raise NoAnswer("no bounded rate")
+        raise NoAnswer(f"no mode at t = {self.t:.9g}: best {max(scores):.2e}")
+
+    def probe(self, piece: Piece, h: float) -> Array:
+        """Least relative guards on the way through four Runge-Kutta steps of length h/4."""
+        t, y, least = self.t, self.y, np.full(2 * len(piece.mode) + len(piece.side), np.inf)
+        scale = piece.scales(t, y, h)
+        try:
+            for _ in range(4):
+                k1 = piece.rhs(t, y)
+                k2 = piece.rhs(t + h / 8, y + h / 8 * k1)
+                k3 = piece.rhs(t + h / 8, y + h / 8 * k2)
+                k4 = piece.rhs(t + h / 4, y + h / 4 * k3)
+                t, y = t + h / 4, y + h / 24 * (k1 + 2 * k2 + 2 * k3 + k4)
+                least = np.fmin(least, piece.rates(t, y)[1] / scale)
+        except NoAnswer:
+            return np.full_like(least, -np.inf)
+        return least
+
+    def land(self, contacts: set[int]) -> None:
+        """Relative velocities that have just vanished are 0, not nearly."""
+        piece, nq = Piece(self.m, self.mode, self.side), self.m.kinds[0]
+        rows = [i for i in sorted(contacts) if piece.inertial[i]]
+        if rows:
+            v = self.y[piece.n : piece.n + nq]
+            J, w = piece.J[rows, :nq], piece.belt(self.t)[0][rows]
+            inverse = piece.inverse[:nq, :nq]
+            self.y[piece.n : piece.n + nq] -= inverse @ J.T @ np.linalg.pinv(J @ inverse @ J.T) @ (J @ v - w)
+
+    def settle(self, piece: Piece) -> None:
+        """Rate-independent coordinates that slide are put onto their balance."""
+        for _ in range(3 if piece.sliding else 0):
+            columns, slope = piece.slopes(self.t, self.y)
+            self.y[columns] -= np.linalg.solve(slope, piece.balance(self.t, self.y).real)
+
+    # -- stepping -----------------------------------------------------------------------------------
+
+    def limit(self, piece: Piece, t: float, y: Array) -> float:
+        """Longest step that cannot pass over a planted feature."""
+        h, rates = self.m.step, None
+        for zone in self.m.zones:
+            if zone.row == TIME:
+                h = min(h, (abs(t - zone.place) + zone.width) / 3)
+            else:
+                rates = piece.rhs(t, y) if rates is None else rates
+                reach = abs(y[zone.row] - zone.place) + zone.width
+                h = min(h, reach / (3 * abs(rates[zone.row]) + 1e-300))
+        return h
+
+    def passed(self, path: Array) -> bool:
+        """Whether a step moved further than the distance to a feature lets it."""
+        for zone in self.m.zones:
+            if zone.row != TIME:
+                track = path[zone.row]
+                if np.ptp(track) > 0.7 * (np.min(np.abs(track - zone.place)) + zone.width):
+                    return True
+        return False
+
+    def solver(self, t: float, y: Array, end: float, first: float | None = None) -> DOP853:
+        if end - t <= 0.0:
+            raise NoAnswer("zero step")
+        first = None if first is None else min(first, end - t)
+        return DOP853(
+            self.piece.rhs, t, y, end, max_step=self.m.step, rtol=self.rtol, atol=0.01 * self.rtol, first_step=first
+        )
+
+    def shoot(self, t: float, y: Array, end: float) -> Array:
+        """The state at a given time within a step."""
+        if end <= t:
+            return y
+        solver = self.solver(t, y, end, end - t)
+        while solver.status == "running":
+            solver.step()
+        if solver.status == "failed":
+            raise NoAnswer("step too small")
+        return solver.y
+
+    def until_event(self) -> bool:
+        """Follow the mode; False at the end of the span."""
+        solver, fresh = self.solver(self.t, self.y, self.end), True
+        while solver.status == "running":
+            t, y = solver.t, solver.y
+            solver.max_step = min(self.m.step, self.limit(self.piece, t, y))
+            solver.h_abs = min(solver.h_abs, solver.max_step)
+            solver.step()
+            self.steps += 1
+            if solver.status == "failed" or self.steps > MOST_STEPS:
+                raise NoAnswer("step too small" if solver.status == "failed" else "too many steps")
+            dense, h = solver.dense_output(), solver.t - t
+            tau = h * (FRESH if fresh else LATER)
+            path = dense(t + tau)
+            if self.passed(path):
+                solver = self.solver(t, y, self.end, h / 3)
+                continue
+            guards = np.array([self.piece.rates(t + s, path[:, i])[1] for i, s in enumerate(tau)])
+            event = self.first_root(t, tau, dense, guards, self.piece.scales(t, y, h))
+            self.record(t, y, t + event[0] if event else solver.t)
+            if event:
+                self.cross(t, y, dense, *event)
+                return True
+            self.t, self.y, self.h, fresh = solver.t, solver.y, h, False
+        return False
+
+    def first_root(
+        self, t: float, tau: Array, dense: Law, guards: Array, scale: Array
+    ) -> tuple[float, list[int]] | None:
+        """Where the first guard falls below zero within a step, and which ones fall there."""
+        shifted = guards + ZERO * scale
+        # At the beginning a guard that is 0 counts as such, whatever rounding has made of it.
+        shifted[0] = np.maximum(shifted[0], ZERO * scale)
+        roots: dict[int, float] = {}
+        for g in range(guards.shape[1]):
+            column = shifted[:, g]
+
+            def value(s: float, g: int = g) -> float:
+                low = ZERO * scale[g]
+                found = float(self.piece.rates(t + s, dense(t + s))[1][g]) + low
+                return max(found, low) if s == 0.0 else found
+
+            first = next(iter(np.flatnonzero(column < 0.0)), len(column))
+            for j in range(1, min(first, len(column) - 1)):
+                dip = self._dip(value, tau, column, j)
+                if dip is not None:
+                    roots[g] = brentq(value, tau[j - 1], dip, xtol=1e-15, rtol=1e-14)
+                    break
+            else:
+                if first < len(column):
+                    roots[g] = brentq(value, tau[first - 1], tau[first], xtol=1e-15, rtol=1e-14)
+        if not roots:
+            return None
+        least = min(roots.values())
+        return least, [g for g, s in roots.items() if s <= least + 1e-9 * tau[-1]]
+
+    def _dip(self, value: Law, tau: Array, column: Array, j: int) -> float | None:
+        """A point where a guard is negative around a sampled minimum, if there is one."""
+        a, b, c = column[j - 1 : j + 2]
+        if not (b <= a and b <= c) or b < 0.0 or c < 0.0:
+            return None
+        p, q = (a - b) / (tau[j] - tau[j - 1]), (c - b) / (tau[j + 1] - tau[j])
+        if b > 0.5 * max(p, q) * (tau[j + 1] - tau[j - 1]):
+            return None
+        found = minimize_scalar(value, bounds=(tau[j - 1], tau[j + 1]), method="bounded", options={"xatol": 1e-12})
+        return float(found.x) if found.fun < 0.0 else None
+
+    def cross(self, t: float, y: Array, dense: Law, tau: float, fallen: list[int]) -> None:
+        """Go to the root exactly, and decide."""
+        g, h = fallen[0], max(1e-4 * tau, 1e-12)
+
+        def guard(s: float) -> float:
+            return float(self.piece.rates(t + s, dense(t + s))[1][g])
+
+        slope = (guard(tau + h) - guard(tau - h)) / (2 * h)
+        at = self.shoot(t, y, t + tau)
+        scale = self.piece.scales(t, y, max(self.h, tau))[g]
+        if slope < -1e-6 * scale:
+            tau = max(tau - float(self.piece.rates(t + tau, at)[1][g]) / slope, 0.0)
+            at = self.shoot(t, y, t + tau)
+        self.t, self.y = t + tau, np.array(at)
+        self.h = min(0.1 * max(self.h, tau), self.m.step / 30, self.limit(self.piece, self.t, self.y) / 10)
+        count = len(self.mode)
+        contacts = {f % count for f in fallen if f < 2 * count}
+        self.decide(contacts, {f - 2 * count for f in fallen if f >= 2 * count})
+
+    def record(self, t: float, y: Array, end: float) -> None:
+        """States and forces at the times that lie in a step."""
+        while len(self.found) < len(self.times) and self.times[len(self.found)] <= end:
+            s = float(self.times[len(self.found)])
+            at = self.shoot(t, y, s)
+            self.found.append((s, np.array(at), self.piece.rates(s, at)[2]))
+
+
+def integrate(
+    m: Mechanics, span: tuple[float, float], start: Sequence[float], times: Array, rtol: float = 1e-12
+) -> Motion:
+    """The motion from a state (x, v, a), switch by switch.
+
+    Parameters
+    ----------
+    times : ndarray
+        Ascending; where the state is wanted.
+
+    Raises
+    ------
+    NoAnswer
+        If no mode is right; "no bounded rate" and the like are outcomes.
+    """
+    run: Run | None = None
+    outcome = "finished"
+    try:
+        run = Run(m, span[0], np.asarray(start, dtype=float), span[1], times, rtol)
+        run.record(run.t, run.y, run.t)
+        still = 0
+        while run.until_event():
+            last = [phase[0] for phase in run.phases[-8:]]
+            still = still + 1 if len(last) > 1 and last[-1] - last[-2] < 1e-13 * (1 + abs(last[-1])) else 0
+            if still > 12 or len(run.phases) > MOST_EVENTS:
+                raise NoAnswer("event accumulation" if still > 12 else "too many events")
+    except NoAnswer as error:
+        if run is None or str(error) not in ("no bounded rate", "step too small", "event accumulation"):
+            raise
+        outcome = str(error)
+    found = run.found
+    states = np.array([f[1] for f in found]).reshape(len(found), len(start))
+    friction = np.array([f[2] for f in found]).reshape(len(found), len(m.J))
+    return Motion(np.array([f[0] for f in found]), states, friction, run.phases, run.t, outcome, run.steps)
