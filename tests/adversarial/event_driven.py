@@ -9,8 +9,9 @@ are sampled within every step, minima between samples are refined, roots are bra
 is integrated again up to the root.
 
 *Which mode comes next* is decided by trial (complementarity by enumeration): the open switches, those at zero of
-their guards, are tried in all 3^m 2^k states; each candidate is followed for a short while, and the one whose guards stay
-nonnegative is right. Static thresholds decide who slides; what slides takes its kinetic force; then the rest is decided again.
+their guards, are tried in all 3^m 2^k states; each candidate is followed for a short while, and the one whose guards
+stay nonnegative is right. Static thresholds decide who slides; what slides takes its kinetic force; then the rest is
+decided again.
 """
 
 from __future__ import annotations
@@ -28,8 +29,12 @@ from .mechanics import TIME, Array, Law, Mechanics, pair
 ZERO = 1e-13  # of a guard's scale: what rounding makes of a guard that is 0
 NEAR = 1e-9  # of a guard's scale: a switch this close is tried in all states
 COMPLEX_STEP = 1e-30
-FRESH = np.array([0.0, 1 / 1024, 1 / 256, 1 / 64, 1 / 16, 1 / 8, 1 / 4, 3 / 8, 1 / 2, 5 / 8, 3 / 4, 7 / 8, 1.0])
-LATER = np.array([0.0, 1 / 8, 1 / 4, 3 / 8, 1 / 2, 5 / 8, 3 / 4, 7 / 8, 1.0])
+SMALL = 1e-3  # of forces in natural units: guards are not measured against less
+# Where guards are sampled in a step; close to its ends, too, so that a minimum at an end is one between samples.
+EVEN = np.linspace(0.0, 1.0, 9)[1:-1]
+LATER = np.concatenate([[0.0, 1e-5], EVEN, [1 - 1e-5, 1.0]])
+FRESH = np.concatenate([[0.0, 1e-5, 1 / 1024, 1 / 256, 1 / 64, 1 / 16], EVEN, [1 - 1e-5, 1.0]])
+SHORT = 10.0 ** -np.arange(7)  # fractions of a step for which candidates are followed
 MOST_EVENTS = 20_000
 MOST_STEPS = 200_000
 
@@ -93,7 +98,9 @@ class Piece:
         # Forces of redundant contacts are unique up to this direction.
         self.spare = vectors[:, ~full] * scale[:, None]
         self.B = self.inverse @ JS.T @ self.G
-        self.A = self.inverse - self.B @ JS @ self.inverse
+        # Rates that stick allows: through a basis of them, so that what sticks beside something heavy does not creep.
+        Z = np.linalg.svd(JS)[2][np.count_nonzero(full) :].T if len(JS) else np.eye(self.p)
+        self.A = Z @ np.linalg.inv(Z.T @ W @ Z) @ Z.T
 
     def rhs(self, t: float, y: Array) -> Array:
         """Rates of the state."""
@@ -193,12 +200,12 @@ class Piece:
         n, nq, p = self.n, self.nq, self.p
         state = t, y[:n], y[n : n + nq], y[n + nq :], self.side
         f = np.abs(np.asarray(self.m.force(*state)))
-        bound = np.max([np.max(s, initial=0.0) for s in pair(self.m.threshold(*state))])
+        bound = SMALL + np.max([np.max(s, initial=0.0) for s in pair(self.m.threshold(*state))])
         force = np.max(f, initial=0.0) + bound
         reach = np.abs(self.Jp @ self.inverse) @ (f[:p] + np.abs(self.Jp.T) @ np.full(len(self.mode), bound))
-        speed = np.where(self.inertial, h * reach + 1e-30, np.where(self.rate, 1.0, reach + 1e-30))
-        contact = np.where(self.mode == 0, force + 1e-30, speed)
-        return np.concatenate([contact, np.full(len(self.mode), force + 1e-30), np.ones(len(self.side))])
+        speed = np.where(self.inertial, h * reach, np.where(self.rate, 1.0, reach))
+        contact = np.where(self.mode == 0, force, speed)
+        return np.concatenate([contact, np.full(len(self.mode), force), np.ones(len(self.side))])
 
 
 @dataclass
@@ -216,7 +223,7 @@ class Run:
     piece: Piece = field(init=False)
     h: float = 0.0
     steps: int = 0
-    size: float = 0.0
+    wrong: bytes = b""
 
     def __post_init__(self) -> None:
         m, (nq, nz, nr, _) = self.m, self.m.kinds
@@ -247,8 +254,12 @@ class Run:
 
     # -- deciding -----------------------------------------------------------------------------------
 
-    def decide(self, contacts: set[int], kinks: set[int]) -> None:
-        """Find the mode and region that are right from here on; the open switches are given, near ones are added."""
+    def decide(self, contacts: set[int], kinks: set[int], wrong: bytes = b"") -> None:
+        """Find the mode and region that are right from here on; the open switches are given, near ones are added.
+
+        The state of all switches that is known to be `wrong`, since a guard has fallen in it, is left out.
+        """
+        self.wrong = wrong
         now = Piece(self.m, self.mode, self.side)
         guards, scale = now.rates(self.t, self.y)[1], now.scales(self.t, self.y, self.h)
         count = len(self.mode)
@@ -259,7 +270,8 @@ class Run:
             self.land(contacts)
             mode, side = self.choose(contacts, kinks)
             piece = Piece(self.m, mode, side)
-            broken = np.flatnonzero(self.probe(piece, self.h) < -1e-9)
+            # Forces jump when something starts to slide: others may not hold any more.
+            broken = np.flatnonzero(piece.rates(self.t, self.y)[1] < NEAR * piece.scales(self.t, self.y, self.h))
             more = {int(g) % count for g in broken[broken < 2 * count]} - contacts
             bent = {int(g) - 2 * count for g in broken[broken >= 2 * count]} - kinks
             if not more and not bent:
@@ -289,9 +301,11 @@ class Run:
         for states in product(*[(0, 1, -1)] * len(contacts), *[(1, -1)] * len(kinks)):
             new_mode, new_side = mode.copy(), side.copy()
             new_mode[contacts], new_side[kinks] = states[: len(contacts)], states[len(contacts) :]
+            if new_mode.tobytes() + new_side.tobytes() == self.wrong:
+                continue
             candidates.append((np.count_nonzero(new_mode), new_mode, new_side))
         candidates.sort(key=lambda c: c[0])  # what can stick sticks
-        for h in (self.h, 0.1 * self.h, 0.01 * self.h, 1e-3 * self.h):
+        for h in self.h * SHORT:
             scores = [
                 np.min(self.probe(Piece(self.m, c[1], c[2], contacts), h)[watched], initial=np.inf) for c in candidates
             ]
@@ -308,6 +322,8 @@ class Run:
         """Least relative guards on the way through four Runge-Kutta steps of length h/4."""
         t, y, least = self.t, self.y, np.full(2 * len(piece.mode) + len(piece.side), np.inf)
         scale = piece.scales(t, y, h)
+        if piece.sliding and np.max(np.abs(piece.balance(t, y))) > 1e-6 * scale[-len(piece.side) - 1]:
+            return np.full_like(least, -1.0)
         try:
             for _ in range(4):
                 k1 = piece.rhs(t, y)
@@ -388,7 +404,8 @@ class Run:
             solver.step()
             self.steps += 1
             if solver.status == "failed" or self.steps > MOST_STEPS:
-                raise NoAnswer("step too small" if solver.status == "failed" else "too many steps")
+                small = "no bounded rate" if self.piece.sliding else "step too small"
+                raise NoAnswer(small if solver.status == "failed" else "too many steps")
             dense, h = solver.dense_output(), solver.t - t
             tau = h * (FRESH if fresh else LATER)
             path = dense(t + tau)
@@ -408,17 +425,14 @@ class Run:
         self, t: float, tau: Array, dense: Law, guards: Array, scale: Array
     ) -> tuple[float, list[int]] | None:
         """Where the first guard falls below zero within a step, and which ones fall there."""
-        shifted = guards + ZERO * scale
-        # At the beginning a guard that is 0 counts as such, whatever rounding has made of it.
-        shifted[0] = np.maximum(shifted[0], ZERO * scale)
+        # What rounding has made negative at the beginning counts as zero.
+        low = ZERO * scale + np.clip(-guards[0], 0.0, NEAR * scale)
         roots: dict[int, float] = {}
         for g in range(guards.shape[1]):
-            column = shifted[:, g]
+            column = guards[:, g] + low[g]
 
             def value(s: float, g: int = g) -> float:
-                low = ZERO * scale[g]
-                found = float(self.piece.rates(t + s, dense(t + s))[1][g]) + low
-                return max(found, low) if s == 0.0 else found
+                return self._guard(g, dense, t, s) + low[g]
 
             first = next(iter(np.flatnonzero(column < 0.0)), len(column))
             for j in range(1, min(first, len(column) - 1)):
@@ -447,22 +461,27 @@ class Run:
 
     def cross(self, t: float, y: Array, dense: Law, tau: float, fallen: list[int]) -> None:
         """Go to the root exactly, and decide."""
-        g, h = fallen[0], max(1e-4 * tau, 1e-12)
-
-        def guard(s: float) -> float:
-            return float(self.piece.rates(t + s, dense(t + s))[1][g])
-
-        slope = (guard(tau + h) - guard(tau - h)) / (2 * h)
-        at = self.shoot(t, y, t + tau)
+        g, at = fallen[0], self.shoot(t, y, t + tau)
         scale = self.piece.scales(t, y, max(self.h, tau))[g]
-        if slope < -1e-6 * scale:
-            tau = max(tau - float(self.piece.rates(t + tau, at)[1][g]) / slope, 0.0)
+        for _ in range(3):
+            h = max(1e-4 * tau, 1e-12)
+            slope = (self._guard(g, dense, t, tau + h) - self._guard(g, dense, t, tau - h)) / (2 * h)
+            value = float(self.piece.rates(t + tau, at)[1][g])
+            if slope > -1e-6 * scale or abs(value) < 1e-15 * scale:
+                break
+            tau = max(tau - value / slope, 0.0)
             at = self.shoot(t, y, t + tau)
         self.t, self.y = t + tau, np.array(at)
         self.h = min(0.1 * max(self.h, tau), self.m.step / 30, self.limit(self.piece, self.t, self.y) / 10)
+        self.settle(self.piece)
         count = len(self.mode)
         contacts = {f % count for f in fallen if f < 2 * count}
-        self.decide(contacts, {f - 2 * count for f in fallen if f >= 2 * count})
+        self.decide(
+            contacts, {f - 2 * count for f in fallen if f >= 2 * count}, self.mode.tobytes() + self.side.tobytes()
+        )
+
+    def _guard(self, g: int, dense: Law, t: float, tau: float) -> float:
+        return float(self.piece.rates(t + tau, dense(t + tau))[1][g])
 
     def record(self, t: float, y: Array, end: float) -> None:
         """States and forces at the times that lie in a step."""

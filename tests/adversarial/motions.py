@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -14,22 +13,23 @@ from . import families  # noqa: F401  (registers them)
 from .case import FAMILIES, Case, draw
 from .event_driven import Motion, NoAnswer, integrate
 from .mechanics import TIME, Array
+from .registry import in_turn
 from .verdict import AGREED, NO_REFERENCE, NOT_CERTIFIED, REFUSED, WRONG, OutOfTime, Verdict, at_most
 
-NAME = "motions"
+__all__ = ["FAMILIES", "cases", "draw", "judge", "reproduction"]
+
 CLOSE = 1e-8  # relative; ten times the tolerance of the library's certificate
 CERTIFIED = 1e-9  # what the certificate leaves open, to be multiplied by the condition of a motion
 SHIFT = 1e-7  # relative change of the start and of all friction by which the condition is measured
+LEAST = 1e-3  # natural size: relative to less, an error of CLOSE is below what the library's atol lets pass
 LONG = 1e-5  # of the span: phases that have to be there
 MOST_EVENTS = 20_000
-PATIENCE = 60.0  # seconds for the library, and for the reference
+PATIENCE = 300.0  # seconds of the processor for the library (with its compiler), and for the reference
 
 
 def cases(seed: int = 0, count: int = 100) -> Iterator[Case]:
     """Cases of all families in turn; each depends on its family and its own seed alone."""
-    names = list(FAMILIES)
-    for i in range(count):
-        yield draw(names[i % len(names)], seed + i // len(names))
+    return in_turn(FAMILIES, draw, seed, count)
 
 
 def judge(case: Case) -> Verdict:
@@ -123,7 +123,7 @@ def sizes(case: Case, states: Array) -> Array:
     size = np.array(largest)
     size[:n] = np.max(largest[:n], initial=0.0)
     size[n : n + nq] = np.max(largest[n : n + nq], initial=0.0)
-    return np.where(size > 0.0, size, 1.0)
+    return np.maximum(size, LEAST)
 
 
 def compare(case: Case, motion: ss.Trajectory, reference: Motion) -> Verdict:
@@ -154,9 +154,7 @@ def compare(case: Case, motion: ss.Trajectory, reference: Motion) -> Verdict:
     return _said(case, motion, reference, reached, fault, numbers)
 
 
-def _said(
-    case: Case, motion: ss.Trajectory, reference: Motion, reached: float, fault: str, numbers: dict
-) -> Verdict:
+def _said(case: Case, motion: ss.Trajectory, reference: Motion, reached: float, fault: str, numbers: dict) -> Verdict:
     """What the library says of its motion, and what is to be said of that."""
     certified, ended = motion.certificate.ok, not motion.outcome.ok
     kind_of_fault = re.sub(r"by .*|at t = .*", "", fault).strip()
@@ -276,8 +274,3 @@ def compare_modes(case: Case, motion: ss.Trajectory, reference: Motion, keys: li
 def reproduction(case: Case) -> str:
     """A script that repeats a case."""
     return case.source()
-
-
-def smaller(case: Case) -> float:
-    """How long a reproduction is: the smallest is shown."""
-    return len(replace(case).source())

@@ -98,9 +98,7 @@ def moving_belt(rng: Rng) -> Case:
         mechanics = by_hand(
             "inertial", n, lambda t: 0.0, kinetic=lambda u: n["F_k"], belt=lambda t: V + r * np.sin(omega * t)
         )
-        system = declared(
-            "inertial", kinetic="F_k", belt="V + r*sin(omega*t)", extra="F_k=0.2 V=0.3 r=0.2 omega=1"
-        )
+        system = declared("inertial", kinetic="F_k", belt="V + r*sin(omega*t)", extra="F_k=0.2 V=0.3 r=0.2 omega=1")
         return Case(system, n, {}, 25.0, mechanics)
     n |= {"w": 30.0 * log_uniform(rng, 1e-4, 3e-2), "p": rng.uniform(3.0, 25.0)}
     V, r, w, p = n["V"], n["r"], n["w"], n["p"]
@@ -112,9 +110,7 @@ def moving_belt(rng: Rng) -> Case:
         belt=lambda t: V + r * shape.at((t - p) / w),
         zones=(Zone(TIME, p, w),),
     )
-    system = declared(
-        "inertial", kinetic="F_k", belt=f"V + r*{shape.text('t')}", extra="F_k=0.2 V=0.3 r=0.2 p=1 w=0.1"
-    )
+    system = declared("inertial", kinetic="F_k", belt=f"V + r*{shape.text('t')}", extra="F_k=0.2 V=0.3 r=0.2 p=1 w=0.1")
     return Case(system, n, {}, 30.0, mechanics)
 
 
@@ -187,7 +183,7 @@ def vanishing_threshold(rng: Rng) -> Case:
     plain = by_hand(kind, n, lambda t: F * np.cos(omega * t + phi))
     touches = mu == s_1
 
-    def level(t):  # noqa: ANN001, ANN202
+    def level(t):
         return mu + s_1 * np.cos(alpha * t)
 
     mechanics = Mechanics(

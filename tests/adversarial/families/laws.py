@@ -183,7 +183,12 @@ def narrow_in_a_state(rng: Rng) -> Case:
     kind, shape = pick(rng, list(KINDS)), pick(rng, BUMPS)
     assert isinstance(shape, Shape)
     n = {"m": rng.uniform(0.5, 2), "c": rng.uniform(0.3, 1), "k": rng.uniform(0.5, 2), "mu": rng.uniform(0.3, 0.8)}
-    n |= {"d": rng.uniform(0.5, 1), "tau": rng.uniform(5, 15), "p": rng.uniform(0.2, 0.8), "w": log_uniform(rng, 1e-4, 0.1)}
+    n |= {
+        "d": rng.uniform(0.5, 1),
+        "tau": rng.uniform(5, 15),
+        "p": rng.uniform(0.2, 0.8),
+        "w": log_uniform(rng, 1e-4, 0.1),
+    }
     n |= {"f": n["mu"] * (1 - n["d"] * rng.uniform(0.1, 0.9))}
     k, f, mu, d, tau, p, w = (n[name] for name in ("k", "f", "mu", "d", "tau", "p", "w"))
     nq = 1 if kind == "inertial" else 0
@@ -199,5 +204,3 @@ def narrow_in_a_state(rng: Rng) -> Case:
         zones=(Zone(1 + nq, p, w),),
     )
     return Case(ripening(kind, shape.text("theta")), n, {}, rng.uniform(1.0, 2.0) * tau, mechanics)
-
-

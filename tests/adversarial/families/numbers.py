@@ -98,9 +98,7 @@ def scales_of_directions(rng: Rng) -> Case:
         threshold=lambda t, x, v, a, side: [case.parameters["mu"]],
     )
     units = {"force": 10.0**-exponent}
-    return replace(
-        case, system=tilted(f"1e{exponent}*d_x"), parameters=n, mechanics=mechanics, units=units
-    )
+    return replace(case, system=tilted(f"1e{exponent}*d_x"), parameters=n, mechanics=mechanics, units=units)
 
 
 # -- motions that end by name ------------------------------------------------------------------------------------------
@@ -171,4 +169,3 @@ def blow_up(rng: Rng) -> Case:
 
 def _ends(system: System, n: dict[str, float], label: str, time: float) -> Case:
     return Case(system, n, {}, 1.5 * time + 1.0, None, expected=(label, time))
-

@@ -21,7 +21,9 @@ KIND_COUNTS = {"inertial": (2, 0, 0, 0), "viscous": (0, 2, 0, 0), "rate-independ
 @cache
 def pair_of(kind: str, load: str = "cos(omega*t + phi)", kinetic: str | None = None, mutual: bool = False) -> System:
     """Two coordinates on springs, joined by a spring, each with a contact; or with one contact between them."""
-    parameters = given(m=1.0, n=1.0, c=0.2, e=0.2, k=1.0, h=1.0, j=0.7, mu=0.5, nu=0.5, F=1.0, G=1.0, omega=1.0, phi=0.0)
+    parameters = given(
+        m=1.0, n=1.0, c=0.2, e=0.2, k=1.0, h=1.0, j=0.7, mu=0.5, nu=0.5, F=1.0, G=1.0, omega=1.0, phi=0.0
+    )
     parameters |= given(F_k=0.2, G_k=0.2, p=1.0, w=0.1)
     contacts = {"first": Contact("d_x", "mu", kinetic=kinetic and "F_k")}
     contacts["second"] = Contact("d_x - d_y" if mutual else "d_y", "nu", kinetic=kinetic and "G_k")
@@ -175,7 +177,12 @@ def redundant_contacts(rng: Rng) -> Case:
     """Two contacts in one direction, whose forces cannot be told apart: together they are one."""
     kind = pick(rng, ("inertial", "viscous"))
     n = {"m": rng.uniform(0.5, 2), "c": rng.uniform(0.1, 1), "k": rng.uniform(0.5, 2), "mu": rng.uniform(0.1, 0.4)}
-    n |= {"nu": rng.uniform(0.05, 0.2), "F": rng.uniform(0.5, 3), "omega": rng.uniform(0.4, 1.5), "phi": rng.uniform(0, 6)}
+    n |= {
+        "nu": rng.uniform(0.05, 0.2),
+        "F": rng.uniform(0.5, 3),
+        "omega": rng.uniform(0.4, 1.5),
+        "phi": rng.uniform(0, 6),
+    }
     k, F, omega, phi = n["k"], n["F"], n["omega"], n["phi"]
     drag = n["c"] if kind == "inertial" else 0.0
     mechanics = Mechanics(
@@ -204,7 +211,12 @@ def triangle() -> System:
 def hyperstatic(rng: Rng) -> Case:
     """Three contacts hold two masses: forces in stick are not unique, the motion is."""
     n = {"k": rng.uniform(0.5, 2), "h": rng.uniform(0.5, 2), "mu": rng.uniform(0.2, 0.5), "nu": rng.uniform(0.2, 0.5)}
-    n |= {"xi": rng.uniform(0.1, 0.4), "F": rng.uniform(0.5, 2), "G": rng.uniform(0.5, 2), "phi": rng.uniform(-0.3, 0.3)}
+    n |= {
+        "xi": rng.uniform(0.1, 0.4),
+        "F": rng.uniform(0.5, 2),
+        "G": rng.uniform(0.5, 2),
+        "phi": rng.uniform(-0.3, 0.3),
+    }
     n |= {"omega": rng.uniform(0.5, 1.5), "eta": rng.uniform(0.5, 1.5)}
     k, h, F, G, omega, eta, phi = (n[name] for name in ("k", "h", "F", "G", "omega", "eta", "phi"))
     mechanics = Mechanics(

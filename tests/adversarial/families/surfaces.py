@@ -38,9 +38,7 @@ def start_on_the_belt(rng: Rng) -> Case:
     x = 0.5 * level
     n["k"], n["mu"] = 1.0, 0.5
     n["F_k"] = float(pick(rng, (0.5, 0.25)))
-    mechanics = by_hand(
-        "inertial", n, lambda t: n["r"] * t, kinetic=lambda u: n["F_k"], belt=lambda t: n["V"] + 0 * t
-    )
+    mechanics = by_hand("inertial", n, lambda t: n["r"] * t, kinetic=lambda u: n["F_k"], belt=lambda t: n["V"] + 0 * t)
     system = declared("inertial", "r*t", kinetic="F_k", belt="V", extra="F_k=0.2 V=0.3 r=0")
     return Case(system, n, {"x": x, "d_x": n["V"]}, rng.uniform(5.0, 20.0), mechanics)
 
