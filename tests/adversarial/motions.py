@@ -48,7 +48,7 @@ def _judge(case: Case) -> Verdict:
     except NoAnswer as error:
         if str(error) == "unstable start" and isinstance(motion, str) and "DeclarationError: initial" in motion:
             return Verdict(AGREED, "both refuse the start")
-        return Verdict(NO_REFERENCE, re.sub(r"[0-9.e+-]{3,}", "…", str(error)), {"error": str(error)})
+        return Verdict(NO_REFERENCE, without_numbers(str(error)), {"error": str(error)})
     except (OutOfTime, np.linalg.LinAlgError, ValueError) as error:
         return Verdict(NO_REFERENCE, f"{type(error).__name__}: {error}")
     if isinstance(motion, str):
@@ -74,9 +74,14 @@ def simulated(case: Case) -> ss.Trajectory | str:
             _ = motion.certificate
             return motion
     except ss.DeclarationError as error:
-        return "DeclarationError: " + re.sub(r"[-+]?[0-9.]+(e[-+]?\d+)?", "…", str(error))
+        return "DeclarationError: " + without_numbers(str(error))
     except Exception as error:  # whatever it raises is a finding
-        return f"raises {type(error).__name__}: {re.sub(r'[0-9.e+-]{3,}', '…', str(error))}"
+        return f"raises {type(error).__name__}: {without_numbers(str(error))}"
+
+
+def without_numbers(text: str) -> str:
+    """A message as it is for all numbers, so that messages can be counted."""
+    return re.sub(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?", "…", text)
 
 
 def compare_end(case: Case, motion: ss.Trajectory | str) -> Verdict:

@@ -31,16 +31,19 @@ def forced(rng: Rng, kind: str) -> Case:
 
 @family
 def forced_oscillator(rng: Rng) -> Case:
+    """Mass, spring, harmonic load, and a little viscosity."""
     return forced(rng, "inertial")
 
 
 @family
 def forced_dashpot(rng: Rng) -> Case:
+    """Spring and viscosity under a harmonic load."""
     return forced(rng, "viscous")
 
 
 @family
 def forced_play(rng: Rng) -> Case:
+    """A spring alone under a harmonic load: the play operator."""
     return forced(rng, "rate-independent")
 
 
