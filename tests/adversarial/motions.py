@@ -11,8 +11,9 @@ import stickslip as ss
 
 from . import families  # noqa: F401  (registers them)
 from .case import FAMILIES, Case, draw
-from .event_driven import Motion, NoAnswer, integrate
+from .event_driven import Motion, integrate
 from .mechanics import TIME, Array
+from .pieces import NoAnswer
 from .registry import in_turn
 from .verdict import AGREED, NO_REFERENCE, NOT_CERTIFIED, REFUSED, WRONG, OutOfTime, Verdict, at_most
 
@@ -178,7 +179,16 @@ def _said(case: Case, motion: ss.Trajectory, reference: Motion, reached: float, 
     if not certified:
         reasons = re.sub(r" [0-9.einf+-]+(?=,| above)", "", motion.certificate.verdict.split(": ", 1)[1])
         return Verdict(NOT_CERTIFIED, reasons.split(" above")[0] + (", and wrong" if fault else ", but right"), numbers)
+    if motion.outcome is ss.Outcome.AT_REST and moves_later(case, reference):
+        return Verdict(WRONG, "moves again where it is said to rest forever", numbers)
     return many(case, motion, numbers)
+
+
+def moves_later(case: Case, reference: Motion) -> bool:
+    """Whether the motion goes on after the span, in three times its length."""
+    assert case.mechanics is not None
+    later = integrate(case.mechanics, (0.0, 4 * case.duration), case.start, np.array([4 * case.duration]), 1e-10)
+    return len(later.phases) > len(reference.phases)
 
 
 def many(case: Case, motion: ss.Trajectory, numbers: dict) -> Verdict:

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from adversarial import motions, report
-from adversarial.command import plan, read
 from adversarial.case import FAMILIES, Case, draw
+from adversarial.command import plan, read
 from adversarial.verdict import AGREED, NOT_CERTIFIED, REFUSED, WRONG
 
 # Seeds of one formula each, so that little is compiled.

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from adversarial.case import draw
-from adversarial.event_driven import Motion, NoAnswer, integrate
+from adversarial.event_driven import Motion, integrate
 from adversarial.families.single import by_hand
 from adversarial.mechanics import TIME, Mechanics, Zone
 from adversarial.motions import instants, sizes
+from adversarial.pieces import NoAnswer
 from adversarial.regularised import regularised
 from adversarial.shapes import BUMPS, STEPS, Shape
 from oracles import belt_block, den_hartog, moreau, rate_and_state

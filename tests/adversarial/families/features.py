@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial, update_wrapper
 from math import cos, pi
 
 import numpy as np
@@ -19,7 +20,7 @@ WAVES = "F=0 omega=1 phi=0"
 def each_kind(make: Callable[[Rng, str], Case]) -> Callable[[Rng, str], Case]:
     """Register a family for every kind of coordinate."""
     for kind in KINDS:
-        FAMILIES[f"{make.__name__.replace('_', ' ')}, {kind}"] = lambda rng, kind=kind: make(rng, kind)
+        FAMILIES[f"{make.__name__.replace('_', ' ')}, {kind}"] = update_wrapper(partial(make, kind=kind), make)
     return make
 
 
