@@ -33,7 +33,8 @@ class Case:
     expected : (str, float), optional
         Label of the outcome and the time, where a closed form knows that the motion ends there.
     units : mapping of str to float
-        Library's numbers of one natural unit, for names of the state; "time" and "force" as well.
+        Library's numbers of one natural unit, for names of the state; "time" and "force" as well, and "slip" for how
+        much larger relative velocities are than rates.
     origin : float
         Library's time at the start.
     friction : bool

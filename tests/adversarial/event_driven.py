@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import DOP853
@@ -33,16 +34,22 @@ MOST_EVENTS = 20_000
 MOST_STEPS = 200_000
 
 
+class Phase(NamedTuple):
+    """A mode from a time on."""
+
+    time: float
+    mode: Array
+
+
 @dataclass
 class Motion:
     """What the reference computed.
 
     Attributes
     ----------
-    times, states, friction : ndarray, shapes (k,), (k, n), (k, m)
-        States and contact forces (NaN where they are not unique) at the times asked for, as far as it got.
-    phases : list of (time, mode)
-        Beginnings of modes.
+    times, states, rates, friction : ndarray, shapes (k,), (k, n), (k, n), (k, m)
+        States, their rates and contact forces (NaN where they are not unique) at the times asked for, as far as it got.
+    phases : list of Phase
     end : float
         Where it ended.
     outcome : str
@@ -51,8 +58,9 @@ class Motion:
 
     times: Array
     states: Array
+    rates: Array
     friction: Array
-    phases: list[tuple[float, Array]]
+    phases: list[Phase]
     end: float
     outcome: str = "finished"
     steps: int = 0
@@ -87,8 +95,8 @@ class Run:
         w = piece.belt(self.t)[0]
         u = piece.J[:, :nq] @ v - w
         self.mode = np.where(piece.inertial & (np.abs(u) > 1e-14 * (1 + np.abs(w))), np.sign(u), 0).astype(int)
-        self.found: list[tuple[float, Array, Array]] = []
-        self.phases: list[tuple[float, Array]] = []
+        self.found: list[tuple[float, Array, Array, Array]] = []
+        self.phases: list[Phase] = []
         self.h = min(m.step, self.limit(Piece(m, self.mode, self.side), self.t, self.y), 1e-3 * (self.end - self.t))
         held = set(np.flatnonzero((self.mode == 0) & ~piece.rate))
         self.check_stable(Piece(m, self.mode, self.side), n, nq)
@@ -129,7 +137,7 @@ class Run:
             contacts, kinks = contacts | more, kinks | bent
         self.mode, self.side, self.piece = mode, side, piece
         self.settle(piece)
-        self.phases.append((self.t, mode.copy()))
+        self.phases.append(Phase(self.t, mode.copy()))
 
     def choose(self, contacts: set[int], kinks: set[int]) -> tuple[Array, Array]:
         """Static thresholds decide who slides; what slides takes its kinetic force; the rest is decided again."""
@@ -338,7 +346,8 @@ class Run:
         while len(self.found) < len(self.times) and self.times[len(self.found)] <= end:
             s = float(self.times[len(self.found)])
             at = self.shoot(t, y, s)
-            self.found.append((s, np.array(at), self.piece.rates(s, at)[2]))
+            rates, _, friction = self.piece.rates(s, at)
+            self.found.append((s, np.array(at), rates, friction))
 
 
 def integrate(
@@ -363,7 +372,7 @@ def integrate(
         run.record(run.t, run.y, run.t)
         still = 0
         while run.until_event():
-            last = [phase[0] for phase in run.phases[-8:]]
+            last = [phase.time for phase in run.phases[-2:]]
             still = still + 1 if len(last) > 1 and last[-1] - last[-2] < 1e-13 * (1 + abs(last[-1])) else 0
             if still > 12 or len(run.phases) > MOST_EVENTS:
                 raise NoAnswer("event accumulation" if still > 12 else "too many events")
@@ -371,7 +380,6 @@ def integrate(
         if run is None or str(error) not in ("no bounded rate", "step too small", "event accumulation"):
             raise
         outcome = str(error)
-    found = run.found
-    states = np.array([f[1] for f in found]).reshape(len(found), len(start))
-    friction = np.array([f[2] for f in found]).reshape(len(found), len(m.J))
-    return Motion(np.array([f[0] for f in found]), states, friction, run.phases, run.t, outcome, run.steps)
+    found, widths = run.found, (len(start), len(start), len(m.J))
+    tables = [np.array([f[1 + i] for f in found]).reshape(len(found), width) for i, width in enumerate(widths)]
+    return Motion(np.array([f[0] for f in found]), *tables, run.phases, run.t, outcome, run.steps)

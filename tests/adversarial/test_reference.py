@@ -23,7 +23,7 @@ NONE = np.zeros(0)
 
 def switches(motion: Motion) -> list[float]:
     """Instants at which a mode begins, without the start."""
-    return [float(time) for time, _ in motion.phases[1:]]
+    return [phase.time for phase in motion.phases[1:]]
 
 
 def test_forced_coulomb_oscillator() -> None:
@@ -52,7 +52,7 @@ def test_den_hartog(r: float, beta: float) -> None:
     X, times = den_hartog.amplitude(r, beta), np.linspace(0.0, 4 * math.pi, 17)
     motion = integrate(m, (0.0, 4 * math.pi), [X, 0.0], times)
     assert motion.states[:, 0] == pytest.approx(den_hartog.state(times + phase, r, beta)[0], abs=1e-10)
-    assert all(mode[0] != 0 for _, mode in motion.phases)
+    assert all(phase.mode[0] != 0 for phase in motion.phases)
 
 
 @pytest.mark.parametrize("v", [0.11, 0.7, 1.9])

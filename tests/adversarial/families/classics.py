@@ -54,7 +54,7 @@ def stiff_dashpot(rng: Rng) -> Case:
     n = dict(case.parameters) | {"c": log_uniform(rng, 1e-4, 1e-3)}
     f, F, omega, phi = n["f"], n["F"], n["omega"], n["phi"]
     mechanics = by_hand("viscous", n, lambda t: f + F * cos(omega * t + phi))
-    return Case(case.system, n, case.initial, rng.uniform(1.0, 3.0), mechanics)
+    return Case(case.system, n, case.initial, rng.uniform(0.3, 1.5), mechanics)
 
 
 @family

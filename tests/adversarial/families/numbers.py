@@ -97,7 +97,7 @@ def scales_of_directions(rng: Rng) -> Case:
         force=lambda t, x, v, a, side: [F * cos(omega * t + phi) - k * x[0] - c * v[0]],
         threshold=lambda t, x, v, a, side: [case.parameters["mu"]],
     )
-    units = {"force": 10.0**-exponent}
+    units = {"force": 10.0**-exponent, "slip": 10.0**exponent}
     return replace(case, system=tilted(f"1e{exponent}*d_x"), parameters=n, mechanics=mechanics, units=units)
 
 
