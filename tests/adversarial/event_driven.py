@@ -220,16 +220,16 @@ class Run:
                 h = min(h, (abs(t - zone.place) + zone.width) / 3)
             else:
                 rates = piece.rhs(t, y) if rates is None else rates
-                reach = abs(y[zone.row] - zone.place) + zone.width
-                h = min(h, reach / (3 * abs(rates[zone.row]) + 1e-300))
+                reach = abs(y[zone.row] - zone.place - zone.speed * t) + zone.width
+                h = min(h, reach / (3 * abs(rates[zone.row] - zone.speed) + 1e-300))
         return h
 
-    def passed(self, path: Array) -> bool:
+    def passed(self, times: Array, path: Array) -> bool:
         """Whether a step moved further than the distance to a feature lets it."""
         for zone in self.m.zones:
             if zone.row != TIME:
-                track = path[zone.row]
-                if np.ptp(track) > 0.7 * (np.min(np.abs(track - zone.place)) + zone.width):
+                track = path[zone.row] - zone.place - zone.speed * times
+                if np.ptp(track) > 0.7 * (np.min(np.abs(track)) + zone.width):
                     return True
         return False
 
@@ -267,7 +267,7 @@ class Run:
             dense, h = solver.dense_output(), solver.t - t
             tau = h * (FRESH if fresh else LATER)
             path = dense(t + tau)
-            if self.passed(path):
+            if self.passed(t + tau, path):
                 solver = self.solver(t, y, self.end, h / 3)
                 continue
             guards = np.array([self.piece.rates(t + s, path[:, i])[1] for i, s in enumerate(tau)])

@@ -27,12 +27,14 @@ TIME = -1  # the row of a zone that lies in time
 class Zone:
     """A narrow feature that was planted: along time or along a row of the state, at a place, of a width.
 
-    An integrator that steps no further than the distance to the place plus the width cannot miss it.
+    An integrator that steps no further than the distance to the place plus the width cannot miss it. A feature in space
+    may travel, at a speed.
     """
 
     row: int
     place: float
     width: float
+    speed: float = 0.0
 
 
 def pair(bound: Any) -> tuple[Array, Array]:

@@ -67,8 +67,9 @@ def _steps(m: Mechanics, rhs: Law, span: tuple[float, float], y: Array, times: A
                 limit = min(limit, (abs(solver.t - zone.place) + zone.width) / 3)
             else:
                 row = zone.row if zone.row < n + nq else zone.row + n - nq
-                speed = abs(rhs(solver.t, solver.y)[row]) + 1e-9
-                limit = min(limit, (abs(solver.y[row] - zone.place) + zone.width) / (3 * speed))
+                speed = abs(rhs(solver.t, solver.y)[row] - zone.speed) + 1e-9
+                reach = abs(solver.y[row] - zone.place - zone.speed * solver.t) + zone.width
+                limit = min(limit, reach / (3 * speed))
         solver.max_step = limit
         solver.h_abs = min(solver.h_abs, limit)
         solver.step()

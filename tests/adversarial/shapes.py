@@ -47,6 +47,10 @@ def _atan(u: Any) -> Any:
     return 0.5 + np.arctan(u) / np.pi
 
 
+def _root(u: Any) -> Any:
+    return (1 + u / np.sqrt(1 + u * u)) / 2
+
+
 BUMPS = (
     Shape("gauss", "exp(-{u}**2)", _gauss),
     Shape("sech2", "1/cosh({u})**2", _sech2),
@@ -56,4 +60,5 @@ STEPS = (
     Shape("tanh", "(1 + tanh({u}))/2", _tanh),
     Shape("logistic", "1/(1 + exp(-{u}))", _logistic),
     Shape("atan", "(1/2 + atan({u})/pi)", _atan),
+    Shape("root", "(1 + {u}/sqrt(1 + {u}**2))/2", _root),
 )

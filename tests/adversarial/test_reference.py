@@ -213,3 +213,39 @@ def test_start_outside_the_stable_set() -> None:
     m = by_hand("rate-independent", {"k": 1.0, "mu": 0.5}, lambda t: 0.0 * t)
     with pytest.raises(NoAnswer, match="unstable start"):
         integrate(m, (0.0, 1.0), [0.7], NONE)
+
+
+@pytest.mark.parametrize(("family", "seed"), [("corners of the toy", 1), ("toy on a knife edge", 1)])
+def test_two_legs_against_small_steps(family: str, seed: int) -> None:
+    # The body by Verlet steps that shorten near the edge; the legs by incremental minimisation after every step.
+    case = draw(family, seed)
+    m, w = case.mechanics, case.parameters["psi_star"] if "knife" in family else 1.0
+    assert m is not None
+    (psi, right, left, v), t, found = case.start, 0.0, []
+
+    def state() -> tuple:
+        side = np.sign([psi - 1.0, psi + 1.0])
+        return 0.0, np.array([psi, right, left]), np.array([v]), NONE, side
+
+    while t < case.duration:
+        h = min(2e-3, (0.1 * abs(psi) + 0.02 * w) / (abs(v) + 1e-3))
+        half = v + h / 2 * m.force(*state())[0]
+        psi += h * half
+        for _ in range(50):
+            force, hold = m.force(*state()), m.threshold(*state())
+            moved = force[1] - np.clip(force[1], -hold[0], hold[0])
+            right += moved
+            force = m.force(*state())
+            stepped = force[2] - np.clip(force[2], -hold[1], hold[1])
+            left += stepped
+            if max(abs(moved), abs(stepped)) < 1e-14:
+                break
+        v = half
+        v += h / 2 * m.force(*state())[0]
+        t += h
+        found.append((t, psi, right, left))
+    table = np.array(found)
+    times = np.linspace(0.2, 0.99, 9) * case.duration
+    motion = integrate(m, (0.0, case.duration), case.start, times)
+    stepped_states = np.array([np.interp(times, table[:, 0], table[:, i]) for i in (1, 2, 3)]).T
+    assert stepped_states == pytest.approx(motion.states[:, :3], abs=1e-3)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial, update_wrapper
 from math import cos, pi
+from typing import Any
 
 import numpy as np
 
@@ -47,10 +48,16 @@ def pulse_in_the_load(rng: Rng, kind: str) -> Case:
     return Case(system, n, {}, span, mechanics)
 
 
+def _turn(t: Any, p: float, T: float) -> Any:
+    return np.sin(pi * (t - p) / T)
+
+
 TRAINS = {
-    "exp(-(sin(pi*(t - p)/T)/w)**2)": lambda t, p, T, w: np.exp(-((np.sin(pi * (t - p) / T) / w) ** 2)),
-    "1/(1 + (sin(pi*(t - p)/T)/w)**2)": lambda t, p, T, w: 1 / (1 + (np.sin(pi * (t - p) / T) / w) ** 2),
-    "exp((cos(2*pi*(t - p)/T) - 1)/w**2)": lambda t, p, T, w: np.exp(-2 * (np.sin(pi * (t - p) / T) / w) ** 2),
+    "exp(-(sin(pi*(t - p)/T)/w)**2)": lambda t, p, T, w: np.exp(-((_turn(t, p, T) / w) ** 2)),
+    "1/(1 + (sin(pi*(t - p)/T)/w)**2)": lambda t, p, T, w: 1 / (1 + (_turn(t, p, T) / w) ** 2),
+    "exp((cos(2*pi*(t - p)/T) - 1)/w**2)": lambda t, p, T, w: np.exp(-2 * (_turn(t, p, T) / w) ** 2),
+    "cos(pi*(t - p)/T)**1000": lambda t, p, T, w: np.cos(pi * (t - p) / T) ** 1000,
+    "(1 + tanh(sin(pi*(t - p)/T)/w))/2": lambda t, p, T, w: STEPS[0].at(_turn(t, p, T) / w),
 }
 
 
@@ -61,9 +68,11 @@ def train_of_pulses(rng: Rng, kind: str) -> Case:
     shape, n, T = TRAINS[text], ordinary(rng, kind), rng.uniform(4.0, 12.0)
     span = T * rng.uniform(3.0, 9.0)
     w, p = log_uniform(rng, 2e-3, 0.3), T * rng.uniform(0.1, 0.9)
+    w = 0.045 if "1000" in text else w
     width = w * T / pi
     kick = rng.uniform(0.5, 2.0)
     height = {"inertial": kick / width, "viscous": kick / min(width, 1.0), "rate-independent": kick}[kind]
+    height = kick if "tanh" in text else height
     n |= wave(rng, n["mu"]) | {"A": height + n["mu"], "p": p, "w": w, "T": T}
     F, omega, phi, A = n["F"], n["omega"], n["phi"], n["A"]
     mechanics = by_hand(
@@ -182,6 +191,30 @@ def narrow_wall(rng: Rng, kind: str) -> Case:
     )
     system = declared(kind, "k*V*t", potential=f"A*{shape.text('x')}", extra="V=0 A=0.1 p=1 w=0.1")
     return Case(system, n, start, span, mechanics)
+
+
+@each_kind
+def travelling_weakness(rng: Rng, kind: str) -> Case:
+    """A narrow weak place that runs along the floor, under a block that is pulled steadily."""
+    shape: Shape = pick(rng, BUMPS)
+    n, span = ordinary(rng, kind), rng.uniform(15.0, 30.0)
+    V = rng.uniform(0.2, 1.0) * pick(rng, (-1.0, 1.0))
+    w, d = log_uniform(rng, 1e-3, 0.3), rng.uniform(0.5, 0.95)
+    p = -V * span * rng.uniform(0.2, 0.8)
+    n |= {"V": V, "w": w, "d": d, "p": p, "f": n["mu"] * (1 - d * rng.uniform(0.1, 0.9)) * pick(rng, (-1.0, 1.0))}
+    if kind == "rate-independent":
+        n["d"] = d = min(d, 0.8 * n["k"] * w / n["mu"])  # steeper, the block would jump
+        n["f"] = n["mu"] * (1 - d * rng.uniform(0.1, 0.9))
+    mu, f = n["mu"], n["f"]
+    mechanics = by_hand(
+        kind,
+        n,
+        lambda t: f + 0.0 * t,
+        bound=lambda t, x: mu * (1 - d * shape.at((x - V * t - p) / w)),
+        zones=(Zone(0, p, w, V),),
+    )
+    threshold = f"mu*(1 - d*{shape.text('(x - V*t)')})"
+    return Case(declared(kind, "f", threshold=threshold, extra="f=0 V=0.3 d=0.5 p=1 w=0.1"), n, {}, span, mechanics)
 
 
 def narrow_in_speed(rng: Rng) -> Case:

@@ -21,6 +21,11 @@ STATES = {
 }
 
 
+@cache
+def slider(law: str) -> System:
+    return catalogue.spring_slider(mu=law)
+
+
 @family
 def spring_slider(rng: Rng) -> Case:
     """[M] (3.1)-(3.3): a viscous block whose friction falls with the heat of sliding."""
@@ -38,7 +43,7 @@ def spring_slider(rng: Rng) -> Case:
         law=lambda t, x, rates, a, side: [1 - a[0] + k * x[0] * (V - rates[0])],
     )
     start = {"U": rng.uniform(0.2, 0.9), "alpha": rng.uniform(1.0, 2.0)}
-    return Case(catalogue.spring_slider(mu=text), n, start, rng.uniform(5, 12), mechanics)
+    return Case(slider(text), n, start, rng.uniform(5, 12), mechanics)
 
 
 @cache
@@ -118,8 +123,9 @@ def rate_and_state(rng: Rng) -> Case:
         law=law,
         step=0.5,
     )
-    start = {"phi": np.log(V) + 0.05 * rng.normal(), "psi": -np.log(V) + 0.02 * rng.normal()}
-    return Case(logarithmic(), n, start, rng.uniform(10, 30), mechanics)
+    size = log_uniform(rng, 0.02, 1.0)
+    start = {"phi": np.log(V) + size * rng.normal(), "psi": -np.log(V) + size * rng.normal()}
+    return Case(logarithmic(), n, start, rng.uniform(10, 60), mechanics)
 
 
 # -- internal variables with narrow features ---------------------------------------------------------------------------

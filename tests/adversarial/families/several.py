@@ -12,7 +12,7 @@ from stickslip import Contact, Inertial, RateIndependent, System, Viscous, catal
 
 from ..case import Case, Rng, family, given, log_uniform, pick
 from ..mechanics import TIME, Mechanics, Zone
-from ..shapes import BUMPS, Shape
+from ..shapes import BUMPS, STEPS, Shape
 from .single import KINDS
 
 KIND_COUNTS = {"inertial": (2, 0, 0, 0), "viscous": (0, 2, 0, 0), "rate-independent": (0, 0, 2, 0)}
@@ -115,6 +115,48 @@ def pair_with_a_pulse(rng: Rng) -> Case:
     n |= {"p": p, "w": w, "F": rng.normal() * kick, "G": rng.normal() * kick}
     mechanics = pair_by_hand(kind, n, lambda t: shape.at((t - p) / w), zones=(Zone(TIME, p, w),))
     return Case(pair_of(kind, shape.text("t")), n, {}, span, mechanics)
+
+
+@cache
+def felt(kind: str, patch: str) -> System:
+    return System(
+        name="a patch under the neighbour",
+        parameters=given(m=1.0, c=0.5, k=1.0, f=0.4, mu=0.5, d=0.5, F=1.0, omega=0.5, p=0.5, w=0.1),
+        coordinates={"y": Inertial(), "x": KINDS[kind]()},
+        kinetic="d_y**2/2 + m*d_x**2/2" if kind == "inertial" else "d_y**2/2",
+        potential="k*x**2/2 - f*x + y**2/2 - F*cos(omega*t)*y",
+        viscous="c*d_x**2/2" if kind != "rate-independent" else 0.0,
+        contacts={"x": Contact("d_x", f"mu*(1 - d*{patch})"), "y": Contact("d_y", 0.1)},
+    )
+
+
+@family
+def weakness_elsewhere(rng: Rng) -> Case:
+    """A block that stands still, and slips while another one swings through a narrow place."""
+    kind, shape = pick(rng, list(KINDS)), pick(rng, BUMPS)
+    assert isinstance(shape, Shape)
+    n = {"m": rng.uniform(0.5, 2), "c": rng.uniform(0.3, 1), "k": rng.uniform(0.5, 2), "mu": rng.uniform(0.3, 0.8)}
+    n |= {"d": rng.uniform(0.5, 1), "F": rng.uniform(0.8, 2), "omega": rng.uniform(0.3, 0.7)}
+    n |= {
+        "p": rng.uniform(-0.5, 0.5),
+        "w": log_uniform(rng, 1e-3, 0.1),
+        "f": n["mu"] * (1 - n["d"] * rng.uniform(0.1, 0.9)),
+    }
+    k, c, mu, d, F, omega, p, w, f = (n[name] for name in ("k", "c", "mu", "d", "F", "omega", "p", "w", "f"))
+    drag = c if kind == "inertial" else 0.0
+
+    def force(t: Any, x: Any, v: Any, a: Any, side: Any) -> list[Any]:
+        return [F * np.cos(omega * t) - x[0], f - k * x[1] - (drag * v[1] if drag else 0.0)]
+
+    mechanics = Mechanics(
+        kinds={"inertial": (2, 0, 0, 0), "viscous": (1, 1, 0, 0), "rate-independent": (1, 0, 1, 0)}[kind],
+        inertia={"inertial": np.diag([1.0, n["m"]]), "viscous": np.diag([1.0, c]), "rate-independent": [[1.0]]}[kind],
+        J=[[0.0, 1.0], [1.0, 0.0]],
+        force=force,
+        threshold=lambda t, x, v, a, side: [mu * (1 - d * shape.at((x[0] - p) / w)), 0.1],
+        zones=(Zone(0, p, w),),
+    )
+    return Case(felt(kind, shape.text("y")), n, {"y": 2.0 * pick(rng, (-1.0, 1.0))}, rng.uniform(8, 15), mechanics)
 
 
 @family
@@ -257,8 +299,9 @@ def drill() -> System:
 @family
 def drill_string(rng: Rng) -> Case:
     """A table driven by a constant torque, a bit with Stribeck friction that sticks, slips, or sticks for ever."""
-    n = {"J_1": rng.uniform(1000, 3000), "J_2": rng.uniform(100, 500), "k": rng.uniform(200, 800), "V": 5.0}
+    n = {"J_1": rng.uniform(1000, 3000), "J_2": log_uniform(rng, 10, 1e5), "k": rng.uniform(200, 800), "V": 5.0}
     n |= {"c": rng.uniform(100, 400), "T": rng.uniform(1000, 6000), "mu": rng.uniform(2000, 6000)}
+    n["mu"] *= float(rng.choice([1.0, 1.0, 10.0]))  # ten times as much holds for ever
     n |= {"F_k": 0.5 * n["mu"]}
     k, c, T, mu, F_k, V = (n[name] for name in ("k", "c", "T", "mu", "F_k", "V"))
     mechanics = Mechanics(
@@ -344,6 +387,17 @@ def crawling_legs(rng: Rng) -> Case:
     return Case(crawler(text), n, {}, 20.0, mechanics)
 
 
+@cache
+def toy() -> System:
+    return catalogue.rocking_toy()
+
+
+def standing(rng: Rng, n: dict[str, float]) -> dict[str, float]:
+    """A tilted toy whose unloaded leg holds its pull."""
+    psi = rng.uniform(0.7, 0.9)
+    return {"psi": psi, "x_R": n["c"] * psi - n["P"] + n["rho"] * rng.uniform(-0.9, 0.9), "x_L": 0.0}
+
+
 @family
 def corners_of_the_toy(rng: Rng) -> Case:
     """The rocking toy [M] (4.2): a rocking mass and two legs, which change at the corners of their bounds at once."""
@@ -367,5 +421,32 @@ def corners_of_the_toy(rng: Rng) -> Case:
         threshold=lambda t, x, v, a, side: list(weights(x[0], side)),
         kinks=lambda t, x, v, a: [x[0] - 1.0, x[0] + 1.0],
     )
-    start = {"psi": rng.uniform(0.7, 0.9), "x_R": rng.uniform(-0.8, -0.6), "x_L": 0.0}
-    return Case(catalogue.rocking_toy(), n, start, rng.uniform(8, 25), mechanics)
+    return Case(toy(), n, standing(rng, n), rng.uniform(8, 25), mechanics)
+
+
+@cache
+def steep_toy() -> System:
+    return catalogue.rocking_toy().configure({"H_R": "H_star/2*(1 + tanh(psi/psi_star))"})
+
+
+@family
+def toy_on_a_knife_edge(rng: Rng) -> Case:
+    """The rocking toy whose weight changes legs within a narrow angle."""
+    n = {"I_b": 1.0, "delta": rng.uniform(0.02, 0.2), "a": 1.0, "b": rng.uniform(0.8, 1.2), "c": rng.uniform(0.2, 0.4)}
+    n |= {"rho": rng.uniform(0.1, 0.3), "psi_star": log_uniform(rng, 1e-4, 0.1), "H_star": rng.uniform(2.5, 3.5)}
+    n |= {"P": rng.uniform(0.8, 1.1)}
+    delta, b, c, rho, H, P, w = (n[name] for name in ("delta", "b", "c", "rho", "H_star", "P", "psi_star"))
+
+    def force(t: Any, x: Any, v: Any, a: Any, side: Any) -> list[Any]:
+        psi, d = x[0], x[1] - x[2]
+        return [-b * psi + c * d - delta * v[0], P - d + c * psi, P + d - c * psi]
+
+    mechanics = Mechanics(
+        kinds=(1, 0, 2, 0),
+        inertia=[[1.0]],
+        J=[[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        force=force,
+        threshold=lambda t, x, v, a, side: [rho + H * STEPS[0].at(x[0] / w), rho + H * STEPS[0].at(-x[0] / w)],
+        zones=(Zone(0, 0.0, w),),
+    )
+    return Case(steep_toy(), n, standing(rng, n), rng.uniform(5, 15), mechanics)
