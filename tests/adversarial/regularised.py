@@ -26,7 +26,7 @@ def regularised(
     """
     nq, nz, nr, na = m.kinds
     n, p = nq + nz + nr, nq + nz
-    J = np.asarray(m.J, dtype=float).reshape(-1, n)
+    J = np.asarray(m.J, dtype=float).reshape(len(m.J), n)
     inertia = np.asarray(m.inertia, dtype=float).reshape(p, p)
     mass = 1e-4 * epsilon * np.eye(n)
     mass[:nq, :nq] = inertia[:nq, :nq]
