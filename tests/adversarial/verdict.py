@@ -1,0 +1,53 @@
+"""What a comparison says: the words that all kinds of cases share."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+AGREED, REFUSED, NOT_CERTIFIED = "agreed", "refused", "not certified"
+WRONG, NO_REFERENCE = "certified and wrong", "reference failed"
+KINDS = (AGREED, REFUSED, NOT_CERTIFIED, WRONG, NO_REFERENCE)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The verdict on a case.
+
+    Attributes
+    ----------
+    kind : str
+        One of KINDS. "refused": the library gave no result, with the reason in `note`; "not certified": it gave one
+        and does not vouch for it; "certified and wrong": it vouches for a wrong one.
+    note : str
+        The reason, in words that are the same for all cases of one reason.
+    numbers : dict
+        Differences, tolerances, conditions.
+    """
+
+    kind: str
+    note: str = ""
+    numbers: dict[str, Any] = field(default_factory=dict)
+
+
+class OutOfTime(Exception):
+    """A computation took too long to wait for."""
+
+
+@contextmanager
+def at_most(seconds: float) -> Iterator[None]:
+    """Raise OutOfTime in the body after that much time of the processor (in the main thread of a process)."""
+
+    def stop(number: int, frame: object) -> None:
+        raise OutOfTime(f"no answer within {seconds:g} s")
+
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
