@@ -26,7 +26,7 @@ from stickslip.figures.style import (
     paper_style,
     symbol,
 )
-from stickslip.motion.trajectory import contact_key
+from stickslip.quantities import contact_key
 from stickslip.units import unit_label
 
 if TYPE_CHECKING:

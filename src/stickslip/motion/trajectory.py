@@ -17,6 +17,7 @@ from stickslip.errors import DeclarationError, StickslipError
 from stickslip.motion.knots import Knots
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
+from stickslip.quantities import contact_key, quantity
 from stickslip.system import System
 
 if TYPE_CHECKING:
@@ -286,8 +287,8 @@ class Trajectory:
         times = np.union1d(k.time, np.linspace(k.time[0], k.time[-1], GRID + 1))
         index = np.searchsorted(k.time, times, side="right") - 1
         values = self._values(times, index)
-        variables = {name: ("time", v, attributes(self.system, name)) for name, v in values.items()}
-        coordinate = ("time", times, {"units": self.system.time_unit or "1", "long_name": "time"})
+        variables = {name: ("time", v, self._attributes(name)) for name, v in values.items()}
+        coordinate = ("time", times, quantity(self.system, "t"))
         return xr.Dataset(
             variables,
             {"time": coordinate},
@@ -297,6 +298,14 @@ class Trajectory:
                 "outcome": self.outcome.label,
             },
         )
+
+    def _attributes(self, name: str) -> dict[str, Any]:
+        """Unit and meaning of a published quantity; of a mode, what its numbers stand for."""
+        for contact in self.system.contacts:
+            if name == f"mode_{contact_key(contact)}":
+                flags = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "slip- stick slip+"}
+                return {"long_name": f"mode of {contact}", **flags}
+        return quantity(self.system, name)
 
     @cached_property
     def events(self) -> pandas.DataFrame:
@@ -404,44 +413,3 @@ def open_trajectory(path: str | Path) -> Trajectory:
     trajectory = Trajectory(problem, tuple(span), knots, outcome, rtol)
     trajectory.wall_time = wall_time
     return trajectory
-
-
-def contact_key(name: str) -> str:
-    """Contact name as part of a variable name."""
-    return "".join(c if c.isalnum() else "_" for c in name)
-
-
-def _per(unit: str, time_unit: str) -> str:
-    if not time_unit or time_unit == "1":
-        return unit or "1"
-    return f"{unit}/{time_unit}" if unit not in ("", "1") else f"1/{time_unit}"
-
-
-def attributes(system: System, name: str) -> dict[str, Any]:
-    """units and long_name of a published quantity."""
-    named = {**system.coordinates, **system.internal}
-    if name in named:
-        return {"units": named[name].unit or "1", "long_name": named[name].meaning or name}
-    if name.startswith("d_") and name[2:] in named:
-        return {
-            "units": _per(named[name[2:]].unit, system.time_unit),
-            "long_name": f"rate of {named[name[2:]].meaning or name[2:]}",
-        }
-    for contact, declared in system.contacts.items():
-        key = contact_key(contact)
-        if name == f"mode_{key}":
-            return {
-                "long_name": f"mode of {contact}",
-                "flag_values": np.array([-1, 0, 1], np.int8),
-                "flag_meanings": "slip- stick slip+",
-            }
-        names = {
-            f"friction_{key}": "friction force",
-            f"threshold_plus_{key}": "threshold for u > 0",
-            f"threshold_minus_{key}": "threshold for u < 0",
-        }
-        if name in names:
-            return {"units": declared.unit or "1", "long_name": f"{names[name]} of {contact}"}
-        if name == f"slip_speed_{key}":
-            return {"units": "1", "long_name": f"relative velocity of {contact}"}
-    return {"units": "1", "long_name": name.replace("_", " ")}
