@@ -67,7 +67,9 @@ def add_picture(folder: Path, draw: Callable[[], Figure]) -> None:
 
     partial = folder / f".{PICTURE}.{os.getpid()}.tmp"
     try:
-        with watched("drawing"):
+        from stickslip.figures.style import paper_style
+
+        with watched("drawing"), paper_style():
             draw().savefig(partial, format="png")
         os.replace(partial, folder / PICTURE)
     except KeyboardInterrupt:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -128,6 +129,11 @@ class Trajectory:
         order = {c.name: i for i, c in enumerate(self._problem.compiled.equations.contacts)}
         return {contact_key(name): order[name] for name in self.system.contacts}
 
+    @property
+    def modes(self) -> dict[str, Array]:
+        """Mode of each contact from every knot on (−1, 0, 1), by its name in variables."""
+        return {key: self.knots.mode[:, i] for key, i in self._contacts.items()}
+
     def _sample(self, times: Array, index: Array) -> Array:
         from stickslip.motion import dense
 
@@ -245,6 +251,26 @@ class Trajectory:
         values = self._values(flat, index)
         return {name: v[0].item() if np.ndim(t) == 0 else v.reshape(shape) for name, v in values.items()}
 
+    def trace(self, names: Sequence[str], times: Array, index: Array) -> dict[str, Array]:
+        """Quantities at many times, for pictures; see trace.py.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Parts of the state, friction forces and thresholds.
+        times : array, shape (n,)
+        index : array of int, shape (n,)
+            Number of the step that each time belongs to; ascending, as are the times in one step.
+        """
+        from stickslip.motion.trace import TOLERANCE, trace
+
+        p, k = self._problem, self.knots
+        wanted = np.array([self._rows[name] for name in names], dtype=np.int64)
+        out = np.empty((len(wanted), len(times)))
+        fixed = (p.compiled.jets, p.rows, p.constants, p.space(), p.order, TOLERANCE, p.atol)
+        trace(*fixed, k.time, k.state, k.mode, k.region, index, times, wanted, out)
+        return dict(zip(names, out, strict=True))
+
     def _values(self, times: Array, index: Array) -> dict[str, Array]:
         out = self._sample(times, index)
         rows = self._problem.compiled.layout.rows
@@ -312,24 +338,21 @@ class Trajectory:
         """Every change of mode or region: time, contact (or the kink), from, to, and the state."""
         import pandas as pd
 
-        k, records = self.knots, []
-        contacts = self._problem.compiled.equations.contacts
-        kinks = [f"{ex.to_text(g)} = 0" for g in self._problem.compiled.equations.kinks]
-        for i in (
-            np.flatnonzero(
-                np.any(np.diff(k.mode, axis=0) != 0, axis=1) | np.any(np.diff(k.region, axis=0) != 0, axis=1)
-            )
-            + 1
-        ):
-            state = dict(zip(self._problem.compiled.layout.state, map(float, k.state[i]), strict=True))
-            for c in np.flatnonzero(k.mode[i] != k.mode[i - 1]):
-                a, b = MODE_NAMES[int(k.mode[i - 1, c])], MODE_NAMES[int(k.mode[i, c])]
-                records.append({"time": float(k.time[i]), "contact": contacts[c].name, "from": a, "to": b, **state})
-            for j in np.flatnonzero(k.region[i] != k.region[i - 1]):
-                a, b = (("below", "above")[int(r)] for r in (k.region[i - 1, j], k.region[i, j]))
-                records.append({"time": float(k.time[i]), "contact": kinks[j], "from": a, "to": b, **state})
-        columns = ["time", "contact", "from", "to", *self._problem.compiled.layout.state]
-        return pd.DataFrame.from_records(records, columns=columns)
+        equations, k = self._problem.compiled.equations, self.knots
+        changes = np.hstack([np.diff(k.mode, axis=0), np.diff(k.region, axis=0)])
+        knot, which = np.nonzero(changes)
+        names = [c.name for c in equations.contacts] + [f"{ex.to_text(g)} = 0" for g in equations.kinks]
+        # The names of the modes −1, 0, 1, then those of the regions 0, 1.
+        words = np.array([*(MODE_NAMES[mode] for mode in (-1, 0, 1)), "below", "above"], dtype=object)
+        values = np.hstack([k.mode + 1, k.region + 3])
+        columns = {
+            "time": k.time[knot + 1],
+            "contact": np.array(names, dtype=object)[which],
+            "from": words[values[knot, which]],
+            "to": words[values[knot + 1, which]],
+        }
+        states = zip(self._problem.compiled.layout.state, k.state[knot + 1].T, strict=True)
+        return pd.DataFrame(columns | dict(states))
 
     @property
     def n_switches(self) -> int:
