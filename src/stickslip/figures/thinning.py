@@ -196,12 +196,13 @@ class Curve:
         return column * (16 * pixels) + row
 
     def _merge(self) -> Array:
-        """Every piece once; up to the size of larger pixels if they are still too many."""
+        """Every piece once; up to the size of larger pixels if they are still too many, but the outermost ones."""
         pieces, pixels = np.vstack(self._parts), PIXELS
         while True:
             begin, end = (self._pixel(pieces[:, i], pieces[:, i + 1], pixels) for i in (0, 2))
-            pieces = pieces[_first(begin, end, pieces[:, 4] > 0.0)]
-            if len(pieces) <= MOST_PIECES or pixels <= 64:
+            outermost = [extreme(pieces[:, i]) for i in (0, 1) for extreme in (np.argmin, np.argmax)]
+            pieces = pieces[np.union1d(_first(begin, end, pieces[:, 4] > 0.0), outermost)]
+            if len(pieces) <= MOST_PIECES or pixels == 1:
                 break
             pixels //= 2
         self._parts, self._count = [pieces], len(pieces)
