@@ -158,13 +158,13 @@ class _Overview:
         def panel(axes: Axes) -> None:
             if len(self.contacts) <= MANY:  # else the map of the modes says it
                 self.shade(axes, self.all_stick)
-            lines = [
-                axes.plot(self.t, self.values[name], color=colour, label=symbol(name), alpha=self.alpha(len(names)))[0]
-                for name, colour in zip(names, line_colours(len(names)), strict=True)
-            ]
+            colours = line_colours(len(names))
+            for name, colour in zip(names, colours, strict=True):
+                axes.plot(self.t, self.values[name], color=colour, alpha=self.alpha(len(names)))
             _roomy(axes, np.concatenate([self.values[name] for name in names]))
             if len(names) > 1:
-                legend_above(axes, [lines[i] for i in _some(len(lines))])
+                shown = [(names[i], colours[i]) for i in _some(len(names))]
+                legend_above(axes, [Line2D([], [], color=colour, label=symbol(name)) for name, colour in shown])
             short = names if len(names) <= MANY else [names[0], names[-1]]
             label = axis_label(short, self.unit(names[0]))
             axes.set_ylabel(label if short is names else label.replace(", ", r" $\ldots$ ", 1))
@@ -173,7 +173,7 @@ class _Overview:
 
     def alpha(self, lines: int) -> float:
         """Opacity: lines that swing within a column are areas, of which several lie on each other."""
-        return 1.0 if self.whole or lines == 1 else 1.0 / lines
+        return 1.0 if self.whole or lines == 1 else max(1.0 / lines, 0.25)
 
     def shade(self, axes: Axes, holds: Array) -> None:
         """Grey where a condition holds."""
