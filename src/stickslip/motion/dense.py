@@ -49,26 +49,30 @@ def sample(
     sizes, W, A, B, mag, n = rows.sizes, space.W, space.A, space.B, space.mag, rows.sizes[0]
     V, y, power, nothing = np.zeros((len(W), 2)), np.zeros(n), np.zeros(3), np.zeros(0, np.int64)
     mode, reg = np.zeros(knot_mode.shape[1], np.int64), np.zeros(knot_region.shape[1], np.int64)
-    last, base, h, order = -1, 0.0, 0.0, N
+    last, base, h, order, known = -1, 0.0, 0.0, N, False
     for i in range(len(times)):
         knot = index[i]
         if knot != last or times[i] < base:
             last, base = knot, knot_time[knot]
             copy(knot_mode[knot], mode)
             copy(knot_region[knot], reg)
+            copy(knot_state[knot], y)
             resolve(sizes, k, space, mode)
-            jets(base, knot_state[knot], mode, reg, k.K, space.Rq, space.Rz, N, W, A, B, mag)
+            known = False
+        if times[i] > base and not known:  # at the knot itself no series is needed
+            jets(base, y, mode, reg, k.K, space.Rq, space.Rz, N, W, A, B, mag)
             order = finite_order(W, n, N)
-            h = step_size(W, nothing, n, order, 0.0, tol, atol)
-        while times[i] - base > h:
+            h, known = step_size(W, nothing, n, order, 0.0, tol, atol), True
+        while known and times[i] - base > h:
             for r in range(n):
                 y[r] = horner(W[r], order, h)
             base += h
             jets(base, y, mode, reg, k.K, space.Rq, space.Rz, N, W, A, B, mag)
             order = finite_order(W, n, N)
             h = max(step_size(W, nothing, n, order, h, tol, atol), 1e-12 * (times[i] - base))
-        for r in range(n):
-            y[r] = horner(W[r], order, times[i] - base)
+        if known:
+            for r in range(n):
+                y[r] = horner(W[r], order, times[i] - base)
         jets(times[i], y, mode, reg, k.K, space.Rq, space.Rz, 1, V, A, B, mag)
         powers(V, reg, k.K, power)
         for r in range(len(W)):
