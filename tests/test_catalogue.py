@@ -425,10 +425,14 @@ def test_prandtl_tomlinson_facts():
     system = catalogue.prandtl_tomlinson()
     p = {name: system.values[name] for name in ("k", "V_0", "a")}
     assert facts(system) == pytest.approx(
-        {"eta": prandtl_tomlinson.eta(**p), "depinning_force": prandtl_tomlinson.depinning_force(**p)}
+        {
+            "eta": prandtl_tomlinson.eta(**p),
+            "largest_force": 2 * math.pi * p["V_0"] / p["a"],
+            "force_at_jump": prandtl_tomlinson.force_at_jump(**p),
+        }
     )
     soft = catalogue.prandtl_tomlinson(k=50.0)
-    assert facts(soft)["depinning_force"] == 0
+    assert facts(soft)["force_at_jump"] == facts(catalogue.prandtl_tomlinson(V_0=0.0))["force_at_jump"] == 0
     assert ex.evaluate(soft.declaration.conditions["jumps"][0], soft.values) < 0
 
 

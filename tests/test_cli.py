@@ -267,10 +267,10 @@ def test_ctrl_c_while_writing_leaves_nothing(monkeypatch: pytest.MonkeyPatch, tm
 
 
 def test_a_mistake_of_ours_is_no_traceback(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    def fail(self: Trajectory) -> None:
+    def fail(self: Trajectory, path: Path) -> None:
         raise RuntimeError("broken")
 
-    monkeypatch.setattr(Trajectory, "plot", fail)
+    monkeypatch.setattr(Trajectory, "save", fail)
     result = stickslip("run", "belt_block", "--until", "5")
     assert result.exit_code == 70
     assert result.stderr == "stickslip: a mistake of ours, please report it (RuntimeError: broken)\n"

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 import stickslip as ss
 from stickslip.figures.style import LINES, axis_label, line_colours, symbol
-from stickslip.motion.trajectory import contact_key
+from stickslip.quantities import contact_key
 
 
 def overview(system: ss.System, end: float | None = None, **more: float) -> tuple[ss.Trajectory, Figure, list[Axes]]:

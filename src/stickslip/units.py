@@ -1,8 +1,12 @@
-"""Units of parameters and coordinates: read, checked, and written for axes."""
+"""Units of parameters and coordinates: read, checked, multiplied, compared, and written for axes."""
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Mapping
+from fractions import Fraction
+from functools import cache
 
 from stickslip.errors import DeclarationError, short
 
@@ -14,6 +18,18 @@ POWER = r"\^(?:-?\d+(?:/\d+)?|\(-?\d+(?:/\d+)?\))"
 FACTOR = rf"(?:[A-Za-zµ]+|1|%)(?:{POWER})?"
 GROUP = rf"(?:{FACTOR}|\({FACTOR}(?:[*·/ ]{FACTOR})*\))"
 UNIT = re.compile(rf"{FACTOR}(?:[*·/ ]{GROUP})*\Z")
+PREFIXES = {"a": -18, "f": -15, "p": -12, "n": -9, "u": -6, "µ": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
+SI = ("kg", "m", "s", "A", "K", "mol", "cd")
+DERIVED = {
+    "g": (1e-3, "kg"), "t": (1e3, "kg"), "L": (1e-3, "m^3"), "min": (60.0, "s"), "h": (3600.0, "s"),
+    "d": (86400.0, "s"), "a": (31557600.0, "s"), "yr": (31557600.0, "s"), "rad": (1.0, "1"),
+    "deg": (math.pi / 180.0, "1"), "%": (0.01, "1"), "Hz": (1.0, "1/s"), "N": (1.0, "kg*m/s^2"),
+    "Pa": (1.0, "N/m^2"), "bar": (1e5, "Pa"), "J": (1.0, "N*m"), "eV": (1.602176634e-19, "J"), "W": (1.0, "J/s"),
+    "C": (1.0, "A*s"), "V": (1.0, "W/A"), "F": (1.0, "C/V"), "ohm": (1.0, "V/A"), "S": (1.0, "A/V"),
+    "T": (1.0, "V*s/m^2"), "H": (1.0, "V*s/A"),
+}  # fmt: skip
+
+Powers = Mapping[str, Fraction]
 
 
 def check_unit(text: str, where: str) -> str:
@@ -24,7 +40,7 @@ def check_unit(text: str, where: str) -> str:
     DeclarationError
         If it is not a product of known unit names with powers, such as ``kg*m^2/s``.
     """
-    plain = re.sub(r"\s*([*·/^])\s*", r"\1", text.strip().replace("**", "^"))
+    plain = _plain(text)
     names = re.findall(r"[A-Za-zµ]+", plain)
     unknown = [name for name in names if name not in NAMES]
     if unknown or (plain and not UNIT.match(plain)):
@@ -35,6 +51,75 @@ def check_unit(text: str, where: str) -> str:
             "Write a product of SI units with powers, like 'kg*m^2/s', or '1'",
         )
     return text
+
+
+def _plain(text: str) -> str:
+    """The unit without blanks around its operators."""
+    return re.sub(r"\s*([*·/^])\s*", r"\1", text.strip().replace("**", "^"))
+
+
+@cache
+def factors(unit: str) -> Powers:
+    """Powers of the names in a unit: ``kg*m/s^2`` is {kg: 1, m: 1, s: −2}; empty if dimensionless."""
+    powers: dict[str, Fraction] = {}
+    for operator, group, one in re.findall(rf"([*·/ ]?)(?:\(([^()]*(?:\([^()]*\)[^()]*)*)\)|({FACTOR}))", _plain(unit)):
+        inner = dict(factors(group)) if group else {}
+        if one:
+            name, _, power = one.partition("^")
+            inner = {name: Fraction(power.strip("()") or 1)}
+        for name, power in inner.items():
+            powers[name] = powers.get(name, Fraction(0)) + (-power if operator == "/" else power)
+    return {name: power for name, power in powers.items() if power and name != "1"}
+
+
+def product(*terms: tuple[Powers, float]) -> Powers:
+    """Product of powers of units; a radian is named only where nothing else stands in the numerator."""
+    powers: dict[str, Fraction] = {}
+    for unit, exponent in terms:
+        for name, power in unit.items():
+            powers[name] = powers.get(name, Fraction(0)) + power * Fraction(exponent).limit_denominator(1000)
+    powers = {name: power for name, power in powers.items() if power}
+    if any(power > 0 for name, power in powers.items() if name != "rad"):
+        powers.pop("rad", None)
+    return powers
+
+
+def unit_text(unit: Powers) -> str:
+    """The unit as it is declared: ``kg*m^2/s``, ``1/s``, ``W/(m^2*K)``, ``1``."""
+
+    def text(sign: int) -> list[str]:
+        shown = [(name, sign * power) for name, power in unit.items() if sign * power > 0]
+        return [name if p == 1 else f"{name}^{p}" if p.denominator == 1 else f"{name}^({p})" for name, p in shown]
+
+    above, below = text(1), text(-1)
+    over = "*".join(above) or "1"
+    return over + (f"/({'*'.join(below)})" if len(below) > 1 else f"/{below[0]}" if below else "")
+
+
+@cache
+def in_si(name: str) -> tuple[float, Powers]:
+    """A unit name as a multiple of a product of SI base units."""
+    if name in SI:
+        return 1.0, {name: Fraction(1)}
+    if name in DERIVED:
+        scale, unit = DERIVED[name]
+    else:
+        scale, unit = 10.0 ** PREFIXES[name[0]], name[1:]
+    more, base = reduced(factors(unit))
+    return scale * more, base
+
+
+def reduced(unit: Powers) -> tuple[float, Powers]:
+    """A unit as a multiple of a product of SI base units."""
+    parts = [(*in_si(name), power) for name, power in unit.items()]
+    scale = math.prod(scale ** float(power) for scale, _, power in parts)
+    return scale, product(*((base, float(power)) for _, base, power in parts))
+
+
+def agree(first: Powers, second: Powers) -> bool:
+    """Whether two units are the same, such as aJ and N/m*nm^2."""
+    (a, one), (b, two) = reduced(first), reduced(second)
+    return one == two and math.isclose(a, b, rel_tol=1e-9)
 
 
 def with_unit(value: float, unit: str, digits: int = 9) -> str:

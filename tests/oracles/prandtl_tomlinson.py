@@ -17,7 +17,7 @@ def eta(k: float, V_0: float, a: float) -> float:
     return 4 * math.pi**2 * V_0 / (k * a**2)
 
 
-def depinning_force(k: float, V_0: float, a: float) -> float:
+def force_at_jump(k: float, V_0: float, a: float) -> float:
     """Spring force (2πV₀/a)√(1 − η⁻²) at which the tip jumps; zero for η ≤ 1, where it never does.
 
     It is not the largest force: that one, 2πV₀/a, is passed shortly before, at x = a/4.
@@ -25,7 +25,7 @@ def depinning_force(k: float, V_0: float, a: float) -> float:
     return 2 * math.pi * V_0 / a * math.sqrt(max(0.0, 1 - eta(k, V_0, a) ** -2))
 
 
-def depinning_support(k: float, V_0: float, a: float) -> float:
+def support_at_jump(k: float, V_0: float, a: float) -> float:
     """Support X at which a tip that started at X = x = 0 jumps first.
 
     Raises
@@ -35,7 +35,7 @@ def depinning_support(k: float, V_0: float, a: float) -> float:
     """
     if eta(k, V_0, a) <= 1:
         raise ValueError("the tip follows its support without a jump for eta <= 1")
-    return a / (2 * math.pi) * math.acos(-1 / eta(k, V_0, a)) + depinning_force(k, V_0, a) / k
+    return a / (2 * math.pi) * math.acos(-1 / eta(k, V_0, a)) + force_at_jump(k, V_0, a) / k
 
 
 def quasistatic(X: ArrayLike, k: float, V_0: float, a: float, x: float = 0.0) -> NDArray[np.float64]:

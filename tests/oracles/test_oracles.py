@@ -88,13 +88,13 @@ def test_dither(v_r: float) -> None:
     assert dither.mean_sign(v_r, 1.0) == pytest.approx(np.mean(np.sign(v_r + np.cos(tau))), abs=2e-5)
 
 
-def test_prandtl_tomlinson_jumps_at_the_depinning_force() -> None:
+def test_prandtl_tomlinson_jumps_at_the_force_of_the_jump() -> None:
     k, V_0, a = 0.7, 1.3, 2.5
-    support = prandtl_tomlinson.depinning_support(k, V_0, a)
+    support = prandtl_tomlinson.support_at_jump(k, V_0, a)
     X = np.concatenate([np.linspace(0, support - 1e-9, 200), [support + 1e-9]])
     x = prandtl_tomlinson.quasistatic(X, k, V_0, a)
     force = k * (X - x)
-    assert force[-2] == pytest.approx(prandtl_tomlinson.depinning_force(k, V_0, a), rel=1e-4)
+    assert force[-2] == pytest.approx(prandtl_tomlinson.force_at_jump(k, V_0, a), rel=1e-4)
     assert x[-1] - x[-2] > a / 2
     assert force.max() == pytest.approx(2 * math.pi * V_0 / a, rel=1e-3)
 
@@ -102,7 +102,7 @@ def test_prandtl_tomlinson_jumps_at_the_depinning_force() -> None:
 def test_prandtl_tomlinson_follows_a_stiff_spring() -> None:
     k, V_0, a = 4 * math.pi**2 / 0.9, 1.0, 1.0
     assert prandtl_tomlinson.eta(k, V_0, a) == pytest.approx(0.9)
-    assert prandtl_tomlinson.depinning_force(k, V_0, a) == 0
+    assert prandtl_tomlinson.force_at_jump(k, V_0, a) == 0
     x = prandtl_tomlinson.quasistatic(np.linspace(0, 1, 1001), k, V_0, a)
     assert np.diff(x).max() < 0.02
     assert x[-1] == pytest.approx(1, abs=1e-12)

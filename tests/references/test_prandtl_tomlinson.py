@@ -27,7 +27,7 @@ def pulled(V: float, length: float = 1.2, **values: float) -> Trajectory:
     return trajectory
 
 
-def test_jumps_at_the_depinning_force() -> None:
+def test_jumps_at_the_force_of_the_jump() -> None:
     assert ETA > 1
     # The minimum that carries the tip ends at cos(2πx/a) = −1/η. A viscous tip lags behind by V^(2/3).
     edge = LATTICE["a"] / (2 * math.pi) * math.acos(-1 / ETA)
@@ -35,7 +35,7 @@ def test_jumps_at_the_depinning_force() -> None:
     for V in (0.1, 0.03, 0.01):
         motion = pulled(V)
         time = brentq(lambda t, motion=motion: motion.at(t)["x"] - edge, 0.25 / V, 0.5 / V, xtol=1e-13)
-        errors.append(LATTICE["k"] * (V * time - edge) - prandtl_tomlinson.depinning_force(**LATTICE))
+        errors.append(LATTICE["k"] * (V * time - edge) - prandtl_tomlinson.force_at_jump(**LATTICE))
     assert 0 < errors[2] < 2e-3
     orders = np.log(np.divide(errors[:-1], errors[1:])) / np.log(np.divide([0.1, 0.03], [0.03, 0.01]))
     assert orders == pytest.approx(2 / 3, abs=0.02)
@@ -43,7 +43,7 @@ def test_jumps_at_the_depinning_force() -> None:
 
 def test_largest_force_comes_before() -> None:
     largest = 2 * math.pi * LATTICE["V_0"] / LATTICE["a"]
-    assert prandtl_tomlinson.depinning_force(**LATTICE) < 0.95 * largest
+    assert prandtl_tomlinson.force_at_jump(**LATTICE) < 0.95 * largest
     excess = []
     for V in (0.1, 0.01):
         motion = pulled(V)

@@ -18,8 +18,9 @@ def prandtl_tomlinson(**given: float | str) -> System:
     ----------
     L. Prandtl, *Ein Gedankenmodell zur kinetischen Theorie der festen Körper*, ZAMM 8 (1928) 85-106; V. L. Popov and
     J. A. T. Gray, *Prandtl-Tomlinson model: history and applications in friction, plasticity, and nanotechnologies*,
-    ZAMM 92 (2012) 683-708. The tip jumps if the ratio η = 4π²V_0/(ka²) exceeds 1, from the spring force
-    (2πV_0/a)√(1 − η⁻²).
+    ZAMM 92 (2012) 683-708. In slow pull the spring force grows up to 2πV_0/a. If the ratio η = 4π²V_0/(ka²) exceeds 1,
+    the tip jumps, shortly after, from the force (2πV_0/a)√(1 − η⁻²); otherwise it follows without jumps (the fact
+    ``force_at_jump`` is 0).
     """
     return System(
         name="prandtl_tomlinson",
@@ -40,5 +41,9 @@ def prandtl_tomlinson(**given: float | str) -> System:
         span=(0, 4),
         time_unit="s",
         conditions={"jumps": Condition("eta > 1", "the tip follows its support without jumps")},
-        facts={"eta": "eta", "depinning_force": "2*pi*V_0/a*sqrt(max(1 - 1/eta**2, 0))"},
+        facts={
+            "eta": "eta",
+            "largest_force": "2*pi*V_0/a",
+            "force_at_jump": "sqrt(max((2*pi*V_0/a)**2 - (k*a/(2*pi))**2, 0))",
+        },
     ).configure(given)

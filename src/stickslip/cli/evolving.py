@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stickslip import __version__
-from stickslip.cli.folder import result_folder
+from stickslip.cli.folder import PICTURE, add_picture, result_folder
 from stickslip.errors import ConvergenceError, DeclarationError
 
 if TYPE_CHECKING:
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 TOLERANCE = 1e-8  # of an average without a closed form, relative to the size of K(s)
 SHOWN = 8  # components in a table; all are in summary.json
-AVERAGE_FILES = ("summary.json", "overview.png")
-EVOLVE_FILES = ("summary.json", "evolution.nc", "overview.png")
+AVERAGE_FILES = ("summary.json", PICTURE)
+EVOLVE_FILES = ("summary.json", "evolution.nc", PICTURE)
 
 File = Annotated[Path, typer.Argument(metavar="FILE", help="A .toml file that declares an evolution.")]
 Settings = Annotated[
@@ -57,7 +57,8 @@ def average(file: File, settings: Settings = None, out: Out = None, json_: Json 
         except ConvergenceError as error:
             finish(str(error), NOT_CERTIFIED)
         summary["wall_time"] = time.perf_counter() - began
-        write(place, summary, average_figure(model, averaged))
+        write(place, summary)
+    add_picture(folder, lambda: average_figure(model, averaged))
     show(summary, json_, average_rows(summary), folder, AVERAGE_FILES)
     raise typer.Exit(0 if summary["certified"] else NOT_CERTIFIED)
 
@@ -93,7 +94,8 @@ def evolve(
         result = computed(model, averaged)
         summary = summarise_evolution(model, result, averaged) | {"wall_time": time.perf_counter() - began}
         store(result, place / "evolution.nc")
-        write(place, summary, result.plot())
+        write(place, summary)
+    add_picture(folder, result.plot)
     show(summary, json_, evolve_rows(summary), folder, EVOLVE_FILES)
     if summary["outcome"] == "interrupted":
         finish(f"interrupted; the evolution up to t = {summary['end']:g} is in {folder}", INTERRUPTED)
@@ -125,9 +127,8 @@ def default_folder(model: EvolutionModel, what: str) -> Path:
     return Path("out") / (f"{name}-{what}" if what else name)
 
 
-def write(place: Path, summary: dict[str, Any], figure: Figure) -> None:
-    """Summary and picture."""
-    figure.savefig(place / "overview.png")
+def write(place: Path, summary: dict[str, Any]) -> None:
+    """Write the summary."""
     (place / "summary.json").write_text(as_json(summary) + "\n", encoding="utf-8")
 
 
@@ -143,9 +144,9 @@ def show(summary: dict[str, Any], json_: bool, rows: list[tuple[str, str]], fold
     if json_:
         typer.echo(as_json(summary))
         return
-    from stickslip.cli.report import print_table
+    from stickslip.cli.report import print_table, written
 
-    more = [("wall time", f"{summary['wall_time']:.3g} s"), ("written", f"{folder}/  {', '.join(files)}")]
+    more = [("wall time", f"{summary['wall_time']:.3g} s"), ("written", written(folder, files))]
     print_table(summary["title"] or summary["model"], [*rows, *more], summary["certified"] and summary["complete"])
 
 

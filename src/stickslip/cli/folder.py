@@ -1,4 +1,4 @@
-"""The folder of one run: complete results or none, and no file of anybody else is replaced."""
+"""The folder of one run: complete results or none, and no file of anybody else is replaced; then its picture."""
 
 from __future__ import annotations
 
@@ -6,18 +6,26 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from stickslip.errors import StickslipError
+from stickslip.progress import watched
 
-FILES = ("summary.json", "trajectory.nc", "events.csv", "overview.png")  # of `run`
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PICTURE = "overview.png"
+FILES = ("summary.json", "trajectory.nc", "events.csv", PICTURE)  # of `run`
 
 
 @contextmanager
 def result_folder(path: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
-    """A place to write `files` to that becomes `path` when everything went well, and vanishes otherwise.
+    """A place to write results to that becomes `path` when everything went well, and vanishes otherwise.
+
+    Those of `files` that are not written are not there afterwards: an old picture would not show the new result.
 
     Raises
     ------
@@ -40,13 +48,36 @@ def result_folder(path: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
         yield place
         if existed or path.exists():
             for name in files:
-                os.replace(place / name, path / name)
+                if (place / name).exists():
+                    os.replace(place / name, path / name)
+                else:
+                    (path / name).unlink(missing_ok=True)
         else:
             place.chmod(0o777 & ~_umask())
             os.rename(place, path)
     finally:
         shutil.rmtree(place, ignore_errors=True)
         _remove_empty(made)
+
+
+def add_picture(folder: Path, draw: Callable[[], Figure]) -> None:
+    """Draw the picture of a result that is written; if that fails the result stays, with a warning."""
+    from stickslip.cli.app import INTERRUPTED, finish
+    from stickslip.cli.report import warn
+
+    partial = folder / f".{PICTURE}.{os.getpid()}.tmp"
+    try:
+        from stickslip.figures.style import paper_style
+
+        with watched("drawing"), paper_style():
+            draw().savefig(partial, format="png")
+        os.replace(partial, folder / PICTURE)
+    except KeyboardInterrupt:
+        finish(f"interrupted while drawing; the results are in {folder}", INTERRUPTED)
+    except Exception as error:  # whatever it is, it says nothing about the result
+        warn(f"the picture could not be drawn ({type(error).__name__}: {error}); the results are in {folder}")
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def _check_ours(path: Path, files: Sequence[str]) -> None:

@@ -12,7 +12,7 @@ import typer
 
 from stickslip import __version__
 from stickslip.cli.evolving import Json, Out, show, write
-from stickslip.cli.folder import result_folder
+from stickslip.cli.folder import PICTURE, add_picture, result_folder
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.progress import watched
 from stickslip.units import with_unit
@@ -26,11 +26,13 @@ if TYPE_CHECKING:
     from stickslip.orbits.equilibrium import Equilibria
     from stickslip.system import System
 
+Draw = Callable[[], "Figure"]  # draws the picture of a result
+
 SHOWN = 12  # equilibria, multipliers or special points in a table; all are in summary.json
-EQUILIBRIA_FILES = ("summary.json", "equilibria.csv", "overview.png")
-CYCLE_FILES = ("summary.json", "cycle.nc", "overview.png")
-BRANCH_FILES = ("summary.json", "branch.nc", "branch.csv", "overview.png")
-BASIN_FILES = ("summary.json", "basin.nc", "overview.png")
+EQUILIBRIA_FILES = ("summary.json", "equilibria.csv", PICTURE)
+CYCLE_FILES = ("summary.json", "cycle.nc", PICTURE)
+BRANCH_FILES = ("summary.json", "branch.nc", "branch.csv", PICTURE)
+BASIN_FILES = ("summary.json", "basin.nc", PICTURE)
 
 Model = Annotated[
     str, typer.Argument(metavar="MODEL", help="A name of the catalogue (see: stickslip list) or a .toml file.")
@@ -55,10 +57,10 @@ def equilibria(model: Model, settings: Settings = None, out: Out = None, json_: 
     from stickslip.figures.spectrum import plot_eigenvalues
     from stickslip.orbits.equilibria import equilibria as find
 
-    def work(system: System, place: Path) -> tuple[dict[str, Any], Figure]:
+    def work(system: System, place: Path) -> tuple[dict[str, Any], Draw]:
         found = find(system)
         found.table.to_csv(place / "equilibria.csv", index=False)
-        return summarise_equilibria(found), plot_eigenvalues(found)
+        return summarise_equilibria(found), lambda: plot_eigenvalues(found)
 
     present(system_of(model, settings), "equilibria", EQUILIBRIA_FILES, work, equilibria_rows, out, json_)
 
@@ -77,11 +79,11 @@ def cycle(
 
     start = given(initial)
 
-    def work(system: System, place: Path) -> tuple[dict[str, Any], Figure]:
+    def work(system: System, place: Path) -> tuple[dict[str, Any], Draw]:
         found = find_cycle(system, start)
         found.trajectory.save(place / "cycle.nc")
-        figure = plot_gait(found) if found.drift and found.contacts else found.trajectory.plot()
-        return summarise_cycle(found), figure
+        gait = found.drift and found.contacts
+        return summarise_cycle(found), (lambda: plot_gait(found)) if gait else found.trajectory.plot
 
     present(system_of(model, settings), "cycle", CYCLE_FILES, work, cycle_rows, out, json_)
 
@@ -115,7 +117,7 @@ def branch(
     checked_range(system, parameter, (low, high))
     inside = low <= system.values[parameter] <= high
 
-    def work(system: System, place: Path) -> tuple[dict[str, Any], Figure]:
+    def work(system: System, place: Path) -> tuple[dict[str, Any], Draw]:
         at = {} if inside else {parameter: 0.5 * (low + high)}
         if cycles:
             found = continue_cycle(find_cycle(system, start, at), parameter, (low, high))
@@ -123,7 +125,7 @@ def branch(
             found = continue_equilibrium(system, parameter, (low, high), start=start, parameters=at)
         found.save(place / "branch.nc")
         found.to_csv(place / "branch.csv")
-        return summarise_branch(found), found.plot()
+        return summarise_branch(found), found.plot
 
     present(system, "branch", BRANCH_FILES, work, branch_rows, out, json_)
 
@@ -153,10 +155,10 @@ def basin(
         raise DeclarationError("--over", f"{len(axes)} initial values vary", "A map needs two, with --over each")
     start = given(initial)
 
-    def work(system: System, place: Path) -> tuple[dict[str, Any], Figure]:
+    def work(system: System, place: Path) -> tuple[dict[str, Any], Draw]:
         found = find(system, axes, initial=start)
         found.to_netcdf(place / "basin.nc", engine="netcdf4", format="NETCDF4")
-        return summarise_basin(found), plot_basin(found)
+        return summarise_basin(found), lambda: plot_basin(found)
 
     present(system_of(model, settings), "basin", BASIN_FILES, work, basin_rows, out, json_)
 
@@ -168,12 +170,12 @@ def present(
     system: System,
     what: str,
     files: Sequence[str],
-    work: Callable[[System, Path], tuple[dict[str, Any], Figure]],
+    work: Callable[[System, Path], tuple[dict[str, Any], Draw]],
     rows: Callable[[dict[str, Any]], list[tuple[str, str]]],
     out: Path | None,
     json_: bool,
 ) -> None:
-    """Do the work, write its results together, print them, and end with the exit code that fits."""
+    """Do the work, write its results together, draw them, print them, and end with the exit code that fits."""
     from stickslip.cli.app import INTERRUPTED, NOT_CERTIFIED, finish
 
     name = re.sub(r"[^\w.-]+", "_", system.name)
@@ -182,11 +184,12 @@ def present(
     with result_folder(folder, files) as place:
         try:
             with watched(f"{what} of {system.name}"):
-                found, figure = work(system, place)
+                found, draw = work(system, place)
         except ConvergenceError as failure:
             finish(str(failure), NOT_CERTIFIED)
         summary = heading(system) | found | {"wall_time": time.perf_counter() - began}
-        write(place, summary, figure)
+        write(place, summary)
+    add_picture(folder, draw)
     show(summary, json_, rows(summary), folder, files)
     if not summary["complete"]:
         finish(f"interrupted; what was computed is in {folder}", INTERRUPTED)

@@ -16,7 +16,7 @@ from stickslip.errors import StickslipError
 from stickslip.progress import watched
 
 if TYPE_CHECKING:
-    from stickslip.paper.making import Work
+    from stickslip.paper.making import Item, Work
 
 NAMES = ("claims.json", "index.html", "figures", "animations")
 
@@ -46,7 +46,12 @@ def paper(
     with _writing(folder):
         write_data(work, folder, 0.0)  # from now on the folder is known as ours
         with watched("making") as progress:
-            make_all(work, folder, lambda fraction, item: progress(fraction, f"{item.kind} {item.key[:32]:<32}"))
+
+            def made(fraction: float, item: Item) -> None:
+                progress(fraction, f"{item.kind} {item.key[:32]:<32}")
+                write_data(work, folder, time.perf_counter() - began)  # whatever happens to the rest
+
+            make_all(work, folder, made)
         seconds = time.perf_counter() - began
         write_data(work, folder, seconds)
         write_page(work, folder, seconds)

@@ -35,12 +35,11 @@ def print_summary(summary: dict[str, Any], folder: Path) -> None:
         ("final state", ", ".join(final[:SHOWN] + more)),
         *_certificate(summary["certificate"]),
         ("wall time", f"{summary['wall_time']:.3g} s"),
-        ("written", f"{folder}/  {', '.join(FILES)}"),
+        ("written", written(folder, FILES)),
     ]
     print_table(summary["title"] or summary["system"], rows, summary["certified"] and summary["complete"])
-    console = Console(stderr=True)
     for warning in summary["warnings"]:
-        console.print(Text(f"warning: {warning}", style="yellow"))
+        warn(warning)
 
 
 def print_check(file: Path, trajectory: Trajectory) -> None:
@@ -53,6 +52,16 @@ def print_check(file: Path, trajectory: Trajectory) -> None:
         *_certificate(certificate.to_dict()),
     ]
     print_table(trajectory.system.title or trajectory.system.name, rows, certificate.ok)
+
+
+def written(folder: Path, files: Iterable[str]) -> str:
+    """Where the results are, and which."""
+    return f"{folder}/  {', '.join(name for name in files if (folder / name).exists())}"
+
+
+def warn(text: str) -> None:
+    """What a user should know beside the result."""
+    Console(stderr=True).print(Text(f"warning: {text}", style="yellow"))
 
 
 def _certificate(certificate: dict[str, Any]) -> list[tuple[str, str]]:

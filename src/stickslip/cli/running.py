@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip import __version__
-from stickslip.cli.folder import result_folder
+from stickslip.cli.folder import add_picture, result_folder
 from stickslip.progress import watched
 
 if TYPE_CHECKING:
@@ -51,9 +51,9 @@ def compute(
         summary = summarise(trajectory, rtol)
         trajectory.save(place / "trajectory.nc")
         trajectory.events.to_csv(place / "events.csv", index=False)
-        trajectory.plot().savefig(place / "overview.png")
         text = json.dumps(summary, indent=2, ensure_ascii=False)
         (place / "summary.json").write_text(text + "\n", encoding="utf-8")
+    add_picture(folder, trajectory.plot)
     return summary, folder
 
 

@@ -136,13 +136,15 @@ def plot(
     ] = None,
 ) -> None:
     """Draw a stored map: lines over one axis, a map over two, small multiples over three."""
+    from stickslip.figures.style import paper_style
     from stickslip.figures.sweep import plot_sweep
     from stickslip.sweeps.sweep import open_sweep
 
     figure = plot_sweep(open_sweep(store), measure)
     picture = out or (store if store.stem else store.resolve()).with_suffix(".png")
     try:
-        figure.savefig(picture)
+        with paper_style():
+            figure.savefig(picture)
     except ValueError:
         raise DeclarationError("--out", f"'{picture}' has no ending of a picture", "Use .png, .pdf or .svg") from None
     typer.echo(picture)

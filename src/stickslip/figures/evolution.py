@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,6 +19,7 @@ from stickslip.figures.style import (
     new_figure,
     paper_style,
 )
+from stickslip.figures.thinning import strip, thin
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.history import History
@@ -66,11 +67,15 @@ def _heights(n: int) -> dict[str, list[float]]:
 
 def _component(axes: Axes, t: Array, z: Array, label: str) -> None:
     """One component; where it does not change from one output to the next, it sticks."""
-    rests = np.append(np.diff(z) == 0.0, False)
-    across = axes.get_xaxis_transform()
-    axes.fill_between(t, 0.0, 1.0, where=rests, step="post", transform=across, color=STICK_SHADE, lw=0, zorder=0)
-    axes.plot(t, z, color=BLUE)
+    strip(axes, t, {STICK_SHADE: np.diff(z) == 0.0}, transform=axes.get_xaxis_transform())
+    _line(axes, t, z, color=BLUE)
     axes.set_ylabel(label)
+
+
+def _line(axes: Axes, t: Array, values: Array, **style: Any) -> None:
+    """A line over time, however many points it has."""
+    t, lines = thin(t, {"values": values})
+    axes.plot(t, lines["values"], **style)
 
 
 def _map(figure: Figure, axes: Axes, t: Array, z: Array) -> None:
@@ -93,7 +98,7 @@ def _map(figure: Figure, axes: Axes, t: Array, z: Array) -> None:
 
 def _slipping(axes: Axes, history: History) -> None:
     data = history.dataset
-    axes.plot(data["step_time"], data["slipping"], color=BLUE, lw=0.8)
+    _line(axes, data["step_time"].values, data["slipping"].values.astype(float), color=BLUE, lw=0.8)
     axes.set_ylabel("slipping")
     axes.set_ylim(bottom=0)
 
@@ -102,7 +107,7 @@ def _energies(axes: Axes, history: History) -> None:
     data = history.dataset
     lines = (("energy", "energy", BLUE), ("dissipated", "dissipated", VERMILION), ("work", "work of the load", GREEN))
     for name, label, colour in lines:
-        axes.plot(data["step_time"], data[name], color=colour, label=label)
+        _line(axes, data["step_time"].values, data[name].values, color=colour, label=label)
     axes.set_ylabel("energy")
     legend_above(axes)
 

@@ -19,7 +19,7 @@ from stickslip.figures.style import (
     new_figure,
     paper_style,
 )
-from stickslip.motion.trajectory import attributes
+from stickslip.quantities import quantity
 from stickslip.units import unit_label
 
 if TYPE_CHECKING:
@@ -92,6 +92,6 @@ def _positions(axes: Axes, cycle: Cycle, names: list[str], periods: int) -> None
         x = np.concatenate([values[name] - origin + turn * shift for turn in range(periods)])
         times = np.concatenate([t + turn * cycle.period for turn in range(periods)])
         axes.plot(times, x, color=colour, label=axis_label([name], ""))
-    axes.set_ylabel(axis_label(names, str(attributes(cycle.system, names[0])["units"])))
+    axes.set_ylabel(axis_label(names, str(quantity(cycle.system, names[0])["units"])))
     if len(names) > 1:
         legend_above(axes)

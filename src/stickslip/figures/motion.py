@@ -1,8 +1,11 @@
-"""The picture of one motion: time traces with stick phases shaded, and the phase plane where it says something."""
+"""The picture of one motion: time traces with stick phases shaded, and the phase plane where it says something.
+
+However long the motion is, what is drawn of it is bounded: see :mod:`stickslip.figures.thinning`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,14 +29,16 @@ from stickslip.figures.style import (
     paper_style,
     symbol,
 )
-from stickslip.motion.trajectory import contact_key
+from stickslip.figures.thinning import COLUMNS, FEW, Columns, Curve, chosen, strip
+from stickslip.quantities import FORCES, contact_key, quantity
 from stickslip.units import unit_label
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 Array = np.ndarray
-SAMPLES = 6000
+SAMPLES, POINTS = 6000, (16, 64)  # over the whole time; on each step, the more the fewer steps there are
+MOST_STEPS, MOST_SAMPLES, AT_ONCE = 1_000_000, 16_000_000, 64_000  # of a motion, and samples taken in one go
 MANY = 4  # lines in one panel, or contacts with a panel of their own, above which a map is drawn instead
 ROW, EXTRA, TIME_WIDTH, PLANE_WIDTH = 1.5, 1.0, 7.2, 4.6  # inches
 
@@ -64,16 +69,43 @@ class _Overview:
         self.trajectory, self.system = trajectory, trajectory.system
         self.declaration = trajectory.system.declaration
         self.contacts = [contact_key(name) for name in self.system.contacts]
-        self.t = _sample_times(trajectory)
-        self.values: dict[str, Array] = {k: np.asarray(v) for k, v in trajectory.at(self.t).items()}
-        modes = [self.values[f"mode_{key}"] == 0 for key in self.contacts]
-        self.all_stick = np.logical_and.reduce(modes) if modes else np.zeros(len(self.t), bool)
+        self.motion = _Samples(trajectory)
+        modes = {key: mode[: self.motion.steps] for key, mode in trajectory.modes.items()}
+        self.modes = {key: modes[key] for key in self.contacts}
+        self.all_stick = np.full(self.motion.steps, bool(modes))
+        for mode in modes.values():
+            self.all_stick &= mode == 0
+        self.whole = self.motion.count <= FEW  # everything is drawn as it is
+        self.t, self.values, self.curves = self.collect()
 
     def unit(self, name: str) -> str:
-        return str(self.trajectory.dataset[name].attrs.get("units", ""))
+        return quantity(self.system, name).get("units", "")
+
+    def collect(self) -> tuple[Array, dict[str, Array], list[Curve]]:
+        """Lines over time, and the curves of the planes, bit by bit from all of the motion."""
+        names = [*self.declaration.state]
+        if len(self.contacts) <= MANY:
+            names += [f"{kind}_{key}" for key in self.contacts for kind in FORCES]
+        motion, planes, whole = self.motion, self.planes(), self.whole
+        curves = [Curve(whole, *(_difference(motion.at_knots, names) for names in plane)) for plane in planes]
+        columns, pieces = Columns(motion.time[0], motion.time[-1]), []
+        for t, steps, values in motion.sampled(names):
+            if whole:
+                pieces.append({"t": t, **values})
+            else:
+                columns.absorb(t, values)
+            for plane, curve in zip(planes, curves, strict=True):
+                x, y = (_difference(values, names) for names in plane)
+                curve.absorb(x, y, self.all_stick[steps], np.diff(steps) <= 1)
+        if whole:
+            lines = {name: np.concatenate([piece[name] for piece in pieces]) for name in ("t", *names)}
+            return lines.pop("t"), lines, curves
+        columns.absorb(motion.time, motion.at_knots)
+        return *columns.lines(), curves
 
     def draw(self) -> Figure:
-        panels, planes = self.panels(), self.planes()
+        panels = self.panels()
+        planes = [self.plane(*plane, curve) for plane, curve in self.telling()]
         height = max(ROW * len(panels) + EXTRA, 3.6 if planes else 0.0)
         figure = self.figure = new_figure(TIME_WIDTH + (PLANE_WIDTH if planes else 0.0), height)
         figure.suptitle(self.system.title or self.system.name, x=0.01, ha="left", fontsize=13)
@@ -126,21 +158,26 @@ class _Overview:
         def panel(axes: Axes) -> None:
             if len(self.contacts) <= MANY:  # else the map of the modes says it
                 self.shade(axes, self.all_stick)
-            for name, colour in zip(names, line_colours(len(names)), strict=True):
-                axes.plot(self.t, self.values[name], color=colour, label=symbol(name))
+            colours = line_colours(len(names))
+            for name, colour in zip(names, colours, strict=True):
+                axes.plot(self.t, self.values[name], color=colour, alpha=self.alpha(len(names)))
             _roomy(axes, np.concatenate([self.values[name] for name in names]))
             if len(names) > 1:
-                legend_above(axes)
+                shown = [(names[i], colours[i]) for i in _some(len(names))]
+                legend_above(axes, [Line2D([], [], color=colour, label=symbol(name)) for name, colour in shown])
             short = names if len(names) <= MANY else [names[0], names[-1]]
             label = axis_label(short, self.unit(names[0]))
             axes.set_ylabel(label if short is names else label.replace(", ", r" $\ldots$ ", 1))
 
         return panel
 
-    def shade(self, axes: Axes, where: Array) -> None:
+    def alpha(self, lines: int) -> float:
+        """Opacity: lines that swing within a column are areas, of which several lie on each other."""
+        return 1.0 if self.whole or lines == 1 else max(1.0 / lines, 0.25)
+
+    def shade(self, axes: Axes, holds: Array) -> None:
         """Grey where a condition holds."""
-        across = axes.get_xaxis_transform()
-        axes.fill_between(self.t, 0.0, 1.0, where=where, transform=across, color=STICK_SHADE, lw=0, zorder=0)
+        strip(axes, self.motion.time, {STICK_SHADE: holds}, transform=axes.get_xaxis_transform())
 
     def heat(self, names: list[str]) -> Callable[[Axes], None]:
         """Many velocities as a map: one row each."""
@@ -149,8 +186,9 @@ class _Overview:
             rows = np.array([self.values[name] for name in names])
             # A violent start must not hide the rest: the largest speeds saturate.
             largest = float(np.percentile(np.abs(rows), 97)) or float(np.max(np.abs(rows))) or 1.0
-            even = np.linspace(self.t[0], self.t[-1], 1500)
-            image = np.array([np.interp(even, self.t, row) for row in rows])
+            begins = np.searchsorted(self.t, np.linspace(self.t[0], self.t[-1], COLUMNS, endpoint=False))
+            low, high = (extreme.reduceat(rows, begins, axis=1) for extreme in (np.minimum, np.maximum))
+            image = np.where(-low > high, low, high)
             extent = (self.t[0], self.t[-1], len(names) + 0.5, 0.5)
             drawn = axes.imshow(
                 image, aspect="auto", extent=extent, cmap="RdBu_r", vmin=-largest, vmax=largest, interpolation="nearest"
@@ -165,16 +203,14 @@ class _Overview:
     def friction(self, name: str) -> Callable[[Axes], None]:
         """Friction force of one contact between its thresholds."""
         key = contact_key(name)
-        force, plus, minus, mode = (
-            self.values[f"{kind}_{key}"] for kind in ("friction", "threshold_plus", "threshold_minus", "mode")
-        )
+        force, plus, minus = (self.values[f"{kind}_{key}"] for kind in FORCES)
 
         def panel(axes: Axes) -> None:
-            self.shade(axes, mode == 0)
+            self.shade(axes, self.modes[key] == 0)
             # λ = −s⁺ slides forward, λ = s⁻ backward.
             axes.fill_between(self.t, -plus, minus, color=BAND, lw=0, alpha=0.6, zorder=1)
             for bound in (-plus, minus):
-                axes.plot(self.t, bound, color=THRESHOLD, lw=0.8, zorder=2)
+                axes.plot(self.t, bound, color=THRESHOLD, lw=0.8, zorder=2, alpha=self.alpha(3))
             axes.plot(self.t, force, color=BLUE, zorder=3)
             _roomy(axes, np.concatenate([force, -plus, minus]))
             unit = unit_label(self.unit(f"friction_{key}"))
@@ -192,9 +228,8 @@ class _Overview:
     def mode_map(self, axes: Axes) -> None:
         """Who sticks when: one row per contact."""
         for row, key in enumerate(self.contacts, start=1):
-            mode = self.values[f"mode_{key}"]
-            for value, colour in ((0, STICK_SHADE), *SLIP.items()):
-                axes.fill_between(self.t, row - 0.42, row + 0.42, where=mode == value, color=colour, lw=0, step="post")
+            phases = {colour: self.modes[key] == mode for mode, colour in ((0, STICK_SHADE), *SLIP.items())}
+            strip(axes, self.motion.time, phases, row - 0.42, row + 0.42)
         axes.set_ylim(len(self.contacts) + 0.5, 0.5)
         _rows(axes, list(self.system.contacts))
         shown = ((STICK_SHADE, "stick"), (SLIP[1], "slip +"), (SLIP[-1], "slip −"))
@@ -202,23 +237,33 @@ class _Overview:
 
     # Phase planes.
 
-    def planes(self) -> list[Callable[[Axes], None]]:
-        """Planes that say something: (x, ẋ) of few inertial coordinates, or the two variables of a planar system."""
+    def planes(self) -> list[tuple[list[str], list[str]]]:
+        """Planes that may say something: (x, ẋ) of few inertial coordinates, or the two variables of a planar system.
+
+        What is shown across and what upwards, each a part of the state or the difference of two.
+        """
         d = self.declaration
-        planes: list[Callable[[Axes], None]] = []
+        planes: list[tuple[list[str], list[str]]] = []
         if 1 <= len(d.inertial) <= 2:
-            planes += [self.plane([q], [f"d_{q}"]) for q in d.inertial if self.returns(q)]
-        elif len(d.state) == 2 and all(map(self.returns, d.state)):
-            planes.append(self.plane([d.state[0]], [d.state[1]]))
+            planes += [([q], [f"d_{q}"]) for q in d.inertial]
+        elif len(d.state) == 2:
+            planes.append(([d.state[0]], [d.state[1]]))
         relative = [x for x, weight in self.system.translation.items() if weight == 1.0]
         others = [x for x in d.coordinates if x not in relative]
         # Two feet and one more coordinate: the distance of the feet is a hysteresis operator of the latter.
         if len(relative) == len(self.system.translation) == 2 and len(others) == 1 and self.same_unit(relative):
-            planes.append(self.plane(others, relative))
+            planes.append((others, relative))
         return planes
 
+    def telling(self) -> Iterator[tuple[tuple[list[str], list[str]], Curve]]:
+        """The planes whose variables come back; that of one that only moves on is its time trace once more."""
+        for plane, curve in zip(self.planes(), self.curves, strict=True):
+            across, up = plane
+            asked = across if up == [f"d_{across[0]}"] else plane
+            if len(up) == 2 or all(self.returns(name) for name in np.ravel(asked)):
+                yield plane, curve
+
     def returns(self, name: str) -> bool:
-        """Whether a quantity comes back; the plane of one that only moves on is its time trace once more."""
         steps = np.diff(self.values[name])
         noise = 1e-9 * float(np.ptp(self.values[name]))
         return bool(np.any(steps > noise) and np.any(steps < -noise))
@@ -226,24 +271,20 @@ class _Overview:
     def same_unit(self, names: list[str]) -> bool:
         return len({self.unit(name) for name in names}) == 1
 
-    def plane(self, across: list[str], up: list[str]) -> Callable[[Axes], None]:
+    def plane(self, across: list[str], up: list[str], curve: Curve) -> Callable[[Axes], None]:
         """A plane of two quantities, each a variable or the difference of two."""
 
         def panel(axes: Axes) -> None:
-            x, y = self.quantity(across), self.quantity(up)
-            sticking = self.all_stick
-            has_contacts = bool(self.contacts)
-            axes.plot(x, np.where(sticking, np.nan, y), color=BLUE, lw=1.3, label="slip" if has_contacts else None)
-            if has_contacts:
+            x, y, sticking = curve.points()
+            moving = np.where(sticking, np.nan, y)
+            axes.plot(x, moving, color=BLUE, lw=1.3, label="slip" if self.contacts else None)
+            if self.contacts:
                 label = "stick" if len(self.contacts) == 1 else "all stick"
-                phases = _phases(sticking)
-                width = 2.2 if len(phases) <= 20 else 1.4
+                width = 2.2 if np.count_nonzero(np.diff(self.all_stick)) <= 40 else 1.4
                 axes.plot(x, np.where(sticking, y, np.nan), color=STICK_LINE, lw=width, label=label, zorder=3)
-                # Where the state rests while it sticks, the line is a point.
-                size = max(np.ptp(x), np.ptp(y))
-                points = [i for i, j in phases if max(np.ptp(x[i:j]), np.ptp(y[i:j])) < 0.01 * size]
-                axes.plot(x[points], y[points], ".", color=STICK_LINE, ms=4.5, zorder=3)
-            axes.plot(x[:1], y[:1], "o", ms=6, mfc="white", mec=STICK_LINE, zorder=4, label="start")
+                axes.plot(*curve.spots(), ".", color=STICK_LINE, ms=4.5, zorder=3)
+            start = [_difference(self.motion.at_knots, names)[:1] for names in (across, up)]
+            axes.plot(*start, "o", ms=6, mfc="white", mec=STICK_LINE, zorder=4, label="start")
             axes.set_xlabel(self.quantity_label(across))
             axes.set_ylabel(self.quantity_label(up))
             _roomy(axes, y)
@@ -255,28 +296,41 @@ class _Overview:
 
         return panel
 
-    def quantity(self, names: list[str]) -> Array:
-        return self.values[names[0]] - (self.values[names[1]] if len(names) == 2 else 0.0)
-
     def quantity_label(self, names: list[str]) -> str:
         label = axis_label(names, self.unit(names[0]))
         return label.replace("$, $", " - ") if len(names) == 2 else label
 
 
-def _sample_times(trajectory: Trajectory) -> Array:
-    """An even grid, the knots of the result, and both sides of every switch."""
-    knots = np.asarray(trajectory.dataset["time"].values, dtype=float)
-    start, end = float(knots[0]), float(knots[-1])
-    switches = np.asarray(trajectory.events["time"], dtype=float)
-    before = np.nextafter(switches, -np.inf)
-    times = np.concatenate([np.linspace(start, end, SAMPLES), knots, switches, before])
-    return np.unique(times[(times >= start) & (times <= end)])
+class _Samples:
+    """Times at which a motion is looked at: on each step, both ends included, and nowhere far apart."""
+
+    def __init__(self, trajectory: Trajectory) -> None:
+        self.trajectory, k = trajectory, trajectory.knots
+        self.time, state = (k.time, k.state) if len(k.time) > 1 else (k.time[[0, 0]], k.state[[0, 0]])
+        self.at_knots = dict(zip(trajectory.system.declaration.state, state.T, strict=True))
+        self.steps = len(self.time) - 1
+        self._chosen = chosen(self.time, MOST_STEPS)
+        lengths = np.diff(self.time)[self._chosen]
+        span = float(self.time[-1] - self.time[0]) or 1.0
+        points = int(np.clip(MOST_SAMPLES // len(lengths), *POINTS))
+        self._number = points + np.floor(SAMPLES * lengths / span).astype(int)
+        self._at_once = AT_ONCE // points
+        self.count = int(np.sum(self._number))
+
+    def sampled(self, names: list[str]) -> Iterator[tuple[Array, Array, dict[str, Array]]]:
+        """Times, the step that each belongs to, and values; piece by piece."""
+        for i in range(0, len(self._chosen), self._at_once):
+            some, number = (part[i : i + self._at_once] for part in (self._chosen, self._number))
+            steps, last = np.repeat(some, number), np.cumsum(number)
+            place = np.arange(len(steps)) - np.repeat(last - number, number)
+            begin, end = self.time[steps], self.time[steps + 1]
+            t = np.minimum(begin + (end - begin) * place / (np.repeat(number, number) - 1), end)
+            yield t, steps, self.trajectory.trace(names, t, steps)
 
 
-def _phases(holds: Array) -> list[tuple[int, int]]:
-    """First and last plus one index of each run in which a condition holds."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8)))
-    return [(int(i), int(j)) for i, j in edges.reshape(-1, 2)]
+def _difference(values: Mapping[str, Array], names: list[str]) -> Array:
+    """A quantity, or how much it exceeds a second one."""
+    return values[names[0]] - values[names[1]] if len(names) == 2 else values[names[0]]
 
 
 def _roomy(axes: Axes, values: Array) -> None:
@@ -291,6 +345,11 @@ def _roomy(axes: Axes, values: Array) -> None:
 
 def _rows(axes: Axes, labels: list[str]) -> None:
     """Label rows of a map; only some if there are many."""
-    step = -(-len(labels) // 8)
-    axes.set_yticks(range(1, len(labels) + 1, step), labels[::step])
+    shown = _some(len(labels))
+    axes.set_yticks([i + 1 for i in shown], [labels[i] for i in shown])
     axes.tick_params(axis="y", length=0, labelsize=9)
+
+
+def _some(count: int) -> range:
+    """Numbers of at most eight of many things, evenly from the first on."""
+    return range(0, count, -(-count // 8))

@@ -25,10 +25,10 @@ from stickslip.figures.style import (
     paper_style,
 )
 from stickslip.motion.simulate import simulate
-from stickslip.motion.trajectory import attributes
 from stickslip.orbits.equilibria import checked_values, equilibria
 from stickslip.orbits.equilibrium import Equilibrium
 from stickslip.orbits.regions import values_at
+from stickslip.quantities import quantity
 from stickslip.system import System
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ class _Portrait:
             axes.set_xlim(self.x[0], self.x[-1])
             axes.set_ylim(self.y[0], self.y[-1])
             for name, label in ((self.across, axes.set_xlabel), (self.up, axes.set_ylabel)):
-                label(axis_label([name], str(attributes(self.system, name)["units"])))
+                label(axis_label([name], str(quantity(self.system, name)["units"])))
             figure.legend(handles=handles, loc="outside upper left", ncols=3)
         return figure
 

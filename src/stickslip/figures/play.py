@@ -19,13 +19,14 @@ from stickslip.figures.style import (
     new_figure,
     paper_style,
 )
+from stickslip.figures.thinning import chosen, thin
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.play import Play
 
 Array = np.ndarray
 SAMPLES = 4000
-MOST_NODES = 100_000  # that are drawn one by one
+MOST_NODES = 40_000  # at which the stable region is looked at
 WIDTH, HEIGHT = 7.2, 3.8  # inches
 
 
@@ -105,11 +106,12 @@ def plot_loops(load: Array, plays: Mapping[str, Array], total: Array) -> Figure:
 def _draw(axes: Axes, play: Play, name: str, region: str) -> None:
     """The position and the interval in which it is stable."""
     t = _times(play)
-    now = play.at(t)
-    a = play.bounds.stiffness
-    low, high = (now["load"] - now["threshold_plus"]) / a, (now["load"] + now["threshold_minus"]) / a
-    axes.fill_between(t, low, high, fc=BAND, ec=THRESHOLD, lw=0.5, zorder=1, label=region)
-    axes.plot(t, now["z"], color=BLUE, zorder=3, label=f"${name}$")
+    state = play._state(*play._intervals(t, "right"))
+    band_time, band = thin(t, {"low": state.now.low, "high": state.now.high})
+    axes.fill_between(band_time, band["low"], band["high"], fc=BAND, ec=THRESHOLD, lw=0.5, zorder=1, label=region)
+    # Between nodes z is monotone.
+    line_time, line = thin(*((t, {"z": state.z}) if len(play.time) <= MOST_NODES else (play.time, {"z": play.z})))
+    axes.plot(line_time, line["z"], color=BLUE, zorder=3, label=f"${name}$")
     axes.set_xlim(t[0], t[-1])
     axes.set_xlabel("time $t$")
     axes.set_ylabel(f"position ${name}$")
@@ -117,9 +119,8 @@ def _draw(axes: Axes, play: Play, name: str, region: str) -> None:
 
 
 def _times(play: Play) -> Array:
-    """An even grid, and the nodes unless they are too many, those of jumps from both sides."""
+    """An even grid, and the nodes (some everywhere if they are too many), those of jumps from both sides."""
     grid = np.linspace(play.time[0], play.time[-1], SAMPLES)
-    if len(play.time) > MOST_NODES:
-        return grid
-    jumps = np.nextafter(play.time[1:][np.diff(play.time) == 0.0], -np.inf)
-    return np.union1d(np.concatenate([grid, jumps]), play.time)
+    nodes = play.time[np.append(chosen(play.time, MOST_NODES), -1)]
+    jumps = np.nextafter(nodes[1:][np.diff(nodes) == 0.0], -np.inf)
+    return np.union1d(np.concatenate([grid, jumps]), nodes)

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 
 from stickslip.equations.spelling import latex_name
 from stickslip.units import unit_label
@@ -82,10 +83,33 @@ def axis_label(names: Iterable[str], unit: str) -> str:
 
 
 def legend_above(axes: Axes, handles: Sequence[Artist] | None = None, right: bool = False) -> None:
-    """A legend in one row above the axes, where it covers no data; a second one may stand at the right."""
+    """A legend above the axes, where it covers no data, in as many rows as the width asks for.
+
+    A second one stands at the right, if there is room for both; else the two become one.
+    """
     if handles is None:
         handles, _ = axes.get_legend_handles_labels()
+    shown, first = [(handle, str(handle.get_label())) for handle in handles], axes.get_legend()
     corner, x = ("lower right", 1.0) if right else ("lower left", 0.0)
-    if (first := axes.get_legend()) is not None:
-        axes.add_artist(first)
-    axes.legend(handles=handles, loc=corner, bbox_to_anchor=(x, 0.98), ncols=len(handles), borderaxespad=0.0)
+
+    def place(columns: int) -> float:
+        """Draw the legend; how much of the width it takes."""
+        artists, labels = zip(*shown, strict=True)
+        where = {"loc": corner, "bbox_to_anchor": (x, 0.98), "borderaxespad": 0.0}
+        return _width(axes, axes.legend(artists, labels, ncols=columns, **where))
+
+    width = place(len(shown))
+    if first is not None:
+        if width + _width(axes, first) <= 1.0:
+            axes.add_artist(first)
+            return
+        shown = [(h, text.get_text()) for h, text in zip(first.legend_handles, first.texts, strict=True) if h] + shown
+        corner, x = "lower left", 0.0
+        width = place(len(shown))
+    if width > 1.0:
+        place(max(1, int(len(shown) / width)))
+
+
+def _width(axes: Axes, legend: Legend) -> float:
+    """Width of a legend relative to that of the axes."""
+    return legend.get_window_extent().width / axes.get_window_extent().width

@@ -49,18 +49,21 @@ def sample(
     sizes, W, A, B, mag, n = rows.sizes, space.W, space.A, space.B, space.mag, rows.sizes[0]
     V, y, z, power = np.zeros((len(W), 2)), np.zeros(n), np.zeros(n), np.zeros(3)
     mode, reg = np.zeros(knot_mode.shape[1], np.int64), np.zeros(knot_region.shape[1], np.int64)
-    last, base, h, order = -1, 0.0, 0.0, N
+    last, base, h, order, known = -1, 0.0, 0.0, N, False
     for i in range(len(times)):
         knot = index[i]
         if knot != last or times[i] < base:
             last, base = knot, knot_time[knot]
             copy(knot_mode[knot], mode)
             copy(knot_region[knot], reg)
-            resolve(sizes, k, space, mode)
             copy(knot_state[knot], y)
-            left = times[i] - base
+            resolve(sizes, k, space, mode)
+            known = False
+        left = times[i] - base
+        if left > 0.0 and not known:  # at the knot itself no series is needed
             order, h = expand(jets, rows, k, space, N, float(base), y, mode, reg, left, 0.0, tol, atol, seen)
-        while times[i] - base > h:
+            known = True
+        while known and times[i] - base > h:
             for r in range(n):
                 y[r] = horner(W[r], order, h / W[n, 1])
             base += h
@@ -68,7 +71,7 @@ def sample(
             order, h = expand(jets, rows, k, space, N, base, y, mode, reg, left, h, tol, atol, seen)
             h = max(h, 1e-12 * left)
         for r in range(n):
-            z[r] = horner(W[r], order, (times[i] - base) / W[n, 1])
+            z[r] = horner(W[r], order, (times[i] - base) / W[n, 1]) if known else y[r]
         jets(times[i], z, mode, reg, k.K, space.Rq, space.Rz, 1, V, A, B, mag)
         powers(V, reg, k.K, power)
         for r in range(len(W)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +18,7 @@ from stickslip.errors import DeclarationError, StickslipError
 from stickslip.motion.knots import Knots
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
+from stickslip.quantities import contact_key, quantity
 from stickslip.system import System
 
 if TYPE_CHECKING:
@@ -136,6 +138,11 @@ class Trajectory:
         """Key of each contact in the order of declaration, with its number in the engine."""
         order = {c.name: i for i, c in enumerate(self._problem.compiled.equations.contacts)}
         return {contact_key(name): order[name] for name in self.system.contacts}
+
+    @property
+    def modes(self) -> dict[str, Array]:
+        """Mode of each contact from every knot on (−1, 0, 1), by its name in variables."""
+        return {key: self.knots.mode[:, i] for key, i in self._contacts.items()}
 
     def _sample(self, times: Array, index: Array) -> Array:
         """Values of all rows, energy and powers at times within the steps of the knots `index`."""
@@ -262,6 +269,26 @@ class Trajectory:
         values = self._values(clock, index)
         return {name: v[0].item() if np.ndim(t) == 0 else v.reshape(shape) for name, v in values.items()}
 
+    def trace(self, names: Sequence[str], times: Array, index: Array) -> dict[str, Array]:
+        """Quantities at many times, for pictures; see trace.py.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Parts of the state, friction forces and thresholds.
+        times : array, shape (n,)
+        index : array of int, shape (n,)
+            Number of the step that each time belongs to; ascending, as are the times in one step.
+        """
+        from stickslip.motion.trace import TOLERANCE, trace
+
+        p, k = self._problem, self.knots
+        wanted = np.array([self._rows[name] for name in names], dtype=np.int64)
+        out = np.empty((len(wanted), len(times)))
+        fixed = (p.compiled.jets, p.rows, p.constants, p.space(), p.order, TOLERANCE, p.atol)
+        trace(*fixed, self._seen, k.clock, k.state, k.mode, k.region, index, times - k.origin, wanted, out)
+        return dict(zip(names, out, strict=True))
+
     def _values(self, clock: Array, index: Array) -> dict[str, Array]:
         """All published quantities at times since the origin, within the steps of the knots `index`."""
         out = self._sample_clock(clock, index)
@@ -305,8 +332,8 @@ class Trajectory:
         clock = np.union1d(k.clock, np.linspace(k.clock[0], k.clock[-1], GRID + 1))
         index = np.searchsorted(k.clock, clock, side="right") - 1
         values = self._values(clock, index)
-        variables = {name: ("time", v, attributes(self.system, name)) for name, v in values.items()}
-        coordinate = ("time", clock + k.origin, {"units": self.system.time_unit or "1", "long_name": "time"})
+        variables = {name: ("time", v, self._attributes(name)) for name, v in values.items()}
+        coordinate = ("time", clock + k.origin, quantity(self.system, "t"))
         return xr.Dataset(
             variables,
             {"time": coordinate},
@@ -317,29 +344,34 @@ class Trajectory:
             },
         )
 
+    def _attributes(self, name: str) -> dict[str, Any]:
+        """Unit and meaning of a published quantity; of a mode, what its numbers stand for."""
+        for contact in self.system.contacts:
+            if name == f"mode_{contact_key(contact)}":
+                flags = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "slip- stick slip+"}
+                return {"long_name": f"mode of {contact}", **flags}
+        return quantity(self.system, name)
+
     @cached_property
     def events(self) -> pandas.DataFrame:
         """Every change of mode or region: time, contact (or the kink), from, to, and the state."""
         import pandas as pd
 
-        k, records = self.knots, []
-        contacts = self._problem.compiled.equations.contacts
-        kinks = [f"{ex.to_text(g)} = 0" for g in self._problem.compiled.equations.kinks]
-        for i in (
-            np.flatnonzero(
-                np.any(np.diff(k.mode, axis=0) != 0, axis=1) | np.any(np.diff(k.region, axis=0) != 0, axis=1)
-            )
-            + 1
-        ):
-            state = dict(zip(self._problem.compiled.layout.state, map(float, k.state[i]), strict=True))
-            for c in np.flatnonzero(k.mode[i] != k.mode[i - 1]):
-                a, b = MODE_NAMES[int(k.mode[i - 1, c])], MODE_NAMES[int(k.mode[i, c])]
-                records.append({"time": float(k.time[i]), "contact": contacts[c].name, "from": a, "to": b, **state})
-            for j in np.flatnonzero(k.region[i] != k.region[i - 1]):
-                a, b = (("below", "above")[int(r)] for r in (k.region[i - 1, j], k.region[i, j]))
-                records.append({"time": float(k.time[i]), "contact": kinks[j], "from": a, "to": b, **state})
-        columns = ["time", "contact", "from", "to", *self._problem.compiled.layout.state]
-        return pd.DataFrame.from_records(records, columns=columns)
+        equations, k = self._problem.compiled.equations, self.knots
+        changes = np.hstack([np.diff(k.mode, axis=0), np.diff(k.region, axis=0)])
+        knot, which = np.nonzero(changes)
+        names = [c.name for c in equations.contacts] + [f"{ex.to_text(g)} = 0" for g in equations.kinks]
+        # The names of the modes −1, 0, 1, then those of the regions 0, 1.
+        words = np.array([*(MODE_NAMES[mode] for mode in (-1, 0, 1)), "below", "above"], dtype=object)
+        values = np.hstack([k.mode + 1, k.region + 3])
+        columns = {
+            "time": k.time[knot + 1],
+            "contact": np.array(names, dtype=object)[which],
+            "from": words[values[knot, which]],
+            "to": words[values[knot + 1, which]],
+        }
+        states = zip(self._problem.compiled.layout.state, k.state[knot + 1].T, strict=True)
+        return pd.DataFrame(columns | dict(states))
 
     @property
     def n_switches(self) -> int:
@@ -426,44 +458,3 @@ def open_trajectory(path: str | Path) -> Trajectory:
     trajectory = Trajectory(problem, tuple(span), knots, outcome, rtol)
     trajectory.wall_time = wall_time
     return trajectory
-
-
-def contact_key(name: str) -> str:
-    """Contact name as part of a variable name."""
-    return "".join(c if c.isalnum() else "_" for c in name)
-
-
-def _per(unit: str, time_unit: str) -> str:
-    if not time_unit or time_unit == "1":
-        return unit or "1"
-    return f"{unit}/{time_unit}" if unit not in ("", "1") else f"1/{time_unit}"
-
-
-def attributes(system: System, name: str) -> dict[str, Any]:
-    """units and long_name of a published quantity."""
-    named = {**system.coordinates, **system.internal}
-    if name in named:
-        return {"units": named[name].unit or "1", "long_name": named[name].meaning or name}
-    if name.startswith("d_") and name[2:] in named:
-        return {
-            "units": _per(named[name[2:]].unit, system.time_unit),
-            "long_name": f"rate of {named[name[2:]].meaning or name[2:]}",
-        }
-    for contact, declared in system.contacts.items():
-        key = contact_key(contact)
-        if name == f"mode_{key}":
-            return {
-                "long_name": f"mode of {contact}",
-                "flag_values": np.array([-1, 0, 1], np.int8),
-                "flag_meanings": "slip- stick slip+",
-            }
-        names = {
-            f"friction_{key}": "friction force",
-            f"threshold_plus_{key}": "threshold for u > 0",
-            f"threshold_minus_{key}": "threshold for u < 0",
-        }
-        if name in names:
-            return {"units": declared.unit or "1", "long_name": f"{names[name]} of {contact}"}
-        if name == f"slip_speed_{key}":
-            return {"units": "1", "long_name": f"relative velocity of {contact}"}
-    return {"units": "1", "long_name": name.replace("_", " ")}

@@ -23,7 +23,6 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.rest import rests_forever
 from stickslip.motion.simulate import simulate
-from stickslip.motion.trajectory import attributes
 from stickslip.orbits.cycles import Cycle, find_cycle
 from stickslip.orbits.equilibria import equilibria
 from stickslip.orbits.equilibrium import Equilibrium
@@ -32,7 +31,7 @@ from stickslip.orbits.regions import values_at
 from stickslip.orbits.shooting import follow_freely
 from stickslip.orbits.steady import invariant_directions
 from stickslip.orbits.symmetry import clock
-from stickslip.quantities import drift_units
+from stickslip.quantities import drift_units, quantity
 from stickslip.system import System
 
 if TYPE_CHECKING:
@@ -358,7 +357,7 @@ def _dataset(system: System, axes: Mapping[str, Array], search: _Search) -> xarr
         for side, prefix in enumerate(("low", "high")):
             per[f"{prefix}_{name}"] = [a.extrema[name][side] for a in reached]
     data |= {name: ("reached", np.array(values), _attributes(system, name)) for name, values in per.items()}
-    coordinates = {name: (name, values, attributes(system, name)) for name, values in axes.items()}
+    coordinates = {name: (name, values, quantity(system, name)) for name, values in axes.items()}
     attrs = {
         "title": system.title or system.name,
         "source": system.source,
@@ -375,7 +374,7 @@ def _attributes(system: System, name: str) -> dict[str, str]:
         return {"units": system.time_unit or "1"}
     if name == "speed":
         return {"units": drift_units(system, system.translation)[1]}
-    return {"units": attributes(system, state)["units"]} if kind in ("state", "low", "high") else {}
+    return {"units": quantity(system, state)["units"]} if kind in ("state", "low", "high") else {}
 
 
 def _title(attractor: Attractor, reached: Sequence[Attractor]) -> str:

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stickslip.motion.trajectory import contact_key
 from stickslip.orbits.chart import Chart
 from stickslip.orbits.continuation import UNDEFINED, Crossing, Lost, Path, Point
 from stickslip.orbits.touching import Sequence, change_of, nearest_change, sequence
+from stickslip.quantities import contact_key
 
 if TYPE_CHECKING:
     import xarray

@@ -156,8 +156,8 @@ class Cycle:
     def units(self) -> dict[str, str]:
         """Units of time, energy, drift, speed and energy per distance; ``"1"`` where there is none."""
         drift, speed = drift_units(self.system, self.direction)
-        energy = described(self.system, "energy_per_cycle")["units"]
-        force = described(self.system, "peak_force")["units"]
+        energy = described(self.system, "energy_per_cycle").get("units", "1")
+        force = described(self.system, "peak_force").get("units", "1")
         ratio = force if drift == "1" or energy == f"{force}*{drift}" else f"{energy}/({drift})"
         return {
             "time": self.system.time_unit or "1",

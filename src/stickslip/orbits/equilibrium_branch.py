@@ -357,7 +357,7 @@ class _Follower:
         """Parameter, state, eigenvalues, stability, modes, drift and certificate of every point."""
         import xarray as xr
 
-        from stickslip.motion.trajectory import contact_key
+        from stickslip.quantities import contact_key
 
         points = [self._point(s.steady, s.point.x) for s in stations]
         spectra = [s.steady.eigenvalues(p) for s, p in zip(stations, points, strict=True)]

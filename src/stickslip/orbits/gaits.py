@@ -12,12 +12,12 @@ from stickslip.equations.derive import derive
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import pose
-from stickslip.motion.trajectory import attributes
 from stickslip.orbits.basin import settle_friction
 from stickslip.orbits.cycles import Cycle, find_cycle
 from stickslip.orbits.equilibria import checked_values
 from stickslip.orbits.equilibrium_branch import checked_range
 from stickslip.orbits.shooting import follow_freely
+from stickslip.quantities import quantity
 from stickslip.system import System
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def gait_study(
         name: (parameter, np.array([row[name] for row in rows]), {"units": units.get(name) or "1"}) for name in rows[0]
     }
     for name in names:
-        data[f"amplitude_{name}"][2].update(attributes(system, name))
+        data[f"amplitude_{name}"][2].update(quantity(system, name))
     coordinate = (parameter, np.asarray(values, float), {"units": system.parameters[parameter].unit or "1"})
     return xr.Dataset(data, {parameter: coordinate}, {"title": system.title or system.name})
 
@@ -253,4 +253,4 @@ def _row(found: Cycle | str, names: list[str]) -> dict[str, object]:
 def _along_unit(system: System, rate: bool) -> str:
     """Unit of a shift along the translation, or of its rate."""
     name = next((x for x, weight in system.translation.items() if weight), "")
-    return str(attributes(system, f"d_{name}" if rate else name)["units"]) if name else "1"
+    return str(quantity(system, f"d_{name}" if rate else name)["units"]) if name else "1"
