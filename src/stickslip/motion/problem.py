@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stickslip import expressions as ex
 from stickslip.declaration import check_initial
+from stickslip.enclosures import bounds
 from stickslip.equations.code import ORDERS
 from stickslip.errors import DeclarationError
 from stickslip.motion.forms import make_closed_forms, make_flight
@@ -126,7 +126,7 @@ class Problem:
         layout, contacts = self.compiled.layout, self.compiled.equations.contacts
         sides = [(row, c.plus) for row, c in zip(layout.plus, contacts, strict=True)]
         sides += [(row, c.minus) for row, c in zip(layout.minus, contacts, strict=True)]
-        return np.array(sorted({row for row, s in sides if ex.bounds(s, boxes)[0] < 0.0}), dtype=np.int64)
+        return np.array(sorted({row for row, s in sides if bounds(s, boxes)[0] < 0.0}), dtype=np.int64)
 
     def initial_state(self, initial: Mapping[str, float]) -> Array:
         """State vector of initial values (declared defaults where none is given)."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip import expressions as ex
+from stickslip.boxes import NUMPY
 from stickslip.errors import DeclarationError
 from stickslip.expressions import Expr
 from stickslip.formulas import Scope
@@ -21,12 +22,6 @@ from stickslip.formulas import Scope
 Array = NDArray[np.float64]
 
 SAMPLE_PHASES = tuple((k * 0.6180339887498949) % 1.0 for k in range(8))
-
-NUMPY: dict[str, Callable[[Any], Any]] = {
-    **{name: getattr(np, name) for name in ("exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
-    "asinh": np.arcsinh,
-    "atan": np.arctan,
-}
 
 
 class Varying(ABC):
