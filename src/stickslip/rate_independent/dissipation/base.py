@@ -5,13 +5,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.dissipation.phase import check_finite
+from stickslip.rate_independent.dissipation.stretches import Estimated, OneByOne, Sampled, Stretches
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.averaging.cones import ConeForm
@@ -124,6 +125,19 @@ class Dissipation(ABC):
         """The potential at several phases, shape (m,), at once."""
         return OneByOne(self, phases)
 
+    @property
+    def bounded(self) -> bool:
+        """Whether it is made of numbers and formulas, and so known at every phase, not only where it is asked for."""
+        return False
+
+    def over(self, low: Array, high: Array) -> Stretches:
+        """The potential on stretches of phases, shape (m,) each, within one period: 0 <= low <= high <= 1.
+
+        What it says of the phases in between is proved if the potential is `bounded`, and estimated otherwise.
+        """
+        start, end, middle = (OneByOne(self, s) for s in (low, high, 0.5 * (low + high)))
+        return Estimated(start, end, middle)
+
     def prox(self, v: ArrayLike, s: float = 0.0, step: float = 1.0) -> Array:
         """Proximal step: the w with the least ½|w − v|² + step Ψ(s, w), shape (n,).
 
@@ -170,32 +184,6 @@ class Dissipation(ABC):
             if last - reach <= 1e-8 * last:
                 break
         return max(reach - length, 0.0)
-
-
-class Sampled(Protocol):
-    """A dissipation potential at m phases."""
-
-    def support(self, v: Array) -> Array:
-        """Ψ(s, v) at each phase, shape (m,)."""
-        ...
-
-    def excess(self, xi: Array) -> Array:
-        """How far ξ lies outside K(s) at each phase, shape (m,)."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class OneByOne:
-    """A potential asked phase by phase."""
-
-    potential: Dissipation
-    phases: Array
-
-    def support(self, v: Array) -> Array:
-        return np.array([self.potential.support(v, s) for s in self.phases.tolist()])
-
-    def excess(self, xi: Array) -> Array:
-        return np.array([self.potential.excess(xi, s) for s in self.phases.tolist()])
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, Sampled
+from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation
 from stickslip.rate_independent.dissipation.phase import SAMPLE_PHASES, Varying, read, wrapped
+from stickslip.rate_independent.dissipation.projections import secular
+from stickslip.rate_independent.dissipation.stretches import Rows, Sampled, Stretches, lengths
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.averaging.cones import ConeForm
@@ -43,7 +46,7 @@ class Ellipsoid(Dissipation):
         if len(matrix.shape) != 2 or matrix.shape[0] != matrix.shape[1] or matrix.shape[0] == 0:
             raise DeclarationError("shape", f"its shape {matrix.shape} is not that of a square matrix", "Give n x n")
         object.__setattr__(self, "matrix", matrix)
-        self._axes(np.array(SAMPLE_PHASES))
+        self.sampled(np.array(SAMPLE_PHASES))
         if not matrix.depends_on_phase:
             object.__setattr__(self, "_fixed_root", self.root_at(0.0))
 
@@ -62,13 +65,12 @@ class Ellipsoid(Dissipation):
         """
         if self._fixed_root is not None:
             return self._fixed_root
-        ((axes,), (squares,), (floor,)) = self._axes(np.array([s]))
+        ((axes,), (squares,), (floor,)) = self._axes(self.matrix.at(s)[None], np.array([s]))
         kept = squares > floor
         return axes[:, kept] * np.sqrt(squares[kept])
 
-    def _axes(self, phases: Array) -> tuple[Array, Array, Array]:
+    def _axes(self, S: Array, phases: Array) -> tuple[Array, Array, Array]:
         """Eigenvectors (m, n, n) and eigenvalues (m, n) of S at several phases, and what is rounding of them (m,)."""
-        S = self.matrix.over(phases)
         size = np.abs(S).max(axis=(1, 2))
         transposed = S.transpose(0, 2, 1)
         lopsided = np.abs(S - transposed).max(axis=(1, 2))
@@ -105,8 +107,17 @@ class Ellipsoid(Dissipation):
         """How far ξ lies outside K(s) along its ray, or along an axis if that is more."""
         return float(self.sampled(np.array([s])).excess(self.vector(xi, "xi"))[0])
 
-    def sampled(self, phases: Array) -> Sampled:
-        return SampledEllipsoid(*self._axes(phases))
+    def sampled(self, phases: Array) -> SampledEllipsoid:
+        return SampledEllipsoid(*self._axes(self.matrix.over(phases), phases))
+
+    @property
+    def bounded(self) -> bool:
+        return self.matrix.bounded
+
+    def over(self, low: Array, high: Array) -> Stretches:
+        S = self.matrix.chord(low, high)
+        start, end = (SampledEllipsoid(*self._axes(at, s)) for at, s in ((S.start, low), (S.end, high)))
+        return StretchesOfEllipsoids(start, end, np.sqrt(np.square(S.off).sum(axis=(1, 2))))
 
     def cone_form(self, s: float) -> ConeForm:
         from stickslip.rate_independent.averaging.cones import ellipsoid
@@ -120,21 +131,67 @@ class Ellipsoid(Dissipation):
 
 
 @dataclass(frozen=True, eq=False)
-class SampledEllipsoid:
+class SampledEllipsoid(Rows, Sampled):
     """Ellipsoids at m phases by their axes (m, n, n), the squares of their lengths (m, n) and the rounding of these."""
 
     axes: Array
     squares: Array
     floor: Array
 
+    @cached_property
+    def kept(self) -> Array:
+        """Squares, without those that are rounding."""
+        return np.where(self.squares > self.floor[:, None], self.squares, 0.0)
+
+    @cached_property
+    def narrowest(self) -> Array:
+        """Length of the shortest axis, shape (m,)."""
+        return np.sqrt(self.kept.min(axis=1))
+
+    def along(self, x: Array) -> Array:
+        """Components along the axes, shape (m, n)."""
+        return np.einsum("...i,...ij->...j", x, self.axes)
+
     def support(self, v: Array) -> Array:
-        squares = np.where(self.squares > self.floor[:, None], self.squares, 0.0)
-        return np.sqrt((np.square(v @ self.axes) * squares).sum(axis=1))
+        return np.sqrt((np.square(self.along(v)) * self.kept).sum(axis=1))
 
     def excess(self, xi: Array) -> Array:
-        tiny = np.finfo(float).tiny
-        squares, along = np.maximum(self.squares, np.maximum(self.floor, tiny)[:, None]), np.abs(xi @ self.axes)
-        gauge = np.sqrt((np.square(along) / squares).sum(axis=1))
-        radial = float(np.linalg.norm(xi)) * (1.0 - 1.0 / np.maximum(gauge, tiny))
-        # Where an axis shrinks to 0, its ray knows too late.
-        return np.maximum(radial, (along - np.sqrt(np.maximum(self.squares, 0.0))).max(axis=1))
+        along = self.along(xi)
+        gauge = np.sqrt(
+            np.divide(np.square(along), self.kept, out=np.zeros_like(along), where=self.kept > 0.0).sum(axis=1)
+        )
+        # A ball of the shortest axis fits around 0, so that one of 1 − gauge times that fits around ξ.
+        depth = self.narrowest * (gauge - 1.0)
+        beyond = (gauge > 1.0) | ((along != 0.0) & (self.kept == 0.0)).any(axis=1)
+        if beyond.any():
+            far = self.taken(beyond)
+            depth[beyond] = lengths(along[beyond] - far.clipped(along[beyond]))
+        return depth
+
+    def nearest(self, xi: Array) -> Array:
+        inside = self.excess(xi) <= 0.0
+        y = np.einsum("...j,...ij->...i", self.clipped(self.along(xi)), self.axes)
+        return np.where(inside[:, None], xi, y)
+
+    def clipped(self, along: Array) -> Array:
+        """Nearest points of points outside, or in the flat that short axes leave, both along the axes."""
+        half = np.sqrt(self.kept)
+        u, multiplier = secular(half * along, self.kept)
+        shrunk = np.minimum(1.0, 1.0 / np.maximum(lengths(u), np.finfo(float).tiny))
+        return np.where((multiplier > 0.0)[:, None], half * u * shrunk[:, None], np.where(self.kept > 0.0, along, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class StretchesOfEllipsoids(Rows, Stretches[SampledEllipsoid]):
+    """Ellipsoids on stretches of phases, and how far S may be from a straight line, in the Frobenius norm (m,)."""
+
+    start: SampledEllipsoid
+    end: SampledEllipsoid
+    off_shape: Array
+
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+        # √⟨v, S v⟩ is concave in S: where S goes straight, a force that goes straight lies no farther outside than at
+        # the ends. What S is off by moves the support function by √λ − √(λ − ε), λ at least the least eigenvalue.
+        least = np.minimum(self.start.squares[:, 0], self.end.squares[:, 0])
+        moved = self.off_shape / np.sqrt(np.maximum(least, np.maximum(self.off_shape, np.finfo(float).tiny)))
+        return ends + moved + lengths(off)

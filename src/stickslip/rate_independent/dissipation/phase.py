@@ -8,20 +8,32 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from functools import cached_property
 from numbers import Real
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip import expressions as ex
-from stickslip.boxes import NUMPY
+from stickslip.boxes import NUMPY, deviation, slopes
 from stickslip.errors import DeclarationError
 from stickslip.expressions import Expr
 from stickslip.formulas import Scope
 
 Array = NDArray[np.float64]
 
+NARROW = 2.0**-50  # width of a stretch of phases that is rounding
 SAMPLE_PHASES = tuple((k * 0.6180339887498949) % 1.0 for k in range(8))
+
+
+class Chord(NamedTuple):
+    """An array that varies, on m stretches: its values at both ends, and how far it is from the line between them.
+
+    All of shape (m, ...).
+    """
+
+    start: Array
+    end: Array
+    off: Array
 
 
 class Varying(ABC):
@@ -33,6 +45,8 @@ class Varying(ABC):
         How errors call it.
     shape : tuple of int
     depends_on_phase : bool
+    bounded : bool
+        Whether it is known at every phase, and not only where it is asked for.
     scale : float
         Largest entry at a few phases.
     """
@@ -40,6 +54,7 @@ class Varying(ABC):
     where: str
     shape: tuple[int, ...]
     depends_on_phase: bool = True
+    bounded: bool = False
     scale: float = 0.0
 
     @property
@@ -69,6 +84,18 @@ class Varying(ABC):
     def over(self, phases: Array) -> Array:
         """The arrays at several phases, stacked: shape (m, ...)."""
         return np.array([self.at(s) for s in phases.tolist()])
+
+    def chord(self, low: Array, high: Array) -> Chord:
+        """The array on stretches from `low` to `high`, shape (m,) each, within one period: 0 <= low <= high <= 1.
+
+        The phase 1 is the end of a period, where the array may jump. Deviations are bounds if the array is `bounded`;
+        otherwise they are estimated by twice that in the middle: what a parabola or a kink anywhere would have.
+        """
+        start, middle, end = (
+            np.array([self.checked(self.raw(s), s) for s in phases.tolist()])
+            for phases in (low, 0.5 * (low + high), high)
+        )
+        return Chord(start, end, np.abs(2.0 * middle - start - end))
 
     def checked(self, given: Any, s: float) -> Array:
         """The value as an array of this shape; refuses other shapes, NaN and infinities."""
@@ -112,6 +139,7 @@ class Constant(Varying):
     """An array that is the same at every phase."""
 
     depends_on_phase = False
+    bounded = True
 
     def __init__(self, value: Array, where: str) -> None:
         self.where, self.shape = where, value.shape
@@ -128,12 +156,18 @@ class Constant(Varying):
     def entries(self, index: NDArray[np.intp], phases: Array) -> Array:
         return self.value.ravel()[index]
 
+    def chord(self, low: Array, high: Array) -> Chord:
+        value = np.broadcast_to(self.value, (len(low), *self.shape))
+        return Chord(value, value, np.broadcast_to(0.0, value.shape))
+
     def check(self) -> None:
         """Nothing is left to check."""
 
 
 class Formulas(Varying):
     """An array of formulas in ``s``."""
+
+    bounded = True
 
     def __init__(self, expressions: list[Expr], shape: tuple[int, ...], where: str) -> None:
         self.where, self.shape, self.expressions = where, shape, expressions
@@ -142,12 +176,27 @@ class Formulas(Varying):
         return np.array([float(v) for v in evaluate(self.expressions, s)]).reshape(self.shape)
 
     def over(self, phases: Array) -> Array:
-        columns = evaluate(self.expressions, wrapped(phases))
+        return self._at(wrapped(phases))
+
+    def _at(self, phases: Array) -> Array:
+        columns = evaluate(self.expressions, phases)
         stack = np.column_stack([np.broadcast_to(column, len(phases)) for column in columns])
         stack = stack.reshape(len(phases), *self.shape)
         if not np.isfinite(stack).all():
-            return super().over(phases)  # which names the phase
+            k = int(np.argmin(np.isfinite(stack.reshape(len(phases), -1)).all(axis=1)))
+            self.checked(stack[k], float(phases[k]))
         return stack
+
+    def chord(self, low: Array, high: Array) -> Chord:
+        start, end = self._at(low), self._at(high)
+        off = np.zeros((len(low), len(self.expressions)))
+        columns = start.reshape(off.shape), end.reshape(off.shape)
+        # What is narrower than the rounding of a phase has no inside.
+        wide = high - low > NARROW
+        inside = slopes(self.expressions, {"s": (low[wide], high[wide])}, "s")
+        for i, ((value, slope), f, g) in enumerate(zip(inside, *(c[wide].T for c in columns), strict=True)):
+            off[wide, i] = deviation(f, g, value, slope, high[wide] - low[wide])
+        return Chord(start, end, off.reshape(start.shape))
 
     def entries(self, index: NDArray[np.intp], phases: Array) -> Array:
         values = np.empty(len(index))

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, Sampled
+from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation
+from stickslip.rate_independent.dissipation.stretches import Rows, Sampled, Stretches
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.averaging.cones import ConeForm
@@ -89,7 +90,17 @@ class Product(Dissipation):
         return product(forms, [factor.dimension for factor in self.factors])
 
     def sampled(self, phases: Array) -> Sampled:
-        return SampledProduct(self.parts, [factor.sampled(phases) for factor in self.factors])
+        return SampledProduct(self.parts, tuple(factor.sampled(phases) for factor in self.factors))
+
+    @property
+    def bounded(self) -> bool:
+        return all(factor.bounded for factor in self.factors)
+
+    def over(self, low: Array, high: Array) -> Stretches:
+        factors = tuple(factor.over(low, high) for factor in self.factors)
+        start = SampledProduct(self.parts, tuple(factor.start for factor in factors))
+        end = SampledProduct(self.parts, tuple(factor.end for factor in factors))
+        return StretchesOfProducts(self.parts, start, end, factors)
 
     def average(self, tolerance: float = 1e-8) -> Average:
         """The product of the averages."""
@@ -99,14 +110,34 @@ class Product(Dissipation):
 
 
 @dataclass(frozen=True, eq=False)
-class SampledProduct:
+class SampledProduct(Rows, Sampled):
     """A product at m phases."""
 
     parts: list[slice]
-    factors: list[Sampled]
+    factors: tuple[Sampled, ...]
+
+    def _each(self, x: Array) -> Iterator[tuple[Sampled, Array]]:
+        return zip(self.factors, (x[..., part] for part in self.parts), strict=True)
 
     def support(self, v: Array) -> Array:
-        return np.sum([factor.support(v[part]) for factor, part in zip(self.factors, self.parts, strict=True)], axis=0)
+        return np.sum([factor.support(part) for factor, part in self._each(v)], axis=0)
 
     def excess(self, xi: Array) -> Array:
-        return np.max([factor.excess(xi[part]) for factor, part in zip(self.factors, self.parts, strict=True)], axis=0)
+        return np.max([factor.excess(part) for factor, part in self._each(xi)], axis=0)
+
+    def nearest(self, xi: Array) -> Array:
+        return np.concatenate([factor.nearest(part) for factor, part in self._each(xi)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class StretchesOfProducts(Rows, Stretches[SampledProduct]):
+    """A product on stretches of phases."""
+
+    parts: list[slice]
+    start: SampledProduct
+    end: SampledProduct
+    factors: tuple[Stretches, ...]
+
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+        own = zip(self.factors, self.parts, strict=True)
+        return np.max([f.outside(before[:, p], after[:, p], off[:, p], enough)[2] for f, p in own], axis=0)

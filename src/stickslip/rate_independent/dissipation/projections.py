@@ -60,52 +60,66 @@ def nearest_in_box(M: Array, xi: Array, lower: Array, upper: Array) -> Array:
 
 
 def nearest_in_ellipsoid(root: Array, xi: Array, M: Array | None = None) -> Array:
-    """The y in {root u : |u| ≤ 1} with the least ½⟨M(ξ − y), ξ − y⟩; `root` has full column rank.
-
-    u = (B + λ)⁻¹ rootᵀMξ with B = rootᵀ M root; 1/|u| is concave and increasing in λ, so that Newton's method for
-    1/|u| = 1 from λ = 0 goes up to the root and not beyond.
-    """
+    """The y in {root u : |u| ≤ 1} with the least ½⟨M(ξ − y), ξ − y⟩; `root` has full column rank."""
     if root.shape[1] == 0:
         return np.zeros_like(xi)
     pulled = root if M is None else M @ root
     eigenvalues, Q = np.linalg.eigh(root.T @ pulled)
-    load = Q.T @ (pulled.T @ xi)
-    u, multiplier = load / eigenvalues, 0.0
-    if np.linalg.norm(u) <= 1.0:
+    ((u,), (multiplier,)) = secular((Q.T @ (pulled.T @ xi))[None], eigenvalues[None])
+    if multiplier == 0.0:
         return xi.copy() if root.shape[0] == root.shape[1] else root @ (Q @ u)
-    for _ in range(100):
-        length = np.linalg.norm(u)
-        step = (length - 1.0) * length**2 / float(u @ (u / (eigenvalues + multiplier)))
-        if step <= 1e-16 * multiplier:
-            break
-        multiplier += step
-        u = load / (eigenvalues + multiplier)
-        if abs(np.linalg.norm(u) - 1.0) <= 2e-16:
-            break
     return root @ (Q @ (u / np.linalg.norm(u)))
 
 
-def nearest_in_hull(points: Array, xi: Array, M: Array | None = None) -> Array:
-    """The point of the convex hull of the rows of `points`, shape (k, n), nearest to ξ, by an active set.
+def secular(load: Array, eigenvalues: Array) -> tuple[Array, Array]:
+    """u = (B + λ)⁻¹ load with the least λ ≥ 0 for which |u| ≤ 1, and that λ; row by row, B diagonal, shapes (m, k).
 
-    The nonnegative u with the least |Σ u_j (p_j − ξ)|² + (Σ u_j − 1)² has the weights of the nearest point, up to a
-    factor (C. L. Lawson and R. J. Hanson, *Solving Least Squares Problems*, 1974, chapter 23).
+    1/|u| is concave and increasing in λ, so that Newton's method for 1/|u| = 1 from λ = 0 goes up to the root and not
+    beyond. A component without load has none of u.
+    """
+    eigenvalues, multiplier = np.where(load != 0.0, eigenvalues, 1.0), np.zeros(len(load))
+    u = load / eigenvalues
+    open_ = np.flatnonzero(np.square(u).sum(axis=1) > 1.0)
+    for _ in range(100):
+        if not len(open_):
+            break
+        shifted = eigenvalues[open_] + multiplier[open_, None]
+        u[open_] = v = load[open_] / shifted
+        square = np.square(v).sum(axis=1)
+        length = np.sqrt(square)
+        step = (length - 1.0) * square / (np.square(v) / shifted).sum(axis=1)
+        multiplier[open_] += np.maximum(step, 0.0)
+        open_ = open_[(step > 1e-16 * multiplier[open_]) & (length - 1.0 > 2e-16)]
+    return u, multiplier
+
+
+def nearest_in_hull(points: Array, xi: Array, M: Array | None = None) -> Array:
+    """The point of the convex hull of the rows of `points`, shape (k, n), nearest to ξ, by an active set."""
+    weights = weights_in_hull(points, xi, M)
+    base, *others = np.flatnonzero(weights)
+    # Once more, on the face that was found, with all digits.
+    if others:
+        rest = points - xi if M is None else (points - xi) @ np.linalg.cholesky(M)
+        share = np.linalg.lstsq((rest[others] - rest[base]).T, -rest[base], rcond=None)[0]
+        if share.min() >= 0 and share.sum() <= 1:
+            return points[base] + share @ (points[others] - points[base])
+    return weights @ points
+
+
+def weights_in_hull(points: Array, xi: Array, M: Array | None = None) -> Array:
+    """Weights of the nearest point, shape (k,): nonnegative, with the sum 1, at most n + 1 of them positive.
+
+    The nonnegative u with the least |Σ u_j (p_j − ξ)|² + (Σ u_j − 1)² has them, up to a factor (C. L. Lawson and
+    R. J. Hanson, *Solving Least Squares Problems*, 1974, chapter 23).
     """
     rest = points - xi
     if M is not None:
         rest = rest @ np.linalg.cholesky(M)
     size = np.linalg.norm(rest, axis=1).max()
     if size == 0.0:
-        return xi.copy()
+        return np.eye(len(points))[0]
     weights = nonnegative_least_squares(np.vstack([rest.T / size, np.ones(len(rest))]))
-    active = weights > 0
-    base, *others = np.flatnonzero(active)
-    # Once more, on the face that was found, with all digits.
-    if others:
-        share = np.linalg.lstsq((rest[others] - rest[base]).T, -rest[base], rcond=None)[0]
-        if share.min() >= 0 and share.sum() <= 1:
-            return points[base] + share @ (points[others] - points[base])
-    return weights / weights.sum() @ points
+    return weights / weights.sum()
 
 
 def nearest_in_polyhedron(normals: Array, offsets: Array, xi: Array, M: Array | None = None) -> Array:
