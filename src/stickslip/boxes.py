@@ -97,14 +97,14 @@ def _above_lines(start: Array, end: Array, slope: Box, width: Array) -> Array:
 
 
 def deviation(start: Array, end: Array, value: Box, slope: Box, width: Array) -> Array:
-    """How far a function can be from the straight line between its values at both ends of boxes, shape (boxes,).
+    """How far a function can be from the straight line between its values at both ends of boxes, shape (..., boxes).
 
     With slopes between d₁ and d₂ and the slope m of the line, that is (d₂ − m)(m − d₁)/(d₂ − d₁) times the width; and
-    it is no more than what its values spread beyond those at the ends.
+    it is no more than what its values spread beyond those at the ends. (Up to the rounding of these values.)
     """
     with np.errstate(all="ignore"):
         mean = np.clip((end - start) / width, slope[0], slope[1])
         bent = np.nan_to_num((slope[1] - mean) * (mean - slope[0]) / (slope[1] - slope[0]), nan=0.0, posinf=math.inf)
         spread = np.maximum(value[1] - np.minimum(start, end), np.maximum(start, end) - value[0])
         least = np.minimum(np.where(np.isfinite(slope).all(axis=0), bent * width, math.inf), spread)
-    return np.maximum(least, 0.0) + LOOSE * np.maximum(np.abs(start), np.abs(end))
+    return np.maximum(least, 0.0)

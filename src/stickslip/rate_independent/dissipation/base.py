@@ -75,6 +75,13 @@ class Dissipation(ABC):
             If an iterative projection cannot reach its accuracy.
         """
 
+    def projection(self, xi: Array, s: float = 0.0) -> tuple[Array, Array]:
+        """The Euclidean projection of ξ, shape (n,), onto K(s), and a generalised derivative of it, shape (n, n)."""
+        from stickslip.rate_independent.dissipation.projections import slope_by_differences
+
+        y = self.project(xi, s)
+        return y, slope_by_differences(lambda x: self.project(x, s), xi, y, 1e-7 * float(np.abs(xi).max() or 1.0))
+
     @abstractmethod
     def cone_form(self, s: float) -> ConeForm | None:
         """K(s) as an image of cones; None if it is known by its support function only."""
@@ -238,6 +245,21 @@ class Average(Dissipation):
     @abstractmethod
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
         """The measure v(s) of [M] (2.3) that moves by V, shape (n,), at the least cost."""
+
+    @property
+    @abstractmethod
+    def samples(self) -> int:
+        """Number of phases that were looked at; 0 if all phases are covered by bounds."""
+
+    @property
+    def bounded(self) -> bool:
+        """Whether all phases are covered by bounds."""
+        return self.samples == 0
+
+    @property
+    def coverage(self) -> str:
+        """Which phases were looked at, in words."""
+        return f"as sampled at {self.samples} phases" if self.samples else "all phases covered by bounds"
 
     @property
     def verdict(self) -> str:

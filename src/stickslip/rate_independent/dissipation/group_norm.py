@@ -77,13 +77,16 @@ class GroupNorm(Dissipation):
         return float((self.norms(self.vector(xi, "xi")) - self.radii_at(s)).max())
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
-        """The nearest point of the balls: each group shortened, or in a metric by a cone program refined by Newton."""
-        from stickslip.rate_independent.dissipation.projections import nearest_in_cones
+        """The nearest point of the balls: each group shortened, or in a metric by Newton's method, to rounding."""
+        from stickslip.rate_independent.dissipation.projections import nearest_in_metric
 
         xi, radii, M = self.vector(xi, "xi"), self.radii_at(s), self.metric(metric)
-        if M is not None:
-            return nearest_in_cones(self, xi, s, M)
-        return self._scaled(xi, np.minimum(radii, self.norms(xi)))
+        if M is None:
+            return self._scaled(xi, np.minimum(radii, self.norms(xi)))
+        return nearest_in_metric(lambda x: onto_balls(x, radii, self.size), xi, M)
+
+    def projection(self, xi: Array, s: float = 0.0) -> tuple[Array, Array]:
+        return onto_balls(xi, self.radii_at(s), self.size)
 
     def _scaled(self, v: Array, lengths: Array) -> Array:
         """Each group with its direction and the given length; a group that is 0 stays 0."""
@@ -151,3 +154,16 @@ class StretchesOfBalls(Rows, Stretches[SampledBalls]):
         norms = self.start.norms
         beyond = np.maximum(norms(before) - self.start.radii, norms(after) - self.end.radii)
         return (beyond + self.off_radii + norms(off)).max(axis=1)
+
+
+def onto_balls(x: Array, radii: Array, size: int) -> tuple[Array, Array]:
+    """The projection onto a product of balls in R^size, and a generalised derivative of it."""
+    groups = x.reshape(-1, size)
+    norms = lengths(groups)
+    outside = norms > radii
+    share = np.divide(radii, norms, out=np.ones_like(norms), where=outside)
+    along = np.where(outside[:, None], groups, 0.0) / np.where(norms > 0.0, norms, 1.0)[:, None]
+    slope = np.zeros((len(norms), size, len(norms), size))
+    index = np.arange(len(norms))
+    slope[index, :, index, :] = share[:, None, None] * (np.eye(size) - along[:, :, None] * along[:, None, :])
+    return (share[:, None] * groups).ravel(), slope.reshape(len(x), len(x))

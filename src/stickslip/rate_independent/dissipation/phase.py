@@ -8,13 +8,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from functools import cached_property
 from numbers import Real
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip import expressions as ex
-from stickslip.boxes import NUMPY, deviation, slopes
+from stickslip.chords import Chord, deviations, evaluate, table
 from stickslip.errors import DeclarationError
 from stickslip.expressions import Expr
 from stickslip.formulas import Scope
@@ -23,17 +23,6 @@ Array = NDArray[np.float64]
 
 NARROW = 2.0**-50  # width of a stretch of phases that is rounding
 SAMPLE_PHASES = tuple((k * 0.6180339887498949) % 1.0 for k in range(8))
-
-
-class Chord(NamedTuple):
-    """An array that varies, on m stretches: its values at both ends, and how far it is from the line between them.
-
-    All of shape (m, ...).
-    """
-
-    start: Array
-    end: Array
-    off: Array
 
 
 class Varying(ABC):
@@ -83,7 +72,7 @@ class Varying(ABC):
 
     def over(self, phases: Array) -> Array:
         """The arrays at several phases, stacked: shape (m, ...)."""
-        return np.array([self.at(s) for s in phases.tolist()])
+        return np.array([self.at(s) for s in phases.tolist()]).reshape(len(phases), *self.shape)
 
     def chord(self, low: Array, high: Array) -> Chord:
         """The array on stretches from `low` to `high`, shape (m,) each, within one period: 0 <= low <= high <= 1.
@@ -179,24 +168,16 @@ class Formulas(Varying):
         return self._at(wrapped(phases))
 
     def _at(self, phases: Array) -> Array:
-        columns = evaluate(self.expressions, phases)
-        stack = np.column_stack([np.broadcast_to(column, len(phases)) for column in columns])
-        stack = stack.reshape(len(phases), *self.shape)
-        if not np.isfinite(stack).all():
-            k = int(np.argmin(np.isfinite(stack.reshape(len(phases), -1)).all(axis=1)))
-            self.checked(stack[k], float(phases[k]))
-        return stack
+        rows = table(self.expressions, phases)
+        if not np.isfinite(rows).all():
+            k = int(np.argmin(np.isfinite(rows).all(axis=1)))
+            self.checked(rows[k].reshape(self.shape), float(phases[k]))
+        return rows.reshape(len(phases), *self.shape)
 
     def chord(self, low: Array, high: Array) -> Chord:
         start, end = self._at(low), self._at(high)
-        off = np.zeros((len(low), len(self.expressions)))
-        columns = start.reshape(off.shape), end.reshape(off.shape)
-        # What is narrower than the rounding of a phase has no inside.
-        wide = high - low > NARROW
-        inside = slopes(self.expressions, {"s": (low[wide], high[wide])}, "s")
-        for i, ((value, slope), f, g) in enumerate(zip(inside, *(c[wide].T for c in columns), strict=True)):
-            off[wide, i] = deviation(f, g, value, slope, high[wide] - low[wide])
-        return Chord(start, end, off.reshape(start.shape))
+        rows = (at.reshape(len(low), -1) for at in (start, end))
+        return Chord(start, end, deviations(self.expressions, "s", low, high, *rows).reshape(start.shape))
 
     def entries(self, index: NDArray[np.intp], phases: Array) -> Array:
         values = np.empty(len(index))
@@ -312,34 +293,6 @@ def _read(given: Any, where: str) -> Varying:
     if any(e.symbols for e in expressions):
         return Formulas(expressions, table.shape, where)
     return Constant(np.array([ex.number(e) for e in expressions]).reshape(table.shape), where)
-
-
-def evaluate(expressions: list[Expr], s: Any) -> list[Any]:
-    """Values of expressions in ``s``, for a number or an array of phases; NaN where undefined."""
-    known: dict[Expr, Any] = {}
-    with np.errstate(all="ignore"):
-        for e in ex.walk(expressions):
-            known[e] = _value(e, np.float64(s) if np.ndim(s) == 0 else s, known)
-    return [known[e] for e in expressions]
-
-
-def _value(e: Expr, s: Any, known: dict[Expr, Any]) -> Any:
-    match e.op:
-        case "num":
-            return ex.number(e)
-        case "sym":
-            return s
-        case "sum":
-            return float(e.value) + sum(c * known[term] for term, c in e.terms)
-        case "prod":
-            return math.prod(np.power(known[base], p) for base, p in e.terms)
-        case "pow":
-            return np.power(known[e.args[0]], known[e.args[1]])
-        case "select":
-            guard, above, below = (known[a] for a in e.args)
-            return np.where(guard >= 0.0, above, below)
-        case _:
-            return NUMPY[e.op](known[e.args[0]])
 
 
 def wrapped(s: Any) -> Any:

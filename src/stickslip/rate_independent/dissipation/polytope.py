@@ -20,6 +20,13 @@ from stickslip.rate_independent.dissipation.polytopes import (
     facets,
     sampled_hulls,
 )
+from stickslip.rate_independent.dissipation.projections import (
+    nearest_and_faces,
+    nearest_in_hull,
+    nearest_in_polyhedron,
+    onto_span,
+    weights_in_hull,
+)
 from stickslip.rate_independent.dissipation.stretches import Sampled, Stretches
 from stickslip.rate_independent.dissipation.weighted_l1 import nonnegative, nonnegative_over
 
@@ -133,12 +140,20 @@ class Polytope(Dissipation):
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
         """The nearest point of the polytope by an active set, exact up to rounding."""
-        from stickslip.rate_independent.dissipation.projections import nearest_in_hull, nearest_in_polyhedron
-
         xi, M = self.vector(xi, "xi"), self.metric(metric)
         if self.corners is not None:
             return nearest_in_hull(self.corners.at(s), xi, M)
         return nearest_in_polyhedron(*self.halfspaces_at(s), xi, M)
+
+    def projection(self, xi: Array, s: float = 0.0) -> tuple[Array, Array]:
+        if self.corners is not None:
+            points = self.corners.at(s)
+            held = np.flatnonzero(weights_in_hull(points, xi) > 0.0)
+            face = points[held[1:]] - points[held[0]]
+            return nearest_in_hull(points, xi), onto_span(face)
+        normals, offsets = self.halfspaces_at(s)
+        y, active = nearest_and_faces(normals, offsets, xi)
+        return y, np.eye(self.dimension) - onto_span(normals[active])
 
     def cone_form(self, s: float) -> ConeForm:
         from stickslip.rate_independent.averaging.cones import hull, polyhedron

@@ -67,14 +67,21 @@ class Product(Dissipation):
         return max(factor.excess(part, s) for factor, part in self.split(self.vector(xi, "xi")))
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
-        """The nearest point, factor by factor; in a metric by a cone program refined by Newton."""
-        from stickslip.rate_independent.dissipation.projections import nearest_by_support, nearest_in_cones
+        """The nearest point, factor by factor; in a metric by Newton's method, to rounding."""
+        from stickslip.rate_independent.dissipation.projections import nearest_by_support, nearest_in_metric
 
         xi, M = self.vector(xi, "xi"), self.metric(metric)
         if M is None:
             return np.concatenate([factor.project(part, s) for factor, part in self.split(xi)])
-        known_by_cones = all(factor.cone_form(s) is not None for factor in self.factors)
-        return (nearest_in_cones if known_by_cones else nearest_by_support)(self, xi, s, M)
+        if self.cone_form(s) is None:
+            return nearest_by_support(self, xi, s, M)
+        return nearest_in_metric(lambda x: self.projection(x, s), xi, M)
+
+    def projection(self, xi: Array, s: float = 0.0) -> tuple[Array, Array]:
+        from scipy.linalg import block_diag
+
+        points, slopes = zip(*(factor.projection(part, s) for factor, part in self.split(xi)), strict=True)
+        return np.concatenate(points), np.asarray(block_diag(*slopes))
 
     def cone_form(self, s: float) -> ConeForm | None:
         from stickslip.rate_independent.averaging.cones import product

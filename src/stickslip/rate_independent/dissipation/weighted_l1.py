@@ -90,6 +90,10 @@ class WeightedL1(Dissipation):
         xi, (lower, upper), M = self.vector(xi, "xi"), self.bounds(s), self.metric(metric)
         return np.clip(xi, lower, upper) if M is None else nearest_in_box(M, xi, lower, upper)
 
+    def projection(self, xi: Array, s: float = 0.0) -> tuple[Array, Array]:
+        lower, upper = self.bounds(s)
+        return np.clip(xi, lower, upper), np.diag(((lower < xi) & (xi < upper)).astype(float))
+
     def cone_form(self, s: float) -> ConeForm:
         from stickslip.rate_independent.averaging.cones import polyhedron
 
