@@ -472,51 +472,6 @@ def test_text_of_a_huge_expression_is_short():
     assert len(ex.to_text(parse(text))) < 10_000
 
 
-@settings(max_examples=300, deadline=None)
-@given(KINKED, st.tuples(NUMBERS, NUMBERS), st.tuples(NUMBERS, NUMBERS), st.floats(0, 1), st.floats(0, 1))
-def test_bounds_enclose_all_values(text, xs, ys, u, v):
-    expression = read_or_skip(text)
-    ranges = {"x": (min(xs), max(xs)), "y": (min(ys), max(ys)), "a": (1.25, 1.25)}
-    low, high = ex.bounds(expression, ranges)
-    assert low <= high
-    point = {"x": min(xs) + u * (max(xs) - min(xs)), "y": min(ys) + v * (max(ys) - min(ys)), "a": 1.25}
-    found = ex.evaluate(expression, point)
-    assume(moderate(found, *_parts(expression, point)))
-    assert low - 1e-9 * max(1, abs(found)) <= found <= high + 1e-9 * max(1, abs(found))
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("max(2*cos(x), 0)", (0, 2)),
-        ("max(-3*cos(x) - 1, 0)", (0, 2)),
-        ("max(x, 0)", (0, math.inf)),
-        ("min(x, a)", (-math.inf, 2)),
-        ("abs(x)", (0, math.inf)),
-        ("abs(x - 3)", (0, math.inf)),
-        ("abs(2*sin(x) + 1)", (0, 3)),
-        ("clip(x, -1, 1)", (-1, 1)),
-        ("clip(5*sin(x), 0, 1)", (0, 1)),
-        ("a/2*(1 + clip(x/b, -1, 1))", (0, 2)),
-        ("piecewise(x < 0, 1, 2)", (1, 2)),
-        ("x**2", (0, math.inf)),
-        ("exp(-x**2)", (0, 1)),
-        ("tanh(x)", (-1, 1)),
-        ("sqrt(x)", (0, math.inf)),
-        ("1 + 0.5*cos(2*pi*x)", (0.5, 1.5)),
-        ("x", (-math.inf, math.inf)),
-    ],
-)
-def test_bounds(text, expected):
-    ranges = {"a": (2.0, 2.0), "b": (3.0, 3.0)}
-    assert ex.bounds(parse(text), ranges) == pytest.approx(expected, abs=1e-15)
-
-
-def test_bounds_of_undefined_powers():
-    assert ex.bounds(parse("sqrt(a)"), {"a": (-4.0, -1.0)}) == (0, 0)
-    assert ex.bounds(parse("a**-0.5"), {"a": (-4.0, -1.0)})[0] <= 0
-
-
 def test_evaluate_gives_nan_where_undefined():
     for text in ("sqrt(y)", "log(y)", "1/(x - 1.3)", "exp(exp(c)**c)"):
         assert math.isnan(ex.evaluate(parse(text), VALUES))

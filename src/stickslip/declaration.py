@@ -394,22 +394,24 @@ class _Reader:
 
     def _check_threshold(self, threshold: Expr, where: str) -> None:
         values = self._initial_values()
+        from stickslip.enclosures import bounds
+
         boxes = {n: (v, v) for n, v in self.system.values.items()}
-        low, _ = ex.bounds(threshold, boxes)
+        low, _ = bounds(threshold, boxes) if threshold.symbols else (ex.number(threshold),) * 2
         here = ex.evaluate(threshold, values)
         remedy = "A threshold is never negative; write max(..., 0) where it may vanish"
         if not here >= 0.0:
             raise DeclarationError(f"{where}.threshold", f"it is {here:g} at the initial state", remedy)
         if low < -1e-12:
             if not threshold.symbols & (self.state.keys() - {"t"}):
-                low = self._lowest_in_time(threshold, values)
+                low = self._lowest_in_time(threshold, boxes)
             if -math.inf < low < 0.0:
                 raise DeclarationError(f"{where}.threshold", f"it can become negative (as low as {low:.4g})", remedy)
 
-    def _lowest_in_time(self, threshold: Expr, values: dict[str, float]) -> float:
-        start, stop = self.system.span
-        times = (start + (stop - start) * i / 4096 for i in range(4097))
-        return min(ex.evaluate(threshold, {**values, "t": t}) for t in times)
+    def _lowest_in_time(self, threshold: Expr, boxes: dict[str, tuple[float, float]]) -> float:
+        from stickslip.extrema import least
+
+        return least(threshold, "t", *self.system.span, others=boxes, below=0.0).value
 
     def laws(self) -> None:
         scope = self.scope(self.state, self.rates, why="The speed of a contact is known to its kinetic law only")

@@ -40,7 +40,7 @@ def shift(reach: float, s: float) -> Array:
 
 
 def test_minima_of_formulas() -> None:
-    values, phases = least_over_phases(
+    values, phases, floors, sampled = least_over_phases(
         read(
             [
                 "2 - cos(2*pi*(s - 0.3))",
@@ -61,6 +61,7 @@ def test_minima_of_formulas() -> None:
     s = np.linspace(0, 1, 100_001)
     assert last <= np.exp(np.sin(2 * np.pi * s) + np.cos(6 * np.pi * s) / 5).min() + 1e-12
     np.testing.assert_allclose(values, [1, 1, inner, 1, 7, 1, last], rtol=1e-13)
+    assert sampled == 0 and np.all(floors <= values) and np.all(values - floors <= 1e-13)
     assert phases[0] == pytest.approx(0.3, abs=2e-8)
     assert phases[1] == pytest.approx(1 / 3, abs=1e-13)
     assert phases[2] == pytest.approx(0.25, abs=0.02) or phases[2] == pytest.approx(0.75, abs=0.02)
@@ -69,9 +70,10 @@ def test_minima_of_formulas() -> None:
 def test_a_minimum_between_two_samples() -> None:
     # A narrow well that shows in the slopes of its neighbours only is refined all the same.
     well = (10.4) / SAMPLES
-    (value,), (phase,) = least_over_phases(
+    (value,), (phase,), _, sampled = least_over_phases(
         read(lambda s: [1 - np.exp(-((2 * SAMPLES * np.sin(np.pi * (s - well)) / np.pi) ** 2))], "weights")
     )
+    assert sampled == SAMPLES
     assert value == pytest.approx(0, abs=1e-14)
     assert phase == pytest.approx(well, abs=1e-9)
 

@@ -407,9 +407,12 @@ def test_every_kind_of_potential(kind: str) -> None:
 
 def test_which_solver_takes_what() -> None:
     names = {kind: type(choose_solver(_small(psi), None, 1e-8)).__name__ for kind, psi in KINDS.items()}
-    assert names["boxes"] == "BoxSteps" and names["groups"] == "MultigridSteps"
-    assert {names[k] for k in ("ellipsoid", "vertices", "half-spaces", "product")} == {"ProjectionSteps"}
-    for kind, solver in (("ellipsoid", "multigrid"), ("groups", "dense")):
+    assert names.pop("boxes") == "BoxSteps" and set(names.values()) == {"ProjectionSteps"}
+    for psi in (WeightedL1(np.ones(1000)), GroupNorm(np.ones(500))):
+        large = Evolution(sparse.eye_array(1000), lambda t: np.zeros(1000), psi, np.zeros(1000))
+        assert type(choose_solver(large, None, 1e-8)).__name__ == "MultigridSteps"
+    assert type(choose_solver(_small(KINDS["groups"]), "multigrid", 1e-8)).__name__ == "MultigridSteps"
+    for kind, solver in (("ellipsoid", "multigrid"), ("groups", "sparse")):
         with pytest.raises(DeclarationError, match="cannot treat"):
             choose_solver(_small(KINDS[kind]), solver, 1e-8)
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from stickslip import expressions as ex
 from stickslip.declaration import check_initial
+from stickslip.enclosures import bounds
 from stickslip.equations.code import ORDERS
 from stickslip.equations.program import pack
 from stickslip.errors import DeclarationError
@@ -153,14 +154,14 @@ class Problem:
         layout, contacts = self.compiled.layout, self.compiled.equations.contacts
         sides = [(row, c.plus) for row, c in zip(layout.plus, contacts, strict=True)]
         sides += [(row, c.minus) for row, c in zip(layout.minus, contacts, strict=True)]
-        found = {(row, -1, 0) for row, s in sides if ex.bounds(s, boxes)[0] < 0.0}
+        found = {(row, -1, 0) for row, s in sides if bounds(s, boxes)[0] < 0.0}
         for i, side, force, margin in layout.kinetic:
             c = contacts[i]
             static, sliding = (c.plus, c.kinetic_plus) if side > 0 else (c.minus, c.kinetic_minus)
             at_rest = ex.substitute(sliding, {f"speed:{i}": ex.ZERO})
             boxes[f"speed:{i}"] = (0.0, math.inf)
-            found |= {(force, i, side)} if ex.bounds(sliding, boxes)[0] < 0.0 else set()
-            found |= {(margin, i, side)} if ex.bounds(static - at_rest, boxes)[0] < 0.0 else set()
+            found |= {(force, i, side)} if bounds(sliding, boxes)[0] < 0.0 else set()
+            found |= {(margin, i, side)} if bounds(static - at_rest, boxes)[0] < 0.0 else set()
         return np.array(sorted(found), dtype=np.int64).reshape(-1, 3)
 
     def initial_state(self, initial: Mapping[str, float]) -> Array:

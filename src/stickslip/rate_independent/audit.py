@@ -6,10 +6,13 @@ holds up to the *defect*, the mean over the step of
     Ψ(s, d) − ⟨ℓ − Aẑ, d⟩   (≥ 0 where ẑ is stable),
 
 measured by Simpson's rule: at the ends, where the solver was, and in the middle, where it was not. What the force may
-leave K by between the ends is the *overshoot*, estimated from the same three points.
+leave K by between the ends is the *overshoot*: bounded where load and thresholds are formulas or tables, estimated from
+the same three points where they are functions of Python (``between.py``).
 
 Let z be the exact evolution. As long as ẑ is stable, d/dt ½⟨A(z − ẑ), z − ẑ⟩ = −⟨ξ − ξ̂, ż − dẑ/dt⟩ is at most
-Ψ(dẑ/dt) − ⟨ξ̂, dẑ/dt⟩: half the squared error, in the energy norm, grows by no more than the defect.
+Ψ(dẑ/dt) − ⟨ξ̂, dẑ/dt⟩: half the squared error, in the energy norm, grows by no more than the defect. While the force
+overshoots by δ, it may grow by δ|ż| besides, with the size of ż that belongs to the sets: the *slack*, in which ż is
+taken to be that of ẑ.
 
 A minimising-movement step also has the classical two-sided estimate (ΔE, d, ξ: energy, increment, force):
 
@@ -23,11 +26,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stickslip.rate_independent.between import overshoot
 from stickslip.rate_independent.evolution import Evolution
 from stickslip.rate_independent.load import check_finite
-from stickslip.rate_independent.stable_sets import StableSets
+from stickslip.rate_independent.stable_sets import Boxes, Discs, StableSets, Step
 
 Array = np.ndarray
+EPS = float(np.finfo(float).eps)
 
 COLUMNS = {
     "energy": "energy of the state",
@@ -39,6 +44,7 @@ COLUMNS = {
     "distance": "distance of the force from the stable set, relative to the largest weight",
     "defect": "defect of the energy balance in the step",
     "overshoot": "how far the force may leave the stable set during the step, relative to the largest weight",
+    "slack": "what the overshoot may add to half the squared error",
     "increment": "half the squared energy norm of the increment",
     "gap": "dissipation of the increment at the phase before, minus the work of the force before",
 }
@@ -133,6 +139,7 @@ def measure(
     loads: Array,
     sets: StableSets,
     weight: float,
+    tolerance: float,
 ) -> Measured:
     """The columns of steps that lead from `start` to the given states.
 
@@ -144,6 +151,8 @@ def measure(
         At the ends; `start.sets` itself if Ψ does not depend on the phase.
     weight : float
         Largest weight over a period: the least scale of a force.
+    tolerance : float
+        Of the overshoot, relative to the largest weight: below it, no sharper bound is needed.
     """
     A, mids = problem.A, (_before(times, np.array(start.t)) + times) / 2.0
     middle = start.sets if sets is start.sets else problem.sets(mids)
@@ -156,21 +165,28 @@ def measure(
     d, pull, before = states - z_before, elastic - elastic_before, sets.before(start.sets)
     forces = load_before - elastic_before, load_mid - 0.5 * (elastic_before + elastic), loads - elastic
     outside, now = sets.outside(forces[2]), sets.value(d)
+    rounding = EPS * (np.abs(states).max(axis=1) + np.abs(z_before).max(axis=1))
     half, then = (now, now) if sets is start.sets else (middle.value(d), before.value(d))
     gap = then - _dot(forces[0], d)
     defect = (gap + 4.0 * (half - _dot(forces[1], d)) + now - _dot(forces[2], d)) / 6.0
     work = _dot(load_before, z_before) - _dot(loads, states) + _dot(load_before + 4.0 * load_mid + loads, d) / 6.0
-    scale = np.maximum(sets.size(), weight)
+    scale = np.broadcast_to(np.maximum(sets.size(), weight), len(times))
+    if problem.bounded or not isinstance(sets, Boxes | Discs):
+        ends, rows = np.append(start.t, times), np.concatenate([start.elastic[None], elastic])
+        beyond = overshoot(problem, ends, rows, tolerance * scale)
+    else:
+        beyond = sets.overshoot(before, middle, forces)  # pyright: ignore[reportArgumentType]
     columns = {
         "energy": _dot(states, 0.5 * elastic - loads),
         "dissipated": start.flow.dissipated + np.cumsum((then + 4.0 * half + now) / 6.0),
         "work": start.flow.work + np.cumsum(work),
         "slipping": sets.moving(d),
-        "residual": sets.residual(forces[2], outside, d, pull) / scale,
+        "residual": sets.residual(forces[2], outside, d, Step(now, pull, rounding)) / scale,
         "effort": effort,
         "distance": sets.largest(outside) / scale,
         "defect": defect,
-        "overshoot": sets.overshoot(before, middle, forces, d) / scale,
+        "overshoot": beyond / scale,
+        "slack": beyond * sets.total(d),
         "increment": 0.5 * _dot(pull, d),
         "gap": gap,
     }

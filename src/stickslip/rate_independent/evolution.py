@@ -83,6 +83,11 @@ class Evolution:
         """Number of components."""
         return self.A.shape[0]
 
+    @property
+    def bounded(self) -> bool:
+        """Whether load and dissipation are known between any two times, and not only where they are asked for."""
+        return self.ell.bounded and self.dissipation.bounded
+
     def sets(self, times: Array) -> StableSets:
         """K(t/ε) at given times."""
         return stable_sets(self.dissipation, np.asarray(times, dtype=float) / self.epsilon)

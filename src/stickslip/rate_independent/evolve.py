@@ -92,9 +92,7 @@ def evolve(
     nodes = merged(nodes, wanted)
     state, record = _begin(problem, start, Record(output if wanted is None else wanted, dict(observables or {})))
     nodes = nodes[nodes > state.t]
-    march = March(
-        problem, nodes, choose_solver(problem, solver, kkt / 2.0), state, kkt, tolerance if adaptive else None
-    )
+    march = March(problem, nodes, choose_solver(problem, solver, kkt / 2.0), state, kkt, tolerance, adaptive)
     earlier = 0.0 if start is None else start.wall_time
     try:
         with bar(progress) as show:
@@ -277,6 +275,7 @@ class Record:
         attributes = {
             "epsilon": problem.epsilon,
             "depends_on_phase": int(problem.dissipation.depends_on_phase),
+            "bounded": int(problem.bounded),
             "stride": self.stride,
         }
         return xr.Dataset(data, {"time": ("time", kept_times[done], {"long_name": "time"})}, attributes)

@@ -34,14 +34,17 @@ class EvolutionCertificate:
     energy_residual : float
         (E): largest violation of the energy balance at any time, relative to the energy that flows.
     overshoot : float
-        (S) between the steps: how far ℓ − Az may leave K, estimated, relative to the largest weight.
+        (S) between the steps: how far ℓ − Az may leave K, relative to the largest weight.
     below, above : float
         Two-sided estimate of the steps: with the one-sided sums of dissipation and work the balance lies between
         −below and above, relative to the energy that flows.
     phase_step : float
         Longest step in periods; 0 if the dissipation does not depend on the phase.
     error_estimate : float
-        √(2 Σ|defect|): error of z in the energy norm; a bound if nothing overshoots.
+        √(2 Σ(|defect| + slack)): error of z in the energy norm; a bound if nothing overshoots.
+    samples : int
+        Times at which load and thresholds were looked at; 0 if they are bounded between the steps, since they are made
+        of formulas and tables.
     energy_scale : float
         Energy that flows: the largest of the swing of the energy, the dissipated energy and the work of the load.
     tolerance : float
@@ -58,6 +61,7 @@ class EvolutionCertificate:
     above: float
     phase_step: float
     error_estimate: float
+    samples: int
     energy_scale: float
     tolerance: float
     kkt: float
@@ -77,12 +81,19 @@ class EvolutionCertificate:
         return all(value <= limit for _, value, limit in self._limits())
 
     @property
+    def coverage(self) -> str:
+        """What is known between the steps, in words."""
+        return (
+            f"as sampled at {self.samples} times" if self.samples else "load and thresholds bounded between the steps"
+        )
+
+    @property
     def verdict(self) -> str:
         """The verdict in words."""
         bad = [f"{name} {value:.2e} above {limit:.0e}" for name, value, limit in self._limits() if not value <= limit]
         if bad:
             return f"not certified: {', '.join(bad)}"
-        return f"certified: (S) within {self.kkt:.0e}, (E) within {self.tolerance:.0e}"
+        return f"certified: (S) within {self.kkt:.0e}, (E) within {self.tolerance:.0e}, {self.coverage}"
 
     def to_dict(self) -> dict[str, float | bool | str]:
         """Numbers and verdict."""
@@ -170,7 +181,8 @@ class History:
             below=below * relative,
             above=(below + float(np.sum(column["gap"]))) * relative,
             phase_step=float(np.diff(self.dataset["step_time"].values).max(initial=0.0)) / periods,
-            error_estimate=float(np.sqrt(2.0 * np.abs(column["defect"]).sum())),
+            error_estimate=float(np.sqrt(2.0 * np.sum(np.abs(column["defect"]) + column["slack"]))),
+            samples=0 if self.dataset.attrs["bounded"] else 2 * self.steps + 1,
             energy_scale=scale,
             tolerance=self.tolerance,
             kkt=self.kkt,

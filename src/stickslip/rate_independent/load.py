@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from stickslip import expressions as ex
+from stickslip.chords import Chord, deviations, table
 from stickslip.errors import DeclarationError
 from stickslip.formulas import Scope
-from stickslip.rate_independent.dissipation.phase import evaluate
 
 Array = np.ndarray
 CACHED = 2_000_000  # numbers of a callable load that are remembered: refined steps ask for the same times again
@@ -26,6 +26,11 @@ class Load:
     ----------
     at : callable
         Times of shape (m,) → values of shape (m, n).
+    chord : callable
+        Starts and ends of stretches, shape (m,) each, without knots inside → values at both and deviations in between.
+    bounded : bool
+        Whether it is known at every time, and the deviations are bounds; otherwise they are estimated by twice that in
+        the middle.
     knots : array
         Times at which the slope jumps (of a table).
     span : (float, float)
@@ -33,6 +38,8 @@ class Load:
     """
 
     at: Callable[[Array], Array]
+    chord: Callable[[Array, Array], Chord]
+    bounded: bool = False
     knots: Array = field(default_factory=lambda: np.empty(0))
     span: tuple[float, float] = (-np.inf, np.inf)
 
@@ -54,7 +61,7 @@ def read_load(given: Any, n: int) -> Load:
         If it is none of these, does not fit, or a table has an entry that is not finite.
     """
     if callable(given):
-        return Load(_callable_rows(given, n))
+        return _function(given, n)
     if isinstance(given, str):
         return _formulas([given], n)
     if isinstance(given, tuple) and len(given) == 2 and np.ndim(given[0]) == 1:
@@ -68,7 +75,7 @@ def read_load(given: Any, n: int) -> Load:
     )
 
 
-def _callable_rows(function: Callable[[float], Any], n: int) -> Callable[[Array], Array]:
+def _function(function: Callable[[float], Any], n: int) -> Load:
     @lru_cache(maxsize=max(4, CACHED // n))
     def row(t: float) -> Array:
         try:
@@ -79,7 +86,14 @@ def _callable_rows(function: Callable[[float], Any], n: int) -> Callable[[Array]
             raise DeclarationError("load", f"shape {value.shape} at t = {t:.9g}, but A has {n} rows", f"Return ({n},)")
         return value.reshape(n)
 
-    return lambda times: np.array([row(t) for t in times.tolist()]).reshape(len(times), n)
+    def rows(times: Array) -> Array:
+        return np.array([row(t) for t in times.tolist()]).reshape(len(times), n)
+
+    def chord(low: Array, high: Array) -> Chord:
+        start, middle, end = rows(low), rows(0.5 * (low + high)), rows(high)
+        return Chord(start, end, np.abs(2.0 * middle - start - end))
+
+    return Load(rows, chord)
 
 
 def _table(times: Any, values: Any, n: int) -> Load:
@@ -106,7 +120,10 @@ def _table(times: Any, values: Any, n: int) -> Load:
         share = ((at - times[left]) / (times[left + 1] - times[left]))[:, None]
         return (1.0 - share) * values[left] + share * values[left + 1]
 
-    return Load(rows, times[1:-1], (float(times[0]), float(times[-1])))
+    def chord(low: Array, high: Array) -> Chord:
+        return Chord(rows(low), rows(high), np.zeros((len(low), n)))
+
+    return Load(rows, chord, True, times[1:-1], (float(times[0]), float(times[-1])))
 
 
 def _formulas(given: Sequence[Any], n: int) -> Load:
@@ -116,9 +133,13 @@ def _formulas(given: Sequence[Any], n: int) -> Load:
     expressions = [scope.parse(text, f"load[{i}]") for i, text in enumerate(given)]
 
     def rows(times: Array) -> Array:
-        return np.stack([np.broadcast_to(v, times.shape) for v in evaluate(expressions, times)], axis=1)
+        return table(expressions, times)
 
-    return Load(rows)
+    def chord(low: Array, high: Array) -> Chord:
+        start, end = rows(low), rows(high)
+        return Chord(start, end, deviations(expressions, "t", low, high, start, end))
+
+    return Load(rows, chord, True)
 
 
 def check_finite(times: Array, rows: Array) -> None:

@@ -17,6 +17,7 @@ from stickslip.rate_independent.stable_sets import largest_weight
 Array = np.ndarray
 LEAST = 1e-3  # part of the energy that the load can move, below which no flow of energy is a scale
 LOOK_AHEAD = 64  # least part of a solver's block that is made at once
+SHARE = 0.5  # of the tolerance that forces may leave K by during an adaptive step
 SHORTEST = 2.0**-44  # step, as a part of the whole time
 
 
@@ -38,8 +39,10 @@ class March:
         The start; later the last accepted state.
     kkt : float
         Largest KKT residual of a step, relative to the largest weight.
-    tolerance : float, optional
-        Of the energy balance. Without, the nodes are final.
+    tolerance : float
+        Of the energy balance and of what forces leave K by.
+    adaptive : bool
+        Whether steps are halved to keep it; otherwise the nodes are final.
 
     Attributes
     ----------
@@ -52,10 +55,17 @@ class March:
     """
 
     def __init__(
-        self, problem: Evolution, nodes: Array, solver: Steps, state: State, kkt: float, tolerance: float | None = None
+        self,
+        problem: Evolution,
+        nodes: Array,
+        solver: Steps,
+        state: State,
+        kkt: float,
+        tolerance: float,
+        adaptive: bool = True,
     ) -> None:
         self.problem, self.nodes, self.solver, self.state = problem, nodes, solver, state
-        self.kkt, self.tolerance = kkt, tolerance
+        self.kkt, self.tolerance, self.adaptive = kkt, tolerance, adaptive
         self.weight = largest_weight(problem.dissipation) or float(np.abs(state.load).max()) or 1.0
         self.length = float(nodes[-1]) - problem.span[0] if len(nodes) else 0.0
         self.least = LEAST * _energy_of_load(problem, nodes)
@@ -111,17 +121,17 @@ class March:
         states, effort = self.solver.advance(start.z, loads, sets)
         if len(states) < len(times):
             raise StickslipError("the solver gave up")
-        return measure(problem, start, times, states, effort, loads, sets, self.weight)
+        return measure(problem, start, times, states, effort, loads, sets, self.weight, SHARE * self.tolerance)
 
     def _accepted(self, tried: Measured) -> tuple[int, Array]:
         """How many steps are accepted, and which ones are short enough."""
         columns = tried.block.columns
         fits = np.ones(len(tried.block.times), bool)
-        if self.tolerance:
+        if self.adaptive:
             share = np.diff(tried.block.times, prepend=self.state.t) / self.length
             scale = np.maximum(tried.flowed, self.least)
             fits = np.abs(columns["defect"]) <= self.tolerance * share * scale
-            fits &= columns["overshoot"] <= self.tolerance
+            fits &= columns["overshoot"] <= SHARE * self.tolerance
         refused = np.flatnonzero(~(fits & (columns["residual"] <= self.kkt)))
         return (int(refused[0]) if len(refused) else len(fits)), fits
 

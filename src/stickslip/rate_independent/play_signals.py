@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stickslip import expressions as ex
+from stickslip.chords import evaluate
 from stickslip.errors import DeclarationError
 from stickslip.formulas import Scope
 from stickslip.rate_independent import chebyshev as ch
 from stickslip.rate_independent.clamp import samples
-from stickslip.rate_independent.dissipation.phase import evaluate
 
 Array = np.ndarray
 Function = Callable[[Array], Array]

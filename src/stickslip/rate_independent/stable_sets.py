@@ -8,18 +8,40 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol, Self
+from typing import NamedTuple, Protocol, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip.rate_independent.dissipation import Dissipation, GroupNorm, WeightedL1
+from stickslip.rate_independent.dissipation.group_norm import onto_balls
 from stickslip.rate_independent.dissipation.phase import Varying
+from stickslip.rate_independent.dissipation.projections import nearest_in_metric
+from stickslip.rate_independent.dissipation.stretches import Sampled
 from stickslip.rate_independent.dissipation.weighted_l1 import nonnegative
 
 Array = np.ndarray
 Forces = tuple[Array, Array, Array]
+ON_BOUND = 1e-12  # of a radius: how near to it a force may be inside and still be on its bound
 PHASES = 17  # at which the size of K(s) is looked up
-AHEAD = 0.25  # part of a force by which it is lengthened to find the boundary that is near
+
+
+class Step(NamedTuple):
+    """What belongs to increments d, one row each.
+
+    Attributes
+    ----------
+    value : ndarray of shape (m,)
+        Ψ(s, d).
+    pull : ndarray of shape (m, n)
+        A d, the force that the increment is worth.
+    rounding : ndarray of shape (m,)
+        To what d is known, since states are rounded.
+    """
+
+    value: Array
+    pull: Array
+    rounding: Array
 
 
 class StableSets(Protocol):
@@ -37,10 +59,10 @@ class StableSets(Protocol):
         """Size of the largest component or group of every row, shape (m,); of the row if K(s) is no product."""
         ...
 
-    def residual(self, xi: Array, outside: Array, d: Array, pull: Array) -> Array:
+    def residual(self, xi: Array, outside: Array, d: Array, step: Step) -> Array:
         """Distance of ξ from ∂Ψ(s, ·)(d) in every row: the largest over the components, shape (m,).
 
-        `outside` belongs to ξ; `pull` is A d, the force that the increment is worth.
+        `outside` belongs to ξ; d is known to rounding.
         """
         ...
 
@@ -48,15 +70,12 @@ class StableSets(Protocol):
         """Largest weight of every row."""
         ...
 
-    def overshoot(self, before: Self, middle: Self, forces: Forces, d: Array) -> Array:
-        """How far ξ may leave K(s) during the step that ends with each row, shape (m,).
-
-        `forces` and sets are those before, in the middle of and after the step; d is its increment.
-        """
-        ...
-
     def moving(self, d: Array) -> Array:
         """How many components (or groups) of every row move."""
+        ...
+
+    def total(self, d: Array) -> Array:
+        """What a force that is 1 larger in every component (or group) spends more on d, in every row."""
         ...
 
     def before(self, first: Self) -> Self:
@@ -133,7 +152,7 @@ class Boxes:
     def largest(self, xi: Array) -> Array:
         return np.abs(xi).max(axis=1)
 
-    def residual(self, xi: Array, outside: Array, d: Array, pull: Array) -> Array:
+    def residual(self, xi: Array, outside: Array, d: Array, step: Step) -> Array:
         # A component that moves has one admissible force.
         low = np.where(d > 0.0, self.upper, self.lower)
         high = np.where(d < 0.0, self.lower, self.upper)
@@ -142,13 +161,17 @@ class Boxes:
     def size(self) -> Array:
         return np.maximum(-self.lower, self.upper).max(axis=1)
 
-    def overshoot(self, before: Self, middle: Self, forces: Forces, d: Array) -> Array:
+    def overshoot(self, before: Self, middle: Self, forces: Forces) -> Array:
+        """How far ξ may leave K(s) during the step that ends with each row, as seen before, in the middle and after."""
         sets = (before, middle, self)
         above = _crest(*(xi - box.upper for xi, box in zip(forces, sets, strict=True)))
         return np.maximum(above, _crest(*(box.lower - xi for xi, box in zip(forces, sets, strict=True))))
 
     def moving(self, d: Array) -> Array:
         return np.count_nonzero(d, axis=1)
+
+    def total(self, d: Array) -> Array:
+        return np.abs(d).sum(axis=1)
 
     def before(self, first: Self) -> Self:
         if first is self:
@@ -165,6 +188,23 @@ class Discs:
 
     radii: Array
     group: int
+
+    def excess(self, xi: Array) -> Array:
+        """How far ξ lies outside K(s) in every row, negative inside, shape (m,)."""
+        return (self._norms(xi) - self.radii).max(axis=1)
+
+    def nearest(self, xi: Array, metric: Array) -> Array:
+        """The point of K(s) nearest to ξ, shape (n,), in a metric; of a single row."""
+        return nearest_in_metric(lambda x: onto_balls(x, self.radii[0], self.group), xi, metric)
+
+    def sliding(self, held: Array) -> NDArray[np.bool_]:
+        """Components of the groups whose force, shape (n,), is on its bound; of a single row."""
+        radii = self.radii[0]
+        return np.repeat(self._norms(held[None])[0] >= radii - ON_BOUND * radii, self.group)
+
+    def still(self, pull: Array, noise: float) -> NDArray[np.bool_]:
+        """Components of the groups that a pull, shape (n,), moves by no more than rounding."""
+        return np.repeat(self._norms(pull[None])[0] <= noise, self.group)
 
     def _norms(self, v: Array) -> Array:
         return np.sqrt(np.square(self._groups(v)).sum(axis=2))
@@ -184,21 +224,28 @@ class Discs:
     def largest(self, xi: Array) -> Array:
         return self._norms(xi).max(axis=1)
 
-    def residual(self, xi: Array, outside: Array, d: Array, pull: Array) -> Array:
+    def residual(self, xi: Array, outside: Array, d: Array, step: Step) -> Array:
         speed = self._norms(d)
         with np.errstate(invalid="ignore", divide="ignore"):
             target = (self.radii / speed)[:, :, None] * self._groups(d)
+            # The direction of a short increment is known to the rounding of states only.
+            known = self.radii * np.minimum(step.rounding[:, None] / speed, 1.0)
         off = np.where((speed > 0.0)[:, :, None], self._groups(xi) - target, self._groups(outside))
-        return self.largest(off.reshape(xi.shape))
+        lengths = np.sqrt(np.square(off).sum(axis=2))
+        return np.where(speed > 0.0, np.maximum(lengths - known, 0.0), lengths).max(axis=1)
 
     def size(self) -> Array:
         return self.radii.max(axis=1)
 
-    def overshoot(self, before: Self, middle: Self, forces: Forces, d: Array) -> Array:
+    def overshoot(self, before: Self, middle: Self, forces: Forces) -> Array:
+        """How far ξ may leave K(s) during the step that ends with each row, as seen before, in the middle and after."""
         return _crest(*(s._norms(xi) - s.radii for xi, s in zip(forces, (before, middle, self), strict=True)))
 
     def moving(self, d: Array) -> Array:
         return np.any(self._groups(d) != 0.0, axis=2).sum(axis=1)
+
+    def total(self, d: Array) -> Array:
+        return self._norms(d).sum(axis=1)
 
     def before(self, first: Self) -> Self:
         return self if first is self else replace(self, radii=_shifted(self.radii, first.radii))
@@ -209,30 +256,53 @@ class Discs:
 
 @dataclass(frozen=True)
 class ConvexSets:
-    """K(s) of any other potential, asked one phase at a time. One phase stands for all rows."""
+    """K(s) of any other potential. One phase stands for all rows."""
 
     dissipation: Dissipation
     phases: Array
 
-    def _at(self, count: int) -> list[float]:
-        return np.broadcast_to(self.phases, count).tolist()
+    @cached_property
+    def _sampled(self) -> Sampled:
+        return self.dissipation.sampled(self.phases)
+
+    def _for(self, rows: Array) -> Sampled:
+        """The potential at the phase of every row."""
+        if len(self.phases) == len(rows):
+            return self._sampled
+        return self.dissipation.sampled(np.broadcast_to(self.phases, len(rows)))
 
     def value(self, v: Array) -> Array:
-        return np.array([self.dissipation.value(s, row) for s, row in zip(self._at(len(v)), v, strict=True)])
+        return self._for(v).support(v)
 
     def outside(self, xi: Array) -> Array:
-        return np.array([row - self.dissipation.project(row, s) for s, row in zip(self._at(len(xi)), xi, strict=True)])
+        return xi - self._for(xi).nearest(xi)
+
+    def excess(self, xi: Array) -> Array:
+        """How far ξ lies outside K(s) in every row, negative inside, shape (m,)."""
+        return self._for(xi).excess(xi)
+
+    def nearest(self, xi: Array, metric: Array) -> Array:
+        """The point of K(s) nearest to ξ, shape (n,), in a metric; of a single row."""
+        return self.dissipation.project(xi, float(self.phases[0]), metric)
+
+    def sliding(self, held: Array) -> NDArray[np.bool_]:
+        """Components that may move: all."""
+        return np.ones(len(held), bool)
+
+    def still(self, pull: Array, noise: float) -> NDArray[np.bool_]:
+        """Components that a pull moves by no more than rounding, and that may rest on their own: none."""
+        return np.zeros(len(pull), bool)
 
     def largest(self, xi: Array) -> Array:
         return np.sqrt(_dot(xi, xi))
 
-    def residual(self, xi: Array, outside: Array, d: Array, pull: Array) -> Array:
+    def residual(self, xi: Array, outside: Array, d: Array, step: Step) -> Array:
         # ξ ∈ ∂Ψ(d) exactly if ξ ∈ K and ⟨ξ, d⟩ = Ψ(d); the gap is put into the units of a force. An increment so
         # small that its direction is rounding may as well be none, which is wrong by its pull.
         speed = self.largest(d)
-        gap = np.maximum(self.value(d) - _dot(xi, d), 0.0)
+        gap = np.maximum(step.value - _dot(xi, d), 0.0)
         along = np.divide(gap, speed, out=np.zeros_like(gap), where=speed > 0.0)
-        along = np.minimum(along, self.largest(pull))
+        along = np.minimum(along, self.largest(step.pull))
         return np.maximum(along, self.largest(outside))
 
     def size(self) -> Array:
@@ -243,18 +313,11 @@ class ConvexSets:
         s, n = float(self.phases[0]), self.dissipation.dimension
         return max(self.dissipation.value(s, sign * unit) for unit in np.eye(n) for sign in (1.0, -1.0))
 
-    def overshoot(self, before: Self, middle: Self, forces: Forces, d: Array) -> Array:
-        # Along one direction ν: that of the motion, or the normal of K near the force in the middle of the step.
-        beyond = middle.outside((1.0 + AHEAD) * forces[1])
-        nu = np.where(np.any(d != 0.0, axis=1)[:, None], d, beyond)
-        length = self.largest(nu)[:, None]
-        nu = np.divide(nu, length, out=np.zeros_like(nu), where=length > 0.0)
-        sets = (before, middle, self)
-        crest = _crest(*((_dot(xi, nu) - s.value(nu))[:, None] for xi, s in zip(forces, sets, strict=True)))
-        return np.maximum(crest, self.largest(middle.outside(forces[1])))
-
     def moving(self, d: Array) -> Array:
         return np.count_nonzero(d, axis=1)
+
+    def total(self, d: Array) -> Array:
+        return self.largest(d)
 
     def before(self, first: Self) -> Self:
         return self if first is self else replace(self, phases=_shifted(self.phases, first.phases))

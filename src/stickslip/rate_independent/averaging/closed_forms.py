@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.averaging.minima import least_over_phases
+from stickslip.rate_independent.averaging.minima import Minima, least_over_phases
 from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, OptimalMotion
 from stickslip.rate_independent.dissipation.group_norm import GroupNorm
 from stickslip.rate_independent.dissipation.phase import Varying
@@ -27,13 +27,27 @@ class AveragedWeightedL1(Average, WeightedL1):
     Attributes
     ----------
     source : WeightedL1
-    upper_phases, lower_phases : ndarray of shape (n,)
-        When component i moves up, and down.
+    least_above, least_below : Minima
+        Of ρ⁺ and ρ⁻ over the phase.
     """
 
     source: WeightedL1 = field(kw_only=True)
-    upper_phases: Array = field(kw_only=True)
-    lower_phases: Array = field(kw_only=True)
+    least_above: Minima = field(kw_only=True)
+    least_below: Minima = field(kw_only=True)
+
+    @property
+    def upper_phases(self) -> Array:
+        """When component i moves up, shape (n,)."""
+        return self.least_above.phases
+
+    @property
+    def lower_phases(self) -> Array:
+        """When component i moves down, shape (n,)."""
+        return self.least_below.phases
+
+    @property
+    def samples(self) -> int:
+        return max(self.least_above.sampled, self.least_below.sampled)
 
     @property
     def frictionless(self) -> Array:
@@ -43,20 +57,16 @@ class AveragedWeightedL1(Average, WeightedL1):
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
         V = self.vector(V, "V")
         when = np.where(V >= 0, self.upper_phases, self.lower_phases)
-        return _scheduled(self, self.source, V, when)
+        bound = np.maximum(V, 0.0) @ self.least_above.floors - np.minimum(V, 0.0) @ self.least_below.floors
+        return _scheduled(self.source, V, when, float(bound))
 
 
 def average_weighted_l1(source: WeightedL1) -> AveragedWeightedL1:
     """Each weight at its minimum over the phase."""
-    upper, upper_phases = least_thresholds(source.above)
-    lower, lower_phases = (upper, upper_phases) if source.below is source.above else least_thresholds(source.below)
-    return AveragedWeightedL1(
-        upper,
-        None if lower is upper else lower,
-        source=source,
-        upper_phases=upper_phases,
-        lower_phases=lower_phases,
-    )
+    above = least_thresholds(source.above)
+    below = above if source.below is source.above else least_thresholds(source.below)
+    lower = None if below is above else below.values
+    return AveragedWeightedL1(above.values, lower, source=source, least_above=above, least_below=below)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,25 +76,35 @@ class AveragedGroupNorm(Average, GroupNorm):
     Attributes
     ----------
     source : GroupNorm
-    phases : ndarray of shape (groups,)
-        When each group moves.
+    least : Minima
+        Of the radii over the phase: when each group moves.
     """
 
     source: GroupNorm = field(kw_only=True)
-    phases: Array = field(kw_only=True)
+    least: Minima = field(kw_only=True)
+
+    @property
+    def phases(self) -> Array:
+        """When each group moves, shape (groups,)."""
+        return self.least.phases
+
+    @property
+    def samples(self) -> int:
+        return self.least.sampled
 
     @property
     def frictionless(self) -> Array:
         return _axes(np.repeat(_vanishing(self.radii_at()), self.size))
 
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
-        return _scheduled(self, self.source, self.vector(V, "V"), np.repeat(self.phases, self.size))
+        V = self.vector(V, "V")
+        return _scheduled(self.source, V, np.repeat(self.phases, self.size), float(self.least.floors @ self.norms(V)))
 
 
 def average_group_norm(source: GroupNorm) -> AveragedGroupNorm:
     """Each radius at its minimum over the phase."""
-    radii, phases = least_thresholds(source.radius)
-    return AveragedGroupNorm(radii, source.size, source=source, phases=phases)
+    least = least_thresholds(source.radius)
+    return AveragedGroupNorm(least.values, source.size, source=source, least=least)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,12 +114,21 @@ class AveragedPolytope(Average, Polytope):
     Attributes
     ----------
     source : Polytope
-    phases : ndarray of shape (m,)
-        When each face comes closest to 0.
+    least : Minima
+        Of the offsets over the phase: when each face comes closest to 0.
     """
 
     source: Polytope = field(kw_only=True)
-    phases: Array = field(kw_only=True)
+    least: Minima = field(kw_only=True)
+
+    @property
+    def phases(self) -> Array:
+        """When each face comes closest to 0, shape (m,)."""
+        return self.least.phases
+
+    @property
+    def samples(self) -> int:
+        return self.least.sampled
 
     @property
     def frictionless(self) -> Array:
@@ -118,14 +147,15 @@ class AveragedPolytope(Average, Polytope):
             return OptimalMotion(np.zeros(0), np.zeros((0, len(V))), 0.0, 0.0)
         forms = [polyhedron(normals[[j]], offsets[[j]] / size) for j in range(len(normals))]
         xi, motions = solve(forms, V / length)
-        return measure(self.source, V, self.phases, motions * length, xi * size, 0.0)
+        violation = float(np.max((self.least.values - self.least.floors) / np.linalg.norm(self.source.normals, axis=1)))
+        return measure(self.source, V, self.phases, motions * length, xi * size, violation)
 
 
 def average_polytope(source: Polytope) -> AveragedPolytope:
     """Each offset at its minimum over the phase."""
     assert source.reach is not None
-    offsets, phases = least_thresholds(source.reach)
-    return AveragedPolytope(normals=source.normals, offsets=offsets, source=source, phases=phases)
+    least = least_thresholds(source.reach)
+    return AveragedPolytope(normals=source.normals, offsets=least.values, source=source, least=least)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +170,10 @@ class AveragedProduct(Average, Product):
         from scipy.linalg import block_diag
 
         return np.asarray(block_diag(*(factor.frictionless for factor in self.averages)))
+
+    @property
+    def samples(self) -> int:
+        return max(average.samples for average in self.averages)
 
     @property
     def averages(self) -> tuple[Average, ...]:
@@ -167,12 +201,12 @@ class AveragedProduct(Average, Product):
         return OptimalMotion(phases, motions, sum(motion.cost for motion in own), sum(motion.bound for motion in own))
 
 
-def least_thresholds(thresholds: Varying) -> tuple[Array, Array]:
-    """Thresholds at their minima over the phase, and the phases; refuses negative ones."""
-    values, phases = least_over_phases(thresholds)
-    if values.min() < 0.0:
-        nonnegative(thresholds, float(phases[values.argmin()]))
-    return np.maximum(values, 0.0), phases
+def least_thresholds(thresholds: Varying) -> Minima:
+    """Thresholds at their minima over the phase; refuses negative ones."""
+    least = least_over_phases(thresholds)
+    if least.values.min() < 0.0:
+        nonnegative(thresholds, float(least.phases[least.values.argmin()]))
+    return least._replace(values=np.maximum(least.values, 0.0), floors=np.maximum(least.floors, 0.0))
 
 
 def measure(source: Dissipation, V: Array, phases: Array, motions: Array, xi: Array, violation: float) -> OptimalMotion:
@@ -195,7 +229,7 @@ def gathered(phases: Array, motions: Array) -> tuple[Array, Array]:
     return together, sums
 
 
-def _scheduled(average: Average, source: Dissipation, V: Array, when: Array) -> OptimalMotion:
+def _scheduled(source: Dissipation, V: Array, when: Array, bound: float) -> OptimalMotion:
     """Each component moves at a phase of its own."""
     moving = V != 0
     phases, place = np.unique(when[moving], return_inverse=True)
@@ -208,7 +242,7 @@ def _scheduled(average: Average, source: Dissipation, V: Array, when: Array) -> 
     motions = np.zeros((len(phases), len(V)))
     motions[place, np.flatnonzero(moving)] = V[moving]
     cost = sum(source.support(v, s) for s, v in zip(phases, motions, strict=True))
-    return OptimalMotion(phases, motions, float(cost), average.support(V))
+    return OptimalMotion(phases, motions, float(cost), bound)
 
 
 def _vanishing(thresholds: Array) -> NDArray[np.bool_]:

@@ -9,6 +9,7 @@ the search (R. Hettich and K. O. Kortanek, *Semi-infinite programming*, SIAM Rev
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,43 +20,23 @@ from numpy.typing import ArrayLike
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.rate_independent.averaging.closed_forms import measure
 from stickslip.rate_independent.averaging.cones import ConeForm, solve
-from stickslip.rate_independent.averaging.minima import SAMPLES, golden_section, peaks
-from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, OptimalMotion, Sampled
+from stickslip.rate_independent.averaging.cover import Cover, Looked
+from stickslip.rate_independent.averaging.minima import golden_section, sharpened
+from stickslip.rate_independent.averaging.polishing import Held, refined
+from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, OptimalMotion
 from stickslip.rate_independent.dissipation.phase import wrapped
+from stickslip.rate_independent.dissipation.stretches import OneByOne, Rows, Stretches, lengths
 
 MOST_ROUNDS = 60
 CLUSTER = 0.02  # phases closer than this may be one
+SAME = 1e-6  # phases closer than this are one
 NEAR = 1e-2  # violation, as a multiple of the size of K, from which Newton's method is tried
-ROUNDING = 1e-15  # of a distance, as a multiple of the size of K
+ROUNDING = 1e-15  # of a distance, as a multiple of the size of K; of a motion, of its length
 SHARPEST = 1e-13  # duality gap that rounding allows
-STEP = 1e-6  # of differences in Newton's method
-SHIFTS = (-2e-3, -1e-3, 1e-3, 2e-3)
-DIFFERENCE = np.array([1.0, -8.0, 8.0, -1.0]) / 12e-3  # derivative of fourth order from the values at SHIFTS
+MOST_PEAKS = 16  # phases that join in one round
+SURE = 0.25  # part of the tolerance that what is not seen of K(s) may take
+MEMORY = 256  # solutions and searches that are remembered
 Constraint = tuple[float, ConeForm]
-
-
-@dataclass(frozen=True, eq=False)
-class Held:
-    """A force ξ and what holds it: motions v_k at phases s_k, at most `violation` outside any K(s)."""
-
-    xi: Array
-    phases: Array
-    motions: Array
-    violation: float = np.inf
-    violated: Sequence[float] = ()
-
-    def balanced(self, c: Array, Q: Array | None) -> Held:
-        """With motions whose sum is exactly c − Qξ: the largest one takes what is left."""
-        motions = self.motions.copy()
-        rest = c - motions.sum(axis=0) - (0.0 if Q is None else Q @ self.xi)
-        motions[int(np.linalg.norm(motions, axis=1).argmax())] += rest
-        return replace(self, motions=motions)
-
-    def gap(self, source: Dissipation) -> float:
-        """Duality gap: what the motions cost, less what the force does on them."""
-        cost = sum(source.support(v, s) for s, v in zip(self.phases, self.motions, strict=True))
-        lengths = float(np.linalg.norm(self.motions, axis=1).sum())
-        return float(cost - (self.motions @ self.xi).sum()) + self.violation * lengths
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +48,9 @@ class Intersection(Average):
     source : Dissipation
     tolerance : float
         Largest duality gap of Ψ_av(V), as a multiple of |V| and of the size of K(s); and how far a point of K_av may
-        lie outside any K(s), as a multiple of that size. A nearest point has a duality gap below 1e-13, or tolerance²
-        if that is more, and so is accurate to some 1e-6 at worst; but only to the square root of the tolerance where
-        K(s) is known by its support function alone.
+        lie outside any K(s), as a multiple of that size, with all phases covered by bounds if the source is bounded. A
+        nearest point has a duality gap below 1e-13, or tolerance² if that is more, and so is accurate to some 1e-6 at
+        worst; but only to the square root of the tolerance where K(s) is known by its support function alone.
     """
 
     source: Dissipation
@@ -84,10 +65,19 @@ class Intersection(Average):
         return self.source.dimension
 
     @cached_property
+    def cover(self) -> Cover:
+        """All phases."""
+        return Cover(self.source)
+
+    @property
+    def samples(self) -> int:
+        return 0 if self.source.bounded else self.cover.looked_at
+
+    @cached_property
     def size(self) -> float:
-        """Largest Ψ(s, ±e_i) at a few phases."""
-        axes = np.eye(self.dimension)
-        return float(max(self._grid.support(sign * e).max() for e in axes for sign in (1, -1)))
+        """Largest Ψ(s, ±e_i) at the first phases."""
+        axes, first = np.eye(self.dimension), self.cover.first.start
+        return float(max(first.support(sign * e).max() for e in axes for sign in (1, -1)))
 
     def support(self, v: ArrayLike, s: float = 0.0) -> float:
         return self.optimal_motion(v).cost
@@ -105,15 +95,18 @@ class Intersection(Average):
         """
         V = self.vector(V, "V")
         held = self._resisting(V)
-        return measure(self.source, V, held.phases, held.motions, held.xi, held.violation)
+        return measure(self.source, V, held.phases, held.motions, held.xi, held.bound)
 
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
-        return float(self._peaks(self.vector(xi, "xi"))[1][0])
+        looked = self._look(self.vector(xi, "xi"))
+        worst = float(looked.excess.max())
+        return worst if not np.isfinite(looked.bound) else max(worst, 0.0) if looked.bound > 0.0 > worst else worst
 
     def contains(self, xi: ArrayLike, s: float = 0.0, tolerance: float = 1e-12) -> bool:
         """Whether ξ lies in every K(s), up to the tolerance of the average at least."""
         xi = self.vector(xi, "xi")
-        return self._violated(xi)[1] <= max(tolerance * float(np.linalg.norm(xi)), self.tolerance * self.size)
+        enough = max(tolerance * float(np.linalg.norm(xi)), self.tolerance * self.size)
+        return self.cover.look(xi, enough).bound <= enough
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
         """The nearest point, up to the tolerance.
@@ -124,17 +117,24 @@ class Intersection(Average):
             If the point stays outside some K(s) by more than the tolerance.
         """
         xi, M = self.vector(xi, "xi"), self.metric(metric)
-        phases, _ = self._violated(xi)
-        if not len(phases):
+        looked = self._look(xi)
+        if looked.excess.max() <= ROUNDING * self.size and looked.bound <= self.tolerance * self.size:
             return xi.copy()
         Q = np.eye(self.dimension) if M is None else M
-        y = self.source.project(xi, phases[0], M)
-        first = Held(y, phases[:1], (Q @ (xi - y))[None])
         rule = self.tolerance if self.source.cone_form(0.0) is None else max(self.tolerance**2, SHARPEST)
+        if (again := self._remembered(Q @ xi, Q, rule)) is not None:
+            return again.xi
+        worst = float(looked.phases[looked.excess.argmax()])
+        y = self.source.project(xi, worst, M)
+        first = Held(y, np.array([worst]), (Q @ (xi - y))[None])
         return self._exchange(first, Q @ xi, Q, rule).xi
 
     def cone_form(self, s: float) -> None:
         return None
+
+    def over(self, low: Array, high: Array) -> Stretches:
+        ends = OneByOne(self, low)
+        return Unchanged(ends, ends)
 
     @property
     def frictionless(self) -> Array:
@@ -144,13 +144,41 @@ class Intersection(Average):
     def _lineality(self) -> Array:
         return lineality(self, 10 * self.tolerance * self.size)
 
+    @cached_property
+    def _memory(self) -> deque[Held]:
+        """What was found last: starts for the next searches, which are often close by."""
+        return deque(maxlen=MEMORY)
+
+    @cached_property
+    def _forces(self) -> deque[Held]:
+        """The last two nearest points."""
+        return deque(maxlen=2)
+
+    @cached_property
+    def _looked(self) -> dict[bytes, Looked]:
+        return {}
+
+    def _look(self, xi: Array) -> Looked:
+        key = xi.tobytes()
+        if key not in self._looked:
+            if len(self._looked) > MEMORY:
+                self._looked.clear()
+            self._looked[key] = self.cover.look(xi, SURE * self.tolerance * self.size)
+        return self._looked[key]
+
     def _resisting(self, V: Array) -> Held:
         """The force in K_av that resists V most, and the motion it cannot resist better."""
         if not V.any() or self.size == 0.0:
-            return Held(np.zeros(len(V)), np.zeros(1), V[None], 0.0)
+            return Held(np.zeros(len(V)), np.zeros(1), V[None], 0.0, 0.0)
+        if (again := self._remembered(V, None, self.tolerance)) is not None:
+            return again
         # Perhaps one phase does everything: the one at which V costs least.
-        s = peaks(-self._grid.support(V), lambda s: -self.source.sampled(s).support(V))[0][:1]
-        return self._exchange(Held(self.source.exposed(V, s[0]), s, V[None]), V, None, self.tolerance)
+        costs = self.cover.first.start.support(V)
+        k, low, high = int(costs.argmin()), self.cover.low, self.cover.high
+        near = np.array([low[k - 1] - (k == 0), low[k], high[k]])[:, None]
+        values = np.array([costs[k - 1], costs[k], costs[(k + 1) % len(costs)]])[:, None]
+        s = wrapped(sharpened(near, -values, lambda s: -self.source.sampled(s).support(V))[0])
+        return self._exchange(Held(self.source.exposed(V, float(s[0])), s, V[None]), V, None, self.tolerance)
 
     def _exchange(self, held: Held, c: Array, Q: Array | None, rule: float) -> Held:
         """The ξ with the least ½⟨Qξ, ξ⟩ − ⟨c, ξ⟩ and a duality gap below `rule`."""
@@ -159,11 +187,11 @@ class Intersection(Average):
         least, value = np.inf, np.inf
         for _ in range(MOST_ROUNDS):
             if self._gap(held, c, Q) <= rule:
-                return held
+                return self._kept(held, Q)
             closer = self._refined(held, c, Q)
             least = min(least, self._gap(closer, c, Q))
             if least <= rule:
-                return closer
+                return self._kept(closer, Q)
             # Constraints that do not hold ξ may go only where the value has fallen: then none can come back for ever.
             now = float(c @ held.xi) - (0.0 if Q is None else float(held.xi @ Q @ held.xi) / 2)
             fallen, value = now < value - 1e-9 * abs(now), min(now, value)
@@ -175,9 +203,44 @@ class Intersection(Average):
             f"Raise the tolerance {self.tolerance:g}",
         )
 
+    def _kept(self, held: Held, Q: Array | None) -> Held:
+        self._memory.append(held)
+        if Q is not None:
+            self._forces.append(held)
+        return held
+
+    def _remembered(self, c: Array, Q: Array | None, rule: float) -> Held | None:
+        """The solution, if it follows from those that were found before."""
+        if not self._memory or (Q is not None and not self._forces):
+            return None
+        if Q is not None:
+            held = self._newton(self._extrapolated(c, Q), c, Q)
+            return self._kept(held, Q) if self._gap(held, c, Q) <= rule else None
+        # A motion is held by the force that held one in the same direction.
+        moved = np.array([held.moved for held in self._memory])
+        last = self._memory[int(np.argmax(moved @ c / np.maximum(lengths(moved), np.finfo(float).tiny)))]
+        held = self._again(last, c, Q)
+        if self._gap(held, c, Q) > rule:
+            held = self._newton(held, c, Q)
+        return self._kept(held, Q) if self._gap(held, c, Q) <= rule else None
+
+    def _again(self, last: Held, c: Array, Q: Array | None) -> Held:
+        """An earlier solution, with motions of the size that is asked for."""
+        goal = c if Q is None else c - Q @ last.xi
+        share = max(float(last.moved @ goal) / max(float(last.moved @ last.moved), np.finfo(float).tiny), 0.0) or 1.0
+        return replace(last, motions=last.motions * share).balanced(c, Q).merged(SAME)
+
+    def _extrapolated(self, c: Array, Q: Array) -> Held:
+        """What follows the last two solutions if they are near, or the last one: steps of an evolution are close."""
+        last, before = self._forces[-1], self._forces[0]
+        if last.phases.shape == before.phases.shape and np.abs(last.phases - before.phases).max() < CLUSTER:
+            ahead = (2.0 * getattr(last, name) - getattr(before, name) for name in ("xi", "phases", "motions"))
+            return Held(*ahead).balanced(c, Q).merged(SAME)
+        return self._again(last, c, Q)
+
     def _gap(self, held: Held, c: Array, Q: Array | None) -> float:
         """Duality gap, relative to what is moved; infinite as long as ξ is outside K_av."""
-        if held.violation > self.tolerance * self.size:
+        if held.bound > self.tolerance * self.size:
             return np.inf
         moved = float(np.linalg.norm(c if Q is None else held.motions, axis=-1).sum())
         # A point that lies outside by rounding is moved by rounding.
@@ -185,11 +248,17 @@ class Intersection(Average):
         return held.gap(self.source) / (self.size * max(moved, least))
 
     def _refined(self, held: Held, c: Array, Q: Array | None) -> Held:
-        """What Newton's method makes of it, once that can be hoped for."""
+        """What Newton's method makes of it, once that can be hoped for; neighbouring phases may be one."""
         if held.violation > NEAR * self.size:
             return held
+        one = held.merged(CLUSTER)
+        found = [self._newton(start, c, Q) for start in ([one] if one is held else [one, held])]
+        return min(found, key=lambda closer: self._gap(closer, c, Q))
+
+    def _newton(self, held: Held, c: Array, Q: Array | None) -> Held:
+        scales = np.array([self.cover.scale(s) for s in held.phases.tolist()])
         try:
-            return self._judged(refined(self.source, held, c, Q, self.size).balanced(c, Q))
+            return self._judged(refined(self.source, held, c, Q, self.size, scales).balanced(c, Q))
         except ConvergenceError:  # a projection far from K(s)
             return held
 
@@ -211,31 +280,29 @@ class Intersection(Average):
     def _constraint(self, s: float, xi: Array) -> Constraint:
         return s, self.source.outer_form(s, xi).scaled(1.0 / self.size)
 
-    @cached_property
-    def _grid(self) -> Sampled:
-        """The source at the phases at which every search starts."""
-        return self.source.sampled(np.arange(SAMPLES) / SAMPLES if self.source.depends_on_phase else np.zeros(1))
-
-    def _peaks(self, xi: Array, directions: Sequence[Array] = ()) -> tuple[Array, Array]:
-        """Phases at which ξ lies farthest outside K(s), also seen in some directions, or least far inside; how far."""
-
-        def excess(at: Sampled) -> Array:
-            return np.max([at.excess(xi), *(float(d @ xi) - at.support(d) for d in directions)], axis=0)
-
-        return peaks(excess(self._grid), lambda s: excess(self.source.sampled(s)))
-
-    def _violated(self, xi: Array, directions: Sequence[Array] = ()) -> tuple[Array, float]:
-        """Phases at which ξ lies outside K(s), the worst first, and its largest distance from any K(s)."""
-        phases, values = self._peaks(xi, directions)
-        phases = phases[values > 0]
-        distances = np.array([self.source.distance(xi, s) for s in phases])
-        order = np.argsort(-distances)[: int((distances > ROUNDING * self.size).sum())]
-        return phases[order], float(distances.max(initial=0.0))
-
     def _judged(self, held: Held) -> Held:
-        lengths = np.linalg.norm(held.motions, axis=1)
-        violated, violation = self._violated(held.xi, list(held.motions[lengths > 0] / lengths[lengths > 0, None]))
-        return replace(held, violated=violated.tolist(), violation=violation)
+        """What is outside K(s), at the phases that hold ξ and at all others."""
+        looked, own = self._look(held.xi), self.source.sampled(held.phases).excess(held.xi)
+        violation = max(float(looked.excess.max()), float(own.max()), 0.0)
+        phases = self._peaks(looked, held.xi) if violation > ROUNDING * self.size else ()
+        return replace(held, violated=phases, violation=violation, bound=max(looked.bound, violation))
+
+    def _peaks(self, looked: Looked, xi: Array) -> list[float]:
+        """Phases at which ξ lies outside K(s) farther than beside them, the worst first."""
+        phases, first = np.unique(wrapped(looked.phases), return_index=True)
+        excess = looked.excess[first]
+        if len(phases) < 3:
+            return phases[excess > ROUNDING * self.size].tolist()
+        before, after = np.roll(excess, 1), np.roll(excess, -1)
+        (k,) = np.nonzero((excess >= before) & (excess >= after) & (excess > ROUNDING * self.size))
+        if not len(k):
+            return []
+        k = k[np.argsort(-excess[k])][:MOST_PEAKS]
+        count = len(phases)
+        near = np.array([phases[k - 1] - (k == 0), phases[k], phases[(k + 1) % count] + (k + 1 == count)])
+        values = np.array([before[k], excess[k], after[k]])
+        found, value = sharpened(near, values, lambda s: self.source.sampled(s).excess(xi))
+        return wrapped(found[np.argsort(-value)]).tolist()
 
     def _tidied(self, phases: Array, motions: Array) -> tuple[Array, Array]:
         """The same measure, with neighbouring phases joined to the best one between them where that costs no more."""
@@ -260,45 +327,15 @@ class Intersection(Average):
         return (s, v[None]) if together[0] <= apart * (1 + 1e-14) else (phases, motions)
 
 
-def refined(source: Dissipation, held: Held, c: Array, Q: Array | None, size: float) -> Held:
-    """Newton's method for ξ, v_k and s_k at once, from close to the solution.
+@dataclass(frozen=True, eq=False)
+class Unchanged(Rows, Stretches[OneByOne]):
+    """A potential that does not depend on the phase."""
 
-    Qξ + Σ v_k = c, v_k is normal to K(s_k) at ξ, and s_k is stationary for the distance of ξ + v_k from K(s), whose
-    square is differentiable in s even where Ψ(s, v_k) has a kink. Derivatives are differences.
-    """
-    n, k = len(c), len(held.phases)
-    length = float(np.linalg.norm(held.motions, axis=1).max())
-    curvature = np.zeros((n, n)) if Q is None else Q * (size / length)
-    # Unknowns: ξ in units of size, and for each phase v_k in units of length and s_k.
-    x, contacts = held.xi / size, np.column_stack([held.motions / length, held.phases])
-    reached, best = np.inf, (x, contacts)
-    for _ in range(12):
-        touch = [_contact(source, x + row[:n], row[n], size) for row in contacts]
-        residual = [curvature @ x + contacts[:, :n].sum(axis=0) - c / length]
-        residual += [np.append(x - at[:n], at[n]) for at in touch]
-        off = float(np.linalg.norm(np.concatenate(residual)))
-        if not off < 0.5 * reached:
-            break
-        reached, best = off, (x, contacts)
-        jacobian = np.zeros((n + k * (n + 1), n + k * (n + 1)))
-        jacobian[:n, :n] = curvature
-        for i, (row, at) in enumerate(zip(contacts, touch, strict=True)):
-            own = slice(n + i * (n + 1), n + (i + 1) * (n + 1))
-            moved = [_contact(source, x + row[:n] + step[:n], row[n] + step[n], size) for step in STEP * np.eye(n + 1)]
-            slopes = np.column_stack([(there - at) / STEP for there in moved])
-            slopes[:n] *= -1.0
-            jacobian[own, own], jacobian[own, :n] = slopes, slopes[:, :n] + np.eye(n + 1, n)
-            jacobian[:n, own] = np.eye(n, n + 1)
-        step = np.linalg.lstsq(jacobian, np.concatenate(residual), rcond=1e-10)[0]
-        x, contacts = x - step[:n], contacts - step[n:].reshape(k, n + 1)
-    x, contacts = best
-    return Held(x * size, wrapped(contacts[:, n]), contacts[:, :n] * length)
+    start: OneByOne
+    end: OneByOne
 
-
-def _contact(source: Dissipation, beyond: Array, s: float, size: float) -> Array:
-    """The point of K(s) nearest to one beyond it, and the slope of half the squared distance in s; in units of size."""
-    squares = [np.square(beyond - source.project(size * beyond, s + h) / size).sum() / 2 for h in SHIFTS]
-    return np.append(source.project(size * beyond, s) / size, DIFFERENCE @ squares)
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+        return ends + lengths(off)
 
 
 def lineality(average: Average, least: float) -> Array:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.dissipation.phase import check_finite
+from stickslip.rate_independent.dissipation.stretches import Estimated, OneByOne, Sampled, Stretches
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.averaging.cones import ConeForm
@@ -74,6 +75,13 @@ class Dissipation(ABC):
             If an iterative projection cannot reach its accuracy.
         """
 
+    def projection(self, xi: Array, s: float = 0.0) -> tuple[Array, Array]:
+        """The Euclidean projection of ξ, shape (n,), onto K(s), and a generalised derivative of it, shape (n, n)."""
+        from stickslip.rate_independent.dissipation.projections import slope_by_differences
+
+        y = self.project(xi, s)
+        return y, slope_by_differences(lambda x: self.project(x, s), xi, y, 1e-7 * float(np.abs(xi).max() or 1.0))
+
     @abstractmethod
     def cone_form(self, s: float) -> ConeForm | None:
         """K(s) as an image of cones; None if it is known by its support function only."""
@@ -124,6 +132,19 @@ class Dissipation(ABC):
         """The potential at several phases, shape (m,), at once."""
         return OneByOne(self, phases)
 
+    @property
+    def bounded(self) -> bool:
+        """Whether it is made of numbers and formulas, and so known at every phase, not only where it is asked for."""
+        return False
+
+    def over(self, low: Array, high: Array) -> Stretches:
+        """The potential on stretches of phases, shape (m,) each, within one period: 0 <= low <= high <= 1.
+
+        What it says of the phases in between is proved if the potential is `bounded`, and estimated otherwise.
+        """
+        start, end, middle = (OneByOne(self, s) for s in (low, high, 0.5 * (low + high)))
+        return Estimated(start, end, middle)
+
     def prox(self, v: ArrayLike, s: float = 0.0, step: float = 1.0) -> Array:
         """Proximal step: the w with the least ½|w − v|² + step Ψ(s, w), shape (n,).
 
@@ -170,32 +191,6 @@ class Dissipation(ABC):
             if last - reach <= 1e-8 * last:
                 break
         return max(reach - length, 0.0)
-
-
-class Sampled(Protocol):
-    """A dissipation potential at m phases."""
-
-    def support(self, v: Array) -> Array:
-        """Ψ(s, v) at each phase, shape (m,)."""
-        ...
-
-    def excess(self, xi: Array) -> Array:
-        """How far ξ lies outside K(s) at each phase, shape (m,)."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class OneByOne:
-    """A potential asked phase by phase."""
-
-    potential: Dissipation
-    phases: Array
-
-    def support(self, v: Array) -> Array:
-        return np.array([self.potential.support(v, s) for s in self.phases.tolist()])
-
-    def excess(self, xi: Array) -> Array:
-        return np.array([self.potential.excess(xi, s) for s in self.phases.tolist()])
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,6 +245,21 @@ class Average(Dissipation):
     @abstractmethod
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
         """The measure v(s) of [M] (2.3) that moves by V, shape (n,), at the least cost."""
+
+    @property
+    @abstractmethod
+    def samples(self) -> int:
+        """Number of phases that were looked at; 0 if all phases are covered by bounds."""
+
+    @property
+    def bounded(self) -> bool:
+        """Whether all phases are covered by bounds."""
+        return self.samples == 0
+
+    @property
+    def coverage(self) -> str:
+        """Which phases were looked at, in words."""
+        return f"as sampled at {self.samples} phases" if self.samples else "all phases covered by bounds"
 
     @property
     def verdict(self) -> str:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, Sampled
+from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation
 from stickslip.rate_independent.dissipation.phase import SAMPLE_PHASES, Varying, read, wrapped
+from stickslip.rate_independent.dissipation.projections import secular
+from stickslip.rate_independent.dissipation.stretches import Rows, Sampled, Stretches, lengths
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.averaging.cones import ConeForm
@@ -43,7 +46,7 @@ class Ellipsoid(Dissipation):
         if len(matrix.shape) != 2 or matrix.shape[0] != matrix.shape[1] or matrix.shape[0] == 0:
             raise DeclarationError("shape", f"its shape {matrix.shape} is not that of a square matrix", "Give n x n")
         object.__setattr__(self, "matrix", matrix)
-        self._axes(np.array(SAMPLE_PHASES))
+        self.sampled(np.array(SAMPLE_PHASES))
         if not matrix.depends_on_phase:
             object.__setattr__(self, "_fixed_root", self.root_at(0.0))
 
@@ -62,13 +65,12 @@ class Ellipsoid(Dissipation):
         """
         if self._fixed_root is not None:
             return self._fixed_root
-        ((axes,), (squares,), (floor,)) = self._axes(np.array([s]))
+        ((axes,), (squares,), (floor,)) = self._axes(self.matrix.at(s)[None], np.array([s]))
         kept = squares > floor
         return axes[:, kept] * np.sqrt(squares[kept])
 
-    def _axes(self, phases: Array) -> tuple[Array, Array, Array]:
+    def _axes(self, S: Array, phases: Array) -> tuple[Array, Array, Array]:
         """Eigenvectors (m, n, n) and eigenvalues (m, n) of S at several phases, and what is rounding of them (m,)."""
-        S = self.matrix.over(phases)
         size = np.abs(S).max(axis=(1, 2))
         transposed = S.transpose(0, 2, 1)
         lopsided = np.abs(S - transposed).max(axis=(1, 2))
@@ -76,12 +78,12 @@ class Ellipsoid(Dissipation):
             k = int((lopsided - 1e-10 * size).argmax())
             reason = f"it is not symmetric{self._when(phases[k])} (S - S^T reaches {lopsided[k]:.3g})"
             raise DeclarationError("shape", reason, "Give a symmetric matrix")
-        squares, axes = np.linalg.eigh((S + transposed) / 2)
+        axes, squares, floor = _axes(S)
         if (squares[:, 0] < -1e-12 * size).any():
             k = int((squares[:, 0] + 1e-12 * size).argmin())
             reason = f"it has the negative eigenvalue {squares[k, 0]:.6g}{self._when(phases[k])}"
             raise DeclarationError("shape", reason, "No eigenvalue may be negative")
-        return axes, squares, ROUNDING * self.dimension * size
+        return axes, squares, floor
 
     def _when(self, s: float) -> str:
         return f" at phase s = {wrapped(s):g}" if self.depends_on_phase else ""
@@ -101,12 +103,38 @@ class Ellipsoid(Dissipation):
 
         return nearest_in_ellipsoid(self.root_at(s), self.vector(xi, "xi"), self.metric(metric))
 
+    def projection(self, xi: Array, s: float = 0.0) -> tuple[Array, Array]:
+        at = self.sampled(np.array([s]))
+        along, squares, axes = at.along(xi[None])[0], at.kept[0], at.axes[0]
+        ((u,), (multiplier,)) = secular(np.sqrt(squares)[None] * along, squares[None])
+        kept = squares > 0.0
+        if multiplier == 0.0:
+            return axes @ np.where(kept, along, 0.0), (axes * kept) @ axes.T
+        shifted = squares + multiplier
+        bent = squares * along / np.square(shifted)
+        slope = np.diag(squares / shifted) - np.outer(bent, bent) / float(bent @ (along / shifted))
+        y = np.sqrt(squares) * u / np.linalg.norm(u)
+        return axes @ y, axes @ slope @ axes.T
+
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
-        """How far ξ lies outside K(s) along its ray, or along an axis if that is more."""
+        """How far ξ lies outside K(s): its distance; inside, how far at least it lies inside."""
         return float(self.sampled(np.array([s])).excess(self.vector(xi, "xi"))[0])
 
-    def sampled(self, phases: Array) -> Sampled:
-        return SampledEllipsoid(*self._axes(phases))
+    def sampled(self, phases: Array) -> SampledEllipsoid:
+        return SampledEllipsoid(*self._axes(self.matrix.over(phases), phases))
+
+    @property
+    def bounded(self) -> bool:
+        return self.matrix.bounded
+
+    def over(self, low: Array, high: Array) -> Stretches:
+        S = self.matrix.chord(low, high)
+        start, end = (SampledEllipsoid(*self._axes(at, s)) for at, s in ((S.start, low), (S.end, high)))
+        # ⟨v, E v⟩ ≤ Σ r_i v_i² with the sums r_i of the rows of |E|: an ellipsoid that every S in between contains.
+        shrink = S.off.sum(axis=2)[:, :, None] * np.eye(self.dimension)
+        inner = (SampledEllipsoid(*_axes(at - shrink)) for at in (S.start, S.end))
+        off = np.sqrt(np.square(S.off).sum(axis=(1, 2)))
+        return StretchesOfEllipsoids(start, end, np.maximum(off - start.floor, 0.0), *inner)
 
     def cone_form(self, s: float) -> ConeForm:
         from stickslip.rate_independent.averaging.cones import ellipsoid
@@ -119,22 +147,97 @@ class Ellipsoid(Dissipation):
         return Intersection(self, tolerance)
 
 
+def _axes(S: Array) -> tuple[Array, Array, Array]:
+    """Eigenvectors and eigenvalues of matrices (m, n, n), and what is rounding of them."""
+    squares, axes = np.linalg.eigh((S + S.transpose(0, 2, 1)) / 2)
+    return axes, squares, ROUNDING * S.shape[1] * np.abs(S).max(axis=(1, 2))
+
+
 @dataclass(frozen=True, eq=False)
-class SampledEllipsoid:
+class SampledEllipsoid(Rows, Sampled):
     """Ellipsoids at m phases by their axes (m, n, n), the squares of their lengths (m, n) and the rounding of these."""
 
     axes: Array
     squares: Array
     floor: Array
 
+    @cached_property
+    def kept(self) -> Array:
+        """Squares, without those that are rounding."""
+        return np.where(self.squares > self.floor[:, None], self.squares, 0.0)
+
+    @cached_property
+    def narrowest(self) -> Array:
+        """Length of the shortest axis, shape (m,)."""
+        return np.sqrt(self.kept.min(axis=1))
+
+    def along(self, x: Array) -> Array:
+        """Components along the axes, shape (m, n)."""
+        return np.einsum("...i,...ij->...j", x, self.axes)
+
     def support(self, v: Array) -> Array:
-        squares = np.where(self.squares > self.floor[:, None], self.squares, 0.0)
-        return np.sqrt((np.square(v @ self.axes) * squares).sum(axis=1))
+        return np.sqrt((np.square(self.along(v)) * self.kept).sum(axis=1))
+
+    def _beyond(self, along: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """The gauge of points along the axes, and which are outside; a flat axis has no inside."""
+        squares = np.divide(np.square(along), self.kept, out=np.zeros_like(along), where=self.kept > 0.0)
+        gauge = np.sqrt(squares.sum(axis=1))
+        return gauge, (gauge > 1.0) | ((along != 0.0) & (self.kept == 0.0)).any(axis=1)
 
     def excess(self, xi: Array) -> Array:
-        tiny = np.finfo(float).tiny
-        squares, along = np.maximum(self.squares, np.maximum(self.floor, tiny)[:, None]), np.abs(xi @ self.axes)
-        gauge = np.sqrt((np.square(along) / squares).sum(axis=1))
-        radial = float(np.linalg.norm(xi)) * (1.0 - 1.0 / np.maximum(gauge, tiny))
-        # Where an axis shrinks to 0, its ray knows too late.
-        return np.maximum(radial, (along - np.sqrt(np.maximum(self.squares, 0.0))).max(axis=1))
+        along = self.along(xi)
+        gauge, beyond = self._beyond(along)
+        # A ball of the shortest axis fits around 0, so that one of 1 − gauge times that fits around ξ.
+        depth = self.narrowest * (gauge - 1.0)
+        if beyond.any():
+            far = self.taken(beyond)
+            depth[beyond] = lengths(along[beyond] - far.clipped(along[beyond]))
+        return depth
+
+    def nearest(self, xi: Array) -> Array:
+        along = self.along(xi)
+        y = np.einsum("...j,...ij->...i", self.clipped(along), self.axes)
+        return np.where(self._beyond(along)[1][:, None], y, xi)
+
+    def clipped(self, along: Array) -> Array:
+        """Nearest points of points outside, or in the flat that short axes leave, both along the axes."""
+        half = np.sqrt(self.kept)
+        u, multiplier = secular(half * along, self.kept)
+        shrunk = np.minimum(1.0, 1.0 / np.maximum(lengths(u), np.finfo(float).tiny))
+        return np.where((multiplier > 0.0)[:, None], half * u * shrunk[:, None], np.where(self.kept > 0.0, along, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class StretchesOfEllipsoids(Rows, Stretches[SampledEllipsoid]):
+    """Ellipsoids on stretches of phases.
+
+    Attributes
+    ----------
+    off_shape : ndarray of shape (m,)
+        How far S may be from a straight line by more than its rounding, in the Frobenius norm.
+    inner_start, inner_end : SampledEllipsoid
+        Inside all ellipsoids near the ends, where their squares are positive.
+    """
+
+    start: SampledEllipsoid
+    end: SampledEllipsoid
+    off_shape: Array
+    inner_start: SampledEllipsoid
+    inner_end: SampledEllipsoid
+
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+        # √⟨v, S v⟩ is concave in S: where S goes straight, a force that goes straight lies no farther outside than at
+        # the ends. What S is off by moves the support function by √λ − √(λ − ε), λ at least the least eigenvalue.
+        least = np.minimum(self.start.squares[:, 0], self.end.squares[:, 0])
+        moved = self.off_shape / np.sqrt(np.maximum(least, np.maximum(self.off_shape, np.finfo(float).tiny)))
+        # 0 is inside, so that no force lies farther outside than it is long.
+        out = np.minimum(ends + moved, np.maximum(lengths(before), lengths(after)))
+        # In some directions S may not be off at all.
+        (close,) = np.nonzero(
+            (out > enough) & (self.inner_start.squares[:, 0] > 0.0) & (self.inner_end.squares[:, 0] > 0.0)
+        )
+        if len(close):
+            first, last = self.inner_start.taken(close), self.inner_end.taken(close)
+            inner = np.maximum(first.excess(before[close]), last.excess(after[close]))
+            out[close] = np.minimum(out[close], np.maximum(inner, ends[close]))
+        return out + lengths(off)

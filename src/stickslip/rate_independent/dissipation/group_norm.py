@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, Sampled
+from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation
 from stickslip.rate_independent.dissipation.phase import Varying
+from stickslip.rate_independent.dissipation.stretches import Rows, Sampled, Stretches, lengths
 from stickslip.rate_independent.dissipation.weighted_l1 import nonnegative, nonnegative_over, read_weights
 
 if TYPE_CHECKING:
@@ -76,13 +77,16 @@ class GroupNorm(Dissipation):
         return float((self.norms(self.vector(xi, "xi")) - self.radii_at(s)).max())
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
-        """The nearest point of the balls: each group shortened, or in a metric by a cone program refined by Newton."""
-        from stickslip.rate_independent.dissipation.projections import nearest_in_cones
+        """The nearest point of the balls: each group shortened, or in a metric by Newton's method, to rounding."""
+        from stickslip.rate_independent.dissipation.projections import nearest_in_metric
 
         xi, radii, M = self.vector(xi, "xi"), self.radii_at(s), self.metric(metric)
-        if M is not None:
-            return nearest_in_cones(self, xi, s, M)
-        return self._scaled(xi, np.minimum(radii, self.norms(xi)))
+        if M is None:
+            return self._scaled(xi, np.minimum(radii, self.norms(xi)))
+        return nearest_in_metric(lambda x: onto_balls(x, radii, self.size), xi, M)
+
+    def projection(self, xi: Array, s: float = 0.0) -> tuple[Array, Array]:
+        return onto_balls(xi, self.radii_at(s), self.size)
 
     def _scaled(self, v: Array, lengths: Array) -> Array:
         """Each group with its direction and the given length; a group that is 0 stays 0."""
@@ -96,7 +100,16 @@ class GroupNorm(Dissipation):
         return balls(self.radii_at(s), self.size)
 
     def sampled(self, phases: Array) -> Sampled:
-        return SampledBalls(self, nonnegative_over(self.radius, phases))
+        return SampledBalls(self.size, nonnegative_over(self.radius, phases))
+
+    @property
+    def bounded(self) -> bool:
+        return self.radius.bounded
+
+    def over(self, low: Array, high: Array) -> Stretches:
+        radii = self.radius.chord(low, high)
+        start, end = SampledBalls(self.size, radii.start), SampledBalls(self.size, radii.end)
+        return StretchesOfBalls(start, end, radii.off)
 
     def average(self, tolerance: float = 1e-8) -> Average:
         """Each radius becomes its minimum over the phase, refined to rounding; `tolerance` is not needed."""
@@ -106,14 +119,51 @@ class GroupNorm(Dissipation):
 
 
 @dataclass(frozen=True, eq=False)
-class SampledBalls:
-    """Balls at m phases by their radii, shape (m, groups)."""
+class SampledBalls(Rows, Sampled):
+    """Balls in R^size at m phases by their radii, shape (m, groups)."""
 
-    potential: GroupNorm
+    size: int
     radii: Array
 
+    def norms(self, v: Array) -> Array:
+        """Length of each group of each row, shape (..., groups)."""
+        return lengths(v.reshape(*v.shape[:-1], -1, self.size))
+
     def support(self, v: Array) -> Array:
-        return self.radii @ self.potential.norms(v)
+        return (self.radii * self.norms(v)).sum(axis=1)
 
     def excess(self, xi: Array) -> Array:
-        return (self.potential.norms(xi) - self.radii).max(axis=1)
+        return (self.norms(xi) - self.radii).max(axis=1)
+
+    def nearest(self, xi: Array) -> Array:
+        norms = np.broadcast_to(self.norms(xi), self.radii.shape)
+        factor = np.divide(self.radii, norms, out=np.ones(norms.shape), where=norms > self.radii)
+        return np.repeat(factor, self.size, axis=1) * xi
+
+
+@dataclass(frozen=True, eq=False)
+class StretchesOfBalls(Rows, Stretches[SampledBalls]):
+    """Balls on stretches of phases, and how far their radii may be from straight lines."""
+
+    start: SampledBalls
+    end: SampledBalls
+    off_radii: Array
+
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+        # The length of a force that goes straight is convex.
+        norms = self.start.norms
+        beyond = np.maximum(norms(before) - self.start.radii, norms(after) - self.end.radii)
+        return (beyond + self.off_radii + norms(off)).max(axis=1)
+
+
+def onto_balls(x: Array, radii: Array, size: int) -> tuple[Array, Array]:
+    """The projection onto a product of balls in R^size, and a generalised derivative of it."""
+    groups = x.reshape(-1, size)
+    norms = lengths(groups)
+    outside = norms > radii
+    share = np.divide(radii, norms, out=np.ones_like(norms), where=outside)
+    along = np.where(outside[:, None], groups, 0.0) / np.where(norms > 0.0, norms, 1.0)[:, None]
+    slope = np.zeros((len(norms), size, len(norms), size))
+    index = np.arange(len(norms))
+    slope[index, :, index, :] = share[:, None, None] * (np.eye(size) - along[:, :, None] * along[:, None, :])
+    return (share[:, None] * groups).ravel(), slope.reshape(len(x), len(x))

@@ -14,19 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip import expressions as ex
+from stickslip.chords import Chord, deviations, evaluate, table
 from stickslip.errors import DeclarationError
 from stickslip.expressions import Expr
 from stickslip.formulas import Scope
 
 Array = NDArray[np.float64]
 
+NARROW = 2.0**-50  # width of a stretch of phases that is rounding
 SAMPLE_PHASES = tuple((k * 0.6180339887498949) % 1.0 for k in range(8))
-
-NUMPY: dict[str, Callable[[Any], Any]] = {
-    **{name: getattr(np, name) for name in ("exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
-    "asinh": np.arcsinh,
-    "atan": np.arctan,
-}
 
 
 class Varying(ABC):
@@ -38,6 +34,8 @@ class Varying(ABC):
         How errors call it.
     shape : tuple of int
     depends_on_phase : bool
+    bounded : bool
+        Whether it is known at every phase, and not only where it is asked for.
     scale : float
         Largest entry at a few phases.
     """
@@ -45,6 +43,7 @@ class Varying(ABC):
     where: str
     shape: tuple[int, ...]
     depends_on_phase: bool = True
+    bounded: bool = False
     scale: float = 0.0
 
     @property
@@ -73,7 +72,19 @@ class Varying(ABC):
 
     def over(self, phases: Array) -> Array:
         """The arrays at several phases, stacked: shape (m, ...)."""
-        return np.array([self.at(s) for s in phases.tolist()])
+        return np.array([self.at(s) for s in phases.tolist()]).reshape(len(phases), *self.shape)
+
+    def chord(self, low: Array, high: Array) -> Chord:
+        """The array on stretches from `low` to `high`, shape (m,) each, within one period: 0 <= low <= high <= 1.
+
+        The phase 1 is the end of a period, where the array may jump. Deviations are bounds if the array is `bounded`;
+        otherwise they are estimated by twice that in the middle: what a parabola or a kink anywhere would have.
+        """
+        start, middle, end = (
+            np.array([self.checked(self.raw(s), s) for s in phases.tolist()])
+            for phases in (low, 0.5 * (low + high), high)
+        )
+        return Chord(start, end, np.abs(2.0 * middle - start - end))
 
     def checked(self, given: Any, s: float) -> Array:
         """The value as an array of this shape; refuses other shapes, NaN and infinities."""
@@ -117,6 +128,7 @@ class Constant(Varying):
     """An array that is the same at every phase."""
 
     depends_on_phase = False
+    bounded = True
 
     def __init__(self, value: Array, where: str) -> None:
         self.where, self.shape = where, value.shape
@@ -133,12 +145,18 @@ class Constant(Varying):
     def entries(self, index: NDArray[np.intp], phases: Array) -> Array:
         return self.value.ravel()[index]
 
+    def chord(self, low: Array, high: Array) -> Chord:
+        value = np.broadcast_to(self.value, (len(low), *self.shape))
+        return Chord(value, value, np.broadcast_to(0.0, value.shape))
+
     def check(self) -> None:
         """Nothing is left to check."""
 
 
 class Formulas(Varying):
     """An array of formulas in ``s``."""
+
+    bounded = True
 
     def __init__(self, expressions: list[Expr], shape: tuple[int, ...], where: str) -> None:
         self.where, self.shape, self.expressions = where, shape, expressions
@@ -147,12 +165,19 @@ class Formulas(Varying):
         return np.array([float(v) for v in evaluate(self.expressions, s)]).reshape(self.shape)
 
     def over(self, phases: Array) -> Array:
-        columns = evaluate(self.expressions, wrapped(phases))
-        stack = np.column_stack([np.broadcast_to(column, len(phases)) for column in columns])
-        stack = stack.reshape(len(phases), *self.shape)
-        if not np.isfinite(stack).all():
-            return super().over(phases)  # which names the phase
-        return stack
+        return self._at(wrapped(phases))
+
+    def _at(self, phases: Array) -> Array:
+        rows = table(self.expressions, phases)
+        if not np.isfinite(rows).all():
+            k = int(np.argmin(np.isfinite(rows).all(axis=1)))
+            self.checked(rows[k].reshape(self.shape), float(phases[k]))
+        return rows.reshape(len(phases), *self.shape)
+
+    def chord(self, low: Array, high: Array) -> Chord:
+        start, end = self._at(low), self._at(high)
+        rows = (at.reshape(len(low), -1) for at in (start, end))
+        return Chord(start, end, deviations(self.expressions, "s", low, high, *rows).reshape(start.shape))
 
     def entries(self, index: NDArray[np.intp], phases: Array) -> Array:
         values = np.empty(len(index))
@@ -268,34 +293,6 @@ def _read(given: Any, where: str) -> Varying:
     if any(e.symbols for e in expressions):
         return Formulas(expressions, table.shape, where)
     return Constant(np.array([ex.number(e) for e in expressions]).reshape(table.shape), where)
-
-
-def evaluate(expressions: list[Expr], s: Any) -> list[Any]:
-    """Values of expressions in ``s``, for a number or an array of phases; NaN where undefined."""
-    known: dict[Expr, Any] = {}
-    with np.errstate(all="ignore"):
-        for e in ex.walk(expressions):
-            known[e] = _value(e, np.float64(s) if np.ndim(s) == 0 else s, known)
-    return [known[e] for e in expressions]
-
-
-def _value(e: Expr, s: Any, known: dict[Expr, Any]) -> Any:
-    match e.op:
-        case "num":
-            return ex.number(e)
-        case "sym":
-            return s
-        case "sum":
-            return float(e.value) + sum(c * known[term] for term, c in e.terms)
-        case "prod":
-            return math.prod(np.power(known[base], p) for base, p in e.terms)
-        case "pow":
-            return np.power(known[e.args[0]], known[e.args[1]])
-        case "select":
-            guard, above, below = (known[a] for a in e.args)
-            return np.where(guard >= 0.0, above, below)
-        case _:
-            return NUMPY[e.op](known[e.args[0]])
 
 
 def wrapped(s: Any) -> Any:

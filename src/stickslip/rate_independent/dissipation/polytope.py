@@ -10,14 +10,28 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, Sampled
+from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation
 from stickslip.rate_independent.dissipation.phase import SAMPLE_PHASES, Constant, Varying, not_periodic, read, wrapped
-from stickslip.rate_independent.dissipation.weighted_l1 import nonnegative
+from stickslip.rate_independent.dissipation.polytopes import (
+    QHULL_UP_TO,
+    SampledHalfspaces,
+    StretchesOfHalfspaces,
+    StretchesOfHulls,
+    facets,
+    sampled_hulls,
+)
+from stickslip.rate_independent.dissipation.projections import (
+    nearest_and_faces,
+    nearest_in_hull,
+    nearest_in_polyhedron,
+    onto_span,
+    weights_in_hull,
+)
+from stickslip.rate_independent.dissipation.stretches import Sampled, Stretches
+from stickslip.rate_independent.dissipation.weighted_l1 import nonnegative, nonnegative_over
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.averaging.cones import ConeForm
-
-QHULL_UP_TO = 6  # dimension above which the vertices of a polytope are too many
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,17 +108,7 @@ class Polytope(Dissipation):
 
     def facets_at(self, s: float = 0.0) -> tuple[Array, Array] | None:
         """Unit normals and offsets; None where they cannot be told from the vertices."""
-        if self.corners is None:
-            return self.halfspaces_at(s)
-        if not 2 <= self.dimension <= QHULL_UP_TO:
-            return None
-        from scipy.spatial import ConvexHull, QhullError
-
-        try:
-            equations = ConvexHull(self.corners.at(s)).equations
-        except QhullError:  # it is flat
-            return None
-        return equations[:, :-1], -equations[:, -1]
+        return self.halfspaces_at(s) if self.corners is None else facets(self.corners.at(s))
 
     def support(self, v: ArrayLike, s: float = 0.0) -> float:
         v = self.vector(v, "v")
@@ -128,19 +132,28 @@ class Polytope(Dissipation):
         return solve([polyhedron(normals, offsets / size)], v / length)[0] * size
 
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
-        return self._excess(self.vector(xi, "xi"), s, self.facets_at(s))
+        return float(self.sampled(np.array([s])).excess(self.vector(xi, "xi"))[0])
 
-    def _excess(self, xi: Array, s: float, facets: tuple[Array, Array] | None) -> float:
-        return super().excess(xi, s) if facets is None else float((facets[0] @ xi - facets[1]).max())
+    def depth(self, xi: Array, s: float) -> float:
+        """The excess where the facets are not known."""
+        return super().excess(xi, s)
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
         """The nearest point of the polytope by an active set, exact up to rounding."""
-        from stickslip.rate_independent.dissipation.projections import nearest_in_hull, nearest_in_polyhedron
-
         xi, M = self.vector(xi, "xi"), self.metric(metric)
         if self.corners is not None:
             return nearest_in_hull(self.corners.at(s), xi, M)
         return nearest_in_polyhedron(*self.halfspaces_at(s), xi, M)
+
+    def projection(self, xi: Array, s: float = 0.0) -> tuple[Array, Array]:
+        if self.corners is not None:
+            points = self.corners.at(s)
+            held = np.flatnonzero(weights_in_hull(points, xi) > 0.0)
+            face = points[held[1:]] - points[held[0]]
+            return nearest_in_hull(points, xi), onto_span(face)
+        normals, offsets = self.halfspaces_at(s)
+        y, active = nearest_and_faces(normals, offsets, xi)
+        return y, np.eye(self.dimension) - onto_span(normals[active])
 
     def cone_form(self, s: float) -> ConeForm:
         from stickslip.rate_independent.averaging.cones import hull, polyhedron
@@ -155,7 +168,23 @@ class Polytope(Dissipation):
         return average_polytope(self) if isinstance(self.faces, Constant) else Intersection(self, tolerance)
 
     def sampled(self, phases: Array) -> Sampled:
-        return SampledPolytope(self, phases)
+        if self.corners is None:
+            faces, reach = self._given(self.faces).over(phases), nonnegative_over(self._given(self.reach), phases)
+            return SampledHalfspaces(self, phases, faces, reach)
+        return sampled_hulls(self, phases, self.corners.over(phases))
+
+    @property
+    def bounded(self) -> bool:
+        return all(part is None or part.bounded for part in (self.corners, self.faces, self.reach))
+
+    def over(self, low: Array, high: Array) -> Stretches:
+        if self.corners is not None:
+            points = self.corners.chord(low, high)
+            hulls = sampled_hulls(self, low, points.start), sampled_hulls(self, high, points.end)
+            return StretchesOfHulls(*hulls, points.off)
+        N, b = self._given(self.faces).chord(low, high), self._given(self.reach).chord(low, high)
+        ends = SampledHalfspaces(self, low, N.start, b.start), SampledHalfspaces(self, high, N.end, b.end)
+        return StretchesOfHalfspaces(*ends, N.off, b.off)
 
     @cached_property
     def _fixed_vertices(self) -> Array | None:
@@ -204,32 +233,6 @@ class Polytope(Dissipation):
     def _given(self, part: Varying | None) -> Varying:
         assert part is not None
         return part
-
-
-@dataclass(frozen=True, eq=False)
-class SampledPolytope:
-    """A polytope at m phases."""
-
-    potential: Polytope
-    phases: Array
-
-    @cached_property
-    def vertices(self) -> list[Array | None]:
-        """Vertices at each phase, where they are known."""
-        return [self.potential.vertices_at(s) for s in self.phases.tolist()]
-
-    @cached_property
-    def facets(self) -> list[tuple[Array, Array] | None]:
-        """Normals and offsets at each phase, where they are known."""
-        return [self.potential.facets_at(s) for s in self.phases.tolist()]
-
-    def support(self, v: Array) -> Array:
-        known = zip(self.phases.tolist(), self.vertices, strict=True)
-        return np.array([self.potential.support(v, s) if p is None else (p @ v).max() for s, p in known])
-
-    def excess(self, xi: Array) -> Array:
-        known = zip(self.phases.tolist(), self.facets, strict=True)
-        return np.array([self.potential._excess(xi, s, facets) for s, facets in known])
 
 
 def read_table(given: object, where: str) -> Varying:

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, Sampled
+from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation
+from stickslip.rate_independent.dissipation.stretches import Rows, Sampled, Stretches
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.averaging.cones import ConeForm
@@ -66,14 +67,21 @@ class Product(Dissipation):
         return max(factor.excess(part, s) for factor, part in self.split(self.vector(xi, "xi")))
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
-        """The nearest point, factor by factor; in a metric by a cone program refined by Newton."""
-        from stickslip.rate_independent.dissipation.projections import nearest_by_support, nearest_in_cones
+        """The nearest point, factor by factor; in a metric by Newton's method, to rounding."""
+        from stickslip.rate_independent.dissipation.projections import nearest_by_support, nearest_in_metric
 
         xi, M = self.vector(xi, "xi"), self.metric(metric)
         if M is None:
             return np.concatenate([factor.project(part, s) for factor, part in self.split(xi)])
-        known_by_cones = all(factor.cone_form(s) is not None for factor in self.factors)
-        return (nearest_in_cones if known_by_cones else nearest_by_support)(self, xi, s, M)
+        if self.cone_form(s) is None:
+            return nearest_by_support(self, xi, s, M)
+        return nearest_in_metric(lambda x: self.projection(x, s), xi, M)
+
+    def projection(self, xi: Array, s: float = 0.0) -> tuple[Array, Array]:
+        from scipy.linalg import block_diag
+
+        points, slopes = zip(*(factor.projection(part, s) for factor, part in self.split(xi)), strict=True)
+        return np.concatenate(points), np.asarray(block_diag(*slopes))
 
     def cone_form(self, s: float) -> ConeForm | None:
         from stickslip.rate_independent.averaging.cones import product
@@ -89,7 +97,17 @@ class Product(Dissipation):
         return product(forms, [factor.dimension for factor in self.factors])
 
     def sampled(self, phases: Array) -> Sampled:
-        return SampledProduct(self.parts, [factor.sampled(phases) for factor in self.factors])
+        return SampledProduct(self.parts, tuple(factor.sampled(phases) for factor in self.factors))
+
+    @property
+    def bounded(self) -> bool:
+        return all(factor.bounded for factor in self.factors)
+
+    def over(self, low: Array, high: Array) -> Stretches:
+        factors = tuple(factor.over(low, high) for factor in self.factors)
+        start = SampledProduct(self.parts, tuple(factor.start for factor in factors))
+        end = SampledProduct(self.parts, tuple(factor.end for factor in factors))
+        return StretchesOfProducts(self.parts, start, end, factors)
 
     def average(self, tolerance: float = 1e-8) -> Average:
         """The product of the averages."""
@@ -99,14 +117,34 @@ class Product(Dissipation):
 
 
 @dataclass(frozen=True, eq=False)
-class SampledProduct:
+class SampledProduct(Rows, Sampled):
     """A product at m phases."""
 
     parts: list[slice]
-    factors: list[Sampled]
+    factors: tuple[Sampled, ...]
+
+    def _each(self, x: Array) -> Iterator[tuple[Sampled, Array]]:
+        return zip(self.factors, (x[..., part] for part in self.parts), strict=True)
 
     def support(self, v: Array) -> Array:
-        return np.sum([factor.support(v[part]) for factor, part in zip(self.factors, self.parts, strict=True)], axis=0)
+        return np.sum([factor.support(part) for factor, part in self._each(v)], axis=0)
 
     def excess(self, xi: Array) -> Array:
-        return np.max([factor.excess(xi[part]) for factor, part in zip(self.factors, self.parts, strict=True)], axis=0)
+        return np.max([factor.excess(part) for factor, part in self._each(xi)], axis=0)
+
+    def nearest(self, xi: Array) -> Array:
+        return np.concatenate([factor.nearest(part) for factor, part in self._each(xi)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class StretchesOfProducts(Rows, Stretches[SampledProduct]):
+    """A product on stretches of phases."""
+
+    parts: list[slice]
+    start: SampledProduct
+    end: SampledProduct
+    factors: tuple[Stretches, ...]
+
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+        own = zip(self.factors, self.parts, strict=True)
+        return np.max([f.outside(before[:, p], after[:, p], off[:, p], enough)[2] for f, p in own], axis=0)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,11 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.dissipation.base import Dissipation
 
 Array = NDArray[np.float64]
+Projection = Callable[[Array], tuple[Array, Array]]
+DAMPED = 0.95  # part of the longest admissible gradient step
+MOST_NEWTON, MOST_IDLE = 500, 40  # steps in all, and without progress
+SHORTEST_SHARE = 2.0**-12  # of a Newton step
+ENOUGH = 1e-11
 BLOCK_TRIALS = 3  # exchanges of whole blocks without progress before one index at a time is exchanged
 
 
@@ -60,60 +66,84 @@ def nearest_in_box(M: Array, xi: Array, lower: Array, upper: Array) -> Array:
 
 
 def nearest_in_ellipsoid(root: Array, xi: Array, M: Array | None = None) -> Array:
-    """The y in {root u : |u| ≤ 1} with the least ½⟨M(ξ − y), ξ − y⟩; `root` has full column rank.
-
-    u = (B + λ)⁻¹ rootᵀMξ with B = rootᵀ M root; 1/|u| is concave and increasing in λ, so that Newton's method for
-    1/|u| = 1 from λ = 0 goes up to the root and not beyond.
-    """
+    """The y in {root u : |u| ≤ 1} with the least ½⟨M(ξ − y), ξ − y⟩; `root` has full column rank."""
     if root.shape[1] == 0:
         return np.zeros_like(xi)
     pulled = root if M is None else M @ root
     eigenvalues, Q = np.linalg.eigh(root.T @ pulled)
-    load = Q.T @ (pulled.T @ xi)
-    u, multiplier = load / eigenvalues, 0.0
-    if np.linalg.norm(u) <= 1.0:
+    ((u,), (multiplier,)) = secular((Q.T @ (pulled.T @ xi))[None], eigenvalues[None])
+    if multiplier == 0.0:
         return xi.copy() if root.shape[0] == root.shape[1] else root @ (Q @ u)
-    for _ in range(100):
-        length = np.linalg.norm(u)
-        step = (length - 1.0) * length**2 / float(u @ (u / (eigenvalues + multiplier)))
-        if step <= 1e-16 * multiplier:
-            break
-        multiplier += step
-        u = load / (eigenvalues + multiplier)
-        if abs(np.linalg.norm(u) - 1.0) <= 2e-16:
-            break
     return root @ (Q @ (u / np.linalg.norm(u)))
 
 
-def nearest_in_hull(points: Array, xi: Array, M: Array | None = None) -> Array:
-    """The point of the convex hull of the rows of `points`, shape (k, n), nearest to ξ, by an active set.
+def secular(load: Array, eigenvalues: Array) -> tuple[Array, Array]:
+    """u = (B + λ)⁻¹ load with the least λ ≥ 0 for which |u| ≤ 1, and that λ; row by row, B diagonal, shapes (m, k).
 
-    The nonnegative u with the least |Σ u_j (p_j − ξ)|² + (Σ u_j − 1)² has the weights of the nearest point, up to a
-    factor (C. L. Lawson and R. J. Hanson, *Solving Least Squares Problems*, 1974, chapter 23).
+    1/|u| is concave and increasing in λ, so that Newton's method for 1/|u| = 1 from λ = 0 goes up to the root and not
+    beyond. A component without load has none of u.
+    """
+    eigenvalues, multiplier = np.where(load != 0.0, eigenvalues, 1.0), np.zeros(len(load))
+    u = load / eigenvalues
+    open_ = np.flatnonzero(np.square(u).sum(axis=1) > 1.0)
+    for _ in range(100):
+        if not len(open_):
+            break
+        shifted = eigenvalues[open_] + multiplier[open_, None]
+        u[open_] = v = load[open_] / shifted
+        square = np.square(v).sum(axis=1)
+        length = np.sqrt(square)
+        step = (length - 1.0) * square / (np.square(v) / shifted).sum(axis=1)
+        multiplier[open_] += np.maximum(step, 0.0)
+        open_ = open_[(step > 1e-16 * multiplier[open_]) & (length - 1.0 > 2e-16)]
+    return u, multiplier
+
+
+def nearest_in_hull(points: Array, xi: Array, M: Array | None = None) -> Array:
+    """The point of the convex hull of the rows of `points`, shape (k, n), nearest to ξ, by an active set."""
+    weights = weights_in_hull(points, xi, M)
+    base, *others = np.flatnonzero(weights)
+    # Once more, on the face that was found, with all digits.
+    if others:
+        rest = points - xi if M is None else (points - xi) @ np.linalg.cholesky(M)
+        share = np.linalg.lstsq((rest[others] - rest[base]).T, -rest[base], rcond=None)[0]
+        if share.min() >= 0 and share.sum() <= 1:
+            return points[base] + share @ (points[others] - points[base])
+    return weights @ points
+
+
+def weights_in_hull(points: Array, xi: Array, M: Array | None = None) -> Array:
+    """Weights of the nearest point, shape (k,): nonnegative, with the sum 1, at most n + 1 of them positive.
+
+    The nonnegative u with the least |Σ u_j (p_j − ξ)|² + (Σ u_j − 1)² has them, up to a factor (C. L. Lawson and
+    R. J. Hanson, *Solving Least Squares Problems*, 1974, chapter 23).
     """
     rest = points - xi
     if M is not None:
         rest = rest @ np.linalg.cholesky(M)
     size = np.linalg.norm(rest, axis=1).max()
     if size == 0.0:
-        return xi.copy()
+        return np.eye(len(points))[0]
     weights = nonnegative_least_squares(np.vstack([rest.T / size, np.ones(len(rest))]))
-    active = weights > 0
-    base, *others = np.flatnonzero(active)
-    # Once more, on the face that was found, with all digits.
-    if others:
-        share = np.linalg.lstsq((rest[others] - rest[base]).T, -rest[base], rcond=None)[0]
-        if share.min() >= 0 and share.sum() <= 1:
-            return points[base] + share @ (points[others] - points[base])
-    return weights / weights.sum() @ points
+    return weights / weights.sum()
 
 
 def nearest_in_polyhedron(normals: Array, offsets: Array, xi: Array, M: Array | None = None) -> Array:
-    """The y with normals y ≤ offsets nearest to ξ, by the least distance program of Lawson and Hanson, chapter 23."""
+    """The y with normals y ≤ offsets nearest to ξ."""
+    return nearest_and_faces(normals, offsets, xi, M)[0]
+
+
+def nearest_and_faces(
+    normals: Array, offsets: Array, xi: Array, M: Array | None = None
+) -> tuple[Array, NDArray[np.bool_]]:
+    """The y with normals y ≤ offsets nearest to ξ, and which faces hold it.
+
+    By the least distance program of Lawson and Hanson, chapter 23.
+    """
     beyond = normals @ xi - offsets
     worst = beyond.max()
     if worst <= 0:
-        return xi.copy()
+        return xi.copy(), np.zeros(len(offsets), bool)
     G = -normals if M is None else -np.linalg.solve(np.linalg.cholesky(M), normals.T).T
     rows = np.column_stack([G, beyond / worst])
     rows /= np.linalg.norm(rows, axis=1)[:, None]
@@ -125,7 +155,16 @@ def nearest_in_polyhedron(normals: Array, offsets: Array, xi: Array, M: Array | 
     left = float((normals @ y - offsets).max())
     if not left <= 1e-9 * max(worst, float(np.abs(offsets).max())):
         raise ConvergenceError("projection onto a polytope", f"the point found is still {left:.3g} outside")
-    return y
+    return y, active
+
+
+def onto_span(rows: Array) -> Array:
+    """The orthogonal projection onto the span of vectors, shape (k, n), as a matrix."""
+    if not len(rows):
+        return np.zeros((rows.shape[1], rows.shape[1]))
+    _, sizes, basis = np.linalg.svd(rows, full_matrices=False)
+    basis = basis[sizes > 1e-12 * sizes.max(initial=0.0)]
+    return basis.T @ basis
 
 
 def nonnegative_least_squares(E: Array) -> Array:
@@ -138,46 +177,76 @@ def nonnegative_least_squares(E: Array) -> Array:
         raise ConvergenceError("projection onto a polytope", f"the active set did not settle ({error})") from None
 
 
-def nearest_in_cones(dissipation: Dissipation, xi: Array, s: float, M: Array) -> Array:
-    """The point of K(s) nearest to ξ in a metric: a cone program, refined by Newton's method.
+def nearest_in_metric(project: Projection, xi: Array, M: Array, start: Array | None = None) -> Array:
+    """The point of a convex set nearest to ξ in a metric, from its Euclidean projection, to rounding.
 
-    y is nearest if it is the Euclidean projection of y + τM(ξ − y). The derivative of the projection is taken by
-    differences, so that each step gains some seven digits.
+    y is nearest if it is the projection of y − γM(y − ξ). That is solved by semismooth Newton steps; since M is
+    positive definite, they converge quadratically from nearby even where the projection has a kink. From afar they are
+    kept on their way by the forward-backward envelope, a function with the same minimiser that a projected gradient
+    step always decreases: a step is shortened until it decreases it, too, and replaced by that one if it never does
+    (P. Patrinos, L. Stella and A. Bemporad, *Forward-backward truncated Newton methods for convex composite
+    optimization*, 2014).
+
+    Parameters
+    ----------
+    project : callable
+        Point of shape (n,) -> its projection, and a generalised derivative of that, shape (n, n).
+    xi : ndarray of shape (n,)
+    M : ndarray of shape (n, n)
+    start : ndarray of shape (n,), optional
+        By default the Euclidean projection of ξ.
 
     Raises
     ------
     ConvergenceError
-        If the residual stays above 1e-10 times the size of ξ.
+        If the residual stays above 1e-11 times the size of ξ and y.
     """
-    from stickslip.rate_independent.averaging.cones import solve
+    step, identity = DAMPED / float(np.linalg.eigvalsh(M)[-1]), np.eye(len(xi))
 
-    size, tau = float(np.abs(xi).max()), 1.0 / float(np.linalg.eigvalsh(M)[-1])
-    if size == 0.0 or dissipation.distance(xi, s) == 0.0:
-        return xi.copy()
-    form = dissipation.outer_form(s, xi).scaled(1.0 / size)
-    y = dissipation.project(solve([form], tau * (M @ xi) / size, tau * M)[0] * size, s)
-    best, residual = y, np.inf
-    for _ in range(20):
-        target = y + tau * (M @ (xi - y))
-        image = dissipation.project(target, s)
-        if (reached := float(np.linalg.norm(y - image))) >= 0.5 * residual:
+    def at(y: Array) -> Iterate:
+        pull = M @ (y - xi)
+        image, slope = project(y - step * pull)
+        rest = image - y
+        envelope = 0.5 * float(pull @ (y - xi)) + float(pull @ rest) + 0.5 * float(rest @ rest) / step
+        return Iterate(y, image, slope, float(np.linalg.norm(rest)), envelope)
+
+    now = at(project(xi)[0] if start is None else start)
+    best, idle = now, 0
+    for _ in range(MOST_NEWTON):
+        size = float(np.linalg.norm(xi)) + float(np.linalg.norm(now.image))
+        if now.residual <= 1e-16 * size or idle >= MOST_IDLE:
             break
-        best, residual = image, reached
-        slope = _slope(dissipation, target, image, s, 1e-7 * size)
-        y = y - np.linalg.solve(np.eye(len(xi)) - slope @ (np.eye(len(xi)) - tau * M), y - image)
-    if not residual <= 1e-10 * size:
+        newton = np.linalg.solve(identity - now.slope @ (identity - step * M), now.image - now.y)
+        share, ahead = 1.0, at(now.y + newton)
+        while not (ahead.residual <= 0.5 * now.residual or ahead.envelope < now.envelope) and share > SHORTEST_SHARE:
+            share *= 0.5
+            ahead = at(now.y + share * newton)
+        if not (ahead.residual < now.residual or ahead.envelope < now.envelope):
+            ahead = at(now.image)
+        idle = 0 if ahead.residual < 0.9 * best.residual else idle + 1
+        now, best = ahead, min(best, ahead, key=lambda iterate: iterate.residual)
+    if not best.residual <= ENOUGH * (float(np.linalg.norm(xi)) + float(np.linalg.norm(best.image))):
         raise ConvergenceError(
             "projection in a metric",
-            f"the residual stays at {residual / size:.3g} of the size of xi",
+            f"the residual stays at {best.residual:.3g} for a force of {float(np.linalg.norm(xi)):.3g}",
             "The metric is too ill-conditioned",
         )
-    return best
+    return best.image
 
 
-def _slope(dissipation: Dissipation, target: Array, image: Array, s: float, h: float) -> Array:
-    """Derivative of the Euclidean projection, column by column."""
-    shifts = h * np.eye(len(target))
-    return np.column_stack([(dissipation.project(target + shift, s) - image) / h for shift in shifts])
+class Iterate(NamedTuple):
+    """A point, the projection of its gradient step with its derivative, their distance, and the envelope."""
+
+    y: Array
+    image: Array
+    slope: Array
+    residual: float
+    envelope: float
+
+
+def slope_by_differences(project: Callable[[Array], Array], x: Array, image: Array, h: float) -> Array:
+    """Derivative of a projection, column by column."""
+    return np.column_stack([(project(x + shift) - image) / h for shift in h * np.eye(len(x))])
 
 
 def nearest_by_support(

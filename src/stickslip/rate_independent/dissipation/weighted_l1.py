@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, Sampled
+from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation
 from stickslip.rate_independent.dissipation.phase import Varying, read, wrapped
+from stickslip.rate_independent.dissipation.stretches import Rows, Sampled, Stretches
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.averaging.cones import ConeForm
@@ -89,6 +90,10 @@ class WeightedL1(Dissipation):
         xi, (lower, upper), M = self.vector(xi, "xi"), self.bounds(s), self.metric(metric)
         return np.clip(xi, lower, upper) if M is None else nearest_in_box(M, xi, lower, upper)
 
+    def projection(self, xi: Array, s: float = 0.0) -> tuple[Array, Array]:
+        lower, upper = self.bounds(s)
+        return np.clip(xi, lower, upper), np.diag(((lower < xi) & (xi < upper)).astype(float))
+
     def cone_form(self, s: float) -> ConeForm:
         from stickslip.rate_independent.averaging.cones import polyhedron
 
@@ -99,6 +104,16 @@ class WeightedL1(Dissipation):
         upper = nonnegative_over(self.above, phases)
         return SampledBoxes(-(upper if self.below is self.above else nonnegative_over(self.below, phases)), upper)
 
+    @property
+    def bounded(self) -> bool:
+        return self.above.bounded and self.below.bounded
+
+    def over(self, low: Array, high: Array) -> Stretches:
+        above = self.above.chord(low, high)
+        below = above if self.below is self.above else self.below.chord(low, high)
+        start, end = SampledBoxes(-below.start, above.start), SampledBoxes(-below.end, above.end)
+        return StretchesOfBoxes(start, end, below.off, above.off)
+
     def average(self, tolerance: float = 1e-8) -> Average:
         """Each weight becomes its minimum over the phase, refined to rounding; `tolerance` is not needed."""
         from stickslip.rate_independent.averaging.closed_forms import average_weighted_l1
@@ -107,7 +122,7 @@ class WeightedL1(Dissipation):
 
 
 @dataclass(frozen=True, eq=False)
-class SampledBoxes:
+class SampledBoxes(Rows, Sampled):
     """Boxes at m phases by their ends, shape (m, n)."""
 
     lower: Array
@@ -118,6 +133,24 @@ class SampledBoxes:
 
     def excess(self, xi: Array) -> Array:
         return np.maximum(self.lower - xi, xi - self.upper).max(axis=1)
+
+    def nearest(self, xi: Array) -> Array:
+        return np.clip(xi, self.lower, self.upper)
+
+
+@dataclass(frozen=True, eq=False)
+class StretchesOfBoxes(Rows, Stretches[SampledBoxes]):
+    """Boxes on stretches of phases, and how far their faces may be from straight lines."""
+
+    start: SampledBoxes
+    end: SampledBoxes
+    off_lower: Array
+    off_upper: Array
+
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+        above = np.maximum(before - self.start.upper, after - self.end.upper) + self.off_upper
+        below = np.maximum(self.start.lower - before, self.end.lower - after) + self.off_lower
+        return (np.maximum(above, below) + off).max(axis=1)
 
 
 def read_weights(given: object, where: str) -> Varying:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.evolution import Evolution
 
 Array = np.ndarray
-SMALL = 800  # rows up to which a sparse matrix is treated as a dense one
+SMALL, SMALL_GROUPS = 800, 100  # rows up to which a sparse matrix is treated as a dense one
 BLOCK = 20_000  # numbers in one array of a block of multigrid steps
 DENSE = 4000  # rows up to which one may be
 
@@ -36,7 +36,7 @@ def choose_solver(problem: Evolution, name: str | None, tolerance: float) -> Ste
     ----------
     problem : Evolution
     name : {None, "dense", "multigrid"}
-        None: multigrid for GroupNorm, and for WeightedL1 with a sparse A of more than 800 rows; otherwise dense.
+        None: multigrid for WeightedL1 and GroupNorm with a sparse A of more than 800 and 100 rows; otherwise dense.
     tolerance : float
         KKT residual relative to the largest weight.
 
@@ -50,18 +50,19 @@ def choose_solver(problem: Evolution, name: str | None, tolerance: float) -> Ste
     A, psi = problem.A, problem.dissipation
     boxes, groups = isinstance(psi, WeightedL1), isinstance(psi, GroupNorm)
     if name is None:
-        name = "multigrid" if groups or (boxes and sparse.issparse(A) and problem.n > SMALL) else "dense"
+        many = problem.n > (SMALL if boxes else SMALL_GROUPS)
+        name = "multigrid" if (boxes or groups) and sparse.issparse(A) and many else "dense"
     if name == "multigrid" and isinstance(psi, WeightedL1 | GroupNorm):
         return MultigridSteps(sparse.csr_array(A), psi, tolerance)
-    if name != "dense" or groups:
-        able = "dense or multigrid" if boxes else "multigrid" if groups else "dense"
+    if name != "dense":
+        able = "dense or multigrid" if boxes or groups else "dense"
         raise DeclarationError("solver", f"{name!r} cannot treat {type(psi).__name__}", f"Use {able}")
     if problem.n > DENSE:
         raise DeclarationError(
             "A", f"{problem.n} rows are too many for the dense solver", "Use a sparse A with WeightedL1 or GroupNorm"
         )
     dense = A.toarray() if sparse.issparse(A) else A
-    return BoxSteps(dense) if boxes else ProjectionSteps(dense, psi)
+    return BoxSteps(dense) if boxes else ProjectionSteps(dense)
 
 
 class MultigridSteps:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stickslip.rate_independent.dissipation import Dissipation
-from stickslip.rate_independent.stable_sets import Boxes, ConvexSets
+from stickslip.rate_independent.stable_sets import Boxes, ConvexSets, Discs
 
 Array = np.ndarray
 ROUNDING = 1e-14  # of a force, relative to the largest of its parts
@@ -39,29 +38,50 @@ class BoxSteps:
 
 
 class ProjectionSteps:
-    """Any potential whose K(s) is not a product, by its own projection in the metric of A⁻¹, which is made once.
+    """Any other potential, by the projection of forces onto K(s) in the metric of A⁻¹, which is made once.
 
     Parameters
     ----------
     A : array, shape (n, n)
-    dissipation : Dissipation
     """
 
-    def __init__(self, A: Array, dissipation: Dissipation) -> None:
+    def __init__(self, A: Array) -> None:
         from scipy.linalg import cho_factor, cho_solve
 
-        self.A, self.dissipation, self.block = A, dissipation, 64
-        inverse = cho_solve(cho_factor(A), np.eye(len(A)))
+        self.A, self.block = A, 64
+        self.factor = cho_factor(A)
+        inverse = cho_solve(self.factor, np.eye(len(A)))
         self.metric = (inverse + inverse.T) / 2.0
 
-    def advance(self, z: Array, loads: Array, sets: ConvexSets) -> tuple[Array, Array]:
+    def advance(self, z: Array, loads: Array, sets: ConvexSets | Discs) -> tuple[Array, Array]:
         """States after each load, and 1 for each step that moved."""
         states, effort, size = np.empty_like(loads), np.zeros(len(loads), np.int64), float(sets.size()[0])
-        for k, (load, s) in enumerate(zip(loads, np.broadcast_to(sets.phases, len(loads)).tolist(), strict=True)):
-            elastic = self.A @ z
+        for k, load in enumerate(loads):
+            elastic, row = self.A @ z, sets.row(k)
             force, noise = load - elastic, ROUNDING * (np.abs(load).max() + np.abs(elastic).max() + size)
-            if self.dissipation.distance(force, s) > noise:
-                z = z + self.metric @ (force - self.dissipation.project(force, s, self.metric))
-                effort[k] = 1
+            if row.excess(force[None])[0] > noise:
+                held, effort[k] = row.nearest(force, self.metric), 1
+                z = z + self._increment(force - held, held, row, noise)
             states[k] = z
         return states, effort
+
+    def _increment(self, pull: Array, held: Array, row: ConvexSets | Discs, noise: float) -> Array:
+        """The d with A d = pull, where what is free to rest rests and is not moved by rounding.
+
+        It is sought by itself, not as a difference of states: its direction decides whether it suits the force.
+        """
+        from scipy.linalg import cho_solve, solve
+
+        free = row.sliding(held)
+        while free.any():
+            d, own = np.zeros_like(pull), np.ix_(free, free)
+            for _ in range(2):  # the second time for what rounding has left
+                rest = pull - self.A @ d
+                d[free] += (
+                    cho_solve(self.factor, rest) if free.all() else solve(self.A[own], rest[free], assume_a="pos")
+                )
+            still = row.still(d * np.diag(self.A), noise) & free
+            if not still.any():
+                return d
+            free &= ~still
+        return np.zeros_like(pull)

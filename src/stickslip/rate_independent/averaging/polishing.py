@@ -1,0 +1,146 @@
+"""The last digits of a semi-infinite program: Newton's method for a force, what holds it, and when."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from stickslip.rate_independent.dissipation.base import Array, Dissipation
+from stickslip.rate_independent.dissipation.phase import wrapped
+
+STEP, STEP_OF_PHASES = 1e-6, 1e-3  # of differences in Newton's method
+WIDEST = 2e-3  # differences of phases
+SHIFTS = np.array([-1.0, -0.5, 0.5, 1.0])
+DIFFERENCE = np.array([1.0, -8.0, 8.0, -1.0]) / 6.0  # derivative of fourth order from the values at SHIFTS
+MOST_ITERATIONS = 12
+SMALL = 1e-8  # a Newton step after which none is needed
+SHARES = (1.0, 0.5, 0.25, 0.1)  # of a step that are tried
+SLOW = 1e-8  # below this, what falls slowly is rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """A force ξ and what holds it: motions v_k at phases s_k.
+
+    Attributes
+    ----------
+    violation : float
+        How far ξ was seen to lie outside any K(s).
+    bound : float
+        It lies no farther outside at any phase.
+    violated : sequence of float
+        Phases at which it lies outside, the worst first.
+    """
+
+    xi: Array
+    phases: Array
+    motions: Array
+    violation: float = np.inf
+    bound: float = np.inf
+    violated: Sequence[float] = ()
+
+    @cached_property
+    def moved(self) -> Array:
+        """The sum of the motions."""
+        return self.motions.sum(axis=0)
+
+    def balanced(self, c: Array, Q: Array | None) -> Held:
+        """With motions whose sum is exactly c − Qξ: the largest one takes what is left."""
+        motions = self.motions.copy()
+        rest = c - motions.sum(axis=0) - (0.0 if Q is None else Q @ self.xi)
+        motions[int(np.linalg.norm(motions, axis=1).argmax())] += rest
+        return replace(self, motions=motions)
+
+    def merged(self, within: float) -> Held:
+        """With phases that are closer than that to the next one made one: a double root would stop Newton's method."""
+        order = np.argsort(self.phases)
+        phases, motions = self.phases[order], self.motions[order]
+        pieces = np.split(np.arange(len(phases)), np.flatnonzero(np.diff(phases) > within) + 1)
+        if len(pieces) == len(phases):
+            return self
+        sums = np.array([motions[piece].sum(axis=0) for piece in pieces])
+        weights = np.linalg.norm(motions, axis=1) + np.finfo(float).tiny
+        means = [float(np.average(phases[piece], weights=weights[piece])) for piece in pieces]
+        return replace(self, phases=np.array(means), motions=sums)
+
+    def gap(self, source: Dissipation) -> float:
+        """Duality gap: what the motions cost, less what the force does on them."""
+        cost = float(source.sampled(self.phases).support(self.motions).sum())
+        lengths = float(np.linalg.norm(self.motions, axis=1).sum())
+        return cost - float((self.motions @ self.xi).sum()) + self.violation * lengths
+
+
+def refined(source: Dissipation, held: Held, c: Array, Q: Array | None, size: float, scales: Array) -> Held:
+    """Newton's method for ξ, v_k and s_k at once, from close to the solution.
+
+    Qξ + Σ v_k = c, v_k is normal to K(s_k) at ξ, and s_k is stationary for the distance of ξ + v_k from K(s), whose
+    square is differentiable in s even where Ψ(s, v_k) has a kink. Derivatives are differences, in s no wider than half
+    of what K(s) changes on, `scales`, shape (k,).
+    """
+    n, k = len(c), len(held.phases)
+    length = float(np.linalg.norm(held.motions, axis=1).max())
+    curvature = np.zeros((n, n)) if Q is None else Q * (size / length)
+    widths = np.minimum(WIDEST, 0.5 * scales)
+    steps = np.column_stack([np.full((k, n), STEP), STEP_OF_PHASES * widths])
+    moves = np.concatenate([np.zeros((k, 1, n + 1)), steps[:, None] * np.eye(n + 1)], axis=1)
+
+    def at(x: Array, contacts: Array) -> tuple[float, Array, Array]:
+        """What is left of the equations, and where every contact touches, also with each of its unknowns moved."""
+        points = contacts[:, None, :] + moves + np.append(x, 0.0)
+        touch = _touched(source, points.reshape(-1, n + 1), np.repeat(widths, n + 2), size).reshape(points.shape)
+        rest = np.append(x - touch[:, 0, :n], touch[:, 0, n:], axis=1)
+        rest = np.append(curvature @ x + contacts[:, :n].sum(axis=0) - c / length, rest)
+        return float(np.linalg.norm(rest)), rest, touch
+
+    # Unknowns: ξ in units of size, and for each phase v_k in units of length and s_k.
+    x, contacts = held.xi / size, np.column_stack([held.motions / length, held.phases])
+    off, rest, touch = at(x, contacts)
+    for _ in range(MOST_ITERATIONS):
+        step = np.linalg.lstsq(
+            _jacobian(curvature, (touch[:, 1:] - touch[:, :1]) / steps[:, :, None]), rest, rcond=1e-10
+        )[0]
+        to_x, to_contacts = step[:n], step[n:].reshape(k, n + 1)
+        if float(np.abs(step).max()) <= SMALL:  # the next one would be rounding
+            x, contacts = x - to_x, contacts - to_contacts
+            break
+        for share in SHARES:
+            ahead = at(x - share * to_x, contacts - share * to_contacts)
+            if ahead[0] < off:
+                break
+        else:
+            break
+        x, contacts = x - share * to_x, contacts - share * to_contacts
+        slow = ahead[0] > 0.5 * off and off < SLOW
+        off, rest, touch = ahead
+        if slow:
+            break
+    return Held(x * size, wrapped(contacts[:, n]), contacts[:, :n] * length)
+
+
+def _jacobian(curvature: Array, changes: Array) -> Array:
+    """Derivatives of the equations, from those of where contacts touch: (k, unknown, result)."""
+    n, k = len(curvature), len(changes)
+    jacobian = np.zeros((n + k * (n + 1), n + k * (n + 1)))
+    jacobian[:n, :n] = curvature
+    for i, change in enumerate(changes):
+        slope = change.T.copy()
+        slope[:n] *= -1.0
+        own = slice(n + i * (n + 1), n + (i + 1) * (n + 1))
+        jacobian[own, own], jacobian[own, :n] = slope, slope[:, :n] + np.eye(n + 1, n)
+        jacobian[:n, own] = np.eye(n, n + 1)
+    return jacobian
+
+
+def _touched(source: Dissipation, points: Array, widths: Array, size: float) -> Array:
+    """Points of K(s) nearest to points beyond it, and the slopes of half the squared distances in s.
+
+    A row holds a point, in units of the size, and its phase.
+    """
+    phases = points[:, -1:] + widths[:, None] * np.append(0.0, SHIFTS)
+    rows = np.repeat(points[:, :-1], phases.shape[1], axis=0)
+    nearest = source.sampled(phases.ravel()).nearest(size * rows) / size
+    squares = 0.5 * np.square(rows - nearest).sum(axis=1).reshape(phases.shape)
+    return np.column_stack([nearest[:: phases.shape[1]], squares[:, 1:] @ DIFFERENCE / widths])

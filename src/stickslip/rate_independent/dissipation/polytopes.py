@@ -1,0 +1,188 @@
+"""Polytopes at many phases and between them: half-spaces, and convex hulls of points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.rate_independent.dissipation.projections import nearest_in_hull, nearest_in_polyhedron, weights_in_hull
+from stickslip.rate_independent.dissipation.stretches import Array, Rows, Sampled, Stretches, lengths
+
+if TYPE_CHECKING:
+    from stickslip.rate_independent.dissipation.polytope import Polytope
+
+QHULL_UP_TO = 6  # dimension above which the vertices of a polytope are too many
+ROUNDING = 1e-14  # of a distance, relative to the size of the numbers it comes from
+
+
+def facets(points: Array) -> tuple[Array, Array] | None:
+    """Unit normals and offsets of the facets of a convex hull; None where they are too many, or the hull is flat."""
+    if points.shape[1] == 1:
+        return np.array([[1.0], [-1.0]]), np.array([points.max(), -points.min()])
+    if points.shape[1] > QHULL_UP_TO:
+        return None
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        equations = ConvexHull(points).equations
+    except QhullError:
+        return None
+    return equations[:, :-1], -equations[:, -1]
+
+
+@dataclass(frozen=True, eq=False)
+class SampledHalfspaces(Rows, Sampled):
+    """{ξ : normals ξ ≤ offsets} at m phases, shapes (m, k, n) and (m, k)."""
+
+    potential: Polytope
+    phases: Array
+    normals: Array
+    offsets: Array
+
+    @cached_property
+    def sizes(self) -> Array:
+        """Lengths of the normals, shape (m, k)."""
+        return lengths(self.normals)
+
+    def support(self, v: Array) -> Array:
+        v = np.broadcast_to(v, (len(self.phases), v.shape[-1]))
+        return np.array([self.potential.support(row, s) for row, s in zip(v, self.phases.tolist(), strict=True)])
+
+    def beyond(self, xi: Array) -> Array:
+        """normals ξ − offsets, shape (m, k)."""
+        return np.einsum("mkn,...n->mk" if xi.ndim == 1 else "mkn,mn->mk", self.normals, xi) - self.offsets
+
+    def excess(self, xi: Array) -> Array:
+        """The distance from the half-spaces, which may be less than that from what they have in common."""
+        return (self.beyond(xi) / self.sizes).max(axis=1)
+
+    def nearest(self, xi: Array) -> Array:
+        return np.array(
+            [self._nearest(row, k) for k, row in enumerate(np.broadcast_to(xi, (len(self.phases), xi.shape[-1])))]
+        )
+
+    def _nearest(self, xi: Array, k: int) -> Array:
+        return nearest_in_polyhedron(self.normals[k] / self.sizes[k][:, None], self.offsets[k] / self.sizes[k], xi)
+
+
+@dataclass(frozen=True, eq=False)
+class StretchesOfHalfspaces(Rows, Stretches[SampledHalfspaces]):
+    """Half-spaces on stretches of phases, and how far normals and offsets may be from straight lines."""
+
+    start: SampledHalfspaces
+    end: SampledHalfspaces
+    off_normals: Array
+    off_offsets: Array
+
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+        N, M = self.start.normals, self.end.normals
+        # The product of two straight lines is off by a quarter of the product of their rises.
+        bent = np.abs(np.einsum("mkn,mn->mk", M - N, after - before)) / 4.0
+        bent += np.einsum("mkn,mn->mk", self.off_normals, np.maximum(np.abs(before), np.abs(after)))
+        bent += np.einsum("mkn,mn->mk", np.maximum(np.abs(N), np.abs(M)) + self.off_normals, off)
+        beyond = np.maximum(self.start.beyond(before), self.end.beyond(after)) + bent + self.off_offsets
+        # The length of a normal on the way: at least what it has along the mean of both ends.
+        mean = (N + M) / np.maximum(lengths(N + M), np.finfo(float).tiny)[:, :, None]
+        moved = lengths(self.off_normals)
+        short = np.minimum(np.einsum("mkn,mkn->mk", N, mean), np.einsum("mkn,mkn->mk", M, mean)) - moved
+        long = np.maximum(self.start.sizes, self.end.sizes) + moved
+        with np.errstate(divide="ignore"):
+            out = np.where(beyond > 0.0, beyond / np.maximum(short, 0.0), beyond / long)
+        return np.maximum(ends, out.max(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class SampledHulls(Rows, Sampled):
+    """Convex hulls of points (m, k, n) at m phases, and their facets where they are `known`, as often as needed."""
+
+    potential: Polytope
+    phases: Array
+    points: Array
+    known: NDArray[np.bool_]
+    normals: Array
+    offsets: Array
+
+    def joined(self, more: Any) -> Self:
+        most = max(self.offsets.shape[1], more.offsets.shape[1])
+        return super(SampledHulls, self._padded(most)).joined(more._padded(most))
+
+    def _padded(self, count: int) -> Self:
+        index = np.arange(count) % self.offsets.shape[1]
+        return replace(self, normals=self.normals[:, index], offsets=self.offsets[:, index])
+
+    def support(self, v: Array) -> Array:
+        return np.einsum("mkn,...n->mk" if v.ndim == 1 else "mkn,mn->mk", self.points, v).max(axis=1)
+
+    def excess(self, xi: Array) -> Array:
+        rows = np.broadcast_to(xi, (len(self.phases), xi.shape[-1]))
+        excess = (np.einsum("mfn,mn->mf", self.normals, rows) - self.offsets).max(axis=1)
+        for k in np.flatnonzero(~self.known):
+            excess[k] = self.potential.depth(rows[k], float(self.phases[k]))
+        # What lies outside of facets by more than rounding is farther away behind a sharp corner.
+        for k in np.flatnonzero(excess > ROUNDING * np.abs(rows).max(axis=1)):
+            excess[k] = max(excess[k], float(np.linalg.norm(rows[k] - self._nearest(rows[k], int(k)))))
+        return excess
+
+    def nearest(self, xi: Array) -> Array:
+        return np.array(
+            [self._nearest(row, k) for k, row in enumerate(np.broadcast_to(xi, (len(self.phases), xi.shape[-1])))]
+        )
+
+    def _nearest(self, xi: Array, k: int) -> Array:
+        return nearest_in_hull(self.points[k], xi)
+
+
+def sampled_hulls(potential: Polytope, phases: Array, points: Array) -> SampledHulls:
+    """Hulls of points at m phases, shape (m, k, n)."""
+    found = [facets(corners) for corners in points]
+    most = max((len(f[1]) for f in found if f is not None), default=1)
+    normals, offsets = np.zeros((len(points), most, points.shape[2])), np.zeros((len(points), most))
+    for k, known in enumerate(found):
+        if known is not None:
+            index = np.arange(most) % len(known[1])
+            normals[k], offsets[k] = known[0][index], known[1][index]
+    return SampledHulls(potential, phases, points, np.array([f is not None for f in found], bool), normals, offsets)
+
+
+@dataclass(frozen=True, eq=False)
+class StretchesOfHulls(Rows, Stretches[SampledHulls]):
+    """Convex hulls on stretches of phases, and how far their points may be from straight lines."""
+
+    start: SampledHulls
+    end: SampledHulls
+    off_points: Array
+
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+        first, last = self.start.excess(before), self.end.excess(after)
+        moved, bent = lengths(self.off_points).max(axis=1), lengths(off)
+        # No point of the hull, and no force, is farther from where it is at an end than that.
+        step = lengths(self.end.points - self.start.points).max(axis=1) + lengths(after - before)
+        out = np.minimum(first, last) + step + moved + bent
+        for k in np.flatnonzero(out > enough):
+            own = _held(self.start.points[k], self.end.points[k], before[k], after[k])
+            out[k] = min(out[k], own + moved[k] + bent[k])
+        return np.maximum(ends, out)
+
+
+def _held(start: Array, end: Array, before: Array, after: Array) -> float:
+    """How far a force that goes straight may leave a hull whose points go straight.
+
+    Weights u with Σ u_k p_k = ξ at both ends, taken of the few points that hold the force in the middle, go straight as
+    well: then Σ u_k p_k leaves the force by a quarter of Σ Δu_k Δp_k at most, and by what is missing at the ends.
+    """
+    chosen = np.flatnonzero(weights_in_hull(0.5 * (start + end), 0.5 * (before + after)) > 0.0)
+    p, q = start[chosen], end[chosen]
+    u, v = (_weights(points, xi) for points, xi in ((p, before), (q, after)))
+    missing = max(float(np.linalg.norm(w @ points - xi)) for w, points, xi in ((u, p, before), (v, q, after)))
+    return missing + 0.25 * float(np.linalg.norm((v - u) @ (q - p)))
+
+
+def _weights(points: Array, xi: Array) -> Array:
+    """Nonnegative weights with the sum 1 whose mean of the points is ξ, or near it."""
+    table = np.vstack([points.T, np.full(len(points), float(np.abs(points).max()) or 1.0)])
+    weights = np.linalg.lstsq(table, np.append(xi, table[-1, 0]), rcond=None)[0].clip(min=0.0)
+    return weights / weights.sum() if weights.any() else np.full(len(points), 1.0 / len(points))

@@ -1,0 +1,140 @@
+"""Dissipation potentials at many phases, and on stretches between phases: data of both as rows of arrays."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from stickslip.rate_independent.dissipation.base import Dissipation
+
+Array = NDArray[np.float64]
+Index = NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """A dataclass of arrays, or of other rows, that have one row for each phase or stretch."""
+
+    def taken(self, index: Index) -> Self:
+        """Some of the rows."""
+        return replace(self, **{name: _taken(value, index) for name, value in self._rows().items()})
+
+    def joined(self, more: Any) -> Self:
+        """These rows and more of the same kind."""
+        theirs = more._rows()
+        return replace(self, **{name: _joined(value, theirs[name]) for name, value in self._rows().items()})
+
+    def _rows(self) -> dict[str, Any]:
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        return {name: v for name, v in values.items() if isinstance(v, Rows | np.ndarray | tuple)}
+
+
+def _taken(value: Any, index: Index) -> Any:
+    if isinstance(value, tuple):
+        return tuple(part.taken(index) for part in value)
+    return value.taken(index) if isinstance(value, Rows) else value[index]
+
+
+def _joined(one: Any, other: Any) -> Any:
+    if isinstance(one, tuple):
+        return tuple(a.joined(b) for a, b in zip(one, other, strict=True))
+    return one.joined(other) if isinstance(one, Rows) else np.concatenate([one, other])
+
+
+class Sampled(ABC):
+    """A dissipation potential at m phases. Arguments are single vectors, shape (n,), or one for each phase, (m, n)."""
+
+    @abstractmethod
+    def support(self, v: Array) -> Array:
+        """Ψ(s, v) at each phase, shape (m,)."""
+
+    @abstractmethod
+    def excess(self, xi: Array) -> Array:
+        """How far ξ lies outside K(s) at each phase, shape (m,): at least its signed distance."""
+
+    @abstractmethod
+    def nearest(self, xi: Array) -> Array:
+        """The point of K(s) nearest to ξ at each phase, shape (m, n)."""
+
+
+S = TypeVar("S", bound=Sampled)
+
+
+class Stretches(ABC, Generic[S]):
+    """A dissipation potential on m stretches of phases: what holds at every phase of a stretch.
+
+    Attributes
+    ----------
+    start, end : Sampled
+        The potential at the ends of the stretches.
+    """
+
+    start: S
+    end: S
+
+    @abstractmethod
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+        """How far a force may lie outside K(s) while s runs over a stretch, shape (m,).
+
+        Parameters
+        ----------
+        ends : ndarray of shape (m,)
+            The larger of what it lies outside at both ends.
+        before, after : ndarray of shape (m, n)
+            The force at the ends.
+        off : ndarray of shape (m, n)
+            How far its components may be from the straight line in between.
+        enough : float
+            Below this, no effort is made for a sharper bound.
+        """
+
+    def outside(self, before: Array, after: Array, off: Array, enough: float) -> tuple[Array, Array, Array]:
+        """How far a force lies outside K(s) at the start and the end of each stretch, and may lie in between."""
+        first, last = self.start.excess(before), self.end.excess(after)
+        return first, last, self.between(np.maximum(first, last), before, after, off, enough)
+
+
+@dataclass(frozen=True, eq=False)
+class OneByOne(Rows, Sampled):
+    """A potential asked phase by phase."""
+
+    potential: Dissipation
+    phases: Array
+
+    def support(self, v: Array) -> Array:
+        return np.array([self.potential.support(row, s) for row, s in self._rows_of(v)])
+
+    def excess(self, xi: Array) -> Array:
+        return np.array([self.potential.excess(row, s) for row, s in self._rows_of(xi)])
+
+    def nearest(self, xi: Array) -> Array:
+        rows = [self.potential.project(row, s) for row, s in self._rows_of(xi)]
+        return np.array(rows).reshape(len(rows), self.potential.dimension)
+
+    def _rows_of(self, x: Array) -> zip[tuple[Array, float]]:
+        return zip(np.broadcast_to(x, (len(self.phases), x.shape[-1])), self.phases.tolist(), strict=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Estimated(Rows, Stretches[OneByOne]):
+    """Stretches of a potential that is known where it is asked for only: estimated from their middles."""
+
+    start: OneByOne
+    end: OneByOne
+    middle: OneByOne
+
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+        # Twice the deviation in the middle from the line between the ends: a parabola, or a kink anywhere.
+        first, last = self.start.excess(before), self.end.excess(after)
+        bent = np.abs(2.0 * self.middle.excess(0.5 * (before + after)) - first - last)
+        return ends + bent + lengths(off)
+
+
+def lengths(rows: Array) -> Array:
+    """Euclidean length of every row."""
+    return np.sqrt(np.einsum("...i,...i->...", rows, rows))
