@@ -16,9 +16,18 @@ from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.motion.problem import Problem, pose
 from stickslip.orbits.branch import SpecialPoint
 from stickslip.orbits.closing import Closed, converge
+from stickslip.orbits.families import check_isolated
 from stickslip.orbits.normal_form import critical_pair
 from stickslip.orbits.pieces import Piece, Pieces
-from stickslip.orbits.shooting import Setting, Shooting, make_station, numbers, with_value
+from stickslip.orbits.shooting import (
+    Setting,
+    Shooting,
+    follow,
+    held_positions,
+    make_station,
+    numbers,
+    with_value,
+)
 from stickslip.orbits.symmetry import Surroundings
 from stickslip.system import System
 
@@ -132,8 +141,13 @@ def _shooting(seed: _Seed, pieces: Pieces, point: SpecialPoint, sizes: Array) ->
     piece, p, n = _piece(pieces, point), numbers(seed.problem), len(sizes)
     signs = np.random.default_rng(0).uniform(-1.0, 1.0, (8, n))
     around = Surroundings([piece] * 8, np.zeros(8), seed.equilibrium + signs * sizes, sizes)
-    setting = Setting(around.symmetry(p, None), around, None, 1, sizes)
+    setting = Setting(around.symmetry(p, None), around, None, 1, sizes, _held(seed))
     return Shooting(seed.problem, pieces, [make_station(0.0, piece, 0.0, seed.state, p, sizes)], 0.0, setting)
+
+
+def _held(seed: _Seed) -> Array:
+    """Positions that keep still while the first cycle goes round."""
+    return held_positions(follow(seed.problem, 0.0, seed.period, seed.state))
 
 
 def shrinks_to(closed: Closed, parameter: str, value: float) -> tuple[float, Array] | None:
@@ -170,6 +184,7 @@ def _closed(seed: _Seed, point: SpecialPoint) -> Closed:
     shooting = _shooting(seed, pieces, point, _sizes(seed))
     drift = _piece(pieces, point).rates(0.0, seed.equilibrium, numbers(seed.problem))
     closed = converge(shooting, shooting.guess(seed.period, seed.period * drift))
+    check_isolated(closed)
     if closed.extent < 0.1:
         raise ConvergenceError("cycles at the Hopf point", "the cycle shrinks to the equilibrium", "")
     return closed

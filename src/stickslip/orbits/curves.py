@@ -21,7 +21,7 @@ from stickslip.equations.field import mode_field
 from stickslip.errors import DeclarationError
 from stickslip.expressions import Expr
 from stickslip.orbits.branch import Branch, SpecialPoint
-from stickslip.orbits.continuation import Path, Steps, trace
+from stickslip.orbits.continuation import Path, Steps, ranges, trace
 from stickslip.orbits.equilibria import autonomous, checked_values
 from stickslip.orbits.equilibrium import describe_guard
 from stickslip.orbits.equilibrium_branch import checked_range, hopf_test
@@ -187,21 +187,12 @@ class _Curve:
         points = [p.x for p in (*reversed(back.points), *forth.points[1:])]
         crossings = [(last - c.index, c.name) for c in reversed(back.crossings)]
         crossings += [(last + c.index, c.name) for c in forth.crossings]
-        special = [self._special(name, points[i], i, problem) for i, name in crossings if name not in self._limits]
+        special = [self._special(name, points[i], i, problem) for i, name in crossings]
         ended = f"first point: {back.ended}; last point: {forth.ended}"
         parameter = next(iter(self.spans))
         return Branch(
             system, dict(self.steady.values), parameter, self._dataset(system, points, problem), special, ended
         )
-
-    @property
-    def _limits(self) -> dict[str, str]:
-        ends = (
-            (name, side, end)
-            for name, span in self.spans.items()
-            for side, end in zip(("low", "high"), span, strict=True)
-        )
-        return {f"{name} {side}": f"{name} = {end:g}, the end of the range" for name, side, end in ends}
 
     def _trace(self, problem: _Extended, towards: Array, steps: Steps) -> Path:
         start, floor = np.append(self.y, problem.start[-2:]), 0.2 * np.abs(problem.start)
@@ -210,14 +201,7 @@ class _Curve:
 
         def tests(x: Array, tangent: Array) -> dict[str, float]:
             margins = self.steady.guards(self.point(x))
-            limits = [
-                d for p, (low, high) in zip(x[-2:], self.spans.values(), strict=True) for d in (p - low, high - p)
-            ]
-            return {
-                **problem.tests(x),
-                **{f"guard {i}": float(g) for i, g in enumerate(margins)},
-                **dict(zip(self._limits, map(float, limits), strict=True)),
-            }
+            return {**problem.tests(x), **{f"guard {i}": float(g) for i, g in enumerate(margins)}}
 
         return trace(
             problem.residual,
@@ -228,8 +212,8 @@ class _Curve:
             endings={
                 **problem.endings,
                 **{f"guard {i}": f"boundary equilibrium: {text}" for i, text in enumerate(self.guards)},
-                **self._limits,
             },
+            limits=ranges(self.spans),
             steps=steps,
         )
 

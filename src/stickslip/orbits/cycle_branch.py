@@ -24,7 +24,8 @@ from stickslip.orbits.corner import corner_after
 from stickslip.orbits.cycle_points import confirmed, dataset, is_flat, locate_changes
 from stickslip.orbits.cycles import Cycle, find_cycle, make_cycle
 from stickslip.orbits.equilibrium_branch import checked_range
-from stickslip.orbits.halving import doubles_at, half_gap, half_of
+from stickslip.orbits.halving import doubles_at, half_gap
+from stickslip.orbits.period import part_of
 from stickslip.orbits.pieces import Pieces
 from stickslip.orbits.touching import LOSS
 from stickslip.progress import Show, watched
@@ -272,7 +273,7 @@ class _Follower:
         def at(closed: Closed, value: float) -> Closed:
             return find_cycle(self.cycle.system, make_cycle(closed), {self.parameter: value}).closed
 
-        found = doubles_at(half_of(last.cycle.closed), last.value, near, at)
+        found = doubles_at(part_of(last.cycle.closed, 2), last.value, near, at)
         last.limit = near if found is None else found
         last.events.append(("period doubling", "the cycle becomes one of half its period"))
         return f"period doubling at {self.parameter} = {last.limit:.12g}: the cycle becomes one of half its period"

@@ -15,7 +15,7 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Guard, mode_field
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.orbits.branch import Branch, SpecialPoint
-from stickslip.orbits.continuation import Path, Point, Steps, trace
+from stickslip.orbits.continuation import Path, Point, Steps, ranges, trace
 from stickslip.orbits.equilibria import autonomous, checked_values, equilibria
 from stickslip.orbits.equilibrium import Equilibrium, decays, describe_guard
 from stickslip.orbits.normal_form import Derivatives, hopf
@@ -198,19 +198,14 @@ class _Follower:
 
     def _trace(self, steady: Steady, x: Array, towards: Array) -> Path:
         floor = steady.units(x, {self.parameter: self.span})
-        endings = {f"guard {i}": f"guard {i}" for i in range(len(steady.field.guards))}
-        low, high = self.span
-        endings |= {
-            "low": f"{self.parameter} = {low:g}, the end of the range",
-            "high": f"{self.parameter} = {high:g}, the end of the range",
-        }
         return trace(
             steady.residual(self.parameter),
             x,
             towards,
             scale=lambda x: self._scale(x, floor),
             tests=lambda x, tangent: self._tests(steady, x, tangent),
-            endings=endings,
+            endings={f"guard {i}": f"guard {i}" for i in range(len(steady.field.guards))},
+            limits=ranges({self.parameter: self.span}),
             steps=self.steps,
         )
 
@@ -235,8 +230,6 @@ class _Follower:
             "branch point": branching,
             "Hopf": hopf_test(eigenvalues),
             **{f"guard {i}": float(g) for i, g in enumerate(guards)},
-            "low": x[-1] - self.span[0],
-            "high": self.span[1] - x[-1],
         }
 
     def _guard_that_ended(self, piece: _Piece) -> Guard | None:

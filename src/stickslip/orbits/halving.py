@@ -1,4 +1,4 @@
-"""Cycles of a part of another one's period.
+"""Cycles of half of another one's period.
 
 A cycle becomes one of half its period at the other end of a branch that begins in a period doubling.
 
@@ -13,9 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.errors import StickslipError
-from stickslip.orbits.closing import Closed, converge, near
-from stickslip.orbits.pieces import Pieces
-from stickslip.orbits.recurrence import Recurrence, window
+from stickslip.orbits.closing import Closed
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,8 +21,6 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 EXACT = 1e-12  # the parameter is found to this part of its change
-MOST_ROUNDS = 32  # of a cycle that no drive gives the period
-SAME = 1e-7  # a cycle that comes back this close, relative to its size, has come back
 
 
 def half_gap(closed: Closed) -> float:
@@ -37,35 +33,6 @@ def half_gap(closed: Closed) -> float:
         return np.inf
     start, half = closed.samples(2)
     return float(np.max(np.abs(half - start) / setting.sizes)) if orbit.period > 0.0 else np.inf
-
-
-def half_of(closed: Closed) -> Closed:
-    """The cycle of half the period near a cycle that almost closes there."""
-    return _part_of(closed, 2)
-
-
-def _part_of(closed: Closed, rounds: int) -> Closed:
-    """The cycle of a part of the period near a cycle that almost closes there."""
-    orbit, setting = closed.orbit, closed.shooting.setting
-    pieces = Pieces(orbit.problem.compiled.equations)
-    first, turns = orbit.legs[0].place.state, max(setting.turns // rounds, 1)
-    found = Recurrence(closed.shooting.start, first, orbit.period / rounds, turns, orbit.shift / rounds, 0.0)
-    return converge(*near(orbit.problem, pieces, window(orbit.motion, pieces), found))
-
-
-def once(closed: Closed) -> Closed:
-    """The same cycle with its shortest period.
-
-    A motion that nearly comes back after several periods leads Newton's method to a cycle of that length, which may be
-    a shorter one run through again and again.
-    """
-    setting = closed.shooting.setting
-    for rounds in range(setting.turns if setting.symmetry.driven else MOST_ROUNDS, 1, -1):
-        if setting.symmetry.driven and setting.turns % rounds:
-            continue
-        if np.max(np.ptp(closed.samples(rounds) / setting.sizes, axis=0)) <= SAME * min(closed.extent, 1.0):
-            return _part_of(closed, rounds)
-    return closed
 
 
 def doubles_at(half: Closed, value: float, other: float, at: Callable[[Closed, float], Closed]) -> float | None:

@@ -7,6 +7,10 @@ slid along the cycle (autonomous systems) or that T is the period of the drives;
 
 A station stands well inside one mode, never at an event, and its coordinates ξ keep the constraints of that mode:
 where a contact sticks there is one coordinate less. The order of modes is nowhere given, the motion finds it.
+
+A contact that sticks throughout comes back to where it was, whatever that is: the equation says nothing, and there is a
+cycle for every position of rest. In its place stands that the contact rests where it did at the origin of the first
+station.
 """
 
 from __future__ import annotations
@@ -18,6 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip import expressions as ex
 from stickslip.errors import ConvergenceError
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
@@ -191,6 +196,8 @@ class Setting:
         Periods of the drives in a period of the cycle.
     sizes : array, shape (n,)
         Size of each component of the cycle.
+    held : array, shape (held, n)
+        Positions that contacts keep because they stick throughout, as linear forms of the state.
     """
 
     symmetry: Symmetry
@@ -198,6 +205,12 @@ class Setting:
     clock: Clock | None
     turns: int
     sizes: Array
+    held: Array
+
+    @property
+    def release(self) -> Array:
+        """Directions in which the held positions change, one for each, shape (n, held)."""
+        return self.sizes[:, None] * np.linalg.pinv(self.held * self.sizes)
 
     def at(self, problem: Problem) -> Symmetry:
         """The symmetry for other parameters."""
@@ -230,6 +243,12 @@ class Orbit:
     F: Array
     J: Array
 
+    @property
+    def start(self) -> str:
+        """Its first state in words."""
+        named = zip(self.problem.system.declaration.state, self.legs[0].place.state, strict=True)
+        return ", ".join(f"{name} = {value:.6g}" for name, value in named)
+
     @cached_property
     def motion(self) -> Trajectory:
         """One period, from the first station."""
@@ -246,6 +265,26 @@ class Orbit:
 def numbers(problem: Problem) -> Array:
     """Values of all parameters."""
     return np.array([problem.parameters[name] for name in problem.system.parameters])
+
+
+def held_positions(motion: Trajectory) -> Array:
+    """The positions that contacts keep because they stick all the time, as independent linear forms of the state."""
+    k, equations = motion.knots, motion._problem.compiled.equations
+    state = equations.declaration.state
+    moving = np.diff(k.time) > 0.0
+    forms: list[Array] = []
+    for contact, stuck in zip(equations.contacts, np.all(k.mode[:-1][moving] == 0, axis=0), strict=True):
+        if stuck:
+            form = np.zeros(len(state))
+            for x, weight in contact.direction.items():
+                form[state.index(x)] = ex.evaluate(weight, motion.parameters)
+            forms.append(form)
+    matrix = np.array(forms).reshape(-1, len(state))
+    kept: list[int] = []
+    for i in range(len(matrix)):
+        if np.linalg.matrix_rank(matrix[[*kept, i]]) > len(kept):
+            kept.append(i)
+    return matrix[kept]
 
 
 class Shooting:
@@ -267,6 +306,7 @@ class Shooting:
     ) -> None:
         self.problem, self.pieces, self.stations, self.start = problem, pieces, list(stations), start
         self.setting, self.symmetry, self.free = setting, setting.symmetry, pieces.free
+        self.hold = setting.release @ setting.held if len(setting.held) else None
         self.first = np.concatenate([[0], np.cumsum([s.basis.shape[1] for s in self.stations])]).astype(int)
         self.time = int(self.first[-1])
         self.drifts = slice(self.time + 1, self.time + 1 + self.symmetry.shifts.shape[1])
@@ -364,6 +404,12 @@ class Shooting:
         J[home, self.drifts] = -chart @ self.symmetry.shifts
         if self.free:
             J[home, -1] -= chart @ known.by_parameter
+        if self.hold is not None:
+            place = legs[0].place
+            F[home] += chart @ self.hold @ (place.state - self.stations[0].origin)
+            J[home, home] += chart @ self.hold @ place.directions
+            if self.free:
+                J[home, -1] += chart @ self.hold @ place.by_parameter
         row = self.time
         if self.symmetry.driven:
             F[row], J[row] = self._clock(problem, x)
