@@ -14,6 +14,7 @@ import numpy as np
 
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.motion.problem import Problem, pose
+from stickslip.orbits.bracket import zero_near
 from stickslip.orbits.branch import SpecialPoint
 from stickslip.orbits.closing import Closed, converge
 from stickslip.orbits.families import check_isolated
@@ -165,18 +166,15 @@ def shrinks_to(closed: Closed, parameter: str, value: float) -> tuple[float, Arr
         J = piece.jacobian(np.zeros(1), settled[:, None], numbers(there))[0][:, : len(y)]
         return critical_pair(J)[0], settled
 
-    a, b = here, value if value != here else here * (1.0 + 1e-6)
     try:
-        fa, (fb, settled) = pair(a)[0], pair(b)
-        for _ in range(20):
-            if fb.real == fa.real or abs(fb.real) <= 1e-15 * frequency:
-                break
-            a, b, fa = b, b - fb.real * (b - a) / (fb.real - fa.real), fb
-            fb, settled = pair(b)
+        found = zero_near(lambda value: pair(value)[0].real, here, value)
+        if found is None:
+            return None
+        at, settled = pair(found)
     except (ZeroDivisionError, np.linalg.LinAlgError, StickslipError):
         return None
-    same = abs(fb.imag / frequency - 1.0) < 0.1 and abs(fb.real) < 1e-9 * frequency
-    return (b, settled) if same else None
+    same = abs(at.imag / frequency - 1.0) < 0.1 and abs(at.real) < 1e-9 * frequency
+    return (found, settled) if same else None
 
 
 def _closed(seed: _Seed, point: SpecialPoint) -> Closed:

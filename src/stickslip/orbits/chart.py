@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from itertools import combinations
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stickslip.errors import StickslipError
-from stickslip.orbits.closing import Closed, best_start, restarted, stations_for
+from stickslip.orbits.closing import Closed, best_start, restarted, same_span, stations_for
 from stickslip.orbits.continuation import Point, correct
+from stickslip.orbits.cycles import Cycle, make_cycle
 from stickslip.orbits.halving import half_gap
 from stickslip.orbits.pieces import Pieces
 from stickslip.orbits.recurrence import segments, sizes_of
-from stickslip.orbits.shooting import Orbit, Shooting, follow, numbers
+from stickslip.orbits.shooting import Orbit, Shooting, follow, held_positions, numbers
 from stickslip.orbits.spectrum import spectrum
 from stickslip.orbits.variational import variation
+
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
 
 Array = np.ndarray
 
@@ -81,13 +86,14 @@ class Chart:
     shooting : Shooting
         With a free parameter.
     extent : Extent
-    orbits : dict
-        Orbits that were computed, by their unknowns.
+    orbits, cycles : dict
+        Orbits that were computed, and cycles that were looked at, by their unknowns.
     """
 
     shooting: Shooting
     extent: Extent
     orbits: dict[bytes, Orbit] = field(default_factory=dict)
+    cycles: dict[bytes, Cycle] = field(default_factory=dict)
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """The equations."""
@@ -109,12 +115,28 @@ class Chart:
         """Units of the unknowns."""
         return self.shooting.units(x, WIDTH * (self.extent.high - self.extent.low))
 
+    def cycle(self, x: Array) -> Cycle:
+        """Everything that is said of the cycle of some unknowns."""
+        key = x.tobytes()
+        if key not in self.cycles:
+            self.cycles[key] = make_cycle(self.closed(x))
+        return self.cycles[key]
+
     def along(self, start: Point, distance: float, tolerance: float) -> Array:
         """Unknowns at a distance from a point, measured along its tangent."""
         units = self.scale(start.x)
         tangent = start.tangent / units
         tangent /= np.linalg.norm(tangent)
         return correct(self, start.x + units * tangent * distance, units, tangent, tolerance)
+
+    def resting_as(self, motion: Trajectory) -> Chart:
+        """The same coordinates for cycles on which the same contacts stick throughout as in a motion."""
+        shooting, held = self.shooting, held_positions(motion)
+        if same_span(shooting.setting.held, held):
+            return self
+        setting = replace(shooting.setting, held=held)
+        other = Shooting(shooting.problem, shooting.pieces, shooting.stations, shooting.start, setting)
+        return Chart(other, self.extent)
 
     def tests(self, x: Array, tangent: Array) -> dict[str, float]:
         """Test functions of special points, and of what ends a branch."""
@@ -125,8 +147,6 @@ class Chart:
         return {
             "fold": slope,
             **spectral_tests(spectrum(self.shooting, orbit).others, slope),
-            "low": float(x[-1] - extent.low),
-            "high": float(extent.high - x[-1]),
             "amplitude": amplitude / extent.least - 1.0,
             "halving": half_gap(self.closed(x)) / extent.halved - 1.0,
             "growth": 1.0 - amplitude / extent.largest,

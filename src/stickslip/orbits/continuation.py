@@ -12,19 +12,20 @@ Continuation Methods*, chapters 2 and 6.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
+from stickslip.certificates import Residual
 from stickslip.errors import StickslipError
 
 Array = np.ndarray
 Equations = Callable[[Array], tuple[Array, Array]]
 Tests = Callable[[Array, Array], Mapping[str, float]]
-Accept = Callable[["Point"], None]
+Accept = Callable[["Point", "Point"], None]
 
 BRIDGE = 1e-2  # part of the first step over which the orientation of the curve may change
 UNDEFINED = (ArithmeticError, StickslipError, np.linalg.LinAlgError)
@@ -52,6 +53,12 @@ def ranges(spans: Mapping[str, tuple[float, float]]) -> dict[str, Limit]:
         for i, (name, span) in enumerate(spans.items())
         for side, end in zip((-1.0, 1.0), span, strict=True)
     }
+
+
+def in_range(limits: Mapping[str, Limit], points: Sequence[Array]) -> Residual:
+    """By how much some points are beyond limits, which they may not be at all."""
+    beyond = max((-limit.room(x) for limit in limits.values() for x in points), default=0.0)
+    return Residual("beyond the range", max(beyond, 0.0), 0.0)
 
 
 @dataclass(frozen=True)
@@ -226,7 +233,8 @@ def trace(
         Ends of the ranges of components, by the reason they give. The curve stops exactly there, and the equations are
         not asked beyond but for what Newton's method and differences take.
     accept : function, optional
-        Raises any of :data:`UNDEFINED` for a point that solves the equations and is still not on the curve.
+        (last, new) ↦ None; raises any of :data:`UNDEFINED` if the new point solves the equations and is still not on
+        the curve.
     steps : Steps, optional
     progress : function, optional
         Called with each new point.
@@ -315,7 +323,8 @@ class _Tracer:
                 # a gap between two curves.
                 jumped = new.orientation != last.orientation and step > BRIDGE * self.steps.first
                 if bend <= self.steps.turn and not jumped:
-                    self._accepted(new)
+                    if self.accept is not None:
+                        self.accept(last, new)
                     crossings = self._crossings(last, new)
                     break
                 failure = "the curve turns too sharply"
@@ -373,10 +382,6 @@ class _Tracer:
         if any(limit.room(new.x) < 0.0 for limit in self.limits.values()):
             raise Lost("the curve leaves the range")
         return new
-
-    def _accepted(self, point: Point) -> None:
-        if self.accept is not None:
-            self.accept(point)
 
     def _bend(self, a: Point, b: Point) -> float:
         """Largest angle between the chord of a step and the tangents at its ends, and between these."""

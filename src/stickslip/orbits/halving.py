@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.errors import StickslipError
+from stickslip.orbits.bracket import zero_near
 from stickslip.orbits.closing import Closed
 
 if TYPE_CHECKING:
@@ -20,11 +21,10 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-EXACT = 1e-12  # the parameter is found to this part of its change
 
 
 def half_gap(closed: Closed) -> float:
-    """By how much a cycle fails to close after half its period, in units of its size.
+    """By how much a cycle fails to close after half its period, in units of its largest range.
 
     Of a driven system only an even number of the drive's periods can be halved; otherwise it is infinite.
     """
@@ -32,7 +32,7 @@ def half_gap(closed: Closed) -> float:
     if setting.symmetry.driven and setting.turns % 2:
         return np.inf
     start, half = closed.samples(2)
-    return float(np.max(np.abs(half - start) / setting.sizes)) if orbit.period > 0.0 else np.inf
+    return float(np.max(np.abs(half - start) / setting.sizes)) / closed.extent if orbit.period > 0.0 else np.inf
 
 
 def doubles_at(half: Closed, value: float, other: float, at: Callable[[Closed, float], Closed]) -> float | None:
@@ -53,18 +53,12 @@ def doubles_at(half: Closed, value: float, other: float, at: Callable[[Closed, f
         None if there is no such value nearby.
     """
 
-    def excess(cycle: Closed) -> float:
-        others = cycle.spectrum.others
+    def excess(there: float) -> float:
+        others = at(half, there).spectrum.others if there != value else half.spectrum.others
         return float(others[np.argmin(np.abs(others + 1.0))].real) + 1.0
 
-    a, b, fa = value, other, excess(half)
     try:
-        for _ in range(20):
-            half = at(half, b)
-            fb = excess(half)
-            if fb == fa or abs(b - a) <= EXACT * abs(b):
-                break
-            a, b, fa = b, b - fb * (b - a) / (fb - fa), fb
+        found = zero_near(excess, value, other)
+        return found if found is not None and abs(excess(found)) < 1e-6 else None
     except StickslipError:
         return None
-    return b if abs(excess(half)) < 1e-6 else None

@@ -164,15 +164,21 @@ def _felt(motion: Trajectory, made: list[Piece], steps: Array, p: Array) -> list
 def _sizes(moving: Array, states: Array, felt: list[Array]) -> Array:
     """Half the range of each component; of one that does not move, what is felt as much as the motion of the others."""
     spread, modulus = 0.5 * np.ptp(moving, axis=0), np.max(np.abs(states), axis=0)
-    moves = spread > 1e-9 * np.where(modulus > 0.0, modulus, 1.0)
-    sizes = np.where(moves, spread, 0.5 * np.ptp(states, axis=0))
-    moves = sizes > 1e-9 * np.where(modulus > 0.0, modulus, 1.0)
-    slopes = np.concatenate(felt)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        like = (slopes[:, moves] @ sizes[moves])[:, None] / slopes
-    like = np.min(np.where((like > 0.0) & np.isfinite(like), like, np.inf), axis=0, initial=np.inf)
+    still = 1e-9 * np.where(modulus > 0.0, modulus, 1.0)
+    sizes = np.where(spread > still, spread, 0.5 * np.ptp(states, axis=0))
+    sizes = np.where(sizes > still, sizes, 0.0)
+    like = as_felt(sizes, felt)
     otherwise = np.where(modulus > 0.0, 1e-3 * modulus, 1e-3)
-    return np.where(moves, sizes, np.where(np.isfinite(like), like, otherwise))
+    return np.where(sizes > 0.0, sizes, np.where(np.isfinite(like), like, otherwise))
+
+
+def as_felt(sizes: Array, felt: list[Array]) -> Array:
+    """Change of each component that some rate or guard feels as much as it feels the others; infinite if none does."""
+    slopes = np.concatenate(felt)
+    terms = slopes * sizes
+    with np.errstate(divide="ignore", invalid="ignore"):
+        like = (np.sum(terms, axis=1, keepdims=True) - terms) / slopes
+    return np.min(np.where((like > 0.0) & np.isfinite(like), like, np.inf), axis=0, initial=np.inf)
 
 
 def stretch(motion: Trajectory, first: int, last: int) -> Trajectory:

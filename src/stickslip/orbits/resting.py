@@ -9,6 +9,8 @@ at around the equilibrium; this is a proof up to the derivatives between the poi
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from stickslip.motion.rest import rests_forever
@@ -17,6 +19,7 @@ from stickslip.orbits.recurrence import Window, stretch
 from stickslip.orbits.shooting import held_positions, numbers
 
 Array = np.ndarray
+Complex = Any  # array of complex numbers
 
 ROUNDING = 1e-13
 SAME = 1e-12  # rates that differ by less, relative to their terms, are the same
@@ -81,6 +84,7 @@ class _Neighbourhood:
         if y is None:
             return False
         J = self._jacobian(self.piece, y)
+        eigenvalues: Complex
         eigenvalues, V = np.linalg.eig(J) if J.size else (np.zeros(0), np.zeros((0, 0)))
         if np.any(eigenvalues.real >= -DECAY * np.max(np.abs(eigenvalues), initial=0.0)):
             return False
