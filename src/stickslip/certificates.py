@@ -36,7 +36,7 @@ class Residual:
     @property
     def ok(self) -> bool:
         """Whether it is within its limit."""
-        return self.value >= self.limit if self.least else self.value <= self.limit
+        return bool(self.value >= self.limit if self.least else self.value <= self.limit)
 
     def describe(self) -> str:
         """One line: name, value and limit."""
@@ -77,7 +77,7 @@ class Certificate:
     def to_dict(self) -> dict[str, Any]:
         """Numbers and verdict as plain data."""
         rows = [
-            {"name": r.name, "value": r.value, "limit": r.limit, "least": r.least, "note": r.note, "ok": r.ok}
+            {"name": r.name, "value": float(r.value), "limit": r.limit, "least": r.least, "note": r.note, "ok": r.ok}
             for r in self.residuals
         ]
         return {"ok": self.ok, "verdict": self.verdict, "residuals": rows}

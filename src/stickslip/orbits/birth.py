@@ -18,13 +18,13 @@ from stickslip.orbits.bracket import zero_near
 from stickslip.orbits.branch import SpecialPoint
 from stickslip.orbits.closing import Closed, converge
 from stickslip.orbits.families import check_isolated
+from stickslip.orbits.held import Held, held_positions
 from stickslip.orbits.normal_form import critical_pair
 from stickslip.orbits.pieces import Piece, Pieces
 from stickslip.orbits.shooting import (
     Setting,
     Shooting,
     follow,
-    held_positions,
     make_station,
     numbers,
     with_value,
@@ -146,7 +146,7 @@ def _shooting(seed: _Seed, pieces: Pieces, point: SpecialPoint, sizes: Array) ->
     return Shooting(seed.problem, pieces, [make_station(0.0, piece, 0.0, seed.state, p, sizes)], 0.0, setting)
 
 
-def _held(seed: _Seed) -> Array:
+def _held(seed: _Seed) -> tuple[Held, ...]:
     """Positions that keep still while the first cycle goes round."""
     return held_positions(follow(seed.problem, 0.0, seed.period, seed.state))
 

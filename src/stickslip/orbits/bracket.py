@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 WIDER = (1.0, 1.1, 1.5, 2.0, 4.0, 8.0)  # how much further than the guess a change of sign is looked for
 
@@ -26,6 +27,7 @@ def zero_near(function: Callable[[float], float], known: float, guess: float) ->
         if value == 0.0:
             return far
         if (value > 0.0) != (first > 0.0):
-            return float(brentq(function, near, far, xtol=1e-15 * abs(far - near) + 1e-300, maxiter=100, disp=False))
+            found: Any = brentq(function, near, far, xtol=1e-15 * abs(far - near) + 1e-300, maxiter=100, disp=False)
+            return float(found)
         near = far
     return None

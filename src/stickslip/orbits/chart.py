@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.errors import StickslipError
-from stickslip.orbits.closing import Closed, best_start, restarted, same_span, stations_for
+from stickslip.orbits.closing import Closed, best_start, restarted, stations_for
 from stickslip.orbits.continuation import Point, correct
 from stickslip.orbits.cycles import Cycle, make_cycle
 from stickslip.orbits.halving import half_gap
+from stickslip.orbits.held import Held, alike, held_positions
 from stickslip.orbits.pieces import Pieces
 from stickslip.orbits.recurrence import segments, sizes_of
-from stickslip.orbits.shooting import Orbit, Shooting, follow, held_positions, numbers
+from stickslip.orbits.shooting import Orbit, Shooting, follow, numbers
 from stickslip.orbits.spectrum import spectrum
 from stickslip.orbits.variational import variation
 
@@ -131,12 +132,29 @@ class Chart:
 
     def resting_as(self, motion: Trajectory) -> Chart:
         """The same coordinates for cycles on which the same contacts stick throughout as in a motion."""
-        shooting, held = self.shooting, held_positions(motion)
-        if same_span(shooting.setting.held, held):
-            return self
-        setting = replace(shooting.setting, held=held)
-        other = Shooting(shooting.problem, shooting.pieces, shooting.stations, shooting.start, setting)
-        return Chart(other, self.extent)
+        held = held_positions(motion, self.shooting.setting.held)
+        return self if alike(self.shooting.setting.held, held) else self.with_held(held)
+
+    def carrying(self, contact: int, edge: int) -> Chart:
+        """The same coordinates for cycles on which a contact is carried along an edge, or (0) stays where it is."""
+        held = self.shooting.setting.held
+        return self.with_held(tuple(replace(h, edge=edge) if h.contact == contact else h for h in held))
+
+    def with_held(self, held: tuple[Held, ...]) -> Chart:
+        """The same coordinates, with other positions of rest."""
+        old, setting = self.shooting, replace(self.shooting.setting, held=held)
+        return Chart(Shooting(old.problem, old.pieces, old.stations, old.start, setting), self.extent)
+
+    def carried(self, x: Array, tangent: Array) -> float:
+        """How far contacts on an edge are carried along the way they would slip; 1 if none is on an edge.
+
+        Where it vanishes they are left behind, and keep their positions.
+        """
+        shooting, place = self.shooting, self.orbit(x).legs[0].place
+        change = place.directions @ tangent[: shooting.first[1]] + place.by_parameter * tangent[-1]
+        sizes = shooting.setting.sizes
+        moved = [h.edge * (h.form @ change) / (np.abs(h.form) @ sizes) for h in shooting.setting.held if h.edge]
+        return float(min(moved, default=1.0))
 
     def tests(self, x: Array, tangent: Array) -> dict[str, float]:
         """Test functions of special points, and of what ends a branch."""
@@ -151,6 +169,7 @@ class Chart:
             "halving": half_gap(self.closed(x)) / extent.halved - 1.0,
             "growth": 1.0 - amplitude / extent.largest,
             "period": 1.0 - orbit.period / (UNBOUNDED * extent.period),
+            "carried": self.carried(x, tangent),
         }
 
     def check(self, orbit: Orbit) -> None:

@@ -10,9 +10,10 @@ import numpy as np
 
 from stickslip.errors import ConvergenceError, StickslipError
 from stickslip.motion.problem import Problem
+from stickslip.orbits.held import alike, held_positions
 from stickslip.orbits.pieces import Piece, Pieces
 from stickslip.orbits.recurrence import Recurrence, Window, segments, sizes_of
-from stickslip.orbits.shooting import Orbit, Setting, Shooting, follow, held_positions, make_station, numbers
+from stickslip.orbits.shooting import Orbit, Setting, Shooting, follow, make_station, numbers
 from stickslip.orbits.spectrum import Spectrum, spectrum
 
 if TYPE_CHECKING:
@@ -185,7 +186,8 @@ def restarted(shooting: Shooting, orbit: Orbit, count: int, sizes: Array | None 
     y = y - shift
     motion = follow(orbit.problem, start, start + orbit.period, y)
     sizes = shooting.setting.sizes if sizes is None else sizes
-    setting = replace(shooting.setting, sizes=sizes, held=held_positions(motion))
+    held = held_positions(motion, shooting.setting.held)
+    setting = replace(shooting.setting, sizes=sizes, held=held)
     stations = []
     for part in np.arange(count) / count:
         t, i = _well_inside(motion, start + float(part) * orbit.period) if part else (start, 0)
@@ -294,16 +296,11 @@ def converge(shooting: Shooting, x: Array) -> Closed:
 def _resting_alike(shooting: Shooting, orbit: Orbit) -> Closed:
     """The same cycle from its best place, with the equations that say where the contacts rest that it never moves."""
     for _ in range(3):
-        if same_span(shooting.setting.held, held_positions(orbit.motion)):
+        if alike(shooting.setting.held, held_positions(orbit.motion)):
             break
         shooting, x = restarted(shooting, orbit, len(shooting.stations))
         orbit = close(shooting, x)
     return well_placed(shooting, orbit)
-
-
-def same_span(a: Array, b: Array) -> bool:
-    """Whether two sets of linear forms are equivalent."""
-    return len(a) == len(b) and np.linalg.matrix_rank(np.vstack([a, b])) == len(a) if len(a) + len(b) else True
 
 
 def well_placed(shooting: Shooting, orbit: Orbit) -> Closed:

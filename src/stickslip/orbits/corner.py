@@ -28,6 +28,8 @@ BESIDE = 1e-9  # a cycle so far before it can be certified: on the corner itself
 MOST = 400  # steps towards a corner
 EDGE = 0.1  # a station nearer to the end of its phase, as a part of it, says nothing about what comes back
 ALONG = 0.9  # least cosine between the direction beyond a corner and the chord to the point found there
+DIRECTIONS = 3  # that are tried one after the other
+FURTHER = 100.0  # how much further beyond a corner one looks whether a contact slips both ways
 AHEAD = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # how far beyond a corner the other side is looked for
 
 
@@ -93,10 +95,52 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     if is_open(after) and not _well_inside(chart, x):
         return None
     contacts = [c.name for c in chart.shooting.pieces.equations.contacts]
+    edge = _carried(there, y, towards, trial, after, distance)
+    if edge is not None:
+        onward = _along_the_edge(there, y, towards, edge)
+        note = f"contact '{contacts[edge[0]]}' begins to slip one way, which carries along where it rests"
+        return Corner(x, beside, "slip onset", note, False, onward)
     kind, note = change_of(contacts, here, after)
     onward = None if is_open(after) else _onward(there, y, trial, here, distance)
     turns = onward is not None and onward.towards[-1] * tangent[-1] < 0.0
     return Corner(x, beside, kind, note, turns, onward)
+
+
+def _carried(
+    chart: Chart, x: Array, tangent: Array, trial: Array, after: Sequence, distance: float
+) -> tuple[int, int] | None:
+    """The contact that has stuck throughout and only slips one way just beyond a corner, and which way.
+
+    A bit further it may slip both ways, as it does where it rests in the middle between its edges.
+    """
+    further = _sequence_at(chart, x + chart.scale(x) * tangent * FURTHER * distance)
+    for held in chart.shooting.setting.held:
+        ways = {mode[held.contact] for s in (after, further or ()) for mode, _ in s} - {0}
+        if len(ways) == 1 and not held.edge:
+            return held.contact, ways.pop()
+    return None
+
+
+def _sequence_at(chart: Chart, x: Array) -> Sequence | None:
+    try:
+        return sequence(chart.orbit(x).motion)
+    except FAILURES:
+        return None
+
+
+def _along_the_edge(chart: Chart, x: Array, towards: Array, edge: tuple[int, int]) -> Onward | None:
+    """A cycle on which a contact is carried along, while the parameter goes on as before."""
+    other, units = chart.carrying(*edge), chart.scale(x)
+    for length in (1e-5, 1e-4, 1e-6):
+        try:
+            tangent, _ = direction(other, x, units, towards)
+            tangent = tangent if tangent[-1] * towards[-1] > 0.0 else -tangent
+            there = correct(other, x + units * tangent * length, units, tangent, TOLERANCE)
+            if other.shooting.miss(other.orbit(there)) <= OPEN and other.carried(there, tangent * units) > 0.0:
+                return Onward(other, there, tangent * units)
+        except FAILURES:
+            continue
+    return None
 
 
 def _approach(
@@ -163,13 +207,27 @@ def _onward(chart: Chart, x: Array, trial: Array, here: Sequence, distance: floa
     for length in (10.0 * distance, 100.0 * distance, distance):
         for sense in (null, -null):
             try:
-                there = correct(chart, x + units * sense * length, units, sense, TOLERANCE)
-                orbit = chart.orbit(there)
-                after = sequence(orbit.motion)
-                chord = (there - x) / units
-                along = sense @ chord > ALONG * np.linalg.norm(chord)
-                if after != here and not is_open(after) and along and chart.shooting.miss(orbit) <= OPEN:
-                    return Onward(chart, there, units * sense)
+                found = _beyond_along(chart, x, sense, length, here)
             except FAILURES:
                 continue
+            if found is not None:
+                return found
+    return None
+
+
+def _beyond_along(chart: Chart, x: Array, sense: Array, length: float, here: Sequence) -> Onward | None:
+    """A cycle of another sequence at a distance from the corner, along a direction that fits the chord to it.
+
+    What is found first may have more switches than the trial that gave the direction: then the direction is its own.
+    """
+    units = chart.scale(x)
+    for _ in range(DIRECTIONS):
+        there = correct(chart, x + units * sense * length, units, sense, TOLERANCE)
+        orbit, chord = chart.orbit(there), (there - x) / units
+        after = sequence(orbit.motion)
+        if after == here or is_open(after) or chart.shooting.miss(orbit) > OPEN:
+            return None
+        if sense @ chord > ALONG * np.linalg.norm(chord):
+            return Onward(chart, there, units * sense)
+        sense, _ = direction(chart, there, units, chord)
     return None

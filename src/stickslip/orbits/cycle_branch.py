@@ -49,7 +49,7 @@ IN_CHART = 8  # points before the chart is made anew
 FULL = f"the limit of {IN_CHART + 1} points was reached"
 CLOSED, INTERRUPTED = "the branch is closed", "interrupted"
 PATIENCE = 64.0  # a step is shortened by this factor before the chart is made anew
-ENDINGS = ("amplitude", "halving", "growth", "period")
+ENDINGS = ("amplitude", "halving", "growth", "period", "carried")
 DISTINCT = 1e-9  # sizes that differ by less, relative to each other, are the same
 
 
@@ -156,6 +156,10 @@ class _Follower:
             reason = self._end(path, stations, before)
             if reason:
                 return reason
+            if path.ended == "carried":
+                chart, x, towards = renewed(self._left_behind(stations, chart), last.x, last.tangent)
+                step = self.steps.first
+                continue
             if path.ended != FULL:
                 bent = corner_after(chart, last, self._smallest(step), self.steps.turn)
                 if bent is not None:
@@ -218,6 +222,16 @@ class _Follower:
         else:
             stations[-1].events += events
 
+    def _left_behind(self, stations: list[_Station], chart: Chart) -> Chart:
+        """Where contacts are carried along no more they keep where they rest."""
+        names = [c.name for c in self.pieces.equations.contacts]
+        for held in chart.shooting.setting.held:
+            if held.edge:
+                note = f"contact '{names[held.contact]}' is carried along no more and rests where it is"
+                self._add(stations, stations[-1].cycle, [("slip onset", note)])
+                chart = chart.carrying(held.contact, 0)
+        return chart
+
     def _around(self, stations: list[_Station], chart: Chart, bent: Corner) -> Onward | None:
         """Append a corner and a point beyond it; None if the branch does not go on from there."""
         onward = bent.onward
@@ -251,7 +265,7 @@ class _Follower:
         """Why the branch ends here; empty if it does not."""
         if path.ended == INTERRUPTED or path.ended in ranges({self.parameter: self.span}):
             return path.ended
-        if path.ended in ENDINGS:
+        if path.ended in ENDINGS and path.ended != "carried":
             return self._named_end(path.ended, stations)
         if len(stations) > self.steps.most:
             return f"the limit of {self.steps.most} points was reached"

@@ -101,11 +101,12 @@ def from_motion(motion: Trajectory) -> Closed:
     """The cycle a motion has settled on."""
     pieces = Pieces(motion._problem.compiled.equations)
     if motion.outcome is Outcome.AT_REST or len(motion.knots.time) < 2:
-        raise _at_rest(motion)
+        raise _at_rest(motion, motion.knots.state[-1])
     k = motion.knots
     w = window(motion, pieces, max(0, int(np.searchsorted(k.time, 0.5 * (k.time[0] + k.time[-1]))) - 1))
-    if comes_to_rest(w, pieces):
-        raise _at_rest(motion)
+    rest = comes_to_rest(w, pieces)
+    if rest is not None:
+        raise _at_rest(motion, rest)
     found = latest(w, pieces)
     least = min((r.distance for r in found), default=np.inf)
     if least > AGREES:
@@ -141,12 +142,12 @@ def from_state(problem: Problem, state: Array, time: float) -> Closed:
     return _Search(problem, state, time).run()
 
 
-def _at_rest(motion: Trajectory, before: ConvergenceError | None = None) -> ConvergenceError:
-    final = ", ".join(f"{name} = {value:.6g}" for name, value in motion.final.items())
+def _at_rest(motion: Trajectory, rest: Array, before: ConvergenceError | None = None) -> ConvergenceError:
+    final = ", ".join(f"{name} = {value:.6g}" for name, value in zip(motion.final, rest, strict=True))
     tried = f"; before that, {before.reached}" if before is not None else ""
     return ConvergenceError(
         f"a cycle of {motion.system.name}",
-        f"the motion comes to rest: at t = {motion.knots.time[-1]:.6g} it is at {final}{tried}",
+        f"the motion comes to rest: from t = {motion.knots.time[-1]:.6g} on it stays near {final}{tried}",
         "Start with more energy, or choose parameters for which it keeps moving",
     )
 
@@ -171,8 +172,9 @@ class _Search:
                 raise self._ended(motion)
             w = window(motion, self.pieces)
             closed = self._beside(w) if turn == 0 else None
-            if closed is None and motion.outcome.ok and comes_to_rest(w, self.pieces):
-                raise _at_rest(motion, self.failure)
+            rest = comes_to_rest(w, self.pieces) if closed is None and motion.outcome.ok else None
+            if rest is not None:
+                raise _at_rest(motion, rest, self.failure)
             self.modulus = np.maximum(self.modulus, np.max(np.abs(w.states), axis=0))
             self.extents.append(w.extent(self.modulus))
             closed = closed or self._settled(w, latest(w, self.pieces), SETTLED)

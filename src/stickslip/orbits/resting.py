@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from stickslip.motion.rest import rests_forever
+from stickslip.orbits.held import forms, held_positions
 from stickslip.orbits.pieces import Piece, Pieces
 from stickslip.orbits.recurrence import Window, stretch
-from stickslip.orbits.shooting import held_positions, numbers
+from stickslip.orbits.shooting import numbers
 
 Array = np.ndarray
 Complex = Any  # array of complex numbers
@@ -29,17 +30,18 @@ CURVED = 0.25  # the Jacobian changes by at most this part of the slowest decay
 NEWTON = 20
 
 
-def comes_to_rest(w: Window, pieces: Pieces) -> bool:
-    """Whether the end of a motion is proved to be followed by rest, or by steady motion, for ever."""
+def comes_to_rest(w: Window, pieces: Pieces) -> Array | None:
+    """The state near which a motion is proved to rest, or to move steadily, for ever; None if that is not proved."""
     motion = w.trajectory
+    last = motion.knots.state[-1]
     if rests_forever(motion._problem, motion.knots):
-        return True
+        return last
     if w.symmetry.driven:
-        return _keeps_still(w)
+        return last if _keeps_still(w) else None
     try:
-        return _Neighbourhood(w, pieces).holds
+        return _Neighbourhood(w, pieces).settled()
     except (np.linalg.LinAlgError, ArithmeticError):
-        return False
+        return None
 
 
 def _keeps_still(w: Window) -> bool:
@@ -65,7 +67,7 @@ class _Neighbourhood:
         self.units = np.where(modulus > 0.0, modulus, 1.0)
         self.shifts = w.symmetry.shifts
         last = int(np.flatnonzero(np.diff(k.time) > 0.0)[-1])
-        self.basis = self._directions(held_positions(stretch(motion, last, len(k.time) - 1)))
+        self.basis = self._directions(forms(held_positions(stretch(motion, last, len(k.time) - 1)), n))
 
     def _directions(self, held: Array) -> Array:
         """Directions, in units, in which something can move that neither sticks nor is a translation."""
@@ -76,13 +78,13 @@ class _Neighbourhood:
             along = along @ _null(kept @ along)
         return _null(np.vstack([kept, along.T]))
 
-    @property
-    def holds(self) -> bool:
-        """Whether the motion stays for ever within a neighbourhood in which it decays."""
-        n, B, units = len(self.y), self.basis, self.units
+    def settled(self) -> Array | None:
+        """The equilibrium, if the motion stays for ever within a neighbourhood in which it decays towards it."""
         y = self._equilibrium()
-        if y is None:
-            return False
+        return y if y is not None and self._stays_near(y) else None
+
+    def _stays_near(self, y: Array) -> bool:
+        n, B, units = len(self.y), self.basis, self.units
         J = self._jacobian(self.piece, y)
         eigenvalues: Complex
         eigenvalues, V = np.linalg.eig(J) if J.size else (np.zeros(0), np.zeros((0, 0)))

@@ -9,8 +9,7 @@ A station stands well inside one mode, never at an event, and its coordinates ξ
 where a contact sticks there is one coordinate less. The order of modes is nowhere given, the motion finds it.
 
 A contact that sticks throughout comes back to where it was, whatever that is: the equation says nothing, and there is a
-cycle for every position of rest. In its place stands that the contact rests where it did at the origin of the first
-station.
+cycle for every position of rest. In its place stands where it rests (:mod:`stickslip.orbits.held`).
 """
 
 from __future__ import annotations
@@ -22,10 +21,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stickslip import expressions as ex
 from stickslip.errors import ConvergenceError
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
+from stickslip.orbits.held import HELD, Held, nearest_slip, released, slips
 from stickslip.orbits.pieces import Piece, Pieces
 from stickslip.orbits.symmetry import Clock, Surroundings, Symmetry
 from stickslip.orbits.variational import Variation, variation
@@ -196,8 +195,8 @@ class Setting:
         Periods of the drives in a period of the cycle.
     sizes : array, shape (n,)
         Size of each component of the cycle.
-    held : array, shape (held, n)
-        Positions that contacts keep because they stick throughout, as linear forms of the state.
+    held : tuple of Held
+        Positions that contacts keep because they stick throughout.
     """
 
     symmetry: Symmetry
@@ -205,12 +204,7 @@ class Setting:
     clock: Clock | None
     turns: int
     sizes: Array
-    held: Array
-
-    @property
-    def release(self) -> Array:
-        """Directions in which the held positions change, one for each, shape (n, held)."""
-        return self.sizes[:, None] * np.linalg.pinv(self.held * self.sizes)
+    held: tuple[Held, ...]
 
     def at(self, problem: Problem) -> Symmetry:
         """The symmetry for other parameters."""
@@ -267,26 +261,6 @@ def numbers(problem: Problem) -> Array:
     return np.array([problem.parameters[name] for name in problem.system.parameters])
 
 
-def held_positions(motion: Trajectory) -> Array:
-    """The positions that contacts keep because they stick all the time, as independent linear forms of the state."""
-    k, equations = motion.knots, motion._problem.compiled.equations
-    state = equations.declaration.state
-    moving = np.diff(k.time) > 0.0
-    forms: list[Array] = []
-    for contact, stuck in zip(equations.contacts, np.all(k.mode[:-1][moving] == 0, axis=0), strict=True):
-        if stuck:
-            form = np.zeros(len(state))
-            for x, weight in contact.direction.items():
-                form[state.index(x)] = ex.evaluate(weight, motion.parameters)
-            forms.append(form)
-    matrix = np.array(forms).reshape(-1, len(state))
-    kept: list[int] = []
-    for i in range(len(matrix)):
-        if np.linalg.matrix_rank(matrix[[*kept, i]]) > len(kept):
-            kept.append(i)
-    return matrix[kept]
-
-
 class Shooting:
     """The equations of a cycle, x ↦ (F, ∂F/∂x).
 
@@ -306,7 +280,7 @@ class Shooting:
     ) -> None:
         self.problem, self.pieces, self.stations, self.start = problem, pieces, list(stations), start
         self.setting, self.symmetry, self.free = setting, setting.symmetry, pieces.free
-        self.hold = setting.release @ setting.held if len(setting.held) else None
+        self.release = released(setting.held, setting.sizes)
         self.first = np.concatenate([[0], np.cumsum([s.basis.shape[1] for s in self.stations])]).astype(int)
         self.time = int(self.first[-1])
         self.drifts = slice(self.time + 1, self.time + 1 + self.symmetry.shifts.shape[1])
@@ -404,12 +378,7 @@ class Shooting:
         J[home, self.drifts] = -chart @ self.symmetry.shifts
         if self.free:
             J[home, -1] -= chart @ known.by_parameter
-        if self.hold is not None:
-            place = legs[0].place
-            F[home] += chart @ self.hold @ (place.state - self.stations[0].origin)
-            J[home, home] += chart @ self.hold @ place.directions
-            if self.free:
-                J[home, -1] += chart @ self.hold @ place.by_parameter
+        self._hold(F, J, legs)
         row = self.time
         if self.symmetry.driven:
             F[row], J[row] = self._clock(problem, x)
@@ -445,6 +414,33 @@ class Shooting:
         J[rows, self.time] += leg.end * (there.chart @ leg.rate) + leg.begin * M[:, q]
         if self.free:
             J[rows, -1] += M[:, -1]
+
+    def _hold(self, F: Array, J: Array, legs: list[Leg]) -> None:
+        """Where contacts rest that stick throughout, in the rows of what comes back by itself."""
+        station, home = self.stations[0], slice(*self.first[:2])
+        for held, direction in zip(self.setting.held, self.release.T, strict=True):
+            along = station.chart @ direction
+            if not held.edge:
+                place = legs[0].place
+                F[home] += along * (held.form @ (place.state - station.origin))
+                J[home, home] += np.outer(along, held.form @ place.directions)
+                if self.free:
+                    J[home, -1] += along * (held.form @ place.by_parameter)
+                continue
+            reach = held.edge * float(np.abs(held.form) @ self.setting.sizes)
+            if slips(held, [leg.motion for leg in legs]):
+                # It is pushed to where it is just held: what it lacks is seen from how far it moves.
+                row = held.form @ station.basis
+                F[home] -= along * (2.0 * (row @ F[home]) + reach * HELD)
+                J[home] -= np.outer(along, 2.0 * (row @ J[home]))
+                continue
+            touch = nearest_slip(held, [(leg.motion, leg.change) for leg in legs], self.pieces)
+            own, q = slice(*self.first[touch.leg : touch.leg + 2]), len(touch.slopes) - 1 - bool(self.free)
+            F[home] += along * reach * touch.margin
+            J[home, own] += np.outer(along, reach * touch.slopes[:q])
+            J[home, self.time] += along * reach * legs[touch.leg].begin * touch.slopes[q]
+            if self.free:
+                J[home, -1] += along * reach * touch.slopes[-1]
 
     def _clock(self, problem: Problem, x: Array) -> tuple[float, Array]:
         """The period is that of the drives."""

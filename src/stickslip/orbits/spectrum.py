@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from stickslip.orbits.held import forms
 from stickslip.orbits.shooting import Orbit, Shooting, make_station, numbers
 
 Array = np.ndarray
@@ -51,7 +52,7 @@ def spectrum(shooting: Shooting, orbit: Orbit) -> Spectrum:
     narrow, A = tightest
     left = narrow.basis.shape[1]
     W, M = A @ shooting.unchanged(orbit), A @ M @ np.linalg.pinv(A)
-    held = _independent(shooting.setting.held @ narrow.basis, W)
+    held = _independent(forms(shooting.setting.held, n) @ narrow.basis, W)
     free = np.linalg.svd(held)[2][len(held) :].T if len(held) else np.eye(left)
     resting = _eigenvalues(held @ M @ np.linalg.pinv(held))
     W, M = free.T @ W, free.T @ M @ free
