@@ -31,10 +31,10 @@ GROWTH = 1e4  # perturbations grow by at most this much between two stations
 
 
 class NotClosed(ConvergenceError):
-    """Newton's method has not closed a motion; `orbit` came nearest."""
+    """Newton's method has not closed a motion; `orbit` came nearest and fails by `miss`, in units of its size."""
 
     def __init__(self, shooting: Shooting, orbit: Orbit, miss: float) -> None:
-        self.shooting, self.orbit = shooting, orbit
+        self.shooting, self.orbit, self.miss = shooting, orbit, miss
         super().__init__(
             f"a cycle of {shooting.problem.system.name}",
             f"Newton's method did not converge; the nearest motion misses by {miss:.2g} of its size after the period "
@@ -259,7 +259,7 @@ class Closed:
         times = begin + (time - begin) % whole + whole * np.arange(setting.turns)
         steps = np.array([_step(motion, t) for t in times])
         states = motion._sample(times, steps)[:, : len(self.orbit.shift)]
-        return states - [carried_along(setting, problem, t)[0] for t in times]
+        return states - np.multiply.outer(np.floor(times / whole), setting.at(problem).turn)
 
 
 def carried_along(setting: Setting, problem: Problem, time: float) -> tuple[Array, float]:

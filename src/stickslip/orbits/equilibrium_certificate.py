@@ -16,7 +16,7 @@ from stickslip.certificates import Certificate, Residual
 from stickslip.orbits.steady import Array, Steady
 from stickslip.orbits.stick_sets import Conditions
 
-SOLVED = 1e-10  # what is left of the equations, relative to their terms
+SOLVED = 1e-12  # what is left of the equations, relative to their terms
 ON_BOUNDARY = 1e-9  # a guard this small, relative to its terms, is zero
 SMALL = 1e-3  # unknowns count with at least this part of the largest
 KNOWN = 1e-4  # eigenvalues are known to this part of the terms of the Jacobian

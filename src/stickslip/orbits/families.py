@@ -18,6 +18,7 @@ from stickslip.orbits.shooting import Orbit, Shooting
 Array = np.ndarray
 
 SLOW = 1e-2  # a singular value below this part of the largest belongs to a change that hardly comes back
+CREEPS = 1e-3  # a motion towards an edge closes up to this part of its size, at least
 EXACT = 1e-11  # members of a family close up to this part of their size
 AWAY = (2e-2, -2e-2, 2e-3, -2e-3)  # members are looked for so far away, in units of the size of the cycle
 
@@ -45,6 +46,8 @@ def members_beside(failure: NotClosed) -> list[Closed]:
     Along the family nothing pulls it back, so that Newton's method and the motion itself come nearer more and more
     slowly. A bit further along the direction in which next to nothing changes there are members of the family.
     """
+    if failure.miss > CREEPS:
+        return []
     try:
         # The stretch of the station may be about to vanish; the members have another there.
         shooting, x = restarted(failure.shooting, failure.orbit, 1)

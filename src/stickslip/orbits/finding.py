@@ -19,7 +19,7 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.orbits.closing import Closed, NotClosed, converge, near
 from stickslip.orbits.families import Family, check_isolated, family_of, members_beside
-from stickslip.orbits.irregular import largest_exponent
+from stickslip.orbits.irregular import Exponent, largest_exponent
 from stickslip.orbits.period import shortest
 from stickslip.orbits.pieces import Pieces
 from stickslip.orbits.recurrence import Recurrence, Window, earliest, latest, window
@@ -184,9 +184,12 @@ class _Search:
                 raise self._ended(motion)
             self.time, self.state, self.span = float(motion.knots.time[-1]), motion.knots.state[-1], 2.0 * self.span
         assert w is not None
-        closed = self._settled(*self.best, NEARBY) if self.best is not None else None
+        exponent = largest_exponent(w.trajectory, self.pieces, w.sizes)
+        # Irregular motion comes near many cycles, and settles on none.
+        regular = exponent is None or not exponent.irregular
+        closed = self._settled(*self.best, NEARBY) if self.best is not None and regular else None
         if closed is None:
-            raise self._failed(w)
+            raise self._failed(exponent)
         return closed
 
     def _beside(self, w: Window) -> Closed | None:
@@ -228,7 +231,7 @@ class _Search:
     def _ended(self, motion: Trajectory) -> ConvergenceError:
         return NoReturn(f"a cycle of {self.problem.system.name}", f"the motion from the start ends: {motion.message}")
 
-    def _failed(self, w: Window) -> ConvergenceError:
+    def _failed(self, exponent: Exponent | None) -> ConvergenceError:
         """What was seen of a motion on which no cycle was found."""
         reached = f"no cycle was found within t = {self.time:.6g}: the motion comes back "
         if self.best is None:
@@ -236,7 +239,6 @@ class _Search:
         else:
             closest = self.best[1][-1]
             reached += f"at best to {closest.distance:.2g} of its size, after {closest.period:.6g}"
-        exponent = largest_exponent(w.trajectory, self.pieces, w.sizes)
         if self.extents[-1] < DIES_OUT * self.extents[0]:
             reached += f"; it dies out: its extent fell from {self.extents[0]:.2g} to {self.extents[-1]:.2g}"
         elif exponent is not None and exponent.irregular:

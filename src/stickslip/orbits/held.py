@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -152,7 +152,7 @@ def _lowest(held: Held, motion: Trajectory, change: Variation) -> tuple[float, f
     def near(t: float) -> float:
         return float(value(np.array([t]), best[2])[0])
 
-    found = minimize_scalar(near, bounds=ends, method="bounded", options={"xatol": 1e-14})
+    found: Any = minimize_scalar(near, bounds=ends, method="bounded", options={"xatol": 1e-14})
     return min(best, (float(found.fun), float(found.x), best[2]), key=lambda entry: entry[0])
 
 

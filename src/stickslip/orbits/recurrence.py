@@ -21,6 +21,7 @@ Array = np.ndarray
 POINTS = 16  # looked at in every step, at least
 MOST_STEPS = 4000  # looked at
 LEAST = 1e-3  # … of what the other components could do to one is its least size
+CLOSER, EXACT = 1e3, 1e-9  # … but not before one that misses by so much less, or closes
 BETTER = 0.5  # a later return is worth a look if it misses by at most this part of all before
 
 
@@ -240,7 +241,7 @@ def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
     times, steps = _strobe(w, t, sign) if w.symmetry.driven else _passages(w, t, y, here, sign)
     if len(times) == 0:
         return []
-    states = np.array([_state(w, s, i) for s, i in zip(times, steps, strict=True)])
+    states = w.trajectory._sample(np.asarray(times), np.asarray(steps))[:, : len(y)]
     turns = np.round((times - t) / w.period).astype(int) if w.period else np.zeros(len(times), int)
     gap = states - y - np.multiply.outer(turns, w.symmetry.turn)
     misses = np.linalg.norm(w.at_home(gap, times - t), axis=1)
@@ -254,7 +255,8 @@ def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
             size = np.max(np.ptp(w.at_home(w.carried(w.states[between], passed), passed), axis=0)) / 2.0
             distance = float(miss / max(size, 1e-300))
             found.append(Recurrence(t, y, abs(float(times[i] - t)), abs(int(turns[i])) or 1, later, distance))
-    return found
+    # Where a later return all but closes, the earlier ones are what a cycle passes on its way.
+    return [r for r in found if r.distance <= CLOSER * max(found[-1].distance, EXACT)]
 
 
 def _state(w: Window, t: float, step: int) -> Array:
@@ -291,7 +293,7 @@ def _passages(w: Window, t: float, y: Array, here: int, sign: float) -> tuple[Ar
     ha, hb = h[found], h[found + 1]
     for _ in range(6):
         middle = a - ha * (b - a) / (hb - ha)
-        at = np.array([_state(w, s, int(w.index[i])) for s, i in zip(middle, found, strict=True)]).reshape(-1, len(y))
+        at = w.trajectory._sample(middle, w.index[found])[:, : len(y)]
         hm = height(at, middle)
         below = hm <= 0.0
         a, ha = np.where(below, middle, a), np.where(below, hm, ha)
