@@ -168,3 +168,32 @@ def test_a_neutral_cycle_is_not_called_unstable() -> None:
     assert found["stability"] == "neutral"
     assert found["period"] == pytest.approx(2.0 * math.pi / 60.0, rel=1e-12)
     assert found["drift"] == pytest.approx(0.1 * found["period"], rel=1e-9)
+
+
+def test_a_cycle_shows_what_was_measured() -> None:
+    """The numbers with their limits, in the table and in summary.json."""
+    result = stickslip("cycle", "plate_compactor", "--set", "F=800", "--set", "V=0.005")
+    assert result.exit_code == 0, result.stderr
+    assert "certified: 8 residuals in limits" in result.stdout
+    for name in ("closure", "movement", "multipliers 1", "multipliers 0", "neighbours"):
+        assert name in result.stdout
+    found = json.loads(Path("out/plate_compactor-cycle/summary.json").read_text(encoding="utf-8"))["certificate"]
+    assert found["ok"] is True
+    limits = {residual["name"]: residual["limit"] for residual in found["residuals"]}
+    assert limits["closure"] == 1e-9
+
+
+def test_families_and_irregular_motion_are_named() -> None:
+    result = stickslip("cycle", "forced_oscillator", "--set", "F_c=0.2", "--set", "omega=0.5")
+    assert result.exit_code == 1
+    assert "the cycles come in a family" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+def test_a_branch_shows_what_was_measured() -> None:
+    result = stickslip("branch", "belt_block", "--cycle", "--over", "V=0.2:0.4", "--json")
+    assert result.exit_code == 0, result.stderr
+    found = json.loads(result.stdout)
+    assert found["range"] == [0.2, 0.4]
+    names = {residual["name"] for residual in found["certificate"]["residuals"]}
+    assert {"closure", "beyond the range", "largest step", "neighbours"} <= names

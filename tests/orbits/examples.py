@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from stickslip import Contact, Inertial, Internal, System, catalogue
+from stickslip import Contact, Inertial, Internal, RateIndependent, System, catalogue
 from systems import parameters
 
 SLIDER = catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05)
@@ -102,5 +102,41 @@ def mass_on_belt() -> System:
         potential="x**2/2",
         viscous="c/2*d_x**2",
         contacts={"belt": Contact("d_x", "1", surface_speed="V", kinetic="1 - a*speed + b*speed**3")},
+        span=(0, 100),
+    )
+
+
+@cache
+def stribeck_belt() -> System:
+    """A mass on a spring on a belt, the friction of which falls with the speed from F_s towards F_k.
+
+    Steady sliding loses its stability, subcritically, where the slope of the friction is that of the damper:
+    V = v_s log((F_s - F_k)/(c v_s)).
+    """
+    return System(
+        name="Stribeck belt",
+        parameters=parameters(V=0.5, F_s=1.0, F_k=0.5, v_s=0.5, m=1.0, k=1.0, c=0.05),
+        coordinates={"x": Inertial()},
+        kinetic="m*d_x**2/2",
+        potential="k*x**2/2",
+        viscous="c/2*d_x**2",
+        contacts={
+            "belt": Contact("d_x", "F_s", surface_speed="V", kinetic="F_k + (F_s - F_k)*exp(-speed/v_s)"),
+        },
+        span=(0, 100),
+    )
+
+
+@cache
+def jenkins() -> System:
+    """A lightly damped, driven oscillator with a damper of a spring and a dry contact in series."""
+    return System(
+        name="Jenkins element",
+        parameters=parameters(m=1.0, k=1.0, c=0.02, k_d=0.5, F_c=1.0, F=0.3, omega=0.7),
+        coordinates={"x": Inertial(), "z": RateIndependent()},
+        kinetic="m*d_x**2/2",
+        potential="k*x**2/2 + k_d*(x - z)**2/2 - F*cos(omega*t)*x",
+        viscous="c/2*d_x**2",
+        contacts={"damper": Contact("d_z", "F_c")},
         span=(0, 100),
     )

@@ -274,12 +274,14 @@ def summarise_equilibria(found: Equilibria) -> dict[str, Any]:
             "stable": e.stable,
             "drift": e.drift,
             "eigenvalues": [[z.real, z.imag] for z in e.eigenvalues or ()],
+            "certificate": e.certificate.to_dict(),
             "text": e.describe(),
         }
         if isinstance(e, EquilibriumSet):
             entry |= {"dimension": e.dimension, "extent": {x: list(ends) for x, ends in e.extent.items()}}
         entries.append(entry)
-    return {"certified": bool(entries), "message": found.message, "tried": found.tried, "equilibria": entries}
+    certified = bool(entries) and all(entry["certificate"]["ok"] for entry in entries)
+    return {"certified": certified, "message": found.message, "tried": found.tried, "equilibria": entries}
 
 
 def equilibria_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
@@ -287,7 +289,8 @@ def equilibria_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     entries = summary["equilibria"]
     outcome = f"{len(entries)} found" if entries else summary["message"]
     rows = [("set" if "extent" in e else "equilibrium", e["text"]) for e in entries]
-    return [("outcome", outcome), *shortened(rows)]
+    verdict = [("certificate", "certified" if summary["certified"] else "not certified")] if entries else []
+    return [("outcome", outcome), *shortened(rows), *verdict]
 
 
 # -- cycle --------------------------------------------------------------------------------------------
@@ -297,10 +300,9 @@ def summarise_cycle(found: Cycle) -> dict[str, Any]:
     """Everything about a cycle that fits on a page; plain data."""
     from dataclasses import asdict
 
-    certificate = found.trajectory.certificate
     return {
-        "certified": certificate.ok,
-        "certificate": certificate.to_dict(),
+        "certified": found.certificate.ok,
+        "certificate": found.certificate.to_dict(),
         **{
             x: getattr(found, x) for x in ("period", "stable", "stability", "drift", "speed", "stick_time", "slip_time")
         },
@@ -333,7 +335,17 @@ def cycle_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     if summary["drift"]:
         rows.append(("drift", f"{text('drift', 'drift')} a period, speed {text('speed', 'speed')}"))
         rows.append(("energy per distance", text("energy_per_distance", "energy_per_distance")))
-    return [*rows, ("certificate", str(summary["certificate"]["verdict"]))]
+    return [*rows, *certificate_rows(summary["certificate"])]
+
+
+def certificate_rows(certificate: dict[str, Any]) -> list[tuple[str, str]]:
+    """The verdict, and every residual with its limit."""
+    rows = [("certificate", str(certificate["verdict"]))]
+    for r in certificate["residuals"]:
+        value = "not finite" if r["value"] is None else f"{r['value']:.1e}"
+        bound = "at least" if r["least"] else "at most"
+        rows.append((f"  {r['name']}", f"{value}, {bound} {r['limit']:.0e}" + (f" {r['note']}" if r["note"] else "")))
+    return rows
 
 
 # -- branch -------------------------------------------------------------------------------------------
@@ -344,10 +356,10 @@ def summarise_branch(found: Branch) -> dict[str, Any]:
     from dataclasses import asdict
 
     points = found.points
-    certified = bool(points["certified"].all()) if "certified" in points else float(points["defect"].max()) < 1e-8
     return {
         "complete": "interrupted" not in found.ended,
-        "certified": certified,
+        "certified": found.certificate.ok,
+        "certificate": found.certificate.to_dict(),
         "parameter": found.parameter,
         "points": int(points.sizes["point"]),
         "range": [float(points[found.parameter].min()), float(points[found.parameter].max())],
@@ -361,8 +373,7 @@ def branch_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     low, high = summary["range"]
     rows = [("points", f"{summary['points']}, {summary['parameter']} = {low:.9g} to {high:.9g}")]
     rows += shortened([("special point", s["text"]) for s in summary["special"]])
-    verdict = "certified" if summary["certified"] else "not certified"
-    return [*rows, ("ended", summary["ended"]), ("certificate", verdict)]
+    return [*rows, ("ended", summary["ended"]), *certificate_rows(summary["certificate"])]
 
 
 # -- basin --------------------------------------------------------------------------------------------

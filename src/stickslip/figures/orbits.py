@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from stickslip.figures.style import BLUE, LINES, STICK_LINE, axis_label, new_figure, paper_style
+from stickslip.errors import DeclarationError
+from stickslip.figures.style import BLUE, LINES, STICK_LINE, axis_label, line_colours, new_figure, paper_style
 from stickslip.quantities import drift_units
 
 if TYPE_CHECKING:
@@ -35,7 +36,12 @@ def plot_branch(branch: Branch, names: list[str] | None = None, *, others: Seque
         of gaits, at most three.
     others : sequence of Branch
         Of the same system and parameter, such as the cycles that are born on a branch of equilibria.
+
+    A curve in two parameters is drawn in their plane, together with others there: of Hopf points those at which a
+    stable cycle is born are solid, the others dashed.
     """
+    if branch.second:
+        return _plot_curves([branch, *others])
     names = names or _changing(branch)
     every = [branch, *others]
     with paper_style():
@@ -49,6 +55,43 @@ def plot_branch(branch: Branch, names: list[str] | None = None, *, others: Seque
         panels[-1].set_xlabel(axis_label([branch.parameter], parameter.unit))
         figure.legend(handles=_legend(every), loc="outside upper left", ncols=3)
     return figure
+
+
+def _plot_curves(curves: list[Branch]) -> Figure:
+    """Curves of special points in the plane of two parameters."""
+    names = curves[0].parameter, curves[0].second
+    for curve in curves:
+        if not all(name in curve.points for name in names):
+            raise DeclarationError("others", f"a curve over {curve.parameter}", f"Give curves over {', '.join(names)}")
+    with paper_style():
+        figure = new_figure(6.4, 4.4)
+        axes, handles, markers = figure.subplots(), [], _markers(curves)
+        for curve, colour in zip(curves, line_colours(len(curves)), strict=True):
+            handles += _draw_curve(axes, curve, names, colour)
+            for point in curve.special:
+                axes.plot(*(point.parameters[name] for name in names), **markers[point.kind], zorder=3)
+        units = [curves[0].system.parameters[name].unit for name in names]
+        axes.set_xlabel(axis_label(names[:1], units[0]))
+        axes.set_ylabel(axis_label(names[1:], units[1]))
+        axes.margins(0.05)
+        handles += [Line2D([], [], **style, label=kind) for kind, style in markers.items()]
+        figure.legend(handles=handles, loc="outside upper left", ncols=2)
+    return figure
+
+
+def _draw_curve(axes: Axes, curve: Branch, names: tuple[str, str], colour: str) -> list[Line2D]:
+    """One curve, solid but where the cycles that are born at its Hopf points are unstable; the handles of its lines."""
+    x, y = (curve.points[name].values for name in names)
+    born = curve.points["lyapunov"].values if "lyapunov" in curve.points else None
+    solid = np.ones(len(x), dtype=bool) if born is None else ~(born > 0.0)
+    for a, b in pairwise([0, *(np.flatnonzero(np.diff(solid) != 0) + 1), len(x)]):
+        part, marker = slice(a, min(b + 1, len(x))), "." if len(x) == 1 else ""
+        axes.plot(x[part], y[part], color=colour, linestyle=_line(bool(solid[a])), marker=marker)
+    handles = []
+    for one in sorted(set(solid.tolist()), reverse=True):
+        more = "" if born is None else ", stable cycles" if one else ", unstable cycles"
+        handles.append(Line2D([], [], color=colour, linestyle=_line(one), label=f"{curve.points.attrs['kind']}{more}"))
+    return handles
 
 
 def _changing(branch: Branch) -> list[str]:

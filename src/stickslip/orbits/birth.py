@@ -14,11 +14,21 @@ import numpy as np
 
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.motion.problem import Problem, pose
+from stickslip.orbits.bracket import zero_near
 from stickslip.orbits.branch import SpecialPoint
 from stickslip.orbits.closing import Closed, converge
+from stickslip.orbits.families import check_isolated
+from stickslip.orbits.held import Held, held_positions
 from stickslip.orbits.normal_form import critical_pair
 from stickslip.orbits.pieces import Piece, Pieces
-from stickslip.orbits.shooting import Setting, Shooting, make_station, numbers, with_value
+from stickslip.orbits.shooting import (
+    Setting,
+    Shooting,
+    follow,
+    make_station,
+    numbers,
+    with_value,
+)
 from stickslip.orbits.symmetry import Surroundings
 from stickslip.system import System
 
@@ -132,8 +142,13 @@ def _shooting(seed: _Seed, pieces: Pieces, point: SpecialPoint, sizes: Array) ->
     piece, p, n = _piece(pieces, point), numbers(seed.problem), len(sizes)
     signs = np.random.default_rng(0).uniform(-1.0, 1.0, (8, n))
     around = Surroundings([piece] * 8, np.zeros(8), seed.equilibrium + signs * sizes, sizes)
-    setting = Setting(around.symmetry(p, None), around, None, 1, sizes)
+    setting = Setting(around.symmetry(p, None), around, None, 1, sizes, _held(seed))
     return Shooting(seed.problem, pieces, [make_station(0.0, piece, 0.0, seed.state, p, sizes)], 0.0, setting)
+
+
+def _held(seed: _Seed) -> tuple[Held, ...]:
+    """Positions that keep still while the first cycle goes round."""
+    return held_positions(follow(seed.problem, 0.0, seed.period, seed.state))
 
 
 def shrinks_to(closed: Closed, parameter: str, value: float) -> tuple[float, Array] | None:
@@ -151,18 +166,15 @@ def shrinks_to(closed: Closed, parameter: str, value: float) -> tuple[float, Arr
         J = piece.jacobian(np.zeros(1), settled[:, None], numbers(there))[0][:, : len(y)]
         return critical_pair(J)[0], settled
 
-    a, b = here, value if value != here else here * (1.0 + 1e-6)
     try:
-        fa, (fb, settled) = pair(a)[0], pair(b)
-        for _ in range(20):
-            if fb.real == fa.real or abs(fb.real) <= 1e-15 * frequency:
-                break
-            a, b, fa = b, b - fb.real * (b - a) / (fb.real - fa.real), fb
-            fb, settled = pair(b)
+        found = zero_near(lambda value: pair(value)[0].real, here, value)
+        if found is None:
+            return None
+        at, settled = pair(found)
     except (ZeroDivisionError, np.linalg.LinAlgError, StickslipError):
         return None
-    same = abs(fb.imag / frequency - 1.0) < 0.1 and abs(fb.real) < 1e-9 * frequency
-    return (b, settled) if same else None
+    same = abs(at.imag / frequency - 1.0) < 0.1 and abs(at.real) < 1e-9 * frequency
+    return (found, settled) if same else None
 
 
 def _closed(seed: _Seed, point: SpecialPoint) -> Closed:
@@ -170,6 +182,7 @@ def _closed(seed: _Seed, point: SpecialPoint) -> Closed:
     shooting = _shooting(seed, pieces, point, _sizes(seed))
     drift = _piece(pieces, point).rates(0.0, seed.equilibrium, numbers(seed.problem))
     closed = converge(shooting, shooting.guess(seed.period, seed.period * drift))
+    check_isolated(closed)
     if closed.extent < 0.1:
         raise ConvergenceError("cycles at the Hopf point", "the cycle shrinks to the equilibrium", "")
     return closed

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stickslip.certificates import Certificate, Residual
 from stickslip.equations.field import Mode, Region
 from stickslip.errors import StickslipError
 from stickslip.system import System
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-KIND, FORMAT = "branch", 1  # of the stored file
+KIND, FORMAT = "branch", 2  # of the stored file
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,10 @@ class Branch:
         In the same order.
     ended : str
         Why it ends, at its first and at its last point.
+    certificate : Certificate
+        Every residual of its points where it is worst.
+    second : str
+        The other parameter of a curve in two parameters.
     """
 
     system: System
@@ -91,6 +96,8 @@ class Branch:
     points: xarray.Dataset
     special: list[SpecialPoint]
     ended: str
+    certificate: Certificate
+    second: str = ""
 
     def __repr__(self) -> str:
         values = self.points[self.parameter].values
@@ -106,7 +113,7 @@ class Branch:
     @property
     def summary(self) -> str:
         """The special points and the ends, line by line."""
-        return "\n".join([*(s.describe(self.parameter) for s in self.special), self.ended])
+        return "\n".join([*(s.describe(self.parameter) for s in self.special), self.ended, self.certificate.verdict])
 
     @property
     def table(self) -> pandas.DataFrame:
@@ -155,6 +162,8 @@ class Branch:
             "parameter": self.parameter,
             "special": [asdict(s) for s in self.special],
             "ended": self.ended,
+            "certificate": [asdict(r) for r in self.certificate.residuals],
+            "second": self.second,
         }
         storage.write(path, self.points, KIND, FORMAT, **parts)
 
@@ -178,6 +187,8 @@ def open_branch(path: str | Path) -> Branch:
             points,
             [_special(entry) for entry in json.loads(own["special"])],
             own["ended"],
+            Certificate(tuple(Residual(**entry) for entry in json.loads(own["certificate"]))),
+            own["second"],
         )
 
 

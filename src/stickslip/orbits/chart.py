@@ -4,18 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from itertools import combinations
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stickslip.errors import StickslipError
 from stickslip.orbits.closing import Closed, best_start, restarted, stations_for
 from stickslip.orbits.continuation import Point, correct
+from stickslip.orbits.cycles import Cycle, make_cycle
 from stickslip.orbits.halving import half_gap
+from stickslip.orbits.held import Held, alike, held_positions
 from stickslip.orbits.pieces import Pieces
 from stickslip.orbits.recurrence import segments, sizes_of
 from stickslip.orbits.shooting import Orbit, Shooting, follow, numbers
 from stickslip.orbits.spectrum import spectrum
 from stickslip.orbits.variational import variation
+
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
 
 Array = np.ndarray
 
@@ -81,13 +87,14 @@ class Chart:
     shooting : Shooting
         With a free parameter.
     extent : Extent
-    orbits : dict
-        Orbits that were computed, by their unknowns.
+    orbits, cycles : dict
+        Orbits that were computed, and cycles that were looked at, by their unknowns.
     """
 
     shooting: Shooting
     extent: Extent
     orbits: dict[bytes, Orbit] = field(default_factory=dict)
+    cycles: dict[bytes, Cycle] = field(default_factory=dict)
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """The equations."""
@@ -109,12 +116,45 @@ class Chart:
         """Units of the unknowns."""
         return self.shooting.units(x, WIDTH * (self.extent.high - self.extent.low))
 
+    def cycle(self, x: Array) -> Cycle:
+        """Everything that is said of the cycle of some unknowns."""
+        key = x.tobytes()
+        if key not in self.cycles:
+            self.cycles[key] = make_cycle(self.closed(x))
+        return self.cycles[key]
+
     def along(self, start: Point, distance: float, tolerance: float) -> Array:
         """Unknowns at a distance from a point, measured along its tangent."""
         units = self.scale(start.x)
         tangent = start.tangent / units
         tangent /= np.linalg.norm(tangent)
         return correct(self, start.x + units * tangent * distance, units, tangent, tolerance)
+
+    def resting_as(self, motion: Trajectory) -> Chart:
+        """The same coordinates for cycles on which the same contacts stick throughout as in a motion."""
+        held = held_positions(motion, self.shooting.setting.held)
+        return self if alike(self.shooting.setting.held, held) else self.with_held(held)
+
+    def carrying(self, contact: int, edge: int) -> Chart:
+        """The same coordinates for cycles on which a contact is carried along an edge, or (0) stays where it is."""
+        held = self.shooting.setting.held
+        return self.with_held(tuple(replace(h, edge=edge) if h.contact == contact else h for h in held))
+
+    def with_held(self, held: tuple[Held, ...]) -> Chart:
+        """The same coordinates, with other positions of rest."""
+        old, setting = self.shooting, replace(self.shooting.setting, held=held)
+        return Chart(Shooting(old.problem, old.pieces, old.stations, old.start, setting), self.extent)
+
+    def carried(self, x: Array, tangent: Array) -> float:
+        """How far contacts on an edge are carried along the way they would slip; 1 if none is on an edge.
+
+        Where it vanishes they are left behind, and keep their positions.
+        """
+        shooting, place = self.shooting, self.orbit(x).legs[0].place
+        change = place.directions @ tangent[: shooting.first[1]] + place.by_parameter * tangent[-1]
+        sizes = shooting.setting.sizes
+        moved = [h.edge * (h.form @ change) / (np.abs(h.form) @ sizes) for h in shooting.setting.held if h.edge]
+        return float(min(moved, default=1.0))
 
     def tests(self, x: Array, tangent: Array) -> dict[str, float]:
         """Test functions of special points, and of what ends a branch."""
@@ -125,12 +165,11 @@ class Chart:
         return {
             "fold": slope,
             **spectral_tests(spectrum(self.shooting, orbit).others, slope),
-            "low": float(x[-1] - extent.low),
-            "high": float(extent.high - x[-1]),
             "amplitude": amplitude / extent.least - 1.0,
             "halving": half_gap(self.closed(x)) / extent.halved - 1.0,
             "growth": 1.0 - amplitude / extent.largest,
             "period": 1.0 - orbit.period / (UNBOUNDED * extent.period),
+            "carried": self.carried(x, tangent),
         }
 
     def check(self, orbit: Orbit) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from stickslip.errors import ConvergenceError, StickslipError
 from stickslip.motion.problem import Problem
+from stickslip.orbits.held import alike, held_positions
 from stickslip.orbits.pieces import Piece, Pieces
 from stickslip.orbits.recurrence import Recurrence, Window, segments, sizes_of
 from stickslip.orbits.shooting import Orbit, Setting, Shooting, follow, make_station, numbers
@@ -29,29 +30,52 @@ ACROSS = 0.1  # cosine of what is nearly a right angle
 GROWTH = 1e4  # perturbations grow by at most this much between two stations
 
 
+class NotClosed(ConvergenceError):
+    """Newton's method has not closed a motion; `orbit` came nearest and fails by `miss`, in units of its size."""
+
+    def __init__(self, shooting: Shooting, orbit: Orbit, miss: float) -> None:
+        self.shooting, self.orbit, self.miss = shooting, orbit, miss
+        super().__init__(
+            f"a cycle of {shooting.problem.system.name}",
+            f"Newton's method did not converge; the nearest motion misses by {miss:.2g} of its size after the period "
+            f"{orbit.period:.6g}, from {orbit.start}",
+            "Start nearer to the cycle, or with a motion that has settled",
+        )
+
+
 def near(problem: Problem, pieces: Pieces, w: Window, found: Recurrence) -> tuple[Shooting, Array]:
     """The equations of the cycle near a recurrence, and where to start."""
     motion = follow(problem, found.time, found.time + found.period, found.state)
     sizes = sizes_of(motion, found.shift, pieces)
-    setting = Setting(w.symmetry, w.surroundings, w.clock, found.turns, sizes)
+    setting = Setting(w.symmetry, w.surroundings, w.clock, found.turns, sizes, held_positions(motion))
     piece = pieces(motion.knots.mode[0], motion.knots.region[0])
     station = make_station(0.0, piece, found.time, found.state, numbers(problem), sizes)
     shooting = Shooting(problem, pieces, [station], found.time, setting)
     return shooting, shooting.guess(found.period, found.shift)
 
 
-def close(shooting: Shooting, x: Array) -> Orbit:
+def close(shooting: Shooting, x: Array, across: Array | None = None) -> Orbit:
     """Newton's method, with steps shortened until the motion closes better.
+
+    Parameters
+    ----------
+    shooting : Shooting
+    x : array
+        Unknowns to start from.
+    across : array, optional
+        A change of the unknowns, in their units, in which no step is taken.
 
     Raises
     ------
-    ConvergenceError
+    NotClosed
         If it does not converge; the message says how near it came.
     """
     orbit = shooting.orbit(x)
     for _ in range(MOST_STEPS):
         units = shooting.units(orbit.x)
         matrix, right = _balanced(orbit.J * units, orbit.F)
+        if across is not None:
+            matrix, right = np.vstack([matrix, across]), np.append(right, 0.0)
         step = np.linalg.lstsq(matrix, right, rcond=SINGULAR)[0]
         better = _shortened(shooting, orbit, units, step)
         if better is None:
@@ -59,12 +83,7 @@ def close(shooting: Shooting, x: Array) -> Orbit:
         orbit = better
     miss = max(float(np.linalg.norm(orbit.F)), shooting.miss(orbit))
     if not miss <= CLOSED:
-        raise ConvergenceError(
-            f"a cycle of {shooting.problem.system.name}",
-            f"Newton's method did not converge; the nearest motion misses by {miss:.2g} of its size after the period "
-            f"{orbit.period:.6g}, from {_named(orbit)}",
-            "Start nearer to the cycle, or with a motion that has settled",
-        )
+        raise NotClosed(shooting, orbit, miss)
     return orbit
 
 
@@ -72,6 +91,13 @@ def _balanced(matrix: Array, right: Array) -> tuple[Array, Array]:
     """Equations divided by their largest coefficient if it is large: growth in one direction must not hide others."""
     size = np.maximum(np.max(np.abs(matrix), axis=1), 1.0)
     return matrix / size[:, None], right / size
+
+
+def flattest(shooting: Shooting, orbit: Orbit) -> tuple[float, Array]:
+    """The least singular value of the equations, relative to the largest, and the change of the unknowns to it."""
+    square = orbit.J[:, : len(orbit.F)] * shooting.units(orbit.x)[: len(orbit.F)]
+    _, s, v = np.linalg.svd(_balanced(square, orbit.F)[0])
+    return float(s[-1] / s[0]), v[-1]
 
 
 def _shortened(shooting: Shooting, orbit: Orbit, units: Array, step: Array) -> Orbit | None:
@@ -87,36 +113,6 @@ def _shortened(shooting: Shooting, orbit: Orbit, units: Array, step: Array) -> O
             return trial
         part *= 0.5
     return None
-
-
-def _named(orbit: Orbit) -> str:
-    names = orbit.problem.system.declaration.state
-    return ", ".join(f"{name} = {v:.6g}" for name, v in zip(names, orbit.legs[0].place.state, strict=True))
-
-
-def check_isolated(shooting: Shooting, orbit: Orbit) -> None:
-    """Refuse cycles that come in families.
-
-    Raises
-    ------
-    ConvergenceError
-        If the state can be moved so that the motion still closes: an invariant direction that is no translation.
-    """
-    square = orbit.J[:, : len(orbit.F)] * shooting.units(orbit.x)[: len(orbit.F)]
-    _, s, v = np.linalg.svd(_balanced(square, orbit.F)[0])
-    if s[-1] > SINGULAR * s[0]:
-        return
-    change = shooting.stations[0].basis @ v[-1][: shooting.first[1]]
-    change = change / np.max(np.abs(change))
-    names = shooting.problem.system.declaration.state
-    along = ", ".join(f"{name}: {w:.4g}" for name, w in zip(names, change, strict=True) if abs(w) > 1e-6)
-    raise ConvergenceError(
-        f"a cycle of {shooting.problem.system.name}",
-        f"the cycles come in a family, although the system has no translation: the one of period {orbit.period:.9g} "
-        f"from {_named(orbit)} still closes if its state is moved along ({along})",
-        "Nothing chooses one of them, such as damping or a contact that carries along what moves freely; change the "
-        "parameters, or start elsewhere",
-    )
 
 
 # -- stations ------------------------------------------------------------------------------------------------------
@@ -187,9 +183,11 @@ def restarted(shooting: Shooting, orbit: Orbit, count: int, sizes: Array | None 
     begin = best_start(shooting, orbit)
     y = orbit.motion._sample(np.array([begin]), np.array([_step(orbit.motion, begin)]))[0, : len(orbit.shift)]
     shift, start = carried_along(shooting.setting, orbit.problem, begin)
-    setting = shooting.setting if sizes is None else replace(shooting.setting, sizes=sizes)
     y = y - shift
     motion = follow(orbit.problem, start, start + orbit.period, y)
+    sizes = shooting.setting.sizes if sizes is None else sizes
+    held = held_positions(motion, shooting.setting.held)
+    setting = replace(shooting.setting, sizes=sizes, held=held)
     stations = []
     for part in np.arange(count) / count:
         t, i = _well_inside(motion, start + float(part) * orbit.period) if part else (start, 0)
@@ -261,7 +259,7 @@ class Closed:
         times = begin + (time - begin) % whole + whole * np.arange(setting.turns)
         steps = np.array([_step(motion, t) for t in times])
         states = motion._sample(times, steps)[:, : len(self.orbit.shift)]
-        return states - [carried_along(setting, problem, t)[0] for t in times]
+        return states - np.multiply.outer(np.floor(times / whole), setting.at(problem).turn)
 
 
 def carried_along(setting: Setting, problem: Problem, time: float) -> tuple[Array, float]:
@@ -281,21 +279,27 @@ def converge(shooting: Shooting, x: Array) -> Closed:
     Raises
     ------
     ConvergenceError
-        If it does not close with one station nor with several, or belongs to a family.
+        If it does not close with one station nor with several.
     """
     first: ConvergenceError | None = None
     for count in STATIONS:
         try:
             if count > 1:
                 shooting, x = restarted(shooting, shooting.orbit(x), count)
-            orbit = close(shooting, x)
-            break
+            return _resting_alike(shooting, close(shooting, x))
         except ConvergenceError as failure:
             first = first or failure
-    else:
-        assert first is not None
-        raise first
-    check_isolated(shooting, orbit)
+    assert first is not None
+    raise first
+
+
+def _resting_alike(shooting: Shooting, orbit: Orbit) -> Closed:
+    """The same cycle from its best place, with the equations that say where the contacts rest that it never moves."""
+    for _ in range(3):
+        if alike(shooting.setting.held, held_positions(orbit.motion)):
+            break
+        shooting, x = restarted(shooting, orbit, len(shooting.stations))
+        orbit = close(shooting, x)
     return well_placed(shooting, orbit)
 
 

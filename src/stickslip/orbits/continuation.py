@@ -12,20 +12,53 @@ Continuation Methods*, chapters 2 and 6.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
+from stickslip.certificates import Residual
 from stickslip.errors import StickslipError
 
 Array = np.ndarray
 Equations = Callable[[Array], tuple[Array, Array]]
 Tests = Callable[[Array, Array], Mapping[str, float]]
+Accept = Callable[["Point", "Point"], None]
 
 BRIDGE = 1e-2  # part of the first step over which the orientation of the curve may change
 UNDEFINED = (ArithmeticError, StickslipError, np.linalg.LinAlgError)
 """What the equations may raise where they are not defined; the step is then shortened."""
+RESOLVED = 100.0  # a step this much longer than the corrector's tolerance has a direction
+
+
+class Limit(NamedTuple):
+    """The end of the range of a component of x: where it is, and on which side (+1: x stays below, −1: above)."""
+
+    component: int
+    value: float
+    side: float
+
+    def room(self, x: Array) -> float:
+        """How far a point is from it; negative beyond."""
+        return self.side * (self.value - float(x[self.component]))
+
+
+def ranges(spans: Mapping[str, tuple[float, float]]) -> dict[str, Limit]:
+    """The limits of the last components of x, which are parameters with these ranges, by the reasons they give."""
+    first = -len(spans)
+    return {
+        f"{name} = {end:g}, the end of the range": Limit(first + i, end, side)
+        for i, (name, span) in enumerate(spans.items())
+        for side, end in zip((-1.0, 1.0), span, strict=True)
+    }
+
+
+def in_range(limits: Mapping[str, Limit], points: Sequence[Array]) -> Residual:
+    """By how much some points are beyond limits, which they may not be at all."""
+    beyond = max((-limit.room(x) for limit in limits.values() for x in points), default=0.0)
+    return Residual("beyond the range", max(beyond, 0.0), 0.0)
 
 
 @dataclass(frozen=True)
@@ -103,12 +136,22 @@ class Path:
     ended: str = ""
 
 
+class _NoValue(Exception):
+    """A test function is not defined at a point."""
+
+
 class Lost(Exception):
     """The corrector does not converge; the message says why."""
 
 
 def correct(equations: Equations, guess: Array, scale: Array, tangent: Array, tolerance: float) -> Array:
-    """Newton's method on F(x) = 0 and ⟨tangent, (x − guess)/scale⟩ = 0."""
+    """Newton's method on F(x) = 0 and ⟨tangent, (x − guess)/scale⟩ = 0.
+
+    Raises
+    ------
+    Lost
+        If it does not converge.
+    """
     x, last = guess, np.inf
     for _ in range(12):
         try:
@@ -124,6 +167,27 @@ def correct(equations: Equations, guess: Array, scale: Array, tangent: Array, to
         if size <= tolerance:
             return x
     raise Lost("Newton's method does not converge")
+
+
+def correct_at(
+    equations: Equations, guess: Array, scale: Array, component: int, value: float, tolerance: float
+) -> Array:
+    """Newton's method on F(x) = 0 with one component of x at a given value, exactly.
+
+    Raises
+    ------
+    Lost
+        If it does not converge.
+    """
+
+    def kept(x: Array) -> Array:
+        x = x.copy()
+        x[component] = value
+        return x
+
+    along = np.zeros(len(guess))
+    along[component] = 1.0
+    return kept(correct(lambda x: equations(kept(x)), kept(guess), scale, along, tolerance))
 
 
 def direction(equations: Equations, x: Array, scale: Array, towards: Array) -> tuple[Array, float]:
@@ -144,6 +208,8 @@ def trace(
     scale: Callable[[Array], Array],
     tests: Tests,
     endings: Mapping[str, str],
+    limits: Mapping[str, Limit] | None = None,
+    accept: Accept | None = None,
     steps: Steps | None = None,
     progress: Callable[[Point], None] | None = None,
 ) -> Path:
@@ -163,6 +229,12 @@ def trace(
         (x, tangent) ↦ values by name; their zeros are found. A value that is NaN is not defined there.
     endings : mapping of str to str
         Names of test functions that are positive on the curve and end it where they vanish, with the reason.
+    limits : mapping of str to Limit, optional
+        Ends of the ranges of components, by the reason they give. The curve stops exactly there, and the equations are
+        not asked beyond but for what Newton's method and differences take.
+    accept : function, optional
+        (last, new) ↦ None; raises any of :data:`UNDEFINED` if the new point solves the equations and is still not on
+        the curve.
     steps : Steps, optional
     progress : function, optional
         Called with each new point.
@@ -178,7 +250,7 @@ def trace(
         If no solution is found near `start`.
     """
     steps = steps or Steps()
-    tracer = _Tracer(equations, scale, tests, endings, steps)
+    tracer = _Tracer(equations, scale, tests, endings, dict(limits or {}), accept, steps)
     units = scale(start)
     try:
         towards = np.asarray(towards, dtype=float) / units
@@ -206,66 +278,122 @@ class _Tracer:
         scale: Callable[[Array], Array],
         tests: Tests,
         endings: Mapping[str, str],
+        limits: dict[str, Limit],
+        accept: Accept | None,
         steps: Steps,
     ) -> None:
         self.equations, self.scale, self.tests = equations, scale, tests
-        self.endings, self.steps = endings, steps
+        self.endings, self.limits, self.accept, self.steps = endings, limits, accept, steps
 
     def point(self, x: Array, tangent: Array, orientation: float, length: float) -> Point:
         """A point with its test functions; `tangent` in scaled components."""
         tangent = tangent * self.scale(x)
         return Point(x, tangent, length, dict(self.tests(x, tangent)), orientation)
 
-    def step(self, last: Point, along: float) -> Point:
-        """The point at a distance along the tangent."""
-        units = self.scale(last.x)
-        tangent = last.tangent / units
-        tangent /= np.linalg.norm(tangent)
-        x = correct(self.equations, last.x + units * tangent * along, units, tangent, self.steps.tolerance)
+    def step(self, last: Point, along: float, limit: Limit | None = None) -> Point:
+        """The point at a distance along the tangent; or that at a limit, which is there by the tangent."""
+        units, tangent = self._tangent(last)
+        guess = last.x + units * tangent * along
+        if limit is None:
+            x = correct(self.equations, guess, units, tangent, self.steps.tolerance)
+        else:
+            x = correct_at(self.equations, guess, units, limit.component, limit.value, self.steps.tolerance)
+            along = float(tangent @ ((x - last.x) / units))
         there = self.scale(x)
         return self.point(x, *direction(self.equations, x, there, last.tangent / there), last.length + along)
+
+    def _tangent(self, last: Point) -> tuple[Array, Array]:
+        units = self.scale(last.x)
+        tangent = last.tangent / units
+        return units, tangent / np.linalg.norm(tangent)
 
     def advance(self, path: Path, step: float) -> tuple[str, float]:
         """Take one step; returns the reason for the end, or an empty text, and the next step."""
         last, failure = path.points[-1], ""
+        reached = self._left_at_once(last)
+        if reached:
+            return reached, step
         while True:
             if step < self.steps.smallest:
                 return failure or "the step became too small", step
             try:
-                new = self.step(last, step)
-                angle = self._angle(last, new)
+                new, reached = self._within(last, step)
+                bend = self._bend(last, new)
                 # The orientation changes where another branch crosses; with a short step it is that, and no jump over
                 # a gap between two curves.
                 jumped = new.orientation != last.orientation and step > BRIDGE * self.steps.first
-                if angle <= self.steps.turn and not jumped:
+                if bend <= self.steps.turn and not jumped:
+                    if self.accept is not None:
+                        self.accept(last, new)
+                    crossings = self._crossings(last, new)
                     break
                 failure = "the curve turns too sharply"
             except (Lost, *UNDEFINED) as problem:
                 failure = f"no solution was found further on ({problem})"
             step *= 0.5
-        for name, point in self._crossings(last, new):
+        for name, point in crossings:
             if point is not path.points[-1]:
                 path.points.append(point)
             path.crossings.append(Crossing(name, len(path.points) - 1))
             if name in self.endings:
                 return self.endings[name], step
-        if path.points[-1] is new:
-            return "", step
-        path.points.append(new)
+        if path.points[-1] is not new:
+            path.points.append(new)
+        if reached:
+            return reached, step
         if len(path.points) >= self.steps.most:
             return f"the limit of {self.steps.most} points was reached", step
-        if self._closed(path, step):
+        if self._closed(path):
             return "the curve is closed", step
-        wider = min(2.0, 0.5 * self.steps.turn / max(angle, 1e-300))
+        wider = min(2.0, 0.5 * self.steps.turn / max(bend, 1e-300))
         return "", min(step * max(wider, 0.5), self.steps.largest)
 
-    def _angle(self, a: Point, b: Point) -> float:
-        units = self.scale(b.x)
-        first, second = a.tangent / units, b.tangent / units
-        cosine = first @ second / (np.linalg.norm(first) * np.linalg.norm(second))
-        return float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    def _left_at_once(self, last: Point) -> str:
+        """The limit that a point stands on and is about to leave."""
+        units = self.scale(last.x)
+        for name, limit in self.limits.items():
+            speed = limit.side * last.tangent[limit.component] / units[limit.component]
+            if limit.room(last.x) <= 0.0 and speed > 0.0:
+                return name
+        return ""
 
-    def _closed(self, path: Path, step: float) -> bool:
+    def _within(self, last: Point, step: float) -> tuple[Point, str]:
+        """The next point, and the limit that it stands on, if a step leads there or beyond."""
+        units, tangent = self._tangent(last)
+        ahead = [(self._distance(limit, last.x, units * tangent), name) for name, limit in self.limits.items()]
+        distance, name = min(ahead, default=(np.inf, ""))
+        if distance <= step:
+            return self._inside(self.step(last, distance, self.limits[name])), name
+        new = self.step(last, step)
+        beyond = [name for name, limit in self.limits.items() if limit.room(new.x) < 0.0]
+        if beyond:
+            limit = self.limits[beyond[0]]
+            part = limit.room(last.x) / (limit.room(last.x) - limit.room(new.x))
+            return self._inside(self.step(last, part * step, limit)), beyond[0]
+        return new, ""
+
+    @staticmethod
+    def _distance(limit: Limit, x: Array, direction: Array) -> float:
+        """Length along a direction up to a limit."""
+        speed = limit.side * float(direction[limit.component])
+        return limit.room(x) / speed if speed > 0.0 and limit.room(x) < np.inf * speed else np.inf
+
+    def _inside(self, new: Point) -> Point:
+        if any(limit.room(new.x) < 0.0 for limit in self.limits.values()):
+            raise Lost("the curve leaves the range")
+        return new
+
+    def _bend(self, a: Point, b: Point) -> float:
+        """Largest angle between the chord of a step and the tangents at its ends, and between these."""
+        units = self.scale(b.x)
+        chord, first, second = (b.x - a.x) / units, a.tangent / units, b.tangent / units
+        pairs = [(first, second)]
+        # A chord that the corrector does not resolve has no direction.
+        if np.linalg.norm(chord) > RESOLVED * self.steps.tolerance:
+            pairs += [(first, chord), (chord, second)]
+        return max(_angle(u, v) for u, v in pairs)
+
+    def _closed(self, path: Path) -> bool:
         """Whether the last step has passed the start."""
         if len(path.points) < 10:
             return False
@@ -290,25 +418,28 @@ class _Tracer:
         return sorted(found, key=lambda crossing: crossing[1].length)
 
     def _locate(self, name: str, last: Point, new: Point) -> Point:
-        """The point of a step at which a test function vanishes."""
+        """The point of a step at which a test function vanishes, or jumps from one sign to the other."""
         from scipy.optimize import brentq
 
-        best = {last.length: last, new.length: new}
+        distance = new.length - last.length
+        known = {0.0: last, distance: new}
 
         def value(along: float) -> float:
-            length = last.length + along
-            if length not in best:
+            if along not in known:
                 point = self.step(last, along)
-                if self._angle(last, point) > self.steps.turn:
+                if self._bend(last, point) > self.steps.turn:
                     raise Lost("the curve turns too sharply")
-                best[length] = point
-            return best[length].tests[name]
+                known[along] = point
+            if not np.isfinite(known[along].tests[name]):
+                raise _NoValue
+            return known[along].tests[name]
 
-        distance = new.length - last.length
-        if new.tests[name] == 0.0:
-            return new
-        try:
-            brentq(value, 0.0, distance, xtol=1e-15, maxiter=60)
-        except (Lost, RuntimeError, ValueError, *UNDEFINED):
-            pass  # the nearest point found so far is the answer
-        return min(best.values(), key=lambda point: abs(point.tests[name]))
+        # Where it jumps, or is no number in between, the nearest point is the answer.
+        with suppress(_NoValue):
+            brentq(value, 0.0, distance, xtol=1e-15 * distance, maxiter=100, disp=False)
+        return min(known.values(), key=lambda point: abs(point.tests[name]))
+
+
+def _angle(u: Array, v: Array) -> float:
+    cosine = u @ v / max(np.linalg.norm(u) * np.linalg.norm(v), 1e-300)
+    return float(np.arccos(np.clip(cosine, -1.0, 1.0)))

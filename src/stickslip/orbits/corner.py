@@ -1,8 +1,10 @@
 """Corners of a branch of cycles: at a change of the sequence the branch may go on in quite another direction.
 
 Up to the change the cycles solve one smooth problem, beyond it another, and the two curves meet at an angle that no
-short step bridges; the branch may even turn back (a fold that is not smooth). The corner is located from this side.
-Just beyond it, the derivatives are those of the other problem, and their null vector is the direction to go on.
+short step bridges; the branch may even turn back (a fold that is not smooth). The corner is approached from this side
+in steps that shorten as it comes near, since neighbours of a cycle that is about to change have changed already. Just
+beyond it, the derivatives are those of the other problem, and their null vector is the direction to go on. If a contact
+sticks throughout on one side only, the other problem also says where it rests: where it does at the corner.
 """
 
 from __future__ import annotations
@@ -11,18 +13,33 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stickslip.orbits.chart import OPEN, Chart
+from stickslip.orbits.chart import OPEN, Chart, renewed
 from stickslip.orbits.continuation import UNDEFINED, Lost, Point, correct, direction
 from stickslip.orbits.recurrence import segments
-from stickslip.orbits.touching import Sequence, change_of, is_open, nearest_change, sequence
+from stickslip.orbits.touching import Sequence, change_of, is_open, sequence
 
 Array = np.ndarray
 
 FAILURES = (Lost, *UNDEFINED)
-TOLERANCE = 1e-10
-LOCATED = 1e-10  # a corner is located to this length
+TOLERANCE = 1e-11
+LOCATED = 1e-12  # a corner is located to this length …
+TANGENT = 1e-8  # … and left along the tangent so far before it: nearer, what is touched is taken for crossed no more
+BESIDE = 1e-9  # a cycle so far before it can be certified: on the corner itself nothing has a derivative
+MOST = 400  # steps towards a corner
 EDGE = 0.1  # a station nearer to the end of its phase, as a part of it, says nothing about what comes back
+ALONG = 0.9  # least cosine between the direction beyond a corner and the chord to the point found there
+DIRECTIONS = 3  # that are tried one after the other
+FURTHER = 100.0  # how much further beyond a corner one looks whether a contact slips both ways
 AHEAD = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # how far beyond a corner the other side is looked for
+
+
+@dataclass(frozen=True)
+class Onward:
+    """A point of the branch beyond a corner, in a chart of that side, and the direction of travel there."""
+
+    chart: Chart
+    x: Array
+    towards: Array
 
 
 @dataclass(frozen=True)
@@ -31,18 +48,22 @@ class Corner:
 
     Attributes
     ----------
-    x : array
-        Unknowns there.
+    x, beside : arrays
+        Unknowns there, in the chart of this side, and a little before.
     kind, note : str
         What changes.
-    onward : (array, array) or None
-        A point of the branch beyond, and the direction of travel; None if no cycle goes on.
+    turns : bool
+        Whether the parameter turns back.
+    onward : Onward or None
+        None if no cycle goes on.
     """
 
     x: Array
+    beside: Array
     kind: str
     note: str
-    onward: tuple[Array, Array] | None
+    turns: bool
+    onward: Onward | None
 
 
 def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corner | None:
@@ -52,31 +73,100 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     that has to be resolved first.
     """
     here = sequence(chart.orbit(point.x).motion)
-    if _beyond(chart, point.x, _unit(chart, point), here, (0.25 * reach, reach, 4.0 * reach)) is None:
+    before = _unit(chart, point.x, point.tangent)
+    if _beyond(chart, point.x, before, here, (0.25 * reach, reach, 4.0 * reach)) is None:
         return None
-    x = _located(chart, point, here, 4.0 * reach)
-    tangent = _tangent(chart, x, point, turn)
-    if tangent is None:
+    approached = _approach(chart, point.x, before, here, 8.0 * reach)
+    if approached is None:
         return None
-    units = chart.scale(x)
-    found = _beyond(chart, x, tangent, here, AHEAD)
+    x, beside, tangent = approached
+    if tangent @ before < np.cos(turn) or tangent[-1] * before[-1] < 0.0:
+        return None
+    try:
+        # Around the corner itself, so that what begins to rest there is held where it is.
+        there, y, towards = renewed(chart, x, tangent * chart.scale(x))
+    except FAILURES:
+        return None
+    towards = _unit(there, y, towards)
+    found = _beyond(there, y, towards, here, AHEAD)
     if found is None:
         return None
-    trial, there, distance = found
-    if is_open(there) and not _well_inside(chart, x):
+    trial, after, distance = found
+    if is_open(after) and not _well_inside(chart, x):
         return None
     contacts = [c.name for c in chart.shooting.pieces.equations.contacts]
-    kind, note = change_of(contacts, here, there)
-    direction = np.linalg.svd(chart.orbit(trial).J * units)[2][-1]
-    return Corner(x, kind, note, _onward(chart, x, direction, here, distance))
+    edge = _carried(there, y, towards, trial, after, distance)
+    if edge is not None:
+        onward = _along_the_edge(there, y, towards, edge)
+        note = f"contact '{contacts[edge[0]]}' begins to slip one way, which carries along where it rests"
+        return Corner(x, beside, "slip onset", note, False, onward)
+    kind, note = change_of(contacts, here, after)
+    onward = None if is_open(after) else _onward(there, y, trial, here, distance)
+    turns = onward is not None and onward.towards[-1] * tangent[-1] < 0.0
+    return Corner(x, beside, kind, note, turns, onward)
 
 
-def _tangent(chart: Chart, x: Array, point: Point, turn: float) -> Array | None:
-    """Direction of travel at a corner, on this side of it; None if it is not nearly that at a point before."""
-    before = _unit(chart, point)
-    tangent, _ = direction(chart, x, chart.scale(x), before)
-    back = tangent[-1] * before[-1] < 0.0
-    return None if back or tangent @ before < np.cos(turn) else tangent
+def _carried(
+    chart: Chart, x: Array, tangent: Array, trial: Array, after: Sequence, distance: float
+) -> tuple[int, int] | None:
+    """The contact that has stuck throughout and only slips one way just beyond a corner, and which way.
+
+    A bit further it may slip both ways, as it does where it rests in the middle between its edges.
+    """
+    further = _sequence_at(chart, x + chart.scale(x) * tangent * FURTHER * distance)
+    for held in chart.shooting.setting.held:
+        ways = {mode[held.contact] for s in (after, further or ()) for mode, _ in s} - {0}
+        if len(ways) == 1 and not held.edge:
+            return held.contact, ways.pop()
+    return None
+
+
+def _sequence_at(chart: Chart, x: Array) -> Sequence | None:
+    try:
+        return sequence(chart.orbit(x).motion)
+    except FAILURES:
+        return None
+
+
+def _along_the_edge(chart: Chart, x: Array, towards: Array, edge: tuple[int, int]) -> Onward | None:
+    """A cycle on which a contact is carried along, while the parameter goes on as before."""
+    other, units = chart.carrying(*edge), chart.scale(x)
+    for length in (1e-5, 1e-4, 1e-6):
+        try:
+            tangent, _ = direction(other, x, units, towards)
+            tangent = tangent if tangent[-1] * towards[-1] > 0.0 else -tangent
+            there = correct(other, x + units * tangent * length, units, tangent, TOLERANCE)
+            if other.shooting.miss(other.orbit(there)) <= OPEN and other.carried(there, tangent * units) > 0.0:
+                return Onward(other, there, tangent * units)
+        except FAILURES:
+            continue
+    return None
+
+
+def _approach(
+    chart: Chart, x: Array, tangent: Array, here: Sequence, reach: float
+) -> tuple[Array, Array, Array] | None:
+    """The last point of this side, one a little before, and the tangent; None if there is no end within reach."""
+    passed, step, beside = 0.0, 0.25 * reach, x
+    for _ in range(MOST):
+        if step <= LOCATED or passed > reach:
+            break
+        units = chart.scale(x)
+        try:
+            trial = correct(chart, x + units * tangent * step, units, tangent, TOLERANCE)
+            chart.check(chart.orbit(trial))
+            same = sequence(chart.orbit(trial).motion) == here
+            ahead = tangent
+            if same and step > TANGENT:
+                ahead, _ = direction(chart, trial, chart.scale(trial), tangent)
+        except FAILURES:
+            same, trial, ahead = False, x, tangent
+        if same:
+            passed, x, tangent = passed + step, trial, ahead
+            beside = trial if step > BESIDE else beside
+        else:
+            step *= 0.5
+    return None if passed > reach else (x, beside, tangent)
 
 
 def _well_inside(chart: Chart, x: Array) -> bool:
@@ -87,9 +177,9 @@ def _well_inside(chart: Chart, x: Array) -> bool:
     return len(found) == 1 or min(before, after) > EDGE * (before + after)
 
 
-def _unit(chart: Chart, point: Point) -> Array:
-    tangent = point.tangent / chart.scale(point.x)
-    return tangent / np.linalg.norm(tangent)
+def _unit(chart: Chart, x: Array, tangent: Array) -> Array:
+    scaled = tangent / chart.scale(x)
+    return scaled / np.linalg.norm(scaled)
 
 
 def _beyond(
@@ -108,50 +198,36 @@ def _beyond(
     return None
 
 
-def _located(chart: Chart, point: Point, here: Sequence, reach: float) -> Array:
-    """The last point before the corner: nested intervals, with steps to where the margin would vanish."""
-    low, high, x = 0.0, reach, point.x
-    seen = [(0.0, nearest_change(chart.orbit(x).motion, chart.shooting.pieces))]
-    for _ in range(60):
-        if high - low <= LOCATED:
-            break
-        distance = _next_trial(seen, low, high)
-        try:
-            trial = chart.along(point, distance, TOLERANCE)
-            motion = chart.orbit(trial).motion
-            same = sequence(motion) == here
-        except FAILURES:
-            same, trial, motion = False, x, None
-        if same and motion is not None:
-            low, x = distance, trial
-            seen.append((distance, nearest_change(motion, chart.shooting.pieces)))
-        else:
-            high = distance
-    return x
-
-
-def _next_trial(seen: list[tuple[float, float]], low: float, high: float) -> float:
-    """Where the margin, or its square (phases are as long as square roots), vanishes by extrapolation, or midway."""
-    width = high - low
-    if len(seen) >= 2 and len(seen) % 3:
-        (a, fa), (b, fb) = seen[-2:]
-        power = 1.0 if len(seen) % 2 else 2.0
-        fa, fb = fa**power, fb**power
-        if fb < fa:
-            return float(np.clip(b + 1.001 * fb * (b - a) / (fa - fb), low + 1e-3 * width, high - 0.02 * width))
-    return low + 0.5 * width
-
-
-def _onward(chart: Chart, x: Array, direction: Array, here: Sequence, distance: float) -> tuple[Array, Array] | None:
-    """A cycle beyond the corner, in one of the two senses of a direction."""
+def _onward(chart: Chart, x: Array, trial: Array, here: Sequence, distance: float) -> Onward | None:
+    """A cycle beyond the corner, in one of the two senses of the null vector of the derivatives there."""
+    chart = chart.resting_as(chart.orbit(trial).motion)
     units = chart.scale(x)
+    rows = chart.orbit(trial).J * units
+    null = np.linalg.svd(rows / np.maximum(np.max(np.abs(rows), axis=1, keepdims=True), 1e-300))[2][-1]
     for length in (10.0 * distance, 100.0 * distance, distance):
-        for sense in (direction, -direction):
+        for sense in (null, -null):
             try:
-                there = correct(chart, x + units * sense * length, units, sense, TOLERANCE)
-                after = sequence(chart.orbit(there).motion)
-                if after != here and not is_open(after) and chart.shooting.miss(chart.orbit(there)) <= OPEN:
-                    return there, units * sense
+                found = _beyond_along(chart, x, sense, length, here)
             except FAILURES:
                 continue
+            if found is not None:
+                return found
+    return None
+
+
+def _beyond_along(chart: Chart, x: Array, sense: Array, length: float, here: Sequence) -> Onward | None:
+    """A cycle of another sequence at a distance from the corner, along a direction that fits the chord to it.
+
+    What is found first may have more switches than the trial that gave the direction: then the direction is its own.
+    """
+    units = chart.scale(x)
+    for _ in range(DIRECTIONS):
+        there = correct(chart, x + units * sense * length, units, sense, TOLERANCE)
+        orbit, chord = chart.orbit(there), (there - x) / units
+        after = sequence(orbit.motion)
+        if after == here or is_open(after) or chart.shooting.miss(orbit) > OPEN:
+            return None
+        if sense @ chord > ALONG * np.linalg.norm(chord):
+            return Onward(chart, there, units * sense)
+        sense, _ = direction(chart, there, units, chord)
     return None

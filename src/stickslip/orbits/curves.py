@@ -13,21 +13,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stickslip import expressions as ex
+from stickslip.certificates import Certificate, Residual, worst
 from stickslip.equations.field import mode_field
 from stickslip.errors import DeclarationError
 from stickslip.expressions import Expr
 from stickslip.orbits.branch import Branch, SpecialPoint
-from stickslip.orbits.continuation import Path, Steps, trace
+from stickslip.orbits.continuation import Lost, Path, Point, Steps, in_range, ranges, trace
+from stickslip.orbits.cycle_points import NOT_SMOOTH
 from stickslip.orbits.equilibria import autonomous, checked_values
 from stickslip.orbits.equilibrium import describe_guard
 from stickslip.orbits.equilibrium_branch import checked_range, hopf_test
+from stickslip.orbits.equilibrium_certificate import SOLVED, certify
 from stickslip.orbits.normal_form import Derivatives, critical_pair, hopf
-from stickslip.orbits.steady import Array, Residual, Steady, invariant_directions
+from stickslip.orbits.steady import Array, ResidualFunction, Steady, invariant_directions
 from stickslip.system import System
+
+if TYPE_CHECKING:
+    import xarray
 
 STEPS = Steps(first=0.005, largest=0.02)
 Numbers = Callable[[Array], dict[str, float]]
@@ -67,7 +74,7 @@ def hopf_curve(
         If an argument is wrong.
     """
     curve = _posed(system, "Hopf", point, (first, second), ranges)
-    return curve.branch(system, _hopf_problem(curve), steps or STEPS)
+    return curve.branch(system, "Hopf points", _hopf_problem(curve), steps or STEPS)
 
 
 def fold_curve(
@@ -84,8 +91,16 @@ def fold_curve(
     Arguments and errors as for :func:`hopf_curve`, with a point of kind ``"fold"``. Special points: ``"cusp"``,
     ``"Bogdanov-Takens"``, ``"zero-Hopf"``, ``"boundary equilibrium"``.
     """
+    if isinstance(point, SpecialPoint) and point.kind == "fold" and point.period is not None:
+        begins = NOT_SMOOTH in point.note
+        raise DeclarationError(
+            "point",
+            "it is a fold of cycles" + (", where the sequence of modes changes" if begins else ""),
+            "This follows folds of equilibria; "
+            + ("follow the stick onset at the same value with stick_onset_curve" if begins else "see continue_cycle"),
+        )
     curve = _posed(system, "fold", point, (first, second), ranges)
-    return curve.branch(system, _fold_problem(curve), steps or STEPS)
+    return curve.branch(system, "folds", _fold_problem(curve), steps or STEPS)
 
 
 def _posed(
@@ -120,7 +135,7 @@ class _Extended:
 
     Attributes
     ----------
-    residual : Residual
+    residual : ResidualFunction
         In the state, the vector v, further unknowns, and the two parameters.
     start : array
         Its solution at the given point.
@@ -128,13 +143,20 @@ class _Extended:
         Of the unknowns: test functions; numbers to report.
     endings : dict of str to str
         Test functions that end the curve.
+    least : array
+        Least lengths that count in the unknowns; those of the parameters are their ranges.
     """
 
-    residual: Residual
+    residual: ResidualFunction
     start: Array
     tests: Numbers
     numbers: Numbers
     endings: dict[str, str]
+    least: Array
+
+    def units(self, x: Array) -> Array:
+        """Lengths that count in the unknowns."""
+        return np.append(np.maximum(np.abs(x[:-2]), self.least[:-2]), self.least[-2:])
 
 
 @dataclass(frozen=True)
@@ -160,12 +182,12 @@ class _Curve:
         rows = ([ex.derivative(f, x) for x in self.steady.field.state] for f in self.steady.rates)
         return [ex.add(*((d * v, 1.0) for d, v in zip(row, u, strict=True))) for row in rows]
 
-    def extended(self, conditions: list[Expr], *own: str) -> Residual:
+    def extended(self, conditions: list[Expr], *own: str) -> ResidualFunction:
         """f = 0, the conditions, and ⟨v, v⟩ = 1."""
         v = self.vector()
         norm = ex.add(*((x * x, 1.0) for x in v)) - 1.0
         unknowns = [*self.steady.field.state, *(str(x.value) for x in v), *own, *self.spans]
-        return Residual([*self.steady.rates, *conditions, norm], unknowns, self.steady.values)
+        return ResidualFunction([*self.steady.rates, *conditions, norm], unknowns, self.steady.values)
 
     def values(self, x: Array) -> dict[str, float]:
         """All parameters."""
@@ -177,7 +199,7 @@ class _Curve:
 
     # -- following --------------------------------------------------------------------------------
 
-    def branch(self, system: System, problem: _Extended, steps: Steps) -> Branch:
+    def branch(self, system: System, kind: str, problem: _Extended, steps: Steps) -> Branch:
         """Both ways from the start."""
         towards = np.zeros(len(problem.start))
         towards[-2] = 1.0
@@ -187,49 +209,59 @@ class _Curve:
         points = [p.x for p in (*reversed(back.points), *forth.points[1:])]
         crossings = [(last - c.index, c.name) for c in reversed(back.crossings)]
         crossings += [(last + c.index, c.name) for c in forth.crossings]
-        special = [self._special(name, points[i], i, problem) for i, name in crossings if name not in self._limits]
+        special = [self._special(name, points[i], i, problem) for i, name in crossings]
         ended = f"first point: {back.ended}; last point: {forth.ended}"
-        parameter = next(iter(self.spans))
-        return Branch(
-            system, dict(self.steady.values), parameter, self._dataset(system, points, problem), special, ended
-        )
+        first, second = self.spans
+        found = worst([self._certificate(x, problem) for x in points])
+        certificate = Certificate((*found.residuals, in_range(ranges(self.spans), points)))
+        table = self._dataset(system, kind, points, problem)
+        return Branch(system, dict(self.steady.values), first, table, special, ended, certificate, second)
 
-    @property
-    def _limits(self) -> dict[str, str]:
-        ends = (
-            (name, side, end)
-            for name, span in self.spans.items()
-            for side, end in zip(("low", "high"), span, strict=True)
-        )
-        return {f"{name} {side}": f"{name} = {end:g}, the end of the range" for name, side, end in ends}
+    def _certificate(self, x: Array, problem: _Extended) -> Certificate:
+        """That of the equilibrium, and what is left of the equations that keep its eigenvalue along the curve."""
+        found, _ = certify(self.steady, self.point(x), beside=self.point(problem.start))
+        value, slopes = problem.residual(x)
+        terms = np.abs(slopes) @ problem.units(x) + np.abs(value)
+        left = float(np.max(np.abs(value) / np.where(terms > 0.0, terms, 1.0)))
+        return Certificate((*found.residuals, Residual("extended equations", left, SOLVED, note="of their terms")))
+
+    def _accept(self, last: Point, new: Point, problem: _Extended) -> None:
+        """See that a point is certified; its guards are test functions.
+
+        Raises
+        ------
+        Lost
+            If it is not.
+        """
+        found = self._certificate(new.x, problem)
+        if not all(residual.ok for residual in found.residuals if residual.name != "nearest guard"):
+            raise Lost(f"the next point is {found.verdict}")
+
+    def least(self, start: Array) -> Array:
+        """Least lengths that count in the unknowns of an extended system; that of the vector v is 1."""
+        floor = 0.2 * np.abs(start)
+        floor[: self.n] = self.steady.units(np.append(self.y, start[-2:]), self.spans)
+        floor[self.n : 2 * self.n] = 1.0
+        floor[-2:] = [high - low for low, high in self.spans.values()]
+        return floor
 
     def _trace(self, problem: _Extended, towards: Array, steps: Steps) -> Path:
-        start, floor = np.append(self.y, problem.start[-2:]), 0.2 * np.abs(problem.start)
-        floor[: self.n], floor[self.n : 2 * self.n] = self.steady.units(start, self.spans), 1.0
-        widths = np.array([high - low for low, high in self.spans.values()])
-
         def tests(x: Array, tangent: Array) -> dict[str, float]:
             margins = self.steady.guards(self.point(x))
-            limits = [
-                d for p, (low, high) in zip(x[-2:], self.spans.values(), strict=True) for d in (p - low, high - p)
-            ]
-            return {
-                **problem.tests(x),
-                **{f"guard {i}": float(g) for i, g in enumerate(margins)},
-                **dict(zip(self._limits, map(float, limits), strict=True)),
-            }
+            return {**problem.tests(x), **{f"guard {i}": float(g) for i, g in enumerate(margins)}}
 
         return trace(
             problem.residual,
             problem.start,
             towards,
-            scale=lambda x: np.append(np.maximum(np.abs(x[:-2]), floor[:-2]), widths),
+            scale=problem.units,
             tests=tests,
             endings={
                 **problem.endings,
                 **{f"guard {i}": f"boundary equilibrium: {text}" for i, text in enumerate(self.guards)},
-                **self._limits,
             },
+            limits=ranges(self.spans),
+            accept=lambda last, new: self._accept(last, new, problem),
             steps=steps,
         )
 
@@ -243,7 +275,7 @@ class _Curve:
         data, values = {name: v for name, v in problem.numbers(x).items() if np.isfinite(v)}, self.values(x)
         return SpecialPoint(kind, float(x[-2]), state, values, field.mode, field.region, index, None, data, note)
 
-    def _dataset(self, system: System, points: list[Array], problem: _Extended):
+    def _dataset(self, system: System, kind: str, points: list[Array], problem: _Extended) -> xarray.Dataset:
         """Parameters, state, numbers of the family, and certificate of every point."""
         import xarray as xr
 
@@ -254,7 +286,9 @@ class _Curve:
         data |= {name: ("point", xs[:, i]) for i, name in enumerate(self.steady.field.state)}
         data |= {name: ("point", np.array([row[name] for row in numbers])) for name in numbers[0]}
         data |= {"margin": ("point", np.min(sizes.margins, axis=1, initial=1.0)), "defect": ("point", sizes.defect)}
-        return xr.Dataset(data, attrs={"title": system.title or system.name, "kind": "special points"})
+        certified = np.array([self._certificate(x, problem).ok for x in points], np.int8)
+        data |= {"certified": ("point", certified)}
+        return xr.Dataset(data, attrs={"title": system.title or system.name, "kind": kind})
 
 
 def _hopf_problem(curve: _Curve) -> _Extended:
@@ -285,7 +319,7 @@ def _hopf_problem(curve: _Curve) -> _Extended:
         }
 
     ending = {"Bogdanov-Takens": "Bogdanov-Takens point: the frequency vanishes"}
-    return _Extended(residual, start, tests, numbers, ending)
+    return _Extended(residual, start, tests, numbers, ending, curve.least(start))
 
 
 def _fold_problem(curve: _Curve) -> _Extended:
@@ -294,8 +328,8 @@ def _fold_problem(curve: _Curve) -> _Extended:
     curvature = [
         ex.add(*((ex.derivative(a, x) * w, 1.0) for x, w in zip(steady.field.state, v, strict=True))) for a in image
     ]
-    second = Residual(curvature, [*steady.field.state, *(str(x.value) for x in v), *curve.spans], steady.values)
-    slopes = Residual(steady.rates, [*steady.field.state, *curve.spans], steady.values)
+    second = ResidualFunction(curvature, [*steady.field.state, *(str(x.value) for x in v), *curve.spans], steady.values)
+    slopes = ResidualFunction(steady.rates, [*steady.field.state, *curve.spans], steady.values)
     residual = curve.extended(image)
 
     def matrix(x: Array) -> Array:
@@ -322,4 +356,4 @@ def _fold_problem(curve: _Curve) -> _Extended:
             "zero-Hopf": hopf_test(others),
         }
 
-    return _Extended(residual, start, tests, numbers, {})
+    return _Extended(residual, start, tests, numbers, {}, curve.least(start))

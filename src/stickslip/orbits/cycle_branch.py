@@ -14,17 +14,30 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from stickslip.errors import DeclarationError, StickslipError
+from stickslip.errors import DeclarationError
 from stickslip.orbits.birth import shrinks_to
 from stickslip.orbits.branch import Branch, SpecialPoint
 from stickslip.orbits.chart import Chart, extent_of, first_chart, renewed
 from stickslip.orbits.closing import Closed
-from stickslip.orbits.continuation import UNDEFINED, Lost, Path, Point, Steps, correct, trace
-from stickslip.orbits.corner import corner_after
-from stickslip.orbits.cycle_points import confirmed, dataset, is_flat, locate_changes
-from stickslip.orbits.cycles import Cycle, find_cycle, make_cycle
+from stickslip.orbits.continuation import UNDEFINED, Path, Steps, ranges, trace
+from stickslip.orbits.corner import Corner, Onward, corner_after
+from stickslip.orbits.cycle_points import (
+    APART,
+    NOT_SMOOTH,
+    STEP,
+    TWICE,
+    Spacing,
+    confirmed,
+    dataset,
+    is_flat,
+    locate_changes,
+    of_branch,
+)
+from stickslip.orbits.cycles import Cycle
 from stickslip.orbits.equilibrium_branch import checked_range
-from stickslip.orbits.halving import doubles_at, half_gap, half_of
+from stickslip.orbits.finding import from_cycle
+from stickslip.orbits.halving import doubles_at, half_gap
+from stickslip.orbits.period import part_of
 from stickslip.orbits.pieces import Pieces
 from stickslip.orbits.touching import LOSS
 from stickslip.progress import Show, watched
@@ -35,24 +48,30 @@ STEPS = Steps(first=0.01, largest=0.25, tolerance=1e-8, turn=0.3)
 IN_CHART = 8  # points before the chart is made anew
 FULL = f"the limit of {IN_CHART + 1} points was reached"
 CLOSED, INTERRUPTED = "the branch is closed", "interrupted"
-AT_END = 1e-9  # part of the range within which its end is reached
 PATIENCE = 64.0  # a step is shortened by this factor before the chart is made anew
-ENDINGS = ("low", "high", "amplitude", "halving", "growth", "period")
+ENDINGS = ("amplitude", "halving", "growth", "period", "carried")
+DISTINCT = 1e-9  # sizes that differ by less, relative to each other, are the same
+
+
+@dataclass
+class _Event:
+    """What happens somewhere on the branch: in a cycle, or where it vanishes, at a value in an equilibrium."""
+
+    kind: str
+    note: str
+    cycle: Cycle
+    value: float
+    centre: Array | None = None
 
 
 @dataclass
 class _Station:
-    """A point of the branch and what happens there.
-
-    The last one may stand a little before the point where its cycle vanishes: at `limit`, in the equilibrium `centre`.
-    """
+    """A point of the branch, what happens there, and how far it is from the one before."""
 
     value: float
     cycle: Cycle
-    events: list[tuple[str, str]] = field(default_factory=list)
-    end: str = ""
-    limit: float | None = None
-    centre: Array | None = None
+    events: list[_Event] = field(default_factory=list)
+    step: float = 0.0
 
 
 def continue_cycle(cycle: Cycle, parameter: str, span: tuple[float, float], *, steps: Steps | None = None) -> Branch:
@@ -75,19 +94,24 @@ def continue_cycle(cycle: Cycle, parameter: str, span: tuple[float, float], *, s
         - ``"fold"`` (noted as not smooth at a corner of the branch), ``"period doubling"``, ``"torus"``,
           ``"branch point"``;
         - ``"stick onset"`` (a contact begins to stick, or no longer does), ``"grazing"`` (a phase appears where a
-          boundary is touched), ``"sequence change"`` (any other), ``"loss of the cycle"`` (it ends at a change);
+          boundary is touched), ``"slip onset"`` (a contact begins to slip, or from there on sticks throughout and rests
+          where it did there), ``"sequence change"`` (any other), ``"loss of the cycle"`` (it ends at a change);
         - ``"Hopf"`` and ``"boundary equilibrium"`` (the cycle shrinks to an equilibrium inside a mode or on its
           boundary).
 
         Of driven systems ``time`` says when the state is passed.
 
+    Every point is a certified cycle within the range; what is not certified is not on the branch.
+
     Raises
     ------
     DeclarationError
-        If an argument is wrong.
+        If an argument is wrong, or the cycle is not certified.
     """
     if not isinstance(cycle, Cycle):
         raise DeclarationError("cycle", f"expected a Cycle, got {type(cycle).__name__}", "Use find_cycle")
+    if not cycle.certificate.ok:
+        raise DeclarationError("cycle", f"it is {cycle.certificate.verdict}", "Start from a certified cycle")
     low, high = checked_range(cycle.system, parameter, span)
     value = cycle.parameters[parameter]
     if not low <= value <= high:
@@ -95,7 +119,7 @@ def continue_cycle(cycle: Cycle, parameter: str, span: tuple[float, float], *, s
     follower = _Follower(cycle, parameter, (low, high), steps or STEPS)
     with watched("following the cycle") as show:
         back = follower.follow(-1.0, show)
-        forth = ([], back[1]) if back[1] in (CLOSED, INTERRUPTED) else follower.follow(1.0, show)
+        forth = (back[0][:1], back[1]) if back[1] in (CLOSED, INTERRUPTED) else follower.follow(1.0, show)
     return follower.branch(back, forth)
 
 
@@ -104,14 +128,18 @@ class _Follower:
         self.cycle, self.parameter, self.span, self.steps = cycle, parameter, span, steps
         self.extent = extent_of(cycle.closed, span)
         self.pieces = Pieces(cycle.closed.orbit.problem.compiled.equations, parameter)
+        self.start = _Station(cycle.parameters[parameter], cycle)
+        self.spacing = Spacing({parameter: span}, self.extent.modulus)
 
     def follow(self, sign: float, show: Show) -> tuple[list[_Station], str]:
-        """The points in one direction, without the start, and the reason for the end."""
-        stations: list[_Station] = []
+        """The points in one direction, from the start on, and the reason for the end; what was computed is kept."""
+        stations = [replace(self.start, events=[])]
         try:
             return stations, self._collect(sign, stations, show)
         except KeyboardInterrupt:
             return stations, INTERRUPTED
+        except UNDEFINED as failure:
+            return stations, f"no cycle was found further on ({failure})"
 
     def _collect(self, sign: float, stations: list[_Station], show: Show) -> str:
         """Append the points in one direction; the reason for the end."""
@@ -120,62 +148,34 @@ class _Follower:
         towards[-1] = sign
         step = self.steps.first
         while True:
-            try:
-                path = self._trace(chart, x, towards, step)
-            except StickslipError as failure:
-                return f"no cycle was found further on ({failure})"
-            stations += self._stations(chart, path)
-            last, bent = path.points[-1], None
+            path = self._trace(chart, x, towards, step)
+            before = len(stations)
+            self._append(stations, chart, path)
+            last = path.points[-1]
             show(None, f"{len(stations)} points, {self.parameter} = {float(last.x[-1]):.6g}")
-            if path.ended not in (FULL, INTERRUPTED, *ENDINGS):
-                stations += self._edge(chart, last)
-            reason = self._end(path, stations)
+            reason = self._end(path, stations, before)
             if reason:
                 return reason
-            if path.ended not in (FULL, *ENDINGS):
-                bent = corner_after(chart, last, self._smallest(step), self.steps.turn)
-            if bent is not None:
-                stations.append(self._station(chart, bent.x))
-                if bent.onward is None:
-                    stations[-1].events.append((LOSS, bent.note))
-                    return f"{LOSS} at {self.parameter} = {stations[-1].value:.12g}: {bent.note}"
-                stations[-1].events.append((bent.kind, bent.note))
-                x, towards = bent.onward
-                if towards[-1] * last.tangent[-1] < 0.0:
-                    stations[-1].events.append(("fold", "not smooth: the sequence changes there"))
-                stations.append(self._station(chart, x))
-                chart, x, towards = renewed(chart, x, towards)
+            if path.ended == "carried":
+                chart, x, towards = renewed(self._left_behind(stations, chart), last.x, last.tangent)
                 step = self.steps.first
                 continue
-            if len(path.points) == 1 and step <= PATIENCE * self.steps.smallest:
-                return self._reached(float(last.x[-1])) or path.ended
+            if path.ended != FULL:
+                bent = corner_after(chart, last, self._smallest(step), self.steps.turn)
+                if bent is not None:
+                    onward = self._around(stations, chart, bent)
+                    if onward is None:
+                        return f"{LOSS} at {self.parameter} = {bent.x[-1]:.12g}: {bent.note}"
+                    chart, x, towards = renewed(onward.chart, onward.x, onward.towards)
+                    step = self.steps.first
+                    continue
+                if len(path.points) == 1 and step <= PATIENCE * self.steps.smallest:
+                    return path.ended
             step = self._next_step(path, step)
             chart, x, towards = renewed(chart, last.x, last.tangent)
 
-    def _edge(self, chart: Chart, last: Point) -> list[_Station]:
-        """The cycle at the end of the range, if it is a step away: a parameter may not be allowed to go beyond."""
-        side = int(last.tangent[-1] > 0.0)
-        value = self.span[side]
-        if not 0.0 < abs(value - last.x[-1]) < self.steps.largest * abs(last.tangent[-1]):
-            return []
-        units, along = chart.scale(last.x), np.zeros(len(last.x))
-        along[-1] = 1.0
-        guess = last.x + last.tangent * (value - last.x[-1]) / last.tangent[-1]
-
-        def exactly(x: Array) -> Array:
-            return np.append(x[:-1], value)
-
-        try:
-            x = exactly(correct(lambda x: chart(exactly(x)), guess, units, along, self.steps.tolerance))
-        except (Lost, *UNDEFINED):
-            return []
-        found = self._station(chart, x)
-        found.end = ("low", "high")[side]
-        return [found]
-
     def _trace(self, chart: Chart, x: Array, towards: Array, step: float) -> Path:
         """Some points in one chart."""
-        steps = replace(self.steps, first=step, smallest=self._smallest(step), most=IN_CHART + 1)
         return trace(
             chart,
             x,
@@ -183,7 +183,9 @@ class _Follower:
             scale=chart.scale,
             tests=chart.tests,
             endings={name: name for name in ENDINGS},
-            steps=steps,
+            limits=ranges({self.parameter: self.span}),
+            accept=lambda last, new: self.spacing.check(chart.cycle(last.x), chart.cycle(new.x)),
+            steps=replace(self.steps, first=step, smallest=self._smallest(step), most=IN_CHART + 1),
         )
 
     def _smallest(self, step: float) -> float:
@@ -196,97 +198,133 @@ class _Follower:
             return step / PATIENCE
         return min(1.5 * (path.points[-1].length - path.points[-2].length), self.steps.largest)
 
-    def _stations(self, chart: Chart, path: Path) -> list[_Station]:
-        """The points of a path after its first, with what happens at and between them."""
-        found = []
-        for i in range(1, len(path.points)):
-            changes = locate_changes(chart, path.points[i - 1], path.points[i])
-            for change in changes:
-                found.append(self._station(chart, change.x))
-                found[-1].events.append((change.kind, change.note))
-            point = path.points[i]
-            found.append(self._station(chart, point.x))
-            slope = float(point.tangent[-1] / chart.scale(point.x)[-1])
-            for crossing in path.crossings:
-                if crossing.index == i and crossing.name not in ENDINGS and not is_flat(path, crossing):
-                    event = confirmed(crossing.name, slope, found[-1].cycle.nontrivial, changes)
-                    found[-1].events += [event] if event else []
-                elif crossing.index == i and crossing.name in ENDINGS:
-                    found[-1].end = crossing.name
-        return found
+    # -- points -------------------------------------------------------------------------------------------------------
 
-    def _station(self, chart: Chart, x: Array) -> _Station:
-        return _Station(float(x[-1]), make_cycle(chart.closed(x)))
+    def _append(self, stations: list[_Station], chart: Chart, path: Path) -> None:
+        """Append the points of a path after its first, with what happens at and between them."""
+        for i in range(1, len(path.points)):
+            point, slope = path.points[i], float(path.points[i].tangent[-1] / chart.scale(path.points[i].x)[-1])
+            changes = locate_changes(chart, path.points[i - 1], point)
+            for change in changes:
+                self._add(stations, chart.cycle(change.x), [(change.kind, change.note)])
+            names = [c.name for c in path.crossings if c.index == i and c.name not in ENDINGS and not is_flat(path, c)]
+            cycle = chart.cycle(point.x)
+            events = [confirmed(name, slope, cycle.nontrivial, changes) for name in names]
+            self._add(stations, cycle, [event for event in events if event])
+
+    def _add(self, stations: list[_Station], cycle: Cycle, kinds: list[tuple[str, str]]) -> None:
+        """Append a cycle, unless it is the last one or not certified; what happens there is kept in any case."""
+        value = cycle.parameters[self.parameter]
+        events = [_Event(kind, note, cycle, value) for kind, note in kinds]
+        step = self.spacing(stations[-1].cycle, cycle)
+        if step > TWICE and cycle.certificate.ok:
+            stations.append(_Station(value, cycle, events, step))
+        else:
+            stations[-1].events += events
+
+    def _left_behind(self, stations: list[_Station], chart: Chart) -> Chart:
+        """Where contacts are carried along no more they keep where they rest."""
+        names = [c.name for c in self.pieces.equations.contacts]
+        for held in chart.shooting.setting.held:
+            if held.edge:
+                note = f"contact '{names[held.contact]}' is carried along no more and rests where it is"
+                self._add(stations, stations[-1].cycle, [("slip onset", note)])
+                chart = chart.carrying(held.contact, 0)
+        return chart
+
+    def _around(self, stations: list[_Station], chart: Chart, bent: Corner) -> Onward | None:
+        """Append a corner and a point beyond it; None if the branch does not go on from there."""
+        onward = bent.onward
+        if onward is not None and not self._continues(chart.cycle(bent.x), onward):
+            onward = None
+        kinds = [(bent.kind if onward else LOSS, bent.note)]
+        if onward and bent.turns:
+            kinds.append(("fold", NOT_SMOOTH))
+        if not chart.cycle(bent.x).certificate.ok:
+            self._add(stations, chart.cycle(bent.beside), [])
+        self._add(stations, chart.cycle(bent.x), kinds)
+        if onward:
+            self._add(stations, onward.chart.cycle(onward.x), [])
+        return onward
+
+    def _continues(self, corner: Cycle, onward: Onward) -> bool:
+        """Whether a point beyond a corner is a certified cycle within the range, next to the corner."""
+        cycle = onward.chart.cycle(onward.x)
+        inside = self.span[0] <= cycle.parameters[self.parameter] <= self.span[1]
+        return inside and cycle.certificate.ok and self.spacing(corner, cycle) <= APART
+
+    def _features(self, cycle: Cycle) -> Array:
+        """Numbers that tell cycles of a branch apart: parameter, period, and ranges relative to the state."""
+        part = cycle.parameters[self.parameter] / (self.span[1] - self.span[0])
+        widths = [(high - low) / m for (low, high), m in zip(cycle.extrema.values(), self.extent.modulus, strict=True)]
+        return np.array([part, np.log(cycle.period), *widths])
 
     # -- ends ---------------------------------------------------------------------------------------------------------
 
-    def _end(self, path: Path, stations: list[_Station]) -> str:
+    def _end(self, path: Path, stations: list[_Station], before: int) -> str:
         """Why the branch ends here; empty if it does not."""
-        broken = next((i for i, s in enumerate(stations) if not s.cycle.trajectory.certificate.ok), None)
-        if broken is not None:
-            verdict = stations[broken].cycle.trajectory.certificate.verdict
-            del stations[broken:]
-            return f"the next cycle is {verdict}"
-        if stations and stations[-1].end:
-            return self._named_end(stations)
-        if path.ended == INTERRUPTED:
-            return INTERRUPTED
-        if len(stations) >= self.steps.most:
+        if path.ended == INTERRUPTED or path.ended in ranges({self.parameter: self.span}):
+            return path.ended
+        if path.ended in ENDINGS and path.ended != "carried":
+            return self._named_end(path.ended, stations)
+        if len(stations) > self.steps.most:
             return f"the limit of {self.steps.most} points was reached"
-        if self._came_back(stations, len(path.points)):
-            return CLOSED
-        return ""
+        return CLOSED if self._came_back(stations, before) else ""
 
-    def _reached(self, value: float) -> str:
-        """That a value is an end of the range, if it is one; right there the cycle may be degenerate."""
-        end = min(self.span, key=lambda end: abs(end - value))
-        near = abs(end - value) <= AT_END * (self.span[1] - self.span[0])
-        return f"{self.parameter} = {end:g}, the end of the range" if near else ""
+    def _named_end(self, name: str, stations: list[_Station]) -> str:
+        cycle = stations[-1].cycle
+        if name == "period":
+            return f"the period grows without bound, it is {cycle.period:.6g}"
+        if name == "growth":
+            return f"the cycle grows without bound, to {self._amplitude(cycle):.3g} times the state at the start"
+        event = self._halved(stations) if name == "halving" else self._vanished(stations)
+        if self.span[0] <= event.value <= self.span[1]:
+            stations[-1].events.append(event)
+        return f"{event.kind} at {self.parameter} = {event.value:.12g}: {event.note}"
 
-    def _named_end(self, stations: list[_Station]) -> str:
-        last = stations[-1]
-        if last.end in ("low", "high"):
-            return self._reached(self.span[last.end == "high"])
-        if last.end == "period":
-            return f"the period grows without bound, it is {last.cycle.period:.6g}"
-        if last.end == "growth":
-            size = self._amplitude(last.cycle)
-            return f"the cycle grows without bound, to {size:.3g} times the state at the start of the branch"
-        if last.end == "halving":
-            return self._halved(stations)
-        smooth = len(last.cycle.phases) == 1
-        last.limit = _vanishing(stations, self._amplitude, 2 if smooth else 1)
-        last.centre = np.mean(last.cycle.closed.samples(64), axis=0)
-        born = shrinks_to(last.cycle.closed, self.parameter, last.limit) if smooth else None
+    def _vanished(self, stations: list[_Station]) -> _Event:
+        """The cycle shrinks to an equilibrium, inside a mode or on its boundary."""
+        cycle = stations[-1].cycle
+        smooth = len(cycle.phases) == 1
+        value = self._vanishing(stations, self._amplitude, 2 if smooth else 1)
+        centre = np.mean(cycle.closed.samples(64), axis=0)
+        born = shrinks_to(cycle.closed, self.parameter, value) if smooth else None
         if born is not None:
-            last.limit, last.centre = born
+            value, centre = born
         kind = "Hopf" if smooth else "boundary equilibrium"
-        last.events.append((kind, "the cycle shrinks to an equilibrium"))
-        return f"{kind} at {self.parameter} = {last.limit:.12g}: the cycle shrinks to an equilibrium"
+        return _Event(kind, "the cycle shrinks to an equilibrium", cycle, value, centre)
 
-    def _halved(self, stations: list[_Station]) -> str:
+    def _halved(self, stations: list[_Station]) -> _Event:
         """The cycle becomes one of half its period, which doubles its period there."""
         last = stations[-1]
-        near = _vanishing(stations, lambda cycle: half_gap(cycle.closed), 2)
+        near = self._vanishing(stations, lambda cycle: half_gap(cycle.closed), 2)
 
         def at(closed: Closed, value: float) -> Closed:
-            return find_cycle(self.cycle.system, make_cycle(closed), {self.parameter: value}).closed
+            return from_cycle(closed, closed.shooting.start, {self.parameter: value})
 
-        found = doubles_at(half_of(last.cycle.closed), last.value, near, at)
-        last.limit = near if found is None else found
-        last.events.append(("period doubling", "the cycle becomes one of half its period"))
-        return f"period doubling at {self.parameter} = {last.limit:.12g}: the cycle becomes one of half its period"
+        found = doubles_at(part_of(last.cycle.closed, 2), last.value, near, at)
+        note = "the cycle becomes one of half its period"
+        return _Event("period doubling", note, last.cycle, near if found is None else found)
+
+    def _vanishing(self, stations: list[_Station], size: Callable[[Cycle], float], power: int) -> float:
+        """Value of the parameter at which a size of cycles is 0: it is linear in a power of the size."""
+        value, least = stations[-1].value, size(stations[-1].cycle) ** power
+        for station in reversed(stations[:-1]):
+            before = size(station.cycle) ** power
+            if before > (1.0 + DISTINCT) * least:
+                return value - least * (station.value - value) / (before - least)
+        return value
 
     def _amplitude(self, cycle: Cycle) -> float:
         ranges = np.array([high - low for low, high in cycle.extrema.values()])
         return float(np.max(ranges / self.extent.modulus))
 
-    def _came_back(self, stations: list[_Station], new: int) -> bool:
-        """Whether one of the last steps has passed the start of the branch."""
-        if len(stations) < 2 * IN_CHART:
+    def _came_back(self, stations: list[_Station], before: int) -> bool:
+        """Whether one of the steps since then has passed the start of the branch."""
+        if len(stations) <= 2 * IN_CHART:
             return False
-        start = self._features(_Station(self.cycle.parameters[self.parameter], self.cycle))
-        places = [self._features(s) for s in stations[-new:]]
+        start = self._features(self.cycle)
+        places = [self._features(s.cycle) for s in stations[before - 1 :]]
         for a, b in itertools.pairwise(places):
             chord, offset = b - a, start - a
             part = offset @ chord / (chord @ chord + 1e-300)
@@ -294,37 +332,32 @@ class _Follower:
                 return True
         return False
 
-    def _features(self, s: _Station) -> Array:
-        """Numbers that tell cycles of a branch apart."""
-        ranges = [
-            (high - low) / m for (low, high), m in zip(s.cycle.extrema.values(), self.extent.modulus, strict=True)
-        ]
-        return np.array([s.value / (self.span[1] - self.span[0]), np.log(s.cycle.period), *ranges])
-
     # -- results ------------------------------------------------------------------------------------------------------
 
     def branch(self, back: tuple[list[_Station], str], forth: tuple[list[_Station], str]) -> Branch:
         """The two directions as one branch, from the far end of the first to that of the second."""
-        start = _Station(self.cycle.parameters[self.parameter], self.cycle)
-        stations = [*reversed(back[0]), start, *forth[0]]
-        special = [self._special(s, i, kind, note) for i, s in enumerate(stations) for kind, note in s.events]
-        points = dataset(self.parameter, [s.value for s in stations], [s.cycle for s in stations])
+        start = back[0][0]
+        start.events += forth[0][0].events if forth[0][0] is not start else []
+        stations = [*reversed(back[0]), *forth[0][1:]]
+        for one, other in itertools.pairwise(stations):
+            other.step = self.spacing(one.cycle, other.cycle)
+        stations[0].step = 0.0
+        special = [self._special(event, i) for i, s in enumerate(stations) for event in s.events]
+        values, cycles = [s.value for s in stations], [s.cycle for s in stations]
+        points = dataset(self.parameter, values, cycles)
+        points["step"] = "point", np.array([s.step for s in stations]), STEP
         ended = f"first point: {back[1]}; last point: {forth[1]}"
-        return Branch(self.cycle.system, dict(self.cycle.parameters), self.parameter, points, special, ended)
+        certificate = of_branch(cycles, {self.parameter: self.span}, points["step"].values)
+        system, parameters = self.cycle.system, dict(self.cycle.parameters)
+        return Branch(system, parameters, self.parameter, points, special, ended, certificate)
 
-    def _special(self, station: _Station, index: int, kind: str, note: str) -> SpecialPoint:
-        cycle, value = station.cycle, station.value if station.limit is None else station.limit
-        field, state = cycle.closed.shooting.stations[0].piece.field, cycle.state
-        if station.centre is not None:
-            state = dict(zip(state, map(float, station.centre), strict=True))
-        parameters = {**cycle.parameters, self.parameter: value}
+    def _special(self, event: _Event, index: int) -> SpecialPoint:
+        cycle, state = event.cycle, event.cycle.state
+        field = cycle.closed.shooting.stations[0].piece.field
+        if event.centre is not None:
+            state = dict(zip(state, map(float, event.centre), strict=True))
+        parameters = {**cycle.parameters, self.parameter: event.value}
         data = {"time": cycle.time} if cycle.closed.shooting.symmetry.driven else {}
-        return SpecialPoint(kind, value, state, parameters, field.mode, field.region, index, cycle.period, data, note)
-
-
-def _vanishing(stations: list[_Station], size: Callable[[Cycle], float], power: int) -> float:
-    """Value of the parameter at which a size of cycles is 0; a power of it is linear in the parameter."""
-    if len(stations) < 2:
-        return stations[-1].value
-    (p, a), (q, b) = ((s.value, size(s.cycle) ** power) for s in stations[-2:])
-    return q - b * (q - p) / (b - a)
+        return SpecialPoint(
+            event.kind, event.value, state, parameters, field.mode, field.region, index, cycle.period, data, event.note
+        )

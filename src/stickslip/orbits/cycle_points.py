@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stickslip.certificates import Certificate, Residual, worst
 from stickslip.orbits.chart import Chart
-from stickslip.orbits.continuation import UNDEFINED, Crossing, Lost, Path, Point
+from stickslip.orbits.continuation import UNDEFINED, Crossing, Lost, Path, Point, in_range, ranges
 from stickslip.orbits.touching import Sequence, change_of, nearest_change, sequence
 from stickslip.quantities import contact_key
 
@@ -24,7 +26,12 @@ FLAT = 1e-9  # values of a test function that are rounding
 MOST_CHANGES = 8  # located within one step
 TOUCHES = 1e-11  # a margin this small is zero
 TOGETHER = 1e-6  # changes that are nearer to each other are one
+NOT_SMOOTH = "not smooth: the sequence changes there"  # of a fold
 FINE = 1e-11  # corrector's tolerance where a change is located
+APART = 0.3  # neighbours on a branch are at most so far from each other …
+TWICE = 1e-10  # … and at least so far: nearer ones are one
+STEP = {"long_name": "distance from the point before: the largest change of parameter, period and ranges, relative to "
+                     "the branch's own"}  # fmt: skip
 STABLE = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "neutral unstable stable"}
 
 
@@ -98,7 +105,7 @@ def confirmed(name: str, slope: float, multipliers: Array, changes: list[Change]
     if name == "fold":
         if abs(slope) <= NEAR:
             return "fold", ""
-        return ("fold", "not smooth: the sequence changes there") if changes else None
+        return ("fold", NOT_SMOOTH) if changes else None
     if name == "period doubling" and np.min(np.abs(multipliers + 1.0), initial=1.0) <= NEAR:
         return name, ""
     if name == "branch point" and np.min(np.abs(multipliers - 1.0), initial=1.0) <= NEAR:
@@ -108,6 +115,63 @@ def confirmed(name: str, slope: float, multipliers: Array, changes: list[Change]
         angle = float(np.angle(on_circle[0]))
         return name, f"rotation number {angle / (2.0 * np.pi):.9g}"
     return None
+
+
+class Spacing:
+    """How far cycles of a branch are from each other: the largest change of parameters, period and ranges of the state.
+
+    Parameters are measured in their ranges, ranges of the state in the largest modulus of their component up to now.
+
+    Parameters
+    ----------
+    spans : mapping of str to (float, float)
+    modulus : array, shape (n,)
+        Size of each component of the state.
+    """
+
+    def __init__(self, spans: Mapping[str, tuple[float, float]], modulus: Array) -> None:
+        self.spans, self.largest = spans, modulus.copy()
+
+    def __call__(self, a: Cycle, b: Cycle) -> float:
+        widths = []
+        for cycle in (a, b):
+            low, high = np.array(list(cycle.extrema.values())).T
+            self.largest = np.maximum(self.largest, np.maximum(np.abs(low), np.abs(high)))
+            widths.append(high - low)
+        parts = [(b.parameters[x] - a.parameters[x]) / (high - low) for x, (low, high) in self.spans.items()]
+        return float(np.max(np.abs([*parts, np.log(b.period / a.period), *((widths[1] - widths[0]) / self.largest)])))
+
+    def check(self, last: Cycle, new: Cycle) -> None:
+        """See that a cycle is certified and next to the one before.
+
+        Raises
+        ------
+        Lost
+            If it is not.
+        """
+        if not new.certificate.ok:
+            raise Lost(f"the next cycle is {new.certificate.verdict}")
+        if not self(last, new) <= APART:
+            raise Lost("the next cycle is quite another one")
+
+
+def of_branch(cycles: list[Cycle], spans: Mapping[str, tuple[float, float]], steps: Array) -> Certificate:
+    """The certificate of a branch: that of its cycles, all in range, neighbours next to each other and none twice.
+
+    Parameters
+    ----------
+    cycles : list of Cycle
+    spans : mapping of str to (float, float)
+        The range of each parameter.
+    steps : array
+        Distance of each cycle from the one before; that of the first says nothing.
+    """
+    own = [
+        in_range(ranges(spans), [np.array([cycle.parameters[name] for name in spans]) for cycle in cycles]),
+        Residual("largest step", float(np.max(steps[1:], initial=0.0)), APART),
+        *([Residual("smallest step", float(np.min(steps[1:])), TWICE, least=True)] if len(steps) > 1 else []),
+    ]
+    return Certificate((*worst([cycle.certificate for cycle in cycles]).residuals, *own))
 
 
 def dataset(parameter: str, values: list[float], cycles: list[Cycle]) -> xarray.Dataset:
@@ -134,7 +198,7 @@ def dataset(parameter: str, values: list[float], cycles: list[Cycle]) -> xarray.
         "phases": ("point", np.array([len(c.phases) for c in cycles])),
         **{name: column(name) for name in ("stick_time", "slip_time", "dissipated", "supplied", "drift", "speed")},
         "residual": column("residual"),
-        "certified": ("point", np.array([c.trajectory.certificate.ok for c in cycles], np.int8)),
+        "certified": ("point", np.array([c.certificate.ok for c in cycles], np.int8)),
     }
     for name in cycles[0].contacts:
         data[f"stick_time_{contact_key(name)}"] = "point", np.array([c.contacts[name].stick_time for c in cycles])

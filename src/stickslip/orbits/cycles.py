@@ -9,25 +9,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.certificates import Certificate
 from stickslip.equations.field import MODE_NAMES
-from stickslip.errors import ConvergenceError, DeclarationError
-from stickslip.motion.outcome import Outcome
+from stickslip.errors import DeclarationError
 from stickslip.motion.problem import Problem, pose
-from stickslip.motion.rest import rests_forever
 from stickslip.orbits import measure
 from stickslip.orbits.branch import SpecialPoint
-from stickslip.orbits.closing import Closed, converge, near
-from stickslip.orbits.halving import once
+from stickslip.orbits.closing import Closed
+from stickslip.orbits.cycle_certificate import certify
+from stickslip.orbits.finding import from_cycle, from_motion, from_state
 from stickslip.orbits.measure import ContactShare, Phase
-from stickslip.orbits.pieces import Pieces
-from stickslip.orbits.recurrence import Recurrence, Window, earliest, latest, window
-from stickslip.orbits.shooting import NoReturn, Shooting, follow_freely
 from stickslip.orbits.touching import nearest_change
 from stickslip.quantities import described, drift_units
 from stickslip.system import System
@@ -38,14 +36,8 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-NEARBY = 0.05  # a start that returns this close, relative to its motion, is near a cycle
-SETTLED = 1e-3  # a motion that returns this close has settled
-ROUNDS = 7  # the time a motion is given to settle doubles so many times
-AGREES = 0.3  # a cycle this far from the motion it was found from, relative to its size, is another one
-COLLAPSED = 1e-4  # a cycle that has shrunk to this part of the motion it was found from is an equilibrium
 TOUCHED = 1e-9  # a guard that comes down to this part of its size is touched
 NEUTRAL = 1e-9  # multipliers this close to the unit circle are on it
-STILL = 1e-7  # a motion with this extent, relative to the state, is none
 
 
 @dataclass(frozen=True)
@@ -67,7 +59,8 @@ class Cycle:
         Floquet multipliers, the largest first: how a small change of the state has grown a period later. Exactly 0 for
         what stick, or sliding without mass, forgets.
     trivial : int
-        How many of them are 1 by symmetry: 1 of an autonomous system (a later start) and 1 for each translation.
+        How many of them are 1 by symmetry: 1 of an autonomous system (a later start), 1 for each translation, and 1 for
+        each position in which a contact rests that never slips.
     differentiable : bool
         Whether the return map has a derivative there; not where events coincide or a guard is touched. The
         multipliers are then those of one side.
@@ -116,6 +109,11 @@ class Cycle:
         period = with_unit(self.period, self.units["time"])
         drift = f", drift {with_unit(self.drift, self.units['drift'], 6)}" if self.drift else ""
         return f"<Cycle of {self.system.name}: period {period}, {self.stability}{drift}>"
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """What was measured of it; see :func:`stickslip.orbits.cycle_certificate.certify`."""
+        return certify(self.closed)
 
     @property
     def speed(self) -> float:
@@ -191,6 +189,7 @@ class Cycle:
         if self.drift:
             drift, speed = with_unit(self.drift, units["drift"]), with_unit(self.speed, units["speed"])
             lines.append(f"drift {drift} a period, speed {speed}")
+        lines.append(self.certificate.verdict)
         return "\n".join(lines)
 
 
@@ -232,16 +231,18 @@ def find_cycle(
 
         return make_cycle(born_at(system, start, parameters))
     if isinstance(start, Cycle):
-        return make_cycle(_moved(system, start, parameters))
+        if start.system != system:
+            raise DeclarationError("start", f"a cycle of {start.system.name}, not of {system.name}", "Give its system")
+        return make_cycle(from_cycle(start.closed, start.time, parameters))
     if isinstance(start, Trajectory):
         if start.system != system:
             raise DeclarationError("start", f"a motion of {start.system.name}, not of {system.name}", "Give its system")
         if not parameters:
-            return make_cycle(_from_motion(start))
+            return make_cycle(from_motion(start))
         k, problem = start.knots, pose(system, {**start.parameters, **parameters})
-        return make_cycle(_Search(problem, k.state[-1], float(k.time[-1])).run())
+        return make_cycle(from_state(problem, k.state[-1], float(k.time[-1])))
     problem = pose(system, parameters)
-    return make_cycle(_Search(problem, _state(problem, start), system.span[0]).run())
+    return make_cycle(from_state(problem, _state(problem, start), system.span[0]))
 
 
 def _state(problem: Problem, start: Mapping[str, float] | ArrayLike | None) -> Array:
@@ -258,132 +259,6 @@ def _state(problem: Problem, start: Mapping[str, float] | ArrayLike | None) -> A
     return problem.initial_state(dict(zip(names, map(float, y), strict=True)))
 
 
-def _moved(system: System, start: Cycle, parameters: Mapping[str, float] | None) -> Closed:
-    """The cycle that another one becomes at other parameters."""
-    if start.system != system:
-        raise DeclarationError("start", f"a cycle of {start.system.name}, not of {system.name}", "Give its system")
-    problem, old = pose(system, {**start.parameters, **(parameters or {})}), start.closed
-    pieces = Pieces(problem.compiled.equations)
-    w = window(old.orbit.motion, pieces)
-    y = old.orbit.legs[0].place.state
-    found = Recurrence(start.time, y, start.period, old.shooting.setting.turns, old.orbit.shift, 0.0)
-    if w.clock is not None:
-        found = replace(found, period=found.turns * w.clock.period(problem.parameters))
-    try:
-        return _accepted(*near(problem, pieces, w, found))
-    except ConvergenceError as failure:
-        raise ConvergenceError(failure.where, failure.reached, "Take smaller steps, or use continue_cycle") from None
-
-
-def _accepted(shooting: Shooting, x: Array) -> Closed:
-    """Close a cycle and see that it is the one that was meant."""
-    closed = converge(shooting, x)
-    change = abs(math.log(closed.orbit.period / x[shooting.time]))
-    if (
-        closed.distance(shooting.stations[0].origin, shooting.start) > AGREES
-        or change > AGREES
-        or closed.extent < COLLAPSED
-    ):
-        raise ConvergenceError(
-            f"a cycle of {shooting.problem.system.name}",
-            "Newton's method left the motion it started from for "
-            + (f"another, of period {closed.orbit.period:.6g}" if closed.extent > COLLAPSED else "an equilibrium"),
-            "Start nearer to the cycle, or with a motion that has settled",
-        )
-    return once(closed)
-
-
-def _from_motion(motion: Trajectory) -> Closed:
-    """The cycle a motion has settled on."""
-    pieces = Pieces(motion._problem.compiled.equations)
-    if motion.outcome is Outcome.AT_REST or len(motion.knots.time) < 2:
-        raise _at_rest(motion)
-    k = motion.knots
-    w = window(motion, pieces, max(0, int(np.searchsorted(k.time, 0.5 * (k.time[0] + k.time[-1]))) - 1))
-    if w.extent(np.max(np.abs(k.state), axis=0)) < STILL:
-        raise _at_rest(motion)
-    found = latest(w, pieces)
-    if found is None or found.distance > AGREES:
-        miss = "not once" if found is None else f"at best to {found.distance:.2g} of its size"
-        raise ConvergenceError(
-            f"a cycle of {motion.system.name}",
-            f"the motion until t = {motion.knots.time[-1]:.6g} comes back {miss}",
-            "Simulate longer, until it has settled, or start from a state",
-        )
-    return _accepted(*near(motion._problem, pieces, w, found))
-
-
-def _at_rest(motion: Trajectory, before: ConvergenceError | None = None) -> ConvergenceError:
-    final = ", ".join(f"{name} = {value:.6g}" for name, value in motion.final.items())
-    tried = f"; before that, {before.reached}" if before is not None else ""
-    return ConvergenceError(
-        f"a cycle of {motion.system.name}",
-        f"the motion comes to rest: at t = {motion.knots.time[-1]:.6g} it is at {final}{tried}",
-        "Start with more energy, or choose parameters for which it keeps moving",
-    )
-
-
-class _Search:
-    """Follow the motion from a state until it comes back."""
-
-    def __init__(self, problem: Problem, state: Array, time: float) -> None:
-        self.problem, self.state, self.time = problem, state, time
-        self.pieces = Pieces(problem.compiled.equations)
-        self.span = problem.system.span[1] - problem.system.span[0]
-        self.best: tuple[Window, Recurrence] | None = None
-        self.modulus = np.zeros(len(state))
-        self.extents: list[float] = []
-        self.failure: ConvergenceError | None = None
-
-    def run(self) -> Closed:
-        for turn in range(ROUNDS):
-            motion = follow_freely(self.problem, self.time, self.time + self.span, self.state)
-            if len(motion.knots.time) < 2 or rests_forever(self.problem, motion.knots):
-                raise _at_rest(motion, self.failure) if motion.outcome.ok else self._ended(motion)
-            w = window(motion, self.pieces)
-            self.modulus = np.maximum(self.modulus, np.max(np.abs(w.states), axis=0))
-            self.extents.append(w.extent(self.modulus))
-            if self.extents[-1] < STILL:
-                raise _at_rest(motion, self.failure)
-            closed = self._try(w, earliest(w), NEARBY) if turn == 0 else None
-            closed = closed or self._try(w, latest(w, self.pieces), SETTLED)
-            if closed is not None:
-                return closed
-            if not motion.outcome.ok:
-                raise self._ended(motion)
-            self.time, self.state, self.span = float(motion.knots.time[-1]), motion.knots.state[-1], 2.0 * self.span
-        closed = self._try(*self.best, NEARBY) if self.best is not None else None
-        if closed is None:
-            raise self._failed()
-        return closed
-
-    def _try(self, w: Window, found: Recurrence | None, near_enough: float) -> Closed | None:
-        """The cycle at a recurrence, if that is one."""
-        if found is None:
-            return None
-        if self.best is None or found.distance < self.best[1].distance:
-            self.best = w, found
-        if found.distance > near_enough:
-            return None
-        try:
-            return _accepted(*near(self.problem, self.pieces, w, found))
-        except ConvergenceError as failure:
-            self.failure = failure
-            return None
-
-    def _ended(self, motion: Trajectory) -> ConvergenceError:
-        return NoReturn(f"a cycle of {self.problem.system.name}", f"the motion from the start ends: {motion.message}")
-
-    def _failed(self) -> ConvergenceError:
-        if self.failure is not None:
-            return self.failure
-        reached = f"the motion was followed to t = {self.time:.6g} and comes back "
-        reached += "not once" if self.best is None else f"at best to {self.best[1].distance:.2g} of its size"
-        if self.extents[-1] < 1e-2 * self.extents[0]:
-            reached += f"; it dies out: its extent fell from {self.extents[0]:.2g} to {self.extents[-1]:.2g}"
-        return ConvergenceError(f"a cycle of {self.problem.system.name}", reached, "Start elsewhere, nearer to a cycle")
-
-
 def make_cycle(closed: Closed) -> Cycle:
     """Everything that is said of a cycle."""
     orbit, shooting, motion = closed.orbit, closed.shooting, closed.orbit.motion
@@ -393,6 +268,7 @@ def make_cycle(closed: Closed) -> Cycle:
     low, high = measure.extrema(samples, len(names))
     found = measure.phases(motion)
     stuck = sum(phase.duration for phase in found if phase.sticks)
+    slipping = sum(phase.duration for phase in found if not phase.sticks)
     direction, drift = _drift(motion.system, orbit.shift)
     audit = motion.audit
     return Cycle(
@@ -409,7 +285,7 @@ def make_cycle(closed: Closed) -> Cycle:
         extrema={name: (float(a), float(b)) for name, a, b in zip(names, low, high, strict=True)},
         contacts=measure.contact_shares(motion, samples),
         stick_time=stuck,
-        slip_time=orbit.period - stuck,
+        slip_time=slipping,
         dissipated=float(audit.dissipated[-1]),
         supplied=float(audit.supplied[-1]),
         direction=direction,

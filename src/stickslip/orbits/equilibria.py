@@ -15,19 +15,21 @@ from itertools import islice, product
 import numpy as np
 
 from stickslip import expressions as ex
+from stickslip.certificates import worst
 from stickslip.declaration import DryContact
 from stickslip.equations.derive import MotionEquations, derive
 from stickslip.equations.field import MODE_NAMES, Field, Guard, Mode, Region, mode_field
 from stickslip.errors import DeclarationError, StickslipError, short
 from stickslip.orbits import search
 from stickslip.orbits.equilibrium import Equilibria, Equilibrium, EquilibriumSet, describe_guard, modes_text
+from stickslip.orbits.equilibrium_certificate import ON_BOUNDARY, certify, certify_set
 from stickslip.orbits.steady import Array, Steady, invariant_directions
 from stickslip.orbits.stick_sets import Conditions, all_stick, dimension
 from stickslip.system import System
 
 MOST = 4096  # modes times regions that are all tried
 STARTS = 63
-ON_BOUNDARY = 1e-9  # a guard this small, relative to its terms, is zero
+POLISH = 4  # Newton steps that put a point well inside a set onto its equations
 
 
 def equilibria(
@@ -266,6 +268,8 @@ class _Search:
             return
         margins = steady.sizes(point[:, None]).margins[0]
         guards = [g for g, m in zip(field.guards, margins, strict=True) if abs(m) <= ON_BOUNDARY]
+        nearest = describe_guard(self.eq, field.guards[int(np.argmin(margins))], field.mode) if len(margins) else ""
+        certificate, error = certify(steady, point, nearest)
         found = Equilibrium(
             self._named(y),
             dict(self.values),
@@ -275,6 +279,8 @@ class _Search:
             tuple(complex(z) for z in steady.eigenvalues(point)),
             self._drift(steady.drift(point)),
             tuple(describe_guard(self.eq, g, field.mode) for g in guards),
+            certificate,
+            error,
         )
         units = np.maximum(np.maximum(np.abs(self.origin), np.abs(y)), 1e-6)
         for other in self.isolated:
@@ -304,6 +310,9 @@ class _Search:
 
     def _note_set(self, field: Field | None, conditions: Conditions, centre: Array, mode: Mode, region: Region) -> None:
         n = len(self.state)
+        for _ in range(0 if conditions.affine else POLISH):
+            value, slopes = conditions.equations(centre)
+            centre = centre - np.linalg.lstsq(slopes, value, rcond=None)[0]
         y = centre[:n]
         if any(s.mode == mode and region in s.regions and _within(s.extent, self._named(y)) for s in self.sets):
             return
@@ -328,6 +337,7 @@ class _Search:
                 conditions.affine,
                 eigenvalues,
                 drift,
+                certify_set(conditions, centre),
             )
         )
 
@@ -351,6 +361,7 @@ class _Search:
                 other.exact and new.exact,
                 larger.eigenvalues,
                 larger.drift,
+                worst([other.certificate, new.certificate]),
             )
         self.sets.append(new)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from stickslip import expressions as ex
+from stickslip.certificates import Certificate
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import MODE_NAMES, Guard, Mode, Region
 
@@ -37,6 +38,10 @@ class Equilibrium:
     boundary : tuple of str
         What is just about to change (a guard is zero): a boundary equilibrium, whose stability eigenvalues of one
         side do not decide.
+    certificate : Certificate
+        What is left of the equations, the nearest guard, and how well the eigenvalues are known.
+    eigenvalue_error : float
+        By how much they may be wrong; a stability that depends on that is not decided.
     """
 
     state: dict[str, float]
@@ -46,7 +51,9 @@ class Equilibrium:
     region: Region
     eigenvalues: tuple[complex, ...]
     drift: dict[str, float]
-    boundary: tuple[str, ...] = ()
+    boundary: tuple[str, ...]
+    certificate: Certificate
+    eigenvalue_error: float
 
     def __repr__(self) -> str:
         return f"<Equilibrium {self.describe()}>"
@@ -59,7 +66,7 @@ class Equilibrium:
     @property
     def stable(self) -> bool | None:
         """Whether it attracts its neighbours; None if linearisation does not decide."""
-        return None if self.boundary else decays(self.eigenvalues)
+        return None if self.boundary else decays(self.eigenvalues, self.eigenvalue_error)
 
     def describe(self) -> str:
         """One line."""
@@ -67,7 +74,8 @@ class Equilibrium:
         state = ", ".join(f"{name} = {value:.9g}" for name, value in self.state.items())
         drift = ", ".join(f"{name} = {value:.9g}" for name, value in self.drift.items())
         text = f"{modes_text(self.modes)}: {state}" + (f", drifting with {drift}" if drift else "") + f"; {verdict}"
-        return text + "".join(f"; on the boundary: {name}" for name in self.boundary)
+        text += "".join(f"; on the boundary: {name}" for name in self.boundary)
+        return f"{text}; {self.certificate.verdict}"
 
 
 @dataclass(frozen=True)
@@ -90,6 +98,8 @@ class EquilibriumSet:
         from the point inside, and another part of the set may be further out.
     eigenvalues : tuple of complex or None
         At that point, across the set: the zeros along it are left out. None if forces are not unique there.
+    certificate : Certificate
+        Of that point.
     """
 
     state: dict[str, float]
@@ -102,6 +112,7 @@ class EquilibriumSet:
     exact: bool
     eigenvalues: tuple[complex, ...] | None
     drift: dict[str, float]
+    certificate: Certificate
 
     def __repr__(self) -> str:
         return f"<EquilibriumSet {self.describe()}>"
@@ -120,7 +131,8 @@ class EquilibriumSet:
         """One line."""
         extent = ", ".join(_interval(name, low, high) for name, (low, high) in self.extent.items())
         how = "" if self.exact else " (followed from a point inside)"
-        return f"of dimension {self.dimension}, {modes_text(self.modes)}: {extent}{how}"
+        text = f"of dimension {self.dimension}, {modes_text(self.modes)}: {extent}{how}"
+        return text if self.certificate.ok else f"{text}; {self.certificate.verdict}"
 
 
 @dataclass(frozen=True)
@@ -199,12 +211,12 @@ def _interval(name: str, low: float, high: float) -> str:
     return below + name + ("" if math.isinf(high) else f" ≤ {high:.9g}")
 
 
-def decays(eigenvalues: tuple[complex, ...]) -> bool | None:
-    """Whether all (True) or not all (False) linear motions decay; None between the two."""
+def decays(eigenvalues: tuple[complex, ...], error: float = 0.0) -> bool | None:
+    """Whether all (True) or not all (False) linear motions decay; None between the two, give or take an error."""
     if not eigenvalues:
         return True  # nothing is left that could move
     top, scale = max(z.real for z in eigenvalues), max(map(abs, eigenvalues))
-    return None if abs(top) <= CRITICAL * scale else top < 0.0
+    return None if abs(top) <= max(CRITICAL * scale, error) else top < 0.0
 
 
 def describe_guard(equations: MotionEquations, guard: Guard, mode: Mode) -> str:

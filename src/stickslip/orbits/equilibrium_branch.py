@@ -10,16 +10,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip import expressions as ex
+from stickslip.certificates import Certificate, worst
 from stickslip.declaration import check_initial
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Guard, mode_field
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.orbits.branch import Branch, SpecialPoint
-from stickslip.orbits.continuation import Path, Point, Steps, trace
+from stickslip.orbits.continuation import Lost, Path, Point, Steps, in_range, ranges, trace
 from stickslip.orbits.equilibria import autonomous, checked_values, equilibria
 from stickslip.orbits.equilibrium import Equilibrium, decays, describe_guard
+from stickslip.orbits.equilibrium_certificate import certify
 from stickslip.orbits.normal_form import Derivatives, hopf
-from stickslip.orbits.steady import Array, Residual, Steady, invariant_directions
+from stickslip.orbits.steady import Array, ResidualFunction, Steady, invariant_directions
 from stickslip.system import System
 
 if TYPE_CHECKING:
@@ -29,6 +31,7 @@ STEPS = Steps(first=0.005, largest=0.02)
 MOST_PIECES = 50
 STABLE = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "undecided unstable stable"}
 MARGIN = {"long_name": "least guard of the mode, relative to the size of its terms"}
+ERROR = {"long_name": "by how much the eigenvalues may be wrong"}
 DEFECT = {"long_name": "violation of the equilibrium conditions, relative to the state"}
 
 
@@ -198,21 +201,29 @@ class _Follower:
 
     def _trace(self, steady: Steady, x: Array, towards: Array) -> Path:
         floor = steady.units(x, {self.parameter: self.span})
-        endings = {f"guard {i}": f"guard {i}" for i in range(len(steady.field.guards))}
-        low, high = self.span
-        endings |= {
-            "low": f"{self.parameter} = {low:g}, the end of the range",
-            "high": f"{self.parameter} = {high:g}, the end of the range",
-        }
         return trace(
             steady.residual(self.parameter),
             x,
             towards,
             scale=lambda x: self._scale(x, floor),
             tests=lambda x, tangent: self._tests(steady, x, tangent),
-            endings=endings,
+            endings={f"guard {i}": f"guard {i}" for i in range(len(steady.field.guards))},
+            limits=ranges({self.parameter: self.span}),
+            accept=lambda last, new: self._accept(steady, last, new),
             steps=self.steps,
         )
+
+    def _accept(self, steady: Steady, last: Point, new: Point) -> None:
+        """See that a point is a certified equilibrium; its guards are test functions.
+
+        Raises
+        ------
+        Lost
+            If it is not.
+        """
+        found = certify(steady, self._point(steady, new.x), beside=self._point(steady, last.x))[0]
+        if not found["equations"].ok or not found["eigenvalues"].ok:
+            raise Lost(f"the next equilibrium is {found.verdict}")
 
     def _scale(self, x: Array, floor: Array) -> Array:
         # The root of their number, so that the state as a whole counts as much as the parameter.
@@ -235,8 +246,6 @@ class _Follower:
             "branch point": branching,
             "Hopf": hopf_test(eigenvalues),
             **{f"guard {i}": float(g) for i, g in enumerate(guards)},
-            "low": x[-1] - self.span[0],
-            "high": self.span[1] - x[-1],
         }
 
     def _guard_that_ended(self, piece: _Piece) -> Guard | None:
@@ -280,7 +289,15 @@ class _Follower:
             s for i, station in enumerate(stations) for kind in station.kinds for s in self._special(station, kind, i)
         ]
         ended = f"first point: {self._ending(back[-1])}; last point: {self._ending(forth[-1])}"
-        return Branch(system, dict(self.values), self.parameter, self._dataset(system, stations), special, ended)
+        beside = [stations[max(i - 1, 0)].point.x for i in range(len(stations))]
+        certified = [
+            certify(s.steady, self._point(s.steady, s.point.x), "", self._point(s.steady, x))
+            for s, x in zip(stations, beside, strict=True)
+        ]
+        points = self._dataset(system, stations, certified)
+        within = in_range(ranges({self.parameter: self.span}), [s.point.x for s in stations])
+        certificate = Certificate((*worst([found for found, _ in certified]).residuals, within))
+        return Branch(system, dict(self.values), self.parameter, points, special, ended, certificate)
 
     def _ending(self, piece: _Piece) -> str:
         guard = self._guard_that_ended(piece)
@@ -343,7 +360,7 @@ class _Follower:
         equations = [f + b * u for f, u in zip(steady.rates, w, strict=True)]
         equations += [ex.add(*((d * u, 1.0) for d, u in zip(row, w, strict=True))) for row in slopes]
         equations.append(ex.add(*((u * u, 1.0) for u in w)) - 1.0)
-        residual = Residual(equations, [*names, *(str(u.value) for u in w), str(b.value)], steady.values)
+        residual = ResidualFunction(equations, [*names, *(str(u.value) for u in w), str(b.value)], steady.values)
         _, J = steady.residual(self.parameter)(x)
         z = np.concatenate([x, np.linalg.svd(J)[0][:, -1], [0.0]])
         units = self._scale(x, steady.units(x, {self.parameter: self.span}))
@@ -353,7 +370,9 @@ class _Follower:
         near = np.all(np.abs(z[: n + 1] - x) <= 5.0 * self.steps.largest * units)
         return z[: n + 1] if near and np.all(np.isfinite(z)) else x
 
-    def _dataset(self, system: System, stations: list[_Station]) -> xarray.Dataset:
+    def _dataset(
+        self, system: System, stations: list[_Station], certified: list[tuple[Certificate, float]]
+    ) -> xarray.Dataset:
         """Parameter, state, eigenvalues, stability, modes, drift and certificate of every point."""
         import xarray as xr
 
@@ -363,6 +382,7 @@ class _Follower:
         spectra = [s.steady.eigenvalues(p) for s, p in zip(stations, points, strict=True)]
         drifts = np.array([s.steady.drift(p) for s, p in zip(stations, points, strict=True)])
         margin, defect = self._certificates(stations, points)
+        errors = np.array([error for _, error in certified])
         most = max(map(len, spectra))
         padded: Array = np.array([np.pad(e, (0, most - len(e)), constant_values=np.nan) for e in spectra])
         verdict = {True: 1, False: 0, None: -1}
@@ -370,11 +390,17 @@ class _Follower:
         data = {self.parameter: ("point", np.array([s.point.x[-1] for s in stations]))}
         data |= {name: ("point", np.array([s.point.x[i] for s in stations])) for i, name in enumerate(state)}
         data |= {
-            "stable": ("point", np.array([verdict[decays(tuple(e))] for e in spectra], np.int8), STABLE),
+            "stable": (
+                "point",
+                np.array([verdict[decays(tuple(e), error)] for e, error in zip(spectra, errors, strict=True)], np.int8),
+                STABLE,
+            ),
             "eigenvalue_real": (("point", "eigenvalue"), padded.real),
             "eigenvalue_imag": (("point", "eigenvalue"), padded.imag),
             "margin": ("point", margin, MARGIN),
             "defect": ("point", defect, DEFECT),
+            "eigenvalue_error": ("point", errors, ERROR),
+            "certified": ("point", np.array([found.ok for found, _ in certified], np.int8)),
         }
         for i, name in enumerate(self.contacts):
             data[f"mode_{contact_key(name)}"] = ("point", np.array([s.steady.field.mode[i] for s in stations], np.int8))

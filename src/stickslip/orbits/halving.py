@@ -1,4 +1,4 @@
-"""Cycles of a part of another one's period.
+"""Cycles of half of another one's period.
 
 A cycle becomes one of half its period at the other end of a branch that begins in a period doubling.
 
@@ -13,22 +13,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.errors import StickslipError
-from stickslip.orbits.closing import Closed, converge, near
-from stickslip.orbits.pieces import Pieces
-from stickslip.orbits.recurrence import Recurrence, window
+from stickslip.orbits.bracket import zero_near
+from stickslip.orbits.closing import Closed
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
 Array = np.ndarray
 
-EXACT = 1e-12  # the parameter is found to this part of its change
-MOST_ROUNDS = 32  # of a cycle that no drive gives the period
-SAME = 1e-7  # a cycle that comes back this close, relative to its size, has come back
 
 
 def half_gap(closed: Closed) -> float:
-    """By how much a cycle fails to close after half its period, in units of its size.
+    """By how much a cycle fails to close after half its period, in units of its largest range.
 
     Of a driven system only an even number of the drive's periods can be halved; otherwise it is infinite.
     """
@@ -36,36 +32,7 @@ def half_gap(closed: Closed) -> float:
     if setting.symmetry.driven and setting.turns % 2:
         return np.inf
     start, half = closed.samples(2)
-    return float(np.max(np.abs(half - start) / setting.sizes)) if orbit.period > 0.0 else np.inf
-
-
-def half_of(closed: Closed) -> Closed:
-    """The cycle of half the period near a cycle that almost closes there."""
-    return _part_of(closed, 2)
-
-
-def _part_of(closed: Closed, rounds: int) -> Closed:
-    """The cycle of a part of the period near a cycle that almost closes there."""
-    orbit, setting = closed.orbit, closed.shooting.setting
-    pieces = Pieces(orbit.problem.compiled.equations)
-    first, turns = orbit.legs[0].place.state, max(setting.turns // rounds, 1)
-    found = Recurrence(closed.shooting.start, first, orbit.period / rounds, turns, orbit.shift / rounds, 0.0)
-    return converge(*near(orbit.problem, pieces, window(orbit.motion, pieces), found))
-
-
-def once(closed: Closed) -> Closed:
-    """The same cycle with its shortest period.
-
-    A motion that nearly comes back after several periods leads Newton's method to a cycle of that length, which may be
-    a shorter one run through again and again.
-    """
-    setting = closed.shooting.setting
-    for rounds in range(setting.turns if setting.symmetry.driven else MOST_ROUNDS, 1, -1):
-        if setting.symmetry.driven and setting.turns % rounds:
-            continue
-        if np.max(np.ptp(closed.samples(rounds) / setting.sizes, axis=0)) <= SAME * min(closed.extent, 1.0):
-            return _part_of(closed, rounds)
-    return closed
+    return float(np.max(np.abs(half - start) / setting.sizes)) / closed.extent if orbit.period > 0.0 else np.inf
 
 
 def doubles_at(half: Closed, value: float, other: float, at: Callable[[Closed, float], Closed]) -> float | None:
@@ -86,18 +53,12 @@ def doubles_at(half: Closed, value: float, other: float, at: Callable[[Closed, f
         None if there is no such value nearby.
     """
 
-    def excess(cycle: Closed) -> float:
-        others = cycle.spectrum.others
+    def excess(there: float) -> float:
+        others = at(half, there).spectrum.others if there != value else half.spectrum.others
         return float(others[np.argmin(np.abs(others + 1.0))].real) + 1.0
 
-    a, b, fa = value, other, excess(half)
     try:
-        for _ in range(20):
-            half = at(half, b)
-            fb = excess(half)
-            if fb == fa or abs(b - a) <= EXACT * abs(b):
-                break
-            a, b, fa = b, b - fb * (b - a) / (fb - fa), fb
+        found = zero_near(excess, value, other)
+        return found if found is not None and abs(excess(found)) < 1e-6 else None
     except StickslipError:
         return None
-    return b if abs(excess(half)) < 1e-6 else None

@@ -6,19 +6,20 @@ the onset vanishes. The cycle may be unstable or at a fold: the curve does not s
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
+from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.motion.problem import pose
 from stickslip.orbits.branch import Branch, SpecialPoint
 from stickslip.orbits.chart import WIDTH, Chart, OutOfChart, extent_of, first_chart, renewed
 from stickslip.orbits.closing import Closed, converge, near
-from stickslip.orbits.continuation import Path, Steps, trace
-from stickslip.orbits.cycle_points import dataset
+from stickslip.orbits.continuation import UNDEFINED, Path, Steps, ranges, trace
+from stickslip.orbits.cycle_points import STEP, Spacing, dataset, of_branch
 from stickslip.orbits.cycles import Cycle, make_cycle
 from stickslip.orbits.equilibrium_branch import checked_range
 from stickslip.orbits.onset import Onset, nearest_onset
@@ -37,7 +38,8 @@ IN_CHART = 6  # points before the chart is made anew
 DIFFERENCE = 1e-7  # of the unknowns, in their units, for derivatives
 SLIPPING = 1e-9  # margin of the cycles on the curve: closer to the onset rounding decides on the next mode
 AT_ONSET = 1e-3  # a cycle with a larger margin is not at the onset
-ENDINGS = ("amplitude", "low 1", "high 1", "low 2", "high 2")
+FULL = f"the limit of {IN_CHART + 1} points was reached"
+INTERRUPTED, VANISHES = "interrupted", "the cycle shrinks to an equilibrium"
 
 
 def stick_onset_curve(
@@ -124,7 +126,9 @@ class _Equations:
     second : str
     width : float
         Unit of the second parameter.
-    known : dict
+    upper : array, shape (2,)
+        Upper ends of the ranges of the parameters.
+    known, cycles : dict
         What was computed, by the unknowns.
     """
 
@@ -132,7 +136,9 @@ class _Equations:
     onset: Onset
     second: str
     width: float
+    upper: Array
     known: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)
+    cycles: dict[bytes, Cycle] = field(default_factory=dict)
 
     def at(self, value: float) -> Chart:
         """The chart for a value of the second parameter."""
@@ -156,12 +162,23 @@ class _Equations:
         key = z.tobytes()
         if key not in self.known:
             F, own = self.residual(z)
-            steps, J = DIFFERENCE * self.scale(z), np.zeros((len(z) - 1, len(z)))
-            for i, h in enumerate(steps):
-                J[:, i] = (self.residual(z + h * np.eye(len(z))[i])[0] - F) / h
+            J = np.column_stack([self._difference(z, i, F) for i in range(len(z))])
             J[:-1, :-1] = own
             self.known[key] = F, J
         return self.known[key]
+
+    def _difference(self, z: Array, i: int, F: Array) -> Array:
+        """Derivative by an unknown: within the ranges of the parameters and, if it can be, on the side that slips."""
+        h, found = DIFFERENCE * self.scale(z)[i], []
+        for side in (h, -h):
+            moved = z.copy()
+            moved[i] += side
+            if np.all(moved[-2:] <= self.upper):
+                change = (self.residual(moved)[0] - F) / side
+                if (F + change * side)[-1] > -SLIPPING:
+                    return change
+                found.append(change)
+        return found[0]
 
     def scale(self, z: Array) -> Array:
         """Units of the unknowns."""
@@ -173,40 +190,48 @@ class _Follower:
         (self.first, span), (self.second, other) = spans.items()
         self.closed, self.onset, self.spans, self.steps = closed, onset, spans, steps
         self.extent = extent_of(closed, span)
-        self.width = WIDTH * (other[1] - other[0])
+        self.width, self.upper = WIDTH * (other[1] - other[0]), np.array([span[1], other[1]])
         self.pieces = Pieces(closed.orbit.problem.compiled.equations, self.first)
+        self.spacing = Spacing(spans, self.extent.modulus)
 
     def branch(self) -> Branch:
         """Both ways from the start."""
         back, behind = self.follow(-1.0)
-        forth, ahead = self.follow(1.0)
-        cycles = [*reversed(back), *forth[1:]]
+        forth, ahead = self.follow(1.0) if behind != INTERRUPTED else (back[:1], behind)
+        if not back and not forth:
+            raise ConvergenceError(f"onsets of stick of {self.closed.orbit.problem.system.name}", behind)
+        cycles = [*reversed(back), *(forth[1:] if back else forth)]
         system, parameters = self.closed.orbit.problem.system, dict(self.closed.orbit.problem.parameters)
         points: xarray.Dataset = dataset(self.first, [c.parameters[self.first] for c in cycles], cycles)
         points[self.second] = "point", np.array([c.parameters[self.second] for c in cycles])
+        points["step"] = "point", np.array([0.0, *(self.spacing(a, b) for a, b in itertools.pairwise(cycles))]), STEP
         points.attrs["kind"] = "stick onsets"
-        return Branch(system, parameters, self.first, points, [], f"first point: {behind}; last point: {ahead}")
+        ended = f"first point: {behind}; last point: {ahead}"
+        certificate = of_branch(cycles, self.spans, points["step"].values)
+        return Branch(system, parameters, self.first, points, [], ended, certificate, self.second)
 
     def follow(self, sign: float) -> tuple[list[Cycle], str]:
-        """The cycles in one direction, with the start, and the reason for the end."""
+        """The cycles in one direction, with the start, and the reason for the end; what was computed is kept."""
+        cycles: list[Cycle] = []
+        try:
+            return cycles, self._collect(sign, cycles)
+        except KeyboardInterrupt:
+            return cycles, INTERRUPTED
+        except UNDEFINED as failure:
+            return cycles, f"no onset was found further on ({failure})"
+
+    def _collect(self, sign: float, cycles: list[Cycle]) -> str:
+        """Append the cycles; the reason for the end."""
         chart, x = first_chart(self.closed, self.pieces, self.extent)
         z = np.append(x, self.closed.orbit.problem.parameters[self.second])
-        towards, step, cycles = np.zeros(len(z)), self.steps.first, []
+        towards, step = np.zeros(len(z)), self.steps.first
         towards[-1] = sign
         while True:
-            equations = _Equations(chart, self.onset, self.second, self.width)
-            try:
-                path = self._trace(equations, z, towards, step)
-            except StickslipError as failure:
-                return cycles, f"no onset was found further on ({failure})"
+            equations = _Equations(chart, self.onset, self.second, self.width, self.upper)
+            path = self._trace(equations, z, towards, step)
             cycles += [self._cycle(equations, p.x) for p in path.points[1 if cycles else 0 :]]
-            broken = next((i for i, c in enumerate(cycles) if not c.trajectory.certificate.ok), None)
-            if broken is not None:
-                return cycles[:broken], f"the next cycle is {cycles[broken].trajectory.certificate.verdict}"
-            if path.ended in ENDINGS:
-                return cycles, self._reason(path.ended)
-            if len(path.points) == 1 or path.ended == "interrupted" or len(cycles) >= self.steps.most:
-                return cycles, path.ended
+            if path.ended != FULL or len(cycles) >= self.steps.most:
+                return path.ended
             last = path.points[-1]
             step = min(1.5 * (last.length - path.points[-2].length), self.steps.largest)
             there = equations.at(float(last.x[-1]))
@@ -214,15 +239,10 @@ class _Follower:
             z, towards = np.append(x, last.x[-1]), np.append(carried, last.tangent[-1])
 
     def _trace(self, equations: _Equations, z: Array, towards: Array, step: float) -> Path:
-        steps = replace(self.steps, first=step, most=IN_CHART + 1)
-
         def tests(z: Array, tangent: Array) -> dict[str, float]:
             chart, orbit = equations.at(float(z[-1])), equations.orbit(z)
             chart.check(orbit)
-            amplitude = self.extent.amplitude(Closed(chart.shooting, orbit))
-            (low, high), (least, most) = self.spans.values()
-            margins = (amplitude / self.extent.least - 1.0, z[-2] - low, high - z[-2], z[-1] - least, most - z[-1])
-            return dict(zip(ENDINGS, map(float, margins), strict=True))
+            return {VANISHES: self.extent.amplitude(Closed(chart.shooting, orbit)) / self.extent.least - 1.0}
 
         return trace(
             equations,
@@ -230,16 +250,14 @@ class _Follower:
             towards,
             scale=equations.scale,
             tests=tests,
-            endings={name: name for name in ENDINGS},
-            steps=steps,
+            endings={VANISHES: VANISHES},
+            limits=ranges(self.spans),
+            accept=lambda last, new: self.spacing.check(self._cycle(equations, last.x), self._cycle(equations, new.x)),
+            steps=replace(self.steps, first=step, most=IN_CHART + 1),
         )
 
     def _cycle(self, equations: _Equations, z: Array) -> Cycle:
-        return make_cycle(Closed(equations.at(float(z[-1])).shooting, equations.orbit(z)))
-
-    def _reason(self, ended: str) -> str:
-        if ended == "amplitude":
-            return "the cycle shrinks to an equilibrium"
-        side, which = ended.split()
-        name, span = list(self.spans.items())[int(which) - 1]
-        return f"{name} = {span[side == 'high']:g}, the end of the range"
+        key = z.tobytes()
+        if key not in equations.cycles:
+            equations.cycles[key] = make_cycle(Closed(equations.at(float(z[-1])).shooting, equations.orbit(z)))
+        return equations.cycles[key]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stickslip.orbits.pieces import Pieces
+from stickslip.orbits.pieces import Piece, Pieces
 from stickslip.orbits.symmetry import Clock, Surroundings, Symmetry, clock
 from stickslip.orbits.variational import resolution
 
@@ -21,7 +21,8 @@ Array = np.ndarray
 POINTS = 16  # looked at in every step, at least
 MOST_STEPS = 4000  # looked at
 LEAST = 1e-3  # … of what the other components could do to one is its least size
-BEST = 2.0  # the first return that misses by at most this many times the least is taken
+CLOSER, EXACT = 1e3, 1e-9  # … but not before one that misses by so much less, or closes
+BETTER = 0.5  # a later return is worth a look if it misses by at most this part of all before
 
 
 @dataclass(frozen=True)
@@ -87,9 +88,15 @@ class Window:
         scaled = (states if e is None else states - np.multiply.outer(times, e)) / self.sizes
         return scaled - (scaled @ N) @ np.linalg.pinv(N) if N.shape[1] else scaled
 
+    def carried(self, states: Array, times: Array) -> Array:
+        """States without what a load that moves has carried them along; shape (…, n)."""
+        driven, period = self.symmetry.frame is None, self.period
+        velocity = self.symmetry.turn / period if driven and period else np.zeros(len(self.sizes))
+        return states - np.multiply.outer(times, velocity)
+
     def extent(self, modulus: Array) -> float:
         """Largest range of a component relative to a modulus: 0 if nothing moves but along translations."""
-        home = self.at_home(self.states, self.times)
+        home = self.at_home(self.carried(self.states, self.times), self.times)
         return float(np.max(np.ptp(home, axis=0) * self.sizes / (modulus + 1e-300)))
 
 
@@ -112,7 +119,8 @@ def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
     index = np.repeat(steps, points)
     states = trajectory._sample(times, index)[:, : k.state.shape[1]]
     made = [every[i] for i in index]
-    around = Surroundings(made, times, states, _sizes(states, states))
+    felt = _felt(trajectory, every, steps, p)
+    around = Surroundings(made, times, states, _sizes(states, states, felt))
     equations = trajectory._problem.compiled.equations
     ticking = None
     found = around.symmetry(p, None)
@@ -120,7 +128,7 @@ def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
         ticking = clock(trajectory.system, equations, trajectory.parameters)
         found = around.symmetry(p, ticking.period(trajectory.parameters))
     rough = Window(trajectory, times, states, index, found, ticking, around.sizes, around)
-    sizes = _sizes(rough.at_home(states, times) * around.sizes, states)
+    sizes = _sizes(rough.at_home(rough.carried(states, times), times) * around.sizes, states, felt)
     around = Surroundings(made, times, states, sizes)
     return Window(trajectory, times, states, index, found, ticking, sizes, around)
 
@@ -136,20 +144,52 @@ def sizes_of(motion: Trajectory, shift: Array, pieces: Pieces) -> Array:
     times = np.linspace(k.time[steps], k.time[steps + 1], POINTS, axis=1).ravel()
     states = motion._sample(times, np.repeat(steps, POINTS))[:, :n]
     period = k.time[-1] - k.time[0]
-    sizes = _sizes(states - np.outer((times - k.time[0]) / period, shift), states)
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
-    J = np.zeros((n, n))
-    for i in steps:
-        piece = pieces(k.mode[i], k.region[i])
-        J = np.maximum(J, np.abs(piece.jacobian(k.time[i : i + 1], k.state[i][:, None], p)[0][:, :n]))
+    made = [pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
+    felt = _felt(motion, made, steps, p)
+    sizes = _sizes(states - np.outer((times - k.time[0]) / period, shift), states, felt)
+    J = np.max([part[:n] for part in felt], axis=0)
     return np.maximum(sizes, LEAST * (J @ sizes) / np.maximum(np.diag(J), 1.0 / period))
 
 
-def _sizes(moving: Array, states: Array) -> Array:
-    """Half the range of each component; of one that does not move, its modulus or 1."""
+def _felt(motion: Trajectory, made: list[Piece], steps: Array, p: Array) -> list[Array]:
+    """How the rates, guards and constraints of each piece of a motion depend on the state, at most; (functions, n)."""
+    k, found = motion.knots, []
+    for piece in dict.fromkeys(made[i] for i in steps):
+        own = np.array([i for i in steps if made[i] is piece])
+        slopes = np.abs(piece.dependence(k.time[own], k.state[own].T, p)[:, :, 1:])
+        found.append(np.max(np.where(np.isfinite(slopes), slopes, 0.0), axis=0))
+    return found
+
+
+def _sizes(moving: Array, states: Array, felt: list[Array]) -> Array:
+    """Half the range of each component; of one that does not move, what is felt as much as the motion of the others."""
     spread, modulus = 0.5 * np.ptp(moving, axis=0), np.max(np.abs(states), axis=0)
-    still = np.where(modulus > 0.0, modulus, 1.0)
-    return np.where(spread > 1e-9 * still, spread, np.maximum(0.5 * np.ptp(states, axis=0), 1e-3 * still))
+    still = 1e-9 * np.where(modulus > 0.0, modulus, 1.0)
+    sizes = np.where(spread > still, spread, 0.5 * np.ptp(states, axis=0))
+    sizes = np.where(sizes > still, sizes, 0.0)
+    like = as_felt(sizes, felt)
+    otherwise = np.where(modulus > 0.0, 1e-3 * modulus, 1e-3)
+    return np.where(sizes > 0.0, sizes, np.where(np.isfinite(like), like, otherwise))
+
+
+def as_felt(sizes: Array, felt: list[Array]) -> Array:
+    """Change of each component that some rate or guard feels as much as it feels the others; infinite if none does."""
+    slopes = np.concatenate(felt)
+    terms = slopes * sizes
+    with np.errstate(divide="ignore", invalid="ignore"):
+        like = (np.sum(terms, axis=1, keepdims=True) - terms) / slopes
+    return np.min(np.where((like > 0.0) & np.isfinite(like), like, np.inf), axis=0, initial=np.inf)
+
+
+def stretch(motion: Trajectory, first: int, last: int) -> Trajectory:
+    """The part of a motion between two knots, both included."""
+    from stickslip.motion.knots import Knots
+    from stickslip.motion.trajectory import Trajectory
+
+    k, part = motion.knots, slice(first, last + 1)
+    knots = Knots(k.time[part], k.state[part], k.mode[part], k.region[part], k.cause[part])
+    return Trajectory(motion._problem, (float(k.time[first]), float(k.time[last])), knots, motion.outcome)
 
 
 def segments(knots: Knots) -> list[tuple[int, int]]:
@@ -172,8 +212,8 @@ def station_time(knots: Knots, pieces: Pieces, found: list[tuple[int, int]]) -> 
     return float(0.5 * (knots.time[a] + knots.time[b]))
 
 
-def latest(w: Window, pieces: Pieces) -> Recurrence | None:
-    """The last state of a motion that it has passed before."""
+def latest(w: Window, pieces: Pieces) -> list[Recurrence]:
+    """The last state of a motion, and when it was passed before."""
     k = w.trajectory.knots
     found = segments(k)
     if len(found) == 1:
@@ -182,31 +222,41 @@ def latest(w: Window, pieces: Pieces) -> Recurrence | None:
     return _closest(w, station_time(k, pieces, recent or found[-2:-1]), -1.0)
 
 
-def earliest(w: Window) -> Recurrence | None:
+def earliest(w: Window) -> list[Recurrence]:
     """When a motion comes back to where it has started."""
     k = w.trajectory.knots
     a, b = segments(k)[0]
     return _closest(w, float(k.time[a] if len(segments(k)) == 1 else 0.5 * (k.time[a] + k.time[b])), 1.0)
 
 
-def _closest(w: Window, t: float, sign: float) -> Recurrence | None:
-    """The first return, looking back (−1) or ahead (+1), that is nearly as close as any."""
+def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
+    """The returns, looking back (−1) or ahead (+1), that are closer than all before, the shortest period first.
+
+    The shortest is not always the closest: while a motion settles along complex multipliers, a later return may look
+    closer than one period.
+    """
     k = w.trajectory.knots
     here = min(int(np.searchsorted(k.time, t, side="right")) - 1, len(k.time) - 2)
     y = _state(w, t, here)
     times, steps = _strobe(w, t, sign) if w.symmetry.driven else _passages(w, t, y, here, sign)
     if len(times) == 0:
-        return None
-    states = np.array([_state(w, s, i) for s, i in zip(times, steps, strict=True)])
+        return []
+    states = w.trajectory._sample(np.asarray(times), np.asarray(steps))[:, : len(y)]
     turns = np.round((times - t) / w.period).astype(int) if w.period else np.zeros(len(times), int)
     gap = states - y - np.multiply.outer(turns, w.symmetry.turn)
     misses = np.linalg.norm(w.at_home(gap, times - t), axis=1)
-    chosen = int(np.flatnonzero(misses <= BEST * np.min(misses) + 1e-9)[0])
-    later = states[chosen] - y if sign > 0.0 else y - states[chosen]
-    period = abs(float(times[chosen] - t))
-    between = (w.times - t) * (w.times - times[chosen]) <= 0.0
-    size = np.max(np.ptp(w.at_home(w.states[between], w.times[between]), axis=0)) / 2.0
-    return Recurrence(t, y, period, abs(int(turns[chosen])) or 1, later, float(misses[chosen] / max(size, 1e-300)))
+    found, least = [], np.inf
+    for i, miss in enumerate(misses):
+        if miss <= BETTER * least:
+            least = miss
+            later = sign * (states[i] - y)
+            between = (w.times - t) * (w.times - times[i]) <= 0.0
+            passed = w.times[between]
+            size = np.max(np.ptp(w.at_home(w.carried(w.states[between], passed), passed), axis=0)) / 2.0
+            distance = float(miss / max(size, 1e-300))
+            found.append(Recurrence(t, y, abs(float(times[i] - t)), abs(int(turns[i])) or 1, later, distance))
+    # Where a later return all but closes, the earlier ones are what a cycle passes on its way.
+    return [r for r in found if r.distance <= CLOSER * max(found[-1].distance, EXACT)]
 
 
 def _state(w: Window, t: float, step: int) -> Array:
@@ -243,7 +293,7 @@ def _passages(w: Window, t: float, y: Array, here: int, sign: float) -> tuple[Ar
     ha, hb = h[found], h[found + 1]
     for _ in range(6):
         middle = a - ha * (b - a) / (hb - ha)
-        at = np.array([_state(w, s, int(w.index[i])) for s, i in zip(middle, found, strict=True)]).reshape(-1, len(y))
+        at = w.trajectory._sample(middle, w.index[found])[:, : len(y)]
         hm = height(at, middle)
         below = hm <= 0.0
         a, ha = np.where(below, middle, a), np.where(below, hm, ha)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from stickslip.orbits.steady import Residual
+from stickslip.orbits.steady import ResidualFunction
 
 Array = Any  # of floats
 
@@ -39,12 +39,12 @@ def wide_sample(count: int, origin: Array) -> Array:
 
 
 @np.errstate(all="ignore")
-def zeros(residual: Residual, starts: Array, origin: Array) -> list[tuple[Array, int]]:
+def zeros(residual: ResidualFunction, starts: Array, origin: Array) -> list[tuple[Array, int]]:
     """Zeros that the method of Levenberg and Marquardt reaches, each once, with the rank of the Jacobian there.
 
     Parameters
     ----------
-    residual : Residual
+    residual : ResidualFunction
     starts : array, shape (n, starts)
     origin : array, shape (n,)
         Gives the units: the size of each component there, or 1.
@@ -60,7 +60,7 @@ def zeros(residual: Residual, starts: Array, origin: Array) -> list[tuple[Array,
     return _distinct(residual, y, step, rank, units)
 
 
-def _descend(residual: Residual, y: Array, units: Array) -> Array:
+def _descend(residual: ResidualFunction, y: Array, units: Array) -> Array:
     """Levenberg-Marquardt steps on |F|², each component of F in units of its slopes at the start."""
     F, J = residual(y)
     weight = 1.0 / np.maximum(np.max(np.abs(J) * units[None, :, None], axis=1), 1e-300)
@@ -83,7 +83,7 @@ def _descend(residual: Residual, y: Array, units: Array) -> Array:
     return y
 
 
-def _newton_step(residual: Residual, y: Array, units: Array) -> tuple[Array, Array]:
+def _newton_step(residual: ResidualFunction, y: Array, units: Array) -> tuple[Array, Array]:
     """Newton's steps in units (n, starts), the shortest where the Jacobian is singular, and its ranks (starts,)."""
     F, J = residual(y)
     J = np.moveaxis(J * units[:, None], -1, 0)
@@ -96,7 +96,7 @@ def _newton_step(residual: Residual, y: Array, units: Array) -> tuple[Array, Arr
     return np.einsum("kij,jk->ik", inverse, F), np.sum(kept, axis=1)
 
 
-def _distinct(residual: Residual, y: Array, step: Array, rank: Array, units: Array) -> list[tuple[Array, int]]:
+def _distinct(residual: ResidualFunction, y: Array, step: Array, rank: Array, units: Array) -> list[tuple[Array, int]]:
     found: list[tuple[Array, int]] = []
     F, J = residual(y)
     for k in range(y.shape[1]):

@@ -7,6 +7,9 @@ slid along the cycle (autonomous systems) or that T is the period of the drives;
 
 A station stands well inside one mode, never at an event, and its coordinates ξ keep the constraints of that mode:
 where a contact sticks there is one coordinate less. The order of modes is nowhere given, the motion finds it.
+
+A contact that sticks throughout comes back to where it was, whatever that is: the equation says nothing, and there is a
+cycle for every position of rest. In its place stands where it rests (:mod:`stickslip.orbits.held`).
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ import numpy as np
 from stickslip.errors import ConvergenceError
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
+from stickslip.orbits.held import HELD, Held, nearest_slip, released, slips
 from stickslip.orbits.pieces import Piece, Pieces
 from stickslip.orbits.symmetry import Clock, Surroundings, Symmetry
 from stickslip.orbits.variational import Variation, variation
@@ -191,6 +195,8 @@ class Setting:
         Periods of the drives in a period of the cycle.
     sizes : array, shape (n,)
         Size of each component of the cycle.
+    held : tuple of Held
+        Positions that contacts keep because they stick throughout.
     """
 
     symmetry: Symmetry
@@ -198,6 +204,7 @@ class Setting:
     clock: Clock | None
     turns: int
     sizes: Array
+    held: tuple[Held, ...]
 
     def at(self, problem: Problem) -> Symmetry:
         """The symmetry for other parameters."""
@@ -229,6 +236,12 @@ class Orbit:
     legs: list[Leg]
     F: Array
     J: Array
+
+    @property
+    def start(self) -> str:
+        """Its first state in words."""
+        named = zip(self.problem.system.declaration.state, self.legs[0].place.state, strict=True)
+        return ", ".join(f"{name} = {value:.6g}" for name, value in named)
 
     @cached_property
     def motion(self) -> Trajectory:
@@ -267,6 +280,7 @@ class Shooting:
     ) -> None:
         self.problem, self.pieces, self.stations, self.start = problem, pieces, list(stations), start
         self.setting, self.symmetry, self.free = setting, setting.symmetry, pieces.free
+        self.release = released(setting.held, setting.sizes)
         self.first = np.concatenate([[0], np.cumsum([s.basis.shape[1] for s in self.stations])]).astype(int)
         self.time = int(self.first[-1])
         self.drifts = slice(self.time + 1, self.time + 1 + self.symmetry.shifts.shape[1])
@@ -364,6 +378,7 @@ class Shooting:
         J[home, self.drifts] = -chart @ self.symmetry.shifts
         if self.free:
             J[home, -1] -= chart @ known.by_parameter
+        self._hold(F, J, legs)
         row = self.time
         if self.symmetry.driven:
             F[row], J[row] = self._clock(problem, x)
@@ -399,6 +414,33 @@ class Shooting:
         J[rows, self.time] += leg.end * (there.chart @ leg.rate) + leg.begin * M[:, q]
         if self.free:
             J[rows, -1] += M[:, -1]
+
+    def _hold(self, F: Array, J: Array, legs: list[Leg]) -> None:
+        """Where contacts rest that stick throughout, in the rows of what comes back by itself."""
+        station, home = self.stations[0], slice(*self.first[:2])
+        for held, direction in zip(self.setting.held, self.release.T, strict=True):
+            along = station.chart @ direction
+            if not held.edge:
+                place = legs[0].place
+                F[home] += along * (held.form @ (place.state - station.origin))
+                J[home, home] += np.outer(along, held.form @ place.directions)
+                if self.free:
+                    J[home, -1] += along * (held.form @ place.by_parameter)
+                continue
+            reach = held.edge * float(np.abs(held.form) @ self.setting.sizes)
+            if slips(held, [leg.motion for leg in legs]):
+                # It is pushed to where it is just held: what it lacks is seen from how far it moves.
+                row = held.form @ station.basis
+                F[home] -= along * (2.0 * (row @ F[home]) + reach * HELD)
+                J[home] -= np.outer(along, 2.0 * (row @ J[home]))
+                continue
+            touch = nearest_slip(held, [(leg.motion, leg.change) for leg in legs], self.pieces)
+            own, q = slice(*self.first[touch.leg : touch.leg + 2]), len(touch.slopes) - 1 - bool(self.free)
+            F[home] += along * reach * touch.margin
+            J[home, own] += np.outer(along, reach * touch.slopes[:q])
+            J[home, self.time] += along * reach * legs[touch.leg].begin * touch.slopes[q]
+            if self.free:
+                J[home, -1] += along * reach * touch.slopes[-1]
 
     def _clock(self, problem: Problem, x: Array) -> tuple[float, Array]:
         """The period is that of the drives."""

@@ -31,7 +31,7 @@ Array = Any  # of floats, or complex numbers
 NOISE = 1e-13  # a value this small, relative to the terms it is made of, is rounding
 
 
-class Residual:
+class ResidualFunction:
     """Expressions as equations in some unknowns: x ↦ (F, ∂F/∂x).
 
     Parameters
@@ -126,24 +126,24 @@ class Steady:
             changed = [r - d * g for r, d in zip(changed, f.gradient(g), strict=True)]
         return changed
 
-    def residual(self, *free: str) -> Residual:
+    def residual(self, *free: str) -> ResidualFunction:
         """The equations in the state, and in parameters that are let free."""
-        return Residual(self.rates, [*self.field.state, *free], self.values)
+        return ResidualFunction(self.rates, [*self.field.state, *free], self.values)
 
     @cached_property
-    def _local(self) -> Residual:
+    def _local(self) -> ResidualFunction:
         f = self.field
-        return Residual([*f.rates, *f.constraints], f.state, {}, *f.parameters)
+        return ResidualFunction([*f.rates, *f.constraints], f.state, {}, *f.parameters)
 
     @cached_property
     def _guards(self) -> Callable[[Array, Array, Array], Array]:
         return self.field.function([g.value for g in self.field.guards])
 
     @cached_property
-    def _everything(self) -> Residual:
+    def _everything(self) -> ResidualFunction:
         """Changed field and guards with their slopes in the state and all parameters."""
         f = self.field
-        return Residual([*self.rates, *(g.value for g in f.guards)], [*f.state, *f.parameters], {})
+        return ResidualFunction([*self.rates, *(g.value for g in f.guards)], [*f.state, *f.parameters], {})
 
     def point(self, y: Array, changes: Mapping[str, float] | None = None) -> Array:
         """State and all parameters as one vector."""

@@ -16,7 +16,7 @@ from stickslip import expressions as ex
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Region, in_region
 from stickslip.expressions import Expr
-from stickslip.orbits.steady import Residual
+from stickslip.orbits.steady import ResidualFunction
 
 Array = np.ndarray
 
@@ -63,14 +63,14 @@ class Conditions:
         return float(low) + 0.0, float(high) + 0.0  # no negative zeros
 
     @cached_property
-    def equations(self) -> Residual:
+    def equations(self) -> ResidualFunction:
         """The equations as functions of the unknowns."""
-        return Residual(self.equal, self.unknowns, self.values)
+        return ResidualFunction(self.equal, self.unknowns, self.values)
 
     @cached_property
-    def guards(self) -> Residual:
+    def guards(self) -> ResidualFunction:
         """The inequalities as functions of the unknowns."""
-        return Residual(self.nonnegative, self.unknowns, self.values)
+        return ResidualFunction(self.nonnegative, self.unknowns, self.values)
 
     @property
     def affine(self) -> bool:
@@ -83,7 +83,9 @@ class Conditions:
         return method(self.equations, self.guards, start, component, sign)
 
 
-def _vertex(equal: Residual, guards: Residual, start: Array, component: int, sign: float) -> Array | None:
+def _vertex(
+    equal: ResidualFunction, guards: ResidualFunction, start: Array, component: int, sign: float
+) -> Array | None:
     """Linear program, with rows of unit length."""
     from scipy.optimize import linprog
 
@@ -106,11 +108,13 @@ def _without_bound(point: Array, component: int, sign: float) -> Array:
     return far
 
 
-def _optimum(equal: Residual, guards: Residual, start: Array, component: int, sign: float) -> Array | None:
+def _optimum(
+    equal: ResidualFunction, guards: ResidualFunction, start: Array, component: int, sign: float
+) -> Array | None:
     """Sequential quadratic programming in boxes that grow as long as their wall is reached."""
     from scipy.optimize import minimize
 
-    def constraint(kind: str, residual: Residual, size: Array) -> dict:
+    def constraint(kind: str, residual: ResidualFunction, size: Array) -> dict:
         return {
             "type": kind,
             "fun": lambda z: residual(units * z)[0] / size,

@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 
@@ -89,6 +90,7 @@ class Surroundings:
             return Symmetry(shifts, frame, np.zeros(len(self.sizes)))
         return Symmetry(shifts, None, self._turn(p, period))
 
+    @cached_property
     def _samples(self) -> list[tuple[Piece, Array, Array]]:
         found = []
         for piece in dict.fromkeys(self.pieces):
@@ -101,7 +103,7 @@ class Surroundings:
         """Basis of the directions of (t, y) along which nothing changes, shape (1 + n, directions)."""
         rng, n = np.random.default_rng(0), len(self.sizes)
         rates, others = [], []
-        for piece, t, y in self._samples():
+        for piece, t, y in self._samples:
             around = y + 0.1 * self.sizes[:, None] * rng.uniform(-1.0, 1.0, y.shape)
             slopes = piece.dependence(t, around, p) * np.append(1.0, self.sizes)
             slopes = slopes[np.all(np.isfinite(slopes), axis=(1, 2))]
@@ -118,7 +120,7 @@ class Surroundings:
     def _turn(self, p: Array, period: float) -> Array:
         """Shift of the state that a period of the drives makes up for; a load Vt + sin ωt shifts by V·period."""
         rows, changes, terms, n = [], [], [], len(self.sizes)
-        for piece, t, y in self._samples():
+        for piece, t, y in self._samples:
             slopes, now, later = piece.dependence(t, y, p), piece.felt(t, y, p), piece.felt(t + period, y, p)
             rows.append(slopes[:, :, 1:].reshape(-1, n))
             changes.append((later - now).T.ravel())

@@ -57,6 +57,9 @@ def change_of(contacts: list[str], before: Sequence, after: Sequence) -> tuple[s
         stuck, sticks = (any(mode[i] == 0 for mode, _ in s) for s in (before, after))
         if stuck != sticks:
             return "stick onset", f"contact '{name}' " + ("begins to stick" if sticks else "no longer sticks")
+        slipped, slips = (any(mode[i] != 0 for mode, _ in s) for s in (before, after))
+        if slipped != slips:
+            return "slip onset", f"contact '{name}' " + ("begins to slip" if slips else "sticks throughout")
     few, many = sorted((before, after), key=len)
     touched = _excursions(many, few)
     if touched:
