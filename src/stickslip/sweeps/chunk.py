@@ -147,8 +147,8 @@ def measure_chunk(
     dict of str to array, shape (points,)
         By measure; NaN where there is nothing to measure. Always also ``outcome`` (codes of
         :class:`stickslip.motion.outcome.Outcome`); ``certificate``, the largest of the residual of the energy balance,
-        the violation of the friction law, the defect of the equations of motion, the failure to close, and what a
-        shorter period may miss by without being seen; ``lacking``, what a certificate lacks
+        the violation of the friction law, the defect of the equations of motion, the failure to close, and a number
+        that exceeds the tolerance if a shorter period closes within it; ``lacking``, what a certificate lacks
         (:data:`stickslip.sweeps.measures.LACKING`); and ``excess``, by how much the initial state violates |∂Φ| ≤ s.
 
     Raises

@@ -34,6 +34,7 @@ from stickslip.sweeps.tables import (
     LAW,
     MEASURING,
     MOTION,
+    OPEN,
     PATIENT,
     PENDING,
     PERIOD,
@@ -113,7 +114,8 @@ def measure(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found:
         for r in range(len(bench.gaps)):
             bench.gaps[r] = found.shift[i, r] - m.frame[i, r] * real[DURATION]
         remove_shift(bench.gaps, rules.translation)
-        audit[CLOSURE], audit[PERIOD] = miss(bench.gaps, bench.ends[2], rules.real[4]), told_apart(m, i)
+        audit[CLOSURE] = miss(bench.gaps, bench.ends[2], rules.real[4])
+        audit[PERIOD] = rules.real[5] ** 2 / real[OPEN]
     return True
 
 

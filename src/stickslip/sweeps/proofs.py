@@ -21,8 +21,8 @@ import numpy as np
 from stickslip.motion.forms import AFFINE
 from stickslip.motion.outcome import Outcome
 from stickslip.orbits.pieces import Piece, Pieces
-from stickslip.sweeps.repetition import Repetition
-from stickslip.sweeps.tables import ASK, COUNT, DURATION, FLOOR, MEASURING, PATIENT, PHASE, PROVING, SETTLING
+from stickslip.sweeps.repetition import Repetition, repeats
+from stickslip.sweeps.tables import ASK, COUNT, DURATION, FLOOR, MEASURING, OPEN, PATIENT, PHASE, PROVING, SETTLING
 
 if TYPE_CHECKING:
     from stickslip.motion.kernel import Lane
@@ -94,25 +94,27 @@ class Prover:
         """Decide all motions that ask: they are measured next, or go on."""
         index = np.flatnonzero(marks.numbers[:, PHASE] == PROVING)
         asked, outcome = marks.outcome[index], np.full(len(index), NOTHING)
-        repeats = self.repeats(index, marks, saved)
-        cycles = repeats & (asked == PERIODIC)
+        waves = [self.waves(int(i), marks, saved) for i in index]
+        periods = np.where(marks.drive[index] > 0.0, marks.real[index, DURATION], 0.0)
+        fits = np.array([repeats(found, float(period)) for found, period in zip(waves, periods, strict=True)])
+        cycles = fits & (asked == PERIODIC)
         outcome[cycles] = PERIODIC
-        open_ = np.flatnonzero(repeats & (asked != PERIODIC))
+        open_ = np.flatnonzero((asked != PERIODIC) & [found is not None for found in waves])
         if len(open_):
             slot = slots_of(lanes, index[open_], saved)
             closed = open_[slot >= 0]
             if len(closed):
                 fates = affine_fates(lanes, index[closed], slot[slot >= 0], marks, saved, self.rules.translation)
-                single = (np.sum(self.acting[index[closed]], axis=1) == 1) & (marks.drive[index[closed]] > 0.0)
-                unknown = (fates.outcome == PERIODIC) & ~single  # the drives have to have a period in common
+                unknown = (fates.outcome == PERIODIC) & ~fits[closed]  # the drives have to have a period in common
                 outcome[closed] = np.where(unknown, NOTHING, fates.outcome)
                 saved.y[index[closed]] = np.where(unknown[:, None], saved.y[index[closed]], fates.limit)
             for i in open_[slot < 0]:
-                if asked[i] != NOTHING and self.ends_here(int(index[i]), marks, saved):
+                if asked[i] != NOTHING and not waves[i] and self.ends_here(int(index[i]), marks, saved):
                     outcome[i] = asked[i]
         done, late = index[outcome != NOTHING], index[outcome == NOTHING]
         marks.outcome[index], marks.numbers[done, PHASE], marks.numbers[late, PHASE] = outcome, MEASURING, SETTLING
-        marks.real[done[~cycles[outcome != NOTHING]], FLOOR] = 0.0
+        proved = done[~cycles[outcome != NOTHING]]
+        marks.real[proved, FLOOR], marks.real[proved, OPEN] = 0.0, np.inf
         t, real = saved.clock[:, 0], marks.real
         if not self.rules.timed:  # the clocks of driven motions are set back at every mark
             t = t + np.maximum(marks.numbers[:, COUNT] - 1, 0) * marks.drive
@@ -121,18 +123,16 @@ class Prover:
         for part, kept in zip(lanes.now, saved, strict=True):
             part[late] = kept[late]
 
-    def repeats(self, index: Array, marks: Marks, saved: Lane) -> Array:
-        """Whether the system goes on repeating itself after the period of a drive, or for ever."""
-        if not self.problem.compiled.layout.timed or (self.repetition.plain and np.all(marks.drive[index] > 0.0)):
-            return np.ones(len(index), bool)
+    def waves(self, i: int, marks: Marks, saved: Lane) -> frozenset[float] | None:
+        """Frequencies of all that time does to a motion from now on; None if that is more than sines and cosines."""
+        if not self.problem.compiled.layout.timed:
+            return frozenset()
+        if self.repetition.plain and marks.drive[i] > 0.0:
+            return frozenset([2.0 * np.pi / float(marks.drive[i])])
         names, state = list(self.problem.system.parameters), self.problem.compiled.layout.state
-        found = []
-        for i in index:
-            values = dict(zip(names, map(float, self.table[i]), strict=True))
-            frame = dict(zip(state, map(float, marks.frame[i]), strict=True))
-            period = float(marks.real[i, DURATION]) if marks.drive[i] > 0.0 else 0.0
-            found.append(self.repetition.holds(values, frame, float(saved.clock[i, 0]), period))
-        return np.array(found)
+        values = dict(zip(names, map(float, self.table[i]), strict=True))
+        frame = dict(zip(state, map(float, marks.frame[i]), strict=True))
+        return self.repetition.waves(values, frame, float(saved.clock[i, 0]))
 
     def ends_here(self, i: int, marks: Marks, saved: Lane) -> bool:
         """Whether a motion whose rates have died out ends at an equilibrium of its mode."""

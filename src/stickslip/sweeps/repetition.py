@@ -58,8 +58,8 @@ class Repetition:
             return [True] * len(self.equations.frequencies)
         return [rate in felt or -rate in felt for rate in rates]
 
-    def holds(self, values: Mapping[str, float], frame: Mapping[str, float], time: float, period: float) -> bool:
-        """Whether the system is the same a period later, from a time on.
+    def waves(self, values: Mapping[str, float], frame: Mapping[str, float], time: float) -> frozenset[float] | None:
+        """Frequencies of all that time does from a time on; None if that is more than sines and cosines.
 
         Parameters
         ----------
@@ -68,19 +68,20 @@ class Repetition:
         frame : mapping of str to float
             Velocity of each state in the frame.
         time : float
-        period : float
-            0: whether it is the same at any later time.
         """
-        if self.plain and period > 0.0:
-            return True
         walk, numbers = _Walk(frame, time, frozenset()), {name: ex.num(value) for name, value in values.items()}
         try:
             if not all(walk.stays(ex.substitute(e, numbers)) for e in self.formulas):
-                return False
+                return None
         except (ZeroDivisionError, OverflowError):
-            return False
-        turns = [abs(ex.number(rate)) * period / (2.0 * math.pi) for rate in walk.rates]
-        return all(n > 0.0 and abs(n - round(n)) <= WHOLE * max(n, 1.0) for n in turns)
+            return None
+        return frozenset(abs(ex.number(rate)) for rate in walk.rates)
+
+
+def repeats(waves: frozenset[float] | None, period: float) -> bool:
+    """Whether frequencies fit into a period."""
+    turns = [rate * period / (2.0 * math.pi) for rate in waves or ()]
+    return waves is not None and all(round(n) > 0 and abs(n - round(n)) <= WHOLE * n for n in turns)
 
 
 class _Walk:

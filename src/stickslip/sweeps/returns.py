@@ -23,12 +23,15 @@ from stickslip.sweeps.tables import (
     COUNT,
     FLOOR,
     LAG,
+    LEAPT,
     LEAST,
+    OPEN,
     PATIENT,
     PENDING,
     SAME,
     SIZED,
     STALLED,
+    STRETCH,
     TRUE,
     Marks,
     Rules,
@@ -42,6 +45,8 @@ SURE = 1e-4  # of the tolerance: a miss that needs no factor
 SHRUNK = 0.98  # of the least miss: a return that has come nearer
 PATIENCE = 16  # returns that may come without one that is nearer
 CLOSED, TOLD_APART = 1e-11, 1e3  # a return closes if it misses by this, or by so many times what the cycle does
+DOUBLED = 10.0  # … or by so many times what the cycle may be away: next to a period doubling that is much more
+EXACT, FINEST = 1e-15, 1e-3  # a miss that is none, and part of the tolerance `atol` that counts for a polished cycle
 DEPENDENT = 1e-7  # part of a vector that others leave of it, below which it is one of them
 
 
@@ -122,7 +127,7 @@ def distance(m: Marks, rules: Rules, i: int, back: int, work: Array) -> float:
     """How closely the last mark comes back to the one so many marks before it."""
     here, ring = m.numbers[i, COUNT] - 1, m.time.shape[1]
     gap(m, i, (here - back) % ring, m.time[i, here % ring], m.state[i, here % ring], rules.translation, work)
-    return miss(work, m.size[i], rules.real[4])
+    return miss(work, m.size[i], rules.real[4] * (FINEST if m.numbers[i, LEAPT] > 0 else 1.0))
 
 
 @njit(**INLINED)
@@ -176,15 +181,15 @@ def has_settled(m: Marks, rules: Rules, i: int, d: float) -> bool:
     numbers, ring = m.numbers[i], m.time.shape[1]
     if numbers[SAME] < 1 or d > m.real[i, PATIENT]:
         return False
+    lag = numbers[LAG]
+    returns, q = min(3, (numbers[SAME] - 1) // lag), 0.0
+    if returns > 0:
+        before = m.miss[i, (numbers[COUNT] - 1 - returns * lag) % ring]
+        q = (d / before) ** (1.0 / returns) if before > 0.0 else 0.0
+    m.real[i, STRETCH] = 1.0 / (1.0 - q) if q < 1.0 else 1.0
     if d <= SURE * rules.real[3]:
         return True
-    lag = numbers[LAG]
-    returns = min(3, (numbers[SAME] - 1) // lag)
-    if returns < 1:
-        return False
-    before = m.miss[i, (numbers[COUNT] - 1 - returns * lag) % ring]
-    q = (d / before) ** (1.0 / returns) if before > 0.0 else np.inf
-    return q < 1.0 and d <= (1.0 - q) * rules.real[3]
+    return returns > 0 and q < 1.0 and d <= (1.0 - q) * rules.real[3]
 
 
 @njit(**OPTIONS)
@@ -204,7 +209,7 @@ def extrapolate(m: Marks, rules: Rules, i: int, k: int, work: Array, fit: Array)
         largest = 0.0
         for j in range(k + 1):
             largest = max(largest, abs(work[j, r]))
-        weight = 1.0 / size[r] if largest > rules.real[4] else 0.0
+        weight = 1.0 / size[r] if largest > FINEST * rules.real[4] else 0.0
         work[7, r] = weight * work[0, r]
         for j in range(k):
             work[4 + j, r] = weight * (work[0, r] - (work[j + 1, r] - work[j, r]))
@@ -254,16 +259,20 @@ def remove_part(v: Array, unit: Array) -> float:
 @njit(**OPTIONS)
 def told_apart(m: Marks, i: int) -> float:
     """Miss above which a return is none: what a polished cycle misses by says how well it is known."""
-    return max(CLOSED, TOLD_APART * m.real[i, FLOOR])
+    floor = m.real[i, FLOOR]
+    return max(CLOSED, TOLD_APART * floor, DOUBLED * m.real[i, STRETCH] * max(floor, EXACT))
 
 
 @njit(**OPTIONS)
 def shortest_lag(m: Marks, rules: Rules, i: int, work: Array) -> int:
     """The least divisor of the lag over which the last mark of a polished cycle comes back, too."""
     lag, limit, p = m.numbers[i, LAG], told_apart(m, i), 2
+    m.real[i, OPEN] = np.inf
     while p <= lag:
-        if lag % p == 0 and same_kind(m, i, lag // p) and distance(m, rules, i, lag // p, work) <= limit:
+        d = distance(m, rules, i, lag // p, work) if lag % p == 0 and same_kind(m, i, lag // p) else np.inf
+        if d <= limit:
             lag //= p
         else:
+            m.real[i, OPEN] = min(d, m.real[i, OPEN])
             p += 1
     return lag

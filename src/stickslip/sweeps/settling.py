@@ -33,6 +33,7 @@ from stickslip.sweeps.returns import (
     PATIENCE,
     UNKNOWN,
     begin_again,
+    distance,
     extrapolate,
     grow,
     has_settled,
@@ -68,6 +69,7 @@ from stickslip.sweeps.tables import (
     SMOOTH,
     STALLED,
     START,
+    STRETCH,
     TRUE,
     Bench,
     Engine,
@@ -305,7 +307,7 @@ def consider(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit:
         return GO_ON
     if has_settled(m, rules, i, d) and not (rules.timed and elapsed(m, rules, saved, i) < m.real[i, ASK]):
         leave(m, saved, i, 1, d)
-        return polish(m, rules, lanes, saved, work, fit, i, d)
+        return polish(m, rules, lanes, saved, work, fit, i, distance(m, rules, i, lag, work[0]))
     if numbers[STALLED] > PATIENCE * lag and d > rules.real[3]:
         look_wide(m, rules, i, work[0])
     elif m.drive[i] <= 0.0 and numbers[SAME] > 2 * lag and numbers[COUNT] >= numbers[REST]:
@@ -369,6 +371,7 @@ def polish(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: A
         return GO_ON
     if numbers[TRUE] == lag and numbers[LEAPT] > 1 and d > 0.5 * real[MISS]:
         put_back(m, lanes, saved, i, m.before, numbers[COUNT] - lag)
+        numbers[LEAPT] = 1
         return accept(m, rules, lanes, saved, work[0], i, real[MISS])
     real[MISS] = d
     if d <= NEAREST or numbers[COUNT] - numbers[HOME] >= MOST_POLISHED * lag or numbers[LEAPT] > MOST_LEAPS:
@@ -378,6 +381,7 @@ def polish(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: A
         misfit, length = extrapolate(m, rules, i, k, work, fit)
         if (misfit <= FITS or k == MOST_RETURNS) and length <= rules.real[5]:
             numbers[LEAPT] += 1
+            real[STRETCH] = max(real[STRETCH], length / d)
             return carry(m, lanes, saved, i, work[8])
     return GO_ON
 
@@ -392,7 +396,8 @@ def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int
     if not miss(work, m.size[i], rules.real[4]) <= rules.real[5]:
         return take_back(m, lanes, saved, i)
     real[FLOOR] = d
-    numbers[LAG], numbers[LEAPT], last = shortest_lag(m, rules, i, work), 0, numbers[COUNT] - 1
+    numbers[LAG], last = shortest_lag(m, rules, i, work), numbers[COUNT] - 1
+    numbers[LEAPT] = 0
     real[START], real[DURATION] = m.time[i, last % ring], m.drive[i] * numbers[LAG]
     if m.drive[i] <= 0.0:
         real[DURATION] = m.time[i, last % ring] - m.time[i, (last - numbers[LAG]) % ring]

@@ -20,7 +20,7 @@ SETTLING, PROVING, MEASURING, DONE = 0, 1, 2, 3
 PHASE, COUNT, TRUE, LAG, SAME, EVENTS, SMOOTH, PENDING, LEAPT, STALLED, REST, HOME, HOME_KIND, SIZED = range(14)
 """Columns of :attr:`Marks.numbers`."""
 
-START, DURATION, MISS, FLOOR, LEAST, PATIENT, ASK = range(7)
+START, DURATION, MISS, FLOOR, STRETCH, OPEN, LEAST, PATIENT, ASK = range(9)
 """Columns of :attr:`Marks.real`."""
 
 ENERGY, LAW, MOTION, CLOSURE, PERIOD = range(5)
@@ -110,9 +110,11 @@ class Marks(NamedTuple):
         since the motion was left (LEAPT; negative: one that is not confirmed); marks since returns have last shrunk
         (STALLED); mark before which there is no other leap (REST); number and kind of the mark that the motion is taken
         back to (HOME, HOME_KIND); whether the sizes are those of a cycle (SIZED).
-    real : array, shape (lanes, 7)
-        START and DURATION of what is measured; last MISS before a leap; miss of the polished cycle (FLOOR); LEAST miss
-        at this lag; miss below which polishing is tried again (PATIENT); time before which no proof is (ASK).
+    real : array, shape (lanes, 9)
+        START and DURATION of what is measured; last MISS before a leap; miss of the polished cycle (FLOOR), how many
+        times farther away than that the cycle may be (STRETCH), and least miss of a return that is shorter (OPEN);
+        LEAST miss at this lag; miss below which polishing is tried again (PATIENT); time before which no proof is tried
+        again (ASK).
     plane : array, shape (lanes, 3, n)
         A state, the normal of the plane through it, and (first) its time.
     size : array, shape (lanes, n)
@@ -180,7 +182,8 @@ class Found(NamedTuple):
     sums : Sums
     audit : array, shape (lanes, 5)
         Residual of the energy balance (ENERGY), violation of the friction LAW, defect of the equations of MOTION, by
-        how much a cycle fails to close (CLOSURE), and what a shorter return may miss by without being seen (PERIOD).
+        how much a cycle fails to close (CLOSURE), and the square of the tolerance over what the next shorter return
+        misses by (PERIOD): the period is minimal if no shorter return closes within the tolerance.
     moves : array, shape (lanes,)
         Largest range of a component in what was measured, relative to its modulus, without frame and translation.
     shift : array, shape (lanes, n)
@@ -249,7 +252,7 @@ def make_marks(drive: Array, ring: int, n: int, contacts: int, home: Lane, befor
         kind=np.zeros((lanes, ring), np.int64),
         miss=np.zeros((lanes, ring)),
         numbers=np.zeros((lanes, 14), np.int64),
-        real=np.zeros((lanes, 7)),
+        real=np.zeros((lanes, 9)),
         plane=np.zeros((lanes, 3, n)),
         size=np.zeros((lanes, n)),
         slipped=np.zeros((lanes, contacts), np.int64),
