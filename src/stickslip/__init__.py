@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from stickslip.motion.outcome import Outcome
     from stickslip.motion.simulate import simulate
     from stickslip.motion.trajectory import Trajectory, open_trajectory
-    from stickslip.orbits.basin import basin
     from stickslip.orbits.branch import Branch, SpecialPoint, open_branch
     from stickslip.orbits.curves import fold_curve, hopf_curve
     from stickslip.orbits.cycle_branch import continue_cycle
@@ -46,6 +45,7 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.play import Play, play
     from stickslip.rate_independent.study import averaging_study
     from stickslip.sweeps.adaptive import Adaptive
+    from stickslip.sweeps.basin import basin
     from stickslip.sweeps.chunk import Settings
     from stickslip.sweeps.sweep import open_sweep, sweep
     from stickslip.system import (
@@ -141,10 +141,10 @@ _HOMES = {
     **dict.fromkeys(["Cycle", "find_cycle"], "orbits.cycles"),
     "continue_cycle": "orbits.cycle_branch",
     "stick_onset_curve": "orbits.onset_curve",
-    "basin": "orbits.basin",
     "HysteresisOperator": "orbits.hysteresis",
     **dict.fromkeys(["gait_study", "sliding_threshold", "walking_threshold"], "orbits.gaits"),
     "Adaptive": "sweeps.adaptive",
+    "basin": "sweeps.basin",
     "Settings": "sweeps.chunk",
     **dict.fromkeys(["open_sweep", "sweep"], "sweeps.sweep"),
     "Play": "rate_independent.play",

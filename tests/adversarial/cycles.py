@@ -129,7 +129,9 @@ def belt(kinetic: str) -> System:
     )
 
 
-def on_a_belt(rng: Rng, kinetic: str, law: Callable[[dict[str, float]], Callable[[float], float]], c: tuple[float, float]):
+def on_a_belt(
+    rng: Rng, kinetic: str, law: Callable[[dict[str, float]], Callable[[float], float]], c: tuple[float, float]
+):
     p = {"m": log_between(rng, 0.3, 3.0), "k": log_between(rng, 0.3, 3.0), "c": log_between(rng, *c)}
     p |= {"V": log_between(rng, 0.05, 2.5), "F_s": between(rng, 0.8, 1.2), "F_k": between(rng, 0.2, 0.75)}
     p["v_s"] = log_between(rng, 0.05, 2.0)
@@ -485,7 +487,8 @@ def _off(case: Case, cycle: ss.Cycle, motion: ss.Trajectory, rounds: int, sizes:
     values = cycle.trajectory.at(times)
     path = np.column_stack([values[name] for name in names])
     a, chord = path[:-1], np.diff(path, axis=0)
-    part = np.clip(np.sum((last - a) * chord / scale**2, axis=1) / np.maximum(np.sum((chord / scale) ** 2, axis=1), 1e-300), 0, 1)
+    along = np.sum((last - a) * chord / scale**2, axis=1)
+    part = np.clip(along / np.maximum(np.sum((chord / scale) ** 2, axis=1), 1e-300), 0, 1)
     return float(np.min(np.max(np.abs(last - a - part[:, None] * chord) / scale, axis=1)))
 
 

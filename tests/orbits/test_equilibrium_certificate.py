@@ -1,4 +1,4 @@
-"""What an equilibrium has to prove: it solves the equations, inside its mode, and its eigenvalues are known to a bound."""
+"""What an equilibrium has to prove: it solves the equations inside its mode, its eigenvalues are known to a bound."""
 
 from __future__ import annotations
 

@@ -20,12 +20,12 @@ from stickslip.figures.phase_portrait import plot_phase_portrait
 from stickslip.figures.poincare import crossings, plot_return_map
 from stickslip.figures.spectrum import plot_eigenvalues
 from stickslip.figures.style import BLUE, SLIP, STICK_LINE
-from stickslip.orbits.basin import basin
 from stickslip.orbits.cycle_branch import continue_cycle
 from stickslip.orbits.cycles import Cycle, find_cycle
 from stickslip.orbits.equilibria import equilibria
 from stickslip.orbits.equilibrium_branch import continue_equilibrium
 from stickslip.paper.scaling import lowest_order
+from stickslip.sweeps.basin import basin
 
 V = {"V": 0.2255}
 

@@ -63,6 +63,8 @@ def closed_form(system: System, given: Mapping[str, Array], measures: Sequence[s
         **found,
         "outcome": np.where(walks, 0, 1).astype(np.int8),
         "certificate": np.where(delta > 0.15, 1.0, 1e-12),
+        "lacking": np.where(delta > 0.15, 4, 0).astype(np.int8),
+        "excess": np.zeros(count),
     }
 
 

@@ -15,6 +15,7 @@ from stickslip.motion.forms import AFFINE
 from stickslip.motion.outcome import Outcome
 from stickslip.sweeps import chunk
 from stickslip.sweeps.chunk import Settings, measure_chunk
+from stickslip.sweeps.measures import LACKING
 
 Array = np.ndarray
 MEASURES = ("period", "amplitude", "speed", "stick_fraction", "energy_per_cycle", "peak_force", "switches")
@@ -124,12 +125,17 @@ def test_points_do_not_depend_on_their_company(monkeypatch: pytest.MonkeyPatch) 
         np.testing.assert_array_equal(blocks[name], values)
 
 
-def test_a_start_outside_the_stable_set_is_a_point_without_measures() -> None:
-    start = {"psi": np.array([0.0, 1.6]), "d_psi": np.array([1.8, 0.0]), "x_R": np.array([0.0, 0.0])}
-    found = measure_chunk(TOY, start, {"P": np.array([1.0, 1.6])}, ("speed",), Settings())
-    assert list(found["outcome"]) == [Outcome.PERIODIC.code, Outcome.NO_BOUNDED_RATE.code]
-    assert np.array_equal(np.isnan(found["speed"]), [False, True])
-    assert np.array_equal(np.isnan(found["certificate"]), [False, True])
+def test_a_start_outside_the_stable_set_says_by_how_much() -> None:
+    """[M] (4.2): the force on the right leg is a(x_R − x_L) − cψ − P, its threshold ρ + H*/2 at ψ = 0."""
+    start = {"psi": np.zeros(3), "d_psi": np.array([1.8, 0.0, 0.0]), "x_R": np.array([0.0, 0.0, -0.8])}
+    P = np.array([1.0, 1.75, 1.6])
+    found = measure_chunk(TOY, start, {"P": P}, ("speed",), Settings())
+    outside = [Outcome.OUTSIDE.code] * 2
+    assert list(found["outcome"]) == [Outcome.PERIODIC.code, *outside]
+    np.testing.assert_allclose(found["excess"], [0.0, 1.75 - 1.7, 0.8 + 1.6 - 1.7], rtol=1e-12)
+    assert np.array_equal(np.isnan(found["speed"]), [False, True, True])
+    assert np.array_equal(np.isnan(found["certificate"]), [False, True, True])
+    assert [LACKING[code] for code in found["lacking"]] == ["nothing", "result", "result"]
 
 
 def test_limits_are_kept() -> None:

@@ -148,14 +148,15 @@ def test_a_map_shows_values_hatches_and_logarithmic_axes() -> None:
     assert speed.get_xscale() == "linear"
     assert "N" in speed.get_xlabel()
     assert "m/s" in bars[1].get_ylabel()
-    mesh = speed.collections[1]
+    mesh = speed.collections[0]
     np.testing.assert_array_equal(np.asarray(mesh.get_array()).reshape(9, 12), data["speed"].values.T)
     assert any(getattr(collection, "hatches", None) == ["////"] for collection in speed.collections)
     edges = mesh.get_coordinates()  # type: ignore[attr-defined]
     np.testing.assert_allclose(edges[1:, 0, 1] / edges[:-1, 0, 1], 20 ** (1 / 8))
     legend = {text.get_text() for text in plot_sweep(data).legends[0].get_texts()}
-    assert legend == {"not certified", "no value"}
-    assert np.isnan(np.asarray(period.collections[1].get_array()).astype(float)).any()
+    assert legend == {"not certified (closure)", "no value: at rest forever"}
+    grey, values = (np.isnan(np.asarray(mesh.get_array()).astype(float)) for mesh in period.collections[:2])
+    assert np.any(values) and np.array_equal(values, ~grey)
 
 
 def test_lines_dots_and_small_multiples() -> None:
@@ -167,7 +168,7 @@ def test_lines_dots_and_small_multiples() -> None:
     assert len(np.asarray(dots[0].collections[0].get_offsets())) == 30
     multiples = plot_sweep(sweep(TOY, {"P": "0.6:1.6:12", "delta": "0.01:0.2:9", "psi": "0:1:3"}, ["speed"])).axes
     assert [axes.get_title("left").split("=")[1].split()[0] for axes in multiples[:3]] == ["0", "0.5", "1"]
-    limits = {axes.collections[1].get_clim() for axes in multiples[:3]}
+    limits = {axes.collections[0].get_clim() for axes in multiples[:3]}
     assert len(limits) == 1
 
 

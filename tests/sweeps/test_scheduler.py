@@ -147,12 +147,13 @@ def test_a_cluster_sees_the_wish_to_stop_and_goes_on_with_another_map(tmp_path: 
 
 
 def test_compiled_loops_see_the_wish_to_stop() -> None:
-    """A block that slides for ever without damping is followed for hours, if nobody stops it."""
+    """Two drives without a common period move a mass for hours, if nobody stops it."""
     stop, began = np.zeros(1, np.int64), time.monotonic()
     threading.Timer(0.5, lambda: stop.fill(1)).start()
-    system, points = ss.catalogue.belt_block(), {"x": np.full(8, 0.5)}
+    system = ss.catalogue.forced_oscillator(force="P*cos(omega*t) + P/2*cos(sqrt(2)*omega*t)")
+    settings = Settings(max_time=1e9, max_cycles=10**9, max_events=10**12)
     with pytest.raises(scheduler.Stopped):
-        measure_chunk(system, points, {"V": np.full(8, 0.9)}, (), Settings(max_time=1e9), stop=stop)
+        measure_chunk(system, {}, {"omega": np.full(8, 0.5)}, (), settings, stop=stop)
     assert 0.4 < time.monotonic() - began < 5.0
 
 

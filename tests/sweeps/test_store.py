@@ -21,6 +21,7 @@ from stickslip import expressions as ex
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.modelfile import loads
 from stickslip.sweeps.axes import read_axes
+from stickslip.sweeps.measures import OWN
 from stickslip.sweeps.store import create, opened
 from stickslip.sweeps.sweep import _tasks, make_plan, open_sweep, sweep
 from stickslip.sweeps.user_measures import FormulaMeasure, read_measures
@@ -91,7 +92,7 @@ def test_a_formula_of_measures_and_parameters() -> None:
     P, delta = data["P"].values[:, None], data["delta"].values
     speed = np.maximum(exact()["speed"], 0.5)
     np.testing.assert_allclose(data["cost"].values, np.exp(delta) * P / (2 * P * speed), rtol=1e-14)
-    assert set(data.data_vars) == {"cost", "certificate", "outcome"}
+    assert set(data.data_vars) == {"cost", *OWN}
 
 
 FORMULAS = [

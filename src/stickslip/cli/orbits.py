@@ -32,6 +32,7 @@ SHOWN = 12  # equilibria, multipliers or special points in a table; all are in s
 EQUILIBRIA_FILES = ("summary.json", "equilibria.csv", PICTURE)
 CYCLE_FILES = ("summary.json", "cycle.nc", PICTURE)
 BRANCH_FILES = ("summary.json", "branch.nc", "branch.csv", PICTURE)
+NOWHERE = {-1: "stopped", -2: "not_settled", -3: "undamped"}  # labels of states that reach no attractor
 BASIN_FILES = ("summary.json", "basin.nc", PICTURE)
 
 Model = Annotated[
@@ -148,7 +149,7 @@ def basin(
     Exit code: 0 all arrived and certified, 1 not, 2 wrong input, 130 interrupted (what was computed is kept).
     """
     from stickslip.figures.basin import plot_basin
-    from stickslip.orbits.basin import basin as find
+    from stickslip.sweeps.basin import basin as find
 
     axes = {name: grid(name, values) for name, values in spans(over, ("LOW", "HIGH", "N")).items()}
     if len(axes) != 2:
@@ -391,11 +392,11 @@ def summarise_basin(found: xarray.Dataset) -> dict[str, Any]:
     return {
         "complete": not found.attrs["interrupted"],
         "certified": bool(found["certified"].all()) and int(labels.min()) >= 0,
+        "uncertified": int(((found["lacking"].values > 0) & (labels >= 0)).sum()),
         "section": {str(d): [float(found[d][0]), float(found[d][-1]), found.sizes[d]] for d in found["attractor"].dims},
         "attractors": entries,
         "units": {name: found[name].attrs["units"] for name in ("period", "speed")},
-        "stopped": int((labels == -1).sum()),
-        "not_arrived": int((labels == -2).sum()),
+        **{name: int((labels == code).sum()) for code, name in NOWHERE.items()},
     }
 
 
@@ -403,11 +404,11 @@ def basin_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     """The short table."""
     rows = []
     for e in summary["attractors"]:
-        quantities = [f"{x} {with_unit(e[x], summary['units'][x], 6)}" for x in ("period", "speed") if e[x]]
-        more = "".join(f", {text}" for text in quantities)
+        said = [f"{x} {with_unit(e[x], summary['units'][x], 6)}" for x in ("period", "speed") if e[x]]
+        said += [e["stability"]] * (e["stability"] not in ("", "stable")) + ["one of a family"] * e["family"]
+        more = "".join(f", {text}" for text in said)
         rows.append((e["name"].replace("_", " "), f"{100 * e['share']:.3g} % of the section{more}"))
     rows = shortened(rows)
-    rows += [
-        (name.replace("_", " "), f"{summary[name]} states") for name in ("stopped", "not_arrived") if summary[name]
-    ]
+    names = (*NOWHERE.values(), "uncertified")
+    rows += [(name.replace("_", " "), f"{summary[name]} states") for name in names if summary[name]]
     return [*rows, ("certificate", "certified" if summary["certified"] else "not certified")]

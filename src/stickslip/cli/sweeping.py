@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stickslip.errors import DeclarationError
+from stickslip.units import with_unit
 
 if TYPE_CHECKING:
     import xarray
@@ -213,23 +214,53 @@ def _report(data: xarray.Dataset, path: Path) -> None:
 
     from stickslip.cli.app import INTERRUPTED, finish
     from stickslip.cli.report import print_table
+    from stickslip.sweeps.measures import LACKING
     from stickslip.sweeps.plan import NOT_COMPUTED
 
-    outcome, certificate = data["outcome"], data["certificate"]
+    outcome, lacking = data["outcome"], data["lacking"].values
     codes = outcome.values
     done = int(np.count_nonzero(codes >= 0))
     if np.any(codes == NOT_COMPUTED):
         kept = f"{done:,} of {codes.size:,} points are in {path}; the same command goes on"
         finish(f"interrupted; {kept}", INTERRUPTED)
-    good = int(np.count_nonzero((certificate.values <= certificate.attrs["tolerance"]) & (codes >= 0)))
+    good = int(np.count_nonzero((lacking == LACKING.index("nothing")) & (codes >= 0)))
     words = dict(zip(outcome.attrs["flag_values"], outcome.attrs["flag_meanings"].split(), strict=True))
     rows = [("points", f"{done:,}" + (f" of {codes.size:,}, the others interpolated" if done < codes.size else ""))]
     rows += [
         ("  " + words[c].replace("_", " "), f"{np.count_nonzero(codes == c):,}") for c in np.unique(codes) if c >= 0
     ]
-    rows += [("certified", f"{good:,}"), *_missing(data)]
+    rows += [("certified", f"{good:,}"), *_lacking(data), *_outside(data), *_missing(data)]
     rows += [("written", str(path))]
     print_table(data.attrs["title"], rows, good == done)
+
+
+def _lacking(data: xarray.Dataset) -> list[tuple[str, str]]:
+    """How many points lack what to be certified."""
+    import numpy as np
+
+    from stickslip.sweeps.measures import LACKING
+
+    lacking = data["lacking"].values[data["outcome"].values >= 0]
+    codes, counts = np.unique(lacking[lacking > 0], return_counts=True)
+    said = [f"{count:,} {LACKING[code]}" for code, count in zip(codes, counts, strict=True)]
+    return [("  lacking", ", ".join(said))] if said else []
+
+
+def _outside(data: xarray.Dataset) -> list[tuple[str, str]]:
+    """What can be done about points that start outside the stable set."""
+    import numpy as np
+
+    from stickslip.motion.outcome import Outcome
+
+    outside = data["outcome"].values == Outcome.OUTSIDE.code
+    if not np.any(outside):
+        return []
+    largest = with_unit(float(np.max(data["excess"].values[outside])), data["excess"].attrs["units"], 3)
+    reason = (
+        f"{np.count_nonzero(outside):,} starts violate |∂Φ| ≤ s, by up to {largest}, so that no motion begins there"
+    )
+    remedy = "start where friction holds: --initial NAME=VALUE, or let it vary along, as in --over 'P,x_R=...'"
+    return [("starts", reason), ("", remedy)]
 
 
 def _missing(data: xarray.Dataset) -> list[tuple[str, str]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from stickslip.figures.style import (
+    STICK_LINE,
     STICK_SHADE,
     axis_label,
     line_colours,
@@ -22,16 +23,17 @@ if TYPE_CHECKING:
     import xarray
 
 OPAQUE = 0.7  # large areas in full colour would shout
-STOPPED, ON_ITS_WAY = "#777777", "#FFFFFF"
+NOWHERE = {-3: ("undamped", "#D8D2C8"), -2: ("not settled", "#FFFFFF"), -1: ("stopped", "#777777")}
+HATCH = "////"
 
 
 def plot_basin(basin: xarray.Dataset) -> Figure:
-    """Which attractor each initial state reaches; the legend names its speed or period.
+    """Which attractor each initial state reaches; the legend names its speed or period. Hatched: not certified.
 
     Parameters
     ----------
     basin : xarray.Dataset
-        From :func:`stickslip.orbits.basin.basin`, over two states.
+        From :func:`stickslip.sweeps.basin.basin`, over two states.
 
     Returns
     -------
@@ -43,11 +45,12 @@ def plot_basin(basin: xarray.Dataset) -> Figure:
     if labels.ndim != 2:
         raise DeclarationError("over", f"{labels.ndim} states vary", "A map needs two")
     across, up = map(str, labels.dims)
-    colours = [ON_ITS_WAY, STOPPED, *_colours(basin)]
+    colours = [colour for _, colour in NOWHERE.values()] + _colours(basin)
+    bad = _uncertified(basin)
     with paper_style():
         figure = new_figure(6.0, 4.6)
         axes = figure.add_subplot()
-        norm = BoundaryNorm(np.arange(-2.5, len(colours) - 2), len(colours))
+        norm = BoundaryNorm(np.arange(-3.5, len(colours) - 3), len(colours))
         axes.pcolormesh(
             basin[across].values,
             basin[up].values,
@@ -61,7 +64,11 @@ def plot_basin(basin: xarray.Dataset) -> Figure:
         axes.set_xlabel(axis_label([across], str(basin[across].attrs.get("units", ""))))
         axes.set_ylabel(axis_label([up], str(basin[up].attrs.get("units", ""))))
         shown = [(code, _name(basin, code)) for code in np.unique(labels.values)]
-        handles = [Patch(fc=(colours[code + 2], OPAQUE), ec="#444444", lw=0.6, label=name) for code, name in shown]
+        handles = [Patch(fc=(colours[code + 3], OPAQUE), ec="#444444", lw=0.6, label=name) for code, name in shown]
+        if np.any(bad):
+            style: dict[str, Any] = {"levels": [0.5, 1.5], "colors": "none", "hatches": [HATCH]}
+            axes.contourf(basin[across].values, basin[up].values, bad.T.astype(float), **style)
+            handles.append(Patch(fc="none", ec=STICK_LINE, lw=0.0, hatch=HATCH, label="not certified"))
         figure.legend(handles=handles, loc="outside upper left", ncols=3)
     return figure
 
@@ -73,12 +80,19 @@ def _colours(basin: xarray.Dataset) -> list[str]:
     return [STICK_SHADE if kind == "rest" else next(moving) for kind in kinds]
 
 
+def _uncertified(basin: xarray.Dataset) -> np.ndarray:
+    """States that reach an attractor, but not for certain."""
+    labels, table = basin["attractor"].values, np.append(basin["certified"].values, True)
+    return (labels >= 0) & ((basin["lacking"].values > 0) | ~table[np.maximum(labels, -1)])
+
+
 def _name(basin: xarray.Dataset, code: int) -> str:
     """What a colour stands for."""
     if code < 0:
-        return "stopped" if code == -1 else "not arrived"
+        return NOWHERE[code][0]
     one = basin.isel(reached=code)
     kind, period, speed = str(one["reached"].values).replace("_", " "), float(one["period"]), float(one["speed"])
+    kind = f"{one['stability'].item()} {kind}" if one["stability"].item() not in ("", "stable") else kind
     if speed:
         return f"{kind}, speed {with_unit(speed, one['speed'].attrs['units'], 3)}"
     return f"{kind}, period {with_unit(period, one['period'].attrs['units'], 3)}" if period else kind

@@ -26,9 +26,11 @@ from stickslip.figures.style import (
     new_figure,
     paper_style,
 )
+from stickslip.motion.outcome import Outcome
 from stickslip.sweeps.axes import SAMPLES
+from stickslip.sweeps.measures import LACKING, OWN
 from stickslip.sweeps.plan import INTERPOLATED, NOT_COMPUTED
-from stickslip.units import unit_label
+from stickslip.units import unit_label, with_unit
 
 if TYPE_CHECKING:
     import xarray
@@ -37,13 +39,14 @@ Array = np.ndarray
 WIDTH, HEIGHT = 5.2, 4.2  # inches of a map
 MULTIPLES = 6  # maps of a third axis at most; more would be stamps
 HATCH = "////"
+GREYS = (STICK_SHADE, "#B9B9B9", "#8F8F8F", "#D8D2C8", "#6E6E6E")  # of points without a value, by reason
 
 
 def plot_sweep(data: xarray.Dataset, measures: Sequence[str] | None = None) -> Figure:
     """The picture of a map.
 
-    Points without a certificate are hatched (hollow, on a line); grey points were computed, but have no value of the
-    measure; white ones are not computed.
+    Points without a certificate are hatched (hollow, on a line), and the legend says what they lack. Grey points were
+    computed, but have no value of the measure; the legend says why, in as many greys. White ones are not computed.
 
     Parameters
     ----------
@@ -73,7 +76,7 @@ def plot_sweep(data: xarray.Dataset, measures: Sequence[str] | None = None) -> F
 def measures_of(data: xarray.Dataset) -> list[str]:
     """The measures that a map holds."""
     order = data.attrs.get("stickslip_measures", "")
-    names = [str(n) for n in data.data_vars if n not in ("outcome", "certificate") and not str(n).endswith("_missing")]
+    names = [str(n) for n in data.data_vars if n not in OWN and not str(n).endswith("_missing")]
     return sorted(names, key=lambda name: order.find(f'"{name}'))
 
 
@@ -106,16 +109,23 @@ def _lines(data: xarray.Dataset, names: list[str]) -> Figure:
         axes.plot(x[order], values, color=BLUE, marker=marker, linestyle="none" if scattered else "-")
         bad = _uncertified(data, name)[order]
         axes.plot(x[order][bad], values[bad], "o", mfc="white", mec=VERMILION, ms=5, zorder=3)
+        for colour, here in _gaps(data, names, name).items():
+            level = np.full(np.count_nonzero(here), 0.03)
+            axes.plot(x[here], level, "|", color=colour, ms=8, mew=2, transform=axes.get_xaxis_transform())
         axes.set_ylabel(_label(data, name, 26))
     _scale(panels[-1], data, along[0], "x")
     panels[-1].set_xlabel(_axis_text(data, along[:1]))
-    if any(np.any(_uncertified(data, name)) for name in names):
-        legend_above(panels[0], [_mark("white")], right=True)
+    marks = [Line2D([], [], linestyle="none", marker="|", ms=8, mew=2, color=colour, label=text)
+             for colour, text in _reasons(data, names).items()]  # fmt: skip
+    marks += _mark(data, names, "white")
+    if marks:
+        legend_above(panels[0], marks, right=True)
     return figure
 
 
-def _mark(inside: str) -> Line2D:
-    return Line2D([], [], linestyle="none", marker="o", mfc=inside, mec=VERMILION, label="not certified")
+def _mark(data: xarray.Dataset, names: list[str], inside: str) -> list[Line2D]:
+    text = _lacking(data, names)
+    return [Line2D([], [], linestyle="none", marker="o", mfc=inside, mec=VERMILION, label=text)] if text else []
 
 
 def _dots(data: xarray.Dataset, names: list[str], along: list[str]) -> Figure:
@@ -124,15 +134,19 @@ def _dots(data: xarray.Dataset, names: list[str], along: list[str]) -> Figure:
     computed = data["outcome"].values >= 0
     for axes, name in zip(panels, names, strict=True):
         shown = computed & np.isfinite(data[name].values)
-        axes.plot(x[computed & ~shown], y[computed & ~shown], ".", color=STICK_SHADE, ms=6)
+        for colour, here in _gaps(data, names, name).items():
+            axes.plot(x[here], y[here], ".", color=colour, ms=6)
         size = max(6.0, min(40.0, 2e4 / max(len(x), 1)))
         dots = axes.scatter(x[shown], y[shown], c=data[name].values[shown], s=size, cmap="viridis", lw=0)
         bad = _uncertified(data, name)
         axes.plot(x[bad], y[bad], "o", mfc="none", mec=VERMILION, ms=math.sqrt(size) + 2)
         figure.colorbar(dots, ax=axes, label=_label(data, name))
         _frame(axes, data, along[0], along[1])
-    if any(np.any(_uncertified(data, name)) for name in names):
-        figure.legend(handles=[_mark("none")], loc="outside lower left")
+    marks = [Line2D([], [], linestyle="none", marker=".", ms=6, color=colour, label=text)
+             for colour, text in _reasons(data, names).items()]  # fmt: skip
+    marks += _mark(data, names, "none")
+    if marks:
+        figure.legend(handles=marks, loc="outside lower left")
     return figure
 
 
@@ -193,7 +207,9 @@ def draw_map(
     if name == "outcome":
         _draw_outcomes(axes, edges, data, outcome, bar)
     else:
-        axes.pcolormesh(*edges, np.where(computed, 1.0, np.nan).T, cmap=ListedColormap([STICK_SHADE]), rasterized=True)
+        for colour, here in _gaps(data, [name], name).items():
+            shade = np.where(here[turned], 1.0, np.nan)
+            axes.pcolormesh(*edges, shade.T, cmap=ListedColormap([colour]), rasterized=True)
         low, high = limits or _limits(values[computed])
         mesh = axes.pcolormesh(*edges, np.where(computed, values, np.nan).T, vmin=low, vmax=high, rasterized=True)
         if bar:
@@ -207,8 +223,7 @@ def draw_map(
 
 def _draw_outcomes(axes: Axes, edges: list[Array], data: xarray.Dataset, outcome: Array, bar: bool) -> None:
     """Outcomes in distinct colours, with their names."""
-    attributes = data["outcome"].attrs
-    words = dict(zip(map(int, attributes["flag_values"]), attributes["flag_meanings"].split(), strict=True))
+    words = _words(data["outcome"])
     found = [int(code) for code in np.unique(outcome) if code >= 0]
     colours = dict(zip(found, (GREEN, *LINES), strict=False))
     shown = np.full(outcome.shape, np.nan)
@@ -218,7 +233,7 @@ def _draw_outcomes(axes: Axes, edges: list[Array], data: xarray.Dataset, outcome
     mesh = axes.pcolormesh(*edges, shown.T, cmap=ListedColormap(list(colours.values())), norm=norm, rasterized=True)
     if bar:
         scale = axes.figure.colorbar(mesh, ax=axes, ticks=range(len(found)))
-        scale.ax.set_yticklabels([words[code].replace("_", " ") for code in found])
+        scale.ax.set_yticklabels([words[code] for code in found])
 
 
 def _panels(data: xarray.Dataset, names: list[str]) -> tuple[Figure, list[Axes]]:
@@ -234,21 +249,62 @@ def _panels(data: xarray.Dataset, names: list[str]) -> tuple[Figure, list[Axes]]
 
 
 def _legend(figure: Figure, data: xarray.Dataset, names: list[str]) -> None:
-    """What hatching and grey stand for, and how much was computed."""
+    """What hatching and greys stand for, and how much was computed."""
     outcome = data["outcome"].values
     handles = []
-    if any(np.any(_uncertified(data, name)) for name in names):
-        handles.append(Patch(fc="none", ec=STICK_LINE, lw=0.0, hatch=HATCH, label="not certified"))
-    numbers = [data[name].values for name in names if name != "outcome"]
-    if any(np.any(np.isnan(values[outcome != NOT_COMPUTED])) for values in numbers):
-        handles.append(Patch(fc=STICK_SHADE, ec="none", label="no value"))
+    if text := _lacking(data, names):
+        handles.append(Patch(fc="none", ec=STICK_LINE, lw=0.0, hatch=HATCH, label=text))
+    handles += [Patch(fc=colour, ec="none", label=text) for colour, text in _reasons(data, names).items()]
     if np.any(outcome == NOT_COMPUTED):
         handles.append(Patch(fc="white", ec=STICK_LINE, lw=0.6, label="not computed"))
     if np.any(outcome == INTERPOLATED):
         share = np.count_nonzero(outcome >= 0) / outcome.size
         handles.append(Patch(fc="none", ec="none", label=f"interpolated from {share:.1%} of the points"))
     if handles:
-        figure.legend(handles=handles, loc="outside lower left", ncols=len(handles))
+        figure.legend(handles=handles, loc="outside lower left", ncols=2 if len(handles) > 2 else len(handles))
+
+
+def _gaps(data: xarray.Dataset, names: list[str], name: str) -> dict[str, Array]:
+    """Points that were computed and have no value of a measure, by the colour of the reason."""
+    if name == "outcome":
+        return {}
+    outcome, without = data["outcome"].values, np.isnan(data[name].values)
+    return {colour: without & (outcome == code) for colour, code in zip(GREYS, _codes(data, names), strict=False)}
+
+
+def _codes(data: xarray.Dataset, names: list[str]) -> list[int]:
+    """Outcomes of the points that lack a value of one of the measures."""
+    without = np.any([np.isnan(data[name].values) for name in names if name != "outcome"] or [False], axis=0)
+    outcome = data["outcome"].values
+    return [int(code) for code in np.unique(outcome[without & (outcome != NOT_COMPUTED)])]
+
+
+def _reasons(data: xarray.Dataset, names: list[str]) -> dict[str, str]:
+    """What the greys of points without a value stand for."""
+    words, found = _words(data["outcome"]), {}
+    for colour, code in zip(GREYS, _codes(data, names), strict=False):
+        found[colour] = f"no value: {words[code]}"
+        if code == Outcome.OUTSIDE.code:
+            largest = with_unit(float(np.nanmax(data["excess"].values)), data["excess"].attrs["units"], 3)
+            found[colour] = f"no value: the start is outside the stable set |∂Φ| ≤ s, by up to {largest}"
+    return found
+
+
+def _words(codes: xarray.DataArray) -> dict[int, str]:
+    """Meanings of the codes of a variable."""
+    texts = [text.replace("_", " ") for text in codes.attrs["flag_meanings"].split()]
+    return dict(zip(map(int, codes.attrs["flag_values"]), texts, strict=True))
+
+
+def _lacking(data: xarray.Dataset, names: list[str]) -> str:
+    """What the points that are shown without a certificate lack; empty if there are none."""
+    bad = np.any([_uncertified(data, name) for name in names], axis=0)
+    if not np.any(bad):
+        return ""
+    if "lacking" not in data:
+        return "not certified"
+    lacked = [LACKING[code] for code in np.unique(data["lacking"].values[bad]) if LACKING[code] != "result"]
+    return f"not certified ({', '.join(lacked)})" if lacked else "not certified"
 
 
 # -- axes and values ----------------------------------------------------------------------------------
@@ -263,6 +319,8 @@ def _coordinates(data: xarray.Dataset, dimension: str) -> list[str]:
 def _uncertified(data: xarray.Dataset, name: str) -> Array:
     """Where something is shown that has no certificate."""
     certified = data["certificate"].values <= data["certificate"].attrs["tolerance"]
+    if "lacking" in data:  # maps of the first format have none
+        certified = data["lacking"].values == LACKING.index("nothing")
     return (data["outcome"].values != NOT_COMPUTED) & ~np.isnan(data[name].values) & ~certified
 
 

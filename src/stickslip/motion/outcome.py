@@ -38,13 +38,19 @@ class Outcome(Enum):
         "not settled",
         "The limits were reached before the motion repeated itself: it is not periodic, it repeats too late (a cycle "
         "of more events than are compared), or it nears its cycle too slowly. Raise max_time, max_cycles or "
-        "longest_cycle",
+        "longest_cycle. Rest that cannot be proved, and a load that does not repeat, have not settled either",
     )
     UNDAMPED = (
         13,
         "undamped",
-        "The motion slides on without events, and neither dies out nor repeats within the limits: too little damps it, "
-        "or its load goes on changing. Add damping, or raise max_time",
+        "The motion goes on without events for ever, and an oscillation in it neither dies out nor grows: nothing "
+        "damps it. Add damping",
+    )
+    OUTSIDE = (
+        15,
+        "outside the stable set",
+        "The initial state violates |∂Φ| ≤ s: friction cannot hold it, so that no motion starts there. Start inside "
+        "the stable set; the excess says by how much the force is too large",
     )
 
     INADMISSIBLE_KINETIC = (

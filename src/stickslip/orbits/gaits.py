@@ -12,11 +12,11 @@ from stickslip.equations.derive import derive
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import pose
-from stickslip.orbits.basin import settle_friction
 from stickslip.orbits.cycles import Cycle, find_cycle
 from stickslip.orbits.equilibria import checked_values
 from stickslip.orbits.equilibrium_branch import checked_range
 from stickslip.orbits.shooting import follow_freely
+from stickslip.orbits.stable_set import settle_friction
 from stickslip.quantities import quantity
 from stickslip.system import System
 

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 
-
 def half_gap(closed: Closed) -> float:
     """By how much a cycle fails to close after half its period, in units of its largest range.
 

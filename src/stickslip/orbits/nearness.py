@@ -22,7 +22,7 @@ class NearPoint:
         size = np.maximum(sizes, np.abs(self.across @ state))
         self.state, self.sizes = state, np.where(size > 0.0, size, np.max(size, initial=1e-300))
 
-    def distance(self, states: Array, time: float) -> Array:
+    def distance(self, states: Array) -> Array:
         """Largest difference of a component, in units of the section."""
         return np.max(np.abs((states - self.state) @ self.across.T) / self.sizes, axis=1)
 
@@ -36,14 +36,17 @@ class NearCycle:
         t = self.window.times
         self.polygon = self._home(np.append(np.linspace(t[:-1], t[1:], FINER, endpoint=False, axis=1), t[-1]))
 
-    def distance(self, states: Array, time: float) -> Array:
-        """Euclidean, in units of the size of the cycle."""
-        home, period = self.window.at_home(states, time), self.window.period
-        parts = [home[i : i + PART] for i in range(0, len(home), PART)]
+    def distance(self, states: Array, times: Array) -> Array:
+        """Euclidean, in units of the size of the cycle; each state at its time."""
+        home, period, found = self.window.at_home(states, times), self.window.period, np.empty(len(states))
         if period is None:
-            return np.concatenate([_to_polygon(part, self.polygon) for part in parts])
-        points = self._home(*self._phases(time, period))
-        return np.concatenate([_to_points(part, points) for part in parts])
+            for i in range(0, len(home), PART):
+                found[i : i + PART] = _to_polygon(home[i : i + PART], self.polygon)
+            return found
+        for time in np.unique(times):
+            points = self._home(*self._phases(float(time), period))
+            found[times == time] = _to_points(home[times == time], points)
+        return found
 
     def _home(self, times: Array, periods: Array | float = 0.0) -> Array:
         """States of the cycle in units of its size, a number of periods of the drives later."""

@@ -16,7 +16,7 @@ Array = np.ndarray
 
 def values_at(
     equations: MotionEquations,
-    parameters: Mapping[str, float],
+    parameters: Mapping[str, float | Array],
     states: Array,
     expressions: Callable[[Region], Sequence[Expr]] | Sequence[Expr],
     time: float = 0.0,
@@ -26,7 +26,7 @@ def values_at(
     Parameters
     ----------
     equations : MotionEquations
-    parameters : mapping of str to float
+    parameters : mapping of str to float or array, shape (points,)
     states : array, shape (points, states)
     expressions : sequence of Expr, or function of a region
         With kinks; or those of one region, without.
@@ -37,8 +37,8 @@ def values_at(
     array, shape (expressions, points)
     """
     names = ("t", *equations.declaration.state, *parameters)
-    constants = np.tile(np.array(list(parameters.values()), dtype=float)[:, None], len(states))
-    table = np.vstack([np.full(len(states), time), states.T, constants])
+    constants = [np.broadcast_to(value, len(states)) for value in parameters.values()]
+    table = np.vstack([np.full(len(states), time), states.T, *constants])
     region = np.ones((len(equations.kinks), len(states)), int)
 
     def grouped(wanted: Callable[[Region], Sequence[Expr]]) -> Array:

@@ -16,6 +16,7 @@ import numpy as np
 
 from stickslip.errors import DeclarationError, short
 from stickslip.sweeps.axes import Grid
+from stickslip.sweeps.measures import OWN
 from stickslip.sweeps.plan import INTERPOLATED
 from stickslip.sweeps.store import MapStore
 
@@ -155,14 +156,14 @@ def _interpolate(store: MapStore, leaves: Sequence[Cell]) -> None:
             box = _box(cell)
             if _is_measure(name):
                 filled[box] = np.where(inferred[box], _multilinear(table, cell), table[box])
-            elif name == "certificate":
+            elif name in ("certificate", "lacking"):
                 filled[box] = np.where(inferred[box], np.max(_at_corners(table, cell)), table[box])
         store.replace(name, filled, inferred)
     store.replace("outcome", np.where(inferred, np.int8(INTERPOLATED), store.outcome), inferred)
 
 
 def _is_measure(name: str) -> bool:
-    return name not in ("outcome", "certificate") and not name.endswith("_missing")
+    return name not in OWN and not name.endswith("_missing")
 
 
 def _at_corners(table: Array, cell: Cell) -> Array:

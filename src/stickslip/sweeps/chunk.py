@@ -23,19 +23,36 @@ from stickslip.motion.kernel import FULL, NEED, Lane
 from stickslip.motion.lanes import Lanes
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
+from stickslip.orbits.stable_set import excess
 from stickslip.sweeps import measuring
-from stickslip.sweeps.measures import Observed, measured, needs_close_look
+from stickslip.sweeps.measures import MEASURED, Observed, certified_below, measured, needs_close_look
+from stickslip.sweeps.proofs import Prover
+from stickslip.sweeps.repetition import Repetition
 from stickslip.sweeps.scheduler import Stopped
-from stickslip.sweeps.tables import DONE, MEASURING, Engine, Found, Marks, Rules, make_bench, make_found, make_marks
+from stickslip.sweeps.tables import (
+    DONE,
+    DURATION,
+    MEASURING,
+    PHASE,
+    PROVING,
+    Engine,
+    Found,
+    Marks,
+    Rules,
+    make_bench,
+    make_found,
+    make_marks,
+)
 from stickslip.system import System
 
 Array = np.ndarray
 
-SLOTS = 12  # closed forms of every point
+SLOTS, SHARED_SLOTS = 12, 64  # closed forms of every point, or of all
 ROOM = 256  # knots that are measured at a time
 SPANS = 100.0  # of the system, after which a motion is given up by default
 LOOKS = 4.0  # in a span
-MARGIN = 0.1  # what a section misses by is more where the motion is fast
+MARGIN = 0.1  # of the tolerance, from which on a motion is polished: its returns do not tell exactly what is missing
+RINGS = 2  # longest cycles that are remembered, so that two returns can be compared
 ENDLESS = np.iinfo(np.int64).max
 
 
@@ -52,7 +69,7 @@ class Settings:
     max_cycles : int
         … or after so many cycles.
     longest_cycle : int
-        Most events, or periods of the drive, that a cycle may have; every one is compared with so many before it.
+        Most events (those that coincide are one), or periods of the drive, that a cycle may have.
     rtol, atol, max_events
         As in :func:`stickslip.simulate`.
     """
@@ -88,6 +105,14 @@ class Loops(Protocol):
         """The same for motions beside their twins."""
         ...
 
+    def ask(self) -> None:
+        """Bring where the motions are that wait for a proof to the host."""
+        ...
+
+    def answer(self) -> None:
+        """Send what was proved of them."""
+        ...
+
     def fetch(self) -> None:
         """Bring what was found, and where the motions are, to the host."""
         ...
@@ -121,8 +146,10 @@ def measure_chunk(
     -------
     dict of str to array, shape (points,)
         By measure; NaN where there is nothing to measure. Always also ``outcome`` (codes of
-        :class:`stickslip.motion.outcome.Outcome`) and ``certificate``: the largest of the residual of the energy
-        balance, the violation of the friction law, the defect of the equations of motion, and the failure to close.
+        :class:`stickslip.motion.outcome.Outcome`); ``certificate``, the largest of the residual of the energy balance,
+        the violation of the friction law, the defect of the equations of motion, the failure to close, and a number
+        that exceeds the tolerance if a shorter period closes within it; ``lacking``, what a certificate lacks
+        (:data:`stickslip.sweeps.measures.LACKING`); and ``excess``, by how much the initial state violates |∂Φ| ≤ s.
 
     Raises
     ------
@@ -145,12 +172,12 @@ def measure_chunk(
         lanes, loops = lanes_of_block(problem, SLOTS), Here
     blocks = [slice(i, i + lanes) for i in range(0, count, lanes)]
     found = [Block(problem, table[b], states[b], settings, closely).run(loops, exponents, stop) for b in blocks]
-    parts = [measured(problem, observed, measures) for observed in found]
+    parts = [measured(problem, observed, measures, certified_below(settings)) for observed in found]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 class Block:
-    """Points that are worked on together, each with closed forms of its own.
+    """Points that are worked on together, each with closed forms of its own unless they share their parameters.
 
     Attributes
     ----------
@@ -158,19 +185,31 @@ class Block:
         The motions, and others that start close to them (with the same closed forms).
     marks, rules, saved, found
         See :mod:`stickslip.sweeps.tables`.
+    excess : array, shape (points,)
+        By how much initial states violate |∂Φ| ≤ s; where they do, there is no motion.
     """
 
-    def __init__(self, problem: Problem, table: Array, states: Array, settings: Settings, closely: bool) -> None:
+    def __init__(
+        self, problem: Problem, table: Array, states: Array, settings: Settings, closely: bool, shared: bool = False
+    ) -> None:
         count, n, contacts = len(table), states.shape[1], len(problem.rows.u)
-        self.problem, constants = problem, problem.constants_of(table)
-        self.rules = make_rules(problem, settings, closely)
+        constants = problem.constants_of(table[:1] if shared else table)
+        group = np.zeros(count, np.int64) if shared else np.arange(count)
+        self.problem, self.rules = problem, make_rules(problem, settings, closely)
         span = float(self.rules.real[0]), float(self.rules.real[1])
-        forms = problem.empty_forms(count, SLOTS)
-        self.lanes = Lanes.start(problem, constants, np.arange(count), states, span, forms)
-        self.twins = Lanes.start(problem, constants, np.arange(count), states, span, forms)
-        self.saved = Lane(*(part.copy() for part in self.lanes.now))
-        self.marks: Marks = make_marks(drive_period(constants.omega), settings.longest_cycle, n)
+        forms = problem.empty_forms(1, SHARED_SLOTS) if shared else problem.empty_forms(count, SLOTS)
+        self.lanes = Lanes.start(problem, constants, group, states, span, forms)
+        self.twins = Lanes.start(problem, constants, group, states, span, forms)
+        self.saved, home, before = (Lane(*(part.copy() for part in self.lanes.now)) for _ in range(3))
+        self.prover = Prover(problem, table, self.rules)
+        drive = drive_period(np.where(self.prover.acting, constants.omega[group], 0.0))
+        self.marks: Marks = make_marks(drive, RINGS * settings.longest_cycle + 1, n, contacts, home, before)
         self.found: Found = make_found(count, n, contacts)
+        values = dict(zip(problem.system.parameters, table.T, strict=True))
+        self.excess = excess(problem.compiled.equations, values, states, span[0])
+        self.marks.outcome[self.excess > 0.0] = Outcome.OUTSIDE.code
+        self.marks.numbers[self.excess > 0.0, PHASE] = DONE
+        self.lanes.codes[self.excess > 0.0] = Outcome.OUTSIDE.code
 
     def engine(self, lanes: Lanes) -> Engine:
         """What the event loop takes for these lanes."""
@@ -183,17 +222,18 @@ class Block:
     def run(self, where: Callable[[Block, Array], Loops], exponents: bool, stop: Array) -> Observed:
         """Follow and measure all points; the closed forms they need are made in between."""
         marks, loops = self.marks, where(self, stop)
-        self._until_done(loops.advance, stop, self.lanes)
+        self._until_done(loops.advance, stop, loops, self.lanes)
         loops.fetch()
         if exponents:
-            marks.numbers[marks.outcome >= Outcome.PERIODIC.code, 0] = MEASURING
-            self._until_done(loops.grow_apart, stop, self.lanes, self.twins)
+            marks.numbers[np.isin(marks.outcome, [o.code for o in MEASURED]), PHASE] = MEASURING
+            self._until_done(loops.grow_apart, stop, loops, self.lanes, self.twins)
             loops.fetch()
-        return Observed(marks.outcome, marks.period[:, 1], self.rules.translation, self.found)
+        self._name_rest()
+        return Observed(marks.outcome, marks.real[:, DURATION], self.rules.translation, self.found, self.excess)
 
-    def _until_done(self, compiled: Callable[[], None], stop: Array, *involved: Lanes) -> None:
-        marks = self.marks
-        while np.any(marks.numbers[:, 0] != DONE):
+    def _until_done(self, compiled: Callable[[], None], stop: Array, where: Loops, *involved: Lanes) -> None:
+        marks, phase = self.marks, self.marks.numbers[:, PHASE]
+        while np.any(phase != DONE):
             for lanes in involved:
                 lanes.make_closed_forms()
                 need = np.flatnonzero(lanes.codes == NEED)
@@ -204,6 +244,17 @@ class Block:
                 compiled()
             if stop[0] != 0:
                 raise Stopped
+            if np.any(phase == PROVING):
+                where.ask()
+                self.prover.prove(self.lanes, marks, self.saved)
+                where.answer()
+
+    def _name_rest(self) -> None:
+        """What is where it was after a period of its drive without having moved rests, or slides steadily."""
+        marks, found = self.marks, self.found
+        still = (marks.outcome == Outcome.PERIODIC.code) & (found.moves == 0.0)
+        held = (found.sums.total[:, 1] == found.sums.total[:, 0]) & np.all(found.shift == 0.0, axis=1)
+        marks.outcome[still] = np.where(held, Outcome.AT_REST.code, Outcome.STEADY.code)[still]
 
 
 class Here:
@@ -224,8 +275,10 @@ class Here:
 
         exponents.grow_all(self.engine, self.block.engine(self.block.twins), *self.rest)
 
-    def fetch(self) -> None:
+    def ask(self) -> None:
         """Everything is here."""
+
+    answer = fetch = ask
 
 
 def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
@@ -234,16 +287,18 @@ def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
     t, end = system.span
     last, look = t + (settings.max_time or SPANS * (end - t)), (end - t) / LOOKS
     return Rules(
-        real=np.array([t, last, look, MARGIN * settings.tolerance, settings.atol]),
-        most=np.array([settings.max_cycles, settings.max_events, ENDLESS]),
+        real=np.array([t, last, look, MARGIN * settings.tolerance, settings.atol, settings.tolerance]),
+        most=np.array([settings.max_cycles, settings.max_events, ENDLESS, settings.longest_cycle]),
         translation=np.array([float(system.translation.get(x, 0.0)) for x in layout.state]),
         fine=np.array(problem.retrace),
         closely=closely,
+        timed=layout.timed and not Repetition(problem.compiled.equations).plain,
+        closed=len(problem.empty_forms(1, 1).status) > 0,
     )
 
 
 def drive_period(omega: Array) -> Array:
-    """Period of the first drive that moves; 0 where none does. Other drives only make the cycle longer."""
+    """Period of the first drive that acts; 0 where none does. Other drives only make the cycle longer."""
     moving = omega > 0.0
     if not omega.shape[1]:
         return np.zeros(len(omega))
@@ -258,7 +313,7 @@ def frames(lanes: Lanes, index: Array) -> Array:
     if the column of t is minus the columns of x times v in all modes. 0 where there is no such v.
     """
     T, slots = lanes.forms, lanes.slots
-    place = index[:, None] * slots + np.arange(slots)
+    place = lanes.group[index][:, None] * slots + np.arange(slots)
     n = T.hold.shape[2]
     table = np.concatenate([T.S[place][:, :, :n], T.G[place]], axis=2)
     matrix, load = table[..., :n], table[..., n + 1]

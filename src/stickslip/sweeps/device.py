@@ -26,7 +26,7 @@ from stickslip.motion.lanes import Lanes
 from stickslip.sweeps.chunk import SLOTS, Block, Settings
 from stickslip.sweeps.exponents import grow_lane
 from stickslip.sweeps.measuring import advance_lane
-from stickslip.sweeps.tables import DEVICE_LANES, Bench, Engine, make_bench, make_marks
+from stickslip.sweeps.tables import DEVICE_LANES, Bench, Engine, make_bench
 
 if TYPE_CHECKING:
     from stickslip.motion.forms import ClosedForms
@@ -56,7 +56,8 @@ def check_device() -> None:
 
 def lanes_on_device(problem: Problem, settings: Settings) -> int:
     """Motions worked on together: as many as memory lets, which does not matter to where they end."""
-    marks = make_marks(np.zeros(1), settings.longest_cycle, int(problem.rows.sizes[0]))
+    table = np.array([list(problem.parameters.values())])
+    marks = Block(problem, table, np.zeros((1, int(problem.rows.sizes[0]))), settings, False).marks
     tables = problem.empty_forms(1, SLOTS), problem.space(), problem.flight(), make_bench(problem, ROOM), marks
     sizes: list[int] = []
     each(lambda part: sizes.append(part.nbytes), tables)
@@ -78,7 +79,7 @@ class OnDevice:
         self.block, self.count = block, len(block.lanes.codes)
         here = block.engine(block.lanes)
         self.kernels = _kernels(here.jets, here.residual, here.powers)
-        rules = block.rules._replace(most=np.array([*block.rules.most[:2], TURNS]))
+        rules = block.rules._replace(most=np.array([*block.rules.most[:2], TURNS, block.rules.most[3]]))
         space, flight, bench = (
             each(self._zeros, part) for part in (here.space, here.flight, make_bench(block.problem, ROOM))
         )
@@ -105,12 +106,24 @@ class OnDevice:
         both = [(self.block.lanes, self.engine), (self.block.twins, self.twin)]
         self._launch(self.kernels[1], both)
 
+    def _asked(self) -> tuple[Any, Any]:
+        """What the host proves from, and decides: here and there."""
+        block, marks, there = self.block, self.block.marks, self.marks
+        here = marks.outcome, marks.real, marks.size, block.saved, block.lanes.now, marks.numbers
+        return here, (there.outcome, there.real, there.size, self.saved, self.engine.lanes, there.numbers)
+
+    def ask(self) -> None:
+        """Bring where the motions are that wait for a proof to the host."""
+        each_pair(lambda table, part: part.copy_to_host(table), *self._asked())
+
+    def answer(self) -> None:
+        """Send what was proved of them."""
+        each_pair(lambda table, part: part.copy_to_device(table), *self._asked())
+
     def fetch(self) -> None:
         """Bring what was found, and where the motions are, to the host."""
-        block, marks, there = self.block, self.block.marks, self.marks
-        here = marks.outcome, marks.period, block.found, block.lanes.now
-        copies = there.outcome, there.period, self.found, self.engine.lanes
-        each_pair(lambda table, part: part.copy_to_host(table), here, copies)
+        self.ask()
+        each_pair(lambda table, part: part.copy_to_host(table), self.block.found, self.found)
 
     def _launch(self, kernel: Any, involved: list[tuple[Lanes, Any]]) -> None:
         """Send what the host has changed, let all motions go on, and bring back what the host looks at."""
@@ -216,9 +229,9 @@ def flight_of_thread(f: Any, a: int) -> Any:
 def bench_of_thread(b: Any, a: int) -> Any:
     """The rows of a thread, field by field: compiled code knows no loop over the fields of a tuple."""
     return Bench(
-        b.work[a], Record(b.record.time[a], b.record.state[a], b.record.mode[a], b.record.region[a],
+        b.work[a], b.fit[a], Record(b.record.time[a], b.record.state[a], b.record.mode[a], b.record.region[a],
         b.record.cause[a]), Steps(b.steps.work[a], b.steps.gap[a], b.steps.noise[a], b.steps.open[a]),
-        Tally(b.tally.state[a], b.tally.law[a], b.tally.kinks[a], b.tally.total[a]), b.gaps[a],
+        Tally(b.tally.state[a], b.tally.law[a], b.tally.kinks[a], b.tally.total[a]), b.gaps[a], b.ends[a],
         b.balance[a], b.residuals[a], b.table[a], b.value[a], b.mode[a], b.region[a], b.felt[a],
     )  # fmt: skip
 

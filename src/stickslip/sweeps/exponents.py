@@ -9,7 +9,7 @@ from numba import njit
 
 from stickslip.motion.kernel import FINISHED, INLINED, NEED, OPTIONS, Lane
 from stickslip.sweeps.settling import UNRECORDED, copy_lane, follow
-from stickslip.sweeps.tables import DONE, MEASURING, Bench, Engine, Found, Marks, Rules
+from stickslip.sweeps.tables import DONE, DURATION, MEASURING, PHASE, START, Bench, Engine, Found, Marks, Rules
 
 Array = np.ndarray
 
@@ -39,8 +39,8 @@ def grow_lane(
     e: Engine, twin: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array, i: int
 ) -> None:
     """The exponent of one lane, if it is in the phase of being measured."""
-    if m.numbers[i, 0] == MEASURING and grow_apart(e, twin, m, rules, saved, bench, found.exponent, stop, i):
-        m.numbers[i, 0] = DONE
+    if m.numbers[i, PHASE] == MEASURING and grow_apart(e, twin, m, rules, saved, bench, found.exponent, stop, i):
+        m.numbers[i, PHASE] = DONE
 
 
 @njit(**INLINED)
@@ -54,10 +54,10 @@ def grow_apart(
     """
     s, w, n = e.lanes, twin.lanes, e.rows.sizes[0]
     first, size = 2 * e.rows.sizes[1] + e.rows.sizes[2], m.size[i]
-    last, stretch = first + e.rows.sizes[3], m.period[i, 1]
+    last, stretch = first + e.rows.sizes[3], m.real[i, DURATION]
     for attempt in range(8):
         copy_lane(saved, i, s, i)
-        t = m.period[i, 0] + attempt * stretch / 7.3
+        t = m.real[i, START] + attempt * stretch / 7.3
         if attempt > 0:
             follow(e, i, t, rules.most[1], UNRECORDED, bench.record)
         copy_lane(s, i, w, i)
@@ -75,7 +75,8 @@ def grow_apart(
             apart = 0.0
             for r in range(n):
                 if size[r] > 0.0:
-                    apart = max(apart, abs(w.y[i, r] - s.y[i, r]) / size[r])
+                    apart += ((w.y[i, r] - s.y[i, r]) / size[r]) ** 2
+            apart = math.sqrt(apart)
             if apart == 0.0:
                 total = -np.inf
                 break

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
 from stickslip.sweeps.tables import Found, Sums
 from stickslip.system import System
+
+if TYPE_CHECKING:
+    from stickslip.sweeps.chunk import Settings
 
 Array = np.ndarray
 
@@ -36,12 +40,15 @@ class Observed:
     translation : array, shape (n,)
     found : Found
         By point.
+    excess : array, shape (points,)
+        By how much the initial state violates |∂Φ| ≤ s.
     """
 
     outcome: Array
     duration: Array
     translation: Array
     found: Found
+    excess: Array
 
     @property
     def sums(self) -> Sums:
@@ -150,11 +157,13 @@ def _named(system: System, measure: str) -> Named:
     return MEASURES[name]
 
 
-def measured(problem: Problem, observed: Observed, measures: Sequence[str]) -> dict[str, Array]:
-    """Values of the measures by name, and outcome and certificate."""
+def measured(problem: Problem, observed: Observed, measures: Sequence[str], tolerance: float) -> dict[str, Array]:
+    """Values of the measures by name, and outcome, certificate, what that lacks, and the excess of the start."""
     failed = ~np.isin(observed.outcome, [o.code for o in MEASURED])
     result = {"outcome": observed.outcome.astype(np.int8)}
     result["certificate"] = np.where(failed, np.nan, np.max(observed.found.audit, axis=1))
+    result["lacking"] = lacking(observed, tolerance)
+    result["excess"] = observed.excess
     for measure in measures:
         name, _, of = measure.partition(":")
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -162,4 +171,32 @@ def measured(problem: Problem, observed: Observed, measures: Sequence[str]) -> d
     return result
 
 
-MEASURED = (Outcome.AT_REST, Outcome.PERIODIC, Outcome.STEADY, Outcome.NOT_SETTLED, Outcome.UNDAMPED)
+def lacking(observed: Observed, tolerance: float) -> Array:
+    """What certificates lack, as positions in :data:`LACKING`: the first residual that is too large."""
+    wrong = ~(observed.found.audit <= tolerance)
+    found = np.where(np.any(wrong, axis=1), 1 + np.argmax(wrong, axis=1), 0)
+    known = np.isin(observed.outcome, [o.code for o in ATTRACTORS])
+    other = np.where(np.isin(observed.outcome, [o.code for o in MEASURED]), "attractor", "result")
+    return np.where(known, found, [LACKING.index(name) for name in other]).astype(np.int8)
+
+
+def certified_below(settings: Settings) -> float:
+    """Largest certificate of a certified point."""
+    return max(settings.tolerance, 10.0 * settings.rtol)
+
+
+OWN = ("certificate", "lacking", "excess", "outcome")
+"""Variables of every map, besides its measures."""
+ATTRACTORS = (Outcome.AT_REST, Outcome.PERIODIC, Outcome.STEADY, Outcome.UNDAMPED)
+MEASURED = (*ATTRACTORS, Outcome.NOT_SETTLED)
+LACKING = (
+    "nothing",
+    "energy balance",
+    "friction law",
+    "equations of motion",
+    "closure",
+    "minimal period",
+    "attractor",
+    "result",
+)
+"""What a point may lack to be certified; 0: nothing. The order of the residuals is that of the audit."""

@@ -9,42 +9,69 @@ from stickslip.motion.audit import Tally, audit_steps, judge
 from stickslip.motion.kernel import FINISHED, FULL, INLINED, NEED, OPTIONS, Constants, Lane, Record
 from stickslip.motion.modes import copy, resolve
 from stickslip.sweeps.observers import clear, observe
+from stickslip.sweeps.returns import begin_again, gap, miss, remove_shift, told_apart
 from stickslip.sweeps.settling import (
     AT_REST,
     NOT_SETTLED,
     PERIODIC,
     RECORDED,
     STEADY,
+    UNRECORDED,
     constants_of,
     copy_lane,
+    elapsed,
     follow,
-    miss,
-    remove_shift,
     settle,
 )
-from stickslip.sweeps.tables import DONE, MEASURING, SETTLING, Bench, Engine, Found, Marks, Rules, Sums
+from stickslip.sweeps.tables import (
+    ASK,
+    CLOSURE,
+    COUNT,
+    DONE,
+    DURATION,
+    ENERGY,
+    LAG,
+    LAW,
+    MEASURING,
+    MOTION,
+    OPEN,
+    PATIENT,
+    PENDING,
+    PERIOD,
+    PHASE,
+    SETTLING,
+    SIZED,
+    START,
+    TRUE,
+    Bench,
+    Engine,
+    Found,
+    Marks,
+    Rules,
+    Sums,
+)
 
 Array = np.ndarray
 
 AWRY = 1e-6  # a cycle that fails to close by more is none
 FELT = 1e-4  # … and neither is one, or a rest, in which the forces change by more
 FORGOTTEN = -9  # kind of a mark
+PARTS, SAMPLES = 5, 8  # of the period of a drive, at most, that are tried; states at which they are compared
+SMALL = 1e-3  # part of its modulus that is the least size of a component
+STILL = 1e-12  # … and that it may change by at rest
 
 
 @njit(**INLINED)
-def measure(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, sums: Sums, audit: Array, i: int) -> bool:
-    """Record a lane from its saved state on for the duration in its marks, and measure it; False as in :func:`settle`.
-
-    Parameters
-    ----------
-    sums : Sums
-        Receives what is observed of this lane.
-    audit : array, shape (4,)
-        Receives what :class:`stickslip.sweeps.tables.Found` says.
-    """
-    k, s, record, carried = constants_of(e, i), e.lanes, bench.record, 0
+def measure(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, i: int) -> bool:
+    """Record a lane from its saved state on for the duration in its marks, and measure it; False if it has to wait."""
+    k, s, record, carried, real = constants_of(e, i), e.lanes, bench.record, 0, m.real[i]
+    sums, audit = sums_of(found.sums, i), found.audit[i]
+    for r in range(bench.ends.shape[1]):
+        bench.ends[0, r], bench.ends[1, r], bench.ends[2, r] = np.inf, -np.inf, 0.0
+    if m.drive[i] > 0.0 and m.outcome[i] == PERIODIC and not shorten(e, m, rules, saved, bench, i):
+        return False
     copy_lane(saved, i, s, i)
-    stop = m.period[i, 0] + m.period[i, 1]
+    stop = real[START] + real[DURATION]
     for part in (bench.balance, bench.gaps, audit):
         fill(part, 0.0)
     clear(sums)
@@ -66,6 +93,8 @@ def measure(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, sums: 
             copy(record.region[0], bench.region)
             feel(e, k, record.time[0], record.state[0], bench, bench.felt[0])
         add_steps(e, k, rules, bench, count, carried, s.seen[i], sums)
+        for j in range(carried, count):
+            extend(m, rules, i, real[START], record.time[j], record.state[j], bench)
         if code == FINISHED:
             break
         steps = count - 1
@@ -76,15 +105,95 @@ def measure(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, sums: 
         carried = 1
     conclude(e, bench, audit)
     feel(e, k, s.clock[i, 0], s.y[i], bench, bench.felt[1])
-    m.period[i, 2] = difference(bench.felt)
+    m.felt[i] = difference(bench.felt)
+    found.moves[i] = moves(rules, bench, bench.tally.state[0], not framed(m, i))
+    for r in range(bench.ends.shape[1]):
+        found.shift[i, r] = s.y[i, r] - saved.y[i, r]
+        m.size[i, r] = max(m.size[i, r], bench.ends[2, r])
     if m.outcome[i] == PERIODIC:
-        gaps, largest = bench.gaps, bench.tally.state[0]
-        for r in range(len(gaps)):
-            gaps[r] = s.y[i, r] - saved.y[i, r] - m.frame[i, r] * m.period[i, 1]
-            largest[r] = max(largest[r], m.size[i, r])
-        remove_shift(gaps, rules.translation)
-        audit[3] = miss(gaps, largest, rules.real[4])
+        for r in range(len(bench.gaps)):
+            bench.gaps[r] = found.shift[i, r] - m.frame[i, r] * real[DURATION]
+        remove_shift(bench.gaps, rules.translation)
+        audit[CLOSURE] = miss(bench.gaps, bench.ends[2], rules.real[4])
+        audit[PERIOD] = rules.real[5] ** 2 / real[OPEN]
     return True
+
+
+@njit(**OPTIONS)
+def framed(m: Marks, i: int) -> bool:
+    """Whether a lane is looked at in a moving frame."""
+    total = 0.0
+    for r in range(m.frame.shape[1]):
+        total += abs(m.frame[i, r])
+    return total > 0.0
+
+
+@njit(**INLINED)
+def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> bool:
+    """Try parts of the period of a drive: cos² has half the period of cos. False if it has to wait.
+
+    After a part of its period a motion is elsewhere, mostly; if it is not, it has to be where it was all the way. The
+    first marks give way to the states that are compared; they also tell whether anything moves at all.
+    """
+    s, real, p = e.lanes, m.real[i], 2
+    while p <= PARTS:
+        part, same = real[DURATION] / p, True
+        for j in range(p * SAMPLES):
+            a, b = j // p, j % p  # the b-th return to the a-th state
+            if not same:
+                continue
+            if b == 0:
+                copy_lane(saved, i, s, i)
+            follow(e, i, real[START] + part * (a / SAMPLES + b), rules.most[1], UNRECORDED, bench.record)
+            if e.codes[i] == NEED:
+                return False
+            extend(m, rules, i, real[START], s.clock[i, 0], s.y[i], bench)
+            if b == 0:
+                m.time[i, 0] = s.clock[i, 0]
+                copy(s.y[i], m.state[i, 0])
+            else:
+                gap(m, i, 0, s.clock[i, 0], s.y[i], rules.translation, bench.work[0])
+                same = e.codes[i] == FINISHED and miss(bench.work[0], m.size[i], rules.real[4]) <= told_apart(m, i)
+        if not moves(rules, bench, bench.tally.state[0], False) > 0.0:
+            return True
+        if same:
+            real[DURATION] = part
+        else:
+            p += 1 if p == 2 else 2
+    return True
+
+
+@njit(**OPTIONS)
+def extend(m: Marks, rules: Rules, i: int, start: float, t: float, y: Array, bench: Bench) -> None:
+    """Widen the range of every component, without frame and translation."""
+    v, ends = bench.work[0], bench.ends
+    for r in range(len(y)):
+        v[r] = y[r] - m.frame[i, r] * (t - start)
+    remove_shift(v, rules.translation)
+    for r in range(len(y)):
+        ends[0, r], ends[1, r] = min(ends[0, r], v[r]), max(ends[1, r], v[r])
+
+
+@njit(**OPTIONS)
+def moves(rules: Rules, bench: Bench, largest: Array, known: bool) -> float:
+    """Largest range of a component, relative to its modulus; the sizes of all components are left behind.
+
+    Parameters
+    ----------
+    largest : array, shape (n,)
+        Largest modulus of each component on the way, if that is known. What all knots have in common may be extreme.
+    """
+    ends, worst = bench.ends, 0.0
+    for r in range(len(largest)):
+        modulus = max(abs(ends[0, r]), abs(ends[1, r]))
+        extent = ends[1, r] - ends[0, r]
+        if known and rules.translation[r] == 0.0:
+            extent, modulus = max(extent, largest[r] - modulus), max(modulus, largest[r])
+        ends[2, r] = max(0.5 * extent, SMALL * modulus)
+        beyond = extent - 2.0 * rules.real[4] - STILL * modulus
+        if beyond > 0.0:
+            worst = max(worst, beyond / modulus)
+    return worst
 
 
 @njit(**INLINED)
@@ -175,9 +284,9 @@ def conclude(e: Engine, bench: Bench, audit: Array) -> None:
     balance, tally, residuals = bench.balance, bench.tally, bench.residuals
     flow = max(balance[4] - balance[3], balance[1], tally.total[0])
     judge(e.rows, tally, balance[5], flow, max(abs(balance[3]), abs(balance[4])), residuals)
-    audit[0], audit[1], audit[2] = residuals[0], residuals[1], max(residuals[2], residuals[3])
+    audit[ENERGY], audit[LAW], audit[MOTION] = residuals[0], residuals[1], max(residuals[2], residuals[3])
     if tally.total[2] > 0.0:
-        audit[2] = np.inf
+        audit[MOTION] = np.inf
 
 
 @njit(**OPTIONS)
@@ -187,17 +296,39 @@ def deceives(outcome: int, change: float, closure: float) -> bool:
 
 
 @njit(**OPTIONS)
-def forget(m: Marks, i: int, driven: bool) -> None:
-    """Forget all marks of a lane; one that is driven has gone on by a supposed period."""
+def forget(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
+    """Forget all marks of a lane, which goes on from where it is; a driven one from its last mark."""
     for j in range(m.kind.shape[1]):
         m.kind[i, j] = FORGOTTEN
-    m.numbers[i, 1] += m.numbers[i, 3] if driven else 0
-    m.numbers[i, 2] = 0
+    if m.drive[i] > 0.0:
+        copy_lane(saved, i, lanes, i)
+    m.numbers[i, TRUE], m.numbers[i, PENDING] = -1, 0
+    m.real[i, ASK] = 1.5 * elapsed(m, rules, lanes, i) - 0.5 * rules.real[0]
+    begin_again(m, i, 0)
+
+
+@njit(**OPTIONS)
+def look_closer(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, i: int) -> bool:
+    """Let a motion that came from afar settle again by the size of its cycle; False if that is known already."""
+    larger = False
+    for r in range(m.size.shape[1]):
+        larger = larger or m.size[i, r] > 2.0 * bench.ends[2, r]
+    if m.numbers[i, SIZED] == 1 or not larger:
+        return False
+    for r in range(m.size.shape[1]):
+        m.size[i, r] = bench.ends[2, r] if bench.ends[2, r] > 0.0 else m.size[i, r]
+    last = (m.numbers[i, COUNT] - 1) % m.time.shape[1]
+    m.time[i, last] = saved.clock[i, 0]
+    copy(saved.y[i], m.state[i, last])
+    copy_lane(saved, i, lanes, i)
+    m.numbers[i, SIZED], m.numbers[i, TRUE], m.numbers[i, PENDING], m.real[i, PATIENT] = 1, 0, 0, np.inf
+    begin_again(m, i, m.numbers[i, LAG])
+    return True
 
 
 @njit(**OPTIONS)
 def advance(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array) -> None:
-    """Settle and measure all lanes, as far as they come without a new closed form.
+    """Settle and measure all lanes, as far as they come without the host.
 
     Parameters
     ----------
@@ -213,20 +344,19 @@ def advance_lane(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array, i: int
 ) -> None:
     """Settle and measure one lane, as far as it comes; its phase is left in the marks."""
-    phase = m.numbers[i, 0]
-    if phase == SETTLING and settle(e, m, rules, saved, bench, stop, i):
-        phase = MEASURING if m.outcome[i] == AT_REST or m.outcome[i] >= PERIODIC else DONE
-    if phase == MEASURING and stop[0] == 0:
-        own, audit = sums_of(found.sums, i), found.audit[i]
-        if measure(e, m, rules, saved, bench, own, audit, i):
-            for r in range(e.rows.sizes[0]):
-                found.shift[i, r] = e.lanes.y[i, r] - saved.y[i, r]
-            phase = DONE
-            if deceives(m.outcome[i], m.period[i, 2], audit[3]):
-                forget(m, i, m.drive[i] > 0.0)
-                m.outcome[i] = NOT_SETTLED
-                phase = SETTLING if e.lanes.clock[i, 0] < rules.real[1] else DONE
-    m.numbers[i, 0] = phase
+    numbers = m.numbers[i]
+    if numbers[PHASE] == SETTLING:
+        settle(e, m, rules, saved, bench, stop, i)
+    if numbers[PHASE] == MEASURING and stop[0] == 0 and measure(e, m, rules, saved, bench, found, i):
+        numbers[PHASE] = DONE
+        closure = found.audit[i, CLOSURE]
+        awry = m.outcome[i] == PERIODIC and closure > rules.real[3]
+        if awry and look_closer(m, rules, e.lanes, saved, bench, i):
+            numbers[PHASE] = SETTLING
+        elif deceives(m.outcome[i], m.felt[i], closure):
+            forget(m, rules, e.lanes, saved, i)
+            numbers[PHASE] = SETTLING if elapsed(m, rules, e.lanes, i) < rules.real[1] else DONE
+            m.outcome[i] = NOT_SETTLED
 
 
 @njit(**OPTIONS)

@@ -13,13 +13,14 @@ import numpy as np
 from stickslip.motion.outcome import Outcome
 from stickslip.quantities import described, quantity
 from stickslip.sweeps.axes import Axis
+from stickslip.sweeps.measures import LACKING, certified_below
 from stickslip.sweeps.user_measures import REASONS, FunctionMeasure, Measure, variable
 from stickslip.system import System
 
 NOT_COMPUTED, INTERPOLATED = -1, -2
 """Outcomes of points that have none of their own."""
 
-KIND, FORMAT = "sweep", 1
+KIND, FORMAT = "sweep", 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,12 +121,16 @@ class Plan:
             if isinstance(measure, FunctionMeasure):
                 why = dict(enumerate(REASONS))
                 found[f"{name}_missing"] = ("i1", 0, _flags(why) | {"long_name": f"why {name} is missing"})
-        tolerance = max(self.settings.tolerance, 10.0 * self.settings.rtol)
+        tolerance = certified_below(self.settings)
         found["certificate"] = (
             "f8",
             np.nan,
             {"units": "1", "long_name": "residual of the certificate", "tolerance": tolerance},
         )
+        missing = _flags(dict(enumerate(LACKING))) | {"long_name": "what the certificate lacks"}
+        found["lacking"] = ("i1", LACKING.index("result"), missing)
+        unit = next((c.unit for c in self.system.declaration.contacts if c.kind == "rate-independent"), "") or "1"
+        found["excess"] = ("f8", np.nan, {"units": unit, "long_name": "excess of the start over the stable set"})
         labels = {NOT_COMPUTED: "not computed", INTERPOLATED: "interpolated", **{o.code: o.label for o in Outcome}}
         found["outcome"] = ("i1", NOT_COMPUTED, _flags(labels) | {"long_name": "how the motion ended"})
         return found

@@ -1,12 +1,19 @@
-"""Motions followed until they repeat themselves, and one period of what they have settled on: compiled.
+"""Motions followed until they repeat themselves, in compiled code.
 
-A motion is looked at at its *marks*. If it is driven, these are the times t₀ + mP, P the period of the first drive;
-if not, its events, where the guard that fires is a natural section; and if it has no events for a while, it is asked
-whether its rates have died out, and whether it comes back through the plane across itself. Two marks of the same kind
-whose states agree, up to the declared translation and a moving frame, are one period apart.
+A motion is looked at at its *marks*. If it is driven, these are the times t₀ + mP, P the period of the first drive; if
+not, its events, where the guard that fires is a natural section (events that coincide up to rounding are one); and if
+it has no events for a while, it is asked whether its rates have died out, and whether it comes back through the plane
+across itself. :mod:`stickslip.sweeps.returns` says how closely it comes back.
 
-The misses d of consecutive returns shrink by a factor q, so that the cycle is about d/(1 − q) away: that, not d, has to
-be below the tolerance. A slow return that has found its factor is carried on by what is missing.
+* A motion that seems to have settled is *polished*: carried on by hand to where its returns lead, down to rounding (a
+  step that does not bring it nearer is undone). That this is not farther away than the tolerance is what makes it
+  settled; otherwise it is taken back, and waits.
+* Before that, a slow return with one real factor is carried on by what is missing, if every contact slips in it (one
+  that sticks makes a family of cycles, of which the motion has to choose by itself). The next return confirms it.
+* Rest, steady sliding, and oscillations without any further event are proved on the host
+  (:mod:`stickslip.sweeps.proofs`), which the motion waits for.
+* Where time stands in one sine or cosine only, the clock is set back to t₀ at every mark, so that the millionth period
+  is as exact as the first one.
 """
 
 from __future__ import annotations
@@ -17,131 +24,79 @@ from typing import cast
 import numpy as np
 from numba import njit
 
-from stickslip.motion.affine import mode_key
 from stickslip.motion.engine import integrate
 from stickslip.motion.kernel import FINISHED, FULL, INLINED, LIMIT, NEED, OK, OPTIONS, Constants, Lane, Record
 from stickslip.motion.modes import copy, resolve
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.roots import horner
-from stickslip.sweeps.tables import Bench, Engine, Marks, Rules
+from stickslip.sweeps.returns import (
+    PATIENCE,
+    UNKNOWN,
+    begin_again,
+    distance,
+    extrapolate,
+    grow,
+    has_settled,
+    kind_of,
+    look_back,
+    look_wide,
+    miss,
+    remember,
+    remove_shift,
+    shortest_lag,
+)
+from stickslip.sweeps.tables import (
+    ASK,
+    COUNT,
+    DONE,
+    DURATION,
+    EVENTS,
+    FLOOR,
+    HOME,
+    HOME_KIND,
+    LAG,
+    LEAPT,
+    LEAST,
+    MEASURING,
+    MISS,
+    PATIENT,
+    PENDING,
+    PHASE,
+    PROVING,
+    REST,
+    SAME,
+    SETTLING,
+    SMOOTH,
+    STALLED,
+    START,
+    STRETCH,
+    TRUE,
+    Bench,
+    Engine,
+    Marks,
+    Rules,
+)
 
 Array = np.ndarray
 
-SURE = 1e-4  # of the tolerance: a miss that needs no factor
+AT_REST, PERIODIC = int(Outcome.AT_REST.code), int(Outcome.PERIODIC.code)
+STEADY, NOT_SETTLED = int(Outcome.STEADY.code), int(Outcome.NOT_SETTLED.code)
+NOTHING_YET = -1  # outcome of a motion whose fate the host is asked for
+# Of NumPy's type: numba would compile the event loop a second time for literals.
+RECORDED, UNRECORDED = cast(bool, np.bool_(True)), cast(bool, np.bool_(False))
+
+GO_ON, CARRIED, SETTLED = 0, 1, 2  # what is done after a mark
+COINCIDENT = 1e-10  # of the time between looks: events that are one mark
+GROWING, HALFWAY = 8, 0.618  # first periods of a drive in which a look between marks sees what vanishes at them
+FADED = 100.0  # tolerances that an oscillation may still be away from an equilibrium
 LEAP = 1e-2  # largest size of what a slow return is carried on by
 SLOW = 0.6  # factors above this are slow
 STRAIGHT = 0.1  # how much of what remains of a return may be out of line
-AT_REST, PERIODIC = int(Outcome.AT_REST.code), int(Outcome.PERIODIC.code)
-STEADY, NOT_SETTLED = int(Outcome.STEADY.code), int(Outcome.NOT_SETTLED.code)
-UNDAMPED = int(Outcome.UNDAMPED.code)
-# Of NumPy's type: numba would compile the event loop a second time for literals.
-RECORDED, UNRECORDED = cast(bool, np.bool_(True)), cast(bool, np.bool_(False))
-FADED = 100.0  # tolerances that an oscillation may still be away from an equilibrium
-
-
-@njit(**OPTIONS)
-def remove_shift(v: Array, translation: Array) -> None:
-    """Take the part along the translation off a vector."""
-    along, size = 0.0, 0.0
-    for i in range(len(v)):
-        along += translation[i] * v[i]
-        size += translation[i] ** 2
-    if size > 0.0:
-        for i in range(len(v)):
-            v[i] -= along / size * translation[i]
-
-
-@njit(**OPTIONS)
-def gap(m: Marks, i: int, j: int, t: float, y: Array, translation: Array, out: Array) -> None:
-    """State of a lane minus the remembered one, without frame and translation."""
-    for r in range(len(y)):
-        out[r] = y[r] - m.state[i, j, r] - m.frame[i, r] * (t - m.time[i, j])
-    remove_shift(out, translation)
-
-
-@njit(**OPTIONS)
-def miss(v: Array, size: Array, atol: float) -> float:
-    """Largest component of a difference, relative to its size; what is below `atol` does not count."""
-    worst = 0.0
-    for r in range(len(v)):
-        excess = abs(v[r]) - atol
-        if excess > 0.0:
-            worst = max(worst, excess / size[r])
-    return worst
-
-
-@njit(**OPTIONS)
-def grow(m: Marks, i: int, t: float, start: float, y: Array, translation: Array, work: Array) -> None:
-    """Keep the largest modulus of every component."""
-    for r in range(len(y)):
-        work[r] = y[r] - m.frame[i, r] * (t - start)
-    remove_shift(work, translation)
-    for r in range(len(y)):
-        m.size[i, r] = max(m.size[i, r], abs(work[r]))
-
-
-@njit(**INLINED)
-def put_mark(m: Marks, rules: Rules, i: int, kind: int, t: float, y: Array, work: Array) -> bool:
-    """Remember a mark; whether the motion has settled, its period being the lag that is left in the numbers."""
-    start, tolerance, atol, translation = rules.real[0], rules.real[3], rules.real[4], rules.translation
-    count, ring = m.numbers[i, 1], m.time.shape[1]
-    grow(m, i, t, start, y, translation, work[0])
-    best, lag = np.inf, 0
-    for back in range(1, min(count, ring) + 1):
-        j = (count - back) % ring
-        if m.kind[i, j] != kind or t - m.time[i, j] <= 1e-12 * (t - start):
-            continue
-        gap(m, i, j, t, y, translation, work[0])
-        d = miss(work[0], m.size[i], atol)
-        # The shortest return that is nearly as close as any is the period.
-        if d < 0.5 * best and best > SURE * tolerance:
-            best, lag = d, back
-    here = count % ring
-    m.time[i, here], m.kind[i, here], m.miss[i, here], m.lag[i, here] = t, kind, best, lag
-    copy(y, m.state[i, here])
-    m.numbers[i, 1] += 1
-    m.numbers[i, 2] += 1
-    m.numbers[i, 3] = lag
-    m.period[i, 2] = best
-    return lag > 0 and (best <= SURE * tolerance or missing(m, i, here, lag) <= tolerance)
-
-
-@njit(**OPTIONS)
-def factor(m: Marks, i: int, here: int, lag: int) -> float:
-    """Factor by which the miss shrinks from return to return; infinite if it is not known yet."""
-    ring = m.time.shape[1]
-    before = (here - lag) % ring
-    if m.numbers[i, 2] <= 2 * lag or 2 * lag > ring or m.lag[i, before] != lag or not m.miss[i, before] > 0.0:
-        return np.inf
-    return m.miss[i, here] / m.miss[i, before]
-
-
-@njit(**OPTIONS)
-def missing(m: Marks, i: int, here: int, lag: int) -> float:
-    """What is still missing to the cycle: d + dq + dq² + …."""
-    q = factor(m, i, here, lag)
-    return m.miss[i, here] / (1.0 - q) if q < 1.0 else np.inf
-
-
-@njit(**INLINED)
-def carry_on(m: Marks, i: int, t: float, y: Array, translation: Array, work: Array) -> None:
-    """Carry a slow return on to where its returns lead, if they have shrunk by one factor for a while."""
-    ring = m.time.shape[1]
-    lag, here = m.numbers[i, 3], (m.numbers[i, 1] - 1) % ring
-    if lag == 0 or m.numbers[i, 2] <= 4 * lag or 4 * lag > ring:
-        return
-    q, before = factor(m, i, here, lag), (here - lag) % ring
-    if not (SLOW < q < 1.0 and m.miss[i, here] * q / (1.0 - q) <= LEAP):
-        return
-    # The last step of the returns has to be q times the one before, as a vector.
-    gap(m, i, (before - lag) % ring, m.time[i, before], m.state[i, before], translation, work[1])
-    gap(m, i, before, t, y, translation, work[0])
-    for r in range(len(y)):
-        work[1, r] = work[0, r] - q * work[1, r]
-    if miss(work[1], m.size[i], 0.0) < STRAIGHT * (1.0 - q) * m.miss[i, here]:
-        for r in range(len(y)):
-            y[r] += q / (1.0 - q) * work[0, r]
-        m.numbers[i, 2] = 0
+NEAREST = 1e-14  # a miss that is rounding
+FITS = 0.1  # part of a return that its combination may leave over
+MOST_RETURNS = 3  # that are combined
+MOST_LEAPS, MOST_POLISHED = 8, 24  # leaps and returns that polishing may take
+WIDER = 1.25  # of a period: in which a smooth motion that is polished comes back
 
 
 @njit(**OPTIONS)
@@ -191,66 +146,295 @@ def dies_out(e: Engine, m: Marks, rules: Rules, i: int, tolerance: float, look: 
     return miss(work, m.size[i], rules.real[4]) <= tolerance
 
 
+# -- the loop over marks ------------------------------------------------------------------------------
+
+
 @njit(**INLINED)
-def settle(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: Array, i: int) -> bool:
-    """Follow a lane until it has settled or reached its limits; False if it has to go on in another call.
+def settle(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: Array, i: int) -> None:
+    """Follow a lane until its phase is another one, or it has to go on in another call.
 
     That is if a closed form has to be made first, or if there is a wish to stop. What is to be measured then starts at
-    the saved state, and lasts the period that is left in the marks.
+    the saved state, and lasts as long as the marks say.
     """
-    start, end, look, tolerance = rules.real[0], rules.real[1], rules.real[2], rules.real[3]
-    s, numbers, work, drive, ring = e.lanes, m.numbers[i], bench.work, m.drive[i], m.time.shape[1]
-    most_marks, most_events = rules.most[0], rules.most[1]
+    s, numbers, drive = e.lanes, m.numbers[i], m.drive[i]
     for _ in range(rules.most[2]):
         if stop[0] != 0:
-            return False
-        if drive > 0.0:
-            target, events = start + numbers[1] * drive, most_events
-        else:
-            # The next look, at a multiple of the time between looks.
-            target = start + look * (math.floor((s.clock[i, 0] - start) / look + 1e-9) + 1.0)
-            events = min(s.counters[i, 0] + 1, most_events)
-        smooth = numbers[5] == 1
-        count = follow(e, i, target, events, smooth, bench.record)
-        code, t = e.codes[i], s.clock[i, 0]
+            return
+        smooth = numbers[SMOOTH] == 1
+        events = rules.most[1] if drive > 0.0 else min(s.counters[i, 0] + 1, rules.most[1])
+        count = follow(e, i, next_stop(m, rules, i, s.clock[i, 0]), events, smooth, bench.record)
+        code, happened = e.codes[i], e.codes[i] == LIMIT and s.counters[i, 0] < rules.most[1]
         if code == NEED:
-            return False
-        settled, dead = False, False
-        if smooth:
-            settled = cross_plane(e, m, rules, bench, i, count)
-        if code == FINISHED and drive > 0.0:
-            settled = put_mark(m, rules, i, 0, t, s.y[i], work)
-        elif code == FINISHED:
-            grow(m, i, t, start, s.y[i], rules.translation, work[0])
-            if s.counters[i, 0] == numbers[4]:
-                dead = dies_out(e, m, rules, i, tolerance, look, work[0])
-                if not smooth:
-                    put_plane(m, i, t, s.y[i], work[0])
-            numbers[4] = s.counters[i, 0]
-        elif code == LIMIT and s.counters[i, 0] < most_events:
-            numbers[5] = 0
-            kind = mode_key(s.settled[i], s.reg[i]) * 4096 + s.counters[i, 2]
-            settled = put_mark(m, rules, i, kind, t, s.y[i], work)
-        elif code != FULL:
-            m.outcome[i] = code
-            return True
-        copy_lane(s, i, saved, i)
-        m.period[i, 0], m.period[i, 1] = t, look
-        if settled:
-            last = numbers[1] - 1
-            m.period[i, 1] = m.time[i, last % ring] - m.time[i, (last - numbers[3]) % ring]
+            return
+        if not (happened or code in (FINISHED, FULL)):
+            m.outcome[i], numbers[PHASE] = code, DONE
+            return
+        verdict = cross_plane(e, m, rules, saved, bench, i, count) if smooth else GO_ON
+        if verdict == GO_ON and code != FULL:
+            if is_due(m, rules, s, saved, i, happened, bench.work[0]):
+                verdict = consider(m, rules, s, saved, bench.work, bench.fit, i)
+            if verdict == GO_ON and happened:
+                put_mark(m, rules, s, saved, i)
+            elif verdict == GO_ON:
+                verdict = look_around(e, m, rules, saved, bench, i)
+        if verdict == SETTLED:
+            if drive > 0.0 or m.outcome[i] != PERIODIC:
+                return
             # An oscillation that has died out returns, too.
-            dead = drive == 0.0 and dies_out(e, m, rules, i, FADED * tolerance, m.period[i, 1], work[0])
-        if dead or settled:
-            m.outcome[i] = (STEADY if moves(s.mode[i]) else AT_REST) if dead else PERIODIC
-            return True
-        if t >= end or numbers[1] >= most_marks * max(numbers[3], 1):
-            m.outcome[i] = UNDAMPED if numbers[5] == 1 and moves(s.mode[i]) else NOT_SETTLED
-            m.period[i, 1] = long_look(m, i, t, look)
-            return True
-        if code == LIMIT or drive > 0.0:
-            carry_on(m, i, t, s.y[i], rules.translation, work)
-    return False
+            copy_lane(saved, i, s, i)
+            if not dies_out(e, m, rules, i, FADED * rules.real[3], m.real[i, DURATION], bench.work[0]):
+                return
+            take_back(m, s, saved, i)
+            numbers[PHASE] = SETTLING
+        late = elapsed(m, rules, s, i) >= rules.real[1] or numbers[COUNT] >= rules.most[0] * max(numbers[LAG], 1)
+        if numbers[LEAPT] == 0 and late:
+            copy_lane(s, i, saved, i)
+            m.real[i, START], m.real[i, DURATION] = s.clock[i, 0], long_look(m, rules, i, s.clock[i, 0])
+            m.outcome[i], numbers[PHASE] = NOT_SETTLED, MEASURING
+            return
+
+
+@njit(**INLINED)
+def next_mark(m: Marks, rules: Rules, i: int) -> float:
+    """Time of the next mark of a driven motion."""
+    count = m.numbers[i, COUNT]
+    return rules.real[0] + (count if rules.timed else min(count, 1)) * m.drive[i]
+
+
+@njit(**INLINED)
+def elapsed(m: Marks, rules: Rules, lanes: Lane, i: int) -> float:
+    """The time, where the clock has not been set back."""
+    set_back = (m.numbers[i, COUNT] - 1) * m.drive[i] if m.drive[i] > 0.0 and not rules.timed else 0.0
+    return lanes.clock[i, 0] + set_back
+
+
+@njit(**INLINED)
+def next_stop(m: Marks, rules: Rules, i: int, t: float) -> float:
+    """The next mark of a driven motion (or a look between its first ones); the next look at any other."""
+    start, look, drive, count = rules.real[0], rules.real[2], m.drive[i], m.numbers[i, COUNT]
+    if drive > 0.0:
+        mark = next_mark(m, rules, i)
+        halfway = mark - HALFWAY * drive
+        return halfway if 0 < count <= GROWING and t < halfway - 1e-3 * drive else mark
+    target = start + look * (math.floor((t - start) / look + 1e-9) + 1.0)
+    lag, ring = m.numbers[i, LAG], m.time.shape[1]
+    if m.numbers[i, SMOOTH] == 1 and m.numbers[i, LEAPT] > 0:
+        target = min(target, t + WIDER * (m.time[i, (count - 1) % ring] - m.time[i, (count - 1 - lag) % ring]))
+    return target
+
+
+@njit(**INLINED)
+def is_due(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int, happened: bool, work: Array) -> bool:
+    """Whether the last mark is to be judged: a new one of a driven motion, or one whose mode has begun."""
+    numbers, t, y = m.numbers[i], lanes.clock[i, 0], lanes.y[i]
+    grow(m, rules, i, t, y, work)
+    if m.drive[i] > 0.0:
+        if t < next_mark(m, rules, i) - 0.5 * HALFWAY * m.drive[i]:
+            return False  # between two marks
+        if not rules.timed:
+            lanes.clock[i, 0], lanes.clock[i, 2] = rules.real[0], lanes.clock[i, 2] - (t - rules.real[0])
+        remember(m, i, 0, lanes.clock[i, 0], y)
+        copy_lane(lanes, i, saved, i)
+        return True
+    last = (numbers[COUNT] - 1) % m.time.shape[1]
+    if numbers[PENDING] == 0 or (happened and t - m.time[i, last] <= COINCIDENT * rules.real[2]):
+        return False
+    m.kind[i, last] = kind_of(lanes.settled[i], lanes.reg[i], lanes.counters[i, 2])
+    for c in range(lanes.settled.shape[1]):
+        if lanes.settled[i, c] != 0:
+            m.slipped[i, c] = numbers[COUNT]
+    return True
+
+
+@njit(**INLINED)
+def put_mark(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
+    """Put a mark at an event, or move the last one if the two coincide."""
+    numbers, t, y = m.numbers[i], lanes.clock[i, 0], lanes.y[i]
+    last = (numbers[COUNT] - 1) % m.time.shape[1]
+    if numbers[SMOOTH] == 0 and numbers[COUNT] > 0 and t - m.time[i, last] <= COINCIDENT * rules.real[2]:
+        m.time[i, last] = t
+        copy(y, m.state[i, last])
+    else:
+        remember(m, i, UNKNOWN, t, y)
+    numbers[SMOOTH] = 0
+    copy_lane(lanes, i, saved, i)
+
+
+@njit(**INLINED)
+def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> int:
+    """See whether a motion that has had no events for a while has come to an end, which the host has to prove."""
+    s, numbers, t, drive = e.lanes, m.numbers[i], e.lanes.clock[i, 0], m.drive[i]
+    if drive > 0.0 and t > m.time[i, (numbers[COUNT] - 1) % m.time.shape[1]]:
+        return GO_ON  # between two marks
+    calm = s.counters[i, 0] == numbers[EVENTS] and numbers[LEAPT] == 0
+    numbers[EVENTS] = s.counters[i, 0]
+    faded = calm and drive <= 0.0 and dies_out(e, m, rules, i, rules.real[3], rules.real[2], bench.work[0])
+    if calm and drive <= 0.0 and numbers[SMOOTH] == 0:
+        put_plane(m, i, t, s.y[i], bench.work[0])
+    if not (calm and (faded or rules.closed) and elapsed(m, rules, s, i) >= m.real[i, ASK]):
+        return GO_ON
+    copy_lane(s, i, saved, i)
+    m.real[i, START], m.real[i, DURATION] = t, drive if drive > 0.0 else rules.real[2]
+    m.outcome[i], numbers[PHASE] = equilibrium(s.mode[i]) if faded else NOTHING_YET, PROVING
+    return SETTLED
+
+
+@njit(**OPTIONS)
+def equilibrium(mode: Array) -> int:
+    """Rest if all contacts stick (a system without contacts moves, too)."""
+    for c in range(len(mode)):
+        if mode[c] != 0:
+            return STEADY
+    return AT_REST if len(mode) > 0 else STEADY
+
+
+# -- what a mark says ---------------------------------------------------------------------------------
+
+
+@njit(**INLINED)
+def consider(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: Array, i: int) -> int:
+    """Compare the last mark, at which the saved lane is, with those before it, and decide what is done."""
+    numbers, before = m.numbers[i], m.numbers[i, LAG]
+    numbers[PENDING] = 0
+    d = look_back(m, rules, i, work[0])
+    lag, leapt = numbers[LAG], numbers[LEAPT]
+    if leapt != 0 and lag != before:
+        return take_back(m, lanes, saved, i)
+    if leapt < 0:
+        return confirm(m, lanes, saved, i, d)
+    if leapt > 0:
+        return polish(m, rules, lanes, saved, work, fit, i, d)
+    if lag == 0 or numbers[SAME] < 1:
+        return GO_ON
+    if has_settled(m, rules, i, d) and not (rules.timed and elapsed(m, rules, saved, i) < m.real[i, ASK]):
+        leave(m, saved, i, 1, d)
+        return polish(m, rules, lanes, saved, work, fit, i, distance(m, rules, i, lag, work[0]))
+    if numbers[STALLED] > PATIENCE * lag and d > rules.real[3]:
+        look_wide(m, rules, i, work[0])
+    elif m.drive[i] <= 0.0 and numbers[SAME] > 2 * lag and numbers[COUNT] >= numbers[REST]:
+        q = d / m.miss[i, (numbers[COUNT] - 1 - lag) % m.time.shape[1]]
+        if SLOW < q < 1.0 and d * q <= LEAP * (1.0 - q):
+            return leap(m, rules, lanes, saved, work, fit, i, d, q)
+    return GO_ON
+
+
+@njit(**OPTIONS)
+def leave(m: Marks, saved: Lane, i: int, leapt: int, d: float) -> None:
+    """Keep where the motion itself is, before it is carried on by hand."""
+    numbers, real = m.numbers[i], m.real[i]
+    copy_lane(saved, i, m.home, i)
+    numbers[LEAPT], real[MISS] = leapt, d
+    numbers[HOME], numbers[HOME_KIND] = numbers[COUNT], m.kind[i, (numbers[COUNT] - 1) % m.time.shape[1]]
+    if leapt > 0:
+        real[PATIENT] = 0.1 * d
+
+
+@njit(**OPTIONS)
+def carry(m: Marks, lanes: Lane, saved: Lane, i: int, step: Array) -> int:
+    """Carry a motion on by a step, at its last mark."""
+    last, numbers = (m.numbers[i, COUNT] - 1) % m.time.shape[1], m.numbers[i]
+    copy_lane(saved, i, m.before, i)
+    for r in range(len(step)):
+        saved.y[i, r] += step[r]
+    copy(saved.y[i], m.state[i, last])
+    copy_lane(saved, i, lanes, i)
+    numbers[TRUE], numbers[SAME] = 0, 0
+    return CARRIED
+
+
+@njit(**OPTIONS)
+def put_back(m: Marks, lanes: Lane, saved: Lane, i: int, kept: Lane, count: int) -> int:
+    """Put a motion back to where it was at a mark, which is the last one again."""
+    numbers, last = m.numbers[i], (count - 1) % m.time.shape[1]
+    copy_lane(kept, i, saved, i)
+    copy_lane(kept, i, lanes, i)
+    m.time[i, last] = kept.clock[i, 0]
+    copy(kept.y[i], m.state[i, last])
+    numbers[COUNT], numbers[TRUE], numbers[LEAPT], numbers[PENDING] = count, 0, 0, 0
+    begin_again(m, i, numbers[LAG])
+    return CARRIED
+
+
+@njit(**OPTIONS)
+def take_back(m: Marks, lanes: Lane, saved: Lane, i: int) -> int:
+    """Take a motion back to where it was before it was carried on by hand, and let it go on by itself."""
+    numbers = m.numbers[i]
+    m.kind[i, (numbers[HOME] - 1) % m.time.shape[1]] = numbers[HOME_KIND]
+    numbers[REST] = numbers[HOME] + PATIENCE * max(numbers[LAG], 1)
+    return put_back(m, lanes, saved, i, m.home, numbers[HOME])
+
+
+@njit(**OPTIONS)
+def polish(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: Array, i: int, d: float) -> int:
+    """Carry a motion that seems to have settled on to its cycle, down to rounding."""
+    numbers, real, lag, ring = m.numbers[i], m.real[i], m.numbers[i, LAG], m.time.shape[1]
+    if (numbers[COUNT] - numbers[HOME]) % lag != 0 or numbers[TRUE] < lag:
+        return GO_ON
+    if numbers[TRUE] == lag and numbers[LEAPT] > 1 and d > 0.5 * real[MISS]:
+        put_back(m, lanes, saved, i, m.before, numbers[COUNT] - lag)
+        numbers[LEAPT] = 1
+        return accept(m, rules, lanes, saved, work[0], i, real[MISS])
+    real[MISS] = d
+    if d <= NEAREST or numbers[COUNT] - numbers[HOME] >= MOST_POLISHED * lag or numbers[LEAPT] > MOST_LEAPS:
+        return accept(m, rules, lanes, saved, work[0], i, d)
+    returns = min(numbers[TRUE] // lag, (ring - 1) // lag)
+    for k in range(1, min(returns - 1, MOST_RETURNS) + 1):
+        misfit, length = extrapolate(m, rules, i, k, work, fit)
+        if (misfit <= FITS or k == MOST_RETURNS) and length <= rules.real[5]:
+            numbers[LEAPT] += 1
+            real[STRETCH] = max(real[STRETCH], length / d)
+            return carry(m, lanes, saved, i, work[8])
+    return GO_ON
+
+
+@njit(**OPTIONS)
+def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int, d: float) -> int:
+    """Take the polished cycle for what the motion has settled on, if that was within the tolerance of it."""
+    numbers, real, ring = m.numbers[i], m.real[i], m.time.shape[1]
+    for r in range(len(work)):
+        work[r] = saved.y[i, r] - m.home.y[i, r] - m.frame[i, r] * (saved.clock[i, 0] - m.home.clock[i, 0])
+    remove_shift(work, rules.translation)
+    if not miss(work, m.size[i], rules.real[4]) <= rules.real[5]:
+        return take_back(m, lanes, saved, i)
+    real[FLOOR] = d
+    numbers[LAG], last = shortest_lag(m, rules, i, work), numbers[COUNT] - 1
+    numbers[LEAPT] = 0
+    real[START], real[DURATION] = m.time[i, last % ring], m.drive[i] * numbers[LAG]
+    if m.drive[i] <= 0.0:
+        real[DURATION] = m.time[i, last % ring] - m.time[i, (last - numbers[LAG]) % ring]
+    m.outcome[i], numbers[PHASE] = PERIODIC, PROVING if rules.timed else MEASURING
+    return SETTLED
+
+
+@njit(**OPTIONS)
+def leap(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: Array, i: int, d: float, q: float) -> int:
+    """Carry a return that shrinks slowly on to where it leads, if it does so by one factor and every contact slips."""
+    numbers, lag, ring = m.numbers[i], m.numbers[i, LAG], m.time.shape[1]
+    if m.kind[i, (numbers[COUNT] - 1) % ring] < 0 or 2 * lag >= ring:
+        return GO_ON
+    for c in range(m.slipped.shape[1]):
+        if m.slipped[i, c] <= numbers[COUNT] - lag:
+            return GO_ON
+    misfit, length = extrapolate(m, rules, i, 1, work, fit)
+    if not (misfit <= STRAIGHT * (1.0 - q) and length <= LEAP):
+        return GO_ON
+    leave(m, saved, i, -1, d)
+    return carry(m, lanes, saved, i, work[8])
+
+
+@njit(**OPTIONS)
+def confirm(m: Marks, lanes: Lane, saved: Lane, i: int, d: float) -> int:
+    """See after a return whether a leap has brought the motion nearer."""
+    numbers, real = m.numbers[i], m.real[i]
+    if numbers[TRUE] < numbers[LAG]:
+        return GO_ON
+    if not d <= 0.5 * real[MISS]:
+        return take_back(m, lanes, saved, i)
+    numbers[LEAPT], numbers[STALLED], real[LEAST] = 0, 0, d
+    return GO_ON
+
+
+# -- motions without events ---------------------------------------------------------------------------
 
 
 @njit(**OPTIONS)
@@ -260,7 +444,8 @@ def put_plane(m: Marks, i: int, t: float, y: Array, work: Array) -> None:
     m.plane[i, 2, 0] = t
     for r in range(len(work)):
         m.plane[i, 1, r] = work[r] / m.size[i, r] ** 2 if m.size[i, r] > 0.0 else 0.0
-    m.numbers[i, 5] = 1
+    m.numbers[i, SMOOTH], m.numbers[i, PENDING] = 1, 0
+    begin_again(m, i, 0)
 
 
 @njit(**OPTIONS)
@@ -276,16 +461,21 @@ def height(m: Marks, i: int, t: float, y: Array, translation: Array, work: Array
 
 
 @njit(**INLINED)
-def cross_plane(e: Engine, m: Marks, rules: Rules, bench: Bench, i: int, count: int) -> bool:
-    """Put a mark wherever one of the recorded Taylor steps passes the plane upwards; whether the motion has settled."""
-    k, s, f, N, settled = constants_of(e, i), e.space, e.flight, e.order, False
-    record, translation, work = bench.record, rules.translation, bench.work
+def cross_plane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int, count: int) -> int:
+    """Put a mark wherever one of the recorded Taylor steps passes the plane upwards, and see what it says.
+
+    A motion that is carried on by hand starts again from there.
+    """
+    k, s, f, N, verdict = constants_of(e, i), e.space, e.flight, e.order, GO_ON
+    record, translation, work, lanes = bench.record, rules.translation, bench.work, e.lanes
     for j in range(count):
+        if verdict != GO_ON:
+            continue
         last = j + 1 == count
         t, y = record.time[j], record.state[j]
-        after = e.lanes.clock[i, 0] if last else record.time[j + 1]
-        ahead = height(m, i, after, e.lanes.y[i] if last else record.state[j + 1], translation, work[0])
-        if settled or not (height(m, i, t, y, translation, work[0]) <= 0.0 < ahead):
+        after = lanes.clock[i, 0] if last else record.time[j + 1]
+        ahead = height(m, i, after, lanes.y[i] if last else record.state[j + 1], translation, work[0])
+        if not (height(m, i, t, y, translation, work[0]) <= 0.0 < ahead):
             continue
         copy(record.mode[j], f.mode0)
         copy(record.region[j], f.reg0)
@@ -305,8 +495,24 @@ def cross_plane(e: Engine, m: Marks, rules: Rules, bench: Bench, i: int, count: 
             else:
                 low = middle
         point_on(s.W, N, high, s.trial)
-        settled = put_mark(m, rules, i, -1, t + high, s.trial, work)
-    return settled
+        remember(m, i, -1, t + high, s.trial)
+        copy_lane(lanes, i, saved, i)
+        put_at(saved, i, t + high, after - t, s.trial, f.mode0, f.reg0)
+        verdict = consider(m, rules, lanes, saved, bench.work, bench.fit, i)
+        if verdict == GO_ON and m.numbers[i, LEAPT] > 0:
+            copy_lane(saved, i, lanes, i)
+            verdict = CARRIED
+    return verdict
+
+
+@njit(**OPTIONS)
+def put_at(lanes: Lane, i: int, t: float, step: float, y: Array, mode: Array, region: Array) -> None:
+    """Put a lane at a point within a step."""
+    lanes.clock[i, 0], lanes.clock[i, 1], lanes.counters[i, 2] = t, step, -1
+    copy(y, lanes.y[i])
+    copy(mode, lanes.mode[i])
+    copy(mode, lanes.settled[i])
+    copy(region, lanes.reg[i])
 
 
 @njit(**OPTIONS)
@@ -317,20 +523,13 @@ def point_on(W: Array, N: int, h: float, out: Array) -> None:
 
 
 @njit(**OPTIONS)
-def moves(mode: Array) -> bool:
-    """Whether a contact slips (a system without contacts moves, too)."""
-    for c in range(len(mode)):
-        if mode[c] != 0:
-            return True
-    return len(mode) == 0
-
-
-@njit(**OPTIONS)
-def long_look(m: Marks, i: int, t: float, look: float) -> float:
-    """Duration from the oldest remembered mark of the same kind as the last one."""
-    count, ring = m.numbers[i, 1], m.time.shape[1]
-    for back in range(min(count, ring), 0, -1):
+def long_look(m: Marks, rules: Rules, i: int, t: float) -> float:
+    """So many periods of the drive as a cycle may have, or the duration from the oldest mark of the same kind."""
+    count, ring, most = m.numbers[i, COUNT], m.time.shape[1], rules.most[3]
+    if m.drive[i] > 0.0:
+        return m.drive[i] * max(min(count - 1, most), 1)
+    for back in range(min(count, most), 0, -1):
         j = (count - back) % ring
         if m.kind[i, j] == m.kind[i, (count - 1) % ring] and m.time[i, j] < t:
             return t - m.time[i, j]
-    return look
+    return rules.real[2]

@@ -15,8 +15,17 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-SETTLING, MEASURING, DONE = 0, 1, 2
-"""Phases of a motion."""
+SETTLING, PROVING, MEASURING, DONE = 0, 1, 2, 3
+"""Phases of a motion; what it settles on is proved on the host."""
+
+PHASE, COUNT, TRUE, LAG, SAME, EVENTS, SMOOTH, PENDING, LEAPT, STALLED, REST, HOME, HOME_KIND, SIZED = range(14)
+"""Columns of :attr:`Marks.numbers`."""
+
+START, DURATION, MISS, FLOOR, STRETCH, OPEN, LEAST, PATIENT, ASK = range(9)
+"""Columns of :attr:`Marks.real`."""
+
+ENERGY, LAW, MOTION, CLOSURE, PERIOD = range(5)
+"""Columns of :attr:`Found.audit`."""
 
 DEVICE_LANES = 16_384
 """Motions that are worked on together on a GPU, which is filled by many."""
@@ -61,14 +70,18 @@ class Rules(NamedTuple):
     Attributes
     ----------
     real : array
-        t₀, end, time between looks, tolerance, atol.
+        t₀, end, time between looks, tolerance of waiting, atol, and what may be missing to a cycle.
     most : array of int
-        Periods, events, and marks in one call.
+        Periods, events, marks in one call, and marks of a cycle.
     translation : array, shape (n,)
     fine : array, shape (2,)
         Tolerances with which steps are followed again.
     closely : bool
         As in :func:`stickslip.sweeps.observers.observe`.
+    timed : bool
+        Whether time enters in a way that might not repeat, which the host has to look into.
+    closed : bool
+        Whether there are closed forms.
     """
 
     real: Array
@@ -76,6 +89,8 @@ class Rules(NamedTuple):
     translation: Array
     fine: Array
     closely: bool
+    timed: bool
+    closed: bool
 
 
 class Marks(NamedTuple):
@@ -83,38 +98,52 @@ class Marks(NamedTuple):
 
     Attributes
     ----------
-    time, state, kind : arrays, shapes (lanes, ring), (lanes, ring, n), (lanes, ring)
-        The latest marks; as many as a cycle may have.
-    miss, lag : arrays, shape (lanes, ring)
-        How closely each comes back to the mark that lies `lag` marks before it.
-    numbers : array of int, shape (lanes, 6)
-        Phase; marks; marks since the motion was last carried on; lag of the period; events at the last look; whether
-        the motion has had no events for a while, so that its marks are on a plane.
+    time, state, kind, miss : arrays, shapes (lanes, ring), (lanes, ring, n), (lanes, ring), (lanes, ring)
+        The latest marks; the mode of a mark as a number, and how closely it comes back to the mark a lag before it.
+    numbers : array of int, shape (lanes, 14)
+        PHASE; COUNT of marks; marks made since the state was last changed by hand (TRUE); LAG that is looked at; marks
+        at this lag in a row, less one (SAME); EVENTS at the last look; whether the motion has had no events for a
+        while, so that its marks are on a plane (SMOOTH); whether the last mark is still to be judged (PENDING); leaps
+        since the motion was left (LEAPT; negative: one that is not confirmed); marks since returns have last shrunk
+        (STALLED); mark before which there is no other leap (REST); number and kind of the mark that the motion is taken
+        back to (HOME, HOME_KIND); whether the sizes are those of a cycle (SIZED).
+    real : array, shape (lanes, 9)
+        START and DURATION of what is measured; last MISS before a leap; miss of the polished cycle (FLOOR), how many
+        times farther away than that the cycle may be (STRETCH), and least miss of a return that is shorter (OPEN);
+        LEAST miss at this lag; miss below which polishing is tried again (PATIENT); time before which no proof is tried
+        again (ASK).
     plane : array, shape (lanes, 3, n)
         A state, the normal of the plane through it, and (first) its time.
     size : array, shape (lanes, n)
-        Largest modulus of each component.
-    period : array, shape (lanes, 3)
-        Start and duration of what is measured; miss of the last mark, then change of the forces in a period.
+        Largest modulus of each component; once it has been measured, its size on the cycle.
+    slipped : array of int, shape (lanes, contacts)
+        Last mark before which each contact slipped.
+    felt : array, shape (lanes,)
+        Change of the forces in what was measured.
     drive : array, shape (lanes,)
         Period of the drive; 0 if there is none.
     frame : array, shape (lanes, n)
         Velocity of the frame in which the system does not depend on time, but for its drives.
     outcome : array of int, shape (lanes,)
+    home, before : Lane
+        Where the motion itself was before it was carried on by hand, and where it was before the last such step.
     """
 
     time: Array
     state: Array
     kind: Array
     miss: Array
-    lag: Array
     numbers: Array
+    real: Array
     plane: Array
     size: Array
-    period: Array
+    slipped: Array
+    felt: Array
     drive: Array
     frame: Array
     outcome: Array
+    home: Lane
+    before: Lane
 
 
 class Sums(NamedTuple):
@@ -148,9 +177,12 @@ class Found(NamedTuple):
     Attributes
     ----------
     sums : Sums
-    audit : array, shape (lanes, 4)
-        Residual of the energy balance, violation of the friction law, defect of the equations of motion, and by how
-        much a cycle fails to close.
+    audit : array, shape (lanes, 5)
+        Residual of the energy balance (ENERGY), violation of the friction LAW, defect of the equations of MOTION, by
+        how much a cycle fails to close (CLOSURE), and the square of the tolerance over what the next shorter return
+        misses by (PERIOD): the period is minimal if no shorter return closes within the tolerance.
+    moves : array, shape (lanes,)
+        Largest range of a component in what was measured, relative to its modulus, without frame and translation.
     shift : array, shape (lanes, n)
         Of the state, in the time that is measured.
     exponent : array, shape (lanes,)
@@ -159,6 +191,7 @@ class Found(NamedTuple):
 
     sums: Sums
     audit: Array
+    moves: Array
     shift: Array
     exponent: Array
 
@@ -168,7 +201,9 @@ class Bench(NamedTuple):
 
     Attributes
     ----------
-    work : array, shape (2, n)
+    work : array, shape (9, n)
+    fit : array, shape (3, 4)
+        Triangular system of the returns, and its right-hand side.
     record : Record
         Knots; what does not fit is measured piece by piece.
     steps : Steps
@@ -176,6 +211,8 @@ class Bench(NamedTuple):
         As in :func:`stickslip.motion.audit.audit_steps`.
     gaps : array, shape (n,)
         By how much a cycle fails to close.
+    ends : array, shape (3, n)
+        Least and largest value of each component where it was looked at, without frame and translation; and its size.
     balance : array, shape (6,)
         First energy; dissipated and supplied so far; least and largest energy; largest residual.
     residuals : array, shape (4,)
@@ -189,10 +226,12 @@ class Bench(NamedTuple):
     """
 
     work: Array
+    fit: Array
     record: Record
     steps: Steps
     tally: Tally
     gaps: Array
+    ends: Array
     balance: Array
     residuals: Array
     table: Array
@@ -202,23 +241,29 @@ class Bench(NamedTuple):
     felt: Array
 
 
-def make_marks(drive: Array, ring: int, n: int) -> Marks:
+def make_marks(drive: Array, ring: int, n: int, contacts: int, home: Lane, before: Lane) -> Marks:
     """Nothing remembered yet of lanes with these periods of their drives."""
     lanes = len(drive)
-    return Marks(
+    marks = Marks(
         time=np.zeros((lanes, ring)),
         state=np.zeros((lanes, ring, n)),
         kind=np.zeros((lanes, ring), np.int64),
         miss=np.zeros((lanes, ring)),
-        lag=np.zeros((lanes, ring), np.int64),
-        numbers=np.zeros((lanes, 6), np.int64),
+        numbers=np.zeros((lanes, 14), np.int64),
+        real=np.zeros((lanes, 9)),
         plane=np.zeros((lanes, 3, n)),
         size=np.zeros((lanes, n)),
-        period=np.zeros((lanes, 3)),
+        slipped=np.zeros((lanes, contacts), np.int64),
+        felt=np.zeros(lanes),
         drive=drive,
         frame=np.zeros((lanes, n)),
         outcome=np.full(lanes, -1, np.int64),
+        home=home,
+        before=before,
     )
+    marks.numbers[:, TRUE] = -1  # the first mark is no return yet
+    marks.real[:, PATIENT], marks.real[:, ASK] = np.inf, -np.inf
+    return marks
 
 
 def make_found(lanes: int, n: int, contacts: int) -> Found:
@@ -234,7 +279,7 @@ def make_found(lanes: int, n: int, contacts: int) -> Found:
         total=z((lanes, 2)),
         switches=z((lanes, 1), np.int64),
     )
-    return Found(sums, z((lanes, 4)), z((lanes, n)), np.full(lanes, np.nan))
+    return Found(sums, z((lanes, 5)), z(lanes), z((lanes, n)), np.full(lanes, np.nan))
 
 
 def make_bench(problem: Problem, room: int) -> Bench:
@@ -249,11 +294,13 @@ def make_bench(problem: Problem, room: int) -> Bench:
         z(room + 1, np.int64),
     )
     return Bench(
-        work=z((2, n)),
+        work=z((9, n)),
+        fit=z((3, 4)),
         record=record,
         steps=make_steps(room, n),
         tally=make_tally(problem.rows),
         gaps=z(n),
+        ends=z((3, n)),
         balance=z(6),
         residuals=z(4),
         table=z((problem.compiled.layout.rows, 2)),

@@ -18,7 +18,7 @@ import numpy as np
 from stickslip import expressions as ex
 from stickslip.errors import DeclarationError, StickslipError, short
 from stickslip.formulas import NAME, Scope
-from stickslip.sweeps.measures import MEASURES, needs_close_look
+from stickslip.sweeps.measures import MEASURES, OWN, needs_close_look
 from stickslip.system import System
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ def read_measures(system: System, asked: Sequence[Any]) -> tuple[Measure, ...]:
     for name in names:
         if names.count(name) > 1:
             raise DeclarationError(f"measure.{short(name)}", "it is asked for twice", "Give each measure its own name")
-        if name in {*system.parameters, *system.declaration.state, "outcome", "certificate"}:
+        if name in {*system.parameters, *system.declaration.state, *OWN}:
             raise DeclarationError(f"measure.{short(name)}", "the name is taken", "Choose another name")
     return measures
 

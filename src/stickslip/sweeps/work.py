@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip.errors import DeclarationError
+from stickslip.sweeps.measures import OWN
 from stickslip.sweeps.plan import Plan
 from stickslip.sweeps.scheduler import Stopped
 from stickslip.sweeps.user_measures import (
@@ -111,7 +112,7 @@ def compute(work: Work, columns: Mapping[str, Array], stop: Array) -> dict[str, 
     formulas = [m for m in measures if isinstance(m, FormulaMeasure)]
     needed = dict.fromkeys([m for m in measures if isinstance(m, str)] + [n for f in formulas for n in f.needs])
     found = measure_chunk(system, initial, parameters, tuple(needed), work.settings, work.device, stop)
-    result = {name: found[name] for name in ("outcome", "certificate")}
+    result = {name: found[name] for name in OWN}
     known = {**system.values, **_start(system, initial), **parameters, **found}
     for measure in measures:
         name = variable(measure)

@@ -9,13 +9,15 @@ import pytest
 import xarray as xr
 
 from orbits.examples import SLIDER, dragged, duffing
-from stickslip import Contact, Inertial, System, catalogue, simulate
+from stickslip import Contact, Inertial, Parameter, RateIndependent, Settings, System, catalogue, simulate
 from stickslip.errors import DeclarationError
 from stickslip.motion.outcome import Outcome
-from stickslip.orbits import basin as module
-from stickslip.orbits.basin import basin
+from stickslip.motion.problem import Problem
 from stickslip.orbits.cycles import find_cycle
 from stickslip.orbits.equilibrium_branch import continue_equilibrium
+from stickslip.sweeps import basin as module
+from stickslip.sweeps.basin import basin
+from stickslip.sweeps.scheduler import Stopped
 from systems import ode
 
 
@@ -98,7 +100,7 @@ def test_moving_frame() -> None:
     x, v = np.meshgrid(found["x"].values, found["d_x"].values, indexing="ij")
     never_sticks = np.hypot(-x - 0.6, v - 0.3) < 0.3
     assert np.sum(never_sticks) == 1
-    assert np.array_equal(found["attractor"].values, np.where(never_sticks, -2, 0))
+    assert np.array_equal(found["attractor"].values, np.where(never_sticks, module.UNDAMPED, 0))
 
 
 def test_moving_and_shaking_load() -> None:
@@ -113,9 +115,10 @@ def test_moving_and_shaking_load() -> None:
 def test_motions_that_stop_or_do_not_arrive() -> None:
     blows_up = ode("blow up", x="x**2 - 1")
     found = basin(blows_up, {"x": (-2.0, 2.0, 5)})
-    assert found["kind"].values.tolist() == ["rest"]
-    assert found["attractor"].values[[0, 1, 2, 4]].tolist() == [0, 0, 0, -1]
-    assert found["state_x"].values == pytest.approx([-1.0])
+    assert found["kind"].values.tolist() == ["rest", "rest"]
+    assert found["stability"].values.tolist() == ["stable", "unstable"]
+    assert found["attractor"].values.tolist() == [0, 0, 0, 1, -1]
+    assert found["state_x"].values == pytest.approx([-1.0, 1.0])
 
 
 @pytest.mark.parametrize(
@@ -139,39 +142,83 @@ def test_parameters_are_checked() -> None:
         basin(system, {"psi": (0.0, 1.0, 2)}, {"Q": 1.0})
 
 
-def test_rest_without_a_proof() -> None:
-    """Where forces are not affine, or driven, rest is seen from a round in which nothing has changed."""
-    pendulum = System(
+def pendulum(**changes: str) -> System:
+    """A pendulum with friction in its hinge."""
+    declared = {"kinetic": "d_x**2/2", "potential": "-cos(x)", "span": (0, 20)}
+    return System(
         name="pendulum",
         coordinates={"x": Inertial()},
-        kinetic="d_x**2/2",
-        potential="-cos(x)",
         contacts={"hinge": Contact("d_x", 0.3)},
-        span=(0, 20),
+        **{**declared, **changes},
     )
+
+
+def test_rest_is_proved_where_forces_are_not_affine_or_driven() -> None:
     driven = basin(catalogue.forced_oscillator(F_c=0.5, P=0.3), {"x": (-1.0, 1.0, 3), "d_x": (-1.0, 1.0, 2)})
-    for found in (basin(pendulum, {"x": (-2.0, 2.0, 4), "d_x": (-1.0, 1.0, 3)}), driven):
+    for found in (basin(pendulum(), {"x": (-2.0, 2.0, 4), "d_x": (-1.0, 1.0, 3)}), driven):
         assert found["kind"].values.tolist() == ["rest"]
-        assert np.all(found["attractor"].values == 0)
+        assert np.all(found["attractor"].values == 0) and np.all(found["lacking"].values == 0)
+
+
+def test_rest_under_a_load_that_does_not_repeat_is_not_said() -> None:
+    """The hinge holds the pendulum for 1000 units of time; then a gust comes, which no look at the forces can know."""
+    gust = pendulum(potential="-cos(x) - 2*exp(-((t - 5000)/3)**2)*x")
+    found = basin(gust, {"x": (-0.2, 0.2, 2), "d_x": (-0.1, 0.1, 2)}, settings=Settings(max_time=400.0))
+    assert np.all(found["attractor"].values == module.ON_ITS_WAY)
+
+
+def jenkins(**values: float) -> System:
+    """A mass on a spring with viscous friction and, in parallel, a spring in series with a dry damper."""
+    given = {"c": 0.02, "k": 1.0, "k_d": 0.5, "F_c": 1.0, "F": 0.3, "omega": 0.9, **values}
+    return System(
+        name="jenkins",
+        parameters={name: Parameter(value) for name, value in given.items()},
+        coordinates={"x": Inertial(), "z": RateIndependent()},
+        kinetic="d_x**2/2",
+        potential="k*x**2/2 + k_d*(x - z)**2/2 - push*x",
+        viscous="c*d_x**2/2",
+        drives={"push": "F*cos(omega*t)"},
+        contacts={"damper": Contact("d_z", threshold="F_c")},
+        span=(0, 100),
+    )
+
+
+def test_an_oscillation_whose_damper_sticks_is_no_rest() -> None:
+    """Wherever the damper sticks, the mass swings with the amplitude of the linear oscillator."""
+    system = jenkins()
+    found = basin(system, {"x": (-3.0, 3.0, 5), "d_x": (-1.0, 1.0, 4)}, initial={"z": 0.0})
+    assert found["kind"].values.tolist() == ["oscillation"]
+    assert found["family"].values.all() and found["certified"].values.all()
+    assert np.all(found["attractor"].values == 0) and np.all(found["lacking"].values == 0)
+    assert found["period"].values == pytest.approx(2.0 * np.pi / 0.9, rel=1e-12)
+    width = 2.0 * 0.3 / abs(1.5 - 0.9**2 + 0.02j * 0.9)
+    assert found["high_x"].values - found["low_x"].values == pytest.approx(width, rel=1e-9)
 
 
 def test_interruption_keeps_what_has_arrived(monkeypatch: pytest.MonkeyPatch) -> None:
-    def stop(*_: object) -> None:
-        raise KeyboardInterrupt
+    settled = module._settle
 
-    monkeypatch.setattr(module._Search, "_new", stop)
-    found = basin(catalogue.rocking_toy(), {"psi": (0.0, 2.0, 3), "d_psi": (0.0, 0.1, 2)}, initial={"x_R": 0.0})
+    def once(problem: Problem, settings: Settings, states: np.ndarray, block: slice, stop: np.ndarray) -> object:
+        if block.start > 0:
+            raise Stopped
+        stop[0] = 1  # what is under way when Ctrl-C comes may still end
+        return settled(problem, settings, states, block, np.zeros(1, np.int64))
+
+    monkeypatch.setattr(module, "_settle", once)
+    monkeypatch.setattr(module, "TOGETHER", 4)
+    axes = {"psi": (0.0, 2.0, 3), "d_psi": (0.0, 0.1, 4)}
+    found = basin(catalogue.rocking_toy(), axes, initial={"x_R": 0.0}, workers=1)
     assert found.attrs["interrupted"] == 1
-    assert found["attractor"].values[0, 0] == 0
-    assert found["attractor"].values[2, 0] == -2
+    assert found["attractor"].values[0].tolist() == [0] * 4
+    assert np.all(found["attractor"].values[1:] == module.ON_ITS_WAY)
+    assert np.all(found["lacking"].values[1:] > 0)
 
 
 def test_interrupted_before_anything_has_arrived(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(*given: object) -> None:
-        raise KeyboardInterrupt
+        raise Stopped
 
-    monkeypatch.setattr(module, "run", interrupted)
+    monkeypatch.setattr(module, "_settle", interrupted)
     found = basin(catalogue.rocking_toy(), {"psi": (-1.0, 1.0, 3), "d_psi": (-1.0, 1.0, 2)})
-    assert found.attrs["interrupted"] == 1
     assert found.sizes["reached"] == 0
     assert (found["attractor"] == module.ON_ITS_WAY).all()

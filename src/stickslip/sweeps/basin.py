@@ -1,0 +1,438 @@
+"""Basins of attraction: which attractor each state of a section reaches.
+
+A basin is a map over initial states: every motion is followed until it has settled (:mod:`stickslip.sweeps.chunk`), and
+what is said of it is proved or certified point by point. What motions settle on is then sorted. Rest is a set, and so
+are the oscillations in which a contact sticks for good: it may do so at many places. Any other cycle is closed once by
+Newton's method, which tells its stability, and belongs to all motions that have settled on it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.equations.derive import derive
+from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.motion.outcome import Outcome
+from stickslip.motion.problem import Problem, pose
+from stickslip.motion.simulate import simulate
+from stickslip.orbits.cycles import Cycle, find_cycle
+from stickslip.orbits.equilibria import equilibria
+from stickslip.orbits.equilibrium import Equilibrium
+from stickslip.orbits.nearness import NearCycle, NearPoint
+from stickslip.orbits.stable_set import settle_friction
+from stickslip.orbits.steady import invariant_directions
+from stickslip.quantities import drift_units, quantity
+from stickslip.sweeps.measures import LACKING, certified_below, lacking
+from stickslip.sweeps.scheduler import Pool, distribute, listening
+from stickslip.system import System
+
+if TYPE_CHECKING:
+    import xarray
+
+    from stickslip.sweeps.chunk import Settings
+
+Array = np.ndarray
+Axis = tuple[float, float, int] | Sequence[float] | np.ndarray
+
+STOPPED, ON_ITS_WAY, UNDAMPED = -1, -2, -3  # labels of motions that are on no attractor
+ARRIVED = 1e-3  # distance from an attractor, relative to its size, that counts as on it
+SAME = 1e-6  # relative difference of periods, and of ranges, that is none
+LONG_ENOUGH = 6.0  # periods after which Newton's method sees that a motion repeats
+MOST = 64  # attractors
+TOGETHER = 256  # motions that are worked on at a time
+MOST_STATES = 10**7  # of a section
+
+
+@dataclass(frozen=True)
+class Attractor:
+    """Where motions end.
+
+    Attributes
+    ----------
+    kind : str
+        ``"rest"`` (every contact sticks for good and nothing moves, or an equilibrium without slip), ``"sliding"``
+        (steady), ``"oscillation"`` (every contact sticks for good, and a drive moves the rest), ``"cycle"`` or
+        ``"walking"`` (a cycle with drift).
+    state : dict of str to float
+        One of its states.
+    period, speed : float
+        0 where there is none.
+    extrema : dict of str to (float, float)
+    certified : bool
+        Whether every motion that reached it is certified, and its cycle, if it has one.
+    family : bool
+        Whether it is one of many: contacts that stick for good may do so at many places.
+    stability : str
+        Of an isolated equilibrium or of a cycle, by its eigenvalues or multipliers; empty where these say nothing.
+    cycle : Cycle or None
+        As Newton's method has closed it; None where there is none, or it did not converge.
+    """
+
+    kind: str
+    state: dict[str, float]
+    period: float = 0.0
+    speed: float = 0.0
+    extrema: dict[str, tuple[float, float]] = field(default_factory=dict)
+    certified: bool = True
+    family: bool = False
+    stability: str = ""
+    cycle: Cycle | None = None
+
+
+@dataclass(frozen=True)
+class Settled:
+    """What motions have settled on, by motion.
+
+    Attributes
+    ----------
+    outcome, lacking : arrays of int, shape (motions,)
+    time, period : arrays, shape (motions,)
+        When it is where it is, and after what time it is there again.
+    state, low, high, shift : arrays, shape (motions, n)
+    stuck : array of bool, shape (motions, contacts)
+        Contacts that stick throughout.
+    switches : array of int, shape (motions,)
+    """
+
+    outcome: Array
+    lacking: Array
+    time: Array
+    period: Array
+    state: Array
+    low: Array
+    high: Array
+    shift: Array
+    stuck: Array
+    switches: Array
+
+
+def basin(
+    system: System,
+    over: Mapping[str, Axis],
+    parameters: Mapping[str, float] | None = None,
+    *,
+    initial: Mapping[str, float] | None = None,
+    settings: Settings | None = None,
+    workers: int | None = None,
+) -> xarray.Dataset:
+    """Which attractor each state of a section of initial states reaches.
+
+    Parameters
+    ----------
+    system : System
+    over : mapping of str to (low, high, number) or 1-D array
+        The states that vary, usually two.
+    parameters : mapping of str to float, optional
+        Values that replace the defaults.
+    initial : mapping of str to float, optional
+        Of the other states; by default the declared ones. A rate-independent coordinate that friction cannot hold
+        there starts at the nearest place at which it can.
+    settings : Settings, optional
+        How a motion settles, and the accuracy.
+    workers : int, optional
+        Threads; by default all cores. The result does not depend on it.
+
+    Returns
+    -------
+    xarray.Dataset
+        One dimension for each name in `over`: ``attractor``, a code with flag_meanings; negative where a motion stopped
+        (−1), did not settle (−2) or goes on undamped (−3); and ``lacking``, what the certificate of each motion lacks.
+        Dimension ``reached``: ``kind``, ``period``, ``speed``, ``share`` of the section, ``state_…`` of one state,
+        ``low_…`` and ``high_…`` of each attractor, ``certified``, ``stability`` of a cycle, and whether it is one of a
+        ``family``.
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is wrong.
+    """
+    from stickslip.sweeps.chunk import Settings
+
+    settings = settings or Settings()
+    problem = pose(system, parameters, settings.rtol, settings.atol)
+    axes, pool = _axes(system, over), Pool("threads", workers)
+    if twice := [name for name in initial or {} if name in axes]:
+        raise DeclarationError(f"initial.{twice[0]}", "it varies along an axis", "Give it once")
+    mesh = np.meshgrid(*axes.values(), indexing="ij")
+    states = np.tile(problem.initial_state(dict(initial or {})), (mesh[0].size, 1))
+    for name, values in zip(axes, mesh, strict=True):
+        states[:, system.declaration.state.index(name)] = values.ravel()
+    settle_friction(derive(system.declaration), problem.parameters, states, system.span[0])
+    label, reached, lacks, interrupted = np.full(len(states), ON_ITS_WAY), [], np.zeros(len(states), int), False
+    blocks = [slice(i, i + TOGETHER) for i in range(0, len(states), TOGETHER)]
+    done = np.zeros(len(states), bool)
+    parts: dict[int, Settled] = {}
+    with pool, listening(pool.flag) as stop:
+        work = partial(_settle, problem, settings, states)
+        for block, part in distribute(work, blocks, pool, stop):
+            parts[block.start], done[block] = part, True
+        interrupted = stop.wished
+    if parts:
+        found = Settled(*(np.concatenate([getattr(parts[i], name) for i in sorted(parts)])
+                          for name in Settled.__dataclass_fields__))  # fmt: skip
+        census = _Census(problem, found, 0.5 * np.ptp(states, axis=0))
+        label[done], reached = census.label, census.reached
+        lacks[done] = found.lacking
+    lacks[~done] = LACKING.index("result")
+    return _dataset(system, axes, label, reached, lacks, interrupted)
+
+
+def _settle(problem: Problem, settings: Settings, states: Array, block: slice, stop: Array) -> Settled:
+    """What some motions settle on."""
+    from stickslip.sweeps.chunk import Block, Here
+
+    here = states[block]
+    table = np.tile(list(problem.parameters.values()), (len(here), 1)).reshape(len(here), -1)
+    motions = Block(problem, table, here, settings, True, shared=True)
+    observed = motions.run(Here, False, stop)
+    found, sums = motions.found, motions.found.sums
+    return Settled(
+        observed.outcome,
+        lacking(observed, certified_below(settings)),
+        motions.saved.clock[:, 0].copy(),
+        observed.duration,
+        motions.saved.y,
+        sums.low,
+        sums.high,
+        found.shift,
+        sums.stick >= sums.total[:, :1],
+        sums.switches[:, 0],
+    )
+
+
+def _axes(system: System, over: Mapping[str, Axis]) -> dict[str, Array]:
+    """Values of the states that vary."""
+    axes = {}
+    for name, given in over.items():
+        if name not in system.declaration.state:
+            raise DeclarationError(
+                f"over.{name}", "not a state of the system", f"Choose from {', '.join(system.declaration.state)}"
+            )
+        try:
+            if isinstance(given, tuple) and len(given) == 3 and isinstance(given[2], int):
+                values = np.linspace(float(given[0]), float(given[1]), min(max(given[2], 0), MOST_STATES + 1))
+            else:
+                values = np.asarray(given, dtype=float)
+        except (TypeError, ValueError):
+            values = np.zeros(0)
+        if values.ndim != 1 or len(values) < 2 or not np.all(np.diff(values) > 0.0) or not np.all(np.isfinite(values)):
+            raise DeclarationError(f"over.{name}", f"{given!r} is no range", "Give (low, high, number), number >= 2")
+        axes[name] = values
+    if not axes:
+        raise DeclarationError("over", "nothing varies", "Give ranges of one or two states")
+    if math.prod(map(len, axes.values())) > MOST_STATES:
+        raise DeclarationError("over", f"the section has more than {MOST_STATES:,} states", "Give fewer values")
+    return axes
+
+
+class _Census:
+    """Sorts what motions have settled on.
+
+    Attributes
+    ----------
+    label : array of int, shape (motions,)
+        Number of the attractor, the most often reached first, or STOPPED, ON_ITS_WAY or UNDAMPED.
+    reached : list of (Attractor, int)
+        With the number of motions.
+    """
+
+    def __init__(self, problem: Problem, found: Settled, sizes: Array) -> None:
+        self.problem, self.found, self.sizes = problem, found, sizes
+        self.equations = derive(problem.system.declaration)
+        groups = [*self._rest(), *self._steady(), *self._families(), *self._cycles()]
+        groups.sort(key=lambda group: -len(group[1]))
+        self.label = np.full(len(found.outcome), STOPPED)
+        self.label[np.isin(found.outcome, [Outcome.NOT_SETTLED.code, Outcome.PERIODIC.code])] = ON_ITS_WAY
+        self.label[found.outcome == Outcome.UNDAMPED.code] = UNDAMPED
+        for number, (_, members) in enumerate(groups):
+            self.label[members] = number
+        self.reached = [(attractor, len(members)) for attractor, members in groups]
+
+    def _of(self, outcome: Outcome) -> Array:
+        return np.flatnonzero(self.found.outcome == outcome.code)
+
+    def _rest(self) -> Iterator[tuple[Attractor, Array]]:
+        """Rest in stick, of which there is a set: one attractor."""
+        members = self._of(Outcome.AT_REST)
+        if len(members):
+            yield self._attractor("rest", members), members
+
+    def _steady(self) -> Iterator[tuple[Attractor, Array]]:
+        """Equilibria, and steady sliding."""
+        left, f = self._of(Outcome.STEADY), self.found
+        while len(left):
+            state = f.state[left[0]]
+            near = NearPoint(state, self._invariant(state), self.sizes).distance(f.state[left]) < ARRIVED
+            near[0] = True
+            slips = f.stuck.shape[1] > 0 and not np.all(f.stuck[left[0]])
+            found = self._attractor("sliding" if slips else "rest", left[near])
+            yield replace(found, stability=self._stability(state)), left[near]
+            left = left[~near]
+
+    def _stability(self, state: Array) -> str:
+        """Stability of the isolated equilibrium near a state."""
+        for e in self._equilibria:
+            near = NearPoint(np.array(list(e.state.values())), self._invariant(state), self.sizes)
+            if e.stable is not None and near.distance(state[None])[0] < ARRIVED:
+                return "stable" if e.stable else "unstable"
+        return ""
+
+    @cached_property
+    def _equilibria(self) -> list[Equilibrium]:
+        if self.equations.timed:
+            return []
+        return [e for e in equilibria(self.problem.system, self.problem.parameters) if isinstance(e, Equilibrium)]
+
+    def _invariant(self, state: Array) -> Array:
+        return invariant_directions(self.equations, self.problem.parameters, state)
+
+    def _families(self) -> Iterator[tuple[Attractor, Array]]:
+        """Cycles in which the same contacts stick for good: they come in families, of which each is one attractor."""
+        f, left = self.found, self._of(Outcome.PERIODIC)
+        left = left[np.any(f.stuck[left], axis=1)]
+        while len(left):
+            first = left[0]
+            same = np.all(f.stuck[left] == f.stuck[first], axis=1) & (f.switches[left] == f.switches[first])
+            same &= np.abs(f.period[left] - f.period[first]) <= SAME * f.period[first]
+            kind = "oscillation" if np.all(f.stuck[first]) else self._kind(first)
+            yield self._attractor(kind, left[same], family=True), left[same]
+            left = left[~same]
+
+    def _cycles(self) -> Iterator[tuple[Attractor, Array]]:
+        """Any other cycles, one after the other."""
+        f, left = self.found, self._of(Outcome.PERIODIC)
+        left = left[~np.any(f.stuck[left], axis=1)]
+        for _ in range(MOST):
+            if not len(left):
+                return
+            first = left[0]
+            cycle = self._closed(first)
+            near = np.abs(f.period[left] - f.period[first]) <= SAME * f.period[first]
+            if cycle is not None:
+                near[near] = NearCycle(cycle).distance(f.state[left[near]], f.time[left[near]]) < ARRIVED
+            else:
+                span = np.maximum(f.high[first] - f.low[first], 1e-300)
+                ends = np.maximum(np.abs(f.low[left] - f.low[first]), np.abs(f.high[left] - f.high[first]))
+                near &= np.all((ends <= SAME * span) | (f.shift[first] != 0.0), axis=1)
+            near[0] = True
+            yield self._attractor(self._kind(first), left[near], cycle=cycle), left[near]
+            left = left[~near]
+
+    def _closed(self, motion: int) -> Cycle | None:
+        """The cycle of a motion by Newton's method, if that finds the same."""
+        f, system, values = self.found, self.problem.system, self.problem.parameters
+        start, period = float(f.time[motion]), float(f.period[motion])
+        try:
+            ahead = simulate(system, (start, start + LONG_ENOUGH * period), self._named(f.state[motion]), values)
+            cycle = find_cycle(system, ahead)
+        except (ConvergenceError, DeclarationError):
+            return None
+        return cycle if abs(cycle.period - period) <= SAME * period else None
+
+    def _kind(self, motion: int) -> str:
+        return "walking" if self._speed(motion) else "cycle"
+
+    def _speed(self, motion: int) -> float:
+        """Speed of the drift (its largest component), if it is more than rounding."""
+        f = self.found
+        shift = f.shift[motion]
+        size = np.maximum(np.abs(f.low[motion]), np.abs(f.high[motion]))
+        drift = dict(zip(self.problem.system.declaration.state, shift / f.period[motion], strict=True))
+        return _along(self.problem.system, drift) if np.any(np.abs(shift) > SAME * size) else 0.0
+
+    def _attractor(self, kind: str, members: Array, family: bool = False, cycle: Cycle | None = None) -> Attractor:
+        """What is said of some motions that have settled on the same."""
+        f, first = self.found, members[0]
+        moves = kind in ("cycle", "walking", "oscillation")
+        low, high = self._named(f.low[first]), self._named(f.high[first])
+        return Attractor(
+            kind,
+            self._named(f.state[first]),
+            float(f.period[first]) if moves else 0.0,
+            self._speed(first) if kind in ("walking", "sliding") else 0.0,
+            cycle.extrema if cycle else {name: (low[name], high[name]) for name in low},
+            not np.any(f.lacking[members]) and (cycle is None or cycle.trajectory.certificate.ok),
+            family,
+            cycle.stability if cycle else "",
+            cycle,
+        )
+
+    def _named(self, state: Array) -> dict[str, float]:
+        return dict(zip(self.problem.system.declaration.state, map(float, state), strict=True))
+
+
+def _along(system: System, drift: Mapping[str, float]) -> float:
+    """Speed along the declared translation (its largest component, if none is declared)."""
+    weights = {name: w for name, w in system.translation.items() if w}
+    speeds = [drift[name] / weights[name] for name in weights if name in drift] or list(drift.values())
+    return float(max(speeds, key=abs, default=0.0))
+
+
+def _dataset(
+    system: System,
+    axes: Mapping[str, Array],
+    label: Array,
+    found: Sequence[tuple[Attractor, int]],
+    lacks: Array,
+    interrupted: bool,
+) -> xarray.Dataset:
+    """The map and the table of what was reached, the largest basin first."""
+    import xarray as xr
+
+    reached = [attractor for attractor, _ in found]
+    names = [_title(a, reached) for a in reached]
+    codes = [UNDAMPED, ON_ITS_WAY, STOPPED, *range(len(reached))]
+    flags = {
+        "long_name": "attractor reached",
+        "flag_values": np.array(codes, np.int8),
+        "flag_meanings": " ".join(["undamped", "not_settled", "stopped", *names]),
+    }
+    lacked = {
+        "long_name": "what the certificate lacks",
+        "flag_values": np.arange(len(LACKING), dtype=np.int8),
+        "flag_meanings": " ".join(text.replace(" ", "_") for text in LACKING),
+    }
+    shape = tuple(map(len, axes.values()))
+    data: dict[str, object] = {
+        "attractor": (tuple(axes), label.astype(np.int8).reshape(shape), flags),
+        "lacking": (tuple(axes), lacks.astype(np.int8).reshape(shape), lacked),
+    }
+    per = {
+        "kind": [a.kind for a in reached],
+        "period": [a.period for a in reached],
+        "speed": [a.speed for a in reached],
+        "share": [count / len(label) for _, count in found],
+        "certified": [a.certified for a in reached],
+        "stability": [a.stability for a in reached],
+        "family": [a.family for a in reached],
+    }
+    for name in system.declaration.state:
+        per[f"state_{name}"] = [a.state[name] for a in reached]
+        for side, prefix in enumerate(("low", "high")):
+            per[f"{prefix}_{name}"] = [a.extrema[name][side] for a in reached]
+    data |= {name: ("reached", np.array(values), _attributes(system, name)) for name, values in per.items()}
+    coordinates = {name: (name, values, quantity(system, name)) for name, values in axes.items()}
+    attrs = {"title": system.title or system.name, "source": system.source, "interrupted": int(interrupted)}
+    return xr.Dataset(data, {**coordinates, "reached": names}, attrs)
+
+
+def _attributes(system: System, name: str) -> dict[str, str]:
+    """Units of a column of the table, where it has some."""
+    kind, _, state = name.partition("_")
+    if name == "period":
+        return {"units": system.time_unit or "1"}
+    if name == "speed":
+        return {"units": drift_units(system, system.translation)[1]}
+    return {"units": quantity(system, state)["units"]} if kind in ("state", "low", "high") else {}
+
+
+def _title(attractor: Attractor, reached: Sequence[Attractor]) -> str:
+    """Its kind, with a number if there are several."""
+    same = [a for a in reached if a.kind == attractor.kind]
+    return attractor.kind if len(same) == 1 else f"{attractor.kind}_{same.index(attractor) + 1}"
