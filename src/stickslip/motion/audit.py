@@ -73,7 +73,7 @@ class Tally(NamedTuple):
     ----------
     state : array, shape (4, n)
         Largest modulus of each component; by how much the terms of its rate would change it within a piece; largest
-        defect of a step; largest rounding error of a step.
+        defect of a Taylor step; largest rounding error of one.
     law : array, shape (contacts, 7)
         Largest |λ| − s, |λ + σs| of what slides without mass, |u| in stick, −σu in slip; largest force, relative
         velocity, and velocity that the forces in stick hold back.
@@ -103,9 +103,9 @@ class Steps(NamedTuple):
     work : array, shape (steps, 2)
         Dissipated and supplied energy.
     gap : array, shape (steps, n)
-        Bound of how far the end of the step is from what the equations make of its beginning.
+        Bound of how far the end of a Taylor step in it is from what the equations make of its beginning; used up.
     noise : array, shape (steps, n)
-        Rounding errors of that.
+        Rounding errors of that; used up.
     open : array, shape (steps,)
         Time that could not be enclosed.
     """
@@ -166,7 +166,7 @@ def audit_steps(
         copy(knot_mode[i], mode)
         copy(knot_region[i], reg)
         resolve(rows.sizes, k, space, mode)
-        base, last, pieces = knot_time[i], 0.0, 0
+        base, last, pieces, whole = knot_time[i], 0.0, 0, 0.0
         copy(knot_state[i], start)
         while left > 0.0:
             order, h = expand(jets, rows, k, space, N, base, start, mode, reg, left, last, tol, atol, seen)
@@ -174,6 +174,9 @@ def audit_steps(
             if not h > 0.0:
                 h = left  # nothing here is a number, which the nodes will show
             if check:
+                if not whole > 0.0:  # a closed form may last for many Taylor steps, each of which counts by itself
+                    whole = h
+                    count_gaps(i, steps, tally)
                 longest = h
                 between = enclose(rows, k, space, mode, reg, order, h, tally)
                 while not between < np.inf and pieces < MOST_PIECES:
@@ -184,7 +187,7 @@ def audit_steps(
             measure_piece(jets, powers, rows, k, space, order, base, h, mode, reg, between, check, i, steps, tally)
             for r in range(n):
                 start[r] = horner(W[r], order, h / W[n, 1])
-            base, left, last, pieces = base + h, left - h, h, pieces + 1
+            base, left, whole, last, pieces = base + h, left - h, whole - h, h, pieces + 1
         if check:
             close_step(rows, space, mode, knot_state[i], end_state[i], i, steps, tally)
 
@@ -208,17 +211,18 @@ def enclose(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, N: 
     -----
     The discs of all rows are left in the work space.
     """
+    p, n, powers = rows.program, rows.sizes[0], space.reaches
+    unit = space.W[n, 1]
+    fill_powers(space.powers, h / unit)
     for turn in range(2):
         radius, factor = (4.0 * h, WIDE) if turn == 0 else (2.0 * h, NARROW)
-        p, n, powers = rows.program, rows.sizes[0], space.reaches
-        unit = space.W[n, 1]
         fill_powers(powers, radius / unit)
         space.discs[n, 0], space.discs[n, 1] = radius, 0.0
         spread_state(space.W, N, powers, rows.watched[:n], space.discs)
         spread(p, k.K, space, mode, reg, 0, len(p.code))
         for r in range(n):
             space.discs[r, 3] = slopes(space.W[r], N, powers) / unit
-        if encloses(rows, space, mode, h, factor, tally):
+        if encloses(rows, space, N, h, factor, tally):
             return factor
     return np.inf
 
@@ -252,29 +256,34 @@ def residual_strays(rows: Rows, discs: Array, r: int, factor: float) -> float:
 
 
 @njit(**OPTIONS)
-def encloses(rows: Rows, space: Space, mode: Array, h: float, factor: float, tally: Tally) -> bool:
+def extent(c: Array, N: int, powers: Array) -> float:
+    """Largest term of a polynomial: its size on a piece, even if it begins with zeros."""
+    size = LEAST
+    for k in range(N + 1):
+        size = max(size, abs(c[k]) * powers[k])
+    return size
+
+
+@njit(**OPTIONS)
+def encloses(rows: Rows, space: Space, N: int, h: float, factor: float, tally: Tally) -> bool:
     """Whether what may be between the nodes of a piece is negligible."""
-    n, nc, mag, discs, W = rows.sizes[0], len(rows.u), space.mag, space.discs, space.W
+    n, nc, mag, discs, W, powers = rows.sizes[0], len(rows.u), space.mag, space.discs, space.W, space.powers
     for r in range(n):
-        size = (
-            LEAST
-            + max(abs(W[r, 0]), tally.state[0, r])
-            + abs(W[r, 1]) * (h / W[n, 1])
-            + REST * impulse(rows, mag, r, h)
-        )
+        size = max(extent(W[r], N, powers), tally.state[0, r]) + REST * impulse(rows, mag, r, h)
         if not h * residual_strays(rows, discs, r, factor) <= NEGLIGIBLE * size:
             return False
     for c in range(nc):
-        force = LEAST + max(mag[2 * nc + c], tally.law[c, 4])
-        speed = LEAST + max(mag[c], tally.law[c, 5]) + REST * h * mag[nc + c]
-        bad = not strays(discs[rows.u[c]], factor) <= NEGLIGIBLE * speed
-        for row in (rows.force[c], rows.plus[c], rows.minus[c]):
-            bad = bad or not strays(discs[row], factor) <= NEGLIGIBLE * force
-        if bad:
+        acting, held = rows.force[c], max(mag[2 * nc + c], tally.law[c, 4])
+        speed = max(extent(W[rows.u[c]], N, powers), mag[c], tally.law[c, 5]) + REST * h * mag[nc + c]
+        if not strays(discs[rows.u[c]], factor) <= NEGLIGIBLE * speed:
             return False
+        for row in (acting, rows.plus[c], rows.minus[c]):
+            if not strays(discs[row], factor) <= NEGLIGIBLE * max(extent(W[row], N - 1, powers), held):
+                return False
     for j in range(len(rows.kinks)):
-        size = LEAST + max(mag[3 * nc + j], tally.kinks[j, 1])
-        if not strays(discs[rows.kinks[j]], factor) <= NEGLIGIBLE * size:
+        row = rows.kinks[j]
+        size = max(extent(W[row], N - 1, powers), mag[3 * nc + j], tally.kinks[j, 1])
+        if not strays(discs[row], factor) <= NEGLIGIBLE * size:
             return False
     return True
 
@@ -376,7 +385,8 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
     """By how much guards fail on a piece, at the nodes and between them."""
     n, nc, mag, discs, samples, law = rows.sizes[0], len(rows.u), space.mag, space.discs, space.samples, tally.law
     for c in range(nc):
-        row, rounding, loose, tight = n + 3 * c, 64.0 * EPSILON * mag[c], 0.0, 0.0
+        row, loose, tight = n + 3 * c, 0.0, 0.0
+        rounding, unsure = 64.0 * EPSILON * mag[c], 64.0 * EPSILON * mag[2 * nc + c]
         if factor < np.inf:
             loose = strays(discs[rows.force[c]], factor)
             loose += max(strays(discs[rows.plus[c]], factor), strays(discs[rows.minus[c]], factor))
@@ -384,12 +394,12 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
         if mode[c] == 0:
             for part in range(2):
                 low = least(samples[row + part], space.bernstein, 1e-2 * NEGLIGIBLE * law[c, 4])
-                law[c, 0] = most(law[c, 0], loose - low)
+                law[c, 0] = most(law[c, 0], loose - low - unsure)
             law[c, 2] = most(law[c, 2], largest_of(samples[row + 2]) + tight - rounding)
         else:
             law[c, 3] = most(law[c, 3], tight - rounding - least(samples[row], space.bernstein, rounding))
             if c >= rows.sizes[5] + rows.sizes[6]:
-                law[c, 1] = most(law[c, 1], largest_of(samples[row + 2]) + loose)
+                law[c, 1] = most(law[c, 1], largest_of(samples[row + 2]) + loose - unsure)
     for j in range(len(rows.kinks)):
         between = strays(discs[rows.kinks[j]], factor) if factor < np.inf else 0.0
         negligible = 1e-2 * NEGLIGIBLE * tally.kinks[j, 1]
@@ -458,10 +468,18 @@ def close_step(
                     off -= 64.0 * EPSILON * abs(space.B[r - 2 * nq - nz, j]) * space.mag[2 * nc + c]
         steps.gap[i, r] += max(off, 0.0) if off == off else np.inf
         tally.state[0, r] = most(most(tally.state[0, r], abs(first[r])), abs(end[r]))
+    count_gaps(i, steps, tally)
+    tally.total[2] += steps.open[i]
+
+
+@njit(**OPTIONS)
+def count_gaps(i: int, steps: Steps, tally: Tally) -> None:
+    """Keep the gap and the rounding errors of a Taylor step, and begin the next with none."""
+    for r in range(steps.gap.shape[1]):
         tally.state[2, r] = most(tally.state[2, r], steps.gap[i, r])
         tally.state[3, r] = most(tally.state[3, r], steps.noise[i, r])
         tally.total[1] += steps.noise[i, r]
-    tally.total[2] += steps.open[i]
+        steps.gap[i, r], steps.noise[i, r] = 0.0, 0.0
 
 
 @njit(**OPTIONS)

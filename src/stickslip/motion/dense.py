@@ -49,7 +49,7 @@ def sample(
     sizes, W, A, B, mag, n = rows.sizes, space.W, space.A, space.B, space.mag, rows.sizes[0]
     V, y, z, power = np.zeros((len(W), 2)), np.zeros(n), np.zeros(n), np.zeros(3)
     mode, reg = np.zeros(knot_mode.shape[1], np.int64), np.zeros(knot_region.shape[1], np.int64)
-    last, base, h, order, known = -1, 0.0, 0.0, N, False
+    last, base, h, order, known, final = -1, 0.0, 0.0, N, False, len(knot_time) - 1
     for i in range(len(times)):
         knot = index[i]
         if knot != last or times[i] < base:
@@ -59,15 +59,14 @@ def sample(
             copy(knot_state[knot], y)
             resolve(sizes, k, space, mode)
             known = False
-        left = times[i] - base
-        if left > 0.0 and not known:  # at the knot itself no series is needed
+        left = knot_time[min(knot + 1, final)] - base  # the coefficients have to suit what is left of the step
+        if times[i] > base and not known:  # at the knot itself no series is needed
             order, h = expand(jets, rows, k, space, N, float(base), y, mode, reg, left, 0.0, tol, atol, seen)
             known = True
         while known and times[i] - base > h:
             for r in range(n):
                 y[r] = horner(W[r], order, h / W[n, 1])
-            base += h
-            left = times[i] - base
+            base, left = base + h, left - h
             order, h = expand(jets, rows, k, space, N, base, y, mode, reg, left, h, tol, atol, seen)
             h = max(h, 1e-12 * left)
         for r in range(n):
