@@ -136,6 +136,18 @@ class Constants:
                 others.append((term, c))
         return constant, rate, others
 
+    def phase(self, x: Expr) -> tuple[Expr, Expr, list[tuple[Expr, float]]] | None:
+        """A phase as a sum, without the whole turns up to the origin: so it is as exact late as early.
+
+        None where time does not enter so.
+        """
+        line = self.affine_in_time(x)
+        constant, rate, others = self.split(x) if x.op == "sum" else (*(line or (ex.ZERO, ex.ZERO))[::-1], [])
+        if rate is ex.ZERO:
+            return None
+        turned = 2.0 * ex.call("atan", ex.call("tan", rate * ex.sym(ORIGIN) / 2.0))
+        return ex.substitute(constant, {ORIGIN: ex.ZERO}) + turned, rate, others
+
     def source(self) -> list[str]:
         """Body that fills K from the parameter vector p."""
         names = {name: f"p[{i}]" for i, name in enumerate(self.parameters)}
@@ -209,13 +221,22 @@ def _scalar(e: Expr, v: Callable[[Expr], str], regions: Mapping[Expr, str] | Non
             test = f"{regions[guard]} == 1" if regions is not None else f"{v(guard)} >= 0.0"
             return f"{v(above)} if {test} else {v(below)}"
         case _:
-            return f"{'math.' if e.op not in ('exp', 'log') else 'safe_'}{e.op}({v(e.args[0])})"
+            phase = constants.phase(e.args[0]) if constants is not None and e.op in ("sin", "cos") else None
+            inside = (
+                v(e.args[0]) if constants is None or phase is None else " + ".join(_scalar_line(*phase, v, constants))
+            )
+            return f"{'math.' if e.op not in ('exp', 'log') else 'safe_'}{e.op}({inside})"
 
 
 def _scalar_terms(e: Expr, v: Callable[[Expr], str], constants: Constants | None) -> list[str]:
     if constants is None:
         return [literal(float(e.value)), *(f"{literal(c)}*{v(term)}" for term, c in e.terms)]
-    constant, rate, others = constants.split(e)
+    return _scalar_line(*constants.split(e), v, constants)
+
+
+def _scalar_line(
+    constant: Expr, rate: Expr, others: list[tuple[Expr, float]], v: Callable[[Expr], str], constants: Constants
+) -> list[str]:
     moving = [f"{constants.code(rate)}*t"] if rate is not ex.ZERO else []
     return [constants.code(constant), *moving, *(f"{literal(c)}*{v(term)}" for term, c in others)]
 
@@ -429,7 +450,7 @@ class Tape:
 
     def _function(self, e: Expr) -> int:
         (x,) = e.args
-        a = self.row(x)
+        a = self._phase(x) if e.op in ("sin", "cos") else self.row(x)
         match e.op:
             case "sin" | "cos" | "sinh" | "cosh":
                 return self._pair(e.op, x, a)
@@ -446,6 +467,16 @@ class Tape:
             case "tanh":
                 return self.operation(Op.TANH, a, outputs=2)
         raise NotImplementedError(e.op)
+
+    def _phase(self, x: Expr) -> int:
+        """Row of a phase."""
+        split = self.constants.phase(x)
+        if split is None:
+            return self.row(x)
+        constant, rate, others = split
+        scaled = [(c, self.lower(term)) for term, c in others]
+        parts = [Scaled(rate, self.names["t"]), *(Scaled(c * part.factor, part.row) for c, part in scaled)]
+        return self.assign(parts, None, constant)
 
     def _pair(self, name: str, x: Expr, a: int) -> int:
         """Row of a (hyperbolic) sine or cosine; both are made together."""

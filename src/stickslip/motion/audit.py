@@ -25,7 +25,7 @@ from stickslip.motion.kernel import EPSILON, INLINED, JETS, OPTIONS, POWERS, Con
 from stickslip.motion.kernel import NODES as COUNT
 from stickslip.motion.modes import copy, resolve
 from stickslip.motion.roots import horner
-from stickslip.motion.steps import LEAST, expand, fill_powers
+from stickslip.motion.steps import LEAST, expand, fill_powers, impulse
 
 Array = np.ndarray
 
@@ -138,6 +138,7 @@ def audit_steps(
     knot_region: Array,
     ends: Array,
     end_state: Array,
+    end_region: Array,
     check: bool,
     steps: Steps,
     tally: Tally,
@@ -148,8 +149,8 @@ def audit_steps(
     ----------
     seen : array
         Sizes of the rows that bound the steps; see :class:`stickslip.motion.kernel.Lane`.
-    ends, end_state : arrays, shapes (steps,) and (steps, n)
-        Where each step ends.
+    ends, end_state, end_region : arrays, shapes (steps,), (steps, n) and (steps, kinks)
+        Where each step ends, and the regions that begin there.
     check : bool
         Whether more than the work is wanted.
     steps : Steps
@@ -190,6 +191,24 @@ def audit_steps(
             base, left, whole, last, pieces = base + h, left - h, whole - h, h, pieces + 1
         if check:
             close_step(rows, space, mode, knot_state[i], end_state[i], i, steps, tally)
+            for j in range(len(rows.timed)):
+                if rows.timed[j] == 1 and end_region[i, j] != reg[j]:
+                    # A load that jumps at a time does work on what is at rest, too.
+                    before = energy_in(jets, powers, rows, k, space, ends[i], end_state[i], mode, reg)
+                    reg[j] = end_region[i, j]
+                    jump = energy_in(jets, powers, rows, k, space, ends[i], end_state[i], mode, reg) - before
+                    steps.work[i, 1] += jump
+                    tally.total[0] += abs(jump)
+
+
+@njit(**OPTIONS)
+def energy_in(
+    jets: JETS, powers: POWERS, rows: Rows, k: Constants, space: Space, t: float, y: Array, mode: Array, reg: Array
+) -> float:
+    """Energy of a state in given regions."""
+    jets(t, y, mode, reg, k.K, space.Rq, space.Rz, 1, space.V, space.A, space.B, space.mag)
+    powers(space.V, reg, k.K, space.powers)
+    return float(space.powers[0])
 
 
 @njit(**OPTIONS)
@@ -225,13 +244,6 @@ def enclose(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, N: 
         if encloses(rows, space, N, h, factor, tally):
             return factor
     return np.inf
-
-
-@njit(**OPTIONS)
-def impulse(rows: Rows, mag: Array, r: int, h: float) -> float:
-    """By how much the terms of its rate, if none cancelled, would change a part of the state within a time."""
-    sizes, nq = rows.program.rate_sizes, rows.sizes[1]
-    return float(h * mag[sizes[r]] if sizes[r] >= 0 else h * h * mag[sizes[r + nq]])
 
 
 @njit(**OPTIONS, fastmath={"reassoc", "contract", "nsz"})

@@ -106,7 +106,7 @@ def integrate(
         while code < 0:
             if flying:
                 code, count = fly_on(
-                    forms, g, slots, flight, rows.drops, k.omega, lane, end, max_events, recording, record, count
+                    forms, g, slots, flight, rows, k.omega, lane, end, max_events, recording, record, count
                 )
             if code < 0:
                 code, count = step_on(
@@ -143,7 +143,7 @@ def integrate_affine(
         g = group[i]
         lane = lane_of(lanes, i)
         code, count = fly_on(
-            forms, g, slots, flight, rows.drops, constants.omega[g], lane, end, max_events, recording, record, count
+            forms, g, slots, flight, rows, constants.omega[g], lane, end, max_events, recording, record, count
         )
         codes[i] = code if code >= 0 else STEPS
     return count
@@ -241,7 +241,7 @@ def step_on(
         if forbidden >= 0:
             return (NEGATIVE if rows.doubtful[forbidden, 1] < 0 else INADMISSIBLE), count
         if which >= 0:
-            return fire(which, lane, nk, rows.drops, max_events), count
+            return fire(which, lane, rows, max_events), count
 
 
 @njit(**INLINED)
@@ -261,7 +261,7 @@ def fly_on(
     g: int,
     slots: int,
     flight: Flight,
-    drops: Array,
+    rows: Rows,
     omega: Array,
     lane: Lane,
     end: float,
@@ -278,7 +278,7 @@ def fly_on(
         Outcome code, FULL, NEED if the closed form of the present mode is to be made, or −1 where Taylor steps go on.
     """
     clock, y, mode, reg, counters = lane.clock, lane.y, lane.mode, lane.reg, lane.counters
-    nc, nk, several = len(mode), len(reg), total(drops) > 1
+    nc, nk, drops, several = len(mode), len(reg), rows.drops, total(rows.drops) > 1
     while True:
         if recording and count == len(record.time):
             return FULL, count
@@ -324,7 +324,7 @@ def fly_on(
             continue
         if T.switch[slot, guard] >= nk + 2 * nc:
             return -1, count
-        code = fire(T.switch[slot, guard], lane, nk, drops, max_events)
+        code = fire(T.switch[slot, guard], lane, rows, max_events)
         if code >= 0:
             return code, count
 
@@ -355,10 +355,12 @@ def note(lane: Lane, recording: bool, record: Record, count: int) -> int:
 
 
 @njit(**INLINED)
-def fire(guard: int, lane: Lane, nk: int, drops: Array, max_events: int) -> int:
+def fire(guard: int, lane: Lane, rows: Rows, max_events: int) -> int:
     """Count an event and give its switch the other state; an outcome code if the motion ends here, else −1."""
-    clock, counters = lane.clock, lane.counters
-    fired = flip(guard, lane.mode, lane.reg, nk, drops)
+    clock, counters, nk = lane.clock, lane.counters, len(rows.kinks)
+    fired = flip(guard, lane.mode, lane.reg, nk, rows.drops)
+    if fired < nk and rows.vanishing[fired] >= 0:
+        lane.y[rows.vanishing[fired]] = 0.0
     counters[2] = fired
     counters[0] += 1
     counters[3] += 1 if fired < nk else 0

@@ -7,6 +7,7 @@ from numba import njit
 
 from stickslip.motion.kernel import DOUBTFUL, FIRED, INLINED, NOWHERE, OPTIONS, ROUNDING, ZERO, Rows, Space
 from stickslip.motion.roots import first_crossing
+from stickslip.motion.steps import impulse
 
 Array = np.ndarray
 
@@ -95,6 +96,8 @@ def scan(
         if g < nk:
             row, sign = rows.kinks[g], 1.0 if reg[g] == 1 else -1.0
             size0, size1 = mag[3 * nc + g], abs(W[row, 1])
+            if rows.vanishing[g] >= 0 and powers[1] > 0.0:
+                size1 += impulse(rows, mag, rows.vanishing[g], unit * powers[1]) / powers[1]
         elif g >= nk + 2 * nc:
             row, i, side = rows.doubtful[g - nk - 2 * nc]
             if i >= 0 and mode[i] * side <= 0:

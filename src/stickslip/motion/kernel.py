@@ -87,6 +87,10 @@ class Rows(NamedTuple):
     doubtful : array of int, shape (·, 3)
         Rows that may become negative, though they must not; the contact and the direction in which it slips then
         (−1, 0: always).
+    timed : array of int
+        1 for each kink that comes at a time, whatever the state.
+    vanishing : array of int
+        Part of the state that is zero where a kink is, −1 for other kinks: there powers of it have few derivatives.
     drops : array of int
         1 for each contact whose sliding force is not its threshold.
     program : Program
@@ -102,6 +106,8 @@ class Rows(NamedTuple):
     watched: Array
     noise: Array
     doubtful: Array
+    timed: Array
+    vanishing: Array
     drops: Array
     program: Program
 

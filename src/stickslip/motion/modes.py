@@ -19,6 +19,7 @@ from stickslip.equations.series import invert
 from stickslip.motion.guards import scan
 from stickslip.motion.kernel import (
     ASTRAY,
+    FIRED,
     INLINED,
     JETS,
     NAN,
@@ -340,6 +341,10 @@ def settle(
         first = promised > 0.0 and pivots == 1 and status != SINGULAR
         if first and not keeps(rows, space.W, space.mag, space.promise[0], y, lane.seen, promised, 1e4 * tol, atol):
             return ASTRAY, 0.0, 0
+        # A formula may end where its region ends.
+        lost = status in (NAN, OVERFLOW) and total == 0 and pivots <= nk + 1
+        if lost and set_regions(rows, space.W, space.mag, reg):
+            continue
         if status == NAN:
             return NAN, 0.0, 0
         if status == OK:
@@ -389,6 +394,17 @@ def settle(
                 break
     copy(space.y0, y)
     return SINGULAR, 0.0, 0
+
+
+@njit(**OPTIONS)
+def set_regions(rows: Rows, W: Array, mag: Array, reg: Array) -> bool:
+    """Put kinks onto the sides where their guards clearly are; whether one was not."""
+    changed = False
+    for j in range(len(reg)):
+        value, unsure = W[rows.kinks[j], 0], FIRED * mag[3 * len(rows.u) + j]
+        if (value < -unsure and reg[j] == 1) or (value > unsure and reg[j] == 0):
+            reg[j], changed = 1 - reg[j], True
+    return changed
 
 
 @njit(**OPTIONS)

@@ -133,6 +133,8 @@ class Problem:
             watched,
             np.array(list(noise.values()), dtype=np.int64),
             self._doubtful(),
+            np.array([not guard.symbols & {*layout.state} for guard in self.compiled.equations.kinks], dtype=np.int64),
+            self._vanishing(),
             np.array([any(i == c for i, *_ in layout.kinetic) for c in range(len(u))], dtype=np.int64),
             pack(layout),
         )
@@ -147,6 +149,16 @@ class Problem:
         others |= {row: c for c, row in enumerate(layout.u)}
         others |= {row: 3 * contacts + j for j, row in enumerate(layout.kinks[:kinks])}
         return noise | {row: others[row] for row in sorted(others) if row >= n}
+
+    def _vanishing(self) -> Array:
+        """The part of the state that is zero where a kink is, −1 where it is more than that."""
+        equations, state = self.compiled.equations, self.compiled.layout.state
+        found = []
+        for guard in equations.kinks:
+            (name, *others) = sorted(guard.symbols & {*state, "t"}) or [""]
+            alone = not others and name in state and ex.substitute(guard, {name: ex.ZERO}) is ex.ZERO
+            found.append(state.index(name) if alone and not ex.derivative(guard, name).symbols & {name} else -1)
+        return np.array(found, dtype=np.int64)
 
     def _doubtful(self) -> Array:
         """Rows of thresholds that are not nonnegative for every state, and of kinetic laws that may be inadmissible."""

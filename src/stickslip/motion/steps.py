@@ -22,6 +22,7 @@ SHORT, LONG = 2.0**-30, 2.0**10  # steps, in units of time of the coefficients
 COARSER = 2.0**-16  # of a unit of time in which coefficients overflow
 MOST_UNITS = 60  # that are tried
 MOST_CUTS = 1100  # halvings from the largest number to nothing
+DENSE = 6  # lowest order of a last term that tells how fast the terms of a row fall
 LOOSE = 1e-3  # part of its size that may be hidden in a row
 
 
@@ -36,9 +37,10 @@ def step_size(
     N; the others to order N − 1.
     """
     unit = W[n, 1]
-    top, middle, low, h = 0.0, 0.0, 0.0, np.inf
+    top, middle, low, h, gap = 0.0, 0.0, 0.0, np.inf, False
     for i in range(len(rows)):
         r = rows[i]
+        gap = gap or (W[r, N - 1] == 0.0 and (W[r, N] if i < n else W[r, N - 2]) == 0.0)
         value = abs(W[r, 0])
         size = LEAST + value + abs(W[r, 1]) * (last / unit) + atol * max(value, seen[i])
         if noise[i] >= 0:
@@ -62,7 +64,27 @@ def step_size(
         h, edge = (tol / middle) ** (1.0 / (N - 1)), middle
     if top * h > edge:
         h = (tol / top) ** (1.0 / N)
+    if gap:
+        for i in range(len(rows)):
+            h = min(h, sparse_step(W[rows[i]], N if i < n else N - 1, tol))
     return h * unit
+
+
+@njit(**OPTIONS)
+def sparse_step(c: Array, N: int, tol: float) -> float:
+    """Step of a row whose last terms vanish, because of a symmetry or as those of a polynomial.
+
+    The last term that there is tells, beside the first, how fast they fall. A polynomial of a low degree leaves out
+    nothing.
+    """
+    j, k = 0, N
+    while k >= DENSE and c[k] == 0.0:
+        k -= 1
+    if k < DENSE or k > N - 2:
+        return np.inf
+    while j < k and c[j] == 0.0:
+        j += 1
+    return float(abs(c[j] / c[k]) ** (1.0 / (k - j)) * tol ** (1.0 / N)) if j < k else np.inf
 
 
 @njit(**OPTIONS)
@@ -75,6 +97,13 @@ def first_step(c: Array, N: int, tol: float) -> float:
         if c[k] != 0.0 and c[j] != 0.0 and k > j:
             h = min(h, abs(c[j] / c[k] * tol) ** (1.0 / (k - j)))
     return h
+
+
+@njit(**OPTIONS)
+def impulse(rows: Rows, mag: Array, r: int, h: float) -> float:
+    """By how much the terms of its rate, if none cancelled, would change a part of the state within a time."""
+    sizes, nq = rows.program.rate_sizes, rows.sizes[1]
+    return float(h * mag[sizes[r]] if sizes[r] >= 0 else h * h * mag[sizes[r + nq]])
 
 
 @njit(**OPTIONS)

@@ -228,6 +228,7 @@ class Trajectory:
             k.region[index],
             ends,
             k.state[1:] if tally is not None else states,
+            k.region[1:] if tally is not None else k.region[index],
             tally is not None,
             steps,
             audit.make_tally(p.rows) if tally is None else tally,
