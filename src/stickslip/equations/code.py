@@ -25,7 +25,7 @@ from stickslip.equations.printer import printed
 from stickslip.equations.tape import ORIGIN, Constants, Instruction, Op, Scaled, Tape, literal, scalar_code
 from stickslip.expressions import Expr
 
-GENERATOR = 8  # raise when generated code changes: part of the key of the cache
+GENERATOR = 9  # raise when generated code changes: part of the key of the cache
 ORDERS = (8, 12, 16, 20, 24)  # that a Taylor series may have
 HEADER = '''"""Generated from a declaration; do not edit."""
 import math

@@ -213,9 +213,9 @@ def _scalar(e: Expr, v: Callable[[Expr], str], regions: Mapping[Expr, str] | Non
         case "sum":
             return " + ".join(_scalar_terms(e, v, constants))
         case "prod":
-            return "*".join(_scalar_power(v(base), p) for base, p in e.terms)
+            return "*".join(_scalar_power(base, p, v, constants) for base, p in e.terms)
         case "pow":
-            return f"real_power({v(e.args[0])}, {v(e.args[1])})"
+            return _scalar_real_power(e.args[0], v(e.args[1]), v, constants)
         case "select":
             guard, above, below = e.args
             test = f"{regions[guard]} == 1" if regions is not None else f"{v(guard)} >= 0.0"
@@ -241,14 +241,30 @@ def _scalar_line(
     return [constants.code(constant), *moving, *(f"{literal(c)}*{v(term)}" for term, c in others)]
 
 
-def _scalar_power(base: str, p: float) -> str:
+def _scalar_power(base: Expr, p: float, v: Callable[[Expr], str], constants: Constants | None) -> str:
     if p == 1.0:
-        return base
+        return v(base)
     if p == 2.0:
-        return f"{base}*{base}"
+        return f"{v(base)}*{v(base)}"
     if p == -1.0:
-        return f"reciprocal({base})"
-    return f"real_power({base}, {literal(p)})"
+        return f"reciprocal({v(base)})"
+    return _scalar_real_power(base, literal(p), v, constants)
+
+
+def _scalar_real_power(base: Expr, p: str, v: Callable[[Expr], str], constants: Constants | None) -> str:
+    """A power, of a base that may be zero up to rounding where the engine's clock runs."""
+    if constants is None:
+        return f"real_power({v(base)}, {p})"
+    return f"first_power({v(base)}, {p}, {_scalar_size(base, v, constants)})"
+
+
+def _scalar_size(e: Expr, v: Callable[[Expr], str], constants: Constants) -> str:
+    """Sum of the moduli of the terms of an expression, whatever the region; 0 if it is one term."""
+    if e.op == "sum":
+        return " + ".join(f"abs({term})" for term in _scalar_terms(e, v, constants))
+    if e.op == "select":
+        return " + ".join(_scalar_size(part, v, constants) for part in e.args[1:])
+    return "0.0"
 
 
 class Tape:

@@ -1,8 +1,8 @@
 """Which modes are affine, and their closed forms: all that are asked for at a time, stacked.
 
-Within one mode and region the vector field and the guards are analytic, so probing them at a few states and times
-decides: if random points agree with the affine prediction to rounding, they are affine. Time may enter as 1, t,
-cos ωt and sin ωt with the frequencies of the declaration. A mode whose eigenvectors are nearly dependent, or that is
+The tape proves which modes are affine (:mod:`stickslip.motion.structure`); probing them at a few states and times then
+gives their matrices, and a few more points tell whether rounding spoils them. Time may enter as 1, t, cos ωt and sin ωt
+with the frequencies of the declaration. A mode whose eigenvectors are nearly dependent, or that is
 near resonance, is left to the Taylor steps, which need no such structure.
 """
 
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 Array = Any  # of floats, integers or complex numbers
 
-PROBE = 65536.0  # large, so that constants do not drown the slopes; a power of 2, so that scaling is exact
+PROBE = 2.0**200  # so large that constants do not drown the slopes, in whatever unit; scaling with it is exact
+AGES = 2.0**100  # likewise for slopes in time, where there are no waves
 CONDITION = 1e4
 SLOW = 1e-6  # smallest eigenvalue, relative to the largest, that may be divided by
 
@@ -206,15 +207,16 @@ def linearise(problem: Problem, constants: Constants, group: Array, mode: Array,
     sizes, layout, omega = problem.rows.sizes, problem.compiled.layout, constants.omega[group]
     count, n, nc, nk, ne = len(group), int(sizes[0]), len(layout.u), len(layout.kinks), 2 + 2 * omega.shape[1]
     # Many times spread over slow and fast periods keep the fit of the drives well conditioned.
-    window = 6.0 * np.pi / np.min(omega, axis=1, initial=1.0)
+    slowest = np.min(np.where(omega > 0.0, omega, np.inf), axis=1, initial=np.inf)
+    window = np.where(slowest < np.inf, 6.0 * np.pi / slowest, AGES)
     spread = [(0.6180339887498949 * k) % 1.0 for k in range(1, 6 * ne)] if layout.timed else []
     d = 1 + len(spread)
     later = np.array([0.0, *spread]) * window[:, None]
     checks = np.array(
         [[np.cos(2.3 * i + 1.7 * k + 0.4) * (1.0, 1.0, 37.0, 37.0)[k] for i in range(n)] for k in range(4)]
     ).reshape(4, n)
-    checked = np.array([(1.9 * k + 0.13) * layout.timed for k in range(4)])
-    times = np.hstack([later, np.zeros((count, n)), np.tile(checked, (count, 1))])
+    checked = np.array([(0.1 * k + 0.007) * layout.timed for k in range(4)])
+    times = np.hstack([later, np.zeros((count, n)), checked * window[:, None]])
     states = np.vstack([np.zeros((d, n)), PROBE * np.eye(n), checks])
     out = np.zeros((count, len(states), n + 4 * nc + nk + len(problem.rows.doubtful)))
     hold, found = np.zeros((count, max(nc, 1), int(sizes[1]) + 1)), np.zeros(count, np.bool_)
