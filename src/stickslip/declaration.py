@@ -296,10 +296,14 @@ class _Reader:
                 self._check_drag(name, result.drags[name])
 
     def _check_drag(self, name: str, drag: Expr) -> None:
+        from stickslip.enclosures import bounds
+
         values = self._initial_values()
         for v in (-10.0, -1.0, -0.1, -1e-3, 1e-3, 0.1, 1.0, 10.0):
-            power = v * ex.evaluate(drag, {**values, f"d_{name}": v})
-            if not power >= -1e-14:
+            at = {**values, f"d_{name}": v}
+            low, high = bounds(drag, {n: (a, a) for n, a in at.items()})
+            # Refused is what feeds energy in for sure, not for rounding.
+            if math.isnan(ex.evaluate(drag, at)) or (high < 0.0 if v > 0.0 else low > 0.0):
                 raise DeclarationError(
                     f"coordinates.{name}.drag",
                     f"the resistance feeds energy in at d_{name} = {v:g}",
@@ -397,12 +401,12 @@ class _Reader:
         from stickslip.enclosures import bounds
 
         boxes = {n: (v, v) for n, v in self.system.values.items()}
-        low, _ = bounds(threshold, boxes) if threshold.symbols else (ex.number(threshold),) * 2
+        low, high = bounds(threshold, boxes) if threshold.symbols else (ex.number(threshold),) * 2
         here = ex.evaluate(threshold, values)
         remedy = "A threshold is never negative; write max(..., 0) where it may vanish"
         if not here >= 0.0:
             raise DeclarationError(f"{where}.threshold", f"it is {here:g} at the initial state", remedy)
-        if low < -1e-12:
+        if low < -1e-12 * abs(high):
             if not threshold.symbols & (self.state.keys() - {"t"}):
                 low = self._lowest_in_time(threshold, boxes)
             if -math.inf < low < 0.0:
@@ -461,7 +465,7 @@ class _Reader:
                 moved = {
                     k: v + offset * (1 + 0.1 * i) if k in self.state else v for i, (k, v) in enumerate(values.items())
                 }
-                if any(abs(ex.evaluate(probe, moved)) > 1e-9 for probe in tested):
+                if any(abs(ex.evaluate(probe, moved)) > 1e-9 * _size(probe, moved) for probe in tested):
                     raise DeclarationError(
                         "translation", f"the shift changes {where}", "Remove it, or correct the direction"
                     )
@@ -518,6 +522,13 @@ def _check_slopes(formula: Expr, names: Iterable[str], where: str, order: int = 
         ) from None
 
 
+def _size(e: Expr, values: Mapping[str, float]) -> float:
+    """Sum of the moduli of the terms of an expression."""
+    terms = e.terms if e.op == "sum" else [(e, 1.0)]
+    constant = abs(float(e.value)) if e.op == "sum" else 0.0
+    return constant + sum(abs(c * ex.evaluate(term, values)) for term, c in terms)
+
+
 def _check_definite(
     matrix: Mapping[tuple[str, str], Expr],
     names: list[str],
@@ -526,12 +537,16 @@ def _check_definite(
     what: str,
     semi: bool = False,
 ) -> None:
-    """Refuse a matrix that is not symmetric positive (semi-)definite, by Cholesky factorisation."""
+    """Refuse a matrix that is not symmetric positive (semi-)definite, by Cholesky factorisation.
+
+    Its diagonal is scaled to 1 before pivots are judged: coordinates may have any units.
+    """
     a = [[ex.evaluate(matrix.get((x, y), ex.ZERO), values) for y in names] for x in names]
-    scale = max((abs(a[i][i]) for i in range(len(a))), default=0.0)
+    scale = [math.sqrt(abs(a[i][i]) or max(map(abs, a[i])) or 1.0) for i in range(len(a))]
+    a = [[a[i][j] / scale[i] / scale[j] for j in range(len(a))] for i in range(len(a))]
+    small = 1e-13
     for k in range(len(a)):
         pivot = a[k][k]
-        small = 1e-13 * scale
         if not (pivot >= -small if semi else pivot > small):
             kind = "positive semidefinite" if semi else "positive definite"
             raise DeclarationError(
