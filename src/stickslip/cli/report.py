@@ -20,6 +20,7 @@ RESIDUALS = {
     "energy balance": "energy_residual",
     "friction law": "stability_violation",
     "equations": "defect",
+    "audit rounding": "audit_error",
 }
 SHOWN = 8  # state variables in the table; all are in summary.json
 
