@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from stickslip.motion.audit import NODES as GAUSS_NODES
-from stickslip.motion.audit import WEIGHTS as GAUSS_WEIGHTS
 from stickslip.motion.kernel import JETS, OPTIONS, Constants, Record, Rows, Space
 from stickslip.motion.modes import copy, resolve
+from stickslip.motion.nodes import NODES as GAUSS_NODES
+from stickslip.motion.nodes import WEIGHTS as GAUSS_WEIGHTS
 from stickslip.motion.roots import horner
 from stickslip.motion.steps import finite_order, step_size
 from stickslip.sweeps.tables import Sums
