@@ -13,6 +13,7 @@ with kinks; which region, and which mode, is decided while the motion is compute
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from stickslip import expressions as ex
 from stickslip.declaration import Declaration, DryContact
@@ -86,6 +87,14 @@ class MotionEquations:
     energy: Expr
     dissipation: Expr
     supply: Expr
+
+    @cached_property
+    def formulas(self) -> list[Expr]:
+        """All that the motion depends on."""
+        found = [*self.inertial_force, *self.viscous_force, *self.laws, *self.rate.force]
+        for c in self.contacts:
+            found += [c.plus, c.minus, c.kinetic_plus, c.kinetic_minus, c.speed]
+        return found
 
     def count(self, kind: str) -> int:
         """Number of contacts of a kind."""
