@@ -96,6 +96,17 @@ class MotionEquations:
             found += [c.plus, c.minus, c.kinetic_plus, c.kinetic_minus, c.speed]
         return found
 
+    def acting(self, zero: frozenset[str]) -> list[bool]:
+        """Which frequencies are felt where some parameters are zero: the amplitude of a drive may be one of them."""
+        numbers = dict.fromkeys(zero, ex.ZERO)
+        try:
+            waves = ex.walk([ex.substitute(e, numbers) for e in self.formulas])
+            felt = {ex.derivative(e.args[0], "t") for e in waves if e.op in ("sin", "cos")}
+            rates = [ex.substitute(e, numbers) for e in self.frequencies]
+        except (ZeroDivisionError, OverflowError):
+            return [True] * len(self.frequencies)
+        return [rate in felt or -rate in felt for rate in rates]
+
     def count(self, kind: str) -> int:
         """Number of contacts of a kind."""
         return sum(c.kind == kind for c in self.contacts)

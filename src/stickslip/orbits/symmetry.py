@@ -193,14 +193,28 @@ class Clock:
         m: after so many of its periods all drives are as before.
     parts : int
         After one of so many parts of that the system is as before.
+    zero : frozenset of str
+        Parameters that have to be zero for that: the amplitude of a drive may be one of them.
     """
 
     frequency: Expr
     multiple: int
-    parts: int = 1
+    parts: int
+    zero: frozenset[str]
 
     def period(self, values: Mapping[str, float]) -> float:
-        """The period for given parameters."""
+        """The period for given parameters.
+
+        Raises
+        ------
+        DeclarationError
+            If a drive acts that did not where the clock was made.
+        """
+        for name in sorted(self.zero):
+            if values[name] != 0.0:
+                raise DeclarationError(
+                    name, "where it is not 0, the drives have another period", "Start from a cycle at such a value"
+                )
         return 2.0 * math.pi * self.multiple / self.parts / abs(ex.evaluate(self.frequency, values))
 
     def drives(self, values: Mapping[str, float]) -> tuple[float, int]:
@@ -221,8 +235,24 @@ def clock(system: System, equations: MotionEquations, values: Mapping[str, float
     DeclarationError
         If there is no drive of a constant frequency, or their frequencies have no common period.
     """
+    zero = frozenset(name for name in system.parameters if values[name] == 0.0)
+    found = _clock(system, equations, values, zero)
+    for name in sorted(zero):
+        # Only what matters for it has to stay zero.
+        try:
+            other = _clock(system, equations, values, found.zero - {name})
+        except DeclarationError:
+            continue
+        if other.period(values) <= found.period(values) * (1.0 + SAME):
+            found = other
+    return found
+
+
+def _clock(system: System, equations: MotionEquations, values: Mapping[str, float], zero: frozenset[str]) -> Clock:
+    """What they repeat after as long as some parameters are zero."""
     rates = {e: ex.evaluate(e, values) for e in equations.frequencies}
-    moving = {e: rate for e, rate in rates.items() if rate != 0.0}
+    felt = dict(zip(rates, equations.acting(zero), strict=True))
+    moving = {e: rate for e, rate in rates.items() if rate != 0.0 and (felt[e] or not any(felt.values()))}
     if not moving:
         raise DeclarationError(
             system.name,
@@ -240,14 +270,24 @@ def clock(system: System, equations: MotionEquations, values: Mapping[str, float
                 "period",
                 "Choose frequencies in the ratio of small whole numbers",
             )
-    multiple = Fraction(math.lcm(*(ratio.denominator for ratio in ratios.values())))
-    quarters = {e: int(4 * ratio * multiple) for e, ratio in ratios.items()}
-    for part in (4, 2):
-        # The square of a sine repeats after half of its period, sin⁴ + cos⁴ after a quarter.
-        turns = {e: quarter // part for e, quarter in quarters.items()}
-        if all(_turned(e, turns) is e for e in equations.formulas):
-            return Clock(first, multiple, part)
-    return Clock(first, multiple)
+    multiple = math.lcm(*(ratio.denominator for ratio in ratios.values()))
+    return Clock(first, multiple, _parts(equations, zero, {e: int(4 * r * multiple) for e, r in ratios.items()}), zero)
+
+
+def _parts(equations: MotionEquations, zero: frozenset[str], quarters: Mapping[Expr, int]) -> int:
+    """How many times a system repeats while its drives turn by some quarters of their periods.
+
+    The square of a sine repeats after half of its period, sin⁴ + cos⁴ after a quarter.
+    """
+    try:
+        formulas = [ex.substitute(e, dict.fromkeys(zero, ex.ZERO)) for e in equations.formulas]
+    except (ZeroDivisionError, OverflowError):
+        formulas = equations.formulas
+    for parts in (4, 2):
+        turns = {e: quarter // parts for e, quarter in quarters.items()}
+        if all(_turned(e, turns) is e for e in formulas):
+            return parts
+    return 1
 
 
 def _turned(formula: Expr, turns: Mapping[Expr, int]) -> Expr:

@@ -39,17 +39,6 @@ class Repetition:
         walk = _Walk({}, 0.0, frozenset(self.equations.declaration.parameters))
         return len(self.equations.frequencies) <= 1 and all(walk.stays(e) for e in self.equations.formulas)
 
-    def acting(self, zero: frozenset[str]) -> list[bool]:
-        """Which frequencies are felt where some parameters are zero: the amplitude of a drive may be one of them."""
-        numbers = dict.fromkeys(zero, ex.ZERO)
-        try:
-            waves = ex.walk([ex.substitute(e, numbers) for e in self.equations.formulas])
-            felt = {ex.derivative(e.args[0], "t") for e in waves if e.op in ("sin", "cos")}
-            rates = [ex.substitute(e, numbers) for e in self.equations.frequencies]
-        except (ZeroDivisionError, OverflowError):
-            return [True] * len(self.equations.frequencies)
-        return [rate in felt or -rate in felt for rate in rates]
-
     def waves(self, values: Mapping[str, float], frame: Mapping[str, float], time: float) -> frozenset[float] | None:
         """Frequencies of all that time does from a time on; None if that is more than sines and cosines.
 
