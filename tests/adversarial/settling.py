@@ -93,8 +93,9 @@ class Tail:
 
         for i in np.flatnonzero((x[:-1] <= level) & (x[1:] > level))[::-1][: 2 * LAGS + 1]:
             # What moves by rounding alone may not do it again.
-            passes = above(t[i]) <= 0.0 < above(t[i + 1])
-            found.append(float(brentq(above, t[i], t[i + 1], xtol=1e-13)) if passes else t[i])  # type: ignore[arg-type]
+            a, b = float(t[i]), float(t[i + 1])
+            passes = above(a) <= 0.0 < above(b)
+            found.append(float(brentq(above, a, b, xtol=1e-13)) if passes else a)  # type: ignore[arg-type]
         return np.array(found)
 
     def repetition(self) -> Settled | None:
