@@ -330,18 +330,28 @@ def along(expression: Expr, rates: Mapping[str, Expr]) -> Expr:
 
 def substitute(expression: Expr, values: Mapping[str, Expr]) -> Expr:
     """Replace names by expressions."""
+
+    def named(e: Expr) -> Expr | None:
+        if not e.symbols & values.keys():
+            return e
+        return values[str(e.value)] if e.op == "sym" else None
+
+    return rewrite(expression, named)
+
+
+def rewrite(expression: Expr, change: Callable[[Expr], Expr | None]) -> Expr:
+    """Replace nodes: `change` says what a node becomes, or None if its parts are to be looked at."""
     memo: dict[Expr, Expr] = {}
 
     def visit(e: Expr) -> Expr:
-        if not e.symbols & values.keys():
-            return e
         if e not in memo:
-            memo[e] = rebuild(e)
+            new = change(e)
+            memo[e] = rebuild(e) if new is None else new
         return memo[e]
 
     def rebuild(e: Expr) -> Expr:
-        if e.op == "sym":
-            return values[str(e.value)]
+        if e.op in ("sym", "num"):
+            return e
         if e.op == "sum":
             return add((num(float(e.value)), 1.0), *((visit(term), c) for term, c in e.terms))
         if e.op == "prod":

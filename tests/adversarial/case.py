@@ -5,7 +5,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -104,19 +104,25 @@ def declaration(item: Any) -> str:
     return f"ss.{type(item).__name__}({', '.join(given)})"
 
 
-FAMILIES: dict[str, Callable[[Rng], Case]] = {}
+C = TypeVar("C", bound=Case)
 
 
-def family(make: Callable[[Rng], Case]) -> Callable[[Rng], Case]:
-    """Register a family under the name of its function."""
-    FAMILIES[make.__name__.replace("_", " ")] = make
-    return make
+class Families(dict[str, Callable[[Rng], C]]):
+    """Families by their names: functions that make a case of random numbers."""
+
+    def add(self, make: Callable[[Rng], C]) -> Callable[[Rng], C]:
+        """Register a family under the name of its function."""
+        self[make.__name__.replace("_", " ")] = make
+        return make
+
+    def draw(self, name: str, seed: int) -> C:
+        """The case of a family with a seed: the same on every machine."""
+        rng = np.random.default_rng([zlib.crc32(name.encode()), seed])
+        return replace(self[name](rng), family=name, seed=seed)
 
 
-def draw(name: str, seed: int) -> Case:
-    """The case of a family with a seed: the same on every machine."""
-    rng = np.random.default_rng([zlib.crc32(name.encode()), seed])
-    return replace(FAMILIES[name](rng), family=name, seed=seed)
+FAMILIES: Families[Case] = Families()
+family, draw = FAMILIES.add, FAMILIES.draw
 
 
 # -- words of the families ------------------------------------------------------------------------------------------

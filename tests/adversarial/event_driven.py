@@ -82,6 +82,7 @@ class Run:
     h: float = 0.0
     steps: int = 0
     wrong: bytes = b""
+    path: list[tuple[float, Law]] | None = None  # beginnings and interpolants of the steps, if they are kept
 
     def __post_init__(self) -> None:
         m, (nq, nz, nr, _) = self.m, self.m.kinds
@@ -252,6 +253,15 @@ class Run:
             raise NoAnswer("step too small")
         return solver.y
 
+    def follow(self, end: float) -> None:
+        """Follow the motion to a time."""
+        self.end, still = end, 0
+        while self.t < end and self.until_event():
+            last = [phase.time for phase in self.phases[-2:]]
+            still = still + 1 if len(last) > 1 and last[-1] - last[-2] < 1e-13 * (1 + abs(last[-1])) else 0
+            if still > 12 or len(self.phases) > MOST_EVENTS:
+                raise NoAnswer("event accumulation" if still > 12 else "too many events")
+
     def until_event(self) -> bool:
         """Follow the mode; False at the end of the span."""
         solver, fresh = self.solver(self.t, self.y, self.end), True
@@ -273,6 +283,8 @@ class Run:
             guards = np.array([self.piece.rates(t + s, path[:, i])[1] for i, s in enumerate(tau)])
             event = self.first_root(t, tau, dense, guards, self.piece.scales(t, y, h))
             self.record(t, y, t + event[0] if event else solver.t)
+            if self.path is not None:
+                self.path.append((t, dense))
             if event:
                 self.cross(t, y, dense, *event)
                 return True
@@ -370,12 +382,7 @@ def integrate(
     try:
         run = Run(m, span[0], np.asarray(start, dtype=float), span[1], times, rtol)
         run.record(run.t, run.y, run.t)
-        still = 0
-        while run.until_event():
-            last = [phase.time for phase in run.phases[-2:]]
-            still = still + 1 if len(last) > 1 and last[-1] - last[-2] < 1e-13 * (1 + abs(last[-1])) else 0
-            if still > 12 or len(run.phases) > MOST_EVENTS:
-                raise NoAnswer("event accumulation" if still > 12 else "too many events")
+        run.follow(span[1])
     except NoAnswer as error:
         if run is None or str(error) not in ("no bounded rate", "step too small", "event accumulation"):
             raise

@@ -96,3 +96,29 @@ class Mechanics:
             return bound
 
         return replace(self, threshold=scaled(static), kinetic=kinetic and scaled(kinetic))
+
+    def later(self, time: float) -> Mechanics:
+        """The same with a clock that begins at a time."""
+
+        def shifted(law: Law | None) -> Law | None:
+            return law and (lambda t, *state: law(t + time, *state))
+
+        zones = tuple(
+            replace(zone, place=zone.place - time if zone.row == TIME else zone.place + zone.speed * time)
+            for zone in self.zones
+        )
+        laws = {
+            name: shifted(getattr(self, name)) for name in ("force", "threshold", "kinetic", "belt", "law", "kinks")
+        }
+        return replace(self, zones=zones, **laws)
+
+    def held(self, y: Array, change: Array) -> Array:
+        """What is left of a change of a state at t = 0 if the contacts that stick there go on sticking."""
+        nq, n, J = self.kinds[0], sum(self.kinds[:3]), np.asarray(self.J, dtype=float)
+        w = np.real(np.asarray(self.belt(0.0))) if self.belt is not None else np.zeros(len(J))
+        rows = J[:, :nq][
+            np.any(J[:, :nq] != 0.0, axis=1) & (np.abs(J[:, :nq] @ y[n : n + nq] - w) <= 1e-14 * (1 + np.abs(w)))
+        ]
+        kept = change.copy()
+        kept[n : n + nq] -= np.linalg.pinv(rows) @ (rows @ change[n : n + nq])
+        return kept

@@ -324,6 +324,10 @@ def test_curves_of_folds_meet_in_a_cusp() -> None:
     assert cusp.kind == "cusp"
     assert (cusp.parameters["p"], cusp.parameters["q"]) == pytest.approx((0.0, 0.0), abs=1e-8)
     assert curve.ended == "first point: p = -1, the end of the range; last point: p = 1, the end of the range"
+    (axes,) = curve.plot().axes
+    drawn = np.concatenate([np.asarray(line.get_xydata()) for line in axes.get_lines() if len(line.get_xdata()) > 1])
+    assert drawn[:, 0] ** 2 == pytest.approx(4 * drawn[:, 1] ** 3 / 27, abs=1e-12)
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$p$", "$q$")
 
 
 def test_bogdanov_takens() -> None:

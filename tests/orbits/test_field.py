@@ -1,7 +1,10 @@
 """The symbolic field of a mode: the values of the compiled one, and derivatives that are exact."""
 
+from typing import Any
+
 import numpy as np
 import pytest
+from numba import njit
 from numpy.typing import NDArray
 
 from stickslip import Contact, Internal, Parameter, System, Viscous, catalogue
@@ -9,7 +12,8 @@ from stickslip import expressions as ex
 from stickslip.equations.derive import derive
 from stickslip.equations.evaluator import evaluator
 from stickslip.equations.field import Field, in_region, mode_field, solve
-from stickslip.motion import engine
+from stickslip.motion.kernel import OK
+from stickslip.motion.modes import resolve
 from stickslip.motion.problem import Problem, pose
 from systems import ode, oscillator, pair
 
@@ -34,15 +38,35 @@ SYSTEMS["everything"] = System(
 )
 
 
+@njit
+def read(
+    jets: Any, rows: Any, k: Any, space: Any, mode: NDArray, region: NDArray, t: float, y: NDArray, out: NDArray
+) -> bool:
+    """Rates, then u, λ, s⁺, s⁻ and guards, of any mode, affine or not."""
+    n, contacts, W = rows.sizes[0], len(rows.u), space.W
+    space.known[-1], W[n, 1] = 1, 1.0
+    if not resolve(rows.sizes, k, space, mode):
+        return False
+    if jets(t, y, mode, region, k.K, space.Rq, space.Rz, 1, W, space.A, space.B, space.mag) != OK:
+        return False
+    for i in range(n):
+        out[i] = W[i, 1]
+    for c in range(contacts):
+        out[n + c] = W[rows.u[c], 0]
+        out[n + contacts + c] = W[rows.force[c], 0]
+        out[n + 2 * contacts + c] = W[rows.plus[c], 0]
+        out[n + 3 * contacts + c] = W[rows.minus[c], 0]
+    for j in range(len(rows.kinks)):
+        out[n + 4 * contacts + j] = W[rows.kinks[j], 0]
+    return bool(np.all(np.isfinite(out)))
+
+
 def compiled_values(problem: Problem, mode: NDArray, region: NDArray, t: float, y: NDArray) -> NDArray | None:
-    """Rates, then u, λ, s⁺, s⁻ and guards from the engine; None where the mode has no rates."""
+    """Rates, then u, λ, s⁺, s⁻ and guards from compiled code; None where the mode has no rates."""
     sizes = problem.compiled.layout.sizes
-    contacts = len(problem.compiled.layout.u)
-    out = np.zeros((1, sizes["n"] + 4 * contacts + sizes["kinks"]))
-    hold = np.zeros((max(contacts, 1), max(sizes["nq"], 1)))
+    out = np.zeros(sizes["n"] + 4 * len(problem.compiled.layout.u) + sizes["kinks"])
     work = (problem.compiled.jets, problem.rows, problem.constants, problem.space())
-    fine = engine.probe(*work, mode, region, np.array([t]), y[None], out, hold)
-    return out[0] if fine else None
+    return out if read(*work, mode, region, t, y, out) else None
 
 
 def symbolic_values(field: Field, t: float, y: NDArray, p: NDArray) -> NDArray:

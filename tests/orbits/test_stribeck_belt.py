@@ -59,7 +59,7 @@ def test_one_clean_curve(V: float) -> None:
     assert onset.value == fold.value == pytest.approx(branch(0.3).special[0].value, rel=1e-10)
     points = found.points
     assert points["V"].values[0] == 0.02
-    assert found.ended.startswith("first point: V = 0.02, the end of the range; last point: Hopf at V = 1.497866136776")
+    assert found.ended.startswith("first point: V = 0.02, the end of the range; last point: Hopf at V = 1.49786613678")
     assert points["V"].values.max() == pytest.approx(onset.value, rel=1e-8)
     sticks, away = points["sticks"].values == 1, np.abs(points["V"].values - onset.value) > 1e-6
     assert np.array_equal(sticks[away], points["stable"].values[away] == 1)

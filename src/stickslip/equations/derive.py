@@ -13,6 +13,7 @@ with kinks; which region, and which mode, is decided while the motion is compute
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from stickslip import expressions as ex
 from stickslip.declaration import Declaration, DryContact
@@ -86,6 +87,25 @@ class MotionEquations:
     energy: Expr
     dissipation: Expr
     supply: Expr
+
+    @cached_property
+    def formulas(self) -> list[Expr]:
+        """All that the motion depends on."""
+        found = [*self.inertial_force, *self.viscous_force, *self.laws, *self.rate.force]
+        for c in self.contacts:
+            found += [c.plus, c.minus, c.kinetic_plus, c.kinetic_minus, c.speed]
+        return found
+
+    def acting(self, zero: frozenset[str]) -> list[bool]:
+        """Which frequencies are felt where some parameters are zero: the amplitude of a drive may be one of them."""
+        numbers = dict.fromkeys(zero, ex.ZERO)
+        try:
+            waves = ex.walk([ex.substitute(e, numbers) for e in self.formulas])
+            felt = {ex.derivative(e.args[0], "t") for e in waves if e.op in ("sin", "cos")}
+            rates = [ex.substitute(e, numbers) for e in self.frequencies]
+        except (ZeroDivisionError, OverflowError):
+            return [True] * len(self.frequencies)
+        return [rate in felt or -rate in felt for rate in rates]
 
     def count(self, kind: str) -> int:
         """Number of contacts of a kind."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -16,6 +17,8 @@ def zero_near(function: Callable[[float], float], known: float, guess: float) ->
     from scipy.optimize import brentq
 
     first = function(known)
+    if math.isnan(first):
+        return None
     if first == 0.0:
         return known
     if guess == known:
@@ -24,6 +27,8 @@ def zero_near(function: Callable[[float], float], known: float, guess: float) ->
     for part in WIDER:
         far = known + part * (guess - known)
         value = function(far)
+        if math.isnan(value):
+            return None
         if value == 0.0:
             return far
         if (value > 0.0) != (first > 0.0):

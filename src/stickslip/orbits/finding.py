@@ -25,6 +25,7 @@ from stickslip.orbits.pieces import Pieces
 from stickslip.orbits.recurrence import Recurrence, Window, earliest, latest, window
 from stickslip.orbits.resting import comes_to_rest
 from stickslip.orbits.shooting import NoReturn, Shooting, follow_freely
+from stickslip.orbits.symmetry import clock
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -50,7 +51,12 @@ def from_cycle(start: Closed, time: float, parameters: Mapping[str, float] | Non
     y = old.legs[0].place.state
     found = Recurrence(time, y, old.period, start.shooting.setting.turns, old.shift, 0.0)
     if w.clock is not None:
-        found = replace(found, period=found.turns * w.clock.period(problem.parameters))
+        # Drives may act that were off, and the other way round.
+        now, values = clock(problem.system, problem.compiled.equations, problem.parameters), old.problem.parameters
+        one, before = now.period({**values, **dict.fromkeys(now.zero, 0.0)}), found.turns * w.clock.period(values)
+        turns = max(round(before / one), 1)
+        found = replace(found, turns=turns, shift=turns * one / before * old.shift)
+        w, found = replace(w, clock=now), replace(found, period=turns * now.period(problem.parameters))
     try:
         return accepted(*near(problem, pieces, w, found))
     except Family:

@@ -126,7 +126,7 @@ def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
     found = around.symmetry(p, None)
     if found.driven:
         ticking = clock(trajectory.system, equations, trajectory.parameters)
-        found = around.symmetry(p, ticking.period(trajectory.parameters))
+        found = around.symmetry(p, ticking.drives(trajectory.parameters))
     rough = Window(trajectory, times, states, index, found, ticking, around.sizes, around)
     sizes = _sizes(rough.at_home(rough.carried(states, times), times) * around.sizes, states, felt)
     around = Surroundings(made, times, states, sizes)

@@ -208,8 +208,8 @@ class Setting:
 
     def at(self, problem: Problem) -> Symmetry:
         """The symmetry for other parameters."""
-        period = self.clock.period(problem.parameters) if self.clock else None
-        return self.surroundings.symmetry(numbers(problem), period)
+        drives = self.clock.drives(problem.parameters) if self.clock else None
+        return self.surroundings.symmetry(numbers(problem), drives)
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,8 @@ Array = np.ndarray
 RANK = 1e-9  # singular values below this part of the largest are zero
 SAME = 1e-9  # changes below this part of their terms are none
 ROUNDING = 1e-15  # … and so are those below this part of the largest terms
+SAMPLES = 12  # of every piece, at which symmetries are looked for
+EVEN, ODD = ("cos", "cosh"), ("sin", "sinh", "tan", "tanh", "atan", "asinh")
 MOST_PERIODS = 24  # drives have a common period if it is at most this many of their own
 
 
@@ -77,8 +79,10 @@ class Surroundings:
     states: Array
     sizes: Array
 
-    def symmetry(self, p: Array, period: float | None) -> Symmetry:
-        """Invariance for given parameters; `period` is that of the drives (None: there are none).
+    def symmetry(self, p: Array, drives: tuple[float, int] | None) -> Symmetry:
+        """Invariance for given parameters.
+
+        `drives`: their common period, and how many times the system repeats in it (None: there are none).
 
         Raises
         ------
@@ -86,16 +90,18 @@ class Surroundings:
             If the system is driven and not the same one period of its drives later.
         """
         shifts, frame = _split(self._unchanged(p))
-        if frame is not None or period is None:
+        if frame is not None or drives is None:
             return Symmetry(shifts, frame, np.zeros(len(self.sizes)))
-        return Symmetry(shifts, None, self._turn(p, period))
+        period, parts = drives
+        return Symmetry(shifts, None, self._turn(p, period) / parts)
 
     @cached_property
     def _samples(self) -> list[tuple[Piece, Array, Array]]:
-        found = []
+        # At random: at equal distances, all of them may meet a drive at the phase at which it does not change.
+        found, rng = [], np.random.default_rng(0)
         for piece in dict.fromkeys(self.pieces):
-            index = [i for i, own in enumerate(self.pieces) if own is piece]
-            index = index[:: max(1, len(index) // 8)]
+            index = np.array([i for i, own in enumerate(self.pieces) if own is piece])
+            index = np.sort(rng.choice(index, min(len(index), SAMPLES), replace=False))
             found.append((piece, self.times[index], self.states[index].T))
         return found
 
@@ -177,7 +183,7 @@ def _clean(directions: Array) -> Array:
 
 @dataclass(frozen=True)
 class Clock:
-    """Common period of the drives of a system, 2πm/ω.
+    """What the drives of a system repeat after, 2πm/ω, and which part of that is its period.
 
     Attributes
     ----------
@@ -185,14 +191,35 @@ class Clock:
         ω, of the first drive.
     multiple : int
         m: after so many of its periods all drives are as before.
+    parts : int
+        After one of so many parts of that the system is as before.
+    zero : frozenset of str
+        Parameters that have to be zero for that: the amplitude of a drive may be one of them.
     """
 
     frequency: Expr
     multiple: int
+    parts: int
+    zero: frozenset[str]
 
     def period(self, values: Mapping[str, float]) -> float:
-        """The period for given parameters."""
-        return 2.0 * math.pi * self.multiple / abs(ex.evaluate(self.frequency, values))
+        """The period for given parameters.
+
+        Raises
+        ------
+        DeclarationError
+            If a drive acts that did not where the clock was made.
+        """
+        for name in sorted(self.zero):
+            if values[name] != 0.0:
+                raise DeclarationError(
+                    name, "where it is not 0, the drives have another period", "Start from a cycle at such a value"
+                )
+        return 2.0 * math.pi * self.multiple / self.parts / abs(ex.evaluate(self.frequency, values))
+
+    def drives(self, values: Mapping[str, float]) -> tuple[float, int]:
+        """The common period of the drives, and how many times the system repeats in it."""
+        return self.parts * self.period(values), self.parts
 
     def slope(self, values: Mapping[str, float], parameter: str) -> float:
         """Its derivative with respect to a parameter."""
@@ -208,8 +235,24 @@ def clock(system: System, equations: MotionEquations, values: Mapping[str, float
     DeclarationError
         If there is no drive of a constant frequency, or their frequencies have no common period.
     """
-    rates = {e: abs(ex.evaluate(e, values)) for e in equations.frequencies}
-    moving = {e: rate for e, rate in rates.items() if rate > 0.0}
+    zero = frozenset(name for name in system.parameters if values[name] == 0.0)
+    found = _clock(system, equations, values, zero)
+    for name in sorted(zero):
+        # Only what matters for it has to stay zero.
+        try:
+            other = _clock(system, equations, values, found.zero - {name})
+        except DeclarationError:
+            continue
+        if other.period(values) <= found.period(values) * (1.0 + SAME):
+            found = other
+    return found
+
+
+def _clock(system: System, equations: MotionEquations, values: Mapping[str, float], zero: frozenset[str]) -> Clock:
+    """What they repeat after as long as some parameters are zero."""
+    rates = {e: ex.evaluate(e, values) for e in equations.frequencies}
+    felt = dict(zip(rates, equations.acting(zero), strict=True))
+    moving = {e: rate for e, rate in rates.items() if rate != 0.0 and (felt[e] or not any(felt.values()))}
     if not moving:
         raise DeclarationError(
             system.name,
@@ -217,14 +260,54 @@ def clock(system: System, equations: MotionEquations, values: Mapping[str, float
             "Cycles need a drive that repeats, such as sin(omega*t)",
         )
     first, base = next(iter(moving.items()))
-    multiple = 1
-    for rate in moving.values():
-        ratio = Fraction(rate / base).limit_denominator(MOST_PERIODS)
-        if abs(float(ratio) - rate / base) > 1e-9 * rate / base:
+    ratios = {}
+    for e, rate in moving.items():
+        ratios[e] = Fraction(rate / base).limit_denominator(MOST_PERIODS)
+        if abs(float(ratios[e]) - rate / base) > 1e-9 * abs(rate / base):
             raise DeclarationError(
                 system.name,
-                f"its drives have the angular frequencies {base:.9g} and {rate:.9g}, which have no common period",
+                f"its drives have the angular frequencies {abs(base):.9g} and {abs(rate):.9g}, which have no common "
+                "period",
                 "Choose frequencies in the ratio of small whole numbers",
             )
-        multiple = math.lcm(multiple, ratio.denominator)
-    return Clock(first, multiple)
+    multiple = math.lcm(*(ratio.denominator for ratio in ratios.values()))
+    return Clock(first, multiple, _parts(equations, zero, {e: int(4 * r * multiple) for e, r in ratios.items()}), zero)
+
+
+def _parts(equations: MotionEquations, zero: frozenset[str], quarters: Mapping[Expr, int]) -> int:
+    """How many times a system repeats while its drives turn by some quarters of their periods.
+
+    The square of a sine repeats after half of its period, sin⁴ + cos⁴ after a quarter.
+    """
+    try:
+        formulas = [ex.substitute(e, dict.fromkeys(zero, ex.ZERO)) for e in equations.formulas]
+    except (ZeroDivisionError, OverflowError):
+        formulas = equations.formulas
+    for parts in (4, 2):
+        turns = {e: quarter // parts for e, quarter in quarters.items()}
+        if all(_turned(e, turns) is e for e in formulas):
+            return parts
+    return 1
+
+
+def _turned(formula: Expr, turns: Mapping[Expr, int]) -> Expr:
+    """A formula whose sines and cosines have been turned by quarters of their periods, by their frequencies."""
+    cycle = (("sin", 1.0), ("cos", 1.0), ("sin", -1.0), ("cos", -1.0))
+
+    def turn(e: Expr) -> Expr | None:
+        if "t" not in e.symbols:
+            return e
+        if len(e.args) != 1:
+            return None
+        (argument,) = e.args
+        rate = ex.derivative(argument, "t") if e.op in ("sin", "cos") else ex.ZERO
+        if rate in turns or -rate in turns:
+            quarters = turns[rate] if rate in turns else -turns[-rate]
+            name, sign = cycle[((e.op == "cos") + quarters) % 4]
+            return sign * ex.call(name, argument)
+        inside = _turned(argument, turns)
+        if inside is -argument and e.op in (*EVEN, *ODD):
+            return e if e.op in EVEN else -e
+        return ex.call(e.op, inside)
+
+    return ex.rewrite(formula, turn)

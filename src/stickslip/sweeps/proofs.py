@@ -87,7 +87,7 @@ class Prover:
             return np.ones((len(self.table), 0), bool)
         names = np.array(list(self.problem.system.parameters), dtype=object)
         patterns, which = np.unique(self.table == 0.0, axis=0, return_inverse=True)
-        acting = np.array([self.repetition.acting(frozenset(names[zero])) for zero in patterns])
+        acting = np.array([self.repetition.equations.acting(frozenset(names[zero])) for zero in patterns])
         return acting.reshape(-1, frequencies)[which.reshape(-1)]
 
     def prove(self, lanes: Lanes, marks: Marks, saved: Lane) -> None:

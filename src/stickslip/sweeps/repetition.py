@@ -34,30 +34,10 @@ class Repetition:
     equations: MotionEquations
 
     @cached_property
-    def formulas(self) -> list[Expr]:
-        """All that the motion depends on."""
-        eq = self.equations
-        found = [*eq.inertial_force, *eq.viscous_force, *eq.laws, *eq.rate.force]
-        for c in eq.contacts:
-            found += [c.plus, c.minus, c.kinetic_plus, c.kinetic_minus, c.speed]
-        return found
-
-    @cached_property
     def plain(self) -> bool:
         """Whether time stands in sines and cosines of one frequency only, whatever the parameters are."""
         walk = _Walk({}, 0.0, frozenset(self.equations.declaration.parameters))
-        return len(self.equations.frequencies) <= 1 and all(walk.stays(e) for e in self.formulas)
-
-    def acting(self, zero: frozenset[str]) -> list[bool]:
-        """Which frequencies are felt where some parameters are zero: the amplitude of a drive may be one of them."""
-        numbers = dict.fromkeys(zero, ex.ZERO)
-        try:
-            waves = ex.walk([ex.substitute(e, numbers) for e in self.formulas])
-            felt = {ex.derivative(e.args[0], "t") for e in waves if e.op in ("sin", "cos")}
-            rates = [ex.substitute(e, numbers) for e in self.equations.frequencies]
-        except (ZeroDivisionError, OverflowError):
-            return [True] * len(self.equations.frequencies)
-        return [rate in felt or -rate in felt for rate in rates]
+        return len(self.equations.frequencies) <= 1 and all(walk.stays(e) for e in self.equations.formulas)
 
     def waves(self, values: Mapping[str, float], frame: Mapping[str, float], time: float) -> frozenset[float] | None:
         """Frequencies of all that time does from a time on; None if that is more than sines and cosines.
@@ -72,7 +52,7 @@ class Repetition:
         """
         walk, numbers = _Walk(frame, time, frozenset()), {name: ex.num(value) for name, value in values.items()}
         try:
-            if not all(walk.stays(ex.substitute(e, numbers)) for e in self.formulas):
+            if not all(walk.stays(ex.substitute(e, numbers)) for e in self.equations.formulas):
                 return None
         except (ZeroDivisionError, OverflowError):
             return None

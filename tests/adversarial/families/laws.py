@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -26,14 +28,10 @@ def slider(law: str) -> System:
     return catalogue.spring_slider(mu=law)
 
 
-@family
-def spring_slider(rng: Rng) -> Case:
-    """[M] (3.1)-(3.3): a viscous block whose friction falls with the heat of sliding."""
-    text = pick(rng, list(STATES))
-    law = STATES[text]
-    n = {"V": log_uniform(rng, 0.02, 0.5), "k": rng.uniform(0.7, 1.5), "alpha_0": 1.0, "nu": rng.uniform(0.02, 0.2)}
+def slider_by_hand(n: dict[str, float], law: Callable[[Any], Any]) -> Mechanics:
+    """The same by hand, with the friction as a function of the state of the surface."""
     V, k, nu = n["V"], n["k"], n["nu"]
-    mechanics = Mechanics(
+    return Mechanics(
         kinds=(0, 1, 0, 1),
         inertia=[[nu]],
         J=[[1.0]],
@@ -42,6 +40,15 @@ def spring_slider(rng: Rng) -> Case:
         belt=lambda t: [V + 0 * t],
         law=lambda t, x, rates, a, side: [1 - a[0] + k * x[0] * (V - rates[0])],
     )
+
+
+@family
+def spring_slider(rng: Rng) -> Case:
+    """[M] (3.1)-(3.3): a viscous block whose friction falls with the heat of sliding."""
+    text = pick(rng, list(STATES))
+    law = STATES[text]
+    n = {"V": log_uniform(rng, 0.02, 0.5), "k": rng.uniform(0.7, 1.5), "alpha_0": 1.0, "nu": rng.uniform(0.02, 0.2)}
+    mechanics = slider_by_hand(n, law)
     start = {"U": rng.uniform(0.2, 0.9), "alpha": rng.uniform(1.0, 2.0)}
     return Case(slider(text), n, start, rng.uniform(5, 12), mechanics)
 

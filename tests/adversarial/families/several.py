@@ -398,11 +398,8 @@ def standing(rng: Rng, n: dict[str, float]) -> dict[str, float]:
     return {"psi": psi, "x_R": n["c"] * psi - n["P"] + n["rho"] * rng.uniform(-0.9, 0.9), "x_L": 0.0}
 
 
-@family
-def corners_of_the_toy(rng: Rng) -> Case:
-    """The rocking toy [M] (4.2): a rocking mass and two legs, which change at the corners of their bounds at once."""
-    n = {"I_b": 1.0, "delta": rng.uniform(0.02, 0.2), "a": 1.0, "b": rng.uniform(0.8, 1.2), "c": rng.uniform(0.2, 0.4)}
-    n |= {"rho": rng.uniform(0.1, 0.3), "psi_star": 1.0, "H_star": rng.uniform(2.5, 3.5), "P": rng.uniform(0.8, 1.1)}
+def toy_by_hand(n: dict[str, float]) -> Mechanics:
+    """The same by hand."""
     delta, b, c, rho, H, P = (n[name] for name in ("delta", "b", "c", "rho", "H_star", "P"))
 
     def weights(psi: Any, side: Any) -> tuple[Any, Any]:
@@ -413,7 +410,7 @@ def corners_of_the_toy(rng: Rng) -> Case:
         psi, d = x[0], x[1] - x[2]
         return [-b * psi + c * d - delta * v[0], P - d + c * psi, P + d - c * psi]
 
-    mechanics = Mechanics(
+    return Mechanics(
         kinds=(1, 0, 2, 0),
         inertia=[[1.0]],
         J=[[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
@@ -421,7 +418,14 @@ def corners_of_the_toy(rng: Rng) -> Case:
         threshold=lambda t, x, v, a, side: list(weights(x[0], side)),
         kinks=lambda t, x, v, a: [x[0] - 1.0, x[0] + 1.0],
     )
-    return Case(toy(), n, standing(rng, n), rng.uniform(8, 25), mechanics)
+
+
+@family
+def corners_of_the_toy(rng: Rng) -> Case:
+    """The rocking toy [M] (4.2): a rocking mass and two legs, which change at the corners of their bounds at once."""
+    n = {"I_b": 1.0, "delta": rng.uniform(0.02, 0.2), "a": 1.0, "b": rng.uniform(0.8, 1.2), "c": rng.uniform(0.2, 0.4)}
+    n |= {"rho": rng.uniform(0.1, 0.3), "psi_star": 1.0, "H_star": rng.uniform(2.5, 3.5), "P": rng.uniform(0.8, 1.1)}
+    return Case(toy(), n, standing(rng, n), rng.uniform(8, 25), toy_by_hand(n))
 
 
 @cache
