@@ -1,14 +1,14 @@
 """Brute force: motions followed by the method of Runge and Kutta until they repeat themselves.
 
-Nothing here is shared with the library but numba. Small steps of order four, cut where a guard vanishes (by halving), and
-marks: the periods of a drive, or the maxima of the first component. When the states at the last marks repeat, the
+Nothing here is shared with the library but numba. Small steps of order four, cut where a guard vanishes (by halving),
+and marks: the periods of a drive, or the maxima of the first component. When the states at the last marks repeat, the
 smallest lag at which they do is the period.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -17,10 +17,15 @@ Array = np.ndarray
 MASSES, TOY, SLIDER = 0, 1, 2
 CONSTANT, EXPONENTIAL, RATIONAL = 0, 1, 2  # laws of kinetic friction
 HALVINGS = 60
+INSIDE = 1e-14  # of its threshold: what comes to stick is held
 MOST_EVENTS = 4000  # in a call
 LAGS = 48
-CLOSE, APART = 1e-10, 1e-7  # of its size: states that are the same, and states that certainly are not
-STILL = 1e-10
+# No array is owned in the loops, so that none has to be counted.
+OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
+CLOSE = 2e-8  # of its size: how near states at marks have to be to be the same, for steps that are not all the same
+AS_CLOSE = 100.0
+CERTAIN = 1e-6  # of its size: what may be missing to a cycle
+STILL, FADED = 1e-10, 1e-6  # of its size: what does not move, and what may be about to die out
 
 
 class Brute(NamedTuple):
@@ -62,13 +67,13 @@ class Brute(NamedTuple):
     numbers: Array
 
 
-@njit(cache=True)
+@njit(**OPTIONS)
 def bump(b: Brute, t: float) -> float:
     """exp((cos(ωt − φ) − 1)/w²)."""
     return math.exp((math.cos(b.load[2] * t - b.load[4]) - 1.0) / b.load[5] ** 2)
 
 
-@njit(cache=True)
+@njit(**OPTIONS)
 def pull(b: Brute, t: float, y: Array, i: int) -> float:
     """Force on a mass, but for those of contacts."""
     n, load = len(b.mass), b.load
@@ -89,7 +94,7 @@ def pull(b: Brute, t: float, y: Array, i: int) -> float:
     return total
 
 
-@njit(cache=True)
+@njit(**OPTIONS)
 def threshold(b: Brute, t: float, y: Array, c: int) -> float:
     """Static threshold of a contact."""
     static = b.dry[c, 2]
@@ -100,7 +105,7 @@ def threshold(b: Brute, t: float, y: Array, c: int) -> float:
     return static
 
 
-@njit(cache=True)
+@njit(**OPTIONS)
 def kinetic(b: Brute, t: float, y: Array, c: int, speed: float) -> float:
     """Sliding force of a contact."""
     row = b.dry[c]
@@ -113,10 +118,10 @@ def kinetic(b: Brute, t: float, y: Array, c: int, speed: float) -> float:
     return row[3]
 
 
-@njit(cache=True)
+@njit(**OPTIONS)
 def toy_bound(b: Brute, psi: float, upper: bool) -> tuple[float, int]:
     """Bound of the distance of the legs, and the leg (1 right, −1 left) that moves there."""
-    delta, P, c, rho, H = b.numbers
+    P, c, rho, H = b.numbers[1], b.numbers[2], b.numbers[3], b.numbers[4]
     right = H / 2.0 * (1.0 + min(max(psi, -1.0), 1.0))
     left = H - right
     if upper:
@@ -126,26 +131,26 @@ def toy_bound(b: Brute, psi: float, upper: bool) -> tuple[float, int]:
     return (a, 1) if a >= other else (other, -1)
 
 
-@njit(cache=True)
+@njit(**OPTIONS)
 def toy_side(psi: float) -> int:
     """Which leg carries all weight: 1 the right one, −1 the left one, 0 neither."""
     return 1 if psi >= 1.0 else (-1 if psi <= -1.0 else 0)
 
 
-@njit(cache=True)
+@njit(**OPTIONS)
 def toy_push(b: Brute, mode: Array, rate: float) -> float:
     """Rate at which the legs are pushed apart, on a side and by the bound of a leg."""
     grows = 0.5 * b.numbers[4] * mode[2] if mode[1] == 0 else 0.0
     return (b.numbers[2] + (grows if mode[0] < 0 else -grows)) * rate
 
 
-@njit(cache=True)
+@njit(**OPTIONS)
 def mu(alpha: float) -> float:
     """Friction of the slider."""
     return 2.0 / math.sqrt(alpha)
 
 
-@njit(cache=True)
+@njit(**OPTIONS)
 def rates(b: Brute, mode: Array, t: float, y: Array, f: Array) -> None:
     """y' in a mode; the last component is the work of friction."""
     last = len(y) - 1
@@ -178,7 +183,7 @@ def rates(b: Brute, mode: Array, t: float, y: Array, f: Array) -> None:
         f[last] += b.dampers[d, 2] * abs(f[2 * n + d])
 
 
-@njit(cache=True)
+@njit(**OPTIONS)
 def broken(b: Brute, mode: Array, t: float, y: Array) -> int:
     """The first switch whose guard is negative, or −1."""
     if b.kind == SLIDER:
@@ -210,7 +215,7 @@ def broken(b: Brute, mode: Array, t: float, y: Array) -> int:
     return -1
 
 
-@njit(cache=True)
+@njit(**OPTIONS)
 def switch(b: Brute, mode: Array, which: int, t: float, y: Array) -> None:
     """The mode and the state after a guard has vanished."""
     if b.kind == SLIDER:
@@ -218,6 +223,8 @@ def switch(b: Brute, mode: Array, which: int, t: float, y: Array) -> None:
         return
     if b.kind == TOY:
         if which == 0 and mode[0] != 0:
+            low, high = toy_bound(b, y[0], False)[0], toy_bound(b, y[0], True)[0]
+            y[2] = min(max(y[2], low + INSIDE * (high - low)), high - INSIDE * (high - low))
             mode[0] = 0
             return
         if mode[0] == 0:
@@ -228,8 +235,10 @@ def switch(b: Brute, mode: Array, which: int, t: float, y: Array) -> None:
     n, contacts = len(b.mass), len(b.dry)
     if which >= contacts:
         d = which - contacts
-        stretch = y[int(b.dampers[d, 0])] - y[2 * n + d]
-        mode[which] = 0 if mode[which] != 0 else (1 if stretch > 0.0 else -1)
+        x, reach = y[int(b.dampers[d, 0])], (1.0 - INSIDE) * b.dampers[d, 2] / b.dampers[d, 1]
+        mode[which] = 0 if mode[which] != 0 else (1 if x > y[2 * n + d] else -1)
+        if mode[which] == 0:
+            y[2 * n + d] = min(max(y[2 * n + d], x - reach), x + reach)
         return
     i = int(b.dry[which, 0])
     y[n + i] = b.dry[which, 1]
@@ -240,7 +249,7 @@ def switch(b: Brute, mode: Array, which: int, t: float, y: Array) -> None:
         mode[which] = 0
 
 
-@njit(cache=True)
+@njit(**OPTIONS)
 def length(b: Brute, t: float, y: Array, rate: float) -> float:
     """Step that sees all that is narrow."""
     h = b.step
@@ -264,7 +273,7 @@ def length(b: Brute, t: float, y: Array, rate: float) -> float:
     return h
 
 
-@njit(cache=True)
+@njit(**OPTIONS)
 def step(b: Brute, mode: Array, t: float, y: Array, h: float, k: Array, out: Array) -> None:
     """One step of the classical method of order four."""
     n = len(y)
@@ -278,7 +287,7 @@ def step(b: Brute, mode: Array, t: float, y: Array, h: float, k: Array, out: Arr
         out[r] = y[r] + h / 6.0 * (k[0, r] + 2.0 * (k[1, r] + k[2, r]) + k[3, r])
 
 
-@njit(cache=True)
+@njit(**OPTIONS)
 def stopped(b: Brute, mode: Array, t: float, y: Array, sign: float, f: Array) -> int:
     """A broken guard; −2 where the first component has turned; −1 otherwise."""
     which = broken(b, mode, t, y)
@@ -288,8 +297,10 @@ def stopped(b: Brute, mode: Array, t: float, y: Array, sign: float, f: Array) ->
     return -2 if f[0] * sign < 0.0 else -1
 
 
-@njit(cache=True)
-def follow(b: Brute, mode: Array, clock: Array, y: Array, end: float, marks: Array) -> int:
+@njit(**OPTIONS)
+def follow(
+    b: Brute, mode: Array, clock: Array, y: Array, end: float, marks: Array, reach: Array, k: Array, out: Array
+) -> int:
     """Follow a motion until a time, or until there is no room for marks.
 
     Parameters
@@ -300,6 +311,10 @@ def follow(b: Brute, mode: Array, clock: Array, y: Array, end: float, marks: Arr
         Time, sign of the rate of the first component, number of the next mark of a drive; changed.
     marks : array, shape (room, state + 4)
         Receives state, time, and lowest and highest value of the first component and time in stick since the last mark.
+    reach : array, shape (2, state)
+        Receives the least and largest value of each component.
+    k, out : arrays, shapes (5, state), (state,)
+        Work space.
 
     Returns
     -------
@@ -307,7 +322,6 @@ def follow(b: Brute, mode: Array, clock: Array, y: Array, end: float, marks: Arr
         Number of marks; −1 if events pile up.
     """
     n, count, events = len(y), 0, 0
-    k, out = np.zeros((5, n)), np.zeros(n)
     low, high, stick = y[0], y[0], 0.0
     while clock[0] < end and count < len(marks):
         t = clock[0]
@@ -338,6 +352,7 @@ def follow(b: Brute, mode: Array, clock: Array, y: Array, end: float, marks: Arr
         stick += h if stuck else 0.0
         for r in range(n):
             y[r] = out[r]
+            reach[0, r], reach[1, r] = min(reach[0, r], y[r]), max(reach[1, r], y[r])
         clock[0] = t + h
         low, high = min(low, y[0]), max(high, y[0])
         if which >= 0:
@@ -380,7 +395,7 @@ class Settled(NamedTuple):
     size: float = 0.0
 
 
-def settle(b: Brute, y: Array, mode: Array, span: float, late: float = 0.0, rounds: int = 8000) -> Settled | None:
+def settle(b: Brute, y: Array, mode: Array, span: float, late: float = 0.0, rounds: int = 4000) -> Settled | None:
     """Follow a motion until it repeats itself; None if events pile up.
 
     Parameters
@@ -396,12 +411,14 @@ def settle(b: Brute, y: Array, mode: Array, span: float, late: float = 0.0, roun
     clock, size = np.array([0.0, 0.0, 1.0]), 0.0
     own = slice(0, 3 if b.kind == TOY else len(y) - 1)
     kept, n = np.zeros((0, len(y) + 4)), len(y)
+    k, out = np.zeros((5, n)), np.zeros(n)
     chunk = 2.0 * LAGS * span
     while clock[0] < max(rounds * span, 1.5 * late):
         marks, before, work = np.zeros((4 * LAGS, n + 4)), y[own].copy(), y[-1]
+        reach = np.array([y, y])
         end = clock[0] + chunk
         while clock[0] < end:
-            count = follow(b, mode, clock, y, end, marks)
+            count = follow(b, mode, clock, y, end, marks, reach, k, out)
             if count < 0:
                 return None
             kept = np.concatenate([kept, marks[:count]])[-4 * LAGS :]
@@ -411,7 +428,9 @@ def settle(b: Brute, y: Array, mode: Array, span: float, late: float = 0.0, roun
         if np.max(np.abs(y[own] - before)) <= STILL * size and _lies_still(kept, end - chunk, n, size):
             still = not np.any(mode[:1] if b.kind == TOY else mode)
             return Settled("rest" if still and y[-1] == work else "steady", stick=float(still))
-        found = _repeats(kept, own, n)
+        extent = 0.5 * (reach[1] - reach[0])[own]
+        # What dies out returns, too.
+        found = _repeats(kept, extent, n) if np.max(extent) > FADED * size else None
         if found is not None:
             return found
     return Settled("moves", size=size)
@@ -423,19 +442,22 @@ def _lies_still(marks: Array, since: float, n: int, size: float) -> bool:
     return bool(len(own) == 0 or np.max(own[1:, n + 2] - own[1:, n + 1], initial=0.0) <= STILL * size)
 
 
-def _repeats(marks: Array, own: slice, n: int) -> Settled | None:
-    """The cycle, if the last marks repeat themselves."""
+def _repeats(marks: Array, size: Array, n: int) -> Settled | None:
+    """The cycle, if the last marks repeat themselves up to the sizes of the components."""
     if len(marks) < 4 * LAGS:
         return None
-    states = marks[:, own]
-    size = np.maximum(0.5 * np.ptp(states, axis=0), 1e-3 * np.max(np.abs(states), axis=0))
-    size[0] = max(size[0], 0.5 * (np.max(marks[1:, n + 2]) - np.min(marks[1:, n + 1])))
+    states = marks[:, : len(size)]
+    size = np.maximum(size, 1e-3 * np.max(np.abs(states), axis=0))
     size = np.maximum(size, 1e-6 * np.max(size))
-    gaps = [np.max(np.abs(states[lag:] - states[:-lag])[-2 * LAGS :] / size) for lag in range(1, LAGS + 1)]
-    close = [lag for lag, gap in enumerate(gaps, 1) if gap <= CLOSE]
-    if not close:
+    gaps = {lag: np.max(np.abs(states[lag:] - states[:-lag]) / size, axis=1) for lag in range(1, LAGS + 1)}
+    last = {lag: float(np.max(gap[-2 * LAGS :])) for lag, gap in gaps.items()}
+    least = min(last.values())
+    if least > CLOSE:
         return None
-    lag = close[0]
+    # Returns that are nearly as close as the closest have only not died out as far.
+    lag = next(lag for lag in last if last[lag] <= AS_CLOSE * max(least, 0.01 * CLOSE))
+    if _missing(gaps[lag], lag) > CERTAIN:
+        return None
     once, start = marks[-lag:], marks[-1 - lag]
     low, high = np.min(once[:, n + 1]), np.max(once[:, n + 2])
     period = float(marks[-1, n] - start[n])
@@ -445,6 +467,16 @@ def _repeats(marks: Array, own: slice, n: int) -> Settled | None:
         float(high - low) / 2.0,
         float(np.sum(once[:, n + 3])) / period,
         float(marks[-1, n - 1] - start[n - 1]),
-        float(min(gaps[: lag - 1], default=math.inf)),
+        min((last[shorter] for shorter in range(1, lag)), default=math.inf),
         float(size[0]),
     )
+
+
+def _missing(gap: Array, lag: int) -> float:
+    """What is missing to the cycle, if returns go on to shrink as they do."""
+    before, now = float(np.max(gap[:LAGS])), float(np.max(gap[-LAGS:]))
+    if not now < 0.5 * before:
+        q = 0.5 if before < CERTAIN**2 or now >= 0.9 * before else (now / before) ** (lag / (len(gap) - LAGS))
+    else:
+        q = (now / before) ** (lag / (len(gap) - LAGS))
+    return now / (1.0 - q)

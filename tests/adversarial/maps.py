@@ -277,7 +277,7 @@ def slider_with_a_state(rng: Rng) -> dict[str, Any]:
 @family
 def toy_that_may_walk(rng: Rng) -> dict[str, Any]:
     """The toy (4.2): it walks, or its rocking dies out; some start outside the stable set."""
-    system, p, start, machine, *_ = cycles.FAMILIES["toy that may walk"](rng)
+    system, p, start, *_ = cycles.FAMILIES["toy that may walk"](rng)
     if rng.random() < 0.2:
         start["x_R"] += float(rng.uniform(-3.0, 3.0))
     right = p["rho"] + p["H_star"] / 2 * (1 + min(max(start["psi"], -1.0), 1.0))
@@ -404,7 +404,6 @@ def dragged() -> System:
         potential="k*(x - V*t)**2/2",
         viscous="c/2*d_x**2",
         contacts={"ground": Contact("d_x", "F_s", kinetic="F_k")},
-        translation={"x": 1},
         span=(0, 100),
     )
 
