@@ -429,9 +429,9 @@ def settle(b: Brute, y: Array, mode: Array, span: float, late: float = 0.0, roun
             still = not np.any(mode[:1] if b.kind == TOY else mode)
             return Settled("rest" if still and y[-1] == work else "steady", stick=float(still))
         extent = 0.5 * (reach[1] - reach[0])[own]
+        found = _repeats(kept, extent, n)
         # What dies out returns, too.
-        found = _repeats(kept, extent, n) if np.max(extent) > FADED * size else None
-        if found is not None:
+        if found is not None and (b.period > 0.0 or found.amplitude > FADED * size):
             return found
     return Settled("moves", size=size)
 
