@@ -21,7 +21,7 @@ INSIDE = 1e-14  # of its threshold: what comes to stick is held
 MOST_EVENTS = 4000  # in a call
 LAGS = 48
 # No array is owned in the loops, so that none has to be counted.
-OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
 CLOSE = 2e-8  # of its size: how near states at marks have to be to be the same, for steps that are not all the same
 AS_CLOSE = 100.0
 CERTAIN = 1e-6  # of its size: what may be missing to a cycle
