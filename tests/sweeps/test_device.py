@@ -48,6 +48,28 @@ assert len(launches) == before
 print("same")
 """
 
+KICKED = """
+import numpy as np, stickslip as ss
+from stickslip.sweeps.chunk import measure_chunk
+values = {"omega": 1.0, "phi": 3.0, "w": 1e-2, "I": 1.0, "F_s": 0.5}
+system = ss.System(
+    name="kicked",
+    parameters={name: ss.Parameter(value) for name, value in values.items()},
+    drives={"kick": "I*omega/(w*sqrt(2*pi))*exp(-2*(sin((omega*t - phi)/2)/w)**2)"},
+    coordinates={"x": ss.Inertial(force="kick")},
+    kinetic="d_x**2/2",
+    contacts={"ground": ss.Contact("d_x", "F_s")},
+    translation={"x": 1},
+    span=(0, 50),
+)
+given = {}, {"phi": np.array([3.0])}, ["speed", "period", "switches"], ss.Settings(tolerance=1e-2)
+here, there = measure_chunk(system, *given), measure_chunk(system, *given, device="gpu")
+assert there["lacking"][0] == 0 and 0.9 < there["speed"][0] * 2.0 * np.pi < 1.0
+for name in ("outcome", "period", "speed", "switches"):
+    np.testing.assert_allclose(there[name], here[name], rtol=1e-9, err_msg=name)
+print("same")
+"""
+
 PTX = """
 import types, numpy as np, stickslip as ss
 from numba import cuda, types as numba_types, typeof
@@ -79,6 +101,13 @@ def python(code: str, folder: Path, **environment: str) -> subprocess.CompletedP
 @pytest.mark.skipif(find_spec("numba_cuda") is None, reason="numba-cuda has the simulator; it is not installed")
 def test_small_maps_in_the_simulator(tmp_path: Path) -> None:
     run = python(SMALL_MAPS, tmp_path, NUMBA_ENABLE_CUDASIM="1")
+    assert run.stdout.strip() == "same", run.stderr
+
+
+@pytest.mark.skipif(find_spec("numba_cuda") is None, reason="numba-cuda has the simulator; it is not installed")
+def test_no_kick_is_missed_in_the_simulator(tmp_path: Path) -> None:
+    """Nothing shows it before it comes; see the test of the same name for processors."""
+    run = python(KICKED, tmp_path, NUMBA_ENABLE_CUDASIM="1")
     assert run.stdout.strip() == "same", run.stderr
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 WIDTH, HEIGHT = 5.2, 4.2  # inches of a map
+LETTERS = 9  # of a legend, in an inch
 MULTIPLES = 6  # maps of a third axis at most; more would be stamps
 HATCH = "////"
 GREYS = (STICK_SHADE, "#B9B9B9", "#8F8F8F", "#D8D2C8", "#6E6E6E")  # of points without a value, by reason
@@ -254,7 +256,9 @@ def _legend(figure: Figure, data: xarray.Dataset, names: list[str]) -> None:
     handles = []
     if text := _lacking(data, names):
         handles.append(Patch(fc="none", ec=STICK_LINE, lw=0.0, hatch=HATCH, label=text))
-    handles += [Patch(fc=colour, ec="none", label=text) for colour, text in _reasons(data, names).items()]
+    room = int(LETTERS * figure.get_figwidth())
+    reasons = {colour: fill(text, room) for colour, text in _reasons(data, names).items()}
+    handles += [Patch(fc=colour, ec="none", label=text) for colour, text in reasons.items()]
     if np.any(outcome == NOT_COMPUTED):
         handles.append(Patch(fc="white", ec=STICK_LINE, lw=0.6, label="not computed"))
     if np.any(outcome == INTERPOLATED):

@@ -155,7 +155,7 @@ def basin(
     from stickslip.sweeps.chunk import Settings
 
     settings = settings or Settings()
-    problem = pose(system, parameters, settings.rtol, settings.atol)
+    problem = pose(system, parameters, settings.rtol, settings.atol, origin=system.span[0])
     axes, pool = _axes(system, over), Pool("threads", workers)
     if twice := [name for name in initial or {} if name in axes]:
         raise DeclarationError(f"initial.{twice[0]}", "it varies along an axis", "Give it once")
@@ -195,7 +195,7 @@ def _settle(problem: Problem, settings: Settings, states: Array, block: slice, s
     return Settled(
         observed.outcome,
         lacking(observed, certified_below(settings)),
-        motions.saved.clock[:, 0].copy(),
+        problem.origin + motions.saved.clock[:, 0],
         observed.duration,
         motions.saved.y,
         sums.low,

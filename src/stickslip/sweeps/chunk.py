@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -161,7 +161,7 @@ def measure_chunk(
     starts, given = columns(initial, "initial"), columns(parameters, "parameters")
     count = common_length({**starts, **given})
     table, states = parameter_table(system, given, count), initial_states(system, starts, count)
-    problem = pose_all(system, given, settings.rtol, settings.atol)
+    problem = replace(pose_all(system, given, settings.rtol, settings.atol), origin=system.span[0])
     closely, exponents = needs_close_look(system, measures), "lyapunov" in measures
     stop = np.zeros(1, np.int64) if stop is None else stop
     if device == "gpu":
@@ -206,7 +206,7 @@ class Block:
         self.marks: Marks = make_marks(drive, RINGS * settings.longest_cycle + 1, n, contacts, home, before)
         self.found: Found = make_found(count, n, contacts)
         values = dict(zip(problem.system.parameters, table.T, strict=True))
-        self.excess = excess(problem.compiled.equations, values, states, span[0])
+        self.excess = excess(problem.compiled.equations, values, states, problem.origin)
         self.marks.outcome[self.excess > 0.0] = Outcome.OUTSIDE.code
         self.marks.numbers[self.excess > 0.0, PHASE] = DONE
         self.lanes.codes[self.excess > 0.0] = Outcome.OUTSIDE.code
@@ -284,10 +284,10 @@ class Here:
 def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
     """How motions of a system settle and are measured."""
     system, layout = problem.system, problem.compiled.layout
-    t, end = system.span
-    last, look = t + (settings.max_time or SPANS * (end - t)), (end - t) / LOOKS
+    span = system.span[1] - system.span[0]
+    last, look = settings.max_time or SPANS * span, span / LOOKS
     return Rules(
-        real=np.array([t, last, look, MARGIN * settings.tolerance, settings.atol, settings.tolerance]),
+        real=np.array([0.0, last, look, MARGIN * settings.tolerance, settings.atol, settings.tolerance]),
         most=np.array([settings.max_cycles, settings.max_events, ENDLESS, settings.longest_cycle]),
         translation=np.array([float(system.translation.get(x, 0.0)) for x in layout.state]),
         fine=np.array(problem.retrace),

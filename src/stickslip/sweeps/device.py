@@ -81,7 +81,7 @@ class OnDevice:
         self.kernels = _kernels(here.jets, here.residual, here.powers)
         rules = block.rules._replace(most=np.array([*block.rules.most[:2], TURNS, block.rules.most[3]]))
         space, flight, bench = (
-            each(self._zeros, part) for part in (here.space, here.flight, make_bench(block.problem, ROOM))
+            each(self._for_all, part) for part in (here.space, here.flight, make_bench(block.problem, ROOM))
         )
         machine = {"jets": 0, "residual": 0, "powers": 0}  # part of the kernels
         engine = each(cuda.to_device, here._replace(space=0, flight=0, **machine))
@@ -93,9 +93,9 @@ class OnDevice:
         )
         self.bench, self.sent = bench, np.zeros_like(here.forms.used)
 
-    def _zeros(self, part: Array) -> Any:
+    def _for_all(self, part: Array) -> Any:
         """Work space for every thread (a leading axis)."""
-        return cuda.to_device(np.zeros((self.count, *part.shape), part.dtype))
+        return cuda.to_device(np.tile(part, (self.count, *(1 for _ in part.shape))))
 
     def advance(self) -> None:
         """Settle and measure."""

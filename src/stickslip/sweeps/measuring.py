@@ -9,7 +9,7 @@ from stickslip.motion.audit import Tally, audit_steps, judge
 from stickslip.motion.kernel import FINISHED, FULL, INLINED, NEED, OPTIONS, Constants, Lane, Record
 from stickslip.motion.modes import copy, resolve
 from stickslip.sweeps.observers import clear, observe
-from stickslip.sweeps.returns import begin_again, gap, miss, remove_shift, told_apart
+from stickslip.sweeps.returns import begin_again, gap, grow, miss, remove_shift, told_apart
 from stickslip.sweeps.settling import (
     AT_REST,
     NOT_SETTLED,
@@ -56,6 +56,7 @@ Array = np.ndarray
 AWRY = 1e-6  # a cycle that fails to close by more is none
 FELT = 1e-4  # … and neither is one, or a rest, in which the forces change by more
 FORGOTTEN = -9  # kind of a mark
+ROUNDED = 1e3  # local tolerances that the states of a motion are known to
 PARTS, SAMPLES = 5, 8  # of the period of a drive, at most, that are tried; states at which they are compared
 SMALL = 1e-3  # part of its modulus that is the least size of a component
 STILL = 1e-12  # … and that it may change by at rest
@@ -136,11 +137,22 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
     first marks give way to the states that are compared; they also tell whether anything moves at all.
     """
     s, real, p = e.lanes, m.real[i], 2
+    # Components that do not move at the marks may do so in between: their sizes are those on the whole way.
+    copy_lane(saved, i, s, i)
+    e.codes[i] = FULL
+    while e.codes[i] == FULL:
+        count = follow(e, i, real[START] + real[DURATION], rules.most[1], RECORDED, bench.record)
+        for j in range(count):
+            grow(m, rules, i, bench.record.time[j], bench.record.state[j], bench.work[0])
+    if e.codes[i] == NEED:
+        return False
+    # A period later everything is rounded as it was, if the clock has been set back; a part of it later it is not.
+    limit = max(told_apart(m, i), ROUNDED * e.tolerance)
     while p <= PARTS:
-        part, same = real[DURATION] / p, True
+        part, off = real[DURATION] / p, 0.0
         for j in range(p * SAMPLES):
             a, b = j // p, j % p  # the b-th return to the a-th state
-            if not same:
+            if not off <= rules.real[5]:
                 continue
             if b == 0:
                 copy_lane(saved, i, s, i)
@@ -153,12 +165,13 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
                 copy(s.y[i], m.state[i, 0])
             else:
                 gap(m, i, 0, s.clock[i, 0], s.y[i], rules.translation, bench.work[0])
-                same = e.codes[i] == FINISHED and miss(bench.work[0], m.size[i], rules.real[4]) <= told_apart(m, i)
+                off = max(off, miss(bench.work[0], m.size[i], rules.real[4])) if e.codes[i] == FINISHED else np.inf
         if not moves(rules, bench, bench.tally.state[0], False) > 0.0:
             return True
-        if same:
+        if off <= limit:
             real[DURATION] = part
         else:
+            real[OPEN] = min(off, real[OPEN])
             p += 1 if p == 2 else 2
     return True
 

@@ -14,7 +14,7 @@ from stickslip.motion.modes import copy, resolve
 from stickslip.motion.nodes import NODES as GAUSS_NODES
 from stickslip.motion.nodes import WEIGHTS as GAUSS_WEIGHTS
 from stickslip.motion.roots import horner
-from stickslip.motion.steps import finite_order, step_size
+from stickslip.motion.steps import expand
 from stickslip.sweeps.tables import Sums
 
 Array = np.ndarray
@@ -122,28 +122,31 @@ def observe(
         copy(knots.state[i], y)
         base, left, before = knots.time[i], length, 0.0
         while left > 0.0:
-            W[n, 1] = 1.0
-            jets(base, y, mode, reg, k.K, space.Rq, space.Rz, N, W, space.A, space.B, space.mag)
-            order = finite_order(W, n, N)
-            h = step_size(W, rows.watched, rows.noise, space.mag, seen, n, order, before, tol, atol)
+            order, h = expand(jets, rows, k, space, N, base, y, mode, reg, left, before, tol, atol, seen)
             h = min(left, max(h, 1e-12 * left))
-            add_step(rows, W, order, h, sums)
+            add_step(rows, W, order, h, W[n, 1], sums)
             for r in range(n):
-                y[r] = horner(W[r], order, h)
+                y[r] = horner(W[r], order, h / W[n, 1])
             base, left, before = base + h, left - h, h
 
 
 @njit(**OPTIONS)
-def add_step(rows: Rows, W: Array, order: int, h: float, sums: Sums) -> None:
-    """Add one Taylor step: extrema of the state, and force, impulse and work of the contacts."""
+def add_step(rows: Rows, W: Array, order: int, h: float, unit: float, sums: Sums) -> None:
+    """Add one Taylor step: extrema of the state, and force, impulse and work of the contacts.
+
+    Parameters
+    ----------
+    h, unit : float
+        Length of the step, and the time in powers of which the coefficients are.
+    """
     for r in range(len(sums.low)):
-        sums.low[r], sums.high[r] = widen(W[r], order, h, sums.low[r], sums.high[r])
+        sums.low[r], sums.high[r] = widen(W[r], order, h / unit, sums.low[r], sums.high[r])
     for c in range(len(rows.u)):
         force, speed = W[rows.force[c]], W[rows.u[c]]
-        low, high = widen(force, order - 1, h, 0.0, 0.0)
+        low, high = widen(force, order - 1, h / unit, 0.0, 0.0)
         sums.peak[c] = max(sums.peak[c], high, -low)
         for g in range(len(GAUSS_NODES)):
-            tau = h * GAUSS_NODES[g]
+            tau = h / unit * GAUSS_NODES[g]
             held = horner(force, order - 1, tau)
             sums.impulse[c] += h * GAUSS_WEIGHTS[g] * held
             sums.work[c] -= h * GAUSS_WEIGHTS[g] * held * horner(speed, order - 1, tau)

@@ -132,7 +132,7 @@ class Prover:
         names, state = list(self.problem.system.parameters), self.problem.compiled.layout.state
         values = dict(zip(names, map(float, self.table[i]), strict=True))
         frame = dict(zip(state, map(float, marks.frame[i]), strict=True))
-        return self.repetition.waves(values, frame, float(saved.clock[i, 0]))
+        return self.repetition.waves(values, frame, self.problem.origin + float(saved.clock[i, 0]))
 
     def ends_here(self, i: int, marks: Marks, saved: Lane) -> bool:
         """Whether a motion whose rates have died out ends at an equilibrium of its mode."""
@@ -142,7 +142,7 @@ class Prover:
         except ZeroDivisionError:
             return False  # the rates are not determined in this mode alone
         free = int(np.sum(mode == 0)) + int(np.any(self.rules.translation != 0.0))
-        point = float(saved.clock[i, 0]), saved.y[i], self.table[i]
+        point = self.problem.origin + float(saved.clock[i, 0]), saved.y[i], self.table[i]
         return near_equilibrium(piece, point, self.rules.translation, free)
 
 

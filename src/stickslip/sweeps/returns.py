@@ -52,12 +52,15 @@ DEPENDENT = 1e-7  # part of a vector that others leave of it, below which it is 
 
 @njit(**INLINED)
 def kind_of(mode: Array, region: Array, fired: int) -> int:
-    """The mode and region (before a kink fired) as a number; it is a filter, and equal numbers decide nothing."""
+    """The mode and region (before a kink fired) as a number; it is a filter, and equal numbers decide nothing.
+
+    Powers of 3 do not repeat modulo this prime, as those of 2 do after 61.
+    """
     kind = 1
     for c in range(len(mode)):
         kind = (3 * kind + mode[c] + 1) % PRIME
     for j in range(len(region)):
-        kind = (2 * kind + (1 - region[j] if j == fired else region[j])) % PRIME
+        kind = (3 * kind + (1 - region[j] if j == fired else region[j])) % PRIME
     return kind
 
 

@@ -29,6 +29,7 @@ from stickslip.motion.kernel import FINISHED, FULL, INLINED, LIMIT, NEED, OK, OP
 from stickslip.motion.modes import copy, resolve
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.roots import horner
+from stickslip.motion.steps import better
 from stickslip.sweeps.returns import (
     PATIENCE,
     UNKNOWN,
@@ -481,20 +482,21 @@ def cross_plane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
         copy(record.region[j], f.reg0)
         s.known[-1] = 1
         resolve(e.rows.sizes, k, s, f.mode0)
-        s.W[len(y), 1] = 1.0
+        unit = better(after - t, 1.0)
+        s.W[len(y), 1] = unit
         e.jets(t, y, f.mode0, f.reg0, k.K, s.Rq, s.Rz, N, s.W, s.A, s.B, s.mag)
         low, high = 0.0, after - t
-        point_on(s.W, N, high, work[1])
+        point_on(s.W, N, high / unit, work[1])
         if not abs(height(m, i, after, work[1], translation, work[0]) - ahead) <= 1e-6 * abs(ahead):
             continue  # a flight in closed form: its modes are linear, and have no cycle of their own
         for _ in range(60):
             middle = 0.5 * (low + high)
-            point_on(s.W, N, middle, work[1])
+            point_on(s.W, N, middle / unit, work[1])
             if height(m, i, t + middle, work[1], translation, work[0]) > 0.0:
                 high = middle
             else:
                 low = middle
-        point_on(s.W, N, high, s.trial)
+        point_on(s.W, N, high / unit, s.trial)
         remember(m, i, -1, t + high, s.trial)
         copy_lane(lanes, i, saved, i)
         put_at(saved, i, t + high, after - t, s.trial, f.mode0, f.reg0)
@@ -516,10 +518,10 @@ def put_at(lanes: Lane, i: int, t: float, step: float, y: Array, mode: Array, re
 
 
 @njit(**OPTIONS)
-def point_on(W: Array, N: int, h: float, out: Array) -> None:
-    """State on a Taylor step."""
+def point_on(W: Array, N: int, x: float, out: Array) -> None:
+    """State on a Taylor step, after a time in the unit of its coefficients."""
     for r in range(len(out)):
-        out[r] = horner(W[r], N, h)
+        out[r] = horner(W[r], N, x)
 
 
 @njit(**OPTIONS)

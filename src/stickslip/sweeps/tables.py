@@ -70,7 +70,8 @@ class Rules(NamedTuple):
     Attributes
     ----------
     real : array
-        t₀, end, time between looks, tolerance of waiting, atol, and what may be missing to a cycle.
+        Start, end and time between looks, counted from the origin of the problem; tolerance of waiting, atol, and what
+        may be missing to a cycle.
     most : array of int
         Periods, events, marks in one call, and marks of a cycle.
     translation : array, shape (n,)
@@ -293,6 +294,8 @@ def make_bench(problem: Problem, room: int) -> Bench:
         z((room + 1, kinks), np.int8),
         z(room + 1, np.int64),
     )
+    table = z((problem.compiled.layout.rows, 2))
+    table[n, 1] = 1.0  # unit of time of its coefficients
     return Bench(
         work=z((9, n)),
         fit=z((3, 4)),
@@ -303,7 +306,7 @@ def make_bench(problem: Problem, room: int) -> Bench:
         ends=z((3, n)),
         balance=z(6),
         residuals=z(4),
-        table=z((problem.compiled.layout.rows, 2)),
+        table=table,
         value=z(3),
         mode=z(contacts, np.int64),
         region=z(kinks, np.int64),
