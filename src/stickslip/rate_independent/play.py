@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from stickslip.certify import Certificate
 from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError
 from stickslip.formulas import is_finite
 from stickslip.motion.simulate import check_span
 from stickslip.motion.trajectory import GRID
 from stickslip.rate_independent.chebyshev import ROUNDING
+from stickslip.rate_independent.play_certificate import PlayCertificate
 from stickslip.rate_independent.play_nodes import Bounds, Nodes, Sample, follow, panel_edges
 from stickslip.rate_independent.play_signals import INTERPOLATIONS, is_table, read_signal
 
@@ -362,7 +362,7 @@ class Play:
         return float(self.audit.dissipated[-1])
 
     @cached_property
-    def certificate(self) -> Certificate:
+    def certificate(self) -> PlayCertificate:
         """Energy balance (E), stability (S) in force form, and ż = L′ or U′ in motion, measured."""
         audit = self.audit
         balance = audit.energy - audit.energy[0] + audit.dissipated - audit.supplied
@@ -382,7 +382,7 @@ class Play:
                 (gap, size),
             )
         )
-        return Certificate(energy, stability, defect, TOLERANCE, scale)
+        return PlayCertificate(energy, stability, defect, max(s.samples for s in self.bounds.signals), TOLERANCE)
 
     # -- data and picture -----------------------------------------------------------------------------
 
