@@ -73,7 +73,7 @@ class Cover:
             if best > enough:
                 bound = np.inf
                 break
-            open_ = (out > enough) & (self.high[active] - self.low[active] > NARROW)
+            open_ = (out > enough) & (self.high[active] - self.low[active] > PARTS * NARROW)
             bound = max(bound, float(np.max(out[~open_], initial=-np.inf)))
             if not open_.any() or len(self) + PARTS * int(open_.sum()) > MOST:
                 bound = max(bound, float(np.max(out[open_], initial=-np.inf)))

@@ -28,6 +28,7 @@ from stickslip.rate_independent.dissipation.phase import wrapped
 from stickslip.rate_independent.dissipation.stretches import OneByOne, Rows, Stretches, lengths
 
 MOST_ROUNDS = 60
+FORGETFUL = 6  # rounds in which constraints may go
 CLUSTER = 0.02  # phases closer than this may be one
 SAME = 1e-6  # phases closer than this are one
 NEAR = 1e-2  # violation, as a multiple of the size of K, from which Newton's method is tried
@@ -185,17 +186,17 @@ class Intersection(Average):
         held = self._judged(held)
         constraints = [self._constraint(s, held.xi) for s in held.phases]
         least, value = np.inf, np.inf
-        for _ in range(MOST_ROUNDS):
+        for k in range(MOST_ROUNDS):
             if self._gap(held, c, Q) <= rule:
                 return self._kept(held, Q)
             closer = self._refined(held, c, Q)
             least = min(least, self._gap(closer, c, Q))
             if least <= rule:
                 return self._kept(closer, Q)
-            # Constraints that do not hold ξ may go only where the value has fallen: then none can come back for ever.
+            # Constraints that do not hold ξ may go only where the value has fallen, and not for ever.
             now = float(c @ held.xi) - (0.0 if Q is None else float(held.xi @ Q @ held.xi) / 2)
-            fallen, value = now < value - 1e-9 * abs(now), min(now, value)
-            constraints = self._exchanged([] if fallen else constraints, held)
+            fallen, value = k < FORGETFUL and now < value - 1e-9 * abs(now), min(now, value)
+            constraints = self._exchanged([] if fallen else constraints, held, closer)
             held = self._judged(self._solved(constraints, c, Q))
         raise ConvergenceError(
             "average over the phase",
@@ -270,12 +271,12 @@ class Intersection(Average):
         phases, motions = self._tidied(np.array([s for s, _ in constraints]), motions * size)
         return Held(xi * self.size, phases, motions).balanced(c, Q)
 
-    def _exchanged(self, constraints: list[Constraint], held: Held) -> list[Constraint]:
-        """The constraints that hold ξ, those that it violates, and given others."""
-        phases = [*held.phases.tolist(), *held.violated]
+    def _exchanged(self, constraints: list[Constraint], *found: Held) -> list[Constraint]:
+        """The constraints that hold a force, those that it violates, and given others."""
+        forces = {s: held.xi for held in found for s in (*held.phases.tolist(), *held.violated)}
         if self.source.cone_form(0.0) is not None:  # one constraint says all about a phase
-            constraints = [(s, form) for s, form in constraints if s not in phases]
-        return [*constraints, *(self._constraint(s, held.xi) for s in phases)]
+            constraints = [(s, form) for s, form in constraints if s not in forces]
+        return [*constraints, *(self._constraint(s, xi) for s, xi in forces.items())]
 
     def _constraint(self, s: float, xi: Array) -> Constraint:
         return s, self.source.outer_form(s, xi).scaled(1.0 / self.size)
@@ -321,10 +322,15 @@ class Intersection(Average):
         v = motions.sum(axis=0)
         if not self.source.depends_on_phase:
             return phases[:1], v[None]
-        apart = sum(self.source.support(w, s) for s, w in zip(phases, motions, strict=True))
-        low, high = phases[:1] - CLUSTER / 2, phases[-1:] + CLUSTER / 2
-        together, s = golden_section(lambda s: self.source.sampled(s).support(v), low, high)
-        return (s, v[None]) if together[0] <= apart * (1 + 1e-14) else (phases, motions)
+        apart = float(self.source.sampled(phases).support(motions).sum())
+        # A kink may be narrower than the cluster is wide.
+        width = max(float(phases[-1] - phases[0]), self.cover.scale(float(wrapped(phases[0]))))
+        reach = np.array([width, CLUSTER / 2])
+        costs, found = golden_section(
+            lambda s: self.source.sampled(s).support(v), phases[0] - reach, phases[-1] + reach
+        )
+        k = int(costs.argmin())
+        return (found[k : k + 1], v[None]) if costs[k] <= apart * (1 + 1e-14) else (phases, motions)
 
 
 @dataclass(frozen=True, eq=False)
