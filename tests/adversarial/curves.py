@@ -38,6 +38,11 @@ class Curve:
     least: float = math.nan
 
 
+def constant(value: float) -> Curve:
+    """A number."""
+    return Curve(f"{value!r}", lambda s: value + 0.0 * s, (), value)
+
+
 # Wells: 0 at their place, at most 1, of period 1. `d` is sin(π(s − p))/(π w), the distance in widths.
 WELLS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "V": ("min(1, abs({d}))", lambda d: np.minimum(1.0, np.abs(d))),

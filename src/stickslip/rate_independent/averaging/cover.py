@@ -73,7 +73,10 @@ class Cover:
             if best > enough:
                 bound = np.inf
                 break
-            open_ = (out > enough) & (self.high[active] - self.low[active] > PARTS * NARROW)
+            # What is narrower than the rounding of a phase has no inside.
+            wide = self.high[active] - self.low[active] > NARROW
+            out = np.where(wide, out, np.maximum(start, end))
+            open_ = (out > enough) & wide
             bound = max(bound, float(np.max(out[~open_], initial=-np.inf)))
             if not open_.any() or len(self) + PARTS * int(open_.sum()) > MOST:
                 bound = max(bound, float(np.max(out[open_], initial=-np.inf)))
@@ -101,7 +104,7 @@ class Cover:
         width = (self.high - self.low)[stretches, None]
         beside = np.abs(self.low[near] - self.low[stretches, None]) <= (AHEAD + 0.5) * width
         beside &= np.abs((self.high - self.low)[near] - width) <= 1e-3 * width
-        return np.unique(near[beside & (self.child[near] < 0) & (width > PARTS * NARROW)])
+        return np.unique(near[beside & (self.child[near] < 0) & (width > NARROW)])
 
     def scale(self, s: float) -> float:
         """Width of the finest stretch around a phase."""
