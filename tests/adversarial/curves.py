@@ -132,7 +132,8 @@ def any_curve(rng: Rng, low: float) -> Curve:
 def places(narrow: tuple[tuple[float, float], ...], count: int = COARSE) -> Array:
     """Phases that see everything."""
     around = [p + w * CLOSER for p, w in narrow]
-    edges = [np.array([p - w * (1 - 1e-9), p + w * (1 - 1e-9)]) for p, w in narrow]
+    reach = [(p, math.asin(math.pi * w) / math.pi * (1.0 - 1e-9)) for p, w in narrow]  # of a box, from inside
+    edges = [np.array([p - r, p + r]) for p, r in reach]
     found = np.concatenate([np.arange(count) / count, *around, *edges])
     return np.unique(found[(found >= 0.0) & (found < 1.0)])
 

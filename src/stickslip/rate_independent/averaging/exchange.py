@@ -25,7 +25,7 @@ from stickslip.rate_independent.averaging.minima import golden_section, sharpene
 from stickslip.rate_independent.averaging.polishing import Held, refined
 from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, OptimalMotion
 from stickslip.rate_independent.dissipation.phase import wrapped
-from stickslip.rate_independent.dissipation.stretches import OneByOne, Rows, Stretches, lengths
+from stickslip.rate_independent.dissipation.stretches import OneByOne, Rows, Sampled, Stretches, lengths
 
 MOST_ROUNDS = 60
 FORGETFUL = 6  # rounds in which constraints may go
@@ -36,7 +36,9 @@ ROUNDING = 1e-15  # of a distance, as a multiple of the size of K; of a motion, 
 SHARPEST = 1e-13  # duality gap that rounding allows
 MOST_PEAKS = 16  # phases that join in one round
 SURE = 0.25  # part of the tolerance that what is not seen of K(s) may take
-MEMORY = 256  # solutions and searches that are remembered
+MEMORY = 256  # solutions that are remembered
+LOOKS = 192  # forces whose distances from K(s) are remembered
+AT_ONCE = 64  # forces that are looked at together
 Constraint = tuple[float, ConeForm]
 
 
@@ -99,9 +101,7 @@ class Intersection(Average):
         return measure(self.source, V, held.phases, held.motions, held.xi, held.bound)
 
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
-        looked = self._look(self.vector(xi, "xi"))
-        worst = float(looked.excess.max())
-        return worst if not np.isfinite(looked.bound) else max(worst, 0.0) if looked.bound > 0.0 > worst else worst
+        return _worst(self._look(self.vector(xi, "xi")))
 
     def contains(self, xi: ArrayLike, s: float = 0.0, tolerance: float = 1e-12) -> bool:
         """Whether ξ lies in every K(s), up to the tolerance of the average at least."""
@@ -133,9 +133,21 @@ class Intersection(Average):
     def cone_form(self, s: float) -> None:
         return None
 
+    def sampled(self, phases: Array) -> Sampled:
+        return Together(self, phases)
+
     def over(self, low: Array, high: Array) -> Stretches:
-        ends = OneByOne(self, low)
+        ends = Together(self, low)
         return Unchanged(ends, ends)
+
+    def excesses(self, xi: Array) -> Array:
+        """How far forces, shape (m, n), lie outside, shape (m,)."""
+        known = [self._known(row) for row in xi]
+        excess = np.array([np.nan if looked is None else _worst(looked) for looked in known])
+        (new,) = np.nonzero(np.isnan(excess))
+        for part in np.array_split(new, -(-len(new) // AT_ONCE)) if len(new) else []:
+            excess[part] = self.cover.excess(xi[part], SURE * self.tolerance * self.size)
+        return excess
 
     @property
     def frictionless(self) -> Array:
@@ -156,16 +168,31 @@ class Intersection(Average):
         return deque(maxlen=2)
 
     @cached_property
-    def _looked(self) -> dict[bytes, Looked]:
-        return {}
+    def _looked(self) -> deque[Looked]:
+        """What was looked at last; the forces themselves are rows of an array that goes around."""
+        return deque(maxlen=LOOKS)
+
+    @cached_property
+    def _places(self) -> Array:
+        return np.full((LOOKS, self.dimension), np.inf)
+
+    def _known(self, xi: Array) -> Looked | None:
+        """What is known of a force from one that is the same up to rounding."""
+        away = np.abs(self._places - xi).max(axis=1)
+        k = int(away.argmin())
+        if away[k] > ROUNDING * self.size:
+            return None
+        looked = self._looked[k - LOOKS + len(self._looked)]
+        return looked._replace(bound=looked.bound + float(away[k]) * len(xi))
 
     def _look(self, xi: Array) -> Looked:
-        key = xi.tobytes()
-        if key not in self._looked:
-            if len(self._looked) > MEMORY:
-                self._looked.clear()
-            self._looked[key] = self.cover.look(xi, SURE * self.tolerance * self.size)
-        return self._looked[key]
+        looked = self._known(xi)
+        if looked is None:
+            looked = self.cover.look(xi, SURE * self.tolerance * self.size)
+            self._looked.append(looked)
+            self._places[:-1] = self._places[1:].copy()
+            self._places[-1] = xi
+        return looked
 
     def _resisting(self, V: Array) -> Held:
         """The force in K_av that resists V most, and the motion it cannot resist better."""
@@ -333,12 +360,28 @@ class Intersection(Average):
         return (found[k : k + 1], v[None]) if costs[k] <= apart * (1 + 1e-14) else (phases, motions)
 
 
+def _worst(looked: Looked) -> float:
+    """How far a force lies outside, or inside; 0 if it may lie outside by less than is resolved."""
+    worst = float(looked.excess.max())
+    return worst if not np.isfinite(looked.bound) else max(worst, 0.0) if looked.bound > 0.0 > worst else worst
+
+
 @dataclass(frozen=True, eq=False)
-class Unchanged(Rows, Stretches[OneByOne]):
+class Together(OneByOne):
+    """An intersection for many forces at once."""
+
+    potential: Intersection
+
+    def excess(self, xi: Array) -> Array:
+        return self.potential.excesses(np.broadcast_to(xi, (len(self.phases), xi.shape[-1])))
+
+
+@dataclass(frozen=True, eq=False)
+class Unchanged(Rows, Stretches[Together]):
     """A potential that does not depend on the phase."""
 
-    start: OneByOne
-    end: OneByOne
+    start: Together
+    end: Together
 
     def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
         return ends + lengths(off)

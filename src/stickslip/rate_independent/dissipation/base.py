@@ -117,7 +117,7 @@ class Dissipation(ABC):
         return float(np.linalg.norm(xi - self.project(xi, s)))
 
     def contains(self, xi: ArrayLike, s: float = 0.0, tolerance: float = 1e-12) -> bool:
-        """Whether ξ, shape (n,), lies in K(s), up to `tolerance` times its length or how far K(s) reaches towards it."""
+        """Whether ξ, shape (n,), lies in K(s), up to `tolerance` times its length, or that of K(s) towards it."""
         xi = self.vector(xi, "xi")
         beyond = xi - self.project(xi, s)
         distance = float(np.linalg.norm(beyond))
