@@ -60,10 +60,12 @@ def well(rng: Rng, kind: str | None = None, name: str = "s") -> Curve:
     formula, at = WELLS[kind]
     place, width = float(rng.uniform(0.02, 0.98)), float(10.0 ** rng.uniform(-8.0, -2.0))
     d = f"(sin(pi*({name} - {place!r}))/{math.pi * width!r})"
+    reach = math.asin(math.pi * width) / math.pi  # where d = 1
+    corners = ((place - reach, 1e-3 * width), (place + reach, 1e-3 * width)) if kind in ("V", "box") else ()
     return Curve(
         formula.format(d=d),
         lambda s: at(np.sin(np.pi * (s - place)) / (np.pi * width)),
-        ((place, width),),
+        ((place, width), *corners),
         0.0,
     )
 
@@ -132,9 +134,7 @@ def any_curve(rng: Rng, low: float) -> Curve:
 def places(narrow: tuple[tuple[float, float], ...], count: int = COARSE) -> Array:
     """Phases that see everything."""
     around = [p + w * CLOSER for p, w in narrow]
-    reach = [(p, math.asin(math.pi * w) / math.pi * (1.0 - 1e-9)) for p, w in narrow]  # of a box, from inside
-    edges = [np.array([p - r, p + r]) for p, r in reach]
-    found = np.concatenate([np.arange(count) / count, *around, *edges])
+    found = np.concatenate([np.arange(count) / count, *around])
     return np.unique(found[(found >= 0.0) & (found < 1.0)])
 
 

@@ -22,7 +22,8 @@ class PlayCertificate:
         Most times (or phases) at which a function of Python was looked at; 0 if load and thresholds are known
         everywhere, since they are formulas or samples.
     tolerance : float
-        Each of the three must stay below it.
+        Each of the three must stay below it: 1e-9, or what the rounding of times alone makes of load and thresholds
+        where these are steep, if that is more.
     """
 
     energy_residual: float
@@ -53,9 +54,9 @@ class PlayCertificate:
     def verdict(self) -> str:
         """The verdict in words."""
         if self.ok:
-            return f"certified: all residuals below {self.tolerance:.0e}, {self.coverage}"
+            return f"certified: all residuals below {self.tolerance:.1g}, {self.coverage}"
         bad = [f"{name} {value:.2e}" for name, value in self._residuals.items() if not value <= self.tolerance]
-        return f"not certified: {', '.join(bad)} above {self.tolerance:.0e}"
+        return f"not certified: {', '.join(bad)} above {self.tolerance:.1g}"
 
     def to_dict(self) -> dict[str, float | bool | str]:
         """Numbers and verdict."""
