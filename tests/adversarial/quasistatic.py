@@ -17,7 +17,7 @@ SWEEPS, ENOUGH = 400, 1e-13
 ROUNDS = 3  # of inserting the turning points of bounds
 
 
-@njit(cache=True)
+@njit
 def _interval(a: float, r: float, low: float, high: float) -> float:
     """Least of ½ a d² − r d + max(low d, high d)."""
     if r > high:
@@ -27,7 +27,7 @@ def _interval(a: float, r: float, low: float, high: float) -> float:
     return 0.0
 
 
-@njit(cache=True)
+@njit
 def _disc(a: Array, r0: float, r1: float, radius: float, d: Array) -> None:
     """Least of ½ dᵀ a d − rᵀ d + radius |d| in the plane: (a + λ) d = r with λ |d| = radius, by bisection in λ."""
     d[0] = d[1] = 0.0
@@ -54,14 +54,14 @@ def _disc(a: Array, r0: float, r1: float, radius: float, d: Array) -> None:
     d[0], d[1] = _shifted(a, high, r0, r1)
 
 
-@njit(cache=True)
+@njit
 def _shifted(a: Array, shift: float, r0: float, r1: float) -> tuple[float, float]:
     p, q, s = a[0, 0] + shift, a[0, 1], a[1, 1] + shift
     det = p * s - q * q
     return (s * r0 - q * r1) / det, (p * r1 - q * r0) / det
 
 
-@njit(cache=True)
+@njit
 def _follow(A: Array, loads: Array, low: Array, high: Array, discs: bool, z: Array, states: Array) -> None:
     n, d, own = len(A), np.zeros(len(A)), np.zeros(2)
     size = 2 if discs else 1
@@ -122,7 +122,7 @@ def _vertices(t: Array, y: Array) -> Array:
     return tip[(tip > a) & (tip < c)]
 
 
-@njit(cache=True)
+@njit
 def _clamped(low: Array, high: Array, z: float) -> Array:
     states = np.empty(len(low))
     for k in range(len(low)):

@@ -88,10 +88,7 @@ class Cover:
         which, active = np.repeat(np.arange(len(xi)), self.roots), np.tile(np.arange(self.roots), len(xi))
         seen, zero = np.full(len(xi), -np.inf), np.zeros((1, xi.shape[1]))
         while len(active):
-            if len(xi) == 1 and len(active) == self.roots:
-                rows = self.first
-            else:
-                active, which, rows = self._taken(active, which)
+            active, which, rows = self._taken(active, which)
             force, done = xi[which], np.full(len(active), -np.inf)
             start, end = rows.start.excess(force), rows.end.excess(force)
             ends = np.maximum(start, end)
@@ -113,6 +110,8 @@ class Cover:
 
     def _taken(self, active: Index, which: Index) -> tuple[Index, Index, Any]:
         """Stretches, sorted by where they are stored, the forces that belong to them, and their rows."""
+        if np.array_equal(active, np.arange(self.roots)):
+            return active, which, self.first
         block = np.searchsorted(self.begins, active, side="right") - 1
         order = np.argsort(block, kind="stable")
         active, which, block = active[order], which[order], block[order]
