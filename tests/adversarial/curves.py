@@ -14,7 +14,7 @@ Array = np.ndarray
 Rng = np.random.Generator
 COARSE = 2048  # places between which every ordinary feature shows
 CLOSER = np.concatenate([-np.logspace(2, -6, 120), [0.0], np.logspace(-6, 2, 120)])  # around a narrow place, in widths
-CANDIDATES = 3  # local minima that are refined
+CANDIDATES = 4  # local minima that are refined
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,9 @@ def least(f: Callable[[Array], Array], narrow: tuple[tuple[float, float], ...]) 
     values = f(s)
     inner = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])) + 1
     best = float(values.min())
-    for k in inner[np.argsort(values[inner])][:CANDIDATES]:
+    # As low as the steeper neighbour would take it: rounding on a flat bottom promises nothing.
+    promised = values[inner] - np.maximum(values[inner - 1], values[inner + 1]) + values[inner]
+    for k in inner[np.argsort(promised)][:CANDIDATES]:
         centre, half = s[k], 0.5 * (s[k + 1] - s[k - 1])
         found = minimize_scalar(
             lambda x, centre=centre, half=half: float(f(np.array([centre + half * x]))[0]),
