@@ -28,6 +28,7 @@ Array = np.ndarray
 Rng = np.random.Generator
 KERNELS = ("", "Haswell", "SkylakeX")
 SPREAD = 1.0  # eigenvalues of A: 10^±SPREAD. A d is known to the rounding of |A| |d|, no better
+ROUNDINGS = 4.0  # in a force
 KINDS = ("boxes", "groups", "ellipsoid", "flat ellipsoid", "hull", "half-spaces", "product")
 
 
@@ -94,14 +95,16 @@ def step(seed: int) -> Outcome:
 def residual(psi: Dissipation, A: Array, load: Array, d: Array) -> float:
     """Distance of ξ = ℓ − A d from ∂Ψ(d): of ξ from K, and what Ψ(d) is more than ⟨ξ, d⟩, as a force.
 
-    A d as short as rounding of a force may as well be 0, which is wrong by A d.
+    Forces are rounded numbers, and so d is known to A⁻¹ times that, which costs as much as Ψ says. A d as short as
+    that may as well be 0, which is wrong by A d.
     """
     axes = np.eye(len(d))
     size = max(psi.support(sign * e) for e in axes for sign in (1.0, -1.0)) or 1.0
     pull = A @ d
     xi = load - pull
     length = float(np.linalg.norm(d))
-    gap = max(psi.support(d) - float(xi @ d), 0.0) / length if length > 0.0 else 0.0
+    known = ROUNDINGS * np.finfo(float).eps * float(np.linalg.norm(load)) / float(np.linalg.eigvalsh(A)[0])
+    gap = max(psi.support(d) - float(xi @ d) - known * size, 0.0) / length if length > 0.0 else 0.0
     return max(psi.distance(xi), min(gap, float(np.linalg.norm(pull)))) / size
 
 
