@@ -131,9 +131,10 @@ def mean_speed(motion: ss.Trajectory) -> float:
     """Speed of the right leg over whole periods of the second half: from step to step, or 0 apart if there are none."""
     start, end = 0.5 * motion.t_span[1], motion.t_span[1]
     events = motion.events
-    steps = events[(events["contact"] == RIGHT) & (events["from"] == "stick") & (events["time"] >= start)]["time"]
+    begins = (events["contact"] == RIGHT) & (events["from"] == "stick") & (events["time"] >= start)
+    steps = events["time"].to_numpy()[begins.to_numpy()]
     if len(steps) > 1:
-        start, end = steps.iloc[0], steps.iloc[-1]
+        start, end = float(steps[0]), float(steps[-1])
     return float((motion.at(end)["x_R"] - motion.at(start)["x_R"]) / (end - start))
 
 
