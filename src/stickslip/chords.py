@@ -28,11 +28,12 @@ def evaluate(expressions: list[Expr], u: Any) -> list[Any]:
     known: dict[Expr, Any] = {}
     with np.errstate(all="ignore"):
         for e in ex.walk(expressions):
-            known[e] = _value(e, np.float64(u) if np.ndim(u) == 0 else u, known)
+            known[e] = value_of(e, np.float64(u) if np.ndim(u) == 0 else u, known)
     return [known[e] for e in expressions]
 
 
-def _value(e: Expr, u: Any, known: dict[Expr, Any]) -> Any:
+def value_of(e: Expr, u: Any, known: dict[Expr, Any]) -> Any:
+    """Value of one node from those of its arguments, which are `known`."""
     match e.op:
         case "num":
             return ex.number(e)

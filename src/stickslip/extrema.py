@@ -25,7 +25,7 @@ AT_ONCE = 256  # boxes that are looked at together, at least
 FINEST = 16  # parts of a box at once
 MOST = 200_000  # boxes in all
 TOLERANCE = 1e-15  # gap that will do, relative to the largest value at the first ends of boxes
-ROUNDINGS = 1.0  # gaps that will do, in units of the rounding of the value at the minimum
+ROUNDINGS = 4.0  # gaps that will do, in units of the rounding of the value at the minimum
 
 
 @dataclass(frozen=True)

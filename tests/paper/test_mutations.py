@@ -119,9 +119,21 @@ def test_average_that_takes_the_mean_is_noticed(monkeypatch: pytest.MonkeyPatch)
     least = closed_forms.least_thresholds
 
     def mean(varying: Any) -> Any:
-        return varying.over(np.arange(100) / 100).mean(axis=0), least(varying)[1]
+        values = varying.over(np.arange(100) / 100).mean(axis=0)
+        return least(varying)._replace(values=values, floors=values)
 
     monkeypatch.setattr(closed_forms, "least_thresholds", mean)
+    assert_noticed(["example_average", "average_is_below_every_phase", "limit_solution"])
+
+
+def test_average_that_vanishes_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    least = closed_forms.least_thresholds
+
+    def nothing(varying: Any) -> Any:
+        found = least(varying)
+        return found._replace(values=0.0 * found.values, floors=0.0 * found.values)
+
+    monkeypatch.setattr(closed_forms, "least_thresholds", nothing)
     assert_noticed(["example_average", "average_is_below_every_phase", "limit_solution"])
 
 

@@ -202,6 +202,7 @@ def summarise_average(model: EvolutionModel, averaged: Average) -> dict[str, Any
         "complete": True,
         "certified": gap <= TOLERANCE * largest,
         **in_words(source, averaged),
+        "coverage": averaged.coverage,
         "frictionless": averaged.verdict,
         "frictionless_directions": averaged.frictionless.T.tolist(),
         "duality_gap": gap,
@@ -280,7 +281,7 @@ def average_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     if len(unit_motions) > 2 * SHOWN:
         rows.append(("  ...", f"({summary['dimension']} components in all)"))
     verdict = "certified" if summary["certified"] else "not certified"
-    return [*rows, ("certificate", f"{verdict}: duality gap {summary['duality_gap']:.1e}")]
+    return [*rows, ("certificate", f"{verdict}: duality gap {summary['duality_gap']:.1e}, {summary['coverage']}")]
 
 
 def average_figure(model: EvolutionModel, averaged: Average) -> Figure:
@@ -359,6 +360,7 @@ RESIDUALS = {
     "between steps": "overshoot",
     "equations": "defect",
     "KKT": "residual",
+    "error of z": "error_estimate",
 }
 
 

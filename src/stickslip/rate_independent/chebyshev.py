@@ -13,13 +13,14 @@ from numba import njit
 from numpy.polynomial.chebyshev import chebder, chebval, chebvander
 
 Array = np.ndarray
+Growth = Callable[[Array, Array, Array], Array]
 
 DEGREE = 16
 EPS = float(np.finfo(float).eps)
 ROUNDING = 64 * EPS
 """Largest error of a fit, relative to the largest value: what evaluation may leave."""
 COARSEST = 1e-9
-"""Largest relative error that rounding of the places may excuse: beyond it a function has a jump."""
+"""Largest relative error that rounding of the places may excuse: beyond it a function of unknown growth has a jump."""
 FIRST_PANELS = 4
 MOST_PANELS = 2**18  # of a fit
 NARROWEST = 2.0**-50  # width of a panel in parts of the whole, below which a function is taken to jump
@@ -28,6 +29,7 @@ SAME = 2.0**-40  # distance of two corners in parts of the whole, below which th
 CLUSTER = 250  # panels that gather around one corner, at most
 PASSES = 6
 MOST_HALVINGS = 52  # of a panel, in search of zeros
+REACHES = (8.0, 4.0)  # radii of discs around panels, in units of half their width, that may show what a fit can miss
 SEARCH, FINAL = 30, 42  # how close to an end a fit is checked, as long as corners are known roughly, and afterwards
 
 
@@ -111,11 +113,14 @@ class Unresolved(Exception):
     """A function needs too many panels; the argument is a place that does."""
 
 
-def fit(function: Callable[[Array], Array], edges: Array, most: int = MOST_PANELS) -> tuple[Array, Array, float]:
+def fit(
+    function: Callable[[Array], Array], edges: Array, most: int = MOST_PANELS, growth: Growth | None = None
+) -> tuple[Array, Array, float]:
     """A function as polynomials of degree at most 16, to rounding.
 
-    Panels are halved until the polynomial agrees with the function at 50 other points. Where the function has a corner
-    or a jump, panels gather; that place becomes an edge, and the fit is made again.
+    Panels are halved until the polynomial agrees with the function at 50 other points and, if its growth is known, can
+    be off by no more anywhere. Where the function has a corner or a jump, panels gather; that place becomes an edge,
+    and the fit is made again.
 
     Parameters
     ----------
@@ -125,6 +130,9 @@ def fit(function: Callable[[Array], Array], edges: Array, most: int = MOST_PANEL
         First and last place, and the corners and jumps that are known.
     most : int
         Most panels that are tried.
+    growth : callable, optional
+        Starts and ends of stretches and radii -> bounds of how far the function can be from its value in the middle of
+        each stretch, on the disc of that radius in the complex plane.
 
     Returns
     -------
@@ -140,13 +148,13 @@ def fit(function: Callable[[Array], Array], edges: Array, most: int = MOST_PANEL
 
     Notes
     -----
-    What lies between two sampled places is not seen: a spike narrower than 1/200 of the whole, away from any known
-    corner, may be missed.
+    Without `growth`, what lies between two sampled places is not seen: a spike narrower than 1/200 of the whole, away
+    from any known corner, may be missed.
     """
     known, whole, place = edges, edges[-1] - edges[0], EPS * np.max(np.abs(edges))
     same = max(SAME * whole, 1024.0 * place)
     for _ in range(PASSES):
-        breaks, c, _ = _halve_until_resolved(function, edges, most, SEARCH)
+        breaks, c, _ = _halve_until_resolved(function, edges, most, SEARCH, growth)
         corners = _corners(breaks)
         corners = corners[np.min(np.abs(corners[:, None] - edges), axis=1, initial=np.inf) > same]
         if not len(corners):
@@ -155,14 +163,14 @@ def fit(function: Callable[[Array], Array], edges: Array, most: int = MOST_PANEL
             break
         edges = np.union1d(edges, corners)
     closest = min(FINAL, int(np.log2(whole / (256.0 * place))))
-    breaks, c, noise = _halve_until_resolved(function, edges, most, closest)
+    breaks, c, noise = _halve_until_resolved(function, edges, most, closest, growth)
     size = np.max(np.abs(c), axis=1)
     used = np.flatnonzero(size > EPS * np.max(size))
     return breaks, c[: used[-1] + 1 if len(used) else 1], noise
 
 
 def _halve_until_resolved(
-    function: Callable[[Array], Array], edges: Array, most: int, closest: int
+    function: Callable[[Array], Array], edges: Array, most: int, closest: int, growth: Growth | None
 ) -> tuple[Array, Array, float]:
     points, at_points = _checks(closest)
     start, end = _first_panels(edges)
@@ -176,13 +184,16 @@ def _halve_until_resolved(
         sampled = function(middle + half * nodes(DEGREE + 1)[:, None])
         c = transform(DEGREE + 1) @ sampled
         scale = max(scale, float(np.max(np.abs(sampled))))
-        # A place is a rounded number, so a steep function is known no better than slope times rounding (a jump is).
+        # A place is a rounded number, so a steep function is known no better than slope times rounding; what grows
+        # without bound on every disc is a jump.
         steepness = np.sum(np.abs(slopes(c)), axis=0) / half
         blur = 4.0 * EPS * np.maximum(np.abs(start), np.abs(end)) * steepness
-        tolerance = ROUNDING * scale + np.minimum(blur, COARSEST * scale)
+        tolerance = ROUNDING * scale + (np.minimum(blur, COARSEST * scale) if growth is None else blur)
         off = np.max(np.abs(at_points @ c - function(middle + half * points[:, None])), axis=0)
         off = np.maximum(off, np.abs(c[-1]) + np.abs(c[-2]))
         resolved = off <= tolerance
+        if growth is not None and resolved.any():
+            resolved[resolved] = _missed(growth, start[resolved], end[resolved]) <= ROUNDING * scale
         noise = max(noise, float(np.max(off[resolved], initial=0.0)))
         resolved |= end - start <= np.maximum(NARROWEST * whole, 8.0 * np.spacing(np.abs(middle)))
         done.append((start[resolved], c[:, resolved]))
@@ -191,6 +202,20 @@ def _halve_until_resolved(
     starts, c = np.concatenate([s for s, _ in done]), np.concatenate([c for _, c in done], axis=1)
     order = np.argsort(starts)
     return np.append(starts[order], edges[-1]), c[:, order], noise + 4.0 * EPS * scale
+
+
+def _missed(growth: Growth, start: Array, end: Array) -> Array:
+    """What a polynomial that agrees with a function at Chebyshev points can miss of it on each panel.
+
+    With |f| ≤ B in the ellipse with foci ±1 and the sum ρ of its half axes, that is 4 B ρ^−n/(ρ − 1) for the degree n
+    (L. N. Trefethen, *Approximation Theory and Approximation Practice*, SIAM (2013), theorem 8.2).
+    """
+    least = np.full(len(start), np.inf)
+    for reach in REACHES:
+        rho = reach + np.sqrt(reach**2 - 1.0)
+        bound = growth(start, end, 0.5 * reach * (end - start))
+        least = np.minimum(least, 4.0 * rho**-DEGREE / (rho - 1.0) * bound)
+    return least
 
 
 def _first_panels(edges: Array) -> tuple[Array, Array]:

@@ -93,7 +93,8 @@ class EvolutionCertificate:
         bad = [f"{name} {value:.2e} above {limit:.0e}" for name, value, limit in self._limits() if not value <= limit]
         if bad:
             return f"not certified: {', '.join(bad)}"
-        return f"certified: (S) within {self.kkt:.0e}, (E) within {self.tolerance:.0e}, {self.coverage}"
+        error = f"error of z about {self.error_estimate:.1e} in the energy norm"
+        return f"certified: (S) within {self.kkt:.0e}, (E) within {self.tolerance:.0e}, {self.coverage}; {error}"
 
     def to_dict(self) -> dict[str, float | bool | str]:
         """Numbers and verdict."""

@@ -24,10 +24,10 @@ SHORTEST = 2.0**-44  # step, as a part of the whole time
 class March:
     """An evolution under way: iterating over it gives the accepted blocks, one after the other.
 
-    An adaptive march halves a step if its |defect| exceeds its share h/T of the tolerance, relative to the energy that
-    has flowed so far (then all defects add up to less than the tolerance), or if its overshoot exceeds the tolerance.
-    The defect is large at onsets and ends of sliding; the overshoot resolves the phase while forces are near their
-    bounds.
+    An adaptive march halves a step if its |defect| exceeds its share of the tolerance, or if its overshoot exceeds the
+    tolerance. The share is half of that of its length, h/T times the energy that has flowed so far, and half of what
+    it dissipates itself, which is most of it in short steep pulses: all defects add up to less than the tolerance. The
+    defect is large at onsets and ends of sliding; the overshoot resolves the phase while forces are near their bounds.
 
     Parameters
     ----------
@@ -130,7 +130,8 @@ class March:
         if self.adaptive:
             share = np.diff(tried.block.times, prepend=self.state.t) / self.length
             scale = np.maximum(tried.flowed, self.least)
-            fits = np.abs(columns["defect"]) <= self.tolerance * share * scale
+            spent = np.diff(columns["dissipated"], prepend=self.state.flow.dissipated)
+            fits = np.abs(columns["defect"]) <= 0.5 * self.tolerance * (share * scale + spent)
             fits &= columns["overshoot"] <= SHARE * self.tolerance
         refused = np.flatnonzero(~(fits & (columns["residual"] <= self.kkt)))
         return (int(refused[0]) if len(refused) else len(fits)), fits

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from stickslip.certify import Certificate
 from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError
 from stickslip.formulas import is_finite
 from stickslip.motion.simulate import check_span
 from stickslip.motion.trajectory import GRID
 from stickslip.rate_independent.chebyshev import ROUNDING
+from stickslip.rate_independent.play_certificate import PlayCertificate
 from stickslip.rate_independent.play_nodes import Bounds, Nodes, Sample, follow, panel_edges
 from stickslip.rate_independent.play_signals import INTERPOLATIONS, is_table, read_signal
 
@@ -33,6 +33,7 @@ Array = np.ndarray
 Given = str | float | Callable[[Any], Any] | tuple[Any, Any]
 CHUNK = 2**12  # intervals at once: what fits into the cache
 TOLERANCE = 1e-9  # of the certificate
+SPACINGS = 4.0  # between floating-point numbers: rounding of a time, and of what is computed from it
 STABLE = 1e-12  # distance from the stable interval, relative to where it is, that counts as rounding
 LONG_NAMES = {
     "z": "position",
@@ -97,9 +98,10 @@ def play(
     Samples are taken as they are. Formulas and functions are replaced by polynomials that agree with them to about
     1e-14 of their largest value (and, where they are steep, to the rounding of t times the slope); a turning point is
     then not missed, however close it is to the next, unless the excursion between them is below that. The corners of a
-    formula (abs, min, max, clip, piecewise) are found from its text, those of a function from the polynomials that
-    fail there. Not seen is what no formula announces and is narrower than about 1/200 of the span (of the period, if
-    `epsilon` is given).
+    formula (abs, min, max, clip, piecewise) are found from its text, and what polynomials can miss of it is bounded:
+    no feature is too narrow. The corners of a function are found from the polynomials that fail there; not seen of a
+    function is what is narrower than about 1/200 of the span (of the period, if `epsilon` is given), and the
+    certificate says at how many points it was looked at.
 
     Examples
     --------
@@ -153,7 +155,10 @@ def _stable(bounds: Bounds, edges: Array, z: float) -> float:
 
 @dataclass(frozen=True)
 class Audit:
-    """Work and violations of a motion, integrated anew from its nodes."""
+    """Work and violations of a motion, integrated anew from its nodes.
+
+    The `blur` of energy, force and gap is what the rounding of times alone does to them where signals are steep.
+    """
 
     energy: Array
     dissipated: Array
@@ -162,6 +167,7 @@ class Audit:
     excess: float
     force: float
     gap: float
+    blur: tuple[float, float, float]
 
 
 class State(NamedTuple):
@@ -304,12 +310,12 @@ class Play:
             out[:, part] = half * np.stack([w @ f for f in (threshold * np.abs(rate), power, np.abs(power), rate)])
         return out
 
-    def _violations(self) -> tuple[float, float]:
-        """Largest excess of the force over its threshold (or, in motion, distance from it), and largest force.
+    def _violations(self) -> tuple[float, float, float]:
+        """Largest excess of the force over its threshold (or, in motion, distance from it), its blur, largest force.
 
         Taken from what the user gave, not from the polynomials made of it.
         """
-        excess = force = 0.0
+        excess = force = blur = 0.0
         x, _ = np.polynomial.legendre.leggauss(3)
         for first in range(0, len(self.mode), CHUNK):
             k = np.arange(first, min(first + CHUNK, len(self.mode)))
@@ -317,13 +323,16 @@ class Play:
             k = k[np.diff(self.time)[k] > 64.0 * np.spacing(np.abs(self.time[k]))]
             t = self._middle(k) + 0.5 * (self.time[k + 1] - self.time[k]) * x[:, None]
             load, minus, plus = (signal.source(signal.clock(t)) for signal in self.bounds.signals)
-            pull = load - self.bounds.stiffness * self._state(t, k).z
+            z, _, now = self._state(t, k)
+            pull = load - self.bounds.stiffness * z
+            steepest = np.abs(now.load.rate) + np.maximum(np.abs(now.plus.rate), np.abs(now.minus.rate))
+            blur = max(blur, float(np.max(SPACINGS * np.spacing(np.abs(t)) * steepest, initial=0.0)))
             mode = np.broadcast_to(self.mode[k], pull.shape)
             beyond = np.maximum(pull - plus, -minus - pull)
             beyond = np.select([mode > 0, mode < 0], [np.abs(pull - plus), np.abs(pull + minus)], beyond)
             excess = max(excess, float(np.max(beyond, initial=0.0)))
             force = max(force, *(float(np.max(np.abs(f), initial=0.0)) for f in (pull, plus, minus)))
-        return excess, force
+        return excess, blur, force
 
     @cached_property
     def audit(self) -> Audit:
@@ -339,7 +348,16 @@ class Play:
         dissipated[jumps], change[jumps] = fall[jumps], np.diff(self.z)[jumps]
         work = np.concatenate([[0.0], -(after[1:] - before[:-1]) * self.z[1:-1]])
         supplied_at = np.concatenate([[0.0], np.cumsum(supplied + np.append(work[1:], 0.0))])
-        excess, force = self._violations()
+        # Nodes are rounded times: what an interval contributes is known to that part of it.
+        rounding = np.divide(
+            SPACINGS * np.spacing(np.abs(self.time[1:])),
+            np.diff(self.time),
+            out=np.zeros(len(k)),
+            where=self.time[1:] > self.time[:-1],
+        )
+        energy_blur = float(np.sum(np.minimum(rounding, 1.0) * (dissipated + modulus)))
+        gap_blur = float(np.max(np.minimum(rounding, 1.0) * np.abs(np.diff(self.z))))
+        excess, blur, force = self._violations()
         # The force is a difference of the load and a z, known to the rounding of these.
         largest = float(np.max(np.abs([before, after])))
         excess, force = max(excess - ROUNDING * largest, 0.0), max(force, 1e-6 * largest)
@@ -351,6 +369,7 @@ class Play:
             excess,
             force,
             float(np.max(np.abs(np.diff(self.z) - change))),
+            (energy_blur, blur, gap_blur),
         )
 
     def _energy(self, load: Array, z: Array) -> Array:
@@ -362,7 +381,7 @@ class Play:
         return float(self.audit.dissipated[-1])
 
     @cached_property
-    def certificate(self) -> Certificate:
+    def certificate(self) -> PlayCertificate:
         """Energy balance (E), stability (S) in force form, and ż = L′ or U′ in motion, measured."""
         audit = self.audit
         balance = audit.energy - audit.energy[0] + audit.dissipated - audit.supplied
@@ -374,15 +393,13 @@ class Play:
         scale = max(scale, 1e-6 * float(np.max(np.abs(audit.energy))), length * yielding)
         size = max(float(np.max(np.abs(self.z))), length)
         gap = max(audit.gap - ROUNDING * yielding / self.bounds.stiffness, 0.0)
-        energy, stability, defect = (
-            measured / of if of > 0.0 else 0.0
-            for measured, of in (
-                (float(np.max(np.abs(balance))), scale),
-                (audit.excess, audit.force),
-                (gap, size),
-            )
-        )
-        return Certificate(energy, stability, defect, TOLERANCE, scale)
+        measured = np.array([float(np.max(np.abs(balance))), audit.excess, gap])
+        sizes = np.array([scale, audit.force, size])
+        relative = np.divide(1.0, sizes, out=np.zeros(3), where=sizes > 0.0)
+        energy, stability, defect = (measured * relative).tolist()
+        tolerance = max(TOLERANCE, float((np.array(audit.blur) * relative).max()))
+        samples = max(signal.samples for signal in self.bounds.signals)
+        return PlayCertificate(energy, stability, defect, samples, tolerance)
 
     # -- data and picture -----------------------------------------------------------------------------
 

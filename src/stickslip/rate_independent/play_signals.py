@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +12,7 @@ from stickslip import expressions as ex
 from stickslip.chords import evaluate
 from stickslip.errors import DeclarationError
 from stickslip.formulas import Scope
+from stickslip.majorants import growth
 from stickslip.rate_independent import chebyshev as ch
 from stickslip.rate_independent.clamp import samples
 
@@ -45,6 +46,8 @@ class Signal:
         What was given: clock -> value, for arrays.
     period : float or None
         ε, if the clock is the phase.
+    samples : int
+        Number of places at which a function of Python was looked at; 0 if it is known everywhere.
     """
 
     breaks: Array
@@ -52,6 +55,7 @@ class Signal:
     noise: float
     source: Function
     period: float | None = None
+    samples: int = 0
 
     def clock(self, t: Array) -> Array:
         """The time itself, or the phase in [0, 1]."""
@@ -151,14 +155,17 @@ def read_signal(
     name = "t" if period is None else "s"
     if callable(given):
         function, most = _vectorised(given, where, name, clock)
-        return _fitted(_checked(function, where, name), np.array(clock), where, name, period, most)
+        counted = _Counted(_checked(function, where, name))
+        signal = _fitted(counted, np.array(clock), where, name, period, most)
+        return replace(signal, source=counted.function, samples=counted.places)
     if isinstance(given, str) or np.ndim(given) == 0:
         expression = Scope({name: ex.sym(name)}).parse(given, where)
         source = _checked(_of_array(expression), where, name)
         if not expression.symbols:
             value = source(np.zeros((1, 1)))
             return Signal(np.array(span), value, 4.0 * ch.EPS * abs(value.item()), source)
-        return _fitted(source, _corners(expression, np.array(clock)), where, name, period)
+        edges = _corners(expression, name, np.array(clock))
+        return _fitted(source, edges, where, name, period, growth=_growth(expression, name))
     raise DeclarationError(
         where,
         f"a {type(given).__name__} is no signal",
@@ -173,18 +180,23 @@ def _of_array(expression: ex.Expr) -> Function:
     return lambda u: np.broadcast_to(evaluate([expression], u)[0], np.shape(u)).astype(float)
 
 
-def _corners(expression: ex.Expr, edges: Array) -> Array:
+def _growth(expression: ex.Expr, name: str) -> ch.Growth:
+    return lambda start, end, radius: growth(expression, name, start, end, radius)
+
+
+def _corners(expression: ex.Expr, name: str, edges: Array) -> Array:
     """The ends, and where the branches of the formula change: the zeros of its guards, the inner ones first."""
     for e in ex.walk([expression]):
         if e.op == "select" and e.args[0].symbols:
-            edges = _distinct(np.concatenate([edges, _zeros(_of_array(e.args[0]), edges)]))
+            edges = _distinct(np.concatenate([edges, _zeros(e.args[0], name, edges)]))
     return edges
 
 
-def _zeros(guard: Function, edges: Array) -> Array:
+def _zeros(expression: ex.Expr, name: str, edges: Array) -> Array:
     """Changes of sign between the first and the last edge, to the last digit."""
+    guard = _of_array(expression)
     try:
-        breaks, c, _ = ch.fit(lambda u: np.nan_to_num(guard(u)), edges)
+        breaks, c, _ = ch.fit(lambda u: np.nan_to_num(guard(u)), edges, growth=_growth(expression, name))
     except ch.Unresolved:
         return edges[:0]  # the fit of the whole formula says so, or finds its corners by itself
     panel, x = ch.sign_changes(c, 0.0)
@@ -196,6 +208,17 @@ def _zeros(guard: Function, edges: Array) -> Array:
     near = np.clip(found + np.spacing(found) * NEIGHBOURS[:, None], edges[0], edges[-1])
     best = np.argmin(np.nan_to_num(np.abs(guard(near)), nan=np.inf), axis=0)
     return near[best, np.arange(len(found))]
+
+
+class _Counted:
+    """A function that counts the places at which it is asked."""
+
+    def __init__(self, function: Function) -> None:
+        self.function, self.places = function, 0
+
+    def __call__(self, u: Array) -> Array:
+        self.places += np.size(u)
+        return self.function(u)
 
 
 def _distinct(places: Array) -> Array:
@@ -251,10 +274,16 @@ def _checked(source: Function, where: str, name: str) -> Function:
 
 
 def _fitted(
-    source: Function, edges: Array, where: str, name: str, period: float | None, most: int = ch.MOST_PANELS
+    source: Function,
+    edges: Array,
+    where: str,
+    name: str,
+    period: float | None,
+    most: int = ch.MOST_PANELS,
+    growth: ch.Growth | None = None,
 ) -> Signal:
     try:
-        breaks, c, noise = ch.fit(source, edges, most)
+        breaks, c, noise = ch.fit(source, edges, most, growth)
     except ch.Unresolved as unresolved:
         remedy = "Give samples (times, values)"
         if most < ch.MOST_PANELS:

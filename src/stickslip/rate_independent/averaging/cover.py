@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,8 +12,8 @@ from stickslip.rate_independent.dissipation.base import Array, Dissipation
 from stickslip.rate_independent.dissipation.phase import NARROW
 from stickslip.rate_independent.dissipation.stretches import Index
 
-PARTS = 16  # of a stretch that is divided
-AHEAD = 32  # neighbours to both sides that are divided along with it: the next force will ask for them
+PARTS = 8  # of a stretch that is divided
+AHEAD = 4  # neighbours to both sides that are divided along with it: the next force will ask for them
 MOST = 2**18  # stretches
 
 
@@ -50,7 +51,9 @@ class Cover:
         if not source.depends_on_phase:
             self.low = self.high = np.zeros(1)
         self.first: Any = source.over(self.low, self.high)
-        self.roots, self.rows, self.child = len(self.low), self.first, np.full(len(self.low), -1, np.intp)
+        self.roots, self.child = len(self.low), np.full(len(self.low), -1, np.intp)
+        # Rows are stored as they came: block after block.
+        self.blocks, self.begins = [self.first], np.zeros(1, np.intp)
 
     def __len__(self) -> int:
         return len(self.low)
@@ -62,28 +65,68 @@ class Cover:
 
     def look(self, xi: Array, enough: float) -> Looked:
         """Phases at which ξ lies outside K(s); once it does by more than `enough`, the search need not go on."""
-        active, rows, bound = np.arange(self.roots), self.first, -np.inf
-        phases, found = [], []
-        while True:
-            force = np.broadcast_to(xi, (len(active), len(xi)))
-            start, end, out = rows.outside(force, force, np.broadcast_to(0.0, force.shape), enough)
+        phases, found, bound = [], [], -np.inf
+        for _, active, start, end, done in self._levels(xi[None], enough):
             phases += [self.low[active], self.high[active]]
             found += [start, end]
-            best = max(float(part.max()) for part in found)
-            if best > enough:
-                bound = np.inf
-                break
-            open_ = (out > enough) & (self.high[active] - self.low[active] > NARROW)
-            bound = max(bound, float(np.max(out[~open_], initial=-np.inf)))
-            if not open_.any() or len(self) + PARTS * int(open_.sum()) > MOST:
-                bound = max(bound, float(np.max(out[open_], initial=-np.inf)))
-                break
-            active = self._children(active[open_])
-            rows = self.rows.taken(active)
-        return Looked(np.concatenate(phases), np.concatenate(found), bound)
+            bound = max(bound, float(done.max(initial=-np.inf)))
+        excess = np.concatenate(found)
+        return Looked(np.concatenate(phases), excess, np.inf if excess.max() > enough else bound)
+
+    def excess(self, xi: Array, enough: float) -> Array:
+        """How far forces, shape (q, n), may lie outside any K(s), shape (q,); where that is more than `enough`, do."""
+        worst = np.full(len(xi), -np.inf)
+        for which, _, start, end, done in self._levels(xi, enough):
+            np.maximum.at(worst, which, np.maximum(np.maximum(start, end), done))
+        return worst
+
+    def _levels(self, xi: Array, enough: float) -> Iterator[tuple[Index, Index, Array, Array, Array]]:
+        """Level after level: which force, on which stretch, how far outside at its ends, and at most.
+
+        That is −∞ for stretches that are divided: as long as the force was seen outside by no more than `enough`.
+        """
+        which, active = np.repeat(np.arange(len(xi)), self.roots), np.tile(np.arange(self.roots), len(xi))
+        seen, zero = np.full(len(xi), -np.inf), np.zeros((1, xi.shape[1]))
+        while len(active):
+            active, which, rows = self._taken(active, which)
+            force, done = xi[which], np.full(len(active), -np.inf)
+            start, end = rows.start.excess(force), rows.end.excess(force)
+            ends = np.maximum(start, end)
+            np.maximum.at(seen, which, ends)
+            # What is narrower than the rounding of a phase has no inside.
+            wide = (self.high[active] - self.low[active] > NARROW) & (seen[which] <= enough)
+            done[~wide] = ends[~wide]
+            open_ = wide
+            if wide.any():
+                (k,) = np.nonzero(wide)
+                rows = rows if len(k) == len(active) else rows.taken(k)
+                done[k] = rows.between(ends[k], force[k], force[k], np.broadcast_to(zero, force[k].shape), enough)
+                open_ = wide & (done > enough)
+                if len(self) + PARTS * int(open_.sum()) > MOST:
+                    open_[:] = False
+                done[open_] = -np.inf
+            yield which, active, start, end, done
+            which, active = np.repeat(which[open_], PARTS), self._children(active[open_])
+
+    def _taken(self, active: Index, which: Index) -> tuple[Index, Index, Any]:
+        """Stretches, sorted by where they are stored, the forces that belong to them, and their rows."""
+        if np.array_equal(active, np.arange(self.roots)):
+            return active, which, self.first
+        block = np.searchsorted(self.begins, active, side="right") - 1
+        order = np.argsort(block, kind="stable")
+        active, which, block = active[order], which[order], block[order]
+        first = np.flatnonzero(np.diff(block, prepend=-1))
+        pieces = [
+            self.blocks[block[i]].taken(active[i:j] - self.begins[block[i]])
+            for i, j in zip(first, [*first[1:], len(active)], strict=True)
+        ]
+        rows = pieces[0]
+        for piece in pieces[1:]:
+            rows = rows.joined(piece)
+        return active, which, rows
 
     def _children(self, stretches: Index) -> Index:
-        new = stretches[self.child[stretches] < 0]
+        new = np.unique(stretches[self.child[stretches] < 0])
         if len(new):
             new = self._with_neighbours(new)
             share = np.arange(PARTS + 1) / PARTS
@@ -91,7 +134,8 @@ class Cover:
             edges[:, -1] = self.high[new]
             low, high = edges[:, :-1].ravel(), edges[:, 1:].ravel()
             self.child[new] = len(self) + PARTS * np.arange(len(new))
-            self.rows = self.rows.joined(self.source.over(low, high))
+            self.blocks.append(self.source.over(low, high))
+            self.begins = np.append(self.begins, len(self))
             self.low, self.high = np.append(self.low, low), np.append(self.high, high)
             self.child = np.append(self.child, np.full(len(low), -1, np.intp))
         return (self.child[stretches, None] + np.arange(PARTS)).ravel()
@@ -101,7 +145,7 @@ class Cover:
         width = (self.high - self.low)[stretches, None]
         beside = np.abs(self.low[near] - self.low[stretches, None]) <= (AHEAD + 0.5) * width
         beside &= np.abs((self.high - self.low)[near] - width) <= 1e-3 * width
-        return np.unique(near[beside & (self.child[near] < 0) & (width > PARTS * NARROW)])
+        return np.unique(near[beside & (self.child[near] < 0) & (width > NARROW)])
 
     def scale(self, s: float) -> float:
         """Width of the finest stretch around a phase."""

@@ -25,9 +25,10 @@ from stickslip.rate_independent.averaging.minima import golden_section, sharpene
 from stickslip.rate_independent.averaging.polishing import Held, refined
 from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, OptimalMotion
 from stickslip.rate_independent.dissipation.phase import wrapped
-from stickslip.rate_independent.dissipation.stretches import OneByOne, Rows, Stretches, lengths
+from stickslip.rate_independent.dissipation.stretches import OneByOne, Rows, Sampled, Stretches, lengths
 
 MOST_ROUNDS = 60
+FORGETFUL = 6  # rounds in which constraints may go
 CLUSTER = 0.02  # phases closer than this may be one
 SAME = 1e-6  # phases closer than this are one
 NEAR = 1e-2  # violation, as a multiple of the size of K, from which Newton's method is tried
@@ -35,7 +36,9 @@ ROUNDING = 1e-15  # of a distance, as a multiple of the size of K; of a motion, 
 SHARPEST = 1e-13  # duality gap that rounding allows
 MOST_PEAKS = 16  # phases that join in one round
 SURE = 0.25  # part of the tolerance that what is not seen of K(s) may take
-MEMORY = 256  # solutions and searches that are remembered
+MEMORY = 256  # solutions that are remembered
+LOOKS = 192  # forces whose distances from K(s) are remembered
+AT_ONCE = 64  # forces that are looked at together
 Constraint = tuple[float, ConeForm]
 
 
@@ -98,9 +101,7 @@ class Intersection(Average):
         return measure(self.source, V, held.phases, held.motions, held.xi, held.bound)
 
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
-        looked = self._look(self.vector(xi, "xi"))
-        worst = float(looked.excess.max())
-        return worst if not np.isfinite(looked.bound) else max(worst, 0.0) if looked.bound > 0.0 > worst else worst
+        return _worst(self._look(self.vector(xi, "xi")))
 
     def contains(self, xi: ArrayLike, s: float = 0.0, tolerance: float = 1e-12) -> bool:
         """Whether ξ lies in every K(s), up to the tolerance of the average at least."""
@@ -132,9 +133,21 @@ class Intersection(Average):
     def cone_form(self, s: float) -> None:
         return None
 
+    def sampled(self, phases: Array) -> Sampled:
+        return Together(self, phases)
+
     def over(self, low: Array, high: Array) -> Stretches:
-        ends = OneByOne(self, low)
+        ends = Together(self, low)
         return Unchanged(ends, ends)
+
+    def excesses(self, xi: Array) -> Array:
+        """How far forces, shape (m, n), lie outside, shape (m,)."""
+        known = [self._known(row) for row in xi]
+        excess = np.array([np.nan if looked is None else _worst(looked) for looked in known])
+        (new,) = np.nonzero(np.isnan(excess))
+        for part in np.array_split(new, -(-len(new) // AT_ONCE)) if len(new) else []:
+            excess[part] = self.cover.excess(xi[part], SURE * self.tolerance * self.size)
+        return excess
 
     @property
     def frictionless(self) -> Array:
@@ -155,16 +168,31 @@ class Intersection(Average):
         return deque(maxlen=2)
 
     @cached_property
-    def _looked(self) -> dict[bytes, Looked]:
-        return {}
+    def _looked(self) -> deque[Looked]:
+        """What was looked at last; the forces themselves are rows of an array that goes around."""
+        return deque(maxlen=LOOKS)
+
+    @cached_property
+    def _places(self) -> Array:
+        return np.full((LOOKS, self.dimension), np.inf)
+
+    def _known(self, xi: Array) -> Looked | None:
+        """What is known of a force from one that is the same up to rounding."""
+        away = np.abs(self._places - xi).max(axis=1)
+        k = int(away.argmin())
+        if away[k] > ROUNDING * self.size:
+            return None
+        looked = self._looked[k - LOOKS + len(self._looked)]
+        return looked._replace(bound=looked.bound + float(away[k]) * len(xi))
 
     def _look(self, xi: Array) -> Looked:
-        key = xi.tobytes()
-        if key not in self._looked:
-            if len(self._looked) > MEMORY:
-                self._looked.clear()
-            self._looked[key] = self.cover.look(xi, SURE * self.tolerance * self.size)
-        return self._looked[key]
+        looked = self._known(xi)
+        if looked is None:
+            looked = self.cover.look(xi, SURE * self.tolerance * self.size)
+            self._looked.append(looked)
+            self._places[:-1] = self._places[1:].copy()
+            self._places[-1] = xi
+        return looked
 
     def _resisting(self, V: Array) -> Held:
         """The force in K_av that resists V most, and the motion it cannot resist better."""
@@ -185,17 +213,17 @@ class Intersection(Average):
         held = self._judged(held)
         constraints = [self._constraint(s, held.xi) for s in held.phases]
         least, value = np.inf, np.inf
-        for _ in range(MOST_ROUNDS):
+        for k in range(MOST_ROUNDS):
             if self._gap(held, c, Q) <= rule:
                 return self._kept(held, Q)
             closer = self._refined(held, c, Q)
             least = min(least, self._gap(closer, c, Q))
             if least <= rule:
                 return self._kept(closer, Q)
-            # Constraints that do not hold ξ may go only where the value has fallen: then none can come back for ever.
+            # Constraints that do not hold ξ may go only where the value has fallen, and not for ever.
             now = float(c @ held.xi) - (0.0 if Q is None else float(held.xi @ Q @ held.xi) / 2)
-            fallen, value = now < value - 1e-9 * abs(now), min(now, value)
-            constraints = self._exchanged([] if fallen else constraints, held)
+            fallen, value = k < FORGETFUL and now < value - 1e-9 * abs(now), min(now, value)
+            constraints = self._exchanged([] if fallen else constraints, held, closer)
             held = self._judged(self._solved(constraints, c, Q))
         raise ConvergenceError(
             "average over the phase",
@@ -270,12 +298,12 @@ class Intersection(Average):
         phases, motions = self._tidied(np.array([s for s, _ in constraints]), motions * size)
         return Held(xi * self.size, phases, motions).balanced(c, Q)
 
-    def _exchanged(self, constraints: list[Constraint], held: Held) -> list[Constraint]:
-        """The constraints that hold ξ, those that it violates, and given others."""
-        phases = [*held.phases.tolist(), *held.violated]
+    def _exchanged(self, constraints: list[Constraint], *found: Held) -> list[Constraint]:
+        """The constraints that hold a force, those that it violates, and given others."""
+        forces = {s: held.xi for held in found for s in (*held.phases.tolist(), *held.violated)}
         if self.source.cone_form(0.0) is not None:  # one constraint says all about a phase
-            constraints = [(s, form) for s, form in constraints if s not in phases]
-        return [*constraints, *(self._constraint(s, held.xi) for s in phases)]
+            constraints = [(s, form) for s, form in constraints if s not in forces]
+        return [*constraints, *(self._constraint(s, xi) for s, xi in forces.items())]
 
     def _constraint(self, s: float, xi: Array) -> Constraint:
         return s, self.source.outer_form(s, xi).scaled(1.0 / self.size)
@@ -321,18 +349,39 @@ class Intersection(Average):
         v = motions.sum(axis=0)
         if not self.source.depends_on_phase:
             return phases[:1], v[None]
-        apart = sum(self.source.support(w, s) for s, w in zip(phases, motions, strict=True))
-        low, high = phases[:1] - CLUSTER / 2, phases[-1:] + CLUSTER / 2
-        together, s = golden_section(lambda s: self.source.sampled(s).support(v), low, high)
-        return (s, v[None]) if together[0] <= apart * (1 + 1e-14) else (phases, motions)
+        apart = float(self.source.sampled(phases).support(motions).sum())
+        # A kink may be narrower than the cluster is wide.
+        width = max(float(phases[-1] - phases[0]), self.cover.scale(float(wrapped(phases[0]))))
+        reach = np.array([width, CLUSTER / 2])
+        costs, found = golden_section(
+            lambda s: self.source.sampled(s).support(v), phases[0] - reach, phases[-1] + reach
+        )
+        k = int(costs.argmin())
+        return (found[k : k + 1], v[None]) if costs[k] <= apart * (1 + 1e-14) else (phases, motions)
+
+
+def _worst(looked: Looked) -> float:
+    """How far a force lies outside, or inside; 0 if it may lie outside by less than is resolved."""
+    worst = float(looked.excess.max())
+    return worst if not np.isfinite(looked.bound) else max(worst, 0.0) if looked.bound > 0.0 > worst else worst
 
 
 @dataclass(frozen=True, eq=False)
-class Unchanged(Rows, Stretches[OneByOne]):
+class Together(OneByOne):
+    """An intersection for many forces at once."""
+
+    potential: Intersection
+
+    def excess(self, xi: Array) -> Array:
+        return self.potential.excesses(np.broadcast_to(xi, (len(self.phases), xi.shape[-1])))
+
+
+@dataclass(frozen=True, eq=False)
+class Unchanged(Rows, Stretches[Together]):
     """A potential that does not depend on the phase."""
 
-    start: OneByOne
-    end: OneByOne
+    start: Together
+    end: Together
 
     def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
         return ends + lengths(off)

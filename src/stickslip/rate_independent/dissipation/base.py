@@ -117,9 +117,13 @@ class Dissipation(ABC):
         return float(np.linalg.norm(xi - self.project(xi, s)))
 
     def contains(self, xi: ArrayLike, s: float = 0.0, tolerance: float = 1e-12) -> bool:
-        """Whether ξ, shape (n,), lies in K(s), up to `tolerance` times its length."""
+        """Whether ξ, shape (n,), lies in K(s), up to `tolerance` times its length, or that of K(s) towards it."""
         xi = self.vector(xi, "xi")
-        return self.distance(xi, s) <= tolerance * float(np.linalg.norm(xi))
+        beyond = xi - self.project(xi, s)
+        distance = float(np.linalg.norm(beyond))
+        if distance == 0.0:
+            return True
+        return distance <= tolerance * max(float(np.linalg.norm(xi)), self.support(beyond / distance, s))
 
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
         """How far ξ, shape (n,), lies outside K(s): positive outside, negative inside, of the size of a distance."""

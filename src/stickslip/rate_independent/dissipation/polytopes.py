@@ -15,6 +15,8 @@ from stickslip.rate_independent.dissipation.stretches import Array, Rows, Sample
 if TYPE_CHECKING:
     from stickslip.rate_independent.dissipation.polytope import Polytope
 
+PLANAR_UP_TO = 16  # points of planar hulls of which all pairs are looked at
+FLAT = 1e-12  # width of a hull that has no inside, relative to its size
 QHULL_UP_TO = 6  # dimension above which the vertices of a polytope are too many
 ROUNDING = 1e-14  # of a distance, relative to the size of the numbers it comes from
 
@@ -138,6 +140,8 @@ class SampledHulls(Rows, Sampled):
 
 def sampled_hulls(potential: Polytope, phases: Array, points: Array) -> SampledHulls:
     """Hulls of points at m phases, shape (m, k, n)."""
+    if points.shape[2] == 2 and points.shape[1] <= PLANAR_UP_TO and len(points):
+        return SampledHulls(potential, phases, points, *_planar_facets(points))
     found = [facets(corners) for corners in points]
     most = max((len(f[1]) for f in found if f is not None), default=1)
     normals, offsets = np.zeros((len(points), most, points.shape[2])), np.zeros((len(points), most))
@@ -146,6 +150,27 @@ def sampled_hulls(potential: Polytope, phases: Array, points: Array) -> SampledH
             index = np.arange(most) % len(known[1])
             normals[k], offsets[k] = known[0][index], known[1][index]
     return SampledHulls(potential, phases, points, np.array([f is not None for f in found], bool), normals, offsets)
+
+
+def _planar_facets(points: Array) -> tuple[NDArray[np.bool_], Array, Array]:
+    """Which hulls of points in the plane (m, k, 2) have an inside, and the normals and offsets of their facets.
+
+    A facet is a line through two points with all others on one side. Rows with fewer facets have one repeatedly.
+    """
+    m, k, _ = points.shape
+    along = (points[:, None] - points[:, :, None]).reshape(m, k * k, 2)
+    sizes = lengths(along)
+    normals = np.stack([along[:, :, 1], -along[:, :, 0]], axis=2) / np.where(sizes > 0.0, sizes, 1.0)[:, :, None]
+    reach = np.einsum("mfn,mkn->mfk", normals, points)
+    offsets, size = np.repeat(points, k, axis=1), np.abs(points).max(axis=(1, 2))
+    offsets = np.einsum("mfn,mfn->mf", normals, offsets)
+    facet = (sizes > 0.0) & (reach.max(axis=2) <= offsets + 1e-15 * size[:, None])
+    width = np.where(facet, reach.max(axis=2) - reach.min(axis=2), np.inf).min(axis=1)
+    known = facet.any(axis=1) & (width > FLAT * size)
+    order = np.argsort(~facet, axis=1, kind="stable")[:, : max(int(facet.sum(axis=1).max()), 1)]
+    chosen = np.where(np.take_along_axis(facet, order, axis=1), order, order[:, :1])
+    normals = np.take_along_axis(normals, chosen[:, :, None], axis=1)
+    return known, normals, np.take_along_axis(reach.max(axis=2), chosen, axis=1)
 
 
 @dataclass(frozen=True, eq=False)

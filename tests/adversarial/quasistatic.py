@@ -1,0 +1,131 @@
+"""Rate-independent evolutions by small steps: block descent on ½dᵀAd − rᵀd + Σ Ψ_g(d_g), and the scalar play by clamps.
+
+Times are dense where load and thresholds are narrow. Shares nothing with the library.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+SWEEPS, ENOUGH = 400, 1e-13
+ROUNDS = 3  # of inserting the turning points of bounds
+
+
+@njit
+def _interval(a: float, r: float, low: float, high: float) -> float:
+    """Least of ½ a d² − r d + max(low d, high d)."""
+    if r > high:
+        return (r - high) / a
+    if r < low:
+        return (r - low) / a
+    return 0.0
+
+
+@njit
+def _disc(a: Array, r0: float, r1: float, radius: float, d: Array) -> None:
+    """Least of ½ dᵀ a d − rᵀ d + radius |d| in the plane: (a + λ) d = r with λ |d| = radius, by bisection in λ."""
+    d[0] = d[1] = 0.0
+    if math.hypot(r0, r1) <= radius:
+        return
+    low, high = 0.0, 1.0
+    for _ in range(200):
+        x, y = _shifted(a, high, r0, r1)
+        if high * math.hypot(x, y) >= radius:
+            break
+        high *= 4.0
+    if radius > 0.0:
+        for _ in range(200):
+            middle = 0.5 * (low + high)
+            x, y = _shifted(a, middle, r0, r1)
+            if middle * math.hypot(x, y) >= radius:
+                high = middle
+            else:
+                low = middle
+            if high - low <= 1e-16 * high:
+                break
+    else:
+        high = 0.0
+    d[0], d[1] = _shifted(a, high, r0, r1)
+
+
+@njit
+def _shifted(a: Array, shift: float, r0: float, r1: float) -> tuple[float, float]:
+    p, q, s = a[0, 0] + shift, a[0, 1], a[1, 1] + shift
+    det = p * s - q * q
+    return (s * r0 - q * r1) / det, (p * r1 - q * r0) / det
+
+
+@njit
+def _follow(A: Array, loads: Array, low: Array, high: Array, discs: bool, z: Array, states: Array) -> None:
+    n, d, own = len(A), np.zeros(len(A)), np.zeros(2)
+    size = 2 if discs else 1
+    for k in range(len(loads)):
+        r = loads[k] - A @ z
+        scale = np.abs(r).max() + np.abs(high[k]).max()
+        d[:] = 0.0
+        for _ in range(SWEEPS):
+            change = 0.0
+            for g in range(n // size):
+                i = size * g
+                before0, before1 = d[i], d[i + size - 1]
+                rest0, rest1 = r[i] + A[i, i] * d[i], 0.0
+                for j in range(n):
+                    rest0 -= A[i, j] * d[j]
+                if discs:
+                    rest0 += A[i, i + 1] * d[i + 1]
+                    rest1 = r[i + 1] + A[i + 1, i + 1] * d[i + 1] + A[i + 1, i] * d[i]
+                    for j in range(n):
+                        rest1 -= A[i + 1, j] * d[j]
+                    _disc(A[i : i + 2, i : i + 2], rest0, rest1, high[k, g], own)
+                    d[i], d[i + 1] = own[0], own[1]
+                    change = max(change, abs(d[i + 1] - before1) * A[i + 1, i + 1])
+                else:
+                    d[i] = _interval(A[i, i], rest0, low[k, i], high[k, i])
+                change = max(change, abs(d[i] - before0) * A[i, i])
+            if change <= ENOUGH * scale:
+                break
+        z = z + d
+        states[k] = z
+
+
+def follow(A: Array, loads: Array, low: Array, high: Array, discs: bool, z: Array) -> Array:
+    """States after each load: boxes [low, high], or discs in the plane with the radii `high`."""
+    states = np.empty_like(loads)
+    parts = (np.ascontiguousarray(x, dtype=float) for x in (A, loads, low, high))
+    _follow(*parts, discs, np.array(z, dtype=float), states)
+    return states
+
+
+def play(times: Array, low: Callable[[Array], Array], high: Callable[[Array], Array], z: float, at: Array) -> Array:
+    """The scalar play between L and U at given times: a clamp, exact where the bounds are monotone between times."""
+    t = np.union1d(times, at)
+    for _ in range(ROUNDS):
+        t = np.unique(np.concatenate([t, _vertices(t, low(t)), _vertices(t, high(t))]))
+    lower, upper = low(t), high(t)
+    states = _clamped(lower, upper, z)
+    return states[np.searchsorted(t, at)]
+
+
+def _vertices(t: Array, y: Array) -> Array:
+    """Tips of parabolas through the neighbours of local extrema."""
+    k = np.flatnonzero((y[1:-1] - y[:-2]) * (y[2:] - y[1:-1]) < 0.0) + 1
+    a, b, c = t[k - 1], t[k], t[k + 1]
+    p, q = (b - a) * (y[k] - y[k + 1]), (b - c) * (y[k] - y[k - 1])
+    with np.errstate(all="ignore"):
+        tip = b - 0.5 * ((b - a) * p - (b - c) * q) / (p - q)
+    return tip[(tip > a) & (tip < c)]
+
+
+@njit
+def _clamped(low: Array, high: Array, z: float) -> Array:
+    states = np.empty(len(low))
+    for k in range(len(low)):
+        z = min(max(z, low[k]), high[k])
+        states[k] = z
+    return states
