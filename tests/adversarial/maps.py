@@ -19,10 +19,9 @@ import numpy as np
 import stickslip as ss
 from stickslip import Contact, Inertial, System
 
-from . import cycles
 from .brute import CONSTANT, EXPONENTIAL, MASSES, RATIONAL, SLIDER, TOY, Brute, Settled, settle
-from .case import Rng, log_uniform
-from .cycles import parameters
+from .case import Rng, given, log_uniform
+from .families.repeating import FAMILIES as REPEATING
 from .mechanics import Array
 from .registry import in_turn
 from .verdict import AGREED, NO_REFERENCE, NOT_CERTIFIED, REFUSED, WRONG, Verdict
@@ -154,12 +153,18 @@ def point(
     } | more
 
 
+def repeating(name: str, rng: Rng) -> tuple[System, dict[str, float], dict[str, float], float]:
+    """System, parameters, start and period of a family that the cycles have, too."""
+    case = REPEATING[name](rng)
+    return case.system, dict(case.parameters), dict(case.initial), case.duration
+
+
 # -- families that the cycles have, too --------------------------------------------------------------------------------
 
 
 def on_a_belt(rng: Rng, name: str, law: int) -> dict[str, Any]:
-    system, p, start, *_, period, _ = cycles.FAMILIES[name](rng)
-    dry = contact(0, p["V"], p["F_s"], p["F_k"], law, p["v_s"])
+    system, p, start, period = repeating(name, rng)
+    dry = contact(0, p["V"], p["mu"], p["F_k"], law, p["v_s"])
     y = np.array([start["x"], start["d_x"]])
     return point(system, p, start, masses([p["m"]], [[p["k"]]], [[p["c"]]], [dry]), y, period)
 
@@ -167,49 +172,49 @@ def on_a_belt(rng: Rng, name: str, law: int) -> dict[str, Any]:
 @family
 def stribeck_belt(rng: Rng) -> dict[str, Any]:
     """Stick-slip, or steady sliding."""
-    return on_a_belt(rng, "stribeck belt", EXPONENTIAL)
+    return on_a_belt(rng, "falling with speed", EXPONENTIAL)
 
 
 @family
 def belt_with_static_above_kinetic(rng: Rng) -> dict[str, Any]:
     """Two constants."""
-    return on_a_belt(rng, "belt with static above kinetic", CONSTANT)
+    return on_a_belt(rng, "static above kinetic", CONSTANT)
 
 
 @family
 def belt_with_a_smooth_bend(rng: Rng) -> dict[str, Any]:
     """A rational law."""
-    return on_a_belt(rng, "belt with a smooth bend", RATIONAL)
+    return on_a_belt(rng, "smooth bend", RATIONAL)
 
 
 @family
 def complex_multipliers(rng: Rng) -> dict[str, Any]:
     """A tail that swings on for many periods."""
-    system, p, start, *_, period, _ = cycles.FAMILIES["complex multipliers"](rng)
+    system, p, start, period = repeating("complex multipliers", rng)
     K = [[1.0 + p["k"], -p["k"]], [-p["k"], p["k"]]]
-    C = [[p["c"] + p["c_y"], -p["c_y"]], [-p["c_y"], p["c_y"]]]
-    brute = masses([1.0, p["m"]], K, C, [contact(0, p["V"], p["F_s"], p["F_k"])])
+    C = [[p["c"] + p["e"], -p["e"]], [-p["e"], p["e"]]]
+    brute = masses([1.0, p["m"]], K, C, [contact(0, p["V"], p["mu"], p["F_k"])])
     return point(system, p, start, brute, np.array([start["x"], start["y"], start["d_x"], 0.0]), period)
 
 
 @family
 def two_blocks_on_a_belt(rng: Rng) -> dict[str, Any]:
     """Alternating and joint slips."""
-    system, p, start, *_, period, _ = cycles.FAMILIES["two blocks on a belt"](rng)
-    K = [[1.0 + p["k_c"], -p["k_c"]], [-p["k_c"], p["k_2"] + p["k_c"]]]
-    dry = [contact(i, p["V"], p[f"F_{i + 1}"], p["r"] * p[f"F_{i + 1}"]) for i in range(2)]
+    system, p, start, period = repeating("two blocks on a belt", rng)
+    K = [[1.0 + p["j"], -p["j"]], [-p["j"], p["k"] + p["j"]]]
+    dry = [contact(i, p["V"], p[s], p["r"] * p[s]) for i, s in enumerate(("mu", "nu"))]
     brute = masses([1.0, 1.0], K, [[p["c"], 0.0], [0.0, p["c"]]], dry)
     return point(system, p, start, brute, np.array([start["x"], start["y"], p["V"], p["V"]]), period)
 
 
 def with_a_damper(rng: Rng, name: str) -> dict[str, Any]:
-    system, p, start, *_, period, _ = cycles.FAMILIES[name](rng)
+    system, p, start, period = repeating(name, rng)
     if rng.random() < 0.1:
-        start["z"] += 2.0 / p["k_d"]
-    damper = (0.0, p["k_d"], p["F_c"])
+        start["z"] += 2.0 / p["j"]
+    damper = (0.0, p["j"], p["mu"])
     load = (0.0, p["F"], p["omega"])
     brute = masses([1.0], [[p["k"]]], [[p["c"]]], [], [damper], load, hard=p["b"], driven=True)
-    beyond = p["k_d"] * abs(start["x"] - start["z"]) - p["F_c"]
+    beyond = p["j"] * abs(start["x"] - start["z"]) - p["mu"]
     return point(system, p, start, brute, np.array([start["x"], 0.0, start["z"]]), period, excess=max(beyond, 0.0))
 
 
@@ -232,10 +237,10 @@ def damper_on_a_hard_spring(rng: Rng) -> dict[str, Any]:
 
 
 def on_the_ground(rng: Rng, name: str, still: bool = False) -> dict[str, Any]:
-    system, p, start, *_, period, _ = cycles.FAMILIES[name](rng)
+    system, p, start, period = repeating(name, rng)
     if still:
         p["F"] = 0.0
-    dry = contact(0, 0.0, p["F_s"], p["F_k"])
+    dry = contact(0, 0.0, p["mu"], p["F_k"])
     load = (p["f"], p["F"], p["omega"])
     brute = masses([1.0], [[p["k"]]], [[p["c"]]], [dry], load=load, hard=p["b"], driven=not still)
     return point(system, p, start, brute, np.array([start["x"], start["d_x"]]), 2 * math.pi if still else period)
@@ -268,7 +273,7 @@ def coming_to_rest(rng: Rng) -> dict[str, Any]:
 @family
 def slider_with_a_state(rng: Rng) -> dict[str, Any]:
     """The spring slider (3.3)."""
-    system, p, start, *_, period, _ = cycles.FAMILIES["slider with a state"](rng)
+    system, p, start, period = repeating("slider with a state", rng)
     slips = start["U"] > 2.0 / math.sqrt(start["alpha"])
     brute = other(SLIDER, 0.02 * p["nu"], p["V"], p["nu"])
     return point(system, p, start, brute, np.array([start["U"], start["alpha"]]), period, mode=(int(slips),))
@@ -277,7 +282,7 @@ def slider_with_a_state(rng: Rng) -> dict[str, Any]:
 @family
 def toy_that_may_walk(rng: Rng) -> dict[str, Any]:
     """The toy (4.2): it walks, or its rocking dies out; some start outside the stable set."""
-    system, p, start, *_ = cycles.FAMILIES["toy that may walk"](rng)
+    system, p, start, _ = repeating("toy that may walk", rng)
     if rng.random() < 0.2:
         start["x_R"] += float(rng.uniform(-3.0, 3.0))
     right = p["rho"] + p["H_star"] / 2 * (1 + min(max(start["psi"], -1.0), 1.0))
@@ -300,7 +305,7 @@ def shaken(threshold: str = "F_s", potential: str = "", load: str = "") -> Syste
     """A driven oscillator on a dry ground, with something narrow."""
     return System(
         name="shaken",
-        parameters=parameters("c", "F_s", "f", "F", "omega", "A", "phi", "w", "p"),
+        parameters=given(c=1.0, F_s=1.0, f=1.0, F=1.0, omega=1.0, A=1.0, phi=1.0, w=1.0, p=1.0),
         coordinates={"x": Inertial()},
         kinetic="d_x**2/2",
         potential=f"x**2/2 - (f + F*cos(omega*t){load})*x{potential}",
@@ -372,7 +377,7 @@ def struck() -> System:
     """An oscillator on a dry ground, and one gust."""
     return System(
         name="struck",
-        parameters=parameters("c", "F_s", "f", "G", "T", "tau"),
+        parameters=given(c=1.0, F_s=1.0, f=1.0, G=1.0, T=1.0, tau=1.0),
         coordinates={"x": Inertial()},
         kinetic="d_x**2/2",
         potential="x**2/2 - (f + G*max(0, 1 - abs(t - T)/tau))*x",
@@ -398,7 +403,7 @@ def dragged() -> System:
     """A block that a spring drags over the ground."""
     return System(
         name="dragged",
-        parameters=parameters("k", "c", "V", "F_s", "F_k"),
+        parameters=given(k=1.0, c=1.0, V=1.0, F_s=1.0, F_k=1.0),
         coordinates={"x": Inertial()},
         kinetic="d_x**2/2",
         potential="k*(x - V*t)**2/2",
@@ -422,10 +427,10 @@ def dragged_block(rng: Rng) -> dict[str, Any]:
 @family
 def nothing_damps_it(rng: Rng) -> dict[str, Any]:
     """A belt without viscous friction: stick-slip, or for ever an oscillation about sliding."""
-    system, p, start, *_, period, _ = cycles.FAMILIES["belt with static above kinetic"](rng)
-    p |= {"c": 0.0, "F_k": p["F_s"] if rng.random() < 0.3 else p["F_k"]}
+    system, p, start, period = repeating("static above kinetic", rng)
+    p |= {"c": 0.0, "F_k": p["mu"] if rng.random() < 0.3 else p["F_k"]}
     start = {"x": (p["F_k"] + float(rng.uniform(-1.5, 1.5)) * p["V"]) / p["k"], "d_x": 0.0}
-    brute = masses([p["m"]], [[p["k"]]], [[0.0]], [contact(0, p["V"], p["F_s"], p["F_k"])])
+    brute = masses([p["m"]], [[p["k"]]], [[0.0]], [contact(0, p["V"], p["mu"], p["F_k"])])
     return point(system, p, start, brute, np.array([start["x"], 0.0]), period)
 
 
