@@ -148,8 +148,10 @@ def test_a_motion_that_stops_early_is_kept_and_exits_1(tmp_path: Path) -> None:
     summary = json.loads(Path("out/jumps/summary.json").read_text(encoding="utf-8"))
     assert not summary["complete"]
     assert summary["end"] == pytest.approx(0.5, abs=1e-12)
-    # What was computed up to there is right.
-    assert stickslip("check", "out/jumps/trajectory.nc").exit_code == 0
+    # What was computed up to there is right; the motion as a whole is not certified.
+    checked = stickslip("check", "out/jumps/trajectory.nc")
+    assert checked.exit_code == 1
+    assert "'no bounded rate', and obeys the law until then" in " ".join(checked.stdout.split())
 
 
 BAD: dict[str, tuple[list[str], str]] = {
@@ -252,7 +254,8 @@ def test_ctrl_c_keeps_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "interrupted; the motion up to t = " in result.stderr
     stored = ss.open_trajectory("out/belt_block/trajectory.nc")
     assert stored.outcome is ss.Outcome.INTERRUPTED
-    assert stored.certificate.ok
+    assert stored.certificate.lawful
+    assert not stored.certificate.ok
 
 
 def test_ctrl_c_while_writing_leaves_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -326,7 +329,7 @@ def test_the_readme_lists_the_catalogue() -> None:
         system = ss.catalogue.get(name)
         assert source == system.source
         assert title in (system.title, system.title.replace("of 3 blocks", "of blocks"))
-    assert listed.keys() == {"energy_residual", "stability_violation"}
+    assert listed.keys() == {"energy_residual", "stability_violation", "audit_error"}
 
 
 def test_the_readme_runs() -> None:

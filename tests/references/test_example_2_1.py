@@ -28,7 +28,7 @@ AVERAGES = {
     "half-spaces": lambda: Polytope(
         normals=[[1, 0], [-1, 0], [0, 1], [0, -1]], offsets=lambda s: np.repeat(weights(s), 2)
     ).average(),
-    "vertices": lambda: Polytope(vertices=corners).average(),
+    "vertices": lambda: Polytope(vertices=corners).average(tolerance=1e-12),
 }
 
 

@@ -57,7 +57,7 @@ AWRY = 1e-6  # a cycle that fails to close by more is none
 FELT = 1e-4  # … and neither is one, or a rest, in which the forces change by more
 FORGOTTEN = -9  # kind of a mark
 ROUNDED = 1e3  # local tolerances that the states of a motion are known to
-PARTS, SAMPLES = 5, 8  # of the period of a drive, at most, that are tried; states at which they are compared
+PARTS, SAMPLES = 31, 8  # of a period, at most, that are tried; states at which they are compared
 SMALL = 1e-3  # part of its modulus that is the least size of a component
 STILL = 1e-12  # … and that it may change by at rest
 
@@ -69,7 +69,7 @@ def measure(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found:
     sums, audit = sums_of(found.sums, i), found.audit[i]
     for r in range(bench.ends.shape[1]):
         bench.ends[0, r], bench.ends[1, r], bench.ends[2, r] = np.inf, -np.inf, 0.0
-    if m.drive[i] > 0.0 and m.outcome[i] == PERIODIC and not shorten(e, m, rules, saved, bench, i):
+    if m.outcome[i] == PERIODIC and not shorten(e, m, rules, saved, bench, i):
         return False
     copy_lane(saved, i, s, i)
     stop = real[START] + real[DURATION]
@@ -131,7 +131,8 @@ def framed(m: Marks, i: int) -> bool:
 
 @njit(**INLINED)
 def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> bool:
-    """Try parts of the period of a drive: cos² has half the period of cos. False if it has to wait.
+    """Try parts of the period: cos² has half the period of cos, and a swing that touches a switch now and then has that
+    of a swing, not that from touch to touch. False if it has to wait.
 
     After a part of its period a motion is elsewhere, mostly; if it is not, it has to be where it was all the way. The
     first marks give way to the states that are compared; they also tell whether anything moves at all.
