@@ -124,6 +124,9 @@ class Run:
         count = len(self.mode)
         close = np.abs(guards) <= NEAR * scale
         contacts = contacts | {int(i) % count for i in np.flatnonzero(close[: 2 * count])}
+        if self.m.kinetic is not None:
+            # Static thresholds decide together who slides: what breaks pulls at others before its force drops.
+            contacts = contacts | {int(i) for i in np.flatnonzero((self.mode == 0) & ~now.rate)}
         kinks = kinks | {int(j) for j in np.flatnonzero(close[2 * count :])}
         for _ in range(count + len(self.side) + 2):
             self.land(contacts)

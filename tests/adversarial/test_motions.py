@@ -29,6 +29,7 @@ CHOSEN = {
     "narrow in a state": (5, 6, 7),
     "thrown block": (4, 6, 8),
     "block on a sled": (1, 3, 4),
+    "mutual friction": (508, 515, 517),
     "heavy and light": (1, 2, 7),
     "toy on a knife edge": (0, 1, 2),
     "one sided powers": (1, 2),
