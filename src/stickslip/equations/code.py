@@ -25,7 +25,7 @@ from stickslip.equations.printer import printed
 from stickslip.equations.tape import ORIGIN, Constants, Instruction, Op, Scaled, Tape, literal, scalar_code
 from stickslip.expressions import Expr
 
-GENERATOR = 9  # raise when generated code changes: part of the key of the cache
+GENERATOR = 10  # raise when generated code changes: part of the key of the cache
 ORDERS = (8, 12, 16, 20, 24)  # that a Taylor series may have
 HEADER = '''"""Generated from a declaration; do not edit."""
 import math
@@ -349,8 +349,9 @@ class _Generator:
     def jets(self) -> list[str]:
         n, layout = self.n, self.layout
         loop = [line for instruction in layout.instructions for line in printed(instruction, self.constants)]
-        loop += [f"W[{i}, k + 1] = W[{row}, k]*(W[{n}, 1]/(k + 1))" for i, row in enumerate(layout.rates)]
+        loop += [f"W[{i}, k + 1] = W[{row}, k]*(unit/(k + 1))" for i, row in enumerate(layout.rates)]
         body = [
+            f"unit = W[{n}, 1]",
             f"for i in range({n}):",
             "    W[i, 0] = y[i]",
             f"W[{n}, 0] = t",

@@ -67,7 +67,10 @@ def unrolled(start: list[ast.stmt], body: list[ast.stmt], sizes: list[ast.stmt],
     """
     *checkpoints, last = ORDERS
     writer = _Writer(kept)
-    writer.run(start, {"N": ast.Constant(last)})
+    # What has a name before the loop keeps it: a variable is read once, an entry of an array again and again.
+    named = [s for s in start if isinstance(s, ast.Assign) and isinstance(s.targets[0], ast.Name)]
+    writer.lines += map(ast.unparse, named)
+    writer.run([s for s in start if s not in named], {"N": ast.Constant(last)})
     for k in range(last):
         writer.run(body, {"k": ast.Constant(k)})
         if k == 0:

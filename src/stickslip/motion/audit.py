@@ -201,7 +201,7 @@ def enclose(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, N: 
         fill_powers(powers, radius / unit)
         space.discs[n, 0], space.discs[n, 1] = radius, 0.0
         spread_state(space.W, N, powers, rows.watched[:n], space.discs)
-        spread(p, k.K, space, mode, reg, 0, len(p.code))
+        spread(p, k.K, space.W, space.discs, space.Rq, space.Rz, space.B, space.balls, mode, reg, 0, len(p.code))
         for r in range(n):
             space.discs[r, 3] = slopes(space.W[r], N, powers) / unit
         if encloses(rows, space, N, h, factor, tally):

@@ -22,7 +22,7 @@ from numba import njit
 
 from stickslip.equations.program import Program
 from stickslip.equations.tape import Op
-from stickslip.motion.kernel import OPTIONS, Space
+from stickslip.motion.kernel import INLINED, OPTIONS
 
 Array = np.ndarray
 
@@ -38,7 +38,7 @@ LARGE = 700.0  # what the exponential function can take
 SWEEPS = 40  # of an iteration that bounds the rates of the rate-independent coordinates
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def factor(p: Program, K: Array, i: int) -> float:
     """The constant in front of a term."""
     place = p.term_factor[i]
@@ -118,7 +118,20 @@ def spread_state(W: Array, N: int, powers: Array, rows: Array, discs: Array) -> 
 
 
 @njit(**OPTIONS)
-def spread(p: Program, K: Array, space: Space, mode: Array, reg: Array, first: int, last: int) -> None:
+def spread(
+    p: Program,
+    K: Array,
+    W: Array,
+    discs: Array,
+    Rq: Array,
+    Rz: Array,
+    B: Array,
+    balls: Array,
+    mode: Array,
+    reg: Array,
+    first: int,
+    last: int,
+) -> None:
     """Discs of the rows that some instructions make, from those of the state and of time.
 
     Parameters
@@ -129,18 +142,22 @@ def spread(p: Program, K: Array, space: Space, mode: Array, reg: Array, first: i
     for i in range(first, last):
         op = p.code[i, 0]
         if op == LINEAR:
-            add_terms(p, K, space.W, space.discs, i)
+            add_terms(p, K, W, discs, i)
         elif op == PRODUCT:
-            spread_product(space.W, space.discs, p.code[i, 1], p.code[i, 2], p.code[i, 3])
+            spread_product(W, discs, p.code[i, 1], p.code[i, 2], p.code[i, 3])
         elif op <= LOG:
-            spread_function(p, K, space.W, space.discs, i)
+            spread_function(p, K, W, discs, i)
         elif op <= TANH:
-            spread_angle(p, space.W, space.discs, i)
+            spread_angle(p, W, discs, i)
+        elif op == SOLVE:
+            solve_discs(Rq if p.code[i, 3] == 0 else Rz, W, discs, p.code[i, 1], p.code[i, 2], p.code[i, 8])
+        elif op == RATES:
+            solve_rate_discs(p, W, B, discs, balls, i)
         else:
-            spread_choice(p, K, space, mode, reg, i)
+            spread_choice(p, K, W, discs, mode, reg, i)
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def add_terms(p: Program, K: Array, W: Array, discs: Array, i: int) -> None:
     """Disc of a linear combination."""
     ball, off, row, first, last = 0.0, 0.0, p.code[i, 1], p.code[i, 2], p.code[i, 2] + p.code[i, 3]
@@ -162,14 +179,14 @@ def add_terms(p: Program, K: Array, W: Array, discs: Array, i: int) -> None:
     store(W, discs, row, ball, off, near)
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def largest_term(p: Program, K: Array, W: Array, discs: Array, j: int) -> float:
     """The largest modulus of a term of a linear combination."""
     size, row = abs(factor(p, K, j)), p.term_row[j]
     return size * (abs(W[row, 0]) + discs[row, 0] + discs[row, 1]) if row >= 0 else size
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def spread_product(W: Array, discs: Array, row: int, a: int, b: int) -> None:
     """Disc of a product of two rows."""
     x, y, u, v = abs(W[a, 0]), abs(W[b, 0]), discs[a, 0], discs[b, 0]
@@ -178,7 +195,7 @@ def spread_product(W: Array, discs: Array, row: int, a: int, b: int) -> None:
     store(W, discs, row, x * v + u * y + u * v, off, discs[a, 2] * discs[b, 2])
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def spread_function(p: Program, K: Array, W: Array, discs: Array, i: int) -> None:
     """Discs of quotients, powers, exponentials and logarithms."""
     op, row, a = p.code[i, 0], p.code[i, 1], p.code[i, 2]
@@ -212,7 +229,7 @@ def spread_function(p: Program, K: Array, W: Array, discs: Array, i: int) -> Non
     store(W, discs, row, ball, off, near)
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def quotient_disc(x: float, u: float, s: float, y: float, W: Array, discs: Array, b: int) -> tuple[float, float]:
     """Disc of a quotient, from the modulus and the disc of its numerator, and its own value y."""
     v, t, left = discs[b, 0], discs[b, 1], discs[b, 2]
@@ -226,7 +243,7 @@ def quotient_disc(x: float, u: float, s: float, y: float, W: Array, discs: Array
     return ball, off
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def spread_angle(p: Program, W: Array, discs: Array, i: int) -> None:
     """Discs of sines and cosines, atan, asinh, tan and tanh, and of the slopes of the last two."""
     op, row, a = p.code[i, 0], p.code[i, 1], p.code[i, 2]
@@ -252,11 +269,10 @@ def spread_angle(p: Program, W: Array, discs: Array, i: int) -> None:
         spread_product(W, discs, row + 1, row, row)
 
 
-@njit(**OPTIONS)
-def spread_choice(p: Program, K: Array, space: Space, mode: Array, reg: Array, i: int) -> None:
-    """Discs of what depends on mode and region, and of the solutions of the linear problems."""
+@njit(**INLINED)
+def spread_choice(p: Program, K: Array, W: Array, discs: Array, mode: Array, reg: Array, i: int) -> None:
+    """Discs of what depends on mode and region."""
     op, row, a, c = p.code[i, 0], p.code[i, 1], p.code[i, 2], p.code[i, 7]
-    W, discs = space.W, space.discs
     if op == SELECT:
         j = a if reg[c] == 1 else a + 1
         copy_disc(W, discs, int(p.term_row[j]), -1, abs(factor(p, K, j)), row)
@@ -272,13 +288,9 @@ def spread_choice(p: Program, K: Array, space: Space, mode: Array, reg: Array, i
             copy_disc(W, discs, a, -1, 1.0, row)
         else:
             copy_disc(W, discs, p.code[i, 3], p.code[i, 4 if mode[c] > 0 else 5], 1.0, row)
-    elif op == SOLVE:
-        solve_discs(space.Rq if p.code[i, 3] == 0 else space.Rz, W, discs, row, a, p.code[i, 8])
-    elif op == RATES:
-        solve_rate_discs(p, space, i)
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def copy_disc(W: Array, discs: Array, source: int, other: int, size: float, row: int) -> None:
     """Disc of a multiple of a row (of a constant: nothing), or of a sum of two."""
     ball = size * discs[source, 0] if source >= 0 and size > 0.0 else 0.0
@@ -299,7 +311,7 @@ def side_operand(mode: int) -> int:
     return 5 if mode > 0 else 6
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def solve_discs(R: Array, W: Array, discs: Array, row: int, right: int, n: int) -> None:
     """Discs of R b."""
     for j in range(n):
@@ -311,15 +323,15 @@ def solve_discs(R: Array, W: Array, discs: Array, row: int, right: int, n: int) 
         store(W, discs, row + j, ball, off, 0.0)
 
 
-@njit(**OPTIONS)
-def solve_rate_discs(p: Program, space: Space, i: int) -> None:
+@njit(**INLINED)
+def solve_rate_discs(p: Program, W: Array, B: Array, discs: Array, balls: Array, i: int) -> None:
     """Discs of the solution of A r = b.
 
     With A = A₀ + A′ and r = r₀ + r′: A₀ r′ = b′ − A′(r₀ + r′), so that any ρ with |A₀⁻¹|(|b′| + |A′|(|r₀| + ρ)) ≤ ρ is
     a bound of r′. What is not analytic obeys the same equation, with r′ known.
     """
     row, right, start, count, n = p.code[i, 1], p.code[i, 2], p.code[i, 3], p.code[i, 4], p.code[i, 8]
-    W, B, discs, old, new = space.W, space.B, space.discs, space.balls[0], space.balls[1]
+    old, new = balls[0], balls[1]
     for part in range(2):
         for j in range(n):
             old[j] = 0.0

@@ -157,7 +157,7 @@ def lane_of(lanes: Lane, i: int) -> Lane:
     )
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def step_on(
     jets: JETS,
     residual: RESIDUAL,

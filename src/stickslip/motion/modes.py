@@ -196,7 +196,7 @@ def evaluate_mode(
     return OK
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def keeps(
     rows: Rows, W: Array, mag: Array, promise: Array, y: Array, seen: Array, h: float, tol: float, atol: float
 ) -> bool:

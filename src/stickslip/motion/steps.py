@@ -37,10 +37,11 @@ def step_size(
     N; the others to order N − 1.
     """
     unit = W[n, 1]
-    top, middle, low, h, gap = 0.0, 0.0, 0.0, np.inf, False
+    top, middle, low, h = 0.0, 0.0, 0.0, np.inf
     for i in range(len(rows)):
         r = rows[i]
-        gap = gap or (W[r, N - 1] == 0.0 and (W[r, N] if i < n else W[r, N - 2]) == 0.0)
+        if W[r, N - 1] == 0.0 and W[r, N if i < n else N - 2] == 0.0:
+            h = min(h, sparse_step(W[r], N if i < n else N - 1, tol))
         value = abs(W[r, 0])
         size = LEAST + value + abs(W[r, 1]) * (last / unit) + atol * max(value, seen[i])
         if noise[i] >= 0:
@@ -64,9 +65,6 @@ def step_size(
         h, edge = (tol / middle) ** (1.0 / (N - 1)), middle
     if top * h > edge:
         h = (tol / top) ** (1.0 / N)
-    if gap:
-        for i in range(len(rows)):
-            h = min(h, sparse_step(W[rows[i]], N if i < n else N - 1, tol))
     return h * unit
 
 
@@ -108,8 +106,11 @@ def impulse(rows: Rows, mag: Array, r: int, h: float) -> float:
 
 @njit(**OPTIONS)
 def suits(h: float, room: float, unit: float) -> bool:
-    """Whether coefficients in powers of a unit of time neither overflow nor vanish, if a step has this length."""
-    return h >= SHORT * unit and (h <= LONG * unit or unit >= room)
+    """Whether coefficients in powers of a unit of time neither overflow nor vanish, if a step has this length.
+
+    Where there is no room for a step, at the end of a motion, all do.
+    """
+    return not room > 0.0 or (h >= SHORT * unit and (h <= LONG * unit or unit >= room))
 
 
 @njit(**OPTIONS)
@@ -149,7 +150,7 @@ def expand(
         jets(t, y, mode, reg, k.K, space.Rq, space.Rz, N, W, space.A, space.B, space.mag)
         order = finite_order(W, n, N)
         h = step_size(W, rows.watched, rows.noise, space.mag, seen, n, order, last, tol, atol)
-        if order == N and (not room > 0.0 or suits(min(h, room), room, W[n, 1])):
+        if order == N and suits(min(h, room), room, W[n, 1]):
             break
         W[n, 1] = better(min(h, room), W[n, 1]) if order == N else COARSER * W[n, 1]
     return order, h
@@ -179,7 +180,7 @@ def fill_powers(powers: Array, h: float) -> None:
         a *= h
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def shortened(
     rows: Rows,
     k: Constants,
@@ -220,17 +221,22 @@ def unseen(
     fill_powers(powers, 2.0 * h / W[n, 1])
     discs[n, 0], discs[n, 1] = 2.0 * h, 0.0
     spread_state(W, N, powers, p.seen, discs)
-    spread(p, k.K, space, mode, reg, 0, p.leading[0])
-    part = 0.5**N  # of the radius of a disc that is left over
-    if not may_hide(rows, W, discs, part):
-        return 0.0
-    spread_state(W, N, powers, rows.watched[:n], discs)
-    spread(p, k.K, space, mode, reg, p.leading[0], len(p.code))
+    part = math.ldexp(1.0, -N)  # of the radius of a disc that is left over
+    first, last = 0, p.leading[0]
+    while True:
+        spread(p, k.K, W, discs, space.Rq, space.Rz, space.B, space.balls, mode, reg, first, last)
+        if first > 0:
+            break
+        # Mostly the instructions that may hide something hide nothing, and the others need not be asked.
+        if not may_hide(rows, W, discs, part):
+            return 0.0
+        spread_state(W, N, powers, rows.watched[:n], discs)
+        first, last = last, len(p.code)
     fill_powers(powers, h / W[n, 1])
     return hidden(rows, space, mode, N, h, part, tol, atol, seen)
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def may_hide(rows: Rows, W: Array, discs: Array, part: float) -> bool:
     """Whether an instruction may hide more than a part of what it shows: a quick look that mostly suffices."""
     p = rows.program
@@ -243,7 +249,7 @@ def may_hide(rows: Rows, W: Array, discs: Array, part: float) -> bool:
     return False
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def hidden(
     rows: Rows, space: Space, mode: Array, N: int, h: float, part: float, tol: float, atol: float, seen: Array
 ) -> float:
