@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Iterator
+from fractions import Fraction
 from functools import cache, reduce
 from itertools import pairwise
 
 import mpmath as mp
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from stickslip import Internal, Parameter, System, Trajectory, simulate
 from stickslip.equations import series
@@ -294,3 +297,20 @@ def test_every_kink_is_crossed() -> None:
     for group in {FORMULAS.index(text) // GROUP for text in kinks}:
         crossed = sum(np.ptp(moved(group, seed).knots.region, axis=0) for seed in range(SEEDS))
         assert np.all(crossed > 0), list(crossed)
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(st.tuples(*[st.floats(-1e9, 1e9)] * 2), min_size=1, max_size=5), st.floats(-1e-9, 1e-9))
+def test_sum_in_which_large_terms_cancel(pairs, rest):
+    """Against rational numbers: a·b − a·b·(1 + ε) keeps its digits."""
+    a, b = zip(*pairs, strict=True)
+    a, b = (*a, -a[0], rest), (*b, b[0] * (1.0 + 1e-13), 1.0)
+    exact = sum(Fraction(x) * Fraction(y) for x, y in zip(a, b, strict=True))
+    size = sum(abs(Fraction(x) * Fraction(y)) for x, y in zip(a, b, strict=True))
+    error = abs(Fraction(series.dot(a, b)) - exact)
+    assert error <= 2.0**-52 * abs(exact) + 2.0**-96 * size + 1e-290
+
+
+def test_sum_of_what_overflows():
+    assert series.dot((1e200, 1.0), (1e200, 1.0)) == np.inf
+    assert series.dot((1e305, 1.0), (1.0, 1.0)) == 1e305

@@ -268,6 +268,24 @@ def test_late_starts(kind: str) -> None:
     assert motion.final["x"] == pytest.approx(same.final["x"], abs=1e-6)
 
 
+@pytest.mark.parametrize("kind", ["inertial", "rate-independent"])
+def test_loads_that_begin_late(kind: str) -> None:
+    # A phase of the size of 1e9 has no digits left for what happens in it; one that counts from the beginning has all.
+    inertial = kind == "inertial"
+    system = System(
+        "late load",
+        parameters=given(late=0.0),
+        coordinates={"x": Inertial() if inertial else RateIndependent()},
+        kinetic="d_x**2/2" if inertial else "0",
+        potential="x**2/2 - 2*cos(1.1*(t - late) + 0.3)*x",
+        contacts={"ground": Contact("d_x", "0.7")},
+    )
+    early = certified(simulate(system, (0.0, 32.0), {"x": 1.5}))
+    late = certified(simulate(system, (1e9, 1e9 + 32.0), {"x": 1.5}, {"late": 1e9}))
+    assert late.n_switches == early.n_switches > 10
+    assert late.final["x"] == pytest.approx(early.final["x"], abs=1e-12)
+
+
 # --- Outcomes --------------------------------------------------------------------------------------------------------
 
 

@@ -54,7 +54,8 @@ def test_rows_stay_in_their_discs(t: float, radius: float) -> None:
     fill_powers(space.reaches, radius)
     space.discs[n, 0], space.discs[n, 1] = radius, 0.0
     spread_state(space.W, p.order, space.reaches, p.rows.watched[:n], space.discs)
-    spread(p.rows.program, k.K, space, none, none, 0, len(p.rows.program.code))
+    program, inverses = p.rows.program, (space.Rq, space.Rz, space.B)
+    spread(program, k.K, space.W, space.discs, *inverses, space.balls, none, none, 0, len(program.code))
     # An analytic function strays most on the circle; the position is the polynomial that stands in the table.
     circle = radius * np.exp(2j * np.pi * np.arange(64) / 64)
     x = np.polyval(space.W[0, : p.order + 1][::-1], circle)

@@ -10,7 +10,7 @@ import pytest
 
 from orbits.examples import HALF_TURN, SLIDER, dragged, isola, planar
 from properties.families import linear_family
-from stickslip import catalogue, simulate
+from stickslip import Contact, RateIndependent, System, catalogue, simulate
 from stickslip import expressions as ex
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.orbits.cycles import Cycle, find_cycle
@@ -55,6 +55,27 @@ def test_strongly_unstable() -> None:
     check(cycle)
     assert cycle.nontrivial == pytest.approx([math.exp(8 * math.pi)], rel=1e-9)
     assert len(cycle.closed.shooting.stations) > 1
+
+
+def test_state_that_is_a_function_of_time() -> None:
+    """The play with a load f + F cos(ωt): between two sticks x follows the load, whatever it was: nothing is left free.
+
+    It slips 2(F − μ)/k forth and back in each period.
+    """
+    k, mu, f, F, omega = 1.3, 0.7, -0.35, 1.9, 1.6
+    play = System(
+        "play",
+        coordinates={"x": RateIndependent()},
+        potential=f"{k}/2*x**2 - ({f} + {F}*cos({omega}*t + 4.3))*x",
+        contacts={"ground": Contact("d_x", f"{mu}")},
+    )
+    cycle = find_cycle(play, {"x": -1.276})
+    check(cycle)
+    assert cycle.period == pytest.approx(2 * math.pi / omega, rel=1e-12)
+    assert cycle.multipliers == pytest.approx([0.0], abs=1e-12)
+    assert cycle.stable
+    assert cycle.extrema["x"] == pytest.approx(((f - F + mu) / k, (f + F - mu) / k), rel=1e-12)
+    assert cycle.dissipated == pytest.approx(4 * mu * (F - mu) / k, rel=1e-12)
 
 
 def test_near_unstable_cycles_of_friction() -> None:

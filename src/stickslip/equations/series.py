@@ -67,6 +67,28 @@ def reciprocal(x: float) -> float:
     return 1.0 / x
 
 
+@njit(**_exact)
+def split(a: float) -> tuple[float, float]:
+    """A number as a sum of two with half as many digits (Veltkamp)."""
+    c = 134217729.0 * a
+    high = c - (c - a)
+    return high, a - high
+
+
+@njit(**_exact)
+def dot(a: tuple[float, ...], b: tuple[float, ...]) -> float:
+    """Σ aᵢbᵢ as if computed with twice as many digits (algorithm Dot2 of Ogita, Rump and Oishi 2005)."""
+    total, lost = 0.0, 0.0
+    for i in range(len(a)):
+        product, (ah, al), (bh, bl) = a[i] * b[i], split(a[i]), split(b[i])
+        higher = total + product
+        part = higher - total
+        lost += (total - (higher - part)) + (product - part)
+        lost += ((ah * bh - product) + ah * bl + al * bh) + al * bl
+        total = higher
+    return total + lost if math.isfinite(lost) else total
+
+
 @njit(**_options)
 def product_order(W: Array, a: int, b: int, k: int) -> float:
     """Order k of a·b (Cauchy product)."""

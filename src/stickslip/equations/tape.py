@@ -122,7 +122,7 @@ class Constants:
         rate = ex.derivative(e, "t")
         if not self.is_constant(rate) or any(n.op == "select" for n in ex.walk([e])):
             return None
-        return rate, ex.substitute(e, {"t": ex.ZERO}) + rate * ex.sym(ORIGIN)
+        return rate, ex.substitute(e, {"t": ex.sym(ORIGIN)})
 
     def split(self, e: Expr) -> tuple[Expr, Expr, list[tuple[Expr, float]]]:
         """A sum as constant, rate of its part that is affine in time, and the other terms."""
@@ -137,7 +137,7 @@ class Constants:
         return constant, rate, others
 
     def phase(self, x: Expr) -> tuple[Expr, Expr, list[tuple[Expr, float]]] | None:
-        """A phase as a sum, without the whole turns up to the origin: so it is as exact late as early.
+        """A phase as a sum, without the whole turns at the origin: so it is as exact late as early.
 
         None where time does not enter so.
         """
@@ -145,8 +145,7 @@ class Constants:
         constant, rate, others = self.split(x) if x.op == "sum" else (*(line or (ex.ZERO, ex.ZERO))[::-1], [])
         if rate is ex.ZERO:
             return None
-        turned = 2.0 * ex.call("atan", ex.call("tan", rate * ex.sym(ORIGIN) / 2.0))
-        return ex.substitute(constant, {ORIGIN: ex.ZERO}) + turned, rate, others
+        return 2.0 * ex.call("atan", ex.call("tan", constant / 2.0)), rate, others
 
     def source(self) -> list[str]:
         """Body that fills K from the parameter vector p."""
@@ -210,6 +209,8 @@ def scalar_code(
 
 def _scalar(e: Expr, v: Callable[[Expr], str], regions: Mapping[Expr, str] | None, constants: Constants | None) -> str:
     match e.op:
+        case "sum" if ORIGIN in e.symbols and len(e.terms) > 1:
+            return _exact_sum(e, v)
         case "sum":
             return " + ".join(_scalar_terms(e, v, constants))
         case "prod":
@@ -226,6 +227,19 @@ def _scalar(e: Expr, v: Callable[[Expr], str], regions: Mapping[Expr, str] | Non
                 v(e.args[0]) if constants is None or phase is None else " + ".join(_scalar_line(*phase, v, constants))
             )
             return f"{'math.' if e.op not in ('exp', 'log') else 'safe_'}{e.op}({inside})"
+
+
+def _exact_sum(e: Expr, v: Callable[[Expr], str]) -> str:
+    """A sum in which large terms may cancel: that of the phase of a load that begins late."""
+    pairs = [(literal(float(e.value)), "1.0")]
+    for term, c in e.terms:
+        first, p = term.terms[0] if term.op == "prod" else (term, 1.0)
+        if p != 1.0:
+            pairs.append((literal(c), v(term)))
+        else:
+            pairs.append((v(first) if c == 1.0 else f"{literal(c)}*{v(first)}", v(term / first)))
+    left, right = zip(*pairs, strict=True)
+    return f"dot(({', '.join(left)}), ({', '.join(right)}))"
 
 
 def _scalar_terms(e: Expr, v: Callable[[Expr], str], constants: Constants | None) -> list[str]:

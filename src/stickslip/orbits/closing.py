@@ -121,8 +121,9 @@ def _shortened(shooting: Shooting, orbit: Orbit, units: Array, step: Array) -> O
 def growth(orbit: Orbit) -> float:
     """Largest growth of a perturbation from one station to the next."""
     n = len(orbit.shift)
+    # Where the state is a function of time alone, as that of a slipping rate-independent contact, nothing grows.
     return max(float(np.max(np.abs(leg.change.matrix[:n, : leg.place.directions.shape[1]]
-               / np.max(np.abs(leg.place.directions), axis=0)))) for leg in orbit.legs)  # fmt: skip
+               / np.max(np.abs(leg.place.directions), axis=0)), initial=0.0)) for leg in orbit.legs)  # fmt: skip
 
 
 def stations_for(shooting: Shooting, orbit: Orbit) -> int:

@@ -322,7 +322,7 @@ class Shooting:
             rate = station.piece.rates(self.start, station.origin, numbers(self.problem)) - self.symmetry.frame
             rows.insert(0, station.chart @ rate)
         rows = [row / max(np.linalg.norm(row), 1e-300) for row in rows]
-        return np.array(rows).reshape(-1, station.basis.shape[1])
+        return np.array(rows).reshape(len(rows), station.basis.shape[1])
 
     def unchanged(self, orbit: Orbit) -> Array:
         """Changes of the first station's coordinates that come back unchanged: a later start, and translations."""
@@ -331,7 +331,7 @@ class Shooting:
             frame = self.setting.at(orbit.problem).frame if np.any(self.symmetry.frame) else 0.0
             rate = station.piece.rates(self.start, orbit.legs[0].place.state, numbers(orbit.problem))
             columns.insert(0, station.chart @ (rate - frame))
-        return np.array(columns).reshape(-1, station.basis.shape[1]).T
+        return np.array(columns).reshape(len(columns), station.basis.shape[1]).T
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """Residual and derivative."""
