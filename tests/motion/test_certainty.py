@@ -340,3 +340,36 @@ def test_drag_that_is_positive_up_to_rounding() -> None:
     )  # fmt: skip
     a, b = (certified(simulate(s, (0.0, 20.0))) for s in (drag, same))
     assert a.final["x"] == pytest.approx(b.final["x"], abs=1e-9)
+
+
+def test_slip_that_is_shorter_than_the_clock_can_tell() -> None:
+    # At t = 55 the speed is e^19 and changes within 1e-8: the rounding of a time moves the state by 1e-6 of itself.
+    slider = System(
+        "rate and state in logarithms",
+        parameters=given(a=0.009202090014039625, b=0.011593577026655791, k=0.00236505010500439, V_p=1.205087883953547),
+        internal={
+            "phi": Internal("(k*(V_p - exp(phi)) - b*(exp(-psi) - exp(phi)))/a"),
+            "psi": Internal("exp(-psi) - exp(phi)"),
+        },
+    )
+    start = {"phi": 1.7026145449805756, "psi": 0.20739909000928833}
+    motion = certified(simulate(slider, (0.0, 59.69635525506633), start))
+    assert np.max(motion.knots.state[:, 0]) > 19.0
+    assert np.min(np.diff(motion.knots.time)) < 1e-8
+
+
+def test_force_that_is_small_beside_its_terms() -> None:
+    # The spring between two legs is short, and they are far away: their force is measured against itself.
+    parameters = given(k=1.4, f=0.124, g=0.394, D=2.4, p=9.086, w=0.0083)
+    crawler = System(
+        "crawler",
+        parameters=parameters,
+        coordinates={"x": RateIndependent(), "y": RateIndependent()},
+        potential="k/2*(y - x - D*exp(-((t - p)/w)**2))**2",
+        contacts={"hind": Contact("d_x", ("f", "g")), "front": Contact("d_y", ("f", "g"))},
+    )
+    for far in (0.0, 1e3):
+        motion = certified(simulate(crawler, (0.0, 20.0), {"x": far, "y": far}))
+        # The pulse pushes the front leg forward, and pulls the hind leg after it.
+        assert motion.final["y"] - far == pytest.approx(2.4 - 0.124 / 1.4, abs=1e-10)
+        assert motion.final["x"] - far == pytest.approx(2.4 - 2 * 0.124 / 1.4, abs=1e-10)

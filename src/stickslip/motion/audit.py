@@ -32,6 +32,7 @@ Array = np.ndarray
 NEGLIGIBLE = 1e-10  # part of its size that a quantity may have between the nodes
 MOST_PIECES = 512  # of a step
 REST = 1e-4  # part of the velocity that forces would give to what sticks, against which it is measured
+CANCELS = 1e-5  # part of its terms against which a sum is measured in which they cancel
 ROUNDINGS = 8.0  # rounding errors of a rate, in parts of the size of its terms
 
 
@@ -159,7 +160,7 @@ def audit_steps(
                 start[r] = horner(W[r], order, h / W[n, 1])
             base, left, whole, last, pieces = base + h, left - h, whole - h, h, pieces + 1
         if check:
-            close_step(rows, space, mode, knot_state[i], end_state[i], i, steps, tally)
+            close_step(rows, space, mode, order, h, ends[i], knot_state[i], end_state[i], i, steps, tally)
             for j in range(len(rows.timed)):
                 if rows.timed[j] == 1 and end_region[i, j] != reg[j]:
                     # A load that jumps at a time does work on what is at rest, too.
@@ -248,16 +249,19 @@ def encloses(rows: Rows, space: Space, N: int, h: float, factor: float, tally: T
         if not h * residual_strays(rows, discs, r, factor) <= NEGLIGIBLE * size:
             return False
     for c in range(nc):
-        acting, held = rows.force[c], max(mag[2 * nc + c], tally.law[c, 4])
-        speed = max(extent(W[rows.u[c]], N, powers), mag[c], tally.law[c, 5]) + REST * h * mag[nc + c]
+        speed = max(extent(W[rows.u[c]], N, powers), CANCELS * mag[c], tally.law[c, 5]) + REST * h * mag[nc + c]
         if not strays(discs[rows.u[c]], factor) <= NEGLIGIBLE * speed:
             return False
-        for row in (acting, rows.plus[c], rows.minus[c]):
-            if not strays(discs[row], factor) <= NEGLIGIBLE * max(extent(W[row], N - 1, powers), held):
+        forces = rows.force[c], rows.plus[c], rows.minus[c]
+        held = max(CANCELS * mag[2 * nc + c], tally.law[c, 4])
+        for row in forces:
+            held = max(held, extent(W[row], N - 1, powers))
+        for row in forces:
+            if not strays(discs[row], factor) <= NEGLIGIBLE * held:
                 return False
     for j in range(len(rows.kinks)):
         row = rows.kinks[j]
-        size = max(extent(W[row], N - 1, powers), mag[3 * nc + j], tally.kinks[j, 1])
+        size = max(extent(W[row], N - 1, powers), CANCELS * mag[3 * nc + j], tally.kinks[j, 1])
         if not strays(discs[row], factor) <= NEGLIGIBLE * size:
             return False
     return True
@@ -335,8 +339,8 @@ def sample_law(rows: Rows, space: Space, mode: Array, reg: Array, h: float, g: i
     for c in range(nc):
         u, held, up, down = V[rows.u[c], 0], V[rows.force[c], 0], V[rows.plus[c], 0], V[rows.minus[c], 0]
         # Where thresholds vanish, a force is known up to the rounding of its terms only.
-        law[c, 4] = most(most(law[c, 4], max(abs(held), max(up, down))), 1e-5 * mag[2 * nc + c])
-        law[c, 5] = most(most(law[c, 5], abs(u)), 1e-5 * mag[c])
+        law[c, 4] = most(most(law[c, 4], max(abs(held), max(up, down))), CANCELS * mag[2 * nc + c])
+        law[c, 5] = most(most(law[c, 5], abs(u)), CANCELS * mag[c])
         row = n + 3 * c
         if mode[c] == 0:
             samples[row, g], samples[row + 1, g], samples[row + 2, g] = held + up, down - held, u
@@ -384,19 +388,33 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
 
 @njit(**OPTIONS)
 def close_step(
-    rows: Rows, space: Space, mode: Array, first: Array, end: Array, i: int, steps: Steps, tally: Tally
+    rows: Rows,
+    space: Space,
+    mode: Array,
+    N: int,
+    h: float,
+    t: float,
+    first: Array,
+    end: Array,
+    i: int,
+    steps: Steps,
+    tally: Tally,
 ) -> None:
-    """Compare the end of a step with where its pieces have arrived (still in the work space)."""
-    nq, nz, nr, mq, mz, nc = rows.sizes[1], rows.sizes[2], rows.sizes[3], rows.sizes[5], rows.sizes[6], len(rows.u)
+    """Compare the end of a step, at a time t, with where its pieces have arrived (the last is still in the work space).
+
+    A time is a rounded number: an end that the motion passes within half a digit of it is right.
+    """
+    nq, nz, nr, mq, mz, W = rows.sizes[1], rows.sizes[2], rows.sizes[3], rows.sizes[5], rows.sizes[6], space.W
+    unit, late = W[rows.sizes[0], 1], 0.5 * EPSILON * abs(t)
     for r in range(len(first)):
-        off = abs(end[r] - space.trial[r])
+        off = abs(end[r] - space.trial[r]) - late * abs(rate_on(W[r], N, h / unit)) / unit
         if 2 * nq + nz <= r < 2 * nq + nz + nr:
             # What slides without viscosity is put back onto λ + σ s = 0, where forces are known to rounding only; near
             # a fold, where its stiffness vanishes, that moves it. The friction law sees the forces themselves.
             for j in range(nr):
                 c = mq + mz + j
                 if mode[c] != 0:
-                    off -= 64.0 * EPSILON * abs(space.B[r - 2 * nq - nz, j]) * space.mag[2 * nc + c]
+                    off -= 64.0 * EPSILON * abs(space.B[r - 2 * nq - nz, j]) * space.mag[2 * len(mode) + c]
         steps.gap[i, r] += max(off, 0.0) if off == off else np.inf
         tally.state[0, r] = most(most(tally.state[0, r], abs(first[r])), abs(end[r]))
     count_gaps(i, steps, tally)

@@ -266,7 +266,10 @@ def spread_angle(p: Program, W: Array, discs: Array, i: int) -> None:
         if op == TAN and s > 0.0:
             off = s * (1.0 + (abs(y) + tan_disc(u + s, y)) ** 2)
         store(W, discs, row, ball, off, 0.0)
-        spread_product(W, discs, row + 1, row, row)
+        ball, off, y = discs[row, 0], discs[row, 1], abs(y)
+        # The slope 1 ± y² strays as y² does.
+        both = 2.0 * (y + ball) * off + off * off if off > 0.0 else 0.0
+        store(W, discs, row + 1, (2.0 * y + ball) * ball if ball > 0.0 else 0.0, both, 0.0)
 
 
 @njit(**INLINED)
