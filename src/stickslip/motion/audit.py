@@ -25,7 +25,8 @@ from stickslip.motion.kernel import EPSILON, INLINED, JETS, OPTIONS, POWERS, Con
 from stickslip.motion.modes import copy, resolve
 from stickslip.motion.nodes import COUNT, LEBESGUE, NARROW, NODES, WEIGHTS, WIDE, largest_of, least, most
 from stickslip.motion.roots import horner
-from stickslip.motion.steps import LEAST, expand, fill_powers, impulse
+from stickslip.motion.steps import LEAST, fill_powers, impulse
+from stickslip.motion.stiff import follow
 
 Array = np.ndarray
 
@@ -139,7 +140,7 @@ def audit_steps(
         base, last, pieces, whole = knot_time[i], 0.0, 0, 0.0
         copy(knot_state[i], start)
         while left > 0.0:
-            order, h = expand(jets, rows, k, space, N, base, start, mode, reg, left, last, tol, atol, seen)
+            order, h, series = follow(jets, rows, k, space, N, base, start, mode, reg, left, last, tol, atol, seen)
             h, between = min(left, max(h, 1e-12 * left)), 0.0
             if not h > 0.0:
                 h = left  # nothing here is a number, which the nodes will show
@@ -148,13 +149,14 @@ def audit_steps(
                     whole = h
                     count_gaps(i, steps, tally)
                 longest = h
-                between = enclose(rows, k, space, mode, reg, order, h, tally)
+                between = enclose(rows, k, space, mode, reg, order, h, min(h, series), tally)
                 while not between < np.inf and pieces < MOST_PIECES:
                     h, pieces = 0.5 * h, pieces + 1
-                    between = enclose(rows, k, space, mode, reg, order, h, tally)
+                    between = enclose(rows, k, space, mode, reg, order, h, min(h, series), tally)
                 if not between < np.inf:
                     h, steps.open[i] = longest, left  # no more is tried in this step
-            measure_piece(jets, powers, rows, k, space, order, base, h, mode, reg, between, check, i, steps, tally)
+            acting = min(h, series) if series > 0.0 else h
+            measure_piece(jets, powers, rows, k, space, order, base, h, acting, mode, reg, between, check, i, steps, tally)
             for r in range(n):
                 start[r] = horner(W[r], order, h / W[n, 1])
             base, left, whole, last, pieces = base + h, left - h, whole - h, h, pieces + 1
@@ -181,8 +183,15 @@ def energy_in(
 
 
 @njit(**OPTIONS)
-def enclose(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, N: int, h: float, tally: Tally) -> float:
+def enclose(
+    rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, N: int, h: float, acting: float, tally: Tally
+) -> float:
     """Bound the residual and all guards on a piece.
+
+    Parameters
+    ----------
+    acting : float
+        For how long the error of a rate counts: as long as a series would last.
 
     Returns
     -------
@@ -204,7 +213,7 @@ def enclose(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, N: 
         spread(p, k.K, space, mode, reg, 0, len(p.code))
         for r in range(n):
             space.discs[r, 3] = slopes(space.W[r], N, powers) / unit
-        if encloses(rows, space, N, h, factor, tally):
+        if encloses(rows, space, N, acting, factor, tally):
             return factor
     return np.inf
 
@@ -273,6 +282,7 @@ def measure_piece(
     N: int,
     base: float,
     h: float,
+    acting: float,
     mode: Array,
     reg: Array,
     factor: float,
@@ -300,9 +310,9 @@ def measure_piece(
             space.samples[r, g] = rate - rate_on(W[r], N, tau / unit) / unit
             tally.state[0, r] = most(tally.state[0, r], abs(y[r]))
             if sizes[r] >= 0:
-                steps.noise[i, r] += weight * ROUNDINGS * EPSILON * mag[sizes[r]]
-            tally.state[1, r] = most(tally.state[1, r], impulse(rows, mag, r, h))
-        sample_law(rows, space, mode, reg, h, g, tally)
+                steps.noise[i, r] += acting * WEIGHTS[g] * ROUNDINGS * EPSILON * mag[sizes[r]]
+            tally.state[1, r] = most(tally.state[1, r], impulse(rows, mag, r, acting))
+        sample_law(rows, space, mode, reg, acting, g, tally)
     if not check:
         return
     for r in range(n):
@@ -310,7 +320,7 @@ def measure_piece(
         for g in range(COUNT):
             largest = most(largest, abs(space.samples[r, g]))
         between = residual_strays(rows, space.discs, r, factor) if factor < np.inf else 0.0
-        steps.gap[i, r] += h * (LEBESGUE * largest + between)
+        steps.gap[i, r] += acting * (LEBESGUE * largest + between)
     judge_law(rows, space, mode, factor, tally)
 
 

@@ -42,6 +42,7 @@ from stickslip.motion.kernel import (
 from stickslip.motion.modes import copy, flip, keeps, let_slide, resolve, settle
 from stickslip.motion.roots import arrive
 from stickslip.motion.steps import fill_powers
+from stickslip.motion.stiff import lingers, stretched
 from stickslip.motion.structure import is_affine
 
 Array = np.ndarray
@@ -215,6 +216,9 @@ def step_on(
             for c in range(rows.sizes[5] + rows.sizes[6], len(rows.u)):
                 sliding = sliding or lane.mode[c] != 0
             return (NO_RATE if sliding else TINY), count
+        series = h
+        if lingers(rows, space, N, h, min(room, end - t), tol, atol, lane):
+            h, may_fire = stretched(jets, rows, k, space, N, h, min(room, end - t), tol, atol, lane)
         x, which = first_event(space, may_fire, N)
         forbidden = which - nk - 2 * len(rows.u)  # what has become negative, though it must not
         if forbidden >= 0 and x == 0.0:
@@ -235,7 +239,7 @@ def step_on(
         copy(space.trial, y)
         room, again = np.inf, False
         counters[4] += 1
-        clock[1], clock[4] = h, max(h, 0.5 * clock[4])
+        clock[1], clock[4] = h, max(series, 0.5 * clock[4])
         clock[0] = end if which < 0 and h >= end - t else t + x * h
         counters[2] = -1
         if forbidden >= 0:

@@ -1,0 +1,458 @@
+"""Stiff motion: where series are short because something decays, not because the motion changes.
+
+A series stands for all motions nearby. If one of them decays within the time 1/Λ, the series is good for about 10/Λ,
+however slowly the motion itself goes on. There a polynomial of degree s takes its place that obeys the equations at the
+s nodes of Radau in ]0, H] (Radau IIA; E. Hairer, G. Wanner, *Solving Ordinary Differential Equations II*, IV.5): what
+decays does not bound H. The values of all rows of the tape at the nodes are put into the table of coefficients as
+polynomials, so that events, values in between and the audit find what they find of a series.
+
+A polynomial is taken only if
+
+* the last two terms of the state and of all guards, by Legendre polynomials, are as small as those of a series are to
+  be, or lost in rounding;
+* nothing is hidden between the nodes: all rows are bounded on the disc of twice the step (:mod:`stickslip.motion.discs`)
+  by some B, so that they differ from their interpolants by at most
+
+      2 (1 + Λₛ) B ρ^(1 − s)/(ρ − 1),  ρ = 3 + √8,
+
+  where Λₛ is the Lebesgue constant of the nodes; see :mod:`stickslip.motion.audit`. What is hidden in a rate counts for
+  as long as a series would last: what came before has decayed;
+* it spares as many series as it costs.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from stickslip.equations.code import ORDERS
+from stickslip.equations.series import invert
+from stickslip.motion.discs import spread, spread_state
+from stickslip.motion.guards import scan
+from stickslip.motion.kernel import EPSILON, JETS, OK, OPTIONS, ROUNDING, Constants, Lane, Rows, Space
+from stickslip.motion.steps import LEAST, better, expand, fill_powers, hidden
+
+Array = np.ndarray
+
+MOST = max(ORDERS) // 2  # stages
+RHO = 3.0 + math.sqrt(8.0)  # of the ellipse around [0, H] in the disc of radius 2H
+CALM = 1e5  # tolerances that the terms of a third of the order may have where a step is bounded by what decays
+WATCHED = 32  # such steps in succession, before a polynomial is tried
+RESTING = 2048  # and after one has not been worth its cost
+MOST_TRIES, MOST_CORRECTIONS = 12, 12  # lengths of a polynomial, and iterations of Newton's method for each
+SLOW = 0.03  # factor by which corrections fall where the matrix is made anew
+NUDGE = 2.0**-26  # of its size, by which a part of the state is changed for a derivative
+# Rows of the work space behind two matrices: states and residuals at all nodes, a state, the rates at the beginning,
+# values of some rows, and what rounding errors of the state make of the guards.
+STATES, RESIDUALS, STATE, RATE, VALUES, ROUNDED, SPARE = 0, 1, 2, 3, 4, 5, 6
+
+
+def _stages(s: int) -> tuple[Array, Array, Array, float]:
+    """Nodes with 0 before them, their matrix of differentiation, the matrix from values to terms, and the hidden part.
+
+    The matrix of differentiation is that of polynomials which vanish at 0: the inverse of the matrix of Radau IIA.
+    """
+    legendre = np.polynomial.legendre
+    difference = np.zeros(s + 1)
+    difference[s], difference[s - 1] = 1.0, -1.0
+    x = np.sort(legendre.legroots(difference).real)
+    for _ in range(3):
+        x -= legendre.legval(x, difference) / legendre.legval(x, legendre.legder(difference))
+    x[-1] = 1.0
+    nodes = np.concatenate([[0.0], 0.5 * (x + 1.0)])
+    apart = nodes[:, None] - nodes + np.eye(s + 1)
+    weights = 1.0 / np.prod(apart, axis=1)
+    D = weights / weights[:, None] / apart
+    np.fill_diagonal(D, np.sum(1.0 / apart, axis=1) - 1.0)
+    fine = legendre.legvander(np.linspace(-1.0, 1.0, 801), s - 1)
+    lebesgue = np.max(np.sum(np.abs(fine @ np.linalg.inv(legendre.legvander(x, s - 1))), axis=1))
+    terms = np.linalg.inv(legendre.legvander(2.0 * nodes - 1.0, s))
+    return nodes, D[1:, 1:], terms, float(2.0 * (1.0 + lebesgue) * RHO ** (1 - s) / (RHO - 1.0))
+
+
+def _tables() -> tuple[Array, Array, Array, Array, Array]:
+    """All of these for the stages of every order of a series, and the powers in the Legendre polynomials of [0, 1]."""
+    count = len(ORDERS)
+    nodes, slopes = np.zeros((count, MOST + 1)), np.zeros((count, MOST, MOST))
+    terms, parts = np.zeros((count, MOST + 1, MOST + 1)), np.zeros(count)
+    for i, order in enumerate(ORDERS):
+        s = order // 2
+        nodes[i, : s + 1], slopes[i, :s, :s], terms[i, : s + 1, : s + 1], parts[i] = _stages(s)
+    powers = np.zeros((MOST + 1, MOST + 1))
+    for j in range(MOST + 1):
+        for k in range(j + 1):
+            powers[k, j] = (-1.0) ** (j + k) * math.comb(j, k) * math.comb(j + k, k)
+    return nodes, slopes, terms, parts, powers
+
+
+NODES, SLOPES, TERMS, PARTS, POWERS = _tables()
+FIRST, APART = min(ORDERS), 4  # orders of series: 8, 12, 16, …
+
+
+@njit(**OPTIONS)
+def dear(n: int) -> float:
+    """How many series cost as much as a polynomial: some evaluations at all nodes, and an elimination."""
+    return 16.0 + 4.0 * n * n
+
+
+@njit(**OPTIONS)
+def calm(rows: Rows, W: Array, N: int, h: float, tol: float, atol: float, seen: Array) -> bool:
+    """Whether a series is as good as known at a third of its order: its step is bounded by something that decays."""
+    n, m = rows.sizes[0], N // 3
+    x = h / W[rows.sizes[0], 1]
+    power = x**m
+    for r in range(n):
+        size = CALM * tol * (abs(W[r, 0]) + abs(W[r, 1]) * x + atol * seen[r])
+        if not (abs(W[r, m]) * power <= size and abs(W[r, m + 1]) * power * x <= size):
+            return False
+    return True
+
+
+@njit(**OPTIONS)
+def lingers(rows: Rows, space: Space, N: int, h: float, room: float, tol: float, atol: float, lane: Lane) -> bool:
+    """Whether it is time to try a polynomial instead of the series that is in the work space."""
+    clock = lane.clock
+    if not dear(len(lane.y)) * h < room:
+        return False
+    if lane.counters[2] >= 0 or not calm(rows, space.W, N, h, tol, atol, lane.seen):
+        clock[6] = min(clock[6], -WATCHED)
+        return False
+    clock[6] = min(clock[6] + 1.0, 0.0) if clock[6] < 0.0 else clock[6]
+    return bool(clock[6] >= 0.0)
+
+
+@njit(**OPTIONS)
+def stretched(
+    jets: JETS, rows: Rows, k: Constants, space: Space, N: int, h: float, room: float, tol: float, atol: float, lane: Lane
+) -> tuple[float, int]:
+    """A polynomial instead of the series in the work space, if there is a good one.
+
+    Parameters
+    ----------
+    h : float
+        Step of the series.
+    room : float
+        Most that a step may take.
+
+    Returns
+    -------
+    step, count
+        And the number of guards that may fire in it.
+    """
+    t, y, mode, reg, clock, n = lane.clock[0], lane.y, lane.mode, lane.reg, lane.clock, rows.sizes[0]
+    unit, guard, count = space.W[n, 1], 0, 0
+    first = clock[6] if clock[6] > 0.0 else 4.0 * dear(n) * h
+    step, after = collocate(jets, rows, k, space, N, t, y, mode, reg, h, min(first, room), tol, atol, lane.seen)
+    clock[6] = after
+    for _ in range(2):
+        if not step > 0.0:
+            step, clock[6], space.W[n, 1] = h, -RESTING, unit
+            jets(t, y, mode, reg, k.K, space.Rq, space.Rz, N, space.W, space.A, space.B, space.mag)
+        fill_powers(space.powers, step / space.W[n, 1])
+        guard, count = scan(rows, space, mode, reg, N, clock[1], -1, 1.0)
+        if guard < 0:
+            break
+        step = 0.0  # a guard that vanishes is known better from its series
+    return step, count
+
+
+@njit(**OPTIONS)
+def follow(
+    jets: JETS,
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    N: int,
+    t: float,
+    y: Array,
+    mode: Array,
+    reg: Array,
+    room: float,
+    last: float,
+    tol: float,
+    atol: float,
+    seen: Array,
+) -> tuple[int, float, float]:
+    """A polynomial that follows a known motion in a mode: its series, or one that is good for longer.
+
+    Parameters
+    ----------
+    room, last : float
+        Most that is wanted, and the length of the piece before (0: it is the first).
+
+    Returns
+    -------
+    order, step, series
+        Order up to which the coefficients are finite, the step for which they are good, and that of the series.
+    """
+    order, h = expand(jets, rows, k, space, N, t, y, mode, reg, room, last, tol, atol, seen)
+    least = dear(rows.sizes[0]) * h
+    if not (order == N and h > 0.0 and least < room and calm(rows, space.W, N, h, tol, atol, seen)):
+        return order, h, h
+    first = room if last == 0.0 else min(room, max(2.0 * last, 4.0 * least))
+    unit = space.W[rows.sizes[0], 1]
+    step, _ = collocate(jets, rows, k, space, N, t, y, mode, reg, h, first, tol, atol, seen)
+    if step > 0.0:
+        return N, step, h
+    space.W[rows.sizes[0], 1] = unit
+    jets(t, y, mode, reg, k.K, space.Rq, space.Rz, N, space.W, space.A, space.B, space.mag)
+    return order, h, h
+
+
+@njit(**OPTIONS)
+def collocate(
+    jets: JETS,
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    N: int,
+    t: float,
+    y: Array,
+    mode: Array,
+    reg: Array,
+    h: float,
+    first: float,
+    tol: float,
+    atol: float,
+    seen: Array,
+) -> tuple[float, float]:
+    """The longest polynomial up to some length that is good, in the table of coefficients.
+
+    Parameters
+    ----------
+    h : float
+        How long a series is good for.
+    first : float
+        The length that is tried first.
+
+    Returns
+    -------
+    step, next
+        Its length, and that to be tried next; zeros if none is worth its cost.
+    """
+    p, W, n, powers, s = rows.program, space.W, rows.sizes[0], space.reaches, N // 2
+    step, cut, rates = first, False, space.stages[2 * s * n + 1 + RATE]
+    for r in range(n):
+        rates[r] = W[r, 1] / W[n, 1]
+    for _ in range(MOST_TRIES):
+        if not step >= dear(n) * h:
+            break
+        if not solve_stages(jets, rows, k, space, N, t, y, mode, reg, h, step, tol, atol, seen):
+            step, cut = 0.25 * step, True
+            continue
+        fill_rows(jets, rows, k, space, N, t, y, mode, reg, h, step)
+        excess = last_terms(rows, space, s, h, tol, atol, seen)
+        fits = 0.9 * max(excess, LEAST) ** (-1.0 / s) if excess < np.inf else 0.0
+        if not excess <= 1.0:
+            step, cut = step * max(0.1, fits), True
+            continue
+        to_powers(rows, space, N, step)
+        fill_powers(powers, 2.0 * step / W[n, 1])
+        space.discs[n, 0], space.discs[n, 1] = 2.0 * step, 0.0
+        spread_state(W, N, powers, rows.watched[:n], space.discs)
+        spread(p, k.K, space, mode, reg, 0, len(p.code))
+        fill_powers(powers, step / W[n, 1])
+        excess = hidden(rows, space, mode, N, h, PARTS[(N - FIRST) // APART], tol, atol, seen)
+        if excess <= 1.0:
+            return step, step * (1.1 if cut else min(2.0, fits))
+        step, cut = step * (0.7 if excess < 10.0 else 0.5), True
+    return 0.0, 0.0
+
+
+@njit(**OPTIONS)
+def known_to(rows: Rows, mag: Array, r: int, size: float, h: float) -> float:
+    """Rounding error of a part of the state of some size, whose rate decides it within the time h."""
+    place = rows.noise[r]
+    return 16.0 * EPSILON * size + (EPSILON * mag[place] * h if place >= 0 else 0.0)
+
+
+@njit(**OPTIONS)
+def solve_stages(
+    jets: JETS,
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    N: int,
+    t: float,
+    y: Array,
+    mode: Array,
+    reg: Array,
+    h: float,
+    step: float,
+    tol: float,
+    atol: float,
+    seen: Array,
+) -> bool:
+    """The states Y at the nodes, by Newton's method for D (Y − y) = H f(Y); whether it has settled."""
+    s, n = N // 2, rows.sizes[0]
+    m = s * n
+    work, inverse = space.stages[2 * m + 1 :], space.stages[m + 1 : 2 * m + 1]
+    Y, F, rates, before, now = work[STATES], work[RESIDUALS], work[RATE], np.inf, np.inf
+    for j in range(m):
+        Y[j] = y[j % n] + NODES[(N - FIRST) // APART, j // n + 1] * step * rates[j % n]
+    for turn in range(MOST_CORRECTIONS):
+        fresh = turn == 0 or not now <= SLOW * before
+        if not residuals(jets, rows, k, space, N, t, y, mode, reg, step, atol, seen, fresh):
+            return False
+        if fresh and not invert(space.stages[: m + 1], m, inverse):
+            return False
+        before, now = now, 0.0
+        for j in range(m):
+            change, r = 0.0, j % n
+            for i in range(m):
+                change -= inverse[j, i] * F[i]
+            Y[j] += change
+            size = LEAST + abs(Y[j]) + atol * seen[r]
+            share = abs(change) / (tol * size + known_to(rows, space.mag, r, size, h))
+            now = max(now, share) if share == share else np.inf
+        if not now < np.inf or (turn > 1 and now > 1.0 and now > 2.0 * before):
+            return False
+        if now <= 1e-2 or (turn > 0 and now <= 1.0 and now >= 0.3 * before):
+            return True
+    return False
+
+
+@njit(**OPTIONS)
+def residuals(
+    jets: JETS,
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    N: int,
+    t: float,
+    y: Array,
+    mode: Array,
+    reg: Array,
+    step: float,
+    atol: float,
+    seen: Array,
+    fresh: bool,
+) -> bool:
+    """D (Y − y) − H f(Y), and its derivatives if they are wanted anew; False if there are no rates.
+
+    The derivatives are differences: they matter to how fast Newton's method settles, not to where. They tell as well
+    what rounding errors of the state make of the guards.
+    """
+    s, n, V, q, watched = N // 2, rows.sizes[0], space.V, (N - FIRST) // APART, rows.watched
+    m = s * n
+    work = space.stages[2 * m + 1 :]
+    Y, F, z, rates, values = work[STATES], work[RESIDUALS], work[STATE], work[RATE], work[VALUES]
+    for i in range(s):
+        time = t + NODES[q, i + 1] * step
+        for r in range(n):
+            z[r] = Y[i * n + r]
+        if jets(time, z, mode, reg, k.K, space.Rq, space.Rz, 1, V, space.A, space.B, space.mag) != OK:
+            return False
+        for r in range(n):
+            F[i * n + r] = -step * V[rows.program.rates[r], 0]
+            for j in range(s):
+                F[i * n + r] += SLOPES[q, i, j] * (Y[j * n + r] - y[r])
+            if not math.isfinite(F[i * n + r]):
+                return False
+        if not fresh:
+            continue
+        for r in range(n):
+            for j in range(m):
+                space.stages[i * n + r, j] = SLOPES[q, i, j // n] if j % n == r else 0.0
+            values[r] = V[rows.program.rates[r], 0]
+        for j in range(n, len(watched)):
+            values[j] = V[watched[j], 0]
+            work[ROUNDED, j] = 0.0 if i == 0 else work[ROUNDED, j]
+        for c in range(n):
+            size = LEAST + abs(z[c]) + abs(rates[c]) * step + atol * seen[c]
+            z[c] += NUDGE * size
+            nudge = z[c] - Y[i * n + c]
+            jets(time, z, mode, reg, k.K, space.Rq, space.Rz, 1, V, space.A, space.B, space.mag)
+            z[c] = Y[i * n + c]
+            for r in range(n):
+                space.stages[i * n + r, i * n + c] -= step * (V[rows.program.rates[r], 0] - values[r]) / nudge
+            for j in range(n, len(watched)):
+                noise = n * EPSILON * abs(z[c]) * abs((V[watched[j], 0] - values[j]) / nudge)
+                work[ROUNDED, j] = max(work[ROUNDED, j], noise)
+    return True
+
+
+@njit(**OPTIONS)
+def fill_rows(
+    jets: JETS,
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    N: int,
+    t: float,
+    y: Array,
+    mode: Array,
+    reg: Array,
+    h: float,
+    step: float,
+) -> None:
+    """Values of all rows at the beginning, and their change as Legendre polynomials, in the table of coefficients.
+
+    What the state has behind its last term that is more than rounding is left out: on discs it would become large.
+    """
+    s, n, W, V, q = N // 2, rows.sizes[0], space.W, space.V, (N - FIRST) // APART
+    work = space.stages[2 * s * n + 1 :]
+    z, values = work[STATE], work[VALUES]
+    for i in range(s, -1, -1):
+        for r in range(n):
+            z[r] = work[STATES, (i - 1) * n + r] if i > 0 else y[r]
+        jets(t + NODES[q, i] * step, z, mode, reg, k.K, space.Rq, space.Rz, 1, V, space.A, space.B, space.mag)
+        for row in range(len(W)):
+            W[row, i] = V[row, 0]
+    for row in range(len(W)):
+        for i in range(s + 1):
+            values[i] = W[row, i] - W[row, 0]
+        for j in range(1, s + 1):
+            W[row, j] = 0.0
+            for i in range(1, s + 1):
+                W[row, j] += TERMS[q, j, i] * values[i]
+        for j in range(s + 1, N + 1):
+            W[row, j] = 0.0
+    for r in range(n):
+        last, size = s, abs(W[r, 0])
+        for j in range(1, s + 1):
+            size += abs(W[r, j])
+        while last > 0 and abs(W[r, last]) <= known_to(rows, space.mag, r, size, h):
+            W[r, last] = 0.0
+            last -= 1
+
+
+@njit(**OPTIONS)
+def last_terms(rows: Rows, space: Space, s: int, h: float, tol: float, atol: float, seen: Array) -> float:
+    """The last two terms of the state and of all guards, in parts of what they may be."""
+    W, mag, n, worst = space.W, space.mag, rows.sizes[0], 0.0
+    rounded = space.stages[2 * s * n + 1 + ROUNDED]
+    for i in range(len(rows.watched)):
+        row = rows.watched[i]
+        size = LEAST + abs(W[row, 0])
+        for j in range(1, s + 1):
+            size += abs(W[row, j])
+        most = tol * (size + atol * seen[i])
+        if i < n:
+            most += known_to(rows, mag, i, size, h)
+        else:
+            most += ROUNDING * size + 16.0 * rounded[i] + (ROUNDING * mag[rows.noise[i]] if rows.noise[i] >= 0 else 0.0)
+        share = max(abs(W[row, s]), abs(W[row, s - 1])) / most
+        worst = max(worst, share) if share == share else np.inf
+    return worst
+
+
+@njit(**OPTIONS)
+def to_powers(rows: Rows, space: Space, N: int, step: float) -> None:
+    """The Legendre polynomials of all rows but time in powers of a unit of time."""
+    s, n, W = N // 2, rows.sizes[0], space.W
+    unit, values = better(step, 1.0), space.stages[2 * s * n + 1 + VALUES]
+    for row in range(len(W)):
+        for j in range(1, s + 1):
+            values[j] = W[row, j]
+        factor = 1.0
+        for i in range(1, s + 1):
+            factor *= unit / step
+            W[row, i] = 0.0
+            for j in range(i, s + 1):
+                W[row, i] += POWERS[i, j] * values[j] * factor
+    W[n, 1] = unit
+    for i in range(2, N + 1):
+        W[n, i] = 0.0
