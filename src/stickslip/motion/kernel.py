@@ -185,8 +185,8 @@ class Lane(NamedTuple):
     ----------
     clock : array
         t, last step, time of an event many events ago, span, the length of recent steps (events that coincide up to
-        rounding make steps of no length), the unit of time of the Taylor coefficients, and the length of the next
-        implicit step (negative: steps until one is tried).
+        rounding make steps of no length), the unit of time of the Taylor coefficients, the length of the next
+        implicit step (negative: steps until one is tried), and the step that a series would have been good for.
     y : array
         State.
     seen : array

@@ -349,9 +349,9 @@ def settle(
             return NAN, 0.0, 0
         if status == OK:
             h = step_size(
-                space.W, rows.watched, rows.noise, space.mag, lane.seen, len(y), N, last, tol, atol
+                space.W, rows.watched, rows.noise, space.mag, lane.seen, len(y), N, lane.clock[7], tol, atol
             )  # fmt: skip
-            h = min(room, h)
+            h = (t + min(room, h)) - t  # between two times that can be told apart, as they are recorded
         if status == OVERFLOW or (status == OK and not suits(h, room, space.W[len(y), 1])):
             # Coefficients in other units of time: all others are powers of two times these, so that nothing is rounded.
             if units == MOST_UNITS:
@@ -367,7 +367,7 @@ def settle(
             if guard < 0 and not let_slide(mode):
                 short = shortened(rows, k, space, mode, reg, N, h, tol, atol, lane.seen)
                 if short < h:
-                    h = short
+                    h = (t + short) - t
                     fill_powers(space.powers, h / space.W[len(y), 1])
                     guard, count = scan(rows, space, mode, reg, N, last, fired, slack)
                 if guard < 0:

@@ -146,6 +146,7 @@ def stretched(
     first = clock[6] if clock[6] > 0.0 else 4.0 * dear(n) * h
     step, after = collocate(jets, rows, k, space, N, t, y, mode, reg, h, min(first, room), tol, atol, lane.seen)
     clock[6] = after
+    step = (t + step) - t
     for _ in range(2):
         if not step > 0.0:
             step, clock[6], space.W[n, 1] = h, -RESTING, unit
@@ -189,6 +190,9 @@ def follow(
     """
     order, h = expand(jets, rows, k, space, N, t, y, mode, reg, room, last, tol, atol, seen)
     least = dear(rows.sizes[0]) * h
+    if last > least:  # the piece before was no series, whose length would tell what may change in one
+        order, h = expand(jets, rows, k, space, N, t, y, mode, reg, room, h, tol, atol, seen)
+        least = dear(rows.sizes[0]) * h
     if not (order == N and h > 0.0 and least < room and calm(rows, space.W, N, h, tol, atol, seen)):
         return order, h, h
     first = room if last == 0.0 else min(room, max(2.0 * last, 4.0 * least))
