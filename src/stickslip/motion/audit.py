@@ -156,7 +156,9 @@ def audit_steps(
                 if not between < np.inf:
                     h, steps.open[i] = longest, left  # no more is tried in this step
             acting = min(h, series) if series > 0.0 else h
-            measure_piece(jets, powers, rows, k, space, order, base, h, acting, mode, reg, between, check, i, steps, tally)
+            measure_piece(
+                jets, powers, rows, k, space, order, base, h, acting, mode, reg, between, check, i, steps, tally
+            )  # fmt: skip
             for r in range(n):
                 start[r] = horner(W[r], order, h / W[n, 1])
             base, left, whole, last, pieces = base + h, left - h, whole - h, h, pieces + 1

@@ -42,7 +42,6 @@ from stickslip.motion.kernel import (
 from stickslip.motion.modes import copy, flip, keeps, let_slide, resolve, settle
 from stickslip.motion.roots import arrive
 from stickslip.motion.steps import fill_powers
-from stickslip.motion.stiff import lingers, stretched
 from stickslip.motion.structure import is_affine
 
 Array = np.ndarray
@@ -184,7 +183,7 @@ def step_on(
             return FULL, count
         t, fired = clock[0], counters[2]
         hold = fired >= 0 or counters[4] % 64 == 0
-        status, h, may_fire = settle(
+        status, h, series, may_fire = settle(
             jets, residual, rows, k, space, N, tol, atol, lane, min(room, max(end - t, 0.0)), hold, promised
         )
         if status == ASTRAY:
@@ -216,9 +215,6 @@ def step_on(
             for c in range(rows.sizes[5] + rows.sizes[6], len(rows.u)):
                 sliding = sliding or lane.mode[c] != 0
             return (NO_RATE if sliding else TINY), count
-        series = h
-        if lingers(rows, space, N, h, min(room, end - t), tol, atol, lane):
-            h, may_fire = stretched(jets, rows, k, space, N, h, min(room, end - t), tol, atol, lane)
         x, which = first_event(space, may_fire, N)
         forbidden = which - nk - 2 * len(rows.u)  # what has become negative, though it must not
         if forbidden >= 0 and x == 0.0:

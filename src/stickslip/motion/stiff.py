@@ -10,8 +10,8 @@ A polynomial is taken only if
 
 * the last two terms of the state and of all guards, by Legendre polynomials, are as small as those of a series are to
   be, or lost in rounding;
-* nothing is hidden between the nodes: all rows are bounded on the disc of twice the step (:mod:`stickslip.motion.discs`)
-  by some B, so that they differ from their interpolants by at most
+* nothing is hidden between the nodes: all rows are bounded on the disc of twice the step
+  (:mod:`stickslip.motion.discs`) by some B, so that they differ from their interpolants by at most
 
       2 (1 + Λₛ) B ρ^(1 − s)/(ρ − 1),  ρ = 3 + √8,
 
@@ -30,8 +30,7 @@ from numba import njit
 from stickslip.equations.code import ORDERS
 from stickslip.equations.series import invert
 from stickslip.motion.discs import spread, spread_state
-from stickslip.motion.guards import scan
-from stickslip.motion.kernel import EPSILON, JETS, OK, OPTIONS, ROUNDING, Constants, Lane, Rows, Space
+from stickslip.motion.kernel import EPSILON, INLINED, JETS, OK, OPTIONS, ROUNDING, Constants, Rows, Space
 from stickslip.motion.steps import LEAST, better, expand, fill_powers, hidden
 
 Array = np.ndarray
@@ -98,10 +97,9 @@ def dear(n: int) -> float:
 
 
 @njit(**OPTIONS)
-def calm(rows: Rows, W: Array, N: int, h: float, tol: float, atol: float, seen: Array) -> bool:
+def calm(W: Array, n: int, N: int, h: float, tol: float, atol: float, seen: Array) -> bool:
     """Whether a series is as good as known at a third of its order: its step is bounded by something that decays."""
-    n, m = rows.sizes[0], N // 3
-    x = h / W[rows.sizes[0], 1]
+    m, x = N // 3, h / W[n, 1]
     power = x**m
     for r in range(n):
         size = CALM * tol * (abs(W[r, 0]) + abs(W[r, 1]) * x + atol * seen[r])
@@ -111,52 +109,22 @@ def calm(rows: Rows, W: Array, N: int, h: float, tol: float, atol: float, seen: 
 
 
 @njit(**OPTIONS)
-def lingers(rows: Rows, space: Space, N: int, h: float, room: float, tol: float, atol: float, lane: Lane) -> bool:
-    """Whether it is time to try a polynomial instead of the series that is in the work space."""
-    clock = lane.clock
-    if not dear(len(lane.y)) * h < room:
+def lingers(
+    W: Array, n: int, N: int, h: float, room: float, tol: float, atol: float, seen: Array, clock: Array, fired: int
+) -> bool:
+    """Whether it is time to try a polynomial instead of the series that is in the table, and how long a one."""
+    if not dear(n) * h < room:
         return False
-    if lane.counters[2] >= 0 or not calm(rows, space.W, N, h, tol, atol, lane.seen):
+    if fired >= 0 or not calm(W, n, N, h, tol, atol, seen):
         clock[6] = min(clock[6], -WATCHED)
         return False
-    clock[6] = min(clock[6] + 1.0, 0.0) if clock[6] < 0.0 else clock[6]
-    return bool(clock[6] >= 0.0)
-
-
-@njit(**OPTIONS)
-def stretched(
-    jets: JETS, rows: Rows, k: Constants, space: Space, N: int, h: float, room: float, tol: float, atol: float, lane: Lane
-) -> tuple[float, int]:
-    """A polynomial instead of the series in the work space, if there is a good one.
-
-    Parameters
-    ----------
-    h : float
-        Step of the series.
-    room : float
-        Most that a step may take.
-
-    Returns
-    -------
-    step, count
-        And the number of guards that may fire in it.
-    """
-    t, y, mode, reg, clock, n = lane.clock[0], lane.y, lane.mode, lane.reg, lane.clock, rows.sizes[0]
-    unit, guard, count = space.W[n, 1], 0, 0
-    first = clock[6] if clock[6] > 0.0 else 4.0 * dear(n) * h
-    step, after = collocate(jets, rows, k, space, N, t, y, mode, reg, h, min(first, room), tol, atol, lane.seen)
-    clock[6] = after
-    step = (t + step) - t
-    for _ in range(2):
-        if not step > 0.0:
-            step, clock[6], space.W[n, 1] = h, -RESTING, unit
-            jets(t, y, mode, reg, k.K, space.Rq, space.Rz, N, space.W, space.A, space.B, space.mag)
-        fill_powers(space.powers, step / space.W[n, 1])
-        guard, count = scan(rows, space, mode, reg, N, clock[1], -1, 1.0)
-        if guard < 0:
-            break
-        step = 0.0  # a guard that vanishes is known better from its series
-    return step, count
+    if clock[6] < 0.0:
+        clock[6] += 1.0
+        return False
+    if clock[6] == 0.0:
+        clock[6] = 4.0 * dear(n) * h
+    clock[6] = min(clock[6], room)
+    return True
 
 
 @njit(**OPTIONS)
@@ -188,21 +156,19 @@ def follow(
     order, step, series
         Order up to which the coefficients are finite, the step for which they are good, and that of the series.
     """
-    order, h = expand(jets, rows, k, space, N, t, y, mode, reg, room, last, tol, atol, seen)
-    least = dear(rows.sizes[0]) * h
-    if last > least:  # the piece before was no series, whose length would tell what may change in one
-        order, h = expand(jets, rows, k, space, N, t, y, mode, reg, room, h, tol, atol, seen)
-        least = dear(rows.sizes[0]) * h
-    if not (order == N and h > 0.0 and least < room and calm(rows, space.W, N, h, tol, atol, seen)):
-        return order, h, h
-    first = room if last == 0.0 else min(room, max(2.0 * last, 4.0 * least))
-    unit = space.W[rows.sizes[0], 1]
-    step, _ = collocate(jets, rows, k, space, N, t, y, mode, reg, h, first, tol, atol, seen)
-    if step > 0.0:
-        return N, step, h
-    space.W[rows.sizes[0], 1] = unit
-    jets(t, y, mode, reg, k.K, space.Rq, space.Rz, N, space.W, space.A, space.B, space.mag)
-    return order, h, h
+    n, before, step = rows.sizes[0], last, -1.0
+    while True:
+        order, h = expand(jets, rows, k, space, N, t, y, mode, reg, room, before, tol, atol, seen)
+        least = dear(n) * h
+        if before > least:
+            before = h  # the piece before was no series, whose length would tell what may change in one
+            continue
+        if step == 0.0 or not (order == N and 0.0 < least < room and calm(space.W, n, N, h, tol, atol, seen)):
+            return order, h, h
+        first = room if last == 0.0 else min(room, max(2.0 * last, 4.0 * least))
+        step, _ = collocate(jets, rows, k, space, N, t, y, mode, reg, h, first, tol, atol, seen)
+        if step > 0.0:
+            return order, step, h
 
 
 @njit(**OPTIONS)
@@ -236,29 +202,31 @@ def collocate(
     step, next
         Its length, and that to be tried next; zeros if none is worth its cost.
     """
-    p, W, n, powers, s = rows.program, space.W, rows.sizes[0], space.reaches, N // 2
-    step, cut, rates = first, False, space.stages[2 * s * n + 1 + RATE]
+    p, W, n, powers, s, q = rows.program, space.W, rows.sizes[0], space.reaches, N // 2, (N - FIRST) // APART
+    work = space.stages[2 * s * n + 1 :]
+    step, cut, values = first, False, work[VALUES]
     for r in range(n):
-        rates[r] = W[r, 1] / W[n, 1]
+        work[RATE, r] = W[r, 1] / W[n, 1]
     for _ in range(MOST_TRIES):
         if not step >= dear(n) * h:
             break
         if not solve_stages(jets, rows, k, space, N, t, y, mode, reg, h, step, tol, atol, seen):
             step, cut = 0.25 * step, True
             continue
-        fill_rows(jets, rows, k, space, N, t, y, mode, reg, h, step)
-        excess = last_terms(rows, space, s, h, tol, atol, seen)
+        to_legendre(W, s, n, TERMS[q], values)
+        drop_rounding(W, s, n, rows.noise, space.mag, h)
+        excess = last_terms(W, s, n, rows.watched, rows.noise, space.mag, work[ROUNDED], h, tol, atol, seen)
         fits = 0.9 * max(excess, LEAST) ** (-1.0 / s) if excess < np.inf else 0.0
         if not excess <= 1.0:
             step, cut = step * max(0.1, fits), True
             continue
-        to_powers(rows, space, N, step)
+        to_powers(W, s, n, step, values)
         fill_powers(powers, 2.0 * step / W[n, 1])
         space.discs[n, 0], space.discs[n, 1] = 2.0 * step, 0.0
         spread_state(W, N, powers, rows.watched[:n], space.discs)
         spread(p, k.K, space, mode, reg, 0, len(p.code))
         fill_powers(powers, step / W[n, 1])
-        excess = hidden(rows, space, mode, N, h, PARTS[(N - FIRST) // APART], tol, atol, seen)
+        excess = hidden(rows, space, mode, N, h, PARTS[q], tol, atol, seen)
         if excess <= 1.0:
             return step, step * (1.1 if cut else min(2.0, fits))
         step, cut = step * (0.7 if excess < 10.0 else 0.5), True
@@ -266,13 +234,12 @@ def collocate(
 
 
 @njit(**OPTIONS)
-def known_to(rows: Rows, mag: Array, r: int, size: float, h: float) -> float:
+def known_to(noise: Array, mag: Array, r: int, size: float, h: float) -> float:
     """Rounding error of a part of the state of some size, whose rate decides it within the time h."""
-    place = rows.noise[r]
-    return 16.0 * EPSILON * size + (EPSILON * mag[place] * h if place >= 0 else 0.0)
+    return 16.0 * EPSILON * size + (EPSILON * mag[noise[r]] * h if noise[r] >= 0 else 0.0)
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def solve_stages(
     jets: JETS,
     rows: Rows,
@@ -289,37 +256,49 @@ def solve_stages(
     atol: float,
     seen: Array,
 ) -> bool:
-    """The states Y at the nodes, by Newton's method for D (Y − y) = H f(Y); whether it has settled."""
-    s, n = N // 2, rows.sizes[0]
-    m = s * n
+    """The states Y at the nodes, by Newton's method for D (Y − y) = H f(Y); whether it has settled.
+
+    If so, the values of all rows at the nodes, from the beginning on, are in the table of coefficients.
+    """
+    s, n, m, q = N // 2, len(y), N // 2 * len(y), (N - FIRST) // APART
     work, inverse = space.stages[2 * m + 1 :], space.stages[m + 1 : 2 * m + 1]
-    Y, F, rates, before, now = work[STATES], work[RESIDUALS], work[RATE], np.inf, np.inf
+    before, now = np.inf, np.inf
     for j in range(m):
-        Y[j] = y[j % n] + NODES[(N - FIRST) // APART, j // n + 1] * step * rates[j % n]
+        work[STATES, j] = y[j % n] + NODES[q, j // n + 1] * step * work[RATE, j % n]
     for turn in range(MOST_CORRECTIONS):
-        fresh = turn == 0 or not now <= SLOW * before
-        if not residuals(jets, rows, k, space, N, t, y, mode, reg, step, atol, seen, fresh):
+        settled = now <= 1e-2 or (turn > 1 and now <= 1.0 and now >= 0.3 * before)
+        fresh = not settled and (turn == 0 or not now <= SLOW * before)
+        if not visit(jets, rows, k, space, N, t, y, mode, reg, step, atol, seen, fresh, settled):
             return False
+        if settled:
+            return True
         if fresh and not invert(space.stages[: m + 1], m, inverse):
             return False
-        before, now = now, 0.0
-        for j in range(m):
-            change, r = 0.0, j % n
-            for i in range(m):
-                change -= inverse[j, i] * F[i]
-            Y[j] += change
-            size = LEAST + abs(Y[j]) + atol * seen[r]
-            share = abs(change) / (tol * size + known_to(rows, space.mag, r, size, h))
-            now = max(now, share) if share == share else np.inf
+        before, now = now, correct(work, inverse, m, n, rows.noise, space.mag, h, tol, atol, seen)
         if not now < np.inf or (turn > 1 and now > 1.0 and now > 2.0 * before):
             return False
-        if now <= 1e-2 or (turn > 0 and now <= 1.0 and now >= 0.3 * before):
-            return True
     return False
 
 
 @njit(**OPTIONS)
-def residuals(
+def correct(
+    work: Array, inverse: Array, m: int, n: int, noise: Array, mag: Array, h: float, tol: float, atol: float, seen: Array
+) -> float:
+    """A step of Newton's method: the largest correction, in parts of what it may be."""
+    worst = 0.0
+    for j in range(m):
+        change, r = 0.0, j % n
+        for i in range(m):
+            change -= inverse[j, i] * work[RESIDUALS, i]
+        work[STATES, j] += change
+        size = LEAST + abs(work[STATES, j]) + atol * seen[r]
+        share = abs(change) / (tol * size + known_to(noise, mag, r, size, h))
+        worst = max(worst, share) if share == share else np.inf
+    return worst
+
+
+@njit(**INLINED)
+def visit(
     jets: JETS,
     rows: Rows,
     k: Constants,
@@ -333,130 +312,141 @@ def residuals(
     atol: float,
     seen: Array,
     fresh: bool,
+    settled: bool,
 ) -> bool:
-    """D (Y − y) − H f(Y), and its derivatives if they are wanted anew; False if there are no rates.
+    """Evaluate the rows at all nodes; False if there are no rates at one of them.
 
-    The derivatives are differences: they matter to how fast Newton's method settles, not to where. They tell as well
-    what rounding errors of the state make of the guards.
+    Where the states have settled, the values are kept. Before that, D (Y − y) − H f(Y) is wanted, and, where it is
+    said, its derivatives anew. These are differences: they matter to how fast Newton's method settles, not to where.
+    They tell as well what rounding errors of the state make of the guards.
     """
-    s, n, V, q, watched = N // 2, rows.sizes[0], space.V, (N - FIRST) // APART, rows.watched
-    m = s * n
-    work = space.stages[2 * m + 1 :]
-    Y, F, z, rates, values = work[STATES], work[RESIDUALS], work[STATE], work[RATE], work[VALUES]
-    for i in range(s):
-        time = t + NODES[q, i + 1] * step
-        for r in range(n):
-            z[r] = Y[i * n + r]
-        if jets(time, z, mode, reg, k.K, space.Rq, space.Rz, 1, V, space.A, space.B, space.mag) != OK:
-            return False
-        for r in range(n):
-            F[i * n + r] = -step * V[rows.program.rates[r], 0]
-            for j in range(s):
-                F[i * n + r] += SLOPES[q, i, j] * (Y[j * n + r] - y[r])
-            if not math.isfinite(F[i * n + r]):
-                return False
-        if not fresh:
-            continue
-        for r in range(n):
-            for j in range(m):
-                space.stages[i * n + r, j] = SLOPES[q, i, j // n] if j % n == r else 0.0
-            values[r] = V[rows.program.rates[r], 0]
-        for j in range(n, len(watched)):
-            values[j] = V[watched[j], 0]
-            work[ROUNDED, j] = 0.0 if i == 0 else work[ROUNDED, j]
-        for c in range(n):
-            size = LEAST + abs(z[c]) + abs(rates[c]) * step + atol * seen[c]
-            z[c] += NUDGE * size
-            nudge = z[c] - Y[i * n + c]
-            jets(time, z, mode, reg, k.K, space.Rq, space.Rz, 1, V, space.A, space.B, space.mag)
-            z[c] = Y[i * n + c]
+    s, n, m, q, V, rates = N // 2, len(y), N // 2 * len(y), (N - FIRST) // APART, space.V, rows.program.rates
+    work, watched = space.stages[2 * m + 1 :], rows.watched
+    z = work[STATE]
+    for i in range(s - 1, -2 if settled else -1, -1):
+        for c in range(-1, n if fresh else 0):
             for r in range(n):
-                space.stages[i * n + r, i * n + c] -= step * (V[rows.program.rates[r], 0] - values[r]) / nudge
-            for j in range(n, len(watched)):
-                noise = n * EPSILON * abs(z[c]) * abs((V[watched[j], 0] - values[j]) / nudge)
-                work[ROUNDED, j] = max(work[ROUNDED, j], noise)
+                z[r] = work[STATES, i * n + r] if i >= 0 else y[r]
+            nudge, around = 0.0, 0.0
+            if c >= 0:
+                around = abs(z[c])
+                z[c] += NUDGE * (LEAST + around + abs(work[RATE, c]) * step + atol * seen[c])
+                nudge = z[c] - work[STATES, i * n + c]
+            time = t + NODES[q, i + 1] * step
+            if jets(time, z, mode, reg, k.K, space.Rq, space.Rz, 1, V, space.A, space.B, space.mag) != OK:
+                return False
+            if settled:
+                for row in range(len(V)):
+                    space.W[row, i + 1] = V[row, 0]
+            elif c < 0:
+                begin_node(work, space.stages, SLOPES[q], V, rates, watched, y, i, step, s, fresh)
+            else:
+                for r in range(n):
+                    space.stages[i * n + r, i * n + c] -= step * (V[rates[r], 0] - work[VALUES, r]) / nudge
+                for j in range(n, len(watched)):
+                    noise = n * EPSILON * around * abs((V[watched[j], 0] - work[VALUES, j]) / nudge)
+                    work[ROUNDED, j] = max(work[ROUNDED, j], noise)
     return True
 
 
 @njit(**OPTIONS)
-def fill_rows(
-    jets: JETS,
-    rows: Rows,
-    k: Constants,
-    space: Space,
-    N: int,
-    t: float,
+def begin_node(
+    work: Array,
+    matrix: Array,
+    D: Array,
+    V: Array,
+    rates: Array,
+    watched: Array,
     y: Array,
-    mode: Array,
-    reg: Array,
-    h: float,
+    i: int,
     step: float,
+    s: int,
+    fresh: bool,
 ) -> None:
-    """Values of all rows at the beginning, and their change as Legendre polynomials, in the table of coefficients.
+    """What is wanted of a node from the values of the rows there, and room for the derivatives."""
+    n = len(y)
+    for r in range(n):
+        place, total = i * n + r, -step * V[rates[r], 0]
+        for j in range(s):
+            total += D[i, j] * (work[STATES, j * n + r] - y[r])
+        work[RESIDUALS, place], work[VALUES, r] = total, V[rates[r], 0]
+        for j in range(s * n if fresh else 0):
+            matrix[place, j] = D[i, j // n] if j % n == r else 0.0
+    for j in range(n, len(watched)):
+        work[VALUES, j] = V[watched[j], 0]
+        if fresh and i == s - 1:
+            work[ROUNDED, j] = 0.0
 
-    What the state has behind its last term that is more than rounding is left out: on discs it would become large.
-    """
-    s, n, W, V, q = N // 2, rows.sizes[0], space.W, space.V, (N - FIRST) // APART
-    work = space.stages[2 * s * n + 1 :]
-    z, values = work[STATE], work[VALUES]
-    for i in range(s, -1, -1):
-        for r in range(n):
-            z[r] = work[STATES, (i - 1) * n + r] if i > 0 else y[r]
-        jets(t + NODES[q, i] * step, z, mode, reg, k.K, space.Rq, space.Rz, 1, V, space.A, space.B, space.mag)
-        for row in range(len(W)):
-            W[row, i] = V[row, 0]
+
+@njit(**OPTIONS)
+def to_legendre(W: Array, s: int, n: int, terms: Array, values: Array) -> None:
+    """Values of all rows at the nodes, as a first value and Legendre polynomials of the change."""
     for row in range(len(W)):
         for i in range(s + 1):
             values[i] = W[row, i] - W[row, 0]
+        for j in range(1, W.shape[1]):
+            W[row, j] = 0.0
         for j in range(1, s + 1):
-            W[row, j] = 0.0
             for i in range(1, s + 1):
-                W[row, j] += TERMS[q, j, i] * values[i]
-        for j in range(s + 1, N + 1):
-            W[row, j] = 0.0
+                W[row, j] += terms[j, i] * values[i]
+
+
+@njit(**OPTIONS)
+def drop_rounding(W: Array, s: int, n: int, noise: Array, mag: Array, h: float) -> None:
+    """Leave out what the state has behind its last term that is more than rounding: on discs it would become large."""
     for r in range(n):
         last, size = s, abs(W[r, 0])
         for j in range(1, s + 1):
             size += abs(W[r, j])
-        while last > 0 and abs(W[r, last]) <= known_to(rows, space.mag, r, size, h):
+        while last > 0 and abs(W[r, last]) <= known_to(noise, mag, r, size, h):
             W[r, last] = 0.0
             last -= 1
 
 
 @njit(**OPTIONS)
-def last_terms(rows: Rows, space: Space, s: int, h: float, tol: float, atol: float, seen: Array) -> float:
+def last_terms(
+    W: Array,
+    s: int,
+    n: int,
+    watched: Array,
+    noise: Array,
+    mag: Array,
+    rounded: Array,
+    h: float,
+    tol: float,
+    atol: float,
+    seen: Array,
+) -> float:
     """The last two terms of the state and of all guards, in parts of what they may be."""
-    W, mag, n, worst = space.W, space.mag, rows.sizes[0], 0.0
-    rounded = space.stages[2 * s * n + 1 + ROUNDED]
-    for i in range(len(rows.watched)):
-        row = rows.watched[i]
+    worst = 0.0
+    for i in range(len(watched)):
+        row = watched[i]
         size = LEAST + abs(W[row, 0])
         for j in range(1, s + 1):
             size += abs(W[row, j])
         most = tol * (size + atol * seen[i])
         if i < n:
-            most += known_to(rows, mag, i, size, h)
+            most += known_to(noise, mag, i, size, h)
         else:
-            most += ROUNDING * size + 16.0 * rounded[i] + (ROUNDING * mag[rows.noise[i]] if rows.noise[i] >= 0 else 0.0)
+            most += ROUNDING * size + 16.0 * rounded[i] + (ROUNDING * mag[noise[i]] if noise[i] >= 0 else 0.0)
         share = max(abs(W[row, s]), abs(W[row, s - 1])) / most
         worst = max(worst, share) if share == share else np.inf
     return worst
 
 
 @njit(**OPTIONS)
-def to_powers(rows: Rows, space: Space, N: int, step: float) -> None:
+def to_powers(W: Array, s: int, n: int, step: float, values: Array) -> None:
     """The Legendre polynomials of all rows but time in powers of a unit of time."""
-    s, n, W = N // 2, rows.sizes[0], space.W
-    unit, values = better(step, 1.0), space.stages[2 * s * n + 1 + VALUES]
+    unit = better(step, 1.0)
     for row in range(len(W)):
+        factor = 1.0
         for j in range(1, s + 1):
             values[j] = W[row, j]
-        factor = 1.0
         for i in range(1, s + 1):
             factor *= unit / step
             W[row, i] = 0.0
             for j in range(i, s + 1):
                 W[row, i] += POWERS[i, j] * values[j] * factor
     W[n, 1] = unit
-    for i in range(2, N + 1):
+    for i in range(2, W.shape[1]):
         W[n, i] = 0.0
