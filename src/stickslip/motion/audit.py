@@ -313,6 +313,7 @@ def measure_piece(
             tally.state[0, r] = most(tally.state[0, r], abs(y[r]))
             if sizes[r] >= 0:
                 steps.noise[i, r] += acting * WEIGHTS[g] * ROUNDINGS * EPSILON * mag[sizes[r]]
+                tally.total[1] += weight * ROUNDINGS * EPSILON * mag[sizes[r]]
             tally.state[1, r] = most(tally.state[1, r], impulse(rows, mag, r, acting))
         sample_law(rows, space, mode, reg, acting, g, tally)
     if not check:
@@ -421,7 +422,6 @@ def count_gaps(i: int, steps: Steps, tally: Tally) -> None:
     for r in range(steps.gap.shape[1]):
         tally.state[2, r] = most(tally.state[2, r], steps.gap[i, r])
         tally.state[3, r] = most(tally.state[3, r], steps.noise[i, r])
-        tally.total[1] += steps.noise[i, r]
         steps.gap[i, r], steps.noise[i, r] = 0.0, 0.0
 
 

@@ -42,6 +42,7 @@ WATCHED = 32  # such steps in succession, before a polynomial is tried
 RESTING = 2048  # and after one has not been worth its cost
 MOST_TRIES, MOST_CORRECTIONS = 12, 12  # lengths of a polynomial, and iterations of Newton's method for each
 SLOW = 0.03  # factor by which corrections fall where the matrix is made anew
+NOTHING = 1.0 / 32.0  # part of a rounding error that is none, since what follows has to make up for it
 NUDGE = 2.0**-26  # of its size, by which a part of the state is changed for a derivative
 # Rows of the work space behind two matrices: states and residuals at all nodes, a state, the rates at the beginning,
 # values of some rows, and what rounding errors of the state make of the guards.
@@ -214,7 +215,7 @@ def collocate(
             step, cut = 0.25 * step, True
             continue
         to_legendre(W, s, n, TERMS[q], values)
-        drop_rounding(W, s, n, rows.noise, space.mag, h)
+        drop_rounding(W, s, n, rows.noise, space.mag, work[ROUNDED], h)
         excess = last_terms(W, s, n, rows.watched, rows.noise, space.mag, work[ROUNDED], h, tol, atol, seen)
         fits = 0.9 * max(excess, LEAST) ** (-1.0 / s) if excess < np.inf else 0.0
         if not excess <= 1.0:
@@ -234,9 +235,9 @@ def collocate(
 
 
 @njit(**OPTIONS)
-def known_to(noise: Array, mag: Array, r: int, size: float, h: float) -> float:
+def known_to(noise: Array, mag: Array, rounded: Array, r: int, size: float, h: float) -> float:
     """Rounding error of a part of the state of some size, whose rate decides it within the time h."""
-    return 16.0 * EPSILON * size + (EPSILON * mag[noise[r]] * h if noise[r] >= 0 else 0.0)
+    return 16.0 * EPSILON * size + (rounded[r] + (EPSILON * mag[noise[r]] if noise[r] >= 0 else 0.0)) * h
 
 
 @njit(**INLINED)
@@ -260,7 +261,7 @@ def solve_stages(
 
     If so, the values of all rows at the nodes, from the beginning on, are in the table of coefficients.
     """
-    s, n, m, q = N // 2, len(y), N // 2 * len(y), (N - FIRST) // APART
+    n, m, q = len(y), N // 2 * len(y), (N - FIRST) // APART
     work, inverse = space.stages[2 * m + 1 :], space.stages[m + 1 : 2 * m + 1]
     before, now = np.inf, np.inf
     for j in range(m):
@@ -282,7 +283,16 @@ def solve_stages(
 
 @njit(**OPTIONS)
 def correct(
-    work: Array, inverse: Array, m: int, n: int, noise: Array, mag: Array, h: float, tol: float, atol: float, seen: Array
+    work: Array,
+    inverse: Array,
+    m: int,
+    n: int,
+    noise: Array,
+    mag: Array,
+    h: float,
+    tol: float,
+    atol: float,
+    seen: Array,
 ) -> float:
     """A step of Newton's method: the largest correction, in parts of what it may be."""
     worst = 0.0
@@ -292,7 +302,7 @@ def correct(
             change -= inverse[j, i] * work[RESIDUALS, i]
         work[STATES, j] += change
         size = LEAST + abs(work[STATES, j]) + atol * seen[r]
-        share = abs(change) / (tol * size + known_to(noise, mag, r, size, h))
+        share = abs(change) / (tol * size + known_to(noise, mag, work[ROUNDED], r, size, h))
         worst = max(worst, share) if share == share else np.inf
     return worst
 
@@ -318,21 +328,23 @@ def visit(
 
     Where the states have settled, the values are kept. Before that, D (Y − y) − H f(Y) is wanted, and, where it is
     said, its derivatives anew. These are differences: they matter to how fast Newton's method settles, not to where.
-    They tell as well what rounding errors of the state make of the guards.
+    They tell as well what rounding errors of the state and of time make of the rates and of the guards.
     """
     s, n, m, q, V, rates = N // 2, len(y), N // 2 * len(y), (N - FIRST) // APART, space.V, rows.program.rates
     work, watched = space.stages[2 * m + 1 :], rows.watched
     z = work[STATE]
     for i in range(s - 1, -2 if settled else -1, -1):
-        for c in range(-1, n if fresh else 0):
+        for c in range(-1, n + 1 if fresh else 0):
             for r in range(n):
                 z[r] = work[STATES, i * n + r] if i >= 0 else y[r]
-            nudge, around = 0.0, 0.0
-            if c >= 0:
+            time, nudge, around = t + NODES[q, i + 1] * step, 0.0, 0.0
+            if c == n:
+                around, nudge = abs(time), NUDGE * (abs(time) + step)
+                time += nudge
+            elif c >= 0:
                 around = abs(z[c])
                 z[c] += NUDGE * (LEAST + around + abs(work[RATE, c]) * step + atol * seen[c])
                 nudge = z[c] - work[STATES, i * n + c]
-            time = t + NODES[q, i + 1] * step
             if jets(time, z, mode, reg, k.K, space.Rq, space.Rz, 1, V, space.A, space.B, space.mag) != OK:
                 return False
             if settled:
@@ -341,11 +353,7 @@ def visit(
             elif c < 0:
                 begin_node(work, space.stages, SLOPES[q], V, rates, watched, y, i, step, s, fresh)
             else:
-                for r in range(n):
-                    space.stages[i * n + r, i * n + c] -= step * (V[rates[r], 0] - work[VALUES, r]) / nudge
-                for j in range(n, len(watched)):
-                    noise = n * EPSILON * around * abs((V[watched[j], 0] - work[VALUES, j]) / nudge)
-                    work[ROUNDED, j] = max(work[ROUNDED, j], noise)
+                compare(work, space.stages, V, rates, watched, n, i, c, step, nudge, n * EPSILON * around)
     return True
 
 
@@ -369,13 +377,35 @@ def begin_node(
         place, total = i * n + r, -step * V[rates[r], 0]
         for j in range(s):
             total += D[i, j] * (work[STATES, j * n + r] - y[r])
-        work[RESIDUALS, place], work[VALUES, r] = total, V[rates[r], 0]
+        work[RESIDUALS, place] = total
         for j in range(s * n if fresh else 0):
             matrix[place, j] = D[i, j // n] if j % n == r else 0.0
-    for j in range(n, len(watched)):
-        work[VALUES, j] = V[watched[j], 0]
-        if fresh and i == s - 1:
+    for j in range(len(watched) if fresh else 0):
+        work[VALUES, j] = V[rates[j] if j < n else watched[j], 0]
+        if i == s - 1:
             work[ROUNDED, j] = 0.0
+
+
+@njit(**OPTIONS)
+def compare(
+    work: Array,
+    matrix: Array,
+    V: Array,
+    rates: Array,
+    watched: Array,
+    n: int,
+    i: int,
+    c: int,
+    step: float,
+    nudge: float,
+    error: float,
+) -> None:
+    """What a change of a part of the state (or of time, behind them) makes of the rates, and an error of the guards."""
+    for j in range(len(watched)):
+        slope = (V[rates[j] if j < n else watched[j], 0] - work[VALUES, j]) / nudge
+        if j < n and c < n:
+            matrix[i * n + j, i * n + c] -= step * slope
+        work[ROUNDED, j] = max(work[ROUNDED, j], error * abs(slope))
 
 
 @njit(**OPTIONS)
@@ -392,13 +422,15 @@ def to_legendre(W: Array, s: int, n: int, terms: Array, values: Array) -> None:
 
 
 @njit(**OPTIONS)
-def drop_rounding(W: Array, s: int, n: int, noise: Array, mag: Array, h: float) -> None:
+def drop_rounding(W: Array, s: int, n: int, noise: Array, mag: Array, rounded: Array, h: float) -> None:
     """Leave out what the state has behind its last term that is more than rounding: on discs it would become large."""
     for r in range(n):
         last, size = s, abs(W[r, 0])
         for j in range(1, s + 1):
             size += abs(W[r, j])
-        while last > 0 and abs(W[r, last]) <= known_to(noise, mag, r, size, h):
+        left = NOTHING * known_to(noise, mag, rounded, r, size, h)
+        while last > 0 and abs(W[r, last]) <= left:
+            left -= abs(W[r, last])
             W[r, last] = 0.0
             last -= 1
 
@@ -426,7 +458,7 @@ def last_terms(
             size += abs(W[row, j])
         most = tol * (size + atol * seen[i])
         if i < n:
-            most += known_to(noise, mag, i, size, h)
+            most += known_to(noise, mag, rounded, i, size, h)
         else:
             most += ROUNDING * size + 16.0 * rounded[i] + (ROUNDING * mag[noise[i]] if noise[i] >= 0 else 0.0)
         share = max(abs(W[row, s]), abs(W[row, s - 1])) / most
