@@ -10,7 +10,9 @@ sum of half axes ρh/2 differs from its interpolant at n nodes by at most
 
 (L. N. Trefethen, *Approximation Theory and Approximation Practice*, theorem 8.2; Λ is the Lebesgue constant of the
 nodes). Nothing is hidden between them: a pulse, however narrow, makes B large. Pieces are halved until what may be
-between the nodes is negligible; where that does not succeed, the time is noted as not verified.
+between the nodes is negligible; where that does not succeed, the time is noted as not verified. Stiff motion is
+followed by polynomials that last longer than series (:mod:`stickslip.motion.stiff`); what the law says of them is asked
+in the same way.
 """
 
 from __future__ import annotations
@@ -193,7 +195,7 @@ def enclose(
     Parameters
     ----------
     acting : float
-        For how long the error of a rate counts: as long as a series would last.
+        How long a series would last; see :func:`counts_for`.
 
     Returns
     -------
@@ -215,7 +217,7 @@ def enclose(
         spread(p, k.K, space, mode, reg, 0, len(p.code))
         for r in range(n):
             space.discs[r, 3] = slopes(space.W[r], N, powers) / unit
-        if encloses(rows, space, N, acting, factor, tally):
+        if encloses(rows, space, N, h, acting, factor, tally):
             return factor
     return np.inf
 
@@ -251,16 +253,31 @@ def extent(c: Array, N: int, powers: Array) -> float:
 
 
 @njit(**OPTIONS)
-def encloses(rows: Rows, space: Space, N: int, h: float, factor: float, tally: Tally) -> bool:
+def counts_for(rows: Rows, mag: Array, r: int, size: float, h: float, acting: float) -> float:
+    """For how long an error of a rate counts in a piece of length h.
+
+    Where a polynomial lasts longer than a series, because something decays, that is as long as a series would last, or
+    as the terms of the rate would take to change this part of the state by its size: what does not decay counts fully.
+    """
+    place = rows.program.rate_sizes[r]
+    if place < 0 or not acting < h or not mag[place] * h > size:
+        return h
+    return max(acting, size / mag[place])
+
+
+@njit(**OPTIONS)
+def encloses(rows: Rows, space: Space, N: int, h: float, acting: float, factor: float, tally: Tally) -> bool:
     """Whether what may be between the nodes of a piece is negligible."""
     n, nc, mag, discs, W, powers = rows.sizes[0], len(rows.u), space.mag, space.discs, space.W, space.powers
     for r in range(n):
-        size = max(extent(W[r], N, powers), tally.state[0, r]) + REST * impulse(rows, mag, r, h)
-        if not h * residual_strays(rows, discs, r, factor) <= NEGLIGIBLE * size:
+        size = max(extent(W[r], N, powers), tally.state[0, r])
+        time = counts_for(rows, mag, r, size, h, acting)
+        size += REST * impulse(rows, mag, r, acting)
+        if not time * residual_strays(rows, discs, r, factor) <= NEGLIGIBLE * size:
             return False
     for c in range(nc):
         acting, held = rows.force[c], max(mag[2 * nc + c], tally.law[c, 4])
-        speed = max(extent(W[rows.u[c]], N, powers), mag[c], tally.law[c, 5]) + REST * h * mag[nc + c]
+        speed = max(extent(W[rows.u[c]], N, powers), mag[c], tally.law[c, 5]) + REST * acting * mag[nc + c]
         if not strays(discs[rows.u[c]], factor) <= NEGLIGIBLE * speed:
             return False
         for row in (acting, rows.plus[c], rows.minus[c]):
@@ -312,7 +329,8 @@ def measure_piece(
             space.samples[r, g] = rate - rate_on(W[r], N, tau / unit) / unit
             tally.state[0, r] = most(tally.state[0, r], abs(y[r]))
             if sizes[r] >= 0:
-                steps.noise[i, r] += acting * WEIGHTS[g] * ROUNDINGS * EPSILON * mag[sizes[r]]
+                time = counts_for(rows, mag, r, tally.state[0, r], h, acting)
+                steps.noise[i, r] += time * WEIGHTS[g] * ROUNDINGS * EPSILON * mag[sizes[r]]
                 tally.total[1] += weight * ROUNDINGS * EPSILON * mag[sizes[r]]
             tally.state[1, r] = most(tally.state[1, r], impulse(rows, mag, r, acting))
         sample_law(rows, space, mode, reg, acting, g, tally)
@@ -323,7 +341,8 @@ def measure_piece(
         for g in range(COUNT):
             largest = most(largest, abs(space.samples[r, g]))
         between = residual_strays(rows, space.discs, r, factor) if factor < np.inf else 0.0
-        steps.gap[i, r] += acting * (LEBESGUE * largest + between)
+        time = counts_for(rows, mag, r, tally.state[0, r], h, acting)
+        steps.gap[i, r] += time * (LEBESGUE * largest + between)
     judge_law(rows, space, mode, factor, tally)
 
 
