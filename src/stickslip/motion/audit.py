@@ -262,7 +262,7 @@ def counts_for(rows: Rows, mag: Array, r: int, size: float, h: float, acting: fl
     place = rows.program.rate_sizes[r]
     if place < 0 or not acting < h or not mag[place] * h > size:
         return h
-    return max(acting, size / mag[place])
+    return float(max(acting, size / mag[place]))
 
 
 @njit(**OPTIONS)
@@ -276,11 +276,11 @@ def encloses(rows: Rows, space: Space, N: int, h: float, acting: float, factor: 
         if not time * residual_strays(rows, discs, r, factor) <= NEGLIGIBLE * size:
             return False
     for c in range(nc):
-        acting, held = rows.force[c], max(mag[2 * nc + c], tally.law[c, 4])
+        force, held = rows.force[c], max(mag[2 * nc + c], tally.law[c, 4])
         speed = max(extent(W[rows.u[c]], N, powers), mag[c], tally.law[c, 5]) + REST * acting * mag[nc + c]
         if not strays(discs[rows.u[c]], factor) <= NEGLIGIBLE * speed:
             return False
-        for row in (acting, rows.plus[c], rows.minus[c]):
+        for row in (force, rows.plus[c], rows.minus[c]):
             if not strays(discs[row], factor) <= NEGLIGIBLE * max(extent(W[row], N - 1, powers), held):
                 return False
     for j in range(len(rows.kinks)):
