@@ -6,7 +6,8 @@ All numbers are computed from the stored knots alone, by a method that did not p
 * *energy balance (E)*: E(t) + dissipated = E(0) + supplied, at every knot, relative to the energy that flows;
 * *stability (S)*, force form: |λ| ≤ s always, λ = −σk and σu ≥ 0 in slip, u = 0 in stick, and every region on its side
   of its kink, each relative to the largest force and relative velocity of its contact;
-* *defect*: by how much the equations of motion fail over a step, relative to the size of each component.
+* *defect*: by how much the equations of motion fail over a step, relative to the size of each component; where motion
+  is stiff, in the time that a Taylor step would take.
 
 The last two are bounds for all times, not for those that were looked at: what could not be enclosed is named.
 """

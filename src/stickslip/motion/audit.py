@@ -10,7 +10,9 @@ sum of half axes ρh/2 differs from its interpolant at n nodes by at most
 
 (L. N. Trefethen, *Approximation Theory and Approximation Practice*, theorem 8.2; Λ is the Lebesgue constant of the
 nodes). Nothing is hidden between them: a pulse, however narrow, makes B large. Pieces are halved until what may be
-between the nodes is negligible; where that does not succeed, the time is noted as not verified.
+between the nodes is negligible; where that does not succeed, the time is noted as not verified. Stiff motion is
+followed by polynomials that last longer than series (:mod:`stickslip.motion.stiff`); what the law says of them is asked
+in the same way.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ from stickslip.motion.kernel import EPSILON, INLINED, JETS, OPTIONS, POWERS, Con
 from stickslip.motion.modes import copy, resolve
 from stickslip.motion.nodes import COUNT, LEBESGUE, NARROW, NODES, WEIGHTS, WIDE, largest_of, least, most
 from stickslip.motion.roots import horner
-from stickslip.motion.steps import LEAST, expand, fill_powers, impulse
+from stickslip.motion.steps import LEAST, fill_powers, impulse
+from stickslip.motion.stiff import follow
 
 Array = np.ndarray
 
@@ -140,7 +143,7 @@ def audit_steps(
         base, last, pieces, whole = knot_time[i], 0.0, 0, 0.0
         copy(knot_state[i], start)
         while left > 0.0:
-            order, h = expand(jets, rows, k, space, N, base, start, mode, reg, left, last, tol, atol, seen)
+            order, h, series = follow(jets, rows, k, space, N, base, start, mode, reg, left, last, tol, atol, seen)
             h, between = min(left, max(h, 1e-12 * left)), 0.0
             if not h > 0.0:
                 h = left  # nothing here is a number, which the nodes will show
@@ -149,13 +152,16 @@ def audit_steps(
                     whole = h
                     count_gaps(i, steps, tally)
                 longest = h
-                between = enclose(rows, k, space, mode, reg, order, h, tally)
+                between = enclose(rows, k, space, mode, reg, order, h, min(h, series), tally)
                 while not between < np.inf and pieces < MOST_PIECES:
                     h, pieces = 0.5 * h, pieces + 1
-                    between = enclose(rows, k, space, mode, reg, order, h, tally)
+                    between = enclose(rows, k, space, mode, reg, order, h, min(h, series), tally)
                 if not between < np.inf:
                     h, steps.open[i] = longest, left  # no more is tried in this step
-            measure_piece(jets, powers, rows, k, space, order, base, h, mode, reg, between, check, i, steps, tally)
+            acting = min(h, series) if series > 0.0 else h
+            measure_piece(
+                jets, powers, rows, k, space, order, base, h, acting, mode, reg, between, check, i, steps, tally
+            )  # fmt: skip
             for r in range(n):
                 start[r] = horner(W[r], order, h / W[n, 1])
             base, left, whole, last, pieces = base + h, left - h, whole - h, h, pieces + 1
@@ -182,8 +188,15 @@ def energy_in(
 
 
 @njit(**OPTIONS)
-def enclose(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, N: int, h: float, tally: Tally) -> float:
+def enclose(
+    rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, N: int, h: float, acting: float, tally: Tally
+) -> float:
     """Bound the residual and all guards on a piece.
+
+    Parameters
+    ----------
+    acting : float
+        How long a series would last; see :func:`counts_for`.
 
     Returns
     -------
@@ -205,7 +218,7 @@ def enclose(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, N: 
         spread(p, k.K, space.W, space.discs, space.Rq, space.Rz, space.B, space.balls, mode, reg, 0, len(p.code))
         for r in range(n):
             space.discs[r, 3] = slopes(space.W[r], N, powers) / unit
-        if encloses(rows, space, N, h, factor, tally):
+        if encloses(rows, space, N, h, acting, factor, tally):
             return factor
     return np.inf
 
@@ -241,15 +254,30 @@ def extent(c: Array, N: int, powers: Array) -> float:
 
 
 @njit(**OPTIONS)
-def encloses(rows: Rows, space: Space, N: int, h: float, factor: float, tally: Tally) -> bool:
+def counts_for(rows: Rows, mag: Array, r: int, size: float, h: float, acting: float) -> float:
+    """For how long an error of a rate counts in a piece of length h.
+
+    Where a polynomial lasts longer than a series, because something decays, that is as long as a series would last, or
+    as the terms of the rate would take to change this part of the state by its size: what does not decay counts fully.
+    """
+    place = rows.program.rate_sizes[r]
+    if place < 0 or not acting < h or not mag[place] * h > size:
+        return h
+    return float(max(acting, size / mag[place]))
+
+
+@njit(**OPTIONS)
+def encloses(rows: Rows, space: Space, N: int, h: float, acting: float, factor: float, tally: Tally) -> bool:
     """Whether what may be between the nodes of a piece is negligible."""
     n, nc, mag, discs, W, powers = rows.sizes[0], len(rows.u), space.mag, space.discs, space.W, space.powers
     for r in range(n):
-        size = max(extent(W[r], N, powers), tally.state[0, r]) + REST * impulse(rows, mag, r, h)
-        if not h * residual_strays(rows, discs, r, factor) <= NEGLIGIBLE * size:
+        size = max(extent(W[r], N, powers), tally.state[0, r])
+        time = counts_for(rows, mag, r, size, h, acting)
+        size += REST * impulse(rows, mag, r, acting)
+        if not time * residual_strays(rows, discs, r, factor) <= NEGLIGIBLE * size:
             return False
     for c in range(nc):
-        speed = max(extent(W[rows.u[c]], N, powers), CANCELS * mag[c], tally.law[c, 5]) + REST * h * mag[nc + c]
+        speed = max(extent(W[rows.u[c]], N, powers), CANCELS * mag[c], tally.law[c, 5]) + REST * acting * mag[nc + c]
         if not strays(discs[rows.u[c]], factor) <= NEGLIGIBLE * speed:
             return False
         forces = rows.force[c], rows.plus[c], rows.minus[c]
@@ -277,6 +305,7 @@ def measure_piece(
     N: int,
     base: float,
     h: float,
+    acting: float,
     mode: Array,
     reg: Array,
     factor: float,
@@ -304,9 +333,11 @@ def measure_piece(
             space.samples[r, g] = rate - rate_on(W[r], N, tau / unit) / unit
             tally.state[0, r] = most(tally.state[0, r], abs(y[r]))
             if sizes[r] >= 0:
-                steps.noise[i, r] += weight * ROUNDINGS * EPSILON * mag[sizes[r]]
-            tally.state[1, r] = most(tally.state[1, r], impulse(rows, mag, r, h))
-        sample_law(rows, space, mode, reg, h, g, tally)
+                time = counts_for(rows, mag, r, tally.state[0, r], h, acting)
+                steps.noise[i, r] += time * WEIGHTS[g] * ROUNDINGS * EPSILON * mag[sizes[r]]
+                tally.total[1] += weight * ROUNDINGS * EPSILON * mag[sizes[r]]
+            tally.state[1, r] = most(tally.state[1, r], impulse(rows, mag, r, acting))
+        sample_law(rows, space, mode, reg, acting, g, tally)
     if not check:
         return
     for r in range(n):
@@ -314,7 +345,8 @@ def measure_piece(
         for g in range(COUNT):
             largest = most(largest, abs(space.samples[r, g]))
         between = residual_strays(rows, space.discs, r, factor) if factor < np.inf else 0.0
-        steps.gap[i, r] += h * (LEBESGUE * largest + between)
+        time = counts_for(rows, mag, r, tally.state[0, r], h, acting)
+        steps.gap[i, r] += time * (LEBESGUE * largest + between)
     judge_law(rows, space, mode, factor, tally)
 
 
@@ -427,7 +459,6 @@ def count_gaps(i: int, steps: Steps, tally: Tally) -> None:
     for r in range(steps.gap.shape[1]):
         tally.state[2, r] = most(tally.state[2, r], steps.gap[i, r])
         tally.state[3, r] = most(tally.state[3, r], steps.noise[i, r])
-        tally.total[1] += steps.noise[i, r]
         steps.gap[i, r], steps.noise[i, r] = 0.0, 0.0
 
 

@@ -12,7 +12,7 @@ from numba import njit
 from stickslip.motion.kernel import ALLOCATING, JETS, POWERS, Constants, Rows, Space
 from stickslip.motion.modes import copy, resolve
 from stickslip.motion.roots import horner
-from stickslip.motion.steps import expand
+from stickslip.motion.stiff import follow
 
 Array = np.ndarray
 
@@ -61,13 +61,13 @@ def sample(
             known = False
         left = knot_time[min(knot + 1, final)] - base  # the coefficients have to suit what is left of the step
         if times[i] > base and not known:  # at the knot itself no series is needed
-            order, h = expand(jets, rows, k, space, N, float(base), y, mode, reg, left, 0.0, tol, atol, seen)
+            order, h, _ = follow(jets, rows, k, space, N, float(base), y, mode, reg, left, 0.0, tol, atol, seen)
             known = True
         while known and times[i] - base > h:
             for r in range(n):
                 y[r] = horner(W[r], order, h / W[n, 1])
             base, left = base + h, left - h
-            order, h = expand(jets, rows, k, space, N, base, y, mode, reg, left, h, tol, atol, seen)
+            order, h, _ = follow(jets, rows, k, space, N, base, y, mode, reg, left, h, tol, atol, seen)
             h = max(h, 1e-12 * left)
         for r in range(n):
             z[r] = horner(W[r], order, (times[i] - base) / W[n, 1]) if known else y[r]

@@ -177,17 +177,17 @@ def step_on(
     """Taylor steps up to and including the next event: (outcome code or −1, recorded steps)."""
     clock, counters, y, nk = lane.clock, lane.counters, lane.y, len(rows.kinks)
     room, again, promised = np.inf, False, 0.0
-    t0, last, recent, cause = 0.0, 0.0, 0.0, NOWHERE
+    t0, last, before, recent, cause = 0.0, 0.0, 0.0, 0.0, NOWHERE
     while True:
         if recording and count == len(record.time) and not again:
             return FULL, count
         t, fired = clock[0], counters[2]
         hold = fired >= 0 or counters[4] % 64 == 0
-        status, h, may_fire = settle(
+        status, h, series, may_fire = settle(
             jets, residual, rows, k, space, N, tol, atol, lane, min(room, max(end - t, 0.0)), hold, promised
         )
         if status == ASTRAY:
-            clock[0], clock[1], clock[4], counters[2] = t0, last, recent, cause
+            clock[0], clock[1], clock[7], clock[4], counters[2] = t0, last, before, recent, cause
             counters[4] -= 1
             copy(space.promise[1], y)
             room, again, promised = 0.25 * promised, True, 0.0
@@ -230,12 +230,12 @@ def step_on(
                 room, again, promised = 0.25 * x * h, True, 0.0
                 continue
             promised = 0.0
-        t0, last, recent, cause = t, clock[1], clock[4], fired
+        t0, last, before, recent, cause = t, clock[1], clock[7], clock[4], fired
         copy(y, space.promise[1])
         copy(space.trial, y)
         room, again = np.inf, False
         counters[4] += 1
-        clock[1], clock[4] = h, max(h, 0.5 * clock[4])
+        clock[1], clock[7], clock[4] = h, series, max(series, 0.5 * clock[4])
         clock[0] = end if which < 0 and h >= end - t else t + x * h
         counters[2] = -1
         if forbidden >= 0:
@@ -316,7 +316,7 @@ def fly_on(
             return FINISHED, count
         tau, guard = affine.fly(T, slot, flight, end - t, omega)
         counters[4] += 1
-        clock[1], clock[4] = tau, max(tau, 0.5 * clock[4])
+        clock[1], clock[7], clock[4] = tau, tau, max(tau, 0.5 * clock[4])
         clock[0] = t + tau if guard >= 0 else end
         affine.arrive(T, slot, flight, y, tau, omega)
         counters[2] = -1

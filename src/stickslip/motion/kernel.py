@@ -147,6 +147,8 @@ class Space(NamedTuple):
         Rates at the end of the last step, times its length, as its series has them; and the state it started from.
     known : array of int
         Mode for which Rq and Rz were made; last entry 0 if they are valid.
+    stages : array
+        Of implicit steps: two matrices and some vectors; see :mod:`stickslip.motion.stiff`.
     """
 
     W: Array
@@ -173,6 +175,7 @@ class Space(NamedTuple):
     pending: Array
     labels: Array
     known: Array
+    stages: Array
 
 
 class Lane(NamedTuple):
@@ -182,7 +185,8 @@ class Lane(NamedTuple):
     ----------
     clock : array
         t, last step, time of an event many events ago, span, the length of recent steps (events that coincide up to
-        rounding make steps of no length), and the unit of time of the Taylor coefficients.
+        rounding make steps of no length), the unit of time of the Taylor coefficients, the length of the next
+        implicit step (negative: steps until one is tried), and the step that a series would have been good for.
     y : array
         State.
     seen : array
@@ -216,7 +220,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
     """Work space for a system."""
     n, nq, nz, nr, _, mq, mz, mr, nk = map(int, rows.sizes)
     nc, z = mq + mz + mr, np.zeros
-    big, guards = max(nq + mq, nz + mz), nk + 2 * nc + len(rows.doubtful) + 1
+    big, guards, implicit = max(nq + mq, nz + mz), nk + 2 * nc + len(rows.doubtful) + 1, N // 2 * n
     W, V = z((table_rows, N + 1)), z((table_rows, 2))
     W[n, 1] = V[n, 1] = 1.0
     return Space(
@@ -244,4 +248,5 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         pending=z((guards, N + 1)),
         labels=z((guards, 2), np.int64),
         known=np.ones(mq + mz + 1, np.int64),
+        stages=z((2 * implicit + 7, max(implicit, len(rows.watched), N // 2 + 1))),
     )

@@ -12,6 +12,7 @@ from stickslip.motion.closed_form import fill_closed_forms
 from stickslip.motion.forms import AFFINE, ClosedForms
 from stickslip.motion.kernel import FULL, NEED, STEPS, Constants, Lane, Record
 from stickslip.motion.problem import Problem
+from stickslip.motion.stiff import WATCHED
 
 Array = np.ndarray
 
@@ -57,7 +58,7 @@ class Lanes:
         counters = np.zeros((lanes, 5), np.int64)
         counters[:, 2] = -1
         now = Lane(
-            clock=np.tile([t, 0.0, t, end - t, 0.0, 1.0], (lanes, 1)),
+            clock=np.tile([t, 0.0, t, end - t, 0.0, 1.0, -WATCHED, 0.0], (lanes, 1)),
             y=np.array(states, dtype=float),
             seen=np.zeros((lanes, len(problem.rows.watched))),
             mode=np.zeros((lanes, contacts), np.int64),

@@ -46,6 +46,7 @@ from stickslip.motion.steps import (
     step_size,
     suits,
 )
+from stickslip.motion.stiff import RESTING, collocate, lingers
 
 Array = np.ndarray
 
@@ -291,8 +292,8 @@ def settle(
     room: float,
     hold: bool,
     promised: float,
-) -> tuple[int, float, int]:
-    """Find the mode the motion takes now; the work space then holds its Taylor coefficients.
+) -> tuple[int, float, float, int]:
+    """Find the mode the motion takes now; the work space then holds its Taylor coefficients, or a polynomial instead.
 
     Parameters
     ----------
@@ -301,9 +302,9 @@ def settle(
 
     Returns
     -------
-    status, step, count
-        OK, the step size and the number of guards that may fire; or NAN; or SINGULAR if no mode is possible; or ASTRAY
-        if the step that ended here does not solve the equations.
+    status, step, series, count
+        OK, the step size, that of the series, and the number of guards that may fire; or NAN; or SINGULAR if no mode is
+        possible; or ASTRAY if the step that ended here does not solve the equations.
     """
     sizes, touched, mode, reg, y = rows.sizes, space.touched, lane.mode, lane.reg, lane.y
     nk, nc, nq, nz, mq, mz, mr = len(rows.kinks), len(rows.u), sizes[1], sizes[2], sizes[5], sizes[6], sizes[7]
@@ -340,22 +341,22 @@ def settle(
         status = evaluate_mode(jets, residual, rows, k, space, N, t, y, mode, reg, recent, hold or pivots > 1)
         first = promised > 0.0 and pivots == 1 and status != SINGULAR
         if first and not keeps(rows, space.W, space.mag, space.promise[0], y, lane.seen, promised, 1e4 * tol, atol):
-            return ASTRAY, 0.0, 0
+            return ASTRAY, 0.0, 0.0, 0
         # A formula may end where its region ends.
         lost = status in (NAN, OVERFLOW) and total == 0 and pivots <= nk + 1
         if lost and set_regions(rows, space.W, space.mag, reg):
             continue
         if status == NAN:
-            return NAN, 0.0, 0
+            return NAN, 0.0, 0.0, 0
         if status == OK:
             h = step_size(
-                space.W, rows.watched, rows.noise, space.mag, lane.seen, len(y), N, last, tol, atol
+                space.W, rows.watched, rows.noise, space.mag, lane.seen, len(y), N, lane.clock[7], tol, atol
             )  # fmt: skip
-            h = min(room, h)
+            h = (t + min(room, h)) - t  # between two times that can be told apart, as they are recorded
         if status == OVERFLOW or (status == OK and not suits(h, room, space.W[len(y), 1])):
             # Coefficients in other units of time: all others are powers of two times these, so that nothing is rounded.
             if units == MOST_UNITS:
-                return NAN, 0.0, 0
+                return NAN, 0.0, 0.0, 0
             space.W[len(y), 1] = better(h, space.W[len(y), 1]) if status == OK else COARSER * space.W[len(y), 1]
             units, pivots = units + 1, pivots - 1
             if total > 0:
@@ -366,15 +367,27 @@ def settle(
             guard, count = scan(rows, space, mode, reg, N, last, fired, slack)
             if guard < 0 and not let_slide(mode):
                 short = shortened(rows, k, space, mode, reg, N, h, tol, atol, lane.seen)
-                if short < h:
-                    h = short
+                series, unit = short, space.W[len(y), 1]
+                stiff = pivots == 1 and not short < h and lingers(
+                    space.W, len(y), N, h, room, tol, atol, lane.seen, lane.clock, fired
+                )  # fmt: skip
+                if stiff:
+                    short, lane.clock[6] = collocate(
+                        jets, rows, k, space, N, t, y, mode, reg, h, lane.clock[6], tol, atol, lane.seen
+                    )  # fmt: skip
+                if short != h:
+                    h = (t + short) - t
                     fill_powers(space.powers, h / space.W[len(y), 1])
                     guard, count = scan(rows, space, mode, reg, N, last, fired, slack)
+                if stiff and (guard >= 0 or not short > 0.0):
+                    # A guard that vanishes is known better from its series.
+                    lane.clock[6], space.W[len(y), 1], pivots = -RESTING, unit, 0
+                    continue
                 if guard < 0:
-                    lane.clock[5] = space.W[len(y), 1]
+                    lane.clock[5] = unit
                     for i in range(len(rows.watched)):
                         lane.seen[i] = max(lane.seen[i], abs(space.W[rows.watched[i], 0]))
-                    return OK, h, count
+                    return OK, h, series, count
             if guard >= 0 and total == 0:
                 flipped = flip(guard, mode, reg, nk, rows.drops)
                 touched[flipped] = 1
@@ -393,7 +406,7 @@ def settle(
             if total > MOST_CANDIDATES:
                 break
     copy(space.y0, y)
-    return SINGULAR, 0.0, 0
+    return SINGULAR, 0.0, 0.0, 0
 
 
 @njit(**OPTIONS)

@@ -249,7 +249,7 @@ def may_hide(rows: Rows, W: Array, discs: Array, part: float) -> bool:
     return False
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def hidden(
     rows: Rows, space: Space, mode: Array, N: int, h: float, part: float, tol: float, atol: float, seen: Array
 ) -> float:

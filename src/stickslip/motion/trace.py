@@ -12,7 +12,7 @@ from numba import njit
 from stickslip.motion.kernel import ALLOCATING, JETS, OPTIONS, Constants, Rows, Space
 from stickslip.motion.modes import copy, resolve
 from stickslip.motion.roots import horner
-from stickslip.motion.steps import expand
+from stickslip.motion.stiff import follow
 
 Array = np.ndarray
 TOLERANCE = 1e-12  # of a series relative to the size of its row
@@ -67,7 +67,7 @@ def trace(
                     y[r] = horner(W[r], full, h / W[n, 1])
                 base += h
             left, fresh = knot_time[min(knot + 1, last)] - base, False
-            full, h = expand(jets, rows, k, space, N, base, y, mode, reg, left, h, tol, atol, seen)
+            full, h, _ = follow(jets, rows, k, space, N, base, y, mode, reg, left, h, tol, atol, seen)
             h = max(h, 1e-12 * (times[i] - base))
             order = full - 1  # forces and thresholds have one order less than the state
             for c in range(order + 1):

@@ -14,7 +14,7 @@ from stickslip.motion.modes import copy, resolve
 from stickslip.motion.nodes import NODES as GAUSS_NODES
 from stickslip.motion.nodes import WEIGHTS as GAUSS_WEIGHTS
 from stickslip.motion.roots import horner
-from stickslip.motion.steps import expand
+from stickslip.motion.stiff import follow
 from stickslip.sweeps.tables import Sums
 
 Array = np.ndarray
@@ -122,7 +122,7 @@ def observe(
         copy(knots.state[i], y)
         base, left, before = knots.time[i], length, 0.0
         while left > 0.0:
-            order, h = expand(jets, rows, k, space, N, base, y, mode, reg, left, before, tol, atol, seen)
+            order, h, _ = follow(jets, rows, k, space, N, base, y, mode, reg, left, before, tol, atol, seen)
             h = min(left, max(h, 1e-12 * left))
             add_step(rows, W, order, h, W[n, 1], sums)
             for r in range(n):

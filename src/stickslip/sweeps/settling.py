@@ -30,6 +30,7 @@ from stickslip.motion.modes import copy, resolve
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.roots import horner
 from stickslip.motion.steps import better
+from stickslip.motion.stiff import follow as along
 from stickslip.sweeps.returns import (
     PATIENCE,
     UNKNOWN,
@@ -482,10 +483,12 @@ def cross_plane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
         copy(record.region[j], f.reg0)
         s.known[-1] = 1
         resolve(e.rows.sizes, k, s, f.mode0)
-        unit = better(after - t, 1.0)
-        s.W[len(y), 1] = unit
-        e.jets(t, y, f.mode0, f.reg0, k.K, s.Rq, s.Rz, N, s.W, s.A, s.B, s.mag)
         low, high = 0.0, after - t
+        s.W[len(y), 1] = better(high, 1.0)
+        _, step, series = along(
+            e.jets, e.rows, k, s, N, t, y, f.mode0, f.reg0, high, 0.0, e.tolerance, e.atol, lanes.seen[i]
+        )
+        unit = s.W[len(y), 1]
         point_on(s.W, N, high / unit, work[1])
         if not abs(height(m, i, after, work[1], translation, work[0]) - ahead) <= 1e-6 * abs(ahead):
             continue  # a flight in closed form: its modes are linear, and have no cycle of their own
@@ -500,6 +503,7 @@ def cross_plane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
         remember(m, i, -1, t + high, s.trial)
         copy_lane(lanes, i, saved, i)
         put_at(saved, i, t + high, after - t, s.trial, f.mode0, f.reg0)
+        saved.clock[i, 7] = series if step > series else after - t
         verdict = consider(m, rules, lanes, saved, bench.work, bench.fit, i)
         if verdict == GO_ON and m.numbers[i, LEAPT] > 0:
             copy_lane(saved, i, lanes, i)
