@@ -140,7 +140,7 @@ def audit_steps(
         copy(knot_mode[i], mode)
         copy(knot_region[i], reg)
         resolve(rows.sizes, k, space, mode)
-        base, last, pieces, whole = knot_time[i], 0.0, 0, 0.0
+        base, last, pieces, whole, order, h = knot_time[i], 0.0, 0, 0.0, N, left
         copy(knot_state[i], start)
         while left > 0.0:
             order, h, series = follow(jets, rows, k, space, N, base, start, mode, reg, left, last, tol, atol, seen)
