@@ -10,11 +10,12 @@ import numpy as np
 from stickslip.rate_independent.averaging.minima import SAMPLES
 from stickslip.rate_independent.dissipation.base import Array, Dissipation
 from stickslip.rate_independent.dissipation.phase import NARROW
-from stickslip.rate_independent.dissipation.stretches import Index
+from stickslip.rate_independent.dissipation.stretches import NOWHERE, Index, Near
 
 PARTS = 8  # of a stretch that is divided
 AHEAD = 4  # neighbours to both sides that are divided along with it: the next force will ask for them
 MOST = 2**18  # stretches
+BESIDE = 2.0**-7  # distance from the end of a period below which a phase is beside it
 
 
 class Looked(NamedTuple):
@@ -63,15 +64,24 @@ class Cover:
         """How many phases were looked at."""
         return len(self) + 1
 
-    def look(self, xi: Array, enough: float) -> Looked:
-        """Phases at which ξ lies outside K(s); once it does by more than `enough`, the search need not go on."""
+    def look(self, xi: Array, enough: float, touching: Array | None = None) -> Looked:
+        """Phases at which ξ lies outside K(s); once it does by more than `enough`, the search need not go on.
+
+        Around phases at which it is known to touch K(s), shape (k,), bounds of second order need no fine stretches.
+        """
         phases, found, bound = [], [], -np.inf
-        for _, active, start, end, done in self._levels(xi[None], enough):
+        near = NOWHERE if touching is None else self._near(touching, xi, enough)
+        for _, active, start, end, done in self._levels(xi[None], enough, near):
             phases += [self.low[active], self.high[active]]
             found += [start, end]
             bound = max(bound, float(done.max(initial=-np.inf)))
         excess = np.concatenate(found)
         return Looked(np.concatenate(phases), excess, np.inf if excess.max() > enough else bound)
+
+    def _near(self, phases: Array, xi: Array, enough: float) -> Near:
+        # K(s) may jump where a period ends: a phase beside that end is close to both.
+        seam = np.array([(phases < BESIDE).any(), (phases > 1.0 - BESIDE).any()])
+        return self.source.around(np.append(phases, np.array([1.0, 0.0])[seam]), xi, enough)
 
     def excess(self, xi: Array, enough: float) -> Array:
         """How far forces, shape (q, n), may lie outside any K(s), shape (q,); where that is more than `enough`, do."""
@@ -80,7 +90,9 @@ class Cover:
             np.maximum.at(worst, which, np.maximum(np.maximum(start, end), done))
         return worst
 
-    def _levels(self, xi: Array, enough: float) -> Iterator[tuple[Index, Index, Array, Array, Array]]:
+    def _levels(
+        self, xi: Array, enough: float, near: Near = NOWHERE
+    ) -> Iterator[tuple[Index, Index, Array, Array, Array]]:
         """Level after level: which force, on which stretch, how far outside at its ends, and at most.
 
         That is −∞ for stretches that are divided: as long as the force was seen outside by no more than `enough`.
@@ -89,19 +101,21 @@ class Cover:
         seen, zero = np.full(len(xi), -np.inf), np.zeros((1, xi.shape[1]))
         while len(active):
             active, which, rows = self._taken(active, which)
-            force, done = xi[which], np.full(len(active), -np.inf)
+            force = xi[which]
             start, end = rows.start.excess(force), rows.end.excess(force)
             ends = np.maximum(start, end)
             np.maximum.at(seen, which, ends)
             # What is narrower than the rounding of a phase has no inside.
             wide = (self.high[active] - self.low[active] > NARROW) & (seen[which] <= enough)
-            done[~wide] = ends[~wide]
-            open_ = wide
-            if wide.any():
-                (k,) = np.nonzero(wide)
+            done = np.where(wide, np.inf, ends)
+            if len(near.low):
+                done = np.where(wide, near.at_most(self.low[active], self.high[active]), ends)
+            open_ = wide & (done > enough)
+            if open_.any():
+                (k,) = np.nonzero(open_)
                 rows = rows if len(k) == len(active) else rows.taken(k)
                 done[k] = rows.between(ends[k], force[k], force[k], np.broadcast_to(zero, force[k].shape), enough)
-                open_ = wide & (done > enough)
+                open_ &= done > enough
                 if len(self) + PARTS * int(open_.sum()) > MOST:
                     open_[:] = False
                 done[open_] = -np.inf

@@ -103,6 +103,9 @@ class Intersection(Average):
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
         return _worst(self._look(self.vector(xi, "xi")))
 
+    def holds(self, xi: Array, s: float, noise: float) -> bool:
+        return not self._beyond(xi, noise) and self.excess(xi) <= noise
+
     def contains(self, xi: ArrayLike, s: float = 0.0, tolerance: float = 1e-12) -> bool:
         """Whether ξ lies in every K(s), up to the tolerance of the average at least."""
         xi = self.vector(xi, "xi")
@@ -118,13 +121,15 @@ class Intersection(Average):
             If the point stays outside some K(s) by more than the tolerance.
         """
         xi, M = self.vector(xi, "xi"), self.metric(metric)
-        looked = self._look(xi)
-        if looked.excess.max() <= ROUNDING * self.size and looked.bound <= self.tolerance * self.size:
-            return xi.copy()
+        if not self._beyond(xi, ROUNDING * self.size):
+            looked = self._look(xi)
+            if looked.excess.max() <= ROUNDING * self.size and looked.bound <= self.tolerance * self.size:
+                return xi.copy()
         Q = np.eye(self.dimension) if M is None else M
         rule = self.tolerance if self.source.cone_form(0.0) is None else max(self.tolerance**2, SHARPEST)
         if (again := self._remembered(Q @ xi, Q, rule)) is not None:
             return again.xi
+        looked = self._look(xi)
         worst = float(looked.phases[looked.excess.argmax()])
         y = self.source.project(xi, worst, M)
         first = Held(y, np.array([worst]), (Q @ (xi - y))[None])
@@ -176,6 +181,11 @@ class Intersection(Average):
     def _places(self) -> Array:
         return np.full((LOOKS, self.dimension), np.inf)
 
+    def _beyond(self, xi: Array, least: float) -> bool:
+        """Whether ξ is seen to lie outside by more than that at the phases that held the last force."""
+        sets = self._forces[-1].sets if self._forces else None
+        return sets is not None and float(sets.excess(xi).max()) > least
+
     def _known(self, xi: Array) -> Looked | None:
         """What is known of a force from one that is the same up to rounding."""
         away = np.abs(self._places - xi).max(axis=1)
@@ -185,10 +195,10 @@ class Intersection(Average):
         looked = self._looked[k - LOOKS + len(self._looked)]
         return looked._replace(bound=looked.bound + float(away[k]) * len(xi))
 
-    def _look(self, xi: Array) -> Looked:
+    def _look(self, xi: Array, touching: Array | None = None) -> Looked:
         looked = self._known(xi)
         if looked is None:
-            looked = self.cover.look(xi, SURE * self.tolerance * self.size)
+            looked = self.cover.look(xi, SURE * self.tolerance * self.size, touching)
             self._looked.append(looked)
             self._places[:-1] = self._places[1:].copy()
             self._places[-1] = xi
@@ -310,10 +320,10 @@ class Intersection(Average):
 
     def _judged(self, held: Held) -> Held:
         """What is outside K(s), at the phases that hold ξ and at all others."""
-        looked, own = self._look(held.xi), self.source.sampled(held.phases).excess(held.xi)
-        violation = max(float(looked.excess.max()), float(own.max()), 0.0)
+        looked, sets = self._look(held.xi, held.phases), self.source.sampled(held.phases)
+        violation = max(float(looked.excess.max()), float(sets.excess(held.xi).max()), 0.0)
         phases = self._peaks(looked, held.xi) if violation > ROUNDING * self.size else ()
-        return replace(held, violated=phases, violation=violation, bound=max(looked.bound, violation))
+        return replace(held, sets=sets, violated=phases, violation=violation, bound=max(looked.bound, violation))
 
     def _peaks(self, looked: Looked, xi: Array) -> list[float]:
         """Phases at which ξ lies outside K(s) farther than beside them, the worst first."""

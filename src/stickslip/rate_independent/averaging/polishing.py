@@ -10,6 +10,7 @@ import numpy as np
 
 from stickslip.rate_independent.dissipation.base import Array, Dissipation
 from stickslip.rate_independent.dissipation.phase import wrapped
+from stickslip.rate_independent.dissipation.stretches import Sampled
 
 STEP, STEP_OF_PHASES = 1e-6, 1e-3  # of differences in Newton's method
 WIDEST = 2e-3  # differences of phases
@@ -33,6 +34,8 @@ class Held:
         It lies no farther outside at any phase.
     violated : sequence of float
         Phases at which it lies outside, the worst first.
+    sets : Sampled
+        K(s) at its phases, once it was looked at.
     """
 
     xi: Array
@@ -41,6 +44,7 @@ class Held:
     violation: float = np.inf
     bound: float = np.inf
     violated: Sequence[float] = ()
+    sets: Sampled | None = None
 
     @cached_property
     def moved(self) -> Array:
@@ -64,11 +68,12 @@ class Held:
         sums = np.array([motions[piece].sum(axis=0) for piece in pieces])
         weights = np.linalg.norm(motions, axis=1) + np.finfo(float).tiny
         means = [float(np.average(phases[piece], weights=weights[piece])) for piece in pieces]
-        return replace(self, phases=np.array(means), motions=sums)
+        return replace(self, phases=np.array(means), motions=sums, sets=None)
 
     def gap(self, source: Dissipation) -> float:
         """Duality gap: what the motions cost, less what the force does on them."""
-        cost = float(source.sampled(self.phases).support(self.motions).sum())
+        sets = source.sampled(self.phases) if self.sets is None else self.sets
+        cost = float(sets.support(self.motions).sum())
         lengths = float(np.linalg.norm(self.motions, axis=1).sum())
         return cost - float((self.motions @ self.xi).sum()) + self.violation * lengths
 

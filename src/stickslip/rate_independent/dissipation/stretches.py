@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,6 +97,22 @@ class Stretches(ABC, Generic[S]):
         """How far a force lies outside K(s) at the start and the end of each stretch, and may lie in between."""
         first, last = self.start.excess(before), self.end.excess(after)
         return first, last, self.between(np.maximum(first, last), before, after, off, enough)
+
+
+class Near(NamedTuple):
+    """Stretches of phases on which a force is proved to lie outside K(s) by no more than a bound; all of shape (k,)."""
+
+    low: Array
+    high: Array
+    bound: Array
+
+    def at_most(self, low: Array, high: Array) -> Array:
+        """How far the force may lie outside on given stretches, shape (m,); infinite where nothing is proved."""
+        inside = (self.low <= low[:, None]) & (high[:, None] <= self.high)
+        return np.where(inside, self.bound, np.inf).min(axis=1, initial=np.inf)
+
+
+NOWHERE = Near(*np.zeros((3, 0)))
 
 
 @dataclass(frozen=True, eq=False)
