@@ -107,15 +107,14 @@ class Cover:
             np.maximum.at(seen, which, ends)
             # What is narrower than the rounding of a phase has no inside.
             wide = (self.high[active] - self.low[active] > NARROW) & (seen[which] <= enough)
-            done = np.where(wide, np.inf, ends)
-            if len(near.low):
-                done = np.where(wide, near.at_most(self.low[active], self.high[active]), ends)
-            open_ = wide & (done > enough)
-            if open_.any():
-                (k,) = np.nonzero(open_)
+            done, open_ = ends.copy(), wide
+            if wide.any():
+                (k,) = np.nonzero(wide)
                 rows = rows if len(k) == len(active) else rows.taken(k)
                 done[k] = rows.between(ends[k], force[k], force[k], np.broadcast_to(zero, force[k].shape), enough)
-                open_ &= done > enough
+                if len(near.low):
+                    done[k] = np.minimum(done[k], near.at_most(self.low[active[k]], self.high[active[k]]))
+                open_ = wide & (done > enough)
                 if len(self) + PARTS * int(open_.sum()) > MOST:
                     open_[:] = False
                 done[open_] = -np.inf

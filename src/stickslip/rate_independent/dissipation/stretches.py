@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
+from functools import cache
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
@@ -30,8 +31,13 @@ class Rows:
         return replace(self, **{name: _joined(value, theirs[name]) for name, value in self._rows().items()})
 
     def _rows(self) -> dict[str, Any]:
-        values = {item.name: getattr(self, item.name) for item in fields(self)}
-        return {name: v for name, v in values.items() if isinstance(v, Rows | np.ndarray | tuple)}
+        values = ((name, getattr(self, name)) for name in _names(type(self)))
+        return {name: value for name, value in values if isinstance(value, (Rows, np.ndarray, tuple))}
+
+
+@cache
+def _names(kind: type[Rows]) -> tuple[str, ...]:
+    return tuple(item.name for item in fields(kind))
 
 
 def _taken(value: Any, index: Index) -> Any:
