@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stickslip.rate_independent.dissipation import Dissipation, Ellipsoid, GroupNorm, Polytope, Product, WeightedL1
-from stickslip.rate_independent.dissipation.phase import read
+from stickslip.rate_independent.dissipation.phase import Formulas, read
 
 Array = np.ndarray
 seeds = st.integers(0, 2**32 - 1)
@@ -161,3 +161,81 @@ def test_functions_are_estimated_from_the_middle() -> None:
     *_, bound = potential.over(np.array([0.1]), np.array([0.3])).outside(forces, forces, np.zeros((1, 1)), 0.0)
     s = np.linspace(0.1, 0.3, 101)
     assert bound[0] >= np.max(1.5 - (2.0 - np.cos(2 * np.pi * s)))
+
+
+# -- bounds of second order --------------------------------------------------------------------------------------------
+
+
+def touching(shape: Ellipsoid, direction: Array) -> tuple[Array, Array]:
+    """The longest force in a direction that lies in K(s) at all phases of a fine grid, and where it touches."""
+    phases = np.linspace(0.0, 1.0, 20_001)[:-1]
+    S = shape.matrix.over(phases)
+    gauge = np.einsum("i,mij,j->m", direction, np.linalg.inv(S), direction)
+    return direction / np.sqrt(gauge.max()), phases[[gauge.argmax()]]
+
+
+@settings(max_examples=40, deadline=None)
+@given(seeds, st.booleans())
+def test_what_is_proved_around_a_phase_holds_there(seed: int, sharp: bool) -> None:
+    rng = np.random.default_rng(seed)
+    shape = ellipsoid(rng, sharp)
+    assert isinstance(shape, Ellipsoid)
+    xi, phases = touching(shape, rng.normal(size=2))
+    for factor in (1.0, 1.0 + 1e-9, 1.0 - 1e-6):
+        near = shape.around(shape.closest(phases, factor * xi), factor * xi, 1e-4)
+        for low, high, bound in zip(near.low, near.high, near.bound, strict=True):
+            inside = np.linspace(low, high, 400)
+            assert shape.sampled(inside).excess(factor * xi).max() <= bound + 1e-13
+
+
+def test_a_smooth_contact_is_proved_on_a_wide_stretch() -> None:
+    turning = Ellipsoid(
+        [["17/8 + 15/8*cos(2*pi*s)", "15/8*sin(2*pi*s)"], ["15/8*sin(2*pi*s)", "17/8 - 15/8*cos(2*pi*s)"]]
+    )
+    s, xi = 0.3, 0.5 * np.array([-np.sin(0.3 * np.pi), np.cos(0.3 * np.pi)])  # along the short axis at that phase
+    near = turning.around(np.array([s]), xi, 1e-12)
+    assert near.low[0] < s - 1e-3
+    assert near.high[0] > s + 1e-3
+    assert near.bound[0] <= 1e-13
+    # A force that is a little too long is outside by that.
+    (outside,) = turning.around(np.array([s]), xi * (1.0 + 1e-8), 1e-6).bound
+    assert 0.5e-8 <= outside <= 2e-8
+
+
+@pytest.mark.parametrize(
+    "bend",
+    [
+        pytest.param("1.5*abs(s - 0.3)", id="kink"),
+        pytest.param("(1 + tanh(1e9*(s - 0.3)))/2", id="step"),
+        pytest.param("max(0.1 - abs(s - 0.3)/0.001, 0)", id="wedge"),
+        pytest.param("0.1*exp(-((s - 0.3003)/1e-5)**2)", id="pulse nearby"),
+        pytest.param("0.3*sqrt(abs(s - 0.3))", id="cusp"),
+    ],
+)
+def test_nothing_is_proved_across_what_is_not_smooth(bend: str) -> None:
+    shape = Ellipsoid([[f"1 - ({bend})*s*(1 - s)", "0"], ["0", "4"]])
+    (S,) = shape.matrix.over(np.array([0.29999]))
+    xi = np.array([np.sqrt(S[0, 0]), 0.0])
+    near = shape.around(np.array([0.29999]), xi, 1.0)
+    for low, high, bound in zip(near.low, near.high, near.bound, strict=True):
+        assert shape.sampled(np.linspace(low, high, 20_001)).excess(xi).max() <= bound + 1e-13
+    assert not (near.low < 0.2999) @ ((near.high > 0.3004) & (near.bound < 1e-9))
+
+
+def test_second_derivatives_are_not_known_at_kinks_and_jumps() -> None:
+    low, high = np.array([0.1, 0.25, 0.6]), np.array([0.2, 0.35, 0.7])
+    for text in ("abs(s - 0.3)", "sqrt(abs(s - 0.3))", "max(s - 0.3, 0)**1.5"):
+        varying = read([text], "shape", closes=False)
+        assert isinstance(varying, Formulas)
+        least, most = varying.bent(low, high)
+        assert np.isfinite(least[[0, 2]]).all()
+        assert np.isfinite(most[[0, 2]]).all()
+        assert least[1, 0] == -np.inf
+        assert most[1, 0] == np.inf
+    smooth = read(["sin(2*pi*s)"], "shape")
+    assert isinstance(smooth, Formulas)
+    least, most = smooth.bent(low, high)
+    for k in range(3):
+        inside = -((2 * np.pi) ** 2) * np.sin(2 * np.pi * np.linspace(low[k], high[k], 100))
+        assert least[k, 0] <= inside.min() <= inside.max() <= most[k, 0]
+        assert most[k, 0] - least[k, 0] <= 1.5 * (inside.max() - inside.min()) + 1.0

@@ -67,21 +67,31 @@ class Cover:
     def look(self, xi: Array, enough: float, touching: Array | None = None) -> Looked:
         """Phases at which ξ lies outside K(s); once it does by more than `enough`, the search need not go on.
 
-        Around phases at which it is known to touch K(s), shape (k,), bounds of second order need no fine stretches.
+        Phases at which it is known to touch K(s), shape (k,), may be given: around them, and where it seems to touch
+        besides, bounds of second order need no fine stretches.
         """
         phases, found, bound = [], [], -np.inf
-        near = NOWHERE if touching is None else self._near(touching, xi, enough)
-        for _, active, start, end, done in self._levels(xi[None], enough, near):
+        for _, active, start, end, done in self._levels(xi[None], enough, touching):
             phases += [self.low[active], self.high[active]]
             found += [start, end]
             bound = max(bound, float(done.max(initial=-np.inf)))
         excess = np.concatenate(found)
         return Looked(np.concatenate(phases), excess, np.inf if excess.max() > enough else bound)
 
-    def _near(self, phases: Array, xi: Array, enough: float) -> Near:
+    def _near(self, touching: Array, peaks: Array, xi: Array, enough: float) -> Near:
+        """What is proved around phases at which ξ touches K(s), and around others at which it seems to."""
+        known = (np.abs(peaks[:, None] - touching) < BESIDE).any(axis=1)
+        phases = np.append(touching, self.source.closest(peaks[~known], xi)) if not known.all() else touching
         # K(s) may jump where a period ends: a phase beside that end is close to both.
         seam = np.array([(phases < BESIDE).any(), (phases > 1.0 - BESIDE).any()])
         return self.source.around(np.append(phases, np.array([1.0, 0.0])[seam]), xi, enough)
+
+    def _peaks(self, start: Array, end: Array, open_: Index) -> Array:
+        """Where forces on the first stretches lie farthest outside, one phase for each row of stretches in question."""
+        (k,) = np.nonzero(open_)
+        ends = np.maximum(start, end)
+        tops = [row[ends[row].argmax()] for row in np.split(k, np.flatnonzero(np.diff(k) > 1) + 1)]
+        return np.where(start[tops] > end[tops], self.low[tops], self.high[tops])
 
     def excess(self, xi: Array, enough: float) -> Array:
         """How far forces, shape (q, n), may lie outside any K(s), shape (q,); where that is more than `enough`, do."""
@@ -91,14 +101,14 @@ class Cover:
         return worst
 
     def _levels(
-        self, xi: Array, enough: float, near: Near = NOWHERE
+        self, xi: Array, enough: float, touching: Array | None = None
     ) -> Iterator[tuple[Index, Index, Array, Array, Array]]:
         """Level after level: which force, on which stretch, how far outside at its ends, and at most.
 
         That is −∞ for stretches that are divided: as long as the force was seen outside by no more than `enough`.
         """
         which, active = np.repeat(np.arange(len(xi)), self.roots), np.tile(np.arange(self.roots), len(xi))
-        seen, zero = np.full(len(xi), -np.inf), np.zeros((1, xi.shape[1]))
+        seen, zero, near = np.full(len(xi), -np.inf), np.zeros((1, xi.shape[1])), NOWHERE
         while len(active):
             active, which, rows = self._taken(active, which)
             force = xi[which]
@@ -112,6 +122,8 @@ class Cover:
                 (k,) = np.nonzero(wide)
                 rows = rows if len(k) == len(active) else rows.taken(k)
                 done[k] = rows.between(ends[k], force[k], force[k], np.broadcast_to(zero, force[k].shape), enough)
+                if touching is not None and (done > enough).any():
+                    near, touching = self._near(touching, self._peaks(start, end, done > enough), xi[0], enough), None
                 if len(near.low):
                     done[k] = np.minimum(done[k], near.at_most(self.low[active[k]], self.high[active[k]]))
                 open_ = wide & (done > enough)

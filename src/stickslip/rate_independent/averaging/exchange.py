@@ -127,12 +127,13 @@ class Intersection(Average):
                 return xi.copy()
         Q = np.eye(self.dimension) if M is None else M
         rule = self.tolerance if self.source.cone_form(0.0) is None else max(self.tolerance**2, SHARPEST)
-        if (again := self._remembered(Q @ xi, Q, rule)) is not None:
-            return again.xi
+        start = self._ahead(xi, Q) if self._forces else None
+        if start is not None and start.motions.any():
+            held = self._newton(start, Q @ xi, Q)
+            if self._gap(held, Q @ xi, Q) <= rule:
+                return self._kept(held, Q).xi
         looked = self._look(xi)
-        worst = float(looked.phases[looked.excess.argmax()])
-        y = self.source.project(xi, worst, M)
-        first = Held(y, np.array([worst]), (Q @ (xi - y))[None])
+        first = self._at_once(xi, Q, float(looked.phases[looked.excess.argmax()]))
         return self._exchange(first, Q @ xi, Q, rule).xi
 
     def cone_form(self, s: float) -> None:
@@ -208,7 +209,7 @@ class Intersection(Average):
         """The force in K_av that resists V most, and the motion it cannot resist better."""
         if not V.any() or self.size == 0.0:
             return Held(np.zeros(len(V)), np.zeros(1), V[None], 0.0, 0.0)
-        if (again := self._remembered(V, None, self.tolerance)) is not None:
+        if (again := self._remembered(V, self.tolerance)) is not None:
             return again
         # Perhaps one phase does everything: the one at which V costs least.
         costs = self.cover.first.start.support(V)
@@ -247,34 +248,35 @@ class Intersection(Average):
             self._forces.append(held)
         return held
 
-    def _remembered(self, c: Array, Q: Array | None, rule: float) -> Held | None:
-        """The solution, if it follows from those that were found before."""
-        if not self._memory or (Q is not None and not self._forces):
+    def _remembered(self, V: Array, rule: float) -> Held | None:
+        """What resists V, if that follows from the forces that were found before."""
+        if not self._memory:
             return None
-        if Q is not None:
-            held = self._newton(self._extrapolated(c, Q), c, Q)
-            return self._kept(held, Q) if self._gap(held, c, Q) <= rule else None
         # A motion is held by the force that held one in the same direction.
         moved = np.array([held.moved for held in self._memory])
-        last = self._memory[int(np.argmax(moved @ c / np.maximum(lengths(moved), np.finfo(float).tiny)))]
-        held = self._again(last, c, Q)
-        if self._gap(held, c, Q) > rule:
-            held = self._newton(held, c, Q)
-        return self._kept(held, Q) if self._gap(held, c, Q) <= rule else None
+        last = self._memory[int(np.argmax(moved @ V / np.maximum(lengths(moved), np.finfo(float).tiny)))]
+        share = max(float(last.moved @ V) / max(float(last.moved @ last.moved), np.finfo(float).tiny), 0.0) or 1.0
+        held = replace(last, motions=last.motions * share).balanced(V, None).merged(SAME)
+        if self._gap(held, V, None) > rule:
+            held = self._newton(held, V, None)
+        return self._kept(held, None) if self._gap(held, V, None) <= rule else None
 
-    def _again(self, last: Held, c: Array, Q: Array | None) -> Held:
-        """An earlier solution, with motions of the size that is asked for."""
-        goal = c if Q is None else c - Q @ last.xi
-        share = max(float(last.moved @ goal) / max(float(last.moved @ last.moved), np.finfo(float).tiny), 0.0) or 1.0
-        return replace(last, motions=last.motions * share).balanced(c, Q).merged(SAME)
-
-    def _extrapolated(self, c: Array, Q: Array) -> Held:
-        """What follows the last two solutions if they are near, or the last one: steps of an evolution are close."""
+    def _ahead(self, xi: Array, Q: Array) -> Held:
+        """A start for the point nearest to ξ, from the last two that were found: steps of an evolution are close."""
         last, before = self._forces[-1], self._forces[0]
-        if last.phases.shape == before.phases.shape and np.abs(last.phases - before.phases).max() < CLUSTER:
-            ahead = (2.0 * getattr(last, name) - getattr(before, name) for name in ("xi", "phases", "motions"))
-            return Held(*ahead).balanced(c, Q).merged(SAME)
-        return self._again(last, c, Q)
+        near = last.phases.shape == before.phases.shape and np.abs(last.phases - before.phases).max() < CLUSTER
+        phases = 2.0 * last.phases - before.phases if near else last.phases
+        if len(phases) == 1:
+            return self._at_once(xi, Q, float(wrapped(phases[0])))
+        point, motions = (
+            (2.0 * last.xi - before.xi, 2.0 * last.motions - before.motions) if near else (last.xi, last.motions)
+        )
+        return Held(point, phases, motions).balanced(Q @ xi, Q).merged(SAME)
+
+    def _at_once(self, xi: Array, Q: Array, s: float) -> Held:
+        """The point nearest to ξ if all moves at one phase."""
+        y = self.source.project(xi, s, Q)
+        return Held(y, np.array([s]), (Q @ (xi - y))[None])
 
     def _gap(self, held: Held, c: Array, Q: Array | None) -> float:
         """Duality gap, relative to what is moved; infinite as long as ξ is outside K_av."""

@@ -160,6 +160,10 @@ class Dissipation(ABC):
         start, end, middle = (OneByOne(self, s) for s in (low, high, 0.5 * (low + high)))
         return Estimated(start, end, middle)
 
+    def closest(self, phases: Array, xi: Array) -> Array:
+        """Phases near given ones, shape (k,), at which a force is closest to the boundary of K(s), about."""
+        return phases
+
     def around(self, phases: Array, xi: Array, enough: float) -> Near:
         """Stretches around phases, shape (k,), at which ξ may touch K(s), and is outside by no more than `enough`.
 

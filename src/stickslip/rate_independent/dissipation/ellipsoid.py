@@ -141,6 +141,9 @@ class Ellipsoid(Dissipation):
     def _parabolas(self) -> Parabolas | None:
         return Parabolas.of(self.matrix) if isinstance(self.matrix, Formulas) else None
 
+    def closest(self, phases: Array, xi: Array) -> Array:
+        return phases if self._parabolas is None else self._parabolas.vertices(phases, xi)
+
     def around(self, phases: Array, xi: Array, enough: float) -> Near:
         if self._parabolas is None:
             return NOWHERE

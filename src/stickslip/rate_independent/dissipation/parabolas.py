@@ -1,6 +1,6 @@
 """Symmetric matrices of the phase that touch 0: bounds of second order around a phase.
 
-Where S(s) − ξξᵀ is singular at a phase c and positive semidefinite around it, its least eigenvalue goes like a parabola,
+Where S(s) − ξξᵀ is singular at a phase c and positive semidefinite around it, its least eigenvalue is like a parabola,
 and no chord shows that it does not fall below 0, however short. From S(c), S′(c) and an enclosure of S″ on a stretch
 around c the parabola is bounded from below, and its own vertex is at c up to rounding. So stretches that are short
 enough for S″ to be nearly constant will do, whatever the tolerance.
@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip.rate_independent.dissipation.phase import Formulas
 from stickslip.rate_independent.dissipation.stretches import Array
@@ -18,6 +19,7 @@ from stickslip.rate_independent.dissipation.stretches import Array
 CELLS = 4096  # stretches of equal length on which S″ is enclosed
 SHIFTS = (1, 1, 2, 4, 8, 16)  # by which what is taken in to both sides grows: 1, 2, 4, ..., 32 cells
 ROUNDING = 4e-16
+NEWTON, FARTHEST = 4, 2.0**-8  # steps to a vertex, and the longest one
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +77,8 @@ class Parabolas:
         least : ndarray of shape (r, k)
             No eigenvalue of S(s) is less.
         """
-        S, slope = (0.5 * (at + at.transpose(0, 2, 1)) for at in (self.matrix.over(phases), self.matrix.slope(phases)))
-        cell = np.clip(np.floor(phases * CELLS).astype(np.intp), 0, CELLS - 1)
+        S, values, first, second, cell = self._along(phases, xi)
         low, high, radius = self.low[:, cell], self.high[:, cell], self.radius[:, cell]
-        values, axes = np.linalg.eigh(S - xi[:, None] * xi)
-        across = axes.transpose(0, 2, 1)
-        first, second = across @ slope @ axes, across @ self.middle[:, cell] @ axes
         width = np.maximum(high - phases, phases - low)
         size = width * np.sqrt(np.square(first).sum(axis=(1, 2)))
         size += 0.5 * width**2 * (np.sqrt(np.square(second).sum(axis=(2, 3))) + radius)
@@ -97,3 +95,23 @@ class Parabolas:
         below = np.maximum(-(values[:, 0] + fall), 0.0) + rounding
         known = np.isfinite(radius) & (others > size) & np.isfinite(fall)
         return low, high, np.where(known, below, np.inf), np.linalg.eigvalsh(S)[:, 0] - size
+
+    def vertices(self, phases: Array, xi: Array) -> Array:
+        """Phases near given ones, shape (k,), at which the least eigenvalue of S(s) − ξξᵀ is smallest, by Newton."""
+        if len(xi) == 1 or not len(phases):
+            return phases
+        for _ in range(NEWTON):
+            _, values, first, second, _ = self._along(phases, xi)
+            with np.errstate(all="ignore"):
+                bend = second[0, :, 0, 0] - 2.0 * np.square(first[:, 1:, 0]).sum(axis=1) / (values[:, 1] - values[:, 0])
+                step = np.where(bend > 0.0, -first[:, 0, 0] / bend, 0.0)
+            phases = np.clip(phases + np.clip(np.nan_to_num(step), -FARTHEST, FARTHEST), 0.0, 1.0)
+        return phases
+
+    def _along(self, phases: Array, xi: Array) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
+        """S, the eigenvalues of S − ξξᵀ, S′ and for every reach S″ along its eigenvectors, and the cells of phases."""
+        S, slope = (0.5 * (at + at.transpose(0, 2, 1)) for at in (self.matrix.over(phases), self.matrix.slope(phases)))
+        cell = np.clip(np.floor(phases * CELLS).astype(np.intp), 0, CELLS - 1)
+        values, axes = np.linalg.eigh(S - xi[:, None] * xi)
+        across = axes.transpose(0, 2, 1)
+        return S, values, across @ slope @ axes, across @ self.middle[:, cell] @ axes, cell
