@@ -18,7 +18,7 @@ from functools import partial
 from pathlib import Path
 
 RESULTS = Path(__file__).parent / "results"
-ROUNDS = 15
+ROUNDS = {"versions": 15, "averages": 5}
 MEAN, HALF = 2.125, 1.875  # of the squares of the half axes 2 and 1/2
 ELLIPSES = {
     "turning": ("2*pi*s", MEAN, HALF),
@@ -132,7 +132,7 @@ def main(other: str, group: str = "versions") -> None:
         before, now = Path(other).resolve(), Path(__file__).resolve().parents[1]
         trees = {"before": start(before, a, group), "now": start(now, b, group)}
         best = {name: {tree: float("inf") for tree in trees} for name in names}
-        for _ in range(ROUNDS):
+        for _ in range(ROUNDS[group]):
             for name in names:
                 for tree, process in trees.items():
                     best[name][tree] = min(best[name][tree], ask(process, name))

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stickslip.rate_independent.dissipation import Dissipation, Ellipsoid, GroupNorm, Polytope, Product, WeightedL1
+from stickslip.rate_independent.dissipation.parabolas import CELLS, Parabolas
 from stickslip.rate_independent.dissipation.phase import Formulas, read
 
 Array = np.ndarray
@@ -174,6 +175,24 @@ def touching(shape: Ellipsoid, direction: Array) -> tuple[Array, Array]:
     return direction / np.sqrt(gauge.max()), phases[[gauge.argmax()]]
 
 
+@settings(max_examples=30, deadline=None)
+@given(seeds, st.booleans())
+def test_no_eigenvalue_falls_below_its_parabola(seed: int, sharp: bool) -> None:
+    rng = np.random.default_rng(seed)
+    shape = ellipsoid(rng, sharp)
+    assert isinstance(shape, Ellipsoid)
+    parabolas = Parabolas.of(shape.matrix)  # pyright: ignore[reportArgumentType]
+    for _ in range(10):
+        # A force close to the boundary at some phase, which may lie far outside at others.
+        phases, direction = rng.uniform(size=1), rng.normal(size=2)
+        (S,) = shape.matrix.over(phases)
+        xi = direction / np.sqrt(direction @ np.linalg.solve(S, direction)) * rng.uniform(0.95, 1.05)
+        for low, high, below, least in zip(*(rows[:, 0] for rows in parabolas.around(phases, xi)), strict=True):
+            S = shape.matrix.over(np.linspace(low, high, 301))
+            assert np.linalg.eigvalsh(S - np.outer(xi, xi))[:, 0].min() >= -below - 1e-14
+            assert np.linalg.eigvalsh(S)[:, 0].min() >= least - 1e-14
+
+
 @settings(max_examples=40, deadline=None)
 @given(seeds, st.booleans())
 def test_what_is_proved_around_a_phase_holds_there(seed: int, sharp: bool) -> None:
@@ -186,6 +205,25 @@ def test_what_is_proved_around_a_phase_holds_there(seed: int, sharp: bool) -> No
         for low, high, bound in zip(near.low, near.high, near.bound, strict=True):
             inside = np.linspace(low, high, 400)
             assert shape.sampled(inside).excess(factor * xi).max() <= bound + 1e-13
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_second_derivatives_stay_near_their_middle(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    shape = ellipsoid(rng, False)
+    assert isinstance(shape, Ellipsoid)
+    matrix = shape.matrix
+    assert isinstance(matrix, Formulas)
+    parabolas, cell = Parabolas.of(matrix), np.arange(CELLS)
+    for r, (low, high, middle, radius) in enumerate(
+        zip(parabolas.low, parabolas.high, parabolas.middle, parabolas.radius, strict=True)
+    ):
+        np.testing.assert_array_equal(low, np.maximum(cell - 2**r, 0) / CELLS)
+        np.testing.assert_array_equal(high, np.minimum(cell + 2**r + 1, CELLS) / CELLS)
+        for end in (low, high):
+            second = (matrix.slope(end + 1e-6) - matrix.slope(end - 1e-6)) / 2e-6
+            off = np.sqrt(np.square(second - middle).sum(axis=(1, 2)))
+            assert (off <= radius + 1e-6 * np.abs(second).max()).all()
 
 
 def test_a_smooth_contact_is_proved_on_a_wide_stretch() -> None:
@@ -208,6 +246,7 @@ def test_a_smooth_contact_is_proved_on_a_wide_stretch() -> None:
         pytest.param("1.5*abs(s - 0.3)", id="kink"),
         pytest.param("(1 + tanh(1e9*(s - 0.3)))/2", id="step"),
         pytest.param("max(0.1 - abs(s - 0.3)/0.001, 0)", id="wedge"),
+        pytest.param("piecewise(s < 0.3, 0, 0.1)", id="jump"),
         pytest.param("0.1*exp(-((s - 0.3003)/1e-5)**2)", id="pulse nearby"),
         pytest.param("0.3*sqrt(abs(s - 0.3))", id="cusp"),
     ],
@@ -224,7 +263,7 @@ def test_nothing_is_proved_across_what_is_not_smooth(bend: str) -> None:
 
 def test_second_derivatives_are_not_known_at_kinks_and_jumps() -> None:
     low, high = np.array([0.1, 0.25, 0.6]), np.array([0.2, 0.35, 0.7])
-    for text in ("abs(s - 0.3)", "sqrt(abs(s - 0.3))", "max(s - 0.3, 0)**1.5"):
+    for text in ("abs(s - 0.3)", "sqrt(abs(s - 0.3))", "max(s - 0.3, 0)**1.5", "piecewise(s < 0.3, 1, 2)"):
         varying = read([text], "shape", closes=False)
         assert isinstance(varying, Formulas)
         least, most = varying.bent(low, high)

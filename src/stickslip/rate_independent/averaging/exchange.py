@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.rate_independent.averaging.closed_forms import measure
 from stickslip.rate_independent.averaging.cones import ConeForm, solve
-from stickslip.rate_independent.averaging.cover import Cover, Looked
+from stickslip.rate_independent.averaging.cover import UNKNOWN, Cover, Looked
 from stickslip.rate_independent.averaging.minima import golden_section, sharpened
 from stickslip.rate_independent.averaging.polishing import Held, refined
 from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, OptimalMotion
@@ -101,10 +101,10 @@ class Intersection(Average):
         return measure(self.source, V, held.phases, held.motions, held.xi, held.bound)
 
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
-        return _worst(self._look(self.vector(xi, "xi")))
+        return float(self.excesses(self.vector(xi, "xi")[None])[0])
 
     def holds(self, xi: Array, s: float, noise: float) -> bool:
-        return not self._beyond(xi, noise) and self.excess(xi) <= noise
+        return not self._beyond(xi, noise) and _worst(self._look(xi)) <= noise
 
     def contains(self, xi: ArrayLike, s: float = 0.0, tolerance: float = 1e-12) -> bool:
         """Whether ξ lies in every K(s), up to the tolerance of the average at least."""
@@ -149,7 +149,7 @@ class Intersection(Average):
     def excesses(self, xi: Array) -> Array:
         """How far forces, shape (m, n), lie outside, shape (m,)."""
         known = [self._known(row) for row in xi]
-        excess = np.array([np.nan if looked is None else _worst(looked) for looked in known])
+        excess = np.array([_worst(looked) if looked and np.isfinite(looked.bound) else np.nan for looked in known])
         (new,) = np.nonzero(np.isnan(excess))
         for part in np.array_split(new, -(-len(new) // AT_ONCE)) if len(new) else []:
             excess[part] = self.cover.excess(xi[part], SURE * self.tolerance * self.size)
@@ -196,7 +196,7 @@ class Intersection(Average):
         looked = self._looked[k - LOOKS + len(self._looked)]
         return looked._replace(bound=looked.bound + float(away[k]) * len(xi))
 
-    def _look(self, xi: Array, touching: Array | None = None) -> Looked:
+    def _look(self, xi: Array, touching: Array = UNKNOWN) -> Looked:
         looked = self._known(xi)
         if looked is None:
             looked = self.cover.look(xi, SURE * self.tolerance * self.size, touching)
