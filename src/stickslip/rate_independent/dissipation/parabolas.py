@@ -110,7 +110,8 @@ class Parabolas:
 
     def _along(self, phases: Array, xi: Array) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
         """S, the eigenvalues of S − ξξᵀ, S′ and for every reach S″ along its eigenvectors, and the cells of phases."""
-        S, slope = (0.5 * (at + at.transpose(0, 2, 1)) for at in (self.matrix.over(phases), self.matrix.slope(phases)))
+        tables = self.matrix.unwrapped(phases), self.matrix.slope(phases)
+        S, slope = (0.5 * (at + at.transpose(0, 2, 1)) for at in tables)
         cell = np.clip(np.floor(phases * CELLS).astype(np.intp), 0, CELLS - 1)
         values, axes = np.linalg.eigh(S - xi[:, None] * xi)
         across = axes.transpose(0, 2, 1)

@@ -166,9 +166,10 @@ class Formulas(Varying):
         return np.array([float(v) for v in evaluate(self.expressions, s)]).reshape(self.shape)
 
     def over(self, phases: Array) -> Array:
-        return self._at(wrapped(phases))
+        return self.unwrapped(wrapped(phases))
 
-    def _at(self, phases: Array) -> Array:
+    def unwrapped(self, phases: Array) -> Array:
+        """The arrays at several phases as the formulas say, also at the end of a period."""
         rows = table(self.expressions, phases)
         if not np.isfinite(rows).all():
             k = int(np.argmin(np.isfinite(rows).all(axis=1)))
@@ -176,7 +177,7 @@ class Formulas(Varying):
         return rows.reshape(len(phases), *self.shape)
 
     def chord(self, low: Array, high: Array) -> Chord:
-        start, end = self._at(low), self._at(high)
+        start, end = self.unwrapped(low), self.unwrapped(high)
         rows = (at.reshape(len(low), -1) for at in (start, end))
         return Chord(start, end, deviations(self.expressions, "s", low, high, *rows).reshape(start.shape))
 
