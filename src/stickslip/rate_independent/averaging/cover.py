@@ -127,7 +127,7 @@ class Cover:
             if wide.any():
                 (k,) = np.nonzero(wide)
                 rows = rows if len(k) == len(active) else rows.taken(k)
-                done[k] = rows.between(ends[k], force[k], force[k], np.broadcast_to(zero, force[k].shape), enough)
+                done[k] = rows.between(ends[k], force[k], force[k], np.broadcast_to(zero, force[k].shape), limit[k])
                 if touching is not None and (done > limit).any():
                     near, touching = self._near(touching, self._peaks(start, end, done > limit), xi[0], enough), None
                 if len(near.low):

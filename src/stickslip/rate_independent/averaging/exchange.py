@@ -395,13 +395,13 @@ class Unchanged(Rows, Stretches[Together]):
     start: Together
     end: Together
 
-    def outside(self, before: Array, after: Array, off: Array, enough: float) -> tuple[Array, Array, Array]:
+    def outside(self, before: Array, after: Array, off: Array, enough: float | Array) -> tuple[Array, Array, Array]:
         # The force at the end of a stretch is that at the start of the next one.
         forces, place = np.unique(np.concatenate([before, after]), axis=0, return_inverse=True)
         first, last = np.split(self.start.potential.excesses(forces)[place.ravel()], 2)
         return first, last, self.between(np.maximum(first, last), before, after, off, enough)
 
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
         return ends + lengths(off)
 
 

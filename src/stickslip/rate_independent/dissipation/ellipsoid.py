@@ -245,7 +245,7 @@ class StretchesOfEllipsoids(Rows, Stretches[SampledEllipsoid]):
     inner_start: SampledEllipsoid
     inner_end: SampledEllipsoid
 
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
         # √⟨v, S v⟩ is concave in S: where S goes straight, a force that goes straight lies no farther outside than at
         # the ends. What S is off by moves the support function by √λ − √(λ − ε), λ at least the least eigenvalue.
         least = np.minimum(self.start.squares[:, 0], self.end.squares[:, 0])

@@ -84,7 +84,7 @@ class Stretches(ABC, Generic[S]):
     end: S
 
     @abstractmethod
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
         """How far a force may lie outside K(s) while s runs over a stretch, shape (m,).
 
         Parameters
@@ -95,11 +95,11 @@ class Stretches(ABC, Generic[S]):
             The force at the ends.
         off : ndarray of shape (m, n)
             How far its components may be from the straight line in between.
-        enough : float
+        enough : float or ndarray of shape (m,)
             Below this, no effort is made for a sharper bound.
         """
 
-    def outside(self, before: Array, after: Array, off: Array, enough: float) -> tuple[Array, Array, Array]:
+    def outside(self, before: Array, after: Array, off: Array, enough: float | Array) -> tuple[Array, Array, Array]:
         """How far a force lies outside K(s) at the start and the end of each stretch, and may lie in between."""
         first, last = self.start.excess(before), self.end.excess(after)
         return first, last, self.between(np.maximum(first, last), before, after, off, enough)
@@ -150,7 +150,7 @@ class Estimated(Rows, Stretches[OneByOne]):
     end: OneByOne
     middle: OneByOne
 
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
         # Twice the deviation in the middle from the line between the ends: a parabola, or a kink anywhere.
         first, last = self.start.excess(before), self.end.excess(after)
         bent = np.abs(2.0 * self.middle.excess(0.5 * (before + after)) - first - last)
