@@ -16,7 +16,8 @@ STEP, STEP_OF_PHASES = 1e-6, 1e-3  # of differences in Newton's method
 WIDEST = 2e-3  # differences of phases
 SHIFTS = np.array([-1.0, -0.5, 0.5, 1.0])
 DIFFERENCE = np.array([1.0, -8.0, 8.0, -1.0]) / 6.0  # derivative of fourth order from the values at SHIFTS
-MOST_ITERATIONS = 12
+MOST_ITERATIONS = 12  # that do not yet converge fast
+FAST = 0.1  # part of the residual that a fast iteration leaves at most
 SMALL = 1e-8  # a Newton step after which none is needed
 SHARES = (1.0, 0.5, 0.25, 0.1)  # of a step that are tried
 SLOW = 1e-8  # below this, what falls slowly is rounding
@@ -103,7 +104,7 @@ def refined(source: Dissipation, held: Held, c: Array, Q: Array | None, size: fl
     # Unknowns: ξ in units of size, and for each phase v_k in units of length and s_k.
     x, contacts = held.xi / size, np.column_stack([held.motions / length, held.phases])
     off, rest, touch = at(x, contacts)
-    for _ in range(MOST_ITERATIONS):
+    for iteration in range(2 * MOST_ITERATIONS):
         step = np.linalg.lstsq(
             _jacobian(curvature, (touch[:, 1:] - touch[:, :1]) / steps[:, :, None]), rest, rcond=1e-10
         )[0]
@@ -119,6 +120,7 @@ def refined(source: Dissipation, held: Held, c: Array, Q: Array | None, size: fl
             break
         x, contacts = x - share * to_x, contacts - share * to_contacts
         slow = ahead[0] > 0.5 * off and off < SLOW
+        slow |= iteration >= MOST_ITERATIONS and ahead[0] > FAST * off
         off, rest, touch = ahead
         if slow:
             break
