@@ -18,7 +18,7 @@ from functools import partial
 from pathlib import Path
 
 RESULTS = Path(__file__).parent / "results"
-ROUNDS = {"versions": 15, "averages": 3}
+ROUNDS = {"versions": 15, "averages": 5}
 MEAN, HALF = 2.125, 1.875  # of the squares of the half axes 2 and 1/2
 ELLIPSES = {
     "turning": ("2*pi*s", MEAN, HALF),
