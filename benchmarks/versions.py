@@ -1,8 +1,9 @@
-"""What a change costs: two checkouts in one run, in turn: ``python benchmarks/versions.py OTHER_CHECKOUT``.
+"""What a change costs: two checkouts in one run, in turn: ``python benchmarks/versions.py OTHER_CHECKOUT [averages]``.
 
 The loops of ``benchmarks/motion.py`` (spring slider (3.3) with its smooth law, scaled slider (3.6), rocking toy (4.2)),
 a motion of each by ``simulate``, and the certificates of the whole catalogue, each by both in turn; the minima of the
-rounds stand in ``benchmarks/results/versions.md``. Both run in this Python, each with its own compiled code.
+rounds stand in ``benchmarks/results/versions.md``. With `averages`: steps of evolutions in which friction is that of an
+ellipse on average, in ``benchmarks/results/averages.md``. Both run in this Python, each with its own compiled code.
 """
 
 from __future__ import annotations
@@ -12,10 +13,20 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
-RESULTS = Path(__file__).parent / "results" / "versions.md"
-ROUNDS = 15
+RESULTS = Path(__file__).parent / "results"
+ROUNDS = {"versions": 15, "averages": 5}
+MEAN, HALF = 2.125, 1.875  # of the squares of the half axes 2 and 1/2
+ELLIPSES = {
+    "turning": ("2*pi*s", MEAN, HALF),
+    "swinging": ("1.2*sin(2*pi*s)", MEAN, HALF),
+    "breathing": ("2*pi*s", "1 + cos(2*pi*s)/2", "sin(4*pi*s)/3"),
+}  # angle of the long axis, times two; mean and half difference of the squares
+TITLES = {"versions": "What a change costs", "averages": "What a change costs: a step with averaged friction"}
+STEPS = {"200": 200, "adaptive": None}
 
 
 def certificates() -> float:
@@ -32,29 +43,58 @@ def certificates() -> float:
     return total
 
 
-def serve() -> None:
+def averaged_step(kind: str, steps: int | None) -> float:
+    """Seconds of one step, everything from the declaration on included."""
+    import stickslip as ss
+
+    angle, mean, half = ELLIPSES[kind]
+    c, s = f"({half})*cos({angle})", f"({half})*sin({angle})"
+    psi = ss.Ellipsoid([[f"{mean} + {c}", s], [s, f"{mean} - {c}"]])
+    began = time.perf_counter()
+    load = ["2*sin(2*pi*t)", "2*sin(4*pi*t)"]
+    problem = ss.Evolution([[1.0, 0.3], [0.3, 0.5]], load, psi, [0.0, 0.0], epsilon=0.1, span=(0, 1)).averaged()
+    found = ss.evolve(problem, steps=steps)
+    spent = time.perf_counter() - began
+    assert found.outcome.ok
+    assert float(found.dataset["residual"].max()) <= 1e-11
+    return spent / (found.dataset.sizes["step"] - 1)
+
+
+def jobs_of(group: str) -> dict[str, tuple[str, Callable[[], float]]]:
+    """What is measured: titles, and functions that return seconds."""
+    if group == "averages":
+        return {
+            f"{kind} {name}": (f"{kind} ellipse, {name} steps", partial(averaged_step, kind, steps))
+            for kind in ELLIPSES
+            for name, steps in STEPS.items()
+        }
+    from motion import batch, one_call
+
+    def timed(run: Callable[[], object]) -> float:
+        began = time.perf_counter()
+        run()
+        return time.perf_counter() - began
+
+    titles = dict(zip("ABC", ("(3.3)", "(3.6)", "(4.2)"), strict=True))
+    jobs = {f"loop {key}": (f"{title}, loop", partial(timed, batch(key))) for key, title in titles.items()}
+    jobs |= {f"simulate {key}": (f"{title}, simulate", partial(timed, one_call(key))) for key, title in titles.items()}
+    return jobs | {"certificates": ("certificates of the catalogue", certificates)}
+
+
+def serve(group: str) -> None:
     """Measure what is asked for, line by line."""
     import warnings
 
     warnings.simplefilter("ignore")
-    from motion import batch, one_call
-
-    jobs = {f"loop {key}": batch(key) for key in "ABC"} | {f"simulate {key}": one_call(key) for key in "ABC"}
-    for run in jobs.values():
+    jobs = jobs_of(group)
+    for _, run in jobs.values():
         run()
-    certificates()
     print("ready", flush=True)
     for line in sys.stdin:
-        name = line.strip()
-        began = time.perf_counter()
-        spent = certificates() if name == "certificates" else None
-        if spent is None:
-            jobs[name]()
-            spent = time.perf_counter() - began
-        print(spent, flush=True)
+        print(jobs[line.strip()][1](), flush=True)
 
 
-def start(tree: Path, cache: str) -> subprocess.Popen[str]:
+def start(tree: Path, cache: str, group: str) -> subprocess.Popen[str]:
     """A process that measures one checkout."""
     environment = {
         **os.environ,
@@ -63,7 +103,11 @@ def start(tree: Path, cache: str) -> subprocess.Popen[str]:
         "NUMBA_CACHE_DIR": cache,
     }
     process = subprocess.Popen(
-        [sys.executable, __file__, "--serve"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
+        [sys.executable, __file__, "--serve", group],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=environment,
     )
     assert process.stdout is not None
     assert process.stdout.readline().strip() == "ready"
@@ -79,28 +123,27 @@ def ask(process: subprocess.Popen[str], name: str) -> float:
     return float(process.stdout.readline())
 
 
-def main(other: str) -> None:
+def main(other: str, group: str = "versions") -> None:
     """Print and write the table."""
     from motion import machine
 
-    names = {f"loop {key}": f"{title}, loop" for key, title in zip("ABC", ("(3.3)", "(3.6)", "(4.2)"), strict=True)}
-    names |= {f"simulate {k}": f"{t}, simulate" for k, t in zip("ABC", ("(3.3)", "(3.6)", "(4.2)"), strict=True)}
-    names |= {"certificates": "certificates of the catalogue"}
+    names = {name: title for name, (title, _) in jobs_of(group).items()}
     with tempfile.TemporaryDirectory() as a, tempfile.TemporaryDirectory() as b:
-        trees = {"before": start(Path(other).resolve(), a), "now": start(Path(__file__).resolve().parents[1], b)}
+        before, now = Path(other).resolve(), Path(__file__).resolve().parents[1]
+        trees = {"before": start(before, a, group), "now": start(now, b, group)}
         best = {name: {tree: float("inf") for tree in trees} for name in names}
-        for _ in range(ROUNDS):
+        for _ in range(ROUNDS[group]):
             for name in names:
                 for tree, process in trees.items():
                     best[name][tree] = min(best[name][tree], ask(process, name))
-    lines = ["# What a change costs", "", machine(), "", "| | before, s | now, s | ratio |", "|---|---|---|---|"]
+    lines = [f"# {TITLES[group]}", "", machine(), "", "| | before, s | now, s | ratio |", "|---|---|---|---|"]
     lines += [
         f"| {names[name]} | {found['before']:.4f} | {found['now']:.4f} | {found['now'] / found['before']:.2f} |"
         for name, found in best.items()
     ]
-    RESULTS.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (RESULTS / f"{group}.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
     print("\n".join(lines))
 
 
 if __name__ == "__main__":
-    serve() if "--serve" in sys.argv else main(sys.argv[1])
+    serve(sys.argv[2]) if sys.argv[1] == "--serve" else main(*sys.argv[1:])

@@ -377,3 +377,44 @@ def test_support_functions_are_averaged() -> None:
     motion = average.optimal_motion([1.0, -2.0])
     assert motion.cost == pytest.approx(3, abs=1e-6)
     assert abs(motion.gap) < 1e-6
+
+
+def test_a_force_far_outside_at_a_narrow_waist_is_said_to_be() -> None:
+    # At the samples, the force is outside by a millionth only; at the waist by a tenth.
+    average = Ellipsoid([["1 - 0.9*exp(-(sin(pi*(s - 0.3003))/1e-4)**2)", "0"], ["0", "1"]]).average()
+    waist = Ellipsoid([[0.1, 0], [0, 1]])
+    for beyond in (-1e-6, 1e-6, 1e-3):
+        xi = np.array([0.2, np.sqrt((1.0 + beyond) ** 2 - 0.04)])
+        true = waist.distance(xi)
+        assert true <= average.excess(xi) <= 1.05 * true
+        assert average.sampled(np.zeros(1)).excess(xi) == pytest.approx(average.excess(xi))
+
+
+def test_a_force_that_slides_asks_for_few_stretches() -> None:
+    # The contact moves all the time; a chord would have to be shorter than the root of the tolerance everywhere.
+    half = "15/8*{}(2*pi*s)"
+    turning = [
+        [f"17/8 + {half.format('cos')}", half.format("sin")],
+        [half.format("sin"), f"17/8 - {half.format('cos')}"],
+    ]
+    average = Ellipsoid(turning).average()
+    for angle in np.linspace(0.0, 7.0, 150):
+        point = average.project([2.0 * np.cos(angle), 2.0 * np.sin(angle)], metric=np.diag([1.0, 1.5]))
+        assert np.linalg.norm(point) == pytest.approx(0.5, abs=1e-8)
+        assert average.contains(point, tolerance=0.0)
+    assert len(average.cover) < 5000
+
+
+def test_a_product_of_averages_remembers(monkeypatch: pytest.MonkeyPatch) -> None:
+    from stickslip.rate_independent.averaging import exchange
+    from stickslip.rate_independent.averaging.cover import Cover
+
+    average = Product(
+        (Ellipsoid([["1 + cos(2*pi*s)/2", "0"], ["0", "1"]]), WeightedL1(["1 + sin(2*pi*s)/2"]))
+    ).average()
+    metric, made = np.array([[2.0, 0.3, 0.5], [0.3, 1.0, 0.2], [0.5, 0.2, 1.0]]), []
+    monkeypatch.setattr(exchange, "Cover", lambda source: made.append(source) or Cover(source))
+    first = average.project([2.0, 1.0, 3.0], metric=metric)
+    np.testing.assert_allclose(average.project([2.0, 1.0, 3.0], metric=metric), first, atol=1e-6)
+    average.project([2.01, 1.0, 3.0], metric=metric)
+    assert len([source for source in made if isinstance(source, Product)]) == 1

@@ -450,3 +450,15 @@ def test_pictures() -> None:
     A = 2.0 * np.eye(n) - 0.5 * np.eye(n, k=1) - 0.5 * np.eye(n, k=-1)
     many = evolve(Evolution(A, lambda t: np.full(n, 3.0 * t), WeightedL1(np.ones(n)), np.zeros(n)), steps=50).plot()
     assert [axes.get_ylabel() for axes in many.axes[:3]] == ["component", "slipping", "energy"]
+
+
+@pytest.mark.parametrize(("angle", "steps"), [("2*pi*s", 64), ("1.2*sin(2*pi*s)", 37)], ids=["turning", "swinging"])
+def test_steps_with_an_averaged_ellipse_reach_rounding(angle: str, steps: int) -> None:
+    c, s = f"15/8*cos({angle})", f"15/8*sin({angle})"
+    psi = Ellipsoid([[f"17/8 + {c}", s], [s, f"17/8 - {c}"]])
+    load = ["2*sin(2*pi*t)", "2*sin(4*pi*t)"]
+    problem = Evolution([[1.0, 0.3], [0.3, 0.5]], load, psi, [0.0, 0.0], epsilon=0.1, span=(0, 1)).averaged()
+    found = evolve(problem, steps=steps)
+    assert found.outcome.ok
+    assert found.dataset["residual"].max() <= 1e-12
+    assert found.dataset["distance"].max() <= 1e-12

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stickslip.rate_independent.dissipation import Dissipation, Ellipsoid, GroupNorm, Polytope, Product, WeightedL1
-from stickslip.rate_independent.dissipation.phase import read
+from stickslip.rate_independent.dissipation.parabolas import CELLS, Parabolas
+from stickslip.rate_independent.dissipation.phase import Formulas, read
 
 Array = np.ndarray
 seeds = st.integers(0, 2**32 - 1)
@@ -161,3 +162,119 @@ def test_functions_are_estimated_from_the_middle() -> None:
     *_, bound = potential.over(np.array([0.1]), np.array([0.3])).outside(forces, forces, np.zeros((1, 1)), 0.0)
     s = np.linspace(0.1, 0.3, 101)
     assert bound[0] >= np.max(1.5 - (2.0 - np.cos(2 * np.pi * s)))
+
+
+# -- bounds of second order --------------------------------------------------------------------------------------------
+
+
+def touching(shape: Ellipsoid, direction: Array) -> tuple[Array, Array]:
+    """The longest force in a direction that lies in K(s) at all phases of a fine grid, and where it touches."""
+    phases = np.linspace(0.0, 1.0, 20_001)[:-1]
+    S = shape.matrix.over(phases)
+    gauge = np.einsum("i,mij,j->m", direction, np.linalg.inv(S), direction)
+    return direction / np.sqrt(gauge.max()), phases[[gauge.argmax()]]
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds, st.booleans())
+def test_no_eigenvalue_falls_below_its_parabola(seed: int, sharp: bool) -> None:
+    rng = np.random.default_rng(seed)
+    shape = ellipsoid(rng, sharp)
+    assert isinstance(shape, Ellipsoid)
+    parabolas = Parabolas.of(shape.matrix)  # pyright: ignore[reportArgumentType]
+    for _ in range(10):
+        # A force close to the boundary at some phase, which may lie far outside at others.
+        phases, direction = rng.uniform(size=1), rng.normal(size=2)
+        (S,) = shape.matrix.over(phases)
+        xi = direction / np.sqrt(direction @ np.linalg.solve(S, direction)) * rng.uniform(0.95, 1.05)
+        for low, high, below, least in zip(*(rows[:, 0] for rows in parabolas.around(phases, xi)), strict=True):
+            S = shape.matrix.over(np.linspace(low, high, 301))
+            assert np.linalg.eigvalsh(S - np.outer(xi, xi))[:, 0].min() >= -below - 1e-14
+            assert np.linalg.eigvalsh(S)[:, 0].min() >= least - 1e-14
+
+
+@settings(max_examples=40, deadline=None)
+@given(seeds, st.booleans())
+def test_what_is_proved_around_a_phase_holds_there(seed: int, sharp: bool) -> None:
+    rng = np.random.default_rng(seed)
+    shape = ellipsoid(rng, sharp)
+    assert isinstance(shape, Ellipsoid)
+    xi, phases = touching(shape, rng.normal(size=2))
+    for factor in (1.0, 1.0 + 1e-9, 1.0 - 1e-6):
+        near = shape.around(shape.closest(phases, factor * xi), factor * xi, 1e-4)
+        for low, high, bound in zip(near.low, near.high, near.bound, strict=True):
+            inside = np.linspace(low, high, 400)
+            assert shape.sampled(inside).excess(factor * xi).max() <= bound + 1e-13
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_second_derivatives_stay_near_their_middle(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    shape = ellipsoid(rng, False)
+    assert isinstance(shape, Ellipsoid)
+    matrix = shape.matrix
+    assert isinstance(matrix, Formulas)
+    parabolas, cell = Parabolas.of(matrix), np.arange(CELLS)
+    for r, (low, high, middle, radius) in enumerate(
+        zip(parabolas.low, parabolas.high, parabolas.middle, parabolas.radius, strict=True)
+    ):
+        np.testing.assert_array_equal(low, np.maximum(cell - 2**r, 0) / CELLS)
+        np.testing.assert_array_equal(high, np.minimum(cell + 2**r + 1, CELLS) / CELLS)
+        for end in (low, high):
+            second = (matrix.slope(end + 1e-6) - matrix.slope(end - 1e-6)) / 2e-6
+            off = np.sqrt(np.square(second - middle).sum(axis=(1, 2)))
+            assert (off <= radius + 1e-6 * np.abs(second).max()).all()
+
+
+def test_a_smooth_contact_is_proved_on_a_wide_stretch() -> None:
+    turning = Ellipsoid(
+        [["17/8 + 15/8*cos(2*pi*s)", "15/8*sin(2*pi*s)"], ["15/8*sin(2*pi*s)", "17/8 - 15/8*cos(2*pi*s)"]]
+    )
+    s, xi = 0.3, 0.5 * np.array([-np.sin(0.3 * np.pi), np.cos(0.3 * np.pi)])  # along the short axis at that phase
+    near = turning.around(np.array([s]), xi, 1e-12)
+    assert near.low[0] < s - 1e-3
+    assert near.high[0] > s + 1e-3
+    assert near.bound[0] <= 1e-13
+    # A force that is a little too long is outside by that.
+    (outside,) = turning.around(np.array([s]), xi * (1.0 + 1e-8), 1e-6).bound
+    assert 0.5e-8 <= outside <= 2e-8
+
+
+@pytest.mark.parametrize(
+    "bend",
+    [
+        pytest.param("1.5*abs(s - 0.3)", id="kink"),
+        pytest.param("(1 + tanh(1e9*(s - 0.3)))/2", id="step"),
+        pytest.param("max(0.1 - abs(s - 0.3)/0.001, 0)", id="wedge"),
+        pytest.param("piecewise(s < 0.3, 0, 0.1)", id="jump"),
+        pytest.param("0.1*exp(-((s - 0.3003)/1e-5)**2)", id="pulse nearby"),
+        pytest.param("0.3*sqrt(abs(s - 0.3))", id="cusp"),
+    ],
+)
+def test_nothing_is_proved_across_what_is_not_smooth(bend: str) -> None:
+    shape = Ellipsoid([[f"1 - ({bend})*s*(1 - s)", "0"], ["0", "4"]])
+    (S,) = shape.matrix.over(np.array([0.29999]))
+    xi = np.array([np.sqrt(S[0, 0]), 0.0])
+    near = shape.around(np.array([0.29999]), xi, 1.0)
+    for low, high, bound in zip(near.low, near.high, near.bound, strict=True):
+        assert shape.sampled(np.linspace(low, high, 20_001)).excess(xi).max() <= bound + 1e-13
+    assert not (near.low < 0.2999) @ ((near.high > 0.3004) & (near.bound < 1e-9))
+
+
+def test_second_derivatives_are_not_known_at_kinks_and_jumps() -> None:
+    low, high = np.array([0.1, 0.25, 0.6]), np.array([0.2, 0.35, 0.7])
+    for text in ("abs(s - 0.3)", "sqrt(abs(s - 0.3))", "max(s - 0.3, 0)**1.5", "piecewise(s < 0.3, 1, 2)"):
+        varying = read([text], "shape", closes=False)
+        assert isinstance(varying, Formulas)
+        least, most = varying.bent(low, high)
+        assert np.isfinite(least[[0, 2]]).all()
+        assert np.isfinite(most[[0, 2]]).all()
+        assert least[1, 0] == -np.inf
+        assert most[1, 0] == np.inf
+    smooth = read(["sin(2*pi*s)"], "shape")
+    assert isinstance(smooth, Formulas)
+    least, most = smooth.bent(low, high)
+    for k in range(3):
+        inside = -((2 * np.pi) ** 2) * np.sin(2 * np.pi * np.linspace(low[k], high[k], 100))
+        assert least[k, 0] <= inside.min() <= inside.max() <= most[k, 0]
+        assert most[k, 0] - least[k, 0] <= 1.5 * (inside.max() - inside.min()) + 1.0

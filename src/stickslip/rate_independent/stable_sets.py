@@ -189,9 +189,9 @@ class Discs:
     radii: Array
     group: int
 
-    def excess(self, xi: Array) -> Array:
-        """How far ξ lies outside K(s) in every row, negative inside, shape (m,)."""
-        return (self._norms(xi) - self.radii).max(axis=1)
+    def holds(self, xi: Array, noise: float) -> bool:
+        """Whether ξ, shape (n,), lies outside K(s) by no more than rounding; of a single row."""
+        return bool((self._norms(xi[None]) <= self.radii + noise).all())
 
     def nearest(self, xi: Array, metric: Array) -> Array:
         """The point of K(s) nearest to ξ, shape (n,), in a metric; of a single row."""
@@ -277,9 +277,9 @@ class ConvexSets:
     def outside(self, xi: Array) -> Array:
         return xi - self._for(xi).nearest(xi)
 
-    def excess(self, xi: Array) -> Array:
-        """How far ξ lies outside K(s) in every row, negative inside, shape (m,)."""
-        return self._for(xi).excess(xi)
+    def holds(self, xi: Array, noise: float) -> bool:
+        """Whether ξ, shape (n,), lies outside K(s) by no more than rounding; of a single row."""
+        return self.dissipation.holds(xi, float(self.phases[0]), noise)
 
     def nearest(self, xi: Array, metric: Array) -> Array:
         """The point of K(s) nearest to ξ, shape (n,), in a metric; of a single row."""

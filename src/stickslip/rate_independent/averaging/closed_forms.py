@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +17,9 @@ from stickslip.rate_independent.dissipation.phase import Varying
 from stickslip.rate_independent.dissipation.polytope import Polytope
 from stickslip.rate_independent.dissipation.product import Product
 from stickslip.rate_independent.dissipation.weighted_l1 import WeightedL1, nonnegative
+
+if TYPE_CHECKING:
+    from stickslip.rate_independent.averaging.exchange import Intersection
 
 MOST_NUMBERS = 20_000_000  # in the table of an optimal motion
 VANISHING = 1e-12  # thresholds that count as 0, of the largest
@@ -182,11 +187,16 @@ class AveragedProduct(Average, Product):
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
         """The nearest point, factor by factor; in a metric, which couples them, from the phases of all together."""
+        if metric is not None and self.cone_form(s) is None:
+            return self._together.project(xi, s, metric)
+        return super().project(xi, s, metric)
+
+    @cached_property
+    def _together(self) -> Intersection:
+        """All factors at once: what was found of it is where the next search starts."""
         from stickslip.rate_independent.averaging.exchange import Intersection
 
-        if metric is not None and self.cone_form(s) is None:
-            return Intersection(self.source, self.tolerance).project(xi, s, metric)
-        return super().project(xi, s, metric)
+        return Intersection(self.source, self.tolerance)
 
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
         """The motions of all factors."""

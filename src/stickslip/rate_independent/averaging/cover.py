@@ -10,11 +10,14 @@ import numpy as np
 from stickslip.rate_independent.averaging.minima import SAMPLES
 from stickslip.rate_independent.dissipation.base import Array, Dissipation
 from stickslip.rate_independent.dissipation.phase import NARROW
-from stickslip.rate_independent.dissipation.stretches import Index
+from stickslip.rate_independent.dissipation.stretches import NOWHERE, Index, Near
 
 PARTS = 8  # of a stretch that is divided
 AHEAD = 4  # neighbours to both sides that are divided along with it: the next force will ask for them
+SHARE = 0.05  # of how far a force was seen outside, by which it may lie farther outside
 MOST = 2**18  # stretches
+BESIDE = 2.0**-7  # distance from the end of a period below which a phase is beside it
+UNKNOWN = np.zeros(0)  # phases at which a force touches
 
 
 class Looked(NamedTuple):
@@ -63,45 +66,73 @@ class Cover:
         """How many phases were looked at."""
         return len(self) + 1
 
-    def look(self, xi: Array, enough: float) -> Looked:
-        """Phases at which ξ lies outside K(s); once it does by more than `enough`, the search need not go on."""
+    def look(self, xi: Array, enough: float, touching: Array = UNKNOWN) -> Looked:
+        """Phases at which ξ lies outside K(s); once it does by more than `enough`, the search need not go on.
+
+        Phases at which it is known to touch K(s), shape (k,), may be given: around them, and where it seems to touch
+        besides, bounds of second order need no fine stretches.
+        """
         phases, found, bound = [], [], -np.inf
-        for _, active, start, end, done in self._levels(xi[None], enough):
+        for _, active, start, end, done in self._levels(xi[None], enough, touching):
             phases += [self.low[active], self.high[active]]
             found += [start, end]
             bound = max(bound, float(done.max(initial=-np.inf)))
         excess = np.concatenate(found)
         return Looked(np.concatenate(phases), excess, np.inf if excess.max() > enough else bound)
 
+    def _near(self, touching: Array, peaks: Array, xi: Array, enough: float) -> Near:
+        """What is proved around phases at which ξ touches K(s), and around others at which it seems to."""
+        known = (np.abs(peaks[:, None] - touching) < BESIDE).any(axis=1)
+        phases = np.append(touching, self.source.closest(peaks[~known], xi)) if not known.all() else touching
+        # K(s) may jump where a period ends: a phase beside that end is close to both.
+        seam = np.array([(phases < BESIDE).any(), (phases > 1.0 - BESIDE).any()])
+        return self.source.around(np.append(phases, np.array([1.0, 0.0])[seam]), xi, enough)
+
+    def _peaks(self, start: Array, end: Array, open_: Index) -> Array:
+        """Where forces on the first stretches lie farthest outside, one phase for each row of stretches in question."""
+        (k,) = np.nonzero(open_)
+        ends = np.maximum(start, end)
+        tops = [row[ends[row].argmax()] for row in np.split(k, np.flatnonzero(np.diff(k) > 1) + 1)]
+        return np.where(start[tops] > end[tops], self.low[tops], self.high[tops])
+
     def excess(self, xi: Array, enough: float) -> Array:
-        """How far forces, shape (q, n), may lie outside any K(s), shape (q,); where that is more than `enough`, do."""
+        """How far forces, shape (q, n), may lie outside any K(s), shape (q,), up to `enough` or a part of itself."""
         worst = np.full(len(xi), -np.inf)
-        for which, _, start, end, done in self._levels(xi, enough):
+        for which, _, start, end, done in self._levels(xi, enough, share=SHARE):
             np.maximum.at(worst, which, np.maximum(np.maximum(start, end), done))
         return worst
 
-    def _levels(self, xi: Array, enough: float) -> Iterator[tuple[Index, Index, Array, Array, Array]]:
+    def _levels(
+        self, xi: Array, enough: float, touching: Array | None = None, share: float | None = None
+    ) -> Iterator[tuple[Index, Index, Array, Array, Array]]:
         """Level after level: which force, on which stretch, how far outside at its ends, and at most.
 
-        That is −∞ for stretches that are divided: as long as the force was seen outside by no more than `enough`.
+        That is −∞ for stretches that are divided: those in which it may be more than `enough`, and by that share more
+        than what was seen; without a share, none once the force was seen outside by more than `enough`.
         """
         which, active = np.repeat(np.arange(len(xi)), self.roots), np.tile(np.arange(self.roots), len(xi))
-        seen, zero = np.full(len(xi), -np.inf), np.zeros((1, xi.shape[1]))
+        seen, zero, near = np.full(len(xi), -np.inf), np.zeros((1, xi.shape[1])), NOWHERE
         while len(active):
             active, which, rows = self._taken(active, which)
-            force, done = xi[which], np.full(len(active), -np.inf)
+            force = xi[which]
             start, end = rows.start.excess(force), rows.end.excess(force)
             ends = np.maximum(start, end)
             np.maximum.at(seen, which, ends)
             # What is narrower than the rounding of a phase has no inside.
-            wide = (self.high[active] - self.low[active] > NARROW) & (seen[which] <= enough)
-            done[~wide] = ends[~wide]
-            open_ = wide
+            wide = self.high[active] - self.low[active] > NARROW
+            if share is None:
+                wide &= seen[which] <= enough
+            limit = np.maximum(enough, (1.0 + (share or 0.0)) * seen[which])
+            done, open_ = ends.copy(), wide
             if wide.any():
                 (k,) = np.nonzero(wide)
                 rows = rows if len(k) == len(active) else rows.taken(k)
-                done[k] = rows.between(ends[k], force[k], force[k], np.broadcast_to(zero, force[k].shape), enough)
-                open_ = wide & (done > enough)
+                done[k] = rows.between(ends[k], force[k], force[k], np.broadcast_to(zero, force[k].shape), limit[k])
+                if touching is not None and (done > limit).any():
+                    near, touching = self._near(touching, self._peaks(start, end, done > limit), xi[0], enough), None
+                if len(near.low):
+                    done[k] = np.minimum(done[k], near.at_most(self.low[active[k]], self.high[active[k]]))
+                open_ = wide & (done > limit)
                 if len(self) + PARTS * int(open_.sum()) > MOST:
                     open_[:] = False
                 done[open_] = -np.inf

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.rate_independent.averaging.closed_forms import measure
 from stickslip.rate_independent.averaging.cones import ConeForm, solve
-from stickslip.rate_independent.averaging.cover import Cover, Looked
+from stickslip.rate_independent.averaging.cover import UNKNOWN, Cover, Looked
 from stickslip.rate_independent.averaging.minima import golden_section, sharpened
 from stickslip.rate_independent.averaging.polishing import Held, refined
 from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation, OptimalMotion
@@ -101,7 +101,10 @@ class Intersection(Average):
         return measure(self.source, V, held.phases, held.motions, held.xi, held.bound)
 
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
-        return _worst(self._look(self.vector(xi, "xi")))
+        return float(self.excesses(self.vector(xi, "xi")[None])[0])
+
+    def holds(self, xi: Array, s: float, noise: float) -> bool:
+        return not self._beyond(xi, noise) and _worst(self._look(xi)) <= noise
 
     def contains(self, xi: ArrayLike, s: float = 0.0, tolerance: float = 1e-12) -> bool:
         """Whether ξ lies in every K(s), up to the tolerance of the average at least."""
@@ -118,16 +121,19 @@ class Intersection(Average):
             If the point stays outside some K(s) by more than the tolerance.
         """
         xi, M = self.vector(xi, "xi"), self.metric(metric)
-        looked = self._look(xi)
-        if looked.excess.max() <= ROUNDING * self.size and looked.bound <= self.tolerance * self.size:
-            return xi.copy()
+        if not self._beyond(xi, ROUNDING * self.size):
+            looked = self._look(xi)
+            if looked.excess.max() <= ROUNDING * self.size and looked.bound <= self.tolerance * self.size:
+                return xi.copy()
         Q = np.eye(self.dimension) if M is None else M
         rule = self.tolerance if self.source.cone_form(0.0) is None else max(self.tolerance**2, SHARPEST)
-        if (again := self._remembered(Q @ xi, Q, rule)) is not None:
-            return again.xi
-        worst = float(looked.phases[looked.excess.argmax()])
-        y = self.source.project(xi, worst, M)
-        first = Held(y, np.array([worst]), (Q @ (xi - y))[None])
+        start = self._ahead(xi, Q) if self._forces else None
+        if start is not None and start.motions.any():
+            held = self._newton(start, Q @ xi, Q)
+            if self._gap(held, Q @ xi, Q) <= rule:
+                return self._kept(held, Q).xi
+        looked = self._look(xi)
+        first = self._at_once(xi, Q, float(looked.phases[looked.excess.argmax()]))
         return self._exchange(first, Q @ xi, Q, rule).xi
 
     def cone_form(self, s: float) -> None:
@@ -143,7 +149,7 @@ class Intersection(Average):
     def excesses(self, xi: Array) -> Array:
         """How far forces, shape (m, n), lie outside, shape (m,)."""
         known = [self._known(row) for row in xi]
-        excess = np.array([np.nan if looked is None else _worst(looked) for looked in known])
+        excess = np.array([_worst(looked) if looked and np.isfinite(looked.bound) else np.nan for looked in known])
         (new,) = np.nonzero(np.isnan(excess))
         for part in np.array_split(new, -(-len(new) // AT_ONCE)) if len(new) else []:
             excess[part] = self.cover.excess(xi[part], SURE * self.tolerance * self.size)
@@ -176,6 +182,11 @@ class Intersection(Average):
     def _places(self) -> Array:
         return np.full((LOOKS, self.dimension), np.inf)
 
+    def _beyond(self, xi: Array, least: float) -> bool:
+        """Whether ξ is seen to lie outside by more than that at the phases that held the last force."""
+        sets = self._forces[-1].sets if self._forces else None
+        return sets is not None and float(sets.excess(xi).max()) > least
+
     def _known(self, xi: Array) -> Looked | None:
         """What is known of a force from one that is the same up to rounding."""
         away = np.abs(self._places - xi).max(axis=1)
@@ -185,10 +196,10 @@ class Intersection(Average):
         looked = self._looked[k - LOOKS + len(self._looked)]
         return looked._replace(bound=looked.bound + float(away[k]) * len(xi))
 
-    def _look(self, xi: Array) -> Looked:
+    def _look(self, xi: Array, touching: Array = UNKNOWN) -> Looked:
         looked = self._known(xi)
         if looked is None:
-            looked = self.cover.look(xi, SURE * self.tolerance * self.size)
+            looked = self.cover.look(xi, SURE * self.tolerance * self.size, touching)
             self._looked.append(looked)
             self._places[:-1] = self._places[1:].copy()
             self._places[-1] = xi
@@ -198,7 +209,7 @@ class Intersection(Average):
         """The force in K_av that resists V most, and the motion it cannot resist better."""
         if not V.any() or self.size == 0.0:
             return Held(np.zeros(len(V)), np.zeros(1), V[None], 0.0, 0.0)
-        if (again := self._remembered(V, None, self.tolerance)) is not None:
+        if (again := self._remembered(V, self.tolerance)) is not None:
             return again
         # Perhaps one phase does everything: the one at which V costs least.
         costs = self.cover.first.start.support(V)
@@ -237,34 +248,35 @@ class Intersection(Average):
             self._forces.append(held)
         return held
 
-    def _remembered(self, c: Array, Q: Array | None, rule: float) -> Held | None:
-        """The solution, if it follows from those that were found before."""
-        if not self._memory or (Q is not None and not self._forces):
+    def _remembered(self, V: Array, rule: float) -> Held | None:
+        """What resists V, if that follows from the forces that were found before."""
+        if not self._memory:
             return None
-        if Q is not None:
-            held = self._newton(self._extrapolated(c, Q), c, Q)
-            return self._kept(held, Q) if self._gap(held, c, Q) <= rule else None
         # A motion is held by the force that held one in the same direction.
         moved = np.array([held.moved for held in self._memory])
-        last = self._memory[int(np.argmax(moved @ c / np.maximum(lengths(moved), np.finfo(float).tiny)))]
-        held = self._again(last, c, Q)
-        if self._gap(held, c, Q) > rule:
-            held = self._newton(held, c, Q)
-        return self._kept(held, Q) if self._gap(held, c, Q) <= rule else None
+        last = self._memory[int(np.argmax(moved @ V / np.maximum(lengths(moved), np.finfo(float).tiny)))]
+        share = max(float(last.moved @ V) / max(float(last.moved @ last.moved), np.finfo(float).tiny), 0.0) or 1.0
+        held = replace(last, motions=last.motions * share).balanced(V, None).merged(SAME)
+        if self._gap(held, V, None) > rule:
+            held = self._newton(held, V, None)
+        return self._kept(held, None) if self._gap(held, V, None) <= rule else None
 
-    def _again(self, last: Held, c: Array, Q: Array | None) -> Held:
-        """An earlier solution, with motions of the size that is asked for."""
-        goal = c if Q is None else c - Q @ last.xi
-        share = max(float(last.moved @ goal) / max(float(last.moved @ last.moved), np.finfo(float).tiny), 0.0) or 1.0
-        return replace(last, motions=last.motions * share).balanced(c, Q).merged(SAME)
-
-    def _extrapolated(self, c: Array, Q: Array) -> Held:
-        """What follows the last two solutions if they are near, or the last one: steps of an evolution are close."""
+    def _ahead(self, xi: Array, Q: Array) -> Held:
+        """A start for the point nearest to ξ, from the last two that were found: steps of an evolution are close."""
         last, before = self._forces[-1], self._forces[0]
-        if last.phases.shape == before.phases.shape and np.abs(last.phases - before.phases).max() < CLUSTER:
-            ahead = (2.0 * getattr(last, name) - getattr(before, name) for name in ("xi", "phases", "motions"))
-            return Held(*ahead).balanced(c, Q).merged(SAME)
-        return self._again(last, c, Q)
+        near = last.phases.shape == before.phases.shape and np.abs(last.phases - before.phases).max() < CLUSTER
+        phases = 2.0 * last.phases - before.phases if near else last.phases
+        if len(phases) == 1:
+            return self._at_once(xi, Q, float(wrapped(phases[0])))
+        point, motions = (
+            (2.0 * last.xi - before.xi, 2.0 * last.motions - before.motions) if near else (last.xi, last.motions)
+        )
+        return Held(point, phases, motions).balanced(Q @ xi, Q).merged(SAME)
+
+    def _at_once(self, xi: Array, Q: Array, s: float) -> Held:
+        """The point nearest to ξ if all moves at one phase."""
+        y = self.source.project(xi, s, Q)
+        return Held(y, np.array([s]), (Q @ (xi - y))[None])
 
     def _gap(self, held: Held, c: Array, Q: Array | None) -> float:
         """Duality gap, relative to what is moved; infinite as long as ξ is outside K_av."""
@@ -310,10 +322,10 @@ class Intersection(Average):
 
     def _judged(self, held: Held) -> Held:
         """What is outside K(s), at the phases that hold ξ and at all others."""
-        looked, own = self._look(held.xi), self.source.sampled(held.phases).excess(held.xi)
-        violation = max(float(looked.excess.max()), float(own.max()), 0.0)
+        looked, sets = self._look(held.xi, held.phases), self.source.sampled(held.phases)
+        violation = max(float(looked.excess.max()), float(sets.excess(held.xi).max()), 0.0)
         phases = self._peaks(looked, held.xi) if violation > ROUNDING * self.size else ()
-        return replace(held, violated=phases, violation=violation, bound=max(looked.bound, violation))
+        return replace(held, sets=sets, violated=phases, violation=violation, bound=max(looked.bound, violation))
 
     def _peaks(self, looked: Looked, xi: Array) -> list[float]:
         """Phases at which ξ lies outside K(s) farther than beside them, the worst first."""
@@ -383,7 +395,13 @@ class Unchanged(Rows, Stretches[Together]):
     start: Together
     end: Together
 
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+    def outside(self, before: Array, after: Array, off: Array, enough: float | Array) -> tuple[Array, Array, Array]:
+        # The force at the end of a stretch is that at the start of the next one.
+        forces, place = np.unique(np.concatenate([before, after]), axis=0, return_inverse=True)
+        first, last = np.split(self.start.potential.excesses(forces)[place.ravel()], 2)
+        return first, last, self.between(np.maximum(first, last), before, after, off, enough)
+
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
         return ends + lengths(off)
 
 

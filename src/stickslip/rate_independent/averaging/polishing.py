@@ -10,12 +10,14 @@ import numpy as np
 
 from stickslip.rate_independent.dissipation.base import Array, Dissipation
 from stickslip.rate_independent.dissipation.phase import wrapped
+from stickslip.rate_independent.dissipation.stretches import Sampled
 
 STEP, STEP_OF_PHASES = 1e-6, 1e-3  # of differences in Newton's method
 WIDEST = 2e-3  # differences of phases
 SHIFTS = np.array([-1.0, -0.5, 0.5, 1.0])
 DIFFERENCE = np.array([1.0, -8.0, 8.0, -1.0]) / 6.0  # derivative of fourth order from the values at SHIFTS
-MOST_ITERATIONS = 12
+MOST_ITERATIONS = 12  # that do not yet converge fast
+FAST = 0.1  # part of the residual that a fast iteration leaves at most
 SMALL = 1e-8  # a Newton step after which none is needed
 SHARES = (1.0, 0.5, 0.25, 0.1)  # of a step that are tried
 SLOW = 1e-8  # below this, what falls slowly is rounding
@@ -33,6 +35,8 @@ class Held:
         It lies no farther outside at any phase.
     violated : sequence of float
         Phases at which it lies outside, the worst first.
+    sets : Sampled
+        K(s) at its phases, once it was looked at.
     """
 
     xi: Array
@@ -41,6 +45,7 @@ class Held:
     violation: float = np.inf
     bound: float = np.inf
     violated: Sequence[float] = ()
+    sets: Sampled | None = None
 
     @cached_property
     def moved(self) -> Array:
@@ -64,11 +69,12 @@ class Held:
         sums = np.array([motions[piece].sum(axis=0) for piece in pieces])
         weights = np.linalg.norm(motions, axis=1) + np.finfo(float).tiny
         means = [float(np.average(phases[piece], weights=weights[piece])) for piece in pieces]
-        return replace(self, phases=np.array(means), motions=sums)
+        return replace(self, phases=np.array(means), motions=sums, sets=None)
 
     def gap(self, source: Dissipation) -> float:
         """Duality gap: what the motions cost, less what the force does on them."""
-        cost = float(source.sampled(self.phases).support(self.motions).sum())
+        sets = source.sampled(self.phases) if self.sets is None else self.sets
+        cost = float(sets.support(self.motions).sum())
         lengths = float(np.linalg.norm(self.motions, axis=1).sum())
         return cost - float((self.motions @ self.xi).sum()) + self.violation * lengths
 
@@ -98,7 +104,7 @@ def refined(source: Dissipation, held: Held, c: Array, Q: Array | None, size: fl
     # Unknowns: ξ in units of size, and for each phase v_k in units of length and s_k.
     x, contacts = held.xi / size, np.column_stack([held.motions / length, held.phases])
     off, rest, touch = at(x, contacts)
-    for _ in range(MOST_ITERATIONS):
+    for iteration in range(2 * MOST_ITERATIONS):
         step = np.linalg.lstsq(
             _jacobian(curvature, (touch[:, 1:] - touch[:, :1]) / steps[:, :, None]), rest, rcond=1e-10
         )[0]
@@ -114,6 +120,7 @@ def refined(source: Dissipation, held: Held, c: Array, Q: Array | None, size: fl
             break
         x, contacts = x - share * to_x, contacts - share * to_contacts
         slow = ahead[0] > 0.5 * off and off < SLOW
+        slow |= iteration >= MOST_ITERATIONS and ahead[0] > FAST * off
         off, rest, touch = ahead
         if slow:
             break

@@ -12,7 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.dissipation.phase import check_finite
-from stickslip.rate_independent.dissipation.stretches import Estimated, OneByOne, Sampled, Stretches
+from stickslip.rate_independent.dissipation.stretches import (
+    NOWHERE,
+    Estimated,
+    Near,
+    OneByOne,
+    Sampled,
+    Stretches,
+)
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.averaging.cones import ConeForm
@@ -132,6 +139,10 @@ class Dissipation(ABC):
         outside, length = float(np.linalg.norm(xi - nearest(xi))), float(np.linalg.norm(xi))
         return outside if outside > 1e-13 * length else -self._depth(xi, length, s, nearest)
 
+    def holds(self, xi: Array, s: float, noise: float) -> bool:
+        """Whether ξ, shape (n,), lies outside K(s) by no more than `noise`."""
+        return self.excess(xi, s) <= noise
+
     def sampled(self, phases: Array) -> Sampled:
         """The potential at several phases, shape (m,), at once."""
         return OneByOne(self, phases)
@@ -148,6 +159,17 @@ class Dissipation(ABC):
         """
         start, end, middle = (OneByOne(self, s) for s in (low, high, 0.5 * (low + high)))
         return Estimated(start, end, middle)
+
+    def closest(self, phases: Array, xi: Array) -> Array:
+        """Phases near given ones, shape (k,), at which a force is closest to the boundary of K(s), about."""
+        return phases
+
+    def around(self, phases: Array, xi: Array, enough: float) -> Near:
+        """Stretches around phases, shape (k,), at which ξ may touch K(s), and is outside by no more than `enough`.
+
+        What is said of them is proved, from second derivatives. By default, nothing is.
+        """
+        return NOWHERE
 
     def prox(self, v: ArrayLike, s: float = 0.0, step: float = 1.0) -> Array:
         """Proximal step: the w with the least ½|w − v|² + step Ψ(s, w), shape (n,).

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation
-from stickslip.rate_independent.dissipation.phase import SAMPLE_PHASES, Varying, read, wrapped
+from stickslip.rate_independent.dissipation.parabolas import Parabolas
+from stickslip.rate_independent.dissipation.phase import SAMPLE_PHASES, Formulas, Varying, read, wrapped
 from stickslip.rate_independent.dissipation.projections import secular
-from stickslip.rate_independent.dissipation.stretches import Rows, Sampled, Stretches, lengths
+from stickslip.rate_independent.dissipation.stretches import NOWHERE, Near, Rows, Sampled, Stretches, lengths
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.averaging.cones import ConeForm
@@ -136,6 +137,25 @@ class Ellipsoid(Dissipation):
         off = np.sqrt(np.square(S.off).sum(axis=(1, 2)))
         return StretchesOfEllipsoids(start, end, np.maximum(off - start.floor, 0.0), *inner)
 
+    @cached_property
+    def _parabolas(self) -> Parabolas | None:
+        return Parabolas.of(self.matrix) if isinstance(self.matrix, Formulas) else None
+
+    def closest(self, phases: Array, xi: Array) -> Array:
+        return phases if self._parabolas is None else self._parabolas.vertices(phases, xi)
+
+    def around(self, phases: Array, xi: Array, enough: float) -> Near:
+        if self._parabolas is None:
+            return NOWHERE
+        # ξ lies in K(s) if S − ξξᵀ is positive semidefinite; if S + δ − ξξᵀ is, outside by √(λ + δ) − √λ at most, λ
+        # at least the least eigenvalue of S.
+        low, high, below, least = self._parabolas.around(phases, xi)
+        with np.errstate(invalid="ignore"):
+            bound = below / np.sqrt(np.maximum(least, below))
+        widest = np.where(bound <= enough, high - low, 0.0).argmax(axis=0), np.arange(len(phases))
+        kept = bound[widest] <= enough
+        return Near(*(rows[widest][kept] for rows in (low, high, bound)))
+
     def cone_form(self, s: float) -> ConeForm:
         from stickslip.rate_independent.averaging.cones import ellipsoid
 
@@ -225,7 +245,7 @@ class StretchesOfEllipsoids(Rows, Stretches[SampledEllipsoid]):
     inner_start: SampledEllipsoid
     inner_end: SampledEllipsoid
 
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
         # √⟨v, S v⟩ is concave in S: where S goes straight, a force that goes straight lies no farther outside than at
         # the ends. What S is off by moves the support function by √λ − √(λ − ε), λ at least the least eigenvalue.
         least = np.minimum(self.start.squares[:, 0], self.end.squares[:, 0])

@@ -149,7 +149,7 @@ class StretchesOfBalls(Rows, Stretches[SampledBalls]):
     end: SampledBalls
     off_radii: Array
 
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
         # The length of a force that goes straight is convex.
         norms = self.start.norms
         beyond = np.maximum(norms(before) - self.start.radii, norms(after) - self.end.radii)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip import expressions as ex
+from stickslip.boxes import slopes
 from stickslip.chords import Chord, deviations, evaluate, table
 from stickslip.errors import DeclarationError
 from stickslip.expressions import Expr
@@ -165,9 +166,10 @@ class Formulas(Varying):
         return np.array([float(v) for v in evaluate(self.expressions, s)]).reshape(self.shape)
 
     def over(self, phases: Array) -> Array:
-        return self._at(wrapped(phases))
+        return self.unwrapped(wrapped(phases))
 
-    def _at(self, phases: Array) -> Array:
+    def unwrapped(self, phases: Array) -> Array:
+        """The arrays at several phases as the formulas say, also at the end of a period."""
         rows = table(self.expressions, phases)
         if not np.isfinite(rows).all():
             k = int(np.argmin(np.isfinite(rows).all(axis=1)))
@@ -175,9 +177,29 @@ class Formulas(Varying):
         return rows.reshape(len(phases), *self.shape)
 
     def chord(self, low: Array, high: Array) -> Chord:
-        start, end = self._at(low), self._at(high)
+        start, end = self.unwrapped(low), self.unwrapped(high)
         rows = (at.reshape(len(low), -1) for at in (start, end))
         return Chord(start, end, deviations(self.expressions, "s", low, high, *rows).reshape(start.shape))
+
+    @cached_property
+    def _slopes(self) -> list[Expr]:
+        return [ex.derivative(e, "s") for e in self.expressions]
+
+    def slope(self, phases: Array) -> Array:
+        """Derivatives in s, shape (m, ...); where there is one."""
+        return table(self._slopes, phases).reshape(len(phases), *self.shape)
+
+    def bent(self, low: Array, high: Array) -> Array:
+        """What second derivatives in s lie in on stretches, shape (2, m, ...): infinite where they are not known."""
+        inside = {"s": (low, high)}
+        once, twice = (
+            np.stack([slope for _, slope in slopes(expressions, inside, "s")], axis=2)
+            for expressions in (self.expressions, self._slopes)
+        )
+        # Across a jump or a kink, a derivative says nothing: there, a slope of the formula or of its own is unbounded.
+        known = np.isfinite(once).all(axis=0) & np.isfinite(twice).all(axis=0)
+        twice = np.where(known, twice, np.array([-np.inf, np.inf])[:, None, None])
+        return twice.reshape(2, len(low), *self.shape)
 
     def entries(self, index: NDArray[np.intp], phases: Array) -> Array:
         values = np.empty(len(index))

@@ -80,7 +80,7 @@ class StretchesOfHalfspaces(Rows, Stretches[SampledHalfspaces]):
     off_normals: Array
     off_offsets: Array
 
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
         N, M = self.start.normals, self.end.normals
         # The product of two straight lines is off by a quarter of the product of their rises.
         bent = np.abs(np.einsum("mkn,mn->mk", M - N, after - before)) / 4.0
@@ -181,7 +181,7 @@ class StretchesOfHulls(Rows, Stretches[SampledHulls]):
     end: SampledHulls
     off_points: Array
 
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
         first, last = self.start.excess(before), self.end.excess(after)
         moved, bent = lengths(self.off_points).max(axis=1), lengths(off)
         # No point of the hull, and no force, is farther from where it is at an end than that.

@@ -145,6 +145,6 @@ class StretchesOfProducts(Rows, Stretches[SampledProduct]):
     end: SampledProduct
     factors: tuple[Stretches, ...]
 
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
         own = zip(self.factors, self.parts, strict=True)
         return np.max([f.outside(before[:, p], after[:, p], off[:, p], enough)[2] for f, p in own], axis=0)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
+from functools import cache
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +31,13 @@ class Rows:
         return replace(self, **{name: _joined(value, theirs[name]) for name, value in self._rows().items()})
 
     def _rows(self) -> dict[str, Any]:
-        values = {item.name: getattr(self, item.name) for item in fields(self)}
-        return {name: v for name, v in values.items() if isinstance(v, Rows | np.ndarray | tuple)}
+        values = ((name, getattr(self, name)) for name in _names(type(self)))
+        return {name: value for name, value in values if isinstance(value, (Rows, np.ndarray, tuple))}
+
+
+@cache
+def _names(kind: type[Rows]) -> tuple[str, ...]:
+    return tuple(item.name for item in fields(kind))
 
 
 def _taken(value: Any, index: Index) -> Any:
@@ -78,7 +84,7 @@ class Stretches(ABC, Generic[S]):
     end: S
 
     @abstractmethod
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
         """How far a force may lie outside K(s) while s runs over a stretch, shape (m,).
 
         Parameters
@@ -89,14 +95,30 @@ class Stretches(ABC, Generic[S]):
             The force at the ends.
         off : ndarray of shape (m, n)
             How far its components may be from the straight line in between.
-        enough : float
+        enough : float or ndarray of shape (m,)
             Below this, no effort is made for a sharper bound.
         """
 
-    def outside(self, before: Array, after: Array, off: Array, enough: float) -> tuple[Array, Array, Array]:
+    def outside(self, before: Array, after: Array, off: Array, enough: float | Array) -> tuple[Array, Array, Array]:
         """How far a force lies outside K(s) at the start and the end of each stretch, and may lie in between."""
         first, last = self.start.excess(before), self.end.excess(after)
         return first, last, self.between(np.maximum(first, last), before, after, off, enough)
+
+
+class Near(NamedTuple):
+    """Stretches of phases on which a force is proved to lie outside K(s) by no more than a bound; all of shape (k,)."""
+
+    low: Array
+    high: Array
+    bound: Array
+
+    def at_most(self, low: Array, high: Array) -> Array:
+        """How far the force may lie outside on given stretches, shape (m,); infinite where nothing is proved."""
+        inside = (self.low <= low[:, None]) & (high[:, None] <= self.high)
+        return np.where(inside, self.bound, np.inf).min(axis=1, initial=np.inf)
+
+
+NOWHERE = Near(*np.zeros((3, 0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +150,7 @@ class Estimated(Rows, Stretches[OneByOne]):
     end: OneByOne
     middle: OneByOne
 
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
         # Twice the deviation in the middle from the line between the ends: a parabola, or a kink anywhere.
         first, last = self.start.excess(before), self.end.excess(after)
         bent = np.abs(2.0 * self.middle.excess(0.5 * (before + after)) - first - last)

@@ -147,7 +147,7 @@ class StretchesOfBoxes(Rows, Stretches[SampledBoxes]):
     off_lower: Array
     off_upper: Array
 
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float) -> Array:
+    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
         above = np.maximum(before - self.start.upper, after - self.end.upper) + self.off_upper
         below = np.maximum(self.start.lower - before, self.end.lower - after) + self.off_lower
         return (np.maximum(above, below) + off).max(axis=1)

@@ -59,7 +59,7 @@ class ProjectionSteps:
         for k, load in enumerate(loads):
             elastic, row = self.A @ z, sets.row(k)
             force, noise = load - elastic, ROUNDING * (np.abs(load).max() + np.abs(elastic).max() + size)
-            if row.excess(force[None])[0] > noise:
+            if not row.holds(force, noise):
                 held, effort[k] = row.nearest(force, self.metric), 1
                 z = z + self._increment(force - held, held, row, noise)
             states[k] = z
