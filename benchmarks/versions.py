@@ -1,9 +1,10 @@
-"""What a change costs: two checkouts in one run, in turn: ``python benchmarks/versions.py OTHER_CHECKOUT [averages]``.
+"""What a change costs: two checkouts in one run, in turn: ``python benchmarks/versions.py OTHER_CHECKOUT [GROUP]``.
 
 The loops of ``benchmarks/motion.py`` (spring slider (3.3) with its smooth law, scaled slider (3.6), rocking toy (4.2)),
 a motion of each by ``simulate``, and the certificates of the whole catalogue, each by both in turn; the minima of the
 rounds stand in ``benchmarks/results/versions.md``. With `averages`: steps of evolutions in which friction is that of an
-ellipse on average, in ``benchmarks/results/averages.md``. Both run in this Python, each with its own compiled code.
+ellipse on average, in ``benchmarks/results/averages.md``. With `maps`: parameter maps, settled, measured and stored, in
+``benchmarks/results/maps.md``. Both run in this Python, each with its own compiled code.
 """
 
 from __future__ import annotations
@@ -18,14 +19,23 @@ from functools import partial
 from pathlib import Path
 
 RESULTS = Path(__file__).parent / "results"
-ROUNDS = {"versions": 15, "averages": 5}
+ROUNDS = {"versions": 15, "averages": 5, "maps": 5}
 MEAN, HALF = 2.125, 1.875  # of the squares of the half axes 2 and 1/2
 ELLIPSES = {
     "turning": ("2*pi*s", MEAN, HALF),
     "swinging": ("1.2*sin(2*pi*s)", MEAN, HALF),
     "breathing": ("2*pi*s", "1 + cos(2*pi*s)/2", "sin(4*pi*s)/3"),
 }  # angle of the long axis, times two; mean and half difference of the squares
-TITLES = {"versions": "What a change costs", "averages": "What a change costs: a step with averaged friction"}
+TITLES = {
+    "versions": "What a change costs",
+    "averages": "What a change costs: a step with averaged friction",
+    "maps": "What a change costs: parameter maps",
+}
+MAPS: dict[str, tuple[str, dict[str, str], list[str]]] = {
+    "rocking_toy": ("toy (4.2), 60 × 60 points", {"P": "0.8:1.5:60", "delta": "0.01:0.2:60"}, ["speed"]),
+    "scaled_slider": ("slider (3.6), 30 × 30 points", {"b": "0.3:1.2:30", "nu": "log:1e-3:1e-2:30"}, ["period"]),
+    "spring_slider": ("slider (3.3), 16 × 16 points", {"V": "0.05:0.3:16", "nu": "0.01:0.05:16"}, ["period"]),
+}
 STEPS = {"200": 200, "adaptive": None}
 
 
@@ -60,6 +70,16 @@ def averaged_step(kind: str, steps: int | None) -> float:
     return spent / (found.dataset.sizes["step"] - 1)
 
 
+def mapped(name: str, axes: dict[str, str], measures: list[str]) -> float:
+    """Seconds of a map."""
+    import stickslip as ss
+
+    with tempfile.TemporaryDirectory() as folder:
+        began = time.perf_counter()
+        ss.sweep(getattr(ss.catalogue, name)(), axes, measures, Path(folder) / "map.zarr", workers=1)
+        return time.perf_counter() - began
+
+
 def jobs_of(group: str) -> dict[str, tuple[str, Callable[[], float]]]:
     """What is measured: titles, and functions that return seconds."""
     if group == "averages":
@@ -68,6 +88,8 @@ def jobs_of(group: str) -> dict[str, tuple[str, Callable[[], float]]]:
             for kind in ELLIPSES
             for name, steps in STEPS.items()
         }
+    if group == "maps":
+        return {name: (title, partial(mapped, name, axes, measures)) for name, (title, axes, measures) in MAPS.items()}
     from motion import batch, one_call
 
     def timed(run: Callable[[], object]) -> float:
