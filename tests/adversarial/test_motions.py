@@ -27,7 +27,7 @@ CHOSEN = {
     "travelling weakness, viscous": (1, 4, 6),
     "narrow wall, inertial": (1, 5, 6),
     "narrow in a state": (5, 6, 7),
-    "thrown block": (4, 6, 8),
+    "thrown block": (4, 6, 8, 1006),
     "block on a sled": (1, 3, 4),
     "mutual friction": (508, 515, 517),
     "heavy and light": (1, 2, 7),
