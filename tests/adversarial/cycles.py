@@ -165,15 +165,17 @@ def attracts(case: Repeating, own: Repeating, cycle: ss.Cycle) -> tuple[str, dic
     free = [not isinstance(own.system.coordinates.get(name), ss.RateIndependent) for name in own.names]
     for _ in range(2):
         kick = own.mechanics.held(own.start, APART * size * free * rng.choice([-1.0, 1.0], len(size)))
-        end = np.array([rounds * own.duration])
+        # A kick of one component may be a large one of another, relative to its size, as soon as it has come around.
+        times = np.unique([1, 2, rounds] if largest < 1.0 and rounds > 4 else [rounds]) * own.duration
         try:
-            motion = integrate(own.mechanics, (0.0, end[0]), own.start + kick, end, 1e-11)
+            motion = integrate(own.mechanics, (0.0, times[-1]), own.start + kick, times, 1e-11)
         except NoAnswer:
             continue
         if np.any(kick) and len(motion.states):
-            last = own.at_home(motion.states[-1])
-            beside = (states[0] if case.driven else nearest(states, last, size)) - last
-            ratios.append(float(np.max(np.abs(beside) / size) / np.max(np.abs(own.at_home(kick)) / size)))
+            homes = [own.at_home(state) for state in motion.states]
+            besides = [(states[0] if case.driven else nearest(states, home, size)) - home for home in homes]
+            *first, last = [float(np.max(np.abs(beside) / size)) for beside in besides]
+            ratios.append(last / max(*first, float(np.max(np.abs(own.at_home(kick)) / size)), 0.0))
     numbers = {"ratios": ratios, "rounds": rounds, "multiplier": largest}
     if ratios and cycle.stable and min(ratios) > 0.5:
         return "called stable, neighbours are not attracted", numbers

@@ -22,6 +22,7 @@ CHOSEN = {
     "rough patch": (1,),
     "gust after rest": (0, 1),
     "nothing damps it": (0, 1, 2),
+    "dragged block": (0, 1),
 }
 
 

@@ -209,7 +209,8 @@ def linearise(problem: Problem, constants: Constants, group: Array, mode: Array,
     # Many times spread over slow and fast periods keep the fit of the drives well conditioned.
     slowest = np.min(np.where(omega > 0.0, omega, np.inf), axis=1, initial=np.inf)
     window = np.where(slowest < np.inf, 6.0 * np.pi / slowest, AGES)
-    spread = [(0.6180339887498949 * k) % 1.0 for k in range(1, 6 * ne)] if layout.timed else []
+    several = [(0.6180339887498949 * k) % 1.0 for k in range(1, 6 * ne)]
+    spread = several if omega.shape[1] else [1.0] * layout.timed
     d = 1 + len(spread)
     later = np.array([0.0, *spread]) * window[:, None]
     checks = np.array(
@@ -240,11 +241,13 @@ def linearise(problem: Problem, constants: Constants, group: Array, mode: Array,
     difference[np.abs(difference) <= 4e-16 * (np.abs(slopes) + np.abs(rest[:, :1]))] = 0.0
     D = np.ascontiguousarray((difference / PROBE).transpose(0, 2, 1))
     E = np.zeros((count, out.shape[2], ne))
-    if layout.timed:
+    E[:, :, 0] = rest[:, 0]
+    if omega.shape[1]:
         E, steady = fit_drives(drives(later, omega), rest, window)
         found &= steady
-    else:
-        E[:, :, 0] = rest[:, 0]
+    elif layout.timed:
+        # Late enough, all that was there at the beginning is lost in what has come with time.
+        E[:, :, 1] = (rest[:, -1] - rest[:, 0]) / later[:, -1:]
     e = drives(times[:, d + n :], omega)
     predicted = checks @ D.transpose(0, 2, 1) + e @ E.transpose(0, 2, 1)
     size = np.abs(checks) @ np.abs(D).transpose(0, 2, 1) + np.abs(e) @ np.abs(E).transpose(0, 2, 1)
