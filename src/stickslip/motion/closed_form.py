@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Array = Any  # of floats, integers or complex numbers
 
 PROBE = 2.0**200  # so large that constants do not drown the slopes, in whatever unit; scaling with it is exact
-AGES = 2.0**100  # likewise for slopes in time, where there are no waves
+AGES = 2.0**300  # likewise for slopes in time, where there are no waves
 CONDITION = 1e4
 SLOW = 1e-6  # smallest eigenvalue, relative to the largest, that may be divided by
 
@@ -247,7 +247,9 @@ def linearise(problem: Problem, constants: Constants, group: Array, mode: Array,
         found &= steady
     elif layout.timed:
         # Late enough, all that was there at the beginning is lost in what has come with time.
-        E[:, :, 1] = (rest[:, -1] - rest[:, 0]) / later[:, -1:]
+        change = rest[:, -1] - rest[:, 0]
+        E[:, :, 1] = change / later[:, -1:]
+        found &= np.all((change == 0.0) | (np.abs(change) >= 1e-2 * np.abs(rest[:, 0])), axis=1)
     e = drives(times[:, d + n :], omega)
     predicted = checks @ D.transpose(0, 2, 1) + e @ E.transpose(0, 2, 1)
     size = np.abs(checks) @ np.abs(D).transpose(0, 2, 1) + np.abs(e) @ np.abs(E).transpose(0, 2, 1)
