@@ -208,7 +208,7 @@ def test_hostile_formula(text, tmp_path, monkeypatch):
     start = time.thread_time()
     with pytest.raises(DeclarationError) as caught:
         parse(text)
-    assert time.thread_time() - start < 5  # it takes a moment, not for ever
+    assert time.thread_time() - start < 1  # it takes a moment, not for ever
     error = caught.value
     assert error.where == "here"
     assert error.reason
@@ -245,7 +245,7 @@ def test_definitions_that_explode(definitions):
     start = time.thread_time()
     with pytest.raises(DeclarationError):
         parse("f39(x, y)" if len(definitions["f39"]) == 3 else "f39(x)", **definitions)
-    assert time.thread_time() - start < 5
+    assert time.thread_time() - start < 2
 
 
 def test_long_chain_of_definitions_is_no_traceback():

@@ -373,3 +373,24 @@ def test_force_that_is_small_beside_its_terms() -> None:
         # The pulse pushes the front leg forward, and pulls the hind leg after it.
         assert motion.final["y"] - far == pytest.approx(2.4 - 0.124 / 1.4, abs=1e-10)
         assert motion.final["x"] - far == pytest.approx(2.4 - 2 * 0.124 / 1.4, abs=1e-10)
+
+
+@pytest.mark.parametrize(("time", "length", "force"), [(1.0, 1.0, 1.0), (1e60, 1.0, 1.0), (1e-60, 1.0, 1e60)])
+def test_loads_that_grow_with_time_in_every_unit(time: float, length: float, force: float) -> None:
+    k, c, V = 1.8 * force / length, 0.01 * force * time / length, 0.8 * length / time
+    dragged = System(
+        "dragged",
+        parameters=given(m=force * time**2 / length, k=k, c=c, V=V, s=0.9 * force, d=0.3 * force),
+        coordinates={"x": Inertial()},
+        kinetic="m*d_x**2/2",
+        potential="k*(x - V*t)**2/2",
+        viscous="c*d_x**2/2",
+        contacts={"ground": Contact("d_x", "s", kinetic="d")},
+    )
+    motion = certified(simulate(dragged, (0.0, 40.0 * time)))
+    assert motion.n_switches == 17
+    # The spring pulls with 0.9 where the first slip begins.
+    start = motion.knots.time[1] / time
+    assert start == pytest.approx(0.9 / (1.8 * 0.8), rel=1e-12)
+    if time == 1.0:
+        assert len(motion.knots.time) == motion.n_switches + 2  # one flight from switch to switch: in closed form
