@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 SWEEPS, ENOUGH = 400, 1e-13
-ROUNDS = 3  # of inserting the turning points of bounds
+ROUNDS = 40  # of inserting the turning points of bounds: in the tail of a pulse they are far from parabolas
 
 
 @njit
@@ -105,21 +105,29 @@ def follow(A: Array, loads: Array, low: Array, high: Array, discs: bool, z: Arra
 def play(times: Array, low: Callable[[Array], Array], high: Callable[[Array], Array], z: float, at: Array) -> Array:
     """The scalar play between L and U at given times: a clamp, exact where the bounds are monotone between times."""
     t = np.union1d(times, at)
-    for _ in range(ROUNDS):
-        t = np.unique(np.concatenate([t, _vertices(t, low(t)), _vertices(t, high(t))]))
     lower, upper = low(t), high(t)
+    for _ in range(ROUNDS):
+        new = np.setdiff1d(np.concatenate([_vertices(t, lower), _vertices(t, upper)]), t)
+        if len(new) == 0:
+            break
+        order = np.argsort(np.concatenate([t, new]))
+        t = np.concatenate([t, new])[order]
+        lower = np.concatenate([lower, low(new)])[order]
+        upper = np.concatenate([upper, high(new)])[order]
     states = _clamped(lower, upper, z)
     return states[np.searchsorted(t, at)]
 
 
 def _vertices(t: Array, y: Array) -> Array:
-    """Tips of parabolas through the neighbours of local extrema."""
+    """Tips of parabolas through the neighbours of local extrema, where they are higher than these by more than rounding."""
     k = np.flatnonzero((y[1:-1] - y[:-2]) * (y[2:] - y[1:-1]) < 0.0) + 1
     a, b, c = t[k - 1], t[k], t[k + 1]
     p, q = (b - a) * (y[k] - y[k + 1]), (b - c) * (y[k] - y[k - 1])
     with np.errstate(all="ignore"):
         tip = b - 0.5 * ((b - a) * p - (b - c) * q) / (p - q)
-    return tip[(tip > a) & (tip < c)]
+        bend = ((y[k + 1] - y[k]) / (c - b) - (y[k] - y[k - 1]) / (b - a)) / (c - a)
+        counts = np.abs(bend) * (tip - b) ** 2 > 1e-15 * np.max(np.abs(y))
+    return tip[(tip > a) & (tip < c) & counts]
 
 
 @njit

@@ -23,7 +23,7 @@ QUICK = {name: (0, 1, 2, 3) for name in averages.FAMILIES} | {
     "half spaces that turn": (4,),
 }
 STEPPED = {
-    "play with a pulse": (0, 1, 2, 3, 6, 10),
+    "play with a pulse": (0, 1, 2, 3, 6, 10, 2003),
     "play with a threshold that oscillates": (0, 1, 5, 7),
     "one component with a pulse": (1, 2),
     "components with a pulse": (0, 1),

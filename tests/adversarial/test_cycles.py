@@ -15,7 +15,7 @@ from adversarial.families.single import by_hand
 from adversarial.settling import Settled, settle
 from adversarial.verdict import AGREED, NO_REFERENCE, REFUSED, WRONG
 from oracles import belt_block
-from stickslip import Cycle, simulate
+from stickslip import Cycle, find_cycle, simulate
 
 CHOSEN = {
     "falling with speed": (0, 1),
@@ -55,6 +55,14 @@ def test_a_cycle_that_is_settled_on() -> None:
     verdict = cycles.judge(cycles.draw("static above kinetic", 2))
     assert verdict.kind == AGREED
     assert verdict.numbers["settled"] > 100.0
+
+
+def test_a_motion_does_not_settle_on_a_cycle_that_repels() -> None:
+    """The belt carries the blocks past an unstable cycle of twice the period; brute force settles on the shorter one."""
+    case = cycles.draw("two blocks on a belt", 2010)
+    cycle = find_cycle(case.system, case.initial, case.parameters)
+    assert cycle.stable
+    assert cycle.period == pytest.approx(13.4338434867, rel=1e-9)
 
 
 # -- brute force -------------------------------------------------------------------------------------------------------

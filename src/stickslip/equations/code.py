@@ -21,7 +21,7 @@ import numpy as np
 
 from stickslip import expressions as ex
 from stickslip.equations.derive import MotionEquations
-from stickslip.equations.printer import printed
+from stickslip.equations.printer import by_mode, printed
 from stickslip.equations.tape import ORIGIN, Constants, Instruction, Op, Scaled, Tape, literal, scalar_code
 from stickslip.expressions import Expr
 
@@ -236,8 +236,9 @@ class _Generator:
             sides = self.eq.contacts[c].speed, rate.rest[i], rate.threshold_rest[0][i], rate.threshold_rest[1][i]
             rows = tuple(tape.row(e) for e in sides)
             self.solves[1].append(Instruction(Op.RIGHT, right + i, rows, place=c))
-            size = f"{self.size(rate.rest[i])} + {self.size(rate.threshold_rest[0][i])} + abs(W[{rows[0]}, 0])"
-            self.magnitudes.append(f"mag[{base + i}] = {size}")
+            # A contact that sticks states a velocity, one that slides a rate of its force: two units.
+            plus, minus = (f"{self.size(rate.rest[i])} + {self.size(side[i])}" for side in rate.threshold_rest)
+            self.magnitudes.append(f"mag[{base + i}] = {by_mode(c, f'abs(W[{rows[0]}, 0])', plus, minus)}")
         self.solves[1].append(Instruction(Op.RATES, first, (right,), size=n, entries=tuple(entries)))
         for i in range(n):
             inner = " + ".join(f"abs(B[{i}, {m}])*mag[{base + m}]" for m in range(n))

@@ -296,6 +296,23 @@ def arrive(T: ClosedForms, slot: int, f: Flight, x: Array, tau: float, omega: Ar
 
 
 @njit(**INLINED)
+def land(T: ClosedForms, slot: int, f: Flight, guard: int, x: Array, last: float) -> float:
+    """Put x, at the end of a flight of a duration, where the guard that ended it vanishes; returns the time that takes.
+
+    Near resonance, a long flight ends as far from there as its large parts cancel. A one-sided power that begins
+    there has no values on the wrong side.
+    """
+    v = f.v
+    _derive(T.S[slot], v, 1)
+    value, slope = dot(T.G[slot, guard], v[0]), dot(T.G[slot, guard], v[1])
+    if not slope < 0.0 or abs(value) * T.pace[slot] > -1e-9 * last * slope:
+        return 0.0
+    for i in range(len(x)):
+        x[i] -= value / slope * v[1, i]
+    return -value / slope * T.pace[slot]
+
+
+@njit(**INLINED)
 def admissible(T: ClosedForms, slot: int, f: Flight, x: Array, last: float) -> bool:
     """Whether sticking contacts are at rest and sliding rate-independent ones on their threshold; removes rounding."""
     s, moduli, S = f.v[0], f.size[0], T.S[slot]

@@ -264,9 +264,9 @@ def fit_drives(basis: Array, values: Array, window: Array) -> tuple[Array, Array
     steady = s[:, -1] > 1e-2 * s[:, 0]
     s = np.where(steady[:, None], s, 1.0)
     fit = Vh.transpose(0, 2, 1) @ ((U.transpose(0, 2, 1) @ values) / s[:, :, None])
-    fit[:, 1] /= window[:, None]
     E = np.ascontiguousarray(fit.transpose(0, 2, 1))
     E[np.abs(E) <= 1e-14 * np.max(np.abs(values), axis=1)[:, :, None]] = 0.0
+    E[:, :, 1] /= window[:, None]
     return E, steady
 
 

@@ -279,6 +279,7 @@ def fly_on(
     """
     clock, y, mode, reg, counters = lane.clock, lane.y, lane.mode, lane.reg, lane.counters
     nc, nk, drops, several = len(mode), len(reg), rows.drops, total(rows.drops) > 1
+    flown, fallen = -1, -1
     while True:
         if recording and count == len(record.time):
             return FULL, count
@@ -310,6 +311,8 @@ def fly_on(
         if not ready:
             copy(flight.mode0, mode)
             copy(flight.reg0, reg)
+            if fired >= 0 and fired < nk and fallen >= 0:
+                clock[0] = t + affine.land(T, flown, flight, fallen, y, clock[1])
             return -1, count
         count = note(lane, recording, record, count)
         if t >= end:
@@ -319,7 +322,7 @@ def fly_on(
         clock[1], clock[7], clock[4] = tau, tau, max(tau, 0.5 * clock[4])
         clock[0] = t + tau if guard >= 0 else end
         affine.arrive(T, slot, flight, y, tau, omega)
-        counters[2] = -1
+        counters[2], flown, fallen = -1, slot, guard
         if guard < 0:
             continue
         if T.switch[slot, guard] >= nk + 2 * nc:
