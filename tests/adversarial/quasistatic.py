@@ -119,7 +119,7 @@ def play(times: Array, low: Callable[[Array], Array], high: Callable[[Array], Ar
 
 
 def _vertices(t: Array, y: Array) -> Array:
-    """Tips of parabolas through the neighbours of local extrema, where they are higher than these by more than rounding."""
+    """Tips of parabolas through the neighbours of local extrema, where these are lower by more than rounding."""
     k = np.flatnonzero((y[1:-1] - y[:-2]) * (y[2:] - y[1:-1]) < 0.0) + 1
     a, b, c = t[k - 1], t[k], t[k + 1]
     p, q = (b - a) * (y[k] - y[k + 1]), (b - c) * (y[k] - y[k - 1])

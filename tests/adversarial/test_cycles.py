@@ -58,7 +58,7 @@ def test_a_cycle_that_is_settled_on() -> None:
 
 
 def test_a_motion_does_not_settle_on_a_cycle_that_repels() -> None:
-    """The belt carries the blocks past an unstable cycle of twice the period; brute force settles on the shorter one."""
+    """The belt carries the blocks to an unstable cycle of twice the period; brute force settles on another."""
     case = cycles.draw("two blocks on a belt", 2010)
     cycle = find_cycle(case.system, case.initial, case.parameters)
     assert cycle.stable

@@ -203,7 +203,7 @@ class _Search:
         for recurrence in earliest(w):
             if recurrence.distance <= NEARBY:
                 closed = self._try(w, recurrence)
-                # A motion that is brought to a cycle, as by the belt that carries it there, need not have begun beside it.
+                # A motion that is brought to a cycle, as by a belt that carries it there, has not begun beside it.
                 if closed is not None and (not repels(closed) or closed.distance(self.state, self.time) <= AGREES):
                     return closed
         return None
