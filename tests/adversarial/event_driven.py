@@ -311,11 +311,11 @@ class Run:
             for j in range(1, min(first, len(column) - 1)):
                 dip = self._dip(value, tau, column, j)
                 if dip is not None:
-                    roots[g] = brentq(value, tau[j - 1], dip, xtol=1e-15, rtol=1e-14)
+                    roots[g] = fall(value, tau[j - 1], dip)
                     break
             else:
                 if first < len(column):
-                    roots[g] = brentq(value, tau[first - 1], tau[first], xtol=1e-15, rtol=1e-14)
+                    roots[g] = fall(value, tau[first - 1], tau[first])
         if not roots:
             return None
         least = min(roots.values())
@@ -363,6 +363,13 @@ class Run:
             at = self.shoot(t, y, s)
             rates, _, friction = self.piece.rates(s, at)
             self.found.append((s, np.array(at), rates, friction))
+
+
+def fall(value: Law, a: float, b: float) -> float:
+    """Where a guard falls between two times; what is only rounding at one of them is there."""
+    if value(a) <= 0.0:
+        return a
+    return brentq(value, a, b, xtol=1e-15, rtol=1e-14) if value(b) < 0.0 else b
 
 
 def integrate(

@@ -26,7 +26,7 @@ CHOSEN = {
     "damper that may slip": (0,),
     "damper that sticks": (0,),
     "damper on a hard spring": (0,),
-    "driven on dry ground": (0,),
+    "driven on dry ground": (0, 9),
     "driven with static above kinetic": (0,),
     "driven on a hard spring": (0,),
     "driven dashpot": (0,),

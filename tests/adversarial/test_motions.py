@@ -38,6 +38,8 @@ CHOSEN = {
     "grazing slip": (0, 3),
     "late belt": (0, 1),
     "kinetic force negative": (0, 1),
+    "pads side by side": (2, 4, 9),
+    "hyperstatic with static above kinetic": (0, 1, 7),
 }
 
 

@@ -28,14 +28,14 @@ def given(**defaults: float) -> dict[str, Parameter]:
     return {name: Parameter(default=value) for name, value in defaults.items()}
 
 
-def block(potential: str, threshold: str = "0.1", **parts: object) -> System:
+def block(potential: str, threshold: str = "0.1", kinetic_force: str | None = None, **parts: object) -> System:
     """A mass of 1 on the ground."""
     return System(
         "block",
         coordinates={"x": Inertial()},
         kinetic="d_x**2/2",
         potential=potential,
-        contacts={"ground": Contact("d_x", threshold)},
+        contacts={"ground": Contact("d_x", threshold, kinetic=kinetic_force)},
         **parts,  # type: ignore[arg-type]
     )
 
@@ -394,3 +394,51 @@ def test_loads_that_grow_with_time_in_every_unit(time: float, length: float, for
     assert start == pytest.approx(0.9 / (1.8 * 0.8), rel=1e-12)
     if time == 1.0:
         assert len(motion.knots.time) == motion.n_switches + 2  # one flight from switch to switch: in closed form
+
+
+# -- several contacts hold one thing -----------------------------------------------------------------------------------
+
+
+def pads(**laws: str) -> System:
+    """Two pads on one disc, pulled by a force that grows with time."""
+    front, back = laws.get("front", "F"), laws.get("back", "G")
+    return System(
+        "disc",
+        parameters=given(S=0.5, T=0.4, F=0.3, G=0.1),
+        coordinates={"x": Inertial()},
+        kinetic="d_x**2/2",
+        potential="-t*x",
+        contacts={"front": Contact("d_x", "S", kinetic=front), "back": Contact("-2*d_x", "T/2", kinetic=f"({back})/2")},
+    )
+
+
+def test_pads_side_by_side_hold_all_they_can() -> None:
+    """At rest a share of 0.5 + 0.4 is needed; a pad at its threshold must not be taken for one that slides."""
+    motion = certified(simulate(pads(), (0.0, 2.0)))
+    assert motion.events["time"].to_numpy() == pytest.approx([0.9, 0.9], rel=1e-12)
+    assert motion.events["to"].tolist() == ["slip+", "slip-"]
+    assert motion.n_switches == 2
+    # Then 0.3 + 0.1 resist: x'' = t - 0.4.
+    u = 1.1
+    assert motion.final["d_x"] == pytest.approx(0.5 * u + u * u / 2, rel=1e-12)
+    held = motion.at([0.3, 0.8])
+    assert held["mode_front"].tolist() == held["mode_back"].tolist() == [0, 0]
+    assert held["friction_front"] - 2 * held["friction_back"] == pytest.approx([-0.3, -0.8], abs=1e-12)
+    assert float(simulate_many(pads(), (0.0, 2.0))["final_x"][0]) == pytest.approx(motion.final["x"], rel=1e-12)
+
+
+def test_pads_come_to_rest_together_and_hold() -> None:
+    motion = certified(simulate(pads(), (-0.8, 0.8), {"d_x": 0.3}))
+    # x'' = t - 0.4 until x' = 0; then they hold what the smaller forces of sliding could not.
+    assert motion.events["time"].to_numpy() == pytest.approx([0.4 - math.sqrt(0.84)] * 2, rel=1e-12)
+    assert motion.final["d_x"] == 0.0
+
+
+def test_rest_that_ends_too_early_is_not_certified() -> None:
+    """The friction law alone would allow a jump from rest at 0.5 to a sliding force of 0.3 with a threshold of 0.8."""
+    early = simulate(block("-t*x", "s", parameters=given(s=0.5), kinetic_force="0.3"), (0.0, 2.0))
+    assert certified(early).events["time"].tolist() == pytest.approx([0.5])
+    held = block("-t*x", "s", parameters=given(s=0.8), kinetic_force="0.3")
+    told = Trajectory(simulate(held, (0.0, 0.1))._problem, (0.0, 2.0), early.knots, early.outcome)
+    assert not told.certificate.ok
+    assert told.certificate.stability_violation == pytest.approx(0.3 / 0.8, rel=1e-6)

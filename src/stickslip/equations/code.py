@@ -236,9 +236,11 @@ class _Generator:
             sides = self.eq.contacts[c].speed, rate.rest[i], rate.threshold_rest[0][i], rate.threshold_rest[1][i]
             rows = tuple(tape.row(e) for e in sides)
             self.solves[1].append(Instruction(Op.RIGHT, right + i, rows, place=c))
-            # A contact that sticks states a velocity, one that slides a rate of its force: two units.
+            # A contact that slides states a rate of its force; one that sticks a velocity, as large as if it slid.
             plus, minus = (f"{self.size(rate.rest[i])} + {self.size(side[i])}" for side in rate.threshold_rest)
-            self.magnitudes.append(f"mag[{base + i}] = {by_mode(c, f'abs(W[{rows[0]}, 0])', plus, minus)}")
+            weight, stiffness = self.constants.code(rate.weight[i]), self.size(rate.stiffness[i][i])
+            free = f"abs({weight})*over({plus}, {stiffness}) + abs(W[{rows[0]}, 0])"
+            self.magnitudes.append(f"mag[{base + i}] = {by_mode(c, free, plus, minus)}")
         self.solves[1].append(Instruction(Op.RATES, first, (right,), size=n, entries=tuple(entries)))
         for i in range(n):
             inner = " + ".join(f"abs(B[{i}, {m}])*mag[{base + m}]" for m in range(n))

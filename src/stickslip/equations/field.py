@@ -66,7 +66,8 @@ class Field:
     state, parameters : tuple of str
         Names of y and p, in their order.
     mode, region : tuple of int
-        Mode of each contact (0 stick, ±1 slip) and region of each kink (1: guard ≥ 0, 0: guard < 0).
+        Mode of each contact (0 stick, ±1 slip, ±2 carried by others at its threshold) and region of each kink (1:
+        guard ≥ 0, 0: guard < 0).
     rates : list of Expr
         f, in the order of the state.
     contacts : list of ContactField
@@ -146,7 +147,7 @@ def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
     ----------
     equations : MotionEquations
     mode : tuple of int
-        By contact in the order of ``equations.contacts``: 0 stick, +1 or −1 slip.
+        By contact in the order of ``equations.contacts``: 0 stick, +1 or −1 slip, +2 or −2 carried at its threshold.
     region : tuple of int
         By kink in the order of ``equations.kinks``: 1 where the guard is ≥ 0, else 0.
 
@@ -185,7 +186,9 @@ class _Solver:
         right = [self.fix(f) for f in forces]
         for i, c in contacts.items():
             if self.mode[i] != 0:
-                force = -self.fix(c.kinetic_plus) if self.mode[i] > 0 else self.fix(c.kinetic_minus)
+                # Carried by others, a contact is at its threshold.
+                plus, minus = (c.kinetic_plus, c.kinetic_minus) if abs(self.mode[i]) == 1 else (c.plus, c.minus)
+                force = -self.fix(plus) if self.mode[i] > 0 else self.fix(minus)
                 self.known[f"lambda:{i}"] = force
                 pulled = [c.direction.get(x, ex.ZERO) * force for x in names]
                 right = [f + g for f, g in zip(right, pulled, strict=True)]

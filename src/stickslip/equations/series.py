@@ -67,6 +67,12 @@ def reciprocal(x: float) -> float:
     return 1.0 / x
 
 
+@njit(**_options)
+def over(a: float, b: float) -> float:
+    """a/b for sizes, 0 where there is nothing to divide by."""
+    return a / b if b > 0.0 else 0.0
+
+
 @njit(**_exact)
 def split(a: float) -> tuple[float, float]:
     """A number as a sum of two with half as many digits (Veltkamp)."""

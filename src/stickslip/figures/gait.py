@@ -65,7 +65,7 @@ def _bars(axes: Axes, cycle: Cycle, periods: int) -> None:
     start, length = knots.time[:-1] - knots.time[0], np.diff(knots.time)
     shown: set[int] = set()
     for row, name in enumerate(cycle.system.contacts):
-        mode = knots.mode[:-1, contacts.index(name)]
+        mode = knots.slip[:-1, contacts.index(name)]
         edges = np.flatnonzero(np.append(True, np.diff(mode) != 0))
         for turn in range(periods):
             for i, j in zip(edges, [*edges[1:], len(mode)], strict=True):

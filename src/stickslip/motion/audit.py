@@ -23,6 +23,7 @@ import numpy as np
 from numba import njit
 
 from stickslip.motion.discs import spread, spread_state
+from stickslip.motion.guards import resting
 from stickslip.motion.kernel import EPSILON, INLINED, JETS, OPTIONS, POWERS, Constants, Rows, Space
 from stickslip.motion.modes import copy, resolve
 from stickslip.motion.nodes import COUNT, LEBESGUE, NARROW, NODES, WEIGHTS, WIDE, largest_of, least, most
@@ -48,8 +49,8 @@ class Tally(NamedTuple):
         Largest modulus of each component; by how much the terms of its rate would change it within a piece; largest
         defect of a Taylor step; largest rounding error of one.
     law : array, shape (contacts, 7)
-        Largest |λ| − s, |λ + σs| of what slides without mass, |u| in stick, −σu in slip; largest force, relative
-        velocity, and velocity that the forces in stick hold back.
+        Largest |λ| − s (or s − |λ| where rest ends too early), |λ + σs| of what slides without mass, |u| in stick, −σu
+        in slip; largest force, relative velocity, and velocity that the forces in stick hold back.
     kinks : array, shape (kinks, 2)
         Largest −guard and |guard|.
     total : array, shape (3,)
@@ -111,6 +112,7 @@ def audit_steps(
     knot_region: Array,
     ends: Array,
     end_state: Array,
+    end_mode: Array,
     end_region: Array,
     check: bool,
     steps: Steps,
@@ -122,8 +124,8 @@ def audit_steps(
     ----------
     seen : array
         Sizes of the rows that bound the steps; see :class:`stickslip.motion.kernel.Lane`.
-    ends, end_state, end_region : arrays, shapes (steps,), (steps, n) and (steps, kinks)
-        Where each step ends, and the regions that begin there.
+    ends, end_state, end_mode, end_region : arrays, shapes (steps,), (steps, n), (steps, contacts) and (steps, kinks)
+        Where each step ends, and the modes and regions that begin there.
     check : bool
         Whether more than the work is wanted.
     steps : Steps
@@ -167,6 +169,7 @@ def audit_steps(
             base, left, whole, last, pieces = base + h, left - h, whole - h, h, pieces + 1
         if check:
             close_step(rows, space, mode, order, h, ends[i], knot_state[i], end_state[i], i, steps, tally)
+            judge_departures(rows, space, mode, end_mode[i], reg, end_region[i], order, h, ends[i], tally)
             for j in range(len(rows.timed)):
                 if rows.timed[j] == 1 and end_region[i, j] != reg[j]:
                     # A load that jumps at a time does work on what is at rest, too.
@@ -374,8 +377,11 @@ def sample_law(rows: Rows, space: Space, mode: Array, reg: Array, h: float, g: i
         law[c, 4] = most(most(law[c, 4], max(abs(held), max(up, down))), CANCELS * mag[2 * nc + c])
         law[c, 5] = most(most(law[c, 5], abs(u)), CANCELS * mag[c])
         row = n + 3 * c
-        if mode[c] == 0:
+        if resting(mode[c]):
             samples[row, g], samples[row + 1, g], samples[row + 2, g] = held + up, down - held, u
+        if abs(mode[c]) == 2:
+            law[c, 6] = most(law[c, 6], mag[nc + c] * h if c < mq else mag[c])
+        elif mode[c] == 0:
             matrix, place = (space.Rq, rows.sizes[1] + c) if c < mq else (space.Rz, rows.sizes[2] + c - mq)
             if c < mq + mz:
                 free = mag[2 * nc + c] / abs(matrix[place, place])
@@ -402,7 +408,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
             loose = strays(discs[rows.force[c]], factor)
             loose += max(strays(discs[rows.plus[c]], factor), strays(discs[rows.minus[c]], factor))
             tight = strays(discs[rows.u[c]], factor)
-        if mode[c] == 0:
+        if resting(mode[c]):
             for part in range(2):
                 low = least(samples[row + part], space.bernstein, 1e-2 * NEGLIGIBLE * law[c, 4])
                 law[c, 0] = most(law[c, 0], loose - low - unsure)
@@ -416,6 +422,53 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
         negligible = 1e-2 * NEGLIGIBLE * tally.kinks[j, 1]
         low = least(samples[n + 3 * nc + j], space.bernstein, negligible)
         tally.kinks[j, 0] = most(tally.kinks[j, 0], between - low)
+
+
+@njit(**OPTIONS)
+def judge_departures(
+    rows: Rows,
+    space: Space,
+    mode: Array,
+    next_mode: Array,
+    reg: Array,
+    next_reg: Array,
+    order: int,
+    h: float,
+    t: float,
+    tally: Tally,
+) -> None:
+    """By how much a contact whose sliding force is below its threshold leaves rest before that is reached.
+
+    The friction law alone would allow it: the stated rule is that what can stick sticks. Of several that leave together
+    one has reached its threshold; what they carry at rest has to hold all it can. Where regions change, or a contact
+    comes to rest, forces may jump, and nothing is asked.
+    """
+    W, law, nc, drops = space.W, tally.law, len(mode), rows.drops
+    x, late, leaves = h / W[rows.sizes[0], 1], 0.5 * EPSILON * abs(t) / W[rows.sizes[0], 1], False
+    for c in range(nc):
+        if not resting(mode[c]) and mode[c] != next_mode[c]:
+            return
+        leaves = leaves or (drops[c] == 1 and resting(mode[c]) and not resting(next_mode[c]))
+    for j in range(len(reg)):
+        if reg[j] != next_reg[j]:
+            return
+    if not leaves:
+        return
+    least, first = np.inf, -1
+    for c in range(nc):
+        held, up, down = W[rows.force[c]], W[rows.plus[c]], W[rows.minus[c]]
+        force = horner(held, order - 1, x)
+        room = min(force + horner(up, order - 1, x), horner(down, order - 1, x) - force)
+        room -= 64.0 * EPSILON * space.mag[2 * nc + c] + late * (
+            abs(rate_on(held, order - 1, x)) + abs(rate_on(up, order - 1, x)) + abs(rate_on(down, order - 1, x))
+        )
+        if resting(mode[c]):
+            if not resting(next_mode[c]) and room < least:
+                least, first = room, c
+        elif drops[c] == 1 and abs(horner(W[rows.u[c]], order - 1, x)) <= 64.0 * EPSILON * space.mag[c]:
+            law[c, 0] = most(law[c, 0], room)
+    if first >= 0:
+        law[first, 0] = most(law[first, 0], least)
 
 
 @njit(**OPTIONS)

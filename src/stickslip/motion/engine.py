@@ -9,8 +9,8 @@ import numpy as np
 from numba import njit
 
 from stickslip.motion import affine
-from stickslip.motion.forms import AFFINE, ClosedForms, Flight
-from stickslip.motion.guards import first_event
+from stickslip.motion.forms import AFFINE, GERM_ORDERS, ClosedForms, Flight
+from stickslip.motion.guards import first_event, resting
 from stickslip.motion.kernel import (
     ASTRAY,
     FINISHED,
@@ -23,6 +23,7 @@ from stickslip.motion.kernel import (
     NEED,
     NEGATIVE,
     NO_RATE,
+    NONE_YET,
     NOWHERE,
     OK,
     ON_JUMP,
@@ -195,7 +196,7 @@ def step_on(
         if status != OK:
             # No mode goes on from here; what the contacts did last is kept, not the last attempt.
             for i in range(len(lane.mode)):
-                lane.mode[i] = lane.settled[i] if lane.settled[i] < 2 else 0
+                lane.mode[i] = lane.settled[i] if lane.settled[i] != NONE_YET else 0
         if not again:
             count = note(lane, recording, record, count)
         if status == NAN:
@@ -284,6 +285,9 @@ def fly_on(
         if recording and count == len(record.time):
             return FULL, count
         t, fired = clock[0], counters[2]
+        for c in range(nc):
+            if abs(mode[c]) == 2 and fired != nk + c:
+                return -1, count  # others carry it
         copy(mode, flight.mode0)
         copy(reg, flight.reg0)
         let_slide(mode)
@@ -299,7 +303,7 @@ def fly_on(
                 break
             guard = affine.germs(T, slot, flight, omega, fired, nk, clock[1])
             if guard < 0:
-                ready = True
+                ready = not carries(T, slot, flight, mode, nk, drops)
                 break
             number = T.switch[slot, guard]
             c = (number - nk) // 2
@@ -332,6 +336,17 @@ def fly_on(
             return code, count
 
 
+@njit(**INLINED)
+def carries(T: ClosedForms, slot: int, flight: Flight, mode: Array, nk: int, drops: Array) -> bool:
+    """Whether a contact that does not stick and whose sliding force is not its threshold may be carried by others."""
+    if len(mode) > 1:
+        for g in range(T.counts[slot, 1]):
+            c = (T.switch[slot, g] - nk) // 2
+            if 0 <= c < len(mode) and flight.orders[g] >= GERM_ORDERS and mode[c] != 0 and drops[c] == 1:
+                return True
+    return False
+
+
 @njit(**OPTIONS)
 def total(numbers: Array) -> int:
     """Sum of whole numbers."""
@@ -352,7 +367,8 @@ def note(lane: Lane, recording: bool, record: Record, count: int) -> int:
         count += 1
     for i in range(len(lane.mode)):
         if lane.settled[i] != lane.mode[i]:
-            lane.counters[1] += 1 if lane.settled[i] < 2 else 0
+            seen = lane.settled[i] != NONE_YET and not (resting(lane.settled[i]) and resting(lane.mode[i]))
+            lane.counters[1] += 1 if seen else 0
             lane.settled[i] = lane.mode[i]
     return count
 

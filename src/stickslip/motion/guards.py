@@ -70,6 +70,26 @@ def germ(
 
 
 @njit(**OPTIONS)
+def resting(mode: int) -> bool:
+    """Whether a contact does not slip: it sticks, or others carry it while it is at its threshold."""
+    return mode == 0 or abs(mode) == 2
+
+
+@njit(**OPTIONS)
+def stays(rows: Rows, space: Space, mode: Array, c: int, N: int, last: float, fired: int, slack: float) -> bool:
+    """Whether the relative velocity of a contact that does not stick vanishes for a while."""
+    W, mag, nk, nc, unit = space.W, space.mag, len(rows.kinks), len(rows.u), space.W[rows.sizes[0], 1]
+    row, near = rows.u[c], last / unit + space.powers[1]
+    precision = max(FIRED if nk + c == fired else 0.0, slack * ROUNDING)
+    size0, size1 = mag[c], mag[nc + c] * unit + abs(W[row, 1])
+    if abs(W[row, 0]) > precision * (size0 + near * size1):
+        return False
+    spare = space.pending[len(space.pending) - 1]
+    s, _ = germ(W, row, 1.0, NOWHERE, N, space.powers, near, size0, size1, precision, slack, spare)
+    return s == 0
+
+
+@njit(**OPTIONS)
 def switch_of(guard: int, nk: int, nc: int) -> int:
     """The switch that a guard belongs to: kinks, then contacts; −1 for what must not become negative."""
     if guard < nk:

@@ -59,6 +59,7 @@ DOUBTFUL = 1e-12  # a threshold this close to zero may have become negative
 # Global integers of NumPy's type: numba would compile functions a second time for literals.
 ZERO = cast(int, np.int64(0))
 NOWHERE = cast(int, np.int64(-1))  # no row
+NONE_YET = 9  # no mode of a contact
 
 # The loops allocate nothing and own no array, so that no reference has to be counted (half of the time, where views of
 # arrays are as many as here).
@@ -192,7 +193,8 @@ class Lane(NamedTuple):
     seen : array
         Largest modulus so far of each row that bounds the steps.
     mode, settled, reg : arrays of int
-        Mode of each contact, the mode before the last event (9: none yet), and region of each kink.
+        Mode of each contact (0: stick; ±1: slip; ±2: at its threshold, about to slip or carried by others), the mode
+        before the last event (9: none yet), and region of each kink.
     counters : array of int
         Events, switches of contacts, fired switch or −1, kinks crossed, steps.
     """

@@ -18,7 +18,8 @@ class Knots:
     clock : array
         Time since the origin: as exact late as early.
     state, mode, region, cause : arrays
-        State, mode of each contact, region of each kink, and the switch that caused it (−1: none).
+        State, mode of each contact, region of each kink, and the switch that caused it (−1: none). A contact in mode ±2
+        rests, carried by others while it is at its threshold.
     origin : float
     """
 
@@ -33,6 +34,11 @@ class Knots:
     def time(self) -> Array:
         """Time."""
         return self.clock + self.origin
+
+    @property
+    def slip(self) -> Array:
+        """Direction in which each contact slips from every knot on, 0 where it rests."""
+        return np.where(np.abs(self.mode) == 2, 0, self.mode).astype(np.int8)
 
     @classmethod
     def empty(cls, size: int, n: int, contacts: int, kinks: int, origin: float = 0.0) -> Knots:

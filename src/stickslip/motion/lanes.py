@@ -10,7 +10,7 @@ from stickslip.equations.compiled import announced
 from stickslip.motion import engine
 from stickslip.motion.closed_form import fill_closed_forms
 from stickslip.motion.forms import AFFINE, ClosedForms
-from stickslip.motion.kernel import FULL, NEED, STEPS, Constants, Lane, Record
+from stickslip.motion.kernel import FULL, NEED, NONE_YET, STEPS, Constants, Lane, Record
 from stickslip.motion.problem import Problem
 from stickslip.motion.stiff import WATCHED
 
@@ -62,7 +62,7 @@ class Lanes:
             y=np.array(states, dtype=float),
             seen=np.zeros((lanes, len(problem.rows.watched))),
             mode=np.zeros((lanes, contacts), np.int64),
-            settled=np.full((lanes, contacts), 9, np.int64),
+            settled=np.full((lanes, contacts), NONE_YET, np.int64),
             reg=np.ones((lanes, kinks), np.int64),
             counters=counters,
         )

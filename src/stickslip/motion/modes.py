@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 
 from stickslip.equations.series import invert
-from stickslip.motion.guards import scan
+from stickslip.motion.guards import scan, stays
 from stickslip.motion.kernel import (
     ASTRAY,
     FIRED,
@@ -241,7 +241,27 @@ def let_slide(mode: Array) -> bool:
 
 
 @njit(**OPTIONS)
-def loosen(J: Array, first: int, m: int, column: int, n: int, mode: Array, keep: int, space: Space, nk: int) -> bool:
+def hold_or_slide(rows: Rows, space: Space, mode: Array, N: int, last: float, fired: int, slack: float) -> bool:
+    """Give each contact that does not stick the threshold while others carry it (±2), else its sliding force (±1).
+
+    Returns
+    -------
+    bool
+        Whether that changes the forces.
+    """
+    changed = False
+    for c in range(len(mode)):
+        if rows.drops[c] == 1 and mode[c] != 0:
+            force = 2 if stays(rows, space, mode, c, N, last, fired, slack) else 1
+            if abs(mode[c]) != force:
+                mode[c], changed = force if mode[c] > 0 else -force, True
+    return changed
+
+
+@njit(**OPTIONS)
+def loosen(
+    J: Array, first: int, m: int, column: int, n: int, mode: Array, keep: int, space: Space, nk: int, drops: Array
+) -> bool:
     """Let sticking contacts whose directions depend on those of the others be carried at their threshold (u stays 0).
 
     With more sticking contacts than directions their forces are not unique. Any admissible choice gives the same
@@ -268,7 +288,7 @@ def loosen(J: Array, first: int, m: int, column: int, n: int, mode: Array, keep:
         for i in range(n):
             left += basis[rank, i] ** 2
         if left <= 1e-20 * size:
-            mode[c] = 1
+            mode[c] = 1 + drops[c]
             touched[nk + c] = 1
             changed = True
             continue
@@ -315,12 +335,13 @@ def settle(
     # First pivoting; if that leaves the admissible modes (a singular or impossible one), every state of the switches
     # concerned.
     pivots, candidate, total, flipped, slack, units, h = 0, 0, 0, fired, 1.0, 0, 0.0
+    kept = 0  # times that the forces of a state of the switches were put right
     space.W[len(y), 1] = lane.clock[5]
     while True:
         if pivots > 0:
             copy(space.y0, y)
         pivots += 1
-        if total > 0:
+        if total > 0 and kept == 0:
             if candidate == total:
                 # Where forces are not unique, contacts that pivoting never questioned may have to change, too.
                 asked = 0
@@ -336,7 +357,7 @@ def settle(
                     if slack > SLACKEST:
                         break
                 candidate = 0
-            choose(candidate, touched, mode, reg)
+            choose(candidate, touched, mode, reg, rows.drops)
             candidate += 1
         status = evaluate_mode(jets, residual, rows, k, space, N, t, y, mode, reg, recent, hold or pivots > 1)
         first = promised > 0.0 and pivots == 1 and status != SINGULAR
@@ -365,7 +386,9 @@ def settle(
         if status == OK:
             fill_powers(space.powers, h / space.W[len(y), 1])
             guard, count = scan(rows, space, mode, reg, N, last, fired, slack)
-            if guard < 0 and not let_slide(mode):
+            other = guard < 0 and hold_or_slide(rows, space, mode, N, last, fired, slack)
+            kept = kept + 1 if other and total > 0 and kept <= 2 * nc else 0
+            if guard < 0 and not other:
                 short = shortened(rows, k, space, mode, reg, N, h, tol, atol, lane.seen)
                 series, unit = short, space.W[len(y), 1]
                 stiff = pivots == 1 and not short < h and lingers(
@@ -392,8 +415,8 @@ def settle(
                 flipped = flip(guard, mode, reg, nk, rows.drops)
                 touched[flipped] = 1
         elif status == SINGULAR and total == 0:
-            free = loosen(k.J, ZERO, mq, ZERO, nq, mode, flipped - nk, space, nk)
-            free = loosen(k.J, mq, mz, nq, nz, mode, flipped - nk, space, nk) or free
+            free = loosen(k.J, ZERO, mq, ZERO, nq, mode, flipped - nk, space, nk, rows.drops)
+            free = loosen(k.J, mq, mz, nq, nz, mode, flipped - nk, space, nk, rows.drops) or free
             if free and pivots <= 3 * (nk + nc) + 8:
                 continue
         if total == 0 and (status != OK or pivots > 3 * (nk + nc) + 8):
@@ -431,8 +454,8 @@ def candidates(touched: Array, nk: int) -> int:
 
 
 @njit(**OPTIONS)
-def choose(candidate: int, touched: Array, mode: Array, reg: Array) -> None:
-    """Put the switches concerned into the states that a number stands for."""
+def choose(candidate: int, touched: Array, mode: Array, reg: Array, drops: Array) -> None:
+    """Put the switches concerned into the states that a number stands for; what does not stick is at its threshold."""
     nk = len(reg)
     for i in range(len(touched)):
         if touched[i] == 1:
@@ -440,7 +463,7 @@ def choose(candidate: int, touched: Array, mode: Array, reg: Array) -> None:
                 reg[i] = candidate % 2
                 candidate //= 2
             else:
-                mode[i - nk] = candidate % 3 - 1
+                mode[i - nk] = (candidate % 3 - 1) * (1 + drops[i - nk])
                 candidate //= 3
 
 

@@ -134,7 +134,9 @@ def follow(
     knots = Knots.joined(pieces) if pieces else Knots.empty(0, len(y), contacts, kinks, problem.origin)
     if len(knots.clock) == 0 or clock[0] > knots.clock[-1]:
         now = lanes.now
-        last = Knots.single(clock[0], now.y[0], np.sign(now.mode[0]), now.reg[0], problem.origin)
+        carried = now.mode[0] == now.settled[0]
+        mode = np.where(carried, now.mode[0], np.sign(now.mode[0]))
+        last = Knots.single(clock[0], now.y[0], mode, now.reg[0], problem.origin)
         knots = Knots.joined([knots, last])
     return code, knots
 

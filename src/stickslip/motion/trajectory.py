@@ -142,7 +142,8 @@ class Trajectory:
     @property
     def modes(self) -> dict[str, Array]:
         """Mode of each contact from every knot on (−1, 0, 1), by its name in variables."""
-        return {key: self.knots.mode[:, i] for key, i in self._contacts.items()}
+        mode = self.knots.slip
+        return {key: mode[:, i] for key, i in self._contacts.items()}
 
     def _sample(self, times: Array, index: Array) -> Array:
         """Values of all rows, energy and powers at times within the steps of the knots `index`."""
@@ -228,6 +229,7 @@ class Trajectory:
             k.region[index],
             ends,
             k.state[1:] if tally is not None else states,
+            k.mode[1:] if tally is not None else k.mode[index],
             k.region[1:] if tally is not None else k.region[index],
             tally is not None,
             steps,
@@ -295,8 +297,9 @@ class Trajectory:
         out = self._sample_clock(clock, index)
         rows = self._problem.compiled.layout.rows
         values = {name: out[:, row] for name, row in self._rows.items()}
+        mode = self.knots.slip
         for key, i in self._contacts.items():
-            values[f"mode_{key}"] = self.knots.mode[index, i]
+            values[f"mode_{key}"] = mode[index, i]
         values["energy"] = out[:, rows]
         work = self._work(clock, index, out[:, : self.knots.state.shape[1]])
         values["dissipated_energy"] = self.audit.dissipated[index] + work[:, 0]
@@ -359,12 +362,13 @@ class Trajectory:
         import pandas as pd
 
         equations, k = self._problem.compiled.equations, self.knots
-        changes = np.hstack([np.diff(k.mode, axis=0), np.diff(k.region, axis=0)])
+        mode = k.slip
+        changes = np.hstack([np.diff(mode, axis=0), np.diff(k.region, axis=0)])
         knot, which = np.nonzero(changes)
         names = [c.name for c in equations.contacts] + [f"{ex.to_text(g)} = 0" for g in equations.kinks]
         # The names of the modes −1, 0, 1, then those of the regions 0, 1.
         words = np.array([*(MODE_NAMES[mode] for mode in (-1, 0, 1)), "below", "above"], dtype=object)
-        values = np.hstack([k.mode + 1, k.region + 3])
+        values = np.hstack([mode + 1, k.region + 3])
         columns = {
             "time": k.time[knot + 1],
             "contact": np.array(names, dtype=object)[which],
@@ -377,7 +381,7 @@ class Trajectory:
     @property
     def n_switches(self) -> int:
         """Number of changes between stick and slip, over all contacts."""
-        return int(np.count_nonzero(np.diff(self.knots.mode, axis=0)))
+        return int(np.count_nonzero(np.diff(self.knots.slip, axis=0)))
 
     @property
     def n_kinks(self) -> int:

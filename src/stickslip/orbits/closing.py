@@ -189,9 +189,10 @@ def restarted(shooting: Shooting, orbit: Orbit, count: int, sizes: Array | None 
     sizes = shooting.setting.sizes if sizes is None else sizes
     held = held_positions(motion, shooting.setting.held)
     setting = replace(shooting.setting, sizes=sizes, held=held)
+    # Stations that the events around them would put onto one time are one.
+    wanted = [_well_inside(motion, start + float(part) * orbit.period) for part in np.arange(1, count) / count]
     stations = []
-    for part in np.arange(count) / count:
-        t, i = _well_inside(motion, start + float(part) * orbit.period) if part else (start, 0)
+    for t, i in sorted({(start, 0), *wanted}):
         state = motion._sample(np.array([t]), np.array([i]))[0, : len(y)]
         piece = shooting.pieces(motion.knots.mode[i], motion.knots.region[i])
         stations.append(

@@ -55,9 +55,9 @@ class ContactShare:
 def phases(motion: Trajectory) -> tuple[Phase, ...]:
     """The phases of a period; the one it starts in, which it also ends in, comes first as a whole."""
     k, names = motion.knots, [c.name for c in motion._problem.compiled.equations.contacts]
-    found: list[Phase] = []
+    found, mode = list[Phase](), k.slip
     for a, b in segments(k):
-        modes = dict(zip(names, map(int, k.mode[a]), strict=True))
+        modes = dict(zip(names, map(int, mode[a]), strict=True))
         phase = Phase(float(k.time[b] - k.time[a]), modes, tuple(map(int, k.region[a])))
         if found and (found[-1].modes, found[-1].region) == (phase.modes, phase.region):
             phase = Phase(found.pop().duration + phase.duration, modes, phase.region)
@@ -118,7 +118,7 @@ def contact_shares(motion: Trajectory, found: Sampled) -> dict[str, ContactShare
     weights = found.length[:, None] * chebyshev()[1]
     shares = {}
     for i, contact in enumerate(equations.contacts):
-        stuck = float(np.sum(np.diff(k.time)[k.mode[:-1, i] == 0]))
+        stuck = float(np.sum(np.diff(k.time)[k.slip[:-1, i] == 0]))
         lost = -float(np.sum(weights * found.rows[:, :, layout.force[i]] * found.rows[:, :, layout.u[i]]))
         shares[contact.name] = ContactShare(stuck, float(k.time[-1] - k.time[0]) - stuck, lost)
     return shares

@@ -226,7 +226,7 @@ def add_steps(
     audit_steps(
         e.jets, e.powers, e.rows, k, e.space, e.order, fine[0], fine[1], seen, record.time[:steps],
         record.state[:steps], record.mode[:steps], record.region[:steps], record.time[1:count], record.state[1:count],
-        record.region[1:count], True, bench.steps, bench.tally,
+        record.mode[1:count], record.region[1:count], True, bench.steps, bench.tally,
     )  # fmt: skip
     for j in range(carried, count):
         energy = energy_at(e, k, bench, j)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from stickslip.motion.guards import resting
 from stickslip.motion.kernel import JETS, OPTIONS, Constants, Record, Rows, Space
 from stickslip.motion.modes import copy, resolve
 from stickslip.motion.nodes import NODES as GAUSS_NODES
@@ -109,9 +110,10 @@ def observe(
     for i in range(first, last):
         length, stuck = knots.time[i + 1] - knots.time[i], True
         for c in range(nc):
-            stuck = stuck and knots.mode[i, c] == 0
-            sums.stick[c] += length if knots.mode[i, c] == 0 else 0.0
-            sums.switches[0] += 1 if knots.mode[i + 1, c] != knots.mode[i, c] else 0
+            now, then = knots.mode[i, c], knots.mode[i + 1, c]
+            stuck = stuck and resting(now)
+            sums.stick[c] += length if resting(now) else 0.0
+            sums.switches[0] += 1 if then != now and not (resting(then) and resting(now)) else 0
         sums.total[0] += length
         sums.total[1] += length if stuck and nc > 0 else 0.0
         if not closely or not length > 0.0:

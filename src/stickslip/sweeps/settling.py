@@ -25,6 +25,7 @@ import numpy as np
 from numba import njit
 
 from stickslip.motion.engine import integrate
+from stickslip.motion.guards import resting
 from stickslip.motion.kernel import FINISHED, FULL, INLINED, LIMIT, NEED, OK, OPTIONS, Constants, Lane, Record
 from stickslip.motion.modes import copy, resolve
 from stickslip.motion.outcome import Outcome
@@ -285,7 +286,7 @@ def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
 def equilibrium(mode: Array) -> int:
     """Rest if all contacts stick (a system without contacts moves, too)."""
     for c in range(len(mode)):
-        if mode[c] != 0:
+        if not resting(mode[c]):
             return STEADY
     return AT_REST if len(mode) > 0 else STEADY
 

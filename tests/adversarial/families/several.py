@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from math import cos
 from typing import Any
@@ -238,6 +239,45 @@ def redundant_contacts(rng: Rng) -> Case:
 
 
 @cache
+def pads(kind: str) -> System:
+    return System(
+        name="two pads on one disc",
+        parameters=given(m=1.0, c=1.0, k=1.0, F=1.0, omega=1.0, phi=0.0)
+        | given(mu=0.5, mu_b=0.4, nu=0.3, nu_b=0.2, F_k=0.3, F_b=0.2, G_k=0.1, G_b=0.1),
+        coordinates={"x": Inertial() if kind == "inertial" else Viscous()},
+        kinetic="m*d_x**2/2" if kind == "inertial" else 0.0,
+        potential="k*x**2/2 - F*cos(omega*t + phi)*x",
+        viscous="c*d_x**2/2",
+        contacts={
+            "front": Contact("d_x", ("mu", "mu_b"), kinetic=("F_k", "F_b")),
+            "back": Contact("-2*d_x", ("nu_b", "nu"), kinetic=("G_b", "G_k")),
+        },
+    )
+
+
+@family
+def pads_side_by_side(rng: Rng) -> Case:
+    """Two contacts in one direction, static above kinetic: they let go where all of both thresholds is needed."""
+    kind = pick(rng, ("inertial", "viscous"))
+    n = {"m": rng.uniform(0.5, 2), "c": rng.uniform(0.1, 1), "k": rng.uniform(0.5, 2), "F": rng.uniform(0.5, 3)}
+    n |= {"omega": rng.uniform(0.4, 1.5), "phi": rng.uniform(0, 6)}
+    for static, sliding in (("mu", "F_k"), ("mu_b", "F_b"), ("nu", "G_k"), ("nu_b", "G_b")):
+        n[static] = rng.uniform(0.1, 0.4)
+        n[sliding] = rng.uniform(0.2, 1.0) * n[static]
+    k, F, omega, phi = n["k"], n["F"], n["omega"], n["phi"]
+    drag = n["c"] if kind == "inertial" else 0.0
+    mechanics = Mechanics(
+        kinds=(1, 0, 0, 0) if kind == "inertial" else (0, 1, 0, 0),
+        inertia=[[n["m"] if kind == "inertial" else n["c"]]],
+        J=[[1.0]],
+        force=lambda t, x, v, a, side: [F * cos(omega * t + phi) - k * x[0] - (drag * v[0] if drag else 0.0)],
+        threshold=lambda t, x, v, a, side: ([n["mu"] + 2 * n["nu"]], [n["mu_b"] + 2 * n["nu_b"]]),
+        kinetic=lambda t, x, v, a, side, speed: ([n["F_k"] + 2 * n["G_k"]], [n["F_b"] + 2 * n["G_b"]]),
+    )
+    return Case(pads(kind), n, {"x": rng.normal()}, rng.uniform(10, 25), mechanics, friction=False)
+
+
+@cache
 def triangle() -> System:
     return System(
         name="three contacts for two masses",
@@ -269,6 +309,36 @@ def hyperstatic(rng: Rng) -> Case:
         threshold=lambda t, x, v, a, side: [n["mu"], n["nu"], n["xi"]],
     )
     return Case(triangle(), n, {}, rng.uniform(8, 15), mechanics, friction=False)
+
+
+@cache
+def triangle_with_drops() -> System:
+    return System(
+        name="three contacts for two masses",
+        parameters=given(k=1.0, h=1.0, mu=0.4, nu=0.3, xi=0.2, F=1.0, G=1.0, omega=1.0, eta=1.0, phi=0.0)
+        | given(F_k=0.3, G_k=0.2, H_k=0.1),
+        coordinates={"x": Inertial(), "y": Inertial()},
+        kinetic="d_x**2/2 + d_y**2/2",
+        potential="k*x**2/2 + h*y**2/2 - F*sin(omega*t)*x - G*sin(eta*t + phi)*y",
+        contacts={
+            "x": Contact("d_x", "mu", kinetic="F_k"),
+            "y": Contact("d_y", "nu", kinetic="G_k"),
+            "both": Contact("d_x - d_y", "xi", kinetic="H_k"),
+        },
+    )
+
+
+HELD = (("F_k", "mu"), ("G_k", "nu"), ("H_k", "xi"))
+
+
+@family
+def hyperstatic_with_static_above_kinetic(rng: Rng) -> Case:
+    """The same, where what is carried at its threshold must not be mistaken for what slides."""
+    case = hyperstatic(rng)
+    n = case.parameters | {a: rng.uniform(0.3, 1.0) * case.parameters[b] for a, b in HELD}
+    assert case.mechanics is not None
+    mechanics = replace(case.mechanics, kinetic=lambda t, x, v, a, side, speed: [n[a] for a, _ in HELD])
+    return replace(case, system=triangle_with_drops(), parameters=n, mechanics=mechanics)
 
 
 # -- heavy and light ---------------------------------------------------------------------------------------------------
