@@ -58,30 +58,41 @@ def one(name: str, family: str, seed: int) -> dict[str, Any]:
     return row if verdict.kind == AGREED else row | {"reproduction": module.reproduction(case)}
 
 
-def sources() -> str:
-    """A name for the code that is judged and that judges."""
-    digest = hashlib.sha256()
+def sources() -> dict[str, str]:
+    """Names for the code that is judged, and for that which judges."""
     here = Path(__file__).parent
-    for path in sorted([*here.rglob("*.py"), *(here.parents[1] / "src").rglob("*.py")]):
+    return {"library": name_of(here.parents[1] / "src"), "adversary": name_of(here)}
+
+
+def name_of(folder: Path) -> str:
+    """A name for all code in a folder."""
+    digest = hashlib.sha256()
+    for path in sorted(folder.rglob("*.py")):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
 
-def read(path: Path, expected: str) -> list[dict[str, Any]]:
-    """Rows of an earlier run, if it ran with the same code."""
-    if not path.exists() or not path.stat().st_size:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps({"sources": expected}) + "\n")
-        return []
-    lines = path.read_text().splitlines()
-    if json.loads(lines[0]).get("sources") != expected:
-        raise SystemExit(f"{path}: the sources have changed since; remove it, or give another --out")
+def read(path: Path, expected: dict[str, str]) -> list[dict[str, Any]]:
+    """Rows of an earlier run of the same library.
+
+    Where the adversary has been put right since, what had agreed stands, and the rest is judged again.
+    """
+    lines = path.read_text().splitlines() if path.exists() else []
+    header = json.loads(lines[0]) if lines else {}
+    if lines and header.get("library") != expected["library"]:
+        raise SystemExit(f"{path}: the library has changed since; remove it, or give another --out")
     rows = []
     for line in lines[1:]:
         try:
             rows.append(json.loads(line))
         except json.JSONDecodeError:
             continue  # a line that was being written when the run was killed
+    if header != expected:
+        rows = [row for row in rows if row["verdict"] == AGREED]
+        path.parent.mkdir(parents=True, exist_ok=True)
+        written = path.with_suffix(".new")
+        written.write_text("".join(json.dumps(line) + "\n" for line in (expected, *rows)))
+        written.replace(path)
     return rows
 
 

@@ -182,8 +182,9 @@ class Run:
 
     def probe(self, piece: Piece, h: float) -> Array:
         """Least relative guards on the way through four Runge-Kutta steps of length h/4."""
-        t, y, least = self.t, self.y, np.full(2 * len(piece.mode) + len(piece.side), np.inf)
-        scale = piece.scales(t, y, h)
+        t, y, scale = self.t, self.y, piece.scales(self.t, self.y, h)
+        first = piece.rates(t, y)[1] / scale
+        least = np.where(first < -NEAR, first, np.inf)  # what is nearly zero is decided by what comes
         if piece.sliding and np.max(np.abs(piece.balance(t, y))) > 1e-6 * scale[-len(piece.side) - 1]:
             return np.full_like(least, -1.0)
         try:

@@ -29,7 +29,7 @@ CHOSEN = {
     "narrow in a state": (5, 6, 7),
     "thrown block": (4, 6, 8, 1006),
     "block on a sled": (1, 3, 4),
-    "mutual friction": (508, 515, 517),
+    "mutual friction": (28, 508, 515, 517),
     "heavy and light": (1, 2, 7),
     "toy on a knife edge": (0, 1, 2),
     "one sided powers": (1, 2, 2005),
@@ -135,10 +135,17 @@ def test_command_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
     assert ended.returncode == 0, ended.stderr
     assert ended.stderr == ""
     first = out.read_text()
-    sources = json.loads(first.splitlines()[0])["sources"]
+    sources = json.loads(first.splitlines()[0])
     assert "| forced oscillator | 2 | 2 |" in table.read_text()
     with out.open("a") as file:
         file.write('{"kind": "motions", "fam')  # killed while writing
     assert [row["seed"] for row in read(out, sources)] == [0, 1]
-    with pytest.raises(SystemExit, match="the sources have changed"):
-        read(out, "others")
+    with pytest.raises(SystemExit, match="the library has changed"):
+        read(out, sources | {"library": "another"})
+    assert [row["seed"] for row in read(out, sources)] == [0, 1]
+    lines = [json.loads(line) for line in out.read_text().splitlines()[:-1]]
+    lines[1]["verdict"] = WRONG
+    out.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    # A better adversary judges again what did not agree.
+    assert [row["seed"] for row in read(out, sources | {"adversary": "better"})] == [1]
+    assert [row["seed"] for row in read(out, sources | {"adversary": "better"})] == [1]
