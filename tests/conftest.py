@@ -24,24 +24,6 @@ def pytest_configure() -> None:
                 cached.unlink(missing_ok=True)
 
 
-# What is slow to compile and used in a few places only: one process compiles it while another gets on with the rest.
-ALONE = {
-    "maps": ("sweeps/", "adversarial/test_maps.py", "orbits/test_pictures.py"),
-    "evolutions": ("rate_independent/", "adversarial/test_averages_evolutions.py", "test_evolution"),
-}
-
-
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Keep such tests together where tests are distributed by group."""
-    if config.pluginmanager.hasplugin("xdist"):
-        here = Path(__file__).parent
-        for item in items:
-            place = item.path.relative_to(here).as_posix() if item.path.is_relative_to(here) else ""
-            group = next((name for name, places in ALONE.items() if place.startswith(places)), None)
-            if group:
-                item.add_marker(pytest.mark.xdist_group(group))
-
-
 @pytest.fixture(params=["closed forms", "Taylor steps"])
 def flow(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """Which flow `simulate` takes: closed forms where modes are affine, or Taylor steps everywhere."""
