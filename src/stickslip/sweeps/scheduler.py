@@ -226,7 +226,8 @@ def local_cluster(workers: int | None) -> Iterator[str]:
         from distributed import LocalCluster
     except ImportError:
         raise StickslipError("a cluster needs dask.distributed; install stickslip[cluster]") from None
-    options: dict[str, Any] = {"threads_per_worker": 1, "dashboard_address": None}
+    # Without an address it would take a port that another cluster may have.
+    options: dict[str, Any] = {"threads_per_worker": 1, "dashboard_address": ":0"}
     made: Any = LocalCluster(n_workers=workers or os.cpu_count() or 1, **options)
     with made as cluster:
         yield cluster.scheduler_address
