@@ -22,7 +22,7 @@ from .mechanics import Array
 from .motions import compare, instants, without_numbers
 from .pieces import NoAnswer
 from .registry import in_turn
-from .settling import Settled, settle
+from .settling import OWN, Settled, settle
 from .verdict import AGREED, NO_REFERENCE, NOT_CERTIFIED, REFUSED, WRONG, OutOfTime, Verdict, at_most
 
 __all__ = ["FAMILIES", "cases", "draw", "judge", "reproduction"]
@@ -37,7 +37,8 @@ APART = 1e-5  # of its size: neighbours
 GROWN = 20.0  # neighbours are followed until their distance has changed by this factor …
 NEUTRAL = 0.96  # … unless that takes longer than with this multiplier
 PATIENCE = 300.0  # seconds of the processor for the library
-SETTLING = 10.0  # … and for a motion to settle
+SETTLING = 10.0  # … for a motion to settle …
+FINELY = 60.0  # … and in steps that miss nothing
 
 WORDS = (
     "come in a family",
@@ -194,8 +195,13 @@ def nearest(states: Array, last: Array, size: Array) -> Array:
 
 
 def settles(case: Repeating, own: Repeating, cycle: ss.Cycle) -> tuple[str, dict]:
-    """The motion from the start settles on it, or starts beside it."""
-    found = settle(case, SETTLING)
+    """The motion from the start settles on it, or starts beside it; what long steps deny, shorter ones have to."""
+    fault, numbers = settles_on(own, cycle, case, settle(case, SETTLING))
+    return settles_on(own, cycle, case, settle(case, FINELY, OWN)) if fault else (fault, numbers)
+
+
+def settles_on(own: Repeating, cycle: ss.Cycle, case: Repeating, found: Settled | None) -> tuple[str, dict]:
+    """Whether what a motion settles on is the cycle."""
     if found is None:
         return "", {"settled": "not within the time"}
     states = path(own, cycle, np.linspace(0.0, 1.0, 4001))
@@ -215,9 +221,15 @@ def settles(case: Repeating, own: Repeating, cycle: ss.Cycle) -> tuple[str, dict
 
 
 def without_cycle(case: Repeating, reason: str) -> Verdict:
-    """What the library says instead of a cycle, against the motion."""
-    said = reason.split(": ", 1)[-1]
-    found: Settled | None = settle(case, SETTLING)
+    """What the library says instead of a cycle, against the motion; what long steps deny, shorter ones have to."""
+    verdict = instead(reason.split(": ", 1)[-1], settle(case, SETTLING))
+    if verdict.kind == WRONG:
+        return instead(reason.split(": ", 1)[-1], settle(case, FINELY, OWN))
+    return verdict
+
+
+def instead(said: str, found: Settled | None) -> Verdict:
+    """Whether what is said instead of a cycle agrees with what the motion settles on."""
     numbers = {"said": said[:400], "settles on": None if found is None else found.period}
     cycles = found is not None and found.period > 0.0
     for words, note in (("comes to rest", "said to rest"), ("the motion looks irregular", "said to be irregular")):

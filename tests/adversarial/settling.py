@@ -13,7 +13,8 @@ from .mechanics import Array
 from .pieces import NoAnswer
 from .verdict import OutOfTime, at_most
 
-RTOL, STEP = 1e-9, 2.5  # and steps so many times as long as the mechanics' own: what settles need not be exact
+RTOL = 1e-9
+COARSE, OWN = 2.5, 1.0  # steps in the mechanics' own: what settles need not be exact, but long steps may miss a guard
 FIRST, LONGER = 24, 1.5  # periods that a motion is followed for at first; the next time as many times more
 LAGS = 8  # periods of the load, or returns, among which the smallest lag is looked for
 SETTLED = 1e-6  # a motion that repeats itself to this part of its size has settled …
@@ -32,19 +33,19 @@ class Settled:
     time: float
 
 
-def settle(case: Repeating, patience: float) -> Settled | None:
+def settle(case: Repeating, patience: float, step: float = COARSE) -> Settled | None:
     """Follow the motion from the start until it repeats itself; None if it does not within seconds of the processor."""
     try:
         with at_most(patience):
-            return _settle(case)
+            return _settle(case, step)
     except (NoAnswer, OutOfTime):
         return None
 
 
-def _settle(case: Repeating) -> Settled:
+def _settle(case: Repeating, step: float) -> Settled:
     assert case.mechanics is not None
     length, T = FIRST * case.duration, case.duration
-    mechanics = replace(case.mechanics, step=STEP * case.mechanics.step)
+    mechanics = replace(case.mechanics, step=step * case.mechanics.step)
     run = Run(mechanics, 0.0, case.start, length, np.zeros(0), RTOL)
     moved = np.zeros(len(case.names))
     while True:
@@ -110,6 +111,8 @@ class Tail:
             miss = float(np.max(np.abs(states[:-lag] - states[lag:])[: 2 * lag] / size))
             if miss <= SETTLED:
                 once = self.at(np.linspace(marks[lag], marks[0], 4000))
+                if np.all(np.ptp(once, axis=0) <= STILL * size):
+                    return None  # it has come to rest on the way: whether for good, more periods tell
                 return Settled(float(marks[0] - marks[lag]), once.min(axis=0), once.max(axis=0), self.end)
             if miss <= CLEARLY:
                 return None
