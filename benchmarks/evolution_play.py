@@ -14,8 +14,8 @@ import numpy as np
 from numba import njit
 
 from rivals import time_interleaved
-from stickslip.rate_independent.clamp import clamp_samples, prandtl_ishlinskii
-from stickslip.rate_independent.play import play
+from stickslip.rate_independent.play.clamp import clamp_samples, prandtl_ishlinskii
+from stickslip.rate_independent.play.operator import play
 
 Array = np.ndarray
 SIZES = (10**7, 10**8)

@@ -36,17 +36,17 @@ import stickslip as ss
 from motion import machine
 from reference_values import PROBLEMS
 from rivals import RIVALS
-from stickslip.equations.code import generate
+from stickslip.equations.codegen.generate import generate
 from stickslip.equations.derive import derive
 from stickslip.errors import DeclarationError
-from stickslip.motion.batch import BATCH_SLOTS, initial_states, lanes_of_block, parameter_table, pose_all
-from stickslip.motion.kernel import FULL
-from stickslip.motion.lanes import Lanes
+from stickslip.motion.ensemble import Lanes
 from stickslip.motion.outcome import Outcome
-from stickslip.sweeps import measuring
-from stickslip.sweeps.chunk import Block, Settings, measure_chunk
+from stickslip.motion.simulate_many import BATCH_SLOTS, initial_states, lanes_of_block, parameter_table, pose_all
+from stickslip.motion.steps.arrays import FULL
+from stickslip.sweeps.engine import measuring
+from stickslip.sweeps.engine.tables import DEVICE_LANES
 from stickslip.sweeps.sweep import sweep
-from stickslip.sweeps.tables import DEVICE_LANES
+from stickslip.sweeps.work.chunk import Block, Settings, measure_chunk
 
 Array = np.ndarray
 RESULTS = Path(__file__).parent / "results" / "sweep.md"
@@ -238,7 +238,7 @@ def map_table(side: int, rounds: int) -> list[str]:
 
 def device_table(side: int) -> list[str]:
     """Table of a GPU, or why there is none."""
-    from stickslip.sweeps.device import OnDevice, check_device
+    from stickslip.sweeps.work.device import OnDevice, check_device
 
     try:
         check_device()

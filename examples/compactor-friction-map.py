@@ -31,7 +31,7 @@ def stopping_force(Omega):
 
 def plot_stopping(axes):
     """The boundary between sliding on and stopping."""
-    from stickslip.figures.style import VERMILION
+    from stickslip.figures.drawing.style import VERMILION
 
     Omega = np.geomspace(10.0, 300.0, 400)
     force = stopping_force(Omega)
@@ -47,7 +47,7 @@ def plot_stopping(axes):
 
 
 if __name__ == "__main__":
-    from stickslip.figures.style import legend_above, new_figure, paper_style
+    from stickslip.figures.drawing.style import legend_above, new_figure, paper_style
     from stickslip.figures.sweep import draw_map
 
     data = friction(out="out/compactor-friction-map/friction.zarr")

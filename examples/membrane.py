@@ -101,7 +101,7 @@ def draw(disc, resolved, averaged, coarse, fast):
 
     A motion with a shorter period on a coarse mesh joins the last profile.
     """
-    from stickslip.figures.style import new_figure, paper_style
+    from stickslip.figures.drawing.style import new_figure, paper_style
 
     with paper_style():
         figure = new_figure(11.0, 4.2)
@@ -136,7 +136,7 @@ def draw_maps(figure, disc, resolved):
 
 def draw_profiles(axes, disc, resolved, averaged, coarse, fast):
     """Deflection along a diameter."""
-    from stickslip.figures.style import BLUE, ORANGE, STICK_LINE, legend_above
+    from stickslip.figures.drawing.style import BLUE, ORANGE, STICK_LINE, legend_above
 
     x, _ = disc.profile(averaged.z[0])
     for period in range(1, disc.periods + 1):

@@ -64,7 +64,7 @@ exact = {F: float(without_inertia(F, SPEEDS[-1]).mean()) for F in (300.0, 900.0)
 
 def plot_forces(axes):
     """Mean force over the amplitude of the shaking."""
-    from stickslip.figures.style import STICK_LINE, line_colours
+    from stickslip.figures.drawing.style import STICK_LINE, line_colours
 
     amplitudes = np.append(np.linspace(0.0, 975.0, 14), [1020.0, 1065.0, 1110.0])
     for speed, colour in zip(SPEEDS, line_colours(len(SPEEDS)), strict=True):
@@ -85,7 +85,7 @@ def plot_forces(axes):
 
 def plot_steps(axes, amplitude=600.0, speed=0.02, periods=3, each=300):
     """Pulling force below the friction that the ground could give."""
-    from stickslip.figures.style import BAND, BLUE, STICK_LINE, THRESHOLD, VERMILION, legend_above
+    from stickslip.figures.drawing.style import BAND, BLUE, STICK_LINE, THRESHOLD, VERMILION, legend_above
 
     t = instants(periods, each)
     friction = MU * np.maximum(WEIGHT + amplitude * np.cos(OMEGA * t), 0.0)
@@ -103,7 +103,7 @@ def plot_steps(axes, amplitude=600.0, speed=0.02, periods=3, each=300):
 
 
 if __name__ == "__main__":
-    from stickslip.figures.style import new_figure, paper_style
+    from stickslip.figures.drawing.style import new_figure, paper_style
 
     path = Path("out/plate-compactor/force.png")
     path.parent.mkdir(parents=True, exist_ok=True)

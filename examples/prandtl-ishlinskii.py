@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip.rate_independent.clamp import plays, prandtl_ishlinskii
+from stickslip.rate_independent.play.clamp import plays, prandtl_ishlinskii
 
 RADII = np.linspace(0.05, 2.0, 40)
 WEIGHTS = np.full(40, 1 / 40)

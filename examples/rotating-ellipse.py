@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip.rate_independent import modelfile
+from stickslip.rate_independent.evolution import evolution_file
 
-model = modelfile.load(Path(__file__).parent / "evolution" / "rotating-ellipse.toml")
+model = evolution_file.load(Path(__file__).parent / "evolution" / "rotating-ellipse.toml")
 average = model.potential.average()
 
 angles = np.linspace(0.0, np.pi, 37)
@@ -29,7 +29,7 @@ waits = float(max(np.abs((m.phases - a / np.pi) % 1.0 - 0.5).max() for m, a in z
 
 def plot_phases(axes):
     """The phase that does the moving, over the direction of the motion."""
-    from stickslip.figures.style import BLUE, STICK_LINE, legend_above
+    from stickslip.figures.drawing.style import BLUE, STICK_LINE, legend_above
 
     # s = angle/π + 1/2 modulo 1, cut where it jumps.
     line = [0, 90, np.nan, 90, 180], [0.5, 1.0, np.nan, 0.0, 0.5]
@@ -47,7 +47,7 @@ def plot_phases(axes):
 
 if __name__ == "__main__":
     from stickslip.figures.dissipation import stable_sets
-    from stickslip.figures.style import new_figure, paper_style
+    from stickslip.figures.drawing.style import new_figure, paper_style
 
     path = Path("out/rotating-ellipse/stable-sets.png")
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -37,7 +37,7 @@ def trace(V, nu):
 
 def plot_hopf(axes, data):
     """Where steady sliding loses its stability."""
-    from stickslip.figures.style import VERMILION
+    from stickslip.figures.drawing.style import VERMILION
 
     V, nu = np.geomspace(0.02, 1.0, 400)[:, None], np.geomspace(0.005, 0.5, 400)
     style = {"levels": [0.0], "colors": VERMILION, "linewidths": 1.8, "linestyles": [(0, (4, 2))]}
@@ -46,7 +46,7 @@ def plot_hopf(axes, data):
 
 
 if __name__ == "__main__":
-    from stickslip.figures.style import legend_above, new_figure, paper_style
+    from stickslip.figures.drawing.style import legend_above, new_figure, paper_style
     from stickslip.figures.sweep import draw_map
 
     data = sticking(out="out/stick-fraction-map/stick.zarr")

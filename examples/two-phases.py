@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 import stickslip as ss
-from stickslip.rate_independent import modelfile
+from stickslip.rate_independent.evolution import evolution_file
 
-model = modelfile.load(Path(__file__).parent / "evolution" / "two-phases.toml")
+model = evolution_file.load(Path(__file__).parent / "evolution" / "two-phases.toml")
 average = model.potential.average()
 
 resolved = ss.evolve(model.problem, steps=2000)

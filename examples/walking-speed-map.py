@@ -29,7 +29,7 @@ def walking(pulls=120, dampings=90, out=None):
 
 def plot_boundary(axes, data):
     """Where walking begins, and what the pull says of it."""
-    from stickslip.figures.style import STICK_LINE, VERMILION
+    from stickslip.figures.drawing.style import STICK_LINE, VERMILION
 
     walks = (data["outcome"] == Outcome.PERIODIC.code) & (data["speed"] > 1e-6)
     style = {"levels": [0.5], "colors": "white", "linewidths": 1.8}
@@ -40,7 +40,7 @@ def plot_boundary(axes, data):
 
 
 if __name__ == "__main__":
-    from stickslip.figures.style import new_figure, paper_style
+    from stickslip.figures.drawing.style import new_figure, paper_style
     from stickslip.figures.sweep import draw_map
 
     data = walking(out="out/walking-speed-map/speed.zarr")

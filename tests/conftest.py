@@ -14,8 +14,8 @@ from stickslip.motion import problem, simulate
 def pytest_configure() -> None:
     """Forget machine code that is older than any of its sources: numba looks at the file of each function only."""
     package = Path(stickslip.__file__).parent
-    motion = [package / "equations" / "series.py", *(package / "motion").glob("*.py")]
-    motion += (package / "sweeps").glob("*.py")
+    motion = [package / "equations" / "codegen" / "series.py", *(package / "motion").rglob("*.py")]
+    motion += (package / "sweeps").rglob("*.py")
     evolution = [*(package / "rate_independent").rglob("*.py")]
     for sources in (motion, evolution):
         newest = max(path.stat().st_mtime for path in sources)

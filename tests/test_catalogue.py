@@ -14,10 +14,10 @@ import pytest
 import stickslip
 from oracles import belt_block, crawler, den_hartog, prandtl_tomlinson
 from stickslip import catalogue
-from stickslip import expressions as ex
 from stickslip.errors import DeclarationError
-from stickslip.expressions import Expr
-from stickslip.system import System
+from stickslip.model.system import System
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
 
 SOURCE = Path(stickslip.__file__).parent
 ISSUED = [

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stickslip import expressions as ex
 from stickslip.errors import DeclarationError
-from stickslip.system import Condition, Contact, Inertial, Internal, Parameter, RateIndependent, System, Viscous
+from stickslip.model.system import Condition, Contact, Inertial, Internal, Parameter, RateIndependent, System, Viscous
+from stickslip.symbolic import expressions as ex
 
 
 def system(**changes: Any) -> System:

@@ -10,11 +10,11 @@ from collections.abc import Mapping
 import pytest
 
 import stickslip as ss
-from stickslip import expressions as ex
-from stickslip.equations.display import ACCELERATION, Balance, Equations
-from stickslip.equations.spelling import latex_name, unicode_name, unicode_unit, width
-from stickslip.equations.writers import UnicodeWriter
-from stickslip.equations.written import Call, Name, Node, Number, Product, Reader, Relation, Sum, derivative
+from stickslip.display.equations import ACCELERATION, Balance, Equations
+from stickslip.display.printers import UnicodeWriter
+from stickslip.display.symbols import latex_name, unicode_name, unicode_unit, width
+from stickslip.display.tree import Call, Name, Node, Number, Product, Reader, Relation, Sum, derivative
+from stickslip.symbolic import expressions as ex
 
 NAMES = ss.catalogue.names()
 

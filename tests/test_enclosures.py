@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stickslip import expressions as ex
-from stickslip.boxes import between, enclosures, slopes
-from stickslip.enclosures import bounds, joins
-from stickslip.expressions import Expr
-from stickslip.formulas import Scope
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.boxes import between, enclosures, slopes
+from stickslip.symbolic.enclosures import bounds, joins
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.formulas import Scope
 
 Array = np.ndarray
 NAMES = ("x", "y")

@@ -14,9 +14,9 @@ from typer.testing import CliRunner, Result
 
 from stickslip.cli.app import app
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.history import open_history
-from stickslip.rate_independent.modelfile import EvolutionModel, dumps, load, loads
-from stickslip.system import Parameter
+from stickslip.model.system import Parameter
+from stickslip.rate_independent.evolution.evolution_file import EvolutionModel, dumps, load, loads
+from stickslip.rate_independent.evolution.history import open_history
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 FILES = sorted((EXAMPLES / "evolution").glob("*.toml"))
@@ -185,7 +185,7 @@ def test_a_scalar_file_is_an_exact_play() -> None:
 
 
 def test_ctrl_c_keeps_what_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from stickslip.rate_independent.march import March
+    from stickslip.rate_independent.evolution.stepping import March
 
     complete = March._advance
 

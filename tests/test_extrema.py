@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stickslip import expressions as ex
-from stickslip.extrema import least
-from stickslip.formulas import Scope
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.extrema import least
+from stickslip.symbolic.formulas import Scope
 
 SCOPE = Scope({name: ex.sym(name) for name in ("s", "a")})
 WELLS = {

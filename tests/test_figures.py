@@ -14,8 +14,8 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 import stickslip as ss
-from stickslip.figures.style import LINES, axis_label, line_colours, symbol
-from stickslip.quantities import contact_key
+from stickslip.figures.drawing.style import LINES, axis_label, line_colours, symbol
+from stickslip.model.quantities import contact_key
 
 
 def overview(system: ss.System, end: float | None = None, **more: float) -> tuple[ss.Trajectory, Figure, list[Axes]]:

@@ -10,11 +10,11 @@ import sympy
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from stickslip import expressions as ex
 from stickslip.errors import DeclarationError
-from stickslip.expressions import Expr
-from stickslip.formulas import Definition, Scope, check_name, is_finite, parse_signature
-from stickslip.units import check_unit, unit_label
+from stickslip.model.units import check_unit, unit_label
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.formulas import Definition, Scope, check_name, is_finite, parse_signature
 
 NAMES = {name: ex.sym(name) for name in ("t", "x", "y", "a", "b", "c", "rho")}
 VALUES = {"t": 0.7, "x": 1.3, "y": -0.4, "a": 2.0, "b": 3.0, "c": 5.0, "rho": 0.25}

@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 
 import stickslip as ss
+from stickslip.figures.drawing.style import legend_above, new_figure
+from stickslip.figures.drawing.thinning import COLUMNS, FEW, MOST_PIECES, PIXELS, Columns, Curve, chosen, strip, thin
 from stickslip.figures.motion import plot_trajectory
-from stickslip.figures.style import legend_above, new_figure
-from stickslip.figures.thinning import COLUMNS, FEW, MOST_PIECES, PIXELS, Columns, Curve, chosen, strip, thin
+from stickslip.model.quantities import FORCES, contact_key
 from stickslip.motion.knots import Knots
 from stickslip.motion.outcome import Outcome
-from stickslip.quantities import FORCES, contact_key
 
 
 def time_panels(figure: Figure) -> list[Axes]:

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from stickslip import catalogue
 from stickslip.errors import DeclarationError
-from stickslip.modelfile import dumps, load, loads, save
-from stickslip.system import Condition, Contact, Inertial, Internal, Parameter, RateIndependent, System, Viscous
-from stickslip.toml import MAX_BYTES
+from stickslip.model.system import Condition, Contact, Inertial, Internal, Parameter, RateIndependent, System, Viscous
+from stickslip.model.system_file import dumps, load, loads, save
+from stickslip.model.toml import MAX_BYTES
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 TWINS = {

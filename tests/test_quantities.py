@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.quantities import contact_key, energy_unit, force_unit, per_time, quantity, slip_unit
-from stickslip.units import NAMES, agree, factors, in_si, reduced, unit_text
+from stickslip.model.quantities import contact_key, energy_unit, force_unit, per_time, quantity, slip_unit
+from stickslip.model.units import NAMES, agree, factors, in_si, reduced, unit_text
 
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.toml"))
 PUBLISHED = [*ss.catalogue.names(), *(path.name for path in EXAMPLES)]

@@ -15,40 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from stickslip import catalogue
     from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
-    from stickslip.modelfile import load
-    from stickslip.motion.batch import simulate_many
-    from stickslip.motion.outcome import Outcome
-    from stickslip.motion.simulate import simulate
-    from stickslip.motion.trajectory import Trajectory, open_trajectory
-    from stickslip.orbits.branch import Branch, SpecialPoint, open_branch
-    from stickslip.orbits.curves import fold_curve, hopf_curve
-    from stickslip.orbits.cycle_branch import continue_cycle
-    from stickslip.orbits.cycles import Cycle, find_cycle
-    from stickslip.orbits.equilibria import equilibria
-    from stickslip.orbits.equilibrium import Equilibria, Equilibrium, EquilibriumSet
-    from stickslip.orbits.equilibrium_branch import continue_equilibrium
-    from stickslip.orbits.gaits import gait_study, sliding_threshold, walking_threshold
-    from stickslip.orbits.hysteresis import HysteresisOperator
-    from stickslip.orbits.onset_curve import stick_onset_curve
-    from stickslip.rate_independent.dissipation import (
-        Dissipation,
-        Ellipsoid,
-        GroupNorm,
-        Polytope,
-        Product,
-        SupportFunction,
-        WeightedL1,
-    )
-    from stickslip.rate_independent.evolution import Evolution
-    from stickslip.rate_independent.evolve import evolve
-    from stickslip.rate_independent.history import History, open_history
-    from stickslip.rate_independent.play import Play, play
-    from stickslip.rate_independent.study import averaging_study
-    from stickslip.sweeps.adaptive import Adaptive
-    from stickslip.sweeps.basin import basin
-    from stickslip.sweeps.chunk import Settings
-    from stickslip.sweeps.sweep import open_sweep, sweep
-    from stickslip.system import (
+    from stickslip.model.system import (
         Condition,
         Contact,
         Inertial,
@@ -58,6 +25,39 @@ if TYPE_CHECKING:
         System,
         Viscous,
     )
+    from stickslip.model.system_file import load
+    from stickslip.motion.outcome import Outcome
+    from stickslip.motion.simulate import simulate
+    from stickslip.motion.simulate_many import simulate_many
+    from stickslip.motion.trajectory import Trajectory, open_trajectory
+    from stickslip.orbits.branches.cycle_branch import continue_cycle
+    from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
+    from stickslip.orbits.branches.equilibrium_curves import fold_curve, hopf_curve
+    from stickslip.orbits.branches.onset_curve import stick_onset_curve
+    from stickslip.orbits.continuation.branch import Branch, SpecialPoint, open_branch
+    from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+    from stickslip.orbits.equilibria.equilibrium import Equilibria, Equilibrium, EquilibriumSet
+    from stickslip.orbits.equilibria.finding import equilibria
+    from stickslip.orbits.studies.gaits import gait_study, sliding_threshold, walking_threshold
+    from stickslip.orbits.studies.hysteresis import HysteresisOperator
+    from stickslip.rate_independent.dissipation import (
+        Dissipation,
+        Ellipsoid,
+        GroupNorm,
+        Polytope,
+        Product,
+        SupportFunction,
+        WeightedL1,
+    )
+    from stickslip.rate_independent.evolution.averaging_study import averaging_study
+    from stickslip.rate_independent.evolution.evolution import Evolution
+    from stickslip.rate_independent.evolution.evolve import evolve
+    from stickslip.rate_independent.evolution.history import History, open_history
+    from stickslip.rate_independent.play.operator import Play, play
+    from stickslip.sweeps.adaptive import Adaptive
+    from stickslip.sweeps.basin import basin
+    from stickslip.sweeps.sweep import open_sweep, sweep
+    from stickslip.sweeps.work.chunk import Settings
 
 __version__ = "0.1.0"
 
@@ -123,39 +123,40 @@ __all__ = [
 # Where each public name lives. Nothing is imported before it is asked for: numba and xarray take seconds.
 _HOMES = {
     **dict.fromkeys(["ConvergenceError", "DeclarationError", "StickslipError"], "errors"),
-    "load": "modelfile",
+    "load": "model.system_file",
     "Outcome": "motion.outcome",
     "simulate": "motion.simulate",
-    "simulate_many": "motion.batch",
+    "simulate_many": "motion.simulate_many",
     "Trajectory": "motion.trajectory",
     "open_trajectory": "motion.trajectory",
-    "Evolution": "rate_independent.evolution",
-    "evolve": "rate_independent.evolve",
-    "History": "rate_independent.history",
-    "open_history": "rate_independent.history",
-    **dict.fromkeys(["Branch", "SpecialPoint", "open_branch"], "orbits.branch"),
-    **dict.fromkeys(["fold_curve", "hopf_curve"], "orbits.curves"),
-    **dict.fromkeys(["Equilibria", "Equilibrium", "EquilibriumSet"], "orbits.equilibrium"),
-    "equilibria": "orbits.equilibria",
-    "continue_equilibrium": "orbits.equilibrium_branch",
-    **dict.fromkeys(["Cycle", "find_cycle"], "orbits.cycles"),
-    "continue_cycle": "orbits.cycle_branch",
-    "stick_onset_curve": "orbits.onset_curve",
-    "HysteresisOperator": "orbits.hysteresis",
-    **dict.fromkeys(["gait_study", "sliding_threshold", "walking_threshold"], "orbits.gaits"),
+    "Evolution": "rate_independent.evolution.evolution",
+    "evolve": "rate_independent.evolution.evolve",
+    "History": "rate_independent.evolution.history",
+    "open_history": "rate_independent.evolution.history",
+    **dict.fromkeys(["Branch", "SpecialPoint", "open_branch"], "orbits.continuation.branch"),
+    **dict.fromkeys(["fold_curve", "hopf_curve"], "orbits.branches.equilibrium_curves"),
+    **dict.fromkeys(["Equilibria", "Equilibrium", "EquilibriumSet"], "orbits.equilibria.equilibrium"),
+    "equilibria": "orbits.equilibria.finding",
+    "continue_equilibrium": "orbits.branches.equilibrium_branch",
+    **dict.fromkeys(["Cycle", "find_cycle"], "orbits.cycles.cycle"),
+    "continue_cycle": "orbits.branches.cycle_branch",
+    "stick_onset_curve": "orbits.branches.onset_curve",
+    "HysteresisOperator": "orbits.studies.hysteresis",
+    **dict.fromkeys(["gait_study", "sliding_threshold", "walking_threshold"], "orbits.studies.gaits"),
     "Adaptive": "sweeps.adaptive",
     "basin": "sweeps.basin",
-    "Settings": "sweeps.chunk",
+    "Settings": "sweeps.work.chunk",
     **dict.fromkeys(["open_sweep", "sweep"], "sweeps.sweep"),
-    "Play": "rate_independent.play",
-    "play": "rate_independent.play",
-    "averaging_study": "rate_independent.study",
+    "Play": "rate_independent.play.operator",
+    "play": "rate_independent.play.operator",
+    "averaging_study": "rate_independent.evolution.averaging_study",
     **dict.fromkeys(
         ["Dissipation", "Ellipsoid", "GroupNorm", "Polytope", "Product", "SupportFunction", "WeightedL1"],
         "rate_independent.dissipation",
     ),
     **dict.fromkeys(
-        ["Condition", "Contact", "Inertial", "Internal", "Parameter", "RateIndependent", "System", "Viscous"], "system"
+        ["Condition", "Contact", "Inertial", "Internal", "Parameter", "RateIndependent", "System", "Viscous"],
+        "model.system",
     ),
 }
 

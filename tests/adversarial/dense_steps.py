@@ -22,7 +22,7 @@ from stickslip import Ellipsoid, GroupNorm, Polytope, Product, WeightedL1
 from stickslip.errors import StickslipError
 from stickslip.rate_independent.dissipation import Dissipation
 from stickslip.rate_independent.solvers.dense import BoxSteps, ProjectionSteps
-from stickslip.rate_independent.stable_sets import stable_sets
+from stickslip.rate_independent.solvers.stable_sets import stable_sets
 
 Array = np.ndarray
 Rng = np.random.Generator

@@ -439,7 +439,7 @@ def nothing_damps_it(rng: Rng) -> dict[str, Any]:
 
 def measured(case: Case) -> dict[str, Any]:
     """What the library says of the point."""
-    from stickslip.sweeps.chunk import Settings, measure_chunk
+    from stickslip.sweeps.work.chunk import Settings, measure_chunk
 
     given = ({name: np.array([value]) for name, value in part.items()} for part in (case.initial, case.parameters))
     found = measure_chunk(case.system, *given, MEASURES, Settings())
@@ -448,7 +448,7 @@ def measured(case: Case) -> dict[str, Any]:
 
 def judge(case: Case) -> Verdict:
     """Measure the point, and hold what is certified against brute force."""
-    from stickslip.sweeps.measures import LACKING
+    from stickslip.sweeps.request.measures import LACKING
 
     try:
         found = measured(case)
@@ -518,8 +518,8 @@ def reproduction(case: Case) -> str:
     return "\n".join(
         [
             "import numpy as np",
-            "from stickslip.modelfile import loads",
-            "from stickslip.sweeps.chunk import Settings, measure_chunk",
+            "from stickslip.model.system_file import loads",
+            "from stickslip.sweeps.work.chunk import Settings, measure_chunk",
             f"system = loads({case.system.to_toml()!r}, 'system')",
             f"print(measure_chunk(system, {given}, {MEASURES!r}, Settings()))",
         ]

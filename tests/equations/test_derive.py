@@ -14,8 +14,8 @@ import pytest
 import sympy as sp
 
 from stickslip import Contact, DeclarationError, Inertial, Internal, Parameter, RateIndependent, System, Viscous
-from stickslip import expressions as ex
 from stickslip.equations.derive import MotionEquations, derive
+from stickslip.symbolic import expressions as ex
 
 Values = dict[str, float]
 

@@ -19,7 +19,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from stickslip import Internal, Parameter, System, Trajectory, simulate
-from stickslip.equations import series
+from stickslip.equations.codegen import series
 
 ORDER = 24
 Array = np.ndarray

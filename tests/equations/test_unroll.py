@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from stickslip import Internal, Parameter, System, catalogue
-from stickslip.equations import compiled, unroll
-from stickslip.equations.code import generate
+from stickslip.equations.codegen import compiled, unroll
+from stickslip.equations.codegen.generate import generate
+from stickslip.equations.codegen.unroll import written_out
 from stickslip.equations.derive import derive
-from stickslip.equations.unroll import written_out
-from stickslip.motion.kernel import Constants
+from stickslip.motion.engine.tables import run_setups
 from stickslip.motion.problem import pose
-from stickslip.motion.tables import run_setups
+from stickslip.motion.steps.arrays import Constants
 
 
 def everything() -> System:

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from stickslip import System, Viscous
-from stickslip.motion.discs import spread, spread_state
-from stickslip.motion.modes import resolve
+from stickslip.motion.engine.modes import resolve
 from stickslip.motion.problem import Problem, pose
-from stickslip.motion.steps import fill_powers
+from stickslip.motion.steps.discs import spread, spread_state
+from stickslip.motion.steps.step_size import fill_powers
 
 # Forces as formulas, and as functions of complex time t and position x.
 FORCES: dict[str, Callable[[complex, complex], complex]] = {

@@ -6,8 +6,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import polynomial
 
-from stickslip.motion.roots import MAX_DEGREE, NONE, arrive, first_crossing
-from stickslip.motion.steps import fill_powers
+from stickslip.motion.engine.roots import MAX_DEGREE, NONE, arrive, first_crossing
+from stickslip.motion.steps.step_size import fill_powers
 
 # The first call compiles.
 many = settings(deadline=None, max_examples=200)

@@ -20,7 +20,7 @@ from stickslip import (
     simulate,
     simulate_many,
 )
-from stickslip.motion.stiff import NODES, POWERS, SLOPES, TERMS
+from stickslip.motion.steps.stiff import NODES, POWERS, SLOPES, TERMS
 
 
 def given(**defaults: float) -> dict[str, Parameter]:

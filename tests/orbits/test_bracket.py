@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from stickslip.orbits.bracket import zero_near
+from stickslip.orbits.continuation.bracket import zero_near
 
 
 @pytest.mark.parametrize(

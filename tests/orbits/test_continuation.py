@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from stickslip.errors import StickslipError
-from stickslip.orbits.continuation import Path, Steps, trace
+from stickslip.orbits.continuation.arclength import Path, Steps, trace
 
 Array = NDArray[np.float64]
 

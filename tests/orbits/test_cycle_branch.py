@@ -13,10 +13,10 @@ from oracles import belt_block, den_hartog
 from orbits.examples import HALF_TURN, SLIDER, damped_block, dragged, duffing, isola, mass_on_belt, planar
 from stickslip import catalogue, simulate
 from stickslip.errors import DeclarationError
-from stickslip.orbits.branch import Branch, SpecialPoint, open_branch
-from stickslip.orbits.cycle_branch import continue_cycle
-from stickslip.orbits.cycles import Cycle, find_cycle
-from stickslip.orbits.equilibrium_branch import continue_equilibrium
+from stickslip.orbits.branches.cycle_branch import continue_cycle
+from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
+from stickslip.orbits.continuation.branch import Branch, SpecialPoint, open_branch
+from stickslip.orbits.cycles.cycle import Cycle, find_cycle
 from systems import distance, oscillator
 
 

@@ -11,13 +11,13 @@ import pytest
 from orbits.examples import HALF_TURN, SLIDER, jenkins, planar
 from stickslip import Trajectory, catalogue, simulate
 from stickslip.certificates import Certificate, Residual, worst
-from stickslip.orbits.closing import Closed, converge, near
-from stickslip.orbits.cycle_certificate import certify
-from stickslip.orbits.cycles import Cycle, find_cycle
-from stickslip.orbits.finding import from_cycle
-from stickslip.orbits.period import shorter, shortest
-from stickslip.orbits.pieces import Pieces
-from stickslip.orbits.recurrence import Recurrence, window
+from stickslip.orbits.cycles.certificate import certify
+from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+from stickslip.orbits.cycles.finding import from_cycle
+from stickslip.orbits.cycles.period import shorter, shortest
+from stickslip.orbits.fields.mode_field import Pieces
+from stickslip.orbits.return_map.damped_newton import Closed, converge, near
+from stickslip.orbits.return_map.recurrence import Recurrence, window
 from systems import oscillator
 
 CYCLES = {

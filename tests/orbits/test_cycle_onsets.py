@@ -9,12 +9,12 @@ from oracles import den_hartog
 from orbits.examples import SLIDER
 from stickslip import catalogue
 from stickslip.errors import DeclarationError
-from stickslip.orbits.branch import Branch, SpecialPoint
-from stickslip.orbits.cycle_branch import continue_cycle
-from stickslip.orbits.cycles import find_cycle
-from stickslip.orbits.equilibrium_branch import continue_equilibrium
-from stickslip.orbits.onset_curve import stick_onset_curve
-from stickslip.system import System
+from stickslip.model.system import System
+from stickslip.orbits.branches.cycle_branch import continue_cycle
+from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
+from stickslip.orbits.branches.onset_curve import stick_onset_curve
+from stickslip.orbits.continuation.branch import Branch, SpecialPoint
+from stickslip.orbits.cycles.cycle import find_cycle
 
 OSCILLATOR = catalogue.forced_oscillator()
 

@@ -11,10 +11,10 @@ import pytest
 from orbits.examples import HALF_TURN, SLIDER, dragged, isola, planar
 from properties.families import linear_family
 from stickslip import Contact, RateIndependent, System, catalogue, simulate
-from stickslip import expressions as ex
 from stickslip.errors import ConvergenceError, DeclarationError
-from stickslip.orbits.cycles import Cycle, find_cycle
-from stickslip.orbits.equilibrium_branch import continue_equilibrium
+from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
+from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+from stickslip.symbolic import expressions as ex
 from systems import distance, oscillator
 
 

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from flows import flow
 from stickslip import Contact, Inertial, Parameter, RateIndependent, System, Viscous, catalogue, simulate
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
-from stickslip.orbits.branch import open_branch
-from stickslip.orbits.curves import fold_curve, hopf_curve
-from stickslip.orbits.equilibria import equilibria
-from stickslip.orbits.equilibrium import Equilibrium, EquilibriumSet
-from stickslip.orbits.equilibrium_branch import continue_equilibrium
+from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
+from stickslip.orbits.branches.equilibrium_curves import fold_curve, hopf_curve
+from stickslip.orbits.continuation.branch import open_branch
+from stickslip.orbits.equilibria.equilibrium import Equilibrium, EquilibriumSet
+from stickslip.orbits.equilibria.finding import equilibria
 from systems import parameters
 
 KINDS = {"inertial": Inertial, "viscous": Viscous, "rate-independent": RateIndependent}

@@ -11,10 +11,10 @@ from orbits.examples import SLIDER, stribeck_belt
 from stickslip import Contact, Inertial, Internal, System, catalogue
 from stickslip.equations.derive import derive
 from stickslip.equations.field import mode_field
-from stickslip.orbits.equilibria import equilibria
-from stickslip.orbits.equilibrium_branch import continue_equilibrium
-from stickslip.orbits.equilibrium_certificate import certify, eigenvalue_error
-from stickslip.orbits.steady import Steady
+from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
+from stickslip.orbits.equilibria.certificate import certify, eigenvalue_error
+from stickslip.orbits.equilibria.finding import equilibria
+from stickslip.orbits.fields.steady import Steady
 from systems import parameters
 
 

@@ -8,13 +8,13 @@ from numba import njit
 from numpy.typing import NDArray
 
 from stickslip import Contact, Internal, Parameter, System, Viscous, catalogue
-from stickslip import expressions as ex
 from stickslip.equations.derive import derive
-from stickslip.equations.evaluator import evaluator
 from stickslip.equations.field import Field, in_region, mode_field, solve
-from stickslip.motion.kernel import OK
-from stickslip.motion.modes import resolve
+from stickslip.motion.engine.modes import resolve
 from stickslip.motion.problem import Problem, pose
+from stickslip.motion.steps.arrays import OK
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.evaluator import evaluator
 from systems import ode, oscillator, pair
 
 SYSTEMS = {name: catalogue.get(name) for name in catalogue.names()}

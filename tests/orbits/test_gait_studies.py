@@ -12,8 +12,8 @@ import pytest
 from stickslip import catalogue, simulate
 from stickslip.errors import DeclarationError
 from stickslip.motion.outcome import Outcome
-from stickslip.orbits.cycle_branch import continue_cycle
-from stickslip.orbits.gaits import gait_study, sliding_threshold, walking_threshold
+from stickslip.orbits.branches.cycle_branch import continue_cycle
+from stickslip.orbits.studies.gaits import gait_study, sliding_threshold, walking_threshold
 
 WALK, UPRIGHT = {"psi": -1.67}, {"psi": 0.0, "x_R": 0.0}
 

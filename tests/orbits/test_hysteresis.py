@@ -15,9 +15,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stickslip import catalogue, simulate
-from stickslip import expressions as ex
 from stickslip.errors import DeclarationError
-from stickslip.orbits.hysteresis import HysteresisOperator
+from stickslip.orbits.studies.hysteresis import HysteresisOperator
+from stickslip.symbolic import expressions as ex
 from systems import distance
 
 SETS = [

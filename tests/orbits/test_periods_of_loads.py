@@ -9,12 +9,12 @@ import pytest
 from stickslip import Contact, Inertial, Parameter, System, catalogue
 from stickslip.errors import DeclarationError
 from stickslip.motion.problem import pose
-from stickslip.orbits.cycle_branch import continue_cycle
-from stickslip.orbits.cycles import find_cycle
-from stickslip.orbits.pieces import Pieces
-from stickslip.orbits.recurrence import window
-from stickslip.orbits.shooting import follow_freely
-from stickslip.orbits.symmetry import clock
+from stickslip.orbits.branches.cycle_branch import continue_cycle
+from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.orbits.fields.mode_field import Pieces
+from stickslip.orbits.fields.symmetry import clock
+from stickslip.orbits.return_map.recurrence import window
+from stickslip.orbits.return_map.shooting import follow_freely
 
 
 def loaded(load: str, threshold: str = "mu") -> System:

@@ -14,17 +14,17 @@ from orbits.examples import SLIDER
 from stickslip import catalogue
 from stickslip.errors import DeclarationError
 from stickslip.figures.basin import plot_basin
+from stickslip.figures.drawing.style import BLUE, SLIP, STICK_LINE
 from stickslip.figures.gait import plot_gait
 from stickslip.figures.orbits import plot_branch
 from stickslip.figures.phase_portrait import plot_phase_portrait
 from stickslip.figures.poincare import crossings, plot_return_map
 from stickslip.figures.spectrum import plot_eigenvalues
-from stickslip.figures.style import BLUE, SLIP, STICK_LINE
-from stickslip.orbits.cycle_branch import continue_cycle
-from stickslip.orbits.cycles import Cycle, find_cycle
-from stickslip.orbits.equilibria import equilibria
-from stickslip.orbits.equilibrium_branch import continue_equilibrium
-from stickslip.paper.scaling import lowest_order
+from stickslip.orbits.branches.cycle_branch import continue_cycle
+from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
+from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+from stickslip.orbits.equilibria.finding import equilibria
+from stickslip.paper.claims.scaling import lowest_order
 from stickslip.sweeps.basin import basin
 
 V = {"V": 0.2255}

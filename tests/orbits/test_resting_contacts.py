@@ -14,9 +14,9 @@ import pytest
 from scipy.optimize import brentq
 
 from orbits.examples import jenkins
-from stickslip.orbits.branch import Branch
-from stickslip.orbits.cycle_branch import continue_cycle
-from stickslip.orbits.cycles import find_cycle
+from stickslip.orbits.branches.cycle_branch import continue_cycle
+from stickslip.orbits.continuation.branch import Branch
+from stickslip.orbits.cycles.cycle import find_cycle
 
 RANGE = (1.0, 1.5)
 

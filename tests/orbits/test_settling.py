@@ -11,13 +11,13 @@ import pytest
 from orbits.examples import SLIDER, dragged, isola, stribeck_belt
 from stickslip import Contact, Inertial, System, Viscous, catalogue, simulate
 from stickslip.errors import ConvergenceError
-from stickslip.orbits.cycles import find_cycle
-from stickslip.orbits.families import Family
-from stickslip.orbits.irregular import largest_exponent
-from stickslip.orbits.pieces import Pieces
-from stickslip.orbits.recurrence import window
-from stickslip.orbits.resting import comes_to_rest
-from stickslip.system import Internal
+from stickslip.model.system import Internal
+from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.orbits.cycles.lyapunov import largest_exponent
+from stickslip.orbits.cycles.resting import comes_to_rest
+from stickslip.orbits.fields.mode_field import Pieces
+from stickslip.orbits.return_map.families import Family
+from stickslip.orbits.return_map.recurrence import window
 from systems import oscillator, parameters
 
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from stickslip import Internal, Parameter, System, catalogue, simulate
-from stickslip.orbits.pieces import Pieces
-from stickslip.orbits.variational import Variation, collocation, gauss, variation
+from stickslip.orbits.fields.mode_field import Pieces
+from stickslip.orbits.fields.variational import Variation, collocation, gauss, variation
 from systems import oscillator
 
 Array = NDArray[np.float64]

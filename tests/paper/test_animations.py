@@ -16,8 +16,8 @@ from matplotlib.colors import to_hex
 from matplotlib.patches import Polygon
 from PIL import Image
 
-from stickslip.paper.animations import ANIMATIONS, frames, write_page, write_video
-from stickslip.paper.figures.scenes import SLIP, STICK, Scene, compactor_scene, toy_scene
+from stickslip.paper.moving.animations import ANIMATIONS, frames, write_page, write_video
+from stickslip.paper.moving.scenes import SLIP, STICK, Scene, compactor_scene, toy_scene
 
 
 def soles(scene: Scene, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from stickslip.paper import claims
-from stickslip.paper.claim import (
+from stickslip.paper.claims.claim import (
     Claim,
     Finding,
     Verdict,
@@ -21,7 +21,7 @@ from stickslip.paper.claim import (
     together,
     vanishes,
 )
-from stickslip.paper.laws import in_sympy, zero
+from stickslip.paper.claims.laws import in_sympy, zero
 
 CLAIMS = claims()
 
@@ -108,7 +108,7 @@ def test_a_check_that_stops_fails() -> None:
 def test_expressions_in_sympy() -> None:
     import sympy as sp
 
-    from stickslip import expressions as ex
+    from stickslip.symbolic import expressions as ex
 
     x, y = ex.sym("x"), ex.sym("y")
     a, b = sp.symbols("x y", real=True)

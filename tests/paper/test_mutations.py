@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from stickslip import catalogue
+from stickslip.model.system import Contact, Internal, System, Viscous
 from stickslip.paper import claims
-from stickslip.rate_independent import play as play_module
 from stickslip.rate_independent.averaging import closed_forms
-from stickslip.system import Contact, Internal, System, Viscous
+from stickslip.rate_independent.play import operator as play_module
 
 CLAIMS = {item.name: item for item in claims()}
 Change = Callable[[System], System]

@@ -19,7 +19,7 @@ from stickslip.cli import paper as command
 from stickslip.cli.app import app
 from stickslip.errors import DeclarationError
 from stickslip.paper import claims, making, report
-from stickslip.paper.claim import Finding, Verdict
+from stickslip.paper.claims.claim import Finding, Verdict
 from stickslip.paper.making import Item, Made, Work, items, make, make_all
 from stickslip.paper.typeset import typeset
 

@@ -197,7 +197,7 @@ def test_the_average_of_a_product_is_the_product_of_averages(seed: int) -> None:
 @law
 @given(seed=seeds)
 def test_closed_forms_agree_with_the_exchange(seed: int) -> None:
-    from stickslip.rate_independent.averaging.exchange import Intersection
+    from stickslip.rate_independent.averaging.semi_infinite import Intersection
 
     rng = np.random.default_rng(seed)
     source = KINDS[rng.choice(["weighted_l1", "groups", "halfspaces"])](rng)

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from orbits.examples import SLIDER, damped_block, dragged, mass_on_belt
 from stickslip import System, catalogue
 from stickslip.motion.problem import pose
-from stickslip.orbits.cycles import Cycle, find_cycle
-from stickslip.orbits.pieces import Pieces
-from stickslip.orbits.shooting import numbers
-from stickslip.orbits.variational import variation
+from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+from stickslip.orbits.fields.mode_field import Pieces
+from stickslip.orbits.fields.variational import variation
+from stickslip.orbits.return_map.shooting import numbers
 
 # Examples are drawn anew from the test's name, the same in every run.
 law = settings(max_examples=3, deadline=None, derandomize=True)

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stickslip.rate_independent.dissipation import Ellipsoid, GroupNorm, WeightedL1
-from stickslip.rate_independent.evolution import Evolution
-from stickslip.rate_independent.evolve import evolve
-from stickslip.rate_independent.history import History
+from stickslip.rate_independent.evolution.evolution import Evolution
+from stickslip.rate_independent.evolution.evolve import evolve
+from stickslip.rate_independent.evolution.history import History
 
 Array = np.ndarray
 

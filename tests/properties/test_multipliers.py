@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from properties.families import Drawn, draw, linear_family
 from stickslip import System, simulate
 from stickslip.motion.trajectory import Trajectory
-from stickslip.orbits.cycles import find_cycle
-from stickslip.orbits.pieces import Pieces
-from stickslip.orbits.shooting import make_station, numbers
-from stickslip.orbits.touching import nearest_change
-from stickslip.orbits.variational import variation
+from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.orbits.fields.mode_field import Pieces
+from stickslip.orbits.fields.variational import variation
+from stickslip.orbits.return_map.mode_sequence import nearest_change
+from stickslip.orbits.return_map.shooting import make_station, numbers
 
 Array = NDArray[np.float64]
 

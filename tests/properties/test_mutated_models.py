@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from stickslip.errors import DeclarationError
-from stickslip.modelfile import dumps, loads
-from stickslip.system import System
+from stickslip.model.system import System
+from stickslip.model.system_file import dumps, loads
 
 TEXTS = {
     path.name: path.read_text(encoding="utf-8")

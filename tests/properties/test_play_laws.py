@@ -9,8 +9,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stickslip.rate_independent.clamp import clamp, plays, prandtl_ishlinskii
-from stickslip.rate_independent.play import Play, play
+from stickslip.rate_independent.play.clamp import clamp, plays, prandtl_ishlinskii
+from stickslip.rate_independent.play.operator import Play, play
 
 Array = np.ndarray
 T = 4.0

@@ -348,7 +348,7 @@ def test_an_infimum_that_is_hardly_attained() -> None:
 
 
 def test_a_failure_says_what_was_reached(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stickslip.rate_independent.averaging.exchange.MOST_ROUNDS", 1)
+    monkeypatch.setattr("stickslip.rate_independent.averaging.semi_infinite.MOST_ROUNDS", 1)
     average = Polytope(vertices=lambda s: SQUARE * [1 + 0.5 * np.cos(2 * np.pi * s), np.sin(np.pi * s)]).average()
     with pytest.raises(ConvergenceError, match=r"after 1 rounds the duality gap is .*Raise the tolerance 1e-08"):
         average.optimal_motion([1.0, 1.0])
@@ -406,14 +406,14 @@ def test_a_force_that_slides_asks_for_few_stretches() -> None:
 
 
 def test_a_product_of_averages_remembers(monkeypatch: pytest.MonkeyPatch) -> None:
-    from stickslip.rate_independent.averaging import exchange
+    from stickslip.rate_independent.averaging import semi_infinite
     from stickslip.rate_independent.averaging.cover import Cover
 
     average = Product(
         (Ellipsoid([["1 + cos(2*pi*s)/2", "0"], ["0", "1"]]), WeightedL1(["1 + sin(2*pi*s)/2"]))
     ).average()
     metric, made = np.array([[2.0, 0.3, 0.5], [0.3, 1.0, 0.2], [0.5, 0.2, 1.0]]), []
-    monkeypatch.setattr(exchange, "Cover", lambda source: made.append(source) or Cover(source))
+    monkeypatch.setattr(semi_infinite, "Cover", lambda source: made.append(source) or Cover(source))
     first = average.project([2.0, 1.0, 3.0], metric=metric)
     np.testing.assert_allclose(average.project([2.0, 1.0, 3.0], metric=metric), first, atol=1e-6)
     average.project([2.01, 1.0, 3.0], metric=metric)

@@ -11,12 +11,12 @@ from scipy import sparse
 from skfem.models.poisson import laplace
 
 from stickslip.errors import DeclarationError, StickslipError
-from stickslip.rate_independent import evolve as evolve_module
 from stickslip.rate_independent.dissipation import Ellipsoid, GroupNorm, Polytope, Product, WeightedL1
-from stickslip.rate_independent.evolution import Evolution
-from stickslip.rate_independent.evolve import evolve
-from stickslip.rate_independent.history import open_history
-from stickslip.rate_independent.outcome import EvolutionOutcome
+from stickslip.rate_independent.evolution import evolve as evolve_module
+from stickslip.rate_independent.evolution.evolution import Evolution
+from stickslip.rate_independent.evolution.evolve import evolve
+from stickslip.rate_independent.evolution.history import open_history
+from stickslip.rate_independent.evolution.outcome import EvolutionOutcome
 from stickslip.rate_independent.solvers.choose import choose_solver
 
 Array = np.ndarray

@@ -16,10 +16,10 @@ from numpy.polynomial import chebyshev
 import stickslip as ss
 from stickslip.errors import DeclarationError
 from stickslip.figures.play import plot_limit, plot_loops, plot_play
-from stickslip.rate_independent import chebyshev as panels
-from stickslip.rate_independent import play_nodes
-from stickslip.rate_independent.clamp import clamp, plays, prandtl_ishlinskii
-from stickslip.rate_independent.play import Play, play
+from stickslip.rate_independent.play import chebyshev as panels
+from stickslip.rate_independent.play import nodes
+from stickslip.rate_independent.play.clamp import clamp, plays, prandtl_ishlinskii
+from stickslip.rate_independent.play.operator import Play, play
 
 Array = np.ndarray
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -286,7 +286,7 @@ def test_stretches_of_panels_join(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = play(*given, epsilon=0.25)  # type: ignore[arg-type]
     assert np.count_nonzero(np.diff(whole.time) == 0.0) > 5
     for size in (1, 2, 3, 7):
-        monkeypatch.setattr(play_nodes, "CHUNK", size)
+        monkeypatch.setattr(nodes, "CHUNK", size)
         joined = play(*given, epsilon=0.25)  # type: ignore[arg-type]
         assert all(np.array_equal(one, other) for one, other in zip(whole.nodes, joined.nodes, strict=True))
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent import study as study_module
 from stickslip.rate_independent.dissipation import GroupNorm, WeightedL1
-from stickslip.rate_independent.evolution import Evolution
-from stickslip.rate_independent.gauge import TESTS, Gauge, PlayMotion, SteppedMotion
-from stickslip.rate_independent.study import AveragingStudy, averaging_study, fitted_power
+from stickslip.rate_independent.evolution import averaging_study as study_module
+from stickslip.rate_independent.evolution.averaging_study import AveragingStudy, averaging_study, fitted_power
+from stickslip.rate_independent.evolution.blocks import TESTS, Gauge, PlayMotion, SteppedMotion
+from stickslip.rate_independent.evolution.evolution import Evolution
 
 Array = np.ndarray
 SMOOTH, KINK = "1 + cos(2*pi*s)/2", "1/2 + abs(sin(pi*(s - 0.3)))"

@@ -15,8 +15,8 @@ from scipy import sparse
 
 from stickslip import Contact, RateIndependent, System, simulate
 from stickslip.rate_independent.dissipation import GroupNorm, WeightedL1
-from stickslip.rate_independent.evolution import Evolution
-from stickslip.rate_independent.evolve import evolve
+from stickslip.rate_independent.evolution.evolution import Evolution
+from stickslip.rate_independent.evolution.evolve import evolve
 
 Array = np.ndarray
 

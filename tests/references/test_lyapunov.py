@@ -14,8 +14,8 @@ import sympy as sp
 from flows import flow
 from oracles.lyapunov import first_lyapunov
 from stickslip import Contact, Inertial, System, catalogue
-from stickslip.orbits.branch import SpecialPoint
-from stickslip.orbits.equilibrium_branch import continue_equilibrium
+from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
+from stickslip.orbits.continuation.branch import SpecialPoint
 from systems import parameters
 
 

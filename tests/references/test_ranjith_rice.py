@@ -12,7 +12,7 @@ import pytest
 
 from oracles.rate_and_state import critical_frequency, critical_stiffness
 from stickslip import Inertial, Internal, System, simulate
-from stickslip.orbits.equilibrium_branch import continue_equilibrium
+from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from systems import parameters
 
 A, B, SIGMA, D_C, MU_0 = 0.4, 0.7, 1.3, 0.8, 6.0

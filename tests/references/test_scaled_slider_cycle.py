@@ -13,8 +13,8 @@ import pytest
 
 from oracles import scaled_slider
 from stickslip import catalogue
-from stickslip.orbits.cycle_branch import continue_cycle
-from stickslip.orbits.cycles import Cycle, find_cycle
+from stickslip.orbits.branches.cycle_branch import continue_cycle
+from stickslip.orbits.cycles.cycle import Cycle, find_cycle
 
 GAMMA_SLIP, GAMMA_STICK = 0.0054267655331678199637, 6.366083565301879946
 SLIP, STICK = 0.38862420022020717876, 7.0673964441874579179

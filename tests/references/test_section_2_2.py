@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from stickslip.rate_independent.play import play
+from stickslip.rate_independent.play.operator import play
 
 Array = np.ndarray
 LOAD, TOP, HEIGHT, SPAN = "5*t - t**2", 2.5, 6.25, (0.0, 5.0)

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from stickslip import catalogue
-from stickslip.orbits.equilibria import equilibria
-from stickslip.orbits.equilibrium import Equilibrium
-from stickslip.orbits.equilibrium_branch import continue_equilibrium
+from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
+from stickslip.orbits.equilibria.equilibrium import Equilibrium
+from stickslip.orbits.equilibria.finding import equilibria
 
 LAWS: dict[str, Callable] = {
     "2/sqrt(alpha)": lambda a: 2 / mp.sqrt(a),

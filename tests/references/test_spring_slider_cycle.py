@@ -10,8 +10,8 @@ import pytest
 
 from oracles import spring_slider
 from orbits.examples import SLIDER
-from stickslip.orbits.cycles import Cycle, find_cycle
-from stickslip.orbits.equilibrium_branch import continue_equilibrium
+from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
+from stickslip.orbits.cycles.cycle import Cycle, find_cycle
 
 STICKING = {
     0.02: ("21.8170197631315246929990914424", "21.244290223312862767454397008", "2.1908101879406323723384970771e-8"),

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from stickslip import Trajectory, catalogue, simulate
-from stickslip import expressions as ex
+from stickslip.symbolic import expressions as ex
 from systems import distance, switches
 
 pytestmark = pytest.mark.usefixtures("flow")

@@ -17,7 +17,7 @@ import zarr.codecs
 import zarr.storage  # noqa: F401
 
 import stickslip as ss
-import stickslip.sweeps.user_measures
+import stickslip.sweeps.request.user_measures
 from stickslip.sweeps.sweep import Progress, sweep
 from sweeps import stand_in
 
@@ -38,7 +38,7 @@ def attempt(store: str, log: str, number: int, opened: int) -> None:
 
 
 if __name__ == "__main__":
-    sys.modules["stickslip.sweeps.chunk"] = stand_in
+    sys.modules["stickslip.sweeps.work.chunk"] = stand_in
     moments = random.Random(20)
     for number in range(int(sys.argv[3])):
         opened, tell = os.pipe()

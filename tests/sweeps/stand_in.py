@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from stickslip.sweeps.scheduler import Stopped
-from stickslip.system import System
+from stickslip.model.system import System
+from stickslip.sweeps.work.scheduler import Stopped
 
 Array = np.ndarray
 calls: list[int] = []
@@ -70,5 +70,5 @@ def closed_form(system: System, given: Mapping[str, Array], measures: Sequence[s
 
 def put_in_place(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let maps be computed by this module."""
-    monkeypatch.setitem(sys.modules, "stickslip.sweeps.chunk", sys.modules[__name__])
+    monkeypatch.setitem(sys.modules, "stickslip.sweeps.work.chunk", sys.modules[__name__])
     calls.clear()

@@ -10,7 +10,7 @@ from scipy.stats import qmc
 
 import stickslip as ss
 from stickslip.errors import DeclarationError
-from stickslip.sweeps.axes import Axis, make_grid, read_axes
+from stickslip.sweeps.request.axes import Axis, make_grid, read_axes
 
 TOY = ss.catalogue.rocking_toy()
 

@@ -13,11 +13,11 @@ from stickslip import Contact, Inertial, Parameter, RateIndependent, Settings, S
 from stickslip.errors import DeclarationError
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
-from stickslip.orbits.cycles import find_cycle
-from stickslip.orbits.equilibrium_branch import continue_equilibrium
+from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
+from stickslip.orbits.cycles.cycle import find_cycle
 from stickslip.sweeps import basin as module
 from stickslip.sweeps.basin import basin
-from stickslip.sweeps.scheduler import Stopped
+from stickslip.sweeps.work.scheduler import Stopped
 from systems import ode
 
 

@@ -9,13 +9,13 @@ import pytest
 
 import stickslip as ss
 from stickslip.errors import DeclarationError
-from stickslip.motion.batch import initial_states, parameter_table, pose_all
-from stickslip.motion.closed_form import fill_closed_forms, linearise
-from stickslip.motion.forms import AFFINE
+from stickslip.motion.affine_modes import fill_closed_forms, linearise
+from stickslip.motion.engine.forms import AFFINE
 from stickslip.motion.outcome import Outcome
-from stickslip.sweeps import chunk
-from stickslip.sweeps.chunk import Settings, measure_chunk
-from stickslip.sweeps.measures import LACKING
+from stickslip.motion.simulate_many import initial_states, parameter_table, pose_all
+from stickslip.sweeps.request.measures import LACKING
+from stickslip.sweeps.work import chunk
+from stickslip.sweeps.work.chunk import Settings, measure_chunk
 
 Array = np.ndarray
 MEASURES = ("period", "amplitude", "speed", "stick_fraction", "energy_per_cycle", "peak_force", "switches")

@@ -107,7 +107,7 @@ def test_plot_of_what_is_no_map() -> None:
 
 def test_control_c_names_what_is_kept() -> None:
     code = (
-        "import sys; from sweeps import stand_in; sys.modules['stickslip.sweeps.chunk'] = stand_in;"
+        "import sys; from sweeps import stand_in; sys.modules['stickslip.sweeps.work.chunk'] = stand_in;"
         "fast = stand_in.measure_chunk;"
         "stand_in.measure_chunk = lambda *given: (stand_in.time.sleep(0.2), fast(*given))[1];"
         "from stickslip.cli import main; sys.argv[0] = 'stickslip'; main()"

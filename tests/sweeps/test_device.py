@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 import stickslip as ss
 from stickslip.cli.app import app
 from stickslip.errors import DeclarationError
-from stickslip.sweeps import device
+from stickslip.sweeps.work import device
 
 SMALL_MAPS = """
 import numpy as np, stickslip as ss
@@ -50,7 +50,7 @@ print("same")
 
 KICKED = """
 import numpy as np, stickslip as ss
-from stickslip.sweeps.chunk import measure_chunk
+from stickslip.sweeps.work.chunk import measure_chunk
 values = {"omega": 1.0, "phi": 3.0, "w": 1e-2, "I": 1.0, "F_s": 0.5}
 system = ss.System(
     name="kicked",
@@ -74,7 +74,7 @@ PTX = """
 import types, numpy as np, stickslip as ss
 from numba import cuda, types as numba_types, typeof
 from numba.cuda import dispatcher
-from stickslip.motion.batch import initial_states, parameter_table, pose_all
+from stickslip.motion.simulate_many import initial_states, parameter_table, pose_all
 from stickslip.sweeps import chunk, device
 # What a GPU is asked for.
 dispatcher.get_current_device = lambda: types.SimpleNamespace(compute_capability=(8, 0))

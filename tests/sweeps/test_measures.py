@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.model.quantities import MEANINGS
+from stickslip.model.system import Inertial, Parameter, System
 from stickslip.motion.outcome import Outcome
-from stickslip.orbits.cycles import find_cycle
-from stickslip.quantities import MEANINGS
-from stickslip.sweeps import measures
-from stickslip.sweeps.chunk import Settings, measure_chunk
-from stickslip.system import Inertial, Parameter, System
+from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.sweeps.request import measures
+from stickslip.sweeps.work.chunk import Settings, measure_chunk
 
 Array = np.ndarray
 LINEAR = System(
@@ -26,7 +26,7 @@ LINEAR = System(
 
 
 def facts(system: System, name: str, parameters: dict[str, Array]) -> Array:
-    from stickslip import expressions as ex
+    from stickslip.symbolic import expressions as ex
 
     rows = zip(*parameters.values(), strict=True)
     known = (dict(zip(parameters, map(float, row), strict=True)) for row in rows)

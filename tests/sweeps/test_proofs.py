@@ -11,8 +11,8 @@ import stickslip as ss
 from stickslip import Contact, Inertial, Parameter, System
 from stickslip.figures.sweep import plot_sweep
 from stickslip.motion.outcome import Outcome
-from stickslip.sweeps.chunk import Settings, measure_chunk
-from stickslip.sweeps.returns import kind_of
+from stickslip.sweeps.engine.returns import kind_of
+from stickslip.sweeps.work.chunk import Settings, measure_chunk
 from sweeps.test_basin import jenkins
 
 Array = np.ndarray

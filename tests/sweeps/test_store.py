@@ -17,14 +17,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import stickslip as ss
-from stickslip import expressions as ex
 from stickslip.errors import DeclarationError, StickslipError
-from stickslip.modelfile import loads
-from stickslip.sweeps.axes import read_axes
-from stickslip.sweeps.measures import OWN
+from stickslip.model.system_file import loads
+from stickslip.sweeps.request.axes import read_axes
+from stickslip.sweeps.request.measures import OWN
+from stickslip.sweeps.request.user_measures import FormulaMeasure, read_measures
 from stickslip.sweeps.store import create, opened
 from stickslip.sweeps.sweep import _tasks, make_plan, open_sweep, sweep
-from stickslip.sweeps.user_measures import FormulaMeasure, read_measures
+from stickslip.symbolic import expressions as ex
 from sweeps import stand_in
 
 TOY = ss.catalogue.rocking_toy()

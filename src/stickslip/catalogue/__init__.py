@@ -23,7 +23,7 @@ from stickslip.errors import DeclarationError, short
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from stickslip.system import System
+    from stickslip.model.system import System
 
 
 def names() -> list[str]:

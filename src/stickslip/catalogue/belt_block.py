@@ -1,6 +1,6 @@
 """The block on a belt with static above kinetic friction."""
 
-from stickslip.system import Condition, Contact, Inertial, Parameter, System
+from stickslip.model.system import Condition, Contact, Inertial, Parameter, System
 
 
 def belt_block(**given: float | str) -> System:

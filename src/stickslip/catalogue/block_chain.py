@@ -3,8 +3,8 @@
 from itertools import pairwise
 
 from stickslip.errors import DeclarationError
-from stickslip.formulas import is_finite
-from stickslip.system import Condition, Contact, Inertial, Parameter, System
+from stickslip.model.system import Condition, Contact, Inertial, Parameter, System
+from stickslip.symbolic.formulas import is_finite
 
 MOST = 100
 """More blocks than this are a task for a program, not for a declaration."""

@@ -1,6 +1,6 @@
 """The harmonically forced oscillator with dry friction, Den Hartog 1931."""
 
-from stickslip.system import Condition, Contact, Inertial, Parameter, System
+from stickslip.model.system import Condition, Contact, Inertial, Parameter, System
 
 
 def forced_oscillator(**given: float | str) -> System:

@@ -1,6 +1,6 @@
 """The play operator with an oscillating threshold, [M] section 2.2."""
 
-from stickslip.system import Contact, Parameter, RateIndependent, System
+from stickslip.model.system import Contact, Parameter, RateIndependent, System
 
 
 def oscillating_play(**given: float | str) -> System:

@@ -1,6 +1,6 @@
 """The plate compactor, [M] figure 1.1(A)."""
 
-from stickslip.system import Condition, Contact, Inertial, Parameter, System
+from stickslip.model.system import Condition, Contact, Inertial, Parameter, System
 
 
 def plate_compactor(**given: float | str) -> System:

@@ -1,6 +1,6 @@
 """The Prandtl-Tomlinson model."""
 
-from stickslip.system import Condition, Parameter, System, Viscous
+from stickslip.model.system import Condition, Parameter, System, Viscous
 
 
 def prandtl_tomlinson(**given: float | str) -> System:

@@ -1,6 +1,6 @@
 """The rocking toy animal as an oscillator, [M] section 4.4."""
 
-from stickslip.system import Condition, Inertial, Parameter, System
+from stickslip.model.system import Condition, Inertial, Parameter, System
 
 
 def rocking_oscillator(**given: float | str) -> System:

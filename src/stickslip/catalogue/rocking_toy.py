@@ -1,6 +1,6 @@
 """The rocking toy animal without translational inertia, [M] (4.2)."""
 
-from stickslip.system import Condition, Contact, Inertial, Parameter, RateIndependent, System
+from stickslip.model.system import Condition, Contact, Inertial, Parameter, RateIndependent, System
 
 
 def rocking_toy(**given: float | str) -> System:

@@ -1,6 +1,6 @@
 """The rocking toy animal with inertia, [M] (4.1)."""
 
-from stickslip.system import Condition, Contact, Inertial, Parameter, System
+from stickslip.model.system import Condition, Contact, Inertial, Parameter, System
 
 
 def rocking_toy_inertial(**given: float | str) -> System:

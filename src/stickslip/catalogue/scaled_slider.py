@@ -1,6 +1,6 @@
 """The scaled spring slider, [M] (3.5)."""
 
-from stickslip.system import Condition, Internal, Parameter, System
+from stickslip.model.system import Condition, Internal, Parameter, System
 
 
 def scaled_slider(**given: float | str) -> System:

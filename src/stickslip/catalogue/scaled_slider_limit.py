@@ -1,6 +1,6 @@
 """The scaled spring slider at lowest order, [M] (3.6)."""
 
-from stickslip.system import Condition, Internal, Parameter, System
+from stickslip.model.system import Condition, Internal, Parameter, System
 
 
 def scaled_slider_limit(**given: float | str) -> System:

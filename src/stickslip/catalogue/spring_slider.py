@@ -1,6 +1,6 @@
 """The spring slider with state-dependent friction, [M] (3.1)-(3.3)."""
 
-from stickslip.system import Contact, Formula, Internal, Parameter, System, Viscous
+from stickslip.model.system import Contact, Formula, Internal, Parameter, System, Viscous
 
 
 def spring_slider(**given: float | str) -> System:

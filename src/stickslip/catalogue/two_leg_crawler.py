@@ -1,6 +1,6 @@
 """The two-leg crawler with directional friction."""
 
-from stickslip.system import Condition, Contact, Parameter, RateIndependent, System
+from stickslip.model.system import Condition, Contact, Parameter, RateIndependent, System
 
 
 def two_leg_crawler(**given: float | str) -> System:

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from stickslip.rate_independent.dissipation import Average, Dissipation
-    from stickslip.rate_independent.history import History
-    from stickslip.rate_independent.modelfile import EvolutionModel
-    from stickslip.rate_independent.play import Play
+    from stickslip.rate_independent.evolution.evolution_file import EvolutionModel
+    from stickslip.rate_independent.evolution.history import History
+    from stickslip.rate_independent.play.operator import Play
 
 TOLERANCE = 1e-8  # of an average without a closed form, relative to the size of K(s)
 SHOWN = 8  # components in a table; all are in summary.json
@@ -108,7 +108,7 @@ def evolve(
 def configured(file: Path, settings: Sequence[str] | None) -> EvolutionModel:
     """The model of a file with ``--set`` applied."""
     from stickslip.cli.models import assignments
-    from stickslip.rate_independent.modelfile import load
+    from stickslip.rate_independent.evolution.evolution_file import load
 
     return load(file).configure(assignments(settings or [], "--set"))
 
@@ -297,9 +297,9 @@ def average_figure(model: EvolutionModel, averaged: Average) -> Figure:
 def computed(model: EvolutionModel, averaged: bool) -> History | Play:
     """The evolution: an exact play if it is scalar, else minimising movements."""
     from stickslip.rate_independent.dissipation import WeightedL1
-    from stickslip.rate_independent.evolve import evolve as by_steps
-    from stickslip.rate_independent.gauge import PlayMotion
-    from stickslip.rate_independent.modelfile import with_nearest_start
+    from stickslip.rate_independent.evolution.blocks import PlayMotion
+    from stickslip.rate_independent.evolution.evolution_file import with_nearest_start
+    from stickslip.rate_independent.evolution.evolve import evolve as by_steps
 
     problem = with_nearest_start(model.problem.averaged) if averaged else model.problem
     if model.is_play and isinstance(problem.dissipation, WeightedL1):
@@ -309,7 +309,7 @@ def computed(model: EvolutionModel, averaged: bool) -> History | Play:
 
 def store(result: History | Play, path: Path) -> None:
     """Write the data."""
-    from stickslip.rate_independent.history import History
+    from stickslip.rate_independent.evolution.history import History
 
     if isinstance(result, History):
         result.save(path)
@@ -319,7 +319,7 @@ def store(result: History | Play, path: Path) -> None:
 
 def summarise_evolution(model: EvolutionModel, result: History | Play, averaged: bool) -> dict[str, Any]:
     """Everything about an evolution that fits on a page; plain data."""
-    from stickslip.rate_independent.history import History
+    from stickslip.rate_independent.evolution.history import History
 
     certificate = result.certificate
     common = {

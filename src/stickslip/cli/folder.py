@@ -67,7 +67,7 @@ def add_picture(folder: Path, draw: Callable[[], Figure]) -> None:
 
     partial = folder / f".{PICTURE}.{os.getpid()}.tmp"
     try:
-        from stickslip.figures.style import paper_style
+        from stickslip.figures.drawing.style import paper_style
 
         with watched("drawing"), paper_style():
             draw().savefig(partial, format="png")

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from stickslip import catalogue, load
 from stickslip.errors import DeclarationError
-from stickslip.expressions import is_number, number
-from stickslip.formulas import Scope
-from stickslip.system import Formula, System
+from stickslip.model.system import Formula, System
+from stickslip.symbolic.expressions import is_number, number
+from stickslip.symbolic.formulas import Scope
 
 
 def load_model(model: str, settings: Iterable[str]) -> System:

@@ -14,17 +14,17 @@ from stickslip import __version__
 from stickslip.cli.evolving import Json, Out, show, write
 from stickslip.cli.folder import PICTURE, add_picture, result_folder
 from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.model.units import with_unit
 from stickslip.progress import watched
-from stickslip.units import with_unit
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-    from stickslip.orbits.branch import Branch
-    from stickslip.orbits.cycles import Cycle
-    from stickslip.orbits.equilibrium import Equilibria
-    from stickslip.system import System
+    from stickslip.model.system import System
+    from stickslip.orbits.continuation.branch import Branch
+    from stickslip.orbits.cycles.cycle import Cycle
+    from stickslip.orbits.equilibria.equilibrium import Equilibria
 
 Draw = Callable[[], "Figure"]  # draws the picture of a result
 
@@ -56,7 +56,7 @@ def equilibria(model: Model, settings: Settings = None, out: Out = None, json_: 
     Exit code: 0 found, 1 none found, 2 wrong input.
     """
     from stickslip.figures.spectrum import plot_eigenvalues
-    from stickslip.orbits.equilibria import equilibria as find
+    from stickslip.orbits.equilibria.finding import equilibria as find
 
     def work(system: System, place: Path) -> tuple[dict[str, Any], Draw]:
         found = find(system)
@@ -76,7 +76,7 @@ def cycle(
     Exit code: 0 certified, 1 not, or no cycle found, 2 wrong input.
     """
     from stickslip.figures.gait import plot_gait
-    from stickslip.orbits.cycles import find_cycle
+    from stickslip.orbits.cycles.cycle import find_cycle
 
     start = given(initial)
 
@@ -106,9 +106,9 @@ def branch(
 
     Exit code: 0 certified, 1 not, or nothing to follow, 2 wrong input, 130 interrupted (what was computed is kept).
     """
-    from stickslip.orbits.cycle_branch import continue_cycle
-    from stickslip.orbits.cycles import find_cycle
-    from stickslip.orbits.equilibrium_branch import checked_range, continue_equilibrium
+    from stickslip.orbits.branches.cycle_branch import continue_cycle
+    from stickslip.orbits.branches.equilibrium_branch import checked_range, continue_equilibrium
+    from stickslip.orbits.cycles.cycle import find_cycle
 
     ranges = spans(over, ("LOW", "HIGH"))
     if len(ranges) != 1:
@@ -265,7 +265,7 @@ def shortened(rows: list[tuple[str, str]]) -> list[tuple[str, str]]:
 
 def summarise_equilibria(found: Equilibria) -> dict[str, Any]:
     """Everything about equilibria that fits on a page; plain data."""
-    from stickslip.orbits.equilibrium import EquilibriumSet
+    from stickslip.orbits.equilibria.equilibrium import EquilibriumSet
 
     entries = []
     for e in found:

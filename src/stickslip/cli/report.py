@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from stickslip.cli.folder import FILES
-from stickslip.equations.spelling import unicode_name
+from stickslip.display.symbols import unicode_name
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory

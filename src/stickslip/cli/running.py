@@ -14,8 +14,8 @@ from stickslip.cli.folder import add_picture, result_folder
 from stickslip.progress import watched
 
 if TYPE_CHECKING:
+    from stickslip.model.system import System
     from stickslip.motion.trajectory import Trajectory
-    from stickslip.system import System
 
 
 def compute(

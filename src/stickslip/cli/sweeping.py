@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stickslip.errors import DeclarationError
-from stickslip.units import with_unit
+from stickslip.model.units import with_unit
 
 if TYPE_CHECKING:
     import xarray
@@ -97,8 +97,8 @@ def sweep(
     """
     from stickslip.cli.app import INTERRUPTED, finish
     from stickslip.cli.models import assignments, load_model, numbers
-    from stickslip.sweeps.chunk import Settings
     from stickslip.sweeps.sweep import sweep as compute
+    from stickslip.sweeps.work.chunk import Settings
 
     system = load_model(model, settings or [])
     start = numbers(assignments(initial or [], "--initial"), "--initial")
@@ -137,7 +137,7 @@ def plot(
     ] = None,
 ) -> None:
     """Draw a stored map: lines over one axis, a map over two, small multiples over three."""
-    from stickslip.figures.style import paper_style
+    from stickslip.figures.drawing.style import paper_style
     from stickslip.figures.sweep import plot_sweep
     from stickslip.sweeps.sweep import open_sweep
 
@@ -160,7 +160,7 @@ def _adaptive(names: list[str] | None, contrast: float) -> Adaptive | None:
 @contextlib.contextmanager
 def _workers(address: str | None, local_cluster: bool, processes: bool, workers: int | None) -> Iterator[str]:
     """Who does the work, as the name of a scheduler."""
-    from stickslip.sweeps.scheduler import local_cluster as started
+    from stickslip.sweeps.work.scheduler import local_cluster as started
 
     if (address is not None) + local_cluster + processes > 1:
         reason = "only one of --processes, --scheduler and --local-cluster can do the work"
@@ -214,8 +214,8 @@ def _report(data: xarray.Dataset, path: Path) -> None:
 
     from stickslip.cli.app import INTERRUPTED, finish
     from stickslip.cli.report import print_table
-    from stickslip.sweeps.measures import LACKING
-    from stickslip.sweeps.plan import NOT_COMPUTED
+    from stickslip.sweeps.request.measures import LACKING
+    from stickslip.sweeps.request.plan import NOT_COMPUTED
 
     outcome, lacking = data["outcome"], data["lacking"].values
     codes = outcome.values
@@ -238,7 +238,7 @@ def _lacking(data: xarray.Dataset) -> list[tuple[str, str]]:
     """How many points lack what to be certified."""
     import numpy as np
 
-    from stickslip.sweeps.measures import LACKING
+    from stickslip.sweeps.request.measures import LACKING
 
     lacking = data["lacking"].values[data["outcome"].values >= 0]
     codes, counts = np.unique(lacking[lacking > 0], return_counts=True)

@@ -15,10 +15,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from stickslip import expressions as ex
-from stickslip.declaration import Declaration, DryContact
 from stickslip.errors import DeclarationError
-from stickslip.expressions import Expr
+from stickslip.model.declaration import Declaration, DryContact
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
 
 KINDS = ("inertial", "viscous", "rate-independent")
 

@@ -15,10 +15,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip import expressions as ex
 from stickslip.equations.derive import MotionEquations
-from stickslip.equations.evaluator import evaluator
-from stickslip.expressions import Expr
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.evaluator import evaluator
+from stickslip.symbolic.expressions import Expr
 
 Array = np.ndarray
 Mode = tuple[int, ...]

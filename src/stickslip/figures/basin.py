@@ -9,7 +9,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from stickslip.figures.style import (
+from stickslip.figures.drawing.style import (
     STICK_LINE,
     STICK_SHADE,
     axis_label,
@@ -17,7 +17,7 @@ from stickslip.figures.style import (
     new_figure,
     paper_style,
 )
-from stickslip.units import with_unit
+from stickslip.model.units import with_unit
 
 if TYPE_CHECKING:
     import xarray

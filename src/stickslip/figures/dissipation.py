@@ -12,7 +12,7 @@ from matplotlib.colorbar import Colorbar
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
-from stickslip.figures.style import (
+from stickslip.figures.drawing.style import (
     BAND,
     BLUE,
     GREEN,

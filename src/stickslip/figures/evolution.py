@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from stickslip.figures.style import (
+from stickslip.figures.drawing.style import (
     BLUE,
     GREEN,
     ORANGE,
@@ -19,11 +19,11 @@ from stickslip.figures.style import (
     new_figure,
     paper_style,
 )
-from stickslip.figures.thinning import strip, thin
+from stickslip.figures.drawing.thinning import strip, thin
 
 if TYPE_CHECKING:
-    from stickslip.rate_independent.history import History
-    from stickslip.rate_independent.study import AveragingStudy
+    from stickslip.rate_independent.evolution.averaging_study import AveragingStudy
+    from stickslip.rate_independent.evolution.history import History
 
 Array = np.ndarray
 FEW = 4  # components with a panel of their own
@@ -148,7 +148,7 @@ def plot_study(study: AveragingStudy) -> Figure:
 
 def _fitted(axes: Axes, epsilon: Array, values: Array, colour: str, label: str) -> None:
     """Points in double logarithmic axes, with the line of the fitted power."""
-    from stickslip.rate_independent.study import fitted_power
+    from stickslip.rate_independent.evolution.averaging_study import fitted_power
 
     power, factor = fitted_power(epsilon, values)
     shown = f"{label} $\\sim \\varepsilon^{{{power:.2f}}}$" if np.isfinite(power) else label

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from stickslip.errors import DeclarationError
-from stickslip.figures.style import (
+from stickslip.figures.drawing.style import (
     SLIP,
     STICK_SHADE,
     axis_label,
@@ -19,11 +19,11 @@ from stickslip.figures.style import (
     new_figure,
     paper_style,
 )
-from stickslip.quantities import quantity
-from stickslip.units import unit_label
+from stickslip.model.quantities import quantity
+from stickslip.model.units import unit_label
 
 if TYPE_CHECKING:
-    from stickslip.orbits.cycles import Cycle
+    from stickslip.orbits.cycles.cycle import Cycle
 
 Array = np.ndarray
 SAMPLES = 400

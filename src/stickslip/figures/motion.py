@@ -1,6 +1,6 @@
 """The picture of one motion: time traces with stick phases shaded, and the phase plane where it says something.
 
-However long the motion is, what is drawn of it is bounded: see :mod:`stickslip.figures.thinning`.
+However long the motion is, what is drawn of it is bounded: see :mod:`stickslip.figures.drawing.thinning`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from stickslip.figures.style import (
+from stickslip.figures.drawing.style import (
     BAND,
     BLUE,
     SLIP,
@@ -29,9 +29,9 @@ from stickslip.figures.style import (
     paper_style,
     symbol,
 )
-from stickslip.figures.thinning import COLUMNS, FEW, Columns, Curve, chosen, strip
-from stickslip.quantities import FORCES, contact_key, quantity
-from stickslip.units import unit_label
+from stickslip.figures.drawing.thinning import COLUMNS, FEW, Columns, Curve, chosen, strip
+from stickslip.model.quantities import FORCES, contact_key, quantity
+from stickslip.model.units import unit_label
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory

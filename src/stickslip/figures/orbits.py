@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from stickslip.errors import DeclarationError
-from stickslip.figures.style import BLUE, LINES, STICK_LINE, axis_label, line_colours, new_figure, paper_style
-from stickslip.quantities import drift_units
+from stickslip.figures.drawing.style import BLUE, LINES, STICK_LINE, axis_label, line_colours, new_figure, paper_style
+from stickslip.model.quantities import drift_units
 
 if TYPE_CHECKING:
-    from stickslip.orbits.branch import Branch, SpecialPoint
+    from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 
 Array = np.ndarray
 MARKERS = "osD^vPX*"

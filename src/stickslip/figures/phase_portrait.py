@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from stickslip.equations.derive import MotionEquations, derive
 from stickslip.equations.field import Region, mode_field
 from stickslip.errors import DeclarationError
-from stickslip.figures.style import (
+from stickslip.figures.drawing.style import (
     BLUE,
     STICK_LINE,
     STICK_SHADE,
@@ -24,16 +24,16 @@ from stickslip.figures.style import (
     new_figure,
     paper_style,
 )
+from stickslip.model.quantities import quantity
+from stickslip.model.system import System
 from stickslip.motion.simulate import simulate
-from stickslip.orbits.equilibria import checked_values, equilibria
-from stickslip.orbits.equilibrium import Equilibrium
-from stickslip.orbits.regions import values_at
-from stickslip.quantities import quantity
-from stickslip.system import System
+from stickslip.orbits.equilibria.equilibrium import Equilibrium
+from stickslip.orbits.equilibria.finding import checked_values, equilibria
+from stickslip.orbits.fields.regions import values_at
 
 if TYPE_CHECKING:
-    from stickslip.expressions import Expr
-    from stickslip.orbits.cycles import Cycle
+    from stickslip.orbits.cycles.cycle import Cycle
+    from stickslip.symbolic.expressions import Expr
 
 Array = np.ndarray
 GRID = 301

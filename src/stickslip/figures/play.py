@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from stickslip.figures.style import (
+from stickslip.figures.drawing.style import (
     BAND,
     BLUE,
     STICK_LINE,
@@ -19,10 +19,10 @@ from stickslip.figures.style import (
     new_figure,
     paper_style,
 )
-from stickslip.figures.thinning import chosen, thin
+from stickslip.figures.drawing.thinning import chosen, thin
 
 if TYPE_CHECKING:
-    from stickslip.rate_independent.play import Play
+    from stickslip.rate_independent.play.operator import Play
 
 Array = np.ndarray
 SAMPLES = 4000

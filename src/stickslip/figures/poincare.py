@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from stickslip.figures.style import LINES, STICK_LINE, new_figure, paper_style
+from stickslip.figures.drawing.style import LINES, STICK_LINE, new_figure, paper_style
 
 Array = np.ndarray
 Map = Callable[[float], float]

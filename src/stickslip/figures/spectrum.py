@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
-from stickslip.figures.style import STICK_SHADE, line_colours, new_figure, paper_style
+from stickslip.figures.drawing.style import STICK_SHADE, line_colours, new_figure, paper_style
 
 if TYPE_CHECKING:
-    from stickslip.orbits.equilibrium import Equilibria
+    from stickslip.orbits.equilibria.equilibrium import Equilibria
 
 MARKERS = "osD^vPX*"
 

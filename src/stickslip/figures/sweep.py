@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from stickslip.errors import DeclarationError, short
-from stickslip.figures.style import (
+from stickslip.figures.drawing.style import (
     BLUE,
     GREEN,
     LINES,
@@ -27,11 +27,11 @@ from stickslip.figures.style import (
     new_figure,
     paper_style,
 )
+from stickslip.model.units import unit_label, with_unit
 from stickslip.motion.outcome import Outcome
-from stickslip.sweeps.axes import SAMPLES
-from stickslip.sweeps.measures import LACKING, OWN
-from stickslip.sweeps.plan import INTERPOLATED, NOT_COMPUTED
-from stickslip.units import unit_label, with_unit
+from stickslip.sweeps.request.axes import SAMPLES
+from stickslip.sweeps.request.measures import LACKING, OWN
+from stickslip.sweeps.request.plan import INTERPOLATED, NOT_COMPUTED
 
 if TYPE_CHECKING:
     import xarray

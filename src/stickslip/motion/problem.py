@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stickslip import expressions as ex
-from stickslip.declaration import check_initial
-from stickslip.enclosures import bounds
-from stickslip.equations.code import ORDERS
-from stickslip.equations.program import pack
+from stickslip.equations.codegen.generate import ORDERS
+from stickslip.equations.codegen.program import pack
 from stickslip.errors import DeclarationError
-from stickslip.motion.forms import make_closed_forms, make_flight
-from stickslip.motion.kernel import Constants, Rows, Space, make_space
-from stickslip.system import System
+from stickslip.model.declaration import check_initial
+from stickslip.model.system import System
+from stickslip.motion.engine.forms import make_closed_forms, make_flight
+from stickslip.motion.steps.arrays import Constants, Rows, Space, make_space
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.enclosures import bounds
 
 if TYPE_CHECKING:
-    from stickslip.equations.compiled import CompiledSystem
-    from stickslip.motion.forms import ClosedForms, Flight
+    from stickslip.equations.codegen.compiled import CompiledSystem
+    from stickslip.motion.engine.forms import ClosedForms, Flight
 
 Array = np.ndarray
 
@@ -61,7 +61,7 @@ class Problem:
     @cached_property
     def compiled(self) -> CompiledSystem:
         """Machine code and layout of the system."""
-        from stickslip.equations.compiled import compile_system
+        from stickslip.equations.codegen.compiled import compile_system
 
         return compile_system(self.system)
 
@@ -73,7 +73,7 @@ class Problem:
 
     def constants_of(self, table: Array) -> Constants:
         """The same for a table of parameters, shape (groups, parameters): arrays with a leading axis."""
-        from stickslip.motion.tables import run_setups
+        from stickslip.motion.engine.tables import run_setups
 
         layout, s, groups = self.compiled.layout, self.compiled.layout.sizes, len(table)
         constants = Constants(

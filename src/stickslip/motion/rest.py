@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stickslip.motion.affine import mode_key
-from stickslip.motion.forms import AFFINE
+from stickslip.motion.engine.flights import mode_key
+from stickslip.motion.engine.forms import AFFINE
 
 if TYPE_CHECKING:
     from stickslip.motion.knots import Knots

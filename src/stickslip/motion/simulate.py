@@ -8,12 +8,12 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from stickslip import expressions as ex
 from stickslip.errors import DeclarationError
+from stickslip.model.system import System
 from stickslip.motion.knots import Knots
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
-from stickslip.system import System
+from stickslip.symbolic import expressions as ex
 
 CHUNK = 4096  # steps between looks at the clock and the keyboard
 Array = np.ndarray
@@ -108,8 +108,8 @@ def follow(
 
     The compiled loops count time from the origin of the problem.
     """
-    from stickslip.motion.kernel import FULL, Constants, Record
-    from stickslip.motion.lanes import Lanes
+    from stickslip.motion.ensemble import Lanes
+    from stickslip.motion.steps.arrays import FULL, Constants, Record
 
     constants = Constants(*(part[None] for part in problem.constants))
     begin, end = start - problem.origin, end - problem.origin

@@ -11,22 +11,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stickslip import expressions as ex
-from stickslip.certify import Certificate, certify
 from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError, StickslipError
+from stickslip.model.quantities import contact_key, quantity
+from stickslip.model.system import System
+from stickslip.motion.certify import Certificate, certify
 from stickslip.motion.knots import Knots
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
-from stickslip.quantities import contact_key, quantity
-from stickslip.system import System
+from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
     import pandas
     import xarray
     from matplotlib.figure import Figure
 
-    from stickslip.motion.audit import Steps, Tally
+    from stickslip.motion.between.step_balance import Steps, Tally
 
 Array = np.ndarray
 GRID = 1000  # points of the dataset between knots
@@ -41,7 +41,7 @@ class Audit:
     ----------
     energy, dissipated, supplied : arrays, shape (knots,)
     residuals : array, shape (4,)
-        See :func:`stickslip.motion.audit.judge`.
+        See :func:`stickslip.motion.between.step_balance.judge`.
     open : array, shape (knots,)
         Time after each knot that is not verified.
     largest : array, shape (n,)
@@ -151,7 +151,7 @@ class Trajectory:
 
     def _sample_clock(self, clock: Array, index: Array) -> Array:
         """The same at times since the origin."""
-        from stickslip.motion import dense
+        from stickslip.motion.between import dense
 
         p, k = self._problem, self.knots
         out = np.empty((len(clock), p.compiled.layout.rows + 3))
@@ -185,7 +185,7 @@ class Trajectory:
     @cached_property
     def audit(self) -> Audit:
         """Energy, work and violations at the knots, recomputed from them."""
-        from stickslip.motion.audit import judge, make_tally
+        from stickslip.motion.between.step_balance import judge, make_tally
 
         k, rows = self.knots, self._problem.compiled.layout.rows
         energy = self._sample_clock(k.clock, np.arange(len(k.clock)))[:, rows]
@@ -210,11 +210,11 @@ class Trajectory:
 
         With a tally, from knots to the next ones: they are checked, too.
         """
-        from stickslip.motion import audit
+        from stickslip.motion.between import step_balance
 
         p, k = self._problem, self.knots
-        steps = audit.make_steps(len(ends), k.state.shape[1])
-        audit.audit_steps(
+        steps = step_balance.make_steps(len(ends), k.state.shape[1])
+        step_balance.audit_steps(
             p.compiled.jets,
             p.compiled.powers,
             p.rows,
@@ -233,7 +233,7 @@ class Trajectory:
             k.region[1:] if tally is not None else k.region[index],
             tally is not None,
             steps,
-            audit.make_tally(p.rows) if tally is None else tally,
+            step_balance.make_tally(p.rows) if tally is None else tally,
         )
         return steps
 
@@ -283,7 +283,7 @@ class Trajectory:
         index : array of int, shape (n,)
             Number of the step that each time belongs to; ascending, as are the times in one step.
         """
-        from stickslip.motion.trace import TOLERANCE, trace
+        from stickslip.motion.between.trace import TOLERANCE, trace
 
         p, k = self._problem, self.knots
         wanted = np.array([self._rows[name] for name in names], dtype=np.int64)
@@ -445,7 +445,7 @@ def open_trajectory(path: str | Path) -> Trajectory:
         If the file does not exist or is not a stored trajectory.
     """
     from stickslip import storage
-    from stickslip.modelfile import loads
+    from stickslip.model.system_file import loads
 
     with storage.reading(path, KIND, FORMAT) as (data, own):
         system = loads(own["system"], f"{path}: system")

@@ -1,7 +1,7 @@
 """[M] as a computation: every figure drawn, every statement that can be computed checked, with a measured number.
 
 A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017).
-The figures are ``stickslip.paper.figures.FIGURES``, the animations ``stickslip.paper.animations.ANIMATIONS``.
+The figures are ``stickslip.paper.figures.FIGURES``, the animations ``stickslip.paper.moving.animations.ANIMATIONS``.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from stickslip.paper.claim import Claim
+    from stickslip.paper.claims.claim import Claim
 
 SECTIONS = (
     "section2_scalar",
@@ -25,7 +25,7 @@ SECTIONS = (
 
 def claims() -> list[Claim]:
     """All claims, section by section."""
-    from stickslip.paper.claim import Claim
+    from stickslip.paper.claims.claim import Claim
 
-    modules = [import_module(f"stickslip.paper.{name}") for name in SECTIONS]
+    modules = [import_module(f"stickslip.paper.claims.{name}") for name in SECTIONS]
     return [item for module in modules for item in vars(module).values() if isinstance(item, Claim)]

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from stickslip.errors import DeclarationError, short
 from stickslip.paper import claims
-from stickslip.paper.claim import Claim, Finding
+from stickslip.paper.claims.claim import Claim, Finding
 
 WORKERS = 2
 FORMATS = ("svg", "pdf", "png")
@@ -80,8 +80,8 @@ def items(only: str | None = None) -> list[Item]:
     DeclarationError
         If nothing has that key.
     """
-    from stickslip.paper.animations import ANIMATIONS
     from stickslip.paper.figures import FIGURES
+    from stickslip.paper.moving.animations import ANIMATIONS
 
     everything = [(Item("animation", key), key) for key in ANIMATIONS]
     everything += [(Item("figure", key), key) for key in FIGURES]
@@ -159,7 +159,7 @@ def claim_named(name: str) -> Claim:
 
 def draw(key: str, folder: Path) -> list[Path]:
     """Draw a figure and save it in all formats."""
-    from stickslip.figures.style import paper_style
+    from stickslip.figures.drawing.style import paper_style
     from stickslip.paper.figures import FIGURES
 
     place = folder / "figures"
@@ -173,7 +173,7 @@ def draw(key: str, folder: Path) -> list[Path]:
 
 def animate(key: str, folder: Path) -> list[Path]:
     """Make an animation."""
-    from stickslip.paper.animations import ANIMATIONS
+    from stickslip.paper.moving.animations import ANIMATIONS
 
     place = folder / "animations"
     place.mkdir(parents=True, exist_ok=True)

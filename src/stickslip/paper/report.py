@@ -13,7 +13,7 @@ from typing import Any
 
 from stickslip import __version__
 from stickslip.paper import claims
-from stickslip.paper.claim import Claim, Verdict
+from stickslip.paper.claims.claim import Claim, Verdict
 from stickslip.paper.making import Made, Work, source_of
 from stickslip.paper.typeset import typeset
 
@@ -35,8 +35,8 @@ def checked(work: Work) -> list[tuple[Claim, Made]]:
 
 def pictures(work: Work, kind: str) -> list[tuple[Any, Made]]:
     """The figures or the animations that were made, in the order of the paper."""
-    from stickslip.paper.animations import ANIMATIONS
     from stickslip.paper.figures import FIGURES
+    from stickslip.paper.moving.animations import ANIMATIONS
 
     done = {item.key: made for item, made in work.done.items() if item.kind == kind}
     entries: dict[str, Any] = {**(FIGURES if kind == "figure" else ANIMATIONS)}

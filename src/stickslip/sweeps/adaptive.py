@@ -15,9 +15,9 @@ from itertools import pairwise, product
 import numpy as np
 
 from stickslip.errors import DeclarationError, short
-from stickslip.sweeps.axes import Grid
-from stickslip.sweeps.measures import OWN
-from stickslip.sweeps.plan import INTERPOLATED
+from stickslip.sweeps.request.axes import Grid
+from stickslip.sweeps.request.measures import OWN
+from stickslip.sweeps.request.plan import INTERPOLATED
 from stickslip.sweeps.store import MapStore
 
 Array = np.ndarray

@@ -1,9 +1,10 @@
 """Basins of attraction: which attractor each state of a section reaches.
 
-A basin is a map over initial states: every motion is followed until it has settled (:mod:`stickslip.sweeps.chunk`), and
-what is said of it is proved or certified point by point. What motions settle on is then sorted. Rest is a set, and so
-are the oscillations in which a contact sticks for good: it may do so at many places. Any other cycle is closed once by
-Newton's method, which tells its stability, and belongs to all motions that have settled on it.
+A basin is a map over initial states: every motion is followed until it has settled
+(:mod:`stickslip.sweeps.work.chunk`), and what is said of it is proved or certified point by point. What motions settle
+on is then sorted. Rest is a set, and so are the oscillations in which a contact sticks for good: it may do so at many
+places. Any other cycle is closed once by Newton's method, which tells its stability, and belongs to all motions that
+have settled on it.
 """
 
 from __future__ import annotations
@@ -18,24 +19,24 @@ import numpy as np
 
 from stickslip.equations.derive import derive
 from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.model.quantities import drift_units, quantity
+from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.simulate import simulate
-from stickslip.orbits.cycles import Cycle, find_cycle
-from stickslip.orbits.equilibria import equilibria
-from stickslip.orbits.equilibrium import Equilibrium
-from stickslip.orbits.nearness import NearCycle, NearPoint
-from stickslip.orbits.stable_set import settle_friction
-from stickslip.orbits.steady import invariant_directions
-from stickslip.quantities import drift_units, quantity
-from stickslip.sweeps.measures import LACKING, certified_below, lacking
-from stickslip.sweeps.scheduler import Pool, distribute, listening
-from stickslip.system import System
+from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+from stickslip.orbits.cycles.nearness import NearCycle, NearPoint
+from stickslip.orbits.equilibria.equilibrium import Equilibrium
+from stickslip.orbits.equilibria.finding import equilibria
+from stickslip.orbits.fields.stable_set import settle_friction
+from stickslip.orbits.fields.steady import invariant_directions
+from stickslip.sweeps.request.measures import LACKING, certified_below, lacking
+from stickslip.sweeps.work.scheduler import Pool, distribute, listening
 
 if TYPE_CHECKING:
     import xarray
 
-    from stickslip.sweeps.chunk import Settings
+    from stickslip.sweeps.work.chunk import Settings
 
 Array = np.ndarray
 Axis = tuple[float, float, int] | Sequence[float] | np.ndarray
@@ -152,7 +153,7 @@ def basin(
     DeclarationError
         If an argument is wrong.
     """
-    from stickslip.sweeps.chunk import Settings
+    from stickslip.sweeps.work.chunk import Settings
 
     settings = settings or Settings()
     problem = pose(system, parameters, settings.rtol, settings.atol, origin=system.span[0])
@@ -185,7 +186,7 @@ def basin(
 
 def _settle(problem: Problem, settings: Settings, states: Array, block: slice, stop: Array) -> Settled:
     """What some motions settle on."""
-    from stickslip.sweeps.chunk import Block, Here
+    from stickslip.sweeps.work.chunk import Block, Here
 
     here = states[block]
     table = np.tile(list(problem.parameters.values()), (len(here), 1)).reshape(len(here), -1)

@@ -20,8 +20,8 @@ import numpy as np
 
 from stickslip.errors import StickslipError
 from stickslip.storage import PREFIX
-from stickslip.sweeps.axes import Axis, Grid, make_grid
-from stickslip.sweeps.plan import FORMAT, KIND, NOT_COMPUTED, Plan
+from stickslip.sweeps.request.axes import Axis, Grid, make_grid
+from stickslip.sweeps.request.plan import FORMAT, KIND, NOT_COMPUTED, Plan
 
 if TYPE_CHECKING:
     import xarray

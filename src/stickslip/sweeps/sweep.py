@@ -13,23 +13,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stickslip.declaration import check_initial
 from stickslip.errors import DeclarationError, short
+from stickslip.model.declaration import check_initial
+from stickslip.model.system import System
 from stickslip.motion.problem import pose
 from stickslip.sweeps.adaptive import Adaptive, check_adaptive, rounds
-from stickslip.sweeps.axes import read_axes
-from stickslip.sweeps.plan import Plan
-from stickslip.sweeps.scheduler import Pool, Stop, distribute, listening
+from stickslip.sweeps.engine.tables import DEVICE_LANES
+from stickslip.sweeps.request.axes import read_axes
+from stickslip.sweeps.request.plan import Plan
+from stickslip.sweeps.request.user_measures import read_measures
 from stickslip.sweeps.store import Chunk, MapStore, create, opened, stored_plan
-from stickslip.sweeps.tables import DEVICE_LANES
-from stickslip.sweeps.user_measures import read_measures
-from stickslip.sweeps.work import Work, check_sendable, compute, work_of
-from stickslip.system import System
+from stickslip.sweeps.work.job import Work, check_sendable, compute, work_of
+from stickslip.sweeps.work.scheduler import Pool, Stop, distribute, listening
 
 if TYPE_CHECKING:
     import xarray
 
-    from stickslip.sweeps.chunk import Settings
+    from stickslip.sweeps.work.chunk import Settings
 
 Array = np.ndarray
 
@@ -98,7 +98,7 @@ def sweep(
     system : System
     over : mapping of str to axis
         What varies: ``{"P": "0.8:1.6:400", "delta": "log:0.01:0.2:300"}``, or arrays of values
-        (:mod:`stickslip.sweeps.axes` says all that is understood).
+        (:mod:`stickslip.sweeps.request.axes` says all that is understood).
     measure : sequence of str or callable
         Named measures, formulas ``"name = formula"`` of them, functions of a Trajectory.
     out : str or Path, optional
@@ -185,7 +185,7 @@ def make_plan(
     DeclarationError
         If anything is wrong.
     """
-    from stickslip.sweeps.chunk import Settings
+    from stickslip.sweeps.work.chunk import Settings
 
     if not isinstance(system, System):
         reason = f"expected a System, got {type(system).__name__}"
@@ -214,7 +214,7 @@ def _audit(store: MapStore, repair: bool) -> None:
 def _pool(scheduler: str, workers: int | None, device: str) -> Pool:
     """Who does the work, checked."""
     if device == "gpu":
-        from stickslip.sweeps.device import check_device
+        from stickslip.sweeps.work.device import check_device
 
         if scheduler != "threads":
             reason = f"a GPU serves the threads of one process, not '{short(scheduler)}'"

@@ -6,6 +6,7 @@
 A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017), [M].
 """
 
+from stickslip.paper.drawing.entry import FigureEntry
 from stickslip.paper.figures import (
     averaging,
     bifurcation,
@@ -20,7 +21,6 @@ from stickslip.paper.figures import (
     figure_4_4,
     speed,
 )
-from stickslip.paper.figures.entry import FigureEntry
 
 __all__ = ["FIGURES", "FigureEntry"]
 

@@ -3,9 +3,9 @@
 from matplotlib.figure import Figure
 
 import stickslip as ss
-from stickslip.figures.style import BLUE, GREEN, STICK_LINE, VERMILION, new_figure, paper_style
-from stickslip.paper.figures.entry import FigureEntry
-from stickslip.rate_independent.study import fitted_power
+from stickslip.figures.drawing.style import BLUE, GREEN, STICK_LINE, VERMILION, new_figure, paper_style
+from stickslip.paper.drawing.entry import FigureEntry
+from stickslip.rate_independent.evolution.averaging_study import fitted_power
 
 
 def draw() -> Figure:

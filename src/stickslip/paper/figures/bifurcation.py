@@ -7,11 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import stickslip as ss
-from stickslip.figures.style import BLUE, LINES, STICK_LINE, VERMILION, new_figure, paper_style
-from stickslip.orbits.cycle_branch import continue_cycle
-from stickslip.orbits.cycles import find_cycle
-from stickslip.paper.figures.entry import FigureEntry
-from stickslip.paper.figures.style import arrow
+from stickslip.figures.drawing.style import BLUE, LINES, STICK_LINE, VERMILION, new_figure, paper_style
+from stickslip.orbits.branches.cycle_branch import continue_cycle
+from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.paper.drawing.entry import FigureEntry
+from stickslip.paper.drawing.style import arrow
 
 Array = np.ndarray
 SPEEDS = np.union1d(np.linspace(0.04, 0.4, 13), np.linspace(0.2225, 0.2285, 25))

@@ -4,9 +4,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from stickslip.figures.style import BLUE, GREEN, STICK_LINE, VERMILION, new_figure, paper_style
-from stickslip.paper.figures.entry import FigureEntry
-from stickslip.paper.figures.sketch import (
+from stickslip.figures.drawing.style import BLUE, GREEN, STICK_LINE, VERMILION, new_figure, paper_style
+from stickslip.paper.drawing.entry import FigureEntry
+from stickslip.paper.drawing.sketch import (
     BODY_EDGE,
     angle_arc,
     body,
@@ -19,7 +19,7 @@ from stickslip.paper.figures.sketch import (
     spring,
     turned,
 )
-from stickslip.paper.figures.style import arrow, heads
+from stickslip.paper.drawing.style import arrow, heads
 
 
 def draw() -> Figure:

@@ -4,7 +4,7 @@ from matplotlib.figure import Figure
 
 import stickslip as ss
 from stickslip.figures.play import plot_limit
-from stickslip.paper.figures.entry import FigureEntry
+from stickslip.paper.drawing.entry import FigureEntry
 
 
 def draw() -> Figure:

@@ -5,9 +5,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import stickslip as ss
-from stickslip.figures.style import BLUE, SKY, STICK_LINE, STICK_SHADE, VERMILION, new_figure, paper_style
-from stickslip.paper.figures.entry import FigureEntry
-from stickslip.paper.figures.style import heads
+from stickslip.figures.drawing.style import BLUE, SKY, STICK_LINE, STICK_SHADE, VERMILION, new_figure, paper_style
+from stickslip.paper.drawing.entry import FigureEntry
+from stickslip.paper.drawing.style import heads
 
 # (β, γ) at the start, and for how long the motion is drawn.
 STARTS = (((3.3, 1.0), 9.0), ((-2.0, 2.3), 9.0), ((-18.0, 1.3), 3.0))

@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from stickslip.figures.style import BLUE, STICK_LINE, VERMILION, new_figure, paper_style
-from stickslip.paper.figures.entry import FigureEntry
-from stickslip.paper.scaling import ReturnMap, exact, lowest_order
+from stickslip.figures.drawing.style import BLUE, STICK_LINE, VERMILION, new_figure, paper_style
+from stickslip.paper.claims.scaling import ReturnMap, exact, lowest_order
+from stickslip.paper.drawing.entry import FigureEntry
 
 B = 0.7
 

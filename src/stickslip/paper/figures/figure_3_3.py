@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 import stickslip as ss
-from stickslip.figures.style import (
+from stickslip.figures.drawing.style import (
     BLUE,
     STICK_SHADE,
     THRESHOLD,
@@ -14,8 +14,8 @@ from stickslip.figures.style import (
     new_figure,
     paper_style,
 )
-from stickslip.paper.figures.entry import FigureEntry
-from stickslip.paper.figures.style import shade
+from stickslip.paper.drawing.entry import FigureEntry
+from stickslip.paper.drawing.style import shade
 
 
 def draw() -> Figure:

@@ -4,9 +4,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from stickslip.figures.style import BLUE, GREEN, STICK_LINE, VERMILION, new_figure, paper_style
-from stickslip.paper.figures.entry import FigureEntry
-from stickslip.paper.figures.sketch import (
+from stickslip.figures.drawing.style import BLUE, GREEN, STICK_LINE, VERMILION, new_figure, paper_style
+from stickslip.paper.drawing.entry import FigureEntry
+from stickslip.paper.drawing.sketch import (
     BODY_EDGE,
     angle_arc,
     body,
@@ -17,7 +17,7 @@ from stickslip.paper.figures.sketch import (
     rounded,
     turned,
 )
-from stickslip.paper.figures.style import Array, Point, arrow, heads
+from stickslip.paper.drawing.style import Array, Point, arrow, heads
 
 FAR = "#B4C6D6"
 

@@ -5,10 +5,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import stickslip as ss
-from stickslip.figures.style import BLUE, ORANGE, SKY, STICK_LINE, VERMILION, new_figure, paper_style
-from stickslip.orbits.hysteresis import HysteresisOperator
-from stickslip.paper.figures.entry import FigureEntry
-from stickslip.paper.figures.style import arrow
+from stickslip.figures.drawing.style import BLUE, ORANGE, SKY, STICK_LINE, VERMILION, new_figure, paper_style
+from stickslip.orbits.studies.hysteresis import HysteresisOperator
+from stickslip.paper.drawing.entry import FigureEntry
+from stickslip.paper.drawing.style import arrow
 
 
 def draw() -> Figure:

@@ -5,10 +5,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import stickslip as ss
-from stickslip.figures.style import BLUE, STICK_LINE, THRESHOLD, VERMILION, legend_above, new_figure, paper_style
-from stickslip.orbits.hysteresis import HysteresisOperator
-from stickslip.paper.figures.entry import FigureEntry
-from stickslip.paper.figures.style import heads, ticks
+from stickslip.figures.drawing.style import (
+    BLUE,
+    STICK_LINE,
+    THRESHOLD,
+    VERMILION,
+    legend_above,
+    new_figure,
+    paper_style,
+)
+from stickslip.orbits.studies.hysteresis import HysteresisOperator
+from stickslip.paper.drawing.entry import FigureEntry
+from stickslip.paper.drawing.style import heads, ticks
 
 
 def draw() -> Figure:

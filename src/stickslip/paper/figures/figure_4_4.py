@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import stickslip as ss
-from stickslip.figures.style import (
+from stickslip.figures.drawing.style import (
     BLUE,
     GREEN,
     SKY,
@@ -15,7 +15,7 @@ from stickslip.figures.style import (
     new_figure,
     paper_style,
 )
-from stickslip.paper.figures.entry import FigureEntry
+from stickslip.paper.drawing.entry import FigureEntry
 
 
 def draw() -> Figure:

@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import stickslip as ss
-from stickslip.figures.style import BAND, BLUE, STICK_LINE, new_figure, paper_style
-from stickslip.paper.figures.entry import FigureEntry
+from stickslip.figures.drawing.style import BAND, BLUE, STICK_LINE, new_figure, paper_style
+from stickslip.paper.drawing.entry import FigureEntry
 
 
 def draw() -> Figure:

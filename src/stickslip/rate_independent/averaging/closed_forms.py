@@ -19,7 +19,7 @@ from stickslip.rate_independent.dissipation.product import Product
 from stickslip.rate_independent.dissipation.weighted_l1 import WeightedL1, nonnegative
 
 if TYPE_CHECKING:
-    from stickslip.rate_independent.averaging.exchange import Intersection
+    from stickslip.rate_independent.averaging.semi_infinite import Intersection
 
 MOST_NUMBERS = 20_000_000  # in the table of an optimal motion
 VANISHING = 1e-12  # thresholds that count as 0, of the largest
@@ -137,7 +137,7 @@ class AveragedPolytope(Average, Polytope):
 
     @property
     def frictionless(self) -> Array:
-        from stickslip.rate_independent.averaging.exchange import lineality
+        from stickslip.rate_independent.averaging.semi_infinite import lineality
 
         return lineality(self, VANISHING * float(self.halfspaces_at()[1].max()))
 
@@ -194,7 +194,7 @@ class AveragedProduct(Average, Product):
     @cached_property
     def _together(self) -> Intersection:
         """All factors at once: what was found of it is where the next search starts."""
-        from stickslip.rate_independent.averaging.exchange import Intersection
+        from stickslip.rate_independent.averaging.semi_infinite import Intersection
 
         return Intersection(self.source, self.tolerance)
 

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.chords import table
 from stickslip.errors import DeclarationError
-from stickslip.expressions import Expr
-from stickslip.extrema import least
 from stickslip.rate_independent.dissipation.phase import Formulas, Function, Varying, wrapped
+from stickslip.symbolic.chords import table
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.extrema import least
 
 Array = NDArray[np.float64]
 

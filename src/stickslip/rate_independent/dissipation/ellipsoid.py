@@ -162,7 +162,7 @@ class Ellipsoid(Dissipation):
         return ellipsoid(self.root_at(s))
 
     def average(self, tolerance: float = 1e-8) -> Average:
-        from stickslip.rate_independent.averaging.exchange import Intersection
+        from stickslip.rate_independent.averaging.semi_infinite import Intersection
 
         return Intersection(self, tolerance)
 

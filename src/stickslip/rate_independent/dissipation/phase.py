@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip import expressions as ex
-from stickslip.boxes import slopes
-from stickslip.chords import Chord, deviations, evaluate, table
 from stickslip.errors import DeclarationError
-from stickslip.expressions import Expr
-from stickslip.formulas import Scope
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.boxes import slopes
+from stickslip.symbolic.chords import Chord, deviations, evaluate, table
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.formulas import Scope
 
 Array = NDArray[np.float64]
 

@@ -163,7 +163,7 @@ class Polytope(Dissipation):
     def average(self, tolerance: float = 1e-8) -> Average:
         """Where the normals are fixed, each offset becomes its minimum over the phase; else to the tolerance."""
         from stickslip.rate_independent.averaging.closed_forms import average_polytope
-        from stickslip.rate_independent.averaging.exchange import Intersection
+        from stickslip.rate_independent.averaging.semi_infinite import Intersection
 
         return average_polytope(self) if isinstance(self.faces, Constant) else Intersection(self, tolerance)
 

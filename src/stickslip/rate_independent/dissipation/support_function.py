@@ -116,7 +116,7 @@ class SupportFunction(Dissipation):
         return polyhedron(normals, np.array([self.support(d, s) for d in normals]))
 
     def average(self, tolerance: float = 1e-8) -> Average:
-        from stickslip.rate_independent.averaging.exchange import Intersection
+        from stickslip.rate_independent.averaging.semi_infinite import Intersection
 
         return Intersection(self, tolerance)
 

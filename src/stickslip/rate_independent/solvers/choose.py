@@ -11,7 +11,7 @@ from stickslip.rate_independent.dissipation import GroupNorm, WeightedL1
 from stickslip.rate_independent.solvers.dense import BoxSteps, ProjectionSteps
 
 if TYPE_CHECKING:
-    from stickslip.rate_independent.evolution import Evolution
+    from stickslip.rate_independent.evolution.evolution import Evolution
 
 Array = np.ndarray
 SMALL, SMALL_GROUPS = 800, 100  # rows up to which a sparse matrix is treated as a dense one

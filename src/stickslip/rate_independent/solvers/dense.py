@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stickslip.rate_independent.stable_sets import Boxes, ConvexSets, Discs
+from stickslip.rate_independent.solvers.stable_sets import Boxes, ConvexSets, Discs
 
 Array = np.ndarray
 ROUNDING = 1e-14  # of a force, relative to the largest of its parts

@@ -23,8 +23,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stickslip.errors import ConvergenceError, DeclarationError
-from stickslip.rate_independent.matrix import checked_matrix
 from stickslip.rate_independent.solvers.hierarchy import Hierarchy, rows
+from stickslip.rate_independent.solvers.matrix import checked_matrix
 from stickslip.rate_independent.solvers.smoothing import ROUNDING, Array, Rows, defect, forces, project, relax, slope
 
 NEWTON = 0.1  # reduction of the gradient asked of the linear solver before the nodes at rest are looked at again

@@ -1,0 +1,1 @@
+"""A system's equations as a person would write them."""

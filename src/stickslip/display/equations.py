@@ -1,0 +1,400 @@
+"""A system's equations as a person would write them: Unicode text for the terminal, LaTeX for notebooks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from stickslip.display.printers import LatexWriter, UnicodeWriter
+from stickslip.display.symbols import is_word, unicode_unit, width
+from stickslip.display.terminal import table, wrap
+from stickslip.display.tree import (
+    ONE,
+    ZERO,
+    Call,
+    Name,
+    Node,
+    Number,
+    Product,
+    Reader,
+    Relation,
+    Sum,
+    add,
+    as_product,
+    derivative,
+    multiply,
+    names_in,
+    negate,
+    split,
+    substitute,
+)
+from stickslip.model.declaration import DryContact
+from stickslip.symbolic import expressions as ex
+
+if TYPE_CHECKING:
+    from stickslip.model.system import Contact, System
+
+ACCELERATION = "{}''"  # no identifier, so that it cannot be a name of the declaration
+
+
+@dataclass(frozen=True)
+class Balance:
+    """One equation of motion: left side, relation (= or ∋) and right side."""
+
+    left: Node
+    sign: str
+    right: Node
+
+
+@dataclass(frozen=True)
+class Friction:
+    """A dry contact whose law is too long for the balance; its force is called λ there.
+
+    Attributes
+    ----------
+    contact : str
+        Name of the contact.
+    index : str
+        Index of its force: ``_1``, or nothing if it is the only one.
+    velocity : Node
+    thresholds, sliding : pair of Node
+        Largest forces and sliding forces for u > 0 and u < 0.
+    """
+
+    contact: str
+    index: str
+    velocity: Node
+    thresholds: tuple[Node, Node]
+    sliding: tuple[Node, Node]
+
+    @property
+    def force(self) -> Name:
+        """The symbol of its force."""
+        return Name(f"lam{self.index}")
+
+    def laws(self, write: UnicodeWriter, index: str) -> list[tuple[str, str]]:
+        """Pairs of a condition and the law that then holds, with symbols of the given index."""
+        force, u = Name(f"lam{index}"), Name(f"u{index}")
+        speed: dict[str, Node] = {"speed": Call("abs", (u,))}
+        right, left = (substitute(k, speed) for k in self.sliding)
+        plus, minus = self.thresholds
+        if plus == minus:
+            stick: Node = Relation("<=", Call("abs", (force,)), plus)
+        else:
+            stick = Relation("<=", negate(plus), Relation("<=", force, minus))
+        laws: list[tuple[Node, Node]] = [(Relation("=", u, ZERO), stick)]
+        if left == right:
+            slip = negate(multiply(right, Call("sgn", (u,))))
+            laws.append((Relation("!=", u, ZERO), Relation("=", force, slip)))
+        else:
+            laws.append((Relation(">", u, ZERO), Relation("=", force, negate(right))))
+            laws.append((Relation("<", u, ZERO), Relation("=", force, left)))
+        return [(write(when), write(law)) for when, law in laws]
+
+
+class Equations:
+    """What a system declares and the equations that follow from it, to be read.
+
+    ``str()`` gives Unicode text at most 100 columns wide, :meth:`latex` the equations for a paper; a notebook shows
+    the equations and the table of parameters.
+
+    Parameters
+    ----------
+    system : System
+    """
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self._reader = Reader(system)
+        self._declared = system.declaration
+        self.frictions: list[Friction] = []
+        self.balances = [self._balance(x) for x in system.coordinates]
+        self.laws = [
+            Balance(Name(f"d_{name}"), "=", self._reader.read(internal.law))
+            for name, internal in system.internal.items()
+        ]
+
+    # The equations.
+
+    @cached_property
+    def energy(self) -> Node:
+        """Kinetic plus potential energy."""
+        return add(self._reader.read(self.system.kinetic), self._reader.read(self.system.potential))
+
+    @cached_property
+    def dissipation(self) -> Node:
+        """The dissipation potential: viscous part and dry friction."""
+        dry = []
+        for contact in self.system.contacts.values():
+            if contact.kinetic is not None:
+                continue  # its force does not come from a potential; it is listed with the friction laws
+            plus, minus = self._pair(contact.threshold)
+            u = self._velocity(contact)
+            if plus == minus:
+                dry.append(multiply(plus, Call("abs", (u,))))
+            else:
+                dry += [multiply(plus, Call("max", (u, ZERO))), multiply(minus, Call("max", (negate(u), ZERO)))]
+        return add(self._reader.read(self.system.viscous), *dry)
+
+    def _balance(self, x: str) -> Balance:
+        system, read = self.system, self._reader.read
+        accelerations: dict[str, Node] = {f"d_{q}": Name(ACCELERATION.format(q)) for q in self._declared.inertial}
+        inertia = substitute(derivative(read(system.kinetic), f"d_{x}"), accelerations)
+        viscous = derivative(read(system.viscous), f"d_{x}")
+        coordinate = system.coordinates[x]
+        drag = read(getattr(coordinate, "drag", 0.0))
+        slope = derivative(read(system.potential), x)
+        parts = [
+            _own_first(inertia, ACCELERATION.format(x)),
+            _own_first(viscous, f"d_{x}"),
+            drag,
+            _own_first(slope, x),
+        ]
+        dry = [self._force(contact, x) for contact in self._declared.contacts if x in contact.direction]
+        inclusion = any(_is_inclusion(part) for part in dry)
+        return Balance(add(*parts, *dry), "∋" if inclusion else "=", read(coordinate.force))
+
+    def _force(self, declared: DryContact, x: str) -> Node:
+        """Contribution of a contact to the left side of the balance of x."""
+        contact = self.system.contacts[declared.name]
+        u = self._velocity(contact)
+        weight = derivative(self._reader.read(contact.direction), f"d_{x}")
+        plus, minus = self._pair(contact.threshold)
+        if plus == minus and contact.kinetic is None:
+            return multiply(weight, plus, Call("Sign", (u,)))
+        known = [f for f in self.frictions if f.contact == declared.name]
+        if not known:
+            sliding = (plus, minus) if contact.kinetic is None else self._pair(contact.kinetic)
+            long = [c for c in self.system.contacts.values() if c.kinetic is not None or isinstance(c.threshold, tuple)]
+            index = "" if len(long) == 1 else f"_{len(self.frictions) + 1}"
+            known = [Friction(declared.name, index, u, (plus, minus), sliding)]
+            self.frictions += known
+        return negate(multiply(weight, known[0].force))
+
+    def _pair(self, given: str | float | tuple[str | float, str | float]) -> tuple[Node, Node]:
+        both = given if isinstance(given, (tuple, list)) else (given, given)
+        return self._reader.read(both[0]), self._reader.read(both[1])
+
+    def _velocity(self, contact: Contact) -> Node:
+        return add(self._reader.read(contact.direction), negate(self._reader.read(contact.surface_speed)))
+
+    def friction_groups(self) -> list[list[Friction]]:
+        """Contacts in groups that obey the same law."""
+        groups: dict[tuple[tuple[Node, Node], tuple[Node, Node]], list[Friction]] = {}
+        for friction in self.frictions:
+            groups.setdefault((friction.thresholds, friction.sliding), []).append(friction)
+        return list(groups.values())
+
+    def _definitions(self) -> Iterator[tuple[Node, Node]]:
+        """Functions and drives with their bodies."""
+        for name, (arguments, body) in self._reader.definitions.items():
+            yield Call(name, tuple(Name(a) for a in arguments)), body
+
+    # Text.
+
+    def _writer(self, kind: type[UnicodeWriter]) -> UnicodeWriter:
+        names = [*self.system.coordinates, *self.system.internal]
+        rates = {f"d_{x}": (x, 1) for x in names if f"d_{x}" not in self.system.internal}
+        rates |= {ACCELERATION.format(x): (x, 2) for x in names}
+        arguments = {name: given for name, (given, _) in self._reader.definitions.items()}
+        return kind(rates, dict.fromkeys(self.system.drives, "t"), arguments)
+
+    def __str__(self) -> str:
+        write = self._writer(UnicodeWriter)
+        return "\n".join(_Text(self, write).lines()) + "\n"
+
+    __repr__ = __str__
+
+    def latex(self) -> str:
+        """The equations of motion, friction laws, functions and drives as one ``aligned`` block."""
+        write = self._writer(LatexWriter)
+        rows = [
+            f"{write(b.left)} &{'=' if b.sign == '=' else chr(92) + 'ni'} {write(b.right)}"
+            for b in [*self.balances, *self.laws]
+        ]
+        for group in self.friction_groups():
+            rows += [f"{write(Name(f'u{f.index}'))} &= {write(f.velocity)}" for f in group]
+            laws = group[0].laws(write, group[0].index if len(group) == 1 else "_i")
+            rows += [rf"\text{{if }} {when}: \quad & {law}" for when, law in laws]
+        rows += [f"{write(left)} &= {write(body)}" for left, body in self._definitions()]
+        return "\\begin{aligned}\n" + " \\\\\n".join(rows) + "\n\\end{aligned}"
+
+    def _repr_latex_(self) -> str:
+        return f"$$\n{self.latex()}\n$$"
+
+    def _repr_markdown_(self) -> str:
+        write = self._writer(LatexWriter)
+        system = self.system
+        heading = f"**{system.title or system.name}**" + (f" ({system.source})" if system.source else "")
+        rows = ["| parameter | value | unit | meaning |", "|---|---|---|---|"]
+        rows += [
+            f"| ${write(Name(name))}$ | {p.default:g} | {unicode_unit(p.unit)} | {p.meaning} |"
+            for name, p in system.parameters.items()
+        ]
+        return "\n\n".join([heading, self._repr_latex_(), "\n".join(rows)])
+
+
+class _Text:
+    """Lays the sections of one system out for the terminal."""
+
+    def __init__(self, equations: Equations, write: UnicodeWriter) -> None:
+        self.equations, self.system, self.write = equations, equations.system, write
+
+    def lines(self) -> list[str]:
+        system = self.system
+        head = [system.title or system.name, system.source]
+        sections = [
+            ("", [line for line in head if line]),
+            ("State", self.state()),
+            ("Energy", self.formula(self.equations.energy)),
+            ("Dissipation potential", self.formula(self.equations.dissipation)),
+            ("Equations of motion", self.motion()),
+            ("Friction", self.friction()),
+            ("with", self.definitions()),
+            ("Parameters", self.parameters()),
+            ("Start", self.start()),
+            ("Shift that changes nothing", self.translation()),
+            ("Conditions", self.conditions()),
+            ("Facts", self.facts()),
+        ]
+        text: list[str] = []
+        for title, content in sections:
+            if content:
+                indent = "  " if title else ""
+                text += ([""] if text else []) + ([title] if title else []) + [indent + line for line in content]
+        return text
+
+    def formula(self, node: Node) -> list[str]:
+        return [] if node == ZERO else wrap(self.write(node))
+
+    def state(self) -> list[str]:
+        rows = []
+        for name, x in self.system.coordinates.items():
+            rows.append([self.write(Name(name)), x.kind, unicode_unit(x.unit), x.meaning])
+        for name, a in self.system.internal.items():
+            rows.append([self.write(Name(name)), "internal", unicode_unit(a.unit), a.meaning])
+        return table(rows)
+
+    def motion(self) -> list[str]:
+        lines = []
+        for b in [*self.equations.balances, *self.equations.laws]:
+            lines += wrap(f"{self.write(b.left)} {b.sign} {self.write(b.right)}")
+        return lines
+
+    def friction(self) -> list[str]:
+        lines = []
+        for group in self.equations.friction_groups():
+            velocities = [Relation("=", Name(f"u{f.index}"), f.velocity) for f in group]
+            lines += table([[f"{f.contact}:", self.write(u)] for f, u in zip(group, velocities, strict=True)])
+            for when, law in group[0].laws(self.write, group[0].index if len(group) == 1 else "_i"):
+                lines += ["  " + line for line in wrap(f"{when}:  {law}")]
+        return lines
+
+    def definitions(self) -> list[str]:
+        lines = []
+        for left, body in self.equations._definitions():
+            match body:
+                case Call("piecewise", arguments):
+                    lines += self.cases(self.write(left), arguments)
+                case _:
+                    lines += wrap(f"{self.write(left)} = {self.write(body)}")
+        if any(_is_inclusion(b.left) for b in self.equations.balances):
+            lines.append("Sign(v) = v/|v| for v ≠ 0,  Sign(0) = [−1, 1]")
+        return lines
+
+    def cases(self, left: str, arguments: tuple[Node, ...]) -> list[str]:
+        """A piecewise function with a brace over several lines."""
+        pairs = [(self.write(v), f"if {self.write(c)}") for c, v in zip(arguments[:-1:2], arguments[1::2], strict=True)]
+        pairs.append((self.write(arguments[-1]), "otherwise"))
+        rows = table([list(pair) for pair in pairs])
+        braces = ["⎧", *["⎪"] * (len(rows) - 2), "⎩"]
+        middle = len(rows) // 2
+        if len(rows) > 2:
+            braces[middle] = "⎨"
+        start = f"{left} = "
+        blank = " " * width(start)
+        return [(start if i == middle else blank) + f"{braces[i]} {row}" for i, row in enumerate(rows)]
+
+    def parameters(self) -> list[str]:
+        rows = []
+        for name, p in self.system.parameters.items():
+            bounds = "" if p.range == "(-inf, inf)" else "in " + p.range.replace("inf", "∞").replace("-", "−")
+            symbol = self.write(Name(name))
+            plain = name if name != symbol else ""
+            rows.append([symbol, plain, f"{p.default:g}", unicode_unit(p.unit), bounds, p.meaning])
+        return table(rows)
+
+    def start(self) -> list[str]:
+        system = self.system
+        given = [f"{self.write(Name(name))} = {value:g}".replace("-", "−") for name, value in system.initial.items()]
+        rest = len(given) < len(system.declaration.state)
+        t = f"t from {system.span[0]:g} to {system.span[1]:g} {unicode_unit(system.time_unit)}".rstrip()
+        others = ["all 0" if not given else "the others 0"] if rest else []
+        return wrap(f"{', '.join(given + others)};  {t}", breaks=(", ",))
+
+    def translation(self) -> list[str]:
+        taken = {*self.system.parameters, *self.system.functions, *self.system.drives}
+        shift = Name(next(letter for letter in ("s", "h", "r", "tau", "shift") if letter not in taken))
+        moved = [
+            f"{self.write(Name(x))} → {self.write(add(Name(x), multiply(Number(Fraction(repr(float(w)))), shift)))}"
+            for x, w in self.system.translation.items()
+        ]
+        return wrap(",  ".join(moved), breaks=(", ",)) if moved else []
+
+    def conditions(self) -> list[str]:
+        values, rows = self.system.values, []
+        for name, condition in self.system.conditions.items():
+            margin = ex.evaluate(self.system.declaration.conditions[name][0], values)
+            holds = margin > 0.0 or (margin == 0.0 and "=" in condition.formula)
+            verdict = "holds" if holds else "FAILS" + (f": {condition.otherwise}" if condition.otherwise else "")
+            rows.append([name, self.relation(condition.formula), verdict])
+        return table(rows)
+
+    def relation(self, text: str) -> str:
+        """A condition; its two sides are read apart, since a comparison is no formula."""
+        for sign in ("<=", ">=", "<", ">"):
+            if sign in text:
+                left, right = text.split(sign)
+                return self.write(Relation(sign, *(self.equations._reader.read(side) for side in (left, right))))
+        return text
+
+    def facts(self) -> list[str]:
+        values, lines = self.system.values, []
+        for name, text in self.system.facts.items():
+            value = ex.evaluate(self.system.declaration.facts[name], values)
+            symbol, formula = self.write(Name(name)), self.write(self.equations._reader.read(text))
+            shown = f"{value:.6g}".replace("-", "−").replace("nan", "undefined")
+            left = name.replace("_", " ") if is_word(name) else symbol
+            lines += wrap(" = ".join([left, *([formula] if formula not in (symbol, shown) else []), shown]))
+        return lines
+
+
+def _is_inclusion(node: Node) -> bool:
+    match node:
+        case Call("Sign"):
+            return True
+        case Sum(terms):
+            return any(map(_is_inclusion, terms))
+        case Product(_, powers):
+            return any(_is_inclusion(base) for base, _ in powers)
+    return False
+
+
+def _own_first(node: Node, name: str) -> Node:
+    """The terms with the named variable first, and that with a plus: a (x_L − x_R), not −a (x_R − x_L)."""
+    terms = [_turned(term, name) for term in (node.terms if isinstance(node, Sum) else (node,))]
+    return add(*sorted(terms, key=lambda term: name not in names_in(term)))
+
+
+def _turned(term: Node, name: str) -> Node:
+    factor, powers = split(term)
+    for i, (base, exponent) in enumerate(powers):
+        if isinstance(base, Sum) and exponent == ONE and len(powers) > 1 and factor < 0:
+            own = [t for t in base.terms if name in names_in(t)]
+            if own and split(own[0])[0] < 0:
+                turned = sorted((negate(t) for t in base.terms), key=lambda t: (isinstance(t, Number), split(t)[0] < 0))
+                return as_product(-factor, (*powers[:i], (add(*turned), ONE), *powers[i + 1 :]))
+    return term

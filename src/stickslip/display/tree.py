@@ -1,0 +1,404 @@
+"""Formulas as a person wrote them: terms and factors stay in order, functions keep their names.
+
+The engine's expressions (:mod:`stickslip.symbolic.expressions`) are canonical: sorted, with every function replaced by
+its body. That is right for a machine and unreadable for a person. Here a formula is read from the same checked text
+into a small ordered tree, which can be differentiated: b/2*psi**2 - c*(x_R - x_L)*psi by psi gives b*psi - c*(x_R -
+x_L), and a function H_R(psi) stays H_R(psi).
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from math import gcd
+from typing import TYPE_CHECKING
+
+from stickslip.symbolic.formulas import BUILTIN, parse_signature
+
+if TYPE_CHECKING:
+    from stickslip.model.system import System
+
+
+@dataclass(frozen=True)
+class Number:
+    """An exact number."""
+
+    value: Fraction
+
+
+@dataclass(frozen=True)
+class Name:
+    """A coordinate, rate, parameter, argument or time."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Call:
+    """A function applied to arguments.
+
+    Attributes
+    ----------
+    hidden : tuple of str
+        State variables and time that the function depends on without naming them as arguments.
+    by : tuple of str
+        Names of the arguments (or hidden variables) by which it was differentiated.
+    """
+
+    name: str
+    arguments: tuple[Node, ...] = ()
+    hidden: tuple[str, ...] = ()
+    by: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Sum:
+    """Two or more terms."""
+
+    terms: tuple[Node, ...]
+
+
+@dataclass(frozen=True)
+class Product:
+    """A number times powers (base, exponent)."""
+
+    factor: Fraction
+    powers: tuple[tuple[Node, Node], ...]
+
+
+@dataclass(frozen=True)
+class Relation:
+    """A comparison, as it stands in piecewise functions and conditions."""
+
+    sign: str
+    left: Node
+    right: Node
+
+
+Node = Number | Name | Call | Sum | Product | Relation
+Powers = tuple[tuple[Node, Node], ...]
+
+ZERO, ONE, HALF = (Number(Fraction(text)) for text in ("0", "1", "1/2"))
+MINUS_ONE = Number(Fraction(-1))
+MAX_EXPONENT = 8  # powers of numbers above this stay as they are written
+
+
+def add(*nodes: Node) -> Node:
+    """Sum; equal terms are collected at the place of the first."""
+    # Each group of equal terms: the powers they share, in the first one's order, and their total factor.
+    groups: dict[frozenset[tuple[Node, Node]], tuple[Fraction, Powers]] = {}
+    for factor, powers in (split(term) for node in nodes for term in _terms(node)):
+        if factor == 0:
+            continue  # a zero keeps no place for later numbers
+        key = frozenset(powers)
+        total, first = groups.get(key, (Fraction(0), powers))
+        groups[key] = (total + factor, first)
+    kept = [as_product(total, powers) for total, powers in groups.values() if total != 0]
+    if len(kept) < 2:
+        return kept[0] if kept else ZERO
+    return Sum(tuple(kept))
+
+
+def _terms(node: Node) -> Iterator[Node]:
+    """Terms of a sum, also of −(a − b)."""
+    match node:
+        case Sum(terms):
+            yield from terms
+        case Product(factor, ((Sum(terms), exponent),)) if exponent == ONE and abs(factor) == 1:
+            for term in terms:
+                yield multiply(Number(factor), term)
+        case _:
+            yield node
+
+
+def split(node: Node) -> tuple[Fraction, Powers]:
+    """Numeric factor and powers of a term."""
+    match node:
+        case Number(value):
+            return value, ()
+        case Product(factor, powers):
+            return factor, powers
+    return Fraction(1), ((node, ONE),)
+
+
+def as_product(factor: Fraction, powers: Powers) -> Node:
+    """A number times powers, in its simplest form."""
+    if factor == 0 or not powers:
+        return Number(factor)
+    if factor == 1 and len(powers) == 1 and powers[0][1] == ONE:
+        return powers[0][0]
+    return Product(factor, powers)
+
+
+def multiply(*nodes: Node) -> Node:
+    """Product; equal bases are collected at the place of the first."""
+    factor, found = Fraction(1), dict[Node, Node]()
+    for node in nodes:
+        number, powers = split(node)
+        factor *= number
+        for base, exponent in powers:
+            found[base] = add(found[base], exponent) if base in found else exponent
+    for base in list(found):
+        # A one-sided spring: max(x, 0)·(1 if x > 0, else 0) is max(x, 0).
+        match base:
+            case Call("piecewise", (Relation(">" | "<" as sign, left, right), value, last)) if last == right == ZERO:
+                if Call("max" if sign == ">" else "min", (left, ZERO)) in found:
+                    del found[base]
+                    return multiply(as_product(factor, tuple(found.items())), value)
+    return as_product(factor, tuple((b, e) for b, e in found.items() if e != ZERO))
+
+
+def power(base: Node, exponent: Node) -> Node:
+    """Power; numbers are worked out only where the result stays readable."""
+    if exponent == ZERO:
+        return ONE
+    if exponent == ONE or base == ONE:
+        return base
+    if isinstance(exponent, Number) and exponent.value.denominator == 1:
+        n = exponent.value.numerator
+        if isinstance(base, Number) and base.value.denominator == 1 and base.value != 0 and abs(n) <= MAX_EXPONENT:
+            return Number(base.value**n)
+        if isinstance(base, Product) and (abs(n) <= MAX_EXPONENT):
+            powers = tuple((b, multiply(e, exponent)) for b, e in base.powers)
+            return multiply(power(Number(base.factor), exponent), Product(Fraction(1), powers))
+    return Product(Fraction(1), ((base, exponent),))
+
+
+def negate(node: Node) -> Node:
+    """The negative."""
+    return multiply(MINUS_ONE, node)
+
+
+def derivative(node: Node, name: str) -> Node:
+    """Partial derivative by a name."""
+    match node:
+        case Number():
+            return ZERO
+        case Name(own):
+            return ONE if own == name else ZERO
+        case Sum(terms):
+            return add(*(derivative(term, name) for term in terms))
+        case Product(_, powers):
+            return add(*(_by_one_power(node, base, exponent, name) for base, exponent in powers))
+        case Call():
+            return _by_argument(node, name)
+    raise TypeError("a comparison has no derivative")
+
+
+def _by_one_power(product: Node, base: Node, exponent: Node, name: str) -> Node:
+    inner, outer = derivative(base, name), derivative(exponent, name)
+    parts = []
+    if inner != ZERO:
+        lowered = multiply(exponent, product, Product(Fraction(1), ((base, MINUS_ONE),)), _primitive(inner))
+        parts.append(_functions_last(lowered))
+    if outer != ZERO:
+        parts.append(multiply(product, outer, Call("log", (base,))))
+    return add(*parts)
+
+
+def _primitive(node: Node) -> Node:
+    """2 (x − y) instead of 2 x − 2 y."""
+    if isinstance(node, Sum):
+        factors = [split(term)[0] for term in node.terms]
+        common = gcd(*(f.numerator for f in factors)) if all(f.denominator == 1 for f in factors) else 1
+        if common > 1:
+            rest = add(*(multiply(Number(Fraction(1, common)), term) for term in node.terms))
+            return Product(Fraction(common), ((rest, ONE),))
+    return node
+
+
+def _functions_last(node: Node) -> Node:
+    if not isinstance(node, Product):
+        return node
+    calls = [isinstance(base, Call) and bool(base.arguments) for base, _ in node.powers]
+    ordered = [p for last in (False, True) for p, c in zip(node.powers, calls, strict=True) if c == last]
+    return Product(node.factor, tuple(ordered))
+
+
+def _by_argument(call: Call, name: str) -> Node:
+    inner = [ZERO if isinstance(a, Relation) else derivative(a, name) for a in call.arguments]
+    if call.name not in BUILTIN or call.by:
+        parts = [
+            multiply(replace(call, by=(*call.by, str(i))), slope) for i, slope in enumerate(inner) if slope != ZERO
+        ]
+        if name in call.hidden:
+            parts.append(replace(call, by=(*call.by, name)))
+        return add(*parts)
+    if all(slope == ZERO for slope in inner):
+        return ZERO
+    match call.name:
+        case "abs":
+            return multiply(Call("sgn", call.arguments), inner[0])
+        case "min" | "max":
+            return _of_extremum(call, inner)
+        case "clip":
+            x, low, high = call.arguments
+            return choose([(Relation("<", x, low), inner[1]), (Relation(">", x, high), inner[2])], inner[0])
+        case "piecewise":
+            pairs = [(c, v) for c, v in zip(call.arguments[:-1:2], inner[1:-1:2], strict=True)]
+            return choose(pairs, inner[-1])
+    return _functions_last(multiply(_OUTER[call.name](call.arguments[0]), _primitive(inner[0])))
+
+
+def _of_extremum(call: Call, inner: list[Node]) -> Node:
+    sign = "<" if call.name == "min" else ">"
+    best, slope = call.arguments[0], inner[0]
+    for argument, its_slope in zip(call.arguments[1:], inner[1:], strict=True):
+        slope = choose([(Relation(sign, best, argument), slope)], its_slope)
+        best = Call(call.name, (best, argument))
+    return slope
+
+
+def choose(pairs: Iterable[tuple[Node, Node]], otherwise: Node) -> Node:
+    """Piecewise function of (condition, value) pairs; a plain value if all are equal."""
+    pairs = list(pairs)
+    if all(value == otherwise for _, value in pairs):
+        return otherwise
+    return Call("piecewise", (*(part for pair in pairs for part in pair), otherwise))
+
+
+_OUTER = {
+    "exp": lambda x: Call("exp", (x,)),
+    "log": lambda x: power(x, MINUS_ONE),
+    "sin": lambda x: Call("cos", (x,)),
+    "cos": lambda x: negate(Call("sin", (x,))),
+    "tan": lambda x: power(Call("cos", (x,)), Number(Fraction(-2))),
+    "sinh": lambda x: Call("cosh", (x,)),
+    "cosh": lambda x: Call("sinh", (x,)),
+    "tanh": lambda x: power(Call("cosh", (x,)), Number(Fraction(-2))),
+    "asinh": lambda x: power(add(ONE, power(x, Number(Fraction(2)))), Number(Fraction(-1, 2))),
+    "atan": lambda x: power(add(ONE, power(x, Number(Fraction(2)))), MINUS_ONE),
+}
+
+
+def names_in(node: Node) -> set[str]:
+    """Names an expression depends on, hidden ones included."""
+    match node:
+        case Name(name):
+            return {name}
+        case Sum(terms):
+            parts: Iterable[Node] = terms
+        case Product(_, powers):
+            parts = [part for pair in powers for part in pair]
+        case Call(_, arguments, hidden):
+            return set(hidden).union(*map(names_in, arguments))
+        case Relation(_, left, right):
+            parts = [left, right]
+        case _:
+            parts = []
+    return set().union(*map(names_in, parts))
+
+
+def substitute(node: Node, values: Mapping[str, Node]) -> Node:
+    """Replace names by trees."""
+    match node:
+        case Name(name):
+            return values.get(name, node)
+        case Sum(terms):
+            return add(*(substitute(term, values) for term in terms))
+        case Product(factor, powers):
+            replaced = (power(substitute(b, values), substitute(e, values)) for b, e in powers)
+            return multiply(Number(factor), *replaced)
+        case Call():
+            return replace(node, arguments=tuple(substitute(a, values) for a in node.arguments))
+        case Relation(sign, left, right):
+            return Relation(sign, substitute(left, values), substitute(right, values))
+    return node
+
+
+class Reader:
+    """Reads the formulas of one checked system into trees.
+
+    Attributes
+    ----------
+    definitions : dict of str to (arguments, body)
+        Functions and drives of the system, their bodies as trees.
+    """
+
+    def __init__(self, system: System) -> None:
+        self._sources: dict[str, tuple[tuple[str, ...], str | float]] = {}
+        for key, text in [*system.functions.items(), *system.drives.items()]:
+            name, arguments = parse_signature(key, key)
+            self._sources[name] = (arguments, text)
+        self._parameters = frozenset(system.parameters)
+        self._bodies: dict[str, Node] = {}
+        self._read: dict[str, Node] = {}
+        self.definitions = {name: (arguments, self._body(name)) for name, (arguments, _) in self._sources.items()}
+
+    def read(self, text: str | float) -> Node:
+        """Tree of a formula that the declaration has accepted."""
+        if not isinstance(text, str):
+            return Number(Fraction(repr(float(text))))
+        if text not in self._read:
+            self._read[text] = self._visit(ast.parse(text.strip().replace("\n", " "), mode="eval").body)
+        return self._read[text]
+
+    def _body(self, name: str) -> Node:
+        if name not in self._bodies:
+            self._bodies[name] = self.read(self._sources[name][1])
+        return self._bodies[name]
+
+    def _hidden(self, name: str) -> tuple[str, ...]:
+        known = {*self._parameters, *self._sources[name][0], "pi"}
+        return tuple(sorted(names_in(self._body(name)) - known))
+
+    def _visit(self, node: ast.AST) -> Node:
+        match node:
+            case ast.Constant(value=int() | float() as value):
+                return Number(Fraction(repr(value)))
+            case ast.Name(id=name):
+                return self._named(name)
+            case ast.UnaryOp(op=ast.USub(), operand=inner):
+                return negate(self._visit(inner))
+            case ast.UnaryOp(operand=inner):
+                return self._visit(inner)
+            case ast.BinOp(op=ast.Add() | ast.Sub()):
+                return add(*(self._visit(term) if plus else negate(self._visit(term)) for term, plus in _chain(node)))
+            case ast.BinOp(left=left, op=op, right=right):
+                return _binary(op, self._visit(left), self._visit(right))
+            case ast.Compare(left=left, ops=[op], comparators=[right]):
+                return Relation(_SIGNS[type(op)], self._visit(left), self._visit(right))
+            case ast.Call(func=ast.Name(id=name), args=nodes):
+                return self._called(name, tuple(map(self._visit, nodes)))
+        raise TypeError(f"not part of the formula language: {type(node).__name__}")
+
+    def _named(self, name: str) -> Node:
+        """A name, a drive, an abbreviation, or the rate ``d_ell`` of a drive."""
+        if name in self._sources:
+            return Call(name, (), self._hidden(name))
+        if name.startswith("d_") and self._sources.get(name[2:], (None,))[0] == ():
+            return Call(name[2:], (), self._hidden(name[2:]), by=("t",))
+        return Name(name)
+
+    def _called(self, name: str, arguments: tuple[Node, ...]) -> Node:
+        """A function, or the derivative ``d_mu(s)`` of one of the system's functions."""
+        if name == "sqrt":
+            return power(arguments[0], HALF)
+        if name in self._sources:
+            return Call(name, arguments, self._hidden(name))
+        if name.startswith("d_") and name[2:] in self._sources:
+            return Call(name[2:], arguments, self._hidden(name[2:]), by=("0",))
+        return Call(name, arguments)
+
+
+def _chain(node: ast.AST) -> list[tuple[ast.AST, bool]]:
+    """Terms of a long sum with their signs, first to last; such sums nest too deeply for recursion."""
+    terms = []
+    while isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
+        terms.append((node.right, isinstance(node.op, ast.Add)))
+        node = node.left
+    return [(node, True), *reversed(terms)]
+
+
+_SIGNS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
+
+
+def _binary(op: ast.operator, left: Node, right: Node) -> Node:
+    match op:
+        case ast.Mult():
+            return multiply(left, right)
+        case ast.Div():
+            return multiply(left, power(right, MINUS_ONE))
+    return power(left, right)

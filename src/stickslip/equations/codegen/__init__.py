@@ -1,0 +1,1 @@
+"""Equations of one mode as source text, written out and compiled."""

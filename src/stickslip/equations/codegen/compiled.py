@@ -1,0 +1,99 @@
+"""Source text -> machine code, kept on disk: a second run starts at once."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from stickslip.equations.codegen.generate import GENERATOR, Layout, generate
+from stickslip.equations.codegen.unroll import written_out
+from stickslip.equations.derive import MotionEquations, derive
+from stickslip.model.system import System
+
+
+@dataclass(frozen=True)
+class CompiledSystem:
+    """A system's machine code with the layout of its rows."""
+
+    equations: MotionEquations
+    layout: Layout
+    setup: Callable[..., Any]
+    jets: Callable[..., Any]
+    residual: Callable[..., Any]
+    powers: Callable[..., Any]
+
+
+_compiled: dict[str, CompiledSystem] = {}
+
+
+def cache_folder() -> Path:
+    """Folder of generated code: ``$STICKSLIP_CACHE``, else the user's cache folder, else a temporary one."""
+    base = os.environ.get("STICKSLIP_CACHE") or os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    folder = Path(base) / "stickslip"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if os.access(folder, os.W_OK):
+            return folder
+    except OSError:
+        pass
+    return Path(tempfile.mkdtemp(prefix="stickslip-"))
+
+
+_announced = False
+
+
+@contextmanager
+def announced() -> Iterator[None]:
+    """Say once what takes its time: the first use of the engine on a machine, or after it has changed."""
+    global _announced
+    if _announced:
+        yield
+        return
+    sources = sorted((Path(__file__).parents[2] / "motion").rglob("*.py"))
+    state = "\n".join(f"{path} {path.stat().st_mtime_ns}" for path in sources)
+    mark = cache_folder() / f"engine_{hashlib.sha256(f'{sys.version}{state}'.encode()).hexdigest()[:24]}.ready"
+    if not mark.exists() and sys.stderr.isatty():
+        print("stickslip: compiling the engine once for this machine, less than a minute ...", file=sys.stderr)
+    yield
+    _announced = True
+    with suppress(OSError):
+        mark.touch()
+
+
+def compile_system(system: System) -> CompiledSystem:
+    """Machine code of a system, from this process, from disk, or new."""
+    equations = derive(system.declaration)
+    generated = generate(equations)
+    key = hashlib.sha256(f"{GENERATOR}\n{sys.version}\n{generated.source}".encode()).hexdigest()[:24]
+    if key not in _compiled:
+        module = _load(f"model_{key}", generated.source)
+        _compiled[key] = CompiledSystem(
+            equations, generated.layout, module.setup, module.jets, module.residual, module.powers
+        )
+    found = _compiled[key]
+    return CompiledSystem(equations, generated.layout, found.setup, found.jets, found.residual, found.powers)
+
+
+def _load(name: str, source: str) -> Any:
+    path = cache_folder() / f"{name}.py"
+    fresh = not path.exists()
+    if fresh:
+        partial = path.with_suffix(f".{os.getpid()}.tmp")
+        partial.write_text(written_out(source))
+        partial.replace(path)
+        if sys.stderr.isatty():
+            print("stickslip: compiling this system once ...", file=sys.stderr)
+    spec = importlib.util.spec_from_file_location(f"stickslip_generated.{name}", path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module

@@ -1,0 +1,293 @@
+"""Recurrences of Taylor coefficients: order k of an operation from orders at most k of its rows.
+
+W[row, k] is the k-th Taylor coefficient of a row (Jorba & Zou 2005, section 2). These are the only operations
+that generated code calls.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import lower_builtin, type_callable
+
+Array = np.ndarray
+NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a difference may be zero
+OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
+
+# Sums may be reordered (they are long dot products), nothing else is relaxed: NaN and inf must stay visible.
+_exact: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
+_options = {**_exact, "fastmath": {"reassoc", "contract", "nsz"}}
+
+
+def fma(a: float, b: float, c: float) -> float:
+    """a·b + c, compiled to one instruction where the machine has it."""
+    return a * b + c
+
+
+@type_callable(fma)
+def _type_of_fma(context: Any) -> Any:
+    def signature(a: Any, b: Any, c: Any) -> Any:
+        return types.float64(types.float64, types.float64, types.float64)
+
+    return signature
+
+
+@lower_builtin(fma, types.float64, types.float64, types.float64)
+def _code_of_fma(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    real = ir.DoubleType()
+    function = builder.module.declare_intrinsic("llvm.fmuladd", [real], ir.FunctionType(real, [real] * 3))
+    return builder.call(function, arguments)
+
+
+@njit(**_options)
+def safe_exp(x: float) -> float:
+    """Exponential; overflow gives inf."""
+    return math.exp(x)
+
+
+@njit(**_options)
+def safe_log(x: float) -> float:
+    """Logarithm; NaN for negative arguments."""
+    return math.log(x)
+
+
+@njit(**_options)
+def real_power(x: float, p: float) -> float:
+    """Real power; NaN where undefined."""
+    return np.power(x, p)
+
+
+@njit(**_options)
+def reciprocal(x: float) -> float:
+    """1/x, infinite at 0."""
+    return 1.0 / x
+
+
+@njit(**_options)
+def over(a: float, b: float) -> float:
+    """a/b for sizes, 0 where there is nothing to divide by."""
+    return a / b if b > 0.0 else 0.0
+
+
+@njit(**_exact)
+def split(a: float) -> tuple[float, float]:
+    """A number as a sum of two with half as many digits (Veltkamp)."""
+    c = 134217729.0 * a
+    high = c - (c - a)
+    return high, a - high
+
+
+@njit(**_exact)
+def dot(a: tuple[float, ...], b: tuple[float, ...]) -> float:
+    """Σ aᵢbᵢ as if computed with twice as many digits (algorithm Dot2 of Ogita, Rump and Oishi 2005)."""
+    total, lost = 0.0, 0.0
+    for i in range(len(a)):
+        product, (ah, al), (bh, bl) = a[i] * b[i], split(a[i]), split(b[i])
+        higher = total + product
+        part = higher - total
+        lost += (total - (higher - part)) + (product - part)
+        lost += ((ah * bh - product) + ah * bl + al * bh) + al * bl
+        total = higher
+    return total + lost if math.isfinite(lost) else total
+
+
+@njit(**_options)
+def product_order(W: Array, a: int, b: int, k: int) -> float:
+    """Order k of a·b (Cauchy product)."""
+    s = 0.0
+    for j in range(k + 1):
+        s += W[a, j] * W[b, k - j]
+    return s
+
+
+@njit(**_options)
+def divide_order(W: Array, a: int, b: int, y: int, k: int) -> float:
+    """Order k of y = a/b; nothing where b has overflowed."""
+    s = 0.0
+    for j in range(1, k + 1):
+        s += W[b, j] * W[y, k - j]
+    return 0.0 if abs(W[b, 0]) == np.inf else (W[a, k] - s) / W[b, 0]
+
+
+@njit(**_options)
+def inverse_order(W: Array, b: int, y: int, k: int) -> float:
+    """Order k of y = 1/b; nothing where b has overflowed."""
+    s = 0.0
+    for j in range(1, k + 1):
+        s += W[b, j] * W[y, k - j]
+    return 0.0 if abs(W[b, 0]) == np.inf else ((1.0 if k == 0 else 0.0) - s) / W[b, 0]
+
+
+@njit(**_exact)
+def first_power(a: float, p: float, size: float) -> float:
+    """aᵖ, where a is known up to the rounding error of terms of a size: what may be 0 is 0."""
+    if p > 0.0 and abs(a) <= NOTHING * size:
+        return 0.0
+    return math.sqrt(a) if p == 0.5 and a >= 0.0 else np.power(a, p)
+
+
+@njit(**_options)
+def power_order(W: Array, a: int, y: int, p: float, size: float, k: int) -> float:
+    """Order k of y = aᵖ for a constant p.
+
+    Where y begins with 0, all its orders are 0: a power of zero has no series of its own, and what it is later counts
+    as what the series cannot show (:mod:`stickslip.motion.steps.discs`).
+    """
+    a0 = W[a, 0]
+    if k == 0:
+        return first_power(a0, p, size)
+    s = 0.0
+    for j in range(1, k + 1):
+        s += (j * p - (k - j)) * W[a, j] * W[y, k - j]
+    return s / (k * a0) if W[y, 0] != 0.0 else 0.0
+
+
+@njit(**_options)
+def chain_order(W: Array, a: int, g: int, k: int) -> float:
+    """Order k ≥ 1 of y with y′ = g·a′; the newest coefficient comes last, in one multiplication and one addition."""
+    s = 0.0
+    for j in range(1, k):
+        s += j * W[a, j] * W[g, k - j]
+    return s / k + W[a, k] * W[g, 0]
+
+
+@njit(**_exact)
+def first_exp(x: float) -> float:
+    """exp x, infinite before its derivatives overflow: what is divided by it then is zero, and so are they."""
+    return math.exp(x) if x < OVERFLOW else np.inf
+
+
+@njit(**_options)
+def exp_order(W: Array, a: int, y: int, k: int) -> float:
+    """Order k of y = exp a."""
+    return first_exp(W[a, 0]) if k == 0 else chain_order(W, a, y, k)
+
+
+@njit(**_options)
+def log_order(W: Array, a: int, y: int, k: int) -> float:
+    """Order k of y = log a."""
+    if k == 0:
+        return math.log(W[a, 0])
+    s = 0.0
+    for j in range(1, k):
+        s += j * W[y, j] * W[a, k - j]
+    return (W[a, k] - s / k) / W[a, 0]
+
+
+@njit(**_options)
+def rotation_order(W: Array, a: int, sine: int, cosine: int, k: int) -> None:
+    """Order k of sin a and cos a."""
+    if k == 0:
+        W[sine, 0] = math.sin(W[a, 0])
+        W[cosine, 0] = math.cos(W[a, 0])
+    else:
+        W[sine, k] = chain_order(W, a, cosine, k)
+        W[cosine, k] = -chain_order(W, a, sine, k)
+
+
+@njit(**_options)
+def steady_rotation_order(W: Array, a: int, sine: int, cosine: int, k: int) -> None:
+    """Order k of sin a and cos a for a phase a that is affine in time."""
+    if k == 0:
+        W[sine, 0] = math.sin(W[a, 0])
+        W[cosine, 0] = math.cos(W[a, 0])
+    else:
+        W[sine, k] = W[a, 1] * W[cosine, k - 1] / k
+        W[cosine, k] = -W[a, 1] * W[sine, k - 1] / k
+
+
+@njit(**_options)
+def hyperbolic_order(W: Array, a: int, sine: int, cosine: int, k: int) -> None:
+    """Order k of sinh a and cosh a."""
+    if k == 0:
+        W[sine, 0] = 0.5 * first_exp(W[a, 0]) - 0.5 * first_exp(-W[a, 0]) if abs(W[a, 0]) > 1.0 else math.sinh(W[a, 0])
+        W[cosine, 0] = 0.5 * first_exp(W[a, 0]) + 0.5 * first_exp(-W[a, 0])
+    else:
+        W[sine, k] = chain_order(W, a, cosine, k)
+        W[cosine, k] = chain_order(W, a, sine, k)
+
+
+@njit(**_options)
+def solve_order(R: Array, W: Array, first: int, solution: int, n: int, k: int) -> None:
+    """Order k of solution = R·right-hand side, both n consecutive rows."""
+    for i in range(n):
+        s = 0.0
+        for j in range(n):
+            s += R[i, j] * W[first + j, k]
+        W[solution + i, k] = s
+
+
+@njit(**_exact)
+def balance(A: Array, n: int, row: int, by_rows: bool) -> float:
+    """A power of two near the reciprocal of the largest entry of a row (or column); 0 if there is none."""
+    largest = 0.0
+    for j in range(n):
+        largest = max(largest, abs(A[row, j] if by_rows else A[j, row]))
+    return math.ldexp(1.0, -math.frexp(largest)[1]) if 0.0 < largest < np.inf else 0.0
+
+
+@njit(**_exact)
+def invert(A: Array, n: int, R: Array) -> bool:
+    """Inverse R of the leading n×n block of A (destroyed, with the row below) by Gauss-Jordan elimination.
+
+    Returns
+    -------
+    bool
+        False if it is singular.
+
+    Notes
+    -----
+    Rows and columns are brought to size 1 first, by powers of two, which round nothing: a pivot is small beside its
+    own row, not beside a mass in other units.
+    """
+    for i in range(n):
+        factor = balance(A, n, i, True)
+        if factor == 0.0:
+            return False
+        for j in range(n):
+            A[i, j] *= factor
+            R[i, j] = factor if i == j else 0.0
+    for j in range(n):
+        factor = balance(A, n, j, False)
+        if factor == 0.0:
+            return False
+        A[n, j] = factor
+        for i in range(n):
+            A[i, j] *= factor
+    for c in range(n):
+        pivot = c
+        for i in range(c + 1, n):
+            if abs(A[i, c]) > abs(A[pivot, c]):
+                pivot = i
+        if not abs(A[pivot, c]) > 1e-13:
+            return False
+        for j in range(n):
+            A[c, j], A[pivot, j] = A[pivot, j], A[c, j]
+            R[c, j], R[pivot, j] = R[pivot, j], R[c, j]
+        inverse = 1.0 / A[c, c]
+        for j in range(n):
+            A[c, j] *= inverse
+            R[c, j] *= inverse
+        for i in range(n):
+            if i != c and A[i, c] != 0.0:
+                factor = A[i, c]
+                for j in range(n):
+                    A[i, j] -= factor * A[c, j]
+                    R[i, j] -= factor * R[c, j]
+    for i in range(n):
+        for j in range(n):
+            R[i, j] *= A[n, i]
+    return True
+
+
+@njit(**_options)
+def lagged_order(W: Array, a: int, y: int, k: int) -> float:
+    """Order k of a·y without the term with a's order 0."""
+    s = 0.0
+    for j in range(1, k + 1):
+        s += W[a, j] * W[y, k - j]
+    return s

@@ -1,0 +1,115 @@
+"""What all pictures share: sizes, fonts, colours that colour-blind readers can tell apart, and labels with units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from matplotlib.legend import Legend
+
+from stickslip.display.symbols import latex_name
+from stickslip.model.units import unit_label
+
+# Okabe & Ito's palette: distinct under all common forms of colour blindness, and in print.
+BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"
+LINES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
+STICK_SHADE = "#E4E4E4"
+STICK_LINE = "#222222"
+THRESHOLD, BAND = "#B8860B", "#F3DFA8"
+SLIP = {-1: ORANGE, 1: BLUE}
+
+# Sizes are for a picture of full text width; at half that size the smallest letters are still 5 points.
+STYLE: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 11.0,
+    "mathtext.fontset": "stix",
+    "axes.labelsize": 13.0,
+    "axes.titlesize": 11.0,
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.titlelocation": "left",
+    "legend.frameon": False,
+    "legend.fontsize": 11.0,
+    "legend.handlelength": 1.4,
+    "legend.columnspacing": 1.2,
+    "lines.linewidth": 1.6,
+    "lines.solid_joinstyle": "round",
+    "savefig.dpi": 200,
+    "figure.dpi": 100,
+    "path.simplify_threshold": 0.2,
+}
+
+
+@contextmanager
+def paper_style() -> Iterator[None]:
+    """The shared style, for the time of drawing."""
+    with mpl.rc_context(STYLE):
+        yield
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure (inches) that belongs to no window."""
+    figure = Figure(figsize=(width, height), dpi=100, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def line_colours(count: int) -> list[str]:
+    """Colours for a number of lines: the palette, or a perceptually even range if there are many."""
+    if count <= len(LINES):
+        return list(LINES[:count])
+    colours = mpl.colormaps["viridis"]
+    return [to_hex(colours(0.92 * i / (count - 1))) for i in range(count)]
+
+
+def symbol(name: str) -> str:
+    """The name of a variable as mathtext; ``d_x`` is a rate."""
+    rate = name.startswith("d_") and len(name) > 2
+    return f"${latex_name(name[2:], 1) if rate else latex_name(name)}$"
+
+
+def axis_label(names: Iterable[str], unit: str) -> str:
+    """Symbols with their unit in brackets."""
+    label = unit_label(unit)
+    return ", ".join(map(symbol, names)) + (f"  [{label}]" if label else "")
+
+
+def legend_above(axes: Axes, handles: Sequence[Artist] | None = None, right: bool = False) -> None:
+    """A legend above the axes, where it covers no data, in as many rows as the width asks for.
+
+    A second one stands at the right, if there is room for both; else the two become one.
+    """
+    if handles is None:
+        handles, _ = axes.get_legend_handles_labels()
+    shown, first = [(handle, str(handle.get_label())) for handle in handles], axes.get_legend()
+    corner, x = ("lower right", 1.0) if right else ("lower left", 0.0)
+
+    def place(columns: int) -> float:
+        """Draw the legend; how much of the width it takes."""
+        artists, labels = zip(*shown, strict=True)
+        where = {"loc": corner, "bbox_to_anchor": (x, 0.98), "borderaxespad": 0.0}
+        return _width(axes, axes.legend(artists, labels, ncols=columns, **where))
+
+    width = place(len(shown))
+    if first is not None:
+        if width + _width(axes, first) <= 1.0:
+            axes.add_artist(first)
+            return
+        shown = [(h, text.get_text()) for h, text in zip(first.legend_handles, first.texts, strict=True) if h] + shown
+        corner, x = "lower left", 0.0
+        width = place(len(shown))
+    if width > 1.0:
+        place(max(1, int(len(shown) / width)))
+
+
+def _width(axes: Axes, legend: Legend) -> float:
+    """Width of a legend relative to that of the axes."""
+    return legend.get_window_extent().width / axes.get_window_extent().width

@@ -1,0 +1,564 @@
+"""Reading a declaration: every formula becomes an expression, and everything wrong is found here."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from stickslip.errors import DeclarationError, short
+from stickslip.model.schema import check_shape, entry_key
+from stickslip.model.units import check_unit
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.formulas import Definition, Scope, check_name, is_finite, parse_signature
+
+if TYPE_CHECKING:
+    from stickslip.model.system import Contact, System
+
+VISCOUS_MATRIX = "viscous matrix of the viscous coordinates"
+QUADRATIC = "Write a pure quadratic form, like m/2*d_x**2"
+INTERVAL = re.compile(r"\s*([\[(])\s*(\S+?)\s*,\s*(\S+?)\s*([\])])\s*\Z")
+
+
+@dataclass(frozen=True)
+class Range:
+    """Admissible interval of a parameter."""
+
+    text: str
+    low: float
+    high: float
+    closed: tuple[bool, bool]
+
+    def __contains__(self, value: float) -> bool:
+        above = value >= self.low if self.closed[0] else value > self.low
+        below = value <= self.high if self.closed[1] else value < self.high
+        return above and below
+
+
+@dataclass(frozen=True)
+class DryContact:
+    """A contact read: directions are constants, forces are expressions.
+
+    Attributes
+    ----------
+    kind : str
+        Kind of the coordinates it acts on.
+    direction : dict of str to Expr
+        Coefficients by coordinate.
+    plus, minus : Expr
+        Thresholds for u > 0 and u < 0.
+    kinetic_plus, kinetic_minus : Expr
+        Friction forces while sliding (the thresholds unless declared); may contain the symbol ``speed``.
+    """
+
+    name: str
+    kind: str
+    direction: Mapping[str, Expr]
+    plus: Expr
+    minus: Expr
+    kinetic_plus: Expr
+    kinetic_minus: Expr
+    speed: Expr
+    unit: str
+
+
+@dataclass
+class Declaration:
+    """A system's formulas as expressions in the symbols ``t``, coordinates, rates ``d_x`` and parameters.
+
+    Attributes
+    ----------
+    inertial, viscous, rate_independent, internal : list of str
+        Names by kind, in order of declaration.
+    mass, damping : dict of (str, str) to Expr
+        Constant matrices M (inertial) and C (inertial and viscous) by pairs of coordinates.
+    potential : Expr
+    forces : dict of str to Expr
+        Non-potential forces.
+    drags : dict of str to Expr
+        Resistances f(v) of inertial coordinates.
+    laws : dict of str to Expr
+        Rates of the internal variables.
+    contacts : list of DryContact
+    """
+
+    parameters: list[str]
+    ranges: dict[str, Range]
+    inertial: list[str] = field(default_factory=list)
+    viscous: list[str] = field(default_factory=list)
+    rate_independent: list[str] = field(default_factory=list)
+    internal: list[str] = field(default_factory=list)
+    mass: dict[tuple[str, str], Expr] = field(default_factory=dict)
+    damping: dict[tuple[str, str], Expr] = field(default_factory=dict)
+    kinetic: Expr = ex.ZERO
+    potential: Expr = ex.ZERO
+    dissipation: Expr = ex.ZERO
+    forces: dict[str, Expr] = field(default_factory=dict)
+    drags: dict[str, Expr] = field(default_factory=dict)
+    laws: dict[str, Expr] = field(default_factory=dict)
+    contacts: list[DryContact] = field(default_factory=list)
+    conditions: dict[str, tuple[Expr, str]] = field(default_factory=dict)
+    facts: dict[str, Expr] = field(default_factory=dict)
+    drives: dict[str, Expr] = field(default_factory=dict)
+
+    @property
+    def coordinates(self) -> list[str]:
+        """All coordinates by kind: inertial, viscous, rate-independent."""
+        return [*self.inertial, *self.viscous, *self.rate_independent]
+
+    @property
+    def state(self) -> list[str]:
+        """Names of the state: q, q̇, z, r, α."""
+        rates = [f"d_{q}" for q in self.inertial]
+        return [*self.inertial, *rates, *self.viscous, *self.rate_independent, *self.internal]
+
+    def check_range(self, name: str, value: object) -> None:
+        """Refuse one parameter value that is unknown, no number, or out of range."""
+        where = entry_key("parameters", name)
+        if name not in self.ranges:
+            raise DeclarationError(
+                where, "there is no such parameter", f"Known: {', '.join(self.parameters) or 'none'}"
+            )
+        if not is_finite(value):
+            raise DeclarationError(where, "its value is not a finite number", "Give a number")
+        if value not in self.ranges[name]:
+            raise DeclarationError(
+                where, f"{value:g} is outside the admissible range {self.ranges[name].text}", "Choose a value inside"
+            )
+
+    def check_parameters(self, values: Mapping[str, float]) -> None:
+        """Refuse parameter values that are unknown, out of range, or make M or C indefinite.
+
+        Raises
+        ------
+        DeclarationError
+        """
+        for name, value in values.items():
+            self.check_range(name, value)
+        _check_definite(self.mass, self.inertial, values, "kinetic", "mass matrix")
+        _check_definite(self.damping, self.viscous, values, "viscous", VISCOUS_MATRIX)
+
+
+def declare(system: System) -> Declaration:
+    """Read and check a declaration.
+
+    Raises
+    ------
+    DeclarationError
+        Naming the key, the reason and the remedy of the first thing wrong.
+    """
+    check_shape(system)
+    reader = _Reader(system)
+    try:
+        reader.names()
+        reader.energy()
+        reader.dissipation()
+        reader.contacts()
+        reader.laws()
+        reader.known_facts()
+        reader.defaults()
+    except ArithmeticError:
+        # Single formulas are checked one by one; this is for two that are too large only together.
+        raise DeclarationError(system.name, "its numbers are too large", "Check large numbers and exponents") from None
+    return reader.result
+
+
+def parse_range(text: object, where: str) -> Range:
+    """Interval such as ``(0, inf)`` or ``[0, 1]``."""
+    match = INTERVAL.match(text) if isinstance(text, str) else None
+    if match:
+        try:
+            low, high = float(match[2]), float(match[3])
+        except ValueError:
+            low, high = 1.0, 0.0
+        if low <= high:
+            return Range(str(text), low, high, (match[1] == "[", match[4] == "]"))
+    raise DeclarationError(where, f"'{short(str(text))}' is not an interval", "Write it like '(0, inf)' or '[0, 1]'")
+
+
+class _Reader:
+    """Reads one declaration, in the order of its keys."""
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self.result = Declaration(list(system.parameters), {})
+
+    def names(self) -> None:
+        system, result = self.system, self.result
+        if not system.name.strip():
+            raise DeclarationError("name", "the system has no name", "Give it a short name")
+        taken: set[str] = set()
+
+        def claim(name: str, where: str, rate: bool = False) -> None:
+            check_name(name, where, taken)
+            taken.add(name)
+            if rate:
+                check_name(f"d_{name}", where, taken)
+                taken.add(f"d_{name}")
+
+        for name, parameter in system.parameters.items():
+            where = entry_key("parameters", name)
+            claim(name, where)
+            check_unit(parameter.unit, f"{where}.unit")
+            result.ranges[name] = parse_range(parameter.range, f"{where}.range")
+            result.check_range(name, parameter.default)
+        kinds = {"inertial": result.inertial, "viscous": result.viscous, "rate-independent": result.rate_independent}
+        for name, coordinate in system.coordinates.items():
+            where = entry_key("coordinates", name)
+            claim(name, where, rate=True)
+            check_unit(coordinate.unit, f"{where}.unit")
+            kinds[coordinate.kind].append(name)
+        for name, internal in system.internal.items():
+            where = entry_key("internal", name)
+            claim(name, where, rate=f"d_{name}" not in system.internal)
+            check_unit(internal.unit, f"{where}.unit")
+            result.internal.append(name)
+        if not result.state:
+            raise DeclarationError(
+                "coordinates", "the system has no coordinates and no internal variables", "Declare at least one"
+            )
+        check_unit(system.time_unit, "time_unit")
+        start, stop = system.span
+        if not (is_finite(start) and is_finite(stop) and start < stop):
+            raise DeclarationError("span", "not a time span", "Write [start, end] with start < end")
+        self.definitions = dict[str, Definition]()
+        derivatives = dict[str, Definition]()
+        for section, entries in (("functions", system.functions), ("drives", system.drives)):
+            for key, text in entries.items():
+                where = entry_key(section, key)
+                name, arguments = parse_signature(key, where)
+                claim(name, where)
+                self.definitions[name] = Definition(where, arguments, text)
+                if section == "drives" or len(arguments) == 1:
+                    derivatives[f"d_{name}"] = Definition(where, arguments, text, (*arguments, "t")[0])
+        self.declared = list(self.definitions)
+        self.definitions |= {name: d for name, d in derivatives.items() if name not in taken}
+        self.constants = {name: ex.sym(name) for name in system.parameters}
+        self.state = {"t": ex.sym("t"), **{n: ex.sym(n) for n in (*result.coordinates, *result.internal)}}
+        self.velocities = {f"d_{q}": ex.sym(f"d_{q}") for q in result.inertial}
+        self.rates = {f"d_{x}": ex.sym(f"d_{x}") for x in result.coordinates}
+
+    def scope(self, *groups: Mapping[str, Expr], why: str) -> Scope:
+        names = {name: e for group in (self.constants, *groups) for name, e in group.items()}
+        everything = [*self.state, *self.rates, "speed"]
+        return Scope(names, self.definitions, {n: why for n in everything if n not in names})
+
+    def energy(self) -> None:
+        system, result = self.system, self.result
+        self.static = self.scope(why="Only parameters may stand here")
+        self.clock = self.scope({"t": self.state["t"]}, why="Only t and parameters may stand here")
+        self.place = self.scope(self.state, why="Only t, coordinates, internal variables and parameters may stand here")
+        self.motion = self.scope(self.state, self.velocities, why="Only rates of inertial coordinates may stand here")
+        anywhere = self.scope(self.state, self.rates, {"speed": ex.sym("speed")}, why="Use t, coordinates and rates")
+        for name in self.declared:
+            anywhere.check(name)
+        for name in system.drives:
+            result.drives[name] = self.clock.parse(name, f"drives.{name}")
+        result.potential = self.place.parse(system.potential, "potential")
+        _check_slopes(result.potential, result.coordinates, "potential", 2)
+        speeds = self.scope(self.velocities, why="The kinetic energy uses rates of inertial coordinates and parameters")
+        result.kinetic = speeds.parse(system.kinetic, "kinetic")
+        result.mass = _quadratic(result.kinetic, result.inertial, "kinetic")
+        for q in result.inertial:
+            if not any(q in pair for pair in result.mass):
+                raise DeclarationError(
+                    f"coordinates.{q}",
+                    "an inertial coordinate without mass",
+                    f"Add m/2*d_{q}**2 to 'kinetic', or declare it viscous or rate-independent",
+                )
+        _check_definite(result.mass, result.inertial, system.values, "kinetic", "mass matrix")
+
+    def dissipation(self) -> None:
+        system, result = self.system, self.result
+        smooth = {k: v for k, v in self.rates.items() if k[2:] not in result.rate_independent}
+        scope = self.scope(smooth, why="The viscous part uses rates of inertial and viscous coordinates and parameters")
+        result.dissipation = scope.parse(system.viscous, "viscous")
+        result.damping = _quadratic(result.dissipation, [*result.inertial, *result.viscous], "viscous")
+        for z in result.viscous:
+            if (z, z) not in result.damping:
+                raise DeclarationError(
+                    f"coordinates.{z}",
+                    "a viscous coordinate without viscous friction",
+                    f"Add nu/2*d_{z}**2 to 'viscous', or declare it rate-independent",
+                )
+        _check_definite(result.damping, result.viscous, system.values, "viscous", VISCOUS_MATRIX)
+        both = [*result.inertial, *result.viscous]
+        _check_definite(result.damping, both, system.values, "viscous", "viscous matrix", semi=True)
+        for name, coordinate in system.coordinates.items():
+            where = f"coordinates.{name}"
+            result.forces[name] = self.motion.parse(coordinate.force, f"{where}.force")
+            _check_slopes(result.forces[name], result.state, f"{where}.force")
+            if coordinate.kind == "inertial":
+                result.drags[name] = self.motion.parse(coordinate.drag, f"{where}.drag")  # type: ignore[union-attr]
+                self._check_drag(name, result.drags[name])
+
+    def _check_drag(self, name: str, drag: Expr) -> None:
+        from stickslip.symbolic.enclosures import bounds
+
+        values = self._initial_values()
+        for v in (-10.0, -1.0, -0.1, -1e-3, 1e-3, 0.1, 1.0, 10.0):
+            at = {**values, f"d_{name}": v}
+            low, high = bounds(drag, {n: (a, a) for n, a in at.items()})
+            # Refused is what feeds energy in for sure, not for rounding.
+            if math.isnan(ex.evaluate(drag, at)) or (high < 0.0 if v > 0.0 else low > 0.0):
+                raise DeclarationError(
+                    f"coordinates.{name}.drag",
+                    f"the resistance feeds energy in at d_{name} = {v:g}",
+                    "A drag has v*f(v) >= 0; put other forces under 'force'",
+                )
+
+    def contacts(self) -> None:
+        system, result = self.system, self.result
+        for name, contact in system.contacts.items():
+            result.contacts.append(self._contact(name, contact))
+        for r in result.rate_independent:
+            acting = [c.name for c in result.contacts if r in c.direction]
+            if not acting:
+                raise DeclarationError(
+                    f"coordinates.{r}",
+                    "a rate-independent coordinate without dry friction",
+                    f"Add a contact with direction 'd_{r}'",
+                )
+            if len(acting) > 1:
+                raise DeclarationError(
+                    entry_key("contacts", acting[1]),
+                    f"'{r}' already has the contact '{short(acting[0])}'",
+                    "Add their thresholds in one contact",
+                )
+
+    def _contact(self, name: str, contact: Contact) -> DryContact:
+        where = entry_key("contacts", name)
+        result = self.result
+        scope = self.scope(self.rates, why="A direction is a linear combination of rates")
+        text = scope.parse(contact.direction, f"{where}.direction")
+        direction = {x: c for x in result.coordinates if (c := ex.derivative(text, f"d_{x}")) is not ex.ZERO}
+        linear = ex.add(*((c * self.rates[f"d_{x}"], 1.0) for x, c in direction.items()))
+        if not direction or any(c.symbols & self.rates.keys() for c in direction.values()):
+            raise DeclarationError(
+                f"{where}.direction", "not a linear combination of rates", "Write it like 'd_x' or 'd_x2 - d_x1'"
+            )
+        rest = ex.substitute(text, {f"d_{x}": ex.ZERO for x in direction})
+        if rest is not ex.ZERO and ex.add((text, 1.0), (linear, -1.0)) is not ex.ZERO:
+            raise DeclarationError(
+                f"{where}.direction", f"it contains the constant {short(repr(rest))}", "Put it under surface_speed"
+            )
+        kinds = {self.system.coordinates[x].kind for x in direction}
+        if len(kinds) > 1:
+            raise DeclarationError(
+                f"{where}.direction",
+                f"it joins {' and '.join(sorted(kinds))} coordinates",
+                "Give all coordinates of one contact the same kind",
+            )
+        kind = kinds.pop()
+        if kind == "rate-independent" and len(direction) > 1:
+            raise DeclarationError(
+                f"{where}.direction",
+                "a contact of rate-independent coordinates moves one of them",
+                "Use one contact per coordinate, or give them viscosity",
+            )
+        plus, minus = self._pair(contact.threshold, f"{where}.threshold", self.motion)
+        kinetic = (plus, minus)
+        if contact.kinetic is not None:
+            sliding = self.scope(self.state, self.velocities, {"speed": ex.sym("speed")}, why="Use 'speed' for |u|")
+            kinetic = self._pair(contact.kinetic, f"{where}.kinetic", sliding)
+            if kind == "rate-independent":
+                raise DeclarationError(
+                    f"{where}.kinetic",
+                    "without inertia or viscosity the drop to the kinetic force is a jump",
+                    "Declare the coordinate viscous or inertial",
+                )
+            if kind == "viscous" and any("speed" in k.symbols for k in kinetic):
+                raise DeclarationError(
+                    f"{where}.kinetic",
+                    "for viscous coordinates it may not depend on the speed",
+                    "Declare the coordinate inertial, or put the slope into 'viscous'",
+                )
+        speed = self.clock.parse(contact.surface_speed, f"{where}.surface_speed")
+        check_unit(contact.unit, f"{where}.unit")
+        values = self._initial_values()
+        for static, sliding_force in zip((plus, minus), kinetic, strict=True):
+            self._check_threshold(static, where)
+            at_rest = ex.evaluate(sliding_force, {**values, "speed": 0.0})
+            if not 0.0 <= at_rest <= ex.evaluate(static, values) * (1 + 1e-12):
+                raise DeclarationError(
+                    f"{where}.kinetic",
+                    f"the kinetic force {at_rest:g} is not between 0 and the threshold",
+                    "Sliding friction is at most the threshold",
+                )
+        return DryContact(name, kind, direction, plus, minus, *kinetic, speed, contact.unit)
+
+    def _pair(self, given: object, where: str, scope: Scope) -> tuple[Expr, Expr]:
+        if isinstance(given, tuple):
+            return scope.parse(given[0], where), scope.parse(given[1], where)
+        both = scope.parse(given, where)
+        return both, both
+
+    def _check_threshold(self, threshold: Expr, where: str) -> None:
+        values = self._initial_values()
+        from stickslip.symbolic.enclosures import bounds
+
+        boxes = {n: (v, v) for n, v in self.system.values.items()}
+        low, high = bounds(threshold, boxes) if threshold.symbols else (ex.number(threshold),) * 2
+        here = ex.evaluate(threshold, values)
+        remedy = "A threshold is never negative; write max(..., 0) where it may vanish"
+        if not here >= 0.0:
+            raise DeclarationError(f"{where}.threshold", f"it is {here:g} at the initial state", remedy)
+        if low < -1e-12 * abs(high):
+            if not threshold.symbols & (self.state.keys() - {"t"}):
+                low = self._lowest_in_time(threshold, boxes)
+            if -math.inf < low < 0.0:
+                raise DeclarationError(f"{where}.threshold", f"it can become negative (as low as {low:.4g})", remedy)
+
+    def _lowest_in_time(self, threshold: Expr, boxes: dict[str, tuple[float, float]]) -> float:
+        from stickslip.symbolic.extrema import least
+
+        return least(threshold, "t", *self.system.span, others=boxes, below=0.0).value
+
+    def laws(self) -> None:
+        scope = self.scope(self.state, self.rates, why="The speed of a contact is known to its kinetic law only")
+        for name, internal in self.system.internal.items():
+            self.result.laws[name] = scope.parse(internal.law, f"internal.{name}.law")
+            _check_slopes(self.result.laws[name], self.result.state, f"internal.{name}.law")
+
+    def known_facts(self) -> None:
+        for name, condition in self.system.conditions.items():
+            where = entry_key("conditions", name)
+            sides = re.split(r"(<=|>=|<|>)", condition.formula)
+            if len(sides) != 3:
+                raise DeclarationError(where, "a condition compares two formulas", "Write it like 'P > rho + c'")
+            left, right = (self.static.parse(side, where) for side in sides[::2])
+            margin = left - right if sides[1].startswith(">") else right - left
+            self.result.conditions[name] = (margin, condition.otherwise or condition.formula)
+        for name, text in self.system.facts.items():
+            self.result.facts[name] = self.static.parse(text, entry_key("facts", name))
+
+    def defaults(self) -> None:
+        system, result = self.system, self.result
+        for name, value in system.initial.items():
+            check_initial(result, name, value)
+        for name, weight in system.translation.items():
+            if name not in result.coordinates or not is_finite(weight):
+                raise DeclarationError(
+                    entry_key("translation", name), "not a coordinate with a number", "Name coordinates, like x = 1"
+                )
+        self._check_translation()
+
+    def _check_translation(self) -> None:
+        system, result = self.system, self.result
+        shift = {x: ex.num(float(w)) for x, w in system.translation.items()}
+        formulas = [("potential", result.potential), *((f"internal.{n}.law", law) for n, law in result.laws.items())]
+        for c in result.contacts:
+            where = entry_key("contacts", c.name)
+            formulas += [(f"{where}.threshold", c.plus), (f"{where}.threshold", c.minus)]
+            formulas += [(f"{where}.kinetic", c.kinetic_plus), (f"{where}.kinetic", c.kinetic_minus)]
+        for x in result.coordinates:
+            formulas += [(f"coordinates.{x}.force", result.forces[x])]
+        values = {**self._initial_values(), **{f"d_{x}": 0.3 for x in result.coordinates}, "speed": 0.3}
+        for where, formula in formulas:
+            change = ex.along(formula, shift)
+            # A potential may tilt (a constant pull); its slope must not change under the shift.
+            tested = [ex.derivative(change, x) for x in result.coordinates] if where == "potential" else [change]
+            for offset in (0.0, 0.37, -1.3):
+                moved = {
+                    k: v + offset * (1 + 0.1 * i) if k in self.state else v for i, (k, v) in enumerate(values.items())
+                }
+                if any(abs(ex.evaluate(probe, moved)) > 1e-9 * _size(probe, moved) for probe in tested):
+                    raise DeclarationError(
+                        "translation", f"the shift changes {where}", "Remove it, or correct the direction"
+                    )
+
+    def _initial_values(self) -> dict[str, float]:
+        state = {**dict.fromkeys(self.state, 0.0), **dict.fromkeys(self.rates, 0.0)}
+        given = {k: float(v) for k, v in self.system.initial.items() if is_finite(v)}
+        return {**state, **given, **self.system.values, "t": float(self.system.span[0])}
+
+
+def check_initial(declaration: Declaration, name: str, value: object) -> None:
+    """Refuse an initial value of something that is no part of the state."""
+    where = entry_key("initial", name)
+    if name not in declaration.state:
+        raise DeclarationError(where, "not a part of the state", f"The state is {', '.join(declaration.state)}")
+    if not is_finite(value):
+        raise DeclarationError(where, "its value is not a finite number", "Give a number")
+
+
+def _quadratic(form: Expr, names: Iterable[str], where: str) -> dict[tuple[str, str], Expr]:
+    """Matrix of a quadratic form in the rates of the named coordinates."""
+    names = list(names)
+    rates = {f"d_{x}" for x in names}
+    _check_slopes(form, sorted(rates), where, 2)
+    matrix = {}
+    for i, x in enumerate(names):
+        slope = ex.derivative(form, f"d_{x}")
+        for y in names[: i + 1]:
+            entry = ex.derivative(slope, f"d_{y}")
+            if entry.symbols & rates or any(n.op == "select" for n in ex.walk([entry])):
+                raise DeclarationError(where, f"not quadratic in d_{x}", "Write it like m/2*d_x**2")
+            if entry is not ex.ZERO:
+                matrix[x, y] = matrix[y, x] = entry
+        rest = ex.substitute(slope, {r: ex.ZERO for r in rates})
+        if rest is not ex.ZERO:
+            raise DeclarationError(where, f"it has a part linear in d_{x}", QUADRATIC)
+    if ex.substitute(form, {r: ex.ZERO for r in rates}) is not ex.ZERO:
+        raise DeclarationError(where, "it has a part without rates", QUADRATIC)
+    return matrix
+
+
+def _check_slopes(formula: Expr, names: Iterable[str], where: str, order: int = 1) -> None:
+    """Refuse a formula whose derivatives cannot be formed."""
+    names = list(names)
+    try:
+        slopes = [formula]
+        for _ in range(order):
+            slopes = [ex.derivative(e, name) for e in slopes for name in names if name in e.symbols]
+    except ArithmeticError:
+        raise DeclarationError(
+            where,
+            "its derivatives contain numbers that are too large or undefined",
+            "Check exponents and large numbers",
+        ) from None
+
+
+def _size(e: Expr, values: Mapping[str, float]) -> float:
+    """Sum of the moduli of the terms of an expression."""
+    terms = e.terms if e.op == "sum" else [(e, 1.0)]
+    constant = abs(float(e.value)) if e.op == "sum" else 0.0
+    return constant + sum(abs(c * ex.evaluate(term, values)) for term, c in terms)
+
+
+def _check_definite(
+    matrix: Mapping[tuple[str, str], Expr],
+    names: list[str],
+    values: Mapping[str, float],
+    where: str,
+    what: str,
+    semi: bool = False,
+) -> None:
+    """Refuse a matrix that is not symmetric positive (semi-)definite, by Cholesky factorisation.
+
+    Its diagonal is scaled to 1 before pivots are judged: coordinates may have any units.
+    """
+    a = [[ex.evaluate(matrix.get((x, y), ex.ZERO), values) for y in names] for x in names]
+    scale = [math.sqrt(abs(a[i][i]) or max(map(abs, a[i])) or 1.0) for i in range(len(a))]
+    a = [[a[i][j] / scale[i] / scale[j] for j in range(len(a))] for i in range(len(a))]
+    small = 1e-13
+    for k in range(len(a)):
+        pivot = a[k][k]
+        if not (pivot >= -small if semi else pivot > small):
+            kind = "positive semidefinite" if semi else "positive definite"
+            raise DeclarationError(
+                where, f"the {what} is not {kind} (at '{names[k]}')", "Check signs and missing terms"
+            )
+        if pivot <= small:
+            if any(abs(a[i][k]) > small for i in range(k + 1, len(a))):
+                raise DeclarationError(
+                    where, f"the {what} is not positive semidefinite (at '{names[k]}')", "Check signs and missing terms"
+                )
+            continue
+        for i in range(k + 1, len(a)):
+            factor = a[i][k] / pivot
+            for j in range(k, len(a)):
+                a[i][j] -= factor * a[k][j]

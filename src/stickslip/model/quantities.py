@@ -1,0 +1,198 @@
+"""Units and meanings of what is measured: parts of the state, drifts, forces, energies, and the named measures of maps.
+
+Declared are the units of coordinates, parameters, time and contacts; those of everything else follow. What is declared
+without a unit is dimensionless.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from itertools import pairwise
+
+from stickslip.model.system import System
+from stickslip.model.units import Powers, agree, factors, product, reduced, unit_text
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
+
+FORCES = {
+    "friction": "friction force of",
+    "threshold_plus": "threshold for u > 0 of",
+    "threshold_minus": "threshold for u < 0 of",
+}
+ENERGIES = ("energy", "dissipated_energy", "supplied_energy")
+JOULE = reduced(factors("J"))[1]
+
+
+def contact_key(name: str) -> str:
+    """Contact name as part of a variable name."""
+    return "".join(c if c.isalnum() else "_" for c in name)
+
+
+def quantity(system: System, name: str) -> dict[str, str]:
+    """Unit and meaning of a quantity; without ``units`` where the declared ones contradict each other.
+
+    Parameters
+    ----------
+    system : System
+    name : str
+        ``t``, a parameter, a coordinate ``x``, an internal variable, a rate ``d_x``, an acceleration ``dd_x``, a force
+        or the slip speed of a contact (``friction_KEY``, ``slip_speed_KEY``, ...), or an energy.
+    """
+    named = {**system.parameters, **system.coordinates, **system.internal}
+    if name in named:
+        return described_as(named[name].meaning or name, named[name].unit or "1")
+    if name == "t":
+        return described_as("time", system.time_unit or "1")
+    for prefix, order, what in (("dd_", 2, "acceleration"), ("d_", 1, "rate")):
+        moving = named.get(name.removeprefix(prefix))
+        if name.startswith(prefix) and moving is not None:
+            return described_as(
+                f"{what} of {moving.meaning or name[len(prefix) :]}", per_time(system, moving.unit, order)
+            )
+    if name in ENERGIES:
+        return described_as(name.replace("_", " "), energy_unit(system))
+    for contact in system.contacts:
+        key = contact_key(contact)
+        if name == f"slip_speed_{key}":
+            return described_as(f"relative velocity of {contact}", slip_unit(system, contact))
+        if (kind := name.removesuffix(f"_{key}")) in FORCES:
+            return described_as(f"{FORCES[kind]} {contact}", force_unit(system, contact))
+    raise KeyError(name)
+
+
+def described_as(meaning: str, unit: str | None) -> dict[str, str]:
+    """Attributes of a variable."""
+    return ({} if unit is None else {"units": unit}) | {"long_name": meaning}
+
+
+def per_time(system: System, unit: str, order: int = 1) -> str:
+    """The unit of a rate, or of a higher derivative."""
+    return unit_text(product((factors(unit), 1), (factors(system.time_unit), -order)))
+
+
+def slip_unit(system: System, contact: str) -> str | None:
+    """The unit of a relative velocity, in which a number other than ±1 may stand for anything."""
+    declared = next(c for c in system.declaration.contacts if c.name == contact)
+    terms = {
+        x: product((_unit_of(system, weight), 1), (factors(per_time(system, system.coordinates[x].unit)), 1))
+        for x, weight in declared.direction.items()
+    }
+    plain = [x for x, weight in declared.direction.items() if weight.op != "num" or abs(ex.number(weight)) == 1.0]
+    return _common(terms[x] for x in plain or terms)
+
+
+def force_unit(system: System, contact: str) -> str | None:
+    """The unit of a friction force: the declared one, or what makes its work an energy."""
+    if system.contacts[contact].unit:
+        return system.contacts[contact].unit
+    work, speed = energy_unit(system), slip_unit(system, contact)
+    if work is None or speed is None:
+        return None
+    return unit_text(product((factors(work), 1), (factors(speed), -1), (factors(system.time_unit), -1)))
+
+
+def energy_unit(system: System) -> str | None:
+    """The unit of all energies: of the work at a contact, or of a term of the energy; None if they contradict.
+
+    A formula may hide units in its numbers (a mass of 1, say). So terms that are energies by their dimension decide;
+    among equal units the one with the fewest factors is taken.
+    """
+    declared = [*system.parameters.values(), *system.coordinates.values(), *system.internal.values()]
+    declared += system.contacts.values()
+    if not any(factors(unit) for unit in (system.time_unit, *(item.unit for item in declared))):
+        return "1"
+    d, time = system.declaration, factors(system.time_unit)
+    found: list[Powers] = []
+    for name, contact in system.contacts.items():
+        speed = slip_unit(system, name) if contact.unit else None
+        if speed is not None:
+            found.append(product((factors(contact.unit), 1), (factors(speed), 1), (time, 1)))
+    found += [_unit_of(system, term) for formula in (d.potential, d.kinetic) for term in _terms(formula)]
+    found += [product((_unit_of(system, term), 1), (time, 1)) for term in _terms(d.dissipation)]
+    return _common([unit for unit in found if reduced(unit)[1] == JOULE] or found)
+
+
+def _common(units: Iterable[Powers]) -> str | None:
+    """What all units are, with the fewest factors; None if they differ."""
+    units = list(units)
+    if not units or any(not agree(a, b) for a, b in pairwise(units)):
+        return None
+    return unit_text(min(units, key=len))
+
+
+def _terms(formula: Expr) -> list[Expr]:
+    """The terms of a sum that are not plain numbers."""
+    if formula.op == "num":
+        return []
+    return [term for term, _ in formula.terms] if formula.op == "sum" else [formula]
+
+
+def _unit_of(system: System, formula: Expr) -> Powers:
+    """The unit of a formula by those of the names in it; a sum has that of its first term, a function none."""
+    match formula.op:
+        case "sym":
+            name = str(formula.value)
+            return factors(quantity(system, name)["units"]) if name != "speed" else {}
+        case "sum":
+            return {} if formula.value else _unit_of(system, formula.terms[0][0])
+        case "prod":
+            return product(*((_unit_of(system, base), power) for base, power in formula.terms))
+        case "select":
+            shown = next((part for part in formula.args[1:] if part.op != "num"), formula.args[1])
+            return _unit_of(system, shown)
+        case _:
+            return {}
+
+
+def drift_units(system: System, direction: Mapping[str, float]) -> tuple[str, str]:
+    """Units of a shift along a direction and of its rate; ``"1"`` if the components have none in common."""
+    found = {quantity(system, name)["units"] for name, weight in direction.items() if weight}
+    if len(found) != 1:
+        return "1", "1"
+    drift = found.pop()
+    return drift, per_time(system, drift)
+
+
+def described(system: System, text: str) -> dict[str, str]:
+    """Unit and meaning of a named measure, such as ``amplitude:psi``."""
+    name, _, of = text.partition(":")
+    meaning, unit = MEANINGS.get(name, (name.replace("_", " "), _none))
+    return described_as(f"{meaning} ({of})" if of else meaning, unit(system, of))
+
+
+def _none(system: System, of: str) -> str:
+    return "1"
+
+
+def _time(system: System, of: str) -> str:
+    return system.time_unit or "1"
+
+
+def _component(system: System, of: str) -> str:
+    return quantity(system, of or system.declaration.state[0])["units"]
+
+
+def _speed(system: System, of: str) -> str:
+    return per_time(system, _component(system, of or next(iter(system.translation), "")))
+
+
+def _force(system: System, of: str) -> str | None:
+    contact = of or next(iter(system.contacts), "")
+    return force_unit(system, contact) if contact in system.contacts else "1"
+
+
+def _work(system: System, of: str) -> str | None:
+    return energy_unit(system)
+
+
+MEANINGS: dict[str, tuple[str, Callable[[System, str], str | None]]] = {
+    "period": ("period", _time),
+    "amplitude": ("amplitude", _component),
+    "speed": ("mean speed", _speed),
+    "stick_fraction": ("share of the time in stick", _none),
+    "energy_per_cycle": ("energy dissipated in a cycle", _work),
+    "peak_force": ("largest friction force", _force),
+    "mean_force": ("mean friction force", _force),
+    "lyapunov": ("largest Lyapunov exponent", lambda system, of: per_time(system, "")),
+    "switches": ("switches in a cycle", _none),
+}

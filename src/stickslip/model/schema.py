@@ -1,0 +1,96 @@
+"""The types of a declaration's entries, checked against the annotations of its classes before anything is read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from numbers import Real
+from typing import Any
+
+from stickslip.errors import DeclarationError, short
+from stickslip.model.system import Condition, Contact, Coordinate, Internal, Parameter
+from stickslip.symbolic.formulas import NAME
+
+EXPECTED = {
+    "str": ("a text", 'Write it in quotes, like "N/m"'),
+    "float": ("a number", "Write it without quotes, like 0.5"),
+    "Formula": ("a formula", 'Write it in quotes, like "k*x", or give a number'),
+    "Formula | tuple[Formula, Formula]": ("a formula or a pair of them", 'Write "mu*m*g" or ["f_plus", "f_minus"]'),
+    "tuple[float, float]": ("a pair of numbers", "Write it like [0, 100]"),
+    "table": ("a table", "Write it like {name = value} or Parameter(1.0), as for any other entry of its section"),
+}
+"""What a field of a declaration holds, by its annotation, and how that is written."""
+
+CLASSES = {
+    "Parameter": Parameter,
+    "Coordinate": Coordinate,
+    "Internal": Internal,
+    "Contact": Contact,
+    "Condition": Condition,
+}
+MOST_ENTRIES = 1000
+MOST_COORDINATES = 200
+
+
+def check_shape(item: Any, where: str = "") -> None:
+    """Refuse a declaration whose entries have the wrong types, before anything is read.
+
+    Raises
+    ------
+    DeclarationError
+    """
+    for entry in fields(item):
+        key = f"{where}.{entry.name}" if where else entry.name
+        _check_kind(getattr(item, entry.name), str(entry.type), key)
+
+
+def _check_kind(value: Any, kind: str, where: str) -> None:
+    if kind.endswith(" | None"):
+        if value is None:
+            return
+        kind = kind.removesuffix(" | None")
+    if kind.startswith("Mapping["):
+        if not isinstance(value, Mapping):
+            raise wrong_kind(value, "table", where)
+        most = MOST_COORDINATES if where == "coordinates" else MOST_ENTRIES
+        if len(value) > most:
+            raise DeclarationError(where, f"it has {len(value)} entries (at most {most})", "Declare a smaller system")
+        for name, entry in value.items():
+            if not isinstance(name, str):
+                raise DeclarationError(where, "a key is not a text", "Use names as keys")
+            _check_kind(entry, kind[len("Mapping[str, ") : -1], entry_key(where, name))
+    elif kind not in EXPECTED:
+        if not isinstance(value, CLASSES[kind]):
+            raise wrong_kind(value, "table", where)
+        check_shape(value, where)
+    elif not _has_kind(value, kind):
+        raise wrong_kind(value, kind, where)
+
+
+def _has_kind(value: Any, kind: str) -> bool:
+    match kind:
+        case "str":
+            return isinstance(value, str)
+        case "float":
+            return isinstance(value, Real) and not isinstance(value, bool)
+        case "Formula":
+            return _has_kind(value, "str") or _has_kind(value, "float")
+        case "tuple[float, float]":
+            return isinstance(value, tuple) and len(value) == 2 and all(_has_kind(v, "float") for v in value)
+        case _:
+            pair = isinstance(value, tuple) and len(value) == 2 and all(_has_kind(v, "Formula") for v in value)
+            return pair or _has_kind(value, "Formula")
+
+
+def wrong_kind(value: Any, expected: str, where: str) -> DeclarationError:
+    """The error for a value that is not of the expected kind, a key of :data:`EXPECTED`."""
+    names = {"dict": "a table", "list": "a list", "tuple": "a list", "str": "a text", "bool": "true or false"}
+    kind = type(value).__name__
+    found = names.get(kind, f"a value of type {kind}") if not _has_kind(value, "float") else "a number"
+    what, remedy = EXPECTED[expected]
+    return DeclarationError(where, f"expected {what}, got {found}", remedy)
+
+
+def entry_key(section: str, name: str) -> str:
+    """The full key of an entry, such as ``contacts.'right leg'``."""
+    return f"{section}.{name}" if NAME.match(name) and section != "contacts" else f"{section}.'{short(name)}'"

@@ -1,0 +1,214 @@
+"""The language of model files: TOML read and written by classes of data, with every mistake named by its key."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import MISSING, fields
+from difflib import get_close_matches
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from stickslip.errors import DeclarationError, short
+from stickslip.model.schema import wrong_kind
+
+MAX_BYTES = 300_000  # tomllib reads some 300 kB in a second
+LONG_LINE = 150
+
+# The time that tomllib needs grows with the square of the number of parts of a key.
+DEEP_KEY = re.compile(r"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){12}""")
+BARE_KEY = re.compile(r"[A-Za-z0-9_-]+\Z")
+ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\r": "\\r"}
+
+
+def read_text(path: str | PathLike[str]) -> str:
+    """The text of a model file.
+
+    Raises
+    ------
+    DeclarationError
+        If it cannot be read.
+    """
+    where = str(path)
+    try:
+        with Path(path).open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        raise DeclarationError(where, "there is no such file", "Check the path") from None
+    except IsADirectoryError:
+        raise DeclarationError(where, "this is a directory", "Name a .toml file in it") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise DeclarationError(where, f"the file cannot be read ({reason})", "Check the path and its rights") from None
+    if len(data) > MAX_BYTES:
+        raise DeclarationError(where, f"the file has more than {MAX_BYTES:,} bytes", "Is it a model file?")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise DeclarationError(where, f"the file is not UTF-8 text (line {line})", "Save it as UTF-8") from None
+
+
+@contextmanager
+def said_of(where: str) -> Iterator[None]:
+    """Name the text in the errors of a block."""
+    try:
+        yield
+    except DeclarationError as error:
+        full = f"{where}: {error.where}" if error.where else where
+        raise DeclarationError(full, error.reason, error.remedy) from None
+
+
+def parse(text: str) -> dict[str, Any]:
+    """The tables of a text.
+
+    Raises
+    ------
+    DeclarationError
+        If it is not valid TOML, or too long.
+    """
+    if len(text) > MAX_BYTES:
+        raise DeclarationError("", f"the text has more than {MAX_BYTES:,} characters", "Is it a model file?")
+    deep = DEEP_KEY.search(text)
+    if deep:
+        line = text.count("\n", 0, deep.start()) + 1
+        raise DeclarationError("", f"a key has too many parts (at line {line})", "Keys have at most three parts")
+    try:
+        # With an end of line at the end, every place in the text is in some line.
+        return tomllib.loads(text + "\n")
+    except tomllib.TOMLDecodeError as error:
+        raise DeclarationError("", *_toml_error(str(error), text)) from None
+    except RecursionError:
+        raise DeclarationError("", "not valid: tables or lists are nested too deeply", "Remove the brackets") from None
+    except ValueError:
+        raise DeclarationError("", "not valid TOML: a number or a date that does not exist", "Correct it") from None
+
+
+def _toml_error(message: str, text: str) -> tuple[str, str]:
+    """Reason, with the line, and remedy."""
+    cause, _, place = message.partition(" (at ")
+    line = re.match(r"line (\d+)", place)
+    quoted = f": {short(text.splitlines()[int(line[1]) - 1])}" if line and text.count("\n") >= int(line[1]) - 1 else ""
+    remedy = "Put texts and formulas in quotes, and one 'key = value' on a line"
+    if "overwrite" in message or "declare" in message or "mutate" in message:
+        remedy = "Each key stands once; remove or rename one of the two"
+    return f"not valid TOML: {short(cause)} at {place.rstrip(')') or 'its end'}{quoted}", remedy
+
+
+def entry(cls: Any, value: Any, where: str) -> Any:
+    """An object of a class of data from the table of its fields."""
+    return cls(**known_keys(cls, mapping(value, where), where))
+
+
+def mapping(value: Any, where: str) -> dict[str, Any]:
+    """The value, if it is a table."""
+    if not isinstance(value, dict):
+        raise wrong_kind(value, "table", where)
+    return value
+
+
+def known_keys(cls: Any, table: dict[str, Any], where: str) -> dict[str, Any]:
+    """The table, if it has the fields of the class."""
+    known = {entry.name: entry.default is MISSING and entry.default_factory is MISSING for entry in fields(cls)}
+    for key in table:
+        if key not in known:
+            close = get_close_matches(key, known, 1)
+            raise DeclarationError(
+                _join(where, key),
+                "unknown key",
+                f"Did you mean '{close[0]}'?" if close else f"Known here: {', '.join(known)}",
+            )
+    for key, required in known.items():
+        if required and key not in table:
+            raise DeclarationError(_join(where, key), "this key is missing", f"Add it, as in: {_example(cls, key)}")
+    return dict(table)
+
+
+def _join(where: str, key: str) -> str:
+    key = key if BARE_KEY.match(key) else f"'{short(key)}'"
+    return f"{where}.{key}" if where else key
+
+
+def _example(cls: Any, key: str) -> str:
+    examples = {
+        "default": "default = 1.0",
+        "law": 'law = "1 - alpha"',
+        "direction": 'direction = "d_x"',
+        "threshold": 'threshold = "mu*m*g"',
+        "formula": 'formula = "P > rho"',
+    }
+    return examples.get(key, f'{key} = "{cls.__name__.lower()}"')
+
+
+def written(data: Any, groups: Sequence[str]) -> str:
+    """Data as TOML, field by field, without those that have their defaults.
+
+    An empty line stands before each of `groups`. The first field is always written.
+    """
+    lines: list[str] = []
+    for i, entry in enumerate(fields(data)):
+        value = getattr(data, entry.name)
+        new = list(_lines(entry.name, value)) if i == 0 or not _is_default(entry, value) else []
+        if lines and new and entry.name in groups:
+            lines.append("")
+        lines += new
+    return "\n".join(lines) + "\n"
+
+
+def _is_default(entry: Any, value: Any) -> bool:
+    default = entry.default if entry.default_factory is MISSING else entry.default_factory()
+    return repr(value) == repr(default)  # 1, 1.0 and "1" are different things to say
+
+
+def _lines(key: str, value: Any) -> Iterator[str]:
+    """Lines `key = value`; a mapping of names to entries has one line for each."""
+    if not isinstance(value, Mapping) or key in ("translation", "initial"):
+        yield f"{key} = {_value(value)}"
+        return
+    for name, item in value.items():
+        path = f"{key}.{_key(name)}"
+        line = f"{path} = {_value(item)}"
+        if len(line) > LONG_LINE and not isinstance(item, str):
+            yield from (f"{path}.{field} = {_value(part)}" for field, part in _parts(item))
+        else:
+            yield line
+
+
+def _parts(item: Any) -> Iterator[tuple[str, Any]]:
+    """Fields of an entry that differ from their defaults."""
+    kind = getattr(type(item), "kind", None)
+    if kind is not None:
+        yield "kind", kind
+    for entry in fields(item):
+        value = getattr(item, entry.name)
+        if entry.default is MISSING or not _is_default(entry, value):
+            yield entry.name, value
+
+
+def _value(value: Any) -> str:
+    match value:
+        case str():
+            return _text(value)
+        case tuple():
+            return f"[{', '.join(map(_value, value))}]"
+        case Mapping():
+            return "{" + ", ".join(f"{_key(name)} = {_value(item)}" for name, item in value.items()) + "}"
+        case int():
+            return str(int(value))
+    if hasattr(value, "__float__"):
+        return repr(float(value))
+    return "{" + ", ".join(f"{name} = {_value(part)}" for name, part in _parts(value)) + "}"
+
+
+def _key(name: str) -> str:
+    return name if BARE_KEY.match(name) else _text(name)
+
+
+def _text(text: str) -> str:
+    if "\\" in text and not re.search(r"['\x00-\x08\x0a-\x1f\x7f]", text):
+        return f"'{text}'"
+    plain = "".join(ESCAPES.get(c, c) for c in text)
+    return '"' + re.sub(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]", lambda m: f"\\u{ord(m[0]):04x}", plain) + '"'

@@ -1,0 +1,93 @@
+"""Gauss nodes on a piece: bounds of a function from its values there, and what it may do between them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from stickslip.motion.steps.arrays import NODES as COUNT
+from stickslip.motion.steps.arrays import OPTIONS
+
+Array = np.ndarray
+
+_nodes, _weights = np.polynomial.legendre.leggauss(COUNT)
+NODES, WEIGHTS = 0.5 * (_nodes + 1.0), 0.5 * _weights  # on [0, 1]
+
+
+def _lagrange(x: Array) -> Array:
+    """Values of the Lagrange polynomials of the nodes, shape (points, nodes)."""
+    others = [np.delete(NODES, j) for j in range(COUNT)]
+    return np.array([[np.prod((t - a) / (c - a)) for a, c in zip(others, NODES, strict=True)] for t in x])
+
+
+def _to_bernstein() -> Array:
+    """Matrix from values at the nodes to Bernstein coefficients on [0, 1]."""
+    from math import comb
+
+    d = COUNT - 1
+    bernstein = np.array([[comb(d, i) * t**i * (1.0 - t) ** (d - i) for i in range(COUNT)] for t in NODES])
+    return np.linalg.inv(bernstein)
+
+
+LEBESGUE = float(np.max(np.sum(np.abs(_lagrange(np.linspace(0.0, 1.0, 801))), axis=1)))
+TO_BERNSTEIN = _to_bernstein()
+
+
+def _between(part: float) -> float:
+    """What a function that strays by at most 1 on the disc of radius h/part may do between the nodes in [0, h]."""
+    axis = 2.0 / part - 1.0  # half axis of the ellipse inside the disc, in units of h/2
+    rho = axis + np.sqrt(axis * axis - 1.0)
+    return float(2.0 * (1.0 + LEBESGUE) * rho ** (1 - COUNT) / (rho - 1.0))
+
+
+WIDE, NARROW = _between(0.25), _between(0.5)
+
+
+@njit(**OPTIONS)
+def most(a: float, b: float) -> float:
+    """The larger of two; what is not a number is infinite, so that it is never lost."""
+    return a if b <= a else (b if b == b else np.inf)
+
+
+@njit(**OPTIONS)
+def largest_of(values: Array) -> float:
+    """Bound of the modulus of the interpolant of values at the nodes."""
+    found = 0.0
+    for g in range(COUNT):
+        found = most(found, abs(values[g]))
+    return LEBESGUE * found
+
+
+@njit(**OPTIONS)
+def least(values: Array, stack: Array, negligible: float) -> float:
+    """Lower bound of the interpolant of values at the nodes, close to its minimum where that is negative.
+
+    The Bernstein coefficients of a polynomial enclose it; where their least is much below the ends, the interval is
+    halved (de Casteljau).
+    """
+    bound, depth, d = np.inf, 0, COUNT - 1
+    for i in range(COUNT):
+        total = 0.0
+        for g in range(COUNT):
+            total += TO_BERNSTEIN[i, g] * values[g]
+        if total != total:
+            return -np.inf
+        stack[0, i] = total
+    while depth >= 0:
+        b, low = stack[depth], np.inf
+        for i in range(COUNT):
+            low = min(low, b[i])
+        edge = min(b[0], b[d])
+        if not low < -negligible or low >= 2.0 * edge or depth + 2 > len(stack):
+            bound = min(bound, low)
+            depth -= 1
+            continue
+        half = stack[depth + 1]
+        for i in range(COUNT):
+            half[i] = b[i]
+        for i in range(COUNT):
+            b[d - i] = half[d]
+            for j in range(d, i, -1):
+                half[j] = 0.5 * (half[j] + half[j - 1])
+        depth += 1
+    return bound

@@ -1,0 +1,96 @@
+"""A motion for the eye: quantities at very many times, straight from the series of the steps.
+
+:mod:`stickslip.motion.between.dense` solves for all forces anew at every time; here their series are evaluated, which
+takes a tenth of the time.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from stickslip.motion.engine.modes import copy, resolve
+from stickslip.motion.engine.roots import horner
+from stickslip.motion.steps.arrays import ALLOCATING, JETS, OPTIONS, Constants, Rows, Space
+from stickslip.motion.steps.stiff import follow
+
+Array = np.ndarray
+TOLERANCE = 1e-12  # of a series relative to the size of its row
+
+
+@njit(**ALLOCATING)
+def trace(
+    jets: JETS,
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    N: int,
+    tol: float,
+    atol: float,
+    seen: Array,
+    knot_time: Array,
+    knot_state: Array,
+    knot_mode: Array,
+    knot_region: Array,
+    index: Array,
+    times: Array,
+    wanted: Array,
+    out: Array,
+) -> None:
+    """Values of some rows at given times.
+
+    Parameters
+    ----------
+    seen : array
+        Sizes of the rows that bound the steps; see :class:`stickslip.motion.steps.arrays.Lane`.
+    index : array of int, shape (times,)
+        Knot whose step each time belongs to; ascending, and times ascend within a step.
+    wanted : array of int, shape (rows,)
+    out : array, shape (rows, times)
+    """
+    sizes, W, n = rows.sizes, space.W, rows.sizes[0]
+    y, value, series, count = np.zeros(n), np.zeros(len(wanted)), np.zeros((N + 1, len(wanted))), len(wanted)
+    mode, reg = np.zeros(knot_mode.shape[1], np.int64), np.zeros(knot_region.shape[1], np.int64)
+    knot, base, h, order, full, last = -1, 0.0, 0.0, N, N, len(knot_time) - 1
+    for i in range(len(times)):
+        fresh = index[i] != knot
+        if fresh:
+            knot = index[i]
+            base = knot_time[knot]
+            copy(knot_mode[knot], mode)
+            copy(knot_region[knot], reg)
+            copy(knot_state[knot], y)
+            resolve(sizes, k, space, mode)
+        while fresh or times[i] - base > h:
+            if not fresh:
+                for r in range(n):
+                    y[r] = horner(W[r], full, h / W[n, 1])
+                base += h
+            left, fresh = knot_time[min(knot + 1, last)] - base, False
+            full, h, _ = follow(jets, rows, k, space, N, base, y, mode, reg, left, h, tol, atol, seen)
+            h = max(h, 1e-12 * (times[i] - base))
+            order = full - 1  # forces and thresholds have one order less than the state
+            for c in range(order + 1):
+                for r in range(count):
+                    series[c, r] = W[wanted[r], c]
+            order = lowered(series, order, min(h, left) / W[n, 1], tol)
+        x = (times[i] - base) / W[n, 1]
+        for r in range(count):
+            value[r] = series[order, r]
+        for c in range(order - 1, -1, -1):
+            for r in range(count):
+                value[r] = value[r] * x + series[c, r]
+        for r in range(count):
+            out[r, i] = value[r]
+
+
+@njit(**OPTIONS)
+def lowered(series: Array, order: int, h: float, tol: float) -> int:
+    """Order beyond which no term counts up to the time h, in the unit of the coefficients."""
+    while order > 2:
+        power = h**order
+        for r in range(series.shape[1]):
+            if abs(series[order, r]) * power > tol * (abs(series[0, r]) + abs(series[1, r]) * h):
+                return order
+        order -= 1
+    return order

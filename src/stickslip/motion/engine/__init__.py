@@ -1,0 +1,1 @@
+"""The event loop, compiled: modes, guards and their roots, steps and flights."""

@@ -1,0 +1,211 @@
+"""Storage of the closed forms of affine modes, and the work space of the flights that follow them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+Array = np.ndarray
+
+UNKNOWN, AFFINE, SMOOTH = 0, 1, 2
+SLIDES, STICKS = 1, 2
+GERM_ORDERS = 6
+
+
+class ClosedForms(NamedTuple):
+    """Closed forms of affine modes: one slot per mode, for each group of motions with the same parameters.
+
+    Rows of signals are the guards, then the components of the state; their number is that of all guards that a mode
+    may have, plus n.
+
+    Attributes
+    ----------
+    status, key, own : arrays of int
+        UNKNOWN, AFFINE or SMOOTH (not affine), the number of the mode, and that of the slot itself.
+    counts : array of int
+        Numbers of exponents and of guards.
+    pace : array
+        Time, a power of two, near the shortest of the mode.
+    S : array
+        ṡ = S s, in units of that time.
+    exponent : array of complex
+        λ, without the conjugates.
+    tilt, sine : arrays
+        arg λ, and its sine.
+    R : array of complex
+        Amplitudes r = R s of the exponentials.
+    G, reach : arrays
+        Guards G s, and the sums of the rows of |G| |S|ᵏ.
+    felt : array
+        1 for each component of s that matters, else 0.
+    switch : array of int
+        The number of each guard, as in :func:`stickslip.motion.engine.guards.scan`.
+    c1, c2 : arrays
+        Coefficients of the powers of τ in the signals: c₁ = c1·s, c₂ = c2.
+    a, b : arrays of complex
+        Coefficients of the exponentials in the signals.
+    swing : array
+        Moduli of a, then of b.
+    angle : array
+        arg a.
+    drifts, decays : arrays of int
+        1 where c₁ or c₂ may differ from zero, and where no exponential of a guard grows.
+    held : array of int
+        For each contact: SLIDES or STICKS if something must vanish, else 0.
+    zero : array
+        What must vanish, zero·s: u of sticking inertial, λ + σs of sliding rate-independent contacts.
+    hold : array
+        Correction of the velocities of a sticking contact.
+    brake : array
+        Acceleration that its thresholds could give it, brake·s.
+    used : array of int
+        Slots in use, by group.
+    shortest : array
+        Shortest time scale, 1/max |λ|.
+    """
+
+    status: Array
+    key: Array
+    own: Array
+    counts: Array
+    pace: Array
+    S: Array
+    exponent: Array
+    tilt: Array
+    sine: Array
+    R: Array
+    G: Array
+    reach: Array
+    felt: Array
+    switch: Array
+    c1: Array
+    c2: Array
+    a: Array
+    b: Array
+    swing: Array
+    angle: Array
+    drifts: Array
+    decays: Array
+    held: Array
+    zero: Array
+    hold: Array
+    brake: Array
+    used: Array
+    shortest: Array
+
+
+def make_closed_forms(
+    groups: int, slots: int, n: int, contacts: int, kinks: int, doubtful: int, waves: int
+) -> ClosedForms:
+    """Empty storage of closed forms."""
+    guards, m, ns = kinks + 2 * contacts + doubtful, groups * slots, n + 2 + 2 * waves
+    z, i, c, rows = np.zeros, np.int64, np.complex128, guards + n
+    return ClosedForms(
+        status=z(m, i),
+        key=z(m, i),
+        own=np.arange(m),
+        counts=z((m, 2), i),
+        pace=np.ones(m),
+        S=z((m, ns, ns)),
+        exponent=z((m, n), c),
+        tilt=z((m, n)),
+        sine=z((m, n)),
+        R=z((m, n, ns), c),
+        G=z((m, guards, ns)),
+        reach=z((m, guards, GERM_ORDERS + 1)),
+        felt=z((m, ns)),
+        switch=z((m, guards), i),
+        c1=z((m, rows, ns)),
+        c2=z((m, rows)),
+        a=z((m, rows, n), c),
+        b=z((m, rows, waves), c),
+        swing=z((m, rows, n + waves)),
+        angle=z((m, rows, n)),
+        drifts=z((m, rows), i),
+        decays=z((m, guards), i),
+        held=z((m, contacts), i),
+        zero=z((m, contacts, ns)),
+        hold=z((m, contacts, n)),
+        brake=z((m, contacts, ns)),
+        used=z(groups, i),
+        shortest=z(m),
+    )
+
+
+class Flight(NamedTuple):
+    """Work space of one flight.
+
+    Attributes
+    ----------
+    v, size : arrays
+        s and its derivatives, and the sizes of their terms.
+    value, terms : arrays
+        Guards and the sizes of their terms.
+    orders : array of int
+        Order of the first derivative of each guard that is not zero.
+    r, turned : arrays of complex
+        Amplitudes of the exponentials, and their changes until the end of the flight.
+    modulus, phase, rounding : arrays
+        |r|, arg r, and the sizes of the terms of r.
+    spin : array of complex
+        exp(iωₘt) at the beginning of the flight.
+    a, b : arrays of complex
+        Amplitudes of one signal.
+    kind, lead, c, floor, guess : arrays
+        Of each guard: what kind of signal it is, its only exponential, its powers of τ, the rounding error of its
+        values, and about when it falls.
+    """
+
+    v: Array
+    size: Array
+    value: Array
+    terms: Array
+    orders: Array
+    r: Array
+    turned: Array
+    modulus: Array
+    phase: Array
+    rounding: Array
+    spin: Array
+    a: Array
+    b: Array
+    kind: Array
+    lead: Array
+    c: Array
+    floor: Array
+    guess: Array
+    taylor: Array
+    stack: Array
+    mode0: Array
+    reg0: Array
+
+
+def make_flight(n: int, contacts: int, kinks: int, doubtful: int, waves: int) -> Flight:
+    """Work space of the flights of a system."""
+    z, c, orders, ns = np.zeros, np.complex128, GERM_ORDERS + 1, n + 2 + 2 * waves
+    guards = kinks + 2 * contacts + doubtful + 1
+    return Flight(
+        v=z((orders, ns)),
+        size=z((orders, ns)),
+        value=z(guards),
+        terms=z(guards),
+        orders=z(guards, np.int64),
+        r=z(n, c),
+        turned=z(n, c),
+        modulus=z(n),
+        phase=z(n),
+        rounding=z(n),
+        spin=z(waves, c),
+        a=z(n, c),
+        b=z(waves, c),
+        kind=z(guards, np.int64),
+        lead=z(guards, np.int64),
+        c=z((guards, 3)),
+        floor=z(guards),
+        guess=z(guards),
+        taylor=z(33),
+        stack=z((64, 36)),
+        mode0=z(contacts, np.int64),
+        reg0=z(kinks, np.int64),
+    )

@@ -1,0 +1,245 @@
+"""First fall of a signal c₀ + c₁τ + c₂τ² + Re Σⱼ aⱼ exp(λⱼτ) + Re Σₘ bₘ exp(iωₘτ) below zero, found for certain.
+
+A signal with one part in motion is searched between its extrema, which are known; any other window by window, as a
+polynomial. All functions return the first crossing from + to − in ]0, limit], or infinity; `rising` is the order of
+the first Taylor coefficient that is not zero (0: the signal starts positive; > 0: it starts at zero).
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+
+import numpy as np
+from numba import njit
+
+from stickslip.motion.engine.roots import NONE, first_crossing
+from stickslip.motion.steps.arrays import OPTIONS
+
+Array = np.ndarray
+
+WINDOW_ORDER = 22
+EXACT = 1e-16  # relative error of a root that no further step can lessen
+
+
+@njit(**OPTIONS)
+def length(z: complex) -> float:
+    """|Re z| + |Im z|: a bound of the modulus that needs no square root."""
+    return abs(z.real) + abs(z.imag)
+
+
+@njit(**OPTIONS)
+def first_of_line(c0: float, c1: float, limit: float, rising: int) -> float:
+    """First fall of c₀ + c₁x."""
+    if c1 >= 0.0 or rising > 0:
+        return np.inf
+    x = -c0 / c1
+    return x if x <= limit else np.inf
+
+
+@njit(**OPTIONS)
+def first_of_bend(c0: float, c1: float, r: float, rate: float, limit: float, floor: float, rising: int) -> float:
+    """First fall of c₀ + c₁x + r exp(λx): convex or concave, so at most one extremum."""
+    start, guess = 0.0, 0.0
+    if c1 == 0.0:
+        if rising > 0 or r * rate >= 0.0 or not -c0 / r > 0.0:
+            return np.inf  # it rises for ever, or falls to a limit that is not below zero
+        x = math.log(-c0 / r) / rate
+        return x if x <= limit else np.inf
+    ratio = -c1 / (r * rate)
+    turn = math.log(ratio) / rate if ratio > 0.0 else -1.0
+    if turn > 0.0:
+        if r > 0.0:  # a minimum: the crossing lies before it
+            stop = min(turn, limit)
+            g = c0 + c1 * stop + r * math.exp(rate * stop)
+            if g >= (-floor if stop == turn else 0.0):
+                return np.inf
+            return _root_of_bend(c0, c1, r, rate, 0.0, stop, 0.0, floor)
+        start = min(turn, limit)  # a maximum: the crossing lies after it
+    elif rising > 0 and (r > 0.0 or c1 + r * rate >= 0.0):
+        return np.inf
+    guess = -c0 / c1 if rate < 0.0 else 0.0
+    if not (r < 0.0 and c1 < 0.0 and rate < 0.0 and guess < limit):
+        if c0 + c1 * limit + r * math.exp(rate * limit) >= 0.0:
+            return np.inf
+        guess = min(guess, limit)
+    else:
+        limit = guess  # below its asymptote: the asymptote's zero lies beyond the crossing
+    return _root_of_bend(c0, c1, r, rate, start, limit * (1.0 + 1e-15), guess, floor)
+
+
+@njit(**OPTIONS)
+def _root_of_bend(
+    c0: float, c1: float, r: float, rate: float, low: float, high: float, guess: float, floor: float
+) -> float:
+    """The crossing from + to − of c₀ + c₁x + r exp(λx) between low and high."""
+    x = guess if low < guess < high else 0.5 * (low + high)
+    for _ in range(100):
+        z = r * math.exp(rate * x)
+        x, low, high, found = _halley(x, c0 + c1 * x + z, c1 + rate * z, rate * rate * z, abs(rate), low, high, floor)
+        if found:
+            break
+    return x
+
+
+@njit(**OPTIONS)
+def first_of_wave(
+    c0: float,
+    size: float,
+    phase: float,
+    mu: float,
+    w: float,
+    tilt: float,
+    sine: float,
+    limit: float,
+    ending: float,
+    guess: float,
+    floor: float,
+    rising: int,
+) -> float:
+    """First fall of c₀ + exp(μx) R cos(ωx + φ): its extrema are half a period apart.
+
+    Parameters
+    ----------
+    tilt, sine : float
+        arg λ, and its sine.
+    ending : float
+        Value at `limit`, or NaN if it is not known; the answer is NaN if it is needed.
+    guess : float
+        Where it falls without decay.
+    """
+    # g′ = R|λ| exp(μx) cos(ωx + φ + arg λ) vanishes where its argument is π/2 modulo π.
+    # There the cosine is ± sin(arg λ), so that the extrema need no trigonometry.
+    arc = 0.5 * math.pi - phase - tilt
+    halves = np.floor(arc * (1.0 / math.pi))
+    arc -= math.pi * halves
+    swing = size * sine
+    if halves != 2.0 * np.floor(0.5 * halves):
+        swing = -swing
+    if rising > 1 and arc < 1e-7 * math.pi:
+        arc, swing = arc + math.pi, -swing  # the signal starts at its minimum
+    before, turn, climbing = 0.0, arc / w, rising > 0
+    while True:
+        if swing < 0.0 and not climbing:
+            if turn <= limit:
+                stop, g = turn, c0 + swing * math.exp(mu * turn)
+            else:
+                stop, g = limit, ending
+                if g != g:
+                    return np.nan
+                if abs(g) <= floor:
+                    return limit  # it crosses together with the earliest event found so far
+            if g < -floor:
+                if not (before < guess < stop and abs(mu * guess) < 0.1):
+                    guess = 0.5 * (before + stop)
+                    cosine = -c0 / (size * math.exp(mu * guess))
+                    if abs(cosine) < 1.0:
+                        angle = math.acos(cosine) - phase  # there the cosine falls
+                        guess = (angle - 2.0 * math.pi * np.floor((angle - w * before) * (0.5 / math.pi))) / w
+                return _root_of_wave(c0, size, phase, mu, w, before, stop, guess, floor)
+            if mu <= 0.0:
+                return np.inf  # no later minimum is lower
+        if turn >= limit:
+            return np.inf
+        arc += math.pi
+        before, turn, swing, climbing = turn, arc / w, -swing, False
+
+
+@njit(**OPTIONS)
+def _root_of_wave(
+    c0: float, size: float, phase: float, mu: float, w: float, low: float, high: float, guess: float, floor: float
+) -> float:
+    """The crossing from + to − of c₀ + exp(μx) R cos(ωx + φ) between low and high."""
+    x, fast = guess if low < guess < high else 0.5 * (low + high), abs(mu) + w
+    for _ in range(100):
+        r, angle = size * math.exp(mu * x), w * x + phase
+        re, im = r * math.cos(angle), r * math.sin(angle)
+        slope = mu * re - w * im
+        second = mu * slope - w * (mu * im + w * re)
+        x, low, high, found = _halley(x, c0 + re, slope, second, fast, low, high, floor)
+        if found:
+            break
+    return x
+
+
+@njit(**OPTIONS)
+def _halley(
+    x: float, g: float, d: float, dd: float, fast: float, low: float, high: float, floor: float
+) -> tuple[float, float, float, bool]:
+    """Next point inside the bracket, the bracket, and whether no further evaluation could better the point.
+
+    A step h of Halley's method leaves an error of about h³ ((g″/2g′)² − g‴/6g′).
+    """
+    if abs(g) <= floor / 32.0:
+        return x, low, high, True
+    if g > 0.0:
+        low = x
+    else:
+        high = x
+    below = d * d - 0.5 * g * dd
+    step = -g * d / below if below > 0.0 else np.inf
+    new = x + step
+    if low <= new <= high and abs(step * step * step) * (dd * dd + d * d * fast * fast) <= EXACT * new * d * d:
+        return new, low, high, True
+    if not low < new < high:
+        new = 0.5 * (low + high)
+        if abs(new - x) <= 4.0 * EXACT * new or not low < new < high:
+            return new, low, high, True
+    return new, low, high, False
+
+
+@njit(**OPTIONS)
+def first_of_many(
+    c: Array,
+    a: Array,
+    lam: Array,
+    nb: int,
+    b: Array,
+    omega: Array,
+    limit: float,
+    floor: float,
+    rising: int,
+    work: Array,
+    stack: Array,
+) -> float:
+    """First fall of any signal: window after window, its Taylor polynomial and the roots of that."""
+    fastest = 0.0
+    for j in range(nb):
+        fastest = max(fastest, abs(lam[j]))
+    for m in range(len(omega)):
+        fastest = max(fastest, omega[m])
+    h = min(limit, 1.5 / fastest if fastest > 0.0 else limit)
+    start, order = 0.0, rising
+    N = WINDOW_ORDER
+    while start < limit:
+        h = min(h, limit - start)
+        for k in range(N + 1):
+            work[k] = 0.0
+        work[0] = c[0] + start * (c[1] + start * c[2])
+        work[1] = (c[1] + 2.0 * c[2] * start) * h
+        work[2] = c[2] * h * h
+        for j in range(nb):
+            z = a[j] * cmath.exp(lam[j] * start)
+            for k in range(N + 1):
+                work[k] += z.real
+                z = z * lam[j] * h / (k + 1)
+        for m in range(len(omega)):
+            z = b[m] * cmath.exp(1j * omega[m] * start)
+            for k in range(N + 1):
+                work[k] += z.real
+                z = z * 1j * omega[m] * h / (k + 1)
+        if order > 0:
+            for k in range(N + 1 - order):
+                work[k] = work[k + order]
+        elif work[0] <= floor:
+            # Touching zero at the seam of two windows: its sign decides there.
+            if work[1] < 0.0:
+                return start
+            work[0] = abs(work[0])
+        if work[0] > 0.0:
+            x = first_crossing(work, N - order, 1.0, floor, stack)
+            if x < NONE:
+                return start + x * h
+        start += h
+        order = 0
+    return np.inf

@@ -1,0 +1,54 @@
+"""Compiled loops over tables of parameters: constants of every set, and probes of every mode that is asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from stickslip.motion.engine import flights
+from stickslip.motion.engine.event_loop import probe
+from stickslip.motion.engine.forms import SMOOTH, ClosedForms
+from stickslip.motion.steps.arrays import JETS, OPTIONS, SETUP, Constants, Rows, Space
+
+Array = np.ndarray
+
+
+@njit(**OPTIONS)
+def run_setups(setup: SETUP, table: Array, k: Constants) -> None:
+    """Fill the constants of every group (a leading axis) from its row of parameters."""
+    for g in range(len(table)):
+        setup(table[g], k.K[g], k.M[g], k.C[g], k.J[g], k.omega[g])
+
+
+@njit(**OPTIONS)
+def claim(T: ClosedForms, slots: int, group: Array, mode: Array, region: Array, place: Array) -> None:
+    """Give every mode that is asked for the next slot of its group; −1 where it has been asked for before."""
+    for i in range(len(group)):
+        g, key = group[i], flights.mode_key(mode[i], region[i])
+        place[i] = -1
+        if flights.find(T.key, T.own, g * slots, int(T.used[g]), key) < 0:
+            place[i] = g * slots + T.used[g]
+            T.key[place[i]], T.status[place[i]] = key, SMOOTH
+            T.used[g] += 1
+
+
+@njit(**OPTIONS)
+def probe_modes(
+    jets: JETS,
+    rows: Rows,
+    constants: Constants,
+    space: Space,
+    group: Array,
+    mode: Array,
+    region: Array,
+    times: Array,
+    states: Array,
+    out: Array,
+    hold: Array,
+    found: Array,
+) -> None:
+    """Probe many modes, as :func:`.event_loop.probe` does one; `found` receives whether all values are finite."""
+    for i in range(len(group)):
+        g = group[i]
+        k = Constants(constants.K[g], constants.M[g], constants.C[g], constants.J[g], constants.omega[g])
+        found[i] = probe(jets, rows, k, space, mode[i], region[i], times[i], states, out[i], hold[i])

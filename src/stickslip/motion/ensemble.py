@@ -1,0 +1,133 @@
+"""Motions side by side: the state of one or many trajectories of a system between calls of the compiled loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stickslip.equations.codegen.compiled import announced
+from stickslip.motion.affine_modes import fill_closed_forms
+from stickslip.motion.engine import event_loop
+from stickslip.motion.engine.forms import AFFINE, ClosedForms
+from stickslip.motion.problem import Problem
+from stickslip.motion.steps.arrays import FULL, NEED, NONE_YET, STEPS, Constants, Lane, Record
+from stickslip.motion.steps.stiff import WATCHED
+
+Array = np.ndarray
+
+
+@dataclass
+class Lanes:
+    """Trajectories of one system; lanes of a group share their parameters.
+
+    Attributes
+    ----------
+    problem : Problem
+        Machine code, tolerances and order of all lanes; its own parameters do not matter.
+    constants : Constants
+        By group.
+    group : array of int, shape (lanes,)
+    codes : array of int, shape (lanes,)
+        Outcome code, or FULL, NEED or STEPS while a lane goes on.
+    now : Lane
+        Where each lane is, arrays of shape (lanes, ·).
+    forms : ClosedForms
+    """
+
+    problem: Problem
+    constants: Constants
+    group: Array
+    codes: Array
+    now: Lane
+    forms: ClosedForms
+
+    @classmethod
+    def start(
+        cls,
+        problem: Problem,
+        constants: Constants,
+        group: Array,
+        states: Array,
+        span: tuple[float, float],
+        forms: ClosedForms,
+    ) -> Lanes:
+        """Lanes at their initial states (lanes × n)."""
+        (t, end), lanes = span, len(states)
+        contacts, kinks = len(problem.rows.u), len(problem.rows.kinks)
+        counters = np.zeros((lanes, 5), np.int64)
+        counters[:, 2] = -1
+        now = Lane(
+            clock=np.tile([t, 0.0, t, end - t, 0.0, 1.0, -WATCHED, 0.0], (lanes, 1)),
+            y=np.array(states, dtype=float),
+            seen=np.zeros((lanes, len(problem.rows.watched))),
+            mode=np.zeros((lanes, contacts), np.int64),
+            settled=np.full((lanes, contacts), NONE_YET, np.int64),
+            reg=np.ones((lanes, kinks), np.int64),
+            counters=counters,
+        )
+        # The first thing needed is the closed form of the mode they start in.
+        return cls(problem, constants, group, np.full(lanes, NEED if len(forms.status) else FULL), now, forms)
+
+    @property
+    def going(self) -> Array:
+        """Lanes that are not at their end."""
+        return np.flatnonzero(self.codes >= FULL)
+
+    @property
+    def slots(self) -> int:
+        """Closed forms that each group may have."""
+        return len(self.forms.status) // len(self.forms.used)
+
+    def advance(self, end: float, max_events: int, record: Record | None = None) -> int:
+        """Run the compiled loop once over all lanes; returns the number of recorded steps (of a single lane)."""
+        p, recording, kept = self.problem, record is not None, record or no_record()
+        with announced():
+            if np.any(self.forms.status == AFFINE) and not np.any(self.codes == STEPS):
+                return event_loop.integrate_affine(
+                    p.rows,
+                    self.constants,
+                    self.forms,
+                    self.slots,
+                    p.flight(),
+                    float(end),
+                    max_events,
+                    self.group,
+                    self.codes,
+                    self.now,
+                    recording,
+                    kept,
+                )
+            return event_loop.integrate(
+                p.compiled.jets,
+                p.compiled.residual,
+                p.rows,
+                p.space(),
+                p.flight(),
+                self.constants,
+                self.forms,
+                self.slots,
+                p.order,
+                p.tolerance,
+                p.atol,
+                float(end),
+                max_events,
+                self.group,
+                self.codes,
+                self.now,
+                recording,
+                kept,
+            )
+
+    def make_closed_forms(self) -> None:
+        """Make the closed forms that lanes are waiting for."""
+        waiting = np.flatnonzero(self.codes == NEED)
+        if len(waiting):
+            modes, regions = self.now.mode[waiting], self.now.reg[waiting]
+            fill_closed_forms(self.problem, self.constants, self.forms, self.group[waiting], modes, regions)
+
+
+def no_record() -> Record:
+    """Nowhere to record steps."""
+    nothing = np.zeros((0, 0), np.int8)
+    return Record(np.zeros(0), np.zeros((0, 0)), nothing, nothing, np.zeros(0, np.int64))

@@ -1,0 +1,214 @@
+"""Many motions in one call: compiled loops on all cores."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stickslip.errors import DeclarationError
+from stickslip.model.declaration import check_initial
+from stickslip.model.system import System
+from stickslip.motion.outcome import Outcome
+from stickslip.motion.problem import SLOTS, Problem, pose
+from stickslip.motion.simulate import check_positive, check_span
+
+if TYPE_CHECKING:
+    import xarray
+
+    from stickslip.motion.steps.arrays import Lane
+
+Array = np.ndarray
+BATCH_SLOTS = 12  # closed forms kept for each set of parameters of a batch
+BLOCK_BYTES = 32e6  # for the closed forms of the motions that are worked on together
+MOST_LANES = 2048
+
+
+def simulate_many(
+    system: System,
+    t_span: tuple[float, float] | None = None,
+    initial: Mapping[str, ArrayLike] | None = None,
+    parameters: Mapping[str, ArrayLike] | None = None,
+    *,
+    rtol: float = 1e-10,
+    atol: float = 1e-12,
+    max_events: int = 1_000_000,
+    workers: int | None = None,
+) -> xarray.Dataset:
+    """Final states of many motions of a system.
+
+    Parameters
+    ----------
+    system : System
+    t_span : (float, float), optional
+        Start and end, the same for all.
+    initial, parameters : mapping of str to float or 1-D array, optional
+        What varies from motion to motion; numbers hold for all. All arrays have the same length.
+    rtol, atol, max_events
+        As in :func:`simulate`.
+    workers : int, optional
+        Threads; by default all cores. The result does not depend on it.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimension ``trajectory``: the given values, the final state (``final_psi`` …), ``time`` reached, ``outcome``
+        (codes with flag_meanings), ``switches`` of contacts, ``kinks`` crossed, ``steps``.
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is wrong.
+    """
+    import xarray as xr
+
+    if not isinstance(system, System):
+        raise DeclarationError(
+            "system", f"{system!r} is no System", "Give a System, such as ss.catalogue.rocking_toy()"
+        )
+    check_positive(max_events=max_events, **({} if workers is None else {"workers": workers}))
+    start, end = check_span(system.span if t_span is None else t_span)
+    given_initial, given_parameters = columns(initial, "initial"), columns(parameters, "parameters")
+    count = common_length({**given_initial, **given_parameters})
+    table = parameter_table(system, given_parameters, count)
+    states = initial_states(system, given_initial, count)
+    problem = replace(pose_all(system, given_parameters, rtol, atol), origin=start)
+    now, codes = run(problem, table, states, (0.0, end - start), max_events, workers or os.cpu_count() or 1)
+    data = {
+        name: ("trajectory", np.broadcast_to(v, count).copy())
+        for name, v in {**given_initial, **given_parameters}.items()
+    }
+    data |= {f"final_{name}": ("trajectory", now.y[:, i]) for i, name in enumerate(system.declaration.state)}
+    labels = {o.code: o.label.replace(" ", "_") for o in Outcome}
+    flags = {"flag_values": np.array(list(labels), np.int8), "flag_meanings": " ".join(labels.values())}
+    data |= {
+        "time": ("trajectory", now.clock[:, 0] + problem.origin, {"units": system.time_unit or "1"}),
+        "outcome": ("trajectory", codes.astype(np.int8), flags),
+        "switches": ("trajectory", now.counters[:, 1]),
+        "kinks": ("trajectory", now.counters[:, 3]),
+        "steps": ("trajectory", now.counters[:, 4]),
+    }
+    return xr.Dataset(data, attrs={"title": system.title or system.name, "source": system.source})
+
+
+def run(
+    problem: Problem, table: Array, states: Array, span: tuple[float, float], max_events: int, workers: int
+) -> tuple[Lane, Array]:
+    """Follow motions with the parameters of the rows of a table: where they are at their end, and outcome codes.
+
+    The span is counted from the origin of the problem.
+
+    Blocks of motions are independent of each other, so that neither threads nor memory matter to the result.
+    """
+    shared = bool(np.all(table == table[0]))
+    slots = SLOTS if shared else BATCH_SLOTS
+    # Motions with the same parameters share their closed forms: the fewer blocks, the seldomer these are made.
+    lanes = max(MOST_LANES, -(-len(states) // workers)) if shared else lanes_of_block(problem, slots)
+    blocks = [slice(i, i + lanes) for i in range(0, len(states), lanes)]
+    with ThreadPoolExecutor(workers) as pool:
+        done = list(pool.map(lambda b: follow_block(problem, table[b], states[b], span, max_events, slots), blocks))
+    now = type(done[0][0])(*(np.concatenate(parts) for parts in zip(*(lane for lane, _ in done), strict=True)))
+    return now, np.concatenate([codes for _, codes in done])
+
+
+def lanes_of_block(problem: Problem, slots: int) -> int:
+    """Motions worked on together: as many as memory lets, which does not matter to where they end."""
+    size = sum(part.nbytes for part in problem.empty_forms(1, slots))
+    return int(np.clip(BLOCK_BYTES / size, 1, MOST_LANES))
+
+
+def follow_block(
+    problem: Problem, table: Array, states: Array, span: tuple[float, float], max_events: int, slots: int
+) -> tuple[Lane, Array]:
+    """Follow some motions to their end; the closed forms they need are made in between."""
+    from stickslip.motion.ensemble import Lanes
+
+    sets, group = distinct(table)
+    forms = problem.empty_forms(len(sets), slots)
+    lanes = Lanes.start(problem, problem.constants_of(sets), group, states, span, forms)
+    while len(lanes.going):
+        lanes.make_closed_forms()
+        lanes.advance(span[1], max_events)
+    return lanes.now, lanes.codes
+
+
+def columns(given: Mapping[str, ArrayLike] | None, where: str) -> dict[str, Array]:
+    """What was given as 1-D float arrays."""
+    result = {}
+    for name, values in (given or {}).items():
+        try:
+            column = np.atleast_1d(np.asarray(values, dtype=float))
+        except (TypeError, ValueError):
+            raise DeclarationError(
+                f"{where}.{name}", f"{values!r} is not numeric", "Give a number or a 1-D array"
+            ) from None
+        if column.ndim != 1 or len(column) == 0 or not np.all(np.isfinite(column)):
+            raise DeclarationError(
+                f"{where}.{name}", "not a 1-D array of finite numbers", "Give a number or a 1-D array"
+            )
+        result[name] = column
+    return result
+
+
+def common_length(given: Mapping[str, Array]) -> int:
+    """Number of motions."""
+    lengths = {len(v) for v in given.values()} - {1}
+    if len(lengths) > 1:
+        raise DeclarationError(
+            "initial, parameters", f"arrays of different lengths {sorted(lengths)}", "Give arrays of one length"
+        )
+    return lengths.pop() if lengths else 1
+
+
+def parameter_table(system: System, given: Mapping[str, Array], count: int) -> Array:
+    """All parameters of every motion, shape (motions, parameters), checked.
+
+    Raises
+    ------
+    DeclarationError
+        If a parameter is unknown or not admissible, or if masses or viscosities are.
+    """
+    declaration, names = system.declaration, list(system.parameters)
+    table = np.tile([system.values[name] for name in names], (count, 1)).reshape(count, len(names))
+    for name, values in given.items():
+        for extreme in (np.min(values), np.max(values)):
+            declaration.check_range(name, float(extreme))
+        table[:, names.index(name)] = values
+    definite = [entry for pair, entry in declaration.mass.items() if {*pair} <= {*declaration.inertial}]
+    definite += [entry for pair, entry in declaration.damping.items() if {*pair} <= {*declaration.viscous}]
+    shaping = [i for i, name in enumerate(names) if name in given and any(name in e.symbols for e in definite)]
+    first = np.unique(table[:, shaping], axis=0, return_index=True)[1] if shaping else [0]
+    for row in table[first]:
+        declaration.check_parameters(dict(zip(names, map(float, row), strict=True)))
+    return table
+
+
+def initial_states(system: System, given: Mapping[str, Array], count: int) -> Array:
+    """Initial state of every motion, shape (motions, n), checked."""
+    declaration = system.declaration
+    states = np.tile([float(system.initial.get(name, 0.0)) for name in declaration.state], (count, 1))
+    for name, values in given.items():
+        check_initial(declaration, name, float(values[0]))
+        states[:, declaration.state.index(name)] = values
+    return states
+
+
+def pose_all(system: System, given: Iterable[str], rtol: float, atol: float) -> Problem:
+    """The problem that motions share whose parameters of these names vary over all they may be."""
+    problem, ranges = pose(system, None, rtol, atol), system.declaration.ranges
+    boxes = {name: (value, value) for name, value in problem.parameters.items()}
+    return replace(problem, boxes=boxes | {name: (ranges[name].low, ranges[name].high) for name in given})
+
+
+def distinct(table: Array) -> tuple[Array, Array]:
+    """The different rows of a table, and which of them each row is."""
+    if table.shape[1] == 0:
+        return table[:1], np.zeros(len(table), np.int64)
+    rows = np.ascontiguousarray(table)
+    _, first, group = np.unique(rows.view(f"V{rows[0].nbytes}"), return_index=True, return_inverse=True)
+    return rows[first], np.ascontiguousarray(group.reshape(-1).astype(np.int64))

@@ -1,0 +1,254 @@
+"""What the compiled functions pass to each other: layouts, constants and work space as named tuples of arrays."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import warnings
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+import numpy as np
+from numba import float64, int64, types, void
+
+from stickslip.equations.codegen.program import Program
+
+
+def _import_array_functions() -> None:
+    """Import numba's array functions but not SciPy's linear algebra, a sixth of the time of a whole short process.
+
+    They only look whether it is there; compiled code that calls it (none of ours) imports it by itself.
+    """
+    blas = "scipy.linalg.cython_blas"
+    if blas not in sys.modules:
+        sys.modules[blas] = ModuleType(blas)
+        try:
+            importlib.import_module("numba.np.arraymath")
+        finally:
+            del sys.modules[blas]
+
+
+_import_array_functions()
+# The engine takes a model's machine code as arguments; numba calls that experimental whenever it compiles such a call.
+warnings.filterwarnings("ignore", message="First-class function type feature is experimental")
+
+Array = np.ndarray
+vector, matrix, indices = float64[::1], float64[:, ::1], int64[::1]
+if TYPE_CHECKING:
+    SETUP = JETS = RESIDUAL = POWERS = Any
+else:
+    SETUP = types.FunctionType(void(vector, vector, matrix, matrix, matrix, vector))
+    JETS = types.FunctionType(
+        int64(float64, vector, indices, indices, vector, matrix, matrix, int64, matrix, matrix, matrix, vector)
+    )
+    RESIDUAL = types.FunctionType(void(float64, vector, indices, indices, vector, vector, matrix))
+    POWERS = types.FunctionType(void(matrix, indices, vector, vector))
+
+# Codes of motion.outcome.Outcome, and three that ask to be called again: with a new record, with a closed form, or for
+# Taylor steps.
+FINISHED, NO_RATE, ON_JUMP, ZENO, TINY, LIMIT, NEGATIVE, UNDEFINED, INADMISSIBLE = 0, 2, 3, 4, 5, 6, 7, 8, 14
+FULL, NEED, STEPS = 100, 101, 102
+# What may be said of a candidate mode; or of the step that led to it: that it does not solve the equations.
+OK, SINGULAR, NAN, OFF_SURFACE, ASTRAY, OVERFLOW = 0, 1, 2, 3, 4, 5
+
+NODES = 18  # of an audit, in a piece of a step
+EPSILON = 2.220446049250313e-16
+ROUNDING = 64 * EPSILON
+FIRED = 1e-10  # a switch that has just fired is on its boundary by definition
+DOUBTFUL = 1e-12  # a threshold this close to zero may have become negative
+# Global integers of NumPy's type: numba would compile functions a second time for literals.
+ZERO = cast(int, np.int64(0))
+NOWHERE = cast(int, np.int64(-1))  # no row
+NONE_YET = 9  # no mode of a contact
+
+# The loops allocate nothing and own no array, so that no reference has to be counted (half of the time, where views of
+# arrays are as many as here).
+OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "_nrt": False}
+ALLOCATING: dict[str, Any] = {**OPTIONS, "_nrt": True}
+# For functions with one or two callers: their tuples of arrays are hundreds of machine words, which a call would copy.
+# Inlined before they are typed, they are compiled once, not again at every level above them.
+INLINED: dict[str, Any] = {**OPTIONS, "inline": "always"}
+
+
+class Rows(NamedTuple):
+    """Where things are in the tables of Taylor coefficients and magnitudes.
+
+    Attributes
+    ----------
+    sizes : array of int
+        n, nq, nz, nr, na, contacts by kind (mq, mz, mr), kinks.
+    u, force, plus, minus : arrays of int
+        Rows of uᵢ, λᵢ, sᵢ⁺, sᵢ⁻ by contact.
+    kinks : array of int
+        Rows of the guards.
+    watched : array of int
+        Rows that bound the step: the state, then what the guards are made of.
+    noise : array of int
+        Place of the size of the terms of each of these in the table of magnitudes, −1: nothing cancels in it.
+    doubtful : array of int, shape (·, 3)
+        Rows that may become negative, though they must not; the contact and the direction in which it slips then
+        (−1, 0: always).
+    timed : array of int
+        1 for each kink that comes at a time, whatever the state.
+    vanishing : array of int
+        Part of the state that is zero where a kink is, −1 for other kinks: there powers of it have few derivatives.
+    drops : array of int
+        1 for each contact whose sliding force is not its threshold.
+    program : Program
+        The tape of the system.
+    """
+
+    sizes: Array
+    u: Array
+    force: Array
+    plus: Array
+    minus: Array
+    kinks: Array
+    watched: Array
+    noise: Array
+    doubtful: Array
+    timed: Array
+    vanishing: Array
+    drops: Array
+    program: Program
+
+
+class Constants(NamedTuple):
+    """Constants, mass matrix, viscous matrix, contact directions and drive frequencies for a set of parameters."""
+
+    K: Array
+    M: Array
+    C: Array
+    J: Array
+    omega: Array
+
+
+class Space(NamedTuple):
+    """Work space of the Taylor steps.
+
+    Attributes
+    ----------
+    W, V : arrays, shapes (rows, N + 1), (rows, 2)
+        Taylor coefficients, in powers of the unit of time that is the rate of the clock, row n; values and rates at the
+        end of a step.
+    mag : array
+        Sizes of the terms of what may cancel: the scale of rounding errors.
+    Rq, Rz : arrays
+        Inverses of the linear problems of inertial and viscous coordinates.
+    A, B, G : arrays
+        Matrix, inverse and residual of the rate-independent coordinates.
+    discs : array, shape (rows, 4)
+        How far each row strays from its value at the beginning of a step, and how near it comes to zero, see
+        :mod:`stickslip.motion.steps.discs`; last, how far the derivative of a part of the state strays.
+    kinds : array of int
+        What each row depends on; see :mod:`stickslip.motion.steps.structure`.
+    samples, bernstein : arrays, shapes (rows, nodes) and (halvings, nodes)
+        Of an audit: residuals and guards at the nodes of a piece, and polynomials in Bernstein's form.
+    promise : array, shape (2, n)
+        Rates at the end of the last step, times its length, as its series has them; and the state it started from.
+    known : array of int
+        Mode for which Rq and Rz were made; last entry 0 if they are valid.
+    stages : array
+        Of implicit steps: two matrices and some vectors; see :mod:`stickslip.motion.steps.stiff`.
+    """
+
+    W: Array
+    V: Array
+    mag: Array
+    Rq: Array
+    Rz: Array
+    A: Array
+    B: Array
+    G: Array
+    discs: Array
+    balls: Array
+    reaches: Array
+    kinds: Array
+    samples: Array
+    bernstein: Array
+    scratch: Array
+    stack: Array
+    touched: Array
+    y0: Array
+    trial: Array
+    promise: Array
+    powers: Array
+    pending: Array
+    labels: Array
+    known: Array
+    stages: Array
+
+
+class Lane(NamedTuple):
+    """Where one motion is.
+
+    Attributes
+    ----------
+    clock : array
+        t, last step, time of an event many events ago, span, the length of recent steps (events that coincide up to
+        rounding make steps of no length), the unit of time of the Taylor coefficients, the length of the next
+        implicit step (negative: steps until one is tried), and the step that a series would have been good for.
+    y : array
+        State.
+    seen : array
+        Largest modulus so far of each row that bounds the steps.
+    mode, settled, reg : arrays of int
+        Mode of each contact (0: stick; ±1: slip; ±2: at its threshold, about to slip or carried by others), the mode
+        before the last event (9: none yet), and region of each kink.
+    counters : array of int
+        Events, switches of contacts, fired switch or −1, kinks crossed, steps.
+    """
+
+    clock: Array
+    y: Array
+    seen: Array
+    mode: Array
+    settled: Array
+    reg: Array
+    counters: Array
+
+
+class Record(NamedTuple):
+    """Record of the steps: start time, state, mode, region, and the switch that caused it (−1: none)."""
+
+    time: Array
+    state: Array
+    mode: Array
+    region: Array
+    cause: Array
+
+
+def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
+    """Work space for a system."""
+    n, nq, nz, nr, _, mq, mz, mr, nk = map(int, rows.sizes)
+    nc, z = mq + mz + mr, np.zeros
+    big, guards, implicit = max(nq + mq, nz + mz), nk + 2 * nc + len(rows.doubtful) + 1, N // 2 * n
+    W, V = z((table_rows, N + 1)), z((table_rows, 2))
+    W[n, 1] = V[n, 1] = 1.0
+    return Space(
+        W=W,
+        V=V,
+        mag=z(max(magnitudes, 1)),
+        Rq=z((nq + mq, nq + mq)),
+        Rz=z((nz + mz, nz + mz)),
+        A=z((nr + 1, nr)),
+        B=z((nr, nr)),
+        G=z(2 * nr),
+        discs=z((table_rows, 4)),
+        balls=z((2, max(nr, 1))),
+        reaches=z(N + 1),
+        kinds=z(table_rows, np.int64),
+        samples=z((n + 3 * nc + nk, NODES)),
+        bernstein=z((24, NODES)),
+        scratch=z((big + 1, big)),
+        stack=z((64, 36)),
+        touched=z(nk + nc, np.int64),
+        y0=z(n),
+        trial=z(n),
+        promise=z((2, n)),
+        powers=z(N + 1),
+        pending=z((guards, N + 1)),
+        labels=z((guards, 2), np.int64),
+        known=np.ones(mq + mz + 1, np.int64),
+        stages=z((2 * implicit + 7, max(implicit, len(rows.watched), N // 2 + 1))),
+    )

@@ -1,0 +1,360 @@
+"""How far the rows of a tape stray while the state follows a polynomial: arithmetic of discs.
+
+A Taylor polynomial of a function that underflows where a step begins says nothing about the rest of the step. The tape
+that makes the series can bound the functions themselves. For every row w numbers are found in one pass, without
+series: B, with abs(w(τ) − w(0)) ≤ B for all *complex* times abs(τ) ≤ H, and S, by how much w on the real step [0, h]
+may differ from what is analytic there. By Cauchy's estimate the Taylor coefficients are at most B/Hᵏ, so that what a
+polynomial of degree N cannot show on [0, h] is below B (h/H)^(N+1)/(1 − h/H) + S.
+
+A third number, a lower bound of abs(w) on the disc, is larger than abs(w(0)) − B where exponentials grow: a quotient
+such as 1/(1 + exp u) is known even where the exponential overflows.
+
+The rules are those of circular complex arithmetic; S > 0 comes only from powers that are not whole, at zero, where they
+have few derivatives.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from stickslip.equations.codegen.program import Program
+from stickslip.motion.steps.arrays import INLINED, OPTIONS
+from stickslip.symbolic.tape import Op
+
+Array = np.ndarray
+
+LINEAR, PRODUCT, QUOTIENT, RECIPROCAL, POWER = (
+    int(op) for op in (Op.LINEAR, Op.PRODUCT, Op.QUOTIENT, Op.RECIPROCAL, Op.POWER)
+)
+EXP, LOG, ROTATION, STEADY, HYPERBOLIC = (int(op) for op in (Op.EXP, Op.LOG, Op.ROTATION, Op.STEADY, Op.HYPERBOLIC))
+ATAN, ASINH, TAN, TANH = (int(op) for op in (Op.ATAN, Op.ASINH, Op.TAN, Op.TANH))
+SELECT, SIDE, SPEED, ENTRY, RIGHT, SOLVE, RATES = (
+    int(op) for op in (Op.SELECT, Op.SIDE, Op.SPEED, Op.ENTRY, Op.RIGHT, Op.SOLVE, Op.RATES)
+)
+LARGE = 700.0  # what the exponential function can take
+SWEEPS = 40  # of an iteration that bounds the rates of the rate-independent coordinates
+
+
+@njit(**INLINED)
+def factor(p: Program, K: Array, i: int) -> float:
+    """The constant in front of a term."""
+    place = p.term_factor[i]
+    return float(K[place] if place >= 0 else p.numbers[-1 - place])
+
+
+@njit(**OPTIONS, fastmath={"reassoc", "contract", "nsz"})
+def reach(c: Array, N: int, powers: Array) -> float:
+    """Σ abs(cₖ) Hᵏ, 1 ≤ k ≤ N, from the powers of H."""
+    total = 0.0
+    for k in range(1, N + 1):
+        total += abs(c[k]) * powers[k]
+    return total
+
+
+@njit(**OPTIONS)
+def grown(x: float) -> float:
+    """exp(x) − 1."""
+    return math.expm1(x) if x < LARGE else np.inf
+
+
+@njit(**OPTIONS)
+def lifted(x: float) -> float:
+    """exp(x)."""
+    return math.exp(x) if x < LARGE else np.inf
+
+
+@njit(**OPTIONS)
+def power_disc(a: float, b: float, y: float, p: float) -> float:
+    """Disc of aᵖ, from the centre and the radius of a, and the value at the centre."""
+    r = b / abs(a)
+    if p >= 1.0:
+        return abs(y) * r * p * (1.0 + r) ** (p - 1.0)  # mean value
+    if p >= 0.0:
+        return abs(y) * (1.0 - (1.0 - r) ** p)
+    return abs(y) * ((1.0 - r) ** p - 1.0)
+
+
+@njit(**OPTIONS)
+def tanh_disc(a: float, b: float, y: float) -> float:
+    """Disc of tanh a: from exp(−2|a|), so that saturated ends cost nothing, or from tan of the radius near zero."""
+    small = math.exp(-2.0 * abs(a))
+    moved = small * grown(2.0 * b) if 2.0 * (b - abs(a)) < LARGE else np.inf
+    left = 1.0 + small - moved
+    found = 2.0 * moved / ((1.0 + small) * left) if left > 0.0 else np.inf
+    if b < 1.5:
+        turned = math.tan(b)
+        left = 1.0 - abs(y) * turned
+        if left > 0.0:
+            found = min(found, (1.0 - y * y) * turned / left)
+    return found
+
+
+@njit(**OPTIONS)
+def tan_disc(b: float, y: float) -> float:
+    """Disc of tan a, from the radius of a and the value at the centre."""
+    if b >= 1.5:
+        return np.inf
+    turned = math.tan(b)
+    left = 1.0 - abs(y) * turned
+    return (1.0 + y * y) * turned / left if left > 0.0 else np.inf
+
+
+@njit(**OPTIONS)
+def store(W: Array, discs: Array, row: int, ball: float, off: float, near: float) -> None:
+    """Keep the numbers of a row; what is no bound is infinite, or zero."""
+    discs[row, 0] = ball if ball < np.inf else np.inf
+    discs[row, 1] = off if off < np.inf else np.inf
+    discs[row, 2] = max(near if near > 0.0 else 0.0, abs(W[row, 0]) - discs[row, 0] - discs[row, 1])
+
+
+@njit(**OPTIONS)
+def spread_state(W: Array, N: int, powers: Array, rows: Array, discs: Array) -> None:
+    """Discs of parts of the state, which are the polynomials of the table."""
+    for i in range(len(rows)):
+        store(W, discs, rows[i], reach(W[rows[i]], N, powers), 0.0, 0.0)
+
+
+@njit(**OPTIONS)
+def spread(
+    p: Program,
+    K: Array,
+    W: Array,
+    discs: Array,
+    Rq: Array,
+    Rz: Array,
+    B: Array,
+    balls: Array,
+    mode: Array,
+    reg: Array,
+    first: int,
+    last: int,
+) -> None:
+    """Discs of the rows that some instructions make, from those of the state and of time.
+
+    Parameters
+    ----------
+    first, last : int
+        Instructions.
+    """
+    for i in range(first, last):
+        op = p.code[i, 0]
+        if op == LINEAR:
+            add_terms(p, K, W, discs, i)
+        elif op == PRODUCT:
+            spread_product(W, discs, p.code[i, 1], p.code[i, 2], p.code[i, 3])
+        elif op <= LOG:
+            spread_function(p, K, W, discs, i)
+        elif op <= TANH:
+            spread_angle(p, W, discs, i)
+        elif op == SOLVE:
+            solve_discs(Rq if p.code[i, 3] == 0 else Rz, W, discs, p.code[i, 1], p.code[i, 2], p.code[i, 8])
+        elif op == RATES:
+            solve_rate_discs(p, W, B, discs, balls, i)
+        else:
+            spread_choice(p, K, W, discs, mode, reg, i)
+
+
+@njit(**INLINED)
+def add_terms(p: Program, K: Array, W: Array, discs: Array, i: int) -> None:
+    """Disc of a linear combination."""
+    ball, off, row, first, last = 0.0, 0.0, p.code[i, 1], p.code[i, 2], p.code[i, 2] + p.code[i, 3]
+    for j in range(first, last):
+        source = p.term_row[j]
+        if source >= 0:
+            size = abs(factor(p, K, j))
+            ball += size * discs[source, 0] if size > 0.0 else 0.0
+            off += size * discs[source, 1] if size > 0.0 else 0.0
+    near = 0.0
+    if not abs(W[row, 0]) > ball + off:
+        # One term may be larger than all others together.
+        for j in range(first, last):
+            if p.term_row[j] >= 0:
+                others = abs(factor(p, K, j)) * discs[p.term_row[j], 2]
+                for k in range(first, last):
+                    others -= largest_term(p, K, W, discs, k) if k != j else 0.0
+                near = max(near, others if others > 0.0 else 0.0)
+    store(W, discs, row, ball, off, near)
+
+
+@njit(**INLINED)
+def largest_term(p: Program, K: Array, W: Array, discs: Array, j: int) -> float:
+    """The largest modulus of a term of a linear combination."""
+    size, row = abs(factor(p, K, j)), p.term_row[j]
+    return size * (abs(W[row, 0]) + discs[row, 0] + discs[row, 1]) if row >= 0 else size
+
+
+@njit(**INLINED)
+def spread_product(W: Array, discs: Array, row: int, a: int, b: int) -> None:
+    """Disc of a product of two rows."""
+    x, y, u, v = abs(W[a, 0]), abs(W[b, 0]), discs[a, 0], discs[b, 0]
+    s, t = discs[a, 1], discs[b, 1]
+    off = (x + u) * t + s * (y + v) + s * t if s > 0.0 or t > 0.0 else 0.0
+    store(W, discs, row, x * v + u * y + u * v, off, discs[a, 2] * discs[b, 2])
+
+
+@njit(**INLINED)
+def spread_function(p: Program, K: Array, W: Array, discs: Array, i: int) -> None:
+    """Discs of quotients, powers, exponentials and logarithms."""
+    op, row, a = p.code[i, 0], p.code[i, 1], p.code[i, 2]
+    x, y, u, s = abs(W[a, 0]), W[row, 0], discs[a, 0], discs[a, 1]
+    ball, off, near = np.inf, np.inf, 0.0
+    if op == QUOTIENT:
+        ball, off = quotient_disc(x, u, s, y, W, discs, p.code[i, 3])
+        near = discs[a, 2] / (abs(W[p.code[i, 3], 0]) + discs[p.code[i, 3], 0] + discs[p.code[i, 3], 1])
+    elif op == RECIPROCAL:
+        ball, off = quotient_disc(1.0, 0.0, 0.0, y, W, discs, a)
+        near = 1.0 / (x + u + s)
+    elif op == EXP:
+        x = W[a, 0]
+        ball = y * grown(u) if u < 1.0 else lifted(x + u)  # y may have underflowed
+        off = lifted(x + u) * grown(s) if s > 0.0 else 0.0
+        near = lifted(x - u - s)
+    elif op == LOG:
+        if x > u:
+            ball = -math.log1p(-u / x)
+            off = s / (x - u - s) if x - u > s else np.inf
+    else:
+        q, largest = factor(p, K, p.code[i, 3]), x + u + s
+        if y != 0.0 and u + s < x:
+            ball = power_disc(x, u, y, q)
+            nearest = largest if q >= 1.0 else x - u - s
+            off = abs(q) * nearest ** (q - 1.0) * s if s > 0.0 else 0.0
+        elif q > 0.0:
+            ball, off = 0.0, largest**q if largest > 0.0 else 0.0
+        elif discs[a, 2] > 0.0:
+            ball, off = abs(y) + discs[a, 2] ** q, 0.0
+    store(W, discs, row, ball, off, near)
+
+
+@njit(**INLINED)
+def quotient_disc(x: float, u: float, s: float, y: float, W: Array, discs: Array, b: int) -> tuple[float, float]:
+    """Disc of a quotient, from the modulus and the disc of its numerator, and its own value y."""
+    v, t, left = discs[b, 0], discs[b, 1], discs[b, 2]
+    ball, off = np.inf, np.inf
+    if left > 0.0:
+        ball = (u + abs(y) * v) / left
+        other = abs(y) + (x + u + s) / left  # where numbers overflow
+        if not ball <= other:
+            ball = other
+        off = (s + (abs(y) + ball) * t) / left if s > 0.0 or t > 0.0 else 0.0
+    return ball, off
+
+
+@njit(**INLINED)
+def spread_angle(p: Program, W: Array, discs: Array, i: int) -> None:
+    """Discs of sines and cosines, atan, asinh, tan and tanh, and of the slopes of the last two."""
+    op, row, a = p.code[i, 0], p.code[i, 1], p.code[i, 2]
+    x, y, u, s = W[a, 0], W[row, 0], discs[a, 0], discs[a, 1]
+    if op <= HYPERBOLIC:
+        sine, cosine, odd, even = abs(y), abs(W[row + 1, 0]), np.inf, np.inf
+        if u < LARGE:
+            odd, even = math.sinh(u), 2.0 * math.sinh(0.5 * u) ** 2
+        off, near = s, 0.0
+        if op == HYPERBOLIC:
+            off = s * lifted(abs(x) + u + s) if s > 0.0 else 0.0
+            near = 0.5 * lifted(abs(x) - u - s) - 0.5  # |cosh z| ≥ |sinh Re z|
+        store(W, discs, row, cosine * odd + sine * even if u > 0.0 else 0.0, off, near)
+        store(W, discs, row + 1, sine * odd + cosine * even if u > 0.0 else 0.0, off, near)
+    elif op <= ASINH:
+        slope = p.code[i, 3]
+        store(W, discs, row, u * (abs(W[slope, 0]) + discs[slope, 0]) if u > 0.0 else 0.0, s, 0.0)  # mean value
+    else:
+        ball, off = tanh_disc(x, u, y) if op == TANH else tan_disc(u, y), s
+        if op == TAN and s > 0.0:
+            off = s * (1.0 + (abs(y) + tan_disc(u + s, y)) ** 2)
+        store(W, discs, row, ball, off, 0.0)
+        ball, off, y = discs[row, 0], discs[row, 1], abs(y)
+        # The slope 1 ± y² strays as y² does.
+        both = 2.0 * (y + ball) * off + off * off if off > 0.0 else 0.0
+        store(W, discs, row + 1, (2.0 * y + ball) * ball if ball > 0.0 else 0.0, both, 0.0)
+
+
+@njit(**INLINED)
+def spread_choice(p: Program, K: Array, W: Array, discs: Array, mode: Array, reg: Array, i: int) -> None:
+    """Discs of what depends on mode and region."""
+    op, row, a, c = p.code[i, 0], p.code[i, 1], p.code[i, 2], p.code[i, 7]
+    if op == SELECT:
+        j = a if reg[c] == 1 else a + 1
+        copy_disc(W, discs, int(p.term_row[j]), -1, abs(factor(p, K, j)), row)
+    elif op == SPEED:
+        copy_disc(W, discs, a if mode[c] != 0 else -1, -1, 1.0, row)
+    elif op == SIDE:
+        copy_disc(W, discs, p.code[i, side_operand(int(mode[c]))], -1, 1.0, row)
+    elif op == ENTRY:
+        threshold = p.code[i, 3 if mode[c] > 0 else 4]
+        copy_disc(W, discs, a if mode[c] != 0 else -1, threshold, 1.0, row)
+    elif op == RIGHT:
+        if mode[c] == 0:
+            copy_disc(W, discs, a, -1, 1.0, row)
+        else:
+            copy_disc(W, discs, p.code[i, 3], p.code[i, 4 if mode[c] > 0 else 5], 1.0, row)
+
+
+@njit(**INLINED)
+def copy_disc(W: Array, discs: Array, source: int, other: int, size: float, row: int) -> None:
+    """Disc of a multiple of a row (of a constant: nothing), or of a sum of two."""
+    ball = size * discs[source, 0] if source >= 0 and size > 0.0 else 0.0
+    off = size * discs[source, 1] if source >= 0 and size > 0.0 else 0.0
+    near = size * discs[source, 2] if source >= 0 and other < 0 else 0.0
+    if source >= 0 and other >= 0:
+        ball, off = ball + discs[other, 0], off + discs[other, 1]
+    store(W, discs, row, ball, off, near)
+
+
+@njit(**OPTIONS)
+def side_operand(mode: int) -> int:
+    """Which operand of SIDE counts: surface, sliding forces, thresholds that are to be broken."""
+    if mode == 0:
+        return 2
+    if abs(mode) == 1:
+        return 3 if mode > 0 else 4
+    return 5 if mode > 0 else 6
+
+
+@njit(**INLINED)
+def solve_discs(R: Array, W: Array, discs: Array, row: int, right: int, n: int) -> None:
+    """Discs of R b."""
+    for j in range(n):
+        ball, off = 0.0, 0.0
+        for k in range(n):
+            if R[j, k] != 0.0:
+                ball += abs(R[j, k]) * discs[right + k, 0]
+                off += abs(R[j, k]) * discs[right + k, 1]
+        store(W, discs, row + j, ball, off, 0.0)
+
+
+@njit(**INLINED)
+def solve_rate_discs(p: Program, W: Array, B: Array, discs: Array, balls: Array, i: int) -> None:
+    """Discs of the solution of A r = b.
+
+    With A = A₀ + A′ and r = r₀ + r′: A₀ r′ = b′ − A′(r₀ + r′), so that any ρ with |A₀⁻¹|(|b′| + |A′|(|r₀| + ρ)) ≤ ρ is
+    a bound of r′. What is not analytic obeys the same equation, with r′ known.
+    """
+    row, right, start, count, n = p.code[i, 1], p.code[i, 2], p.code[i, 3], p.code[i, 4], p.code[i, 8]
+    old, new = balls[0], balls[1]
+    for part in range(2):
+        for j in range(n):
+            old[j] = 0.0
+        settled = False
+        for _ in range(SWEEPS):
+            for j in range(n):
+                new[j] = discs[right + j, part]
+            for e in range(start, start + count):
+                j, k, entry = p.term_factor[e] // n, p.term_factor[e] % n, p.term_row[e]
+                known = abs(W[row + k, 0]) + (discs[row + k, 0] if part == 1 else 0.0)
+                new[j] += discs[entry, 0] * old[k] + discs[entry, part] * (known + (old[k] if part == 1 else 0.0))
+            settled = True
+            for j in range(n):
+                total = 0.0
+                for k in range(n):
+                    total += abs(B[j, k]) * new[k] if B[j, k] != 0.0 else 0.0
+                settled = settled and total <= old[j]
+                old[j] = max(old[j], total * (1.0 + 1e-4))
+            if settled:
+                break
+        for j in range(n):
+            discs[row + j, part] = old[j] if settled and old[j] < np.inf else np.inf
+            discs[row + j, 2] = 0.0

@@ -1,0 +1,277 @@
+"""How long a Taylor step may be.
+
+Two conditions: the last terms of the series are small, and nothing is hidden in the terms that were left out. The first
+sees what the series shows; the second bounds what it cannot show (:mod:`stickslip.motion.steps.discs`), loosely: a
+pulse that underflows where the step begins has a bound that is larger by hundreds of orders of magnitude.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from stickslip.motion.steps.arrays import EPSILON, INLINED, JETS, OPTIONS, Constants, Rows, Space
+from stickslip.motion.steps.discs import ATAN, LOG, ROTATION, TANH, reach, spread, spread_state
+
+Array = np.ndarray
+
+LEAST = 1e-250  # what is smaller is nothing
+SHORT, LONG = 2.0**-30, 2.0**10  # steps, in units of time of the coefficients
+COARSER = 2.0**-16  # of a unit of time in which coefficients overflow
+MOST_UNITS = 60  # that are tried
+MOST_CUTS = 1100  # halvings from the largest number to nothing
+DENSE = 6  # lowest order of a last term that tells how fast the terms of a row fall
+LOOSE = 1e-3  # part of its size that may be hidden in a row
+
+
+@njit(**INLINED)
+def step_size(
+    W: Array, rows: Array, noise: Array, mag: Array, seen: Array, n: int, N: int, last: float, tol: float, atol: float
+) -> float:
+    """Step for which the last two Taylor terms of rows are below tol times their size, or lost in rounding.
+
+    The size of a row is what it is, what it becomes within a step, and a part `atol` of the largest that it has been:
+    nothing is measured against a number that the motion does not have. The first n rows are the state, known to order
+    N; the others to order N − 1.
+    """
+    unit = W[n, 1]
+    top, middle, low, h = 0.0, 0.0, 0.0, np.inf
+    for i in range(len(rows)):
+        r = rows[i]
+        if W[r, N - 1] == 0.0 and W[r, N if i < n else N - 2] == 0.0:
+            h = min(h, sparse_step(W[r], N if i < n else N - 1, tol))
+        value = abs(W[r, 0])
+        size = LEAST + value + abs(W[r, 1]) * (last / unit) + atol * max(value, seen[i])
+        if noise[i] >= 0:
+            # What cancels in a rate is known to rounding only.
+            size += EPSILON / tol * mag[noise[i]] * (last if i < n else 1.0)
+        if size > 2.0 * LEAST:
+            size = 1.0 / size
+            middle = max(middle, abs(W[r, N - 1]) * size)
+            if i < n:
+                top = max(top, abs(W[r, N]) * size)
+            else:
+                low = max(low, abs(W[r, N - 2]) * size)
+        else:
+            h = min(h, first_step(W[r], N if i < n else N - 1, tol))
+    # One root is enough where it meets the other conditions, too; edge = tol/h^(N−1).
+    edge = tol / h ** (N - 1) if h < np.inf else 0.0
+    if low > 0.0 and not low <= edge * h:
+        h = (tol / low) ** (1.0 / (N - 2))
+        edge = low / h
+    if middle > edge:
+        h, edge = (tol / middle) ** (1.0 / (N - 1)), middle
+    if top * h > edge:
+        h = (tol / top) ** (1.0 / N)
+    return h * unit
+
+
+@njit(**OPTIONS)
+def sparse_step(c: Array, N: int, tol: float) -> float:
+    """Step of a row whose last terms vanish, because of a symmetry or as those of a polynomial.
+
+    The last term that there is tells, beside the first, how fast they fall. A polynomial of a low degree leaves out
+    nothing.
+    """
+    j, k = 0, N
+    while k >= DENSE and c[k] == 0.0:
+        k -= 1
+    if k < DENSE or k > N - 2:
+        return np.inf
+    while j < k and c[j] == 0.0:
+        j += 1
+    return float(abs(c[j] / c[k]) ** (1.0 / (k - j)) * tol ** (1.0 / N)) if j < k else np.inf
+
+
+@njit(**OPTIONS)
+def first_step(c: Array, N: int, tol: float) -> float:
+    """Step of a quantity that has been nothing so far: its last terms are small beside its first."""
+    j, h = 0, np.inf
+    while j < N - 2 and c[j] == 0.0:
+        j += 1
+    for k in range(N - 1, N + 1):
+        if c[k] != 0.0 and c[j] != 0.0 and k > j:
+            h = min(h, abs(c[j] / c[k] * tol) ** (1.0 / (k - j)))
+    return h
+
+
+@njit(**OPTIONS)
+def impulse(rows: Rows, mag: Array, r: int, h: float) -> float:
+    """By how much the terms of its rate, if none cancelled, would change a part of the state within a time."""
+    sizes, nq = rows.program.rate_sizes, rows.sizes[1]
+    return float(h * mag[sizes[r]] if sizes[r] >= 0 else h * h * mag[sizes[r + nq]])
+
+
+@njit(**OPTIONS)
+def suits(h: float, room: float, unit: float) -> bool:
+    """Whether coefficients in powers of a unit of time neither overflow nor vanish, if a step has this length.
+
+    Where there is no room for a step, at the end of a motion, all do.
+    """
+    return not room > 0.0 or (h >= SHORT * unit and (h <= LONG * unit or unit >= room))
+
+
+@njit(**OPTIONS)
+def better(h: float, unit: float) -> float:
+    """A unit of time that suits a step better: a power of two near it."""
+    if not h > 0.0:
+        return unit * SHORT
+    return math.ldexp(1.0, math.frexp(h)[1])
+
+
+@njit(**OPTIONS)
+def expand(
+    jets: JETS,
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    N: int,
+    t: float,
+    y: Array,
+    mode: Array,
+    reg: Array,
+    room: float,
+    last: float,
+    tol: float,
+    atol: float,
+    seen: Array,
+) -> tuple[int, float]:
+    """Taylor coefficients of a known motion in a mode, in units of time that suit it.
+
+    Returns
+    -------
+    order, step
+        Order up to which they are finite, and the step for which they are good.
+    """
+    W, n, order, h = space.W, rows.sizes[0], N, 0.0
+    for _ in range(MOST_UNITS):
+        jets(t, y, mode, reg, k.K, space.Rq, space.Rz, N, W, space.A, space.B, space.mag)
+        order = finite_order(W, n, N)
+        h = step_size(W, rows.watched, rows.noise, space.mag, seen, n, order, last, tol, atol)
+        if order == N and suits(min(h, room), room, W[n, 1]):
+            break
+        W[n, 1] = better(min(h, room), W[n, 1]) if order == N else COARSER * W[n, 1]
+    return order, h
+
+
+@njit(**OPTIONS)
+def finite_order(W: Array, n: int, N: int) -> int:
+    """Order up to which the state's coefficients are finite: close to a blow-up the high ones overflow."""
+    for k in range(N, 2, -1):
+        finite = True
+        for r in range(n):
+            finite = finite and math.isfinite(W[r, k])
+        if finite:
+            return k
+    return 2
+
+
+@njit(**OPTIONS)
+def fill_powers(powers: Array, h: float) -> None:
+    """Powers of the step; in fours, since each multiplication waits for the one before."""
+    a, b, c, d, fourth, n = 1.0, h, h * h, h * h * h, (h * h) * (h * h), len(powers) // 4 * 4
+    for k in range(0, n, 4):
+        powers[k], powers[k + 1], powers[k + 2], powers[k + 3] = a, b, c, d
+        a, b, c, d = a * fourth, b * fourth, c * fourth, d * fourth
+    for k in range(n, len(powers)):
+        powers[k] = a
+        a *= h
+
+
+@njit(**INLINED)
+def shortened(
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    mode: Array,
+    reg: Array,
+    N: int,
+    h: float,
+    tol: float,
+    atol: float,
+    seen: Array,
+) -> float:
+    """The step, or as much of it as hides nothing."""
+    if rows.program.leading[0] > 0:
+        for _ in range(MOST_CUTS):
+            excess = unseen(rows, k, space, mode, reg, N, h, tol, atol, seen)
+            if excess <= 1.0:
+                break
+            h *= 0.7 if excess < 10.0 else 0.5
+    return h
+
+
+@njit(**INLINED)
+def unseen(
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    mode: Array,
+    reg: Array,
+    N: int,
+    h: float,
+    tol: float,
+    atol: float,
+    seen: Array,
+) -> float:
+    """What the series cannot show within a step, in parts of what it may be: the step is fine if this is at most 1."""
+    p, W, discs, powers, n = rows.program, space.W, space.discs, space.reaches, rows.sizes[0]
+    fill_powers(powers, 2.0 * h / W[n, 1])
+    discs[n, 0], discs[n, 1] = 2.0 * h, 0.0
+    spread_state(W, N, powers, p.seen, discs)
+    part = math.ldexp(1.0, -N)  # of the radius of a disc that is left over
+    first, last = 0, p.leading[0]
+    while True:
+        spread(p, k.K, W, discs, space.Rq, space.Rz, space.B, space.balls, mode, reg, first, last)
+        if first > 0:
+            break
+        # Mostly the instructions that may hide something hide nothing, and the others need not be asked.
+        if not may_hide(rows, W, discs, part):
+            return 0.0
+        spread_state(W, N, powers, rows.watched[:n], discs)
+        first, last = last, len(p.code)
+    fill_powers(powers, h / W[n, 1])
+    return hidden(rows, space, mode, N, h, part, tol, atol, seen)
+
+
+@njit(**INLINED)
+def may_hide(rows: Rows, W: Array, discs: Array, part: float) -> bool:
+    """Whether an instruction may hide more than a part of what it shows: a quick look that mostly suffices."""
+    p = rows.program
+    for i in range(p.leading[0]):
+        if p.hiding[i] == 1:
+            op, row = p.code[i, 0], p.code[i, 1]
+            size = abs(W[row, 0]) + (1.0 if op in (LOG, ROTATION) or ATAN <= op <= TANH else 0.0)
+            if not (part * discs[row, 0] <= LOOSE * size and discs[row, 1] == 0.0):
+                return True
+    return False
+
+
+@njit(**OPTIONS)
+def hidden(
+    rows: Rows, space: Space, mode: Array, N: int, h: float, part: float, tol: float, atol: float, seen: Array
+) -> float:
+    """The largest part of the state and of the guards that may be hidden, in parts of what is allowed."""
+    p, W, mag, discs, powers, n = rows.program, space.W, space.mag, space.discs, space.reaches, rows.sizes[0]
+    worst = 0.0
+    for r in range(n):
+        size = LEAST + abs(W[r, 0]) + reach(W[r], N, powers) + atol * seen[r]
+        if rows.noise[r] >= 0:
+            size += EPSILON / tol * mag[rows.noise[r]] * h
+        worst = share(worst, discs[p.rates[r]], h, part, tol, size)
+    for i in range(n, len(rows.watched)):
+        r = rows.watched[i]
+        size = LEAST + abs(W[r, 0]) + reach(W[r], N - 1, powers) + atol * seen[i]
+        if rows.noise[i] >= 0:
+            size += mag[rows.noise[i]]
+        worst = share(worst, discs[r], 1.0, part, tol, size)
+    return worst
+
+
+@njit(**OPTIONS)
+def share(worst: float, disc: Array, h: float, part: float, tol: float, size: float) -> float:
+    """The larger of a number and of what is hidden in a row, in parts of what is allowed."""
+    found = h * (part / LOOSE * disc[0] + disc[1] / tol) / size if disc[0] > 0.0 or disc[1] > 0.0 else 0.0
+    return max(worst, found) if found == found else np.inf

@@ -1,0 +1,113 @@
+"""What kind of functions the rows of a tape are in one mode: proof that a mode is affine.
+
+Random probes cannot tell: a pulse may be zero at all of them. So the tape is followed once with, for every row, what it
+may depend on: nothing (then its value counts), time, the state, waves of time, or anything in another way.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from stickslip.motion.steps.arrays import INLINED, OPTIONS, Constants, Rows, Space
+from stickslip.motion.steps.discs import (
+    ENTRY,
+    HYPERBOLIC,
+    LINEAR,
+    PRODUCT,
+    QUOTIENT,
+    RATES,
+    RIGHT,
+    ROTATION,
+    SELECT,
+    SIDE,
+    SOLVE,
+    SPEED,
+    STEADY,
+    TAN,
+    TANH,
+    factor,
+    side_operand,
+)
+
+Array = np.ndarray
+
+NOTHING, TIME, STATE, WAVE, OTHER = 0, 1, 2, 4, 8  # bits, but for the first
+
+
+@njit(**INLINED)
+def is_affine(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array) -> bool:
+    """Whether the rates and all guards of a mode are affine in the state, with drives 1, t, cos ωt and sin ωt.
+
+    The table holds the values of all rows, of order 0, at some state.
+    """
+    p, kinds, n = rows.program, space.kinds, rows.sizes[0]
+    for r in range(n):
+        kinds[r] = STATE
+    kinds[n] = TIME
+    for i in range(len(p.code)):
+        row, kind = p.code[i, 1], kind_of(rows, k, space, mode, reg, i)
+        size = p.code[i, 8]
+        for j in range(max(size, 1)):
+            kinds[row + j] = kind
+        op = p.code[i, 0]
+        if ROTATION <= op <= HYPERBOLIC or op in (TAN, TANH):
+            kinds[row + 1] = kind
+    found = NOTHING
+    for r in p.rates:
+        found |= kinds[r]
+    for r in rows.watched:
+        found |= kinds[r]
+    for d in range(len(rows.doubtful)):
+        found |= kinds[rows.doubtful[d, 0]]
+    return found & OTHER == 0
+
+
+@njit(**OPTIONS)
+def kind_of(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, i: int) -> int:
+    """Kind of the rows that an instruction makes."""
+    p, kinds, W = rows.program, space.kinds, space.W
+    op, a, b, c = p.code[i, 0], p.code[i, 2], p.code[i, 3], p.code[i, 7]
+    kind = NOTHING
+    if op == LINEAR:
+        for j in range(a, a + b):
+            if p.term_row[j] >= 0 and factor(p, k.K, j) != 0.0:
+                kind |= kinds[p.term_row[j]]
+    elif op == PRODUCT:
+        kind = kind_of_product(int(kinds[a]), int(kinds[b]), float(W[a, 0]), float(W[b, 0]))
+    elif op == QUOTIENT:
+        kind = kinds[a] if kinds[b] == NOTHING else OTHER
+    elif op == STEADY:
+        kind = NOTHING if kinds[a] == NOTHING else WAVE
+    elif op < SELECT:
+        kind = NOTHING if kinds[a] == NOTHING else OTHER
+    elif op == SELECT:
+        j = a if reg[c] == 1 else a + 1
+        if p.term_row[j] >= 0 and factor(p, k.K, j) != 0.0:
+            kind = kinds[p.term_row[j]]
+    elif op == SPEED:
+        kind = kinds[a] if mode[c] != 0 else NOTHING
+    elif op == SIDE:
+        kind = kinds[p.code[i, side_operand(int(mode[c]))]]
+    elif op == ENTRY:
+        kind = kinds[a] | kinds[p.code[i, 3 if mode[c] > 0 else 4]] if mode[c] != 0 else NOTHING
+    elif op == RIGHT:
+        kind = kinds[b] | kinds[p.code[i, 4 if mode[c] > 0 else 5]] if mode[c] != 0 else kinds[a]
+    elif op in (SOLVE, RATES):
+        # Which component depends on which is not asked: it is all or nothing.
+        for j in range(p.code[i, 8]):
+            kind |= kinds[a + j]
+        if op == RATES:
+            for e in range(b, b + p.code[i, 4]):
+                kind |= NOTHING if kinds[p.term_row[e]] == NOTHING else OTHER
+    return int(kind)
+
+
+@njit(**OPTIONS)
+def kind_of_product(a: int, b: int, x: float, y: float) -> int:
+    """Kind of a product of rows of two kinds, with their values where they are constant."""
+    if a == NOTHING:
+        return b if x != 0.0 else NOTHING
+    if b == NOTHING:
+        return a if y != 0.0 else NOTHING
+    return OTHER

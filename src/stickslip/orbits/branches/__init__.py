@@ -1,0 +1,1 @@
+"""Branches of equilibria and cycles over parameters, with their special points."""

@@ -1,0 +1,261 @@
+"""A chart of a branch of cycles: coordinates around one of them, units, and the test functions along the branch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.errors import StickslipError
+from stickslip.orbits.branches.halving import half_gap
+from stickslip.orbits.continuation.arclength import Point, correct
+from stickslip.orbits.cycles.cycle import Cycle, make_cycle
+from stickslip.orbits.fields.mode_field import Pieces
+from stickslip.orbits.fields.variational import variation
+from stickslip.orbits.return_map.damped_newton import Closed, best_start, restarted, stations_for
+from stickslip.orbits.return_map.held import Held, alike, held_positions
+from stickslip.orbits.return_map.multipliers import spectrum
+from stickslip.orbits.return_map.recurrence import segments, sizes_of
+from stickslip.orbits.return_map.shooting import Orbit, Shooting, follow, numbers
+
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
+
+Array = np.ndarray
+
+FAR = 1.0  # a chart reaches this far, in units of the size of the cycle
+OPEN = 1e-6  # a motion that misses its start by more, in the same units, is no cycle
+SLANTED = 0.3  # least cosine between the motion and the normal of its section
+WIDTH = 0.25  # part of the range of the parameter that is its unit
+FLOOR = 2e-3  # units of a component are not smaller than this part of its modulus
+VANISHED = 5e-3  # a cycle of this amplitude, relative to the state, is about to shrink to an equilibrium
+HALVED = 2e-2  # a cycle whose halves differ by this part of its size is about to become one of half its period
+UNBOUNDED = 1e3  # a period or an amplitude that has grown by this factor grows without bound
+
+
+class OutOfChart(StickslipError):
+    """A cycle on which the station of the chart has no place any more."""
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Range of a parameter, and what the start of a branch says about sizes.
+
+    Attributes
+    ----------
+    low, high : float
+    modulus : array, shape (n,)
+        Size of each component of the state.
+    period : float
+    least, largest : float
+        Amplitudes, relative to the modulus, below which a cycle is about to vanish and above which it has no bound.
+    halved : float
+        Difference of its halves below which a cycle is about to become one of half its period.
+    """
+
+    low: float
+    high: float
+    modulus: Array
+    period: float
+    least: float
+    largest: float
+    halved: float
+
+    def amplitude(self, closed: Closed) -> float:
+        """Largest half range of a component relative to its modulus."""
+        return float(np.max(0.5 * np.ptp(closed.samples(64), axis=0) / self.modulus))
+
+
+def extent_of(closed: Closed, span: tuple[float, float]) -> Extent:
+    """Sizes of a branch that starts in a cycle."""
+    sizes = sizes_of(closed.orbit.motion, closed.orbit.shift, closed.shooting.pieces)
+    modulus = np.maximum(np.max(np.abs(closed.samples(64)), axis=0), sizes)
+    halved = min(HALVED, max(0.3 * half_gap(closed), OPEN))
+    extent = Extent(*span, modulus, closed.orbit.period, VANISHED, UNBOUNDED, halved)
+    amplitude = extent.amplitude(closed)
+    return replace(extent, least=min(VANISHED, 0.3 * amplitude), largest=UNBOUNDED * max(amplitude, 0.1))
+
+
+@dataclass
+class Chart:
+    """Cycles near one of them.
+
+    Attributes
+    ----------
+    shooting : Shooting
+        With a free parameter.
+    extent : Extent
+    orbits, cycles : dict
+        Orbits that were computed, and cycles that were looked at, by their unknowns.
+    """
+
+    shooting: Shooting
+    extent: Extent
+    orbits: dict[bytes, Orbit] = field(default_factory=dict)
+    cycles: dict[bytes, Cycle] = field(default_factory=dict)
+
+    def __call__(self, x: Array) -> tuple[Array, Array]:
+        """The equations."""
+        orbit = self.orbit(x)
+        return orbit.F, orbit.J
+
+    def orbit(self, x: Array) -> Orbit:
+        """The orbit of some unknowns."""
+        key = x.tobytes()
+        if key not in self.orbits:
+            self.orbits[key] = self.shooting.orbit(x)
+        return self.orbits[key]
+
+    def closed(self, x: Array) -> Closed:
+        """The cycle of some unknowns."""
+        return Closed(self.shooting, self.orbit(x))
+
+    def scale(self, x: Array) -> Array:
+        """Units of the unknowns."""
+        return self.shooting.units(x, WIDTH * (self.extent.high - self.extent.low))
+
+    def cycle(self, x: Array) -> Cycle:
+        """Everything that is said of the cycle of some unknowns."""
+        key = x.tobytes()
+        if key not in self.cycles:
+            self.cycles[key] = make_cycle(self.closed(x))
+        return self.cycles[key]
+
+    def along(self, start: Point, distance: float, tolerance: float) -> Array:
+        """Unknowns at a distance from a point, measured along its tangent."""
+        units = self.scale(start.x)
+        tangent = start.tangent / units
+        tangent /= np.linalg.norm(tangent)
+        return correct(self, start.x + units * tangent * distance, units, tangent, tolerance)
+
+    def resting_as(self, motion: Trajectory) -> Chart:
+        """The same coordinates for cycles on which the same contacts stick throughout as in a motion."""
+        held = held_positions(motion, self.shooting.setting.held)
+        return self if alike(self.shooting.setting.held, held) else self.with_held(held)
+
+    def carrying(self, contact: int, edge: int) -> Chart:
+        """The same coordinates for cycles on which a contact is carried along an edge, or (0) stays where it is."""
+        held = self.shooting.setting.held
+        return self.with_held(tuple(replace(h, edge=edge) if h.contact == contact else h for h in held))
+
+    def with_held(self, held: tuple[Held, ...]) -> Chart:
+        """The same coordinates, with other positions of rest."""
+        old, setting = self.shooting, replace(self.shooting.setting, held=held)
+        return Chart(Shooting(old.problem, old.pieces, old.stations, old.start, setting), self.extent)
+
+    def carried(self, x: Array, tangent: Array) -> float:
+        """How far contacts on an edge are carried along the way they would slip; 1 if none is on an edge.
+
+        Where it vanishes they are left behind, and keep their positions.
+        """
+        shooting, place = self.shooting, self.orbit(x).legs[0].place
+        change = place.directions @ tangent[: shooting.first[1]] + place.by_parameter * tangent[-1]
+        sizes = shooting.setting.sizes
+        moved = [h.edge * (h.form @ change) / (np.abs(h.form) @ sizes) for h in shooting.setting.held if h.edge]
+        return float(min(moved, default=1.0))
+
+    def tests(self, x: Array, tangent: Array) -> dict[str, float]:
+        """Test functions of special points, and of what ends a branch."""
+        orbit = self.orbit(x)
+        self.check(orbit)
+        slope, extent = float(tangent[-1] / self.scale(x)[-1]), self.extent
+        amplitude = extent.amplitude(self.closed(x))
+        return {
+            "fold": slope,
+            **spectral_tests(spectrum(self.shooting, orbit).others, slope),
+            "amplitude": amplitude / extent.least - 1.0,
+            "halving": half_gap(self.closed(x)) / extent.halved - 1.0,
+            "growth": 1.0 - amplitude / extent.largest,
+            "period": 1.0 - orbit.period / (UNBOUNDED * extent.period),
+            "carried": self.carried(x, tangent),
+        }
+
+    def check(self, orbit: Orbit) -> None:
+        """See that an orbit is a cycle of this chart.
+
+        Raises
+        ------
+        OutOfChart
+            If it is not.
+        """
+        shooting = self.shooting
+        for station, leg in zip(shooting.stations, orbit.legs, strict=True):
+            k, a = leg.motion.knots, segments(leg.motion.knots)[0][0]
+            if shooting.pieces(k.mode[a], k.region[a]) is not station.piece:
+                raise OutOfChart("the cycle starts in another mode than its chart")
+        if shooting.miss(orbit) > OPEN:
+            raise OutOfChart("the cycle ends in another mode than it starts in")
+        if np.max(np.abs(orbit.x[: shooting.time]), initial=0.0) > FAR:
+            raise OutOfChart("the cycle has left its chart")
+        if shooting.symmetry.frame is not None:
+            place, station = orbit.legs[0].place, shooting.stations[0]
+            rate = station.piece.rates(shooting.start, place.state, numbers(orbit.problem)) - shooting.symmetry.frame
+            motion = station.chart @ rate
+            if not shooting.fixed[0] @ motion >= SLANTED * np.linalg.norm(motion):
+                raise OutOfChart("the motion runs along its section")
+
+
+def first_chart(closed: Closed, pieces: Pieces, extent: Extent) -> tuple[Chart, Array]:
+    """A chart around a cycle, with the free parameter of the pieces, and its unknowns."""
+    problem = closed.orbit.problem
+    # A closed form is made for one set of parameters; here every motion has its own.
+    general = replace(problem, exact=False)
+    vars(general)["compiled"] = problem.compiled
+    shooting = closed.shooting.with_pieces(pieces, general)
+    assert pieces.free is not None
+    orbit = shooting.orbit(np.append(closed.orbit.x, problem.parameters[pieces.free]))
+    new, x = restarted(shooting, orbit, len(shooting.stations), chart_sizes(closed, extent))
+    return Chart(new, extent), x
+
+
+def spectral_tests(multipliers: Array, slope: float) -> dict[str, float]:
+    """Functions that vanish with a multiplier −1, a pair on the unit circle, and a multiplier 1 that is no fold."""
+    pairs = [(1.0 - a * b) / (1.0 + abs(a * b)) for a, b in combinations(multipliers, 2)]
+    branching = np.prod((multipliers - 1.0) / (1.0 + np.abs(multipliers))).real
+    # At a fold both the multiplier 1 and the slope are there, and their ratio is not known.
+    known = abs(slope) > 1e-7 and len(multipliers) > 0
+    return {
+        "period doubling": float(np.prod((multipliers + 1.0) / (1.0 + np.abs(multipliers))).real),
+        "torus": float(np.prod(pairs).real) if pairs else 1.0,
+        "branch point": float(branching / slope) if known else np.nan,
+    }
+
+
+def renewed(chart: Chart, x: Array, tangent: Array) -> tuple[Chart, Array, Array]:
+    """A chart around the best state of a cycle; its unknowns, and the direction of travel carried over."""
+    shooting, orbit = chart.shooting, chart.orbit(x)
+    begin = best_start(shooting, orbit)
+    new, y = restarted(shooting, orbit, stations_for(shooting, orbit), chart_sizes(chart.closed(x), chart.extent))
+    change = _carried(shooting, orbit, tangent, begin)
+    station = new.stations[0]
+    xi = station.chart @ change
+    xi = xi - new.fixed.T @ np.linalg.lstsq(new.fixed.T, xi, rcond=None)[0] if len(new.fixed) else xi
+    towards = np.zeros(len(y))
+    towards[: len(xi)] = xi
+    towards[new.time :] = tangent[shooting.time :]
+    return Chart(new, chart.extent), y, towards
+
+
+def chart_sizes(closed: Closed, extent: Extent) -> Array:
+    """Units of the state: half the range of each component, or a small part of its modulus."""
+    sizes = sizes_of(closed.orbit.motion, closed.orbit.shift, closed.shooting.pieces)
+    return np.maximum(sizes, FLOOR * extent.modulus)
+
+
+def _carried(shooting: Shooting, orbit: Orbit, tangent: Array, begin: float) -> Array:
+    """Change of the state at a time within the period that belongs to a change of the unknowns."""
+    n = len(orbit.shift)
+    part = (begin - shooting.start) / orbit.period
+    j = max(i for i, leg in enumerate(orbit.legs) if leg.begin <= part)
+    leg, station = orbit.legs[j], shooting.stations[j]
+    own = tangent[shooting.first[j] : shooting.first[j + 1]]
+    start = float(leg.motion.knots.time[0])
+    p = numbers(orbit.problem)
+    later = (leg.place.by_time - station.piece.rates(start, leg.place.state, p)) * leg.begin * tangent[shooting.time]
+    first = leg.place.directions @ own + later + leg.place.by_parameter * tangent[-1]
+    if begin <= start:
+        return first
+    motion = follow(orbit.problem, start, begin, leg.place.state)
+    return variation(motion, shooting.pieces, np.append(first, tangent[-1])[:, None]).matrix[:n, 0]

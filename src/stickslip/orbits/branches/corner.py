@@ -1,0 +1,233 @@
+"""Corners of a branch of cycles: at a change of the sequence the branch may go on in quite another direction.
+
+Up to the change the cycles solve one smooth problem, beyond it another, and the two curves meet at an angle that no
+short step bridges; the branch may even turn back (a fold that is not smooth). The corner is approached from this side
+in steps that shorten as it comes near, since neighbours of a cycle that is about to change have changed already. Just
+beyond it, the derivatives are those of the other problem, and their null vector is the direction to go on. If a contact
+sticks throughout on one side only, the other problem also says where it rests: where it does at the corner.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stickslip.orbits.branches.chart import OPEN, Chart, renewed
+from stickslip.orbits.continuation.arclength import UNDEFINED, Lost, Point, correct, direction
+from stickslip.orbits.return_map.mode_sequence import Sequence, change_of, is_open, sequence
+from stickslip.orbits.return_map.recurrence import segments
+
+Array = np.ndarray
+
+FAILURES = (Lost, *UNDEFINED)
+TOLERANCE = 1e-11
+LOCATED = 1e-12  # a corner is located to this length …
+TANGENT = 1e-8  # … and left along the tangent so far before it: nearer, what is touched is taken for crossed no more
+BESIDE = 1e-9  # a cycle so far before it can be certified: on the corner itself nothing has a derivative
+MOST = 400  # steps towards a corner
+EDGE = 0.1  # a station nearer to the end of its phase, as a part of it, says nothing about what comes back
+ALONG = 0.9  # least cosine between the direction beyond a corner and the chord to the point found there
+DIRECTIONS = 3  # that are tried one after the other
+FURTHER = 100.0  # how much further beyond a corner one looks whether a contact slips both ways
+AHEAD = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # how far beyond a corner the other side is looked for
+
+
+@dataclass(frozen=True)
+class Onward:
+    """A point of the branch beyond a corner, in a chart of that side, and the direction of travel there."""
+
+    chart: Chart
+    x: Array
+    towards: Array
+
+
+@dataclass(frozen=True)
+class Corner:
+    """Where a branch changes its direction.
+
+    Attributes
+    ----------
+    x, beside : arrays
+        Unknowns there, in the chart of this side, and a little before.
+    kind, note : str
+        What changes.
+    turns : bool
+        Whether the parameter turns back.
+    onward : Onward or None
+        None if no cycle goes on.
+    """
+
+    x: Array
+    beside: Array
+    kind: str
+    note: str
+    turns: bool
+    onward: Onward | None
+
+
+def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corner | None:
+    """The corner within some length after a point.
+
+    None if the sequence does not change there, or if the branch turns by more than an angle, or back, before it does:
+    that has to be resolved first.
+    """
+    here = sequence(chart.orbit(point.x).motion)
+    before = _unit(chart, point.x, point.tangent)
+    if _beyond(chart, point.x, before, here, (0.25 * reach, reach, 4.0 * reach)) is None:
+        return None
+    approached = _approach(chart, point.x, before, here, 8.0 * reach)
+    if approached is None:
+        return None
+    x, beside, tangent = approached
+    if tangent @ before < np.cos(turn) or tangent[-1] * before[-1] < 0.0:
+        return None
+    try:
+        # Around the corner itself, so that what begins to rest there is held where it is.
+        there, y, towards = renewed(chart, x, tangent * chart.scale(x))
+    except FAILURES:
+        return None
+    towards = _unit(there, y, towards)
+    found = _beyond(there, y, towards, here, AHEAD)
+    if found is None:
+        return None
+    trial, after, distance = found
+    if is_open(after) and not _well_inside(chart, x):
+        return None
+    contacts = [c.name for c in chart.shooting.pieces.equations.contacts]
+    edge = _carried(there, y, towards, trial, after, distance)
+    if edge is not None:
+        onward = _along_the_edge(there, y, towards, edge)
+        note = f"contact '{contacts[edge[0]]}' begins to slip one way, which carries along where it rests"
+        return Corner(x, beside, "slip onset", note, False, onward)
+    kind, note = change_of(contacts, here, after)
+    onward = None if is_open(after) else _onward(there, y, trial, here, distance)
+    turns = onward is not None and onward.towards[-1] * tangent[-1] < 0.0
+    return Corner(x, beside, kind, note, turns, onward)
+
+
+def _carried(
+    chart: Chart, x: Array, tangent: Array, trial: Array, after: Sequence, distance: float
+) -> tuple[int, int] | None:
+    """The contact that has stuck throughout and only slips one way just beyond a corner, and which way.
+
+    A bit further it may slip both ways, as it does where it rests in the middle between its edges.
+    """
+    further = _sequence_at(chart, x + chart.scale(x) * tangent * FURTHER * distance)
+    for held in chart.shooting.setting.held:
+        ways = {mode[held.contact] for s in (after, further or ()) for mode, _ in s} - {0}
+        if len(ways) == 1 and not held.edge:
+            return held.contact, ways.pop()
+    return None
+
+
+def _sequence_at(chart: Chart, x: Array) -> Sequence | None:
+    try:
+        return sequence(chart.orbit(x).motion)
+    except FAILURES:
+        return None
+
+
+def _along_the_edge(chart: Chart, x: Array, towards: Array, edge: tuple[int, int]) -> Onward | None:
+    """A cycle on which a contact is carried along, while the parameter goes on as before."""
+    other, units = chart.carrying(*edge), chart.scale(x)
+    for length in (1e-5, 1e-4, 1e-6):
+        try:
+            tangent, _ = direction(other, x, units, towards)
+            tangent = tangent if tangent[-1] * towards[-1] > 0.0 else -tangent
+            there = correct(other, x + units * tangent * length, units, tangent, TOLERANCE)
+            if other.shooting.miss(other.orbit(there)) <= OPEN and other.carried(there, tangent * units) > 0.0:
+                return Onward(other, there, tangent * units)
+        except FAILURES:
+            continue
+    return None
+
+
+def _approach(
+    chart: Chart, x: Array, tangent: Array, here: Sequence, reach: float
+) -> tuple[Array, Array, Array] | None:
+    """The last point of this side, one a little before, and the tangent; None if there is no end within reach."""
+    passed, step, beside = 0.0, 0.25 * reach, x
+    for _ in range(MOST):
+        if step <= LOCATED or passed > reach:
+            break
+        units = chart.scale(x)
+        try:
+            trial = correct(chart, x + units * tangent * step, units, tangent, TOLERANCE)
+            chart.check(chart.orbit(trial))
+            same = sequence(chart.orbit(trial).motion) == here
+            ahead = tangent
+            if same and step > TANGENT:
+                ahead, _ = direction(chart, trial, chart.scale(trial), tangent)
+        except FAILURES:
+            same, trial, ahead = False, x, tangent
+        if same:
+            passed, x, tangent = passed + step, trial, ahead
+            beside = trial if step > BESIDE else beside
+        else:
+            step *= 0.5
+    return None if passed > reach else (x, beside, tangent)
+
+
+def _well_inside(chart: Chart, x: Array) -> bool:
+    """Whether a cycle starts well inside its first phase, which is its last one, too."""
+    k = chart.orbit(x).motion.knots
+    found = segments(k)
+    before, after = (float(k.time[b] - k.time[a]) for a, b in (found[-1], found[0]))
+    return len(found) == 1 or min(before, after) > EDGE * (before + after)
+
+
+def _unit(chart: Chart, x: Array, tangent: Array) -> Array:
+    scaled = tangent / chart.scale(x)
+    return scaled / np.linalg.norm(scaled)
+
+
+def _beyond(
+    chart: Chart, x: Array, tangent: Array, here: Sequence, distances: tuple[float, ...]
+) -> tuple[Array, Sequence, float] | None:
+    """A trial point ahead whose motion has another sequence."""
+    units = chart.scale(x)
+    for distance in distances:
+        trial = x + units * tangent * distance
+        try:
+            there = sequence(chart.orbit(trial).motion)
+        except FAILURES:
+            return None
+        if there != here:
+            return trial, there, distance
+    return None
+
+
+def _onward(chart: Chart, x: Array, trial: Array, here: Sequence, distance: float) -> Onward | None:
+    """A cycle beyond the corner, in one of the two senses of the null vector of the derivatives there."""
+    chart = chart.resting_as(chart.orbit(trial).motion)
+    units = chart.scale(x)
+    rows = chart.orbit(trial).J * units
+    null = np.linalg.svd(rows / np.maximum(np.max(np.abs(rows), axis=1, keepdims=True), 1e-300))[2][-1]
+    for length in (10.0 * distance, 100.0 * distance, distance):
+        for sense in (null, -null):
+            try:
+                found = _beyond_along(chart, x, sense, length, here)
+            except FAILURES:
+                continue
+            if found is not None:
+                return found
+    return None
+
+
+def _beyond_along(chart: Chart, x: Array, sense: Array, length: float, here: Sequence) -> Onward | None:
+    """A cycle of another sequence at a distance from the corner, along a direction that fits the chord to it.
+
+    What is found first may have more switches than the trial that gave the direction: then the direction is its own.
+    """
+    units = chart.scale(x)
+    for _ in range(DIRECTIONS):
+        there = correct(chart, x + units * sense * length, units, sense, TOLERANCE)
+        orbit, chord = chart.orbit(there), (there - x) / units
+        after = sequence(orbit.motion)
+        if after == here or is_open(after) or chart.shooting.miss(orbit) > OPEN:
+            return None
+        if sense @ chord > ALONG * np.linalg.norm(chord):
+            return Onward(chart, there, units * sense)
+        sense, _ = direction(chart, there, units, chord)
+    return None

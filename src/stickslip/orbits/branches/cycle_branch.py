@@ -1,0 +1,363 @@
+"""Branches of cycles over a parameter: folds, period doublings, tori, stick onset, grazing, changes of the sequence.
+
+The curve is followed in charts: coordinates around one state of the cycle, in units of its size. After some points the
+chart is made anew around the best state of the present cycle, and the direction of travel is carried over along the
+motion. No equation knows the sequence of modes; it is read off the motion, and where it changes between two points
+the change is located.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from stickslip.errors import DeclarationError
+from stickslip.orbits.branches.chart import Chart, extent_of, first_chart, renewed
+from stickslip.orbits.branches.corner import Corner, Onward, corner_after
+from stickslip.orbits.branches.equilibrium_branch import checked_range
+from stickslip.orbits.branches.halving import doubles_at, half_gap
+from stickslip.orbits.branches.hopf_switching import shrinks_to
+from stickslip.orbits.branches.special_points import (
+    APART,
+    NOT_SMOOTH,
+    STEP,
+    TWICE,
+    Spacing,
+    confirmed,
+    dataset,
+    is_flat,
+    locate_changes,
+    of_branch,
+)
+from stickslip.orbits.continuation.arclength import UNDEFINED, Path, Steps, ranges, trace
+from stickslip.orbits.continuation.branch import Branch, SpecialPoint
+from stickslip.orbits.cycles.cycle import Cycle
+from stickslip.orbits.cycles.finding import from_cycle
+from stickslip.orbits.cycles.period import part_of
+from stickslip.orbits.fields.mode_field import Pieces
+from stickslip.orbits.return_map.damped_newton import Closed
+from stickslip.orbits.return_map.mode_sequence import LOSS
+from stickslip.progress import Show, watched
+
+Array = np.ndarray
+
+STEPS = Steps(first=0.01, largest=0.25, tolerance=1e-8, turn=0.3)
+IN_CHART = 8  # points before the chart is made anew
+FULL = f"the limit of {IN_CHART + 1} points was reached"
+CLOSED, INTERRUPTED = "the branch is closed", "interrupted"
+PATIENCE = 64.0  # a step is shortened by this factor before the chart is made anew
+ENDINGS = ("amplitude", "halving", "growth", "period", "carried")
+DISTINCT = 1e-9  # sizes that differ by less, relative to each other, are the same
+
+
+@dataclass
+class _Event:
+    """What happens somewhere on the branch: in a cycle, or where it vanishes, at a value in an equilibrium."""
+
+    kind: str
+    note: str
+    cycle: Cycle
+    value: float
+    centre: Array | None = None
+
+
+@dataclass
+class _Station:
+    """A point of the branch, what happens there, and how far it is from the one before."""
+
+    value: float
+    cycle: Cycle
+    events: list[_Event] = field(default_factory=list)
+    step: float = 0.0
+
+
+def continue_cycle(cycle: Cycle, parameter: str, span: tuple[float, float], *, steps: Steps | None = None) -> Branch:
+    """Follow a cycle while a parameter changes.
+
+    Parameters
+    ----------
+    cycle : Cycle
+    parameter : str
+        The parameter that changes.
+    span : (float, float)
+        Its range, with the cycle's own value inside.
+    steps : Steps, optional
+
+    Returns
+    -------
+    Branch
+        Both ways from the cycle, through folds and changes of the sequence. ``special`` has the kinds
+
+        - ``"fold"`` (noted as not smooth at a corner of the branch), ``"period doubling"``, ``"torus"``,
+          ``"branch point"``;
+        - ``"stick onset"`` (a contact begins to stick, or no longer does), ``"grazing"`` (a phase appears where a
+          boundary is touched), ``"slip onset"`` (a contact begins to slip, or from there on sticks throughout and rests
+          where it did there), ``"sequence change"`` (any other), ``"loss of the cycle"`` (it ends at a change);
+        - ``"Hopf"`` and ``"boundary equilibrium"`` (the cycle shrinks to an equilibrium inside a mode or on its
+          boundary).
+
+        Of driven systems ``time`` says when the state is passed.
+
+    Every point is a certified cycle within the range; what is not certified is not on the branch.
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is wrong, or the cycle is not certified.
+    """
+    if not isinstance(cycle, Cycle):
+        raise DeclarationError("cycle", f"expected a Cycle, got {type(cycle).__name__}", "Use find_cycle")
+    if not cycle.certificate.ok:
+        raise DeclarationError("cycle", f"it is {cycle.certificate.verdict}", "Start from a certified cycle")
+    low, high = checked_range(cycle.system, parameter, span)
+    value = cycle.parameters[parameter]
+    if not low <= value <= high:
+        raise DeclarationError("cycle", f"it is at {parameter} = {value:g}, outside ({low:g}, {high:g})", "Enclose it")
+    follower = _Follower(cycle, parameter, (low, high), steps or STEPS)
+    with watched("following the cycle") as show:
+        back = follower.follow(-1.0, show)
+        forth = (back[0][:1], back[1]) if back[1] in (CLOSED, INTERRUPTED) else follower.follow(1.0, show)
+    return follower.branch(back, forth)
+
+
+class _Follower:
+    def __init__(self, cycle: Cycle, parameter: str, span: tuple[float, float], steps: Steps) -> None:
+        self.cycle, self.parameter, self.span, self.steps = cycle, parameter, span, steps
+        self.extent = extent_of(cycle.closed, span)
+        self.pieces = Pieces(cycle.closed.orbit.problem.compiled.equations, parameter)
+        self.start = _Station(cycle.parameters[parameter], cycle)
+        self.spacing = Spacing({parameter: span}, self.extent.modulus)
+
+    def follow(self, sign: float, show: Show) -> tuple[list[_Station], str]:
+        """The points in one direction, from the start on, and the reason for the end; what was computed is kept."""
+        stations = [replace(self.start, events=[])]
+        try:
+            return stations, self._collect(sign, stations, show)
+        except KeyboardInterrupt:
+            return stations, INTERRUPTED
+        except UNDEFINED as failure:
+            return stations, f"no cycle was found further on ({failure})"
+
+    def _collect(self, sign: float, stations: list[_Station], show: Show) -> str:
+        """Append the points in one direction; the reason for the end."""
+        chart, x = first_chart(self.cycle.closed, self.pieces, self.extent)
+        towards = np.zeros(len(x))
+        towards[-1] = sign
+        step = self.steps.first
+        while True:
+            path = self._trace(chart, x, towards, step)
+            before = len(stations)
+            self._append(stations, chart, path)
+            last = path.points[-1]
+            show(None, f"{len(stations)} points, {self.parameter} = {float(last.x[-1]):.6g}")
+            reason = self._end(path, stations, before)
+            if reason:
+                return reason
+            if path.ended == "carried":
+                chart, x, towards = renewed(self._left_behind(stations, chart), last.x, last.tangent)
+                step = self.steps.first
+                continue
+            if path.ended != FULL:
+                bent = corner_after(chart, last, self._smallest(step), self.steps.turn)
+                if bent is not None:
+                    onward = self._around(stations, chart, bent)
+                    if onward is None:
+                        return f"{LOSS} at {self.parameter} = {bent.x[-1]:.12g}: {bent.note}"
+                    chart, x, towards = renewed(onward.chart, onward.x, onward.towards)
+                    step = self.steps.first
+                    continue
+                if len(path.points) == 1 and step <= PATIENCE * self.steps.smallest:
+                    return path.ended
+            step = self._next_step(path, step)
+            chart, x, towards = renewed(chart, last.x, last.tangent)
+
+    def _trace(self, chart: Chart, x: Array, towards: Array, step: float) -> Path:
+        """Some points in one chart."""
+        return trace(
+            chart,
+            x,
+            towards,
+            scale=chart.scale,
+            tests=chart.tests,
+            endings={name: name for name in ENDINGS},
+            limits=ranges({self.parameter: self.span}),
+            accept=lambda last, new: self.spacing.check(chart.cycle(last.x), chart.cycle(new.x)),
+            steps=replace(self.steps, first=step, smallest=self._smallest(step), most=IN_CHART + 1),
+        )
+
+    def _smallest(self, step: float) -> float:
+        """Step below which a chart is given up."""
+        return max(self.steps.smallest, step / PATIENCE)
+
+    def _next_step(self, path: Path, step: float) -> float:
+        """Length of the first step in the next chart."""
+        if len(path.points) == 1:
+            return step / PATIENCE
+        return min(1.5 * (path.points[-1].length - path.points[-2].length), self.steps.largest)
+
+    # -- points -------------------------------------------------------------------------------------------------------
+
+    def _append(self, stations: list[_Station], chart: Chart, path: Path) -> None:
+        """Append the points of a path after its first, with what happens at and between them."""
+        for i in range(1, len(path.points)):
+            point, slope = path.points[i], float(path.points[i].tangent[-1] / chart.scale(path.points[i].x)[-1])
+            changes = locate_changes(chart, path.points[i - 1], point)
+            for change in changes:
+                self._add(stations, chart.cycle(change.x), [(change.kind, change.note)])
+            names = [c.name for c in path.crossings if c.index == i and c.name not in ENDINGS and not is_flat(path, c)]
+            cycle = chart.cycle(point.x)
+            events = [confirmed(name, slope, cycle.nontrivial, changes) for name in names]
+            self._add(stations, cycle, [event for event in events if event])
+
+    def _add(self, stations: list[_Station], cycle: Cycle, kinds: list[tuple[str, str]]) -> None:
+        """Append a cycle, unless it is the last one or not certified; what happens there is kept in any case."""
+        value = cycle.parameters[self.parameter]
+        events = [_Event(kind, note, cycle, value) for kind, note in kinds]
+        step = self.spacing(stations[-1].cycle, cycle)
+        if step > TWICE and cycle.certificate.ok:
+            stations.append(_Station(value, cycle, events, step))
+        else:
+            stations[-1].events += events
+
+    def _left_behind(self, stations: list[_Station], chart: Chart) -> Chart:
+        """Where contacts are carried along no more they keep where they rest."""
+        names = [c.name for c in self.pieces.equations.contacts]
+        for held in chart.shooting.setting.held:
+            if held.edge:
+                note = f"contact '{names[held.contact]}' is carried along no more and rests where it is"
+                self._add(stations, stations[-1].cycle, [("slip onset", note)])
+                chart = chart.carrying(held.contact, 0)
+        return chart
+
+    def _around(self, stations: list[_Station], chart: Chart, bent: Corner) -> Onward | None:
+        """Append a corner and a point beyond it; None if the branch does not go on from there."""
+        onward = bent.onward
+        if onward is not None and not self._continues(chart.cycle(bent.x), onward):
+            onward = None
+        kinds = [(bent.kind if onward else LOSS, bent.note)]
+        if onward and bent.turns:
+            kinds.append(("fold", NOT_SMOOTH))
+        if not chart.cycle(bent.x).certificate.ok:
+            self._add(stations, chart.cycle(bent.beside), [])
+        self._add(stations, chart.cycle(bent.x), kinds)
+        if onward:
+            self._add(stations, onward.chart.cycle(onward.x), [])
+        return onward
+
+    def _continues(self, corner: Cycle, onward: Onward) -> bool:
+        """Whether a point beyond a corner is a certified cycle within the range, next to the corner."""
+        cycle = onward.chart.cycle(onward.x)
+        inside = self.span[0] <= cycle.parameters[self.parameter] <= self.span[1]
+        return inside and cycle.certificate.ok and self.spacing(corner, cycle) <= APART
+
+    def _features(self, cycle: Cycle) -> Array:
+        """Numbers that tell cycles of a branch apart: parameter, period, and ranges relative to the state."""
+        part = cycle.parameters[self.parameter] / (self.span[1] - self.span[0])
+        widths = [(high - low) / m for (low, high), m in zip(cycle.extrema.values(), self.extent.modulus, strict=True)]
+        return np.array([part, np.log(cycle.period), *widths])
+
+    # -- ends ---------------------------------------------------------------------------------------------------------
+
+    def _end(self, path: Path, stations: list[_Station], before: int) -> str:
+        """Why the branch ends here; empty if it does not."""
+        if path.ended == INTERRUPTED or path.ended in ranges({self.parameter: self.span}):
+            return path.ended
+        if path.ended in ENDINGS and path.ended != "carried":
+            return self._named_end(path.ended, stations)
+        if len(stations) > self.steps.most:
+            return f"the limit of {self.steps.most} points was reached"
+        return CLOSED if self._came_back(stations, before) else ""
+
+    def _named_end(self, name: str, stations: list[_Station]) -> str:
+        cycle = stations[-1].cycle
+        if name == "period":
+            return f"the period grows without bound, it is {cycle.period:.6g}"
+        if name == "growth":
+            return f"the cycle grows without bound, to {self._amplitude(cycle):.3g} times the state at the start"
+        event = self._halved(stations) if name == "halving" else self._vanished(stations)
+        if self.span[0] <= event.value <= self.span[1]:
+            stations[-1].events.append(event)
+        return f"{event.kind} at {self.parameter} = {event.value:.12g}: {event.note}"
+
+    def _vanished(self, stations: list[_Station]) -> _Event:
+        """The cycle shrinks to an equilibrium, inside a mode or on its boundary."""
+        cycle = stations[-1].cycle
+        smooth = len(cycle.phases) == 1
+        value = self._vanishing(stations, self._amplitude, 2 if smooth else 1)
+        centre = np.mean(cycle.closed.samples(64), axis=0)
+        born = shrinks_to(cycle.closed, self.parameter, value) if smooth else None
+        if born is not None:
+            value, centre = born
+        kind = "Hopf" if smooth else "boundary equilibrium"
+        return _Event(kind, "the cycle shrinks to an equilibrium", cycle, value, centre)
+
+    def _halved(self, stations: list[_Station]) -> _Event:
+        """The cycle becomes one of half its period, which doubles its period there."""
+        last = stations[-1]
+        near = self._vanishing(stations, lambda cycle: half_gap(cycle.closed), 2)
+
+        def at(closed: Closed, value: float) -> Closed:
+            return from_cycle(closed, closed.shooting.start, {self.parameter: value})
+
+        found = doubles_at(part_of(last.cycle.closed, 2), last.value, near, at)
+        note = "the cycle becomes one of half its period"
+        return _Event("period doubling", note, last.cycle, near if found is None else found)
+
+    def _vanishing(self, stations: list[_Station], size: Callable[[Cycle], float], power: int) -> float:
+        """Value of the parameter at which a size of cycles is 0: it is linear in a power of the size."""
+        value, least = stations[-1].value, size(stations[-1].cycle) ** power
+        for station in reversed(stations[:-1]):
+            before = size(station.cycle) ** power
+            if before > (1.0 + DISTINCT) * least:
+                return value - least * (station.value - value) / (before - least)
+        return value
+
+    def _amplitude(self, cycle: Cycle) -> float:
+        ranges = np.array([high - low for low, high in cycle.extrema.values()])
+        return float(np.max(ranges / self.extent.modulus))
+
+    def _came_back(self, stations: list[_Station], before: int) -> bool:
+        """Whether one of the steps since then has passed the start of the branch."""
+        if len(stations) <= 2 * IN_CHART:
+            return False
+        start = self._features(self.cycle)
+        places = [self._features(s.cycle) for s in stations[before - 1 :]]
+        for a, b in itertools.pairwise(places):
+            chord, offset = b - a, start - a
+            part = offset @ chord / (chord @ chord + 1e-300)
+            if 0.0 < part <= 1.0 and np.linalg.norm(offset - part * chord) < 0.05 * np.linalg.norm(chord):
+                return True
+        return False
+
+    # -- results ------------------------------------------------------------------------------------------------------
+
+    def branch(self, back: tuple[list[_Station], str], forth: tuple[list[_Station], str]) -> Branch:
+        """The two directions as one branch, from the far end of the first to that of the second."""
+        start = back[0][0]
+        start.events += forth[0][0].events if forth[0][0] is not start else []
+        stations = [*reversed(back[0]), *forth[0][1:]]
+        for one, other in itertools.pairwise(stations):
+            other.step = self.spacing(one.cycle, other.cycle)
+        stations[0].step = 0.0
+        special = [self._special(event, i) for i, s in enumerate(stations) for event in s.events]
+        values, cycles = [s.value for s in stations], [s.cycle for s in stations]
+        points = dataset(self.parameter, values, cycles)
+        points["step"] = "point", np.array([s.step for s in stations]), STEP
+        ended = f"first point: {back[1]}; last point: {forth[1]}"
+        certificate = of_branch(cycles, {self.parameter: self.span}, points["step"].values)
+        system, parameters = self.cycle.system, dict(self.cycle.parameters)
+        return Branch(system, parameters, self.parameter, points, special, ended, certificate)
+
+    def _special(self, event: _Event, index: int) -> SpecialPoint:
+        cycle, state = event.cycle, event.cycle.state
+        field = cycle.closed.shooting.stations[0].piece.field
+        if event.centre is not None:
+            state = dict(zip(state, map(float, event.centre), strict=True))
+        parameters = {**cycle.parameters, self.parameter: event.value}
+        data = {"time": cycle.time} if cycle.closed.shooting.symmetry.driven else {}
+        return SpecialPoint(
+            event.kind, event.value, state, parameters, field.mode, field.region, index, cycle.period, data, event.note
+        )

@@ -1,0 +1,432 @@
+"""Branches of equilibria over a parameter: folds, Hopf points, branch points, boundary equilibria."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.certificates import Certificate, worst
+from stickslip.equations.derive import MotionEquations
+from stickslip.equations.field import Guard, mode_field
+from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.model.declaration import check_initial
+from stickslip.model.system import System
+from stickslip.orbits.continuation.arclength import Lost, Path, Point, Steps, in_range, ranges, trace
+from stickslip.orbits.continuation.branch import Branch, SpecialPoint
+from stickslip.orbits.equilibria.certificate import certify
+from stickslip.orbits.equilibria.equilibrium import Equilibrium, decays, describe_guard
+from stickslip.orbits.equilibria.finding import autonomous, checked_values, equilibria
+from stickslip.orbits.equilibria.normal_form import Derivatives, hopf
+from stickslip.orbits.fields.steady import Array, ResidualFunction, Steady, invariant_directions
+from stickslip.symbolic import expressions as ex
+
+if TYPE_CHECKING:
+    import xarray
+
+STEPS = Steps(first=0.005, largest=0.02)
+MOST_PIECES = 50
+STABLE = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "undecided unstable stable"}
+MARGIN = {"long_name": "least guard of the mode, relative to the size of its terms"}
+ERROR = {"long_name": "by how much the eigenvalues may be wrong"}
+DEFECT = {"long_name": "violation of the equilibrium conditions, relative to the state"}
+
+
+def continue_equilibrium(
+    system: System,
+    parameter: str,
+    span: tuple[float, float],
+    *,
+    start: Equilibrium | Mapping[str, float] | None = None,
+    parameters: Mapping[str, float] | None = None,
+    steps: Steps | None = None,
+) -> Branch:
+    """Follow an equilibrium while a parameter changes.
+
+    Parameters
+    ----------
+    system : System
+    parameter : str
+        The parameter that changes.
+    span : (float, float)
+        Its range.
+    start : Equilibrium or mapping of str to float, optional
+        Where the branch starts, with the parameters it was found at; or a state near an equilibrium. By default the
+        first isolated equilibrium at the value in `parameters`, or at the middle or an end of the range.
+    parameters : mapping of str to float, optional
+        Values that replace the defaults.
+    steps : Steps, optional
+
+    Returns
+    -------
+    Branch
+        Both ways from the start, through folds and through changes of the mode. ``special`` has the kinds ``"fold"``,
+        ``"Hopf"`` (with ``frequency`` and ``lyapunov``, the first Lyapunov coefficient, see
+        :class:`~stickslip.orbits.equilibria.normal_form.Hopf`), ``"branch point"`` and ``"boundary equilibrium"``.
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is wrong, or the system depends on time.
+    ConvergenceError
+        If there is no isolated equilibrium to start from.
+    """
+    equations = autonomous(system)
+    values = checked_values(system, parameters)
+    low, high = checked_range(system, parameter, span)
+    first = _start(system, parameter, (low, high), start, values)
+    values = first.parameters
+    origin = np.array([float(v) for v in first.state.values()])
+    follower = _Follower(
+        equations, values, parameter, (low, high), invariant_directions(equations, values, origin), steps or STEPS
+    )
+    x = np.append(origin, values[parameter])
+    upwards = np.append(np.zeros(len(origin)), 1.0)
+    forth = follower.follow(first, x, upwards)
+    back = follower.follow(first, x, -forth[0].path.points[0].tangent)
+    return follower.branch(system, back, forth)
+
+
+def checked_range(system: System, parameter: str, span: tuple[float, float]) -> tuple[float, float]:
+    """The ends of a parameter's range, checked."""
+    try:
+        low, high = (float(v) for v in span)
+    except (TypeError, ValueError):
+        raise DeclarationError(parameter, f"{span!r} is not a range", "Give (low, high)") from None
+    for end in (low, high):
+        system.declaration.check_range(parameter, end)
+    if not low < high:
+        raise DeclarationError(parameter, f"({low:g}, {high:g}) is not a range", "Give low < high")
+    return low, high
+
+
+def _start(
+    system: System,
+    parameter: str,
+    span: tuple[float, float],
+    start: Equilibrium | Mapping[str, float] | None,
+    values: dict[str, float],
+) -> Equilibrium:
+    low, high = span
+    if isinstance(start, Equilibrium):
+        if not low <= start.parameters[parameter] <= high:
+            raise DeclarationError(
+                "start",
+                f"it was found at {parameter} = {start.parameters[parameter]:g}, outside ({low:g}, {high:g})",
+                "Start inside the range",
+            )
+        return start
+    if start is not None:
+        for name, value in start.items():
+            check_initial(system.declaration, name, value)
+        system = replace(system, initial={**system.initial, **start})
+    inside = [values[parameter]] if low <= values[parameter] <= high else []
+    tried: dict[str, str] = {}
+    for value in [*inside, 0.5 * (low + high), low, high]:
+        found = equilibria(system, {**values, parameter: value})
+        candidates = [e for e in found.isolated if not e.boundary]
+        if candidates and start is not None:
+            return min(candidates, key=lambda e: _distance(e, start))
+        if candidates:
+            return candidates[0]
+        why = "only sets of equilibria in stick" if found.sets else found.nearest or "nothing came near"
+        tried[f"{parameter} = {value:g}"] = why
+    raise ConvergenceError(
+        f"equilibria of {system.name}",
+        "there is no isolated equilibrium to start from; " + "; ".join(f"{at}: {why}" for at, why in tried.items()),
+        "Choose another range, or give a start",
+    )
+
+
+def _distance(e: Equilibrium, near: Mapping[str, float]) -> float:
+    return sum(((e.state[x] - v) / (1.0 + abs(v))) ** 2 for x, v in near.items())
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """A part of a branch within one mode and region."""
+
+    steady: Steady
+    path: Path
+
+
+@dataclass(frozen=True)
+class _Station:
+    """A point of the branch with the problem it solves, the test functions that vanish there, and what comes after."""
+
+    steady: Steady
+    point: Point
+    kinds: tuple[str, ...]
+    note: str
+
+
+class _Follower:
+    def __init__(
+        self,
+        equations: MotionEquations,
+        values: dict[str, float],
+        parameter: str,
+        span: tuple[float, float],
+        invariant: Array,
+        steps: Steps,
+    ) -> None:
+        self.eq, self.values, self.parameter, self.span = equations, values, parameter, span
+        self.invariant, self.steps = invariant, steps
+        self.width = span[1] - span[0]
+        self.contacts = tuple(c.name for c in equations.contacts)
+
+    # -- following --------------------------------------------------------------------------------
+
+    def follow(self, first: Equilibrium, x: Array, towards: Array) -> list[_Piece]:
+        """All pieces from the start in one direction."""
+        steady = self._steady(first.mode, first.region, x[:-1])
+        pieces: list[_Piece] = []
+        while len(pieces) < MOST_PIECES:
+            pieces.append(_Piece(steady, self._trace(steady, x, towards)))
+            guard = self._guard_that_ended(pieces[-1])
+            if guard is None:
+                break
+            end = pieces[-1].path.points[-1]
+            onward = self._beyond(steady, guard, end)
+            if onward is None:
+                break
+            steady, x, towards = onward[0], end.x, onward[1]
+        return pieces
+
+    def _steady(self, mode: tuple[int, ...], region: tuple[int, ...], origin: Array) -> Steady:
+        return Steady(mode_field(self.eq, mode, region), self.values, self.invariant, origin)
+
+    def _trace(self, steady: Steady, x: Array, towards: Array) -> Path:
+        floor = steady.units(x, {self.parameter: self.span})
+        return trace(
+            steady.residual(self.parameter),
+            x,
+            towards,
+            scale=lambda x: self._scale(x, floor),
+            tests=lambda x, tangent: self._tests(steady, x, tangent),
+            endings={f"guard {i}": f"guard {i}" for i in range(len(steady.field.guards))},
+            limits=ranges({self.parameter: self.span}),
+            accept=lambda last, new: self._accept(steady, last, new),
+            steps=self.steps,
+        )
+
+    def _accept(self, steady: Steady, last: Point, new: Point) -> None:
+        """See that a point is a certified equilibrium; its guards are test functions.
+
+        Raises
+        ------
+        Lost
+            If it is not.
+        """
+        found = certify(steady, self._point(steady, new.x), beside=self._point(steady, last.x))[0]
+        if not found["equations"].ok or not found["eigenvalues"].ok:
+            raise Lost(f"the next equilibrium is {found.verdict}")
+
+    def _scale(self, x: Array, floor: Array) -> Array:
+        # The root of their number, so that the state as a whole counts as much as the parameter.
+        return np.append(np.sqrt(len(floor)) * np.maximum(np.abs(x[:-1]), floor), self.width)
+
+    def _point(self, steady: Steady, x: Array) -> Array:
+        return steady.point(x[:-1], {self.parameter: x[-1]})
+
+    def _tests(self, steady: Steady, x: Array, tangent: Array) -> dict[str, float]:
+        point = self._point(steady, x)
+        eigenvalues = steady.eigenvalues(point)
+        guards = steady.guards(point)
+        slope = tangent[-1]
+        with np.errstate(all="ignore"):
+            branching = (
+                float(np.prod(eigenvalues / np.max(np.abs(eigenvalues))).real / slope) if len(eigenvalues) else 1.0
+            )
+        return {
+            "fold": slope,
+            "branch point": branching,
+            "Hopf": hopf_test(eigenvalues),
+            **{f"guard {i}": float(g) for i, g in enumerate(guards)},
+        }
+
+    def _guard_that_ended(self, piece: _Piece) -> Guard | None:
+        name = piece.path.ended
+        return piece.steady.field.guards[int(name.split()[1])] if name.startswith("guard ") else None
+
+    def _beyond(self, steady: Steady, guard: Guard, end: Point) -> tuple[Steady, Array] | None:
+        """The field on the other side of a guard and the direction in which an equilibrium goes on there, if any."""
+        mode, region = list(steady.field.mode), list(steady.field.region)
+        kinks = len(region)
+        if guard.switch < kinks:
+            region[guard.switch] = guard.to
+        else:
+            mode[guard.switch - kinks] = guard.to
+        try:
+            other = self._steady(tuple(mode), tuple(region), end.x[:-1])
+        except ZeroDivisionError:
+            return None
+        F, J = other.residual(self.parameter)(end.x)
+        size = np.abs(J) @ self._scale(end.x, other.units(end.x, {self.parameter: self.span}))
+        rows = J / np.maximum(np.max(np.abs(J), axis=1, keepdims=True), 1e-300)
+        s, v = np.linalg.svd(rows)[1:]
+        if not (np.all(np.abs(F) <= 1e-8 * size) and s[-1] > 1e-9 * s[0]):
+            return None
+        tangent, ahead = v[-1], self.steps.first * 1e-3
+        for sign in (1.0, -1.0):
+            x = end.x + sign * ahead * self.width * tangent
+            guards = other.guards(self._point(other, x))
+            here = other.guards(self._point(other, end.x))
+            back = [i for i, g in enumerate(other.field.guards) if g.switch == guard.switch and guards[i] > here[i]]
+            if back and all(g >= 0.0 or i in back for i, g in enumerate(guards)):
+                return other, sign * tangent
+        return None
+
+    # -- results ----------------------------------------------------------------------------------
+
+    def branch(self, system: System, back: list[_Piece], forth: list[_Piece]) -> Branch:
+        """The two directions as one branch, from the far end of the first to that of the second."""
+        stations = [*reversed(self._stations(back)), *self._stations(forth)[1:]]
+        special = [
+            s for i, station in enumerate(stations) for kind in station.kinds for s in self._special(station, kind, i)
+        ]
+        ended = f"first point: {self._ending(back[-1])}; last point: {self._ending(forth[-1])}"
+        beside = [stations[max(i - 1, 0)].point.x for i in range(len(stations))]
+        certified = [
+            certify(s.steady, self._point(s.steady, s.point.x), "", self._point(s.steady, x))
+            for s, x in zip(stations, beside, strict=True)
+        ]
+        points = self._dataset(system, stations, certified)
+        within = in_range(ranges({self.parameter: self.span}), [s.point.x for s in stations])
+        certificate = Certificate((*worst([found for found, _ in certified]).residuals, within))
+        return Branch(system, dict(self.values), self.parameter, points, special, ended, certificate)
+
+    def _ending(self, piece: _Piece) -> str:
+        guard = self._guard_that_ended(piece)
+        if guard is None:
+            return piece.path.ended
+        where = f"{self.parameter} = {piece.path.points[-1].x[-1]:.9g}"
+        return f"boundary equilibrium at {where}: {describe_guard(self.eq, guard, piece.steady.field.mode)}"
+
+    def _stations(self, pieces: list[_Piece]) -> list[_Station]:
+        found = []
+        for k, piece in enumerate(pieces):
+            kinds: dict[int, list[str]] = {}
+            for crossing in piece.path.crossings:
+                kinds.setdefault(crossing.index, []).append(crossing.name)
+            note = self._boundary_note(piece, pieces[k + 1 : k + 2])
+            # The first point of a later piece is the last one of the piece before.
+            for i, point in list(enumerate(piece.path.points))[1 if k else 0 :]:
+                names = kinds.get(i, [])
+                if "fold" in names and any("branch point" in kinds.get(j, ()) for j in (i - 1, i, i + 1)):
+                    names.remove("fold")  # where branches cross, one of them may turn
+                found.append(_Station(piece.steady, point, tuple(names), note))
+        return found
+
+    def _boundary_note(self, piece: _Piece, onward: list[_Piece]) -> str:
+        guard = self._guard_that_ended(piece)
+        if guard is None:
+            return ""
+        text = describe_guard(self.eq, guard, piece.steady.field.mode)
+        if not onward:
+            return f"{text}; no equilibrium goes on from there"
+        turned = piece.path.points[-1].tangent[-1] * onward[0].path.points[0].tangent[-1] < 0.0
+        return f"{text}; the branch " + ("turns back" if turned else "goes on")
+
+    def _special(self, station: _Station, kind: str, index: int) -> list[SpecialPoint]:
+        steady, x, data, note, period = station.steady, station.point.x, {}, "", None
+        if kind == "branch point":
+            x = self._crossing_of_branches(steady, x)
+        values = {**steady.values, self.parameter: float(x[-1])}
+        if kind == "Hopf":
+            eigenvalues = steady.eigenvalues(self._point(steady, x))
+            a = min(combinations(eigenvalues, 2), key=lambda pair: abs(pair[0] + pair[1]))[0]
+            if abs(a.imag) <= 1e-8 * abs(a):
+                return []  # a neutral saddle: two real eigenvalues of opposite sign
+            form = hopf(Derivatives(steady.rates, steady.field.state), x[:-1], values, steady.invariant)
+            data = {"frequency": form.frequency, "lyapunov": form.lyapunov}
+            note, period = form.criticality, 2.0 * np.pi / form.frequency
+        elif kind.startswith("guard"):
+            kind, note = "boundary equilibrium", station.note
+        elif kind not in ("fold", "branch point"):
+            return []
+        state = dict(zip(steady.field.state, map(float, x[:-1]), strict=True))
+        field = steady.field
+        return [SpecialPoint(kind, float(x[-1]), state, values, field.mode, field.region, index, period, data, note)]
+
+    def _crossing_of_branches(self, steady: Steady, x: Array) -> Array:
+        """The branch point near x: F + b w = 0, wᵀ∂F = 0, ⟨w, w⟩ = 1 is regular there, which F = 0 is not."""
+        n = len(steady.field.state)
+        names, w, b = [*steady.field.state, self.parameter], [ex.sym(f"w:{i}") for i in range(n)], ex.sym("b:")
+        slopes = [[ex.derivative(f, name) for f in steady.rates] for name in names]
+        equations = [f + b * u for f, u in zip(steady.rates, w, strict=True)]
+        equations += [ex.add(*((d * u, 1.0) for d, u in zip(row, w, strict=True))) for row in slopes]
+        equations.append(ex.add(*((u * u, 1.0) for u in w)) - 1.0)
+        residual = ResidualFunction(equations, [*names, *(str(u.value) for u in w), str(b.value)], steady.values)
+        _, J = steady.residual(self.parameter)(x)
+        z = np.concatenate([x, np.linalg.svd(J)[0][:, -1], [0.0]])
+        units = self._scale(x, steady.units(x, {self.parameter: self.span}))
+        for _ in range(20):
+            F, J = residual(z)
+            z = z - np.linalg.lstsq(J, F, rcond=None)[0]
+        near = np.all(np.abs(z[: n + 1] - x) <= 5.0 * self.steps.largest * units)
+        return z[: n + 1] if near and np.all(np.isfinite(z)) else x
+
+    def _dataset(
+        self, system: System, stations: list[_Station], certified: list[tuple[Certificate, float]]
+    ) -> xarray.Dataset:
+        """Parameter, state, eigenvalues, stability, modes, drift and certificate of every point."""
+        import xarray as xr
+
+        from stickslip.model.quantities import contact_key
+
+        points = [self._point(s.steady, s.point.x) for s in stations]
+        spectra = [s.steady.eigenvalues(p) for s, p in zip(stations, points, strict=True)]
+        drifts = np.array([s.steady.drift(p) for s, p in zip(stations, points, strict=True)])
+        margin, defect = self._certificates(stations, points)
+        errors = np.array([error for _, error in certified])
+        most = max(map(len, spectra))
+        padded: Array = np.array([np.pad(e, (0, most - len(e)), constant_values=np.nan) for e in spectra])
+        verdict = {True: 1, False: 0, None: -1}
+        state = system.declaration.state
+        data = {self.parameter: ("point", np.array([s.point.x[-1] for s in stations]))}
+        data |= {name: ("point", np.array([s.point.x[i] for s in stations])) for i, name in enumerate(state)}
+        data |= {
+            "stable": (
+                "point",
+                np.array([verdict[decays(tuple(e), error)] for e, error in zip(spectra, errors, strict=True)], np.int8),
+                STABLE,
+            ),
+            "eigenvalue_real": (("point", "eigenvalue"), padded.real),
+            "eigenvalue_imag": (("point", "eigenvalue"), padded.imag),
+            "margin": ("point", margin, MARGIN),
+            "defect": ("point", defect, DEFECT),
+            "eigenvalue_error": ("point", errors, ERROR),
+            "certified": ("point", np.array([found.ok for found, _ in certified], np.int8)),
+        }
+        for i, name in enumerate(self.contacts):
+            data[f"mode_{contact_key(name)}"] = ("point", np.array([s.steady.field.mode[i] for s in stations], np.int8))
+        for i in np.flatnonzero(np.any(drifts != 0.0, axis=0)):
+            data[f"drift_{state[i]}"] = ("point", drifts[:, i])
+        return xr.Dataset(data, attrs={"title": system.title or system.name, "kind": "equilibria"})
+
+    @staticmethod
+    def _certificates(stations: list[_Station], points: list[Array]) -> tuple[Array, Array]:
+        """Least guard, and violation of the equations, of every point."""
+        margin, defect = np.ones(len(points)), np.zeros(len(points))
+        pieces: dict[int, list[int]] = {}
+        for i, station in enumerate(stations):
+            pieces.setdefault(id(station.steady), []).append(i)
+        every = np.array(points).T
+        for members in pieces.values():
+            sizes = stations[members[0]].steady.sizes(every[:, members], every)
+            margin[members] = np.min(sizes.margins, axis=1, initial=1.0)
+            defect[members] = sizes.defect
+        return margin, defect
+
+
+def hopf_test(eigenvalues: Array) -> float:
+    """A number that changes its sign where the sum of two eigenvalues vanishes."""
+    first, second = np.triu_indices(len(eigenvalues), 1)
+    sums, sizes = eigenvalues[first] + eigenvalues[second], np.abs(eigenvalues[first]) + np.abs(eigenvalues[second])
+    # Sums that vanish identically, as without damping, are left at zero: their rounding has no sign to change.
+    part = np.where(np.abs(sums) > 1e-13 * sizes, sums / np.maximum(sizes, 1e-300), 0.0)
+    return float(np.prod(part).real)

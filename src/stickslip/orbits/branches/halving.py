@@ -1,0 +1,63 @@
+"""Cycles of half of another one's period.
+
+A cycle becomes one of half its period at the other end of a branch that begins in a period doubling.
+
+The two halves of a cycle that was born there differ like the square root of the distance from that point. Up to it
+its branch is regular; beyond, the same equations have the shorter cycle, run through twice, as a solution.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.errors import StickslipError
+from stickslip.orbits.continuation.bracket import zero_near
+from stickslip.orbits.return_map.damped_newton import Closed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+Array = np.ndarray
+
+
+def half_gap(closed: Closed) -> float:
+    """By how much a cycle fails to close after half its period, in units of its largest range.
+
+    Of a driven system only an even number of the drive's periods can be halved; otherwise it is infinite.
+    """
+    orbit, setting = closed.orbit, closed.shooting.setting
+    if setting.symmetry.driven and setting.turns % 2:
+        return np.inf
+    start, half = closed.samples(2)
+    return float(np.max(np.abs(half - start) / setting.sizes)) / closed.extent if orbit.period > 0.0 else np.inf
+
+
+def doubles_at(half: Closed, value: float, other: float, at: Callable[[Closed, float], Closed]) -> float | None:
+    """The value of the parameter near which a cycle has the multiplier −1.
+
+    Parameters
+    ----------
+    half : Closed
+        The cycle at `value`.
+    value, other : float
+        Where it is known, and where the multiplier is expected.
+    at : function
+        (cycle, value) ↦ the cycle at another value.
+
+    Returns
+    -------
+    float or None
+        None if there is no such value nearby.
+    """
+
+    def excess(there: float) -> float:
+        others = at(half, there).spectrum.others if there != value else half.spectrum.others
+        return float(others[np.argmin(np.abs(others + 1.0))].real) + 1.0
+
+    try:
+        found = zero_near(excess, value, other)
+        return found if found is not None and abs(excess(found)) < 1e-6 else None
+    except StickslipError:
+        return None

@@ -1,0 +1,263 @@
+"""Curves in two parameters along which a cycle just begins to stick.
+
+Unknown are those of a cycle with one free parameter and the other parameter; one more equation says that the margin of
+the onset vanishes. The cycle may be unstable or at a fold: the curve does not see it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.model.system import System
+from stickslip.motion.problem import pose
+from stickslip.orbits.branches.chart import WIDTH, Chart, OutOfChart, extent_of, first_chart, renewed
+from stickslip.orbits.branches.equilibrium_branch import checked_range
+from stickslip.orbits.branches.onset import Onset, nearest_onset
+from stickslip.orbits.branches.special_points import STEP, Spacing, dataset, of_branch
+from stickslip.orbits.continuation.arclength import UNDEFINED, Path, Steps, ranges, trace
+from stickslip.orbits.continuation.branch import Branch, SpecialPoint
+from stickslip.orbits.cycles.cycle import Cycle, make_cycle
+from stickslip.orbits.fields.mode_field import Pieces
+from stickslip.orbits.return_map.damped_newton import Closed, converge, near
+from stickslip.orbits.return_map.recurrence import Recurrence, window
+from stickslip.orbits.return_map.shooting import Orbit, follow, with_value
+
+if TYPE_CHECKING:
+    import xarray
+
+Array = np.ndarray
+
+STEPS = Steps(first=0.05, largest=0.4, tolerance=1e-10, turn=0.3)
+IN_CHART = 6  # points before the chart is made anew
+DIFFERENCE = 1e-7  # of the unknowns, in their units, for derivatives
+SLIPPING = 1e-9  # margin of the cycles on the curve: closer to the onset rounding decides on the next mode
+AT_ONSET = 1e-3  # a cycle with a larger margin is not at the onset
+FULL = f"the limit of {IN_CHART + 1} points was reached"
+INTERRUPTED, VANISHES = "interrupted", "the cycle shrinks to an equilibrium"
+
+
+def stick_onset_curve(
+    system: System,
+    point: SpecialPoint,
+    first: str,
+    second: str,
+    ranges: Mapping[str, tuple[float, float]],
+    *,
+    steps: Steps | None = None,
+) -> Branch:
+    """Follow the onset of stick while two parameters change.
+
+    Parameters
+    ----------
+    system : System
+    point : SpecialPoint
+        Of kind ``"stick onset"``, from a branch of cycles.
+    first, second : str
+        The two parameters.
+    ranges : mapping of str to (float, float)
+        The range of each.
+    steps : Steps, optional
+
+    Returns
+    -------
+    Branch
+        Of cycles, with both parameters at every point.
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is wrong.
+    ConvergenceError
+        If no cycle that begins to stick is found at the point.
+    """
+    if not isinstance(point, SpecialPoint) or point.kind != "stick onset" or point.period is None:
+        given = f"a special point of kind '{point.kind}'" if isinstance(point, SpecialPoint) else repr(point)
+        raise DeclarationError("point", f"it is {given}", "Give a special point of kind 'stick onset'")
+    if first == second:
+        raise DeclarationError(second, "the two parameters are the same", "Name two")
+    spans = {}
+    for name in (first, second):
+        if name not in ranges:
+            raise DeclarationError(f"ranges.{name}", "it is missing", "Give (low, high)")
+        low, high = spans[name] = checked_range(system, name, ranges[name])
+        if not low <= point.parameters[name] <= high:
+            raise DeclarationError(
+                f"ranges.{name}", f"the point lies at {name} = {point.parameters[name]:g}", "Include it"
+            )
+    closed = _cycle_at(system, point)
+    onset = nearest_onset(closed.orbit.motion, closed.shooting.pieces)
+    margin = onset.margin(closed.orbit.motion, closed.shooting.pieces)
+    if not abs(margin) < AT_ONSET:
+        raise ConvergenceError(
+            f"the onset of stick of {system.name}",
+            f"the cycle at the point is {abs(margin):.2g} of its size away from it",
+            "Give a stick onset of a branch of this system",
+        )
+    return _Follower(closed, onset, spans, steps or STEPS).branch()
+
+
+def _cycle_at(system: System, point: SpecialPoint) -> Closed:
+    """The cycle of a special point."""
+    problem = pose(system, point.parameters)
+    pieces = Pieces(problem.compiled.equations)
+    y, t = problem.initial_state(point.state), point.data.get("time", system.span[0])
+    assert point.period is not None
+    motion = follow(problem, t, t + point.period, y)
+    w = window(motion, pieces)
+    turns = 1 if w.period is None else max(1, round(point.period / w.period))
+    return converge(*near(problem, pieces, w, Recurrence(t, y, point.period, turns, motion.knots.state[-1] - y, 0.0)))
+
+
+@dataclass
+class _Equations:
+    """A cycle that is at its onset: x with the second parameter ↦ residual and derivative.
+
+    Attributes
+    ----------
+    chart : Chart
+        Of cycles, with the first parameter free.
+    onset : Onset
+    second : str
+    width : float
+        Unit of the second parameter.
+    upper : array, shape (2,)
+        Upper ends of the ranges of the parameters.
+    known, cycles : dict
+        What was computed, by the unknowns.
+    """
+
+    chart: Chart
+    onset: Onset
+    second: str
+    width: float
+    upper: Array
+    known: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)
+    cycles: dict[bytes, Cycle] = field(default_factory=dict)
+
+    def at(self, value: float) -> Chart:
+        """The chart for a value of the second parameter."""
+        shooting = self.chart.shooting
+        return Chart(shooting.with_problem(with_value(shooting.problem, self.second, value)), self.chart.extent)
+
+    def orbit(self, z: Array) -> Orbit:
+        """The cycle."""
+        return self.at(float(z[-1])).orbit(z[:-1])
+
+    def residual(self, z: Array) -> tuple[Array, Array]:
+        """Residual, and the derivative of the equations of the cycle by its own unknowns."""
+        orbit = self.orbit(z)
+        margin = self.onset.margin(orbit.motion, self.chart.shooting.pieces)
+        if not np.isfinite(margin):
+            raise OutOfChart("no contact is about to stick")
+        return np.append(orbit.F, margin - SLIPPING), orbit.J
+
+    def __call__(self, z: Array) -> tuple[Array, Array]:
+        """Residual and derivative."""
+        key = z.tobytes()
+        if key not in self.known:
+            F, own = self.residual(z)
+            J = np.column_stack([self._difference(z, i, F) for i in range(len(z))])
+            J[:-1, :-1] = own
+            self.known[key] = F, J
+        return self.known[key]
+
+    def _difference(self, z: Array, i: int, F: Array) -> Array:
+        """Derivative by an unknown: within the ranges of the parameters and, if it can be, on the side that slips."""
+        h, found = DIFFERENCE * self.scale(z)[i], []
+        for side in (h, -h):
+            moved = z.copy()
+            moved[i] += side
+            if np.all(moved[-2:] <= self.upper):
+                change = (self.residual(moved)[0] - F) / side
+                if (F + change * side)[-1] > -SLIPPING:
+                    return change
+                found.append(change)
+        return found[0]
+
+    def scale(self, z: Array) -> Array:
+        """Units of the unknowns."""
+        return np.append(self.chart.scale(z[:-1]), self.width)
+
+
+class _Follower:
+    def __init__(self, closed: Closed, onset: Onset, spans: dict[str, tuple[float, float]], steps: Steps) -> None:
+        (self.first, span), (self.second, other) = spans.items()
+        self.closed, self.onset, self.spans, self.steps = closed, onset, spans, steps
+        self.extent = extent_of(closed, span)
+        self.width, self.upper = WIDTH * (other[1] - other[0]), np.array([span[1], other[1]])
+        self.pieces = Pieces(closed.orbit.problem.compiled.equations, self.first)
+        self.spacing = Spacing(spans, self.extent.modulus)
+
+    def branch(self) -> Branch:
+        """Both ways from the start."""
+        back, behind = self.follow(-1.0)
+        forth, ahead = self.follow(1.0) if behind != INTERRUPTED else (back[:1], behind)
+        if not back and not forth:
+            raise ConvergenceError(f"onsets of stick of {self.closed.orbit.problem.system.name}", behind)
+        cycles = [*reversed(back), *(forth[1:] if back else forth)]
+        system, parameters = self.closed.orbit.problem.system, dict(self.closed.orbit.problem.parameters)
+        points: xarray.Dataset = dataset(self.first, [c.parameters[self.first] for c in cycles], cycles)
+        points[self.second] = "point", np.array([c.parameters[self.second] for c in cycles])
+        points["step"] = "point", np.array([0.0, *(self.spacing(a, b) for a, b in itertools.pairwise(cycles))]), STEP
+        points.attrs["kind"] = "stick onsets"
+        ended = f"first point: {behind}; last point: {ahead}"
+        certificate = of_branch(cycles, self.spans, points["step"].values)
+        return Branch(system, parameters, self.first, points, [], ended, certificate, self.second)
+
+    def follow(self, sign: float) -> tuple[list[Cycle], str]:
+        """The cycles in one direction, with the start, and the reason for the end; what was computed is kept."""
+        cycles: list[Cycle] = []
+        try:
+            return cycles, self._collect(sign, cycles)
+        except KeyboardInterrupt:
+            return cycles, INTERRUPTED
+        except UNDEFINED as failure:
+            return cycles, f"no onset was found further on ({failure})"
+
+    def _collect(self, sign: float, cycles: list[Cycle]) -> str:
+        """Append the cycles; the reason for the end."""
+        chart, x = first_chart(self.closed, self.pieces, self.extent)
+        z = np.append(x, self.closed.orbit.problem.parameters[self.second])
+        towards, step = np.zeros(len(z)), self.steps.first
+        towards[-1] = sign
+        while True:
+            equations = _Equations(chart, self.onset, self.second, self.width, self.upper)
+            path = self._trace(equations, z, towards, step)
+            cycles += [self._cycle(equations, p.x) for p in path.points[1 if cycles else 0 :]]
+            if path.ended != FULL or len(cycles) >= self.steps.most:
+                return path.ended
+            last = path.points[-1]
+            step = min(1.5 * (last.length - path.points[-2].length), self.steps.largest)
+            there = equations.at(float(last.x[-1]))
+            chart, x, carried = renewed(there, last.x[:-1], last.tangent[:-1])
+            z, towards = np.append(x, last.x[-1]), np.append(carried, last.tangent[-1])
+
+    def _trace(self, equations: _Equations, z: Array, towards: Array, step: float) -> Path:
+        def tests(z: Array, tangent: Array) -> dict[str, float]:
+            chart, orbit = equations.at(float(z[-1])), equations.orbit(z)
+            chart.check(orbit)
+            return {VANISHES: self.extent.amplitude(Closed(chart.shooting, orbit)) / self.extent.least - 1.0}
+
+        return trace(
+            equations,
+            z,
+            towards,
+            scale=equations.scale,
+            tests=tests,
+            endings={VANISHES: VANISHES},
+            limits=ranges(self.spans),
+            accept=lambda last, new: self.spacing.check(self._cycle(equations, last.x), self._cycle(equations, new.x)),
+            steps=replace(self.steps, first=step, most=IN_CHART + 1),
+        )
+
+    def _cycle(self, equations: _Equations, z: Array) -> Cycle:
+        key = z.tobytes()
+        if key not in equations.cycles:
+            equations.cycles[key] = make_cycle(Closed(equations.at(float(z[-1])).shooting, equations.orbit(z)))
+        return equations.cycles[key]

@@ -1,0 +1,205 @@
+"""What happens on a branch of cycles: where the sequence of modes changes, and the table of the points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stickslip.certificates import Certificate, Residual, worst
+from stickslip.model.quantities import contact_key
+from stickslip.orbits.branches.chart import Chart
+from stickslip.orbits.continuation.arclength import UNDEFINED, Crossing, Lost, Path, Point, in_range, ranges
+from stickslip.orbits.return_map.mode_sequence import Sequence, change_of, nearest_change, sequence
+
+if TYPE_CHECKING:
+    import xarray
+
+    from stickslip.orbits.cycles.cycle import Cycle
+
+Array = np.ndarray
+
+NEAR = 1e-4  # a located multiplier or slope is this close to its critical value, else it jumps there
+FLAT = 1e-9  # values of a test function that are rounding
+MOST_CHANGES = 8  # located within one step
+TOUCHES = 1e-11  # a margin this small is zero
+TOGETHER = 1e-6  # changes that are nearer to each other are one
+NOT_SMOOTH = "not smooth: the sequence changes there"  # of a fold
+FINE = 1e-11  # corrector's tolerance where a change is located
+APART = 0.3  # neighbours on a branch are at most so far from each other …
+TWICE = 1e-10  # … and at least so far: nearer ones are one
+STEP = {"long_name": "distance from the point before: the largest change of parameter, period and ranges, relative to "
+                     "the branch's own"}  # fmt: skip
+STABLE = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "neutral unstable stable"}
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change of the sequence: where, its name, and what happens in words."""
+
+    x: Array
+    kind: str
+    note: str
+
+
+def locate_changes(chart: Chart, a: Point, b: Point) -> list[Change]:
+    """The changes of the sequence between two points, in the order of travel."""
+    low, here = 0.0, sequence(chart.orbit(a.x).motion)
+    high, there = b.length - a.length, sequence(chart.orbit(b.x).motion)
+    contacts = [c.name for c in chart.shooting.pieces.equations.contacts]
+    passed: list[tuple[Array, Sequence, Sequence]] = []
+    while here != there and len(passed) < MOST_CHANGES:
+        x, low, beyond = _Finder(chart, a, b, here).first_change(low, high)
+        if passed and np.linalg.norm((x - passed[-1][0]) / chart.scale(x)) < TOGETHER:
+            # Events that belong together by a symmetry of the cycle.
+            x, here, _ = passed.pop()
+        passed.append((x, here, beyond))
+        here = beyond
+    return [Change(x, *change_of(contacts, before, after)) for x, before, after in passed]
+
+
+class _Finder:
+    """Positive where a cycle has a given sequence, negative where not, and small where that changes."""
+
+    def __init__(self, chart: Chart, a: Point, b: Point, here: Sequence) -> None:
+        self.chart, self.a, self.b, self.here = chart, a, b, here
+        self.seen: dict[float, tuple[Array, Sequence, float]] = {}
+
+    def __call__(self, distance: float) -> float:
+        if distance not in self.seen:
+            whole = self.b.length - self.a.length
+            ends = {0.0: self.a.x, whole: self.b.x}
+            x = ends[distance] if distance in ends else self.chart.along(self.a, distance, FINE)
+            motion = self.chart.orbit(x).motion
+            order = sequence(motion)
+            margin = nearest_change(motion, self.chart.shooting.pieces)
+            margin = margin if margin > TOUCHES else 0.0
+            self.seen[distance] = x, order, margin if order == self.here else -margin
+        return self.seen[distance][2]
+
+    def first_change(self, low: float, high: float) -> tuple[Array, float, Sequence]:
+        """Unknowns at the change, a distance just beyond it, and the sequence there."""
+        from scipy.optimize import brentq
+
+        self(low)
+        self(high)
+        try:
+            brentq(self, low, high, xtol=1e-13, maxiter=60)
+        except (Lost, RuntimeError, ValueError, *UNDEFINED):
+            pass  # what was found so far encloses the change
+        beyond = min(s for s, (_, order, _) in self.seen.items() if order != self.here)
+        x = min(self.seen.values(), key=lambda entry: abs(entry[2]))[0]
+        return x, beyond, self.seen[beyond][1]
+
+
+def is_flat(path: Path, crossing: Crossing) -> bool:
+    """Whether a test function is zero on both sides, too, but for rounding: without damping that is so all along."""
+    beside = path.points[max(crossing.index - 1, 0) : crossing.index + 2]
+    return max(abs(point.tests[crossing.name]) for point in beside) < FLAT
+
+
+def confirmed(name: str, slope: float, multipliers: Array, changes: list[Change]) -> tuple[str, str] | None:
+    """Kind and note of a located zero of a test function; None if the function only jumps there."""
+    if name == "fold":
+        if abs(slope) <= NEAR:
+            return "fold", ""
+        return ("fold", NOT_SMOOTH) if changes else None
+    if name == "period doubling" and np.min(np.abs(multipliers + 1.0), initial=1.0) <= NEAR:
+        return name, ""
+    if name == "branch point" and np.min(np.abs(multipliers - 1.0), initial=1.0) <= NEAR:
+        return name, ""
+    on_circle = [z for z in multipliers if z.imag > NEAR and abs(abs(z) - 1.0) <= NEAR]
+    if name == "torus" and on_circle:
+        angle = float(np.angle(on_circle[0]))
+        return name, f"rotation number {angle / (2.0 * np.pi):.9g}"
+    return None
+
+
+class Spacing:
+    """How far cycles of a branch are from each other: the largest change of parameters, period and ranges of the state.
+
+    Parameters are measured in their ranges, ranges of the state in the largest modulus of their component up to now.
+
+    Parameters
+    ----------
+    spans : mapping of str to (float, float)
+    modulus : array, shape (n,)
+        Size of each component of the state.
+    """
+
+    def __init__(self, spans: Mapping[str, tuple[float, float]], modulus: Array) -> None:
+        self.spans, self.largest = spans, modulus.copy()
+
+    def __call__(self, a: Cycle, b: Cycle) -> float:
+        widths = []
+        for cycle in (a, b):
+            low, high = np.array(list(cycle.extrema.values())).T
+            self.largest = np.maximum(self.largest, np.maximum(np.abs(low), np.abs(high)))
+            widths.append(high - low)
+        parts = [(b.parameters[x] - a.parameters[x]) / (high - low) for x, (low, high) in self.spans.items()]
+        return float(np.max(np.abs([*parts, np.log(b.period / a.period), *((widths[1] - widths[0]) / self.largest)])))
+
+    def check(self, last: Cycle, new: Cycle) -> None:
+        """See that a cycle is certified and next to the one before.
+
+        Raises
+        ------
+        Lost
+            If it is not.
+        """
+        if not new.certificate.ok:
+            raise Lost(f"the next cycle is {new.certificate.verdict}")
+        if not self(last, new) <= APART:
+            raise Lost("the next cycle is quite another one")
+
+
+def of_branch(cycles: list[Cycle], spans: Mapping[str, tuple[float, float]], steps: Array) -> Certificate:
+    """The certificate of a branch: that of its cycles, all in range, neighbours next to each other and none twice.
+
+    Parameters
+    ----------
+    cycles : list of Cycle
+    spans : mapping of str to (float, float)
+        The range of each parameter.
+    steps : array
+        Distance of each cycle from the one before; that of the first says nothing.
+    """
+    own = [
+        in_range(ranges(spans), [np.array([cycle.parameters[name] for name in spans]) for cycle in cycles]),
+        Residual("largest step", float(np.max(steps[1:], initial=0.0)), APART),
+        *([Residual("smallest step", float(np.min(steps[1:])), TWICE, least=True)] if len(steps) > 1 else []),
+    ]
+    return Certificate((*worst([cycle.certificate for cycle in cycles]).residuals, *own))
+
+
+def dataset(parameter: str, values: list[float], cycles: list[Cycle]) -> xarray.Dataset:
+    """Parameter, period, extremes, multipliers, stability, stick and slip, drift and certificate of every point."""
+    import xarray as xr
+
+    system = cycles[0].system
+    multipliers: Any = np.array([c.multipliers for c in cycles])
+
+    def column(quantity: str) -> tuple[str, Array]:
+        return "point", np.array([getattr(c, quantity) for c in cycles], dtype=float)
+
+    data: dict = {parameter: ("point", np.array(values)), "period": column("period"), "time": column("time")}
+    for name in system.declaration.state:
+        data[name] = "point", np.array([c.state[name] for c in cycles])
+        data[f"min_{name}"] = "point", np.array([c.extrema[name][0] for c in cycles])
+        data[f"max_{name}"] = "point", np.array([c.extrema[name][1] for c in cycles])
+    data |= {
+        "stable": ("point", np.array([-1 if c.neutral else int(c.stable) for c in cycles], np.int8), STABLE),
+        "multiplier_real": (("point", "multiplier"), multipliers.real),
+        "multiplier_imag": (("point", "multiplier"), multipliers.imag),
+        "differentiable": ("point", np.array([c.differentiable for c in cycles], np.int8)),
+        "sticks": ("point", np.array([c.sticks for c in cycles], np.int8)),
+        "phases": ("point", np.array([len(c.phases) for c in cycles])),
+        **{name: column(name) for name in ("stick_time", "slip_time", "dissipated", "supplied", "drift", "speed")},
+        "residual": column("residual"),
+        "certified": ("point", np.array([c.certificate.ok for c in cycles], np.int8)),
+    }
+    for name in cycles[0].contacts:
+        data[f"stick_time_{contact_key(name)}"] = "point", np.array([c.contacts[name].stick_time for c in cycles])
+    return xr.Dataset(data, attrs={"title": system.title or system.name, "kind": "cycles"})

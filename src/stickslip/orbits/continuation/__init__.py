@@ -1,0 +1,1 @@
+"""Curves and branches of any kind of solution."""

@@ -1,0 +1,1 @@
+"""Cycles: found, measured, certified."""

@@ -1,0 +1,149 @@
+"""What is measured of a cycle before it is called one.
+
+The motion obeys its law, closes, moves, and does not close earlier; what is moved along a symmetry comes back as it
+was, what sticks forgets how it came there; and neighbours that are really followed do what the multipliers say.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.certificates import Certificate, Residual
+from stickslip.errors import StickslipError
+from stickslip.orbits.cycles.period import same, shorter
+from stickslip.orbits.fields.variational import TOGETHER
+from stickslip.orbits.return_map.damped_newton import CLOSED, Closed, growth
+from stickslip.orbits.return_map.mode_sequence import Sequence, sequence
+from stickslip.orbits.return_map.shooting import follow, numbers
+
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
+
+Array = np.ndarray
+
+MOVES = 1e-7  # least range of a cycle, relative to the state: below, its size is not known to the tolerance
+UNCHANGED = 1e-9  # a change along a symmetry comes back up to this part of what changes may grow to
+FORGOTTEN = 1e-9  # a contact that sticks keeps so little of a change
+AGREES = 1e-4  # neighbours come back where the multipliers say, up to this part
+APART = (1e-5, 1e-7, 1e-10)  # … so far away, in units of the size of the cycle; the nearer where other modes are near
+
+
+def certify(closed: Closed) -> Certificate:
+    """Measure a cycle.
+
+    The residuals are those of its motion, and
+
+    - *closure*: by how much the state fails to come back, up to the symmetry, in units of the size of the cycle;
+    - *movement*: the largest range of a component relative to its modulus;
+    - *shorter period*: the least miss after the p-th part of the period, for all primes p that might be the number of
+      rounds (absent if there is none: a driven cycle of one period of its drive);
+    - *multipliers 1*, *multipliers 0*: by how much what symmetry and sticking say of them is missed, relative to the
+      growth of changes on the way;
+    - *neighbours*: by how much motions that start beside the cycle, along the direction that grows most and along
+      another, miss what the derivative says, relative to the larger of the distances before and after.
+    """
+    orbit, shooting = closed.orbit, closed.shooting
+    most = max(1.0, growth(orbit))
+    trivial = float(np.max(np.abs(closed.spectrum.trivial - 1.0), initial=0.0))
+    residuals = [
+        *of_motion(orbit.motion),
+        Residual("closure", shooting.miss(orbit), CLOSED, note="of the size of the cycle"),
+        Residual("movement", _movement(closed), MOVES, least=True, note="of the state"),
+    ]
+    misses = shorter(closed)
+    if misses:
+        p = min(misses, key=lambda p: misses[p])
+        note = f"of the size, after 1/{p} of the period"
+        residuals.append(Residual("shorter period", misses[p], same(closed), least=True, note=note))
+    residuals += [
+        Residual("multipliers 1", trivial / most, UNCHANGED, note=f"of the growth {most:.2g}"),
+        Residual("multipliers 0", _remembered(closed), FORGOTTEN, note="of the growth of a change"),
+        _neighbours(closed),
+    ]
+    return Certificate(tuple(residuals))
+
+
+def of_motion(motion: Trajectory) -> list[Residual]:
+    """The certificate of a motion as residuals."""
+    found = motion.certificate
+    named = {
+        "energy balance": found.energy_residual,
+        "friction law": found.stability_violation,
+        "equations of motion": found.defect,
+    }
+    residuals = [Residual(name, value, found.tolerance) for name, value in named.items()]
+    if not found.ok and all(residual.ok for residual in residuals):
+        residuals.append(Residual("motion", float("nan"), found.tolerance, note=found.verdict))
+    return residuals
+
+
+def _movement(closed: Closed) -> float:
+    """Largest range of a component, relative to its modulus."""
+    samples = closed.samples(64)
+    return float(np.max(np.ptp(samples, axis=0) / np.maximum(np.max(np.abs(samples), axis=0), 1e-300)))
+
+
+def _remembered(closed: Closed) -> float:
+    """What is left of changes in the directions that sticking contacts (and sliding ones without mass) forget."""
+    worst, p, sizes = 0.0, numbers(closed.orbit.problem), closed.shooting.setting.sizes
+    for leg in closed.orbit.legs:
+        k, n, most = leg.motion.knots, len(sizes), 1.0
+        lasting = np.append(np.diff(k.time), np.inf) > TOGETHER * (k.time[-1] - k.time[0])
+        for i, piece in enumerate(leg.change.pieces):
+            if not lasting[i]:
+                continue  # events that coincide are passed as one
+            changes = leg.change.after[i][:n, : leg.place.directions.shape[1]]
+            most = max(most, float(np.max(np.abs(changes) / sizes[:, None], initial=0.0)))
+            if piece.bound:
+                slopes = piece.bounds(float(k.time[i]), k.state[i], p).slopes[:, :n]
+                left = np.max(np.abs(slopes @ changes), axis=1, initial=0.0)
+                worst = max(worst, float(np.max(left / (np.abs(slopes) @ sizes * most))))
+    return worst
+
+
+def _neighbours(closed: Closed) -> Residual:
+    """Follow neighbours of every leg, along the direction that grows most and along another, against the derivative."""
+    rng, found = np.random.default_rng(0), [Residual("neighbours", 0.0, AGREES, note="of their distance")]
+    for j, leg in enumerate(closed.orbit.legs):
+        there, q = closed.shooting.stations[(j + 1) % len(closed.orbit.legs)], leg.place.directions.shape[1]
+        if q:
+            matrix = there.chart @ leg.change.matrix[: len(closed.orbit.shift), :q]
+            directions = np.vstack([np.linalg.svd(matrix)[2][:1], rng.normal(size=(min(q - 1, 1), q))])
+            found += [_along(closed, j, matrix, d / np.linalg.norm(d)) for d in directions]
+    return max(found, key=lambda residual: residual.value if np.isfinite(residual.value) else np.inf)
+
+
+def _along(closed: Closed, j: int, matrix: Array, direction: Array) -> Residual:
+    """How well the derivative of a leg says where its neighbours in a direction arrive.
+
+    If a neighbour passes other modes, those on the side on which it does not decide.
+    """
+    here, expected = sequence(closed.orbit.legs[j].motion), matrix @ direction
+    size, best = max(float(np.linalg.norm(expected)), 1.0), Residual("neighbours", float("nan"), AGREES)
+    for apart in (apart / size for apart in APART):
+        if best.ok:
+            break
+        sides = [(sign, _arrived(closed, j, sign * apart * direction)) for sign in (1.0, -1.0)]
+        alike = [(sign, end) for sign, end in sides if end is not None and end[1] == here]
+        for chosen in (sides, alike):
+            ends = [sign * end[0] for sign, end in chosen if end is not None]
+            if len(ends) == len(chosen) > 0:
+                value = float(np.linalg.norm(sum(ends) / (len(ends) * apart) - expected)) / size
+                note = f"of their distance {apart:.0e}" + ("" if len(ends) == 2 else ", on one side")
+                best = best if value > best.value else Residual("neighbours", value, AGREES, note=note)
+    return best
+
+
+def _arrived(closed: Closed, j: int, xi: Array) -> tuple[Array, Sequence] | None:
+    """Where a neighbour at the start of a leg is at its end, from the cycle, and its sequence of modes."""
+    orbit, shooting, p = closed.orbit, closed.shooting, numbers(closed.orbit.problem)
+    leg, station, own = orbit.legs[j], shooting.stations[j], slice(*shooting.first[j : j + 2])
+    begin, end = (float(leg.motion.knots.time[i]) for i in (0, -1))
+    try:
+        motion = follow(orbit.problem, begin, end, station.place(orbit.x[own] + xi, begin, p).state)
+    except StickslipError:
+        return None
+    there = shooting.stations[(j + 1) % len(orbit.legs)]
+    return there.chart @ (motion.knots.state[-1] - leg.motion.knots.state[-1]), sequence(motion)

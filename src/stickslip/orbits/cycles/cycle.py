@@ -1,0 +1,322 @@
+"""Cycles and gaits: motions that close after a period, up to a drift along a translation.
+
+Newton's method on the return map finds stable and unstable ones alike; the order of sticking and slipping comes from
+the motion itself. Sources: R. Seydel, *Practical Bifurcation and Stability Analysis*, chapter 7 (shooting);
+R. I. Leine, H. Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical Systems* (stick-slip cycles).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stickslip.certificates import Certificate
+from stickslip.equations.field import MODE_NAMES
+from stickslip.errors import DeclarationError
+from stickslip.model.quantities import described, drift_units
+from stickslip.model.system import System
+from stickslip.model.units import with_unit
+from stickslip.motion.problem import Problem, pose
+from stickslip.orbits.continuation.branch import SpecialPoint
+from stickslip.orbits.cycles import measure
+from stickslip.orbits.cycles.certificate import certify
+from stickslip.orbits.cycles.finding import from_cycle, from_motion, from_state
+from stickslip.orbits.cycles.measure import ContactShare, Phase
+from stickslip.orbits.return_map.damped_newton import Closed
+from stickslip.orbits.return_map.mode_sequence import nearest_change
+
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
+
+Array = np.ndarray
+
+TOUCHED = 1e-9  # a guard that comes down to this part of its size is touched
+NEUTRAL = 1e-9  # multipliers this close to the unit circle are on it
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """A periodic motion, or one that repeats up to a drift.
+
+    Attributes
+    ----------
+    system : System
+    parameters : dict of str to float
+    period : float
+    time : float
+        When `state` is passed: only systems that are driven care.
+    state : dict of str to float
+        Where the period starts.
+    section : str
+        What is special about this state.
+    multipliers : array of complex
+        Floquet multipliers, the largest first: how a small change of the state has grown a period later. Exactly 0 for
+        what stick, or sliding without mass, forgets.
+    trivial : int
+        How many of them are 1 by symmetry: 1 of an autonomous system (a later start), 1 for each translation, and 1 for
+        each position in which a contact rests that never slips.
+    differentiable : bool
+        Whether the return map has a derivative there; not where events coincide or a guard is touched. The
+        multipliers are then those of one side.
+    phases : tuple of Phase
+        The sequence of modes, from the simulation.
+    extrema : dict of str to (float, float)
+    contacts : dict of str to ContactShare
+        Time in stick and slip and dissipated energy, in one period.
+    stick_time, slip_time : float
+        Time in which all contacts stick, and the rest of the period.
+    dissipated, supplied : float
+        Energy in one period.
+    direction : dict of str to float
+        Of the drift: the declared translation, or scaled to the largest component 1. Empty without drift.
+    drift : float
+        Shift along `direction` in one period.
+    residual : float
+        By how much the motion fails to close, relative to its size.
+    trajectory : Trajectory
+        One period.
+    """
+
+    system: System
+    parameters: dict[str, float]
+    period: float
+    time: float
+    state: dict[str, float]
+    section: str
+    multipliers: Array
+    trivial: int
+    differentiable: bool
+    phases: tuple[Phase, ...]
+    extrema: dict[str, tuple[float, float]]
+    contacts: dict[str, ContactShare]
+    stick_time: float
+    slip_time: float
+    dissipated: float
+    supplied: float
+    direction: dict[str, float]
+    drift: float
+    residual: float
+    trajectory: Trajectory = field(repr=False)
+    closed: Closed = field(repr=False)
+
+    def __repr__(self) -> str:
+        period = with_unit(self.period, self.units["time"])
+        drift = f", drift {with_unit(self.drift, self.units['drift'], 6)}" if self.drift else ""
+        return f"<Cycle of {self.system.name}: period {period}, {self.stability}{drift}>"
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """What was measured of it; see :func:`stickslip.orbits.cycles.certificate.certify`."""
+        return certify(self.closed)
+
+    @property
+    def speed(self) -> float:
+        """Drift per time."""
+        return self.drift / self.period
+
+    @property
+    def nontrivial(self) -> Array:
+        """The multipliers that say something: without those that are 1 by symmetry."""
+        return self.closed.spectrum.others
+
+    @property
+    def stable(self) -> bool:
+        """Whether neighbours are attracted (along the cycle and its translations they stay neighbours)."""
+        return bool(np.all(np.abs(self.nontrivial) < 1.0 - NEUTRAL))
+
+    @property
+    def neutral(self) -> bool:
+        """Whether neighbours are neither attracted nor repelled, as without damping."""
+        return not self.stable and bool(np.all(np.abs(self.nontrivial) <= 1.0 + NEUTRAL))
+
+    @property
+    def stability(self) -> str:
+        """``"stable"``, ``"neutral"`` or ``"unstable"``."""
+        return "stable" if self.stable else "neutral" if self.neutral else "unstable"
+
+    @property
+    def sticks(self) -> bool:
+        """Whether a contact sticks for a while."""
+        return any(share.stick_time > 0.0 for share in self.contacts.values())
+
+    @property
+    def energy_per_distance(self) -> float:
+        """Energy dissipated per distance; infinite without drift."""
+        return self.dissipated / abs(self.drift) if self.drift else math.inf
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of time, energy, drift, speed and energy per distance; ``"1"`` where there is none."""
+        drift, speed = drift_units(self.system, self.direction)
+        energy = described(self.system, "energy_per_cycle").get("units", "1")
+        force = described(self.system, "peak_force").get("units", "1")
+        ratio = force if drift == "1" or energy == f"{force}*{drift}" else f"{energy}/({drift})"
+        return {
+            "time": self.system.time_unit or "1",
+            "energy": energy,
+            "drift": drift,
+            "speed": speed,
+            "energy_per_distance": ratio,
+        }
+
+    def cost_of_transport(self, weight: float) -> float:
+        """Energy per distance and weight (a force), without dimension."""
+        return self.energy_per_distance / weight
+
+    def describe(self) -> str:
+        """A few lines."""
+        shown = ", ".join(f"{z.real:.6g}" + (f"{z.imag:+.6g}i" if z.imag else "") for z in self.multipliers)
+        units = self.units
+        period, stick, slip, energy = (
+            with_unit(value, units[kind], digits)
+            for value, kind, digits in (
+                (self.period, "time", 12),
+                (self.stick_time, "time", 9),
+                (self.slip_time, "time", 9),
+                (self.dissipated, "energy", 9),
+            )
+        )
+        lines = [
+            f"period {period}, {self.stability}, multipliers {shown}",
+            f"stick {stick}, slip {slip}, dissipated {energy}",
+        ]
+        if self.drift:
+            drift, speed = with_unit(self.drift, units["drift"]), with_unit(self.speed, units["speed"])
+            lines.append(f"drift {drift} a period, speed {speed}")
+        lines.append(self.certificate.verdict)
+        return "\n".join(lines)
+
+
+def find_cycle(
+    system: System,
+    start: Trajectory | Cycle | SpecialPoint | Mapping[str, float] | ArrayLike | None = None,
+    parameters: Mapping[str, float] | None = None,
+) -> Cycle:
+    """The cycle near a motion, a state, another cycle or a Hopf point.
+
+    Parameters
+    ----------
+    system : System
+    start : Trajectory, Cycle, SpecialPoint, mapping of str to float, or array, optional
+        A motion that has settled: the cycle it is near at its end. A state: the cycle that it is near, stable or not,
+        else the one that the motion from there settles on; by default the declared initial state. A cycle at other
+        parameters. A Hopf point of a branch of equilibria: the cycles that are born there. A motion goes on from its
+        end, a state from the start of the declared span.
+    parameters : mapping of str to float, optional
+        Values that replace the defaults, or those of `start`. At a Hopf point the value of the branch's parameter
+        tells which of the cycles is meant; by default a small one.
+
+    Returns
+    -------
+    Cycle
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is wrong, or the system depends on time without repeating.
+    ConvergenceError
+        If the motion comes to rest, does not come back, or Newton's method does not converge; if the cycles come in
+        a family without a translation. The message says what was tried and what came nearest.
+    """
+    from stickslip.motion.trajectory import Trajectory
+
+    if isinstance(start, SpecialPoint):
+        from stickslip.orbits.branches.hopf_switching import born_at
+
+        return make_cycle(born_at(system, start, parameters))
+    if isinstance(start, Cycle):
+        if start.system != system:
+            raise DeclarationError("start", f"a cycle of {start.system.name}, not of {system.name}", "Give its system")
+        return make_cycle(from_cycle(start.closed, start.time, parameters))
+    if isinstance(start, Trajectory):
+        if start.system != system:
+            raise DeclarationError("start", f"a motion of {start.system.name}, not of {system.name}", "Give its system")
+        if not parameters:
+            return make_cycle(from_motion(start))
+        k, problem = start.knots, pose(system, {**start.parameters, **parameters})
+        return make_cycle(from_state(problem, k.state[-1], float(k.time[-1])))
+    problem = pose(system, parameters)
+    return make_cycle(from_state(problem, _state(problem, start), system.span[0]))
+
+
+def _state(problem: Problem, start: Mapping[str, float] | ArrayLike | None) -> Array:
+    """State vector of what was given."""
+    names = problem.system.declaration.state
+    if start is None or isinstance(start, Mapping):
+        return problem.initial_state(start or {})
+    try:
+        y = np.asarray(start, dtype=float)
+    except (TypeError, ValueError):
+        y = np.zeros(0)
+    if y.shape != (len(names),):
+        raise DeclarationError("start", "not a state", f"Give values of {', '.join(names)}, a motion or a Hopf point")
+    return problem.initial_state(dict(zip(names, map(float, y), strict=True)))
+
+
+def make_cycle(closed: Closed) -> Cycle:
+    """Everything that is said of a cycle."""
+    orbit, shooting, motion = closed.orbit, closed.shooting, closed.orbit.motion
+    k, names = motion.knots, motion.system.declaration.state
+    made = [shooting.pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
+    samples = measure.sampled(motion, made)
+    low, high = measure.extrema(samples, len(names))
+    found = measure.phases(motion)
+    stuck = sum(phase.duration for phase in found if phase.sticks)
+    slipping = sum(phase.duration for phase in found if not phase.sticks)
+    direction, drift = _drift(motion.system, orbit.shift)
+    audit = motion.audit
+    return Cycle(
+        system=motion.system,
+        parameters=dict(motion.parameters),
+        period=orbit.period,
+        time=shooting.start,
+        state=dict(zip(names, map(float, orbit.legs[0].place.state), strict=True)),
+        section=_section(found[0]),
+        multipliers=closed.spectrum.every,
+        trivial=len(closed.spectrum.trivial),
+        differentiable=_differentiable(closed),
+        phases=found,
+        extrema={name: (float(a), float(b)) for name, a, b in zip(names, low, high, strict=True)},
+        contacts=measure.contact_shares(motion, samples),
+        stick_time=stuck,
+        slip_time=slipping,
+        dissipated=float(audit.dissipated[-1]),
+        supplied=float(audit.supplied[-1]),
+        direction=direction,
+        drift=drift,
+        residual=shooting.miss(orbit),
+        trajectory=motion,
+        closed=closed,
+    )
+
+
+def _differentiable(closed: Closed) -> bool:
+    """Whether neighbours follow the same sequence: no events coincide that need not, and no guard is touched."""
+    smooth = all(leg.change.differentiable for leg in closed.orbit.legs)
+    return smooth and nearest_change(closed.orbit.motion, closed.shooting.pieces) > TOUCHED
+
+
+def _section(phase: Phase) -> str:
+    modes = ", ".join(f"{contact}: {MODE_NAMES[m]}" for contact, m in phase.modes.items())
+    return "the middle of a phase" + (f" ({modes})" if modes else "")
+
+
+def _drift(system: System, shift: Array) -> tuple[dict[str, float], float]:
+    """Direction and size of the shift of the state in a period."""
+    names = system.declaration.state
+    size = float(np.max(np.abs(shift)))
+    declared = np.array([float(system.translation.get(name, 0.0)) for name in names])
+    if np.any(declared):
+        along = float(declared @ shift / (declared @ declared))
+        if np.max(np.abs(shift - along * declared)) <= 1e-9 * size:
+            return {name: float(w) for name, w in zip(names, declared, strict=True) if w}, along
+    if size == 0.0:
+        return {}, 0.0
+    top = float(shift[np.argmax(np.abs(shift))])
+    return {name: float(w / top) for name, w in zip(names, shift, strict=True) if w}, top

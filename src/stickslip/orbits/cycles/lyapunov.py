@@ -1,0 +1,96 @@
+"""How fast neighbours of a motion part: the largest Lyapunov exponent, along a motion that does not repeat itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.orbits.fields.mode_field import Pieces
+from stickslip.orbits.fields.variational import TOGETHER, variation
+from stickslip.orbits.return_map.recurrence import stretch
+
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
+
+Array = np.ndarray
+
+STEPS = 128  # of the motion between two normalisations
+MOST = 128  # stretches that are looked at, from the end
+BLOCKS = 8  # parts of the motion whose exponents are compared
+CERTAIN = 3.0  # standard errors by which an exponent is positive
+
+
+@dataclass(frozen=True)
+class Exponent:
+    """A largest Lyapunov exponent with its standard error, over some time."""
+
+    value: float
+    error: float
+    time: float
+
+    @property
+    def irregular(self) -> bool:
+        """Whether neighbours part for certain."""
+        return self.value > CERTAIN * self.error and self.value * self.time > CERTAIN
+
+    def __str__(self) -> str:
+        return f"{self.value:.2g} ± {self.error:.1g}"
+
+
+def largest_exponent(motion: Trajectory, pieces: Pieces, sizes: Array) -> Exponent | None:
+    """Growth rate of a small change of the state along the end of a motion; None if the motion forgets every change.
+
+    Parameters
+    ----------
+    motion : Trajectory
+    pieces : Pieces
+    sizes : array, shape (n,)
+        Units of the components.
+    """
+    change, rng, growth, lengths = None, np.random.default_rng(0), [], []
+    for a, b in pairwise(_ends(motion)):
+        part = stretch(motion, a, b)
+        if change is None:
+            change = _admissible(part, pieces, sizes, rng)
+        later = variation(part, pieces, change[:, None]).matrix[: len(sizes), 0]
+        size = float(np.linalg.norm(later / sizes))
+        if not size > 1e-12:
+            change = None  # all of it was forgotten where contacts stick
+            continue
+        growth.append(np.log(size))
+        lengths.append(part.t_span[1] - part.t_span[0])
+        change = later / size
+    if len(growth) < 2 * BLOCKS:
+        return None
+    sums = [np.sum(block) for block in np.array_split(growth, BLOCKS)]
+    times = [np.sum(block) for block in np.array_split(lengths, BLOCKS)]
+    rates = np.array(sums) / np.array(times)
+    return Exponent(sum(sums) / sum(times), float(np.std(rates, ddof=1) / np.sqrt(BLOCKS)), float(sum(times)))
+
+
+def _ends(motion: Trajectory) -> list[int]:
+    """Knots between which a change is followed: after an event, never between events that coincide."""
+    time = motion.knots.time
+    apart = np.append(np.diff(time) > TOGETHER * (time[-1] - time[0]), True)
+    ends, last = [], len(time)
+    for i in range(len(time) - 1, -1, -1):
+        if (apart[i] and last - i >= STEPS) or i == len(time) - 1:
+            ends.append(i)
+            last = i
+        if len(ends) > MOST:
+            break
+    return ends[::-1]
+
+
+def _admissible(part: Trajectory, pieces: Pieces, sizes: Array, rng: np.random.Generator) -> Array:
+    """A change of the first state that keeps the constraints there, of size 1."""
+    k = part.knots
+    p = np.array([part.parameters[name] for name in part.system.parameters])
+    slopes = pieces(k.mode[0], k.region[0]).bounds(float(k.time[0]), k.state[0], p).slopes[:, : len(sizes)] * sizes
+    change = rng.normal(size=len(sizes))
+    if len(slopes):
+        change = change - np.linalg.pinv(slopes) @ (slopes @ change)
+    return sizes * change / np.linalg.norm(change)

@@ -1,0 +1,384 @@
+"""Equilibria: states of rest and of steady sliding, isolated or in sets, of any declared system.
+
+In a mode the motion is smooth, so an equilibrium is a zero of that mode's field in which the guards of the mode hold.
+A contact whose surface moves must slip, one that nothing moves must stick; only contacts that a translation of the
+whole system can move are tried in all modes. In each region of the kinks a mode with an affine field is solved
+outright, any other by Newton's method from many starts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from itertools import islice, product
+
+import numpy as np
+
+from stickslip.certificates import worst
+from stickslip.equations.derive import MotionEquations, derive
+from stickslip.equations.field import MODE_NAMES, Field, Guard, Mode, Region, mode_field
+from stickslip.errors import DeclarationError, StickslipError, short
+from stickslip.model.declaration import DryContact
+from stickslip.model.system import System
+from stickslip.orbits.equilibria import search
+from stickslip.orbits.equilibria.certificate import ON_BOUNDARY, certify, certify_set
+from stickslip.orbits.equilibria.equilibrium import Equilibria, Equilibrium, EquilibriumSet, describe_guard, modes_text
+from stickslip.orbits.equilibria.stick_sets import Conditions, all_stick, dimension
+from stickslip.orbits.fields.steady import Array, Steady, invariant_directions
+from stickslip.symbolic import expressions as ex
+
+MOST = 4096  # modes times regions that are all tried
+STARTS = 63
+POLISH = 4  # Newton steps that put a point well inside a set onto its equations
+
+
+def equilibria(
+    system: System,
+    parameters: Mapping[str, float] | None = None,
+    *,
+    box: Mapping[str, tuple[float, float]] | None = None,
+) -> Equilibria:
+    """All equilibria that can be found: sliding ones, and sets of them in stick.
+
+    Parameters
+    ----------
+    system : System
+    parameters : mapping of str to float, optional
+        Values that replace the defaults.
+    box : mapping of str to (float, float), optional
+        Ranges of states within which isolated equilibria are looked for; by default around the declared initial state.
+
+    Returns
+    -------
+    Equilibria
+        May be empty; its ``message`` then says what was tried and what came nearest.
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is wrong, or the system depends on time.
+    """
+    values = checked_values(system, parameters)
+    return _Search(system, autonomous(system), values, box or {}).run()
+
+
+def checked_values(system: System, parameters: Mapping[str, float] | None) -> dict[str, float]:
+    """All parameters, checked."""
+    if not isinstance(system, System):
+        raise DeclarationError(
+            "system", f"expected a System, got {type(system).__name__}", "Use ss.load or ss.catalogue"
+        )
+    values = {**system.values, **(parameters or {})}
+    system.declaration.check_parameters(values)
+    return {name: float(value) for name, value in values.items()}
+
+
+def autonomous(system: System) -> MotionEquations:
+    """The equations of a system that does not depend on time.
+
+    Raises
+    ------
+    DeclarationError
+        If it does.
+    """
+    equations = derive(system.declaration)
+    if equations.timed:
+        drives = [name for name, e in system.declaration.drives.items() if "t" in e.symbols]
+        raise DeclarationError(
+            system.name,
+            "its equations depend on time" + (f" (drive '{short(drives[0])}')" if drives else ""),
+            "Freeze the drive at a constant to see equilibria, or look for cycles with find_cycle",
+        )
+    return equations
+
+
+def surface_speed(contact: DryContact, values: Mapping[str, float]) -> float:
+    """Speed of a contact's surface (of a system that does not depend on time)."""
+    return ex.evaluate(contact.speed, {**values, "t": 0.0})
+
+
+def possible_modes(equations: MotionEquations, values: Mapping[str, float], invariant: Array) -> list[tuple[int, ...]]:
+    """Modes that each contact can have in steady motion.
+
+    There u = j·(translation) − w: where no translation moves the contact, its surface speed alone decides.
+    """
+    state = equations.declaration.state
+    found = []
+    for c in equations.contacts:
+        weights = np.zeros(len(state))
+        for x, j in c.direction.items():
+            weights[state.index(x)] = ex.evaluate(j, values)
+        w = surface_speed(c, values)
+        moved = np.any(np.abs(weights @ invariant) > 1e-12 * np.max(np.abs(weights)))
+        found.append((0, 1, -1) if moved else (-int(np.sign(w)),))
+    return found
+
+
+class _Search:
+    def __init__(
+        self,
+        system: System,
+        equations: MotionEquations,
+        values: dict[str, float],
+        box: Mapping[str, tuple[float, float]],
+    ) -> None:
+        self.system, self.eq, self.values = system, equations, values
+        self.state = system.declaration.state
+        self.contacts = tuple(c.name for c in equations.contacts)
+        self.origin = np.array([float(system.initial.get(name, 0.0)) for name in self.state])
+        self.box = self._checked_box(box)
+        self.invariant = invariant_directions(equations, values, self.origin)
+        self.starts = np.column_stack([self.origin, self._sample()])
+        self.isolated: list[Equilibrium] = []
+        self.sets: list[EquilibriumSet] = []
+        self.nearest = (-math.inf, "")
+        self.looked: set[tuple[Mode, Region]] = set()
+        self.waiting: list[tuple[Mode, Region]] = []
+
+    def _checked_box(self, box: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+        checked = {}
+        for name, ends in box.items():
+            if name not in self.state:
+                raise DeclarationError(f"box.{name}", "there is no such state", f"Known: {', '.join(self.state)}")
+            low, high = (float(v) for v in ends)
+            if not (math.isfinite(low) and math.isfinite(high) and low < high):
+                raise DeclarationError(f"box.{name}", f"({low:g}, {high:g}) is not a range", "Give (low, high)")
+            checked[name] = (low, high)
+        return checked
+
+    def _sample(self) -> Array:
+        points = search.wide_sample(STARTS, self.origin)
+        for i, name in enumerate(self.state):
+            if name in self.box:
+                low, high = (np.array([v]) for v in self.box[name])
+                # Components of one even sample of the whole box, so that they are not correlated.
+                unit = search.sample(STARTS, np.zeros(len(self.state)), np.ones(len(self.state)))[i]
+                points[i] = low + (high - low) * unit
+        return points
+
+    # -- where to look ----------------------------------------------------------------------------
+
+    def run(self) -> Equilibria:
+        choices = possible_modes(self.eq, self.values, self.invariant)
+        self._look_everywhere(islice(product(product(*choices), self._regions()), MOST))
+        count = math.prod(map(len, choices)) * 2 ** sum(s is None for s in self._fixed_regions())
+        tried = f"{len(self.looked)} of {count} combinations of modes and regions, {self.starts.shape[1]} starts each"
+        if not self.isolated and not self.sets:
+            tried += self._look_at_the_end_of_a_motion()
+        order = {True: 0, None: 1, False: 2}
+        self.isolated.sort(key=lambda e: order[e.stable])
+        return Equilibria(tuple(self.isolated), tuple(self.sets), tried, self.nearest[1])
+
+    def _look_everywhere(self, candidates: Iterable[tuple[Mode, Region]]) -> None:
+        """Look in all candidates, and in the regions that zeros outside their own region point to."""
+        self.waiting = list(candidates)
+        while self.waiting and len(self.looked) < MOST:
+            candidate = self.waiting.pop(0)
+            if candidate not in self.looked:
+                self.looked.add(candidate)
+                self._look(*candidate)
+
+    def _fixed_regions(self) -> list[int | None]:
+        """Regions of the kinks that the parameters decide; None for the others."""
+        names = set(self.eq.declaration.parameters)
+        return [int(ex.evaluate(g, self.values) >= 0.0) if g.symbols <= names else None for g in self.eq.kinks]
+
+    def _regions(self) -> list[Region]:
+        """Regions of the kinks: all, or those of the starts if there are too many."""
+        fixed = self._fixed_regions()
+        if 2 ** fixed.count(None) <= MOST:
+            return list(product(*((s,) if s is not None else (1, 0) for s in fixed)))
+        return list(dict.fromkeys(self._region(y) for y in self.starts.T))
+
+    def _region(self, y: Array) -> Region:
+        """Region of a state."""
+        at = {**self.values, **self._named(y), "t": 0.0}
+        return tuple(int(ex.evaluate(g, at) >= 0.0) for g in self.eq.kinks)
+
+    def _look_at_the_end_of_a_motion(self) -> str:
+        """Follow the motion from the declared initial state: it may settle where no start was near."""
+        from stickslip.motion.simulate import simulate
+
+        try:
+            motion = simulate(self.system, parameters=self.values)
+        except StickslipError:
+            return ""  # there is no motion from the declared initial state
+        y = np.array(list(motion.final.values()))
+        self.starts = y[:, None]
+        modes = {mode for mode, _ in self.looked}
+        self.looked -= {(mode, self._region(y)) for mode in modes}
+        self._look_everywhere((mode, self._region(y)) for mode in modes)
+        return f", and the end of the motion from the initial state at t = {motion.knots.time[-1]:g}"
+
+    # -- one mode and region ----------------------------------------------------------------------
+
+    def _look(self, mode: Mode, region: Region) -> None:
+        at_rest = bool(mode) and not any(mode) and all(surface_speed(c, self.values) == 0.0 for c in self.eq.contacts)
+        try:
+            field = mode_field(self.eq, mode, region)
+        except ZeroDivisionError:
+            field = None
+        if at_rest:
+            self._look_for_rest(field, mode, region)
+        elif field is not None:
+            self._look_for_steady_motion(field)
+
+    def _look_for_rest(self, field: Field | None, mode: Mode, region: Region) -> None:
+        conditions = all_stick(self.eq, region, self.values)
+        forces = len(conditions.unknowns) - len(self.state)
+        starts = self.starts[:, :1] if conditions.affine else self.starts[:, :8]
+        for y in starts.T:
+            centre = conditions.centre(np.append(y, np.zeros(forces)))
+            if centre is not None:
+                self._note_set(field, conditions, centre, mode, region)
+
+    def _look_for_steady_motion(self, field: Field) -> None:
+        steady = Steady(field, self.values, self.invariant, self.origin)
+        residual = steady.residual()
+        starts = self.starts[:, :1] if residual.affine else self.starts
+        for y, rank in search.zeros(residual, starts, self.origin):
+            if rank < len(y):
+                conditions = self._conditions(steady)
+                centre = conditions.centre(y)
+                if centre is not None and np.all(self._beyond(steady, centre) >= 0.0):
+                    self._note_set(field, conditions, centre, field.mode, field.region)
+            else:
+                self._note_isolated(steady, y)
+
+    def _conditions(self, steady: Steady) -> Conditions:
+        field, equal = steady.field, [*steady.field.rates, *steady.field.constraints]
+        if self.invariant.shape[1]:
+            across = np.linalg.svd(self.invariant.T)[2][self.invariant.shape[1] :]
+            rows = [[(f, float(w)) for f, w in zip(field.rates, row, strict=True) if w != 0.0] for row in across]
+            equal = [*(ex.add(*row) for row in rows), *field.constraints]
+        return Conditions(field.state, tuple(equal), tuple(g.value for g in field.guards), self.values)
+
+    # -- what was found ---------------------------------------------------------------------------
+
+    def _note_isolated(self, steady: Steady, y: Array) -> None:
+        y = steady.settled(y)
+        field, point = steady.field, steady.point(y)
+        if any(not low <= y[self.state.index(name)] <= high for name, (low, high) in self.box.items()):
+            return
+        beyond = self._beyond(steady, y)
+        if np.any(beyond < 0.0):
+            worst = int(np.argmin(beyond))
+            self._note_failure(field, y, float(beyond[worst]), field.guards[worst])
+            self.waiting.append((field.mode, self._region(y)))
+            return
+        margins = steady.sizes(point[:, None]).margins[0]
+        guards = [g for g, m in zip(field.guards, margins, strict=True) if abs(m) <= ON_BOUNDARY]
+        nearest = describe_guard(self.eq, field.guards[int(np.argmin(margins))], field.mode) if len(margins) else ""
+        certificate, error = certify(steady, point, nearest)
+        found = Equilibrium(
+            self._named(y),
+            dict(self.values),
+            self.contacts,
+            field.mode,
+            field.region,
+            tuple(complex(z) for z in steady.eigenvalues(point)),
+            self._drift(steady.drift(point)),
+            tuple(describe_guard(self.eq, g, field.mode) for g in guards),
+            certificate,
+            error,
+        )
+        units = np.maximum(np.maximum(np.abs(self.origin), np.abs(y)), 1e-6)
+        for other in self.isolated:
+            apart = (np.array(list(other.state.values())) - y) / units
+            # The same point may be found on both sides of a boundary.
+            if np.max(np.abs(apart)) < 1e-7 and (
+                other.boundary or (other.mode, other.region) == (field.mode, field.region)
+            ):
+                return
+        self.isolated.append(found)
+
+    def _beyond(self, steady: Steady, y: Array) -> Array:
+        """Guards, relative to their terms, in excess of what they must be: slip needs some speed, others may be zero.
+
+        A slip of speed zero is the edge of a stick, which is reported as that.
+        """
+        guards, kinks = steady.field.guards, len(steady.field.kinks)
+        least = [ON_BOUNDARY if g.switch >= kinks and g.to == 0 else -ON_BOUNDARY for g in guards]
+        return steady.sizes(steady.point(y)[:, None]).margins[0] - np.array(least)
+
+    def _note_failure(self, field: Field, y: Array, margin: float, guard: Guard) -> None:
+        if margin > self.nearest[0]:
+            state = ", ".join(f"{name} = {value:.6g}" for name, value in self._named(y).items())
+            modes = modes_text(dict(zip(self.contacts, (MODE_NAMES[m] for m in field.mode), strict=True)))
+            broken = describe_guard(self.eq, guard, field.mode)
+            self.nearest = (margin, f"nearest: {modes} at {state}, which is past the boundary where {broken}")
+
+    def _note_set(self, field: Field | None, conditions: Conditions, centre: Array, mode: Mode, region: Region) -> None:
+        n = len(self.state)
+        for _ in range(0 if conditions.affine else POLISH):
+            value, slopes = conditions.equations(centre)
+            centre = centre - np.linalg.lstsq(slopes, value, rcond=None)[0]
+        y = centre[:n]
+        if any(s.mode == mode and region in s.regions and _within(s.extent, self._named(y)) for s in self.sets):
+            return
+        extent = {name: conditions.extent(centre, i) for i, name in enumerate(self.state)}
+        size, drift, eigenvalues = dimension(conditions, n, centre), {}, None
+        if field is not None:
+            steady = Steady(field, self.values, self.invariant, self.origin)
+            point = steady.point(y)
+            drift = self._drift(steady.drift(point))
+            every = sorted(steady.eigenvalues(point), key=abs)
+            along = size - self.invariant.shape[1]
+            eigenvalues = tuple(complex(z) for z in sorted(every[along:], key=lambda z: (-z.real, -z.imag)))
+        self._join(
+            EquilibriumSet(
+                self._named(y),
+                dict(self.values),
+                self.contacts,
+                mode,
+                (region,),
+                size,
+                extent,
+                conditions.affine,
+                eigenvalues,
+                drift,
+                certify_set(conditions, centre),
+            )
+        )
+
+    def _join(self, new: EquilibriumSet) -> None:
+        """Add a set, joined with those of the same mode that it touches in other regions."""
+        for other in [s for s in self.sets if s.mode == new.mode and _touch(s.extent, new.extent)]:
+            self.sets.remove(other)
+            hull = {
+                name: (min(a[0], b[0]), max(a[1], b[1]))
+                for (name, a), b in zip(other.extent.items(), new.extent.values(), strict=True)
+            }
+            larger = other if other.dimension >= new.dimension else new
+            new = EquilibriumSet(
+                larger.state,
+                larger.parameters,
+                larger.contacts,
+                larger.mode,
+                tuple(dict.fromkeys([*other.regions, *new.regions])),
+                larger.dimension,
+                hull,
+                other.exact and new.exact,
+                larger.eigenvalues,
+                larger.drift,
+                worst([other.certificate, new.certificate]),
+            )
+        self.sets.append(new)
+
+    def _named(self, y: Array) -> dict[str, float]:
+        return dict(zip(self.state, map(float, y), strict=True))
+
+    def _drift(self, rates: Array) -> dict[str, float]:
+        return {name: v for name, v in self._named(rates).items() if v != 0.0}
+
+
+def _within(extent: Mapping[str, tuple[float, float]], state: Mapping[str, float]) -> bool:
+    return all(
+        low - 1e-7 * (1 + abs(low)) <= state[x] <= high + 1e-7 * (1 + abs(high)) for x, (low, high) in extent.items()
+    )
+
+
+def _touch(a: Mapping[str, tuple[float, float]], b: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether two boxes meet."""
+    pairs = [(max(a[x][0], b[x][0]), min(a[x][1], b[x][1])) for x in a]
+    return all(low <= high + 1e-7 * (1.0 + abs(high)) for low, high in pairs)

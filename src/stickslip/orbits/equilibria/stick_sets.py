@@ -1,0 +1,192 @@
+"""Sets of equilibria: a point well inside {F(y) = 0, G(y) ≥ 0}, and the extent of the set along each coordinate.
+
+With dry friction a system comes to rest anywhere in a set. If F and G are affine, the extent is a linear program and
+exact; else it is followed from a point inside by constrained optimisation, and is then a local statement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from stickslip.equations.derive import MotionEquations
+from stickslip.equations.field import Region, in_region
+from stickslip.orbits.fields.steady import ResidualFunction
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
+
+Array = np.ndarray
+
+PRECISE = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+CLOSED = 1e-9  # a guard may miss zero by this much, in units of its terms: the set contains its boundary
+FAR = 1e6  # a component that can be moved this far, in units of its size, is taken for unbounded
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What holds in a set: equations, inequalities and the unknowns they restrict.
+
+    Attributes
+    ----------
+    unknowns : tuple of str
+        The state first, then forces that are not determined by it.
+    equal, nonnegative : tuple of Expr
+    values : mapping of str to float
+        Values of the parameters.
+    """
+
+    unknowns: tuple[str, ...]
+    equal: tuple[Expr, ...]
+    nonnegative: tuple[Expr, ...]
+    values: Mapping[str, float]
+
+    def centre(self, start: Array) -> Array | None:
+        """A point well inside the set, or None if none is found (if affine: if the set is empty).
+
+        The depth of a point is its least distance to a boundary, as far as slopes tell; more than 1 is not asked for.
+        """
+        _, slopes = self.guards(start)
+        lengths = np.linalg.norm(slopes, axis=1)
+        depth = ex.sym("depth")
+        kept = tuple(g - float(w) * depth for g, w in zip(self.nonnegative, lengths, strict=True))
+        deeper = Conditions((*self.unknowns, "depth"), self.equal, (*kept, 1.0 - depth), self.values)
+        found = deeper.farthest(np.append(start, 0.0), len(start), 1.0)
+        return found[:-1] if found is not None and found[-1] >= -CLOSED * (1.0 + np.max(np.abs(found))) else None
+
+    def extent(self, centre: Array, component: int) -> tuple[float, float]:
+        """Least and largest value of a component; infinite where there is no bound."""
+        ends = [self.farthest(centre, component, sign) for sign in (-1.0, 1.0)]
+        low, high = (centre[component] if end is None else end[component] for end in ends)
+        return float(low) + 0.0, float(high) + 0.0  # no negative zeros
+
+    @cached_property
+    def equations(self) -> ResidualFunction:
+        """The equations as functions of the unknowns."""
+        return ResidualFunction(self.equal, self.unknowns, self.values)
+
+    @cached_property
+    def guards(self) -> ResidualFunction:
+        """The inequalities as functions of the unknowns."""
+        return ResidualFunction(self.nonnegative, self.unknowns, self.values)
+
+    @property
+    def affine(self) -> bool:
+        """Whether the set is a polyhedron."""
+        return self.equations.affine and self.guards.affine
+
+    def farthest(self, start: Array, component: int, sign: float) -> Array | None:
+        """The point of the set with the largest ± component (infinite if it has no bound); None if the set is empty."""
+        method = _vertex if self.affine else _optimum
+        return method(self.equations, self.guards, start, component, sign)
+
+
+def _vertex(
+    equal: ResidualFunction, guards: ResidualFunction, start: Array, component: int, sign: float
+) -> Array | None:
+    """Linear program, with rows of unit length."""
+    from scipy.optimize import linprog
+
+    (F, A), (g, G) = equal(start), guards(start)
+    b, h = A @ start - F, g - G @ start
+    lengths = [np.linalg.norm(m, axis=1) for m in (A, G)]
+    a_size, g_size = (np.where(size > 0.0, size, 1.0) for size in lengths)
+    cost = np.zeros(len(start))
+    cost[component] = -sign
+    A, b, G, h = A / a_size[:, None], b / a_size, G / g_size[:, None], h / g_size
+    found = linprog(cost, -G, h, A, b, (None, None), options=PRECISE)
+    if found.status == 0:
+        return found.x
+    return None if found.status == 2 else _without_bound(start, component, sign)
+
+
+def _without_bound(point: Array, component: int, sign: float) -> Array:
+    far = point.copy()
+    far[component] = sign * np.inf
+    return far
+
+
+def _optimum(
+    equal: ResidualFunction, guards: ResidualFunction, start: Array, component: int, sign: float
+) -> Array | None:
+    """Sequential quadratic programming in boxes that grow as long as their wall is reached."""
+    from scipy.optimize import minimize
+
+    def constraint(kind: str, residual: ResidualFunction, size: Array) -> dict:
+        return {
+            "type": kind,
+            "fun": lambda z: residual(units * z)[0] / size,
+            "jac": lambda z: residual(units * z)[1] * units / size[:, None],
+        }
+
+    units = np.maximum(np.abs(start), 1.0)
+    sizes = [np.maximum(np.max(np.abs(r(start)[1] * units), axis=1, initial=0.0), 1e-300) for r in (equal, guards)]
+    goal = np.zeros(len(start))
+    goal[component] = -sign
+    z, reach, best = start / units, 1.0, None
+    while reach <= FAR:
+        found = minimize(
+            lambda x: float(goal @ x),
+            z,
+            jac=lambda x: goal,
+            bounds=[(a - reach, a + reach) for a in z],
+            method="SLSQP",
+            constraints=[constraint("eq", equal, sizes[0]), constraint("ineq", guards, sizes[1])],
+            options={"maxiter": 200, "ftol": 1e-13},
+        )
+        off = np.max(np.abs(equal(units * found.x)[0]) / sizes[0], initial=0.0)
+        beyond = np.max(-guards(units * found.x)[0] / sizes[1], initial=0.0)
+        if not (np.isfinite(found.fun) and max(off, beyond) < 1e-8):
+            return best
+        gain = sign * (found.x[component] - z[component])
+        if best is not None and not gain > 1e-10 * (1.0 + abs(z[component])):
+            return best
+        z, best, reach = found.x, units * found.x, 4.0 * reach
+    return _without_bound(start, component, sign)
+
+
+def all_stick(equations: MotionEquations, region: Region, values: Mapping[str, float]) -> Conditions:
+    """Rest with every contact in stick, in terms of the state and the friction forces.
+
+    The forces are unknowns of their own, so that it does not matter whether the state determines them (it does not
+    where more contacts stick than there are directions).
+    """
+    d, rate = equations.declaration, equations.rate
+    at_rest = {f"d_{x}": ex.ZERO for x in d.coordinates}
+    at_rest |= {f"speed:{i}": ex.ZERO for i in range(len(equations.contacts))}
+    regions = dict(zip(equations.kinks, region, strict=True))
+
+    def fix(e: Expr) -> Expr:
+        return ex.substitute(in_region(e, regions), at_rest)
+
+    held = [ex.sym(f"lambda:{i}") for i in range(len(equations.contacts))]
+    first = len(held) - len(rate.force)
+    equal = [fix(law) for law in equations.laws]
+    for names, forces in ((d.inertial, equations.inertial_force), (d.viscous, equations.viscous_force)):
+        for x, f in zip(names, forces, strict=True):
+            pulls = [
+                (c.direction[x] * h, 1.0) for c, h in zip(equations.contacts, held, strict=True) if x in c.direction
+            ]
+            equal.append(fix(f) + ex.add(*pulls))
+    equal += [fix(f) - h for f, h in zip(rate.force, held[first:], strict=True)]
+    equal += [ex.sym(f"d_{q}") for q in d.inertial]
+    nonnegative = [fix(g) if r == 1 else -fix(g) for g, r in zip(equations.kinks, region, strict=True)]
+    for c, h in zip(equations.contacts, held, strict=True):
+        nonnegative += [h + fix(c.plus), fix(c.minus) - h]
+    unknowns = (*d.state, *(str(h.value) for h in held))
+    return Conditions(unknowns, tuple(equal), tuple(nonnegative), values)
+
+
+def dimension(conditions: Conditions, states: int, point: Array) -> int:
+    """Dimension of the set in the state space, near a point: forces that the state leaves open do not count."""
+    _, slopes = conditions.equations(point)
+    size = np.max(np.abs(slopes), axis=1, keepdims=True, initial=0.0)
+    scaled = slopes / np.where(size > 0.0, size, 1.0)
+
+    def rank(matrix: Array) -> int:
+        return int(np.linalg.matrix_rank(matrix, tol=1e-9)) if matrix.size else 0
+
+    forces = len(conditions.unknowns) - states
+    return len(conditions.unknowns) - rank(scaled) - (forces - rank(scaled[:, states:]))

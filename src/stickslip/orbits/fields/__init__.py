@@ -1,0 +1,1 @@
+"""The smooth fields of a system, mode by mode: their Jacobians, symmetries, first variations."""

@@ -1,0 +1,313 @@
+"""What leaves a system unchanged: shifts of the state, shifts of time, and moving frames; the period of what drives it.
+
+A translation e leaves every field and every guard unchanged: ∂f·e = 0. A system under a load ℓ = Vt is unchanged if
+time and position are shifted together: ∂ₜf + ∂f·e = 0, it is autonomous in the frame that moves with e. Both are
+directions in which all first derivatives vanish, so they are found, not declared.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+
+import numpy as np
+
+from stickslip.equations.derive import MotionEquations
+from stickslip.errors import DeclarationError
+from stickslip.model.system import System
+from stickslip.orbits.fields.mode_field import Piece
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
+
+Array = np.ndarray
+
+RANK = 1e-9  # singular values below this part of the largest are zero
+SAME = 1e-9  # changes below this part of their terms are none
+ROUNDING = 1e-15  # … and so are those below this part of the largest terms
+SAMPLES = 12  # of every piece, at which symmetries are looked for
+EVEN, ODD = ("cos", "cosh"), ("sin", "sinh", "tan", "tanh", "atan", "asinh")
+MOST_PERIODS = 24  # drives have a common period if it is at most this many of their own
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """Invariance of a system along a motion.
+
+    Attributes
+    ----------
+    shifts : array, shape (states, translations)
+        Directions in which the state may be shifted.
+    frame : array, shape (states,), or None
+        Velocity e of the frame in which the system is autonomous (0: it does not depend on time at all). None: time
+        matters, the system is driven.
+    turn : array, shape (states,)
+        Of driven systems: the shift of the state with which the system is the same one period of its drives later.
+    """
+
+    shifts: Array
+    frame: Array | None
+    turn: Array
+
+    @property
+    def driven(self) -> bool:
+        """Whether time matters."""
+        return self.frame is None
+
+    def moved(self, period: float, turns: int) -> Array:
+        """Known part of the shift in a period."""
+        return turns * self.turn if self.frame is None else period * self.frame
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """Points on a motion, at which the system is asked what leaves it unchanged.
+
+    Attributes
+    ----------
+    pieces : list of Piece
+        Of each point.
+    times, states : arrays, shapes (points,) and (points, n)
+    sizes : array, shape (n,)
+        Size of each component of the state.
+    """
+
+    pieces: list[Piece]
+    times: Array
+    states: Array
+    sizes: Array
+
+    def symmetry(self, p: Array, drives: tuple[float, int] | None) -> Symmetry:
+        """Invariance for given parameters.
+
+        `drives`: their common period, and how many times the system repeats in it (None: there are none).
+
+        Raises
+        ------
+        DeclarationError
+            If the system is driven and not the same one period of its drives later.
+        """
+        shifts, frame = _split(self._unchanged(p))
+        if frame is not None or drives is None:
+            return Symmetry(shifts, frame, np.zeros(len(self.sizes)))
+        period, parts = drives
+        return Symmetry(shifts, None, self._turn(p, period) / parts)
+
+    @cached_property
+    def _samples(self) -> list[tuple[Piece, Array, Array]]:
+        # At random: at equal distances, all of them may meet a drive at the phase at which it does not change.
+        found, rng = [], np.random.default_rng(0)
+        for piece in dict.fromkeys(self.pieces):
+            index = np.array([i for i, own in enumerate(self.pieces) if own is piece])
+            index = np.sort(rng.choice(index, min(len(index), SAMPLES), replace=False))
+            found.append((piece, self.times[index], self.states[index].T))
+        return found
+
+    def _unchanged(self, p: Array) -> Array:
+        """Basis of the directions of (t, y) along which nothing changes, shape (1 + n, directions)."""
+        rng, n = np.random.default_rng(0), len(self.sizes)
+        rates, others = [], []
+        for piece, t, y in self._samples:
+            around = y + 0.1 * self.sizes[:, None] * rng.uniform(-1.0, 1.0, y.shape)
+            slopes = piece.dependence(t, around, p) * np.append(1.0, self.sizes)
+            slopes = slopes[np.all(np.isfinite(slopes), axis=(1, 2))]
+            rates.append(slopes[:, :n])
+            others.append(slopes[:, n:].reshape(-1, 1 + n))
+        # A rate that is 0 in one piece up to rounding is measured by what it is in the others.
+        table = np.concatenate(rates)
+        size = np.max(np.abs(table), axis=(0, 2), keepdims=True, initial=0.0)
+        matrix = np.concatenate([(table / np.where(size > 0.0, size, 1.0)).reshape(-1, 1 + n), *map(_unit, others)])
+        _, s, v = np.linalg.svd(np.vstack([matrix, np.zeros((1 + n, 1 + n))]), full_matrices=False)
+        rank = int(np.sum(s > RANK * max(s[0], 1e-300)))
+        return v[rank:].T * np.append(1.0, self.sizes)[:, None]
+
+    def _turn(self, p: Array, period: float) -> Array:
+        """Shift of the state that a period of the drives makes up for; a load Vt + sin ωt shifts by V·period."""
+        rows, changes, terms, n = [], [], [], len(self.sizes)
+        for piece, t, y in self._samples:
+            slopes, now, later = piece.dependence(t, y, p), piece.felt(t, y, p), piece.felt(t + period, y, p)
+            rows.append(slopes[:, :, 1:].reshape(-1, n))
+            changes.append((later - now).T.ravel())
+            terms.append((np.abs(now) + np.abs(later) + period * np.abs(slopes[:, :, 0].T)).T.ravel())
+        matrix, change = np.concatenate(rows) * self.sizes, np.concatenate(changes)
+        size = np.max(np.abs(matrix), axis=1, initial=0.0) + np.concatenate(terms)
+        # What vanishes in a piece, as the acceleration in stick does, is rounding of what is large elsewhere.
+        size = np.maximum(size, ROUNDING / SAME * np.max(size) + 1e-300)
+        matrix, change = matrix / size[:, None], change / size
+        if np.max(np.abs(change)) <= SAME:
+            return np.zeros(n)
+        shift = np.linalg.lstsq(matrix, -change, rcond=RANK)[0]
+        if np.max(np.abs(matrix @ shift + change)) <= SAME:
+            return np.where(np.abs(shift) > SAME * np.max(np.abs(shift)), shift, 0.0) * self.sizes
+        raise DeclarationError(
+            "period",
+            f"the system is not the same after the period {period:.9g} of its drives: time enters in another way, too",
+            "Cycles need a system that repeats",
+        )
+
+
+def _unit(rows: Array) -> Array:
+    """Rows with largest component 1; those that are only rounding are left out."""
+    size = np.max(np.abs(rows), axis=1, keepdims=True, initial=0.0)
+    kept = size[:, 0] > 1e-13 * np.max(size, initial=0.0)
+    return rows[kept] / size[kept]
+
+
+def _split(free: Array) -> tuple[Array, Array | None]:
+    """Shifts of the state, and the frame that goes with a shift of time, if there is one."""
+    moving = np.abs(free[0]) > 1e-9 * np.max(np.abs(free), initial=0.0)
+    if not np.any(moving):
+        return _clean(free[1:]), None
+    _, _, v = np.linalg.svd(free[:1])
+    shifts = _clean(free[1:] @ v[1:].T)
+    frame = free[1:] @ free[0] / (free[0] @ free[0])
+    if shifts.shape[1]:
+        frame = frame - shifts @ np.linalg.lstsq(shifts, frame, rcond=None)[0]
+    return shifts, np.where(np.abs(frame) > 1e-10 * (1.0 + np.max(np.abs(frame))), frame, 0.0)
+
+
+def _clean(directions: Array) -> Array:
+    """Directions with as many exact zeros as possible, the largest component of each 1."""
+    rows = directions.T.copy()
+    for i in range(len(rows)):
+        j = int(np.argmax(np.abs(rows[i])))
+        rows[i] /= rows[i, j]
+        for k in range(len(rows)):
+            if k != i:
+                rows[k] -= rows[k, j] * rows[i]
+    whole = np.round(rows)
+    return np.where(np.abs(rows - whole) < 1e-10, whole, rows).T
+
+
+@dataclass(frozen=True)
+class Clock:
+    """What the drives of a system repeat after, 2πm/ω, and which part of that is its period.
+
+    Attributes
+    ----------
+    frequency : Expr
+        ω, of the first drive.
+    multiple : int
+        m: after so many of its periods all drives are as before.
+    parts : int
+        After one of so many parts of that the system is as before.
+    zero : frozenset of str
+        Parameters that have to be zero for that: the amplitude of a drive may be one of them.
+    """
+
+    frequency: Expr
+    multiple: int
+    parts: int
+    zero: frozenset[str]
+
+    def period(self, values: Mapping[str, float]) -> float:
+        """The period for given parameters.
+
+        Raises
+        ------
+        DeclarationError
+            If a drive acts that did not where the clock was made.
+        """
+        for name in sorted(self.zero):
+            if values[name] != 0.0:
+                raise DeclarationError(
+                    name, "where it is not 0, the drives have another period", "Start from a cycle at such a value"
+                )
+        return 2.0 * math.pi * self.multiple / self.parts / abs(ex.evaluate(self.frequency, values))
+
+    def drives(self, values: Mapping[str, float]) -> tuple[float, int]:
+        """The common period of the drives, and how many times the system repeats in it."""
+        return self.parts * self.period(values), self.parts
+
+    def slope(self, values: Mapping[str, float], parameter: str) -> float:
+        """Its derivative with respect to a parameter."""
+        change = ex.evaluate(ex.derivative(self.frequency, parameter), values)
+        return -self.period(values) * change / ex.evaluate(self.frequency, values)
+
+
+def clock(system: System, equations: MotionEquations, values: Mapping[str, float]) -> Clock:
+    """What the drives of a system repeat after.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no drive of a constant frequency, or their frequencies have no common period.
+    """
+    zero = frozenset(name for name in system.parameters if values[name] == 0.0)
+    found = _clock(system, equations, values, zero)
+    for name in sorted(zero):
+        # Only what matters for it has to stay zero.
+        try:
+            other = _clock(system, equations, values, found.zero - {name})
+        except DeclarationError:
+            continue
+        if other.period(values) <= found.period(values) * (1.0 + SAME):
+            found = other
+    return found
+
+
+def _clock(system: System, equations: MotionEquations, values: Mapping[str, float], zero: frozenset[str]) -> Clock:
+    """What they repeat after as long as some parameters are zero."""
+    rates = {e: ex.evaluate(e, values) for e in equations.frequencies}
+    felt = dict(zip(rates, equations.acting(zero), strict=True))
+    moving = {e: rate for e, rate in rates.items() if rate != 0.0 and (felt[e] or not any(felt.values()))}
+    if not moving:
+        raise DeclarationError(
+            system.name,
+            "it depends on time, but on no sine or cosine of a constant frequency, so that nothing tells its period",
+            "Cycles need a drive that repeats, such as sin(omega*t)",
+        )
+    first, base = next(iter(moving.items()))
+    ratios = {}
+    for e, rate in moving.items():
+        ratios[e] = Fraction(rate / base).limit_denominator(MOST_PERIODS)
+        if abs(float(ratios[e]) - rate / base) > 1e-9 * abs(rate / base):
+            raise DeclarationError(
+                system.name,
+                f"its drives have the angular frequencies {abs(base):.9g} and {abs(rate):.9g}, which have no common "
+                "period",
+                "Choose frequencies in the ratio of small whole numbers",
+            )
+    multiple = math.lcm(*(ratio.denominator for ratio in ratios.values()))
+    return Clock(first, multiple, _parts(equations, zero, {e: int(4 * r * multiple) for e, r in ratios.items()}), zero)
+
+
+def _parts(equations: MotionEquations, zero: frozenset[str], quarters: Mapping[Expr, int]) -> int:
+    """How many times a system repeats while its drives turn by some quarters of their periods.
+
+    The square of a sine repeats after half of its period, sin⁴ + cos⁴ after a quarter.
+    """
+    try:
+        formulas = [ex.substitute(e, dict.fromkeys(zero, ex.ZERO)) for e in equations.formulas]
+    except (ZeroDivisionError, OverflowError):
+        formulas = equations.formulas
+    for parts in (4, 2):
+        turns = {e: quarter // parts for e, quarter in quarters.items()}
+        if all(_turned(e, turns) is e for e in formulas):
+            return parts
+    return 1
+
+
+def _turned(formula: Expr, turns: Mapping[Expr, int]) -> Expr:
+    """A formula whose sines and cosines have been turned by quarters of their periods, by their frequencies."""
+    cycle = (("sin", 1.0), ("cos", 1.0), ("sin", -1.0), ("cos", -1.0))
+
+    def turn(e: Expr) -> Expr | None:
+        if "t" not in e.symbols:
+            return e
+        if len(e.args) != 1:
+            return None
+        (argument,) = e.args
+        rate = ex.derivative(argument, "t") if e.op in ("sin", "cos") else ex.ZERO
+        if rate in turns or -rate in turns:
+            quarters = turns[rate] if rate in turns else -turns[-rate]
+            name, sign = cycle[((e.op == "cos") + quarters) % 4]
+            return sign * ex.call(name, argument)
+        inside = _turned(argument, turns)
+        if inside is -argument and e.op in (*EVEN, *ODD):
+            return e if e.op in EVEN else -e
+        return ex.call(e.op, inside)
+
+    return ex.rewrite(formula, turn)

@@ -1,0 +1,170 @@
+"""Positions in which contacts rest that stick all through a cycle.
+
+Such a contact comes back to where it was by itself. There is a cycle for every position in which the thresholds hold it
+all the time, and the one that belongs to a given position is meant. Where a parameter changes so far that a threshold
+no longer holds it there, the contact is carried along that edge: it rests where it is just held.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stickslip.orbits.fields.mode_field import Piece, Pieces
+from stickslip.orbits.fields.variational import Variation, gauss, variation
+from stickslip.symbolic import expressions as ex
+
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
+
+Array = np.ndarray
+
+PARTS = 16  # of the motion, in each of which a guard is looked at eight times and at its ends
+HELD = 1e-9  # by this part of its thresholds a contact on its edge is held: nearer, rounding makes it slip
+
+
+@dataclass(frozen=True)
+class Held:
+    """A position that does not change.
+
+    Attributes
+    ----------
+    contact : int
+        That sticks throughout.
+    form : array, shape (n,)
+        The position as a linear form of the state.
+    edge : int
+        0: it is that at the origin of the first station. +1, −1: it is that in which the contact just fails to slip
+        this way.
+    """
+
+    contact: int
+    form: Array
+    edge: int = 0
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Where a contact comes nearest to slipping.
+
+    Attributes
+    ----------
+    margin : float
+        By how much it is held there, relative to both thresholds, beyond :data:`HELD`.
+    leg : int
+    slopes : array
+        Derivatives by the directions of the variation of that leg.
+    """
+
+    margin: float
+    leg: int
+    slopes: Array
+
+
+def held_positions(motion: Trajectory, before: Sequence[Held] = ()) -> tuple[Held, ...]:
+    """The independent positions that contacts keep in a motion because they stick; what was on an edge stays there."""
+    k, equations = motion.knots, motion._problem.compiled.equations
+    state, edges = equations.declaration.state, {h.contact: h.edge for h in before}
+    stuck = np.all(k.mode[:-1][np.diff(k.time) > 0.0] == 0, axis=0)
+    found: list[Held] = []
+    for i in np.flatnonzero(stuck):
+        form = np.zeros(len(state))
+        for x, weight in equations.contacts[i].direction.items():
+            form[state.index(x)] = ex.evaluate(weight, motion.parameters)
+        if np.linalg.matrix_rank(np.array([*(h.form for h in found), form])) > len(found):
+            found.append(Held(int(i), form, edges.get(int(i), 0)))
+    return tuple(found)
+
+
+def forms(held: Sequence[Held], n: int) -> Array:
+    """The linear forms, shape (held, n)."""
+    return np.array([h.form for h in held]).reshape(-1, n)
+
+
+def released(held: Sequence[Held], sizes: Array) -> Array:
+    """Directions in which the held positions change, one for each, shape (n, held)."""
+    return sizes[:, None] * np.linalg.pinv(forms(held, len(sizes)) * sizes)
+
+
+def alike(a: Sequence[Held], b: Sequence[Held]) -> bool:
+    """Whether the same contacts are held."""
+    return [h.contact for h in a] == [h.contact for h in b]
+
+
+def slips(held: Held, motions: Sequence[Trajectory]) -> bool:
+    """Whether a contact slips in some motions."""
+    return any(bool(np.any(m.knots.mode[:-1][np.diff(m.knots.time) > 0.0, held.contact])) for m in motions)
+
+
+def nearest_slip(held: Held, legs: Sequence[tuple[Trajectory, Variation]], pieces: Pieces) -> Touch:
+    """Where a contact that sticks throughout comes nearest to slipping the way of its edge.
+
+    At the least value of its guard only the value changes, not the time, so that the derivatives are those at a time.
+    """
+    found = [(*_lowest(held, motion, change), j) for j, (motion, change) in enumerate(legs)]
+    _, t, i, j = min(found, key=lambda entry: entry[0])
+    motion, change = legs[j]
+    k, piece = motion.knots, change.pieces[i]
+    y = motion._sample(np.array([t]), np.array([i]))[0, : k.state.shape[1]]
+    p = np.array([motion.parameters[name] for name in motion.system.parameters])
+    here, (row, other) = piece.leave(t, y, p), _guards(held, piece)
+    both = float(here.value[row] + here.value[other])
+    slopes = here.slopes[row] @ _changed(motion, change, pieces, i, t, y)
+    return Touch(float(here.value[row]) / both - HELD, j, slopes / both)
+
+
+def _guards(held: Held, piece: Piece) -> tuple[int, int]:
+    """Numbers of the guards of a contact in stick: against slip the way of its edge, and the other way."""
+    switch = len(piece.field.kinks) + held.contact
+    own = [g for g, guard in enumerate(piece.field.guards) if guard.switch == switch]
+    return tuple(sorted(own, key=lambda g: piece.field.guards[g].to != held.edge))  # type: ignore[return-value]
+
+
+def _lowest(held: Held, motion: Trajectory, change: Variation) -> tuple[float, float, int]:
+    """The least value of the guard of a contact, relative to both thresholds; when, and the step it is in."""
+    from scipy.optimize import minimize_scalar
+
+    k, n = motion.knots, motion.knots.state.shape[1]
+    p = np.array([motion.parameters[name] for name in motion.system.parameters])
+    nodes, best, ends = np.concatenate([[0.0], gauss()[0], [1.0]]), (np.inf, 0.0, 0), (0.0, 0.0)
+
+    def value(t: Array, i: int) -> Array:
+        piece, times = change.pieces[i], np.atleast_1d(t)
+        states = motion._sample(times, np.full(len(times), i))[:, :n]
+        row, other = _guards(held, piece)
+        guards = piece.felt(times, states.T, p)[n : n + len(piece.switches)]
+        return guards[row] / (guards[row] + guards[other])
+
+    for i in np.flatnonzero(np.diff(k.time) > 0.0):
+        # A flight in closed form may be one step and hold the whole period.
+        parts = 1 + int(PARTS * (k.time[i + 1] - k.time[i]) / (k.time[-1] - k.time[0]))
+        grid = np.unique((np.arange(parts)[:, None] + nodes).ravel() / parts)
+        times = k.time[i] + grid * (k.time[i + 1] - k.time[i])
+        values = value(times, int(i))
+        low = int(np.argmin(values))
+        if values[low] < best[0]:
+            best = float(values[low]), float(times[low]), int(i)
+            ends = times[max(low - 1, 0)], times[min(low + 1, len(times) - 1)]
+
+    def near(t: float) -> float:
+        return float(value(np.array([t]), best[2])[0])
+
+    found: Any = minimize_scalar(near, bounds=ends, method="bounded", options={"xatol": 1e-14})
+    return min(best, (float(found.fun), float(found.x), best[2]), key=lambda entry: entry[0])
+
+
+def _changed(motion: Trajectory, change: Variation, pieces: Pieces, i: int, t: float, y: Array) -> Array:
+    """Derivatives of the state at a time within a step."""
+    from stickslip.motion.knots import Knots
+    from stickslip.motion.trajectory import Trajectory
+
+    k = motion.knots
+    if t <= k.time[i]:
+        return change.after[i]
+    times, states = np.array([k.time[i], t]), np.array([k.state[i], y])
+    knots = Knots(times, states, k.mode[[i, i]], k.region[[i, i]], k.cause[[i, i]])
+    part = Trajectory(motion._problem, (float(k.time[i]), t), knots, motion.outcome)
+    return variation(part, pieces, change.after[i]).matrix

@@ -1,0 +1,195 @@
+"""How near a cycle is to another sequence of modes: what it nearly touches, and phases that nearly vanish.
+
+Along a branch a guard comes down to zero somewhere inside a phase, or a phase becomes shorter and shorter, or a contact
+that slips back and forth is about to stick in between. Where the least of these vanishes, the sequence changes.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.orbits.fields.mode_field import Piece, Pieces
+from stickslip.orbits.fields.variational import gauss
+from stickslip.orbits.return_map.recurrence import segments
+
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
+
+Array = np.ndarray
+Setting = tuple[tuple[int, ...], tuple[int, ...]]
+Sequence = tuple[Setting, ...]
+
+LOSS = "loss of the cycle"
+
+
+def sequence(motion: Trajectory) -> Sequence:
+    """Mode and region of the phases of a period, wherever it starts.
+
+    A motion that does not end in the phase it starts in is no cycle; its phases are followed by the first one.
+    """
+    k = motion.knots
+    phases = [(tuple(map(int, k.mode[a])), tuple(map(int, k.region[a]))) for a, _ in segments(k)]
+    return _canonical(phases) if phases[0] == phases[-1] else (*phases, phases[0])
+
+
+def is_open(s: Sequence) -> bool:
+    """Whether it is the sequence of a motion that is no cycle."""
+    return len(s) > 1 and s[0] == s[-1]
+
+
+def _canonical(phases: list[Setting]) -> Sequence:
+    """The phases in their cyclic order without repetitions, from the one that makes the least sequence."""
+    kept = [phase for i, phase in enumerate(phases) if phase != phases[i - 1]] or phases[:1]
+    return min(tuple(kept[i:] + kept[:i]) for i in range(len(kept)))
+
+
+def change_of(contacts: list[str], before: Sequence, after: Sequence) -> tuple[str, str]:
+    """Name of a change of the sequence, and what happens in words."""
+    if is_open(after):
+        missed = _difference(contacts, after[-2], after[0])
+        return LOSS, f"the motion no longer comes back to the phase it starts in: {missed}"
+    for i, name in enumerate(contacts):
+        stuck, sticks = (any(mode[i] == 0 for mode, _ in s) for s in (before, after))
+        if stuck != sticks:
+            return "stick onset", f"contact '{name}' " + ("begins to stick" if sticks else "no longer sticks")
+        slipped, slips = (any(mode[i] != 0 for mode, _ in s) for s in (before, after))
+        if slipped != slips:
+            return "slip onset", f"contact '{name}' " + ("begins to slip" if slips else "sticks throughout")
+    few, many = sorted((before, after), key=len)
+    touched = _excursions(many, few)
+    if touched:
+        return "grazing", ", ".join(dict.fromkeys(_difference(contacts, a, b) for a, b in touched))
+    return "sequence change", f"{_phases(before)} become {_phases(after)}"
+
+
+def _excursions(many: Sequence, few: Sequence) -> list[tuple[Setting, Setting]]:
+    """Phases of a sequence without which it is the other one, each after the phase that it interrupts.
+
+    There may be several: a cycle with a symmetry touches a boundary more than once.
+    """
+    found: dict[Sequence, list[tuple[Setting, Setting]]] = {many: []}
+    waiting = [many]
+    while waiting:
+        s = waiting.pop()
+        for i, phase in enumerate(s):
+            if len(s) > len(few) and s[i - 1] == s[(i + 1) % len(s)]:
+                rest = _canonical([*s[:i], *s[i + 1 :]])
+                if rest not in found:
+                    found[rest] = [*found[s], (s[i - 1], phase)]
+                    waiting.append(rest)
+    return found.get(few, [])
+
+
+def _phases(s: Sequence) -> str:
+    return "1 phase" if len(s) == 1 else f"{len(s)} phases"
+
+
+def _difference(contacts: list[str], a: Setting, b: Setting) -> str:
+    """What is different in two phases."""
+    from stickslip.equations.field import MODE_NAMES
+
+    modes = [
+        f"contact '{c}' touches the boundary between {MODE_NAMES[max(m, n)]} and {MODE_NAMES[min(m, n)]}"
+        for c, m, n in zip(contacts, a[0], b[0], strict=True)
+        if m != n
+    ]
+    kinks = [f"kink {j + 1} is touched" for j, (m, n) in enumerate(zip(a[1], b[1], strict=True)) if m != n]
+    return ", ".join([*modes, *kinks])
+
+
+def nearest_change(motion: Trajectory, pieces: Pieces) -> float:
+    """The least of: phases as parts of the period, guards and forces relative to their size."""
+    k = motion.knots
+    found = segments(k)
+    p = np.array([motion.parameters[name] for name in motion.system.parameters])
+    period = k.time[-1] - k.time[0]
+    margins = [float(k.time[b] - k.time[a]) / period for a, b in found[1:-1]]
+    low = [dip for a, b in found for dip in dips(motion, pieces(k.mode[a], k.region[a]), a, b, p)]
+    if low:
+        margins.append(min(low, key=lambda dip: dip.value).refined())
+    for (_, a), (b, _) in itertools.pairwise(found):
+        margins += _reversals(motion, pieces, a, b, p)
+    return max(min(margins, default=1.0), 1e-300)
+
+
+@dataclass(frozen=True)
+class Dip:
+    """A local minimum of a guard: its switch, three times around it, values there, and the guard over time."""
+
+    switch: int
+    times: Array
+    values: Array
+    scale: float
+    guard: Callable[[float], float]
+
+    @property
+    def value(self) -> float:
+        return float(self.values[1]) / self.scale
+
+    def refined(self) -> float:
+        """The minimum by parabolas through the last three points."""
+        t, g = self.times, self.values
+        for _ in range(5):
+            (a, b, c), (fa, fb, fc) = t, g
+            up, down = (b - a) * (fb - fc), (b - c) * (fb - fa)
+            if up == down:
+                break
+            best = b - 0.5 * ((b - a) * up - (b - c) * down) / (up - down)
+            if not a < best < c or best == b:
+                break
+            value = self.guard(best)
+            t, g = np.append(t, best), np.append(g, value)
+            order = np.argsort(t)
+            t, g = t[order], g[order]
+            i = int(np.clip(np.argmin(g), 1, len(g) - 2))
+            t, g = t[i - 1 : i + 2], g[i - 1 : i + 2]
+        return max(float(np.min(g)), 0.0) / self.scale
+
+
+def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array) -> list[Dip]:
+    """Local minima of the guards inside a phase."""
+    k, n = motion.knots, motion.knots.state.shape[1]
+    steps = np.array([i for i in range(a, b) if k.time[i + 1] > k.time[i]])
+    times = (k.time[steps][:, None] + np.diff(k.time)[steps][:, None] * gauss()[0]).ravel()
+    index = np.repeat(steps, len(gauss()[0]))
+    guards = piece.felt(times, motion._sample(times, index)[:, :n].T, p)[n : n + len(piece.switches)]
+    found = []
+    for row, g in enumerate(guards):
+        scale = float(np.max(np.abs(g)))
+        inner = np.flatnonzero((g[1:-1] < g[:-2]) & (g[1:-1] <= g[2:])) + 1
+        for i in inner if scale > 0.0 else ():
+
+            def guard(t: float, row: int = row) -> float:
+                at = min(int(np.searchsorted(k.time, t, side="right")) - 1, len(k.time) - 2)
+                y = motion._sample(np.array([t]), np.array([at]))[0, :n]
+                return float(piece.felt(t, y, p)[n + row])  # pyright: ignore[reportArgumentType]
+
+            found.append(Dip(int(piece.switches[row]), times[i - 1 : i + 2], g[i - 1 : i + 2], scale, guard))
+    return found
+
+
+def _reversals(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> list[float]:
+    """Excess of the forces where contacts slip back without sticking, relative to their size."""
+    k, found = motion.knots, []
+    before, kinks = k.mode[a - 1] if a else k.mode[a], k.region.shape[1]
+    for c in np.flatnonzero(before * k.mode[b] == -1):
+        mode = k.mode[b].copy()
+        mode[c] = 0
+        try:
+            held = holding(pieces(mode, k.region[b]), kinks + int(c), float(k.time[b]), k.state[b], p)
+        except ZeroDivisionError:
+            continue
+        found.append(abs(held))
+    return found
+
+
+def holding(stuck: Piece, switch: int, t: float, y: Array, p: Array) -> float:
+    """By how much a contact that sticks is held: the nearer threshold, relative to both. Negative if it slips."""
+    here = stuck.leave(t, y, p)
+    forces = here.value[stuck.switches == switch]
+    return float(np.min(forces)) / float(np.sum(np.abs(forces)))

@@ -1,0 +1,468 @@
+"""Periodic motions as zeros of a function: single and multiple shooting, up to a drift.
+
+The motion is followed from one or several stations on the cycle to the next. Unknown are the places of the stations,
+the period T, the drift along each translation, and, for a branch, a parameter. The equations say that each piece ends
+where the next one begins (the last one: where the first begins, shifted by the drift); that the first station has not
+slid along the cycle (autonomous systems) or that T is the period of the drives; and that it has not been translated.
+
+A station stands well inside one mode, never at an event, and its coordinates ξ keep the constraints of that mode:
+where a contact sticks there is one coordinate less. The order of modes is nowhere given, the motion finds it.
+
+A contact that sticks throughout comes back to where it was, whatever that is: the equation says nothing, and there is a
+cycle for every position of rest. In its place stands where it rests (:mod:`stickslip.orbits.return_map.held`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.errors import ConvergenceError
+from stickslip.motion.outcome import Outcome
+from stickslip.motion.problem import Problem
+from stickslip.orbits.fields.mode_field import Piece, Pieces
+from stickslip.orbits.fields.symmetry import Clock, Surroundings, Symmetry
+from stickslip.orbits.fields.variational import Variation, variation
+from stickslip.orbits.return_map.held import HELD, Held, nearest_slip, released, slips
+
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
+
+Array = np.ndarray
+
+MOST_EVENTS = 100_000  # of one period
+
+
+class NoReturn(ConvergenceError):
+    """A motion that ends before its period is over."""
+
+
+def follow(problem: Problem, start: float, end: float, y: Array) -> Trajectory:
+    """The motion from a state, as a trajectory.
+
+    Raises
+    ------
+    NoReturn
+        If it ends early.
+    """
+    trajectory = follow_freely(problem, start, end, y)
+    if trajectory.outcome is not Outcome.FINISHED:
+        raise NoReturn(f"a period of {problem.system.name}", trajectory.message)
+    return trajectory
+
+
+def follow_freely(problem: Problem, start: float, end: float, y: Array) -> Trajectory:
+    """The motion from a state as far as it goes."""
+    from stickslip.motion import simulate
+    from stickslip.motion.trajectory import Trajectory
+
+    code, knots = simulate.follow(problem, start, end, y, MOST_EVENTS)
+    outcome = Outcome.from_code(code)
+    if outcome is Outcome.INTERRUPTED:
+        raise KeyboardInterrupt
+    return Trajectory(problem, (start, end), knots, outcome)
+
+
+def with_value(problem: Problem, parameter: str, value: float) -> Problem:
+    """The same problem with another value of a parameter; machine code is shared."""
+    if value == problem.parameters[parameter]:
+        return problem
+    problem.system.declaration.check_range(parameter, value)
+    changed = replace(problem, parameters={**problem.parameters, parameter: value})
+    vars(changed)["compiled"] = problem.compiled
+    return changed
+
+
+@dataclass(frozen=True)
+class Place:
+    """A state with its derivatives: by the coordinates of its station, by time, and by the parameter."""
+
+    state: Array
+    directions: Array
+    by_time: Array
+    by_parameter: Array
+
+
+@dataclass(frozen=True)
+class Station:
+    """Where a part of the cycle begins, and coordinates around it.
+
+    Attributes
+    ----------
+    part : float
+        When, as a part of the period.
+    piece : Piece
+        Mode and region there.
+    origin : array, shape (n,)
+        The state with ξ = 0.
+    basis : array, shape (n, q)
+        Directions that keep the constraints, one for each coordinate, in units of the size of the cycle.
+    normal : array, shape (n, n − q)
+        Directions in which states are put back onto the constraints.
+    """
+
+    part: float
+    piece: Piece
+    origin: Array
+    basis: Array
+    normal: Array
+
+    @cached_property
+    def chart(self) -> Array:
+        """Matrix of state − origin ↦ ξ."""
+        return np.linalg.inv(np.hstack([self.basis, self.normal]))[: self.basis.shape[1]]
+
+    def place(self, xi: Array, t: float, p: Array) -> Place:
+        """The state with given coordinates."""
+        n = len(self.origin)
+        y = self.origin + self.basis @ xi
+        if self.normal.shape[1] == 0:
+            return Place(y, self.basis, np.zeros(n), np.zeros(n))
+        for _ in range(3):
+            y = y - self.normal @ self._solve(y, t, p)[0]
+        _, along, by_time, by_parameter = self._solve(y, t, p)
+        return Place(y, self.basis - self.normal @ along, -self.normal @ by_time, -self.normal @ by_parameter)
+
+    def _solve(self, y: Array, t: float, p: Array) -> tuple[Array, Array, Array, Array]:
+        """Value and derivatives of the constraints, in coordinates of the normal directions."""
+        bounds, n = self.piece.bounds(t, y, p), len(y)
+        right = np.column_stack([bounds.value, bounds.slopes[:, :n] @ self.basis, bounds.time, bounds.slopes[:, n:]])
+        solved = np.linalg.solve(bounds.slopes[:, :n] @ self.normal, right)
+        q = self.basis.shape[1]
+        by_parameter = solved[:, q + 2] if solved.shape[1] > q + 2 else np.zeros(len(solved))
+        return solved[:, 0], solved[:, 1 : q + 1], solved[:, q + 1], by_parameter
+
+
+def make_station(part: float, piece: Piece, t: float, y: Array, p: Array, sizes: Array) -> Station:
+    """A station at a state of the cycle; `sizes` are the units of the components."""
+    n = len(y)
+    slopes = piece.bounds(t, y, p).slopes[:, :n] * sizes
+    _, s, v = np.linalg.svd(slopes) if len(slopes) else (None, np.zeros(0), np.eye(n))
+    rank = int(np.sum(s > 1e-9 * s[0])) if len(s) else 0
+    return Station(part, piece, y, sizes[:, None] * v[rank:].T, sizes[:, None] * v[:rank].T)
+
+
+@dataclass(frozen=True)
+class Leg:
+    """The motion from one station to the next.
+
+    Attributes
+    ----------
+    begin, end : float
+        Parts of the period.
+    place : Place
+        Where it starts.
+    motion : Trajectory
+    change : Variation
+        Its directions are those of the station's coordinates, then a later start, then the parameter.
+    rate : array
+        Rates at its end.
+    """
+
+    begin: float
+    end: float
+    place: Place
+    motion: Trajectory
+    change: Variation
+    rate: Array
+
+
+@dataclass(frozen=True)
+class KnownShift:
+    """A shift of the state with its derivatives by the period and by the parameter."""
+
+    value: Array
+    by_time: Array
+    by_parameter: Array
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a cycle is a cycle of.
+
+    Attributes
+    ----------
+    symmetry : Symmetry
+    surroundings : Surroundings
+        With which the symmetry is found for other parameters.
+    clock : Clock or None
+        Of driven systems.
+    turns : int
+        Periods of the drives in a period of the cycle.
+    sizes : array, shape (n,)
+        Size of each component of the cycle.
+    held : tuple of Held
+        Positions that contacts keep because they stick throughout.
+    """
+
+    symmetry: Symmetry
+    surroundings: Surroundings
+    clock: Clock | None
+    turns: int
+    sizes: Array
+    held: tuple[Held, ...]
+
+    def at(self, problem: Problem) -> Symmetry:
+        """The symmetry for other parameters."""
+        drives = self.clock.drives(problem.parameters) if self.clock else None
+        return self.surroundings.symmetry(numbers(problem), drives)
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """One candidate of a cycle.
+
+    Attributes
+    ----------
+    x : array
+        Unknowns: coordinates of all stations, period, drifts, and the parameter if it is free.
+    problem : Problem
+    period : float
+    shift : array, shape (n,)
+        State one period later minus state.
+    legs : list of Leg
+    F, J : arrays
+        Residual and derivative.
+    """
+
+    x: Array
+    problem: Problem
+    period: float
+    shift: Array
+    legs: list[Leg]
+    F: Array
+    J: Array
+
+    @property
+    def start(self) -> str:
+        """Its first state in words."""
+        named = zip(self.problem.system.declaration.state, self.legs[0].place.state, strict=True)
+        return ", ".join(f"{name} = {value:.6g}" for name, value in named)
+
+    @cached_property
+    def motion(self) -> Trajectory:
+        """One period, from the first station."""
+        from stickslip.motion.knots import Knots
+        from stickslip.motion.trajectory import Trajectory
+
+        if len(self.legs) == 1:
+            return self.legs[0].motion
+        parts = [leg.motion.knots for leg in self.legs]
+        knots = Knots.joined([*(k.first(len(k.time) - 1) for k in parts[:-1]), parts[-1]])
+        return Trajectory(self.problem, (float(knots.time[0]), float(knots.time[-1])), knots, Outcome.FINISHED)
+
+
+def numbers(problem: Problem) -> Array:
+    """Values of all parameters."""
+    return np.array([problem.parameters[name] for name in problem.system.parameters])
+
+
+class Shooting:
+    """The equations of a cycle, x ↦ (F, ∂F/∂x).
+
+    Parameters
+    ----------
+    problem : Problem
+    pieces : Pieces
+        With the free parameter, if there is one; it is then the last component of x.
+    stations : sequence of Station
+    start : float
+        Time of the first station.
+    setting : Setting
+    """
+
+    def __init__(
+        self, problem: Problem, pieces: Pieces, stations: Sequence[Station], start: float, setting: Setting
+    ) -> None:
+        self.problem, self.pieces, self.stations, self.start = problem, pieces, list(stations), start
+        self.setting, self.symmetry, self.free = setting, setting.symmetry, pieces.free
+        self.release = released(setting.held, setting.sizes)
+        self.first = np.concatenate([[0], np.cumsum([s.basis.shape[1] for s in self.stations])]).astype(int)
+        self.time = int(self.first[-1])
+        self.drifts = slice(self.time + 1, self.time + 1 + self.symmetry.shifts.shape[1])
+        self.fixed = self._fixed()
+        self._last: Orbit | None = None
+
+    def with_pieces(self, pieces: Pieces, problem: Problem) -> Shooting:
+        """The same equations with another free parameter."""
+        stations = []
+        for station in self.stations:
+            mode, region = station.piece.field.mode, station.piece.field.region
+            stations.append(replace(station, piece=pieces(np.array(mode, np.int8), np.array(region, np.int8))))
+        return Shooting(problem, pieces, stations, self.start, self.setting)
+
+    def with_problem(self, problem: Problem) -> Shooting:
+        """The same unknowns for other values of the parameters."""
+        other = Shooting(problem, self.pieces, self.stations, self.start, self.setting)
+        other.fixed = self.fixed
+        return other
+
+    def guess(self, period: float, shift: Array) -> Array:
+        """Unknowns at the origins of the stations, from a period and the shift of the state in it."""
+        unknown = shift - self.symmetry.moved(period, self.setting.turns)
+        N = self.symmetry.shifts / self.setting.sizes[:, None]
+        drift = np.linalg.lstsq(N, unknown / self.setting.sizes, rcond=None)[0] if N.shape[1] else np.zeros(0)
+        value = [self.problem.parameters[self.free]] if self.free else []
+        return np.concatenate([np.zeros(self.time), [period], drift, value])
+
+    def units(self, x: Array, width: float = 1.0) -> Array:
+        """Units of the unknowns: size of the cycle, period, size again, width of the parameter's range."""
+        lengths = [1.0 / max(np.max(np.abs(self.stations[0].chart @ e)), 1e-300) for e in self.symmetry.shifts.T]
+        return np.concatenate([np.ones(self.time), [x[self.time]], lengths, [width] if self.free else []])
+
+    def _fixed(self) -> Array:
+        """Rows over the coordinates of the first station: no sliding along the cycle, no translation."""
+        station = self.stations[0]
+        rows = [station.chart @ e for e in self.symmetry.shifts.T]
+        if self.symmetry.frame is not None:
+            rate = station.piece.rates(self.start, station.origin, numbers(self.problem)) - self.symmetry.frame
+            rows.insert(0, station.chart @ rate)
+        rows = [row / max(np.linalg.norm(row), 1e-300) for row in rows]
+        return np.array(rows).reshape(len(rows), station.basis.shape[1])
+
+    def unchanged(self, orbit: Orbit) -> Array:
+        """Changes of the first station's coordinates that come back unchanged: a later start, and translations."""
+        station, columns = self.stations[0], [self.stations[0].chart @ e for e in self.symmetry.shifts.T]
+        if not self.symmetry.driven:
+            frame = self.setting.at(orbit.problem).frame if np.any(self.symmetry.frame) else 0.0
+            rate = station.piece.rates(self.start, orbit.legs[0].place.state, numbers(orbit.problem))
+            columns.insert(0, station.chart @ (rate - frame))
+        return np.array(columns).reshape(len(columns), station.basis.shape[1]).T
+
+    def __call__(self, x: Array) -> tuple[Array, Array]:
+        """Residual and derivative."""
+        orbit = self.orbit(x)
+        return orbit.F, orbit.J
+
+    def orbit(self, x: Array) -> Orbit:
+        """The motion that belongs to the unknowns.
+
+        Raises
+        ------
+        NoReturn
+            If it ends early.
+        """
+        if self._last is None or not np.array_equal(self._last.x, x):
+            self._last = self._evaluate(x)
+        return self._last
+
+    def miss(self, orbit: Orbit) -> float:
+        """By how much the whole state fails to close, in units of the size of the cycle.
+
+        The equations see the coordinates of the stations only: a leg might end off the constraints.
+        """
+        gaps = []
+        for j, leg in enumerate(orbit.legs):
+            last = j + 1 == len(orbit.legs)
+            target = orbit.legs[0].place.state + orbit.shift if last else orbit.legs[j + 1].place.state
+            gaps.append(np.linalg.norm((leg.motion.knots.state[-1] - target) / self.setting.sizes))
+        return float(max(gaps))
+
+    def _evaluate(self, x: Array) -> Orbit:
+        period = float(x[self.time])
+        if not period > 0.0:
+            raise NoReturn("the period", f"it became {period:g}")
+        problem = with_value(self.problem, self.free, float(x[-1])) if self.free else self.problem
+        known = self._known_shift(problem, period)
+        shift = known.value + self.symmetry.shifts @ x[self.drifts]
+        legs = [self._leg(problem, j, x, period) for j in range(len(self.stations))]
+        F, J = np.zeros(len(x) - bool(self.free)), np.zeros((len(x) - bool(self.free), len(x)))
+        for j in range(len(legs)):
+            self._close(F, J, x, legs, j, shift)
+        home, chart = slice(*self.first[:2]), self.stations[0].chart
+        J[home, self.time] -= chart @ known.by_time
+        J[home, self.drifts] = -chart @ self.symmetry.shifts
+        if self.free:
+            J[home, -1] -= chart @ known.by_parameter
+        self._hold(F, J, legs)
+        row = self.time
+        if self.symmetry.driven:
+            F[row], J[row] = self._clock(problem, x)
+            row += 1
+        F[row:], J[row:, home] = self.fixed @ x[home], self.fixed
+        return Orbit(x.copy(), problem, period, shift, legs, F, J)
+
+    def _leg(self, problem: Problem, j: int, x: Array, period: float) -> Leg:
+        """The motion from a station to the next, with its variation."""
+        station, p = self.stations[j], numbers(problem)
+        end = self.stations[j + 1].part if j + 1 < len(self.stations) else 1.0
+        times = self.start + period * station.part, self.start + period * end
+        place = station.place(x[slice(*self.first[j : j + 2])], times[0], p)
+        columns = [place.directions, (place.by_time - station.piece.rates(times[0], place.state, p))[:, None]]
+        directions = np.hstack(columns)
+        if self.free:
+            directions = np.vstack([directions, np.zeros(directions.shape[1])])
+            directions = np.column_stack([directions, np.append(place.by_parameter, 1.0)])
+        motion = follow(problem, *times, place.state)
+        change = variation(motion, self.pieces, directions)
+        rate = change.pieces[-1].rates(times[1], motion.knots.state[-1], p)
+        return Leg(station.part, end, place, motion, change, rate)
+
+    def _close(self, F: Array, J: Array, x: Array, legs: list[Leg], j: int, shift: Array) -> None:
+        """A leg ends where the next one begins; its equations stand in the rows of the coordinates of that station."""
+        target, leg, n = (j + 1) % len(legs), legs[j], len(shift)
+        there, rows, own = self.stations[target], slice(*self.first[target : target + 2]), slice(*self.first[j : j + 2])
+        end = leg.motion.knots.state[-1] - (0.0 if target else shift)
+        M, q = there.chart @ leg.change.matrix[:n], own.stop - own.start
+        F[rows] = there.chart @ (end - there.origin) - x[rows]
+        J[rows, own] += M[:, :q]
+        J[rows, rows] -= np.eye(rows.stop - rows.start)
+        J[rows, self.time] += leg.end * (there.chart @ leg.rate) + leg.begin * M[:, q]
+        if self.free:
+            J[rows, -1] += M[:, -1]
+
+    def _hold(self, F: Array, J: Array, legs: list[Leg]) -> None:
+        """Where contacts rest that stick throughout, in the rows of what comes back by itself."""
+        station, home = self.stations[0], slice(*self.first[:2])
+        for held, direction in zip(self.setting.held, self.release.T, strict=True):
+            along = station.chart @ direction
+            if not held.edge:
+                place = legs[0].place
+                F[home] += along * (held.form @ (place.state - station.origin))
+                J[home, home] += np.outer(along, held.form @ place.directions)
+                if self.free:
+                    J[home, -1] += along * (held.form @ place.by_parameter)
+                continue
+            reach = held.edge * float(np.abs(held.form) @ self.setting.sizes)
+            if slips(held, [leg.motion for leg in legs]):
+                # It is pushed to where it is just held: what it lacks is seen from how far it moves.
+                row = held.form @ station.basis
+                F[home] -= along * (2.0 * (row @ F[home]) + reach * HELD)
+                J[home] -= np.outer(along, 2.0 * (row @ J[home]))
+                continue
+            touch = nearest_slip(held, [(leg.motion, leg.change) for leg in legs], self.pieces)
+            own, q = slice(*self.first[touch.leg : touch.leg + 2]), len(touch.slopes) - 1 - bool(self.free)
+            F[home] += along * reach * touch.margin
+            J[home, own] += np.outer(along, reach * touch.slopes[:q])
+            J[home, self.time] += along * reach * legs[touch.leg].begin * touch.slopes[q]
+            if self.free:
+                J[home, -1] += along * reach * touch.slopes[-1]
+
+    def _clock(self, problem: Problem, x: Array) -> tuple[float, Array]:
+        """The period is that of the drives."""
+        clock, turns, row = self.setting.clock, self.setting.turns, np.zeros(len(x))
+        assert clock is not None
+        whole = turns * clock.period(problem.parameters)
+        row[self.time] = 1.0 / whole
+        if self.free:
+            row[-1] = -x[self.time] / whole**2 * turns * clock.slope(problem.parameters, self.free)
+        return x[self.time] / whole - 1.0, row
+
+    def _known_shift(self, problem: Problem, period: float) -> KnownShift:
+        """Shift of the state in a period that the loads determine, with its derivatives."""
+        zero = np.zeros(len(self.setting.sizes))
+        if not np.any(self.symmetry.moved(1.0, 1)):
+            return KnownShift(zero, zero, zero)
+        setting, now = self.setting, self.setting.at(problem)
+        by_time = zero if now.frame is None else now.frame
+        by_parameter = zero
+        if self.free:
+            value = problem.parameters[self.free]
+            h = 1e-5 * max(abs(value), 1e-3)
+            ends = [setting.at(with_value(problem, self.free, value + d)).moved(period, setting.turns) for d in (-h, h)]
+            by_parameter = (ends[1] - ends[0]) / (2.0 * h)
+        return KnownShift(now.moved(period, setting.turns), by_time, by_parameter)

@@ -1,0 +1,1 @@
+"""Studies: gaits, hysteresis operators."""

@@ -1,0 +1,256 @@
+"""Studies of gaits: how fast a system walks over a parameter, from where on it walks, and from where on it slides."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.equations.derive import derive
+from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.model.quantities import quantity
+from stickslip.model.system import System
+from stickslip.motion.outcome import Outcome
+from stickslip.motion.problem import pose
+from stickslip.orbits.branches.equilibrium_branch import checked_range
+from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+from stickslip.orbits.equilibria.finding import checked_values
+from stickslip.orbits.fields.stable_set import settle_friction
+from stickslip.orbits.return_map.shooting import follow_freely
+
+if TYPE_CHECKING:
+    import xarray
+
+Array = np.ndarray
+State = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """Where a parameter begins to make a system move.
+
+    Attributes
+    ----------
+    parameter : str
+    still, moving : float
+        The values found nearest to each other, without and with motion.
+    gait : Cycle or None
+        The motion at `moving`, if it is a gait.
+    reason : str
+        What happens at `still`.
+    """
+
+    parameter: str
+    still: float
+    moving: float
+    gait: Cycle | None
+    reason: str
+
+    @property
+    def value(self) -> float:
+        """The middle of the two."""
+        return 0.5 * (self.still + self.moving)
+
+
+def gait_study(
+    system: System,
+    parameter: str,
+    values: Sequence[float],
+    start: State | None = None,
+    parameters: Mapping[str, float] | None = None,
+) -> xarray.Dataset:
+    """The stable gait of a system over a parameter.
+
+    Parameters
+    ----------
+    system : System
+    parameter : str
+    values : sequence of float
+    start : mapping of str to float, optional
+        State from which the first gait is looked for; by default the declared one. Each next one starts from the last.
+    parameters : mapping of str to float, optional
+        Values of the others.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over the parameter: ``walks``, and ``speed``, ``period``, ``stride`` (drift in a period), ``largest_multiplier``
+        (modulus), ``energy_per_distance`` and ``amplitude_…`` (half the range) of the states that do not drift. All
+        are 0 where no gait was found; ``note`` says why.
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is wrong.
+    """
+    import xarray as xr
+
+    checked_values(system, parameters)
+    names = [x for x in system.declaration.state if x not in system.translation]
+    rows: list[dict[str, object]] = []
+    last: Cycle | None = None
+    for value in values:
+        system.declaration.check_range(parameter, float(value))
+        found = _gait(system, last, start, {**(parameters or {}), parameter: float(value)})
+        last = found if isinstance(found, Cycle) else last
+        rows.append(_row(found, names))
+    units = {"speed": _along_unit(system, True), "stride": _along_unit(system, False), "period": system.time_unit}
+    data = {
+        name: (parameter, np.array([row[name] for row in rows]), {"units": units.get(name) or "1"}) for name in rows[0]
+    }
+    for name in names:
+        data[f"amplitude_{name}"][2].update(quantity(system, name))
+    coordinate = (parameter, np.asarray(values, float), {"units": system.parameters[parameter].unit or "1"})
+    return xr.Dataset(data, {parameter: coordinate}, {"title": system.title or system.name})
+
+
+def walking_threshold(
+    system: System,
+    parameter: str,
+    span: tuple[float, float],
+    start: State | None = None,
+    parameters: Mapping[str, float] | None = None,
+    *,
+    tolerance: float = 1e-6,
+) -> Threshold:
+    """The parameter at which the stable gait appears.
+
+    It is followed from the end of the span at which it exists, so that a gait that coexists with rest is not lost.
+
+    Parameters
+    ----------
+    system : System
+    parameter : str
+    span : (float, float)
+        With a gait at one end and none at the other.
+    start : mapping of str to float, optional
+        State from which the gait is looked for; by default the declared one.
+    parameters : mapping of str to float, optional
+        Values of the others.
+    tolerance : float
+        Of the parameter, relative to the span.
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is wrong, or both ends are of one kind.
+    """
+
+    def test(value: float, last: Cycle | None) -> Cycle | str:
+        return _gait(system, last, start, {**(parameters or {}), parameter: value})
+
+    return _bisect(system, parameter, span, test, tolerance)
+
+
+def sliding_threshold(
+    system: System,
+    parameter: str,
+    span: tuple[float, float],
+    start: State,
+    parameters: Mapping[str, float] | None = None,
+    *,
+    tolerance: float = 1e-6,
+) -> Threshold:
+    """The parameter at which a state of rest begins to slide.
+
+    Parameters
+    ----------
+    system : System
+    parameter : str
+    span : (float, float)
+        At rest at one end, sliding at the other.
+    start : mapping of str to float
+        The state of rest.
+    parameters, tolerance
+        As in :func:`walking_threshold`.
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is wrong, or both ends are of one kind.
+    """
+
+    def test(value: float, last: Cycle | None) -> Cycle | str | None:
+        problem = pose(system, {**(parameters or {}), parameter: value})
+        motion = follow_freely(problem, *system.span, problem.initial_state(start))
+        slides = motion.outcome is Outcome.NO_BOUNDED_RATE or bool(np.any(motion.knots.mode))
+        return None if slides else "all contacts stick"
+
+    return _bisect(system, parameter, span, test, tolerance)
+
+
+def _bisect(
+    system: System,
+    parameter: str,
+    span: tuple[float, float],
+    test: Callable[[float, Cycle | None], Cycle | str | None],
+    tolerance: float,
+) -> Threshold:
+    """Halve the span; `test` gives a reason (str) where nothing moves."""
+    ends = checked_range(system, parameter, span)
+    low, high = (test(end, None) for end in ends)
+    if isinstance(low, str) == isinstance(high, str):
+        what = f"it stays at rest at both ends ({low})" if isinstance(low, str) else "it moves at both ends"
+        raise DeclarationError(parameter, f"{what}: ({ends[0]:g}, {ends[1]:g})", "Give a span with a change inside")
+    (still, reason), (moving, motion) = sorted(
+        zip(ends, (low, high), strict=True), key=lambda e: not isinstance(e[1], str)
+    )
+    while abs(moving - still) > tolerance * (ends[1] - ends[0]):
+        middle = 0.5 * (still + moving)
+        found = test(middle, motion if isinstance(motion, Cycle) else None)
+        if isinstance(found, str):
+            still, reason = middle, found
+        else:
+            moving, motion = middle, found
+    return Threshold(parameter, still, moving, motion if isinstance(motion, Cycle) else None, str(reason))
+
+
+def _gait(system: System, last: Cycle | None, start: State | None, values: Mapping[str, float]) -> Cycle | str:
+    """The stable gait near the last one, else the one that the motion from there or from the start settles on."""
+    starts = [*([last] if last else []), _held(system, last.state if last else start, values)]
+    reason = ""
+    for origin in starts:
+        try:
+            found = find_cycle(system, origin, dict(values))
+        except ConvergenceError as failure:
+            reason = str(failure)
+            continue
+        if found.drift and found.stable and found.trajectory.certificate.ok:
+            return found
+        reason = f"a cycle of period {found.period:.6g} that is " + (
+            "not certified" if found.drift and found.stable else "unstable" if found.drift else "no gait"
+        )
+    return reason
+
+
+def _held(system: System, start: State | None, values: Mapping[str, float]) -> dict[str, float]:
+    """A start at which friction can hold the rate-independent coordinates."""
+    problem = pose(system, values)
+    y = problem.initial_state(start or {})[None]
+    settle_friction(derive(system.declaration), problem.parameters, y)
+    return dict(zip(system.declaration.state, map(float, y[0]), strict=True))
+
+
+def _row(found: Cycle | str, names: list[str]) -> dict[str, object]:
+    """Numbers of a gait."""
+    if isinstance(found, str):
+        zero = dict.fromkeys(["speed", "period", "stride", "largest_multiplier", "energy_per_distance"], 0.0)
+        return {"walks": False, **zero, **dict.fromkeys([f"amplitude_{x}" for x in names], 0.0), "note": found}
+    return {
+        "walks": True,
+        "speed": found.speed,
+        "period": found.period,
+        "stride": found.drift,
+        "largest_multiplier": float(np.max(np.abs(found.nontrivial), initial=0.0)),
+        "energy_per_distance": found.energy_per_distance,
+        **{f"amplitude_{x}": 0.5 * (found.extrema[x][1] - found.extrema[x][0]) for x in names},
+        "note": "",
+    }
+
+
+def _along_unit(system: System, rate: bool) -> str:
+    """Unit of a shift along the translation, or of its rate."""
+    name = next((x for x, weight in system.translation.items() if weight), "")
+    return str(quantity(system, f"d_{name}" if rate else name)["units"]) if name else "1"

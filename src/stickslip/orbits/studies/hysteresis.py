@@ -1,0 +1,388 @@
+"""Hysteresis operators: two rate-independent coordinates that another one drives, as in [M] section 4.3.
+
+Where the friction of two coordinates x, y with one distance d = x − y depends on a third one, ψ, the force balances say
+G⁻(ψ) ≤ d ≤ G⁺(ψ), ḋ ≤ 0 on G⁺, ḋ ≥ 0 on G⁻ and ḋ = 0 between. So ψ ↦ d is a play between two curves, which knows no
+speed. The curves are read off the declaration, so that nothing here knows the toy: its X, ψ₂, ψ₃ are heights and
+crossings of the curves, and the closed forms of them stand with its declaration in the catalogue.
+
+A swing of ψ from one value to another acts on d as d ↦ clip(d, low, high), since every d ↦ clip(d, G⁻, G⁺) does and so
+does what is composed of them. From this follows return-point memory: there, back and there again is the same as there.
+
+References
+----------
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
+sections 4.3 and 4.4; M. Brokate, J. Sprekels, *Hysteresis and Phase Transitions*, Springer 1996, chapter 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stickslip.equations.derive import MotionEquations, derive
+from stickslip.errors import DeclarationError
+from stickslip.model.system import System
+from stickslip.orbits.equilibria.finding import checked_values
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
+
+if TYPE_CHECKING:
+    from stickslip.rate_independent.play.operator import Play
+
+Array = np.ndarray
+AFFINE = 1e-10  # a curve that misses a straight line by less, relative to its values, is one
+REMEDY = "Two rate-independent coordinates that only their distance and one other coordinate couple are needed"
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A continuous piecewise affine function.
+
+    Attributes
+    ----------
+    nodes, values : arrays, shape (nodes,)
+        Where it may bend, in rising order, and its values there.
+    slopes : (float, float)
+        Left of the first and right of the last node.
+    """
+
+    nodes: Array
+    values: Array
+    slopes: tuple[float, float]
+
+    @classmethod
+    def through(cls, function: Callable[[Array], Array], nodes: Array) -> Curve:
+        """The curve that agrees with a function at the nodes and one step beyond the outer ones."""
+        y = function(np.concatenate([[nodes[0] - 1.0], nodes, [nodes[-1] + 1.0]]))
+        return cls(nodes, y[1:-1], (float(y[1] - y[0]), float(y[-1] - y[-2])))
+
+    def __call__(self, x: ArrayLike) -> Any:
+        """Values, of the shape of `x`."""
+        x = np.asarray(x, dtype=float)
+        inside = np.interp(x, self.nodes, self.values)
+        left, right = np.minimum(x - self.nodes[0], 0.0), np.maximum(x - self.nodes[-1], 0.0)
+        return inside + self.slopes[0] * left + self.slopes[1] * right
+
+    def crossings(self, level: float) -> Array:
+        """Where the curve passes a level, in rising order."""
+        ends = self.nodes[[0, -1]] + _beyond(self, level)
+        x = np.array([ends[0], *self.nodes, ends[1]])
+        h = self(x) - level
+        a, b = h[:-1], h[1:]
+        found = np.flatnonzero((a * b < 0.0) | ((b == 0.0) & (a != 0.0)))
+        return x[found] - a[found] * (x[found + 1] - x[found]) / (b[found] - a[found])
+
+    def extrema(self, sign: int) -> Array:
+        """Nodes at which the curve has a strict local maximum (sign 1) or minimum (−1)."""
+        x = np.array([self.nodes[0] - 1.0, *self.nodes, self.nodes[-1] + 1.0])
+        rise = sign * np.diff(self(x)) / np.diff(x)
+        return self.nodes[(rise[:-1] > 0.0) & (rise[1:] < 0.0)]
+
+
+def _beyond(curve: Curve, level: float) -> Array:
+    """How far left of the first and right of the last node a level is passed at the latest."""
+    steps = []
+    for height, slope, side in zip(curve.values[[0, -1]], curve.slopes, (-1.0, 1.0), strict=True):
+        away = (level - height) / slope if slope else 0.0
+        steps.append(side + 2.0 * away if side * away > 0.0 else side)
+    return np.array(steps)
+
+
+def least(one: Curve, other: Curve, sign: int = 1) -> Curve:
+    """The smaller (sign 1) or larger (−1) of two curves."""
+    pick = np.minimum if sign > 0 else np.maximum
+    nodes = np.union1d(one.nodes, other.nodes)
+    gap = Curve.through(lambda x: one(x) - other(x), nodes)
+    return Curve.through(lambda x: pick(one(x), other(x)), np.union1d(nodes, gap.crossings(0.0)))
+
+
+@dataclass(frozen=True)
+class HysteresisOperator:
+    """The operator ψ ↦ d of a play between two curves.
+
+    Attributes
+    ----------
+    input : str
+        Name of ψ.
+    output : (str, str)
+        The coordinates whose difference d is.
+    legs : dict of str to (Curve, Curve)
+        By contact: its own lower and upper bound, such as G_R⁻, G_R⁺.
+    """
+
+    input: str
+    output: tuple[str, str]
+    legs: dict[str, tuple[Curve, Curve]]
+
+    @classmethod
+    def of(cls, system: System, parameters: Mapping[str, float] | None = None) -> HysteresisOperator:
+        """The operator that is inside a system.
+
+        Parameters
+        ----------
+        system : System
+        parameters : mapping of str to float, optional
+            Values that replace the defaults.
+
+        Raises
+        ------
+        DeclarationError
+            If an argument is wrong, the system is not of this form, its curves are not piecewise affine, or one is
+            above the other somewhere: then there is no bounded rate.
+        """
+        values = checked_values(system, parameters)
+        declared = _Declared.read(system, derive(system.declaration), values)
+        found = cls(declared.driver, declared.pair, declared.legs())
+        x = np.union1d(found.upper.nodes, found.lower.nodes)
+        over = found.lower(x) - found.upper(x)
+        if np.any(over > 0.0):
+            where = f"{declared.driver} = {x[np.argmax(over)]:.6g}"
+            raise DeclarationError(system.name, f"no d is stable at {where}: G- is above G+", "Lower the load")
+        return found
+
+    @cached_property
+    def upper(self) -> Curve:
+        """G⁺ = min of the upper bounds."""
+        first, *others = (bounds[1] for bounds in self.legs.values())
+        for other in others:
+            first = least(first, other)
+        return first
+
+    @cached_property
+    def lower(self) -> Curve:
+        """G⁻ = max of the lower bounds."""
+        first, *others = (bounds[0] for bounds in self.legs.values())
+        for other in others:
+            first = least(first, other, -1)
+        return first
+
+    # -- simple motion ----------------------------------------------------------------------------
+
+    @property
+    def X(self) -> float:
+        """Height of the peak of G⁻: what d is after ψ has swung far down; a period of simple walking has the stride 2X.
+
+        Raises
+        ------
+        DeclarationError
+            If G⁺ has no valley or G⁻ no peak: then nothing is left of a swing.
+        """
+        return float(self.lower(self._turns()[0]))
+
+    @property
+    def psi_3(self) -> float:
+        """Where G⁺ comes down to X: from there on a swing upward moves a leg."""
+        valley = self._turns()[1]
+        return float(self.upper.crossings(self.X)[self.upper.crossings(self.X) < valley][-1])
+
+    @property
+    def psi_2(self) -> float:
+        """Where G⁻ rises to the valley of G⁺: up to there d stays as it is after ψ has passed the valley."""
+        valley = self._turns()[1]
+        level = float(self.upper(valley))
+        return float(self.lower.crossings(level)[self.lower.crossings(level) > valley][0])
+
+    def _turns(self) -> tuple[float, float]:
+        """The peak of G⁻ and the valley of G⁺."""
+        peaks, valleys = self.lower.extrema(1), self.upper.extrema(-1)
+        if not (len(peaks) and len(valleys)):
+            raise DeclarationError(
+                self.input, "G- has no peak or G+ no valley: the legs do not alternate", "Raise H_star or lower c"
+            )
+        return float(peaks[0]), float(valleys[-1])
+
+    # -- the operator -----------------------------------------------------------------------------
+
+    def swing(self, start: float, end: float) -> tuple[float, float]:
+        """What a monotone swing of ψ does: d ↦ clip(d, low, high).
+
+        Returns
+        -------
+        low, high : float
+            Equal if the swing forgets where d was.
+        """
+        x = self._nodes(start, end)
+        low, high = -np.inf, np.inf
+        for down, up in zip(self.lower(x), self.upper(x), strict=True):
+            low, high = min(max(low, down), up), min(max(high, down), up)
+        return float(low), float(high)
+
+    def __call__(self, psi: ArrayLike, initial: float = 0.0) -> Array:
+        """d at samples of ψ, exact if ψ is monotone between them.
+
+        Parameters
+        ----------
+        psi : array, shape (n,)
+        initial : float
+            d before; if G⁻ ≤ d ≤ G⁺ fails at the first sample it is put onto the nearer curve.
+
+        Raises
+        ------
+        DeclarationError
+            If ψ is no array of finite numbers.
+        """
+        samples = _checked(psi)
+        d = np.empty(len(samples))
+        value = initial
+        for i, end in enumerate(samples):
+            low, high = self.swing(samples[max(i - 1, 0)], end)
+            d[i] = value = min(max(value, low), high)
+        return d
+
+    def path(self, psi: ArrayLike, initial: float = 0.0) -> tuple[Array, Array]:
+        """The polygon that (ψ, d) runs along.
+
+        Parameters
+        ----------
+        psi : array, shape (n,)
+            Turning points of ψ.
+        initial : float
+
+        Returns
+        -------
+        psi, d : arrays
+            With all corners in between.
+        """
+        turns = _checked(psi)
+        x = np.concatenate([turns[:1], *(self._nodes(a, b)[1:] for a, b in pairwise(turns))])
+        corners = [x[:1]]
+        d = self(x, initial)
+        for i in range(len(x) - 1):
+            # Between two nodes d rests until it meets a curve, or has left it at the node.
+            meets = [self._meets(curve, x[i], x[i + 1], d[i]) for curve in (self.lower, self.upper)]
+            corners += [np.array([m for m in meets if m is not None]), x[i + 1 : i + 2]]
+        everywhere = np.concatenate(corners)
+        return everywhere, self(everywhere, initial)
+
+    def loop(self, low: float, high: float) -> tuple[Array, Array]:
+        """The closed curve on which (ψ, d) settles while ψ goes to and fro between two values.
+
+        Its area ∮ d dψ, anticlockwise, times the coupling is the energy that a period feeds into ψ.
+        """
+        start = self([low, high, low])[-1]
+        return self.path([low, high, low], start)
+
+    def driven(self, psi: Callable[[Any], Any], t_span: tuple[float, float], initial: float) -> Play:
+        """d for a function ψ(t), whose turning points are found.
+
+        Returns
+        -------
+        Play
+            Its ``z`` is d.
+        """
+        from stickslip.rate_independent.play.operator import play
+
+        return play(
+            lambda t: 0.5 * (self.upper(psi(t)) + self.lower(psi(t))),
+            lambda t: 0.5 * (self.upper(psi(t)) - self.lower(psi(t))),
+            t_span,
+            initial,
+        )
+
+    def _nodes(self, start: float, end: float) -> Array:
+        """From a value to another one, with the nodes of the curves in between."""
+        every = np.union1d(self.lower.nodes, self.upper.nodes)
+        between = every[(every > min(start, end)) & (every < max(start, end))]
+        return np.array([start, *(between if start < end else between[::-1]), end])
+
+    @staticmethod
+    def _meets(curve: Curve, start: float, end: float, level: float) -> float | None:
+        """Where a curve that is affine on an interval passes a level inside it."""
+        a, b = float(curve(start)) - level, float(curve(end)) - level
+        return start + (end - start) * a / (a - b) if a * b < 0.0 else None
+
+
+@dataclass(frozen=True)
+class _Declared:
+    """What a declaration says of two rate-independent coordinates and the one that drives them.
+
+    Attributes
+    ----------
+    driver : str
+    pair : (str, str)
+    contacts : dict of str to (Expr, Expr, Expr)
+        By contact: force λ and thresholds s⁺, s⁻, in the driver and the first of the pair (the other is 0).
+    kinks : list of Expr
+    """
+
+    driver: str
+    pair: tuple[str, str]
+    contacts: dict[str, tuple[Expr, Expr, Expr]]
+    kinks: list[Expr]
+
+    @classmethod
+    def read(cls, system: System, equations: MotionEquations, values: Mapping[str, float]) -> _Declared:
+        """Check that the system has this form."""
+        d = system.declaration
+        acting = [c for c in equations.contacts if c.kind == "rate-independent"]
+        pair = tuple(d.rate_independent)
+        shift = system.translation
+        if len(pair) != 2 or len(acting) != 2 or shift.get(pair[0]) != shift.get(pair[1]) or not shift.get(pair[0]):
+            raise DeclarationError(system.name, "no two rate-independent coordinates with a common translation", REMEDY)
+        known = {name: ex.num(value) for name, value in values.items()} | {pair[1]: ex.ZERO}
+        contacts = {
+            c.name: tuple(ex.substitute(e, known) for e in (force, c.plus, c.minus))
+            for c, force in zip(acting, equations.rate.force, strict=True)
+        }
+        kinks = [ex.substitute(g, known) for g in equations.kinks]
+        used = set().union(*(e.symbols for parts in contacts.values() for e in parts)) - {pair[0]}
+        if len(used) != 1 or next(iter(used)) not in d.state:
+            what = ", ".join(sorted(used)) or "nothing"
+            raise DeclarationError(system.name, f"their friction depends on {what}, not on one other state", REMEDY)
+        driver = next(iter(used))
+        kinks = [g for g in kinks if g.symbols == {driver}]
+        return cls(driver, pair, contacts, kinks)  # type: ignore[arg-type]
+
+    def legs(self) -> dict[str, tuple[Curve, Curve]]:
+        """Bounds on d from −s⁺ ≤ λ(ψ, d) ≤ s⁻, where λ is affine in d."""
+        nodes = self._corners()
+        found = {}
+        for name, (force, plus, minus) in self.contacts.items():
+            slope = ex.derivative(force, self.pair[0])
+            if not ex.is_number(slope) or ex.number(slope) == 0.0:
+                raise DeclarationError(f"potential ({name})", f"its force is not affine in {self.pair[0]}", REMEDY)
+            still = ex.substitute(force, {self.pair[0]: ex.ZERO})
+            sides = [(-1.0 / ex.number(slope)) * (still + bound) for bound in (plus, -minus)]
+            low, high = sides if ex.number(slope) > 0.0 else sides[::-1]
+            found[name] = self._curve(name, low, nodes), self._curve(name, high, nodes)
+        return found
+
+    def _corners(self) -> Array:
+        """Where the kinks of the formulas are."""
+        corners = [0.0]
+        for g in self.kinks:
+            slope = ex.derivative(g, self.driver)
+            if not ex.is_number(slope):
+                raise DeclarationError("functions", f"the corner at {ex.to_text(g)} = 0 is not that of a line", REMEDY)
+            corners.append(-ex.evaluate(g, {self.driver: 0.0}) / ex.number(slope))
+        return np.unique(corners)
+
+    def _curve(self, name: str, bound: Expr, nodes: Array) -> Curve:
+        """A bound as a curve, which has to be affine between the nodes."""
+
+        def values(x: Array) -> Array:
+            return np.array([ex.evaluate(bound, {self.driver: float(v)}) for v in x])
+
+        curve = Curve.through(values, nodes)
+        x = np.concatenate([[nodes[0] - 2.0], nodes, [nodes[-1] + 2.0]])
+        between = np.concatenate([0.5 * (x[:-1] + x[1:]), 0.7 * x[:-1] + 0.3 * x[1:], x[[0, -1]]])
+        if np.max(np.abs(values(between) - curve(between))) > AFFINE * np.max(np.abs(curve.values)):
+            raise DeclarationError(
+                f"contacts.'{name}'.threshold",
+                f"not piecewise affine in {self.driver}",
+                "Use simulate for other curves",
+            )
+        return curve
+
+
+def _checked(psi: ArrayLike) -> Array:
+    samples = np.asarray(psi, dtype=float)
+    if samples.ndim != 1 or len(samples) == 0 or not np.all(np.isfinite(samples)):
+        raise DeclarationError("psi", "not a 1-D array of finite numbers", "Give samples, or use `driven`")
+    return samples

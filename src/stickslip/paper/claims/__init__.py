@@ -1,0 +1,1 @@
+"""The statements of [M], section by section, with their checks."""

@@ -1,0 +1,1 @@
+"""Animations, and the drawings with moving parts they are made of."""

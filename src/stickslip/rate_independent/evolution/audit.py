@@ -1,0 +1,208 @@
+"""What a step is worth, whoever made it.
+
+Between the ends of a step z is taken to be affine, ẑ; d is its increment. Along ẑ the energy balance (E) of [M] (2.2)
+holds up to the *defect*, the mean over the step of
+
+    Ψ(s, d) − ⟨ℓ − Aẑ, d⟩   (≥ 0 where ẑ is stable),
+
+measured by Simpson's rule: at the ends, where the solver was, and in the middle, where it was not. What the force may
+leave K by between the ends is the *overshoot*: bounded where load and thresholds are formulas or tables, estimated from
+the same three points where they are functions of Python (``between.py``).
+
+Let z be the exact evolution. As long as ẑ is stable, d/dt ½⟨A(z − ẑ), z − ẑ⟩ = −⟨ξ − ξ̂, ż − dẑ/dt⟩ is at most
+Ψ(dẑ/dt) − ⟨ξ̂, dẑ/dt⟩: half the squared error, in the energy norm, grows by no more than the defect. While the force
+overshoots by δ, it may grow by δ|ż| besides, with the size of ż that belongs to the sets: the *slack*, in which ż is
+taken to be that of ẑ.
+
+A minimising-movement step also has the classical two-sided estimate (ΔE, d, ξ: energy, increment, force):
+
+    ΔE + Ψ(s_k, d) + ⟨Δℓ, z_{k−1}⟩ = −½⟨Ad, d⟩ ≤ 0,
+    ΔE + Ψ(s_{k−1}, d) + ⟨Δℓ, z_k⟩ = ½⟨Ad, d⟩ + [Ψ(s_{k−1}, d) − ⟨ξ_{k−1}, d⟩] ≥ 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stickslip.rate_independent.evolution.between import overshoot
+from stickslip.rate_independent.evolution.evolution import Evolution
+from stickslip.rate_independent.evolution.load import check_finite
+from stickslip.rate_independent.solvers.stable_sets import Boxes, Discs, StableSets, Step
+
+Array = np.ndarray
+EPS = float(np.finfo(float).eps)
+
+COLUMNS = {
+    "energy": "energy of the state",
+    "dissipated": "dissipated energy",
+    "work": "work of the load",
+    "slipping": "components (or groups) that moved",
+    "residual": "KKT residual of the step, relative to the largest weight",
+    "effort": "cycles of the solver, or changes of its active set",
+    "distance": "distance of the force from the stable set, relative to the largest weight",
+    "defect": "defect of the energy balance in the step",
+    "overshoot": "how far the force may leave the stable set during the step, relative to the largest weight",
+    "slack": "what the overshoot may add to half the squared error",
+    "increment": "half the squared energy norm of the increment",
+    "gap": "dissipation of the increment at the phase before, minus the work of the force before",
+}
+"""What is kept of every step, with its meaning. Work of the load: −∫⟨dℓ/dt, z⟩dt."""
+
+
+@dataclass(frozen=True)
+class Flow:
+    """Energies up to a moment: what was dissipated and worked, and between which bounds the energy was."""
+
+    dissipated: float = 0.0
+    work: float = 0.0
+    lowest: float = np.inf
+    highest: float = -np.inf
+
+
+@dataclass(frozen=True)
+class State:
+    """Where an evolution stands: z(t), and what the next step has to know of it."""
+
+    t: float
+    z: Array
+    load: Array
+    elastic: Array  # A z
+    sets: StableSets
+    flow: Flow
+
+
+@dataclass(frozen=True)
+class Block:
+    """Consecutive steps: times (m,), states (m, n), and the columns (m,) of `COLUMNS`."""
+
+    times: Array
+    states: Array
+    columns: dict[str, Array]
+
+    def first(self, count: int) -> Block:
+        """The first steps of it."""
+        columns = {name: column[:count] for name, column in self.columns.items()}
+        return Block(self.times[:count], self.states[:count], columns)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A block of steps that is measured but not accepted, and what the step after each of them has to know."""
+
+    block: Block
+    loads: Array
+    elastic: Array
+    sets: StableSets
+    flow: Flow
+
+    @property
+    def flowed(self) -> Array:
+        """Energy that has flowed up to each step: the scale of its defect."""
+        energy, work = self.block.columns["energy"], self.block.columns["work"]
+        swing = np.maximum.accumulate(np.append(self.flow.highest, energy)) - np.minimum.accumulate(
+            np.append(self.flow.lowest, energy)
+        )
+        return np.maximum.reduce([swing[1:], np.abs(work), self.block.columns["dissipated"]])
+
+    def state(self, k: int) -> State:
+        """The state after step k."""
+        columns = self.block.columns
+        energy = columns["energy"][: k + 1]
+        flow = Flow(
+            float(columns["dissipated"][k]),
+            float(columns["work"][k]),
+            min(self.flow.lowest, float(energy.min())),
+            max(self.flow.highest, float(energy.max())),
+        )
+        t, z = float(self.block.times[k]), self.block.states[k].copy()
+        return State(t, z, self.loads[k].copy(), self.elastic[k].copy(), self.sets.row(k), flow)
+
+
+def start_state(problem: Evolution, t: float, z: Array, flow: Flow | None = None) -> State:
+    """The state z at time t."""
+    times = np.array([t])
+    load, elastic = problem.ell.at(times)[0], problem.A @ z
+    energy = float(0.5 * z @ elastic - z @ load)
+    flow = flow or Flow()
+    flow = replace(flow, lowest=min(flow.lowest, energy), highest=max(flow.highest, energy))
+    return State(t, z, load, elastic, problem.sets(times), flow)
+
+
+def measure(
+    problem: Evolution,
+    start: State,
+    times: Array,
+    states: Array,
+    effort: Array,
+    loads: Array,
+    sets: StableSets,
+    weight: float,
+    tolerance: float,
+) -> Measured:
+    """The columns of steps that lead from `start` to the given states.
+
+    Parameters
+    ----------
+    times, states, effort, loads : arrays, shapes (m,), (m, n), (m,), (m, n)
+        Of the ends of the steps.
+    sets : StableSets
+        At the ends; `start.sets` itself if Ψ does not depend on the phase.
+    weight : float
+        Largest weight over a period: the least scale of a force.
+    tolerance : float
+        Of the overshoot, relative to the largest weight: below it, no sharper bound is needed.
+    """
+    A, mids = problem.A, (_before(times, np.array(start.t)) + times) / 2.0
+    middle = start.sets if sets is start.sets else problem.sets(mids)
+    load_mid = problem.ell.at(mids)
+    check_finite(mids, load_mid)
+    elastic = _times(A, states)
+    z_before, elastic_before, load_before = (
+        _before(states, start.z), _before(elastic, start.elastic), _before(loads, start.load),
+    )  # fmt: skip
+    d, pull, before = states - z_before, elastic - elastic_before, sets.before(start.sets)
+    forces = load_before - elastic_before, load_mid - 0.5 * (elastic_before + elastic), loads - elastic
+    outside, now = sets.outside(forces[2]), sets.value(d)
+    rounding = EPS * (np.abs(states).max(axis=1) + np.abs(z_before).max(axis=1))
+    half, then = (now, now) if sets is start.sets else (middle.value(d), before.value(d))
+    gap = then - _dot(forces[0], d)
+    defect = (gap + 4.0 * (half - _dot(forces[1], d)) + now - _dot(forces[2], d)) / 6.0
+    work = _dot(load_before, z_before) - _dot(loads, states) + _dot(load_before + 4.0 * load_mid + loads, d) / 6.0
+    scale = np.broadcast_to(np.maximum(sets.size(), weight), len(times))
+    if problem.bounded or not isinstance(sets, Boxes | Discs):
+        ends, rows = np.append(start.t, times), np.concatenate([start.elastic[None], elastic])
+        beyond = overshoot(problem, ends, rows, tolerance * scale)
+    else:
+        beyond = sets.overshoot(before, middle, forces)  # pyright: ignore[reportArgumentType]
+    columns = {
+        "energy": _dot(states, 0.5 * elastic - loads),
+        "dissipated": start.flow.dissipated + np.cumsum((then + 4.0 * half + now) / 6.0),
+        "work": start.flow.work + np.cumsum(work),
+        "slipping": sets.moving(d),
+        "residual": sets.residual(forces[2], outside, d, Step(now, pull, rounding)) / scale,
+        "effort": effort,
+        "distance": sets.largest(outside) / scale,
+        "defect": defect,
+        "overshoot": beyond / scale,
+        "slack": beyond * sets.total(d),
+        "increment": 0.5 * _dot(pull, d),
+        "gap": gap,
+    }
+    return Measured(Block(times, states, columns), loads, elastic, sets, start.flow)
+
+
+def _times(A: Array, rows: Array) -> Array:
+    """A times every row."""
+    return (A @ rows.T).T
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.einsum("ij,ij->i", a, b)
+
+
+def _before(rows: Array, first: Array) -> Array:
+    """Every row replaced by the one before it."""
+    first = first[None]
+    return first if len(rows) == 1 else np.concatenate([first, rows[:-1]])

@@ -1,0 +1,79 @@
+"""What happens between the ends of steps: how far a force may leave the stable set there.
+
+Between the ends, z is affine; load and thresholds are on stretches of time as far from straight lines as their formulas
+allow. Where that does not show that the force stays inside, the stretch is divided, down to the rounding of time; the
+steps themselves are not. So a pulse of the load or a dip of a threshold that is given by a formula is not stepped over,
+however short it is. Tables are straight between their knots. What is given as a function of Python is known where it is
+asked for only: there the deviation is estimated from the middle of each step.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stickslip.rate_independent.dissipation.base import Array
+from stickslip.rate_independent.dissipation.stretches import Index
+from stickslip.rate_independent.evolution.evolution import Evolution
+
+PARTS = 4  # of a stretch that is divided
+MOST = 200_000  # stretches of one block of steps
+
+
+def overshoot(problem: Evolution, times: Array, elastic: Array, limit: Array) -> Array:
+    """How far the force may leave K(s) during each step, shape (m,); at least 0.
+
+    Parameters
+    ----------
+    problem : Evolution
+    times : ndarray of shape (m + 1,)
+        Ends of the steps.
+    elastic : ndarray of shape (m + 1, n)
+        A z there.
+    limit : ndarray of shape (m,)
+        Below this, no sharper bound is needed.
+    """
+    worst, seen, looked = np.zeros(len(limit)), np.full(len(limit), -np.inf), 0
+    low, high, step = _stretches(problem, times)
+    while True:
+        looked += len(step)
+        start, end, out = _outside(problem, times, elastic, low, high, step, float(limit.min()))
+        np.maximum.at(seen, step, np.maximum(start, end))
+        # A step that is seen to be too long is done with.
+        open_ = (out > limit[step]) & (seen[step] <= limit[step]) & problem.bounded
+        open_ &= high - low > 8.0 * np.spacing(np.maximum(np.abs(low), np.abs(high)))
+        if looked + PARTS * int(open_.sum()) > MOST:
+            open_[:] = False
+        np.maximum.at(worst, step[~open_], out[~open_])
+        if not open_.any():
+            return np.maximum(worst, seen)
+        edges = low[open_, None] + (high - low)[open_, None] * (np.arange(PARTS + 1) / PARTS)
+        edges[:, -1] = high[open_]
+        low, high, step = edges[:, :-1].ravel(), edges[:, 1:].ravel(), np.repeat(step[open_], PARTS)
+
+
+def _stretches(problem: Evolution, times: Array) -> tuple[Array, Array, Index]:
+    """The steps, cut where a table has a knot or a period begins: starts, ends, and the steps they belong to."""
+    cuts = problem.ell.knots
+    if problem.dissipation.depends_on_phase:
+        first, last = np.ceil(times[0] / problem.epsilon), np.floor(times[-1] / problem.epsilon)
+        cuts = np.append(cuts, np.arange(first, last + 1.0) * problem.epsilon)
+    edges = np.union1d(times, cuts[(cuts > times[0]) & (cuts < times[-1])])
+    return edges[:-1], edges[1:], np.searchsorted(times, edges[:-1], side="right") - 1
+
+
+def _outside(
+    problem: Evolution, times: Array, elastic: Array, low: Array, high: Array, step: Index, enough: float
+) -> tuple[Array, Array, Array]:
+    """How far the force is outside K(s) at both ends of stretches of time, and may be in between."""
+    load = problem.ell.chord(low, high)
+    before, after = (at - _affine(times, elastic, t, step) for at, t in ((load.start, low), (load.end, high)))
+    phases = np.zeros((2, len(low)))
+    if problem.dissipation.depends_on_phase:
+        phases = np.stack([low, high]) / problem.epsilon
+        phases = np.clip(phases - np.floor(phases.mean(axis=0)), 0.0, 1.0)
+    return problem.dissipation.over(*phases).outside(before, after, load.off, enough)
+
+
+def _affine(times: Array, rows: Array, t: Array, step: Index) -> Array:
+    share = ((t - times[step]) / (times[step + 1] - times[step]))[:, None]
+    return (1.0 - share) * rows[step] + share * rows[step + 1]

@@ -1,0 +1,216 @@
+"""Motions that pass by block after block, and what is measured of them while they do."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+
+from stickslip.errors import ConvergenceError
+from stickslip.rate_independent.dissipation import WeightedL1
+from stickslip.rate_independent.dissipation.phase import Varying
+from stickslip.rate_independent.evolution.audit import start_state
+from stickslip.rate_independent.evolution.evolution import Evolution
+from stickslip.rate_independent.evolution.evolve import KKT, step_times
+from stickslip.rate_independent.evolution.stepping import March
+from stickslip.rate_independent.solvers.choose import choose_solver
+
+Array = np.ndarray
+Rows = Callable[[Array], Array]
+TESTS = 5  # continuous functions that rates are tested with: cos(jπ(t − t₀)/T)
+BETWEEN = 16  # pieces of an interval in which a play moves
+
+
+class Motion(Protocol):
+    """A motion with its costs, which are known once it has passed."""
+
+    steps: int
+    wall_time: float
+    dissipated: float
+
+    def blocks(self) -> Iterator[tuple[Array, Array]]:
+        """Times (m,) and states (m, n), the start included, part by part; affine in between."""
+        ...
+
+    def at(self, times: Array) -> Array:
+        """States (m, n) at given times."""
+        ...
+
+
+def motion_of(problem: Evolution, tolerance: float, keep: bool = False) -> Motion:
+    """The motion of a problem: an exact play if it is scalar with weighted ℓ1 dissipation, else an adaptive evolution.
+
+    Parameters
+    ----------
+    problem : Evolution
+    tolerance : float
+        Of the energy balance of an evolution.
+    keep : bool
+        Whether :meth:`Motion.at` is needed.
+    """
+    if problem.n == 1 and isinstance(problem.dissipation, WeightedL1):
+        return PlayMotion(problem, problem.dissipation)
+    return SteppedMotion(problem, tolerance, keep)
+
+
+class PlayMotion:
+    """A scalar motion, exact."""
+
+    def __init__(self, problem: Evolution, psi: WeightedL1) -> None:
+        from stickslip.rate_independent.play.operator import play
+
+        began = time.perf_counter()
+        lower = psi.weights if psi.lower is None else psi.lower
+        self.play = play(
+            _signal(problem.load, problem.ell.at),
+            (_threshold(psi.weights, psi.above), _threshold(lower, psi.below)),
+            problem.span,
+            float(problem.initial[0]),
+            epsilon=problem.epsilon,
+            stiffness=float(problem.A[0, 0]),
+        )
+        self.steps, self.wall_time = len(self.play.time) - 1, time.perf_counter() - began
+        self.dissipated = float(self.play.at(problem.span[1])["dissipated_energy"])
+
+    def blocks(self) -> Iterator[tuple[Array, Array]]:
+        nodes = self.play.time
+        moving = np.flatnonzero(self.play.mode)
+        between = np.linspace(nodes[moving], nodes[moving + 1], BETWEEN + 1)[1:-1].ravel()
+        times = np.union1d(nodes, between)
+        yield times, self.at(times)
+
+    def at(self, times: Array) -> Array:
+        return self.play.position(times)[:, None]
+
+
+class SteppedMotion:
+    """An adaptive evolution."""
+
+    def __init__(self, problem: Evolution, tolerance: float, keep: bool) -> None:
+        self.problem, self.tolerance, self.keep = problem, tolerance, keep
+        self.kept: list[tuple[Array, Array]] = []
+        self.steps, self.wall_time, self.dissipated = 0, 0.0, 0.0
+
+    def blocks(self) -> Iterator[tuple[Array, Array]]:
+        problem, began = self.problem, time.perf_counter()
+        nodes, _ = step_times(problem, problem.span, None)
+        state = start_state(problem, problem.span[0], problem.initial)
+        solver = choose_solver(problem, None, KKT / 2.0)
+        march = March(problem, nodes[1:], solver, state, KKT, self.tolerance)
+        yield self._passed(np.array([state.t]), state.z[None])
+        for block in march:
+            self.steps += len(block.times)
+            yield self._passed(block.times, block.states)
+        if not march.outcome.ok:
+            raise ConvergenceError(f"evolution with epsilon = {problem.epsilon:g}", march.outcome.label, march.detail)
+        self.dissipated, self.wall_time = march.state.flow.dissipated, time.perf_counter() - began
+
+    def _passed(self, times: Array, states: Array) -> tuple[Array, Array]:
+        if self.keep:
+            self.kept.append((times, states))
+        return times, states
+
+    def at(self, times: Array) -> Array:
+        nodes, states = (np.concatenate(parts) for parts in zip(*self.kept, strict=True))
+        self.kept = [(nodes, states)]
+        return affine(nodes, states, times)
+
+
+def affine(nodes: Array, states: Array, times: Array) -> Array:
+    """States at times between the nodes."""
+    left = np.clip(np.searchsorted(nodes, times, side="right") - 1, 0, len(nodes) - 2)
+    share = ((times - nodes[left]) / (nodes[left + 1] - nodes[left]))[:, None]
+    return (1.0 - share) * states[left] + share * states[left + 1]
+
+
+def _signal(given: Any, rows: Rows) -> Any:
+    """A scalar load as a play takes it: formulas and tables as they are, the rest as a function."""
+    if isinstance(given, (list, tuple)) and len(given) == 1:
+        given = given[0]
+    if isinstance(given, str):
+        return given
+    if isinstance(given, tuple):
+        return np.asarray(given[0], dtype=float), np.ravel(given[1])
+    return lambda t: rows(np.ravel(t))[:, 0].reshape(np.shape(t))
+
+
+def _threshold(given: Any, weights: Varying) -> Any:
+    """A scalar threshold as a play takes it."""
+    if not weights.depends_on_phase:
+        return float(weights.at(0.0)[0])
+    return _signal(given, lambda phases: weights.over(phases))
+
+
+class Gauge:
+    """What is measured of a motion. |·| is the energy norm √⟨Az, z⟩.
+
+    Parameters
+    ----------
+    A : array or sparse array
+    grid : array
+        Times at which states are kept, for the modulus of continuity.
+    reference : callable, optional
+        Motion to compare with: times (m,) → states (m, n).
+
+    Attributes
+    ----------
+    distance : float
+        sup |z − reference| over the times that passed.
+    variation, square : float
+        ∫|ż|dt and ∫|ż|²dt.
+    tested : array, shape (tests, n)
+        ∫φ_j dz.
+    """
+
+    def __init__(self, A: Any, grid: Array, reference: Rows | None = None) -> None:
+        self.A, self.grid, self.reference = A, grid, reference
+        self.distance, self.variation, self.square = 0.0, 0.0, 0.0
+        self.tested = np.zeros((TESTS, A.shape[0]))
+        self.kept: list[Array] = []
+        self.last = np.empty(0), np.empty((0, A.shape[0]))
+
+    def measure(self, motion: Motion) -> Gauge:
+        """Let a motion pass by."""
+        for times, states in motion.blocks():
+            self._take(times, states)
+        return self
+
+    def _take(self, times: Array, states: Array) -> None:
+        if self.reference is not None:
+            self.distance = max(self.distance, float(self._norms(states - self.reference(times)).max()))
+        times, states = np.append(self.last[0], times), np.concatenate([self.last[1], states])
+        self.last = times[-1:].copy(), states[-1:].copy()
+        if len(times) == 1:
+            return
+        ahead = self.grid[sum(map(len, self.kept)) :]
+        self.kept.append(affine(times, states, ahead[ahead <= times[-1]]))
+        h, d = np.diff(times), np.diff(states, axis=0)
+        length = self._norms(d)
+        self.variation += float(length.sum())
+        self.square += float(np.sum(np.square(length) / h))
+        start, middle, end = (self._tests(t) for t in (times[:-1], times[:-1] + h / 2.0, times[1:]))
+        self.tested += (start + 4.0 * middle + end) / 6.0 @ d
+
+    def _tests(self, times: Array) -> Array:
+        """φ_j(t), shape (tests, m)."""
+        x = np.pi * (times - self.grid[0]) / (self.grid[-1] - self.grid[0])
+        return np.cos(np.arange(TESTS)[:, None] * x)
+
+    def _norms(self, rows: Array) -> Array:
+        return np.sqrt(np.maximum(np.einsum("ij,ij->i", (self.A @ rows.T).T, rows), 0.0))
+
+    def weak_distance(self, other: Gauge) -> Array:
+        """|∫φ dz − ∫φ dw| for every test function φ."""
+        return self._norms(self.tested - other.tested)
+
+    @cached_property
+    def modulus(self) -> Array:
+        """sup |z(t₂) − z(t₁)| over |t₂ − t₁| ≤ δ, for δ = 1, 2, 3, ... intervals of the grid."""
+        z = np.concatenate(self.kept)
+        products = z @ (self.A @ z.T)
+        squares = products.diagonal()
+        apart = np.maximum(squares[:, None] + squares[None] - 2.0 * products, 0.0)
+        return np.sqrt(np.maximum.accumulate([apart.diagonal(lag).max() for lag in range(1, len(z))]))

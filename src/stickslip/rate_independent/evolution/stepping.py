@@ -1,0 +1,162 @@
+"""Steps that are made, measured, and accepted or halved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from stickslip.errors import DeclarationError, StickslipError
+from stickslip.rate_independent.evolution.audit import Block, Measured, State, measure
+from stickslip.rate_independent.evolution.evolution import Evolution
+from stickslip.rate_independent.evolution.load import check_finite
+from stickslip.rate_independent.evolution.outcome import EvolutionOutcome
+from stickslip.rate_independent.solvers.choose import Steps
+from stickslip.rate_independent.solvers.stable_sets import largest_weight
+
+Array = np.ndarray
+LEAST = 1e-3  # part of the energy that the load can move, below which no flow of energy is a scale
+LOOK_AHEAD = 64  # least part of a solver's block that is made at once
+SHARE = 0.5  # of the tolerance that forces may leave K by during an adaptive step
+SHORTEST = 2.0**-44  # step, as a part of the whole time
+
+
+class March:
+    """An evolution under way: iterating over it gives the accepted blocks, one after the other.
+
+    An adaptive march halves a step if its |defect| exceeds its share of the tolerance, or if its overshoot exceeds the
+    tolerance. The share is half of that of its length, h/T times the energy that has flowed so far, and half of what
+    it dissipates itself, which is most of it in short steep pulses: all defects add up to less than the tolerance. The
+    defect is large at onsets and ends of sliding; the overshoot resolves the phase while forces are near their bounds.
+
+    Parameters
+    ----------
+    problem : Evolution
+    nodes : array
+        Times at which steps end, all after that of the state.
+    solver : Steps
+    state : State
+        The start; later the last accepted state.
+    kkt : float
+        Largest KKT residual of a step, relative to the largest weight.
+    tolerance : float
+        Of the energy balance and of what forces leave K by.
+    adaptive : bool
+        Whether steps are halved to keep it; otherwise the nodes are final.
+
+    Attributes
+    ----------
+    least : float
+        Energy that counts as a scale even if less has flowed.
+    outcome : EvolutionOutcome
+        How it ended.
+    detail : str
+        What exactly stopped it.
+    """
+
+    def __init__(
+        self,
+        problem: Evolution,
+        nodes: Array,
+        solver: Steps,
+        state: State,
+        kkt: float,
+        tolerance: float,
+        adaptive: bool = True,
+    ) -> None:
+        self.problem, self.nodes, self.solver, self.state = problem, nodes, solver, state
+        self.kkt, self.tolerance, self.adaptive = kkt, tolerance, adaptive
+        self.weight = largest_weight(problem.dissipation) or float(np.abs(state.load).max()) or 1.0
+        self.length = float(nodes[-1]) - problem.span[0] if len(nodes) else 0.0
+        self.least = LEAST * _energy_of_load(problem, nodes)
+        self.outcome, self.detail = EvolutionOutcome.INTERRUPTED, ""
+
+    def __iter__(self) -> Iterator[Block]:
+        block = size = self.solver.block
+        for k in range(0, len(self.nodes), block):
+            pending = self.nodes[k : k + block]
+            while len(pending):
+                try:
+                    tried = self._try(pending[:size])
+                except StickslipError as error:
+                    undefined = isinstance(error, DeclarationError)
+                    self._stop(EvolutionOutcome.UNDEFINED if undefined else EvolutionOutcome.NOT_CONVERGED, str(error))
+                    return
+                good, fits = self._accepted(tried)
+                # What follows a step that is halved is made again: near onsets, do not go far ahead.
+                size = min(block, max(2 * good, block // LOOK_AHEAD, 1))
+                if good:
+                    yield self._advance(tried, good)
+                pending = pending[good:]
+                if good == len(fits):
+                    continue
+                if fits[good]:
+                    residual = tried.block.columns["residual"][good]
+                    self._stop(EvolutionOutcome.NOT_CONVERGED, f"the KKT residual is {residual:.2e}")
+                    return
+                pending = self._halved(pending, ~fits[good:])
+                if pending[0] - self.state.t < SHORTEST * self.length:
+                    self._stop(EvolutionOutcome.JUMP, f"between t = {self.state.t:.9g} and {pending[1]:.9g}")
+                    return
+        self.outcome = EvolutionOutcome.FINISHED
+
+    def _stop(self, outcome: EvolutionOutcome, detail: str) -> None:
+        self.outcome, self.detail = outcome, detail
+
+    def _try(self, times: Array) -> Measured:
+        """Steps to the given times, or to the first of them if something goes wrong later on."""
+        while True:
+            try:
+                return self._steps(times)
+            except StickslipError:
+                if len(times) == 1:
+                    raise
+                times = times[: len(times) // 2]
+
+    def _steps(self, times: Array) -> Measured:
+        start, problem = self.state, self.problem
+        loads = problem.ell.at(times)
+        check_finite(times, loads)
+        sets = problem.sets(times) if problem.dissipation.depends_on_phase else start.sets
+        states, effort = self.solver.advance(start.z, loads, sets)
+        if len(states) < len(times):
+            raise StickslipError("the solver gave up")
+        return measure(problem, start, times, states, effort, loads, sets, self.weight, SHARE * self.tolerance)
+
+    def _accepted(self, tried: Measured) -> tuple[int, Array]:
+        """How many steps are accepted, and which ones are short enough."""
+        columns = tried.block.columns
+        fits = np.ones(len(tried.block.times), bool)
+        if self.adaptive:
+            share = np.diff(tried.block.times, prepend=self.state.t) / self.length
+            scale = np.maximum(tried.flowed, self.least)
+            spent = np.diff(columns["dissipated"], prepend=self.state.flow.dissipated)
+            fits = np.abs(columns["defect"]) <= 0.5 * self.tolerance * (share * scale + spent)
+            fits &= columns["overshoot"] <= SHARE * self.tolerance
+        refused = np.flatnonzero(~(fits & (columns["residual"] <= self.kkt)))
+        return (int(refused[0]) if len(refused) else len(fits)), fits
+
+    def _advance(self, tried: Measured, count: int) -> Block:
+        self.state = tried.state(count - 1)
+        return tried.block.first(count)
+
+    def _halved(self, pending: Array, long: Array) -> Array:
+        """The pending times, with the middle of every step that is too long."""
+        places = np.flatnonzero(long)
+        before = np.append(self.state.t, pending)[places]
+        return np.insert(pending, places, (before + pending[places]) / 2.0)
+
+
+def _energy_of_load(problem: Evolution, times: Array) -> float:
+    """Energy that the load can move, estimated at a few times."""
+    times = np.append(problem.span[0], times[:: max(1, len(times) // 8)])
+    first = problem.ell.at(times[:1])[0]
+    changes = [problem.ell.at(times[k : k + 1])[0] - first for k in range(1, len(times))]
+    energies = [_released(problem, r) for r in [*changes, first]]
+    return max([*energies[:-1], 1e-3 * energies[-1]]) or np.finfo(float).tiny
+
+
+def _released(problem: Evolution, r: Array) -> float:
+    """Energy that a force can release along its own direction."""
+    length = float(r @ r)
+    return 0.5 * length**2 / float(r @ (problem.A @ r)) if length > 0.0 else 0.0

@@ -1,0 +1,1 @@
+"""The play operator with moving thresholds."""

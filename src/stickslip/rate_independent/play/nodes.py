@@ -1,0 +1,245 @@
+"""The nodes of a play: where its bounds turn, have corners or jump, and where z starts to move.
+
+Between two nodes the bounds L and U are monotone, and z rests or follows one of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from stickslip.errors import DeclarationError
+from stickslip.rate_independent.play import chebyshev as ch
+from stickslip.rate_independent.play.clamp import clamp_samples
+from stickslip.rate_independent.play.signals import Signal, Value
+
+Array = np.ndarray
+CHUNK = 2**12  # panels at once: what fits into the cache
+MOST_EDGES = 50_000_000
+SMALLEST_JUMP = 64.0  # of a bound where two panels meet, in units of its rounding
+
+
+class Sample(NamedTuple):
+    """Load, thresholds, bounds L and U and their rates at some times."""
+
+    load: Value
+    minus: Value
+    plus: Value
+    low: Array
+    high: Array
+    low_rate: Array
+    high_rate: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Bounds:
+    """L = (ℓ − ρ⁺)/a and U = (ℓ + ρ⁻)/a, between which z lies.
+
+    Attributes
+    ----------
+    load, minus, plus : Signal
+        ℓ, ρ⁻ (what a motion downward has to overcome) and ρ⁺ (upward).
+    stiffness : float
+        a.
+    """
+
+    load: Signal
+    minus: Signal
+    plus: Signal
+    stiffness: float
+
+    @property
+    def signals(self) -> tuple[Signal, Signal, Signal]:
+        """All three."""
+        return self.load, self.minus, self.plus
+
+    @property
+    def noise(self) -> float:
+        """Differences of z that are rounding."""
+        return 2.0 * sum(signal.noise for signal in self.signals) / self.stiffness
+
+    def sample(self, t: Array, near: Array) -> Sample:
+        """All signals at t, as on the panels that hold `near`."""
+        load, minus = self.load.sample(t, near), self.minus.sample(t, near)
+        plus = minus if self.plus is self.minus else self.plus.sample(t, near)
+        # A threshold that vanishes may be negative by rounding.
+        low, high = load.value - np.maximum(plus.value, 0.0), load.value + np.maximum(minus.value, 0.0)
+        rates = load.rate - plus.rate, load.rate + minus.rate
+        low, high, low_rate, high_rate = (bound / self.stiffness for bound in (low, high, *rates))
+        return Sample(load, minus, plus, low, high, low_rate, high_rate)
+
+    def pieces(self, start: Array, end: Array) -> tuple[Array, Array]:
+        """Chebyshev coefficients of L and U on intervals, each inside one panel of every signal.
+
+        Raises
+        ------
+        DeclarationError
+            If a threshold is negative somewhere.
+        """
+        load, minus, plus = (signal.pieces(start, end) for signal in self.signals)
+        for c, signal, name in ((minus, self.minus, "ρ⁻"), (plus, self.plus, "ρ⁺")):
+            _refuse_negative(c, signal, name, start, end)
+        return _sum(load, -plus) / self.stiffness, _sum(load, minus) / self.stiffness
+
+
+def _sum(a: Array, b: Array) -> Array:
+    """Sum of coefficients of different degrees."""
+    total = np.zeros((max(len(a), len(b)), a.shape[1]))
+    total[: len(a)] = a
+    total[: len(b)] += b
+    return total
+
+
+def _refuse_negative(c: Array, signal: Signal, name: str, start: Array, end: Array) -> None:
+    rounding = 4.0 * signal.noise
+    doubtful = np.flatnonzero(c[0] - np.sum(np.abs(c[1:]), axis=0) < -rounding)
+    if not len(doubtful):
+        return
+    c, start, end = c[:, doubtful], start[doubtful], end[doubtful]
+    panel, x = ch.sign_changes(ch.slopes(c), rounding)
+    panel, x = _with_ends(panel, x, len(doubtful))
+    value = ch.values(c[:, panel], x)
+    k = int(np.argmin(value))
+    if value[k] < -rounding:
+        t = _time(x, panel, start, end)[k]
+        phase = "" if signal.period is None else f" (phase s = {signal.clock(t):.6g})"
+        raise DeclarationError(
+            "threshold",
+            f"{name} is negative, {value[k]:.6g} at t = {t:.9g}{phase}",
+            "A threshold is at least 0; write max(..., 0) where it may vanish",
+        )
+
+
+def _with_ends(panel: Array, x: Array, count: int) -> tuple[Array, Array]:
+    """Places inside panels together with both ends of each panel, in order, each once."""
+    inner = np.flatnonzero(np.abs(x) < 1.0 - 8.0 * ch.EPS)
+    inner = inner[np.lexsort((x[inner], panel[inner]))]
+    repeated = (np.diff(panel[inner]) == 0) & (np.diff(x[inner]) <= 8.0 * ch.EPS)
+    inner = np.delete(inner, np.flatnonzero(repeated))
+    behind_start = 2 * panel[inner] + 1
+    places = np.insert(np.tile([-1.0, 1.0], count), behind_start, x[inner])
+    return np.insert(np.repeat(np.arange(count), 2), behind_start, panel[inner]), places
+
+
+def _time(x: Array, panel: Array, start: Array, end: Array) -> Array:
+    """Times of places in panels; an end is that end to the last digit."""
+    return np.where(x == 1.0, end[panel], start[panel] + 0.5 * (x + 1.0) * (end - start)[panel])
+
+
+class Nodes(NamedTuple):
+    """Times, positions, and the direction of the motion that follows each node (1 up, −1 down, 0 at rest).
+
+    A time that stands twice is a jump.
+    """
+
+    time: Array
+    z: Array
+    mode: Array
+
+
+class Last(NamedTuple):
+    """Where a stretch of panels ended."""
+
+    low: float
+    high: float
+    z: float
+
+
+def follow(bounds: Bounds, edges: Array, initial: float) -> Nodes:
+    """The play over panels with given edges, from a stable position on.
+
+    Raises
+    ------
+    DeclarationError
+        If a threshold is negative somewhere.
+    """
+    parts, last = [], Last(np.nan, np.nan, initial)
+    for first in range(0, len(edges) - 1, CHUNK):
+        some = edges[first : first + CHUNK + 1]
+        part, last = _walk(bounds, some[:-1], some[1:], last)
+        parts.append(part)
+    parts.append(Nodes(edges[-1:], np.array([last.z]), np.zeros(1, np.int8)))
+    return Nodes(
+        np.concatenate([part.time for part in parts]),
+        np.concatenate([part.z for part in parts]),
+        np.concatenate([part.mode for part in parts]),
+    )
+
+
+def panel_edges(bounds: Bounds, start: float, end: float) -> Array:
+    """Times between which all signals are polynomials.
+
+    Raises
+    ------
+    DeclarationError
+        If there are too many.
+    """
+    for signal in bounds.signals:
+        expected = len(signal.breaks) * (1.0 if signal.period is None else (end - start) / signal.period)
+        if expected > MOST_EDGES:
+            raise DeclarationError(
+                "epsilon", f"the span holds {expected:.1e} panels (at most {MOST_EDGES:.0e})", "Take a shorter t_span"
+            )
+    edges = np.concatenate([[start, end], *(signal.edges(start, end) for signal in bounds.signals)])
+    edges = np.sort(edges, kind="stable")
+    # Edges of two signals that coincide up to rounding would leave a sliver between them.
+    apart = np.diff(edges) > 16.0 * ch.EPS * max(abs(start), abs(end))
+    kept = edges[np.concatenate([[True], apart])]
+    kept[-1] = end
+    return kept
+
+
+def _walk(bounds: Bounds, start: Array, end: Array, last: Last) -> tuple[Nodes, Last]:
+    """The play over consecutive panels, on from where it ended; the node at the last end is left to what follows."""
+    noise = bounds.noise
+    L, U = bounds.pieces(start, end)
+    (p, x), (q, y) = (ch.sign_changes(ch.slopes(c), 0.125 * noise) for c in (L, U))
+    panel, x = _with_ends(np.concatenate([p, q]), np.concatenate([x, y]), len(start))
+    low, high = _joined(panel, x, L, U, last, noise)
+    z = np.empty(len(x) + 1)
+    z[0] = last.z
+    clamp_samples(low, high, last.z, z[1:])
+    # Interval k ends at place k. It lies in one panel, or it is an edge, of no duration, at which z may jump.
+    begin = np.concatenate([start[:1], _time(x, panel, start, end)[:-1]])
+    inside = np.concatenate([[False], np.diff(panel) == 0])
+    step = np.diff(z)
+    mode = np.where(np.abs(step) > noise, np.sign(step), 0.0).astype(np.int8)
+    kept = np.flatnonzero(inside | (mode != 0))
+    split, place = _arrivals(panel, x, L, U, z, np.where(inside, mode, 0), noise)
+    at_first = mode.copy()
+    at_first[split] = 0
+    order = np.argsort(np.concatenate([kept, split]), kind="stable")
+    nodes = Nodes(
+        np.concatenate([begin[kept], _time(place, panel[split], start, end)])[order],
+        np.concatenate([z[kept], z[split]])[order],
+        np.concatenate([at_first[kept], mode[split]])[order],
+    )
+    return nodes, Last(low[-1], high[-1], z[-1])
+
+
+def _joined(panel: Array, x: Array, L: Array, U: Array, last: Last, noise: float) -> tuple[Array, Array]:
+    """L and U at the places; the panels at an edge share one value, unless a bound jumps there."""
+    gap = SMALLEST_JUMP * noise
+    low, high = ch.values(L[:, panel], x), ch.values(U[:, panel], x)
+    high = np.maximum(low, high)
+    enters = np.flatnonzero(np.concatenate([[True], np.diff(panel) > 0]))
+    before = [np.concatenate([[end], bound])[enters] for end, bound in ((last.low, low), (last.high, high))]
+    smooth = (np.abs(low[enters] - before[0]) <= gap) & (np.abs(high[enters] - before[1]) <= gap)
+    low[enters[smooth]], high[enters[smooth]] = before[0][smooth], before[1][smooth]
+    return low, high
+
+
+def _arrivals(panel: Array, x: Array, L: Array, U: Array, z: Array, mode: Array, noise: float) -> tuple[Array, Array]:
+    """Intervals in which z rests until a bound arrives, and the place of that in the panel."""
+    found = []
+    for c, direction in ((L, 1), (U, -1)):
+        index = np.flatnonzero(mode == direction)
+        distance = direction * (z[index] - ch.values(c[:, panel[index]], x[index - 1]))
+        index = index[distance > SMALLEST_JUMP * noise]
+        beyond = c[:, panel[index]]
+        beyond[0] -= z[index]
+        found.append((index, ch.crossings(beyond, x[index - 1], x[index])))
+    (i, x), (j, y) = found
+    return np.concatenate([i, j]), np.concatenate([x, y])

@@ -1,0 +1,92 @@
+"""Largest Lyapunov exponents of what motions have settled on, in compiled code."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from stickslip.motion.steps.arrays import FINISHED, INLINED, NEED, OPTIONS, Lane
+from stickslip.sweeps.engine.settling import UNRECORDED, copy_lane, follow
+from stickslip.sweeps.engine.tables import DONE, DURATION, MEASURING, PHASE, START, Bench, Engine, Found, Marks, Rules
+
+Array = np.ndarray
+
+TURNS, SKIPPED = 64, 32  # stretches in which the growth of a small change is followed, and not counted at first
+CHANGE = 1e-7  # of the size of the motion
+
+
+@njit(**OPTIONS)
+def grow_all(
+    e: Engine, twin: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array
+) -> None:
+    """Exponents of all lanes that are in the phase of being measured, as far as they come.
+
+    Parameters
+    ----------
+    twin : Engine
+        The same with lanes of its own.
+    stop : array, shape (1,)
+        Not zero once there is a wish to stop.
+    """
+    for i in range(len(e.codes)):
+        grow_lane(e, twin, m, rules, saved, bench, found, stop, i)
+
+
+@njit(**INLINED)
+def grow_lane(
+    e: Engine, twin: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array, i: int
+) -> None:
+    """The exponent of one lane, if it is in the phase of being measured."""
+    if m.numbers[i, PHASE] == MEASURING and grow_apart(e, twin, m, rules, saved, bench, found.exponent, stop, i):
+        m.numbers[i, PHASE] = DONE
+
+
+@njit(**INLINED)
+def grow_apart(
+    e: Engine, twin: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, exponent: Array, stop: Array, i: int
+) -> bool:
+    """Largest Lyapunov exponent: a motion and its twin, which is put back close to it after every stretch.
+
+    What slides without mass is on its threshold, from which a change would take it away; so both go a bit further
+    before the twin leaves, until it can. NaN where it never can. Returns whether that is known, as in :func:`settle`.
+    """
+    s, w, n = e.lanes, twin.lanes, e.rows.sizes[0]
+    first, size = 2 * e.rows.sizes[1] + e.rows.sizes[2], m.size[i]
+    last, stretch = first + e.rows.sizes[3], m.real[i, DURATION]
+    for attempt in range(8):
+        copy_lane(saved, i, s, i)
+        t = m.real[i, START] + attempt * stretch / 7.3
+        if attempt > 0:
+            follow(e, i, t, rules.most[1], UNRECORDED, bench.record)
+        copy_lane(s, i, w, i)
+        for r in range(n):
+            w.y[i, r] += CHANGE * size[r] * math.cos(1.0 + r) if r < first or r >= last else 0.0
+        total = 0.0
+        for turn in range(TURNS):
+            if stop[0] != 0:
+                return False
+            t += stretch
+            follow(e, i, t, rules.most[1], UNRECORDED, bench.record)
+            follow(twin, i, t, rules.most[1], UNRECORDED, bench.record)
+            if e.codes[i] != FINISHED or twin.codes[i] != FINISHED:
+                break
+            apart = 0.0
+            for r in range(n):
+                if size[r] > 0.0:
+                    apart += ((w.y[i, r] - s.y[i, r]) / size[r]) ** 2
+            apart = math.sqrt(apart)
+            if apart == 0.0:
+                total = -np.inf
+                break
+            total += math.log(apart / CHANGE) if turn >= SKIPPED else 0.0
+            for r in range(n):
+                w.y[i, r] = s.y[i, r] + (w.y[i, r] - s.y[i, r]) * CHANGE / apart
+        if e.codes[i] == NEED or twin.codes[i] == NEED:
+            return False
+        if e.codes[i] == FINISHED and twin.codes[i] == FINISHED:
+            exponent[i] = total / ((TURNS - SKIPPED) * stretch)
+            return True
+    exponent[i] = np.nan
+    return True

@@ -1,0 +1,379 @@
+"""One period of what motions have settled on, recorded and measured in compiled code."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from stickslip.motion.between.step_balance import Tally, audit_steps, judge
+from stickslip.motion.engine.modes import copy, resolve
+from stickslip.motion.steps.arrays import FINISHED, FULL, INLINED, NEED, OPTIONS, Constants, Lane, Record
+from stickslip.sweeps.engine.observers import clear, observe
+from stickslip.sweeps.engine.returns import begin_again, gap, grow, miss, remove_shift, told_apart
+from stickslip.sweeps.engine.settling import (
+    AT_REST,
+    NOT_SETTLED,
+    PERIODIC,
+    RECORDED,
+    STEADY,
+    UNRECORDED,
+    constants_of,
+    copy_lane,
+    elapsed,
+    follow,
+    settle,
+)
+from stickslip.sweeps.engine.tables import (
+    ASK,
+    CLOSURE,
+    COUNT,
+    DONE,
+    DURATION,
+    ENERGY,
+    LAG,
+    LAW,
+    MEASURING,
+    MOTION,
+    OPEN,
+    PATIENT,
+    PENDING,
+    PERIOD,
+    PHASE,
+    SETTLING,
+    SIZED,
+    START,
+    TRUE,
+    Bench,
+    Engine,
+    Found,
+    Marks,
+    Rules,
+    Sums,
+)
+
+Array = np.ndarray
+
+AWRY = 1e-6  # a cycle that fails to close by more is none
+FELT = 1e-4  # … and neither is one, or a rest, in which the forces change by more
+FORGOTTEN = -9  # kind of a mark
+ROUNDED = 1e3  # local tolerances that the states of a motion are known to
+PARTS, SAMPLES = 31, 8  # of a period, at most, that are tried; states at which they are compared
+SMALL = 1e-3  # part of its modulus that is the least size of a component
+STILL = 1e-12  # … and that it may change by at rest
+
+
+@njit(**INLINED)
+def measure(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, i: int) -> bool:
+    """Record a lane from its saved state on for the duration in its marks, and measure it; False if it has to wait."""
+    k, s, record, carried, real = constants_of(e, i), e.lanes, bench.record, 0, m.real[i]
+    sums, audit = sums_of(found.sums, i), found.audit[i]
+    for r in range(bench.ends.shape[1]):
+        bench.ends[0, r], bench.ends[1, r], bench.ends[2, r] = np.inf, -np.inf, 0.0
+    if m.outcome[i] == PERIODIC and not shorten(e, m, rules, saved, bench, i):
+        return False
+    copy_lane(saved, i, s, i)
+    stop = real[START] + real[DURATION]
+    for part in (bench.balance, bench.gaps, audit):
+        fill(part, 0.0)
+    clear(sums)
+    begin(bench.tally)
+    while True:
+        rest = Record(
+            record.time[carried:], record.state[carried:], record.mode[carried:], record.region[carried:],
+            record.cause[carried:],
+        )  # fmt: skip
+        count = carried + follow(e, i, stop, rules.most[1], RECORDED, rest)
+        code = e.codes[i]
+        if code == NEED:
+            return False
+        if code != FULL and code != FINISHED:
+            m.outcome[i] = code
+            return True
+        if carried == 0:
+            copy(record.mode[0], bench.mode)
+            copy(record.region[0], bench.region)
+            feel(e, k, record.time[0], record.state[0], bench, bench.felt[0])
+        add_steps(e, k, rules, bench, count, carried, s.seen[i], sums)
+        for j in range(carried, count):
+            extend(m, rules, i, real[START], record.time[j], record.state[j], bench)
+        if code == FINISHED:
+            break
+        steps = count - 1
+        record.time[0] = record.time[steps]
+        copy(record.state[steps], record.state[0])
+        copy(record.mode[steps], record.mode[0])
+        copy(record.region[steps], record.region[0])
+        carried = 1
+    conclude(e, bench, audit)
+    feel(e, k, s.clock[i, 0], s.y[i], bench, bench.felt[1])
+    m.felt[i] = difference(bench.felt)
+    found.moves[i] = moves(rules, bench, bench.tally.state[0], not framed(m, i))
+    for r in range(bench.ends.shape[1]):
+        found.shift[i, r] = s.y[i, r] - saved.y[i, r]
+        m.size[i, r] = max(m.size[i, r], bench.ends[2, r])
+    if m.outcome[i] == PERIODIC:
+        for r in range(len(bench.gaps)):
+            bench.gaps[r] = found.shift[i, r] - m.frame[i, r] * real[DURATION]
+        remove_shift(bench.gaps, rules.translation)
+        audit[CLOSURE] = miss(bench.gaps, bench.ends[2], rules.real[4])
+        audit[PERIOD] = rules.real[5] ** 2 / real[OPEN]
+    return True
+
+
+@njit(**OPTIONS)
+def framed(m: Marks, i: int) -> bool:
+    """Whether a lane is looked at in a moving frame."""
+    total = 0.0
+    for r in range(m.frame.shape[1]):
+        total += abs(m.frame[i, r])
+    return total > 0.0
+
+
+@njit(**INLINED)
+def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> bool:
+    """Try parts of the period: cos² has half the period of cos, and a swing that touches a switch now and then has that
+    of a swing, not that from touch to touch. False if it has to wait.
+
+    After a part of its period a motion is elsewhere, mostly; if it is not, it has to be where it was all the way. The
+    first marks give way to the states that are compared; they also tell whether anything moves at all.
+    """
+    s, real, p = e.lanes, m.real[i], 2
+    # Components that do not move at the marks may do so in between: their sizes are those on the whole way.
+    copy_lane(saved, i, s, i)
+    e.codes[i] = FULL
+    while e.codes[i] == FULL:
+        count = follow(e, i, real[START] + real[DURATION], rules.most[1], RECORDED, bench.record)
+        for j in range(count):
+            grow(m, rules, i, bench.record.time[j], bench.record.state[j], bench.work[0])
+    if e.codes[i] == NEED:
+        return False
+    # A period later everything is rounded as it was, if the clock has been set back; a part of it later it is not.
+    limit = max(told_apart(m, i), ROUNDED * e.tolerance)
+    while p <= PARTS:
+        part, off = real[DURATION] / p, 0.0
+        for j in range(p * SAMPLES):
+            a, b = j // p, j % p  # the b-th return to the a-th state
+            if not off <= rules.real[5]:
+                continue
+            if b == 0:
+                copy_lane(saved, i, s, i)
+            follow(e, i, real[START] + part * (a / SAMPLES + b), rules.most[1], UNRECORDED, bench.record)
+            if e.codes[i] == NEED:
+                return False
+            extend(m, rules, i, real[START], s.clock[i, 0], s.y[i], bench)
+            if b == 0:
+                m.time[i, 0] = s.clock[i, 0]
+                copy(s.y[i], m.state[i, 0])
+            else:
+                gap(m, i, 0, s.clock[i, 0], s.y[i], rules.translation, bench.work[0])
+                off = max(off, miss(bench.work[0], m.size[i], rules.real[4])) if e.codes[i] == FINISHED else np.inf
+        if not moves(rules, bench, bench.tally.state[0], False) > 0.0:
+            return True
+        if off <= limit:
+            real[DURATION] = part
+        else:
+            real[OPEN] = min(off, real[OPEN])
+            p += 1 if p == 2 else 2
+    return True
+
+
+@njit(**OPTIONS)
+def extend(m: Marks, rules: Rules, i: int, start: float, t: float, y: Array, bench: Bench) -> None:
+    """Widen the range of every component, without frame and translation."""
+    v, ends = bench.work[0], bench.ends
+    for r in range(len(y)):
+        v[r] = y[r] - m.frame[i, r] * (t - start)
+    remove_shift(v, rules.translation)
+    for r in range(len(y)):
+        ends[0, r], ends[1, r] = min(ends[0, r], v[r]), max(ends[1, r], v[r])
+
+
+@njit(**OPTIONS)
+def moves(rules: Rules, bench: Bench, largest: Array, known: bool) -> float:
+    """Largest range of a component, relative to its modulus; the sizes of all components are left behind.
+
+    Parameters
+    ----------
+    largest : array, shape (n,)
+        Largest modulus of each component on the way, if that is known. What all knots have in common may be extreme.
+    """
+    ends, worst = bench.ends, 0.0
+    for r in range(len(largest)):
+        modulus = max(abs(ends[0, r]), abs(ends[1, r]))
+        extent = ends[1, r] - ends[0, r]
+        if known and rules.translation[r] == 0.0:
+            extent, modulus = max(extent, largest[r] - modulus), max(modulus, largest[r])
+        ends[2, r] = max(0.5 * extent, SMALL * modulus)
+        beyond = extent - 2.0 * rules.real[4] - STILL * modulus
+        if beyond > 0.0:
+            worst = max(worst, beyond / modulus)
+    return worst
+
+
+@njit(**INLINED)
+def add_steps(
+    e: Engine, k: Constants, rules: Rules, bench: Bench, count: int, carried: int, seen: Array, sums: Sums
+) -> None:
+    """Measure the steps between the recorded knots, the first of which may have been counted."""
+    record, balance, spent, steps, fine = bench.record, bench.balance, bench.steps.work, count - 1, rules.fine
+    e.space.known[-1] = 1
+    observe(e.jets, e.rows, k, e.space, e.order, fine[0], fine[1], seen, record, 0, steps, rules.closely, sums)
+    for j in range(steps):
+        fill(spent[j], 0.0)
+        fill(bench.steps.gap[j], 0.0)
+        fill(bench.steps.noise[j], 0.0)
+        bench.steps.open[j] = 0.0
+    audit_steps(
+        e.jets, e.powers, e.rows, k, e.space, e.order, fine[0], fine[1], seen, record.time[:steps],
+        record.state[:steps], record.mode[:steps], record.region[:steps], record.time[1:count], record.state[1:count],
+        record.mode[1:count], record.region[1:count], True, bench.steps, bench.tally,
+    )  # fmt: skip
+    for j in range(carried, count):
+        energy = energy_at(e, k, bench, j)
+        if j == 0:
+            balance[0] = balance[3] = balance[4] = energy
+            continue
+        balance[1] += spent[j - 1, 0]
+        balance[2] += spent[j - 1, 1]
+        balance[3], balance[4] = min(balance[3], energy), max(balance[4], energy)
+        balance[5] = max(balance[5], abs(energy - balance[0] + balance[1] - balance[2]))
+
+
+@njit(**OPTIONS)
+def fill(part: Array, value: float) -> None:
+    """Give all entries of a vector a value."""
+    for i in range(len(part)):
+        part[i] = value
+
+
+@njit(**INLINED)
+def energy_at(e: Engine, k: Constants, bench: Bench, j: int) -> float:
+    """Energy at a knot."""
+    s, flight, record, table = e.space, e.flight, bench.record, bench.table
+    copy(record.mode[j], flight.mode0)
+    copy(record.region[j], flight.reg0)
+    resolve(e.rows.sizes, k, s, flight.mode0)
+    e.jets(record.time[j], record.state[j], flight.mode0, flight.reg0, k.K, s.Rq, s.Rz, 1, table, s.A, s.B, s.mag)
+    e.powers(table, flight.reg0, k.K, bench.value)
+    return bench.value[0]
+
+
+@njit(**INLINED)
+def feel(e: Engine, k: Constants, t: float, y: Array, bench: Bench, felt: Array) -> None:
+    """Forces and thresholds of the contacts at an instant, in the mode of the first knot."""
+    s, rows, table, nc = e.space, e.rows, bench.table, len(e.rows.u)
+    s.known[-1] = 1
+    resolve(rows.sizes, k, s, bench.mode)
+    e.jets(t, y, bench.mode, bench.region, k.K, s.Rq, s.Rz, 1, table, s.A, s.B, s.mag)
+    for c in range(nc):
+        felt[c], felt[nc + c] = table[rows.force[c], 0], table[rows.plus[c], 0]
+        felt[2 * nc + c] = table[rows.minus[c], 0]
+
+
+@njit(**OPTIONS)
+def difference(felt: Array) -> float:
+    """Largest change of what is felt, relative to the largest force."""
+    change, size = 0.0, 0.0
+    for c in range(felt.shape[1]):
+        change = max(change, abs(felt[1, c] - felt[0, c]))
+        size = max(size, abs(felt[0, c]), abs(felt[1, c]))
+    return change / size if size > 0.0 else 0.0
+
+
+@njit(**OPTIONS)
+def begin(tally: Tally) -> None:
+    """Nothing is added up yet."""
+    for part in range(len(tally.state)):
+        fill(tally.state[part], 0.0)
+    for c in range(len(tally.law)):
+        fill(tally.law[c], 0.0)
+    for j in range(len(tally.kinks)):
+        fill(tally.kinks[j], 0.0)
+    fill(tally.total, 0.0)
+
+
+@njit(**OPTIONS)
+def conclude(e: Engine, bench: Bench, audit: Array) -> None:
+    """The residuals of :mod:`.motion.certify`, of what has been summed up; infinite if not all could be enclosed."""
+    balance, tally, residuals = bench.balance, bench.tally, bench.residuals
+    flow = max(balance[4] - balance[3], balance[1], tally.total[0])
+    judge(e.rows, tally, balance[5], flow, max(abs(balance[3]), abs(balance[4])), residuals)
+    audit[ENERGY], audit[LAW], audit[MOTION] = residuals[0], residuals[1], max(residuals[2], residuals[3])
+    if tally.total[2] > 0.0:
+        audit[MOTION] = np.inf
+
+
+@njit(**OPTIONS)
+def deceives(outcome: int, change: float, closure: float) -> bool:
+    """Whether the state came back, but what drives it did not: a load that does not repeat."""
+    return outcome in (AT_REST, PERIODIC, STEADY) and (change > FELT or closure > AWRY)
+
+
+@njit(**OPTIONS)
+def forget(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
+    """Forget all marks of a lane, which goes on from where it is; a driven one from its last mark."""
+    for j in range(m.kind.shape[1]):
+        m.kind[i, j] = FORGOTTEN
+    if m.drive[i] > 0.0:
+        copy_lane(saved, i, lanes, i)
+    m.numbers[i, TRUE], m.numbers[i, PENDING] = -1, 0
+    m.real[i, ASK] = 1.5 * elapsed(m, rules, lanes, i) - 0.5 * rules.real[0]
+    begin_again(m, i, 0)
+
+
+@njit(**OPTIONS)
+def look_closer(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, i: int) -> bool:
+    """Let a motion that came from afar settle again by the size of its cycle; False if that is known already."""
+    larger = False
+    for r in range(m.size.shape[1]):
+        larger = larger or m.size[i, r] > 2.0 * bench.ends[2, r]
+    if m.numbers[i, SIZED] == 1 or not larger:
+        return False
+    for r in range(m.size.shape[1]):
+        m.size[i, r] = bench.ends[2, r] if bench.ends[2, r] > 0.0 else m.size[i, r]
+    last = (m.numbers[i, COUNT] - 1) % m.time.shape[1]
+    m.time[i, last] = saved.clock[i, 0]
+    copy(saved.y[i], m.state[i, last])
+    copy_lane(saved, i, lanes, i)
+    m.numbers[i, SIZED], m.numbers[i, TRUE], m.numbers[i, PENDING], m.real[i, PATIENT] = 1, 0, 0, np.inf
+    begin_again(m, i, m.numbers[i, LAG])
+    return True
+
+
+@njit(**OPTIONS)
+def advance(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array) -> None:
+    """Settle and measure all lanes, as far as they come without the host.
+
+    Parameters
+    ----------
+    stop : array, shape (1,)
+        Not zero once there is a wish to stop.
+    """
+    for i in range(len(e.codes)):
+        advance_lane(e, m, rules, saved, bench, found, stop, i)
+
+
+@njit(**INLINED)
+def advance_lane(
+    e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array, i: int
+) -> None:
+    """Settle and measure one lane, as far as it comes; its phase is left in the marks."""
+    numbers = m.numbers[i]
+    if numbers[PHASE] == SETTLING:
+        settle(e, m, rules, saved, bench, stop, i)
+    if numbers[PHASE] == MEASURING and stop[0] == 0 and measure(e, m, rules, saved, bench, found, i):
+        numbers[PHASE] = DONE
+        closure = found.audit[i, CLOSURE]
+        awry = m.outcome[i] == PERIODIC and closure > rules.real[3]
+        if awry and look_closer(m, rules, e.lanes, saved, bench, i):
+            numbers[PHASE] = SETTLING
+        elif deceives(m.outcome[i], m.felt[i], closure):
+            forget(m, rules, e.lanes, saved, i)
+            numbers[PHASE] = SETTLING if elapsed(m, rules, e.lanes, i) < rules.real[1] else DONE
+            m.outcome[i] = NOT_SETTLED
+
+
+@njit(**OPTIONS)
+def sums_of(s: Sums, i: int) -> Sums:
+    """The sums of a lane."""
+    return Sums(s.low[i], s.high[i], s.stick[i], s.work[i], s.peak[i], s.impulse[i], s.total[i], s.switches[i])

@@ -1,0 +1,263 @@
+"""What becomes of motions without further events: proofs, on the host, for all motions that ask at a time.
+
+*In an affine mode* every guard is c + c₁τ + Re Σ aⱼ exp(λⱼτ) + Re Σ bₘ exp(iωₘτ). If nothing that is excited grows and
+c exceeds Σ|a| + Σ|b|, no guard is ever reached, and the mode lasts for ever: what dies out can be left out at once, and
+what remains is rest, steady sliding or the answer to a drive. What neither grows nor dies out is undamped.
+
+*In any other mode* that does not depend on time, a motion whose rates have died out is near an equilibrium of its mode.
+It ends there if the eigenvalues of the field lie on the left, but for a zero for each direction that is held or free (a
+contact that sticks, a translation), and if no guard can be reached from so near, at the condition of the eigenvectors.
+
+Both are proofs up to rounding (the second up to terms of second order in a distance of 1e-9); both are sufficient, not
+necessary. Where they fail, a motion goes on; when its time is up, it has not settled.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from stickslip.motion.engine.forms import AFFINE
+from stickslip.motion.outcome import Outcome
+from stickslip.orbits.fields.mode_field import Piece, Pieces
+from stickslip.sweeps.engine.repetition import Repetition, repeats
+from stickslip.sweeps.engine.tables import (
+    ASK,
+    COUNT,
+    DURATION,
+    FLOOR,
+    MEASURING,
+    OPEN,
+    PATIENT,
+    PHASE,
+    PROVING,
+    SETTLING,
+)
+
+if TYPE_CHECKING:
+    from stickslip.motion.ensemble import Lanes
+    from stickslip.motion.problem import Problem
+    from stickslip.motion.steps.arrays import Lane
+    from stickslip.sweeps.engine.tables import Marks, Rules
+
+Array = Any  # of floats, integers or complex numbers
+
+AT_REST, STEADY = Outcome.AT_REST.code, Outcome.STEADY.code
+PERIODIC, UNDAMPED = Outcome.PERIODIC.code, Outcome.UNDAMPED.code
+NOTHING = -1
+ROUNDING = 1e-13  # of the terms of a sum
+MARGIN = 1e-12  # … of a guard
+CENTRE = 1e-12  # real parts this small, relative to the largest eigenvalue, neither grow nor die out
+SEEN = 1e-9  # part of its size by which a component has to swing to be called undamped
+ZERO = 1e-9  # eigenvalues of an equilibrium, relative to the largest, that are zero
+SOLVED = 1e-6  # part of the rates that the distance to an equilibrium may leave over
+CONDITION = 1e8  # of eigenvectors that say nothing any more
+LATER = 0.5  # part of the time gone by after which a proof is tried again
+
+
+class Fates(NamedTuple):
+    """What becomes of some motions.
+
+    Attributes
+    ----------
+    outcome : array of int, shape (motions,)
+        NOTHING where it is not known.
+    limit : array, shape (motions, n)
+        The state without what dies out.
+    """
+
+    outcome: Array
+    limit: Array
+
+
+class Prover:
+    """Proves what becomes of motions of a system.
+
+    Parameters
+    ----------
+    problem : Problem
+    table : array, shape (motions, parameters)
+    rules : Rules
+
+    Attributes
+    ----------
+    acting : array of bool, shape (motions, frequencies)
+        Which drives act.
+    """
+
+    def __init__(self, problem: Problem, table: Array, rules: Rules) -> None:
+        self.problem, self.table, self.rules = problem, table, rules
+        self.repetition = Repetition(problem.compiled.equations)
+        self.pieces = Pieces(problem.compiled.equations)
+        self.acting = self._acting()
+
+    def _acting(self) -> Array:
+        frequencies = self.problem.compiled.layout.frequencies
+        if frequencies == 0:
+            return np.ones((len(self.table), 0), bool)
+        names = np.array(list(self.problem.system.parameters), dtype=object)
+        patterns, which = np.unique(self.table == 0.0, axis=0, return_inverse=True)
+        acting = np.array([self.repetition.equations.acting(frozenset(names[zero])) for zero in patterns])
+        return acting.reshape(-1, frequencies)[which.reshape(-1)]
+
+    def prove(self, lanes: Lanes, marks: Marks, saved: Lane) -> None:
+        """Decide all motions that ask: they are measured next, or go on."""
+        index = np.flatnonzero(marks.numbers[:, PHASE] == PROVING)
+        asked, outcome = marks.outcome[index], np.full(len(index), NOTHING)
+        waves = [self.waves(int(i), marks, saved) for i in index]
+        periods = np.where(marks.drive[index] > 0.0, marks.real[index, DURATION], 0.0)
+        fits = np.array([repeats(found, float(period)) for found, period in zip(waves, periods, strict=True)])
+        cycles = fits & (asked == PERIODIC)
+        outcome[cycles] = PERIODIC
+        open_ = np.flatnonzero((asked != PERIODIC) & [found is not None for found in waves])
+        if len(open_):
+            slot = slots_of(lanes, index[open_], saved)
+            closed = open_[slot >= 0]
+            if len(closed):
+                fates = affine_fates(lanes, index[closed], slot[slot >= 0], marks, saved, self.rules.translation)
+                unknown = (fates.outcome == PERIODIC) & ~fits[closed]  # the drives have to have a period in common
+                outcome[closed] = np.where(unknown, NOTHING, fates.outcome)
+                saved.y[index[closed]] = np.where(unknown[:, None], saved.y[index[closed]], fates.limit)
+            for i in open_[slot < 0]:
+                if asked[i] != NOTHING and not waves[i] and self.ends_here(int(index[i]), marks, saved):
+                    outcome[i] = asked[i]
+        done, late = index[outcome != NOTHING], index[outcome == NOTHING]
+        marks.outcome[index], marks.numbers[done, PHASE], marks.numbers[late, PHASE] = outcome, MEASURING, SETTLING
+        proved = done[~cycles[outcome != NOTHING]]
+        marks.real[proved, FLOOR], marks.real[proved, OPEN] = 0.0, np.inf
+        t, real = saved.clock[:, 0], marks.real
+        if not self.rules.timed:  # the clocks of driven motions are set back at every mark
+            t = t + np.maximum(marks.numbers[:, COUNT] - 1, 0) * marks.drive
+        real[late, ASK] = t[late] + np.maximum(LATER * (t[late] - self.rules.real[0]), real[late, DURATION])
+        real[late, PATIENT] = np.inf
+        for part, kept in zip(lanes.now, saved, strict=True):
+            part[late] = kept[late]
+
+    def waves(self, i: int, marks: Marks, saved: Lane) -> frozenset[float] | None:
+        """Frequencies of all that time does to a motion from now on; None if that is more than sines and cosines."""
+        if not self.problem.compiled.layout.timed:
+            return frozenset()
+        if self.repetition.plain and marks.drive[i] > 0.0:
+            return frozenset([2.0 * np.pi / float(marks.drive[i])])
+        names, state = list(self.problem.system.parameters), self.problem.compiled.layout.state
+        values = dict(zip(names, map(float, self.table[i]), strict=True))
+        frame = dict(zip(state, map(float, marks.frame[i]), strict=True))
+        return self.repetition.waves(values, frame, self.problem.origin + float(saved.clock[i, 0]))
+
+    def ends_here(self, i: int, marks: Marks, saved: Lane) -> bool:
+        """Whether a motion whose rates have died out ends at an equilibrium of its mode."""
+        mode, region = saved.mode[i].astype(np.int8), saved.reg[i].astype(np.int8)
+        try:
+            piece = self.pieces(mode, region)
+        except ZeroDivisionError:
+            return False  # the rates are not determined in this mode alone
+        free = int(np.sum(mode == 0)) + int(np.any(self.rules.translation != 0.0))
+        point = self.problem.origin + float(saved.clock[i, 0]), saved.y[i], self.table[i]
+        return near_equilibrium(piece, point, self.rules.translation, free)
+
+
+def slots_of(lanes: Lanes, index: Array, saved: Lane) -> Array:
+    """Where the closed forms of the saved modes are; −1 where there is none."""
+    T, slots = lanes.forms, lanes.slots
+    if slots == 0:
+        return np.full(len(index), -1)
+    key = np.ones(len(index), np.int64)
+    for column in saved.mode[index].T:
+        key = 3 * key + column + 1
+    for column in saved.reg[index].T:
+        key = 2 * key + column
+    place = lanes.group[index][:, None] * slots + np.arange(slots)
+    mine = (T.key[place] == key[:, None]) & (np.arange(slots) < T.used[lanes.group[index]][:, None])
+    mine &= T.status[place] == AFFINE
+    return np.where(np.any(mine, axis=1), place[:, 0] + np.argmax(mine, axis=1), -1)
+
+
+def affine_fates(lanes: Lanes, index: Array, slot: Array, marks: Marks, saved: Lane, translation: Array) -> Fates:
+    """What becomes of motions in affine modes, if these last."""
+    T, y, t = lanes.forms, saved.y[index], saved.clock[index, 0]
+    omega, n = lanes.constants.omega[lanes.group[index]], y.shape[1]
+    angle = omega * t[:, None]
+    waves = np.stack([np.cos(angle), np.sin(angle)], axis=2).reshape(len(index), -1)
+    s = np.concatenate([y, np.ones((len(index), 1)), t[:, None], waves], axis=1)
+    rate: Array = T.exponent[slot]
+    spin, first = np.exp(1j * angle), T.c2.shape[1] - n
+    r, terms = np.einsum("kis,ks->ki", T.R[slot], s), np.einsum("kis,ks->ki", np.abs(T.R[slot]), np.abs(s))
+    r = np.where(np.abs(r) > ROUNDING * terms, r, 0.0)
+    largest = np.max(np.abs(rate), axis=1, initial=0.0)[:, None]
+    grows = np.any((r != 0.0) & (rate.real > CENTRE * largest), axis=1)
+    stays = (r != 0.0) & (np.abs(rate.real) <= CENTRE * largest)
+    # All signals as c + c₁τ + c₂τ², what dies out or swings, and what answers to the drives.
+    fading = np.einsum("kgi,ki->kg", T.a[slot], r).real
+    answer = np.einsum("kgm,km->kg", T.b[slot], spin).real
+    drift, noise = np.einsum("kgs,ks->kg", T.c1[slot], s), np.einsum("kgs,ks->kg", np.abs(T.c1[slot]), np.abs(s))
+    drift = np.where(np.abs(drift) > ROUNDING * noise, drift, 0.0)
+    swing = np.einsum("kgi,ki->kg", T.swing[slot][:, :, :n], np.abs(r))
+    driven = np.sum(T.swing[slot][:, :, n:], axis=2)
+    value, size = np.einsum("kgs,ks->kg", T.G[slot], s), np.einsum("kgs,ks->kg", np.abs(T.G[slot]), np.abs(s))
+    guard, real = np.arange(value.shape[1]), np.arange(value.shape[1]) < T.counts[slot, 1][:, None]
+    reach, margin = (swing + driven)[:, guard], MARGIN * size
+    constant = value - (fading + answer)[:, guard]
+    even, bent = drift[:, guard], T.c2[slot][:, guard]
+    # A guard that nobody moves stays as it is, even at zero: it was admissible when the mode was chosen.
+    inert = (reach <= margin) & (even == 0.0) & (bent == 0.0) & (constant >= -margin)
+    held = inert | ((constant - reach > margin) & (even >= 0.0) & (bent >= 0.0))
+    lasts = ~grows & np.all(held | ~real, axis=1)
+    component = slice(first, None)
+    moving = drift[:, component] - marks.frame[index]
+    weight = float(translation @ translation)
+    moving -= np.outer(moving @ translation / weight, translation) if weight > 0.0 else 0.0
+    even = np.all(np.abs(moving) <= ROUNDING * (noise[:, component] + np.abs(marks.frame[index])), axis=1)
+    even &= np.all(T.c2[slot][:, component] == 0.0, axis=1)
+    size = np.maximum(marks.size[index], np.abs(y))
+    swinging = np.einsum("kgi,ki->kg", T.swing[slot][:, component, :n], np.abs(r) * stays)
+    undamped = lasts & np.any(swinging > SEEN * size, axis=1)
+    answers = np.any(driven[:, component] > ROUNDING * size, axis=1)
+    rests = np.all(saved.mode[index] == 0, axis=1) & (saved.mode.shape[1] > 0)
+    rests &= np.all(drift[:, component] == 0.0, axis=1)
+    outcome = np.where(rests, AT_REST, STEADY)
+    outcome = np.where(answers, PERIODIC, outcome)
+    outcome = np.where(undamped, UNDAMPED, np.where(lasts & even, outcome, NOTHING))
+    left = (outcome != NOTHING) & (outcome != UNDAMPED)
+    return Fates(outcome, np.where(left[:, None], y - fading[:, component], y))
+
+
+def near_equilibrium(piece: Piece, point: tuple[float, Array, Array], translation: Array, free: int) -> bool:
+    """Whether a motion ends at an equilibrium of its mode that is as near as its rates are small.
+
+    Parameters
+    ----------
+    piece : Piece
+    point : (time, state, parameters)
+    translation : array, shape (n,)
+    free : int
+        Directions in which equilibria may be neighbours.
+    """
+    t, y, p = point
+    n, at = len(y), (np.array([t]), y[:, None], p)
+    value, slopes = piece.felt(*at)[:, 0], piece.dependence(*at)[0, :, 1:]
+    guards = len(value) - n - piece.bound
+    f, g, c = np.split(value, [n, n + guards])
+    J, dg, dc = np.split(slopes, [n, n + guards])
+    if not (np.all(np.isfinite(value)) and np.all(np.isfinite(slopes))):
+        return False
+    weight = float(translation @ translation)
+    f = f - translation * (f @ translation / weight) if weight > 0.0 else f
+    terms = np.abs(dg) @ np.abs(y) + np.abs(g)
+    if not np.any(f):
+        return bool(np.all(g >= -MARGIN * terms))
+    # Constraints hold anyway; so they may attract.
+    A, rates = J - dc.T @ dc, f - dc.T @ c
+    step = -np.linalg.pinv(A, rcond=ZERO) @ rates
+    values: Array
+    values, vectors = np.linalg.eig(A)
+    largest, condition = np.max(np.abs(values), initial=0.0), np.linalg.cond(vectors)
+    still = np.abs(values) <= ZERO * largest
+    left = np.max(np.abs(A @ step + rates)) - ROUNDING * np.max(np.abs(J) @ np.abs(y))
+    if left > SOLVED * np.max(np.abs(rates)) or condition > CONDITION:
+        return False
+    if np.sum(still) > free or np.any(values[~still].real >= -ZERO * largest):
+        return False
+    reach, margin = condition * np.linalg.norm(dg, axis=1) * np.linalg.norm(step), MARGIN * terms
+    there = g + dg @ step
+    return bool(np.all(np.where(reach <= margin, there >= -margin, there > reach + margin)))

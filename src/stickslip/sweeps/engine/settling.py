@@ -1,0 +1,542 @@
+"""Motions followed until they repeat themselves, in compiled code.
+
+A motion is looked at at its *marks*. If it is driven, these are the times t₀ + mP, P the period of the first drive; if
+not, its events, where the guard that fires is a natural section (events that coincide up to rounding are one); and if
+it has no events for a while, it is asked whether its rates have died out, and whether it comes back through the plane
+across itself. :mod:`stickslip.sweeps.engine.returns` says how closely it comes back.
+
+* A motion that seems to have settled is *polished*: carried on by hand to where its returns lead, down to rounding (a
+  step that does not bring it nearer is undone). That this is not farther away than the tolerance is what makes it
+  settled; otherwise it is taken back, and waits.
+* Before that, a slow return with one real factor is carried on by what is missing, if every contact slips in it (one
+  that sticks makes a family of cycles, of which the motion has to choose by itself). The next return confirms it.
+* Rest, steady sliding, and oscillations without any further event are proved on the host
+  (:mod:`stickslip.sweeps.engine.proofs`), which the motion waits for.
+* Where time stands in one sine or cosine only, the clock is set back to t₀ at every mark, so that the millionth period
+  is as exact as the first one.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import cast
+
+import numpy as np
+from numba import njit
+
+from stickslip.motion.engine.event_loop import integrate
+from stickslip.motion.engine.guards import resting
+from stickslip.motion.engine.modes import copy, resolve
+from stickslip.motion.engine.roots import horner
+from stickslip.motion.outcome import Outcome
+from stickslip.motion.steps.arrays import FINISHED, FULL, INLINED, LIMIT, NEED, OK, OPTIONS, Constants, Lane, Record
+from stickslip.motion.steps.step_size import better
+from stickslip.motion.steps.stiff import follow as along
+from stickslip.sweeps.engine.returns import (
+    PATIENCE,
+    UNKNOWN,
+    begin_again,
+    distance,
+    extrapolate,
+    grow,
+    has_settled,
+    kind_of,
+    look_back,
+    look_wide,
+    miss,
+    remember,
+    remove_shift,
+    shortest_lag,
+)
+from stickslip.sweeps.engine.tables import (
+    ASK,
+    COUNT,
+    DONE,
+    DURATION,
+    EVENTS,
+    FLOOR,
+    HOME,
+    HOME_KIND,
+    LAG,
+    LEAPT,
+    LEAST,
+    MEASURING,
+    MISS,
+    PATIENT,
+    PENDING,
+    PHASE,
+    PROVING,
+    REST,
+    SAME,
+    SETTLING,
+    SMOOTH,
+    STALLED,
+    START,
+    STRETCH,
+    TRUE,
+    Bench,
+    Engine,
+    Marks,
+    Rules,
+)
+
+Array = np.ndarray
+
+AT_REST, PERIODIC = int(Outcome.AT_REST.code), int(Outcome.PERIODIC.code)
+STEADY, NOT_SETTLED = int(Outcome.STEADY.code), int(Outcome.NOT_SETTLED.code)
+NOTHING_YET = -1  # outcome of a motion whose fate the host is asked for
+# Of NumPy's type: numba would compile the event loop a second time for literals.
+RECORDED, UNRECORDED = cast(bool, np.bool_(True)), cast(bool, np.bool_(False))
+
+GO_ON, CARRIED, SETTLED = 0, 1, 2  # what is done after a mark
+COINCIDENT = 1e-10  # of the time between looks: events that are one mark
+GROWING, HALFWAY = 8, 0.618  # first periods of a drive in which a look between marks sees what vanishes at them
+FADED = 100.0  # tolerances that an oscillation may still be away from an equilibrium
+LEAP = 1e-2  # largest size of what a slow return is carried on by
+SLOW = 0.6  # factors above this are slow
+STRAIGHT = 0.1  # how much of what remains of a return may be out of line
+NEAREST = 1e-14  # a miss that is rounding
+FITS = 0.1  # part of a return that its combination may leave over
+MOST_RETURNS = 3  # that are combined
+MOST_LEAPS, MOST_POLISHED = 8, 24  # leaps and returns that polishing may take
+WIDER = 1.25  # of a period: in which a smooth motion that is polished comes back
+
+
+@njit(**OPTIONS)
+def constants_of(e: Engine, i: int) -> Constants:
+    """The constants of a lane."""
+    k, g = e.constants, e.group[i]
+    return Constants(k.K[g], k.M[g], k.C[g], k.J[g], k.omega[g])
+
+
+@njit(**INLINED)
+def follow(e: Engine, i: int, end: float, max_events: int, recording: bool, record: Record) -> int:
+    """The event loop for one lane; its code stays behind. Returns the number of recorded steps."""
+    a, b = i, i + 1
+    s = e.lanes
+    lane = Lane(s.clock[a:b], s.y[a:b], s.seen[a:b], s.mode[a:b], s.settled[a:b], s.reg[a:b], s.counters[a:b])
+    e.codes[i] = FULL
+    return integrate(
+        e.jets, e.residual, e.rows, e.space, e.flight, e.constants, e.forms, e.slots, e.order, e.tolerance, e.atol,
+        end, max_events, e.group[a:b], e.codes[a:b], lane, recording, record,
+    )  # fmt: skip
+
+
+@njit(**OPTIONS)
+def copy_lane(source: Lane, i: int, target: Lane, j: int) -> None:
+    """Copy where a lane is."""
+    copy(source.clock[i], target.clock[j])
+    copy(source.y[i], target.y[j])
+    copy(source.seen[i], target.seen[j])
+    copy(source.mode[i], target.mode[j])
+    copy(source.settled[i], target.settled[j])
+    copy(source.reg[i], target.reg[j])
+    copy(source.counters[i], target.counters[j])
+
+
+@njit(**INLINED)
+def dies_out(e: Engine, m: Marks, rules: Rules, i: int, tolerance: float, look: float, work: Array) -> bool:
+    """Whether the rates of a lane, without frame and translation, are so small that nothing more will change."""
+    k, s, w = constants_of(e, i), e.lanes, e.space
+    w.known[-1], w.W[len(work), 1] = 1, 1.0
+    if not resolve(e.rows.sizes, k, w, s.mode[i]):
+        return False
+    if e.jets(s.clock[i, 0], s.y[i], s.mode[i], s.reg[i], k.K, w.Rq, w.Rz, 1, w.W, w.A, w.B, w.mag) != OK:
+        return False
+    for r in range(len(work)):
+        work[r] = (w.W[r, 1] - m.frame[i, r]) * look
+    remove_shift(work, rules.translation)
+    return miss(work, m.size[i], rules.real[4]) <= tolerance
+
+
+# -- the loop over marks ------------------------------------------------------------------------------
+
+
+@njit(**INLINED)
+def settle(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: Array, i: int) -> None:
+    """Follow a lane until its phase is another one, or it has to go on in another call.
+
+    That is if a closed form has to be made first, or if there is a wish to stop. What is to be measured then starts at
+    the saved state, and lasts as long as the marks say.
+    """
+    s, numbers, drive = e.lanes, m.numbers[i], m.drive[i]
+    for _ in range(rules.most[2]):
+        if stop[0] != 0:
+            return
+        smooth = numbers[SMOOTH] == 1
+        events = rules.most[1] if drive > 0.0 else min(s.counters[i, 0] + 1, rules.most[1])
+        count = follow(e, i, next_stop(m, rules, i, s.clock[i, 0]), events, smooth, bench.record)
+        code, happened = e.codes[i], e.codes[i] == LIMIT and s.counters[i, 0] < rules.most[1]
+        if code == NEED:
+            return
+        if not (happened or code in (FINISHED, FULL)):
+            m.outcome[i], numbers[PHASE] = code, DONE
+            return
+        verdict = cross_plane(e, m, rules, saved, bench, i, count) if smooth else GO_ON
+        if verdict == GO_ON and code != FULL:
+            if is_due(m, rules, s, saved, i, happened, bench.work[0]):
+                verdict = consider(m, rules, s, saved, bench.work, bench.fit, i)
+            if verdict == GO_ON and happened:
+                put_mark(m, rules, s, saved, i)
+            elif verdict == GO_ON:
+                verdict = look_around(e, m, rules, saved, bench, i)
+        if verdict == SETTLED:
+            if drive > 0.0 or m.outcome[i] != PERIODIC:
+                return
+            # An oscillation that has died out returns, too.
+            copy_lane(saved, i, s, i)
+            if not dies_out(e, m, rules, i, FADED * rules.real[3], m.real[i, DURATION], bench.work[0]):
+                return
+            take_back(m, s, saved, i)
+            numbers[PHASE] = SETTLING
+        late = elapsed(m, rules, s, i) >= rules.real[1] or numbers[COUNT] >= rules.most[0] * max(numbers[LAG], 1)
+        if numbers[LEAPT] == 0 and late:
+            copy_lane(s, i, saved, i)
+            m.real[i, START], m.real[i, DURATION] = s.clock[i, 0], long_look(m, rules, i, s.clock[i, 0])
+            m.outcome[i], numbers[PHASE] = NOT_SETTLED, MEASURING
+            return
+
+
+@njit(**INLINED)
+def next_mark(m: Marks, rules: Rules, i: int) -> float:
+    """Time of the next mark of a driven motion."""
+    count = m.numbers[i, COUNT]
+    return rules.real[0] + (count if rules.timed else min(count, 1)) * m.drive[i]
+
+
+@njit(**INLINED)
+def elapsed(m: Marks, rules: Rules, lanes: Lane, i: int) -> float:
+    """The time, where the clock has not been set back."""
+    set_back = (m.numbers[i, COUNT] - 1) * m.drive[i] if m.drive[i] > 0.0 and not rules.timed else 0.0
+    return lanes.clock[i, 0] + set_back
+
+
+@njit(**INLINED)
+def next_stop(m: Marks, rules: Rules, i: int, t: float) -> float:
+    """The next mark of a driven motion (or a look between its first ones); the next look at any other."""
+    start, look, drive, count = rules.real[0], rules.real[2], m.drive[i], m.numbers[i, COUNT]
+    if drive > 0.0:
+        mark = next_mark(m, rules, i)
+        halfway = mark - HALFWAY * drive
+        return halfway if 0 < count <= GROWING and t < halfway - 1e-3 * drive else mark
+    target = start + look * (math.floor((t - start) / look + 1e-9) + 1.0)
+    lag, ring = m.numbers[i, LAG], m.time.shape[1]
+    if m.numbers[i, SMOOTH] == 1 and m.numbers[i, LEAPT] > 0:
+        target = min(target, t + WIDER * (m.time[i, (count - 1) % ring] - m.time[i, (count - 1 - lag) % ring]))
+    return target
+
+
+@njit(**INLINED)
+def is_due(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int, happened: bool, work: Array) -> bool:
+    """Whether the last mark is to be judged: a new one of a driven motion, or one whose mode has begun."""
+    numbers, t, y = m.numbers[i], lanes.clock[i, 0], lanes.y[i]
+    grow(m, rules, i, t, y, work)
+    if m.drive[i] > 0.0:
+        if t < next_mark(m, rules, i) - 0.5 * HALFWAY * m.drive[i]:
+            return False  # between two marks
+        if not rules.timed:
+            lanes.clock[i, 0], lanes.clock[i, 2] = rules.real[0], lanes.clock[i, 2] - (t - rules.real[0])
+        remember(m, i, 0, lanes.clock[i, 0], y)
+        copy_lane(lanes, i, saved, i)
+        return True
+    last = (numbers[COUNT] - 1) % m.time.shape[1]
+    if numbers[PENDING] == 0 or (happened and t - m.time[i, last] <= COINCIDENT * rules.real[2]):
+        return False
+    m.kind[i, last] = kind_of(lanes.settled[i], lanes.reg[i], lanes.counters[i, 2])
+    for c in range(lanes.settled.shape[1]):
+        if lanes.settled[i, c] != 0:
+            m.slipped[i, c] = numbers[COUNT]
+    return True
+
+
+@njit(**INLINED)
+def put_mark(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
+    """Put a mark at an event, or move the last one if the two coincide."""
+    numbers, t, y = m.numbers[i], lanes.clock[i, 0], lanes.y[i]
+    last = (numbers[COUNT] - 1) % m.time.shape[1]
+    if numbers[SMOOTH] == 0 and numbers[COUNT] > 0 and t - m.time[i, last] <= COINCIDENT * rules.real[2]:
+        m.time[i, last] = t
+        copy(y, m.state[i, last])
+    else:
+        remember(m, i, UNKNOWN, t, y)
+    numbers[SMOOTH] = 0
+    copy_lane(lanes, i, saved, i)
+
+
+@njit(**INLINED)
+def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> int:
+    """See whether a motion that has had no events for a while has come to an end, which the host has to prove."""
+    s, numbers, t, drive = e.lanes, m.numbers[i], e.lanes.clock[i, 0], m.drive[i]
+    if drive > 0.0 and t > m.time[i, (numbers[COUNT] - 1) % m.time.shape[1]]:
+        return GO_ON  # between two marks
+    calm = s.counters[i, 0] == numbers[EVENTS] and numbers[LEAPT] == 0
+    numbers[EVENTS] = s.counters[i, 0]
+    faded = calm and drive <= 0.0 and dies_out(e, m, rules, i, rules.real[3], rules.real[2], bench.work[0])
+    if calm and drive <= 0.0 and numbers[SMOOTH] == 0:
+        put_plane(m, i, t, s.y[i], bench.work[0])
+    if not (calm and (faded or rules.closed) and elapsed(m, rules, s, i) >= m.real[i, ASK]):
+        return GO_ON
+    copy_lane(s, i, saved, i)
+    m.real[i, START], m.real[i, DURATION] = t, drive if drive > 0.0 else rules.real[2]
+    m.outcome[i], numbers[PHASE] = equilibrium(s.mode[i]) if faded else NOTHING_YET, PROVING
+    return SETTLED
+
+
+@njit(**OPTIONS)
+def equilibrium(mode: Array) -> int:
+    """Rest if all contacts stick (a system without contacts moves, too)."""
+    for c in range(len(mode)):
+        if not resting(mode[c]):
+            return STEADY
+    return AT_REST if len(mode) > 0 else STEADY
+
+
+# -- what a mark says ---------------------------------------------------------------------------------
+
+
+@njit(**INLINED)
+def consider(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: Array, i: int) -> int:
+    """Compare the last mark, at which the saved lane is, with those before it, and decide what is done."""
+    numbers, before = m.numbers[i], m.numbers[i, LAG]
+    numbers[PENDING] = 0
+    d = look_back(m, rules, i, work[0])
+    lag, leapt = numbers[LAG], numbers[LEAPT]
+    if leapt != 0 and lag != before:
+        return take_back(m, lanes, saved, i)
+    if leapt < 0:
+        return confirm(m, lanes, saved, i, d)
+    if leapt > 0:
+        return polish(m, rules, lanes, saved, work, fit, i, d)
+    if lag == 0 or numbers[SAME] < 1:
+        return GO_ON
+    if has_settled(m, rules, i, d) and not (rules.timed and elapsed(m, rules, saved, i) < m.real[i, ASK]):
+        leave(m, saved, i, 1, d)
+        return polish(m, rules, lanes, saved, work, fit, i, distance(m, rules, i, lag, work[0]))
+    if numbers[STALLED] > PATIENCE * lag and d > rules.real[3]:
+        look_wide(m, rules, i, work[0])
+    elif m.drive[i] <= 0.0 and numbers[SAME] > 2 * lag and numbers[COUNT] >= numbers[REST]:
+        q = d / m.miss[i, (numbers[COUNT] - 1 - lag) % m.time.shape[1]]
+        if SLOW < q < 1.0 and d * q <= LEAP * (1.0 - q):
+            return leap(m, rules, lanes, saved, work, fit, i, d, q)
+    return GO_ON
+
+
+@njit(**OPTIONS)
+def leave(m: Marks, saved: Lane, i: int, leapt: int, d: float) -> None:
+    """Keep where the motion itself is, before it is carried on by hand."""
+    numbers, real = m.numbers[i], m.real[i]
+    copy_lane(saved, i, m.home, i)
+    numbers[LEAPT], real[MISS] = leapt, d
+    numbers[HOME], numbers[HOME_KIND] = numbers[COUNT], m.kind[i, (numbers[COUNT] - 1) % m.time.shape[1]]
+    if leapt > 0:
+        real[PATIENT] = 0.1 * d
+
+
+@njit(**OPTIONS)
+def carry(m: Marks, lanes: Lane, saved: Lane, i: int, step: Array) -> int:
+    """Carry a motion on by a step, at its last mark."""
+    last, numbers = (m.numbers[i, COUNT] - 1) % m.time.shape[1], m.numbers[i]
+    copy_lane(saved, i, m.before, i)
+    for r in range(len(step)):
+        saved.y[i, r] += step[r]
+    copy(saved.y[i], m.state[i, last])
+    copy_lane(saved, i, lanes, i)
+    numbers[TRUE], numbers[SAME] = 0, 0
+    return CARRIED
+
+
+@njit(**OPTIONS)
+def put_back(m: Marks, lanes: Lane, saved: Lane, i: int, kept: Lane, count: int) -> int:
+    """Put a motion back to where it was at a mark, which is the last one again."""
+    numbers, last = m.numbers[i], (count - 1) % m.time.shape[1]
+    copy_lane(kept, i, saved, i)
+    copy_lane(kept, i, lanes, i)
+    m.time[i, last] = kept.clock[i, 0]
+    copy(kept.y[i], m.state[i, last])
+    numbers[COUNT], numbers[TRUE], numbers[LEAPT], numbers[PENDING] = count, 0, 0, 0
+    begin_again(m, i, numbers[LAG])
+    return CARRIED
+
+
+@njit(**OPTIONS)
+def take_back(m: Marks, lanes: Lane, saved: Lane, i: int) -> int:
+    """Take a motion back to where it was before it was carried on by hand, and let it go on by itself."""
+    numbers = m.numbers[i]
+    m.kind[i, (numbers[HOME] - 1) % m.time.shape[1]] = numbers[HOME_KIND]
+    numbers[REST] = numbers[HOME] + PATIENCE * max(numbers[LAG], 1)
+    return put_back(m, lanes, saved, i, m.home, numbers[HOME])
+
+
+@njit(**OPTIONS)
+def polish(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: Array, i: int, d: float) -> int:
+    """Carry a motion that seems to have settled on to its cycle, down to rounding."""
+    numbers, real, lag, ring = m.numbers[i], m.real[i], m.numbers[i, LAG], m.time.shape[1]
+    if (numbers[COUNT] - numbers[HOME]) % lag != 0 or numbers[TRUE] < lag:
+        return GO_ON
+    if numbers[TRUE] == lag and numbers[LEAPT] > 1 and d > 0.5 * real[MISS]:
+        put_back(m, lanes, saved, i, m.before, numbers[COUNT] - lag)
+        numbers[LEAPT] = 1
+        return accept(m, rules, lanes, saved, work[0], i, real[MISS])
+    real[MISS] = d
+    if d <= NEAREST or numbers[COUNT] - numbers[HOME] >= MOST_POLISHED * lag or numbers[LEAPT] > MOST_LEAPS:
+        return accept(m, rules, lanes, saved, work[0], i, d)
+    returns = min(numbers[TRUE] // lag, (ring - 1) // lag)
+    for k in range(1, min(returns - 1, MOST_RETURNS) + 1):
+        misfit, length = extrapolate(m, rules, i, k, work, fit)
+        if (misfit <= FITS or k == MOST_RETURNS) and length <= rules.real[5]:
+            numbers[LEAPT] += 1
+            real[STRETCH] = max(real[STRETCH], length / d)
+            return carry(m, lanes, saved, i, work[8])
+    return GO_ON
+
+
+@njit(**OPTIONS)
+def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int, d: float) -> int:
+    """Take the polished cycle for what the motion has settled on, if that was within the tolerance of it."""
+    numbers, real, ring = m.numbers[i], m.real[i], m.time.shape[1]
+    for r in range(len(work)):
+        work[r] = saved.y[i, r] - m.home.y[i, r] - m.frame[i, r] * (saved.clock[i, 0] - m.home.clock[i, 0])
+    remove_shift(work, rules.translation)
+    if not miss(work, m.size[i], rules.real[4]) <= rules.real[5]:
+        return take_back(m, lanes, saved, i)
+    real[FLOOR] = d
+    numbers[LAG], last = shortest_lag(m, rules, i, work), numbers[COUNT] - 1
+    numbers[LEAPT] = 0
+    real[START], real[DURATION] = m.time[i, last % ring], m.drive[i] * numbers[LAG]
+    if m.drive[i] <= 0.0:
+        real[DURATION] = m.time[i, last % ring] - m.time[i, (last - numbers[LAG]) % ring]
+    m.outcome[i], numbers[PHASE] = PERIODIC, PROVING if rules.timed else MEASURING
+    return SETTLED
+
+
+@njit(**OPTIONS)
+def leap(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: Array, i: int, d: float, q: float) -> int:
+    """Carry a return that shrinks slowly on to where it leads, if it does so by one factor and every contact slips."""
+    numbers, lag, ring = m.numbers[i], m.numbers[i, LAG], m.time.shape[1]
+    if m.kind[i, (numbers[COUNT] - 1) % ring] < 0 or 2 * lag >= ring:
+        return GO_ON
+    for c in range(m.slipped.shape[1]):
+        if m.slipped[i, c] <= numbers[COUNT] - lag:
+            return GO_ON
+    misfit, length = extrapolate(m, rules, i, 1, work, fit)
+    if not (misfit <= STRAIGHT * (1.0 - q) and length <= LEAP):
+        return GO_ON
+    leave(m, saved, i, -1, d)
+    return carry(m, lanes, saved, i, work[8])
+
+
+@njit(**OPTIONS)
+def confirm(m: Marks, lanes: Lane, saved: Lane, i: int, d: float) -> int:
+    """See after a return whether a leap has brought the motion nearer."""
+    numbers, real = m.numbers[i], m.real[i]
+    if numbers[TRUE] < numbers[LAG]:
+        return GO_ON
+    if not d <= 0.5 * real[MISS]:
+        return take_back(m, lanes, saved, i)
+    numbers[LEAPT], numbers[STALLED], real[LEAST] = 0, 0, d
+    return GO_ON
+
+
+# -- motions without events ---------------------------------------------------------------------------
+
+
+@njit(**OPTIONS)
+def put_plane(m: Marks, i: int, t: float, y: Array, work: Array) -> None:
+    """Lay a plane through the present state across the motion, whose rates are in the work space."""
+    copy(y, m.plane[i, 0])
+    m.plane[i, 2, 0] = t
+    for r in range(len(work)):
+        m.plane[i, 1, r] = work[r] / m.size[i, r] ** 2 if m.size[i, r] > 0.0 else 0.0
+    m.numbers[i, SMOOTH], m.numbers[i, PENDING] = 1, 0
+    begin_again(m, i, 0)
+
+
+@njit(**OPTIONS)
+def height(m: Marks, i: int, t: float, y: Array, translation: Array, work: Array) -> float:
+    """On which side of the plane a state is, and how far."""
+    for r in range(len(y)):
+        work[r] = y[r] - m.plane[i, 0, r] - m.frame[i, r] * (t - m.plane[i, 2, 0])
+    remove_shift(work, translation)
+    total = 0.0
+    for r in range(len(y)):
+        total += m.plane[i, 1, r] * work[r]
+    return total
+
+
+@njit(**INLINED)
+def cross_plane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int, count: int) -> int:
+    """Put a mark wherever one of the recorded Taylor steps passes the plane upwards, and see what it says.
+
+    A motion that is carried on by hand starts again from there.
+    """
+    k, s, f, N, verdict = constants_of(e, i), e.space, e.flight, e.order, GO_ON
+    record, translation, work, lanes = bench.record, rules.translation, bench.work, e.lanes
+    for j in range(count):
+        if verdict != GO_ON:
+            continue
+        last = j + 1 == count
+        t, y = record.time[j], record.state[j]
+        after = lanes.clock[i, 0] if last else record.time[j + 1]
+        ahead = height(m, i, after, lanes.y[i] if last else record.state[j + 1], translation, work[0])
+        if not (height(m, i, t, y, translation, work[0]) <= 0.0 < ahead):
+            continue
+        copy(record.mode[j], f.mode0)
+        copy(record.region[j], f.reg0)
+        s.known[-1] = 1
+        resolve(e.rows.sizes, k, s, f.mode0)
+        low, high = 0.0, after - t
+        s.W[len(y), 1] = better(high, 1.0)
+        _, step, series = along(
+            e.jets, e.rows, k, s, N, t, y, f.mode0, f.reg0, high, 0.0, e.tolerance, e.atol, lanes.seen[i]
+        )
+        unit = s.W[len(y), 1]
+        point_on(s.W, N, high / unit, work[1])
+        if not abs(height(m, i, after, work[1], translation, work[0]) - ahead) <= 1e-6 * abs(ahead):
+            continue  # a flight in closed form: its modes are linear, and have no cycle of their own
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            point_on(s.W, N, middle / unit, work[1])
+            if height(m, i, t + middle, work[1], translation, work[0]) > 0.0:
+                high = middle
+            else:
+                low = middle
+        point_on(s.W, N, high / unit, s.trial)
+        remember(m, i, -1, t + high, s.trial)
+        copy_lane(lanes, i, saved, i)
+        put_at(saved, i, t + high, after - t, s.trial, f.mode0, f.reg0)
+        saved.clock[i, 7] = series if step > series else after - t
+        verdict = consider(m, rules, lanes, saved, bench.work, bench.fit, i)
+        if verdict == GO_ON and m.numbers[i, LEAPT] > 0:
+            copy_lane(saved, i, lanes, i)
+            verdict = CARRIED
+    return verdict
+
+
+@njit(**OPTIONS)
+def put_at(lanes: Lane, i: int, t: float, step: float, y: Array, mode: Array, region: Array) -> None:
+    """Put a lane at a point within a step."""
+    lanes.clock[i, 0], lanes.clock[i, 1], lanes.counters[i, 2] = t, step, -1
+    copy(y, lanes.y[i])
+    copy(mode, lanes.mode[i])
+    copy(mode, lanes.settled[i])
+    copy(region, lanes.reg[i])
+
+
+@njit(**OPTIONS)
+def point_on(W: Array, N: int, x: float, out: Array) -> None:
+    """State on a Taylor step, after a time in the unit of its coefficients."""
+    for r in range(len(out)):
+        out[r] = horner(W[r], N, x)
+
+
+@njit(**OPTIONS)
+def long_look(m: Marks, rules: Rules, i: int, t: float) -> float:
+    """So many periods of the drive as a cycle may have, or the duration from the oldest mark of the same kind."""
+    count, ring, most = m.numbers[i, COUNT], m.time.shape[1], rules.most[3]
+    if m.drive[i] > 0.0:
+        return m.drive[i] * max(min(count - 1, most), 1)
+    for back in range(min(count, most), 0, -1):
+        j = (count - back) % ring
+        if m.kind[i, j] == m.kind[i, (count - 1) % ring] and m.time[i, j] < t:
+            return t - m.time[i, j]
+    return rules.real[2]

@@ -1,0 +1,314 @@
+"""What the compiled functions of maps pass to each other: named tuples of arrays, most with a row for every motion."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from stickslip.motion.between.step_balance import Steps, Tally, make_steps, make_tally
+from stickslip.motion.engine.forms import ClosedForms, Flight
+from stickslip.motion.steps.arrays import JETS, POWERS, RESIDUAL, Constants, Lane, Record, Rows, Space
+
+if TYPE_CHECKING:
+    from stickslip.motion.problem import Problem
+
+Array = np.ndarray
+
+SETTLING, PROVING, MEASURING, DONE = 0, 1, 2, 3
+"""Phases of a motion; what it settles on is proved on the host."""
+
+PHASE, COUNT, TRUE, LAG, SAME, EVENTS, SMOOTH, PENDING, LEAPT, STALLED, REST, HOME, HOME_KIND, SIZED = range(14)
+"""Columns of :attr:`Marks.numbers`."""
+
+START, DURATION, MISS, FLOOR, STRETCH, OPEN, LEAST, PATIENT, ASK = range(9)
+"""Columns of :attr:`Marks.real`."""
+
+ENERGY, LAW, MOTION, CLOSURE, PERIOD = range(5)
+"""Columns of :attr:`Found.audit`."""
+
+DEVICE_LANES = 16_384
+"""Motions that are worked on together on a GPU, which is filled by many."""
+
+
+class Engine(NamedTuple):
+    """What the event loop takes, the same for all lanes.
+
+    Attributes
+    ----------
+    jets, residual, powers
+        Machine code of the system.
+    slots : int
+        Closed forms of each group.
+    order : int
+    tolerance, atol : float
+        Order of the Taylor series, and local tolerance relative to the size of the state plus `atol`.
+    others
+        As in :func:`stickslip.motion.engine.event_loop.integrate`.
+    """
+
+    jets: JETS
+    residual: RESIDUAL
+    powers: POWERS
+    rows: Rows
+    space: Space
+    flight: Flight
+    constants: Constants
+    forms: ClosedForms
+    slots: int
+    order: int
+    tolerance: float
+    atol: float
+    group: Array
+    codes: Array
+    lanes: Lane
+
+
+class Rules(NamedTuple):
+    """How motions settle and are measured, the same for all lanes.
+
+    Attributes
+    ----------
+    real : array
+        Start, end and time between looks, counted from the origin of the problem; tolerance of waiting, atol, and what
+        may be missing to a cycle.
+    most : array of int
+        Periods, events, marks in one call, and marks of a cycle.
+    translation : array, shape (n,)
+    fine : array, shape (2,)
+        Tolerances with which steps are followed again.
+    closely : bool
+        As in :func:`stickslip.sweeps.engine.observers.observe`.
+    timed : bool
+        Whether time enters in a way that might not repeat, which the host has to look into.
+    closed : bool
+        Whether there are closed forms.
+    """
+
+    real: Array
+    most: Array
+    translation: Array
+    fine: Array
+    closely: bool
+    timed: bool
+    closed: bool
+
+
+class Marks(NamedTuple):
+    """What is remembered of every lane.
+
+    Attributes
+    ----------
+    time, state, kind, miss : arrays, shapes (lanes, ring), (lanes, ring, n), (lanes, ring), (lanes, ring)
+        The latest marks; the mode of a mark as a number, and how closely it comes back to the mark a lag before it.
+    numbers : array of int, shape (lanes, 14)
+        PHASE; COUNT of marks; marks made since the state was last changed by hand (TRUE); LAG that is looked at; marks
+        at this lag in a row, less one (SAME); EVENTS at the last look; whether the motion has had no events for a
+        while, so that its marks are on a plane (SMOOTH); whether the last mark is still to be judged (PENDING); leaps
+        since the motion was left (LEAPT; negative: one that is not confirmed); marks since returns have last shrunk
+        (STALLED); mark before which there is no other leap (REST); number and kind of the mark that the motion is taken
+        back to (HOME, HOME_KIND); whether the sizes are those of a cycle (SIZED).
+    real : array, shape (lanes, 9)
+        START and DURATION of what is measured; last MISS before a leap; miss of the polished cycle (FLOOR), how many
+        times farther away than that the cycle may be (STRETCH), and least miss of a return that is shorter (OPEN);
+        LEAST miss at this lag; miss below which polishing is tried again (PATIENT); time before which no proof is tried
+        again (ASK).
+    plane : array, shape (lanes, 3, n)
+        A state, the normal of the plane through it, and (first) its time.
+    size : array, shape (lanes, n)
+        Largest modulus of each component; once it has been measured, its size on the cycle.
+    slipped : array of int, shape (lanes, contacts)
+        Last mark before which each contact slipped.
+    felt : array, shape (lanes,)
+        Change of the forces in what was measured.
+    drive : array, shape (lanes,)
+        Period of the drive; 0 if there is none.
+    frame : array, shape (lanes, n)
+        Velocity of the frame in which the system does not depend on time, but for its drives.
+    outcome : array of int, shape (lanes,)
+    home, before : Lane
+        Where the motion itself was before it was carried on by hand, and where it was before the last such step.
+    """
+
+    time: Array
+    state: Array
+    kind: Array
+    miss: Array
+    numbers: Array
+    real: Array
+    plane: Array
+    size: Array
+    slipped: Array
+    felt: Array
+    drive: Array
+    frame: Array
+    outcome: Array
+    home: Lane
+    before: Lane
+
+
+class Sums(NamedTuple):
+    """What has been observed of a motion (or, with a leading axis, of every lane).
+
+    Attributes
+    ----------
+    low, high : arrays, shape (n,)
+        Least and largest value of each component.
+    stick, work, peak, impulse : arrays, shape (contacts,)
+        Time in stick, dissipated energy −∫λu dt, largest |λ| and ∫λ dt.
+    total : array
+        Duration, and the time in which all contacts stick.
+    switches : array of int
+        Changes between stick and slip.
+    """
+
+    low: Array
+    high: Array
+    stick: Array
+    work: Array
+    peak: Array
+    impulse: Array
+    total: Array
+    switches: Array
+
+
+class Found(NamedTuple):
+    """What has been measured of every lane.
+
+    Attributes
+    ----------
+    sums : Sums
+    audit : array, shape (lanes, 5)
+        Residual of the energy balance (ENERGY), violation of the friction LAW, defect of the equations of MOTION, by
+        how much a cycle fails to close (CLOSURE), and the square of the tolerance over what the next shorter return
+        misses by (PERIOD): the period is minimal if no shorter return closes within the tolerance.
+    moves : array, shape (lanes,)
+        Largest range of a component in what was measured, relative to its modulus, without frame and translation.
+    shift : array, shape (lanes, n)
+        Of the state, in the time that is measured.
+    exponent : array, shape (lanes,)
+        Largest Lyapunov exponent.
+    """
+
+    sums: Sums
+    audit: Array
+    moves: Array
+    shift: Array
+    exponent: Array
+
+
+class Bench(NamedTuple):
+    """Work space in which one motion is settled and measured.
+
+    Attributes
+    ----------
+    work : array, shape (9, n)
+    fit : array, shape (3, 4)
+        Triangular system of the returns, and its right-hand side.
+    record : Record
+        Knots; what does not fit is measured piece by piece.
+    steps : Steps
+    tally : Tally
+        As in :func:`stickslip.motion.between.step_balance.audit_steps`.
+    gaps : array, shape (n,)
+        By how much a cycle fails to close.
+    ends : array, shape (3, n)
+        Least and largest value of each component where it was looked at, without frame and translation; and its size.
+    balance : array, shape (6,)
+        First energy; dissipated and supplied so far; least and largest energy; largest residual.
+    residuals : array, shape (4,)
+        See :func:`stickslip.motion.between.step_balance.judge`.
+    table, value : arrays
+        Taylor coefficients and powers at an instant.
+    mode, region : arrays of int
+        At the first knot.
+    felt : array, shape (2, 3·contacts)
+        Forces and thresholds at the start and at the end.
+    """
+
+    work: Array
+    fit: Array
+    record: Record
+    steps: Steps
+    tally: Tally
+    gaps: Array
+    ends: Array
+    balance: Array
+    residuals: Array
+    table: Array
+    value: Array
+    mode: Array
+    region: Array
+    felt: Array
+
+
+def make_marks(drive: Array, ring: int, n: int, contacts: int, home: Lane, before: Lane) -> Marks:
+    """Nothing remembered yet of lanes with these periods of their drives."""
+    lanes = len(drive)
+    marks = Marks(
+        time=np.zeros((lanes, ring)),
+        state=np.zeros((lanes, ring, n)),
+        kind=np.zeros((lanes, ring), np.int64),
+        miss=np.zeros((lanes, ring)),
+        numbers=np.zeros((lanes, 14), np.int64),
+        real=np.zeros((lanes, 9)),
+        plane=np.zeros((lanes, 3, n)),
+        size=np.zeros((lanes, n)),
+        slipped=np.zeros((lanes, contacts), np.int64),
+        felt=np.zeros(lanes),
+        drive=drive,
+        frame=np.zeros((lanes, n)),
+        outcome=np.full(lanes, -1, np.int64),
+        home=home,
+        before=before,
+    )
+    marks.numbers[:, TRUE] = -1  # the first mark is no return yet
+    marks.real[:, PATIENT], marks.real[:, ASK] = np.inf, -np.inf
+    return marks
+
+
+def make_found(lanes: int, n: int, contacts: int) -> Found:
+    """Nothing measured yet."""
+    z = np.zeros
+    sums = Sums(
+        low=z((lanes, n)),
+        high=z((lanes, n)),
+        stick=z((lanes, contacts)),
+        work=z((lanes, contacts)),
+        peak=z((lanes, contacts)),
+        impulse=z((lanes, contacts)),
+        total=z((lanes, 2)),
+        switches=z((lanes, 1), np.int64),
+    )
+    return Found(sums, z((lanes, 5)), z(lanes), z((lanes, n)), np.full(lanes, np.nan))
+
+
+def make_bench(problem: Problem, room: int) -> Bench:
+    """Work space for a system, in which `room` steps are measured at a time."""
+    n, contacts, kinks = int(problem.rows.sizes[0]), len(problem.rows.u), len(problem.rows.kinks)
+    z = np.zeros
+    record = Record(
+        z(room + 1),
+        z((room + 1, n)),
+        z((room + 1, contacts), np.int8),
+        z((room + 1, kinks), np.int8),
+        z(room + 1, np.int64),
+    )
+    table = z((problem.compiled.layout.rows, 2))
+    table[n, 1] = 1.0  # unit of time of its coefficients
+    return Bench(
+        work=z((9, n)),
+        fit=z((3, 4)),
+        record=record,
+        steps=make_steps(room, n),
+        tally=make_tally(problem.rows),
+        gaps=z(n),
+        ends=z((3, n)),
+        balance=z(6),
+        residuals=z(4),
+        table=table,
+        value=z(3),
+        mode=z(contacts, np.int64),
+        region=z(kinks, np.int64),
+        felt=z((2, 3 * contacts)),
+    )

@@ -1,0 +1,202 @@
+"""The named measures of what a motion has settled on.
+
+``period``, ``energy_per_cycle`` (dissipated by the contacts) and ``switches`` are those of a cycle; ``amplitude`` (half
+the range, of the first component of the state or of ``amplitude:x``), ``speed`` (along the translation, or of
+``speed:x``), ``stick_fraction`` (share of the time in which all contacts stick, or ``stick_fraction:contact``),
+``peak_force`` and ``mean_force`` (largest |λ| and mean λ; of all contacts the largest |λ|, or ``peak_force:contact``)
+and ``lyapunov`` are also those of a motion at rest, of steady sliding, and of the last part of a motion that has not
+settled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.errors import DeclarationError
+from stickslip.model.system import System
+from stickslip.motion.outcome import Outcome
+from stickslip.motion.problem import Problem
+from stickslip.sweeps.engine.tables import Found, Sums
+
+if TYPE_CHECKING:
+    from stickslip.sweeps.work.chunk import Settings
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Observed:
+    """What compiled code has found of some points.
+
+    Attributes
+    ----------
+    outcome : array of int, shape (points,)
+    duration : array, shape (points,)
+        Of what was measured: the period of a cycle.
+    translation : array, shape (n,)
+    found : Found
+        By point.
+    excess : array, shape (points,)
+        By how much the initial state violates |∂Φ| ≤ s.
+    """
+
+    outcome: Array
+    duration: Array
+    translation: Array
+    found: Found
+    excess: Array
+
+    @property
+    def sums(self) -> Sums:
+        """What was summed up."""
+        return self.found.sums
+
+
+Rule = Callable[[Problem, Observed, str], Array]
+
+
+def _component(problem: Problem, of: str) -> int:
+    return problem.compiled.layout.state.index(of) if of else 0
+
+
+def _contact(problem: Problem, of: str) -> int:
+    return [c.name for c in problem.compiled.equations.contacts].index(of)
+
+
+def _period(problem: Problem, o: Observed, of: str) -> Array:
+    return np.where(o.outcome == Outcome.PERIODIC.code, o.duration, np.nan)
+
+
+def _amplitude(problem: Problem, o: Observed, of: str) -> Array:
+    i = _component(problem, of)
+    return 0.5 * (o.sums.high[:, i] - o.sums.low[:, i])
+
+
+def _speed(problem: Problem, o: Observed, of: str) -> Array:
+    if of:
+        return o.found.shift[:, _component(problem, of)] / o.duration
+    return o.found.shift @ o.translation / (o.translation @ o.translation) / o.duration
+
+
+def _stick_fraction(problem: Problem, o: Observed, of: str) -> Array:
+    stuck = o.sums.stick[:, _contact(problem, of)] if of else o.sums.total[:, 1]
+    return stuck / o.sums.total[:, 0]
+
+
+def _energy(problem: Problem, o: Observed, of: str) -> Array:
+    work = o.sums.work[:, _contact(problem, of)] if of else np.sum(o.sums.work, axis=1)
+    return np.where(o.outcome == Outcome.PERIODIC.code, work, np.nan)
+
+
+def _peak(problem: Problem, o: Observed, of: str) -> Array:
+    return o.sums.peak[:, _contact(problem, of)] if of else np.max(o.sums.peak, axis=1, initial=0.0)
+
+
+def _mean(problem: Problem, o: Observed, of: str) -> Array:
+    impulse = o.sums.impulse[:, _contact(problem, of)] if of else np.sum(o.sums.impulse, axis=1)
+    return impulse / o.duration
+
+
+def _switches(problem: Problem, o: Observed, of: str) -> Array:
+    return np.where(o.outcome == Outcome.PERIODIC.code, o.sums.switches[:, 0], np.nan)
+
+
+def _lyapunov(problem: Problem, o: Observed, of: str) -> Array:
+    return o.found.exponent
+
+
+@dataclass(frozen=True)
+class Named:
+    """A measure: its rule, whether steps have to be followed again for it, and what it may be taken of."""
+
+    rule: Rule
+    closely: bool
+    of: str = ""
+
+
+MEASURES = {
+    "period": Named(_period, False),
+    "amplitude": Named(_amplitude, True, "component"),
+    "speed": Named(_speed, False, "component"),
+    "stick_fraction": Named(_stick_fraction, False, "contact"),
+    "energy_per_cycle": Named(_energy, True, "contact"),
+    "peak_force": Named(_peak, True, "contact"),
+    "mean_force": Named(_mean, True, "contact"),
+    "switches": Named(_switches, False),
+    "lyapunov": Named(_lyapunov, False),
+}
+
+
+def needs_close_look(system: System, measures: Sequence[str]) -> bool:
+    """Whether one of the measures needs more than the knots; refuses those that do not exist.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such measure, or the system has no such component or contact.
+    """
+    return any([_named(system, measure).closely for measure in measures])
+
+
+def _named(system: System, measure: str) -> Named:
+    name, _, of = measure.partition(":")
+    if name not in MEASURES:
+        raise DeclarationError("measure", f"there is no measure '{name}'", f"Known: {', '.join(MEASURES)}")
+    known = {"component": system.declaration.state, "contact": list(system.contacts)}.get(MEASURES[name].of, [])
+    if of and of not in known:
+        remedy = f"Known: {', '.join(known)}" if known else f"Ask for '{name}'"
+        raise DeclarationError(f"measure.{name}", f"there is no '{of}'", remedy)
+    if name == "speed" and not of and not system.translation:
+        raise DeclarationError(
+            "measure.speed", f"{system.name} declares no translation", "Name a component, like speed:x"
+        )
+    return MEASURES[name]
+
+
+def measured(problem: Problem, observed: Observed, measures: Sequence[str], tolerance: float) -> dict[str, Array]:
+    """Values of the measures by name, and outcome, certificate, what that lacks, and the excess of the start."""
+    failed = ~np.isin(observed.outcome, [o.code for o in MEASURED])
+    result = {"outcome": observed.outcome.astype(np.int8)}
+    result["certificate"] = np.where(failed, np.nan, np.max(observed.found.audit, axis=1))
+    result["lacking"] = lacking(observed, tolerance)
+    result["excess"] = observed.excess
+    for measure in measures:
+        name, _, of = measure.partition(":")
+        with np.errstate(invalid="ignore", divide="ignore"):
+            result[measure] = np.where(failed, np.nan, MEASURES[name].rule(problem, observed, of))
+    return result
+
+
+def lacking(observed: Observed, tolerance: float) -> Array:
+    """What certificates lack, as positions in :data:`LACKING`: the first residual that is too large."""
+    wrong = ~(observed.found.audit <= tolerance)
+    found = np.where(np.any(wrong, axis=1), 1 + np.argmax(wrong, axis=1), 0)
+    known = np.isin(observed.outcome, [o.code for o in ATTRACTORS])
+    other = np.where(np.isin(observed.outcome, [o.code for o in MEASURED]), "attractor", "result")
+    return np.where(known, found, [LACKING.index(name) for name in other]).astype(np.int8)
+
+
+def certified_below(settings: Settings) -> float:
+    """Largest certificate of a certified point."""
+    return max(settings.tolerance, 10.0 * settings.rtol)
+
+
+OWN = ("certificate", "lacking", "excess", "outcome")
+"""Variables of every map, besides its measures."""
+ATTRACTORS = (Outcome.AT_REST, Outcome.PERIODIC, Outcome.STEADY, Outcome.UNDAMPED)
+MEASURED = (*ATTRACTORS, Outcome.NOT_SETTLED)
+LACKING = (
+    "nothing",
+    "energy balance",
+    "friction law",
+    "equations of motion",
+    "closure",
+    "minimal period",
+    "attractor",
+    "result",
+)
+"""What a point may lack to be certified; 0: nothing. The order of the residuals is that of the audit."""

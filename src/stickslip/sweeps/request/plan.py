@@ -1,0 +1,166 @@
+"""What a map is a map of: two maps with equal plans hold the same numbers."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from stickslip.model.quantities import described, quantity
+from stickslip.model.system import System
+from stickslip.motion.outcome import Outcome
+from stickslip.sweeps.request.axes import Axis
+from stickslip.sweeps.request.measures import LACKING, certified_below
+from stickslip.sweeps.request.user_measures import REASONS, FunctionMeasure, Measure, variable
+
+NOT_COMPUTED, INTERPOLATED = -1, -2
+"""Outcomes of points that have none of their own."""
+
+KIND, FORMAT = "sweep", 2
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A system, what varies, and what is measured how.
+
+    Attributes
+    ----------
+    system : System
+    axes : tuple of Axis
+    measures : tuple of measures
+    initial : dict of str to float
+        Initial values that hold at all points.
+    settings : Settings
+        How a motion settles, and with which accuracy it is computed.
+    seed : int
+        Of the samples.
+    """
+
+    system: System
+    axes: tuple[Axis, ...]
+    measures: tuple[Measure, ...]
+    initial: Mapping[str, float]
+    settings: Any
+    seed: int
+
+    def parts(self) -> dict[str, str]:
+        """Everything but the values of the axes, as texts for a file."""
+        from stickslip import __version__
+
+        return {
+            "kind": KIND,
+            "format": str(FORMAT),
+            "version": __version__,
+            "model": self.system.to_toml(),
+            "parameters": json.dumps(self.system.values),
+            "axes": json.dumps([{"names": axis.names, "spacing": axis.spacing} for axis in self.axes]),
+            "measures": json.dumps([str(measure) for measure in self.measures]),
+            "initial": json.dumps(dict(self.initial)),
+            "settings": json.dumps(asdict(self.settings), sort_keys=True),
+            "seed": str(self.seed),
+        }
+
+    def difference(self, parts: Mapping[str, str], axes: tuple[Axis, ...]) -> str:
+        """How a stored map differs from this one, in words; empty if it does not.
+
+        Parameters
+        ----------
+        parts : mapping of str to str
+            Of the stored map.
+        axes : tuple of Axis
+            Of the stored map.
+        """
+        own = self.parts()
+        model = _first_difference(tomllib.loads(parts["model"]), tomllib.loads(own["model"]))
+        if model:
+            return f"of another model ({model})"
+        for key, what in (("settings", "other settings"), ("initial", "other initial values")):
+            change = _first_difference(json.loads(parts[key]), json.loads(own[key]))
+            if change:
+                return f"with {what} ({change})"
+        if parts["measures"] != own["measures"]:
+            there, here = (", ".join(json.loads(texts)) for texts in (parts["measures"], own["measures"]))
+            return f"of other measures ({there} there, {here} here)"
+        if parts["version"] != own["version"]:
+            return f"made by version {parts['version']} (this is {own['version']})"
+        return self._other_axes(axes)
+
+    def _other_axes(self, axes: tuple[Axis, ...]) -> str:
+        there, here = ([",".join(axis.names) for axis in some] for some in (axes, self.axes))
+        if there != here:
+            return f"over other axes ({' and '.join(there)} there, {' and '.join(here)} here)"
+        for old, new in zip(axes, self.axes, strict=True):
+            if not old.same_as(new):
+                return f"over other values of {','.join(new.names)} ({_range(old)} there, {_range(new)} here)"
+        return ""
+
+    def coordinates(self) -> dict[str, tuple[str, np.ndarray, dict[str, Any]]]:
+        """Dimension, values and attributes of everything that varies."""
+        return {
+            name: (axis.dimension, axis.values[row], {**_varied(self.system, name), "spacing": axis.spacing})
+            for axis in self.axes
+            for row, name in enumerate(axis.names)
+        }
+
+    def variables(self) -> dict[str, tuple[str, float, dict[str, Any]]]:
+        """Type, value where nothing is known, and attributes of everything that is stored of a point.
+
+        The outcome comes last: a point that has one has everything else.
+        """
+        found: dict[str, tuple[str, float, dict[str, Any]]] = {}
+        for measure in self.measures:
+            name = variable(measure)
+            if isinstance(measure, str):
+                found[name] = ("f8", np.nan, described(self.system, measure))
+                continue
+            found[name] = ("f8", np.nan, {"units": "1", "long_name": name.replace("_", " "), "measure": str(measure)})
+            if isinstance(measure, FunctionMeasure):
+                why = dict(enumerate(REASONS))
+                found[f"{name}_missing"] = ("i1", 0, _flags(why) | {"long_name": f"why {name} is missing"})
+        tolerance = certified_below(self.settings)
+        found["certificate"] = (
+            "f8",
+            np.nan,
+            {"units": "1", "long_name": "residual of the certificate", "tolerance": tolerance},
+        )
+        missing = _flags(dict(enumerate(LACKING))) | {"long_name": "what the certificate lacks"}
+        found["lacking"] = ("i1", LACKING.index("result"), missing)
+        unit = next((c.unit for c in self.system.declaration.contacts if c.kind == "rate-independent"), "") or "1"
+        found["excess"] = ("f8", np.nan, {"units": unit, "long_name": "excess of the start over the stable set"})
+        labels = {NOT_COMPUTED: "not computed", INTERPOLATED: "interpolated", **{o.code: o.label for o in Outcome}}
+        found["outcome"] = ("i1", NOT_COMPUTED, _flags(labels) | {"long_name": "how the motion ended"})
+        return found
+
+
+def _flags(labels: Mapping[int, str]) -> dict[str, Any]:
+    """Attributes of a variable that holds codes, by the CF conventions."""
+    return {"flag_values": list(labels), "flag_meanings": " ".join(text.replace(" ", "_") for text in labels.values())}
+
+
+def _varied(system: System, name: str) -> dict[str, str]:
+    """Unit and meaning of a parameter or of an initial value."""
+    found = quantity(system, name)
+    return found if name in system.parameters else {**found, "long_name": f"initial {found['long_name']}"}
+
+
+def _first_difference(there: Any, here: Any, where: str = "") -> str:
+    """Where two trees of tables first differ."""
+    if isinstance(there, dict) and isinstance(here, dict):
+        for key in [*there, *(key for key in here if key not in there)]:
+            inner = f"{where}.{key}" if where else key
+            if key not in here or key not in there:
+                return f"{inner}: only {'there' if key in there else 'here'}"
+            found = _first_difference(there[key], here[key], inner)
+            if found:
+                return found
+        return ""
+    return "" if there == here else f"{where}: {there} there, {here} here"
+
+
+def _range(axis: Axis) -> str:
+    values = axis.values[0]
+    return f"{len(axis)} from {values[0]:g} to {values[-1]:g}"

@@ -1,0 +1,243 @@
+"""What is measured at a point: named measures, formulas of them, and a user's own functions of the motion."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import math
+import runpy
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from stickslip.errors import DeclarationError, StickslipError, short
+from stickslip.model.system import System
+from stickslip.sweeps.request.measures import MEASURES, OWN, needs_close_look
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.formulas import NAME, Scope
+
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
+
+Array = np.ndarray
+REASONS = ("given", "returned_nan", "returned_no_number", "raised_an_error", "motion_incomplete")
+"""Why a function of the motion has no value at a point; 0: it has one."""
+UFUNCS: dict[str, Callable[[Array], Array]] = {
+    **{name: getattr(np, name) for name in ex.FUNCTIONS if name not in ("asinh", "atan")},
+    "asinh": np.arcsinh,
+    "atan": np.arctan,
+}
+
+
+@dataclass(frozen=True)
+class FormulaMeasure:
+    """A formula of named measures and of the parameters, such as ``cost = energy_per_cycle/(P*speed)``.
+
+    Attributes
+    ----------
+    name, text : str
+    expression : Expr
+    needs : tuple of str
+        Named measures that it is made of.
+    """
+
+    name: str
+    text: str
+    expression: ex.Expr = field(compare=False, repr=False)
+    needs: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return f"{self.name} = {self.text}"
+
+    def values(self, known: Mapping[str, Array | float], count: int) -> Array:
+        """The formula at a number of points; NaN where it is undefined."""
+        found: dict[ex.Expr, Array] = {}
+        with np.errstate(all="ignore"):
+            for e in ex.walk([self.expression]):
+                values = _values(e, known, found)
+                found[e] = np.where(np.isfinite(values), values, np.nan)
+        return np.broadcast_to(found[self.expression], count).copy()
+
+
+def _values(e: ex.Expr, known: Mapping[str, Array | float], found: Mapping[ex.Expr, Array]) -> Any:
+    """One node of an expression at many points, as :func:`stickslip.symbolic.expressions.evaluate` has it at one."""
+    match e.op:
+        case "num":
+            return ex.number(e)
+        case "sym":
+            return known[str(e.value)]
+        case "sum":
+            return float(e.value) + sum(c * found[term] for term, c in e.terms)
+        case "prod":
+            return math.prod(np.power(found[base], p) for base, p in e.terms)
+        case "pow":
+            return np.power(found[e.args[0]], found[e.args[1]])
+        case "select":
+            guard, above, below = (found[a] for a in e.args)
+            return np.where(guard >= 0.0, above, below)
+        case _:
+            return UFUNCS[e.op](found[e.args[0]])
+
+
+@dataclass(frozen=True)
+class FunctionMeasure:
+    """A Python function of a :class:`~stickslip.Trajectory` that gives a number.
+
+    Attributes
+    ----------
+    name : str
+    function : callable or None
+        None: the function stands in a file, and is read from there by every process that needs it.
+    path : str
+    digest : str
+        Of its source, so that a store notices another function of the same name.
+    """
+
+    name: str
+    function: Callable[[Trajectory], float] | None = field(compare=False)
+    path: str = ""
+    digest: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.name}(trajectory) [{self.digest}]"
+
+    def value(self, trajectory: Trajectory) -> tuple[float, int]:
+        """The value at one point, and why it is missing."""
+        if not trajectory.outcome.ok:
+            return math.nan, REASONS.index("motion_incomplete")
+        function = self.function or _from_file(self.path, self.name, self.digest)
+        try:
+            found = function(trajectory)
+        except Exception:  # a mistake in the user's function is missing data, not the end of a map of a million points
+            return math.nan, REASONS.index("raised_an_error")
+        try:
+            value = float(found)
+        except (TypeError, ValueError):
+            return math.nan, REASONS.index("returned_no_number")
+        return value, 0 if not math.isnan(value) else REASONS.index("returned_nan")
+
+
+Measure = str | FormulaMeasure | FunctionMeasure
+
+
+def read_measures(system: System, asked: Sequence[Any]) -> tuple[Measure, ...]:
+    """What a user wants to be measured.
+
+    Parameters
+    ----------
+    system : System
+    asked : sequence of str or callable
+        Names of measures, possibly of one coordinate or contact (``"amplitude:psi"``); formulas
+        ``"name = formula"`` of measures and parameters; ``"file.py:function"``; functions of a Trajectory.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such measure, a formula is wrong, or a name is used twice.
+    """
+    if isinstance(asked, str) or callable(asked):
+        asked = [asked]
+    measures = tuple(_measure(system, item) for item in asked)
+    if not measures:
+        raise DeclarationError("measure", "there is nothing to measure", f"Known: {', '.join(MEASURES)}")
+    names = [variable(measure) for measure in measures]
+    for name in names:
+        if names.count(name) > 1:
+            raise DeclarationError(f"measure.{short(name)}", "it is asked for twice", "Give each measure its own name")
+        if name in {*system.parameters, *system.declaration.state, *OWN}:
+            raise DeclarationError(f"measure.{short(name)}", "the name is taken", "Choose another name")
+    return measures
+
+
+def asked_again(measure: Measure) -> Any:
+    """What :func:`read_measures` makes the same measure of in another process; expressions cannot be sent."""
+    return measure if isinstance(measure, FunctionMeasure) else str(measure)
+
+
+def variable(measure: Measure) -> str:
+    """Name of the variable that holds it."""
+    return measure if isinstance(measure, str) else measure.name
+
+
+def _measure(system: System, item: Any) -> Measure:
+    if isinstance(item, FunctionMeasure):
+        return item
+    if callable(item):
+        name = getattr(item, "__name__", type(item).__name__)
+        _check_new_name(name)
+        return FunctionMeasure(name, cast(Any, item), "", _digest(_source(item)))
+    if not isinstance(item, str):
+        raise DeclarationError("measure", f"{item!r} is neither a text nor a function", "Name a measure")
+    name, equals, text = (part.strip() for part in item.partition("="))
+    if equals:
+        return _formula(system, name, text)
+    path, colon, function = item.rpartition(":")
+    if colon and path.endswith(".py"):
+        return _file_function(path, function)
+    needs_close_look(system, [item])  # refuses what does not exist
+    return item
+
+
+def _check_new_name(name: str) -> None:
+    if not NAME.match(name) or name in MEASURES:
+        reason = "the name of another measure" if name in MEASURES else "not a name"
+        raise DeclarationError("measure", f"'{short(name)}' is {reason}", "Use letters, digits and _; def, not lambda")
+
+
+def _formula(system: System, name: str, text: str) -> FormulaMeasure:
+    _check_new_name(name)
+    own = {*system.parameters, *system.declaration.state}
+    scope = Scope({symbol: ex.sym(symbol) for symbol in {*own, *MEASURES}})
+    expression = scope.parse(text, f"measure.{name}")
+    return FormulaMeasure(
+        name, text, expression, tuple(n for n in MEASURES if n in expression.symbols and n not in own)
+    )
+
+
+def _file_function(path: str, name: str) -> FunctionMeasure:
+    _check_new_name(name)
+    place = str(Path(path).resolve())
+    digest = _digest(_read(place))
+    _from_file(place, name, digest)
+    return FunctionMeasure(name, None, place, digest)
+
+
+def _read(path: str) -> str:
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise DeclarationError(f"measure {path}", f"the file cannot be read ({reason})", "Check the path") from None
+
+
+@lru_cache
+def _from_file(path: str, name: str, digest: str) -> Callable[[Trajectory], float]:
+    """A function of a Python file of the user's own, which is still the one that was asked for."""
+    if _digest(_read(path)) != digest:
+        raise StickslipError(f"measure {path}: the file has changed while the map was computed. Begin again")
+    try:
+        names = runpy.run_path(path)
+    except Exception as error:
+        reason = f"the file cannot be run ({type(error).__name__}: {short(str(error))})"
+        raise StickslipError(f"measure {path}: {reason}") from None
+    if not callable(names.get(name)):
+        known = [key for key, value in names.items() if inspect.isfunction(value)]
+        close = get_close_matches(name, known, 1) or known
+        raise DeclarationError(f"measure {path}", f"it has no function '{short(name)}'", f"It has {', '.join(close)}")
+    return names[name]
+
+
+def _source(function: Callable[..., Any]) -> str:
+    try:
+        return inspect.getsource(function)
+    except (OSError, TypeError):  # typed in at a prompt, or compiled: its name has to do
+        return repr(getattr(function, "__qualname__", type(function)))
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:12]

@@ -1,0 +1,153 @@
+"""The work of one chunk, in whatever thread, process or machine it is done."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stickslip.errors import DeclarationError
+from stickslip.model.system import System
+from stickslip.sweeps.request.measures import OWN
+from stickslip.sweeps.request.plan import Plan
+from stickslip.sweeps.request.user_measures import (
+    FormulaMeasure,
+    FunctionMeasure,
+    Measure,
+    asked_again,
+    read_measures,
+    variable,
+)
+from stickslip.sweeps.work.scheduler import Stopped
+
+if TYPE_CHECKING:
+    from stickslip.sweeps.work.chunk import Settings
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Work:
+    """What is the same at all points of a map, small enough to be sent with every chunk.
+
+    Attributes
+    ----------
+    model : str
+        Model file of the system.
+    asked : tuple
+        What the measures are made of again.
+    initial : tuple of (str, float)
+    settings : Settings
+    device : str
+        ``"cpu"`` or ``"gpu"``: where the compiled loops run.
+    """
+
+    model: str
+    asked: tuple[Any, ...]
+    initial: tuple[tuple[str, float], ...]
+    settings: Settings
+    device: str = "cpu"
+
+
+def work_of(plan: Plan, device: str = "cpu") -> Work:
+    """The work that a plan asks for at its points."""
+    asked = tuple(asked_again(measure) for measure in plan.measures)
+    return Work(plan.system.to_toml(), asked, tuple(plan.initial.items()), plan.settings, device)
+
+
+def check_sendable(work: Work) -> None:
+    """Refuse a function that another process could not find.
+
+    Raises
+    ------
+    DeclarationError
+    """
+    try:
+        pickle.dumps(work)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        remedy = "Define it at the top of a module, name it as file.py:function, or use threads"
+        raise DeclarationError("measure", f"a function cannot be sent to other processes ({error})", remedy) from None
+
+
+@lru_cache(maxsize=8)
+def _prepared(work: Work) -> tuple[System, tuple[Measure, ...]]:
+    from stickslip.model.system_file import loads
+
+    system = loads(work.model)
+    return system, read_measures(system, work.asked)
+
+
+def compute(work: Work, columns: Mapping[str, Array], stop: Array) -> dict[str, Array]:
+    """Everything that is stored of some points.
+
+    Parameters
+    ----------
+    work : Work
+    columns : mapping of str to array, shape (points,)
+        Parameters and initial values that vary.
+    stop : array of int, shape (1,)
+        Not zero once there is a wish to stop.
+
+    Returns
+    -------
+    dict of str to array, shape (points,)
+        By variable; what is not a number where there is nothing to measure.
+
+    Raises
+    ------
+    Stopped
+        If there was a wish to stop.
+    """
+    from stickslip.sweeps.work.chunk import measure_chunk
+
+    system, measures = _prepared(work)
+    count = len(next(iter(columns.values())))
+    parameters = {name: values for name, values in columns.items() if name in system.parameters}
+    initial = {name: np.full(count, value) for name, value in work.initial}
+    initial |= {name: values for name, values in columns.items() if name not in system.parameters}
+    formulas = [m for m in measures if isinstance(m, FormulaMeasure)]
+    needed = dict.fromkeys([m for m in measures if isinstance(m, str)] + [n for f in formulas for n in f.needs])
+    found = measure_chunk(system, initial, parameters, tuple(needed), work.settings, work.device, stop)
+    result = {name: found[name] for name in OWN}
+    known = {**system.values, **_start(system, initial), **parameters, **found}
+    for measure in measures:
+        name = variable(measure)
+        if isinstance(measure, FormulaMeasure):
+            result[name] = measure.values(known, count)
+        elif isinstance(measure, FunctionMeasure):
+            values = _by_function(measure, system, initial, parameters, work.settings, stop)
+            result[name], result[f"{name}_missing"] = values
+        else:
+            result[name] = found[name]
+    return result
+
+
+def _start(system: System, initial: Mapping[str, Array]) -> dict[str, Array | float]:
+    declared = {name: float(system.initial.get(name, 0.0)) for name in system.declaration.state}
+    return {**declared, **initial}
+
+
+def _by_function(
+    measure: FunctionMeasure,
+    system: System,
+    initial: Mapping[str, Array],
+    parameters: Mapping[str, Array],
+    settings: Settings,
+    stop: Array,
+) -> tuple[Array, Array]:
+    """A function of the whole motion, point by point, and why it is missing."""
+    from stickslip.motion.simulate import simulate
+
+    count = len(next(iter({**initial, **parameters}.values())))
+    values, why = np.full(count, np.nan), np.zeros(count, np.int8)
+    for i in range(count):
+        if stop[0] != 0:
+            raise Stopped
+        here = ({name: float(column[i]) for name, column in given.items()} for given in (initial, parameters))
+        motion = simulate(system, None, *here, rtol=settings.rtol, atol=settings.atol, max_events=settings.max_events)
+        values[i], why[i] = measure.value(motion)
+    return values, why

@@ -1,0 +1,1 @@
+"""Formulas as trees: read from text, differentiated, enclosed, lowered to tapes and to NumPy."""

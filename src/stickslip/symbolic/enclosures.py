@@ -1,0 +1,192 @@
+"""Enclosures on expression trees: what no value of a formula, and no slope of it, can leave.
+
+One pass over a tree. The slope with respect to one name is enclosed along with the value. Where the branches of a
+function with a kink meet, it has the slopes of both; where they are not seen to meet, the function may jump, and the
+slope is unbounded. For many boxes at once see :mod:`stickslip.symbolic.boxes`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
+
+from stickslip.symbolic.expressions import Expr, number, walk
+from stickslip.symbolic.intervals import EVERYTHING, FLOATS, LOOSE, Interval, Intervals
+
+MOST_SIDES = 4  # nested kinks that are told apart
+NOTHING = (0.0, 0.0)
+
+
+def bounds(expression: Expr, ranges: Mapping[str, tuple[float, float]]) -> tuple[float, float]:
+    """Guaranteed bounds of an expression for names within given ranges (others are unbounded)."""
+    return Enclosure([expression], ranges, FLOATS).values[expression]
+
+
+class Enclosure:
+    """Values, and if a name is given slopes, of all nodes of expression trees.
+
+    Parameters
+    ----------
+    expressions : sequence of Expr
+    ranges : mapping of str to interval
+        Others are unbounded.
+    intervals : Intervals
+        The arithmetic.
+    name : str, optional
+        With respect to which slopes are taken: g(y) − g(x) lies in the slope times y − x, for all x and y in a box.
+    """
+
+    def __init__(
+        self, expressions: Sequence[Expr], ranges: Mapping[str, Interval], intervals: Intervals, name: str | None = None
+    ) -> None:
+        self.ranges, self.intervals, self.name = ranges, intervals, name
+        self.values: dict[Expr, Interval] = {}
+        self.slopes: dict[Expr, Interval] = {}
+        for e in walk(expressions):
+            self.values[e] = self._value(e)
+            if name in e.symbols:
+                self.slopes[e] = self._slope(e)
+
+    def slope(self, e: Expr) -> Interval:
+        """Slope of a node."""
+        return self.slopes.get(e, NOTHING)
+
+    def _value(self, e: Expr) -> Interval:
+        of, known = self.intervals, self.values
+        match e.op:
+            case "num":
+                return number(e), number(e)
+            case "sym":
+                return self.ranges.get(str(e.value), EVERYTHING)
+            case "sum":
+                return self._sum(float(e.value), e.terms)
+            case "prod":
+                return of.product(of.power(known[base], p) for base, p in e.terms)
+            case "pow":
+                return of.varying_power(*(known[a] for a in e.args))
+            case "select":
+                return self._select(e, ())
+            case _:
+                return of.functions[e.op](known[e.args[0]])
+
+    def _sum(self, constant: float, terms: Iterable[tuple[Expr, float]]) -> Interval:
+        total: Interval = (constant, constant)
+        for term, c in terms:
+            total = self.intervals.plus(total, self.intervals.scaled(c, self.values[term]))
+        return total
+
+    def _select(self, e: Expr, sides: tuple[tuple[Expr, float], ...]) -> Interval:
+        """Values of `e` where every one of the given guards, times its side, is nonnegative.
+
+        Where a branch is c·guard + rest and c·guard is nonnegative, the branch is at least rest: this is what bounds
+        max, min, abs and clip.
+        """
+        ops, known = self.intervals.ops, self.values.get(e, EVERYTHING)
+        low, high = known
+        if e.op == "select" and len(sides) < MOST_SIDES:
+            guard, above, below = e.args
+            parts = (self._select(branch, (*sides, (guard, s))) for branch, s in ((above, 1.0), (below, -1.0)))
+            branched = self._either(guard, *parts)
+            low, high = ops.maximum(low, branched[0]), ops.minimum(high, branched[1])
+        for guard, side in sides:
+            for c, constant, rest in _splits(e, guard):
+                bound = self._sum(constant, rest)
+                if c * side > 0.0:
+                    low = ops.maximum(low, bound[0])
+                else:
+                    high = ops.minimum(high, bound[1])
+        # A region that is empty (or is by rounding) says nothing.
+        return ops.where(low <= high, low, known[0]), ops.where(low <= high, high, known[1])
+
+    def _either(self, guard: Expr, above: Interval, below: Interval) -> Interval:
+        low, high = self.values[guard]
+        return self.intervals.either(high >= 0.0, low < 0.0, above, below)
+
+    def _slope(self, e: Expr) -> Interval:
+        """Slope of a node that depends on the name."""
+        of, known = self.intervals, self.values
+        match e.op:
+            case "sym":
+                return 1.0, 1.0
+            case "sum":
+                total: Interval = NOTHING
+                for term, c in e.terms:
+                    if term in self.slopes:
+                        total = of.plus(total, of.scaled(c, self.slopes[term]))
+                return total
+            case "prod":
+                return self._slope_of_product(e)
+            case "pow":
+                base, exponent = e.args
+                first = of.times(self.slope(exponent), of.log(known[base]))
+                other = of.product([known[exponent], of.power(known[base], -1.0), self.slope(base)])
+                return of.unless(known[base][0] < 0.0, of.times(known[e], of.plus(first, other)))
+            case "select":
+                guard, above, below = e.args
+                both = self._either(guard, self.slope(above), self.slope(below))
+                if joins(guard, above, below):
+                    return both
+                return of.unless((known[guard][0] < 0.0) & (known[guard][1] >= 0.0), both)
+            case _:
+                (x,) = e.args
+                return of.times(of.slopes[e.op](known[x]), self.slopes[x])
+
+    def _slope_of_product(self, e: Expr) -> Interval:
+        of, total = self.intervals, NOTHING
+        for base, p in e.terms:
+            if base in self.slopes:
+                box = self.values[base]
+                outer = of.scaled(p, of.power(box, p - 1.0)) if p != 1.0 else (1.0, 1.0)
+                others = (of.power(self.values[other], q) for other, q in e.terms if other is not base)
+                part = of.product([outer, self.slopes[base], *others])
+                if p < 0.0:  # across a pole, differences have any quotient
+                    part = of.unless((box[0] <= 0.0) & (box[1] >= 0.0), part)
+                total = of.plus(total, part)
+        return total
+
+
+# -- kinks ----------------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=4096)
+def _splits(e: Expr, guard: Expr) -> tuple[tuple[float, float, tuple[tuple[Expr, float], ...]], ...]:
+    """All c, constant and terms with e = c·guard + constant + terms in which one term of the guard is gone.
+
+    What is left of coefficients that cancel up to their own rounding is nothing.
+    """
+    (constant, terms), (shift, parts) = _linear(e), _linear(guard)
+    found = []
+    for term, weight in parts.items():
+        if term in terms:
+            c = terms[term] / weight
+            rest = ((x, _difference(terms.get(x, 0.0), c * parts.get(x, 0.0))) for x in terms | parts if x is not term)
+            found.append((c, _difference(constant, c * shift), tuple((x, v) for x, v in rest if v != 0.0)))
+    return tuple(found)
+
+
+def _difference(a: float, b: float) -> float:
+    return 0.0 if abs(a - b) <= LOOSE * (abs(a) + abs(b)) else a - b
+
+
+def _linear(e: Expr) -> tuple[float, dict[Expr, float]]:
+    if e.op == "num":
+        return number(e), {}
+    return (float(e.value), dict(e.terms)) if e.op == "sum" else (0.0, {e: 1.0})
+
+
+@lru_cache(maxsize=4096)
+def joins(guard: Expr, above: Expr, below: Expr) -> bool:
+    """Whether two branches are seen to agree wherever their guard is 0, so that there is no jump."""
+    difference = above - below
+    if difference.op == "num":
+        return number(difference) == 0.0
+    if any(not rest and constant == 0.0 for _, constant, rest in _splits(difference, guard)):
+        return True
+    for one, other in ((above, below), (below, above)):
+        if one.op == "select":
+            inner, *branches = one.args
+            for _, constant, rest in _splits(inner, guard):
+                if not rest and constant != 0.0:
+                    return joins(guard, branches[0 if constant > 0.0 else 1], other)
+            return all(joins(guard, branch, other) for branch in branches)
+    return False

@@ -1,0 +1,339 @@
+"""The formula language: text -> expression tree, by whitelist.
+
+Python's own parser reads the text; the tree is then translated node by node. Whatever is not a number, a known
+name, an arithmetic operation or a listed function is refused. Nothing is ever evaluated by Python.
+
+Of every drive ``f`` and every function ``f(x)`` of one argument the derivative is known as ``d_f`` and ``d_f(x)``
+(within each region, where the function has kinks), so that nobody has to type it in.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import re
+import warnings
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from numbers import Real
+from typing import TypeGuard
+
+from stickslip.errors import DeclarationError, short
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
+
+MAX_LENGTH = 4000
+MAX_NODES = 1500
+MAX_DEPTH = 60  # of brackets in one formula
+MAX_HEIGHT = 120  # of an expression once all functions are inserted
+MAX_WORK = 40_000  # nodes read for one formula, functions inserted
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
+SIGNATURE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*(?:\(([^()]*)\))?\s*\Z")
+BUILTIN = dict.fromkeys(["sqrt", "abs", *ex.FUNCTIONS], 1) | {"clip": 3} | dict.fromkeys(["min", "max", "piecewise"])
+CONSTANTS = {"pi": ex.num(math.pi)}
+RESERVED = frozenset(BUILTIN) | frozenset(CONSTANTS) | {"t", "speed"}
+
+
+@dataclass(frozen=True)
+class Definition:
+    """A function of the declaration: ``H_R(psi)`` (arguments) or a plain abbreviation (none).
+
+    Attributes
+    ----------
+    by : str
+        Name by which the text is differentiated, if this is a derivative.
+    """
+
+    where: str
+    arguments: tuple[str, ...]
+    text: object
+    by: str = ""
+
+
+@dataclass
+class Scope:
+    """What names mean inside a formula.
+
+    Attributes
+    ----------
+    names : mapping of str to Expr
+        Names that may be used.
+    definitions : mapping of str to Definition
+        Functions that the declaration defines.
+    forbidden : mapping of str to str
+        Names that exist but may not be used here, with the reason.
+    """
+
+    names: Mapping[str, Expr]
+    definitions: Mapping[str, Definition] = field(default_factory=dict)
+    forbidden: Mapping[str, str] = field(default_factory=dict)
+    _open: list[str] = field(default_factory=list)
+    _known: dict[tuple, Expr] = field(default_factory=dict)
+    _work: int = 0
+
+    def parse(self, text: object, where: str) -> Expr:
+        """Expression of a formula.
+
+        Raises
+        ------
+        DeclarationError
+            If the text is not a formula, or uses what is not known.
+        """
+        self._work = 0
+        return _Reader(self, where, {}).read(text)
+
+    def check(self, name: str) -> None:
+        """Read a definition with its own arguments, so that a slip is found even if nothing uses it."""
+        self._work = 0
+        definition = self.definitions[name]
+        self.apply(name, tuple(ex.sym(a) for a in definition.arguments), definition.where)
+
+    def apply(self, name: str, arguments: tuple[Expr, ...], where: str) -> Expr:
+        """Value of a function of the declaration."""
+        definition = self.definitions[name]
+        if len(arguments) != len(definition.arguments):
+            wanted = f"{name}({', '.join(definition.arguments)})" if definition.arguments else name
+            raise DeclarationError(
+                where,
+                f"'{name}' takes {len(definition.arguments)} argument(s), not {len(arguments)}",
+                f"Write {wanted}",
+            )
+        if name in self._open:
+            chain = " -> ".join([*self._open[self._open.index(name) :], name])
+            raise DeclarationError(definition.where, f"cyclic definition: {chain}", "Define it without itself")
+        key = (name, arguments)
+        if key not in self._known:
+            self._open.append(name)
+            try:
+                self._known[key] = self._insert(definition, arguments)
+            finally:
+                self._open.pop()
+        return self._known[key]
+
+    def _insert(self, definition: Definition, arguments: tuple[Expr, ...]) -> Expr:
+        if not definition.by:
+            bound = dict(zip(definition.arguments, arguments, strict=True))
+            return _Reader(self, definition.where, bound).read(definition.text)
+        # The argument is differentiated as a symbol that no formula can name, and inserted afterwards.
+        symbols = {name: ex.sym(f"{name}'") for name in definition.arguments}
+        body = _Reader(self, definition.where, symbols).read(definition.text)
+        slope = ex.derivative(body, str(symbols.get(definition.by, ex.sym(definition.by)).value))
+        return ex.substitute(slope, {f"{name}'": e for name, e in zip(definition.arguments, arguments, strict=True)})
+
+
+def is_finite(value: object) -> TypeGuard[float]:
+    """Whether it is a number of any kind (but no bool) and fits into a float."""
+    try:
+        return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(float(value))
+    except OverflowError:
+        return False
+
+
+def parse_signature(text: str, where: str) -> tuple[str, tuple[str, ...]]:
+    """Name and arguments of ``H_R(psi)``."""
+    match = SIGNATURE.match(text)
+    if not match:
+        raise DeclarationError(
+            where, f"'{short(text)}' is not a name or a name with arguments", "Write it like 'H_R(psi)'"
+        )
+    arguments = tuple(a.strip() for a in match[2].split(",")) if match[2] is not None else ()
+    for name in (match[1], *arguments):
+        check_name(name, where)
+    if len(set(arguments)) < len(arguments):
+        raise DeclarationError(where, "an argument is named twice", "Give each argument its own name")
+    return match[1], arguments
+
+
+def check_name(name: str, where: str, taken: Iterable[str] = ()) -> None:
+    """Refuse a name that is no identifier, is reserved, or is taken."""
+    if not NAME.match(name):
+        raise DeclarationError(
+            where, f"'{short(name)}' is not a name", "Use letters, digits and _, starting with a letter"
+        )
+    if name in RESERVED:
+        raise DeclarationError(where, f"'{name}' has a fixed meaning in formulas", "Choose another name")
+    if name in taken:
+        raise DeclarationError(where, f"the name '{name}' is declared twice", "Rename one of the two")
+
+
+class _Reader:
+    """Translates one formula."""
+
+    def __init__(self, scope: Scope, where: str, bound: Mapping[str, Expr]) -> None:
+        self.scope, self.where, self.bound, self.count = scope, where, bound, 0
+
+    def fail(self, reason: str, remedy: str = "") -> DeclarationError:
+        return DeclarationError(self.where, reason, remedy)
+
+    def read(self, text: object) -> Expr:
+        if is_finite(text):
+            return ex.num(float(text))
+        if isinstance(text, Real) and not isinstance(text, bool):
+            raise self.fail("the number is not finite", "Give a finite number")
+        if not isinstance(text, str):
+            raise self.fail(f"expected a formula, got {type(text).__name__}", "Write the formula as a string")
+        if not text.strip():
+            raise self.fail("the formula is empty", "Write a formula, or 0")
+        if len(text) > MAX_LENGTH:
+            raise self.fail(
+                f"the formula has {len(text)} characters (at most {MAX_LENGTH})", "Use functions to shorten it"
+            )
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                tree = ast.parse(text.strip().replace("\n", " "), mode="eval")
+            return self.visit(tree.body, 0)
+        except SyntaxError as error:
+            raise self.fail(f"'{short(text)}' is not a formula ({error.msg})", "Check operators and brackets") from None
+        except DeclarationError:
+            raise
+        except (RecursionError, MemoryError, ValueError):
+            raise self.fail(f"'{short(text)}' cannot be read", "Simplify the formula") from None
+        except OverflowError:
+            raise self.fail(f"'{short(text)}' contains a number that is too large", "Use numbers below 1e308") from None
+        except ZeroDivisionError as error:
+            raise self.fail(f"'{short(text)}' has no value ({error})", "Correct the formula") from None
+
+    def visit(self, node: ast.AST, depth: int) -> Expr:
+        self.tally(depth)
+        value = self.translate(node, depth)
+        if value.depth > MAX_HEIGHT:
+            raise self.fail("the formula is too deeply nested once its functions are inserted", "Simplify the formula")
+        return value
+
+    def tally(self, depth: int = 0) -> None:
+        """Count one more node."""
+        self.count += 1
+        self.scope._work += 1
+        if self.count > MAX_NODES or depth > MAX_DEPTH:
+            raise self.fail("the formula is too long or too deeply nested", "Use functions to shorten it")
+        if self.scope._work > MAX_WORK:
+            raise self.fail("the formula is too long once its functions are inserted", "Simplify the functions it uses")
+
+    def translate(self, node: ast.AST, depth: int) -> Expr:
+        match node:
+            case ast.Constant(value=bool() | str() | bytes() | complex() | None):
+                raise self.fail(f"{node.value!r} is not a number", "Formulas hold numbers and names only")
+            case ast.Constant(value=int() | float() as value):
+                return ex.num(float(value))
+            case ast.Name(id=name):
+                return self.name(name)
+            case ast.UnaryOp(op=ast.USub() | ast.UAdd() as sign, operand=inner):
+                value = self.visit(inner, depth + 1)
+                return -value if isinstance(sign, ast.USub) else value
+            case ast.BinOp():
+                return self.chain(node, depth)
+            case ast.Call():
+                return self.call(node, depth)
+            case ast.Compare():
+                raise self.fail("a comparison stands only inside piecewise(...)", "Write piecewise(x < 0, a, b)")
+        kind = type(node).__name__.lower()
+        raise self.fail(
+            f"formulas cannot contain this Python construct ({kind})",
+            "Allowed are numbers, names, + - * / **, brackets and " + ", ".join(sorted(BUILTIN)),
+        )
+
+    def chain(self, node: ast.expr, depth: int) -> Expr:
+        """A sum or product from left to right: as long as it may be, it is not nested."""
+        rest = list[tuple[ast.operator, ast.expr]]()
+        while isinstance(node, ast.BinOp):
+            rest.append((node.op, node.right))
+            node = node.left
+            self.tally()
+        value = self.visit(node, depth + 1)
+        for op, right in reversed(rest):
+            value = self.binary(op, value, self.visit(right, depth + 1))
+        return value
+
+    def binary(self, op: ast.operator, a: Expr, b: Expr) -> Expr:
+        match op:
+            case ast.Add():
+                return a + b
+            case ast.Sub():
+                return a - b
+            case ast.Mult():
+                return a * b
+            case ast.Div():
+                return a / b
+            case ast.Pow():
+                return a**b
+            case ast.BitXor():
+                raise self.fail("'^' is not a power", "Write ** for powers")
+        raise self.fail(f"unknown operator ({type(op).__name__})", "Allowed are + - * / **")
+
+    def name(self, name: str) -> Expr:
+        if name in self.bound:
+            return self.bound[name]
+        if name in CONSTANTS:
+            return CONSTANTS[name]
+        if name in self.scope.names:
+            return self.scope.names[name]
+        if name in self.scope.definitions:
+            return self.scope.apply(name, (), self.where)
+        if name in self.scope.forbidden:
+            raise self.fail(f"'{name}' may not stand here", self.scope.forbidden[name])
+        if name in BUILTIN:
+            raise self.fail(f"'{name}' is a function", f"Write {name}(...)")
+        raise self.unknown("name", name, [*self.bound, *self.scope.names, *self.scope.definitions])
+
+    def unknown(self, kind: str, name: str, known: Iterable[str]) -> DeclarationError:
+        names = sorted(known)
+        close = get_close_matches(name, names, 1)
+        remedy = f"Did you mean '{close[0]}'?" if close else "Known here: " + ", ".join(names)
+        return self.fail(f"unknown {kind} '{short(name)}'", remedy)
+
+    def call(self, node: ast.Call, depth: int) -> Expr:
+        if not isinstance(node.func, ast.Name) or node.keywords:
+            raise self.fail("only plain functions can be called", "Write f(x)")
+        name = node.func.id
+        if name == "piecewise":
+            return self.piecewise(node.args, depth)
+        if any(isinstance(a, ast.Starred) for a in node.args):
+            raise self.fail("'*' cannot stand before an argument", "List the arguments")
+        if name not in BUILTIN and name not in self.scope.definitions:
+            raise self.unknown("function", name, [*BUILTIN, *self.scope.definitions])
+        arguments = tuple(self.visit(a, depth + 1) for a in node.args)
+        if name in self.scope.definitions:
+            return self.scope.apply(name, arguments, self.where)
+        wanted = BUILTIN[name]
+        if (wanted is not None and len(arguments) != wanted) or not arguments:
+            raise self.fail(
+                f"'{name}' takes {wanted or 'at least 1'} argument(s), not {len(arguments)}",
+                f"Write {name}({', '.join('xyz'[: wanted or 2])})",
+            )
+        return self.builtin(name, arguments)
+
+    def builtin(self, name: str, arguments: tuple[Expr, ...]) -> Expr:
+        match name:
+            case "sqrt":
+                return ex.power(arguments[0], ex.num(0.5))
+            case "abs":
+                return ex.absolute(arguments[0])
+            case "clip":
+                return ex.clip(*arguments)
+            case "min" | "max":
+                choose = ex.minimum if name == "min" else ex.maximum
+                value = arguments[0]
+                for other in arguments[1:]:
+                    value = choose(value, other)
+                return value
+        return ex.call(name, arguments[0])
+
+    def piecewise(self, nodes: list[ast.expr], depth: int) -> Expr:
+        if len(nodes) < 3 or len(nodes) % 2 == 0:
+            raise self.fail(
+                "piecewise takes condition, value, ..., and a last value", "Write piecewise(x < 0, a, x < 1, b, c)"
+            )
+        value = self.visit(nodes[-1], depth + 1)
+        for condition, branch in reversed(list(zip(nodes[:-1:2], nodes[1:-1:2], strict=True))):
+            value = self.choose(condition, self.visit(branch, depth + 1), value, depth)
+        return value
+
+    def choose(self, condition: ast.expr, above: Expr, below: Expr, depth: int) -> Expr:
+        match condition:
+            case ast.Compare(left=left, ops=[ast.Lt() | ast.LtE() | ast.Gt() | ast.GtE() as op], comparators=[right]):
+                a, b = self.visit(left, depth + 1), self.visit(right, depth + 1)
+                return ex.select(a - b if isinstance(op, ast.Gt | ast.GtE) else b - a, above, below)
+        raise self.fail("a condition of piecewise compares two values", "Write x < a, x <= a, x > a or x >= a")

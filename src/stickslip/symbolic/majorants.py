@@ -1,0 +1,135 @@
+"""How far formulas of one variable can be from their values in the middle of stretches, on discs in the complex plane.
+
+One pass over a tree, without series: for every node w with the Taylor coefficients w_k in the middle of a stretch, a
+bound of Σ_{k≥1} |w_k| r^k. By Cauchy's estimate it says what a polynomial of known degree can miss inside: a feature
+that no sample shows, since it underflows at all of them, has a bound that is larger than others by powers of e.
+
+Source: R. E. Moore, *Methods and Applications of Interval Analysis*, SIAM (1979), chapter 8, for majorants of series.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.boxes import Array, between, enclosures, slopes
+from stickslip.symbolic.chords import value_of
+from stickslip.symbolic.expressions import Expr
+
+SPACINGS = 4.0  # between a zero of a guard and the number that stands for it
+Known = dict[Expr, Array]
+
+
+def growth(expression: Expr, name: str, start: Array, end: Array, radius: Array) -> Array:
+    """Bounds of |f(u) − f(middle)| for complex u within `radius` of the middle, f continued from inside the stretch.
+
+    Parameters
+    ----------
+    expression : Expr
+    name : str
+        Of its variable.
+    start, end, radius : ndarray of shape (m,)
+
+    Returns
+    -------
+    ndarray of shape (m,)
+        Infinite where f is not seen to be analytic in the disc, or the branch of a kink is not seen to be one inside.
+    """
+    nodes = list(ex.walk([expression]))
+    middle = 0.5 * (start + end)
+    values: Known = {}
+    bounds: Known = {}
+    with np.errstate(all="ignore"):
+        one_branch = _one_branch([e.args[0] for e in nodes if e.op == "select"], name, start, end)
+        for e in nodes:
+            values[e] = np.broadcast_to(value_of(e, middle, values), middle.shape)
+            if not e.symbols:
+                bounds[e] = np.zeros(len(middle))
+            elif e.op == "sym":
+                bounds[e] = radius
+            elif e.op == "select":
+                taken = np.where(values[e.args[0]] >= 0.0, bounds[e.args[1]], bounds[e.args[2]])
+                bounds[e] = np.where(one_branch[e.args[0]], taken, np.inf)
+            else:
+                bounds[e] = _bound(e, values, bounds)
+            bounds[e] = np.where(np.isnan(bounds[e]), np.inf, bounds[e])
+    return bounds[expression]
+
+
+def _one_branch(guards: list[Expr], name: str, start: Array, end: Array) -> dict[Expr, Array]:
+    """Where guards keep their sign inside stretches; at the ends they may be 0, up to rounding."""
+    if not guards:
+        return {}
+    inside = slopes(guards, {name: (start, end)}, name)
+    ends = [enclosures(guards, {name: (at, at)}) for at in (start, end)]
+    spacing = SPACINGS * np.spacing(np.maximum(np.abs(start), np.abs(end)))
+    found = {}
+    for guard, (value, slope), first, last in zip(guards, inside, *ends, strict=True):
+        steep = np.nan_to_num(np.abs(slope).max(axis=0), posinf=0.0)
+        slack = 2.0 * np.maximum(first[1] - first[0], last[1] - last[0]) + spacing * steep
+        low, high = between(first, last, slope, np.nextafter(end - start, np.inf))
+        low, high = np.maximum(low, value[0]), np.minimum(high, value[1])
+        found[guard] = (low >= -slack) | (high <= slack)
+    return found
+
+
+def _bound(e: Expr, values: Known, bounds: Known) -> Array:
+    match e.op:
+        case "sum":
+            return sum((abs(c) * bounds[term] for term, c in e.terms), np.zeros(1))
+        case "prod":
+            size, bound = np.ones(1), np.zeros(1)
+            for base, p in e.terms:
+                own, more = np.abs(np.power(values[base], p)), _of_power(values[base], bounds[base], p)
+                size, bound = size * own, bound * (own + more) + size * more
+            return bound
+        case "pow":
+            base, exponent = e.args
+            log, more = np.log(values[base]), _of_log(values[base], bounds[base])
+            total = (np.abs(values[exponent]) + bounds[exponent]) * more + bounds[exponent] * np.abs(log)
+            return np.exp(values[exponent] * log + total) * -np.expm1(-total)
+        case _:
+            return _of_function(e.op, values[e.args[0]], bounds[e.args[0]])
+
+
+def _of_power(a: Array, b: Array, p: float) -> Array:
+    """(a + δ)^p − a^p for |δ| ≤ b."""
+    if p > 0.0 and float(p).is_integer():
+        size, share = np.abs(a) ** p, b / np.abs(a)
+        return np.where(share < 1.0, size * np.expm1(p * np.log1p(share)), (np.abs(a) + b) ** p - size)
+    whole = float(p).is_integer()
+    inside = (b < np.abs(a)) & ((a > 0.0) | whole)
+    return np.where(inside, np.abs(a) ** p * np.expm1(-abs(p) * np.log1p(-b / np.abs(a))), np.inf)
+
+
+def _of_log(a: Array, b: Array) -> Array:
+    return np.where(b < a, -np.log1p(-b / a), np.inf)
+
+
+def _of_function(name: str, a: Array, b: Array) -> Array:
+    """f(a + δ) − f(a) for |δ| ≤ b, by addition theorems with cosh b and sinh b for what δ adds."""
+    odd, even = np.sinh(b), 2.0 * np.sinh(0.5 * b) ** 2
+    match name:
+        case "exp":
+            return np.exp(a + b) * -np.expm1(-b)
+        case "log":
+            return _of_log(a, b)
+        case "sin":
+            return np.abs(np.cos(a)) * odd + np.abs(np.sin(a)) * even
+        case "cos":
+            return np.abs(np.sin(a)) * odd + np.abs(np.cos(a)) * even
+        case "sinh":
+            return np.cosh(a) * odd + np.abs(np.sinh(a)) * even
+        case "cosh":
+            return np.abs(np.sinh(a)) * odd + np.cosh(a) * even
+        case "tan":  # sin δ / (cos a cos(a + δ))
+            c = np.abs(np.cos(a))
+            room = c - (np.abs(np.sin(a)) * odd + c * even)
+            return np.where(room > 0.0, odd / (c * room), np.inf)
+        case "tanh":  # through q = exp(−2|a|), so that a saturated end costs nothing
+            q = np.exp(-2.0 * np.abs(a))
+            moved = np.exp(2.0 * (b - np.abs(a))) * -np.expm1(-2.0 * b)
+            return np.where(moved < 1.0 + q, 2.0 * moved / ((1.0 + q) * (1.0 + q - moved)), np.inf)
+        case _:  # asinh and atan: singular at ±i
+            far = np.hypot(1.0, a)
+            return np.where(b < far, -np.log1p(-b / far), np.inf)

@@ -1,0 +1,518 @@
+"""Lowering of expressions to a tape of rows of Taylor coefficients.
+
+A row holds the Taylor coefficients of one quantity along the motion; every instruction gives its k-th coefficient from
+coefficients of order at most k of earlier rows. A value that depends on parameters only is a constant ``K[i]``.
+
+The tape is data, made from the expression tree alone. It is printed as Python source, which becomes machine code
+(:mod:`stickslip.equations.codegen.printer`), and packed into arrays (:mod:`stickslip.equations.codegen.program`), which
+the engine interprets where it asks other questions of the same equations: how large can a row become, is it affine?
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
+
+ORIGIN = "t'0"
+"""The time at which the clock starts, as a parameter: no formula can name it."""
+
+
+class Op(IntEnum):
+    """What an instruction does; see :class:`Instruction` for its operands."""
+
+    LINEAR = 0
+    PRODUCT = 1
+    QUOTIENT = 2
+    RECIPROCAL = 3
+    POWER = 4
+    EXP = 5
+    LOG = 6
+    ROTATION = 7
+    STEADY = 8
+    HYPERBOLIC = 9
+    ATAN = 10
+    ASINH = 11
+    TAN = 12
+    TANH = 13
+    SELECT = 14
+    SIDE = 15
+    SPEED = 16
+    ENTRY = 17
+    RIGHT = 18
+    SOLVE = 19
+    RATES = 20
+    SIZE = 21
+
+
+@dataclass(frozen=True)
+class Scaled:
+    """A quantity as constant × row; without row it is the constant itself."""
+
+    factor: Expr
+    row: int | None = None
+
+
+@dataclass(frozen=True)
+class Instruction:
+    """One step of the tape.
+
+    Attributes
+    ----------
+    op : Op
+        LINEAR is the sum of the parts; PRODUCT, QUOTIENT, RECIPROCAL, EXP, LOG of the inputs. POWER has a constant
+        exponent, its only part, and may have as second input the SIZE of its base: the sum of the moduli of the parts
+        at order 0, of which the base is known up to rounding only. ROTATION, STEADY (of a phase affine in time) and
+        HYPERBOLIC fill the row and the next one, (co)sines of the input. ATAN, ASINH have as second input the row of
+        their slope; TAN, TANH fill it as the next row. SELECT takes the first part where the region `place` is 1, the
+        second elsewhere. SIDE is the right-hand side of contact `place` (inputs: surface; friction for u > 0, u < 0;
+        thresholds for u > 0, u < 0), SPEED its |u|. ENTRY (of the matrix) and RIGHT belong to the linear problem of
+        the rate-independent coordinates, whose contact is `place`; RATES solves it. SOLVE applies the inverse `matrix`
+        to `size` rows that begin with the input.
+    row : int
+        Where the result goes (the first row of several).
+    inputs : tuple of int
+    parts : tuple of Scaled
+    place, size : int
+    matrix : str
+    entries : tuple of Instruction
+        Of RATES: the entries of its matrix, row by row. Those that change along the motion have inputs (stiffness,
+        slopes of the thresholds) and a row of their own, the others four constants.
+    """
+
+    op: Op
+    row: int
+    inputs: tuple[int, ...] = ()
+    parts: tuple[Scaled, ...] = ()
+    place: int = 0
+    size: int = 0
+    matrix: str = ""
+    entries: tuple[Instruction, ...] = ()
+
+
+@dataclass
+class Constants:
+    """Parameter-only expressions, computed once per set of parameters."""
+
+    parameters: list[str]
+    slots: dict[Expr, int] = field(default_factory=dict)
+
+    def slot(self, e: Expr) -> int:
+        """Place of a constant in K."""
+        return self.slots.setdefault(e, len(self.slots))
+
+    def code(self, e: Expr) -> str:
+        """Code of a constant: a literal or ``K[i]``."""
+        return literal(ex.number(e)) if e.op == "num" else f"K[{self.slot(e)}]"
+
+    def is_constant(self, e: Expr) -> bool:
+        """Whether the expression depends on parameters only."""
+        return e.symbols <= set(self.parameters)
+
+    def affine_in_time(self, e: Expr) -> tuple[Expr, Expr] | None:
+        """Rate and value at the origin of an expression that is affine in time, with constant coefficients.
+
+        Written so, a phase or a load is as exact late as early: the clock of a motion starts from 0 at its origin.
+        """
+        if "t" not in e.symbols or not e.symbols <= {"t", *self.parameters}:
+            return None
+        rate = ex.derivative(e, "t")
+        if not self.is_constant(rate) or any(n.op == "select" for n in ex.walk([e])):
+            return None
+        return rate, ex.substitute(e, {"t": ex.sym(ORIGIN)})
+
+    def split(self, e: Expr) -> tuple[Expr, Expr, list[tuple[Expr, float]]]:
+        """A sum as constant, rate of its part that is affine in time, and the other terms."""
+        constant, rate, others = ex.num(float(e.value)), ex.ZERO, list[tuple[Expr, float]]()
+        for term, c in e.terms:
+            if self.is_constant(term):
+                constant = constant + c * term
+            elif (line := self.affine_in_time(term)) is not None:
+                rate, constant = rate + c * line[0], constant + c * line[1]
+            else:
+                others.append((term, c))
+        return constant, rate, others
+
+    def phase(self, x: Expr) -> tuple[Expr, Expr, list[tuple[Expr, float]]] | None:
+        """A phase as a sum, without the whole turns at the origin: so it is as exact late as early.
+
+        None where time does not enter so.
+        """
+        line = self.affine_in_time(x)
+        constant, rate, others = self.split(x) if x.op == "sum" else (*(line or (ex.ZERO, ex.ZERO))[::-1], [])
+        if rate is ex.ZERO:
+            return None
+        return 2.0 * ex.call("atan", ex.call("tan", constant / 2.0)), rate, others
+
+    def source(self) -> list[str]:
+        """Body that fills K from the parameter vector p."""
+        names = {name: f"p[{i}]" for i, name in enumerate(self.parameters)}
+        lines, values = scalar_code(self.slots, names)
+        return lines + [f"K[{i}] = {values[e]}" for e, i in self.slots.items()]
+
+
+def literal(value: float) -> str:
+    """A float as source text."""
+    return repr(float(value))
+
+
+def scalar_code(
+    targets: Iterable[Expr],
+    names: Mapping[str, str],
+    regions: Mapping[Expr, str] | None = None,
+    constants: Constants | None = None,
+) -> tuple[list[str], dict[Expr, str]]:
+    """Straight-line scalar code for expressions.
+
+    Parameters
+    ----------
+    targets : iterable of Expr
+    names : mapping of str to str
+        Code of each symbol.
+    regions : mapping of Expr to str, optional
+        Code of the region of each guard; without it the sign of the guard decides.
+    constants : Constants, optional
+        Where parameter-only expressions stand; ``t`` is then the time since the origin.
+
+    Returns
+    -------
+    lines, values
+        Statements, and the code of each expression's value.
+    """
+    lines: list[str] = []
+    values: dict[Expr, str] = {}
+
+    def visit(e: Expr) -> str:
+        if e in values:
+            return values[e]
+        if constants is not None and constants.is_constant(e):
+            values[e] = constants.code(e)
+        elif e.op == "num":
+            values[e] = literal(ex.number(e))
+        elif constants is not None and (line := constants.affine_in_time(e)) is not None:
+            values[e] = f"({constants.code(line[0])}*t + {constants.code(line[1])})"
+        elif e.op == "sym":
+            values[e] = names[str(e.value)]
+        else:
+            text = _scalar(e, visit, regions, constants)
+            values[e] = f"s{len(lines)}"
+            lines.append(f"{values[e]} = {text}")
+        return values[e]
+
+    for e in targets:
+        visit(e)
+    return lines, values
+
+
+def _scalar(e: Expr, v: Callable[[Expr], str], regions: Mapping[Expr, str] | None, constants: Constants | None) -> str:
+    match e.op:
+        case "sum" if ORIGIN in e.symbols and len(e.terms) > 1:
+            return _exact_sum(e, v)
+        case "sum":
+            return " + ".join(_scalar_terms(e, v, constants))
+        case "prod":
+            return "*".join(_scalar_power(base, p, v, constants) for base, p in e.terms)
+        case "pow":
+            return _scalar_real_power(e.args[0], v(e.args[1]), v, constants)
+        case "select":
+            guard, above, below = e.args
+            test = f"{regions[guard]} == 1" if regions is not None else f"{v(guard)} >= 0.0"
+            return f"{v(above)} if {test} else {v(below)}"
+        case _:
+            phase = constants.phase(e.args[0]) if constants is not None and e.op in ("sin", "cos") else None
+            inside = (
+                v(e.args[0]) if constants is None or phase is None else " + ".join(_scalar_line(*phase, v, constants))
+            )
+            return f"{'math.' if e.op not in ('exp', 'log') else 'safe_'}{e.op}({inside})"
+
+
+def _exact_sum(e: Expr, v: Callable[[Expr], str]) -> str:
+    """A sum in which large terms may cancel: that of the phase of a load that begins late."""
+    pairs = [(literal(float(e.value)), "1.0")]
+    for term, c in e.terms:
+        first, p = term.terms[0] if term.op == "prod" else (term, 1.0)
+        if p != 1.0:
+            pairs.append((literal(c), v(term)))
+        else:
+            pairs.append((v(first) if c == 1.0 else f"{literal(c)}*{v(first)}", v(term / first)))
+    left, right = zip(*pairs, strict=True)
+    return f"dot(({', '.join(left)}), ({', '.join(right)}))"
+
+
+def _scalar_terms(e: Expr, v: Callable[[Expr], str], constants: Constants | None) -> list[str]:
+    if constants is None:
+        return [literal(float(e.value)), *(f"{literal(c)}*{v(term)}" for term, c in e.terms)]
+    return _scalar_line(*constants.split(e), v, constants)
+
+
+def _scalar_line(
+    constant: Expr, rate: Expr, others: list[tuple[Expr, float]], v: Callable[[Expr], str], constants: Constants
+) -> list[str]:
+    moving = [f"{constants.code(rate)}*t"] if rate is not ex.ZERO else []
+    return [constants.code(constant), *moving, *(f"{literal(c)}*{v(term)}" for term, c in others)]
+
+
+def _scalar_power(base: Expr, p: float, v: Callable[[Expr], str], constants: Constants | None) -> str:
+    if p == 1.0:
+        return v(base)
+    if p == 2.0:
+        return f"{v(base)}*{v(base)}"
+    if p == -1.0:
+        return f"reciprocal({v(base)})"
+    return _scalar_real_power(base, literal(p), v, constants)
+
+
+def _scalar_real_power(base: Expr, p: str, v: Callable[[Expr], str], constants: Constants | None) -> str:
+    """A power, of a base that may be zero up to rounding where the engine's clock runs."""
+    if constants is None:
+        return f"real_power({v(base)}, {p})"
+    return f"first_power({v(base)}, {p}, {_scalar_size(base, v, constants)})"
+
+
+def _scalar_size(e: Expr, v: Callable[[Expr], str], constants: Constants) -> str:
+    """Sum of the moduli of the terms of an expression, whatever the region; 0 if it is one term."""
+    if e.op == "sum":
+        return " + ".join(f"abs({term})" for term in _scalar_terms(e, v, constants))
+    if e.op == "select":
+        return " + ".join(_scalar_size(part, v, constants) for part in e.args[1:])
+    return "0.0"
+
+
+class Tape:
+    """Rows and instructions for a set of expressions.
+
+    Attributes
+    ----------
+    instructions : dict of int to list of Instruction
+        By stage: what needs no rates, what needs those of viscous coordinates, those of rate-independent ones, all.
+    """
+
+    def __init__(
+        self, constants: Constants, rows: Mapping[str, int], first_free: int, regions: Mapping[Expr, int]
+    ) -> None:
+        self.constants, self.regions = constants, regions
+        self.names = dict(rows)
+        self.rows = first_free
+        self.stage = dict.fromkeys(rows.values(), 0)
+        self.instructions: dict[int, list[Instruction]] = {0: [], 1: [], 2: [], 3: []}
+        self._known: dict[Expr, Scaled] = {}
+        self._own: dict[Expr, int] = {}
+        self._products: dict[tuple[int, int], int] = {}
+        self._reciprocals: dict[int, int] = {}
+        self._pairs: dict[tuple[str, Expr], int] = {}
+
+    def new_row(self, stage: int = 0) -> int:
+        """A fresh row that becomes known at a stage."""
+        self.stage[self.rows] = stage
+        self.rows += 1
+        return self.rows - 1
+
+    def name(self, symbol: str, row: int, stage: int) -> None:
+        """Let a symbol stand for a row."""
+        self.names[symbol] = row
+        self.stage[row] = stage
+
+    def emit(self, stage: int, instruction: Instruction) -> None:
+        """Add an instruction; its constants get their places."""
+        for part in [*instruction.parts, *(part for entry in instruction.entries for part in entry.parts)]:
+            self.constants.code(part.factor)
+        self.instructions[stage].append(instruction)
+
+    def lower(self, e: Expr) -> Scaled:
+        """Make the expression available as a scaled row."""
+        if e not in self._known:
+            self._known[e] = Scaled(e) if self.constants.is_constant(e) else self._lower(e)
+        return self._known[e]
+
+    def row(self, e: Expr) -> int:
+        """Make the expression available as a row of its own."""
+        scaled = self.lower(e)
+        if scaled.row is not None and scaled.factor is ex.ONE:
+            return scaled.row
+        if e not in self._own:
+            self._own[e] = self.assign([scaled], None)
+        return self._own[e]
+
+    def into(self, e: Expr, row: int) -> int:
+        """Write the expression to a given row; returns its stage."""
+        self.assign([self.lower(e)], row)
+        return self.stage[row]
+
+    def assign(self, parts: list[Scaled], row: int | None, constant: Expr = ex.ZERO) -> int:
+        """Row of a linear combination."""
+        dynamic = [p for p in parts if p.row is not None]
+        constant = ex.add((constant, 1.0), *((p.factor, 1.0) for p in parts if p.row is None))
+        stage = max([self.stage[p.row] for p in dynamic if p.row is not None], default=0)
+        row = self.new_row(stage) if row is None else row
+        self.stage[row] = stage
+        fixed = [Scaled(constant)] if constant is not ex.ZERO else []
+        self.emit(stage, Instruction(Op.LINEAR, row, parts=(*dynamic, *fixed)))
+        return row
+
+    def operation(self, op: Op, *inputs: int, parts: tuple[Scaled, ...] = (), outputs: int = 1) -> int:
+        """Row of an operation on rows (the first, if it fills several)."""
+        stage = max(self.stage[i] for i in inputs)
+        row = self.new_row(stage)
+        for _ in range(outputs - 1):
+            self.new_row(stage)
+        self.emit(stage, Instruction(op, row, inputs, parts))
+        return row
+
+    def _lower(self, e: Expr) -> Scaled:
+        line = self.constants.affine_in_time(e)
+        if line is not None:
+            return self._line(*line)
+        match e.op:
+            case "sym":
+                return Scaled(ex.ONE, self.names[str(e.value)])
+            case "sum":
+                return self._sum(e)
+            case "prod":
+                return self._product(e)
+            case "pow":
+                base, exponent = e.args
+                if self.constants.is_constant(exponent):
+                    return Scaled(ex.ONE, self._real_power(base, exponent))
+                return self.lower(ex.call("exp", exponent * ex.call("log", base)))
+            case "select":
+                return self._select(e)
+        return Scaled(ex.ONE, self._function(e))
+
+    def _line(self, rate: Expr, value: Expr) -> Scaled:
+        """Time since the origin times a rate, plus a value."""
+        clock = Scaled(rate, self.names["t"])
+        return clock if value is ex.ZERO else Scaled(ex.ONE, self.assign([clock], None, value))
+
+    def _sum(self, e: Expr) -> Scaled:
+        constant, rate, others = self.constants.split(e)
+        parts = [Scaled(rate, self.names["t"])] if rate is not ex.ZERO else []
+        for term, c in others:
+            part = self.lower(term)
+            parts.append(Scaled(c * part.factor, part.row))
+        if constant is ex.ZERO and len(parts) == 1:
+            return parts[0]
+        return Scaled(ex.ONE, self.assign(parts, None, constant))
+
+    def _product(self, e: Expr) -> Scaled:
+        factor, above, below = ex.ONE, list[int](), list[int]()
+        for base, p in e.terms:
+            if self.constants.is_constant(base):
+                factor = factor * ex.power(base, ex.num(p))
+            elif p.is_integer():
+                scaled = self.lower(base)
+                assert scaled.row is not None
+                factor = factor * ex.power(scaled.factor, ex.num(p))
+                if p == -1.0:
+                    below.append(scaled.row)
+                else:  # the power of a reciprocal, which does not overflow where the power does
+                    row = scaled.row if p > 0.0 else self._reciprocal(scaled.row)
+                    above.append(self._whole_power(row, int(abs(p))))
+            else:
+                above.append(self._real_power(base, ex.num(p)))
+        numerator, denominator = self._chain(above), self._chain(below)
+        if denominator is None:
+            return Scaled(factor, numerator)
+        if numerator is None:
+            return Scaled(factor, self._reciprocal(denominator))
+        return Scaled(factor, self.operation(Op.QUOTIENT, numerator, denominator))
+
+    def _reciprocal(self, row: int) -> int:
+        """Row of the reciprocal of a row, made once."""
+        if row not in self._reciprocals:
+            self._reciprocals[row] = self.operation(Op.RECIPROCAL, row)
+        return self._reciprocals[row]
+
+    def _real_power(self, base: Expr, exponent: Expr) -> int:
+        row = self.row(base)
+        terms = self._terms(row)
+        # A base that is a difference may be zero up to rounding, where a power has few derivatives.
+        size = [] if terms == [Scaled(ex.ONE, row)] else [self._size(terms)]
+        return self.operation(Op.POWER, row, *size, parts=(Scaled(exponent),))
+
+    def _terms(self, row: int) -> list[Scaled]:
+        """What a row is the sum of, whatever the region."""
+        made = next((i for part in self.instructions.values() for i in part if i.row == row), None)
+        if made is not None and made.op is Op.SELECT:
+            return [term for part in made.parts for term in ([part] if part.row is None else self._terms(part.row))]
+        return list(made.parts) if made is not None and made.op is Op.LINEAR else [Scaled(ex.ONE, row)]
+
+    def _size(self, terms: list[Scaled]) -> int:
+        """Row of the sum of the moduli of terms."""
+        stage = max([self.stage[term.row] for term in terms if term.row is not None], default=0)
+        row = self.new_row(stage)
+        self.emit(stage, Instruction(Op.SIZE, row, parts=tuple(terms)))
+        return row
+
+    def _whole_power(self, row: int, n: int) -> int:
+        """Row of the n-th power of a row, by squaring: also where the row passes through zero."""
+        if n == 1:
+            return row
+        half = self._whole_power(row, n // 2)
+        square = self._times(half, half)
+        return self._times(square, row) if n % 2 else square
+
+    def _times(self, a: int, b: int) -> int:
+        """Row of a product of two rows, made once."""
+        key = (min(a, b), max(a, b))
+        if key not in self._products:
+            self._products[key] = self.operation(Op.PRODUCT, *key)
+        return self._products[key]
+
+    def _chain(self, rows: list[int]) -> int | None:
+        """Row of a product of rows, sharing the partial products."""
+        if not rows:
+            return None
+        result, *others = sorted(rows)
+        for other in others:
+            result = self._times(result, other)
+        return result
+
+    def _select(self, e: Expr) -> Scaled:
+        guard, above, below = e.args
+        parts = self.lower(above), self.lower(below)
+        stage = max((self.stage[x.row] for x in parts if x.row is not None), default=0)
+        row = self.new_row(stage)
+        self.emit(stage, Instruction(Op.SELECT, row, parts=parts, place=self.regions[guard]))
+        return Scaled(ex.ONE, row)
+
+    def _function(self, e: Expr) -> int:
+        (x,) = e.args
+        a = self._phase(x) if e.op in ("sin", "cos") else self.row(x)
+        match e.op:
+            case "sin" | "cos" | "sinh" | "cosh":
+                return self._pair(e.op, x, a)
+            case "exp":
+                return self.operation(Op.EXP, a)
+            case "log":
+                return self.operation(Op.LOG, a)
+            case "atan":
+                return self.operation(Op.ATAN, a, self.row(1.0 / (1.0 + x**2.0)))
+            case "asinh":
+                return self.operation(Op.ASINH, a, self.row((1.0 + x**2.0) ** -0.5))
+            case "tan":
+                return self.operation(Op.TAN, a, outputs=2)
+            case "tanh":
+                return self.operation(Op.TANH, a, outputs=2)
+        raise NotImplementedError(e.op)
+
+    def _phase(self, x: Expr) -> int:
+        """Row of a phase."""
+        split = self.constants.phase(x)
+        if split is None:
+            return self.row(x)
+        constant, rate, others = split
+        scaled = [(c, self.lower(term)) for term, c in others]
+        parts = [Scaled(rate, self.names["t"]), *(Scaled(c * part.factor, part.row) for c, part in scaled)]
+        return self.assign(parts, None, constant)
+
+    def _pair(self, name: str, x: Expr, a: int) -> int:
+        """Row of a (hyperbolic) sine or cosine; both are made together."""
+        family = "h" if name.endswith("h") else ""
+        if (family, x) not in self._pairs:
+            steady = self.constants.affine_in_time(x) is not None
+            op = Op.HYPERBOLIC if family else Op.STEADY if steady else Op.ROTATION
+            self._pairs[family, x] = self.operation(op, a, outputs=2)
+        return self._pairs[family, x] + (0 if name.startswith("sin") else 1)
