@@ -7,8 +7,9 @@ that wrote it, and what else the result is made of, texts as they are and all ot
 from __future__ import annotations
 
 import json
+import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -87,3 +88,12 @@ def reading(path: str | Path, kind: str, form: int) -> Iterator[tuple[xarray.Dat
 def named(kind: str) -> str:
     """The kind with its article."""
     return f"an {kind}" if kind[:1] in "aeiou" else f"a {kind}"
+
+
+def plain(value: Any) -> Any:
+    """Data for JSON, which knows neither NaN nor infinity."""
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from stickslip.paper import claims
-from stickslip.paper.claims.claim import (
+from stickslip.paper.sections.claim import (
     Claim,
     Finding,
     Verdict,
@@ -21,7 +21,7 @@ from stickslip.paper.claims.claim import (
     together,
     vanishes,
 )
-from stickslip.paper.claims.laws import in_sympy, zero
+from stickslip.paper.sections.laws import in_sympy, zero
 
 CLAIMS = claims()
 

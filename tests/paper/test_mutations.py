@@ -12,7 +12,8 @@ import pytest
 from stickslip import catalogue
 from stickslip.model.system import Contact, Internal, System, Viscous
 from stickslip.paper import claims
-from stickslip.rate_independent.averaging import closed_forms
+from stickslip.rate_independent.averaging import minima
+from stickslip.rate_independent.dissipation import group_norm, polytope, weighted_l1
 from stickslip.rate_independent.play import operator as play_module
 
 CLAIMS = {item.name: item for item in claims()}
@@ -115,25 +116,30 @@ def test_changed_declarations_are_noticed(name: str, monkeypatch: pytest.MonkeyP
     assert_noticed(noticing)
 
 
+def replace_minima(monkeypatch: pytest.MonkeyPatch, wrong: Any) -> None:
+    for kind in (weighted_l1, group_norm, polytope):
+        monkeypatch.setattr(kind, "least_thresholds", wrong)
+
+
 def test_average_that_takes_the_mean_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    least = closed_forms.least_thresholds
+    least = minima.least_thresholds
 
     def mean(varying: Any) -> Any:
         values = varying.over(np.arange(100) / 100).mean(axis=0)
         return least(varying)._replace(values=values, floors=values)
 
-    monkeypatch.setattr(closed_forms, "least_thresholds", mean)
+    replace_minima(monkeypatch, mean)
     assert_noticed(["example_average", "average_is_below_every_phase", "limit_solution"])
 
 
 def test_average_that_vanishes_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    least = closed_forms.least_thresholds
+    least = minima.least_thresholds
 
     def nothing(varying: Any) -> Any:
         found = least(varying)
         return found._replace(values=0.0 * found.values, floors=0.0 * found.values)
 
-    monkeypatch.setattr(closed_forms, "least_thresholds", nothing)
+    replace_minima(monkeypatch, nothing)
     assert_noticed(["example_average", "average_is_below_every_phase", "limit_solution"])
 
 

@@ -19,8 +19,8 @@ from stickslip.cli import paper as command
 from stickslip.cli.app import app
 from stickslip.errors import DeclarationError
 from stickslip.paper import claims, making, report
-from stickslip.paper.claims.claim import Finding, Verdict
 from stickslip.paper.making import Item, Made, Work, items, make, make_all
+from stickslip.paper.sections.claim import Finding, Verdict
 from stickslip.paper.typeset import typeset
 
 QUICK = ["jacobian_entry", "trace_formula", "duration_function", "example_phases", "period_is_fast"]

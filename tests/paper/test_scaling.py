@@ -14,7 +14,7 @@ from oracles import scaled_slider
 from stickslip import catalogue
 from stickslip.errors import DeclarationError
 from stickslip.orbits.cycles.cycle import find_cycle
-from stickslip.paper.claims.scaling import EQUATIONS, exact, lowest_order, scaling_study, stick_time
+from stickslip.paper.sections.scaling import EQUATIONS, exact, lowest_order, scaling_study, stick_time
 
 
 @pytest.mark.parametrize("q", [1e-3, 0.1, 0.5, 0.9, 0.999, 1 - 2.0**-30])

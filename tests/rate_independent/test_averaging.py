@@ -8,7 +8,6 @@ from scipy.optimize import linprog, minimize_scalar
 from scipy.spatial import HalfspaceIntersection
 
 from stickslip.errors import ConvergenceError, DeclarationError
-from stickslip.rate_independent.averaging.cones import hull, polyhedron, solve
 from stickslip.rate_independent.averaging.minima import SAMPLES, least_over_phases
 from stickslip.rate_independent.dissipation import (
     Dissipation,
@@ -19,7 +18,8 @@ from stickslip.rate_independent.dissipation import (
     SupportFunction,
     WeightedL1,
 )
-from stickslip.rate_independent.dissipation.phase import read
+from stickslip.rate_independent.sets.cones import hull, polyhedron, solve
+from stickslip.rate_independent.sets.phase import read
 
 Array = np.ndarray
 SQUARE = np.array([[1.0, 0], [0, 1], [-1, 0], [0, -1]])

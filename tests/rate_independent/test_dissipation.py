@@ -18,7 +18,7 @@ from stickslip.rate_independent.dissipation import (
     SupportFunction,
     WeightedL1,
 )
-from stickslip.rate_independent.dissipation.projections import nearest_in_box
+from stickslip.rate_independent.sets.projections import nearest_in_box
 
 Array = np.ndarray
 DIAMOND = np.array([[1.0, 0], [0, 1], [-1, 0], [0, -1]])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from stickslip.rate_independent.dissipation import Dissipation, Ellipsoid, GroupNorm, Polytope, Product, WeightedL1
 from stickslip.rate_independent.dissipation.parabolas import CELLS, Parabolas
-from stickslip.rate_independent.dissipation.phase import Formulas, read
+from stickslip.rate_independent.sets.phase import Formulas, read
 
 Array = np.ndarray
 seeds = st.integers(0, 2**32 - 1)

@@ -172,7 +172,7 @@ def check(
     if json_:
         import json
 
-        from stickslip.cli.running import plain
+        from stickslip.storage import plain
 
         typer.echo(json.dumps(plain(certificate.to_dict()), indent=2))
     else:

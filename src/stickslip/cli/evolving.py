@@ -134,7 +134,7 @@ def write(place: Path, summary: dict[str, Any]) -> None:
 
 def as_json(summary: dict[str, Any]) -> str:
     """The summary as text."""
-    from stickslip.cli.running import plain
+    from stickslip.storage import plain
 
     return json.dumps(plain(summary), indent=2, ensure_ascii=False)
 
@@ -212,11 +212,13 @@ def summarise_average(model: EvolutionModel, averaged: Average) -> dict[str, Any
 
 def in_words(source: Dissipation, averaged: Average) -> dict[str, Any]:
     """How the average was found, what it is, and its numbers."""
-    from stickslip.rate_independent.averaging import closed_forms as closed
+    from stickslip.rate_independent.dissipation.group_norm import AveragedGroupNorm
+    from stickslip.rate_independent.dissipation.polytope import AveragedPolytope
+    from stickslip.rate_independent.dissipation.weighted_l1 import AveragedWeightedL1
 
     exact = "closed form: each threshold at its least over the phase"
     match averaged:
-        case closed.AveragedWeightedL1():
+        case AveragedWeightedL1():
             lower, upper = averaged.bounds()
             numbers = {"upper": upper.tolist(), "lower": (-lower).tolist()}
             terms = [
@@ -224,11 +226,11 @@ def in_words(source: Dissipation, averaged: Average) -> dict[str, Any]:
                 for i, (up, down) in enumerate(zip(upper.tolist(), (-lower).tolist(), strict=True), start=1)
             ]
             return {"method": exact, "psi_av": summed(terms), "thresholds": numbers}
-        case closed.AveragedGroupNorm():
+        case AveragedGroupNorm():
             radii = averaged.radii_at().tolist()
             terms = [f"{r:.6g} |v_{{group {g}}}|" for g, r in enumerate(radii, start=1)]
             return {"method": exact, "psi_av": summed(terms), "radii": radii}
-        case closed.AveragedPolytope():
+        case AveragedPolytope():
             normals, offsets = averaged.halfspaces_at()
             faces = {"normals": normals.tolist(), "offsets": offsets.tolist()}
             words = f"support function of {len(offsets)} half-spaces, at the distances {listed(offsets.tolist())}"

@@ -36,9 +36,9 @@ def paper(
     Exit code: 0 every verdict is the expected one, 1 not, 2 wrong input, 130 interrupted (what was made is kept).
     """
     from stickslip.cli.app import INTERRUPTED, NOT_CERTIFIED, finish
-    from stickslip.paper.claims.laws import import_sympy
     from stickslip.paper.making import Work, items, make_all
     from stickslip.paper.report import unexpected, write_data, write_page
+    from stickslip.paper.sections.laws import import_sympy
 
     import_sympy()
     work, began = Work(items(only)), time.perf_counter()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from stickslip import __version__
 from stickslip.cli.folder import add_picture, result_folder
 from stickslip.progress import watched
+from stickslip.storage import plain
 
 if TYPE_CHECKING:
     from stickslip.model.system import System
@@ -82,12 +82,3 @@ def summarise(trajectory: Trajectory, rtol: float) -> dict[str, Any]:
             "wall_time": trajectory.wall_time,
         }
     )
-
-
-def plain(value: Any) -> Any:
-    """Data for JSON, which knows neither NaN nor infinity."""
-    if isinstance(value, Mapping):
-        return {key: plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

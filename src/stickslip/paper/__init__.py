@@ -10,7 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from stickslip.paper.claims.claim import Claim
+    from stickslip.paper.sections.claim import Claim
 
 SECTIONS = (
     "section2_scalar",
@@ -25,7 +25,7 @@ SECTIONS = (
 
 def claims() -> list[Claim]:
     """All claims, section by section."""
-    from stickslip.paper.claims.claim import Claim
+    from stickslip.paper.sections.claim import Claim
 
-    modules = [import_module(f"stickslip.paper.claims.{name}") for name in SECTIONS]
+    modules = [import_module(f"stickslip.paper.sections.{name}") for name in SECTIONS]
     return [item for module in modules for item in vars(module).values() if isinstance(item, Claim)]

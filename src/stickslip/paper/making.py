@@ -14,7 +14,7 @@ from pathlib import Path
 
 from stickslip.errors import DeclarationError, short
 from stickslip.paper import claims
-from stickslip.paper.claims.claim import Claim, Finding
+from stickslip.paper.sections.claim import Claim, Finding
 
 WORKERS = 2
 FORMATS = ("svg", "pdf", "png")

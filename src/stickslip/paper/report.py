@@ -13,8 +13,8 @@ from typing import Any
 
 from stickslip import __version__
 from stickslip.paper import claims
-from stickslip.paper.claims.claim import Claim, Verdict
 from stickslip.paper.making import Made, Work, source_of
+from stickslip.paper.sections.claim import Claim, Verdict
 from stickslip.paper.typeset import typeset
 
 INLINE = 1_500_000  # bytes of a vector drawing above which the page shows its PNG
@@ -95,7 +95,7 @@ def _picture_data(entry: Any, made: Made) -> dict[str, Any]:
 
 def write_data(work: Work, folder: Path, seconds: float) -> None:
     """Write ``claims.json``."""
-    from stickslip.cli.running import plain
+    from stickslip.storage import plain
 
     text = json.dumps(plain(as_data(work, seconds)), indent=2, ensure_ascii=False)
     (folder / "claims.json").write_text(text + "\n", encoding="utf-8")

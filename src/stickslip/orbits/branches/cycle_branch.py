@@ -19,7 +19,6 @@ from stickslip.orbits.branches.chart import Chart, extent_of, first_chart, renew
 from stickslip.orbits.branches.corner import Corner, Onward, corner_after
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.branches.halving import doubles_at, half_gap
-from stickslip.orbits.branches.hopf_switching import shrinks_to
 from stickslip.orbits.branches.special_points import (
     APART,
     NOT_SMOOTH,
@@ -36,6 +35,7 @@ from stickslip.orbits.continuation.arclength import UNDEFINED, Path, Steps, rang
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.cycles.finding import from_cycle
+from stickslip.orbits.cycles.hopf_switching import shrinks_to
 from stickslip.orbits.cycles.period import part_of
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.return_map.damped_newton import Closed

@@ -227,7 +227,7 @@ def find_cycle(
     from stickslip.motion.trajectory import Trajectory
 
     if isinstance(start, SpecialPoint):
-        from stickslip.orbits.branches.hopf_switching import born_at
+        from stickslip.orbits.cycles.hopf_switching import born_at
 
         return make_cycle(born_at(system, start, parameters))
     if isinstance(start, Cycle):

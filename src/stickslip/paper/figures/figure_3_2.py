@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stickslip.figures.drawing.style import BLUE, STICK_LINE, VERMILION, new_figure, paper_style
-from stickslip.paper.claims.scaling import ReturnMap, exact, lowest_order
 from stickslip.paper.drawing.entry import FigureEntry
+from stickslip.paper.sections.scaling import ReturnMap, exact, lowest_order
 
 B = 0.7
 

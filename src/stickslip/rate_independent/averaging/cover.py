@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stickslip.rate_independent.averaging.minima import SAMPLES
-from stickslip.rate_independent.dissipation.base import Array, Dissipation
-from stickslip.rate_independent.dissipation.phase import NARROW
-from stickslip.rate_independent.dissipation.stretches import NOWHERE, Index, Near
+from stickslip.rate_independent.sets.phase import NARROW
+from stickslip.rate_independent.sets.potential import Array, Dissipation
+from stickslip.rate_independent.sets.stretches import NOWHERE, Index, Near
 
 PARTS = 8  # of a stretch that is divided
 AHEAD = 4  # neighbours to both sides that are divided along with it: the next force will ask for them

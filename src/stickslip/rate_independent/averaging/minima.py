@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.dissipation.phase import Formulas, Function, Varying, wrapped
+from stickslip.rate_independent.sets.phase import Formulas, Function, Varying, wrapped
+from stickslip.rate_independent.sets.thresholds import nonnegative
 from stickslip.symbolic.chords import table
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.extrema import least
@@ -191,3 +192,11 @@ def sharpened(phases: Array, values: Array, f: Callable[[Array], Array]) -> tupl
         if (idle >= 3).all():
             break
     return b, fb
+
+
+def least_thresholds(thresholds: Varying) -> Minima:
+    """Thresholds at their minima over the phase; refuses negative ones."""
+    least = least_over_phases(thresholds)
+    if least.values.min() < 0.0:
+        nonnegative(thresholds, float(least.phases[least.values.argmin()]))
+    return least._replace(values=np.maximum(least.values, 0.0), floors=np.maximum(least.floors, 0.0))

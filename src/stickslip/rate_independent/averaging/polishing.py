@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from stickslip.rate_independent.dissipation.base import Array, Dissipation
-from stickslip.rate_independent.dissipation.phase import wrapped
-from stickslip.rate_independent.dissipation.stretches import Sampled
+from stickslip.rate_independent.sets.phase import wrapped
+from stickslip.rate_independent.sets.potential import Array, Dissipation
+from stickslip.rate_independent.sets.stretches import Sampled
 
 STEP, STEP_OF_PHASES = 1e-6, 1e-3  # of differences in Newton's method
 WIDEST = 2e-3  # differences of phases

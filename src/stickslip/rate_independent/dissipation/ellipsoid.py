@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation
+from stickslip.rate_independent.averaging.semi_infinite import Intersection
 from stickslip.rate_independent.dissipation.parabolas import Parabolas
-from stickslip.rate_independent.dissipation.phase import SAMPLE_PHASES, Formulas, Varying, read, wrapped
-from stickslip.rate_independent.dissipation.projections import secular
-from stickslip.rate_independent.dissipation.stretches import NOWHERE, Near, Rows, Sampled, Stretches, lengths
-
-if TYPE_CHECKING:
-    from stickslip.rate_independent.averaging.cones import ConeForm
+from stickslip.rate_independent.sets.cones import ConeForm, ellipsoid
+from stickslip.rate_independent.sets.phase import SAMPLE_PHASES, Formulas, Varying, read, wrapped
+from stickslip.rate_independent.sets.potential import Array, Average, Dissipation
+from stickslip.rate_independent.sets.projections import nearest_in_ellipsoid, secular
+from stickslip.rate_independent.sets.stretches import NOWHERE, Near, Rows, Sampled, Stretches, lengths
 
 ROUNDING = 4e-16
 
@@ -100,8 +99,6 @@ class Ellipsoid(Dissipation):
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
         """The nearest point of the ellipsoid by its secular equation, exact up to rounding."""
-        from stickslip.rate_independent.dissipation.projections import nearest_in_ellipsoid
-
         return nearest_in_ellipsoid(self.root_at(s), self.vector(xi, "xi"), self.metric(metric))
 
     def projection(self, xi: Array, s: float = 0.0) -> tuple[Array, Array]:
@@ -157,13 +154,9 @@ class Ellipsoid(Dissipation):
         return Near(*(rows[widest][kept] for rows in (low, high, bound)))
 
     def cone_form(self, s: float) -> ConeForm:
-        from stickslip.rate_independent.averaging.cones import ellipsoid
-
         return ellipsoid(self.root_at(s))
 
     def average(self, tolerance: float = 1e-8) -> Average:
-        from stickslip.rate_independent.averaging.semi_infinite import Intersection
-
         return Intersection(self, tolerance)
 
 

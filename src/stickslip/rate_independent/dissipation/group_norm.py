@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation
-from stickslip.rate_independent.dissipation.phase import Varying
-from stickslip.rate_independent.dissipation.stretches import Rows, Sampled, Stretches, lengths
-from stickslip.rate_independent.dissipation.weighted_l1 import nonnegative, nonnegative_over, read_weights
-
-if TYPE_CHECKING:
-    from stickslip.rate_independent.averaging.cones import ConeForm
+from stickslip.rate_independent.averaging.minima import Minima, least_thresholds
+from stickslip.rate_independent.averaging.optimal_motion import axes, scheduled, vanishing
+from stickslip.rate_independent.sets.cones import ConeForm, balls
+from stickslip.rate_independent.sets.phase import Varying
+from stickslip.rate_independent.sets.potential import Array, Average, Dissipation, OptimalMotion
+from stickslip.rate_independent.sets.projections import nearest_in_metric
+from stickslip.rate_independent.sets.stretches import Rows, Sampled, Stretches, lengths
+from stickslip.rate_independent.sets.thresholds import nonnegative, nonnegative_over, read_weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +79,6 @@ class GroupNorm(Dissipation):
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
         """The nearest point of the balls: each group shortened, or in a metric by Newton's method, to rounding."""
-        from stickslip.rate_independent.dissipation.projections import nearest_in_metric
-
         xi, radii, M = self.vector(xi, "xi"), self.radii_at(s), self.metric(metric)
         if M is None:
             return self._scaled(xi, np.minimum(radii, self.norms(xi)))
@@ -95,8 +94,6 @@ class GroupNorm(Dissipation):
         return (v.reshape(self.groups, self.size) * factor[:, None]).ravel()
 
     def cone_form(self, s: float) -> ConeForm:
-        from stickslip.rate_independent.averaging.cones import balls
-
         return balls(self.radii_at(s), self.size)
 
     def sampled(self, phases: Array) -> Sampled:
@@ -113,9 +110,40 @@ class GroupNorm(Dissipation):
 
     def average(self, tolerance: float = 1e-8) -> Average:
         """Each radius becomes its minimum over the phase, refined to rounding; `tolerance` is not needed."""
-        from stickslip.rate_independent.averaging.closed_forms import average_group_norm
+        least = least_thresholds(self.radius)
+        return AveragedGroupNorm(least.values, self.size, source=self, least=least)
 
-        return average_group_norm(self)
+
+@dataclass(frozen=True, eq=False)
+class AveragedGroupNorm(Average, GroupNorm):
+    """Σ min r_g |v_g|₂.
+
+    Attributes
+    ----------
+    source : GroupNorm
+    least : Minima
+        Of the radii over the phase: when each group moves.
+    """
+
+    source: GroupNorm = field(kw_only=True)
+    least: Minima = field(kw_only=True)
+
+    @property
+    def phases(self) -> Array:
+        """When each group moves, shape (groups,)."""
+        return self.least.phases
+
+    @property
+    def samples(self) -> int:
+        return self.least.sampled
+
+    @property
+    def frictionless(self) -> Array:
+        return axes(np.repeat(vanishing(self.radii_at()), self.size))
+
+    def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
+        V = self.vector(V, "V")
+        return scheduled(self.source, V, np.repeat(self.phases, self.size), float(self.least.floors @ self.norms(V)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.rate_independent.dissipation.phase import Formulas
-from stickslip.rate_independent.dissipation.stretches import Array
+from stickslip.rate_independent.sets.phase import Formulas
+from stickslip.rate_independent.sets.stretches import Array
 
 CELLS = 4096  # stretches of equal length on which S″ is enclosed
 SHIFTS = (1, 1, 2, 4, 8, 16)  # by which what is taken in to both sides grows: 1, 2, 4, ..., 32 cells

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation
-from stickslip.rate_independent.dissipation.phase import SAMPLE_PHASES, Constant, Varying, not_periodic, read, wrapped
+from stickslip.rate_independent.averaging.minima import Minima, least_thresholds
+from stickslip.rate_independent.averaging.optimal_motion import VANISHING, measure
+from stickslip.rate_independent.averaging.semi_infinite import Intersection, lineality
 from stickslip.rate_independent.dissipation.polytopes import (
     QHULL_UP_TO,
     SampledHalfspaces,
@@ -20,18 +21,18 @@ from stickslip.rate_independent.dissipation.polytopes import (
     facets,
     sampled_hulls,
 )
-from stickslip.rate_independent.dissipation.projections import (
+from stickslip.rate_independent.sets.cones import ConeForm, hull, polyhedron, solve
+from stickslip.rate_independent.sets.phase import SAMPLE_PHASES, Constant, Varying, not_periodic, read, wrapped
+from stickslip.rate_independent.sets.potential import Array, Average, Dissipation, OptimalMotion
+from stickslip.rate_independent.sets.projections import (
     nearest_and_faces,
     nearest_in_hull,
     nearest_in_polyhedron,
     onto_span,
     weights_in_hull,
 )
-from stickslip.rate_independent.dissipation.stretches import Sampled, Stretches
-from stickslip.rate_independent.dissipation.weighted_l1 import nonnegative, nonnegative_over
-
-if TYPE_CHECKING:
-    from stickslip.rate_independent.averaging.cones import ConeForm
+from stickslip.rate_independent.sets.stretches import Sampled, Stretches
+from stickslip.rate_independent.sets.thresholds import nonnegative, nonnegative_over
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,8 +125,6 @@ class Polytope(Dissipation):
         length = float(np.abs(v).max())
         if length == 0.0:
             return np.zeros(self.dimension)
-        from stickslip.rate_independent.averaging.cones import polyhedron, solve
-
         self._check(s)
         normals, offsets = self.halfspaces_at(s)
         size = float(offsets.max()) or 1.0
@@ -156,16 +155,14 @@ class Polytope(Dissipation):
         return y, np.eye(self.dimension) - onto_span(normals[active])
 
     def cone_form(self, s: float) -> ConeForm:
-        from stickslip.rate_independent.averaging.cones import hull, polyhedron
-
         return polyhedron(*self.halfspaces_at(s)) if self.corners is None else hull(self.corners.at(s))
 
     def average(self, tolerance: float = 1e-8) -> Average:
         """Where the normals are fixed, each offset becomes its minimum over the phase; else to the tolerance."""
-        from stickslip.rate_independent.averaging.closed_forms import average_polytope
-        from stickslip.rate_independent.averaging.semi_infinite import Intersection
-
-        return average_polytope(self) if isinstance(self.faces, Constant) else Intersection(self, tolerance)
+        if not isinstance(self.faces, Constant):
+            return Intersection(self, tolerance)
+        least = least_thresholds(self._given(self.reach))
+        return AveragedPolytope(normals=self.normals, offsets=least.values, source=self, least=least)
 
     def sampled(self, phases: Array) -> Sampled:
         if self.corners is None:
@@ -233,6 +230,46 @@ class Polytope(Dissipation):
     def _given(self, part: Varying | None) -> Varying:
         assert part is not None
         return part
+
+
+@dataclass(frozen=True, eq=False)
+class AveragedPolytope(Average, Polytope):
+    """{ξ : N ξ ≤ min b(s)} for fixed normals N.
+
+    Attributes
+    ----------
+    source : Polytope
+    least : Minima
+        Of the offsets over the phase: when each face comes closest to 0.
+    """
+
+    source: Polytope = field(kw_only=True)
+    least: Minima = field(kw_only=True)
+
+    @property
+    def phases(self) -> Array:
+        """When each face comes closest to 0, shape (m,)."""
+        return self.least.phases
+
+    @property
+    def samples(self) -> int:
+        return self.least.sampled
+
+    @property
+    def frictionless(self) -> Array:
+        return lineality(self, VANISHING * float(self.halfspaces_at()[1].max()))
+
+    def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
+        """Each face pushes along its normal at the phase at which it is closest."""
+        V = self.vector(V, "V")
+        normals, offsets = self.halfspaces_at()
+        size, length = float(offsets.max()) or 1.0, float(np.abs(V).max())
+        if length == 0.0:
+            return OptimalMotion(np.zeros(0), np.zeros((0, len(V))), 0.0, 0.0)
+        forms = [polyhedron(normals[[j]], offsets[[j]] / size) for j in range(len(normals))]
+        xi, motions = solve(forms, V / length)
+        violation = float(np.max((self.least.values - self.least.floors) / np.linalg.norm(self.source.normals, axis=1)))
+        return measure(self.source, V, self.phases, motions * length, xi * size, violation)
 
 
 def read_table(given: object, where: str) -> Varying:

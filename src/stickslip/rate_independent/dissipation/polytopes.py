@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.rate_independent.dissipation.projections import nearest_in_hull, nearest_in_polyhedron, weights_in_hull
-from stickslip.rate_independent.dissipation.stretches import Array, Rows, Sampled, Stretches, lengths
+from stickslip.rate_independent.sets.projections import nearest_in_hull, nearest_in_polyhedron, weights_in_hull
+from stickslip.rate_independent.sets.stretches import Array, Rows, Sampled, Stretches, lengths
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.dissipation.polytope import Polytope

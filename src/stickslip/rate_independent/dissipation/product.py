@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation
-from stickslip.rate_independent.dissipation.stretches import Rows, Sampled, Stretches
-
-if TYPE_CHECKING:
-    from stickslip.rate_independent.averaging.cones import ConeForm
+from stickslip.rate_independent.averaging.optimal_motion import gathered
+from stickslip.rate_independent.averaging.semi_infinite import Intersection
+from stickslip.rate_independent.sets.cones import ConeForm, product
+from stickslip.rate_independent.sets.potential import Array, Average, Dissipation, OptimalMotion
+from stickslip.rate_independent.sets.projections import nearest_by_support, nearest_in_metric
+from stickslip.rate_independent.sets.stretches import Rows, Sampled, Stretches
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +69,6 @@ class Product(Dissipation):
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
         """The nearest point, factor by factor; in a metric by Newton's method, to rounding."""
-        from stickslip.rate_independent.dissipation.projections import nearest_by_support, nearest_in_metric
-
         xi, M = self.vector(xi, "xi"), self.metric(metric)
         if M is None:
             return np.concatenate([factor.project(part, s) for factor, part in self.split(xi)])
@@ -84,15 +83,11 @@ class Product(Dissipation):
         return np.concatenate(points), np.asarray(block_diag(*slopes))
 
     def cone_form(self, s: float) -> ConeForm | None:
-        from stickslip.rate_independent.averaging.cones import product
-
         forms = [form for factor in self.factors if (form := factor.cone_form(s)) is not None]
         complete = len(forms) == len(self.factors)
         return product(forms, [factor.dimension for factor in self.factors]) if complete else None
 
     def outer_form(self, s: float, xi: Array) -> ConeForm:
-        from stickslip.rate_independent.averaging.cones import product
-
         forms = [factor.outer_form(s, part) for factor, part in self.split(xi)]
         return product(forms, [factor.dimension for factor in self.factors])
 
@@ -111,9 +106,53 @@ class Product(Dissipation):
 
     def average(self, tolerance: float = 1e-8) -> Average:
         """The product of the averages."""
-        from stickslip.rate_independent.averaging.closed_forms import AveragedProduct
-
         return AveragedProduct(tuple(factor.average(tolerance) for factor in self.factors), self, tolerance)
+
+
+@dataclass(frozen=True, eq=False)
+class AveragedProduct(Average, Product):
+    """The product of averages is the average of a product."""
+
+    source: Product
+    tolerance: float
+
+    @property
+    def frictionless(self) -> Array:
+        from scipy.linalg import block_diag
+
+        return np.asarray(block_diag(*(factor.frictionless for factor in self.averages)))
+
+    @property
+    def samples(self) -> int:
+        return max(average.samples for average in self.averages)
+
+    @property
+    def averages(self) -> tuple[Average, ...]:
+        """The factors."""
+        return tuple(factor for factor in self.factors if isinstance(factor, Average))
+
+    def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
+        """The nearest point, factor by factor; in a metric, which couples them, from the phases of all together."""
+        if metric is not None and self.cone_form(s) is None:
+            return self._together.project(xi, s, metric)
+        return super().project(xi, s, metric)
+
+    @cached_property
+    def _together(self) -> Intersection:
+        """All factors at once: what was found of it is where the next search starts."""
+        return Intersection(self.source, self.tolerance)
+
+    def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
+        """The motions of all factors."""
+        V = self.vector(V, "V")
+        own = [average.optimal_motion(V[part]) for average, part in zip(self.averages, self.parts, strict=True)]
+        motions = np.zeros((sum(len(motion.phases) for motion in own), len(V)))
+        row = 0
+        for motion, part in zip(own, self.parts, strict=True):
+            motions[row : row + len(motion.phases), part] = motion.motions
+            row += len(motion.phases)
+        phases, motions = gathered(np.concatenate([motion.phases for motion in own]), motions)
+        return OptimalMotion(phases, motions, sum(motion.cost for motion in own), sum(motion.bound for motion in own))
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation
-from stickslip.rate_independent.dissipation.phase import SAMPLE_PHASES, wrapped
-
-if TYPE_CHECKING:
-    from stickslip.rate_independent.averaging.cones import ConeForm
+from stickslip.rate_independent.averaging.semi_infinite import Intersection
+from stickslip.rate_independent.sets.cones import ConeForm, polyhedron
+from stickslip.rate_independent.sets.phase import SAMPLE_PHASES, wrapped
+from stickslip.rate_independent.sets.potential import Array, Average, Dissipation
+from stickslip.rate_independent.sets.projections import nearest_by_support
 
 STEPS = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 1e-6, 3e-7)  # of differences, in units of |v|
 TILT = 1e-5
@@ -90,14 +89,10 @@ class SupportFunction(Dissipation):
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
         """The nearest point of the convex hull of subgradients, taken where they are needed."""
-        from stickslip.rate_independent.dissipation.projections import nearest_by_support
-
         sure = 1e-6 if self.subgradient is None else 1e-9
         return nearest_by_support(self, self.vector(xi, "xi"), s, self.metric(metric), sure=sure)
 
     def _nearest_at(self, s: float) -> Callable[[Array], Array]:
-        from stickslip.rate_independent.dissipation.projections import nearest_by_support
-
         # Points of K(s) serve all projections. They are for a search, which four digits do not mislead.
         known: list[Array] = []
         return lambda x: nearest_by_support(self, x, s, None, known, accuracy=1e-4)
@@ -107,8 +102,6 @@ class SupportFunction(Dissipation):
 
     def outer_form(self, s: float, xi: Array) -> ConeForm:
         """The half-space that separates ξ from K(s), and a box around K(s)."""
-        from stickslip.rate_independent.averaging.cones import polyhedron
-
         axes = np.eye(self.dimension)
         beyond = xi - self.project(xi, s)
         length = float(np.linalg.norm(beyond))
@@ -116,8 +109,6 @@ class SupportFunction(Dissipation):
         return polyhedron(normals, np.array([self.support(d, s) for d in normals]))
 
     def average(self, tolerance: float = 1e-8) -> Average:
-        from stickslip.rate_independent.averaging.semi_infinite import Intersection
-
         return Intersection(self, tolerance)
 
     def _psi(self, s: float, v: Array) -> float:

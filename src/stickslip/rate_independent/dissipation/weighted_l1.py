@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.dissipation.base import Array, Average, Dissipation
-from stickslip.rate_independent.dissipation.phase import Varying, read, wrapped
-from stickslip.rate_independent.dissipation.stretches import Rows, Sampled, Stretches
-
-if TYPE_CHECKING:
-    from stickslip.rate_independent.averaging.cones import ConeForm
+from stickslip.rate_independent.averaging.minima import Minima, least_thresholds
+from stickslip.rate_independent.averaging.optimal_motion import axes, scheduled, vanishing
+from stickslip.rate_independent.sets.cones import ConeForm, polyhedron
+from stickslip.rate_independent.sets.phase import Varying
+from stickslip.rate_independent.sets.potential import Array, Average, Dissipation, OptimalMotion
+from stickslip.rate_independent.sets.projections import nearest_in_box
+from stickslip.rate_independent.sets.stretches import Rows, Sampled, Stretches
+from stickslip.rate_independent.sets.thresholds import nonnegative, nonnegative_over, read_weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +87,6 @@ class WeightedL1(Dissipation):
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
         """The point of the box nearest to ξ; in a metric by principal pivoting, exact up to rounding."""
-        from stickslip.rate_independent.dissipation.projections import nearest_in_box
-
         xi, (lower, upper), M = self.vector(xi, "xi"), self.bounds(s), self.metric(metric)
         return np.clip(xi, lower, upper) if M is None else nearest_in_box(M, xi, lower, upper)
 
@@ -95,8 +95,6 @@ class WeightedL1(Dissipation):
         return np.clip(xi, lower, upper), np.diag(((lower < xi) & (xi < upper)).astype(float))
 
     def cone_form(self, s: float) -> ConeForm:
-        from stickslip.rate_independent.averaging.cones import polyhedron
-
         (lower, upper), identity = self.bounds(s), np.eye(self.dimension)
         return polyhedron(np.vstack([identity, -identity]), np.concatenate([upper, -lower]))
 
@@ -116,9 +114,51 @@ class WeightedL1(Dissipation):
 
     def average(self, tolerance: float = 1e-8) -> Average:
         """Each weight becomes its minimum over the phase, refined to rounding; `tolerance` is not needed."""
-        from stickslip.rate_independent.averaging.closed_forms import average_weighted_l1
+        above = least_thresholds(self.above)
+        below = above if self.below is self.above else least_thresholds(self.below)
+        lower = None if below is above else below.values
+        return AveragedWeightedL1(above.values, lower, source=self, least_above=above, least_below=below)
 
-        return average_weighted_l1(self)
+
+@dataclass(frozen=True, eq=False)
+class AveragedWeightedL1(Average, WeightedL1):
+    """Σ min ρᵢ⁺ max(vᵢ, 0) + min ρᵢ⁻ max(−vᵢ, 0).
+
+    Attributes
+    ----------
+    source : WeightedL1
+    least_above, least_below : Minima
+        Of ρ⁺ and ρ⁻ over the phase.
+    """
+
+    source: WeightedL1 = field(kw_only=True)
+    least_above: Minima = field(kw_only=True)
+    least_below: Minima = field(kw_only=True)
+
+    @property
+    def upper_phases(self) -> Array:
+        """When component i moves up, shape (n,)."""
+        return self.least_above.phases
+
+    @property
+    def lower_phases(self) -> Array:
+        """When component i moves down, shape (n,)."""
+        return self.least_below.phases
+
+    @property
+    def samples(self) -> int:
+        return max(self.least_above.sampled, self.least_below.sampled)
+
+    @property
+    def frictionless(self) -> Array:
+        lower, upper = self.bounds()
+        return axes(vanishing(upper - lower))
+
+    def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
+        V = self.vector(V, "V")
+        when = np.where(V >= 0, self.upper_phases, self.lower_phases)
+        bound = np.maximum(V, 0.0) @ self.least_above.floors - np.minimum(V, 0.0) @ self.least_below.floors
+        return scheduled(self.source, V, when, float(bound))
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,40 +191,3 @@ class StretchesOfBoxes(Rows, Stretches[SampledBoxes]):
         above = np.maximum(before - self.start.upper, after - self.end.upper) + self.off_upper
         below = np.maximum(self.start.lower - before, self.end.lower - after) + self.off_lower
         return (np.maximum(above, below) + off).max(axis=1)
-
-
-def read_weights(given: object, where: str) -> Varying:
-    """Thresholds as a vector that may depend on the phase, nonnegative at a few phases."""
-    varying = read([given] if isinstance(given, str) else given, where)
-    if len(varying.shape) != 1 or varying.shape[0] == 0:
-        raise DeclarationError(
-            where, f"it has the shape {varying.shape}, but one threshold for each component is needed", "Give a vector"
-        )
-    for s in varying.looks:
-        nonnegative(varying, s)
-    return varying
-
-
-def nonnegative(thresholds: Varying, s: float) -> Array:
-    """Thresholds at phase s; refuses negative ones, unless they vanish up to rounding."""
-    value = thresholds.at(s)
-    least = value.min(initial=0.0)
-    if least >= 0.0:
-        return value
-    if least < -1e-13 * thresholds.scale:
-        i = int(value.argmin())
-        when = f" at phase s = {wrapped(s):g}" if thresholds.depends_on_phase else ""
-        raise DeclarationError(
-            thresholds.where,
-            f"component {i} is {value[i]:.6g}{when}, but a threshold cannot be negative",
-            "Write max(..., 0) where it may vanish",
-        )
-    return np.maximum(value, 0.0)
-
-
-def nonnegative_over(thresholds: Varying, phases: Array) -> Array:
-    """Thresholds at several phases, shape (m, n)."""
-    values = thresholds.over(phases)
-    for s in phases[(values < 0.0).any(axis=1)]:
-        nonnegative(thresholds, float(s))
-    return np.maximum(values, 0.0)

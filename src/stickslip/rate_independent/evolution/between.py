@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from stickslip.rate_independent.dissipation.base import Array
-from stickslip.rate_independent.dissipation.stretches import Index
 from stickslip.rate_independent.evolution.evolution import Evolution
+from stickslip.rate_independent.sets.potential import Array
+from stickslip.rate_independent.sets.stretches import Index
 
 PARTS = 4  # of a stretch that is divided
 MOST = 200_000  # stretches of one block of steps

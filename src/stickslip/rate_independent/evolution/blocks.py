@@ -11,11 +11,11 @@ import numpy as np
 
 from stickslip.errors import ConvergenceError
 from stickslip.rate_independent.dissipation import WeightedL1
-from stickslip.rate_independent.dissipation.phase import Varying
 from stickslip.rate_independent.evolution.audit import start_state
 from stickslip.rate_independent.evolution.evolution import Evolution
 from stickslip.rate_independent.evolution.evolve import KKT, step_times
 from stickslip.rate_independent.evolution.stepping import March
+from stickslip.rate_independent.sets.phase import Varying
 from stickslip.rate_independent.solvers.choose import choose_solver
 
 Array = np.ndarray

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from stickslip.rate_independent.dissipation import Dissipation, GroupNorm, WeightedL1
 from stickslip.rate_independent.dissipation.group_norm import onto_balls
-from stickslip.rate_independent.dissipation.phase import Varying
-from stickslip.rate_independent.dissipation.projections import nearest_in_metric
-from stickslip.rate_independent.dissipation.stretches import Sampled
-from stickslip.rate_independent.dissipation.weighted_l1 import nonnegative
+from stickslip.rate_independent.sets.phase import Varying
+from stickslip.rate_independent.sets.projections import nearest_in_metric
+from stickslip.rate_independent.sets.stretches import Sampled
+from stickslip.rate_independent.sets.thresholds import nonnegative
 
 Array = np.ndarray
 Forces = tuple[Array, Array, Array]

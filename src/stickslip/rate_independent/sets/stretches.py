@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from stickslip.rate_independent.dissipation.base import Dissipation
+    from stickslip.rate_independent.sets.potential import Dissipation
 
 Array = NDArray[np.float64]
 Index = NDArray[Any]

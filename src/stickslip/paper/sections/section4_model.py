@@ -9,8 +9,8 @@ import numpy as np
 
 import stickslip as ss
 from stickslip import catalogue
-from stickslip.paper.claims.claim import Finding, Verdict, claim, corrects, maximum, shows, together, vanishes
-from stickslip.paper.claims.laws import (
+from stickslip.paper.sections.claim import Finding, Verdict, claim, corrects, maximum, shows, together, vanishes
+from stickslip.paper.sections.laws import (
     built,
     equations_of,
     fact,

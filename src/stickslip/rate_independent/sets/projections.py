@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from stickslip.errors import ConvergenceError
 
 if TYPE_CHECKING:
-    from stickslip.rate_independent.dissipation.base import Dissipation
+    from stickslip.rate_independent.sets.potential import Dissipation
 
 Array = NDArray[np.float64]
 Projection = Callable[[Array], tuple[Array, Array]]

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 import stickslip as ss
-from stickslip.paper.claims.claim import Finding, Verdict, claim, equals, maximum, scales, shows, together, vanishes
+from stickslip.paper.sections.claim import Finding, Verdict, claim, equals, maximum, scales, shows, together, vanishes
 
 Array = np.ndarray
 PHASES = np.linspace(0.0, 1.0, 721)

@@ -10,7 +10,7 @@ import numpy as np
 
 import stickslip as ss
 from stickslip import catalogue
-from stickslip.paper.claims.claim import (
+from stickslip.paper.sections.claim import (
     Finding,
     Verdict,
     claim,
@@ -22,8 +22,8 @@ from stickslip.paper.claims.claim import (
     together,
     vanishes,
 )
-from stickslip.paper.claims.laws import at_events, fact, points, rates_of
-from stickslip.paper.claims.section4_model import H_L, H_R, LEFT, RANGES, RIGHT, WALK, held, threshold
+from stickslip.paper.sections.laws import at_events, fact, points, rates_of
+from stickslip.paper.sections.section4_model import H_L, H_R, LEFT, RANGES, RIGHT, WALK, held, threshold
 
 WIDE = {**RANGES, "P": (0.5, 1.5), "psi": (-2.0, 2.0)}
 PERIOD, AMPLITUDE, SPEED = 5.969, 1.6236, 0.1675  # of the walk with the catalogue's parameters, to the digits given

@@ -11,7 +11,7 @@ import numpy as np
 
 import stickslip as ss
 from stickslip import catalogue
-from stickslip.paper.claims.claim import (
+from stickslip.paper.sections.claim import (
     Finding,
     Verdict,
     claim,
@@ -24,7 +24,7 @@ from stickslip.paper.claims.claim import (
     together,
     vanishes,
 )
-from stickslip.paper.claims.laws import at_events, built, fact, rates_of, root
+from stickslip.paper.sections.laws import at_events, built, fact, rates_of, root
 
 FIXED = 0.00590569826359391  # γ_b for b = 1, μ₀ = v̂ = 1, found independently in 15 digits
 VISCOSITIES = [1e-4, 1e-5, 1e-6, 1e-7]

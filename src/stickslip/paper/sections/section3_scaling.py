@@ -10,7 +10,7 @@ import numpy as np
 
 import stickslip as ss
 from stickslip import catalogue
-from stickslip.paper.claims.claim import (
+from stickslip.paper.sections.claim import (
     Finding,
     Verdict,
     claim,
@@ -22,7 +22,7 @@ from stickslip.paper.claims.claim import (
     together,
     vanishes,
 )
-from stickslip.paper.claims.laws import at_events, built, fact, jacobian_of, points, rates_of
+from stickslip.paper.sections.laws import at_events, built, fact, jacobian_of, points, rates_of
 from stickslip.symbolic import expressions as ex
 
 BOX = {"beta": (-5.0, 5.0), "gamma": (0.0, 5.0), "nu": (1e-3, 0.1), "b": (0.2, 1.9), "mu_0": (0.5, 2.0)}

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.dissipation.phase import check_finite
-from stickslip.rate_independent.dissipation.stretches import (
+from stickslip.rate_independent.sets.phase import check_finite
+from stickslip.rate_independent.sets.stretches import (
     NOWHERE,
     Estimated,
     Near,
@@ -22,7 +22,7 @@ from stickslip.rate_independent.dissipation.stretches import (
 )
 
 if TYPE_CHECKING:
-    from stickslip.rate_independent.averaging.cones import ConeForm
+    from stickslip.rate_independent.sets.cones import ConeForm
 
 Array = NDArray[np.float64]
 
@@ -84,7 +84,7 @@ class Dissipation(ABC):
 
     def projection(self, xi: Array, s: float = 0.0) -> tuple[Array, Array]:
         """The Euclidean projection of ξ, shape (n,), onto K(s), and a generalised derivative of it, shape (n, n)."""
-        from stickslip.rate_independent.dissipation.projections import slope_by_differences
+        from stickslip.rate_independent.sets.projections import slope_by_differences
 
         y = self.project(xi, s)
         return y, slope_by_differences(lambda x: self.project(x, s), xi, y, 1e-7 * float(np.abs(xi).max() or 1.0))

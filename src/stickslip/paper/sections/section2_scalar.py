@@ -8,7 +8,7 @@ import numpy as np
 
 import stickslip as ss
 from stickslip import catalogue
-from stickslip.paper.claims.claim import (
+from stickslip.paper.sections.claim import (
     Finding,
     Verdict,
     claim,
@@ -21,7 +21,7 @@ from stickslip.paper.claims.claim import (
     together,
     vanishes,
 )
-from stickslip.paper.claims.laws import at_events
+from stickslip.paper.sections.laws import at_events
 
 LOAD, SPAN, TOP, HEIGHT = "5*t - t**2", (0.0, 5.0), 2.5, 6.25
 SMOOTH, KINK = "1 + cos(2*pi*s)/2", "0.5 + abs(sin(pi*(s - 0.2)))"

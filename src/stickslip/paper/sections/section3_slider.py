@@ -11,7 +11,7 @@ import numpy as np
 
 import stickslip as ss
 from stickslip import catalogue
-from stickslip.paper.claims.claim import (
+from stickslip.paper.sections.claim import (
     Finding,
     Verdict,
     claim,
@@ -24,7 +24,7 @@ from stickslip.paper.claims.claim import (
     together,
     vanishes,
 )
-from stickslip.paper.claims.laws import (
+from stickslip.paper.sections.laws import (
     at_events,
     built,
     fact,

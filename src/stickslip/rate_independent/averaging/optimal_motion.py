@@ -1,0 +1,61 @@
+"""Motions that cost what friction costs on average: which part of a displacement is made at which phase."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.errors import DeclarationError
+from stickslip.rate_independent.sets.potential import Array, Dissipation, OptimalMotion
+
+MOST_NUMBERS = 20_000_000  # in the table of an optimal motion
+VANISHING = 1e-12  # thresholds that count as 0, of the largest
+
+
+def measure(source: Dissipation, V: Array, phases: Array, motions: Array, xi: Array, violation: float) -> OptimalMotion:
+    """A measure with the sum V, what it costs, and what a force ξ says about the least cost."""
+    moving = np.abs(motions).max(axis=1) > 1e-14 * np.abs(V).max(initial=0.0)
+    together, sums = gathered(phases[moving], motions[moving])
+    if len(sums):
+        # Rounding of the program that found them.
+        sums[int(np.linalg.norm(sums, axis=1).argmax())] += V - sums.sum(axis=0)
+    cost = sum(source.support(v, s) for s, v in zip(together, sums, strict=True))
+    total = float(np.linalg.norm(sums, axis=1).sum())
+    return OptimalMotion(together, sums, float(cost), float(xi @ V) - max(violation, 0.0) * total)
+
+
+def gathered(phases: Array, motions: Array) -> tuple[Array, Array]:
+    """The same measure with increasing phases, each once."""
+    together, place = np.unique(phases, return_inverse=True)
+    sums = np.zeros((len(together), motions.shape[1]))
+    np.add.at(sums, place, motions)
+    return together, sums
+
+
+def scheduled(source: Dissipation, V: Array, when: Array, bound: float) -> OptimalMotion:
+    """Each component moves at a phase of its own."""
+    moving = V != 0
+    phases, place = np.unique(when[moving], return_inverse=True)
+    if len(phases) * len(V) > MOST_NUMBERS:
+        raise DeclarationError(
+            "optimal_motion",
+            f"{len(phases)} phases times {len(V)} components make too large a table",
+            "The phase of each component is an attribute of the average",
+        )
+    motions = np.zeros((len(phases), len(V)))
+    motions[place, np.flatnonzero(moving)] = V[moving]
+    cost = sum(source.support(v, s) for s, v in zip(phases, motions, strict=True))
+    return OptimalMotion(phases, motions, float(cost), bound)
+
+
+def vanishing(thresholds: Array) -> NDArray[np.bool_]:
+    """Which thresholds count as 0."""
+    return thresholds <= VANISHING * float(thresholds.max())
+
+
+def axes(chosen: NDArray[np.bool_]) -> Array:
+    """Unit vectors of the chosen components as columns."""
+    (index,) = np.nonzero(chosen)
+    basis = np.zeros((len(chosen), len(index)))
+    basis[index, np.arange(len(index))] = 1.0
+    return basis

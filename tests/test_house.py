@@ -1,0 +1,96 @@
+"""The plan of the house: how many files a room has, and which way imports go."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+from typing import NamedTuple
+
+import stickslip
+
+SOURCE = Path(stickslip.__file__).parent
+DOZEN = 12
+PICTURES = ("stickslip.figures", "stickslip.display")  # what a result or a system shows of itself when it is asked
+
+
+class Import(NamedTuple):
+    """What a module imports, and whether it does so at once."""
+
+    name: str
+    at_once: bool
+
+
+def module_of(path: Path) -> str:
+    """Dotted name of a file, or of the room whose ``__init__`` it is."""
+    parts = path.relative_to(SOURCE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {module_of(path): path for path in sorted(SOURCE.rglob("*.py"))}
+ROOMS = {name for name, path in MODULES.items() if path.stem == "__init__"}
+
+
+def room_of(name: str) -> str:
+    """The room a module is in; a room is in itself."""
+    return name if name in ROOMS else name.rpartition(".")[0]
+
+
+def imports_of(node: ast.AST, at_once: bool = True) -> Iterator[Import]:
+    """What is imported below a node; what is imported for types alone is not."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.ImportFrom):
+            assert child.level == 0, "imports are absolute"
+            for alias in child.names:
+                whole = f"{child.module}.{alias.name}"
+                yield Import(whole if whole in MODULES else child.module or "", at_once)
+        elif isinstance(child, ast.Import):
+            yield from (Import(alias.name, at_once) for alias in child.names)
+        elif not (isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test)):
+            yield from imports_of(child, at_once and not isinstance(child, ast.FunctionDef))
+
+
+IMPORTS = {
+    name: [found for found in imports_of(ast.parse(path.read_text(encoding="utf-8"))) if found.name in MODULES]
+    for name, path in MODULES.items()
+}
+
+
+def arrows(lazy: bool) -> dict[str, set[str]]:
+    """From each room to those it imports from; lazily, too, but for pictures."""
+    found: dict[str, set[str]] = {room: set() for room in ROOMS}
+    for name, imported in IMPORTS.items():
+        used = {i.name for i in imported if i.at_once or (lazy and not i.name.startswith(PICTURES))}
+        found[room_of(name)] |= {room_of(other) for other in used} - {room_of(name)}
+    return found
+
+
+def circle(arrows: dict[str, set[str]]) -> list[str]:
+    """Rooms in a circle of arrows, if there is one."""
+    try:
+        TopologicalSorter(arrows).prepare()
+    except CycleError as error:
+        return error.args[1]
+    return []
+
+
+def test_no_room_is_a_hall() -> None:
+    """A dozen files at most, unless they know nothing of each other: then it is a shelf."""
+    for room in ROOMS:
+        files = {name for name in MODULES if name not in ROOMS and room_of(name) == room}
+        used = {i.name for name in files for i in IMPORTS[name]}
+        assert len(files) <= DOZEN or not files & used, f"{room} has {len(files)} files"
+
+
+def test_no_import_runs_up() -> None:
+    """There is an order of the rooms such that each imports from those before it alone, at once or when it is used."""
+    assert not circle(arrows(lazy=False))
+    assert not circle(arrows(lazy=True))
+
+
+def test_a_circle_is_found() -> None:
+    """The test above can fail."""
+    assert set(circle({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})) == {"a", "b", "c"}
+    assert any(i.name == "stickslip.figures.motion" and not i.at_once for i in IMPORTS["stickslip.motion.trajectory"])
+    assert "stickslip.errors" in {i.name for i in IMPORTS["stickslip.model.declaration"]}
