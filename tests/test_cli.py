@@ -329,7 +329,7 @@ def test_the_readme_lists_the_catalogue() -> None:
         system = ss.catalogue.get(name)
         assert source == system.source
         assert title in (system.title, system.title.replace("of 3 blocks", "of blocks"))
-    assert listed.keys() == {"energy_residual", "stability_violation", "audit_error"}
+    assert not listed
 
 
 def test_the_readme_runs() -> None:

@@ -1,14 +1,18 @@
 """Certificates as data: named residuals with their limits, and one verdict.
 
 What is measured differs from kind to kind of result, how it is judged and shown does not: a result is certified if
-every residual is within its limit. A residual that is no number is never within.
+its computation ended as it should, every residual is within its limit, and nothing was left unverified. A residual that
+is no number is never within.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+MOST_SPANS = 8  # not verified, that are named
 
 
 @dataclass(frozen=True)
@@ -21,6 +25,7 @@ class Residual:
         What is measured, such as ``"closure"``.
     value : float
     limit : float
+        Infinite where the number is told, but not judged.
     least : bool
         Whether the value has to stay above the limit; otherwise below.
     note : str
@@ -29,46 +34,102 @@ class Residual:
 
     name: str
     value: float
-    limit: float
+    limit: float = math.inf
     least: bool = False
     note: str = ""
+
+    @property
+    def judged(self) -> bool:
+        """Whether there is a limit."""
+        return math.isfinite(self.limit)
 
     @property
     def ok(self) -> bool:
         """Whether it is within its limit."""
         return bool(self.value >= self.limit if self.least else self.value <= self.limit)
 
+    @property
+    def fault(self) -> str:
+        """What is wrong with it, if it is not within its limit."""
+        return f"{self.name} {self.value:.2e} {'below' if self.least else 'above'} {self.limit:.0e}"
+
     def describe(self) -> str:
         """One line: name, value and limit."""
-        bound = "at least" if self.least else "at most"
-        return f"{self.name} {self.value:.1e} ({bound} {self.limit:.0e})" + (f", {self.note}" if self.note else "")
+        bound = f" ({'at least' if self.least else 'at most'} {self.limit:.0e})" if self.judged else ""
+        return f"{self.name} {self.value:.1e}{bound}" + (f", {self.note}" if self.note else "")
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """All that was measured of a result.
+    """All that was measured of a result, and the verdict.
 
     Attributes
     ----------
     residuals : tuple of Residual
+    outcome : str
+        How the computation ended, if not as it should.
+    unverified : tuple of (float, float)
+        Times between which the law could not be enclosed; the numbers hold there at the times looked at only.
+    notes : tuple of str
+        What else is known: how finely it was looked, how large an error may be.
     """
 
     residuals: tuple[Residual, ...]
+    outcome: str = ""
+    unverified: tuple[tuple[float, float], ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def ok(self) -> bool:
         """Whether the result is certified."""
-        return all(residual.ok for residual in self.residuals)
+        return self.lawful and not self.outcome
+
+    @property
+    def lawful(self) -> bool:
+        """Whether what was computed obeys the law, however it ended."""
+        return not self.unverified and all(residual.ok for residual in self.residuals)
 
     @property
     def verdict(self) -> str:
-        """The verdict in words, with the residuals that are not within their limits."""
-        bad = [residual.describe() for residual in self.residuals if not residual.ok]
-        return f"not certified: {'; '.join(bad)}" if bad else f"certified: {len(self.residuals)} residuals in limits"
+        """The verdict in words: what is not within its limits, or what all are within, and the notes."""
+        if self.ok:
+            return "; ".join([f"certified: {self._limits}", *self.notes])
+        until = ", and obeys the law until then" if self.lawful else ""
+        reasons = [f"it ended with '{self.outcome}'{until}"] if self.outcome else []
+        reasons += [residual.fault for residual in self.residuals if not residual.ok]
+        reasons += [f"not verified {self._spans}"] if self.unverified else []
+        return f"not certified: {'; '.join(reasons)}"
+
+    @property
+    def _limits(self) -> str:
+        judged = [residual for residual in self.residuals if residual.judged]
+        limits = {residual.limit for residual in judged}
+        if len(limits) == 1 and not any(residual.least for residual in judged):
+            return f"all residuals below {limits.pop():.0e}"
+        return f"{len(judged)} residuals in limits"
+
+    @property
+    def _spans(self) -> str:
+        shown = [f"between t = {a:.9g} and {b:.9g}" for a, b in self.unverified[:MOST_SPANS]]
+        more = len(self.unverified) - len(shown)
+        return ", ".join(shown) + (f" and in {more} more spans" if more else "")
 
     def __getitem__(self, name: str) -> Residual:
-        """The residual of a name."""
-        return next(residual for residual in self.residuals if residual.name == name)
+        """The residual of a name.
+
+        Raises
+        ------
+        KeyError
+            If nothing of that name was measured.
+        """
+        for residual in self.residuals:
+            if residual.name == name:
+                return residual
+        raise KeyError(f"'{name}' was not measured; there are {', '.join(r.name for r in self.residuals)}")
+
+    def value(self, name: str) -> float:
+        """The value of a residual."""
+        return self[name].value
 
     def describe(self) -> str:
         """The verdict, and every residual on a line of its own."""
@@ -80,17 +141,26 @@ class Certificate:
             {"name": r.name, "value": float(r.value), "limit": r.limit, "least": r.least, "note": r.note, "ok": r.ok}
             for r in self.residuals
         ]
-        return {"ok": self.ok, "verdict": self.verdict, "residuals": rows}
+        spans = [list(span) for span in self.unverified]
+        verdict = {"ok": self.ok, "verdict": self.verdict}
+        return {**verdict, "residuals": rows, "outcome": self.outcome, "unverified": spans, "notes": list(self.notes)}
+
+
+def within(limit: float, values: Iterable[tuple[str, float]]) -> list[Residual]:
+    """Residuals that share a limit."""
+    return [Residual(name, value, limit) for name, value in values]
 
 
 def worst(certificates: Sequence[Certificate]) -> Certificate:
-    """Of many results of one kind: every residual where it is worst."""
+    """Of many results of one kind: every residual where it is worst, and whatever is missing."""
     names = dict.fromkeys(r.name for c in certificates for r in c.residuals)
     chosen = []
     for name in names:
         found = [r for c in certificates for r in c.residuals if r.name == name]
         chosen.append(max(found, key=_strain))
-    return Certificate(tuple(chosen))
+    outcome = next((c.outcome for c in certificates if c.outcome), "")
+    notes = dict.fromkeys(note for c in certificates for note in c.notes)
+    return Certificate(tuple(chosen), outcome, tuple(span for c in certificates for span in c.unverified), tuple(notes))
 
 
 def _strain(residual: Residual) -> float:

@@ -387,16 +387,16 @@ def judge(case: Case) -> Verdict:
     rounding = 64.0 * np.spacing(case.span) * case.slope + EXACT * case.size
     allowed = rounding / np.sqrt(stiff) + error
     if not case.exact:
-        allowed += ESTIMATES * certificate.error_estimate
+        allowed += ESTIMATES * certificate.value("error of z")
     scale = case.size / np.sqrt(stiff)
     numbers = {"difference": difference / scale, "allowed": allowed / scale, "reference": error / scale}
     right = difference <= allowed
-    if certificate.ok and not certificate.samples:
+    if certificate.ok and not certificate.value("samples"):
         return Verdict(AGREED, "", numbers) if right else Verdict(WRONG, "another motion", numbers)
     if certificate.ok:
         return Verdict(NOT_CERTIFIED, f"as sampled; {'right' if right else 'wrong'}", numbers)
-    reason = certificate.verdict.split(": ")[1].split(" ")[:2]
-    return Verdict(NOT_CERTIFIED, f"{' '.join(reason)}; {'right' if right else 'wrong'}", numbers)
+    reasons = ", ".join(residual.name for residual in certificate.residuals if not residual.ok)
+    return Verdict(NOT_CERTIFIED, f"{reasons}; {'right' if right else 'wrong'}", numbers)
 
 
 def reproduction(case: Case) -> str:

@@ -178,8 +178,9 @@ def _said(case: Case, motion: ss.Trajectory, reference: Motion, reached: float, 
         numbers |= {"reference": reference.outcome, "end": reference.end}
         return Verdict(WRONG if certified else NOT_CERTIFIED, f"goes on beyond {reference.outcome}", numbers)
     if not certified:
-        reasons = re.sub(r" [0-9.einf+-]+(?=,| above)", "", motion.certificate.verdict.split(": ", 1)[1])
-        return Verdict(NOT_CERTIFIED, reasons.split(" above")[0] + (", and wrong" if fault else ", but right"), numbers)
+        found = motion.certificate
+        reasons = [r.name for r in found.residuals if not r.ok] + ["not verified everywhere"] * bool(found.unverified)
+        return Verdict(NOT_CERTIFIED, ", ".join(reasons) + (", and wrong" if fault else ", but right"), numbers)
     if motion.outcome is ss.Outcome.AT_REST and moves_later(case, reference):
         return Verdict(WRONG, "moves again where it is said to rest forever", numbers)
     return Verdict(AGREED, "", numbers)

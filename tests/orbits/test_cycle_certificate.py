@@ -142,7 +142,7 @@ def test_residuals() -> None:
     good, low, none = Residual("a", 1e-12, 1e-9), Residual("b", 0.1, 0.2, least=True), Residual("c", math.nan, 1.0)
     assert (good.ok, low.ok, none.ok) == (True, False, False)
     certificate = Certificate((good, low, none))
-    assert certificate.verdict == "not certified: b 1.0e-01 (at least 2e-01); c nan (at most 1e+00)"
+    assert certificate.verdict == "not certified: b 1.00e-01 below 2e-01; c nan above 1e+00"
     assert [row["ok"] for row in certificate.to_dict()["residuals"]] == [True, False, False]
     other = Certificate((Residual("a", 1e-3, 1e-9), Residual("b", 0.3, 0.2, least=True)))
     found = worst([certificate, other])

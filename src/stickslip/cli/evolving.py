@@ -355,22 +355,12 @@ def summarise_evolution(model: EvolutionModel, result: History | Play, averaged:
     return {**heading(model), **common, **own, "certificate": certificate.to_dict()}
 
 
-RESIDUALS = {
-    "energy balance": "energy_residual",
-    "stability": "stability",
-    "friction law": "stability_violation",
-    "between steps": "overshoot",
-    "equations": "defect",
-    "KKT": "residual",
-    "error of z": "error_estimate",
-}
-
-
 def evolve_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     """The short table."""
+    from stickslip.cli.report import certificate_rows
+
     period = "in the limit of fast oscillations" if summary["averaged"] else f"epsilon = {summary['epsilon']:g}"
     count = ("switches", str(summary["switches"])) if "switches" in summary else ("steps", str(summary["steps"]))
-    certificate = summary["certificate"]
     return [
         ("outcome", summary["outcome"] if summary["complete"] else summary["message"]),
         ("method", f"{summary['method']}, {period}"),
@@ -378,6 +368,5 @@ def evolve_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
         count,
         ("final state", listed(summary["final"])),
         ("dissipated", f"{summary['dissipated']:.6g}"),
-        ("certificate", str(certificate["verdict"])),
-        *((f"  {label}", f"{certificate[key]:.1e}") for label, key in RESIDUALS.items() if key in certificate),
+        *certificate_rows(summary["certificate"]),
     ]

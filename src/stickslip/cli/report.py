@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,12 +16,6 @@ from stickslip.display.symbols import unicode_name
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-RESIDUALS = {
-    "energy balance": "energy_residual",
-    "friction law": "stability_violation",
-    "equations": "defect",
-    "audit rounding": "audit_error",
-}
 SHOWN = 8  # state variables in the table; all are in summary.json
 
 
@@ -34,7 +28,7 @@ def print_summary(summary: dict[str, Any], folder: Path) -> None:
         ("time", f"{summary['t_span'][0]:g} to {summary['end']:g}"),
         ("switches", str(summary["switches"])),
         ("final state", ", ".join(final[:SHOWN] + more)),
-        *_certificate(summary["certificate"]),
+        *certificate_rows(summary["certificate"]),
         ("wall time", f"{summary['wall_time']:.3g} s"),
         ("written", written(folder, FILES)),
     ]
@@ -50,7 +44,7 @@ def print_check(file: Path, trajectory: Trajectory) -> None:
         ("file", str(file)),
         ("outcome", trajectory.message),
         ("switches", str(trajectory.n_switches)),
-        *_certificate(certificate.to_dict()),
+        *certificate_rows(certificate.to_dict()),
     ]
     print_table(trajectory.system.title or trajectory.system.name, rows, certificate.ok)
 
@@ -65,11 +59,12 @@ def warn(text: str) -> None:
     Console(stderr=True).print(Text(f"warning: {text}", style="yellow"))
 
 
-def _certificate(certificate: dict[str, Any]) -> list[tuple[str, str]]:
+def certificate_rows(certificate: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The verdict, and what it rests on."""
     rows = [("certificate", str(certificate["verdict"]))]
-    for label, key in RESIDUALS.items():
-        value = certificate.get(key)
-        rows.append((f"  {label}", "not finite" if value is None else f"{value:.1e}"))
+    for residual in certificate["residuals"]:
+        value = residual["value"]
+        rows.append((f"  {residual['name']}", "not finite" if value is None else f"{value:.1e}"))
     return rows
 
 

@@ -296,7 +296,8 @@ class _Follower:
         ]
         points = self._dataset(system, stations, certified)
         within = in_range(ranges({self.parameter: self.span}), [s.point.x for s in stations])
-        certificate = Certificate((*worst([found for found, _ in certified]).residuals, within))
+        found = worst([found for found, _ in certified])
+        certificate = replace(found, residuals=(*found.residuals, within))
         return Branch(system, dict(self.values), self.parameter, points, special, ended, certificate)
 
     def _ending(self, piece: _Piece) -> str:

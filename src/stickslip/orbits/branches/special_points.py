@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -171,7 +171,8 @@ def of_branch(cycles: list[Cycle], spans: Mapping[str, tuple[float, float]], ste
         Residual("largest step", float(np.max(steps[1:], initial=0.0)), APART),
         *([Residual("smallest step", float(np.min(steps[1:])), TWICE, least=True)] if len(steps) > 1 else []),
     ]
-    return Certificate((*worst([cycle.certificate for cycle in cycles]).residuals, *own))
+    found = worst([cycle.certificate for cycle in cycles])
+    return replace(found, residuals=(*found.residuals, *own))
 
 
 def dataset(parameter: str, values: list[float], cycles: list[Cycle]) -> xarray.Dataset:

@@ -162,7 +162,7 @@ class Branch:
             "parameter": self.parameter,
             "special": [asdict(s) for s in self.special],
             "ended": self.ended,
-            "certificate": [asdict(r) for r in self.certificate.residuals],
+            "certificate": asdict(self.certificate),
             "second": self.second,
         }
         storage.write(path, self.points, KIND, FORMAT, **parts)
@@ -187,9 +187,17 @@ def open_branch(path: str | Path) -> Branch:
             points,
             [_special(entry) for entry in json.loads(own["special"])],
             own["ended"],
-            Certificate(tuple(Residual(**entry) for entry in json.loads(own["certificate"]))),
+            _certificate(json.loads(own["certificate"])),
             own["second"],
         )
+
+
+def _certificate(entry: Mapping[str, Any] | list[Mapping[str, Any]]) -> Certificate:
+    """A certificate as it was stored; versions before 0.2 stored its residuals alone."""
+    parts: Mapping[str, Any] = {"residuals": entry} if isinstance(entry, list) else entry
+    residuals = tuple(Residual(**residual) for residual in parts["residuals"])
+    spans = tuple((start, end) for start, end in parts.get("unverified", ()))
+    return Certificate(residuals, parts.get("outcome", ""), spans, tuple(parts.get("notes", ())))
 
 
 def _special(entry: Mapping[str, Any]) -> SpecialPoint:

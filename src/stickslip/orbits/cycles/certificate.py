@@ -6,6 +6,7 @@ was, what sticks forgets how it came there; and neighbours that are really follo
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +20,7 @@ from stickslip.orbits.return_map.mode_sequence import Sequence, sequence
 from stickslip.orbits.return_map.shooting import follow, numbers
 
 if TYPE_CHECKING:
-    from stickslip.motion.trajectory import Trajectory
+    pass
 
 Array = np.ndarray
 
@@ -47,8 +48,9 @@ def certify(closed: Closed) -> Certificate:
     orbit, shooting = closed.orbit, closed.shooting
     most = max(1.0, growth(orbit))
     trivial = float(np.max(np.abs(closed.spectrum.trivial - 1.0), initial=0.0))
+    motion = orbit.motion.certificate
     residuals = [
-        *of_motion(orbit.motion),
+        *motion.residuals,
         Residual("closure", shooting.miss(orbit), CLOSED, note="of the size of the cycle"),
         Residual("movement", _movement(closed), MOVES, least=True, note="of the state"),
     ]
@@ -62,21 +64,7 @@ def certify(closed: Closed) -> Certificate:
         Residual("multipliers 0", _remembered(closed), FORGOTTEN, note="of the growth of a change"),
         _neighbours(closed),
     ]
-    return Certificate(tuple(residuals))
-
-
-def of_motion(motion: Trajectory) -> list[Residual]:
-    """The certificate of a motion as residuals."""
-    found = motion.certificate
-    named = {
-        "energy balance": found.energy_residual,
-        "friction law": found.stability_violation,
-        "equations of motion": found.defect,
-    }
-    residuals = [Residual(name, value, found.tolerance) for name, value in named.items()]
-    if not found.ok and all(residual.ok for residual in residuals):
-        residuals.append(Residual("motion", float("nan"), found.tolerance, note=found.verdict))
-    return residuals
+    return replace(motion, residuals=tuple(residuals))
 
 
 def _movement(closed: Closed) -> float:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stickslip.certificates import Certificate, Residual
 from stickslip.rate_independent.evolution.outcome import EvolutionOutcome
 
 if TYPE_CHECKING:
@@ -19,86 +20,6 @@ if TYPE_CHECKING:
 Array = np.ndarray
 KIND, FORMAT = "evolution", 1  # of the stored file
 PHASE_STEP = 0.25  # longest step that still sees the oscillation, in periods
-
-
-@dataclass(frozen=True)
-class EvolutionCertificate:
-    """What was measured of an evolution, and the verdict. The formulas stand in ``rate_independent/audit.py``.
-
-    Attributes
-    ----------
-    stability : float
-        (S): largest distance of ℓ − Az from K over all steps, relative to the largest weight.
-    residual : float
-        Largest KKT residual of a step, relative to the largest weight.
-    energy_residual : float
-        (E): largest violation of the energy balance at any time, relative to the energy that flows.
-    overshoot : float
-        (S) between the steps: how far ℓ − Az may leave K, relative to the largest weight.
-    below, above : float
-        Two-sided estimate of the steps: with the one-sided sums of dissipation and work the balance lies between
-        −below and above, relative to the energy that flows.
-    phase_step : float
-        Longest step in periods; 0 if the dissipation does not depend on the phase.
-    error_estimate : float
-        √(2 Σ(|defect| + slack)): error of z in the energy norm; a bound if nothing overshoots.
-    samples : int
-        Times at which load and thresholds were looked at; 0 if they are bounded between the steps, since they are made
-        of formulas and tables.
-    energy_scale : float
-        Energy that flows: the largest of the swing of the energy, the dissipated energy and the work of the load.
-    tolerance : float
-        Of `energy_residual` and `overshoot`.
-    kkt : float
-        Tolerance of `stability` and `residual`.
-    """
-
-    stability: float
-    residual: float
-    energy_residual: float
-    overshoot: float
-    below: float
-    above: float
-    phase_step: float
-    error_estimate: float
-    samples: int
-    energy_scale: float
-    tolerance: float
-    kkt: float
-
-    def _limits(self) -> list[tuple[str, float, float]]:
-        return [
-            ("stability", self.stability, self.kkt),
-            ("KKT residual", self.residual, self.kkt),
-            ("energy balance", self.energy_residual, self.tolerance),
-            ("stability between steps", self.overshoot, self.tolerance),
-            ("length of a step in periods", self.phase_step, PHASE_STEP),
-        ]
-
-    @property
-    def ok(self) -> bool:
-        """Whether the evolution is certified."""
-        return all(value <= limit for _, value, limit in self._limits())
-
-    @property
-    def coverage(self) -> str:
-        """What is known between the steps, in words."""
-        return (
-            f"as sampled at {self.samples} times" if self.samples else "load and thresholds bounded between the steps"
-        )
-
-    @property
-    def verdict(self) -> str:
-        """The verdict in words."""
-        bad = [f"{name} {value:.2e} above {limit:.0e}" for name, value, limit in self._limits() if not value <= limit]
-        if bad:
-            return f"not certified: {', '.join(bad)}"
-        error = f"error of z about {self.error_estimate:.1e} in the energy norm"
-        return f"certified: (S) within {self.kkt:.0e}, (E) within {self.tolerance:.0e}, {self.coverage}; {error}"
-
-    def to_dict(self) -> dict[str, float | bool | str]:
-        """Numbers and verdict."""
-        return {**asdict(self), "ok": self.ok, "verdict": self.verdict}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -163,31 +84,56 @@ class History:
         return f"{self.outcome.label} after t = {end:.9g}{reason}: {self.outcome.message}"
 
     @cached_property
-    def certificate(self) -> EvolutionCertificate:
-        """Stability (S) and energy balance (E) of the whole evolution, measured."""
+    def energy_scale(self) -> float:
+        """Energy that flows: the largest of the swing of the energy, the dissipated energy and the work of the load."""
+        energy, dissipated, work = (self.dataset[name].values for name in ("energy", "dissipated", "work"))
+        scale = max(np.ptp(energy), dissipated[-1], np.abs(work).max(), self.dataset.attrs["least_energy"])
+        # Where next to nothing flows, the energy itself is known to rounding only.
+        return float(max(scale, 1e-6 * np.abs(energy).max()))
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """What was measured of the evolution, and the verdict. The formulas stand in ``evolution/audit.py``.
+
+        The residuals are
+
+        - *stability*: (S), largest distance of ℓ − Az from K over all steps, relative to the largest weight;
+        - *KKT residual* of a step, relative to the largest weight;
+        - *energy balance*: (E), largest violation at any time, relative to the energy that flows;
+        - *stability between steps*: how far ℓ − Az may leave K there, relative to the largest weight;
+        - *length of a step in periods*: 0 if the dissipation does not depend on the phase;
+
+        and, told but not judged,
+
+        - *energy balance from below*, *from above*: with the one-sided sums of dissipation and work the balance lies
+          between minus the one and the other, relative to the energy that flows;
+        - *error of z*: √(2 Σ(|defect| + slack)), in the energy norm; a bound if nothing overshoots;
+        - *samples*: times at which load and thresholds were looked at; 0 if they are bounded between the steps, since
+          they are made of formulas and tables.
+        """
         column = {name: self.dataset[name].values for name in self.dataset if self.dataset[name].dims == ("step",)}
         balance = column["energy"] - column["energy"][0] + column["dissipated"] - column["work"]
-        flows = np.ptp(column["energy"]), column["dissipated"][-1], np.abs(column["work"]).max()
-        scale = max(*flows, self.dataset.attrs["least_energy"])
-        # Where next to nothing flows, the energy itself is known to rounding only.
-        scale = float(max(scale, 1e-6 * np.abs(column["energy"]).max()))
-        relative = 1.0 / scale if scale > 0.0 else 0.0
+        relative = 1.0 / self.energy_scale if self.energy_scale > 0.0 else 0.0
         below = float(np.sum(column["increment"]))
         periods = self.dataset.attrs["epsilon"] if self.dataset.attrs["depends_on_phase"] else np.inf
-        return EvolutionCertificate(
-            stability=float(column["distance"].max()),
-            residual=float(column["residual"].max()),
-            energy_residual=float(np.abs(balance).max()) * relative,
-            overshoot=float(column["overshoot"].max()),
-            below=below * relative,
-            above=(below + float(np.sum(column["gap"]))) * relative,
-            phase_step=float(np.diff(self.dataset["step_time"].values).max(initial=0.0)) / periods,
-            error_estimate=float(np.sqrt(2.0 * np.sum(np.abs(column["defect"]) + column["slack"]))),
-            samples=0 if self.dataset.attrs["bounded"] else 2 * self.steps + 1,
-            energy_scale=scale,
-            tolerance=self.tolerance,
-            kkt=self.kkt,
+        longest = float(np.diff(self.dataset["step_time"].values).max(initial=0.0)) / periods
+        error = float(np.sqrt(2.0 * np.sum(np.abs(column["defect"]) + column["slack"])))
+        samples = 0 if self.dataset.attrs["bounded"] else 2 * self.steps + 1
+        looked = f"as sampled at {samples} times" if samples else "load and thresholds bounded between the steps"
+        residuals = (
+            Residual("stability", float(column["distance"].max()), self.kkt),
+            Residual("KKT residual", float(column["residual"].max()), self.kkt),
+            Residual("energy balance", float(np.abs(balance).max()) * relative, self.tolerance),
+            Residual("stability between steps", float(column["overshoot"].max()), self.tolerance),
+            Residual("length of a step in periods", longest, PHASE_STEP),
+            Residual("energy balance from below", below * relative),
+            Residual("energy balance from above", (below + float(np.sum(column["gap"]))) * relative),
+            Residual("error of z", error, note="in the energy norm"),
+            Residual("samples", float(samples)),
         )
+        outcome = "" if self.outcome.ok else self.outcome.label
+        notes = (looked, f"error of z about {error:.1e} in the energy norm")
+        return Certificate(residuals, outcome, notes=notes)
 
     def plot(self) -> Figure:
         """Components over time with stick phases shaded, and the energies."""

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from stickslip.certificates import Certificate, Residual, within
 from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError
 from stickslip.motion.simulate import check_span
 from stickslip.motion.trajectory import GRID
-from stickslip.rate_independent.play.certificate import PlayCertificate
 from stickslip.rate_independent.play.chebyshev import ROUNDING
 from stickslip.rate_independent.play.nodes import Bounds, Nodes, Sample, follow, panel_edges
 from stickslip.rate_independent.play.signals import INTERPOLATIONS, is_table, read_signal
@@ -381,8 +381,20 @@ class Play:
         return float(self.audit.dissipated[-1])
 
     @cached_property
-    def certificate(self) -> PlayCertificate:
-        """Energy balance (E), stability (S) in force form, and ż = L′ or U′ in motion, measured."""
+    def certificate(self) -> Certificate:
+        """What was measured of the motion, and the verdict.
+
+        The residuals are
+
+        - *energy balance*: (E), largest violation at any time, relative to the energy that flows;
+        - *friction law*: (S) in the form of forces: how far ℓ − a z leaves its interval, or a bound that it follows,
+          relative to the largest force;
+        - *rates*: largest difference between an increment of z and the integral of its rate, relative to z;
+
+        and, told but not judged, *samples*: most times (or phases) at which a function of Python was looked at; 0 if
+        load and thresholds are known everywhere, since they are formulas or samples. The limit is 1e-9, or what the
+        rounding of times alone makes of load and thresholds where these are steep, if that is more.
+        """
         audit = self.audit
         balance = audit.energy - audit.energy[0] + audit.dissipated - audit.supplied
         scale = max(float(np.ptp(audit.energy)), audit.dissipated[-1], audit.supplied_modulus)
@@ -399,7 +411,9 @@ class Play:
         energy, stability, defect = (measured * relative).tolist()
         tolerance = max(TOLERANCE, float((np.array(audit.blur) * relative).max()))
         samples = max(signal.samples for signal in self.bounds.signals)
-        return PlayCertificate(energy, stability, defect, samples, tolerance)
+        measured_of = [("energy balance", energy), ("friction law", stability), ("rates", defect)]
+        looked = f"as sampled at {samples} points" if samples else "load and thresholds bounded everywhere"
+        return Certificate((*within(tolerance, measured_of), Residual("samples", float(samples))), notes=(looked,))
 
     # -- data and picture -----------------------------------------------------------------------------
 
