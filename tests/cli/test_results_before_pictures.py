@@ -15,7 +15,7 @@ from stickslip.cli.evolving import AVERAGE_FILES, EVOLVE_FILES
 from stickslip.cli.folder import FILES, PICTURE
 from stickslip.cli.orbits import BASIN_FILES, BRANCH_FILES, CYCLE_FILES, EQUILIBRIA_FILES
 
-TWO_PHASES = str(Path(__file__).parents[1] / "examples" / "evolution" / "two-phases.toml")
+TWO_PHASES = str(Path(__file__).parents[2] / "examples" / "evolution" / "two-phases.toml")
 COMMANDS = {
     "run": (["run", "belt_block", "--until", "8"], FILES),
     "average": (["average", TWO_PHASES], AVERAGE_FILES),

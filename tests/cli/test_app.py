@@ -198,7 +198,7 @@ def test_broken_model_files_and_wrong_files(tmp_path: Path) -> None:
 
 
 def test_files_of_evolutions_have_their_own_commands(tmp_path: Path) -> None:
-    model = Path(__file__).parents[1] / "examples" / "evolution" / "two-phases.toml"
+    model = Path(__file__).parents[2] / "examples" / "evolution" / "two-phases.toml"
     assert "Use: stickslip evolve" in refused(stickslip("run", str(model)))
     assert stickslip("evolve", str(model), "--out", str(tmp_path / "e"), "--until", "0.1").exit_code == 0
     assert "holds an evolution, not a trajectory" in refused(stickslip("check", str(tmp_path / "e" / "evolution.nc")))
@@ -318,7 +318,7 @@ def test_as_a_process(tmp_path: Path) -> None:
     assert "I_b" in poor.stdout
 
 
-README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
 
 
 def test_the_readme_lists_the_catalogue() -> None:

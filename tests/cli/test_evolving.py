@@ -18,7 +18,7 @@ from stickslip.model.system import Parameter
 from stickslip.rate_independent.evolution.evolution_file import EvolutionModel, dumps, load, loads
 from stickslip.rate_independent.evolution.history import open_history
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 FILES = sorted((EXAMPLES / "evolution").glob("*.toml"))
 TWO, ELLIPSE, PLATE = (
     str(EXAMPLES / "evolution" / f"{name}.toml") for name in ("two-phases", "rotating-ellipse", "plate-compactor")

@@ -16,7 +16,7 @@ from stickslip.model.system import Condition, Contact, Inertial, Internal, Param
 from stickslip.model.system_file import dumps, load, loads, save
 from stickslip.model.toml import MAX_BYTES
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 TWINS = {
     "rocking-toy": "rocking_toy",
     "spring-slider": "spring_slider",

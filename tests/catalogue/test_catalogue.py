@@ -154,7 +154,7 @@ def test_no_other_module_uses_a_system():
 
 def test_nothing_breaks_without_the_catalogue(tmp_path):
     shutil.copytree(SOURCE, tmp_path / "stickslip", ignore=shutil.ignore_patterns("catalogue", "__pycache__"))
-    example = Path(__file__).parents[1] / "examples" / "rocking-toy.toml"
+    example = Path(__file__).parents[2] / "examples" / "rocking-toy.toml"
     code = f"""
 import sys, stickslip as ss
 assert "{tmp_path.as_posix()}" in ss.__file__

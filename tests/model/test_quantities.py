@@ -12,7 +12,7 @@ import stickslip as ss
 from stickslip.model.quantities import contact_key, energy_unit, force_unit, per_time, quantity, slip_unit
 from stickslip.model.units import NAMES, agree, factors, in_si, reduced, unit_text
 
-EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.toml"))
+EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.toml"))
 PUBLISHED = [*ss.catalogue.names(), *(path.name for path in EXAMPLES)]
 DIMENSIONLESS = ("oscillating_play", "scaled_slider", "scaled_slider_limit", "spring_slider")
 
