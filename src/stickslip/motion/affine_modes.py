@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip.motion.engine.forms import AFFINE, GERM_ORDERS, SLIDES, STICKS, ClosedForms
-from stickslip.motion.steps.arrays import Constants
+from stickslip.motion.steps.arrays import DIMENSION, INERTIAL, Constants
 
 if TYPE_CHECKING:
     from stickslip.motion.problem import Problem
@@ -75,7 +75,7 @@ def fill_closed_forms(
     slot, group, mode, region = (np.ascontiguousarray(a[new]) for a in (place, group, mode, region))
     linear, found = linearise(problem, constants, group, mode, region)
     slot, linear = slot[found], linear.take(found)
-    n = int(problem.rows.sizes[0])
+    n = int(problem.rows.sizes[DIMENSION])
     moving = np.any(linear.D[:, :n] != 0.0, axis=2) | np.any(linear.E[:, :n] != 0.0, axis=2)
     core = np.any((linear.D[:, :n] != 0.0) & moving[:, :, None], axis=1) & moving
     lawful = problem.rows.doubtful[:, 1]
@@ -205,7 +205,7 @@ def linearise(problem: Problem, constants: Constants, group: Array, mode: Array,
     from stickslip.motion.engine import tables
 
     sizes, layout, omega = problem.rows.sizes, problem.compiled.layout, constants.omega[group]
-    count, n, nc, nk, ne = len(group), int(sizes[0]), len(layout.u), len(layout.kinks), 2 + 2 * omega.shape[1]
+    count, n, nc, nk, ne = len(group), int(sizes[DIMENSION]), len(layout.u), len(layout.kinks), 2 + 2 * omega.shape[1]
     # Many times spread over slow and fast periods keep the fit of the drives well conditioned.
     slowest = np.min(np.where(omega > 0.0, omega, np.inf), axis=1, initial=np.inf)
     window = np.where(slowest < np.inf, 6.0 * np.pi / slowest, AGES)
@@ -220,7 +220,7 @@ def linearise(problem: Problem, constants: Constants, group: Array, mode: Array,
     times = np.hstack([later, np.zeros((count, n)), checked * window[:, None]])
     states = np.vstack([np.zeros((d, n)), PROBE * np.eye(n), checks])
     out = np.zeros((count, len(states), n + 4 * nc + nk + len(problem.rows.doubtful)))
-    hold, found = np.zeros((count, max(nc, 1), int(sizes[1]) + 1)), np.zeros(count, np.bool_)
+    hold, found = np.zeros((count, max(nc, 1), int(sizes[INERTIAL]) + 1)), np.zeros(count, np.bool_)
     tables.probe_modes(
         problem.compiled.jets,
         problem.rows,
@@ -342,7 +342,7 @@ def product_or_zero(A: Array, B: Array) -> Array:
 
 def guards(problem: Problem, linear: Linear) -> tuple[Array, Array, list[int]]:
     """Rows P, Q of all guards P x + Q e of modes in which the same contacts stick, and the switch each belongs to."""
-    layout, n = problem.compiled.layout, int(problem.rows.sizes[0])
+    layout, n = problem.compiled.layout, int(problem.rows.sizes[DIMENSION])
     nc, nk, mode = len(layout.u), len(layout.kinks), linear.mode
     F = np.concatenate([linear.D, linear.E], axis=2)
     u, force, plus, minus = (F[:, n + k * nc : n + (k + 1) * nc] for k in range(4))

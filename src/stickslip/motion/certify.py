@@ -4,8 +4,8 @@ All numbers are computed from the stored knots alone, by a method that did not p
 (:mod:`stickslip.motion.between.step_balance`):
 
 * *energy balance (E)*: E(t) + dissipated = E(0) + supplied, at every knot, relative to the energy that flows;
-* *friction law*, (S) in the form of forces: |λ| ≤ s always, λ = −σk and σu ≥ 0 in slip, u = 0 in stick, and every region on its side
-  of its kink, each relative to the largest force and relative velocity of its contact;
+* *friction law*, (S) in the form of forces: |λ| ≤ s always, λ = −σk and σu ≥ 0 in slip, u = 0 in stick, and every
+  region on its side of its kink, each relative to the largest force and relative velocity of its contact;
 * *equations of motion*: by how much they fail over a step, relative to the size of each component; where motion
   is stiff, in the time that a Taylor step would take.
 

@@ -11,7 +11,7 @@ from stickslip.motion.affine_modes import fill_closed_forms
 from stickslip.motion.engine import event_loop
 from stickslip.motion.engine.forms import AFFINE, ClosedForms
 from stickslip.motion.problem import Problem
-from stickslip.motion.steps.arrays import FULL, NEED, NONE_YET, STEPS, Constants, Lane, Record
+from stickslip.motion.steps.arrays import CAUSE, FULL, NEED, NONE_YET, STEPS, Constants, Lane, Record
 from stickslip.motion.steps.stiff import WATCHED
 
 Array = np.ndarray
@@ -56,7 +56,7 @@ class Lanes:
         (t, end), lanes = span, len(states)
         contacts, kinks = len(problem.rows.u), len(problem.rows.kinks)
         counters = np.zeros((lanes, 5), np.int64)
-        counters[:, 2] = -1
+        counters[:, CAUSE] = -1
         now = Lane(
             clock=np.tile([t, 0.0, t, end - t, 0.0, 1.0, -WATCHED, 0.0], (lanes, 1)),
             y=np.array(states, dtype=float),

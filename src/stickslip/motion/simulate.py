@@ -109,7 +109,7 @@ def follow(
     The compiled loops count time from the origin of the problem.
     """
     from stickslip.motion.ensemble import Lanes
-    from stickslip.motion.steps.arrays import FULL, Constants, Record
+    from stickslip.motion.steps.arrays import FULL, NOW, Constants, Record
 
     constants = Constants(*(part[None] for part in problem.constants))
     begin, end = start - problem.origin, end - problem.origin
@@ -127,16 +127,16 @@ def follow(
             )
             pieces.append(record.first(count))
             if progress is not None:
-                progress((clock[0] - begin) / (end - begin))
+                progress((clock[NOW] - begin) / (end - begin))
         code = int(lanes.codes[0])
     except KeyboardInterrupt:
         code = Outcome.INTERRUPTED.code
     knots = Knots.joined(pieces) if pieces else Knots.empty(0, len(y), contacts, kinks, problem.origin)
-    if len(knots.clock) == 0 or clock[0] > knots.clock[-1]:
+    if len(knots.clock) == 0 or clock[NOW] > knots.clock[-1]:
         now = lanes.now
         carried = now.mode[0] == now.settled[0]
         mode = np.where(carried, now.mode[0], np.sign(now.mode[0]))
-        last = Knots.single(clock[0], now.y[0], mode, now.reg[0], problem.origin)
+        last = Knots.single(clock[NOW], now.y[0], mode, now.reg[0], problem.origin)
         knots = Knots.joined([knots, last])
     return code, knots
 

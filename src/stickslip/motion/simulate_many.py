@@ -17,11 +17,10 @@ from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import SLOTS, Problem, pose
 from stickslip.motion.simulate import check_positive, check_span
+from stickslip.motion.steps.arrays import CROSSED, NOW, SWITCHES, TAKEN, Lane
 
 if TYPE_CHECKING:
     import xarray
-
-    from stickslip.motion.steps.arrays import Lane
 
 Array = np.ndarray
 BATCH_SLOTS = 12  # closed forms kept for each set of parameters of a batch
@@ -87,11 +86,11 @@ def simulate_many(
     labels = {o.code: o.label.replace(" ", "_") for o in Outcome}
     flags = {"flag_values": np.array(list(labels), np.int8), "flag_meanings": " ".join(labels.values())}
     data |= {
-        "time": ("trajectory", now.clock[:, 0] + problem.origin, {"units": system.time_unit or "1"}),
+        "time": ("trajectory", now.clock[:, NOW] + problem.origin, {"units": system.time_unit or "1"}),
         "outcome": ("trajectory", codes.astype(np.int8), flags),
-        "switches": ("trajectory", now.counters[:, 1]),
-        "kinks": ("trajectory", now.counters[:, 3]),
-        "steps": ("trajectory", now.counters[:, 4]),
+        "switches": ("trajectory", now.counters[:, SWITCHES]),
+        "kinks": ("trajectory", now.counters[:, CROSSED]),
+        "steps": ("trajectory", now.counters[:, TAKEN]),
     }
     return xr.Dataset(data, attrs={"title": system.title or system.name, "source": system.source})
 

@@ -11,7 +11,7 @@ from numba import njit
 
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
-from stickslip.motion.steps.arrays import ALLOCATING, JETS, POWERS, Constants, Rows, Space
+from stickslip.motion.steps.arrays import ALLOCATING, DIMENSION, JETS, POWERS, Constants, Rows, Space
 from stickslip.motion.steps.stiff import follow
 
 Array = np.ndarray
@@ -46,7 +46,7 @@ def sample(
         Knot whose step each time belongs to.
     out : array, shape (times, rows + 3)
     """
-    sizes, W, A, B, mag, n = rows.sizes, space.W, space.A, space.B, space.mag, rows.sizes[0]
+    sizes, W, A, B, mag, n = rows.sizes, space.W, space.A, space.B, space.mag, rows.sizes[DIMENSION]
     V, y, z, power = np.zeros((len(W), 2)), np.zeros(n), np.zeros(n), np.zeros(3)
     mode, reg = np.zeros(knot_mode.shape[1], np.int64), np.zeros(knot_region.shape[1], np.int64)
     last, base, h, order, known, final = -1, 0.0, 0.0, N, False, len(knot_time) - 1

@@ -26,7 +26,22 @@ from stickslip.motion.between.nodes import COUNT, LEBESGUE, NARROW, NODES, WEIGH
 from stickslip.motion.engine.guards import resting
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
-from stickslip.motion.steps.arrays import EPSILON, INLINED, JETS, OPTIONS, POWERS, Constants, Rows, Space
+from stickslip.motion.steps.arrays import (
+    DIMENSION,
+    EPSILON,
+    INERTIAL,
+    INLINED,
+    JETS,
+    ON_INERTIAL,
+    ON_VISCOUS,
+    OPTIONS,
+    POWERS,
+    RATE_INDEPENDENT,
+    VISCOUS,
+    Constants,
+    Rows,
+    Space,
+)
 from stickslip.motion.steps.discs import spread, spread_state
 from stickslip.motion.steps.step_size import LEAST, fill_powers, impulse
 from stickslip.motion.steps.stiff import follow
@@ -65,7 +80,7 @@ class Tally(NamedTuple):
 
 def make_tally(rows: Rows) -> Tally:
     """Nothing added up yet."""
-    n, contacts, kinks = int(rows.sizes[0]), len(rows.u), len(rows.kinks)
+    n, contacts, kinks = int(rows.sizes[DIMENSION]), len(rows.u), len(rows.kinks)
     return Tally(np.zeros((4, n)), np.zeros((contacts, 7)), np.zeros((kinks, 2)), np.zeros(3))
 
 
@@ -133,7 +148,7 @@ def audit_steps(
     tally : Tally
         Is added to.
     """
-    n, nc, W = rows.sizes[0], len(rows.u), space.W
+    n, nc, W = rows.sizes[DIMENSION], len(rows.u), space.W
     mode, reg, start = space.touched[:nc], space.touched[nc:], space.trial
     for i in range(len(ends)):
         left = ends[i] - knot_time[i]
@@ -210,7 +225,7 @@ def enclose(
     -----
     The discs of all rows are left in the work space.
     """
-    p, n, powers = rows.program, rows.sizes[0], space.reaches
+    p, n, powers = rows.program, rows.sizes[DIMENSION], space.reaches
     unit = space.W[n, 1]
     fill_powers(space.powers, h / unit)
     for turn in range(2):
@@ -272,7 +287,7 @@ def counts_for(rows: Rows, mag: Array, r: int, size: float, h: float, acting: fl
 @njit(**OPTIONS)
 def encloses(rows: Rows, space: Space, N: int, h: float, acting: float, factor: float, tally: Tally) -> bool:
     """Whether what may be between the nodes of a piece is negligible."""
-    n, nc, mag, discs, W, powers = rows.sizes[0], len(rows.u), space.mag, space.discs, space.W, space.powers
+    n, nc, mag, discs, W, powers = rows.sizes[DIMENSION], len(rows.u), space.mag, space.discs, space.W, space.powers
     for r in range(n):
         size = max(extent(W[r], N, powers), tally.state[0, r])
         time = counts_for(rows, mag, r, size, h, acting)
@@ -318,7 +333,7 @@ def measure_piece(
     tally: Tally,
 ) -> None:
     """Evaluate the law at the nodes of a piece, and add up what was found there and what may be between them."""
-    n, W, V, mag, y, power = rows.sizes[0], space.W, space.V, space.mag, space.y0, space.powers
+    n, W, V, mag, y, power = rows.sizes[DIMENSION], space.W, space.V, space.mag, space.y0, space.powers
     sizes, unit = rows.program.rate_sizes, W[n, 1]
     for g in range(COUNT):
         tau, weight = h * NODES[g], h * WEIGHTS[g]
@@ -368,9 +383,9 @@ def sample_law(rows: Rows, space: Space, mode: Array, reg: Array, h: float, g: i
 
     A contact has three rows: what must be nonnegative (two of them in stick), and what must vanish.
     """
-    n, nc, mq, mz, V, mag, samples, law = (
-        rows.sizes[0], len(rows.u), rows.sizes[5], rows.sizes[6], space.V, space.mag, space.samples, tally.law,
-    )  # fmt: skip
+    n, nc = rows.sizes[DIMENSION], len(rows.u)
+    mq, mz = rows.sizes[ON_INERTIAL], rows.sizes[ON_VISCOUS]
+    V, mag, samples, law = space.V, space.mag, space.samples, tally.law
     for c in range(nc):
         u, held, up, down = V[rows.u[c], 0], V[rows.force[c], 0], V[rows.plus[c], 0], V[rows.minus[c], 0]
         # Where thresholds vanish, a force is known up to the rounding of its terms only.
@@ -382,7 +397,7 @@ def sample_law(rows: Rows, space: Space, mode: Array, reg: Array, h: float, g: i
         if abs(mode[c]) == 2:
             law[c, 6] = most(law[c, 6], mag[nc + c] * h if c < mq else mag[c])
         elif mode[c] == 0:
-            matrix, place = (space.Rq, rows.sizes[1] + c) if c < mq else (space.Rz, rows.sizes[2] + c - mq)
+            matrix, place = (space.Rq, rows.sizes[INERTIAL] + c) if c < mq else (space.Rz, rows.sizes[VISCOUS] + c - mq)
             if c < mq + mz:
                 free = mag[2 * nc + c] / abs(matrix[place, place])
                 law[c, 6] = most(law[c, 6], free * h if c < mq else free)
@@ -400,7 +415,14 @@ def sample_law(rows: Rows, space: Space, mode: Array, reg: Array, h: float, g: i
 @njit(**OPTIONS)
 def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally) -> None:
     """By how much guards fail on a piece, at the nodes and between them."""
-    n, nc, mag, discs, samples, law = rows.sizes[0], len(rows.u), space.mag, space.discs, space.samples, tally.law
+    n, nc, mag, discs, samples, law = (
+        rows.sizes[DIMENSION],
+        len(rows.u),
+        space.mag,
+        space.discs,
+        space.samples,
+        tally.law,
+    )
     for c in range(nc):
         row, loose, tight = n + 3 * c, 0.0, 0.0
         rounding, unsure = 64.0 * EPSILON * mag[c], 64.0 * EPSILON * mag[2 * nc + c]
@@ -415,7 +437,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
             law[c, 2] = most(law[c, 2], largest_of(samples[row + 2]) + tight - rounding)
         else:
             law[c, 3] = most(law[c, 3], tight - rounding - least(samples[row], space.bernstein, rounding))
-            if c >= rows.sizes[5] + rows.sizes[6]:
+            if c >= rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]:
                 law[c, 1] = most(law[c, 1], largest_of(samples[row + 2]) + loose - unsure)
     for j in range(len(rows.kinks)):
         between = strays(discs[rows.kinks[j]], factor) if factor < np.inf else 0.0
@@ -444,7 +466,7 @@ def judge_departures(
     comes to rest, forces may jump, and nothing is asked.
     """
     W, law, nc, drops = space.W, tally.law, len(mode), rows.drops
-    x, late, leaves = h / W[rows.sizes[0], 1], 0.5 * EPSILON * abs(t) / W[rows.sizes[0], 1], False
+    x, late, leaves = h / W[rows.sizes[DIMENSION], 1], 0.5 * EPSILON * abs(t) / W[rows.sizes[DIMENSION], 1], False
     for c in range(nc):
         if not resting(mode[c]) and mode[c] != next_mode[c]:
             return
@@ -489,8 +511,15 @@ def close_step(
 
     A time is a rounded number: an end that the motion passes within half a digit of it is right.
     """
-    nq, nz, nr, mq, mz, W = rows.sizes[1], rows.sizes[2], rows.sizes[3], rows.sizes[5], rows.sizes[6], space.W
-    unit, late = W[rows.sizes[0], 1], 0.5 * EPSILON * abs(t)
+    nq, nz, nr, mq, mz, W = (
+        rows.sizes[INERTIAL],
+        rows.sizes[VISCOUS],
+        rows.sizes[RATE_INDEPENDENT],
+        rows.sizes[ON_INERTIAL],
+        rows.sizes[ON_VISCOUS],
+        space.W,
+    )
+    unit, late = W[rows.sizes[DIMENSION], 1], 0.5 * EPSILON * abs(t)
     for r in range(len(first)):
         off = abs(end[r] - space.trial[r]) - late * abs(rate_on(W[r], N, h / unit)) / unit
         if 2 * nq + nz <= r < 2 * nq + nz + nr:
@@ -529,7 +558,7 @@ def judge(rows: Rows, tally: Tally, imbalance: float, flow: float, energy: float
         Receives the residual of the energy balance, the violation of the friction law, the defect of the equations of
         motion, and the audit's own rounding errors.
     """
-    state, law, n = tally.state, tally.law, rows.sizes[0]
+    state, law, n = tally.state, tally.law, rows.sizes[DIMENSION]
     force, reach_, violation, defect, own = 0.0, 0.0, 0.0, 0.0, 0.0
     for c in range(len(law)):
         force = most(force, law[c, 4])

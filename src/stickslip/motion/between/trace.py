@@ -11,7 +11,7 @@ from numba import njit
 
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
-from stickslip.motion.steps.arrays import ALLOCATING, JETS, OPTIONS, Constants, Rows, Space
+from stickslip.motion.steps.arrays import ALLOCATING, DIMENSION, JETS, OPTIONS, Constants, Rows, Space
 from stickslip.motion.steps.stiff import follow
 
 Array = np.ndarray
@@ -48,7 +48,7 @@ def trace(
     wanted : array of int, shape (rows,)
     out : array, shape (rows, times)
     """
-    sizes, W, n = rows.sizes, space.W, rows.sizes[0]
+    sizes, W, n = rows.sizes, space.W, rows.sizes[DIMENSION]
     y, value, series, count = np.zeros(n), np.zeros(len(wanted)), np.zeros((N + 1, len(wanted))), len(wanted)
     mode, reg = np.zeros(knot_mode.shape[1], np.int64), np.zeros(knot_region.shape[1], np.int64)
     knot, base, h, order, full, last = -1, 0.0, 0.0, N, N, len(knot_time) - 1

@@ -15,25 +15,41 @@ from stickslip.motion.engine.modes import copy, flip, keeps, let_slide, resolve,
 from stickslip.motion.engine.roots import arrive
 from stickslip.motion.steps.arrays import (
     ASTRAY,
+    CAUSE,
+    CROSSED,
+    DIMENSION,
     FINISHED,
     FULL,
+    HAPPENED,
     INADMISSIBLE,
+    INERTIAL,
     INLINED,
     JETS,
+    LAST,
     LIMIT,
+    LONG_AGO,
     NAN,
     NEED,
     NEGATIVE,
     NO_RATE,
     NONE_YET,
+    NOW,
     NOWHERE,
     OK,
+    ON_INERTIAL,
     ON_JUMP,
+    ON_VISCOUS,
     OPTIONS,
+    RATE_INDEPENDENT,
+    RECENT,
     RESIDUAL,
+    SERIES,
     STEPS,
+    SWITCHES,
+    TAKEN,
     TINY,
     UNDEFINED,
+    VISCOUS,
     ZENO,
     ZERO,
     Constants,
@@ -182,14 +198,14 @@ def step_on(
     while True:
         if recording and count == len(record.time) and not again:
             return FULL, count
-        t, fired = clock[0], counters[2]
-        hold = fired >= 0 or counters[4] % 64 == 0
+        t, fired = clock[NOW], counters[CAUSE]
+        hold = fired >= 0 or counters[TAKEN] % 64 == 0
         status, h, series, may_fire = settle(
             jets, residual, rows, k, space, N, tol, atol, lane, min(room, max(end - t, 0.0)), hold, promised
         )
         if status == ASTRAY:
-            clock[0], clock[1], clock[7], clock[4], counters[2] = t0, last, before, recent, cause
-            counters[4] -= 1
+            clock[NOW], clock[LAST], clock[SERIES], clock[RECENT], counters[CAUSE] = t0, last, before, recent, cause
+            counters[TAKEN] -= 1
             copy(space.promise[1], y)
             room, again, promised = 0.25 * promised, True, 0.0
             continue
@@ -203,17 +219,17 @@ def step_on(
             if recording and fired < 0 and count > 1:
                 # The last step has left the domain of a formula: its end is no state of the motion.
                 count -= 1
-                clock[0] = record.time[count - 1]
+                clock[NOW] = record.time[count - 1]
                 copy(record.state[count - 1], y)
             return UNDEFINED, count
         if status != OK:
-            return (ON_JUMP if rows.sizes[3] == 0 else NO_RATE), count
+            return (ON_JUMP if rows.sizes[RATE_INDEPENDENT] == 0 else NO_RATE), count
         if t >= end:
             return FINISHED, count
         if h <= CLOSEST * abs(t) and h < end - t:
             # The rate of a sliding rate-independent coordinate runs away where its branch of equilibria ends.
             sliding = False
-            for c in range(rows.sizes[5] + rows.sizes[6], len(rows.u)):
+            for c in range(rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS], len(rows.u)):
                 sliding = sliding or lane.mode[c] != 0
             return (NO_RATE if sliding else TINY), count
         x, which = first_event(space, may_fire, N)
@@ -226,19 +242,24 @@ def step_on(
             space.trial[i], space.promise[0, i] = arrive(space.W[i], N, space.powers)
         # The next step begins with the rates at the end of this one, unless something comes in between.
         promised = x * h
-        if which >= 0 or (counters[4] + 1) % 64 == 0 or rows.sizes[3] > 0 or (recording and count == len(record.time)):
+        if (
+            which >= 0
+            or (counters[TAKEN] + 1) % 64 == 0
+            or rows.sizes[RATE_INDEPENDENT] > 0
+            or (recording and count == len(record.time))
+        ):
             if not solves(jets, rows, k, space, 1e4 * tol, atol, t, x * h, lane):
                 room, again, promised = 0.25 * x * h, True, 0.0
                 continue
             promised = 0.0
-        t0, last, before, recent, cause = t, clock[1], clock[7], clock[4], fired
+        t0, last, before, recent, cause = t, clock[LAST], clock[SERIES], clock[RECENT], fired
         copy(y, space.promise[1])
         copy(space.trial, y)
         room, again = np.inf, False
-        counters[4] += 1
-        clock[1], clock[7], clock[4] = h, series, max(series, 0.5 * clock[4])
-        clock[0] = end if which < 0 and h >= end - t else t + x * h
-        counters[2] = -1
+        counters[TAKEN] += 1
+        clock[LAST], clock[SERIES], clock[RECENT] = h, series, max(series, 0.5 * clock[RECENT])
+        clock[NOW] = end if which < 0 and h >= end - t else t + x * h
+        counters[CAUSE] = -1
         if forbidden >= 0:
             return (NEGATIVE if rows.doubtful[forbidden, 1] < 0 else INADMISSIBLE), count
         if which >= 0:
@@ -284,7 +305,7 @@ def fly_on(
     while True:
         if recording and count == len(record.time):
             return FULL, count
-        t, fired = clock[0], counters[2]
+        t, fired = clock[NOW], counters[CAUSE]
         for c in range(nc):
             if abs(mode[c]) == 2 and fired != nk + c:
                 return -1, count  # others carry it
@@ -299,9 +320,9 @@ def fly_on(
                 if T.used[g] < slots:
                     return NEED, count
                 break
-            if T.status[slot] != AFFINE or not flights.admissible(T, slot, flight, y, clock[4]):
+            if T.status[slot] != AFFINE or not flights.admissible(T, slot, flight, y, clock[RECENT]):
                 break
-            guard = flights.germs(T, slot, flight, omega, fired, nk, clock[1])
+            guard = flights.germs(T, slot, flight, omega, fired, nk, clock[LAST])
             if guard < 0:
                 ready = not carries(T, slot, flight, mode, nk, drops)
                 break
@@ -316,17 +337,17 @@ def fly_on(
             copy(flight.mode0, mode)
             copy(flight.reg0, reg)
             if fired >= 0 and fired < nk and fallen >= 0:
-                clock[0] = t + flights.land(T, flown, flight, fallen, y, clock[1])
+                clock[NOW] = t + flights.land(T, flown, flight, fallen, y, clock[LAST])
             return -1, count
         count = note(lane, recording, record, count)
         if t >= end:
             return FINISHED, count
         tau, guard = flights.fly(T, slot, flight, end - t, omega)
-        counters[4] += 1
-        clock[1], clock[7], clock[4] = tau, tau, max(tau, 0.5 * clock[4])
-        clock[0] = t + tau if guard >= 0 else end
+        counters[TAKEN] += 1
+        clock[LAST], clock[SERIES], clock[RECENT] = tau, tau, max(tau, 0.5 * clock[RECENT])
+        clock[NOW] = t + tau if guard >= 0 else end
         flights.arrive(T, slot, flight, y, tau, omega)
-        counters[2], flown, fallen = -1, slot, guard
+        counters[CAUSE], flown, fallen = -1, slot, guard
         if guard < 0:
             continue
         if T.switch[slot, guard] >= nk + 2 * nc:
@@ -360,7 +381,7 @@ def total(numbers: Array) -> int:
 def note(lane: Lane, recording: bool, record: Record, count: int) -> int:
     """Record where a lane is, and count the switches that brought it there."""
     if recording:
-        record.time[count], record.cause[count] = lane.clock[0], lane.counters[2]
+        record.time[count], record.cause[count] = lane.clock[NOW], lane.counters[CAUSE]
         copy(lane.y, record.state[count])
         copy(lane.mode, record.mode[count])
         copy(lane.reg, record.region[count])
@@ -368,7 +389,7 @@ def note(lane: Lane, recording: bool, record: Record, count: int) -> int:
     for i in range(len(lane.mode)):
         if lane.settled[i] != lane.mode[i]:
             seen = lane.settled[i] != NONE_YET and not (resting(lane.settled[i]) and resting(lane.mode[i]))
-            lane.counters[1] += 1 if seen else 0
+            lane.counters[SWITCHES] += 1 if seen else 0
             lane.settled[i] = lane.mode[i]
     return count
 
@@ -380,14 +401,14 @@ def fire(guard: int, lane: Lane, rows: Rows, max_events: int) -> int:
     fired = flip(guard, lane.mode, lane.reg, nk, rows.drops)
     if fired < nk and rows.vanishing[fired] >= 0:
         lane.y[rows.vanishing[fired]] = 0.0
-    counters[2] = fired
-    counters[0] += 1
-    counters[3] += 1 if fired < nk else 0
-    if counters[0] % ZENO_EVENTS == 0:
-        if clock[0] - clock[2] <= 1e2 * CLOSEST * abs(clock[0]):
+    counters[CAUSE] = fired
+    counters[HAPPENED] += 1
+    counters[CROSSED] += 1 if fired < nk else 0
+    if counters[HAPPENED] % ZENO_EVENTS == 0:
+        if clock[NOW] - clock[LONG_AGO] <= 1e2 * CLOSEST * abs(clock[NOW]):
             return ZENO
-        clock[2] = clock[0]
-    return LIMIT if counters[0] >= max_events else -1
+        clock[LONG_AGO] = clock[NOW]
+    return LIMIT if counters[HAPPENED] >= max_events else -1
 
 
 @njit(**OPTIONS)
@@ -411,7 +432,7 @@ def probe(
     acceleration that a unit of force gives to each.
     """
     sizes, W, mag = rows.sizes, space.W, space.mag
-    n, nq, nz, nr, mq = sizes[0], sizes[1], sizes[2], sizes[3], sizes[5]
+    n, nq, nz, nr, mq = sizes[DIMENSION], sizes[INERTIAL], sizes[VISCOUS], sizes[RATE_INDEPENDENT], sizes[ON_INERTIAL]
     nc, nk = len(rows.u), len(rows.kinks)
     space.known[-1], W[n, 1] = 1, 1.0
     if not resolve(sizes, k, space, mode):

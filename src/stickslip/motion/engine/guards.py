@@ -6,7 +6,18 @@ import numpy as np
 from numba import njit
 
 from stickslip.motion.engine.roots import first_crossing
-from stickslip.motion.steps.arrays import DOUBTFUL, FIRED, INLINED, NOWHERE, OPTIONS, ROUNDING, ZERO, Rows, Space
+from stickslip.motion.steps.arrays import (
+    DIMENSION,
+    DOUBTFUL,
+    FIRED,
+    INLINED,
+    NOWHERE,
+    OPTIONS,
+    ROUNDING,
+    ZERO,
+    Rows,
+    Space,
+)
 from stickslip.motion.steps.step_size import impulse
 
 Array = np.ndarray
@@ -78,7 +89,7 @@ def resting(mode: int) -> bool:
 @njit(**OPTIONS)
 def stays(rows: Rows, space: Space, mode: Array, c: int, N: int, last: float, fired: int, slack: float) -> bool:
     """Whether the relative velocity of a contact that does not stick vanishes for a while."""
-    W, mag, nk, nc, unit = space.W, space.mag, len(rows.kinks), len(rows.u), space.W[rows.sizes[0], 1]
+    W, mag, nk, nc, unit = space.W, space.mag, len(rows.kinks), len(rows.u), space.W[rows.sizes[DIMENSION], 1]
     row, near = rows.u[c], last / unit + space.powers[1]
     precision = max(FIRED if nk + c == fired else 0.0, slack * ROUNDING)
     size0, size1 = mag[c], mag[nc + c] * unit + abs(W[row, 1])
@@ -108,7 +119,7 @@ def scan(
     """
     W, mag, force, plus, minus, u = space.W, space.mag, rows.force, rows.plus, rows.minus, rows.u
     powers, pending, labels = space.powers, space.pending, space.labels
-    unit = W[rows.sizes[0], 1]
+    unit = W[rows.sizes[DIMENSION], 1]
     nk, nc, count, near = len(rows.kinks), len(rows.u), ZERO, last / unit + powers[1]
     for g in range(nk + 2 * nc + len(rows.doubtful)):
         # The guard is sign·W[row] + W[shift]; size0 and size1 are the scales of its value and of its rate.

@@ -19,17 +19,31 @@ from stickslip.equations.codegen.series import invert
 from stickslip.motion.engine.guards import scan, stays
 from stickslip.motion.steps.arrays import (
     ASTRAY,
+    CAUSE,
+    DIMENSION,
     FIRED,
+    IMPLICIT,
+    INERTIAL,
     INLINED,
     JETS,
+    LAST,
     NAN,
+    NOW,
     OFF_SURFACE,
     OK,
+    ON_INERTIAL,
+    ON_RATE_INDEPENDENT,
+    ON_VISCOUS,
     OPTIONS,
     OVERFLOW,
+    RATE_INDEPENDENT,
+    RECENT,
     RESIDUAL,
     ROUNDING,
+    SERIES,
     SINGULAR,
+    UNIT,
+    VISCOUS,
     ZERO,
     Constants,
     Lane,
@@ -79,7 +93,7 @@ def resolvent(
 @njit(**INLINED)
 def resolve(sizes: Array, k: Constants, space: Space, mode: Array) -> bool:
     """Bring the inverses of the linear problems up to date with the mode; False if one is singular."""
-    nq, nz, mq, mz, known = sizes[1], sizes[2], sizes[5], sizes[6], space.known
+    nq, nz, mq, mz, known = sizes[INERTIAL], sizes[VISCOUS], sizes[ON_INERTIAL], sizes[ON_VISCOUS], space.known
     same = True
     for c in range(mq + mz):
         same = same and known[c] == mode[c]
@@ -101,7 +115,12 @@ def project_rates(
     residual: RESIDUAL, sizes: Array, k: Constants, space: Space, t: float, y: Array, mode: Array, reg: Array
 ) -> int:
     """Put sliding rate-independent coordinates back on λ + σ s = 0 (one Newton step: they are there up to rounding)."""
-    nr, first, offset, G = sizes[3], sizes[5] + sizes[6], 2 * sizes[1] + sizes[2], space.G
+    nr, first, offset, G = (
+        sizes[RATE_INDEPENDENT],
+        sizes[ON_INERTIAL] + sizes[ON_VISCOUS],
+        2 * sizes[INERTIAL] + sizes[VISCOUS],
+        space.G,
+    )
     sliding = False
     for i in range(nr):
         sliding = sliding or mode[first + i] != 0
@@ -128,7 +147,7 @@ def release_or_hold(rows: Rows, space: Space, y: Array, mode: Array, last: float
     bool
         False if a contact was released, so that the mode has changed.
     """
-    W, mag, Rq, nc, nq, mq = space.W, space.mag, space.Rq, len(rows.u), rows.sizes[1], rows.sizes[5]
+    W, mag, Rq, nc, nq, mq = space.W, space.mag, space.Rq, len(rows.u), rows.sizes[INERTIAL], rows.sizes[ON_INERTIAL]
     for c in range(mq):
         if mode[c] != 0:
             continue
@@ -162,7 +181,7 @@ def evaluate_mode(
 ) -> int:
     """Taylor coefficients of the motion in a mode; y is put back onto the constraints of the mode."""
     W, sizes = space.W, rows.sizes
-    n, nr, mq = sizes[0], sizes[3], sizes[5]
+    n, nr, mq = sizes[DIMENSION], sizes[RATE_INDEPENDENT], sizes[ON_INERTIAL]
     while True:
         if not resolve(sizes, k, space, mode):
             return SINGULAR
@@ -327,8 +346,16 @@ def settle(
         possible; or ASTRAY if the step that ended here does not solve the equations.
     """
     sizes, touched, mode, reg, y = rows.sizes, space.touched, lane.mode, lane.reg, lane.y
-    nk, nc, nq, nz, mq, mz, mr = len(rows.kinks), len(rows.u), sizes[1], sizes[2], sizes[5], sizes[6], sizes[7]
-    t, last, recent, fired = lane.clock[0], lane.clock[1], lane.clock[4], lane.counters[2]
+    nk, nc, nq, nz, mq, mz, mr = (
+        len(rows.kinks),
+        len(rows.u),
+        sizes[INERTIAL],
+        sizes[VISCOUS],
+        sizes[ON_INERTIAL],
+        sizes[ON_VISCOUS],
+        sizes[ON_RATE_INDEPENDENT],
+    )
+    t, last, recent, fired = lane.clock[NOW], lane.clock[LAST], lane.clock[RECENT], lane.counters[CAUSE]
     copy(y, space.y0)
     for i in range(nk + nc):
         touched[i] = 0
@@ -336,7 +363,7 @@ def settle(
     # concerned.
     pivots, candidate, total, flipped, slack, units, h = 0, 0, 0, fired, 1.0, 0, 0.0
     kept = 0  # times that the forces of a state of the switches were put right
-    space.W[len(y), 1] = lane.clock[5]
+    space.W[len(y), 1] = lane.clock[UNIT]
     while True:
         if pivots > 0:
             copy(space.y0, y)
@@ -371,7 +398,7 @@ def settle(
             return NAN, 0.0, 0.0, 0
         if status == OK:
             h = step_size(
-                space.W, rows.watched, rows.noise, space.mag, lane.seen, len(y), N, lane.clock[7], tol, atol
+                space.W, rows.watched, rows.noise, space.mag, lane.seen, len(y), N, lane.clock[SERIES], tol, atol
             )  # fmt: skip
             h = (t + min(room, h)) - t  # between two times that can be told apart, as they are recorded
         if status == OVERFLOW or (status == OK and not suits(h, room, space.W[len(y), 1])):
@@ -395,8 +422,8 @@ def settle(
                     space.W, len(y), N, h, room, tol, atol, lane.seen, lane.clock, fired
                 )  # fmt: skip
                 if stiff:
-                    short, lane.clock[6] = collocate(
-                        jets, rows, k, space, N, t, y, mode, reg, h, lane.clock[6], tol, atol, lane.seen
+                    short, lane.clock[IMPLICIT] = collocate(
+                        jets, rows, k, space, N, t, y, mode, reg, h, lane.clock[IMPLICIT], tol, atol, lane.seen
                     )  # fmt: skip
                 if short != h:
                     h = (t + short) - t
@@ -404,10 +431,10 @@ def settle(
                     guard, count = scan(rows, space, mode, reg, N, last, fired, slack)
                 if stiff and (guard >= 0 or not short > 0.0):
                     # A guard that vanishes is known better from its series.
-                    lane.clock[6], space.W[len(y), 1], pivots = -RESTING, unit, 0
+                    lane.clock[IMPLICIT], space.W[len(y), 1], pivots = -RESTING, unit, 0
                     continue
                 if guard < 0:
-                    lane.clock[5] = unit
+                    lane.clock[UNIT] = unit
                     for i in range(len(rows.watched)):
                         lane.seen[i] = max(lane.seen[i], abs(space.W[rows.watched[i], 0]))
                     return OK, h, series, count

@@ -61,6 +61,13 @@ ZERO = cast(int, np.int64(0))
 NOWHERE = cast(int, np.int64(-1))  # no row
 NONE_YET = 9  # no mode of a contact
 
+# Slots of Rows.sizes: how long the state is, and its inertial, viscous, rate-independent and internal parts; how many
+# contacts move coordinates of each kind; how many kinks there are.
+DIMENSION, INERTIAL, VISCOUS, RATE_INDEPENDENT, INTERNAL, ON_INERTIAL, ON_VISCOUS, ON_RATE_INDEPENDENT, KINKS = range(9)
+# Slots of Lane.clock, and of Lane.counters: see there.
+NOW, LAST, LONG_AGO, SPAN, RECENT, UNIT, IMPLICIT, SERIES = range(8)
+HAPPENED, SWITCHES, CAUSE, CROSSED, TAKEN = range(5)
+
 # The loops allocate nothing and own no array, so that no reference has to be counted (half of the time, where views of
 # arrays are as many as here).
 OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "_nrt": False}
@@ -76,7 +83,7 @@ class Rows(NamedTuple):
     Attributes
     ----------
     sizes : array of int
-        n, nq, nz, nr, na, contacts by kind (mq, mz, mr), kinks.
+        By the slots from `DIMENSION` to `KINKS`.
     u, force, plus, minus : arrays of int
         Rows of uᵢ, λᵢ, sᵢ⁺, sᵢ⁻ by contact.
     kinks : array of int
@@ -185,9 +192,10 @@ class Lane(NamedTuple):
     Attributes
     ----------
     clock : array
-        t, last step, time of an event many events ago, span, the length of recent steps (events that coincide up to
-        rounding make steps of no length), the unit of time of the Taylor coefficients, the length of the next
-        implicit step (negative: steps until one is tried), and the step that a series would have been good for.
+        By slots: `NOW`, the time; `LAST`, the last step; `LONG_AGO`, when an event was many events ago; `SPAN`;
+        `RECENT`, the length of recent steps (events that coincide up to rounding make steps of no length); `UNIT`, the
+        unit of time of the Taylor coefficients; `IMPLICIT`, the length of the next implicit step (negative: steps until
+        one is tried); `SERIES`, the step that a series would have been good for.
     y : array
         State.
     seen : array
@@ -196,7 +204,8 @@ class Lane(NamedTuple):
         Mode of each contact (0: stick; ±1: slip; ±2: at its threshold, about to slip or carried by others), the mode
         before the last event (9: none yet), and region of each kink.
     counters : array of int
-        Events, switches of contacts, fired switch or −1, kinks crossed, steps.
+        By slots: `HAPPENED`, events; `SWITCHES` of contacts; `CAUSE`, the switch that has just fired, or −1; `CROSSED`,
+        kinks; `TAKEN`, steps.
     """
 
     clock: Array

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numba import njit
 
-from stickslip.motion.steps.arrays import EPSILON, INLINED, JETS, OPTIONS, Constants, Rows, Space
+from stickslip.motion.steps.arrays import DIMENSION, EPSILON, INERTIAL, INLINED, JETS, OPTIONS, Constants, Rows, Space
 from stickslip.motion.steps.discs import ATAN, LOG, ROTATION, TANH, reach, spread, spread_state
 
 Array = np.ndarray
@@ -100,7 +100,7 @@ def first_step(c: Array, N: int, tol: float) -> float:
 @njit(**OPTIONS)
 def impulse(rows: Rows, mag: Array, r: int, h: float) -> float:
     """By how much the terms of its rate, if none cancelled, would change a part of the state within a time."""
-    sizes, nq = rows.program.rate_sizes, rows.sizes[1]
+    sizes, nq = rows.program.rate_sizes, rows.sizes[INERTIAL]
     return float(h * mag[sizes[r]] if sizes[r] >= 0 else h * h * mag[sizes[r + nq]])
 
 
@@ -145,7 +145,7 @@ def expand(
     order, step
         Order up to which they are finite, and the step for which they are good.
     """
-    W, n, order, h = space.W, rows.sizes[0], N, 0.0
+    W, n, order, h = space.W, rows.sizes[DIMENSION], N, 0.0
     for _ in range(MOST_UNITS):
         jets(t, y, mode, reg, k.K, space.Rq, space.Rz, N, W, space.A, space.B, space.mag)
         order = finite_order(W, n, N)
@@ -217,7 +217,7 @@ def unseen(
     seen: Array,
 ) -> float:
     """What the series cannot show within a step, in parts of what it may be: the step is fine if this is at most 1."""
-    p, W, discs, powers, n = rows.program, space.W, space.discs, space.reaches, rows.sizes[0]
+    p, W, discs, powers, n = rows.program, space.W, space.discs, space.reaches, rows.sizes[DIMENSION]
     fill_powers(powers, 2.0 * h / W[n, 1])
     discs[n, 0], discs[n, 1] = 2.0 * h, 0.0
     spread_state(W, N, powers, p.seen, discs)
@@ -254,7 +254,7 @@ def hidden(
     rows: Rows, space: Space, mode: Array, N: int, h: float, part: float, tol: float, atol: float, seen: Array
 ) -> float:
     """The largest part of the state and of the guards that may be hidden, in parts of what is allowed."""
-    p, W, mag, discs, powers, n = rows.program, space.W, space.mag, space.discs, space.reaches, rows.sizes[0]
+    p, W, mag, discs, powers, n = rows.program, space.W, space.mag, space.discs, space.reaches, rows.sizes[DIMENSION]
     worst = 0.0
     for r in range(n):
         size = LEAST + abs(W[r, 0]) + reach(W[r], N, powers) + atol * seen[r]

@@ -29,7 +29,19 @@ from numba import njit
 
 from stickslip.equations.codegen.generate import ORDERS
 from stickslip.equations.codegen.series import invert
-from stickslip.motion.steps.arrays import EPSILON, INLINED, JETS, OK, OPTIONS, ROUNDING, Constants, Rows, Space
+from stickslip.motion.steps.arrays import (
+    DIMENSION,
+    EPSILON,
+    IMPLICIT,
+    INLINED,
+    JETS,
+    OK,
+    OPTIONS,
+    ROUNDING,
+    Constants,
+    Rows,
+    Space,
+)
 from stickslip.motion.steps.discs import spread, spread_state
 from stickslip.motion.steps.step_size import LEAST, better, expand, fill_powers, hidden
 
@@ -117,14 +129,14 @@ def lingers(
     if not dear(n) * h < room:
         return False
     if fired >= 0 or not calm(W, n, N, h, tol, atol, seen):
-        clock[6] = min(clock[6], -WATCHED)
+        clock[IMPLICIT] = min(clock[IMPLICIT], -WATCHED)
         return False
-    if clock[6] < 0.0:
-        clock[6] += 1.0
+    if clock[IMPLICIT] < 0.0:
+        clock[IMPLICIT] += 1.0
         return False
-    if clock[6] == 0.0:
-        clock[6] = 4.0 * dear(n) * h
-    clock[6] = min(clock[6], room)
+    if clock[IMPLICIT] == 0.0:
+        clock[IMPLICIT] = 4.0 * dear(n) * h
+    clock[IMPLICIT] = min(clock[IMPLICIT], room)
     return True
 
 
@@ -157,7 +169,7 @@ def follow(
     order, step, series
         Order up to which the coefficients are finite, the step for which they are good, and that of the series.
     """
-    n, before, step = rows.sizes[0], last, -1.0
+    n, before, step = rows.sizes[DIMENSION], last, -1.0
     while True:
         order, h = expand(jets, rows, k, space, N, t, y, mode, reg, room, before, tol, atol, seen)
         least = dear(n) * h
@@ -203,7 +215,7 @@ def collocate(
     step, next
         Its length, and that to be tried next; zeros if none is worth its cost.
     """
-    p, W, n, powers, s, q = rows.program, space.W, rows.sizes[0], space.reaches, N // 2, (N - FIRST) // APART
+    p, W, n, powers, s, q = rows.program, space.W, rows.sizes[DIMENSION], space.reaches, N // 2, (N - FIRST) // APART
     work = space.stages[2 * s * n + 1 :]
     step, cut, values = first, False, work[VALUES]
     for r in range(n):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from stickslip.motion.steps.arrays import INLINED, OPTIONS, Constants, Rows, Space
+from stickslip.motion.steps.arrays import DIMENSION, INLINED, OPTIONS, Constants, Rows, Space
 from stickslip.motion.steps.discs import (
     ENTRY,
     HYPERBOLIC,
@@ -41,7 +41,7 @@ def is_affine(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array) -
 
     The table holds the values of all rows, of order 0, at some state.
     """
-    p, kinds, n = rows.program, space.kinds, rows.sizes[0]
+    p, kinds, n = rows.program, space.kinds, rows.sizes[DIMENSION]
     for r in range(n):
         kinds[r] = STATE
     kinds[n] = TIME

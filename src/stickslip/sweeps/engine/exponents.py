@@ -7,7 +7,17 @@ import math
 import numpy as np
 from numba import njit
 
-from stickslip.motion.steps.arrays import FINISHED, INLINED, NEED, OPTIONS, Lane
+from stickslip.motion.steps.arrays import (
+    DIMENSION,
+    FINISHED,
+    INERTIAL,
+    INLINED,
+    NEED,
+    OPTIONS,
+    RATE_INDEPENDENT,
+    VISCOUS,
+    Lane,
+)
 from stickslip.sweeps.engine.settling import UNRECORDED, copy_lane, follow
 from stickslip.sweeps.engine.tables import DONE, DURATION, MEASURING, PHASE, START, Bench, Engine, Found, Marks, Rules
 
@@ -52,9 +62,9 @@ def grow_apart(
     What slides without mass is on its threshold, from which a change would take it away; so both go a bit further
     before the twin leaves, until it can. NaN where it never can. Returns whether that is known, as in :func:`settle`.
     """
-    s, w, n = e.lanes, twin.lanes, e.rows.sizes[0]
-    first, size = 2 * e.rows.sizes[1] + e.rows.sizes[2], m.size[i]
-    last, stretch = first + e.rows.sizes[3], m.real[i, DURATION]
+    s, w, n = e.lanes, twin.lanes, e.rows.sizes[DIMENSION]
+    first, size = 2 * e.rows.sizes[INERTIAL] + e.rows.sizes[VISCOUS], m.size[i]
+    last, stretch = first + e.rows.sizes[RATE_INDEPENDENT], m.real[i, DURATION]
     for attempt in range(8):
         copy_lane(saved, i, s, i)
         t = m.real[i, START] + attempt * stretch / 7.3

@@ -7,7 +7,7 @@ from numba import njit
 
 from stickslip.motion.between.step_balance import Tally, audit_steps, judge
 from stickslip.motion.engine.modes import copy, resolve
-from stickslip.motion.steps.arrays import FINISHED, FULL, INLINED, NEED, OPTIONS, Constants, Lane, Record
+from stickslip.motion.steps.arrays import FINISHED, FULL, INLINED, NEED, NOW, OPTIONS, Constants, Lane, Record
 from stickslip.sweeps.engine.observers import clear, observe
 from stickslip.sweeps.engine.returns import begin_again, gap, grow, miss, remove_shift, told_apart
 from stickslip.sweeps.engine.settling import (
@@ -105,7 +105,7 @@ def measure(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found:
         copy(record.region[steps], record.region[0])
         carried = 1
     conclude(e, bench, audit)
-    feel(e, k, s.clock[i, 0], s.y[i], bench, bench.felt[1])
+    feel(e, k, s.clock[i, NOW], s.y[i], bench, bench.felt[1])
     m.felt[i] = difference(bench.felt)
     found.moves[i] = moves(rules, bench, bench.tally.state[0], not framed(m, i))
     for r in range(bench.ends.shape[1]):
@@ -160,12 +160,12 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
             follow(e, i, real[START] + part * (a / SAMPLES + b), rules.most[1], UNRECORDED, bench.record)
             if e.codes[i] == NEED:
                 return False
-            extend(m, rules, i, real[START], s.clock[i, 0], s.y[i], bench)
+            extend(m, rules, i, real[START], s.clock[i, NOW], s.y[i], bench)
             if b == 0:
-                m.time[i, 0] = s.clock[i, 0]
+                m.time[i, 0] = s.clock[i, NOW]
                 copy(s.y[i], m.state[i, 0])
             else:
-                gap(m, i, 0, s.clock[i, 0], s.y[i], rules.translation, bench.work[0])
+                gap(m, i, 0, s.clock[i, NOW], s.y[i], rules.translation, bench.work[0])
                 off = max(off, miss(bench.work[0], m.size[i], rules.real[4])) if e.codes[i] == FINISHED else np.inf
         if not moves(rules, bench, bench.tally.state[0], False) > 0.0:
             return True
@@ -332,7 +332,7 @@ def look_closer(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, 
     for r in range(m.size.shape[1]):
         m.size[i, r] = bench.ends[2, r] if bench.ends[2, r] > 0.0 else m.size[i, r]
     last = (m.numbers[i, COUNT] - 1) % m.time.shape[1]
-    m.time[i, last] = saved.clock[i, 0]
+    m.time[i, last] = saved.clock[i, NOW]
     copy(saved.y[i], m.state[i, last])
     copy_lane(saved, i, lanes, i)
     m.numbers[i, SIZED], m.numbers[i, TRUE], m.numbers[i, PENDING], m.real[i, PATIENT] = 1, 0, 0, np.inf

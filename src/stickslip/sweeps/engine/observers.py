@@ -14,7 +14,7 @@ from stickslip.motion.between.nodes import WEIGHTS as GAUSS_WEIGHTS
 from stickslip.motion.engine.guards import resting
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
-from stickslip.motion.steps.arrays import JETS, OPTIONS, Constants, Record, Rows, Space
+from stickslip.motion.steps.arrays import DIMENSION, JETS, OPTIONS, Constants, Record, Rows, Space
 from stickslip.motion.steps.stiff import follow
 from stickslip.sweeps.engine.tables import Sums
 
@@ -105,7 +105,7 @@ def observe(
     closely : bool
         Whether extrema, work and forces are wanted, for which the steps have to be followed again.
     """
-    sizes, W, n, nc = rows.sizes, space.W, rows.sizes[0], len(rows.u)
+    sizes, W, n, nc = rows.sizes, space.W, rows.sizes[DIMENSION], len(rows.u)
     y, mode, reg = space.y0, space.touched[:nc], space.touched[nc:]  # free between steps
     for i in range(first, last):
         length, stuck = knots.time[i + 1] - knots.time[i], True

@@ -20,6 +20,7 @@ import numpy as np
 
 from stickslip.motion.engine.forms import AFFINE
 from stickslip.motion.outcome import Outcome
+from stickslip.motion.steps.arrays import NOW
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.sweeps.engine.repetition import Repetition, repeats
 from stickslip.sweeps.engine.tables import (
@@ -126,7 +127,7 @@ class Prover:
         marks.outcome[index], marks.numbers[done, PHASE], marks.numbers[late, PHASE] = outcome, MEASURING, SETTLING
         proved = done[~cycles[outcome != NOTHING]]
         marks.real[proved, FLOOR], marks.real[proved, OPEN] = 0.0, np.inf
-        t, real = saved.clock[:, 0], marks.real
+        t, real = saved.clock[:, NOW], marks.real
         if not self.rules.timed:  # the clocks of driven motions are set back at every mark
             t = t + np.maximum(marks.numbers[:, COUNT] - 1, 0) * marks.drive
         real[late, ASK] = t[late] + np.maximum(LATER * (t[late] - self.rules.real[0]), real[late, DURATION])
@@ -143,7 +144,7 @@ class Prover:
         names, state = list(self.problem.system.parameters), self.problem.compiled.layout.state
         values = dict(zip(names, map(float, self.table[i]), strict=True))
         frame = dict(zip(state, map(float, marks.frame[i]), strict=True))
-        return self.repetition.waves(values, frame, self.problem.origin + float(saved.clock[i, 0]))
+        return self.repetition.waves(values, frame, self.problem.origin + float(saved.clock[i, NOW]))
 
     def ends_here(self, i: int, marks: Marks, saved: Lane) -> bool:
         """Whether a motion whose rates have died out ends at an equilibrium of its mode."""
@@ -153,7 +154,7 @@ class Prover:
         except ZeroDivisionError:
             return False  # the rates are not determined in this mode alone
         free = int(np.sum(mode == 0)) + int(np.any(self.rules.translation != 0.0))
-        point = self.problem.origin + float(saved.clock[i, 0]), saved.y[i], self.table[i]
+        point = self.problem.origin + float(saved.clock[i, NOW]), saved.y[i], self.table[i]
         return near_equilibrium(piece, point, self.rules.translation, free)
 
 
@@ -175,7 +176,7 @@ def slots_of(lanes: Lanes, index: Array, saved: Lane) -> Array:
 
 def affine_fates(lanes: Lanes, index: Array, slot: Array, marks: Marks, saved: Lane, translation: Array) -> Fates:
     """What becomes of motions in affine modes, if these last."""
-    T, y, t = lanes.forms, saved.y[index], saved.clock[index, 0]
+    T, y, t = lanes.forms, saved.y[index], saved.clock[index, NOW]
     omega, n = lanes.constants.omega[lanes.group[index]], y.shape[1]
     angle = omega * t[:, None]
     waves = np.stack([np.cos(angle), np.sin(angle)], axis=2).reshape(len(index), -1)

@@ -29,7 +29,24 @@ from stickslip.motion.engine.guards import resting
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
 from stickslip.motion.outcome import Outcome
-from stickslip.motion.steps.arrays import FINISHED, FULL, INLINED, LIMIT, NEED, OK, OPTIONS, Constants, Lane, Record
+from stickslip.motion.steps.arrays import (
+    CAUSE,
+    FINISHED,
+    FULL,
+    HAPPENED,
+    INLINED,
+    LAST,
+    LIMIT,
+    LONG_AGO,
+    NEED,
+    NOW,
+    OK,
+    OPTIONS,
+    SERIES,
+    Constants,
+    Lane,
+    Record,
+)
 from stickslip.motion.steps.step_size import better
 from stickslip.motion.steps.stiff import follow as along
 from stickslip.sweeps.engine.returns import (
@@ -141,7 +158,7 @@ def dies_out(e: Engine, m: Marks, rules: Rules, i: int, tolerance: float, look: 
     w.known[-1], w.W[len(work), 1] = 1, 1.0
     if not resolve(e.rows.sizes, k, w, s.mode[i]):
         return False
-    if e.jets(s.clock[i, 0], s.y[i], s.mode[i], s.reg[i], k.K, w.Rq, w.Rz, 1, w.W, w.A, w.B, w.mag) != OK:
+    if e.jets(s.clock[i, NOW], s.y[i], s.mode[i], s.reg[i], k.K, w.Rq, w.Rz, 1, w.W, w.A, w.B, w.mag) != OK:
         return False
     for r in range(len(work)):
         work[r] = (w.W[r, 1] - m.frame[i, r]) * look
@@ -164,9 +181,9 @@ def settle(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: A
         if stop[0] != 0:
             return
         smooth = numbers[SMOOTH] == 1
-        events = rules.most[1] if drive > 0.0 else min(s.counters[i, 0] + 1, rules.most[1])
-        count = follow(e, i, next_stop(m, rules, i, s.clock[i, 0]), events, smooth, bench.record)
-        code, happened = e.codes[i], e.codes[i] == LIMIT and s.counters[i, 0] < rules.most[1]
+        events = rules.most[1] if drive > 0.0 else min(s.counters[i, HAPPENED] + 1, rules.most[1])
+        count = follow(e, i, next_stop(m, rules, i, s.clock[i, NOW]), events, smooth, bench.record)
+        code, happened = e.codes[i], e.codes[i] == LIMIT and s.counters[i, HAPPENED] < rules.most[1]
         if code == NEED:
             return
         if not (happened or code in (FINISHED, FULL)):
@@ -192,7 +209,7 @@ def settle(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: A
         late = elapsed(m, rules, s, i) >= rules.real[1] or numbers[COUNT] >= rules.most[0] * max(numbers[LAG], 1)
         if numbers[LEAPT] == 0 and late:
             copy_lane(s, i, saved, i)
-            m.real[i, START], m.real[i, DURATION] = s.clock[i, 0], long_look(m, rules, i, s.clock[i, 0])
+            m.real[i, START], m.real[i, DURATION] = s.clock[i, NOW], long_look(m, rules, i, s.clock[i, NOW])
             m.outcome[i], numbers[PHASE] = NOT_SETTLED, MEASURING
             return
 
@@ -208,7 +225,7 @@ def next_mark(m: Marks, rules: Rules, i: int) -> float:
 def elapsed(m: Marks, rules: Rules, lanes: Lane, i: int) -> float:
     """The time, where the clock has not been set back."""
     set_back = (m.numbers[i, COUNT] - 1) * m.drive[i] if m.drive[i] > 0.0 and not rules.timed else 0.0
-    return lanes.clock[i, 0] + set_back
+    return lanes.clock[i, NOW] + set_back
 
 
 @njit(**INLINED)
@@ -229,20 +246,23 @@ def next_stop(m: Marks, rules: Rules, i: int, t: float) -> float:
 @njit(**INLINED)
 def is_due(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int, happened: bool, work: Array) -> bool:
     """Whether the last mark is to be judged: a new one of a driven motion, or one whose mode has begun."""
-    numbers, t, y = m.numbers[i], lanes.clock[i, 0], lanes.y[i]
+    numbers, t, y = m.numbers[i], lanes.clock[i, NOW], lanes.y[i]
     grow(m, rules, i, t, y, work)
     if m.drive[i] > 0.0:
         if t < next_mark(m, rules, i) - 0.5 * HALFWAY * m.drive[i]:
             return False  # between two marks
         if not rules.timed:
-            lanes.clock[i, 0], lanes.clock[i, 2] = rules.real[0], lanes.clock[i, 2] - (t - rules.real[0])
-        remember(m, i, 0, lanes.clock[i, 0], y)
+            lanes.clock[i, NOW], lanes.clock[i, LONG_AGO] = (
+                rules.real[0],
+                lanes.clock[i, LONG_AGO] - (t - rules.real[0]),
+            )
+        remember(m, i, 0, lanes.clock[i, NOW], y)
         copy_lane(lanes, i, saved, i)
         return True
     last = (numbers[COUNT] - 1) % m.time.shape[1]
     if numbers[PENDING] == 0 or (happened and t - m.time[i, last] <= COINCIDENT * rules.real[2]):
         return False
-    m.kind[i, last] = kind_of(lanes.settled[i], lanes.reg[i], lanes.counters[i, 2])
+    m.kind[i, last] = kind_of(lanes.settled[i], lanes.reg[i], lanes.counters[i, CAUSE])
     for c in range(lanes.settled.shape[1]):
         if lanes.settled[i, c] != 0:
             m.slipped[i, c] = numbers[COUNT]
@@ -252,7 +272,7 @@ def is_due(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int, happened: b
 @njit(**INLINED)
 def put_mark(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
     """Put a mark at an event, or move the last one if the two coincide."""
-    numbers, t, y = m.numbers[i], lanes.clock[i, 0], lanes.y[i]
+    numbers, t, y = m.numbers[i], lanes.clock[i, NOW], lanes.y[i]
     last = (numbers[COUNT] - 1) % m.time.shape[1]
     if numbers[SMOOTH] == 0 and numbers[COUNT] > 0 and t - m.time[i, last] <= COINCIDENT * rules.real[2]:
         m.time[i, last] = t
@@ -266,11 +286,11 @@ def put_mark(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
 @njit(**INLINED)
 def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> int:
     """See whether a motion that has had no events for a while has come to an end, which the host has to prove."""
-    s, numbers, t, drive = e.lanes, m.numbers[i], e.lanes.clock[i, 0], m.drive[i]
+    s, numbers, t, drive = e.lanes, m.numbers[i], e.lanes.clock[i, NOW], m.drive[i]
     if drive > 0.0 and t > m.time[i, (numbers[COUNT] - 1) % m.time.shape[1]]:
         return GO_ON  # between two marks
-    calm = s.counters[i, 0] == numbers[EVENTS] and numbers[LEAPT] == 0
-    numbers[EVENTS] = s.counters[i, 0]
+    calm = s.counters[i, HAPPENED] == numbers[EVENTS] and numbers[LEAPT] == 0
+    numbers[EVENTS] = s.counters[i, HAPPENED]
     faded = calm and drive <= 0.0 and dies_out(e, m, rules, i, rules.real[3], rules.real[2], bench.work[0])
     if calm and drive <= 0.0 and numbers[SMOOTH] == 0:
         put_plane(m, i, t, s.y[i], bench.work[0])
@@ -351,7 +371,7 @@ def put_back(m: Marks, lanes: Lane, saved: Lane, i: int, kept: Lane, count: int)
     numbers, last = m.numbers[i], (count - 1) % m.time.shape[1]
     copy_lane(kept, i, saved, i)
     copy_lane(kept, i, lanes, i)
-    m.time[i, last] = kept.clock[i, 0]
+    m.time[i, last] = kept.clock[i, NOW]
     copy(kept.y[i], m.state[i, last])
     numbers[COUNT], numbers[TRUE], numbers[LEAPT], numbers[PENDING] = count, 0, 0, 0
     begin_again(m, i, numbers[LAG])
@@ -395,7 +415,7 @@ def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int
     """Take the polished cycle for what the motion has settled on, if that was within the tolerance of it."""
     numbers, real, ring = m.numbers[i], m.real[i], m.time.shape[1]
     for r in range(len(work)):
-        work[r] = saved.y[i, r] - m.home.y[i, r] - m.frame[i, r] * (saved.clock[i, 0] - m.home.clock[i, 0])
+        work[r] = saved.y[i, r] - m.home.y[i, r] - m.frame[i, r] * (saved.clock[i, NOW] - m.home.clock[i, NOW])
     remove_shift(work, rules.translation)
     if not miss(work, m.size[i], rules.real[4]) <= rules.real[5]:
         return take_back(m, lanes, saved, i)
@@ -476,7 +496,7 @@ def cross_plane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
             continue
         last = j + 1 == count
         t, y = record.time[j], record.state[j]
-        after = lanes.clock[i, 0] if last else record.time[j + 1]
+        after = lanes.clock[i, NOW] if last else record.time[j + 1]
         ahead = height(m, i, after, lanes.y[i] if last else record.state[j + 1], translation, work[0])
         if not (height(m, i, t, y, translation, work[0]) <= 0.0 < ahead):
             continue
@@ -504,7 +524,7 @@ def cross_plane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
         remember(m, i, -1, t + high, s.trial)
         copy_lane(lanes, i, saved, i)
         put_at(saved, i, t + high, after - t, s.trial, f.mode0, f.reg0)
-        saved.clock[i, 7] = series if step > series else after - t
+        saved.clock[i, SERIES] = series if step > series else after - t
         verdict = consider(m, rules, lanes, saved, bench.work, bench.fit, i)
         if verdict == GO_ON and m.numbers[i, LEAPT] > 0:
             copy_lane(saved, i, lanes, i)
@@ -515,7 +535,7 @@ def cross_plane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
 @njit(**OPTIONS)
 def put_at(lanes: Lane, i: int, t: float, step: float, y: Array, mode: Array, region: Array) -> None:
     """Put a lane at a point within a step."""
-    lanes.clock[i, 0], lanes.clock[i, 1], lanes.counters[i, 2] = t, step, -1
+    lanes.clock[i, NOW], lanes.clock[i, LAST], lanes.counters[i, CAUSE] = t, step, -1
     copy(y, lanes.y[i])
     copy(mode, lanes.mode[i])
     copy(mode, lanes.settled[i])

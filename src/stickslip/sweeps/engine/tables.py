@@ -8,7 +8,7 @@ import numpy as np
 
 from stickslip.motion.between.step_balance import Steps, Tally, make_steps, make_tally
 from stickslip.motion.engine.forms import ClosedForms, Flight
-from stickslip.motion.steps.arrays import JETS, POWERS, RESIDUAL, Constants, Lane, Record, Rows, Space
+from stickslip.motion.steps.arrays import DIMENSION, JETS, POWERS, RESIDUAL, Constants, Lane, Record, Rows, Space
 
 if TYPE_CHECKING:
     from stickslip.motion.problem import Problem
@@ -285,7 +285,7 @@ def make_found(lanes: int, n: int, contacts: int) -> Found:
 
 def make_bench(problem: Problem, room: int) -> Bench:
     """Work space for a system, in which `room` steps are measured at a time."""
-    n, contacts, kinks = int(problem.rows.sizes[0]), len(problem.rows.u), len(problem.rows.kinks)
+    n, contacts, kinks = int(problem.rows.sizes[DIMENSION]), len(problem.rows.u), len(problem.rows.kinks)
     z = np.zeros
     record = Record(
         z(room + 1),

@@ -22,7 +22,7 @@ from stickslip.errors import DeclarationError
 from stickslip.motion.between.step_balance import Steps, Tally
 from stickslip.motion.engine.forms import Flight
 from stickslip.motion.ensemble import Lanes
-from stickslip.motion.steps.arrays import Record, Space
+from stickslip.motion.steps.arrays import DIMENSION, Record, Space
 from stickslip.sweeps.engine.exponents import grow_lane
 from stickslip.sweeps.engine.measuring import advance_lane
 from stickslip.sweeps.engine.tables import DEVICE_LANES, Bench, Engine, make_bench
@@ -57,7 +57,7 @@ def check_device() -> None:
 def lanes_on_device(problem: Problem, settings: Settings) -> int:
     """Motions worked on together: as many as memory lets, which does not matter to where they end."""
     table = np.array([list(problem.parameters.values())])
-    marks = Block(problem, table, np.zeros((1, int(problem.rows.sizes[0]))), settings, False).marks
+    marks = Block(problem, table, np.zeros((1, int(problem.rows.sizes[DIMENSION]))), settings, False).marks
     tables = problem.empty_forms(1, SLOTS), problem.space(), problem.flight(), make_bench(problem, ROOM), marks
     sizes: list[int] = []
     each(lambda part: sizes.append(part.nbytes), tables)
