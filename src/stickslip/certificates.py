@@ -138,7 +138,8 @@ class Certificate:
     def to_dict(self) -> dict[str, Any]:
         """Numbers and verdict as plain data."""
         rows = [
-            {"name": r.name, "value": float(r.value), "limit": r.limit, "least": r.least, "note": r.note, "ok": r.ok}
+            {"name": r.name, "value": float(r.value), "limit": r.limit if r.judged else None}
+            | {"least": r.least, "note": r.note, "ok": r.ok}
             for r in self.residuals
         ]
         spans = [list(span) for span in self.unverified]

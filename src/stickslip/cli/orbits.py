@@ -321,6 +321,8 @@ def summarise_cycle(found: Cycle) -> dict[str, Any]:
 
 def cycle_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     """The short table."""
+    from stickslip.cli.report import certificate_rows
+
     multipliers = [f"{x:.6g}" + (f"{y:+.6g}i" if y else "") for x, y in summary["multipliers"]]
 
     def text(name: str, unit: str, digits: int = 9) -> str:
@@ -339,16 +341,6 @@ def cycle_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     return [*rows, *certificate_rows(summary["certificate"])]
 
 
-def certificate_rows(certificate: dict[str, Any]) -> list[tuple[str, str]]:
-    """The verdict, and every residual with its limit."""
-    rows = [("certificate", str(certificate["verdict"]))]
-    for r in certificate["residuals"]:
-        value = "not finite" if r["value"] is None else f"{r['value']:.1e}"
-        bound = "at least" if r["least"] else "at most"
-        rows.append((f"  {r['name']}", f"{value}, {bound} {r['limit']:.0e}" + (f" {r['note']}" if r["note"] else "")))
-    return rows
-
-
 # -- branch -------------------------------------------------------------------------------------------
 
 
@@ -358,19 +350,21 @@ def summarise_branch(found: Branch) -> dict[str, Any]:
 
     points = found.points
     return {
-        "complete": "interrupted" not in found.ended,
+        "complete": found.complete,
         "certified": found.certificate.ok,
         "certificate": found.certificate.to_dict(),
         "parameter": found.parameter,
         "points": int(points.sizes["point"]),
         "range": [float(points[found.parameter].min()), float(points[found.parameter].max())],
-        "special": [asdict(s) | {"text": s.describe(found.parameter)} for s in found.special],
+        "special": [asdict(s) | {"text": s.describe()} for s in found.special],
         "ended": found.ended,
     }
 
 
 def branch_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     """The short table."""
+    from stickslip.cli.report import certificate_rows
+
     low, high = summary["range"]
     rows = [("points", f"{summary['points']}, {summary['parameter']} = {low:.9g} to {high:.9g}")]
     rows += shortened([("special point", s["text"]) for s in summary["special"]])

@@ -60,11 +60,12 @@ def warn(text: str) -> None:
 
 
 def certificate_rows(certificate: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The verdict, and what it rests on."""
+    """The verdict, and every residual with its limit."""
     rows = [("certificate", str(certificate["verdict"]))]
-    for residual in certificate["residuals"]:
-        value = residual["value"]
-        rows.append((f"  {residual['name']}", "not finite" if value is None else f"{value:.1e}"))
+    for r in certificate["residuals"]:
+        value = "not finite" if r["value"] is None else f"{r['value']:.1e}"
+        bound = "" if r["limit"] is None else f", at {'least' if r['least'] else 'most'} {r['limit']:.0e}"
+        rows.append((f"  {r['name']}", f"{value}{bound}" + (f" {r['note']}" if r["note"] else "")))
     return rows
 
 

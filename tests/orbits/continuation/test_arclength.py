@@ -34,7 +34,7 @@ def follow(equations, start, towards, tests, endings=None, **steps) -> Path:
 
 def test_a_closed_curve_with_its_folds() -> None:
     path = follow(circle, [0.6, 0.8], [0, 1], lambda x, t: {"fold": t[0], "level": x[0] + 0.28})
-    assert path.ended == "the curve is closed"
+    assert path.ended.text == "the curve is closed"
     assert [c.name for c in path.crossings] == ["level", "fold", "level", "fold"]
     for crossing in path.crossings:
         x = path.points[crossing.index].x
@@ -50,13 +50,13 @@ def test_a_closed_curve_with_its_folds() -> None:
 def test_the_start_is_corrected() -> None:
     path = follow(circle, [0.61, 0.79], [1, 0], lambda x, t: {"right": 0.99 - x[0]}, {"right": "x = 0.99"})
     assert np.linalg.norm(path.points[0].x) == pytest.approx(1.0, abs=1e-14)
-    assert path.ended == "x = 0.99"
+    assert path.ended.text == "x = 0.99"
     assert path.points[-1].x[0] == pytest.approx(0.99, abs=1e-14)
 
 
 def test_an_ending_that_is_passed_at_once() -> None:
     path = follow(circle, [0.6, 0.8], [-1, 0], lambda x, t: {"left": x[0] - 0.6}, {"left": "x = 0.6"})
-    assert path.ended == "x = 0.6"
+    assert path.ended.text == "x = 0.6"
     assert len(path.points) == 1
 
 
@@ -86,7 +86,7 @@ def test_a_sharp_turn_shortens_the_steps() -> None:
         lambda x, t: {"end": 1.0 - x[1]},
         {"end": "far out"},
     )
-    assert path.ended == "far out"
+    assert path.ended.text == "far out"
     for p in path.points:
         assert p.x[0] * p.x[1] == pytest.approx(epsilon, rel=1e-9)
     assert min(np.hypot(*p.x) for p in path.points) == pytest.approx(math.sqrt(2 * epsilon), rel=0.05)
@@ -99,7 +99,7 @@ def test_where_the_equations_end() -> None:
         return np.array([math.log(x[0]) - x[1]]), np.array([[1 / x[0], -1.0]])
 
     path = follow(root, [1, 0], [-1, 0], lambda x, t: {}, most=400)
-    assert path.ended == "the limit of 400 points was reached"
+    assert path.ended.text == "the limit of 400 points was reached"
 
     def stop(x: Array) -> tuple[Array, Array]:
         if x[0] > 0.5:
@@ -108,7 +108,7 @@ def test_where_the_equations_end() -> None:
 
     path = follow(stop, [0, 0], [1, 0], lambda x, t: {})
     assert path.points[-1].x[0] == pytest.approx(0.5, abs=1e-6)
-    assert path.ended == "no solution was found further on (nothing is defined there)"
+    assert path.ended.text == "no solution was found further on (nothing is defined there)"
 
 
 def test_no_start() -> None:
@@ -129,7 +129,7 @@ def test_interrupting_keeps_what_is_done() -> None:
         return circle(x)
 
     path = follow(slow, [0.6, 0.8], [0, 1], lambda x, t: {})
-    assert path.ended == "interrupted"
+    assert path.ended.text == "interrupted"
     assert len(path.points) > 5
 
 
@@ -152,6 +152,6 @@ def test_components_of_different_size() -> None:
         tests=lambda x, t: {"fold of y": t[0], "end": 1.0 - x[1]},
         endings={"end": "p = 1"},
     )
-    assert path.ended == "p = 1"
+    assert path.ended.text == "p = 1"
     assert path.points[path.crossings[0].index].x == pytest.approx([1e3, 0.0], abs=1e-9)
     assert len(path.points) < 100

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import TYPE_CHECKING
@@ -10,7 +11,7 @@ import numpy as np
 
 from stickslip.errors import StickslipError
 from stickslip.orbits.branches.halving import half_gap
-from stickslip.orbits.continuation.arclength import Point, correct
+from stickslip.orbits.continuation.arclength import Point, Test, correct
 from stickslip.orbits.cycles.cycle import Cycle, make_cycle
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import variation
@@ -156,7 +157,7 @@ class Chart:
         moved = [h.edge * (h.form @ change) / (np.abs(h.form) @ sizes) for h in shooting.setting.held if h.edge]
         return float(min(moved, default=1.0))
 
-    def tests(self, x: Array, tangent: Array) -> dict[str, float]:
+    def tests(self, x: Array, tangent: Array) -> Mapping[Test, float]:
         """Test functions of special points, and of what ends a branch."""
         orbit = self.orbit(x)
         self.check(orbit)

@@ -31,7 +31,17 @@ from stickslip.orbits.branches.special_points import (
     locate_changes,
     of_branch,
 )
-from stickslip.orbits.continuation.arclength import UNDEFINED, Path, Steps, ranges, trace
+from stickslip.orbits.continuation.arclength import (
+    INTERRUPTED,
+    UNDEFINED,
+    Ending,
+    Path,
+    Steps,
+    Stop,
+    Test,
+    ranges,
+    trace,
+)
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.cycles.finding import from_cycle
@@ -46,8 +56,7 @@ Array = np.ndarray
 
 STEPS = Steps(first=0.01, largest=0.25, tolerance=1e-8, turn=0.3)
 IN_CHART = 8  # points before the chart is made anew
-FULL = f"the limit of {IN_CHART + 1} points was reached"
-CLOSED, INTERRUPTED = "the branch is closed", "interrupted"
+CLOSED = Ending(Stop.CLOSED, "the branch is closed")
 PATIENCE = 64.0  # a step is shortened by this factor before the chart is made anew
 ENDINGS = ("amplitude", "halving", "growth", "period", "carried")
 DISTINCT = 1e-9  # sizes that differ by less, relative to each other, are the same
@@ -119,7 +128,8 @@ def continue_cycle(cycle: Cycle, parameter: str, span: tuple[float, float], *, s
     follower = _Follower(cycle, parameter, (low, high), steps or STEPS)
     with watched("following the cycle") as show:
         back = follower.follow(-1.0, show)
-        forth = (back[0][:1], back[1]) if back[1] in (CLOSED, INTERRUPTED) else follower.follow(1.0, show)
+        done = back[1].stop in (Stop.CLOSED, Stop.INTERRUPTED)
+        forth = (back[0][:1], back[1]) if done else follower.follow(1.0, show)
     return follower.branch(back, forth)
 
 
@@ -131,18 +141,18 @@ class _Follower:
         self.start = _Station(cycle.parameters[parameter], cycle)
         self.spacing = Spacing({parameter: span}, self.extent.modulus)
 
-    def follow(self, sign: float, show: Show) -> tuple[list[_Station], str]:
-        """The points in one direction, from the start on, and the reason for the end; what was computed is kept."""
+    def follow(self, sign: float, show: Show) -> tuple[list[_Station], Ending]:
+        """The points in one direction, from the start on, and the end; what was computed is kept."""
         stations = [replace(self.start, events=[])]
         try:
             return stations, self._collect(sign, stations, show)
         except KeyboardInterrupt:
             return stations, INTERRUPTED
         except UNDEFINED as failure:
-            return stations, f"no cycle was found further on ({failure})"
+            return stations, Ending(Stop.LOST, f"no cycle was found further on ({failure})")
 
-    def _collect(self, sign: float, stations: list[_Station], show: Show) -> str:
-        """Append the points in one direction; the reason for the end."""
+    def _collect(self, sign: float, stations: list[_Station], show: Show) -> Ending:
+        """Append the points in one direction; the end."""
         chart, x = first_chart(self.cycle.closed, self.pieces, self.extent)
         towards = np.zeros(len(x))
         towards[-1] = sign
@@ -153,19 +163,20 @@ class _Follower:
             self._append(stations, chart, path)
             last = path.points[-1]
             show(None, f"{len(stations)} points, {self.parameter} = {float(last.x[-1]):.6g}")
-            reason = self._end(path, stations, before)
-            if reason:
-                return reason
-            if path.ended == "carried":
+            ending = self._end(path, stations, before)
+            if ending is not None:
+                return ending
+            if path.ended.test == "carried":
                 chart, x, towards = renewed(self._left_behind(stations, chart), last.x, last.tangent)
                 step = self.steps.first
                 continue
-            if path.ended != FULL:
+            if path.ended.stop is not Stop.LIMIT:
                 bent = corner_after(chart, last, self._smallest(step), self.steps.turn)
                 if bent is not None:
                     onward = self._around(stations, chart, bent)
                     if onward is None:
-                        return f"{LOSS} at {self.parameter} = {bent.x[-1]:.12g}: {bent.note}"
+                        where = f"{self.parameter} = {bent.x[-1]:.12g}"
+                        return Ending(Stop.EVENT, f"{LOSS} at {where}: {bent.note}")
                     chart, x, towards = renewed(onward.chart, onward.x, onward.towards)
                     step = self.steps.first
                     continue
@@ -207,7 +218,8 @@ class _Follower:
             changes = locate_changes(chart, path.points[i - 1], point)
             for change in changes:
                 self._add(stations, chart.cycle(change.x), [(change.kind, change.note)])
-            names = [c.name for c in path.crossings if c.index == i and c.name not in ENDINGS and not is_flat(path, c)]
+            here = [c for c in path.crossings if c.index == i and c.name not in ENDINGS]
+            names = [str(c.name) for c in here if not is_flat(path, c)]
             cycle = chart.cycle(point.x)
             events = [confirmed(name, slope, cycle.nontrivial, changes) for name in names]
             self._add(stations, cycle, [event for event in events if event])
@@ -261,17 +273,18 @@ class _Follower:
 
     # -- ends ---------------------------------------------------------------------------------------------------------
 
-    def _end(self, path: Path, stations: list[_Station], before: int) -> str:
-        """Why the branch ends here; empty if it does not."""
-        if path.ended == INTERRUPTED or path.ended in ranges({self.parameter: self.span}):
+    def _end(self, path: Path, stations: list[_Station], before: int) -> Ending | None:
+        """Why the branch ends here, if it does."""
+        if path.ended.stop in (Stop.INTERRUPTED, Stop.RANGE):
             return path.ended
-        if path.ended in ENDINGS and path.ended != "carried":
-            return self._named_end(path.ended, stations)
+        if path.ended.stop is Stop.EVENT and path.ended.test != "carried":
+            return Ending(Stop.EVENT, self._event_in_words(path.ended.test, stations), path.ended.test)
         if len(stations) > self.steps.most:
-            return f"the limit of {self.steps.most} points was reached"
-        return CLOSED if self._came_back(stations, before) else ""
+            return Ending(Stop.LIMIT, f"the limit of {self.steps.most} points was reached")
+        return CLOSED if self._came_back(stations, before) else None
 
-    def _named_end(self, name: str, stations: list[_Station]) -> str:
+    def _event_in_words(self, name: Test | None, stations: list[_Station]) -> str:
+        """What happens where a test function vanishes that ends the branch."""
         cycle = stations[-1].cycle
         if name == "period":
             return f"the period grows without bound, it is {cycle.period:.6g}"
@@ -334,7 +347,7 @@ class _Follower:
 
     # -- results ------------------------------------------------------------------------------------------------------
 
-    def branch(self, back: tuple[list[_Station], str], forth: tuple[list[_Station], str]) -> Branch:
+    def branch(self, back: tuple[list[_Station], Ending], forth: tuple[list[_Station], Ending]) -> Branch:
         """The two directions as one branch, from the far end of the first to that of the second."""
         start = back[0][0]
         start.events += forth[0][0].events if forth[0][0] is not start else []
@@ -346,10 +359,9 @@ class _Follower:
         values, cycles = [s.value for s in stations], [s.cycle for s in stations]
         points = dataset(self.parameter, values, cycles)
         points["step"] = "point", np.array([s.step for s in stations]), STEP
-        ended = f"first point: {back[1]}; last point: {forth[1]}"
         certificate = of_branch(cycles, {self.parameter: self.span}, points["step"].values)
         system, parameters = self.cycle.system, dict(self.cycle.parameters)
-        return Branch(system, parameters, self.parameter, points, special, ended, certificate)
+        return Branch(system, parameters, self.parameter, points, special, (back[1], forth[1]), certificate)
 
     def _special(self, event: _Event, index: int) -> SpecialPoint:
         cycle, state = event.cycle, event.cycle.state
@@ -358,6 +370,6 @@ class _Follower:
             state = dict(zip(state, map(float, event.centre), strict=True))
         parameters = {**cycle.parameters, self.parameter: event.value}
         data = {"time": cycle.time} if cycle.closed.shooting.symmetry.driven else {}
-        return SpecialPoint(
-            event.kind, event.value, state, parameters, field.mode, field.region, index, cycle.period, data, event.note
-        )
+        mode, region = field.mode, field.region
+        numbers = (state, parameters, mode, region, index, cycle.period, data)
+        return SpecialPoint(event.kind, self.parameter, event.value, *numbers, event.note)

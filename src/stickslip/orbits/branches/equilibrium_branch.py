@@ -15,7 +15,7 @@ from stickslip.equations.field import Guard, mode_field
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
-from stickslip.orbits.continuation.arclength import Lost, Path, Point, Steps, in_range, ranges, trace
+from stickslip.orbits.continuation.arclength import Ending, Lost, Path, Point, Steps, Test, in_range, ranges, trace
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 from stickslip.orbits.equilibria.certificate import certify
 from stickslip.orbits.equilibria.equilibrium import Equilibrium, decays, describe_guard
@@ -159,7 +159,7 @@ class _Station:
 
     steady: Steady
     point: Point
-    kinds: tuple[str, ...]
+    kinds: tuple[Test, ...]
     note: str
 
 
@@ -207,7 +207,7 @@ class _Follower:
             towards,
             scale=lambda x: self._scale(x, floor),
             tests=lambda x, tangent: self._tests(steady, x, tangent),
-            endings={f"guard {i}": f"guard {i}" for i in range(len(steady.field.guards))},
+            endings=dict.fromkeys(range(len(steady.field.guards)), "boundary equilibrium"),
             limits=ranges({self.parameter: self.span}),
             accept=lambda last, new: self._accept(steady, last, new),
             steps=self.steps,
@@ -232,7 +232,7 @@ class _Follower:
     def _point(self, steady: Steady, x: Array) -> Array:
         return steady.point(x[:-1], {self.parameter: x[-1]})
 
-    def _tests(self, steady: Steady, x: Array, tangent: Array) -> dict[str, float]:
+    def _tests(self, steady: Steady, x: Array, tangent: Array) -> dict[Test, float]:
         point = self._point(steady, x)
         eigenvalues = steady.eigenvalues(point)
         guards = steady.guards(point)
@@ -245,12 +245,12 @@ class _Follower:
             "fold": slope,
             "branch point": branching,
             "Hopf": hopf_test(eigenvalues),
-            **{f"guard {i}": float(g) for i, g in enumerate(guards)},
+            **{i: float(g) for i, g in enumerate(guards)},
         }
 
     def _guard_that_ended(self, piece: _Piece) -> Guard | None:
-        name = piece.path.ended
-        return piece.steady.field.guards[int(name.split()[1])] if name.startswith("guard ") else None
+        test = piece.path.ended.test
+        return piece.steady.field.guards[test] if isinstance(test, int) else None
 
     def _beyond(self, steady: Steady, guard: Guard, end: Point) -> tuple[Steady, Array] | None:
         """The field on the other side of a guard and the direction in which an equilibrium goes on there, if any."""
@@ -288,7 +288,7 @@ class _Follower:
         special = [
             s for i, station in enumerate(stations) for kind in station.kinds for s in self._special(station, kind, i)
         ]
-        ended = f"first point: {self._ending(back[-1])}; last point: {self._ending(forth[-1])}"
+        ends = self._ending(back[-1]), self._ending(forth[-1])
         beside = [stations[max(i - 1, 0)].point.x for i in range(len(stations))]
         certified = [
             certify(s.steady, self._point(s.steady, s.point.x), "", self._point(s.steady, x))
@@ -298,19 +298,20 @@ class _Follower:
         within = in_range(ranges({self.parameter: self.span}), [s.point.x for s in stations])
         found = worst([found for found, _ in certified])
         certificate = replace(found, residuals=(*found.residuals, within))
-        return Branch(system, dict(self.values), self.parameter, points, special, ended, certificate)
+        return Branch(system, dict(self.values), self.parameter, points, special, ends, certificate)
 
-    def _ending(self, piece: _Piece) -> str:
+    def _ending(self, piece: _Piece) -> Ending:
         guard = self._guard_that_ended(piece)
         if guard is None:
             return piece.path.ended
         where = f"{self.parameter} = {piece.path.points[-1].x[-1]:.9g}"
-        return f"boundary equilibrium at {where}: {describe_guard(self.eq, guard, piece.steady.field.mode)}"
+        text = f"boundary equilibrium at {where}: {describe_guard(self.eq, guard, piece.steady.field.mode)}"
+        return piece.path.ended._replace(text=text)
 
     def _stations(self, pieces: list[_Piece]) -> list[_Station]:
         found = []
         for k, piece in enumerate(pieces):
-            kinds: dict[int, list[str]] = {}
+            kinds: dict[int, list[Test]] = {}
             for crossing in piece.path.crossings:
                 kinds.setdefault(crossing.index, []).append(crossing.name)
             note = self._boundary_note(piece, pieces[k + 1 : k + 2])
@@ -332,8 +333,10 @@ class _Follower:
         turned = piece.path.points[-1].tangent[-1] * onward[0].path.points[0].tangent[-1] < 0.0
         return f"{text}; the branch " + ("turns back" if turned else "goes on")
 
-    def _special(self, station: _Station, kind: str, index: int) -> list[SpecialPoint]:
-        steady, x, data, note, period = station.steady, station.point.x, {}, "", None
+    def _special(self, station: _Station, test: Test, index: int) -> list[SpecialPoint]:
+        """What a zero of a test function is; nothing, if its meaning is another."""
+        steady, x, data, period = station.steady, station.point.x, {}, None
+        kind, note = ("boundary equilibrium", station.note) if isinstance(test, int) else (test, "")
         if kind == "branch point":
             x = self._crossing_of_branches(steady, x)
         values = {**steady.values, self.parameter: float(x[-1])}
@@ -345,13 +348,9 @@ class _Follower:
             form = hopf(Derivatives(steady.rates, steady.field.state), x[:-1], values, steady.invariant)
             data = {"frequency": form.frequency, "lyapunov": form.lyapunov}
             note, period = form.criticality, 2.0 * np.pi / form.frequency
-        elif kind.startswith("guard"):
-            kind, note = "boundary equilibrium", station.note
-        elif kind not in ("fold", "branch point"):
-            return []
         state = dict(zip(steady.field.state, map(float, x[:-1]), strict=True))
-        field = steady.field
-        return [SpecialPoint(kind, float(x[-1]), state, values, field.mode, field.region, index, period, data, note)]
+        value, mode, region = float(x[-1]), steady.field.mode, steady.field.region
+        return [SpecialPoint(kind, self.parameter, value, state, values, mode, region, index, period, data, note)]
 
     def _crossing_of_branches(self, steady: Steady, x: Array) -> Array:
         """The branch point near x: F + b w = 0, wᵀ∂F = 0, ⟨w, w⟩ = 1 is regular there, which F = 0 is not."""

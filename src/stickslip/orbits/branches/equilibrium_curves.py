@@ -23,7 +23,7 @@ from stickslip.errors import DeclarationError
 from stickslip.model.system import System
 from stickslip.orbits.branches.equilibrium_branch import checked_range, hopf_test
 from stickslip.orbits.branches.special_points import NOT_SMOOTH
-from stickslip.orbits.continuation.arclength import Lost, Path, Point, Steps, in_range, ranges, trace
+from stickslip.orbits.continuation.arclength import Lost, Path, Point, Steps, Test, in_range, ranges, trace
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 from stickslip.orbits.equilibria.certificate import SOLVED, certify
 from stickslip.orbits.equilibria.equilibrium import describe_guard
@@ -210,12 +210,12 @@ class _Curve:
         crossings = [(last - c.index, c.name) for c in reversed(back.crossings)]
         crossings += [(last + c.index, c.name) for c in forth.crossings]
         special = [self._special(name, points[i], i, problem) for i, name in crossings]
-        ended = f"first point: {back.ended}; last point: {forth.ended}"
         first, second = self.spans
         found = worst([self._certificate(x, problem) for x in points])
         certificate = Certificate((*found.residuals, in_range(ranges(self.spans), points)))
         table = self._dataset(system, kind, points, problem)
-        return Branch(system, dict(self.steady.values), first, table, special, ended, certificate, second)
+        ends = back.ended, forth.ended
+        return Branch(system, dict(self.steady.values), first, table, special, ends, certificate, second)
 
     def _certificate(self, x: Array, problem: _Extended) -> Certificate:
         """That of the equilibrium, and what is left of the equations that keep its eigenvalue along the curve."""
@@ -246,9 +246,9 @@ class _Curve:
         return floor
 
     def _trace(self, problem: _Extended, towards: Array, steps: Steps) -> Path:
-        def tests(x: Array, tangent: Array) -> dict[str, float]:
+        def tests(x: Array, tangent: Array) -> dict[Test, float]:
             margins = self.steady.guards(self.point(x))
-            return {**problem.tests(x), **{f"guard {i}": float(g) for i, g in enumerate(margins)}}
+            return {**problem.tests(x), **{i: float(g) for i, g in enumerate(margins)}}
 
         return trace(
             problem.residual,
@@ -258,7 +258,7 @@ class _Curve:
             tests=tests,
             endings={
                 **problem.endings,
-                **{f"guard {i}": f"boundary equilibrium: {text}" for i, text in enumerate(self.guards)},
+                **{i: f"boundary equilibrium: {text}" for i, text in enumerate(self.guards)},
             },
             limits=ranges(self.spans),
             accept=lambda last, new: self._accept(last, new, problem),
@@ -267,13 +267,13 @@ class _Curve:
 
     # -- results ----------------------------------------------------------------------------------
 
-    def _special(self, name: str, x: Array, index: int, problem: _Extended) -> SpecialPoint:
-        field, note, kind = self.steady.field, "", name
-        if name.startswith("guard"):
-            kind, note = "boundary equilibrium", self.guards[int(name.split()[1])]
+    def _special(self, test: Test, x: Array, index: int, problem: _Extended) -> SpecialPoint:
+        field, (first, _) = self.steady.field, self.spans
+        kind, note = ("boundary equilibrium", self.guards[test]) if isinstance(test, int) else (test, "")
         state = dict(zip(field.state, map(float, x[: self.n]), strict=True))
         data, values = {name: v for name, v in problem.numbers(x).items() if np.isfinite(v)}, self.values(x)
-        return SpecialPoint(kind, float(x[-2]), state, values, field.mode, field.region, index, None, data, note)
+        mode, region = field.mode, field.region
+        return SpecialPoint(kind, first, float(x[-2]), state, values, mode, region, index, None, data, note)
 
     def _dataset(self, system: System, kind: str, points: list[Array], problem: _Extended) -> xarray.Dataset:
         """Parameters, state, numbers of the family, and certificate of every point."""

@@ -20,7 +20,17 @@ from stickslip.orbits.branches.chart import WIDTH, Chart, OutOfChart, extent_of,
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.branches.onset import Onset, nearest_onset
 from stickslip.orbits.branches.special_points import STEP, Spacing, dataset, of_branch
-from stickslip.orbits.continuation.arclength import UNDEFINED, Path, Steps, ranges, trace
+from stickslip.orbits.continuation.arclength import (
+    INTERRUPTED,
+    UNDEFINED,
+    Ending,
+    Path,
+    Steps,
+    Stop,
+    Test,
+    ranges,
+    trace,
+)
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 from stickslip.orbits.cycles.cycle import Cycle, make_cycle
 from stickslip.orbits.fields.mode_field import Pieces
@@ -38,8 +48,7 @@ IN_CHART = 6  # points before the chart is made anew
 DIFFERENCE = 1e-7  # of the unknowns, in their units, for derivatives
 SLIPPING = 1e-9  # margin of the cycles on the curve: closer to the onset rounding decides on the next mode
 AT_ONSET = 1e-3  # a cycle with a larger margin is not at the onset
-FULL = f"the limit of {IN_CHART + 1} points was reached"
-INTERRUPTED, VANISHES = "interrupted", "the cycle shrinks to an equilibrium"
+VANISHES = "the cycle shrinks to an equilibrium"
 
 
 def stick_onset_curve(
@@ -197,31 +206,30 @@ class _Follower:
     def branch(self) -> Branch:
         """Both ways from the start."""
         back, behind = self.follow(-1.0)
-        forth, ahead = self.follow(1.0) if behind != INTERRUPTED else (back[:1], behind)
+        forth, ahead = self.follow(1.0) if behind.stop is not Stop.INTERRUPTED else (back[:1], behind)
         if not back and not forth:
-            raise ConvergenceError(f"onsets of stick of {self.closed.orbit.problem.system.name}", behind)
+            raise ConvergenceError(f"onsets of stick of {self.closed.orbit.problem.system.name}", behind.text)
         cycles = [*reversed(back), *(forth[1:] if back else forth)]
         system, parameters = self.closed.orbit.problem.system, dict(self.closed.orbit.problem.parameters)
         points: xarray.Dataset = dataset(self.first, [c.parameters[self.first] for c in cycles], cycles)
         points[self.second] = "point", np.array([c.parameters[self.second] for c in cycles])
         points["step"] = "point", np.array([0.0, *(self.spacing(a, b) for a, b in itertools.pairwise(cycles))]), STEP
         points.attrs["kind"] = "stick onsets"
-        ended = f"first point: {behind}; last point: {ahead}"
         certificate = of_branch(cycles, self.spans, points["step"].values)
-        return Branch(system, parameters, self.first, points, [], ended, certificate, self.second)
+        return Branch(system, parameters, self.first, points, [], (behind, ahead), certificate, self.second)
 
-    def follow(self, sign: float) -> tuple[list[Cycle], str]:
-        """The cycles in one direction, with the start, and the reason for the end; what was computed is kept."""
+    def follow(self, sign: float) -> tuple[list[Cycle], Ending]:
+        """The cycles in one direction, with the start, and the end; what was computed is kept."""
         cycles: list[Cycle] = []
         try:
             return cycles, self._collect(sign, cycles)
         except KeyboardInterrupt:
             return cycles, INTERRUPTED
         except UNDEFINED as failure:
-            return cycles, f"no onset was found further on ({failure})"
+            return cycles, Ending(Stop.LOST, f"no onset was found further on ({failure})")
 
-    def _collect(self, sign: float, cycles: list[Cycle]) -> str:
-        """Append the cycles; the reason for the end."""
+    def _collect(self, sign: float, cycles: list[Cycle]) -> Ending:
+        """Append the cycles; the end."""
         chart, x = first_chart(self.closed, self.pieces, self.extent)
         z = np.append(x, self.closed.orbit.problem.parameters[self.second])
         towards, step = np.zeros(len(z)), self.steps.first
@@ -230,7 +238,7 @@ class _Follower:
             equations = _Equations(chart, self.onset, self.second, self.width, self.upper)
             path = self._trace(equations, z, towards, step)
             cycles += [self._cycle(equations, p.x) for p in path.points[1 if cycles else 0 :]]
-            if path.ended != FULL or len(cycles) >= self.steps.most:
+            if path.ended.stop is not Stop.LIMIT or len(cycles) >= self.steps.most:
                 return path.ended
             last = path.points[-1]
             step = min(1.5 * (last.length - path.points[-2].length), self.steps.largest)
@@ -239,7 +247,7 @@ class _Follower:
             z, towards = np.append(x, last.x[-1]), np.append(carried, last.tangent[-1])
 
     def _trace(self, equations: _Equations, z: Array, towards: Array, step: float) -> Path:
-        def tests(z: Array, tangent: Array) -> dict[str, float]:
+        def tests(z: Array, tangent: Array) -> dict[Test, float]:
             chart, orbit = equations.at(float(z[-1])), equations.orbit(z)
             chart.check(orbit)
             return {VANISHES: self.extent.amplitude(Closed(chart.shooting, orbit)) / self.extent.least - 1.0}

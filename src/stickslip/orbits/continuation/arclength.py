@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
@@ -24,13 +25,37 @@ from stickslip.errors import StickslipError
 
 Array = np.ndarray
 Equations = Callable[[Array], tuple[Array, Array]]
-Tests = Callable[[Array, Array], Mapping[str, float]]
+Test = str | int
+"""A test function: of special points by a name, of guards by their number."""
+Tests = Callable[[Array, Array], Mapping[Test, float]]
 Accept = Callable[["Point", "Point"], None]
 
 BRIDGE = 1e-2  # part of the first step over which the orientation of the curve may change
 UNDEFINED = (ArithmeticError, StickslipError, np.linalg.LinAlgError)
 """What the equations may raise where they are not defined; the step is then shortened."""
 RESOLVED = 100.0  # a step this much longer than the corrector's tolerance has a direction
+
+
+class Stop(Enum):
+    """Why a curve is not followed further."""
+
+    RANGE = "end of the range"
+    EVENT = "something happens"
+    CLOSED = "closed"
+    LIMIT = "limit on points"
+    LOST = "lost"
+    INTERRUPTED = "interrupted"
+
+
+class Ending(NamedTuple):
+    """The end of a curve: why, in words, and the test function that vanishes there, if one does."""
+
+    stop: Stop
+    text: str
+    test: Test | None = None
+
+
+INTERRUPTED = Ending(Stop.INTERRUPTED, "interrupted")
 
 
 class Limit(NamedTuple):
@@ -96,7 +121,7 @@ class Point:
         Direction of travel dx/ds.
     length : float
         Arclength from the start.
-    tests : mapping of str to float
+    tests : mapping of str or int to float
         Values of the test functions.
     orientation : float
         Sign of the determinant of [∂F/∂x; tangent]: the same all along a regular curve.
@@ -105,15 +130,15 @@ class Point:
     x: Array
     tangent: Array
     length: float
-    tests: Mapping[str, float]
+    tests: Mapping[Test, float]
     orientation: float
 
 
 @dataclass(frozen=True)
 class Crossing:
-    """A zero of a test function: its name, and the number of the point of the path at which it is."""
+    """A zero of a test function: which, and the number of the point of the path at which it is."""
 
-    name: str
+    name: Test
     index: int
 
 
@@ -127,13 +152,13 @@ class Path:
         Zeros of test functions among them.
     crossings : list of Crossing
         In the order of travel.
-    ended : str
-        Why it was not followed further: the name of an ending, or a reason in words.
+    ended : Ending
+        Why it was not followed further.
     """
 
     points: list[Point]
     crossings: list[Crossing] = field(default_factory=list)
-    ended: str = ""
+    ended: Ending = INTERRUPTED
 
 
 class _NoValue(Exception):
@@ -207,7 +232,7 @@ def trace(
     *,
     scale: Callable[[Array], Array],
     tests: Tests,
-    endings: Mapping[str, str],
+    endings: Mapping[Test, str],
     limits: Mapping[str, Limit] | None = None,
     accept: Accept | None = None,
     steps: Steps | None = None,
@@ -227,8 +252,8 @@ def trace(
         x ↦ the units of its components there.
     tests : function
         (x, tangent) ↦ values by name; their zeros are found. A value that is NaN is not defined there.
-    endings : mapping of str to str
-        Names of test functions that are positive on the curve and end it where they vanish, with the reason.
+    endings : mapping of str or int to str
+        Test functions that are positive on the curve and end it where they vanish, with the reason in words.
     limits : mapping of str to Limit, optional
         Ends of the ranges of components, by the reason they give. The curve stops exactly there, and the equations are
         not asked beyond but for what Newton's method and differences take.
@@ -260,14 +285,14 @@ def trace(
     except (Lost, *UNDEFINED) as problem:
         raise StickslipError(f"there is no solution near the start of the curve ({problem})") from None
     path = Path([tracer.point(x, tangent, orientation, 0.0)])
-    ended, step = "", steps.first
+    ended, step = None, steps.first
     try:
-        while not ended:
+        while ended is None:
             ended, step = tracer.advance(path, step)
             if progress is not None:
                 progress(path.points[-1])
     except KeyboardInterrupt:
-        ended = "interrupted"
+        ended = INTERRUPTED
     return Path(path.points, path.crossings, ended)
 
 
@@ -277,7 +302,7 @@ class _Tracer:
         equations: Equations,
         scale: Callable[[Array], Array],
         tests: Tests,
-        endings: Mapping[str, str],
+        endings: Mapping[Test, str],
         limits: dict[str, Limit],
         accept: Accept | None,
         steps: Steps,
@@ -307,15 +332,15 @@ class _Tracer:
         tangent = last.tangent / units
         return units, tangent / np.linalg.norm(tangent)
 
-    def advance(self, path: Path, step: float) -> tuple[str, float]:
-        """Take one step; returns the reason for the end, or an empty text, and the next step."""
+    def advance(self, path: Path, step: float) -> tuple[Ending | None, float]:
+        """Take one step; returns the end, if it is one, and the next step."""
         last, failure = path.points[-1], ""
         reached = self._left_at_once(last)
         if reached:
-            return reached, step
+            return Ending(Stop.RANGE, reached), step
         while True:
             if step < self.steps.smallest:
-                return failure or "the step became too small", step
+                return Ending(Stop.LOST, failure or "the step became too small"), step
             try:
                 new, reached = self._within(last, step)
                 bend = self._bend(last, new)
@@ -336,17 +361,17 @@ class _Tracer:
                 path.points.append(point)
             path.crossings.append(Crossing(name, len(path.points) - 1))
             if name in self.endings:
-                return self.endings[name], step
+                return Ending(Stop.EVENT, self.endings[name], name), step
         if path.points[-1] is not new:
             path.points.append(new)
         if reached:
-            return reached, step
+            return Ending(Stop.RANGE, reached), step
         if len(path.points) >= self.steps.most:
-            return f"the limit of {self.steps.most} points was reached", step
+            return Ending(Stop.LIMIT, f"the limit of {self.steps.most} points was reached"), step
         if self._closed(path):
-            return "the curve is closed", step
+            return Ending(Stop.CLOSED, "the curve is closed"), step
         wider = min(2.0, 0.5 * self.steps.turn / max(bend, 1e-300))
-        return "", min(step * max(wider, 0.5), self.steps.largest)
+        return None, min(step * max(wider, 0.5), self.steps.largest)
 
     def _left_at_once(self, last: Point) -> str:
         """The limit that a point stands on and is about to leave."""
@@ -404,7 +429,7 @@ class _Tracer:
         part = offset @ chord / (chord @ chord)
         return bool(0.0 < part <= 1.0 and np.linalg.norm(offset - part * chord) < 0.1 * np.linalg.norm(chord))
 
-    def _crossings(self, last: Point, new: Point) -> list[tuple[str, Point]]:
+    def _crossings(self, last: Point, new: Point) -> list[tuple[Test, Point]]:
         """Zeros of the test functions within a step, in the order of travel."""
         found = []
         for name, b in new.tests.items():
@@ -417,7 +442,7 @@ class _Tracer:
                 found.append((name, self._locate(name, last, new)))
         return sorted(found, key=lambda crossing: crossing[1].length)
 
-    def _locate(self, name: str, last: Point, new: Point) -> Point:
+    def _locate(self, name: Test, last: Point, new: Point) -> Point:
         """The point of a step at which a test function vanishes, or jumps from one sign to the other."""
         from scipy.optimize import brentq
 

@@ -12,6 +12,7 @@ from stickslip.certificates import Certificate, Residual
 from stickslip.equations.field import Mode, Region
 from stickslip.errors import StickslipError
 from stickslip.model.system import System
+from stickslip.orbits.continuation.arclength import Ending, Stop
 
 if TYPE_CHECKING:
     import pandas
@@ -29,8 +30,10 @@ class SpecialPoint:
     ----------
     kind : str
         Such as ``"Hopf"``, ``"fold"``, ``"branch point"``, ``"boundary equilibrium"``.
-    value : float
+    parameter : str
         The parameter of the branch.
+    value : float
+        Its value.
     state : dict of str to float
     parameters : dict of str to float
         All parameters.
@@ -47,6 +50,7 @@ class SpecialPoint:
     """
 
     kind: str
+    parameter: str
     value: float
     state: dict[str, float]
     parameters: dict[str, float]
@@ -58,12 +62,12 @@ class SpecialPoint:
     note: str = ""
 
     def __repr__(self) -> str:
-        return f"<SpecialPoint: {self.describe('value')}>"
+        return f"<SpecialPoint: {self.describe()}>"
 
-    def describe(self, parameter: str) -> str:
+    def describe(self) -> str:
         """One line."""
         data = ", ".join(f"{name} = {value:.9g}" for name, value in self.data.items())
-        parts = [f"{self.kind} at {parameter} = {self.value:.12g}", data, self.note]
+        parts = [f"{self.kind} at {self.parameter} = {self.value:.12g}", data, self.note]
         return ", ".join(part for part in parts if part)
 
 
@@ -82,7 +86,7 @@ class Branch:
         Dimension ``point``, in the order along the curve.
     special : list of SpecialPoint
         In the same order.
-    ended : str
+    ends : (Ending, Ending)
         Why it ends, at its first and at its last point.
     certificate : Certificate
         Every residual of its points where it is worst.
@@ -95,7 +99,7 @@ class Branch:
     parameter: str
     points: xarray.Dataset
     special: list[SpecialPoint]
-    ended: str
+    ends: tuple[Ending, Ending]
     certificate: Certificate
     second: str = ""
 
@@ -106,6 +110,16 @@ class Branch:
             f"{values.max():g}, special points: {len(self.special)}>"
         )
 
+    @property
+    def ended(self) -> str:
+        """Why it ends at its first and at its last point, in words."""
+        return f"first point: {self.ends[0].text}; last point: {self.ends[1].text}"
+
+    @property
+    def complete(self) -> bool:
+        """Whether it was followed to both ends."""
+        return not any(end.stop is Stop.INTERRUPTED for end in self.ends)
+
     def of_kind(self, kind: str) -> list[SpecialPoint]:
         """The special points of a kind."""
         return [s for s in self.special if s.kind == kind]
@@ -113,7 +127,7 @@ class Branch:
     @property
     def summary(self) -> str:
         """The special points and the ends, line by line."""
-        return "\n".join([*(s.describe(self.parameter) for s in self.special), self.ended, self.certificate.verdict])
+        return "\n".join([*(s.describe() for s in self.special), self.ended, self.certificate.verdict])
 
     @property
     def table(self) -> pandas.DataFrame:
@@ -161,7 +175,7 @@ class Branch:
             "parameters": self.parameters,
             "parameter": self.parameter,
             "special": [asdict(s) for s in self.special],
-            "ended": self.ended,
+            "ends": [[end.stop.name, end.text, end.test] for end in self.ends],
             "certificate": asdict(self.certificate),
             "second": self.second,
         }
@@ -185,8 +199,8 @@ def open_branch(path: str | Path) -> Branch:
             json.loads(own["parameters"]),
             own["parameter"],
             points,
-            [_special(entry) for entry in json.loads(own["special"])],
-            own["ended"],
+            [_special({"parameter": own["parameter"], **entry}) for entry in json.loads(own["special"])],
+            _ends(own),
             _certificate(json.loads(own["certificate"])),
             own["second"],
         )
@@ -198,6 +212,22 @@ def _certificate(entry: Mapping[str, Any] | list[Mapping[str, Any]]) -> Certific
     residuals = tuple(Residual(**residual) for residual in parts["residuals"])
     spans = tuple((start, end) for start, end in parts.get("unverified", ()))
     return Certificate(residuals, parts.get("outcome", ""), spans, tuple(parts.get("notes", ())))
+
+
+def _ends(own: Mapping[str, str]) -> tuple[Ending, Ending]:
+    """Both ends as they were stored; versions before 0.2 stored them in words."""
+    if "ends" in own:
+        first, last = (Ending(Stop[stop], text, test) for stop, text, test in json.loads(own["ends"]))
+    else:
+        words = own["ended"].removeprefix("first point: ").split("; last point: ")
+        first, last = (Ending(_stop(text), text) for text in words)
+    return first, last
+
+
+def _stop(text: str) -> Stop:
+    """What words of old files say."""
+    known = {"interrupted": Stop.INTERRUPTED, "the branch is closed": Stop.CLOSED, "the curve is closed": Stop.CLOSED}
+    return known.get(text, Stop.RANGE if text.endswith("the end of the range") else Stop.EVENT)
 
 
 def _special(entry: Mapping[str, Any]) -> SpecialPoint:
