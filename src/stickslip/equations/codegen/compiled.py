@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from stickslip.equations.codegen.generate import GENERATOR, Layout, generate
+from stickslip.equations.codegen.generate import Layout, generate
 from stickslip.equations.codegen.unroll import written_out
 from stickslip.equations.derive import MotionEquations, derive
+from stickslip.machine_code import stamp
 from stickslip.model.system import System
 
 
@@ -57,9 +58,7 @@ def announced() -> Iterator[None]:
     if _announced:
         yield
         return
-    sources = sorted((Path(__file__).parents[2] / "motion").rglob("*.py"))
-    state = "\n".join(f"{path} {path.stat().st_mtime_ns}" for path in sources)
-    mark = cache_folder() / f"engine_{hashlib.sha256(f'{sys.version}{state}'.encode()).hexdigest()[:24]}.ready"
+    mark = cache_folder() / f"engine_{_key(str(Path(__file__).parent))}.ready"
     if not mark.exists() and sys.stderr.isatty():
         print("stickslip: compiling the engine once for this machine, less than a minute ...", file=sys.stderr)
     yield
@@ -72,7 +71,7 @@ def compile_system(system: System) -> CompiledSystem:
     """Machine code of a system, from this process, from disk, or new."""
     equations = derive(system.declaration)
     generated = generate(equations)
-    key = hashlib.sha256(f"{GENERATOR}\n{sys.version}\n{generated.source}".encode()).hexdigest()[:24]
+    key = _key(generated.source)
     if key not in _compiled:
         module = _load(f"model_{key}", generated.source)
         _compiled[key] = CompiledSystem(
@@ -80,6 +79,11 @@ def compile_system(system: System) -> CompiledSystem:
         )
     found = _compiled[key]
     return CompiledSystem(equations, generated.layout, found.setup, found.jets, found.residual, found.powers)
+
+
+def _key(text: str) -> str:
+    """A name for what text becomes in this version of Python and of the sources that shape machine code."""
+    return hashlib.sha256(f"{stamp(__file__)}\n{sys.version}\n{text}".encode()).hexdigest()[:24]
 
 
 def _load(name: str, source: str) -> Any:

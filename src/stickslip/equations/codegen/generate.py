@@ -25,7 +25,6 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.tape import ORIGIN, Constants, Instruction, Op, Scaled, Tape, literal, scalar_code
 
-GENERATOR = 10  # raise when generated code changes: part of the key of the cache
 ORDERS = (8, 12, 16, 20, 24)  # that a Taylor series may have
 HEADER = '''"""Generated from a declaration; do not edit."""
 import math

@@ -11,8 +11,10 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.extending import lower_builtin, type_callable
+
+from stickslip.machine_code import njit
 
 Array = np.ndarray
 NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a difference may be zero

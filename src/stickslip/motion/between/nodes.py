@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from stickslip.machine_code import njit
 from stickslip.motion.steps.arrays import NODES as COUNT
 from stickslip.motion.steps.arrays import OPTIONS
 

@@ -20,8 +20,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from stickslip.machine_code import njit
 from stickslip.motion.between.nodes import COUNT, LEBESGUE, NARROW, NODES, WEIGHTS, WIDE, largest_of, least, most
 from stickslip.motion.engine.guards import resting
 from stickslip.motion.engine.modes import copy, resolve

@@ -7,8 +7,8 @@ takes a tenth of the time.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from stickslip.machine_code import njit
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
 from stickslip.motion.steps.arrays import ALLOCATING, DIMENSION, JETS, OPTIONS, Constants, Rows, Space

@@ -6,8 +6,8 @@ All functions are scalar loops over preallocated arrays.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from stickslip.machine_code import njit
 from stickslip.motion.engine import flights
 from stickslip.motion.engine.forms import AFFINE, GERM_ORDERS, ClosedForms, Flight
 from stickslip.motion.engine.guards import first_event, resting

@@ -14,8 +14,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from stickslip.machine_code import njit
 from stickslip.motion.engine.forms import GERM_ORDERS, SLIDES, ClosedForms, Flight
 from stickslip.motion.engine.guards import switch_of
 from stickslip.motion.engine.signals import first_of_bend, first_of_line, first_of_many, first_of_wave, length

@@ -13,9 +13,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from stickslip.equations.codegen.series import invert
+from stickslip.machine_code import njit
 from stickslip.motion.engine.guards import scan, stays
 from stickslip.motion.steps.arrays import (
     ASTRAY,

@@ -8,7 +8,8 @@ roots, however close, is not missed as long as the polynomial dips below zero by
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from stickslip.machine_code import njit
 
 Array = np.ndarray
 

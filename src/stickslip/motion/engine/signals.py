@@ -11,8 +11,8 @@ import cmath
 import math
 
 import numpy as np
-from numba import njit
 
+from stickslip.machine_code import njit
 from stickslip.motion.engine.roots import NONE, first_crossing
 from stickslip.motion.steps.arrays import OPTIONS
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from stickslip.machine_code import njit
 from stickslip.motion.engine import flights
 from stickslip.motion.engine.event_loop import probe
 from stickslip.motion.engine.forms import SMOOTH, ClosedForms

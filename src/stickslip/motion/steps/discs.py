@@ -18,9 +18,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from stickslip.equations.codegen.program import Program
+from stickslip.machine_code import njit
 from stickslip.motion.steps.arrays import INLINED, OPTIONS
 from stickslip.symbolic.tape import Op
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from stickslip.machine_code import njit
 from stickslip.motion.steps.arrays import DIMENSION, EPSILON, INERTIAL, INLINED, JETS, OPTIONS, Constants, Rows, Space
 from stickslip.motion.steps.discs import ATAN, LOG, ROTATION, TANH, reach, spread, spread_state
 

@@ -25,10 +25,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from stickslip.equations.codegen.generate import ORDERS
 from stickslip.equations.codegen.series import invert
+from stickslip.machine_code import njit
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     EPSILON,

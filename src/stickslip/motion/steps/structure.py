@@ -7,8 +7,8 @@ may depend on: nothing (then its value counts), time, the state, waves of time, 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from stickslip.machine_code import njit
 from stickslip.motion.steps.arrays import DIMENSION, INLINED, OPTIONS, Constants, Rows, Space
 from stickslip.motion.steps.discs import (
     ENTRY,

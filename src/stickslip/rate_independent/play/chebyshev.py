@@ -9,8 +9,9 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numba import njit
 from numpy.polynomial.chebyshev import chebder, chebval, chebvander
+
+from stickslip.machine_code import njit
 
 Array = np.ndarray
 Growth = Callable[[Array, Array, Array], Array]

@@ -10,10 +10,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import DeclarationError
+from stickslip.machine_code import njit
 
 Array = NDArray[np.float64]
 

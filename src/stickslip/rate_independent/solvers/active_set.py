@@ -15,7 +15,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from stickslip.machine_code import njit
 
 Array = np.ndarray
 ROUNDING = 16 * 2.2e-16  # of a sum of forces, relative to its largest terms

@@ -10,7 +10,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+
+from stickslip.machine_code import njit
 
 Array = np.ndarray
 ROUNDING = 8 * 2.220446049250313e-16  # of the magnitudes a force is the sum of

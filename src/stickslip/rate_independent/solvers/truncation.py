@@ -7,8 +7,8 @@ the row of the full operator. Only rows at the boundary between motion and rest 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from stickslip.machine_code import njit
 from stickslip.rate_independent.solvers.smoothing import OPTIONS, Array, Rows, moves, norm, solve_shifted
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from stickslip.machine_code import njit
 from stickslip.motion.between.step_balance import Tally, audit_steps, judge
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.steps.arrays import FINISHED, FULL, INLINED, NEED, NOW, OPTIONS, Constants, Lane, Record

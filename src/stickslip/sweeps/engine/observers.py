@@ -7,8 +7,8 @@ The steps are followed again by Taylor series from their first states, as everyw
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from stickslip.machine_code import njit
 from stickslip.motion.between.nodes import NODES as GAUSS_NODES
 from stickslip.motion.between.nodes import WEIGHTS as GAUSS_WEIGHTS
 from stickslip.motion.engine.guards import resting

@@ -15,8 +15,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from stickslip.machine_code import njit
 from stickslip.motion.engine.modes import copy
 from stickslip.motion.steps.arrays import INLINED, OPTIONS
 from stickslip.sweeps.engine.tables import (

@@ -22,8 +22,8 @@ import math
 from typing import cast
 
 import numpy as np
-from numba import njit
 
+from stickslip.machine_code import njit
 from stickslip.motion.engine.event_loop import integrate
 from stickslip.motion.engine.guards import resting
 from stickslip.motion.engine.modes import copy, resolve

@@ -1,0 +1,80 @@
+"""Machine code on disk, good for as long as all sources that shape it stay the same.
+
+numba keeps the machine code of a function beside the file in which the function stands, and looks at that file alone
+when it asks whether the code is still good. But constants, layouts and whole functions of other files are compiled into
+it: after an update, old code would go on with new data. So :func:`njit` has it look at all files that shape the code.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from numba import njit
+from numba.core import caching
+
+__all__ = ["njit", "sources", "stamp"]
+
+PACKAGE = Path(__file__).parent
+_ENGINE = ("motion/steps", "motion/engine", "motion/between", "equations/codegen", "symbolic/tape.py")
+SHAPED_BY = {
+    "motion": _ENGINE,
+    "equations": _ENGINE,
+    "sweeps": (*_ENGINE, "sweeps/engine"),
+    "rate_independent": ("rate_independent/solvers", "rate_independent/play"),
+}
+"""By the room of a compiled function: files and folders that shape its machine code."""
+
+
+def sources(file: str | Path) -> list[Path]:
+    """Files that shape the machine code of the functions in a file of this package.
+
+    Raises
+    ------
+    KeyError
+        If nothing in that room is compiled.
+    """
+    room = Path(file).resolve().relative_to(PACKAGE.resolve()).parts[0]
+    places = [PACKAGE / place for place in SHAPED_BY[room]]
+    return sorted(path for place in places for path in (place.rglob("*.py") if place.is_dir() else [place]))
+
+
+@cache
+def _stamp(room: str) -> str:
+    digest = hashlib.sha256()
+    for path in sources(PACKAGE / room):
+        digest.update(f"{path.relative_to(PACKAGE).as_posix()}\n".encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def stamp(file: str | Path) -> str:
+    """A name for the text of :func:`sources`."""
+    return _stamp(Path(file).resolve().relative_to(PACKAGE.resolve()).parts[0])
+
+
+class _AllSources:
+    """A place for machine code that is good for as long as :func:`stamp` stays the same."""
+
+    _py_file: str
+
+    def get_source_stamp(self) -> str:
+        return stamp(self._py_file)
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> Any:
+        inside = Path(py_file).resolve().is_relative_to(PACKAGE.resolve())
+        return super().from_function(py_func, py_file) if inside else None  # type: ignore[misc]
+
+
+def _look_at_all_sources() -> None:
+    """Put our places before numba's own, one for each of its folders: the given one, beside the file, the user's."""
+    implementation: Any = getattr(caching, "CacheImpl", None) or getattr(caching, "_CacheImpl")  # noqa: B009
+    places = implementation._locator_classes
+    ours = [type(f"{place.__name__}OfAllSources", (_AllSources, place), {}) for place in places[:3]]
+    implementation._locator_classes = [*ours, *places]
+
+
+_look_at_all_sources()
