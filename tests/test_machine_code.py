@@ -8,9 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from test_house import IMPORTS, MODULES
 
 from stickslip import machine_code
+from test_house import IMPORTS, MODULES
 
 # What compiled modules import beside each other: nothing of it is compiled into them.
 HARMLESS = {"stickslip.errors", "stickslip.machine_code", "stickslip.motion.outcome"}
