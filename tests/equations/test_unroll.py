@@ -44,6 +44,7 @@ def test_written_out_series_are_those_of_the_loops(
     monkeypatch.setattr(unroll, "ORDERS", (4, 8))
     monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path))  # what is compiled with other orders is for this test alone
     monkeypatch.setattr(compiled, "_compiled", {})
+    monkeypatch.setattr(compiled, "_modules", {})
     source = generate(derive(system.declaration)).source
     long = written_out(source)
     assert "for k in range(N)" not in long

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 from stickslip.errors import DeclarationError
 from stickslip.model.declaration import Declaration, DryContact
@@ -112,15 +113,23 @@ class MotionEquations:
         return sum(c.kind == kind for c in self.contacts)
 
 
+_derived: WeakKeyDictionary[Declaration, MotionEquations] = WeakKeyDictionary()
+
+
 def derive(declaration: Declaration) -> MotionEquations:
-    """Derive the equations of motion from energy and dissipation potential.
+    """The equations of motion from energy and dissipation potential: derived once for each declaration.
 
     Raises
     ------
     DeclarationError
         If an internal law or a threshold makes the rate problem nonlinear in the rates.
     """
-    d = declaration
+    if declaration not in _derived:
+        _derived[declaration] = _equations_of(declaration)
+    return _derived[declaration]
+
+
+def _equations_of(d: Declaration) -> MotionEquations:
     contacts = sorted(
         d.contacts,
         key=lambda c: (

@@ -65,7 +65,7 @@ class DryContact:
     unit: str
 
 
-@dataclass
+@dataclass(eq=False)
 class Declaration:
     """A system's formulas as expressions in the symbols ``t``, coordinates, rates ``d_x`` and parameters.
 

@@ -12,11 +12,13 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from stickslip.equations.codegen.generate import Layout, generate
 from stickslip.equations.codegen.unroll import written_out
 from stickslip.equations.derive import MotionEquations, derive
 from stickslip.machine_code import stamp
+from stickslip.model.declaration import Declaration
 from stickslip.model.system import System
 
 
@@ -32,7 +34,8 @@ class CompiledSystem:
     powers: Callable[..., Any]
 
 
-_compiled: dict[str, CompiledSystem] = {}
+_compiled: WeakKeyDictionary[Declaration, CompiledSystem] = WeakKeyDictionary()
+_modules: dict[str, Any] = {}
 
 
 def cache_folder() -> Path:
@@ -69,16 +72,20 @@ def announced() -> Iterator[None]:
 
 def compile_system(system: System) -> CompiledSystem:
     """Machine code of a system, from this process, from disk, or new."""
-    equations = derive(system.declaration)
+    if system.declaration not in _compiled:
+        _compiled[system.declaration] = _compile(system.declaration)
+    return _compiled[system.declaration]
+
+
+def _compile(declaration: Declaration) -> CompiledSystem:
+    """Systems that say the same, as parameters with other defaults do, have the same machine code."""
+    equations = derive(declaration)
     generated = generate(equations)
     key = _key(generated.source)
-    if key not in _compiled:
-        module = _load(f"model_{key}", generated.source)
-        _compiled[key] = CompiledSystem(
-            equations, generated.layout, module.setup, module.jets, module.residual, module.powers
-        )
-    found = _compiled[key]
-    return CompiledSystem(equations, generated.layout, found.setup, found.jets, found.residual, found.powers)
+    if key not in _modules:
+        _modules[key] = _load(f"model_{key}", generated.source)
+    code = _modules[key]
+    return CompiledSystem(equations, generated.layout, code.setup, code.jets, code.residual, code.powers)
 
 
 def _key(text: str) -> str:

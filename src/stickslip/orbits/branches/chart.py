@@ -203,7 +203,6 @@ def first_chart(closed: Closed, pieces: Pieces, extent: Extent) -> tuple[Chart, 
     problem = closed.orbit.problem
     # A closed form is made for one set of parameters; here every motion has its own.
     general = replace(problem, exact=False)
-    vars(general)["compiled"] = problem.compiled
     shooting = closed.shooting.with_pieces(pieces, general)
     assert pieces.free is not None
     orbit = shooting.orbit(np.append(closed.orbit.x, problem.parameters[pieces.free]))

@@ -68,13 +68,11 @@ def follow_freely(problem: Problem, start: float, end: float, y: Array) -> Traje
 
 
 def with_value(problem: Problem, parameter: str, value: float) -> Problem:
-    """The same problem with another value of a parameter; machine code is shared."""
+    """The same problem with another value of a parameter."""
     if value == problem.parameters[parameter]:
         return problem
     problem.system.declaration.check_range(parameter, value)
-    changed = replace(problem, parameters={**problem.parameters, parameter: value})
-    vars(changed)["compiled"] = problem.compiled
-    return changed
+    return replace(problem, parameters={**problem.parameters, parameter: value})
 
 
 @dataclass(frozen=True)
