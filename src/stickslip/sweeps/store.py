@@ -270,16 +270,16 @@ def opened(plan: Plan, path: Path, *, extend: bool = False, overwrite: bool = Fa
 
 
 def _opened(stack: contextlib.ExitStack, plan: Plan, path: Path, extend: bool, overwrite: bool) -> MapStore:
-    _finish_replacement(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    if not path.exists():
-        return _replaced(stack, plan, path, None)
-    parts, axes = stored_plan(path)
     stack.enter_context(_lock(path))
+    _finish_replacement(path)
+    if not path.exists():
+        return _replaced(plan, path, None)
+    parts, axes = stored_plan(path)
     for leftover in [*path.rglob("*.partial"), *path.parent.glob(f".{path.name}.*.unfinished")]:
         shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink()
     if overwrite:
-        return _replaced(stack, plan, path, None)
+        return _replaced(plan, path, None)
     held = Plan(plan.system, axes, plan.measures, plan.initial, plan.settings, plan.seed)
     change = held.difference(parts, axes) or (plan.difference(parts, axes) if not extend else "")
     if change:
@@ -289,7 +289,7 @@ def _opened(stack: contextlib.ExitStack, plan: Plan, path: Path, extend: bool, o
     if extend and plan.difference(parts, axes):
         if damaged := store.damaged():
             raise store.damage(damaged)
-        return _replaced(stack, _extended(plan, held, path), path, store)
+        return _replaced(_extended(plan, held, path), path, store)
     return store
 
 
@@ -354,7 +354,7 @@ def _extended(plan: Plan, held: Plan, path: Path) -> Plan:
     return Plan(plan.system, tuple(axes), plan.measures, plan.initial, plan.settings, plan.seed)
 
 
-def _replaced(stack: contextlib.ExitStack, plan: Plan, path: Path, old: MapStore | None) -> MapStore:
+def _replaced(plan: Plan, path: Path, old: MapStore | None) -> MapStore:
     """A new store in the place of the one at the path, with the points of the old one.
 
     It is made beside the path and takes its place when it is complete.
@@ -365,7 +365,6 @@ def _replaced(stack: contextlib.ExitStack, plan: Plan, path: Path, old: MapStore
         store = create(plan, place)
         if old is not None:
             _copy(old, store)
-        stack.enter_context(_lock(place))
         if path.exists():
             os.rename(path, before)
         os.rename(place, path)
@@ -405,17 +404,19 @@ def _copy(old: MapStore, new: MapStore) -> None:
 
 @contextlib.contextmanager
 def _lock(path: Path) -> Iterator[None]:
-    """Keep other processes from writing here; ends with the process, however that ends."""
-    import fcntl
+    """Keep other processes from writing a store; ends with the process, however that ends.
 
-    folder = os.open(path, os.O_RDONLY)
+    The lock stands beside the store, since the store itself may be replaced by another one, and goes when it is done.
+    """
+    from filelock import FileLock, Timeout
+
+    place = path.with_name(f".{path.name}.lock")
     try:
-        try:
-            fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise StickslipError(
-                f"{path}: another process is writing it. Wait for it, or choose another --out"
-            ) from None
-        yield
-    finally:
-        os.close(folder)
+        with FileLock(place, timeout=0):
+            try:
+                yield
+            finally:
+                with contextlib.suppress(OSError):
+                    place.unlink()
+    except Timeout:
+        raise StickslipError(f"{path}: another process is writing it. Wait for it, or choose another --out") from None

@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
 
+from platformdirs import user_cache_path
+
 from stickslip.equations.codegen.generate import Layout, generate
 from stickslip.equations.codegen.unroll import written_out
 from stickslip.equations.derive import MotionEquations, derive
@@ -40,8 +42,8 @@ _modules: dict[str, Any] = {}
 
 def cache_folder() -> Path:
     """Folder of generated code: ``$STICKSLIP_CACHE``, else the user's cache folder, else a temporary one."""
-    base = os.environ.get("STICKSLIP_CACHE") or os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    folder = Path(base) / "stickslip"
+    given = os.environ.get("STICKSLIP_CACHE")
+    folder = Path(given) / "stickslip" if given else user_cache_path("stickslip")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if os.access(folder, os.W_OK):
