@@ -21,7 +21,7 @@ import numpy as np
 from stickslip.errors import StickslipError
 from stickslip.storage import PREFIX
 from stickslip.sweeps.request.axes import Axis, Grid, make_grid
-from stickslip.sweeps.request.plan import FORMAT, KIND, NOT_COMPUTED, Plan
+from stickslip.sweeps.request.plan import FORMAT, KIND, NOT_COMPUTED, Part, Plan
 
 if TYPE_CHECKING:
     import xarray
@@ -281,10 +281,10 @@ def _opened(stack: contextlib.ExitStack, plan: Plan, path: Path, extend: bool, o
     if overwrite:
         return _replaced(plan, path, None)
     held = Plan(plan.system, axes, plan.measures, plan.initial, plan.settings, plan.seed)
-    change = held.difference(parts, axes) or (plan.difference(parts, axes) if not extend else "")
-    if change:
-        add = "" if extend or "over other values" not in change else "--extend to add points, "
-        raise StickslipError(f"{path}: holds a map {change}. Use {add}--overwrite to replace it, or another --out")
+    change = held.difference(parts, axes) or (None if extend else plan.difference(parts, axes))
+    if change is not None:
+        add = "--extend to add points, " if change.part is Part.VALUES and not extend else ""
+        raise StickslipError(f"{path}: holds a map {change.text}. Use {add}--overwrite to replace it, or another --out")
     store = _existing(held, path)
     if extend and plan.difference(parts, axes):
         if damaged := store.damaged():
@@ -335,10 +335,9 @@ def stored_plan(path: Path) -> tuple[dict[str, str], tuple[Axis, ...]]:
 
 def _extended(plan: Plan, held: Plan, path: Path) -> Plan:
     """The plan with the values of the held axes bit by bit where it has the same ones."""
-    if [axis.names for axis in plan.axes] != [axis.names for axis in held.axes]:
-        raise StickslipError(
-            f"{path}: holds a map {plan.difference(held.parts(), held.axes)}. Extend it over its own axes"
-        )
+    change = plan.difference(held.parts(), held.axes)
+    if change is not None and change.part is Part.AXES:
+        raise StickslipError(f"{path}: holds a map {change.text}. Extend it over its own axes")
     axes = []
     for new, old in zip(plan.axes, held.axes, strict=True):
         found = new.positions(old)

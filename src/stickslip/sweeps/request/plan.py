@@ -6,7 +6,8 @@ import json
 import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from enum import Enum
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,25 @@ NOT_COMPUTED, INTERPOLATED = -1, -2
 """Outcomes of points that have none of their own."""
 
 KIND, FORMAT = "sweep", 2
+
+
+class Part(Enum):
+    """In what two maps may differ; by their key where they are stored."""
+
+    MODEL = "model"
+    SETTINGS = "settings"
+    INITIAL = "initial"
+    MEASURES = "measures"
+    VERSION = "version"
+    AXES = "axes"
+    VALUES = "values"
+
+
+class Difference(NamedTuple):
+    """In what a stored map differs from another, and how, in words."""
+
+    part: Part
+    text: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +84,8 @@ class Plan:
             "seed": str(self.seed),
         }
 
-    def difference(self, parts: Mapping[str, str], axes: tuple[Axis, ...]) -> str:
-        """How a stored map differs from this one, in words; empty if it does not.
+    def difference(self, parts: Mapping[str, str], axes: tuple[Axis, ...]) -> Difference | None:
+        """How a stored map differs from this one, if it does.
 
         Parameters
         ----------
@@ -77,26 +97,28 @@ class Plan:
         own = self.parts()
         model = _first_difference(tomllib.loads(parts["model"]), tomllib.loads(own["model"]))
         if model:
-            return f"of another model ({model})"
-        for key, what in (("settings", "other settings"), ("initial", "other initial values")):
-            change = _first_difference(json.loads(parts[key]), json.loads(own[key]))
+            return Difference(Part.MODEL, f"of another model ({model})")
+        for part, what in ((Part.SETTINGS, "other settings"), (Part.INITIAL, "other initial values")):
+            change = _first_difference(json.loads(parts[part.value]), json.loads(own[part.value]))
             if change:
-                return f"with {what} ({change})"
+                return Difference(part, f"with {what} ({change})")
         if parts["measures"] != own["measures"]:
             there, here = (", ".join(json.loads(texts)) for texts in (parts["measures"], own["measures"]))
-            return f"of other measures ({there} there, {here} here)"
+            return Difference(Part.MEASURES, f"of other measures ({there} there, {here} here)")
         if parts["version"] != own["version"]:
-            return f"made by version {parts['version']} (this is {own['version']})"
+            return Difference(Part.VERSION, f"made by version {parts['version']} (this is {own['version']})")
         return self._other_axes(axes)
 
-    def _other_axes(self, axes: tuple[Axis, ...]) -> str:
+    def _other_axes(self, axes: tuple[Axis, ...]) -> Difference | None:
         there, here = ([",".join(axis.names) for axis in some] for some in (axes, self.axes))
         if there != here:
-            return f"over other axes ({' and '.join(there)} there, {' and '.join(here)} here)"
+            text = f"over other axes ({' and '.join(there)} there, {' and '.join(here)} here)"
+            return Difference(Part.AXES, text)
         for old, new in zip(axes, self.axes, strict=True):
             if not old.same_as(new):
-                return f"over other values of {','.join(new.names)} ({_range(old)} there, {_range(new)} here)"
-        return ""
+                text = f"over other values of {','.join(new.names)} ({_range(old)} there, {_range(new)} here)"
+                return Difference(Part.VALUES, text)
+        return None
 
     def coordinates(self) -> dict[str, tuple[str, np.ndarray, dict[str, Any]]]:
         """Dimension, values and attributes of everything that varies."""
