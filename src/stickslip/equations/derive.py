@@ -18,10 +18,11 @@ from weakref import WeakKeyDictionary
 
 from stickslip.errors import DeclarationError
 from stickslip.model.declaration import Declaration, DryContact
+from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
-KINDS = ("inertial", "viscous", "rate-independent")
+KINDS = tuple(Kind)
 
 
 @dataclass(frozen=True)
@@ -134,7 +135,7 @@ def _equations_of(d: Declaration) -> MotionEquations:
         d.contacts,
         key=lambda c: (
             KINDS.index(c.kind),
-            d.rate_independent.index(next(iter(c.direction))) if c.kind == KINDS[2] else 0,
+            d.rate_independent.index(next(iter(c.direction))) if c.kind == Kind.RATE_INDEPENDENT else 0,
         ),
     )
     contacts = [_name_speed(c, i) for i, c in enumerate(contacts)]
@@ -201,7 +202,7 @@ def _matrix(entries: dict[tuple[str, str], Expr], names: list[str]) -> list[list
 
 
 def _rate_problem(d: Declaration, contacts: list[DryContact], slope: dict[str, Expr]) -> RateProblem:
-    acting = [c for c in contacts if c.kind == KINDS[2]]
+    acting = [c for c in contacts if c.kind == Kind.RATE_INDEPENDENT]
     names = d.rate_independent
     weight = [c.direction[r] for c, r in zip(acting, names, strict=True)]
     force = [slope[r] / j for r, j in zip(names, weight, strict=True)]

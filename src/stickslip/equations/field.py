@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.equations.derive import MotionEquations
+from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
@@ -166,7 +167,7 @@ class _Solver:
         self.regions = dict(zip(equations.kinks, self.region, strict=True))
         self.known: dict[str, Expr] = {}
         for i, c in enumerate(equations.contacts):
-            if c.kind == "inertial":
+            if c.kind == Kind.INERTIAL:
                 self.known[f"speed:{i}"] = self.velocity(i) * float(mode[i])
 
     def fix(self, e: Expr) -> Expr:
@@ -195,7 +196,7 @@ class _Solver:
         J = [[contacts[i].direction.get(x, ex.ZERO) for x in names] for i in stuck]
         for i in stuck:
             belt = contacts[i].speed
-            right.append(self.fix(belt if kind == "viscous" else ex.derivative(belt, "t")))
+            right.append(self.fix(belt if kind == Kind.VISCOUS else ex.derivative(belt, "t")))
         rows = [[*row, *(-j[k] for j in J)] for k, row in enumerate(matrix)]
         rows += [[*j, *(ex.ZERO for _ in stuck)] for j in J]
         solution = solve(rows, right)
@@ -220,12 +221,12 @@ class _Solver:
 
     def field(self) -> Field:
         d, eq = self.d, self.eq
-        damped = self.block("viscous", d.viscous, eq.damping, eq.viscous_force)
+        damped = self.block(Kind.VISCOUS, d.viscous, eq.damping, eq.viscous_force)
         self.known |= {f"d_{z}": e for z, e in zip(d.viscous, damped, strict=True)}
         slid = self.rates()
         self.known |= {f"d_{r}": e for r, e in zip(d.rate_independent, slid, strict=True)}
         laws = [self.fix(law) for law in eq.laws]
-        accelerations = self.block("inertial", d.inertial, eq.mass, eq.inertial_force)
+        accelerations = self.block(Kind.INERTIAL, d.inertial, eq.mass, eq.inertial_force)
         contacts = [self.contact(i) for i in range(len(eq.contacts))]
         velocities = [ex.sym(f"d_{q}") for q in d.inertial]
         return Field(
@@ -241,21 +242,21 @@ class _Solver:
 
     def contact(self, i: int) -> ContactField:
         c = self.eq.contacts[i]
-        if c.kind == "rate-independent":
+        if c.kind == Kind.RATE_INDEPENDENT:
             first = len(self.eq.contacts) - len(self.d.rate_independent)
             force = self.fix(self.eq.rate.force[i - first])
         else:
             force = self.known[f"lambda:{i}"]
-        at_rest = self.mode[i] == 0 and c.kind != "inertial"
+        at_rest = self.mode[i] == 0 and c.kind != Kind.INERTIAL
         u = ex.ZERO if at_rest else self.velocity(i)
         return ContactField(c.name, c.kind, u, force, self.fix(c.plus), self.fix(c.minus))
 
     def constraints(self, contacts: list[ContactField]) -> list[Expr]:
         found = []
         for c, m in zip(contacts, self.mode, strict=True):
-            if c.kind == "inertial" and m == 0:
+            if c.kind == Kind.INERTIAL and m == 0:
                 found.append(c.u)
-            elif c.kind == "rate-independent" and m != 0:
+            elif c.kind == Kind.RATE_INDEPENDENT and m != 0:
                 found.append(c.force + c.plus if m > 0 else c.force - c.minus)
         return found
 

@@ -25,7 +25,7 @@ from stickslip.figures.drawing.style import (
     paper_style,
 )
 from stickslip.model.quantities import quantity
-from stickslip.model.system import System
+from stickslip.model.system import Kind, System
 from stickslip.motion.simulate import simulate
 from stickslip.orbits.equilibria.equilibrium import Equilibrium
 from stickslip.orbits.equilibria.finding import checked_values, equilibria
@@ -136,7 +136,7 @@ class _Portrait:
         shown: list[Patch | Line2D] = []
         for contact, (above, below, u) in zip(contacts, found, strict=True):
             margin = np.minimum(above, below)
-            if contact.kind == "inertial":
+            if contact.kind == Kind.INERTIAL:
                 axes.contour(self.x, self.y, u, [0.0], colors=THRESHOLD, linewidths=0.9)
                 axes.contour(self.x, self.y, np.where(margin >= 0.0, u, np.nan), [0.0], colors=STICK_LINE, linewidths=3)
                 shown.append(Line2D([], [], color=STICK_LINE, lw=3, label="stick"))

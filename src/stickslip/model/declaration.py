@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from stickslip.errors import DeclarationError, short
 from stickslip.model.schema import check_shape, entry_key
+from stickslip.model.system import Kind
 from stickslip.model.units import check_unit
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -55,7 +56,7 @@ class DryContact:
     """
 
     name: str
-    kind: str
+    kind: Kind
     direction: Mapping[str, Expr]
     plus: Expr
     minus: Expr
@@ -205,7 +206,7 @@ class _Reader:
             check_unit(parameter.unit, f"{where}.unit")
             result.ranges[name] = parse_range(parameter.range, f"{where}.range")
             result.check_range(name, parameter.default)
-        kinds = {"inertial": result.inertial, "viscous": result.viscous, "rate-independent": result.rate_independent}
+        kinds = dict(zip(Kind, (result.inertial, result.viscous, result.rate_independent), strict=True))
         for name, coordinate in system.coordinates.items():
             where = entry_key("coordinates", name)
             claim(name, where, rate=True)
@@ -291,7 +292,7 @@ class _Reader:
             where = f"coordinates.{name}"
             result.forces[name] = self.motion.parse(coordinate.force, f"{where}.force")
             _check_slopes(result.forces[name], result.state, f"{where}.force")
-            if coordinate.kind == "inertial":
+            if coordinate.kind == Kind.INERTIAL:
                 result.drags[name] = self.motion.parse(coordinate.drag, f"{where}.drag")  # type: ignore[union-attr]
                 self._check_drag(name, result.drags[name])
 
@@ -353,7 +354,7 @@ class _Reader:
                 "Give all coordinates of one contact the same kind",
             )
         kind = kinds.pop()
-        if kind == "rate-independent" and len(direction) > 1:
+        if kind == Kind.RATE_INDEPENDENT and len(direction) > 1:
             raise DeclarationError(
                 f"{where}.direction",
                 "a contact of rate-independent coordinates moves one of them",
@@ -364,13 +365,13 @@ class _Reader:
         if contact.kinetic is not None:
             sliding = self.scope(self.state, self.velocities, {"speed": ex.sym("speed")}, why="Use 'speed' for |u|")
             kinetic = self._pair(contact.kinetic, f"{where}.kinetic", sliding)
-            if kind == "rate-independent":
+            if kind == Kind.RATE_INDEPENDENT:
                 raise DeclarationError(
                     f"{where}.kinetic",
                     "without inertia or viscosity the drop to the kinetic force is a jump",
                     "Declare the coordinate viscous or inertial",
                 )
-            if kind == "viscous" and any("speed" in k.symbols for k in kinetic):
+            if kind == Kind.VISCOUS and any("speed" in k.symbols for k in kinetic):
                 raise DeclarationError(
                     f"{where}.kinetic",
                     "for viscous coordinates it may not depend on the speed",

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
+from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -19,6 +20,14 @@ if TYPE_CHECKING:
     from stickslip.model.declaration import Declaration
 
 Formula = str | float
+
+
+class Kind(StrEnum):
+    """What a coordinate does with a force: it accelerates, moves, or stays in balance."""
+
+    INERTIAL = "inertial"
+    VISCOUS = "viscous"
+    RATE_INDEPENDENT = "rate-independent"
 
 
 @dataclass(frozen=True)
@@ -58,7 +67,7 @@ class Inertial:
         Non-potential generalised force acting on the coordinate.
     """
 
-    kind: ClassVar[str] = "inertial"
+    kind: ClassVar[Kind] = Kind.INERTIAL
     unit: str = ""
     meaning: str = ""
     drag: Formula = 0.0
@@ -69,7 +78,7 @@ class Inertial:
 class Viscous:
     """A coordinate without mass, with viscous friction: ∂R/∂ż + ∂Φ/∂z ∋ force."""
 
-    kind: ClassVar[str] = "viscous"
+    kind: ClassVar[Kind] = Kind.VISCOUS
     unit: str = ""
     meaning: str = ""
     force: Formula = 0.0
@@ -79,7 +88,7 @@ class Viscous:
 class RateIndependent:
     """A coordinate with dry friction only: ∂R/∂ż + ∂Φ/∂z ∋ force, R 1-homogeneous."""
 
-    kind: ClassVar[str] = "rate-independent"
+    kind: ClassVar[Kind] = Kind.RATE_INDEPENDENT
     unit: str = ""
     meaning: str = ""
     force: Formula = 0.0

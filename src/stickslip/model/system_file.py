@@ -17,7 +17,7 @@ from stickslip.model import toml
 from stickslip.model.schema import entry_key, wrong_kind
 from stickslip.model.system import Condition, Contact, Inertial, Internal, Parameter, RateIndependent, System, Viscous
 
-KINDS = {kind.kind: kind for kind in (Inertial, Viscous, RateIndependent)}
+KINDS = {str(kind.kind): kind for kind in (Inertial, Viscous, RateIndependent)}
 ENTRIES = {"parameters": Parameter, "internal": Internal, "contacts": Contact, "conditions": Condition}
 GROUPS = ("name", "parameters", "functions", "coordinates", "contacts", "translation", "conditions")
 """Fields of a system before which a file has an empty line."""

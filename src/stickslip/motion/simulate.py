@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from stickslip.errors import DeclarationError
-from stickslip.model.system import System
+from stickslip.model.system import Kind, System
 from stickslip.motion.knots import Knots
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
@@ -145,7 +145,7 @@ def check_stable_start(problem: Problem, start: float, y: Array) -> None:
     """Explain an initial state outside the stable set of the rate-independent coordinates."""
     equations, declaration = problem.compiled.equations, problem.system.declaration
     values = {**problem.parameters, **dict(zip(declaration.state, map(float, y), strict=True)), "t": start}
-    acting = [c for c in equations.contacts if c.kind == "rate-independent"]
+    acting = [c for c in equations.contacts if c.kind == Kind.RATE_INDEPENDENT]
     for c, force in zip(acting, equations.rate.force, strict=True):
         held = ex.evaluate(force, values)
         plus, minus = ex.evaluate(c.plus, values), ex.evaluate(c.minus, values)

@@ -21,6 +21,7 @@ import numpy as np
 
 from stickslip.equations.codegen.printer import by_mode, printed
 from stickslip.equations.derive import MotionEquations
+from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.tape import ORIGIN, Constants, Instruction, Op, Scaled, Tape, literal, scalar_code
@@ -101,7 +102,7 @@ class _Generator:
         d = self.d = equations.declaration
         self.constants = Constants([*d.parameters, ORIGIN])
         self.nq, self.nz, self.nr, self.na = map(len, (d.inertial, d.viscous, d.rate_independent, d.internal))
-        self.mq, self.mz, self.mr = (equations.count(k) for k in ("inertial", "viscous", "rate-independent"))
+        self.mq, self.mz, self.mr = (equations.count(kind) for kind in Kind)
         self.n = len(d.state)
         sizes = dict(
             n=self.n,
@@ -206,7 +207,7 @@ class _Generator:
     def contact_side(self, i: int, row: int, stage: int) -> None:
         """Right-hand side of contact i: the belt in stick, the friction force in slip."""
         c, tape = self.eq.contacts[i], self.tape
-        belt = c.speed if c.kind == "viscous" else ex.derivative(c.speed, "t")
+        belt = c.speed if c.kind == Kind.VISCOUS else ex.derivative(c.speed, "t")
         sides = tuple(tape.row(e) for e in (belt, c.kinetic_plus, c.kinetic_minus, c.plus, c.minus))
         tape.emit(stage, Instruction(Op.SIDE, row, sides, place=i))
         tape.stage[row] = stage

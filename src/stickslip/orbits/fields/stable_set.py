@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stickslip.equations.derive import MotionEquations
+from stickslip.model.system import Kind
 from stickslip.orbits.fields.regions import values_at
 
 Array = np.ndarray
@@ -31,7 +32,7 @@ def excess(equations: MotionEquations, values: Mapping[str, float | Array], stat
     array, shape (points,)
         In the unit of the forces.
     """
-    acting = [c for c in equations.contacts if c.kind == "rate-independent"]
+    acting = [c for c in equations.contacts if c.kind == Kind.RATE_INDEPENDENT]
     wanted = [e for c, force in zip(acting, equations.rate.force, strict=True) for e in (force, c.plus, c.minus)]
     if not wanted:
         return np.zeros(len(states))
@@ -48,7 +49,7 @@ def settle_friction(equations: MotionEquations, values: Mapping[str, float], sta
     minimisation E(x) + Σ sᵢ|xᵢ − xᵢ⁰| that decides where such a system goes from a state it cannot rest in.
     """
     rate = equations.rate
-    acting = [c for c in equations.contacts if c.kind == "rate-independent"]
+    acting = [c for c in equations.contacts if c.kind == Kind.RATE_INDEPENDENT]
     rows = [equations.declaration.state.index(next(iter(c.direction))) for c in acting]
     for _ in range(SWEEPS if acting else 0):
         moved = 0.0

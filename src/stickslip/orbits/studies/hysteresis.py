@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 
 from stickslip.equations.derive import MotionEquations, derive
 from stickslip.errors import DeclarationError
-from stickslip.model.system import System
+from stickslip.model.system import Kind, System
 from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -320,7 +320,7 @@ class _Declared:
     def read(cls, system: System, equations: MotionEquations, values: Mapping[str, float]) -> _Declared:
         """Check that the system has this form."""
         d = system.declaration
-        acting = [c for c in equations.contacts if c.kind == "rate-independent"]
+        acting = [c for c in equations.contacts if c.kind == Kind.RATE_INDEPENDENT]
         pair = tuple(d.rate_independent)
         shift = system.translation
         if len(pair) != 2 or len(acting) != 2 or shift.get(pair[0]) != shift.get(pair[1]) or not shift.get(pair[0]):

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stickslip.model.quantities import described, quantity
-from stickslip.model.system import System
+from stickslip.model.system import Kind, System
 from stickslip.motion.outcome import Outcome
 from stickslip.sweeps.request.axes import Axis
 from stickslip.sweeps.request.measures import LACKING, certified_below
@@ -151,7 +151,7 @@ class Plan:
         )
         missing = _flags(dict(enumerate(LACKING))) | {"long_name": "what the certificate lacks"}
         found["lacking"] = ("i1", LACKING.index("result"), missing)
-        unit = next((c.unit for c in self.system.declaration.contacts if c.kind == "rate-independent"), "") or "1"
+        unit = next((c.unit for c in self.system.declaration.contacts if c.kind == Kind.RATE_INDEPENDENT), "") or "1"
         found["excess"] = ("f8", np.nan, {"units": unit, "long_name": "excess of the start over the stable set"})
         labels = {NOT_COMPUTED: "not computed", INTERPOLATED: "interpolated", **{o.code: o.label for o in Outcome}}
         found["outcome"] = ("i1", NOT_COMPUTED, _flags(labels) | {"long_name": "how the motion ended"})
