@@ -86,6 +86,12 @@ def test_wrong_states_are_called_wrong(family: str, off: float) -> None:
     assert evolutions.judge(replace(case, states=wrong)).kind == WRONG
 
 
+def test_a_dip_between_two_steps_is_in_the_error_of_z() -> None:
+    """The force overshoots by 4e-4 in a dip of width 2e-6, within the tolerance, and z misses that."""
+    verdict = evolutions.judge(evolutions.draw("thresholds with dips", 105))
+    assert verdict.kind == AGREED, verdict
+
+
 # -- dense steps -------------------------------------------------------------------------------------------------------
 
 

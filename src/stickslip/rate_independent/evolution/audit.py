@@ -12,7 +12,9 @@ the same three points where they are functions of Python (``between.py``).
 Let z be the exact evolution. As long as ẑ is stable, d/dt ½⟨A(z − ẑ), z − ẑ⟩ = −⟨ξ − ξ̂, ż − dẑ/dt⟩ is at most
 Ψ(dẑ/dt) − ⟨ξ̂, dẑ/dt⟩: half the squared error, in the energy norm, grows by no more than the defect. While the force
 overshoots by δ, it may grow by δ|ż| besides, with the size of ż that belongs to the sets: the *slack*, in which ż is
-taken to be that of ẑ.
+taken to be that of ẑ. What ẑ does not do at all is *missed*: a component that is pushed by δ and moves alone goes by
+δ/√Aᵢᵢ in the energy norm. What is missed does not add up, since a later push in the same direction moves z only by what
+it is larger; the largest counts.
 
 A minimising-movement step also has the classical two-sided estimate (ΔE, d, ξ: energy, increment, force):
 
@@ -45,6 +47,7 @@ COLUMNS = {
     "defect": "defect of the energy balance in the step",
     "overshoot": "how far the force may leave the stable set during the step, relative to the largest weight",
     "slack": "what the overshoot may add to half the squared error",
+    "missed": "how far z may be off, in the energy norm, since the force overshoots",
     "increment": "half the squared energy norm of the increment",
     "gap": "dissipation of the increment at the phase before, minus the work of the force before",
 }
@@ -187,6 +190,7 @@ def measure(
         "defect": defect,
         "overshoot": beyond / scale,
         "slack": beyond * sets.total(d),
+        "missed": beyond / np.sqrt(A.diagonal().min()),
         "increment": 0.5 * _dot(pull, d),
         "gap": gap,
     }

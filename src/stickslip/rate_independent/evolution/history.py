@@ -107,7 +107,8 @@ class History:
 
         - *energy balance from below*, *from above*: with the one-sided sums of dissipation and work the balance lies
           between minus the one and the other, relative to the energy that flows;
-        - *error of z*: √(2 Σ(|defect| + slack)), in the energy norm; a bound if nothing overshoots;
+        - *error of z*: √(2 Σ(|defect| + slack)) and the largest that is missed, in the energy norm; a bound if nothing
+          overshoots;
         - *samples*: times at which load and thresholds were looked at; 0 if they are bounded between the steps, since
           they are made of formulas and tables.
         """
@@ -118,6 +119,7 @@ class History:
         periods = self.dataset.attrs["epsilon"] if self.dataset.attrs["depends_on_phase"] else np.inf
         longest = float(np.diff(self.dataset["step_time"].values).max(initial=0.0)) / periods
         error = float(np.sqrt(2.0 * np.sum(np.abs(column["defect"]) + column["slack"])))
+        error += float(column["missed"].max()) if "missed" in column else 0.0  # files of old do not have it
         samples = 0 if self.dataset.attrs["bounded"] else 2 * self.steps + 1
         looked = f"as sampled at {samples} times" if samples else "load and thresholds bounded between the steps"
         residuals = (
