@@ -221,7 +221,7 @@ def settles_on(own: Repeating, cycle: ss.Cycle, case: Repeating, found: Settled 
         return "", {"settled": found.time}
     start = case.at_home(case.start)
     beside = float(np.min(np.max(np.abs(states - start) / size, axis=1)))
-    if beside < BESIDE and found.period != 0.0 and not cycle.stable:
+    if beside < BESIDE and not cycle.stable:
         return "", {"settled": "elsewhere, from beside it"}
     numbers = {"settles on": found.period, "extremes off": float(off), "start beside": beside}
     return "the motion rests" if found.period == 0.0 else "the motion settles on another cycle", numbers
