@@ -318,6 +318,16 @@ def test_as_a_process(tmp_path: Path) -> None:
     assert "I_b" in poor.stdout
 
 
+def test_cite() -> None:
+    alone = stickslip("cite").stdout
+    assert "stickslip" in alone and "WIAS preprint 2405" in alone
+    assert "Contact Mechanics and Friction" in stickslip("cite", "belt_block").stdout
+    file = Path(__file__).parents[2] / "examples" / "rocking-toy.toml"
+    assert ss.load(file).source in stickslip("cite", str(file)).stdout
+    missing = stickslip("cite", "belt_blok")
+    assert missing.exit_code == 2 and "Did you mean 'belt_block'?" in missing.stderr
+
+
 README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
 
 

@@ -67,6 +67,12 @@ def guarded(command: Callable[P, None]) -> Callable[P, None]:
     return run
 
 
+PAPER = (
+    "A. Mielke, Three examples concerning the interaction of dry friction and oscillations, "
+    "WIAS preprint 2405, Berlin 2017."
+)
+
+
 def _version(wanted: bool) -> None:
     if wanted:
         typer.echo(f"stickslip {__version__}")
@@ -112,6 +118,20 @@ def show(
         typer.echo(system.equations(latex=True))
     else:
         typer.echo(str(system.equations()), nl=False)
+
+
+@app.command()
+@guarded
+def cite(
+    model: Annotated[str | None, typer.Argument(metavar="[MODEL]", help="A catalogue name or a model file.")] = None,
+) -> None:
+    """Say what to cite: this program, the paper it began with, and where a system comes from."""
+    from stickslip.cli.models import references
+
+    typer.echo(f"The stickslip developers, stickslip {__version__}: systems with dry friction, moved exactly.")
+    typer.echo(PAPER)
+    for reference in [] if model is None else references(model):
+        typer.echo(reference)
 
 
 @app.command()

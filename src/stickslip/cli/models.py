@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -27,6 +28,22 @@ def load_model(model: str, settings: Iterable[str]) -> System:
     if model.endswith(".toml") or os.sep in model or Path(model).is_file():
         return load(model).configure(given)
     return catalogue.get(model)
+
+
+def references(model: str) -> list[str]:
+    """Where a system comes from: the references of a catalogue entry, or the source that a file names.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such model.
+    """
+    system = load_model(model, [])
+    if model in catalogue.names():
+        text = inspect.getdoc(getattr(catalogue, model)) or ""
+        section = text.partition("References\n----------\n")[2]
+        return [" ".join(part.split()) for part in section.split("\n\n") if part.strip()]
+    return [system.source] if system.source else []
 
 
 def assignments(texts: Iterable[str], option: str) -> dict[str, Formula]:
