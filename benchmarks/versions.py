@@ -120,12 +120,12 @@ def start(tree: Path, cache: str, group: str) -> subprocess.Popen[str]:
     """A process that measures one checkout."""
     environment = {
         **os.environ,
-        "PYTHONPATH": os.pathsep.join([str(tree / "src"), str(Path(__file__).parent)]),
+        "PYTHONPATH": os.pathsep.join([str(tree / "src"), str(tree / "benchmarks")]),
         "STICKSLIP_CACHE": cache,
         "NUMBA_CACHE_DIR": cache,
     }
     process = subprocess.Popen(
-        [sys.executable, __file__, "--serve", group],
+        [sys.executable, "-P", __file__, "--serve", group],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
