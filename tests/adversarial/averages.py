@@ -151,15 +151,23 @@ def planar(edge: Callable[[Array, Array], Array], narrow: tuple[tuple[float, flo
 
     def reference(V: Array) -> float:
         length, toward = float(np.linalg.norm(V)), float(np.arctan2(V[1], V[0]))
-        k = int(np.argmax(radii * np.cos(angles - toward)))
+
+        def best_near(middle: float, width: float) -> tuple[float, float]:
+            """The largest product around an angle, and where; small differences keep their digits."""
+            found = minimize_scalar(
+                lambda x: -reach(middle + x) * np.cos(middle + x - toward),
+                bounds=(-width, width),
+                method="bounded",
+                options={"xatol": 1e-11},
+            )
+            return -float(found.fun), middle + float(found.x)
+
+        # Along the border of a convex set the product with V has one maximum, which may be sharp, while the radii that
+        # were looked at are not quite the least over all phases: so it is looked for in all directions, too.
         step = 2.0 * np.pi / ANGLES
-        found = minimize_scalar(
-            lambda x: -reach(angles[k] + x) * np.cos(angles[k] + x - toward),
-            bounds=(-2.0 * step, 2.0 * step),
-            method="bounded",
-            options={"xatol": 1e-11},
-        )
-        return -length * float(found.fun)
+        looked = float(angles[int(np.argmax(radii * np.cos(angles - toward)))])
+        middles = (looked, best_near(toward, 0.5 * np.pi)[1])
+        return length * max(best_near(middle, 2.0 * step)[0] for middle in middles)
 
     return reference
 
