@@ -153,14 +153,14 @@ def test_what_is_said_wrongly_of_a_cycle(monkeypatch: pytest.MonkeyPatch) -> Non
 )
 def test_what_is_said_instead_of_a_cycle(monkeypatch: pytest.MonkeyPatch, said: str, verdict: str) -> None:
     monkeypatch.setattr(cycles, "cycle_of", lambda case: f"a cycle of something: {said}")
-    monkeypatch.setattr(cycles, "settle", lambda case, patience: Settled(5.0, np.zeros(2), np.ones(2), 100.0))
+    monkeypatch.setattr(cycles, "settle", lambda case, *given: Settled(5.0, np.zeros(2), np.ones(2), 100.0))
     assert cycles.judge(cycles.draw(*BELT)).kind == verdict
 
 
 def test_rest_is_agreed_on_or_left_open(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cycles, "cycle_of", lambda case: "a cycle of something: the motion comes to rest: at 0")
     for found, verdict in ((None, NO_REFERENCE), (Settled(0.0, np.zeros(2), np.zeros(2), 1.0), AGREED)):
-        monkeypatch.setattr(cycles, "settle", lambda case, patience, found=found: found)
+        monkeypatch.setattr(cycles, "settle", lambda case, *given, found=found: found)
         assert cycles.judge(cycles.draw(*BELT)).kind == verdict
 
 
