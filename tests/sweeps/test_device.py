@@ -18,7 +18,8 @@ from stickslip.sweeps.work import device
 
 SMALL_MAPS = """
 import numpy as np, stickslip as ss
-from stickslip.sweeps import device, sweep
+from stickslip.sweeps import sweep
+from stickslip.sweeps.work import device
 loose, short = ss.Settings(tolerance=1e-3), ss.Settings(tolerance=1e-2, max_time=80.0)
 push = {"psi": 0.0, "x_R": 0.0}
 cases = [
@@ -75,7 +76,7 @@ import types, numpy as np, stickslip as ss
 from numba import cuda, types as numba_types, typeof
 from numba.cuda import dispatcher
 from stickslip.motion.simulate_many import initial_states, parameter_table, pose_all
-from stickslip.sweeps import chunk, device
+from stickslip.sweeps.work import chunk, device
 # What a GPU is asked for.
 dispatcher.get_current_device = lambda: types.SimpleNamespace(compute_capability=(8, 0))
 cuda.to_device = lambda part: part
