@@ -127,10 +127,6 @@ class Certificate:
                 return residual
         raise KeyError(f"'{name}' was not measured; there are {', '.join(r.name for r in self.residuals)}")
 
-    def value(self, name: str) -> float:
-        """The value of a residual."""
-        return self[name].value
-
     def describe(self) -> str:
         """The verdict, and every residual on a line of its own."""
         return "\n".join([self.verdict, *(f"  {residual.describe()}" for residual in self.residuals)])

@@ -76,13 +76,25 @@ def reading(path: str | Path, kind: str, form: int) -> Iterator[tuple[xarray.Dat
         own = {key.removeprefix(PREFIX): data.attrs.pop(key) for key in [*data.attrs] if key.startswith(PREFIX)}
         if own["kind"] != kind:
             raise StickslipError(f"{path}: holds {named(own['kind'])}, not {named(kind)}")
-        if int(own["format"]) != form:
-            raise StickslipError(f"{path}: written in format {own['format']}, this version reads {form}")
+        readable(path, own, form)
         yield data, own
     except (OSError, KeyError, ValueError, TypeError) as error:
         if isinstance(error, StickslipError):
             raise
         raise StickslipError(f"{path}: not {named(kind)} stored by stickslip") from None
+
+
+def readable(path: Path, own: Mapping[str, str], form: int) -> None:
+    """Whether a result was stored in the format that is read.
+
+    Raises
+    ------
+    StickslipError
+        If it was not.
+    """
+    if int(own["format"]) != form:
+        wrote = f"written in format {own['format']} by version {own['version']}, this version reads {form}"
+        raise StickslipError(f"{path}: {wrote}; open it with the version that wrote it, or compute it again")
 
 
 def named(kind: str) -> str:

@@ -387,11 +387,11 @@ def judge(case: Case) -> Verdict:
     rounding = 64.0 * np.spacing(case.span) * case.slope + EXACT * case.size
     allowed = rounding / np.sqrt(stiff) + error
     if not case.exact:
-        allowed += ESTIMATES * certificate.value("error of z")
+        allowed += ESTIMATES * certificate["error of z"].value
     scale = case.size / np.sqrt(stiff)
     numbers = {"difference": difference / scale, "allowed": allowed / scale, "reference": error / scale}
     right = difference <= allowed
-    if certificate.ok and not certificate.value("samples"):
+    if certificate.ok and not certificate["samples"].value:
         return Verdict(AGREED, "", numbers) if right else Verdict(WRONG, "another motion", numbers)
     if certificate.ok:
         return Verdict(NOT_CERTIFIED, f"as sampled; {'right' if right else 'wrong'}", numbers)

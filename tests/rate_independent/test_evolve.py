@@ -203,7 +203,7 @@ def test_memory_bounds_what_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_adaptive_steps_resolve_the_phase_as_the_tolerance_asks(tolerance: float) -> None:
     history = evolve(three(), tolerance=tolerance)
     assert history.certificate.ok, history.certificate.verdict
-    assert history.certificate.value("length of a step in periods") <= 1 / 8
+    assert history.certificate["length of a step in periods"].value <= 1 / 8
     shorter = evolve(three(), tolerance=tolerance / 10)
     assert shorter.steps > history.steps
     fine = evolve(three(), steps=60_000, output=history.times).z
@@ -237,15 +237,15 @@ def test_columns_are_what_they_say() -> None:
     np.testing.assert_allclose(balance, np.cumsum(data["defect"]), rtol=0, atol=1e-12)
     np.testing.assert_array_equal(data["slipping"][1:], np.count_nonzero(d, axis=1))
     certificate = history.certificate
-    assert certificate.value("energy balance from below") == pytest.approx(half.sum() / history.energy_scale)
-    assert certificate.value("energy balance from above") == pytest.approx(lower.sum() / history.energy_scale)
+    assert certificate["energy balance from below"].value == pytest.approx(half.sum() / history.energy_scale)
+    assert certificate["energy balance from above"].value == pytest.approx(lower.sum() / history.energy_scale)
     assert certificate.to_dict()["verdict"] == certificate.verdict
 
 
 def test_the_certificate_refuses_what_is_not_resolved() -> None:
     coarse = evolve(three(), steps=6).certificate  # one step per period sees no oscillation at all
-    assert coarse.value("length of a step in periods") == pytest.approx(1.0)
-    assert coarse.value("stability") < 1e-12 and not coarse.ok
+    assert coarse["length of a step in periods"].value == pytest.approx(1.0)
+    assert coarse["stability"].value < 1e-12 and not coarse.ok
     assert "length of a step" in coarse.verdict
     rough = evolve(three(), steps=60).certificate
     assert not rough.ok and "energy balance" in rough.verdict and "between steps" in rough.verdict
@@ -283,8 +283,8 @@ def test_the_error_estimate_is_a_bound(steps: int) -> None:
     # Between the steps, where z is affine; at their ends these states are exact.
     error = np.column_stack([np.interp(exact.times, history.times, z) for z in history.z.T]) - exact.z
     in_energy = np.sqrt(np.einsum("ki,ij,kj->k", error, STIFF, error)).max()
-    assert history.certificate.value("stability between steps") < 1e-12
-    assert 1e-4 < in_energy <= history.certificate.value("error of z")
+    assert history.certificate["stability between steps"].value < 1e-12
+    assert 1e-4 < in_energy <= history.certificate["error of z"].value
 
 
 # --- How it can end --------------------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stickslip.certificates import Certificate, Residual
+from stickslip.certificates import Certificate, within
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -32,9 +32,8 @@ def certify(trajectory: Trajectory) -> Certificate:
     """Measure a trajectory against energy balance, friction law and equations of motion."""
     tolerance = max(TOLERANCE, ACCURACY * trajectory.rtol)
     values = [float(v) if np.isfinite(v) else np.inf for v in trajectory.audit.residuals]
-    residuals = tuple(Residual(name, value, tolerance) for name, value in zip(NAMES, values, strict=True))
     outcome = "" if trajectory.outcome.ok else trajectory.outcome.label
-    return Certificate(residuals, outcome, _unverified(trajectory))
+    return Certificate(tuple(within(tolerance, zip(NAMES, values, strict=True))), outcome, _unverified(trajectory))
 
 
 def _unverified(trajectory: Trajectory) -> tuple[tuple[float, float], ...]:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip.errors import StickslipError
-from stickslip.storage import PREFIX
+from stickslip.storage import PREFIX, readable
 from stickslip.sweeps.request.axes import Axis, Grid, make_grid
 from stickslip.sweeps.request.plan import FORMAT, KIND, NOT_COMPUTED, Part, Plan
 
@@ -317,8 +317,7 @@ def stored_plan(path: Path) -> tuple[dict[str, str], tuple[Axis, ...]]:
         parts = {k.removeprefix(PREFIX): str(v) for k, v in group.attrs.items() if k.startswith(PREFIX)}
         if parts["kind"] != KIND:
             raise KeyError(parts["kind"])
-        if parts["format"] != str(FORMAT):
-            raise StickslipError(f"{path}: written in format {parts['format']}, this version reads {FORMAT}")
+        readable(path, parts, FORMAT)
         axes = []
         for declared in json.loads(parts["axes"]):
             values = np.array([_array(group, name)[:] for name in declared["names"]])

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-KIND, FORMAT = "branch", 2  # of the stored file
+KIND, FORMAT = "branch", 3  # of the stored file
 
 
 @dataclass(frozen=True)
@@ -194,40 +194,24 @@ def open_branch(path: str | Path) -> Branch:
     from stickslip.model.system_file import loads
 
     with storage.reading(path, KIND, FORMAT) as (points, own):
+        first, last = (Ending(Stop[stop], text, test) for stop, text, test in json.loads(own["ends"]))
         return Branch(
             loads(own["system"], f"{path}: system"),
             json.loads(own["parameters"]),
             own["parameter"],
             points,
-            [_special({"parameter": own["parameter"], **entry}) for entry in json.loads(own["special"])],
-            _ends(own),
+            [_special(entry) for entry in json.loads(own["special"])],
+            (first, last),
             _certificate(json.loads(own["certificate"])),
             own["second"],
         )
 
 
-def _certificate(entry: Mapping[str, Any] | list[Mapping[str, Any]]) -> Certificate:
-    """A certificate as it was stored; versions before 0.2 stored its residuals alone."""
-    parts: Mapping[str, Any] = {"residuals": entry} if isinstance(entry, list) else entry
-    residuals = tuple(Residual(**residual) for residual in parts["residuals"])
-    spans = tuple((start, end) for start, end in parts.get("unverified", ()))
-    return Certificate(residuals, parts.get("outcome", ""), spans, tuple(parts.get("notes", ())))
-
-
-def _ends(own: Mapping[str, str]) -> tuple[Ending, Ending]:
-    """Both ends as they were stored; versions before 0.2 stored them in words."""
-    if "ends" in own:
-        first, last = (Ending(Stop[stop], text, test) for stop, text, test in json.loads(own["ends"]))
-    else:
-        words = own["ended"].removeprefix("first point: ").split("; last point: ")
-        first, last = (Ending(_stop(text), text) for text in words)
-    return first, last
-
-
-def _stop(text: str) -> Stop:
-    """What words of old files say."""
-    known = {"interrupted": Stop.INTERRUPTED, "the branch is closed": Stop.CLOSED, "the curve is closed": Stop.CLOSED}
-    return known.get(text, Stop.RANGE if text.endswith("the end of the range") else Stop.EVENT)
+def _certificate(entry: Mapping[str, Any]) -> Certificate:
+    """A certificate as it was stored: lists were tuples."""
+    residuals = tuple(Residual(**residual) for residual in entry["residuals"])
+    spans = tuple((start, end) for start, end in entry["unverified"])
+    return Certificate(residuals, entry["outcome"], spans, tuple(entry["notes"]))
 
 
 def _special(entry: Mapping[str, Any]) -> SpecialPoint:

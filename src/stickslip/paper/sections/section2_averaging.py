@@ -218,7 +218,7 @@ def energy_of_the_limit() -> Finding:
     motion = ss.play("5*t - t**2", average.value(0.0, [1.0]), (0.0, 5.0), 0.0)
     spent = 0.5 * (6.25 - 0.5) + 0.5 * (6.25 - 1.0)
     return together(
-        vanishes(motion.certificate.value("energy balance"), 1e-12, "energy residual"),
+        vanishes(motion.certificate["energy balance"].value, 1e-12, "energy residual"),
         equals(motion.dissipated, spent, 1e-12, "dissipated"),
     )
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = np.ndarray
-KIND, FORMAT = "evolution", 1  # of the stored file
+KIND, FORMAT = "evolution", 2  # of the stored file
 PHASE_STEP = 0.25  # longest step that still sees the oscillation, in periods
 
 
@@ -119,7 +119,7 @@ class History:
         periods = self.dataset.attrs["epsilon"] if self.dataset.attrs["depends_on_phase"] else np.inf
         longest = float(np.diff(self.dataset["step_time"].values).max(initial=0.0)) / periods
         error = float(np.sqrt(2.0 * np.sum(np.abs(column["defect"]) + column["slack"])))
-        error += float(column["missed"].max()) if "missed" in column else 0.0  # files of old do not have it
+        error += float(column["missed"].max())
         samples = 0 if self.dataset.attrs["bounded"] else 2 * self.steps + 1
         looked = f"as sampled at {samples} times" if samples else "load and thresholds bounded between the steps"
         residuals = (
