@@ -1,4 +1,5 @@
-"""AUTO-07p as a rival: the Fortran file is compiled, run on its constants, and its tables are read."""
+"""AUTO-07p as a rival: the Fortran file is compiled, run on its constants, and its tables are
+read."""
 
 from __future__ import annotations
 
@@ -33,7 +34,8 @@ UZSTOP={1:[0.02,0.51]}
 
 @dataclass(frozen=True)
 class Row:
-    """A point of a branch: AUTO's type, V, the period (0 of an equilibrium), its two multipliers."""
+    """A point of a branch: AUTO's type, V, the period (0 of an equilibrium), its two
+    multipliers."""
 
     kind: int
     V: float
@@ -64,7 +66,8 @@ class Auto:
         return self._run(EQUILIBRIA)
 
     def cycles(self, intervals: int, stops: list[float]) -> tuple[float, list[Row]]:
-        """Seconds and the branch from the Hopf point, which `equilibria` has found, down to V = 0.02."""
+        """Seconds and the branch from the Hopf point, which `equilibria` has found, down to V =
+        0.02."""
         if not (self.folder / "hopf").is_file():
             self.equilibria()
             shutil.copy(self.folder / "fort.8", self.folder / "hopf")
@@ -74,7 +77,13 @@ class Auto:
     def _run(self, constants: str) -> tuple[float, list[Row]]:
         (self.folder / "fort.2").write_text(constants)
         began = time.perf_counter()
-        subprocess.run(["./slider"], cwd=self.folder, check=True, capture_output=True, env={"OMP_NUM_THREADS": "1"})
+        subprocess.run(
+            ["./slider"],
+            cwd=self.folder,
+            check=True,
+            capture_output=True,
+            env={"OMP_NUM_THREADS": "1"},
+        )
         spent = time.perf_counter() - began
         return spent, self._rows()
 
@@ -88,7 +97,8 @@ class Auto:
             words = line.split()
             if words[0] == "0":
                 continue
-            point, kind = abs(int(words[1])), int(words[2])
+            point = abs(int(words[1]))
+            kind = int(words[2])
             period = float(words[8]) if len(words) > 8 else 0.0
             rows.append(Row(kind, float(words[4]), period, tuple(found.get(point, ()))))
         return rows

@@ -1,8 +1,10 @@
-"""The scaled slider (3.6) by diffrax: many motions at once, `vmap` over points on one core, in double precision.
+"""The scaled slider (3.6) by diffrax: many motions at once, `vmap` over points on one core, in
+double precision.
 
-A motion is a `lax.while_loop` over its modes: each is solved by an eighth-order method up to the event β = 0, whose
-root is found on the dense output, and the next one starts there. diffrax is told which boundary ends which mode. Steps
-across the kink of (3.6) without events, the other way to do it, took one and a half times as long.
+A motion is a `lax.while_loop` over its modes: each is solved by an eighth-order method up to the
+event β = 0, whose root is found on the dense output, and the next one starts there. diffrax is told
+which boundary ends which mode. Steps across the kink of (3.6) without events, the other way to do
+it, took one and a half times as long.
 """
 
 from __future__ import annotations
@@ -12,7 +14,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1")
+os.environ.setdefault(
+    "XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
+)
 
 import diffrax
 import jax

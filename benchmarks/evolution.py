@@ -1,10 +1,12 @@
-"""Rate-independent evolution against its rivals, all in one run: ``python benchmarks/evolution.py``.
+"""Rate-independent evolution against its rivals, all in one run: ``python
+benchmarks/evolution.py``.
 
 1. The play operator against a clamp triad over the same arrays (``evolution_play.py``).
-2. One minimising-movement step of a membrane, −Δ_h + 1 on a square grid, with a threshold that travels over it as a
-   wave, as a multiple of one smoothed-aggregation CG solve with the same matrix to the relative residual 1e-8: steps
-   and solves in turn, the same right-hand sides r, medians. The hierarchies are made before, on both sides. pyamg's
-   classical hierarchy, the one that the step uses, is a second, harder measure.
+2. One minimising-movement step of a membrane, −Δ_h + 1 on a square grid, with a threshold that
+   travels over it as a wave, as a multiple of one smoothed-aggregation CG solve with the same
+   matrix to the relative residual 1e-8: steps and solves in turn, the same right-hand sides r,
+   medians. The hierarchies are made before, on both sides. pyamg's classical hierarchy, the one
+   that the step uses, is a second, harder measure.
 3. The same with vector friction: two such membranes coupled by friction only, and plane elasticity.
 4. The same steps by general solvers of quadratic programs, `evolution_qp.py`.
 
@@ -42,7 +44,8 @@ TOLERANCE = 1e-8
 
 @dataclass
 class Membrane:
-    """−Δ_h + 1 on N² points of the unit square, load and threshold smooth functions of place and time.
+    """−Δ_h + 1 on N² points of the unit square, load and threshold smooth functions of place and
+    time.
 
     Attributes
     ----------
@@ -85,13 +88,25 @@ class Membrane:
         return 1.0 + 0.8 * np.cos(2 * np.pi * (self.x - t))
 
     def load(self, t: float) -> Array:
-        """One that moves part of the membrane and turns around after two periods of the wave; a vector also rotates."""
-        size = 2.0 * np.sin(np.pi * t / 2) * (1 + 0.5 * np.sin(2 * np.pi * self.y) * np.cos(np.pi * self.x))
+        """One that moves part of the membrane and turns around after two periods of the wave; a
+        vector also rotates."""
+        size = (
+            2.0
+            * np.sin(np.pi * t / 2)
+            * (1 + 0.5 * np.sin(2 * np.pi * self.y) * np.cos(np.pi * self.x))
+        )
         angle = 2 * np.pi * t / 3 + self.x
-        return size if self.components == 1 else (size * np.stack([np.cos(angle), np.sin(angle)])).T.ravel()
+        return (
+            size
+            if self.components == 1
+            else (size * np.stack([np.cos(angle), np.sin(angle)])).T.ravel()
+        )
 
-    def steps(self, per_period: int, count: int) -> Iterator[tuple[Array, dict[str, Array], Callable[[Array], None]]]:
-        """Steps of an evolution: r, the stable set, and a function that takes the increment and goes on."""
+    def steps(
+        self, per_period: int, count: int
+    ) -> Iterator[tuple[Array, dict[str, Array], Callable[[Array], None]]]:
+        """Steps of an evolution: r, the stable set, and a function that takes the increment and
+        goes on."""
         t = 0.3
         force, weight = self.load(t), self.threshold(t)
         length = np.sqrt(np.square(force.reshape(-1, self.components)).sum(axis=1))
@@ -123,7 +138,10 @@ def against_linear_solves(title: str, problem: Membrane) -> list[str]:
     lines = []
     for per_period in RESOLUTIONS:
         spent: dict[str, list[float]] = {name: [] for name in ("step", *linear)}
-        cycles, moving, residuals, iterations = [], [], [], []
+        cycles = []
+        moving = []
+        residuals = []
+        iterations = []
         for number, (r, K, go_on) in enumerate(problem.steps(per_period, ROUNDS + 1)):
             seconds, step = timed(lambda: solver.step(r, **K, tolerance=TOLERANCE))  # noqa: B023
             go_on(step.delta)
@@ -141,8 +159,10 @@ def against_linear_solves(title: str, problem: Membrane) -> list[str]:
         seconds = {name: median(times) for name, times in spent.items()}
         harder = f"{seconds['step'] / seconds['classical']:.2f}" if "classical" in seconds else ""
         lines.append(
-            f"| {title} | {problem.A.shape[0]} | {per_period} | {min(moving):.0%} to {max(moving):.0%} |"
-            f" {median(cycles):.0f} (at most {max(cycles)}) | {max(residuals):.0e} | {seconds['step']:.3f} |"
+            f"| {title} | {problem.A.shape[0]} | {per_period} | {min(moving):.0%} to "
+            f"{max(moving):.0%} |"
+            f" {median(cycles):.0f} (at most {max(cycles)}) | {max(residuals):.0e} | "
+            f"{seconds['step']:.3f} |"
             f" {seconds['aggregation']:.3f} ({median(iterations):.0f}) |"
             f" **{seconds['step'] / seconds['aggregation']:.2f}** | {harder} |"
         )
@@ -153,8 +173,10 @@ def against_linear_solves(title: str, problem: Membrane) -> list[str]:
 def steps_table() -> list[str]:
     """Scalar and vector friction."""
     lines = [
-        "| problem | unknowns | steps a period | moving | cycles a step | residual, worst | seconds a step |"
-        " seconds a CG solve (iterations) | step / CG solve | step / CG solve, classical hierarchy |",
+        "| problem | unknowns | steps a period | moving | cycles a step | residual, worst | "
+        "seconds a step |"
+        " seconds a CG solve (iterations) | step / CG solve | step / CG solve, classical hierarchy "
+        "|",
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for N in GRIDS.values():
@@ -165,7 +187,8 @@ def steps_table() -> list[str]:
 
 
 def programs_table(rounds: int = 4) -> list[str]:
-    """The same steps by solvers of quadratic programs, at 10⁴ unknowns; of each, its fastest way to the residual."""
+    """The same steps by solvers of quadratic programs, at 10⁴ unknowns; of each, its fastest way to
+    the residual."""
     problem = Membrane.scalar(GRIDS[10**4])
     solver = Multigrid(problem.A)
     own: list[tuple[float, float]] = []
@@ -180,12 +203,17 @@ def programs_table(rounds: int = 4) -> list[str]:
             for ways in theirs.values():
                 for way, found in ways.items():
                     found.append(way.solve(problem.A, r, K["upper"]))
-    lines = ["| solver | setting | seconds a step | times stickslip | KKT residual, worst |", "|---|---|---|---|---|"]
+    lines = [
+        "| solver | setting | seconds a step | times stickslip | KKT residual, worst |",
+        "|---|---|---|---|---|",
+    ]
     unit = seconds_and_residual(own)[0]
     for name, ways in {"stickslip": {"": own}, **theirs}.items():
         measured = {str(way): seconds_and_residual(found) for way, found in ways.items()}
         # The fastest within the tolerance; if there is none, the one of least residual.
-        way, (seconds, error) = min(measured.items(), key=lambda m: (max(m[1][1], TOLERANCE), m[1][0]))
+        way, (seconds, error) = min(
+            measured.items(), key=lambda m: (max(m[1][1], TOLERANCE), m[1][0])
+        )
         lines.append(f"| {name} | {way} | {seconds:.3f} | {seconds / unit:.1f} | {error:.0e} |")
     return lines
 
@@ -196,12 +224,18 @@ def seconds_and_residual(found: list[tuple[float, float]]) -> tuple[float, float
 
 
 def memory() -> str:
-    """Largest memory of a process that makes a million unknowns, their hierarchy and three steps."""
+    """Largest memory of a process that makes a million unknowns, their hierarchy and three
+    steps."""
     code = "import evolution; evolution.only_steps()"
     found = subprocess.run(
-        [sys.executable, "-c", code], check=True, capture_output=True, text=True, cwd=RESULTS.parents[1]
+        [sys.executable, "-c", code],
+        check=True,
+        capture_output=True,
+        text=True,
+        cwd=RESULTS.parents[1],
     )
-    return f"Memory of a whole process with 10⁶ unknowns, at its largest: {float(found.stdout):.2f} GB."
+    gigabytes = float(found.stdout)
+    return f"Memory of a whole process with 10⁶ unknowns, at its largest: {gigabytes:.2f} GB."
 
 
 def only_steps() -> None:

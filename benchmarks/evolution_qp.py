@@ -1,10 +1,12 @@
-"""Solvers of quadratic programs on one minimising-movement step, each in the form and at the tolerance that suit it.
+"""Solvers of quadratic programs on one minimising-movement step, each in the form and at the
+tolerance that suit it.
 
-The step is minimise ½ d·A d − r·d + Σ wᵢ|dᵢ|, written with |d| = p + q, d = p − q, p, q ≥ 0 ("split"), or with
-t ≥ ±w d ("epigraph"). Their own tolerances mean different things, so the residual is measured here, by one formula,
-from d alone. Interior-point and splitting methods leave small numbers where a component rests: those below a threshold
-count as 0, the threshold that suits the solver best. Every solver is given in both forms at several tolerances, so that
-a benchmark can take the fastest that reaches a residual.
+The step is minimise ½ d·A d − r·d + Σ wᵢ|dᵢ|, written with |d| = p + q, d = p − q, p, q ≥ 0
+("split"), or with t ≥ ±w d ("epigraph"). Their own tolerances mean different things, so the
+residual is measured here, by one formula, from d alone. Interior-point and splitting methods leave
+small numbers where a component rests: those below a threshold count as 0, the threshold that suits
+the solver best. Every solver is given in both forms at several tolerances, so that a benchmark can
+take the fastest that reaches a residual.
 """
 
 from __future__ import annotations
@@ -27,15 +29,22 @@ Program = tuple[Any, Array, Any, Any]  # P, q, E, G: minimise ½ x·P x + q·x, 
 def split(A: Any, r: Array, w: Array) -> Program:
     """In (d, p, q)."""
     n = len(r)
-    one, none = sp.eye_array(n), sp.csc_array((n, n))
+    one = sp.eye_array(n)
+    none = sp.csc_array((n, n))
     positive = sp.hstack([sp.csc_array((2 * n, n)), -sp.eye_array(2 * n)], format="csc")
-    return sp.block_diag((A, none, none), "csc"), np.r_[-r, w, w], sp.hstack([one, -one, one], "csc"), positive
+    return (
+        sp.block_diag((A, none, none), "csc"),
+        np.r_[-r, w, w],
+        sp.hstack([one, -one, one], "csc"),
+        positive,
+    )
 
 
 def epigraph(A: Any, r: Array, w: Array) -> Program:
     """In (d, t)."""
     n = len(r)
-    one, none = sp.eye_array(n), sp.csc_array((n, n))
+    one = sp.eye_array(n)
+    none = sp.csc_array((n, n))
     above = sp.block_array([[sp.diags_array(w), -one], [-sp.diags_array(w), -one]], format="csc")
     return sp.block_diag((A, none), "csc"), np.r_[-r, np.ones(n)], sp.csc_array((0, 2 * n)), above
 
@@ -46,7 +55,11 @@ def residual(A: Any, r: Array, w: Array, d: Array) -> float:
     for threshold in 10.0 ** np.arange(-16, -1):
         at = np.where(np.abs(d) <= threshold * np.abs(d).max(), 0.0, d)
         force = r - A @ at
-        found.append(np.where(at != 0.0, np.abs(force - w * np.sign(at)), np.maximum(np.abs(force) - w, 0.0)).max())
+        found.append(
+            np.where(
+                at != 0.0, np.abs(force - w * np.sign(at)), np.maximum(np.abs(force) - w, 0.0)
+            ).max()
+        )
     return float(min(found)) / float(w.max())
 
 
@@ -58,9 +71,17 @@ def by_osqp(program: Program, tolerance: float) -> tuple[float, Array]:
     solver = osqp.OSQP()
     began = time.perf_counter()
     solver.setup(
-        sp.csc_matrix(sp.triu(P)), q, rows, lower, np.zeros(rows.shape[0]), eps_abs=tolerance, eps_rel=tolerance,
-        polishing=True, max_iter=20_000, verbose=False,
-    )  # fmt: skip
+        sp.csc_matrix(sp.triu(P)),
+        q,
+        rows,
+        lower,
+        np.zeros(rows.shape[0]),
+        eps_abs=tolerance,
+        eps_rel=tolerance,
+        polishing=True,
+        max_iter=20_000,
+        verbose=False,
+    )
     x = solver.solve().x
     return time.perf_counter() - began, x
 
@@ -72,7 +93,8 @@ def by_clarabel(program: Program, tolerance: float) -> tuple[float, Array]:
     options.verbose = False
     options.tol_gap_abs = options.tol_gap_rel = options.tol_feas = tolerance
     cones = [clarabel.ZeroConeT(E.shape[0]), clarabel.NonnegativeConeT(G.shape[0])]
-    rows, upper = sp.vstack([E, G], "csc"), sp.triu(P, format="csc")
+    rows = sp.vstack([E, G], "csc")
+    upper = sp.triu(P, format="csc")
     began = time.perf_counter()
     x = clarabel.DefaultSolver(upper, q, rows, np.zeros(rows.shape[0]), cones, options).solve().x
     return time.perf_counter() - began, np.array(x)
@@ -83,7 +105,9 @@ def by_piqp(program: Program, tolerance: float) -> tuple[float, Array]:
     P, q, E, G = program
     solver = piqp.SparseSolver()
     settings = solver.settings
-    settings.eps_abs = settings.eps_rel = settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = tolerance
+    settings.eps_abs = settings.eps_rel = settings.eps_duality_gap_abs = (
+        settings.eps_duality_gap_rel
+    ) = tolerance
     began = time.perf_counter()
     equal = {"A": E, "b": np.zeros(E.shape[0])} if E.shape[0] else {}
     solver.setup(P=P, c=q, G=G, h_u=np.zeros(G.shape[0]), **equal)
@@ -109,6 +133,10 @@ class Way:
 
 
 WAYS = {
-    name: [Way(solver, form, tolerance) for form in (split, epigraph) for tolerance in (1e-8, 1e-10, 1e-12, 1e-14)]
+    name: [
+        Way(solver, form, tolerance)
+        for form in (split, epigraph)
+        for tolerance in (1e-8, 1e-10, 1e-12, 1e-14)
+    ]
     for name, solver in {"OSQP": by_osqp, "Clarabel": by_clarabel, "PIQP": by_piqp}.items()
 }

@@ -1,9 +1,10 @@
 """Speed and error of the motion, all tools in one run: ``python benchmarks/motion.py``.
 
-Three motions with 30-digit reference values, each by every tool in turn, medians of interleaved rounds. stickslip
-stands in the table twice: one ``simulate`` with everything a user gets, and the compiled loop itself, measured over a
-batch of equal motions (so that the call from Python, about the same for every tool, does not hide it). The rivals'
-times are those of prepared integrators, told beforehand which boundary ends which mode.
+Three motions with 30-digit reference values, each by every tool in turn, medians of interleaved
+rounds. stickslip stands in the table twice: one ``simulate`` with everything a user gets, and the
+compiled loop itself, measured over a batch of equal motions (so that the call from Python, about
+the same for every tool, does not hide it). The rivals' times are those of prepared integrators,
+told beforehand which boundary ends which mode.
 
 The second table is the cold start: whole processes that import, integrate one motion and stop.
 
@@ -28,12 +29,16 @@ import stickslip as ss
 from reference_values import PROBLEMS
 from rivals import ABSENT, RIVALS, time_interleaved
 
-BATCH = {"A": 2000, "B": 30000, "C": 10000}  # motions in one call, so many that making the closed forms does not count
+# motions in one call, so many that making the closed forms does not count
+BATCH = {"A": 2000, "B": 30000, "C": 10000}
 RESULTS = Path(__file__).parent / "results" / "motion.md"
 SLIDER = {"mu": "0.5 + exp(-(alpha - 1)/0.4)", "V": 0.18, "nu": 0.02}
 SYSTEMS: dict[str, tuple[ss.System, dict[str, float]]] = {
     "A": (ss.catalogue.spring_slider(**SLIDER), {"U": 0.5, "alpha": 1.0}),
-    "B": (ss.catalogue.scaled_slider_limit(nu=1e-3, b=0.5, mu_0=1.0, v_hat=1.0), {"beta": 0.0, "gamma": 0.4}),
+    "B": (
+        ss.catalogue.scaled_slider_limit(nu=1e-3, b=0.5, mu_0=1.0, v_hat=1.0),
+        {"beta": 0.0, "gamma": 0.4},
+    ),
     "C": (ss.catalogue.rocking_toy(), {"psi": -1.67, "x_R": 0.5, "x_L": 0.0}),
 }
 # The loosest of a scan from which on the error stays below 1e-10, as for the rivals.
@@ -72,7 +77,8 @@ def batch(key: str) -> Callable[[], tuple[np.ndarray, int]]:
     from stickslip.motion.simulate_many import run as advance
 
     system, initial = SYSTEMS[key]
-    reference, problem = PROBLEMS[key], pose(system, rtol=RTOL[key])
+    reference = PROBLEMS[key]
+    problem = pose(system, rtol=RTOL[key])
     states = np.tile(problem.initial_state(initial), (BATCH[key], 1))
     table = np.tile(list(problem.parameters.values()), (BATCH[key], 1))
     order = [system.declaration.state.index(name) for name in reference.variables]
@@ -96,12 +102,15 @@ def motions() -> list[str]:
         runs |= {name: rivals[key].prepare() for name, rivals in RIVALS.items() if key in rivals}
         results = {name: run() for name, run in runs.items()}
         seconds = time_interleaved(runs)
-        cycles = {name: problem.cycles * (BATCH[key] if name.endswith("loop") else 1) for name in runs}
+        cycles = {
+            name: problem.cycles * (BATCH[key] if name.endswith("loop") else 1) for name in runs
+        }
         own = seconds["stickslip, loop"] / cycles["stickslip, loop"]
         for name, spent in seconds.items():
             state, switches = results[name]
             lines.append(
-                f"| {problem.title} | {name} | {spent / cycles[name] * 1e6:.2f} | {spent / cycles[name] / own:.1f} |"
+                f"| {problem.title} | {name} | {spent / cycles[name] * 1e6:.2f} | "
+                f"{spent / cycles[name] / own:.1f} |"
                 f" {problem.error(state):.1e} | {switches} |"
             )
     return lines
@@ -119,11 +128,19 @@ def cold_start(rounds: int = 5) -> list[str]:
     with tempfile.TemporaryDirectory() as empty:
         began = time.perf_counter()
         caches = {**os.environ, "NUMBA_CACHE_DIR": empty, "STICKSLIP_CACHE": empty}
-        subprocess.run([sys.executable, "-W", "ignore", "-c", COLD["stickslip"]], check=True, env=caches)
+        subprocess.run(
+            [sys.executable, "-W", "ignore", "-c", COLD["stickslip"]], check=True, env=caches
+        )
         first = time.perf_counter() - began
     base = median(spent["SciPy"])
-    lines = ["| process: import and one motion of the toy | seconds | times SciPy |", "|---|---|---|"]
-    lines += [f"| {name} | {median(times):.2f} | {median(times) / base:.2f} |" for name, times in spent.items()]
+    lines = [
+        "| process: import and one motion of the toy | seconds | times SciPy |",
+        "|---|---|---|",
+    ]
+    lines += [
+        f"| {name} | {median(times):.2f} | {median(times) / base:.2f} |"
+        for name, times in spent.items()
+    ]
     return [*lines, f"| stickslip, nothing compiled yet | {first:.1f} | {first / base:.1f} |"]
 
 
@@ -133,7 +150,11 @@ def machine() -> str:
     cpuinfo = Path("/proc/cpuinfo")
     if cpuinfo.exists():
         model = next(
-            (line.split(":")[1].strip() for line in cpuinfo.read_text().splitlines() if line.startswith("model name")),
+            (
+                line.split(":")[1].strip()
+                for line in cpuinfo.read_text().splitlines()
+                if line.startswith("model name")
+            ),
             model,
         )
     software = f"Python {platform.python_version()}, stickslip {ss.__version__}"
@@ -143,7 +164,20 @@ def machine() -> str:
 def main() -> None:
     """Run everything, print it and keep it."""
     absent = [f"{name} is absent: {reason}" for name, reason in ABSENT.items()]
-    text = "\n".join(["# Motion: time and error", "", machine(), "", *motions(), "", *cold_start(), "", *absent, ""])
+    text = "\n".join(
+        [
+            "# Motion: time and error",
+            "",
+            machine(),
+            "",
+            *motions(),
+            "",
+            *cold_start(),
+            "",
+            *absent,
+            "",
+        ]
+    )
     RESULTS.parent.mkdir(exist_ok=True)
     RESULTS.write_text(text)
     print(text)

@@ -1,11 +1,13 @@
 """Branches of the spring slider beside AUTO-07p, in one run: ``python benchmarks/orbits.py``.
 
-(3.3) with μ̃ = 2/√α and ν = 0.05, V from 0.02 to 0.5: the equilibria with their Hopf point, and the cycles from there
-through the stick onset and the fold down to V = 0.02. AUTO discretises a cycle by collocation, so its table has one
-line per number of mesh intervals. Errors are those of the period and of the multiplier that is not 1 against 30-digit
-values; the last column needs none: along the whole branch one multiplier is exactly 1.
+(3.3) with μ̃ = 2/√α and ν = 0.05, V from 0.02 to 0.5: the equilibria with their Hopf point, and the
+cycles from there through the stick onset and the fold down to V = 0.02. AUTO discretises a cycle by
+collocation, so its table has one line per number of mesh intervals. Errors are those of the period
+and of the multiplier that is not 1 against 30-digit values; the last column needs none: along the
+whole branch one multiplier is exactly 1.
 
-AUTO prints 11 digits of V and of the period, 6 of a multiplier; its period is corrected to the V it was asked for.
+AUTO prints 11 digits of V and of the period, 6 of a multiplier; its period is corrected to the V it
+was asked for.
 """
 
 from __future__ import annotations
@@ -38,7 +40,8 @@ STICKING = {
 
 def timed(run: Callable[[], Any], rounds: int = 5) -> tuple[float, Any]:
     """Median of the seconds, and the result."""
-    spent, result = [], None
+    spent = []
+    result = None
     for _ in range(rounds):
         began = time.perf_counter()
         result = run()
@@ -51,14 +54,19 @@ def own() -> list[str]:
     seconds, branch = timed(lambda: ss.continue_equilibrium(SLIDER, "V", SPAN))
     hopf = branch.of_kind("Hopf")[0]
     lines = [
-        f"| equilibria | stickslip | {seconds:.4f} | {len(branch.points.point)} | {abs(hopf.value - HOPF):.1e} | | | |"
+        f"| equilibria | stickslip | {seconds:.4f} | {len(branch.points.point)} | "
+        f"{abs(hopf.value - HOPF):.1e} | | | |"
     ]
     seconds, cycles = timed(lambda: continue_cycle(find_cycle(SLIDER, hopf), "V", SPAN))
     errors = []
     for V, (period, multiplier) in STICKING.items():
         cycle = find_cycle(SLIDER, None, {"V": V})
-        errors.append((abs(cycle.period / period - 1), abs(float(cycle.nontrivial[0].real) - multiplier)))
-    multipliers = cycles.points["multiplier_real"].values + 1j * cycles.points["multiplier_imag"].values
+        errors.append(
+            (abs(cycle.period / period - 1), abs(float(cycle.nontrivial[0].real) - multiplier))
+        )
+    multipliers = (
+        cycles.points["multiplier_real"].values + 1j * cycles.points["multiplier_imag"].values
+    )
     return [*lines, cycle_line("stickslip", seconds, len(cycles.points.point), errors, multipliers)]
 
 
@@ -71,8 +79,12 @@ def rival(auto: Auto) -> list[str]:
         stops = list(STICKING)
         seconds, (_, rows) = timed(lambda n=intervals, at=stops: auto.cycles(n, at), rounds=3)
         errors = [error(rows, V) for V in stops]
-        multipliers = np.array([row.multipliers for row in rows if row.period and len(row.multipliers) == 2])
-        lines.append(cycle_line(f"AUTO-07p, {intervals} intervals", seconds, len(rows), errors, multipliers))
+        multipliers = np.array(
+            [row.multipliers for row in rows if row.period and len(row.multipliers) == 2]
+        )
+        lines.append(
+            cycle_line(f"AUTO-07p, {intervals} intervals", seconds, len(rows), errors, multipliers)
+        )
     return lines
 
 
@@ -81,7 +93,10 @@ def error(rows: list[Row], V: float) -> tuple[float, float]:
     period, multiplier = STICKING[V]
     row = min((row for row in rows if row.period > 1.35), key=lambda row: abs(row.V - V))
     h = 1e-6
-    slope = (find_cycle(SLIDER, None, {"V": V + h}).period - find_cycle(SLIDER, None, {"V": V - h}).period) / (2 * h)
+    slope = (
+        find_cycle(SLIDER, None, {"V": V + h}).period
+        - find_cycle(SLIDER, None, {"V": V - h}).period
+    ) / (2 * h)
     found = min(row.multipliers, key=lambda m: abs(m - multiplier))
     return abs((row.period - slope * (row.V - V)) / period - 1), abs(found - multiplier)
 
@@ -91,7 +106,9 @@ def equilibrium_line(tool: str, seconds: float, points: int, hopf: float) -> str
     return f"| equilibria | {tool} | {seconds:.4f} | {points} | {abs(hopf - HOPF):.1e} | | | |"
 
 
-def cycle_line(tool: str, seconds: float, points: int, errors: list[tuple[float, float]], multipliers: Any) -> str:
+def cycle_line(
+    tool: str, seconds: float, points: int, errors: list[tuple[float, float]], multipliers: Any
+) -> str:
     """A line of the table."""
     off = np.nan_to_num(np.abs(multipliers - 1.0), nan=np.inf).min(axis=1).max()
     shown = " | ".join(f"{max(column):.1e}" for column in zip(*errors, strict=True))
@@ -102,10 +119,11 @@ def main() -> None:
     lines = [
         "# Branches: time and error",
         "",
-        f"{platform.processor() or platform.machine()}, {platform.system()}, Python {platform.python_version()}, "
-        f"stickslip {ss.__version__}",
+        f"{platform.processor() or platform.machine()}, {platform.system()}, "
+        f"Python {platform.python_version()}, stickslip {ss.__version__}",
         "",
-        "| branch | tool | seconds | points | error of the Hopf point | error of the period (relative) "
+        "| branch | tool | seconds | points "
+        "| error of the Hopf point | error of the period (relative) "
         "| error of the multiplier | distance of the other multiplier from 1, worst |",
         "|---|---|---|---|---|---|---|---|",
         *own(),

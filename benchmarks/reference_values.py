@@ -1,12 +1,12 @@
 """Thirty-digit end states of the three motions that ``benchmarks/motion.py`` times.
 
-The stored strings are what an error is measured against. :func:`compute` makes them again from the equations alone, in
-sixty-digit arithmetic and with no code of the package: where a mode is affine by its closed form, where it is not by a
-Taylor series, with every switch as a root refined to the working precision. ``python benchmarks/reference_values.py``
-compares the two.
+The stored strings are what an error is measured against. :func:`compute` makes them again from the
+equations alone, in sixty-digit arithmetic and with no code of the package: where a mode is affine
+by its closed form, where it is not by a Taylor series, with every switch as a root refined to the
+working precision. ``python benchmarks/reference_values.py`` compares the two.
 
-Equation numbers are those of A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*,
-WIAS preprint 2405 (2017).
+Equation numbers are those of A. Mielke, *Three examples concerning the interaction of dry friction
+and oscillations*, WIAS preprint 2405 (2017).
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ State = tuple[Real, ...]
 Path = Callable[[Real], State]
 Indicator = Callable[[State], Real]
 Mode = Callable[[State], tuple[Path, Indicator]]
-"""Entry state -> the motion as a function of the time since then, and a quantity that is positive inside the mode."""
+"""Entry state -> the motion as a function of the time since then, and a quantity that is positive
+inside the mode."""
 
 
 @dataclass(frozen=True)
@@ -67,19 +68,24 @@ class Problem:
     switches: tuple[str, ...]
 
     def error(self, state: ArrayLike) -> float:
-        """Return the largest difference from the end state: absolute for components below 1, relative above."""
+        """Return the largest difference from the end state: absolute for components below 1,
+        relative above."""
         reference = np.array([float(value) for value in self.final])
-        return float(np.max(np.abs(np.asarray(state) - reference) / np.maximum(1.0, np.abs(reference))))
+        return float(
+            np.max(np.abs(np.asarray(state) - reference) / np.maximum(1.0, np.abs(reference)))
+        )
 
 
-# --- Following a motion ----------------------------------------------------------------------------------------------
+# --- Following a motion ---------------------------------------------------------------------------
 
 
 def first_fall(path: Path, indicator: Indicator, end: Real, step: Real) -> Real | None:
-    """Return the first time in ]0, end[ at which `indicator` falls through zero along `path`, or None.
+    """Return the first time in ]0, end[ at which `indicator` falls through zero along `path`, or
+    None.
 
-    A mode that has just begun stands on its boundary, so nothing is asked of time 0 itself; from the first grid point
-    on the indicator has to be positive. `step` has to be shorter than the shortest stay beyond the boundary.
+    A mode that has just begun stands on its boundary, so nothing is asked of time 0 itself; from
+    the first grid point on the indicator has to be positive. `step` has to be shorter than the
+    shortest stay beyond the boundary.
     """
 
     def value(time: Real) -> Real:
@@ -87,28 +93,38 @@ def first_fall(path: Path, indicator: Indicator, end: Real, step: Real) -> Real 
 
     before = min(step, end)
     if value(before) <= 0:
-        raise ArithmeticError(f"the mode is left within its first {mp.nstr(before, 3)}: take a shorter step")
+        raise ArithmeticError(
+            f"the mode is left within its first {mp.nstr(before, 3)}: take a shorter step"
+        )
     while before < end:
         after = min(before + step, end)
         if value(after) <= 0:
-            return mp.findroot(value, (before, after), solver="anderson", tol=mpf(10) ** (10 - 2 * DIGITS))
+            return mp.findroot(
+                value, (before, after), solver="anderson", tol=mpf(10) ** (10 - 2 * DIGITS)
+            )
         before = after
     return None
 
 
-def follow(modes: Sequence[Mode], initial: State, span: Real, step: Real) -> tuple[State, list[Real]]:
-    """Alternate between two modes, beginning with the first; return the end state and the times of the switches."""
-    time, state, switches = mpf(0), initial, []
+def follow(
+    modes: Sequence[Mode], initial: State, span: Real, step: Real
+) -> tuple[State, list[Real]]:
+    """Alternate between two modes, beginning with the first; return the end state and the times of
+    the switches."""
+    time = mpf(0)
+    state = initial
+    switches = []
     while True:
         path, indicator = modes[len(switches) % 2](state)
         duration = first_fall(path, indicator, span - time, step)
         if duration is None:
             return path(span - time), switches
-        time, state = time + duration, path(duration)
+        time = time + duration
+        state = path(duration)
         switches.append(time)
 
 
-# --- The modes -------------------------------------------------------------------------------------------------------
+# --- The modes ------------------------------------------------------------------------------------
 
 
 class TaylorPath:
@@ -117,15 +133,17 @@ class TaylorPath:
     Parameters
     ----------
     series : callable
-        ``series(state, order)`` returns, for each component, the Taylor coefficients 0 ... `order` of the solution
-        through `state`.
+        ``series(state, order)`` returns, for each component, the Taylor coefficients 0 ... `order`
+        of the solution through `state`.
     initial : tuple of Real
         State at time 0.
     order : int
         Length of the series.
     """
 
-    def __init__(self, series: Callable[[State, int], list[list[Real]]], initial: State, order: int = 50) -> None:
+    def __init__(
+        self, series: Callable[[State, int], list[list[Real]]], initial: State, order: int = 50
+    ) -> None:
         self._series, self._order = series, order
         self._starts: list[Real] = []
         self._pieces: list[list[list[Real]]] = []
@@ -149,7 +167,9 @@ class TaylorPath:
         )
 
     def _evaluate(self, i: int, time: Real) -> State:
-        return tuple(mp.polyval(component[::-1], time - self._starts[i]) for component in self._pieces[i])
+        return tuple(
+            mp.polyval(component[::-1], time - self._starts[i]) for component in self._pieces[i]
+        )
 
 
 def slider(p: SimpleNamespace) -> Sequence[Mode]:
@@ -159,7 +179,9 @@ def slider(p: SimpleNamespace) -> Sequence[Mode]:
         return p.mu_inf + p.mu_1 * exp(-(alpha - 1) / p.alpha_mu)
 
     def series(state: State, order: int) -> list[list[Real]]:
-        U, alpha, G = [state[0]], [state[1]], []
+        U = [state[0]]
+        alpha = [state[1]]
+        G = []
         mu_ = [mu(alpha[0])]
         for n in range(order):
             G.append((U[n] - mu_[n]) / p.nu)
@@ -168,7 +190,10 @@ def slider(p: SimpleNamespace) -> Sequence[Mode]:
             alpha.append(((1 if n == 0 else 0) - alpha[n] + power) / (n + 1))
             # alpha_mu mu' = -alpha' (mu - mu_inf), coefficient by coefficient.
             excess = [mu_[0] - p.mu_inf, *mu_[1:]]
-            mu_.append(-sum((j + 1) * alpha[j + 1] * excess[n - j] for j in range(n + 1)) / (p.alpha_mu * (n + 1)))
+            mu_.append(
+                -sum((j + 1) * alpha[j + 1] * excess[n - j] for j in range(n + 1))
+                / (p.alpha_mu * (n + 1))
+            )
         return [U, alpha]
 
     def stick(state: State) -> tuple[Path, Indicator]:
@@ -183,12 +208,17 @@ def slider(p: SimpleNamespace) -> Sequence[Mode]:
 
 def scaled_slider(p: SimpleNamespace) -> Sequence[Mode]:
     """Return slip and stick of (3.6); the state is (beta, gamma)."""
-    drive, growth, healing = p.v_hat / p.nu * (1 - p.b * sqrt(p.nu)), p.b / sqrt(p.nu), 1 / (p.nu * p.mu_0)
+    drive = p.v_hat / p.nu * (1 - p.b * sqrt(p.nu))
+    growth = p.b / sqrt(p.nu)
+    healing = 1 / (p.nu * p.mu_0)
 
     def slip(state: State) -> tuple[Path, Indicator]:
-        # Around the steady state: the matrix [[growth, -healing], [mu_0, -1]] has the eigenvalues sigma +- i omega.
-        sigma, omega = (growth - 1) / 2, sqrt(healing * p.mu_0 - ((growth + 1) / 2) ** 2)
-        beta, gamma = state[0] - p.v_hat, state[1] - p.mu_0 * p.v_hat
+        # Around the steady state: the matrix [[growth, -healing], [mu_0, -1]] has the eigenvalues
+        # sigma +- i omega.
+        sigma = (growth - 1) / 2
+        omega = sqrt(healing * p.mu_0 - ((growth + 1) / 2) ** 2)
+        beta = state[0] - p.v_hat
+        gamma = state[1] - p.mu_0 * p.v_hat
         beta_ = ((growth - sigma) * beta - healing * gamma) / omega
         gamma_ = (p.mu_0 * beta + (-1 - sigma) * gamma) / omega
 
@@ -200,7 +230,10 @@ def scaled_slider(p: SimpleNamespace) -> Sequence[Mode]:
 
     def stick(state: State) -> tuple[Path, Indicator]:
         beta, gamma = state
-        return lambda t: (beta + drive * t - (1 - exp(-t)) * gamma * healing, gamma * exp(-t)), lambda x: -x[0]
+        return lambda t: (
+            beta + drive * t - (1 - exp(-t)) * gamma * healing,
+            gamma * exp(-t),
+        ), lambda x: -x[0]
 
     return slip, stick
 
@@ -208,8 +241,9 @@ def scaled_slider(p: SimpleNamespace) -> Sequence[Mode]:
 def rocking_toy(p: SimpleNamespace) -> Sequence[Mode]:
     """Return "both legs stick" and "one leg slides" of (4.2); the state is (psi, d_psi, x_R, x_L).
 
-    The force balances tie each bound of d = x_R - x_L to one leg and one direction: d = G_R^- the right leg forward,
-    G_R^+ the right leg backward, G_L^+ the left leg forward, G_L^- the left leg backward.
+    The force balances tie each bound of d = x_R - x_L to one leg and one direction: d = G_R^- the
+    right leg forward, G_R^+ the right leg backward, G_L^+ the left leg forward, G_L^- the left leg
+    backward.
     """
 
     def H_R(psi: Real) -> Real:
@@ -220,7 +254,8 @@ def rocking_toy(p: SimpleNamespace) -> Sequence[Mode]:
         return (pull + p.c * psi - threshold) / p.a, (pull + p.c * psi + threshold) / p.a
 
     def inside(x: State) -> Real:
-        """Return the distance of d to its nearest bound. In a corner that is only touched it is zero for an instant."""
+        """Return the distance of d to its nearest bound. In a corner that is only touched it is
+        zero for an instant."""
         psi, _, x_R, x_L = x
         return min(
             distance
@@ -229,11 +264,15 @@ def rocking_toy(p: SimpleNamespace) -> Sequence[Mode]:
             for distance in (x_R - x_L - bound[0], bound[1] - (x_R - x_L))
         )
 
-    def oscillation(psi: Real, d_psi: Real, stiffness: Real, force: Real) -> Callable[[Real], tuple[Real, ...]]:
+    def oscillation(
+        psi: Real, d_psi: Real, stiffness: Real, force: Real
+    ) -> Callable[[Real], tuple[Real, ...]]:
         """Solve I_b psi'' + delta psi' + stiffness psi = force."""
         sigma = p.delta / (2 * p.I_b)
-        omega, rest = sqrt(stiffness / p.I_b - sigma**2), force / stiffness
-        A, B = psi - rest, (d_psi + sigma * (psi - rest)) / omega
+        omega = sqrt(stiffness / p.I_b - sigma**2)
+        rest = force / stiffness
+        A = psi - rest
+        B = (d_psi + sigma * (psi - rest)) / omega
 
         def path(t: Real) -> tuple[Real, ...]:
             C, S = exp(-sigma * t) * cos(omega * t), exp(-sigma * t) * sin(omega * t)
@@ -248,11 +287,13 @@ def rocking_toy(p: SimpleNamespace) -> Sequence[Mode]:
 
     def slide(state: State) -> tuple[Path, Indicator]:
         psi, d_psi, x_R, x_L = state
-        side = 1 if d_psi > 0 else -1  # rocking to the right the left leg moves, to the left the right one
+        # rocking to the right the left leg moves, to the left the right one
+        side = 1 if d_psi > 0 else -1
         bound = bounds(psi, "L")[1] if side > 0 else bounds(psi, "R")[0]
         if abs(x_R - x_L - bound) > mpf(10) ** (10 - DIGITS) or abs(psi) > p.psi_star:
             raise ArithmeticError("the motion is not in the simple regime of section 4.3")
-        slope = (p.c - p.H_star / (2 * p.psi_star)) / p.a  # of both bounds between -psi_star and psi_star
+        # of both bounds between -psi_star and psi_star
+        slope = (p.c - p.H_star / (2 * p.psi_star)) / p.a
         rock = oscillation(psi, d_psi, p.b - p.c * slope, p.c * (x_R - x_L - slope * psi))
 
         def path(t: Real) -> State:
@@ -266,9 +307,14 @@ def rocking_toy(p: SimpleNamespace) -> Sequence[Mode]:
     return stick, slide
 
 
-MODES: Mapping[str, Callable[[SimpleNamespace], Sequence[Mode]]] = {"A": slider, "B": scaled_slider, "C": rocking_toy}
+MODES: Mapping[str, Callable[[SimpleNamespace], Sequence[Mode]]] = {
+    "A": slider,
+    "B": scaled_slider,
+    "C": rocking_toy,
+}
 STEPS: Mapping[str, str] = {"A": "0.004", "B": "0.002", "C": "0.02"}
-"""Grid on which the first fall is looked for: shorter than any stay beyond a boundary, as a third of it confirms."""
+"""Grid on which the first fall is looked for: shorter than any stay beyond a boundary, as a third
+of it confirms."""
 
 
 def compute(name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -288,13 +334,19 @@ def compute(name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """
     problem = PROBLEMS[name]
     with mp.workdps(DIGITS):
-        parameters = SimpleNamespace(**{symbol: mpf(str(value)) for symbol, value in problem.parameters.items()})
+        parameters = SimpleNamespace(
+            **{symbol: mpf(str(value)) for symbol, value in problem.parameters.items()}
+        )
         initial = tuple(mpf(str(value)) for value in problem.initial)
-        final, switches = follow(MODES[name](parameters), initial, mpf(str(problem.span)), mpf(STEPS[name]))
-        return tuple(str(mp.nstr(value, 30)) for value in final), tuple(str(mp.nstr(time, 30)) for time in switches)
+        final, switches = follow(
+            MODES[name](parameters), initial, mpf(str(problem.span)), mpf(STEPS[name])
+        )
+        return tuple(str(mp.nstr(value, 30)) for value in final), tuple(
+            str(mp.nstr(time, 30)) for time in switches
+        )
 
 
-# --- The problems ----------------------------------------------------------------------------------------------------
+# --- The problems ---------------------------------------------------------------------------------
 
 PROBLEMS: Mapping[str, Problem] = {
     "A": Problem(
@@ -438,6 +490,9 @@ if __name__ == "__main__":
     for name, problem in PROBLEMS.items():
         final, switches = compute(name)
         agree = (final, switches) == (problem.final, problem.switches)
-        print(f"{name}  {problem.title}: {len(switches)} switches, {'as stored' if agree else 'NOT as stored'}")
+        print(
+            f"{name}  {problem.title}: {len(switches)} switches, "
+            f"{'as stored' if agree else 'NOT as stored'}"
+        )
         if not agree:
             print(f"final={final},\nswitches={switches},")

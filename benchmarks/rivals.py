@@ -1,15 +1,17 @@
-"""Other tools on the three motions of ``benchmarks/motion.py``, each set up as its own manual advises.
+"""Other tools on the three motions of ``benchmarks/motion.py``, each set up as its own manual
+advises.
 
-Every tool follows a motion in the same way: integrate one mode, stop at its boundary, change a few parameters of the
-field, go on. The modes are written down once, as :class:`Switching`, and favour the rivals: they are told which
-boundary ends which mode, so that none of them has to search among the legs or to decide the corner of (4.2) that is
-touched on every return swing.
+Every tool follows a motion in the same way: integrate one mode, stop at its boundary, change a few
+parameters of the field, go on. The modes are written down once, as :class:`Switching`, and favour
+the rivals: they are told which boundary ends which mode, so that none of them has to search among
+the legs or to decide the corner of (4.2) that is touched on every return swing.
 
-The tolerances are the loosest of a scan from which on the error of the end state stays below 1e-10. The error is not
-monotone in the tolerance, so that a looser one may pass by luck; such a one is not taken.
+The tolerances are the loosest of a scan from which on the error of the end state stays below 1e-10.
+The error is not monotone in the tolerance, so that a looser one may pass by luck; such a one is not
+taken.
 
-``python benchmarks/rivals.py`` prints the time per cycle of each; a benchmark takes :data:`RIVALS` and interleaves the
-runs with its own.
+``python benchmarks/rivals.py`` prints the time per cycle of each; a benchmark takes :data:`RIVALS`
+and interleaves the runs with its own.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ Run = Callable[[], tuple[NDArray[np.float64], int]]
 """A motion from start to end: -> final state, number of switches."""
 
 
-# --- The motions -----------------------------------------------------------------------------------------------------
+# --- The motions ----------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -41,12 +43,14 @@ class Switching:
     Attributes
     ----------
     rates, boundary : callable
-        ``rates(x, y, p)`` is the field, ``boundary(x, y, p)`` vanishes at the next switch; of numbers or of symbols.
+        ``rates(x, y, p)`` is the field, ``boundary(x, y, p)`` vanishes at the next switch; of
+        numbers or of symbols.
     begin : callable
-        ``begin(p)`` fills `p` for time 0 and returns the side, +1 or -1, to which the boundary will be crossed first.
+        ``begin(p)`` fills `p` for time 0 and returns the side, +1 or -1, to which the boundary will
+        be crossed first.
     switch : callable
-        ``switch(state, side, p)`` fills `p` for the mode behind a boundary that was crossed to `side`, and returns the
-        side of the next crossing.
+        ``switch(state, side, p)`` fills `p` for the mode behind a boundary that was crossed to
+        `side`, and returns the side of the next crossing.
     final : callable
         ``final(state)`` completes the plane state to the state of the problem.
     size : int
@@ -62,12 +66,15 @@ class Switching:
 
 
 def slider(problem: Problem, exp: Callable[[Any], Any]) -> Switching:
-    """Return (3.3) with k = alpha_0 = 1: the boundary is U = mu(alpha), p[0] is 1/nu in slip and 0 in stick."""
-    V, nu, mu_inf, mu_1, alpha_mu = (problem.parameters[name] for name in ("V", "nu", "mu_inf", "mu_1", "alpha_mu"))
+    """Return (3.3) with k = alpha_0 = 1: the boundary is U = mu(alpha), p[0] is 1/nu in slip and 0
+    in stick."""
+    V, nu, mu_inf, mu_1, alpha_mu = (
+        problem.parameters[name] for name in ("V", "nu", "mu_inf", "mu_1", "alpha_mu")
+    )
     steepness, slip = 1 / alpha_mu, 1 / nu
 
-    # The excess U - mu(alpha) is written out twice because a call costs the tools with Python callbacks some percent;
-    # heyoka recognises the common subexpression.
+    # The excess U - mu(alpha) is written out twice because a call costs the tools with Python
+    # callbacks some percent; heyoka recognises the common subexpression.
     def rates(U: Any, alpha: Any, p: Any) -> tuple[Any, Any]:
         G = p[0] * (U - mu_inf - mu_1 * exp((1 - alpha) * steepness))
         return V - G, 1 - alpha + U * G
@@ -89,7 +96,9 @@ def slider(problem: Problem, exp: Callable[[Any], Any]) -> Switching:
 def scaled_slider(problem: Problem, exp: Callable[[Any], Any]) -> Switching:
     """Return (3.6): the boundary is beta = 0, p[0] is 1 in slip and 0 in stick."""
     nu, b, mu_0, v_hat = (problem.parameters[name] for name in ("nu", "b", "mu_0", "v_hat"))
-    drive, growth, healing = v_hat / nu * (1 - b * math.sqrt(nu)), b / math.sqrt(nu), 1 / (nu * mu_0)
+    drive = v_hat / nu * (1 - b * math.sqrt(nu))
+    growth = b / math.sqrt(nu)
+    healing = 1 / (nu * mu_0)
 
     def rates(beta: Any, gamma: Any, p: Any) -> tuple[Any, Any]:
         slip = p[0] * beta
@@ -110,15 +119,20 @@ def scaled_slider(problem: Problem, exp: Callable[[Any], Any]) -> Switching:
 
 
 def rocking_toy(problem: Problem, exp: Callable[[Any], Any]) -> Switching:
-    """Return (4.2) in its simple regime: psi'' = p[0] - delta psi' - p[1] psi (I_b = 1), the boundary is psi = p[2].
+    """Return (4.2) in its simple regime: psi'' = p[0] - delta psi' - p[1] psi (I_b = 1), the
+    boundary is psi = p[2].
 
-    From (4.2b,c): on d = G_L^+ the left leg moves forward and d falls, on d = G_R^- the right leg moves forward and d
-    rises. On the ramp of H these bounds are +-top + slope psi. A leg starts where psi meets its bound, rising for the
-    left and falling for the right one, and stops where the ramp ends, at psi = +-psi_star.
+    From (4.2b,c): on d = G_L^+ the left leg moves forward and d falls, on d = G_R^- the right leg
+    moves forward and d rises. On the ramp of H these bounds are +-top + slope psi. A leg starts
+    where psi meets its bound, rising for the left and falling for the right one, and stops where
+    the ramp ends, at psi = +-psi_star.
     """
     delta, a, b, c = (problem.parameters[name] for name in ("delta", "a", "b", "c"))
-    P, rho, psi_star, H_star = (problem.parameters[name] for name in ("P", "rho", "psi_star", "H_star"))
-    slope, top = (c - H_star / (2 * psi_star)) / a, (rho - P + H_star / 2) / a
+    P, rho, psi_star, H_star = (
+        problem.parameters[name] for name in ("P", "rho", "psi_star", "H_star")
+    )
+    slope = (c - H_star / (2 * psi_star)) / a
+    top = (rho - P + H_star / 2) / a
     softened = b - c * slope
     x_R = x_L = psi_start = 0.0
     sliding = False
@@ -131,7 +145,9 @@ def rocking_toy(problem: Problem, exp: Callable[[Any], Any]) -> Switching:
 
     def stick(side: float, p: Any) -> float:
         d = x_R - x_L
-        p[0], p[1], p[2] = c * d, b, (d - side * top) / slope
+        p[0] = c * d
+        p[1] = b
+        p[2] = (d - side * top) / slope
         return side
 
     def begin(p: Any) -> float:
@@ -146,7 +162,9 @@ def rocking_toy(problem: Problem, exp: Callable[[Any], Any]) -> Switching:
         sliding = not sliding
         if sliding:
             psi_start = psi
-            p[0], p[1], p[2] = c * side * top, softened, side * psi_star
+            p[0] = c * side * top
+            p[1] = softened
+            p[2] = side * psi_star
             return side
         if side > 0:
             x_L -= slope * (psi - psi_start)
@@ -168,18 +186,20 @@ MOTIONS: Mapping[str, Callable[[Problem, Callable[[Any], Any]], Switching]] = {
 }
 
 
-# --- The tools -------------------------------------------------------------------------------------------------------
+# --- The tools ------------------------------------------------------------------------------------
 
 
 def prepare_heyoka(problem: Problem, motion: Callable[..., Switching], **options: Any) -> Run:
-    """Compile one integrator whose event callback changes the parameters in place: quicker than one for each mode."""
+    """Compile one integrator whose event callback changes the parameters in place: quicker than one
+    for each mode."""
     import heyoka
 
     switching = motion(problem, heyoka.exp)
     start = np.array(problem.initial[:2])
     x, y = heyoka.make_vars("x", "y")
     p = [heyoka.par[i] for i in range(switching.size)]
-    switch, switches = switching.switch, 0
+    switch = switching.switch
+    switches = 0
 
     def callback(_: Any, side: int) -> bool:
         nonlocal switches
@@ -197,11 +217,14 @@ def prepare_heyoka(problem: Problem, motion: Callable[..., Switching], **options
     # The views are taken once: fetching them anew at each event made B and C a third slower.
     state, parameters = integrator.state, integrator.pars
     switching.begin(parameters)
-    starts_on_boundary = float(motion(problem, math.exp).boundary(start[0], start[1], parameters)) == 0.0
+    starts_on_boundary = (
+        float(motion(problem, math.exp).boundary(start[0], start[1], parameters)) == 0.0
+    )
 
     def run() -> tuple[NDArray[np.float64], int]:
         nonlocal switches
-        switches = -1 if starts_on_boundary else 0  # heyoka reports such a start as an event; it changes nothing
+        # heyoka reports such a start as an event; it changes nothing
+        switches = -1 if starts_on_boundary else 0
         integrator.time = 0.0
         integrator.reset_cooldowns()
         state[:] = start
@@ -219,10 +242,12 @@ def prepare_cvode(problem: Problem, motion: Callable[..., Switching], **options:
     switching = motion(problem, math.exp)
     rates, boundary = switching.rates, switching.boundary
     start = np.array(problem.initial[:2])
-    p, side = [0.0] * switching.size, 1.0
+    p = [0.0] * switching.size
+    side = 1.0
 
     def field(t: float, state: NDArray[np.float64], rate: NDArray[np.float64]) -> None:
-        x, y = state.tolist()  # plain floats are quicker than numpy's, and as quick as a compiled function called here
+        # plain floats are quicker than numpy's, and as quick as a compiled function called here
+        x, y = state.tolist()
         rate[0], rate[1] = rates(x, y, p)
 
     def event(t: float, state: NDArray[np.float64], value: NDArray[np.float64]) -> None:
@@ -233,9 +258,13 @@ def prepare_cvode(problem: Problem, motion: Callable[..., Switching], **options:
 
     def run() -> tuple[NDArray[np.float64], int]:
         nonlocal side
-        # A new solver for each run (under 1 % of its time): an old one keeps all events that it has ever met.
+        # A new solver for each run (under 1 % of its time): an old one keeps all events that it has
+        # ever met.
         solver = CVODE(field, eventsfn=event, num_events=1, max_num_steps=100_000, **options)
-        side, switches, now, state = switching.begin(p), 0, 0.0, start
+        side = switching.begin(p)
+        switches = 0
+        now = 0.0
+        state = start
         while True:
             solver.init_step(now, state)
             result = solver.step(problem.span, "normal", problem.span)
@@ -244,7 +273,8 @@ def prepare_cvode(problem: Problem, motion: Callable[..., Switching], **options:
             now, state = result.t, result.y
             if result.status != 2:  # 2: stopped at a root
                 return switching.final(state), switches
-            side, switches = switching.switch(state, side, p), switches + 1
+            side = switching.switch(state, side, p)
+            switches = switches + 1
 
     return run
 
@@ -256,7 +286,8 @@ def prepare_scipy(problem: Problem, motion: Callable[..., Switching], **options:
     switching = motion(problem, math.exp)
     rates, boundary = switching.rates, switching.boundary
     start = np.array(problem.initial[:2])
-    p, side = [0.0] * switching.size, 1.0
+    p = [0.0] * switching.size
+    side = 1.0
 
     def field(t: float, state: NDArray[np.float64]) -> tuple[float, float]:
         x, y = state.tolist()  # as above
@@ -266,24 +297,30 @@ def prepare_scipy(problem: Problem, motion: Callable[..., Switching], **options:
         x, y = state.tolist()
         return side * boundary(x, y, p)
 
-    event.terminal, event.direction = True, 1  # type: ignore[attr-defined]
+    event.terminal = True  # type: ignore[attr-defined]
+    event.direction = 1  # type: ignore[attr-defined]
 
     def run() -> tuple[NDArray[np.float64], int]:
         nonlocal side
-        side, switches, now, state = switching.begin(p), 0, 0.0, start
+        side = switching.begin(p)
+        switches = 0
+        now = 0.0
+        state = start
         while True:
             result = solve_ivp(field, (now, problem.span), state, events=event, **options)
             if not result.success:
                 raise RuntimeError(f"solve_ivp: {result.message}")
-            now, state = result.t[-1], result.y[:, -1]
+            now = result.t[-1]
+            state = result.y[:, -1]
             if result.status != 1:  # 1: stopped at an event
                 return switching.final(state), switches
-            side, switches = switching.switch(state, side, p), switches + 1
+            side = switching.switch(state, side, p)
+            switches = switches + 1
 
     return run
 
 
-# --- The table -------------------------------------------------------------------------------------------------------
+# --- The table ------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -322,17 +359,19 @@ class Tool:
 
 
 TOOLS: Mapping[str, Tool] = {
-    # compact_mode costs half as much again in fields this small, fast_math saves a third on A and some 7 % on B and C.
-    # Error at tol 1e-8 and 1e-9 (the time hardly depends on it): A 3e-10, 2e-11; B 6e-10, 3e-12; C 4e-10, 4e-11.
+    # compact_mode costs half as much again in fields this small, fast_math saves a third on A and
+    # some 7 % on B and C. Error at tol 1e-8 and 1e-9 (the time hardly depends on it): A 3e-10,
+    # 2e-11; B 6e-10, 3e-12; C 4e-10, 4e-11.
     "heyoka": Tool(
         "heyoka",
         prepare_heyoka,
         {name: {"tol": 1e-9, "fast_math": True} for name in "ABC"},
     ),
-    # At equal tolerance BDF takes up to four times as long as Adams and its error is larger; GMRES takes up to twice as
-    # long as the dense solver. Most of the time goes into calling the functions in Python, some 400 to 850 times a
-    # cycle, so that this says little of CVODE called from C; functions compiled by numba are no quicker here.
-    # Error at the next looser tolerance: A 1.8e-10 (1e-12), B 0.9e-10 by luck (3e-12), C 1.2e-10 (5e-13).
+    # At equal tolerance BDF takes up to four times as long as Adams and its error is larger; GMRES
+    # takes up to twice as long as the dense solver. Most of the time goes into calling the
+    # functions in Python, some 400 to 850 times a cycle, so that this says little of CVODE called
+    # from C; functions compiled by numba are no quicker here. Error at the next looser tolerance: A
+    # 1.8e-10 (1e-12), B 0.9e-10 by luck (3e-12), C 1.2e-10 (5e-13).
     "CVODE": Tool(
         "sksundae",
         prepare_cvode,
@@ -342,8 +381,8 @@ TOOLS: Mapping[str, Tool] = {
             "C": {"method": "Adams", "rtol": 3e-13, "atol": 3e-13},
         },
     ),
-    # At equal tolerance RK45 takes five to six times as long as DOP853 and Radau more than ten times; LSODA takes 10 to
-    # 30 % longer to the same error. Compiled functions are no quicker.
+    # At equal tolerance RK45 takes five to six times as long as DOP853 and Radau more than ten
+    # times; LSODA takes 10 to 30 % longer to the same error. Compiled functions are no quicker.
     # Error at the next looser tolerance: A 1.0e-10 (3e-12), B 1.3e-10 (1e-11), C 1.2e-10 (3e-12).
     "SciPy": Tool(
         "scipy.integrate",
@@ -358,7 +397,8 @@ TOOLS: Mapping[str, Tool] = {
 
 
 def find_rivals() -> tuple[dict[str, dict[str, Rival]], dict[str, str]]:
-    """Return the rivals that are installed, by tool and problem, and for each other tool the reason of its absence."""
+    """Return the rivals that are installed, by tool and problem, and for each other tool the reason
+    of its absence."""
     rivals, absent = {}, {}
     for name, tool in TOOLS.items():
         try:
@@ -367,7 +407,8 @@ def find_rivals() -> tuple[dict[str, dict[str, Rival]], dict[str, str]]:
             absent[name] = f"{tool.module} cannot be imported: {error}"
         else:
             rivals[name] = {
-                key: Rival(tool.setup, PROBLEMS[key], MOTIONS[key], options) for key, options in tool.options.items()
+                key: Rival(tool.setup, PROBLEMS[key], MOTIONS[key], options)
+                for key, options in tool.options.items()
             }
     return rivals, absent
 
@@ -375,7 +416,9 @@ def find_rivals() -> tuple[dict[str, dict[str, Rival]], dict[str, str]]:
 RIVALS, ABSENT = find_rivals()
 
 
-def time_interleaved(runs: Mapping[str, Run], rounds: int = 7, shortest: float = 0.02) -> dict[str, float]:
+def time_interleaved(
+    runs: Mapping[str, Run], rounds: int = 7, shortest: float = 0.02
+) -> dict[str, float]:
     """Time several runs in turn, so that a change of the machine's pace meets all of them.
 
     Parameters
@@ -417,7 +460,10 @@ def main() -> None:
             state, switches = runs[name]()
             microseconds = 1e6 * seconds / problem.cycles
             title = f"{key} {problem.title}"
-            print(f"{name:<8} {title:<22} {microseconds:>12.1f} {problem.error(state):>9.1e} {switches:>9}")
+            print(
+                f"{name:<8} {title:<22} {microseconds:>12.1f} {problem.error(state):>9.1e} "
+                f"{switches:>9}"
+            )
     for name, reason in ABSENT.items():
         print(f"{name}: {reason}")
 

@@ -1,17 +1,20 @@
 """Speed of parameter maps, all tools in one run: ``python benchmarks/sweep.py [--small]``.
 
-*Cycles*: the scaled slider (3.6) at 1e5 points (b, ν), about 20 cycles each. stickslip stands in the table twice: one
-``simulate_many`` with everything in it, and the compiled loop alone, whose modes are known. The rival is SciPy in a
-pool of processes, told which boundary ends which mode, on a sample of the points; its rate is that of the sample. So is
-diffrax, all motions of its sample at once (``diffrax_slider.py``).
+*Cycles*: the scaled slider (3.6) at 1e5 points (b, ν), about 20 cycles each. stickslip stands in
+the table twice: one ``simulate_many`` with everything in it, and the compiled loop alone, whose
+modes are known. The rival is SciPy in a pool of processes, told which boundary ends which mode, on
+a sample of the points; its rate is that of the sample. So is diffrax, all motions of its sample at
+once (``diffrax_slider.py``).
 
-*Map*: walking speed of the toy (4.2) over 300 × 300 values of (P, δ), every motion followed until it has settled to
-1e-8, measured and certified; and the same map stored by ``sweep``, whose overhead is the time beyond that.
+*Map*: walking speed of the toy (4.2) over 300 × 300 values of (P, δ), every motion followed until
+it has settled to 1e-8, measured and certified; and the same map stored by ``sweep``, whose overhead
+is the time beyond that.
 
-*GPU*: the same map, and (3.3) by Taylor steps, with the share of the peak in double precision that the products of its
-series alone take. Where there is none, a line says so.
+*GPU*: the same map, and (3.3) by Taylor steps, with the share of the peak in double precision that
+the products of its series alone take. Where there is none, a line says so.
 
-All times are medians of rounds in which the tools take turns. The tables go to ``benchmarks/results/sweep.md``.
+All times are medians of rounds in which the tools take turns. The tables go to
+``benchmarks/results/sweep.md``.
 """
 
 from __future__ import annotations
@@ -41,7 +44,13 @@ from stickslip.equations.derive import derive
 from stickslip.errors import DeclarationError
 from stickslip.motion.ensemble import Lanes
 from stickslip.motion.outcome import Outcome
-from stickslip.motion.simulate_many import BATCH_SLOTS, initial_states, lanes_of_block, parameter_table, pose_all
+from stickslip.motion.simulate_many import (
+    BATCH_SLOTS,
+    initial_states,
+    lanes_of_block,
+    parameter_table,
+    pose_all,
+)
 from stickslip.motion.steps.arrays import FULL
 from stickslip.sweeps.engine import measuring
 from stickslip.sweeps.engine.tables import DEVICE_LANES
@@ -51,14 +60,16 @@ from stickslip.sweeps.work.chunk import Block, Settings, measure_chunk
 Array = np.ndarray
 RESULTS = Path(__file__).parent / "results" / "sweep.md"
 CORES = os.cpu_count() or 1
-SLIDER, TOY = ss.catalogue.scaled_slider_limit(), ss.catalogue.rocking_toy()
+SLIDER = ss.catalogue.scaled_slider_limit()
+TOY = ss.catalogue.rocking_toy()
 SPAN = 77.0  # 20 cycles on average
 RTOL = 1e-6  # the error stays below 1e-10, as for the rivals (benchmarks/motion.py)
 PUSH = {"psi": 0.0, "d_psi": 1.8, "x_R": 0.0}
 SAMPLE = 16
 VMAP = 1024  # points that diffrax follows at once
 VMAP_TOLERANCE = 3e-14  # the loosest with which its error is below 1e-10
-LANES_OF_SM = {(6, 0): 32, (7, 0): 32, (8, 0): 32, (9, 0): 64, (10, 0): 64}  # in double precision; 2 for the others
+# in double precision; 2 for the others
+LANES_OF_SM = {(6, 0): 32, (7, 0): 32, (8, 0): 32, (9, 0): 64, (10, 0): 64}
 WARM_UP = 0.8  # of a cycle, until every motion has seen both its modes
 
 
@@ -89,8 +100,11 @@ def many(given: dict[str, Array], workers: int) -> float:
 def loop_alone(given: dict[str, Array]) -> float:
     """Cycles per second of the compiled loop on one core, once the closed forms are made."""
     count = len(given["b"])
-    table, states = parameter_table(SLIDER, given, count), initial_states(SLIDER, {}, count)
-    problem, cycles, spent = pose_all(SLIDER, given, RTOL, 1e-12), 0.0, 0.0
+    table = parameter_table(SLIDER, given, count)
+    states = initial_states(SLIDER, {}, count)
+    problem = pose_all(SLIDER, given, RTOL, 1e-12)
+    cycles = 0.0
+    spent = 0.0
     block = lanes_of_block(problem, BATCH_SLOTS)
     for first in range(0, count, block):
         part = table[first : first + block]
@@ -106,7 +120,8 @@ def loop_alone(given: dict[str, Array]) -> float:
             lanes.make_closed_forms()
             lanes.advance(SPAN * WARM_UP / 20.0, 10**6)
         lanes.codes[:] = FULL
-        before, began = lanes.now.counters[:, 3].sum(), time.perf_counter()
+        before = lanes.now.counters[:, 3].sum()
+        began = time.perf_counter()
         lanes.advance(SPAN, 10**6)
         spent += time.perf_counter() - began
         cycles += 0.5 * float(lanes.now.counters[:, 3].sum() - before)
@@ -116,7 +131,8 @@ def loop_alone(given: dict[str, Array]) -> float:
 def scipy_point(values: tuple[float, float]) -> float:
     """Cycles of one point by SciPy."""
     b, nu = values
-    rival, problem = RIVALS["SciPy"]["B"], PROBLEMS["B"]
+    rival = RIVALS["SciPy"]["B"]
+    problem = PROBLEMS["B"]
     problem = replace(problem, parameters={**problem.parameters, "b": b, "nu": nu}, span=SPAN)
     return 0.5 * replace(rival, problem=problem).prepare()()[1]
 
@@ -129,10 +145,13 @@ def scipy_pool(pool: ProcessPoolExecutor, given: dict[str, Array]) -> float:
 
 
 def diffrax_vmap(given: dict[str, Array]) -> tuple[Callable[[], float], float]:
-    """What measures diffrax, in cycles per second of one core; and its error on the reference problem."""
+    """What measures diffrax, in cycles per second of one core; and its error on the reference
+    problem."""
     from diffrax_slider import follower
 
-    problem, b, nu = PROBLEMS["B"], given["b"][:VMAP], given["nu"][:VMAP]
+    problem = PROBLEMS["B"]
+    b = given["b"][:VMAP]
+    nu = given["nu"][:VMAP]
     values = (np.array([problem.parameters[name]]) for name in ("b", "nu"))
     error = problem.error(follower(problem.span, VMAP_TOLERANCE)(*values)[0][0])
     follow = follower(SPAN, VMAP_TOLERANCE)
@@ -147,7 +166,8 @@ def diffrax_vmap(given: dict[str, Array]) -> tuple[Callable[[], float], float]:
 
 def cycles_table(count: int, rounds: int) -> list[str]:
     """Table of cycles per second and core."""
-    given, note = points(count), "diffrax is absent: it is not installed here, so that its vmap was not measured."
+    given = points(count)
+    note = "diffrax is absent: it is not installed here, so that its vmap was not measured."
     # Not forked: a fork of a process with threads may hang.
     with ProcessPoolExecutor(CORES, get_context("spawn")) as pool:
         runs = {
@@ -158,10 +178,16 @@ def cycles_table(count: int, rounds: int) -> list[str]:
         }
         if importlib.util.find_spec("diffrax"):
             runs[f"diffrax, vmap, one core, {VMAP:,} points"], error = diffrax_vmap(given)
-            note = f"diffrax: events and restarts, tolerance {VMAP_TOLERANCE:g}, error {error:.1e} on problem B."
+            note = (
+                f"diffrax: events and restarts, tolerance {VMAP_TOLERANCE:g}, "
+                f"error {error:.1e} on problem B."
+            )
         rates = in_turn(runs, rounds)
     slowest = min(rates.values())
-    lines = [f"| (3.6), {count:,} points, 20 cycles each | cycles per second and core | times SciPy |", "|---|---|---|"]
+    lines = [
+        f"| (3.6), {count:,} points, 20 cycles each | cycles per second and core | times SciPy |",
+        "|---|---|---|",
+    ]
     lines += [f"| {name} | {rate:,.0f} | {rate / slowest:,.0f} |" for name, rate in rates.items()]
     return [*lines, "", note]
 
@@ -173,8 +199,10 @@ def grid(side: int) -> dict[str, Array]:
 
 
 def kernels(given: dict[str, Array], found: dict[str, Array]) -> tuple[float, float]:
-    """Wall time of the map by `measure_chunk` on all cores, and the share of it spent in compiled loops."""
-    inside, advance = [0.0], measuring.advance
+    """Wall time of the map by `measure_chunk` on all cores, and the share of it spent in compiled
+    loops."""
+    inside = [0.0]
+    advance = measuring.advance
 
     def timed(*arguments: object) -> None:
         began = time.perf_counter()
@@ -208,7 +236,9 @@ def stored(side: int) -> float:
 
 def map_table(side: int, rounds: int) -> list[str]:
     """Table of the map."""
-    given, found, shares = grid(side), {}, []
+    given = grid(side)
+    found = {}
+    shares = []
 
     def computed() -> float:
         wall, share = kernels(given, found)
@@ -216,8 +246,14 @@ def map_table(side: int, rounds: int) -> list[str]:
         return wall
 
     times = in_turn({"computed": computed, "stored": lambda: stored(side)}, rounds)
-    count, outcome, certificate = side * side, found["outcome"], found["certificate"]
-    kinds = ", ".join(f"{int(np.sum(outcome == o.code)):,} {o.label}" for o in Outcome if np.any(outcome == o.code))
+    count = side * side
+    outcome = found["outcome"]
+    certificate = found["certificate"]
+    kinds = ", ".join(
+        f"{int(np.sum(outcome == o.code)):,} {o.label}"
+        for o in Outcome
+        if np.any(outcome == o.code)
+    )
     bad = int(np.sum(~(certificate <= 1e-8)))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
     rate = count / times["computed"]
@@ -228,7 +264,8 @@ def map_table(side: int, rounds: int) -> list[str]:
         f"| points per second | {rate:,.0f} |",
         f"| share of it in compiled loops | {100.0 * median(shares):.0f} % |",
         f"| stored by `sweep` | {times['stored']:.1f} s |",
-        f"| overhead of storage and scheduling | {100.0 * (times['stored'] / times['computed'] - 1.0):.1f} % |",
+        "| overhead of storage and scheduling | "
+        f"{100.0 * (times['stored'] / times['computed'] - 1.0):.1f} % |",
         f"| outcomes | {kinds} |",
         f"| certificates above 1e-8 | {bad:,} |",
         f"| largest certificate | {np.nanmax(certificate):.1e} |",
@@ -246,7 +283,9 @@ def device_table(side: int) -> list[str]:
         return [f"GPU not measured: {error.reason}."]
     from numba import cuda
 
-    given, slider, count = grid(side), ss.catalogue.spring_slider(), min(side * side, DEVICE_LANES)
+    given = grid(side)
+    slider = ss.catalogue.spring_slider()
+    count = min(side * side, DEVICE_LANES)
     start = {name: np.full(side * side, value) for name, value in PUSH.items()}
     table = parameter_table(slider, {"V": np.linspace(0.1, 0.3, count)}, count)
     problem = replace(pose_all(slider, {"V"}, 1e-10, 1e-12), exact=False)
@@ -265,8 +304,17 @@ def device_table(side: int) -> list[str]:
         return count / (time.perf_counter() - began)
 
     rates = in_turn({"(4.2), closed forms": walking, "(3.3), Taylor steps": sliding}, 3)
-    recurrences = len(re.findall(r"(?:product|divide|inverse|exp|power|log)_order\(", source_of(slider)))
-    work = recurrences * (problem.order + 1) * (problem.order + 2) * steps[0] * rates["(3.3), Taylor steps"] / count
+    recurrences = len(
+        re.findall(r"(?:product|divide|inverse|exp|power|log)_order\(", source_of(slider))
+    )
+    work = (
+        recurrences
+        * (problem.order + 1)
+        * (problem.order + 2)
+        * steps[0]
+        * rates["(3.3), Taylor steps"]
+        / count
+    )
     gpu = cuda.get_current_device()
     wide = LANES_OF_SM.get(gpu.compute_capability, 2) * gpu.MULTIPROCESSOR_COUNT
     share = work / (2.0 * wide * 1e3 * gpu.CLOCK_RATE)
@@ -275,7 +323,8 @@ def device_table(side: int) -> list[str]:
     return [
         *lines,
         "",
-        f"The products of the series of (3.3) take {100.0 * share:.2g} % of the peak in double precision.",
+        f"The products of the series of (3.3) take {100.0 * share:.2g} % of the peak in double "
+        "precision.",
     ]
 
 
@@ -289,10 +338,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Speed of parameter maps.")
     parser.add_argument("--small", action="store_true", help="a tenth of everything, nothing kept")
     small = parser.parse_args().small
-    toy = map_table(40 if small else 300, 1 if small else 2)  # first, so that its memory is not that of the rivals
+    # first, so that its memory is not that of the rivals
+    toy = map_table(40 if small else 300, 1 if small else 2)
     cycles = cycles_table(10_000 if small else 100_000, 3)
     gpu = device_table(100 if small else 300)
-    parts = ["# Parameter maps: cycles and points per second", machine(), *map("\n".join, (cycles, toy, gpu))]
+    parts = [
+        "# Parameter maps: cycles and points per second",
+        machine(),
+        *map("\n".join, (cycles, toy, gpu)),
+    ]
     text = "\n\n".join(parts) + "\n"
     if not small:
         RESULTS.parent.mkdir(exist_ok=True)

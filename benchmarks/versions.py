@@ -1,9 +1,11 @@
-"""What a change costs: two checkouts in one run, in turn: ``python benchmarks/versions.py OTHER_CHECKOUT [GROUP]``.
+"""What a change costs: two checkouts in one run, in turn: ``python benchmarks/versions.py
+OTHER_CHECKOUT [GROUP]``.
 
-The loops of ``benchmarks/motion.py`` (spring slider (3.3) with its smooth law, scaled slider (3.6), rocking toy (4.2)),
-a motion of each by ``simulate``, and the certificates of the whole catalogue, each by both in turn; the minima of the
-rounds stand in ``benchmarks/results/versions.md``. With `averages`: steps of evolutions in which friction is that of an
-ellipse on average, in ``benchmarks/results/averages.md``. With `maps`: parameter maps, settled, measured and stored, in
+The loops of ``benchmarks/motion.py`` (spring slider (3.3) with its smooth law, scaled slider (3.6),
+rocking toy (4.2)), a motion of each by ``simulate``, and the certificates of the whole catalogue,
+each by both in turn; the minima of the rounds stand in ``benchmarks/results/versions.md``. With
+`averages`: steps of evolutions in which friction is that of an ellipse on average, in
+``benchmarks/results/averages.md``. With `maps`: parameter maps, settled, measured and stored, in
 ``benchmarks/results/maps.md``. Both run in this Python, each with its own compiled code.
 """
 
@@ -20,7 +22,8 @@ from pathlib import Path
 
 RESULTS = Path(__file__).parent / "results"
 ROUNDS = {"versions": 15, "averages": 5, "maps": 5}
-MEAN, HALF = 2.125, 1.875  # of the squares of the half axes 2 and 1/2
+MEAN = 2.125  # of the squares of the half axes 2 and 1/2
+HALF = 1.875  # of their difference
 ELLIPSES = {
     "turning": ("2*pi*s", MEAN, HALF),
     "swinging": ("1.2*sin(2*pi*s)", MEAN, HALF),
@@ -32,9 +35,21 @@ TITLES = {
     "maps": "What a change costs: parameter maps",
 }
 MAPS: dict[str, tuple[str, dict[str, str], list[str]]] = {
-    "rocking_toy": ("toy (4.2), 60 × 60 points", {"P": "0.8:1.5:60", "delta": "0.01:0.2:60"}, ["speed"]),
-    "scaled_slider": ("slider (3.6), 30 × 30 points", {"b": "0.3:1.2:30", "nu": "log:1e-3:1e-2:30"}, ["period"]),
-    "spring_slider": ("slider (3.3), 16 × 16 points", {"V": "0.05:0.3:16", "nu": "0.01:0.05:16"}, ["period"]),
+    "rocking_toy": (
+        "toy (4.2), 60 × 60 points",
+        {"P": "0.8:1.5:60", "delta": "0.01:0.2:60"},
+        ["speed"],
+    ),
+    "scaled_slider": (
+        "slider (3.6), 30 × 30 points",
+        {"b": "0.3:1.2:30", "nu": "log:1e-3:1e-2:30"},
+        ["period"],
+    ),
+    "spring_slider": (
+        "slider (3.3), 16 × 16 points",
+        {"V": "0.05:0.3:16", "nu": "0.01:0.05:16"},
+        ["period"],
+    ),
 }
 STEPS = {"200": 200, "adaptive": None}
 
@@ -62,7 +77,9 @@ def averaged_step(kind: str, steps: int | None) -> float:
     psi = ss.Ellipsoid([[f"{mean} + {c}", s], [s, f"{mean} - {c}"]])
     began = time.perf_counter()
     load = ["2*sin(2*pi*t)", "2*sin(4*pi*t)"]
-    problem = ss.Evolution([[1.0, 0.3], [0.3, 0.5]], load, psi, [0.0, 0.0], epsilon=0.1, span=(0, 1)).averaged()
+    problem = ss.Evolution(
+        [[1.0, 0.3], [0.3, 0.5]], load, psi, [0.0, 0.0], epsilon=0.1, span=(0, 1)
+    ).averaged()
     found = ss.evolve(problem, steps=steps)
     spent = time.perf_counter() - began
     assert found.outcome.ok
@@ -76,7 +93,9 @@ def mapped(name: str, axes: dict[str, str], measures: list[str]) -> float:
 
     with tempfile.TemporaryDirectory() as folder:
         began = time.perf_counter()
-        ss.sweep(getattr(ss.catalogue, name)(), axes, measures, Path(folder) / "map.zarr", workers=1)
+        ss.sweep(
+            getattr(ss.catalogue, name)(), axes, measures, Path(folder) / "map.zarr", workers=1
+        )
         return time.perf_counter() - began
 
 
@@ -89,7 +108,10 @@ def jobs_of(group: str) -> dict[str, tuple[str, Callable[[], float]]]:
             for name, steps in STEPS.items()
         }
     if group == "maps":
-        return {name: (title, partial(mapped, name, axes, measures)) for name, (title, axes, measures) in MAPS.items()}
+        return {
+            name: (title, partial(mapped, name, axes, measures))
+            for name, (title, axes, measures) in MAPS.items()
+        }
     from motion import batch, one_call
 
     def timed(run: Callable[[], object]) -> float:
@@ -98,8 +120,14 @@ def jobs_of(group: str) -> dict[str, tuple[str, Callable[[], float]]]:
         return time.perf_counter() - began
 
     titles = dict(zip("ABC", ("(3.3)", "(3.6)", "(4.2)"), strict=True))
-    jobs = {f"loop {key}": (f"{title}, loop", partial(timed, batch(key))) for key, title in titles.items()}
-    jobs |= {f"simulate {key}": (f"{title}, simulate", partial(timed, one_call(key))) for key, title in titles.items()}
+    jobs = {
+        f"loop {key}": (f"{title}, loop", partial(timed, batch(key)))
+        for key, title in titles.items()
+    }
+    jobs |= {
+        f"simulate {key}": (f"{title}, simulate", partial(timed, one_call(key)))
+        for key, title in titles.items()
+    }
     return jobs | {"certificates": ("certificates of the catalogue", certificates)}
 
 
@@ -151,16 +179,25 @@ def main(other: str, group: str = "versions") -> None:
 
     names = {name: title for name, (title, _) in jobs_of(group).items()}
     with tempfile.TemporaryDirectory() as a, tempfile.TemporaryDirectory() as b:
-        before, now = Path(other).resolve(), Path(__file__).resolve().parents[1]
+        before = Path(other).resolve()
+        now = Path(__file__).resolve().parents[1]
         trees = {"before": start(before, a, group), "now": start(now, b, group)}
         best = {name: {tree: float("inf") for tree in trees} for name in names}
         for _ in range(ROUNDS[group]):
             for name in names:
                 for tree, process in trees.items():
                     best[name][tree] = min(best[name][tree], ask(process, name))
-    lines = [f"# {TITLES[group]}", "", machine(), "", "| | before, s | now, s | ratio |", "|---|---|---|---|"]
+    lines = [
+        f"# {TITLES[group]}",
+        "",
+        machine(),
+        "",
+        "| | before, s | now, s | ratio |",
+        "|---|---|---|---|",
+    ]
     lines += [
-        f"| {names[name]} | {found['before']:.4f} | {found['now']:.4f} | {found['now'] / found['before']:.2f} |"
+        f"| {names[name]} | {found['before']:.4f} | {found['now']:.4f} | "
+        f"{found['now'] / found['before']:.2f} |"
         for name, found in best.items()
     ]
     (RESULTS / f"{group}.md").write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -1,12 +1,13 @@
 """A membrane on a bed whose friction travels: a wave of thresholds against its average.
 
-A membrane over the unit disc is clamped at its edge and rests on springs. A load that is the same everywhere grows, and
-dry friction with the threshold ρ(s, x) = 1 + 0.9 cos 2π(s − x₁) resists: a wave that runs through the membrane once in
-every period ε. Each point waits for the trough to pass, so the resolved motion is a front of slip that runs with the
-wave, and every passage of it leaves less to do for the next. On average every point feels the threshold 0.1.
+A membrane over the unit disc is clamped at its edge and rests on springs. A load that is the same
+everywhere grows, and dry friction with the threshold ρ(s, x) = 1 + 0.9 cos 2π(s − x₁) resists: a
+wave that runs through the membrane once in every period ε. Each point waits for the trough to pass,
+so the resolved motion is a front of slip that runs with the wave, and every passage of it leaves
+less to do for the next. On average every point feels the threshold 0.1.
 
-Everything is dimensionless: lengths in radii, forces by the mean threshold. Linear finite elements on a triangulated
-disc; loads, thresholds and the springs are lumped at its nodes.
+Everything is dimensionless: lengths in radii, forces by the mean threshold. Linear finite elements
+on a triangulated disc; loads, thresholds and the springs are lumped at its nodes.
 """
 
 from dataclasses import dataclass
@@ -20,9 +21,13 @@ from skfem.models.poisson import laplace, unit_load
 
 import stickslip as ss
 
-MEAN, SWING, SPRINGS, LARGEST_LOAD = 1.0, 0.9, 30.0, 2.0
+MEAN = 1.0
+SWING = 0.9
+SPRINGS = 30.0
+LARGEST_LOAD = 2.0
 PER_PERIOD = 10  # steps
-TOLERANCE, KKT = 0.05, 1e-6
+TOLERANCE = 0.05
+KKT = 1e-6
 
 
 def threshold(s, x):
@@ -46,7 +51,9 @@ class Membrane:
 
     def resolved(self):
         """The evolution, every phase of it."""
-        return ss.evolve(self.problem, steps=PER_PERIOD * self.periods, tolerance=TOLERANCE, kkt=KKT)
+        return ss.evolve(
+            self.problem, steps=PER_PERIOD * self.periods, tolerance=TOLERANCE, kkt=KKT
+        )
 
     def averaged(self):
         """Its limit; while the load grows in proportion, long steps are exact at their ends."""
@@ -76,7 +83,8 @@ def membrane(refinements, periods):
     mesh = MeshTri.init_circle(refinements)
     basis = Basis(mesh, ElementTriP1())
     inner = mesh.interior_nodes()
-    area, x = unit_load.assemble(basis)[inner], mesh.p[0, inner]
+    area = unit_load.assemble(basis)[inner]
+    x = mesh.p[0, inner]
     problem = ss.Evolution(
         A=csr_array(laplace.assemble(basis)[inner][:, inner] + diags_array(SPRINGS * area)),
         load=lambda t: LARGEST_LOAD * t * area,
@@ -97,7 +105,8 @@ def distance(refinements, periods):
 
 
 def draw(disc, resolved, averaged, coarse, fast):
-    """The wave and where it moves the membrane; the membrane; its profiles at the ends of the periods.
+    """The wave and where it moves the membrane; the membrane; its profiles at the ends of the
+    periods.
 
     A motion with a shorter period on a coarse mesh joins the last profile.
     """
@@ -112,7 +121,8 @@ def draw(disc, resolved, averaged, coarse, fast):
 
 
 def draw_maps(figure, disc, resolved):
-    """Thresholds with the slipping part hatched, and the deflection, in the middle of the last period."""
+    """Thresholds with the slipping part hatched, and the deflection, in the middle of the last
+    period."""
     from matplotlib.tri import Triangulation
 
     wave, plane = figure.subplots(1, 2)
@@ -122,8 +132,18 @@ def draw_maps(figure, disc, resolved):
     triangles = Triangulation(*disc.mesh.p, disc.mesh.t.T)
     rho = threshold(t / disc.problem.epsilon, disc.mesh.p[0])
     shown = (
-        (wave, rho, "cividis", f"threshold $\\rho$ [dimensionless]\nat $t = {t:.2f}$; hatched: slips"),
-        (plane, disc.on_mesh(z), "viridis", f"deflection $z_\\varepsilon$ [dimensionless]\nat $t = {t:.2f}$"),
+        (
+            wave,
+            rho,
+            "cividis",
+            f"threshold $\\rho$ [dimensionless]\nat $t = {t:.2f}$; hatched: slips",
+        ),
+        (
+            plane,
+            disc.on_mesh(z),
+            "viridis",
+            f"deflection $z_\\varepsilon$ [dimensionless]\nat $t = {t:.2f}$",
+        ),
     )
     for axes, values, colours, label in shown:
         image = axes.tripcolor(triangles, values, shading="gouraud", cmap=colours, rasterized=True)
@@ -140,11 +160,18 @@ def draw_profiles(axes, disc, resolved, averaged, coarse, fast):
 
     x, _ = disc.profile(averaged.z[0])
     for period in range(1, disc.periods + 1):
-        limit, line = disc.profile(averaged.z[period])[1], disc.profile(resolved.z[PER_PERIOD * period])[1]
+        limit = disc.profile(averaged.z[period])[1]
+        line = disc.profile(resolved.z[PER_PERIOD * period])[1]
         first = period == 1
-        axes.plot(x, line, color=BLUE, label=rf"$\varepsilon = 1/{disc.periods}$" if first else None)
-        axes.plot(x, limit, color=STICK_LINE, lw=1.1, label=r"$\varepsilon \to 0$" if first else None)
-    axes.plot(*coarse.profile(fast.final), color=ORANGE, label=rf"$\varepsilon = 1/{coarse.periods}$")
+        axes.plot(
+            x, line, color=BLUE, label=rf"$\varepsilon = 1/{disc.periods}$" if first else None
+        )
+        axes.plot(
+            x, limit, color=STICK_LINE, lw=1.1, label=r"$\varepsilon \to 0$" if first else None
+        )
+    axes.plot(
+        *coarse.profile(fast.final), color=ORANGE, label=rf"$\varepsilon = 1/{coarse.periods}$"
+    )
     times = ", ".join(f"{period}/{disc.periods}" for period in range(1, disc.periods))
     axes.text(0.0, 0.066, f"from below: $t = {times}, 1$", ha="center", fontsize=10)
     axes.set_xlim(-1, 1)
@@ -164,9 +191,16 @@ if __name__ == "__main__":
     resolved, averaged = disc.resolved(), disc.averaged()
     draw(disc, resolved, averaged, coarse, coarse.resolved()).savefig(path, dpi=200)
     print(
-        f"{disc.problem.n} unknowns, {resolved.steps} steps: {resolved.wall_time:.0f} s; {resolved.certificate.verdict}"
+        f"{disc.problem.n} unknowns, {resolved.steps} steps: {resolved.wall_time:.0f} s; "
+        f"{resolved.certificate.verdict}"
     )
-    print(f"averaged, {averaged.steps} steps: {averaged.wall_time:.0f} s; {averaged.certificate.verdict}")
+    print(
+        f"averaged, {averaged.steps} steps: {averaged.wall_time:.0f} s; "
+        f"{averaged.certificate.verdict}"
+    )
     print(f"distance from the averaged motion: {disc.distance(resolved, averaged):.1%}")
-    print("on 481 unknowns:", ", ".join(f"{d:.1%} with {periods} periods" for periods, d in distances.items()))
+    print(
+        "on 481 unknowns:",
+        ", ".join(f"{d:.1%} with {periods} periods" for periods, d in distances.items()),
+    )
     print(path)

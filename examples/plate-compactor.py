@@ -1,11 +1,13 @@
 """The plate compactor: how much force a shaken plate needs, from pure rest friction to nearly none.
 
-A plate of 100 kg is pulled by a spring while an imbalance shakes its weight, N(t) = (mg + F cos Ωt)⁺. Averaging
-([M] Theorem 2.2) says that it takes μ(mg − F)⁺ to move it: only the lightest moment counts. The fully resolved motion
-with inertia, switch by switch, comes down to this law as the pull becomes slow. A fast pull gains nothing: a plate that
-never rests feels the mean of its friction. Without inertia the motion is a play, which is exact.
+A plate of 100 kg is pulled by a spring while an imbalance shakes its weight, N(t) = (mg + F cos
+Ωt)⁺. Averaging ([M] Theorem 2.2) says that it takes μ(mg − F)⁺ to move it: only the lightest moment
+counts. The fully resolved motion with inertia, switch by switch, comes down to this law as the pull
+becomes slow. A fast pull gains nothing: a plate that never rests feels the mean of its friction.
+Without inertia the motion is a play, which is exact.
 
-[M] A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017).
+[M] A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017).
 """
 
 from pathlib import Path
@@ -14,9 +16,13 @@ import numpy as np
 
 import stickslip as ss
 
-WEIGHT, MU, STIFFNESS, OMEGA = 981.0, 0.6, 5000.0, 60.0  # N, 1, N/m, rad/s
+WEIGHT = 981.0  # [N]
+MU = 0.6
+STIFFNESS = 5000.0  # [N/m]
+OMEGA = 60.0  # [rad/s]
 PERIOD = 2 * np.pi / OMEGA
-PERIODS, LAST = 400, 17  # of the shaking that are computed, and over which forces are averaged: two of the spring
+PERIODS = 400  # of the shaking that are computed
+LAST = 17  # over which forces are averaged: two of the spring
 SPEEDS = (0.1, 0.02, 0.004, 0.001)  # [m/s]
 
 
@@ -51,8 +57,11 @@ def resolved(amplitude, speed, periods=LAST, each=32):
 
 def without_inertia(amplitude, speed, periods=LAST, each=32):
     """The same without inertia: an exact play."""
-    load, span = f"{STIFFNESS * speed}*t", (0.0, PERIODS * PERIOD)
-    motion = ss.play(load, threshold(amplitude), span, start(amplitude), epsilon=PERIOD, stiffness=STIFFNESS)
+    load = f"{STIFFNESS * speed}*t"
+    span = (0.0, PERIODS * PERIOD)
+    motion = ss.play(
+        load, threshold(amplitude), span, start(amplitude), epsilon=PERIOD, stiffness=STIFFNESS
+    )
     assert motion.certificate.ok, motion.certificate.verdict
     t = instants(periods, each)
     return STIFFNESS * (speed * t - motion.position(t))
@@ -71,7 +80,9 @@ def plot_forces(axes):
         forces = [resolved(F, speed).mean() for F in amplitudes]
         axes.plot(amplitudes, forces, "o-", color=colour, ms=4, lw=1.2, label=f"{speed:g} m/s")
     play = [without_inertia(F, SPEEDS[-1]).mean() for F in amplitudes]
-    axes.plot(amplitudes, play, "s", color=STICK_LINE, mfc="none", ms=7, mew=1.1, label="no inertia")
+    axes.plot(
+        amplitudes, play, "s", color=STICK_LINE, mfc="none", ms=7, mew=1.1, label="no inertia"
+    )
     law = [averaged_law(F) for F in amplitudes]
     axes.plot(amplitudes, law, color=STICK_LINE, lw=2.2, zorder=1, label="averaged law")
     axes.axvline(WEIGHT, color=STICK_LINE, lw=0.8, ls=":")
@@ -85,14 +96,23 @@ def plot_forces(axes):
 
 def plot_steps(axes, amplitude=600.0, speed=0.02, periods=3, each=300):
     """Pulling force below the friction that the ground could give."""
-    from stickslip.figures.drawing.style import BAND, BLUE, STICK_LINE, THRESHOLD, VERMILION, legend_above
+    from stickslip.figures.drawing.style import (
+        BAND,
+        BLUE,
+        STICK_LINE,
+        THRESHOLD,
+        VERMILION,
+        legend_above,
+    )
 
     t = instants(periods, each)
     friction = MU * np.maximum(WEIGHT + amplitude * np.cos(OMEGA * t), 0.0)
     s = t / PERIOD - (PERIODS - periods)
     axes.fill_between(s, 0.0, friction, fc=BAND, ec=THRESHOLD, lw=0.8, label=r"$\mu N(t)$")
     axes.plot(s, resolved(amplitude, speed, periods, each), color=BLUE, label="with inertia")
-    axes.plot(s, without_inertia(amplitude, speed, periods, each), color=VERMILION, label="no inertia")
+    axes.plot(
+        s, without_inertia(amplitude, speed, periods, each), color=VERMILION, label="no inertia"
+    )
     axes.axhline(averaged_law(amplitude), color=STICK_LINE, lw=1.2, ls="--", label="averaged")
     axes.set_xlim(0, periods)
     axes.set_ylim(0, 1150)
@@ -115,5 +135,8 @@ if __name__ == "__main__":
         figure.savefig(path, dpi=200)
     for F in exact:
         law = averaged_law(F)
-        print(f"F = {F:g} N: averaged {law:.1f} N, no inertia {exact[F]:.1f} N, resolved {slowest[F]:.1f} N")
+        print(
+            f"F = {F:g} N: averaged {law:.1f} N, no inertia {exact[F]:.1f} N, resolved "
+            f"{slowest[F]:.1f} N"
+        )
     print(path)

@@ -1,10 +1,11 @@
 """Friction that oscillates fast: the play operator of [M] section 2.2, with figure 2.1.
 
-The load is ℓ(t) = 5t − t², the threshold ρ(t/ε) = 1 + cos(2πt/ε)/2. The motion waits for the smallest threshold: z_ε
-moves in small bursts around the phases where ρ is least, and follows the play with the constant threshold min ρ = 1/2
-at a distance of the order ε.
+The load is ℓ(t) = 5t − t², the threshold ρ(t/ε) = 1 + cos(2πt/ε)/2. The motion waits for the
+smallest threshold: z_ε moves in small bursts around the phases where ρ is least, and follows the
+play with the constant threshold min ρ = 1/2 at a distance of the order ε.
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017).
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017).
 """
 
 from pathlib import Path
@@ -13,7 +14,9 @@ import numpy as np
 
 import stickslip as ss
 
-LOAD, THRESHOLD, SMALLEST = "5*t - t**2", "1 + cos(2*pi*s)/2", 0.5
+LOAD = "5*t - t**2"
+THRESHOLD = "1 + cos(2*pi*s)/2"
+SMALLEST = 0.5
 
 resolved = ss.play(LOAD, THRESHOLD, (0, 5), 0.0, epsilon=0.1)
 averaged = ss.play(LOAD, SMALLEST, (0, 5), 0.0)

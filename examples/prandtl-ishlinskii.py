@@ -1,8 +1,10 @@
-"""Hysteresis loops of a Prandtl–Ishlinskii operator: a weighted sum of plays with different thresholds under one load.
+"""Hysteresis loops of a Prandtl–Ishlinskii operator: a weighted sum of plays with different
+thresholds under one load.
 
-40 plays with thresholds r between 0 and 2 share one load ℓ(t), and the output is the mean of their positions, as in
-Iwan's model of a joint that slips bit by bit. Inner loops close and lie inside the outer one (return-point memory), a
-turning point is forgotten when the load goes beyond it, and only the sequence of turning points matters, not the speed.
+40 plays with thresholds r between 0 and 2 share one load ℓ(t), and the output is the mean of their
+positions, as in Iwan's model of a joint that slips bit by bit. Inner loops close and lie inside the
+outer one (return-point memory), a turning point is forgotten when the load goes beyond it, and only
+the sequence of turning points matters, not the speed.
 
 P. Krejčí, *Hysteresis, Convexity and Dissipation in Hyperbolic Equations*, Gakkōtosho (1996).
 """
@@ -16,7 +18,8 @@ from stickslip.rate_independent.play.clamp import plays, prandtl_ishlinskii
 RADII = np.linspace(0.05, 2.0, 40)
 WEIGHTS = np.full(40, 1 / 40)
 
-# One large swing, and on the way up again two small ones, each of which closes a loop and is forgotten.
+# One large swing, and on the way up again two small ones, each of which closes a loop and is
+# forgotten.
 TURNS = np.array([0.0, 3.0, -3.0, 1.0, -1.5, 2.0, 0.5, 3.0])
 load = np.interp(np.linspace(0, 7, 2801), np.arange(8), TURNS)
 

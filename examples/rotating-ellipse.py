@@ -1,11 +1,13 @@
-"""Friction that is anisotropic and turns: what an ellipse has in common with all its rotations is a disc.
+"""Friction that is anisotropic and turns: what an ellipse has in common with all its rotations is a
+disc.
 
-The stable set K(s) is an ellipse with the half axes 2 and 1/2 that makes half a turn in one period. No force outside
-the disc of radius 1/2 is held at every phase, so Ψ_av(V) = |V|/2: a motion in any direction V waits for the phase at
-which the short axis points along V, and then does everything at once.
+The stable set K(s) is an ellipse with the half axes 2 and 1/2 that makes half a turn in one period.
+No force outside the disc of radius 1/2 is held at every phase, so Ψ_av(V) = |V|/2: a motion in any
+direction V waits for the phase at which the short axis points along V, and then does everything at
+once.
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
-(2.3) and (2.4).
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017), (2.3) and (2.4).
 """
 
 from pathlib import Path
@@ -24,7 +26,12 @@ error = float(np.max(np.abs(costs - 0.5)))
 gap = max(motion.gap for motion in motions)
 
 # The short axis points along V at the phase s with 2πs = 2 angle(V) + π.
-waits = float(max(np.abs((m.phases - a / np.pi) % 1.0 - 0.5).max() for m, a in zip(motions, angles, strict=True)))
+waits = float(
+    max(
+        np.abs((m.phases - a / np.pi) % 1.0 - 0.5).max()
+        for m, a in zip(motions, angles, strict=True)
+    )
+)
 
 
 def plot_phases(axes):
@@ -35,7 +42,14 @@ def plot_phases(axes):
     line = [0, 90, np.nan, 90, 180], [0.5, 1.0, np.nan, 0.0, 0.5]
     axes.plot(*line, color=STICK_LINE, lw=1.0, label="short axis along $V$")
     for angle, motion in zip(angles, motions, strict=True):
-        axes.plot(np.full(len(motion.phases), np.degrees(angle)), motion.phases, "o", color=BLUE, ms=5, clip_on=False)
+        axes.plot(
+            np.full(len(motion.phases), np.degrees(angle)),
+            motion.phases,
+            "o",
+            color=BLUE,
+            ms=5,
+            clip_on=False,
+        )
     axes.plot([], [], "o", color=BLUE, ms=5, label="optimal motion")
     axes.set_xlim(0, 180)
     axes.set_xticks([0, 45, 90, 135, 180])

@@ -1,10 +1,10 @@
 """How much of the time a spring slider sticks, over the rate of its load and its viscosity.
 
-Steady sliding loses its stability on the curve where the trace of its Jacobian vanishes. Stick-slip goes on a little
-beyond that curve, next to stable steady sliding: there the start decides.
+Steady sliding loses its stability on the curve where the trace of its Jacobian vanishes. Stick-slip
+goes on a little beyond that curve, next to stable steady sliding: there the start decides.
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
-(3.3).
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017), (3.3).
 """
 
 from pathlib import Path
@@ -39,10 +39,13 @@ def plot_hopf(axes, data):
     """Where steady sliding loses its stability."""
     from stickslip.figures.drawing.style import VERMILION
 
-    V, nu = np.geomspace(0.02, 1.0, 400)[:, None], np.geomspace(0.005, 0.5, 400)
+    V = np.geomspace(0.02, 1.0, 400)[:, None]
+    nu = np.geomspace(0.005, 0.5, 400)
     style = {"levels": [0.0], "colors": VERMILION, "linewidths": 1.8, "linestyles": [(0, (4, 2))]}
     axes.contour(V[:, 0], nu, trace(V, nu).T, **style)
-    axes.plot([], [], color=VERMILION, ls=(0, (4, 2)), lw=1.8, label="steady sliding loses its stability")
+    axes.plot(
+        [], [], color=VERMILION, ls=(0, (4, 2)), lw=1.8, label="steady sliding loses its stability"
+    )
 
 
 if __name__ == "__main__":
@@ -58,8 +61,12 @@ if __name__ == "__main__":
         plot_hopf(axes, data)
         legend_above(axes)
         figure.savefig(path)
-    V, nu = data["V"].values[:, None], data["nu"].values
+    V = data["V"].values[:, None]
+    nu = data["nu"].values
     moving = data["stick_fraction"].values > 0.0
     beyond = np.mean((trace(V, nu) < 0.0) & moving) / np.mean(moving)
-    print(f"stick-slip at {np.mean(moving):.0%} of the points, {beyond:.0%} of them beside stable steady sliding")
+    print(
+        f"stick-slip at {np.mean(moving):.0%} of the points, {beyond:.0%} of them beside stable "
+        "steady sliding"
+    )
     print(path)

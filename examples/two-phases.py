@@ -1,10 +1,12 @@
 """A path in the plane whose components move at different phases: example 2.1 of [M].
 
-Ψ(s, v) = (2 − cos 2πs)|v₁| + (2 + cos 2πs)|v₂|. The first component meets the least resistance at s = 0, the second at
-s = 1/2. Under an oscillation of period ε the path is a staircase: one component moves while the other waits. As ε → 0
-each component has its own least threshold, Ψ_av(v) = |v₁| + |v₂|, and the staircase becomes a curve.
+Ψ(s, v) = (2 − cos 2πs)|v₁| + (2 + cos 2πs)|v₂|. The first component meets the least resistance at s
+= 0, the second at s = 1/2. Under an oscillation of period ε the path is a staircase: one component
+moves while the other waits. As ε → 0 each component has its own least threshold, Ψ_av(v) = |v₁| +
+|v₂|, and the staircase becomes a curve.
 
-[M] A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017).
+[M] A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017).
 """
 
 from pathlib import Path
@@ -33,7 +35,9 @@ if __name__ == "__main__":
     folder = Path("out/two-phases")
     folder.mkdir(parents=True, exist_ok=True)
     plot_path(resolved.z, averaged.z, model.problem.epsilon).savefig(folder / "path.png", dpi=200)
-    plot_average(model.potential, average, unit="dimensionless").savefig(folder / "stable-sets.png", dpi=200)
+    plot_average(model.potential, average, unit="dimensionless").savefig(
+        folder / "stable-sets.png", dpi=200
+    )
     print(f"Ψ_av(3, -4) = {average.support([3, -4]):.12g}, that is |v₁| + |v₂|")
     print(f"the first component moves near s = 0 for {first_near_0:.1%} of its way,")
     print(f"the second near s = 1/2 for {second_near_half:.1%} of its way")

@@ -1,12 +1,13 @@
 """How fast a toy animal walks, over the pull on its legs and the damping of its rocking.
 
-Its rocking takes its energy from the pull; where that is less than what the damping eats, the toy comes to rest. Rest
-and walking coexist, so the map is one of what a start leads to: here ψ = 0.8, with the legs where friction holds them.
-That depends on the pull, so P and x_R vary together. Below P = ρ + cψ* the pull does not move an unloaded leg, from
-P = H*/2 on a fully loaded leg does not hold.
+Its rocking takes its energy from the pull; where that is less than what the damping eats, the toy
+comes to rest. Rest and walking coexist, so the map is one of what a start leads to: here ψ = 0.8,
+with the legs where friction holds them. That depends on the pull, so P and x_R vary together. Below
+P = ρ + cψ* the pull does not move an unloaded leg, from P = H*/2 on a fully loaded leg does not
+hold.
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
-(4.2).
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017), (4.2).
 """
 
 from pathlib import Path
@@ -36,7 +37,9 @@ def plot_boundary(axes, data):
     axes.contour(data["P"], data["delta"], walks.T.astype(float), **style)
     for bound, label in zip(bounds, (r"$\rho + c\psi_*$", r"$H_*/2$"), strict=True):
         axes.axvline(bound, color=VERMILION, ls=(0, (4, 2)), lw=1.2)
-        axes.text(bound, 1.02, label, transform=axes.get_xaxis_transform(), color=STICK_LINE, ha="center")
+        axes.text(
+            bound, 1.02, label, transform=axes.get_xaxis_transform(), color=STICK_LINE, ha="center"
+        )
 
 
 if __name__ == "__main__":
@@ -52,8 +55,11 @@ if __name__ == "__main__":
         plot_boundary(axes, data)
         figure.savefig(path)
     fastest = data.isel(data["speed"].argmax(...))
-    print(f"walks at {np.mean(data['speed'].values > 1e-6):.0%} of the points, fastest with", end=" ")
     print(
-        f"{float(fastest['speed']):.3g} m/s at P = {float(fastest['P']):.3g} N, delta = {float(fastest['delta']):.2g}"
+        f"walks at {np.mean(data['speed'].values > 1e-6):.0%} of the points, fastest with", end=" "
+    )
+    print(
+        f"{float(fastest['speed']):.3g} m/s at P = {float(fastest['P']):.3g} N, delta = "
+        f"{float(fastest['delta']):.2g}"
     )
     print(path)

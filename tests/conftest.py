@@ -11,6 +11,9 @@ from stickslip.motion import problem, simulate
 
 @pytest.fixture(params=["closed forms", "Taylor steps"])
 def flow(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Which flow `simulate` takes: closed forms where modes are affine, or Taylor steps everywhere."""
-    monkeypatch.setattr(simulate, "pose", partial(problem.pose, exact=request.param == "closed forms"))
+    """Which flow `simulate` takes: closed forms where modes are affine, or Taylor steps
+    everywhere."""
+    monkeypatch.setattr(
+        simulate, "pose", partial(problem.pose, exact=request.param == "closed forms")
+    )
     return request.param

@@ -1,4 +1,5 @@
-"""Small systems that the tests share. A declaration is compiled once; tests vary its parameters and initial values."""
+"""Small systems that the tests share. A declaration is compiled once; tests vary its parameters and
+initial values."""
 
 from __future__ import annotations
 
@@ -9,7 +10,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip import Contact, Inertial, Internal, Parameter, RateIndependent, System, Trajectory, Viscous
+from stickslip import (
+    Contact,
+    Inertial,
+    Internal,
+    Parameter,
+    RateIndependent,
+    System,
+    Trajectory,
+    Viscous,
+)
 
 # Thresholds that vanish for a while, or touch 0 (s_0 = s_1), or jump at t = 1.
 VARIABLE = "max(s_0 + s_1*cos(w*t) + piecewise(t < 1, 0, jump), 0)"
@@ -23,7 +33,9 @@ def parameters(**defaults: float) -> dict[str, Parameter]:
 
 def ode(name: str, functions: dict[str, str] | None = None, **laws: str) -> System:
     """Internal variables only."""
-    return System(name=name, functions=functions or {}, internal={x: Internal(law) for x, law in laws.items()})
+    return System(
+        name=name, functions=functions or {}, internal={x: Internal(law) for x, law in laws.items()}
+    )
 
 
 @cache
@@ -33,7 +45,9 @@ def oscillator(threshold: str = "mu") -> System:
         threshold,
         System(
             name="oscillator",
-            parameters=parameters(m=1.0, c=0.0, k=1.0, mu=0.5, V=0.0, f=0.0, F=1.0, omega=1.0, phi=0.0),
+            parameters=parameters(
+                m=1.0, c=0.0, k=1.0, mu=0.5, V=0.0, f=0.0, F=1.0, omega=1.0, phi=0.0
+            ),
             coordinates={"x": Inertial("m", "position")},
             kinetic="m/2*d_x**2",
             potential="k/2*x**2 - (f + F*cos(omega*t + phi))*x",
@@ -95,7 +109,8 @@ def pair(kind: str) -> System:
         name=f"{kind} pair",
         parameters=parameters(k=1.0, k_c=0.7, mu=0.5, F_1=1.0, F_2=1.0, omega=1.0, phi=0.0),
         coordinates={"x_1": coordinate, "x_2": coordinate},
-        potential="k/2*(x_1**2 + x_2**2) + k_c/2*(x_1 - x_2)**2 - (F_1*x_1 + F_2*x_2)*cos(omega*t + phi)",
+        potential="k/2*(x_1**2 + x_2**2) + k_c/2*(x_1 - x_2)**2 - (F_1*x_1 + F_2*x_2)*cos(omega*t "
+        "+ phi)",
         viscous="(d_x_1**2 + d_x_2**2)/2" if kind == "viscous" else 0.0,
         contacts={"first": Contact("d_x_1", "mu"), "second": Contact("d_x_2", "mu")},
     )

@@ -12,7 +12,8 @@ import stickslip
 
 SOURCE = Path(stickslip.__file__).parent
 DOZEN = 12
-PICTURES = ("stickslip.figures", "stickslip.display")  # what a result or a system shows of itself when it is asked
+# what a result or a system shows of itself when it is asked
+PICTURES = ("stickslip.figures", "stickslip.display")
 
 
 class Import(NamedTuple):
@@ -52,7 +53,11 @@ def imports_of(node: ast.AST, at_once: bool = True) -> Iterator[Import]:
 
 
 IMPORTS = {
-    name: [found for found in imports_of(ast.parse(path.read_text(encoding="utf-8"))) if found.name in MODULES]
+    name: [
+        found
+        for found in imports_of(ast.parse(path.read_text(encoding="utf-8")))
+        if found.name in MODULES
+    ]
     for name, path in MODULES.items()
 }
 
@@ -84,7 +89,8 @@ def test_no_room_is_a_hall() -> None:
 
 
 def test_no_import_runs_up() -> None:
-    """There is an order of the rooms such that each imports from those before it alone, at once or when it is used."""
+    """There is an order of the rooms such that each imports from those before it alone, at once or
+    when it is used."""
     assert not circle(arrows(lazy=False))
     assert not circle(arrows(lazy=True))
 
@@ -92,5 +98,8 @@ def test_no_import_runs_up() -> None:
 def test_a_circle_is_found() -> None:
     """The test above can fail."""
     assert set(circle({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})) == {"a", "b", "c"}
-    assert any(i.name == "stickslip.figures.motion" and not i.at_once for i in IMPORTS["stickslip.motion.trajectory"])
+    assert any(
+        i.name == "stickslip.figures.motion" and not i.at_once
+        for i in IMPORTS["stickslip.motion.trajectory"]
+    )
     assert "stickslip.errors" in {i.name for i in IMPORTS["stickslip.model.declaration"]}

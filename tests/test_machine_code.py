@@ -14,7 +14,9 @@ from test_house import IMPORTS, MODULES
 
 # What compiled modules import beside each other: nothing of it is compiled into them.
 HARMLESS = {"stickslip.errors", "stickslip.machine_code", "stickslip.motion.outcome"}
-COMPILED = sorted(name for name, found in IMPORTS.items() if "stickslip.machine_code" in {i.name for i in found})
+COMPILED = sorted(
+    name for name, found in IMPORTS.items() if "stickslip.machine_code" in {i.name for i in found}
+)
 SCALE = "FACTOR = {}\n"
 USER = """
 from {place} import njit
@@ -28,7 +30,9 @@ print(scaled(1))
 """
 
 
-@pytest.mark.parametrize("name", [n for n in COMPILED if n != "stickslip.equations.codegen.compiled"])
+@pytest.mark.parametrize(
+    "name", [n for n in COMPILED if n != "stickslip.equations.codegen.compiled"]
+)
 def test_all_that_shapes_a_module_is_looked_at(name: str) -> None:
     looked_at = {path.resolve() for path in machine_code.sources(MODULES[name])}
     assert MODULES[name].resolve() in looked_at
@@ -40,13 +44,17 @@ def test_all_that_shapes_a_module_is_looked_at(name: str) -> None:
 def test_what_changes_in_another_file_is_noticed(place: str, second: str, tmp_path: Path) -> None:
     """By our own `njit`; numba's runs on with the old machine code."""
     package = tmp_path / "stickslip"
-    shutil.copytree(Path(machine_code.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        Path(machine_code.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__")
+    )
     solvers = package / "rate_independent" / "solvers"
     (solvers / "user.py").write_text(USER.format(place=place))
     told = []
     for factor in (2, 3):
         (solvers / "scale.py").write_text(SCALE.format(factor))
         command = [sys.executable, "-B", "-c", "import stickslip.rate_independent.solvers.user"]
-        done = subprocess.run(command, env={"PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=True)
+        done = subprocess.run(
+            command, env={"PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=True
+        )
         told.append(done.stdout.strip())
     assert told == ["2", second]

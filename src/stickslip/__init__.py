@@ -1,4 +1,5 @@
-"""Systems with dry friction: declared by their energy and their dissipation, moved exactly, switch by switch.
+"""Systems with dry friction: declared by their energy and their dissipation, moved exactly, switch
+by switch.
 
 >>> import stickslip as ss
 >>> system = ss.catalogue.rocking_toy(P=1.2)
@@ -120,7 +121,8 @@ __all__ = [
     "walking_threshold",
 ]
 
-# Where each public name lives. Nothing is imported before it is asked for: numba and xarray take seconds.
+# Where each public name lives. Nothing is imported before it is asked for: numba and xarray take
+# seconds.
 _HOMES = {
     **dict.fromkeys(["ConvergenceError", "DeclarationError", "StickslipError"], "errors"),
     "load": "model.system_file",
@@ -135,14 +137,18 @@ _HOMES = {
     "open_history": "rate_independent.evolution.history",
     **dict.fromkeys(["Branch", "SpecialPoint", "open_branch"], "orbits.continuation.branch"),
     **dict.fromkeys(["fold_curve", "hopf_curve"], "orbits.branches.equilibrium_curves"),
-    **dict.fromkeys(["Equilibria", "Equilibrium", "EquilibriumSet"], "orbits.equilibria.equilibrium"),
+    **dict.fromkeys(
+        ["Equilibria", "Equilibrium", "EquilibriumSet"], "orbits.equilibria.equilibrium"
+    ),
     "equilibria": "orbits.equilibria.finding",
     "continue_equilibrium": "orbits.branches.equilibrium_branch",
     **dict.fromkeys(["Cycle", "find_cycle"], "orbits.cycles.cycle"),
     "continue_cycle": "orbits.branches.cycle_branch",
     "stick_onset_curve": "orbits.branches.onset_curve",
     "HysteresisOperator": "orbits.studies.hysteresis",
-    **dict.fromkeys(["gait_study", "sliding_threshold", "walking_threshold"], "orbits.studies.gaits"),
+    **dict.fromkeys(
+        ["gait_study", "sliding_threshold", "walking_threshold"], "orbits.studies.gaits"
+    ),
     "Adaptive": "sweeps.adaptive",
     "basin": "sweeps.basin",
     "Settings": "sweeps.work.chunk",
@@ -151,11 +157,28 @@ _HOMES = {
     "play": "rate_independent.play.operator",
     "averaging_study": "rate_independent.evolution.averaging_study",
     **dict.fromkeys(
-        ["Dissipation", "Ellipsoid", "GroupNorm", "Polytope", "Product", "SupportFunction", "WeightedL1"],
+        [
+            "Dissipation",
+            "Ellipsoid",
+            "GroupNorm",
+            "Polytope",
+            "Product",
+            "SupportFunction",
+            "WeightedL1",
+        ],
         "rate_independent.dissipation",
     ),
     **dict.fromkeys(
-        ["Condition", "Contact", "Inertial", "Internal", "Parameter", "RateIndependent", "System", "Viscous"],
+        [
+            "Condition",
+            "Contact",
+            "Inertial",
+            "Internal",
+            "Parameter",
+            "RateIndependent",
+            "System",
+            "Viscous",
+        ],
         "model.system",
     ),
 }

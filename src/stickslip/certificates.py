@@ -1,8 +1,8 @@
 """Certificates as data: named residuals with their limits, and one verdict.
 
-What is measured differs from kind to kind of result, how it is judged and shown does not: a result is certified if
-its computation ended as it should, every residual is within its limit, and nothing was left unverified. A residual that
-is no number is never within.
+What is measured differs from kind to kind of result, how it is judged and shown does not: a result
+is certified if its computation ended as it should, every residual is within its limit, and nothing
+was left unverified. A residual that is no number is never within.
 """
 
 from __future__ import annotations
@@ -55,7 +55,9 @@ class Residual:
 
     def describe(self) -> str:
         """One line: name, value and limit."""
-        bound = f" ({'at least' if self.least else 'at most'} {self.limit:.0e})" if self.judged else ""
+        bound = (
+            f" ({'at least' if self.least else 'at most'} {self.limit:.0e})" if self.judged else ""
+        )
         return f"{self.name} {self.value:.1e}{bound}" + (f", {self.note}" if self.note else "")
 
 
@@ -69,7 +71,8 @@ class Certificate:
     outcome : str
         How the computation ended, if not as it should.
     unverified : tuple of (float, float)
-        Times between which the law could not be enclosed; the numbers hold there at the times looked at only.
+        Times between which the law could not be enclosed; the numbers hold there at the times
+        looked at only.
     notes : tuple of str
         What else is known: how finely it was looked, how large an error may be.
     """
@@ -91,7 +94,8 @@ class Certificate:
 
     @property
     def verdict(self) -> str:
-        """The verdict in words: what is not within its limits, or what all are within, and the notes."""
+        """The verdict in words: what is not within its limits, or what all are within, and the
+        notes."""
         if self.ok:
             return "; ".join([f"certified: {self._limits}", *self.notes])
         until = ", and obeys the law until then" if self.lawful else ""
@@ -125,11 +129,15 @@ class Certificate:
         for residual in self.residuals:
             if residual.name == name:
                 return residual
-        raise KeyError(f"'{name}' was not measured; there are {', '.join(r.name for r in self.residuals)}")
+        raise KeyError(
+            f"'{name}' was not measured; there are {', '.join(r.name for r in self.residuals)}"
+        )
 
     def describe(self) -> str:
         """The verdict, and every residual on a line of its own."""
-        return "\n".join([self.verdict, *(f"  {residual.describe()}" for residual in self.residuals)])
+        return "\n".join(
+            [self.verdict, *(f"  {residual.describe()}" for residual in self.residuals)]
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Numbers and verdict as plain data."""
@@ -140,7 +148,13 @@ class Certificate:
         ]
         spans = [list(span) for span in self.unverified]
         verdict = {"ok": self.ok, "verdict": self.verdict}
-        return {**verdict, "residuals": rows, "outcome": self.outcome, "unverified": spans, "notes": list(self.notes)}
+        return {
+            **verdict,
+            "residuals": rows,
+            "outcome": self.outcome,
+            "unverified": spans,
+            "notes": list(self.notes),
+        }
 
 
 def within(limit: float, values: Iterable[tuple[str, float]]) -> list[Residual]:
@@ -157,7 +171,12 @@ def worst(certificates: Sequence[Certificate]) -> Certificate:
         chosen.append(max(found, key=_strain))
     outcome = next((c.outcome for c in certificates if c.outcome), "")
     notes = dict.fromkeys(note for c in certificates for note in c.notes)
-    return Certificate(tuple(chosen), outcome, tuple(span for c in certificates for span in c.unverified), tuple(notes))
+    return Certificate(
+        tuple(chosen),
+        outcome,
+        tuple(span for c in certificates for span in c.unverified),
+        tuple(notes),
+    )
 
 
 def _strain(residual: Residual) -> float:

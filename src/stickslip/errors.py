@@ -41,7 +41,9 @@ class ConvergenceError(StickslipError, RuntimeError):
     """
 
     def __init__(self, where: str, reached: str, remedy: str = "") -> None:
-        self.where, self.reached, self.remedy = where, reached, remedy
+        self.where = where
+        self.reached = reached
+        self.remedy = remedy
         super().__init__(f"{where}: {reached}. {remedy}" if remedy else f"{where}: {reached}")
 
 

@@ -1,8 +1,9 @@
 """Machine code on disk, good for as long as all sources that shape it stay the same.
 
-numba keeps the machine code of a function beside the file in which the function stands, and looks at that file alone
-when it asks whether the code is still good. But constants, layouts and whole functions of other files are compiled into
-it: after an update, old code would go on with new data. So :func:`njit` has it look at all files that shape the code.
+numba keeps the machine code of a function beside the file in which the function stands, and looks
+at that file alone when it asks whether the code is still good. But constants, layouts and whole
+functions of other files are compiled into it: after an update, old code would go on with new data.
+So :func:`njit` has it look at all files that shape the code.
 """
 
 from __future__ import annotations
@@ -18,7 +19,13 @@ from numba.core import caching
 __all__ = ["njit", "sources", "stamp"]
 
 PACKAGE = Path(__file__).parent
-_ENGINE = ("motion/steps", "motion/engine", "motion/between", "equations/codegen", "symbolic/tape.py")
+_ENGINE = (
+    "motion/steps",
+    "motion/engine",
+    "motion/between",
+    "equations/codegen",
+    "symbolic/tape.py",
+)
 SHAPED_BY = {
     "motion": _ENGINE,
     "equations": _ENGINE,
@@ -38,7 +45,9 @@ def sources(file: str | Path) -> list[Path]:
     """
     room = Path(file).resolve().relative_to(PACKAGE.resolve()).parts[0]
     places = [PACKAGE / place for place in SHAPED_BY[room]]
-    return sorted(path for place in places for path in (place.rglob("*.py") if place.is_dir() else [place]))
+    return sorted(
+        path for place in places for path in (place.rglob("*.py") if place.is_dir() else [place])
+    )
 
 
 @cache
@@ -70,7 +79,8 @@ class _AllSources:
 
 
 def _look_at_all_sources() -> None:
-    """Put our places before numba's own, one for each of its folders: the given one, beside the file, the user's."""
+    """Put our places before numba's own, one for each of its folders: the given one, beside the
+    file, the user's."""
     implementation: Any = getattr(caching, "CacheImpl", None) or getattr(caching, "_CacheImpl")  # noqa: B009
     places = implementation._locator_classes
     ours = [type(f"{place.__name__}OfAllSources", (_AllSources, place), {}) for place in places[:3]]

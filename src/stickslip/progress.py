@@ -21,7 +21,8 @@ class Show(Protocol):
 
 @contextmanager
 def watched(what: str) -> Iterator[Show]:
-    """A bar on stderr while the block runs; below that of the work it is part of, if that has one."""
+    """A bar on stderr while the block runs; below that of the work it is part of, if that has
+    one."""
     if not sys.stderr.isatty():
         yield lambda fraction, text="": None
         return
@@ -45,7 +46,12 @@ def _shared() -> Iterator[Progress]:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[text]}"), TimeElapsedColumn()
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[text]}"),
+        TimeElapsedColumn(),
+    )
     with Progress(*columns, console=Console(stderr=True), transient=True) as _display:
         try:
             yield _display

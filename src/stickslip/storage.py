@@ -1,7 +1,8 @@
 """Results as netCDF-4 files: written whole or not at all, read back as what they were written.
 
-Beside its data a file holds attributes ``stickslip_*``: the kind of the result, the format of that kind, the version
-that wrote it, and what else the result is made of, texts as they are and all other values as JSON.
+Beside its data a file holds attributes ``stickslip_*``: the kind of the result, the format of that
+kind, the version that wrote it, and what else the result is made of, texts as they are and all
+other values as JSON.
 """
 
 from __future__ import annotations
@@ -45,7 +46,10 @@ def write(path: str | Path, data: xarray.Dataset, kind: str, form: int, **parts:
 
     path = Path(path)
     own = {"kind": kind, "format": form, "version": __version__, **parts}
-    texts = {PREFIX + key: value if isinstance(value, str) else json.dumps(value) for key, value in own.items()}
+    texts = {
+        PREFIX + key: value if isinstance(value, str) else json.dumps(value)
+        for key, value in own.items()
+    }
     partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         data.assign_attrs(texts).to_netcdf(partial, engine="netcdf4", format="NETCDF4")
@@ -57,8 +61,11 @@ def write(path: str | Path, data: xarray.Dataset, kind: str, form: int, **parts:
 
 
 @contextmanager
-def reading(path: str | Path, kind: str, form: int) -> Iterator[tuple[xarray.Dataset, dict[str, str]]]:
-    """The data of a stored result and its parts, as texts; what does not fit inside the block is said of the file.
+def reading(
+    path: str | Path, kind: str, form: int
+) -> Iterator[tuple[xarray.Dataset, dict[str, str]]]:
+    """The data of a stored result and its parts, as texts; what does not fit inside the block is
+    said of the file.
 
     Raises
     ------
@@ -73,7 +80,11 @@ def reading(path: str | Path, kind: str, form: int) -> Iterator[tuple[xarray.Dat
     try:
         with xr.open_dataset(path, engine="netcdf4") as stored:
             data = stored.load()
-        own = {key.removeprefix(PREFIX): data.attrs.pop(key) for key in [*data.attrs] if key.startswith(PREFIX)}
+        own = {
+            key.removeprefix(PREFIX): data.attrs.pop(key)
+            for key in [*data.attrs]
+            if key.startswith(PREFIX)
+        }
         if own["kind"] != kind:
             raise StickslipError(f"{path}: holds {named(own['kind'])}, not {named(kind)}")
         readable(path, own, form)
@@ -93,8 +104,11 @@ def readable(path: Path, own: Mapping[str, str], form: int) -> None:
         If it was not.
     """
     if int(own["format"]) != form:
-        wrote = f"written in format {own['format']} by version {own['version']}, this version reads {form}"
-        raise StickslipError(f"{path}: {wrote}; open it with the version that wrote it, or compute it again")
+        written = f"written in format {own['format']} by version {own['version']}"
+        raise StickslipError(
+            f"{path}: {written}, this version reads {form}; "
+            "open it with the version that wrote it, or compute it again"
+        )
 
 
 def named(kind: str) -> str:

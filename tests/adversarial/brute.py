@@ -1,8 +1,8 @@
 """Brute force: motions followed by the method of Runge and Kutta until they repeat themselves.
 
-Nothing here is shared with the library but numba. Small steps of order four, cut where a guard vanishes (by halving),
-and marks: the periods of a drive, or the maxima of the first component. When the states at the last marks repeat, the
-smallest lag at which they do is the period.
+Nothing here is shared with the library but numba. Small steps of order four, cut where a guard
+vanishes (by halving), and marks: the periods of a drive, or the maxima of the first component. When
+the states at the last marks repeat, the smallest lag at which they do is the period.
 """
 
 from __future__ import annotations
@@ -14,18 +14,25 @@ import numpy as np
 from numba import njit
 
 Array = np.ndarray
-MASSES, TOY, SLIDER = 0, 1, 2
-CONSTANT, EXPONENTIAL, RATIONAL = 0, 1, 2  # laws of kinetic friction
+MASSES = 0
+TOY = 1
+SLIDER = 2
+CONSTANT = 0  # laws of kinetic friction
+EXPONENTIAL = 1
+RATIONAL = 2
 HALVINGS = 60
 INSIDE = 1e-14  # of its threshold: what comes to stick is held
 MOST_EVENTS = 4000  # in a call
 LAGS = 48
 # No array is owned in the loops, so that none has to be counted.
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
-CLOSE = 2e-8  # of its size: how near states at marks have to be to be the same, for steps that are not all the same
+# of its size: how near states at marks have to be to be the same, for steps that are not all the
+# same
+CLOSE = 2e-8
 AS_CLOSE = 100.0
 CERTAIN = 1e-6  # of its size: what may be missing to a cycle
-STILL, FADED = 1e-10, 1e-6  # of its size: what does not move, and what may be about to die out
+STILL = 1e-10  # of its size: what does not move
+FADED = 1e-6  # of its size: what may be about to die out
 
 
 class Brute(NamedTuple):
@@ -41,12 +48,14 @@ class Brute(NamedTuple):
     hard : float
         Cubic stiffness of the first mass, on which all loads act.
     load : array
-        f + F cos(ωt) + A exp((cos(ωt − φ) − 1)/w²) + G max(0, 1 − |t − T|/τ): f, F, ω, A, φ, w, G, T, τ.
+        f + F cos(ωt) + A exp((cos(ωt − φ) − 1)/w²) + G max(0, 1 − |t − T|/τ): f, F, ω, A, φ, w, G,
+        T, τ.
     wall : array
-        Force −A/cosh²((x − p)/w): A, p, w; and a rough patch, by whose D the threshold of the first contact grows.
+        Force −A/cosh²((x − p)/w): A, p, w; and a rough patch, by whose D the threshold of the first
+        contact grows.
     dry : array, shape (contacts, 8)
-        Mass, speed of the surface, static and kinetic force, law, speed of the law, part of the threshold that is lost
-        in a dip at the phase φ, and 1 if the kinetic force is the threshold.
+        Mass, speed of the surface, static and kinetic force, law, speed of the law, part of the
+        threshold that is lost in a dip at the phase φ, and 1 if the kinetic force is the threshold.
     dampers : array, shape (dampers, 3)
         Mass, stiffness, threshold.
     numbers : array
@@ -76,7 +85,8 @@ def bump(b: Brute, t: float) -> float:
 @njit(**OPTIONS)
 def pull(b: Brute, t: float, y: Array, i: int) -> float:
     """Force on a mass, but for those of contacts."""
-    n, load = len(b.mass), b.load
+    n = len(b.mass)
+    load = b.load
     total = 0.0
     for j in range(n):
         total -= b.stiffness[i, j] * y[j] + b.damping[i, j] * y[n + j]
@@ -121,13 +131,18 @@ def kinetic(b: Brute, t: float, y: Array, c: int, speed: float) -> float:
 @njit(**OPTIONS)
 def toy_bound(b: Brute, psi: float, upper: bool) -> tuple[float, int]:
     """Bound of the distance of the legs, and the leg (1 right, −1 left) that moves there."""
-    P, c, rho, H = b.numbers[1], b.numbers[2], b.numbers[3], b.numbers[4]
+    P = b.numbers[1]
+    c = b.numbers[2]
+    rho = b.numbers[3]
+    H = b.numbers[4]
     right = H / 2.0 * (1.0 + min(max(psi, -1.0), 1.0))
     left = H - right
     if upper:
-        a, other = P + c * psi + rho + right, -P + c * psi + rho + left
+        a = P + c * psi + rho + right
+        other = -P + c * psi + rho + left
         return (a, 1) if a <= other else (other, -1)
-    a, other = P + c * psi - rho - right, -P + c * psi - rho - left
+    a = P + c * psi - rho - right
+    other = -P + c * psi - rho - left
     return (a, 1) if a >= other else (other, -1)
 
 
@@ -157,17 +172,24 @@ def rates(b: Brute, mode: Array, t: float, y: Array, f: Array) -> None:
     f[last] = 0.0
     if b.kind == SLIDER:
         slip = (y[0] - mu(y[1])) / b.numbers[1] if mode[0] != 0 else 0.0
-        f[0], f[1], f[2] = b.numbers[0] - slip, 1.0 - y[1] + y[0] * slip, mu(y[1]) * slip
+        f[0] = b.numbers[0] - slip
+        f[1] = 1.0 - y[1] + y[0] * slip
+        f[2] = mu(y[1]) * slip
         return
     if b.kind == TOY:
-        pushed, leg = toy_push(b, mode, y[1]) if mode[0] != 0 else 0.0, mode[2]
-        f[0], f[1], f[2], f[3] = y[1], -b.numbers[0] * y[1] - y[0] + b.numbers[2] * y[2], pushed, leg * pushed
+        pushed = toy_push(b, mode, y[1]) if mode[0] != 0 else 0.0
+        leg = mode[2]
+        f[0] = y[1]
+        f[1] = -b.numbers[0] * y[1] - y[0] + b.numbers[2] * y[2]
+        f[2] = pushed
+        f[3] = leg * pushed
         right = b.numbers[4] / 2.0 * (1.0 + min(max(y[0], -1.0), 1.0))
         f[last] = (b.numbers[3] + (right if leg == 1 else b.numbers[4] - right)) * abs(pushed)
         return
     n, contacts = len(b.mass), len(b.dry)
     for i in range(n):
-        f[i], f[n + i] = y[n + i], pull(b, t, y, i) / b.mass[i]
+        f[i] = y[n + i]
+        f[n + i] = pull(b, t, y, i) / b.mass[i]
     for c in range(contacts):
         i = int(b.dry[c, 0])
         if mode[c] == 0:
@@ -196,7 +218,9 @@ def broken(b: Brute, mode: Array, t: float, y: Array) -> int:
             if toy_side(y[0]) != mode[1]:
                 return 1
             return 2 if toy_bound(b, y[0], mode[0] < 0)[1] != mode[2] else -1
-        return 0 if y[2] > toy_bound(b, y[0], True)[0] or y[2] < toy_bound(b, y[0], False)[0] else -1
+        return (
+            0 if y[2] > toy_bound(b, y[0], True)[0] or y[2] < toy_bound(b, y[0], False)[0] else -1
+        )
     n, contacts = len(b.mass), len(b.dry)
     for c in range(contacts):
         i = int(b.dry[c, 0])
@@ -235,7 +259,8 @@ def switch(b: Brute, mode: Array, which: int, t: float, y: Array) -> None:
     n, contacts = len(b.mass), len(b.dry)
     if which >= contacts:
         d = which - contacts
-        x, reach = y[int(b.dampers[d, 0])], (1.0 - INSIDE) * b.dampers[d, 2] / b.dampers[d, 1]
+        x = y[int(b.dampers[d, 0])]
+        reach = (1.0 - INSIDE) * b.dampers[d, 2] / b.dampers[d, 1]
         mode[which] = 0 if mode[which] != 0 else (1 if x > y[2 * n + d] else -1)
         if mode[which] == 0:
             y[2 * n + d] = min(max(y[2 * n + d], x - reach), x + reach)
@@ -299,7 +324,15 @@ def stopped(b: Brute, mode: Array, t: float, y: Array, sign: float, f: Array) ->
 
 @njit(**OPTIONS)
 def follow(
-    b: Brute, mode: Array, clock: Array, y: Array, end: float, marks: Array, reach: Array, k: Array, out: Array
+    b: Brute,
+    mode: Array,
+    clock: Array,
+    y: Array,
+    end: float,
+    marks: Array,
+    reach: Array,
+    k: Array,
+    out: Array,
 ) -> int:
     """Follow a motion until a time, or until there is no room for marks.
 
@@ -310,7 +343,8 @@ def follow(
     clock : array
         Time, sign of the rate of the first component, number of the next mark of a drive; changed.
     marks : array, shape (room, state + 4)
-        Receives state, time, and lowest and highest value of the first component and time in stick since the last mark.
+        Receives state, time, and lowest and highest value of the first component and time in stick
+        since the last mark.
     reach : array, shape (2, state)
         Receives the least and largest value of each component.
     k, out : arrays, shapes (5, state), (state,)
@@ -321,20 +355,28 @@ def follow(
     int
         Number of marks; −1 if events pile up.
     """
-    n, count, events = len(y), 0, 0
-    low, high, stick = y[0], y[0], 0.0
+    n = len(y)
+    count = 0
+    events = 0
+    low = y[0]
+    high = y[0]
+    stick = 0.0
     while clock[0] < end and count < len(marks):
         t = clock[0]
         rates(b, mode, t, y, k[0])
         if clock[1] == 0.0 and k[0, 0] != 0.0:
             clock[1] = 1.0 if k[0, 0] > 0.0 else -1.0
-        h, due = length(b, t, y, k[0, 0]), False
+        h = length(b, t, y, k[0, 0])
+        due = False
         if b.period > 0.0 and t + h >= clock[2] * b.period - 1e-12:
-            h, due = clock[2] * b.period - t, True
+            h = clock[2] * b.period - t
+            due = True
         step(b, mode, t, y, h, k, out)
         which = stopped(b, mode, t + h, out, clock[1], k[4])
         if which != -1:
-            due, first, last = False, 0.0, h
+            due = False
+            first = 0.0
+            last = h
             for _ in range(HALVINGS):
                 middle = 0.5 * (first + last)
                 step(b, mode, t, y, middle, k, out)
@@ -363,9 +405,14 @@ def follow(
         if due:
             for r in range(n):
                 marks[count, r] = y[r]
-            marks[count, n], marks[count, n + 1], marks[count, n + 2] = clock[0], low, high
+            marks[count, n] = clock[0]
+            marks[count, n + 1] = low
+            marks[count, n + 2] = high
             marks[count, n + 3] = stick
-            low, high, stick, count = y[0], y[0], 0.0, count + 1
+            low = y[0]
+            high = y[0]
+            stick = 0.0
+            count = count + 1
             clock[2] += 1.0
         if events > MOST_EVENTS:
             return -1
@@ -380,7 +427,8 @@ class Settled(NamedTuple):
     kind : str
         "rest", "steady", "cycle", or "moves": it has not settled.
     period, amplitude, stick, work : float
-        Half the range of the first component; part of the time in which all contacts stick; work of friction.
+        Half the range of the first component; part of the time in which all contacts stick; work of
+        friction.
     nearest : float
         How closely it comes back after a shorter lag.
     size : float
@@ -395,7 +443,9 @@ class Settled(NamedTuple):
     size: float = 0.0
 
 
-def settle(b: Brute, y: Array, mode: Array, span: float, late: float = 0.0, rounds: int = 4000) -> Settled | None:
+def settle(
+    b: Brute, y: Array, mode: Array, span: float, late: float = 0.0, rounds: int = 4000
+) -> Settled | None:
     """Follow a motion until it repeats itself; None if events pile up.
 
     Parameters
@@ -407,14 +457,20 @@ def settle(b: Brute, y: Array, mode: Array, span: float, late: float = 0.0, roun
     rounds : int
         After so many spans it has not settled.
     """
-    y, mode = np.append(y, 0.0), np.array(mode, np.int64)
-    clock, size = np.array([0.0, 0.0, 1.0]), 0.0
+    y = np.append(y, 0.0)
+    mode = np.array(mode, np.int64)
+    clock = np.array([0.0, 0.0, 1.0])
+    size = 0.0
     own = slice(0, 3 if b.kind == TOY else len(y) - 1)
-    kept, n = np.zeros((0, len(y) + 4)), len(y)
-    k, out = np.zeros((5, n)), np.zeros(n)
+    kept = np.zeros((0, len(y) + 4))
+    n = len(y)
+    k = np.zeros((5, n))
+    out = np.zeros(n)
     chunk = 2.0 * LAGS * span
     while clock[0] < max(rounds * span, 1.5 * late):
-        marks, before, work = np.zeros((4 * LAGS, n + 4)), y[own].copy(), y[-1]
+        marks = np.zeros((4 * LAGS, n + 4))
+        before = y[own].copy()
+        work = y[-1]
         reach = np.array([y, y])
         end = clock[0] + chunk
         while clock[0] < end:
@@ -425,7 +481,9 @@ def settle(b: Brute, y: Array, mode: Array, span: float, late: float = 0.0, roun
         size = max(size, float(np.max(np.abs(y[own]))))
         if clock[0] < late:
             continue
-        if np.max(np.abs(y[own] - before)) <= STILL * size and _lies_still(kept, end - chunk, n, size):
+        if np.max(np.abs(y[own] - before)) <= STILL * size and _lies_still(
+            kept, end - chunk, n, size
+        ):
             still = not np.any(mode[:1] if b.kind == TOY else mode)
             return Settled("rest" if still and y[-1] == work else "steady", stick=float(still))
         extent = 0.5 * (reach[1] - reach[0])[own]
@@ -439,7 +497,9 @@ def settle(b: Brute, y: Array, mode: Array, span: float, late: float = 0.0, roun
 def _lies_still(marks: Array, since: float, n: int, size: float) -> bool:
     """Whether the first component has had one value since a time."""
     own = marks[marks[:, n] > since]
-    return bool(len(own) == 0 or np.max(own[1:, n + 2] - own[1:, n + 1], initial=0.0) <= STILL * size)
+    return bool(
+        len(own) == 0 or np.max(own[1:, n + 2] - own[1:, n + 1], initial=0.0) <= STILL * size
+    )
 
 
 def _repeats(marks: Array, size: Array, n: int) -> Settled | None:
@@ -449,7 +509,10 @@ def _repeats(marks: Array, size: Array, n: int) -> Settled | None:
     states = marks[:, : len(size)]
     size = np.maximum(size, 1e-3 * np.max(np.abs(states), axis=0))
     size = np.maximum(size, 1e-6 * np.max(size))
-    gaps = {lag: np.max(np.abs(states[lag:] - states[:-lag]) / size, axis=1) for lag in range(1, LAGS + 1)}
+    gaps = {
+        lag: np.max(np.abs(states[lag:] - states[:-lag]) / size, axis=1)
+        for lag in range(1, LAGS + 1)
+    }
     last = {lag: float(np.max(gap[-2 * LAGS :])) for lag, gap in gaps.items()}
     least = min(last.values())
     if least > CLOSE:
@@ -458,7 +521,8 @@ def _repeats(marks: Array, size: Array, n: int) -> Settled | None:
     lag = next(lag for lag in last if last[lag] <= AS_CLOSE * max(least, 0.01 * CLOSE))
     if _missing(gaps[lag], lag) > CERTAIN:
         return None
-    once, start = marks[-lag:], marks[-1 - lag]
+    once = marks[-lag:]
+    start = marks[-1 - lag]
     low, high = np.min(once[:, n + 1]), np.max(once[:, n + 2])
     period = float(marks[-1, n] - start[n])
     return Settled(
@@ -474,9 +538,14 @@ def _repeats(marks: Array, size: Array, n: int) -> Settled | None:
 
 def _missing(gap: Array, lag: int) -> float:
     """What is missing to the cycle, if returns go on to shrink as they do."""
-    before, now = float(np.max(gap[:LAGS])), float(np.max(gap[-LAGS:]))
+    before = float(np.max(gap[:LAGS]))
+    now = float(np.max(gap[-LAGS:]))
     if not now < 0.5 * before:
-        q = 0.5 if before < CERTAIN**2 or now >= 0.9 * before else (now / before) ** (lag / (len(gap) - LAGS))
+        q = (
+            0.5
+            if before < CERTAIN**2 or now >= 0.9 * before
+            else (now / before) ** (lag / (len(gap) - LAGS))
+        )
     else:
         q = (now / before) ** (lag / (len(gap) - LAGS))
     return now / (1.0 - q)

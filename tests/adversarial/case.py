@@ -33,8 +33,8 @@ class Case:
     expected : (str, float), optional
         Label of the outcome and the time, where a closed form knows that the motion ends there.
     units : mapping of str to float
-        Library's numbers of one natural unit, for names of the state; "time" and "force" as well, and "slip" for how
-        much larger relative velocities are than rates.
+        Library's numbers of one natural unit, for names of the state; "time" and "force" as well,
+        and "slip" for how much larger relative velocities are than rates.
     origin : float
         Library's time at the start.
     friction : bool
@@ -61,7 +61,12 @@ class Case:
     def names(self) -> list[str]:
         """Names of the state in the order (x, v, a)."""
         kinds = self.system.coordinates
-        ordered = [n for kind in (Inertial, Viscous, RateIndependent) for n, c in kinds.items() if isinstance(c, kind)]
+        ordered = [
+            n
+            for kind in (Inertial, Viscous, RateIndependent)
+            for n, c in kinds.items()
+            if isinstance(c, kind)
+        ]
         rates = [f"d_{n}" for n, c in kinds.items() if isinstance(c, Inertial)]
         return [*ordered, *rates, *self.system.internal]
 
@@ -93,7 +98,9 @@ def declaration(item: Any) -> str:
     """Source text of a declaration without what is default."""
     if isinstance(item, Mapping):
         return "{" + ", ".join(f"{k!r}: {declaration(v)}" for k, v in item.items()) + "}"
-    if not isinstance(item, (System, Contact, Inertial, Internal, Parameter, RateIndependent, Viscous)):
+    if not isinstance(
+        item, (System, Contact, Inertial, Internal, Parameter, RateIndependent, Viscous)
+    ):
         return repr(item)
     given = []
     for entry in fields(item):
@@ -125,7 +132,7 @@ FAMILIES: Families[Case] = Families()
 family, draw = FAMILIES.add, FAMILIES.draw
 
 
-# -- words of the families ------------------------------------------------------------------------------------------
+# -- words of the families -------------------------------------------------------------------------
 
 
 def given(**numbers: float) -> dict[str, Parameter]:

@@ -25,7 +25,8 @@ Task = tuple[str, str, list[int]]
 
 
 def plan(count: int, seed: int, only: str, done: set[tuple[str, str, int]]) -> Iterator[Task]:
-    """Chunks of cases: all families in turn, so that two workers seldom compile the same formulas at once."""
+    """Chunks of cases: all families in turn, so that two workers seldom compile the same formulas
+    at once."""
     tasks = []
     for name in kinds():
         families = list(kind(name).FAMILIES)
@@ -33,9 +34,13 @@ def plan(count: int, seed: int, only: str, done: set[tuple[str, str, int]]) -> I
         for i, family in enumerate(families):
             if only not in (family, name, ""):
                 continue
-            share = total if only == family else total // len(families) + (i < total % len(families))
+            share = (
+                total if only == family else total // len(families) + (i < total % len(families))
+            )
             seeds = [s for s in range(seed, seed + share) if (name, family, s) not in done]
-            tasks += [(j, (name, family, seeds[j : j + CHUNK])) for j in range(0, len(seeds), CHUNK)]
+            tasks += [
+                (j, (name, family, seeds[j : j + CHUNK])) for j in range(0, len(seeds), CHUNK)
+            ]
     return iter([task for _, task in sorted(tasks, key=lambda item: item[0])])
 
 
@@ -47,13 +52,20 @@ def work(task: Task) -> list[dict[str, Any]]:
 
 def one(name: str, family: str, seed: int) -> dict[str, Any]:
     """Judge a case."""
-    module, started = kind(name), time.perf_counter()
+    module = kind(name)
+    started = time.perf_counter()
     case = module.draw(family, seed)
     try:
         verdict = module.judge(case)
     except Exception as error:  # a mistake of the adversary is counted, too
         verdict = Verdict(NO_REFERENCE, f"judge raises {type(error).__name__}: {error}")
-    row = {"kind": name, "family": family, "seed": seed, "verdict": verdict.kind, "note": verdict.note}
+    row = {
+        "kind": name,
+        "family": family,
+        "seed": seed,
+        "verdict": verdict.kind,
+        "note": verdict.note,
+    }
     row |= {"numbers": verdict.numbers, "seconds": round(time.perf_counter() - started, 3)}
     return row if verdict.kind == AGREED else row | {"reproduction": module.reproduction(case)}
 
@@ -75,7 +87,8 @@ def name_of(folder: Path) -> str:
 def read(path: Path, expected: dict[str, str]) -> list[dict[str, Any]]:
     """Rows of an earlier run of the same library.
 
-    Where the adversary has been put right since, what had agreed stands, and the rest is judged again.
+    Where the adversary has been put right since, what had agreed stands, and the rest is judged
+    again.
     """
     lines = path.read_text().splitlines() if path.exists() else []
     header = json.loads(lines[0]) if lines else {}
@@ -102,9 +115,12 @@ def start_worker() -> None:
     warnings.simplefilter("ignore")
 
 
-def run(tasks: Iterator[Task], workers: int, path: Path, total: int, rows: list[dict[str, Any]]) -> None:
+def run(
+    tasks: Iterator[Task], workers: int, path: Path, total: int, rows: list[dict[str, Any]]
+) -> None:
     """Judge all tasks, appending rows to the file as they come."""
-    started, before = time.perf_counter(), len(rows)
+    started = time.perf_counter()
+    before = len(rows)
     context = get_context("spawn")
     with ProcessPoolExecutor(workers, context, start_worker) as pool, path.open("a") as file:
         waiting: set[Future[list[dict[str, Any]]]] = set()
@@ -129,20 +145,39 @@ def run(tasks: Iterator[Task], workers: int, path: Path, total: int, rows: list[
 def show(rows: list[dict[str, Any]], total: int, seconds: float) -> None:
     """Progress, on a terminal only."""
     if sys.stderr.isatty():
-        found, left = counts(rows), (total - len(rows)) * seconds / 60
+        found = counts(rows)
+        left = (total - len(rows)) * seconds / 60
         told = ", ".join(f"{found[k]} {k}" for k in found if k != "compared")
-        print(f"\r\033[K{len(rows)}/{total}: {told}; {left:.0f} min left", end="", file=sys.stderr, flush=True)
+        print(
+            f"\r\033[K{len(rows)}/{total}: {told}; {left:.0f} min left",
+            end="",
+            file=sys.stderr,
+            flush=True,
+        )
 
 
 def main() -> int:
     """Parse the command line, run, and report. Exit code 1 if anything is certified and wrong."""
-    parser = argparse.ArgumentParser(prog="python -m tests.adversarial", description=sys.modules[__package__].__doc__)
-    parser.add_argument("--count", type=int, default=20_000, help="motions; of the other kinds a tenth each")
-    parser.add_argument("--only", default="", metavar="FAMILY", help="one family (all --count cases), or one kind")
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.adversarial", description=sys.modules[__package__].__doc__
+    )
+    parser.add_argument(
+        "--count", type=int, default=20_000, help="motions; of the other kinds a tenth each"
+    )
+    parser.add_argument(
+        "--only", default="", metavar="FAMILY", help="one family (all --count cases), or one kind"
+    )
     parser.add_argument("--seed", type=int, default=0, help="first seed of every family")
     parser.add_argument("--workers", type=int, default=min(2, os.cpu_count() or 1))
-    parser.add_argument("--out", type=Path, default=Path("out/adversarial.jsonl"), help="rows; a run goes on from it")
-    parser.add_argument("--table", type=Path, help="write the report there, such as benchmarks/results/truth.md")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("out/adversarial.jsonl"),
+        help="rows; a run goes on from it",
+    )
+    parser.add_argument(
+        "--table", type=Path, help="write the report there, such as benchmarks/results/truth.md"
+    )
     options = parser.parse_args()
     known = [name for k in kinds() for name in (k, *kind(k).FAMILIES)]
     if options.only and options.only not in known:
@@ -153,13 +188,21 @@ def main() -> int:
     done = {(row["kind"], row["family"], row["seed"]) for row in rows}
     tasks = list(plan(options.count, options.seed, options.only, done))
     try:
-        run(iter(tasks), options.workers, options.out, len(rows) + sum(len(t[2]) for t in tasks), rows)
+        run(
+            iter(tasks),
+            options.workers,
+            options.out,
+            len(rows) + sum(len(t[2]) for t in tasks),
+            rows,
+        )
     except KeyboardInterrupt:
         print(f"\ninterrupted; the same command goes on from {options.out}", file=sys.stderr)
     if not rows:
         return 130
     order = {name: i for i, name in enumerate(known)}
-    rows.sort(key=lambda row: (order.get(row["kind"], -1), order.get(row["family"], -1), row["seed"]))
+    rows.sort(
+        key=lambda row: (order.get(row["kind"], -1), order.get(row["family"], -1), row["seed"])
+    )
     text = summary(rows)
     if options.table:
         options.table.write_text(heading(options) + text)
@@ -170,4 +213,8 @@ def main() -> int:
 def heading(options: argparse.Namespace) -> str:
     """What the table is."""
     command = f"python -m tests.adversarial --count {options.count} --seed {options.seed}"
-    return f"# Truth\n\nRandom cases, judged by computations that share no code with the library: `{command}`.\n\n"
+    return (
+        "# Truth\n\n"
+        "Random cases, judged by computations that share no code with the library: "
+        f"`{command}`.\n\n"
+    )

@@ -1,4 +1,5 @@
-"""Random functions of one variable: formulas for the library, arrays for the reference, and where they are narrow."""
+"""Random functions of one variable: formulas for the library, arrays for the reference, and where
+they are narrow."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from scipy.optimize import minimize_scalar
 Array = np.ndarray
 Rng = np.random.Generator
 COARSE = 2048  # places between which every ordinary feature shows
-CLOSER = np.concatenate([-np.logspace(2, -6, 120), [0.0], np.logspace(-6, 2, 120)])  # around a narrow place, in widths
+# around a narrow place, in widths
+CLOSER = np.concatenate([-np.logspace(2, -6, 120), [0.0], np.logspace(-6, 2, 120)])
 CANDIDATES = 4  # local minima that are refined
 
 
@@ -43,7 +45,8 @@ def constant(value: float) -> Curve:
     return Curve(f"{value!r}", lambda s: value + 0.0 * s, (), value)
 
 
-# Wells: 0 at their place, at most 1, of period 1. `d` is sin(π(s − p))/(π w), the distance in widths.
+# Wells: 0 at their place, at most 1, of period 1. `d` is sin(π(s − p))/(π w), the distance in
+# widths.
 WELLS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "V": ("min(1, abs({d}))", lambda d: np.minimum(1.0, np.abs(d))),
     "Gauss": ("(1 - exp(-{d}**2))", lambda d: -np.expm1(-d * d)),
@@ -58,10 +61,15 @@ def well(rng: Rng, kind: str | None = None, name: str = "s") -> Curve:
     """A narrow well of depth 1."""
     kind = kind or str(rng.choice(list(WELLS)))
     formula, at = WELLS[kind]
-    place, width = float(rng.uniform(0.02, 0.98)), float(10.0 ** rng.uniform(-8.0, -2.0))
+    place = float(rng.uniform(0.02, 0.98))
+    width = float(10.0 ** rng.uniform(-8.0, -2.0))
     d = f"(sin(pi*({name} - {place!r}))/{math.pi * width!r})"
     reach = math.asin(math.pi * width) / math.pi  # where d = 1
-    corners = ((place - reach, 1e-3 * width), (place + reach, 1e-3 * width)) if kind in ("V", "box") else ()
+    corners = (
+        ((place - reach, 1e-3 * width), (place + reach, 1e-3 * width))
+        if kind in ("V", "box")
+        else ()
+    )
     return Curve(
         formula.format(d=d),
         lambda s: at(np.sin(np.pi * (s - place)) / (np.pi * width)),
@@ -72,12 +80,17 @@ def well(rng: Rng, kind: str | None = None, name: str = "s") -> Curve:
 
 def with_a_well(rng: Rng, least: float, kind: str | None = None) -> Curve:
     """A wave with a narrow well, least at its bottom."""
-    own, depth = well(rng, kind), float(rng.uniform(0.2, 2.0))
-    place, height, k = own.narrow[0][0], float(rng.uniform(0.0, 1.0)), int(rng.integers(1, 9))
+    own = well(rng, kind)
+    depth = float(rng.uniform(0.2, 2.0))
+    place = own.narrow[0][0]
+    height = float(rng.uniform(0.0, 1.0))
+    k = int(rng.integers(1, 9))
     text = f"{least!r} + {depth!r}*{own.text} + {height!r}*(1 - cos(2*pi*{k}*(s - {place!r})))"
     return Curve(
         text,
-        lambda s: least + depth * own.at(s) + height * (1.0 - np.cos(2.0 * np.pi * k * (s - place))),
+        lambda s: (
+            least + depth * own.at(s) + height * (1.0 - np.cos(2.0 * np.pi * k * (s - place)))
+        ),
         own.narrow,
         least,
     )
@@ -86,11 +99,14 @@ def with_a_well(rng: Rng, least: float, kind: str | None = None) -> Curve:
 def wave(rng: Rng, low: float, amplitude: float, terms: int = 3, most: int = 6) -> Curve:
     """A trigonometric polynomial that is at least `low`."""
     parts = [
-        (amplitude * float(rng.normal()), int(rng.integers(1, most + 1)), float(rng.uniform())) for _ in range(terms)
+        (amplitude * float(rng.normal()), int(rng.integers(1, most + 1)), float(rng.uniform()))
+        for _ in range(terms)
     ]
     mean = low + sum(abs(a) for a, _, _ in parts) + float(rng.uniform(0.0, amplitude))
     text = " + ".join([f"{mean!r}", *(f"{a!r}*cos(2*pi*{k}*(s - {p!r}))" for a, k, p in parts)])
-    return Curve(text, lambda s: mean + sum(a * np.cos(2.0 * np.pi * k * (s - p)) for a, k, p in parts))
+    return Curve(
+        text, lambda s: mean + sum(a * np.cos(2.0 * np.pi * k * (s - p)) for a, k, p in parts)
+    )
 
 
 def folded(rng: Rng) -> Curve:
@@ -104,13 +120,15 @@ def folded(rng: Rng) -> Curve:
             return Curve(f"max({c!r}, {one.text})", lambda s: np.maximum(c, one.at(s)))
         case _:
             return Curve(
-                f"{c!r} + abs(min({one.text}, {other.text}))", lambda s: c + np.abs(np.minimum(one.at(s), other.at(s)))
+                f"{c!r} + abs(min({one.text}, {other.text}))",
+                lambda s: c + np.abs(np.minimum(one.at(s), other.at(s))),
             )
 
 
 def several_wells(rng: Rng) -> Curve:
     """A wave with wells of different depths, so that any may be the deepest."""
-    base, wells = wave(rng, 3.0, 0.3), [well(rng) for _ in range(int(rng.integers(2, 5)))]
+    base = wave(rng, 3.0, 0.3)
+    wells = [well(rng) for _ in range(int(rng.integers(2, 5)))]
     depths = [float(rng.uniform(0.1, 0.9)) for _ in wells]
     text = " + ".join([base.text, *(f"{d!r}*{w.text}" for d, w in zip(depths, wells, strict=True))])
 
@@ -139,7 +157,8 @@ def places(narrow: tuple[tuple[float, float], ...], count: int = COARSE) -> Arra
 
 
 def least(f: Callable[[Array], Array], narrow: tuple[tuple[float, float], ...]) -> float:
-    """The least value over a period: among many places, then between the neighbours of the best by SciPy."""
+    """The least value over a period: among many places, then between the neighbours of the best by
+    SciPy."""
     s = places(narrow)
     s = np.concatenate([[s[-1] - 1.0], s, [s[0] + 1.0]])
     values = f(s)
@@ -148,7 +167,8 @@ def least(f: Callable[[Array], Array], narrow: tuple[tuple[float, float], ...]) 
     # As low as the steeper neighbour would take it: rounding on a flat bottom promises nothing.
     promised = values[inner] - np.maximum(values[inner - 1], values[inner + 1]) + values[inner]
     for k in inner[np.argsort(promised)][:CANDIDATES]:
-        centre, half = s[k], 0.5 * (s[k + 1] - s[k - 1])
+        centre = s[k]
+        half = 0.5 * (s[k + 1] - s[k - 1])
         found = minimize_scalar(
             lambda x, centre=centre, half=half: float(f(np.array([centre + half * x]))[0]),
             bounds=((s[k - 1] - centre) / half, (s[k + 1] - centre) / half),

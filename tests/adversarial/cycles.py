@@ -1,8 +1,10 @@
-"""Cycles: what the library finds from a state, against motions that are followed until they repeat themselves.
+"""Cycles: what the library finds from a state, against motions that are followed until they repeat
+themselves.
 
-A certified cycle has to be a motion of its mechanics (as in :mod:`.motions`), close, and not close earlier; neighbours
-have to come nearer or leave as it says; and the motion from the start has to settle on it. What is said instead of a
-cycle (rest, irregular motion) is held against the same motion. Everything it is compared with is the reference's.
+A certified cycle has to be a motion of its mechanics (as in :mod:`.motions`), close, and not close
+earlier; neighbours have to come nearer or leave as it says; and the motion from the start has to
+settle on it. What is said instead of a cycle (rest, irregular motion) is held against the same
+motion. Everything it is compared with is the reference's.
 """
 
 from __future__ import annotations
@@ -23,7 +25,16 @@ from .motions import compare, instants, without_numbers
 from .pieces import NoAnswer
 from .registry import in_turn
 from .settling import OWN, Settled, settle
-from .verdict import AGREED, NO_REFERENCE, NOT_CERTIFIED, REFUSED, WRONG, OutOfTime, Verdict, at_most
+from .verdict import (
+    AGREED,
+    NO_REFERENCE,
+    NOT_CERTIFIED,
+    REFUSED,
+    WRONG,
+    OutOfTime,
+    Verdict,
+    at_most,
+)
 
 __all__ = ["FAMILIES", "cases", "draw", "judge", "reproduction"]
 
@@ -32,7 +43,9 @@ draw = FAMILIES.draw
 CLOSES = 1e-9  # a cycle closes up to this part of its size
 AROUND = 1e-8  # after a part of its period it is nowhere as near as this
 SAME = 1e-4  # two cycles with periods and extremes this close are one
-BESIDE = 0.3  # of its size: a start this near to a cycle may mean that cycle, although its motion settles elsewhere
+# of its size: a start this near to a cycle may mean that cycle, although its motion settles
+# elsewhere
+BESIDE = 0.3
 APART = 1e-5  # of its size: neighbours
 GROWN = 20.0  # neighbours are followed until their distance has changed by this factor …
 NEUTRAL = 0.96  # … unless that takes longer than with this multiplier
@@ -63,7 +76,11 @@ def judge(case: Repeating) -> Verdict:
             return without_cycle(case, found)
         if not found.certificate.ok:
             kinds = [residual.name for residual in found.certificate.residuals if not residual.ok]
-            return Verdict(NOT_CERTIFIED, ", ".join(kinds), {"period": found.period, "why": found.certificate.verdict})
+            return Verdict(
+                NOT_CERTIFIED,
+                ", ".join(kinds),
+                {"period": found.period, "why": found.certificate.verdict},
+            )
         try:
             with at_most(PATIENCE):
                 return checked(case, found)
@@ -88,10 +105,13 @@ def reproduction(case: Repeating) -> str:
     """A script that repeats what the library did."""
     numbers = {name: float(value) for name, value in case.parameters.items()}
     start = {name: float(value) for name, value in case.initial.items()}
-    return f"system = {declaration(case.system)}\nprint(ss.find_cycle(system, {start}, {numbers}).describe())"
+    return (
+        f"system = {declaration(case.system)}\n"
+        f"print(ss.find_cycle(system, {start}, {numbers}).describe())"
+    )
 
 
-# -- a cycle -----------------------------------------------------------------------------------------------------------
+# -- a cycle ---------------------------------------------------------------------------------------
 
 
 def checked(case: Repeating, cycle: ss.Cycle) -> Verdict:
@@ -126,8 +146,12 @@ def of_cycle(case: Repeating, cycle: ss.Cycle) -> Repeating:
 
 def path(own: Repeating, cycle: ss.Cycle, parts: Array) -> Array:
     """States of a cycle after parts of its period, up to shifts, in natural units."""
-    values = cycle.trajectory.at(np.clip(cycle.time + parts * cycle.period, *cycle.trajectory.t_span))
-    return own.at_home(np.column_stack([np.asarray(values[n]) / own.units.get(n, 1.0) for n in own.names]))
+    values = cycle.trajectory.at(
+        np.clip(cycle.time + parts * cycle.period, *cycle.trajectory.t_span)
+    )
+    return own.at_home(
+        np.column_stack([np.asarray(values[n]) / own.units.get(n, 1.0) for n in own.names])
+    )
 
 
 def sizes(states: Array) -> Array:
@@ -158,7 +182,12 @@ def attracts(case: Repeating, own: Repeating, cycle: ss.Cycle) -> tuple[str, dic
     if NEUTRAL < largest < 1.0 / NEUTRAL or not cycle.differentiable:
         return "", {}
     rate = abs(math.log(max(largest, 1e-6)))
-    rounds = max(1, (math.ceil if largest < 1.0 else math.floor)(math.log(GROWN if largest < 1.0 else 1e3) / rate))
+    rounds = max(
+        1,
+        (math.ceil if largest < 1.0 else math.floor)(
+            math.log(GROWN if largest < 1.0 else 1e3) / rate
+        ),
+    )
     ratios = parting(case, own, cycle, rounds)
     if ratios and cycle.stable and min(ratios) > 0.5:
         # Where a change turns and its axes are far from square, it may grow before it decays.
@@ -175,21 +204,32 @@ def attracts(case: Repeating, own: Repeating, cycle: ss.Cycle) -> tuple[str, dic
 def parting(case: Repeating, own: Repeating, cycle: ss.Cycle, rounds: int) -> list[float]:
     """By which factors the distances of neighbours have changed after some rounds."""
     states = path(own, cycle, np.linspace(0.0, 1.0, 20_001))
-    size, rng, ratios = sizes(states), np.random.default_rng(case.seed), []
+    size = sizes(states)
+    rng = np.random.default_rng(case.seed)
+    ratios = []
     assert own.mechanics is not None
     # A threshold decides where rate-independent coordinates go.
-    free = [not isinstance(own.system.coordinates.get(name), ss.RateIndependent) for name in own.names]
+    free = [
+        not isinstance(own.system.coordinates.get(name), ss.RateIndependent) for name in own.names
+    ]
     for _ in range(2):
-        kick = own.mechanics.held(own.start, APART * size * free * rng.choice([-1.0, 1.0], len(size)))
-        # A kick of one component may be a large one of another, relative to its size, as soon as it has come around.
-        times = np.unique([1, 2, rounds] if cycle.stable and rounds > 4 else [rounds]) * own.duration
+        kick = own.mechanics.held(
+            own.start, APART * size * free * rng.choice([-1.0, 1.0], len(size))
+        )
+        # A kick of one component may be a large one of another, relative to its size, as soon as it
+        # has come around.
+        times = (
+            np.unique([1, 2, rounds] if cycle.stable and rounds > 4 else [rounds]) * own.duration
+        )
         try:
             motion = integrate(own.mechanics, (0.0, times[-1]), own.start + kick, times, 1e-11)
         except NoAnswer:
             continue
         if np.any(kick) and len(motion.states):
             homes = [own.at_home(state) for state in motion.states]
-            besides = [(states[0] if case.driven else nearest(states, home, size)) - home for home in homes]
+            besides = [
+                (states[0] if case.driven else nearest(states, home, size)) - home for home in homes
+            ]
             *first, last = [float(np.max(np.abs(beside) / size)) for beside in besides]
             ratios.append(last / max(*first, float(np.max(np.abs(own.at_home(kick)) / size)), 0.0))
     return ratios
@@ -197,7 +237,8 @@ def parting(case: Repeating, own: Repeating, cycle: ss.Cycle, rounds: int) -> li
 
 def nearest(states: Array, last: Array, size: Array) -> Array:
     """The nearest point of a closed curve."""
-    a, chord = states[:-1], np.diff(states, axis=0)
+    a = states[:-1]
+    chord = np.diff(states, axis=0)
     along = np.sum((last - a) * chord / size**2, axis=1)
     part = np.clip(along / np.maximum(np.sum((chord / size) ** 2, axis=1), 1e-300), 0.0, 1.0)
     points = a + part[:, None] * chord
@@ -205,12 +246,15 @@ def nearest(states: Array, last: Array, size: Array) -> Array:
 
 
 def settles(case: Repeating, own: Repeating, cycle: ss.Cycle) -> tuple[str, dict]:
-    """The motion from the start settles on it, or starts beside it; what long steps deny, shorter ones have to."""
+    """The motion from the start settles on it, or starts beside it; what long steps deny, shorter
+    ones have to."""
     fault, numbers = settles_on(own, cycle, case, settle(case, SETTLING))
     return settles_on(own, cycle, case, settle(case, FINELY, OWN)) if fault else (fault, numbers)
 
 
-def settles_on(own: Repeating, cycle: ss.Cycle, case: Repeating, found: Settled | None) -> tuple[str, dict]:
+def settles_on(
+    own: Repeating, cycle: ss.Cycle, case: Repeating, found: Settled | None
+) -> tuple[str, dict]:
     """Whether what a motion settles on is the cycle."""
     if found is None:
         return "", {"settled": "not within the time"}
@@ -224,14 +268,18 @@ def settles_on(own: Repeating, cycle: ss.Cycle, case: Repeating, found: Settled 
     if beside < BESIDE and not cycle.stable:
         return "", {"settled": "elsewhere, from beside it"}
     numbers = {"settles on": found.period, "extremes off": float(off), "start beside": beside}
-    return "the motion rests" if found.period == 0.0 else "the motion settles on another cycle", numbers
+    return (
+        "the motion rests" if found.period == 0.0 else "the motion settles on another cycle",
+        numbers,
+    )
 
 
-# -- none --------------------------------------------------------------------------------------------------------------
+# -- none ------------------------------------------------------------------------------------------
 
 
 def without_cycle(case: Repeating, reason: str) -> Verdict:
-    """What the library says instead of a cycle, against the motion; what long steps deny, shorter ones have to."""
+    """What the library says instead of a cycle, against the motion; what long steps deny, shorter
+    ones have to."""
     verdict = instead(reason.split(": ", 1)[-1], settle(case, SETTLING))
     if verdict.kind == WRONG:
         return instead(reason.split(": ", 1)[-1], settle(case, FINELY, OWN))
@@ -242,12 +290,17 @@ def instead(said: str, found: Settled | None) -> Verdict:
     """Whether what is said instead of a cycle agrees with what the motion settles on."""
     numbers = {"said": said[:400], "settles on": None if found is None else found.period}
     cycles = found is not None and found.period > 0.0
-    for words, note in (("comes to rest", "said to rest"), ("the motion looks irregular", "said to be irregular")):
+    for words, note in (
+        ("comes to rest", "said to rest"),
+        ("the motion looks irregular", "said to be irregular"),
+    ):
         if words in said:
             if cycles:
                 return Verdict(WRONG, note, numbers)
             if found is None and words == "comes to rest":
                 return Verdict(NO_REFERENCE, f"{note}; no answer within the time", numbers)
-            return Verdict(AGREED if (found is None) == (words != "comes to rest") else WRONG, note, numbers)
+            return Verdict(
+                AGREED if (found is None) == (words != "comes to rest") else WRONG, note, numbers
+            )
     note = next((words for words in WORDS if words in said), without_numbers(said[:80]))
     return Verdict(REFUSED, note + (", yet it settles" if cycles else ""), numbers)

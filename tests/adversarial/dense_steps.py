@@ -1,7 +1,8 @@
 """Random steps of evolutions with a small dense A: ``python -m tests.adversarial.dense_steps``.
 
-A step is right if the force that is left lies in K and d is normal to K there. Both are measured from d alone. The
-numbers must not depend on which kernels the linear algebra library picks, so the same steps are made with several.
+A step is right if the force that is left lies in K and d is normal to K there. Both are measured
+from d alone. The numbers must not depend on which kernels the linear algebra library picks, so the
+same steps are made with several.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ KINDS = ("boxes", "groups", "ellipsoid", "flat ellipsoid", "hull", "half-spaces"
 
 
 class Outcome(NamedTuple):
-    """Of one step: its kind, KKT residual relative to the largest weight (infinite if there is none), seconds."""
+    """Of one step: its kind, KKT residual relative to the largest weight (infinite if there is
+    none), seconds."""
 
     kind: str
     residual: float
@@ -69,7 +71,12 @@ def potential(rng: Rng, kind: str, n: int) -> Dissipation:
             return Polytope(normals=normals, offsets=rng.uniform(0.1, 1.0, 2 * n + 3))
         case _:
             kinds = rng.choice(KINDS[:-1], int(rng.integers(2, 4)))
-            return Product(tuple(potential(rng, str(k), int(rng.integers(1 if k == "boxes" else 2, 4))) for k in kinds))
+            return Product(
+                tuple(
+                    potential(rng, str(k), int(rng.integers(1 if k == "boxes" else 2, 4)))
+                    for k in kinds
+                )
+            )
 
 
 def step(seed: int) -> Outcome:
@@ -78,11 +85,14 @@ def step(seed: int) -> Outcome:
     kind = KINDS[seed % len(KINDS)]
     psi = potential(rng, kind, int(rng.integers(2, 6)))
     n = psi.dimension
-    A, load = matrix(rng, n, SPREAD), rng.normal(size=n) * 10.0 ** rng.uniform(-1.0, 1.5)
+    A = matrix(rng, n, SPREAD)
+    load = rng.normal(size=n) * 10.0 ** rng.uniform(-1.0, 1.5)
     sets: Any = stable_sets(psi, np.zeros(1))
     started = time.perf_counter()
     try:
-        states, _ = (BoxSteps if kind == "boxes" else ProjectionSteps)(A).advance(np.zeros(n), load[None], sets)
+        states, _ = (BoxSteps if kind == "boxes" else ProjectionSteps)(A).advance(
+            np.zeros(n), load[None], sets
+        )
     except StickslipError:
         return Outcome(kind, np.inf, time.perf_counter() - started)
     seconds = time.perf_counter() - started
@@ -93,17 +103,23 @@ def step(seed: int) -> Outcome:
 
 
 def residual(psi: Dissipation, A: Array, load: Array, d: Array) -> float:
-    """Distance of ξ = ℓ − A d from ∂Ψ(d): of ξ from K, and what Ψ(d) is more than ⟨ξ, d⟩, as a force.
+    """Distance of ξ = ℓ − A d from ∂Ψ(d): of ξ from K, and what Ψ(d) is more than ⟨ξ, d⟩, as a
+    force.
 
-    Forces are rounded numbers, and so d is known to A⁻¹ times that, which costs as much as Ψ says. A d as short as
-    that may as well be 0, which is wrong by A d.
+    Forces are rounded numbers, and so d is known to A⁻¹ times that, which costs as much as Ψ says.
+    A d as short as that may as well be 0, which is wrong by A d.
     """
     axes = np.eye(len(d))
     size = max(psi.support(sign * e) for e in axes for sign in (1.0, -1.0)) or 1.0
     pull = A @ d
     xi = load - pull
     length = float(np.linalg.norm(d))
-    known = ROUNDINGS * np.finfo(float).eps * float(np.linalg.norm(load)) / float(np.linalg.eigvalsh(A)[0])
+    known = (
+        ROUNDINGS
+        * np.finfo(float).eps
+        * float(np.linalg.norm(load))
+        / float(np.linalg.eigvalsh(A)[0])
+    )
     gap = max(psi.support(d) - float(xi @ d) - known * size, 0.0) / length if length > 0.0 else 0.0
     return max(psi.distance(xi), min(gap, float(np.linalg.norm(pull)))) / size
 
@@ -118,9 +134,11 @@ def table(found: dict[str, list[Outcome]], count: int, first: int) -> str:
     command = f"python -m tests.adversarial.dense_steps --count {count} --first {first}"
     lines = [
         "# Dense steps\n",
-        f"{count} random steps with 2 to 15 unknowns, eigenvalues of A between 0.1 and 10, loads up to 30 times",
+        f"{count} random steps with 2 to 15 unknowns, eigenvalues of A between 0.1 and 10, loads "
+        "up to 30 times",
         f"as large as the weights: `{command}`.",
-        "The residual is that of the KKT conditions, measured from the step alone, relative to the largest weight.\n",
+        "The residual is that of the KKT conditions, measured from the step alone, relative to the "
+        "largest weight.\n",
         "| OPENBLAS_CORETYPE | kind | steps | no result | worst residual | above 1e-11 |",
         "|---|---|---:|---:|---:|---:|",
     ]
@@ -133,18 +151,24 @@ def table(found: dict[str, list[Outcome]], count: int, first: int) -> str:
                 residuals = np.array([o.residual for o in own])
                 worst = residuals[np.isfinite(residuals)].max(initial=0.0)
                 lines.append(
-                    f"| {kernels or 'unset'} | {kind} | {len(own)} | {np.isinf(residuals).sum()} | {worst:.1e} "
-                    f"| {(residuals > 1e-11).sum()} |"
+                    f"| {kernels or 'unset'} | {kind} | {len(own)} | {np.isinf(residuals).sum()} "
+                    f"| {worst:.1e} | {(residuals > 1e-11).sum()} |"
                 )
     return "\n".join(lines) + "\n"
 
 
 def main() -> int:
     """Run the steps with all kernels and report. Exit code 1 if one is not converged to 1e-11."""
-    parser = argparse.ArgumentParser(prog="python -m tests.adversarial.dense_steps", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.adversarial.dense_steps", description=__doc__
+    )
     parser.add_argument("--count", type=int, default=10_000)
     parser.add_argument("--first", type=int, default=0, help="first seed")
-    parser.add_argument("--table", type=Path, help="write the report there, such as benchmarks/results/dense_steps.md")
+    parser.add_argument(
+        "--table",
+        type=Path,
+        help="write the report there, such as benchmarks/results/dense_steps.md",
+    )
     parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.child:

@@ -1,12 +1,14 @@
-"""Event-driven motion of given mechanics by SciPy's DOP853: the reference that shares no code with the library.
+"""Event-driven motion of given mechanics by SciPy's DOP853: the reference that shares no code with
+the library.
 
-A mode is followed until the first of its guards falls below zero. Guards are sampled within every step, minima between
-samples are refined, roots are bracketed on the dense output, and the step is integrated again up to the root.
+A mode is followed until the first of its guards falls below zero. Guards are sampled within every
+step, minima between samples are refined, roots are bracketed on the dense output, and the step is
+integrated again up to the root.
 
-*Which mode comes next* is decided by trial (complementarity by enumeration): the open switches, those at zero of
-their guards, are tried in all 3^m 2^k states; each candidate is followed for a short while, and the one whose guards
-stay nonnegative is right. Static thresholds decide who slides; what slides takes its kinetic force; then the rest is
-decided again.
+*Which mode comes next* is decided by trial (complementarity by enumeration): the open switches,
+those at zero of their guards, are tried in all 3^m 2^k states; each candidate is followed for a
+short while, and the one whose guards stay nonnegative is right. Static thresholds decide who
+slides; what slides takes its kinetic force; then the rest is decided again.
 """
 
 from __future__ import annotations
@@ -25,12 +27,14 @@ from .pieces import NoAnswer, Piece
 
 ZERO = 1e-13  # of a guard's scale: what rounding makes of a guard that is 0
 NEAR = 1e-9  # of a guard's scale: a switch this close is tried in all states
-# Where guards are sampled in a step; close to its ends, too, so that a minimum at an end is one between samples.
+# Where guards are sampled in a step; close to its ends, too, so that a minimum at an end is one
+# between samples.
 EVEN = np.linspace(0.0, 1.0, 9)[1:-1]
 LATER = np.concatenate([[0.0, 1e-5], EVEN, [1 - 1e-5, 1.0]])
 FRESH = np.concatenate([[0.0, 1e-5, 1 / 1024, 1 / 256, 1 / 64, 1 / 16], EVEN, [1 - 1e-5, 1.0]])
 SHORT = 10.0 ** -np.arange(7)  # fractions of a step for which candidates are followed
-# The steps in which they are: what is wrong at first may look right later, after an event that it knows nothing of.
+# The steps in which they are: what is wrong at first may look right later, after an event that it
+# knows nothing of.
 STAGES = np.diff([0.0, 1e-3, 1e-2, 1e-1, 0.25, 0.5, 0.75, 1.0])
 MOST_EVENTS = 20_000
 MOST_STEPS = 200_000
@@ -50,7 +54,8 @@ class Motion:
     Attributes
     ----------
     times, states, rates, friction : ndarray, shapes (k,), (k, n), (k, n), (k, m)
-        States, their rates and contact forces (NaN where they are not unique) at the times asked for, as far as it got.
+        States, their rates and contact forces (NaN where they are not unique) at the times asked
+        for, as far as it got.
     phases : list of Phase
     end : float
         Where it ended.
@@ -84,23 +89,36 @@ class Run:
     h: float = 0.0
     steps: int = 0
     wrong: bytes = b""
-    path: list[tuple[float, Law]] | None = None  # beginnings and interpolants of the steps, if they are kept
+    # beginnings and interpolants of the steps, if they are kept
+    path: list[tuple[float, Law]] | None = None
 
     def __post_init__(self) -> None:
         m, (nq, nz, nr, _) = self.m, self.m.kinds
         n = nq + nz + nr
         self.y = np.array(self.y, dtype=float)
-        x, v, a = self.y[:n], self.y[n : n + nq], self.y[n + nq :]
-        kinks = np.asarray(m.kinks(self.t, x, v, a), dtype=float) if m.kinks is not None else np.zeros(0)
+        x = self.y[:n]
+        v = self.y[n : n + nq]
+        a = self.y[n + nq :]
+        kinks = (
+            np.asarray(m.kinks(self.t, x, v, a), dtype=float)
+            if m.kinks is not None
+            else np.zeros(0)
+        )
         self.side = np.where(kinks >= 0.0, 1, -1)
         contacts = len(m.J)
         piece = Piece(m, np.zeros(contacts, int), self.side)
         w = piece.belt(self.t)[0]
         u = piece.J[:, :nq] @ v - w
-        self.mode = np.where(piece.inertial & (np.abs(u) > 1e-14 * (1 + np.abs(w))), np.sign(u), 0).astype(int)
+        self.mode = np.where(
+            piece.inertial & (np.abs(u) > 1e-14 * (1 + np.abs(w))), np.sign(u), 0
+        ).astype(int)
         self.found: list[tuple[float, Array, Array, Array]] = []
         self.phases: list[Phase] = []
-        self.h = min(m.step, self.limit(Piece(m, self.mode, self.side), self.t, self.y), 1e-3 * (self.end - self.t))
+        self.h = min(
+            m.step,
+            self.limit(Piece(m, self.mode, self.side), self.t, self.y),
+            1e-3 * (self.end - self.t),
+        )
         held = set(np.flatnonzero((self.mode == 0) & ~piece.rate))
         self.check_stable(Piece(m, self.mode, self.side), n, nq)
         self.decide(held, set(np.flatnonzero(np.abs(kinks) < 1e-14)))
@@ -113,21 +131,25 @@ class Run:
         if np.any(guards[both] < -1e-9 * scale[both]):
             raise NoAnswer("unstable start")
 
-    # -- deciding -----------------------------------------------------------------------------------
+    # -- deciding ----------------------------------------------------------------------------------
 
     def decide(self, contacts: set[int], kinks: set[int], wrong: bytes = b"") -> None:
-        """Find the mode and region that are right from here on; the open switches are given, near ones are added.
+        """Find the mode and region that are right from here on; the open switches are given, near
+        ones are added.
 
-        The state of all switches that is known to be `wrong`, since a guard has fallen in it, is left out.
+        The state of all switches that is known to be `wrong`, since a guard has fallen in it, is
+        left out.
         """
         self.wrong = wrong
         now = Piece(self.m, self.mode, self.side)
-        guards, scale = now.rates(self.t, self.y)[1], now.scales(self.t, self.y, self.h)
+        guards = now.rates(self.t, self.y)[1]
+        scale = now.scales(self.t, self.y, self.h)
         count = len(self.mode)
         close = np.abs(guards) <= NEAR * scale
         contacts = contacts | {int(i) % count for i in np.flatnonzero(close[: 2 * count])}
         if self.m.kinetic is not None:
-            # Static thresholds decide together who slides: what breaks pulls at others before its force drops.
+            # Static thresholds decide together who slides: what breaks pulls at others before its
+            # force drops.
             contacts = contacts | {int(i) for i in np.flatnonzero((self.mode == 0) & ~now.rate)}
         kinks = kinks | {int(j) for j in np.flatnonzero(close[2 * count :])}
         for _ in range(count + len(self.side) + 2):
@@ -135,19 +157,26 @@ class Run:
             mode, side = self.choose(contacts, kinks)
             piece = Piece(self.m, mode, side)
             # Forces jump when something starts to slide: others may not hold any more.
-            broken = np.flatnonzero(piece.rates(self.t, self.y)[1] < NEAR * piece.scales(self.t, self.y, self.h))
+            broken = np.flatnonzero(
+                piece.rates(self.t, self.y)[1] < NEAR * piece.scales(self.t, self.y, self.h)
+            )
             more = {int(g) % count for g in broken[broken < 2 * count]} - contacts
             bent = {int(g) - 2 * count for g in broken[broken >= 2 * count]} - kinks
             if not more and not bent:
                 break
             contacts, kinks = contacts | more, kinks | bent
-        self.mode, self.side, self.piece = mode, side, piece
+        self.mode = mode
+        self.side = side
+        self.piece = piece
         self.settle(piece)
         self.phases.append(Phase(self.t, mode.copy()))
 
     def choose(self, contacts: set[int], kinks: set[int]) -> tuple[Array, Array]:
-        """Static thresholds decide who slides; what slides takes its kinetic force; the rest is decided again."""
-        open_, mode, side = set(contacts), self.mode.copy(), self.side.copy()
+        """Static thresholds decide who slides; what slides takes its kinetic force; the rest is
+        decided again."""
+        open_ = set(contacts)
+        mode = self.mode.copy()
+        side = self.side.copy()
         while True:
             mode, side = self.best(sorted(open_), sorted(kinks), mode, side)
             moving = {i for i in open_ if mode[i] != 0}
@@ -155,7 +184,9 @@ class Run:
                 return mode, side
             open_ -= moving
 
-    def best(self, contacts: list[int], kinks: list[int], mode: Array, side: Array) -> tuple[Array, Array]:
+    def best(
+        self, contacts: list[int], kinks: list[int], mode: Array, side: Array
+    ) -> tuple[Array, Array]:
         """The state of the open switches whose guards stay nonnegative for a short while."""
         count = len(mode)
         watched = [*contacts, *(i + count for i in contacts), *(2 * count + j for j in kinks)]
@@ -171,9 +202,12 @@ class Run:
         candidates.sort(key=lambda c: c[0])  # what can stick sticks
         for h in self.h * SHORT:
             scores = [
-                np.min(self.probe(Piece(self.m, c[1], c[2], contacts), h)[watched], initial=np.inf) for c in candidates
+                np.min(self.probe(Piece(self.m, c[1], c[2], contacts), h)[watched], initial=np.inf)
+                for c in candidates
             ]
-            right = next((c for c, score in zip(candidates, scores, strict=True) if score >= -ZERO), None)
+            right = next(
+                (c for c, score in zip(candidates, scores, strict=True) if score >= -ZERO), None
+            )
             if right is None and max(scores) > -1e-9:
                 right = candidates[int(np.argmax(scores))]
             if right is not None:
@@ -184,10 +218,16 @@ class Run:
 
     def probe(self, piece: Piece, h: float) -> Array:
         """Least relative guards on the way through Runge-Kutta steps that grow."""
-        t, y, scale = self.t, self.y, piece.scales(self.t, self.y, h)
+        t = self.t
+        y = self.y
+        scale = piece.scales(self.t, self.y, h)
         first = piece.rates(t, y)[1] / scale
-        least = np.where(first < -NEAR, first, np.inf)  # what is nearly zero is decided by what comes
-        if piece.sliding and np.max(np.abs(piece.balance(t, y))) > 1e-6 * scale[-len(piece.side) - 1]:
+        # what is nearly zero is decided by what comes
+        least = np.where(first < -NEAR, first, np.inf)
+        if (
+            piece.sliding
+            and np.max(np.abs(piece.balance(t, y))) > 1e-6 * scale[-len(piece.side) - 1]
+        ):
             return np.full_like(least, -1.0)
         try:
             for g in h * STAGES:
@@ -195,7 +235,8 @@ class Run:
                 k2 = piece.rhs(t + g / 2, y + g / 2 * k1)
                 k3 = piece.rhs(t + g / 2, y + g / 2 * k2)
                 k4 = piece.rhs(t + g, y + g * k3)
-                t, y = t + g, y + g / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+                t = t + g
+                y = y + g / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
                 least = np.fmin(least, piece.rates(t, y)[1] / scale)
         except NoAnswer:
             return np.full_like(least, -np.inf)
@@ -203,13 +244,17 @@ class Run:
 
     def land(self, contacts: set[int]) -> None:
         """Relative velocities that have just vanished are 0, not nearly."""
-        piece, nq = Piece(self.m, self.mode, self.side), self.m.kinds[0]
+        piece = Piece(self.m, self.mode, self.side)
+        nq = self.m.kinds[0]
         rows = [i for i in sorted(contacts) if piece.inertial[i]]
         if rows:
             v = self.y[piece.n : piece.n + nq]
-            J, w = piece.J[rows, :nq], piece.belt(self.t)[0][rows]
+            J = piece.J[rows, :nq]
+            w = piece.belt(self.t)[0][rows]
             inverse = piece.inverse[:nq, :nq]
-            self.y[piece.n : piece.n + nq] -= inverse @ J.T @ np.linalg.pinv(J @ inverse @ J.T) @ (J @ v - w)
+            self.y[piece.n : piece.n + nq] -= (
+                inverse @ J.T @ np.linalg.pinv(J @ inverse @ J.T) @ (J @ v - w)
+            )
 
     def settle(self, piece: Piece) -> None:
         """Rate-independent coordinates that slide are put onto their balance."""
@@ -217,11 +262,12 @@ class Run:
             columns, slope = piece.slopes(self.t, self.y)
             self.y[columns] -= np.linalg.solve(slope, piece.balance(self.t, self.y).real)
 
-    # -- stepping -----------------------------------------------------------------------------------
+    # -- stepping ----------------------------------------------------------------------------------
 
     def limit(self, piece: Piece, t: float, y: Array) -> float:
         """Longest step that cannot pass over a planted feature."""
-        h, rates = self.m.step, None
+        h = self.m.step
+        rates = None
         for zone in self.m.zones:
             if zone.row == TIME:
                 h = min(h, (abs(t - zone.place) + zone.width) / 3)
@@ -245,7 +291,14 @@ class Run:
             raise NoAnswer("zero step")
         first = None if first is None else min(first, end - t)
         return DOP853(
-            self.piece.rhs, t, y, end, max_step=self.m.step, rtol=self.rtol, atol=0.01 * self.rtol, first_step=first
+            self.piece.rhs,
+            t,
+            y,
+            end,
+            max_step=self.m.step,
+            rtol=self.rtol,
+            atol=0.01 * self.rtol,
+            first_step=first,
         )
 
     def shoot(self, t: float, y: Array, end: float) -> Array:
@@ -261,16 +314,22 @@ class Run:
 
     def follow(self, end: float) -> None:
         """Follow the motion to a time."""
-        self.end, still = end, 0
+        self.end = end
+        still = 0
         while self.t < end and self.until_event():
             last = [phase.time for phase in self.phases[-2:]]
-            still = still + 1 if len(last) > 1 and last[-1] - last[-2] < 1e-13 * (1 + abs(last[-1])) else 0
+            still = (
+                still + 1
+                if len(last) > 1 and last[-1] - last[-2] < 1e-13 * (1 + abs(last[-1]))
+                else 0
+            )
             if still > 12 or len(self.phases) > MOST_EVENTS:
                 raise NoAnswer("event accumulation" if still > 12 else "too many events")
 
     def until_event(self) -> bool:
         """Follow the mode; False at the end of the span."""
-        solver, fresh = self.solver(self.t, self.y, self.end), True
+        solver = self.solver(self.t, self.y, self.end)
+        fresh = True
         while solver.status == "running":
             t, y = solver.t, solver.y
             solver.max_step = min(self.m.step, self.limit(self.piece, t, y))
@@ -280,7 +339,8 @@ class Run:
             if solver.status == "failed" or self.steps > MOST_STEPS:
                 small = "no bounded rate" if self.piece.sliding else "step too small"
                 raise NoAnswer(small if solver.status == "failed" else "too many steps")
-            dense, h = solver.dense_output(), solver.t - t
+            dense = solver.dense_output()
+            h = solver.t - t
             tau = h * (FRESH if fresh else LATER)
             path = dense(t + tau)
             if self.passed(t + tau, path):
@@ -294,7 +354,10 @@ class Run:
             if event:
                 self.cross(t, y, dense, *event)
                 return True
-            self.t, self.y, self.h, fresh = solver.t, solver.y, h, False
+            self.t = solver.t
+            self.y = solver.y
+            self.h = h
+            fresh = False
         return False
 
     def first_root(
@@ -329,31 +392,42 @@ class Run:
         a, b, c = column[j - 1 : j + 2]
         if not (b <= a and b <= c) or b < 0.0 or c < 0.0:
             return None
-        p, q = (a - b) / (tau[j] - tau[j - 1]), (c - b) / (tau[j + 1] - tau[j])
+        p = (a - b) / (tau[j] - tau[j - 1])
+        q = (c - b) / (tau[j + 1] - tau[j])
         if b > 0.5 * max(p, q) * (tau[j + 1] - tau[j - 1]):
             return None
-        found = minimize_scalar(value, bounds=(tau[j - 1], tau[j + 1]), method="bounded", options={"xatol": 1e-12})
+        found = minimize_scalar(
+            value, bounds=(tau[j - 1], tau[j + 1]), method="bounded", options={"xatol": 1e-12}
+        )
         return float(found.x) if found.fun < 0.0 else None
 
     def cross(self, t: float, y: Array, dense: Law, tau: float, fallen: list[int]) -> None:
         """Go to the root exactly, and decide."""
-        g, at = fallen[0], self.shoot(t, y, t + tau)
+        g = fallen[0]
+        at = self.shoot(t, y, t + tau)
         scale = self.piece.scales(t, y, max(self.h, tau))[g]
         for _ in range(3):
             h = max(1e-4 * tau, 1e-12)
-            slope = (self._guard(g, dense, t, tau + h) - self._guard(g, dense, t, tau - h)) / (2 * h)
+            slope = (self._guard(g, dense, t, tau + h) - self._guard(g, dense, t, tau - h)) / (
+                2 * h
+            )
             value = float(self.piece.rates(t + tau, at)[1][g])
             if slope > -1e-6 * scale or abs(value) < 1e-15 * scale:
                 break
             tau = max(tau - value / slope, 0.0)
             at = self.shoot(t, y, t + tau)
-        self.t, self.y = t + tau, np.array(at)
-        self.h = min(0.1 * max(self.h, tau), self.m.step / 30, self.limit(self.piece, self.t, self.y) / 10)
+        self.t = t + tau
+        self.y = np.array(at)
+        self.h = min(
+            0.1 * max(self.h, tau), self.m.step / 30, self.limit(self.piece, self.t, self.y) / 10
+        )
         self.settle(self.piece)
         count = len(self.mode)
         contacts = {f % count for f in fallen if f < 2 * count}
         self.decide(
-            contacts, {f - 2 * count for f in fallen if f >= 2 * count}, self.mode.tobytes() + self.side.tobytes()
+            contacts,
+            {f - 2 * count for f in fallen if f >= 2 * count},
+            self.mode.tobytes() + self.side.tobytes(),
         )
 
     def _guard(self, g: int, dense: Law, t: float, tau: float) -> float:
@@ -376,7 +450,11 @@ def fall(value: Law, a: float, b: float) -> float:
 
 
 def integrate(
-    m: Mechanics, span: tuple[float, float], start: Sequence[float], times: Array, rtol: float = 1e-12
+    m: Mechanics,
+    span: tuple[float, float],
+    start: Sequence[float],
+    times: Array,
+    rtol: float = 1e-12,
 ) -> Motion:
     """The motion from a state (x, v, a), switch by switch.
 
@@ -397,9 +475,17 @@ def integrate(
         run.record(run.t, run.y, run.t)
         run.follow(span[1])
     except NoAnswer as error:
-        if run is None or str(error) not in ("no bounded rate", "step too small", "event accumulation"):
+        if run is None or str(error) not in (
+            "no bounded rate",
+            "step too small",
+            "event accumulation",
+        ):
             raise
         outcome = str(error)
-    found, widths = run.found, (len(start), len(start), len(m.J))
-    tables = [np.array([f[1 + i] for f in found]).reshape(len(found), width) for i, width in enumerate(widths)]
+    found = run.found
+    widths = (len(start), len(start), len(m.J))
+    tables = [
+        np.array([f[1 + i] for f in found]).reshape(len(found), width)
+        for i, width in enumerate(widths)
+    ]
     return Motion(np.array([f[0] for f in found]), *tables, run.phases, run.t, outcome, run.steps)

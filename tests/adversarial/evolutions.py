@@ -1,7 +1,8 @@
-"""Rate-independent evolutions and plays against small steps that know where load and thresholds are narrow.
+"""Rate-independent evolutions and plays against small steps that know where load and thresholds are
+narrow.
 
-An evolution by minimising movements has an error of its own, which it estimates: what is certified may be off by twice
-that, in the energy norm. A play is exact.
+An evolution by minimising movements has an error of its own, which it estimates: what is certified
+may be off by twice that, in the energy norm. A play is exact.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from .quasistatic import Array, follow, play
 from .registry import in_turn
 from .verdict import AGREED, NOT_CERTIFIED, REFUSED, WRONG, Verdict, at_most
 
-STEPS, FINE = 2000, 20_000  # of the reference: evolutions, plays
+STEPS = 2000  # of the reference of evolutions
+FINE = 20_000  # … and of plays
 CHECKS = 9  # times at which states are compared
 ESTIMATES = 2.0  # error estimates that an evolution may be off by
 EXACT = 1e-8  # of a play, relative to its largest force
@@ -91,13 +93,15 @@ def cases(seed: int = 0, count: int = 100) -> Iterator[Case]:
     return in_turn(FAMILIES, draw, seed, count)
 
 
-# -- signals -----------------------------------------------------------------------------------------------------------
+# -- signals ---------------------------------------------------------------------------------------
 
 
 def in_time(curve: Curve, span: float) -> Signal:
     """A curve over the phase, stretched over the span."""
     text = curve.text.replace("(s - ", f"(t/{span!r} - ")
-    return Signal(text, lambda t: curve.at(t / span), tuple((span * p, span * w) for p, w in curve.narrow))
+    return Signal(
+        text, lambda t: curve.at(t / span), tuple((span * p, span * w) for p, w in curve.narrow)
+    )
 
 
 def smooth(rng: Rng, span: float, amplitude: float) -> Signal:
@@ -109,8 +113,10 @@ def smooth(rng: Rng, span: float, amplitude: float) -> Signal:
 
 def pulsed(rng: Rng, span: float, amplitude: float) -> Signal:
     """A load with a narrow pulse: of no more than a jump is."""
-    base, kind = smooth(rng, span, amplitude), str(pick(rng, ("V", "Gauss", "Lorentz", "tanh", "root")))
-    bump, height = in_time(well(rng, kind), span), float(rng.uniform(0.5, 3.0) * pick(rng, (-1.0, 1.0)))
+    base = smooth(rng, span, amplitude)
+    kind = str(pick(rng, ("V", "Gauss", "Lorentz", "tanh", "root")))
+    bump = in_time(well(rng, kind), span)
+    height = float(rng.uniform(0.5, 3.0) * pick(rng, (-1.0, 1.0)))
     height *= amplitude
     start = float(bump.at(np.zeros(1))[0])
     text = f"{base.text} + {height!r}*({bump.text} - {start!r})"
@@ -126,7 +132,12 @@ def threshold(rng: Rng, span: float) -> Signal:
         case 1:
             return in_time(wave(rng, low, 0.3, 2, 4), span)
         case _:
-            return in_time(with_a_well(rng, 0.1 * low, str(pick(rng, ("V", "Gauss", "Lorentz", "tanh", "root")))), span)
+            return in_time(
+                with_a_well(
+                    rng, 0.1 * low, str(pick(rng, ("V", "Gauss", "Lorentz", "tanh", "root")))
+                ),
+                span,
+            )
 
 
 def dense(span: float, signals: list[Signal], count: int) -> Array:
@@ -141,27 +152,45 @@ def steepest(signals: list[Signal], height: float) -> float:
     return max((height / w for s in signals for _, w in s.narrow), default=0.0)
 
 
-# -- plays -------------------------------------------------------------------------------------------------------------
+# -- plays -----------------------------------------------------------------------------------------
 
 
-def scalar(load: Signal, plus: Signal, minus: Signal, a: float, span: float, **how: Any) -> dict[str, Any]:
+def scalar(
+    load: Signal, plus: Signal, minus: Signal, a: float, span: float, **how: Any
+) -> dict[str, Any]:
     """A play."""
     signals = [load, plus, minus]
     times = dense(span, signals, FINE)
     size = float(max(np.abs(s.at(times)).max() for s in signals))
 
     def states(at: Array) -> tuple[Array, float]:
-        found = play(times, lambda t: (load.at(t) - plus.at(t)) / a, lambda t: (load.at(t) + minus.at(t)) / a, 0.0, at)
+        found = play(
+            times,
+            lambda t: (load.at(t) - plus.at(t)) / a,
+            lambda t: (load.at(t) + minus.at(t)) / a,
+            0.0,
+            at,
+        )
         return found[:, None], 0.0
 
-    return {"states": states, "A": np.array([[a]]), "size": size, "slope": steepest(signals, size), "span": span, **how}
+    return {
+        "states": states,
+        "A": np.array([[a]]),
+        "size": size,
+        "slope": steepest(signals, size),
+        "span": span,
+        **how,
+    }
 
 
 @family
 def play_with_a_pulse(rng: Rng) -> dict[str, Any]:
     span, a = float(rng.uniform(1.0, 30.0)), float(rng.uniform(0.3, 3.0))
-    load, plus, minus = pulsed(rng, span, 1.0), threshold(rng, span), threshold(rng, span)
-    call = f"ss.play({load.text!r}, ({plus.text!r}, {minus.text!r}), (0.0, {span!r}), 0.0, stiffness={a!r})"
+    load = pulsed(rng, span, 1.0)
+    plus = threshold(rng, span)
+    minus = threshold(rng, span)
+    thresholds = f"({plus.text!r}, {minus.text!r})"
+    call = f"ss.play({load.text!r}, {thresholds}, (0.0, {span!r}), 0.0, stiffness={a!r})"
 
     def run(at: Array) -> Any:
         return ss.play(load.text, (plus.text, minus.text), (0.0, span), 0.0, stiffness=a)
@@ -171,8 +200,10 @@ def play_with_a_pulse(rng: Rng) -> dict[str, Any]:
 
 @family
 def play_with_a_threshold_that_oscillates(rng: Rng) -> dict[str, Any]:
-    span, periods = float(rng.uniform(1.0, 10.0)), int(rng.integers(2, 12))
-    epsilon, load = span / periods, smooth(rng, span, 1.0)
+    span = float(rng.uniform(1.0, 10.0))
+    periods = int(rng.integers(2, 12))
+    epsilon = span / periods
+    load = smooth(rng, span, 1.0)
     kind = str(pick(rng, ("V", "Gauss", "Lorentz", "tanh", "root")))
     curve = with_a_well(rng, float(rng.uniform(0.0, 0.5)), kind)
     centres = [((k + p) * epsilon, w * epsilon) for k in range(periods) for p, w in curve.narrow]
@@ -185,7 +216,7 @@ def play_with_a_threshold_that_oscillates(rng: Rng) -> dict[str, Any]:
     return scalar(load, rho, rho, 1.0, span, run=run, source=call, exact=True)
 
 
-# -- minimising movements ----------------------------------------------------------------------------------------------
+# -- minimising movements --------------------------------------------------------------------------
 
 
 def stiffness(rng: Rng, n: int, spread: float = 1.0) -> Array:
@@ -217,11 +248,14 @@ class Problem:
 
 def stepped(problem: Problem, potential: Any, text: str, **options: Any) -> dict[str, Any]:
     """The case of an evolution."""
-    p, texts = problem, [load.text for load in problem.loads]
-    n, inverse = len(p.A), np.linalg.inv(p.B)
+    p = problem
+    texts = [load.text for load in problem.loads]
+    n = len(p.A)
+    inverse = np.linalg.inv(p.B)
     signals = [*p.loads, *(s for pair in p.bounds for s in pair)]
     A = inverse.T @ p.A @ inverse
-    averaged, tolerance = options.pop("averaged", False), options.pop("tolerance", 1e-3)
+    averaged = options.pop("averaged", False)
+    tolerance = options.pop("tolerance", 1e-3)
     formulas = options.pop("load", texts)
 
     def at(times: Array) -> tuple[Array, Array, Array]:
@@ -238,20 +272,37 @@ def stepped(problem: Problem, potential: Any, text: str, **options: Any) -> dict
         return one, float(np.sqrt(np.einsum("ki,ij,kj->k", one - other, p.A, one - other).max()))
 
     def run(wanted: Array) -> Any:
-        evolution = ss.Evolution(p.A, formulas, potential, np.zeros(n), span=(0.0, p.span), **options)
-        return ss.evolve(evolution.averaged() if averaged else evolution, output=wanted, tolerance=tolerance)
+        evolution = ss.Evolution(
+            p.A, formulas, potential, np.zeros(n), span=(0.0, p.span), **options
+        )
+        return ss.evolve(
+            evolution.averaged() if averaged else evolution, output=wanted, tolerance=tolerance
+        )
 
     span = (0.0, p.span)
     more = "".join(f", {k}={v!r}" for k, v in options.items())
-    source = f"problem = ss.Evolution({p.A.tolist()!r}, {texts!r}, {text}, {[0.0] * n!r}, span={span!r}{more})\n"
-    source += f"history = ss.evolve(problem{'.averaged()' if averaged else ''}, tolerance={tolerance!r})"
+    given = f"{p.A.tolist()!r}, {texts!r}, {text}, {[0.0] * n!r}, span={span!r}{more}"
+    evolved = "problem.averaged()" if averaged else "problem"
+    source = (
+        f"problem = ss.Evolution({given})\nhistory = ss.evolve({evolved}, tolerance={tolerance!r})"
+    )
     times = dense(p.span, signals, STEPS)
     size = float(max(np.abs(s.at(times)).max() for s in signals))
     slope = steepest(signals, size)
-    return {"run": run, "states": states, "A": p.A, "size": size, "slope": slope, "span": p.span, "source": source}
+    return {
+        "run": run,
+        "states": states,
+        "A": p.A,
+        "size": size,
+        "slope": slope,
+        "span": p.span,
+        "source": source,
+    }
 
 
-def _followed(A: Array, at: Callable[[Array], tuple[Array, Array, Array]], times: Array, discs: bool, n: int) -> Array:
+def _followed(
+    A: Array, at: Callable[[Array], tuple[Array, Array, Array]], times: Array, discs: bool, n: int
+) -> Array:
     loads, low, high = at(times)
     return follow(A, loads, low, high, discs, np.zeros(n))
 
@@ -264,27 +315,40 @@ def phased(curve: Curve, epsilon: float, periods: int) -> Signal:
 
 @family
 def one_component_with_a_pulse(rng: Rng) -> dict[str, Any]:
-    span, a, low = float(rng.uniform(1.0, 10.0)), float(rng.uniform(0.3, 3.0)), float(rng.uniform(0.3, 1.0))
+    span = float(rng.uniform(1.0, 10.0))
+    a = float(rng.uniform(0.3, 3.0))
+    low = float(rng.uniform(0.3, 1.0))
     rho = Signal(f"{low!r}", lambda t: low + 0.0 * t)
-    problem = Problem(np.array([[a]]), [pulsed(rng, span, 1.0)], np.eye(1), [(rho, rho)], False, span)
+    problem = Problem(
+        np.array([[a]]), [pulsed(rng, span, 1.0)], np.eye(1), [(rho, rho)], False, span
+    )
     return stepped(problem, ss.WeightedL1([low]), f"ss.WeightedL1({[low]!r})")
 
 
 @family
 def components_with_a_pulse(rng: Rng) -> dict[str, Any]:
-    span, n = float(rng.uniform(1.0, 10.0)), int(rng.integers(2, 5))
+    span = float(rng.uniform(1.0, 10.0))
+    n = int(rng.integers(2, 5))
     loads = [pick(rng, (pulsed, smooth))(rng, span, 1.0) for _ in range(n)]
     up, down = (rng.uniform(0.3, 1.0, n).tolist() for _ in range(2))
-    bounds = [(in_time(constant(d), span), in_time(constant(u), span)) for d, u in zip(down, up, strict=True)]
+    bounds = [
+        (in_time(constant(d), span), in_time(constant(u), span))
+        for d, u in zip(down, up, strict=True)
+    ]
     problem = Problem(stiffness(rng, n, 0.5), loads, np.eye(n), bounds, False, span)
     return stepped(problem, ss.WeightedL1(up, down), f"ss.WeightedL1({up!r}, {down!r})")
 
 
 @family
 def thresholds_with_dips(rng: Rng) -> dict[str, Any]:
-    span, n, periods = float(rng.uniform(1.0, 5.0)), int(rng.integers(1, 3)), int(rng.integers(1, 4))
-    epsilon, kinds = span / periods, ("V", "Gauss", "Lorentz", "tanh", "root")
-    curves = [with_a_well(rng, float(rng.uniform(0.05, 0.3)), str(pick(rng, kinds))) for _ in range(n)]
+    span = float(rng.uniform(1.0, 5.0))
+    n = int(rng.integers(1, 3))
+    periods = int(rng.integers(1, 4))
+    epsilon = span / periods
+    kinds = ("V", "Gauss", "Lorentz", "tanh", "root")
+    curves = [
+        with_a_well(rng, float(rng.uniform(0.05, 0.3)), str(pick(rng, kinds))) for _ in range(n)
+    ]
     rhos = [phased(c, epsilon, periods) for c in curves]
     texts = [c.text for c in curves]
     problem = Problem(
@@ -300,42 +364,60 @@ def thresholds_with_dips(rng: Rng) -> dict[str, Any]:
 
 @family
 def groups_with_a_pulse(rng: Rng) -> dict[str, Any]:
-    span, groups = float(rng.uniform(1.0, 5.0)), int(rng.integers(1, 3))
+    span = float(rng.uniform(1.0, 5.0))
+    groups = int(rng.integers(1, 3))
     radii = rng.uniform(0.3, 1.0, groups).tolist()
     loads = [pick(rng, (pulsed, smooth))(rng, span, 1.0) for _ in range(2 * groups)]
     bounds = [(in_time(constant(r), span),) * 2 for r in radii]
-    problem = Problem(stiffness(rng, 2 * groups, 0.5), loads, np.eye(2 * groups), bounds, True, span)
+    problem = Problem(
+        stiffness(rng, 2 * groups, 0.5), loads, np.eye(2 * groups), bounds, True, span
+    )
     return stepped(problem, ss.GroupNorm(radii), f"ss.GroupNorm({radii!r})", tolerance=LOOSE)
 
 
 @family
 def ellipse_with_a_pulse(rng: Rng) -> dict[str, Any]:
-    span, root = float(rng.uniform(1.0, 5.0)), rng.normal(size=(2, 2)) + np.eye(2)
-    shape, one = root @ root.T, in_time(constant(1.0), span)
+    span = float(rng.uniform(1.0, 5.0))
+    root = rng.normal(size=(2, 2)) + np.eye(2)
+    shape = root @ root.T
+    one = in_time(constant(1.0), span)
     loads = [pulsed(rng, span, 1.0), smooth(rng, span, 1.0)]
     problem = Problem(stiffness(rng, 2, 0.5), loads, root.T, [(one, one)], True, span)
-    return stepped(problem, ss.Ellipsoid(shape), f"ss.Ellipsoid({shape.tolist()!r})", tolerance=LOOSE)
+    return stepped(
+        problem, ss.Ellipsoid(shape), f"ss.Ellipsoid({shape.tolist()!r})", tolerance=LOOSE
+    )
 
 
 @family
 def parallelogram_with_a_pulse(rng: Rng) -> dict[str, Any]:
-    span, B = float(rng.uniform(1.0, 5.0)), rng.normal(size=(2, 2)) + 1.5 * np.eye(2)
+    span = float(rng.uniform(1.0, 5.0))
+    B = rng.normal(size=(2, 2)) + 1.5 * np.eye(2)
     # Σ |(B v)_i| is the support function of the points Bᵀ (±1, ±1).
     corners = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) @ B
-    loads, one = [pulsed(rng, span, 1.0), smooth(rng, span, 1.0)], in_time(constant(1.0), span)
+    loads = [pulsed(rng, span, 1.0), smooth(rng, span, 1.0)]
+    one = in_time(constant(1.0), span)
     problem = Problem(stiffness(rng, 2, 0.5), loads, B, [(one, one)] * 2, False, span)
     return stepped(
-        problem, ss.Polytope(vertices=corners), f"ss.Polytope(vertices={corners.tolist()!r})", tolerance=LOOSE
+        problem,
+        ss.Polytope(vertices=corners),
+        f"ss.Polytope(vertices={corners.tolist()!r})",
+        tolerance=LOOSE,
     )
 
 
 @family
 def averaged_thresholds(rng: Rng) -> dict[str, Any]:
-    span, n = float(rng.uniform(1.0, 10.0)), int(rng.integers(1, 4))
+    span = float(rng.uniform(1.0, 10.0))
+    n = int(rng.integers(1, 4))
     curves = [with_a_well(rng, float(rng.uniform(0.2, 1.0))) for _ in range(n)]
     bounds = [(in_time(constant(c.least), span),) * 2 for c in curves]
     problem = Problem(
-        stiffness(rng, n, 0.5), [smooth(rng, span, 1.0) for _ in range(n)], np.eye(n), bounds, False, span
+        stiffness(rng, n, 0.5),
+        [smooth(rng, span, 1.0) for _ in range(n)],
+        np.eye(n),
+        bounds,
+        False,
+        span,
     )
     texts = [c.text for c in curves]
     return stepped(problem, ss.WeightedL1(texts), f"ss.WeightedL1({texts!r})", averaged=True)
@@ -343,29 +425,33 @@ def averaged_thresholds(rng: Rng) -> dict[str, Any]:
 
 @family
 def averaged_ellipse(rng: Rng) -> dict[str, Any]:
-    span, (long, short) = (
-        float(rng.uniform(1.0, 3.0)),
-        (float(x) for x in (rng.uniform(1.0, 2.0), rng.uniform(0.3, 0.9))),
-    )
-    mean, half, p = 0.5 * (long**2 + short**2), 0.5 * (long**2 - short**2), float(rng.uniform())
+    span = float(rng.uniform(1.0, 3.0))
+    long, short = (float(x) for x in (rng.uniform(1.0, 2.0), rng.uniform(0.3, 0.9)))
+    mean = 0.5 * (long**2 + short**2)
+    half = 0.5 * (long**2 - short**2)
+    p = float(rng.uniform())
     c, s = f"{half!r}*cos(2*pi*(s - {p!r}))", f"{half!r}*sin(2*pi*(s - {p!r}))"
     shape = [[f"{mean!r} + {c}", s], [s, f"{mean!r} - {c}"]]
-    loads, radius = [smooth(rng, span, 1.0) for _ in range(2)], in_time(constant(short), span)
+    loads = [smooth(rng, span, 1.0) for _ in range(2)]
+    radius = in_time(constant(short), span)
     problem = Problem(stiffness(rng, 2, 0.3), loads, np.eye(2), [(radius, radius)], True, span)
-    return stepped(problem, ss.Ellipsoid(shape), f"ss.Ellipsoid({shape!r})", averaged=True, tolerance=LOOSE)
+    return stepped(
+        problem, ss.Ellipsoid(shape), f"ss.Ellipsoid({shape!r})", averaged=True, tolerance=LOOSE
+    )
 
 
 @family
 def pulse_of_a_function(rng: Rng) -> dict[str, Any]:
     """A pulse in a Python function may be missed; then the result says how finely it has looked."""
     span, low = float(rng.uniform(1.0, 10.0)), float(rng.uniform(0.3, 1.0))
-    load, rho = pulsed(rng, span, 1.0), in_time(constant(low), span)
+    load = pulsed(rng, span, 1.0)
+    rho = in_time(constant(low), span)
     problem = Problem(np.eye(1), [load], np.eye(1), [(rho, rho)], False, span)
     given = {"load": lambda t: [float(load.at(np.array([t]))[0])]}
     return stepped(problem, ss.WeightedL1([low]), f"ss.WeightedL1({[low]!r})", **given)
 
 
-# -- the judge ---------------------------------------------------------------------------------------------------------
+# -- the judge -------------------------------------------------------------------------------------
 
 
 def judge(case: Case) -> Verdict:
@@ -389,7 +475,11 @@ def judge(case: Case) -> Verdict:
     if not case.exact:
         allowed += ESTIMATES * certificate["error of z"].value
     scale = case.size / np.sqrt(stiff)
-    numbers = {"difference": difference / scale, "allowed": allowed / scale, "reference": error / scale}
+    numbers = {
+        "difference": difference / scale,
+        "allowed": allowed / scale,
+        "reference": error / scale,
+    }
     right = difference <= allowed
     if certificate.ok and not certificate["samples"].value:
         return Verdict(AGREED, "", numbers) if right else Verdict(WRONG, "another motion", numbers)

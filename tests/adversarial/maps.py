@@ -1,8 +1,10 @@
-"""Maps: random points, against motions that are followed until they repeat themselves (:mod:`.brute`).
+"""Maps: random points, against motions that are followed until they repeat themselves
+(:mod:`.brute`).
 
-A point of a map does not depend on its company, so a case is one point: parameters and an initial state. What the
-library certifies (rest, steady sliding, a cycle with its least period and its measures, "undamped", or a start outside
-the stable set with the excess) has to be what brute force finds.
+A point of a map does not depend on its company, so a case is one point: parameters and an initial
+state. What the library certifies (rest, steady sliding, a cycle with its least period and its
+measures, "undamped", or a start outside the stable set with the excess) has to be what brute force
+finds.
 """
 
 from __future__ import annotations
@@ -86,7 +88,7 @@ def cases(seed: int = 0, count: int = 100) -> Iterator[Case]:
     return in_turn(FAMILIES, draw, seed, count)
 
 
-# -- the reference of a system -----------------------------------------------------------------------------------------
+# -- the reference of a system ---------------------------------------------------------------------
 
 
 def masses(
@@ -101,15 +103,26 @@ def masses(
     driven: bool = False,
 ) -> Brute:
     """Masses with contacts and dampers; see :class:`.brute.Brute`."""
-    K, loads = np.array(stiffness), (*load, *(0.0, 0.0, 1.0, 0.0, 0.0, 1.0)[len(load) - 3 :])
+    K = np.array(stiffness)
+    loads = (*load, *(0.0, 0.0, 1.0, 0.0, 0.0, 1.0)[len(load) - 3 :])
     stiff = K + np.diag([sum(d[1] for d in dampers if d[0] == i) for i in range(len(mass))])
     fastest = math.sqrt(np.max(np.linalg.eigvals(stiff / np.array(mass)[:, None]).real))
     period = 2 * math.pi / loads[2] if driven else 0.0
     step = 2 * math.pi / max(fastest, loads[2] if driven else 0.0) / STEPS
     return Brute(
-        MASSES, step, period, np.array(mass), K, np.array(damping), hard, np.array(loads), np.array(wall),
-        np.array(dry, dtype=float).reshape(-1, 8), np.array(dampers, dtype=float).reshape(-1, 3), np.zeros(1),
-    )  # fmt: skip
+        MASSES,
+        step,
+        period,
+        np.array(mass),
+        K,
+        np.array(damping),
+        hard,
+        np.array(loads),
+        np.array(wall),
+        np.array(dry, dtype=float).reshape(-1, 8),
+        np.array(dampers, dtype=float).reshape(-1, 3),
+        np.zeros(1),
+    )
 
 
 def other(kind: int, step: float, *numbers: float) -> Brute:
@@ -138,7 +151,13 @@ def modes(brute: Brute, y: Array) -> tuple[int, ...]:
 
 
 def point(
-    system: System, p: dict[str, float], start: dict[str, float], brute: Brute, y: Array, span: float, **more: Any
+    system: System,
+    p: dict[str, float],
+    start: dict[str, float],
+    brute: Brute,
+    y: Array,
+    span: float,
+    **more: Any,
 ):
     """What a family returns."""
     mode = more.pop("mode", None) or modes(brute, y)
@@ -159,7 +178,7 @@ def repeating(name: str, rng: Rng) -> tuple[System, dict[str, float], dict[str, 
     return case.system, dict(case.parameters), dict(case.initial), case.duration
 
 
-# -- families that the cycles have, too --------------------------------------------------------------------------------
+# -- families that the cycles have, too ------------------------------------------------------------
 
 
 def on_a_belt(rng: Rng, name: str, law: int) -> dict[str, Any]:
@@ -194,7 +213,9 @@ def complex_multipliers(rng: Rng) -> dict[str, Any]:
     K = [[1.0 + p["k"], -p["k"]], [-p["k"], p["k"]]]
     C = [[p["c"] + p["e"], -p["e"]], [-p["e"], p["e"]]]
     brute = masses([1.0, p["m"]], K, C, [contact(0, p["V"], p["mu"], p["F_k"])])
-    return point(system, p, start, brute, np.array([start["x"], start["y"], start["d_x"], 0.0]), period)
+    return point(
+        system, p, start, brute, np.array([start["x"], start["y"], start["d_x"], 0.0]), period
+    )
 
 
 @family
@@ -204,7 +225,9 @@ def two_blocks_on_a_belt(rng: Rng) -> dict[str, Any]:
     K = [[1.0 + p["j"], -p["j"]], [-p["j"], p["k"] + p["j"]]]
     dry = [contact(i, p["V"], p[s], p["r"] * p[s]) for i, s in enumerate(("mu", "nu"))]
     brute = masses([1.0, 1.0], K, [[p["c"], 0.0], [0.0, p["c"]]], dry)
-    return point(system, p, start, brute, np.array([start["x"], start["y"], p["V"], p["V"]]), period)
+    return point(
+        system, p, start, brute, np.array([start["x"], start["y"], p["V"], p["V"]]), period
+    )
 
 
 def with_a_damper(rng: Rng, name: str) -> dict[str, Any]:
@@ -215,7 +238,15 @@ def with_a_damper(rng: Rng, name: str) -> dict[str, Any]:
     load = (0.0, p["F"], p["omega"])
     brute = masses([1.0], [[p["k"]]], [[p["c"]]], [], [damper], load, hard=p["b"], driven=True)
     beyond = p["j"] * abs(start["x"] - start["z"]) - p["mu"]
-    return point(system, p, start, brute, np.array([start["x"], 0.0, start["z"]]), period, excess=max(beyond, 0.0))
+    return point(
+        system,
+        p,
+        start,
+        brute,
+        np.array([start["x"], 0.0, start["z"]]),
+        period,
+        excess=max(beyond, 0.0),
+    )
 
 
 @family
@@ -243,7 +274,14 @@ def on_the_ground(rng: Rng, name: str, still: bool = False) -> dict[str, Any]:
     dry = contact(0, 0.0, p["mu"], p["F_k"])
     load = (p["f"], p["F"], p["omega"])
     brute = masses([1.0], [[p["k"]]], [[p["c"]]], [dry], load=load, hard=p["b"], driven=not still)
-    return point(system, p, start, brute, np.array([start["x"], start["d_x"]]), 2 * math.pi if still else period)
+    return point(
+        system,
+        p,
+        start,
+        brute,
+        np.array([start["x"], start["d_x"]]),
+        2 * math.pi if still else period,
+    )
 
 
 @family
@@ -276,7 +314,9 @@ def slider_with_a_state(rng: Rng) -> dict[str, Any]:
     system, p, start, period = repeating("slider with a state", rng)
     slips = start["U"] > 2.0 / math.sqrt(start["alpha"])
     brute = other(SLIDER, 0.02 * p["nu"], p["V"], p["nu"])
-    return point(system, p, start, brute, np.array([start["U"], start["alpha"]]), period, mode=(int(slips),))
+    return point(
+        system, p, start, brute, np.array([start["U"], start["alpha"]]), period, mode=(int(slips),)
+    )
 
 
 @family
@@ -293,11 +333,12 @@ def toy_that_may_walk(rng: Rng) -> dict[str, Any]:
     ]
     excess = max(0.0, *(abs(force) - s for force, s in forces))
     brute = other(TOY, 2 * math.pi / STEPS, *(p[n] for n in ("delta", "P", "c", "rho", "H_star")))
-    y, mode = np.array([start["psi"], 0.0, start["x_R"], start["x_R"]]), (0, 0, 1)
+    y = np.array([start["psi"], 0.0, start["x_R"], start["x_R"]])
+    mode = (0, 0, 1)
     return point(system, p, start, brute, y, 2 * math.pi, mode=mode, excess=excess)
 
 
-# -- families of their own: what is narrow, what comes late, what is not damped ----------------------------------------
+# -- families of their own: what is narrow, what comes late, what is not damped --------------------
 
 
 @cache
@@ -320,7 +361,11 @@ BUMP = "exp((cos(omega*t - phi) - 1)/w**2)"
 
 def shaking(rng: Rng) -> dict[str, float]:
     p = {"c": log_uniform(rng, 0.02, 0.2), "F_s": float(rng.uniform(0.2, 0.8)), "f": 0.0, "p": 0.0}
-    p |= {"omega": float(rng.uniform(0.3, 1.6)), "phi": float(rng.uniform(0.0, 6.0)), "w": log_uniform(rng, 1e-3, 0.1)}
+    p |= {
+        "omega": float(rng.uniform(0.3, 1.6)),
+        "phi": float(rng.uniform(0.0, 6.0)),
+        "w": log_uniform(rng, 1e-3, 0.1),
+    }
     return p | {"F": p["F_s"] * float(rng.uniform(0.2, 0.9)), "A": 0.0}
 
 
@@ -339,9 +384,13 @@ def dips_of_a_threshold(rng: Rng) -> dict[str, Any]:
     """What sticks lets go for an instant."""
     p = shaking(rng) | {"A": float(rng.uniform(0.3, 1.0)), "w": log_uniform(rng, 3e-3, 0.1)}
     load = (0.0, p["F"], p["omega"], 0.0, p["phi"], p["w"])
-    brute = masses([1.0], [[1.0]], [[p["c"]]], [following(p["F_s"], p["A"])], load=load, driven=True)
+    brute = masses(
+        [1.0], [[1.0]], [[p["c"]]], [following(p["F_s"], p["A"])], load=load, driven=True
+    )
     x = float(rng.uniform(-0.1, 0.1)) * p["F_s"]
-    return point(shaken(f"F_s*(1 - A*{BUMP})"), p, {"x": x}, brute, np.array([x, 0.0]), brute.period)
+    return point(
+        shaken(f"F_s*(1 - A*{BUMP})"), p, {"x": x}, brute, np.array([x, 0.0]), brute.period
+    )
 
 
 @family
@@ -390,12 +439,22 @@ def struck() -> System:
 @family
 def gust_after_rest(rng: Rng) -> dict[str, Any]:
     """What rests for long is not at rest for ever."""
-    p = {"c": log_uniform(rng, 0.02, 0.2), "F_s": float(rng.uniform(0.2, 0.8)), "G": float(rng.uniform(1.0, 5.0))}
-    p |= {"f": float(rng.uniform(-0.1, 0.1)), "T": log_uniform(rng, 10.0, 5000.0), "tau": log_uniform(rng, 1e-2, 3.0)}
+    p = {
+        "c": log_uniform(rng, 0.02, 0.2),
+        "F_s": float(rng.uniform(0.2, 0.8)),
+        "G": float(rng.uniform(1.0, 5.0)),
+    }
+    p |= {
+        "f": float(rng.uniform(-0.1, 0.1)),
+        "T": log_uniform(rng, 10.0, 5000.0),
+        "tau": log_uniform(rng, 1e-2, 3.0),
+    }
     load = (p["f"], 0.0, 1.0, 0.0, 0.0, 1.0, p["G"], p["T"], p["tau"])
     brute = masses([1.0], [[1.0]], [[p["c"]]], [contact(0, 0.0, p["F_s"], p["F_s"])], load=load)
     start = {"x": float(rng.uniform(-1.0, 1.0))}
-    return point(struck(), p, start, brute, np.array([start["x"], 0.0]), 2 * math.pi, late=p["T"] + 100.0)
+    return point(
+        struck(), p, start, brute, np.array([start["x"], 0.0]), 2 * math.pi, late=p["T"] + 100.0
+    )
 
 
 @cache
@@ -416,7 +475,11 @@ def dragged() -> System:
 @family
 def dragged_block(rng: Rng) -> dict[str, Any]:
     """A system that moves with its load: the reference moves with it."""
-    p = {"k": log_uniform(rng, 0.3, 3.0), "c": log_uniform(rng, 0.003, 0.2), "V": log_uniform(rng, 0.05, 1.0)}
+    p = {
+        "k": log_uniform(rng, 0.3, 3.0),
+        "c": log_uniform(rng, 0.003, 0.2),
+        "V": log_uniform(rng, 0.05, 1.0),
+    }
     p |= {"F_s": float(rng.uniform(0.6, 1.2)), "F_k": float(rng.uniform(0.2, 0.6))}
     dry = contact(0, -p["V"], p["F_s"], p["F_k"])
     brute = masses([1.0], [[p["k"]]], [[p["c"]]], [dry], load=(-p["c"] * p["V"], 0.0, 1.0))
@@ -434,14 +497,17 @@ def nothing_damps_it(rng: Rng) -> dict[str, Any]:
     return point(system, p, start, brute, np.array([start["x"], 0.0]), period)
 
 
-# -- the judge ---------------------------------------------------------------------------------------------------------
+# -- the judge -------------------------------------------------------------------------------------
 
 
 def measured(case: Case) -> dict[str, Any]:
     """What the library says of the point."""
     from stickslip.sweeps.work.chunk import Settings, measure_chunk
 
-    given = ({name: np.array([value]) for name, value in part.items()} for part in (case.initial, case.parameters))
+    given = (
+        {name: np.array([value]) for name, value in part.items()}
+        for part in (case.initial, case.parameters)
+    )
     found = measure_chunk(case.system, *given, MEASURES, Settings())
     return {name: values[0].item() for name, values in found.items()}
 
@@ -456,8 +522,15 @@ def judge(case: Case) -> Verdict:
         return Verdict(REFUSED, f"{type(error).__name__}: {str(error)[:80]}")
     outcome = ss.Outcome.from_code(found["outcome"])
     if outcome is ss.Outcome.OUTSIDE or case.excess > 0.0:
-        right = abs(found["excess"] - case.excess) <= 1e-9 * case.excess and outcome is ss.Outcome.OUTSIDE
-        return Verdict(AGREED if right else WRONG, outcome.label, {"excess": found["excess"], "expected": case.excess})
+        right = (
+            abs(found["excess"] - case.excess) <= 1e-9 * case.excess
+            and outcome is ss.Outcome.OUTSIDE
+        )
+        return Verdict(
+            AGREED if right else WRONG,
+            outcome.label,
+            {"excess": found["excess"], "expected": case.excess},
+        )
     settled = settle(case.brute, case.start, case.mode, case.span, case.late)
     lacking = LACKING[found["lacking"]]
     numbers = found | {"settles": settled._asdict() if settled is not None else None}
@@ -465,7 +538,9 @@ def judge(case: Case) -> Verdict:
         return Verdict(REFUSED, outcome.label, numbers)
     if lacking != "nothing":
         kind = settled.kind if settled is not None else "unknown"
-        return Verdict(NOT_CERTIFIED, f"{outcome.label}, lacks {lacking}; brute force: {kind}", numbers)
+        return Verdict(
+            NOT_CERTIFIED, f"{outcome.label}, lacks {lacking}; brute force: {kind}", numbers
+        )
     if settled is None:
         return Verdict(NO_REFERENCE, "events pile up", numbers)
     difference = compare(case, outcome, found, settled)
@@ -473,35 +548,56 @@ def judge(case: Case) -> Verdict:
         return Verdict(AGREED, settled.kind, {"difference": difference} if difference != "" else {})
     if settled.nearest < NEAR:
         return Verdict(NO_REFERENCE, "next to a period doubling", numbers)
-    for brute, start in ((case.brute._replace(step=0.37 * case.brute.step), 0.0), (case.brute, 1e-9)):
+    for brute, start in (
+        (case.brute._replace(step=0.37 * case.brute.step), 0.0),
+        (case.brute, 1e-9),
+    ):
         y = case.start + start * np.max(np.abs(case.start)) * np.cos(np.arange(len(case.start)))
         again = settle(brute, case.start if start == 0.0 else y, case.mode, case.span, case.late)
         if again is None or again.kind != settled.kind or not _alike(again, settled):
-            return Verdict(NO_REFERENCE, "it hangs by a thread", numbers | {"or": again and again._asdict()})
+            return Verdict(
+                NO_REFERENCE, "it hangs by a thread", numbers | {"or": again and again._asdict()}
+            )
     return Verdict(WRONG, str(difference), numbers)
 
 
 def _alike(one: Settled, two: Settled) -> bool:
-    return abs(one.period - two.period) <= 1e-5 * two.period and abs(one.amplitude - two.amplitude) <= 1e-4 * two.size
+    return (
+        abs(one.period - two.period) <= 1e-5 * two.period
+        and abs(one.amplitude - two.amplitude) <= 1e-4 * two.size
+    )
 
 
-def compare(case: Case, outcome: ss.Outcome, found: dict[str, Any], settled: Settled) -> str | float:
+def compare(
+    case: Case, outcome: ss.Outcome, found: dict[str, Any], settled: Settled
+) -> str | float:
     """What differs, or by how much nothing does; empty where there is nothing to measure."""
     if outcome is ss.Outcome.UNDAMPED:
-        return "" if settled.kind in ("moves", "cycle") and case.family == "nothing damps it" else "called undamped"
-    said = {ss.Outcome.AT_REST: "rest", ss.Outcome.STEADY: "steady", ss.Outcome.PERIODIC: "cycle"}[outcome]
+        return (
+            ""
+            if settled.kind in ("moves", "cycle") and case.family == "nothing damps it"
+            else "called undamped"
+        )
+    said = {ss.Outcome.AT_REST: "rest", ss.Outcome.STEADY: "steady", ss.Outcome.PERIODIC: "cycle"}[
+        outcome
+    ]
     if said != settled.kind:
         return f"said {said}, brute force: {settled.kind}"
     if said != "cycle":
         return ""
     rounds = found["period"] / settled.period
     if abs(rounds - 1.0) > CLOSE:
-        return "another number of periods" if abs(rounds - round(rounds)) < CLOSE else "another period"
+        return (
+            "another number of periods" if abs(rounds - round(rounds)) < CLOSE else "another period"
+        )
     off = {
         "period": abs(rounds - 1.0),
-        "amplitude": 0.0 if case.drift else abs(found["amplitude"] - settled.amplitude) / settled.size,
+        "amplitude": 0.0
+        if case.drift
+        else abs(found["amplitude"] - settled.amplitude) / settled.size,
         "stick_fraction": abs(found["stick_fraction"] - settled.stick),
-        "energy_per_cycle": abs(found["energy_per_cycle"] - settled.work) / max(settled.work, 1e-300)
+        "energy_per_cycle": abs(found["energy_per_cycle"] - settled.work)
+        / max(settled.work, 1e-300)
         if settled.work > 0.0
         else abs(found["energy_per_cycle"]),
     }

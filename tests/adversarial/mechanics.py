@@ -1,7 +1,9 @@
-"""The mechanics of a system with dry friction as plain functions, written by hand and free of the library's formulas.
+"""The mechanics of a system with dry friction as plain functions, written by hand and free of the
+library's formulas.
 
-Coordinates x = (q, z, r) are inertial, viscous and rate-independent ones, in this order; a are internal variables.
-A state is y = (x, v, a) with v = q'. Within one region (the signs `side` of the kink functions) everything is smooth:
+Coordinates x = (q, z, r) are inertial, viscous and rate-independent ones, in this order; a are
+internal variables. A state is y = (x, v, a) with v = q'. Within one region (the signs `side` of the
+kink functions) everything is smooth:
 
     inertial and viscous    W (q'', z') = f(t, x, v, a) + Jᵀλ,   W = diag(M, C),
     rate-independent        0 = f(t, x, v, a) + Jᵀλ,
@@ -25,10 +27,11 @@ TIME = -1  # the row of a zone that lies in time
 
 @dataclass(frozen=True)
 class Zone:
-    """A narrow feature that was planted: along time or along a row of the state, at a place, of a width.
+    """A narrow feature that was planted: along time or along a row of the state, at a place, of a
+    width.
 
-    An integrator that steps no further than the distance to the place plus the width cannot miss it. A feature in space
-    may travel, at a speed.
+    An integrator that steps no further than the distance to the place plus the width cannot miss
+    it. A feature in space may travel, at a speed.
     """
 
     row: int
@@ -104,20 +107,28 @@ class Mechanics:
             return law and (lambda t, *state: law(t + time, *state))
 
         zones = tuple(
-            replace(zone, place=zone.place - time if zone.row == TIME else zone.place + zone.speed * time)
+            replace(
+                zone,
+                place=zone.place - time if zone.row == TIME else zone.place + zone.speed * time,
+            )
             for zone in self.zones
         )
         laws = {
-            name: shifted(getattr(self, name)) for name in ("force", "threshold", "kinetic", "belt", "law", "kinks")
+            name: shifted(getattr(self, name))
+            for name in ("force", "threshold", "kinetic", "belt", "law", "kinks")
         }
         return replace(self, zones=zones, **laws)
 
     def held(self, y: Array, change: Array) -> Array:
-        """What is left of a change of a state at t = 0 if the contacts that stick there go on sticking."""
-        nq, n, J = self.kinds[0], sum(self.kinds[:3]), np.asarray(self.J, dtype=float)
+        """What is left of a change of a state at t = 0 if the contacts that stick there go on
+        sticking."""
+        nq = self.kinds[0]
+        n = sum(self.kinds[:3])
+        J = np.asarray(self.J, dtype=float)
         w = np.real(np.asarray(self.belt(0.0))) if self.belt is not None else np.zeros(len(J))
         rows = J[:, :nq][
-            np.any(J[:, :nq] != 0.0, axis=1) & (np.abs(J[:, :nq] @ y[n : n + nq] - w) <= 1e-14 * (1 + np.abs(w)))
+            np.any(J[:, :nq] != 0.0, axis=1)
+            & (np.abs(J[:, :nq] @ y[n : n + nq] - w) <= 1e-14 * (1 + np.abs(w)))
         ]
         kept = change.copy()
         kept[n : n + nq] -= np.linalg.pinv(rows) @ (rows @ change[n : n + nq])

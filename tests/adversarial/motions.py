@@ -15,17 +15,28 @@ from .event_driven import Motion, integrate
 from .mechanics import TIME, Array
 from .pieces import NoAnswer
 from .registry import in_turn
-from .verdict import AGREED, NO_REFERENCE, NOT_CERTIFIED, REFUSED, WRONG, OutOfTime, Verdict, at_most
+from .verdict import (
+    AGREED,
+    NO_REFERENCE,
+    NOT_CERTIFIED,
+    REFUSED,
+    WRONG,
+    OutOfTime,
+    Verdict,
+    at_most,
+)
 
 __all__ = ["FAMILIES", "cases", "draw", "judge", "reproduction"]
 
 CLOSE = 1e-8  # relative; ten times the tolerance of the library's certificate
 CERTIFIED = 1e-9  # what the certificate leaves open, to be multiplied by the condition of a motion
 SHIFT = 1e-7  # relative change of the start and of all friction by which the condition is measured
-LEAST = 1e-3  # natural size: relative to less, an error of CLOSE is below what the library's atol lets pass
+# natural size: relative to less, an error of CLOSE is below what the library's atol lets pass
+LEAST = 1e-3
 LONG = 1e-5  # of the span: phases that have to be there
 MOST_EVENTS = 20_000
-PATIENCE = 300.0  # seconds of the processor for the library (with its compiler), and for the reference
+# seconds of the processor for the library (with its compiler), and for the reference
+PATIENCE = 300.0
 
 
 def cases(seed: int = 0, count: int = 100) -> Iterator[Case]:
@@ -47,7 +58,11 @@ def _judge(case: Case) -> Verdict:
         with at_most(PATIENCE):
             reference = integrate(case.mechanics, (0.0, case.duration), case.start, instants(case))
     except NoAnswer as error:
-        if str(error) == "unstable start" and isinstance(motion, str) and "DeclarationError: initial" in motion:
+        if (
+            str(error) == "unstable start"
+            and isinstance(motion, str)
+            and "DeclarationError: initial" in motion
+        ):
             return Verdict(AGREED, "both refuse the start")
         return Verdict(NO_REFERENCE, without_numbers(str(error)), {"error": str(error)})
     except (OutOfTime, np.linalg.LinAlgError, ValueError) as error:
@@ -58,7 +73,7 @@ def _judge(case: Case) -> Verdict:
     return many(case, motion, verdict) if verdict.kind == AGREED and motion.outcome.ok else verdict
 
 
-# -- the library -------------------------------------------------------------------------------------------------------
+# -- the library -----------------------------------------------------------------------------------
 
 
 def simulated(case: Case) -> ss.Trajectory | str:
@@ -106,7 +121,7 @@ def compare_end(case: Case, motion: ss.Trajectory | str) -> Verdict:
     return Verdict(AGREED, label, numbers)
 
 
-# -- comparison --------------------------------------------------------------------------------------------------------
+# -- comparison ------------------------------------------------------------------------------------
 
 
 def instants(case: Case) -> Array:
@@ -122,7 +137,8 @@ def instants(case: Case) -> Array:
 
 
 def sizes(case: Case, states: Array) -> Array:
-    """Sizes of coordinates, of rates, and of each internal variable: what differences are relative to."""
+    """Sizes of coordinates, of rates, and of each internal variable: what differences are relative
+    to."""
     assert case.mechanics is not None
     nq, nz, nr, _ = case.mechanics.kinds
     n = nq + nz + nr
@@ -142,7 +158,9 @@ def compare(case: Case, motion: ss.Trajectory, reference: Motion) -> Verdict:
     keep = reference.times <= min(reached, reference.end) * (1 - 1e-9 * ended)
     times, states = reference.times[keep], reference.states[keep]
     sampled = motion.at(np.clip(case.origin + times * unit, case.span[0], motion.knots.time[-1]))
-    found = np.array([np.asarray(sampled[n]) / case.units.get(n, 1.0) for n in case.names]).T.reshape(states.shape)
+    found = np.array(
+        [np.asarray(sampled[n]) / case.units.get(n, 1.0) for n in case.names]
+    ).T.reshape(states.shape)
     size = sizes(case, reference.states)
     off = np.max(np.abs(found - states) / size, axis=1, initial=0.0)
     off = np.where(np.isfinite(off), off, np.inf)
@@ -161,26 +179,40 @@ def compare(case: Case, motion: ss.Trajectory, reference: Motion) -> Verdict:
     return _said(case, motion, reference, reached, fault, numbers)
 
 
-def _said(case: Case, motion: ss.Trajectory, reference: Motion, reached: float, fault: str, numbers: dict) -> Verdict:
+def _said(
+    case: Case, motion: ss.Trajectory, reference: Motion, reached: float, fault: str, numbers: dict
+) -> Verdict:
     """What the library says of its motion, and what is to be said of that."""
-    certified, ended = motion.certificate.ok, not motion.outcome.ok
+    certified = motion.certificate.ok
+    ended = not motion.outcome.ok
     kind_of_fault = re.sub(r"by .*|at t = .*", "", fault).strip()
     numbers |= {"fault": fault} if fault else {}
     if fault and certified:
         return Verdict(WRONG, kind_of_fault, numbers)
     if ended:
-        same = reference.outcome == motion.outcome.label and abs(reached - reference.end) < 1e-5 * case.duration
+        same = (
+            reference.outcome == motion.outcome.label
+            and abs(reached - reference.end) < 1e-5 * case.duration
+        )
         if same and not fault:
             return Verdict(AGREED, motion.outcome.label, numbers)
         note = motion.outcome.label + ("; yet the certificate is ok" if certified else "")
-        return Verdict(REFUSED, note, numbers | {"reached": reached, "reference": reference.outcome})
+        return Verdict(
+            REFUSED, note, numbers | {"reached": reached, "reference": reference.outcome}
+        )
     if reference.outcome != "finished":
         numbers |= {"reference": reference.outcome, "end": reference.end}
-        return Verdict(WRONG if certified else NOT_CERTIFIED, f"goes on beyond {reference.outcome}", numbers)
+        return Verdict(
+            WRONG if certified else NOT_CERTIFIED, f"goes on beyond {reference.outcome}", numbers
+        )
     if not certified:
         found = motion.certificate
-        reasons = [r.name for r in found.residuals if not r.ok] + ["not verified everywhere"] * bool(found.unverified)
-        return Verdict(NOT_CERTIFIED, ", ".join(reasons) + (", and wrong" if fault else ", but right"), numbers)
+        reasons = [r.name for r in found.residuals if not r.ok] + [
+            "not verified everywhere"
+        ] * bool(found.unverified)
+        return Verdict(
+            NOT_CERTIFIED, ", ".join(reasons) + (", and wrong" if fault else ", but right"), numbers
+        )
     if motion.outcome is ss.Outcome.AT_REST and moves_later(case, reference):
         return Verdict(WRONG, "moves again where it is said to rest forever", numbers)
     return Verdict(AGREED, "", numbers)
@@ -189,7 +221,9 @@ def _said(case: Case, motion: ss.Trajectory, reference: Motion, reached: float, 
 def moves_later(case: Case, reference: Motion) -> bool:
     """Whether the motion goes on after the span, in three times its length."""
     assert case.mechanics is not None
-    later = integrate(case.mechanics, (0.0, 4 * case.duration), case.start, np.array([4 * case.duration]), 1e-10)
+    later = integrate(
+        case.mechanics, (0.0, 4 * case.duration), case.start, np.array([4 * case.duration]), 1e-10
+    )
     return len(later.phases) > len(reference.phases)
 
 
@@ -217,11 +251,12 @@ def many(case: Case, motion: ss.Trajectory, agreed: Verdict) -> Verdict:
 def tolerance(case: Case, reference: Motion, times: Array, size: Array) -> tuple[Array, float]:
     """How far a right motion may be off at each time, and the condition of the motion.
 
-    The reference's own error is seen by a hundred times its tolerance. The condition is how much more a motion differs
-    than its start and its friction do.
+    The reference's own error is seen by a hundred times its tolerance. The condition is how much
+    more a motion differs than its start and its friction do.
     """
     assert case.mechanics is not None
-    m, rng = case.mechanics, np.random.default_rng(case.seed)
+    m = case.mechanics
+    rng = np.random.default_rng(case.seed)
     kick = SHIFT * m.held(case.start, size * rng.choice([-1.0, 1.0], len(size)))
     runs = [
         (m, case.start, 1e-10, 1.0),
@@ -239,7 +274,9 @@ def tolerance(case: Case, reference: Motion, times: Array, size: Array) -> tuple
             continue
         common = min(len(times), len(other.times))
         gap = np.full(len(times), np.inf if rtol > 1e-12 else 0.0)
-        gap[:common] = np.max(np.abs(other.states[:common] - reference.states[:common]) / size, axis=1, initial=0.0)
+        gap[:common] = np.max(
+            np.abs(other.states[:common] - reference.states[:common]) / size, axis=1, initial=0.0
+        )
         if rtol > 1e-12:
             own = np.minimum(gap, 1.0)
         else:
@@ -250,19 +287,30 @@ def tolerance(case: Case, reference: Motion, times: Array, size: Array) -> tuple
     return allowed, float(np.max(condition, initial=0.0))
 
 
-def compare_contacts(case: Case, motion: ss.Trajectory, reference: Motion, times: Array, sampled: dict) -> str:
-    """Forces at the sample times, away from switches, and modes in the middle of every phase that is long enough."""
+def compare_contacts(
+    case: Case, motion: ss.Trajectory, reference: Motion, times: Array, sampled: dict
+) -> str:
+    """Forces at the sample times, away from switches, and modes in the middle of every phase that
+    is long enough."""
     keys = [re.sub(r"\W", "_", name) for name in case.system.contacts]
     switched = np.array([phase.time for phase in reference.phases])
     gap = LONG * case.duration
     calm = np.array([np.min(np.abs(switched - t), initial=np.inf) > gap for t in times], dtype=bool)
     expected = reference.friction[: len(times)][calm]
-    got = np.array([np.asarray(sampled[f"friction_{key}"]) for key in keys]).T.reshape(len(times), -1)
+    got = np.array([np.asarray(sampled[f"friction_{key}"]) for key in keys]).T.reshape(
+        len(times), -1
+    )
     got = got[calm] / case.units.get("force", 1.0)
-    # What rests without a load is held by rounding errors: forces are measured against their thresholds, too.
-    thresholds = [np.abs(np.asarray(sampled[f"threshold_{side}_{key}"])) for key in keys for side in ("plus", "minus")]
+    # What rests without a load is held by rounding errors: forces are measured against their
+    # thresholds, too.
+    thresholds = [
+        np.abs(np.asarray(sampled[f"threshold_{side}_{key}"]))
+        for key in keys
+        for side in ("plus", "minus")
+    ]
     size = max(
-        np.nanmax(thresholds, initial=0.0) / case.units.get("force", 1.0), np.nanmax(np.abs(expected), initial=0.0)
+        np.nanmax(thresholds, initial=0.0) / case.units.get("force", 1.0),
+        np.nanmax(np.abs(expected), initial=0.0),
     )
     worst = np.nanmax(np.abs(got - expected), initial=0.0) / max(size, 1e-300)
     if worst > 100 * max(CLOSE, 10 * case.noise):
@@ -271,13 +319,16 @@ def compare_contacts(case: Case, motion: ss.Trajectory, reference: Motion, times
 
 
 def compare_modes(case: Case, motion: ss.Trajectory, reference: Motion, keys: list[str]) -> str:
-    """The same modes for as long as it matters: where they differ, so little moves that it cannot be seen."""
+    """The same modes for as long as it matters: where they differ, so little moves that it cannot
+    be seen."""
     contacts = [c.name for c in motion._problem.compiled.equations.contacts]
     times = (np.asarray(motion.knots.time) - case.origin) / case.units.get("time", 1.0)
     theirs = np.array([phase.time for phase in reference.phases])
     for i, (key, name) in enumerate(zip(keys, case.system.contacts, strict=True)):
         own = phases(times, np.asarray(motion.knots.mode)[:, contacts.index(name)], case.duration)
-        expected = phases(theirs, np.array([phase.mode[i] for phase in reference.phases]), case.duration)
+        expected = phases(
+            theirs, np.array([phase.mode[i] for phase in reference.phases]), case.duration
+        )
         for begin, end, mode in own:
             for other_begin, other_end, other in expected:
                 first, last = max(begin, other_begin), min(end, other_end)
@@ -290,7 +341,8 @@ def compare_modes(case: Case, motion: ss.Trajectory, reference: Motion, keys: li
 
 def slip_between(case: Case, motion: ss.Trajectory, contact: int, key: str, time: float) -> float:
     """Larger one of the relative velocities that the library and the reference give a contact."""
-    m, unit = case.mechanics, case.units.get("time", 1.0)
+    m = case.mechanics
+    unit = case.units.get("time", 1.0)
     assert m is not None
     rates = integrate(m, (0.0, case.duration), case.start, np.array([time])).rates[0]
     w = m.belt(time)[contact] if m.belt is not None else 0.0

@@ -1,10 +1,12 @@
 """One mode and region: a smooth motion with guards.
 
-With the mode σᵢ ∈ {−, stick, +} of every contact and the side of every kink fixed, the rates solve W ρ = f + Jᵀλ with
-λᵢ = −σᵢkᵢ in slip and Jρ = ẇ (inertial) or w (viscous) in stick: a constant matrix. A rate-independent coordinate in
-slip follows f + Jλ = 0, differentiated along the motion by the complex step.
+With the mode σᵢ ∈ {−, stick, +} of every contact and the side of every kink fixed, the rates solve
+W ρ = f + Jᵀλ with λᵢ = −σᵢkᵢ in slip and Jρ = ẇ (inertial) or w (viscous) in stick: a constant
+matrix. A rate-independent coordinate in slip follows f + Jλ = 0, differentiated along the motion by
+the complex step.
 
-*Guards* are nonnegative while a mode is right: λ + s⁺ and s⁻ − λ in stick, σu in slip, the signed kink functions.
+*Guards* are nonnegative while a mode is right: λ + s⁺ and s⁻ − λ in stick, σu in slip, the signed
+kink functions.
 """
 
 from __future__ import annotations
@@ -27,17 +29,30 @@ class Piece:
     """Rates and guards of one mode in one region."""
 
     def __init__(self, m: Mechanics, mode: Array, side: Array, static: Sequence[int] = ()) -> None:
-        self.m, self.mode, self.side, self.static = m, mode, side, list(static)
+        self.m = m
+        self.mode = mode
+        self.side = side
+        self.static = list(static)
         nq, nz, nr, _ = m.kinds
-        self.nq, self.p, self.n = nq, nq + nz, nq + nz + nr
+        self.nq = nq
+        self.p = nq + nz
+        self.n = nq + nz + nr
         self.J = J = np.asarray(m.J, dtype=float).reshape(len(mode), self.n)
-        self.Jp, self.Jq = J[:, : self.p], J[:, :nq]
-        self.inertial, self.rate = np.any(self.Jq != 0.0, axis=1), np.any(J[:, self.p :] != 0.0, axis=1)
+        self.Jp = J[:, : self.p]
+        self.Jq = J[:, :nq]
+        self.inertial = np.any(self.Jq != 0.0, axis=1)
+        self.rate = np.any(J[:, self.p :] != 0.0, axis=1)
         self.only_inertial = bool(np.all(self.inertial))
-        self.sticks, self.up, self.down = mode == 0, (mode > 0).astype(float), (mode < 0).astype(float)
+        self.sticks = mode == 0
+        self.up = (mode > 0).astype(float)
+        self.down = (mode < 0).astype(float)
         self.stick = np.flatnonzero(self.sticks & ~self.rate)
-        self.held = [(i, int(np.flatnonzero(J[i])[0])) for i in np.flatnonzero(self.rate & self.sticks)]
-        self.sliding = [(i, int(np.flatnonzero(J[i])[0])) for i in np.flatnonzero(self.rate & ~self.sticks)]
+        self.held = [
+            (i, int(np.flatnonzero(J[i])[0])) for i in np.flatnonzero(self.rate & self.sticks)
+        ]
+        self.sliding = [
+            (i, int(np.flatnonzero(J[i])[0])) for i in np.flatnonzero(self.rate & ~self.sticks)
+        ]
         self.still, self.ones = np.zeros(len(mode)), np.ones(len(mode))
         self._solve_once()
 
@@ -53,7 +68,8 @@ class Piece:
         # Forces of redundant contacts are unique up to this direction.
         self.spare = vectors[:, ~full] * scale[:, None]
         self.B = self.inverse @ JS.T @ self.G
-        # Rates that stick allows: through a basis of them, so that what sticks beside something heavy does not creep.
+        # Rates that stick allows: through a basis of them, so that what sticks beside something
+        # heavy does not creep.
         Z = np.linalg.svd(JS)[2][np.count_nonzero(full) :].T if len(JS) else np.eye(self.p)
         self.A = Z @ np.linalg.inv(Z.T @ W @ Z) @ Z.T
 
@@ -72,9 +88,15 @@ class Piece:
         return out, self._guards(t, y, plus, minus, lam, u), lam
 
     def evaluate(self, t: float, y: Array) -> tuple[Array, ...]:
-        """Rates, smooth forces, friction in slip (0 in stick), thresholds, relative velocities and surface speeds."""
-        m, n, nq, p = self.m, self.n, self.nq, self.p
-        x, v, a = y[:n], y[n : n + nq], y[n + nq :]
+        """Rates, smooth forces, friction in slip (0 in stick), thresholds, relative velocities and
+        surface speeds."""
+        m = self.m
+        n = self.n
+        nq = self.nq
+        p = self.p
+        x = y[:n]
+        v = y[n : n + nq]
+        a = y[n + nq :]
         f = np.asarray(m.force(t, x, v, a, self.side))
         w, w_rate = self.belt(t)
         u = self.Jq @ v - w
@@ -93,7 +115,9 @@ class Piece:
         else:
             target = target[:0]
         out = np.zeros(len(y))
-        out[:nq], out[nq:p], out[n : n + nq] = v, rho[nq:], rho[:nq]
+        out[:nq] = v
+        out[nq:p] = rho[nq:]
+        out[n : n + nq] = rho[:nq]
         if m.law is not None:
             out[n + nq :] = m.law(t, x, out[:n], a, self.side)
         if self.sliding:
@@ -121,43 +145,60 @@ class Piece:
         return columns, np.array([self.along(t, y, 0.0, d) for d in directions]).T
 
     def along(self, t: float, y: Array, dt: float, dy: Array) -> Array:
-        """Derivative of the balance of the sliding rate-independent coordinates along a direction."""
-        return self.balance(t + COMPLEX_STEP * 1j * dt, y + COMPLEX_STEP * 1j * dy).imag / COMPLEX_STEP
+        """Derivative of the balance of the sliding rate-independent coordinates along a
+        direction."""
+        return (
+            self.balance(t + COMPLEX_STEP * 1j * dt, y + COMPLEX_STEP * 1j * dy).imag / COMPLEX_STEP
+        )
 
     def balance(self, t: complex, y: Array) -> Array:
         """f + Jλ of the rate-independent coordinates that slide."""
         n, nq = self.n, self.nq
         state = t, y[:n], y[n : n + nq], y[n + nq :], self.side
         f, (plus, minus) = self.m.force(*state), pair(self.m.threshold(*state))
-        return np.array([f[k] - self.J[i, k] * (plus[i] if self.mode[i] > 0 else -minus[i]) for i, k in self.sliding])
+        return np.array(
+            [
+                f[k] - self.J[i, k] * (plus[i] if self.mode[i] > 0 else -minus[i])
+                for i, k in self.sliding
+            ]
+        )
 
     def _guards(self, t: float, y: Array, plus: Array, minus: Array, lam: Array, u: Array) -> Array:
         upper = np.where(self.sticks, minus - lam, self.mode * u)
         lower = np.where(self.sticks, lam + plus, 1.0)
         if self.spare.shape[1] == 1:
             # Some force in the segment λ + cν has to be admissible: the room that is left for c.
-            S, nu = self.stick, self.spare[:, 0]
+            S = self.stick
+            nu = self.spare[:, 0]
             moved = np.abs(nu) > 1e-9 * np.max(np.abs(nu))
             a_end = (np.where(nu > 0, -plus[S], minus[S]) - lam[S])[moved] / nu[moved]
             b_end = (np.where(nu > 0, minus[S], -plus[S]) - lam[S])[moved] / nu[moved]
             free = S[moved]
-            upper[free], lower[free] = np.min(b_end) - np.max(a_end), 1.0
+            upper[free] = np.min(b_end) - np.max(a_end)
+            lower[free] = 1.0
             lam[free] = np.nan
         elif self.spare.shape[1] > 1:
             raise NoAnswer("forces with two free directions")
         if self.m.kinks is None:
             return np.concatenate([upper, lower])
         n, nq = self.n, self.nq
-        return np.concatenate([upper, lower, self.side * self.m.kinks(t, y[:n], y[n : n + nq], y[n + nq :])])
+        return np.concatenate(
+            [upper, lower, self.side * self.m.kinks(t, y[:n], y[n : n + nq], y[n + nq :])]
+        )
 
     def scales(self, t: float, y: Array, h: float) -> Array:
-        """Sizes of the guards: forces, relative velocities after a short time h, and 1 for rates and kinks."""
-        n, nq, p = self.n, self.nq, self.p
+        """Sizes of the guards: forces, relative velocities after a short time h, and 1 for rates
+        and kinks."""
+        n = self.n
+        nq = self.nq
+        p = self.p
         state = t, y[:n], y[n : n + nq], y[n + nq :], self.side
         f = np.abs(np.asarray(self.m.force(*state)))
         bound = SMALL + np.max([np.max(s, initial=0.0) for s in pair(self.m.threshold(*state))])
         force = np.max(f, initial=0.0) + bound
-        reach = np.abs(self.Jp @ self.inverse) @ (f[:p] + np.abs(self.Jp.T) @ np.full(len(self.mode), bound))
+        reach = np.abs(self.Jp @ self.inverse) @ (
+            f[:p] + np.abs(self.Jp.T) @ np.full(len(self.mode), bound)
+        )
         speed = np.where(self.inertial, h * reach, np.where(self.rate, 1.0, reach))
         contact = np.where(self.mode == 0, force, speed)
         return np.concatenate([contact, np.full(len(self.mode), force), np.ones(len(self.side))])

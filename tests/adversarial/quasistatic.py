@@ -1,4 +1,5 @@
-"""Rate-independent evolutions by small steps: block descent on ½dᵀAd − rᵀd + Σ Ψ_g(d_g), and the scalar play by clamps.
+"""Rate-independent evolutions by small steps: block descent on ½dᵀAd − rᵀd + Σ Ψ_g(d_g), and the
+scalar play by clamps.
 
 Times are dense where load and thresholds are narrow. Shares nothing with the library.
 """
@@ -13,8 +14,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-SWEEPS, ENOUGH = 400, 1e-13
-ROUNDS = 40  # of inserting the turning points of bounds: in the tail of a pulse they are far from parabolas
+SWEEPS = 400
+ENOUGH = 1e-13
+# of inserting the turning points of bounds: in the tail of a pulse they are far from parabolas
+ROUNDS = 40
 
 
 @njit
@@ -29,7 +32,8 @@ def _interval(a: float, r: float, low: float, high: float) -> float:
 
 @njit
 def _disc(a: Array, r0: float, r1: float, radius: float, d: Array) -> None:
-    """Least of ½ dᵀ a d − rᵀ d + radius |d| in the plane: (a + λ) d = r with λ |d| = radius, by bisection in λ."""
+    """Least of ½ dᵀ a d − rᵀ d + radius |d| in the plane: (a + λ) d = r with λ |d| = radius, by
+    bisection in λ."""
     d[0] = d[1] = 0.0
     if math.hypot(r0, r1) <= radius:
         return
@@ -56,14 +60,20 @@ def _disc(a: Array, r0: float, r1: float, radius: float, d: Array) -> None:
 
 @njit
 def _shifted(a: Array, shift: float, r0: float, r1: float) -> tuple[float, float]:
-    p, q, s = a[0, 0] + shift, a[0, 1], a[1, 1] + shift
+    p = a[0, 0] + shift
+    q = a[0, 1]
+    s = a[1, 1] + shift
     det = p * s - q * q
     return (s * r0 - q * r1) / det, (p * r1 - q * r0) / det
 
 
 @njit
-def _follow(A: Array, loads: Array, low: Array, high: Array, discs: bool, z: Array, states: Array) -> None:
-    n, d, own = len(A), np.zeros(len(A)), np.zeros(2)
+def _follow(
+    A: Array, loads: Array, low: Array, high: Array, discs: bool, z: Array, states: Array
+) -> None:
+    n = len(A)
+    d = np.zeros(len(A))
+    own = np.zeros(2)
     size = 2 if discs else 1
     for k in range(len(loads)):
         r = loads[k] - A @ z
@@ -73,8 +83,10 @@ def _follow(A: Array, loads: Array, low: Array, high: Array, discs: bool, z: Arr
             change = 0.0
             for g in range(n // size):
                 i = size * g
-                before0, before1 = d[i], d[i + size - 1]
-                rest0, rest1 = r[i] + A[i, i] * d[i], 0.0
+                before0 = d[i]
+                before1 = d[i + size - 1]
+                rest0 = r[i] + A[i, i] * d[i]
+                rest1 = 0.0
                 for j in range(n):
                     rest0 -= A[i, j] * d[j]
                 if discs:
@@ -102,8 +114,11 @@ def follow(A: Array, loads: Array, low: Array, high: Array, discs: bool, z: Arra
     return states
 
 
-def play(times: Array, low: Callable[[Array], Array], high: Callable[[Array], Array], z: float, at: Array) -> Array:
-    """The scalar play between L and U at given times: a clamp, exact where the bounds are monotone between times."""
+def play(
+    times: Array, low: Callable[[Array], Array], high: Callable[[Array], Array], z: float, at: Array
+) -> Array:
+    """The scalar play between L and U at given times: a clamp, exact where the bounds are monotone
+    between times."""
     t = np.union1d(times, at)
     lower, upper = low(t), high(t)
     for _ in range(ROUNDS):
@@ -119,10 +134,14 @@ def play(times: Array, low: Callable[[Array], Array], high: Callable[[Array], Ar
 
 
 def _vertices(t: Array, y: Array) -> Array:
-    """Tips of parabolas through the neighbours of local extrema, where these are lower by more than rounding."""
+    """Tips of parabolas through the neighbours of local extrema, where these are lower by more than
+    rounding."""
     k = np.flatnonzero((y[1:-1] - y[:-2]) * (y[2:] - y[1:-1]) < 0.0) + 1
-    a, b, c = t[k - 1], t[k], t[k + 1]
-    p, q = (b - a) * (y[k] - y[k + 1]), (b - c) * (y[k] - y[k - 1])
+    a = t[k - 1]
+    b = t[k]
+    c = t[k + 1]
+    p = (b - a) * (y[k] - y[k + 1])
+    q = (b - c) * (y[k] - y[k - 1])
     with np.errstate(all="ignore"):
         tip = b - 0.5 * ((b - a) * p - (b - c) * q) / (p - q)
         bend = ((y[k + 1] - y[k]) / (c - b) - (y[k] - y[k - 1]) / (b - a)) / (c - a)

@@ -45,7 +45,9 @@ def kind(name: str) -> Kind:
     return import_module(f"{__package__}.{name}")  # type: ignore[return-value]
 
 
-def in_turn(families: Iterable[str], draw: Callable[[str, int], Case], seed: int, count: int) -> Iterator[Case]:
+def in_turn(
+    families: Iterable[str], draw: Callable[[str, int], Case], seed: int, count: int
+) -> Iterator[Case]:
     """Cases of all families in turn."""
     names = list(families)
     for i in range(count):

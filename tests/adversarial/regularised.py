@@ -1,7 +1,9 @@
-"""A second opinion: friction smoothed and integrated as a stiff equation. Coarse, but it decides nothing by itself.
+"""A second opinion: friction smoothed and integrated as a stiff equation. Coarse, but it decides
+nothing by itself.
 
-Every coordinate gets a small mass if it has none, and a contact pulls with −k tanh(u/ε), with s up to |u| ≈ 30ε.
-The error is of that order; it shows gross mistakes of an event-driven method, which knows of modes.
+Every coordinate gets a small mass if it has none, and a contact pulls with −k tanh(u/ε), with s up
+to |u| ≈ 30ε. The error is of that order; it shows gross mistakes of an event-driven method, which
+knows of modes.
 """
 
 from __future__ import annotations
@@ -15,7 +17,11 @@ from .mechanics import TIME, Array, Law, Mechanics, pair
 
 
 def regularised(
-    m: Mechanics, span: tuple[float, float], start: Sequence[float], times: Array, epsilon: float = 1e-5
+    m: Mechanics,
+    span: tuple[float, float],
+    start: Sequence[float],
+    times: Array,
+    epsilon: float = 1e-5,
 ) -> Array:
     """States (x, v, a) at given times.
 
@@ -25,7 +31,8 @@ def regularised(
         If the stiff integrator gives up.
     """
     nq, nz, nr, na = m.kinds
-    n, p = nq + nz + nr, nq + nz
+    n = nq + nz + nr
+    p = nq + nz
     J = np.asarray(m.J, dtype=float).reshape(len(m.J), n)
     inertia = np.asarray(m.inertia, dtype=float).reshape(p, p)
     mass = 1e-4 * epsilon * np.eye(n)
@@ -36,9 +43,15 @@ def regularised(
     inverse = np.linalg.inv(mass)
 
     def rhs(t: float, y: Array) -> Array:
-        x, rates, a = y[:n], y[n : 2 * n], y[2 * n :]
+        x = y[:n]
+        rates = y[n : 2 * n]
+        a = y[2 * n :]
         v = rates[:nq]
-        side = np.where(np.asarray(m.kinks(t, x, v, a)) >= 0, 1, -1) if m.kinks is not None else np.zeros(0)
+        side = (
+            np.where(np.asarray(m.kinks(t, x, v, a)) >= 0, 1, -1)
+            if m.kinks is not None
+            else np.zeros(0)
+        )
         w = np.asarray(m.belt(t), dtype=float) if m.belt is not None else np.zeros(len(J))
         u = J @ rates - w
         plus, minus = pair(m.threshold(t, x, v, a, side))
@@ -47,7 +60,11 @@ def regularised(
             k_plus, k_minus = pair(m.kinetic(t, x, v, a, side, np.abs(u)))
             kinetic = np.where(u > 0, k_plus, k_minus)
             bound = kinetic + (bound - kinetic) * np.exp(-((u / (30 * epsilon)) ** 8))
-        force = np.asarray(m.force(t, x, v, a, side)) - damping @ rates - J.T @ (bound * np.tanh(u / epsilon))
+        force = (
+            np.asarray(m.force(t, x, v, a, side))
+            - damping @ rates
+            - J.T @ (bound * np.tanh(u / epsilon))
+        )
         law = np.asarray(m.law(t, x, rates, a, side)) if m.law is not None else np.zeros(na)
         return np.concatenate([rates, inverse @ force, law])
 
@@ -57,7 +74,9 @@ def regularised(
     return _steps(m, rhs, span, y, times, n, nq)
 
 
-def _steps(m: Mechanics, rhs: Law, span: tuple[float, float], y: Array, times: Array, n: int, nq: int) -> Array:
+def _steps(
+    m: Mechanics, rhs: Law, span: tuple[float, float], y: Array, times: Array, n: int, nq: int
+) -> Array:
     solver = Radau(rhs, span[0], y, span[1], max_step=m.step, rtol=1e-7, atol=1e-10)
     found: list[Array] = [np.array(y) for t in times if t <= span[0]]
     while solver.status == "running":

@@ -43,7 +43,8 @@ def grouped(rows: Iterable[Row], key: str) -> dict[str, list[Row]]:
 
 
 def reasons(rows: list[Row]) -> str:
-    """Every reason of everything that did not agree: how often, in which families, and its smallest reproduction."""
+    """Every reason of everything that did not agree: how often, in which families, and its smallest
+    reproduction."""
     parts = []
     for verdict in (WRONG, NOT_CERTIFIED, REFUSED, NO_REFERENCE):
         own = [row for row in rows if row["verdict"] == verdict]
@@ -59,15 +60,23 @@ def _example(rows: list[Row]) -> str:
     families = ", ".join(f"{name} ({len(own)})" for name, own in grouped(rows, "family").items())
     least = min(rows, key=lambda row: len(row.get("reproduction", "")))
     numbers = "\n".join(f"# {name}: {value}" for name, value in least["numbers"].items())
-    script = f"# {least['family']}, seed {least['seed']}\n{least.get('reproduction', '')}\n{numbers}"
+    script = (
+        f"# {least['family']}, seed {least['seed']}\n{least.get('reproduction', '')}\n{numbers}"
+    )
     return f"Families: {families}.\n\n```python\n{script}\n```"
 
 
 def summary(rows: list[Row]) -> str:
     """The whole report, as Markdown."""
-    off = [row["numbers"]["difference"] for row in rows if row["verdict"] == AGREED and "difference" in row["numbers"]]
+    off = [
+        row["numbers"]["difference"]
+        for row in rows
+        if row["verdict"] == AGREED and "difference" in row["numbers"]
+    ]
     found = counts(rows)
     head = [f"{len(rows)} cases: " + ", ".join(f"{found[name]} {name}" for name in COLUMNS) + "."]
     if off:
-        head.append(f"Where both agree, the median of the largest relative difference is {median(off):.1e}.")
+        head.append(
+            f"Where both agree, the median of the largest relative difference is {median(off):.1e}."
+        )
     return "\n\n".join(["\n".join(head), table(rows), reasons(rows)]) + "\n"

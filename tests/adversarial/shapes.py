@@ -1,4 +1,5 @@
-"""Narrow shapes: how a formula writes them, and what they are, free of overflow and good for complex arguments."""
+"""Narrow shapes: how a formula writes them, and what they are, free of overflow and good for
+complex arguments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A few dozen random averages, evolutions and plays against their references. Long: ``python -m tests.adversarial``."""
+"""A few dozen random averages, evolutions and plays against their references. Long: ``python -m
+tests.adversarial``."""
 
 from __future__ import annotations
 
@@ -41,7 +42,9 @@ def test_average(family: str, seed: int) -> None:
     assert verdict.kind == AGREED, f"{verdict}\n{averages.reproduction(case)}"
 
 
-@pytest.mark.parametrize(("family", "seed"), [(f, s) for f, seeds in STEPPED.items() for s in seeds])
+@pytest.mark.parametrize(
+    ("family", "seed"), [(f, s) for f, seeds in STEPPED.items() for s in seeds]
+)
 def test_evolution(family: str, seed: int) -> None:
     verdict = evolutions.judge(case := evolutions.draw(family, seed))
     assert verdict.kind == AGREED, f"{verdict}\n{evolutions.reproduction(case)}"
@@ -54,19 +57,23 @@ def test_a_function_is_certified_as_sampled() -> None:
 
 @pytest.mark.parametrize("kind", curves.WELLS)
 @pytest.mark.parametrize("width", [1e-2, 1e-4, 1e-6, 1e-8])
-def test_a_well_of_any_width_is_found(kind: str, width: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_well_of_any_width_is_found(
+    kind: str, width: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The reference that searches knows where to look; the library does not."""
     rng = np.random.default_rng(int(-np.log10(width)))
     curve = curves.with_a_well(rng, 0.25, kind)
     place, own = curve.narrow[0]
     narrow = replace(curve, text=curve.text.replace(repr(np.pi * own), repr(float(np.pi * width))))
-    case = averages.Case("", 0, "", lambda V: 0.25 * abs(float(V[0])), np.ones((1, 1)), 3e-14 / width, 1.0, None)
+    case = averages.Case(
+        "", 0, "", lambda V: 0.25 * abs(float(V[0])), np.ones((1, 1)), 3e-14 / width, 1.0, None
+    )
     verdict = averages.judge(replace(case, made=averages.ss.WeightedL1([narrow.text])))
     assert verdict.kind in (AGREED, NOT_CERTIFIED), verdict
     assert verdict.numbers["difference"] <= 1e-12 + 3e-14 / width, (place, verdict)
 
 
-# -- the judges --------------------------------------------------------------------------------------------------------
+# -- the judges ------------------------------------------------------------------------------------
 
 
 def test_a_wrong_average_is_called_wrong() -> None:
@@ -75,7 +82,9 @@ def test_a_wrong_average_is_called_wrong() -> None:
     assert averages.judge(replace(case, reference=lambda V: right(V) * (1.0 + 1e-6))).kind == WRONG
 
 
-@pytest.mark.parametrize(("family", "off"), [("play with a pulse", 1e-5), ("one component with a pulse", 0.3)])
+@pytest.mark.parametrize(
+    ("family", "off"), [("play with a pulse", 1e-5), ("one component with a pulse", 0.3)]
+)
 def test_wrong_states_are_called_wrong(family: str, off: float) -> None:
     case = evolutions.draw(family, 1)
 
@@ -87,21 +96,27 @@ def test_wrong_states_are_called_wrong(family: str, off: float) -> None:
 
 
 def test_a_dip_between_two_steps_is_in_the_error_of_z() -> None:
-    """The force overshoots by 4e-4 in a dip of width 2e-6, within the tolerance, and z misses that."""
+    """The force overshoots by 4e-4 in a dip of width 2e-6, within the tolerance, and z misses
+    that."""
     verdict = evolutions.judge(evolutions.draw("thresholds with dips", 105))
     assert verdict.kind == AGREED, verdict
 
 
-# -- dense steps -------------------------------------------------------------------------------------------------------
+# -- dense steps -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kernels", [name for name in dense_steps.KERNELS if name])
 def test_dense_steps_to_rounding_with_all_kernels(kernels: str) -> None:
     environment = os.environ | {"OPENBLAS_CORETYPE": kernels}
-    program = "from adversarial import dense_steps as d; print(max(d.step(k).residual for k in range(70)))"
+    program = (
+        "from adversarial import dense_steps as d; "
+        "print(max(d.step(k).residual for k in range(70)))"
+    )
     path = os.pathsep.join(str(ROOT / part) for part in ("src", "tests"))
     environment |= {"PYTHONPATH": path}
-    done = subprocess.run([sys.executable, "-c", program], env=environment, check=True, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=environment, check=True, capture_output=True, text=True
+    )
     assert float(done.stdout) <= 1e-11
 
 

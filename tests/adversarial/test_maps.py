@@ -1,4 +1,5 @@
-"""A few dozen random points of maps against brute force. The long run is ``python -m tests.adversarial``."""
+"""A few dozen random points of maps against brute force. The long run is ``python -m
+tests.adversarial``."""
 
 from __future__ import annotations
 
@@ -43,12 +44,17 @@ def test_point(family: str, seed: int) -> None:
         ("energy_per_cycle", 1.0001, "another energy_per_cycle"),
     ],
 )
-def test_a_wrong_point_is_called_wrong(monkeypatch: pytest.MonkeyPatch, measure: str, factor: float, said: str) -> None:
-    case, found = maps.draw("toy that may walk", 0), maps.measured(maps.draw("toy that may walk", 0))
+def test_a_wrong_point_is_called_wrong(
+    monkeypatch: pytest.MonkeyPatch, measure: str, factor: float, said: str
+) -> None:
+    case = maps.draw("toy that may walk", 0)
+    found = maps.measured(maps.draw("toy that may walk", 0))
     monkeypatch.setattr(maps, "measured", lambda c: found | {measure: factor * found[measure]})
     verdict = maps.judge(case)
     assert (verdict.kind, verdict.note) == (WRONG, said)
-    monkeypatch.setattr(maps, "measured", lambda c: found | {measure: factor * found[measure], "lacking": 1})
+    monkeypatch.setattr(
+        maps, "measured", lambda c: found | {measure: factor * found[measure], "lacking": 1}
+    )
     assert maps.judge(case).kind == NOT_CERTIFIED
 
 

@@ -1,4 +1,5 @@
-"""A few dozen random motions against the reference. The long run is ``python -m tests.adversarial``."""
+"""A few dozen random motions against the reference. The long run is ``python -m
+tests.adversarial``."""
 
 from __future__ import annotations
 
@@ -51,16 +52,19 @@ def test_motion(family: str, seed: int) -> None:
     assert "yet the certificate is ok" not in verdict.note
 
 
-# -- the judge ---------------------------------------------------------------------------------------------------------
+# -- the judge -------------------------------------------------------------------------------------
 
 
 def other(case: Case, **changes: float) -> Case:
     """The same case with some of the library's parameters multiplied."""
-    return replace(case, parameters={n: v * changes.get(n, 1.0) for n, v in case.parameters.items()})
+    return replace(
+        case, parameters={n: v * changes.get(n, 1.0) for n, v in case.parameters.items()}
+    )
 
 
 def test_a_wrong_motion_is_called_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
-    case, simulated = draw("forced oscillator", 0), motions.simulated
+    case = draw("forced oscillator", 0)
+    simulated = motions.simulated
     monkeypatch.setattr(motions, "simulated", lambda c: simulated(other(c, mu=1 + 1e-6)))
     verdict = motions.judge(case)
     assert verdict.kind == WRONG
@@ -70,7 +74,8 @@ def test_a_wrong_motion_is_called_wrong(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_a_refused_motion_is_called_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    case, simulated = draw("forced oscillator", 0), motions.simulated
+    case = draw("forced oscillator", 0)
+    simulated = motions.simulated
     monkeypatch.setattr(motions, "simulated", lambda c: simulated(other(c, k=np.nan)))
     verdict = motions.judge(case)
     assert verdict.kind == REFUSED
@@ -81,22 +86,33 @@ def test_a_refused_motion_is_called_refused(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_an_end_that_does_not_come_is_called_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
-    case, simulated = draw("forced oscillator", 0), motions.simulated
+    case = draw("forced oscillator", 0)
+    simulated = motions.simulated
     ends = replace(case, mechanics=None, expected=("no bounded rate", 3.0))
     assert motions.judge(ends).kind == WRONG
     monkeypatch.setattr(motions, "simulated", lambda c: simulated(c))
     assert "goes on" in motions.judge(ends).note
 
 
-# -- families and the command ------------------------------------------------------------------------------------------
+# -- families and the command ----------------------------------------------------------------------
 
 
 def test_families_are_many_and_their_cases_fixed() -> None:
     assert len(FAMILIES) >= 30
     for family in FAMILIES:
-        one, same, next_one = draw(family, 3), draw(family, 3), draw(family, 4)
-        assert (one.parameters, one.initial, one.duration) == (same.parameters, same.initial, same.duration)
-        assert (one.parameters, one.initial, one.duration) != (next_one.parameters, next_one.initial, next_one.duration)
+        one = draw(family, 3)
+        same = draw(family, 3)
+        next_one = draw(family, 4)
+        assert (one.parameters, one.initial, one.duration) == (
+            same.parameters,
+            same.initial,
+            same.duration,
+        )
+        assert (one.parameters, one.initial, one.duration) != (
+            next_one.parameters,
+            next_one.initial,
+            next_one.duration,
+        )
         assert FAMILIES[family].__doc__
     in_turn = list(motions.cases(5, len(FAMILIES) + 1))
     assert [c.family for c in in_turn] == [*FAMILIES, next(iter(FAMILIES))]
@@ -106,14 +122,22 @@ def test_families_are_many_and_their_cases_fixed() -> None:
 def test_plan_leaves_out_what_is_done() -> None:
     families = list(FAMILIES)
     whole = list(plan(2 * len(families), 0, "motions", set()))
-    assert {(f, s) for _, f, seeds in whole for s in seeds} == {(f, s) for f in families for s in (0, 1)}
+    assert {(f, s) for _, f, seeds in whole for s in seeds} == {
+        (f, s) for f in families for s in (0, 1)
+    }
     rest = list(plan(2 * len(families), 0, "motions", {("motions", families[0], 1)}))
     assert [seeds for _, f, seeds in rest if f == families[0]] == [[0]]
 
 
 def test_report_counts_and_shows_the_shortest() -> None:
     def row(family: str, verdict: str, note: str = "", script: str = "") -> dict:
-        return {"kind": "motions", "family": family, "seed": 1, "verdict": verdict, "note": note} | {
+        return {
+            "kind": "motions",
+            "family": family,
+            "seed": 1,
+            "verdict": verdict,
+            "note": note,
+        } | {
             "numbers": {"difference": 1e-13},
             "reproduction": script,
         }
@@ -128,10 +152,20 @@ def test_report_counts_and_shows_the_shortest() -> None:
 
 def test_command_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
     out, table = tmp_path / "rows.jsonl", tmp_path / "truth.md"
-    command = [sys.executable, "-m", "tests.adversarial", "--only", "forced oscillator", "--workers", "1"]
+    command = [
+        sys.executable,
+        "-m",
+        "tests.adversarial",
+        "--only",
+        "forced oscillator",
+        "--workers",
+        "1",
+    ]
     command += ["--out", str(out), "--table", str(table)]
     root = Path(__file__).parents[2]
-    ended = subprocess.run([*command, "--count", "2"], cwd=root, capture_output=True, text=True, check=False)
+    ended = subprocess.run(
+        [*command, "--count", "2"], cwd=root, capture_output=True, text=True, check=False
+    )
     assert ended.returncode == 0, ended.stderr
     assert ended.stderr == ""
     first = out.read_text()

@@ -30,12 +30,16 @@ def test_forced_coulomb_oscillator() -> None:
     m = by_hand("inertial", {"m": 1.0, "k": 1.0, "mu": 0.5}, lambda t: math.cos(0.5 * t))
     expected = [2.318558961454817, 2.941257811266674, 7.229012432035236]
     expected += [7.642859644307301, 12.770734250106242, 13.804354019542556]
-    assert switches(integrate(m, (0.0, 14.0), [0.0, 0.0], NONE)) == pytest.approx(expected, abs=1e-12)
+    assert switches(integrate(m, (0.0, 14.0), [0.0, 0.0], NONE)) == pytest.approx(
+        expected, abs=1e-12
+    )
 
 
 def test_block_on_a_belt() -> None:
     numbers = {"m": 1.0, "k": 1.0, "mu": 1.0}
-    m = by_hand("inertial", numbers, lambda t: 0.0, kinetic=lambda u: 0.6, belt=lambda t: 0.3 + 0 * t)
+    m = by_hand(
+        "inertial", numbers, lambda t: 0.0, kinetic=lambda u: 0.6, belt=lambda t: 0.3 + 0 * t
+    )
     times = np.linspace(20.0, 60.0, 400)
     motion = integrate(m, (0.0, 60.0), [0.0, 0.3], times)
     starts = switches(motion)[::2]
@@ -49,9 +53,12 @@ def test_den_hartog(r: float, beta: float) -> None:
     # r² x'' + x + β Sign x' ∋ cos(τ + φ), started at the largest displacement.
     phase = den_hartog.phase(r, beta)
     m = by_hand("inertial", {"m": r**2, "k": 1.0, "mu": beta}, lambda t: math.cos(t + phase))
-    X, times = den_hartog.amplitude(r, beta), np.linspace(0.0, 4 * math.pi, 17)
+    X = den_hartog.amplitude(r, beta)
+    times = np.linspace(0.0, 4 * math.pi, 17)
     motion = integrate(m, (0.0, 4 * math.pi), [X, 0.0], times)
-    assert motion.states[:, 0] == pytest.approx(den_hartog.state(times + phase, r, beta)[0], abs=1e-10)
+    assert motion.states[:, 0] == pytest.approx(
+        den_hartog.state(times + phase, r, beta)[0], abs=1e-10
+    )
     assert all(phase.mode[0] != 0 for phase in motion.phases)
 
 
@@ -67,10 +74,14 @@ def test_thrown_block(v: float) -> None:
 @pytest.mark.parametrize("width", [1e-4, 1e-2, 1.0])
 def test_play_operator(shape: Shape, width: float) -> None:
     # k z ∈ ℓ ± μ: the clamp of z between its bounds, exact on a grid that resolves the feature.
-    k, mu, place = 1.3, 0.4, 3.7
+    k = 1.3
+    mu = 0.4
+    place = 3.7
 
     def load(t: np.ndarray) -> np.ndarray:
-        return 0.3 * np.sin(t) + 2.0 * np.array([shape.at((s - place) / width) for s in np.atleast_1d(t)])
+        return 0.3 * np.sin(t) + 2.0 * np.array(
+            [shape.at((s - place) / width) for s in np.atleast_1d(t)]
+        )
 
     m = by_hand(
         "rate-independent",
@@ -78,13 +89,21 @@ def test_play_operator(shape: Shape, width: float) -> None:
         lambda t: 0.3 * np.sin(t) + 2.0 * shape.at((t - place) / width),
         zones=(Zone(TIME, place, width),),
     )
-    grid = np.unique(np.concatenate([np.linspace(0, 9, 30_001), place + width * np.sinh(np.linspace(-9, 9, 30_001))]))
+    grid = np.unique(
+        np.concatenate(
+            [np.linspace(0, 9, 30_001), place + width * np.sinh(np.linspace(-9, 9, 30_001))]
+        )
+    )
     grid = grid[(grid >= 0) & (grid <= 9)]
-    loads, z, found = load(grid), 0.0, []
+    loads = load(grid)
+    z = 0.0
+    found = []
     for value in loads:
         z = min(max(z, (value - mu) / k), (value + mu) / k)
         found.append(z)
-    times = np.sort(np.append(np.linspace(0.3, 9.0, 30), place + width * np.array([-1.0, 0.1, 0.7, 3.0])))
+    times = np.sort(
+        np.append(np.linspace(0.3, 9.0, 30), place + width * np.array([-1.0, 0.1, 0.7, 3.0]))
+    )
     motion = integrate(m, (0.0, 9.0), [0.0], times[times <= 9.0])
     # Between its nodes the clamp misses extrema by a quarter of a squared distance.
     assert motion.states[:, 0] == pytest.approx(np.interp(motion.times, grid, found), abs=2e-6)
@@ -102,7 +121,9 @@ def test_pulse_is_a_blow(width: float) -> None:
     motion = integrate(m, (0.0, 10.0), [0.0, 0.0], np.array([5.0 + 10 * width]))
     assert motion.states[0, 1] == pytest.approx(impulse / 2.0, abs=10 * width)
     # Without the planted place the reference would be as blind as any integrator.
-    assert np.all(integrate(replace(m, zones=()), (0.0, 10.0), [0.0, 0.0], np.array([10.0])).states == 0.0)
+    assert np.all(
+        integrate(replace(m, zones=()), (0.0, 10.0), [0.0, 0.0], np.array([10.0])).states == 0.0
+    )
 
 
 @pytest.mark.parametrize("excess", [1e-4, 1e-8, 3e-12, -3e-12, -1e-6])
@@ -136,37 +157,58 @@ def test_rate_and_state_has_a_first_integral() -> None:
     assert kept == pytest.approx(kept[0], rel=1e-10)
 
 
-@pytest.mark.parametrize("family", ["mutual friction", "hyperstatic", "symmetric pair", "pair with two contacts"])
+@pytest.mark.parametrize(
+    "family", ["mutual friction", "hyperstatic", "symmetric pair", "pair with two contacts"]
+)
 @pytest.mark.parametrize("seed", [0, 1])
 def test_several_contacts_against_time_stepping(family: str, seed: int) -> None:
     case = draw(family, seed)
-    m, steps, T = case.mechanics, 4_000, 5.0
+    m = case.mechanics
+    steps = 4_000
+    T = 5.0
     assert m is not None
     if m.kinds[0] != 2 or m.kinetic is not None:
         pytest.skip("time stepping is for masses with one friction force")
     nothing = np.zeros(2)
-    M, J, rest = np.array(m.inertia), np.array(m.J), (nothing, nothing, nothing)
+    M = np.array(m.inertia)
+    J = np.array(m.J)
+    rest = (nothing, nothing, nothing)
 
     def slopes(which: int) -> np.ndarray:
         state = [np.array(part) for part in ((0.0, 0.0), (0.0, 0.0))]
         columns = []
         for i in range(2):
             state[which] = np.eye(2)[i]
-            columns.append(np.array(m.force(0.0, *state, NONE, NONE)) - np.array(m.force(0.0, *rest[:2], NONE, NONE)))
+            columns.append(
+                np.array(m.force(0.0, *state, NONE, NONE))
+                - np.array(m.force(0.0, *rest[:2], NONE, NONE))
+            )
         return -np.array(columns).T
 
     grid = np.linspace(0.0, T, steps + 1)
     forces = np.array([m.force(t, nothing, nothing, NONE, NONE) for t in grid])
     threshold = np.array([m.threshold(t, nothing, nothing, NONE, NONE) for t in grid])
     q, v, _ = moreau.moreau(
-        M, slopes(1), slopes(0), J, forces, threshold, 0 * threshold, case.start[:2], case.start[2:], T, steps
+        M,
+        slopes(1),
+        slopes(0),
+        J,
+        forces,
+        threshold,
+        0 * threshold,
+        case.start[:2],
+        case.start[2:],
+        T,
+        steps,
     )
     motion = integrate(m, (0.0, T), case.start, grid[:: steps // 10])
     assert np.hstack([q, v])[:: steps // 10] == pytest.approx(motion.states, abs=3e-2)
 
 
 def test_rate_independent_pair_against_time_stepping() -> None:
-    case = next(c for c in (draw("pair with two contacts", s) for s in range(20)) if c.mechanics.kinds[2])
+    case = next(
+        c for c in (draw("pair with two contacts", s) for s in range(20)) if c.mechanics.kinds[2]
+    )
     n, m = case.parameters, case.mechanics
     assert m is not None
     A = np.array([[n["k"] + n["j"], -n["j"]], [-n["j"], n["h"] + n["j"]]])
@@ -177,18 +219,30 @@ def test_rate_independent_pair_against_time_stepping() -> None:
     assert z[::1000] == pytest.approx(motion.states, abs=1e-6)
 
 
-SMOOTH = "forced dashpot; stribeck belt; kinked spring; pulse in the load, inertial; dip of a threshold, viscous"
-SMOOTH += "; rough patch, inertial; narrow wall, viscous; spring slider; blocks on a belt; step in the load, inertial"
+SMOOTH = [
+    "forced dashpot",
+    "stribeck belt",
+    "kinked spring",
+    "pulse in the load, inertial",
+    "dip of a threshold, viscous",
+    "rough patch, inertial",
+    "narrow wall, viscous",
+    "spring slider",
+    "blocks on a belt",
+    "step in the load, inertial",
+]
 
 
-@pytest.mark.parametrize("family", SMOOTH.split("; "))
+@pytest.mark.parametrize("family", SMOOTH)
 def test_smoothed_friction_agrees_coarsely(family: str) -> None:
     case = draw(family, 1)
-    m, times = case.mechanics, instants(case)
+    m = case.mechanics
+    times = instants(case)
     assert m is not None
     motion = integrate(m, (0.0, case.duration), case.start, times)
     smooth = regularised(m, (0.0, case.duration), case.start, times)
-    # Sticking contacts creep; where static exceeds kinetic friction, the end of stick comes later by the root of ε.
+    # Sticking contacts creep; where static exceeds kinetic friction, the end of stick comes later
+    # by the root of ε.
     size = sizes(case, motion.states)
     off = (np.abs(smooth - motion.states) - 1e-5 * case.duration) / size
     assert np.max(off) < (1e-3 if m.kinetic is None else 1e-2)
@@ -215,11 +269,15 @@ def test_start_outside_the_stable_set() -> None:
         integrate(m, (0.0, 1.0), [0.7], NONE)
 
 
-@pytest.mark.parametrize(("family", "seed"), [("corners of the toy", 1), ("toy on a knife edge", 1)])
+@pytest.mark.parametrize(
+    ("family", "seed"), [("corners of the toy", 1), ("toy on a knife edge", 1)]
+)
 def test_two_legs_against_small_steps(family: str, seed: int) -> None:
-    # The body by Verlet steps that shorten near the edge; the legs by incremental minimisation after every step.
+    # The body by Verlet steps that shorten near the edge; the legs by incremental minimisation
+    # after every step.
     case = draw(family, seed)
-    m, w = case.mechanics, case.parameters["psi_star"] if "knife" in family else 1.0
+    m = case.mechanics
+    w = case.parameters["psi_star"] if "knife" in family else 1.0
     assert m is not None
     (psi, right, left, v), t, found = case.start, 0.0, []
 

@@ -8,8 +8,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-AGREED, REFUSED, NOT_CERTIFIED = "agreed", "refused", "not certified"
-WRONG, NO_REFERENCE = "certified and wrong", "reference failed"
+AGREED = "agreed"
+REFUSED = "refused"
+NOT_CERTIFIED = "not certified"
+WRONG = "certified and wrong"
+NO_REFERENCE = "reference failed"
 KINDS = (AGREED, REFUSED, NOT_CERTIFIED, WRONG, NO_REFERENCE)
 
 
@@ -20,8 +23,9 @@ class Verdict:
     Attributes
     ----------
     kind : str
-        One of KINDS. "refused": the library gave no result, with the reason in `note`; "not certified": it gave one
-        and does not vouch for it; "certified and wrong": it vouches for a wrong one.
+        One of KINDS. "refused": the library gave no result, with the reason in `note`; "not
+        certified": it gave one and does not vouch for it; "certified and wrong": it vouches for a
+        wrong one.
     note : str
         The reason, in words that are the same for all cases of one reason.
     numbers : dict
@@ -39,7 +43,8 @@ class OutOfTime(Exception):
 
 @contextmanager
 def at_most(seconds: float) -> Iterator[None]:
-    """Raise OutOfTime in the body after that much time of the processor (in the main thread of a process)."""
+    """Raise OutOfTime in the body after that much time of the processor (in the main thread of a
+    process)."""
 
     def stop(number: int, frame: object) -> None:
         raise OutOfTime(f"no answer within {seconds:g} s")

@@ -1,4 +1,5 @@
-"""The catalogue: every system is declared as its source says, and nothing else depends on any of them."""
+"""The catalogue: every system is declared as its source says, and nothing else depends on any of
+them."""
 
 import ast
 import inspect
@@ -55,7 +56,9 @@ def slope(system: System, x: str) -> Expr:
 
 def test_names():
     assert catalogue.names() == ISSUED
-    assert catalogue.names() == sorted(p.stem for p in (SOURCE / "catalogue").glob("*.py") if p.stem != "__init__")
+    assert catalogue.names() == sorted(
+        p.stem for p in (SOURCE / "catalogue").glob("*.py") if p.stem != "__init__"
+    )
     assert set(ISSUED) <= set(dir(catalogue))
 
 
@@ -101,13 +104,19 @@ def test_units_are_given_throughout_or_nowhere():
     dimensionless = {"oscillating_play", "spring_slider", "scaled_slider", "scaled_slider_limit"}
     for name in ISSUED:
         system = catalogue.get(name)
-        units = [p.unit for p in system.parameters.values() if p.meaning != "coefficient of friction"]
-        units += [c.unit for c in (*system.coordinates.values(), *system.contacts.values())] + [system.time_unit]
+        units = [
+            p.unit for p in system.parameters.values() if p.meaning != "coefficient of friction"
+        ]
+        units += [c.unit for c in (*system.coordinates.values(), *system.contacts.values())] + [
+            system.time_unit
+        ]
         assert not any(units) if name in dimensionless else all(units), name
 
 
 def test_unknown_system():
-    with pytest.raises(DeclarationError, match=r"there is no system 'rocking-toi'\. Did you mean 'rocking_toy'\?"):
+    with pytest.raises(
+        DeclarationError, match=r"there is no system 'rocking-toi'\. Did you mean 'rocking_toy'\?"
+    ):
         catalogue.get("rocking-toi")
     with pytest.raises(DeclarationError, match="Known: belt_block"):
         catalogue.get("pendulum")
@@ -139,7 +148,11 @@ assert ss.catalogue.belt_block is belt_block is ss.catalogue.belt_block
 import pickle
 assert pickle.loads(pickle.dumps(ss.catalogue.spring_slider)) is ss.catalogue.spring_slider
 """
-    subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, env={"PYTHONPATH": str(SOURCE.parent)})
+    subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        check=True,
+        env={"PYTHONPATH": str(SOURCE.parent)},
+    )
 
 
 def test_no_other_module_uses_a_system():
@@ -153,7 +166,9 @@ def test_no_other_module_uses_a_system():
 
 
 def test_nothing_breaks_without_the_catalogue(tmp_path):
-    shutil.copytree(SOURCE, tmp_path / "stickslip", ignore=shutil.ignore_patterns("catalogue", "__pycache__"))
+    shutil.copytree(
+        SOURCE, tmp_path / "stickslip", ignore=shutil.ignore_patterns("catalogue", "__pycache__")
+    )
     example = Path(__file__).parents[2] / "examples" / "rocking-toy.toml"
     code = f"""
 import sys, stickslip as ss
@@ -163,14 +178,17 @@ assert system.equations() is not None
 assert system.to_toml()
 assert not any("catalogue" in name for name in sys.modules)
 """
-    subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, env={"PYTHONPATH": str(tmp_path)})
+    subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], check=True, env={"PYTHONPATH": str(tmp_path)}
+    )
 
 
 def test_declaring_imports_nothing_heavy():
     code = """
 import sys, stickslip as ss
 ss.catalogue.rocking_toy(); ss.catalogue.names()
-heavy = {"numpy", "numba", "sympy", "scipy", "xarray", "pandas", "pydantic", "matplotlib", "typer"} & set(sys.modules)
+heavy = {"numpy", "numba", "sympy", "scipy", "xarray", "pandas", "pydantic", "matplotlib", "typer"}
+heavy &= set(sys.modules)
 assert not heavy, heavy
 """
     subprocess.run([sys.executable, "-c", code], check=True, env={"PYTHONPATH": str(SOURCE.parent)})
@@ -185,12 +203,18 @@ def test_oscillating_play():
     for t in (0.0, 0.013, 0.4, 4.97):
         state = values(system, t=t, z=0.3)
         assert ex.evaluate(slope(system, "z"), state) == pytest.approx(0.3 - (5 * t - t**2))
-        assert ex.evaluate(contact.plus, state) == pytest.approx(1 + 0.5 * math.cos(2 * math.pi * t / 0.1))
+        assert ex.evaluate(contact.plus, state) == pytest.approx(
+            1 + 0.5 * math.cos(2 * math.pi * t / 0.1)
+        )
     other = catalogue.oscillating_play(rho="2 - cos(2*pi*s)", ell="sin(t)", epsilon=0.01)
-    assert ex.evaluate(other.declaration.contacts[0].plus, values(other, t=0.005)) == pytest.approx(3)
+    assert ex.evaluate(other.declaration.contacts[0].plus, values(other, t=0.005)) == pytest.approx(
+        3
+    )
 
 
-@pytest.mark.parametrize("given", [{}, {"mu": "2/sqrt(alpha)", "nu": 0.05, "V": 0.1}, {"k": 2.0, "alpha_0": 0.5}])
+@pytest.mark.parametrize(
+    "given", [{}, {"mu": "2/sqrt(alpha)", "nu": 0.05, "V": 0.1}, {"k": 2.0, "alpha_0": 0.5}]
+)
 def test_spring_slider_is_3_3(given):
     system = catalogue.spring_slider(**given)
     (contact,) = system.declaration.contacts
@@ -215,7 +239,9 @@ def test_spring_slider_is_3_3(given):
         rate = ex.evaluate(system.declaration.laws["alpha"], state)
         assert rate == pytest.approx(p["alpha_0"] - alpha + force * z_rate)
         # The power of the friction is that of (3.1).
-        assert rate == pytest.approx(p["alpha_0"] - alpha + mu(alpha) * abs(z_rate) + p["nu"] * z_rate**2)
+        assert rate == pytest.approx(
+            p["alpha_0"] - alpha + mu(alpha) * abs(z_rate) + p["nu"] * z_rate**2
+        )
 
 
 def test_spring_slider_loads():
@@ -234,14 +260,19 @@ def test_spring_slider_loads():
 
 
 def test_spring_slider_facts():
-    assert facts(catalogue.spring_slider()) == pytest.approx({"U_max": 1.5036, "alpha_max": 1 + 1.5036**2 / 0.02})
+    assert facts(catalogue.spring_slider()) == pytest.approx(
+        {"U_max": 1.5036, "alpha_max": 1 + 1.5036**2 / 0.02}
+    )
     assert facts(catalogue.spring_slider(k=2.0))["U_max"] == pytest.approx(0.7518)
     assert facts(catalogue.spring_slider(shear="0.1")) == {}  # they hold for the steady load V*t
 
 
 def test_scaled_slider_is_the_spring_slider():
     """(3.5) from (3.3) by V = ν v̂, U = μ̃(α) + ν²β, α = 1 + νγ, μ̃(α) = μ(νγ) + √ν b μ(0)."""
-    nu, b, mu_0, v_hat = 0.03, 0.7, 1.3, 0.8
+    nu = 0.03
+    b = 0.7
+    mu_0 = 1.3
+    v_hat = 0.8
     scaled = catalogue.scaled_slider(nu=nu, b=b, mu_0=mu_0, v_hat=v_hat)
     mu = f"{mu_0}*exp(-(alpha - 1)/{mu_0}**2) + {nu**0.5 * b * mu_0}"
     plain = catalogue.spring_slider(V=nu * v_hat, nu=nu, mu=mu)
@@ -251,11 +282,18 @@ def test_scaled_slider_is_the_spring_slider():
         threshold = ex.evaluate(contact.plus, values(plain, alpha=alpha))
         U = threshold + nu**2 * beta
         U_rate = nu * v_hat - nu * max(beta, 0.0)
-        alpha_rate = ex.evaluate(plain.declaration.laws["alpha"], values(plain, U=U, alpha=alpha, d_U=U_rate))
-        threshold_rate = ex.evaluate(ex.derivative(contact.plus, "alpha"), values(plain, alpha=alpha)) * alpha_rate
+        alpha_rate = ex.evaluate(
+            plain.declaration.laws["alpha"], values(plain, U=U, alpha=alpha, d_U=U_rate)
+        )
+        threshold_rate = (
+            ex.evaluate(ex.derivative(contact.plus, "alpha"), values(plain, alpha=alpha))
+            * alpha_rate
+        )
         state = values(scaled, beta=beta, gamma=gamma)
         found = [ex.evaluate(scaled.declaration.laws[name], state) for name in ("beta", "gamma")]
-        assert found == pytest.approx([(U_rate - threshold_rate) / nu**2, alpha_rate / nu], rel=1e-9)
+        assert found == pytest.approx(
+            [(U_rate - threshold_rate) / nu**2, alpha_rate / nu], rel=1e-9
+        )
 
 
 def test_scaled_slider_needs_3_4():
@@ -272,7 +310,9 @@ def test_scaled_slider_limit_is_3_6():
     laws = system.declaration.laws
 
     def rates(beta: float, gamma: float) -> list[float]:
-        return [ex.evaluate(laws[x], values(system, beta=beta, gamma=gamma)) for x in ("beta", "gamma")]
+        return [
+            ex.evaluate(laws[x], values(system, beta=beta, gamma=gamma)) for x in ("beta", "gamma")
+        ]
 
     assert rates(1.0, 0.5) == pytest.approx([75 * 0.9 + 2.5 - 6.25, 1.5])
     assert rates(-1.0, 0.5) == pytest.approx([75 * 0.9 - 6.25, -0.5])
@@ -290,7 +330,10 @@ def test_scaled_slider_tends_to_its_limit():
         for nu in (1e-2, 1e-4, 1e-6):
             full, limit = catalogue.scaled_slider(nu=nu), catalogue.scaled_slider_limit(nu=nu)
             a, b = (
-                [ex.evaluate(s.declaration.laws[x], values(s, beta=beta, gamma=gamma)) for x in ("beta", "gamma")]
+                [
+                    ex.evaluate(s.declaration.laws[x], values(s, beta=beta, gamma=gamma))
+                    for x in ("beta", "gamma")
+                ]
                 for s in (full, limit)
             )
             gaps.append([nu * abs(a[0] - b[0]), abs(a[1] - b[1])])
@@ -298,13 +341,25 @@ def test_scaled_slider_tends_to_its_limit():
 
 
 def H_R(psi: float, H_star: float = 3.0, psi_star: float = 1.0) -> float:
-    return 0.0 if psi <= -psi_star else H_star if psi >= psi_star else H_star * (psi + psi_star) / (2 * psi_star)
+    return (
+        0.0
+        if psi <= -psi_star
+        else H_star
+        if psi >= psi_star
+        else H_star * (psi + psi_star) / (2 * psi_star)
+    )
 
 
 def test_rocking_toy_is_4_2():
     system = catalogue.rocking_toy()
     right, left = system.declaration.contacts
-    for psi, x_R, x_L in ((0.3, 0.2, -0.1), (-1.7, 1.0, 0.6), (2.0, 0.0, 0.5), (1.0, 0.0, 0.0), (-1.0, 3.0, 2.0)):
+    for psi, x_R, x_L in (
+        (0.3, 0.2, -0.1),
+        (-1.7, 1.0, 0.6),
+        (2.0, 0.0, 0.5),
+        (1.0, 0.0, 0.0),
+        (-1.0, 3.0, 2.0),
+    ):
         state = values(system, psi=psi, x_R=x_R, x_L=x_L)
         d = x_R - x_L
         assert ex.evaluate(slope(system, "psi"), state) == pytest.approx(psi - 0.3 * d)
@@ -319,7 +374,8 @@ def test_rocking_toy_is_4_2():
 def test_rocking_toy_facts():
     for given in ({}, {"P": 1.2, "H_star": 4.0, "c": 0.4}):
         system = catalogue.rocking_toy(**given)
-        p, known = system.values, facts(system)
+        p = system.values
+        known = facts(system)
         assert known["X"] == pytest.approx((p["P"] - p["rho"] - p["c"] * p["psi_star"]) / p["a"])
         assert known["psi_2"] == pytest.approx(p["psi_star"] + 2 * p["rho"] / p["c"])
 
@@ -328,7 +384,9 @@ def test_rocking_toy_facts():
 
         assert G_L(known["psi_3"]) == pytest.approx(known["X"])
         assert G_L(p["psi_star"]) == pytest.approx(-known["X"])
-    assert facts(catalogue.rocking_toy()) == pytest.approx({"X": 0.5, "psi_2": 7 / 3, "psi_3": 1 / 6})
+    assert facts(catalogue.rocking_toy()) == pytest.approx(
+        {"X": 0.5, "psi_2": 7 / 3, "psi_3": 1 / 6}
+    )
 
 
 @pytest.mark.parametrize(
@@ -357,23 +415,36 @@ def test_rocking_toy_inertial_is_4_1():
     d, p = system.declaration, system.values
     mass = {pair: ex.evaluate(e, p) for pair, e in d.mass.items()}
     assert mass == pytest.approx(
-        {("psi", "psi"): 2.0, ("x_R", "x_R"): 0.6, ("x_L", "x_L"): 0.6, ("x_R", "x_L"): 0.5, ("x_L", "x_R"): 0.5}
+        {
+            ("psi", "psi"): 2.0,
+            ("x_R", "x_R"): 0.6,
+            ("x_L", "x_L"): 0.6,
+            ("x_R", "x_L"): 0.5,
+            ("x_L", "x_R"): 0.5,
+        }
     )
     damping = {pair: ex.evaluate(e, p) for pair, e in d.damping.items()}
-    assert damping == pytest.approx({("psi", "psi"): 0.04, ("x_R", "x_R"): 0.05, ("x_L", "x_L"): 0.05})
+    assert damping == pytest.approx(
+        {("psi", "psi"): 0.04, ("x_R", "x_R"): 0.05, ("x_L", "x_L"): 0.05}
+    )
     state = values(system, psi=0.4, x_R=1.0, x_L=0.3)
     assert ex.evaluate(slope(system, "x_R"), state) == pytest.approx(0.7 - 0.12 - 1.5)
     assert facts(system)["P"] == pytest.approx(1.5)
-    assert facts(catalogue.rocking_toy_inertial(m_W=0.1))["sliding_speed"] == pytest.approx((5 - 1.7) / 0.05)
+    assert facts(catalogue.rocking_toy_inertial(m_W=0.1))["sliding_speed"] == pytest.approx(
+        (5 - 1.7) / 0.05
+    )
     light, limit = catalogue.rocking_toy_inertial(), catalogue.rocking_toy()
     for x in ("psi", "x_R", "x_L"):
         at = {"psi": 0.7, "x_R": 1.0, "x_L": 0.3}
-        assert ex.evaluate(slope(light, x), values(light, **at)) == ex.evaluate(slope(limit, x), values(limit, **at))
+        assert ex.evaluate(slope(light, x), values(light, **at)) == ex.evaluate(
+            slope(limit, x), values(limit, **at)
+        )
 
 
 def test_rocking_oscillator_has_the_branches_of_4_4():
     system = catalogue.rocking_oscillator()
-    p, known = system.values, facts(system)
+    p = system.values
+    known = facts(system)
     X, psi_3 = known["X"], known["psi_3"]
 
     def Gamma(psi: float) -> float:
@@ -383,12 +454,16 @@ def test_rocking_oscillator_has_the_branches_of_4_4():
 
     for psi in (-2.3, -1.0, 0.0, 0.16, 0.2, 0.5, 0.99, 1.0, 1.7, 2.3):
         for rate, G in ((0.4, Gamma(psi)), (-0.4, -Gamma(-psi))):
-            force = ex.evaluate(system.declaration.forces["psi"], values(system, psi=psi, d_psi=rate))
+            force = ex.evaluate(
+                system.declaration.forces["psi"], values(system, psi=psi, d_psi=rate)
+            )
             assert force == pytest.approx(0.3 * G, abs=1e-15)
     # The energy of one period, ∮ c G dψ over an amplitude of 2.
     psi = np.linspace(-2, 2, 400_001)
     upper = np.array([Gamma(s) for s in psi[::10]])
-    assert 2 * 0.3 * np.trapezoid(upper, psi[::10]) == pytest.approx(known["energy_per_period"], rel=1e-6)
+    assert 2 * 0.3 * np.trapezoid(upper, psi[::10]) == pytest.approx(
+        known["energy_per_period"], rel=1e-6
+    )
 
 
 def test_plate_compactor():
@@ -417,7 +492,9 @@ def test_belt_block_facts():
     known = facts(catalogue.belt_block(**p))
     assert known["period"] == pytest.approx(belt_block.period(**p))
     assert known["slip_duration"] == pytest.approx(belt_block.slip_duration(**p))
-    assert (known["smallest_force"], known["largest_force"]) == pytest.approx(belt_block.force_range(**p))
+    assert (known["smallest_force"], known["largest_force"]) == pytest.approx(
+        belt_block.force_range(**p)
+    )
     assert facts(catalogue.belt_block())["period"] == pytest.approx(7.0952615, rel=1e-7)
 
 
@@ -432,11 +509,17 @@ def test_prandtl_tomlinson_facts():
         }
     )
     soft = catalogue.prandtl_tomlinson(k=50.0)
-    assert facts(soft)["force_at_jump"] == facts(catalogue.prandtl_tomlinson(V_0=0.0))["force_at_jump"] == 0
+    assert (
+        facts(soft)["force_at_jump"]
+        == facts(catalogue.prandtl_tomlinson(V_0=0.0))["force_at_jump"]
+        == 0
+    )
     assert ex.evaluate(soft.declaration.conditions["jumps"][0], soft.values) < 0
 
 
-@pytest.mark.parametrize(("f_plus", "f_minus", "D"), [(0.1, 0.4, 1.0), (0.4, 0.1, 1.0), (0.3, 0.4, 0.2)])
+@pytest.mark.parametrize(
+    ("f_plus", "f_minus", "D"), [(0.1, 0.4, 1.0), (0.4, 0.1, 1.0), (0.3, 0.4, 0.2)]
+)
 def test_two_leg_crawler_facts(f_plus, f_minus, D):
     known = facts(catalogue.two_leg_crawler(f_plus=f_plus, f_minus=f_minus, D=D, k=2.0, omega=3.0))
     step = crawler.net_displacement(D, 2.0, f_plus, f_minus)
@@ -449,16 +532,23 @@ def test_block_chain(N):
     d = system.declaration
     assert len(d.inertial) == len(d.contacts) == N
     stiffness = np.array(
-        [[ex.evaluate(ex.derivative(slope(system, x), y), system.values) for y in d.inertial] for x in d.inertial]
+        [
+            [ex.evaluate(ex.derivative(slope(system, x), y), system.values) for y in d.inertial]
+            for x in d.inertial
+        ]
     )
     neighbours = np.diag(np.ones(N - 1), 1) + np.diag(np.ones(N - 1), -1)
-    assert stiffness == pytest.approx(1.5 * np.eye(N) + 0.25 * (np.diag(neighbours.sum(0)) - neighbours))
+    assert stiffness == pytest.approx(
+        1.5 * np.eye(N) + 0.25 * (np.diag(neighbours.sum(0)) - neighbours)
+    )
     assert all(ex.evaluate(c.speed, system.values) == 0.1 for c in d.contacts)
 
 
 @pytest.mark.parametrize("N", [0, -1, 2.5, 101, 10**400, "3", math.nan, True, None])
 def test_wrong_number_of_blocks(N):
-    with pytest.raises(DeclarationError, match=r"block_chain.N: not a number of blocks\. Give a whole number"):
+    with pytest.raises(
+        DeclarationError, match=r"block_chain.N: not a number of blocks\. Give a whole number"
+    ):
         catalogue.block_chain(N=N)
 
 

@@ -41,7 +41,9 @@ def stickslip(*arguments: str) -> Result:
 
 def process(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "stickslip.cli", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, env=os.environ | environment, check=False)
+    return subprocess.run(
+        command, capture_output=True, text=True, env=os.environ | environment, check=False
+    )
 
 
 def refused(result: Result) -> str:
@@ -66,7 +68,8 @@ def test_what_only_reads_starts_nothing_heavy(arguments: list[str]) -> None:
     script = (
         "import sys\nfrom stickslip.cli.app import app\n"
         f"try:\n    app({arguments!r})\nexcept SystemExit as end:\n    assert end.code == 0\n"
-        "heavy = {'numba', 'numpy', 'scipy', 'sympy', 'xarray', 'pandas', 'matplotlib'} & sys.modules.keys()\n"
+        "heavy = {'numba', 'numpy', 'scipy', 'sympy', 'xarray', 'pandas', 'matplotlib'} & "
+        "sys.modules.keys()\n"
         "assert not heavy, heavy\n"
     )
     subprocess.run([sys.executable, "-c", script], check=True, capture_output=True)
@@ -84,13 +87,17 @@ def test_show(name: str) -> None:
 def test_show_latex_and_toml(tmp_path: Path) -> None:
     assert stickslip("show", "rocking_toy", "--latex").stdout.startswith("\\begin{aligned}")
     file = tmp_path / "mine.toml"
-    file.write_text(stickslip("show", "rocking_toy", "--toml", "--set", "P=1.2").stdout, encoding="utf-8")
+    file.write_text(
+        stickslip("show", "rocking_toy", "--toml", "--set", "P=1.2").stdout, encoding="utf-8"
+    )
     assert ss.load(file) == ss.catalogue.rocking_toy(P=1.2)
     assert stickslip("show", str(file)).stdout == str(ss.catalogue.rocking_toy(P=1.2).equations())
 
 
 def test_run_writes_a_certified_result(tmp_path: Path) -> None:
-    result = stickslip("run", "spring_slider", "--until", "20", "--set", "V=9/50", "--initial", "U=0.4")
+    result = stickslip(
+        "run", "spring_slider", "--until", "20", "--set", "V=9/50", "--initial", "U=0.4"
+    )
     assert result.exit_code == 0, result.stderr
     assert "certified" in result.stdout
     folder = tmp_path / "out" / "spring_slider"
@@ -101,7 +108,11 @@ def test_run_writes_a_certified_result(tmp_path: Path) -> None:
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     stored = ss.open_trajectory(folder / "trajectory.nc")
     assert (summary["program"], summary["version"]) == ("stickslip", ss.__version__)
-    assert (summary["outcome"], summary["certified"], summary["complete"]) == ("finished", True, True)
+    assert (summary["outcome"], summary["certified"], summary["complete"]) == (
+        "finished",
+        True,
+        True,
+    )
     assert summary["parameters"] == stored.parameters
     assert summary["parameters"]["V"] == 0.18
     assert summary["final"] == stored.final
@@ -122,18 +133,24 @@ def test_run_writes_a_certified_result(tmp_path: Path) -> None:
 def test_json_is_all_there_is() -> None:
     result = stickslip("run", "belt_block", "--until", "10", "--out", "here", "--json")
     assert result.exit_code == 0
-    assert json.loads(result.stdout) == json.loads(Path("here/summary.json").read_text(encoding="utf-8"))
+    assert json.loads(result.stdout) == json.loads(
+        Path("here/summary.json").read_text(encoding="utf-8")
+    )
     checked = stickslip("check", "here/trajectory.nc", "--json")
     assert json.loads(checked.stdout)["ok"] is True
 
 
 def test_free_functions_are_set_as_formulas() -> None:
-    result = stickslip("run", "spring_slider", "--set", "mu=2/sqrt(alpha)", "--until", "5", "--json")
+    result = stickslip(
+        "run", "spring_slider", "--set", "mu=2/sqrt(alpha)", "--until", "5", "--json"
+    )
     assert json.loads(result.stdout)["functions"]["mu(alpha)"] == "2/sqrt(alpha)"
 
 
 def test_a_failed_condition_is_a_warning_beside_the_result() -> None:
-    result = stickslip("run", "rocking_toy", "--set", "P=0.4", "--initial", "x_R=0", "--until", "1", "--json")
+    result = stickslip(
+        "run", "rocking_toy", "--set", "P=0.4", "--initial", "x_R=0", "--until", "1", "--json"
+    )
     assert result.exit_code == 0
     assert any("X is not positive" in text for text in json.loads(result.stdout)["warnings"])
     shown = stickslip("run", "rocking_toy", "--set", "P=0.4", "--initial", "x_R=0", "--until", "1")
@@ -177,12 +194,16 @@ BAD: dict[str, tuple[list[str], str]] = {
 
 
 @pytest.mark.parametrize(("arguments", "part"), BAD.values(), ids=BAD)
-def test_bad_input_is_one_line_and_exit_code_2(arguments: list[str], part: str, tmp_path: Path) -> None:
+def test_bad_input_is_one_line_and_exit_code_2(
+    arguments: list[str], part: str, tmp_path: Path
+) -> None:
     assert part in refused(stickslip(*arguments))
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("arguments", [["run"], ["fly", "rocking_toy"], ["run", "rocking_toy", "--until", "soon"]])
+@pytest.mark.parametrize(
+    "arguments", [["run"], ["fly", "rocking_toy"], ["run", "rocking_toy", "--until", "soon"]]
+)
 def test_wrong_usage_is_exit_code_2(arguments: list[str]) -> None:
     result = stickslip(*arguments)
     assert result.exit_code == 2
@@ -200,8 +221,13 @@ def test_broken_model_files_and_wrong_files(tmp_path: Path) -> None:
 def test_files_of_evolutions_have_their_own_commands(tmp_path: Path) -> None:
     model = Path(__file__).parents[2] / "examples" / "evolution" / "two-phases.toml"
     assert "Use: stickslip evolve" in refused(stickslip("run", str(model)))
-    assert stickslip("evolve", str(model), "--out", str(tmp_path / "e"), "--until", "0.1").exit_code == 0
-    assert "holds an evolution, not a trajectory" in refused(stickslip("check", str(tmp_path / "e" / "evolution.nc")))
+    assert (
+        stickslip("evolve", str(model), "--out", str(tmp_path / "e"), "--until", "0.1").exit_code
+        == 0
+    )
+    assert "holds an evolution, not a trajectory" in refused(
+        stickslip("check", str(tmp_path / "e" / "evolution.nc"))
+    )
 
 
 def test_nothing_of_others_is_overwritten(tmp_path: Path) -> None:
@@ -210,7 +236,9 @@ def test_nothing_of_others_is_overwritten(tmp_path: Path) -> None:
     assert "cannot be written" in refused(stickslip("run", "belt_block", "--out", "file/below"))
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "events.csv").write_text("mine", encoding="utf-8")
-    assert "events.csv, not written by stickslip" in refused(stickslip("run", "belt_block", "--out", "thesis"))
+    assert "events.csv, not written by stickslip" in refused(
+        stickslip("run", "belt_block", "--out", "thesis")
+    )
     assert [p.name for p in (tmp_path / "thesis").iterdir()] == ["events.csv"]
     assert (tmp_path / "thesis" / "events.csv").read_text(encoding="utf-8") == "mine"
 
@@ -258,7 +286,9 @@ def test_ctrl_c_keeps_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not stored.certificate.ok
 
 
-def test_ctrl_c_while_writing_leaves_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_ctrl_c_while_writing_leaves_nothing(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     def stop(self: Trajectory, path: Path) -> None:
         raise KeyboardInterrupt
 
@@ -276,7 +306,9 @@ def test_a_mistake_of_ours_is_no_traceback(monkeypatch: pytest.MonkeyPatch, tmp_
     monkeypatch.setattr(Trajectory, "save", fail)
     result = stickslip("run", "belt_block", "--until", "5")
     assert result.exit_code == 70
-    assert result.stderr == "stickslip: a mistake of ours, please report it (RuntimeError: broken)\n"
+    assert (
+        result.stderr == "stickslip: a mistake of ours, please report it (RuntimeError: broken)\n"
+    )
     assert list(tmp_path.iterdir()) == []
 
 
@@ -298,7 +330,9 @@ def test_check_finds_changed_data(tmp_path: Path) -> None:
 
 
 def test_values_are_numbers_or_formulas() -> None:
-    read = assignments(["P=1.2", " q = 1/4 ", "mu=2/sqrt(alpha)", "c=-3e-2", "half=sqrt(1/4)"], "--set")
+    read = assignments(
+        ["P=1.2", " q = 1/4 ", "mu=2/sqrt(alpha)", "c=-3e-2", "half=sqrt(1/4)"], "--set"
+    )
     assert read == {"P": 1.2, "q": 0.25, "mu": "2/sqrt(alpha)", "c": -0.03, "half": 0.5}
     assert load_model("block_chain", ["N=5"]).title == "Chain of 5 blocks on a belt"
     with pytest.raises(DeclarationError):
@@ -333,7 +367,11 @@ README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
 
 def test_the_readme_lists_the_catalogue() -> None:
     rows = [line.split("|")[1:4] for line in README.splitlines() if line.startswith("| `")]
-    listed = {name.strip(" `"): (title.strip(), source.strip()) for name, title, source in rows if "_" in name}
+    listed = {
+        name.strip(" `"): (title.strip(), source.strip())
+        for name, title, source in rows
+        if "_" in name
+    }
     for name in ss.catalogue.names():
         title, source = listed.pop(name)
         system = ss.catalogue.get(name)

@@ -21,7 +21,8 @@ from stickslip.rate_independent.evolution.history import open_history
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FILES = sorted((EXAMPLES / "evolution").glob("*.toml"))
 TWO, ELLIPSE, PLATE = (
-    str(EXAMPLES / "evolution" / f"{name}.toml") for name in ("two-phases", "rotating-ellipse", "plate-compactor")
+    str(EXAMPLES / "evolution" / f"{name}.toml")
+    for name in ("two-phases", "rotating-ellipse", "plate-compactor")
 )
 
 SMALL = """
@@ -71,10 +72,12 @@ def refused(result: Result) -> str:
     return message
 
 
-# --- Model files -----------------------------------------------------------------------------------------------------
+# --- Model files ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("model", [*map(load, FILES), EVERYTHING, loads(SMALL)], ids=lambda model: model.name)
+@pytest.mark.parametrize(
+    "model", [*map(load, FILES), EVERYTHING, loads(SMALL)], ids=lambda model: model.name
+)
 def test_files_are_read_back_as_written(model: EvolutionModel) -> None:
     again = loads(dumps(model))
     assert again == model
@@ -86,9 +89,13 @@ def test_a_file_is_the_evolution_it_says() -> None:
     model = loads(SMALL)
     problem = model.problem
     np.testing.assert_array_equal(problem.A, [[2.0, 0.5], [0.5, 1.0]])
-    np.testing.assert_allclose(problem.ell.at(np.array([0.3, 1.0])), [[3 * np.sin(0.3), 0.6], [3 * np.sin(1.0), 2.0]])
+    np.testing.assert_allclose(
+        problem.ell.at(np.array([0.3, 1.0])), [[3 * np.sin(0.3), 0.6], [3 * np.sin(1.0), 2.0]]
+    )
     lower, upper = problem.dissipation.bounds(0.1)
-    np.testing.assert_allclose(upper, 1 + 0.5 * np.cos(2 * np.pi * np.array([0.1, 0.6])), rtol=1e-14)
+    np.testing.assert_allclose(
+        upper, 1 + 0.5 * np.cos(2 * np.pi * np.array([0.1, 0.6])), rtol=1e-14
+    )
     np.testing.assert_array_equal(lower, [-2.0, -1.0])
     assert (problem.epsilon, problem.span) == (0.5, (0.0, 2.0))
     changed = model.configure({"r": 0.25, "rho": "2"}).problem
@@ -111,7 +118,7 @@ def test_a_dissipation_may_stand_alone(tmp_path: Path) -> None:
     assert "A = [[2, 0], [0, 1]]" in refused(stickslip("evolve", "square.toml"))
 
 
-# --- average ---------------------------------------------------------------------------------------------------------
+# --- average --------------------------------------------------------------------------------------
 
 
 def test_average_says_example_2_1() -> None:
@@ -128,7 +135,9 @@ def test_average_says_example_2_1() -> None:
 
 
 def test_average_of_the_rotating_ellipse_with_another_axis() -> None:
-    summary = json.loads(stickslip("average", ELLIPSE, "--set", "b=0.25", "--out", "here", "--json").stdout)
+    summary = json.loads(
+        stickslip("average", ELLIPSE, "--set", "b=0.25", "--out", "here", "--json").stdout
+    )
     assert summary == json.loads(Path("here/summary.json").read_text(encoding="utf-8"))
     assert summary["parameters"]["b"] == 0.25
     np.testing.assert_allclose(summary["extremes"], 0.25, atol=1e-8)
@@ -136,7 +145,7 @@ def test_average_of_the_rotating_ellipse_with_another_axis() -> None:
     assert all(abs(motion["average"] - 0.25) < 1e-8 for motion in summary["unit_motions"])
 
 
-# --- evolve ----------------------------------------------------------------------------------------------------------
+# --- evolve ---------------------------------------------------------------------------------------
 
 
 def test_evolve_writes_a_certified_result(tmp_path: Path) -> None:
@@ -145,11 +154,19 @@ def test_evolve_writes_a_certified_result(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert "certified" in result.stdout
     folder = Path("out/small")
-    assert sorted(p.name for p in folder.iterdir()) == ["evolution.nc", "overview.png", "summary.json"]
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "evolution.nc",
+        "overview.png",
+        "summary.json",
+    ]
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     stored = open_history(folder / "evolution.nc")
     assert summary["final"] == stored.final.tolist()
-    assert (summary["steps"], summary["t_span"], summary["method"]) == (400, [0.0, 1.0], "minimising movements")
+    assert (summary["steps"], summary["t_span"], summary["method"]) == (
+        400,
+        [0.0, 1.0],
+        "minimising movements",
+    )
     assert summary["certificate"] == stored.certificate.to_dict()
 
     # Its own results are replaced, neighbours stay.
@@ -157,7 +174,12 @@ def test_evolve_writes_a_certified_result(tmp_path: Path) -> None:
     again = stickslip("evolve", "small.toml", "--averaged", "--json", "--out", str(folder))
     assert again.exit_code == 0, again.output
     assert json.loads(again.stdout)["averaged"] is True
-    assert sorted(p.name for p in folder.iterdir()) == ["evolution.nc", "notes.txt", "overview.png", "summary.json"]
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "evolution.nc",
+        "notes.txt",
+        "overview.png",
+        "summary.json",
+    ]
     assert not open_history(folder / "evolution.nc").dataset.attrs["depends_on_phase"]
 
 
@@ -173,11 +195,16 @@ def test_a_scalar_file_is_an_exact_play() -> None:
     import xarray as xr
 
     resolved = json.loads(stickslip("evolve", PLATE, "--json").stdout)
-    averaged = json.loads(stickslip("evolve", PLATE, "--averaged", "--json", "--out", "averaged").stdout)
+    averaged = json.loads(
+        stickslip("evolve", PLATE, "--averaged", "--json", "--out", "averaged").stdout
+    )
     assert resolved["method"] == averaged["method"] == "exact play"
     assert resolved["certified"] and averaged["certified"]
-    # In the limit the spring pulls with μ(mg − F)⁺, before with that and what it winds up in one period.
-    k, law, pull = 5000.0, 0.6 * 81.0, 0.1 * 4
+    # In the limit the spring pulls with μ(mg − F)⁺, before with that and what it winds up in one
+    # period.
+    k = 5000.0
+    law = 0.6 * 81.0
+    pull = 0.1 * 4
     assert averaged["final"][0] == pytest.approx(pull - law / k, abs=1e-12)
     assert 0.0 < averaged["final"][0] - resolved["final"][0] < 0.1 * 0.1
     with xr.open_dataset("averaged/evolution.nc", engine="netcdf4") as data:
@@ -208,7 +235,9 @@ def test_nothing_of_others_is_overwritten(tmp_path: Path) -> None:
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "overview.png").write_text("mine", encoding="utf-8")
     for command in ("evolve", "average"):
-        assert "overview.png, not written by stickslip" in refused(stickslip(command, PLATE, "--out", "thesis"))
+        assert "overview.png, not written by stickslip" in refused(
+            stickslip(command, PLATE, "--out", "thesis")
+        )
     assert [p.name for p in (tmp_path / "thesis").iterdir()] == ["overview.png"]
     assert (tmp_path / "thesis" / "overview.png").read_text(encoding="utf-8") == "mine"
 
@@ -225,7 +254,7 @@ def test_as_a_process() -> None:
     assert (wrong.returncode, wrong.stdout, wrong.stderr.count("\n")) == (2, "", 1)
 
 
-# --- What is wrong with a file ---------------------------------------------------------------------------------------
+# --- What is wrong with a file --------------------------------------------------------------------
 
 L1 = 'dissipation = {kind = "weighted l1", weights = ["rho(s)", "rho(s + 0.5)"], lower = [2, "1"]}'
 MATRIX = 'A = [[2, "r"], ["r", 1]]'
@@ -234,21 +263,53 @@ BAD: dict[str, tuple[str, str, list[str]]] = {
     "no name": ('name = "small"', 'title = "small"', ["name", "missing"]),
     "a number as name": ('name = "small"', "name = 3", ["name", "expected a text"]),
     "unknown key": ("epsilon =", "epsilom =", ["epsilom", "Did you mean 'epsilon'?"]),
-    "a system": ("initial = [0, 0]", 'coordinates.x = {kind = "viscous"}', ["declares a system", "stickslip run"]),
+    "a system": (
+        "initial = [0, 0]",
+        'coordinates.x = {kind = "viscous"}',
+        ["declares a system", "stickslip run"],
+    ),
     "no dissipation": (L1, "", ["dissipation", "missing", "kind ="]),
-    "no kind": (L1, L1.replace('kind = "weighted l1", ', ""), ["dissipation.kind", '"weighted l1", "group norm"']),
-    "wrong kind": (L1, L1.replace("weighted l1", "weighted l2"), ["dissipation.kind", 'Did you mean "weighted l1"?']),
+    "no kind": (
+        L1,
+        L1.replace('kind = "weighted l1", ', ""),
+        ["dissipation.kind", '"weighted l1", "group norm"'],
+    ),
+    "wrong kind": (
+        L1,
+        L1.replace("weighted l1", "weighted l2"),
+        ["dissipation.kind", 'Did you mean "weighted l1"?'],
+    ),
     "kind is a number": (L1, "dissipation = {kind = 1}", ["dissipation.kind", "expected a text"]),
-    "kind only": (L1, 'dissipation = {kind = "ellipsoid"}', ["dissipation.shape", "missing", "shape = [[4, 0]"]),
-    "unknown dissipation key": (L1, L1.replace("lower", "lover"), ["dissipation.lover", "Did you mean 'lower'?"]),
+    "kind only": (
+        L1,
+        'dissipation = {kind = "ellipsoid"}',
+        ["dissipation.shape", "missing", "shape = [[4, 0]"],
+    ),
+    "unknown dissipation key": (
+        L1,
+        L1.replace("lower", "lover"),
+        ["dissipation.lover", "Did you mean 'lower'?"],
+    ),
     "no table": (L1, "dissipation = 1", ["dissipation", "expected a table"]),
     "unknown name": (L1, L1.replace('"1"', '"q"'), ["dissipation.lower[1]", "unknown name 'q'"]),
-    "time in the dissipation": (L1, L1.replace('"1"', '"t"'), ["dissipation.lower[1]", "Only s and parameters"]),
+    "time in the dissipation": (
+        L1,
+        L1.replace('"1"', '"t"'),
+        ["dissipation.lower[1]", "Only s and parameters"],
+    ),
     "phase in the load": ('"2*t"', '"2*s"', ["load[1]", "Only t and parameters"]),
     "time in A": (MATRIX, 'A = [["t", 0], [0, 1]]', ["A[0][0]", "Only parameters"]),
     "negative weight": (L1, L1.replace('"1"', '"-1"'), ["dissipation.lower", "negative"]),
-    "negative at a phase": (L1, L1.replace("rho(s)", "1 - 2*rho(s)"), ["dissipation.weights", "at phase s = "]),
-    "not periodic": (L1, L1.replace('"rho(s)"', '"1 + s"'), ["dissipation.weights", "not 1-periodic"]),
+    "negative at a phase": (
+        L1,
+        L1.replace("rho(s)", "1 - 2*rho(s)"),
+        ["dissipation.weights", "at phase s = "],
+    ),
+    "not periodic": (
+        L1,
+        L1.replace('"rho(s)"', '"1 + s"'),
+        ["dissipation.weights", "not 1-periodic"],
+    ),
     "both descriptions": (
         L1,
         'dissipation = {kind = "polytope", vertices = [[1, 0]], offsets = [1]}',
@@ -265,8 +326,16 @@ BAD: dict[str, tuple[str, str, list[str]]] = {
         ["initial", "outside", "initial = [1, 0]"],
     ),
     "bad parameter": ("default = 0.5", "default = -1", ["parameters.r", "(0, inf)"]),
-    "parameter is no number": ("default = 0.5", 'default = "x"', ["parameters.r", "expected a number"]),
-    "a parameter called s": ("parameters.r =", "parameters.s =", ["parameters.s", "'s' is the phase"]),
+    "parameter is no number": (
+        "default = 0.5",
+        'default = "x"',
+        ["parameters.r", "expected a number"],
+    ),
+    "a parameter called s": (
+        "parameters.r =",
+        "parameters.s =",
+        ["parameters.s", "'s' is the phase"],
+    ),
     "cyclic": ('"1 + r*cos', '"rho(x) + r*cos', ["rho", "cyclic"]),
     "hostile": ('"3*sin(t)"', "\"__import__('os').system('true')\"", ["load[0]"]),
     "huge": ("epsilon = 0.5", 'epsilon = "9**9**9**9"', ["epsilon"]),
@@ -278,7 +347,9 @@ BAD: dict[str, tuple[str, str, list[str]]] = {
 
 
 @pytest.mark.parametrize(("old", "new", "parts"), BAD.values(), ids=BAD)
-def test_a_wrong_file_is_one_clear_line(old: str, new: str, parts: list[str], tmp_path: Path) -> None:
+def test_a_wrong_file_is_one_clear_line(
+    old: str, new: str, parts: list[str], tmp_path: Path
+) -> None:
     assert old in SMALL
     (tmp_path / "wrong.toml").write_text(SMALL.replace(old, new), encoding="utf-8")
     message = refused(stickslip("evolve", "wrong.toml"))
@@ -302,18 +373,28 @@ def test_a_wrong_file_is_one_clear_line(old: str, new: str, parts: list[str], tm
         (["evolve", str(EXAMPLES / "play.toml")], "stickslip run"),
     ],
 )
-def test_wrong_arguments_are_one_clear_line(arguments: list[str], part: str, tmp_path: Path) -> None:
+def test_wrong_arguments_are_one_clear_line(
+    arguments: list[str], part: str, tmp_path: Path
+) -> None:
     assert part in refused(stickslip(*arguments))
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_averaged_start_that_is_not_stable_at_every_phase_names_one_that_is(tmp_path: Path) -> None:
-    (tmp_path / "small.toml").write_text(SMALL.replace("initial = [0, 0]", "initial = [-0.6, 0]"), encoding="utf-8")
+def test_an_averaged_start_that_is_not_stable_at_every_phase_names_one_that_is(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "small.toml").write_text(
+        SMALL.replace("initial = [0, 0]", "initial = [-0.6, 0]"), encoding="utf-8"
+    )
     message = refused(stickslip("evolve", "small.toml", "--averaged"))
     assert "outside the stable set" in message
     start = message.split("initial = ")[1].rstrip(".")
-    (tmp_path / "small.toml").write_text(SMALL.replace("initial = [0, 0]", f"initial = {start}"), encoding="utf-8")
-    assert stickslip("evolve", "small.toml", "--averaged", "--steps", "100", "--json").exit_code in (0, 1)
+    (tmp_path / "small.toml").write_text(
+        SMALL.replace("initial = [0, 0]", f"initial = {start}"), encoding="utf-8"
+    )
+    assert stickslip(
+        "evolve", "small.toml", "--averaged", "--steps", "100", "--json"
+    ).exit_code in (0, 1)
 
 
 def test_models_are_checked_in_python_too() -> None:

@@ -83,7 +83,9 @@ def test_branch(tmp_path: Path) -> None:
     stored = ss.open_branch(folder / "branch.nc")
     assert [s["value"] for s in found["special"]] == [s.value for s in stored.special]
     assert found["points"] == stored.points.sizes["point"]
-    assert len((folder / "branch.csv").read_text(encoding="utf-8").splitlines()) == 1 + found["points"]
+    assert (
+        len((folder / "branch.csv").read_text(encoding="utf-8").splitlines()) == 1 + found["points"]
+    )
 
 
 def test_branch_of_cycles(tmp_path: Path) -> None:
@@ -115,12 +117,30 @@ def test_basin(tmp_path: Path) -> None:
         (["branch", "spring_slider", "--over", "V=0.2:x"], "not a number"),
         (["branch", "spring_slider", "--over", "V=0.4:0.2"], "not a range"),
         (["branch", "spring_slider", "--over", "W=0.1:0.2"], "W"),
-        (["branch", "spring_slider", "--over", "V=0.1:0.2", "--over", "nu=0.1:0.2"], "A branch has one"),
-        (["basin", "rocking_toy", "--over", "psi=-1:1:5"], "A map needs two"),
-        (["basin", "rocking_toy", "--over", "psi=-1:1:5.5", "--over", "d_psi=-1:1:5"], "whole number"),
-        (["basin", "rocking_toy", "--over", "psi=-1:1:1e12", "--over", "d_psi=-1:1:5"], "more than 10,000,000 states"),
         (
-            ["basin", "rocking_toy", "--over", "psi=-1:1:5", "--over", "d_psi=-1:1:5", "--initial", "psi=1"],
+            ["branch", "spring_slider", "--over", "V=0.1:0.2", "--over", "nu=0.1:0.2"],
+            "A branch has one",
+        ),
+        (["basin", "rocking_toy", "--over", "psi=-1:1:5"], "A map needs two"),
+        (
+            ["basin", "rocking_toy", "--over", "psi=-1:1:5.5", "--over", "d_psi=-1:1:5"],
+            "whole number",
+        ),
+        (
+            ["basin", "rocking_toy", "--over", "psi=-1:1:1e12", "--over", "d_psi=-1:1:5"],
+            "more than 10,000,000 states",
+        ),
+        (
+            [
+                "basin",
+                "rocking_toy",
+                "--over",
+                "psi=-1:1:5",
+                "--over",
+                "d_psi=-1:1:5",
+                "--initial",
+                "psi=1",
+            ],
             "Give it once",
         ),
         (["branch", "spring_slider", "--over", "V"], "--over V=LOW:HIGH"),
@@ -158,11 +178,18 @@ def test_units_are_said() -> None:
     assert "drift 0.8 m a period, speed 0.127323954 m/s" in lines
     assert "energy per distance 0.2 N" in lines
     found = json.loads(Path("out/two_leg_crawler-cycle/summary.json").read_text(encoding="utf-8"))
-    assert found["units"] == {"time": "s", "energy": "N*m", "drift": "m", "speed": "m/s", "energy_per_distance": "N"}
+    assert found["units"] == {
+        "time": "s",
+        "energy": "N*m",
+        "drift": "m",
+        "speed": "m/s",
+        "energy_per_distance": "N",
+    }
 
 
 def test_a_neutral_cycle_is_not_called_unstable() -> None:
-    # Without damping the plate oscillates on as it likes; the forced motion has the period of the imbalance.
+    # Without damping the plate oscillates on as it likes; the forced motion has the period of the
+    # imbalance.
     result = stickslip("cycle", "plate_compactor", "--json")
     found = json.loads(result.stdout)
     assert found["stability"] == "neutral"
@@ -177,7 +204,9 @@ def test_a_cycle_shows_what_was_measured() -> None:
     assert "certified: 9 residuals in limits" in result.stdout
     for name in ("closure", "movement", "multipliers 1", "multipliers 0", "neighbours"):
         assert name in result.stdout
-    found = json.loads(Path("out/plate_compactor-cycle/summary.json").read_text(encoding="utf-8"))["certificate"]
+    found = json.loads(Path("out/plate_compactor-cycle/summary.json").read_text(encoding="utf-8"))[
+        "certificate"
+    ]
     assert found["ok"] is True
     limits = {residual["name"]: residual["limit"] for residual in found["residuals"]}
     assert limits["closure"] == 1e-9

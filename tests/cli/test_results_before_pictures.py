@@ -23,8 +23,14 @@ COMMANDS = {
     "equilibria": (["equilibria", "rocking_toy"], EQUILIBRIA_FILES),
     "cycle": (["cycle", "belt_block"], CYCLE_FILES),
     "gait": (["cycle", "rocking_toy"], CYCLE_FILES),
-    "branch": (["branch", "spring_slider", "--set", "mu=2/sqrt(alpha)", "--over", "V=0.3:0.31"], BRANCH_FILES),
-    "basin": (["basin", "rocking_toy", "--over", "psi=0:1:2", "--over", "d_psi=0:1:2"], BASIN_FILES),
+    "branch": (
+        ["branch", "spring_slider", "--set", "mu=2/sqrt(alpha)", "--over", "V=0.3:0.31"],
+        BRANCH_FILES,
+    ),
+    "basin": (
+        ["basin", "rocking_toy", "--over", "psi=0:1:2", "--over", "d_psi=0:1:2"],
+        BASIN_FILES,
+    ),
 }
 
 
@@ -38,9 +44,12 @@ def stickslip(*arguments: str) -> Result:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_picture_that_fails_is_a_warning(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_picture_that_fails_is_a_warning(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     arguments, files = COMMANDS[name]
-    folder, results = tmp_path / "here", sorted(set(files) - {PICTURE})
+    folder = tmp_path / "here"
+    results = sorted(set(files) - {PICTURE})
     there = []
 
     def overflow(self: Figure, path: Path, **given: object) -> None:
@@ -52,9 +61,13 @@ def test_a_picture_that_fails_is_a_warning(name: str, tmp_path: Path, monkeypatc
     assert there == [results]
     assert result.exit_code == 0
     warning = " ".join(result.stderr.split())
-    assert warning.startswith("warning: the picture could not be drawn (OverflowError: Exceeded cell block limit)")
+    assert warning.startswith(
+        "warning: the picture could not be drawn (OverflowError: Exceeded cell block limit)"
+    )
     assert sorted(p.name for p in folder.iterdir()) == results
-    assert json.loads(result.stdout) == json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    assert json.loads(result.stdout) == json.loads(
+        (folder / "summary.json").read_text(encoding="utf-8")
+    )
 
 
 def test_the_table_names_what_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -67,7 +80,9 @@ def test_the_table_names_what_is_written(monkeypatch: pytest.MonkeyPatch) -> Non
     assert ss.open_trajectory("here/trajectory.nc").certificate.ok
 
 
-def test_the_exit_code_is_that_of_the_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_exit_code_is_that_of_the_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "jumps.toml").write_text(
         'name = "jumps"\ncoordinates.x = {kind = "rate-independent"}\npotential = "-2*t*x"\n'
         'contacts.ground = {direction = "d_x", threshold = 1}\nspan = [0, 2]\n',

@@ -38,9 +38,13 @@ def stickslip(*arguments: str) -> Result:
 
 
 def test_sweep_and_plot() -> None:
-    result = stickslip(*GIVEN, "--measure", "cost = 2*speed", "--set", "rho=0.25", "--initial", "psi=0.5")
+    result = stickslip(
+        *GIVEN, "--measure", "cost = 2*speed", "--set", "rho=0.25", "--initial", "psi=0.5"
+    )
     assert result.exit_code == 0, result.output
-    rows = {line.strip().split("  ")[0]: line.split()[-1] for line in result.stdout.splitlines()[1:]}
+    rows = {
+        line.strip().split("  ")[0]: line.split()[-1] for line in result.stdout.splitlines()[1:]
+    }
     data = open_sweep("toy.zarr")
     assert rows["points"] == "108"
     assert int(rows["at rest forever"]) == int((data["outcome"] == 1).sum())
@@ -57,13 +61,20 @@ def test_the_same_command_computes_nothing_again() -> None:
     stand_in.calls.clear()
     assert stickslip(*GIVEN).exit_code == 0
     assert not stand_in.calls
-    assert "--extend" in stickslip(*GIVEN[:2], "--over", "P=0.6:1.6:23", *OVER[2:], *GIVEN[6:]).stderr
-    assert stickslip(*GIVEN[:2], "--over", "P=0.6:1.6:23", *OVER[2:], *GIVEN[6:], "--extend").exit_code == 0
+    assert (
+        "--extend" in stickslip(*GIVEN[:2], "--over", "P=0.6:1.6:23", *OVER[2:], *GIVEN[6:]).stderr
+    )
+    assert (
+        stickslip(*GIVEN[:2], "--over", "P=0.6:1.6:23", *OVER[2:], *GIVEN[6:], "--extend").exit_code
+        == 0
+    )
     assert sum(stand_in.calls) == 11 * 9
 
 
 def test_a_function_from_a_file() -> None:
-    Path("mine.py").write_text("def first(trajectory):\n    return trajectory.parameters['P'] if 1 else None\n")
+    Path("mine.py").write_text(
+        "def first(trajectory):\n    return trajectory.parameters['P'] if 1 else None\n"
+    )
     Path("short.toml").write_text(TOY.to_toml().replace("span = [0, 120]", "span = [0, 1]"))
     given = ["sweep", "short.toml", "--over", "P=1:1.5:3", "--out", "f.zarr", "--measure"]
     assert stickslip(*given, "mine.py:first").exit_code == 0
@@ -81,10 +92,19 @@ def test_a_function_from_a_file() -> None:
         (["--over", "P=2:1:0", "--measure", "speed"], "not a number of points"),
         (["--over", "P=-1:1:4", "--measure", "speed"], "outside the admissible range"),
         (["--over", "P=1:2:4", "--measure", "sped"], "no measure 'sped'"),
-        (["--over", "P=1:2:4", "--measure", "speed", "--initial", "phi=1"], "not a part of the state"),
-        (["--over", "psi=1:2:4", "--measure", "speed", "--initial", "psi=1"], "it varies along an axis"),
+        (
+            ["--over", "P=1:2:4", "--measure", "speed", "--initial", "phi=1"],
+            "not a part of the state",
+        ),
+        (
+            ["--over", "psi=1:2:4", "--measure", "speed", "--initial", "psi=1"],
+            "it varies along an axis",
+        ),
         (["--over", "P=1:2:4", "--measure", "speed", "--adaptive", "period"], "not measured"),
-        (["--over", "P=1:2:4", "--measure", "speed", "--processes", "--local-cluster"], "Choose one"),
+        (
+            ["--over", "P=1:2:4", "--measure", "speed", "--processes", "--local-cluster"],
+            "Choose one",
+        ),
         (["--over", "P=1:2:4", "--measure", "speed", "--workers", "0"], "number of workers"),
         (["--over", "P=1:2:4", "--measure", "speed", "--rtol", "0"], "rtol: 0.0 is out of range"),
     ],
@@ -107,15 +127,27 @@ def test_plot_of_what_is_no_map() -> None:
 
 def test_control_c_names_what_is_kept() -> None:
     code = (
-        "import sys; from sweeps import stand_in; sys.modules['stickslip.sweeps.work.chunk'] = stand_in;"
+        "import sys; from sweeps import stand_in; sys.modules['stickslip.sweeps.work.chunk'] = "
+        "stand_in;"
         "fast = stand_in.measure_chunk;"
         "stand_in.measure_chunk = lambda *given: (stand_in.time.sleep(0.2), fast(*given))[1];"
         "from stickslip.cli import main; sys.argv[0] = 'stickslip'; main()"
     )
-    given = [*GIVEN[:2], "--over", "P=0.6:1.6:40", "--over", "delta=0.01:0.2:40", *GIVEN[6:], "--workers", "1"]
+    given = [
+        *GIVEN[:2],
+        "--over",
+        "P=0.6:1.6:40",
+        "--over",
+        "delta=0.01:0.2:40",
+        *GIVEN[6:],
+        "--workers",
+        "1",
+    ]
     environment = os.environ | {"PYTHONPATH": str(Path(stand_in.__file__).parent.parent)}
     command = [sys.executable, "-c", code, *given]
-    process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     deadline = time.monotonic() + 30
     while not list(Path().glob("toy.zarr/outcome/c/*/*")) and time.monotonic() < deadline:
         time.sleep(0.05)
@@ -126,7 +158,8 @@ def test_control_c_names_what_is_kept() -> None:
     done = int((open_sweep("toy.zarr")["outcome"] >= 0).sum())
     assert 0 < done < 1600
     assert err.strip() == (
-        f"stickslip: interrupted; {done:,} of 1,600 points are in toy.zarr; the same command goes on"
+        f"stickslip: interrupted; {done:,} of 1,600 points are in toy.zarr; the same command goes "
+        "on"
     )
 
 
@@ -136,7 +169,7 @@ def test_the_line_of_progress() -> None:
     assert line == "1,500 of 2,000 points, 500/s: 1,400 finished, 100 at rest forever"
 
 
-# -- pictures -----------------------------------------------------------------------------------------
+# -- pictures --------------------------------------------------------------------------------------
 
 
 def test_a_map_shows_values_hatches_and_logarithmic_axes() -> None:
@@ -149,13 +182,17 @@ def test_a_map_shows_values_hatches_and_logarithmic_axes() -> None:
     assert "N" in speed.get_xlabel()
     assert "m/s" in bars[1].get_ylabel()
     mesh = speed.collections[0]
-    np.testing.assert_array_equal(np.asarray(mesh.get_array()).reshape(9, 12), data["speed"].values.T)
+    np.testing.assert_array_equal(
+        np.asarray(mesh.get_array()).reshape(9, 12), data["speed"].values.T
+    )
     assert any(getattr(collection, "hatches", None) == ["////"] for collection in speed.collections)
     edges = mesh.get_coordinates()  # type: ignore[attr-defined]
     np.testing.assert_allclose(edges[1:, 0, 1] / edges[:-1, 0, 1], 20 ** (1 / 8))
     legend = {text.get_text() for text in plot_sweep(data).legends[0].get_texts()}
     assert legend == {"not certified (closure)", "no value: at rest forever"}
-    grey, values = (np.isnan(np.asarray(mesh.get_array()).astype(float)) for mesh in period.collections[:2])
+    grey, values = (
+        np.isnan(np.asarray(mesh.get_array()).astype(float)) for mesh in period.collections[:2]
+    )
     assert np.any(values) and np.array_equal(values, ~grey)
 
 
@@ -166,8 +203,14 @@ def test_lines_dots_and_small_multiples() -> None:
     np.testing.assert_allclose(line[0].lines[0].get_xdata(), np.geomspace(0.6, 1.6, 12))
     dots = plot_sweep(sweep(TOY, {"P,delta": "halton:30; 0.6:1.6; 0.01:0.2"}, ["speed"])).axes
     assert len(np.asarray(dots[0].collections[0].get_offsets())) == 30
-    multiples = plot_sweep(sweep(TOY, {"P": "0.6:1.6:12", "delta": "0.01:0.2:9", "psi": "0:1:3"}, ["speed"])).axes
-    assert [axes.get_title("left").split("=")[1].split()[0] for axes in multiples[:3]] == ["0", "0.5", "1"]
+    multiples = plot_sweep(
+        sweep(TOY, {"P": "0.6:1.6:12", "delta": "0.01:0.2:9", "psi": "0:1:3"}, ["speed"])
+    ).axes
+    assert [axes.get_title("left").split("=")[1].split()[0] for axes in multiples[:3]] == [
+        "0",
+        "0.5",
+        "1",
+    ]
     limits = {axes.collections[0].get_clim() for axes in multiples[:3]}
     assert len(limits) == 1
 

@@ -1,4 +1,5 @@
-"""Equations as a person would write them: exact words for a few systems, numbers for all of them."""
+"""Equations as a person would write them: exact words for a few systems, numbers for all of
+them."""
 
 from __future__ import annotations
 
@@ -13,7 +14,17 @@ import stickslip as ss
 from stickslip.display.equations import ACCELERATION, Balance, Equations
 from stickslip.display.printers import UnicodeWriter
 from stickslip.display.symbols import latex_name, unicode_name, unicode_unit, width
-from stickslip.display.tree import Call, Name, Node, Number, Product, Reader, Relation, Sum, derivative
+from stickslip.display.tree import (
+    Call,
+    Name,
+    Node,
+    Number,
+    Product,
+    Reader,
+    Relation,
+    Sum,
+    derivative,
+)
 from stickslip.symbolic import expressions as ex
 
 NAMES = ss.catalogue.names()
@@ -27,7 +38,9 @@ def shown(system: ss.System, *lines: str) -> None:
 
 def particle(potential: str, **more: object) -> ss.System:
     """One heavy particle in a potential; the parameters are there to be used."""
-    parameters = {name: ss.Parameter(value) for name, value in {"k": 2.0, "c": 3.0, "g": 0.5}.items()}
+    parameters = {
+        name: ss.Parameter(value) for name, value in {"k": 2.0, "c": 3.0, "g": 0.5}.items()
+    }
     return ss.System(
         name="particle",
         parameters=parameters,
@@ -80,7 +93,9 @@ def test_laws_that_differ_by_direction_or_in_sliding_are_listed() -> None:
         "    u_i > 0:  λ_i = −f⁺",
         "    u_i < 0:  λ_i = f⁻",
     )
-    stribeck = ss.Contact("d_x - 2*d_y", threshold="c", kinetic="g + (c - g)/(1 + speed)", surface_speed=0.5)
+    stribeck = ss.Contact(
+        "d_x - 2*d_y", threshold="c", kinetic="g + (c - g)/(1 + speed)", surface_speed=0.5
+    )
     shown(
         particle("0", contacts={"pad": stribeck}),
         "  ẍ − λ = 0",
@@ -115,12 +130,20 @@ def test_a_block_between_two_springs() -> None:
 )
 def test_derivatives_keep_functions_and_order(potential: str, force: str) -> None:
     functions = {"f(s)": "s**2 + 1", "h(a, b)": "a*b", "lift": "x**2"}
-    shown(particle(potential, functions=functions, initial={"x": 1.0}), f"  ẍ + {force} = 0".replace("+ −", "− "))
+    shown(
+        particle(potential, functions=functions, initial={"x": 1.0}),
+        f"  ẍ + {force} = 0".replace("+ −", "− "),
+    )
 
 
 def test_piecewise_functions_get_a_brace() -> None:
-    text = str(particle("0", functions={"G(v)": "piecewise(v < 0, -v, v < 2, v**2/2, 2)"}).equations())
-    assert "         ⎧ −v     if v < 0\n  G(v) = ⎨ ½ v²   if v < 2\n         ⎩ 2      otherwise" in text
+    text = str(
+        particle("0", functions={"G(v)": "piecewise(v < 0, -v, v < 2, v**2/2, 2)"}).equations()
+    )
+    assert (
+        "         ⎧ −v     if v < 0\n  G(v) = ⎨ ½ v²   if v < 2\n         ⎩ 2      otherwise"
+        in text
+    )
 
 
 def test_conditions_tell_whether_they_hold() -> None:
@@ -154,7 +177,12 @@ def test_names_become_symbols(name: str, text: str, latex: str) -> None:
 def test_rates_units_and_widths() -> None:
     assert (unicode_name("x_R", 1), unicode_name("psi", 2)) == ("ẋ_R", "ψ̈")
     assert latex_name("v_hat", 1) == r"\dot{\hat{v}}"
-    assert [unicode_unit(u) for u in ("kg*m^2/s", "1", "m^-1", "m^(1/2)")] == ["kg·m²/s", "", "m⁻¹", "m^(1/2)"]
+    assert [unicode_unit(u) for u in ("kg*m^2/s", "1", "m^-1", "m^(1/2)")] == [
+        "kg·m²/s",
+        "",
+        "m⁻¹",
+        "m^(1/2)",
+    ]
     assert width("ψ̈") == 1
 
 
@@ -178,7 +206,12 @@ def test_latex_is_well_formed(name: str) -> None:
     parser = MathTextParser("agg")
     for row in latex.splitlines()[1:-1]:
         if "cases" not in row:  # the one construct that matplotlib does not know
-            formula = row.removesuffix(r"\\").replace("&", "").replace(r"\text{if }", "").replace("tfrac", "frac")
+            formula = (
+                row.removesuffix(r"\\")
+                .replace("&", "")
+                .replace(r"\text{if }", "")
+                .replace("tfrac", "frac")
+            )
             parser.parse(f"${formula}$")
 
 
@@ -186,7 +219,10 @@ def test_a_notebook_shows_equations_and_parameters() -> None:
     equations = ss.catalogue.rocking_toy().equations()
     assert isinstance(equations, Equations)
     assert equations._repr_latex_().startswith("$$\n\\begin{aligned}")
-    assert r"| $\psi^{*}$ | 1 | rad | angle at which one side carries all weight |" in equations._repr_markdown_()
+    assert (
+        r"| $\psi^{*}$ | 1 | rad | angle at which one side carries all weight |"
+        in equations._repr_markdown_()
+    )
     assert repr(equations) == str(equations)
 
 
@@ -197,7 +233,8 @@ class Evaluator:
     """Value of a tree for given names; dry friction counts as zero."""
 
     def __init__(self, system: ss.System, values: Mapping[str, float]) -> None:
-        self.definitions, self.values = Reader(system).definitions, values
+        self.definitions = Reader(system).definitions
+        self.values = values
 
     def __call__(self, node: Node, bound: Mapping[str, float] | None = None) -> float:
         values = self.values if bound is None else bound
@@ -211,7 +248,9 @@ class Evaluator:
             case Sum(terms):
                 return sum(self(term, bound) for term in terms)
             case Product(factor, powers):
-                return float(factor) * math.prod(self(b, bound) ** self(e, bound) for b, e in powers)
+                return float(factor) * math.prod(
+                    self(b, bound) ** self(e, bound) for b, e in powers
+                )
             case Relation(sign, left, right):
                 a, b = self(left, bound), self(right, bound)
                 return float({"<": a < b, "<=": a <= b, ">": a > b, ">=": a >= b}[sign])
@@ -219,7 +258,9 @@ class Evaluator:
                 return self.call(name, [self(a, bound) for a in arguments], by, values)
         raise TypeError(node)
 
-    def call(self, name: str, a: list[float], by: tuple[str, ...], values: Mapping[str, float]) -> float:
+    def call(
+        self, name: str, a: list[float], by: tuple[str, ...], values: Mapping[str, float]
+    ) -> float:
         if name == "Sign":
             return 0.0
         if name not in self.definitions:
@@ -234,7 +275,9 @@ class Evaluator:
     def builtin(name: str, a: list[float]) -> float:
         match name:
             case "piecewise":
-                hit = (value for condition, value in zip(a[:-1:2], a[1:-1:2], strict=True) if condition)
+                hit = (
+                    value for condition, value in zip(a[:-1:2], a[1:-1:2], strict=True) if condition
+                )
                 return next(hit, a[-1])
             case "clip":
                 return min(max(a[0], a[1]), a[2])
@@ -248,44 +291,78 @@ class Evaluator:
 
 
 EVERYTHING = particle(
-    "f(x)*y + k/2*max(x - y, 0, g)**2 + c*log(1 + x**2)*h(y, x) + lift**2*tanh(x*y) - atan(x)/cosh(y)**2 + min(x, y)**3"
-    " + clip(x, -g, g)*y + exp(-x/k)*sin(omega*t) + sqrt(1 + y**2)*asinh(x) + tan(x/9) + sinh(y) + abs(x)**1.5 + k**y",
-    functions={"f(s)": "s**3 + x*s", "h(a, b)": "a*b - f(a)", "lift": "x**2 + h(x, t)", "omega": "k + c"},
+    "f(x)*y + k/2*max(x - y, 0, g)**2 + c*log(1 + x**2)*h(y, x) + lift**2*tanh(x*y) - "
+    "atan(x)/cosh(y)**2 + min(x, y)**3"
+    " + clip(x, -g, g)*y + exp(-x/k)*sin(omega*t) + sqrt(1 + y**2)*asinh(x) + tan(x/9) + sinh(y) + "
+    "abs(x)**1.5 + k**y",
+    functions={
+        "f(s)": "s**3 + x*s",
+        "h(a, b)": "a*b - f(a)",
+        "lift": "x**2 + h(x, t)",
+        "omega": "k + c",
+    },
 )
 
 
-@pytest.mark.parametrize("system", [*map(ss.catalogue.get, NAMES), EVERYTHING], ids=[*NAMES, "everything"])
+@pytest.mark.parametrize(
+    "system", [*map(ss.catalogue.get, NAMES), EVERYTHING], ids=[*NAMES, "everything"]
+)
 @pytest.mark.parametrize("seed", range(5))
 def test_what_is_shown_is_what_is_computed(system: ss.System, seed: int) -> None:
     rng = random.Random(seed)
-    declared, equations = system.declaration, system.equations()
-    values = {name: rng.uniform(-1.0, 1.0) for name in [*declared.coordinates, *declared.internal, "t"]}
+    declared = system.declaration
+    equations = system.equations()
+    values = {
+        name: rng.uniform(-1.0, 1.0) for name in [*declared.coordinates, *declared.internal, "t"]
+    }
     values |= {f"d_{x}": rng.uniform(-1.0, 1.0) for x in declared.coordinates}
     accelerations = {q: rng.uniform(-1.0, 1.0) for q in declared.inertial}
     values |= system.values
-    evaluate = Evaluator(system, values | {ACCELERATION.format(q): a for q, a in accelerations.items()})
+    evaluate = Evaluator(
+        system, values | {ACCELERATION.format(q): a for q, a in accelerations.items()}
+    )
 
     def expected(x: str) -> float:
-        terms = [ex.evaluate(m, values) * accelerations[q] for (p, q), m in declared.mass.items() if p == x]
-        terms += [ex.evaluate(c, values) * values[f"d_{y}"] for (p, y), c in declared.damping.items() if p == x]
+        terms = [
+            ex.evaluate(m, values) * accelerations[q]
+            for (p, q), m in declared.mass.items()
+            if p == x
+        ]
+        terms += [
+            ex.evaluate(c, values) * values[f"d_{y}"]
+            for (p, y), c in declared.damping.items()
+            if p == x
+        ]
         terms += [ex.evaluate(declared.drags[x], values)] if x in declared.drags else []
         return sum(terms) + ex.evaluate(ex.derivative(declared.potential, x), values)
 
     for x, balance in zip(system.coordinates, equations.balances, strict=True):
         assert evaluate(balance.left) == pytest.approx(expected(x), rel=1e-11, abs=1e-11)
-        assert evaluate(balance.right) == pytest.approx(ex.evaluate(declared.forces[x], values), rel=1e-11, abs=1e-11)
+        assert evaluate(balance.right) == pytest.approx(
+            ex.evaluate(declared.forces[x], values), rel=1e-11, abs=1e-11
+        )
     for name, law in zip(system.internal, equations.laws, strict=True):
         assert isinstance(law, Balance)
-        assert evaluate(law.right) == pytest.approx(ex.evaluate(declared.laws[name], values), rel=1e-11, abs=1e-11)
+        assert evaluate(law.right) == pytest.approx(
+            ex.evaluate(declared.laws[name], values), rel=1e-11, abs=1e-11
+        )
 
 
 def test_reading_back_what_is_written() -> None:
     """Brackets stand where they are needed: what is printed means what was meant."""
     rng = random.Random(7)
     system = particle("0")
-    read, write = Reader(system).read, UnicodeWriter({}, {}, {})
+    read = Reader(system).read
+    write = UnicodeWriter({}, {}, {})
     evaluate = Evaluator(system, {"x": 0.7, "y": -1.3, "k": 2.0})
-    patterns = ["({a} + {b})", "({a} - {b})", "({a})*({b})", "({a})/(3 + ({b})**2)", "-({a})", "({a})**2"]
+    patterns = [
+        "({a} + {b})",
+        "({a} - {b})",
+        "({a})*({b})",
+        "({a})/(3 + ({b})**2)",
+        "-({a})",
+        "({a})**2",
+    ]
     patterns.append("sqrt(4 + ({a})**2)")
 
     def random_formula(depth: int) -> str:
@@ -296,12 +373,21 @@ def test_reading_back_what_is_written() -> None:
     for _ in range(300):
         text = random_formula(rng.randint(1, 4))
         written = write(read(text))
-        assert evaluate(read(_typed(written))) == pytest.approx(evaluate(read(text))), (text, written)
+        assert evaluate(read(_typed(written))) == pytest.approx(evaluate(read(text))), (
+            text,
+            written,
+        )
 
 
 def _typed(text: str) -> str:
     """What the terminal shows, as one would type it: a blank between factors is a product."""
-    for glyph, number in {"½": "(1/2)", "⅓": "(1/3)", "⅔": "(2/3)", "¼": "(1/4)", "¾": "(3/4)"}.items():
+    for glyph, number in {
+        "½": "(1/2)",
+        "⅓": "(1/3)",
+        "⅔": "(2/3)",
+        "¼": "(1/4)",
+        "¾": "(3/4)",
+    }.items():
         text = text.replace(glyph, number)
     digits = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789")
     text = re.sub("[⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda m: "**" + m[0].translate(digits), text)

@@ -1,7 +1,7 @@
 """Derived forces, rate problems and powers, against sympy.
 
-sympy reads the texts of a declaration by itself and forms the equations of motion from section 1 and 2 of the
-mathematics; both sides are then compared as numbers at random states.
+sympy reads the texts of a declaration by itself and forms the equations of motion from section 1
+and 2 of the mathematics; both sides are then compared as numbers at random states.
 """
 
 from __future__ import annotations
@@ -13,7 +13,16 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from stickslip import Contact, DeclarationError, Inertial, Internal, Parameter, RateIndependent, System, Viscous
+from stickslip import (
+    Contact,
+    DeclarationError,
+    Inertial,
+    Internal,
+    Parameter,
+    RateIndependent,
+    System,
+    Viscous,
+)
 from stickslip.equations.derive import MotionEquations, derive
 from stickslip.symbolic import expressions as ex
 
@@ -26,7 +35,9 @@ def _parameters(**defaults: float) -> dict[str, Parameter]:
 
 MIXED = System(
     name="all three kinds",
-    parameters=_parameters(m=2.0, n=1.5, j=0.3, k=1.1, c=0.4, nu=0.7, gain=0.2, rho=0.6, tau=2.0, w=0.1),
+    parameters=_parameters(
+        m=2.0, n=1.5, j=0.3, k=1.1, c=0.4, nu=0.7, gain=0.2, rho=0.6, tau=2.0, w=0.1
+    ),
     functions={"well(s)": "k/2*s**2 + gain*cos(2*s)", "weight(s)": "rho*(2 + tanh(s))"},
     drives={"pull": "gain*sin(3*t)"},
     coordinates={
@@ -38,13 +49,19 @@ MIXED = System(
     },
     internal={"a": Internal("(1 - a)/tau + w*abs(d_z) + gain*d_q*q")},
     kinetic="m/2*d_q**2 + n/2*d_p**2 + j*d_q*d_p",
-    potential="well(q - z) + well(z - r) + k*(r - s)**2 + k*s**2 + k/2*p**2*(1 + a**2) - pull*q*s + exp(r/5)*s",
+    potential="well(q - z) + well(z - r) + k*(r - s)**2 + k*s**2 + k/2*p**2*(1 + a**2) - pull*q*s "
+    "+ exp(r/5)*s",
     viscous="nu/2*d_z**2 + c/2*(d_q - d_z)**2 + nu/3*d_p**2",
     contacts={
         "s on r's rail": Contact("2*d_s", threshold=("weight(q) + rho*t", "weight(-q)*(1 + a**2)")),
         "middle": Contact("d_z", threshold="weight(z)", kinetic="weight(z)/2"),
         "r": Contact("-d_r", threshold="weight(r - s)", surface_speed="w*sin(t)"),
-        "first": Contact("d_q - 2*d_p", threshold="weight(p)", surface_speed="w*t", kinetic="weight(p)/(1 + speed**2)"),
+        "first": Contact(
+            "d_q - 2*d_p",
+            threshold="weight(p)",
+            surface_speed="w*t",
+            kinetic="weight(p)/(1 + speed**2)",
+        ),
     },
 )
 
@@ -95,7 +112,7 @@ DASHPOTS = System(
 SYSTEMS = {system.name: system for system in (MIXED, TWO_LEGS, RATE_IN_LAW, DASHPOTS)}
 
 
-# --- The same equations by sympy -------------------------------------------------------------------------------------
+# --- The same equations by sympy ------------------------------------------------------------------
 
 
 class BySympy:
@@ -114,13 +131,24 @@ class BySympy:
         }
         names = [*system.parameters, *system.coordinates, *system.internal, "t", "speed"]
         self.scope |= {name: sp.Symbol(name, real=True) for name in names}
-        self.scope |= {f"d_{x}": sp.Symbol(f"d_{x}", real=True) for x in (*system.coordinates, *system.internal)}
+        self.scope |= {
+            f"d_{x}": sp.Symbol(f"d_{x}", real=True)
+            for x in (*system.coordinates, *system.internal)
+        }
         for signature, text in {**system.functions, **system.drives}.items():
             name, _, argument = signature.rstrip(")").partition("(")
             # sympify reads the body with the argument as a symbol of its own.
-            body = self.read(text, **({argument: sp.Symbol("argument", real=True)} if argument else {}))
-            self.scope[name] = (lambda x, b=body: b.subs(sp.Symbol("argument", real=True), x)) if argument else body
-        self.potential, self.kinetic, self.viscous = map(self.read, (system.potential, system.kinetic, system.viscous))
+            body = self.read(
+                text, **({argument: sp.Symbol("argument", real=True)} if argument else {})
+            )
+            self.scope[name] = (
+                (lambda x, b=body: b.subs(sp.Symbol("argument", real=True), x))
+                if argument
+                else body
+            )
+        self.potential, self.kinetic, self.viscous = map(
+            self.read, (system.potential, system.kinetic, system.viscous)
+        )
         self.laws = {name: self.read(internal.law) for name, internal in system.internal.items()}
         self.force = {x: self.read(c.force) for x, c in system.coordinates.items()}
         self.drag = {x: self.read(getattr(c, "drag", 0)) for x, c in system.coordinates.items()}
@@ -141,13 +169,17 @@ class BySympy:
             resistance = sp.diff(self.viscous, self.scope[f"d_{x}"])
             if kind == "viscous":
                 resistance = resistance.subs({v: 0 for v in self.symbols("viscous", rate=True)})
-            result.append(self.force[x] - self.drag[x] - sp.diff(self.potential, self.scope[x]) - resistance)
+            result.append(
+                self.force[x] - self.drag[x] - sp.diff(self.potential, self.scope[x]) - resistance
+            )
         return result
 
     def contact(self, i: int) -> tuple[Any, ...]:
         """Direction, thresholds s⁺ and s⁻, and kinetic forces of the i-th contact as declared."""
         c = list(self.system.contacts.values())[i]
-        pairs = [f if isinstance(f, tuple) else (f, f) for f in (c.threshold, c.kinetic or c.threshold)]
+        pairs = [
+            f if isinstance(f, tuple) else (f, f) for f in (c.threshold, c.kinetic or c.threshold)
+        ]
         return (self.read(c.direction), *(self.read(f) for pair in pairs for f in pair))
 
     def total(self, e: Any) -> Any:
@@ -159,7 +191,11 @@ class BySympy:
 
     def value(self, e: Any, values: Values) -> float:
         # doit: derivatives of piecewise functions are piecewise.
-        return float(sp.sympify(e).doit().subs({self.scope[k]: v for k, v in values.items() if k in self.scope}))
+        return float(
+            sp.sympify(e)
+            .doit()
+            .subs({self.scope[k]: v for k, v in values.items() if k in self.scope})
+        )
 
 
 @cache
@@ -168,9 +204,12 @@ def pair(name: str) -> tuple[System, MotionEquations, BySympy]:
 
 
 def draw(system: System, seed: int) -> Values:
-    """Random parameters, state, rates of coordinates (and of internal variables, by their laws) and time."""
+    """Random parameters, state, rates of coordinates (and of internal variables, by their laws) and
+    time."""
     rng = np.random.default_rng(seed)
-    values = {name: p.default * float(rng.uniform(0.7, 1.3)) for name, p in system.parameters.items()}
+    values = {
+        name: p.default * float(rng.uniform(0.7, 1.3)) for name, p in system.parameters.items()
+    }
     values |= {x: float(rng.normal()) for x in (*system.coordinates, *system.internal)}
     values |= {f"d_{x}": float(rng.normal()) for x in system.coordinates}
     return values | {"t": float(rng.uniform(0, 3))}
@@ -216,22 +255,32 @@ def test_contacts(name: str, seed: int) -> None:
     assert kinds == sorted(kinds, key=["inertial", "viscous", "rate-independent"].index)
     for i, c in enumerate(derived.contacts):
         direction, *forces = exact.contact(numbers[c.name])
-        assert set(c.direction) == {x for x in system.coordinates if direction.has(exact.scope[f"d_{x}"])}
+        assert set(c.direction) == {
+            x for x in system.coordinates if direction.has(exact.scope[f"d_{x}"])
+        }
         for x, weight in c.direction.items():
             check(weight, exact.value(sp.diff(direction, exact.scope[f"d_{x}"]), values), values)
         own = values | {f"speed:{i}": 0.7}
-        for ours, theirs in zip((c.plus, c.minus, c.kinetic_plus, c.kinetic_minus), forces, strict=True):
+        for ours, theirs in zip(
+            (c.plus, c.minus, c.kinetic_plus, c.kinetic_minus), forces, strict=True
+        ):
             check(ours, exact.value(theirs, values), own)
-        check(c.speed, exact.value(exact.read(system.contacts[c.name].surface_speed), values), values)
+        check(
+            c.speed, exact.value(exact.read(system.contacts[c.name].surface_speed), values), values
+        )
 
 
-@pytest.mark.parametrize("name", [name for name, s in SYSTEMS.items() if s.declaration.rate_independent])
+@pytest.mark.parametrize(
+    "name", [name for name, s in SYSTEMS.items() if s.declaration.rate_independent]
+)
 @seeds
 def test_rate_problem(name: str, seed: int) -> None:
-    """λᵢ and sᵢ of rate-independent coordinates, and how they change along the motion: affine in the rates ṙ."""
+    """λᵢ and sᵢ of rate-independent coordinates, and how they change along the motion: affine in
+    the rates ṙ."""
     system, derived, exact = pair(name)
     values = draw(system, seed)
-    rate, names = derived.rate, exact.kinds["rate-independent"]
+    rate = derived.rate
+    names = exact.kinds["rate-independent"]
     rates = exact.symbols("rate-independent", rate=True)
     acting = [c for c in derived.contacts if c.kind == "rate-independent"]
     numbers = {contact: i for i, contact in enumerate(system.contacts)}
@@ -243,24 +292,38 @@ def test_rate_problem(name: str, seed: int) -> None:
         check(rate.force[i], exact.value(force, values), values)
         for whole, slopes, rest, partials in (
             (force, rate.stiffness[i], rate.rest[i], rate.partial[i]),
-            (plus, rate.threshold_slope[0][i], rate.threshold_rest[0][i], rate.threshold_partial[0][i]),
-            (minus, rate.threshold_slope[1][i], rate.threshold_rest[1][i], rate.threshold_partial[1][i]),
+            (
+                plus,
+                rate.threshold_slope[0][i],
+                rate.threshold_rest[0][i],
+                rate.threshold_partial[0][i],
+            ),
+            (
+                minus,
+                rate.threshold_slope[1][i],
+                rate.threshold_rest[1][i],
+                rate.threshold_partial[1][i],
+            ),
         ):
             total = exact.total(whole)
             for j, other in enumerate(rates):
                 check(slopes[j], exact.value(sp.diff(total, other), values), values)
-                check(partials[j], exact.value(sp.diff(whole, exact.scope[names[j]]), values), values)
+                check(
+                    partials[j], exact.value(sp.diff(whole, exact.scope[names[j]]), values), values
+                )
             check(rest, exact.value(total.subs({v: 0 for v in rates}), values), values)
 
 
 @cases
 @seeds
 def test_powers_balance(name: str, seed: int) -> None:
-    """d/dt energy + dissipated = supplied for every motion that obeys the equations, whatever the contact forces."""
+    """d/dt energy + dissipated = supplied for every motion that obeys the equations, whatever the
+    contact forces."""
     system, derived, exact = pair(name)
     rng = np.random.default_rng([seed, 1])
     values = draw(system, seed)
-    # Contact forces are free, accelerations follow; massless coordinates: forces follow from free rates.
+    # Contact forces are free, accelerations follow; massless coordinates: forces follow from free
+    # rates.
     force = {x: 0.0 for x in system.coordinates}
     for i, c in enumerate(derived.contacts):
         u = sum(ex.evaluate(w, values) * values[f"d_{x}"] for x, w in c.direction.items())
@@ -277,7 +340,8 @@ def test_powers_balance(name: str, seed: int) -> None:
         rates = np.array([values[f"d_{q}"] for q in inertial])
         # d/dt ½vᵀMv = v·Ma
         change += rates @ (np.array(f) + [force[q] for q in inertial])
-    # The balance of a massless coordinate holds only if its forces do: add the power of what is missing.
+    # The balance of a massless coordinate holds only if its forces do: add the power of what is
+    # missing.
     missing = 0.0
     for kind in ("viscous", "rate-independent"):
         for x in exact.kinds[kind]:

@@ -1,7 +1,7 @@
 """Taylor recurrences, against series and integrals that mpmath computes to 30 digits.
 
-First the compiled recurrences one by one, all orders at once; then the whole path from a formula to machine code, by
-the integrals of many formulas of time that are moved as internal variables.
+First the compiled recurrences one by one, all orders at once; then the whole path from a formula to
+machine code, by the integrals of many formulas of time that are moved as internal variables.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def thirty_digits() -> Iterator[None]:
         yield
 
 
-# --- The recurrences -------------------------------------------------------------------------------------------------
+# --- The recurrences ------------------------------------------------------------------------------
 
 
 def argument(rng: np.random.Generator, low: float, high: float) -> tuple[Array, Series]:
@@ -43,7 +43,8 @@ def argument(rng: np.random.Generator, low: float, high: float) -> tuple[Array, 
 
 
 def assert_series(computed: Array, exact: Series) -> None:
-    # Rounding errors of low orders reach the higher ones with the decay of the argument's coefficients.
+    # Rounding errors of low orders reach the higher ones with the decay of the argument's
+    # coefficients.
     with mp.workdps(60):
         expected = np.array([float(v) for v in mp.taylor(exact, 0, ORDER)])
     decay = 0.5 ** np.arange(ORDER + 1)
@@ -130,7 +131,9 @@ def test_pairs(recurrence: Callable, sine: Series, cosine: Series, seed: int) ->
     [(series.steady_rotation_order, mp.sin, mp.cos), (series.hyperbolic_order, mp.sinh, mp.cosh)],
 )
 @pytest.mark.parametrize("rate", [2.3, -0.7])
-def test_pairs_of_a_steady_phase(recurrence: Callable, sine: Series, cosine: Series, rate: float) -> None:
+def test_pairs_of_a_steady_phase(
+    recurrence: Callable, sine: Series, cosine: Series, rate: float
+) -> None:
     a = np.zeros(ORDER + 1)
     a[:2] = 0.4, rate
     W = rows(a, free=2)
@@ -164,9 +167,11 @@ def test_lagged_product() -> None:
 def test_linear_system(seed: int) -> None:
     rng = np.random.default_rng(seed)
     n = 5
-    A, right = rng.normal(size=(n, n)), rng.normal(size=(n, ORDER + 1))
+    A = rng.normal(size=(n, n))
+    right = rng.normal(size=(n, ORDER + 1))
     A[0, 0] = 0.0  # the first pivot is not the first entry
-    R, W = np.empty((n, n)), rows(right, free=n)
+    R = np.empty((n, n))
+    W = rows(right, free=n)
     assert series.invert(np.vstack([A, np.zeros(n)]), n, R)
     for k in range(ORDER + 1):
         series.solve_order(R, W, 0, n, n, k)
@@ -187,29 +192,34 @@ def test_a_singular_matrix_is_recognised() -> None:
         (lambda: series.reciprocal(0.0), "reciprocal", np.inf),
     ],
 )
-def test_what_is_undefined_stays_visible(function: Callable[[], float], x: str, value: float) -> None:
+def test_what_is_undefined_stays_visible(
+    function: Callable[[], float], x: str, value: float
+) -> None:
     np.testing.assert_equal(function(), value)
 
 
-# --- From a formula to machine code ----------------------------------------------------------------------------------
+# --- From a formula to machine code ---------------------------------------------------------------
 
 DRIVES = {"g": "A + B*sin(omega*t + phi) + C*t**2", "h": "D + E*cos(0.7*t)*exp(-F*t)"}
-"""Two inner arguments that are analytic, positive and not steady: g is within [0.6, 2.9], h within [0.8, 2.2]."""
+"""Two inner arguments that are analytic, positive and not steady: g is within [0.6, 2.9], h within
+[0.8, 2.2]."""
 
 FORMULAS = [
     "exp(g)", "log(g)", "sqrt(g)", "sin(g)", "cos(g)", "tan(g/3)",
     "sinh(g)", "cosh(g)", "tanh(g)", "asinh(g)", "atan(g)",
-    "sin(g)*cos(g) + sin(h)", "sinh(h)*cosh(h)", "sin(omega*t + phi)*cos(omega*t + phi)", "exp(sin(exp(h/2)))",
+    "sin(g)*cos(g) + sin(h)", "sinh(h)*cosh(h)", "sin(omega*t + phi)*cos(omega*t + phi)",
+    "exp(sin(exp(h/2)))",
     "tan(h/4)*tanh(h/4)", "atan(asinh(g*h))", "asinh(atan(g)/h)",
     "g*h", "g*g*h", "g/h", "1/h", "A/(g*h)", "g**2/h**3", "(g + h)/(g - 4*h)", "-A*g*h/(B + 2)",
     "g**2", "g**3", "g**7", "g**8", "g**9", "g**(-1)", "g**(-2)", "g**(-9)",
     "(3 - g)**5", "(g - 4)**3", "(g - 4)**(-3)", "(2*g)**0.3", "(-2*g)**3", "(A*g)**2.5",
-    "g**0.5*h**0.5", "g**1.5", "g**(-1.5)", "g**A", "g**(-B)", "(g + A)**(B + h)", "2**g", "B**h", "g**h",
+    "g**0.5*h**0.5", "g**1.5", "g**(-1.5)", "g**A", "g**(-B)", "(g + A)**(B + h)",
+    "2**g", "B**h", "g**h",
     "A**2*sqrt(B)*g", "cosh(A)*exp(B)*log(D)*atan(E)*h",
     "g + 2*h - 3", "-(g - h) + A", "A + B", "t", "t**3 - 2*t", "0", "A*t + B*t**2",
-    "abs(g - h)", "max(g, h)", "min(g, h, 1.3)", "clip(g, 1.4, 1.7)", "clip(A*h, 2.1, 2.5)*g", "max(g - 1.5, 0)**2",
-    "piecewise(g < 1.4, h, g < 1.6, 2*h, h**2)", "piecewise(t > 1.1, sin(g), -A)", "abs(sin(3*g))*h",
-    "1/(1 + abs(g - h))",
+    "abs(g - h)", "max(g, h)", "min(g, h, 1.3)", "clip(g, 1.4, 1.7)", "clip(A*h, 2.1, 2.5)*g",
+    "max(g - 1.5, 0)**2", "piecewise(g < 1.4, h, g < 1.6, 2*h, h**2)",
+    "piecewise(t > 1.1, sin(g), -A)", "abs(sin(3*g))*h", "1/(1 + abs(g - h))",
 ]  # fmt: skip
 
 SPAN = 3.0
@@ -223,10 +233,14 @@ def formulas_system(group: int) -> System:
         name=f"formulas {group}",
         parameters={
             name: Parameter(value)
-            for name, value in dict(A=1.7, B=0.6, C=0.08, D=1.3, E=0.5, F=0.2, omega=1.9, phi=0.3).items()
+            for name, value in dict(
+                A=1.7, B=0.6, C=0.08, D=1.3, E=0.5, F=0.2, omega=1.9, phi=0.3
+            ).items()
         },
         drives=DRIVES,
-        internal={f"y{i}": Internal(text) for i, text in enumerate(FORMULAS) if i // GROUP == group},
+        internal={
+            f"y{i}": Internal(text) for i, text in enumerate(FORMULAS) if i // GROUP == group
+        },
     )
 
 
@@ -262,11 +276,19 @@ def by_mpmath(text: str, parameters: dict[str, float]) -> Series:
             def visit_Constant(self, node: ast.Constant) -> ast.AST:
                 return ast.Call(ast.Name("mpf", ast.Load()), [node], [])
 
-        return compile(ast.fix_missing_locations(Exact().visit(ast.parse(formula, mode="eval"))), formula, "eval")
+        return compile(
+            ast.fix_missing_locations(Exact().visit(ast.parse(formula, mode="eval"))),
+            formula,
+            "eval",
+        )
 
     codes = {name: compiled(formula) for name, formula in DRIVES.items()}
     code = compiled(text)
-    names = {**FUNCTIONS, "mpf": mp.mpf, **{name: mp.mpf(value) for name, value in parameters.items()}}
+    names = {
+        **FUNCTIONS,
+        "mpf": mp.mpf,
+        **{name: mp.mpf(value) for name, value in parameters.items()},
+    }
 
     def function(t: mp.mpf) -> mp.mpf:
         scope = {**names, "t": t}
@@ -279,7 +301,8 @@ def by_mpmath(text: str, parameters: dict[str, float]) -> Series:
 @pytest.mark.parametrize("seed", range(SEEDS))
 @pytest.mark.parametrize("number", range(len(FORMULAS)), ids=FORMULAS)
 def test_flow_of_a_formula(number: int, seed: int) -> None:
-    trajectory, exact = moved(number // GROUP, seed), by_mpmath(FORMULAS[number], drawn(seed))
+    trajectory = moved(number // GROUP, seed)
+    exact = by_mpmath(FORMULAS[number], drawn(seed))
     assert trajectory.outcome.ok
     times = np.linspace(0, SPAN, 7)
     values = trajectory.at(times)
@@ -293,18 +316,25 @@ def test_flow_of_a_formula(number: int, seed: int) -> None:
 
 
 def test_every_kink_is_crossed() -> None:
-    kinks = [text for text in FORMULAS if any(f in text for f in ("abs", "max", "min", "clip", "piecewise"))]
+    kinks = [
+        text
+        for text in FORMULAS
+        if any(f in text for f in ("abs", "max", "min", "clip", "piecewise"))
+    ]
     for group in {FORMULAS.index(text) // GROUP for text in kinks}:
         crossed = sum(np.ptp(moved(group, seed).knots.region, axis=0) for seed in range(SEEDS))
         assert np.all(crossed > 0), list(crossed)
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.lists(st.tuples(*[st.floats(-1e9, 1e9)] * 2), min_size=1, max_size=5), st.floats(-1e-9, 1e-9))
+@given(
+    st.lists(st.tuples(*[st.floats(-1e9, 1e9)] * 2), min_size=1, max_size=5), st.floats(-1e-9, 1e-9)
+)
 def test_sum_in_which_large_terms_cancel(pairs, rest):
     """Against rational numbers: a·b − a·b·(1 + ε) keeps its digits."""
     a, b = zip(*pairs, strict=True)
-    a, b = (*a, -a[0], rest), (*b, b[0] * (1.0 + 1e-13), 1.0)
+    a = (*a, -a[0], rest)
+    b = (*b, b[0] * (1.0 + 1e-13), 1.0)
     exact = sum(Fraction(x) * Fraction(y) for x, y in zip(a, b, strict=True))
     size = sum(abs(Fraction(x) * Fraction(y)) for x, y in zip(a, b, strict=True))
     error = abs(Fraction(series.dot(a, b)) - exact)

@@ -21,9 +21,15 @@ from stickslip.motion.steps.arrays import Constants
 
 def everything() -> System:
     """Every recurrence there is, in one law."""
-    law = "exp(-x) + log(2 + x) + sqrt(1 + x**2) + 1/(2 + x) + x/(3 + x) + sin(x)*cosh(x) + tanh(x) + atan(x) + x**p"
+    law = (
+        "exp(-x) + log(2 + x) + sqrt(1 + x**2) + 1/(2 + x) + x/(3 + x)"
+        " + sin(x)*cosh(x) + tanh(x) + atan(x) + x**p"
+    )
     return System(
-        name="everything", parameters={"p": Parameter(1.7)}, internal={"x": Internal(law)}, initial={"x": 0.4}
+        name="everything",
+        parameters={"p": Parameter(1.7)},
+        internal={"x": Internal(law)},
+        initial={"x": 0.4},
     )
 
 
@@ -37,32 +43,43 @@ def module(folder: Path, name: str, source: str) -> Any:
     return made
 
 
-@pytest.mark.parametrize("system", [everything(), catalogue.spring_slider(mu="2/sqrt(alpha)")], ids=lambda s: s.name)
+@pytest.mark.parametrize(
+    "system", [everything(), catalogue.spring_slider(mu="2/sqrt(alpha)")], ids=lambda s: s.name
+)
 def test_written_out_series_are_those_of_the_loops(
     system: System, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(unroll, "ORDERS", (4, 8))
-    monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path))  # what is compiled with other orders is for this test alone
+    # what is compiled with other orders is for this test alone
+    monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path))
     monkeypatch.setattr(compiled, "_compiled", {})
     monkeypatch.setattr(compiled, "_modules", {})
     source = generate(derive(system.declaration)).source
     long = written_out(source)
     assert "for k in range(N)" not in long
     problem = pose(system)
-    constants, y = problem.constants, problem.initial_state({})
+    constants = problem.constants
+    y = problem.initial_state({})
     tables = []
     for name, text in (("loops", source), ("long", long)):
-        code, space = module(tmp_path, name, text), problem.space()
+        code = module(tmp_path, name, text)
+        space = problem.space()
         table = np.array([list(problem.parameters.values())])
         run_setups(code.setup, table, Constants(*(part[None] for part in constants)))
         space.Rz[:] = np.eye(len(space.Rz))
-        mode, region = np.ones(len(problem.rows.u), np.int64), np.ones(len(problem.rows.kinks), np.int64)
-        call, read = _caller(), []
+        mode = np.ones(len(problem.rows.u), np.int64)
+        region = np.ones(len(problem.rows.kinks), np.int64)
+        call = _caller()
+        read = []
         for order in (1, 4, 8):
             space.W[:], space.mag[:] = 0.0, 0.0
             space.W[len(y), 1] = 1.0
             assert call(code.jets, 0.3, y, mode, region, constants.K, space, order) == 0
-            read += [space.W[:, 0].copy(), space.W[list(code.KEPT), :order].copy(), space.W[: len(y), order].copy()]
+            read += [
+                space.W[:, 0].copy(),
+                space.W[list(code.KEPT), :order].copy(),
+                space.W[: len(y), order].copy(),
+            ]
             read += [space.mag.copy()]
         tables.append(read)
     for long_part, loop_part in zip(tables[1], tables[0], strict=True):
@@ -73,8 +90,12 @@ def _caller() -> Any:
     from numba import njit
 
     @njit
-    def call(jets: Any, t: float, y: Any, mode: Any, region: Any, K: Any, space: Any, N: int) -> int:
-        return jets(t, y, mode, region, K, space.Rq, space.Rz, N, space.W, space.A, space.B, space.mag)
+    def call(
+        jets: Any, t: float, y: Any, mode: Any, region: Any, K: Any, space: Any, N: int
+    ) -> int:
+        return jets(
+            t, y, mode, region, K, space.Rq, space.Rz, N, space.W, space.A, space.B, space.mag
+        )
 
     return call
 

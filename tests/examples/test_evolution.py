@@ -21,7 +21,8 @@ def example(name: str) -> ModuleType:
 
 
 def test_a_play_follows_its_limit() -> None:
-    assert example("play-moving-threshold").distance < 0.1 * 5.0  # ε times the largest speed of the load
+    # ε times the largest speed of the load
+    assert example("play-moving-threshold").distance < 0.1 * 5.0
 
 
 def test_prandtl_ishlinskii() -> None:
@@ -34,7 +35,8 @@ def test_two_components_move_at_different_phases() -> None:
         assert found.average.support(v) == pytest.approx(np.abs(v).sum(), rel=1e-12)
     assert found.resolved.certificate.ok and found.averaged.certificate.ok
     assert found.first_near_0 > 0.95 and found.second_near_half > 0.95
-    # The end of the span is a moment at which the first component moves freely: there the two motions agree.
+    # The end of the span is a moment at which the first component moves freely: there the two
+    # motions agree.
     assert found.resolved.z[-1, 0] == pytest.approx(found.averaged.z[-1, 0], abs=1e-12)
 
 
@@ -51,7 +53,8 @@ def test_the_plate_compactor_needs_the_least_friction_only() -> None:
         assert found.averaged_law(F) == pytest.approx(0.6 * max(981.0 - F, 0.0), abs=1e-9)
     for F, force in found.exact.items():
         # Without inertia: above the law by at most what the spring winds up in one period.
-        law, wound = found.averaged_law(F), found.STIFFNESS * found.SPEEDS[-1] * found.PERIOD
+        law = found.averaged_law(F)
+        wound = found.STIFFNESS * found.SPEEDS[-1] * found.PERIOD
         assert law < force < law + wound
         # With inertia: above that, far below rest friction, and the less the slower the pull.
         faster = float(found.resolved(F, 2 * found.SPEEDS[-1]).mean())
@@ -64,4 +67,6 @@ def test_the_wave_over_the_membrane_tends_to_its_average() -> None:
     assert few > 1.8 * more and more > 1.8 * many and many < 0.06
     disc = found.membrane(3, periods=4)
     assert disc.problem.n == 113
-    np.testing.assert_allclose(disc.problem.dissipation.average().bounds()[1], 0.1 * disc.area, rtol=1e-12)
+    np.testing.assert_allclose(
+        disc.problem.dissipation.average().bounds()[1], 0.1 * disc.area, rtol=1e-12
+    )

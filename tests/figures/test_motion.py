@@ -1,4 +1,5 @@
-"""The overview of a motion: which panels it has, what they say, and that it touches nothing global."""
+"""The overview of a motion: which panels it has, what they say, and that it touches nothing
+global."""
 
 from __future__ import annotations
 
@@ -18,8 +19,11 @@ from stickslip.figures.drawing.style import LINES, axis_label, line_colours, sym
 from stickslip.model.quantities import contact_key
 
 
-def overview(system: ss.System, end: float | None = None, **more: float) -> tuple[ss.Trajectory, Figure, list[Axes]]:
-    trajectory = ss.simulate(system, (system.span[0], system.span[1] if end is None else end), **more)  # type: ignore
+def overview(
+    system: ss.System, end: float | None = None, **more: float
+) -> tuple[ss.Trajectory, Figure, list[Axes]]:
+    span = (system.span[0], system.span[1] if end is None else end)
+    trajectory = ss.simulate(system, span, **more)  # type: ignore
     figure = trajectory.plot()
     return trajectory, figure, [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
 
@@ -29,7 +33,10 @@ def labels(panels: list[Axes]) -> list[str]:
 
 
 def legend(axes: Axes) -> list[str]:
-    shown = [axes.get_legend(), *(child for child in axes.artists if isinstance(child, mpl.legend.Legend))]
+    shown = [
+        axes.get_legend(),
+        *(child for child in axes.artists if isinstance(child, mpl.legend.Legend)),
+    ]
     return [text.get_text() for part in shown if part is not None for text in part.get_texts()]
 
 
@@ -70,7 +77,9 @@ def test_a_long_chain_becomes_maps() -> None:
     assert labels(panels)[0] == r"$x_{1}$ $\ldots$ $x_{8}$  [$\mathrm{m}$]"
     assert len(panels[0].get_lines()) == 8
     assert len(panels[1].images) == 1
-    assert [tick.get_text() for tick in panels[2].get_yticklabels()] == list(trajectory.system.contacts)
+    assert [tick.get_text() for tick in panels[2].get_yticklabels()] == list(
+        trajectory.system.contacts
+    )
     assert legend(panels[2]) == ["stick", "slip +", "slip −"]
     assert figure.get_size_inches()[1] < 8.0
 
@@ -84,8 +93,13 @@ def test_shading_is_where_the_contact_sticks() -> None:
     trajectory, _, panels = overview(ss.catalogue.belt_block(), 30.0)
     key = contact_key("belt contact")
     for axes in panels[:3]:
-        shade = min((c for c in axes.collections if isinstance(c, PolyCollection)), key=lambda c: c.get_zorder())
-        spans = [(path.vertices[:, 0].min(), path.vertices[:, 0].max()) for path in shade.get_paths()]
+        shade = min(
+            (c for c in axes.collections if isinstance(c, PolyCollection)),
+            key=lambda c: c.get_zorder(),
+        )
+        spans = [
+            (path.vertices[:, 0].min(), path.vertices[:, 0].max()) for path in shade.get_paths()
+        ]
         assert len(spans) > 2
         for start, end in spans:
             inside = np.linspace(start, end, 9)[1:-1]

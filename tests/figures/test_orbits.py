@@ -45,8 +45,14 @@ def legend(figure: Figure) -> list[str]:
 
 
 def drawn(axes: Axes, colour: str, style: str | None = None) -> list[np.ndarray]:
-    lines = [line for line in axes.get_lines() if to_hex(line.get_color()).upper() == colour.upper()]
-    return [np.asarray(line.get_xydata()) for line in lines if style is None or line.get_linestyle() == style]
+    lines = [
+        line for line in axes.get_lines() if to_hex(line.get_color()).upper() == colour.upper()
+    ]
+    return [
+        np.asarray(line.get_xydata())
+        for line in lines
+        if style is None or line.get_linestyle() == style
+    ]
 
 
 def test_gait_diagram() -> None:
@@ -81,13 +87,21 @@ def test_return_map_and_cobweb() -> None:
     assert web[1] == pytest.approx([0.8, psi(0.8)])
     steps = web[1::2]
     assert steps[1:, 0] == pytest.approx(steps[:-1, 1])
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["lowest order", "steeper"]
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
+        "lowest order",
+        "steeper",
+    ]
     assert (axes.get_xlabel(), axes.get_ylabel()) == (r"$\gamma$", r"$\Psi(\gamma)$")
 
 
 def test_phase_portrait() -> None:
     figure = plot_phase_portrait(
-        SLIDER, {"U": (1.6, 1.9), "alpha": (1.2, 1.6)}, V, cycles=[slider_cycle()], starts=2, span=1.0
+        SLIDER,
+        {"U": (1.6, 1.9), "alpha": (1.2, 1.6)},
+        V,
+        cycles=[slider_cycle()],
+        starts=2,
+        span=1.0,
     )
     (axes,) = figure.axes
     assert legend(figure) == ["stick", "stable cycle", "stable equilibrium"]
@@ -120,7 +134,11 @@ def test_phase_portrait_needs_a_plane() -> None:
 
 
 def test_basin_map() -> None:
-    found = basin(catalogue.rocking_toy(), {"psi": (-1.0, 1.0, 7), "d_psi": (-0.9, 0.9, 5)}, initial={"x_R": 0.0})
+    found = basin(
+        catalogue.rocking_toy(),
+        {"psi": (-1.0, 1.0, 7), "d_psi": (-0.9, 0.9, 5)},
+        initial={"x_R": 0.0},
+    )
     figure = plot_basin(found)
     (axes,) = figure.axes
     assert legend(figure) == ["walking, speed 0.168 m/s", "rest"]
@@ -132,13 +150,19 @@ def test_basin_map() -> None:
 
 
 def test_bifurcation_diagram_of_equilibria_and_cycles() -> None:
-    """Subcritical: unstable cycles between the Hopf point and the fold, stick-slip above; sticking ones in black."""
+    """Subcritical: unstable cycles between the Hopf point and the fold, stick-slip above; sticking
+    ones in black."""
     steady = continue_equilibrium(SLIDER, "V", (0.22, 0.228))
     cycles = continue_cycle(slider_cycle(), "V", (0.223, 0.228))
     figure = plot_branch(steady, ["U"], others=[cycles])
     (axes,) = figure.axes
     shown = legend(figure)
-    assert {"stable equilibrium", "unstable equilibrium", "stable cycle with stick", "unstable cycle"} <= set(shown)
+    assert {
+        "stable equilibrium",
+        "unstable equilibrium",
+        "stable cycle with stick",
+        "unstable cycle",
+    } <= set(shown)
     assert {"Hopf", "fold", "stick onset"} <= set(shown)
     black = np.concatenate(drawn(axes, STICK_LINE, "-"))
     here = black[np.abs(black[:, 0] - V["V"]) < 1e-12, 1]
@@ -150,8 +174,12 @@ def test_eigenvalues() -> None:
     found = equilibria(SLIDER, V)
     figure = plot_eigenvalues(found)
     (axes,) = figure.axes
-    values = np.concatenate([np.asarray(line.get_xydata()) for line in axes.get_lines() if line.get_marker() == "o"])
-    assert values[:, 0] + 1j * values[:, 1] == pytest.approx(np.array(found.isolated[0].eigenvalues))
+    values = np.concatenate(
+        [np.asarray(line.get_xydata()) for line in axes.get_lines() if line.get_marker() == "o"]
+    )
+    assert values[:, 0] + 1j * values[:, 1] == pytest.approx(
+        np.array(found.isolated[0].eigenvalues)
+    )
     assert legend(figure) == ["1: block slip-, stable"]
 
 

@@ -14,7 +14,17 @@ from matplotlib.legend import Legend
 
 import stickslip as ss
 from stickslip.figures.drawing.style import legend_above, new_figure
-from stickslip.figures.drawing.thinning import COLUMNS, FEW, MOST_PIECES, PIXELS, Columns, Curve, chosen, strip, thin
+from stickslip.figures.drawing.thinning import (
+    COLUMNS,
+    FEW,
+    MOST_PIECES,
+    PIXELS,
+    Columns,
+    Curve,
+    chosen,
+    strip,
+    thin,
+)
 from stickslip.figures.motion import plot_trajectory
 from stickslip.model.quantities import FORCES, contact_key
 from stickslip.motion.knots import Knots
@@ -24,10 +34,14 @@ from stickslip.motion.outcome import Outcome
 def time_panels(figure: Figure) -> list[Axes]:
     """The panels over time: all that share the axis of the first."""
     first = figure.axes[0]
-    return [axes for axes in figure.axes if axes is first or first.get_shared_x_axes().joined(first, axes)]
+    return [
+        axes
+        for axes in figure.axes
+        if axes is first or first.get_shared_x_axes().joined(first, axes)
+    ]
 
 
-# -- thinning -------------------------------------------------------------------------------------------------
+# -- thinning --------------------------------------------------------------------------------------
 
 
 def test_few_values_are_drawn_as_they_are() -> None:
@@ -51,14 +65,17 @@ def test_columns_keep_their_extremes() -> None:
         for extreme in (np.minimum, np.maximum):
             full, thinned = np.full(COLUMNS, np.nan), np.full(COLUMNS, np.nan)
             full[np.unique(column)] = extreme.reduceat(v, np.unique(column, return_index=True)[1])
-            thinned[np.unique(there)] = extreme.reduceat(lines[name], np.unique(there, return_index=True)[1])
+            thinned[np.unique(there)] = extreme.reduceat(
+                lines[name], np.unique(there, return_index=True)[1]
+            )
             assert np.array_equal(full, thinned)
     assert np.all(np.diff(lines["up"]) >= 0.0)
     assert np.all(np.diff(lines["down"]) <= 0.0)
 
 
 def test_columns_do_not_depend_on_the_pieces() -> None:
-    t, v = np.linspace(-1.0, 2.0, 100_001), np.random.default_rng(2).normal(size=100_001)
+    t = np.linspace(-1.0, 2.0, 100_001)
+    v = np.random.default_rng(2).normal(size=100_001)
     whole, parts = Columns(-1.0, 2.0), Columns(-1.0, 2.0)
     whole.absorb(t, {"v": v})
     for i, j in pairwise([0, 1, 70, 71, 40_000, len(t)]):
@@ -152,19 +169,26 @@ def test_rest_is_a_point() -> None:
         assert [v.tolist() for v in curve.spots()] == [[1.0], [1.0]]
 
 
-# -- motions --------------------------------------------------------------------------------------------------
+# -- motions ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["rocking_toy", "plate_compactor", "spring_slider", "oscillating_play", "block_chain"])
+@pytest.mark.parametrize(
+    "name", ["rocking_toy", "plate_compactor", "spring_slider", "oscillating_play", "block_chain"]
+)
 def test_what_is_drawn_is_the_motion(name: str) -> None:
     system = ss.catalogue.get(name)
     motion = ss.simulate(system, (system.span[0], system.span[0] + 0.2 * np.ptp(system.span)))
     k = motion.knots.time
     steps = np.repeat(np.arange(len(k) - 1), 5)
     t = k[steps] + np.tile(np.linspace(0.0, 1.0, 5), len(k) - 1) * (k[steps + 1] - k[steps])
-    names = [*system.declaration.state, *(f"{kind}_{key}" for key in motion.modes for kind in FORCES)]
+    names = [
+        *system.declaration.state,
+        *(f"{kind}_{key}" for key in motion.modes for kind in FORCES),
+    ]
     seen = motion.trace(names, t, steps)
-    inside = np.tile([False, True, True, True, False], len(k) - 1) & (k[steps] < t) & (t < k[steps + 1])
+    inside = (
+        np.tile([False, True, True, True, False], len(k) - 1) & (k[steps] < t) & (t < k[steps + 1])
+    )
     exact = motion.at(t[inside])
     for name in names:
         size = max(np.max(np.abs(exact[name])), 1e-300)
@@ -197,10 +221,14 @@ def test_a_million_switches_are_drawn() -> None:
     # Grey by the share of the time in which every contact sticks.
     sticks = np.all(motion.knots.mode[:-1] == 0, axis=1)
     share = np.sum(np.diff(motion.knots.time)[sticks]) / np.ptp(motion.knots.time)
-    assert np.mean(np.asarray(figure.axes[0].images[0].get_array())[0, :, 3]) == pytest.approx(share)
+    assert np.mean(np.asarray(figure.axes[0].images[0].get_array())[0, :, 3]) == pytest.approx(
+        share
+    )
     plane = next(axes for axes in figure.axes if axes.get_xlabel().startswith(r"$\psi$"))
     assert all(len(np.asarray(line.get_xdata())) < 3 * MOST_PIECES for line in plane.get_lines())
-    high = np.nanmax(np.concatenate([np.asarray(line.get_xdata(), float) for line in plane.get_lines()]))
+    high = np.nanmax(
+        np.concatenate([np.asarray(line.get_xdata(), float) for line in plane.get_lines()])
+    )
     assert high == pytest.approx(np.max(angles(motion, 0.0, 300.0)), rel=1e-2)
 
 
@@ -232,11 +260,13 @@ def test_events_of_a_long_motion_are_a_table_at_once() -> None:
     assert (switch["from"], switch["to"]) == (names[left], names[right])
 
 
-# -- many contacts ----------------------------------------------------------------------------------------------
+# -- many contacts ---------------------------------------------------------------------------------
 
 
 def legends(figure: Figure) -> list[Legend]:
-    return [child for axes in figure.axes for child in axes.get_children() if isinstance(child, Legend)]
+    return [
+        child for axes in figure.axes for child in axes.get_children() if isinstance(child, Legend)
+    ]
 
 
 @pytest.mark.parametrize("name", ss.catalogue.names())
@@ -251,23 +281,30 @@ def test_chains_are_on_the_page(N: int) -> None:
 
 
 class Made:
-    """Something with the shape of a motion of a chain, since machine code for many blocks takes minutes to make."""
+    """Something with the shape of a motion of a chain, since machine code for many blocks takes
+    minutes to make."""
 
     def __init__(self, system: ss.System) -> None:
-        rng, n = np.random.default_rng(5), len(system.contacts)
-        self.system, time = system, np.sort(rng.uniform(0.0, 100.0, 40 * n))
+        rng = np.random.default_rng(5)
+        n = len(system.contacts)
+        self.system = system
+        time = np.sort(rng.uniform(0.0, 100.0, 40 * n))
         modes = np.where(rng.uniform(size=(len(time), n)) < 0.7, 0, -1)
-        state, nothing = rng.normal(size=(len(time), 2 * n)), np.zeros((len(time), 0), int)
+        state = rng.normal(size=(len(time), 2 * n))
+        nothing = np.zeros((len(time), 0), int)
         self.knots = Knots(time, state, modes, nothing, np.zeros(len(time), int))
         self.modes = {contact_key(name): modes[:, i] for i, name in enumerate(system.contacts)}
 
-    def trace(self, names: list[str], times: np.ndarray, index: np.ndarray) -> dict[str, np.ndarray]:
+    def trace(
+        self, names: list[str], times: np.ndarray, index: np.ndarray
+    ) -> dict[str, np.ndarray]:
         return {name: np.sin(times + i) for i, name in enumerate(names)}
 
 
 def fits(figure: Figure) -> None:
     """Panels over time line up, and nothing is off the page or on something else."""
-    figure.savefig(io.BytesIO(), format="png")  # a layout that does not fit is a warning, and that is an error here
+    # a layout that does not fit is a warning, and that is an error here
+    figure.savefig(io.BytesIO(), format="png")
     sides = [axes.get_window_extent().intervalx for axes in time_panels(figure)]
     assert len(sides) >= 1
     assert np.ptp(sides, axis=0) == pytest.approx(0.0, abs=0.5)
@@ -276,7 +313,9 @@ def fits(figure: Figure) -> None:
         box = legend.get_window_extent()
         assert page.x0 <= box.x0 and box.x1 <= page.x1 + 0.5 and box.y1 <= page.y1 + 0.5
     for axes in time_panels(figure):
-        names = [child.get_window_extent() for child in axes.get_children() if isinstance(child, Legend)]
+        names = [
+            child.get_window_extent() for child in axes.get_children() if isinstance(child, Legend)
+        ]
         assert not (len(names) == 2 and names[0].overlaps(names[1]))
     for one, other in pairwise(time_panels(figure)):
         assert other.get_window_extent().y1 < one.get_window_extent().y0
@@ -285,7 +324,9 @@ def fits(figure: Figure) -> None:
 def test_long_names_take_more_rows() -> None:
     figure = new_figure(7.2, 3.0)
     axes = figure.add_subplot()
-    lines = [axes.plot([0, 1], [0, i], label=f"a coordinate with a long name, {i}")[0] for i in range(4)]
+    lines = [
+        axes.plot([0, 1], [0, i], label=f"a coordinate with a long name, {i}")[0] for i in range(4)
+    ]
     legend_above(axes, lines[:3])
     legend_above(axes, lines[3:], right=True)
     figure.savefig(io.BytesIO(), format="png")

@@ -1,4 +1,5 @@
-"""Everything wrong in a declaration is found when it is declared, with the key, the reason and the remedy."""
+"""Everything wrong in a declaration is found when it is declared, with the key, the reason and the
+remedy."""
 
 from dataclasses import fields, replace
 from typing import Any
@@ -8,12 +9,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stickslip.errors import DeclarationError
-from stickslip.model.system import Condition, Contact, Inertial, Internal, Parameter, RateIndependent, System, Viscous
+from stickslip.model.system import (
+    Condition,
+    Contact,
+    Inertial,
+    Internal,
+    Parameter,
+    RateIndependent,
+    System,
+    Viscous,
+)
 from stickslip.symbolic import expressions as ex
 
 
 def system(**changes: Any) -> System:
-    """A system with every kind of entry; a changed mapping replaces single entries, None removes one."""
+    """A system with every kind of entry; a changed mapping replaces single entries, None removes
+    one."""
     entries: dict[str, Any] = {
         "name": "specimen",
         "parameters": {
@@ -24,7 +35,12 @@ def system(**changes: Any) -> System:
         },
         "functions": {"mu(alpha)": "s_0*exp(-alpha)", "twice": "2*k"},
         "drives": {"ell": "sin(t)"},
-        "coordinates": {"x": Inertial("m"), "y": Inertial("m"), "u": Viscous("m"), "z": RateIndependent("m")},
+        "coordinates": {
+            "x": Inertial("m"),
+            "y": Inertial("m"),
+            "u": Viscous("m"),
+            "z": RateIndependent("m"),
+        },
         "internal": {"alpha": Internal("1 - alpha + abs(d_u)")},
         "kinetic": "m/2*(d_x**2 + d_y**2)",
         "potential": "k/2*(x - y)**2 + k/2*(u - ell)**2 + k/2*(z - u)**2",
@@ -67,7 +83,11 @@ pad, slider, play = (system().contacts[name] for name in ("pad", "slider", "play
 WRONG = {
     # Names.
     "unknown name": ({"potential": "k*xx"}, "potential", "unknown name 'xx'"),
-    "unknown name in a law": ({"internal": {"alpha": Internal("1 - alph")}}, "internal.alpha.law", "name 'alph'"),
+    "unknown name in a law": (
+        {"internal": {"alpha": Internal("1 - alph")}},
+        "internal.alpha.law",
+        "name 'alph'",
+    ),
     "unknown name in a threshold": (
         {"contacts": {"pad": replace(pad, threshold="mu(z")}},
         "contacts.'pad'.threshold",
@@ -82,21 +102,61 @@ WRONG = {
     "rate taken": ({"parameters": {"d_x": Parameter(1.0)}}, "coordinates.x", "declared twice"),
     "bad signature": ({"functions": {"f(s": "s"}}, "functions.'f(s'", "not a name"),
     # Parameters.
-    "outside the range": ({"parameters": {"m": Parameter(-1.0, range="(0, inf)")}}, "parameters.m", "outside"),
-    "on the open end": ({"parameters": {"m": Parameter(0.0, range="(0, inf)")}}, "parameters.m", "outside"),
-    "no interval": ({"parameters": {"m": Parameter(1.0, range="positive")}}, "parameters.m.range", "not an interval"),
-    "interval turned round": ({"parameters": {"m": Parameter(1.0, range="[2, 1]")}}, "parameters.m.range", "interval"),
-    "not finite": ({"parameters": {"m": Parameter(float("nan"))}}, "parameters.m", "not a finite number"),
+    "outside the range": (
+        {"parameters": {"m": Parameter(-1.0, range="(0, inf)")}},
+        "parameters.m",
+        "outside",
+    ),
+    "on the open end": (
+        {"parameters": {"m": Parameter(0.0, range="(0, inf)")}},
+        "parameters.m",
+        "outside",
+    ),
+    "no interval": (
+        {"parameters": {"m": Parameter(1.0, range="positive")}},
+        "parameters.m.range",
+        "not an interval",
+    ),
+    "interval turned round": (
+        {"parameters": {"m": Parameter(1.0, range="[2, 1]")}},
+        "parameters.m.range",
+        "interval",
+    ),
+    "not finite": (
+        {"parameters": {"m": Parameter(float("nan"))}},
+        "parameters.m",
+        "not a finite number",
+    ),
     "too large": ({"parameters": {"m": Parameter(10**400)}}, "parameters.m", "not a finite number"),
     "unit": ({"parameters": {"m": Parameter(1.0, "stone")}}, "parameters.m.unit", "'stone'"),
-    "unit of a coordinate": ({"coordinates": {"x": Inertial("m//s")}}, "coordinates.x.unit", "does not parse"),
-    "unit of a contact": ({"contacts": {"pad": replace(pad, unit="N^")}}, "contacts.'pad'.unit", "does not parse"),
-    "unit of an internal variable": ({"internal": {"alpha": Internal("0", "?")}}, "internal.alpha.unit", "not parse"),
+    "unit of a coordinate": (
+        {"coordinates": {"x": Inertial("m//s")}},
+        "coordinates.x.unit",
+        "does not parse",
+    ),
+    "unit of a contact": (
+        {"contacts": {"pad": replace(pad, unit="N^")}},
+        "contacts.'pad'.unit",
+        "does not parse",
+    ),
+    "unit of an internal variable": (
+        {"internal": {"alpha": Internal("0", "?")}},
+        "internal.alpha.unit",
+        "not parse",
+    ),
     "unit of time": ({"time_unit": "eon"}, "time_unit", "'eon'"),
     # Energy.
     "energy with rates": ({"potential": "x*d_x"}, "potential", "'d_x' may not stand here"),
-    "mass that varies": ({"kinetic": "m/2*(d_x**2 + d_y**2)*(1 + x**2)"}, "kinetic", "'x' may not stand here"),
-    "mass of a viscous coordinate": ({"kinetic": "m/2*(d_x**2 + d_y**2 + d_u**2)"}, "kinetic", "'d_u' may not stand"),
+    "mass that varies": (
+        {"kinetic": "m/2*(d_x**2 + d_y**2)*(1 + x**2)"},
+        "kinetic",
+        "'x' may not stand here",
+    ),
+    "mass of a viscous coordinate": (
+        {"kinetic": "m/2*(d_x**2 + d_y**2 + d_u**2)"},
+        "kinetic",
+        "'d_u' may not stand",
+    ),
     "not quadratic": ({"kinetic": "m*(d_x**4 + d_y**2)"}, "kinetic", "not quadratic"),
     "with a kink": ({"kinetic": "m*(d_x*abs(d_x) + d_y**2)"}, "kinetic", "not quadratic"),
     "linear part": ({"kinetic": "m/2*(d_x**2 + d_y**2) + d_x"}, "kinetic", "part linear in d_x"),
@@ -107,15 +167,43 @@ WRONG = {
     "derivatives too large": ({"potential": "1e308*x**10"}, "potential", "derivatives"),
     # Dissipation.
     "viscosity missing": ({"viscous": "nu/2*d_x**2"}, "coordinates.u", "without viscous friction"),
-    "viscosity negative": ({"viscous": "nu/2*d_u**2 - nu/2*d_x**2"}, "viscous", "not positive semidefinite"),
-    "viscosity indefinite": ({"viscous": "nu/2*(d_u**2 + d_x**2) + nu*d_x*d_y"}, "viscous", "not positive semi"),
-    "viscosity of a rate-independent coordinate": ({"viscous": "nu/2*(d_u**2 + d_z**2)"}, "viscous", "'d_z' may not"),
-    "drag that drives": ({"coordinates": {"x": Inertial(drag="d_x**3 - d_x")}}, "coordinates.x.drag", "feeds energy"),
-    "force with a viscous rate": ({"coordinates": {"x": Inertial(force="d_u")}}, "coordinates.x.force", "'d_u' may"),
+    "viscosity negative": (
+        {"viscous": "nu/2*d_u**2 - nu/2*d_x**2"},
+        "viscous",
+        "not positive semidefinite",
+    ),
+    "viscosity indefinite": (
+        {"viscous": "nu/2*(d_u**2 + d_x**2) + nu*d_x*d_y"},
+        "viscous",
+        "not positive semi",
+    ),
+    "viscosity of a rate-independent coordinate": (
+        {"viscous": "nu/2*(d_u**2 + d_z**2)"},
+        "viscous",
+        "'d_z' may not",
+    ),
+    "drag that drives": (
+        {"coordinates": {"x": Inertial(drag="d_x**3 - d_x")}},
+        "coordinates.x.drag",
+        "feeds energy",
+    ),
+    "force with a viscous rate": (
+        {"coordinates": {"x": Inertial(force="d_u")}},
+        "coordinates.x.force",
+        "'d_u' may",
+    ),
     # Contacts.
     "without contact": ({"contacts": {"play": None}}, "coordinates.z", "without dry friction"),
-    "two contacts": ({"contacts": {"more": Contact("d_z", 1.0)}}, "contacts.'more'", "already has the contact 'play'"),
-    "negative threshold": ({"contacts": {"pad": replace(pad, threshold="-1")}}, "contacts.'pad'.threshold", "it is -1"),
+    "two contacts": (
+        {"contacts": {"more": Contact("d_z", 1.0)}},
+        "contacts.'more'",
+        "already has the contact 'play'",
+    ),
+    "negative threshold": (
+        {"contacts": {"pad": replace(pad, threshold="-1")}},
+        "contacts.'pad'.threshold",
+        "it is -1",
+    ),
     "threshold negative later": (
         {"contacts": {"pad": replace(pad, threshold="1 + 2*cos(t)")}},
         "contacts.'pad'.threshold",
@@ -151,7 +239,11 @@ WRONG = {
         "contacts.'pad'.kinetic",
         "the kinetic force 2 is not between",
     ),
-    "kinetic negative": ({"contacts": {"pad": replace(pad, kinetic="-0.1")}}, "contacts.'pad'.kinetic", "not between"),
+    "kinetic negative": (
+        {"contacts": {"pad": replace(pad, kinetic="-0.1")}},
+        "contacts.'pad'.kinetic",
+        "not between",
+    ),
     "kinetic and viscous": (
         {"contacts": {"slider": replace(slider, kinetic="0.1/(1 + speed)")}},
         "contacts.'slider'.kinetic",
@@ -199,21 +291,48 @@ WRONG = {
     ),
     # The rest.
     "drive of the state": ({"drives": {"ell": "x"}}, "drives.ell", "'x' may not stand here"),
-    "cyclic definition": ({"functions": {"f": "g + 1", "g": "2*f"}}, "functions.f", "cyclic definition: f -> g -> f"),
-    "cyclic function": ({"functions": {"f(s)": "1 + f(s/2)"}}, "functions.'f(s)'", "cyclic definition: f -> f"),
-    "hostile formula": ({"potential": "__import__('os').system('true')"}, "potential", "only plain functions"),
+    "cyclic definition": (
+        {"functions": {"f": "g + 1", "g": "2*f"}},
+        "functions.f",
+        "cyclic definition: f -> g -> f",
+    ),
+    "cyclic function": (
+        {"functions": {"f(s)": "1 + f(s/2)"}},
+        "functions.'f(s)'",
+        "cyclic definition: f -> f",
+    ),
+    "hostile formula": (
+        {"potential": "__import__('os').system('true')"},
+        "potential",
+        "only plain functions",
+    ),
     "endless formula": ({"potential": "9**9**9**9*x"}, "potential", "too large"),
     "initial of nothing": ({"initial": {"w": 1.0}}, "initial.w", "not a part of the state"),
-    "initial rate of a viscous coordinate": ({"initial": {"d_u": 1.0}}, "initial.d_u", "not a part of the state"),
+    "initial rate of a viscous coordinate": (
+        {"initial": {"d_u": 1.0}},
+        "initial.d_u",
+        "not a part of the state",
+    ),
     "initial not finite": ({"initial": {"x": float("inf")}}, "initial.x", "not a finite number"),
     "span turned round": ({"span": (1, 0)}, "span", "not a time span"),
     "span not finite": ({"span": (0, float("inf"))}, "span", "not a time span"),
     "span of three": ({"span": (0, 1, 2)}, "span", "a pair of numbers"),
     "translation of nothing": ({"translation": {"w": 1}}, "translation.w", "not a coordinate"),
-    "translation not finite": ({"translation": {"x": float("nan")}}, "translation.x", "not a coordinate"),
-    "translation that changes the energy": ({"translation": {"x": 1}}, "translation", "the shift changes potential"),
+    "translation not finite": (
+        {"translation": {"x": float("nan")}},
+        "translation.x",
+        "not a coordinate",
+    ),
+    "translation that changes the energy": (
+        {"translation": {"x": 1}},
+        "translation",
+        "the shift changes potential",
+    ),
     "translation that changes the backward threshold": (
-        {"translation": {"x": 1, "y": 1}, "contacts": {"pad": replace(pad, threshold=("1", "1 + x**2"))}},
+        {
+            "translation": {"x": 1, "y": 1},
+            "contacts": {"pad": replace(pad, threshold=("1", "1 + x**2"))},
+        },
         "translation",
         "the shift changes contacts.'pad'.threshold",
     ),
@@ -227,20 +346,52 @@ WRONG = {
         "translation",
         "the shift changes contacts.'pad'.threshold",
     ),
-    "condition without comparison": ({"conditions": {"order": Condition("k")}}, "conditions.order", "compares two"),
-    "condition of the state": ({"conditions": {"order": Condition("x > k")}}, "conditions.order", "'x' may not stand"),
+    "condition without comparison": (
+        {"conditions": {"order": Condition("k")}},
+        "conditions.order",
+        "compares two",
+    ),
+    "condition of the state": (
+        {"conditions": {"order": Condition("x > k")}},
+        "conditions.order",
+        "'x' may not stand",
+    ),
     "fact of the state": ({"facts": {"omega": "x"}}, "facts.omega", "'x' may not stand here"),
     # Types.
     "parameters as a number": ({"parameters": 3}, "parameters", "expected a table, got a number"),
     "contacts as a list": ({"contacts": [1, 2]}, "contacts", "expected a table, got a list"),
-    "parameter as a number": ({"parameters": {"m": 2.0}}, "parameters.m", "expected a table, got a number"),
-    "parameter as a contact": ({"parameters": {"m": Contact("d_x", 1.0)}}, "parameters.m", "expected a table, got"),
-    "default as a text": ({"parameters": {"m": Parameter("2")}}, "parameters.m.default", "expected a number"),
-    "default as a bool": ({"parameters": {"m": Parameter(True)}}, "parameters.m.default", "got true or false"),
-    "range as a number": ({"parameters": {"m": Parameter(2.0, range=5)}}, "parameters.m.range", "expected a text"),
+    "parameter as a number": (
+        {"parameters": {"m": 2.0}},
+        "parameters.m",
+        "expected a table, got a number",
+    ),
+    "parameter as a contact": (
+        {"parameters": {"m": Contact("d_x", 1.0)}},
+        "parameters.m",
+        "expected a table, got",
+    ),
+    "default as a text": (
+        {"parameters": {"m": Parameter("2")}},
+        "parameters.m.default",
+        "expected a number",
+    ),
+    "default as a bool": (
+        {"parameters": {"m": Parameter(True)}},
+        "parameters.m.default",
+        "got true or false",
+    ),
+    "range as a number": (
+        {"parameters": {"m": Parameter(2.0, range=5)}},
+        "parameters.m.range",
+        "expected a text",
+    ),
     "formula as a list": ({"potential": ["x"]}, "potential", "expected a formula, got a list"),
     "key as a number": ({"initial": {1: 2.0}}, "initial", "a key is not a text"),
-    "too many coordinates": ({"coordinates": {f"x_{i}": Inertial() for i in range(300)}}, "coordinates", "at most"),
+    "too many coordinates": (
+        {"coordinates": {f"x_{i}": Inertial() for i in range(300)}},
+        "coordinates",
+        "at most",
+    ),
 }
 
 
@@ -269,7 +420,11 @@ ANYTHING = st.recursive(
     lambda inner: st.one_of(
         st.lists(inner, max_size=3),
         st.tuples(inner, inner),
-        st.dictionaries(st.one_of(st.text(max_size=4), st.sampled_from(["x", "m", "f(s)", 1])), inner, max_size=3),
+        st.dictionaries(
+            st.one_of(st.text(max_size=4), st.sampled_from(["x", "m", "f(s)", 1])),
+            inner,
+            max_size=3,
+        ),
     ),
     max_leaves=8,
 )
@@ -290,10 +445,18 @@ def test_anything_is_accepted_or_refused(key, value):
 
 
 @settings(max_examples=200, deadline=None)
-@given(st.sampled_from([Parameter, Inertial, Viscous, RateIndependent, Internal, Contact, Condition]), st.data())
+@given(
+    st.sampled_from([Parameter, Inertial, Viscous, RateIndependent, Internal, Contact, Condition]),
+    st.data(),
+)
 def test_any_entry_is_accepted_or_refused(cls, data):
     entry = cls(**{f.name: data.draw(ANYTHING) for f in fields(cls)})
-    section = {Parameter: "parameters", Internal: "internal", Contact: "contacts", Condition: "conditions"}
+    section = {
+        Parameter: "parameters",
+        Internal: "internal",
+        Contact: "contacts",
+        Condition: "conditions",
+    }
     try:
         system(**{section.get(cls, "coordinates"): {"new": entry}})
     except DeclarationError as error:
@@ -302,18 +465,30 @@ def test_any_entry_is_accepted_or_refused(cls, data):
 
 
 def test_empty_system():
-    with pytest.raises(DeclarationError, match=r"coordinates: .* no coordinates and no internal variables"):
+    with pytest.raises(
+        DeclarationError, match=r"coordinates: .* no coordinates and no internal variables"
+    ):
         System(name="nothing")
 
 
 def test_internal_variables_alone():
-    d = System(name="ode", internal={"a": Internal("b"), "b": Internal("-a + max(b, 0)")}).declaration
+    d = System(
+        name="ode", internal={"a": Internal("b"), "b": Internal("-a + max(b, 0)")}
+    ).declaration
     assert d.state == ["a", "b"]
     assert d.coordinates == []
 
 
 def test_threshold_that_stays_positive_is_accepted():
-    for threshold in ("1 + cos(t)", "max(2*cos(x), 0)", "clip(5*sin(x), 0, 1)", "abs(x)", "exp(x)", "1 + x", "0"):
+    for threshold in (
+        "1 + cos(t)",
+        "max(2*cos(x), 0)",
+        "clip(5*sin(x), 0, 1)",
+        "abs(x)",
+        "exp(x)",
+        "1 + x",
+        "0",
+    ):
         system(contacts={"pad": replace(pad, threshold=threshold)})
 
 
@@ -324,12 +499,15 @@ def test_drag_is_accepted_if_it_resists():
 
 def test_derivatives_of_functions_and_drives():
     d = system(
-        contacts={"slider": replace(slider, surface_speed="d_ell")}, internal={"alpha": Internal("d_mu(2*alpha)")}
+        contacts={"slider": replace(slider, surface_speed="d_ell")},
+        internal={"alpha": Internal("d_mu(2*alpha)")},
     ).declaration
     assert d.contacts[1].speed is ex.call("cos", ex.sym("t"))
     assert ex.evaluate(d.laws["alpha"], {"alpha": 0.0, "s_0": 0.5}) == -0.5
     # A name that the declaration uses itself comes first.
-    d = system(parameters={"d_ell": Parameter(7.0)}, internal={"alpha": Internal("d_ell")}).declaration
+    d = system(
+        parameters={"d_ell": Parameter(7.0)}, internal={"alpha": Internal("d_ell")}
+    ).declaration
     assert d.laws["alpha"] is ex.sym("d_ell")
 
 

@@ -1,4 +1,5 @@
-"""Units of everything that is published: derived from the declared ones, and what is not known is not said."""
+"""Units of everything that is published: derived from the declared ones, and what is not known is
+not said."""
 
 from __future__ import annotations
 
@@ -9,7 +10,14 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.model.quantities import contact_key, energy_unit, force_unit, per_time, quantity, slip_unit
+from stickslip.model.quantities import (
+    contact_key,
+    energy_unit,
+    force_unit,
+    per_time,
+    quantity,
+    slip_unit,
+)
 from stickslip.model.units import NAMES, agree, factors, in_si, reduced, unit_text
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.toml"))
@@ -18,13 +26,21 @@ DIMENSIONLESS = ("oscillating_play", "scaled_slider", "scaled_slider_limit", "sp
 
 
 def published(name: str) -> ss.System:
-    return ss.load(next(p for p in EXAMPLES if p.name == name)) if name.endswith(".toml") else ss.catalogue.get(name)
+    return (
+        ss.load(next(p for p in EXAMPLES if p.name == name))
+        if name.endswith(".toml")
+        else ss.catalogue.get(name)
+    )
 
 
 def block(**changes: object) -> ss.System:
     """A block on a spring, in metres, seconds and newtons."""
     parts = {
-        "parameters": {"m": ss.Parameter(2.0, "kg"), "k": ss.Parameter(3.0, "N/m"), "V": ss.Parameter(0.5, "m/s")},
+        "parameters": {
+            "m": ss.Parameter(2.0, "kg"),
+            "k": ss.Parameter(3.0, "N/m"),
+            "V": ss.Parameter(0.5, "m/s"),
+        },
         "coordinates": {"x": ss.Inertial("m")},
         "kinetic": "m/2*d_x**2",
         "potential": "k/2*(x - V*t)**2",
@@ -34,7 +50,7 @@ def block(**changes: object) -> ss.System:
     return ss.System(name="block", **parts | changes)  # type: ignore[arg-type]
 
 
-# -- the algebra ----------------------------------------------------------------------------------------
+# -- the algebra -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -80,7 +96,8 @@ def test_equal_units_are_recognised(one: str, other: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("one", "other"), [("J", "mJ"), ("N*m", "N*mm"), ("N", "J"), ("h", "min"), ("deg", "rad"), ("%", "1")]
+    ("one", "other"),
+    [("J", "mJ"), ("N*m", "N*mm"), ("N", "J"), ("h", "min"), ("deg", "rad"), ("%", "1")],
 )
 def test_different_units_are_told_apart(one: str, other: str) -> None:
     assert not agree(factors(one), factors(other))
@@ -97,7 +114,7 @@ def test_every_unit_that_may_be_declared_is_known_in_si() -> None:
     assert in_si("cd")[1] == {"cd": 1}  # no centi-day
 
 
-# -- what is published ------------------------------------------------------------------------------------
+# -- what is published -----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
@@ -109,7 +126,13 @@ def test_everything_published_has_its_unit(name: str) -> None:
         assert ("units" in values.attrs) != str(variable).startswith("mode_"), variable
     units = {str(variable): data[variable].attrs.get("units") for variable in data}
     energies = {units[energy] for energy in ("energy", "dissipated_energy", "supplied_energy")}
-    expected = "1" if system.name in DIMENSIONLESS else "aJ" if system.name == "prandtl_tomlinson" else "N*m"
+    expected = (
+        "1"
+        if system.name in DIMENSIONLESS
+        else "aJ"
+        if system.name == "prandtl_tomlinson"
+        else "N*m"
+    )
     assert energies == {expected}
     for q in system.declaration.inertial:
         assert units[f"dd_{q}"] == ("rad/s^2" if q == "psi" else "m/s^2")
@@ -122,18 +145,25 @@ def test_numbers_scale_as_their_units_say() -> None:
     # The same block in grams, millimetres and milliseconds, in which forces are newtons again.
     metres = block()
     millimetres = block(
-        parameters={"m": ss.Parameter(2e3, "g"), "k": ss.Parameter(3e-3, "N/mm"), "V": ss.Parameter(0.5, "mm/ms")},
+        parameters={
+            "m": ss.Parameter(2e3, "g"),
+            "k": ss.Parameter(3e-3, "N/mm"),
+            "V": ss.Parameter(0.5, "mm/ms"),
+        },
         coordinates={"x": ss.Inertial("mm")},
         time_unit="ms",
     )
     one, other = ss.simulate(metres, (0.0, 10.0)), ss.simulate(millimetres, (0.0, 1e4))
     assert one.n_switches == other.n_switches > 2
     times = np.linspace(0.0, 10.0, 57)
-    here, there = one.at(times), other.at(1e3 * times)
+    here = one.at(times)
+    there = other.at(1e3 * times)
     for name in one.dataset:
         if str(name).startswith("mode_"):
             continue
-        (a, base), (b, same) = (reduced(factors(motion.dataset[name].attrs["units"])) for motion in (one, other))
+        (a, base), (b, same) = (
+            reduced(factors(motion.dataset[name].attrs["units"])) for motion in (one, other)
+        )
         assert base == same
         size = np.max(np.abs(a * here[name]))
         assert np.max(np.abs(a * here[name] - b * there[name])) <= 1e-8 * size, name
@@ -141,30 +171,45 @@ def test_numbers_scale_as_their_units_say() -> None:
     assert other.dataset["dd_x"].attrs["units"] == "mm/ms^2"
 
 
-# -- what follows from what is declared -------------------------------------------------------------------
+# -- what follows from what is declared ------------------------------------------------------------
 
 
 def test_a_number_may_hide_a_unit() -> None:
-    unit_mass = block(kinetic="d_x**2", parameters={"k": ss.Parameter(3.0, "N/m"), "V": ss.Parameter(0.5, "m/s")})
+    unit_mass = block(
+        kinetic="d_x**2", parameters={"k": ss.Parameter(3.0, "N/m"), "V": ss.Parameter(0.5, "m/s")}
+    )
     assert energy_unit(unit_mass) == "N*m"
     only_numbers = block(kinetic="d_x**2", potential="(x - t)**2", parameters={})
     assert energy_unit(only_numbers) == "N*m"  # by the contact
 
 
 def test_units_of_the_user_are_kept() -> None:
-    barrier = {"E": ss.Parameter(1.0, "J"), "a": ss.Parameter(1.0, "m"), "m": ss.Parameter(1.0, "kg")}
+    barrier = {
+        "E": ss.Parameter(1.0, "J"),
+        "a": ss.Parameter(1.0, "m"),
+        "m": ss.Parameter(1.0, "kg"),
+    }
     assert energy_unit(block(parameters=barrier, potential="E*cos(x/a)")) == "J"
-    small = block(coordinates={"x": ss.Inertial("mm")}, parameters={}, kinetic="d_x**2", potential="x**2")
+    small = block(
+        coordinates={"x": ss.Inertial("mm")}, parameters={}, kinetic="d_x**2", potential="x**2"
+    )
     assert energy_unit(small) == "N*mm"
 
 
 def test_angles_and_levers() -> None:
     drum = block(
-        parameters={"I": ss.Parameter(1.0, "kg*m^2"), "b": ss.Parameter(1.0, "N*m/rad"), "r": ss.Parameter(0.5, "m")},
+        parameters={
+            "I": ss.Parameter(1.0, "kg*m^2"),
+            "b": ss.Parameter(1.0, "N*m/rad"),
+            "r": ss.Parameter(0.5, "m"),
+        },
         coordinates={"th": ss.Inertial("rad", "angle")},
         kinetic="I/2*d_th**2",
         potential="b/2*(th - t)**2",
-        contacts={"pin": ss.Contact("d_th", "1", unit="N*m"), "brake": ss.Contact("r*d_th", "1", unit="N")},
+        contacts={
+            "pin": ss.Contact("d_th", "1", unit="N*m"),
+            "brake": ss.Contact("r*d_th", "1", unit="N"),
+        },
     )
     assert slip_unit(drum, "pin") == "rad/s"
     assert slip_unit(drum, "brake") == "m/s"

@@ -12,7 +12,16 @@ from hypothesis import strategies as st
 
 from stickslip import catalogue
 from stickslip.errors import DeclarationError
-from stickslip.model.system import Condition, Contact, Inertial, Internal, Parameter, RateIndependent, System, Viscous
+from stickslip.model.system import (
+    Condition,
+    Contact,
+    Inertial,
+    Internal,
+    Parameter,
+    RateIndependent,
+    System,
+    Viscous,
+)
 from stickslip.model.system_file import dumps, load, loads, save
 from stickslip.model.toml import MAX_BYTES
 
@@ -35,7 +44,11 @@ EVERYTHING = System(
     name="everything",
     title='with "quotes", \\ and ψ',
     source="line one\nline two\ttabbed",
-    parameters={"m": Parameter(2, "kg", "mass", "(0, inf)"), "k": Parameter(1e-7), "n": Parameter(-1.5e300)},
+    parameters={
+        "m": Parameter(2, "kg", "mass", "(0, inf)"),
+        "k": Parameter(1e-7),
+        "n": Parameter(-1.5e300),
+    },
     functions={"H(s)": "max(s, 0)", "two(p, q)": "p*q", "half": 0.5, "one": 1, "one_text": "1"},
     drives={"ell": "sin(t)", "level": 2.0},
     coordinates={
@@ -110,7 +123,9 @@ def test_numbers_of_numpy_are_written_as_numbers():
 
 
 def test_keys_stand_in_the_order_of_the_fields():
-    written = dict.fromkeys(line.split(" = ")[0].split(".")[0] for line in dumps(EVERYTHING).splitlines() if line)
+    written = dict.fromkeys(
+        line.split(" = ")[0].split(".")[0] for line in dumps(EVERYTHING).splitlines() if line
+    )
     assert list(written) == [entry.name for entry in fields(System)]
 
 
@@ -172,13 +187,37 @@ def test_example_is_the_system_of_the_catalogue(example):
 
 
 WRONG = {
-    "not TOML": ("name", "model", "not valid TOML: Expected '=' after a key in a key/value pair at line 1"),
+    "not TOML": (
+        "name",
+        "model",
+        "not valid TOML: Expected '=' after a key in a key/value pair at line 1",
+    ),
     "no value": ("name = ", "model", "not valid TOML: Invalid value at line 1, column 8: name ="),
-    "text without quotes": (SMALLEST + "potential = k*x", "model", "not valid TOML: Invalid value at line 3"),
-    "duplicate key": (SMALLEST + 'name = "again"', "model", "Cannot overwrite a value at line 3, column 15: name ="),
-    "duplicate table": (SMALLEST + "[drives]\n[drives]", "model", "Cannot declare ('drives',) twice at line 4"),
-    "duplicate in a table": (SMALLEST + "initial = {a = 1, a = 2}", "model", "Duplicate inline table key 'a' at line"),
-    "value and table": (SMALLEST + "parameters = 1\nparameters.P = 2", "model", "Cannot overwrite a value at line 4"),
+    "text without quotes": (
+        SMALLEST + "potential = k*x",
+        "model",
+        "not valid TOML: Invalid value at line 3",
+    ),
+    "duplicate key": (
+        SMALLEST + 'name = "again"',
+        "model",
+        "Cannot overwrite a value at line 3, column 15: name =",
+    ),
+    "duplicate table": (
+        SMALLEST + "[drives]\n[drives]",
+        "model",
+        "Cannot declare ('drives',) twice at line 4",
+    ),
+    "duplicate in a table": (
+        SMALLEST + "initial = {a = 1, a = 2}",
+        "model",
+        "Duplicate inline table key 'a' at line",
+    ),
+    "value and table": (
+        SMALLEST + "parameters = 1\nparameters.P = 2",
+        "model",
+        "Cannot overwrite a value at line 4",
+    ),
     "open text": (SMALLEST + 'title = "x', "model", "not valid TOML"),
     "no such escape": (SMALLEST + r'title = "\q"', "model", "not valid TOML"),
     "control character": (SMALLEST + 'title = "\x00"', "model", "not valid TOML"),
@@ -187,17 +226,29 @@ WRONG = {
     "deep lists": ("span = " + "[" * 20_000, "model", "nested too deeply"),
     "deep tables": ("span = " + "{a = " * 5000, "model", "nested too deeply"),
     "deep key": ("a." * 20_000 + "a = 1", "model", "a key has too many parts (at line 1)"),
-    "deep quoted key": (SMALLEST + "[" + '"a" . ' * 20_000 + "a]", "model", "a key has too many parts (at line 3)"),
+    "deep quoted key": (
+        SMALLEST + "[" + '"a" . ' * 20_000 + "a]",
+        "model",
+        "a key has too many parts (at line 3)",
+    ),
     "nothing": ("", "model: name", "this key is missing"),
     "unknown key": (SMALLEST + 'potentail = "1"', "model: potentail", "unknown key"),
     "unknown odd key": (SMALLEST + '"a\\nb" = "1"', "model: 'a b'", "unknown key"),
-    "unknown key of a parameter": (SMALLEST + "parameters.P = {defalt = 1}", "model: parameters.P.defalt", "unknown"),
+    "unknown key of a parameter": (
+        SMALLEST + "parameters.P = {defalt = 1}",
+        "model: parameters.P.defalt",
+        "unknown",
+    ),
     "unknown key of a coordinate": (
         SMALLEST + 'coordinates.x = {kind = "viscous", drag = "1"}',
         "model: coordinates.x.drag",
         "unknown key",
     ),
-    "missing default": (SMALLEST + "parameters.P = {}", "model: parameters.P.default", "this key is missing"),
+    "missing default": (
+        SMALLEST + "parameters.P = {}",
+        "model: parameters.P.default",
+        "this key is missing",
+    ),
     "missing law": ('name = "s"\ninternal.a = {}', "model: internal.a.law", "this key is missing"),
     "missing threshold": (
         SMALLEST + 'contacts."a b" = {direction = "d"}',
@@ -205,39 +256,135 @@ WRONG = {
         "this key is missing",
     ),
     "missing kind": (SMALLEST + "coordinates.x = {}", "model: coordinates.x.kind", "missing"),
-    "unknown kind": (SMALLEST + 'coordinates.x = {kind = "viscose"}', "model: coordinates.x.kind", "no kind 'viscose'"),
-    "kind of no text": (SMALLEST + "coordinates.x = {kind = 1}", "model: coordinates.x.kind", "expected a text"),
+    "unknown kind": (
+        SMALLEST + 'coordinates.x = {kind = "viscose"}',
+        "model: coordinates.x.kind",
+        "no kind 'viscose'",
+    ),
+    "kind of no text": (
+        SMALLEST + "coordinates.x = {kind = 1}",
+        "model: coordinates.x.kind",
+        "expected a text",
+    ),
     "name as a number": ("name = 3", "model: name", "expected a text, got a number"),
-    "parameters as a number": (SMALLEST + "parameters = 3", "model: parameters", "expected a table, got a number"),
-    "parameters as a list of tables": (SMALLEST + "[[parameters]]\nP = 1", "model: parameters", "got a list"),
-    "parameter as a number": (SMALLEST + "parameters.P = 3", "model: parameters.P", "expected a table, got a number"),
-    "contacts as a list": (SMALLEST + "contacts = [1, 2]", "model: contacts", "expected a table, got a list"),
-    "contact as a text": (SMALLEST + 'contacts.c = "d_x"', "model: contacts.'c'", "expected a table, got a text"),
-    "coordinate as a bool": (SMALLEST + "coordinates.x = true", "model: coordinates.x", "got true or false"),
-    "range as a number": (SMALLEST + "parameters.P = {default = 1, range = 5}", "model: parameters.P.range", "a text"),
-    "default as a table": (SMALLEST + "parameters.P = {default = {a = 1}}", "model: parameters.P.default", "a table"),
-    "default as a date": (SMALLEST + "parameters.P = {default = 1979-05-27}", "model: parameters.P.default", "date"),
-    "default not a number": (SMALLEST + "parameters.P = {default = nan}", "model: parameters.P", "not a finite number"),
-    "default too large": (SMALLEST + f"parameters.P = {{default = {10**400}}}", "model: parameters.P", "not a finite"),
-    "default in long hex": (SMALLEST + f"parameters.P = {{default = 0x{'f' * 9000}}}", "model: parameters.P", "finite"),
-    "law as a list": ('name = "s"\ninternal.a = {law = ["a"]}', "model: internal.a.law", "a formula, got a list"),
-    "law as a table": ('name = "s"\ninternal.a = {law = {b = {c = 1}}}', "model: internal.a.law", "got a table"),
+    "parameters as a number": (
+        SMALLEST + "parameters = 3",
+        "model: parameters",
+        "expected a table, got a number",
+    ),
+    "parameters as a list of tables": (
+        SMALLEST + "[[parameters]]\nP = 1",
+        "model: parameters",
+        "got a list",
+    ),
+    "parameter as a number": (
+        SMALLEST + "parameters.P = 3",
+        "model: parameters.P",
+        "expected a table, got a number",
+    ),
+    "contacts as a list": (
+        SMALLEST + "contacts = [1, 2]",
+        "model: contacts",
+        "expected a table, got a list",
+    ),
+    "contact as a text": (
+        SMALLEST + 'contacts.c = "d_x"',
+        "model: contacts.'c'",
+        "expected a table, got a text",
+    ),
+    "coordinate as a bool": (
+        SMALLEST + "coordinates.x = true",
+        "model: coordinates.x",
+        "got true or false",
+    ),
+    "range as a number": (
+        SMALLEST + "parameters.P = {default = 1, range = 5}",
+        "model: parameters.P.range",
+        "a text",
+    ),
+    "default as a table": (
+        SMALLEST + "parameters.P = {default = {a = 1}}",
+        "model: parameters.P.default",
+        "a table",
+    ),
+    "default as a date": (
+        SMALLEST + "parameters.P = {default = 1979-05-27}",
+        "model: parameters.P.default",
+        "date",
+    ),
+    "default not a number": (
+        SMALLEST + "parameters.P = {default = nan}",
+        "model: parameters.P",
+        "not a finite number",
+    ),
+    "default too large": (
+        SMALLEST + f"parameters.P = {{default = {10**400}}}",
+        "model: parameters.P",
+        "not a finite",
+    ),
+    "default in long hex": (
+        SMALLEST + f"parameters.P = {{default = 0x{'f' * 9000}}}",
+        "model: parameters.P",
+        "finite",
+    ),
+    "law as a list": (
+        'name = "s"\ninternal.a = {law = ["a"]}',
+        "model: internal.a.law",
+        "a formula, got a list",
+    ),
+    "law as a table": (
+        'name = "s"\ninternal.a = {law = {b = {c = 1}}}',
+        "model: internal.a.law",
+        "got a table",
+    ),
     "formula as a bool": (SMALLEST + "potential = true", "model: potential", "got true or false"),
-    "formula too large": (SMALLEST + f"potential = 0x{'f' * 9000}", "model: potential", "not finite"),
+    "formula too large": (
+        SMALLEST + f"potential = 0x{'f' * 9000}",
+        "model: potential",
+        "not finite",
+    ),
     "threshold of three": (
         'name = "s"\ncoordinates.z = {kind = "rate-independent"}\n'
         'contacts.c = {direction = "d_z", threshold = [1, 2, 3]}',
         "model: contacts.'c'.threshold",
         "expected a formula or a pair of them",
     ),
-    "function as a table": (SMALLEST + "functions.f = {text = 1}", "model: functions.f", "got a table"),
-    "initial as a text": (SMALLEST + 'initial.a = "1"', "model: initial.a", "expected a number, got a text"),
-    "initial as a list": (SMALLEST + "initial = [1]", "model: initial", "expected a table, got a list"),
-    "span as a number": (SMALLEST + "span = 5", "model: span", "expected a pair of numbers, got a number"),
-    "span of one": (SMALLEST + "span = [5]", "model: span", "expected a pair of numbers, got a list"),
+    "function as a table": (
+        SMALLEST + "functions.f = {text = 1}",
+        "model: functions.f",
+        "got a table",
+    ),
+    "initial as a text": (
+        SMALLEST + 'initial.a = "1"',
+        "model: initial.a",
+        "expected a number, got a text",
+    ),
+    "initial as a list": (
+        SMALLEST + "initial = [1]",
+        "model: initial",
+        "expected a table, got a list",
+    ),
+    "span as a number": (
+        SMALLEST + "span = 5",
+        "model: span",
+        "expected a pair of numbers, got a number",
+    ),
+    "span of one": (
+        SMALLEST + "span = [5]",
+        "model: span",
+        "expected a pair of numbers, got a list",
+    ),
     "span of texts": (SMALLEST + 'span = ["0", "1"]', "model: span", "expected a pair of numbers"),
-    "condition as a text": (SMALLEST + 'conditions.c = "1 > 0"', "model: conditions.c", "expected a table"),
-    "hostile formula": (SMALLEST + "potential = \"__import__('os')\"", "model: potential", "unknown function"),
+    "condition as a text": (
+        SMALLEST + 'conditions.c = "1 > 0"',
+        "model: conditions.c",
+        "expected a table",
+    ),
+    "hostile formula": (
+        SMALLEST + "potential = \"__import__('os')\"",
+        "model: potential",
+        "unknown function",
+    ),
     "fault inside": (SMALLEST + 'potential = "b + 1"', "model: potential", "unknown name 'b'"),
 }
 
@@ -306,7 +453,9 @@ def test_wrong_files(tmp_path):
     assert "not UTF-8 text (line 2)" in message("latin.toml", b'name = "s"\ntitle = "\xe9"\n')
     assert "more than 300,000 bytes" in message("huge.toml", b"#" * (MAX_BYTES + 1))
     assert "bad.toml: not valid TOML" in message("bad.toml", b"name = \n")
-    assert "bad.toml: potential: unknown name 'b'" in message("bad.toml", (SMALLEST + 'potential = "b"').encode())
+    assert "bad.toml: potential: unknown name 'b'" in message(
+        "bad.toml", (SMALLEST + 'potential = "b"').encode()
+    )
 
 
 def test_a_mark_at_the_beginning_is_no_mistake(tmp_path):

@@ -1,4 +1,5 @@
-"""What was once certified and wrong, right and not certified, or refused: none of it may come back."""
+"""What was once certified and wrong, right and not certified, or refused: none of it may come
+back."""
 
 from __future__ import annotations
 
@@ -28,7 +29,9 @@ def given(**defaults: float) -> dict[str, Parameter]:
     return {name: Parameter(default=value) for name, value in defaults.items()}
 
 
-def block(potential: str, threshold: str = "0.1", kinetic_force: str | None = None, **parts: object) -> System:
+def block(
+    potential: str, threshold: str = "0.1", kinetic_force: str | None = None, **parts: object
+) -> System:
     """A mass of 1 on the ground."""
     return System(
         "block",
@@ -47,7 +50,7 @@ def certified(motion: Trajectory, *outcomes: Outcome) -> Trajectory:
     return motion
 
 
-# --- Steps that miss nothing -----------------------------------------------------------------------------------------
+# --- Steps that miss nothing ----------------------------------------------------------------------
 
 PULSE = block("x**2/2 - 10*exp(-((t - p)/w)**2)*x", "0.5", parameters=given(p=50.0, w=3.0))
 
@@ -55,16 +58,21 @@ PULSE = block("x**2/2 - 10*exp(-((t - p)/w)**2)*x", "0.5", parameters=given(p=50
 def test_pulse_that_underflows_where_the_step_begins() -> None:
     motion = certified(simulate(PULSE, (0.0, 100.0)))
     # By an event-driven integrator of its own (SciPy, DOP853 with 1e-13).
-    assert np.max(np.abs(motion.at(np.linspace(0, 100, 20001))["x"])) == pytest.approx(13.8485, abs=1e-4)
+    assert np.max(np.abs(motion.at(np.linspace(0, 100, 20001))["x"])) == pytest.approx(
+        13.8485, abs=1e-4
+    )
 
 
 @pytest.mark.parametrize("width", [3.0, 0.3, 1e-2, 1e-4])
 def test_impulse_of_a_pulse(width: float) -> None:
-    # A pulse much shorter than the period gives the impulse 10 √π w, less what friction takes meanwhile.
+    # A pulse much shorter than the period gives the impulse 10 √π w, less what friction takes
+    # meanwhile.
     motion = certified(simulate(PULSE, (0.0, 60.0), parameters={"w": width}))
     if width < 0.1:
         speed = np.max(np.abs(motion.knots.state[:, 1]))
-        assert speed == pytest.approx(10 * math.sqrt(math.pi) * width, rel=0.5 * width, abs=3 * width)
+        assert speed == pytest.approx(
+            10 * math.sqrt(math.pi) * width, rel=0.5 * width, abs=3 * width
+        )
     assert motion.n_switches > 0
 
 
@@ -76,7 +84,7 @@ def test_pulses_of_many_motions_at_once() -> None:
         assert float(found["final_x"][i]) == pytest.approx(alone.final["x"], abs=1e-9)
 
 
-# --- No false alarms -------------------------------------------------------------------------------------------------
+# --- No false alarms ------------------------------------------------------------------------------
 
 HEAVY = System(
     "light and heavy",
@@ -111,7 +119,8 @@ def test_drill_string_with_a_stuck_bit() -> None:
 
 @pytest.mark.parametrize("rtol", [1e-8, 1e-10, 1e-12])
 def test_rate_and_state_in_logarithms(rtol: float) -> None:
-    # The quasidynamic slider in ln(V/V₀) and ln(θV₀/D), well below the critical stiffness: slip is fast, rest long.
+    # The quasidynamic slider in ln(V/V₀) and ln(θV₀/D), well below the critical stiffness: slip is
+    # fast, rest long.
     slider = System(
         "rate and state",
         parameters=given(a=0.01, b=0.015, k=0.003, eta=1e-6, V_p=1.0),
@@ -125,7 +134,7 @@ def test_rate_and_state_in_logarithms(rtol: float) -> None:
     assert motion.certificate["rounding errors of the audit"].value < 1e-10
 
 
-# --- No false refusals -----------------------------------------------------------------------------------------------
+# --- No false refusals ----------------------------------------------------------------------------
 
 THROWN = block("0")
 
@@ -163,9 +172,18 @@ STRIBECK = System(
 @pytest.mark.parametrize("system", [SCALED, STRIBECK], ids=lambda s: s.name)
 def test_units_do_not_matter(system: System, what: str) -> None:
     # Every number by its dimension: force F, length L, time T.
-    powers = {"m": (1, -1, 2), "k": (1, -1, 0), "F": (1, 0, 0), "s": (1, 0, 0), "w": (0, 0, -1), "c": (1, -1, 1)}
+    powers = {
+        "m": (1, -1, 2),
+        "k": (1, -1, 0),
+        "F": (1, 0, 0),
+        "s": (1, 0, 0),
+        "w": (0, 0, -1),
+        "c": (1, -1, 1),
+    }
     powers |= {"r": (1, 0, 0), "v": (0, 1, -1), "V": (0, 1, -1)}
-    units = {"forces": (1, 0, 0), "masses": (1, 0, 0), "lengths": (0, 1, 0), "times": (0, 0, 1)}[what]
+    units = {"forces": (1, 0, 0), "masses": (1, 0, 0), "lengths": (0, 1, 0), "times": (0, 0, 1)}[
+        what
+    ]
     plain = certified(simulate(system, (0.0, 30.0), {"x": 0.7}))
     for scale in SCALES:
         if what == "masses":  # heavier, and stiffer: the same motion with larger forces
@@ -199,7 +217,9 @@ def reference(force: object, until: float, x: float = 0.0, s: float = 0.1) -> fl
     from scipy.integrate import solve_ivp
     from scipy.optimize import brentq
 
-    t, y, mode = 0.0, np.array([x, 0.0]), 0
+    t = 0.0
+    y = np.array([x, 0.0])
+    mode = 0
     while t < until:
         if mode == 0:
             times = np.linspace(t, until, 20001)
@@ -216,12 +236,14 @@ def reference(force: object, until: float, x: float = 0.0, s: float = 0.1) -> fl
         def stops(u: float, z: np.ndarray) -> float:
             return float(z[1])
 
-        stops.terminal, stops.direction = True, -mode  # type: ignore[attr-defined]
+        stops.terminal = True  # type: ignore[attr-defined]
+        stops.direction = -mode  # type: ignore[attr-defined]
         found = solve_ivp(
             lambda u, z, d=mode: [z[1], force(u, z[0]) - d * s],  # type: ignore[operator]
             (t, until), y, method="DOP853", rtol=1e-12, atol=1e-14, events=stops, max_step=0.02,
         )  # fmt: skip
-        t, y = float(found.t[-1]), found.y[:, -1].copy()
+        t = float(found.t[-1])
+        y = found.y[:, -1].copy()
         pull = force(t, y[0])  # type: ignore[operator]
         mode = int(np.sign(pull)) if abs(pull) > s else 0
     return float(y[0])
@@ -232,8 +254,10 @@ def reference(force: object, until: float, x: float = 0.0, s: float = 0.1) -> fl
     ("x**4/4 - x", lambda t, x: 1 - x**3, 0.0),
     ("x**2/2 - sin(t)**22*x", lambda t, x: math.sin(t) ** 22 - x, 0.0),
     ("x**2/2 - (t/4)**9*x", lambda t, x: (t / 4) ** 9 - x, 0.0),
-    ("x**2/2 + 0.4*max(x - 0.1, 0)**2.5 - sin(t)*x", lambda t, x: math.sin(t) - x - max(x - 0.1, 0) ** 1.5, 0.0),
-    ("abs(x)**1.5 - sin(t)*x", lambda t, x: math.sin(t) - 1.5 * math.copysign(abs(x) ** 0.5, x), 0.0),
+    ("x**2/2 + 0.4*max(x - 0.1, 0)**2.5 - sin(t)*x",
+     lambda t, x: math.sin(t) - x - max(x - 0.1, 0) ** 1.5, 0.0),
+    ("abs(x)**1.5 - sin(t)*x",
+     lambda t, x: math.sin(t) - 1.5 * math.copysign(abs(x) ** 0.5, x), 0.0),
 ])  # fmt: skip
 def test_powers_that_vanish(potential: str, force: object, x: float) -> None:
     motion = certified(simulate(block(potential), (0.0, 8.0), {"x": x}))
@@ -261,7 +285,8 @@ def test_late_starts(kind: str) -> None:
         system = block("x**2/2" if kind == "autonomous" else "x**2/2 - sin(t)*x", "0.05")
     start = {"x": math.sin(late)}
     motion = certified(simulate(system, (late, late + 50.0), start))
-    # The same phase early: 1e9 less whole turns, to the digits that a number of the size of 1e9 has.
+    # The same phase early: 1e9 less whole turns, to the digits that a number of the size of 1e9
+    # has.
     early = math.fmod(late, 2 * math.pi)
     same = certified(simulate(system, (early, early + 50.0), {"x": math.sin(early)}))
     assert motion.n_switches == same.n_switches
@@ -270,7 +295,8 @@ def test_late_starts(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", ["inertial", "rate-independent"])
 def test_loads_that_begin_late(kind: str) -> None:
-    # A phase of the size of 1e9 has no digits left for what happens in it; one that counts from the beginning has all.
+    # A phase of the size of 1e9 has no digits left for what happens in it; one that counts from the
+    # beginning has all.
     inertial = kind == "inertial"
     system = System(
         "late load",
@@ -286,15 +312,19 @@ def test_loads_that_begin_late(kind: str) -> None:
     assert late.final["x"] == pytest.approx(early.final["x"], abs=1e-12)
 
 
-# --- Outcomes --------------------------------------------------------------------------------------------------------
+# --- Outcomes -------------------------------------------------------------------------------------
 
 
 def test_kinetic_force_that_leaves_its_admissible_set_on_the_way() -> None:
     # The sliding force 0.5 − 0.1 t is negative from t = 5 on; the load keeps the block sliding.
     system = System(
-        "fading", parameters=given(rate=0.1), coordinates={"x": Inertial()}, kinetic="d_x**2/2", potential="-2*x",
+        "fading",
+        parameters=given(rate=0.1),
+        coordinates={"x": Inertial()},
+        kinetic="d_x**2/2",
+        potential="-2*x",
         contacts={"ground": Contact("d_x", "1", kinetic="0.5 - rate*t")},
-    )  # fmt: skip
+    )
     motion = simulate(system, (0.0, 20.0))
     assert motion.outcome is Outcome.INADMISSIBLE_KINETIC
     assert motion.knots.time[-1] == pytest.approx(5.0, abs=1e-12)
@@ -314,13 +344,17 @@ def test_refused_motions_are_never_certified() -> None:
 
 
 def test_several_viscous_contacts_start_as_the_static_thresholds_say() -> None:
-    # x breaks its threshold at t = 1 and drops to its sliding force; the dashpot then pulls y with 0.72, above 0.6.
+    # x breaks its threshold at t = 1 and drops to its sliding force; the dashpot then pulls y with
+    # 0.72, above 0.6.
     system = System(
         "two in a row",
         coordinates={"x": Viscous(), "y": Viscous()},
         viscous="d_x**2/2 + d_y**2/2 + 9*(d_x - d_y)**2/2",
         potential="-t*x",
-        contacts={"a": Contact("d_x", "1", kinetic="0.2"), "b": Contact("d_y", "0.6", kinetic="0.1")},
+        contacts={
+            "a": Contact("d_x", "1", kinetic="0.2"),
+            "b": Contact("d_y", "0.6", kinetic="0.1"),
+        },
     )
     motion = certified(simulate(system, (0.0, 3.0)))
     assert list(motion.events["time"]) == pytest.approx([1.0, 1.0], abs=1e-12)
@@ -343,10 +377,16 @@ def test_drag_that_is_positive_up_to_rounding() -> None:
 
 
 def test_slip_that_is_shorter_than_the_clock_can_tell() -> None:
-    # At t = 55 the speed is e^19 and changes within 1e-8: the rounding of a time moves the state by 1e-6 of itself.
+    # At t = 55 the speed is e^19 and changes within 1e-8: the rounding of a time moves the state by
+    # 1e-6 of itself.
     slider = System(
         "rate and state in logarithms",
-        parameters=given(a=0.009202090014039625, b=0.011593577026655791, k=0.00236505010500439, V_p=1.205087883953547),
+        parameters=given(
+            a=0.009202090014039625,
+            b=0.011593577026655791,
+            k=0.00236505010500439,
+            V_p=1.205087883953547,
+        ),
         internal={
             "phi": Internal("(k*(V_p - exp(phi)) - b*(exp(-psi) - exp(phi)))/a"),
             "psi": Internal("exp(-psi) - exp(phi)"),
@@ -359,7 +399,8 @@ def test_slip_that_is_shorter_than_the_clock_can_tell() -> None:
 
 
 def test_force_that_is_small_beside_its_terms() -> None:
-    # The spring between two legs is short, and they are far away: their force is measured against itself.
+    # The spring between two legs is short, and they are far away: their force is measured against
+    # itself.
     parameters = given(k=1.4, f=0.124, g=0.394, D=2.4, p=9.086, w=0.0083)
     crawler = System(
         "crawler",
@@ -375,9 +416,13 @@ def test_force_that_is_small_beside_its_terms() -> None:
         assert motion.final["x"] - far == pytest.approx(2.4 - 2 * 0.124 / 1.4, abs=1e-10)
 
 
-@pytest.mark.parametrize(("time", "length", "force"), [(1.0, 1.0, 1.0), (1e60, 1.0, 1.0), (1e-60, 1.0, 1e60)])
+@pytest.mark.parametrize(
+    ("time", "length", "force"), [(1.0, 1.0, 1.0), (1e60, 1.0, 1.0), (1e-60, 1.0, 1e60)]
+)
 def test_loads_that_grow_with_time_in_every_unit(time: float, length: float, force: float) -> None:
-    k, c, V = 1.8 * force / length, 0.01 * force * time / length, 0.8 * length / time
+    k = 1.8 * force / length
+    c = 0.01 * force * time / length
+    V = 0.8 * length / time
     dragged = System(
         "dragged",
         parameters=given(m=force * time**2 / length, k=k, c=c, V=V, s=0.9 * force, d=0.3 * force),
@@ -393,10 +438,11 @@ def test_loads_that_grow_with_time_in_every_unit(time: float, length: float, for
     start = motion.knots.time[1] / time
     assert start == pytest.approx(0.9 / (1.8 * 0.8), rel=1e-12)
     if time == 1.0:
-        assert len(motion.knots.time) == motion.n_switches + 2  # one flight from switch to switch: in closed form
+        # one flight from switch to switch: in closed form
+        assert len(motion.knots.time) == motion.n_switches + 2
 
 
-# -- several contacts hold one thing -----------------------------------------------------------------------------------
+# -- several contacts hold one thing ---------------------------------------------------------------
 
 
 def pads(**laws: str) -> System:
@@ -408,12 +454,16 @@ def pads(**laws: str) -> System:
         coordinates={"x": Inertial()},
         kinetic="d_x**2/2",
         potential="-t*x",
-        contacts={"front": Contact("d_x", "S", kinetic=front), "back": Contact("-2*d_x", "T/2", kinetic=f"({back})/2")},
+        contacts={
+            "front": Contact("d_x", "S", kinetic=front),
+            "back": Contact("-2*d_x", "T/2", kinetic=f"({back})/2"),
+        },
     )
 
 
 def test_pads_side_by_side_hold_all_they_can() -> None:
-    """At rest a share of 0.5 + 0.4 is needed; a pad at its threshold must not be taken for one that slides."""
+    """At rest a share of 0.5 + 0.4 is needed; a pad at its threshold must not be taken for one that
+    slides."""
     motion = certified(simulate(pads(), (0.0, 2.0)))
     assert motion.events["time"].to_numpy() == pytest.approx([0.9, 0.9], rel=1e-12)
     assert motion.events["to"].tolist() == ["slip+", "slip-"]
@@ -423,8 +473,12 @@ def test_pads_side_by_side_hold_all_they_can() -> None:
     assert motion.final["d_x"] == pytest.approx(0.5 * u + u * u / 2, rel=1e-12)
     held = motion.at([0.3, 0.8])
     assert held["mode_front"].tolist() == held["mode_back"].tolist() == [0, 0]
-    assert held["friction_front"] - 2 * held["friction_back"] == pytest.approx([-0.3, -0.8], abs=1e-12)
-    assert float(simulate_many(pads(), (0.0, 2.0))["final_x"][0]) == pytest.approx(motion.final["x"], rel=1e-12)
+    assert held["friction_front"] - 2 * held["friction_back"] == pytest.approx(
+        [-0.3, -0.8], abs=1e-12
+    )
+    assert float(simulate_many(pads(), (0.0, 2.0))["final_x"][0]) == pytest.approx(
+        motion.final["x"], rel=1e-12
+    )
 
 
 def test_pads_come_to_rest_together_and_hold() -> None:
@@ -435,7 +489,8 @@ def test_pads_come_to_rest_together_and_hold() -> None:
 
 
 def test_rest_that_ends_too_early_is_not_certified() -> None:
-    """The friction law alone would allow a jump from rest at 0.5 to a sliding force of 0.3 with a threshold of 0.8."""
+    """The friction law alone would allow a jump from rest at 0.5 to a sliding force of 0.3 with a
+    threshold of 0.8."""
     early = simulate(block("-t*x", "s", parameters=given(s=0.5), kinetic_force="0.3"), (0.0, 2.0))
     assert certified(early).events["time"].tolist() == pytest.approx([0.5])
     held = block("-t*x", "s", parameters=given(s=0.8), kinetic_force="0.3")

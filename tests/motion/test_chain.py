@@ -25,7 +25,9 @@ def positions(trajectory: Trajectory, times: Array) -> Array:
     return np.stack([values[x] for x in BLOCKS], axis=1)
 
 
-def run(start: Array, until: float = 100.0, velocity: Array | None = None, **parameters: float) -> Trajectory:
+def run(
+    start: Array, until: float = 100.0, velocity: Array | None = None, **parameters: float
+) -> Trajectory:
     initial = dict(zip(BLOCKS, map(float, start), strict=True))
     if velocity is not None:
         initial |= {f"d_{x}": float(v) for x, v in zip(BLOCKS, velocity, strict=True)}
@@ -54,7 +56,9 @@ def test_a_symmetric_start_stays_symmetric(amplitude: float) -> None:
     # Each event of a block is an event of its mirror image at the same time.
     events = trajectory.events
     for i in range(N // 2):
-        left, right = (events.loc[events["contact"] == f"block {k}", "time"] for k in (i + 1, N - i))
+        left, right = (
+            events.loc[events["contact"] == f"block {k}", "time"] for k in (i + 1, N - i)
+        )
         np.testing.assert_allclose(left, right, rtol=0, atol=1e-9)
 
 
@@ -72,7 +76,9 @@ def test_equal_blocks_move_as_one(start: float) -> None:
 
 def test_against_time_stepping() -> None:
     rng = np.random.default_rng(4)
-    start, velocity, T = rng.normal(size=N), rng.normal(size=N), 10.0
+    start = rng.normal(size=N)
+    velocity = rng.normal(size=N)
+    T = 10.0
     parameters = {"m": 0.7, "k": 0.4, "k_c": 1.3, "V": 0.2, "F_s": 0.15, "F_k": 0.15}
     ours = positions(run(start, T, velocity, **parameters), np.linspace(0, T, 201))
     one = np.eye(N)
@@ -81,7 +87,9 @@ def test_against_time_stepping() -> None:
     errors = []
     for n in (4000, 16_000):
         threshold, belt = np.full((n + 1, N), 0.15), np.full((n + 1, N), 0.2)
-        q, _, _ = moreau(0.7 * one, 0 * one, K, one, 0 * belt, threshold, belt, start, velocity, T, n)
+        q, _, _ = moreau(
+            0.7 * one, 0 * one, K, one, 0 * belt, threshold, belt, start, velocity, T, n
+        )
         errors.append(np.abs(q[:: n // 200] - ours).max())
     assert errors[0] < 50 * T / 4000
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.2)

@@ -1,4 +1,5 @@
-"""Disc arithmetic against complex arithmetic: no row strays further than its bound, and the bound is not idle."""
+"""Disc arithmetic against complex arithmetic: no row strays further than its bound, and the bound
+is not idle."""
 
 from __future__ import annotations
 
@@ -46,17 +47,27 @@ def problem() -> Problem:
 @pytest.mark.parametrize("radius", [1e-3, 0.03, 0.15])
 @pytest.mark.parametrize("t", [0.0, 0.6, 1.3])
 def test_rows_stay_in_their_discs(t: float, radius: float) -> None:
-    p, space, none = problem(), problem().space(), np.zeros(0, np.int64)
-    n, k = len(FORCES), p.constants
+    p = problem()
+    space = problem().space()
+    none = np.zeros(0, np.int64)
+    n = len(FORCES)
+    k = p.constants
     y = np.linspace(0.2, 0.9, n)
     resolve(p.rows.sizes, k, space, none)
-    p.compiled.jets(t, y, none, none, k.K, space.Rq, space.Rz, p.order, space.W, space.A, space.B, space.mag)
+    p.compiled.jets(
+        t, y, none, none, k.K, space.Rq, space.Rz, p.order, space.W, space.A, space.B, space.mag
+    )
     fill_powers(space.reaches, radius)
-    space.discs[n, 0], space.discs[n, 1] = radius, 0.0
+    space.discs[n, 0] = radius
+    space.discs[n, 1] = 0.0
     spread_state(space.W, p.order, space.reaches, p.rows.watched[:n], space.discs)
-    program, inverses = p.rows.program, (space.Rq, space.Rz, space.B)
-    spread(program, k.K, space.W, space.discs, *inverses, space.balls, none, none, 0, len(program.code))
-    # An analytic function strays most on the circle; the position is the polynomial that stands in the table.
+    program = p.rows.program
+    inverses = (space.Rq, space.Rz, space.B)
+    spread(
+        program, k.K, space.W, space.discs, *inverses, space.balls, none, none, 0, len(program.code)
+    )
+    # An analytic function strays most on the circle; the position is the polynomial that stands in
+    # the table.
     circle = radius * np.exp(2j * np.pi * np.arange(64) / 64)
     x = np.polyval(space.W[0, : p.order + 1][::-1], circle)
     for i, force in enumerate(FORCES.values()):

@@ -42,13 +42,17 @@ def test_finished() -> None:
 
 
 def test_every_outcome_has_its_own_code_and_words() -> None:
-    assert len({outcome.code for outcome in Outcome}) == len({outcome.label for outcome in Outcome}) == len(Outcome)
+    assert (
+        len({outcome.code for outcome in Outcome})
+        == len({outcome.label for outcome in Outcome})
+        == len(Outcome)
+    )
     for outcome in Outcome:
         assert Outcome.from_code(outcome.code) is outcome
         assert outcome.message
 
 
-# --- No bounded rate -------------------------------------------------------------------------------------------------
+# --- No bounded rate ------------------------------------------------------------------------------
 
 
 def test_no_bounded_rate_where_the_energy_loses_convexity() -> None:
@@ -74,7 +78,8 @@ def test_no_bounded_rate_where_the_energy_loses_convexity() -> None:
 
 
 def test_no_bounded_rate_when_the_load_frees_the_whole_toy() -> None:
-    # P = ρ + H*/2 is more than both legs hold; before that the toy just stands, as nothing rocks it.
+    # P = ρ + H*/2 is more than both legs hold; before that the toy just stands, as nothing rocks
+    # it.
     toy = catalogue.rocking_toy()
     pulled = System(
         name="toy under a growing pull",
@@ -101,11 +106,13 @@ def test_no_bounded_rate_keeps_the_motion_before() -> None:
 
 @pytest.mark.parametrize(("x_R", "leg"), [(3.0, "right leg"), (-3.0, "right leg|left leg")])
 def test_unstable_start_is_refused(x_R: float, leg: str) -> None:
-    with pytest.raises(DeclarationError, match=f"initial.x_[RL]: the contact '({leg})' would have to hold"):
+    with pytest.raises(
+        DeclarationError, match=f"initial.x_[RL]: the contact '({leg})' would have to hold"
+    ):
         simulate(catalogue.rocking_toy(), (0.0, 1.0), {"psi": 0.0, "x_R": x_R})
 
 
-# --- Sliding on a jump -----------------------------------------------------------------------------------------------
+# --- Sliding on a jump ----------------------------------------------------------------------------
 
 
 def test_sliding_on_a_jump() -> None:
@@ -126,23 +133,26 @@ def test_crossing_and_leaving_a_jump_is_no_sliding() -> None:
 
 
 def test_oscillator_that_slides_along_its_jump() -> None:
-    # Section 4.4: with a jump in ψ' larger than the other forces the motion sticks to ψ' = 0 without a contact.
+    # Section 4.4: with a jump in ψ' larger than the other forces the motion sticks to ψ' = 0
+    # without a contact.
     motion = simulate(catalogue.rocking_oscillator(c=-0.3), (0.0, 63.0), {"psi": 0.1})
     assert motion.outcome is Outcome.SLIDING_ON_A_JUMP
     assert motion.certificate.lawful
     assert motion.final["d_psi"] == pytest.approx(0.0, abs=1e-12)
 
 
-# --- Zeno, step too small, undefined ---------------------------------------------------------------------------------
+# --- Zeno, step too small, undefined --------------------------------------------------------------
 
 SIGNS = {"sign_x": "piecewise(x > 0, 1, -1)", "sign_y": "piecewise(y > 0, 1, -1)"}
 
 
 def test_zeno(flow: str) -> None:
-    # Filippov's example: each turn shrinks by 3^4, each quarter by 3; from (1, 0) the origin is reached at t = 1/2.
+    # Filippov's example: each turn shrinks by 3^4, each quarter by 3; from (1, 0) the origin is
+    # reached at t = 1/2.
     system = ode("spiral into zero", SIGNS, x="-sign_x + 2*sign_y", y="-2*sign_x - sign_y")
     motion = simulate(system, (0.0, 10.0), {"x": 1.0, "y": 0.0})
-    # Taylor steps know the switches to the rounding of a whole step; closer to zero both jumps are met at once.
+    # Taylor steps know the switches to the rounding of a whole step; closer to zero both jumps are
+    # met at once.
     last = Outcome.ZENO if flow == "closed forms" else Outcome.SLIDING_ON_A_JUMP
     assert motion.outcome is last
     assert motion.knots.time[-1] == pytest.approx(0.5, abs=1e-12)
@@ -163,7 +173,8 @@ def test_many_events_are_not_zeno(sign: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("law", "start", "end"), [("x**2", 1.0, 1.0), ("x**3", 1.0, 0.5), ("1 + x**2", 0.0, math.pi / 2)]
+    ("law", "start", "end"),
+    [("x**2", 1.0, 1.0), ("x**3", 1.0, 0.5), ("1 + x**2", 0.0, math.pi / 2)],
 )
 def test_blow_up(law: str, start: float, end: float) -> None:
     motion = simulate(ode(f"blow-up {law}", x=law), (0.0, 10.0), {"x": start})
@@ -172,7 +183,11 @@ def test_blow_up(law: str, start: float, end: float) -> None:
     assert np.all(np.isfinite(motion.knots.state))
     # Until shortly before the end it is as accurate as ever.
     t = np.linspace(0.0, 0.99 * end, 50)
-    exact = {"x**2": lambda: 1 / (1 - t), "x**3": lambda: 1 / np.sqrt(1 - 2 * t), "1 + x**2": lambda: np.tan(t)}[law]()
+    exact = {
+        "x**2": lambda: 1 / (1 - t),
+        "x**3": lambda: 1 / np.sqrt(1 - 2 * t),
+        "1 + x**2": lambda: np.tan(t),
+    }[law]()
     np.testing.assert_allclose(motion.at(t)["x"], exact, rtol=1e-10, atol=1e-14)
 
 
@@ -185,7 +200,9 @@ def test_undefined_at_the_start() -> None:
 
 def test_undefined_where_a_logarithm_ends() -> None:
     # x falls through 0, where log(x) ends.
-    motion = simulate(ode("falling into a logarithm", x="-1 + log(x)/1000"), (0.0, 10.0), {"x": 2.0})
+    motion = simulate(
+        ode("falling into a logarithm", x="-1 + log(x)/1000"), (0.0, 10.0), {"x": 2.0}
+    )
     assert motion.outcome in (Outcome.UNDEFINED, Outcome.STEP_TOO_SMALL)
     assert motion.knots.time[-1] == pytest.approx(2.0, abs=1e-2)
     assert np.all(np.isfinite(motion.knots.state))
@@ -208,7 +225,7 @@ def test_root_that_is_an_exact_polynomial() -> None:
     assert not (motion.outcome.ok and motion.certificate.ok)
 
 
-# --- Limits ----------------------------------------------------------------------------------------------------------
+# --- Limits ---------------------------------------------------------------------------------------
 
 
 def test_limit_on_events() -> None:

@@ -35,8 +35,14 @@ def starting_positive(c: np.ndarray) -> np.ndarray:
 
 
 @many
-@given(st.lists(roots, min_size=1, max_size=8, unique=True), st.lists(pairs, max_size=4), st.floats(0.01, 1))
-def test_known_roots(real: list[float], complex_pairs: list[tuple[float, float]], limit: float) -> None:
+@given(
+    st.lists(roots, min_size=1, max_size=8, unique=True),
+    st.lists(pairs, max_size=4),
+    st.floats(0.01, 1),
+)
+def test_known_roots(
+    real: list[float], complex_pairs: list[tuple[float, float]], limit: float
+) -> None:
     # Roots of multiples of 1/128, next to complex ones that are not too close to the axis.
     everything = [*real, *(a + sign * 1j * b for a, b in complex_pairs for sign in (1, -1))]
     c = starting_positive(polynomial.polyfromroots(everything).real)
@@ -57,7 +63,9 @@ def test_known_roots(real: list[float], complex_pairs: list[tuple[float, float]]
 def test_random_coefficients(degree: int, seed: int) -> None:
     c = np.random.default_rng(seed).normal(size=degree + 1)
     c[0] = abs(c[0]) + 0.01
-    real = np.array([r.real for r in np.roots(c[::-1]) if abs(r.imag) < 1e-6 and 0 < r.real <= 1.001])
+    real = np.array(
+        [r.real for r in np.roots(c[::-1]) if abs(r.imag) < 1e-6 and 0 < r.real <= 1.001]
+    )
     slopes = np.abs(polynomial.polyval(real, polynomial.polyder(c)))
     assume(np.all(slopes > 1e-3) and np.all(np.abs(real - 1) > 1e-9))
     found = crossing(c)
@@ -71,7 +79,8 @@ def test_random_coefficients(degree: int, seed: int) -> None:
 @many
 @given(st.floats(0.01, 0.99), st.floats(0.1, 10), st.integers(0, 12))
 def test_two_roots_close_together(place: float, scale: float, extra: int) -> None:
-    # Between the roots the polynomial dips to −2.5e−15 of its size only, and a sample would have to fall between them.
+    # Between the roots the polynomial dips to −2.5e−15 of its size only, and a sample would have to
+    # fall between them.
     gap = 1e-7
     c = scale * polynomial.polyfromroots([place, place + gap])
     c = polynomial.polymul(c, [2.0**-k for k in range(extra + 1)])  # positive, so it adds no root
@@ -80,13 +89,17 @@ def test_two_roots_close_together(place: float, scale: float, extra: int) -> Non
 
 
 @many
-@given(st.floats(0.05, 0.95), st.floats(0.1, 10), st.integers(4, 24), st.sampled_from([1e-12, 1e-13]))
+@given(
+    st.floats(0.05, 0.95), st.floats(0.1, 10), st.integers(4, 24), st.sampled_from([1e-12, 1e-13])
+)
 def test_tangency(place: float, curvature: float, degree: int, depth: float) -> None:
     # (x − place)² ± depth with the Taylor tail of an analytic function.
     c = curvature * np.array([place**2, -2 * place, 1.0])
     tail = np.zeros(degree + 1)
     tail[3:] = [1e-18 / k for k in range(3, degree + 1)]
-    below, above = (polynomial.polyadd(c, tail) - np.eye(1, degree + 1)[0] * sign * depth for sign in (1, -1))
+    below, above = (
+        polynomial.polyadd(c, tail) - np.eye(1, degree + 1)[0] * sign * depth for sign in (1, -1)
+    )
     assert crossing(above) == NONE
     assert crossing(below) == pytest.approx(place - np.sqrt(depth / curvature), rel=0.02)
 
@@ -101,7 +114,8 @@ def test_dip_above_the_floor_does_not_count() -> None:
 def test_without_a_root(degree: int) -> None:
     assert crossing(np.ones(degree + 1)) == NONE
     assert crossing(np.eye(1, degree + 1)[0]) == NONE
-    alternating = 0.9 ** np.arange(degree + 1) * (-1.0) ** np.arange(degree + 1)  # (1 + (−0.9x)^…)/(1 + 0.9x) > 0
+    # (1 + (−0.9x)^…)/(1 + 0.9x) > 0
+    alternating = 0.9 ** np.arange(degree + 1) * (-1.0) ** np.arange(degree + 1)
     assert crossing(alternating) == NONE
 
 
@@ -109,7 +123,8 @@ def test_without_a_root(degree: int) -> None:
 @pytest.mark.parametrize("root", [0.01, 0.5, 1 - 1e-9])
 def test_one_root(degree: int, root: float) -> None:
     c = np.zeros(degree + 1)
-    c[0], c[degree] = root**degree, -1.0
+    c[0] = root**degree
+    c[degree] = -1.0
     assert crossing(c, floor=1e-14 * c[0]) == pytest.approx(root, rel=1e-14)
 
 
@@ -131,7 +146,8 @@ UNDERFLOW = 1e-300  # below this, numbers have fewer digits
 @many
 @given(st.lists(st.floats(-1, 1), min_size=5, max_size=25), st.floats(0.01, 2))
 def test_value_and_rate_at_the_end_of_a_step(coefficients: list[float], h: float) -> None:
-    c, powers = np.array(coefficients), np.zeros(len(coefficients))
+    c = np.array(coefficients)
+    powers = np.zeros(len(coefficients))
     fill_powers(powers, h)
     np.testing.assert_allclose(powers, h ** np.arange(len(c)), rtol=1e-14)
     value, rate = arrive(c, len(c) - 1, powers)

@@ -34,8 +34,11 @@ def certified(motion: Trajectory) -> Trajectory:
 
 
 def test_tables_of_radau_stages() -> None:
-    # Order 12 of the table is 24: twelve stages. The rule differentiates powers, and its terms give them back.
-    c, D, terms = NODES[-1], SLOPES[-1], TERMS[-1]
+    # Order 12 of the table is 24: twelve stages. The rule differentiates powers, and its terms give
+    # them back.
+    c = NODES[-1]
+    D = SLOPES[-1]
+    terms = TERMS[-1]
     for k in range(1, 13):
         assert D @ c[1:] ** k == pytest.approx(k * c[1:] ** (k - 1), abs=1e-11)
         powers = POWERS @ (terms @ c**k)
@@ -54,7 +57,9 @@ def test_slow_pull_of_a_tip_over_a_lattice() -> None:
     # Radau IIA with 8, 10, 12, 14 and 20 stages in a program of its own agree in all digits.
     assert motion.final["x"] == pytest.approx(2.56147440943948, rel=1e-12)
     assert len(motion.knots.time) < 20_000  # 2.5e8 with series alone
-    many = simulate_many(catalogue.prandtl_tomlinson(), (0.0, 3e4), parameters={"nu": [1e-4, 1e-4], "V": 1e-4})
+    many = simulate_many(
+        catalogue.prandtl_tomlinson(), (0.0, 3e4), parameters={"nu": [1e-4, 1e-4], "V": 1e-4}
+    )
     assert np.all(many["final_x"].values == motion.final["x"])
     # Between the knots the forces balance.
     t = np.linspace(1e3, 7e3, 50)
@@ -76,7 +81,8 @@ RELAXING = System(
 @pytest.mark.parametrize("L", [1e2, 1e4, 1e6, 1e8])
 def test_linear_relaxation_against_its_closed_form(L: float) -> None:
     motion = certified(simulate(RELAXING, (0.0, 12.0), {"x": 0.5}, {"L": L}))
-    # ẋ = L (t² exp(−t/3) − x): x = (a t² + b t + c) exp(−t/3) + (x₀ − c) exp(−L t) with a (L − 1/3) = L, …
+    # ẋ = L (t² exp(−t/3) − x): x = (a t² + b t + c) exp(−t/3) + (x₀ − c) exp(−L t) with a (L − 1/3)
+    # = L, …
     p = L - 1.0 / 3.0
     a = L / p
     b = -2.0 * a / p
@@ -105,7 +111,13 @@ def test_stiff_and_slow_coordinate_together(L: float) -> None:
         return [-L * (x - y), x - 2 * y + t**2 * math.exp(-t / 3)]
 
     exact = solve_ivp(
-        rates, (0, 12), [0.3, -0.2], "Radau", rtol=1e-11, atol=1e-12, jac=np.array([[-L, L], [1.0, -2.0]])
+        rates,
+        (0, 12),
+        [0.3, -0.2],
+        "Radau",
+        rtol=1e-11,
+        atol=1e-12,
+        jac=np.array([[-L, L], [1.0, -2.0]]),
     )
     assert motion.final["x"] == pytest.approx(exact.y[0, -1], rel=1e-8)
     assert motion.final["y"] == pytest.approx(exact.y[1, -1], rel=1e-8)
@@ -126,8 +138,8 @@ RUBBED = System(
 @pytest.mark.parametrize("L", [1e2, 1e4, 1e6])
 def test_stick_and_slip_in_the_stiff_coordinate(L: float) -> None:
     motion = certified(simulate(RUBBED, (0.0, 20.0), parameters={"L": L}))
-    # Without viscosity, x + x³ = 2 sin t ∓ 0.3 in slip, which begins where 2 sin t = ±0.3 + what was held, and ends at
-    # the extrema of the load: three switches in every half period.
+    # Without viscosity, x + x³ = 2 sin t ∓ 0.3 in slip, which begins where 2 sin t = ±0.3 + what
+    # was held, and ends at the extrema of the load: three switches in every half period.
     assert motion.n_switches == 13
     at = motion.events.time.to_numpy()
     assert at[0] == pytest.approx(math.asin(0.15), abs=1e-9)
@@ -186,7 +198,8 @@ def test_pulse_in_the_middle_of_a_long_step_is_not_missed(w: float) -> None:
 
 
 def test_dip_of_a_threshold_is_not_missed() -> None:
-    # The threshold falls to nothing for a moment, while the stiff coordinate beside it is followed by long steps.
+    # The threshold falls to nothing for a moment, while the stiff coordinate beside it is followed
+    # by long steps.
     system = System(
         "latch",
         parameters=given(L=1e4, w=1e-3),

@@ -1,4 +1,5 @@
-"""What a result gives: values at any time, data with units, events, certificate, and a file that keeps all of it."""
+"""What a result gives: values at any time, data with units, events, certificate, and a file that
+keeps all of it."""
 
 from __future__ import annotations
 
@@ -11,7 +12,15 @@ import numpy as np
 import pytest
 
 from oracles import coulomb_oscillator
-from stickslip import DeclarationError, Outcome, StickslipError, Trajectory, catalogue, open_trajectory, simulate
+from stickslip import (
+    DeclarationError,
+    Outcome,
+    StickslipError,
+    Trajectory,
+    catalogue,
+    open_trajectory,
+    simulate,
+)
 from systems import VARIABLE, dashpot, distance, oscillator, play
 
 VALUES = {"mu": 0.5, "omega": 0.5}  # the forced Coulomb oscillator of the references
@@ -20,7 +29,9 @@ MOTIONS = {
     "slider": lambda: simulate(catalogue.spring_slider(), (0.0, 20.0)),
     "toy": lambda: simulate(catalogue.rocking_toy(), (0.0, 30.0)),
     "kinks": lambda: simulate(catalogue.scaled_slider_limit(), (0.0, 20.0)),
-    "ended early": lambda: simulate(play(VARIABLE), (0.0, 5.0), {}, {"F": 1.5, "jump": -0.9, "phi": -math.pi / 2}),
+    "ended early": lambda: simulate(
+        play(VARIABLE), (0.0, 5.0), {}, {"F": 1.5, "jump": -0.9, "phi": -math.pi / 2}
+    ),
 }
 
 
@@ -29,7 +40,7 @@ def motion() -> Trajectory:
     return MOTIONS["oscillator"]()
 
 
-# --- Values at any time ----------------------------------------------------------------------------------------------
+# --- Values at any time ---------------------------------------------------------------------------
 
 
 def test_at_a_time_gives_numbers(motion: Trajectory) -> None:
@@ -73,7 +84,9 @@ def test_at_has_two_limits_where_a_rate_jumps(make: object) -> None:
     assert left["d_x"] > 0.1
     assert right["d_x"] == 0.0
     assert (left["mode_ground"], right["mode_ground"]) == (1, 0)
-    assert (left["threshold_plus_ground"], right["threshold_plus_ground"]) == pytest.approx((1.0, 1.5))
+    assert (left["threshold_plus_ground"], right["threshold_plus_ground"]) == pytest.approx(
+        (1.0, 1.5)
+    )
     assert left["x"] == pytest.approx(right["x"], abs=1e-15)
     assert motion.at(jump) == right
     assert motion.at(np.nextafter(jump, 0))["d_x"] == pytest.approx(left["d_x"], abs=1e-14)
@@ -95,7 +108,7 @@ def test_at_refuses_other_sides(motion: Trajectory) -> None:
         motion.at(1.0, side="middle")
 
 
-# --- Data, events ----------------------------------------------------------------------------------------------------
+# --- Data, events ---------------------------------------------------------------------------------
 
 
 def test_dataset_has_units_and_names(motion: Trajectory) -> None:
@@ -135,7 +148,9 @@ def test_dataset_holds_knots_and_a_grid(motion: Trajectory) -> None:
 @pytest.mark.parametrize("name", MOTIONS)
 def test_energy_balance_in_the_dataset(name: str) -> None:
     data = MOTIONS[name]().dataset
-    energy, dissipated, supplied = (data[f"{kind}energy"].to_numpy() for kind in ("", "dissipated_", "supplied_"))
+    energy, dissipated, supplied = (
+        data[f"{kind}energy"].to_numpy() for kind in ("", "dissipated_", "supplied_")
+    )
     assert np.ptp(energy + dissipated - supplied) <= 1e-11 * max(1.0, np.abs(energy).max())
     assert np.all(np.diff(dissipated) >= -1e-12)
 
@@ -143,7 +158,9 @@ def test_energy_balance_in_the_dataset(name: str) -> None:
 def test_events_are_a_table(motion: Trajectory) -> None:
     events = motion.events
     assert list(events.columns) == ["time", "contact", "from", "to", "x", "d_x"]
-    assert events["time"].tolist() == pytest.approx(coulomb_oscillator.switch_times(14.0, **VALUES), abs=1e-12)
+    assert events["time"].tolist() == pytest.approx(
+        coulomb_oscillator.switch_times(14.0, **VALUES), abs=1e-12
+    )
     assert events["contact"].unique().tolist() == ["ground"]
     assert events["from"].tolist()[1:] == events["to"].tolist()[:-1]
     for event in events.itertuples():
@@ -183,7 +200,7 @@ def test_conditions_that_fail_are_warnings() -> None:
     assert MOTIONS["toy"]().warnings == []
 
 
-# --- Certificate -----------------------------------------------------------------------------------------------------
+# --- Certificate ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", MOTIONS)
@@ -222,7 +239,7 @@ def test_certificate_of_a_motion_that_is_hardly_one(make: object, excess: float)
     assert motion.certificate.ok, motion.certificate.verdict
 
 
-# --- Files -----------------------------------------------------------------------------------------------------------
+# --- Files ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", MOTIONS)
@@ -237,7 +254,11 @@ def test_file_keeps_everything(name: str, tmp_path: Path) -> None:
     assert again.system == motion.system
     assert again.parameters == motion.parameters
     assert again.outcome is motion.outcome
-    assert (again.t_span, again.rtol, again.wall_time) == (motion.t_span, motion.rtol, motion.wall_time)
+    assert (again.t_span, again.rtol, again.wall_time) == (
+        motion.t_span,
+        motion.rtol,
+        motion.wall_time,
+    )
     assert again.dataset.identical(motion.dataset)
     assert again.events.equals(motion.events)
     assert again.certificate == motion.certificate
@@ -262,7 +283,9 @@ def test_file_is_read_by_others(motion: Trajectory, tmp_path: Path) -> None:
         assert file.variables["x"][:].tolist() == motion.dataset["x"].values.tolist()
 
 
-def tampered(motion: Trajectory, path: Path, variable: str, index: object, change: float) -> Trajectory:
+def tampered(
+    motion: Trajectory, path: Path, variable: str, index: object, change: float
+) -> Trajectory:
     """The motion as read from a file in which one number has been changed."""
     motion.save(path)
     with netCDF4.Dataset(path, "r+") as file:
@@ -277,7 +300,9 @@ def tampered(motion: Trajectory, path: Path, variable: str, index: object, chang
     ("knot_mode", (-2, 0), 1),
     ("knot_state", (-1, 0), 1e-6),
 ])  # fmt: skip
-def test_tampered_file_fails(motion: Trajectory, tmp_path: Path, variable: str, index: object, change: float) -> None:
+def test_tampered_file_fails(
+    motion: Trajectory, tmp_path: Path, variable: str, index: object, change: float
+) -> None:
     assert motion.certificate.ok
     certificate = tampered(motion, tmp_path / "motion.nc", variable, index, change).certificate
     assert not certificate.ok
@@ -294,7 +319,9 @@ def test_other_parameters_in_a_file_fail(motion: Trajectory, tmp_path: Path) -> 
 
 
 def test_file_without_numbers_left_fails(motion: Trajectory, tmp_path: Path) -> None:
-    certificate = tampered(motion, tmp_path / "motion.nc", "knot_state", (5, 0), math.nan).certificate
+    certificate = tampered(
+        motion, tmp_path / "motion.nc", "knot_state", (5, 0), math.nan
+    ).certificate
     assert not certificate.ok
 
 
@@ -321,7 +348,9 @@ def test_open_another_netcdf_file(tmp_path: Path) -> None:
         open_trajectory(path)
 
 
-@pytest.mark.parametrize("attribute", ["stickslip_system", "stickslip_parameters", "stickslip_settings"])
+@pytest.mark.parametrize(
+    "attribute", ["stickslip_system", "stickslip_parameters", "stickslip_settings"]
+)
 def test_open_a_damaged_file(motion: Trajectory, tmp_path: Path, attribute: str) -> None:
     path = tmp_path / "motion.nc"
     motion.save(path)

@@ -1,4 +1,5 @@
-"""Where implementations go wrong: starts on a boundary, grazing, corners, endless slip, coincidences, resonance."""
+"""Where implementations go wrong: starts on a boundary, grazing, corners, endless slip,
+coincidences, resonance."""
 
 import math
 from itertools import pairwise
@@ -9,15 +10,29 @@ import pytest
 
 from oracles import coulomb_oscillator, scaled_slider
 from stickslip import Outcome, System, Trajectory, catalogue, simulate
-from systems import KINDS, SMOOTH, VARIABLE, distance, ode, on_grid, oscillator, pair, play, switches
+from systems import (
+    KINDS,
+    SMOOTH,
+    VARIABLE,
+    distance,
+    ode,
+    on_grid,
+    oscillator,
+    pair,
+    play,
+    switches,
+)
 
 pytestmark = pytest.mark.usefixtures("flow")
 
-WALK = {"psi": -1.67, "x_R": 0.5, "x_L": 0.0}  # near the walking motion of the toy: at rest, legs X apart
+# near the walking motion of the toy: at rest, legs X apart
+WALK = {"psi": -1.67, "x_R": 0.5, "x_L": 0.0}
 STRIDE = 5.969  # its period
 
 
-def follow(system: System, until: float, initial: dict[str, float] | None = None, **values: float) -> Trajectory:
+def follow(
+    system: System, until: float, initial: dict[str, float] | None = None, **values: float
+) -> Trajectory:
     """The motion from t = 0, which has to reach the end and be certified."""
     known = {name: value for name, value in values.items() if name in system.parameters}
     trajectory = simulate(system, (0.0, until), initial or {}, known)
@@ -38,7 +53,7 @@ def gaps(trajectory: Trajectory) -> np.ndarray:
     return np.diff(switches(trajectory)["time"].to_numpy())
 
 
-# --- 1. A start exactly on a switching surface -----------------------------------------------------------------------
+# --- 1. A start exactly on a switching surface ----------------------------------------------------
 
 # With the load f ± sin t at the threshold f for t = 0: what rises slips at once.
 RISING = {
@@ -51,7 +66,13 @@ RISING = {
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("kind", KINDS)
 def test_start_on_the_threshold_with_rising_load(kind: str, sign: int) -> None:
-    load = {"mu": 0.5, "f": 0.5 * sign, "F": sign, "phi": -math.pi / 2, "k": float(kind == "rate-independent")}
+    load = {
+        "mu": 0.5,
+        "f": 0.5 * sign,
+        "F": sign,
+        "phi": -math.pi / 2,
+        "k": float(kind == "rate-independent"),
+    }
     motion = follow(KINDS[kind](), 1.5, **load)
     assert motion.n_switches == 0
     assert motion.at(0.0)["mode_ground"] == sign
@@ -94,11 +115,15 @@ def test_start_with_the_speed_of_the_belt(x: float, time: float) -> None:
         assert switches(motion)["time"][0] == pytest.approx(time, abs=1e-14)
 
 
-@pytest.mark.parametrize(("gamma", "half_map"), [(0.4, scaled_slider.slip), (2.0, scaled_slider.stick)])
+@pytest.mark.parametrize(
+    ("gamma", "half_map"), [(0.4, scaled_slider.slip), (2.0, scaled_slider.stick)]
+)
 def test_start_on_the_kink(gamma: float, half_map: Any) -> None:
     nu, b = 0.01, 1.0
     duration, image = map(float, half_map(gamma, str(nu), str(b)))
-    motion = follow(catalogue.scaled_slider_limit(), 1.1 * duration, {"beta": 0.0, "gamma": gamma}, nu=nu, b=b)
+    motion = follow(
+        catalogue.scaled_slider_limit(), 1.1 * duration, {"beta": 0.0, "gamma": gamma}, nu=nu, b=b
+    )
     event = motion.events.iloc[0]
     assert event["time"] == pytest.approx(duration, rel=1e-13)
     assert event["gamma"] == pytest.approx(image, rel=1e-12)
@@ -108,7 +133,9 @@ def test_start_on_the_kink(gamma: float, half_map: Any) -> None:
 def test_start_on_two_boundaries() -> None:
     # The corner of G±, on the way back: no leg moves there.
     walk = follow(catalogue.rocking_toy(), 20.0, WALK)
-    corner = walk.events[(walk.events["contact"] != "left leg") & (walk.events["psi"].sub(1).abs() < 1e-12)]
+    corner = walk.events[
+        (walk.events["contact"] != "left leg") & (walk.events["psi"].sub(1).abs() < 1e-12)
+    ]
     state = corner[corner["d_psi"] < 0].iloc[0]
     start = {name: float(state[name]) for name in ("d_psi", "x_R", "x_L")} | {"psi": 1.0}
     again = follow(catalogue.rocking_toy(), 8.0, start)
@@ -117,10 +144,10 @@ def test_start_on_two_boundaries() -> None:
     assert distance(switches(again)["time"][:4], expected) < 1e-12
 
 
-# --- 2. A pair of crossings inside one step --------------------------------------------------------------------------
+# --- 2. A pair of crossings inside one step -------------------------------------------------------
 
-# Slip under the load 1 + e cos near its peak, by the time a from threshold to peak: until the impulse, the force, or
-# the rate of the load has come back to zero.
+# Slip under the load 1 + e cos near its peak, by the time a from threshold to peak: until the
+# impulse, the force, or the rate of the load has come back to zero.
 LASTS = {"inertial": 3.0, "viscous": 2.0, "rate-independent": 1.0}
 
 
@@ -152,7 +179,8 @@ def test_slip_of_a_microsecond(kind: str) -> None:
 
 @pytest.mark.parametrize("phi", np.linspace(0.0, 1.2, 7))
 def test_grazing_of_rest(phi: float) -> None:
-    # v = 1 − (1 ± e)(sin(t + φ) − sin φ)/(1 − sin φ): at the end of the deceleration a stop is missed by e, or not.
+    # v = 1 − (1 ± e)(sin(t + φ) − sin φ)/(1 − sin φ): at the end of the deceleration a stop is
+    # missed by e, or not.
     for excess, stops in ((1e-12, 1), (-1e-12, 0)):
         force = (1.0 + excess) / (1.0 - math.sin(phi))
         load = {"k": 0.0, "mu": 1.0, "f": 1.0, "F": -force, "phi": phi}
@@ -171,10 +199,12 @@ def test_grazing_of_a_jump(angle: float) -> None:
     for excess, above in ((1e-12, 2 * math.sqrt(2e-12)), (-1e-12, 0.0)):
         size = 1.0 + excess
         start = {"x": size * math.sin(angle), "y": size * math.cos(angle), "z": 0.0}
-        assert simulate(system, (0.0, 3.0), start).final["z"] == pytest.approx(above, rel=0.02, abs=1e-20)
+        assert simulate(system, (0.0, 3.0), start).final["z"] == pytest.approx(
+            above, rel=0.02, abs=1e-20
+        )
 
 
-# --- 3. The corner that is touched exactly on every return swing -----------------------------------------------------
+# --- 3. The corner that is touched exactly on every return swing ----------------------------------
 
 
 def legs(motion: Trajectory) -> list[tuple[str, str]]:
@@ -185,7 +215,12 @@ def legs(motion: Trajectory) -> list[tuple[str, str]]:
 def test_corner_is_touched_without_a_switch() -> None:
     motion = follow(catalogue.rocking_toy(), 63.0, WALK)
     assert motion.n_switches == 42
-    steps = [("left leg", "slip+"), ("left leg", "stick"), ("right leg", "slip+"), ("right leg", "stick")]
+    steps = [
+        ("left leg", "slip+"),
+        ("left leg", "stick"),
+        ("right leg", "slip+"),
+        ("right leg", "stick"),
+    ]
     assert legs(motion) == (11 * steps)[:42]
     assert gaps(motion).min() > 0.1
 
@@ -200,7 +235,9 @@ def test_corner_over_three_hundred_cycles(psi: float) -> None:
     assert gaps(motion).min() > 0.1
 
 
-@pytest.mark.parametrize(("c", "H_star", "psi_star"), [(0.3, 3.0, 0.7), (0.25, 2.9, 1.1), (1 / 3, 3.1, 0.9)])
+@pytest.mark.parametrize(
+    ("c", "H_star", "psi_star"), [(0.3, 3.0, 0.7), (0.25, 2.9, 1.1), (1 / 3, 3.1, 0.9)]
+)
 def test_corner_with_other_numbers(c: float, H_star: float, psi_star: float) -> None:
     values = {"c": c, "H_star": H_star, "psi_star": psi_star}
     X = 1.0 - 0.2 - c * psi_star
@@ -209,18 +246,21 @@ def test_corner_with_other_numbers(c: float, H_star: float, psi_star: float) -> 
     assert gaps(motion).min() > 0.05
 
 
-# --- 4. Slip that never ends -----------------------------------------------------------------------------------------
+# --- 4. Slip that never ends ----------------------------------------------------------------------
 
 
 def test_stable_focus_slips_for_ever() -> None:
-    motion = follow(catalogue.scaled_slider_limit(), 1e5, {"beta": 0.0, "gamma": 0.4}, nu=0.01, b=0.05)
+    motion = follow(
+        catalogue.scaled_slider_limit(), 1e5, {"beta": 0.0, "gamma": 0.4}, nu=0.01, b=0.05
+    )
     assert motion.n_kinks == 14
     assert motion.final["beta"] == pytest.approx(1.0, abs=1e-11)
     assert motion.final["gamma"] == pytest.approx(1.0, abs=1e-11)
 
 
 def test_sliding_on_a_belt_for_ever() -> None:
-    # A threshold that sliding does not lower: the oscillation dies out, the block rests in space, x = 0.5.
+    # A threshold that sliding does not lower: the oscillation dies out, the block rests in space, x
+    # = 0.5.
     motion = follow(oscillator(), 1e4, {"x": 0.1}, V=1.0, F=0.0, c=0.1)
     assert motion.n_switches == 0
     assert motion.final["x"] == pytest.approx(0.5, abs=1e-11)
@@ -233,12 +273,15 @@ def test_undamped_sliding_on_a_belt_for_ever() -> None:
     assert motion.final["x"] == pytest.approx(0.1, abs=1e-9)
 
 
-# --- 5. Coincidences, zero lengths, thresholds that vanish or jump ---------------------------------------------------
+# --- 5. Coincidences, zero lengths, thresholds that vanish or jump --------------------------------
 
 
 def test_reversal_without_a_stop() -> None:
     motion = follow(oscillator(), 60.0, mu=0.1, omega=0.8)
-    assert distance(switches(motion)["time"], coulomb_oscillator.switch_times(60.0, mu=0.1, omega=0.8)) < 1e-11
+    assert (
+        distance(switches(motion)["time"], coulomb_oscillator.switch_times(60.0, mu=0.1, omega=0.8))
+        < 1e-11
+    )
     assert set(table(motion)) == {("slip+", "slip-"), ("slip-", "slip+")}
     # One knot at each reversal, none for the rest of length zero.
     assert np.diff(motion.knots.time).min() > 1e-6
@@ -266,12 +309,16 @@ def test_threshold_touches_zero_without_load(kind: str, threshold: str) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_threshold_touches_zero_under_load(kind: str) -> None:
-    smooth, general = (follow(KINDS[kind](s), 40.0, s_1=1.0, F=0.0, f=0.3) for s in (SMOOTH, VARIABLE))
+    smooth, general = (
+        follow(KINDS[kind](s), 40.0, s_1=1.0, F=0.0, f=0.3) for s in (SMOOTH, VARIABLE)
+    )
     # s = 1 + cos t falls to the load at cos t = −0.7. The play is at rest once s has been 0.
     assert switches(smooth)["time"][0] == pytest.approx(math.acos(-0.7), abs=1e-13)
     if kind == "rate-independent":
         assert smooth.final["x"] == pytest.approx(0.3, abs=1e-14)
-        assert switches(smooth)["time"].tolist() == pytest.approx([math.acos(-0.7), math.pi], abs=1e-7)
+        assert switches(smooth)["time"].tolist() == pytest.approx(
+            [math.acos(-0.7), math.pi], abs=1e-7
+        )
     t = on_grid(smooth)
     assert table(smooth) == table(general)
     assert distance(smooth.at(t)["x"], general.at(t)["x"]) < 1e-12
@@ -289,7 +336,9 @@ def test_threshold_is_zero_for_a_while(kind: str) -> None:
 
 # The load 0.3, of which the threshold 1 leaves 0.2 as soon as it has fallen to 0.1.
 DROPPED = {
-    "inertial": lambda t: np.where(t < 1, 0.0, np.where(t < 1 + math.pi, 0.2 * (1 - np.cos(t - 1)), 0.4)),
+    "inertial": lambda t: np.where(
+        t < 1, 0.0, np.where(t < 1 + math.pi, 0.2 * (1 - np.cos(t - 1)), 0.4)
+    ),
     "viscous": lambda t: np.where(t < 1, 0.0, 0.2 * (1 - np.exp(1 - t))),
 }
 
@@ -341,12 +390,13 @@ def test_threshold_jumps_down_when_it_is_reached() -> None:
     load = {"s_0": 0.5, "omega": math.pi / 6, "phi": -math.pi / 2, "k": 0.0}
     motion = follow(oscillator(VARIABLE), 2.0, **load, jump=-0.25)
     assert table(motion) == [("stick", "slip+")]
-    t, w = 2.0, math.pi / 6
+    t = 2.0
+    w = math.pi / 6
     v = (math.cos(w) - math.cos(w * t)) / w - 0.25 * (t - 1)
     assert motion.final["d_x"] == pytest.approx(v, abs=1e-13)
 
 
-# --- 6. Symmetric problems in which several contacts change at once --------------------------------------------------
+# --- 6. Symmetric problems in which several contacts change at once -------------------------------
 
 
 @pytest.mark.parametrize("N", [2, 3, 8])
@@ -372,7 +422,8 @@ def test_mirrored_blocks_stay_mirrored() -> None:
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("kind", ["viscous", "rate-independent"])
 def test_equal_loads_move_two_as_one(kind: str, sign: int) -> None:
-    # Loaded alike the spring between them stays relaxed; loaded oppositely its middle stays at rest.
+    # Loaded alike the spring between them stays relaxed; loaded oppositely its middle stays at
+    # rest.
     values = {"k": 1.2, "k_c": 0.7, "F_1": 1.0, "F_2": sign, "phi": -math.pi / 2}
     both = follow(pair(kind), 30.0, **values)
     stiffness = 1.2 if sign > 0 else 1.2 + 2 * 0.7
@@ -399,8 +450,13 @@ def test_toy_is_mirrored() -> None:
     t = on_grid(left)
     for mirrored, x, sign in (("psi", "psi", -1), ("x_R", "x_L", 1), ("x_L", "x_R", 1)):
         shift = right.at(0.0)[x] - left.at(0.0)[mirrored]
-        assert distance(left.at(t)[mirrored], sign * (right.at(t)[x] - (shift if sign > 0 else 0.0))) < 1e-10
-    assert [leg for leg, _ in legs(left)] == [{"left leg": "right leg"}.get(leg, "left leg") for leg, _ in legs(right)]
+        assert (
+            distance(left.at(t)[mirrored], sign * (right.at(t)[x] - (shift if sign > 0 else 0.0)))
+            < 1e-10
+        )
+    assert [leg for leg, _ in legs(left)] == [
+        {"left leg": "right leg"}.get(leg, "left leg") for leg, _ in legs(right)
+    ]
 
 
 def test_toy_at_rest_upright() -> None:
@@ -409,7 +465,7 @@ def test_toy_at_rest_upright() -> None:
     assert set(motion.final.values()) == {0.0}
 
 
-# --- 7. Resonances that converge extremely slowly --------------------------------------------------------------------
+# --- 7. Resonances that converge extremely slowly -------------------------------------------------
 
 
 @pytest.mark.parametrize("n", [1, 2])
@@ -419,7 +475,8 @@ def test_resonance(n: int) -> None:
     values = {"F_c": 0.05, "omega": omega}
     motion = follow(catalogue.forced_oscillator(), 400 * period, **values)
     x = motion.at(period * np.arange(400))["x"]
-    # Beside a resonance the distance to the periodic motion shrinks by a constant factor; here it does so like 1/n.
+    # Beside a resonance the distance to the periodic motion shrinks by a constant factor; here it
+    # does so like 1/n.
     change = np.abs(np.diff(x))
     assert 0.2 < change[350] / change[175] < 0.35
     assert change[350] > 1e-7
@@ -435,7 +492,10 @@ def test_resonance(n: int) -> None:
 def test_a_reversal_at_the_threshold(i: int) -> None:
     """A velocity comes to 0 where stick and slip differ by rounding: one of them has to go on."""
     motion = simulate(
-        catalogue.forced_oscillator(), (0.0, 200.0), {}, {"omega": 0.77, "F_c": 0.8008793135880453 * (1 + i * 1e-13)}
+        catalogue.forced_oscillator(),
+        (0.0, 200.0),
+        {},
+        {"omega": 0.77, "F_c": 0.8008793135880453 * (1 + i * 1e-13)},
     )
     assert motion.outcome.ok
     assert motion.certificate.ok
@@ -443,7 +503,8 @@ def test_a_reversal_at_the_threshold(i: int) -> None:
 
 @pytest.mark.parametrize("rtol", [1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 1e-6])
 def test_an_event_is_known_no_better_than_the_series(rtol: float) -> None:
-    # With a loose tolerance a slip begins while the force is below its threshold by more than rounding.
+    # With a loose tolerance a slip begins while the force is below its threshold by more than
+    # rounding.
     motion = simulate(catalogue.spring_slider(), (0, 50), rtol=rtol)
     assert motion.outcome is Outcome.FINISHED
     assert motion.n_switches == 18

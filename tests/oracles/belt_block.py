@@ -1,8 +1,8 @@
 """Block on a belt with static above kinetic friction, m x'' + k x = λ, u = x' − V.
 
-The textbook stick-slip cycle (e.g. Popov, *Contact Mechanics and Friction*, 2010, chapter 12): |λ| ≤ F_s in stick,
-λ = F_k while the block slips back, u < 0. With Δ = F_s − F_k, ω² = k/m and the spring force F = k x, the block slips
-from F = F_k + Δ to F = F_k − Δ on the circle
+The textbook stick-slip cycle (e.g. Popov, *Contact Mechanics and Friction*, 2010, chapter 12): |λ|
+≤ F_s in stick, λ = F_k while the block slips back, u < 0. With Δ = F_s − F_k, ω² = k/m and the
+spring force F = k x, the block slips from F = F_k + Δ to F = F_k − Δ on the circle
 
     F − F_k = Δ cos ωt + V√(km) sin ωt,
 
@@ -40,8 +40,10 @@ def force_range(m: float, k: float, V: float, F_s: float, F_k: float) -> tuple[f
 def state(
     t: ArrayLike, m: float, k: float, V: float, F_s: float, F_k: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Displacement x and velocity x' on the cycle, with t = 0 at the start of slip, x = F_s/k, x' = V."""
-    omega, delta = math.sqrt(k / m), F_s - F_k
+    """Displacement x and velocity x' on the cycle, with t = 0 at the start of slip, x = F_s/k, x' =
+    V."""
+    omega = math.sqrt(k / m)
+    delta = F_s - F_k
     t = np.mod(t, period(m, k, V, F_s, F_k))
     slips = t < slip_duration(m, k, V, F_s, F_k)
     stuck = t - slip_duration(m, k, V, F_s, F_k)

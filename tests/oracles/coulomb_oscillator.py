@@ -4,9 +4,9 @@ In slip of sign σ, from (x₀, v₀) at t₀, with ω₀² = k/m,
 
     x(t) = −σμ/k + F/(k − mω²) cos ωt + A cos ω₀(t − t₀) + B sin ω₀(t − t₀),
 
-and the end is the first zero of x'. It is isolated with the bounds of the derivatives, |x⁽ʲ⁾| ≤ |F/(k − mω²)|ωʲ +
-√(A² + B²)ω₀ʲ, so that no pair of zeros can hide between two samples. Stick ends where F cos ωt leaves the band kx ± μ,
-which the arc cosine tells.
+and the end is the first zero of x'. It is isolated with the bounds of the derivatives, |x⁽ʲ⁾| ≤
+|F/(k − mω²)|ωʲ + √(A² + B²)ω₀ʲ, so that no pair of zeros can hide between two samples. Stick ends
+where F cos ωt leaves the band kx ± μ, which the arc cosine tells.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,8 @@ DIGITS = 40
 
 
 class Phase(NamedTuple):
-    """Motion from `start` to `end` in one mode, the sign of the velocity; `x(t, j)` is the derivative x⁽ʲ⁾(t)."""
+    """Motion from `start` to `end` in one mode, the sign of the velocity; `x(t, j)` is the
+    derivative x⁽ʲ⁾(t)."""
 
     start: mpf
     end: mpf
@@ -53,7 +54,9 @@ def phases(
         raise ValueError(f"F = {F} is not positive")
     with mp.workdps(DIGITS):
         m, k, mu, F, omega, x, v, T = map(mpf, (m, k, mu, F, omega, x_0, v_0, T))
-        t, result, leaves_stick = mpf(0), [], False
+        t = mpf(0)
+        result = []
+        leaves_stick = False
         while t < T:
             force = F * mp.cos(omega * t) - k * x
             if v != 0:
@@ -63,14 +66,21 @@ def phases(
             else:
                 mode = 0
             if mode == 0:
-                motion, end = _stick(x), _end_of_stick(t, x, k, mu, F, omega)
+                motion = _stick(x)
+                end = _end_of_stick(t, x, k, mu, F, omega)
             else:
                 motion, bound = _slip(t, x, v, mode, m, k, mu, F, omega)
-                # The first derivative that does not vanish at the start: of order 3 where force and threshold meet.
+                # The first derivative that does not vanish at the start: of order 3 where force and
+                # threshold meet.
                 order = 1 if v != 0 else 3 if leaves_stick else 2
-                end = _end_of_slip(t, T, order, motion, bound, mp.pi / (4 * max(omega, mp.sqrt(k / m))))
+                end = _end_of_slip(
+                    t, T, order, motion, bound, mp.pi / (4 * max(omega, mp.sqrt(k / m)))
+                )
             result.append(Phase(t, min(end, T), mode, motion))
-            t, x, v, leaves_stick = end, motion(end) if end < T else x, mpf(0), mode == 0
+            t = end
+            x = motion(end) if end < T else x
+            v = mpf(0)
+            leaves_stick = mode == 0
     return result
 
 
@@ -84,7 +94,10 @@ def state(t: ArrayLike, motion: list[Phase]) -> tuple[NDArray[np.float64], NDArr
     times = np.atleast_1d(np.asarray(t, dtype=float))
     index = np.searchsorted([float(phase.start) for phase in motion[1:]], times, side="right")
     with mp.workdps(DIGITS):
-        x, v = (np.array([float(motion[i].x(mpf(s), j)) for i, s in zip(index, times, strict=True)]) for j in (0, 1))
+        x, v = (
+            np.array([float(motion[i].x(mpf(s), j)) for i, s in zip(index, times, strict=True)])
+            for j in (0, 1)
+        )
     return x.reshape(np.shape(t)), v.reshape(np.shape(t))
 
 
@@ -97,12 +110,14 @@ def _slip(
     t_0: mpf, x_0: mpf, v_0: mpf, sign: int, m: mpf, k: mpf, mu: mpf, F: mpf, omega: mpf
 ) -> tuple[Callable[..., mpf], Callable[[int], mpf]]:
     """Derivatives x⁽ʲ⁾(t) in slip, and a bound of |x⁽ʲ⁾| for all times."""
-    omega_0, V = mp.sqrt(k / m), F / (k - m * omega**2)
+    omega_0 = mp.sqrt(k / m)
+    V = F / (k - m * omega**2)
     A = x_0 + sign * mu / k - V * mp.cos(omega * t_0)
     B = (v_0 + V * omega * mp.sin(omega * t_0)) / omega_0
 
     def x(t: mpf, j: int = 0) -> mpf:
-        quarter, angle = j * mp.pi / 2, omega_0 * (t - t_0)
+        quarter = j * mp.pi / 2
+        angle = omega_0 * (t - t_0)
         forced = V * omega**j * mp.cos(omega * t + quarter)
         free = omega_0**j * (A * mp.cos(angle + quarter) + B * mp.sin(angle + quarter))
         return forced + free - (sign * mu / k if j == 0 else 0)
@@ -114,7 +129,8 @@ def _slip(
 
 
 def _end_of_stick(t: mpf, x: mpf, k: mpf, mu: mpf, F: mpf, omega: mpf) -> mpf:
-    """First time after t at which F cos ωt leaves kx ± μ, upward at −acos or downward at +acos; infinity if never."""
+    """First time after t at which F cos ωt leaves kx ± μ, upward at −acos or downward at +acos;
+    infinity if never."""
     ends = [mp.inf]
     for side in (-1, 1):
         level = (k * x - side * mu) / F
@@ -124,13 +140,16 @@ def _end_of_stick(t: mpf, x: mpf, k: mpf, mu: mpf, F: mpf, omega: mpf) -> mpf:
     return min(ends)
 
 
-def _end_of_slip(t_0: mpf, T: mpf, order: int, x: Callable[..., mpf], bound: Callable[[int], mpf], step: mpf) -> mpf:
+def _end_of_slip(
+    t_0: mpf, T: mpf, order: int, x: Callable[..., mpf], bound: Callable[[int], mpf], step: mpf
+) -> mpf:
     """First zero of x' after t₀ and before T, or infinity; x⁽ʲ⁾(t₀) = 0 for 1 ≤ j < order."""
     # x⁽ᵒʳᵈᵉʳ⁾ keeps its sign at least this long, and with it all lower derivatives.
     a = t_0 + abs(x(t_0, order)) / bound(order + 1)
 
     def first_zero(a: mpf, b: mpf) -> mpf | None:
-        middle, half = (a + b) / 2, (b - a) / 2
+        middle = (a + b) / 2
+        half = (b - a) / 2
         if abs(x(middle, 1)) > half * bound(2):
             return None
         if abs(x(middle, 2)) > half * bound(3):

@@ -1,8 +1,10 @@
-"""Two-leg crawler with directional friction, energy (k/2)(x₂ − x₁ − L(t))², dissipation f₊ v⁺ + f₋ v⁻ of each leg.
+"""Two-leg crawler with directional friction, energy (k/2)(x₂ − x₁ − L(t))², dissipation f₊ v⁺ + f₋
+v⁻ of each leg.
 
-The quasistatic crawler of DeSimone, Gidoni & Noselli, *Liquid crystal elastomer strips as soft crawlers*, J. Mech.
-Phys. Solids 84 (2015) 254-272. Only the distance d = x₂ − x₁ feels the energy. A leg moves when k|L − d| reaches the
-smaller of its two thresholds, hence d is the play operator of L with the radius min(f₊, f₋)/k.
+The quasistatic crawler of DeSimone, Gidoni & Noselli, *Liquid crystal elastomer strips as soft
+crawlers*, J. Mech. Phys. Solids 84 (2015) 254-272. Only the distance d = x₂ − x₁ feels the energy.
+A leg moves when k|L − d| reaches the smaller of its two thresholds, hence d is the play operator of
+L with the radius min(f₊, f₋)/k.
 """
 
 import numpy as np
@@ -42,7 +44,8 @@ def simulate(
     for i, length in enumerate(np.asarray(L, dtype=float)):
         d = x2 - x1
         stretch = min(max(d, length - radius), length + radius) - d
-        # The cheap direction moves: forward, the front leg extends and the hind leg contracts; backward, vice versa.
+        # The cheap direction moves: forward, the front leg extends and the hind leg contracts;
+        # backward, vice versa.
         if (stretch > 0) == (f_plus < f_minus):
             x2 += stretch
         else:

@@ -1,9 +1,11 @@
-"""Non-stop motion of the harmonically forced dry-friction oscillator, m x'' + k x + F_c Sign(x') ∋ P cos(θ).
+"""Non-stop motion of the harmonically forced dry-friction oscillator, m x'' + k x + F_c Sign(x') ∋
+P cos(θ).
 
-Den Hartog, *Forced vibrations with combined Coulomb and viscous friction*, Trans. ASME 53 (1931) 107-115; the symbols
-are those of Marino & Cicirello, *Experimental investigation of a single-degree-of-freedom system with Coulomb
-friction*, Nonlinear Dynamics 99 (2020): r = ω/ω_n, β = F_c/P, displacements in P/k. With τ = ωt the equation is
-r² x'' + x + β Sign(x') ∋ cos(τ + φ), and τ = 0 is put on the largest displacement.
+Den Hartog, *Forced vibrations with combined Coulomb and viscous friction*, Trans. ASME 53 (1931)
+107-115; the symbols are those of Marino & Cicirello, *Experimental investigation of a
+single-degree-of-freedom system with Coulomb friction*, Nonlinear Dynamics 99 (2020): r = ω/ω_n, β =
+F_c/P, displacements in P/k. With τ = ωt the equation is r² x'' + x + β Sign(x') ∋ cos(τ + φ), and τ
+= 0 is put on the largest displacement.
 
 On the way down, 0 ≤ τ ≤ π, the four conditions x(0) = −x(π) = X, x'(0) = x'(π) = 0 leave
 
@@ -25,8 +27,8 @@ def response(r: float) -> tuple[float, float]:
     Raises
     ------
     ValueError
-        If 1/r is an integer: V or U is infinite at 1, 1/3, 1/5, …, and at the resonances r = 1/(2n) the periodic
-        motion attracts nothing.
+        If 1/r is an integer: V or U is infinite at 1, 1/3, 1/5, …, and at the resonances r = 1/(2n)
+        the periodic motion attracts nothing.
     """
     if r <= 0 or math.isclose(1 / r, round(1 / r), rel_tol=1e-12):
         raise ValueError(f"r = {r} is not positive or is a resonance, 1/r an integer")
@@ -42,7 +44,9 @@ def amplitude(r: float, beta: float) -> float:
         If `beta` is not below `beta_lim`, where the motion would stop.
     """
     if not 0 <= beta < beta_lim(r):
-        raise ValueError(f"beta = {beta} is outside the range [0, {beta_lim(r)}) of the non-stop motion")
+        raise ValueError(
+            f"beta = {beta} is outside the range [0, {beta_lim(r)}) of the non-stop motion"
+        )
     V, U = response(r)
     return math.sqrt(V**2 - (beta * U) ** 2)
 
@@ -54,12 +58,15 @@ def beta_lim(r: float) -> float:
 
 
 def phase(r: float, beta: float) -> float:
-    """Phase φ of the force cos(τ + φ) at the largest displacement, V cos φ = X and V sin φ = −βU."""
+    """Phase φ of the force cos(τ + φ) at the largest displacement, V cos φ = X and V sin φ =
+    −βU."""
     V, U = response(r)
     return math.atan2(-beta * U / V, amplitude(r, beta) / V)
 
 
-def state(theta: ArrayLike, r: float, beta: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def state(
+    theta: ArrayLike, r: float, beta: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Displacement and velocity of the periodic motion where the force is P cos θ.
 
     Parameters
@@ -85,18 +92,23 @@ def state(theta: ArrayLike, r: float, beta: float) -> tuple[NDArray[np.float64],
 
 
 def _S(r: float) -> float:
-    """Supremum over 0 < τ < π of [r sin(τ/r) + U r²(cos τ − cos(τ/r))] / sin τ: x' < 0 exactly if X > βS/r²."""
+    """Supremum over 0 < τ < π of [r sin(τ/r) + U r²(cos τ − cos(τ/r))] / sin τ: x' < 0 exactly if X
+    > βS/r²."""
     _, U = response(r)
 
     def ratio(tau: ArrayLike) -> NDArray[np.float64]:
         return (r * np.sin(tau / r) + U * r**2 * (np.cos(tau) - np.cos(tau / r))) / np.sin(tau)
 
-    # Both ends are 0/0. Their limits, by de l'Hospital, are the conditions that the acceleration turns the motion.
+    # Both ends are 0/0. Their limits, by de l'Hospital, are the conditions that the acceleration
+    # turns the motion.
     ends = 1.0, -math.cos(math.pi / r) - U * r * math.sin(math.pi / r)
     tau = np.linspace(0, math.pi, 2 + 1000 * math.ceil(1 + 1 / r))[1:-1]
     best = tau[np.argmax(ratio(tau))]
     step = tau[1] - tau[0]
     bounds = max(best - step, step), min(best + step, math.pi - step)
     return max(
-        *ends, -minimize_scalar(lambda s: -ratio(s), bounds=bounds, method="bounded", options={"xatol": 1e-10}).fun
+        *ends,
+        -minimize_scalar(
+            lambda s: -ratio(s), bounds=bounds, method="bounded", options={"xatol": 1e-10}
+        ).fun,
     )

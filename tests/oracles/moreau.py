@@ -1,9 +1,10 @@
 """Moreau's implicit time stepping of order one, for several contacts with dry friction.
 
-Moreau, *Unilateral contact and dry friction in finite freedom dynamics*, CISM 302 (1988); Acary & Brogliato, *Numerical
-Methods for Nonsmooth Dynamical Systems* (2008), chapter 10. No event is located and no regularisation is made: in every
-step the contact impulses solve a convex problem. The force, threshold and surface speed enter as samples on a uniform
-grid of n steps, row 0 at t = 0 and row n at t = T.
+Moreau, *Unilateral contact and dry friction in finite freedom dynamics*, CISM 302 (1988); Acary &
+Brogliato, *Numerical Methods for Nonsmooth Dynamical Systems* (2008), chapter 10. No event is
+located and no regularisation is made: in every step the contact impulses solve a convex problem.
+The force, threshold and surface speed enter as samples on a uniform grid of n steps, row 0 at t = 0
+and row n at t = T.
 """
 
 import numpy as np
@@ -68,7 +69,11 @@ def moreau(
         If Gauss-Seidel does not reach its tolerance.
     """
     (c, d), h = np.shape(J), T / n
-    for name, samples, width in (("force", force, d), ("threshold", threshold, c), ("surface_speed", surface_speed, c)):
+    for name, samples, width in (
+        ("force", force, d),
+        ("threshold", threshold, c),
+        ("surface_speed", surface_speed, c),
+    ):
         if np.shape(samples) != (n + 1, width):
             raise ValueError(f"{name} has the shape {np.shape(samples)}, expected {(n + 1, width)}")
     inverse = np.linalg.inv(M + h * C + h**2 * K)
@@ -91,7 +96,8 @@ def first_order(
     T: float,
     n: int,
 ) -> tuple[Array, Array, Array]:
-    """Motion of the viscous system C z' + K z = f + Jᵀλ, λᵢ ∈ −sᵢ Sign(uᵢ), u = J z' − w: `moreau` without mass.
+    """Motion of the viscous system C z' + K z = f + Jᵀλ, λᵢ ∈ −sᵢ Sign(uᵢ), u = J z' − w: `moreau`
+    without mass.
 
     Returns
     -------
@@ -109,8 +115,9 @@ def first_order(
 def rate_independent(A: Array, load: Array, threshold: Array, z0: Array) -> Array:
     """Rate-independent evolution A z ∋ ℓ − s Sign(z'), by incremental minimisation.
 
-    z_k = argmin ½⟨Az, z⟩ − ⟨ℓ_k, z⟩ + Σ sᵢ|zᵢ − zᵢ,ₖ₋₁| (Mielke & Roubíček, *Rate-Independent Systems*, 2015). In one
-    coordinate the minimiser is a clip, the play operator; Gauss-Seidel over the coordinates does the rest.
+    z_k = argmin ½⟨Az, z⟩ − ⟨ℓ_k, z⟩ + Σ sᵢ|zᵢ − zᵢ,ₖ₋₁| (Mielke & Roubíček, *Rate-Independent
+    Systems*, 2015). In one coordinate the minimiser is a clip, the play operator; Gauss-Seidel over
+    the coordinates does the rest.
 
     Parameters
     ----------
@@ -143,12 +150,14 @@ def _dense(a: Array) -> Array:
 
 @njit(cache=True)
 def _steps(
-    M: Array, K: Array, J: Array, inverse: Array, W: Array, h: float, force: Array, threshold: Array,
-    surface_speed: Array, q0: Array, v0: Array,
+    M: Array, K: Array, J: Array, inverse: Array, W: Array, h: float,
+    force: Array, threshold: Array, surface_speed: Array, q0: Array, v0: Array,
 ) -> tuple[Array, Array, Array, bool]:  # fmt: skip
     """Time loop of `moreau`, W = J(M + hC + h²K)⁻¹Jᵀ."""
     steps, (c, d) = force.shape[0] - 1, J.shape
-    q, v, contact_force = np.empty((steps + 1, d)), np.empty((steps + 1, d)), np.empty((steps, c))
+    q = np.empty((steps + 1, d))
+    v = np.empty((steps + 1, d))
+    contact_force = np.empty((steps, c))
     q[0], v[0] = q0, v0
     impulse = np.zeros(c)  # kept from step to step as a start for the next
     for i in range(steps):
@@ -163,7 +172,8 @@ def _steps(
 
 @njit(cache=True)
 def _box(W: Array, u: Array, bound: Array, p: Array) -> bool:
-    """Minimise ½⟨Wp, p⟩ + ⟨u, p⟩ over |pᵢ| ≤ boundᵢ in place, by projected Gauss-Seidel with over-relaxation."""
+    """Minimise ½⟨Wp, p⟩ + ⟨u, p⟩ over |pᵢ| ≤ boundᵢ in place, by projected Gauss-Seidel with
+    over-relaxation."""
     p[:] = np.minimum(np.maximum(p, -bound), bound)
     scale = np.max(bound)
     for _ in range(SWEEPS):

@@ -1,8 +1,8 @@
 """Prandtl-Tomlinson model, energy (k/2)(x − X)² − V₀ cos(2πx/a) of a tip x pulled by a support X.
 
-Prandtl, *Ein Gedankenmodell zur kinetischen Theorie der festen Körper*, ZAMM 8 (1928) 85-106; Popov & Gray,
-*Prandtl-Tomlinson model: history and applications*, ZAMM 92 (2012) 683-708. The minimum that carries the tip vanishes
-where the second derivative does, cos(2πx/a) = −1/η.
+Prandtl, *Ein Gedankenmodell zur kinetischen Theorie der festen Körper*, ZAMM 8 (1928) 85-106; Popov
+& Gray, *Prandtl-Tomlinson model: history and applications*, ZAMM 92 (2012) 683-708. The minimum
+that carries the tip vanishes where the second derivative does, cos(2πx/a) = −1/η.
 """
 
 import math
@@ -38,8 +38,11 @@ def support_at_jump(k: float, V_0: float, a: float) -> float:
     return a / (2 * math.pi) * math.acos(-1 / eta(k, V_0, a)) + force_at_jump(k, V_0, a) / k
 
 
-def quasistatic(X: ArrayLike, k: float, V_0: float, a: float, x: float = 0.0) -> NDArray[np.float64]:
-    """Tip positions for slowly moving supports X: from each one the tip slides downhill to the next minimum."""
+def quasistatic(
+    X: ArrayLike, k: float, V_0: float, a: float, x: float = 0.0
+) -> NDArray[np.float64]:
+    """Tip positions for slowly moving supports X: from each one the tip slides downhill to the next
+    minimum."""
     force = 2 * math.pi * V_0 / a
     turn = a / (2 * math.pi) * math.acos(-1 / max(1.0, eta(k, V_0, a)))
 
@@ -48,7 +51,8 @@ def quasistatic(X: ArrayLike, k: float, V_0: float, a: float, x: float = 0.0) ->
 
     positions = np.empty(np.size(X))
     for i, support in enumerate(np.asarray(X, dtype=float)):
-        # Between its turning points ±turn + na the slope is monotone, and beyond X ± force/k it has one sign.
+        # Between its turning points ±turn + na the slope is monotone, and beyond X ± force/k it has
+        # one sign.
         end = support - math.copysign(1.001 * force / k, slope(x, support))
         cells = np.arange(math.floor(min(x, end) / a) - 1, math.ceil(max(x, end) / a) + 2)
         nodes = np.union1d(cells * a - turn, cells * a + turn)

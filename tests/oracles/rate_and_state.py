@@ -1,9 +1,9 @@
 """Quasistatic spring slider with rate-and-state friction and the ageing law.
 
-Ruina, *Slip instability and state variable friction laws*, J. Geophys. Res. 88 (1983) 10359-10370; Rice & Ruina,
-*Stability of steady frictional slipping*, J. Appl. Mech. 50 (1983) 343-349; Ranjith & Rice, *Stability of quasi-static
-slip in a single degree of freedom elastic system with rate and state dependent friction*, J. Mech. Phys. Solids 47
-(1999) 1207-1218:
+Ruina, *Slip instability and state variable friction laws*, J. Geophys. Res. 88 (1983) 10359-10370;
+Rice & Ruina, *Stability of steady frictional slipping*, J. Appl. Mech. 50 (1983) 343-349; Ranjith &
+Rice, *Stability of quasi-static slip in a single degree of freedom elastic system with rate and
+state dependent friction*, J. Mech. Phys. Solids 47 (1999) 1207-1218:
 
     τ = σ(μ₀ + a ln(v/V) + b ln(Vθ/D_c)),    θ' = 1 − vθ/D_c,    τ' = k(V − v).
 
@@ -20,24 +20,35 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 
-def critical_stiffness(a: float, b: float, sigma: float, D_c: float, m: float = 0.0, V: float = 0.0) -> float:
+def critical_stiffness(
+    a: float, b: float, sigma: float, D_c: float, m: float = 0.0, V: float = 0.0
+) -> float:
     """Stiffness k_c = (b − a)σ/D_c · (1 + mV²/(aσD_c)) below which steady sliding is unstable."""
     return (b - a) * sigma / D_c * (1 + m * V**2 / (a * sigma * D_c))
 
 
 def critical_frequency(a: float, b: float, D_c: float, V: float) -> float:
-    """Angular frequency ω_c = (V/D_c)√((b − a)/a) of small oscillations at k_c; it does not depend on the mass."""
+    """Angular frequency ω_c = (V/D_c)√((b − a)/a) of small oscillations at k_c; it does not depend
+    on the mass."""
     return V / D_c * math.sqrt((b - a) / a)
 
 
-def first_integral(log_velocity: ArrayLike, log_state: ArrayLike, a: float, b: float) -> NDArray[np.float64]:
-    """Constant of the quasistatic motion at k = k_c: H = e^ϑ(e^φ + c) − φ − (c + 1)ϑ, c = (b − a)/a.
+def first_integral(
+    log_velocity: ArrayLike, log_state: ArrayLike, a: float, b: float
+) -> NDArray[np.float64]:
+    """Constant of the quasistatic motion at k = k_c: H = e^ϑ(e^φ + c) − φ − (c + 1)ϑ, c = (b −
+    a)/a.
 
-    At k_c, (e^{−ϑ}, e^φ) is a planar Lotka-Volterra system with the integrating factor e^{2ϑ−φ}. The function H is
-    least, 1 + c, in steady sliding, and its level sets around it are closed: hence the periodic motions.
+    At k_c, (e^{−ϑ}, e^φ) is a planar Lotka-Volterra system with the integrating factor e^{2ϑ−φ}.
+    The function H is least, 1 + c, in steady sliding, and its level sets around it are closed:
+    hence the periodic motions.
     """
     c = (b - a) / a
-    return np.exp(log_state) * (np.exp(log_velocity) + c) - log_velocity - (c + 1) * np.asarray(log_state)
+    return (
+        np.exp(log_state) * (np.exp(log_velocity) + c)
+        - log_velocity
+        - (c + 1) * np.asarray(log_state)
+    )
 
 
 def simulate(
@@ -69,7 +80,9 @@ def simulate(
     peaks : ndarray
         The successive maxima of φ between the first time and the last.
     """
-    motion = _integrate(np.asarray(t, dtype=float) * V / D_c, k * D_c / sigma, a, b, (log_velocity, log_state))
+    motion = _integrate(
+        np.asarray(t, dtype=float) * V / D_c, k * D_c / sigma, a, b, (log_velocity, log_state)
+    )
     return motion.y[0], motion.y[1], motion.y_events[0].reshape(-1, 2)[:, 0]
 
 
@@ -81,9 +94,12 @@ def growth(ratio: float, a: float, b: float, log_velocity: float = 0.1, cycles: 
     Raises
     ------
     RuntimeError
-        If the velocity becomes so large that double precision does not resolve the steps (ln(v/V) beyond about 30).
+        If the velocity becomes so large that double precision does not resolve the steps (ln(v/V)
+        beyond about 30).
     """
-    motion = _integrate([0, np.inf], ratio * (b - a), a, b, (log_velocity, 0), stop_after=cycles + 1)
+    motion = _integrate(
+        [0, np.inf], ratio * (b - a), a, b, (log_velocity, 0), stop_after=cycles + 1
+    )
     if motion.status < 1:
         raise RuntimeError(motion.message)
     peaks = motion.y_events[0][:, 0]
@@ -91,9 +107,15 @@ def growth(ratio: float, a: float, b: float, log_velocity: float = 0.1, cycles: 
 
 
 def _integrate(
-    s: ArrayLike, kappa: float, a: float, b: float, initial: tuple[float, float], stop_after: int | None = None
+    s: ArrayLike,
+    kappa: float,
+    a: float,
+    b: float,
+    initial: tuple[float, float],
+    stop_after: int | None = None,
 ) -> Any:
-    """Solution (φ, ϑ) at the scaled times s with the maxima of φ as its event, the last of which may stop it."""
+    """Solution (φ, ϑ) at the scaled times s with the maxima of φ as its event, the last of which
+    may stop it."""
 
     def rates(_: float, y: NDArray[np.float64]) -> tuple[float, float]:
         velocity = math.exp(y[0])
@@ -103,6 +125,9 @@ def _integrate(
     def peak(s: float, y: NDArray[np.float64]) -> float:
         return rates(s, y)[0]
 
-    peak.direction, peak.terminal = -1, stop_after or False
+    peak.direction = -1
+    peak.terminal = stop_after or False
     times = s if stop_after is None else None
-    return solve_ivp(rates, (s[0], s[-1]), initial, "DOP853", times, events=peak, rtol=1e-11, atol=1e-12)
+    return solve_ivp(
+        rates, (s[0], s[-1]), initial, "DOP853", times, events=peak, rtol=1e-11, atol=1e-12
+    )

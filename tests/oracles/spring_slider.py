@@ -1,11 +1,12 @@
-"""Cycles of the spring slider (3.3) with k = α₀ = 1 and μ̃(α) = 2/√α, in arithmetic of any precision.
+"""Cycles of the spring slider (3.3) with k = α₀ = 1 and μ̃(α) = 2/√α, in arithmetic of any
+precision.
 
     slip:   U' = V − w,  α' = 1 − α + U w,   w = (U − μ̃(α))/ν > 0
     stick:  U' = V,      α' = 1 − α,         until U = μ̃(α)
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017).
-Slip by Taylor series, stick in closed form; the cycle by the secant rule and its multiplier by a difference quotient,
-both with the digits to spare for that.
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017). Slip by Taylor series, stick in closed form; the cycle by the secant rule and
+its multiplier by a difference quotient, both with the digits to spare for that.
 """
 
 from typing import NamedTuple
@@ -40,7 +41,8 @@ def cycle(V: Real, nu: Real, alpha: Real, sticks: bool, digits: int = 30) -> Cyc
             rest, end = _stick(end, V) if sticks else (mpf(0), end)
             return end, duration, rest
 
-        a, b = mpf(alpha), mpf(alpha) * (1 + mpf(10) ** -6)
+        a = mpf(alpha)
+        b = mpf(alpha) * (1 + mpf(10) ** -6)
         fa = image(a)[0] - a
         for _ in range(60):
             fb = image(b)[0] - b
@@ -54,8 +56,12 @@ def cycle(V: Real, nu: Real, alpha: Real, sticks: bool, digits: int = 30) -> Cyc
 
 
 def _slip(alpha: mpf, V: mpf, nu: mpf, level: mpf) -> tuple[mpf, mpf]:
-    """From w = level until that again in the same sense (or, from 0, until w falls to it): duration and α."""
-    order, U, t, risen = int(1.3 * mp.dps), 2 / mp.sqrt(alpha) + nu * level, mpf(0), False
+    """From w = level until that again in the same sense (or, from 0, until w falls to it): duration
+    and α."""
+    order = int(1.3 * mp.dps)
+    U = 2 / mp.sqrt(alpha) + nu * level
+    t = mpf(0)
+    risen = False
     while True:
         us, alphas, ws = _series(U, alpha, V, nu, order)
         size = max(abs(us[-1]), abs(alphas[-1]), abs(ws[-1]))
@@ -65,12 +71,18 @@ def _slip(alpha: mpf, V: mpf, nu: mpf, level: mpf) -> tuple[mpf, mpf]:
             t_end = _root(ws, level, h)
             return t + t_end, mp.polyval(alphas[::-1], t_end)
         risen = risen or end > level
-        U, alpha, t = mp.polyval(us[::-1], h), mp.polyval(alphas[::-1], h), t + h
+        U = mp.polyval(us[::-1], h)
+        alpha = mp.polyval(alphas[::-1], h)
+        t = t + h
 
 
-def _series(U: mpf, alpha: mpf, V: mpf, nu: mpf, order: int) -> tuple[list[mpf], list[mpf], list[mpf]]:
+def _series(
+    U: mpf, alpha: mpf, V: mpf, nu: mpf, order: int
+) -> tuple[list[mpf], list[mpf], list[mpf]]:
     """Taylor coefficients of U, α and w; m = α^{−1/2} obeys α m' = −m α'/2."""
-    us, alphas, roots = [U], [alpha], [1 / mp.sqrt(alpha)]
+    us = [U]
+    alphas = [alpha]
+    roots = [1 / mp.sqrt(alpha)]
     ws = [(U - 2 * roots[0]) / nu]
     for n in range(order):
         heat = mp.fdot(us, ws[::-1])
@@ -86,7 +98,12 @@ def _series(U: mpf, alpha: mpf, V: mpf, nu: mpf, order: int) -> tuple[list[mpf],
 
 def _root(ws: list[mpf], level: mpf, h: mpf) -> mpf:
     """Where a polynomial that is above a level somewhere on [0, h] falls to it for good."""
-    return mp.findroot(lambda s: mp.polyval(ws[::-1], s) - level, (h / 2, h), solver="anderson", tol=mpf(10) ** -mp.dps)
+    return mp.findroot(
+        lambda s: mp.polyval(ws[::-1], s) - level,
+        (h / 2, h),
+        solver="anderson",
+        tol=mpf(10) ** -mp.dps,
+    )
 
 
 def _stick(alpha: mpf, V: mpf) -> tuple[mpf, mpf]:

@@ -20,7 +20,9 @@ from . import (
 from .moreau import Array, first_order, moreau, rate_independent
 
 
-@pytest.mark.parametrize(("r", "beta", "X"), [(0.8, 0.3, 2.626105), (1.2, 0.3, 2.072384), (2, 0.4, 0.266667)])
+@pytest.mark.parametrize(
+    ("r", "beta", "X"), [(0.8, 0.3, 2.626105), (1.2, 0.3, 2.072384), (2, 0.4, 0.266667)]
+)
 def test_den_hartog_amplitude(r: float, beta: float, X: float) -> None:
     assert den_hartog.amplitude(r, beta) == pytest.approx(X, abs=5e-7)
     x, v = den_hartog.state(den_hartog.phase(r, beta), r, beta)
@@ -70,7 +72,9 @@ def test_belt_block() -> None:
     assert (x.min(), x.max()) == pytest.approx((0.1, 1.1), abs=1e-8)
     slip = belt_block.slip_duration(**cycle)
     ends = np.array([0, slip - 1e-12, slip, period - 1e-12])
-    np.testing.assert_allclose(belt_block.state(ends, **cycle), [[1, 0.2, 0.2, 1], [0.3] * 4], rtol=0, atol=1e-11)
+    np.testing.assert_allclose(
+        belt_block.state(ends, **cycle), [[1, 0.2, 0.2, 1], [0.3] * 4], rtol=0, atol=1e-11
+    )
 
 
 def test_belt_block_slip_solves_the_equation() -> None:
@@ -85,11 +89,15 @@ def test_belt_block_slip_solves_the_equation() -> None:
 @pytest.mark.parametrize("v_r", [-1.5, -1, -0.4, 0, 0.3, 0.99, 2])
 def test_dither(v_r: float) -> None:
     tau = (np.arange(200_000) + 0.5) / 200_000 * 2 * np.pi
-    assert dither.mean_sign(v_r, 1.0) == pytest.approx(np.mean(np.sign(v_r + np.cos(tau))), abs=2e-5)
+    assert dither.mean_sign(v_r, 1.0) == pytest.approx(
+        np.mean(np.sign(v_r + np.cos(tau))), abs=2e-5
+    )
 
 
 def test_prandtl_tomlinson_jumps_at_the_force_of_the_jump() -> None:
-    k, V_0, a = 0.7, 1.3, 2.5
+    k = 0.7
+    V_0 = 1.3
+    a = 2.5
     support = prandtl_tomlinson.support_at_jump(k, V_0, a)
     X = np.concatenate([np.linspace(0, support - 1e-9, 200), [support + 1e-9]])
     x = prandtl_tomlinson.quasistatic(X, k, V_0, a)
@@ -100,7 +108,9 @@ def test_prandtl_tomlinson_jumps_at_the_force_of_the_jump() -> None:
 
 
 def test_prandtl_tomlinson_follows_a_stiff_spring() -> None:
-    k, V_0, a = 4 * math.pi**2 / 0.9, 1.0, 1.0
+    k = 4 * math.pi**2 / 0.9
+    V_0 = 1.0
+    a = 1.0
     assert prandtl_tomlinson.eta(k, V_0, a) == pytest.approx(0.9)
     assert prandtl_tomlinson.force_at_jump(k, V_0, a) == 0
     x = prandtl_tomlinson.quasistatic(np.linspace(0, 1, 1001), k, V_0, a)
@@ -116,14 +126,17 @@ def test_crawler(f_plus: float, f_minus: float) -> None:
     expected = crawler.net_displacement(D, k, f_plus, f_minus)
     assert (x1[-1] - x1[400], x2[-1] - x2[400]) == pytest.approx((expected, expected), abs=1e-12)
 
-    # Energetic solution: the pulls on the legs stay between −f₋ and f₊, and no energy is lost beside the friction.
+    # Energetic solution: the pulls on the legs stay between −f₋ and f₊, and no energy is lost
+    # beside the friction.
     tension = k * (x2 - x1 - L)
     for pull in (tension, -tension):
         assert -f_minus - 1e-12 <= pull.min() <= pull.max() <= f_plus + 1e-12
     steps = np.diff([x1, x2])
     dissipated = np.sum(f_plus * steps.clip(min=0) - f_minus * steps.clip(max=0))
     work = -np.sum((tension[1:] + tension[:-1]) / 2 * np.diff(L))
-    assert dissipated + tension[-1] ** 2 / (2 * k) - tension[0] ** 2 / (2 * k) == pytest.approx(work, rel=1e-4)
+    assert dissipated + tension[-1] ** 2 / (2 * k) - tension[0] ** 2 / (2 * k) == pytest.approx(
+        work, rel=1e-4
+    )
 
 
 def test_crawler_refuses_equal_thresholds() -> None:
@@ -140,7 +153,11 @@ def test_rate_and_state_growth(ratio: float, order: int, log_velocity: float) ->
 
 
 def test_rate_and_state_is_periodic_at_the_critical_stiffness() -> None:
-    a, b, sigma, D_c, V = 0.008, 0.013, 5e6, 1e-5, 1e-6
+    a = 0.008
+    b = 0.013
+    sigma = 5e6
+    D_c = 1e-5
+    V = 1e-6
     k_c = rate_and_state.critical_stiffness(a, b, sigma, D_c)
     assert k_c == pytest.approx((b - a) * sigma / D_c)
     t = np.linspace(0, 2000, 2001)
@@ -159,7 +176,11 @@ def test_rate_and_state_is_periodic_at_the_critical_stiffness() -> None:
 
 @pytest.mark.parametrize("m", [0.1, 3.0])
 def test_rate_and_state_mass(m: float) -> None:
-    a, b, sigma, D_c, V = 0.2, 0.5, 1.1, 0.7, 0.9
+    a = 0.2
+    b = 0.5
+    sigma = 1.1
+    D_c = 0.7
+    V = 0.9
     k = rate_and_state.critical_stiffness(a, b, sigma, D_c, m, V)
     # Perturbations of (τ, ln v, ln θ) in mV φ' = τ − aσφ − bσϑ.
     jacobian = np.array(
@@ -171,7 +192,9 @@ def test_rate_and_state_mass(m: float) -> None:
     )
     omega_c = rate_and_state.critical_frequency(a, b, D_c, V)
     pair = [value for value in np.linalg.eigvals(jacobian) if value.imag != 0]
-    np.testing.assert_allclose(sorted(pair, key=np.imag), [-1j * omega_c, 1j * omega_c], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        sorted(pair, key=np.imag), [-1j * omega_c, 1j * omega_c], rtol=0, atol=1e-12
+    )
 
 
 COULOMB = [
@@ -190,7 +213,9 @@ def test_coulomb_oscillator() -> None:
 
 
 def test_coulomb_oscillator_joins_its_phases() -> None:
-    motion = coulomb_oscillator.phases(60, m=1.3, k=0.9, mu=0.11, F=1.1, omega=0.23, x_0=0.4, v_0=-0.7)
+    motion = coulomb_oscillator.phases(
+        60, m=1.3, k=0.9, mu=0.11, F=1.1, omega=0.23, x_0=0.4, v_0=-0.7
+    )
     assert {phase.mode for phase in motion} == {-1, 0, 1}
     for before, after in itertools.pairwise(motion):
         for order in (0, 1):
@@ -208,17 +233,21 @@ def test_scaled_slider() -> None:
         "0.0054267655331678199637",
         "6.366083565301879946",
         "0.38862420022020717876",
-        # The reference prints ...879457179, two groups of digits interchanged: only this is ln(γ_stick/γ_slip).
+        # The reference prints ...879457179, two groups of digits interchanged: only this is
+        # ln(γ_stick/γ_slip).
         "7.0673964441874579179",
         "0.028162086887829495",
     )
     for value, text in zip(cycle, printed, strict=True):
         assert mp.nstr(value, len(text.replace(".", "").lstrip("0"))) == text
-    assert float(mp.log(cycle.gamma_stick / cycle.gamma_slip) - cycle.stick_duration) == pytest.approx(0, abs=1e-15)
+    assert float(
+        mp.log(cycle.gamma_stick / cycle.gamma_slip) - cycle.stick_duration
+    ) == pytest.approx(0, abs=1e-15)
 
 
 def test_scaled_slider_is_homogeneous() -> None:
-    one, two = scaled_slider.cycle(0.02, 0.7), scaled_slider.cycle(0.02, 0.7, mu_0=1.5, v_hat=2)
+    one = scaled_slider.cycle(0.02, 0.7)
+    two = scaled_slider.cycle(0.02, 0.7, mu_0=1.5, v_hat=2)
     assert float(two.gamma_slip / one.gamma_slip) == pytest.approx(3, rel=1e-15)
     assert tuple(map(float, two[2:])) == pytest.approx(tuple(map(float, one[2:])), rel=1e-15)
 
@@ -234,8 +263,13 @@ def test_scaled_slider_multiplier_is_the_slope() -> None:
 
 
 def test_scaled_slider_lowest_order() -> None:
-    assert float(scaled_slider.lowest_order_fixed_point(1)) == pytest.approx(0.00590569826359391, abs=5e-18)
-    gaps = [abs(float(scaled_slider.cycle(nu, 1).gamma_slip) - 0.00590569826359391) for nu in (1e-6, 1e-8)]
+    assert float(scaled_slider.lowest_order_fixed_point(1)) == pytest.approx(
+        0.00590569826359391, abs=5e-18
+    )
+    gaps = [
+        abs(float(scaled_slider.cycle(nu, 1).gamma_slip) - 0.00590569826359391)
+        for nu in (1e-6, 1e-8)
+    ]
     assert gaps[1] < gaps[0] / 8  # the maps differ by O(√ν)
 
 
@@ -246,9 +280,12 @@ def test_scaled_slider_refuses_endless_slip() -> None:
 
 def _coulomb_by_moreau(n: int) -> Array:
     """Positions of reference 7 at 261 equidistant times in [0, 13]."""
-    one, column = np.eye(1), np.ones((n + 1, 1))
+    one = np.eye(1)
+    column = np.ones((n + 1, 1))
     force = np.cos(0.5 * np.linspace(0, 13, n + 1))[:, None]
-    q, _, _ = moreau(one, 0 * one, one, one, force, 0.5 * column, 0 * column, np.zeros(1), np.zeros(1), 13, n)
+    q, _, _ = moreau(
+        one, 0 * one, one, one, force, 0.5 * column, 0 * column, np.zeros(1), np.zeros(1), 13, n
+    )
     return q[:: n // 260, 0]
 
 
@@ -261,7 +298,10 @@ def test_moreau_is_of_order_one() -> None:
 
 def test_moreau_solves_the_inclusion_of_several_contacts() -> None:
     rng = np.random.default_rng(1)
-    d, c, n, T = 3, 5, 400, 20.0
+    d = 3
+    c = 5
+    n = 400
+    T = 20.0
     M, C, K = (root @ root.T + np.eye(d) for root in rng.normal(size=(3, d, d)))
     J = rng.normal(size=(c, d))
     t = np.linspace(0, T, n + 1)[:, None]
@@ -272,7 +312,8 @@ def test_moreau_solves_the_inclusion_of_several_contacts() -> None:
 
     balance = np.diff(v, axis=0) * n / T @ M + v[1:] @ C + q[1:] @ K - force[1:] - contact_force @ J
     np.testing.assert_allclose(balance, 0, atol=1e-10)
-    u, s = v[1:] @ J.T - speed[1:], threshold[1:]
+    u = v[1:] @ J.T - speed[1:]
+    s = threshold[1:]
     slips = np.abs(u) > 1e-9
     assert 0.1 < slips.mean() < 0.9
     np.testing.assert_allclose(contact_force[slips], -(s * np.sign(u))[slips], atol=1e-12)
@@ -282,18 +323,43 @@ def test_moreau_solves_the_inclusion_of_several_contacts() -> None:
 def test_moreau_refuses_other_shapes() -> None:
     one = np.eye(1)
     with pytest.raises(ValueError, match="threshold has the shape"):
-        moreau(one, one, one, one, np.zeros((11, 1)), np.zeros(11), np.zeros((11, 1)), np.zeros(1), np.zeros(1), 1, 10)
+        moreau(
+            one,
+            one,
+            one,
+            one,
+            np.zeros((11, 1)),
+            np.zeros(11),
+            np.zeros((11, 1)),
+            np.zeros(1),
+            np.zeros(1),
+            1,
+            10,
+        )
 
 
 def test_first_order_on_a_belt() -> None:
     # Stuck to the belt, z = wt, until Kz + Cw = s; then Cz' + Kz = s.
-    C, K, w, s, T = 0.4, 2.0, 0.5, 1.0, 2.0
+    C = 0.4
+    K = 2.0
+    w = 0.5
+    s = 1.0
+    T = 2.0
     start = (s - C * w) / (K * w)
     errors = []
     for n in (1000, 2000, 4000):
-        column, t = np.ones((n + 1, 1)), np.linspace(0, T, n + 1)
+        column = np.ones((n + 1, 1))
+        t = np.linspace(0, T, n + 1)
         z, v, contact_force = first_order(
-            C * np.eye(1), K * np.eye(1), np.eye(1), 0 * column, s * column, w * column, np.zeros(1), T, n
+            C * np.eye(1),
+            K * np.eye(1),
+            np.eye(1),
+            0 * column,
+            s * column,
+            w * column,
+            np.zeros(1),
+            T,
+            n,
         )
         slip = s / K - C * w / K * np.exp(-K / C * (t - start))
         errors.append(np.abs(z[:, 0] - np.where(t < start, w * t, slip)).max())
@@ -305,7 +371,8 @@ def test_first_order_on_a_belt() -> None:
 
 def test_rate_independent_scalar() -> None:
     # [M], section 2.2: ℓ = 5t − t², here with one constant threshold.
-    rho, t = 0.75, np.linspace(0, 5, 1001)
+    rho = 0.75
+    t = np.linspace(0, 5, 1001)
     load = 5 * t - t**2
     z = rate_independent(np.eye(1), load[:, None], np.full((t.size, 1), rho), np.zeros(1))
     rising = np.maximum(0, load - rho)
@@ -315,7 +382,8 @@ def test_rate_independent_scalar() -> None:
 
 def test_rate_independent_is_the_inviscid_limit() -> None:
     A = np.array([[2, -1, 0], [-1, 2, -0.9], [0, -0.9, 1.5]])
-    n, T = 4000, 12.0
+    n = 4000
+    T = 12.0
     t = np.linspace(0, T, n + 1)[:, None]
     load = np.hstack([2 * np.sin(t), np.cos(1.3 * t) - 1, 1.5 * np.sin(0.7 * t)])
     threshold = 0.4 + np.hstack([0.2 * np.sin(2 * t), 0.1 * np.cos(t), 0 * t])
@@ -327,5 +395,7 @@ def test_rate_independent_is_the_inviscid_limit() -> None:
     np.testing.assert_allclose(pull * moves, threshold[1:] * np.abs(moves), atol=1e-12)
     assert 0.1 < np.mean(moves != 0) < 0.9
 
-    viscous, _, _ = first_order(1e-9 * np.eye(3), A, np.eye(3), load, threshold, 0 * threshold, np.zeros(3), T, n)
+    viscous, _, _ = first_order(
+        1e-9 * np.eye(3), A, np.eye(3), load, threshold, 0 * threshold, np.zeros(3), T, n
+    )
     np.testing.assert_allclose(viscous, z, atol=1e-6)

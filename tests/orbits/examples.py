@@ -13,12 +13,16 @@ HALF_TURN = {"A": 1.0, "a": 0.15, "b": 0.2}
 
 @cache
 def planar() -> System:
-    """Motions about (A cos t, A sin t), in a frame w that makes half a turn in 2π: w' = diag(a, −b) w + q w |w|².
+    """Motions about (A cos t, A sin t), in a frame w that makes half a turn in 2π: w' = diag(a, −b)
+    w + q w |w|².
 
-    With b = −a and A = 0 it is autonomous: r' = r (a + q r²), and the cycle has the period 4π and the multiplier
-    exp(−8πa).
+    With b = −a and A = 0 it is autonomous: r' = r (a + q r²), and the cycle has the period 4π and
+    the multiplier exp(−8πa).
     """
-    u, v, m, h = "(x - A*cos(t))", "(y - A*sin(t))", "((a - b)/2 + q*s)", "(a + b)/2"
+    u = "(x - A*cos(t))"
+    v = "(y - A*sin(t))"
+    m = "((a - b)/2 + q*s)"
+    h = "(a + b)/2"
     m = m.replace("s", f"({u}**2 + {v}**2)")
     return System(
         name="planar",
@@ -34,7 +38,8 @@ def planar() -> System:
 
 @cache
 def isola() -> System:
-    """r' = r (1 − a² − (r² − 2)²)/10, θ' = 1: the cycles over a form a closed curve, r² = 2 ± √(1 − a²)."""
+    """r' = r (1 − a² − (r² − 2)²)/10, θ' = 1: the cycles over a form a closed curve, r² = 2 ± √(1 −
+    a²)."""
     growth = "(1 - a**2 - (x**2 + y**2 - 2)**2)/10"
     return System(
         name="isola",
@@ -74,7 +79,8 @@ def damped_block() -> System:
 
 @cache
 def dragged() -> System:
-    """The block on a belt, seen from the ground: dragged by a spring whose end moves with V and shakes with A."""
+    """The block on a belt, seen from the ground: dragged by a spring whose end moves with V and
+    shakes with A."""
     return System(
         name="dragged block",
         parameters=parameters(V=0.3, A=0.0, F_s=1.0, F_k=0.6),
@@ -90,9 +96,10 @@ def dragged() -> System:
 def mass_on_belt() -> System:
     """A mass on a belt with friction that first falls and then rises with the speed, 1 − au + bu³.
 
-    J. J. Thomsen, A. Fidlin, *Analytical approximations for stick-slip vibration amplitudes*, Int. J. Non-Linear
-    Mechanics 38 (2003) 389-403. Steady sliding loses its stability at V² = (a − c)/(3b), supercritically; averaging
-    gives the amplitude 2√(V_H² − V²) of the speed, which meets the belt, so that the mass begins to stick, at √0.8 V_H.
+    J. J. Thomsen, A. Fidlin, *Analytical approximations for stick-slip vibration amplitudes*, Int.
+    J. Non-Linear Mechanics 38 (2003) 389-403. Steady sliding loses its stability at V² = (a −
+    c)/(3b), supercritically; averaging gives the amplitude 2√(V_H² − V²) of the speed, which meets
+    the belt, so that the mass begins to stick, at √0.8 V_H.
     """
     return System(
         name="mass on belt",
@@ -101,17 +108,20 @@ def mass_on_belt() -> System:
         kinetic="d_x**2/2",
         potential="x**2/2",
         viscous="c/2*d_x**2",
-        contacts={"belt": Contact("d_x", "1", surface_speed="V", kinetic="1 - a*speed + b*speed**3")},
+        contacts={
+            "belt": Contact("d_x", "1", surface_speed="V", kinetic="1 - a*speed + b*speed**3")
+        },
         span=(0, 100),
     )
 
 
 @cache
 def stribeck_belt() -> System:
-    """A mass on a spring on a belt, the friction of which falls with the speed from F_s towards F_k.
+    """A mass on a spring on a belt, the friction of which falls with the speed from F_s towards
+    F_k.
 
-    Steady sliding loses its stability, subcritically, where the slope of the friction is that of the damper:
-    V = v_s log((F_s - F_k)/(c v_s)).
+    Steady sliding loses its stability, subcritically, where the slope of the friction is that of
+    the damper: V = v_s log((F_s - F_k)/(c v_s)).
     """
     return System(
         name="Stribeck belt",
@@ -121,7 +131,9 @@ def stribeck_belt() -> System:
         potential="k*x**2/2",
         viscous="c/2*d_x**2",
         contacts={
-            "belt": Contact("d_x", "F_s", surface_speed="V", kinetic="F_k + (F_s - F_k)*exp(-speed/v_s)"),
+            "belt": Contact(
+                "d_x", "F_s", surface_speed="V", kinetic="F_k + (F_s - F_k)*exp(-speed/v_s)"
+            )
         },
         span=(0, 100),
     )

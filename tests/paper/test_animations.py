@@ -1,4 +1,5 @@
-"""The animations: feet keep still in stick, colours tell the modes, files are small and need nothing from outside."""
+"""The animations: feet keep still in stick, colours tell the modes, files are small and need
+nothing from outside."""
 
 from __future__ import annotations
 
@@ -22,8 +23,11 @@ from stickslip.paper.moving.scenes import SLIP, STICK, Scene, compactor_scene, t
 
 def soles(scene: Scene, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Leftmost x of the first soles in every frame, and whether they are drawn as slipping."""
-    parts = [part for part in scene.moving if isinstance(part, Polygon) and part.get_linewidth() == 0.0][:count]
-    x, slips = np.empty((scene.frames, count)), np.empty((scene.frames, count), bool)
+    parts = [
+        part for part in scene.moving if isinstance(part, Polygon) and part.get_linewidth() == 0.0
+    ][:count]
+    x = np.empty((scene.frames, count))
+    slips = np.empty((scene.frames, count), bool)
     for i in range(scene.frames):
         scene.place(i)
         x[i] = [np.min(part.get_xy()[:, 0]) for part in parts]
@@ -36,7 +40,9 @@ def soles(scene: Scene, count: int) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize(
     ("make", "count", "least", "most"), [(toy_scene, 4, 0.08, 0.1), (compactor_scene, 1, 0.3, 0.5)]
 )
-def test_what_sticks_keeps_still(make: Callable[[int], Scene], count: int, least: float, most: float) -> None:
+def test_what_sticks_keeps_still(
+    make: Callable[[int], Scene], count: int, least: float, most: float
+) -> None:
     x, slips = soles(make(150), count)
     steps = np.diff(x, axis=0)
     still = ~slips[:-1] & ~slips[1:]
@@ -45,7 +51,8 @@ def test_what_sticks_keeps_still(make: Callable[[int], Scene], count: int, least
     assert np.all(steps[slips[:-1] & slips[1:]] > 1e-6)
     assert np.all((slips.mean(axis=0) > least) & (slips.mean(axis=0) < most))
     if count == 4:
-        # Two left feet, two right feet: never do both sides slip; each goes 4X = 2 m in two periods.
+        # Two left feet, two right feet: never do both sides slip; each goes 4X = 2 m in two
+        # periods.
         assert not np.any(slips[:, :2] & slips[:, 2:])
         assert x[-1] - x[0] == pytest.approx(np.full(4, 2.0), abs=1e-3)
 
@@ -79,5 +86,7 @@ def test_video(tmp_path: Path) -> None:
     ffmpeg = shutil.which("ffmpeg")
     assert ffmpeg
     path = write_video(frames(compactor_scene(10)), tmp_path / "film.mp4", ffmpeg)
-    report = subprocess.run([ffmpeg, "-hide_banner", "-i", str(path)], capture_output=True, text=True, check=False)
+    report = subprocess.run(
+        [ffmpeg, "-hide_banner", "-i", str(path)], capture_output=True, text=True, check=False
+    )
     assert "640x450" in report.stderr and "h264" in report.stderr

@@ -37,7 +37,16 @@ def test_there_is_one_for_every_section() -> None:
     assert len(CLAIMS) >= 100
     assert len({item.name for item in CLAIMS}) == len(CLAIMS)
     places = {item.place for item in CLAIMS}
-    assert {"(2.1)", "(2.5)", "(3.1)", "(3.6)", "(4.1b)", "(4.2a)", "theorem 2.2", "theorem 3.1"} <= places
+    assert {
+        "(2.1)",
+        "(2.5)",
+        "(3.1)",
+        "(3.6)",
+        "(4.1b)",
+        "(4.2a)",
+        "theorem 2.2",
+        "theorem 3.1",
+    } <= places
     assert {f"section {n}" for n in ("2.2", "2.3", "3", "4.1", "4.2", "4.3", "4.4")} <= places
 
 
@@ -78,10 +87,15 @@ def test_known_slips_are_among_them(name: str) -> None:
 def test_judgements() -> None:
     assert vanishes(1e-13, 1e-12).verdict is Verdict.HOLDS
     assert equals(1.0, 1.1, 0.05, "x").verdict is Verdict.FAILS
-    for broken in (vanishes(math.nan, 1.0), equals(math.nan, 1.0, 1.0, "x"), corrects(1.0, math.nan, 1.0)):
+    for broken in (
+        vanishes(math.nan, 1.0),
+        equals(math.nan, 1.0, 1.0, "x"),
+        corrects(1.0, math.nan, 1.0),
+    ):
         assert broken.verdict is Verdict.FAILS
     assert corrects(1.0, 1e-13, 1e-12).verdict is Verdict.CORRECTED
-    assert corrects(1e-13, 1e-13, 1e-12).verdict is Verdict.HOLDS  # the printed form is right after all
+    # the printed form is right after all
+    assert corrects(1e-13, 1e-13, 1e-12).verdict is Verdict.HOLDS
     assert corrects(math.nan, 1e-13, 1e-12).verdict is Verdict.FAILS
     assert math.isnan(maximum(0.0, math.nan, 1.0)) and math.isnan(minimum(0.0, math.nan))
     x = [1e-1, 1e-2, 1e-3]

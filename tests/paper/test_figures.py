@@ -1,4 +1,5 @@
-"""The figures of [M]: each draws without a warning, in every format, and shows what [M] says of it."""
+"""The figures of [M]: each draws without a warning, in every format, and shows what [M] says of
+it."""
 
 from __future__ import annotations
 
@@ -56,7 +57,9 @@ def test_every_format(key: str) -> None:
         figure.savefig(written, format=form, dpi=60)
         assert written.getvalue().startswith(start)
     visible = [
-        text for text in figure.findobj(Text) if isinstance(text, Text) and text.get_text() and text.get_visible()
+        text
+        for text in figure.findobj(Text)
+        if isinstance(text, Text) and text.get_text() and text.get_visible()
     ]
     assert min(float(text.get_fontsize()) for text in visible) >= 9.0  # legible at half size
 
@@ -96,8 +99,14 @@ def test_averaging_has_the_rates_of_section_2_2() -> None:
     epsilon, distance = line(left, r"$\sup\,|z_\varepsilon - z_0|$")
     assert np.all(distance < 5 * epsilon)
     small = epsilon <= 0.02
-    assert np.polyfit(np.log(epsilon[small]), np.log(distance[small]), 1)[0] == pytest.approx(1.0, abs=0.05)
-    markers = {artist.get_marker(): points(artist) for artist in right.lines if artist.get_marker() != "None"}
+    assert np.polyfit(np.log(epsilon[small]), np.log(distance[small]), 1)[0] == pytest.approx(
+        1.0, abs=0.05
+    )
+    markers = {
+        artist.get_marker(): points(artist)
+        for artist in right.lines
+        if artist.get_marker() != "None"
+    }
     powers = {marker: np.polyfit(np.log(x), np.log(y), 1)[0] for marker, (x, y) in markers.items()}
     assert powers["s"] == pytest.approx(-0.25, abs=0.03)  # L²
     assert powers["o"] == pytest.approx(0.0, abs=0.01)  # L¹
@@ -107,7 +116,8 @@ def test_averaging_has_the_rates_of_section_2_2() -> None:
 def test_3_1_the_limit_cycle_sticks_and_slips() -> None:
     beta, gamma = line(panels("3.1")[0], "limit cycle")
     crossing = np.flatnonzero(np.diff(np.sign(beta)) != 0)
-    lower, upper = gamma[crossing][gamma[crossing] < 1], gamma[crossing][gamma[crossing] > 1]
+    lower = gamma[crossing][gamma[crossing] < 1]
+    upper = gamma[crossing][gamma[crossing] > 1]
     assert beta.min() < -5 and beta.max() > 3
     assert len(lower) >= 1 and len(upper) >= 1  # through A_1 and through A_2
     assert np.ptp(lower) < 1e-2 and np.ptp(upper) < 1e-2
@@ -123,9 +133,12 @@ def test_3_2_the_maps() -> None:
     assert fixed == pytest.approx(gamma)
     x, y = line(right, "return map")
     assert np.all(np.diff(y) > 0) and np.all(np.diff(y, 2) > -1e-9)  # increasing and convex
-    assert (1 - y[-1]) / (1 - x[-1]) == pytest.approx(np.exp(np.pi * 0.7 / (2 * omega)), rel=5e-3)  # Ψ'(μ₀v̂) = ρ_b
+    # Ψ'(μ₀v̂) = ρ_b
+    assert (1 - y[-1]) / (1 - x[-1]) == pytest.approx(np.exp(np.pi * 0.7 / (2 * omega)), rel=5e-3)
     coarse, fine = (
-        points(artist) for artist in right.lines if artist.get_marker() == "o" and len(points(artist)[0]) == 9
+        points(artist)
+        for artist in right.lines
+        if artist.get_marker() == "o" and len(points(artist)[0]) == 9
     )
     errors = [np.max(np.abs(again - np.interp(start, x, y))) for start, again in (coarse, fine)]
     assert 5 < errors[0] / errors[1] < 20  # ν is 100 times smaller, √ν 10 times
@@ -144,7 +157,9 @@ def test_3_3_long_stick_and_short_slip() -> None:
     assert decay[sticks] == pytest.approx(-1.0, abs=1e-6)
     slips = np.count_nonzero(np.diff(sticks.astype(int)) == 1)
     assert slips == 3
-    assert (1 - np.mean(sticks)) * t[-1] / slips == pytest.approx(np.pi * 0.1 / np.sqrt(0.75), abs=0.06)
+    assert (1 - np.mean(sticks)) * t[-1] / slips == pytest.approx(
+        np.pi * 0.1 / np.sqrt(0.75), abs=0.06
+    )
 
 
 def test_bifurcation_is_subcritical() -> None:
@@ -218,5 +233,7 @@ def test_speed_has_its_thresholds() -> None:
     assert v[0] == pytest.approx(0.03745, abs=5e-5)
     assert np.interp(1.0, P, v) == pytest.approx(0.1675, abs=5e-5)
     last = P > 1.562863
-    assert v[last] / (1.7 - P[last]) == pytest.approx(np.full(last.sum(), v[-1] / (1.7 - P[-1])), rel=1e-6)
+    assert v[last] / (1.7 - P[last]) == pytest.approx(
+        np.full(last.sum(), v[-1] / (1.7 - P[-1])), rel=1e-6
+    )
     assert np.argmax(v) == np.argmax(last) - 1

@@ -45,7 +45,9 @@ def fact(name: str, text: str) -> Change:
 
 
 def leg(name: str, threshold: str) -> Change:
-    return lambda s: replace(s, contacts={**s.contacts, name: Contact("d_x_R", threshold=threshold, unit="N")})
+    return lambda s: replace(
+        s, contacts={**s.contacts, name: Contact("d_x_R", threshold=threshold, unit="N")}
+    )
 
 
 def force(name: str, text: str) -> Change:
@@ -55,13 +57,21 @@ def force(name: str, text: str) -> Change:
 LIMIT = "v_hat/nu*(1 - b*sqrt(nu)) {} b/sqrt(nu)*slip - gamma/(nu*mu_0)"
 HEATING = "(mu(nu*gamma) {} sqrt(nu)*b*mu(0) + nu**2*beta)*slip - gamma"
 MUTATIONS: dict[str, tuple[str, Change, list[str]]] = {
-    "(3.6), sign of b": ("scaled_slider_limit", law("beta", LIMIT.format("-")), ["limit_beta_equation"]),
+    "(3.6), sign of b": (
+        "scaled_slider_limit",
+        law("beta", LIMIT.format("-")),
+        ["limit_beta_equation"],
+    ),
     "(3.6), constant as printed": (
         "scaled_slider_limit",
         law("beta", "v_hat*nu*(1 - b*sqrt(nu)) + b/sqrt(nu)*slip - gamma/(nu*mu_0)"),
         ["limit_beta_equation", "limit_steady_state", "sticking_field"],
     ),
-    "(3.6), stretching": ("scaled_slider_limit", fact("rho_b", "exp(pi*b/2)"), ["stretching_grows"]),
+    "(3.6), stretching": (
+        "scaled_slider_limit",
+        fact("rho_b", "exp(pi*b/2)"),
+        ["stretching_grows"],
+    ),
     "(3.5), sign of B as printed": (
         "scaled_slider",
         function("heating", HEATING.format("-")),
@@ -72,8 +82,16 @@ MUTATIONS: dict[str, tuple[str, Change, list[str]]] = {
         law("alpha", "alpha_0 - alpha + k*U**2*(shear - d_U)"),
         ["planar_system", "state_is_heated_by_friction", "determinant"],
     ),
-    "(3.3), viscosity": ("spring_slider", term("viscous", "nu/2", "nu"), ["explicit_flow_rule", "trace_formula"]),
-    "(3.3), viscous force of the load": ("spring_slider", force("U", "2*nu*shear"), ["planar_system"]),
+    "(3.3), viscosity": (
+        "spring_slider",
+        term("viscous", "nu/2", "nu"),
+        ["explicit_flow_rule", "trace_formula"],
+    ),
+    "(3.3), viscous force of the load": (
+        "spring_slider",
+        force("U", "2*nu*shear"),
+        ["planar_system"],
+    ),
     "(4.1), mass of the body": (
         "rocking_toy_inertial",
         term("kinetic", "(m_W + m_b)/2", "m_W/2"),
@@ -180,15 +198,28 @@ WATCHING = {
         "end_of_the_simple_regime",
         "turning_angle",
     ],
-    "rocking_toy_inertial": ["right_leg_equation", "left_leg_equation", "rocking_equation", "trivial_sliding"],
+    "rocking_toy_inertial": [
+        "right_leg_equation",
+        "left_leg_equation",
+        "rocking_equation",
+        "trivial_sliding",
+    ],
     "rocking_oscillator": ["reduced_oscillator", "energy_of_the_switching"],
 }
 
 
 def formulas(system: System) -> list[tuple[str, str]]:
     """Every formula of a declaration, as entry and key."""
-    found = [(entry, "") for entry in ("kinetic", "potential", "viscous") if getattr(system, entry) != 0.0]
-    found += [(entry, key) for entry in ("functions", "drives", "internal", "facts") for key in getattr(system, entry)]
+    found = [
+        (entry, "")
+        for entry in ("kinetic", "potential", "viscous")
+        if getattr(system, entry) != 0.0
+    ]
+    found += [
+        (entry, key)
+        for entry in ("functions", "drives", "internal", "facts")
+        for key in getattr(system, entry)
+    ]
     found += [("contacts", key) for key in system.contacts]
     found += [("coordinates", key) for key, c in system.coordinates.items() if c.force != 0.0]
     return found
@@ -224,5 +255,7 @@ def test_any_formula_that_is_changed_is_noticed(
 ) -> None:
     declare = getattr(catalogue, name)
     monkeypatch.setattr(catalogue, name, lambda **given: scaled(declare(**given), entry, key))
-    noticed = (CLAIMS[claim].verify().verdict is not CLAIMS[claim].expected for claim in WATCHING[name])
+    noticed = (
+        CLAIMS[claim].verify().verdict is not CLAIMS[claim].expected for claim in WATCHING[name]
+    )
     assert any(noticed)

@@ -44,7 +44,9 @@ class Page(HTMLParser):
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         given = {name: value or "" for name, value in attrs}
-        self.links += [given[name] for name in ("src", "href", "srcset", "poster", "data") if name in given]
+        self.links += [
+            given[name] for name in ("src", "href", "srcset", "poster", "data") if name in given
+        ]
         self.ids += [given["id"]] if "id" in given else []
         if tag == "img":
             self.images.append(given)
@@ -61,7 +63,9 @@ class Page(HTMLParser):
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Work, Path]:
     """A page of two figures, a film of one frame and a few claims."""
     folder = tmp_path_factory.mktemp("paper")
-    work = Work([Item("figure", "3.2"), Item("figure", "4.3"), *(Item("claim", name) for name in QUICK)])
+    work = Work(
+        [Item("figure", "3.2"), Item("figure", "4.3"), *(Item("claim", name) for name in QUICK)]
+    )
     work.done = {item: make(item, folder) for item in work.items}
     film = Item("animation", "walking")
     gif = base64.b64decode("R0lGODlhAQABAIAAAAAAAP///yH5BAAAAAAALAAAAAABAAEAAAIBRAA7")
@@ -95,7 +99,12 @@ def test_data(made: tuple[Work, Path]) -> None:
     _, folder = made
     data = json.loads((folder / "claims.json").read_text(encoding="utf-8"))
     assert data["complete"] and data["program"] == "stickslip"
-    assert data["verdicts"] == {"holds": 3, "holds as corrected": 1, "holds asymptotically": 0, "fails": 1}
+    assert data["verdicts"] == {
+        "holds": 3,
+        "holds as corrected": 1,
+        "holds asymptotically": 0,
+        "fails": 1,
+    }
     assert {entry["name"] for entry in data["claims"]} == set(QUICK)
     for entry in data["claims"]:
         assert entry["as_expected"] and entry["measured"] and entry["seconds"] >= 0
@@ -112,9 +121,12 @@ for (const name of ["error", "warn"]) console[name] = (...what) => seen.push(wha
 addEventListener("securitypolicyviolation", e => seen.push(e.blockedURI));
 addEventListener("load", () => {
   document.querySelector('button[data-verdict="corrected"]').click();
-  const shown = [...document.querySelectorAll("tr[data-verdict]")].filter(row => row.offsetHeight > 0).length;
-  const broken = [...document.images].filter(image => !(image.complete && image.naturalWidth > 0)).length;
-  const asked = performance.getEntriesByType("resource").map(e => e.name).filter(n => !n.startsWith("data:"));
+  const rows = [...document.querySelectorAll("tr[data-verdict]")];
+  const shown = rows.filter(row => row.offsetHeight > 0).length;
+  const images = [...document.images];
+  const broken = images.filter(image => !(image.complete && image.naturalWidth > 0)).length;
+  const names = performance.getEntriesByType("resource").map(e => e.name);
+  const asked = names.filter(n => !n.startsWith("data:"));
   const found = {seen, broken, asked, shown, images: document.images.length};
   document.documentElement.dataset.found = encodeURIComponent(JSON.stringify(found));
 });
@@ -128,13 +140,27 @@ def test_page_in_a_browser(made: tuple[Work, Path], tmp_path: Path) -> None:
     page = (made[1] / "index.html").read_text(encoding="utf-8")
     file = tmp_path / "index.html"
     file.write_text(page.replace("<title>", LISTENER + "<title>"), encoding="utf-8")
-    options = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path}/profile", "--dump-dom"]
+    options = [
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        f"--user-data-dir={tmp_path}/profile",
+        "--dump-dom",
+    ]
     options += ["--enable-logging=stderr", "--host-resolver-rules=MAP * ~NOTFOUND"]
-    run = subprocess.run([browser, *options, file.as_uri()], capture_output=True, text=True, timeout=120, check=True)
+    run = subprocess.run(
+        [browser, *options, file.as_uri()], capture_output=True, text=True, timeout=120, check=True
+    )
     from urllib.parse import unquote
 
     (found,) = re.findall(r'data-found="([^"]*)"', run.stdout)
-    assert json.loads(unquote(found)) == {"seen": [], "broken": 0, "asked": [], "shown": 1, "images": 3}
+    assert json.loads(unquote(found)) == {
+        "seen": [],
+        "broken": 0,
+        "asked": [],
+        "shown": 1,
+        "images": 3,
+    }
     assert "CONSOLE" not in run.stderr
 
 
@@ -191,7 +217,9 @@ def test_unexpected_verdicts_are_told(nothing_is_made: dict[str, Made], tmp_path
     result = stickslip("paper", "--only", "(3.6)", "--out", out)
     assert result.exit_code == 1
     assert "off by 7" in " ".join(result.output.split())
-    assert "expected: holds as corrected" in (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+    assert "expected: holds as corrected" in (tmp_path / "out" / "index.html").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_pictures_that_fail_are_told(nothing_is_made: dict[str, Made], tmp_path: Path) -> None:
@@ -214,9 +242,12 @@ def test_interrupted(tmp_path: Path) -> None:
     assert data["complete"] is (len(work.done) == len(QUICK))
 
 
-def test_interrupted_command_keeps_what_is_done(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_interrupted_command_keeps_what_is_done(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     def stopped(work: Work, folder: Path, progress: object) -> None:
-        work.done, work.interrupted = {item: expected(item) for item in work.items[:2]}, True
+        work.done = {item: expected(item) for item in work.items[:2]}
+        work.interrupted = True
 
     monkeypatch.setattr(making, "make_all", stopped)
     result = stickslip("paper", "--only", "(3.6)", "--out", str(tmp_path / "out"))
@@ -225,7 +256,9 @@ def test_interrupted_command_keeps_what_is_done(monkeypatch: pytest.MonkeyPatch,
     assert len(json.loads((tmp_path / "out" / "claims.json").read_text())["claims"]) == 2
 
 
-def test_a_picture_that_stops_leaves_the_others(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_picture_that_stops_leaves_the_others(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     from stickslip.paper.figures import FIGURES
 
     def broken() -> None:
@@ -252,7 +285,10 @@ def test_folder_that_cannot_be_made(tmp_path: Path) -> None:
         ("ψ̇_k, ∂_ψΦ, χ_{K_av}", "ψ̇<sub>k</sub>, ∂<sub>ψ</sub>Φ, χ<sub>K<sub>av</sub></sub>"),
         ("G_L^+ e^{−T} ε^(3/2)", "G<sub>L</sub><sup>+</sup> e<sup>−T</sup> ε<sup>3/2</sup>"),
         ("find_cycle, a < b", "find_cycle, a &lt; b"),
-        ("1.5e-12, 1e-09, 0.0e+00, 3e+02", "1.5·10<sup>−12</sup>, 10<sup>−9</sup>, 0, 3·10<sup>2</sup>"),
+        (
+            "1.5e-12, 1e-09, 0.0e+00, 3e+02",
+            "1.5·10<sup>−12</sup>, 10<sup>−9</sup>, 0, 3·10<sup>2</sup>",
+        ),
     ],
 )
 def test_typeset(text: str, html: str) -> None:

@@ -1,7 +1,8 @@
-"""Poincaré maps of the scaling limit: against closed forms in long arithmetic, reference 9, and each other.
+"""Poincaré maps of the scaling limit: against closed forms in long arithmetic, reference 9, and
+each other.
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
-section 3.3.
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017), section 3.3.
 """
 
 from __future__ import annotations
@@ -14,20 +15,30 @@ from oracles import scaled_slider
 from stickslip import catalogue
 from stickslip.errors import DeclarationError
 from stickslip.orbits.cycles.cycle import find_cycle
-from stickslip.paper.sections.scaling import EQUATIONS, exact, lowest_order, scaling_study, stick_time
+from stickslip.paper.sections.scaling import (
+    EQUATIONS,
+    exact,
+    lowest_order,
+    scaling_study,
+    stick_time,
+)
 
 
 @pytest.mark.parametrize("q", [1e-3, 0.1, 0.5, 0.9, 0.999, 1 - 2.0**-30])
 def test_stick_time_is_the_inverse(q: float) -> None:
     with mp.workdps(40):
-        root = mp.findroot(lambda T: mpf(q) * T + mp.expm1(-T), 2 * (1 - mpf(q)) if q > 0.9 else 1 / mpf(q))
+        root = mp.findroot(
+            lambda T: mpf(q) * T + mp.expm1(-T), 2 * (1 - mpf(q)) if q > 0.9 else 1 / mpf(q)
+        )
     assert stick_time(q) == pytest.approx(float(root), rel=1e-15 / min(1 - q, 1.0) + 1e-15)
 
 
 @pytest.mark.parametrize("b", [0.05, 0.5, 1.0, 1.5])
 def test_fixed_point_of_lowest_order(b: float) -> None:
     found = lowest_order(b, mu_0=1.3, v_hat=0.7).fixed_point()
-    assert found.gamma == pytest.approx(float(scaled_slider.lowest_order_fixed_point(b, 1.3, 0.7)), rel=1e-11)
+    assert found.gamma == pytest.approx(
+        float(scaled_slider.lowest_order_fixed_point(b, 1.3, 0.7)), rel=1e-11
+    )
     assert found.stick.end == pytest.approx(found.gamma, rel=1e-11)
 
 
@@ -50,7 +61,9 @@ def test_return_map_is_convex_and_increasing() -> None:
     assert np.all(np.diff(values, 2) > 0.0)
 
 
-@pytest.mark.parametrize(("nu", "b", "mu_0", "v_hat"), [(1e-2, 1.0, 1.0, 1.0), (1e-3, 0.5, 1.5, 2.0)])
+@pytest.mark.parametrize(
+    ("nu", "b", "mu_0", "v_hat"), [(1e-2, 1.0, 1.0, 1.0), (1e-3, 0.5, 1.5, 2.0)]
+)
 def test_exact_maps_of_the_linear_system(nu: float, b: float, mu_0: float, v_hat: float) -> None:
     maps = exact("(3.6)", nu, b, mu_0, v_hat)
     for gamma in (0.0, 0.3 * maps.centre, 0.8 * maps.centre):
@@ -59,7 +72,9 @@ def test_exact_maps_of_the_linear_system(nu: float, b: float, mu_0: float, v_hat
         assert (slip.duration, slip.end) == pytest.approx((float(duration), float(end)), rel=1e-11)
         stick = maps.stick(slip.end)
         duration, end = scaled_slider.stick(slip.end, nu, b, mu_0, v_hat)
-        assert (stick.duration, stick.end) == pytest.approx((float(duration), float(end)), rel=1e-10)
+        assert (stick.duration, stick.end) == pytest.approx(
+            (float(duration), float(end)), rel=1e-10
+        )
 
 
 def test_reference_cycle() -> None:

@@ -13,7 +13,9 @@ def test_blocks() -> None:
     text = TUTORIAL.read_text(encoding="utf-8")
     blocks = re.findall(r"^```(\w*)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
     assert len(blocks) >= 12 and {language for language, _ in blocks} == {"pycon"}
-    session = doctest.DocTestParser().get_doctest("".join(block for _, block in blocks), {}, "tutorial", None, None)
+    session = doctest.DocTestParser().get_doctest(
+        "".join(block for _, block in blocks), {}, "tutorial", None, None
+    )
     said: list[str] = []
     result = doctest.DocTestRunner(verbose=False).run(session, out=said.append)
     assert result.attempted > 30

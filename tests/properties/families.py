@@ -1,4 +1,5 @@
-"""Families of systems whose matrices are parameters: each is compiled once and stands for all systems of its shape."""
+"""Families of systems whose matrices are parameters: each is compiled once and stands for all
+systems of its shape."""
 
 from __future__ import annotations
 
@@ -17,10 +18,11 @@ KINDS = {"inertial": Inertial, "viscous": Viscous, "rate-independent": RateIndep
 
 @cache
 def linear_family(kind: str, size: int, contacts: int) -> System:
-    """Systems M x″ + C x′ + K x = f + Jᵀλ of one kind with given numbers of coordinates and contacts.
+    """Systems M x″ + C x′ + K x = f + Jᵀλ of one kind with given numbers of coordinates and
+    contacts.
 
-    fᵢ = Fᵢ cos(ωᵢ t + φᵢ), thresholds sᵢ + rᵢ cos(αᵢ t), surface speeds bᵢ sin(βᵢ t). Without inertia M is absent; if
-    rate-independent, C, J and b are, too.
+    fᵢ = Fᵢ cos(ωᵢ t + φᵢ), thresholds sᵢ + rᵢ cos(αᵢ t), surface speeds bᵢ sin(βᵢ t). Without
+    inertia M is absent; if rate-independent, C, J and b are, too.
     """
     names = range(size)
     parameters: dict[str, Parameter] = {}
@@ -32,16 +34,23 @@ def linear_family(kind: str, size: int, contacts: int) -> System:
     def quadratic(letter: str, rate: str) -> str:
         entries = [(i, j) for i in names for j in range(i, size)]
         return " + ".join(
-            f"{number(f'{letter}{i}_{j}', float(i == j))}*{rate}x{i}*{rate}x{j}" + ("/2" if i == j else "")
+            f"{number(f'{letter}{i}_{j}', float(i == j))}*{rate}x{i}*{rate}x{j}"
+            + ("/2" if i == j else "")
             for i, j in entries
         )
 
-    loads = [f"{number(f'F{i}', 0)}*cos({number(f'omega{i}', 1)}*t + {number(f'phi{i}', 0)})*x{i}" for i in names]
+    loads = [
+        f"{number(f'F{i}', 0)}*cos({number(f'omega{i}', 1)}*t + {number(f'phi{i}', 0)})*x{i}"
+        for i in names
+    ]
     dry = {}
     for k in range(contacts):
-        direction, belt = f"d_x{k}", "0"
+        direction = f"d_x{k}"
+        belt = "0"
         if kind != "rate-independent":
-            direction = " + ".join(f"{number(f'J{k}_{i}', float(i == k % size))}*d_x{i}" for i in names)
+            direction = " + ".join(
+                f"{number(f'J{k}_{i}', float(i == k % size))}*d_x{i}" for i in names
+            )
             belt = f"{number(f'b{k}', 0)}*sin({number(f'beta{k}', 1)}*t)"
         threshold = f"{number(f's{k}', 1)} + {number(f'r{k}', 0)}*cos({number(f'alpha{k}', 1)}*t)"
         dry[f"contact {k}"] = Contact(direction, threshold, belt)
@@ -80,7 +89,9 @@ class Drawn:
         values = {}
         for letter in ("M", "C", "K", "J"):
             matrix = getattr(self, letter)
-            values |= {f"{letter}{i}_{j}": float(matrix[i, j]) for i, j in np.ndindex(*matrix.shape)}
+            values |= {
+                f"{letter}{i}_{j}": float(matrix[i, j]) for i, j in np.ndindex(*matrix.shape)
+            }
         for name in ("F", "omega", "phi", "s", "r", "alpha", "b", "beta"):
             values |= {f"{name}{i}": float(value) for i, value in enumerate(getattr(self, name))}
         return {name: values[name] for name in system.parameters}
@@ -106,7 +117,8 @@ class Drawn:
 
 
 def draw(rng: np.random.Generator, size: int, contacts: int, **given: Array) -> Drawn:
-    """A random system with eigenvalues of order one in which contacts stick and slip many times within t ≤ 20.
+    """A random system with eigenvalues of order one in which contacts stick and slip many times
+    within t ≤ 20.
 
     Parameters
     ----------

@@ -67,7 +67,8 @@ def groups(rng: np.random.Generator) -> Dissipation:
 
 def ellipsoid(rng: np.random.Generator) -> Dissipation:
     n = int(rng.integers(2, 4))
-    turn, lengths = rotations(rng, n, rng.uniform(0.1, 1.5)), rng.uniform(0.3, 2, n)
+    turn = rotations(rng, n, rng.uniform(0.1, 1.5))
+    lengths = rng.uniform(0.3, 2, n)
     swell = rng.uniform(0, 0.5, n)
 
     def shape(s: float) -> Array:
@@ -146,7 +147,9 @@ def test_nearest_points_of_averages(kind: str, seed: int) -> None:
         assert average.contains(y)
         # ⟨M(ξ − y), η − y⟩ ≤ 0 for all η in K_av.
         pull = xi - y if metric is None else metric @ (xi - y)
-        assert average.support(pull) - pull @ y <= 3e-8 * size * (np.linalg.norm(pull) + 1e-6 * size)
+        assert average.support(pull) - pull @ y <= 3e-8 * size * (
+            np.linalg.norm(pull) + 1e-6 * size
+        )
         if average.contains(xi):
             np.testing.assert_allclose(y, xi, atol=1e-7 * size)
 
@@ -157,17 +160,23 @@ def test_nearest_points_of_averages(kind: str, seed: int) -> None:
 def test_projection_and_proximal_step(kind: str, seed: int, step: float) -> None:
     rng = np.random.default_rng(seed)
     source = KINDS[kind](rng)
-    v, other, s = 2 * rng.normal(size=source.dimension), rng.normal(size=source.dimension), float(rng.uniform())
+    v = 2 * rng.normal(size=source.dimension)
+    other = rng.normal(size=source.dimension)
+    s = float(rng.uniform())
     y = source.project(v, s)
     assert source.distance(y, s) <= 1e-12
     assert (v - y) @ y == pytest.approx(source.support(v - y, s), abs=1e-11)
-    # Moreau: w = v − step ξ with ξ in ∂Ψ(w), that is ξ in K(s) and ⟨ξ, w⟩ = Ψ(s, w); no other point does better.
+    # Moreau: w = v − step ξ with ξ in ∂Ψ(w), that is ξ in K(s) and ⟨ξ, w⟩ = Ψ(s, w); no other point
+    # does better.
     w = source.prox(v, s, step)
     xi = (v - w) / step
     assert source.distance(xi, s) <= 1e-11
     assert xi @ w == pytest.approx(source.value(s, w), abs=1e-10)
     better = w + 0.1 * other
-    objective = [np.square(z - v).sum() / 2 + step * source.value(s, z) for z in (w, better, np.zeros_like(w), v)]
+    objective = [
+        np.square(z - v).sum() / 2 + step * source.value(s, z)
+        for z in (w, better, np.zeros_like(w), v)
+    ]
     assert objective[0] <= min(objective[1:]) + 1e-10
     # Projections and proximal steps bring no two points farther apart.
     assert np.linalg.norm(y - source.project(other, s)) <= np.linalg.norm(v - other) + 1e-12
@@ -176,8 +185,12 @@ def test_projection_and_proximal_step(kind: str, seed: int, step: float) -> None
     assert source.exposed(v, s) @ v == pytest.approx(source.support(v, s), rel=1e-11)
     assert (source.excess(v, s) > 1e-9) == (source.distance(v, s) > 1e-9)
     together = source.sampled(PHASES)
-    np.testing.assert_allclose(together.support(v), [source.support(v, t) for t in PHASES], rtol=1e-12)
-    np.testing.assert_allclose(together.excess(v), [source.excess(v, t) for t in PHASES], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        together.support(v), [source.support(v, t) for t in PHASES], rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        together.excess(v), [source.excess(v, t) for t in PHASES], rtol=1e-9, atol=1e-12
+    )
     assert source.value(s, v + other) <= source.value(s, v) + source.value(s, other) + 1e-12
     assert source.value(s, 3 * v) == pytest.approx(3 * source.value(s, v))
 
@@ -203,5 +216,9 @@ def test_closed_forms_agree_with_the_exchange(seed: int) -> None:
     source = KINDS[rng.choice(["weighted_l1", "groups", "halfspaces"])](rng)
     V = rng.normal(size=source.dimension)
     general = Intersection(source)
-    assert general.support(V) == pytest.approx(source.average().support(V), abs=3e-8 * general.size * np.linalg.norm(V))
-    np.testing.assert_allclose(general.project(3 * V), source.average().project(3 * V), atol=1e-6 * general.size)
+    assert general.support(V) == pytest.approx(
+        source.average().support(V), abs=3e-8 * general.size * np.linalg.norm(V)
+    )
+    np.testing.assert_allclose(
+        general.project(3 * V), source.average().project(3 * V), atol=1e-6 * general.size
+    )

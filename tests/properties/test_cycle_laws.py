@@ -1,4 +1,5 @@
-"""Laws of cycles: what does not depend on where they are entered, what symmetry says of multipliers and drifts."""
+"""Laws of cycles: what does not depend on where they are entered, what symmetry says of multipliers
+and drifts."""
 
 from __future__ import annotations
 
@@ -63,7 +64,9 @@ def same(a: Cycle, b: Cycle) -> None:
     assert a.drift == pytest.approx(b.drift, rel=1e-10, abs=1e-12)
     assert a.nontrivial == pytest.approx(b.nontrivial, rel=1e-8, abs=1e-12)
     assert a.trivial == b.trivial
-    assert (a.stick_time, a.dissipated) == pytest.approx((b.stick_time, b.dissipated), rel=1e-9, abs=1e-10)
+    assert (a.stick_time, a.dissipated) == pytest.approx(
+        (b.stick_time, b.dissipated), rel=1e-9, abs=1e-10
+    )
     assert len(a.phases) == len(b.phases)
 
 
@@ -82,14 +85,20 @@ def test_any_point_leads_to_the_same_cycle(case: Case, where: float, part: float
 def test_a_later_start_has_the_multiplier_one(case: Case, part: float) -> None:
     """One for each direction that comes back unchanged: a later start, and each translation."""
     cycle = drawn(case, part)
-    symmetry, motion = cycle.closed.shooting.symmetry, cycle.trajectory
+    symmetry = cycle.closed.shooting.symmetry
+    motion = cycle.trajectory
     assert len(cycle.multipliers) == len(cycle.state)
     assert cycle.trivial == 1 + symmetry.shifts.shape[1]
     assert np.count_nonzero(np.abs(cycle.multipliers - 1.0) < 1e-8) == cycle.trivial
-    # A neighbour that is a little ahead, in the frame in which time does not matter, is as far ahead a period later.
+    # A neighbour that is a little ahead, in the frame in which time does not matter, is as far
+    # ahead a period later.
     piece = cycle.closed.shooting.stations[0].piece
-    ahead = piece.rates(cycle.time, motion.knots.state[0], numbers(motion._problem)) - symmetry.frame
-    later = variation(motion, Pieces(motion._problem.compiled.equations), ahead[:, None]).matrix[:, 0]
+    ahead = (
+        piece.rates(cycle.time, motion.knots.state[0], numbers(motion._problem)) - symmetry.frame
+    )
+    later = variation(motion, Pieces(motion._problem.compiled.equations), ahead[:, None]).matrix[
+        :, 0
+    ]
     assert later == pytest.approx(ahead, rel=1e-8, abs=1e-8 * np.max(np.abs(ahead)))
 
 
@@ -100,7 +109,10 @@ def test_drift_does_not_depend_on_the_place(case: Case, part: float, shift: floa
     system, start, _, _ = case
     cycle = drawn(case, part)
     assert cycle.drift != 0.0
-    first = {name: value + shift * cycle.direction.get(name, 0.0) for name, value in place(system, start).items()}
+    first = {
+        name: value + shift * cycle.direction.get(name, 0.0)
+        for name, value in place(system, start).items()
+    }
     moved = find_cycle(system, first, cycle.parameters)
     same(moved, cycle)
     assert moved.direction == cycle.direction

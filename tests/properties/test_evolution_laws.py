@@ -32,11 +32,17 @@ def walk(rng: np.random.Generator, n: int, knots: int = 9) -> tuple[Array, Array
 
 
 def boxes(rng: np.random.Generator, n: int) -> WeightedL1:
-    """Thresholds that oscillate, each in its own way, some of them down to 0, different for the two directions."""
+    """Thresholds that oscillate, each in its own way, some of them down to 0, different for the two
+    directions."""
 
     def weights() -> list[str]:
-        mean, share, shift = rng.uniform(0.2, 2.0, n), np.minimum(rng.uniform(0.0, 1.3, n), 1.0), rng.uniform(0, 1, n)
-        return [f"{m:.6f}*(1 + {a:.6f}*cos(2*pi*(s - {b:.6f})))" for m, a, b in zip(mean, share, shift, strict=True)]
+        mean = rng.uniform(0.2, 2.0, n)
+        share = np.minimum(rng.uniform(0.0, 1.3, n), 1.0)
+        shift = rng.uniform(0, 1, n)
+        return [
+            f"{m:.6f}*(1 + {a:.6f}*cos(2*pi*(s - {b:.6f})))"
+            for m, a, b in zip(mean, share, shift, strict=True)
+        ]
 
     return WeightedL1(weights(), lower=weights() if rng.random() < 0.5 else None)
 
@@ -64,11 +70,13 @@ def test_stability_and_energy_balance(seed: int) -> None:
     lower = -problem.dissipation.below.over(t / problem.epsilon)
     size = max(upper.max(), -lower.min())
     assert np.all((force <= upper + 1e-8 * size) & (force >= lower - 1e-8 * size))
-    # z affine, thresholds and loads by the trapezoidal rule: the energy balance up to the tolerance and the curvature
-    # of the thresholds, which adaptive steps keep below the tolerance as well.
+    # z affine, thresholds and loads by the trapezoidal rule: the energy balance up to the tolerance
+    # and the curvature of the thresholds, which adaptive steps keep below the tolerance as well.
     energy = 0.5 * np.sum(z @ problem.A * z, axis=1) - np.sum(loads * z, axis=1)
     d = np.diff(z, axis=0)
-    dissipated = 0.5 * np.sum(np.maximum(upper[1:] * d, lower[1:] * d) + np.maximum(upper[:-1] * d, lower[:-1] * d))
+    dissipated = 0.5 * np.sum(
+        np.maximum(upper[1:] * d, lower[1:] * d) + np.maximum(upper[:-1] * d, lower[:-1] * d)
+    )
     work = -np.sum(np.diff(loads, axis=0) * (z[1:] + z[:-1]) / 2)
     violation = energy[-1] + dissipated - energy[0] - work
     slack = 2e-2 * (history.energy_scale + size * np.abs(d).sum())
@@ -91,11 +99,14 @@ def test_no_time_scale(seed: int) -> None:
         problem = Evolution.settled(A, (times, rows), psi, start)
         return evolve(problem, times)
 
-    even, bent = path(fine), path(7.0 * fine**bend)
+    even = path(fine)
+    bent = path(7.0 * fine**bend)
     scale = np.abs(even.z).max()
     np.testing.assert_allclose(bent.z, even.z, rtol=0, atol=1e-10 * scale)
     for name in ("energy", "dissipated", "work"):
-        np.testing.assert_allclose(bent.dataset[name], even.dataset[name], rtol=1e-9, atol=1e-9 * scale)
+        np.testing.assert_allclose(
+            bent.dataset[name], even.dataset[name], rtol=1e-9, atol=1e-9 * scale
+        )
 
 
 @law
@@ -111,7 +122,9 @@ def test_two_evolutions_come_closer(seed: int, kind: str) -> None:
         "ellipsoid": lambda: Ellipsoid(np.diag(rng.uniform(0.1, 3.0, n))),
     }[kind]()
     steps = 300 if kind == "boxes" else 40
-    one, other = (evolve(Evolution.settled(A, load, psi, rng.normal(size=n)), steps=steps) for _ in range(2))
+    one, other = (
+        evolve(Evolution.settled(A, load, psi, rng.normal(size=n)), steps=steps) for _ in range(2)
+    )
     assert one.outcome.ok and other.outcome.ok, (one.message, other.message)
     apart = one.z - other.z
     distance = np.sqrt(np.einsum("ki,ij,kj->k", apart, A, apart))
@@ -122,24 +135,29 @@ def test_two_evolutions_come_closer(seed: int, kind: str) -> None:
 @law
 @given(seeds)
 def test_scaling_and_reflection(seed: int) -> None:
-    """c z solves the problem with c ℓ and c Ψ; −z that with −ℓ and the thresholds of the two directions exchanged."""
+    """c z solves the problem with c ℓ and c Ψ; −z that with −ℓ and the thresholds of the two
+    directions exchanged."""
     problem = random_problem(seed)
     psi = problem.dissipation
     plain = evolve(problem, steps=200)
     scale = np.abs(plain.z).max() or 1.0
     knots, values = problem.load
-    above, below = psi.weights, psi.weights if psi.lower is None else psi.lower
+    above = psi.weights
+    below = psi.weights if psi.lower is None else psi.lower
     scaled = WeightedL1([f"8*({w})" for w in above], [f"8*({w})" for w in below])
     larger = Evolution(problem.A, (knots, 8 * values), scaled, 8 * problem.initial, problem.epsilon)
     np.testing.assert_allclose(evolve(larger, steps=200).z, 8 * plain.z, rtol=0, atol=1e-9 * scale)
-    mirrored = Evolution(problem.A, (knots, -values), WeightedL1(below, above), -problem.initial, problem.epsilon)
+    mirrored = Evolution(
+        problem.A, (knots, -values), WeightedL1(below, above), -problem.initial, problem.epsilon
+    )
     np.testing.assert_allclose(evolve(mirrored, steps=200).z, -plain.z, rtol=0, atol=1e-9 * scale)
 
 
 @law
 @given(seeds)
 def test_components_have_no_order(seed: int) -> None:
-    """Renaming the components renames the path; a component of its own does not notice the others."""
+    """Renaming the components renames the path; a component of its own does not notice the
+    others."""
     problem = random_problem(seed)
     rng = np.random.default_rng(seed)
     order = rng.permutation(problem.n)
@@ -154,8 +172,12 @@ def test_components_have_no_order(seed: int) -> None:
     )
     plain = evolve(problem, steps=200).z
     scale = np.abs(plain).max() or 1.0
-    np.testing.assert_allclose(evolve(renamed, steps=200).z, plain[:, order], rtol=0, atol=1e-9 * scale)
-    alone = np.block([[problem.A, np.zeros((problem.n, 1))], [np.zeros((1, problem.n)), np.ones((1, 1))]])
+    np.testing.assert_allclose(
+        evolve(renamed, steps=200).z, plain[:, order], rtol=0, atol=1e-9 * scale
+    )
+    alone = np.block(
+        [[problem.A, np.zeros((problem.n, 1))], [np.zeros((1, problem.n)), np.ones((1, 1))]]
+    )
     wider = Evolution(
         alone,
         (knots, np.column_stack([values, knots])),

@@ -1,4 +1,5 @@
-"""Laws that hold for every motion: symmetries, energy, and that no result depends on how it was computed."""
+"""Laws that hold for every motion: symmetries, energy, and that no result depends on how it was
+computed."""
 
 from __future__ import annotations
 
@@ -33,7 +34,11 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def certified(
-    system: System, span: tuple[float, float], start: State, values: State | None = None, rtol: float = 1e-10
+    system: System,
+    span: tuple[float, float],
+    start: State,
+    values: State | None = None,
+    rtol: float = 1e-10,
 ) -> Trajectory:
     trajectory = simulate(system, span, start, values, rtol=rtol)
     assert trajectory.outcome.ok, trajectory.message
@@ -46,14 +51,16 @@ def states(trajectory: Trajectory, times: Array) -> dict[str, Array]:
     return {name: values[name] for name in trajectory.system.declaration.state}
 
 
-def assert_equal_motion(one: dict[str, Array], other: dict[str, Array], tolerance: float = 1e-9) -> None:
+def assert_equal_motion(
+    one: dict[str, Array], other: dict[str, Array], tolerance: float = 1e-9
+) -> None:
     assert one.keys() == other.keys()
     for name, values in one.items():
         atol = tolerance * max(1.0, np.abs(values).max())
         np.testing.assert_allclose(other[name], values, rtol=0, atol=atol, err_msg=name)
 
 
-# --- Systems ---------------------------------------------------------------------------------------------------------
+# --- Systems --------------------------------------------------------------------------------------
 
 
 @cache
@@ -68,7 +75,8 @@ def toy_start(psi: float, rate: float, fraction: float, place: float = 0.0) -> S
     def weight(angle: float) -> float:
         return p["rho"] + p["H_star"] / 2 * (1 + min(max(angle / p["psi_star"], -1.0), 1.0))
 
-    right, left = weight(psi), weight(-psi)
+    right = weight(psi)
+    left = weight(-psi)
     middle = p["c"] * psi
     top = min(p["P"] + middle + right, -p["P"] + middle + left) / p["a"]
     bottom = max(p["P"] + middle - right, -p["P"] + middle - left) / p["a"]
@@ -86,10 +94,12 @@ toy_starts = st.tuples(numbers(-2.2, 2.2), numbers(-1, 1), numbers(0, 1))
 
 @cache
 def mixture() -> System:
-    """All kinds at once: a mass on a block on a rate-independent slider, with friction that ages and heats."""
+    """All kinds at once: a mass on a block on a rate-independent slider, with friction that ages
+    and heats."""
     values = dict(
-        m=1.0, k=1.0, k_1=1.0, k_2=2.0, k_3=0.5, c=0.1, e=0.05, nu=0.3, s_q=0.3, s_z=0.4, s_r=0.5, gain=0.3, heat=0.2,
-        tau=1.0, F=1.5, omega=1.3, V=0.1, swing=0.2, drop=0.8,
+        m=1.0, k=1.0, k_1=1.0, k_2=2.0, k_3=0.5, c=0.1, e=0.05, nu=0.3,
+        s_q=0.3, s_z=0.4, s_r=0.5, gain=0.3, heat=0.2, tau=1.0,
+        F=1.5, omega=1.3, V=0.1, swing=0.2, drop=0.8,
     )  # fmt: skip
     return System(
         name="mixture",
@@ -98,11 +108,14 @@ def mixture() -> System:
         coordinates={"q": Inertial(drag="e*d_q**3"), "z": Viscous(), "r": RateIndependent()},
         internal={"a": Internal("(1 - a)/tau - heat*a*abs(d_z) + heat*d_r")},
         kinetic="m/2*d_q**2",
-        potential="k/2*q**2 + k_1/2*(q - z)**2 + k_2/2*(z - r)**2 + k_3/2*r**2 + swing*cos(q) - F*cos(omega*t)*q",
+        potential="k/2*q**2 + k_1/2*(q - z)**2 + k_2/2*(z - r)**2 + k_3/2*r**2 + swing*cos(q) - "
+        "F*cos(omega*t)*q",
         viscous="nu/2*d_z**2 + c/2*(d_q - d_z)**2",
         contacts={
             "q": Contact("d_q", threshold="s_q*aged(a)", surface_speed="V"),
-            "z": Contact("d_z", threshold="s_z*(1 + max(q, 0))", kinetic="drop*s_z*(1 + max(q, 0))"),
+            "z": Contact(
+                "d_z", threshold="s_z*(1 + max(q, 0))", kinetic="drop*s_z*(1 + max(q, 0))"
+            ),
             "r": Contact("d_r", threshold="s_r*(1 + 0.3*sin(q)**2)*aged(a)"),
         },
     )
@@ -111,15 +124,23 @@ def mixture() -> System:
 def mixture_case(seed: int) -> tuple[State, State]:
     """Random start and parameters."""
     rng = np.random.default_rng(seed)
-    values = {name: p.default * float(rng.uniform(0.5, 1.5)) for name, p in mixture().parameters.items()}
+    values = {
+        name: p.default * float(rng.uniform(0.5, 1.5)) for name, p in mixture().parameters.items()
+    }
     values["drop"] = float(rng.uniform(0.7, 1))
     q, z = rng.normal(size=2)
     # The slider starts in equilibrium.
     r = values["k_2"] * z / (values["k_2"] + values["k_3"])
-    return {"q": q, "d_q": float(rng.normal()), "z": z, "r": r, "a": float(rng.uniform(-1, 1))}, values
+    return {
+        "q": q,
+        "d_q": float(rng.normal()),
+        "z": z,
+        "r": r,
+        "a": float(rng.uniform(-1, 1)),
+    }, values
 
 
-# --- Laws ------------------------------------------------------------------------------------------------------------
+# --- Laws -----------------------------------------------------------------------------------------
 
 
 @law
@@ -138,7 +159,9 @@ def test_every_walk_is_certified(start: tuple[float, float, float]) -> None:
 
 @law
 @given(toy_starts, st.floats(-1e3, 1e3))
-def test_a_shift_of_both_legs_shifts_the_motion(start: tuple[float, float, float], shift: float) -> None:
+def test_a_shift_of_both_legs_shifts_the_motion(
+    start: tuple[float, float, float], shift: float
+) -> None:
     here, there = (certified(toy(), (0, 60), toy_start(*start, place)) for place in (0.0, shift))
     times = np.linspace(0, 60, 301)
     one, other = states(here, times), states(there, times)
@@ -153,20 +176,38 @@ def test_a_shift_of_both_legs_shifts_the_motion(start: tuple[float, float, float
 @given(toy_starts)
 def test_the_mirror_image_of_a_motion_is_a_motion(start: tuple[float, float, float]) -> None:
     begin = toy_start(*start)
-    mirrored = {"psi": -begin["psi"], "d_psi": -begin["d_psi"], "x_R": begin["x_L"], "x_L": begin["x_R"]}
+    mirrored = {
+        "psi": -begin["psi"],
+        "d_psi": -begin["d_psi"],
+        "x_R": begin["x_L"],
+        "x_L": begin["x_R"],
+    }
     times = np.linspace(0, 60, 301)
     one, other = (states(certified(toy(), (0, 60), s), times) for s in (begin, mirrored))
-    back = {"psi": -other["psi"], "d_psi": -other["d_psi"], "x_R": other["x_L"], "x_L": other["x_R"]}
+    back = {
+        "psi": -other["psi"],
+        "d_psi": -other["d_psi"],
+        "x_R": other["x_L"],
+        "x_L": other["x_R"],
+    }
     assert_equal_motion(one, {name: back[name] for name in one})
 
 
 @law
 @given(st.floats(-6, 6), st.floats(0, 0.95), st.floats(0.3, 1.5))
-def test_the_scaled_slider_is_homogeneous_in_its_rate(exponent: float, gamma: float, b: float) -> None:
+def test_the_scaled_slider_is_homogeneous_in_its_rate(
+    exponent: float, gamma: float, b: float
+) -> None:
     factor = 10.0**exponent
-    system, times = catalogue.scaled_slider_limit(), np.linspace(0, 20, 401)
+    system = catalogue.scaled_slider_limit()
+    times = np.linspace(0, 20, 401)
     motions = [
-        states(certified(system, (0, 20), {"beta": 0.0, "gamma": gamma * v_hat}, {"v_hat": v_hat, "b": b}), times)
+        states(
+            certified(
+                system, (0, 20), {"beta": 0.0, "gamma": gamma * v_hat}, {"v_hat": v_hat, "b": b}
+            ),
+            times,
+        )
         for v_hat in (1.0, factor)
     ]
     assert np.ptp(motions[0]["gamma"]) > 0.1
@@ -185,8 +226,10 @@ AUTONOMOUS = {
 @pytest.mark.parametrize("seed", range(4))
 def test_an_autonomous_system_does_not_know_the_time(name: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    system, start = catalogue.get(name), {k: float(v) for k, v in AUTONOMOUS[name](rng).items()}
-    shift, T = float(rng.uniform(-50, 50)), 30.0
+    system = catalogue.get(name)
+    start = {k: float(v) for k, v in AUTONOMOUS[name](rng).items()}
+    shift = float(rng.uniform(-50, 50))
+    T = 30.0
     times = np.linspace(0, T, 301)
     one = states(certified(system, (0, T), start), times)
     later = certified(system, (shift, shift + T), start)
@@ -200,7 +243,9 @@ def test_an_autonomous_system_does_not_know_the_time(name: str, seed: int) -> No
 def test_results_do_not_depend_on_the_tolerance(seed: int) -> None:
     start, values = mixture_case(seed)
     times = np.linspace(0, 25, 251)
-    coarse, fine = (states(certified(mixture(), (0, 25), start, values, rtol), times) for rtol in (1e-8, 1e-11))
+    coarse, fine = (
+        states(certified(mixture(), (0, 25), start, values, rtol), times) for rtol in (1e-8, 1e-11)
+    )
     assert_equal_motion(fine, coarse, 1e-7)
 
 
@@ -208,16 +253,21 @@ def test_results_do_not_depend_on_the_tolerance(seed: int) -> None:
 @given(toy_starts)
 def test_walks_do_not_depend_on_the_tolerance(start: tuple[float, float, float]) -> None:
     times = np.linspace(0, 60, 301)
-    coarse, fine = (states(certified(toy(), (0, 60), toy_start(*start), rtol=rtol), times) for rtol in (1e-8, 1e-11))
+    coarse, fine = (
+        states(certified(toy(), (0, 60), toy_start(*start), rtol=rtol), times)
+        for rtol in (1e-8, 1e-11)
+    )
     assert_equal_motion(fine, coarse, 1e-7)
 
 
 @law
 @given(seeds, st.lists(st.floats(0.5, 24.5), min_size=1, max_size=6))
 def test_a_motion_in_pieces_is_the_same_motion(seed: int, cuts: list[float]) -> None:
-    """Stopping anywhere and starting again from the state there changes nothing: the state says everything.
+    """Stopping anywhere and starting again from the state there changes nothing: the state says
+    everything.
 
-    Unless kinetic friction is below static friction: then a massless block remembers whether it slides.
+    Unless kinetic friction is below static friction: then a massless block remembers whether it
+    slides.
     """
     start, values = mixture_case(seed)
     values["drop"] = 1.0
@@ -232,7 +282,9 @@ def test_a_motion_in_pieces_is_the_same_motion(seed: int, cuts: list[float]) -> 
 
 @law
 @given(toy_starts, st.lists(st.floats(0.5, 59.5), min_size=1, max_size=6))
-def test_a_walk_in_pieces_is_the_same_walk(start: tuple[float, float, float], cuts: list[float]) -> None:
+def test_a_walk_in_pieces_is_the_same_walk(
+    start: tuple[float, float, float], cuts: list[float]
+) -> None:
     state = toy_start(*start)
     whole = certified(toy(), (0, 60), state)
     for begin, end in pairwise([0.0, *sorted(cuts), 60.0]):
@@ -244,13 +296,22 @@ def test_a_walk_in_pieces_is_the_same_walk(start: tuple[float, float, float], cu
 
 
 @pytest.mark.parametrize(
-    ("kind", "size", "contacts"), [("inertial", 1, 1), ("inertial", 3, 2), ("inertial", 4, 4), ("viscous", 3, 2)]
+    ("kind", "size", "contacts"),
+    [("inertial", 1, 1), ("inertial", 3, 2), ("inertial", 4, 4), ("viscous", 3, 2)],
 )
 @pytest.mark.parametrize("seed", range(8))
-def test_without_load_energy_never_increases(kind: str, size: int, contacts: int, seed: int) -> None:
+def test_without_load_energy_never_increases(
+    kind: str, size: int, contacts: int, seed: int
+) -> None:
     rng = np.random.default_rng([seed, size])
-    free = {"F": np.zeros(size), "b": np.zeros(contacts), "x": 3 * rng.normal(size=size), "v": rng.normal(size=size)}
-    drawn, system = draw(rng, size, contacts, **free), linear_family(kind, size, contacts)
+    free = {
+        "F": np.zeros(size),
+        "b": np.zeros(contacts),
+        "x": 3 * rng.normal(size=size),
+        "v": rng.normal(size=size),
+    }
+    drawn = draw(rng, size, contacts, **free)
+    system = linear_family(kind, size, contacts)
     trajectory = certified(system, (0, 20), drawn.initial(system), drawn.parameters(system))
     data = trajectory.dataset
     energy, dissipated = data["energy"].values, data["dissipated_energy"].values
@@ -264,8 +325,15 @@ def test_without_load_energy_never_increases(kind: str, size: int, contacts: int
 def test_a_body_at_rest_is_certified(seed: int) -> None:
     """Its velocities are rounding errors: they must not be judged relative to themselves."""
     rng = np.random.default_rng([seed, 5])
-    still = {"x": rng.normal(size=2) / 50, "v": np.zeros(2), "b": np.zeros(2), "s": np.ones(2), "r": np.zeros(2)}
-    drawn, system = draw(rng, 2, 2, F=rng.uniform(0.01, 0.1, 2), **still), linear_family("inertial", 2, 2)
+    still = {
+        "x": rng.normal(size=2) / 50,
+        "v": np.zeros(2),
+        "b": np.zeros(2),
+        "s": np.ones(2),
+        "r": np.zeros(2),
+    }
+    drawn = draw(rng, 2, 2, F=rng.uniform(0.01, 0.1, 2), **still)
+    system = linear_family("inertial", 2, 2)
     trajectory = certified(system, (0, 20), drawn.initial(system), drawn.parameters(system))
     assert trajectory.n_switches == 0
     assert np.abs(trajectory.knots.state[:, 2:]).max() < 1e-13
@@ -283,7 +351,9 @@ def test_a_body_at_rest_under_a_changing_load_is_certified() -> None:
 def test_without_pull_the_toy_comes_to_rest(start: tuple[float, float, float]) -> None:
     values = {"P": 0.0, "delta": 0.4}
     psi, rate, _ = start
-    trajectory = certified(toy(), (0, 60), {"psi": psi, "d_psi": rate, "x_R": 0.3 * psi, "x_L": 0.0}, values)
+    trajectory = certified(
+        toy(), (0, 60), {"psi": psi, "d_psi": rate, "x_R": 0.3 * psi, "x_L": 0.0}, values
+    )
     energy = trajectory.dataset["energy"].values
     assert np.all(np.diff(energy) <= 1e-13 * max(1.0, energy[0]))
     assert abs(trajectory.final["d_psi"]) < 1e-3

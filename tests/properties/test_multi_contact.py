@@ -1,7 +1,8 @@
-"""Random systems with several contacts, against implicit time stepping of order one that locates no event.
+"""Random systems with several contacts, against implicit time stepping of order one that locates no
+event.
 
-Every system is followed with our certificate, and its error against the time stepping is bounded by a constant times
-the step and falls with it: both could only agree on something wrong by chance.
+Every system is followed with our certificate, and its error against the time stepping is bounded by
+a constant times the step and falls with it: both could only agree on something wrong by chance.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ def follow(kind: str, drawn: Drawn) -> Trajectory:
 
 
 def errors(trajectory: Trajectory, stepped: Callable[[Array, int], Array]) -> Array:
-    """Largest difference from the time stepping, by its numbers of steps, relative to the size of the motion."""
+    """Largest difference from the time stepping, by its numbers of steps, relative to the size of
+    the motion."""
     values = trajectory.at(np.linspace(0, T, SAMPLES + 1))
     ours = np.stack([values[name] for name in trajectory.system.declaration.state], axis=1)
     theirs = [stepped(np.linspace(0, T, n + 1), n)[:: n // SAMPLES] for n in STEPS]
@@ -46,13 +48,17 @@ def assert_order_one(found: Array, constant: float) -> None:
 
 def by_moreau(d: Drawn) -> Callable[[Array, int], Array]:
     def stepped(t: Array, n: int) -> Array:
-        return np.hstack(moreau(d.M, d.C, d.K, d.J, d.load(t), d.threshold(t), d.belt(t), d.x, d.v, T, n)[:2])
+        return np.hstack(
+            moreau(d.M, d.C, d.K, d.J, d.load(t), d.threshold(t), d.belt(t), d.x, d.v, T, n)[:2]
+        )
 
     return stepped
 
 
 def by_first_order(d: Drawn) -> Callable[[Array, int], Array]:
-    return lambda t, n: first_order(d.C, d.K, d.J, d.load(t), d.threshold(t), d.belt(t), d.x, T, n)[0]
+    return lambda t, n: first_order(d.C, d.K, d.J, d.load(t), d.threshold(t), d.belt(t), d.x, T, n)[
+        0
+    ]
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -80,20 +86,27 @@ def test_rate_independent(size: int, seed: int) -> None:
     drawn = replace(drawn, x=np.linalg.solve(drawn.K, pull))
     trajectory = follow("rate-independent", drawn)
     assert trajectory.n_switches > 5
-    found = errors(trajectory, lambda t, n: rate_independent(drawn.K, drawn.load(t), drawn.threshold(t), drawn.x))
-    # Between two turning points the stepping is exact on its grid: how it converges depends on where they fall.
+    found = errors(
+        trajectory,
+        lambda t, n: rate_independent(drawn.K, drawn.load(t), drawn.threshold(t), drawn.x),
+    )
+    # Between two turning points the stepping is exact on its grid: how it converges depends on
+    # where they fall.
     assert np.all(found < 0.5 * T / np.array(STEPS))
 
 
-# --- Redundant contacts: when all of them stick their forces are not determined, the motion is -----------------------
+# --- Redundant contacts: when all of them stick their forces are not determined, the motion is ----
 
 
 @pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize(
-    ("kind", "size", "contacts"), [("inertial", 1, 2), ("inertial", 2, 3), ("inertial", 3, 5), ("viscous", 2, 3)]
+    ("kind", "size", "contacts"),
+    [("inertial", 1, 2), ("inertial", 2, 3), ("inertial", 3, 5), ("viscous", 2, 3)],
 )
 def test_more_contacts_than_coordinates(kind: str, size: int, contacts: int, seed: int) -> None:
-    drawn = draw(np.random.default_rng([size, contacts, seed]), size, contacts, b=np.zeros(contacts))
+    drawn = draw(
+        np.random.default_rng([size, contacts, seed]), size, contacts, b=np.zeros(contacts)
+    )
     stepped = (by_moreau if kind == "inertial" else by_first_order)(drawn)
     assert_order_one(errors(follow(kind, drawn), stepped), 15)
 
@@ -117,7 +130,8 @@ def test_parallel_contacts(factor: float, seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_two_equal_contacts_are_one(seed: int) -> None:
-    """Two contacts at the same place with thresholds s₁ and s₂ move a body as one with s₁ + s₂ does."""
+    """Two contacts at the same place with thresholds s₁ and s₂ move a body as one with s₁ + s₂
+    does."""
     rng = np.random.default_rng([8, seed])
     J = rng.normal(size=(2, 2))
     J[1] = J[0]

@@ -1,7 +1,9 @@
-"""Multipliers are those of the return map: variational equations and saltation against finite differences.
+"""Multipliers are those of the return map: variational equations and saltation against finite
+differences.
 
-The laws are tested on random members of families that are compiled once (:mod:`properties.families`), all drives with
-the period 2π, so that the return map is the motion over one period.
+The laws are tested on random members of families that are compiled once
+(:mod:`properties.families`), all drives with the period 2π, so that the return map is the motion
+over one period.
 """
 
 from __future__ import annotations
@@ -33,9 +35,12 @@ def member(kind: str, size: int, contacts: int, seed: int) -> tuple[System, Draw
     """A random system all of whose drives have the period 2π."""
     system = linear_family(kind, size, contacts)
     rng = np.random.default_rng([FAMILIES.index((kind, size, contacts)), seed])
-    drawn = draw(rng, size, contacts, omega=np.ones(size), alpha=np.ones(contacts), beta=np.ones(contacts))
+    drawn = draw(
+        rng, size, contacts, omega=np.ones(size), alpha=np.ones(contacts), beta=np.ones(contacts)
+    )
     if kind == "rate-independent":
-        # The start has to be inside the stable set; and of a contact that always sticks the return map forgets nothing.
+        # The start has to be inside the stable set; and of a contact that always sticks the return
+        # map forgets nothing.
         at_rest = np.linalg.solve(drawn.K, drawn.load([0.0])[0])
         return system, replace(drawn, x=at_rest, s=drawn.s * [1.0, rng.uniform(1.0, 5.0)])
     # With masses the rocking has to die out before long.
@@ -43,11 +48,14 @@ def member(kind: str, size: int, contacts: int, seed: int) -> tuple[System, Draw
 
 
 def settled(system: System, drawn: Drawn, phase: float) -> Trajectory | None:
-    """One period of the motion after some others, from some phase on; None if a contact that has slid no longer does.
+    """One period of the motion after some others, from some phase on; None if a contact that has
+    slid no longer does.
 
-    Such a contact has come to rest where it just touches its threshold (shakedown), and nothing can be differentiated.
+    Such a contact has come to rest where it just touches its threshold (shakedown), and nothing can
+    be differentiated.
     """
-    values, start = drawn.parameters(system), (3 + phase) * PERIOD
+    values = drawn.parameters(system)
+    start = (3 + phase) * PERIOD
     before = simulate(system, (0.0, start), drawn.initial(system), values)
     motion = simulate(system, (start, start + PERIOD), before.final, values)
     assert motion.outcome.ok
@@ -63,22 +71,27 @@ def returned(motion: Trajectory, state: Array) -> Array:
 
 def differences(motion: Trajectory, directions: Array) -> Array:
     """Derivatives of the return map along some directions."""
-    y, h = motion.knots.state[0], 1e-5 * directions.T
+    y = motion.knots.state[0]
+    h = 1e-5 * directions.T
     return np.column_stack([(returned(motion, y + d) - returned(motion, y - d)) / 2e-5 for d in h])
 
 
 @pytest.mark.parametrize(("kind", "size", "contacts"), FAMILIES)
 def test_return_map(kind: str, size: int, contacts: int) -> None:
     """One hundred random systems, 25 of each family."""
-    compared, golden = 0, (np.sqrt(5) - 1) / 2
+    compared = 0
+    golden = (np.sqrt(5) - 1) / 2
     for seed in range(EACH + 15):
         motion = settled(*member(kind, size, contacts, seed), golden * seed % 1)
         if motion is None:
             continue
-        p, k = numbers(motion._problem), motion.knots
+        p = numbers(motion._problem)
+        k = motion.knots
         pieces = Pieces(motion._problem.compiled.equations)
         piece = pieces(k.mode[0], k.region[0])
-        directions = make_station(0.0, piece, float(k.time[0]), k.state[0], p, np.ones(k.state.shape[1])).basis
+        directions = make_station(
+            0.0, piece, float(k.time[0]), k.state[0], p, np.ones(k.state.shape[1])
+        ).basis
         if directions.shape[1] == 0 or nearest_change(motion, pieces) < FAR:
             continue  # where both contacts of a rate-independent system slide nothing is free
         found = variation(motion, pieces, directions)
@@ -86,8 +99,10 @@ def test_return_map(kind: str, size: int, contacts: int) -> None:
         expected = differences(motion, directions)
         scale = 1.0 + np.max(np.abs(expected))
         assert np.max(np.abs(found.matrix - expected)) < 1e-6 * scale, (kind, seed)
-        # The return map keeps the constraints, so its multipliers are those of the block along the directions.
-        M, D = directions.T @ found.matrix, directions.T @ expected
+        # The return map keeps the constraints, so its multipliers are those of the block along the
+        # directions.
+        M = directions.T @ found.matrix
+        D = directions.T @ expected
         assert np.sort(np.abs(np.linalg.eigvals(M))) == pytest.approx(
             np.sort(np.abs(np.linalg.eigvals(D))), abs=1e-5 * scale**0.5
         )
@@ -107,7 +122,10 @@ def test_cycles(kind: str, size: int, contacts: int) -> None:
         assert cycle.trivial == 0
         assert cycle.period / PERIOD == pytest.approx(round(cycle.period / PERIOD), rel=1e-12)
         last = simulate(
-            system, (cycle.time, cycle.time + 12 * cycle.period), cycle.trajectory.final, cycle.parameters
+            system,
+            (cycle.time, cycle.time + 12 * cycle.period),
+            cycle.trajectory.final,
+            cycle.parameters,
         ).final
         moved = np.array([last[name] - cycle.state[name] for name in cycle.state])
         growth = max(1.0, float(np.max(np.abs(cycle.multipliers)))) ** 12

@@ -1,4 +1,5 @@
-"""Two hundred mutated model files: each loads, or gives exactly one clear message; nothing is executed."""
+"""Two hundred mutated model files: each loads, or gives exactly one clear message; nothing is
+executed."""
 
 import random
 import re
@@ -116,7 +117,8 @@ def assignments(text: str) -> list[int]:
 
 def on_a_line(change: Callable[[str, random.Random], str]) -> Callable[[str, random.Random], str]:
     def mutate(text: str, rng: random.Random) -> str:
-        rows, i = lines(text), rng.choice(assignments(text))
+        rows = lines(text)
+        i = rng.choice(assignments(text))
         rows[i] = change(rows[i], rng)
         return "\n".join(rows)
 
@@ -144,7 +146,8 @@ def truncate(text: str, rng: random.Random) -> str:
 
 
 def repeat_line(text: str, rng: random.Random) -> str:
-    rows, i = lines(text), rng.choice(assignments(text))
+    rows = lines(text)
+    i = rng.choice(assignments(text))
     return "\n".join([*rows[: i + 1], rows[i], *rows[i + 1 :]])
 
 
@@ -170,7 +173,11 @@ def another_value_inside(row: str, rng: random.Random) -> str:
     """Replace one value within a table, if the line has one."""
     places = list(re.finditer(r"= *(\"[^\"]*\"|\[[^\]]*\]|[-\w.]+)", row))
     place = rng.choice(places) if places else None
-    return row[: place.start()] + "= " + rng.choice(VALUES) + row[place.end() :] if place else row + "{"
+    return (
+        row[: place.start()] + "= " + rng.choice(VALUES) + row[place.end() :]
+        if place
+        else row + "{"
+    )
 
 
 @on_a_line
@@ -179,7 +186,9 @@ def another_key(row: str, rng: random.Random) -> str:
     parts = key.strip().split(".")
     i = rng.randrange(len(parts))
     slips = [parts[i] + "s", parts[i][::-1], parts[i][1:], parts[i].upper()]
-    parts[i] = rng.choice(["", "x", '"a b"', '"a\\nb"', "t", "sin", "__class__", "a.b.c.d", "é", *slips])
+    parts[i] = rng.choice(
+        ["", "x", '"a b"', '"a\\nb"', "t", "sin", "__class__", "a.b.c.d", "é", *slips]
+    )
     return ".".join(parts) + " =" + value
 
 
@@ -188,7 +197,11 @@ def hostile_formula(row: str, rng: random.Random) -> str:
     places = list(re.finditer(r'"[^"]*"', row))
     place = rng.choice(places) if places else None
     text = '"' + rng.choice(HOSTILE) + '"'
-    return row[: place.start()] + text + row[place.end() :] if place else row[: row.index("=")] + "= " + text
+    return (
+        row[: place.start()] + text + row[place.end() :]
+        if place
+        else row[: row.index("=")] + "= " + text
+    )
 
 
 @on_a_line
@@ -244,12 +257,24 @@ def mutated(seed: int) -> str:
 
 
 class Watch:
-    """Notes what Python does beyond computing: it is told of every file, process, connection and piece of code."""
+    """Notes what Python does beyond computing: it is told of every file, process, connection and
+    piece of code."""
 
-    FORBIDDEN = ("open", "exec", "import", "os.", "subprocess.", "socket.", "shutil.", "ctypes.", "pty.")
+    FORBIDDEN = (
+        "open",
+        "exec",
+        "import",
+        "os.",
+        "subprocess.",
+        "socket.",
+        "shutil.",
+        "ctypes.",
+        "pty.",
+    )
 
     def __init__(self) -> None:
-        self.on, self.seen = False, list[str]()
+        self.on = False
+        self.seen = list[str]()
         sys.addaudithook(self.hook)
 
     def hook(self, event: str, arguments: object) -> None:
@@ -257,7 +282,8 @@ class Watch:
             self.seen.append(f"{event} {arguments}")
 
     def __enter__(self) -> "Watch":
-        self.on, self.seen = True, []
+        self.on = True
+        self.seen = []
         return self
 
     def __exit__(self, *_: object) -> None:

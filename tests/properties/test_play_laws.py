@@ -102,12 +102,15 @@ def test_certified_and_exact_between_samples(m: Motion) -> None:
 @law
 @given(
     motions,
-    st.sampled_from([lambda t: t**2 / T, lambda t: T * np.sin(np.pi * t / (2 * T)), lambda t: T * (t / T) ** 3]),
+    st.sampled_from(
+        [lambda t: t**2 / T, lambda t: T * np.sin(np.pi * t / (2 * T)), lambda t: T * (t / T) ** 3]
+    ),
 )
 def test_rate_independence(m: Motion, clock: Callable[[Array], Array]) -> None:
     """Load and thresholds at another pace: the same path."""
     slow = m.follow(
-        load=lambda t: m.load(clock(t)), threshold=(lambda t: m.above(clock(t)), lambda t: m.below(clock(t)))
+        load=lambda t: m.load(clock(t)),
+        threshold=(lambda t: m.above(clock(t)), lambda t: m.below(clock(t))),
     )
     motion = m.follow()
     assert largest(slow.position(TIMES) - motion.position(np.minimum(clock(TIMES), T))) < 1e-11
@@ -118,14 +121,17 @@ def test_rate_independence(m: Motion, clock: Callable[[Array], Array]) -> None:
 @given(motions, numbers(0, 1), numbers(0, 1))
 def test_contraction(m: Motion, first: float, second: float) -> None:
     """Two motions under one load never move apart, and have met for good once they are equal."""
-    gap = np.abs(np.diff([m.follow(initial=m.start(p)).position(TIMES) for p in (first, second)], axis=0)[0])
+    gap = np.abs(
+        np.diff([m.follow(initial=m.start(p)).position(TIMES) for p in (first, second)], axis=0)[0]
+    )
     assert np.all(np.diff(gap) <= 1e-12)
 
 
 @law
 @given(motions, motions)
 def test_lipschitz_and_monotone_in_the_load(m: Motion, other: Motion) -> None:
-    """|z − z̃| <= max(|z(0) − z̃(0)|, sup |ℓ − ℓ̃|), and a larger load never leads to a smaller z."""
+    """|z − z̃| <= max(|z(0) − z̃(0)|, sup |ℓ − ℓ̃|), and a larger load never leads to a smaller
+    z."""
     fine = np.linspace(0.0, T, 20_001)
 
     def shift(t: Array) -> Array:
@@ -133,7 +139,8 @@ def test_lipschitz_and_monotone_in_the_load(m: Motion, other: Motion) -> None:
 
     z = m.follow().position(fine)
     moved = m.follow(load=lambda t: m.load(t) + shift(t)).position(fine)
-    assert largest(moved - z) <= largest(shift(fine)) + 1e-4  # the largest shift may fall between samples
+    # the largest shift may fall between samples
+    assert largest(moved - z) <= largest(shift(fine)) + 1e-4
     raised = m.follow(load=lambda t: m.load(t) + shift(t) ** 2).position(fine)
     assert np.all(raised >= z - 1e-11)
 
@@ -141,12 +148,16 @@ def test_lipschitz_and_monotone_in_the_load(m: Motion, other: Motion) -> None:
 @law
 @given(motions, numbers(0.2, 3.8))
 def test_semigroup(m: Motion, stop: float) -> None:
-    whole, first = m.follow(), m.follow(t_span=(0.0, stop))
+    whole = m.follow()
+    first = m.follow(t_span=(0.0, stop))
     second = m.follow(t_span=(stop, T), initial=first.final)
-    early, late = TIMES[stop >= TIMES], TIMES[stop <= TIMES]
+    early = TIMES[stop >= TIMES]
+    late = TIMES[stop <= TIMES]
     assert largest(first.position(early) - whole.position(early)) < 1e-11
     assert largest(second.position(late) - whole.position(late)) < 1e-11
-    assert np.isclose(first.dissipated + second.dissipated, whole.dissipated, rtol=1e-10, atol=1e-10)
+    assert np.isclose(
+        first.dissipated + second.dissipated, whole.dissipated, rtol=1e-10, atol=1e-10
+    )
 
 
 @law
@@ -161,7 +172,9 @@ def test_scaling(m: Motion, force: float, stiffness: float) -> None:
     )
     motion = m.follow()
     assert largest(scaled.position(TIMES) * stiffness / force - motion.position(TIMES)) < 1e-11
-    assert np.isclose(scaled.dissipated * stiffness / force**2, motion.dissipated, rtol=1e-10, atol=1e-10)
+    assert np.isclose(
+        scaled.dissipated * stiffness / force**2, motion.dissipated, rtol=1e-10, atol=1e-10
+    )
 
 
 @law
@@ -174,7 +187,8 @@ def test_reflection(m: Motion) -> None:
 @law
 @given(paths, radii)
 def test_only_turning_points_matter(load: Array, r: Array) -> None:
-    """Samples in between, as many as one likes, change nothing, bit by bit; nor does it matter when they are taken."""
+    """Samples in between, as many as one likes, change nothing, bit by bit; nor does it matter when
+    they are taken."""
     low, high = np.minimum(load[:-1], load[1:]), np.maximum(load[:-1], load[1:])
     between = np.clip(np.linspace(load[:-1], load[1:], 4, endpoint=False), low, high)
     finer = np.append(between.T.ravel(), load[-1])
@@ -189,7 +203,8 @@ def test_only_turning_points_matter(load: Array, r: Array) -> None:
 @law
 @given(paths, radii, paths)
 def test_what_is_surpassed_is_forgotten(load: Array, r: Array, past: Array) -> None:
-    """After a swing to ±M, beyond everything before and its thresholds, the past no longer shows."""
+    """After a swing to ±M, beyond everything before and its thresholds, the past no longer
+    shows."""
     beyond = 3.0 + 2.0 * r.max() + 3.0
     for turn in (beyond, -beyond):
         one = plays(np.concatenate([past, [turn], load]), r)[-len(load) :]
@@ -201,13 +216,16 @@ def test_what_is_surpassed_is_forgotten(load: Array, r: Array, past: Array) -> N
 @given(paths, radii)
 def test_sum_of_plays(load: Array, r: Array) -> None:
     weights = np.cos(np.arange(len(r)))
-    np.testing.assert_allclose(prandtl_ishlinskii(load, r, weights), plays(load, r) @ weights, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(
+        prandtl_ishlinskii(load, r, weights), plays(load, r) @ weights, rtol=0, atol=1e-13
+    )
 
 
 @law
 @given(paths, radii)
 def test_periodic_after_one_round(load: Array, r: Array) -> None:
-    """Under a periodic load every play is periodic from the second time around on, and pushed wherever it moves."""
+    """Under a periodic load every play is periodic from the second time around on, and pushed
+    wherever it moves."""
     closed = np.concatenate([load, load[-2::-1]])
     z = plays(np.concatenate([closed, closed[1:]]), r)[len(closed) - 1 :]
     assert np.array_equal(z[0], z[-1])

@@ -36,7 +36,7 @@ def shift(reach: float, s: float) -> Array:
     return np.array([reach * np.cos(2 * np.pi * s), 0.0])
 
 
-# --- Minima over the phase -------------------------------------------------------------------------------------------
+# --- Minima over the phase ------------------------------------------------------------------------
 
 
 def test_minima_of_formulas() -> None:
@@ -45,7 +45,8 @@ def test_minima_of_formulas() -> None:
             [
                 "2 - cos(2*pi*(s - 0.3))",
                 "1 + abs(sin(pi*(s - 1/3)))",  # a kink at 1/3
-                "cos(4*pi*s) + 0.1*cos(2*pi*s) + 3",  # two wells, the deeper one beside s = 1/4 and its mirror image
+                # two wells, the deeper one beside s = 1/4 and its mirror image
+                "cos(4*pi*s) + 0.1*cos(2*pi*s) + 3",
                 "piecewise(cos(2*pi*s) > 0.5, 1, 2)",  # jumps
                 "7",
                 "max(1, 2 + 3*sin(2*pi*s))",  # a plateau
@@ -54,9 +55,13 @@ def test_minima_of_formulas() -> None:
             "weights",
         )
     )
-    inner = minimize_scalar(lambda s: np.cos(4 * np.pi * s) + 0.1 * np.cos(2 * np.pi * s) + 3, (0.2, 0.25, 0.4)).fun
+    inner = minimize_scalar(
+        lambda s: np.cos(4 * np.pi * s) + 0.1 * np.cos(2 * np.pi * s) + 3, (0.2, 0.25, 0.4)
+    ).fun
     last = minimize_scalar(
-        lambda s: np.exp(np.sin(2 * np.pi * s) + np.cos(6 * np.pi * s) / 5), (0.7, 0.8, 0.9), tol=1e-9
+        lambda s: np.exp(np.sin(2 * np.pi * s) + np.cos(6 * np.pi * s) / 5),
+        (0.7, 0.8, 0.9),
+        tol=1e-9,
     ).fun
     s = np.linspace(0, 1, 100_001)
     assert last <= np.exp(np.sin(2 * np.pi * s) + np.cos(6 * np.pi * s) / 5).min() + 1e-12
@@ -71,7 +76,10 @@ def test_a_minimum_between_two_samples() -> None:
     # A narrow well that shows in the slopes of its neighbours only is refined all the same.
     well = (10.4) / SAMPLES
     (value,), (phase,), _, sampled = least_over_phases(
-        read(lambda s: [1 - np.exp(-((2 * SAMPLES * np.sin(np.pi * (s - well)) / np.pi) ** 2))], "weights")
+        read(
+            lambda s: [1 - np.exp(-((2 * SAMPLES * np.sin(np.pi * (s - well)) / np.pi) ** 2))],
+            "weights",
+        )
     )
     assert sampled == SAMPLES
     assert value == pytest.approx(0, abs=1e-14)
@@ -103,7 +111,7 @@ def test_many_components_need_an_elementwise_function() -> None:
         average.optimal_motion(np.ones(5000))
 
 
-# --- Closed forms ----------------------------------------------------------------------------------------------------
+# --- Closed forms ---------------------------------------------------------------------------------
 
 
 def test_asymmetric_weights() -> None:
@@ -130,7 +138,9 @@ def test_weights_that_vanish_up_to_rounding() -> None:
 
 
 def test_weights_negative_where_nobody_looked() -> None:
-    with pytest.raises(DeclarationError, match=r"component 1 is -0\.\d+ at phase s = 0\.7, but a threshold cannot"):
+    with pytest.raises(
+        DeclarationError, match=r"component 1 is -0\.\d+ at phase s = 0\.7, but a threshold cannot"
+    ):
         WeightedL1(lambda s: [1.0, np.abs(np.sin(np.pi * (s - 0.7))) - 1e-3]).average()
 
 
@@ -157,10 +167,16 @@ def test_groups() -> None:
 def test_fixed_normals_against_qhull() -> None:
     rng = np.random.default_rng(2)
     normals = np.vstack([rng.normal(size=(6, 3)), np.eye(3), -np.eye(3)])
-    base, swing, shift = rng.uniform(0.6, 1, 12), rng.uniform(0, 0.5, 12), rng.uniform(size=12)
-    source = Polytope(normals=normals, offsets=lambda s: base - swing * np.cos(2 * np.pi * (s - shift)))
+    base = rng.uniform(0.6, 1, 12)
+    swing = rng.uniform(0, 0.5, 12)
+    shift = rng.uniform(size=12)
+    source = Polytope(
+        normals=normals, offsets=lambda s: base - swing * np.cos(2 * np.pi * (s - shift))
+    )
     average = source.average()
-    vertices = HalfspaceIntersection(np.column_stack([normals, swing - base]), np.zeros(3)).intersections
+    vertices = HalfspaceIntersection(
+        np.column_stack([normals, swing - base]), np.zeros(3)
+    ).intersections
     for V in rng.normal(size=(10, 3)):
         exact = (vertices @ V).max()
         assert average.support(V) == pytest.approx(exact, rel=1e-12)
@@ -174,19 +190,24 @@ def test_fixed_normals_against_qhull() -> None:
 
 
 def test_fixed_normals_that_close_up() -> None:
-    average = Polytope(normals=SQUARE, offsets=["1", "sin(pi*s)**2", "1 + cos(2*pi*s)", "cos(pi*s)**2"]).average()
+    average = Polytope(
+        normals=SQUARE, offsets=["1", "sin(pi*s)**2", "1 + cos(2*pi*s)", "cos(pi*s)**2"]
+    ).average()
     assert average.support([2, 5]) == pytest.approx(2)
     assert average.support([-2, 5]) == pytest.approx(0, abs=1e-12)
     np.testing.assert_allclose(np.abs(average.frictionless), [[0], [1]], atol=1e-12)
 
 
-# --- Exchange --------------------------------------------------------------------------------------------------------
+# --- Exchange -------------------------------------------------------------------------------------
 
 
 def test_a_moving_polytope_against_a_fine_grid() -> None:
-    # Constraints of 600 phases together, in one linear program: an outer approximation, which the average refines.
+    # Constraints of 600 phases together, in one linear program: an outer approximation, which the
+    # average refines.
     corners = np.array([[2.0, 0.3], [-1.0, 1.0], [-0.5, -1.0], [1.0, -0.8]])
-    source = Polytope(vertices=lambda s: turned(corners, 0.4 * np.sin(2 * np.pi * s)) + shift(0.1, s))
+    source = Polytope(
+        vertices=lambda s: turned(corners, 0.4 * np.sin(2 * np.pi * s)) + shift(0.1, s)
+    )
     average = source.average()
     rows, offsets = [], []
     for s in np.arange(600) / 600:
@@ -215,7 +236,8 @@ def test_half_spaces_with_moving_normals() -> None:
 
 
 def test_an_ellipsoid_in_space() -> None:
-    # It turns about e_3 while its height changes: the closed form in the plane, the least height along e_3.
+    # It turns about e_3 while its height changes: the closed form in the plane, the least height
+    # along e_3.
     def shape(s: float) -> Array:
         axes = np.eye(3)
         axes[:2, :2] = turned(np.eye(2), np.pi * s)
@@ -226,14 +248,18 @@ def test_an_ellipsoid_in_space() -> None:
     assert average.support([3, 4, 0]) == pytest.approx(2.5, abs=1e-7)
     oblique = average.optimal_motion([1.0, 0.5, 0.7])
     assert len(oblique.phases) >= 2
-    assert oblique.cost < min(Ellipsoid(shape).value(s, [1.0, 0.5, 0.7]) for s in np.linspace(0, 1, 100)) - 1e-3
+    assert (
+        oblique.cost
+        < min(Ellipsoid(shape).value(s, [1.0, 0.5, 0.7]) for s in np.linspace(0, 1, 100)) - 1e-3
+    )
     assert abs(oblique.gap) < 1e-7
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
 def test_the_tolerance_is_kept(tolerance: float) -> None:
     shape = [["1 + 0.5*cos(2*pi*s)", "0.4*sin(2*pi*s)"], ["0.4*sin(2*pi*s)", "1 - 0.5*cos(2*pi*s)"]]
-    source, V = Ellipsoid(shape), np.array([0.4, 0.9])
+    source = Ellipsoid(shape)
+    V = np.array([0.4, 0.9])
     average = source.average(tolerance)
     motion = average.optimal_motion(V)
     assert abs(motion.gap) <= 2 * tolerance
@@ -244,7 +270,8 @@ def test_the_tolerance_is_kept(tolerance: float) -> None:
 
 def test_a_potential_that_does_not_change() -> None:
     S = np.array([[2.0, 0.5], [0.5, 1.0]])
-    fixed, average = Ellipsoid(S), Ellipsoid(S).average()
+    fixed = Ellipsoid(S)
+    average = Ellipsoid(S).average()
     assert average.support([1, 2]) == pytest.approx(fixed.support([1, 2]), rel=1e-14)
     np.testing.assert_allclose(average.project([3, 1]), fixed.project([3, 1]), atol=1e-14)
     assert not average.depends_on_phase
@@ -271,7 +298,7 @@ def test_a_product_is_averaged_by_its_factors() -> None:
     np.testing.assert_allclose(average.project([3.0, -1.0, 0.4], metric=metric), exact, atol=1e-6)
 
 
-# --- Where friction vanishes -----------------------------------------------------------------------------------------
+# --- Where friction vanishes ----------------------------------------------------------------------
 
 
 def test_two_crossing_segments_leave_nothing() -> None:
@@ -288,7 +315,9 @@ def test_two_crossing_segments_leave_nothing() -> None:
 
 def test_a_segment_that_turns_leaves_nothing() -> None:
     average = Ellipsoid(
-        lambda s: np.outer([np.cos(np.pi * s), np.sin(np.pi * s)], [np.cos(np.pi * s), np.sin(np.pi * s)])
+        lambda s: np.outer(
+            [np.cos(np.pi * s), np.sin(np.pi * s)], [np.cos(np.pi * s), np.sin(np.pi * s)]
+        )
     ).average()
     assert average.support([1.0, 0.3]) == pytest.approx(0, abs=1e-8)
     assert average.frictionless.shape == (2, 2)
@@ -311,7 +340,9 @@ def test_a_shrinking_axis_is_found_among_others() -> None:
     axes = np.linalg.qr(np.random.default_rng(4).normal(size=(3, 3)))[0]
 
     def shape(s: float) -> Array:
-        lengths = np.array([1.0, np.abs(np.sin(np.pi * (s - 0.41))), np.abs(np.sin(np.pi * (s - 0.87)))])
+        lengths = np.array(
+            [1.0, np.abs(np.sin(np.pi * (s - 0.41))), np.abs(np.sin(np.pi * (s - 0.87)))]
+        )
         return axes @ np.diag(lengths**2) @ axes.T
 
     average = Ellipsoid(shape).average()
@@ -322,19 +353,24 @@ def test_a_shrinking_axis_is_found_among_others() -> None:
 
 
 def test_flat_polytopes() -> None:
-    average = Polytope(vertices=lambda s: SQUARE * [1 + 0.5 * np.cos(2 * np.pi * s), np.sin(np.pi * s)]).average()
-    assert average.support([1.0, 3.0]) == pytest.approx(1.5, abs=1e-7) or average.support([1.0, 3.0]) < 1.5
+    average = Polytope(
+        vertices=lambda s: SQUARE * [1 + 0.5 * np.cos(2 * np.pi * s), np.sin(np.pi * s)]
+    ).average()
+    assert (
+        average.support([1.0, 3.0]) == pytest.approx(1.5, abs=1e-7)
+        or average.support([1.0, 3.0]) < 1.5
+    )
     assert average.support([0.0, 3.0]) == pytest.approx(0, abs=1e-8)
     np.testing.assert_allclose(np.abs(average.frictionless), [[0], [1]], atol=1e-7)
 
 
-# --- What cannot be reached ------------------------------------------------------------------------------------------
+# --- What cannot be reached -----------------------------------------------------------------------
 
 
 def test_an_infimum_that_is_hardly_attained() -> None:
-    # Two discs touch at 0, in which K_av = {0} has a tangent: Ψ_av(e_2) = 0 needs ever larger motions to and fro.
-    # Polygons in place of the discs have corners there, and the infimum is attained: by the larger a motion the more
-    # corners there are.
+    # Two discs touch at 0, in which K_av = {0} has a tangent: Ψ_av(e_2) = 0 needs ever larger
+    # motions to and fro. Polygons in place of the discs have corners there, and the infimum is
+    # attained: by the larger a motion the more corners there are.
     largest = []
     for corners in (10, 40, 160):
         angles = 2 * np.pi * np.arange(corners) / corners
@@ -349,8 +385,12 @@ def test_an_infimum_that_is_hardly_attained() -> None:
 
 def test_a_failure_says_what_was_reached(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("stickslip.rate_independent.averaging.semi_infinite.MOST_ROUNDS", 1)
-    average = Polytope(vertices=lambda s: SQUARE * [1 + 0.5 * np.cos(2 * np.pi * s), np.sin(np.pi * s)]).average()
-    with pytest.raises(ConvergenceError, match=r"after 1 rounds the duality gap is .*Raise the tolerance 1e-08"):
+    average = Polytope(
+        vertices=lambda s: SQUARE * [1 + 0.5 * np.cos(2 * np.pi * s), np.sin(np.pi * s)]
+    ).average()
+    with pytest.raises(
+        ConvergenceError, match=r"after 1 rounds the duality gap is .*Raise the tolerance 1e-08"
+    ):
         average.optimal_motion([1.0, 1.0])
 
 
@@ -381,7 +421,9 @@ def test_support_functions_are_averaged() -> None:
 
 def test_a_force_far_outside_at_a_narrow_waist_is_said_to_be() -> None:
     # At the samples, the force is outside by a millionth only; at the waist by a tenth.
-    average = Ellipsoid([["1 - 0.9*exp(-(sin(pi*(s - 0.3003))/1e-4)**2)", "0"], ["0", "1"]]).average()
+    average = Ellipsoid(
+        [["1 - 0.9*exp(-(sin(pi*(s - 0.3003))/1e-4)**2)", "0"], ["0", "1"]]
+    ).average()
     waist = Ellipsoid([[0.1, 0], [0, 1]])
     for beyond in (-1e-6, 1e-6, 1e-3):
         xi = np.array([0.2, np.sqrt((1.0 + beyond) ** 2 - 0.04)])
@@ -391,7 +433,8 @@ def test_a_force_far_outside_at_a_narrow_waist_is_said_to_be() -> None:
 
 
 def test_a_force_that_slides_asks_for_few_stretches() -> None:
-    # The contact moves all the time; a chord would have to be shorter than the root of the tolerance everywhere.
+    # The contact moves all the time; a chord would have to be shorter than the root of the
+    # tolerance everywhere.
     half = "15/8*{}(2*pi*s)"
     turning = [
         [f"17/8 + {half.format('cos')}", half.format("sin")],
@@ -399,7 +442,9 @@ def test_a_force_that_slides_asks_for_few_stretches() -> None:
     ]
     average = Ellipsoid(turning).average()
     for angle in np.linspace(0.0, 7.0, 150):
-        point = average.project([2.0 * np.cos(angle), 2.0 * np.sin(angle)], metric=np.diag([1.0, 1.5]))
+        point = average.project(
+            [2.0 * np.cos(angle), 2.0 * np.sin(angle)], metric=np.diag([1.0, 1.5])
+        )
         assert np.linalg.norm(point) == pytest.approx(0.5, abs=1e-8)
         assert average.contains(point, tolerance=0.0)
     assert len(average.cover) < 5000
@@ -412,7 +457,8 @@ def test_a_product_of_averages_remembers(monkeypatch: pytest.MonkeyPatch) -> Non
     average = Product(
         (Ellipsoid([["1 + cos(2*pi*s)/2", "0"], ["0", "1"]]), WeightedL1(["1 + sin(2*pi*s)/2"]))
     ).average()
-    metric, made = np.array([[2.0, 0.3, 0.5], [0.3, 1.0, 0.2], [0.5, 0.2, 1.0]]), []
+    metric = np.array([[2.0, 0.3, 0.5], [0.3, 1.0, 0.2], [0.5, 0.2, 1.0]])
+    made = []
     monkeypatch.setattr(semi_infinite, "Cover", lambda source: made.append(source) or Cover(source))
     first = average.project([2.0, 1.0, 3.0], metric=metric)
     np.testing.assert_allclose(average.project([2.0, 1.0, 3.0], metric=metric), first, atol=1e-6)

@@ -29,7 +29,7 @@ def spd(rng: np.random.Generator, n: int, least: float = 0.1) -> Array:
     return root @ root.T / n + least * np.eye(n)
 
 
-# --- Values ----------------------------------------------------------------------------------------------------------
+# --- Values ---------------------------------------------------------------------------------------
 
 
 def test_weighted_l1() -> None:
@@ -121,7 +121,9 @@ def test_support_function(given_gradient: bool) -> None:
     for xi in 3 * rng.normal(size=(4, 3)):
         assert potential.distance(xi) == pytest.approx(exact.distance(xi), abs=1e-8)
         np.testing.assert_allclose(potential.project(xi), exact.project(xi), atol=1e-6)
-        np.testing.assert_allclose(potential.project(xi, metric=metric), exact.project(xi, metric=metric), atol=1e-6)
+        np.testing.assert_allclose(
+            potential.project(xi, metric=metric), exact.project(xi, metric=metric), atol=1e-6
+        )
         np.testing.assert_allclose(potential.exposed(xi), exact.exposed(xi), atol=1e-9)
 
 
@@ -137,7 +139,8 @@ def test_support_functions_with_edges_and_curves(n: int) -> None:
     # A sum of segments and a ball: with and without its subgradient.
     rng = np.random.default_rng(n)
     for _ in range(10):
-        D, r = rng.normal(size=(3, n)), rng.uniform(0, 0.7)
+        D = rng.normal(size=(3, n))
+        r = rng.uniform(0, 0.7)
 
         def psi(s: float, v: Array, D: Array = D, r: float = r) -> float:
             return float(np.abs(D @ v).sum() + r * np.linalg.norm(v))
@@ -161,15 +164,18 @@ def test_formulas_jump_and_vanish() -> None:
     np.testing.assert_allclose(square.bounds(1e5 + 0.7)[1], square.bounds(0.7)[1])
 
 
-# --- Nearest points --------------------------------------------------------------------------------------------------
+# --- Nearest points -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 20, 60])
 def test_box_in_a_metric(n: int) -> None:
     rng = np.random.default_rng(n)
     for _ in range(5):
-        M, xi = spd(rng, n, 1e-3), 3 * rng.normal(size=n)
-        potential = WeightedL1(rng.uniform(0, 1, n), rng.uniform(0, 1, n) * (rng.uniform(size=n) > 0.2))
+        M = spd(rng, n, 1e-3)
+        xi = 3 * rng.normal(size=n)
+        potential = WeightedL1(
+            rng.uniform(0, 1, n), rng.uniform(0, 1, n) * (rng.uniform(size=n) > 0.2)
+        )
         lower, upper = potential.bounds()
         y = potential.project(xi, metric=M)
         root = np.linalg.cholesky(M).T
@@ -181,7 +187,8 @@ def test_box_in_a_metric(n: int) -> None:
 
 
 def test_box_pivoting_ends_where_blocks_cycle() -> None:
-    # Murty's matrix makes pivoting by least index as slow as it can be; Hilbert's is close to singular.
+    # Murty's matrix makes pivoting by least index as slow as it can be; Hilbert's is close to
+    # singular.
     for n in (4, 8, 10):
         L = np.tril(2.0 * np.ones((n, n)), -1) + np.eye(n)
         M = L @ L.T
@@ -200,11 +207,16 @@ def test_box_pivoting_ends_where_blocks_cycle() -> None:
 KINDS: dict[str, Callable[[np.random.Generator, int], Dissipation]] = {
     "groups": lambda rng, n: GroupNorm(rng.uniform(0.2, 1, n // 2)),
     "ellipsoid": lambda rng, n: Ellipsoid(spd(rng, n)),
-    "vertices": lambda rng, n: Polytope(vertices=np.vstack([rng.normal(size=(3 * n, n)), -np.ones((1, n)), np.eye(n)])),
-    "half-spaces": lambda rng, n: Polytope(
-        normals=np.vstack([rng.normal(size=(n, n)), np.eye(n), -np.eye(n)]), offsets=rng.uniform(0.2, 1, 3 * n)
+    "vertices": lambda rng, n: Polytope(
+        vertices=np.vstack([rng.normal(size=(3 * n, n)), -np.ones((1, n)), np.eye(n)])
     ),
-    "product": lambda rng, n: Product((WeightedL1(rng.uniform(0.2, 1, n - 2)), Ellipsoid(spd(rng, 2)))),
+    "half-spaces": lambda rng, n: Polytope(
+        normals=np.vstack([rng.normal(size=(n, n)), np.eye(n), -np.eye(n)]),
+        offsets=rng.uniform(0.2, 1, 3 * n),
+    ),
+    "product": lambda rng, n: Product(
+        (WeightedL1(rng.uniform(0.2, 1, n - 2)), Ellipsoid(spd(rng, 2)))
+    ),
 }
 
 
@@ -216,11 +228,13 @@ def test_nearest_point_in_a_metric(kind: str, n: int) -> None:
     rng = np.random.default_rng(n)
     potential = KINDS[kind](rng, n)
     for size in (0.05, 1.0, 10.0):
-        xi, M = size * rng.normal(size=n), spd(rng, n)
+        xi = size * rng.normal(size=n)
+        M = spd(rng, n)
         y = potential.project(xi, metric=M)
         pull = M @ (xi - y)
         assert potential.distance(y) < 1e-12
-        # ⟨M(ξ − y), η − y⟩ ≤ 0 for all η in K: the support function in the direction of the pull is attained at y.
+        # ⟨M(ξ − y), η − y⟩ ≤ 0 for all η in K: the support function in the direction of the pull is
+        # attained at y.
         scale = np.linalg.norm(M) * (np.linalg.norm(xi) + np.linalg.norm(y)) * np.linalg.norm(y)
         assert potential.support(pull) - pull @ y <= 1e-12 * scale
         if potential.contains(xi):
@@ -230,13 +244,17 @@ def test_nearest_point_in_a_metric(kind: str, n: int) -> None:
 def test_nearest_point_by_a_nonlinear_program() -> None:
     rng = np.random.default_rng(7)
     potential = GroupNorm([0.5, 1.0, 0.2])
-    M, xi = spd(rng, 6), 2 * rng.normal(size=6)
+    M = spd(rng, 6)
+    xi = 2 * rng.normal(size=6)
     result = minimize(
         lambda y: (xi - y) @ M @ (xi - y) / 2,
         np.zeros(6),
         jac=lambda y: M @ (y - xi),
         method="SLSQP",
-        constraints={"type": "ineq", "fun": lambda y: potential.radii_at() ** 2 - potential.norms(y) ** 2},
+        constraints={
+            "type": "ineq",
+            "fun": lambda y: potential.radii_at() ** 2 - potential.norms(y) ** 2,
+        },
         options={"ftol": 1e-14, "maxiter": 300},
     )
     np.testing.assert_allclose(potential.project(xi, metric=M), result.x, atol=1e-6)
@@ -251,13 +269,15 @@ def test_nearest_points_just_outside(beyond: float) -> None:
     ):
         y = np.array([0.3, 0.7])
         np.testing.assert_allclose(potential.project(y + beyond * np.array([1, 1])), y, atol=1e-15)
-    disc, y = Ellipsoid(np.eye(2)), np.array([0.6, 0.8])
+    disc = Ellipsoid(np.eye(2))
+    y = np.array([0.6, 0.8])
     np.testing.assert_allclose(disc.project(y * (1 + beyond)), y, atol=1e-15)
 
 
 def test_units_do_not_matter() -> None:
     rng = np.random.default_rng(5)
-    M, xi = spd(rng, 4), rng.normal(size=4)
+    M = spd(rng, 4)
+    xi = rng.normal(size=4)
     for unit in (1e-9, 1e9):
         for small, large in (
             (GroupNorm([0.3, 0.5]), GroupNorm([0.3 * unit, 0.5 * unit])),
@@ -265,11 +285,14 @@ def test_units_do_not_matter() -> None:
             (Ellipsoid(0.1 * np.eye(4)), Ellipsoid(0.1 * unit**2 * np.eye(4))),
         ):
             np.testing.assert_allclose(
-                large.project(unit * xi, metric=M), unit * small.project(xi, metric=M), rtol=1e-9, atol=1e-11 * unit
+                large.project(unit * xi, metric=M),
+                unit * small.project(xi, metric=M),
+                rtol=1e-9,
+                atol=1e-11 * unit,
             )
 
 
-# --- Many components -------------------------------------------------------------------------------------------------
+# --- Many components ------------------------------------------------------------------------------
 
 
 def test_a_million_components() -> None:
@@ -282,11 +305,14 @@ def test_a_million_components() -> None:
     assert discs.value(0, np.ones(1_000_000)) == pytest.approx(500_000 * np.sqrt(2))
 
 
-# --- What is refused -------------------------------------------------------------------------------------------------
+# --- What is refused ------------------------------------------------------------------------------
 
 two = WeightedL1([1.0, 2.0])
 BAD: dict[str, tuple[Callable[[], object], str]] = {
-    "negative": (lambda: WeightedL1([1.0, -0.5]), r"weights: component 1 is -0.5, but a threshold cannot be negative"),
+    "negative": (
+        lambda: WeightedL1([1.0, -0.5]),
+        r"weights: component 1 is -0.5, but a threshold cannot be negative",
+    ),
     "negative at a phase": (
         lambda: WeightedL1(["1", "cos(2*pi*s)"]),
         r"component 1 is -0\.\d+ at phase s = 0\.\d+, .*Write max\(\.\.\., 0\)",
@@ -301,18 +327,33 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
         r"phase s = 0.95",
     ),
     "undefined formula": (lambda: WeightedL1(["log(s)"]), r"component 0 is -inf at phase s = 0"),
-    "not periodic": (lambda: WeightedL1(["2 + cos(s)"]), r"not 1-periodic in the phase.*cos\(2\*pi\*s\)"),
-    "sizes change": (lambda: WeightedL1(lambda s: np.ones(2 + (s > 0.5))), r"has the shape \(3,\), but \(2,\)"),
+    "not periodic": (
+        lambda: WeightedL1(["2 + cos(s)"]),
+        r"not 1-periodic in the phase.*cos\(2\*pi\*s\)",
+    ),
+    "sizes change": (
+        lambda: WeightedL1(lambda s: np.ones(2 + (s > 0.5))),
+        r"has the shape \(3,\), but \(2,\)",
+    ),
     "two lengths": (
         lambda: WeightedL1([1.0, 2.0], lower=[1.0]),
         r"lower: it has 1 components, but there are 2 weights",
     ),
     "a number": (lambda: WeightedL1(1.0), r"weights: it has the shape \(\)"),
-    "nothing": (lambda: WeightedL1(None), r"no array of numbers, no function of the phase and no formula"),
+    "nothing": (
+        lambda: WeightedL1(None),
+        r"no array of numbers, no function of the phase and no formula",
+    ),
     "unknown name": (lambda: WeightedL1(["1 + t"]), r"weights\[0\]: unknown name 't'"),
-    "fails": (lambda: WeightedL1(lambda s: [1 / (s - s)]), r"the function fails at phase s = 0 \(ZeroDivisionError"),
+    "fails": (
+        lambda: WeightedL1(lambda s: [1 / (s - s)]),
+        r"the function fails at phase s = 0 \(ZeroDivisionError",
+    ),
     "group size": (lambda: GroupNorm([1.0], size=0), r"size: 0 is not a number of components"),
-    "not square": (lambda: Ellipsoid(np.ones((2, 3))), r"shape: its shape \(2, 3\) is not that of a square matrix"),
+    "not square": (
+        lambda: Ellipsoid(np.ones((2, 3))),
+        r"shape: its shape \(2, 3\) is not that of a square matrix",
+    ),
     "not symmetric": (lambda: Ellipsoid([[1, 2], [0, 5]]), r"shape: it is not symmetric"),
     "indefinite": (
         lambda: Ellipsoid([["cos(2*pi*s)", "0"], ["0", "1"]]),
@@ -334,14 +375,29 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
         lambda: Polytope(normals=[[1, 0], [0, 1], [0, -1]], offsets=[1, 1, 1]),
         r"leave a direction unbounded",
     ),
-    "no normal": (lambda: Polytope(normals=[[0, 0], [0, 1]], offsets=[1, 1]), r"normals: row 0 is 0"),
-    "moving polytope": (lambda: Polytope(vertices=lambda s: DIAMOND * (1 + s)), r"vertices: it is not 1-periodic"),
-    "both descriptions": (lambda: Polytope(vertices=DIAMOND, normals=DIAMOND), r"vertices, or normals and offsets"),
+    "no normal": (
+        lambda: Polytope(normals=[[0, 0], [0, 1]], offsets=[1, 1]),
+        r"normals: row 0 is 0",
+    ),
+    "moving polytope": (
+        lambda: Polytope(vertices=lambda s: DIAMOND * (1 + s)),
+        r"vertices: it is not 1-periodic",
+    ),
+    "both descriptions": (
+        lambda: Polytope(vertices=DIAMOND, normals=DIAMOND),
+        r"vertices, or normals and offsets",
+    ),
     "too few offsets": (lambda: Polytope(normals=DIAMOND, offsets=[1, 1]), r"there are 4 normals"),
-    "no potential": (lambda: Product((two, 3)), r"factors\[1\]: it is a int, not a dissipation potential"),
+    "no potential": (
+        lambda: Product((two, 3)),
+        r"factors\[1\]: it is a int, not a dissipation potential",
+    ),
     "no factor": (lambda: Product(()), r"factors: there is none"),
     "dimension": (lambda: SupportFunction(lambda s, v: 1.0, 0), r"dimension: 0 is not a dimension"),
-    "not homogeneous": (lambda: SupportFunction(lambda s, v: v @ v, 2), r"not 1-homogeneous at phase s = 0"),
+    "not homogeneous": (
+        lambda: SupportFunction(lambda s, v: v @ v, 2),
+        r"not 1-homogeneous at phase s = 0",
+    ),
     "not convex": (
         lambda: SupportFunction(lambda s, v: np.sqrt(np.abs(v[0] * v[1])), 2),
         r"not convex at phase s = 0",
@@ -358,9 +414,18 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
     "vector of words": (lambda: two.project(["a", "b"]), r"xi: it is not a vector of numbers"),
     "vector with NaN": (lambda: two.distance([np.nan, 1]), r"xi: component 0 is nan"),
     "step": (lambda: two.prox([1, 2], step=0), r"step: 0 is not positive"),
-    "metric too small": (lambda: two.project([1, 2], metric=[[1.0]]), r"metric: it has the shape \(1, 1\)"),
-    "metric not symmetric": (lambda: two.project([1, 2], metric=[[1, 2], [0, 5]]), r"metric: it is not symmetric"),
-    "metric indefinite": (lambda: two.project([1, 2], metric=np.diag([1, -1])), r"metric: it is not positive definite"),
+    "metric too small": (
+        lambda: two.project([1, 2], metric=[[1.0]]),
+        r"metric: it has the shape \(1, 1\)",
+    ),
+    "metric not symmetric": (
+        lambda: two.project([1, 2], metric=[[1, 2], [0, 5]]),
+        r"metric: it is not symmetric",
+    ),
+    "metric indefinite": (
+        lambda: two.project([1, 2], metric=np.diag([1, -1])),
+        r"metric: it is not positive definite",
+    ),
     "tolerance": (lambda: Ellipsoid(np.eye(2)).average(0.0), r"tolerance: 0.0 is not positive"),
 }
 
@@ -375,7 +440,10 @@ def test_refusals(case: str) -> None:
 def test_an_inaccurate_subgradient_is_noticed() -> None:
     # The subgradient belongs to a smaller ellipse: distances cannot be certified.
     potential = SupportFunction(
-        lambda s, v: np.hypot(v[0], 2 * v[1]), 2, lambda s, v: np.array([v[0], v[1]]) / np.hypot(*v), False
+        lambda s, v: np.hypot(v[0], 2 * v[1]),
+        2,
+        lambda s, v: np.array([v[0], v[1]]) / np.hypot(*v),
+        False,
     )
     with pytest.raises(ConvergenceError, match="distance is known to"):
         potential.project([0.0, 5.0])

@@ -11,7 +11,13 @@ from scipy import sparse
 from skfem.models.poisson import laplace
 
 from stickslip.errors import DeclarationError, StickslipError
-from stickslip.rate_independent.dissipation import Ellipsoid, GroupNorm, Polytope, Product, WeightedL1
+from stickslip.rate_independent.dissipation import (
+    Ellipsoid,
+    GroupNorm,
+    Polytope,
+    Product,
+    WeightedL1,
+)
 from stickslip.rate_independent.evolution import evolve as evolve_module
 from stickslip.rate_independent.evolution.evolution import Evolution
 from stickslip.rate_independent.evolution.evolve import evolve
@@ -27,14 +33,21 @@ LOADS = ["3*sin(2*t)", "2*t", "-2*sin(3*t)"]
 def three(**given) -> Evolution:
     """Three coupled components whose thresholds oscillate out of phase."""
     weights = [f"1 + cos(2*pi*(s + {k}/3))/2" for k in range(3)]
-    arguments = {"A": STIFF, "load": LOADS, "dissipation": WeightedL1(weights), "initial": np.zeros(3)}
+    arguments = {
+        "A": STIFF,
+        "load": LOADS,
+        "dissipation": WeightedL1(weights),
+        "initial": np.zeros(3),
+    }
     return Evolution(**{**arguments, "epsilon": 0.5, "span": (0, 3), **given})
 
 
-# --- What is refused -------------------------------------------------------------------------------------------------
+# --- What is refused ------------------------------------------------------------------------------
 
 asymmetric = STIFF + np.array([[0, 0, 0.25], [0, 0, 0], [0, 0, 0]])
-laplacian = sparse.diags_array([-np.ones(29_999), 2.0 * np.ones(30_000), -np.ones(29_999)], offsets=[-1, 0, 1])
+laplacian = sparse.diags_array(
+    [-np.ones(29_999), 2.0 * np.ones(30_000), -np.ones(29_999)], offsets=[-1, 0, 1]
+)
 free = sparse.csr_array(laplacian.copy())
 free[0, 0] = free[-1, -1] = 1.0
 disc = skfem.MeshTri.init_circle(3)
@@ -58,13 +71,19 @@ table[2, 1] = np.nan
             ["positive definite", "factorisation is -3"],
         ),
         ({"A": free}, ["positive definite", "translation"]),
-        ({"A": sparse.csr_array(laplacian - 0.5 * sparse.eye_array(30_000))}, ["positive definite", "energy"]),
+        (
+            {"A": sparse.csr_array(laplacian - 0.5 * sparse.eye_array(30_000))},
+            ["positive definite", "energy"],
+        ),
         ({"A": [[1.0, "x"], [0.0, 1.0]]}, ["A", "numbers"]),
         ({"A": np.diag([1.0, np.nan, 1.0])}, ["A", "finite"]),
         ({"load": LOADS[:2]}, ["load", "2 formulas for 3"]),
         ({"load": ["t", "t", "u"]}, ["load[2]", "unknown name 'u'"]),
         ({"load": lambda t: np.zeros(4)}, ["load", "(4,)", "3 rows"]),
-        ({"load": lambda t: np.array([0.0, np.inf if t == 1.5 else 0.0, 0.0])}, ["load[1]", "inf at t = 1.5"]),
+        (
+            {"load": lambda t: np.array([0.0, np.inf if t == 1.5 else 0.0, 0.0])},
+            ["load[1]", "inf at t = 1.5"],
+        ),
         ({"load": (np.arange(4.0), table)}, ["load[1]", "nan at t = 2"]),
         ({"load": (np.arange(4.0), np.zeros((4, 2)))}, ["load", "(4, 2)", "(times, 3)"]),
         ({"load": (np.array([0.0, 2.0, 1.0, 3.0]), np.zeros((4, 3)))}, ["load", "increase"]),
@@ -82,7 +101,11 @@ table[2, 1] = np.nan
 def test_bad_problems_are_refused(given: dict, words: list[str]) -> None:
     if "A" in given and sparse.issparse(given["A"]) and given["A"].shape[0] > 3:
         n = given["A"].shape[0]
-        given |= {"dissipation": WeightedL1(np.ones(n)), "initial": np.zeros(n), "load": lambda t: np.zeros(n)}
+        given |= {
+            "dissipation": WeightedL1(np.ones(n)),
+            "initial": np.zeros(n),
+            "load": lambda t: np.zeros(n),
+        }
     with pytest.raises(DeclarationError) as caught:
         three(**given)
     for word in words:
@@ -119,18 +142,21 @@ def test_bad_arguments_are_refused(times, given: dict, words: list[str]) -> None
         assert word in str(caught.value)
 
 
-# --- The start -------------------------------------------------------------------------------------------------------
+# --- The start ------------------------------------------------------------------------------------
 
 
 def test_settled_takes_the_nearest_stable_state_in_the_energy_norm() -> None:
-    """The nearest point, by its variational inequality ⟨A(z₀ − z*), z − z*⟩ ≤ 0 for every stable z."""
+    """The nearest point, by its variational inequality ⟨A(z₀ − z*), z − z*⟩ ≤ 0 for every stable
+    z."""
     z0 = np.array([1.0, -3.0, 2.0])
     problem = Evolution.settled(STIFF, LOADS, WeightedL1([1.0, 0.5, 2.0]), z0, span=(0, 1))
     rng = np.random.default_rng(0)
     forces = rng.uniform(-1.0, 1.0, (500, 3)) * [1.0, 0.5, 2.0]
     stable = np.linalg.solve(STIFF, (problem.ell.at(np.zeros(1))[0] - forces).T).T
     assert np.max((stable - problem.initial) @ STIFF @ (z0 - problem.initial)) <= 1e-12
-    inside = Evolution.settled(STIFF, LOADS, WeightedL1(9 * np.ones(3)), [0.1, 0.2, 0.3], span=(0, 1))
+    inside = Evolution.settled(
+        STIFF, LOADS, WeightedL1(9 * np.ones(3)), [0.1, 0.2, 0.3], span=(0, 1)
+    )
     np.testing.assert_array_equal(inside.initial, [0.1, 0.2, 0.3])
 
 
@@ -143,7 +169,9 @@ def test_settled_with_many_components() -> None:
     assert np.abs(force).max() <= 0.1 * (1 + 1e-8)
     # It moved where, and only where, the force was on its bound afterwards.
     moved = problem.initial - start
-    assert np.all(np.abs(force[moved > 0] - 0.1) < 1e-8) and np.all(np.abs(force[moved < 0] + 0.1) < 1e-8)
+    assert np.all(np.abs(force[moved > 0] - 0.1) < 1e-8) and np.all(
+        np.abs(force[moved < 0] + 0.1) < 1e-8
+    )
     assert 0 < np.count_nonzero(moved) < n
 
 
@@ -155,10 +183,11 @@ def test_load_kinds_agree() -> None:
     assert by_table.span == (0.0, 3.0)
     one, other = evolve(by_table, steps=300), evolve(by_call, steps=300)
     np.testing.assert_allclose(one.z, other.z, rtol=0, atol=1e-12)
-    assert set(knots) <= set(evolve(by_table, tolerance=1e-2).times)  # adaptive steps end at the knots
+    # adaptive steps end at the knots
+    assert set(knots) <= set(evolve(by_table, tolerance=1e-2).times)
 
 
-# --- Times and output ------------------------------------------------------------------------------------------------
+# --- Times and output -----------------------------------------------------------------------------
 
 
 def test_times_and_output() -> None:
@@ -182,7 +211,10 @@ def test_times_and_output() -> None:
     np.testing.assert_array_equal(strided.final, given.final)
 
     uniform = evolve(
-        problem, (0, 3), steps=30, observables={"spread": lambda t, z: np.ptp(z), "twice": lambda t, z: 2 * z}
+        problem,
+        (0, 3),
+        steps=30,
+        observables={"spread": lambda t, z: np.ptp(z), "twice": lambda t, z: 2 * z},
     )
     np.testing.assert_allclose(uniform.times, np.linspace(0, 3, 31), rtol=0, atol=1e-15)
     np.testing.assert_array_equal(uniform.dataset["spread"], np.ptp(uniform.z, axis=1))
@@ -210,14 +242,16 @@ def test_adaptive_steps_resolve_the_phase_as_the_tolerance_asks(tolerance: float
     assert np.abs(history.z - fine).max() < tolerance
 
 
-# --- The certificate -------------------------------------------------------------------------------------------------
+# --- The certificate ------------------------------------------------------------------------------
 
 
 def test_columns_are_what_they_say() -> None:
     """Energy, increments and the two-sided estimate, from the states alone."""
     problem = three()
     history = evolve(problem, steps=400)
-    t, z, data = history.times, history.z, history.dataset
+    t = history.times
+    z = history.z
+    data = history.dataset
     load = problem.ell.at(t)
     energy = 0.5 * np.einsum("ki,ij,kj->k", z, STIFF, z) - np.sum(load * z, axis=1)
     np.testing.assert_allclose(data["energy"], energy, rtol=0, atol=1e-12)
@@ -237,8 +271,12 @@ def test_columns_are_what_they_say() -> None:
     np.testing.assert_allclose(balance, np.cumsum(data["defect"]), rtol=0, atol=1e-12)
     np.testing.assert_array_equal(data["slipping"][1:], np.count_nonzero(d, axis=1))
     certificate = history.certificate
-    assert certificate["energy balance from below"].value == pytest.approx(half.sum() / history.energy_scale)
-    assert certificate["energy balance from above"].value == pytest.approx(lower.sum() / history.energy_scale)
+    assert certificate["energy balance from below"].value == pytest.approx(
+        half.sum() / history.energy_scale
+    )
+    assert certificate["energy balance from above"].value == pytest.approx(
+        lower.sum() / history.energy_scale
+    )
     assert certificate.to_dict()["verdict"] == certificate.verdict
 
 
@@ -265,14 +303,18 @@ def test_no_solver_is_believed(monkeypatch: pytest.MonkeyPatch) -> None:
     history = evolve(three(), steps=300)
     assert history.outcome is EvolutionOutcome.NOT_CONVERGED
     # The last state that was kept is stable, the next one would not have been.
-    problem, t = three(), float(history.dataset["step_time"][-1])
+    problem = three()
+    t = float(history.dataset["step_time"][-1])
     assert problem.dissipation.contains(problem.force(t, history.final), t / 0.5)
-    assert not problem.dissipation.contains(problem.force(t + 0.01, history.final), (t + 0.01) / 0.5)
+    assert not problem.dissipation.contains(
+        problem.force(t + 0.01, history.final), (t + 0.01) / 0.5
+    )
 
 
 @pytest.mark.parametrize("steps", [10, 40, 160, 640])
 def test_the_error_estimate_is_a_bound(steps: int) -> None:
-    """Thresholds and loads affine within the steps: nothing overshoots, and √(2 Σ defect) bounds the error."""
+    """Thresholds and loads affine within the steps: nothing overshoots, and √(2 Σ defect) bounds
+    the error."""
     knots = np.linspace(0.0, 2.0, 11)
     rng = np.random.default_rng(3)
     values = np.cumsum(rng.normal(size=(11, 3)), axis=0)
@@ -281,13 +323,15 @@ def test_the_error_estimate_is_a_bound(steps: int) -> None:
     exact = evolve(problem, steps=40_960)
     history = evolve(problem, steps=steps)
     # Between the steps, where z is affine; at their ends these states are exact.
-    error = np.column_stack([np.interp(exact.times, history.times, z) for z in history.z.T]) - exact.z
+    error = (
+        np.column_stack([np.interp(exact.times, history.times, z) for z in history.z.T]) - exact.z
+    )
     in_energy = np.sqrt(np.einsum("ki,ij,kj->k", error, STIFF, error)).max()
     assert history.certificate["stability between steps"].value < 1e-12
     assert 1e-4 < in_energy <= history.certificate["error of z"].value
 
 
-# --- How it can end --------------------------------------------------------------------------------------------------
+# --- How it can end -------------------------------------------------------------------------------
 
 
 def test_interrupted_and_continued() -> None:
@@ -295,7 +339,8 @@ def test_interrupted_and_continued() -> None:
         if fraction > 0.4:
             raise KeyboardInterrupt
 
-    problem, times = three(), np.linspace(0, 3, 20_001)
+    problem = three()
+    times = np.linspace(0, 3, 20_001)
     whole = evolve(problem, times, observables={"first": lambda t, z: z[0]})
     part = evolve(problem, times, observables={"first": lambda t, z: z[0]}, progress=stop)
     assert part.outcome is EvolutionOutcome.INTERRUPTED and "start=result" in part.message
@@ -355,7 +400,9 @@ def test_nothing_is_said_without_a_terminal(capsys: pytest.CaptureFixture) -> No
     assert captured.out == captured.err == ""
 
 
-def test_a_person_at_a_terminal_sees_a_bar(capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_person_at_a_terminal_sees_a_bar(
+    capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
     monkeypatch.setenv("TERM", "xterm")
     evolve(three(), steps=300)
@@ -373,7 +420,7 @@ def test_outcomes_have_numbers() -> None:
         EvolutionOutcome.from_code(99)
 
 
-# --- Every kind of potential, and which solver takes it ---------------------------------------------------------------
+# --- Every kind of potential, and which solver takes it -------------------------------------------
 
 KINDS = {
     "boxes": WeightedL1([1.0, 0.5, 2.0, 1.0], lower=[2.0, 0.5, 0.1, 1.0]),
@@ -392,12 +439,16 @@ def test_every_kind_of_potential(kind: str) -> None:
     rng = np.random.default_rng(5)
     root = rng.normal(size=(4, 4))
     A = root @ root.T + np.eye(4)
-    problem = Evolution(A, lambda t: 3.0 * np.sin([t, 2 * t, 3 * t, t]), psi, np.zeros(4), span=(0, 1.0))
+    problem = Evolution(
+        A, lambda t: 3.0 * np.sin([t, 2 * t, 3 * t, t]), psi, np.zeros(4), span=(0, 1.0)
+    )
     history = evolve(problem, steps=60, tolerance=2e-2)
     assert history.outcome.ok and history.certificate.ok, history.certificate.verdict
     assert history.dataset["slipping"].max() >= 1
     k = int(np.argmax(history.dataset["slipping"].values))
-    t, before, after = float(history.times[k]), history.z[k - 1], history.z[k]
+    t = float(history.times[k])
+    before = history.z[k - 1]
+    after = history.z[k]
     pulled, held = problem.force(t, before), problem.force(t, after)
     assert psi.distance(held) < 1e-7
     # ξ is the projection: ⟨A⁻¹(r − ξ), η − ξ⟩ ≤ 0 for every η in K, that is, Ψ(d) ≤ ⟨ξ, d⟩.
@@ -406,12 +457,16 @@ def test_every_kind_of_potential(kind: str) -> None:
 
 
 def test_which_solver_takes_what() -> None:
-    names = {kind: type(choose_solver(_small(psi), None, 1e-8)).__name__ for kind, psi in KINDS.items()}
+    names = {
+        kind: type(choose_solver(_small(psi), None, 1e-8)).__name__ for kind, psi in KINDS.items()
+    }
     assert names.pop("boxes") == "BoxSteps" and set(names.values()) == {"ProjectionSteps"}
     for psi in (WeightedL1(np.ones(1000)), GroupNorm(np.ones(500))):
         large = Evolution(sparse.eye_array(1000), lambda t: np.zeros(1000), psi, np.zeros(1000))
         assert type(choose_solver(large, None, 1e-8)).__name__ == "MultigridSteps"
-    assert type(choose_solver(_small(KINDS["groups"]), "multigrid", 1e-8)).__name__ == "MultigridSteps"
+    assert (
+        type(choose_solver(_small(KINDS["groups"]), "multigrid", 1e-8)).__name__ == "MultigridSteps"
+    )
     for kind, solver in (("ellipsoid", "multigrid"), ("groups", "sparse")):
         with pytest.raises(DeclarationError, match="cannot treat"):
             choose_solver(_small(KINDS[kind]), solver, 1e-8)
@@ -421,11 +476,13 @@ def _small(psi) -> Evolution:
     return Evolution(np.eye(4), ["t"] * 4, psi, np.zeros(4))
 
 
-# --- Files and pictures ----------------------------------------------------------------------------------------------
+# --- Files and pictures ---------------------------------------------------------------------------
 
 
 def test_saved_and_opened_again(tmp_path: Path) -> None:
-    history = evolve(three(), (0, 1), steps=200, output=10, observables={"first": lambda t, z: z[:2]})
+    history = evolve(
+        three(), (0, 1), steps=200, output=10, observables={"first": lambda t, z: z[:2]}
+    )
     history.save(tmp_path / "history.nc")
     again = open_history(tmp_path / "history.nc")
     assert again.dataset.identical(history.dataset)
@@ -448,16 +505,22 @@ def test_pictures() -> None:
     assert [axes.get_ylabel() for axes in few.axes] == ["$z_{1}$", "$z_{2}$", "$z_{3}$", "energy"]
     n = 12
     A = 2.0 * np.eye(n) - 0.5 * np.eye(n, k=1) - 0.5 * np.eye(n, k=-1)
-    many = evolve(Evolution(A, lambda t: np.full(n, 3.0 * t), WeightedL1(np.ones(n)), np.zeros(n)), steps=50).plot()
+    many = evolve(
+        Evolution(A, lambda t: np.full(n, 3.0 * t), WeightedL1(np.ones(n)), np.zeros(n)), steps=50
+    ).plot()
     assert [axes.get_ylabel() for axes in many.axes[:3]] == ["component", "slipping", "energy"]
 
 
-@pytest.mark.parametrize(("angle", "steps"), [("2*pi*s", 64), ("1.2*sin(2*pi*s)", 37)], ids=["turning", "swinging"])
+@pytest.mark.parametrize(
+    ("angle", "steps"), [("2*pi*s", 64), ("1.2*sin(2*pi*s)", 37)], ids=["turning", "swinging"]
+)
 def test_steps_with_an_averaged_ellipse_reach_rounding(angle: str, steps: int) -> None:
     c, s = f"15/8*cos({angle})", f"15/8*sin({angle})"
     psi = Ellipsoid([[f"17/8 + {c}", s], [s, f"17/8 - {c}"]])
     load = ["2*sin(2*pi*t)", "2*sin(4*pi*t)"]
-    problem = Evolution([[1.0, 0.3], [0.3, 0.5]], load, psi, [0.0, 0.0], epsilon=0.1, span=(0, 1)).averaged()
+    problem = Evolution(
+        [[1.0, 0.3], [0.3, 0.5]], load, psi, [0.0, 0.0], epsilon=0.1, span=(0, 1)
+    ).averaged()
     found = evolve(problem, steps=steps)
     assert found.outcome.ok
     assert found.dataset["residual"].max() <= 1e-12

@@ -1,4 +1,5 @@
-"""The multigrid step against enumeration, cone programs and plain linear algebra; its laws; what it refuses."""
+"""The multigrid step against enumeration, cone programs and plain linear algebra; its laws; what it
+refuses."""
 
 from __future__ import annotations
 
@@ -27,7 +28,10 @@ seeds = st.integers(0, 2**32 - 1)
 def membrane(N: int) -> tuple[sp.csr_array, Array, Array]:
     """−Δ + 1 on a square grid of N² points, and their coordinates."""
     h = 1.0 / (N + 1)
-    second = sp.diags_array([-np.ones(N - 1), 2.0 * np.ones(N), -np.ones(N - 1)], offsets=[-1, 0, 1]) / h**2
+    second = (
+        sp.diags_array([-np.ones(N - 1), 2.0 * np.ones(N), -np.ones(N - 1)], offsets=[-1, 0, 1])
+        / h**2
+    )
     line = np.arange(1, N + 1) * h
     x, y = (part.ravel() for part in np.meshgrid(line, line, indexing="ij"))
     return sp.csr_array(sp.kronsum(second, second) + sp.eye_array(N * N)), x, y
@@ -55,18 +59,25 @@ def violation(A: Array | sp.csr_array, r: Array, d: Array, lower: Array, upper: 
     """Largest distance of r − A d to the subdifferential, box."""
     force = r - A @ d
     at_rest = np.maximum(force - upper, lower - force)
-    return float(np.select([d > 0, d < 0], [abs(force - upper), abs(force - lower)], np.maximum(at_rest, 0.0)).max())
+    return float(
+        np.select(
+            [d > 0, d < 0], [abs(force - upper), abs(force - lower)], np.maximum(at_rest, 0.0)
+        ).max()
+    )
 
 
 def violation_of_groups(A: Array | sp.csr_array, r: Array, d: Array, radii: Array) -> float:
     """Largest distance of r − A d to the subdifferential, balls."""
     m = len(r) // len(radii)
-    force, v = (r - A @ d).reshape(-1, m), d.reshape(-1, m)
+    force = (r - A @ d).reshape(-1, m)
+    v = d.reshape(-1, m)
     length = np.linalg.norm(v, axis=1)
     moving = length > 0
     unit = v / np.where(moving, length, 1.0)[:, None]
     sliding = np.linalg.norm(force - radii[:, None] * unit, axis=1)
-    return float(np.where(moving, sliding, np.maximum(np.linalg.norm(force, axis=1) - radii, 0.0)).max())
+    return float(
+        np.where(moving, sliding, np.maximum(np.linalg.norm(force, axis=1) - radii, 0.0)).max()
+    )
 
 
 def energy(A: sp.csr_array, r: Array, d: Array, lower: Array, upper: Array) -> float:
@@ -78,16 +89,22 @@ def by_enumeration(A: Array, r: Array, lower: Array, upper: Array) -> Array:
     best = (np.inf, np.zeros(len(r)))
     for pattern in product((-1, 0, 1), repeat=len(r)):
         signs = np.array(pattern)
-        free, d = signs != 0, np.zeros(len(r))
+        free = signs != 0
+        d = np.zeros(len(r))
         if free.any():
-            d[free] = np.linalg.solve(A[np.ix_(free, free)], (r - np.where(signs > 0, upper, lower))[free])
+            d[free] = np.linalg.solve(
+                A[np.ix_(free, free)], (r - np.where(signs > 0, upper, lower))[free]
+            )
         d[d * signs < 0] = 0.0
         best = min(best, (violation(A, r, d, lower, upper), d), key=lambda found: found[0])
     return best[1]
 
 
-def by_clarabel(A: sp.csr_array, r: Array, radii: Array, m: int, lower: Array | None = None) -> Array:
-    """Epigraph form: minimise ½ d·A d − r·d + Σ t, t ≥ radius |d| (m > 1) or t ≥ upper d, t ≥ lower d."""
+def by_clarabel(
+    A: sp.csr_array, r: Array, radii: Array, m: int, lower: Array | None = None
+) -> Array:
+    """Epigraph form: minimise ½ d·A d − r·d + Σ t, t ≥ radius |d| (m > 1) or t ≥ upper d, t ≥ lower
+    d."""
     n, k = len(r), len(radii)
     H = sp.block_diag((A, sp.csc_array((k, k))), format="csc")
     if lower is not None:
@@ -97,7 +114,9 @@ def by_clarabel(A: sp.csr_array, r: Array, radii: Array, m: int, lower: Array | 
         blocks = np.full((k, m + 1), -1.0)
         blocks[:, 1:] = -radii[:, None]
         order = np.concatenate([np.arange(n, n + k)[:, None], np.arange(n).reshape(k, m)], axis=1)
-        rows = sp.csr_array((blocks.ravel(), (np.arange(n + k), order.ravel())), shape=(n + k, n + k))
+        rows = sp.csr_array(
+            (blocks.ravel(), (np.arange(n + k), order.ravel())), shape=(n + k, n + k)
+        )
         cones = [clarabel.SecondOrderConeT(m + 1) for _ in range(k)]
     options = clarabel.DefaultSettings()
     options.verbose = False
@@ -105,11 +124,16 @@ def by_clarabel(A: sp.csr_array, r: Array, radii: Array, m: int, lower: Array | 
     right = np.zeros(rows.shape[0])
     linear = np.concatenate([-r, np.ones(k)])
     return np.array(
-        clarabel.DefaultSolver(sp.triu(H, format="csc"), linear, rows.tocsc(), right, cones, options).solve().x
+        clarabel.DefaultSolver(
+            sp.triu(H, format="csc"), linear, rows.tocsc(), right, cones, options
+        )
+        .solve()
+        .x
     )[:n]
 
 
-# ------------------------------------------------------------------------------------------------ exactness
+# ------------------------------------------------------------------------------------------------
+# exactness
 
 
 @law
@@ -129,7 +153,8 @@ def test_box_agrees_with_enumeration(seed: int) -> None:
 @given(seeds, st.sampled_from([2, 3]))
 def test_the_minimum_of_a_block_is_exact(seed: int, m: int) -> None:
     rng = np.random.default_rng(seed)
-    B, g = random_matrix(rng, m) * 10.0 ** rng.uniform(-6, 6), rng.normal(size=m)
+    B = random_matrix(rng, m) * 10.0 ** rng.uniform(-6, 6)
+    g = rng.normal(size=m)
     radius = np.linalg.norm(g) * rng.choice([0.0, 1e-9, 0.3, 1 - 1e-6, 1 - 1e-14, 1 + 1e-12])
     x = np.full(m, np.nan)
     minimise_block(B, g, radius, np.empty((m, m)), x, np.empty(m))
@@ -150,10 +175,12 @@ def test_random_problems_agree_with_clarabel(seed: int, m: int) -> None:
     solver = Multigrid(A, groups=m)
     if m == 1:
         lower, upper = random_box(rng, n)
-        result, expected = solver.step(r, lower, upper), by_clarabel(A, r, upper, 1, lower)
+        result = solver.step(r, lower, upper)
+        expected = by_clarabel(A, r, upper, 1, lower)
     else:
         radii = rng.uniform(0.0, 1.0, n // m) * (rng.random(n // m) > 0.2)
-        result, expected = solver.step(r, radii=radii), by_clarabel(A, r, radii, m)
+        result = solver.step(r, radii=radii)
+        expected = by_clarabel(A, r, radii, m)
         assert violation_of_groups(A, r, result.delta, radii) <= 1e-8 * radii.max()
     assert result.outcome is StepOutcome.CONVERGED
     error = result.delta - expected
@@ -161,12 +188,15 @@ def test_random_problems_agree_with_clarabel(seed: int, m: int) -> None:
 
 
 def test_vector_friction_on_an_elastic_sheet() -> None:
-    """Plane elasticity with scikit-fem on an unstructured mesh, groups of 2, against a cone program."""
+    """Plane elasticity with scikit-fem on an unstructured mesh, groups of 2, against a cone
+    program."""
     skfem = pytest.importorskip("skfem")
     from skfem.models.elasticity import lame_parameters, linear_elasticity
 
     basis = skfem.Basis(unstructured_mesh(4), skfem.ElementVector(skfem.ElementTriP1()))
-    A = sp.csr_array(linear_elasticity(*lame_parameters(1.0, 0.3)).assemble(basis) + vector_mass(basis))
+    A = sp.csr_array(
+        linear_elasticity(*lame_parameters(1.0, 0.3)).assemble(basis) + vector_mass(basis)
+    )
     area = lumped_area(basis)
     x, y = basis.mesh.p
     r = (area * np.stack([np.sin(4 * x + y), np.cos(3 * y)])).T.ravel()
@@ -183,29 +213,39 @@ def test_scalar_friction_on_an_unstructured_mesh(degree: int) -> None:
     skfem = pytest.importorskip("skfem")
     from skfem.models.poisson import laplace, mass
 
-    basis = skfem.Basis(unstructured_mesh(5), skfem.ElementTriP1() if degree == 1 else skfem.ElementTriP2())
+    basis = skfem.Basis(
+        unstructured_mesh(5), skfem.ElementTriP1() if degree == 1 else skfem.ElementTriP2()
+    )
     M = sp.csr_array(mass.assemble(basis))
     A = sp.csr_array(laplace.assemble(basis)) + M
     weight = np.abs(M).sum(axis=1)
     x, y = basis.doflocs
-    r, upper, lower = weight * 2 * np.sin(3 * x + 1) * np.cos(2 * y), weight * (1 + 0.5 * y), -weight
+    r = weight * 2 * np.sin(3 * x + 1) * np.cos(2 * y)
+    upper = weight * (1 + 0.5 * y)
+    lower = -weight
     result = Multigrid(A).step(r, lower, upper)
     assert result.outcome is StepOutcome.CONVERGED
     assert violation(A, r, result.delta, lower, upper) <= 1.01e-8 * upper.max()
-    assert_allclose(result.delta, by_clarabel(A, r, upper, 1, lower), atol=2e-6 * abs(result.delta).max())
+    assert_allclose(
+        result.delta, by_clarabel(A, r, upper, 1, lower), atol=2e-6 * abs(result.delta).max()
+    )
 
 
 def test_entries_that_cancel_on_a_coarse_level() -> None:
-    """On a regular mesh entries of the coarse operator cancel; slips make them come back, and they need their place."""
+    """On a regular mesh entries of the coarse operator cancel; slips make them come back, and they
+    need their place."""
     skfem = pytest.importorskip("skfem")
     from skfem.models.poisson import laplace
 
     mesh = skfem.MeshTri.init_circle(5)
     inner = mesh.interior_nodes()
-    A = sp.csr_array(sp.csr_array(laplace.assemble(skfem.Basis(mesh, skfem.ElementTriP1())))[inner][:, inner])
+    A = sp.csr_array(
+        sp.csr_array(laplace.assemble(skfem.Basis(mesh, skfem.ElementTriP1())))[inner][:, inner]
+    )
     x, y = mesh.p[:, inner]
     for phase in np.linspace(0, 2 * np.pi, 7):
-        r, weight = 0.02 * np.cos(3 * x - phase), 0.01 * (1.2 + np.sin(4 * y + phase))
+        r = 0.02 * np.cos(3 * x - phase)
+        weight = 0.01 * (1.2 + np.sin(4 * y + phase))
         result = Multigrid(A).step(r, -weight, weight)
         assert result.outcome is StepOutcome.CONVERGED
         assert violation(A, r, result.delta, -weight, weight) <= 1.01e-8 * weight.max()
@@ -216,7 +256,8 @@ def unstructured_mesh(refinements: int):
     import skfem
 
     mesh = skfem.MeshTri.init_circle(refinements)
-    inner, p = mesh.interior_nodes(), mesh.p.copy()
+    inner = mesh.interior_nodes()
+    p = mesh.p.copy()
     p[:, inner] += np.random.default_rng(1).uniform(-0.05, 0.05, (2, len(inner))) * mesh.param()
     return skfem.MeshTri(p, mesh.t)
 
@@ -231,7 +272,8 @@ def lumped_area(basis) -> Array:
     return np.asarray(sp.csr_array(vector_mass(basis)).sum(axis=1)).ravel()[::2]
 
 
-# ------------------------------------------------------------------------------------------------ extremes
+# ------------------------------------------------------------------------------------------------
+# extremes
 
 
 def test_all_stick() -> None:
@@ -243,7 +285,8 @@ def test_all_stick() -> None:
 
 def test_all_slip() -> None:
     solver, A, x, y = membrane_solver(30)
-    r, upper = 3.0 + x + 0.0 * y, 1.0 + y
+    r = 3.0 + x + 0.0 * y
+    upper = 1.0 + y
     result = solver.step(r, -upper, upper)
     assert_allclose(result.delta, spsolve(A.tocsc(), r - upper), rtol=1e-8)
 
@@ -256,7 +299,8 @@ def test_no_friction_is_a_linear_solve() -> None:
 
 
 def test_a_great_change_of_the_slip_set() -> None:
-    """Here the primal-dual active set method returns to a set it has left; multigrid is done in a few cycles."""
+    """Here the primal-dual active set method returns to a set it has left; multigrid is done in a
+    few cycles."""
     solver, A, x, y = membrane_solver(30)
     weight = 1.0 + 0.5 * np.cos(9 * y)
     r = 3.0 * np.sin(2 * np.pi * x) * np.sin(2 * np.pi * y) + 0.3 * x
@@ -269,23 +313,29 @@ def test_a_great_change_of_the_slip_set() -> None:
 
 def active_set_converges(A: sp.csr_array, r: Array, weight: Array) -> bool:
     """Plain semismooth Newton for two-sided friction, from d = 0."""
-    d, force, seen, signs = np.zeros_like(r), r, set(), np.zeros_like(r)
+    d = np.zeros_like(r)
+    force = r
+    seen = set()
+    signs = np.zeros_like(r)
     for _ in range(100):
-        before, measure = signs, A.diagonal() * d + force
+        before = signs
+        measure = A.diagonal() * d + force
         signs = np.where(measure > weight, 1.0, np.where(measure < -weight, -1.0, 0.0))
         if np.array_equal(signs, before):
             return True
         if signs.tobytes() in seen:
             return False
         seen.add(signs.tobytes())
-        free, d = signs != 0, np.zeros_like(r)
+        free = signs != 0
+        d = np.zeros_like(r)
         d[free] = spsolve(A[free][:, free].tocsc(), (r - signs * weight)[free])
         force = r - A @ d
     return False
 
 
 def test_loads_far_above_friction() -> None:
-    """A matrix without the signs of an elliptic operator, whose kinks are passed rather than stopped at."""
+    """A matrix without the signs of an elliptic operator, whose kinks are passed rather than
+    stopped at."""
     rng = np.random.default_rng(5)
     B = rng.normal(size=(123, 123))
     A = sp.csr_array(B @ B.T + 1e-4 * np.eye(123))
@@ -295,7 +345,8 @@ def test_loads_far_above_friction() -> None:
     assert result.cycles <= 10
 
 
-# ------------------------------------------------------------------------------------------------ laws
+# ------------------------------------------------------------------------------------------------
+# laws
 
 
 def wave(x: Array, y: Array, s: float) -> tuple[Array, Array]:
@@ -308,7 +359,8 @@ def test_the_energy_never_rises() -> None:
     r, weight = wave(x, y, 0.4)
     done = solver.step(r, -weight, weight, tolerance=1e-12)
     energies = [
-        energy(A, r, solver.step(r, -weight, weight, max_cycles=k).delta, -weight, weight) for k in range(done.cycles)
+        energy(A, r, solver.step(r, -weight, weight, max_cycles=k).delta, -weight, weight)
+        for k in range(done.cycles)
     ]
     assert len(energies) >= 5
     slack = 1e-14 * abs(energies[-1])
@@ -334,7 +386,8 @@ def test_contraction_and_homogeneity(seed: int) -> None:
 
 
 def test_steps_leave_no_trace() -> None:
-    """A step gives the same result after others, whose operators are updated, as with new levels."""
+    """A step gives the same result after others, whose operators are updated, as with new
+    levels."""
     solver, A, x, y = membrane_solver(60)
     for s in (0.0, 0.3, 0.31):
         r, weight = wave(x, y, s)
@@ -350,8 +403,17 @@ def test_operators_follow_the_moving_nodes(groups: int) -> None:
     hierarchy = Hierarchy(*block_rows(A, groups))
     assert len(hierarchy.levels) > 2
     rng = np.random.default_rng(0)
-    increments = [rng.normal(size=(len(x), groups)) * keep[:, None] for keep in (x > 0, x > 0.4, x > 0.5, x < 0.8)]
-    for top, d in [(0, increments[0]), (0, increments[1]), (1, None), (0, increments[2]), (0, increments[3])]:
+    increments = [
+        rng.normal(size=(len(x), groups)) * keep[:, None]
+        for keep in (x > 0, x > 0.4, x > 0.5, x < 0.8)
+    ]
+    for top, d in [
+        (0, increments[0]),
+        (0, increments[1]),
+        (1, None),
+        (0, increments[2]),
+        (0, increments[3]),
+    ]:
         if d is None:
             d = np.ones_like(hierarchy.levels[1].x)
         hierarchy.truncate(top, np.ones(len(d)), d)
@@ -361,9 +423,12 @@ def test_operators_follow_the_moving_nodes(groups: int) -> None:
     if groups == 1:
         assert_allclose((fine - keep @ A @ keep).toarray(), 0.0)
     for (P, _), coarse in zip(hierarchy.transfers, hierarchy.levels[1:], strict=True):
-        interpolation = sp.csr_array((P.value, P.column, P.start), shape=(len(P.start) - 1, len(coarse.x)))
+        interpolation = sp.csr_array(
+            (P.value, P.column, P.start), shape=(len(P.start) - 1, len(coarse.x))
+        )
         interpolation = sp.kron(interpolation, np.eye(groups))
-        product, fine = interpolation.T @ fine @ interpolation, as_matrix(coarse.H)
+        product = interpolation.T @ fine @ interpolation
+        fine = as_matrix(coarse.H)
         assert_allclose(fine.toarray(), product.toarray(), atol=1e-12 * abs(A.data).max())
 
 
@@ -385,7 +450,8 @@ def test_cycles_do_not_grow_with_the_mesh() -> None:
     cycles = []
     for N in (32, 100, 316):
         A, x, y = membrane(N)
-        solver, worst = Multigrid(A), 0
+        solver = Multigrid(A)
+        worst = 0
         for s in (0.0, 0.7):
             r, weight = wave(x, y, s)
             result = solver.step(r, -weight, weight)
@@ -397,7 +463,8 @@ def test_cycles_do_not_grow_with_the_mesh() -> None:
     assert cycles[-1] - cycles[0] <= 4
 
 
-# ------------------------------------------------------------------------------------------------ ends and refusals
+# ------------------------------------------------------------------------------------------------
+# ends and refusals
 
 
 def test_cycles_run_out() -> None:
@@ -406,7 +473,9 @@ def test_cycles_run_out() -> None:
     result = solver.step(r, -weight, weight, max_cycles=1)
     assert result.outcome is StepOutcome.CYCLE_LIMIT
     assert result.cycles == 1
-    assert_allclose(result.residual, violation(A, r, result.delta, -weight, weight) / weight.max(), rtol=1e-6)
+    assert_allclose(
+        result.residual, violation(A, r, result.delta, -weight, weight) / weight.max(), rtol=1e-6
+    )
     assert result.residual > 1e-8
     assert energy(A, r, result.delta, -weight, weight) < 0.0
 
@@ -453,7 +522,8 @@ def test_matrices_that_are_refused(A: sp.csr_array, groups: int, message: str) -
 
 
 def test_a_step_without_a_minimum_ends() -> None:
-    """A body that nothing holds, pushed harder than friction resists: the cycles run out, the result is finite."""
+    """A body that nothing holds, pushed harder than friction resists: the cycles run out, the
+    result is finite."""
     ends = np.r_[1.0, 2.0 * np.ones(28), 1.0]
     line = sp.diags_array([-np.ones(29), ends, -np.ones(29)], offsets=[-1, 0, 1])
     free = Multigrid(sp.csr_array(sp.kronsum(line, line) + 1e-14 * sp.eye_array(900)))
@@ -476,7 +546,9 @@ def test_a_step_without_a_minimum_ends() -> None:
 def test_steps_that_are_refused(arguments: dict, message: str) -> None:
     solver, *_ = membrane_solver(30)
     with pytest.raises(DeclarationError, match=message):
-        solver.step(**{"r": np.ones(900), "lower": -np.ones(900), "upper": np.ones(900)} | arguments)
+        solver.step(
+            **{"r": np.ones(900), "lower": -np.ones(900), "upper": np.ones(900)} | arguments
+        )
 
 
 def test_a_group_at_the_edge_of_rest() -> None:

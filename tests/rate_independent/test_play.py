@@ -23,7 +23,8 @@ from stickslip.rate_independent.play.operator import Play, play
 
 Array = np.ndarray
 EXAMPLES = Path(__file__).parents[2] / "examples"
-LOAD, THRESHOLD = "5*t - t**2", "1 + cos(2*pi*s)/2"
+LOAD = "5*t - t**2"
+THRESHOLD = "1 + cos(2*pi*s)/2"
 
 
 def stepwise(lower: Array, upper: Array, z: float) -> Array:
@@ -33,7 +34,7 @@ def stepwise(lower: Array, upper: Array, z: float) -> Array:
     return out
 
 
-# --- Arrays ----------------------------------------------------------------------------------------------------------
+# --- Arrays ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("size", [0, 1, 2, 3, 10, 11, 1000, 1001])
@@ -44,11 +45,14 @@ def test_clamp_is_the_loop(size: int, swing: float) -> None:
         load = np.cumsum(swing * rng.normal(size=size))
         below, above = rng.uniform(0, 1.5, (2, size)) * rng.integers(0, 2, (2, size))
         z = float(rng.normal())
-        assert np.array_equal(clamp(load - below, load + above, z), stepwise(load - below, load + above, z))
+        assert np.array_equal(
+            clamp(load - below, load + above, z), stepwise(load - below, load + above, z)
+        )
 
 
 def test_clamp_writes_where_it_is_told() -> None:
-    L, out = np.sin(np.arange(50.0)), np.empty(50)
+    L = np.sin(np.arange(50.0))
+    out = np.empty(50)
     assert clamp(L, L + 1, 0.0, out) is out
     assert np.array_equal(out, stepwise(L, L + 1, 0.0))
     assert np.array_equal(clamp([0.0, 1.0, -3.0], [np.inf, np.inf, -2.0], 0.5), [0.5, 1.0, -2.0])
@@ -56,11 +60,16 @@ def test_clamp_writes_where_it_is_told() -> None:
 
 def test_plays_are_clamps() -> None:
     rng = np.random.default_rng(0)
-    load, radii, weights, start = rng.normal(size=300).cumsum(), rng.uniform(0, 3, 17), rng.normal(size=17), np.ones(17)
+    load = rng.normal(size=300).cumsum()
+    radii = rng.uniform(0, 3, 17)
+    weights = rng.normal(size=17)
+    start = np.ones(17)
     each = plays(load, radii, start)
     for i, r in enumerate(radii):
         assert np.array_equal(each[:, i], clamp(load - r, load + r, 1.0))
-    np.testing.assert_allclose(prandtl_ishlinskii(load, radii, weights, start), each @ weights, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(
+        prandtl_ishlinskii(load, radii, weights, start), each @ weights, rtol=0, atol=1e-13
+    )
     assert np.array_equal(plays(load, radii, 1.0), each)
     assert start.sum() == 17  # the caller's positions are not moved
 
@@ -89,7 +98,7 @@ def test_bad_arrays(call: Callable[[], object], message: str) -> None:
         call()
 
 
-# --- Polynomials on panels -------------------------------------------------------------------------------------------
+# --- Polynomials on panels ------------------------------------------------------------------------
 
 
 def test_every_sign_change_is_found() -> None:
@@ -128,7 +137,7 @@ def test_fit(name: str) -> None:
     assert len(breaks) < most
 
 
-# --- Against independent solutions -----------------------------------------------------------------------------------
+# --- Against independent solutions ----------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -146,7 +155,11 @@ def test_the_engine_moves_the_same(epsilon: float, rho: str) -> None:
     engine = ss.simulate(ss.catalogue.oscillating_play(epsilon=epsilon, rho=rho))
     t = np.linspace(0, 5, 2001)
     ours, theirs = motion.at(t), engine.at(t)
-    for name, key in (("z", "z"), ("friction", "friction_friction"), ("dissipated_energy", "dissipated_energy")):
+    for name, key in (
+        ("z", "z"),
+        ("friction", "friction_friction"),
+        ("dissipated_energy", "dissipated_energy"),
+    ):
         np.testing.assert_allclose(ours[name], theirs[key], rtol=0, atol=1e-11)
     switches = engine.events[engine.events["contact"] == "friction"]
     assert motion.n_switches == len(switches)
@@ -167,8 +180,11 @@ KINDS: list[Callable[[Array], Array]] = [
 def test_fine_sampling_converges_to_it(seed: int) -> None:
     """A grid that holds all corners is wrong by the square of its width."""
     rng = np.random.default_rng(seed)
-    w, size, angle = rng.uniform(0.5, 8, 3), rng.uniform(-2, 2, 3), rng.uniform(0, 6, 3)
-    minus, plus = KINDS[seed % 4], KINDS[seed // 4]
+    w = rng.uniform(0.5, 8, 3)
+    size = rng.uniform(-2, 2, 3)
+    angle = rng.uniform(0, 6, 3)
+    minus = KINDS[seed % 4]
+    plus = KINDS[seed // 4]
     a = rng.uniform(0.5, 2)
 
     def load(t: Array) -> Array:
@@ -209,10 +225,18 @@ def test_cubics_turn_between_samples() -> None:
 
     rng = np.random.default_rng(3)
     t, u = np.linspace(0, 10, 31), np.linspace(0, 10, 23)
-    load, rho = rng.normal(size=31).cumsum(), rng.uniform(0.2, 1.0, 23)
-    motion = play((t, load), (u, rho), (0.5, 9.5), float(PchipInterpolator(t, load)(0.5)), interpolation="monotone")
+    load = rng.normal(size=31).cumsum()
+    rho = rng.uniform(0.2, 1.0, 23)
+    motion = play(
+        (t, load),
+        (u, rho),
+        (0.5, 9.5),
+        float(PchipInterpolator(t, load)(0.5)),
+        interpolation="monotone",
+    )
     fine = np.union1d(
-        np.linspace(0.5, 9.5, 400_001), np.concatenate([t[(t > 0.5) & (t < 9.5)], u[(u > 0.5) & (u < 9.5)]])
+        np.linspace(0.5, 9.5, 400_001),
+        np.concatenate([t[(t > 0.5) & (t < 9.5)], u[(u > 0.5) & (u < 9.5)]]),
     )
     ell, r = PchipInterpolator(t, load)(fine), PchipInterpolator(u, rho)(fine)
     assert np.abs(motion.position(fine) - clamp(ell - r, ell + r, float(motion.z[0]))).max() < 1e-8
@@ -222,9 +246,12 @@ def test_cubics_turn_between_samples() -> None:
 
 @pytest.mark.parametrize("width", [1e-2, 1e-3, 2e-4])
 def test_two_turning_points_close_together(width: float) -> None:
-    """ℓ rises, falls by 4/3 δ³ between c − δ and c + δ and rises again: z rests until ℓ is back, at c + 2δ."""
+    """ℓ rises, falls by 4/3 δ³ between c − δ and c + δ and rises again: z rests until ℓ is back, at
+    c + 2δ."""
     c = 0.8
-    motion = play(f"1 + ((t - {c})**3 - 3*{width}**2*(t - {c}))/3", 0.01, (0, 2), 1 - c**3 / 3 + c * width**2)
+    motion = play(
+        f"1 + ((t - {c})**3 - 3*{width}**2*(t - {c}))/3", 0.01, (0, 2), 1 - c**3 / 3 + c * width**2
+    )
     last = motion.events["time"].to_numpy()[-2:]
     assert last == pytest.approx([c - width, c + 2 * width], abs=1e-7)
     rest = motion.position(np.linspace(c - width, c + 2 * width, 50)[1:-1])
@@ -244,7 +271,7 @@ def test_phase_is_known_to_the_last_digit_of_the_time() -> None:
     assert np.abs(motion.position(t) - (t - 100 - rho)).max() < 1e-13
 
 
-# --- Jumps and places where something vanishes -----------------------------------------------------------------------
+# --- Jumps and places where something vanishes ----------------------------------------------------
 
 
 def test_threshold_that_drops() -> None:
@@ -260,14 +287,18 @@ def test_threshold_that_drops() -> None:
 
 def test_load_that_jumps() -> None:
     motion = play("piecewise(t < 1, 0, t < 2, 3, -1)", 1, (0, 3), 0.5, stiffness=2.0)
-    assert motion.position(np.array([0.9, 1.0, 1.9, 2.0, 3.0])) == pytest.approx([0.5, 1.0, 1.0, 0.0, 0.0], abs=1e-15)
+    assert motion.position(np.array([0.9, 1.0, 1.9, 2.0, 3.0])) == pytest.approx(
+        [0.5, 1.0, 1.0, 0.0, 0.0], abs=1e-15
+    )
     assert motion.position(np.array([1.0, 2.0]), "left") == pytest.approx([0.5, 1.0], abs=1e-15)
     assert motion.certificate.ok, motion.certificate.verdict
     # −Δℓ z at each jump of the load.
     assert motion.at(3.0)["supplied_energy"] == pytest.approx(-3 * 0.5 + 4 * 1.0, abs=1e-14)
 
 
-@pytest.mark.parametrize("given", ["piecewise(s < 1/2, 1, 0.3)", (np.array([0.0, 1.0]), np.array([0.3, 1.0]))])
+@pytest.mark.parametrize(
+    "given", ["piecewise(s < 1/2, 1, 0.3)", (np.array([0.0, 1.0]), np.array([0.3, 1.0]))]
+)
 def test_thresholds_that_jump_once_a_period(given: Any) -> None:
     """Rounded times of jumps: from each side, the force is within the threshold of that side."""
     motion = play("3*sin(t)", given, (-4.0, 6.0), 2.0, epsilon=0.1)
@@ -288,7 +319,9 @@ def test_stretches_of_panels_join(monkeypatch: pytest.MonkeyPatch) -> None:
     for size in (1, 2, 3, 7):
         monkeypatch.setattr(nodes, "CHUNK", size)
         joined = play(*given, epsilon=0.25)  # type: ignore[arg-type]
-        assert all(np.array_equal(one, other) for one, other in zip(whole.nodes, joined.nodes, strict=True))
+        assert all(
+            np.array_equal(one, other) for one, other in zip(whole.nodes, joined.nodes, strict=True)
+        )
 
 
 def test_without_friction_z_follows_the_load() -> None:
@@ -315,7 +348,7 @@ def test_another_start_of_time(shift: float) -> None:
     assert here.n_switches == there.n_switches
 
 
-# --- What a result says ----------------------------------------------------------------------------------------------
+# --- What a result says ---------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -326,7 +359,9 @@ def motion() -> Play:
 def test_values_between_nodes(motion: Play) -> None:
     t = np.random.default_rng(0).uniform(0, 5, (3, 500))
     now = motion.at(t)
-    assert all(value.shape == t.shape for value in now.values()) and np.array_equal(now["z"], motion.position(t))
+    assert all(value.shape == t.shape for value in now.values()) and np.array_equal(
+        now["z"], motion.position(t)
+    )
     assert motion.position(motion.time) == pytest.approx(motion.z, abs=1e-14)
     assert now["load"] == pytest.approx(5 * t - t**2, abs=1e-14)
     assert now["threshold_plus"] == pytest.approx(1 + np.cos(20 * np.pi * t) / 2, abs=1e-13)
@@ -336,7 +371,9 @@ def test_values_between_nodes(motion: Play) -> None:
     assert up.any() and down.any() and rest.any()
     assert now["friction"][up] == pytest.approx(-now["threshold_plus"][up], abs=1e-13)
     assert now["friction"][down] == pytest.approx(now["threshold_minus"][down], abs=1e-13)
-    assert now["d_z"][up] == pytest.approx((5 - 2 * t + 10 * np.pi * np.sin(20 * np.pi * t))[up] / 1.5, abs=1e-10)
+    assert now["d_z"][up] == pytest.approx(
+        (5 - 2 * t + 10 * np.pi * np.sin(20 * np.pi * t))[up] / 1.5, abs=1e-10
+    )
     assert now["d_z"][down] == pytest.approx((5 - 2 * t)[down] / 1.5, abs=1e-12)
     assert np.all(now["d_z"][rest] == 0.0)
     balance = now["energy"] + now["dissipated_energy"] - now["supplied_energy"]
@@ -363,20 +400,30 @@ def test_events(motion: Play) -> None:
     assert list(events.columns) == ["time", "from", "to", "z"]
     assert len(events) == motion.n_switches == 49
     assert np.all(events["to"].to_numpy()[:-1] == events["from"].to_numpy()[1:])
-    assert motion.position(events["time"].to_numpy()) == pytest.approx(events["z"].to_numpy(), abs=1e-14)
+    assert motion.position(events["time"].to_numpy()) == pytest.approx(
+        events["z"].to_numpy(), abs=1e-14
+    )
     assert "78 switches" in repr(play(LOAD, THRESHOLD, (0, 5), 0.0, epsilon=0.1))
 
 
 def test_certificate_sees_what_is_wrong(motion: Play) -> None:
     assert motion.certificate.ok
-    assert max(motion.certificate["energy balance"].value, motion.certificate["friction law"].value) < 1e-13
+    assert (
+        max(motion.certificate["energy balance"].value, motion.certificate["friction law"].value)
+        < 1e-13
+    )
     nodes = motion.nodes
     moved = replace(motion, nodes=nodes._replace(z=nodes.z + np.where(nodes.mode == 0, 1e-6, 0.0)))
     assert not moved.certificate.ok
-    late = replace(motion, nodes=nodes._replace(time=np.concatenate([nodes.time[:-3], nodes.time[-3:] - 1e-5])))
+    late = replace(
+        motion, nodes=nodes._replace(time=np.concatenate([nodes.time[:-3], nodes.time[-3:] - 1e-5]))
+    )
     assert not late.certificate.ok
     other = replace(
-        motion, bounds=replace(motion.bounds, load=play("5*t - t**2 + 1e-7*sin(9*t)", 1, (0, 5), 0.0).bounds.load)
+        motion,
+        bounds=replace(
+            motion.bounds, load=play("5*t - t**2 + 1e-7*sin(9*t)", 1, (0, 5), 0.0).bounds.load
+        ),
     )
     assert not other.certificate.ok
 
@@ -391,7 +438,7 @@ def test_refused_times(motion: Play) -> None:
     assert motion.at([])["z"].shape == (0,)
 
 
-# --- Bad input -------------------------------------------------------------------------------------------------------
+# --- Bad input ------------------------------------------------------------------------------------
 
 UP = np.linspace(0, 5, 6)
 
@@ -405,11 +452,20 @@ UP = np.linspace(0, 5, 6)
         ({"threshold": "1 + t", "epsilon": 0.1}, "threshold: unknown name 't'"),
         ({"threshold": ("1", "rho")}, r"threshold\[1\]: unknown name 'rho'"),
         ({"threshold": "cos(t)"}, r"threshold: ρ⁻ is negative, -1 at t = 3.14159265"),
-        ({"threshold": ("0.1 - sin(2*pi*s)", 1), "epsilon": 0.1}, r"ρ⁺ is negative, -0.9 at .*phase s = 0.25"),
+        (
+            {"threshold": ("0.1 - sin(2*pi*s)", 1), "epsilon": 0.1},
+            r"ρ⁺ is negative, -0.9 at .*phase s = 0.25",
+        ),
         ({"threshold": -1}, "ρ⁻ is negative, -1 at t = 0"),
         ({"threshold": (UP, 1 - UP)}, "ρ⁻ is negative"),
-        ({"initial": 1.5}, r"initial: .*exceeds its threshold by 0.5. .* between -1 and 1; the nearest .* 1$"),
-        ({"initial": -1.5, "stiffness": 2.0}, "exceeds its threshold by 2. .*nearest stable value is -0.5"),
+        (
+            {"initial": 1.5},
+            r"initial: .*exceeds its threshold by 0.5. .* between -1 and 1; the nearest .* 1$",
+        ),
+        (
+            {"initial": -1.5, "stiffness": 2.0},
+            "exceeds its threshold by 2. .*nearest stable value is -0.5",
+        ),
         ({"initial": float("nan")}, "initial: nan is no position"),
         ({"initial": "0"}, "initial: '0' is no position"),
         ({"t_span": (5, 0)}, r"t_span: \(5, 0\) is not a time span"),
@@ -417,7 +473,10 @@ UP = np.linspace(0, 5, 6)
         ({"epsilon": 0.0}, "epsilon: 0.0 is not a positive number"),
         ({"epsilon": 1e-9, "threshold": THRESHOLD}, "epsilon: the span holds .* panels"),
         ({"stiffness": -1}, "stiffness: -1 is not a positive number"),
-        ({"interpolation": "spline"}, "interpolation: 'spline' is none. Give one of linear, monotone"),
+        (
+            {"interpolation": "spline"},
+            "interpolation: 'spline' is none. Give one of linear, monotone",
+        ),
         ({"load": [1, 2, 3]}, "load: a list is no signal"),
         ({"load": lambda t: "x"}, "load: no value at t = 0"),
         ({"load": "log(t - 1)"}, "load: it is nan at t = "),
@@ -430,7 +489,10 @@ UP = np.linspace(0, 5, 6)
         ({"load": (UP[[0, 1, 3, 2, 4, 5]], UP)}, "do not increase: 3, then 2 at index 3"),
         ({"load": (UP[[0, 1, 1, 2, 3, 5]], UP)}, "do not increase: 1, then 1 at index 2"),
         ({"load": (UP, UP), "t_span": (0, 6)}, "cover 0 ... 5, but the span is 0 ... 6"),
-        ({"threshold": (UP, UP), "epsilon": 0.1}, "one period of the phase s = t/epsilon is 0 ... 1"),
+        (
+            {"threshold": (UP, UP), "epsilon": 0.1},
+            "one period of the phase s = t/epsilon is 0 ... 1",
+        ),
     ],
 )
 def test_bad_input(change: dict[str, Any], message: str) -> None:
@@ -447,7 +509,7 @@ def test_samples_are_kept_from_change() -> None:
     assert motion.certificate.ok
 
 
-# --- Pictures and examples -------------------------------------------------------------------------------------------
+# --- Pictures and examples ------------------------------------------------------------------------
 
 
 def test_picture_of_a_play(motion: Play) -> None:
@@ -487,13 +549,19 @@ def test_prandtl_ishlinskii_example() -> None:
     example = runpy.run_path(str(EXAMPLES / "prandtl-ishlinskii.py"))
     load, output = example["load"], example["output"]
     assert example["error"] < 1e-15
-    # Return-point memory: on the way up from −3, the inner loops 1 → −1.5 → 1 and 2 → 0.5 → 2 leave no trace.
+    # Return-point memory: on the way up from −3, the inner loops 1 → −1.5 → 1 and 2 → 0.5 → 2 leave
+    # no trace.
     turns = np.arange(len(load))[::400]
     outer = prandtl_ishlinskii(
-        np.linspace(-3, 3, 1201), example["RADII"], example["WEIGHTS"], plays(load[:801], example["RADII"])[-1]
+        np.linspace(-3, 3, 1201),
+        example["RADII"],
+        example["WEIGHTS"],
+        plays(load[:801], example["RADII"])[-1],
     )
     for k in range(turns[2], turns[3]):
-        assert output[k] == pytest.approx(np.interp(load[k], np.linspace(-3, 3, 1201), outer), abs=1e-5)
+        assert output[k] == pytest.approx(
+            np.interp(load[k], np.linspace(-3, 3, 1201), outer), abs=1e-5
+        )
     assert output[-1] == pytest.approx(outer[-1], abs=1e-14)
     assert output[turns[-1]] == pytest.approx(output[turns[1]], abs=1e-14)
     figure = plot_loops(load, {"$r = 0.5$": example["positions"][:, 0]}, output)

@@ -1,4 +1,5 @@
-"""What is said of all phases of a stretch holds at each of them, for every kind of potential made of formulas."""
+"""What is said of all phases of a stretch holds at each of them, for every kind of potential made
+of formulas."""
 
 from __future__ import annotations
 
@@ -7,7 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stickslip.rate_independent.dissipation import Dissipation, Ellipsoid, GroupNorm, Polytope, Product, WeightedL1
+from stickslip.rate_independent.dissipation import (
+    Dissipation,
+    Ellipsoid,
+    GroupNorm,
+    Polytope,
+    Product,
+    WeightedL1,
+)
 from stickslip.rate_independent.dissipation.parabolas import CELLS, Parabolas
 from stickslip.rate_independent.sets.phase import Formulas, read
 
@@ -17,7 +25,10 @@ seeds = st.integers(0, 2**32 - 1)
 
 def number(rng: np.random.Generator, mean: float, swing: float, sharp: bool) -> str:
     """A formula in s: a wave, perhaps with a narrow well and a kink in it."""
-    a, b, p, q = rng.uniform(-1, 1), rng.uniform(-1, 1), rng.uniform(), rng.uniform()
+    a = rng.uniform(-1, 1)
+    b = rng.uniform(-1, 1)
+    p = rng.uniform()
+    q = rng.uniform()
     text = f"{mean!r} + {swing!r}*({a!r}*cos(2*pi*(s - {p!r})) + {b!r}*sin(4*pi*(s - {q!r}))/2"
     if sharp:
         width = 10.0 ** rng.uniform(-6, -1)
@@ -27,7 +38,8 @@ def number(rng: np.random.Generator, mean: float, swing: float, sharp: bool) -> 
 
 def weighted_l1(rng: np.random.Generator, sharp: bool) -> Dissipation:
     return WeightedL1(
-        [number(rng, 2.0, 0.5, sharp) for _ in range(3)], [number(rng, 2.0, 0.4, sharp) for _ in range(3)]
+        [number(rng, 2.0, 0.5, sharp) for _ in range(3)],
+        [number(rng, 2.0, 0.4, sharp) for _ in range(3)],
     )
 
 
@@ -36,18 +48,23 @@ def groups(rng: np.random.Generator, sharp: bool) -> Dissipation:
 
 
 def ellipsoid(rng: np.random.Generator, sharp: bool) -> Dissipation:
-    p, reach = rng.uniform(), rng.uniform(0.2, 3.0)
+    p = rng.uniform()
+    reach = rng.uniform(0.2, 3.0)
     long, short = number(rng, 2.0, 0.5, sharp), number(rng, 0.6, 0.2, sharp)
     c, d = (f"{f}({reach!r}*sin(2*pi*(s - {p!r})))" for f in ("cos", "sin"))
     off = f"({long} - ({short}))*{c}*{d}"
-    return Ellipsoid([[f"({long})*{c}**2 + ({short})*{d}**2", off], [off, f"({long})*{d}**2 + ({short})*{c}**2"]])
+    return Ellipsoid(
+        [[f"({long})*{c}**2 + ({short})*{d}**2", off], [off, f"({long})*{d}**2 + ({short})*{c}**2"]]
+    )
 
 
 def vertices(rng: np.random.Generator, sharp: bool) -> Dissipation:
     n = int(rng.integers(2, 4))
     points = rng.normal(size=(n + 3, n))
     points = np.vstack([points, -points.mean(axis=0) * 3])
-    return Polytope(vertices=[[number(rng, float(x), 0.15, sharp) for x in row] for row in points + 0.0])
+    return Polytope(
+        vertices=[[number(rng, float(x), 0.15, sharp) for x in row] for row in points + 0.0]
+    )
 
 
 def halfspaces(rng: np.random.Generator, sharp: bool) -> Dissipation:
@@ -85,7 +102,9 @@ def distance(potential: Dissipation, xi: Array, s: float) -> float:
     beyond = xi - potential.project(xi, s)
     if isinstance(potential, GroupNorm):
         return float(potential.norms(beyond).max())
-    return float(np.abs(beyond).max() if isinstance(potential, WeightedL1) else np.linalg.norm(beyond))
+    return float(
+        np.abs(beyond).max() if isinstance(potential, WeightedL1) else np.linalg.norm(beyond)
+    )
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -97,11 +116,14 @@ def test_no_phase_in_between_is_worse(kind: str, seed: int, sharp: bool, exponen
     if potential is None:
         return
     assert potential.bounded
-    n, m = potential.dimension, 6
+    n = potential.dimension
+    m = 6
     low = rng.uniform(0.0, 1.0, m)
     high = np.minimum(low + 10.0**exponent, 1.0)
     # Forces near the boundary, that move a little, or not at all.
-    before = np.array([potential.exposed(rng.normal(size=n), s) * rng.uniform(0.7, 1.1) for s in low])
+    before = np.array(
+        [potential.exposed(rng.normal(size=n), s) * rng.uniform(0.7, 1.1) for s in low]
+    )
     after = before + rng.choice([0.0, 0.1]) * 10.0**exponent * rng.normal(size=(m, n))
     off = rng.choice([0.0, 1e-3]) * rng.uniform(size=(m, n))
     stretches = potential.over(low, high)
@@ -118,16 +140,20 @@ def test_no_phase_in_between_is_worse(kind: str, seed: int, sharp: bool, exponen
     parts = stretches.taken(np.arange(m) % 2 == 0).joined(stretches.taken(np.arange(m) % 2 == 1))
     order = np.argsort(np.arange(m) % 2, kind="stable")
     for ours, theirs in zip(
-        parts.outside(before[order], after[order], off[order], 0.0), (first, last, bound), strict=True
+        parts.outside(before[order], after[order], off[order], 0.0),
+        (first, last, bound),
+        strict=True,
     ):
         np.testing.assert_allclose(ours, theirs[order], rtol=1e-12, atol=1e-13)
 
 
 def boundary(potential: Dissipation, v: Array, s: float) -> Array:
-    """A point of the boundary; of a hull, inside a facet: with its corners, the facets move in and out."""
+    """A point of the boundary; of a hull, inside a facet: with its corners, the facets move in and
+    out."""
     if not isinstance(potential, Polytope) or potential.corners is None:
         return potential.exposed(v, s)
-    points, known = potential.corners.at(s), potential.facets_at(s)
+    points = potential.corners.at(s)
+    known = potential.facets_at(s)
     assert known is not None
     k = int((known[0] @ v).argmax())
     return points[np.abs(points @ known[0][k] - known[1][k]) < 1e-12].mean(axis=0)
@@ -141,10 +167,14 @@ def test_bounds_are_of_second_order(kind: str) -> None:
     assert potential is not None
     low = np.linspace(0.0, 0.8, 40)
     directions = rng.normal(size=(40, potential.dimension))
-    forces = np.array([boundary(potential, v, s) for v, s in zip(directions, low.tolist(), strict=True)])
+    forces = np.array(
+        [boundary(potential, v, s) for v, s in zip(directions, low.tolist(), strict=True)]
+    )
     added = []
     for width in (1e-2, 1e-3, 1e-4):
-        *ends, bound = potential.over(low, low + width).outside(forces, forces, np.zeros_like(forces), 0.0)
+        *ends, bound = potential.over(low, low + width).outside(
+            forces, forces, np.zeros_like(forces), 0.0
+        )
         added.append(float(np.max(bound - np.maximum(*ends))))
     assert added[1] < 0.1 * added[0] and added[2] < 0.1 * added[1] < 1e-4
 
@@ -159,16 +189,19 @@ def test_functions_are_estimated_from_the_middle() -> None:
     potential = WeightedL1(lambda s: [2.0 - np.cos(2 * np.pi * s)])
     assert not potential.bounded
     forces = np.array([[1.5]])
-    *_, bound = potential.over(np.array([0.1]), np.array([0.3])).outside(forces, forces, np.zeros((1, 1)), 0.0)
+    *_, bound = potential.over(np.array([0.1]), np.array([0.3])).outside(
+        forces, forces, np.zeros((1, 1)), 0.0
+    )
     s = np.linspace(0.1, 0.3, 101)
     assert bound[0] >= np.max(1.5 - (2.0 - np.cos(2 * np.pi * s)))
 
 
-# -- bounds of second order --------------------------------------------------------------------------------------------
+# -- bounds of second order ------------------------------------------------------------------------
 
 
 def touching(shape: Ellipsoid, direction: Array) -> tuple[Array, Array]:
-    """The longest force in a direction that lies in K(s) at all phases of a fine grid, and where it touches."""
+    """The longest force in a direction that lies in K(s) at all phases of a fine grid, and where it
+    touches."""
     phases = np.linspace(0.0, 1.0, 20_001)[:-1]
     S = shape.matrix.over(phases)
     gauge = np.einsum("i,mij,j->m", direction, np.linalg.inv(S), direction)
@@ -186,8 +219,12 @@ def test_no_eigenvalue_falls_below_its_parabola(seed: int, sharp: bool) -> None:
         # A force close to the boundary at some phase, which may lie far outside at others.
         phases, direction = rng.uniform(size=1), rng.normal(size=2)
         (S,) = shape.matrix.over(phases)
-        xi = direction / np.sqrt(direction @ np.linalg.solve(S, direction)) * rng.uniform(0.95, 1.05)
-        for low, high, below, least in zip(*(rows[:, 0] for rows in parabolas.around(phases, xi)), strict=True):
+        xi = (
+            direction / np.sqrt(direction @ np.linalg.solve(S, direction)) * rng.uniform(0.95, 1.05)
+        )
+        for low, high, below, least in zip(
+            *(rows[:, 0] for rows in parabolas.around(phases, xi)), strict=True
+        ):
             S = shape.matrix.over(np.linspace(low, high, 301))
             assert np.linalg.eigvalsh(S - np.outer(xi, xi))[:, 0].min() >= -below - 1e-14
             assert np.linalg.eigvalsh(S)[:, 0].min() >= least - 1e-14
@@ -228,9 +265,14 @@ def test_second_derivatives_stay_near_their_middle(seed: int) -> None:
 
 def test_a_smooth_contact_is_proved_on_a_wide_stretch() -> None:
     turning = Ellipsoid(
-        [["17/8 + 15/8*cos(2*pi*s)", "15/8*sin(2*pi*s)"], ["15/8*sin(2*pi*s)", "17/8 - 15/8*cos(2*pi*s)"]]
+        [
+            ["17/8 + 15/8*cos(2*pi*s)", "15/8*sin(2*pi*s)"],
+            ["15/8*sin(2*pi*s)", "17/8 - 15/8*cos(2*pi*s)"],
+        ]
     )
-    s, xi = 0.3, 0.5 * np.array([-np.sin(0.3 * np.pi), np.cos(0.3 * np.pi)])  # along the short axis at that phase
+    # along the short axis at that phase
+    s = 0.3
+    xi = 0.5 * np.array([-np.sin(0.3 * np.pi), np.cos(0.3 * np.pi)])
     near = turning.around(np.array([s]), xi, 1e-12)
     assert near.low[0] < s - 1e-3
     assert near.high[0] > s + 1e-3
@@ -263,7 +305,12 @@ def test_nothing_is_proved_across_what_is_not_smooth(bend: str) -> None:
 
 def test_second_derivatives_are_not_known_at_kinks_and_jumps() -> None:
     low, high = np.array([0.1, 0.25, 0.6]), np.array([0.2, 0.35, 0.7])
-    for text in ("abs(s - 0.3)", "sqrt(abs(s - 0.3))", "max(s - 0.3, 0)**1.5", "piecewise(s < 0.3, 1, 2)"):
+    for text in (
+        "abs(s - 0.3)",
+        "sqrt(abs(s - 0.3))",
+        "max(s - 0.3, 0)**1.5",
+        "piecewise(s < 0.3, 1, 2)",
+    ):
         varying = read([text], "shape", closes=False)
         assert isinstance(varying, Formulas)
         least, most = varying.bent(low, high)

@@ -11,12 +11,17 @@ import pytest
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.dissipation import GroupNorm, WeightedL1
 from stickslip.rate_independent.evolution import averaging_study as study_module
-from stickslip.rate_independent.evolution.averaging_study import AveragingStudy, averaging_study, fitted_power
+from stickslip.rate_independent.evolution.averaging_study import (
+    AveragingStudy,
+    averaging_study,
+    fitted_power,
+)
 from stickslip.rate_independent.evolution.blocks import TESTS, Gauge, PlayMotion, SteppedMotion
 from stickslip.rate_independent.evolution.evolution import Evolution
 
 Array = np.ndarray
-SMOOTH, KINK = "1 + cos(2*pi*s)/2", "1/2 + abs(sin(pi*(s - 0.3)))"
+SMOOTH = "1 + cos(2*pi*s)/2"
+KINK = "1/2 + abs(sin(pi*(s - 0.3)))"
 EPSILONS = [0.1, 0.03, 0.01, 0.003, 0.001]
 
 
@@ -32,9 +37,11 @@ def studied(threshold: str) -> AveragingStudy:
 
 @pytest.mark.parametrize(("threshold", "power"), [(SMOOTH, -0.25), (KINK, -0.5)])
 def test_section_2_2(threshold: str, power: float) -> None:
-    """First order in ε; the total variation stays at 11; the rates in L² grow like ε^(−1/4) or ε^(−1/2).
+    """First order in ε; the total variation stays at 11; the rates in L² grow like ε^(−1/4) or
+    ε^(−1/2).
 
-    In a period z slides by εℓ′. Near a smooth minimum of ρ this takes ε√ε, at rates 1/√ε; at a kink ε², at rates 1/ε.
+    In a period z slides by εℓ′. Near a smooth minimum of ρ this takes ε√ε, at rates 1/√ε; at a kink
+    ε², at rates 1/ε.
     """
     study = studied(threshold)
     table = study.table
@@ -49,7 +56,8 @@ def test_section_2_2(threshold: str, power: float) -> None:
     # z_0 rises to 25/4 − 1/2 and falls to 1/2; its rate is that of ℓ while it moves.
     np.testing.assert_allclose(table["averaged_rate_l1"], 11.0, rtol=1e-6)
     assert np.all(np.abs(table["rate_l1"] - 11.0) < 4.0 * table["epsilon"])
-    start, turn = 2.5 - np.sqrt(5.75), 3.5  # ℓ = 1/2; ℓ = 25/4 − 1
+    start = 2.5 - np.sqrt(5.75)  # ℓ = 1/2
+    turn = 3.5  # ℓ = 25/4 − 1
     square = ((5 - 2 * start) ** 3 + 5**3 - (2 * turn - 5) ** 3) / 6  # ∫ℓ′²
     np.testing.assert_allclose(table["averaged_rate_l2"], np.sqrt(square), rtol=1e-3)
     np.testing.assert_allclose(table["averaged_dissipated"], 5.5, rtol=1e-9)
@@ -61,19 +69,23 @@ def test_section_2_2(threshold: str, power: float) -> None:
 def test_distance_is_that_of_the_closed_formula() -> None:
     """sup|z_ε − z_0| on a fine grid, z_ε as the running maximum and minimum of section 2.2."""
     t = np.linspace(0.0, 5.0, 1_000_001)
-    ell, rho = 5 * t - t**2, 1 + np.cos(2 * np.pi * t / 0.1) / 2
+    ell = 5 * t - t**2
+    rho = 1 + np.cos(2 * np.pi * t / 0.1) / 2
 
     def motion(threshold: Array) -> Array:
         rising = np.maximum.accumulate(np.maximum(ell - threshold, 0.0))
         after = np.arange(len(t)) > int(np.argmax(rising))
-        return np.where(after, np.minimum.accumulate(np.where(after, ell + threshold, rising.max())), rising)
+        return np.where(
+            after, np.minimum.accumulate(np.where(after, ell + threshold, rising.max())), rising
+        )
 
     exact = np.abs(motion(rho) - motion(np.full_like(t, 0.5))).max()
     assert float(studied(SMOOTH).table["distance"][0]) == pytest.approx(exact, abs=1e-4)
 
 
 def test_stepped_motions_measure_the_same_as_exact_ones() -> None:
-    problem, grid = section_2_2(SMOOTH, 0.1), np.linspace(0.0, 5.0, 257)
+    problem = section_2_2(SMOOTH, 0.1)
+    grid = np.linspace(0.0, 5.0, 257)
     psi = problem.dissipation
     assert isinstance(psi, WeightedL1)
     reference = PlayMotion(section_2_2(SMOOTH).averaged(), WeightedL1([0.5]))
@@ -87,13 +99,17 @@ def test_stepped_motions_measure_the_same_as_exact_ones() -> None:
     np.testing.assert_allclose(stepped.modulus, exact.modulus, atol=1e-3)
     assert stepped_motion.dissipated == pytest.approx(PlayMotion(problem, psi).dissipated, rel=1e-4)
     times = np.linspace(0.0, 5.0, 1234)
-    np.testing.assert_allclose(stepped_motion.at(times), PlayMotion(problem, psi).at(times), atol=1e-4)
+    np.testing.assert_allclose(
+        stepped_motion.at(times), PlayMotion(problem, psi).at(times), atol=1e-4
+    )
 
 
 class Ramp:
     """z = (t², −t), affine between 4001 times."""
 
-    steps, wall_time, dissipated = 4000, 0.0, 0.0
+    steps = 4000
+    wall_time = 0.0
+    dissipated = 0.0
 
     def blocks(self) -> Iterator[tuple[Array, Array]]:
         t = np.linspace(0.0, 2.0, 4001)
@@ -107,16 +123,24 @@ class Ramp:
 def test_gauge_against_integrals() -> None:
     """|z|² = 4z₁² + z₂²; derivatives (2t, −1), tests cos(jπt/2)."""
     grid = np.linspace(0.0, 2.0, 401)
-    gauge = Gauge(np.diag([4.0, 1.0]), grid, lambda times: np.zeros((len(times), 2))).measure(Ramp())
+    gauge = Gauge(np.diag([4.0, 1.0]), grid, lambda times: np.zeros((len(times), 2))).measure(
+        Ramp()
+    )
     assert gauge.distance == pytest.approx(np.sqrt(4 * 16 + 4))
     assert gauge.square == pytest.approx(16 * 8 / 3 + 2, rel=1e-6)
     w = 4.0 * np.array([0.0, 2.0])
-    assert gauge.variation == pytest.approx(np.diff(w * np.sqrt(w**2 + 1) + np.arcsinh(w))[0] / 8, rel=1e-6)
+    assert gauge.variation == pytest.approx(
+        np.diff(w * np.sqrt(w**2 + 1) + np.arcsinh(w))[0] / 8, rel=1e-6
+    )
     k = np.arange(1, TESTS) * np.pi / 2
     first = 2 * (np.cos(2 * k) - 1) / k**2  # ∫2t cos kt, sin 2k = 0
-    np.testing.assert_allclose(gauge.tested, np.vstack([[4.0, -2.0], np.column_stack([first, 0 * k])]), atol=1e-6)
+    np.testing.assert_allclose(
+        gauge.tested, np.vstack([[4.0, -2.0], np.column_stack([first, 0 * k])]), atol=1e-6
+    )
     lag = 0.005 * np.arange(1, 401)
-    np.testing.assert_allclose(gauge.modulus, np.sqrt(4 * (4 - (2 - lag) ** 2) ** 2 + lag**2), rtol=1e-6)
+    np.testing.assert_allclose(
+        gauge.modulus, np.sqrt(4 * (4 - (2 - lag) ** 2) ** 2 + lag**2), rtol=1e-6
+    )
 
 
 @pytest.mark.parametrize(
@@ -125,7 +149,9 @@ def test_gauge_against_integrals() -> None:
     ids=["Example 2.1", "planar"],
 )
 def test_the_plane(psi) -> None:
-    problem = Evolution(np.array([[2.5, 0.5], [0.5, 1.5]]), ["2*t", "3*sin(2*t)"], psi, np.zeros(2), span=(0, 2))
+    problem = Evolution(
+        np.array([[2.5, 0.5], [0.5, 1.5]]), ["2*t", "3*sin(2*t)"], psi, np.zeros(2), span=(0, 2)
+    )
     study = averaging_study(problem, [0.2, 0.1, 0.05], tolerance=1e-3)
     assert study.message == "" and study.table["epsilon"].values.tolist() == [0.2, 0.1, 0.05]
     assert study.rate == pytest.approx(1.0, abs=0.3)
@@ -138,7 +164,11 @@ def test_the_plane(psi) -> None:
 def test_pictures() -> None:
     figure = studied(SMOOTH).plot()
     labels = [text.get_text() for axes in figure.axes for text in axes.get_legend().get_texts()]
-    assert len(labels) == 4 and r"\varepsilon^{0.94}" in labels[0] and r"\varepsilon^{-0.2" in labels[3]
+    assert (
+        len(labels) == 4
+        and r"\varepsilon^{0.94}" in labels[0]
+        and r"\varepsilon^{-0.2" in labels[3]
+    )
 
 
 def test_interrupted_studies_keep_what_they_have(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -149,7 +179,11 @@ def test_interrupted_studies_keep_what_they_have(monkeypatch: pytest.MonkeyPatch
     study = averaging_study(section_2_2(SMOOTH), [0.2, 0.1, 0.05], progress=stop)
     assert study.message == "interrupted" and study.table["epsilon"].values.tolist() == [0.2, 0.1]
     jump = Evolution(
-        np.eye(2), ["piecewise(t < 1/2, 0, 3)", "0"], WeightedL1(["1 + cos(2*pi*s)/2", "1"]), np.zeros(2), span=(0, 1)
+        np.eye(2),
+        ["piecewise(t < 1/2, 0, 3)", "0"],
+        WeightedL1(["1 + cos(2*pi*s)/2", "1"]),
+        np.zeros(2),
+        span=(0, 1),
     )
     with pytest.raises(study_module.ConvergenceError, match="jump"):
         averaging_study(jump, [0.1])

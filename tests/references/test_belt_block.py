@@ -1,7 +1,7 @@
 """Block on a belt with static above kinetic friction.
 
-The textbook stick-slip cycle, e.g. V. L. Popov, *Contact Mechanics and Friction*, Springer 2010, chapter 12:
-T = 2Δ/(kV) + (2/ω)(π − arctan(ωΔ/(kV))), F in F_k ± √(Δ² + kmV²), Δ = F_s − F_k.
+The textbook stick-slip cycle, e.g. V. L. Popov, *Contact Mechanics and Friction*, Springer 2010,
+chapter 12: T = 2Δ/(kV) + (2/ω)(π − arctan(ωΔ/(kV))), F in F_k ± √(Δ² + kmV²), Δ = F_s − F_k.
 """
 
 import math
@@ -16,13 +16,19 @@ from systems import distance, switches
 pytestmark = pytest.mark.usefixtures("flow")
 
 PRINTED = {"m": 1.0, "k": 1.0, "V": 0.3, "F_s": 1.0, "F_k": 0.6}
-CASES = [PRINTED, {"m": 2.0, "k": 3.0, "V": 0.4, "F_s": 1.5, "F_k": 0.9}, {**PRINTED, "V": 0.01, "F_k": 0.05}]
+CASES = [
+    PRINTED,
+    {"m": 2.0, "k": 3.0, "V": 0.4, "F_s": 1.5, "F_k": 0.9},
+    {**PRINTED, "V": 0.01, "F_k": 0.05},
+]
 
 
 @pytest.mark.parametrize("values", CASES)
 def test_cycle(values: dict[str, float]) -> None:
     period = belt_block.period(**values)
-    motion = simulate(catalogue.belt_block(), (0.0, 20 * period), {"x": 0.0, "d_x": values["V"]}, values)
+    motion = simulate(
+        catalogue.belt_block(), (0.0, 20 * period), {"x": 0.0, "d_x": values["V"]}, values
+    )
     assert motion.certificate.ok, motion.certificate.verdict
     table = switches(motion)
     slips = table[table["to"] == "slip-"]["time"].to_numpy()[1:]
@@ -31,7 +37,9 @@ def test_cycle(values: dict[str, float]) -> None:
     # The first stick ends with F = F_s, and from then on the motion is periodic.
     assert distance(np.diff(slips), period) < 1e-10 * period
     sticks = sticks[sticks > slips[0]][: len(slips)]
-    assert distance(sticks - slips[: len(sticks)], belt_block.slip_duration(**values)) < 1e-10 * period
+    assert (
+        distance(sticks - slips[: len(sticks)], belt_block.slip_duration(**values)) < 1e-10 * period
+    )
     t = np.linspace(slips[0], slips[-1], 2001)
     x, v = belt_block.state(t - slips[0], **values)
     assert distance(motion.at(t)["x"], x) < 1e-9
@@ -44,7 +52,8 @@ def test_printed_numbers() -> None:
     table = switches(motion)
     starts = table[table["to"] == "slip-"]["time"].to_numpy()
     assert np.diff(starts) == pytest.approx(7.0952615, abs=5e-8)
-    # The spring force is extreme where the velocity vanishes, once on the way out and once on the way back.
+    # The spring force is extreme where the velocity vanishes, once on the way out and once on the
+    # way back.
     omega, delta = 1.0, 0.4
     turn = math.atan2(0.3 * omega, delta * omega**2)
     force = motion.at(starts[0] + turn + np.array([0.0, math.pi]))["x"]

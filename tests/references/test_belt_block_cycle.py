@@ -42,6 +42,9 @@ def test_formulas(values: dict[str, float]) -> None:
 
 
 def test_family() -> None:
-    """Steady sliding is a centre: small oscillations without stick are cycles, too, but no isolated ones."""
-    with pytest.raises(ConvergenceError, match=r"come in a family.*still closes if its state is moved along \(x: "):
+    """Steady sliding is a centre: small oscillations without stick are cycles, too, but no isolated
+    ones."""
+    with pytest.raises(
+        ConvergenceError, match=r"come in a family.*still closes if its state is moved along \(x: "
+    ):
         find_cycle(catalogue.belt_block(), None, SETS[2])

@@ -1,8 +1,9 @@
 """The three motions of the benchmark against end states and switches from sixty-digit arithmetic.
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
-(3.3), (3.6) and (4.2), solved by ``benchmarks/reference_values.py``, which knows nothing of the package. The end
-states after 20 cycles are from its function ``follow`` with longer spans.
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017), (3.3), (3.6) and (4.2), solved by ``benchmarks/reference_values.py``, which
+knows nothing of the package. The end states after 20 cycles are from its function ``follow`` with
+longer spans.
 """
 
 import sys
@@ -40,12 +41,15 @@ LATER = {
 def system(name: str) -> System:
     if name == "A":
         p = PROBLEMS["A"].parameters
-        return catalogue.spring_slider(mu=f"{p['mu_inf']} + {p['mu_1']}*exp(-(alpha - 1)/{p['alpha_mu']})")
+        return catalogue.spring_slider(
+            mu=f"{p['mu_inf']} + {p['mu_1']}*exp(-(alpha - 1)/{p['alpha_mu']})"
+        )
     return catalogue.scaled_slider_limit() if name == "B" else catalogue.rocking_toy()
 
 
 def follow(name: str, until: float, rtol: float = 1e-10) -> Trajectory:
-    problem, moving = PROBLEMS[name], system(name)
+    problem = PROBLEMS[name]
+    moving = system(name)
     initial = dict(zip(problem.variables, problem.initial, strict=True))
     values = {key: value for key, value in problem.parameters.items() if key in moving.parameters}
     motion = simulate(moving, (0.0, until), initial, values, rtol=rtol)
@@ -69,7 +73,8 @@ def test_end_state(name: str, rtol: float, within: float) -> None:
 def test_switches(name: str) -> None:
     motion = follow(name, PROBLEMS[name].span)
     expected = np.array([float(time) for time in PROBLEMS[name].switches])
-    # In (3.6) sliding is a region of a formula; in (4.2) the ramps of H add kinks that are no switches.
+    # In (3.6) sliding is a region of a formula; in (4.2) the ramps of H add kinks that are no
+    # switches.
     kinds = motion.system.contacts or motion.events["contact"].unique()
     events = motion.events[motion.events["contact"].isin(kinds)]
     assert len(events) == len(expected) == {"A": 18, "B": 21, "C": 42}[name]

@@ -38,10 +38,12 @@ def test_switch_times() -> None:
 def test_other_parameters(seed: int) -> None:
     rng = np.random.default_rng(seed)
     m, k, P = rng.uniform(0.5, 2, 3)
-    F_c, omega = rng.uniform(0.02, 0.9) * P, rng.uniform(0.15, 2.5)
+    F_c = rng.uniform(0.02, 0.9) * P
+    omega = rng.uniform(0.15, 2.5)
     x, v = rng.normal(size=2)
     exact = coulomb_oscillator.phases(60.0, m, k, F_c, P, omega, x, v)
-    start, values = {"x": x, "d_x": v}, {"m": m, "k": k, "F_c": F_c, "P": P, "omega": omega}
+    start = {"x": x, "d_x": v}
+    values = {"m": m, "k": k, "F_c": F_c, "P": P, "omega": omega}
     motion = simulate(catalogue.forced_oscillator(), (0.0, 60.0), start, values)
     assert motion.certificate.ok, motion.certificate.verdict
     assert distance(switches(motion)["time"], [float(phase.start) for phase in exact[1:]]) < 1e-10

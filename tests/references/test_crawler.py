@@ -1,7 +1,8 @@
 """Two legs with directional friction and a spring whose rest length oscillates.
 
-A. DeSimone, P. Gidoni, G. Noselli, *Liquid crystal elastomer strips as soft crawlers*, J. Mech. Phys. Solids 84 (2015)
-254-272: net displacement per cycle sgn(f₋ − f₊) max(0, D − 2 min(f₊, f₋)/k) with the stroke D.
+A. DeSimone, P. Gidoni, G. Noselli, *Liquid crystal elastomer strips as soft crawlers*, J. Mech.
+Phys. Solids 84 (2015) 254-272: net displacement per cycle sgn(f₋ − f₊) max(0, D − 2 min(f₊, f₋)/k)
+with the stroke D.
 """
 
 import math
@@ -21,7 +22,8 @@ CASES = [(0.3, 0.8), (0.8, 0.3), (1.9, 5.0), (2.1, 5.0), (0.2, 0.21)]
 @pytest.mark.parametrize(("f_plus", "f_minus"), CASES)
 @pytest.mark.parametrize("k", [1.0, 2.5])
 def test_crawler(f_plus: float, f_minus: float, k: float) -> None:
-    D, cycles = 4.0, 8
+    D = 4.0
+    cycles = 8
     # A quarter of each cycle has 100 samples, and the extrema of L are among them.
     t = np.linspace(0.0, 2 * math.pi * cycles, 400 * cycles + 1)
     values = {"D": D, "k": k, "f_plus": f_plus, "f_minus": f_minus}
@@ -38,4 +40,6 @@ def test_crawler(f_plus: float, f_minus: float, k: float) -> None:
     # Only one direction ever costs energy.
     cheap = min(f_plus, f_minus)
     travelled = np.abs(np.diff([x_1, x_2])).sum()
-    assert motion.at(float(t[-1]))["dissipated_energy"] == pytest.approx(cheap * travelled, rel=1e-10, abs=1e-12)
+    assert motion.at(float(t[-1]))["dissipated_energy"] == pytest.approx(
+        cheap * travelled, rel=1e-10, abs=1e-12
+    )

@@ -1,8 +1,8 @@
 """Harmonically forced oscillator with dry friction, non-stop motion.
 
-J. P. Den Hartog, *Forced vibrations with combined Coulomb and viscous friction*, Trans. ASME 53 (1931) 107-115; the
-formulas as in L. Marino, A. Cicirello, *Experimental investigation of a single-degree-of-freedom system with Coulomb
-friction*, Nonlinear Dynamics 99 (2020).
+J. P. Den Hartog, *Forced vibrations with combined Coulomb and viscous friction*, Trans. ASME 53
+(1931) 107-115; the formulas as in L. Marino, A. Cicirello, *Experimental investigation of a
+single-degree-of-freedom system with Coulomb friction*, Nonlinear Dynamics 99 (2020).
 """
 
 import math
@@ -19,7 +19,9 @@ pytestmark = pytest.mark.usefixtures("flow")
 CASES = [(0.8, 0.3, 2.626105), (1.2, 0.3, 2.072384), (2.0, 0.4, 0.266667)]
 
 
-def follow(r: float, beta: float, periods: int, initial: dict[str, float] | None = None) -> Trajectory:
+def follow(
+    r: float, beta: float, periods: int, initial: dict[str, float] | None = None
+) -> Trajectory:
     """m = k = P = 1, so that ω = r and F_c = β."""
     span = (0.0, periods * 2 * math.pi / r)
     trajectory = simulate(catalogue.forced_oscillator(), span, initial, {"F_c": beta, "omega": r})
@@ -33,7 +35,10 @@ def test_start_on_the_periodic_motion(r: float, beta: float, X: float) -> None:
     x, v = den_hartog.state(0.0, r, beta)
     motion = follow(r, beta, 20, {"x": float(x), "d_x": float(v)})
     turns = switches(motion)
-    assert set(zip(turns["from"], turns["to"], strict=True)) == {("slip+", "slip-"), ("slip-", "slip+")}
+    assert set(zip(turns["from"], turns["to"], strict=True)) == {
+        ("slip+", "slip-"),
+        ("slip-", "slip+"),
+    }
     assert len(turns) == 40
     # At its switches the velocity vanishes, the displacement is largest.
     assert distance(turns["x"].abs(), den_hartog.amplitude(r, beta)) < 1e-11

@@ -1,7 +1,7 @@
 """Dry friction smoothed by dither.
 
-J. J. Thomsen, *Using fast vibrations to quench friction-induced oscillations*, J. Sound Vib. 228 (1999) 1079-1102: the
-mean of sgn(v_r + A cos τ) over a period is (2/π) arcsin(v_r/A) for |v_r| ≤ A.
+J. J. Thomsen, *Using fast vibrations to quench friction-induced oscillations*, J. Sound Vib. 228
+(1999) 1079-1102: the mean of sgn(v_r + A cos τ) over a period is (2/π) arcsin(v_r/A) for |v_r| ≤ A.
 """
 
 import math
@@ -31,7 +31,8 @@ def block() -> System:
 
 @pytest.mark.parametrize("v_r", [-1.5, -0.9, -0.3, 0.0, 0.5, 0.8, 2.0])
 def test_mean_friction(v_r: float) -> None:
-    # The heavier the block, the less its velocity changes within the period. The mean friction is m Δv / T.
+    # The heavier the block, the less its velocity changes within the period. The mean friction is m
+    # Δv / T.
     errors = []
     for m in (1e4, 1e6):
         motion = simulate(block(), (0.0, 2 * math.pi), {"d_x": v_r}, {"m": m})
@@ -45,7 +46,8 @@ def test_mean_friction(v_r: float) -> None:
 
 @pytest.mark.parametrize("v_0", [0.9, 0.2])
 def test_effective_viscosity(v_0: float) -> None:
-    # Averaged, v' = −(2μ/(πm)) arcsin(v/A): the time from v to v/2 is an integral, and no threshold is left.
+    # Averaged, v' = −(2μ/(πm)) arcsin(v/A): the time from v to v/2 is an integral, and no threshold
+    # is left.
     m = 1000.0
     phi = np.linspace(math.asin(v_0 / 2), math.asin(v_0), 20_001)
     time = math.pi * m / 2 * np.trapezoid(np.cos(phi) / phi, phi)

@@ -1,8 +1,9 @@
 """Evolutions against what this solver did not compute.
 
-The running maximum of A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
-preprint 2405 (2017), section 2.2; the cone solver Clarabel on full steps; the event-driven motion of the same system
-of rate-independent coordinates; a matrix assembled by scikit-fem on an unstructured mesh.
+The running maximum of A. Mielke, *Three examples concerning the interaction of dry friction and
+oscillations*, WIAS preprint 2405 (2017), section 2.2; the cone solver Clarabel on full steps; the
+event-driven motion of the same system of rate-independent coordinates; a matrix assembled by
+scikit-fem on an unstructured mesh.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from stickslip.rate_independent.evolution.evolve import evolve
 
 Array = np.ndarray
 
-# --- Running maximum -------------------------------------------------------------------------------------------------
+# --- Running maximum ------------------------------------------------------------------------------
 
 THRESHOLDS = {
     "smooth": ("1 + cos(2*pi*s)/2", lambda s: 1 + np.cos(2 * np.pi * s) / 2),
@@ -33,19 +34,25 @@ THRESHOLDS = {
 
 
 def running_maximum(rho, epsilon: float, times: Array) -> Array:
-    """z for ℓ = 5t − t², z(0) = 0, on [0, 5]: a running maximum up to the last move, a running minimum after it."""
+    """z for ℓ = 5t − t², z(0) = 0, on [0, 5]: a running maximum up to the last move, a running
+    minimum after it."""
     fine = np.union1d(np.linspace(0.0, 5.0, 1_000_001), times)
-    ell, threshold = 5 * fine - fine**2, rho(fine / epsilon)
+    ell = 5 * fine - fine**2
+    threshold = rho(fine / epsilon)
     rising = np.maximum.accumulate(np.maximum(ell - threshold, 0.0))
     last = int(np.argmax(rising))
-    falling = np.minimum.accumulate(np.where(np.arange(len(fine)) > last, ell + threshold, rising[last]))
+    falling = np.minimum.accumulate(
+        np.where(np.arange(len(fine)) > last, ell + threshold, rising[last])
+    )
     return np.where(np.arange(len(fine)) <= last, rising, falling)[np.searchsorted(fine, times)]
 
 
 @pytest.mark.parametrize("kind", THRESHOLDS)
 def test_running_maximum(kind: str) -> None:
     formula, rho = THRESHOLDS[kind]
-    problem = Evolution([[1.0]], "5*t - t**2", WeightedL1([formula]), [0.0], epsilon=0.1, span=(0, 5))
+    problem = Evolution(
+        [[1.0]], "5*t - t**2", WeightedL1([formula]), [0.0], epsilon=0.1, span=(0, 5)
+    )
     errors = []
     for tolerance in (1e-2, 1e-3, 1e-4):
         history = evolve(problem, tolerance=tolerance)
@@ -57,7 +64,14 @@ def test_running_maximum(kind: str) -> None:
 
 def test_uniform_steps_converge_with_first_order() -> None:
     _, rho = THRESHOLDS["smooth"]
-    problem = Evolution([[1.0]], "5*t - t**2", WeightedL1([THRESHOLDS["smooth"][0]]), [0.0], epsilon=0.1, span=(0, 5))
+    problem = Evolution(
+        [[1.0]],
+        "5*t - t**2",
+        WeightedL1([THRESHOLDS["smooth"][0]]),
+        [0.0],
+        epsilon=0.1,
+        span=(0, 5),
+    )
     counts = np.array([997, 3989, 15_991])  # primes: no step falls on a turning point by chance
     errors = []
     for steps in counts.tolist():
@@ -67,11 +81,12 @@ def test_uniform_steps_converge_with_first_order() -> None:
     assert order > 0.9 and errors[-1] < 2e-4
 
 
-# --- Generic solvers -------------------------------------------------------------------------------------------------
+# --- Generic solvers ------------------------------------------------------------------------------
 
 
 def clarabel_step(A: Any, r: Array, cones: list, rows: Any, offsets: Array, cost: Array) -> Array:
-    """Minimise ½ dᵀAd − rᵀd + costᵀt over (d, t) with offsets − rows (d, t) in the cones; returns d."""
+    """Minimise ½ dᵀAd − rᵀd + costᵀt over (d, t) with offsets − rows (d, t) in the cones; returns
+    d."""
     import clarabel
 
     n, extra = len(r), len(cost)
@@ -79,7 +94,9 @@ def clarabel_step(A: Any, r: Array, cones: list, rows: Any, offsets: Array, cost
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
-    solver = clarabel.DefaultSolver(P, np.concatenate([-r, cost]), sparse.csc_matrix(rows), offsets, cones, settings)
+    solver = clarabel.DefaultSolver(
+        P, np.concatenate([-r, cost]), sparse.csc_matrix(rows), offsets, cones, settings
+    )
     solution = solver.solve()
     assert solution.status == clarabel.SolverStatus.Solved
     return np.array(solution.x)[:n]
@@ -98,7 +115,9 @@ def membrane(side: int) -> sparse.csr_array:
         [-np.ones(side - 1), 2.0 * np.ones(side), -np.ones(side - 1)], offsets=[-1, 0, 1]
     ) * float((side + 1) ** 2)
     one = sparse.eye_array(side)
-    return sparse.csr_array(sparse.kron(second, one) + sparse.kron(one, second) + sparse.eye_array(side**2))
+    return sparse.csr_array(
+        sparse.kron(second, one) + sparse.kron(one, second) + sparse.eye_array(side**2)
+    )
 
 
 @pytest.mark.parametrize("solver", ["dense", "multigrid"])
@@ -119,7 +138,9 @@ def test_boxes_agree_with_clarabel(solver: str) -> None:
     rows = sparse.vstack([sparse.hstack([sparse.diags_array(w), -one]) for w in (upper, -lower)])
     for k in range(1, 4):
         r = loads[k] - A @ history.z[k - 1]
-        d = clarabel_step(A, r, [clarabel.NonnegativeConeT(2 * n)], rows, np.zeros(2 * n), np.ones(n))
+        d = clarabel_step(
+            A, r, [clarabel.NonnegativeConeT(2 * n)], rows, np.zeros(2 * n), np.ones(n)
+        )
         assert_same_minimum(A, r, problem.dissipation, history.z[k] - history.z[k - 1], d)
 
 
@@ -144,7 +165,7 @@ def test_groups_agree_with_clarabel() -> None:
         assert_same_minimum(A, r, problem.dissipation, history.z[k] - history.z[k - 1], d)
 
 
-# --- The event-driven motion of the same system ----------------------------------------------------------------------
+# --- The event-driven motion of the same system ---------------------------------------------------
 
 
 def coupled(n: int, epsilon: float) -> tuple[Evolution, System]:
@@ -162,7 +183,9 @@ def coupled(n: int, epsilon: float) -> tuple[Evolution, System]:
         functions={f"rho{i}(s)": weight for i, weight in enumerate(weights)},
         coordinates={f"z{i}": RateIndependent() for i in range(n)},
         potential=f"{quadratic} - {work}",
-        contacts={f"contact {i}": Contact(f"d_z{i}", threshold=f"rho{i}(t/{epsilon})") for i in range(n)},
+        contacts={
+            f"contact {i}": Contact(f"d_z{i}", threshold=f"rho{i}(t/{epsilon})") for i in range(n)
+        },
         span=(0, 3),
     )
     return Evolution(A, loads, WeightedL1(weights), np.zeros(n), epsilon, (0, 3)), system
@@ -179,7 +202,9 @@ def test_the_event_driven_motion_of_the_same_system(n: int) -> None:
     exact = np.column_stack([values[f"z{i}"] for i in range(n)])
 
     tolerances = np.array([1e-2, 1e-3, 1e-4, 1e-5])
-    histories = [evolve(problem, tolerance=float(tolerance), output=times) for tolerance in tolerances]
+    histories = [
+        evolve(problem, tolerance=float(tolerance), output=times) for tolerance in tolerances
+    ]
     errors = np.array([np.abs(history.z - exact).max() for history in histories])
     assert np.all(errors < tolerances) and errors[-1] < 1e-5
     assert np.polyfit(np.log(tolerances), np.log(errors), 1)[0] > 0.6
@@ -187,15 +212,21 @@ def test_the_event_driven_motion_of_the_same_system(n: int) -> None:
     assert dissipated[-1] == pytest.approx(values["dissipated_energy"][-1], rel=1e-5)
 
     counts = np.array([300, 1200, 4800, 19_200])
-    errors = np.array([np.abs(evolve(problem, steps=int(count), output=times).z - exact).max() for count in counts])
+    errors = np.array(
+        [
+            np.abs(evolve(problem, steps=int(count), output=times).z - exact).max()
+            for count in counts
+        ]
+    )
     assert np.all(errors < 1.0 / counts)
 
 
-# --- Finite elements -------------------------------------------------------------------------------------------------
+# --- Finite elements ------------------------------------------------------------------------------
 
 
 def assembled(count: int) -> tuple[sparse.csr_array, Array, Array]:
-    """−Δ + 1 with linear elements on a triangulation of random points, the lumped areas, and the points."""
+    """−Δ + 1 with linear elements on a triangulation of random points, the lumped areas, and the
+    points."""
     skfem = pytest.importorskip("skfem")
     from scipy.spatial import Delaunay
     from skfem.helpers import dot, grad
@@ -203,10 +234,20 @@ def assembled(count: int) -> tuple[sparse.csr_array, Array, Array]:
     rng = np.random.default_rng(7)
     edge = np.linspace(0, 1, 16)
     frame = np.vstack(
-        [np.column_stack(p) for p in ((edge, 0 * edge), (edge, 0 * edge + 1), (0 * edge, edge), (0 * edge + 1, edge))]
+        [
+            np.column_stack(p)
+            for p in (
+                (edge, 0 * edge),
+                (edge, 0 * edge + 1),
+                (0 * edge, edge),
+                (0 * edge + 1, edge),
+            )
+        ]
     )
     points = np.unique(np.vstack([frame, rng.uniform(0.02, 0.98, (count, 2))]), axis=0)
-    mesh = skfem.MeshTri(np.ascontiguousarray(points.T), np.ascontiguousarray(Delaunay(points).simplices.T))
+    mesh = skfem.MeshTri(
+        np.ascontiguousarray(points.T), np.ascontiguousarray(Delaunay(points).simplices.T)
+    )
     basis = skfem.Basis(mesh, skfem.ElementTriP1())
     form = skfem.BilinearForm(lambda u, v, w: 0.1 * dot(grad(u), grad(v)) + u * v)
     areas = skfem.LinearForm(lambda v, w: 1.0 * v).assemble(basis)
@@ -214,7 +255,8 @@ def assembled(count: int) -> tuple[sparse.csr_array, Array, Array]:
 
 
 def test_finite_elements_on_an_unstructured_mesh() -> None:
-    """A travelling wave of thresholds: both solvers agree, the result is certified, and it follows its load."""
+    """A travelling wave of thresholds: both solvers agree, the result is certified, and it follows
+    its load."""
     A, areas, points = assembled(250)
     problem = Evolution(
         A,
@@ -224,9 +266,13 @@ def test_finite_elements_on_an_unstructured_mesh() -> None:
         epsilon=0.5,
         span=(0, 1),
     )
-    dense, grid = (evolve(problem, steps=80, solver=solver, tolerance=5e-2) for solver in ("dense", "multigrid"))
+    dense, grid = (
+        evolve(problem, steps=80, solver=solver, tolerance=5e-2)
+        for solver in ("dense", "multigrid")
+    )
     assert grid.outcome.ok and grid.certificate.ok, (grid.message, grid.certificate.verdict)
     assert dense.certificate.ok, dense.certificate.verdict
     assert np.abs(dense.z - grid.z).max() < 1e-5 * np.abs(dense.z).max()
     moving = dense.dataset["slipping"].values
-    assert moving.max() > 0.9 * problem.n > 0.2 * problem.n > moving[moving > 0].min()  # the slip set travels
+    # the slip set travels
+    assert moving.max() > 0.9 * problem.n > 0.2 * problem.n > moving[moving > 0].min()

@@ -1,7 +1,8 @@
 """Two components that move at different phases.
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
-Example 2.1: Ψ(s, v) = (2 − cos 2πs)|v₁| + (2 + cos 2πs)|v₂| has the average Ψ_av(v) = |v₁| + |v₂|.
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017), Example 2.1: Ψ(s, v) = (2 − cos 2πs)|v₁| + (2 + cos 2πs)|v₂| has the average
+Ψ_av(v) = |v₁| + |v₂|.
 """
 
 import numpy as np
@@ -47,10 +48,13 @@ def test_average(average: Average) -> None:
 
 
 def test_who_moves_when(average: Average) -> None:
-    # "moving in z_1-direction is optimal for s ≈ 0 while motion in z_2-direction is optimal for s ≈ 1/2"
+    # "moving in z_1-direction is optimal for s ≈ 0 while motion in z_2-direction is optimal for s ≈
+    # 1/2"
     motion = average.optimal_motion([0.7, -2.0])
     nearest = np.round(2 * motion.phases) / 2 % 1.0
-    np.testing.assert_allclose(np.exp(2j * np.pi * motion.phases), np.exp(2j * np.pi * nearest), atol=1e-7)
+    np.testing.assert_allclose(
+        np.exp(2j * np.pi * motion.phases), np.exp(2j * np.pi * nearest), atol=1e-7
+    )
     order = np.argsort(nearest)
     np.testing.assert_array_equal(nearest[order], [0.0, 0.5])
     np.testing.assert_allclose(motion.motions[order], [[0.7, 0], [0, -2]], atol=1e-12)
@@ -59,7 +63,8 @@ def test_who_moves_when(average: Average) -> None:
 
 
 def test_sampled_phases_do_not_do() -> None:
-    # 17 phases in the middle of their cells miss the minimisers; refined minima do not depend on where samples lie.
+    # 17 phases in the middle of their cells miss the minimisers; refined minima do not depend on
+    # where samples lie.
     shifted = ["2 - cos(2*pi*(s - 0.1234567))", "2 + cos(2*pi*(s - 0.1234567))"]
     samples = (np.arange(17) + 0.5) / 17
     sampled = min(WeightedL1(shifted).value(s, [1.0, 0.0]) for s in samples)

@@ -1,8 +1,8 @@
 """The positively invariant rectangle of the spring slider.
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
-theorem 3.1: motions of (3.3) with k = α₀ = 1 and a falling μ̃ stay in 0 ≤ U ≤ U_max = μ̃(0) + νV,
-0 ≤ α ≤ α_max = 1 + U_max²/ν.
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017), theorem 3.1: motions of (3.3) with k = α₀ = 1 and a falling μ̃ stay in 0 ≤ U ≤
+U_max = μ̃(0) + νV, 0 ≤ α ≤ α_max = 1 + U_max²/ν.
 """
 
 import math
@@ -29,7 +29,9 @@ def rectangle(law: str, nu: float, V: float) -> tuple[float, float]:
     return U_max, 1 + U_max**2 / nu
 
 
-def follow(law: str, nu: float, V: float, U: float, alpha: float, until: float = 20.0) -> Trajectory:
+def follow(
+    law: str, nu: float, V: float, U: float, alpha: float, until: float = 20.0
+) -> Trajectory:
     motion = simulate(slider(law), (0.0, until), {"U": U, "alpha": alpha}, {"nu": nu, "V": V})
     assert motion.outcome.ok
     assert motion.certificate.ok, motion.certificate.verdict
@@ -41,8 +43,12 @@ def follow(law: str, nu: float, V: float, U: float, alpha: float, until: float =
 def test_no_motion_leaves_it(law: str, nu: float, V: float) -> None:
     U_max, alpha_max = rectangle(law, nu, V)
     rng = np.random.default_rng(7)
-    edges = [(0.0, a) for a in rng.uniform(0, alpha_max, 4)] + [(U_max, a) for a in rng.uniform(0, alpha_max, 4)]
-    edges += [(u, 0.0) for u in rng.uniform(0, U_max, 4)] + [(u, alpha_max) for u in rng.uniform(0, U_max, 4)]
+    edges = [(0.0, a) for a in rng.uniform(0, alpha_max, 4)] + [
+        (U_max, a) for a in rng.uniform(0, alpha_max, 4)
+    ]
+    edges += [(u, 0.0) for u in rng.uniform(0, U_max, 4)] + [
+        (u, alpha_max) for u in rng.uniform(0, U_max, 4)
+    ]
     corners = [(u, a) for u in (0.0, U_max) for a in (0.0, alpha_max)]
     for U, alpha in [*edges, *corners]:
         motion = follow(law, nu, V, U, alpha)
@@ -52,7 +58,9 @@ def test_no_motion_leaves_it(law: str, nu: float, V: float) -> None:
 
 
 def test_it_is_entered_from_outside() -> None:
-    law, nu, V = next(iter(LAWS)), 0.02, 0.18
+    law = next(iter(LAWS))
+    nu = 0.02
+    V = 0.18
     U_max, alpha_max = rectangle(law, nu, V)
     motion = follow(law, nu, V, 2 * U_max, 1.0)
     assert motion.at(0.0)["U"] > U_max
@@ -62,7 +70,9 @@ def test_it_is_entered_from_outside() -> None:
 
 def test_a_periodic_orbit_attracts_where_steady_sliding_is_unstable() -> None:
     # μ̃ = 0.5 + exp(−(α − 1)/0.4), ν = 0.02, V = 0.18: the trace at the equilibrium is positive.
-    law, nu, V = next(iter(LAWS)), 0.02, 0.18
+    law = next(iter(LAWS))
+    nu = 0.02
+    V = 0.18
     alpha = 1.0
     for _ in range(200):
         alpha = 0.5 * (alpha + 1 + V * (LAWS[law](alpha) + nu * V))

@@ -1,7 +1,8 @@
 """Tip pulled over a lattice.
 
-L. Prandtl, ZAMM 8 (1928) 85-106; V. L. Popov, J. A. T. Gray, ZAMM 92 (2012) 683-708: multistable for
-η = 4π²V₀/(ka²) > 1; the tip jumps at the spring force (2πV₀/a)√(1 − η⁻²), after the largest one, 2πV₀/a.
+L. Prandtl, ZAMM 8 (1928) 85-106; V. L. Popov, J. A. T. Gray, ZAMM 92 (2012) 683-708: multistable
+for η = 4π²V₀/(ka²) > 1; the tip jumps at the spring force (2πV₀/a)√(1 − η⁻²), after the largest
+one, 2πV₀/a.
 """
 
 import math
@@ -21,7 +22,9 @@ ETA = prandtl_tomlinson.eta(**LATTICE)
 
 
 def pulled(V: float, length: float = 1.2, **values: float) -> Trajectory:
-    trajectory = simulate(catalogue.prandtl_tomlinson(), (0.0, length / V), {"x": 0.0}, LATTICE | {"V": V} | values)
+    trajectory = simulate(
+        catalogue.prandtl_tomlinson(), (0.0, length / V), {"x": 0.0}, LATTICE | {"V": V} | values
+    )
     assert trajectory.outcome.ok
     assert trajectory.certificate.ok, trajectory.certificate.verdict
     return trajectory
@@ -29,15 +32,20 @@ def pulled(V: float, length: float = 1.2, **values: float) -> Trajectory:
 
 def test_jumps_at_the_force_of_the_jump() -> None:
     assert ETA > 1
-    # The minimum that carries the tip ends at cos(2πx/a) = −1/η. A viscous tip lags behind by V^(2/3).
+    # The minimum that carries the tip ends at cos(2πx/a) = −1/η. A viscous tip lags behind by
+    # V^(2/3).
     edge = LATTICE["a"] / (2 * math.pi) * math.acos(-1 / ETA)
     errors = []
     for V in (0.1, 0.03, 0.01):
         motion = pulled(V)
-        time = brentq(lambda t, motion=motion: motion.at(t)["x"] - edge, 0.25 / V, 0.5 / V, xtol=1e-13)
+        time = brentq(
+            lambda t, motion=motion: motion.at(t)["x"] - edge, 0.25 / V, 0.5 / V, xtol=1e-13
+        )
         errors.append(LATTICE["k"] * (V * time - edge) - prandtl_tomlinson.force_at_jump(**LATTICE))
     assert 0 < errors[2] < 2e-3
-    orders = np.log(np.divide(errors[:-1], errors[1:])) / np.log(np.divide([0.1, 0.03], [0.03, 0.01]))
+    orders = np.log(np.divide(errors[:-1], errors[1:])) / np.log(
+        np.divide([0.1, 0.03], [0.03, 0.01])
+    )
     assert orders == pytest.approx(2 / 3, abs=0.02)
 
 

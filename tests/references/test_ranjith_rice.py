@@ -1,10 +1,12 @@
-"""Steady slip of the rate-and-state spring slider is lost in a Hopf point at the critical stiffness.
+"""Steady slip of the rate-and-state spring slider is lost in a Hopf point at the critical
+stiffness.
 
-K. Ranjith and J. R. Rice, *Stability of quasi-static slip in a single degree of freedom elastic system with rate and
-state dependent friction*, J. Mech. Phys. Solids 47 (1999) 1207-1218: k_c = (b − a)σ/D_c, ω_c = (V/D_c)√((b − a)/a).
-With the ageing law the quasi-static motion at k_c is exactly periodic at any amplitude, so that the first Lyapunov
-coefficient vanishes; with the slip law too (J.-C. Gu, J. R. Rice, A. L. Ruina and S. T. Tse, J. Mech. Phys. Solids 32
-(1984) 167-196). A mass m multiplies k_c by 1 + mV²/(aσD_c) (J. R. Rice and A. L. Ruina 1983).
+K. Ranjith and J. R. Rice, *Stability of quasi-static slip in a single degree of freedom elastic
+system with rate and state dependent friction*, J. Mech. Phys. Solids 47 (1999) 1207-1218: k_c = (b
+− a)σ/D_c, ω_c = (V/D_c)√((b − a)/a). With the ageing law the quasi-static motion at k_c is exactly
+periodic at any amplitude, so that the first Lyapunov coefficient vanishes; with the slip law too
+(J.-C. Gu, J. R. Rice, A. L. Ruina and S. T. Tse, J. Mech. Phys. Solids 32 (1984) 167-196). A mass m
+multiplies k_c by 1 + mV²/(aσD_c) (J. R. Rice and A. L. Ruina 1983).
 """
 
 import numpy as np
@@ -15,7 +17,11 @@ from stickslip import Inertial, Internal, System, simulate
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from systems import parameters
 
-A, B, SIGMA, D_C, MU_0 = 0.4, 0.7, 1.3, 0.8, 6.0
+A = 0.4
+B = 0.7
+SIGMA = 1.3
+D_C = 0.8
+MU_0 = 6.0
 FRICTION = "sigma*(mu_0 + a*log({v}/V) + b*log(V*theta/D_c))"
 
 
@@ -73,7 +79,8 @@ def test_mass_makes_it_less_stable() -> None:
 
 
 def test_the_motion_agrees() -> None:
-    system, k_c = quasi_static(AGEING), critical_stiffness(A, B, SIGMA, D_C)
+    system = quasi_static(AGEING)
+    k_c = critical_stiffness(A, B, SIGMA, D_C)
     period = 2 * np.pi / critical_frequency(A, B, D_C, 1.5)
     start = {"tau": SIGMA * MU_0 + 1e-4, "theta": D_C / 1.5}
     size = []

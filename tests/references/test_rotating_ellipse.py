@@ -1,7 +1,7 @@
 """An ellipse with the half axes 2 and ½ that turns: K_av is the disc of radius ½, Ψ_av(v) = ½|v|.
 
-One that swings over part of a turn has an average with corners, which is also known: along a ray at the angle θ from
-the long axis, K_av ends where the ellipse turned farthest away does.
+One that swings over part of a turn has an average with corners, which is also known: along a ray at
+the angle θ from the long axis, K_av ends where the ellipse turned farthest away does.
 """
 
 import numpy as np
@@ -10,7 +10,8 @@ from scipy.optimize import minimize, minimize_scalar
 
 from stickslip.rate_independent.dissipation import Average, Ellipsoid, Polytope, SupportFunction
 
-LONG, SHORT = 2.0, 0.5
+LONG = 2.0
+SHORT = 0.5
 DIRECTIONS = [(1.0, 0.0), (0.0, 1.0), (0.6, -0.8), (-1.0, 0.3)]
 
 
@@ -43,7 +44,8 @@ def swinging_support(V: np.ndarray, reach: float) -> float:
     def negative(theta: float) -> float:
         return -ray(theta, reach) * float(V @ [np.cos(theta), np.sin(theta)])
 
-    # The kink at θ = π/2 − reach, from where on K_av is an arc of the circle of radius ½, splits the search.
+    # The kink at θ = π/2 − reach, from where on K_av is an arc of the circle of radius ½, splits
+    # the search.
     kink = np.pi / 2 - reach
     ends = [negative(theta) for theta in (0.0, kink, np.pi / 2)]
     inner = [
@@ -74,7 +76,9 @@ def test_nearest_points_of_the_disc(turned: Average) -> None:
     xi = np.array([1.0, 0.3])
     np.testing.assert_allclose(turned.project(xi), disc.project(xi), atol=1e-8)
     metric = np.array([[2.0, 1.0], [1.0, 3.0]])
-    np.testing.assert_allclose(turned.project(xi, metric=metric), disc.project(xi, metric=metric), atol=1e-7)
+    np.testing.assert_allclose(
+        turned.project(xi, metric=metric), disc.project(xi, metric=metric), atol=1e-7
+    )
     assert turned.contains(0.4999 * xi / np.hypot(*xi))
     assert not turned.contains(0.5001 * xi / np.hypot(*xi))
     np.testing.assert_allclose(turned.project([0.2, -0.3]), [0.2, -0.3])
@@ -82,7 +86,9 @@ def test_nearest_points_of_the_disc(turned: Average) -> None:
 
 def test_full_turn_as_a_general_potential() -> None:
     average = SupportFunction(
-        lambda s, v: np.sqrt(v @ turning(s) @ v), 2, lambda s, v: turning(s) @ v / np.sqrt(v @ turning(s) @ v)
+        lambda s, v: np.sqrt(v @ turning(s) @ v),
+        2,
+        lambda s, v: turning(s) @ v / np.sqrt(v @ turning(s) @ v),
     ).average()
     assert average.support([0.6, -0.8]) == pytest.approx(0.5, abs=2e-8)
 
@@ -91,7 +97,9 @@ def test_full_turn_of_a_polygon() -> None:
     # A regular polygon inside: its average is the disc that touches its sides.
     angles = 2 * np.pi * np.arange(6) / 6
     average = Polytope(
-        vertices=lambda s: np.column_stack([np.cos(angles + np.pi * s / 3), np.sin(angles + np.pi * s / 3)])
+        vertices=lambda s: np.column_stack(
+            [np.cos(angles + np.pi * s / 3), np.sin(angles + np.pi * s / 3)]
+        )
     ).average()
     for V in DIRECTIONS[:2]:
         assert average.support(V) == pytest.approx(np.cos(np.pi / 6) * np.hypot(*V), abs=1e-8)
@@ -119,8 +127,10 @@ def test_two_phases_share_the_motion() -> None:
 
 
 def test_partial_turn_against_a_fine_grid() -> None:
-    # A nonlinear program with the constraints of 200 phases, solved by another method, is an outer approximation.
-    potential, V = swinging(0.6), np.array([0.3, 1.0])
+    # A nonlinear program with the constraints of 200 phases, solved by another method, is an outer
+    # approximation.
+    potential = swinging(0.6)
+    V = np.array([0.3, 1.0])
     inverses = [np.linalg.inv(shape_at(0.6 * np.sin(2 * np.pi * s))) for s in np.arange(200) / 200]
     result = minimize(
         lambda xi: -V @ xi,

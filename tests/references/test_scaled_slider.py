@@ -1,7 +1,7 @@
 """The cycle of the scaled slider at lowest order, in arithmetic of 40 digits.
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
-(3.6) with ν = 1e-2, b = 1, μ₀ = v̂ = 1.
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017), (3.6) with ν = 1e-2, b = 1, μ₀ = v̂ = 1.
 """
 
 import math
@@ -15,13 +15,17 @@ from systems import distance
 
 pytestmark = pytest.mark.usefixtures("flow")
 
-GAMMA_SLIP, GAMMA_STICK = 0.0054267655331678199637, 6.366083565301879946
-SLIP, STICK = 0.38862420022020717876, 7.0673964441874579179
+GAMMA_SLIP = 0.0054267655331678199637
+GAMMA_STICK = 6.366083565301879946
+SLIP = 0.38862420022020717876
+STICK = 7.0673964441874579179
 MULTIPLIER = 0.028162086887829495
 
 
 def follow(gamma: float, until: float, **values: float) -> Trajectory:
-    motion = simulate(catalogue.scaled_slider_limit(), (0.0, until), {"beta": 0.0, "gamma": gamma}, values)
+    motion = simulate(
+        catalogue.scaled_slider_limit(), (0.0, until), {"beta": 0.0, "gamma": gamma}, values
+    )
     assert motion.outcome.ok
     assert motion.certificate.ok, motion.certificate.verdict
     return motion
@@ -42,8 +46,12 @@ def test_cycle() -> None:
 def test_any_start_settles_on_it() -> None:
     for gamma in (0.0, 0.9, 3.0):
         events = follow(gamma, 100.0, nu=0.01, b=1.0).events
-        assert events[events["to"] == "above"]["gamma"].iloc[-1] == pytest.approx(GAMMA_SLIP, rel=1e-11)
-        assert events[events["to"] == "below"]["gamma"].iloc[-1] == pytest.approx(GAMMA_STICK, rel=1e-11)
+        assert events[events["to"] == "above"]["gamma"].iloc[-1] == pytest.approx(
+            GAMMA_SLIP, rel=1e-11
+        )
+        assert events[events["to"] == "below"]["gamma"].iloc[-1] == pytest.approx(
+            GAMMA_STICK, rel=1e-11
+        )
 
 
 def test_multiplier() -> None:
@@ -59,7 +67,8 @@ def test_multiplier() -> None:
 
 
 @pytest.mark.parametrize(
-    ("nu", "b", "mu_0", "v_hat"), [(1e-2, 0.7, 1.5, 2.0), (1e-3, 0.5, 1.0, 1.0), (1e-4, 1.3, 0.8, 0.3)]
+    ("nu", "b", "mu_0", "v_hat"),
+    [(1e-2, 0.7, 1.5, 2.0), (1e-3, 0.5, 1.0, 1.0), (1e-4, 1.3, 0.8, 0.3)],
 )
 def test_other_parameters(nu: float, b: float, mu_0: float, v_hat: float) -> None:
     cycle = scaled_slider.cycle(nu, b, mu_0, v_hat, digits=20)

@@ -1,7 +1,9 @@
-"""The cycle of the scaled slider, found as a cycle: period, multiplier and switches against 40 digits.
+"""The cycle of the scaled slider, found as a cycle: period, multiplier and switches against 40
+digits.
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
-(3.6) with ν = 1e-2, b = 1, μ₀ = v̂ = 1, and the fixed point γ_b of the lowest-order maps of section 3.3.
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017), (3.6) with ν = 1e-2, b = 1, μ₀ = v̂ = 1, and the fixed point γ_b of the
+lowest-order maps of section 3.3.
 """
 
 from __future__ import annotations
@@ -16,8 +18,10 @@ from stickslip import catalogue
 from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.cycles.cycle import Cycle, find_cycle
 
-GAMMA_SLIP, GAMMA_STICK = 0.0054267655331678199637, 6.366083565301879946
-SLIP, STICK = 0.38862420022020717876, 7.0673964441874579179
+GAMMA_SLIP = 0.0054267655331678199637
+GAMMA_STICK = 6.366083565301879946
+SLIP = 0.38862420022020717876
+STICK = 7.0673964441874579179
 MULTIPLIER = 0.028162086887829495
 GAMMA_B = 0.00590569826359391
 
@@ -56,14 +60,19 @@ def test_reference() -> None:
 
 
 @pytest.mark.parametrize(
-    ("nu", "b", "mu_0", "v_hat"), [(1e-2, 0.7, 1.5, 2.0), (1e-3, 0.5, 1.0, 1.0), (1e-4, 1.3, 0.8, 0.3)]
+    ("nu", "b", "mu_0", "v_hat"),
+    [(1e-2, 0.7, 1.5, 2.0), (1e-3, 0.5, 1.0, 1.0), (1e-4, 1.3, 0.8, 0.3)],
 )
 def test_other_parameters(nu: float, b: float, mu_0: float, v_hat: float) -> None:
     known = scaled_slider.cycle(nu, b, mu_0, v_hat, digits=20)
     found = cycle(nu=nu, b=b, mu_0=mu_0, v_hat=v_hat)
-    assert found.period == pytest.approx(float(known.slip_duration + known.stick_duration), rel=1e-10)
+    assert found.period == pytest.approx(
+        float(known.slip_duration + known.stick_duration), rel=1e-10
+    )
     assert found.nontrivial == pytest.approx([float(known.multiplier)], rel=1e-9)
-    assert switches(found) == pytest.approx((float(known.gamma_slip), float(known.gamma_stick)), rel=1e-9)
+    assert switches(found) == pytest.approx(
+        (float(known.gamma_slip), float(known.gamma_stick)), rel=1e-9
+    )
 
 
 def test_every_cycle_of_a_branch() -> None:
@@ -75,11 +84,14 @@ def test_every_cycle_of_a_branch() -> None:
         known = scaled_slider.cycle(0.01, float(branch.points["b"][i]), digits=20)
         period = float(known.slip_duration + known.stick_duration)
         assert branch.points["period"].values[i] == pytest.approx(period, rel=1e-10)
-        assert branch.points["multiplier_real"].values[i, 1] == pytest.approx(float(known.multiplier), rel=1e-9)
+        assert branch.points["multiplier_real"].values[i, 1] == pytest.approx(
+            float(known.multiplier), rel=1e-9
+        )
 
 
 def test_fixed_point_of_the_lowest_order_maps() -> None:
-    """γ at the start of slip is γ_b + c√ν + …: from √ν = h and h/2 and h/4 follows γ_b up to O(h³)."""
+    """γ at the start of slip is γ_b + c√ν + …: from √ν = h and h/2 and h/4 follows γ_b up to
+    O(h³)."""
     gammas = [switches(cycle(nu=(4e-3 / 2**i) ** 2, b=1.0))[0] for i in range(3)]
     first = 2 * np.array(gammas[1:]) - np.array(gammas[:-1])
     second = (4 * first[1] - first[0]) / 3

@@ -1,11 +1,14 @@
-"""The scalar hysteresis operator of [M] section 2.2: its two closed forms, and convergence of the order ε.
+"""The scalar hysteresis operator of [M] section 2.2: its two closed forms, and convergence of the
+order ε.
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017).
-With ℓ(t) = 5t − t² and z(0) = 0 the position first is the running maximum of ℓ − ρ and then, as soon as the upper bound
-arrives, the running minimum of ℓ + ρ. The maximum that is reached is that of ℓ(τ) − ρ(τ/ε) over all τ (printed:
-25/4 − min ρ, its limit), and the way down begins about √(2 min ρ) after the top (printed: √(min ρ)).
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017). With ℓ(t) = 5t − t² and z(0) = 0 the position first is the running maximum of
+ℓ − ρ and then, as soon as the upper bound arrives, the running minimum of ℓ + ρ. The maximum that
+is reached is that of ℓ(τ) − ρ(τ/ε) over all τ (printed: 25/4 − min ρ, its limit), and the way down
+begins about √(2 min ρ) after the top (printed: √(min ρ)).
 
-The running maxima are found here by golden sections on each period, without derivatives and without the package.
+The running maxima are found here by golden sections on each period, without derivatives and without
+the package.
 """
 
 from __future__ import annotations
@@ -19,14 +22,17 @@ import pytest
 from stickslip.rate_independent.play.operator import play
 
 Array = np.ndarray
-LOAD, TOP, HEIGHT, SPAN = "5*t - t**2", 2.5, 6.25, (0.0, 5.0)
+LOAD = "5*t - t**2"
+TOP = 2.5
+HEIGHT = 6.25
+SPAN = (0.0, 5.0)
 
 
 def ell(t: Array) -> Array:
     return 5 * t - t**2
 
 
-# --- z_0 -------------------------------------------------------------------------------------------------------------
+# --- z_0 ------------------------------------------------------------------------------------------
 
 
 def limit(t: Array, minus: float, plus: float) -> Array:
@@ -54,12 +60,13 @@ def test_constant_thresholds(plus: float, ratio: float) -> None:
     assert motion.dissipated == pytest.approx(plus * (HEIGHT - plus) + minus * way_down, rel=1e-13)
 
 
-# --- z_ε -------------------------------------------------------------------------------------------------------------
+# --- z_ε ------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Case:
-    """A periodic threshold as it is given to the package, and as a function; smooth between the corners."""
+    """A periodic threshold as it is given to the package, and as a function; smooth between the
+    corners."""
 
     given: object
     minus: Callable[[Array], Array]
@@ -67,7 +74,9 @@ class Case:
     corners: tuple[float, ...] = (0.0, 1.0)
 
 
-def same(given: object, rho: Callable[[Array], Array], corners: tuple[float, ...] = (0.0, 1.0)) -> Case:
+def same(
+    given: object, rho: Callable[[Array], Array], corners: tuple[float, ...] = (0.0, 1.0)
+) -> Case:
     return Case(given, rho, rho, corners)
 
 
@@ -87,12 +96,15 @@ def valley(s: Array) -> Array:
 CASES = {
     "cosine": same("1 + cos(2*pi*s)/2", lambda s: 1 + np.cos(2 * np.pi * s) / 2),
     "two valleys": same(
-        "1 + 0.4*cos(4*pi*s) + 0.1*sin(2*pi*s)", lambda s: 1 + 0.4 * np.cos(4 * np.pi * s) + 0.1 * np.sin(2 * np.pi * s)
+        "1 + 0.4*cos(4*pi*s) + 0.1*sin(2*pi*s)",
+        lambda s: 1 + 0.4 * np.cos(4 * np.pi * s) + 0.1 * np.sin(2 * np.pi * s),
     ),
     "narrow peak, callable": same(steep, steep),
     "corner at the minimum": same("0.6 + abs(sin(pi*(s - 0.2)))", valley, (0.0, 0.2, 1.0)),
     "corner at the minimum, callable": same(valley, valley, (0.0, 0.2, 1.0)),
-    "corners, from samples": same((np.array([0.0, 0.3, 1.0]), np.array([0.4, 1.6, 0.4])), teeth, (0.0, 0.3, 1.0)),
+    "corners, from samples": same(
+        (np.array([0.0, 0.3, 1.0]), np.array([0.4, 1.6, 0.4])), teeth, (0.0, 0.3, 1.0)
+    ),
     "asymmetric": Case(
         ("1 + cos(2*pi*s)/2 + 0.1*sin(6*pi*s)", "0.5 + 0.2*sin(2*pi*s)"),
         lambda s: 0.5 + 0.2 * np.sin(2 * np.pi * s),
@@ -108,24 +120,35 @@ CASES = {
 
 
 def maxima(f: Callable[[Array], Array], low: Array, high: Array) -> Array:
-    """Largest values of a function that is smooth on each interval: the best of 40 samples, then golden sections."""
+    """Largest values of a function that is smooth on each interval: the best of 40 samples, then
+    golden sections."""
     grid = low + (high - low) * np.linspace(0, 1, 40)[:, None]
     sampled = f(grid)
     best = np.argmax(sampled, axis=0)
     columns = np.arange(len(low))
-    a, b = grid[np.maximum(best - 1, 0), columns], grid[np.minimum(best + 1, 39), columns]
+    a = grid[np.maximum(best - 1, 0), columns]
+    b = grid[np.minimum(best + 1, 39), columns]
     golden = (np.sqrt(5) - 1) / 2
-    c, d = b - golden * (b - a), a + golden * (b - a)
+    c = b - golden * (b - a)
+    d = a + golden * (b - a)
     for _ in range(45):
         left = f(c) > f(d)
         a, b = np.where(left, a, c), np.where(left, d, b)
-        c, d = b - golden * (b - a), a + golden * (b - a)
+        c = b - golden * (b - a)
+        d = a + golden * (b - a)
     return np.maximum(np.max(sampled, axis=0), np.maximum(f(0.5 * (a + b)), np.maximum(f(a), f(b))))
 
 
-def running_maximum(f: Callable[[Array], Array], case: Case, epsilon: float, first: float, times: Array) -> Array:
+def running_maximum(
+    f: Callable[[Array], Array], case: Case, epsilon: float, first: float, times: Array
+) -> Array:
     """Largest value of f on [first, t], for each of the sorted times."""
-    corners = epsilon * (np.arange(np.floor(first / epsilon), times[-1] / epsilon)[:, None] + case.corners).ravel()
+    corners = (
+        epsilon
+        * (
+            np.arange(np.floor(first / epsilon), times[-1] / epsilon)[:, None] + case.corners
+        ).ravel()
+    )
     edges = np.union1d(np.concatenate([corners[corners < times[-1]], times]), [first])
     edges = edges[(edges >= first) & (np.append(np.diff(edges), 1.0) > 1e-14)]
     pieces = np.maximum.accumulate(maxima(f, edges[:-1], edges[1:]))
@@ -141,7 +164,8 @@ def test_running_maximum(name: str, epsilon: float) -> None:
     phases = np.linspace(0, 1, 10_001)
     turn = TOP + np.sqrt(case.minus(phases).min() + case.plus(phases).min())
     t = np.sort(np.random.default_rng(0).uniform(*SPAN, 300))
-    before, after = t[t <= turn], t[t > turn]
+    before = t[t <= turn]
+    after = t[t > turn]
 
     def phase(t: Array) -> Array:
         return np.mod(t, epsilon) / epsilon
@@ -162,7 +186,7 @@ def test_running_maximum(name: str, epsilon: float) -> None:
     assert up[-1] < HEIGHT - case.plus(phases).min() + 1e-12
 
 
-# --- ε → 0 -----------------------------------------------------------------------------------------------------------
+# --- ε → 0 ----------------------------------------------------------------------------------------
 
 DECADES = np.array([0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4, 3e-5])
 
@@ -175,15 +199,17 @@ def test_error_is_of_order_epsilon(name: str) -> None:
     for i, epsilon in enumerate(DECADES.tolist()):
         motion = play(LOAD, case.given, SPAN, 0.0, epsilon=epsilon)  # type: ignore[arg-type]
         errors[i] = np.abs(motion.z - limit(motion.time, smallest, smallest)).max()
-    # z_0 follows a bound at the speed |ℓ′| <= 5, and z_ε catches up once per period, where ρ has its minimum. It moves
-    # for a while around that, which takes a share of the order √ε of the period from the wait.
+    # z_0 follows a bound at the speed |ℓ′| <= 5, and z_ε catches up once per period, where ρ has
+    # its minimum. It moves for a while around that, which takes a share of the order √ε of the
+    # period from the wait.
     assert np.all(errors <= 5.0 * DECADES)
     assert np.all(errors >= 5.0 * DECADES * (1.0 - np.sqrt(DECADES)))
     assert np.polyfit(np.log(DECADES[2:]), np.log(errors[2:]), 1)[0] == pytest.approx(1.0, abs=0.03)
 
 
 def test_rates_converge_only_as_measures() -> None:
-    """∫ φ dz_ε → ∫ φ dz_0 for continuous φ, while the largest rate grows like 1/ε: there is no limit in L^p."""
+    """∫ φ dz_ε → ∫ φ dz_0 for continuous φ, while the largest rate grows like 1/ε: there is no
+    limit in L^p."""
     averaged = play(LOAD, 0.5, SPAN, 0.0)
     gaps, speeds = [], []
     for epsilon in (1e-1, 1e-2, 1e-3):
@@ -191,7 +217,9 @@ def test_rates_converge_only_as_measures() -> None:
         gaps.append(abs(against(motion) - against(averaged)))
         speeds.append(np.abs(motion.at(motion.time)["d_z"]).max())
         # The way converges, too.
-        assert np.abs(np.diff(motion.z)).sum() == pytest.approx(np.abs(np.diff(averaged.z)).sum(), abs=12 * epsilon)
+        assert np.abs(np.diff(motion.z)).sum() == pytest.approx(
+            np.abs(np.diff(averaged.z)).sum(), abs=12 * epsilon
+        )
     assert gaps[0] < 0.5 and gaps[1] < gaps[0] / 5 and gaps[2] < gaps[1] / 5
     assert speeds[1] > 2.5 * speeds[0] and speeds[2] > 2.5 * speeds[1]
 

@@ -1,7 +1,9 @@
-"""Steady sliding of the spring slider: equilibrium, trace, determinant and Hopf point in closed form.
+"""Steady sliding of the spring slider: equilibrium, trace, determinant and Hopf point in closed
+form.
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
-section 3.2, with k = α₀ = 1: U* = μ̃(α*) + νV, α* = 1 + VU*, det = (1 − Vμ̃′)/ν, trace = −1 − (1 + U*μ̃′)/ν.
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017), section 3.2, with k = α₀ = 1: U* = μ̃(α*) + νV, α* = 1 + VU*, det = (1 −
+Vμ̃′)/ν, trace = −1 − (1 + U*μ̃′)/ν.
 """
 
 from collections.abc import Callable
@@ -29,9 +31,12 @@ HOPF = 0.224849301296112  # for μ̃ = 2/√α, ν = 0.05
 def closed_form(law: str, nu: float, V: float, guess: float) -> tuple[float, float, float, float]:
     """U*, α*, trace and determinant in thirty digits."""
     with mp.workdps(30):
-        mu, nu, V = LAWS[law], mp.mpf(nu), mp.mpf(V)
+        mu = LAWS[law]
+        nu = mp.mpf(nu)
+        V = mp.mpf(V)
         alpha = mp.findroot(lambda a: a - 1 - V * (mu(a) + nu * V), mp.mpf(guess))
-        U, slope = mu(alpha) + nu * V, mp.diff(mu, alpha)
+        U = mu(alpha) + nu * V
+        slope = mp.diff(mu, alpha)
         return float(U), float(alpha), float(-1 - (1 + U * slope) / nu), float((1 - V * slope) / nu)
 
 
@@ -39,7 +44,9 @@ def closed_form(law: str, nu: float, V: float, guess: float) -> tuple[float, flo
 @pytest.mark.parametrize(("nu", "V"), [(0.02, 0.18), (0.05, 0.6), (0.3, 2.0)])
 def test_equilibrium_trace_and_determinant(law: str, nu: float, V: float) -> None:
     # Some laws have a second zero at states α < 1, which no motion reaches (theorem 3.1).
-    (found,) = equilibria(catalogue.spring_slider(mu=law), {"nu": nu, "V": V}, box={"alpha": (1.0, 40.0)})
+    (found,) = equilibria(
+        catalogue.spring_slider(mu=law), {"nu": nu, "V": V}, box={"alpha": (1.0, 40.0)}
+    )
     assert isinstance(found, Equilibrium)
     assert found.modes == {"block": "slip-"}
     U, alpha, trace, determinant = closed_form(law, nu, V, found.state["alpha"])
@@ -51,7 +58,9 @@ def test_equilibrium_trace_and_determinant(law: str, nu: float, V: float) -> Non
 
 
 def test_the_hopf_point_of_the_task() -> None:
-    branch = continue_equilibrium(catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05), "V", (0.02, 0.5))
+    branch = continue_equilibrium(
+        catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05), "V", (0.02, 0.5)
+    )
     (hopf,) = branch.special
     assert hopf.kind == "Hopf"
     assert hopf.value == pytest.approx(HOPF, abs=1e-13)
@@ -62,17 +71,23 @@ def test_the_hopf_point_of_the_task() -> None:
 
 @pytest.mark.parametrize("law", LAWS)
 def test_all_hopf_points_and_no_others(law: str) -> None:
-    nu, low, high = 0.05, 0.02, 2.0
+    nu = 0.05
+    low = 0.02
+    high = 2.0
     branch = continue_equilibrium(catalogue.spring_slider(mu=law, nu=nu), "V", (low, high))
     V, alpha = branch.points["V"].values, branch.points["alpha"].values
     order = np.argsort(V)
     grid = np.linspace(low, high, 400)
     guesses = np.interp(grid, V[order], alpha[order])
-    traces = [closed_form(law, nu, float(v), float(a))[2] for v, a in zip(grid, guesses, strict=True)]
+    traces = [
+        closed_form(law, nu, float(v), float(a))[2] for v, a in zip(grid, guesses, strict=True)
+    ]
     expected = []
     for i in np.flatnonzero(np.diff(np.sign(traces))):
         with mp.workdps(30):
-            root = mp.findroot(partial(_trace, law, nu, guesses[i]), (grid[i], grid[i + 1]), solver="anderson")
+            root = mp.findroot(
+                partial(_trace, law, nu, guesses[i]), (grid[i], grid[i + 1]), solver="anderson"
+            )
         expected.append(float(root))
     assert sorted(h.value for h in branch.of_kind("Hopf")) == pytest.approx(expected, abs=1e-10)
     assert {s.kind for s in branch.special} <= {"Hopf"}
@@ -87,10 +102,15 @@ def _trace(law: str, nu: float, guess: float, V: mp.mpf) -> mp.mpf:
 
 
 def test_every_point_of_the_branch_is_an_equilibrium() -> None:
-    branch = continue_equilibrium(catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05), "V", (0.02, 0.5))
+    branch = continue_equilibrium(
+        catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05), "V", (0.02, 0.5)
+    )
     for V, U, alpha in branch.table[["V", "U", "alpha"]].to_numpy():
         exact = closed_form("2/sqrt(alpha)", 0.05, V, alpha)
         assert (U, alpha) == pytest.approx(exact[:2], rel=1e-12)
     assert branch.points["margin"].values.min() > 0
     assert branch.points["defect"].values.max() < 1e-14
-    assert branch.ended == "first point: V = 0.02, the end of the range; last point: V = 0.5, the end of the range"
+    assert (
+        branch.ended
+        == "first point: V = 0.02, the end of the range; last point: V = 0.5, the end of the range"
+    )

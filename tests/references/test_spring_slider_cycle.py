@@ -1,7 +1,9 @@
-"""Cycles of the spring slider with μ̃ = 2/√α, ν = 0.05 against 30 digits, stable and unstable, with and without stick.
+"""Cycles of the spring slider with μ̃ = 2/√α, ν = 0.05 against 30 digits, stable and unstable, with
+and without stick.
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
-(3.3). The digits are those of `oracles/spring_slider.py` with 90 of them carried.
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017), (3.3). The digits are those of `oracles/spring_slider.py` with 90 of them
+carried.
 """
 
 from __future__ import annotations
@@ -14,9 +16,21 @@ from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from stickslip.orbits.cycles.cycle import Cycle, find_cycle
 
 STICKING = {
-    0.02: ("21.8170197631315246929990914424", "21.244290223312862767454397008", "2.1908101879406323723384970771e-8"),
-    0.15: ("3.3196883202385111208732909032", "2.76731208008061387759517085524", "0.154680464189181579204556023096"),
-    0.2263: ("1.34225237525804383538284073909", "0.152457372542094890725720705252", "0.87181488384477406389102997043"),
+    0.02: (
+        "21.8170197631315246929990914424",
+        "21.244290223312862767454397008",
+        "2.1908101879406323723384970771e-8",
+    ),
+    0.15: (
+        "3.3196883202385111208732909032",
+        "2.76731208008061387759517085524",
+        "0.154680464189181579204556023096",
+    ),
+    0.2263: (
+        "1.34225237525804383538284073909",
+        "0.152457372542094890725720705252",
+        "0.87181488384477406389102997043",
+    ),
 }
 SLIPPING = {
     0.2255: ("1.32539768107137282098992940464", "1.04065920542383006394122212028"),
@@ -37,7 +51,8 @@ def test_sticking(V: float) -> None:
     assert cycle.trajectory.certificate.ok
     assert cycle.period == pytest.approx(period, rel=1e-13)
     assert cycle.stick_time == pytest.approx(stick, rel=1e-11)
-    # The slider forgets so much in one period of slow loading that rounding of the rest is all that can be seen.
+    # The slider forgets so much in one period of slow loading that rounding of the rest is all that
+    # can be seen.
     assert cycle.nontrivial == pytest.approx([multiplier], rel=1e-11, abs=1e-15)
     assert cycle.multipliers[0 if cycle.stable else 1] == pytest.approx(1.0, abs=1e-10)
 

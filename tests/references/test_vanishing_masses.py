@@ -1,7 +1,8 @@
 """The rocking toy without translational inertia as a limit.
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017):
-(4.1) becomes (4.2) as m_l, m_b, m_W and ν vanish with the pull P = g m_W/2 fixed.
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017): (4.1) becomes (4.2) as m_l, m_b, m_W and ν vanish with the pull P = g m_W/2
+fixed.
 """
 
 import numpy as np

@@ -1,11 +1,13 @@
 """The rocking toy walks.
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
-sections 4.3 and 4.4: I_b = a = b = ψ* = P = 1, δ = 0.04, c = 0.3, ρ = 0.2, H* = 3 walks with the period 5.969 and the
-speed v = 2X/T = 0.1675. One period feeds the energy 2cX(ψ₃ + ψ*) into the rocking.
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017), sections 4.3 and 4.4: I_b = a = b = ψ* = P = 1, δ = 0.04, c = 0.3, ρ = 0.2, H*
+= 3 walks with the period 5.969 and the speed v = 2X/T = 0.1675. One period feeds the energy 2cX(ψ₃
++ ψ*) into the rocking.
 
-The amplitude 1.859 that is printed with these numbers cannot be: the damping δ∮ψ'² takes up the 0.35 of this feed at
-the amplitude 1.624 (a harmonic motion would need 1.63), and this the motion has from any start.
+The amplitude 1.859 that is printed with these numbers cannot be: the damping δ∮ψ'² takes up the
+0.35 of this feed at the amplitude 1.624 (a harmonic motion would need 1.63), and this the motion
+has from any start.
 """
 
 import numpy as np
@@ -31,7 +33,9 @@ def settled(initial: dict[str, float]) -> tuple[Trajectory, np.ndarray]:
     assert motion.outcome.ok
     assert motion.certificate.ok, motion.certificate.verdict
     table = switches(motion)
-    return motion, table[(table["contact"] == "left leg") & (table["to"] == "slip+")]["time"].to_numpy()[-6:]
+    return motion, table[(table["contact"] == "left leg") & (table["to"] == "slip+")][
+        "time"
+    ].to_numpy()[-6:]
 
 
 @pytest.mark.parametrize("initial", [WALK, {"psi": -3.0, "x_R": -0.1}, {"psi": 2.2, "x_R": -0.5}])
@@ -55,7 +59,8 @@ def test_legs_are_the_hysteresis_of_the_angle() -> None:
     t = np.linspace(starts[-2], starts[-1], 2001)
     values = motion.at(t)
     X, psi_3 = facts()["X"], facts()["psi_3"]
-    psi, d = values["psi"], values["x_R"] - values["x_L"]
+    psi = values["psi"]
+    d = values["x_R"] - values["x_L"]
     # d = G: X until ψ rises through ψ₃, then along G_L⁺ to −X at ψ*, and mirrored on the way back.
     down = np.clip(-1 + 0.3 * psi + 0.2 + 1.5 * (1 - psi), -X, X)
     up = np.clip(1 + 0.3 * psi - 0.2 - 1.5 * (1 + psi), -X, X)
@@ -78,7 +83,8 @@ def test_energy_fed_in_each_period() -> None:
     # The toy loses what the weights lose, 2PX for each leg, and friction takes all but this.
     toy, starts = settled(WALK)
     assert np.diff(toy.at(starts)["dissipated_energy"]) == pytest.approx(4 * X, abs=1e-9)
-    damping, friction = fed, 4 * X - fed
+    damping = fed
+    friction = 4 * X - fed
     t = np.linspace(starts[-2], starts[-1], 40_001)
     assert 0.04 * np.trapezoid(toy.at(t)["d_psi"] ** 2, t) == pytest.approx(damping, abs=1e-8)
     # Each leg slides against ρ + H: ρ·2X, and H falls linearly with ψ during the step.
@@ -97,4 +103,9 @@ def test_rest_coexists_with_walking() -> None:
     assert motion.n_switches == 0
     assert abs(motion.final["psi"]) < 1e-3
     # Without rocking nothing moves below P = ρ + H*/2 = 1.7.
-    assert simulate(catalogue.rocking_toy(), (0.0, 10.0), {"psi": 0.0, "x_R": 0.0}, {"P": 1.699}).n_switches == 0
+    assert (
+        simulate(
+            catalogue.rocking_toy(), (0.0, 10.0), {"psi": 0.0, "x_R": 0.0}, {"P": 1.699}
+        ).n_switches
+        == 0
+    )

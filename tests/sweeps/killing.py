@@ -1,7 +1,8 @@
 """Computes a map and kills itself at random moments: ``killing.py STORE LOG KILLS``.
 
-Every attempt is a child of this process, which has imported everything and started nothing. The log gets a line for
-every progress: the attempt and the points done; the first one of an attempt says what it found in the store.
+Every attempt is a child of this process, which has imported everything and started nothing. The log
+gets a line for every progress: the attempt and the points done; the first one of an attempt says
+what it found in the store.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""In the place of the compiled chunk: measures in closed form, so that a test can tell every point of a map."""
+"""In the place of the compiled chunk: measures in closed form, so that a test can tell every point
+of a map."""
 
 from __future__ import annotations
 
@@ -47,11 +48,18 @@ def measure_chunk(
     return closed_form(system, given, measures)
 
 
-def closed_form(system: System, given: Mapping[str, Array], measures: Sequence[str]) -> dict[str, Array]:
+def closed_form(
+    system: System, given: Mapping[str, Array], measures: Sequence[str]
+) -> dict[str, Array]:
     """What :func:`measure_chunk` measures."""
     count = len(next(iter(given.values())))
-    at = {name: np.broadcast_to(value, count) for name, value in {**system.values, "psi": 0.8, **given}.items()}
-    P, delta, psi = at["P"], at["delta"], at["psi"]
+    at = {
+        name: np.broadcast_to(value, count)
+        for name, value in {**system.values, "psi": 0.8, **given}.items()
+    }
+    P = at["P"]
+    delta = at["delta"]
+    psi = at["psi"]
     walks = (P - 1.0) ** 2 + (5.0 * (delta - 0.1)) ** 2 > 0.09
     closed = {
         "speed": np.where(walks, np.sin(3.0 * P) + psi * delta, 0.0),

@@ -23,7 +23,9 @@ def _closed_forms(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_boundary_is_that_of_the_full_map_at_a_fraction_of_its_cost(tmp_path: Path) -> None:
-    part = sweep(TOY, OVER, ["speed", "period"], tmp_path / "toy.zarr", adaptive=Adaptive(("outcome",)))
+    part = sweep(
+        TOY, OVER, ["speed", "period"], tmp_path / "toy.zarr", adaptive=Adaptive(("outcome",))
+    )
     computed = part["outcome"].values >= 0
     assert sum(stand_in.calls) == np.count_nonzero(computed)
     assert np.mean(computed) < 0.25
@@ -33,7 +35,9 @@ def test_the_boundary_is_that_of_the_full_map_at_a_fraction_of_its_cost(tmp_path
     # Walking and resting differ in `period`: it is there or not.
     np.testing.assert_array_equal(np.isnan(part["period"].values), np.isnan(full["period"].values))
     # Linear interpolation over an eighth of the map: h² max |f″|/8 for sin 3P.
-    assert np.max(np.abs(part["speed"].values - full["speed"].values)) < (1.0 / 8.0) ** 2 * 9.0 / 8.0
+    assert (
+        np.max(np.abs(part["speed"].values - full["speed"].values)) < (1.0 / 8.0) ** 2 * 9.0 / 8.0
+    )
     assert set(np.unique(part["outcome"])) == {-2, 0, 1}
 
 

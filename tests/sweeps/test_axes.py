@@ -16,7 +16,9 @@ TOY = ss.catalogue.rocking_toy()
 
 
 def test_ranges_and_lists() -> None:
-    linear, logarithmic, some = read_axes(TOY, ["P=0.8:1.6:5", "delta=log:0.01:0.16:5", "psi=1/2,0.25,2"])
+    linear, logarithmic, some = read_axes(
+        TOY, ["P=0.8:1.6:5", "delta=log:0.01:0.16:5", "psi=1/2,0.25,2"]
+    )
     np.testing.assert_allclose(linear.values[0], [0.8, 1.0, 1.2, 1.4, 1.6], rtol=1e-15)
     np.testing.assert_allclose(logarithmic.values[0], [0.01, 0.02, 0.04, 0.08, 0.16], rtol=1e-14)
     assert some.values[0].tolist() == [0.5, 0.25, 2.0]
@@ -107,7 +109,9 @@ def test_indefinite_mass_is_found_before_anything_is_computed() -> None:
 
 @given(st.integers(2, 40), st.integers(2, 5), st.floats(-1e6, 1e6), st.floats(1e-3, 1e6))
 @settings(max_examples=60, deadline=None)
-def test_a_refined_axis_holds_the_values_of_the_coarse_one(n: int, factor: int, low: float, width: float) -> None:
+def test_a_refined_axis_holds_the_values_of_the_coarse_one(
+    n: int, factor: int, low: float, width: float
+) -> None:
     coarse = Axis(("P",), np.linspace(low, low + width, n)[None], "linear")
     fine = Axis(("P",), np.linspace(low, low + width, factor * (n - 1) + 1)[None], "linear")
     assert fine.positions(coarse).tolist() == list(range(0, factor * (n - 1) + 1, factor))
@@ -117,14 +121,19 @@ def test_a_refined_axis_holds_the_values_of_the_coarse_one(n: int, factor: int, 
 @settings(max_examples=40, deadline=None)
 def test_chunks_divide_the_grid(counts: list[int]) -> None:
     names = ("P", "delta", "rho")
-    axes = [Axis((n,), np.arange(1.0, k + 1.0)[None], "list") for n, k in zip(names, counts, strict=False)]
+    axes = [
+        Axis((n,), np.arange(1.0, k + 1.0)[None], "list")
+        for n, k in zip(names, counts, strict=False)
+    ]
     grid = make_grid(axes)
     seen = np.zeros(grid.shape, int)
     for chunk in grid.chunks():
         region = grid.region(chunk)
         seen[region] += 1
         columns = grid.columns(region, np.arange(seen[region].size))
-        expected = np.meshgrid(*(axis.values[0, part] for axis, part in zip(axes, region, strict=True)), indexing="ij")
+        expected = np.meshgrid(
+            *(axis.values[0, part] for axis, part in zip(axes, region, strict=True)), indexing="ij"
+        )
         for axis, values in zip(axes, expected, strict=True):
             assert columns[axis.names[0]].tolist() == values.reshape(-1).tolist()
     assert np.all(seen == 1)

@@ -1,4 +1,5 @@
-"""Basins: every label against the motion itself, symmetries, driven and autonomous systems, honest remains."""
+"""Basins: every label against the motion itself, symmetries, driven and autonomous systems, honest
+remains."""
 
 from __future__ import annotations
 
@@ -9,7 +10,16 @@ import pytest
 import xarray as xr
 
 from orbits.examples import SLIDER, dragged, duffing
-from stickslip import Contact, Inertial, Parameter, RateIndependent, Settings, System, catalogue, simulate
+from stickslip import (
+    Contact,
+    Inertial,
+    Parameter,
+    RateIndependent,
+    Settings,
+    System,
+    catalogue,
+    simulate,
+)
 from stickslip.errors import DeclarationError
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
@@ -23,7 +33,11 @@ from systems import ode
 
 @cache
 def toy_map() -> xr.Dataset:
-    return basin(catalogue.rocking_toy(), {"psi": (-1.0, 1.0, 15), "d_psi": (-0.9, 0.9, 13)}, initial={"x_R": 0.0})
+    return basin(
+        catalogue.rocking_toy(),
+        {"psi": (-1.0, 1.0, 15), "d_psi": (-0.9, 0.9, 13)},
+        initial={"x_R": 0.0},
+    )
 
 
 def test_toy_rests_or_walks() -> None:
@@ -34,7 +48,9 @@ def test_toy_rests_or_walks() -> None:
     assert found["speed"].values == pytest.approx([0.1675328, 0.0], abs=1e-6)
     assert found["period"].values == pytest.approx([5.9689804, 0.0], abs=1e-6)
     assert float(found["share"].sum()) == 1.0
-    assert (found["low_psi"].values[0], found["high_psi"].values[0]) == pytest.approx((-1.6235734, 1.6235734), abs=1e-6)
+    assert (found["low_psi"].values[0], found["high_psi"].values[0]) == pytest.approx(
+        (-1.6235734, 1.6235734), abs=1e-6
+    )
     # Rest is around the upright position, walking all around it.
     names = found["reached"].values[found["attractor"].values]
     assert names[7, 6] == "rest"
@@ -50,7 +66,8 @@ def test_labels_are_what_motions_do() -> None:
         try:
             motion = simulate(catalogue.rocking_toy(), (0.0, 1500.0), start)
         except DeclarationError:
-            continue  # friction cannot hold d = 0 there: the map starts at the nearest d that it can hold
+            # friction cannot hold d = 0 there: the map starts at the nearest d that it can hold
+            continue
         walks = motion.outcome is not Outcome.AT_REST
         assert bool(found["attractor"][i, j] == 0) is walks
 
@@ -65,7 +82,8 @@ def test_mirror_and_translation() -> None:
 
 
 def test_unstable_cycle_is_the_boundary() -> None:
-    """The spring slider below its fold: steady sliding inside the unstable cycle, stick-slip outside."""
+    """The spring slider below its fold: steady sliding inside the unstable cycle, stick-slip
+    outside."""
     values = {"V": 0.2255}
     point = continue_equilibrium(SLIDER, "V", (0.2, 0.25)).of_kind("Hopf")[0]
     barrier = find_cycle(SLIDER, point, values)
@@ -75,7 +93,10 @@ def test_unstable_cycle_is_the_boundary() -> None:
     for factor, kind in ((0.6, "sliding"), (1.4, "cycle")):
         for U, alpha in zip(states["U"], states["alpha"], strict=True):
             start = middle + factor * (np.array([U, alpha]) - middle)
-            axes = {"U": start[0] + np.array([0.0, 1e-6]), "alpha": start[1] + np.array([0.0, 1e-6])}
+            axes = {
+                "U": start[0] + np.array([0.0, 1e-6]),
+                "alpha": start[1] + np.array([0.0, 1e-6]),
+            }
             found = basin(SLIDER, axes, values)
             assert found["kind"].values.tolist() == [kind]
 
@@ -90,9 +111,11 @@ def test_two_wells_of_a_driven_oscillator() -> None:
 
 
 def test_moving_frame() -> None:
-    """A block that a spring drags over the ground: stick-slip, or for ever an undamped oscillation about sliding.
+    """A block that a spring drags over the ground: stick-slip, or for ever an undamped oscillation
+    about sliding.
 
-    Its radius about the stretch F_k/k = 0.6 and the speed V = 0.3 has to stay below V for it never to stick.
+    Its radius about the stretch F_k/k = 0.6 and the speed V = 0.3 has to stay below V for it never
+    to stick.
     """
     found = basin(dragged(), {"x": (-0.5, 0.5, 3), "d_x": (0.0, 0.5, 2)})
     assert found["kind"].values.tolist() == ["walking"]
@@ -104,7 +127,8 @@ def test_moving_frame() -> None:
 
 
 def test_moving_and_shaking_load() -> None:
-    """A period of the shaking later the system is the same, V T further on: every motion arrives on one gait."""
+    """A period of the shaking later the system is the same, V T further on: every motion arrives on
+    one gait."""
     values = {"A": 0.5, "F_s": 0.4, "F_k": 0.4, "V": 0.1}
     found = basin(dragged(), {"x": (-0.3, 0.3, 3), "d_x": (0.0, 0.3, 2)}, values)
     assert found["kind"].values.tolist() == ["walking"]
@@ -154,21 +178,27 @@ def pendulum(**changes: str) -> System:
 
 
 def test_rest_is_proved_where_forces_are_not_affine_or_driven() -> None:
-    driven = basin(catalogue.forced_oscillator(F_c=0.5, P=0.3), {"x": (-1.0, 1.0, 3), "d_x": (-1.0, 1.0, 2)})
+    driven = basin(
+        catalogue.forced_oscillator(F_c=0.5, P=0.3), {"x": (-1.0, 1.0, 3), "d_x": (-1.0, 1.0, 2)}
+    )
     for found in (basin(pendulum(), {"x": (-2.0, 2.0, 4), "d_x": (-1.0, 1.0, 3)}), driven):
         assert found["kind"].values.tolist() == ["rest"]
         assert np.all(found["attractor"].values == 0) and np.all(found["lacking"].values == 0)
 
 
 def test_rest_under_a_load_that_does_not_repeat_is_not_said() -> None:
-    """The hinge holds the pendulum for 1000 units of time; then a gust comes, which no look at the forces can know."""
+    """The hinge holds the pendulum for 1000 units of time; then a gust comes, which no look at the
+    forces can know."""
     gust = pendulum(potential="-cos(x) - 2*exp(-((t - 5000)/3)**2)*x")
-    found = basin(gust, {"x": (-0.2, 0.2, 2), "d_x": (-0.1, 0.1, 2)}, settings=Settings(max_time=400.0))
+    found = basin(
+        gust, {"x": (-0.2, 0.2, 2), "d_x": (-0.1, 0.1, 2)}, settings=Settings(max_time=400.0)
+    )
     assert np.all(found["attractor"].values == module.ON_ITS_WAY)
 
 
 def jenkins(**values: float) -> System:
-    """A mass on a spring with viscous friction and, in parallel, a spring in series with a dry damper."""
+    """A mass on a spring with viscous friction and, in parallel, a spring in series with a dry
+    damper."""
     given = {"c": 0.02, "k": 1.0, "k_d": 0.5, "F_c": 1.0, "F": 0.3, "omega": 0.9, **values}
     return System(
         name="jenkins",
@@ -198,7 +228,9 @@ def test_an_oscillation_whose_damper_sticks_is_no_rest() -> None:
 def test_interruption_keeps_what_has_arrived(monkeypatch: pytest.MonkeyPatch) -> None:
     settled = module._settle
 
-    def once(problem: Problem, settings: Settings, states: np.ndarray, block: slice, stop: np.ndarray) -> object:
+    def once(
+        problem: Problem, settings: Settings, states: np.ndarray, block: slice, stop: np.ndarray
+    ) -> object:
         if block.start > 0:
             raise Stopped
         stop[0] = 1  # what is under way when Ctrl-C comes may still end

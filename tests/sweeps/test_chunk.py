@@ -18,7 +18,15 @@ from stickslip.sweeps.work import chunk
 from stickslip.sweeps.work.chunk import Settings, measure_chunk
 
 Array = np.ndarray
-MEASURES = ("period", "amplitude", "speed", "stick_fraction", "energy_per_cycle", "peak_force", "switches")
+MEASURES = (
+    "period",
+    "amplitude",
+    "speed",
+    "stick_fraction",
+    "energy_per_cycle",
+    "peak_force",
+    "switches",
+)
 TOY = ss.catalogue.rocking_toy()
 SYSTEMS = {
     "toy": (TOY, {"P": (0.8, 1.3), "delta": (0.02, 0.2)}),
@@ -43,7 +51,8 @@ def toy_points(count: int) -> tuple[dict[str, Array], dict[str, Array]]:
 def test_stacked_closed_forms_are_those_of_single_modes(name: str) -> None:
     system, ranges = SYSTEMS[name]
     given = spread(ranges, 6)
-    table, problem = parameter_table(system, given, 6), pose_all(system, given, 1e-10, 1e-12)
+    table = parameter_table(system, given, 6)
+    problem = pose_all(system, given, 1e-10, 1e-12)
     constants = problem.constants_of(table)
     contacts, kinks = len(problem.rows.u), len(problem.rows.kinks)
     rng = np.random.default_rng(1)
@@ -53,7 +62,9 @@ def test_stacked_closed_forms_are_those_of_single_modes(name: str) -> None:
     stacked, single = problem.empty_forms(6, 4), problem.empty_forms(6, 4)
     fill_closed_forms(problem, constants, stacked, group, mode, region)
     for i in range(24):
-        fill_closed_forms(problem, constants, single, *(a[i : i + 1] for a in (group, mode, region)))
+        fill_closed_forms(
+            problem, constants, single, *(a[i : i + 1] for a in (group, mode, region))
+        )
     assert np.any(stacked.status == AFFINE)
     for part, other in zip(stacked, single, strict=True):
         np.testing.assert_array_equal(part, other)
@@ -61,7 +72,8 @@ def test_stacked_closed_forms_are_those_of_single_modes(name: str) -> None:
 
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_closed_form_solves_the_linear_equations(name: str) -> None:
-    """x(τ) = x + c₁τ + c₂τ² + Re Σ a r (exp(λτ) − 1) + … is what the matrix exponential gives; so are the guards."""
+    """x(τ) = x + c₁τ + c₂τ² + Re Σ a r (exp(λτ) − 1) + … is what the matrix exponential gives; so
+    are the guards."""
     from scipy.linalg import expm
 
     system, ranges = SYSTEMS[name]
@@ -69,27 +81,44 @@ def test_closed_form_solves_the_linear_equations(name: str) -> None:
     problem = pose_all(system, given, 1e-10, 1e-12)
     constants = problem.constants_of(parameter_table(system, given, 5))
     shape = (5, len(problem.rows.u)), (5, len(problem.rows.kinks))
-    group, mode, region = np.arange(5), np.zeros(shape[0], np.int64), np.ones(shape[1], np.int64)
+    group = np.arange(5)
+    mode = np.zeros(shape[0], np.int64)
+    region = np.ones(shape[1], np.int64)
     T = problem.empty_forms(5, 1)
     fill_closed_forms(problem, constants, T, group, mode, region)
     linear, found = linearise(problem, constants, group, mode, region)
     assert np.all(found) and np.all(T.status == AFFINE)
-    n, rng = T.hold.shape[2], np.random.default_rng(3)
+    n = T.hold.shape[2]
+    rng = np.random.default_rng(3)
     S = T.S / T.pace[:, None, None]
     np.testing.assert_array_equal(S[:, :n, :n], linear.D[:, :n])
     np.testing.assert_array_equal(S[:, :n, n:], linear.E[:, :n])
     for g in range(5):
-        t, tau, omega = 0.7, 0.4 * T.shortest[g] + 0.1, constants.omega[g]
-        s = np.concatenate([rng.normal(size=n), [1.0, t], *np.stack([np.cos(omega * t), np.sin(omega * t)], axis=1)])
+        t = 0.7
+        tau = 0.4 * T.shortest[g] + 0.1
+        omega = constants.omega[g]
+        s = np.concatenate(
+            [
+                rng.normal(size=n),
+                [1.0, t],
+                *np.stack([np.cos(omega * t), np.sin(omega * t)], axis=1),
+            ]
+        )
         (nb, ng), first = T.counts[g], T.c2.shape[1] - n
         turned = (T.R[g, :nb] @ s) * np.expm1(T.exponent[g, :nb] * tau)
         spun = np.exp(1j * omega * t) * np.expm1(1j * omega * tau)
-        change = tau * (T.c1[g] @ s + tau * T.c2[g]) + (T.a[g, :, :nb] @ turned).real + (T.b[g] @ spun).real
+        change = (
+            tau * (T.c1[g] @ s + tau * T.c2[g])
+            + (T.a[g, :, :nb] @ turned).real
+            + (T.b[g] @ spun).real
+        )
         after = expm(S[g] * tau) @ s
         size = np.max(np.abs(expm(np.abs(S[g]) * tau) @ np.abs(s)))
         np.testing.assert_allclose(s[:n] + change[first:], after[:n], rtol=0.0, atol=1e-11 * size)
         guards = T.G[g, :ng]
-        np.testing.assert_allclose(guards @ s + change[:ng], guards @ after, atol=1e-11 * size * (1 + np.max(guards)))
+        np.testing.assert_allclose(
+            guards @ s + change[:ng], guards @ after, atol=1e-11 * size * (1 + np.max(guards))
+        )
 
 
 def test_many_motions_end_where_single_ones_do() -> None:
@@ -97,7 +126,9 @@ def test_many_motions_end_where_single_ones_do() -> None:
     given = spread(ranges, 9)
     many = ss.simulate_many(system, (0.0, 30.0), None, given)
     for i in range(9):
-        one = ss.simulate(system, (0.0, 30.0), None, {name: float(v[i]) for name, v in given.items()})
+        one = ss.simulate(
+            system, (0.0, 30.0), None, {name: float(v[i]) for name, v in given.items()}
+        )
         for name, value in one.final.items():
             assert float(many[f"final_{name}"][i]) == pytest.approx(value, rel=1e-9, abs=1e-9)
 
@@ -111,7 +142,11 @@ def test_points_do_not_depend_on_their_company(monkeypatch: pytest.MonkeyPatch) 
 
     def part(piece: slice) -> dict[str, Array]:
         return measure_chunk(
-            TOY, {k: v[piece] for k, v in start.items()}, {k: v[piece] for k, v in given.items()}, measures, Settings()
+            TOY,
+            {k: v[piece] for k, v in start.items()},
+            {k: v[piece] for k, v in given.items()},
+            measures,
+            Settings(),
         )
 
     with ThreadPoolExecutor(2) as pool:
@@ -127,8 +162,13 @@ def test_points_do_not_depend_on_their_company(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_a_start_outside_the_stable_set_says_by_how_much() -> None:
-    """[M] (4.2): the force on the right leg is a(x_R − x_L) − cψ − P, its threshold ρ + H*/2 at ψ = 0."""
-    start = {"psi": np.zeros(3), "d_psi": np.array([1.8, 0.0, 0.0]), "x_R": np.array([0.0, 0.0, -0.8])}
+    """[M] (4.2): the force on the right leg is a(x_R − x_L) − cψ − P, its threshold ρ + H*/2 at ψ =
+    0."""
+    start = {
+        "psi": np.zeros(3),
+        "d_psi": np.array([1.8, 0.0, 0.0]),
+        "x_R": np.array([0.0, 0.0, -0.8]),
+    }
     P = np.array([1.0, 1.75, 1.6])
     found = measure_chunk(TOY, start, {"P": P}, ("speed",), Settings())
     outside = [Outcome.OUTSIDE.code] * 2
@@ -142,11 +182,17 @@ def test_a_start_outside_the_stable_set_says_by_how_much() -> None:
 def test_limits_are_kept() -> None:
     start, given = toy_points(2)
     short = measure_chunk(TOY, start, given, ("period",), Settings(max_time=20.0))
-    assert np.all(short["outcome"] == Outcome.NOT_SETTLED.code) and np.all(np.isnan(short["period"]))
+    assert np.all(short["outcome"] == Outcome.NOT_SETTLED.code) and np.all(
+        np.isnan(short["period"])
+    )
     few = measure_chunk(TOY, start, given, ("period",), Settings(max_events=20))
     assert np.all(few["outcome"] == Outcome.EVENT_LIMIT.code)
     cycles = measure_chunk(
-        ss.catalogue.forced_oscillator(), {}, {"omega": np.array([0.5])}, ("period",), Settings(max_cycles=3)
+        ss.catalogue.forced_oscillator(),
+        {},
+        {"omega": np.array([0.5])},
+        ("period",),
+        Settings(max_cycles=3),
     )
     assert cycles["outcome"][0] == Outcome.NOT_SETTLED.code
 
@@ -165,7 +211,10 @@ def test_limits_are_kept() -> None:
     ],
 )
 def test_bad_input_is_named(
-    initial: dict[str, list[float]], parameters: dict[str, list[float]], measures: tuple[str, ...], words: str
+    initial: dict[str, list[float]],
+    parameters: dict[str, list[float]],
+    measures: tuple[str, ...],
+    words: str,
 ) -> None:
     given = ({k: np.array(v) for k, v in part.items()} for part in (initial, parameters))
     with pytest.raises(DeclarationError, match=words):
@@ -178,7 +227,14 @@ def test_speed_needs_a_direction() -> None:
 
 
 @pytest.mark.parametrize(
-    "bad", [{"tolerance": 0.0}, {"max_time": -1.0}, {"max_cycles": 0}, {"max_events": 0}, {"longest_cycle": 3}]
+    "bad",
+    [
+        {"tolerance": 0.0},
+        {"max_time": -1.0},
+        {"max_cycles": 0},
+        {"max_events": 0},
+        {"longest_cycle": 3},
+    ],
 )
 def test_settings_are_checked(bad: dict[str, float]) -> None:
     with pytest.raises(DeclarationError, match=next(iter(bad))):
@@ -193,7 +249,8 @@ def test_initial_values_replace_the_declared_ones() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "named"), [({"workers": -1}, "workers"), ({"workers": 0}, "workers"), ({"max_events": 0}, "max_events")]
+    ("given", "named"),
+    [({"workers": -1}, "workers"), ({"workers": 0}, "workers"), ({"max_events": 0}, "max_events")],
 )
 def test_many_motions_refuse_numbers_that_are_none(given: dict[str, int], named: str) -> None:
     with pytest.raises(DeclarationError, match=named):

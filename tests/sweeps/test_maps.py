@@ -32,7 +32,8 @@ def test_walking_speed() -> None:
 def test_stick_fraction() -> None:
     names = example("stick-fraction-map.py")
     data = names["sticking"](7, 5)
-    V, nu = data["V"].values[:, None], data["nu"].values
+    V = data["V"].values[:, None]
+    nu = data["nu"].values
     unstable = names["trace"](V, nu) > 0.0
     steady = data["outcome"].values == Outcome.STEADY.code
     assert np.any(unstable)
@@ -45,7 +46,8 @@ def test_stick_fraction() -> None:
 def test_effective_friction() -> None:
     names = example("compactor-friction-map.py")
     data = names["friction"](6, 3)
-    F, Omega = data["F"].values[:, None], data["Omega"].values
+    F = data["F"].values[:, None]
+    Omega = data["Omega"].values
     slides_on = names["stopping_force"](Omega) > 1.05 * F
     friction = data["friction"].values
     np.testing.assert_allclose(friction[slides_on & (F > 0.0)], 0.6, rtol=0.01)

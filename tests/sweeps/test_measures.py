@@ -1,4 +1,5 @@
-"""Measures of settled motions against closed forms, published values and cycles found by Newton's method."""
+"""Measures of settled motions against closed forms, published values and cycles found by Newton's
+method."""
 
 from __future__ import annotations
 
@@ -16,7 +17,10 @@ from stickslip.sweeps.work.chunk import Settings, measure_chunk
 Array = np.ndarray
 LINEAR = System(
     name="linear_oscillator",
-    parameters={"c": Parameter(0.2, "", "damping", "[0, inf)"), "omega": Parameter(1.3, "", "", "(0, inf)")},
+    parameters={
+        "c": Parameter(0.2, "", "damping", "[0, inf)"),
+        "omega": Parameter(1.3, "", "", "(0, inf)"),
+    },
     drives={"push": "cos(omega*t)"},
     coordinates={"x": Inertial(force="push")},
     kinetic="d_x**2/2",
@@ -30,12 +34,19 @@ def facts(system: System, name: str, parameters: dict[str, Array]) -> Array:
 
     rows = zip(*parameters.values(), strict=True)
     known = (dict(zip(parameters, map(float, row), strict=True)) for row in rows)
-    return np.array([ex.evaluate(system.declaration.facts[name], {**system.values, **values}) for values in known])
+    return np.array(
+        [
+            ex.evaluate(system.declaration.facts[name], {**system.values, **values})
+            for values in known
+        ]
+    )
 
 
 def test_block_on_a_belt() -> None:
-    """Popov 2010, chapter 12; the belt's work is dissipated: V times the impulse of the friction force."""
-    system, V = ss.catalogue.belt_block(), np.array([0.1, 0.2, 0.3, 0.45])
+    """Popov 2010, chapter 12; the belt's work is dissipated: V times the impulse of the friction
+    force."""
+    system = ss.catalogue.belt_block()
+    V = np.array([0.1, 0.2, 0.3, 0.45])
     found = measure_chunk(
         system,
         {},
@@ -58,35 +69,48 @@ def test_block_on_a_belt() -> None:
     np.testing.assert_allclose(found["stick_fraction"], 1.0 - slip / period, rtol=1e-9)
     np.testing.assert_allclose(found["amplitude"], np.sqrt(0.4**2 + V**2), rtol=1e-9)
     np.testing.assert_allclose(found["peak_force"], 1.0, rtol=1e-9)
-    np.testing.assert_allclose(found["energy_per_cycle"], V * found["mean_force"] * period, rtol=1e-8)
+    np.testing.assert_allclose(
+        found["energy_per_cycle"], V * found["mean_force"] * period, rtol=1e-8
+    )
     np.testing.assert_array_equal(found["switches"], 2.0)
     np.testing.assert_allclose(found["speed:x"], 0.0, atol=1e-9)
 
 
 def test_crawler() -> None:
-    """DeSimone, Gidoni and Noselli 2015: a step per stroke, or none if the stroke is too short: that is rest."""
-    system, D = ss.catalogue.two_leg_crawler(), np.linspace(0.1, 1.0, 12)
+    """DeSimone, Gidoni and Noselli 2015: a step per stroke, or none if the stroke is too short:
+    that is rest."""
+    system = ss.catalogue.two_leg_crawler()
+    D = np.linspace(0.1, 1.0, 12)
     found = measure_chunk(system, {}, {"D": D}, ("speed", "period", "lyapunov"), Settings())
     np.testing.assert_allclose(found["speed"], facts(system, "mean_speed", {"D": D}), atol=1e-10)
     walks = found["speed"] > 0.0
     assert np.any(walks) and np.array_equal(found["outcome"] == Outcome.AT_REST.code, ~walks)
     np.testing.assert_allclose(found["period"], np.where(walks, 2.0 * np.pi, np.nan), rtol=1e-12)
-    assert np.all(found["lyapunov"] == -np.inf)  # a change of the state is forgotten at the first slip, or for ever
+    # a change of the state is forgotten at the first slip, or for ever
+    assert np.all(found["lyapunov"] == -np.inf)
 
 
 def test_scaled_slider() -> None:
-    """Reference 9: slip and stick of (3.6) from 40-digit arithmetic; a kink is crossed twice, no contact switches."""
+    """Reference 9: slip and stick of (3.6) from 40-digit arithmetic; a kink is crossed twice, no
+    contact switches."""
     system = ss.catalogue.scaled_slider_limit(nu=0.01, b=1.0)
-    found = measure_chunk(system, {"gamma": np.array([0.4, 2.0])}, {}, ("period", "switches", "lyapunov"), Settings())
-    np.testing.assert_allclose(found["period"], 0.38862420022020717876 + 7.0673964441879574179, rtol=1e-9)
+    found = measure_chunk(
+        system, {"gamma": np.array([0.4, 2.0])}, {}, ("period", "switches", "lyapunov"), Settings()
+    )
+    np.testing.assert_allclose(
+        found["period"], 0.38862420022020717876 + 7.0673964441879574179, rtol=1e-9
+    )
     np.testing.assert_array_equal(found["switches"], 0.0)
     np.testing.assert_allclose(found["lyapunov"], 0.0, atol=1e-6)
 
 
 def test_den_hartog() -> None:
     """Non-stop motion of the forced oscillator, Den Hartog 1931."""
-    system, r = ss.catalogue.forced_oscillator(F_c=0.3), np.array([0.8, 1.2])
-    found = measure_chunk(system, {}, {"omega": r}, ("amplitude", "period", "stick_fraction"), Settings())
+    system = ss.catalogue.forced_oscillator(F_c=0.3)
+    r = np.array([0.8, 1.2])
+    found = measure_chunk(
+        system, {}, {"omega": r}, ("amplitude", "period", "stick_fraction"), Settings()
+    )
     np.testing.assert_allclose(found["amplitude"], [2.626105, 2.072384], rtol=1e-6)
     np.testing.assert_allclose(found["period"], 2.0 * np.pi / r, rtol=1e-12)
     np.testing.assert_allclose(found["stick_fraction"], 0.0, atol=1e-12)
@@ -95,8 +119,16 @@ def test_den_hartog() -> None:
 def test_linear_oscillator() -> None:
     """Amplitude 1/|1 − ω² + icω|, exponent −c/2; without contacts nothing sticks."""
     c, omega = np.array([0.1, 0.3, 0.5]), np.array([0.7, 1.0, 1.4])
-    found = measure_chunk(LINEAR, {}, {"c": c, "omega": omega}, ("amplitude", "lyapunov", "stick_fraction"), Settings())
-    np.testing.assert_allclose(found["amplitude"], 1.0 / np.abs(1.0 - omega**2 + 1j * c * omega), rtol=1e-7)
+    found = measure_chunk(
+        LINEAR,
+        {},
+        {"c": c, "omega": omega},
+        ("amplitude", "lyapunov", "stick_fraction"),
+        Settings(),
+    )
+    np.testing.assert_allclose(
+        found["amplitude"], 1.0 / np.abs(1.0 - omega**2 + 1j * c * omega), rtol=1e-7
+    )
     np.testing.assert_allclose(found["lyapunov"], -c / 2.0, rtol=0.02)
     np.testing.assert_array_equal(found["stick_fraction"], 0.0)
 
@@ -104,17 +136,38 @@ def test_linear_oscillator() -> None:
 @pytest.mark.parametrize(
     ("system", "start", "parameters"),
     [
-        (ss.catalogue.rocking_toy(), {"psi": 0.0, "d_psi": 1.8, "x_R": 0.0}, {"P": 1.0, "delta": 0.04}),
-        (ss.catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05), {"U": 1.0, "alpha": 1.5}, {"V": 0.15}),
-        (ss.catalogue.spring_slider(mu="1.5 - tanh(alpha - 1.5)", nu=0.05), {"U": 1.2, "alpha": 1.6}, {"V": 0.7205}),
+        (
+            ss.catalogue.rocking_toy(),
+            {"psi": 0.0, "d_psi": 1.8, "x_R": 0.0},
+            {"P": 1.0, "delta": 0.04},
+        ),
+        (
+            ss.catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05),
+            {"U": 1.0, "alpha": 1.5},
+            {"V": 0.15},
+        ),
+        (
+            ss.catalogue.spring_slider(mu="1.5 - tanh(alpha - 1.5)", nu=0.05),
+            {"U": 1.2, "alpha": 1.6},
+            {"V": 0.7205},
+        ),
     ],
     ids=["toy", "stick-slip", "smooth"],
 )
-def test_cycles_of_newton(system: System, start: dict[str, float], parameters: dict[str, float]) -> None:
-    asked = ["period", "stick_fraction", "energy_per_cycle", *(f"amplitude:{x}" for x in system.declaration.state)]
+def test_cycles_of_newton(
+    system: System, start: dict[str, float], parameters: dict[str, float]
+) -> None:
+    asked = [
+        "period",
+        "stick_fraction",
+        "energy_per_cycle",
+        *(f"amplitude:{x}" for x in system.declaration.state),
+    ]
     asked += ["speed"] if system.translation else []
     point = ({k: np.array([v]) for k, v in given.items()} for given in (start, parameters))
-    found = {name: float(v[0]) for name, v in measure_chunk(system, *point, asked, Settings()).items()}
+    found = {
+        name: float(v[0]) for name, v in measure_chunk(system, *point, asked, Settings()).items()
+    }
     cycle = find_cycle(system, start, parameters)
     assert found["outcome"] == Outcome.PERIODIC.code and found["certificate"] < 1e-8
     assert found["period"] == pytest.approx(cycle.period, rel=1e-7)
@@ -132,23 +185,38 @@ def test_published_walking_speed() -> None:
     """Section 6 of the notes on [M]: period 5.969, v = 0.1675, amplitude 1.6236; rest beside it."""
     system = ss.catalogue.rocking_toy()
     start = {"psi": np.zeros(2), "d_psi": np.array([1.8, 0.4]), "x_R": np.zeros(2)}
-    found = measure_chunk(system, start, {}, ("speed", "period", "amplitude:psi", "stick_fraction"), Settings())
+    found = measure_chunk(
+        system, start, {}, ("speed", "period", "amplitude:psi", "stick_fraction"), Settings()
+    )
     assert list(found["outcome"]) == [Outcome.PERIODIC.code, Outcome.AT_REST.code]
     np.testing.assert_allclose(found["speed"], [0.1675, 0.0], atol=5e-5)
     assert found["period"][0] == pytest.approx(5.969, abs=5e-4) and np.isnan(found["period"][1])
-    assert found["amplitude:psi"][0] == pytest.approx(1.6236, abs=5e-5) and found["amplitude:psi"][1] < 1e-6
+    assert (
+        found["amplitude:psi"][0] == pytest.approx(1.6236, abs=5e-5)
+        and found["amplitude:psi"][1] < 1e-6
+    )
     assert found["stick_fraction"][1] == 1.0
 
 
 def test_steady_sliding_and_motions_that_do_not_settle() -> None:
-    """(3.3) beyond its Hopf point is an equilibrium; a block that never sticks oscillates without damping."""
+    """(3.3) beyond its Hopf point is an equilibrium; a block that never sticks oscillates without
+    damping."""
     slider = ss.catalogue.spring_slider(mu="1.5 - tanh(alpha - 1.5)", nu=0.05)
-    found = measure_chunk(slider, {"U": np.array([1.2])}, {"V": np.array([0.8])}, ("amplitude", "period"), Settings())
-    assert found["outcome"][0] == Outcome.STEADY.code and found["amplitude"][0] < 1e-6 and np.isnan(found["period"][0])
+    found = measure_chunk(
+        slider, {"U": np.array([1.2])}, {"V": np.array([0.8])}, ("amplitude", "period"), Settings()
+    )
+    assert (
+        found["outcome"][0] == Outcome.STEADY.code
+        and found["amplitude"][0] < 1e-6
+        and np.isnan(found["period"][0])
+    )
     block = measure_chunk(
-        ss.catalogue.belt_block(), {"x": np.array([0.5])}, {"V": np.array([0.9])}, ("amplitude", "speed:x"),
+        ss.catalogue.belt_block(),
+        {"x": np.array([0.5])},
+        {"V": np.array([0.9])},
+        ("amplitude", "speed:x"),
         Settings(max_time=500.0),
-    )  # fmt: skip
+    )
     assert block["outcome"][0] == Outcome.UNDAMPED.code and block["certificate"][0] < 1e-9
 
 
@@ -158,7 +226,8 @@ def test_every_measure_is_described() -> None:
 
 
 def test_the_longest_cycle_is_a_setting() -> None:
-    """A step of the toy has more than four events: whoever compares each with only four before it does not see it."""
+    """A step of the toy has more than four events: whoever compares each with only four before it
+    does not see it."""
     start = {"psi": np.zeros(1), "d_psi": np.full(1, 1.8), "x_R": np.zeros(1)}
     for longest, outcome in ((4, Outcome.NOT_SETTLED), (16, Outcome.PERIODIC)):
         settings = Settings(longest_cycle=longest, max_time=600.0)
@@ -167,20 +236,29 @@ def test_the_longest_cycle_is_a_setting() -> None:
 
 
 def test_moving_frame() -> None:
-    """A shaken plate pulled at a speed: it follows the pull on average, in a cycle up to a shift."""
-    system, V = ss.catalogue.plate_compactor(), np.array([0.03, 0.05, 0.08])
-    found = measure_chunk(system, {}, {"V": V}, ("speed:x", "period", "mean_force", "energy_per_cycle"), Settings())
+    """A shaken plate pulled at a speed: it follows the pull on average, in a cycle up to a
+    shift."""
+    system = ss.catalogue.plate_compactor()
+    V = np.array([0.03, 0.05, 0.08])
+    found = measure_chunk(
+        system, {}, {"V": V}, ("speed:x", "period", "mean_force", "energy_per_cycle"), Settings()
+    )
     assert np.all(found["outcome"] == Outcome.PERIODIC.code)
     np.testing.assert_allclose(found["speed:x"], V, rtol=1e-8)
     turns = found["period"] * 60.0 / (2.0 * np.pi)
     np.testing.assert_allclose(turns, np.round(turns), rtol=1e-12)
     # The work of the pull is the mean spring force times the way, and all of it is dissipated.
-    np.testing.assert_allclose(found["energy_per_cycle"], -found["mean_force"] * V * found["period"], rtol=1e-6)
+    np.testing.assert_allclose(
+        found["energy_per_cycle"], -found["mean_force"] * V * found["period"], rtol=1e-6
+    )
 
 
 def test_a_load_that_does_not_repeat() -> None:
-    """The play rests at first, while its threshold oscillates and its load runs away: that is no cycle."""
-    found = measure_chunk(ss.catalogue.oscillating_play(), {}, {}, ("period",), Settings(max_time=5.0))
+    """The play rests at first, while its threshold oscillates and its load runs away: that is no
+    cycle."""
+    found = measure_chunk(
+        ss.catalogue.oscillating_play(), {}, {}, ("period",), Settings(max_time=5.0)
+    )
     assert found["outcome"][0] == Outcome.NOT_SETTLED.code and found["certificate"][0] < 1e-9
 
 
@@ -189,5 +267,7 @@ def test_waiting_for_a_load_is_not_rest() -> None:
     play = ss.catalogue.oscillating_play(rho="1", ell="t**2/1000")
     waiting = measure_chunk(play, {}, {}, ("stick_fraction",), Settings(max_time=20.0))
     assert waiting["outcome"][0] == Outcome.NOT_SETTLED.code and waiting["stick_fraction"][0] == 1.0
-    still = measure_chunk(ss.catalogue.oscillating_play(rho="1", ell="1/2"), {}, {}, ("stick_fraction",), Settings())
+    still = measure_chunk(
+        ss.catalogue.oscillating_play(rho="1", ell="1/2"), {}, {}, ("stick_fraction",), Settings()
+    )
     assert still["outcome"][0] == Outcome.AT_REST.code

@@ -1,4 +1,5 @@
-"""What maps prove: least periods, what is not damped, starts that friction cannot hold, and that nothing is missed."""
+"""What maps prove: least periods, what is not damped, starts that friction cannot hold, and that
+nothing is missed."""
 
 from __future__ import annotations
 
@@ -23,18 +24,25 @@ def outcomes(found: dict[str, Array]) -> set[Outcome]:
 
 
 def test_an_oscillation_with_a_stuck_damper_has_the_period_of_its_drive() -> None:
-    """Light damping brings returns close after 2, 3, 4, 10 periods, long before the first one is."""
+    """Light damping brings returns close after 2, 3, 4, 10 periods, long before the first one
+    is."""
     omega = np.linspace(0.70, 0.90, 41)
-    found = measure_chunk(jenkins(), {}, {"omega": omega}, ("period", "amplitude", "stick_fraction"), Settings())
+    found = measure_chunk(
+        jenkins(), {}, {"omega": omega}, ("period", "amplitude", "stick_fraction"), Settings()
+    )
     assert outcomes(found) == {Outcome.PERIODIC} and not np.any(found["lacking"])
     np.testing.assert_allclose(found["period"], 2.0 * np.pi / omega, rtol=1e-12)
-    np.testing.assert_allclose(found["amplitude"], 0.3 / np.abs(1.5 - omega**2 + 0.02j * omega), rtol=1e-8)
+    np.testing.assert_allclose(
+        found["amplitude"], 0.3 / np.abs(1.5 - omega**2 + 0.02j * omega), rtol=1e-8
+    )
     np.testing.assert_array_equal(found["stick_fraction"], 1.0)
 
 
 def test_undamped_is_proved_or_not_said() -> None:
     start = {"x": np.linspace(0.1, 0.9, 3), "z": np.linspace(0.1, 0.9, 3)}
-    free = measure_chunk(jenkins(), start, {"c": np.zeros(3), "F": np.zeros(3)}, ("amplitude",), Settings())
+    free = measure_chunk(
+        jenkins(), start, {"c": np.zeros(3), "F": np.zeros(3)}, ("amplitude",), Settings()
+    )
     assert outcomes(free) == {Outcome.UNDAMPED} and not np.any(free["lacking"])
     np.testing.assert_allclose(free["amplitude"], start["x"] - 0.5 * start["z"] / 1.5, rtol=1e-3)
     driven = measure_chunk(jenkins(c=0.0, F=0.05), start, {}, ("amplitude",), Settings())
@@ -50,17 +58,24 @@ def test_undamped_is_proved_or_not_said() -> None:
         contacts={"brake": Contact("d_x", 0.0)},
         span=(0, 20),
     )
-    unknown = measure_chunk(hard, {"x": np.array([0.5, 1.0])}, {}, ("amplitude",), Settings(max_time=300.0))
+    unknown = measure_chunk(
+        hard, {"x": np.array([0.5, 1.0])}, {}, ("amplitude",), Settings(max_time=300.0)
+    )
     assert outcomes(unknown) == {Outcome.NOT_SETTLED} and np.all(unknown["lacking"] > 0)
 
 
 def test_the_picture_says_which_starts_friction_does_not_hold() -> None:
-    """The default start of the toy, x_R − x_L = −0.8 at ψ = 0.8, is beyond what friction holds for P > 1.54."""
-    data = ss.sweep(ss.catalogue.rocking_toy(), {"P": np.linspace(0.8, 1.6, 9), "delta": [0.02, 0.1]}, ["speed"])
+    """The default start of the toy, x_R − x_L = −0.8 at ψ = 0.8, is beyond what friction holds for
+    P > 1.54."""
+    data = ss.sweep(
+        ss.catalogue.rocking_toy(), {"P": np.linspace(0.8, 1.6, 9), "delta": [0.02, 0.1]}, ["speed"]
+    )
     outside = data["outcome"].values == Outcome.OUTSIDE.code
     assert np.array_equal(np.any(outside, axis=1), np.linspace(0.8, 1.6, 9) > 1.54)
     assert data["excess"].values[-1] == pytest.approx(0.06)
-    said = " ".join(text.get_text() for legend in plot_sweep(data).legends for text in legend.get_texts())
+    said = " ".join(
+        text.get_text() for legend in plot_sweep(data).legends for text in legend.get_texts()
+    )
     assert "outside the stable set |∂Φ| ≤ s, by up to 0.06 N" in said.replace("\n", " ")
 
 
@@ -76,7 +91,8 @@ def test_modes_of_many_contacts_and_kinks_are_told_apart() -> None:
 
 
 def kicked() -> System:
-    """A block on the ground that is kicked once in a period, for an instant: it slides I²/(2F_s) and stops."""
+    """A block on the ground that is kicked once in a period, for an instant: it slides I²/(2F_s)
+    and stops."""
     values = {"omega": 1.0, "phi": 3.0, "w": 1e-3, "I": 1.0, "F_s": 0.5}
     return System(
         name="kicked",
@@ -94,12 +110,16 @@ def test_no_kick_is_missed() -> None:
     """Between kicks nothing moves and no formula shows that one will come: exp(−10⁶) is zero."""
     phi, w = (part.ravel() for part in np.meshgrid([0.1, 1.0, 3.0, 5.0, 6.2], [1e-2, 1e-3, 1e-4]))
     measures = ("speed", "period", "energy_per_cycle", "switches", "stick_fraction")
-    found = measure_chunk(kicked(), {}, {"phi": phi, "w": w, "omega": np.full(15, 0.5)}, measures, Settings())
+    found = measure_chunk(
+        kicked(), {}, {"phi": phi, "w": w, "omega": np.full(15, 0.5)}, measures, Settings()
+    )
     assert outcomes(found) == {Outcome.PERIODIC} and not np.any(found["lacking"])
     period = 4.0 * math.pi
     np.testing.assert_allclose(found["period"], period, rtol=1e-12)
     # A kick is above the threshold for a time of about w √(log 1/w).
-    assert np.all(np.abs(found["speed"] * period - 1.0 / (2.0 * 0.5)) < 4.0 * w * np.sqrt(np.log(1.0 / w)))
+    assert np.all(
+        np.abs(found["speed"] * period - 1.0 / (2.0 * 0.5)) < 4.0 * w * np.sqrt(np.log(1.0 / w))
+    )
     np.testing.assert_allclose(found["energy_per_cycle"], 0.5 * found["speed"] * period, rtol=1e-9)
     np.testing.assert_allclose(found["stick_fraction"], 1.0 - 2.0 / period, rtol=0.1)
     np.testing.assert_array_equal(found["switches"], 2.0)

@@ -1,4 +1,5 @@
-"""Maps that were interrupted, and maps that grow: only what is missing is computed, and the bits are the same."""
+"""Maps that were interrupted, and maps that grow: only what is missing is computed, and the bits
+are the same."""
 
 from __future__ import annotations
 
@@ -28,14 +29,18 @@ def _closed_forms(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def equal(a: xr.Dataset, b: xr.Dataset) -> bool:
     """Bit by bit."""
-    return all(a[name].values.tobytes() == b[name].values.tobytes() for name in [*b.data_vars, *b.coords])
+    return all(
+        a[name].values.tobytes() == b[name].values.tobytes() for name in [*b.data_vars, *b.coords]
+    )
 
 
 def test_killed_twenty_times(tmp_path: Path) -> None:
     store, log = tmp_path / "toy.zarr", tmp_path / "log"
     script = Path(killing.__file__)
     environment = os.environ | {"PYTHONPATH": str(script.parent.parent)}
-    subprocess.run([sys.executable, script, store, log, "20"], env=environment, check=True, timeout=120)
+    subprocess.run(
+        [sys.executable, script, store, log, "20"], env=environment, check=True, timeout=120
+    )
     attempts: dict[int, list[int]] = {}
     for line in log.read_text().splitlines():
         number, done = map(int, line.split())
@@ -94,7 +99,9 @@ def test_extended_maps_compute_only_new_points(tmp_path: Path, finer: dict[str, 
     assert sum(stand_in.calls) == fine["speed"].size - 21 * 11
     inside = fine.sel(P=coarse["P"], delta=coarse["delta"])
     assert equal(inside, coarse)
-    np.testing.assert_allclose(fine["speed"], sweep(TOY, finer, ["speed"])["speed"], rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(
+        fine["speed"], sweep(TOY, finer, ["speed"])["speed"], rtol=1e-12, atol=1e-14
+    )
     stand_in.calls.clear()
     again = sweep(TOY, finer, ["speed", "period"], store, extend=True)
     assert equal(again, fine)
@@ -107,7 +114,9 @@ def test_a_sample_grows(tmp_path: Path) -> None:
     store = tmp_path / "toy.zarr"
     few = sweep(TOY, {"P,delta": "sobol:40; 0.6:1.6; 0.01:0.2"}, ["speed"], store, seed=2).load()
     stand_in.calls.clear()
-    many = sweep(TOY, {"P,delta": "sobol:100; 0.6:1.6; 0.01:0.2"}, ["speed"], store, seed=2, extend=True)
+    many = sweep(
+        TOY, {"P,delta": "sobol:100; 0.6:1.6; 0.01:0.2"}, ["speed"], store, seed=2, extend=True
+    )
     assert sum(stand_in.calls) == 60
     assert equal(many.isel(P_delta=slice(40)), few)
 
@@ -132,7 +141,9 @@ def test_a_damaged_map_is_repaired_before_it_grows(tmp_path: Path) -> None:
         sweep(TOY, {"P": "0.6:1.6:41"}, ["speed"], store, extend=True)
     sweep(TOY, {"P": "0.6:1.6:21"}, ["speed"], store, repair=True)
     fine = sweep(TOY, {"P": "0.6:1.6:41"}, ["speed"], store, extend=True)
-    np.testing.assert_allclose(fine["speed"], sweep(TOY, {"P": "0.6:1.6:41"}, ["speed"])["speed"], rtol=1e-14)
+    np.testing.assert_allclose(
+        fine["speed"], sweep(TOY, {"P": "0.6:1.6:41"}, ["speed"])["speed"], rtol=1e-14
+    )
 
 
 def test_extension_killed_between_its_renamings(tmp_path: Path) -> None:

@@ -117,7 +117,8 @@ def test_nothing_is_begun_after_a_wish_to_stop() -> None:
 
 
 def end_what_is_under_way(pool: Pool, folder: Path) -> None:
-    stop, moments = Stop(pool.flag), list[float]()
+    stop = Stop(pool.flag)
+    moments = list[float]()
 
     def wish() -> None:
         while not (folder / "begun").exists():
@@ -148,7 +149,8 @@ def test_a_cluster_sees_the_wish_to_stop_and_goes_on_with_another_map(tmp_path: 
 
 def test_compiled_loops_see_the_wish_to_stop() -> None:
     """Two drives without a common period move a mass for hours, if nobody stops it."""
-    stop, began = np.zeros(1, np.int64), time.monotonic()
+    stop = np.zeros(1, np.int64)
+    began = time.monotonic()
     threading.Timer(0.5, lambda: stop.fill(1)).start()
     system = ss.catalogue.forced_oscillator(force="P*cos(omega*t) + P/2*cos(sqrt(2)*omega*t)")
     settings = Settings(max_time=1e9, max_cycles=10**9, max_events=10**12)
@@ -157,7 +159,9 @@ def test_compiled_loops_see_the_wish_to_stop() -> None:
     assert 0.4 < time.monotonic() - began < 5.0
 
 
-def test_control_c_gives_up_chunks_and_a_map_goes_on_to_the_same_bits(alone: dict[str, bytes], tmp_path: Path) -> None:
+def test_control_c_gives_up_chunks_and_a_map_goes_on_to_the_same_bits(
+    alone: dict[str, bytes], tmp_path: Path
+) -> None:
     sent: list[float] = []
 
     def interrupt(state: Progress) -> None:

@@ -61,7 +61,11 @@ def test_plain_xarray_and_zarr_read_everything(tmp_path: Path) -> None:
     data = xr.open_zarr(tmp_path / "toy.zarr", chunks=None)
     assert data.sizes == {"P": 21, "delta": 15}
     assert data["P"].attrs["units"] == "N"
-    assert data["delta"].attrs == {"units": "N*m*s", "long_name": "damping of the rocking", "spacing": "log"}
+    assert data["delta"].attrs == {
+        "units": "N*m*s",
+        "long_name": "damping of the rocking",
+        "spacing": "log",
+    }
     assert data["speed"].attrs["units"] == "m/s"
     assert data["period"].attrs["units"] == "s"
     assert loads(data.attrs["stickslip_model"]) == TOY
@@ -69,7 +73,13 @@ def test_plain_xarray_and_zarr_read_everything(tmp_path: Path) -> None:
     assert json.loads(data.attrs["stickslip_initial"]) == {"psi": 0.3}
     assert data.attrs["stickslip_version"] == ss.__version__
     assert data.attrs["stickslip_seed"] == "5"
-    words = dict(zip(data["outcome"].attrs["flag_values"], data["outcome"].attrs["flag_meanings"].split(), strict=True))
+    words = dict(
+        zip(
+            data["outcome"].attrs["flag_values"],
+            data["outcome"].attrs["flag_meanings"].split(),
+            strict=True,
+        )
+    )
     assert words[0] == "finished"
     assert words[-1] == "not_computed"
     group = zarr.open_group(tmp_path / "toy.zarr", mode="r")
@@ -82,14 +92,17 @@ def test_tied_parameters_and_samples_have_one_dimension() -> None:
     data = sweep(TOY, {"P,delta": "sobol:50; 0.6:1.6; 0.01:0.2", "psi": "0:1:3"}, ["speed"])
     assert data["speed"].dims == ("P_delta", "psi")
     assert data["P"].dims == data["delta"].dims == ("P_delta",)
-    expected = np.sin(3 * data["P"].values)[:, None] + data["psi"].values * data["delta"].values[:, None]
+    expected = (
+        np.sin(3 * data["P"].values)[:, None] + data["psi"].values * data["delta"].values[:, None]
+    )
     walks = data["outcome"].values == 0
     np.testing.assert_array_equal(data["speed"].values[walks], expected[walks])
 
 
 def test_a_formula_of_measures_and_parameters() -> None:
     data = sweep(TOY, OVER, ["cost = energy_per_cycle/(2*P*max(speed, 0.5))"])
-    P, delta = data["P"].values[:, None], data["delta"].values
+    P = data["P"].values[:, None]
+    delta = data["delta"].values
     speed = np.maximum(exact()["speed"], 0.5)
     np.testing.assert_allclose(data["cost"].values, np.exp(delta) * P / (2 * P * speed), rtol=1e-14)
     assert set(data.data_vars) == {"cost", *OWN}
@@ -111,7 +124,10 @@ def test_formulas_at_many_points_are_those_at_one(text: str, numbers: list[float
     assert isinstance(measure, FormulaMeasure)
     table = {name: np.roll(numbers, i) for i, name in enumerate(("P", "psi", "speed", "period"))}
     table["psi"][0] = 0.0
-    alone = [ex.evaluate(measure.expression, {n: float(v[i]) for n, v in table.items()}) for i in range(8)]
+    alone = [
+        ex.evaluate(measure.expression, {n: float(v[i]) for n, v in table.items()})
+        for i in range(8)
+    ]
     together = measure.values(table, 8)
     finite = np.isfinite(alone)
     np.testing.assert_allclose(together[finite], np.array(alone)[finite], rtol=1e-10, atol=1e-12)
@@ -166,16 +182,29 @@ def test_measures_that_do_not_exist(measure: list[object], said: str) -> None:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"system": TOY.with_parameters(rho=0.25)}, r"another model \(parameters.rho.default: 0.2 there, 0.25 here\)"),
-        ({"over": {**OVER, "P": "0.6:1.7:21"}}, r"other values of P \(21 from 0.6 to 1.6 there, 21 from 0.6 to 1.7"),
+        (
+            {"system": TOY.with_parameters(rho=0.25)},
+            r"another model \(parameters.rho.default: 0.2 there, 0.25 here\)",
+        ),
+        (
+            {"over": {**OVER, "P": "0.6:1.7:21"}},
+            r"other values of P \(21 from 0.6 to 1.6 there, 21 from 0.6 to 1.7",
+        ),
         ({"over": {"P": OVER["P"]}}, "other axes"),
         ({"measure": ["speed"]}, "other measures"),
         ({"initial": {"psi": 0.5}}, "other initial values"),
         ({"settings": stand_in.Settings(rtol=1e-8)}, "rtol: 1e-10 there, 1e-08 here"),
     ],
 )
-def test_another_map_is_refused_and_kept(tmp_path: Path, changes: dict[str, object], said: str) -> None:
-    asked: dict[str, object] = {"system": TOY, "over": OVER, "measure": MEASURE, "out": tmp_path / "toy.zarr"}
+def test_another_map_is_refused_and_kept(
+    tmp_path: Path, changes: dict[str, object], said: str
+) -> None:
+    asked: dict[str, object] = {
+        "system": TOY,
+        "over": OVER,
+        "measure": MEASURE,
+        "out": tmp_path / "toy.zarr",
+    }
     sweep(**asked)  # type: ignore[arg-type]
     stand_in.calls.clear()
     with pytest.raises(StickslipError, match=said):
@@ -210,7 +239,10 @@ def test_places_that_cannot_be_written(tmp_path: Path) -> None:
 
 def test_one_process_at_a_time(tmp_path: Path) -> None:
     plan = make_plan(TOY, OVER, MEASURE)
-    with opened(plan, tmp_path / "toy.zarr"), pytest.raises(StickslipError, match="another process is writing it"):
+    with (
+        opened(plan, tmp_path / "toy.zarr"),
+        pytest.raises(StickslipError, match="another process is writing it"),
+    ):
         sweep(TOY, OVER, MEASURE, tmp_path / "toy.zarr")
     same(sweep(TOY, OVER, MEASURE, tmp_path / "toy.zarr"), exact())
 
@@ -223,7 +255,9 @@ def test_full_disk_keeps_what_is_there(tmp_path: Path) -> None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (20, before[1]))
 
     try:
-        with pytest.raises(StickslipError, match=r"cannot be written \(File too large\).*points are kept"):
+        with pytest.raises(
+            StickslipError, match=r"cannot be written \(File too large\).*points are kept"
+        ):
             sweep(TOY, OVER, MEASURE, tmp_path / "toy.zarr", progress=fill_up)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
@@ -268,7 +302,8 @@ def test_damaged_chunks_are_found_and_repaired(tmp_path: Path, name: str, how: s
         case "removed":
             victim.unlink()
     stand_in.calls.clear()
-    if (name, how) != ("outcome", "removed"):  # a chunk without outcomes is one that is not computed yet
+    # a chunk without outcomes is one that is not computed yet
+    if (name, how) != ("outcome", "removed"):
         with pytest.raises(StickslipError, match=rf"damaged: {name}/c/1/0.*--repair"):
             sweep(TOY, OVER, MEASURE, store)
         assert not stand_in.calls

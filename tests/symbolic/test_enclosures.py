@@ -26,7 +26,7 @@ def parse(text: str) -> Expr:
     return SCOPE.parse(text, "here")
 
 
-# -- random trees and boxes -----------------------------------------------------------------------------
+# -- random trees and boxes ------------------------------------------------------------------------
 
 COEFFICIENTS = st.sampled_from([1.0, -1.0, 2.0, 0.5, -3.0, 0.1, 1e-7, 1e5, math.pi, -0.7632])
 EXPONENTS = st.sampled_from([2.0, 3.0, 4.0, 5.0, -1.0, -2.0, -3.0, 0.5, 1.5, -0.5, 1 / 3])
@@ -42,8 +42,12 @@ def _compound(inner: st.SearchStrategy[Expr]) -> st.SearchStrategy[Expr]:
         st.tuples(st.sampled_from(sorted(ex.FUNCTIONS)), inner).map(lambda p: ex.call(*p)),
         st.tuples(inner, inner).map(lambda p: ex.power(p[0] * p[0] + 0.25, p[1])),
         inner.map(ex.absolute),
-        st.tuples(st.sampled_from([ex.maximum, ex.minimum]), inner, inner).map(lambda p: p[0](p[1], p[2])),
-        st.tuples(inner, COEFFICIENTS).map(lambda p: ex.clip(p[0], ex.num(-abs(p[1])), ex.num(abs(p[1])))),
+        st.tuples(st.sampled_from([ex.maximum, ex.minimum]), inner, inner).map(
+            lambda p: p[0](p[1], p[2])
+        ),
+        st.tuples(inner, COEFFICIENTS).map(
+            lambda p: ex.clip(p[0], ex.num(-abs(p[1])), ex.num(abs(p[1])))
+        ),
         st.tuples(inner, inner, inner).map(lambda p: ex.select(*p)),
     )
 
@@ -59,18 +63,25 @@ def trees(draw: st.DrawFn) -> Expr:
         return draw(LEAVES)
 
 
-ENDS = st.one_of(st.floats(-3, 3), st.floats(-1e3, 1e3), st.sampled_from([0.0, 1.0, -1.0, math.pi, 1e-9, -1e-9]))
+ENDS = st.one_of(
+    st.floats(-3, 3), st.floats(-1e3, 1e3), st.sampled_from([0.0, 1.0, -1.0, math.pi, 1e-9, -1e-9])
+)
 WIDTHS = st.sampled_from([0.0, 1e-12, 1e-6, 1e-2, 0.3, 1.0, 7.0])
 SEEDS = st.integers(0, 2**32 - 1)
 
 
 def exact(e: Expr, point: dict[str, float]) -> mpmath.mpf | None:
-    """The value in 60 digits, from the tree alone; None where it is undefined or beyond floating point."""
+    """The value in 60 digits, from the tree alone; None where it is undefined or beyond floating
+    point."""
     known: dict[Expr, mpmath.mpf] = {}
     try:
         for node in ex.walk([e]):
             value = _exact(node, point, known)
-            if isinstance(value, mpmath.mpc) or not mpmath.isfinite(value) or abs(value) > mpmath.mpf(10) ** 300:
+            if (
+                isinstance(value, mpmath.mpc)
+                or not mpmath.isfinite(value)
+                or abs(value) > mpmath.mpf(10) ** 300
+            ):
                 return None
             known[node] = value
     except UNDEFINED:
@@ -85,7 +96,9 @@ def _exact(e: Expr, point: dict[str, float], known: dict[Expr, mpmath.mpf]) -> m
         case "sym":
             return mpmath.mpf(point[str(e.value)])
         case "sum":
-            return mpmath.mpf(float(e.value)) + mpmath.fsum(mpmath.mpf(c) * known[term] for term, c in e.terms)
+            return mpmath.mpf(float(e.value)) + mpmath.fsum(
+                mpmath.mpf(c) * known[term] for term, c in e.terms
+            )
         case "prod":
             return mpmath.fprod(mpmath.power(known[base], mpmath.mpf(p)) for base, p in e.terms)
         case "pow":
@@ -99,7 +112,9 @@ def _exact(e: Expr, point: dict[str, float], known: dict[Expr, mpmath.mpf]) -> m
 
 @settings(max_examples=400, deadline=None, derandomize=True)
 @given(trees(), ENDS, WIDTHS, ENDS, WIDTHS, SEEDS)
-def test_no_value_leaves_its_enclosure(e: Expr, x: float, wx: float, y: float, wy: float, seed: int) -> None:
+def test_no_value_leaves_its_enclosure(
+    e: Expr, x: float, wx: float, y: float, wy: float, seed: int
+) -> None:
     rng = np.random.default_rng(seed)
     boxes = {"x": (x, x + wx), "y": (y, y + wy)}
     both = [bounds(e, boxes), enclosures([e], boxes)[0][:, 0]]
@@ -116,29 +131,39 @@ def test_no_value_leaves_its_enclosure(e: Expr, x: float, wx: float, y: float, w
 @settings(max_examples=400, deadline=None, derandomize=True)
 @given(trees(), ENDS, WIDTHS, ENDS, SEEDS)
 def test_no_quotient_leaves_the_slope(e: Expr, x: float, width: float, y: float, seed: int) -> None:
-    """(f(v) − f(u))/(v − u), kinks and jumps included; and f lies between the lines from the ends."""
+    """(f(v) − f(u))/(v − u), kinks and jumps included; and f lies between the lines from the
+    ends."""
     if width == 0.0:
         return
-    places = np.sort(np.concatenate([[x, x + width], np.random.default_rng(seed).uniform(x, x + width, 8)]))
+    places = np.sort(
+        np.concatenate([[x, x + width], np.random.default_rng(seed).uniform(x, x + width, 8)])
+    )
     ((_, slope),) = slopes([e], {"x": (x, x + width), "y": (y, y)}, "x")
     assert slope[0, 0] <= slope[1, 0] and not np.isnan(slope).any()
     ends = enclosures([e], {"x": (places[[0, -1]], places[[0, -1]]), "y": (y, y)})[0]
     ends = np.broadcast_to(ends, (2, 2))
-    lines = between(ends[:, :1], ends[:, 1:], slope, np.nextafter(places[-1:] - places[:1], math.inf))
+    lines = between(
+        ends[:, :1], ends[:, 1:], slope, np.nextafter(places[-1:] - places[:1], math.inf)
+    )
     with mpmath.workdps(60):
         values = [exact(e, {"x": u, "y": y}) for u in places.tolist()]
         if None in values:
             return
-        for u, v, f, g in zip(places.tolist(), places[1:].tolist(), values, values[1:], strict=False):
+        for u, v, f, g in zip(
+            places.tolist(), places[1:].tolist(), values, values[1:], strict=False
+        ):
             if v > u:
-                step, noise = mpmath.mpf(v) - u, (abs(f) + abs(g)) * mpmath.mpf(10) ** -50
+                step = mpmath.mpf(v) - u
+                noise = (abs(f) + abs(g)) * mpmath.mpf(10) ** -50
                 assert slope[0, 0] * step - noise <= g - f <= slope[1, 0] * step + noise
         assert all(lines[0, 0] <= f <= lines[1, 0] for f in values)
 
 
 @settings(max_examples=300, deadline=None, derandomize=True)
 @given(trees(), ENDS, WIDTHS, ENDS, WIDTHS, SEEDS)
-def test_smaller_boxes_have_smaller_enclosures(e: Expr, x: float, wx: float, y: float, wy: float, seed: int) -> None:
+def test_smaller_boxes_have_smaller_enclosures(
+    e: Expr, x: float, wx: float, y: float, wy: float, seed: int
+) -> None:
     """Inclusion is isotonic, but for the rounding of functions."""
     cuts = np.sort(np.random.default_rng(seed).uniform(size=(2, 2, 6)), axis=1)
     ranges = {"x": tuple(x + wx * cuts[0]), "y": tuple(y + wy * cuts[1])}
@@ -150,11 +175,20 @@ def test_smaller_boxes_have_smaller_enclosures(e: Expr, x: float, wx: float, y: 
 
 @pytest.mark.parametrize(
     "text",
-    ["exp(-x)*sin(5*x)", "x/(1 + x**2)", "abs(x - 1.03)*cos(x)", "tanh(3*(x - 1))/cosh(x)", "x**x", "sqrt(x)*log(x)"],
+    [
+        "exp(-x)*sin(5*x)",
+        "x/(1 + x**2)",
+        "abs(x - 1.03)*cos(x)",
+        "tanh(3*(x - 1))/cosh(x)",
+        "x**x",
+        "sqrt(x)*log(x)",
+    ],
 )
 def test_order_of_convergence(text: str) -> None:
-    """The natural enclosure is off by the width of a box, that from ends and slopes by its square."""
-    e, centres = parse(text), np.linspace(0.9, 1.2, 40)
+    """The natural enclosure is off by the width of a box, that from ends and slopes by its
+    square."""
+    e = parse(text)
+    centres = np.linspace(0.9, 1.2, 40)
     fine = np.linspace(0.0, 1.0, 401)[:, None]
     off = []
     for width in (1e-2, 1e-3, 1e-4):
@@ -163,7 +197,12 @@ def test_order_of_convergence(text: str) -> None:
         ends = [enclosures([e], {"x": (at, at)})[0] for at in x]
         lines = between(*ends, slope, np.full(40, width))
         places = (centres + width * fine).ravel()
-        least = enclosures([e], {"x": (places, places)})[0].mean(axis=0).reshape(fine.size, 40).min(axis=0)
+        least = (
+            enclosures([e], {"x": (places, places)})[0]
+            .mean(axis=0)
+            .reshape(fine.size, 40)
+            .min(axis=0)
+        )
         off.append([float(np.max(least - found[0])) for found in (natural, lines)])
         assert off[-1][1] <= 20.0 * width**2 + 1e-14
     assert np.diff(np.log10(off), axis=0)[:, 0].mean() < -0.9
@@ -196,10 +235,14 @@ def test_order_of_convergence(text: str) -> None:
     ],
 )
 def test_enclosures_are_tight(text: str, expected: tuple[float, float]) -> None:
-    assert bounds(parse(text), {"x": (1.0, 2.0), "y": (2.0, 3.0)}) == pytest.approx(expected, rel=1e-14, abs=1e-300)
+    assert bounds(parse(text), {"x": (1.0, 2.0), "y": (2.0, 3.0)}) == pytest.approx(
+        expected, rel=1e-14, abs=1e-300
+    )
 
 
-@pytest.mark.parametrize("text", ["1 - cos(x)", "2 - 2*cos(x)", "0.3*(1 + sin(x))", "1 - exp(-x**2)", "max(x, 0)"])
+@pytest.mark.parametrize(
+    "text", ["1 - cos(x)", "2 - 2*cos(x)", "0.3*(1 + sin(x))", "1 - exp(-x**2)", "max(x, 0)"]
+)
 def test_what_is_exact_stays_exact(text: str) -> None:
     """A threshold that just vanishes is not negative by rounding."""
     assert bounds(parse(text), {})[0] == 0.0
@@ -260,5 +303,7 @@ def test_bounds_of_undefined_powers():
 
 def test_unknown_names_are_unbounded() -> None:
     assert bounds(parse("x + a"), {"x": (0.0, 1.0)}) == (-math.inf, math.inf)
-    assert bounds(parse("exp(a - a + tanh(b))"), {}) == pytest.approx((math.exp(-1.0), math.e), rel=1e-14)
+    assert bounds(parse("exp(a - a + tanh(b))"), {}) == pytest.approx(
+        (math.exp(-1.0), math.e), rel=1e-14
+    )
     assert bounds(parse("3"), {}) == (3.0, 3.0)

@@ -28,11 +28,18 @@ WELLS = {
 @pytest.mark.parametrize("kind", WELLS)
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(st.floats(0.01, 0.99), st.floats(-9, -2), st.floats(0.0, 2.0), st.integers(1, 9))
-def test_no_well_is_too_narrow(kind: str, place: float, exponent: float, bottom: float, waves: int) -> None:
+def test_no_well_is_too_narrow(
+    kind: str, place: float, exponent: float, bottom: float, waves: int
+) -> None:
     """A well of depth 1 in a wave of height 1/2: its bottom is the minimum, wherever it is."""
     width = 10.0**exponent
     well = WELLS[kind].format(place=place, width=width)
-    found = least(SCOPE.parse(f"{bottom!r} + {well} + 0.5*(1 - cos(2*pi*{waves}*(s - {place!r})))", "here"), "s", 0, 1)
+    found = least(
+        SCOPE.parse(f"{bottom!r} + {well} + 0.5*(1 - cos(2*pi*{waves}*(s - {place!r})))", "here"),
+        "s",
+        0,
+        1,
+    )
     assert found.floor <= found.value and found.resolved
     # Between two numbers that are neighbours a well may have another value.
     assert abs(found.value - bottom) <= 1e-12 + 2e-14 / width
@@ -46,7 +53,9 @@ def test_waves_against_a_fine_grid(seed: int) -> None:
     rng = np.random.default_rng(seed)
     terms = [
         (float(a), int(k), float(p))
-        for a, k, p in zip(rng.normal(size=5), rng.integers(1, 30, 5), rng.uniform(size=5), strict=True)
+        for a, k, p in zip(
+            rng.normal(size=5), rng.integers(1, 30, 5), rng.uniform(size=5), strict=True
+        )
     ]
     text = " + ".join(f"{a!r}*cos(2*pi*{k}*(s - {p!r}))" for a, k, p in terms)
     found = least(SCOPE.parse(text, "here"), "s", 0.0, 1.0)
@@ -58,7 +67,8 @@ def test_waves_against_a_fine_grid(seed: int) -> None:
 
 
 def test_the_gap_is_stated_where_boxes_run_out() -> None:
-    """sin² + cos² is 1, which no interval sees: the gap falls with the square of the number of boxes."""
+    """sin² + cos² is 1, which no interval sees: the gap falls with the square of the number of
+    boxes."""
     e = SCOPE.parse("sin(2*pi*s)**2 + cos(2*pi*s)**2", "here")
     few, many = (least(e, "s", 0.0, 1.0, most=most) for most in (2000, 50_000))
     assert not few.resolved and not many.resolved
@@ -74,5 +84,7 @@ def test_other_names_have_ranges() -> None:
 
 def test_undefined_and_unbounded_formulas() -> None:
     assert least(SCOPE.parse("log(abs(s - 0.3))", "here"), "s", 0.0, 1.0).floor == -math.inf
-    assert least(SCOPE.parse("1/abs(s - 0.3)", "here"), "s", 0.0, 1.0).floor == pytest.approx(1 / 0.7)
+    assert least(SCOPE.parse("1/abs(s - 0.3)", "here"), "s", 0.0, 1.0).floor == pytest.approx(
+        1 / 0.7
+    )
     assert not math.isnan(least(SCOPE.parse("sqrt(s - 0.5)", "here"), "s", 0.0, 1.0).floor)

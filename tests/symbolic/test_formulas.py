@@ -72,7 +72,9 @@ def test_precedence_and_values(text, expected):
     assert value(text) == pytest.approx(expected, rel=1e-15)
 
 
-@pytest.mark.parametrize("name", ["exp", "sin", "cos", "tan", "sinh", "cosh", "tanh", "asinh", "atan"])
+@pytest.mark.parametrize(
+    "name", ["exp", "sin", "cos", "tan", "sinh", "cosh", "tanh", "asinh", "atan"]
+)
 def test_functions(name):
     assert value(f"{name}(x)") == getattr(math, name)(1.3)
     assert value(f"{name}(1.3)") == getattr(math, name)(1.3)
@@ -218,7 +220,9 @@ def test_hostile_formula(text, tmp_path, monkeypatch):
     assert not list(Path(tmp_path).iterdir())
 
 
-@pytest.mark.parametrize("thing", [None, True, [1], {"a": 1}, b"x", 1j, math.nan, math.inf, 10**400, object()])
+@pytest.mark.parametrize(
+    "thing", [None, True, [1], {"a": 1}, b"x", 1j, math.nan, math.inf, 10**400, object()]
+)
 def test_what_is_no_formula(thing):
     with pytest.raises(DeclarationError, match="here: "):
         parse(thing)
@@ -234,7 +238,10 @@ def test_long_sums_are_not_nested():
     [
         # Doubling by composition, by calls with new arguments, by a long chain, by height.
         {f"f{i}": ("x", f"f{i - 1}(f{i - 1}(x))" if i else "x*sin(x)") for i in range(40)},
-        {f"f{i}": ("x", "y", f"f{i - 1}(x + y, x)*f{i - 1}(x - y, y)" if i else "x*y") for i in range(40)},
+        {
+            f"f{i}": ("x", "y", f"f{i - 1}(x + y, x)*f{i - 1}(x - y, y)" if i else "x*y")
+            for i in range(40)
+        },
         {f"f{i}": ("x", f"sin(f{i - 1}(x))" if i else "x") for i in range(39)}
         | {"f39": ("x", "f38(f38(f38(f38(x))))")},
         {f"f{i}": ("x", f"f{i - 1}(x)" if i else "z") for i in range(40)},
@@ -357,7 +364,9 @@ def test_is_finite():
     import numpy as np
 
     assert all(map(is_finite, (1, 1.5, -0.0, np.float32(2), np.int64(3), 10**300)))
-    assert not any(map(is_finite, (True, np.True_, "1", None, math.nan, math.inf, 10**400, 1j, [1])))
+    assert not any(
+        map(is_finite, (True, np.True_, "1", None, math.nan, math.inf, 10**400, 1j, [1]))
+    )
 
 
 # Random formulas: text with all operations, in two variables.
@@ -367,9 +376,13 @@ LEAVES = st.sampled_from(["x", "y", "x", "y", "2", "3", "0.5", "1.7", "a"])
 def _compound(inner):
     unary = st.sampled_from(["sin", "cos", "tanh", "exp", "atan", "asinh", "sinh", "cosh"])
     return st.one_of(
-        st.tuples(inner, st.sampled_from([" + ", " - ", "*", "/"]), inner).map(lambda p: f"({p[0]}){p[1]}({p[2]})"),
+        st.tuples(inner, st.sampled_from([" + ", " - ", "*", "/"]), inner).map(
+            lambda p: f"({p[0]}){p[1]}({p[2]})"
+        ),
         st.tuples(unary, inner).map(lambda p: f"{p[0]}({p[1]})"),
-        st.tuples(inner, st.sampled_from(["2", "3", "-1", "-2"])).map(lambda p: f"({p[0]})**({p[1]})"),
+        st.tuples(inner, st.sampled_from(["2", "3", "-1", "-2"])).map(
+            lambda p: f"({p[0]})**({p[1]})"
+        ),
         inner.map(lambda p: f"sqrt(1 + ({p})**2)"),
         inner.map(lambda p: f"log(2 + cos({p}))"),
         inner.map(lambda p: f"-({p})"),
@@ -383,7 +396,9 @@ KINKED = st.recursive(
     lambda inner: st.one_of(
         _compound(inner),
         inner.map(lambda p: f"abs({p})"),
-        st.tuples(st.sampled_from(["min", "max"]), inner, inner).map(lambda p: f"{p[0]}({p[1]}, {p[2]})"),
+        st.tuples(st.sampled_from(["min", "max"]), inner, inner).map(
+            lambda p: f"{p[0]}({p[1]}, {p[2]})"
+        ),
         inner.map(lambda p: f"clip({p}, -1, 2)"),
         st.tuples(inner, inner, inner).map(lambda p: f"piecewise({p[0]} < 1, {p[1]}, {p[2]})"),
     ),
@@ -393,7 +408,8 @@ NUMBERS = st.floats(-2, 2).map(lambda v: round(v, 3))
 
 
 def read_or_skip(text: str) -> Expr:
-    """A formula such as 1/(2 - 2) has no value; such ones are refused, and are not the point here."""
+    """A formula such as 1/(2 - 2) has no value; such ones are refused, and are not the point
+    here."""
     try:
         return parse(text)
     except DeclarationError:
@@ -410,7 +426,9 @@ def moderate(*values: float) -> bool:
 def test_value_and_derivative_agree_with_sympy(text, x, y):
     expression = read_or_skip(text)
     point = {"x": x, "y": y, "a": 1.25}
-    exact = sympy.sympify(text.replace("0.5", "(1/2)").replace("1.7", "(17/10)").replace("1.5", "(3/2)"))
+    exact = sympy.sympify(
+        text.replace("0.5", "(1/2)").replace("1.7", "(17/10)").replace("1.5", "(3/2)")
+    )
     for ours, theirs in (
         (expression, exact),
         (ex.derivative(expression, "x"), sympy.diff(exact, "x")),
@@ -419,7 +437,9 @@ def test_value_and_derivative_agree_with_sympy(text, x, y):
         found = ex.evaluate(ours, point)
         with mpmath.workdps(30):
             try:
-                expected = complex(sympy.lambdify(tuple(point), theirs, "mpmath")(*map(mpmath.mpf, point.values())))
+                expected = complex(
+                    sympy.lambdify(tuple(point), theirs, "mpmath")(*map(mpmath.mpf, point.values()))
+                )
             except (ZeroDivisionError, OverflowError):
                 assume(False)
                 raise
@@ -441,12 +461,18 @@ def test_derivative_agrees_with_differences(text, x, y):
     point = {"x": x, "y": y, "a": 1.25}
     h = 1e-5
     samples = [ex.evaluate(expression, point | {"x": x + i * h}) for i in (-2, -1, 1, 2)]
-    slopes = [ex.evaluate(ex.derivative(expression, "x"), point | {"x": x + i * h}) for i in (-2, -1, 0, 1, 2)]
+    slopes = [
+        ex.evaluate(ex.derivative(expression, "x"), point | {"x": x + i * h})
+        for i in (-2, -1, 0, 1, 2)
+    ]
     assume(moderate(*samples, *slopes, *_parts(expression, point)))
     # Away from kinks and poles, where the slope hardly changes over the stencil.
     assume(max(slopes) - min(slopes) < 1e-3 * max(1.0, abs(slopes[2])))
     guards = {n.args[0] for n in ex.walk([expression]) if n.op == "select"}
-    signs = {tuple(ex.evaluate(g, point | {"x": x + i * h}) >= 0 for g in guards) for i in (-2, -1, 0, 1, 2)}
+    signs = {
+        tuple(ex.evaluate(g, point | {"x": x + i * h}) >= 0 for g in guards)
+        for i in (-2, -1, 0, 1, 2)
+    }
     assume(len(signs) == 1)
     difference = (samples[0] - 8 * samples[1] + 8 * samples[2] - samples[3]) / (12 * h)
     assert slopes[2] == pytest.approx(difference, rel=1e-3, abs=1e-4)

@@ -6,7 +6,8 @@
 >>> ss.catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05, V=0.1).name
 'spring_slider'
 
-A file here declares the function of its own name and is found by that name; there is no table to keep up.
+A file here declares the function of its own name and is found by that name; there is no table to
+keep up.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ if TYPE_CHECKING:
 
 def names() -> list[str]:
     """Names of all systems."""
-    return sorted(module.name for module in iter_modules(__path__) if not module.name.startswith("_"))
+    return sorted(
+        module.name for module in iter_modules(__path__) if not module.name.startswith("_")
+    )
 
 
 def get(name: str, **given: Any) -> System:
@@ -68,7 +71,8 @@ def __dir__() -> list[str]:
 
 
 class _Catalogue(ModuleType):
-    """The import of ``catalogue.rocking_toy`` binds that file here; what is wanted by that name is its function."""
+    """The import of ``catalogue.rocking_toy`` binds that file here; what is wanted by that name is
+    its function."""
 
     def __setattr__(self, name: str, value: Any) -> None:
         if isinstance(value, ModuleType) and value.__name__ == f"{__name__}.{name}":

@@ -9,13 +9,12 @@ def belt_block(**given: float | str) -> System:
     Parameters
     ----------
     **given : float or str
-        Parameters ``m``, ``k``, ``V``, ``F_s``, ``F_k``; free function ``belt`` (speed of the belt, of t).
+        Parameters ``m``, ``k``, ``V``, ``F_s``, ``F_k``; free function ``belt`` (speed of the belt,
+        of t).
 
-    References
-    ----------
-    V. L. Popov, *Contact Mechanics and Friction*, Springer 2010, chapter 12. With Δ = F_s − F_k and ω = √(k/m), the
-    cycle at constant belt speed V has the period 2Δ/(kV) + (2/ω)(π − arctan(ωΔ/(kV))) and the spring force stays in
-    F_k ± √(Δ² + kmV²).
+    References ---------- V. L. Popov, *Contact Mechanics and Friction*, Springer 2010, chapter 12.
+    With Δ = F_s − F_k and ω = √(k/m), the cycle at constant belt speed V has the period 2Δ/(kV) +
+    (2/ω)(π − arctan(ωΔ/(kV))) and the spring force stays in F_k ± √(Δ² + kmV²).
     """
     return System(
         name="belt_block",
@@ -33,10 +32,18 @@ def belt_block(**given: float | str) -> System:
         coordinates={"x": Inertial("m", "position of the block")},
         kinetic="m/2*d_x**2",
         potential="k/2*x**2",
-        contacts={"belt contact": Contact("d_x", threshold="F_s", surface_speed="belt", kinetic="F_k", unit="N")},
+        contacts={
+            "belt contact": Contact(
+                "d_x", threshold="F_s", surface_speed="belt", kinetic="F_k", unit="N"
+            )
+        },
         span=(0, 50),
         time_unit="s",
-        conditions={"stick-slip": Condition("F_s > F_k", "steady sliding and stick-slip do not differ in force")},
+        conditions={
+            "stick-slip": Condition(
+                "F_s > F_k", "steady sliding and stick-slip do not differ in force"
+            )
+        },
         facts={
             "period": "2*Delta/(k*V) + 2/omega*(pi - atan(omega*Delta/(k*V)))",
             "slip_duration": "2/omega*(pi - atan(omega*Delta/(k*V)))",

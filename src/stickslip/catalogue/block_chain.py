@@ -11,22 +11,24 @@ MOST = 100
 
 
 def block_chain(N: float = 3, **given: float | str) -> System:
-    """N blocks in a row on a moving belt, each held by a spring and joined to its neighbours by springs.
+    """N blocks in a row on a moving belt, each held by a spring and joined to its neighbours by
+    springs.
 
     Parameters
     ----------
     N : int
         Number of blocks x_1, ..., x_N.
     **given : float or str
-        Parameters ``m``, ``k``, ``k_c``, ``V``, ``F_s``, ``F_k``; free function ``belt`` (speed of the belt, of t).
+        Parameters ``m``, ``k``, ``k_c``, ``V``, ``F_s``, ``F_k``; free function ``belt`` (speed of
+        the belt, of t).
 
-    References
-    ----------
-    R. Burridge, L. Knopoff, *Model and theoretical seismicity*, Bull. Seismol. Soc. Am. 57 (1967) 341-371, with
-    static above kinetic friction.
+    References ---------- R. Burridge, L. Knopoff, *Model and theoretical seismicity*, Bull.
+    Seismol. Soc. Am. 57 (1967) 341-371, with static above kinetic friction.
     """
     if not (is_finite(N) and float(N).is_integer() and 1 <= N <= MOST):
-        raise DeclarationError("block_chain.N", "not a number of blocks", f"Give a whole number from 1 to {MOST}")
+        raise DeclarationError(
+            "block_chain.N", "not a number of blocks", f"Give a whole number from 1 to {MOST}"
+        )
     blocks = [f"x_{i}" for i in range(1, int(N) + 1)]
     joints = [f"({right} - {left})**2" for left, right in pairwise(blocks)]
     return System(
@@ -45,15 +47,24 @@ def block_chain(N: float = 3, **given: float | str) -> System:
         coordinates={x: Inertial("m", f"position of block {i}") for i, x in enumerate(blocks, 1)},
         kinetic=f"m/2*({' + '.join(f'd_{x}**2' for x in blocks)})",
         potential=" + ".join(
-            [f"k/2*({' + '.join(f'{x}**2' for x in blocks)})", *([f"k_c/2*({' + '.join(joints)})"] if joints else [])]
+            [
+                f"k/2*({' + '.join(f'{x}**2' for x in blocks)})",
+                *([f"k_c/2*({' + '.join(joints)})"] if joints else []),
+            ]
         ),
         contacts={
-            f"block {i}": Contact(f"d_{x}", threshold="F_s", surface_speed="belt", kinetic="F_k", unit="N")
+            f"block {i}": Contact(
+                f"d_{x}", threshold="F_s", surface_speed="belt", kinetic="F_k", unit="N"
+            )
             for i, x in enumerate(blocks, 1)
         },
         # Blocks that start alike would move as one.
         initial={x: 0.2 * (i * i % 5) for i, x in enumerate(blocks)},
         span=(0, 100),
         time_unit="s",
-        conditions={"stick-slip": Condition("F_s > F_k", "steady sliding and stick-slip do not differ in force")},
+        conditions={
+            "stick-slip": Condition(
+                "F_s > F_k", "steady sliding and stick-slip do not differ in force"
+            )
+        },
     ).configure(given)

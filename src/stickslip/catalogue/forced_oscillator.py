@@ -4,19 +4,20 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Syst
 
 
 def forced_oscillator(**given: float | str) -> System:
-    """Mass on a spring with dry friction under a harmonic force: m ẍ + k x + F_c Sign(ẋ) ∋ P cos ωt.
+    """Mass on a spring with dry friction under a harmonic force: m ẍ + k x + F_c Sign(ẋ) ∋ P cos
+    ωt.
 
-    The default has two stops in every period; with little friction (F_c = 0.3, omega = 0.8) the motion is non-stop.
+    The default has two stops in every period; with little friction (F_c = 0.3, omega = 0.8) the
+    motion is non-stop.
 
     Parameters
     ----------
     **given : float or str
         Parameters ``m``, ``k``, ``F_c``, ``P``, ``omega``; free function ``force`` (of t).
 
-    References
-    ----------
-    J. P. Den Hartog, *Forced vibrations with combined Coulomb and viscous friction*, Trans. ASME 53 (1931) 107-115.
-    The facts are his, for non-stop motion: with r = ω√(m/k) and β = F_c/P the amplitude is (P/k)√(V_r² − β²U_r²).
+    References ---------- J. P. Den Hartog, *Forced vibrations with combined Coulomb and viscous
+    friction*, Trans. ASME 53 (1931) 107-115. The facts are his, for non-stop motion: with r =
+    ω√(m/k) and β = F_c/P the amplitude is (P/k)√(V_r² − β²U_r²).
     """
     return System(
         name="forced_oscillator",
@@ -41,6 +42,10 @@ def forced_oscillator(**given: float | str) -> System:
         contacts={"friction": Contact("d_x", threshold="F_c", unit="N")},
         span=(0, 100),
         time_unit="s",
-        conditions={"motion": Condition("F_c < P", "the force does not overcome the friction: the mass stays at rest")},
+        conditions={
+            "motion": Condition(
+                "F_c < P", "the force does not overcome the friction: the mass stays at rest"
+            )
+        },
         facts={"r": "r", "beta": "F_c/P", "nonstop_amplitude": "P/k*sqrt(V_r**2 - (F_c/P*U_r)**2)"},
     ).configure(given)

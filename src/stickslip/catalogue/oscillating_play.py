@@ -4,17 +4,17 @@ from stickslip.model.system import Contact, Parameter, RateIndependent, System
 
 
 def oscillating_play(**given: float | str) -> System:
-    """Rate-independent z under the load ℓ(t) with the threshold ρ(t/ε): 0 ∈ ρ(t/ε) Sign(ż) + z − ℓ(t).
+    """Rate-independent z under the load ℓ(t) with the threshold ρ(t/ε): 0 ∈ ρ(t/ε) Sign(ż) + z −
+    ℓ(t).
 
     Parameters
     ----------
     **given : float or str
         Parameter ``epsilon``; free functions ``rho`` (of s = t/ε, of period 1) and ``ell`` (of t).
 
-    References
-    ----------
-    A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405
-    (2017), section 2.2. The motion waits for the smallest threshold: as ε → 0, z follows the play operator with min ρ.
+    References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
+    oscillations*, WIAS preprint 2405 (2017), section 2.2. The motion waits for the smallest
+    threshold: as ε → 0, z follows the play operator with min ρ.
     """
     return System(
         name="oscillating_play",

@@ -4,21 +4,21 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Syst
 
 
 def plate_compactor(**given: float | str) -> System:
-    """A plate pulled over the ground while a rotating imbalance shakes its weight, N = mg + F cos Ωt.
+    """A plate pulled over the ground while a rotating imbalance shakes its weight, N = mg + F cos
+    Ωt.
 
-    It moves in short steps at the moments when it is light, far below the friction μmg of its weight.
+    It moves in short steps at the moments when it is light, far below the friction μmg of its
+    weight.
 
     Parameters
     ----------
     **given : float or str
-        Parameters ``m``, ``g``, ``mu``, ``F``, ``Omega``, ``k``, ``V``; free function ``pull`` (position of the far
-        end of the spring, of t).
+        Parameters ``m``, ``g``, ``mu``, ``F``, ``Omega``, ``k``, ``V``; free function ``pull``
+        (position of the far end of the spring, of t).
 
-    References
-    ----------
-    A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405
-    (2017), figure 1.1(A) and section 2. For fast shaking the effective threshold is the smallest one (theorem 2.2,
-    where inertia plays no part).
+    References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
+    oscillations*, WIAS preprint 2405 (2017), figure 1.1(A) and section 2. For fast shaking the
+    effective threshold is the smallest one (theorem 2.2, where inertia plays no part).
     """
     return System(
         name="plate_compactor",
@@ -40,6 +40,10 @@ def plate_compactor(**given: float | str) -> System:
         contacts={"ground": Contact("d_x", threshold="mu*max(m*g + F*cos(Omega*t), 0)", unit="N")},
         span=(0, 4),
         time_unit="s",
-        conditions={"ground contact": Condition("F <= m*g", "the plate leaves the ground; here it then slides freely")},
+        conditions={
+            "ground contact": Condition(
+                "F <= m*g", "the plate leaves the ground; here it then slides freely"
+            )
+        },
         facts={"mean_threshold": "mu*m*g", "smallest_threshold": "mu*max(m*g - F, 0)"},
     ).configure(given)

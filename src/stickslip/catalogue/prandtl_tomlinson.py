@@ -4,23 +4,24 @@ from stickslip.model.system import Condition, Parameter, System, Viscous
 
 
 def prandtl_tomlinson(**given: float | str) -> System:
-    """A tip pulled over an atomic lattice: smooth forces and a small viscosity alone make stick and slip.
+    """A tip pulled over an atomic lattice: smooth forces and a small viscosity alone make stick and
+    slip.
 
-    Without inertia, η ẋ + (2πV_0/a) sin(2πx/a) + k(x − X(t)) = 0. The tip has no dry friction of its own: that of
-    the whole arises because it jumps from one valley of the lattice to the next.
+    Without inertia, η ẋ + (2πV_0/a) sin(2πx/a) + k(x − X(t)) = 0. The tip has no dry friction of
+    its own: that of the whole arises because it jumps from one valley of the lattice to the next.
 
     Parameters
     ----------
     **given : float or str
-        Parameters ``k``, ``V_0``, ``a``, ``nu``, ``V``; free function ``X`` (position of the support, of t).
+        Parameters ``k``, ``V_0``, ``a``, ``nu``, ``V``; free function ``X`` (position of the
+        support, of t).
 
-    References
-    ----------
-    L. Prandtl, *Ein Gedankenmodell zur kinetischen Theorie der festen Körper*, ZAMM 8 (1928) 85-106; V. L. Popov and
-    J. A. T. Gray, *Prandtl-Tomlinson model: history and applications in friction, plasticity, and nanotechnologies*,
-    ZAMM 92 (2012) 683-708. In slow pull the spring force grows up to 2πV_0/a. If the ratio η = 4π²V_0/(ka²) exceeds 1,
-    the tip jumps, shortly after, from the force (2πV_0/a)√(1 − η⁻²); otherwise it follows without jumps (the fact
-    ``force_at_jump`` is 0).
+    References ---------- L. Prandtl, *Ein Gedankenmodell zur kinetischen Theorie der festen
+    Körper*, ZAMM 8 (1928) 85-106; V. L. Popov and J. A. T. Gray, *Prandtl-Tomlinson model: history
+    and applications in friction, plasticity, and nanotechnologies*, ZAMM 92 (2012) 683-708. In slow
+    pull the spring force grows up to 2πV_0/a. If the ratio η = 4π²V_0/(ka²) exceeds 1, the tip
+    jumps, shortly after, from the force (2πV_0/a)√(1 − η⁻²); otherwise it follows without jumps
+    (the fact ``force_at_jump`` is 0).
     """
     return System(
         name="prandtl_tomlinson",

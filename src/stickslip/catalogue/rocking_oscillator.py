@@ -4,21 +4,22 @@ from stickslip.model.system import Condition, Inertial, Parameter, System
 
 
 def rocking_oscillator(**given: float | str) -> System:
-    """The rocking angle alone, with the legs' distance d = G(ψ, ψ̇): I_b ψ̈ + δψ̇ + bψ − c G(ψ, ψ̇) = 0.
+    """The rocking angle alone, with the legs' distance d = G(ψ, ψ̇):
+    I_b ψ̈ + δψ̇ + bψ − c G(ψ, ψ̇) = 0.
 
-    Γ falls from X at ψ ≤ ψ_3 along G_L⁺ to −X at ψ ≥ ψ*, which is one clip. G jumps where ψ̇ changes sign while
-    |ψ| < ψ*; a motion that would slide along that jump leaves what the oscillator describes.
+    Γ falls from X at ψ ≤ ψ_3 along G_L⁺ to −X at ψ ≥ ψ*, which is one clip. G jumps where ψ̇ changes
+    sign while |ψ| < ψ*; a motion that would slide along that jump leaves what the oscillator
+    describes.
 
     Parameters
     ----------
     **given : float
-        Parameters ``I_b``, ``delta``, ``a``, ``b``, ``c``, ``P``, ``rho``, ``psi_star``, ``H_star``.
+        Parameters ``I_b``, ``delta``, ``a``, ``b``, ``c``, ``P``, ``rho``, ``psi_star``,
+        ``H_star``.
 
-    References
-    ----------
-    A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405
-    (2017), section 4.4: the rocking toy in simple periodic motion, |ψ| ≤ ψ_2. One period feeds in the energy
-    2cX(ψ_3 + ψ*) and moves the toy by 2X.
+    References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
+    oscillations*, WIAS preprint 2405 (2017), section 4.4: the rocking toy in simple periodic
+    motion, |ψ| ≤ ψ_2. One period feeds in the energy 2cX(ψ_3 + ψ*) and moves the toy by 2X.
     """
     return System(
         name="rocking_oscillator",
@@ -32,7 +33,9 @@ def rocking_oscillator(**given: float | str) -> System:
             "c": Parameter(0.3, "N", "coupling of rocking and legs"),
             "P": Parameter(1.0, "N", "pull on each leg", "[0, inf)"),
             "rho": Parameter(0.2, "N", "dry friction in the joints", "(0, inf)"),
-            "psi_star": Parameter(1.0, "rad", "angle at which one side carries all weight", "(0, inf)"),
+            "psi_star": Parameter(
+                1.0, "rad", "angle at which one side carries all weight", "(0, inf)"
+            ),
             "H_star": Parameter(3.0, "N", "friction of a leg that carries all weight", "[0, inf)"),
         },
         functions={
@@ -50,14 +53,19 @@ def rocking_oscillator(**given: float | str) -> System:
         time_unit="s",
         conditions={
             "stable upright": Condition("a*b > c**2", "the upright position is unstable"),
-            "stride": Condition("P > rho + c*psi_star", "X is not positive: the pull does not move an unloaded leg"),
+            "stride": Condition(
+                "P > rho + c*psi_star", "X is not positive: the pull does not move an unloaded leg"
+            ),
             "hold": Condition("H_star > 2*P", "psi_3 is not in [-psi_star, psi_star]"),
-            "corner": Condition("H_star > 2*c*psi_star", "G_L does not fall: the legs do not alternate"),
+            "corner": Condition(
+                "H_star > 2*c*psi_star", "G_L does not fall: the legs do not alternate"
+            ),
         },
         facts={
             "X": "X",
             "psi_2": "psi_star + 2*rho/c",
             "psi_3": "(H_star/2 - 2*P + 2*rho + c*psi_star)/(H_star/(2*psi_star) - c)",
-            "energy_per_period": "2*c*X*((H_star/2 - 2*P + 2*rho + c*psi_star)/(H_star/(2*psi_star) - c) + psi_star)",
+            "energy_per_period": "2*c*X*((H_star/2 - 2*P + 2*rho + "
+            "c*psi_star)/(H_star/(2*psi_star) - c) + psi_star)",
         },
     ).configure(given)

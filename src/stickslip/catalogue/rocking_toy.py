@@ -4,21 +4,22 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Rate
 
 
 def rocking_toy(**given: float | str) -> System:
-    """A toy animal that a weight pulls forward: it walks because its rocking unloads the legs one after the other.
+    """A toy animal that a weight pulls forward: it walks because its rocking unloads the legs one
+    after the other.
 
-    The friction H_R(ψ) of the right leg rises from 0 at ψ ≤ −ψ* to H* at ψ ≥ ψ*; that of the left leg is H_R(−ψ).
+    The friction H_R(ψ) of the right leg rises from 0 at ψ ≤ −ψ* to H* at ψ ≥ ψ*; that of the left
+    leg is H_R(−ψ).
 
     Parameters
     ----------
     **given : float or str
-        Parameters ``I_b``, ``delta``, ``a``, ``b``, ``c``, ``P``, ``rho``, ``psi_star``, ``H_star``; free functions
-        ``H_R``, ``H_L`` (of psi).
+        Parameters ``I_b``, ``delta``, ``a``, ``b``, ``c``, ``P``, ``rho``, ``psi_star``,
+        ``H_star``; free functions ``H_R``, ``H_L`` (of psi).
 
-    References
-    ----------
-    A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405
-    (2017), (4.2), with the pull P = g m_W/2. In simple walking the legs' distance switches between ±X, from X as ψ
-    rises through ψ_3 to −X at ψ*, as long as |ψ| ≤ ψ_2; each period has the stride 2X.
+    References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
+    oscillations*, WIAS preprint 2405 (2017), (4.2), with the pull P = g m_W/2. In simple walking
+    the legs' distance switches between ±X, from X as ψ rises through ψ_3 to −X at ψ*, as long as
+    |ψ| ≤ ψ_2; each period has the stride 2X.
     """
     return System(
         name="rocking_toy",
@@ -32,7 +33,9 @@ def rocking_toy(**given: float | str) -> System:
             "c": Parameter(0.3, "N", "coupling of rocking and legs"),
             "P": Parameter(1.0, "N", "pull on each leg", "[0, inf)"),
             "rho": Parameter(0.2, "N", "dry friction in the joints", "(0, inf)"),
-            "psi_star": Parameter(1.0, "rad", "angle at which one side carries all weight", "(0, inf)"),
+            "psi_star": Parameter(
+                1.0, "rad", "angle at which one side carries all weight", "(0, inf)"
+            ),
             "H_star": Parameter(3.0, "N", "friction of a leg that carries all weight", "[0, inf)"),
         },
         functions={"H_R(psi)": "H_star/2*(1 + clip(psi/psi_star, -1, 1))", "H_L(psi)": "H_R(-psi)"},
@@ -54,9 +57,13 @@ def rocking_toy(**given: float | str) -> System:
         time_unit="s",
         conditions={
             "stable upright": Condition("a*b > c**2", "the upright position is unstable"),
-            "stride": Condition("P > rho + c*psi_star", "X is not positive: the pull does not move an unloaded leg"),
+            "stride": Condition(
+                "P > rho + c*psi_star", "X is not positive: the pull does not move an unloaded leg"
+            ),
             "hold": Condition("H_star > 2*P", "the loaded leg does not hold against the pull"),
-            "corner": Condition("H_star > 2*c*psi_star", "G+ has no minimum at psi_star: the legs do not alternate"),
+            "corner": Condition(
+                "H_star > 2*c*psi_star", "G+ has no minimum at psi_star: the legs do not alternate"
+            ),
         },
         facts={
             "X": "(P - rho - c*psi_star)/a",

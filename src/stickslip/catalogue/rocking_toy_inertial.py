@@ -4,18 +4,18 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Syst
 
 
 def rocking_toy_inertial(**given: float | str) -> System:
-    """A toy animal that a weight over the table's edge pulls forward, with the masses of weight, body and legs.
+    """A toy animal that a weight over the table's edge pulls forward, with the masses of weight,
+    body and legs.
 
     Parameters
     ----------
     **given : float or str
-        Parameters ``I_b``, ``m_W``, ``m_b``, ``m_l``, ``g``, ``delta``, ``nu``, ``a``, ``b``, ``c``, ``rho``,
-        ``psi_star``, ``H_star``; free functions ``H_R``, ``H_L`` (of psi).
+        Parameters ``I_b``, ``m_W``, ``m_b``, ``m_l``, ``g``, ``delta``, ``nu``, ``a``, ``b``,
+        ``c``, ``rho``, ``psi_star``, ``H_star``; free functions ``H_R``, ``H_L`` (of psi).
 
-    References
-    ----------
-    A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405
-    (2017), (4.1). With the pull P = g m_W/2 fixed and all masses and ν vanishing it becomes ``rocking_toy``.
+    References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
+    oscillations*, WIAS preprint 2405 (2017), (4.1). With the pull P = g m_W/2 fixed and all masses
+    and ν vanishing it becomes ``rocking_toy``.
     """
     return System(
         name="rocking_toy_inertial",
@@ -33,7 +33,9 @@ def rocking_toy_inertial(**given: float | str) -> System:
             "b": Parameter(1.0, "N*m", "stiffness of the rocking", "(0, inf)"),
             "c": Parameter(0.3, "N", "coupling of rocking and legs"),
             "rho": Parameter(0.2, "N", "dry friction in the joints", "(0, inf)"),
-            "psi_star": Parameter(1.0, "rad", "angle at which one side carries all weight", "(0, inf)"),
+            "psi_star": Parameter(
+                1.0, "rad", "angle at which one side carries all weight", "(0, inf)"
+            ),
             "H_star": Parameter(3.0, "N", "friction of a leg that carries all weight", "[0, inf)"),
         },
         functions={
@@ -59,9 +61,13 @@ def rocking_toy_inertial(**given: float | str) -> System:
         time_unit="s",
         conditions={
             "stable upright": Condition("a*b > c**2", "the upright position is unstable"),
-            "stride": Condition("P > rho + c*psi_star", "X is not positive: the pull does not move an unloaded leg"),
+            "stride": Condition(
+                "P > rho + c*psi_star", "X is not positive: the pull does not move an unloaded leg"
+            ),
             "hold": Condition("H_star > 2*P", "the loaded leg does not hold against the pull"),
-            "corner": Condition("H_star > 2*c*psi_star", "G+ has no minimum at psi_star: the legs do not alternate"),
+            "corner": Condition(
+                "H_star > 2*c*psi_star", "G+ has no minimum at psi_star: the legs do not alternate"
+            ),
         },
         facts={"P": "P", "sliding_speed": "max(P - rho - H_star/2, 0)/nu"},
     ).configure(given)

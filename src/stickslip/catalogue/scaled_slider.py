@@ -4,19 +4,21 @@ from stickslip.model.system import Condition, Internal, Parameter, System
 
 
 def scaled_slider(**given: float | str) -> System:
-    """The spring slider close to the point where its steady sliding loses stability, with nothing dropped.
+    """The spring slider close to the point where its steady sliding loses stability, with nothing
+    dropped.
 
-    V = ν v̂, U = μ̃(α) + ν²β, α = 1 + νγ, μ̃(α) = μ(νγ) + √ν bμ(0): β > 0 is sliding, β < 0 is sticking.
+    V = ν v̂, U = μ̃(α) + ν²β, α = 1 + νγ, μ̃(α) = μ(νγ) + √ν bμ(0): β > 0 is sliding, β < 0 is
+    sticking.
 
     Parameters
     ----------
     **given : float or str
-        Parameters ``nu``, ``b``, ``mu_0``, ``v_hat``; free function ``mu`` (of s = νγ) with 1 + μ(0)μ'(0) = 0.
+        Parameters ``nu``, ``b``, ``mu_0``, ``v_hat``; free function ``mu`` (of s = νγ) with 1 +
+        μ(0)μ'(0) = 0.
 
-    References
-    ----------
-    A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405
-    (2017), (3.5), with the sign of √ν B corrected: an instability for b > 0 needs +.
+    References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
+    oscillations*, WIAS preprint 2405 (2017), (3.5), with the sign of √ν B corrected: an instability
+    for b > 0 needs +.
     """
     return System(
         name="scaled_slider",
@@ -34,14 +36,21 @@ def scaled_slider(**given: float | str) -> System:
             "heating": "(mu(nu*gamma) + sqrt(nu)*b*mu(0) + nu**2*beta)*slip - gamma",
         },
         internal={
-            "beta": Internal("(v_hat - slip - d_mu(nu*gamma)*heating)/nu", meaning="scaled excess over the threshold"),
+            "beta": Internal(
+                "(v_hat - slip - d_mu(nu*gamma)*heating)/nu",
+                meaning="scaled excess over the threshold",
+            ),
             "gamma": Internal("heating", meaning="scaled state of the surface"),
         },
         initial={"beta": 0.0, "gamma": 0.4},
         span=(0, 40),
         conditions={
-            "scaling": Condition("abs(1 + mu(0)*d_mu(0)) < 1e-9", "(3.4) fails: mu(0)*mu'(0) is not -1"),
-            "unstable focus": Condition("b > sqrt(nu)", "steady sliding is stable; slip may never end"),
+            "scaling": Condition(
+                "abs(1 + mu(0)*d_mu(0)) < 1e-9", "(3.4) fails: mu(0)*mu'(0) is not -1"
+            ),
+            "unstable focus": Condition(
+                "b > sqrt(nu)", "steady sliding is stable; slip may never end"
+            ),
             "focus": Condition("b < 2", "steady sliding is a node"),
         },
     ).configure(given)

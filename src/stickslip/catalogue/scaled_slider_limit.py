@@ -4,18 +4,18 @@ from stickslip.model.system import Condition, Internal, Parameter, System
 
 
 def scaled_slider_limit(**given: float | str) -> System:
-    """The scaled spring slider at lowest order in ν: linear in sliding (β > 0) and in sticking (β < 0).
+    """The scaled spring slider at lowest order in ν: linear in sliding (β > 0) and in sticking (β <
+    0).
 
     Parameters
     ----------
     **given : float
         Parameters ``nu``, ``b``, ``mu_0``, ``v_hat``.
 
-    References
-    ----------
-    A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405
-    (2017), (3.6), with v̂/ν corrected from v̂ν. The facts: steady sliding (β_*, γ_*), the frequency ω_b/√ν with which
-    slip turns about it, the duration π√ν/ω_b of a slip and its stretching ρ_b, both at lowest order.
+    References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
+    oscillations*, WIAS preprint 2405 (2017), (3.6), with v̂/ν corrected from v̂ν. The facts: steady
+    sliding (β_*, γ_*), the frequency ω_b/√ν with which slip turns about it, the duration π√ν/ω_b of
+    a slip and its stretching ρ_b, both at lowest order.
     """
     return System(
         name="scaled_slider_limit",
@@ -38,7 +38,9 @@ def scaled_slider_limit(**given: float | str) -> System:
         initial={"beta": 0.0, "gamma": 0.4},
         span=(0, 40),
         conditions={
-            "unstable focus": Condition("b > sqrt(nu)", "steady sliding is stable; slip may never end"),
+            "unstable focus": Condition(
+                "b > sqrt(nu)", "steady sliding is stable; slip may never end"
+            ),
             "focus": Condition("b < 2", "steady sliding is a node"),
         },
         facts={

@@ -4,21 +4,22 @@ from stickslip.model.system import Condition, Contact, Parameter, RateIndependen
 
 
 def two_leg_crawler(**given: float | str) -> System:
-    """Two legs joined by a spring whose rest length oscillates; bristles make forward motion the easier one.
+    """Two legs joined by a spring whose rest length oscillates; bristles make forward motion the
+    easier one.
 
-    A leg needs the force f_plus to move forward and f_minus to move backward. The legs are quasistatic, and each
-    position is measured from where the leg stands at mid-stroke, so that L is the rest length less its mean.
+    A leg needs the force f_plus to move forward and f_minus to move backward. The legs are
+    quasistatic, and each position is measured from where the leg stands at mid-stroke, so that L is
+    the rest length less its mean.
 
     Parameters
     ----------
     **given : float or str
-        Parameters ``k``, ``f_plus``, ``f_minus``, ``D``, ``omega``; free function ``L`` (rest length, of t).
+        Parameters ``k``, ``f_plus``, ``f_minus``, ``D``, ``omega``; free function ``L`` (rest
+        length, of t).
 
-    References
-    ----------
-    A. DeSimone, P. Gidoni, G. Noselli, *Liquid crystal elastomer strips as soft crawlers*, J. Mech. Phys. Solids 84
-    (2015) 254-272. Each cycle with the stroke D moves the crawler by
-    sgn(f_minus − f_plus) max(0, D − 2 min(f_plus, f_minus)/k).
+    References ---------- A. DeSimone, P. Gidoni, G. Noselli, *Liquid crystal elastomer strips as
+    soft crawlers*, J. Mech. Phys. Solids 84 (2015) 254-272. Each cycle with the stroke D moves the
+    crawler by sgn(f_minus − f_plus) max(0, D − 2 min(f_plus, f_minus)/k).
     """
     return System(
         name="two_leg_crawler",
@@ -31,7 +32,9 @@ def two_leg_crawler(**given: float | str) -> System:
             "D": Parameter(1.0, "m", "stroke: largest minus smallest rest length", "[0, inf)"),
             "omega": Parameter(1.0, "rad/s", "angular frequency of the rest length", "(0, inf)"),
         },
-        functions={"step": "piecewise(f_minus > f_plus, 1, -1)*max(D - 2*min(f_plus, f_minus)/k, 0)"},
+        functions={
+            "step": "piecewise(f_minus > f_plus, 1, -1)*max(D - 2*min(f_plus, f_minus)/k, 0)"
+        },
         drives={"L": "D/2*sin(omega*t)"},
         coordinates={
             "x_1": RateIndependent("m", "position of the hind leg"),
@@ -46,8 +49,12 @@ def two_leg_crawler(**given: float | str) -> System:
         span=(0, 40),
         time_unit="s",
         conditions={
-            "step": Condition("D > 2*min(f_plus, f_minus)/k", "the stroke is too short: no leg ever moves"),
-            "direction": Condition("abs(f_minus - f_plus) > 0", "without a preferred direction there is no net motion"),
+            "step": Condition(
+                "D > 2*min(f_plus, f_minus)/k", "the stroke is too short: no leg ever moves"
+            ),
+            "direction": Condition(
+                "abs(f_minus - f_plus) > 0", "without a preferred direction there is no net motion"
+            ),
         },
         facts={"step_per_cycle": "step", "mean_speed": "step*omega/(2*pi)"},
     ).configure(given)

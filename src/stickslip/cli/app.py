@@ -15,7 +15,10 @@ from stickslip.cli import evolving, orbits, sweeping
 from stickslip.cli.paper import paper
 from stickslip.errors import StickslipError
 
-NOT_CERTIFIED, BAD_INPUT, OUR_FAULT, INTERRUPTED = 1, 2, 70, 130
+NOT_CERTIFIED = 1
+BAD_INPUT = 2
+OUR_FAULT = 70
+INTERRUPTED = 130
 P = ParamSpec("P")
 
 app = typer.Typer(
@@ -30,11 +33,18 @@ app = typer.Typer(
 )
 
 Model = Annotated[
-    str, typer.Argument(metavar="MODEL", help="A name of the catalogue (see: stickslip list) or a .toml file.")
+    str,
+    typer.Argument(
+        metavar="MODEL", help="A name of the catalogue (see: stickslip list) or a .toml file."
+    ),
 ]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="Parameter, or free function as a formula; may be repeated."),
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="Parameter, or free function as a formula; may be repeated.",
+    ),
 ]
 
 
@@ -62,7 +72,9 @@ def guarded(command: Callable[P, None]) -> Callable[P, None]:
         except typer.Exit:
             raise
         except Exception as error:
-            finish(f"a mistake of ours, please report it ({type(error).__name__}: {error})", OUR_FAULT)
+            finish(
+                f"a mistake of ours, please report it ({type(error).__name__}: {error})", OUR_FAULT
+            )
 
     return run
 
@@ -82,7 +94,10 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+        bool,
+        typer.Option(
+            "--version", callback=_version, is_eager=True, help="Show the version and exit."
+        ),
     ] = False,
 ) -> None:
     pass
@@ -106,7 +121,9 @@ def show(
     model: Model,
     settings: Settings = None,
     latex: Annotated[bool, typer.Option("--latex", help="Equations in LaTeX.")] = False,
-    toml: Annotated[bool, typer.Option("--toml", help="The model file, to start your own from.")] = False,
+    toml: Annotated[
+        bool, typer.Option("--toml", help="The model file, to start your own from.")
+    ] = False,
 ) -> None:
     """Show the equations, parameters and source of a system."""
     from stickslip.cli.models import load_model
@@ -123,12 +140,17 @@ def show(
 @app.command()
 @guarded
 def cite(
-    model: Annotated[str | None, typer.Argument(metavar="[MODEL]", help="A catalogue name or a model file.")] = None,
+    model: Annotated[
+        str | None, typer.Argument(metavar="[MODEL]", help="A catalogue name or a model file.")
+    ] = None,
 ) -> None:
     """Say what to cite: this program, the paper it began with, and where a system comes from."""
     from stickslip.cli.models import references
 
-    typer.echo(f"The stickslip developers, stickslip {__version__}: systems with dry friction, moved exactly.")
+    typer.echo(
+        f"The stickslip developers, stickslip {__version__}: systems with dry friction, moved "
+        "exactly."
+    )
     typer.echo(PAPER)
     for reference in [] if model is None else references(model):
         typer.echo(reference)
@@ -141,20 +163,30 @@ def run(
     settings: Settings = None,
     initial: Annotated[
         list[str] | None,
-        typer.Option("--initial", metavar="NAME=VALUE", help="Initial value, such as psi=0.8; may be repeated."),
+        typer.Option(
+            "--initial",
+            metavar="NAME=VALUE",
+            help="Initial value, such as psi=0.8; may be repeated.",
+        ),
     ] = None,
-    until: Annotated[float | None, typer.Option("--until", metavar="T", help="End of the time span.")] = None,
+    until: Annotated[
+        float | None, typer.Option("--until", metavar="T", help="End of the time span.")
+    ] = None,
     rtol: Annotated[float, typer.Option("--rtol", help="Accuracy of the whole motion.")] = 1e-10,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Folder for the results.  [default: out/NAME]")
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder for the results.  [default: out/NAME]"),
     ] = None,
-    json_: Annotated[bool, typer.Option("--json", help="Print the summary as JSON and nothing else.")] = False,
+    json_: Annotated[
+        bool, typer.Option("--json", help="Print the summary as JSON and nothing else.")
+    ] = False,
 ) -> None:
     """Compute a motion, certify it, and write it down.
 
     Writes trajectory.nc, events.csv, summary.json and overview.png into the folder DIR.
 
-    Exit code: 0 certified to its end, 1 not, 2 wrong input, 130 interrupted (what was computed is kept).
+    Exit code: 0 certified to its end, 1 not, 2 wrong input, 130 interrupted (what was computed is
+    kept).
     """
     from stickslip.cli.models import assignments, load_model, numbers
     from stickslip.cli.running import compute
@@ -179,11 +211,14 @@ def run(
 @guarded
 def check(
     file: Annotated[Path, typer.Argument(metavar="FILE.nc", help="A stored trajectory.")],
-    json_: Annotated[bool, typer.Option("--json", help="Print the certificate as JSON and nothing else.")] = False,
+    json_: Annotated[
+        bool, typer.Option("--json", help="Print the certificate as JSON and nothing else.")
+    ] = False,
 ) -> None:
     """Check a stored trajectory.
 
-    The certificate is recomputed from the stored data alone. Exit code: 0 certified, 1 not, 2 no trajectory.
+    The certificate is recomputed from the stored data alone. Exit code: 0 certified, 1 not, 2 no
+    trajectory.
     """
     from stickslip import open_trajectory
 

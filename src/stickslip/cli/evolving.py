@@ -29,12 +29,19 @@ SHOWN = 8  # components in a table; all are in summary.json
 AVERAGE_FILES = ("summary.json", PICTURE)
 EVOLVE_FILES = ("summary.json", "evolution.nc", PICTURE)
 
-File = Annotated[Path, typer.Argument(metavar="FILE", help="A .toml file that declares an evolution.")]
+File = Annotated[
+    Path, typer.Argument(metavar="FILE", help="A .toml file that declares an evolution.")
+]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="Parameter, or function as a formula; may be repeated."),
+    typer.Option(
+        "--set", metavar="NAME=VALUE", help="Parameter, or function as a formula; may be repeated."
+    ),
 ]
-Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the results.  [default: out/NAME]")]
+Out = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Folder for the results.  [default: out/NAME]"),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON and nothing else.")]
 
 
@@ -66,19 +73,26 @@ def average(file: File, settings: Settings = None, out: Out = None, json_: Json 
 def evolve(
     file: File,
     settings: Settings = None,
-    until: Annotated[float | None, typer.Option("--until", metavar="T", help="End of the time span.")] = None,
-    steps: Annotated[
-        int | None, typer.Option("--steps", metavar="N", help="Steps of equal length.  [default: adaptive]")
+    until: Annotated[
+        float | None, typer.Option("--until", metavar="T", help="End of the time span.")
     ] = None,
-    averaged: Annotated[bool, typer.Option("--averaged", help="The limit of fast oscillations.")] = False,
+    steps: Annotated[
+        int | None,
+        typer.Option("--steps", metavar="N", help="Steps of equal length.  [default: adaptive]"),
+    ] = None,
+    averaged: Annotated[
+        bool, typer.Option("--averaged", help="The limit of fast oscillations.")
+    ] = False,
     out: Out = None,
     json_: Json = False,
 ) -> None:
     """Compute a rate-independent evolution, certify it, and write it down.
 
-    Writes evolution.nc, summary.json and overview.png into the folder DIR. A scalar play is computed exactly.
+    Writes evolution.nc, summary.json and overview.png into the folder DIR. A scalar play is
+    computed exactly.
 
-    Exit code: 0 certified to its end, 1 not, 2 wrong input, 130 interrupted (what was computed is kept).
+    Exit code: 0 certified to its end, 1 not, 2 wrong input, 130 interrupted (what was computed is
+    kept).
     """
     from stickslip.cli.app import INTERRUPTED, NOT_CERTIFIED, finish
 
@@ -92,17 +106,21 @@ def evolve(
     with result_folder(folder, EVOLVE_FILES) as place:
         began = time.perf_counter()
         result = computed(model, averaged)
-        summary = summarise_evolution(model, result, averaged) | {"wall_time": time.perf_counter() - began}
+        summary = summarise_evolution(model, result, averaged) | {
+            "wall_time": time.perf_counter() - began
+        }
         store(result, place / "evolution.nc")
         write(place, summary)
     add_picture(folder, result.plot)
     show(summary, json_, evolve_rows(summary), folder, EVOLVE_FILES)
     if summary["outcome"] == "interrupted":
-        finish(f"interrupted; the evolution up to t = {summary['end']:g} is in {folder}", INTERRUPTED)
+        finish(
+            f"interrupted; the evolution up to t = {summary['end']:g} is in {folder}", INTERRUPTED
+        )
     raise typer.Exit(0 if summary["certified"] and summary["complete"] else NOT_CERTIFIED)
 
 
-# -- what both share --------------------------------------------------------------------------------
+# -- what both share -------------------------------------------------------------------------------
 
 
 def configured(file: Path, settings: Sequence[str] | None) -> EvolutionModel:
@@ -139,7 +157,13 @@ def as_json(summary: dict[str, Any]) -> str:
     return json.dumps(plain(summary), indent=2, ensure_ascii=False)
 
 
-def show(summary: dict[str, Any], json_: bool, rows: list[tuple[str, str]], folder: Path, files: Sequence[str]) -> None:
+def show(
+    summary: dict[str, Any],
+    json_: bool,
+    rows: list[tuple[str, str]],
+    folder: Path,
+    files: Sequence[str],
+) -> None:
     """Print the summary, as JSON or as a short table."""
     if json_:
         typer.echo(as_json(summary))
@@ -147,7 +171,11 @@ def show(summary: dict[str, Any], json_: bool, rows: list[tuple[str, str]], fold
     from stickslip.cli.report import print_table, written
 
     more = [("wall time", f"{summary['wall_time']:.3g} s"), ("written", written(folder, files))]
-    print_table(summary["title"] or summary["model"], [*rows, *more], summary["certified"] and summary["complete"])
+    print_table(
+        summary["title"] or summary["model"],
+        [*rows, *more],
+        summary["certified"] and summary["complete"],
+    )
 
 
 def heading(model: EvolutionModel) -> dict[str, Any]:
@@ -169,14 +197,15 @@ def listed(numbers: Sequence[float | None]) -> str:
     return ", ".join(shown) + (f", ... ({len(numbers)} in all)" if len(numbers) > SHOWN else "")
 
 
-# -- average ------------------------------------------------------------------------------------------
+# -- average ---------------------------------------------------------------------------------------
 
 
 def summarise_average(model: EvolutionModel, averaged: Average) -> dict[str, Any]:
     """Everything about an average that fits on a page; plain data."""
     import numpy as np
 
-    source, n = model.potential, model.potential.dimension
+    source = model.potential
+    n = model.potential.dimension
     grid = np.arange(128) / 128 if source.depends_on_phase else np.zeros(1)
     unit_motions = []
     for i in range(n):
@@ -194,7 +223,8 @@ def summarise_average(model: EvolutionModel, averaged: Average) -> dict[str, Any
                     "gap": motion.gap,
                 }
             )
-    largest, gap = max(m["range"][1] for m in unit_motions), max(abs(m["gap"]) for m in unit_motions)
+    largest = max(m["range"][1] for m in unit_motions)
+    gap = max(abs(m["gap"]) for m in unit_motions)
     return {
         **heading(model),
         "dimension": n,
@@ -222,8 +252,12 @@ def in_words(source: Dissipation, averaged: Average) -> dict[str, Any]:
             lower, upper = averaged.bounds()
             numbers = {"upper": upper.tolist(), "lower": (-lower).tolist()}
             terms = [
-                f"{up:.6g} |v_{i}|" if up == down else f"{up:.6g} max(v_{i}, 0) + {down:.6g} max(-v_{i}, 0)"
-                for i, (up, down) in enumerate(zip(upper.tolist(), (-lower).tolist(), strict=True), start=1)
+                f"{up:.6g} |v_{i}|"
+                if up == down
+                else f"{up:.6g} max(v_{i}, 0) + {down:.6g} max(-v_{i}, 0)"
+                for i, (up, down) in enumerate(
+                    zip(upper.tolist(), (-lower).tolist(), strict=True), start=1
+                )
             ]
             return {"method": exact, "psi_av": summed(terms), "thresholds": numbers}
         case AveragedGroupNorm():
@@ -233,10 +267,15 @@ def in_words(source: Dissipation, averaged: Average) -> dict[str, Any]:
         case AveragedPolytope():
             normals, offsets = averaged.halfspaces_at()
             faces = {"normals": normals.tolist(), "offsets": offsets.tolist()}
-            words = f"support function of {len(offsets)} half-spaces, at the distances {listed(offsets.tolist())}"
+            distances = listed(offsets.tolist())
+            words = f"support function of {len(offsets)} half-spaces, at the distances {distances}"
             return {"method": exact, "psi_av": words, **faces}
     low, high = extremes(averaged)
-    words = f"{low:.6g} |v|" if high - low <= TOLERANCE * high else f"between {low:.6g} |v| and {high:.6g} |v|"
+    words = (
+        f"{low:.6g} |v|"
+        if high - low <= TOLERANCE * high
+        else f"between {low:.6g} |v| and {high:.6g} |v|"
+    )
     return {
         "method": f"intersection of K(s) over all phases, by cone programs to {TOLERANCE:.0e}",
         "psi_av": words + ("" if source.dimension <= 2 else " along random directions"),
@@ -252,7 +291,8 @@ def summed(terms: list[str]) -> str:
 
 
 def extremes(averaged: Average) -> tuple[float, float]:
-    """Least and largest Ψ_av of unit vectors: all around in the plane, along random directions in space."""
+    """Least and largest Ψ_av of unit vectors: all around in the plane, along random directions in
+    space."""
     import numpy as np
 
     n = averaged.dimension
@@ -279,11 +319,23 @@ def average_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
         low, high = motion["range"]
         when = f"at s = {listed(motion['phases'])}" if motion["phases"] else "at no phase"
         name = f"  {'+' if motion['sign'] > 0 else '-'}e_{motion['component']}"
-        rows.append((name, f"{motion['average']:.6g}, moves {when}; one phase alone costs {low:.6g} to {high:.6g}"))
+        rows.append(
+            (
+                name,
+                f"{motion['average']:.6g}, moves {when}; one phase alone costs {low:.6g} to "
+                f"{high:.6g}",
+            )
+        )
     if len(unit_motions) > 2 * SHOWN:
         rows.append(("  ...", f"({summary['dimension']} components in all)"))
     verdict = "certified" if summary["certified"] else "not certified"
-    return [*rows, ("certificate", f"{verdict}: duality gap {summary['duality_gap']:.1e}, {summary['coverage']}")]
+    return [
+        *rows,
+        (
+            "certificate",
+            f"{verdict}: duality gap {summary['duality_gap']:.1e}, {summary['coverage']}",
+        ),
+    ]
 
 
 def average_figure(model: EvolutionModel, averaged: Average) -> Figure:
@@ -293,7 +345,7 @@ def average_figure(model: EvolutionModel, averaged: Average) -> Figure:
     return plot_average(model.potential, averaged)
 
 
-# -- evolve -------------------------------------------------------------------------------------------
+# -- evolve ----------------------------------------------------------------------------------------
 
 
 def computed(model: EvolutionModel, averaged: bool) -> History | Play:
@@ -319,7 +371,9 @@ def store(result: History | Play, path: Path) -> None:
         result.dataset.to_netcdf(path, engine="netcdf4", format="NETCDF4")
 
 
-def summarise_evolution(model: EvolutionModel, result: History | Play, averaged: bool) -> dict[str, Any]:
+def summarise_evolution(
+    model: EvolutionModel, result: History | Play, averaged: bool
+) -> dict[str, Any]:
     """Everything about an evolution that fits on a page; plain data."""
     from stickslip.rate_independent.evolution.history import History
 
@@ -359,8 +413,16 @@ def evolve_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     """The short table."""
     from stickslip.cli.report import certificate_rows
 
-    period = "in the limit of fast oscillations" if summary["averaged"] else f"epsilon = {summary['epsilon']:g}"
-    count = ("switches", str(summary["switches"])) if "switches" in summary else ("steps", str(summary["steps"]))
+    period = (
+        "in the limit of fast oscillations"
+        if summary["averaged"]
+        else f"epsilon = {summary['epsilon']:g}"
+    )
+    count = (
+        ("switches", str(summary["switches"]))
+        if "switches" in summary
+        else ("steps", str(summary["steps"]))
+    )
     return [
         ("outcome", summary["outcome"] if summary["complete"] else summary["message"]),
         ("method", f"{summary['method']}, {period}"),

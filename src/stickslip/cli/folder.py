@@ -1,4 +1,5 @@
-"""The folder of one run: complete results or none, and no file of anybody else is replaced; then its picture."""
+"""The folder of one run: complete results or none, and no file of anybody else is replaced; then
+its picture."""
 
 from __future__ import annotations
 
@@ -23,9 +24,11 @@ FILES = ("summary.json", "trajectory.nc", "events.csv", PICTURE)  # of `run`
 
 @contextmanager
 def result_folder(path: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
-    """A place to write results to that becomes `path` when everything went well, and vanishes otherwise.
+    """A place to write results to that becomes `path` when everything went well, and vanishes
+    otherwise.
 
-    Those of `files` that are not written are not there afterwards: an old picture would not show the new result.
+    Those of `files` that are not written are not there afterwards: an old picture would not show
+    the new result.
 
     Raises
     ------
@@ -61,7 +64,8 @@ def result_folder(path: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
 
 
 def add_picture(folder: Path, draw: Callable[[], Figure]) -> None:
-    """Draw the picture of a result that is written; if that fails the result stays, with a warning."""
+    """Draw the picture of a result that is written; if that fails the result stays, with a
+    warning."""
     from stickslip.cli.app import INTERRUPTED, finish
     from stickslip.cli.report import warn
 
@@ -75,7 +79,10 @@ def add_picture(folder: Path, draw: Callable[[], Figure]) -> None:
     except KeyboardInterrupt:
         finish(f"interrupted while drawing; the results are in {folder}", INTERRUPTED)
     except Exception as error:  # whatever it is, it says nothing about the result
-        warn(f"the picture could not be drawn ({type(error).__name__}: {error}); the results are in {folder}")
+        warn(
+            f"the picture could not be drawn ({type(error).__name__}: {error}); the results are in "
+            f"{folder}"
+        )
     finally:
         partial.unlink(missing_ok=True)
 
@@ -86,7 +93,8 @@ def _check_ours(path: Path, files: Sequence[str]) -> None:
     found = [name for name in files if os.path.lexists(path / name)]
     if found and not _is_ours(path, files):
         raise StickslipError(
-            f"{path}: holds {', '.join(found)}, not written by stickslip. Choose another folder with --out"
+            f"{path}: holds {', '.join(found)}, not written by stickslip. Choose another folder "
+            "with --out"
         )
 
 

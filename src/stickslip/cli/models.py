@@ -31,7 +31,8 @@ def load_model(model: str, settings: Iterable[str]) -> System:
 
 
 def references(model: str) -> list[str]:
-    """Where a system comes from: the references of a catalogue entry, or the source that a file names.
+    """Where a system comes from: the references of a catalogue entry, or the source that a file
+    names.
 
     Raises
     ------
@@ -52,7 +53,9 @@ def assignments(texts: Iterable[str], option: str) -> dict[str, Formula]:
     for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (name.isidentifier() and equals and value):
-            raise DeclarationError(f"{option} {text}", "not of the form NAME=VALUE", f"Write it like {option} P=1.2")
+            raise DeclarationError(
+                f"{option} {text}", "not of the form NAME=VALUE", f"Write it like {option} P=1.2"
+            )
         if name in found:
             raise DeclarationError(f"{option} {name}", "given twice", "Give it once")
         found[name] = _value(value)
@@ -63,7 +66,9 @@ def numbers(given: Mapping[str, Formula], option: str) -> dict[str, float]:
     """The same, where every value has to be a number."""
     for name, value in given.items():
         if isinstance(value, str):
-            raise DeclarationError(f"{option} {name}", f"'{value}' is not a number", "Give a number, like 0.8 or 1/3")
+            raise DeclarationError(
+                f"{option} {name}", f"'{value}' is not a number", "Give a number, like 0.8 or 1/3"
+            )
     return {name: float(value) for name, value in given.items()}
 
 

@@ -1,4 +1,5 @@
-"""The commands ``equilibria``, ``cycle``, ``branch`` and ``basin``: where a system ends up in the long run."""
+"""The commands ``equilibria``, ``cycle``, ``branch`` and ``basin``: where a system ends up in the
+long run."""
 
 from __future__ import annotations
 
@@ -32,23 +33,35 @@ SHOWN = 12  # equilibria, multipliers or special points in a table; all are in s
 EQUILIBRIA_FILES = ("summary.json", "equilibria.csv", PICTURE)
 CYCLE_FILES = ("summary.json", "cycle.nc", PICTURE)
 BRANCH_FILES = ("summary.json", "branch.nc", "branch.csv", PICTURE)
-NOWHERE = {-1: "stopped", -2: "not_settled", -3: "undamped"}  # labels of states that reach no attractor
+# labels of states that reach no attractor
+NOWHERE = {-1: "stopped", -2: "not_settled", -3: "undamped"}
 BASIN_FILES = ("summary.json", "basin.nc", PICTURE)
 
 Model = Annotated[
-    str, typer.Argument(metavar="MODEL", help="A name of the catalogue (see: stickslip list) or a .toml file.")
+    str,
+    typer.Argument(
+        metavar="MODEL", help="A name of the catalogue (see: stickslip list) or a .toml file."
+    ),
 ]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="Parameter, or free function as a formula; may be repeated."),
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="Parameter, or free function as a formula; may be repeated.",
+    ),
 ]
 Initial = Annotated[
     list[str] | None,
-    typer.Option("--initial", metavar="NAME=VALUE", help="Initial value, such as psi=0.8; may be repeated."),
+    typer.Option(
+        "--initial", metavar="NAME=VALUE", help="Initial value, such as psi=0.8; may be repeated."
+    ),
 ]
 
 
-def equilibria(model: Model, settings: Settings = None, out: Out = None, json_: Json = False) -> None:
+def equilibria(
+    model: Model, settings: Settings = None, out: Out = None, json_: Json = False
+) -> None:
     """Find the states of rest and of steady sliding, and whether they are stable.
 
     Writes equilibria.csv, summary.json and overview.png into the folder DIR.
@@ -63,11 +76,23 @@ def equilibria(model: Model, settings: Settings = None, out: Out = None, json_: 
         found.table.to_csv(place / "equilibria.csv", index=False)
         return summarise_equilibria(found), lambda: plot_eigenvalues(found)
 
-    present(system_of(model, settings), "equilibria", EQUILIBRIA_FILES, work, equilibria_rows, out, json_)
+    present(
+        system_of(model, settings),
+        "equilibria",
+        EQUILIBRIA_FILES,
+        work,
+        equilibria_rows,
+        out,
+        json_,
+    )
 
 
 def cycle(
-    model: Model, settings: Settings = None, initial: Initial = None, out: Out = None, json_: Json = False
+    model: Model,
+    settings: Settings = None,
+    initial: Initial = None,
+    out: Out = None,
+    json_: Json = False,
 ) -> None:
     """Find the cycle or gait that the motion from the initial state settles on.
 
@@ -92,11 +117,14 @@ def cycle(
 def branch(
     model: Model,
     over: Annotated[
-        list[str], typer.Option("--over", metavar="NAME=LOW:HIGH", help="The parameter, such as V=0.05:0.4.")
+        list[str],
+        typer.Option("--over", metavar="NAME=LOW:HIGH", help="The parameter, such as V=0.05:0.4."),
     ],
     settings: Settings = None,
     initial: Initial = None,
-    cycles: Annotated[bool, typer.Option("--cycle", help="Follow a cycle instead of an equilibrium.")] = False,
+    cycles: Annotated[
+        bool, typer.Option("--cycle", help="Follow a cycle instead of an equilibrium.")
+    ] = False,
     out: Out = None,
     json_: Json = False,
 ) -> None:
@@ -104,7 +132,8 @@ def branch(
 
     Writes branch.nc, branch.csv, summary.json and overview.png into the folder DIR.
 
-    Exit code: 0 certified, 1 not, or nothing to follow, 2 wrong input, 130 interrupted (what was computed is kept).
+    Exit code: 0 certified, 1 not, or nothing to follow, 2 wrong input, 130 interrupted (what was
+    computed is kept).
     """
     from stickslip.orbits.branches.cycle_branch import continue_cycle
     from stickslip.orbits.branches.equilibrium_branch import checked_range, continue_equilibrium
@@ -135,7 +164,11 @@ def basin(
     model: Model,
     over: Annotated[
         list[str],
-        typer.Option("--over", metavar="NAME=LOW:HIGH:N", help="Initial values, such as psi=-2:2:80; twice for a map."),
+        typer.Option(
+            "--over",
+            metavar="NAME=LOW:HIGH:N",
+            help="Initial values, such as psi=-2:2:80; twice for a map.",
+        ),
     ],
     settings: Settings = None,
     initial: Initial = None,
@@ -146,14 +179,17 @@ def basin(
 
     Writes basin.nc, summary.json and overview.png into the folder DIR.
 
-    Exit code: 0 all arrived and certified, 1 not, 2 wrong input, 130 interrupted (what was computed is kept).
+    Exit code: 0 all arrived and certified, 1 not, 2 wrong input, 130 interrupted (what was computed
+    is kept).
     """
     from stickslip.figures.basin import plot_basin
     from stickslip.sweeps.basin import basin as find
 
     axes = {name: grid(name, values) for name, values in spans(over, ("LOW", "HIGH", "N")).items()}
     if len(axes) != 2:
-        raise DeclarationError("--over", f"{len(axes)} initial values vary", "A map needs two, with --over each")
+        raise DeclarationError(
+            "--over", f"{len(axes)} initial values vary", "A map needs two, with --over each"
+        )
     start = given(initial)
 
     def work(system: System, place: Path) -> tuple[dict[str, Any], Draw]:
@@ -164,7 +200,7 @@ def basin(
     present(system_of(model, settings), "basin", BASIN_FILES, work, basin_rows, out, json_)
 
 
-# -- what all share -----------------------------------------------------------------------------------
+# -- what all share --------------------------------------------------------------------------------
 
 
 def present(
@@ -176,7 +212,8 @@ def present(
     out: Path | None,
     json_: bool,
 ) -> None:
-    """Do the work, write its results together, draw them, print them, and end with the exit code that fits."""
+    """Do the work, write its results together, draw them, print them, and end with the exit code
+    that fits."""
     from stickslip.cli.app import INTERRUPTED, NOT_CERTIFIED, finish
 
     name = re.sub(r"[^\w.-]+", "_", system.name)
@@ -219,7 +256,9 @@ def spans(texts: list[str], parts: tuple[str, ...]) -> dict[str, list[float]]:
         if "=" not in text:
             shape = ":".join(parts)
             raise DeclarationError(
-                f"--over {text}", f"not of the form NAME={shape}", f"Write it like --over {text}={shape}"
+                f"--over {text}",
+                f"not of the form NAME={shape}",
+                f"Write it like --over {text}={shape}",
             )
     found = {}
     for name, value in assignments(texts, "--over").items():
@@ -227,9 +266,13 @@ def spans(texts: list[str], parts: tuple[str, ...]) -> dict[str, list[float]]:
         if len(pieces) != len(parts):
             shape = f"{name}={':'.join(parts)}"
             raise DeclarationError(
-                f"--over {name}={value}", f"not of the form {shape}", f"Write it like --over {shape}"
+                f"--over {name}={value}",
+                f"not of the form {shape}",
+                f"Write it like --over {shape}",
             )
-        found[name] = [numbers(assignments([f"{name}={p}"], "--over"), "--over")[name] for p in pieces]
+        found[name] = [
+            numbers(assignments([f"{name}={p}"], "--over"), "--over")[name] for p in pieces
+        ]
     return found
 
 
@@ -237,7 +280,9 @@ def grid(name: str, values: list[float]) -> tuple[float, float, int]:
     """A range with a whole number of values."""
     low, high, number = values
     if number != int(number) or number < 2:
-        raise DeclarationError(f"--over {name}", f"{number:g} values", "Give a whole number, at least 2")
+        raise DeclarationError(
+            f"--over {name}", f"{number:g} values", "Give a whole number, at least 2"
+        )
     return low, high, int(number)
 
 
@@ -260,7 +305,7 @@ def shortened(rows: list[tuple[str, str]]) -> list[tuple[str, str]]:
     return rows[:SHOWN] + more
 
 
-# -- equilibria ---------------------------------------------------------------------------------------
+# -- equilibria ------------------------------------------------------------------------------------
 
 
 def summarise_equilibria(found: Equilibria) -> dict[str, Any]:
@@ -279,10 +324,18 @@ def summarise_equilibria(found: Equilibria) -> dict[str, Any]:
             "text": e.describe(),
         }
         if isinstance(e, EquilibriumSet):
-            entry |= {"dimension": e.dimension, "extent": {x: list(ends) for x, ends in e.extent.items()}}
+            entry |= {
+                "dimension": e.dimension,
+                "extent": {x: list(ends) for x, ends in e.extent.items()},
+            }
         entries.append(entry)
     certified = bool(entries) and all(entry["certificate"]["ok"] for entry in entries)
-    return {"certified": certified, "message": found.message, "tried": found.tried, "equilibria": entries}
+    return {
+        "certified": certified,
+        "message": found.message,
+        "tried": found.tried,
+        "equilibria": entries,
+    }
 
 
 def equilibria_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
@@ -290,11 +343,15 @@ def equilibria_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     entries = summary["equilibria"]
     outcome = f"{len(entries)} found" if entries else summary["message"]
     rows = [("set" if "extent" in e else "equilibrium", e["text"]) for e in entries]
-    verdict = [("certificate", "certified" if summary["certified"] else "not certified")] if entries else []
+    verdict = (
+        [("certificate", "certified" if summary["certified"] else "not certified")]
+        if entries
+        else []
+    )
     return [("outcome", outcome), *shortened(rows), *verdict]
 
 
-# -- cycle --------------------------------------------------------------------------------------------
+# -- cycle -----------------------------------------------------------------------------------------
 
 
 def summarise_cycle(found: Cycle) -> dict[str, Any]:
@@ -305,7 +362,8 @@ def summarise_cycle(found: Cycle) -> dict[str, Any]:
         "certified": found.certificate.ok,
         "certificate": found.certificate.to_dict(),
         **{
-            x: getattr(found, x) for x in ("period", "stable", "stability", "drift", "speed", "stick_time", "slip_time")
+            x: getattr(found, x)
+            for x in ("period", "stable", "stability", "drift", "speed", "stick_time", "slip_time")
         },
         "state": found.state,
         "units": found.units,
@@ -341,7 +399,7 @@ def cycle_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     return [*rows, *certificate_rows(summary["certificate"])]
 
 
-# -- branch -------------------------------------------------------------------------------------------
+# -- branch ----------------------------------------------------------------------------------------
 
 
 def summarise_branch(found: Branch) -> dict[str, Any]:
@@ -371,7 +429,7 @@ def branch_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     return [*rows, ("ended", summary["ended"]), *certificate_rows(summary["certificate"])]
 
 
-# -- basin --------------------------------------------------------------------------------------------
+# -- basin -----------------------------------------------------------------------------------------
 
 
 def summarise_basin(found: xarray.Dataset) -> dict[str, Any]:
@@ -387,7 +445,10 @@ def summarise_basin(found: xarray.Dataset) -> dict[str, Any]:
         "complete": not found.attrs["interrupted"],
         "certified": bool(found["certified"].all()) and int(labels.min()) >= 0,
         "uncertified": int(((found["lacking"].values > 0) & (labels >= 0)).sum()),
-        "section": {str(d): [float(found[d][0]), float(found[d][-1]), found.sizes[d]] for d in found["attractor"].dims},
+        "section": {
+            str(d): [float(found[d][0]), float(found[d][-1]), found.sizes[d]]
+            for d in found["attractor"].dims
+        },
         "attractors": entries,
         "units": {name: found[name].attrs["units"] for name in ("period", "speed")},
         **{name: int((labels == code).sum()) for code, name in NOWHERE.items()},
@@ -398,8 +459,12 @@ def basin_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     """The short table."""
     rows = []
     for e in summary["attractors"]:
-        said = [f"{x} {with_unit(e[x], summary['units'][x], 6)}" for x in ("period", "speed") if e[x]]
-        said += [e["stability"]] * (e["stability"] not in ("", "stable")) + ["one of a family"] * e["family"]
+        said = [
+            f"{x} {with_unit(e[x], summary['units'][x], 6)}" for x in ("period", "speed") if e[x]
+        ]
+        said += [e["stability"]] * (e["stability"] not in ("", "stable")) + ["one of a family"] * e[
+            "family"
+        ]
         more = "".join(f", {text}" for text in said)
         rows.append((e["name"].replace("_", " "), f"{100 * e['share']:.3g} % of the section{more}"))
     rows = shortened(rows)

@@ -23,17 +23,20 @@ NAMES = ("claims.json", "index.html", "figures", "animations")
 
 def paper(
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Folder for the results.  [default: out/paper]")
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder for the results.  [default: out/paper]"),
     ] = None,
     only: Annotated[
-        str | None, typer.Option("--only", metavar="KEY", help="One figure or place, such as 4.4 or (3.6).")
+        str | None,
+        typer.Option("--only", metavar="KEY", help="One figure or place, such as 4.4 or (3.6)."),
     ] = None,
 ) -> None:
     """Draw every figure of Mielke 2017 and check its claims.
 
     Writes figures, animations, claims.json and the page index.html into the folder DIR.
 
-    Exit code: 0 every verdict is the expected one, 1 not, 2 wrong input, 130 interrupted (what was made is kept).
+    Exit code: 0 every verdict is the expected one, 1 not, 2 wrong input, 130 interrupted (what was
+    made is kept).
     """
     from stickslip.cli.app import INTERRUPTED, NOT_CERTIFIED, finish
     from stickslip.paper.making import Work, items, make_all
@@ -41,15 +44,19 @@ def paper(
     from stickslip.paper.sections.laws import import_sympy
 
     import_sympy()
-    work, began = Work(items(only)), time.perf_counter()
-    folder = out or Path("out") / ("paper" if only is None else f"paper-{re.sub(r'[^0-9A-Za-z.]+', '', only)}")
+    work = Work(items(only))
+    began = time.perf_counter()
+    folder = out or Path("out") / (
+        "paper" if only is None else f"paper-{re.sub(r'[^0-9A-Za-z.]+', '', only)}"
+    )
     with _writing(folder):
         write_data(work, folder, 0.0)  # from now on the folder is known as ours
         with watched("making") as progress:
 
             def made(fraction: float, item: Item) -> None:
                 progress(fraction, f"{item.kind} {item.key[:32]:<32}")
-                write_data(work, folder, time.perf_counter() - began)  # whatever happens to the rest
+                # whatever happens to the rest
+                write_data(work, folder, time.perf_counter() - began)
 
             make_all(work, folder, made)
         seconds = time.perf_counter() - began
@@ -57,7 +64,9 @@ def paper(
         write_page(work, folder, seconds)
     _report(work, folder, seconds)
     if work.interrupted:
-        finish(f"interrupted; {len(work.done)} of {len(work.items)} items are in {folder}", INTERRUPTED)
+        finish(
+            f"interrupted; {len(work.done)} of {len(work.items)} items are in {folder}", INTERRUPTED
+        )
     raise typer.Exit(NOT_CERTIFIED if unexpected(work) else 0)
 
 
@@ -69,7 +78,8 @@ def _writing(folder: Path) -> Iterator[None]:
         raise StickslipError(f"{folder}: is a file, not a folder. Choose another folder with --out")
     if taken and not _is_ours(folder):
         raise StickslipError(
-            f"{folder}: holds {', '.join(taken)}, not written by stickslip. Choose another folder with --out"
+            f"{folder}: holds {', '.join(taken)}, not written by stickslip. Choose another folder "
+            "with --out"
         )
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -108,7 +118,11 @@ def _report(work: Work, folder: Path, seconds: float) -> None:
             table.add_row(verdict, f"{count} claim{'s' if count > 1 else ''}")
     for made in unexpected(work):
         item = made.item
-        text = made.error if made.finding is None else f"{made.finding.verdict.value}: {made.finding.measured}"
+        text = (
+            made.error
+            if made.finding is None
+            else f"{made.finding.verdict.value}: {made.finding.measured}"
+        )
         where = claim_named(item.key).place if item.kind == "claim" else item.kind
         table.add_row("not as expected", Text(f"{where} {item.key}: {text}", style="bold red"))
     table.add_row("wall time", f"{seconds:.3g} s")

@@ -21,7 +21,11 @@ SHOWN = 8  # state variables in the table; all are in summary.json
 
 def print_summary(summary: dict[str, Any], folder: Path) -> None:
     """What happened, whether it is certified, and where it is."""
-    final = [f"{_symbol(name)} = {value:.6g}" for name, value in summary["final"].items() if value is not None]
+    final = [
+        f"{_symbol(name)} = {value:.6g}"
+        for name, value in summary["final"].items()
+        if value is not None
+    ]
     more = [f"... ({len(final)} in all)"] if len(final) > SHOWN else []
     rows = [
         ("outcome", summary["outcome"] if summary["complete"] else summary["message"]),
@@ -32,7 +36,9 @@ def print_summary(summary: dict[str, Any], folder: Path) -> None:
         ("wall time", f"{summary['wall_time']:.3g} s"),
         ("written", written(folder, FILES)),
     ]
-    print_table(summary["title"] or summary["system"], rows, summary["certified"] and summary["complete"])
+    print_table(
+        summary["title"] or summary["system"], rows, summary["certified"] and summary["complete"]
+    )
     for warning in summary["warnings"]:
         warn(warning)
 
@@ -64,7 +70,11 @@ def certificate_rows(certificate: Mapping[str, Any]) -> list[tuple[str, str]]:
     rows = [("certificate", str(certificate["verdict"]))]
     for r in certificate["residuals"]:
         value = "not finite" if r["value"] is None else f"{r['value']:.1e}"
-        bound = "" if r["limit"] is None else f", at {'least' if r['least'] else 'most'} {r['limit']:.0e}"
+        bound = (
+            ""
+            if r["limit"] is None
+            else f", at {'least' if r['least'] else 'most'} {r['limit']:.0e}"
+        )
         rows.append((f"  {r['name']}", f"{value}{bound}" + (f" {r['note']}" if r["note"] else "")))
     return rows
 

@@ -21,7 +21,10 @@ if TYPE_CHECKING:
     from stickslip.sweeps.sweep import Progress
 
 Model = Annotated[
-    str, typer.Argument(metavar="MODEL", help="A name of the catalogue (see: stickslip list) or a .toml file.")
+    str,
+    typer.Argument(
+        metavar="MODEL", help="A name of the catalogue (see: stickslip list) or a .toml file."
+    ),
 ]
 Store = Annotated[Path, typer.Argument(metavar="STORE", help="A map written by: stickslip sweep")]
 
@@ -33,8 +36,9 @@ def sweep(
         typer.Option(
             "--over",
             metavar="NAME=VALUES",
-            help="What varies, such as P=0.8:1.6:400, delta=log:0.01:0.2:300, psi=0.1,0.2, 'P,H_star=1:2:9; 3:4:9' or"
-            " 'P,delta=sobol:1024; 0.8:1.6; 0.01:0.2'; may be repeated.",
+            help="What varies, such as P=0.8:1.6:400, delta=log:0.01:0.2:300, psi=0.1,0.2, "
+            "'P,H_star=1:2:9; 3:4:9' or "
+            "'P,delta=sobol:1024; 0.8:1.6; 0.01:0.2'; may be repeated.",
         ),
     ],
     measure: Annotated[
@@ -42,50 +46,90 @@ def sweep(
         typer.Option(
             "--measure",
             metavar="MEASURE",
-            help="period, amplitude, speed, stick_fraction, energy_per_cycle, peak_force, switches ..., also of one"
-            " part as in amplitude:psi; 'name = formula' of these; file.py:function; may be repeated.",
+            help="period, amplitude, speed, stick_fraction, energy_per_cycle, peak_force, "
+            "switches ..., also of one part as in amplitude:psi; 'name = formula' of these; "
+            "file.py:function; may be repeated.",
         ),
     ],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="STORE", help="The map.  [default: out/NAME.zarr]")
+        Path | None,
+        typer.Option("--out", metavar="STORE", help="The map.  [default: out/NAME.zarr]"),
     ] = None,
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Parameter, or free function as a formula; may be repeated."),
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="Parameter, or free function as a formula; may be repeated.",
+        ),
     ] = None,
     initial: Annotated[
         list[str] | None,
-        typer.Option("--initial", metavar="NAME=VALUE", help="Initial value, such as psi=0.8; may be repeated."),
+        typer.Option(
+            "--initial",
+            metavar="NAME=VALUE",
+            help="Initial value, such as psi=0.8; may be repeated.",
+        ),
     ] = None,
     rtol: Annotated[float, typer.Option("--rtol", help="Accuracy of the motions.")] = 1e-10,
     tolerance: Annotated[
-        float, typer.Option("--tolerance", help="What may be missing to the cycle of a settled motion.")
+        float,
+        typer.Option("--tolerance", help="What may be missing to the cycle of a settled motion."),
     ] = 1e-8,
     max_time: Annotated[
         float | None,
-        typer.Option("--max-time", metavar="T", help="Time after which a motion counts as not settled."),
+        typer.Option(
+            "--max-time", metavar="T", help="Time after which a motion counts as not settled."
+        ),
     ] = None,
     longest_cycle: Annotated[
-        int, typer.Option("--longest-cycle", metavar="N", help="Most events, or periods of the drive, of a cycle.")
+        int,
+        typer.Option(
+            "--longest-cycle", metavar="N", help="Most events, or periods of the drive, of a cycle."
+        ),
     ] = 48,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of random and low-discrepancy samples.")] = 0,
+    seed: Annotated[
+        int, typer.Option("--seed", min=0, help="Of random and low-discrepancy samples.")
+    ] = 0,
     adaptive: Annotated[
         list[str] | None,
-        typer.Option("--adaptive", metavar="NAME", help="Refine only where this measure, or the outcome, changes."),
+        typer.Option(
+            "--adaptive",
+            metavar="NAME",
+            help="Refine only where this measure, or the outcome, changes.",
+        ),
     ] = None,
     contrast: Annotated[
-        float, typer.Option("--contrast", help="Change, relative to the range of a measure, that --adaptive refines.")
+        float,
+        typer.Option(
+            "--contrast",
+            help="Change, relative to the range of a measure, that --adaptive refines.",
+        ),
     ] = 0.05,
-    workers: Annotated[int | None, typer.Option("--workers", help="Threads or processes.  [default: cores]")] = None,
-    processes: Annotated[bool, typer.Option("--processes", help="Processes in place of threads.")] = False,
-    scheduler: Annotated[
-        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Use the Dask cluster at this address.")
+    workers: Annotated[
+        int | None, typer.Option("--workers", help="Threads or processes.  [default: cores]")
     ] = None,
-    local_cluster: Annotated[bool, typer.Option("--local-cluster", help="Start a Dask cluster here.")] = False,
+    processes: Annotated[
+        bool, typer.Option("--processes", help="Processes in place of threads.")
+    ] = False,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler", metavar="ADDRESS", help="Use the Dask cluster at this address."
+        ),
+    ] = None,
+    local_cluster: Annotated[
+        bool, typer.Option("--local-cluster", help="Start a Dask cluster here.")
+    ] = False,
     device: Annotated[
-        str, typer.Option("--device", metavar="cpu|gpu", help="Where the compiled loops run; gpu: a CUDA device.")
+        str,
+        typer.Option(
+            "--device", metavar="cpu|gpu", help="Where the compiled loops run; gpu: a CUDA device."
+        ),
     ] = "cpu",
-    extend: Annotated[bool, typer.Option("--extend", help="Add points to a map over some of these values.")] = False,
+    extend: Annotated[
+        bool, typer.Option("--extend", help="Add points to a map over some of these values.")
+    ] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a stored map.")] = False,
     repair: Annotated[bool, typer.Option("--repair", help="Compute damaged chunks again.")] = False,
 ) -> None:
@@ -104,14 +148,19 @@ def sweep(
     start = numbers(assignments(initial or [], "--initial"), "--initial")
     path = out or Path("out") / (re.sub(r"[^\w.-]+", "_", system.name) + ".zarr")
     try:
-        with _workers(scheduler, local_cluster, processes, workers) as who, _progress(str(path)) as progress:
+        with (
+            _workers(scheduler, local_cluster, processes, workers) as who,
+            _progress(str(path)) as progress,
+        ):
             data = compute(
                 system,
                 over,
                 measure,
                 path,
                 initial=start,
-                settings=Settings(tolerance=tolerance, max_time=max_time, longest_cycle=longest_cycle, rtol=rtol),
+                settings=Settings(
+                    tolerance=tolerance, max_time=max_time, longest_cycle=longest_cycle, rtol=rtol
+                ),
                 seed=seed,
                 adaptive=_adaptive(adaptive, contrast),
                 scheduler=who,
@@ -123,17 +172,21 @@ def sweep(
                 progress=progress,
             )
     except KeyboardInterrupt:
-        finish(f"interrupted; what was computed is in {path}; the same command goes on", INTERRUPTED)
+        finish(
+            f"interrupted; what was computed is in {path}; the same command goes on", INTERRUPTED
+        )
     _report(data, path)
 
 
 def plot(
     store: Store,
     measure: Annotated[
-        list[str] | None, typer.Option("--measure", metavar="MEASURE", help="What to show; may be repeated.")
+        list[str] | None,
+        typer.Option("--measure", metavar="MEASURE", help="What to show; may be repeated."),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="The picture.  [default: STORE with .png]")
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="The picture.  [default: STORE with .png]"),
     ] = None,
 ) -> None:
     """Draw a stored map: lines over one axis, a map over two, small multiples over three."""
@@ -147,7 +200,9 @@ def plot(
         with paper_style():
             figure.savefig(picture)
     except ValueError:
-        raise DeclarationError("--out", f"'{picture}' has no ending of a picture", "Use .png, .pdf or .svg") from None
+        raise DeclarationError(
+            "--out", f"'{picture}' has no ending of a picture", "Use .png, .pdf or .svg"
+        ) from None
     typer.echo(picture)
 
 
@@ -158,7 +213,9 @@ def _adaptive(names: list[str] | None, contrast: float) -> Adaptive | None:
 
 
 @contextlib.contextmanager
-def _workers(address: str | None, local_cluster: bool, processes: bool, workers: int | None) -> Iterator[str]:
+def _workers(
+    address: str | None, local_cluster: bool, processes: bool, workers: int | None
+) -> Iterator[str]:
     """Who does the work, as the name of a scheduler."""
     from stickslip.sweeps.work.scheduler import local_cluster as started
 
@@ -204,7 +261,9 @@ def points_line(state: Progress) -> str:
     from stickslip.motion.outcome import Outcome
 
     rate = f", {state.new / state.elapsed:,.0f}/s" if state.new and state.elapsed > 0.0 else ""
-    ends = ", ".join(f"{count:,} {Outcome.from_code(code).label}" for code, count in state.outcomes.items())
+    ends = ", ".join(
+        f"{count:,} {Outcome.from_code(code).label}" for code, count in state.outcomes.items()
+    )
     return f"{state.done:,} of {state.total:,} points{rate}" + (f": {ends}" if ends else "")
 
 
@@ -217,17 +276,28 @@ def _report(data: xarray.Dataset, path: Path) -> None:
     from stickslip.sweeps.request.measures import LACKING
     from stickslip.sweeps.request.plan import NOT_COMPUTED
 
-    outcome, lacking = data["outcome"], data["lacking"].values
+    outcome = data["outcome"]
+    lacking = data["lacking"].values
     codes = outcome.values
     done = int(np.count_nonzero(codes >= 0))
     if np.any(codes == NOT_COMPUTED):
         kept = f"{done:,} of {codes.size:,} points are in {path}; the same command goes on"
         finish(f"interrupted; {kept}", INTERRUPTED)
     good = int(np.count_nonzero((lacking == LACKING.index("nothing")) & (codes >= 0)))
-    words = dict(zip(outcome.attrs["flag_values"], outcome.attrs["flag_meanings"].split(), strict=True))
-    rows = [("points", f"{done:,}" + (f" of {codes.size:,}, the others interpolated" if done < codes.size else ""))]
+    words = dict(
+        zip(outcome.attrs["flag_values"], outcome.attrs["flag_meanings"].split(), strict=True)
+    )
+    rows = [
+        (
+            "points",
+            f"{done:,}"
+            + (f" of {codes.size:,}, the others interpolated" if done < codes.size else ""),
+        )
+    ]
     rows += [
-        ("  " + words[c].replace("_", " "), f"{np.count_nonzero(codes == c):,}") for c in np.unique(codes) if c >= 0
+        ("  " + words[c].replace("_", " "), f"{np.count_nonzero(codes == c):,}")
+        for c in np.unique(codes)
+        if c >= 0
     ]
     rows += [("certified", f"{good:,}"), *_lacking(data), *_outside(data), *_missing(data)]
     rows += [("written", str(path))]
@@ -255,11 +325,17 @@ def _outside(data: xarray.Dataset) -> list[tuple[str, str]]:
     outside = data["outcome"].values == Outcome.OUTSIDE.code
     if not np.any(outside):
         return []
-    largest = with_unit(float(np.max(data["excess"].values[outside])), data["excess"].attrs["units"], 3)
-    reason = (
-        f"{np.count_nonzero(outside):,} starts violate |∂Φ| ≤ s, by up to {largest}, so that no motion begins there"
+    largest = with_unit(
+        float(np.max(data["excess"].values[outside])), data["excess"].attrs["units"], 3
     )
-    remedy = "start where friction holds: --initial NAME=VALUE, or let it vary along, as in --over 'P,x_R=...'"
+    count = np.count_nonzero(outside)
+    reason = (
+        f"{count:,} starts violate |∂Φ| ≤ s, by up to {largest}, so that no motion begins there"
+    )
+    remedy = (
+        "start where friction holds: --initial NAME=VALUE, "
+        "or let it vary along, as in --over 'P,x_R=...'"
+    )
     return [("starts", reason), ("", remedy)]
 
 
@@ -271,7 +347,15 @@ def _missing(data: xarray.Dataset) -> list[tuple[str, str]]:
     for name in data.data_vars:
         if str(name).endswith("_missing"):
             words = data[name].attrs["flag_meanings"].split()
-            codes, counts = np.unique(data[name].values[data["outcome"].values >= 0], return_counts=True)
-            why = [f"{count:,} {words[c].replace('_', ' ')}" for c, count in zip(codes, counts, strict=True) if c]
-            rows += [(f"missing {str(name).removesuffix('_missing')}", ", ".join(why))] if why else []
+            codes, counts = np.unique(
+                data[name].values[data["outcome"].values >= 0], return_counts=True
+            )
+            why = [
+                f"{count:,} {words[c].replace('_', ' ')}"
+                for c, count in zip(codes, counts, strict=True)
+                if c
+            ]
+            rows += (
+                [(f"missing {str(name).removesuffix('_missing')}", ", ".join(why))] if why else []
+            )
     return rows

@@ -1,4 +1,5 @@
-"""A system's equations as a person would write them: Unicode text for the terminal, LaTeX for notebooks."""
+"""A system's equations as a person would write them: Unicode text for the terminal, LaTeX for
+notebooks."""
 
 from __future__ import annotations
 
@@ -98,8 +99,8 @@ class Friction:
 class Equations:
     """What a system declares and the equations that follow from it, to be read.
 
-    ``str()`` gives Unicode text at most 100 columns wide, :meth:`latex` the equations for a paper; a notebook shows
-    the equations and the table of parameters.
+    ``str()`` gives Unicode text at most 100 columns wide, :meth:`latex` the equations for a paper;
+    a notebook shows the equations and the table of parameters.
 
     Parameters
     ----------
@@ -130,18 +131,25 @@ class Equations:
         dry = []
         for contact in self.system.contacts.values():
             if contact.kinetic is not None:
-                continue  # its force does not come from a potential; it is listed with the friction laws
+                # its force does not come from a potential; it is listed with the friction laws
+                continue
             plus, minus = self._pair(contact.threshold)
             u = self._velocity(contact)
             if plus == minus:
                 dry.append(multiply(plus, Call("abs", (u,))))
             else:
-                dry += [multiply(plus, Call("max", (u, ZERO))), multiply(minus, Call("max", (negate(u), ZERO)))]
+                dry += [
+                    multiply(plus, Call("max", (u, ZERO))),
+                    multiply(minus, Call("max", (negate(u), ZERO))),
+                ]
         return add(self._reader.read(self.system.viscous), *dry)
 
     def _balance(self, x: str) -> Balance:
-        system, read = self.system, self._reader.read
-        accelerations: dict[str, Node] = {f"d_{q}": Name(ACCELERATION.format(q)) for q in self._declared.inertial}
+        system = self.system
+        read = self._reader.read
+        accelerations: dict[str, Node] = {
+            f"d_{q}": Name(ACCELERATION.format(q)) for q in self._declared.inertial
+        }
         inertia = substitute(derivative(read(system.kinetic), f"d_{x}"), accelerations)
         viscous = derivative(read(system.viscous), f"d_{x}")
         coordinate = system.coordinates[x]
@@ -153,7 +161,9 @@ class Equations:
             drag,
             _own_first(slope, x),
         ]
-        dry = [self._force(contact, x) for contact in self._declared.contacts if x in contact.direction]
+        dry = [
+            self._force(contact, x) for contact in self._declared.contacts if x in contact.direction
+        ]
         inclusion = any(_is_inclusion(part) for part in dry)
         return Balance(add(*parts, *dry), "∋" if inclusion else "=", read(coordinate.force))
 
@@ -168,7 +178,11 @@ class Equations:
         known = [f for f in self.frictions if f.contact == declared.name]
         if not known:
             sliding = (plus, minus) if contact.kinetic is None else self._pair(contact.kinetic)
-            long = [c for c in self.system.contacts.values() if c.kinetic is not None or isinstance(c.threshold, tuple)]
+            long = [
+                c
+                for c in self.system.contacts.values()
+                if c.kinetic is not None or isinstance(c.threshold, tuple)
+            ]
             index = "" if len(long) == 1 else f"_{len(self.frictions) + 1}"
             known = [Friction(declared.name, index, u, (plus, minus), sliding)]
             self.frictions += known
@@ -179,7 +193,9 @@ class Equations:
         return self._reader.read(both[0]), self._reader.read(both[1])
 
     def _velocity(self, contact: Contact) -> Node:
-        return add(self._reader.read(contact.direction), negate(self._reader.read(contact.surface_speed)))
+        return add(
+            self._reader.read(contact.direction), negate(self._reader.read(contact.surface_speed))
+        )
 
     def friction_groups(self) -> list[list[Friction]]:
         """Contacts in groups that obey the same law."""
@@ -228,7 +244,9 @@ class Equations:
     def _repr_markdown_(self) -> str:
         write = self._writer(LatexWriter)
         system = self.system
-        heading = f"**{system.title or system.name}**" + (f" ({system.source})" if system.source else "")
+        heading = f"**{system.title or system.name}**" + (
+            f" ({system.source})" if system.source else ""
+        )
         rows = ["| parameter | value | unit | meaning |", "|---|---|---|---|"]
         rows += [
             f"| ${write(Name(name))}$ | {p.default:g} | {unicode_unit(p.unit)} | {p.meaning} |"
@@ -241,7 +259,9 @@ class _Text:
     """Lays the sections of one system out for the terminal."""
 
     def __init__(self, equations: Equations, write: UnicodeWriter) -> None:
-        self.equations, self.system, self.write = equations, equations.system, write
+        self.equations = equations
+        self.system = equations.system
+        self.write = write
 
     def lines(self) -> list[str]:
         system = self.system
@@ -264,7 +284,11 @@ class _Text:
         for title, content in sections:
             if content:
                 indent = "  " if title else ""
-                text += ([""] if text else []) + ([title] if title else []) + [indent + line for line in content]
+                text += (
+                    ([""] if text else [])
+                    + ([title] if title else [])
+                    + [indent + line for line in content]
+                )
         return text
 
     def formula(self, node: Node) -> list[str]:
@@ -288,7 +312,9 @@ class _Text:
         lines = []
         for group in self.equations.friction_groups():
             velocities = [Relation("=", Name(f"u{f.index}"), f.velocity) for f in group]
-            lines += table([[f"{f.contact}:", self.write(u)] for f, u in zip(group, velocities, strict=True)])
+            lines += table(
+                [[f"{f.contact}:", self.write(u)] for f, u in zip(group, velocities, strict=True)]
+            )
             for when, law in group[0].laws(self.write, group[0].index if len(group) == 1 else "_i"):
                 lines += ["  " + line for line in wrap(f"{when}:  {law}")]
         return lines
@@ -307,7 +333,10 @@ class _Text:
 
     def cases(self, left: str, arguments: tuple[Node, ...]) -> list[str]:
         """A piecewise function with a brace over several lines."""
-        pairs = [(self.write(v), f"if {self.write(c)}") for c, v in zip(arguments[:-1:2], arguments[1::2], strict=True)]
+        pairs = [
+            (self.write(v), f"if {self.write(c)}")
+            for c, v in zip(arguments[:-1:2], arguments[1::2], strict=True)
+        ]
         pairs.append((self.write(arguments[-1]), "otherwise"))
         rows = table([list(pair) for pair in pairs])
         braces = ["⎧", *["⎪"] * (len(rows) - 2), "⎩"]
@@ -316,12 +345,18 @@ class _Text:
             braces[middle] = "⎨"
         start = f"{left} = "
         blank = " " * width(start)
-        return [(start if i == middle else blank) + f"{braces[i]} {row}" for i, row in enumerate(rows)]
+        return [
+            (start if i == middle else blank) + f"{braces[i]} {row}" for i, row in enumerate(rows)
+        ]
 
     def parameters(self) -> list[str]:
         rows = []
         for name, p in self.system.parameters.items():
-            bounds = "" if p.range == "(-inf, inf)" else "in " + p.range.replace("inf", "∞").replace("-", "−")
+            bounds = (
+                ""
+                if p.range == "(-inf, inf)"
+                else "in " + p.range.replace("inf", "∞").replace("-", "−")
+            )
             symbol = self.write(Name(name))
             plain = name if name != symbol else ""
             rows.append([symbol, plain, f"{p.default:g}", unicode_unit(p.unit), bounds, p.meaning])
@@ -329,27 +364,39 @@ class _Text:
 
     def start(self) -> list[str]:
         system = self.system
-        given = [f"{self.write(Name(name))} = {value:g}".replace("-", "−") for name, value in system.initial.items()]
+        given = [
+            f"{self.write(Name(name))} = {value:g}".replace("-", "−")
+            for name, value in system.initial.items()
+        ]
         rest = len(given) < len(system.declaration.state)
-        t = f"t from {system.span[0]:g} to {system.span[1]:g} {unicode_unit(system.time_unit)}".rstrip()
+        unit = unicode_unit(system.time_unit)
+        t = f"t from {system.span[0]:g} to {system.span[1]:g} {unit}".rstrip()
         others = ["all 0" if not given else "the others 0"] if rest else []
         return wrap(f"{', '.join(given + others)};  {t}", breaks=(", ",))
 
     def translation(self) -> list[str]:
         taken = {*self.system.parameters, *self.system.functions, *self.system.drives}
-        shift = Name(next(letter for letter in ("s", "h", "r", "tau", "shift") if letter not in taken))
+        shift = Name(
+            next(letter for letter in ("s", "h", "r", "tau", "shift") if letter not in taken)
+        )
         moved = [
-            f"{self.write(Name(x))} → {self.write(add(Name(x), multiply(Number(Fraction(repr(float(w)))), shift)))}"
+            f"{self.write(Name(x))} → "
+            f"{self.write(add(Name(x), multiply(Number(Fraction(repr(float(w)))), shift)))}"
             for x, w in self.system.translation.items()
         ]
         return wrap(",  ".join(moved), breaks=(", ",)) if moved else []
 
     def conditions(self) -> list[str]:
-        values, rows = self.system.values, []
+        values = self.system.values
+        rows = []
         for name, condition in self.system.conditions.items():
             margin = ex.evaluate(self.system.declaration.conditions[name][0], values)
             holds = margin > 0.0 or (margin == 0.0 and "=" in condition.formula)
-            verdict = "holds" if holds else "FAILS" + (f": {condition.otherwise}" if condition.otherwise else "")
+            verdict = (
+                "holds"
+                if holds
+                else "FAILS" + (f": {condition.otherwise}" if condition.otherwise else "")
+            )
             rows.append([name, self.relation(condition.formula), verdict])
         return table(rows)
 
@@ -358,17 +405,23 @@ class _Text:
         for sign in ("<=", ">=", "<", ">"):
             if sign in text:
                 left, right = text.split(sign)
-                return self.write(Relation(sign, *(self.equations._reader.read(side) for side in (left, right))))
+                return self.write(
+                    Relation(sign, *(self.equations._reader.read(side) for side in (left, right)))
+                )
         return text
 
     def facts(self) -> list[str]:
-        values, lines = self.system.values, []
+        values = self.system.values
+        lines = []
         for name, text in self.system.facts.items():
             value = ex.evaluate(self.system.declaration.facts[name], values)
-            symbol, formula = self.write(Name(name)), self.write(self.equations._reader.read(text))
+            symbol = self.write(Name(name))
+            formula = self.write(self.equations._reader.read(text))
             shown = f"{value:.6g}".replace("-", "−").replace("nan", "undefined")
             left = name.replace("_", " ") if is_word(name) else symbol
-            lines += wrap(" = ".join([left, *([formula] if formula not in (symbol, shown) else []), shown]))
+            lines += wrap(
+                " = ".join([left, *([formula] if formula not in (symbol, shown) else []), shown])
+            )
         return lines
 
 
@@ -384,7 +437,8 @@ def _is_inclusion(node: Node) -> bool:
 
 
 def _own_first(node: Node, name: str) -> Node:
-    """The terms with the named variable first, and that with a plus: a (x_L − x_R), not −a (x_R − x_L)."""
+    """The terms with the named variable first, and that with a plus: a (x_L − x_R), not −a (x_R −
+    x_L)."""
     terms = [_turned(term, name) for term in (node.terms if isinstance(node, Sum) else (node,))]
     return add(*sorted(terms, key=lambda term: name not in names_in(term)))
 
@@ -395,6 +449,9 @@ def _turned(term: Node, name: str) -> Node:
         if isinstance(base, Sum) and exponent == ONE and len(powers) > 1 and factor < 0:
             own = [t for t in base.terms if name in names_in(t)]
             if own and split(own[0])[0] < 0:
-                turned = sorted((negate(t) for t in base.terms), key=lambda t: (isinstance(t, Number), split(t)[0] < 0))
+                turned = sorted(
+                    (negate(t) for t in base.terms),
+                    key=lambda t: (isinstance(t, Number), split(t)[0] < 0),
+                )
                 return as_product(-factor, (*powers[:i], (add(*turned), ONE), *powers[i + 1 :]))
     return term

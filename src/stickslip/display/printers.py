@@ -1,4 +1,5 @@
-"""Trees of :mod:`stickslip.display.tree` as text: Unicode for the terminal, LaTeX for notebooks and papers."""
+"""Trees of :mod:`stickslip.display.tree` as text: Unicode for the terminal, LaTeX for notebooks and
+papers."""
 
 from __future__ import annotations
 
@@ -23,7 +24,13 @@ from stickslip.display.tree import (
 )
 
 SUM, PRODUCT, POWER, ATOM = range(4)
-VULGAR = {Fraction(1, 2): "½", Fraction(1, 3): "⅓", Fraction(2, 3): "⅔", Fraction(1, 4): "¼", Fraction(3, 4): "¾"}
+VULGAR = {
+    Fraction(1, 2): "½",
+    Fraction(1, 3): "⅓",
+    Fraction(2, 3): "⅔",
+    Fraction(1, 4): "¼",
+    Fraction(3, 4): "¾",
+}
 RELATIONS = {"=": "=", "<": "<", "<=": "≤", ">": ">", ">=": "≥", "!=": "≠"}
 
 
@@ -43,9 +50,14 @@ class UnicodeWriter:
     minus, gap = "−", " "
 
     def __init__(
-        self, rates: Mapping[str, tuple[str, int]], drives: Mapping[str, str], arguments: Mapping[str, tuple[str, ...]]
+        self,
+        rates: Mapping[str, tuple[str, int]],
+        drives: Mapping[str, str],
+        arguments: Mapping[str, tuple[str, ...]],
     ) -> None:
-        self.rates, self.drives, self.arguments = rates, drives, arguments
+        self.rates = rates
+        self.drives = drives
+        self.arguments = arguments
 
     def __call__(self, node: Node, level: int = SUM) -> str:
         """Text of a tree, in brackets if it binds less than `level`."""
@@ -54,11 +66,13 @@ class UnicodeWriter:
                 text = self.number(value)
                 own = SUM if value < 0 else ATOM if text.replace(".", "").isdecimal() else PRODUCT
             case Name(name):
-                text, own = self.name(name), ATOM
+                text = self.name(name)
+                own = ATOM
             case Call():
                 return self.call(node)
             case Sum(terms):
-                text, own = self.join(terms), SUM
+                text = self.join(terms)
+                own = SUM
             case Product(factor, powers):
                 text, own = self.product(factor, powers)
             case Relation(sign, left, right):
@@ -83,12 +97,17 @@ class UnicodeWriter:
         below = tuple((b, negate(e)) for b, e in powers if _negative(e))
         over, under = Fraction(factor.numerator), Fraction(factor.denominator)
         if _is_decimal(factor) and factor not in VULGAR:
-            over, under = factor, Fraction(1)
+            over = factor
+            under = Fraction(1)
         if below or (under != 1 and factor not in VULGAR):
             return self.fraction(as_product(over, above), as_product(under, below)), PRODUCT
         if factor == 1 and len(above) == 1:
             return self.power(*above[0])
-        front = [] if factor == 1 else [self.vulgar(factor) if factor in VULGAR else self.number(factor)]
+        front = (
+            []
+            if factor == 1
+            else [self.vulgar(factor) if factor in VULGAR else self.number(factor)]
+        )
         return self.gap.join([*front, *(self.power(*pair)[0] for pair in above)]), PRODUCT
 
     def power(self, base: Node, exponent: Node) -> tuple[str, int]:
@@ -104,7 +123,10 @@ class UnicodeWriter:
                 return self.bars(self(x))
             case Call("piecewise", arguments):
                 pairs = list(zip(arguments[:-1:2], arguments[1:-1:2], strict=True))
-                return self.cases([(self(value), self(condition)) for condition, value in pairs], self(arguments[-1]))
+                return self.cases(
+                    [(self(value), self(condition)) for condition, value in pairs],
+                    self(arguments[-1]),
+                )
         arguments = [self(a) for a in node.arguments]
         if node.name in self.drives and not node.arguments:
             arguments = [self.name(self.drives[node.name])]
@@ -116,7 +138,9 @@ class UnicodeWriter:
             return unicode_name(node.name, 1) + inside
         if node.by and set(node.by) == {"0"} and len(node.arguments) == 1:
             return self.name(node.name) + "′" * len(node.by) + inside
-        names = [self.name(self.arguments[node.name][int(i)] if i.isdigit() else i) for i in node.by]
+        names = [
+            self.name(self.arguments[node.name][int(i)] if i.isdigit() else i) for i in node.by
+        ]
         return "".join(f"∂_{name} " for name in names) + self.name(node.name) + inside
 
     def is_rate(self, node: Call) -> bool:
@@ -168,7 +192,9 @@ class UnicodeWriter:
     def cases(self, pairs: list[tuple[str, str]], otherwise: str) -> str:
         return (
             "{"
-            + "; ".join(f"{value} if {condition}" for condition, value in [(c, v) for v, c in pairs])
+            + "; ".join(
+                f"{value} if {condition}" for condition, value in [(c, v) for v, c in pairs]
+            )
             + (f"; {otherwise} otherwise}}")
         )
 
@@ -217,7 +243,11 @@ class LatexWriter(UnicodeWriter):
 
     def cases(self, pairs: list[tuple[str, str]], otherwise: str) -> str:
         rows = [rf"{value} & \text{{if }} {condition}" for value, condition in pairs]
-        return r"\begin{cases} " + r" \\ ".join([*rows, rf"{otherwise} & \text{{otherwise}}"]) + r" \end{cases}"
+        return (
+            r"\begin{cases} "
+            + r" \\ ".join([*rows, rf"{otherwise} & \text{{otherwise}}"])
+            + r" \end{cases}"
+        )
 
     def function(self, node: Call, arguments: list[str]) -> str:
         inside = self.brackets(", ".join(arguments)) if arguments else ""
@@ -225,12 +255,15 @@ class LatexWriter(UnicodeWriter):
         if node.name in known:
             return rf"\{node.name}{inside}"
         if node.name in ("clip", "sgn", "asinh", "atan"):
-            return rf"\operatorname{{{node.name.replace('asinh', 'arsinh').replace('atan', 'arctan')}}}{inside}"
+            name = node.name.replace("asinh", "arsinh").replace("atan", "arctan")
+            return rf"\operatorname{{{name}}}{inside}"
         if self.is_rate(node):
             return latex_name(node.name, 1) + inside
         if node.by and set(node.by) == {"0"} and len(node.arguments) == 1:
             return self.name(node.name) + "'" * len(node.by) + inside
-        names = [self.name(self.arguments[node.name][int(i)] if i.isdigit() else i) for i in node.by]
+        names = [
+            self.name(self.arguments[node.name][int(i)] if i.isdigit() else i) for i in node.by
+        ]
         return "".join(rf"\partial_{{{name}}} " for name in names) + self.name(node.name) + inside
 
 

@@ -1,4 +1,5 @@
-"""Names as symbols: ``psi_star`` is ψ*, ``mu_0`` is μ₀, ``v_hat`` is v̂; and units as they are printed."""
+"""Names as symbols: ``psi_star`` is ψ*, ``mu_0`` is μ₀, ``v_hat`` is v̂; and units as they are
+printed."""
 
 from __future__ import annotations
 
@@ -7,11 +8,12 @@ import unicodedata
 from dataclasses import dataclass
 
 GREEK = {
-    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "zeta": "ζ", "eta": "η", "theta": "θ",
-    "iota": "ι", "kappa": "κ", "lam": "λ", "lamda": "λ", "mu": "μ", "nu": "ν", "xi": "ξ", "rho": "ρ", "sigma": "σ",
-    "tau": "τ", "upsilon": "υ", "phi": "φ", "chi": "χ", "psi": "ψ", "omega": "ω", "pi": "π", "ell": "ℓ",
-    "Gamma": "Γ", "Delta": "Δ", "Theta": "Θ", "Lambda": "Λ", "Xi": "Ξ", "Pi": "Π", "Sigma": "Σ", "Upsilon": "Υ",
-    "Phi": "Φ", "Psi": "Ψ", "Omega": "Ω",
+    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "zeta": "ζ",
+    "eta": "η", "theta": "θ", "iota": "ι", "kappa": "κ", "lam": "λ", "lamda": "λ", "mu": "μ",
+    "nu": "ν", "xi": "ξ", "rho": "ρ", "sigma": "σ", "tau": "τ", "upsilon": "υ", "phi": "φ",
+    "chi": "χ", "psi": "ψ", "omega": "ω", "pi": "π", "ell": "ℓ",
+    "Gamma": "Γ", "Delta": "Δ", "Theta": "Θ", "Lambda": "Λ", "Xi": "Ξ", "Pi": "Π", "Sigma": "Σ",
+    "Upsilon": "Υ", "Phi": "Φ", "Psi": "Ψ", "Omega": "Ω",
 }  # fmt: skip
 GREEK_LATEX = {"lam": r"\lambda", "lamda": r"\lambda", "epsilon": r"\varepsilon", "phi": r"\varphi"}
 ACCENTS = {"hat": ("\u0302", r"\hat"), "tilde": ("\u0303", r"\tilde"), "bar": ("\u0304", r"\bar")}
@@ -36,9 +38,12 @@ def parse_name(name: str) -> Symbol:
     first, *rest = name.split("_")
     match = re.fullmatch(r"([A-Za-z]+)(\d+)", first)
     if match and (len(match[1]) == 1 or match[1] in GREEK):
-        first, rest = match[1], [match[2], *rest]
+        first = match[1]
+        rest = [match[2], *rest]
     accents, above = (tuple(part for part in rest if part in known) for known in (ACCENTS, ABOVE))
-    return Symbol(first, accents, above, tuple(part for part in rest if part and part not in accents + above))
+    return Symbol(
+        first, accents, above, tuple(part for part in rest if part and part not in accents + above)
+    )
 
 
 def is_word(name: str) -> bool:
@@ -58,20 +63,27 @@ def unicode_name(name: str, dots: int = 0) -> str:
         tail = below[0].translate(SUBSCRIPTS)
     else:
         tail = "_" + ",".join(below) if below else ""
-    return unicodedata.normalize("NFC", letter) + tail + "".join(ABOVE[a][0] for a in s.superscripts)
+    return (
+        unicodedata.normalize("NFC", letter) + tail + "".join(ABOVE[a][0] for a in s.superscripts)
+    )
 
 
 def latex_name(name: str, dots: int = 0) -> str:
     """The name as a symbol for LaTeX, with one or two dots for rates."""
     s = parse_name(name)
-    text = _latex_word(s.letter) if not is_word(name) else rf"\mathrm{{{name.replace('_', chr(92) + '_')}}}"
+    text = (
+        _latex_word(s.letter)
+        if not is_word(name)
+        else rf"\mathrm{{{name.replace('_', chr(92) + '_')}}}"
+    )
     for accent in () if is_word(name) else s.accents:
         text = f"{ACCENTS[accent][1]}{{{text}}}"
     if dots:
         text = rf"\{'d' * dots}ot{{{text}}}"
     if is_word(name):
         return text
-    below, above = ",".join(map(_latex_word, s.subscripts)), "".join(ABOVE[a][1] for a in s.superscripts)
+    below = ",".join(map(_latex_word, s.subscripts))
+    above = "".join(ABOVE[a][1] for a in s.superscripts)
     return text + (f"_{{{below}}}" if below else "") + (f"^{{{above}}}" if above else "")
 
 
@@ -86,7 +98,9 @@ def unicode_unit(unit: str) -> str:
     if unit.strip() in ("", "1"):
         return ""
     text = unit.replace("**", "^").replace("*", "·")
-    return re.sub(r"\^(?:(-?\d+)|\((-?\d+)\))", lambda m: (m[1] or m[2]).translate(SUPERSCRIPTS), text)
+    return re.sub(
+        r"\^(?:(-?\d+)|\((-?\d+)\))", lambda m: (m[1] or m[2]).translate(SUPERSCRIPTS), text
+    )
 
 
 def width(text: str) -> int:

@@ -41,9 +41,12 @@ def wrap_words(text: str, columns: int) -> list[str]:
 
 def wrap(text: str, breaks: tuple[str, ...] = OPERATORS, columns: int = COLUMNS - 4) -> list[str]:
     """Break a formula before an operator, as far outside of brackets as possible."""
-    lines, rest, indent = [], text, ""
+    lines = []
+    rest = text
+    indent = ""
     while width(indent + rest) > columns:
-        depth, best = 0, (99, 0)
+        depth = 0
+        best = (99, 0)
         for i, c in enumerate(rest):
             if width(indent + rest[:i]) > columns:
                 break
@@ -53,5 +56,6 @@ def wrap(text: str, breaks: tuple[str, ...] = OPERATORS, columns: int = COLUMNS 
         if best[1] == 0:
             break
         lines.append(indent + rest[: best[1]].rstrip())
-        rest, indent = rest[best[1] :].lstrip(), "    "
+        rest = rest[best[1] :].lstrip()
+        indent = "    "
     return [*lines, indent + rest]

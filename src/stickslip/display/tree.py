@@ -1,9 +1,10 @@
 """Formulas as a person wrote them: terms and factors stay in order, functions keep their names.
 
-The engine's expressions (:mod:`stickslip.symbolic.expressions`) are canonical: sorted, with every function replaced by
-its body. That is right for a machine and unreadable for a person. Here a formula is read from the same checked text
-into a small ordered tree, which can be differentiated: b/2*psi**2 - c*(x_R - x_L)*psi by psi gives b*psi - c*(x_R -
-x_L), and a function H_R(psi) stays H_R(psi).
+The engine's expressions (:mod:`stickslip.symbolic.expressions`) are canonical: sorted, with every
+function replaced by its body. That is right for a machine and unreadable for a person. Here a
+formula is read from the same checked text into a small ordered tree, which can be differentiated:
+b/2*psi**2 - c*(x_R - x_L)*psi by psi gives b*psi - c*(x_R - x_L), and a function H_R(psi) stays
+H_R(psi).
 """
 
 from __future__ import annotations
@@ -87,7 +88,8 @@ MAX_EXPONENT = 8  # powers of numbers above this stay as they are written
 
 def add(*nodes: Node) -> Node:
     """Sum; equal terms are collected at the place of the first."""
-    # Each group of equal terms: the powers they share, in the first one's order, and their total factor.
+    # Each group of equal terms: the powers they share, in the first one's order, and their total
+    # factor.
     groups: dict[frozenset[tuple[Node, Node]], tuple[Fraction, Powers]] = {}
     for factor, powers in (split(term) for node in nodes for term in _terms(node)):
         if factor == 0:
@@ -134,7 +136,8 @@ def as_product(factor: Fraction, powers: Powers) -> Node:
 
 def multiply(*nodes: Node) -> Node:
     """Product; equal bases are collected at the place of the first."""
-    factor, found = Fraction(1), dict[Node, Node]()
+    factor = Fraction(1)
+    found = dict[Node, Node]()
     for node in nodes:
         number, powers = split(node)
         factor *= number
@@ -143,7 +146,9 @@ def multiply(*nodes: Node) -> Node:
     for base in list(found):
         # A one-sided spring: max(x, 0)·(1 if x > 0, else 0) is max(x, 0).
         match base:
-            case Call("piecewise", (Relation(">" | "<" as sign, left, right), value, last)) if last == right == ZERO:
+            case Call("piecewise", (Relation(">" | "<" as sign, left, right), value, last)) if (
+                last == right == ZERO
+            ):
                 if Call("max" if sign == ">" else "min", (left, ZERO)) in found:
                     del found[base]
                     return multiply(as_product(factor, tuple(found.items())), value)
@@ -158,7 +163,12 @@ def power(base: Node, exponent: Node) -> Node:
         return base
     if isinstance(exponent, Number) and exponent.value.denominator == 1:
         n = exponent.value.numerator
-        if isinstance(base, Number) and base.value.denominator == 1 and base.value != 0 and abs(n) <= MAX_EXPONENT:
+        if (
+            isinstance(base, Number)
+            and base.value.denominator == 1
+            and base.value != 0
+            and abs(n) <= MAX_EXPONENT
+        ):
             return Number(base.value**n)
         if isinstance(base, Product) and (abs(n) <= MAX_EXPONENT):
             powers = tuple((b, multiply(e, exponent)) for b, e in base.powers)
@@ -191,7 +201,9 @@ def _by_one_power(product: Node, base: Node, exponent: Node, name: str) -> Node:
     inner, outer = derivative(base, name), derivative(exponent, name)
     parts = []
     if inner != ZERO:
-        lowered = multiply(exponent, product, Product(Fraction(1), ((base, MINUS_ONE),)), _primitive(inner))
+        lowered = multiply(
+            exponent, product, Product(Fraction(1), ((base, MINUS_ONE),)), _primitive(inner)
+        )
         parts.append(_functions_last(lowered))
     if outer != ZERO:
         parts.append(multiply(product, outer, Call("log", (base,))))
@@ -202,7 +214,9 @@ def _primitive(node: Node) -> Node:
     """2 (x − y) instead of 2 x − 2 y."""
     if isinstance(node, Sum):
         factors = [split(term)[0] for term in node.terms]
-        common = gcd(*(f.numerator for f in factors)) if all(f.denominator == 1 for f in factors) else 1
+        common = (
+            gcd(*(f.numerator for f in factors)) if all(f.denominator == 1 for f in factors) else 1
+        )
         if common > 1:
             rest = add(*(multiply(Number(Fraction(1, common)), term) for term in node.terms))
             return Product(Fraction(common), ((rest, ONE),))
@@ -213,7 +227,9 @@ def _functions_last(node: Node) -> Node:
     if not isinstance(node, Product):
         return node
     calls = [isinstance(base, Call) and bool(base.arguments) for base, _ in node.powers]
-    ordered = [p for last in (False, True) for p, c in zip(node.powers, calls, strict=True) if c == last]
+    ordered = [
+        p for last in (False, True) for p, c in zip(node.powers, calls, strict=True) if c == last
+    ]
     return Product(node.factor, tuple(ordered))
 
 
@@ -221,7 +237,9 @@ def _by_argument(call: Call, name: str) -> Node:
     inner = [ZERO if isinstance(a, Relation) else derivative(a, name) for a in call.arguments]
     if call.name not in BUILTIN or call.by:
         parts = [
-            multiply(replace(call, by=(*call.by, str(i))), slope) for i, slope in enumerate(inner) if slope != ZERO
+            multiply(replace(call, by=(*call.by, str(i))), slope)
+            for i, slope in enumerate(inner)
+            if slope != ZERO
         ]
         if name in call.hidden:
             parts.append(replace(call, by=(*call.by, name)))
@@ -235,7 +253,9 @@ def _by_argument(call: Call, name: str) -> Node:
             return _of_extremum(call, inner)
         case "clip":
             x, low, high = call.arguments
-            return choose([(Relation("<", x, low), inner[1]), (Relation(">", x, high), inner[2])], inner[0])
+            return choose(
+                [(Relation("<", x, low), inner[1]), (Relation(">", x, high), inner[2])], inner[0]
+            )
         case "piecewise":
             pairs = [(c, v) for c, v in zip(call.arguments[:-1:2], inner[1:-1:2], strict=True)]
             return choose(pairs, inner[-1])
@@ -244,7 +264,8 @@ def _by_argument(call: Call, name: str) -> Node:
 
 def _of_extremum(call: Call, inner: list[Node]) -> Node:
     sign = "<" if call.name == "min" else ">"
-    best, slope = call.arguments[0], inner[0]
+    best = call.arguments[0]
+    slope = inner[0]
     for argument, its_slope in zip(call.arguments[1:], inner[1:], strict=True):
         slope = choose([(Relation(sign, best, argument), slope)], its_slope)
         best = Call(call.name, (best, argument))
@@ -325,14 +346,18 @@ class Reader:
         self._parameters = frozenset(system.parameters)
         self._bodies: dict[str, Node] = {}
         self._read: dict[str, Node] = {}
-        self.definitions = {name: (arguments, self._body(name)) for name, (arguments, _) in self._sources.items()}
+        self.definitions = {
+            name: (arguments, self._body(name)) for name, (arguments, _) in self._sources.items()
+        }
 
     def read(self, text: str | float) -> Node:
         """Tree of a formula that the declaration has accepted."""
         if not isinstance(text, str):
             return Number(Fraction(repr(float(text))))
         if text not in self._read:
-            self._read[text] = self._visit(ast.parse(text.strip().replace("\n", " "), mode="eval").body)
+            self._read[text] = self._visit(
+                ast.parse(text.strip().replace("\n", " "), mode="eval").body
+            )
         return self._read[text]
 
     def _body(self, name: str) -> Node:
@@ -355,7 +380,12 @@ class Reader:
             case ast.UnaryOp(operand=inner):
                 return self._visit(inner)
             case ast.BinOp(op=ast.Add() | ast.Sub()):
-                return add(*(self._visit(term) if plus else negate(self._visit(term)) for term, plus in _chain(node)))
+                return add(
+                    *(
+                        self._visit(term) if plus else negate(self._visit(term))
+                        for term, plus in _chain(node)
+                    )
+                )
             case ast.BinOp(left=left, op=op, right=right):
                 return _binary(op, self._visit(left), self._visit(right))
             case ast.Compare(left=left, ops=[op], comparators=[right]):
@@ -384,7 +414,8 @@ class Reader:
 
 
 def _chain(node: ast.AST) -> list[tuple[ast.AST, bool]]:
-    """Terms of a long sum with their signs, first to last; such sums nest too deeply for recursion."""
+    """Terms of a long sum with their signs, first to last; such sums nest too deeply for
+    recursion."""
     terms = []
     while isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
         terms.append((node.right, isinstance(node.op, ast.Add)))

@@ -6,8 +6,8 @@ The three kinds of coordinates pose the same linear problem, one time derivative
     viscous           C ż  − Jᵀλ  = f,      stick: J ż = w,   slip: λ = −σ k
     rate-independent  H ṙ  − Jᵀλ̇  = −∂ₜ∂Φ,  stick: J ṙ = w,   slip: λ̇ = −σ ṡ
 
-with f the forces that are not from contacts. All expressions here hold within one region of every function
-with kinks; which region, and which mode, is decided while the motion is computed.
+with f the forces that are not from contacts. All expressions here hold within one region of every
+function with kinks; which region, and which mode, is decided while the motion is computed.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ KINDS = tuple(Kind)
 
 @dataclass(frozen=True)
 class RateProblem:
-    """The problem for the rates of the rate-independent coordinates r (contact i moves coordinate i).
+    """The problem for the rates of the rate-independent coordinates r (contact i moves coordinate
+    i).
 
     Attributes
     ----------
@@ -72,7 +73,8 @@ class MotionEquations:
     timed : bool
         Whether time enters the equations.
     energy, dissipation, supply : Expr
-        E, the dissipated power and the supplied power, in the state, the rates and the symbols ``u:i``, ``lambda:i``.
+        E, the dissipated power and the supplied power, in the state, the rates and the symbols
+        ``u:i``, ``lambda:i``.
     """
 
     declaration: Declaration
@@ -99,7 +101,8 @@ class MotionEquations:
         return found
 
     def acting(self, zero: frozenset[str]) -> list[bool]:
-        """Which frequencies are felt where some parameters are zero: the amplitude of a drive may be one of them."""
+        """Which frequencies are felt where some parameters are zero: the amplitude of a drive may
+        be one of them."""
         numbers = dict.fromkeys(zero, ex.ZERO)
         try:
             waves = ex.walk([ex.substitute(e, numbers) for e in self.formulas])
@@ -118,7 +121,8 @@ _derived: WeakKeyDictionary[Declaration, MotionEquations] = WeakKeyDictionary()
 
 
 def derive(declaration: Declaration) -> MotionEquations:
-    """The equations of motion from energy and dissipation potential: derived once for each declaration.
+    """The equations of motion from energy and dissipation potential: derived once for each
+    declaration.
 
     Raises
     ------
@@ -135,13 +139,17 @@ def _equations_of(d: Declaration) -> MotionEquations:
         d.contacts,
         key=lambda c: (
             KINDS.index(c.kind),
-            d.rate_independent.index(next(iter(c.direction))) if c.kind == Kind.RATE_INDEPENDENT else 0,
+            d.rate_independent.index(next(iter(c.direction)))
+            if c.kind == Kind.RATE_INDEPENDENT
+            else 0,
         ),
     )
     contacts = [_name_speed(c, i) for i, c in enumerate(contacts)]
     slope = {x: ex.derivative(d.potential, x) - d.forces[x] for x in d.coordinates}
     viscous_force = [-slope[z] - _damping(d, z, d.inertial) for z in d.viscous]
-    inertial_force = [-slope[q] - d.drags[q] - _damping(d, q, [*d.inertial, *d.viscous]) for q in d.inertial]
+    inertial_force = [
+        -slope[q] - d.drags[q] - _damping(d, q, [*d.inertial, *d.viscous]) for q in d.inertial
+    ]
     laws = [d.laws[a] for a in d.internal]
     energy, dissipation, supply = _powers(d, contacts)
     rate = _rate_problem(d, contacts, slope)
@@ -194,19 +202,27 @@ def _name_speed(c: DryContact, i: int) -> DryContact:
 
 
 def _damping(d: Declaration, x: str, others: list[str]) -> Expr:
-    return ex.add(*((d.damping[x, y] * ex.sym(f"d_{y}"), 1.0) for y in others if (x, y) in d.damping))
+    return ex.add(
+        *((d.damping[x, y] * ex.sym(f"d_{y}"), 1.0) for y in others if (x, y) in d.damping)
+    )
 
 
 def _matrix(entries: dict[tuple[str, str], Expr], names: list[str]) -> list[list[Expr]]:
     return [[entries.get((x, y), ex.ZERO) for y in names] for x in names]
 
 
-def _rate_problem(d: Declaration, contacts: list[DryContact], slope: dict[str, Expr]) -> RateProblem:
+def _rate_problem(
+    d: Declaration, contacts: list[DryContact], slope: dict[str, Expr]
+) -> RateProblem:
     acting = [c for c in contacts if c.kind == Kind.RATE_INDEPENDENT]
     names = d.rate_independent
     weight = [c.direction[r] for c, r in zip(acting, names, strict=True)]
     force = [slope[r] / j for r, j in zip(names, weight, strict=True)]
-    rates = {"t": ex.ONE, **{x: ex.sym(f"d_{x}") for x in d.coordinates}, **{a: d.laws[a] for a in d.internal}}
+    rates = {
+        "t": ex.ONE,
+        **{x: ex.sym(f"d_{x}") for x in d.coordinates},
+        **{a: d.laws[a] for a in d.internal},
+    }
 
     def split(e: Expr, where: str) -> tuple[list[Expr], Expr]:
         if any(f"d_{q}" in e.symbols for q in d.inertial):
@@ -249,11 +265,14 @@ def _rate_problem(d: Declaration, contacts: list[DryContact], slope: dict[str, E
 
 
 def _powers(d: Declaration, contacts: list[DryContact]) -> tuple[Expr, Expr, Expr]:
-    """Energy, dissipated power, and power supplied by time-dependence, belts, forces and internal variables."""
+    """Energy, dissipated power, and power supplied by time-dependence, belts, forces and internal
+    variables."""
     energy = d.kinetic + d.potential
     rates = {x: ex.sym(f"d_{x}") for x in (*d.coordinates, *d.internal)}
     dissipated = 2.0 * d.dissipation + ex.add(*((d.drags[q] * rates[q], 1.0) for q in d.inertial))
-    supplied = ex.derivative(d.potential, "t") + ex.along(d.potential, {a: rates[a] for a in d.internal})
+    supplied = ex.derivative(d.potential, "t") + ex.along(
+        d.potential, {a: rates[a] for a in d.internal}
+    )
     supplied = supplied + ex.add(*((d.forces[x] * rates[x], 1.0) for x in d.coordinates))
     for i, c in enumerate(contacts):
         u, force = ex.sym(f"u:{i}"), ex.sym(f"lambda:{i}")

@@ -1,8 +1,9 @@
 """The smooth vector field of one mode and region, as expressions.
 
 Within a fixed mode of every contact and a fixed region of every kink the linear problems of
-:mod:`stickslip.equations.derive` are solved symbolically: the rates are then plain expressions in t, the state and the
-parameters, and their Jacobian, higher derivatives, guards and derivatives with respect to parameters are exact.
+:mod:`stickslip.equations.derive` are solved symbolically: the rates are then plain expressions in
+t, the state and the parameters, and their Jacobian, higher derivatives, guards and derivatives with
+respect to parameters are exact.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ MODE_NAMES = {-1: "slip-", 0: "stick", 1: "slip+"}
 
 @dataclass(frozen=True)
 class ContactField:
-    """One contact in a mode: relative velocity u, friction force λ, thresholds s⁺ (u > 0) and s⁻ (u < 0)."""
+    """One contact in a mode: relative velocity u, friction force λ, thresholds s⁺ (u > 0) and s⁻ (u
+    < 0)."""
 
     name: str
     kind: str
@@ -67,8 +69,8 @@ class Field:
     state, parameters : tuple of str
         Names of y and p, in their order.
     mode, region : tuple of int
-        Mode of each contact (0 stick, ±1 slip, ±2 carried by others at its threshold) and region of each kink (1:
-        guard ≥ 0, 0: guard < 0).
+        Mode of each contact (0 stick, ±1 slip, ±2 carried by others at its threshold) and region of
+        each kink (1: guard ≥ 0, 0: guard < 0).
     rates : list of Expr
         f, in the order of the state.
     contacts : list of ContactField
@@ -76,8 +78,8 @@ class Field:
     kinks : list of Expr
         Guards of the functions with kinks.
     constraints : list of Expr
-        What vanishes in this mode: u of sticking inertial contacts, λ + σs of sliding rate-independent ones. They are
-        invariant under the flow.
+        What vanishes in this mode: u of sticking inertial contacts, λ + σs of sliding
+        rate-independent ones. They are invariant under the flow.
     """
 
     state: tuple[str, ...]
@@ -115,21 +117,28 @@ class Field:
     def guards(self) -> list[Guard]:
         """What must be nonnegative here: signed kinks, λ + s⁺ and s⁻ − λ in stick, σu in slip."""
         found = [
-            Guard(g if r == 1 else -g, j, 1 - r) for j, (g, r) in enumerate(zip(self.kinks, self.region, strict=True))
+            Guard(g if r == 1 else -g, j, 1 - r)
+            for j, (g, r) in enumerate(zip(self.kinks, self.region, strict=True))
         ]
-        for switch, (c, m) in enumerate(zip(self.contacts, self.mode, strict=True), start=len(self.kinks)):
+        for switch, (c, m) in enumerate(
+            zip(self.contacts, self.mode, strict=True), start=len(self.kinks)
+        ):
             if m == 0:
                 found += [Guard(c.force + c.plus, switch, 1), Guard(c.minus - c.force, switch, -1)]
             else:
                 found.append(Guard(c.u if m > 0 else -c.u, switch, 0))
         return found
 
-    def function(self, expressions: Sequence[Expr]) -> Callable[[ArrayLike, ArrayLike, ArrayLike], Array]:
+    def function(
+        self, expressions: Sequence[Expr]
+    ) -> Callable[[ArrayLike, ArrayLike, ArrayLike], Array]:
         """NumPy function (t, y, p) -> values of expressions.
 
-        Shapes: t () or (…), y (states, …), p (parameters,) or (parameters, …); result (expressions, …).
+        Shapes: t () or (…), y (states, …), p (parameters,) or (parameters, …); result (expressions,
+        …).
         """
-        evaluate, n = evaluator(expressions, self.names), 1 + len(self.state)
+        evaluate = evaluator(expressions, self.names)
+        n = 1 + len(self.state)
 
         def function(t: ArrayLike, y: ArrayLike, p: ArrayLike) -> Array:
             y, p = np.asarray(y, dtype=float), np.asarray(p, dtype=float)
@@ -148,22 +157,26 @@ def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
     ----------
     equations : MotionEquations
     mode : tuple of int
-        By contact in the order of ``equations.contacts``: 0 stick, +1 or −1 slip, +2 or −2 carried at its threshold.
+        By contact in the order of ``equations.contacts``: 0 stick, +1 or −1 slip, +2 or −2 carried
+        at its threshold.
     region : tuple of int
         By kink in the order of ``equations.kinks``: 1 where the guard is ≥ 0, else 0.
 
     Raises
     ------
     ZeroDivisionError
-        If the rates are not determined in this mode (more contacts stick than there are directions, or the stiffness
-        of the sliding rate-independent coordinates is singular).
+        If the rates are not determined in this mode (more contacts stick than there are directions,
+        or the stiffness of the sliding rate-independent coordinates is singular).
     """
     return _Solver(equations, mode, region).field()
 
 
 class _Solver:
     def __init__(self, equations: MotionEquations, mode: Mode, region: Region) -> None:
-        self.eq, self.d, self.mode, self.region = equations, equations.declaration, tuple(mode), tuple(region)
+        self.eq = equations
+        self.d = equations.declaration
+        self.mode = tuple(mode)
+        self.region = tuple(region)
         self.regions = dict(zip(equations.kinks, self.region, strict=True))
         self.known: dict[str, Expr] = {}
         for i, c in enumerate(equations.contacts):
@@ -180,7 +193,9 @@ class _Solver:
         moved = ex.add(*((w * ex.sym(f"d_{x}"), 1.0) for x, w in c.direction.items()))
         return self.fix(moved - c.speed)
 
-    def block(self, kind: str, names: list[str], matrix: list[list[Expr]], forces: list[Expr]) -> list[Expr]:
+    def block(
+        self, kind: str, names: list[str], matrix: list[list[Expr]], forces: list[Expr]
+    ) -> list[Expr]:
         """Solve M x − Jᵀλ = f with J x given in stick and λ given in slip; notes λ, returns x."""
         contacts = {i: c for i, c in enumerate(self.eq.contacts) if c.kind == kind}
         stuck = [i for i in contacts if self.mode[i] == 0]
@@ -188,7 +203,11 @@ class _Solver:
         for i, c in contacts.items():
             if self.mode[i] != 0:
                 # Carried by others, a contact is at its threshold.
-                plus, minus = (c.kinetic_plus, c.kinetic_minus) if abs(self.mode[i]) == 1 else (c.plus, c.minus)
+                plus, minus = (
+                    (c.kinetic_plus, c.kinetic_minus)
+                    if abs(self.mode[i]) == 1
+                    else (c.plus, c.minus)
+                )
                 force = -self.fix(plus) if self.mode[i] > 0 else self.fix(minus)
                 self.known[f"lambda:{i}"] = force
                 pulled = [c.direction.get(x, ex.ZERO) * force for x in names]
@@ -205,18 +224,23 @@ class _Solver:
 
     def rates(self) -> list[Expr]:
         """Rates of the rate-independent coordinates."""
-        rate, first = self.eq.rate, len(self.eq.contacts) - len(self.d.rate_independent)
+        rate = self.eq.rate
+        first = len(self.eq.contacts) - len(self.d.rate_independent)
         rows, right = [], []
         for i in range(len(self.d.rate_independent)):
             sigma = self.mode[first + i]
             if sigma == 0:
-                rows.append([rate.weight[i] if i == j else ex.ZERO for j in range(len(rate.weight))])
+                rows.append(
+                    [rate.weight[i] if i == j else ex.ZERO for j in range(len(rate.weight))]
+                )
                 right.append(self.fix(self.eq.contacts[first + i].speed))
                 continue
             side = 0 if sigma > 0 else 1
             slopes = zip(rate.stiffness[i], rate.threshold_slope[side][i], strict=True)
             rows.append([self.fix(h) + float(sigma) * self.fix(s) for h, s in slopes])
-            right.append(-self.fix(rate.rest[i]) - float(sigma) * self.fix(rate.threshold_rest[side][i]))
+            right.append(
+                -self.fix(rate.rest[i]) - float(sigma) * self.fix(rate.threshold_rest[side][i])
+            )
         return solve(rows, right)
 
     def field(self) -> Field:
@@ -262,7 +286,8 @@ class _Solver:
 
 
 def in_region(expression: Expr, regions: Mapping[Expr, int]) -> Expr:
-    """The expression with every function with a kink replaced by its branch in a region (1: guard ≥ 0)."""
+    """The expression with every function with a kink replaced by its branch in a region (1: guard ≥
+    0)."""
     memo: dict[Expr, Expr] = {}
 
     def visit(e: Expr) -> Expr:
@@ -275,7 +300,9 @@ def in_region(expression: Expr, regions: Mapping[Expr, int]) -> Expr:
             case "num" | "sym":
                 return e
             case "sum":
-                return ex.add((ex.num(float(e.value)), 1.0), *((visit(term), c) for term, c in e.terms))
+                return ex.add(
+                    (ex.num(float(e.value)), 1.0), *((visit(term), c) for term, c in e.terms)
+                )
             case "prod":
                 return ex.multiply(*(ex.power(visit(base), ex.num(p)) for base, p in e.terms))
             case "pow":
@@ -291,15 +318,17 @@ def in_region(expression: Expr, regions: Mapping[Expr, int]) -> Expr:
 def solve(matrix: list[list[Expr]], right: list[Expr]) -> list[Expr]:
     """Solution of a linear system of expressions.
 
-    Gaussian elimination along the diagonal: the matrices of mechanics (positive definite, with constraints last) have
-    pivots that vanish only where the matrix is singular.
+    Gaussian elimination along the diagonal: the matrices of mechanics (positive definite, with
+    constraints last) have pivots that vanish only where the matrix is singular.
 
     Raises
     ------
     ZeroDivisionError
         If a pivot vanishes identically.
     """
-    a, b, n = [list(row) for row in matrix], list(right), len(right)
+    a = [list(row) for row in matrix]
+    b = list(right)
+    n = len(right)
     for k in range(n):
         if vanishes(a[k][k]):
             raise ZeroDivisionError("the rates are not determined in this mode")
@@ -307,7 +336,9 @@ def solve(matrix: list[list[Expr]], right: list[Expr]) -> list[Expr]:
             if a[i][k] is ex.ZERO:
                 continue
             factor = a[i][k] / a[k][k]
-            a[i] = [x - factor * y if y is not ex.ZERO else x for x, y in zip(a[i], a[k], strict=True)]
+            a[i] = [
+                x - factor * y if y is not ex.ZERO else x for x, y in zip(a[i], a[k], strict=True)
+            ]
             a[i][k] = ex.ZERO
             b[i] = b[i] - factor * b[k]
     for k in reversed(range(n)):
@@ -317,7 +348,8 @@ def solve(matrix: list[list[Expr]], right: list[Expr]) -> list[Expr]:
 
 
 def vanishes(e: Expr) -> bool:
-    """Whether an expression is zero identically: where it is not, random points show it up to rounding."""
+    """Whether an expression is zero identically: where it is not, random points show it up to
+    rounding."""
     if e.op == "num":
         return ex.is_number(e, 0.0)
     names = sorted(e.symbols)
@@ -325,7 +357,8 @@ def vanishes(e: Expr) -> bool:
     constant = float(e.value) if e.op == "sum" else 0.0
     for turn in range(1, 5):
         values = {
-            name: 0.5 + (0.3819660112501051 * turn + 0.5545497331806323 * i) % 1.0 for i, name in enumerate(names)
+            name: 0.5 + (0.3819660112501051 * turn + 0.5545497331806323 * i) % 1.0
+            for i, name in enumerate(names)
         }
         terms = [constant, *(c * ex.evaluate(term, values) for term, c in parts)]
         if all(map(math.isfinite, terms)):

@@ -28,7 +28,8 @@ HATCH = "////"
 
 
 def plot_basin(basin: xarray.Dataset) -> Figure:
-    """Which attractor each initial state reaches; the legend names its speed or period. Hatched: not certified.
+    """Which attractor each initial state reaches; the legend names its speed or period. Hatched:
+    not certified.
 
     Parameters
     ----------
@@ -64,11 +65,16 @@ def plot_basin(basin: xarray.Dataset) -> Figure:
         axes.set_xlabel(axis_label([across], str(basin[across].attrs.get("units", ""))))
         axes.set_ylabel(axis_label([up], str(basin[up].attrs.get("units", ""))))
         shown = [(code, _name(basin, code)) for code in np.unique(labels.values)]
-        handles = [Patch(fc=(colours[code + 3], OPAQUE), ec="#444444", lw=0.6, label=name) for code, name in shown]
+        handles = [
+            Patch(fc=(colours[code + 3], OPAQUE), ec="#444444", lw=0.6, label=name)
+            for code, name in shown
+        ]
         if np.any(bad):
             style: dict[str, Any] = {"levels": [0.5, 1.5], "colors": "none", "hatches": [HATCH]}
             axes.contourf(basin[across].values, basin[up].values, bad.T.astype(float), **style)
-            handles.append(Patch(fc="none", ec=STICK_LINE, lw=0.0, hatch=HATCH, label="not certified"))
+            handles.append(
+                Patch(fc="none", ec=STICK_LINE, lw=0.0, hatch=HATCH, label="not certified")
+            )
         figure.legend(handles=handles, loc="outside upper left", ncols=3)
     return figure
 
@@ -82,7 +88,8 @@ def _colours(basin: xarray.Dataset) -> list[str]:
 
 def _uncertified(basin: xarray.Dataset) -> np.ndarray:
     """States that reach an attractor, but not for certain."""
-    labels, table = basin["attractor"].values, np.append(basin["certified"].values, True)
+    labels = basin["attractor"].values
+    table = np.append(basin["certified"].values, True)
     return (labels >= 0) & ((basin["lacking"].values > 0) | ~table[np.maximum(labels, -1)])
 
 
@@ -91,8 +98,16 @@ def _name(basin: xarray.Dataset, code: int) -> str:
     if code < 0:
         return NOWHERE[code][0]
     one = basin.isel(reached=code)
-    kind, period, speed = str(one["reached"].values).replace("_", " "), float(one["period"]), float(one["speed"])
-    kind = f"{one['stability'].item()} {kind}" if one["stability"].item() not in ("", "stable") else kind
+    kind = str(one["reached"].values).replace("_", " ")
+    period = float(one["period"])
+    speed = float(one["speed"])
+    kind = (
+        f"{one['stability'].item()} {kind}"
+        if one["stability"].item() not in ("", "stable")
+        else kind
+    )
     if speed:
         return f"{kind}, speed {with_unit(speed, one['speed'].attrs['units'], 3)}"
-    return f"{kind}, period {with_unit(period, one['period'].attrs['units'], 3)}" if period else kind
+    return (
+        f"{kind}, period {with_unit(period, one['period'].attrs['units'], 3)}" if period else kind
+    )

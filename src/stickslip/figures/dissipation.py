@@ -1,4 +1,5 @@
-"""Pictures of dissipation potentials: stable sets and what they have in common, costs over a phase, a path."""
+"""Pictures of dissipation potentials: stable sets and what they have in common, costs over a phase,
+a path."""
 
 from __future__ import annotations
 
@@ -30,13 +31,18 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.dissipation import Average, Dissipation
 
 Array = np.ndarray
-DIRECTIONS, RAYS, PHASES = 360, 2880, 128  # more rays, so that corners stay sharp
+DIRECTIONS = 360
+RAYS = 2880  # more than directions, so that corners stay sharp
+PHASES = 128
 FEW = 4  # components with a line of their own; of more a map is drawn
-PLANE, COSTS, HEIGHT = 4.4, 4.8, 4.8  # inches
+PLANE = 4.4  # inches
+COSTS = 4.8  # inches
+HEIGHT = 4.8  # inches
 
 
 def plot_average(potential: Dissipation, average: Average, sets: int = 8, unit: str = "") -> Figure:
-    """Costs of unit motions over one phase with their averages; in the plane also K(s) at some phases, and K_av.
+    """Costs of unit motions over one phase with their averages; in the plane also K(s) at some
+    phases, and K_av.
 
     Parameters
     ----------
@@ -71,7 +77,9 @@ def stable_sets(axes: Axes, potential: Dissipation, sets: int = 8, unit: str = "
     for k, s in enumerate(phases.tolist()):
         axes.fill(*_boundary(potential, np.array([s])).T, fc="none", ec=colours(k), lw=1.2)
     common = _boundary(potential, np.arange(PHASES if potential.depends_on_phase else 1) / PHASES)
-    axes.fill(*common.T, fc=BAND, ec=THRESHOLD, lw=2.2, zorder=3, label=r"$K_\mathrm{av}$, common to all")
+    axes.fill(
+        *common.T, fc=BAND, ec=THRESHOLD, lw=2.2, zorder=3, label=r"$K_\mathrm{av}$, common to all"
+    )
     axes.plot(0, 0, "+", color=STICK_LINE, ms=7, zorder=4)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel(_with_unit(r"force $\xi_1$", unit))
@@ -86,7 +94,9 @@ def _phase_bar(axes: Axes, colours: ListedColormap, sets: int) -> None:
     norm = BoundaryNorm((np.arange(sets + 1) - 0.5) / sets, sets)
     figure = axes.figure
     assert isinstance(figure, Figure)
-    bar: Colorbar = figure.colorbar(ScalarMappable(norm, colours), ax=axes, location="bottom", shrink=0.75, aspect=24)
+    bar: Colorbar = figure.colorbar(
+        ScalarMappable(norm, colours), ax=axes, location="bottom", shrink=0.75, aspect=24
+    )
     ticks = np.arange(0, sets, max(1, sets // 4)) / sets
     bar.set_ticks(ticks.tolist(), labels=[f"{s:g}" for s in ticks])
     bar.ax.minorticks_off()
@@ -95,7 +105,8 @@ def _phase_bar(axes: Axes, colours: ListedColormap, sets: int) -> None:
 
 
 def _boundary(potential: Dissipation, phases: Array) -> Array:
-    """Boundary of what K(s) has in common at some phases, shape (RAYS, 2): where rays meet the first line."""
+    """Boundary of what K(s) has in common at some phases, shape (RAYS, 2): where rays meet the
+    first line."""
     rays = _circle(RAYS)
     normals, offsets = _half_planes(potential, phases)
     slopes = rays @ normals.T
@@ -109,7 +120,8 @@ def _half_planes(potential: Dissipation, phases: Array) -> tuple[Array, Array]:
     if isinstance(potential, Polytope) and potential.faces is not None:
         normals, offsets = zip(*(potential.halfspaces_at(s) for s in phases.tolist()), strict=True)
         return np.concatenate(normals), np.concatenate(offsets)
-    sampled, directions = potential.sampled(phases), _circle(DIRECTIONS)
+    sampled = potential.sampled(phases)
+    directions = _circle(DIRECTIONS)
     return directions, np.array([sampled.support(v).min() for v in directions])
 
 
@@ -123,26 +135,54 @@ def _with_unit(label: str, unit: str) -> str:
 
 
 def costs_over_phase(axes: Axes, potential: Dissipation, average: Average, unit: str = "") -> None:
-    """Ψ(s, e_i) over one phase, dashed its average Ψ_av(e_i), and dots where the cheapest motion along e_i moves."""
-    n, phases = potential.dimension, np.linspace(0.0, 1.0, PHASES + 1)
+    """Ψ(s, e_i) over one phase, dashed its average Ψ_av(e_i), and dots where the cheapest motion
+    along e_i moves."""
+    n = potential.dimension
+    phases = np.linspace(0.0, 1.0, PHASES + 1)
     costs = unit_costs(potential, phases)
     axes.set_xlabel("phase $s$  [periods]")
     axes.set_xlim(0.0, 1.0)
     if n > FEW:
         image = axes.imshow(
-            costs, aspect="auto", extent=(0.0, 1.0, n + 0.5, 0.5), cmap="cividis", interpolation="nearest"
+            costs,
+            aspect="auto",
+            extent=(0.0, 1.0, n + 0.5, 0.5),
+            cmap="cividis",
+            interpolation="nearest",
         )
         figure = axes.figure
         assert isinstance(figure, Figure)
-        figure.colorbar(image, ax=axes, pad=0.01, label=_with_unit(r"cost of a unit motion $\Psi(s, e_i)$", unit))
+        figure.colorbar(
+            image,
+            ax=axes,
+            pad=0.01,
+            label=_with_unit(r"cost of a unit motion $\Psi(s, e_i)$", unit),
+        )
         axes.set_ylabel("component $i$")
         return
     for i, colour in enumerate(line_colours(n)):
-        axes.plot(phases, costs[i], color=colour, label=rf"$\Psi(s, e_{i + 1})$" if n > 1 else r"$\Psi(s, 1)$")
+        axes.plot(
+            phases,
+            costs[i],
+            color=colour,
+            label=rf"$\Psi(s, e_{i + 1})$" if n > 1 else r"$\Psi(s, 1)$",
+        )
         motion = average.optimal_motion(np.eye(n)[i])
-        axes.axhline(motion.cost, color=colour, lw=1.2, ls=(i * 4.0, (4.0, 4.0 * max(1, n - 1))), zorder=1)
+        axes.axhline(
+            motion.cost, color=colour, lw=1.2, ls=(i * 4.0, (4.0, 4.0 * max(1, n - 1))), zorder=1
+        )
         at = unit_costs(potential, motion.phases)[i]
-        axes.plot(motion.phases, at, "o", color=colour, mfc="white", mew=1.6, ms=7, zorder=4, clip_on=False)
+        axes.plot(
+            motion.phases,
+            at,
+            "o",
+            color=colour,
+            mfc="white",
+            mew=1.6,
+            ms=7,
+            zorder=4,
+            clip_on=False,
+        )
     axes.plot([], [], color=STICK_LINE, lw=1.2, ls="--", label=r"$\Psi_\mathrm{av}$")
     axes.plot([], [], "o", color=STICK_LINE, mfc="white", mew=1.6, ms=7, label="moves")
     axes.set_ylim(0.0, 1.08 * float(costs.max()) or 1.0)
@@ -173,7 +213,9 @@ def plot_path(resolved: Array, averaged: Array, period: float) -> Figure:
     with paper_style():
         figure = new_figure(7.2, 5.4)
         axes = figure.add_subplot()
-        axes.plot(*averaged.T, color=STICK_LINE, lw=1.1, label=r"averaged, $\varepsilon \to 0$", zorder=2)
+        axes.plot(
+            *averaged.T, color=STICK_LINE, lw=1.1, label=r"averaged, $\varepsilon \to 0$", zorder=2
+        )
         moved = np.abs(np.diff(resolved, axis=0))
         kinds = (
             ((moved[:, 0] > 0.0) & (moved[:, 1] == 0.0), BLUE, "$z_1$ moves"),

@@ -1,4 +1,5 @@
-"""Pictures of evolutions: components over time with stick phases shaded, and convergence under averaging."""
+"""Pictures of evolutions: components over time with stick phases shaded, and convergence under
+averaging."""
 
 from __future__ import annotations
 
@@ -27,11 +28,14 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 FEW = 4  # components with a panel of their own
-ROW, EXTRA, WIDTH = 1.5, 1.0, 7.2  # inches
+ROW = 1.5  # inches
+EXTRA = 1.0  # inches
+WIDTH = 7.2  # inches
 
 
 def plot_history(history: History) -> Figure:
-    """Components over time, grey where they stick (a map of all of them if there are more than four), and energies.
+    """Components over time, grey where they stick (a map of all of them if there are more than
+    four), and energies.
 
     Parameters
     ----------
@@ -46,7 +50,9 @@ def plot_history(history: History) -> Figure:
     with paper_style():
         rows = n if n <= FEW else 2
         figure = new_figure(WIDTH, ROW * (rows + 1) + EXTRA)
-        panels: list[Axes] = list(figure.subplots(rows + 1, 1, sharex=True, gridspec_kw=_heights(n)))
+        panels: list[Axes] = list(
+            figure.subplots(rows + 1, 1, sharex=True, gridspec_kw=_heights(n))
+        )
         if n <= FEW:
             for i in range(n):
                 _component(panels[i], t, z[:, i], f"$z_{{{i + 1}}}$" if n > 1 else "$z$")
@@ -105,7 +111,11 @@ def _slipping(axes: Axes, history: History) -> None:
 
 def _energies(axes: Axes, history: History) -> None:
     data = history.dataset
-    lines = (("energy", "energy", BLUE), ("dissipated", "dissipated", VERMILION), ("work", "work of the load", GREEN))
+    lines = (
+        ("energy", "energy", BLUE),
+        ("dissipated", "dissipated", VERMILION),
+        ("work", "work of the load", GREEN),
+    )
     for name, label, colour in lines:
         _line(axes, data["step_time"].values, data[name].values, color=colour, label=label)
     axes.set_ylabel("energy")
@@ -113,7 +123,8 @@ def _energies(axes: Axes, history: History) -> None:
 
 
 def plot_study(study: AveragingStudy) -> Figure:
-    """Distance from the averaged motion against ε with its fitted rate, and what happens to the rates.
+    """Distance from the averaged motion against ε with its fitted rate, and what happens to the
+    rates.
 
     Parameters
     ----------

@@ -44,8 +44,12 @@ def plot_gait(cycle: Cycle, periods: int = 2) -> Figure:
     matplotlib.figure.Figure
     """
     if not cycle.contacts:
-        raise DeclarationError("cycle", "its system has no contacts", "A gait diagram shows contacts")
-    moving = [name for name in cycle.direction if cycle.drift] or list(cycle.system.declaration.coordinates)
+        raise DeclarationError(
+            "cycle", "its system has no contacts", "A gait diagram shows contacts"
+        )
+    moving = [name for name in cycle.direction if cycle.drift] or list(
+        cycle.system.declaration.coordinates
+    )
     rows = len(cycle.contacts)
     with paper_style():
         figure = new_figure(6.4, 2.9 + 0.42 * rows)
@@ -62,14 +66,16 @@ def _bars(axes: Axes, cycle: Cycle, periods: int) -> None:
     """One row for each contact, one bar for each phase."""
     knots = cycle.trajectory.knots
     contacts = [c.name for c in cycle.trajectory._problem.compiled.equations.contacts]
-    start, length = knots.time[:-1] - knots.time[0], np.diff(knots.time)
+    start = knots.time[:-1] - knots.time[0]
+    length = np.diff(knots.time)
     shown: set[int] = set()
     for row, name in enumerate(cycle.system.contacts):
         mode = knots.slip[:-1, contacts.index(name)]
         edges = np.flatnonzero(np.append(True, np.diff(mode) != 0))
         for turn in range(periods):
             for i, j in zip(edges, [*edges[1:], len(mode)], strict=True):
-                begins, lasts = start[i] + turn * cycle.period, float(np.sum(length[i:j]))
+                begins = start[i] + turn * cycle.period
+                lasts = float(np.sum(length[i:j]))
                 colour = SLIP.get(int(mode[i]), STICK_SHADE)
                 axes.broken_barh([(begins, lasts)], (row - 0.36, 0.72), color=colour, lw=0)
                 shown.add(int(mode[i]))
@@ -78,8 +84,15 @@ def _bars(axes: Axes, cycle: Cycle, periods: int) -> None:
     axes.tick_params(left=False)
     axes.spines[["left", "bottom"]].set_visible(False)
     axes.tick_params(bottom=False, labelbottom=False)
-    meanings = ((0, STICK_SHADE, "stick"), (1, SLIP[1], "slip forward"), (-1, SLIP[-1], "slip back"))
-    legend_above(axes, [Patch(color=colour, label=label) for mode, colour, label in meanings if mode in shown])
+    meanings = (
+        (0, STICK_SHADE, "stick"),
+        (1, SLIP[1], "slip forward"),
+        (-1, SLIP[-1], "slip back"),
+    )
+    legend_above(
+        axes,
+        [Patch(color=colour, label=label) for mode, colour, label in meanings if mode in shown],
+    )
 
 
 def _positions(axes: Axes, cycle: Cycle, names: list[str], periods: int) -> None:

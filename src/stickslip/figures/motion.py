@@ -1,6 +1,8 @@
-"""The picture of one motion: time traces with stick phases shaded, and the phase plane where it says something.
+"""The picture of one motion: time traces with stick phases shaded, and the phase plane where it
+says something.
 
-However long the motion is, what is drawn of it is bounded: see :mod:`stickslip.figures.drawing.thinning`.
+However long the motion is, what is drawn of it is bounded: see
+:mod:`stickslip.figures.drawing.thinning`.
 """
 
 from __future__ import annotations
@@ -37,18 +39,26 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 Array = np.ndarray
-SAMPLES, POINTS = 6000, (16, 64)  # over the whole time; on each step, the more the fewer steps there are
-MOST_STEPS, MOST_SAMPLES, AT_ONCE = 1_000_000, 16_000_000, 64_000  # of a motion, and samples taken in one go
-MANY = 4  # lines in one panel, or contacts with a panel of their own, above which a map is drawn instead
-ROW, EXTRA, TIME_WIDTH, PLANE_WIDTH = 1.5, 1.0, 7.2, 4.6  # inches
+SAMPLES = 6000  # over the whole time
+POINTS = (16, 64)  # on each step, the more the fewer steps there are
+MOST_STEPS = 1_000_000  # of a motion
+MOST_SAMPLES = 16_000_000  # of a motion
+AT_ONCE = 64_000  # samples taken in one go
+# lines in one panel, or contacts with a panel of their own, above which a map is drawn instead
+MANY = 4
+ROW = 1.5  # inches
+EXTRA = 1.0  # inches
+TIME_WIDTH = 7.2  # inches
+PLANE_WIDTH = 4.6  # inches
 
 
 def plot_trajectory(trajectory: Trajectory) -> Figure:
     """Overview of a motion.
 
-    Left, over a shared time axis: coordinates, velocities of inertial coordinates, internal variables, and per
-    contact the friction force between its thresholds. Grey: the contact sticks (in the upper panels: every contact
-    does). Right: phase planes of one or two degrees of freedom, sticking parts in black.
+    Left, over a shared time axis: coordinates, velocities of inertial coordinates, internal
+    variables, and per contact the friction force between its thresholds. Grey: the contact sticks
+    (in the upper panels: every contact does). Right: phase planes of one or two degrees of freedom,
+    sticking parts in black.
 
     Parameters
     ----------
@@ -66,7 +76,8 @@ class _Overview:
     """One overview: what is shown, and in which panel."""
 
     def __init__(self, trajectory: Trajectory) -> None:
-        self.trajectory, self.system = trajectory, trajectory.system
+        self.trajectory = trajectory
+        self.system = trajectory.system
         self.declaration = trajectory.system.declaration
         self.contacts = [contact_key(name) for name in self.system.contacts]
         self.motion = _Samples(trajectory)
@@ -86,9 +97,15 @@ class _Overview:
         names = [*self.declaration.state]
         if len(self.contacts) <= MANY:
             names += [f"{kind}_{key}" for key in self.contacts for kind in FORCES]
-        motion, planes, whole = self.motion, self.planes(), self.whole
-        curves = [Curve(whole, *(_difference(motion.at_knots, names) for names in plane)) for plane in planes]
-        columns, pieces = Columns(motion.time[0], motion.time[-1]), []
+        motion = self.motion
+        planes = self.planes()
+        whole = self.whole
+        curves = [
+            Curve(whole, *(_difference(motion.at_knots, names) for names in plane))
+            for plane in planes
+        ]
+        columns = Columns(motion.time[0], motion.time[-1])
+        pieces = []
         for t, steps, values in motion.sampled(names):
             if whole:
                 pieces.append({"t": t, **values})
@@ -98,7 +115,9 @@ class _Overview:
                 x, y = (_difference(values, names) for names in plane)
                 curve.absorb(x, y, self.all_stick[steps], np.diff(steps) <= 1)
         if whole:
-            lines = {name: np.concatenate([piece[name] for piece in pieces]) for name in ("t", *names)}
+            lines = {
+                name: np.concatenate([piece[name] for piece in pieces]) for name in ("t", *names)
+            }
             return lines.pop("t"), lines, curves
         columns.absorb(motion.time, motion.at_knots)
         return *columns.lines(), curves
@@ -118,7 +137,9 @@ class _Overview:
             panel(rows[-1])
             rows[-1].tick_params(labelbottom=row == len(panels) - 1)
         if 1 < len(self.contacts) <= MANY:
-            legend_above(rows[0], [Patch(color=STICK_SHADE, label="every contact sticks")], right=True)
+            legend_above(
+                rows[0], [Patch(color=STICK_SHADE, label="every contact sticks")], right=True
+            )
         self.time_axis(rows[-1])
         if planes:
             right = grid[1].subgridspec(len(planes), 1)
@@ -137,11 +158,17 @@ class _Overview:
     def panels(self) -> list[Callable[[Axes], None]]:
         """Panels from top to bottom."""
         d = self.declaration
-        groups = [g for kind in (d.inertial, d.viscous, d.rate_independent) for g in self.by_unit(kind)]
+        groups = [
+            g for kind in (d.inertial, d.viscous, d.rate_independent) for g in self.by_unit(kind)
+        ]
         velocities = self.by_unit([f"d_{q}" for q in d.inertial])
-        internal = [[name] for name in d.internal] if len(d.internal) <= MANY else self.by_unit(d.internal)
+        internal = (
+            [[name] for name in d.internal] if len(d.internal) <= MANY else self.by_unit(d.internal)
+        )
         panels = [self.trace(names) for names in groups]
-        panels += [self.trace(names) if len(names) <= MANY else self.heat(names) for names in velocities]
+        panels += [
+            self.trace(names) if len(names) <= MANY else self.heat(names) for names in velocities
+        ]
         panels += [self.trace(names) for names in internal]
         if len(self.contacts) > MANY:
             return [*panels, self.mode_map]
@@ -164,7 +191,10 @@ class _Overview:
             _roomy(axes, np.concatenate([self.values[name] for name in names]))
             if len(names) > 1:
                 shown = [(names[i], colours[i]) for i in _some(len(names))]
-                legend_above(axes, [Line2D([], [], color=colour, label=symbol(name)) for name, colour in shown])
+                legend_above(
+                    axes,
+                    [Line2D([], [], color=colour, label=symbol(name)) for name, colour in shown],
+                )
             short = names if len(names) <= MANY else [names[0], names[-1]]
             label = axis_label(short, self.unit(names[0]))
             axes.set_ylabel(label if short is names else label.replace(", ", r" $\ldots$ ", 1))
@@ -172,7 +202,8 @@ class _Overview:
         return panel
 
     def alpha(self, lines: int) -> float:
-        """Opacity: lines that swing within a column are areas, of which several lie on each other."""
+        """Opacity: lines that swing within a column are areas, of which several lie on each
+        other."""
         return 1.0 if self.whole or lines == 1 else max(1.0 / lines, 0.25)
 
     def shade(self, axes: Axes, holds: Array) -> None:
@@ -186,12 +217,22 @@ class _Overview:
             rows = np.array([self.values[name] for name in names])
             # A violent start must not hide the rest: the largest speeds saturate.
             largest = float(np.percentile(np.abs(rows), 97)) or float(np.max(np.abs(rows))) or 1.0
-            begins = np.searchsorted(self.t, np.linspace(self.t[0], self.t[-1], COLUMNS, endpoint=False))
-            low, high = (extreme.reduceat(rows, begins, axis=1) for extreme in (np.minimum, np.maximum))
+            begins = np.searchsorted(
+                self.t, np.linspace(self.t[0], self.t[-1], COLUMNS, endpoint=False)
+            )
+            low, high = (
+                extreme.reduceat(rows, begins, axis=1) for extreme in (np.minimum, np.maximum)
+            )
             image = np.where(-low > high, low, high)
             extent = (self.t[0], self.t[-1], len(names) + 0.5, 0.5)
             drawn = axes.imshow(
-                image, aspect="auto", extent=extent, cmap="RdBu_r", vmin=-largest, vmax=largest, interpolation="nearest"
+                image,
+                aspect="auto",
+                extent=extent,
+                cmap="RdBu_r",
+                vmin=-largest,
+                vmax=largest,
+                interpolation="nearest",
             )
             unit = unit_label(self.unit(names[0]))
             label = "velocity" + (f"  [{unit}]" if unit else "")
@@ -217,18 +258,22 @@ class _Overview:
             axes.set_ylabel(r"$\lambda$" + (f"  [{unit}]" if unit else ""))
             axes.set_title(name)
             if key == self.contacts[0]:
-                legend_above(axes, [
+                marks = [
                     Line2D([], [], color=BLUE, label="friction force"),
                     Patch(fc=BAND, ec=THRESHOLD, lw=0.8, label="thresholds"),
                     Patch(color=STICK_SHADE, label="stick"),
-                ], right=True)  # fmt: skip
+                ]
+                legend_above(axes, marks, right=True)
 
         return panel
 
     def mode_map(self, axes: Axes) -> None:
         """Who sticks when: one row per contact."""
         for row, key in enumerate(self.contacts, start=1):
-            phases = {colour: self.modes[key] == mode for mode, colour in ((0, STICK_SHADE), *SLIP.items())}
+            phases = {
+                colour: self.modes[key] == mode
+                for mode, colour in ((0, STICK_SHADE), *SLIP.items())
+            }
             strip(axes, self.motion.time, phases, row - 0.42, row + 0.42)
         axes.set_ylim(len(self.contacts) + 0.5, 0.5)
         _rows(axes, list(self.system.contacts))
@@ -238,7 +283,8 @@ class _Overview:
     # Phase planes.
 
     def planes(self) -> list[tuple[list[str], list[str]]]:
-        """Planes that may say something: (x, ẋ) of few inertial coordinates, or the two variables of a planar system.
+        """Planes that may say something: (x, ẋ) of few inertial coordinates, or the two variables
+        of a planar system.
 
         What is shown across and what upwards, each a part of the state or the difference of two.
         """
@@ -250,13 +296,19 @@ class _Overview:
             planes.append(([d.state[0]], [d.state[1]]))
         relative = [x for x, weight in self.system.translation.items() if weight == 1.0]
         others = [x for x in d.coordinates if x not in relative]
-        # Two feet and one more coordinate: the distance of the feet is a hysteresis operator of the latter.
-        if len(relative) == len(self.system.translation) == 2 and len(others) == 1 and self.same_unit(relative):
+        # Two feet and one more coordinate: the distance of the feet is a hysteresis operator of the
+        # latter.
+        if (
+            len(relative) == len(self.system.translation) == 2
+            and len(others) == 1
+            and self.same_unit(relative)
+        ):
             planes.append((others, relative))
         return planes
 
     def telling(self) -> Iterator[tuple[tuple[list[str], list[str]], Curve]]:
-        """The planes whose variables come back; that of one that only moves on is its time trace once more."""
+        """The planes whose variables come back; that of one that only moves on is its time trace
+        once more."""
         for plane, curve in zip(self.planes(), self.curves, strict=True):
             across, up = plane
             asked = across if up == [f"d_{across[0]}"] else plane
@@ -281,7 +333,14 @@ class _Overview:
             if self.contacts:
                 label = "stick" if len(self.contacts) == 1 else "all stick"
                 width = 2.2 if np.count_nonzero(np.diff(self.all_stick)) <= 40 else 1.4
-                axes.plot(x, np.where(sticking, y, np.nan), color=STICK_LINE, lw=width, label=label, zorder=3)
+                axes.plot(
+                    x,
+                    np.where(sticking, y, np.nan),
+                    color=STICK_LINE,
+                    lw=width,
+                    label=label,
+                    zorder=3,
+                )
                 axes.plot(*curve.spots(), ".", color=STICK_LINE, ms=4.5, zorder=3)
             start = [_difference(self.motion.at_knots, names)[:1] for names in (across, up)]
             axes.plot(*start, "o", ms=6, mfc="white", mec=STICK_LINE, zorder=4, label="start")
@@ -302,11 +361,15 @@ class _Overview:
 
 
 class _Samples:
-    """Times at which a motion is looked at: on each step, both ends included, and nowhere far apart."""
+    """Times at which a motion is looked at: on each step, both ends included, and nowhere far
+    apart."""
 
     def __init__(self, trajectory: Trajectory) -> None:
-        self.trajectory, k = trajectory, trajectory.knots
-        self.time, state = (k.time, k.state) if len(k.time) > 1 else (k.time[[0, 0]], k.state[[0, 0]])
+        self.trajectory = trajectory
+        k = trajectory.knots
+        self.time, state = (
+            (k.time, k.state) if len(k.time) > 1 else (k.time[[0, 0]], k.state[[0, 0]])
+        )
         self.at_knots = dict(zip(trajectory.system.declaration.state, state.T, strict=True))
         self.steps = len(self.time) - 1
         self._chosen = chosen(self.time, MOST_STEPS)
@@ -321,9 +384,11 @@ class _Samples:
         """Times, the step that each belongs to, and values; piece by piece."""
         for i in range(0, len(self._chosen), self._at_once):
             some, number = (part[i : i + self._at_once] for part in (self._chosen, self._number))
-            steps, last = np.repeat(some, number), np.cumsum(number)
+            steps = np.repeat(some, number)
+            last = np.cumsum(number)
             place = np.arange(len(steps)) - np.repeat(last - number, number)
-            begin, end = self.time[steps], self.time[steps + 1]
+            begin = self.time[steps]
+            end = self.time[steps + 1]
             t = np.minimum(begin + (end - begin) * place / (np.repeat(number, number) - 1), end)
             yield t, steps, self.trajectory.trace(names, t, steps)
 

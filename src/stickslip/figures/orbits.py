@@ -12,7 +12,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from stickslip.errors import DeclarationError
-from stickslip.figures.drawing.style import BLUE, LINES, STICK_LINE, axis_label, line_colours, new_figure, paper_style
+from stickslip.figures.drawing.style import (
+    BLUE,
+    LINES,
+    STICK_LINE,
+    axis_label,
+    line_colours,
+    new_figure,
+    paper_style,
+)
 from stickslip.model.quantities import drift_units
 
 if TYPE_CHECKING:
@@ -23,8 +31,11 @@ MARKERS = "osD^vPX*"
 VANISHING = ("Hopf", "boundary equilibrium")  # there a cycle is a point
 
 
-def plot_branch(branch: Branch, names: list[str] | None = None, *, others: Sequence[Branch] = ()) -> Figure:
-    """Bifurcation diagram: stable points solid, unstable ones dashed, special points marked and named.
+def plot_branch(
+    branch: Branch, names: list[str] | None = None, *, others: Sequence[Branch] = ()
+) -> Figure:
+    """Bifurcation diagram: stable points solid, unstable ones dashed, special points marked and
+    named.
 
     Of cycles the largest and the smallest value is drawn; those that stick are black.
 
@@ -32,13 +43,14 @@ def plot_branch(branch: Branch, names: list[str] | None = None, *, others: Seque
     ----------
     branch : Branch
     names : list of str, optional
-        What is drawn over the parameter; by default the coordinates and internal variables that change, and the speed
-        of gaits, at most three.
+        What is drawn over the parameter; by default the coordinates and internal variables that
+        change, and the speed of gaits, at most three.
     others : sequence of Branch
-        Of the same system and parameter, such as the cycles that are born on a branch of equilibria.
+        Of the same system and parameter, such as the cycles that are born on a branch of
+        equilibria.
 
-    A curve in two parameters is drawn in their plane, together with others there: of Hopf points those at which a
-    stable cycle is born are solid, the others dashed.
+    A curve in two parameters is drawn in their plane, together with others there: of Hopf points
+    those at which a stable cycle is born are solid, the others dashed.
     """
     if branch.second:
         return _plot_curves([branch, *others])
@@ -62,14 +74,20 @@ def _plot_curves(curves: list[Branch]) -> Figure:
     names = curves[0].parameter, curves[0].second
     for curve in curves:
         if not all(name in curve.points for name in names):
-            raise DeclarationError("others", f"a curve over {curve.parameter}", f"Give curves over {', '.join(names)}")
+            raise DeclarationError(
+                "others", f"a curve over {curve.parameter}", f"Give curves over {', '.join(names)}"
+            )
     with paper_style():
         figure = new_figure(6.4, 4.4)
-        axes, handles, markers = figure.subplots(), [], _markers(curves)
+        axes = figure.subplots()
+        handles = []
+        markers = _markers(curves)
         for curve, colour in zip(curves, line_colours(len(curves)), strict=True):
             handles += _draw_curve(axes, curve, names, colour)
             for point in curve.special:
-                axes.plot(*(point.parameters[name] for name in names), **markers[point.kind], zorder=3)
+                axes.plot(
+                    *(point.parameters[name] for name in names), **markers[point.kind], zorder=3
+                )
         units = [curves[0].system.parameters[name].unit for name in names]
         axes.set_xlabel(axis_label(names[:1], units[0]))
         axes.set_ylabel(axis_label(names[1:], units[1]))
@@ -80,30 +98,47 @@ def _plot_curves(curves: list[Branch]) -> Figure:
 
 
 def _draw_curve(axes: Axes, curve: Branch, names: tuple[str, str], colour: str) -> list[Line2D]:
-    """One curve, solid but where the cycles that are born at its Hopf points are unstable; the handles of its lines."""
+    """One curve, solid but where the cycles that are born at its Hopf points are unstable; the
+    handles of its lines."""
     x, y = (curve.points[name].values for name in names)
     born = curve.points["lyapunov"].values if "lyapunov" in curve.points else None
     solid = np.ones(len(x), dtype=bool) if born is None else ~(born > 0.0)
     for a, b in pairwise([0, *(np.flatnonzero(np.diff(solid) != 0) + 1), len(x)]):
-        part, marker = slice(a, min(b + 1, len(x))), "." if len(x) == 1 else ""
+        part = slice(a, min(b + 1, len(x)))
+        marker = "." if len(x) == 1 else ""
         axes.plot(x[part], y[part], color=colour, linestyle=_line(bool(solid[a])), marker=marker)
     handles = []
     for one in sorted(set(solid.tolist()), reverse=True):
         more = "" if born is None else ", stable cycles" if one else ", unstable cycles"
-        handles.append(Line2D([], [], color=colour, linestyle=_line(one), label=f"{curve.points.attrs['kind']}{more}"))
+        handles.append(
+            Line2D(
+                [],
+                [],
+                color=colour,
+                linestyle=_line(one),
+                label=f"{curve.points.attrs['kind']}{more}",
+            )
+        )
     return handles
 
 
 def _changing(branch: Branch) -> list[str]:
-    """Coordinates and internal variables that change along the branch (all of them if none does), and a gait's speed.
+    """Coordinates and internal variables that change along the branch (all of them if none does),
+    and a gait's speed.
 
     Where a gait's feet are says nothing.
     """
     speed = ["speed"] if _is_cycles(branch) and np.any(branch.points["speed"].values != 0.0) else []
-    candidates = [x for x in branch.system.declaration.state if x in branch.points and not x.startswith("d_")]
+    candidates = [
+        x for x in branch.system.declaration.state if x in branch.points and not x.startswith("d_")
+    ]
     resting = [x for x in candidates if not branch.system.translation.get(x)]
     candidates = resting if speed else resting or candidates
-    moving = [x for x in candidates if np.ptp(branch.points[x].values) > 1e-9 * (1 + np.ptp(_values(branch)))]
+    moving = [
+        x
+        for x in candidates
+        if np.ptp(branch.points[x].values) > 1e-9 * (1 + np.ptp(_values(branch)))
+    ]
     return (moving or candidates)[: 3 - len(speed)] + speed
 
 
@@ -124,19 +159,26 @@ def _is_cycles(branch: Branch) -> bool:
 
 def _sticks(branch: Branch) -> Array:
     """Whether each point is a cycle that sticks."""
-    return branch.points["sticks"].values if _is_cycles(branch) else np.zeros(len(_values(branch)), np.int8)
+    return (
+        branch.points["sticks"].values
+        if _is_cycles(branch)
+        else np.zeros(len(_values(branch)), np.int8)
+    )
 
 
 def _draw(axes: Axes, branch: Branch, name: str, markers: Mapping[str, dict[str, Any]]) -> None:
     """One variable over the parameter: a line for each stretch of one stability."""
-    x, stable, sticks = _values(branch), _decided(branch), _sticks(branch)
+    x = _values(branch)
+    stable = _decided(branch)
+    sticks = _sticks(branch)
     curves = [c for c in (f"max_{name}", f"min_{name}") if c in branch.points] or [name]
     if curves[0] not in branch.points:
         return  # an equilibrium has no speed of a gait
     changed = np.flatnonzero((np.diff(stable) != 0) | (np.diff(sticks) != 0)) + 1
     for first, last in pairwise([0, *changed, len(x)]):
         part = slice(first, min(last + 1, len(x)))  # up to the first point of the next stretch
-        style, colour = _line(stable[first] == 1), _colour(sticks[first])
+        style = _line(stable[first] == 1)
+        colour = _colour(sticks[first])
         for curve in curves:
             axes.plot(x[part], branch.points[curve].values[part], color=colour, linestyle=style)
     for point in branch.special:
@@ -172,7 +214,8 @@ def _colour(sticks: int) -> str:
 
 
 def _markers(branches: Sequence[Branch]) -> dict[str, dict[str, Any]]:
-    """How every kind of special points is marked: hollow and of different sizes, since two may be close together."""
+    """How every kind of special points is marked: hollow and of different sizes, since two may be
+    close together."""
     kinds = list(dict.fromkeys(s.kind for branch in branches for s in branch.special))
     return {
         kind: {
@@ -191,9 +234,15 @@ def _legend(branches: Sequence[Branch]) -> list[Line2D]:
     found = {}
     for branch in branches:
         what = " cycle" if _is_cycles(branch) else " equilibrium" if len(branches) > 1 else ""
-        for stable, sticks in sorted(set(zip(_decided(branch).tolist(), _sticks(branch).tolist(), strict=True)))[::-1]:
-            text = ("stable" if stable == 1 else "unstable") + what + (" with stick" if sticks else "")
-            found[text] = Line2D([], [], color=_colour(sticks), linestyle=_line(stable == 1), label=text)
+        for stable, sticks in sorted(
+            set(zip(_decided(branch).tolist(), _sticks(branch).tolist(), strict=True))
+        )[::-1]:
+            text = (
+                ("stable" if stable == 1 else "unstable") + what + (" with stick" if sticks else "")
+            )
+            found[text] = Line2D(
+                [], [], color=_colour(sticks), linestyle=_line(stable == 1), label=text
+            )
     for kind, style in _markers(branches).items():
         found[kind] = Line2D([], [], **style, label=kind)
     return list(found.values())

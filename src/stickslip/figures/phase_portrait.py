@@ -1,4 +1,5 @@
-"""Phase portraits: motions, cycles, equilibria, lines at which the law switches, and where contacts stick."""
+"""Phase portraits: motions, cycles, equilibria, lines at which the law switches, and where contacts
+stick."""
 
 from __future__ import annotations
 
@@ -39,7 +40,11 @@ Array = np.ndarray
 GRID = 301
 SAMPLES = 600
 FAINT = "#A8A8A8"
-EQUILIBRIA = {True: ("stable", STICK_LINE), False: ("unstable", "white"), None: ("undecided", FAINT)}
+EQUILIBRIA = {
+    True: ("stable", STICK_LINE),
+    False: ("unstable", "white"),
+    None: ("undecided", FAINT),
+}
 
 
 def plot_phase_portrait(
@@ -88,15 +93,21 @@ class _Portrait:
         parameters: Mapping[str, float] | None,
         cycles: Sequence[Cycle],
     ) -> None:
-        self.system, self.cycles, self.values = system, cycles, checked_values(system, parameters)
+        self.system = system
+        self.cycles = cycles
+        self.values = checked_values(system, parameters)
         self.equations: MotionEquations = derive(system.declaration)
         state = system.declaration.state
         if len(state) != 2 or self.equations.timed:
             raise DeclarationError(
-                system.name, "it has no phase plane", "Two states and no dependence on time make one"
+                system.name,
+                "it has no phase plane",
+                "Two states and no dependence on time make one",
             )
         if sorted(over) != sorted(state):
-            raise DeclarationError("over", f"needs ranges of {', '.join(state)}", "Give {name: (low, high)} for both")
+            raise DeclarationError(
+                "over", f"needs ranges of {', '.join(state)}", "Give {name: (low, high)} for both"
+            )
         (self.across, x), (self.up, y) = over.items()
         self.x, self.y = (np.linspace(float(low), float(high), GRID) for low, high in (x, y))
 
@@ -123,8 +134,10 @@ class _Portrait:
         return values_at(self.equations, self.values, states, expressions).reshape(-1, GRID, GRID)
 
     def sticking(self, axes: Axes) -> list[Patch | Line2D]:
-        """Where contacts stick: a region, or with inertia a part of the line on which they are at rest."""
-        contacts, n = self.equations.contacts, len(self.equations.contacts)
+        """Where contacts stick: a region, or with inertia a part of the line on which they are at
+        rest."""
+        contacts = self.equations.contacts
+        n = len(self.equations.contacts)
         if not n:
             return []
 
@@ -138,7 +151,14 @@ class _Portrait:
             margin = np.minimum(above, below)
             if contact.kind == Kind.INERTIAL:
                 axes.contour(self.x, self.y, u, [0.0], colors=THRESHOLD, linewidths=0.9)
-                axes.contour(self.x, self.y, np.where(margin >= 0.0, u, np.nan), [0.0], colors=STICK_LINE, linewidths=3)
+                axes.contour(
+                    self.x,
+                    self.y,
+                    np.where(margin >= 0.0, u, np.nan),
+                    [0.0],
+                    colors=STICK_LINE,
+                    linewidths=3,
+                )
                 shown.append(Line2D([], [], color=STICK_LINE, lw=3, label="stick"))
             else:
                 axes.contourf(self.x, self.y, margin, [0.0, np.inf], colors=[STICK_SHADE])
@@ -151,9 +171,21 @@ class _Portrait:
         drawn = False
         for values in self.grid(self.equations.kinks) if self.equations.kinks else ():
             if np.min(values) < 0.0 < np.max(values):
-                axes.contour(self.x, self.y, values, [0.0], colors=THRESHOLD, linewidths=0.9, linestyles="dashed")
+                axes.contour(
+                    self.x,
+                    self.y,
+                    values,
+                    [0.0],
+                    colors=THRESHOLD,
+                    linewidths=0.9,
+                    linestyles="dashed",
+                )
                 drawn = True
-        return [Line2D([], [], color=THRESHOLD, lw=0.9, ls="--", label="switching line")] if drawn else []
+        return (
+            [Line2D([], [], color=THRESHOLD, lw=0.9, ls="--", label="switching line")]
+            if drawn
+            else []
+        )
 
     def motions(self, axes: Axes, starts: int, span: float) -> None:
         """Some motions, with an arrow each."""
@@ -161,7 +193,9 @@ class _Portrait:
         fractions = (np.arange(starts) + 0.5) / starts
         for x in self.x[0] + fractions * np.ptp(self.x):
             for y in self.y[0] + fractions * np.ptp(self.y):
-                motion = simulate(self.system, (begin, begin + span), {self.across: x, self.up: y}, self.values)
+                motion = simulate(
+                    self.system, (begin, begin + span), {self.across: x, self.up: y}, self.values
+                )
                 end = motion.knots.time[-1]
                 if end > begin:
                     t = np.union1d(np.linspace(begin, end, SAMPLES), motion.knots.time)
@@ -174,9 +208,21 @@ class _Portrait:
         length = np.cumsum(np.hypot(np.diff(x) / np.ptp(self.x), np.diff(y) / np.ptp(self.y)))
         at = int(np.searchsorted(length, min(0.05, 0.5 * length[-1])))
         if length[-1] > 0.02 and at + 1 < len(x):
-            style = {"arrowstyle": "-|>", "color": FAINT, "lw": 0.7, "mutation_scale": 8, "shrinkA": 0, "shrinkB": 0}
+            style = {
+                "arrowstyle": "-|>",
+                "color": FAINT,
+                "lw": 0.7,
+                "mutation_scale": 8,
+                "shrinkA": 0,
+                "shrinkB": 0,
+            }
             axes.annotate(
-                "", (x[at + 1], y[at + 1]), (x[at], y[at]), arrowprops=style, zorder=1.6, annotation_clip=True
+                "",
+                (x[at + 1], y[at + 1]),
+                (x[at], y[at]),
+                arrowprops=style,
+                zorder=1.6,
+                annotation_clip=True,
             )
 
     def orbits(self, axes: Axes) -> list[Line2D]:
@@ -184,10 +230,22 @@ class _Portrait:
         shown = {}
         for cycle in self.cycles:
             k = cycle.trajectory.knots
-            values = cycle.trajectory.at(np.union1d(np.linspace(k.time[0], k.time[-1], SAMPLES), k.time))
-            style = (BLUE, "-", "stable cycle") if cycle.stable else (VERMILION, (0, (4, 2)), "unstable cycle")
+            values = cycle.trajectory.at(
+                np.union1d(np.linspace(k.time[0], k.time[-1], SAMPLES), k.time)
+            )
+            style = (
+                (BLUE, "-", "stable cycle")
+                if cycle.stable
+                else (VERMILION, (0, (4, 2)), "unstable cycle")
+            )
             (line,) = axes.plot(
-                values[self.across], values[self.up], color=style[0], ls=style[1], lw=1.9, label=style[2], zorder=3
+                values[self.across],
+                values[self.up],
+                color=style[0],
+                ls=style[1],
+                lw=1.9,
+                label=style[2],
+                zorder=3,
             )
             shown[style[2]] = line
         return list(shown.values())
@@ -201,5 +259,7 @@ class _Portrait:
             verdict, fill = EQUILIBRIA[e.stable]
             name = f"{verdict} equilibrium"
             place = e.state[self.across], e.state[self.up]
-            (shown[name],) = axes.plot(*place, "o", mfc=fill, mec=STICK_LINE, ms=6, zorder=4, ls="none", label=name)
+            (shown[name],) = axes.plot(
+                *place, "o", mfc=fill, mec=STICK_LINE, ms=6, zorder=4, ls="none", label=name
+            )
         return list(shown.values())

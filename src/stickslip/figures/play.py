@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 Array = np.ndarray
 SAMPLES = 4000
 MOST_NODES = 40_000  # at which the stable region is looked at
-WIDTH, HEIGHT = 7.2, 3.8  # inches
+WIDTH = 7.2  # inches
+HEIGHT = 3.8  # inches
 
 
 def plot_play(play: Play) -> Figure:
@@ -48,7 +49,8 @@ def plot_play(play: Play) -> Figure:
 
 
 def plot_limit(resolved: Play, averaged: Play) -> Figure:
-    """Two plays side by side: one with an oscillating threshold, and its limit for ε → 0 ([M] figure 2.1).
+    """Two plays side by side: one with an oscillating threshold, and its limit for ε → 0 ([M]
+    figure 2.1).
 
     Parameters
     ----------
@@ -67,13 +69,16 @@ def plot_limit(resolved: Play, averaged: Play) -> Figure:
         _draw(left, resolved, r"z_\varepsilon", "stable region")
         _draw(right, averaged, "z_0", "stable at every phase")
         period = resolved.bounds.plus.period or resolved.bounds.minus.period
-        left.set_title(r"$\varepsilon > 0$" if period is None else rf"$\varepsilon = {period:g}$", pad=20)
+        left.set_title(
+            r"$\varepsilon > 0$" if period is None else rf"$\varepsilon = {period:g}$", pad=20
+        )
         right.set_title(r"$\varepsilon \to 0$", pad=20)
         return figure
 
 
 def plot_loops(load: Array, plays: Mapping[str, Array], total: Array) -> Figure:
-    """Hysteresis loops over the load: single plays, and a weighted sum of plays (Prandtl–Ishlinskii).
+    """Hysteresis loops over the load: single plays, and a weighted sum of plays
+    (Prandtl–Ishlinskii).
 
     Parameters
     ----------
@@ -95,7 +100,9 @@ def plot_loops(load: Array, plays: Mapping[str, Array], total: Array) -> Figure:
         left.set_ylabel("position $z_i$")
         legend_above(left)
         right.plot(load, total, color=BLUE)
-        right.plot(load[:1], total[:1], "o", ms=6, mfc="white", mec=STICK_LINE, zorder=4, label="start")
+        right.plot(
+            load[:1], total[:1], "o", ms=6, mfc="white", mec=STICK_LINE, zorder=4, label="start"
+        )
         right.set_ylabel(r"output $\sum w_i z_i$")
         legend_above(right)
         for axes in (left, right):
@@ -108,9 +115,13 @@ def _draw(axes: Axes, play: Play, name: str, region: str) -> None:
     t = _times(play)
     state = play._state(*play._intervals(t, "right"))
     band_time, band = thin(t, {"low": state.now.low, "high": state.now.high})
-    axes.fill_between(band_time, band["low"], band["high"], fc=BAND, ec=THRESHOLD, lw=0.5, zorder=1, label=region)
+    axes.fill_between(
+        band_time, band["low"], band["high"], fc=BAND, ec=THRESHOLD, lw=0.5, zorder=1, label=region
+    )
     # Between nodes z is monotone.
-    line_time, line = thin(*((t, {"z": state.z}) if len(play.time) <= MOST_NODES else (play.time, {"z": play.z})))
+    line_time, line = thin(
+        *((t, {"z": state.z}) if len(play.time) <= MOST_NODES else (play.time, {"z": play.z}))
+    )
     axes.plot(line_time, line["z"], color=BLUE, zorder=3, label=f"${name}$")
     axes.set_xlim(t[0], t[-1])
     axes.set_xlabel("time $t$")
@@ -119,7 +130,8 @@ def _draw(axes: Axes, play: Play, name: str, region: str) -> None:
 
 
 def _times(play: Play) -> Array:
-    """An even grid, and the nodes (some everywhere if they are too many), those of jumps from both sides."""
+    """An even grid, and the nodes (some everywhere if they are too many), those of jumps from both
+    sides."""
     grid = np.linspace(play.time[0], play.time[-1], SAMPLES)
     nodes = play.time[np.append(chosen(play.time, MOST_NODES), -1)]
     jumps = np.nextafter(nodes[1:][np.diff(nodes) == 0.0], -np.inf)

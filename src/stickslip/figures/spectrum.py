@@ -32,9 +32,8 @@ def plot_eigenvalues(found: Equilibria) -> Figure:
         verdicts = {True: "stable", False: "unstable", None: "undecided"}
         for i, e in enumerate(found):
             values = e.eigenvalues or ()
-            label = (
-                f"{i + 1}: {', '.join(f'{c} {m}' for c, m in e.modes.items()) or 'no contacts'}, {verdicts[e.stable]}"
-            )
+            modes = ", ".join(f"{c} {m}" for c, m in e.modes.items()) or "no contacts"
+            label = f"{i + 1}: {modes}, {verdicts[e.stable]}"
             axes.plot(
                 [z.real for z in values],
                 [z.imag for z in values],

@@ -1,4 +1,5 @@
-"""Pictures of maps: lines over one axis, maps over two, small multiples over three, dots for samples."""
+"""Pictures of maps: lines over one axis, maps over two, small multiples over three, dots for
+samples."""
 
 from __future__ import annotations
 
@@ -37,18 +38,21 @@ if TYPE_CHECKING:
     import xarray
 
 Array = np.ndarray
-WIDTH, HEIGHT = 5.2, 4.2  # inches of a map
+WIDTH = 5.2  # inches of a map
+HEIGHT = 4.2  # inches of a map
 LETTERS = 9  # of a legend, in an inch
 MULTIPLES = 6  # maps of a third axis at most; more would be stamps
 HATCH = "////"
-GREYS = (STICK_SHADE, "#B9B9B9", "#8F8F8F", "#D8D2C8", "#6E6E6E")  # of points without a value, by reason
+# of points without a value, by reason
+GREYS = (STICK_SHADE, "#B9B9B9", "#8F8F8F", "#D8D2C8", "#6E6E6E")
 
 
 def plot_sweep(data: xarray.Dataset, measures: Sequence[str] | None = None) -> Figure:
     """The picture of a map.
 
-    Points without a certificate are hatched (hollow, on a line), and the legend says what they lack. Grey points were
-    computed, but have no value of the measure; the legend says why, in as many greys. White ones are not computed.
+    Points without a certificate are hatched (hollow, on a line), and the legend says what they
+    lack. Grey points were computed, but have no value of the measure; the legend says why, in as
+    many greys. White ones are not computed.
 
     Parameters
     ----------
@@ -72,7 +76,9 @@ def plot_sweep(data: xarray.Dataset, measures: Sequence[str] | None = None) -> F
         if len(dimensions) == 3:
             return _multiples(data, names)
     count = len(dimensions)
-    raise DeclarationError("plot", f"a map over {count} axes has no picture", "Choose values of some: data.sel(P=1)")
+    raise DeclarationError(
+        "plot", f"a map over {count} axes has no picture", "Choose values of some: data.sel(P=1)"
+    )
 
 
 def measures_of(data: xarray.Dataset) -> list[str]:
@@ -86,11 +92,13 @@ def _chosen(data: xarray.Dataset, measures: Sequence[str] | None) -> list[str]:
     known = [*measures_of(data), "outcome"]
     for name in measures or []:
         if name not in known:
-            raise DeclarationError("measure", f"the map has no '{short(name)}'", f"It has {', '.join(known)}")
+            raise DeclarationError(
+                "measure", f"the map has no '{short(name)}'", f"It has {', '.join(known)}"
+            )
     return list(measures) if measures else known[:-1]
 
 
-# -- one axis -----------------------------------------------------------------------------------------
+# -- one axis --------------------------------------------------------------------------------------
 
 
 def _lines(data: xarray.Dataset, names: list[str]) -> Figure:
@@ -108,17 +116,23 @@ def _lines(data: xarray.Dataset, names: list[str]) -> Figure:
     marker = "." if len(x) <= 80 or scattered else ""
     for axes, name in zip(panels, names, strict=True):
         values = np.where(computed, data[name].values[order], np.nan)
-        axes.plot(x[order], values, color=BLUE, marker=marker, linestyle="none" if scattered else "-")
+        axes.plot(
+            x[order], values, color=BLUE, marker=marker, linestyle="none" if scattered else "-"
+        )
         bad = _uncertified(data, name)[order]
         axes.plot(x[order][bad], values[bad], "o", mfc="white", mec=VERMILION, ms=5, zorder=3)
         for colour, here in _gaps(data, names, name).items():
             level = np.full(np.count_nonzero(here), 0.03)
-            axes.plot(x[here], level, "|", color=colour, ms=8, mew=2, transform=axes.get_xaxis_transform())
+            axes.plot(
+                x[here], level, "|", color=colour, ms=8, mew=2, transform=axes.get_xaxis_transform()
+            )
         axes.set_ylabel(_label(data, name, 26))
     _scale(panels[-1], data, along[0], "x")
     panels[-1].set_xlabel(_axis_text(data, along[:1]))
-    marks = [Line2D([], [], linestyle="none", marker="|", ms=8, mew=2, color=colour, label=text)
-             for colour, text in _reasons(data, names).items()]  # fmt: skip
+    marks = [
+        Line2D([], [], linestyle="none", marker="|", ms=8, mew=2, color=colour, label=text)
+        for colour, text in _reasons(data, names).items()
+    ]
     marks += _mark(data, names, "white")
     if marks:
         legend_above(panels[0], marks, right=True)
@@ -127,7 +141,11 @@ def _lines(data: xarray.Dataset, names: list[str]) -> Figure:
 
 def _mark(data: xarray.Dataset, names: list[str], inside: str) -> list[Line2D]:
     text = _lacking(data, names)
-    return [Line2D([], [], linestyle="none", marker="o", mfc=inside, mec=VERMILION, label=text)] if text else []
+    return (
+        [Line2D([], [], linestyle="none", marker="o", mfc=inside, mec=VERMILION, label=text)]
+        if text
+        else []
+    )
 
 
 def _dots(data: xarray.Dataset, names: list[str], along: list[str]) -> Figure:
@@ -139,20 +157,24 @@ def _dots(data: xarray.Dataset, names: list[str], along: list[str]) -> Figure:
         for colour, here in _gaps(data, names, name).items():
             axes.plot(x[here], y[here], ".", color=colour, ms=6)
         size = max(6.0, min(40.0, 2e4 / max(len(x), 1)))
-        dots = axes.scatter(x[shown], y[shown], c=data[name].values[shown], s=size, cmap="viridis", lw=0)
+        dots = axes.scatter(
+            x[shown], y[shown], c=data[name].values[shown], s=size, cmap="viridis", lw=0
+        )
         bad = _uncertified(data, name)
         axes.plot(x[bad], y[bad], "o", mfc="none", mec=VERMILION, ms=math.sqrt(size) + 2)
         figure.colorbar(dots, ax=axes, label=_label(data, name))
         _frame(axes, data, along[0], along[1])
-    marks = [Line2D([], [], linestyle="none", marker=".", ms=6, color=colour, label=text)
-             for colour, text in _reasons(data, names).items()]  # fmt: skip
+    marks = [
+        Line2D([], [], linestyle="none", marker=".", ms=6, color=colour, label=text)
+        for colour, text in _reasons(data, names).items()
+    ]
     marks += _mark(data, names, "none")
     if marks:
         figure.legend(handles=marks, loc="outside lower left")
     return figure
 
 
-# -- two and three axes -------------------------------------------------------------------------------
+# -- two and three axes ----------------------------------------------------------------------------
 
 
 def _maps(data: xarray.Dataset, names: list[str]) -> Figure:
@@ -168,7 +190,8 @@ def _multiples(data: xarray.Dataset, names: list[str]) -> Figure:
     third = str(min(data["outcome"].dims, key=lambda d: data.sizes[d]))
     count = data.sizes[third]
     picked = np.unique(np.linspace(0, count - 1, min(count, MULTIPLES)).round().astype(int))
-    name, along = names[0], _coordinates(data, third)
+    name = names[0]
+    along = _coordinates(data, third)
     figure, panels = _panels(data, [name] * len(picked))
     limits = _limits(data[name].values[data["outcome"].values >= 0]) if name != "outcome" else None
     for axes, index in zip(panels, picked, strict=True):
@@ -181,7 +204,11 @@ def _multiples(data: xarray.Dataset, names: list[str]) -> Figure:
 
 
 def draw_map(
-    axes: Axes, data: xarray.Dataset, name: str, limits: tuple[float, float] | None = None, bar: bool = True
+    axes: Axes,
+    data: xarray.Dataset,
+    name: str,
+    limits: tuple[float, float] | None = None,
+    bar: bool = True,
 ) -> None:
     """Draw one measure of a map over two axes, hatched where it is not certified.
 
@@ -202,9 +229,11 @@ def draw_map(
     rows, columns = np.argsort(x), np.argsort(y)
     turned = np.ix_(rows, columns)
     edges = [
-        _edges(data[n].values[o], data[n].attrs.get("spacing") == "log") for n, o in ((first, rows), (second, columns))
+        _edges(data[n].values[o], data[n].attrs.get("spacing") == "log")
+        for n, o in ((first, rows), (second, columns))
     ]
-    values, outcome = data[name].values[turned], data["outcome"].values[turned]
+    values = data[name].values[turned]
+    outcome = data["outcome"].values[turned]
     computed = outcome != NOT_COMPUTED
     if name == "outcome":
         _draw_outcomes(axes, edges, data, outcome, bar)
@@ -213,7 +242,9 @@ def draw_map(
             shade = np.where(here[turned], 1.0, np.nan)
             axes.pcolormesh(*edges, shade.T, cmap=ListedColormap([colour]), rasterized=True)
         low, high = limits or _limits(values[computed])
-        mesh = axes.pcolormesh(*edges, np.where(computed, values, np.nan).T, vmin=low, vmax=high, rasterized=True)
+        mesh = axes.pcolormesh(
+            *edges, np.where(computed, values, np.nan).T, vmin=low, vmax=high, rasterized=True
+        )
         if bar:
             axes.figure.colorbar(mesh, ax=axes, label=_label(data, name))
     bad = _uncertified(data, name)[turned]
@@ -223,7 +254,9 @@ def draw_map(
     _frame(axes, data, first, second)
 
 
-def _draw_outcomes(axes: Axes, edges: list[Array], data: xarray.Dataset, outcome: Array, bar: bool) -> None:
+def _draw_outcomes(
+    axes: Axes, edges: list[Array], data: xarray.Dataset, outcome: Array, bar: bool
+) -> None:
     """Outcomes in distinct colours, with their names."""
     words = _words(data["outcome"])
     found = [int(code) for code in np.unique(outcome) if code >= 0]
@@ -232,7 +265,9 @@ def _draw_outcomes(axes: Axes, edges: list[Array], data: xarray.Dataset, outcome
     for i, code in enumerate(found):
         shown[outcome == code] = i
     norm = BoundaryNorm(np.arange(len(found) + 1) - 0.5, len(found))
-    mesh = axes.pcolormesh(*edges, shown.T, cmap=ListedColormap(list(colours.values())), norm=norm, rasterized=True)
+    mesh = axes.pcolormesh(
+        *edges, shown.T, cmap=ListedColormap(list(colours.values())), norm=norm, rasterized=True
+    )
     if bar:
         scale = axes.figure.colorbar(mesh, ax=axes, ticks=range(len(found)))
         scale.ax.set_yticklabels([words[code] for code in found])
@@ -263,34 +298,49 @@ def _legend(figure: Figure, data: xarray.Dataset, names: list[str]) -> None:
         handles.append(Patch(fc="white", ec=STICK_LINE, lw=0.6, label="not computed"))
     if np.any(outcome == INTERPOLATED):
         share = np.count_nonzero(outcome >= 0) / outcome.size
-        handles.append(Patch(fc="none", ec="none", label=f"interpolated from {share:.1%} of the points"))
+        handles.append(
+            Patch(fc="none", ec="none", label=f"interpolated from {share:.1%} of the points")
+        )
     if handles:
-        figure.legend(handles=handles, loc="outside lower left", ncols=2 if len(handles) > 2 else len(handles))
+        figure.legend(
+            handles=handles, loc="outside lower left", ncols=2 if len(handles) > 2 else len(handles)
+        )
 
 
 def _gaps(data: xarray.Dataset, names: list[str], name: str) -> dict[str, Array]:
     """Points that were computed and have no value of a measure, by the colour of the reason."""
     if name == "outcome":
         return {}
-    outcome, without = data["outcome"].values, np.isnan(data[name].values)
-    return {colour: without & (outcome == code) for colour, code in zip(GREYS, _codes(data, names), strict=False)}
+    outcome = data["outcome"].values
+    without = np.isnan(data[name].values)
+    return {
+        colour: without & (outcome == code)
+        for colour, code in zip(GREYS, _codes(data, names), strict=False)
+    }
 
 
 def _codes(data: xarray.Dataset, names: list[str]) -> list[int]:
     """Outcomes of the points that lack a value of one of the measures."""
-    without = np.any([np.isnan(data[name].values) for name in names if name != "outcome"] or [False], axis=0)
+    without = np.any(
+        [np.isnan(data[name].values) for name in names if name != "outcome"] or [False], axis=0
+    )
     outcome = data["outcome"].values
     return [int(code) for code in np.unique(outcome[without & (outcome != NOT_COMPUTED)])]
 
 
 def _reasons(data: xarray.Dataset, names: list[str]) -> dict[str, str]:
     """What the greys of points without a value stand for."""
-    words, found = _words(data["outcome"]), {}
+    words = _words(data["outcome"])
+    found = {}
     for colour, code in zip(GREYS, _codes(data, names), strict=False):
         found[colour] = f"no value: {words[code]}"
         if code == Outcome.OUTSIDE.code:
-            largest = with_unit(float(np.nanmax(data["excess"].values)), data["excess"].attrs["units"], 3)
-            found[colour] = f"no value: the start is outside the stable set |∂Φ| ≤ s, by up to {largest}"
+            largest = with_unit(
+                float(np.nanmax(data["excess"].values)), data["excess"].attrs["units"], 3
+            )
+            found[colour] = (
+                f"no value: the start is outside the stable set |∂Φ| ≤ s, by up to {largest}"
+            )
     return found
 
 
@@ -307,11 +357,15 @@ def _lacking(data: xarray.Dataset, names: list[str]) -> str:
         return ""
     if "lacking" not in data:
         return "not certified"
-    lacked = [LACKING[code] for code in np.unique(data["lacking"].values[bad]) if LACKING[code] != "result"]
+    lacked = [
+        LACKING[code]
+        for code in np.unique(data["lacking"].values[bad])
+        if LACKING[code] != "result"
+    ]
     return f"not certified ({', '.join(lacked)})" if lacked else "not certified"
 
 
-# -- axes and values ----------------------------------------------------------------------------------
+# -- axes and values -------------------------------------------------------------------------------
 
 
 def _coordinates(data: xarray.Dataset, dimension: str) -> list[str]:
@@ -341,7 +395,9 @@ def _edges(values: Array, log: bool) -> Array:
         edges = np.array([v[0] - 0.5, v[0] + 0.5])
     else:
         middle = (v[1:] + v[:-1]) / 2
-        edges = np.concatenate([[v[0] - (middle[0] - v[0])], middle, [v[-1] + (v[-1] - middle[-1])]])
+        edges = np.concatenate(
+            [[v[0] - (middle[0] - v[0])], middle, [v[-1] + (v[-1] - middle[-1])]]
+        )
     return np.exp(edges) if log else edges
 
 
@@ -370,7 +426,8 @@ def _axis_text(data: xarray.Dataset, names: list[str]) -> str:
 
 def _label(data: xarray.Dataset, name: str, width: int = 60) -> str:
     """Meaning and unit of a measure, on two lines if it is long."""
-    meaning, unit = str(data[name].attrs.get("long_name", name)), unit_label(_unit(data, name))
+    meaning = str(data[name].attrs.get("long_name", name))
+    unit = unit_label(_unit(data, name))
     text = f"{meaning}  [{unit}]" if unit else meaning
     if len(meaning) <= width:
         return text

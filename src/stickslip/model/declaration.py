@@ -1,4 +1,5 @@
-"""Reading a declaration: every formula becomes an expression, and everything wrong is found here."""
+"""Reading a declaration: every formula becomes an expression, and everything wrong is found
+here."""
 
 from __future__ import annotations
 
@@ -52,7 +53,8 @@ class DryContact:
     plus, minus : Expr
         Thresholds for u > 0 and u < 0.
     kinetic_plus, kinetic_minus : Expr
-        Friction forces while sliding (the thresholds unless declared); may contain the symbol ``speed``.
+        Friction forces while sliding (the thresholds unless declared); may contain the symbol
+        ``speed``.
     """
 
     name: str
@@ -68,7 +70,8 @@ class DryContact:
 
 @dataclass(eq=False)
 class Declaration:
-    """A system's formulas as expressions in the symbols ``t``, coordinates, rates ``d_x`` and parameters.
+    """A system's formulas as expressions in the symbols ``t``, coordinates, rates ``d_x`` and
+    parameters.
 
     Attributes
     ----------
@@ -121,13 +124,17 @@ class Declaration:
         where = entry_key("parameters", name)
         if name not in self.ranges:
             raise DeclarationError(
-                where, "there is no such parameter", f"Known: {', '.join(self.parameters) or 'none'}"
+                where,
+                "there is no such parameter",
+                f"Known: {', '.join(self.parameters) or 'none'}",
             )
         if not is_finite(value):
             raise DeclarationError(where, "its value is not a finite number", "Give a number")
         if value not in self.ranges[name]:
             raise DeclarationError(
-                where, f"{value:g} is outside the admissible range {self.ranges[name].text}", "Choose a value inside"
+                where,
+                f"{value:g} is outside the admissible range {self.ranges[name].text}",
+                "Choose a value inside",
             )
 
     def check_parameters(self, values: Mapping[str, float]) -> None:
@@ -163,7 +170,9 @@ def declare(system: System) -> Declaration:
         reader.defaults()
     except ArithmeticError:
         # Single formulas are checked one by one; this is for two that are too large only together.
-        raise DeclarationError(system.name, "its numbers are too large", "Check large numbers and exponents") from None
+        raise DeclarationError(
+            system.name, "its numbers are too large", "Check large numbers and exponents"
+        ) from None
     return reader.result
 
 
@@ -177,7 +186,9 @@ def parse_range(text: object, where: str) -> Range:
             low, high = 1.0, 0.0
         if low <= high:
             return Range(str(text), low, high, (match[1] == "[", match[4] == "]"))
-    raise DeclarationError(where, f"'{short(str(text))}' is not an interval", "Write it like '(0, inf)' or '[0, 1]'")
+    raise DeclarationError(
+        where, f"'{short(str(text))}' is not an interval", "Write it like '(0, inf)' or '[0, 1]'"
+    )
 
 
 class _Reader:
@@ -206,7 +217,9 @@ class _Reader:
             check_unit(parameter.unit, f"{where}.unit")
             result.ranges[name] = parse_range(parameter.range, f"{where}.range")
             result.check_range(name, parameter.default)
-        kinds = dict(zip(Kind, (result.inertial, result.viscous, result.rate_independent), strict=True))
+        kinds = dict(
+            zip(Kind, (result.inertial, result.viscous, result.rate_independent), strict=True)
+        )
         for name, coordinate in system.coordinates.items():
             where = entry_key("coordinates", name)
             claim(name, where, rate=True)
@@ -219,7 +232,9 @@ class _Reader:
             result.internal.append(name)
         if not result.state:
             raise DeclarationError(
-                "coordinates", "the system has no coordinates and no internal variables", "Declare at least one"
+                "coordinates",
+                "the system has no coordinates and no internal variables",
+                "Declare at least one",
             )
         check_unit(system.time_unit, "time_unit")
         start, stop = system.span
@@ -234,11 +249,16 @@ class _Reader:
                 claim(name, where)
                 self.definitions[name] = Definition(where, arguments, text)
                 if section == "drives" or len(arguments) == 1:
-                    derivatives[f"d_{name}"] = Definition(where, arguments, text, (*arguments, "t")[0])
+                    derivatives[f"d_{name}"] = Definition(
+                        where, arguments, text, (*arguments, "t")[0]
+                    )
         self.declared = list(self.definitions)
         self.definitions |= {name: d for name, d in derivatives.items() if name not in taken}
         self.constants = {name: ex.sym(name) for name in system.parameters}
-        self.state = {"t": ex.sym("t"), **{n: ex.sym(n) for n in (*result.coordinates, *result.internal)}}
+        self.state = {
+            "t": ex.sym("t"),
+            **{n: ex.sym(n) for n in (*result.coordinates, *result.internal)},
+        }
         self.velocities = {f"d_{q}": ex.sym(f"d_{q}") for q in result.inertial}
         self.rates = {f"d_{x}": ex.sym(f"d_{x}") for x in result.coordinates}
 
@@ -251,16 +271,25 @@ class _Reader:
         system, result = self.system, self.result
         self.static = self.scope(why="Only parameters may stand here")
         self.clock = self.scope({"t": self.state["t"]}, why="Only t and parameters may stand here")
-        self.place = self.scope(self.state, why="Only t, coordinates, internal variables and parameters may stand here")
-        self.motion = self.scope(self.state, self.velocities, why="Only rates of inertial coordinates may stand here")
-        anywhere = self.scope(self.state, self.rates, {"speed": ex.sym("speed")}, why="Use t, coordinates and rates")
+        self.place = self.scope(
+            self.state, why="Only t, coordinates, internal variables and parameters may stand here"
+        )
+        self.motion = self.scope(
+            self.state, self.velocities, why="Only rates of inertial coordinates may stand here"
+        )
+        anywhere = self.scope(
+            self.state, self.rates, {"speed": ex.sym("speed")}, why="Use t, coordinates and rates"
+        )
         for name in self.declared:
             anywhere.check(name)
         for name in system.drives:
             result.drives[name] = self.clock.parse(name, f"drives.{name}")
         result.potential = self.place.parse(system.potential, "potential")
         _check_slopes(result.potential, result.coordinates, "potential", 2)
-        speeds = self.scope(self.velocities, why="The kinetic energy uses rates of inertial coordinates and parameters")
+        speeds = self.scope(
+            self.velocities,
+            why="The kinetic energy uses rates of inertial coordinates and parameters",
+        )
         result.kinetic = speeds.parse(system.kinetic, "kinetic")
         result.mass = _quadratic(result.kinetic, result.inertial, "kinetic")
         for q in result.inertial:
@@ -275,9 +304,14 @@ class _Reader:
     def dissipation(self) -> None:
         system, result = self.system, self.result
         smooth = {k: v for k, v in self.rates.items() if k[2:] not in result.rate_independent}
-        scope = self.scope(smooth, why="The viscous part uses rates of inertial and viscous coordinates and parameters")
+        scope = self.scope(
+            smooth,
+            why="The viscous part uses rates of inertial and viscous coordinates and parameters",
+        )
         result.dissipation = scope.parse(system.viscous, "viscous")
-        result.damping = _quadratic(result.dissipation, [*result.inertial, *result.viscous], "viscous")
+        result.damping = _quadratic(
+            result.dissipation, [*result.inertial, *result.viscous], "viscous"
+        )
         for z in result.viscous:
             if (z, z) not in result.damping:
                 raise DeclarationError(
@@ -335,16 +369,22 @@ class _Reader:
         result = self.result
         scope = self.scope(self.rates, why="A direction is a linear combination of rates")
         text = scope.parse(contact.direction, f"{where}.direction")
-        direction = {x: c for x in result.coordinates if (c := ex.derivative(text, f"d_{x}")) is not ex.ZERO}
+        direction = {
+            x: c for x in result.coordinates if (c := ex.derivative(text, f"d_{x}")) is not ex.ZERO
+        }
         linear = ex.add(*((c * self.rates[f"d_{x}"], 1.0) for x, c in direction.items()))
         if not direction or any(c.symbols & self.rates.keys() for c in direction.values()):
             raise DeclarationError(
-                f"{where}.direction", "not a linear combination of rates", "Write it like 'd_x' or 'd_x2 - d_x1'"
+                f"{where}.direction",
+                "not a linear combination of rates",
+                "Write it like 'd_x' or 'd_x2 - d_x1'",
             )
         rest = ex.substitute(text, {f"d_{x}": ex.ZERO for x in direction})
         if rest is not ex.ZERO and ex.add((text, 1.0), (linear, -1.0)) is not ex.ZERO:
             raise DeclarationError(
-                f"{where}.direction", f"it contains the constant {short(repr(rest))}", "Put it under surface_speed"
+                f"{where}.direction",
+                f"it contains the constant {short(repr(rest))}",
+                "Put it under surface_speed",
             )
         kinds = {self.system.coordinates[x].kind for x in direction}
         if len(kinds) > 1:
@@ -363,7 +403,9 @@ class _Reader:
         plus, minus = self._pair(contact.threshold, f"{where}.threshold", self.motion)
         kinetic = (plus, minus)
         if contact.kinetic is not None:
-            sliding = self.scope(self.state, self.velocities, {"speed": ex.sym("speed")}, why="Use 'speed' for |u|")
+            sliding = self.scope(
+                self.state, self.velocities, {"speed": ex.sym("speed")}, why="Use 'speed' for |u|"
+            )
             kinetic = self._pair(contact.kinetic, f"{where}.kinetic", sliding)
             if kind == Kind.RATE_INDEPENDENT:
                 raise DeclarationError(
@@ -406,12 +448,16 @@ class _Reader:
         here = ex.evaluate(threshold, values)
         remedy = "A threshold is never negative; write max(..., 0) where it may vanish"
         if not here >= 0.0:
-            raise DeclarationError(f"{where}.threshold", f"it is {here:g} at the initial state", remedy)
+            raise DeclarationError(
+                f"{where}.threshold", f"it is {here:g} at the initial state", remedy
+            )
         if low < -1e-12 * abs(high):
             if not threshold.symbols & (self.state.keys() - {"t"}):
                 low = self._lowest_in_time(threshold, boxes)
             if -math.inf < low < 0.0:
-                raise DeclarationError(f"{where}.threshold", f"it can become negative (as low as {low:.4g})", remedy)
+                raise DeclarationError(
+                    f"{where}.threshold", f"it can become negative (as low as {low:.4g})", remedy
+                )
 
     def _lowest_in_time(self, threshold: Expr, boxes: dict[str, tuple[float, float]]) -> float:
         from stickslip.symbolic.extrema import least
@@ -419,7 +465,9 @@ class _Reader:
         return least(threshold, "t", *self.system.span, others=boxes, below=0.0).value
 
     def laws(self) -> None:
-        scope = self.scope(self.state, self.rates, why="The speed of a contact is known to its kinetic law only")
+        scope = self.scope(
+            self.state, self.rates, why="The speed of a contact is known to its kinetic law only"
+        )
         for name, internal in self.system.internal.items():
             self.result.laws[name] = scope.parse(internal.law, f"internal.{name}.law")
             _check_slopes(self.result.laws[name], self.result.state, f"internal.{name}.law")
@@ -429,7 +477,9 @@ class _Reader:
             where = entry_key("conditions", name)
             sides = re.split(r"(<=|>=|<|>)", condition.formula)
             if len(sides) != 3:
-                raise DeclarationError(where, "a condition compares two formulas", "Write it like 'P > rho + c'")
+                raise DeclarationError(
+                    where, "a condition compares two formulas", "Write it like 'P > rho + c'"
+                )
             left, right = (self.static.parse(side, where) for side in sides[::2])
             margin = left - right if sides[1].startswith(">") else right - left
             self.result.conditions[name] = (margin, condition.otherwise or condition.formula)
@@ -443,32 +493,53 @@ class _Reader:
         for name, weight in system.translation.items():
             if name not in result.coordinates or not is_finite(weight):
                 raise DeclarationError(
-                    entry_key("translation", name), "not a coordinate with a number", "Name coordinates, like x = 1"
+                    entry_key("translation", name),
+                    "not a coordinate with a number",
+                    "Name coordinates, like x = 1",
                 )
         self._check_translation()
 
     def _check_translation(self) -> None:
         system, result = self.system, self.result
         shift = {x: ex.num(float(w)) for x, w in system.translation.items()}
-        formulas = [("potential", result.potential), *((f"internal.{n}.law", law) for n, law in result.laws.items())]
+        formulas = [
+            ("potential", result.potential),
+            *((f"internal.{n}.law", law) for n, law in result.laws.items()),
+        ]
         for c in result.contacts:
             where = entry_key("contacts", c.name)
             formulas += [(f"{where}.threshold", c.plus), (f"{where}.threshold", c.minus)]
-            formulas += [(f"{where}.kinetic", c.kinetic_plus), (f"{where}.kinetic", c.kinetic_minus)]
+            formulas += [
+                (f"{where}.kinetic", c.kinetic_plus),
+                (f"{where}.kinetic", c.kinetic_minus),
+            ]
         for x in result.coordinates:
             formulas += [(f"coordinates.{x}.force", result.forces[x])]
-        values = {**self._initial_values(), **{f"d_{x}": 0.3 for x in result.coordinates}, "speed": 0.3}
+        values = {
+            **self._initial_values(),
+            **{f"d_{x}": 0.3 for x in result.coordinates},
+            "speed": 0.3,
+        }
         for where, formula in formulas:
             change = ex.along(formula, shift)
             # A potential may tilt (a constant pull); its slope must not change under the shift.
-            tested = [ex.derivative(change, x) for x in result.coordinates] if where == "potential" else [change]
+            tested = (
+                [ex.derivative(change, x) for x in result.coordinates]
+                if where == "potential"
+                else [change]
+            )
             for offset in (0.0, 0.37, -1.3):
                 moved = {
-                    k: v + offset * (1 + 0.1 * i) if k in self.state else v for i, (k, v) in enumerate(values.items())
+                    k: v + offset * (1 + 0.1 * i) if k in self.state else v
+                    for i, (k, v) in enumerate(values.items())
                 }
-                if any(abs(ex.evaluate(probe, moved)) > 1e-9 * _size(probe, moved) for probe in tested):
+                if any(
+                    abs(ex.evaluate(probe, moved)) > 1e-9 * _size(probe, moved) for probe in tested
+                ):
                     raise DeclarationError(
-                        "translation", f"the shift changes {where}", "Remove it, or correct the direction"
+                        "translation",
+                        f"the shift changes {where}",
+                        "Remove it, or correct the direction",
                     )
 
     def _initial_values(self) -> dict[str, float]:
@@ -481,7 +552,9 @@ def check_initial(declaration: Declaration, name: str, value: object) -> None:
     """Refuse an initial value of something that is no part of the state."""
     where = entry_key("initial", name)
     if name not in declaration.state:
-        raise DeclarationError(where, "not a part of the state", f"The state is {', '.join(declaration.state)}")
+        raise DeclarationError(
+            where, "not a part of the state", f"The state is {', '.join(declaration.state)}"
+        )
     if not is_finite(value):
         raise DeclarationError(where, "its value is not a finite number", "Give a number")
 
@@ -551,12 +624,16 @@ def _check_definite(
         if not (pivot >= -small if semi else pivot > small):
             kind = "positive semidefinite" if semi else "positive definite"
             raise DeclarationError(
-                where, f"the {what} is not {kind} (at '{names[k]}')", "Check signs and missing terms"
+                where,
+                f"the {what} is not {kind} (at '{names[k]}')",
+                "Check signs and missing terms",
             )
         if pivot <= small:
             if any(abs(a[i][k]) > small for i in range(k + 1, len(a))):
                 raise DeclarationError(
-                    where, f"the {what} is not positive semidefinite (at '{names[k]}')", "Check signs and missing terms"
+                    where,
+                    f"the {what} is not positive semidefinite (at '{names[k]}')",
+                    "Check signs and missing terms",
                 )
             continue
         for i in range(k + 1, len(a)):

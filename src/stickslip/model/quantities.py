@@ -1,7 +1,8 @@
-"""Units and meanings of what is measured: parts of the state, drifts, forces, energies, and the named measures of maps.
+"""Units and meanings of what is measured: parts of the state, drifts, forces, energies, and the
+named measures of maps.
 
-Declared are the units of coordinates, parameters, time and contacts; those of everything else follow. What is declared
-without a unit is dimensionless.
+Declared are the units of coordinates, parameters, time and contacts; those of everything else
+follow. What is declared without a unit is dimensionless.
 """
 
 from __future__ import annotations
@@ -29,14 +30,16 @@ def contact_key(name: str) -> str:
 
 
 def quantity(system: System, name: str) -> dict[str, str]:
-    """Unit and meaning of a quantity; without ``units`` where the declared ones contradict each other.
+    """Unit and meaning of a quantity; without ``units`` where the declared ones contradict each
+    other.
 
     Parameters
     ----------
     system : System
     name : str
-        ``t``, a parameter, a coordinate ``x``, an internal variable, a rate ``d_x``, an acceleration ``dd_x``, a force
-        or the slip speed of a contact (``friction_KEY``, ``slip_speed_KEY``, ...), or an energy.
+        ``t``, a parameter, a coordinate ``x``, an internal variable, a rate ``d_x``, an
+        acceleration ``dd_x``, a force or the slip speed of a contact (``friction_KEY``,
+        ``slip_speed_KEY``, ...), or an energy.
     """
     named = {**system.parameters, **system.coordinates, **system.internal}
     if name in named:
@@ -47,7 +50,8 @@ def quantity(system: System, name: str) -> dict[str, str]:
         moving = named.get(name.removeprefix(prefix))
         if name.startswith(prefix) and moving is not None:
             return described_as(
-                f"{what} of {moving.meaning or name[len(prefix) :]}", per_time(system, moving.unit, order)
+                f"{what} of {moving.meaning or name[len(prefix) :]}",
+                per_time(system, moving.unit, order),
             )
     if name in ENERGIES:
         return described_as(name.replace("_", " "), energy_unit(system))
@@ -74,10 +78,17 @@ def slip_unit(system: System, contact: str) -> str | None:
     """The unit of a relative velocity, in which a number other than ±1 may stand for anything."""
     declared = next(c for c in system.declaration.contacts if c.name == contact)
     terms = {
-        x: product((_unit_of(system, weight), 1), (factors(per_time(system, system.coordinates[x].unit)), 1))
+        x: product(
+            (_unit_of(system, weight), 1),
+            (factors(per_time(system, system.coordinates[x].unit)), 1),
+        )
         for x, weight in declared.direction.items()
     }
-    plain = [x for x, weight in declared.direction.items() if weight.op != "num" or abs(ex.number(weight)) == 1.0]
+    plain = [
+        x
+        for x, weight in declared.direction.items()
+        if weight.op != "num" or abs(ex.number(weight)) == 1.0
+    ]
     return _common(terms[x] for x in plain or terms)
 
 
@@ -85,29 +96,40 @@ def force_unit(system: System, contact: str) -> str | None:
     """The unit of a friction force: the declared one, or what makes its work an energy."""
     if system.contacts[contact].unit:
         return system.contacts[contact].unit
-    work, speed = energy_unit(system), slip_unit(system, contact)
+    work = energy_unit(system)
+    speed = slip_unit(system, contact)
     if work is None or speed is None:
         return None
-    return unit_text(product((factors(work), 1), (factors(speed), -1), (factors(system.time_unit), -1)))
+    return unit_text(
+        product((factors(work), 1), (factors(speed), -1), (factors(system.time_unit), -1))
+    )
 
 
 def energy_unit(system: System) -> str | None:
-    """The unit of all energies: of the work at a contact, or of a term of the energy; None if they contradict.
+    """The unit of all energies: of the work at a contact, or of a term of the energy; None if they
+    contradict.
 
-    A formula may hide units in its numbers (a mass of 1, say). So terms that are energies by their dimension decide;
-    among equal units the one with the fewest factors is taken.
+    A formula may hide units in its numbers (a mass of 1, say). So terms that are energies by their
+    dimension decide; among equal units the one with the fewest factors is taken.
     """
-    declared = [*system.parameters.values(), *system.coordinates.values(), *system.internal.values()]
+    declared = [
+        *system.parameters.values(),
+        *system.coordinates.values(),
+        *system.internal.values(),
+    ]
     declared += system.contacts.values()
     if not any(factors(unit) for unit in (system.time_unit, *(item.unit for item in declared))):
         return "1"
-    d, time = system.declaration, factors(system.time_unit)
+    d = system.declaration
+    time = factors(system.time_unit)
     found: list[Powers] = []
     for name, contact in system.contacts.items():
         speed = slip_unit(system, name) if contact.unit else None
         if speed is not None:
             found.append(product((factors(contact.unit), 1), (factors(speed), 1), (time, 1)))
-    found += [_unit_of(system, term) for formula in (d.potential, d.kinetic) for term in _terms(formula)]
+    found += [
+        _unit_of(system, term) for formula in (d.potential, d.kinetic) for term in _terms(formula)
+    ]
     found += [product((_unit_of(system, term), 1), (time, 1)) for term in _terms(d.dissipation)]
     return _common([unit for unit in found if reduced(unit)[1] == JOULE] or found)
 
@@ -128,7 +150,8 @@ def _terms(formula: Expr) -> list[Expr]:
 
 
 def _unit_of(system: System, formula: Expr) -> Powers:
-    """The unit of a formula by those of the names in it; a sum has that of its first term, a function none."""
+    """The unit of a formula by those of the names in it; a sum has that of its first term, a
+    function none."""
     match formula.op:
         case "sym":
             name = str(formula.value)
@@ -145,7 +168,8 @@ def _unit_of(system: System, formula: Expr) -> Powers:
 
 
 def drift_units(system: System, direction: Mapping[str, float]) -> tuple[str, str]:
-    """Units of a shift along a direction and of its rate; ``"1"`` if the components have none in common."""
+    """Units of a shift along a direction and of its rate; ``"1"`` if the components have none in
+    common."""
     found = {quantity(system, name)["units"] for name, weight in direction.items() if weight}
     if len(found) != 1:
         return "1", "1"

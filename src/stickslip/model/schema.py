@@ -1,4 +1,5 @@
-"""The types of a declaration's entries, checked against the annotations of its classes before anything is read."""
+"""The types of a declaration's entries, checked against the annotations of its classes before
+anything is read."""
 
 from __future__ import annotations
 
@@ -15,9 +16,15 @@ EXPECTED = {
     "str": ("a text", 'Write it in quotes, like "N/m"'),
     "float": ("a number", "Write it without quotes, like 0.5"),
     "Formula": ("a formula", 'Write it in quotes, like "k*x", or give a number'),
-    "Formula | tuple[Formula, Formula]": ("a formula or a pair of them", 'Write "mu*m*g" or ["f_plus", "f_minus"]'),
+    "Formula | tuple[Formula, Formula]": (
+        "a formula or a pair of them",
+        'Write "mu*m*g" or ["f_plus", "f_minus"]',
+    ),
     "tuple[float, float]": ("a pair of numbers", "Write it like [0, 100]"),
-    "table": ("a table", "Write it like {name = value} or Parameter(1.0), as for any other entry of its section"),
+    "table": (
+        "a table",
+        "Write it like {name = value} or Parameter(1.0), as for any other entry of its section",
+    ),
 }
 """What a field of a declaration holds, by its annotation, and how that is written."""
 
@@ -54,7 +61,9 @@ def _check_kind(value: Any, kind: str, where: str) -> None:
             raise wrong_kind(value, "table", where)
         most = MOST_COORDINATES if where == "coordinates" else MOST_ENTRIES
         if len(value) > most:
-            raise DeclarationError(where, f"it has {len(value)} entries (at most {most})", "Declare a smaller system")
+            raise DeclarationError(
+                where, f"it has {len(value)} entries (at most {most})", "Declare a smaller system"
+            )
         for name, entry in value.items():
             if not isinstance(name, str):
                 raise DeclarationError(where, "a key is not a text", "Use names as keys")
@@ -76,21 +85,41 @@ def _has_kind(value: Any, kind: str) -> bool:
         case "Formula":
             return _has_kind(value, "str") or _has_kind(value, "float")
         case "tuple[float, float]":
-            return isinstance(value, tuple) and len(value) == 2 and all(_has_kind(v, "float") for v in value)
+            return (
+                isinstance(value, tuple)
+                and len(value) == 2
+                and all(_has_kind(v, "float") for v in value)
+            )
         case _:
-            pair = isinstance(value, tuple) and len(value) == 2 and all(_has_kind(v, "Formula") for v in value)
+            pair = (
+                isinstance(value, tuple)
+                and len(value) == 2
+                and all(_has_kind(v, "Formula") for v in value)
+            )
             return pair or _has_kind(value, "Formula")
 
 
 def wrong_kind(value: Any, expected: str, where: str) -> DeclarationError:
     """The error for a value that is not of the expected kind, a key of :data:`EXPECTED`."""
-    names = {"dict": "a table", "list": "a list", "tuple": "a list", "str": "a text", "bool": "true or false"}
+    names = {
+        "dict": "a table",
+        "list": "a list",
+        "tuple": "a list",
+        "str": "a text",
+        "bool": "true or false",
+    }
     kind = type(value).__name__
-    found = names.get(kind, f"a value of type {kind}") if not _has_kind(value, "float") else "a number"
+    found = (
+        names.get(kind, f"a value of type {kind}") if not _has_kind(value, "float") else "a number"
+    )
     what, remedy = EXPECTED[expected]
     return DeclarationError(where, f"expected {what}, got {found}", remedy)
 
 
 def entry_key(section: str, name: str) -> str:
     """The full key of an entry, such as ``contacts.'right leg'``."""
-    return f"{section}.{name}" if NAME.match(name) and section != "contacts" else f"{section}.'{short(name)}'"
+    return (
+        f"{section}.{name}"
+        if NAME.match(name) and section != "contacts"
+        else f"{section}.'{short(name)}'"
+    )

@@ -61,8 +61,8 @@ class Inertial:
     unit, meaning : str
         Unit and meaning of the coordinate.
     drag : str or float
-        Any smooth resistance f(v) with v·f(v) ≥ 0, in addition to the quadratic `viscous` part; its power is
-        dissipated.
+        Any smooth resistance f(v) with v·f(v) ≥ 0, in addition to the quadratic `viscous` part; its
+        power is dissipated.
     force : str or float
         Non-potential generalised force acting on the coordinate.
     """
@@ -175,13 +175,14 @@ class System:
         The rate of coordinate ``x`` is called ``d_x``.
     internal : mapping of str to Internal
     kinetic, potential, viscous : formula
-        Kinetic energy (quadratic in the rates of inertial coordinates, constant coefficients), potential
-        Φ(t, x, α), and the quadratic viscous part of the dissipation potential.
+        Kinetic energy (quadratic in the rates of inertial coordinates, constant coefficients),
+        potential Φ(t, x, α), and the quadratic viscous part of the dissipation potential.
     contacts : mapping of str to Contact
     translation : mapping of str to float
         A direction in which the whole system may be shifted.
     initial : mapping of str to float
-        Default initial values of coordinates, rates of inertial coordinates and internal variables (else 0).
+        Default initial values of coordinates, rates of inertial coordinates and internal variables
+        (else 0).
     span : (float, float)
         Default time span.
     time_unit : str
@@ -193,7 +194,8 @@ class System:
     Raises
     ------
     DeclarationError
-        If anything in the declaration is wrong; the message names the key, the reason and the remedy.
+        If anything in the declaration is wrong; the message names the key, the reason and the
+        remedy.
     """
 
     name: str
@@ -252,7 +254,9 @@ class System:
             if name in self.parameters:
                 if not is_finite(value):
                     raise DeclarationError(
-                        f"parameters.{name}", f"'{short(str(value))}' is not a finite number", "Give a number"
+                        f"parameters.{name}",
+                        f"'{short(str(value))}' is not a finite number",
+                        "Give a number",
                     )
                 changes["parameters"][name] = replace(self.parameters[name], default=float(value))
             elif name in signatures:
@@ -267,7 +271,9 @@ class System:
                     f"there is no parameter or free function '{short(name)}'",
                     f"Did you mean '{close[0]}'?" if close else f"Known: {', '.join(known)}",
                 )
-        return replace(self, **{key: {**getattr(self, key), **new} for key, new in changes.items() if new})
+        return replace(
+            self, **{key: {**getattr(self, key), **new} for key, new in changes.items() if new}
+        )
 
     def with_parameters(self, **values: float) -> System:
         """The same system with other default values of its parameters."""

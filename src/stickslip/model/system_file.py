@@ -1,8 +1,10 @@
-"""Model files: a :class:`~stickslip.model.system.System` as TOML and back, key by key, without loss.
+"""Model files: a :class:`~stickslip.model.system.System` as TOML and back, key by key, without
+loss.
 
-The keys are the fields of the classes in :mod:`stickslip.model.system`, in their order; a coordinate also has its
-``kind``. One line declares one thing, with dotted keys (``parameters.P = {default = 1.0, unit = "N"}``), since TOML
-would not let the energy stand after a table ``[coordinates]``. Tables are read all the same.
+The keys are the fields of the classes in :mod:`stickslip.model.system`, in their order; a
+coordinate also has its ``kind``. One line declares one thing, with dotted keys (``parameters.P =
+{default = 1.0, unit = "N"}``), since TOML would not let the energy stand after a table
+``[coordinates]``. Tables are read all the same.
 """
 
 from __future__ import annotations
@@ -15,10 +17,24 @@ from typing import Any
 from stickslip.errors import DeclarationError, short
 from stickslip.model import toml
 from stickslip.model.schema import entry_key, wrong_kind
-from stickslip.model.system import Condition, Contact, Inertial, Internal, Parameter, RateIndependent, System, Viscous
+from stickslip.model.system import (
+    Condition,
+    Contact,
+    Inertial,
+    Internal,
+    Parameter,
+    RateIndependent,
+    System,
+    Viscous,
+)
 
 KINDS = {str(kind.kind): kind for kind in (Inertial, Viscous, RateIndependent)}
-ENTRIES = {"parameters": Parameter, "internal": Internal, "contacts": Contact, "conditions": Condition}
+ENTRIES = {
+    "parameters": Parameter,
+    "internal": Internal,
+    "contacts": Contact,
+    "conditions": Condition,
+}
 GROUPS = ("name", "parameters", "functions", "coordinates", "contacts", "translation", "conditions")
 """Fields of a system before which a file has an empty line."""
 
@@ -29,8 +45,8 @@ def load(path: str | PathLike[str]) -> System:
     Raises
     ------
     DeclarationError
-        If the file cannot be read or anything in it is wrong; the message names the file, the key, the reason and
-        the remedy.
+        If the file cannot be read or anything in it is wrong; the message names the file, the key,
+        the reason and the remedy.
     """
     return loads(toml.read_text(path), str(path))
 
@@ -57,7 +73,9 @@ def loads(text: str, where: str = "model") -> System:
 def _system(table: dict[str, Any]) -> System:
     if "dissipation" in table:
         raise DeclarationError(
-            "dissipation", "this file declares an evolution, not a system", "Use: stickslip evolve FILE"
+            "dissipation",
+            "this file declares an evolution, not a system",
+            "Use: stickslip evolve FILE",
         )
     given = toml.known_keys(System, table, "")
     for section, cls in ENTRIES.items():
@@ -78,7 +96,9 @@ def _coordinate(value: Any, where: str) -> Any:
     table = dict(toml.mapping(value, where))
     kinds = ", ".join(f'"{kind}"' for kind in KINDS)
     if "kind" not in table:
-        raise DeclarationError(f"{where}.kind", "the kind of the coordinate is missing", f"Give one of {kinds}")
+        raise DeclarationError(
+            f"{where}.kind", "the kind of the coordinate is missing", f"Give one of {kinds}"
+        )
     kind = table.pop("kind")
     if not isinstance(kind, str):
         raise wrong_kind(kind, "str", f"{where}.kind")
@@ -104,7 +124,9 @@ def save(system: System, path: str | PathLike[str]) -> None:
         Path(path).write_bytes(dumps(system).encode())
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "its texts are not valid Unicode"
-        raise DeclarationError(str(path), f"the file cannot be written ({reason})", "Choose another place") from None
+        raise DeclarationError(
+            str(path), f"the file cannot be written ({reason})", "Choose another place"
+        ) from None
 
 
 def dumps(system: System) -> str:

@@ -1,4 +1,5 @@
-"""The language of model files: TOML read and written by classes of data, with every mistake named by its key."""
+"""The language of model files: TOML read and written by classes of data, with every mistake named
+by its key."""
 
 from __future__ import annotations
 
@@ -42,14 +43,20 @@ def read_text(path: str | PathLike[str]) -> str:
         raise DeclarationError(where, "this is a directory", "Name a .toml file in it") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise DeclarationError(where, f"the file cannot be read ({reason})", "Check the path and its rights") from None
+        raise DeclarationError(
+            where, f"the file cannot be read ({reason})", "Check the path and its rights"
+        ) from None
     if len(data) > MAX_BYTES:
-        raise DeclarationError(where, f"the file has more than {MAX_BYTES:,} bytes", "Is it a model file?")
+        raise DeclarationError(
+            where, f"the file has more than {MAX_BYTES:,} bytes", "Is it a model file?"
+        )
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        raise DeclarationError(where, f"the file is not UTF-8 text (line {line})", "Save it as UTF-8") from None
+        raise DeclarationError(
+            where, f"the file is not UTF-8 text (line {line})", "Save it as UTF-8"
+        ) from None
 
 
 @contextmanager
@@ -71,27 +78,39 @@ def parse(text: str) -> dict[str, Any]:
         If it is not valid TOML, or too long.
     """
     if len(text) > MAX_BYTES:
-        raise DeclarationError("", f"the text has more than {MAX_BYTES:,} characters", "Is it a model file?")
+        raise DeclarationError(
+            "", f"the text has more than {MAX_BYTES:,} characters", "Is it a model file?"
+        )
     deep = DEEP_KEY.search(text)
     if deep:
         line = text.count("\n", 0, deep.start()) + 1
-        raise DeclarationError("", f"a key has too many parts (at line {line})", "Keys have at most three parts")
+        raise DeclarationError(
+            "", f"a key has too many parts (at line {line})", "Keys have at most three parts"
+        )
     try:
         # With an end of line at the end, every place in the text is in some line.
         return tomllib.loads(text + "\n")
     except tomllib.TOMLDecodeError as error:
         raise DeclarationError("", *_toml_error(str(error), text)) from None
     except RecursionError:
-        raise DeclarationError("", "not valid: tables or lists are nested too deeply", "Remove the brackets") from None
+        raise DeclarationError(
+            "", "not valid: tables or lists are nested too deeply", "Remove the brackets"
+        ) from None
     except ValueError:
-        raise DeclarationError("", "not valid TOML: a number or a date that does not exist", "Correct it") from None
+        raise DeclarationError(
+            "", "not valid TOML: a number or a date that does not exist", "Correct it"
+        ) from None
 
 
 def _toml_error(message: str, text: str) -> tuple[str, str]:
     """Reason, with the line, and remedy."""
     cause, _, place = message.partition(" (at ")
     line = re.match(r"line (\d+)", place)
-    quoted = f": {short(text.splitlines()[int(line[1]) - 1])}" if line and text.count("\n") >= int(line[1]) - 1 else ""
+    quoted = (
+        f": {short(text.splitlines()[int(line[1]) - 1])}"
+        if line and text.count("\n") >= int(line[1]) - 1
+        else ""
+    )
     remedy = "Put texts and formulas in quotes, and one 'key = value' on a line"
     if "overwrite" in message or "declare" in message or "mutate" in message:
         remedy = "Each key stands once; remove or rename one of the two"
@@ -112,7 +131,10 @@ def mapping(value: Any, where: str) -> dict[str, Any]:
 
 def known_keys(cls: Any, table: dict[str, Any], where: str) -> dict[str, Any]:
     """The table, if it has the fields of the class."""
-    known = {entry.name: entry.default is MISSING and entry.default_factory is MISSING for entry in fields(cls)}
+    known = {
+        entry.name: entry.default is MISSING and entry.default_factory is MISSING
+        for entry in fields(cls)
+    }
     for key in table:
         if key not in known:
             close = get_close_matches(key, known, 1)
@@ -123,7 +145,9 @@ def known_keys(cls: Any, table: dict[str, Any], where: str) -> dict[str, Any]:
             )
     for key, required in known.items():
         if required and key not in table:
-            raise DeclarationError(_join(where, key), "this key is missing", f"Add it, as in: {_example(cls, key)}")
+            raise DeclarationError(
+                _join(where, key), "this key is missing", f"Add it, as in: {_example(cls, key)}"
+            )
     return dict(table)
 
 
@@ -195,7 +219,11 @@ def _value(value: Any) -> str:
         case tuple():
             return f"[{', '.join(map(_value, value))}]"
         case Mapping():
-            return "{" + ", ".join(f"{_key(name)} = {_value(item)}" for name, item in value.items()) + "}"
+            return (
+                "{"
+                + ", ".join(f"{_key(name)} = {_value(item)}" for name, item in value.items())
+                + "}"
+            )
         case int():
             return str(int(value))
     if hasattr(value, "__float__"):
@@ -211,4 +239,8 @@ def _text(text: str) -> str:
     if "\\" in text and not re.search(r"['\x00-\x08\x0a-\x1f\x7f]", text):
         return f"'{text}'"
     plain = "".join(ESCAPES.get(c, c) for c in text)
-    return '"' + re.sub(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]", lambda m: f"\\u{ord(m[0]):04x}", plain) + '"'
+    return (
+        '"'
+        + re.sub(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]", lambda m: f"\\u{ord(m[0]):04x}", plain)
+        + '"'
+    )

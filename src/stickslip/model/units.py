@@ -1,4 +1,5 @@
-"""Units of parameters and coordinates: read, checked, multiplied, compared, and written for axes."""
+"""Units of parameters and coordinates: read, checked, multiplied, compared, and written for
+axes."""
 
 from __future__ import annotations
 
@@ -11,22 +12,35 @@ from functools import cache
 from stickslip.errors import DeclarationError, short
 
 NAMES = frozenset(
-    "m kg s A K mol cd g t N Pa J W Hz rad deg V C F ohm T H L bar min h d yr a eV S mm cm km um nm µm "
-    "ms us ns µs mN kN MN uN nN pN fN kPa MPa GPa mJ kJ MJ aJ mW kW MW kHz MHz GHz mg mrad pm 1 %".split()
+    "m kg s A K mol cd g t N Pa J W Hz rad deg V C F ohm T H L bar min h d yr a eV S "
+    "mm cm km um nm µm ms us ns µs mN kN MN uN nN pN fN kPa MPa GPa mJ kJ MJ aJ mW kW MW "
+    "kHz MHz GHz mg mrad pm 1 %".split()
 )
 POWER = r"\^(?:-?\d+(?:/\d+)?|\(-?\d+(?:/\d+)?\))"
 FACTOR = rf"(?:[A-Za-zµ]+|1|%)(?:{POWER})?"
 GROUP = rf"(?:{FACTOR}|\({FACTOR}(?:[*·/ ]{FACTOR})*\))"
 UNIT = re.compile(rf"{FACTOR}(?:[*·/ ]{GROUP})*\Z")
-PREFIXES = {"a": -18, "f": -15, "p": -12, "n": -9, "u": -6, "µ": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
+PREFIXES = {
+    "a": -18,
+    "f": -15,
+    "p": -12,
+    "n": -9,
+    "u": -6,
+    "µ": -6,
+    "m": -3,
+    "c": -2,
+    "k": 3,
+    "M": 6,
+    "G": 9,
+}
 SI = ("kg", "m", "s", "A", "K", "mol", "cd")
 DERIVED = {
     "g": (1e-3, "kg"), "t": (1e3, "kg"), "L": (1e-3, "m^3"), "min": (60.0, "s"), "h": (3600.0, "s"),
     "d": (86400.0, "s"), "a": (31557600.0, "s"), "yr": (31557600.0, "s"), "rad": (1.0, "1"),
     "deg": (math.pi / 180.0, "1"), "%": (0.01, "1"), "Hz": (1.0, "1/s"), "N": (1.0, "kg*m/s^2"),
-    "Pa": (1.0, "N/m^2"), "bar": (1e5, "Pa"), "J": (1.0, "N*m"), "eV": (1.602176634e-19, "J"), "W": (1.0, "J/s"),
-    "C": (1.0, "A*s"), "V": (1.0, "W/A"), "F": (1.0, "C/V"), "ohm": (1.0, "V/A"), "S": (1.0, "A/V"),
-    "T": (1.0, "V*s/m^2"), "H": (1.0, "V*s/A"),
+    "Pa": (1.0, "N/m^2"), "bar": (1e5, "Pa"), "J": (1.0, "N*m"), "eV": (1.602176634e-19, "J"),
+    "W": (1.0, "J/s"), "C": (1.0, "A*s"), "V": (1.0, "W/A"), "F": (1.0, "C/V"),
+    "ohm": (1.0, "V/A"), "S": (1.0, "A/V"), "T": (1.0, "V*s/m^2"), "H": (1.0, "V*s/A"),
 }  # fmt: skip
 
 Powers = Mapping[str, Fraction]
@@ -60,9 +74,12 @@ def _plain(text: str) -> str:
 
 @cache
 def factors(unit: str) -> Powers:
-    """Powers of the names in a unit: ``kg*m/s^2`` is {kg: 1, m: 1, s: −2}; empty if dimensionless."""
+    """Powers of the names in a unit: ``kg*m/s^2`` is {kg: 1, m: 1, s: −2}; empty if
+    dimensionless."""
     powers: dict[str, Fraction] = {}
-    for operator, group, one in re.findall(rf"([*·/ ]?)(?:\(([^()]*(?:\([^()]*\)[^()]*)*)\)|({FACTOR}))", _plain(unit)):
+    for operator, group, one in re.findall(
+        rf"([*·/ ]?)(?:\(([^()]*(?:\([^()]*\)[^()]*)*)\)|({FACTOR}))", _plain(unit)
+    ):
         inner = dict(factors(group)) if group else {}
         if one:
             name, _, power = one.partition("^")
@@ -73,11 +90,14 @@ def factors(unit: str) -> Powers:
 
 
 def product(*terms: tuple[Powers, float]) -> Powers:
-    """Product of powers of units; a radian is named only where nothing else stands in the numerator."""
+    """Product of powers of units; a radian is named only where nothing else stands in the
+    numerator."""
     powers: dict[str, Fraction] = {}
     for unit, exponent in terms:
         for name, power in unit.items():
-            powers[name] = powers.get(name, Fraction(0)) + power * Fraction(exponent).limit_denominator(1000)
+            powers[name] = powers.get(name, Fraction(0)) + power * Fraction(
+                exponent
+            ).limit_denominator(1000)
     powers = {name: power for name, power in powers.items() if power}
     if any(power > 0 for name, power in powers.items() if name != "rad"):
         powers.pop("rad", None)
@@ -89,7 +109,10 @@ def unit_text(unit: Powers) -> str:
 
     def text(sign: int) -> list[str]:
         shown = [(name, sign * power) for name, power in unit.items() if sign * power > 0]
-        return [name if p == 1 else f"{name}^{p}" if p.denominator == 1 else f"{name}^({p})" for name, p in shown]
+        return [
+            name if p == 1 else f"{name}^{p}" if p.denominator == 1 else f"{name}^({p})"
+            for name, p in shown
+        ]
 
     above, below = text(1), text(-1)
     over = "*".join(above) or "1"
@@ -104,7 +127,8 @@ def in_si(name: str) -> tuple[float, Powers]:
     if name in DERIVED:
         scale, unit = DERIVED[name]
     else:
-        scale, unit = 10.0 ** PREFIXES[name[0]], name[1:]
+        scale = 10.0 ** PREFIXES[name[0]]
+        unit = name[1:]
     more, base = reduced(factors(unit))
     return scale * more, base
 

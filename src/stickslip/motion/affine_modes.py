@@ -1,9 +1,10 @@
 """Which modes are affine, and their closed forms: all that are asked for at a time, stacked.
 
-The tape proves which modes are affine (:mod:`stickslip.motion.steps.structure`); probing them at a few states and times
-then gives their matrices, and a few more points tell whether rounding spoils them. Time may enter as 1, t, cos ωt and
-sin ωt with the frequencies of the declaration. A mode whose eigenvectors are nearly dependent, or that is near
-resonance, is left to the Taylor steps, which need no such structure.
+The tape proves which modes are affine (:mod:`stickslip.motion.steps.structure`); probing them at a
+few states and times then gives their matrices, and a few more points tell whether rounding spoils
+them. Time may enter as 1, t, cos ωt and sin ωt with the frequencies of the declaration. A mode
+whose eigenvectors are nearly dependent, or that is near resonance, is left to the Taylor steps,
+which need no such structure.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
 
 Array = Any  # of floats, integers or complex numbers
 
-PROBE = 2.0**200  # so large that constants do not drown the slopes, in whatever unit; scaling with it is exact
+# so large that constants do not drown the slopes, in whatever unit; scaling with it is exact
+PROBE = 2.0**200
 AGES = 2.0**300  # likewise for slopes in time, where there are no waves
 CONDITION = 1e4
 SLOW = 1e-6  # smallest eigenvalue, relative to the largest, that may be divided by
@@ -35,8 +37,8 @@ class Linear:
     ----------
     D, E : arrays, shapes (modes, rows, n) and (modes, rows, drives)
     hold : array
-        Columns that put the velocities of sticking inertial contacts back onto their surface; last, the acceleration
-        that a unit of force gives to each.
+        Columns that put the velocities of sticking inertial contacts back onto their surface; last,
+        the acceleration that a unit of force gives to each.
     mode, region : arrays of int
     omega : array, shape (modes, frequencies)
     """
@@ -50,13 +52,16 @@ class Linear:
 
     def take(self, index: Array) -> Linear:
         """Some of the modes."""
-        return Linear(*(getattr(self, name)[index] for name in ("D", "E", "hold", "mode", "region", "omega")))
+        return Linear(
+            *(getattr(self, name)[index] for name in ("D", "E", "hold", "mode", "region", "omega"))
+        )
 
 
 def fill_closed_forms(
     problem: Problem, constants: Constants, T: ClosedForms, group: Array, mode: Array, region: Array
 ) -> None:
-    """Put the closed forms of modes into the next slots of their groups; their status says whether there is one.
+    """Put the closed forms of modes into the next slots of their groups; their status says whether
+    there is one.
 
     Parameters
     ----------
@@ -74,13 +79,15 @@ def fill_closed_forms(
     new = place >= 0
     slot, group, mode, region = (np.ascontiguousarray(a[new]) for a in (place, group, mode, region))
     linear, found = linearise(problem, constants, group, mode, region)
-    slot, linear = slot[found], linear.take(found)
+    slot = slot[found]
+    linear = linear.take(found)
     n = int(problem.rows.sizes[DIMENSION])
     moving = np.any(linear.D[:, :n] != 0.0, axis=2) | np.any(linear.E[:, :n] != 0.0, axis=2)
     core = np.any((linear.D[:, :n] != 0.0) & moving[:, :, None], axis=1) & moving
     lawful = problem.rows.doubtful[:, 1]
     pattern = np.hstack([moving, core, linear.mode == 0, linear.mode[:, lawful[lawful >= 0]] > 0])
-    # What moves, what moves others and what sticks is the same in most of them: those are worked on as one stack.
+    # What moves, what moves others and what sticks is the same in most of them: those are worked on
+    # as one stack.
     packed = np.packbits(pattern, axis=1)
     kinds, kind = np.unique(packed.view(f"V{packed.shape[1]}"), return_inverse=True)
     for number in range(len(kinds)):
@@ -88,7 +95,9 @@ def fill_closed_forms(
         fill_alike(problem, T, slot[index], linear.take(index), moving[index[0]], core[index[0]])
 
 
-def fill_alike(problem: Problem, T: ClosedForms, slot: Array, linear: Linear, moving: Array, core: Array) -> None:
+def fill_alike(
+    problem: Problem, T: ClosedForms, slot: Array, linear: Linear, moving: Array, core: Array
+) -> None:
     """Closed forms of modes in which the same components move and the same contacts stick."""
     m = np.flatnonzero(moving)
     modes, good = eigenmodes(linear.D[:, m[:, None], m], core[moving])
@@ -106,8 +115,11 @@ def fill_alike(problem: Problem, T: ClosedForms, slot: Array, linear: Linear, mo
     L = np.where(kept[:, :, None], np.take_along_axis(L, order[:, :, None], 1), 0.0)
     weight = np.where(kept, np.where(values.imag > 0.0, 2.0, 1.0), 0.0)
     V = weight[:, None, :] * np.take_along_axis(V, order[:, None, :], 2)
-    b, weights = np.arange(len(m)), (values, V, L)
-    fastest = np.maximum(np.max(np.abs(values), axis=1, initial=0.0), np.max(omega, axis=1, initial=0.0))
+    b = np.arange(len(m))
+    weights = (values, V, L)
+    fastest = np.maximum(
+        np.max(np.abs(values), axis=1, initial=0.0), np.max(omega, axis=1, initial=0.0)
+    )
     T.pace[slot] = np.ldexp(1.0, -np.frexp(np.where(fastest > 0.0, fastest, 1.0))[1])
     fill_signals(problem, T, slot, linear, moving, weights)
     constraints(problem, T, linear, slot)
@@ -121,7 +133,9 @@ def fill_alike(problem: Problem, T: ClosedForms, slot: Array, linear: Linear, mo
     T.status[slot] = AFFINE
 
 
-def responses(linear: Linear, moving: Array, modes: tuple[Array, Array, Array]) -> tuple[Array, ...]:
+def responses(
+    linear: Linear, moving: Array, modes: tuple[Array, Array, Array]
+) -> tuple[Array, ...]:
     """How the components w = L x answer: coefficients of s = (x, e) at τ = 0.
 
     ẇ = λ w + B x_still + φ e is solved by
@@ -133,11 +147,17 @@ def responses(linear: Linear, moving: Array, modes: tuple[Array, Array, Array]) 
     r, p₁, p₂, ↑, ↓
         The first two linear in s, the others numbers.
     """
-    D, E, omega = linear.D, linear.E, linear.omega
+    D = linear.D
+    E = linear.E
+    omega = linear.omega
     values, _, L = modes
-    n, m, ns = len(moving), np.flatnonzero(moving), len(moving) + E.shape[2]
+    n = len(moving)
+    m = np.flatnonzero(moving)
+    ns = len(moving) + E.shape[2]
     state = np.zeros((len(D), len(m), ns), complex)
-    force, swaying, ramp = np.zeros_like(state), np.zeros_like(state), np.zeros_like(state)
+    force = np.zeros_like(state)
+    swaying = np.zeros_like(state)
+    ramp = np.zeros_like(state)
     state[:, :, m] = L
     force[:, :, np.append(~moving, np.ones(ns - n, bool))] = product_or_zero(
         L, np.concatenate([D[:, m[:, None], np.flatnonzero(~moving)], E[:, m]], axis=2)
@@ -146,66 +166,111 @@ def responses(linear: Linear, moving: Array, modes: tuple[Array, Array, Array]) 
     cosine, sine = force[:, :, n + 2 :: 2], force[:, :, n + 3 :: 2]
     up = 0.5 * (cosine - 1j * sine) / (1j * omega[:, None] - values[:, :, None])
     down = 0.5 * (cosine + 1j * sine) / (-1j * omega[:, None] - values[:, :, None])
-    swaying[:, :, n + 2 :: 2], swaying[:, :, n + 3 :: 2] = up + down, 1j * (up - down)
-    # Powers of τ: where λ = 0, w itself and its rates; elsewhere what balances a force that grows evenly.
+    swaying[:, :, n + 2 :: 2] = up + down
+    swaying[:, :, n + 3 :: 2] = 1j * (up - down)
+    # Powers of τ: where λ = 0, w itself and its rates; elsewhere what balances a force that grows
+    # evenly.
     still = (values == 0.0)[:, :, None]
     over = np.divide(1.0, values, out=np.zeros_like(values), where=values != 0.0)[:, :, None]
-    ramp[:, :, n], even = force[:, :, n + 1], force
+    ramp[:, :, n] = force[:, :, n + 1]
+    even = force
     even[:, :, n + 2 :] = 0.0
     r = np.where(still, 0.0, state + over * (even + over * ramp) - swaying)
-    return r, np.where(still, even, -over * ramp), np.where(still, 0.5 * ramp, 0.0)[:, :, n], up, down
+    return (
+        r,
+        np.where(still, even, -over * ramp),
+        np.where(still, 0.5 * ramp, 0.0)[:, :, n],
+        up,
+        down,
+    )
 
 
 def fill_signals(
-    problem: Problem, T: ClosedForms, slot: Array, linear: Linear, moving: Array, modes: tuple[Array, Array, Array]
+    problem: Problem,
+    T: ClosedForms,
+    slot: Array,
+    linear: Linear,
+    moving: Array,
+    modes: tuple[Array, Array, Array],
 ) -> None:
     """Store guards and components of the state as signals: those that move are Re V w."""
-    D, E, omega, V = linear.D, linear.E, linear.omega, modes[1]
+    D = linear.D
+    E = linear.E
+    omega = linear.omega
+    V = modes[1]
     r, p1, p2, up, down = responses(linear, moving, modes)
     (count, blocks, ns), n, m, waves = r.shape, len(moving), np.flatnonzero(moving), omega.shape[1]
     P, Q, switches = guards(problem, linear)
     g = P.shape[1]
     a = np.zeros((count, g + n, blocks), complex)
-    a[:, :g], a[:, g + m] = product_or_zero(P[:, :, m], V), V
-    direct, later = np.zeros((count, g + n, ns - n)), np.zeros((count, g + n, ns))
-    direct[:, :g], later[:, :g, n] = Q, Q[:, :, 1]
+    a[:, :g] = product_or_zero(P[:, :, m], V)
+    a[:, g + m] = V
+    direct = np.zeros((count, g + n, ns - n))
+    later = np.zeros((count, g + n, ns))
+    direct[:, :g] = Q
+    later[:, :g, n] = Q[:, :, 1]
     wave = direct[:, :, 2::2] - 1j * direct[:, :, 3::2] + a @ up + np.conj(a) @ np.conj(down)
-    c1, c2 = real_or_zero(a, p1, later), real_or_zero(a, p2[:, :, None], np.zeros((count, g + n, 1)))[:, :, 0]
+    c1 = real_or_zero(a, p1, later)
+    c2 = real_or_zero(a, p2[:, :, None], np.zeros((count, g + n, 1)))[:, :, 0]
     S = np.zeros((count, ns, ns))
-    S[:, :n, :n], S[:, :n, n:], S[:, n + 1, n] = D[:, :n], E[:, :n], 1.0
+    S[:, :n, :n] = D[:, :n]
+    S[:, :n, n:] = E[:, :n]
+    S[:, n + 1, n] = 1.0
     for k in range(waves):
-        S[:, n + 2 + 2 * k, n + 3 + 2 * k], S[:, n + 3 + 2 * k, n + 2 + 2 * k] = -omega[:, k], omega[:, k]
+        S[:, n + 2 + 2 * k, n + 3 + 2 * k] = -omega[:, k]
+        S[:, n + 3 + 2 * k, n + 2 + 2 * k] = omega[:, k]
     S *= T.pace[slot, None, None]
-    terms, rates, ones = np.abs(np.concatenate([P, Q], axis=2)), np.abs(S), np.ones((count, ns, 1))
+    terms = np.abs(np.concatenate([P, Q], axis=2))
+    rates = np.abs(S)
+    ones = np.ones((count, ns, 1))
     T.felt[slot] = np.any(rates, axis=1) | np.any(terms, axis=1)
     for k in range(GERM_ORDERS + 1):
         T.reach[slot, :g, k] = (terms @ ones)[:, :, 0]
         ones = rates @ ones
-    T.S[slot], T.G[slot, :g, :n], T.G[slot, :g, n:], T.R[slot, :blocks] = S, P, Q, r
+    T.S[slot] = S
+    T.G[slot, :g, :n] = P
+    T.G[slot, :g, n:] = Q
+    T.R[slot, :blocks] = r
     # Rows: the guards, then the components of the state.
     first = T.c2.shape[1] - n
-    rows, b = np.append(np.arange(g), np.arange(first, first + n)), np.arange(blocks)
-    at, parts = (slot[:, None], rows), (slot[:, None, None], rows[:, None])
-    T.c1[at], T.c2[at], T.drifts[at], T.b[at] = c1, c2, np.any(c1 != 0.0, axis=2) | (c2 != 0.0), wave
-    T.a[*parts, b], T.swing[*parts, b], T.angle[*parts, b] = a, np.abs(a), np.angle(a)
+    rows = np.append(np.arange(g), np.arange(first, first + n))
+    b = np.arange(blocks)
+    at = (slot[:, None], rows)
+    parts = (slot[:, None, None], rows[:, None])
+    T.c1[at] = c1
+    T.c2[at] = c2
+    T.drifts[at] = np.any(c1 != 0.0, axis=2) | (c2 != 0.0)
+    T.b[at] = wave
+    T.a[*parts, b] = a
+    T.swing[*parts, b] = np.abs(a)
+    T.angle[*parts, b] = np.angle(a)
     T.swing[*parts, n + np.arange(waves)] = np.abs(wave)
     T.decays[slot, :g] = ~np.any((a[:, :g] != 0.0) & (modes[0].real > 0.0)[:, None, :], axis=2)
     T.switch[slot, :g], T.counts[slot, 1] = switches, g
 
 
 def real_or_zero(a: Array, p: Array, direct: Array) -> Array:
-    """Re a p + direct, where what is only rounding is exactly zero: absent parts of a signal then cost nothing."""
+    """Re a p + direct, where what is only rounding is exactly zero: absent parts of a signal then
+    cost nothing."""
     terms = np.abs(a) @ np.abs(p) + np.abs(direct)
     total = (a @ p).real + direct
     return np.where(np.abs(total) > 1e-14 * terms, total, 0.0)
 
 
-def linearise(problem: Problem, constants: Constants, group: Array, mode: Array, region: Array) -> tuple[Linear, Array]:
+def linearise(
+    problem: Problem, constants: Constants, group: Array, mode: Array, region: Array
+) -> tuple[Linear, Array]:
     """Modes as matrices, and which of them are of this form."""
     from stickslip.motion.engine import tables
 
-    sizes, layout, omega = problem.rows.sizes, problem.compiled.layout, constants.omega[group]
-    count, n, nc, nk, ne = len(group), int(sizes[DIMENSION]), len(layout.u), len(layout.kinks), 2 + 2 * omega.shape[1]
+    sizes = problem.rows.sizes
+    layout = problem.compiled.layout
+    omega = constants.omega[group]
+    count = len(group)
+    n = int(sizes[DIMENSION])
+    nc = len(layout.u)
+    nk = len(layout.kinks)
+    ne = 2 + 2 * omega.shape[1]
     # Many times spread over slow and fast periods keep the fit of the drives well conditioned.
     slowest = np.min(np.where(omega > 0.0, omega, np.inf), axis=1, initial=np.inf)
     window = np.where(slowest < np.inf, 6.0 * np.pi / slowest, AGES)
@@ -214,13 +279,17 @@ def linearise(problem: Problem, constants: Constants, group: Array, mode: Array,
     d = 1 + len(spread)
     later = np.array([0.0, *spread]) * window[:, None]
     checks = np.array(
-        [[np.cos(2.3 * i + 1.7 * k + 0.4) * (1.0, 1.0, 37.0, 37.0)[k] for i in range(n)] for k in range(4)]
+        [
+            [np.cos(2.3 * i + 1.7 * k + 0.4) * (1.0, 1.0, 37.0, 37.0)[k] for i in range(n)]
+            for k in range(4)
+        ]
     ).reshape(4, n)
     checked = np.array([(0.1 * k + 0.007) * layout.timed for k in range(4)])
     times = np.hstack([later, np.zeros((count, n)), checked * window[:, None]])
     states = np.vstack([np.zeros((d, n)), PROBE * np.eye(n), checks])
     out = np.zeros((count, len(states), n + 4 * nc + nk + len(problem.rows.doubtful)))
-    hold, found = np.zeros((count, max(nc, 1), int(sizes[INERTIAL]) + 1)), np.zeros(count, np.bool_)
+    hold = np.zeros((count, max(nc, 1), int(sizes[INERTIAL]) + 1))
+    found = np.zeros(count, np.bool_)
     tables.probe_modes(
         problem.compiled.jets,
         problem.rows,
@@ -236,7 +305,9 @@ def linearise(problem: Problem, constants: Constants, group: Array, mode: Array,
         found,
     )
     out[~found] = 0.0
-    rest, slopes, seen = out[:, :d], out[:, d : d + n], out[:, d + n :]
+    rest = out[:, :d]
+    slopes = out[:, d : d + n]
+    seen = out[:, d + n :]
     difference = slopes - rest[:, :1]
     difference[np.abs(difference) <= 4e-16 * (np.abs(slopes) + np.abs(rest[:, :1]))] = 0.0
     D = np.ascontiguousarray((difference / PROBE).transpose(0, 2, 1))
@@ -258,7 +329,8 @@ def linearise(problem: Problem, constants: Constants, group: Array, mode: Array,
 
 
 def fit_drives(basis: Array, values: Array, window: Array) -> tuple[Array, Array]:
-    """Coefficients of the drives that give values at many times, and whether they are well determined."""
+    """Coefficients of the drives that give values at many times, and whether they are well
+    determined."""
     basis[:, :, 1] /= window[:, None]
     U, s, Vh = np.linalg.svd(basis, full_matrices=False)
     steady = s[:, -1] > 1e-2 * s[:, 0]
@@ -273,17 +345,22 @@ def fit_drives(basis: Array, values: Array, window: Array) -> tuple[Array, Array
 def drives(times: Array, omega: Array) -> Array:
     """(1, t, cos ω₁t, sin ω₁t, …), shape (modes, times, drives)."""
     angle = times[:, :, None] * omega[:, None, :]
-    waves = np.stack([np.cos(angle), np.sin(angle)], axis=3).reshape(*times.shape, 2 * omega.shape[1])
+    waves = np.stack([np.cos(angle), np.sin(angle)], axis=3).reshape(
+        *times.shape, 2 * omega.shape[1]
+    )
     return np.concatenate([np.ones((*times.shape, 1)), times[:, :, None], waves], axis=2)
 
 
 def eigenmodes(a: Array, core: Array) -> tuple[tuple[Array, Array, Array], Array]:
     """Eigenvalues λ, eigenvectors V and L = V⁻¹ of a stack, and which of them are well-conditioned.
 
-    Components that nothing depends on (followers: a leg dragged along) are eliminated first: x_f − z·x_core does not
-    feel the core's motion, for z = A_f A_core⁻¹. So their zeros are exact zeros.
+    Components that nothing depends on (followers: a leg dragged along) are eliminated first: x_f −
+    z·x_core does not feel the core's motion, for z = A_f A_core⁻¹. So their zeros are exact zeros.
     """
-    count, n, c, f = len(a), len(core), np.flatnonzero(core), np.flatnonzero(~core)
+    count = len(a)
+    n = len(core)
+    c = np.flatnonzero(core)
+    f = np.flatnonzero(~core)
     inner = a[:, c[:, None], c]
     values: Array
     U: Array
@@ -296,7 +373,9 @@ def eigenmodes(a: Array, core: Array) -> tuple[tuple[Array, Array, Array], Array
     if len(f):
         good &= ~np.any(values == 0.0, axis=1)
     X, regular = inverses(U)
-    dragged, driven = inverses(inner) if len(f) and len(c) else (np.zeros_like(inner), np.ones(count, bool))
+    dragged, driven = (
+        inverses(inner) if len(f) and len(c) else (np.zeros_like(inner), np.ones(count, bool))
+    )
     drag = a[:, f[:, None], c] @ dragged
     good &= regular & driven
     with np.errstate(all="ignore"):
@@ -307,7 +386,8 @@ def eigenmodes(a: Array, core: Array) -> tuple[tuple[Array, Array, Array], Array
         np.where(np.abs(m) > 1e-15 * np.max(np.abs(m), axis=k, initial=0.0, keepdims=True), m, 0.0)
         for m, k in ((U, 1), (X, 2), (drag, 2))
     )
-    nc, first = len(c), np.arange(len(c))
+    nc = len(c)
+    first = np.arange(len(c))
     V, L = np.zeros((count, n, n), complex), np.zeros((count, n, n), complex)
     V[:, c[:, None], first], L[:, first[:, None], c] = U, X
     if len(f):
@@ -335,22 +415,30 @@ def inverses(a: Array) -> tuple[Array, Array]:
 
 
 def product_or_zero(A: Array, B: Array) -> Array:
-    """A B with entries that are only rounding set to exactly zero: absent parts of a signal then cost nothing."""
+    """A B with entries that are only rounding set to exactly zero: absent parts of a signal then
+    cost nothing."""
     product = A @ B
     return np.where(np.abs(product) > 1e-14 * (np.abs(A) @ np.abs(B)), product, 0.0)
 
 
 def guards(problem: Problem, linear: Linear) -> tuple[Array, Array, list[int]]:
-    """Rows P, Q of all guards P x + Q e of modes in which the same contacts stick, and the switch each belongs to."""
-    layout, n = problem.compiled.layout, int(problem.rows.sizes[DIMENSION])
-    nc, nk, mode = len(layout.u), len(layout.kinks), linear.mode
+    """Rows P, Q of all guards P x + Q e of modes in which the same contacts stick, and the switch
+    each belongs to."""
+    layout = problem.compiled.layout
+    n = int(problem.rows.sizes[DIMENSION])
+    nc = len(layout.u)
+    nk = len(layout.kinks)
+    mode = linear.mode
     F = np.concatenate([linear.D, linear.E], axis=2)
     u, force, plus, minus = (F[:, n + k * nc : n + (k + 1) * nc] for k in range(4))
     side = np.where(linear.region == 1, 1.0, -1.0)
     rows = [(F[:, n + 4 * nc + j] * side[:, j, None], j) for j in range(nk)]
     for c in range(nc):
         if mode[0, c] == 0:
-            rows += [(force[:, c] + plus[:, c], nk + 2 * c), (minus[:, c] - force[:, c], nk + 2 * c + 1)]
+            rows += [
+                (force[:, c] + plus[:, c], nk + 2 * c),
+                (minus[:, c] - force[:, c], nk + 2 * c + 1),
+            ]
         else:
             rows.append((mode[:, c, None] * u[:, c], nk + 2 * c))
     for d, (_, c, side) in enumerate(problem.rows.doubtful):
@@ -361,18 +449,24 @@ def guards(problem: Problem, linear: Linear) -> tuple[Array, Array, list[int]]:
 
 
 def constraints(problem: Problem, T: ClosedForms, linear: Linear, slot: Array) -> None:
-    """Store what must vanish in a mode: u of sticking inertial, λ + σs of sliding rate-independent contacts."""
+    """Store what must vanish in a mode: u of sticking inertial, λ + σs of sliding rate-independent
+    contacts."""
     n, nq, _, _, _, mq, mz = map(int, problem.rows.sizes[:7])
-    mode, nc = linear.mode, linear.mode.shape[1]
+    mode = linear.mode
+    nc = linear.mode.shape[1]
     F = np.concatenate([linear.D, linear.E], axis=2)
     for c in range(nc):
         if c < mq and mode[0, c] == 0:
-            row, T.held[slot, c] = F[:, n + c], STICKS
+            row = F[:, n + c]
+            T.held[slot, c] = STICKS
             T.hold[slot, c, nq : 2 * nq] = linear.hold[:, c, :nq]
-            T.brake[slot, c] = (F[:, n + 2 * nc + c] + F[:, n + 3 * nc + c]) * linear.hold[:, c, nq, None]
+            T.brake[slot, c] = (F[:, n + 2 * nc + c] + F[:, n + 3 * nc + c]) * linear.hold[
+                :, c, nq, None
+            ]
         elif c >= mq + mz and mode[0, c] != 0:
             side = np.where(mode[:, c, None] > 0, F[:, n + 2 * nc + c], F[:, n + 3 * nc + c])
-            row, T.held[slot, c] = F[:, n + nc + c] + mode[:, c, None] * side, SLIDES
+            row = F[:, n + nc + c] + mode[:, c, None] * side
+            T.held[slot, c] = SLIDES
         else:
             continue
         T.zero[slot, c] = row

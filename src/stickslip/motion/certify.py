@@ -3,14 +3,17 @@
 All numbers are computed from the stored knots alone, by a method that did not produce them
 (:mod:`stickslip.motion.between.step_balance`):
 
-* *energy balance (E)*: E(t) + dissipated = E(0) + supplied, at every knot, relative to the energy that flows;
-* *friction law*, (S) in the form of forces: |λ| ≤ s always, λ = −σk and σu ≥ 0 in slip, u = 0 in stick, and every
-  region on its side of its kink, each relative to the largest force and relative velocity of its contact;
-* *equations of motion*: by how much they fail over a step, relative to the size of each component; where motion
-  is stiff, in the time that a Taylor step would take.
+* *energy balance (E)*: E(t) + dissipated = E(0) + supplied, at every knot, relative to the energy
+  that flows;
+* *friction law*, (S) in the form of forces: |λ| ≤ s always, λ = −σk and σu ≥ 0 in slip, u = 0 in
+  stick, and every region on its side of its kink, each relative to the largest force and relative
+  velocity of its contact;
+* *equations of motion*: by how much they fail over a step, relative to the size of each component;
+  where motion is stiff, in the time that a Taylor step would take.
 
-These two are bounds for all times, not for those that were looked at: what could not be enclosed is named. The last
-number is what the *rounding errors of the audit* itself may be, in the units of the equations of motion.
+These two are bounds for all times, not for those that were looked at: what could not be enclosed is
+named. The last number is what the *rounding errors of the audit* itself may be, in the units of the
+equations of motion.
 """
 
 from __future__ import annotations
@@ -25,7 +28,8 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 NAMES = ("energy balance", "friction law", "equations of motion", "rounding errors of the audit")
-TOLERANCE, ACCURACY = 1e-9, 10.0  # limit of all residuals: at least the first, and so many times rtol
+TOLERANCE = 1e-9  # limit of all residuals, at least
+ACCURACY = 10.0  # … and so many times rtol
 
 
 def certify(trajectory: Trajectory) -> Certificate:
@@ -33,7 +37,9 @@ def certify(trajectory: Trajectory) -> Certificate:
     tolerance = max(TOLERANCE, ACCURACY * trajectory.rtol)
     values = [float(v) if np.isfinite(v) else np.inf for v in trajectory.audit.residuals]
     outcome = "" if trajectory.outcome.ok else trajectory.outcome.label
-    return Certificate(tuple(within(tolerance, zip(NAMES, values, strict=True))), outcome, _unverified(trajectory))
+    return Certificate(
+        tuple(within(tolerance, zip(NAMES, values, strict=True))), outcome, _unverified(trajectory)
+    )
 
 
 def _unverified(trajectory: Trajectory) -> tuple[tuple[float, float], ...]:
@@ -41,7 +47,8 @@ def _unverified(trajectory: Trajectory) -> tuple[tuple[float, float], ...]:
     time, left = trajectory.knots.time, trajectory.audit.open
     spans: list[tuple[float, float]] = []
     for i in np.flatnonzero(left > 0.0):
-        begin, end = float(time[i + 1] - left[i]), float(time[i + 1])
+        begin = float(time[i + 1] - left[i])
+        end = float(time[i + 1])
         if spans and begin <= spans[-1][1]:
             spans[-1] = spans[-1][0], end
         else:

@@ -1,4 +1,5 @@
-"""Motions side by side: the state of one or many trajectories of a system between calls of the compiled loop."""
+"""Motions side by side: the state of one or many trajectories of a system between calls of the
+compiled loop."""
 
 from __future__ import annotations
 
@@ -11,7 +12,16 @@ from stickslip.motion.affine_modes import fill_closed_forms
 from stickslip.motion.engine import event_loop
 from stickslip.motion.engine.forms import AFFINE, ClosedForms
 from stickslip.motion.problem import Problem
-from stickslip.motion.steps.arrays import CAUSE, FULL, NEED, NONE_YET, STEPS, Constants, Lane, Record
+from stickslip.motion.steps.arrays import (
+    CAUSE,
+    FULL,
+    NEED,
+    NONE_YET,
+    STEPS,
+    Constants,
+    Lane,
+    Record,
+)
 from stickslip.motion.steps.stiff import WATCHED
 
 Array = np.ndarray
@@ -67,7 +77,14 @@ class Lanes:
             counters=counters,
         )
         # The first thing needed is the closed form of the mode they start in.
-        return cls(problem, constants, group, np.full(lanes, NEED if len(forms.status) else FULL), now, forms)
+        return cls(
+            problem,
+            constants,
+            group,
+            np.full(lanes, NEED if len(forms.status) else FULL),
+            now,
+            forms,
+        )
 
     @property
     def going(self) -> Array:
@@ -80,8 +97,11 @@ class Lanes:
         return len(self.forms.status) // len(self.forms.used)
 
     def advance(self, end: float, max_events: int, record: Record | None = None) -> int:
-        """Run the compiled loop once over all lanes; returns the number of recorded steps (of a single lane)."""
-        p, recording, kept = self.problem, record is not None, record or no_record()
+        """Run the compiled loop once over all lanes; returns the number of recorded steps (of a
+        single lane)."""
+        p = self.problem
+        recording = record is not None
+        kept = record or no_record()
         with announced():
             if np.any(self.forms.status == AFFINE) and not np.any(self.codes == STEPS):
                 return event_loop.integrate_affine(
@@ -124,7 +144,9 @@ class Lanes:
         waiting = np.flatnonzero(self.codes == NEED)
         if len(waiting):
             modes, regions = self.now.mode[waiting], self.now.reg[waiting]
-            fill_closed_forms(self.problem, self.constants, self.forms, self.group[waiting], modes, regions)
+            fill_closed_forms(
+                self.problem, self.constants, self.forms, self.group[waiting], modes, regions
+            )
 
 
 def no_record() -> Record:

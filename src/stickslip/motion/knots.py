@@ -18,8 +18,8 @@ class Knots:
     clock : array
         Time since the origin: as exact late as early.
     state, mode, region, cause : arrays
-        State, mode of each contact, region of each kink, and the switch that caused it (−1: none). A contact in mode ±2
-        rests, carried by others while it is at its threshold.
+        State, mode of each contact, region of each kink, and the switch that caused it (−1: none).
+        A contact in mode ±2 rests, carried by others while it is at its threshold.
     origin : float
     """
 
@@ -53,7 +53,9 @@ class Knots:
         )
 
     @classmethod
-    def single(cls, clock: float, y: Array, mode: Array, region: Array, origin: float = 0.0) -> Knots:
+    def single(
+        cls, clock: float, y: Array, mode: Array, region: Array, origin: float = 0.0
+    ) -> Knots:
         """One knot."""
         modes, regions = mode[None].astype(np.int8), region[None].astype(np.int8)
         return cls(np.array([clock]), y[None].copy(), modes, regions, np.array([-1]), origin)

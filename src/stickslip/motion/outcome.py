@@ -12,7 +12,11 @@ class Outcome(Enum):
     """
 
     FINISHED = (0, "finished", "The end of the time span was reached")
-    AT_REST = (1, "at rest forever", "No later event is possible: every contact sticks and the rest converges")
+    AT_REST = (
+        1,
+        "at rest forever",
+        "No later event is possible: every contact sticks and the rest converges",
+    )
     NO_BOUNDED_RATE = (
         2,
         "no bounded rate",
@@ -26,46 +30,62 @@ class Outcome(Enum):
         "sides. Make the function continuous, or model the jump as a contact",
     )
     ZENO = (4, "event accumulation", "Infinitely many events pile up at this time (Zeno)")
-    STEP_TOO_SMALL = (5, "step too small", "The motion blows up or the formulas are singular near this time")
+    STEP_TOO_SMALL = (
+        5,
+        "step too small",
+        "The motion blows up or the formulas are singular near this time",
+    )
     EVENT_LIMIT = (6, "limit on events reached", "Raise max_events to go on")
-    NEGATIVE_THRESHOLD = (7, "threshold negative", "A threshold became negative; write max(..., 0) where it may vanish")
-    UNDEFINED = (8, "undefined", "A formula has no finite value here (log or sqrt of a negative number, overflow)")
+    NEGATIVE_THRESHOLD = (
+        7,
+        "threshold negative",
+        "A threshold became negative; write max(..., 0) where it may vanish",
+    )
+    UNDEFINED = (
+        8,
+        "undefined",
+        "A formula has no finite value here (log or sqrt of a negative number, overflow)",
+    )
     INTERRUPTED = (9, "interrupted", "Stopped by the user; what was computed is kept")
     PERIODIC = (10, "periodic", "The motion has settled on a cycle")
     STEADY = (11, "steady", "The motion has settled on steady sliding or another equilibrium")
     NOT_SETTLED = (
         12,
         "not settled",
-        "The limits were reached before the motion repeated itself: it is not periodic, it repeats too late (a cycle "
-        "of more events than are compared), or it nears its cycle too slowly. Raise max_time, max_cycles or "
-        "longest_cycle. Rest that cannot be proved, and a load that does not repeat, have not settled either",
+        "The limits were reached before the motion repeated itself: it is not periodic, it repeats "
+        "too late (a cycle of more events than are compared), or it nears its cycle too slowly. "
+        "Raise max_time, max_cycles or longest_cycle. Rest that cannot be proved, and a load that "
+        "does not repeat, have not settled either",
     )
     UNDAMPED = (
         13,
         "undamped",
-        "The motion goes on without events for ever, and an oscillation in it neither dies out nor grows: nothing "
-        "damps it. Add damping",
+        "The motion goes on without events for ever, and an oscillation in it neither dies out nor "
+        "grows: nothing damps it. Add damping",
     )
     OUTSIDE = (
         15,
         "outside the stable set",
-        "The initial state violates |∂Φ| ≤ s: friction cannot hold it, so that no motion starts there. Start inside "
-        "the stable set; the excess says by how much the force is too large",
+        "The initial state violates |∂Φ| ≤ s: friction cannot hold it, so that no motion starts "
+        "there. Start inside the stable set; the excess says by how much the force is too large",
     )
 
     INADMISSIBLE_KINETIC = (
         14,
         "kinetic force not admissible",
-        "The sliding force of a contact became negative, or larger than its threshold at the onset of slip. "
-        "Keep 0 <= kinetic, and kinetic <= threshold at speed 0",
+        "The sliding force of a contact became negative, or larger than its threshold at the onset "
+        "of slip. Keep 0 <= kinetic, and kinetic <= threshold at speed 0",
     )
 
     def __init__(self, code: int, label: str, message: str) -> None:
-        self.code, self.label, self.message = code, label, message
+        self.code = code
+        self.label = label
+        self.message = message
 
     @property
     def ok(self) -> bool:
-        """Whether what was asked for was computed: the whole time span, or what the motion settles on."""
+        """Whether what was asked for was computed: the whole time span, or what the motion settles
+        on."""
         return self in (Outcome.FINISHED, Outcome.AT_REST, Outcome.PERIODIC, Outcome.STEADY)
 
     @classmethod

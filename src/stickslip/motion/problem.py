@@ -42,7 +42,8 @@ class Problem:
     tolerance, atol : float
         Local tolerance of a step relative to the size of the state plus `atol`.
     exact : bool
-        Use closed forms for affine modes; False: Taylor steps everywhere (the two check each other).
+        Use closed forms for affine modes; False: Taylor steps everywhere (the two check each
+        other).
     boxes : dict of str to (float, float), optional
         Least and largest value of each parameter, where many sets of parameters share the problem.
     origin : float
@@ -67,15 +68,19 @@ class Problem:
 
     @cached_property
     def constants(self) -> Constants:
-        """Constants, mass matrix, viscous matrix, contact directions and drive frequencies for these parameters."""
+        """Constants, mass matrix, viscous matrix, contact directions and drive frequencies for
+        these parameters."""
         table = np.array([[self.parameters[name] for name in self.system.parameters]], dtype=float)
         return Constants(*(part[0] for part in self.constants_of(table)))
 
     def constants_of(self, table: Array) -> Constants:
-        """The same for a table of parameters, shape (groups, parameters): arrays with a leading axis."""
+        """The same for a table of parameters, shape (groups, parameters): arrays with a leading
+        axis."""
         from stickslip.motion.engine.tables import run_setups
 
-        layout, s, groups = self.compiled.layout, self.compiled.layout.sizes, len(table)
+        layout = self.compiled.layout
+        s = self.compiled.layout.sizes
+        groups = len(table)
         constants = Constants(
             K=np.zeros((groups, max(len(layout.constants), 1))),
             M=np.zeros((groups, s["nq"], s["nq"])),
@@ -83,12 +88,15 @@ class Problem:
             J=np.zeros((groups, len(layout.u), s["nq"] + s["nz"] + s["nr"])),
             omega=np.zeros((groups, layout.frequencies)),
         )
-        run_setups(self.compiled.setup, np.column_stack([table, np.full(groups, self.origin)]), constants)
+        run_setups(
+            self.compiled.setup, np.column_stack([table, np.full(groups, self.origin)]), constants
+        )
         return constants
 
     @property
     def retrace(self) -> tuple[float, float]:
-        """Tolerances for following a motion again between its knots: finer than those that found it."""
+        """Tolerances for following a motion again between its knots: finer than those that found
+        it."""
         return max(1e-2 * self.tolerance, 1e-16), 1e-3 * self.atol
 
     @cached_property
@@ -97,28 +105,38 @@ class Problem:
         return self.empty_forms(1, SLOTS)
 
     def empty_forms(self, groups: int, slots: int) -> ClosedForms:
-        """Storage for the closed forms of groups of motions; without slots if the system is too large for them."""
+        """Storage for the closed forms of groups of motions; without slots if the system is too
+        large for them."""
         layout = self.compiled.layout
-        n, contacts, kinks = layout.sizes["n"], len(layout.u), len(layout.kinks)
+        n = layout.sizes["n"]
+        contacts = len(layout.u)
+        kinks = len(layout.kinks)
         small = contacts + kinks <= 30 and n <= 24 and layout.frequencies <= 6
-        slots, doubtful = slots if small and self.exact else 0, len(self.rows.doubtful)
+        slots = slots if small and self.exact else 0
+        doubtful = len(self.rows.doubtful)
         return make_closed_forms(groups, slots, n, contacts, kinks, doubtful, layout.frequencies)
 
     def space(self) -> Space:
         """New work space for the Taylor steps."""
-        return make_space(self.rows, self.compiled.layout.rows, self.compiled.layout.magnitudes, self.order)
+        return make_space(
+            self.rows, self.compiled.layout.rows, self.compiled.layout.magnitudes, self.order
+        )
 
     def flight(self) -> Flight:
         """New work space for the closed forms."""
         layout = self.compiled.layout
         doubtful = len(self.rows.doubtful)
-        return make_flight(layout.sizes["n"], len(layout.u), len(layout.kinks), doubtful, layout.frequencies)
+        return make_flight(
+            layout.sizes["n"], len(layout.u), len(layout.kinks), doubtful, layout.frequencies
+        )
 
     @cached_property
     def rows(self) -> Rows:
         """Where the compiled functions find things."""
         layout = self.compiled.layout
-        sizes = np.array([layout.sizes[k] for k in ("n", "nq", "nz", "nr", "na", "mq", "mz", "mr", "kinks")])
+        sizes = np.array(
+            [layout.sizes[k] for k in ("n", "nq", "nz", "nr", "na", "mq", "mz", "mr", "kinks")]
+        )
         tables = (layout.u, layout.force, layout.plus, layout.minus, layout.kinks)
         u, force, plus, minus, kinks = (np.array(table, dtype=np.int64) for table in tables)
         noise = self._places_of_sizes()
@@ -133,16 +151,24 @@ class Problem:
             watched,
             np.array(list(noise.values()), dtype=np.int64),
             self._doubtful(),
-            np.array([not guard.symbols & {*layout.state} for guard in self.compiled.equations.kinks], dtype=np.int64),
+            np.array(
+                [not guard.symbols & {*layout.state} for guard in self.compiled.equations.kinks],
+                dtype=np.int64,
+            ),
             self._vanishing(),
-            np.array([any(i == c for i, *_ in layout.kinetic) for c in range(len(u))], dtype=np.int64),
+            np.array(
+                [any(i == c for i, *_ in layout.kinetic) for c in range(len(u))], dtype=np.int64
+            ),
             pack(layout),
         )
 
     def _places_of_sizes(self) -> dict[int, int]:
-        """Rows that bound the step, with the places of the sizes of their terms: the state, then guards."""
+        """Rows that bound the step, with the places of the sizes of their terms: the state, then
+        guards."""
         layout = self.compiled.layout
-        n, contacts, kinks = layout.sizes["n"], len(layout.u), len(layout.kinks)
+        n = layout.sizes["n"]
+        contacts = len(layout.u)
+        kinks = len(layout.kinks)
         noise = dict(enumerate(layout.rate_sizes))
         others = {row: -1 for row in (*layout.plus, *layout.minus)}
         others |= {row: 2 * contacts + c for c, row in enumerate(layout.force)}
@@ -152,18 +178,27 @@ class Problem:
 
     def _vanishing(self) -> Array:
         """The part of the state that is zero where a kink is, −1 where it is more than that."""
-        equations, state = self.compiled.equations, self.compiled.layout.state
+        equations = self.compiled.equations
+        state = self.compiled.layout.state
         found = []
         for guard in equations.kinks:
             (name, *others) = sorted(guard.symbols & {*state, "t"}) or [""]
-            alone = not others and name in state and ex.substitute(guard, {name: ex.ZERO}) is ex.ZERO
-            found.append(state.index(name) if alone and not ex.derivative(guard, name).symbols & {name} else -1)
+            alone = (
+                not others and name in state and ex.substitute(guard, {name: ex.ZERO}) is ex.ZERO
+            )
+            found.append(
+                state.index(name)
+                if alone and not ex.derivative(guard, name).symbols & {name}
+                else -1
+            )
         return np.array(found, dtype=np.int64)
 
     def _doubtful(self) -> Array:
-        """Rows of thresholds that are not nonnegative for every state, and of kinetic laws that may be inadmissible."""
+        """Rows of thresholds that are not nonnegative for every state, and of kinetic laws that may
+        be inadmissible."""
         boxes = dict(self.boxes or {name: (v, v) for name, v in self.parameters.items()})
-        layout, contacts = self.compiled.layout, self.compiled.equations.contacts
+        layout = self.compiled.layout
+        contacts = self.compiled.equations.contacts
         sides = [(row, c.plus) for row, c in zip(layout.plus, contacts, strict=True)]
         sides += [(row, c.minus) for row, c in zip(layout.minus, contacts, strict=True)]
         found = {(row, -1, 0) for row, s in sides if bounds(s, boxes)[0] < 0.0}
@@ -202,14 +237,19 @@ def pose(
     """
     if not isinstance(system, System):
         raise DeclarationError(
-            "system", f"expected a System, got {type(system).__name__}", "Use ss.load or ss.catalogue"
+            "system",
+            f"expected a System, got {type(system).__name__}",
+            "Use ss.load or ss.catalogue",
         )
     values = {**system.values, **{k: v for k, v in (parameters or {}).items()}}
     system.declaration.check_parameters(values)
     for name, value, low, high in (("rtol", rtol, 1e-13, 1e-3), ("atol", atol, 1e-30, 1.0)):
         if not (isinstance(value, (int, float)) and low <= value <= high):
-            raise DeclarationError(name, f"{value!r} is out of range", f"Choose {name} between {low:g} and {high:g}")
-    # Global quality: local steps are kept three digits finer than asked for; with Taylor series that is nearly free.
+            raise DeclarationError(
+                name, f"{value!r} is out of range", f"Choose {name} between {low:g} and {high:g}"
+            )
+    # Global quality: local steps are kept three digits finer than asked for; with Taylor series
+    # that is nearly free.
     tolerance = max(1e-3 * rtol, 1e-16)
     order = min((n for n in ORDERS if n >= -0.95 * math.log(tolerance)), default=ORDERS[-1])
     numbers = {name: float(value) for name, value in values.items()}

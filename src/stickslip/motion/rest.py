@@ -19,15 +19,22 @@ Array = Any  # of floats, integers or complex numbers
 def rests_forever(problem: Problem, knots: Knots) -> bool:
     """Whether a motion that ends in stick stays there for all later time.
 
-    All contacts stick and the mode is affine and autonomous, so that every guard is c + Re Σ aⱼ exp(λⱼτ). If all
-    motions that are excited decay and c > Σ|aⱼ|, no guard can ever vanish: this is a proof, up to rounding. It is
-    sufficient, not necessary: while the rest still rocks so widely that the bound fails, the answer is no.
+    All contacts stick and the mode is affine and autonomous, so that every guard is c + Re Σ aⱼ
+    exp(λⱼτ). If all motions that are excited decay and c > Σ|aⱼ|, no guard can ever vanish: this is
+    a proof, up to rounding. It is sufficient, not necessary: while the rest still rocks so widely
+    that the bound fails, the answer is no.
     """
-    mode, region, x = knots.mode[-1].astype(np.int64), knots.region[-1].astype(np.int64), knots.state[-1]
+    mode = knots.mode[-1].astype(np.int64)
+    region = knots.region[-1].astype(np.int64)
+    x = knots.state[-1]
     if len(mode) == 0 or np.any(mode != 0) or problem.compiled.layout.timed:
         return False
     T = problem.closed_forms
-    found = np.flatnonzero((T.key == mode_key(mode, region)) & (T.status == AFFINE)) if len(T.status) else []
+    found = (
+        np.flatnonzero((T.key == mode_key(mode, region)) & (T.status == AFFINE))
+        if len(T.status)
+        else []
+    )
     if len(found) == 0:
         return False
     slot = found[0]
@@ -37,13 +44,15 @@ def rests_forever(problem: Problem, knots: Knots) -> bool:
     rates: Array = T.exponent[slot, :blocks]
     r: Array = T.R[slot, :blocks] @ s
     excited = np.abs(r) > 1e-13 * (np.abs(T.R[slot, :blocks]) @ sizes)
-    drift, terms = T.c1[slot] @ s, np.abs(T.c1[slot]) @ sizes
+    drift = T.c1[slot] @ s
+    terms = np.abs(T.c1[slot]) @ sizes
     if np.any(np.abs(drift) > 1e-13 * terms) or np.any(excited & (rates.real >= 0.0)):
         return False
     coefficients: Array = T.a[slot, :guards, :blocks]
     constant = T.G[slot, :guards] @ s - (coefficients @ r).real
     bound = T.swing[slot, :guards, :blocks] @ np.abs(r)
     margin = 1e-12 * (np.abs(T.G[slot, :guards]) @ sizes)
-    # A guard that nobody moves stays as it is, even at zero: it was admissible when the mode was chosen.
+    # A guard that nobody moves stays as it is, even at zero: it was admissible when the mode was
+    # chosen.
     inert = bound <= margin
     return bool(np.all(np.where(inert, constant >= -margin, constant - bound > margin)))

@@ -38,8 +38,8 @@ def simulate(
     t_span : (float, float), optional
         Start and end; by default the system's own span.
     initial : mapping of str to float, optional
-        Initial values of coordinates, rates ``d_x`` of inertial coordinates and internal variables; what is not
-        given has its declared default, or 0.
+        Initial values of coordinates, rates ``d_x`` of inertial coordinates and internal variables;
+        what is not given has its declared default, or 0.
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     rtol, atol : float
@@ -57,7 +57,8 @@ def simulate(
     Raises
     ------
     DeclarationError
-        If an argument is wrong, or the initial state violates |∂Φ| ≤ s of a rate-independent coordinate.
+        If an argument is wrong, or the initial state violates |∂Φ| ≤ s of a rate-independent
+        coordinate.
     """
     from stickslip.motion.rest import rests_forever
     from stickslip.motion.trajectory import Trajectory
@@ -82,7 +83,9 @@ def check_positive(**given: object) -> None:
     """Refuse numbers of events or workers that are none."""
     for name, value in given.items():
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-            raise DeclarationError(name, f"{value!r} is not a positive whole number", "Give at least 1")
+            raise DeclarationError(
+                name, f"{value!r} is not a positive whole number", "Give at least 1"
+            )
 
 
 def check_span(span: object) -> tuple[float, float]:
@@ -90,9 +93,13 @@ def check_span(span: object) -> tuple[float, float]:
     try:
         start, end = (float(s) for s in span)  # type: ignore[union-attr]
     except (TypeError, ValueError):
-        raise DeclarationError("t_span", f"{span!r} is not a time span", "Give (start, end)") from None
+        raise DeclarationError(
+            "t_span", f"{span!r} is not a time span", "Give (start, end)"
+        ) from None
     if not (math.isfinite(start) and math.isfinite(end) and start < end):
-        raise DeclarationError("t_span", f"({start:g}, {end:g}) is not a time span", "Give start < end, both finite")
+        raise DeclarationError(
+            "t_span", f"({start:g}, {end:g}) is not a time span", "Give start < end, both finite"
+        )
     return start, end
 
 
@@ -113,8 +120,12 @@ def follow(
 
     constants = Constants(*(part[None] for part in problem.constants))
     begin, end = start - problem.origin, end - problem.origin
-    lanes = Lanes.start(problem, constants, np.zeros(1, np.int64), y[None], (begin, end), problem.closed_forms)
-    clock, contacts, kinks = lanes.now.clock[0], lanes.now.mode.shape[1], lanes.now.reg.shape[1]
+    lanes = Lanes.start(
+        problem, constants, np.zeros(1, np.int64), y[None], (begin, end), problem.closed_forms
+    )
+    clock = lanes.now.clock[0]
+    contacts = lanes.now.mode.shape[1]
+    kinks = lanes.now.reg.shape[1]
     pieces: list[Knots] = []
     size = 64
     try:
@@ -123,7 +134,9 @@ def follow(
             size = min(2 * size, CHUNK)
             record = Knots.empty(size, len(y), contacts, kinks, problem.origin)
             count = lanes.advance(
-                end, max_events, Record(record.clock, record.state, record.mode, record.region, record.cause)
+                end,
+                max_events,
+                Record(record.clock, record.state, record.mode, record.region, record.cause),
             )
             pieces.append(record.first(count))
             if progress is not None:
@@ -131,7 +144,9 @@ def follow(
         code = int(lanes.codes[0])
     except KeyboardInterrupt:
         code = Outcome.INTERRUPTED.code
-    knots = Knots.joined(pieces) if pieces else Knots.empty(0, len(y), contacts, kinks, problem.origin)
+    knots = (
+        Knots.joined(pieces) if pieces else Knots.empty(0, len(y), contacts, kinks, problem.origin)
+    )
     if len(knots.clock) == 0 or clock[NOW] > knots.clock[-1]:
         now = lanes.now
         carried = now.mode[0] == now.settled[0]
@@ -144,7 +159,11 @@ def follow(
 def check_stable_start(problem: Problem, start: float, y: Array) -> None:
     """Explain an initial state outside the stable set of the rate-independent coordinates."""
     equations, declaration = problem.compiled.equations, problem.system.declaration
-    values = {**problem.parameters, **dict(zip(declaration.state, map(float, y), strict=True)), "t": start}
+    values = {
+        **problem.parameters,
+        **dict(zip(declaration.state, map(float, y), strict=True)),
+        "t": start,
+    }
     acting = [c for c in equations.contacts if c.kind == Kind.RATE_INDEPENDENT]
     for c, force in zip(acting, equations.rate.force, strict=True):
         held = ex.evaluate(force, values)
@@ -154,7 +173,8 @@ def check_stable_start(problem: Problem, start: float, y: Array) -> None:
             name = next(iter(c.direction))
             raise DeclarationError(
                 f"initial.{name}",
-                f"the contact '{c.name}' would have to hold the force {held:.6g}, which exceeds its threshold"
+                f"the contact '{c.name}' would have to hold the force {held:.6g}, which exceeds "
+                "its threshold"
                 f" {minus if held > 0 else plus:.6g} by {excess:.6g}",
                 f"Start with '{name}' inside the stable set",
             )

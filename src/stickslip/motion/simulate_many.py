@@ -56,8 +56,9 @@ def simulate_many(
     Returns
     -------
     xarray.Dataset
-        Dimension ``trajectory``: the given values, the final state (``final_psi`` …), ``time`` reached, ``outcome``
-        (codes with flag_meanings), ``switches`` of contacts, ``kinks`` crossed, ``steps``.
+        Dimension ``trajectory``: the given values, the final state (``final_psi`` …), ``time``
+        reached, ``outcome`` (codes with flag_meanings), ``switches`` of contacts, ``kinks``
+        crossed, ``steps``.
 
     Raises
     ------
@@ -68,7 +69,9 @@ def simulate_many(
 
     if not isinstance(system, System):
         raise DeclarationError(
-            "system", f"{system!r} is no System", "Give a System, such as ss.catalogue.rocking_toy()"
+            "system",
+            f"{system!r} is no System",
+            "Give a System, such as ss.catalogue.rocking_toy()",
         )
     check_positive(max_events=max_events, **({} if workers is None else {"workers": workers}))
     start, end = check_span(system.span if t_span is None else t_span)
@@ -77,16 +80,28 @@ def simulate_many(
     table = parameter_table(system, given_parameters, count)
     states = initial_states(system, given_initial, count)
     problem = replace(pose_all(system, given_parameters, rtol, atol), origin=start)
-    now, codes = run(problem, table, states, (0.0, end - start), max_events, workers or os.cpu_count() or 1)
+    now, codes = run(
+        problem, table, states, (0.0, end - start), max_events, workers or os.cpu_count() or 1
+    )
     data = {
         name: ("trajectory", np.broadcast_to(v, count).copy())
         for name, v in {**given_initial, **given_parameters}.items()
     }
-    data |= {f"final_{name}": ("trajectory", now.y[:, i]) for i, name in enumerate(system.declaration.state)}
-    labels = {o.code: o.label.replace(" ", "_") for o in Outcome}
-    flags = {"flag_values": np.array(list(labels), np.int8), "flag_meanings": " ".join(labels.values())}
     data |= {
-        "time": ("trajectory", now.clock[:, NOW] + problem.origin, {"units": system.time_unit or "1"}),
+        f"final_{name}": ("trajectory", now.y[:, i])
+        for i, name in enumerate(system.declaration.state)
+    }
+    labels = {o.code: o.label.replace(" ", "_") for o in Outcome}
+    flags = {
+        "flag_values": np.array(list(labels), np.int8),
+        "flag_meanings": " ".join(labels.values()),
+    }
+    data |= {
+        "time": (
+            "trajectory",
+            now.clock[:, NOW] + problem.origin,
+            {"units": system.time_unit or "1"},
+        ),
         "outcome": ("trajectory", codes.astype(np.int8), flags),
         "switches": ("trajectory", now.counters[:, SWITCHES]),
         "kinks": ("trajectory", now.counters[:, CROSSED]),
@@ -96,33 +111,56 @@ def simulate_many(
 
 
 def run(
-    problem: Problem, table: Array, states: Array, span: tuple[float, float], max_events: int, workers: int
+    problem: Problem,
+    table: Array,
+    states: Array,
+    span: tuple[float, float],
+    max_events: int,
+    workers: int,
 ) -> tuple[Lane, Array]:
-    """Follow motions with the parameters of the rows of a table: where they are at their end, and outcome codes.
+    """Follow motions with the parameters of the rows of a table: where they are at their end, and
+    outcome codes.
 
     The span is counted from the origin of the problem.
 
-    Blocks of motions are independent of each other, so that neither threads nor memory matter to the result.
+    Blocks of motions are independent of each other, so that neither threads nor memory matter to
+    the result.
     """
     shared = bool(np.all(table == table[0]))
     slots = SLOTS if shared else BATCH_SLOTS
-    # Motions with the same parameters share their closed forms: the fewer blocks, the seldomer these are made.
-    lanes = max(MOST_LANES, -(-len(states) // workers)) if shared else lanes_of_block(problem, slots)
+    # Motions with the same parameters share their closed forms: the fewer blocks, the seldomer
+    # these are made.
+    lanes = (
+        max(MOST_LANES, -(-len(states) // workers)) if shared else lanes_of_block(problem, slots)
+    )
     blocks = [slice(i, i + lanes) for i in range(0, len(states), lanes)]
     with ThreadPoolExecutor(workers) as pool:
-        done = list(pool.map(lambda b: follow_block(problem, table[b], states[b], span, max_events, slots), blocks))
-    now = type(done[0][0])(*(np.concatenate(parts) for parts in zip(*(lane for lane, _ in done), strict=True)))
+        done = list(
+            pool.map(
+                lambda b: follow_block(problem, table[b], states[b], span, max_events, slots),
+                blocks,
+            )
+        )
+    now = type(done[0][0])(
+        *(np.concatenate(parts) for parts in zip(*(lane for lane, _ in done), strict=True))
+    )
     return now, np.concatenate([codes for _, codes in done])
 
 
 def lanes_of_block(problem: Problem, slots: int) -> int:
-    """Motions worked on together: as many as memory lets, which does not matter to where they end."""
+    """Motions worked on together: as many as memory lets, which does not matter to where they
+    end."""
     size = sum(part.nbytes for part in problem.empty_forms(1, slots))
     return int(np.clip(BLOCK_BYTES / size, 1, MOST_LANES))
 
 
 def follow_block(
-    problem: Problem, table: Array, states: Array, span: tuple[float, float], max_events: int, slots: int
+    problem: Problem,
+    table: Array,
+    states: Array,
+    span: tuple[float, float],
+    max_events: int,
+    slots: int,
 ) -> tuple[Lane, Array]:
     """Follow some motions to their end; the closed forms they need are made in between."""
     from stickslip.motion.ensemble import Lanes
@@ -148,7 +186,9 @@ def columns(given: Mapping[str, ArrayLike] | None, where: str) -> dict[str, Arra
             ) from None
         if column.ndim != 1 or len(column) == 0 or not np.all(np.isfinite(column)):
             raise DeclarationError(
-                f"{where}.{name}", "not a 1-D array of finite numbers", "Give a number or a 1-D array"
+                f"{where}.{name}",
+                "not a 1-D array of finite numbers",
+                "Give a number or a 1-D array",
             )
         result[name] = column
     return result
@@ -159,7 +199,9 @@ def common_length(given: Mapping[str, Array]) -> int:
     lengths = {len(v) for v in given.values()} - {1}
     if len(lengths) > 1:
         raise DeclarationError(
-            "initial, parameters", f"arrays of different lengths {sorted(lengths)}", "Give arrays of one length"
+            "initial, parameters",
+            f"arrays of different lengths {sorted(lengths)}",
+            "Give arrays of one length",
         )
     return lengths.pop() if lengths else 1
 
@@ -172,15 +214,24 @@ def parameter_table(system: System, given: Mapping[str, Array], count: int) -> A
     DeclarationError
         If a parameter is unknown or not admissible, or if masses or viscosities are.
     """
-    declaration, names = system.declaration, list(system.parameters)
+    declaration = system.declaration
+    names = list(system.parameters)
     table = np.tile([system.values[name] for name in names], (count, 1)).reshape(count, len(names))
     for name, values in given.items():
         for extreme in (np.min(values), np.max(values)):
             declaration.check_range(name, float(extreme))
         table[:, names.index(name)] = values
-    definite = [entry for pair, entry in declaration.mass.items() if {*pair} <= {*declaration.inertial}]
-    definite += [entry for pair, entry in declaration.damping.items() if {*pair} <= {*declaration.viscous}]
-    shaping = [i for i, name in enumerate(names) if name in given and any(name in e.symbols for e in definite)]
+    definite = [
+        entry for pair, entry in declaration.mass.items() if {*pair} <= {*declaration.inertial}
+    ]
+    definite += [
+        entry for pair, entry in declaration.damping.items() if {*pair} <= {*declaration.viscous}
+    ]
+    shaping = [
+        i
+        for i, name in enumerate(names)
+        if name in given and any(name in e.symbols for e in definite)
+    ]
     first = np.unique(table[:, shaping], axis=0, return_index=True)[1] if shaping else [0]
     for row in table[first]:
         declaration.check_parameters(dict(zip(names, map(float, row), strict=True)))
@@ -190,7 +241,9 @@ def parameter_table(system: System, given: Mapping[str, Array], count: int) -> A
 def initial_states(system: System, given: Mapping[str, Array], count: int) -> Array:
     """Initial state of every motion, shape (motions, n), checked."""
     declaration = system.declaration
-    states = np.tile([float(system.initial.get(name, 0.0)) for name in declaration.state], (count, 1))
+    states = np.tile(
+        [float(system.initial.get(name, 0.0)) for name in declaration.state], (count, 1)
+    )
     for name, values in given.items():
         check_initial(declaration, name, float(values[0]))
         states[:, declaration.state.index(name)] = values
@@ -199,9 +252,12 @@ def initial_states(system: System, given: Mapping[str, Array], count: int) -> Ar
 
 def pose_all(system: System, given: Iterable[str], rtol: float, atol: float) -> Problem:
     """The problem that motions share whose parameters of these names vary over all they may be."""
-    problem, ranges = pose(system, None, rtol, atol), system.declaration.ranges
+    problem = pose(system, None, rtol, atol)
+    ranges = system.declaration.ranges
     boxes = {name: (value, value) for name, value in problem.parameters.items()}
-    return replace(problem, boxes=boxes | {name: (ranges[name].low, ranges[name].high) for name in given})
+    return replace(
+        problem, boxes=boxes | {name: (ranges[name].low, ranges[name].high) for name in given}
+    )
 
 
 def distinct(table: Array) -> tuple[Array, Array]:
@@ -209,5 +265,7 @@ def distinct(table: Array) -> tuple[Array, Array]:
     if table.shape[1] == 0:
         return table[:1], np.zeros(len(table), np.int64)
     rows = np.ascontiguousarray(table)
-    _, first, group = np.unique(rows.view(f"V{rows[0].nbytes}"), return_index=True, return_inverse=True)
+    _, first, group = np.unique(
+        rows.view(f"V{rows[0].nbytes}"), return_index=True, return_inverse=True
+    )
     return rows[first], np.ascontiguousarray(group.reshape(-1).astype(np.int64))

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 GRID = 1000  # points of the dataset between knots
-KIND, FORMAT = "trajectory", 1  # of the stored file
+KIND = "trajectory"  # of the stored file
+FORMAT = 1  # of the stored file
 
 
 @dataclass(frozen=True)
@@ -71,15 +72,24 @@ class Trajectory:
     """
 
     def __init__(
-        self, problem: Problem, t_span: tuple[float, float], knots: Knots, outcome: Outcome, rtol: float = 1e-10
+        self,
+        problem: Problem,
+        t_span: tuple[float, float],
+        knots: Knots,
+        outcome: Outcome,
+        rtol: float = 1e-10,
     ) -> None:
         self._problem = problem
-        self.t_span, self.knots, self.outcome, self.rtol = t_span, knots, outcome, rtol
+        self.t_span = t_span
+        self.knots = knots
+        self.outcome = outcome
+        self.rtol = rtol
         self.wall_time = 0.0
 
     def __repr__(self) -> str:
         return (
-            f"<Trajectory of {self.system.name}: t = {self.t_span[0]:g} ... {self.knots.time[-1]:g}, "
+            f"<Trajectory of {self.system.name}: t = {self.t_span[0]:g} ... "
+            f"{self.knots.time[-1]:g}, "
             f"{self.n_switches} switches, {self.outcome.label}>"
         )
 
@@ -117,12 +127,13 @@ class Trajectory:
             if not ex.evaluate(margin, self.parameters) > 0.0
         ]
 
-    # -- names and rows ---------------------------------------------------------------------------
+    # -- names and rows ----------------------------------------------------------------------------
 
     @cached_property
     def _rows(self) -> dict[str, int]:
         """Row of each published quantity, without modes and energies."""
-        layout, contacts = self._problem.compiled.layout, self._contacts
+        layout = self._problem.compiled.layout
+        contacts = self._contacts
         rows = {name: i for i, name in enumerate(layout.state)}
         rows |= {name: row for name, row in layout.named.items() if name not in rows}
         for key, i in contacts.items():
@@ -188,26 +199,34 @@ class Trajectory:
         """Energy, work and violations at the knots, recomputed from them."""
         from stickslip.motion.between.step_balance import judge, make_tally
 
-        k, rows = self.knots, self._problem.compiled.layout.rows
+        k = self.knots
+        rows = self._problem.compiled.layout.rows
         energy = self._sample_clock(k.clock, np.arange(len(k.clock)))[:, rows]
         tally = make_tally(self._problem.rows)
         index = np.arange(len(k.clock) - 1)
         steps = self._integrate(k.clock[:-1], k.state[:-1], index, k.clock[1:], tally)
         work = np.vstack([np.zeros((1, 2)), np.cumsum(steps.work, axis=0)])
         balance = energy - energy[0] + work[:, 0] - work[:, 1]
-        flow = max(np.ptp(energy), work[-1, 0], tally.total[0], np.max(self._kinetic(), initial=0.0))
+        flow = max(
+            np.ptp(energy), work[-1, 0], tally.total[0], np.max(self._kinetic(), initial=0.0)
+        )
         imbalance, top = np.max(np.abs(balance)), np.max(np.abs(energy))
         residuals = np.zeros(4)
         judge(self._problem.rows, tally, float(imbalance), float(flow), float(top), residuals)
-        return Audit(energy, work[:, 0], work[:, 1], residuals, np.append(steps.open, 0.0), tally.state[0])
+        return Audit(
+            energy, work[:, 0], work[:, 1], residuals, np.append(steps.open, 0.0), tally.state[0]
+        )
 
     def _kinetic(self) -> Array:
         n = self._problem.compiled.layout.sizes["nq"]
         v = self.knots.state[:, n : 2 * n]
         return 0.5 * np.einsum("ki,ij,kj->k", v, self._problem.constants.M, v)
 
-    def _integrate(self, times: Array, states: Array, index: Array, ends: Array, tally: Tally | None = None) -> Steps:
-        """Follow the motion from given times and states, inside the steps of the knots `index`, to `ends`.
+    def _integrate(
+        self, times: Array, states: Array, index: Array, ends: Array, tally: Tally | None = None
+    ) -> Steps:
+        """Follow the motion from given times and states, inside the steps of the knots `index`, to
+        `ends`.
 
         With a tally, from knots to the next ones: they are checked, too.
         """
@@ -238,7 +257,7 @@ class Trajectory:
         )
         return steps
 
-    # -- what a user asks for ---------------------------------------------------------------------
+    # -- what a user asks for ----------------------------------------------------------------------
 
     def at(self, t: Any, side: str = "right") -> dict[str, Any]:
         """All quantities at given times, as accurate as at a switch.
@@ -253,8 +272,9 @@ class Trajectory:
         Returns
         -------
         dict of str to float or array
-            Coordinates, rates ``d_x``, internal variables; per contact ``friction_``, ``threshold_plus_``,
-            ``threshold_minus_``, ``slip_speed_``, ``mode_``; ``energy``, ``dissipated_energy``, ``supplied_energy``.
+            Coordinates, rates ``d_x``, internal variables; per contact ``friction_``,
+            ``threshold_plus_``, ``threshold_minus_``, ``slip_speed_``, ``mode_``; ``energy``,
+            ``dissipated_energy``, ``supplied_energy``.
 
         Raises
         ------
@@ -265,13 +285,20 @@ class Trajectory:
         first, last = float(self.knots.time[0]), float(self.knots.time[-1])
         if side not in ("left", "right"):
             raise DeclarationError("side", f"{side!r} is no side", "Use 'left' or 'right'")
-        shape, clock = times.shape, np.ascontiguousarray(times.ravel()) - self.knots.origin
-        if times.size and not (np.all(clock >= self.knots.clock[0]) and np.all(clock <= self.knots.clock[-1])):
-            raise DeclarationError("t", "a time is outside the computed span", f"Ask for {first:g} <= t <= {last:g}")
+        shape = times.shape
+        clock = np.ascontiguousarray(times.ravel()) - self.knots.origin
+        if times.size and not (
+            np.all(clock >= self.knots.clock[0]) and np.all(clock <= self.knots.clock[-1])
+        ):
+            raise DeclarationError(
+                "t", "a time is outside the computed span", f"Ask for {first:g} <= t <= {last:g}"
+            )
         index = np.searchsorted(self.knots.clock, clock, side=side) - 1
         index = np.clip(index, 0, len(self.knots.clock) - 1)
         values = self._values(clock, index)
-        return {name: v[0].item() if np.ndim(t) == 0 else v.reshape(shape) for name, v in values.items()}
+        return {
+            name: v[0].item() if np.ndim(t) == 0 else v.reshape(shape) for name, v in values.items()
+        }
 
     def trace(self, names: Sequence[str], times: Array, index: Array) -> dict[str, Array]:
         """Quantities at many times, for pictures; see trace.py.
@@ -290,11 +317,23 @@ class Trajectory:
         wanted = np.array([self._rows[name] for name in names], dtype=np.int64)
         out = np.empty((len(wanted), len(times)))
         fixed = (p.compiled.jets, p.rows, p.constants, p.space(), p.order, TOLERANCE, p.atol)
-        trace(*fixed, self._seen, k.clock, k.state, k.mode, k.region, index, times - k.origin, wanted, out)
+        trace(
+            *fixed,
+            self._seen,
+            k.clock,
+            k.state,
+            k.mode,
+            k.region,
+            index,
+            times - k.origin,
+            wanted,
+            out,
+        )
         return dict(zip(names, out, strict=True))
 
     def _values(self, clock: Array, index: Array) -> dict[str, Array]:
-        """All published quantities at times since the origin, within the steps of the knots `index`."""
+        """All published quantities at times since the origin, within the steps of the knots
+        `index`."""
         out = self._sample_clock(clock, index)
         rows = self._problem.compiled.layout.rows
         values = {name: out[:, row] for name, row in self._rows.items()}
@@ -308,11 +347,14 @@ class Trajectory:
         return values
 
     def _work(self, clock: Array, index: Array, states: Array) -> Array:
-        """Dissipated and supplied energy from the knots `index` to times since the origin, where it is at `states`.
+        """Dissipated and supplied energy from the knots `index` to times since the origin, where it
+        is at `states`.
 
-        Integrated from one time to the next, so that many times in a long flight cost no more than the flight.
+        Integrated from one time to the next, so that many times in a long flight cost no more than
+        the flight.
         """
-        k, work = self.knots, np.empty((len(clock), 2))
+        k = self.knots
+        work = np.empty((len(clock), 2))
         order = np.lexsort((clock, index))
         ends, knot = clock[order], index[order]
         first = np.diff(knot, prepend=-1) != 0
@@ -330,7 +372,8 @@ class Trajectory:
 
     @cached_property
     def dataset(self) -> xarray.Dataset:
-        """All quantities on the knots and on an even grid of times (right limits where something jumps)."""
+        """All quantities on the knots and on an even grid of times (right limits where something
+        jumps)."""
         import xarray as xr
 
         k = self.knots
@@ -353,7 +396,10 @@ class Trajectory:
         """Unit and meaning of a published quantity; of a mode, what its numbers stand for."""
         for contact in self.system.contacts:
             if name == f"mode_{contact_key(contact)}":
-                flags = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "slip- stick slip+"}
+                flags = {
+                    "flag_values": np.array([-1, 0, 1], np.int8),
+                    "flag_meanings": "slip- stick slip+",
+                }
                 return {"long_name": f"mode of {contact}", **flags}
         return quantity(self.system, name)
 
@@ -362,13 +408,18 @@ class Trajectory:
         """Every change of mode or region: time, contact (or the kink), from, to, and the state."""
         import pandas as pd
 
-        equations, k = self._problem.compiled.equations, self.knots
+        equations = self._problem.compiled.equations
+        k = self.knots
         mode = k.slip
         changes = np.hstack([np.diff(mode, axis=0), np.diff(k.region, axis=0)])
         knot, which = np.nonzero(changes)
-        names = [c.name for c in equations.contacts] + [f"{ex.to_text(g)} = 0" for g in equations.kinks]
+        names = [c.name for c in equations.contacts] + [
+            f"{ex.to_text(g)} = 0" for g in equations.kinks
+        ]
         # The names of the modes −1, 0, 1, then those of the regions 0, 1.
-        words = np.array([*(MODE_NAMES[mode] for mode in (-1, 0, 1)), "below", "above"], dtype=object)
+        words = np.array(
+            [*(MODE_NAMES[mode] for mode in (-1, 0, 1)), "below", "above"], dtype=object
+        )
         values = np.hstack([mode + 1, k.region + 3])
         columns = {
             "time": k.time[knot + 1],
@@ -392,7 +443,9 @@ class Trajectory:
     @property
     def final(self) -> dict[str, float]:
         """The last state."""
-        return dict(zip(self._problem.compiled.layout.state, map(float, self.knots.state[-1]), strict=True))
+        return dict(
+            zip(self._problem.compiled.layout.state, map(float, self.knots.state[-1]), strict=True)
+        )
 
     def plot(self) -> Figure:
         """Time traces with stick phases shaded, and the phase plane where it says something."""
@@ -400,7 +453,7 @@ class Trajectory:
 
         return plot_trajectory(self)
 
-    # -- files --------------------------------------------------------------------------------------
+    # -- files -------------------------------------------------------------------------------------
 
     def save(self, path: str | Path) -> None:
         """Write a netCDF-4 file that :func:`open_trajectory` reads back exactly.
@@ -433,7 +486,11 @@ class Trajectory:
             "wall_time": self.wall_time,
         }
         data = self.dataset.merge(xr.Dataset(extra))
-        parts = {"system": self.system.to_toml(), "parameters": self.parameters, "settings": settings}
+        parts = {
+            "system": self.system.to_toml(),
+            "parameters": self.parameters,
+            "settings": settings,
+        }
         storage.write(path, data, KIND, FORMAT, **parts)
 
 
@@ -453,13 +510,21 @@ def open_trajectory(path: str | Path) -> Trajectory:
         parameters, settings = json.loads(own["parameters"]), json.loads(own["settings"])
         names = ("time", "state", "mode", "region", "cause")
         origin = settings.get("origin", 0.0)
-        knots = Knots(*(np.ascontiguousarray(data[f"knot_{name}"].values) for name in names), origin=origin)
+        knots = Knots(
+            *(np.ascontiguousarray(data[f"knot_{name}"].values) for name in names), origin=origin
+        )
         checked = pose(system, {name: parameters[name] for name in system.parameters})
         numbers = (settings[name] for name in ("order", "tolerance", "atol"))
         problem = Problem(system, checked.parameters, *numbers, origin=origin)
-        span, code, rtol, wall_time = (settings[name] for name in ("t_span", "outcome", "rtol", "wall_time"))
+        span, code, rtol, wall_time = (
+            settings[name] for name in ("t_span", "outcome", "rtol", "wall_time")
+        )
         outcome = Outcome.from_code(code)
-    if knots.state.ndim != 2 or knots.state.shape[1] != len(system.declaration.state) or len(knots.time) == 0:
+    if (
+        knots.state.ndim != 2
+        or knots.state.shape[1] != len(system.declaration.state)
+        or len(knots.time) == 0
+    ):
         raise StickslipError(f"{path}: the stored states do not fit the stored system")
     trajectory = Trajectory(problem, tuple(span), knots, outcome, rtol)
     trajectory.wall_time = wall_time

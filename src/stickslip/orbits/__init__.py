@@ -1,1 +1,2 @@
-"""Long-run behaviour: equilibria, cycles, gaits, their stability and their continuation in parameters."""
+"""Long-run behaviour: equilibria, cycles, gaits, their stability and their continuation in
+parameters."""

@@ -1,7 +1,9 @@
-"""[M] as a computation: every figure drawn, every statement that can be computed checked, with a measured number.
+"""[M] as a computation: every figure drawn, every statement that can be computed checked, with a
+measured number.
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017).
-The figures are ``stickslip.paper.figures.FIGURES``, the animations ``stickslip.paper.moving.animations.ANIMATIONS``.
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017). The figures are ``stickslip.paper.figures.FIGURES``, the animations
+``stickslip.paper.moving.animations.ANIMATIONS``.
 """
 
 from __future__ import annotations

@@ -90,11 +90,15 @@ def items(only: str | None = None) -> list[Item]:
         return [item for item, _ in everything]
     wanted = only.strip("() ")
     found = [
-        item for item, place in everything if wanted in (place, item.key, _number(place), _number(place).rstrip("abc"))
+        item
+        for item, place in everything
+        if wanted in (place, item.key, _number(place), _number(place).rstrip("abc"))
     ]
     if not found:
         known = dict.fromkeys(_number(place) for _, place in everything)
-        raise DeclarationError("--only", f"there is no '{short(only)}'", f"Known: {', '.join(sorted(known))}")
+        raise DeclarationError(
+            "--only", f"there is no '{short(only)}'", f"Known: {', '.join(sorted(known))}"
+        )
     return found
 
 
@@ -149,7 +153,9 @@ def make(item: Item, folder: Path) -> Made:
         files = draw(item.key, folder) if item.kind == "figure" else animate(item.key, folder)
     except Exception as error:  # one picture that fails leaves the others
         return Made(item, time.perf_counter() - began, error=f"{type(error).__name__}: {error}")
-    return Made(item, time.perf_counter() - began, files=tuple(str(f.relative_to(folder)) for f in files))
+    return Made(
+        item, time.perf_counter() - began, files=tuple(str(f.relative_to(folder)) for f in files)
+    )
 
 
 def claim_named(name: str) -> Claim:
@@ -164,7 +170,8 @@ def draw(key: str, folder: Path) -> list[Path]:
 
     place = folder / "figures"
     place.mkdir(parents=True, exist_ok=True)
-    figure, files = FIGURES[key].draw(), [place / f"figure-{key}.{form}" for form in FORMATS]
+    figure = FIGURES[key].draw()
+    files = [place / f"figure-{key}.{form}" for form in FORMATS]
     with paper_style():
         for file in files:
             figure.savefig(file)
@@ -181,7 +188,8 @@ def animate(key: str, folder: Path) -> list[Path]:
 
 
 def source_of(function: Callable) -> str:
-    """The code that makes a picture: its module, if a reader takes that in at once, else the function."""
+    """The code that makes a picture: its module, if a reader takes that in at once, else the
+    function."""
     module = inspect.getmodule(function)
     whole = inspect.getsource(module) if module else ""
     return whole if 0 < whole.count("\n") <= LINES else inspect.getsource(function)

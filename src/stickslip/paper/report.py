@@ -107,8 +107,12 @@ def write_page(work: Work, folder: Path, seconds: float) -> None:
     parts = {
         "summary": _summary(work, seconds),
         "contents": _contents(work),
-        "figures": "".join(_picture(entry, made, folder) for entry, made in pictures(work, "figure")),
-        "animations": "".join(_picture(entry, made, folder) for entry, made in pictures(work, "animation")),
+        "figures": "".join(
+            _picture(entry, made, folder) for entry, made in pictures(work, "figure")
+        ),
+        "animations": "".join(
+            _picture(entry, made, folder) for entry, made in pictures(work, "animation")
+        ),
         "filters": _filters(work),
         "claims": "".join(_row(claim, made) for claim, made in checked(work)),
     }
@@ -117,14 +121,19 @@ def write_page(work: Work, folder: Path, seconds: float) -> None:
     (folder / "index.html").write_text(page, encoding="utf-8")
 
 
-# -- parts of the page ------------------------------------------------------------------------------
+# -- parts of the page -----------------------------------------------------------------------------
 
 
 def _summary(work: Work, seconds: float) -> str:
     shown = [f"{verdict} {count}" for verdict, count in counts(work).items() if count]
-    bad, missing = len(unexpected(work)), len(work.items) - len(work.done)
+    bad = len(unexpected(work))
+    missing = len(work.items) - len(work.done)
     text = f"{len(checked(work))} claims checked in {seconds:.0f} s: {', '.join(shown) or 'none'}."
-    text += " Every verdict is the expected one." if not bad else f" {bad} did not come out as expected."
+    text += (
+        " Every verdict is the expected one."
+        if not bad
+        else f" {bad} did not come out as expected."
+    )
     text += f" Interrupted: {missing} of {len(work.items)} items are missing." if missing else ""
     return f'<p class="summary">{escape(text)} stickslip {escape(__version__)}.</p>'
 
@@ -145,7 +154,11 @@ def _picture(entry: Any, made: Made, folder: Path) -> str:
     name = entry.title if moves else f"{_label(entry.key)}. {entry.title}"
     shown = _shown(made, folder)
     alt = escape(f"{entry.title}: {entry.caption}")
-    image = f'<img src="{shown}" alt="{alt}">' if shown else f'<p class="bad">{escape(made.error or "no picture")}</p>'
+    image = (
+        f'<img src="{shown}" alt="{alt}">'
+        if shown
+        else f'<p class="bad">{escape(made.error or "no picture")}</p>'
+    )
     code = source_of(entry.make if moves else entry.draw)
     also = f"<p class='files'>{escape(', '.join(made.files))}</p>" if made.files else ""
     return (
@@ -159,7 +172,9 @@ def _shown(made: Made, folder: Path) -> str:
     """The picture as a data URI: the vector drawing unless it is too large."""
     for file in (folder / name for name in sorted(made.files, key=_preference)):
         if file.suffix in TYPES and (file.suffix != ".svg" or file.stat().st_size <= INLINE):
-            return f"data:{TYPES[file.suffix]};base64,{base64.b64encode(file.read_bytes()).decode()}"
+            return (
+                f"data:{TYPES[file.suffix]};base64,{base64.b64encode(file.read_bytes()).decode()}"
+            )
     return ""
 
 
@@ -169,9 +184,12 @@ def _preference(name: str) -> int:
 
 def _filters(work: Work) -> str:
     shown = [("all", "all", len(checked(work)))]
-    shown += [(v.name.lower(), v.value, counts(work)[v.value]) for v in Verdict if counts(work)[v.value]]
+    shown += [
+        (v.name.lower(), v.value, counts(work)[v.value]) for v in Verdict if counts(work)[v.value]
+    ]
     return "".join(
-        f'<button type="button" data-verdict="{key}" aria-pressed="{str(key == "all").lower()}">{text} {count}</button>'
+        f'<button type="button" data-verdict="{key}" '
+        f'aria-pressed="{str(key == "all").lower()}">{text} {count}</button>'
         for key, text, count in shown
     )
 
@@ -179,17 +197,30 @@ def _filters(work: Work) -> str:
 def _row(claim: Claim, made: Made) -> str:
     assert made.finding is not None
     verdict = made.finding.verdict
-    note = "" if made.good(claim) else f'<br><span class="bad">expected: {escape(claim.expected.value)}</span>'
+    note = (
+        ""
+        if made.good(claim)
+        else f'<br><span class="bad">expected: {escape(claim.expected.value)}</span>'
+    )
     return (
         f'<tr data-verdict="{verdict.name.lower()}" id="{claim.name}">'
         f'<td class="place">{escape(claim.place)}</td>'
-        f'<td>{typeset(claim.statement)}<div class="formula">{typeset(claim.formula)}</div>{_correction(claim)}</td>'
+        f"<td>{typeset(claim.statement)}<div "
+        f'class="formula">{typeset(claim.formula)}</div>{_correction(claim)}</td>'
         f'<td class="how">{typeset(claim.how)}</td>'
         f"<td>{typeset(made.finding.measured)}</td>"
-        f'<td><span class="verdict {verdict.name.lower()}">{escape(verdict.value)}</span>{note}</td></tr>\n'
+        '<td><span class="verdict '
+        f'{verdict.name.lower()}">{escape(verdict.value)}</span>{note}</td></tr>\n'
     )
 
 
 def _correction(claim: Claim) -> str:
-    parts: Iterable[tuple[str, str]] = (("Correction", claim.correction), ("Because", claim.derivation))
-    return "".join(f'<div class="correction"><b>{name}:</b> {typeset(text)}</div>' for name, text in parts if text)
+    parts: Iterable[tuple[str, str]] = (
+        ("Correction", claim.correction),
+        ("Because", claim.derivation),
+    )
+    return "".join(
+        f'<div class="correction"><b>{name}:</b> {typeset(text)}</div>'
+        for name, text in parts
+        if text
+    )

@@ -1,9 +1,10 @@
 """Adaptive maps: computed finely only where something changes.
 
-The points of the full grid stay the points of the map. A coarse selection of them divides it into cells; a cell is
-halved in all directions where an outcome or a measure changes among the points computed in it and on its boundary, down
-to the grid itself. Looking at the boundary, too, lets cells follow a curve that their neighbours have found. What lies
-in a cell where nothing changes is interpolated and marked as such; a feature that no coarse point sees is not found.
+The points of the full grid stay the points of the map. A coarse selection of them divides it into
+cells; a cell is halved in all directions where an outcome or a measure changes among the points
+computed in it and on its boundary, down to the grid itself. Looking at the boundary, too, lets
+cells follow a curve that their neighbours have found. What lies in a cell where nothing changes is
+interpolated and marked as such; a feature that no coarse point sees is not found.
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ class Adaptive:
     by : tuple of str
         ``"outcome"`` and measures.
     contrast : float
-        Change of a measure within a cell that asks for more points, relative to its range over the map.
+        Change of a measure within a cell that asks for more points, relative to its range over the
+        map.
     """
 
     by: tuple[str, ...] = ("outcome",)
@@ -53,13 +55,19 @@ def check_adaptive(adaptive: Adaptive, store: MapStore) -> None:
     known = ["outcome", *filter(_is_measure, store.names)]
     for name in adaptive.by:
         if name not in known:
-            raise DeclarationError("adaptive", f"'{short(name)}' is not measured", f"Measured: {', '.join(known)}")
+            raise DeclarationError(
+                "adaptive", f"'{short(name)}' is not measured", f"Measured: {', '.join(known)}"
+            )
     if not adaptive.by or not 0.0 < adaptive.contrast < 1.0:
-        raise DeclarationError("adaptive", "a contrast between 0 and 1, of something measured, is needed", "Try 0.05")
+        raise DeclarationError(
+            "adaptive", "a contrast between 0 and 1, of something measured, is needed", "Try 0.05"
+        )
     for axis in store.grid.axes:
         if not axis.ordered:
             names = ",".join(axis.names)
-            raise DeclarationError("adaptive", f"the values of {names} have no order", "Vary one parameter by a range")
+            raise DeclarationError(
+                "adaptive", f"the values of {names} have no order", "Vary one parameter by a range"
+            )
 
 
 def rounds(store: MapStore, adaptive: Adaptive) -> Iterator[Array]:
@@ -72,14 +80,22 @@ def rounds(store: MapStore, adaptive: Adaptive) -> Iterator[Array]:
     leaves = _coarse(store.grid)
     while True:
         yield _corners(store.grid, leaves)
-        tables = [np.where(store.outcome >= 0, store.outcome, np.nan) if name == "outcome" else store.whole(name)
-                  for name in adaptive.by]  # fmt: skip
         known = store.outcome >= 0
-        limits = [0.0 if name == "outcome" else adaptive.contrast * _range(table[known])
-                  for name, table in zip(adaptive.by, tables, strict=True)]  # fmt: skip
+        tables = [
+            np.where(known, store.outcome, np.nan) if name == "outcome" else store.whole(name)
+            for name in adaptive.by
+        ]
+        limits = [
+            0.0 if name == "outcome" else adaptive.contrast * _range(table[known])
+            for name, table in zip(adaptive.by, tables, strict=True)
+        ]
         finer: list[Cell] = []
         for cell in leaves:
-            finer += _halves(cell) if _divisible(cell) and _changes(cell, known, tables, limits) else [cell]
+            finer += (
+                _halves(cell)
+                if _divisible(cell) and _changes(cell, known, tables, limits)
+                else [cell]
+            )
         if len(finer) == len(leaves):
             break
         leaves = finer
@@ -142,7 +158,8 @@ def _halves(cell: Cell) -> list[Cell]:
 
 
 def _interpolate(store: MapStore, leaves: Sequence[Cell]) -> None:
-    """Give the points inside cells the values that their corners suggest, and their worst certificate."""
+    """Give the points inside cells the values that their corners suggest, and their worst
+    certificate."""
     gaps = [cell for cell in leaves if np.any(store.outcome[_box(cell)] < 0)]
     if not gaps:
         return

@@ -1,10 +1,10 @@
 """Basins of attraction: which attractor each state of a section reaches.
 
 A basin is a map over initial states: every motion is followed until it has settled
-(:mod:`stickslip.sweeps.work.chunk`), and what is said of it is proved or certified point by point. What motions settle
-on is then sorted. Rest is a set, and so are the oscillations in which a contact sticks for good: it may do so at many
-places. Any other cycle is closed once by Newton's method, which tells its stability, and belongs to all motions that
-have settled on it.
+(:mod:`stickslip.sweeps.work.chunk`), and what is said of it is proved or certified point by point.
+What motions settle on is then sorted. Rest is a set, and so are the oscillations in which a contact
+sticks for good: it may do so at many places. Any other cycle is closed once by Newton's method,
+which tells its stability, and belongs to all motions that have settled on it.
 """
 
 from __future__ import annotations
@@ -41,7 +41,9 @@ if TYPE_CHECKING:
 Array = np.ndarray
 Axis = tuple[float, float, int] | Sequence[float] | np.ndarray
 
-STOPPED, ON_ITS_WAY, UNDAMPED = -1, -2, -3  # labels of motions that are on no attractor
+STOPPED = -1  # labels of motions that are on no attractor
+ON_ITS_WAY = -2
+UNDAMPED = -3
 ARRIVED = 1e-3  # distance from an attractor, relative to its size, that counts as on it
 SAME = 1e-6  # relative difference of periods, and of ranges, that is none
 LONG_ENOUGH = 6.0  # periods after which Newton's method sees that a motion repeats
@@ -57,9 +59,9 @@ class Attractor:
     Attributes
     ----------
     kind : str
-        ``"rest"`` (every contact sticks for good and nothing moves, or an equilibrium without slip), ``"sliding"``
-        (steady), ``"oscillation"`` (every contact sticks for good, and a drive moves the rest), ``"cycle"`` or
-        ``"walking"`` (a cycle with drift).
+        ``"rest"`` (every contact sticks for good and nothing moves, or an equilibrium without
+        slip), ``"sliding"`` (steady), ``"oscillation"`` (every contact sticks for good, and a drive
+        moves the rest), ``"cycle"`` or ``"walking"`` (a cycle with drift).
     state : dict of str to float
         One of its states.
     period, speed : float
@@ -70,7 +72,8 @@ class Attractor:
     family : bool
         Whether it is one of many: contacts that stick for good may do so at many places.
     stability : str
-        Of an isolated equilibrium or of a cycle, by its eigenvalues or multipliers; empty where these say nothing.
+        Of an isolated equilibrium or of a cycle, by its eigenvalues or multipliers; empty where
+        these say nothing.
     cycle : Cycle or None
         As Newton's method has closed it; None where there is none, or it did not converge.
     """
@@ -132,8 +135,8 @@ def basin(
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     initial : mapping of str to float, optional
-        Of the other states; by default the declared ones. A rate-independent coordinate that friction cannot hold
-        there starts at the nearest place at which it can.
+        Of the other states; by default the declared ones. A rate-independent coordinate that
+        friction cannot hold there starts at the nearest place at which it can.
     settings : Settings, optional
         How a motion settles, and the accuracy.
     workers : int, optional
@@ -142,10 +145,11 @@ def basin(
     Returns
     -------
     xarray.Dataset
-        One dimension for each name in `over`: ``attractor``, a code with flag_meanings; negative where a motion stopped
-        (−1), did not settle (−2) or goes on undamped (−3); and ``lacking``, what the certificate of each motion lacks.
-        Dimension ``reached``: ``kind``, ``period``, ``speed``, ``share`` of the section, ``state_…`` of one state,
-        ``low_…`` and ``high_…`` of each attractor, ``certified``, ``stability`` of a cycle, and whether it is one of a
+        One dimension for each name in `over`: ``attractor``, a code with flag_meanings; negative
+        where a motion stopped (−1), did not settle (−2) or goes on undamped (−3); and ``lacking``,
+        what the certificate of each motion lacks. Dimension ``reached``: ``kind``, ``period``,
+        ``speed``, ``share`` of the section, ``state_…`` of one state, ``low_…`` and ``high_…`` of
+        each attractor, ``certified``, ``stability`` of a cycle, and whether it is one of a
         ``family``.
 
     Raises
@@ -157,7 +161,8 @@ def basin(
 
     settings = settings or Settings()
     problem = pose(system, parameters, settings.rtol, settings.atol, origin=system.span[0])
-    axes, pool = _axes(system, over), Pool("threads", workers)
+    axes = _axes(system, over)
+    pool = Pool("threads", workers)
     if twice := [name for name in initial or {} if name in axes]:
         raise DeclarationError(f"initial.{twice[0]}", "it varies along an axis", "Give it once")
     mesh = np.meshgrid(*axes.values(), indexing="ij")
@@ -165,18 +170,26 @@ def basin(
     for name, values in zip(axes, mesh, strict=True):
         states[:, system.declaration.state.index(name)] = values.ravel()
     settle_friction(derive(system.declaration), problem.parameters, states, system.span[0])
-    label, reached, lacks, interrupted = np.full(len(states), ON_ITS_WAY), [], np.zeros(len(states), int), False
+    label = np.full(len(states), ON_ITS_WAY)
+    reached = []
+    lacks = np.zeros(len(states), int)
+    interrupted = False
     blocks = [slice(i, i + TOGETHER) for i in range(0, len(states), TOGETHER)]
     done = np.zeros(len(states), bool)
     parts: dict[int, Settled] = {}
     with pool, listening(pool.flag) as stop:
         work = partial(_settle, problem, settings, states)
         for block, part in distribute(work, blocks, pool, stop):
-            parts[block.start], done[block] = part, True
+            parts[block.start] = part
+            done[block] = True
         interrupted = stop.wished
     if parts:
-        found = Settled(*(np.concatenate([getattr(parts[i], name) for i in sorted(parts)])
-                          for name in Settled.__dataclass_fields__))  # fmt: skip
+        found = Settled(
+            *(
+                np.concatenate([getattr(parts[i], name) for i in sorted(parts)])
+                for name in Settled.__dataclass_fields__
+            )
+        )
         census = _Census(problem, found, 0.5 * np.ptp(states, axis=0))
         label[done], reached = census.label, census.reached
         lacks[done] = found.lacking
@@ -184,7 +197,9 @@ def basin(
     return _dataset(system, axes, label, reached, lacks, interrupted)
 
 
-def _settle(problem: Problem, settings: Settings, states: Array, block: slice, stop: Array) -> Settled:
+def _settle(
+    problem: Problem, settings: Settings, states: Array, block: slice, stop: Array
+) -> Settled:
     """What some motions settle on."""
     from stickslip.sweeps.work.chunk import Block, Here
 
@@ -192,7 +207,8 @@ def _settle(problem: Problem, settings: Settings, states: Array, block: slice, s
     table = np.tile(list(problem.parameters.values()), (len(here), 1)).reshape(len(here), -1)
     motions = Block(problem, table, here, settings, True, shared=True)
     observed = motions.run(Here, False, stop)
-    found, sums = motions.found, motions.found.sums
+    found = motions.found
+    sums = motions.found.sums
     return Settled(
         observed.outcome,
         lacking(observed, certified_below(settings)),
@@ -213,22 +229,35 @@ def _axes(system: System, over: Mapping[str, Axis]) -> dict[str, Array]:
     for name, given in over.items():
         if name not in system.declaration.state:
             raise DeclarationError(
-                f"over.{name}", "not a state of the system", f"Choose from {', '.join(system.declaration.state)}"
+                f"over.{name}",
+                "not a state of the system",
+                f"Choose from {', '.join(system.declaration.state)}",
             )
         try:
             if isinstance(given, tuple) and len(given) == 3 and isinstance(given[2], int):
-                values = np.linspace(float(given[0]), float(given[1]), min(max(given[2], 0), MOST_STATES + 1))
+                values = np.linspace(
+                    float(given[0]), float(given[1]), min(max(given[2], 0), MOST_STATES + 1)
+                )
             else:
                 values = np.asarray(given, dtype=float)
         except (TypeError, ValueError):
             values = np.zeros(0)
-        if values.ndim != 1 or len(values) < 2 or not np.all(np.diff(values) > 0.0) or not np.all(np.isfinite(values)):
-            raise DeclarationError(f"over.{name}", f"{given!r} is no range", "Give (low, high, number), number >= 2")
+        if (
+            values.ndim != 1
+            or len(values) < 2
+            or not np.all(np.diff(values) > 0.0)
+            or not np.all(np.isfinite(values))
+        ):
+            raise DeclarationError(
+                f"over.{name}", f"{given!r} is no range", "Give (low, high, number), number >= 2"
+            )
         axes[name] = values
     if not axes:
         raise DeclarationError("over", "nothing varies", "Give ranges of one or two states")
     if math.prod(map(len, axes.values())) > MOST_STATES:
-        raise DeclarationError("over", f"the section has more than {MOST_STATES:,} states", "Give fewer values")
+        raise DeclarationError(
+            "over", f"the section has more than {MOST_STATES:,} states", "Give fewer values"
+        )
     return axes
 
 
@@ -244,12 +273,16 @@ class _Census:
     """
 
     def __init__(self, problem: Problem, found: Settled, sizes: Array) -> None:
-        self.problem, self.found, self.sizes = problem, found, sizes
+        self.problem = problem
+        self.found = found
+        self.sizes = sizes
         self.equations = derive(problem.system.declaration)
         groups = [*self._rest(), *self._steady(), *self._families(), *self._cycles()]
         groups.sort(key=lambda group: -len(group[1]))
         self.label = np.full(len(found.outcome), STOPPED)
-        self.label[np.isin(found.outcome, [Outcome.NOT_SETTLED.code, Outcome.PERIODIC.code])] = ON_ITS_WAY
+        self.label[np.isin(found.outcome, [Outcome.NOT_SETTLED.code, Outcome.PERIODIC.code])] = (
+            ON_ITS_WAY
+        )
         self.label[found.outcome == Outcome.UNDAMPED.code] = UNDAMPED
         for number, (_, members) in enumerate(groups):
             self.label[members] = number
@@ -266,10 +299,14 @@ class _Census:
 
     def _steady(self) -> Iterator[tuple[Attractor, Array]]:
         """Equilibria, and steady sliding."""
-        left, f = self._of(Outcome.STEADY), self.found
+        left = self._of(Outcome.STEADY)
+        f = self.found
         while len(left):
             state = f.state[left[0]]
-            near = NearPoint(state, self._invariant(state), self.sizes).distance(f.state[left]) < ARRIVED
+            near = (
+                NearPoint(state, self._invariant(state), self.sizes).distance(f.state[left])
+                < ARRIVED
+            )
             near[0] = True
             slips = f.stuck.shape[1] > 0 and not np.all(f.stuck[left[0]])
             found = self._attractor("sliding" if slips else "rest", left[near])
@@ -288,18 +325,26 @@ class _Census:
     def _equilibria(self) -> list[Equilibrium]:
         if self.equations.timed:
             return []
-        return [e for e in equilibria(self.problem.system, self.problem.parameters) if isinstance(e, Equilibrium)]
+        return [
+            e
+            for e in equilibria(self.problem.system, self.problem.parameters)
+            if isinstance(e, Equilibrium)
+        ]
 
     def _invariant(self, state: Array) -> Array:
         return invariant_directions(self.equations, self.problem.parameters, state)
 
     def _families(self) -> Iterator[tuple[Attractor, Array]]:
-        """Cycles in which the same contacts stick for good: they come in families, of which each is one attractor."""
-        f, left = self.found, self._of(Outcome.PERIODIC)
+        """Cycles in which the same contacts stick for good: they come in families, of which each is
+        one attractor."""
+        f = self.found
+        left = self._of(Outcome.PERIODIC)
         left = left[np.any(f.stuck[left], axis=1)]
         while len(left):
             first = left[0]
-            same = np.all(f.stuck[left] == f.stuck[first], axis=1) & (f.switches[left] == f.switches[first])
+            same = np.all(f.stuck[left] == f.stuck[first], axis=1) & (
+                f.switches[left] == f.switches[first]
+            )
             same &= np.abs(f.period[left] - f.period[first]) <= SAME * f.period[first]
             kind = "oscillation" if np.all(f.stuck[first]) else self._kind(first)
             yield self._attractor(kind, left[same], family=True), left[same]
@@ -307,7 +352,8 @@ class _Census:
 
     def _cycles(self) -> Iterator[tuple[Attractor, Array]]:
         """Any other cycles, one after the other."""
-        f, left = self.found, self._of(Outcome.PERIODIC)
+        f = self.found
+        left = self._of(Outcome.PERIODIC)
         left = left[~np.any(f.stuck[left], axis=1)]
         for _ in range(MOST):
             if not len(left):
@@ -316,10 +362,14 @@ class _Census:
             cycle = self._closed(first)
             near = np.abs(f.period[left] - f.period[first]) <= SAME * f.period[first]
             if cycle is not None:
-                near[near] = NearCycle(cycle).distance(f.state[left[near]], f.time[left[near]]) < ARRIVED
+                near[near] = (
+                    NearCycle(cycle).distance(f.state[left[near]], f.time[left[near]]) < ARRIVED
+                )
             else:
                 span = np.maximum(f.high[first] - f.low[first], 1e-300)
-                ends = np.maximum(np.abs(f.low[left] - f.low[first]), np.abs(f.high[left] - f.high[first]))
+                ends = np.maximum(
+                    np.abs(f.low[left] - f.low[first]), np.abs(f.high[left] - f.high[first])
+                )
                 near &= np.all((ends <= SAME * span) | (f.shift[first] != 0.0), axis=1)
             near[0] = True
             yield self._attractor(self._kind(first), left[near], cycle=cycle), left[near]
@@ -327,10 +377,14 @@ class _Census:
 
     def _closed(self, motion: int) -> Cycle | None:
         """The cycle of a motion by Newton's method, if that finds the same."""
-        f, system, values = self.found, self.problem.system, self.problem.parameters
+        f = self.found
+        system = self.problem.system
+        values = self.problem.parameters
         start, period = float(f.time[motion]), float(f.period[motion])
         try:
-            ahead = simulate(system, (start, start + LONG_ENOUGH * period), self._named(f.state[motion]), values)
+            ahead = simulate(
+                system, (start, start + LONG_ENOUGH * period), self._named(f.state[motion]), values
+            )
             cycle = find_cycle(system, ahead)
         except (ConvergenceError, DeclarationError):
             return None
@@ -344,12 +398,17 @@ class _Census:
         f = self.found
         shift = f.shift[motion]
         size = np.maximum(np.abs(f.low[motion]), np.abs(f.high[motion]))
-        drift = dict(zip(self.problem.system.declaration.state, shift / f.period[motion], strict=True))
+        drift = dict(
+            zip(self.problem.system.declaration.state, shift / f.period[motion], strict=True)
+        )
         return _along(self.problem.system, drift) if np.any(np.abs(shift) > SAME * size) else 0.0
 
-    def _attractor(self, kind: str, members: Array, family: bool = False, cycle: Cycle | None = None) -> Attractor:
+    def _attractor(
+        self, kind: str, members: Array, family: bool = False, cycle: Cycle | None = None
+    ) -> Attractor:
         """What is said of some motions that have settled on the same."""
-        f, first = self.found, members[0]
+        f = self.found
+        first = members[0]
         moves = kind in ("cycle", "walking", "oscillation")
         low, high = self._named(f.low[first]), self._named(f.high[first])
         return Attractor(
@@ -371,7 +430,9 @@ class _Census:
 def _along(system: System, drift: Mapping[str, float]) -> float:
     """Speed along the declared translation (its largest component, if none is declared)."""
     weights = {name: w for name, w in system.translation.items() if w}
-    speeds = [drift[name] / weights[name] for name in weights if name in drift] or list(drift.values())
+    speeds = [drift[name] / weights[name] for name in weights if name in drift] or list(
+        drift.values()
+    )
     return float(max(speeds, key=abs, default=0.0))
 
 
@@ -417,9 +478,16 @@ def _dataset(
         per[f"state_{name}"] = [a.state[name] for a in reached]
         for side, prefix in enumerate(("low", "high")):
             per[f"{prefix}_{name}"] = [a.extrema[name][side] for a in reached]
-    data |= {name: ("reached", np.array(values), _attributes(system, name)) for name, values in per.items()}
+    data |= {
+        name: ("reached", np.array(values), _attributes(system, name))
+        for name, values in per.items()
+    }
     coordinates = {name: (name, values, quantity(system, name)) for name, values in axes.items()}
-    attrs = {"title": system.title or system.name, "source": system.source, "interrupted": int(interrupted)}
+    attrs = {
+        "title": system.title or system.name,
+        "source": system.source,
+        "interrupted": int(interrupted),
+    }
     return xr.Dataset(data, {**coordinates, "reached": names}, attrs)
 
 

@@ -1,8 +1,9 @@
 """A map on disk: a Zarr 3 group that xarray reads as it is, written chunk by chunk.
 
-The store is its own record of what is done. Every chunk of every variable is one file with a checksum, replaced whole
-or not at all, and the outcomes of a chunk are written after all its other variables: a point that has an outcome has
-everything else. So whoever opens the store, after whatever happened, knows which points are left to compute.
+The store is its own record of what is done. Every chunk of every variable is one file with a
+checksum, replaced whole or not at all, and the outcomes of a chunk are written after all its other
+variables: a point that has an outcome has everything else. So whoever opens the store, after
+whatever happened, knows which points are left to compute.
 """
 
 from __future__ import annotations
@@ -46,10 +47,17 @@ class MapStore:
     """
 
     def __init__(self, group: zarr.Group, plan: Plan, grid: Grid, path: Path | None) -> None:
-        self.group, self.plan, self.grid, self.path = group, plan, grid, path
+        self.group = group
+        self.plan = plan
+        self.grid = grid
+        self.path = path
         self.names = list(plan.variables())
-        # A chunk without a file is one that is not computed, so also chunks without any value get one.
-        self.arrays = {name: _array(group, name).with_config({"write_empty_chunks": True}) for name in self.names}
+        # A chunk without a file is one that is not computed, so also chunks without any value get
+        # one.
+        self.arrays = {
+            name: _array(group, name).with_config({"write_empty_chunks": True})
+            for name in self.names
+        }
         self.outcome = np.full(grid.shape, NOT_COMPUTED, np.int8)
 
     @property
@@ -89,11 +97,13 @@ class MapStore:
         more = f" and {len(chunks) - 3} more" if len(chunks) > 3 else ""
         why = f" ({' '.join(reason.split())})" if reason else ""
         return StickslipError(
-            f"{self.path}: damaged: {shown}{more}{why}. The rest is intact; --repair computes these chunks again"
+            f"{self.path}: damaged: {shown}{more}{why}. The rest is intact; --repair computes "
+            "these chunks again"
         )
 
     def damaged(self) -> list[tuple[str, Chunk]]:
-        """Chunks whose checksum is wrong, or that are missing although their points are computed."""
+        """Chunks whose checksum is wrong, or that are missing although their points are
+        computed."""
         found = []
         for chunk in self.grid.chunks():
             for name in reversed(self.names):
@@ -178,8 +188,9 @@ class MapStore:
         except OSError as error:
             done = self.grid.size - self.left
             raise StickslipError(
-                f"{self.path}: cannot be written ({error.strerror or error}). {done} of {self.grid.size} points are"
-                " kept; make room, and give the same command again"
+                f"{self.path}: cannot be written ({error.strerror or error}). "
+                f"{done} of {self.grid.size} points are kept; "
+                "make room, and give the same command again"
             ) from None
 
     def dataset(self) -> xarray.Dataset:
@@ -194,7 +205,7 @@ def _array(group: zarr.Group, name: str) -> zarr.Array:
     return found
 
 
-# -- making and opening -------------------------------------------------------------------------------
+# -- making and opening ----------------------------------------------------------------------------
 
 
 def create(plan: Plan, path: Path | None) -> MapStore:
@@ -214,7 +225,9 @@ def create(plan: Plan, path: Path | None) -> MapStore:
         }
     )
     for name, (dimension, values, attributes) in coordinates.items():
-        array = _new_array(group, name, (dimension,), values.shape, values.shape, "f8", np.nan, attributes)
+        array = _new_array(
+            group, name, (dimension,), values.shape, values.shape, "f8", np.nan, attributes
+        )
         array[:] = values
     dimensions = tuple(axis.dimension for axis in plan.axes)
     for name, (kind, empty, attributes) in plan.variables().items():
@@ -251,13 +264,17 @@ def _new_array(
 
 
 @contextlib.contextmanager
-def opened(plan: Plan, path: Path, *, extend: bool = False, overwrite: bool = False) -> Iterator[MapStore]:
-    """The store of a plan at a path, for this process alone: made, taken up again, extended or replaced.
+def opened(
+    plan: Plan, path: Path, *, extend: bool = False, overwrite: bool = False
+) -> Iterator[MapStore]:
+    """The store of a plan at a path, for this process alone: made, taken up again, extended or
+    replaced.
 
     Raises
     ------
     StickslipError
-        If something else is there, another map, or another process is writing it; or the place is not writable.
+        If something else is there, another map, or another process is writing it; or the place is
+        not writable.
     """
     with contextlib.ExitStack() as stack:
         try:
@@ -269,7 +286,9 @@ def opened(plan: Plan, path: Path, *, extend: bool = False, overwrite: bool = Fa
         yield store
 
 
-def _opened(stack: contextlib.ExitStack, plan: Plan, path: Path, extend: bool, overwrite: bool) -> MapStore:
+def _opened(
+    stack: contextlib.ExitStack, plan: Plan, path: Path, extend: bool, overwrite: bool
+) -> MapStore:
     path.parent.mkdir(parents=True, exist_ok=True)
     stack.enter_context(_lock(path))
     _finish_replacement(path)
@@ -284,7 +303,10 @@ def _opened(stack: contextlib.ExitStack, plan: Plan, path: Path, extend: bool, o
     change = held.difference(parts, axes) or (None if extend else plan.difference(parts, axes))
     if change is not None:
         add = "--extend to add points, " if change.part is Part.VALUES and not extend else ""
-        raise StickslipError(f"{path}: holds a map {change.text}. Use {add}--overwrite to replace it, or another --out")
+        raise StickslipError(
+            f"{path}: holds a map {change.text}. Use {add}--overwrite to replace it, or another "
+            "--out"
+        )
     store = _existing(held, path)
     if extend and plan.difference(parts, axes):
         if damaged := store.damaged():
@@ -314,7 +336,9 @@ def stored_plan(path: Path) -> tuple[dict[str, str], tuple[Axis, ...]]:
         raise StickslipError(f"{path}: there is no such store")
     try:
         group = zarr.open_group(path, mode="r", use_consolidated=False)
-        parts = {k.removeprefix(PREFIX): str(v) for k, v in group.attrs.items() if k.startswith(PREFIX)}
+        parts = {
+            k.removeprefix(PREFIX): str(v) for k, v in group.attrs.items() if k.startswith(PREFIX)
+        }
         if parts["kind"] != KIND:
             raise KeyError(parts["kind"])
         readable(path, parts, FORMAT)
@@ -324,12 +348,13 @@ def stored_plan(path: Path) -> tuple[dict[str, str], tuple[Axis, ...]]:
             axes.append(Axis(tuple(declared["names"]), values, declared["spacing"]))
     except (OSError, ValueError, KeyError, TypeError):
         raise StickslipError(
-            f"{path}: not a map stored by stickslip, or its description is damaged; it is left as it is"
+            f"{path}: not a map stored by stickslip, or its description is damaged; it is left as "
+            "it is"
         ) from None
     return parts, tuple(axes)
 
 
-# -- replacing and extending --------------------------------------------------------------------------
+# -- replacing and extending -----------------------------------------------------------------------
 
 
 def _extended(plan: Plan, held: Plan, path: Path) -> Plan:
@@ -343,7 +368,8 @@ def _extended(plan: Plan, held: Plan, path: Path) -> Plan:
         if np.any(found < 0):
             lost = ", ".join(f"{v:g}" for v in old.values[:, np.argmin(found)])
             raise StickslipError(
-                f"{path}: the value {','.join(old.names)} = {lost} of the stored map is not among the new ones."
+                f"{path}: the value {','.join(old.names)} = {lost} of the stored map is not among "
+                "the new ones."
                 " Refine it, such as from n to 2n - 1 points"
             )
         values = new.values.copy()
@@ -395,7 +421,9 @@ def _copy(old: MapStore, new: MapStore) -> None:
         source = tuple(place[k] for place, k in zip(where, kept, strict=True))
         shape = tuple(part.stop - part.start for part in region)
         inside = np.ravel_multi_index(np.ix_(*kept), shape).reshape(-1)
-        values = {name: np.asarray(old.arrays[name].oindex[source]).reshape(-1) for name in new.names}
+        values = {
+            name: np.asarray(old.arrays[name].oindex[source]).reshape(-1) for name in new.names
+        }
         done = values["outcome"] >= 0
         new.write(chunk, inside[done], {name: some[done] for name, some in values.items()})
 
@@ -404,7 +432,8 @@ def _copy(old: MapStore, new: MapStore) -> None:
 def _lock(path: Path) -> Iterator[None]:
     """Keep other processes from writing a store; ends with the process, however that ends.
 
-    The lock stands beside the store, since the store itself may be replaced by another one, and goes when it is done.
+    The lock stands beside the store, since the store itself may be replaced by another one, and
+    goes when it is done.
     """
     from filelock import FileLock, Timeout
 
@@ -417,4 +446,6 @@ def _lock(path: Path) -> Iterator[None]:
                 with contextlib.suppress(OSError):
                     place.unlink()
     except Timeout:
-        raise StickslipError(f"{path}: another process is writing it. Wait for it, or choose another --out") from None
+        raise StickslipError(
+            f"{path}: another process is writing it. Wait for it, or choose another --out"
+        ) from None

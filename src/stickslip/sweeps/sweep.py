@@ -102,7 +102,8 @@ def sweep(
     measure : sequence of str or callable
         Named measures, formulas ``"name = formula"`` of them, functions of a Trajectory.
     out : str or Path, optional
-        Store to write as the map is computed; one that is begun is taken up again. Without it the map is in memory.
+        Store to write as the map is computed; one that is begun is taken up again. Without it the
+        map is in memory.
     initial : mapping of str to float, optional
         Initial values at all points.
     settings : Settings, optional
@@ -112,13 +113,15 @@ def sweep(
     adaptive : Adaptive, optional
         Compute finely only where something changes.
     scheduler : str
-        ``"threads"``, ``"processes"``, or the address of a Dask scheduler. The result does not depend on it.
+        ``"threads"``, ``"processes"``, or the address of a Dask scheduler. The result does not
+        depend on it.
     workers : int, optional
-        Threads or processes; by default one for each core. With a GPU, chunks that are prepared and computed at the
-        same time; by default one.
+        Threads or processes; by default one for each core. With a GPU, chunks that are prepared and
+        computed at the same time; by default one.
     device : str
-        ``"cpu"``, or ``"gpu"``: the same loops on a CUDA device, one motion per thread (extra ``[gpu]``). Its numbers
-        agree up to rounding, so that either may go on with what the other has begun.
+        ``"cpu"``, or ``"gpu"``: the same loops on a CUDA device, one motion per thread (extra
+        ``[gpu]``). Its numbers agree up to rounding, so that either may go on with what the other
+        has begun.
     extend : bool
         Add the new values of the axes to a stored map over some of them.
     overwrite : bool
@@ -131,8 +134,8 @@ def sweep(
     Returns
     -------
     xarray.Dataset
-        One dimension for each axis; the measures, ``outcome`` and ``certificate``. After Ctrl-C some points have the
-        outcome -1, not computed.
+        One dimension for each axis; the measures, ``outcome`` and ``certificate``. After Ctrl-C
+        some points have the outcome -1, not computed.
 
     Raises
     ------
@@ -247,11 +250,15 @@ def run(
     return True
 
 
-def _fill(store: MapStore, work: Work, points: Array | None, pool: Pool, stop: Stop, tell: _Teller) -> None:
+def _fill(
+    store: MapStore, work: Work, points: Array | None, pool: Pool, stop: Stop, tell: _Teller
+) -> None:
     """Compute the wanted points (all if None) that are missing, and write them chunk by chunk."""
     tell(np.empty(0, np.int8))
     together = DEVICE_LANES if work.device == "gpu" else 1
-    for task, values in distribute(partial(_work, work), _tasks(store, points, together), pool, stop):
+    for task, values in distribute(
+        partial(_work, work), _tasks(store, points, together), pool, stop
+    ):
         first = 0
         for chunk, inside in task.pieces:
             piece = slice(first, first + len(inside))
@@ -261,16 +268,22 @@ def _fill(store: MapStore, work: Work, points: Array | None, pool: Pool, stop: S
 
 
 def _tasks(store: MapStore, points: Array | None, together: int) -> Iterator[Task]:
-    """Chunks with points that are missing, so many that there are at least so many points in a task."""
-    grid, pieces, count = store.grid, list[tuple[Chunk, Array]](), 0
+    """Chunks with points that are missing, so many that there are at least so many points in a
+    task."""
+    grid = store.grid
+    pieces = list[tuple[Chunk, Array]]()
+    count = 0
     for chunk in chain(grid.chunks(), [None]):
         if chunk is not None and len(inside := store.missing(chunk, points)):
             pieces.append((chunk, inside))
             count += len(inside)
         if count >= together or (chunk is None and pieces):
             parts = [grid.columns(grid.region(chunk), inside) for chunk, inside in pieces]
-            yield Task(pieces, {name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
-            pieces, count = [], 0
+            yield Task(
+                pieces, {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+            )
+            pieces = []
+            count = 0
 
 
 def _work(work: Work, task: Task, stop: Array) -> dict[str, Array]:
@@ -281,8 +294,10 @@ class _Teller:
     """Counts what is done, for whoever wants to know."""
 
     def __init__(self, store: MapStore, listener: Callable[[Progress], None] | None) -> None:
-        self.listener, self.total = listener, store.grid.size
-        self.began, self.new = time.perf_counter(), 0
+        self.listener = listener
+        self.total = store.grid.size
+        self.began = time.perf_counter()
+        self.new = 0
         self.counts = _count(store.outcome.reshape(-1))
 
     def __call__(self, codes: Array) -> None:

@@ -19,7 +19,10 @@ Box = Array  # of shape (2, boxes)
 
 
 NUMPY: dict[str, Callable[[Any], Any]] = {
-    **{name: getattr(np, name) for name in ("exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
+    **{
+        name: getattr(np, name)
+        for name in ("exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh")
+    },
     "asinh": np.arcsinh,
     "atan": np.arctan,
 }
@@ -57,11 +60,13 @@ def enclosures(expressions: Sequence[Expr], ranges: Mapping[str, Any]) -> list[B
         return [_box(found.values[e], ranges) for e in expressions]
 
 
-def slopes(expressions: Sequence[Expr], ranges: Mapping[str, Any], name: str) -> list[tuple[Box, Box]]:
+def slopes(
+    expressions: Sequence[Expr], ranges: Mapping[str, Any], name: str
+) -> list[tuple[Box, Box]]:
     """Values, and slopes with respect to one name; arguments as for :func:`enclosures`.
 
-    Where a function has a kink, its slopes to both sides count; where it may jump, its slope is unbounded. So
-    f(y) − f(x) lies in the slope times y − x, for all x and y in a box.
+    Where a function has a kink, its slopes to both sides count; where it may jump, its slope is
+    unbounded. So f(y) − f(x) lies in the slope times y − x, for all x and y in a box.
     """
     with np.errstate(all="ignore"):
         found = Enclosure(expressions, ranges, ARRAYS, name)
@@ -76,9 +81,9 @@ def _box(interval: Any, ranges: Mapping[str, Any]) -> Box:
 def between(start: Box, end: Box, slope: Box, width: Array) -> Box:
     """What a function lies in on boxes, from its values at both ends and its slopes.
 
-    Below it are two lines, one from each end. Any place divides a box: before it, the function is at least what the
-    line from the start has there, after it what the line to the end has. At the place where the lines meet the
-    smaller of the two is largest.
+    Below it are two lines, one from each end. Any place divides a box: before it, the function is
+    at least what the line from the start has there, after it what the line to the end has. At the
+    place where the lines meet the smaller of the two is largest.
     """
     down = _above_lines(start[0], end[0], slope, width)
     up = _above_lines(-start[1], -end[1], -slope[::-1], width)
@@ -89,7 +94,8 @@ def _above_lines(start: Array, end: Array, slope: Box, width: Array) -> Array:
     least, most = np.minimum(slope[0], 0.0), np.maximum(slope[1], 0.0)
     with np.errstate(all="ignore"):
         place = np.nan_to_num(np.clip((most * width - (end - start)) / (most - least), 0.0, width))
-        before, after = least * place, most * (width - place)
+        before = least * place
+        after = most * (width - place)
         low = np.minimum(start + before, end - after)
         low -= LOOSE * (np.maximum(np.abs(start), np.abs(end)) + np.abs(before) + np.abs(after))
     low = np.where(least == 0.0, start, np.where(most == 0.0, end, low))
@@ -97,14 +103,18 @@ def _above_lines(start: Array, end: Array, slope: Box, width: Array) -> Array:
 
 
 def deviation(start: Array, end: Array, value: Box, slope: Box, width: Array) -> Array:
-    """How far a function can be from the straight line between its values at both ends of boxes, shape (..., boxes).
+    """How far a function can be from the straight line between its values at both ends of boxes,
+    shape (..., boxes).
 
-    With slopes between d₁ and d₂ and the slope m of the line, that is (d₂ − m)(m − d₁)/(d₂ − d₁) times the width; and
-    it is no more than what its values spread beyond those at the ends. (Up to the rounding of these values.)
+    With slopes between d₁ and d₂ and the slope m of the line, that is (d₂ − m)(m − d₁)/(d₂ − d₁)
+    times the width; and it is no more than what its values spread beyond those at the ends. (Up to
+    the rounding of these values.)
     """
     with np.errstate(all="ignore"):
         mean = np.clip((end - start) / width, slope[0], slope[1])
-        bent = np.nan_to_num((slope[1] - mean) * (mean - slope[0]) / (slope[1] - slope[0]), nan=0.0, posinf=math.inf)
+        bent = np.nan_to_num(
+            (slope[1] - mean) * (mean - slope[0]) / (slope[1] - slope[0]), nan=0.0, posinf=math.inf
+        )
         spread = np.maximum(value[1] - np.minimum(start, end), np.maximum(start, end) - value[0])
         least = np.minimum(np.where(np.isfinite(slope).all(axis=0), bent * width, math.inf), spread)
     return np.maximum(least, 0.0)

@@ -1,4 +1,5 @@
-"""Formulas of one variable, on many places at once and on stretches: values at the ends, and what is off in between."""
+"""Formulas of one variable, on many places at once and on stretches: values at the ends, and what
+is off in between."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from stickslip.symbolic.expressions import Expr
 
 
 class Chord(NamedTuple):
-    """An array that varies, on m stretches: its values at both ends, and how far it is from the line between them.
+    """An array that varies, on m stretches: its values at both ends, and how far it is from the
+    line between them.
 
     All of shape (m, ...).
     """
@@ -53,13 +55,19 @@ def value_of(e: Expr, u: Any, known: dict[Expr, Any]) -> Any:
 
 
 def table(expressions: list[Expr], u: Array) -> Array:
-    """Values of expressions in one name at places of shape (m,), one row each: shape (m, expressions)."""
+    """Values of expressions in one name at places of shape (m,), one row each: shape (m,
+    expressions)."""
     columns = evaluate(expressions, u)
-    return np.column_stack([np.broadcast_to(column, len(u)) for column in columns]).astype(float, copy=False)
+    return np.column_stack([np.broadcast_to(column, len(u)) for column in columns]).astype(
+        float, copy=False
+    )
 
 
-def deviations(expressions: list[Expr], name: str, low: Array, high: Array, start: Array, end: Array) -> Array:
-    """How far expressions can be from the straight lines between their values at both ends of stretches.
+def deviations(
+    expressions: list[Expr], name: str, low: Array, high: Array, start: Array, end: Array
+) -> Array:
+    """How far expressions can be from the straight lines between their values at both ends of
+    stretches.
 
     Parameters
     ----------
@@ -72,7 +80,8 @@ def deviations(expressions: list[Expr], name: str, low: Array, high: Array, star
     Returns
     -------
     ndarray of shape (m, expressions)
-        Bounds. What is narrower than a few roundings of the name has no inside: times and phases are known to rounding.
+        Bounds. What is narrower than a few roundings of the name has no inside: times and phases
+        are known to rounding.
     """
     off = np.zeros(start.shape)
     wide = high - low > 4.0 * np.spacing(np.maximum(np.abs(low), np.abs(high)))

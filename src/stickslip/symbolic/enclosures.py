@@ -1,8 +1,9 @@
 """Enclosures on expression trees: what no value of a formula, and no slope of it, can leave.
 
-One pass over a tree. The slope with respect to one name is enclosed along with the value. Where the branches of a
-function with a kink meet, it has the slopes of both; where they are not seen to meet, the function may jump, and the
-slope is unbounded. For many boxes at once see :mod:`stickslip.symbolic.boxes`.
+One pass over a tree. The slope with respect to one name is enclosed along with the value. Where the
+branches of a function with a kink meet, it has the slopes of both; where they are not seen to meet,
+the function may jump, and the slope is unbounded. For many boxes at once see
+:mod:`stickslip.symbolic.boxes`.
 """
 
 from __future__ import annotations
@@ -33,13 +34,20 @@ class Enclosure:
     intervals : Intervals
         The arithmetic.
     name : str, optional
-        With respect to which slopes are taken: g(y) − g(x) lies in the slope times y − x, for all x and y in a box.
+        With respect to which slopes are taken: g(y) − g(x) lies in the slope times y − x, for all x
+        and y in a box.
     """
 
     def __init__(
-        self, expressions: Sequence[Expr], ranges: Mapping[str, Interval], intervals: Intervals, name: str | None = None
+        self,
+        expressions: Sequence[Expr],
+        ranges: Mapping[str, Interval],
+        intervals: Intervals,
+        name: str | None = None,
     ) -> None:
-        self.ranges, self.intervals, self.name = ranges, intervals, name
+        self.ranges = ranges
+        self.intervals = intervals
+        self.name = name
         self.values: dict[Expr, Interval] = {}
         self.slopes: dict[Expr, Interval] = {}
         for e in walk(expressions):
@@ -78,14 +86,18 @@ class Enclosure:
     def _select(self, e: Expr, sides: tuple[tuple[Expr, float], ...]) -> Interval:
         """Values of `e` where every one of the given guards, times its side, is nonnegative.
 
-        Where a branch is c·guard + rest and c·guard is nonnegative, the branch is at least rest: this is what bounds
-        max, min, abs and clip.
+        Where a branch is c·guard + rest and c·guard is nonnegative, the branch is at least rest:
+        this is what bounds max, min, abs and clip.
         """
-        ops, known = self.intervals.ops, self.values.get(e, EVERYTHING)
+        ops = self.intervals.ops
+        known = self.values.get(e, EVERYTHING)
         low, high = known
         if e.op == "select" and len(sides) < MOST_SIDES:
             guard, above, below = e.args
-            parts = (self._select(branch, (*sides, (guard, s))) for branch, s in ((above, 1.0), (below, -1.0)))
+            parts = (
+                self._select(branch, (*sides, (guard, s)))
+                for branch, s in ((above, 1.0), (below, -1.0))
+            )
             branched = self._either(guard, *parts)
             low, high = ops.maximum(low, branched[0]), ops.minimum(high, branched[1])
         for guard, side in sides:
@@ -132,12 +144,15 @@ class Enclosure:
                 return of.times(of.slopes[e.op](known[x]), self.slopes[x])
 
     def _slope_of_product(self, e: Expr) -> Interval:
-        of, total = self.intervals, NOTHING
+        of = self.intervals
+        total = NOTHING
         for base, p in e.terms:
             if base in self.slopes:
                 box = self.values[base]
                 outer = of.scaled(p, of.power(box, p - 1.0)) if p != 1.0 else (1.0, 1.0)
-                others = (of.power(self.values[other], q) for other, q in e.terms if other is not base)
+                others = (
+                    of.power(self.values[other], q) for other, q in e.terms if other is not base
+                )
                 part = of.product([outer, self.slopes[base], *others])
                 if p < 0.0:  # across a pole, differences have any quotient
                     part = of.unless((box[0] <= 0.0) & (box[1] >= 0.0), part)
@@ -145,12 +160,15 @@ class Enclosure:
         return total
 
 
-# -- kinks ----------------------------------------------------------------------------------------------
+# -- kinks -----------------------------------------------------------------------------------------
 
 
 @lru_cache(maxsize=4096)
-def _splits(e: Expr, guard: Expr) -> tuple[tuple[float, float, tuple[tuple[Expr, float], ...]], ...]:
-    """All c, constant and terms with e = c·guard + constant + terms in which one term of the guard is gone.
+def _splits(
+    e: Expr, guard: Expr
+) -> tuple[tuple[float, float, tuple[tuple[Expr, float], ...]], ...]:
+    """All c, constant and terms with e = c·guard + constant + terms in which one term of the guard
+    is gone.
 
     What is left of coefficients that cancel up to their own rounding is nothing.
     """
@@ -159,8 +177,14 @@ def _splits(e: Expr, guard: Expr) -> tuple[tuple[float, float, tuple[tuple[Expr,
     for term, weight in parts.items():
         if term in terms:
             c = terms[term] / weight
-            rest = ((x, _difference(terms.get(x, 0.0), c * parts.get(x, 0.0))) for x in terms | parts if x is not term)
-            found.append((c, _difference(constant, c * shift), tuple((x, v) for x, v in rest if v != 0.0)))
+            rest = (
+                (x, _difference(terms.get(x, 0.0), c * parts.get(x, 0.0)))
+                for x in terms | parts
+                if x is not term
+            )
+            found.append(
+                (c, _difference(constant, c * shift), tuple((x, v) for x, v in rest if v != 0.0))
+            )
     return tuple(found)
 
 
@@ -176,7 +200,8 @@ def _linear(e: Expr) -> tuple[float, dict[Expr, float]]:
 
 @lru_cache(maxsize=4096)
 def joins(guard: Expr, above: Expr, below: Expr) -> bool:
-    """Whether two branches are seen to agree wherever their guard is 0, so that there is no jump."""
+    """Whether two branches are seen to agree wherever their guard is 0, so that there is no
+    jump."""
     difference = above - below
     if difference.op == "num":
         return number(difference) == 0.0

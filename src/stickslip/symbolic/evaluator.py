@@ -1,8 +1,8 @@
 """Expressions -> NumPy functions: many states at once, outside the compiled engine.
 
 The source text is made from expression trees by the same lowering as the engine's scalar code
-(:func:`stickslip.symbolic.tape.scalar_code`); it holds numbers, operators and the names defined here, nothing that a
-user wrote.
+(:func:`stickslip.symbolic.tape.scalar_code`); it holds numbers, operators and the names defined
+here, nothing that a user wrote.
 """
 
 from __future__ import annotations
@@ -45,14 +45,16 @@ def evaluator(expressions: Sequence[Expr], names: Sequence[str]) -> NumericFunct
     Parameters
     ----------
     expressions : sequence of Expr
-        Without functions with kinks: fix their regions first (:func:`stickslip.equations.field.mode_field`).
+        Without functions with kinks: fix their regions first
+        (:func:`stickslip.equations.field.mode_field`).
     names : sequence of str
         The names the expressions depend on, in the order of the values.
 
     Returns
     -------
     function
-        Takes values of shape (names, …) and gives results of shape (expressions, …); NaN or infinite where undefined.
+        Takes values of shape (names, …) and gives results of shape (expressions, …); NaN or
+        infinite where undefined.
     """
     return _evaluator(tuple(expressions), tuple(names))
 
@@ -66,7 +68,8 @@ def _evaluator(expressions: tuple[Expr, ...], names: tuple[str, ...]) -> Numeric
     source = "\n    ".join(["def fill(v, out):", *lines, "return out"])
     space: dict = dict(_NAMES)
     exec(compile(source, "<generated>", "exec"), space)
-    fill, count = space["fill"], len(expressions)
+    fill = space["fill"]
+    count = len(expressions)
 
     def function(values: ArrayLike) -> Array:
         v = np.asarray(values, dtype=float)

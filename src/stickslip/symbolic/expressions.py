@@ -1,9 +1,10 @@
 """Expression trees: numbers, names, sums, products, functions and regions.
 
-Every expression is kept in one canonical form (a sum of coefficients times products of powers) and is
-unique: equal expressions are the same object. Simplification, common subexpressions and the question
-"does this depend on the state?" then cost nothing. A function with a kink (abs, min, max, clip, piecewise)
-is a :func:`select` on the sign of its *guard*; the engine turns each guard into an event.
+Every expression is kept in one canonical form (a sum of coefficients times products of powers) and
+is unique: equal expressions are the same object. Simplification, common subexpressions and the
+question "does this depend on the state?" then cost nothing. A function with a kink (abs, min, max,
+clip, piecewise) is a :func:`select` on the sign of its *guard*; the engine turns each guard into an
+event.
 """
 
 from __future__ import annotations
@@ -49,8 +50,14 @@ class Expr:
 
     __slots__ = ("_derivatives", "args", "depth", "key", "op", "symbols", "terms", "value")
 
-    def __init__(self, op: str, value: float | str, args: tuple[Expr, ...], terms: Terms, key: str) -> None:
-        self.op, self.value, self.args, self.terms, self.key = op, value, args, terms, key
+    def __init__(
+        self, op: str, value: float | str, args: tuple[Expr, ...], terms: Terms, key: str
+    ) -> None:
+        self.op = op
+        self.value = value
+        self.args = args
+        self.terms = terms
+        self.key = key
         children = [*args, *(child for child, _ in terms)]
         self.symbols: frozenset[str] = frozenset().union(*(c.symbols for c in children))
         if op == "sym":
@@ -95,13 +102,20 @@ class Expr:
 _nodes: dict[tuple, Expr] = {}
 
 
-def _node(op: str, value: float | str = 0.0, args: tuple[Expr, ...] = (), terms: Terms = ()) -> Expr:
+def _node(
+    op: str, value: float | str = 0.0, args: tuple[Expr, ...] = (), terms: Terms = ()
+) -> Expr:
     identity = (op, value, tuple(map(id, args)), tuple((id(e), c) for e, c in terms))
     node = _nodes.get(identity)
     if node is None:
-        # The key orders terms and factors the same way in every process, so that generated code is reproducible.
-        text = "|".join([op, repr(value), *(a.key for a in args), *(f"{e.key}*{c!r}" for e, c in terms)])
-        node = _nodes[identity] = Expr(op, value, args, terms, hashlib.sha1(text.encode()).hexdigest())
+        # The key orders terms and factors the same way in every process, so that generated code is
+        # reproducible.
+        text = "|".join(
+            [op, repr(value), *(a.key for a in args), *(f"{e.key}*{c!r}" for e, c in terms)]
+        )
+        node = _nodes[identity] = Expr(
+            op, value, args, terms, hashlib.sha1(text.encode()).hexdigest()
+        )
     return node
 
 
@@ -117,7 +131,8 @@ def sym(name: str) -> Expr:
     return _node("sym", name)
 
 
-ZERO, ONE = num(0.0), num(1.0)
+ZERO = num(0.0)
+ONE = num(1.0)
 
 
 def as_expr(value: Expr | float) -> Expr:
@@ -137,7 +152,8 @@ def number(expression: Expr) -> float:
 
 def add(*weighted: tuple[Expr, float]) -> Expr:
     """Sum of (expression, coefficient) pairs."""
-    constant, terms = 0.0, dict[Expr, float]()
+    constant = 0.0
+    terms = dict[Expr, float]()
     for expression, weight in weighted:
         if expression.op == "num":
             constant += weight * number(expression)
@@ -147,7 +163,9 @@ def add(*weighted: tuple[Expr, float]) -> Expr:
                 terms[term] = terms.get(term, 0.0) + weight * coefficient
         else:
             terms[expression] = terms.get(expression, 0.0) + weight
-    kept = tuple(sorted(((e, c) for e, c in terms.items() if c != 0.0), key=lambda pair: pair[0].key))
+    kept = tuple(
+        sorted(((e, c) for e, c in terms.items() if c != 0.0), key=lambda pair: pair[0].key)
+    )
     if any(not math.isfinite(c) for _, c in kept):
         raise OverflowError("a number in the formula is too large")
     if not kept:
@@ -160,7 +178,8 @@ def add(*weighted: tuple[Expr, float]) -> Expr:
 
 def multiply(*factors: Expr) -> Expr:
     """Product of expressions."""
-    coefficient, powers = 1.0, dict[Expr, float]()
+    coefficient = 1.0
+    powers = dict[Expr, float]()
     for factor in factors:
         if factor.op == "num":
             coefficient *= number(factor)
@@ -172,7 +191,9 @@ def multiply(*factors: Expr) -> Expr:
             powers[base] = powers.get(base, 0.0) + exponent
     if coefficient == 0.0:
         return ZERO
-    kept = tuple(sorted(((e, p) for e, p in powers.items() if p != 0.0), key=lambda pair: pair[0].key))
+    kept = tuple(
+        sorted(((e, p) for e, p in powers.items() if p != 0.0), key=lambda pair: pair[0].key)
+    )
     if not kept:
         return num(coefficient)
     product = kept[0][0] if len(kept) == 1 and kept[0][1] == 1.0 else _product(kept)
@@ -186,11 +207,14 @@ def _product(powers: Terms) -> Expr:
 
 
 def power(base: Expr, exponent: Expr) -> Expr:
-    """Power; a numeric exponent becomes part of a product, any other exponent needs a positive base."""
+    """Power; a numeric exponent becomes part of a product, any other exponent needs a positive
+    base."""
     if exponent.op != "num":
         if base.op == "num" and number(base) <= 0.0:
             raise ZeroDivisionError(f"{number(base):g} to a power that varies is undefined")
-        return num(number(base) ** 1) if is_number(base, 1.0) else _node("pow", 0.0, (base, exponent))
+        return (
+            num(number(base) ** 1) if is_number(base, 1.0) else _node("pow", 0.0, (base, exponent))
+        )
     p = number(exponent)
     if base.op == "num":
         b = number(base)
@@ -275,7 +299,10 @@ def _derivative(e: Expr, name: str) -> Expr:
         return add(*((multiply(e, _relative_slope(base, p, name)), p) for base, p in e.terms))
     if e.op == "pow":
         base, exponent = e.args
-        return e * (derivative(exponent, name) * call("log", base) + exponent * derivative(base, name) / base)
+        return e * (
+            derivative(exponent, name) * call("log", base)
+            + exponent * derivative(base, name) / base
+        )
     if e.op == "select":
         guard, above, below = e.args
         return select(guard, derivative(above, name), derivative(below, name))
@@ -284,7 +311,8 @@ def _derivative(e: Expr, name: str) -> Expr:
 
 
 def _relative_slope(base: Expr, p: float, name: str) -> Expr:
-    """The derivative of a factor, divided by it; of 1/(a + c exp u) and 1/cosh u such that it does not overflow."""
+    """The derivative of a factor, divided by it; of 1/(a + c exp u) and 1/cosh u such that it does
+    not overflow."""
     if name not in base.symbols:
         return ZERO
     if p < 0.0 and base.op == "cosh":
@@ -340,7 +368,8 @@ def substitute(expression: Expr, values: Mapping[str, Expr]) -> Expr:
 
 
 def rewrite(expression: Expr, change: Callable[[Expr], Expr | None]) -> Expr:
-    """Replace nodes: `change` says what a node becomes, or None if its parts are to be looked at."""
+    """Replace nodes: `change` says what a node becomes, or None if its parts are to be looked
+    at."""
     memo: dict[Expr, Expr] = {}
 
     def visit(e: Expr) -> Expr:
@@ -414,7 +443,8 @@ def _real_power(base: float, p: float) -> float:
 
 
 def to_text(expression: Expr) -> str:
-    """The expression as a formula of the declaration language; parts of more than 2000 characters become '...'."""
+    """The expression as a formula of the declaration language; parts of more than 2000 characters
+    become '...'."""
     known: dict[Expr, tuple[str, int]] = {}
     for e in walk([expression]):
         text, level = _text(e, known)
@@ -438,7 +468,9 @@ def _text(e: Expr, known: Mapping[Expr, tuple[str, int]]) -> tuple[str, int]:
             text = ""
             for term, c in sorted(e.terms, key=lambda pair: pair[1] < 0):
                 scaled = inner(term, 2) if abs(c) == 1.0 else f"{_digits(abs(c))}*{inner(term, 2)}"
-                text += (" - " if text else "-") + scaled if c < 0 else (" + " if text else "") + scaled
+                text += (
+                    (" - " if text else "-") + scaled if c < 0 else (" + " if text else "") + scaled
+                )
             if e.value:
                 text += f" {'-' if float(e.value) < 0 else '+'} {_digits(abs(float(e.value)))}"
             return text, 1

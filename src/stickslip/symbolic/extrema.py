@@ -1,10 +1,11 @@
 """Global minima of a formula over an interval, by branch and bound: proved, with a stated gap.
 
-Every box has a lower bound: the natural one of interval arithmetic, or that of two lines from the values at its ends
-with the extreme slopes, whichever is higher. A box that cannot hold anything smaller than what was met is done with;
-the others are divided. A monotone box has its least value at an end. Near a smooth minimum the second bound is off by
-the square of the width of a box, so that a few boxes are left at every level; narrow minima cost a level for each
-halving, wherever they are.
+Every box has a lower bound: the natural one of interval arithmetic, or that of two lines from the
+values at its ends with the extreme slopes, whichever is higher. A box that cannot hold anything
+smaller than what was met is done with; the others are divided. A monotone box has its least value
+at an end. Near a smooth minimum the second bound is off by the square of the width of a box, so
+that a few boxes are left at every level; narrow minima cost a level for each halving, wherever they
+are.
 
 Source: R. B. Kearfott, *Rigorous Global Search: Continuous Problems*, Kluwer (1996).
 """
@@ -43,7 +44,8 @@ class Least:
     boxes : int
         How many were looked at.
     resolved : bool
-        Whether the gap is that of the tolerance or of rounding; otherwise the boxes were at their limit.
+        Whether the gap is that of the tolerance or of rounding; otherwise the boxes were at their
+        limit.
     """
 
     place: float
@@ -77,10 +79,11 @@ def least(
     name : str
     low, high : float
     others : mapping of str to (float, float), optional
-        Ranges of other names; with them, `value` holds for the whole of these ranges as little as `floor` does.
+        Ranges of other names; with them, `value` holds for the whole of these ranges as little as
+        `floor` does.
     below : float
-        Only values less than this are of interest: 0 asks whether there is a negative one. If there is none, `floor` is
-        at least that number, up to the tolerance.
+        Only values less than this are of interest: 0 asks whether there is a negative one. If there
+        is none, `floor` is at least that number, up to the tolerance.
     tolerance : float
         Gap that will do, relative to the largest value at the first ends of boxes.
     most : int
@@ -97,24 +100,30 @@ def least(
     finite = values[1][np.isfinite(values[1])]
     enough = tolerance * float(np.max(np.abs(finite), initial=0.0))
     k = int(np.argmin(values[1]))
-    place, best, noise = float(ends[k]), float(values[1][k]), float(values[1][k] - values[0][k])
-    floor, looked = float(values[0].min()), 0
-    start, end, at_start, at_end = ends[:-1], ends[1:], values[:, :-1], values[:, 1:]
+    place = float(ends[k])
+    best = float(values[1][k])
+    noise = float(values[1][k] - values[0][k])
+    floor = float(values[0].min())
+    looked = 0
+    start = ends[:-1]
+    end = ends[1:]
+    at_start = values[:, :-1]
+    at_end = values[:, 1:]
     while True:
         looked += len(start)
         ((box, slope),) = slopes([expression], {**fixed, name: (start, end)}, name)
-        bound = np.maximum(box[0], between(at_start, at_end, slope, np.nextafter(end - start, math.inf))[0])
+        bound = np.maximum(
+            box[0], between(at_start, at_end, slope, np.nextafter(end - start, math.inf))[0]
+        )
         bound = np.minimum(bound, np.minimum(at_start[0], at_end[0]))  # by rounding
         open_ = bound < min(best, below) - max(enough, ROUNDINGS * noise)
         open_ &= end - start > np.spacing(np.maximum(np.abs(start), np.abs(end)))
         floor = min(floor, float(np.min(bound[~open_], initial=math.inf)))
-        start, end, at_start, at_end, bound = (
-            start[open_],
-            end[open_],
-            at_start[:, open_],
-            at_end[:, open_],
-            bound[open_],
-        )
+        start = start[open_]
+        end = end[open_]
+        at_start = at_start[:, open_]
+        at_end = at_end[:, open_]
+        bound = bound[open_]
         parts = 2 ** int(np.log2(np.clip(AT_ONCE // max(len(start), 1), 2, FINEST)))
         if not len(start) or looked + parts * len(start) > most:
             break
@@ -123,7 +132,9 @@ def least(
         values = at(inner.ravel())
         k = int(np.argmin(values[1]))
         if values[1][k] < best:
-            place, best, noise = float(inner.flat[k]), float(values[1][k]), float(values[1][k] - values[0][k])
+            place = float(inner.flat[k])
+            best = float(values[1][k])
+            noise = float(values[1][k] - values[0][k])
         start, end = np.column_stack([start, inner]).ravel(), np.column_stack([inner, end]).ravel()
         values = values.reshape(2, *inner.shape)
         at_start, at_end = (

@@ -1,10 +1,11 @@
 """The formula language: text -> expression tree, by whitelist.
 
-Python's own parser reads the text; the tree is then translated node by node. Whatever is not a number, a known
-name, an arithmetic operation or a listed function is refused. Nothing is ever evaluated by Python.
+Python's own parser reads the text; the tree is then translated node by node. Whatever is not a
+number, a known name, an arithmetic operation or a listed function is refused. Nothing is ever
+evaluated by Python.
 
-Of every drive ``f`` and every function ``f(x)`` of one argument the derivative is known as ``d_f`` and ``d_f(x)``
-(within each region, where the function has kinks), so that nobody has to type it in.
+Of every drive ``f`` and every function ``f(x)`` of one argument the derivative is known as ``d_f``
+and ``d_f(x)`` (within each region, where the function has kinks), so that nobody has to type it in.
 """
 
 from __future__ import annotations
@@ -31,7 +32,11 @@ MAX_WORK = 40_000  # nodes read for one formula, functions inserted
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 SIGNATURE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*(?:\(([^()]*)\))?\s*\Z")
-BUILTIN = dict.fromkeys(["sqrt", "abs", *ex.FUNCTIONS], 1) | {"clip": 3} | dict.fromkeys(["min", "max", "piecewise"])
+BUILTIN = (
+    dict.fromkeys(["sqrt", "abs", *ex.FUNCTIONS], 1)
+    | {"clip": 3}
+    | dict.fromkeys(["min", "max", "piecewise"])
+)
 CONSTANTS = {"pi": ex.num(math.pi)}
 RESERVED = frozenset(BUILTIN) | frozenset(CONSTANTS) | {"t", "speed"}
 
@@ -85,7 +90,8 @@ class Scope:
         return _Reader(self, where, {}).read(text)
 
     def check(self, name: str) -> None:
-        """Read a definition with its own arguments, so that a slip is found even if nothing uses it."""
+        """Read a definition with its own arguments, so that a slip is found even if nothing uses
+        it."""
         self._work = 0
         definition = self.definitions[name]
         self.apply(name, tuple(ex.sym(a) for a in definition.arguments), definition.where)
@@ -102,7 +108,9 @@ class Scope:
             )
         if name in self._open:
             chain = " -> ".join([*self._open[self._open.index(name) :], name])
-            raise DeclarationError(definition.where, f"cyclic definition: {chain}", "Define it without itself")
+            raise DeclarationError(
+                definition.where, f"cyclic definition: {chain}", "Define it without itself"
+            )
         key = (name, arguments)
         if key not in self._known:
             self._open.append(name)
@@ -116,17 +124,22 @@ class Scope:
         if not definition.by:
             bound = dict(zip(definition.arguments, arguments, strict=True))
             return _Reader(self, definition.where, bound).read(definition.text)
-        # The argument is differentiated as a symbol that no formula can name, and inserted afterwards.
+        # The argument is differentiated as a symbol that no formula can name, and inserted
+        # afterwards.
         symbols = {name: ex.sym(f"{name}'") for name in definition.arguments}
         body = _Reader(self, definition.where, symbols).read(definition.text)
         slope = ex.derivative(body, str(symbols.get(definition.by, ex.sym(definition.by)).value))
-        return ex.substitute(slope, {f"{name}'": e for name, e in zip(definition.arguments, arguments, strict=True)})
+        return ex.substitute(
+            slope, {f"{name}'": e for name, e in zip(definition.arguments, arguments, strict=True)}
+        )
 
 
 def is_finite(value: object) -> TypeGuard[float]:
     """Whether it is a number of any kind (but no bool) and fits into a float."""
     try:
-        return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(float(value))
+        return (
+            isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(float(value))
+        )
     except OverflowError:
         return False
 
@@ -136,13 +149,17 @@ def parse_signature(text: str, where: str) -> tuple[str, tuple[str, ...]]:
     match = SIGNATURE.match(text)
     if not match:
         raise DeclarationError(
-            where, f"'{short(text)}' is not a name or a name with arguments", "Write it like 'H_R(psi)'"
+            where,
+            f"'{short(text)}' is not a name or a name with arguments",
+            "Write it like 'H_R(psi)'",
         )
     arguments = tuple(a.strip() for a in match[2].split(",")) if match[2] is not None else ()
     for name in (match[1], *arguments):
         check_name(name, where)
     if len(set(arguments)) < len(arguments):
-        raise DeclarationError(where, "an argument is named twice", "Give each argument its own name")
+        raise DeclarationError(
+            where, "an argument is named twice", "Give each argument its own name"
+        )
     return match[1], arguments
 
 
@@ -150,19 +167,28 @@ def check_name(name: str, where: str, taken: Iterable[str] = ()) -> None:
     """Refuse a name that is no identifier, is reserved, or is taken."""
     if not NAME.match(name):
         raise DeclarationError(
-            where, f"'{short(name)}' is not a name", "Use letters, digits and _, starting with a letter"
+            where,
+            f"'{short(name)}' is not a name",
+            "Use letters, digits and _, starting with a letter",
         )
     if name in RESERVED:
-        raise DeclarationError(where, f"'{name}' has a fixed meaning in formulas", "Choose another name")
+        raise DeclarationError(
+            where, f"'{name}' has a fixed meaning in formulas", "Choose another name"
+        )
     if name in taken:
-        raise DeclarationError(where, f"the name '{name}' is declared twice", "Rename one of the two")
+        raise DeclarationError(
+            where, f"the name '{name}' is declared twice", "Rename one of the two"
+        )
 
 
 class _Reader:
     """Translates one formula."""
 
     def __init__(self, scope: Scope, where: str, bound: Mapping[str, Expr]) -> None:
-        self.scope, self.where, self.bound, self.count = scope, where, bound, 0
+        self.scope = scope
+        self.where = where
+        self.bound = bound
+        self.count = 0
 
     def fail(self, reason: str, remedy: str = "") -> DeclarationError:
         return DeclarationError(self.where, reason, remedy)
@@ -173,12 +199,15 @@ class _Reader:
         if isinstance(text, Real) and not isinstance(text, bool):
             raise self.fail("the number is not finite", "Give a finite number")
         if not isinstance(text, str):
-            raise self.fail(f"expected a formula, got {type(text).__name__}", "Write the formula as a string")
+            raise self.fail(
+                f"expected a formula, got {type(text).__name__}", "Write the formula as a string"
+            )
         if not text.strip():
             raise self.fail("the formula is empty", "Write a formula, or 0")
         if len(text) > MAX_LENGTH:
             raise self.fail(
-                f"the formula has {len(text)} characters (at most {MAX_LENGTH})", "Use functions to shorten it"
+                f"the formula has {len(text)} characters (at most {MAX_LENGTH})",
+                "Use functions to shorten it",
             )
         try:
             with warnings.catch_warnings():
@@ -186,21 +215,30 @@ class _Reader:
                 tree = ast.parse(text.strip().replace("\n", " "), mode="eval")
             return self.visit(tree.body, 0)
         except SyntaxError as error:
-            raise self.fail(f"'{short(text)}' is not a formula ({error.msg})", "Check operators and brackets") from None
+            raise self.fail(
+                f"'{short(text)}' is not a formula ({error.msg})", "Check operators and brackets"
+            ) from None
         except DeclarationError:
             raise
         except (RecursionError, MemoryError, ValueError):
             raise self.fail(f"'{short(text)}' cannot be read", "Simplify the formula") from None
         except OverflowError:
-            raise self.fail(f"'{short(text)}' contains a number that is too large", "Use numbers below 1e308") from None
+            raise self.fail(
+                f"'{short(text)}' contains a number that is too large", "Use numbers below 1e308"
+            ) from None
         except ZeroDivisionError as error:
-            raise self.fail(f"'{short(text)}' has no value ({error})", "Correct the formula") from None
+            raise self.fail(
+                f"'{short(text)}' has no value ({error})", "Correct the formula"
+            ) from None
 
     def visit(self, node: ast.AST, depth: int) -> Expr:
         self.tally(depth)
         value = self.translate(node, depth)
         if value.depth > MAX_HEIGHT:
-            raise self.fail("the formula is too deeply nested once its functions are inserted", "Simplify the formula")
+            raise self.fail(
+                "the formula is too deeply nested once its functions are inserted",
+                "Simplify the formula",
+            )
         return value
 
     def tally(self, depth: int = 0) -> None:
@@ -208,14 +246,21 @@ class _Reader:
         self.count += 1
         self.scope._work += 1
         if self.count > MAX_NODES or depth > MAX_DEPTH:
-            raise self.fail("the formula is too long or too deeply nested", "Use functions to shorten it")
+            raise self.fail(
+                "the formula is too long or too deeply nested", "Use functions to shorten it"
+            )
         if self.scope._work > MAX_WORK:
-            raise self.fail("the formula is too long once its functions are inserted", "Simplify the functions it uses")
+            raise self.fail(
+                "the formula is too long once its functions are inserted",
+                "Simplify the functions it uses",
+            )
 
     def translate(self, node: ast.AST, depth: int) -> Expr:
         match node:
             case ast.Constant(value=bool() | str() | bytes() | complex() | None):
-                raise self.fail(f"{node.value!r} is not a number", "Formulas hold numbers and names only")
+                raise self.fail(
+                    f"{node.value!r} is not a number", "Formulas hold numbers and names only"
+                )
             case ast.Constant(value=int() | float() as value):
                 return ex.num(float(value))
             case ast.Name(id=name):
@@ -228,7 +273,9 @@ class _Reader:
             case ast.Call():
                 return self.call(node, depth)
             case ast.Compare():
-                raise self.fail("a comparison stands only inside piecewise(...)", "Write piecewise(x < 0, a, b)")
+                raise self.fail(
+                    "a comparison stands only inside piecewise(...)", "Write piecewise(x < 0, a, b)"
+                )
         kind = type(node).__name__.lower()
         raise self.fail(
             f"formulas cannot contain this Python construct ({kind})",
@@ -324,7 +371,8 @@ class _Reader:
     def piecewise(self, nodes: list[ast.expr], depth: int) -> Expr:
         if len(nodes) < 3 or len(nodes) % 2 == 0:
             raise self.fail(
-                "piecewise takes condition, value, ..., and a last value", "Write piecewise(x < 0, a, x < 1, b, c)"
+                "piecewise takes condition, value, ..., and a last value",
+                "Write piecewise(x < 0, a, x < 1, b, c)",
             )
         value = self.visit(nodes[-1], depth + 1)
         for condition, branch in reversed(list(zip(nodes[:-1:2], nodes[1:-1:2], strict=True))):
@@ -333,7 +381,13 @@ class _Reader:
 
     def choose(self, condition: ast.expr, above: Expr, below: Expr, depth: int) -> Expr:
         match condition:
-            case ast.Compare(left=left, ops=[ast.Lt() | ast.LtE() | ast.Gt() | ast.GtE() as op], comparators=[right]):
+            case ast.Compare(
+                left=left,
+                ops=[ast.Lt() | ast.LtE() | ast.Gt() | ast.GtE() as op],
+                comparators=[right],
+            ):
                 a, b = self.visit(left, depth + 1), self.visit(right, depth + 1)
                 return ex.select(a - b if isinstance(op, ast.Gt | ast.GtE) else b - a, above, below)
-        raise self.fail("a condition of piecewise compares two values", "Write x < a, x <= a, x > a or x >= a")
+        raise self.fail(
+            "a condition of piecewise compares two values", "Write x < a, x <= a, x > a or x >= a"
+        )

@@ -1,11 +1,13 @@
 """Interval arithmetic: pairs (low, high) that no value can leave, of numbers or of arrays alike.
 
-Every operation is rounded outward, so that bounds are a proof and not an estimate. Sums, and products by a number, are
-exact where floating point is (their error is itself a floating-point number), other products lose one unit in the
-last place; elementary functions lose four, more than those of NumPy and of the C library are wrong by. A sign that is
-sure is never lost. Nothing is ever NaN: where a function is undefined on part of an interval, its other values count.
+Every operation is rounded outward, so that bounds are a proof and not an estimate. Sums, and
+products by a number, are exact where floating point is (their error is itself a floating-point
+number), other products lose one unit in the last place; elementary functions lose four, more than
+those of NumPy and of the C library are wrong by. A sign that is sure is never lost. Nothing is ever
+NaN: where a function is undefined on part of an interval, its other values count.
 
-What is done to single numbers (`NUMBERS`, without NumPy) and to arrays (`stickslip.symbolic.boxes`) is the same code.
+What is done to single numbers (`NUMBERS`, without NumPy) and to arrays (`stickslip.symbolic.boxes`)
+is the same code.
 
 Source: R. E. Moore, R. B. Kearfott, M. J. Cloud, *Introduction to Interval Analysis*, SIAM (2009).
 """
@@ -89,9 +91,10 @@ class Intervals:
             "asinh": lambda a: self.power(self.plus(one, self.power(a, 2.0)), -0.5),
             "atan": lambda a: self.inverse(self.plus(one, self.power(a, 2.0))),
         }
-        """Derivatives of the functions: of all quotients of differences, so unbounded across a pole."""
+        """Derivatives of the functions: of all quotients of differences, so unbounded across a
+        pole."""
 
-    # -- sums and products --------------------------------------------------------------------------
+    # -- sums and products -------------------------------------------------------------------------
 
     def negative(self, a: Interval) -> Interval:
         """−a."""
@@ -103,7 +106,8 @@ class Intervals:
 
     def _sum(self, x: Any, y: Any) -> Any:
         """x + y rounded down."""
-        ops, total = self.ops, x + y
+        ops = self.ops
+        total = x + y
         exact = (total - x == y) & (total - y == x)
         total = ops.where(exact, total, ops.lower(total))
         return ops.where(total == total, total, -math.inf)
@@ -116,11 +120,13 @@ class Intervals:
 
     def _multiple(self, c: float, x: Any) -> Any:
         """c x rounded down, for c > 0."""
-        ops, value = self.ops, c * x
+        ops = self.ops
+        value = c * x
         ch, xh = SPLIT * c, SPLIT * x
         ch, xh = ch - (ch - c), xh - (xh - x)
         cl, xl = c - ch, x - xh
-        error = ((ch * xh - value) + ch * xl + cl * xh) + cl * xl  # c x − value, exactly, if it does not underflow
+        # c x − value, exactly, if it does not underflow
+        error = ((ch * xh - value) + ch * xl + cl * xh) + cl * xl
         fine = ((abs(value) > SURE) & (error >= 0.0)) | (x == 0.0)
         return ops.where(fine, value, ops.lower(value))
 
@@ -132,10 +138,13 @@ class Intervals:
         low, high = ends[0], ends[0]
         for end in ends[1:]:
             low, high = ops.minimum(low, end), ops.maximum(high, end)
-        low, high = ops.lower(low), -ops.lower(-high)
+        low = ops.lower(low)
+        high = -ops.lower(-high)
         up = ((a[0] >= 0.0) & (b[0] >= 0.0)) | ((a[1] <= 0.0) & (b[1] <= 0.0))
         down = ((a[0] >= 0.0) & (b[1] <= 0.0)) | ((a[1] <= 0.0) & (b[0] >= 0.0))
-        return ops.where(up, ops.maximum(low, 0.0), low), ops.where(down, ops.minimum(high, 0.0), high)
+        return ops.where(up, ops.maximum(low, 0.0), low), ops.where(
+            down, ops.minimum(high, 0.0), high
+        )
 
     def product(self, factors: Iterable[Interval]) -> Interval:
         """Product of several."""
@@ -147,7 +156,8 @@ class Intervals:
     def inverse(self, a: Interval) -> Interval:
         """1/a; unbounded to the side from which a can be 0."""
         ops = self.ops
-        low, high = ops.lower(ops.inverse(a[1])), -ops.lower(-ops.inverse(a[0]))
+        low = ops.lower(ops.inverse(a[1]))
+        high = -ops.lower(-ops.inverse(a[0]))
         low = ops.where(a[0] >= 0.0, ops.maximum(low, 0.0), ops.where(a[1] < 0.0, low, -math.inf))
         high = ops.where(a[1] <= 0.0, ops.minimum(high, 0.0), ops.where(a[0] > 0.0, high, math.inf))
         nowhere = (a[0] == 0.0) & (a[1] == 0.0)
@@ -177,15 +187,17 @@ class Intervals:
         return beside_one(a[0], low), beside_one(a[1], high)
 
     def varying_power(self, base: Interval, exponent: Interval) -> Interval:
-        """base to a power that varies. Where the base is negative, only whole powers are defined: of either sign."""
+        """base to a power that varies. Where the base is negative, only whole powers are defined:
+        of either sign."""
         value = self.exp(self.times(exponent, self.log(self.size(base))))
         return self.ops.where(base[0] >= 0.0, value[0], -value[1]), value[1]
 
-    # -- parts --------------------------------------------------------------------------------------
+    # -- parts -------------------------------------------------------------------------------------
 
     def size(self, a: Interval) -> Interval:
         """abs(a)."""
-        ops, ends = self.ops, (abs(a[0]), abs(a[1]))
+        ops = self.ops
+        ends = (abs(a[0]), abs(a[1]))
         through = (a[0] <= 0.0) & (a[1] >= 0.0)
         return ops.where(through, 0.0, ops.minimum(*ends)), ops.maximum(*ends)
 
@@ -208,17 +220,20 @@ class Intervals:
         ops = self.ops
 
         def signed(x: Any, y: Any) -> Any:
-            return ops.where(x > 0.0, ops.maximum(y, 0.0), ops.where(x < 0.0, ops.minimum(y, 0.0), 0.0))
+            return ops.where(
+                x > 0.0, ops.maximum(y, 0.0), ops.where(x < 0.0, ops.minimum(y, 0.0), 0.0)
+            )
 
         return signed(a[0], value[0]), signed(a[1], value[1])
 
     def _loosened(self, low: Any, high: Any) -> Interval:
         """Values of an elementary function, as bounds."""
         ops = self.ops
-        low, high = ops.minimum(low, LARGEST), ops.maximum(high, -LARGEST)
+        low = ops.minimum(low, LARGEST)
+        high = ops.maximum(high, -LARGEST)
         return low - (LOOSE * abs(low) + TINY), high + (LOOSE * abs(high) + TINY)
 
-    # -- functions ----------------------------------------------------------------------------------
+    # -- functions ---------------------------------------------------------------------------------
 
     def _ends(self, name: str, a: Interval) -> Interval:
         function = self.ops.functions[name]
@@ -243,13 +258,19 @@ class Intervals:
         """Whether place + k·period can lie in a, for a whole k."""
         first, last = (a[0] - place) / period, (a[1] - place) / period
         slack = LOOSE * (1.0 + self.ops.maximum(abs(first), abs(last)))
-        return (self.ops.floor(last + slack) >= -self.ops.floor(slack - first)) | (abs(first) + abs(last) >= 1e15)
+        return (self.ops.floor(last + slack) >= -self.ops.floor(slack - first)) | (
+            abs(first) + abs(last) >= 1e15
+        )
 
     def _wave(self, name: str, a: Interval, crest: float) -> Interval:
-        """A function from −1 to 1 of the period 2π, largest at the crest and least half a period later."""
-        ops, ends = self.ops, self._ends(name, a)
+        """A function from −1 to 1 of the period 2π, largest at the crest and least half a period
+        later."""
+        ops = self.ops
+        ends = self._ends(name, a)
         low, high = self._loosened(ops.minimum(*ends), ops.maximum(*ends))
-        low = ops.where(self._passes(a, crest + math.pi, 2.0 * math.pi), -1.0, ops.maximum(low, -1.0))
+        low = ops.where(
+            self._passes(a, crest + math.pi, 2.0 * math.pi), -1.0, ops.maximum(low, -1.0)
+        )
         return low, ops.where(self._passes(a, crest, 2.0 * math.pi), 1.0, ops.minimum(high, 1.0))
 
     def _tan(self, a: Interval) -> Interval:

@@ -1,10 +1,13 @@
-"""How far formulas of one variable can be from their values in the middle of stretches, on discs in the complex plane.
+"""How far formulas of one variable can be from their values in the middle of stretches, on discs in
+the complex plane.
 
-One pass over a tree, without series: for every node w with the Taylor coefficients w_k in the middle of a stretch, a
-bound of Σ_{k≥1} |w_k| r^k. By Cauchy's estimate it says what a polynomial of known degree can miss inside: a feature
-that no sample shows, since it underflows at all of them, has a bound that is larger than others by powers of e.
+One pass over a tree, without series: for every node w with the Taylor coefficients w_k in the
+middle of a stretch, a bound of Σ_{k≥1} |w_k| r^k. By Cauchy's estimate it says what a polynomial of
+known degree can miss inside: a feature that no sample shows, since it underflows at all of them,
+has a bound that is larger than others by powers of e.
 
-Source: R. E. Moore, *Methods and Applications of Interval Analysis*, SIAM (1979), chapter 8, for majorants of series.
+Source: R. E. Moore, *Methods and Applications of Interval Analysis*, SIAM (1979), chapter 8, for
+majorants of series.
 """
 
 from __future__ import annotations
@@ -21,7 +24,8 @@ Known = dict[Expr, Array]
 
 
 def growth(expression: Expr, name: str, start: Array, end: Array, radius: Array) -> Array:
-    """Bounds of |f(u) − f(middle)| for complex u within `radius` of the middle, f continued from inside the stretch.
+    """Bounds of |f(u) − f(middle)| for complex u within `radius` of the middle, f continued from
+    inside the stretch.
 
     Parameters
     ----------
@@ -33,7 +37,8 @@ def growth(expression: Expr, name: str, start: Array, end: Array, radius: Array)
     Returns
     -------
     ndarray of shape (m,)
-        Infinite where f is not seen to be analytic in the disc, or the branch of a kink is not seen to be one inside.
+        Infinite where f is not seen to be analytic in the disc, or the branch of a kink is not seen
+        to be one inside.
     """
     nodes = list(ex.walk([expression]))
     middle = 0.5 * (start + end)
@@ -80,13 +85,17 @@ def _bound(e: Expr, values: Known, bounds: Known) -> Array:
         case "prod":
             size, bound = np.ones(1), np.zeros(1)
             for base, p in e.terms:
-                own, more = np.abs(np.power(values[base], p)), _of_power(values[base], bounds[base], p)
+                own = np.abs(np.power(values[base], p))
+                more = _of_power(values[base], bounds[base], p)
                 size, bound = size * own, bound * (own + more) + size * more
             return bound
         case "pow":
             base, exponent = e.args
-            log, more = np.log(values[base]), _of_log(values[base], bounds[base])
-            total = (np.abs(values[exponent]) + bounds[exponent]) * more + bounds[exponent] * np.abs(log)
+            log = np.log(values[base])
+            more = _of_log(values[base], bounds[base])
+            total = (np.abs(values[exponent]) + bounds[exponent]) * more + bounds[
+                exponent
+            ] * np.abs(log)
             return np.exp(values[exponent] * log + total) * -np.expm1(-total)
         case _:
             return _of_function(e.op, values[e.args[0]], bounds[e.args[0]])
@@ -95,8 +104,11 @@ def _bound(e: Expr, values: Known, bounds: Known) -> Array:
 def _of_power(a: Array, b: Array, p: float) -> Array:
     """(a + δ)^p − a^p for |δ| ≤ b."""
     if p > 0.0 and float(p).is_integer():
-        size, share = np.abs(a) ** p, b / np.abs(a)
-        return np.where(share < 1.0, size * np.expm1(p * np.log1p(share)), (np.abs(a) + b) ** p - size)
+        size = np.abs(a) ** p
+        share = b / np.abs(a)
+        return np.where(
+            share < 1.0, size * np.expm1(p * np.log1p(share)), (np.abs(a) + b) ** p - size
+        )
     whole = float(p).is_integer()
     inside = (b < np.abs(a)) & ((a > 0.0) | whole)
     return np.where(inside, np.abs(a) ** p * np.expm1(-abs(p) * np.log1p(-b / np.abs(a))), np.inf)
@@ -108,7 +120,8 @@ def _of_log(a: Array, b: Array) -> Array:
 
 def _of_function(name: str, a: Array, b: Array) -> Array:
     """f(a + δ) − f(a) for |δ| ≤ b, by addition theorems with cosh b and sinh b for what δ adds."""
-    odd, even = np.sinh(b), 2.0 * np.sinh(0.5 * b) ** 2
+    odd = np.sinh(b)
+    even = 2.0 * np.sinh(0.5 * b) ** 2
     match name:
         case "exp":
             return np.exp(a + b) * -np.expm1(-b)

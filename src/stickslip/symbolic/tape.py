@@ -1,11 +1,13 @@
 """Lowering of expressions to a tape of rows of Taylor coefficients.
 
-A row holds the Taylor coefficients of one quantity along the motion; every instruction gives its k-th coefficient from
-coefficients of order at most k of earlier rows. A value that depends on parameters only is a constant ``K[i]``.
+A row holds the Taylor coefficients of one quantity along the motion; every instruction gives its
+k-th coefficient from coefficients of order at most k of earlier rows. A value that depends on
+parameters only is a constant ``K[i]``.
 
-The tape is data, made from the expression tree alone. It is printed as Python source, which becomes machine code
-(:mod:`stickslip.equations.codegen.printer`), and packed into arrays (:mod:`stickslip.equations.codegen.program`), which
-the engine interprets where it asks other questions of the same equations: how large can a row become, is it affine?
+The tape is data, made from the expression tree alone. It is printed as Python source, which becomes
+machine code (:mod:`stickslip.equations.codegen.printer`), and packed into arrays
+(:mod:`stickslip.equations.codegen.program`), which the engine interprets where it asks other
+questions of the same equations: how large can a row become, is it affine?
 """
 
 from __future__ import annotations
@@ -63,15 +65,17 @@ class Instruction:
     Attributes
     ----------
     op : Op
-        LINEAR is the sum of the parts; PRODUCT, QUOTIENT, RECIPROCAL, EXP, LOG of the inputs. POWER has a constant
-        exponent, its only part, and may have as second input the SIZE of its base: the sum of the moduli of the parts
-        at order 0, of which the base is known up to rounding only. ROTATION, STEADY (of a phase affine in time) and
-        HYPERBOLIC fill the row and the next one, (co)sines of the input. ATAN, ASINH have as second input the row of
-        their slope; TAN, TANH fill it as the next row. SELECT takes the first part where the region `place` is 1, the
-        second elsewhere. SIDE is the right-hand side of contact `place` (inputs: surface; friction for u > 0, u < 0;
-        thresholds for u > 0, u < 0), SPEED its |u|. ENTRY (of the matrix) and RIGHT belong to the linear problem of
-        the rate-independent coordinates, whose contact is `place`; RATES solves it. SOLVE applies the inverse `matrix`
-        to `size` rows that begin with the input.
+        LINEAR is the sum of the parts; PRODUCT, QUOTIENT, RECIPROCAL, EXP, LOG of the inputs. POWER
+        has a constant exponent, its only part, and may have as second input the SIZE of its base:
+        the sum of the moduli of the parts at order 0, of which the base is known up to rounding
+        only. ROTATION, STEADY (of a phase affine in time) and HYPERBOLIC fill the row and the next
+        one, (co)sines of the input. ATAN, ASINH have as second input the row of their slope; TAN,
+        TANH fill it as the next row. SELECT takes the first part where the region `place` is 1, the
+        second elsewhere. SIDE is the right-hand side of contact `place` (inputs: surface; friction
+        for u > 0, u < 0; thresholds for u > 0, u < 0), SPEED its |u|. ENTRY (of the matrix) and
+        RIGHT belong to the linear problem of the rate-independent coordinates, whose contact is
+        `place`; RATES solves it. SOLVE applies the inverse `matrix` to `size` rows that begin with
+        the input.
     row : int
         Where the result goes (the first row of several).
     inputs : tuple of int
@@ -79,8 +83,9 @@ class Instruction:
     place, size : int
     matrix : str
     entries : tuple of Instruction
-        Of RATES: the entries of its matrix, row by row. Those that change along the motion have inputs (stiffness,
-        slopes of the thresholds) and a row of their own, the others four constants.
+        Of RATES: the entries of its matrix, row by row. Those that change along the motion have
+        inputs (stiffness, slopes of the thresholds) and a row of their own, the others four
+        constants.
     """
 
     op: Op
@@ -113,9 +118,11 @@ class Constants:
         return e.symbols <= set(self.parameters)
 
     def affine_in_time(self, e: Expr) -> tuple[Expr, Expr] | None:
-        """Rate and value at the origin of an expression that is affine in time, with constant coefficients.
+        """Rate and value at the origin of an expression that is affine in time, with constant
+        coefficients.
 
-        Written so, a phase or a load is as exact late as early: the clock of a motion starts from 0 at its origin.
+        Written so, a phase or a load is as exact late as early: the clock of a motion starts from 0
+        at its origin.
         """
         if "t" not in e.symbols or not e.symbols <= {"t", *self.parameters}:
             return None
@@ -126,7 +133,9 @@ class Constants:
 
     def split(self, e: Expr) -> tuple[Expr, Expr, list[tuple[Expr, float]]]:
         """A sum as constant, rate of its part that is affine in time, and the other terms."""
-        constant, rate, others = ex.num(float(e.value)), ex.ZERO, list[tuple[Expr, float]]()
+        constant = ex.num(float(e.value))
+        rate = ex.ZERO
+        others = list[tuple[Expr, float]]()
         for term, c in e.terms:
             if self.is_constant(term):
                 constant = constant + c * term
@@ -142,7 +151,9 @@ class Constants:
         None where time does not enter so.
         """
         line = self.affine_in_time(x)
-        constant, rate, others = self.split(x) if x.op == "sum" else (*(line or (ex.ZERO, ex.ZERO))[::-1], [])
+        constant, rate, others = (
+            self.split(x) if x.op == "sum" else (*(line or (ex.ZERO, ex.ZERO))[::-1], [])
+        )
         if rate is ex.ZERO:
             return None
         return 2.0 * ex.call("atan", ex.call("tan", constant / 2.0)), rate, others
@@ -207,7 +218,12 @@ def scalar_code(
     return lines, values
 
 
-def _scalar(e: Expr, v: Callable[[Expr], str], regions: Mapping[Expr, str] | None, constants: Constants | None) -> str:
+def _scalar(
+    e: Expr,
+    v: Callable[[Expr], str],
+    regions: Mapping[Expr, str] | None,
+    constants: Constants | None,
+) -> str:
     match e.op:
         case "sum" if ORIGIN in e.symbols and len(e.terms) > 1:
             return _exact_sum(e, v)
@@ -222,9 +238,15 @@ def _scalar(e: Expr, v: Callable[[Expr], str], regions: Mapping[Expr, str] | Non
             test = f"{regions[guard]} == 1" if regions is not None else f"{v(guard)} >= 0.0"
             return f"{v(above)} if {test} else {v(below)}"
         case _:
-            phase = constants.phase(e.args[0]) if constants is not None and e.op in ("sin", "cos") else None
+            phase = (
+                constants.phase(e.args[0])
+                if constants is not None and e.op in ("sin", "cos")
+                else None
+            )
             inside = (
-                v(e.args[0]) if constants is None or phase is None else " + ".join(_scalar_line(*phase, v, constants))
+                v(e.args[0])
+                if constants is None or phase is None
+                else " + ".join(_scalar_line(*phase, v, constants))
             )
             return f"{'math.' if e.op not in ('exp', 'log') else 'safe_'}{e.op}({inside})"
 
@@ -249,13 +271,19 @@ def _scalar_terms(e: Expr, v: Callable[[Expr], str], constants: Constants | None
 
 
 def _scalar_line(
-    constant: Expr, rate: Expr, others: list[tuple[Expr, float]], v: Callable[[Expr], str], constants: Constants
+    constant: Expr,
+    rate: Expr,
+    others: list[tuple[Expr, float]],
+    v: Callable[[Expr], str],
+    constants: Constants,
 ) -> list[str]:
     moving = [f"{constants.code(rate)}*t"] if rate is not ex.ZERO else []
     return [constants.code(constant), *moving, *(f"{literal(c)}*{v(term)}" for term, c in others)]
 
 
-def _scalar_power(base: Expr, p: float, v: Callable[[Expr], str], constants: Constants | None) -> str:
+def _scalar_power(
+    base: Expr, p: float, v: Callable[[Expr], str], constants: Constants | None
+) -> str:
     if p == 1.0:
         return v(base)
     if p == 2.0:
@@ -265,7 +293,9 @@ def _scalar_power(base: Expr, p: float, v: Callable[[Expr], str], constants: Con
     return _scalar_real_power(base, literal(p), v, constants)
 
 
-def _scalar_real_power(base: Expr, p: str, v: Callable[[Expr], str], constants: Constants | None) -> str:
+def _scalar_real_power(
+    base: Expr, p: str, v: Callable[[Expr], str], constants: Constants | None
+) -> str:
     """A power, of a base that may be zero up to rounding where the engine's clock runs."""
     if constants is None:
         return f"real_power({v(base)}, {p})"
@@ -287,11 +317,16 @@ class Tape:
     Attributes
     ----------
     instructions : dict of int to list of Instruction
-        By stage: what needs no rates, what needs those of viscous coordinates, those of rate-independent ones, all.
+        By stage: what needs no rates, what needs those of viscous coordinates, those of
+        rate-independent ones, all.
     """
 
     def __init__(
-        self, constants: Constants, rows: Mapping[str, int], first_free: int, regions: Mapping[Expr, int]
+        self,
+        constants: Constants,
+        rows: Mapping[str, int],
+        first_free: int,
+        regions: Mapping[Expr, int],
     ) -> None:
         self.constants, self.regions = constants, regions
         self.names = dict(rows)
@@ -317,7 +352,10 @@ class Tape:
 
     def emit(self, stage: int, instruction: Instruction) -> None:
         """Add an instruction; its constants get their places."""
-        for part in [*instruction.parts, *(part for entry in instruction.entries for part in entry.parts)]:
+        for part in [
+            *instruction.parts,
+            *(part for entry in instruction.entries for part in entry.parts),
+        ]:
             self.constants.code(part.factor)
         self.instructions[stage].append(instruction)
 
@@ -352,7 +390,9 @@ class Tape:
         self.emit(stage, Instruction(Op.LINEAR, row, parts=(*dynamic, *fixed)))
         return row
 
-    def operation(self, op: Op, *inputs: int, parts: tuple[Scaled, ...] = (), outputs: int = 1) -> int:
+    def operation(
+        self, op: Op, *inputs: int, parts: tuple[Scaled, ...] = (), outputs: int = 1
+    ) -> int:
         """Row of an operation on rows (the first, if it fills several)."""
         stage = max(self.stage[i] for i in inputs)
         row = self.new_row(stage)
@@ -397,7 +437,9 @@ class Tape:
         return Scaled(ex.ONE, self.assign(parts, None, constant))
 
     def _product(self, e: Expr) -> Scaled:
-        factor, above, below = ex.ONE, list[int](), list[int]()
+        factor = ex.ONE
+        above = list[int]()
+        below = list[int]()
         for base, p in e.terms:
             if self.constants.is_constant(base):
                 factor = factor * ex.power(base, ex.num(p))
@@ -436,8 +478,14 @@ class Tape:
         """What a row is the sum of, whatever the region."""
         made = next((i for part in self.instructions.values() for i in part if i.row == row), None)
         if made is not None and made.op is Op.SELECT:
-            return [term for part in made.parts for term in ([part] if part.row is None else self._terms(part.row))]
-        return list(made.parts) if made is not None and made.op is Op.LINEAR else [Scaled(ex.ONE, row)]
+            return [
+                term
+                for part in made.parts
+                for term in ([part] if part.row is None else self._terms(part.row))
+            ]
+        return (
+            list(made.parts) if made is not None and made.op is Op.LINEAR else [Scaled(ex.ONE, row)]
+        )
 
     def _size(self, terms: list[Scaled]) -> int:
         """Row of the sum of the moduli of terms."""
@@ -505,7 +553,10 @@ class Tape:
             return self.row(x)
         constant, rate, others = split
         scaled = [(c, self.lower(term)) for term, c in others]
-        parts = [Scaled(rate, self.names["t"]), *(Scaled(c * part.factor, part.row) for c, part in scaled)]
+        parts = [
+            Scaled(rate, self.names["t"]),
+            *(Scaled(c * part.factor, part.row) for c, part in scaled),
+        ]
         return self.assign(parts, None, constant)
 
     def _pair(self, name: str, x: Expr, a: int) -> int:

@@ -1,4 +1,5 @@
-"""Friction with a memory: internal variables that heat, age, or are jolted, and rate-and-state laws."""
+"""Friction with a memory: internal variables that heat, age, or are jolted, and rate-and-state
+laws."""
 
 from __future__ import annotations
 
@@ -30,7 +31,9 @@ def slider(law: str) -> System:
 
 def slider_by_hand(n: dict[str, float], law: Callable[[Any], Any]) -> Mechanics:
     """The same by hand, with the friction as a function of the state of the surface."""
-    V, k, nu = n["V"], n["k"], n["nu"]
+    V = n["V"]
+    k = n["k"]
+    nu = n["nu"]
     return Mechanics(
         kinds=(0, 1, 0, 1),
         inertia=[[nu]],
@@ -47,7 +50,12 @@ def spring_slider(rng: Rng) -> Case:
     """[M] (3.1)-(3.3): a viscous block whose friction falls with the heat of sliding."""
     text = pick(rng, list(STATES))
     law = STATES[text]
-    n = {"V": log_uniform(rng, 0.02, 0.5), "k": rng.uniform(0.7, 1.5), "alpha_0": 1.0, "nu": rng.uniform(0.02, 0.2)}
+    n = {
+        "V": log_uniform(rng, 0.02, 0.5),
+        "k": rng.uniform(0.7, 1.5),
+        "alpha_0": 1.0,
+        "nu": rng.uniform(0.02, 0.2),
+    }
     mechanics = slider_by_hand(n, law)
     start = {"U": rng.uniform(0.2, 0.9), "alpha": rng.uniform(1.0, 2.0)}
     return Case(slider(text), n, start, rng.uniform(5, 12), mechanics)
@@ -78,7 +86,12 @@ def flash_heating(rng: Rng) -> Case:
     """A block on a belt that heats its contact and cools in stick."""
     heat = pick(rng, list(HEATS))
     law, kinked = HEATS[heat]
-    n = {"k": rng.uniform(0.5, 2), "mu": 1.0, "d": rng.uniform(0.2, 0.8), "V": rng.uniform(0.1, 0.8)}
+    n = {
+        "k": rng.uniform(0.5, 2),
+        "mu": 1.0,
+        "d": rng.uniform(0.2, 0.8),
+        "V": rng.uniform(0.1, 0.8),
+    }
     n |= {"tau": rng.uniform(0.3, 3), "q": rng.uniform(0.3, 3), "c": rng.uniform(0.0, 0.2)}
     k, d, V, tau, q, c = (n[name] for name in ("k", "d", "V", "tau", "q", "c"))
 
@@ -95,7 +108,9 @@ def flash_heating(rng: Rng) -> Case:
         law=lambda t, x, rates, a, side: [-a[0] / tau + q * law(rates[0] - V, bound(a[0]), side)],
         kinks=(lambda t, x, v, a: [v[0] - V]) if kinked else None,
     )
-    return Case(heated(heat, "inertial"), n, {"x": rng.normal(), "d_x": 0.0}, rng.uniform(8, 20), mechanics)
+    return Case(
+        heated(heat, "inertial"), n, {"x": rng.normal(), "d_x": 0.0}, rng.uniform(8, 20), mechanics
+    )
 
 
 @cache
@@ -112,7 +127,8 @@ def logarithmic() -> System:
 
 @family
 def rate_and_state(rng: Rng) -> Case:
-    """The quasistatic slider with the ageing law in ln(V/V₀) and ln(θV₀/D), around the critical stiffness."""
+    """The quasistatic slider with the ageing law in ln(V/V₀) and ln(θV₀/D), around the critical
+    stiffness."""
     n = {"a": rng.uniform(0.008, 0.012), "V_p": rng.uniform(0.7, 1.5), "D": 1.0}
     n |= {"b": n["a"] * rng.uniform(1.2, 1.6)}
     n |= {"k": (n["b"] - n["a"]) * rng.uniform(0.95, 1.2)}
@@ -135,7 +151,7 @@ def rate_and_state(rng: Rng) -> Case:
     return Case(logarithmic(), n, start, rng.uniform(10, 60), mechanics)
 
 
-# -- internal variables with narrow features ---------------------------------------------------------------------------
+# -- internal variables with narrow features -------------------------------------------------------
 
 
 @cache
@@ -155,12 +171,23 @@ def jolted(kind: str, pulse: str) -> System:
 @family
 def pulse_of_heat(rng: Rng) -> Case:
     """A held block is let go when a short pulse heats its contact."""
-    kind, shape = pick(rng, ("inertial", "viscous")), pick(rng, BUMPS)
+    kind = pick(rng, ("inertial", "viscous"))
+    shape = pick(rng, BUMPS)
     assert isinstance(shape, Shape)
     span = rng.uniform(15.0, 50.0)
-    w, p = span * log_uniform(rng, 1e-4, 2e-2), span * rng.uniform(0.1, 0.9)
-    n = {"m": rng.uniform(0.5, 2), "c": rng.uniform(0.1, 1), "k": rng.uniform(0.5, 2), "mu": rng.uniform(0.3, 0.8)}
-    n |= {"f": n["mu"] * rng.uniform(0.3, 0.95), "q": rng.uniform(0.5, 2.0) / w, "tau": rng.uniform(0.5, 5)}
+    w = span * log_uniform(rng, 1e-4, 2e-2)
+    p = span * rng.uniform(0.1, 0.9)
+    n = {
+        "m": rng.uniform(0.5, 2),
+        "c": rng.uniform(0.1, 1),
+        "k": rng.uniform(0.5, 2),
+        "mu": rng.uniform(0.3, 0.8),
+    }
+    n |= {
+        "f": n["mu"] * rng.uniform(0.3, 0.95),
+        "q": rng.uniform(0.5, 2.0) / w,
+        "tau": rng.uniform(0.5, 5),
+    }
     n |= {"p": p, "w": w}
     k, f, mu, q, tau = (n[name] for name in ("k", "f", "mu", "q", "tau"))
     drag = n["c"] if kind == "inertial" else 0.0
@@ -193,9 +220,15 @@ def ripening(kind: str, dip: str) -> System:
 @family
 def narrow_in_a_state(rng: Rng) -> Case:
     """An age that grows slowly through a narrow band in which the contact is weak."""
-    kind, shape = pick(rng, list(KINDS)), pick(rng, BUMPS)
+    kind = pick(rng, list(KINDS))
+    shape = pick(rng, BUMPS)
     assert isinstance(shape, Shape)
-    n = {"m": rng.uniform(0.5, 2), "c": rng.uniform(0.3, 1), "k": rng.uniform(0.5, 2), "mu": rng.uniform(0.3, 0.8)}
+    n = {
+        "m": rng.uniform(0.5, 2),
+        "c": rng.uniform(0.3, 1),
+        "k": rng.uniform(0.5, 2),
+        "mu": rng.uniform(0.3, 0.8),
+    }
     n |= {
         "d": rng.uniform(0.5, 1),
         "tau": rng.uniform(5, 15),
@@ -206,7 +239,9 @@ def narrow_in_a_state(rng: Rng) -> Case:
     k, f, mu, d, tau, p, w = (n[name] for name in ("k", "f", "mu", "d", "tau", "p", "w"))
     nq = 1 if kind == "inertial" else 0
     drag = n["c"] if nq else 0.0
-    kinds = {"inertial": (1, 0, 0, 1), "viscous": (0, 1, 0, 1), "rate-independent": (0, 0, 1, 1)}[kind]
+    kinds = {"inertial": (1, 0, 0, 1), "viscous": (0, 1, 0, 1), "rate-independent": (0, 0, 1, 1)}[
+        kind
+    ]
     mechanics = Mechanics(
         kinds=kinds,
         inertia={"inertial": [[n["m"]]], "viscous": [[n["c"]]], "rate-independent": []}[kind],

@@ -1,4 +1,5 @@
-"""The same mechanics in other units, from 1e-12 to 1e12 and beyond, and motions that end by name."""
+"""The same mechanics in other units, from 1e-12 to 1e12 and beyond, and motions that end by
+name."""
 
 from __future__ import annotations
 
@@ -15,7 +16,10 @@ from .several import pair_with_two_contacts
 from .single import KINDS
 
 # Exponents of (mass, length, time) of every parameter that the scaled families use.
-FORCE, STIFFNESS, DAMPING, SPEED = (1, 1, -2), (1, 0, -2), (1, 0, -1), (0, 1, -1)
+FORCE = (1, 1, -2)
+STIFFNESS = (1, 0, -2)
+DAMPING = (1, 0, -1)
+SPEED = (0, 1, -1)
 DIMENSIONS = {
     **dict.fromkeys(("m", "n"), (1, 0, 0)),
     **dict.fromkeys(("c", "e"), DAMPING),
@@ -64,8 +68,10 @@ def scales_of_everything(rng: Rng) -> Case:
 
 @family
 def scales_beyond_reason(rng: Rng) -> Case:
-    """One unit by up to 1e±60: what is too small for the absolute tolerance need not be seen, but is not refused."""
-    which, factor = int(rng.integers(3)), ten(rng, 60)
+    """One unit by up to 1e±60: what is too small for the absolute tolerance need not be seen, but
+    is not refused."""
+    which = int(rng.integers(3))
+    factor = ten(rng, 60)
     return scaled(plain(rng), *(factor if i == which else 1.0 for i in range(3)))
 
 
@@ -98,10 +104,12 @@ def scales_of_directions(rng: Rng) -> Case:
         threshold=lambda t, x, v, a, side: [case.parameters["mu"]],
     )
     units = {"force": 10.0**-exponent, "slip": 10.0**exponent}
-    return replace(case, system=tilted(f"1e{exponent}*d_x"), parameters=n, mechanics=mechanics, units=units)
+    return replace(
+        case, system=tilted(f"1e{exponent}*d_x"), parameters=n, mechanics=mechanics, units=units
+    )
 
 
-# -- motions that end by name ------------------------------------------------------------------------------------------
+# -- motions that end by name ----------------------------------------------------------------------
 
 
 @cache
@@ -125,7 +133,12 @@ def negative_threshold(rng: Rng) -> Case:
     if rng.random() < 0.5:
         # x'' = r − s + g t as long as s − g t ≥ 0.
         g = rng.uniform(0.1, 0.5)
-        return _ends(ending("inertial", "-r*x", "s - g*t"), {"s": s, "r": r, "g": g}, "threshold negative", s / g)
+        return _ends(
+            ending("inertial", "-r*x", "s - g*t"),
+            {"s": s, "r": r, "g": g},
+            "threshold negative",
+            s / g,
+        )
     # x'' = r − s + x until x = s.
     time = acosh(1 + s / (r - s))
     return _ends(ending("inertial", "-r*x", "s - x"), {"s": s, "r": r}, "threshold negative", time)
@@ -143,10 +156,14 @@ def kinetic_force_negative(rng: Rng) -> Case:
 @family
 def kinetic_force_above_threshold(rng: Rng) -> Case:
     """A kinetic force leaves its admissible set on the way: above the threshold."""
-    s, r, g = rng.uniform(0.3, 1.0), rng.uniform(1.1, 3.0), rng.uniform(0.3, 0.9)
+    s = rng.uniform(0.3, 1.0)
+    r = rng.uniform(1.1, 3.0)
+    g = rng.uniform(0.3, 0.9)
     # In sliding x'' = r − g s − x, and g s + x reaches s.
     time = acos(1 - (1 - g) * s / (r - g * s))
-    return _ends(ending("inertial", "-r*x", "s", "g*s + x"), {"s": s, "r": r, "g": g}, "kinetic", time)
+    return _ends(
+        ending("inertial", "-r*x", "s", "g*s + x"), {"s": s, "r": r, "g": g}, "kinetic", time
+    )
 
 
 @family
@@ -155,7 +172,12 @@ def no_bounded_rate(rng: Rng) -> Case:
     k, s = rng.uniform(0.2, 0.8), rng.uniform(0.1, 0.5)
     turn = acos(-k)
     time = turn + (sin(turn) + s) / k
-    return _ends(ending("rate-independent", "k/2*(x - t)**2 - cos(x)", "s"), {"k": k, "s": s}, "no bounded rate", time)
+    return _ends(
+        ending("rate-independent", "k/2*(x - t)**2 - cos(x)", "s"),
+        {"k": k, "s": s},
+        "no bounded rate",
+        time,
+    )
 
 
 @family

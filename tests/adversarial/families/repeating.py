@@ -1,4 +1,5 @@
-"""Motions that repeat themselves in the end: belts, loads with a period, sliders, legs, each with a start."""
+"""Motions that repeat themselves in the end: belts, loads with a period, sliders, legs, each with a
+start."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ from .single import by_hand, declared
 
 @dataclass(frozen=True)
 class Repeating(Case):
-    """A motion that may settle on a cycle; its duration is the period of the load, or about that of its slowest swing.
+    """A motion that may settle on a cycle; its duration is the period of the load, or about that of
+    its slowest swing.
 
     Attributes
     ----------
@@ -47,38 +49,68 @@ FAMILIES: Families[Repeating] = Families()
 family = FAMILIES.add
 
 
-def repeating(case: Case, period: float, driven: bool, start: dict[str, float] | None = None) -> Repeating:
+def repeating(
+    case: Case, period: float, driven: bool, start: dict[str, float] | None = None
+) -> Repeating:
     """A case as one that repeats itself."""
-    own = {name: getattr(case, name) for name in ("system", "parameters", "initial", "mechanics", "units", "atol")}
-    return Repeating(**(own | {"initial": start or own["initial"], "duration": period, "driven": driven}))
+    own = {
+        name: getattr(case, name)
+        for name in ("system", "parameters", "initial", "mechanics", "units", "atol")
+    }
+    return Repeating(
+        **(own | {"initial": start or own["initial"], "duration": period, "driven": driven})
+    )
 
 
-# -- belts -------------------------------------------------------------------------------------------------------------
+# -- belts -----------------------------------------------------------------------------------------
 
 LAWS = {
-    "F_k + (mu - F_k)*exp(-speed/v_s)": lambda u, n: n["F_k"] + (n["mu"] - n["F_k"]) * np.exp(-u / n["v_s"]),
-    "F_k + (mu - F_k)/(1 + (speed/v_s)**2)": lambda u, n: n["F_k"] + (n["mu"] - n["F_k"]) / (1 + (u / n["v_s"]) ** 2),
+    "F_k + (mu - F_k)*exp(-speed/v_s)": lambda u, n: (
+        n["F_k"] + (n["mu"] - n["F_k"]) * np.exp(-u / n["v_s"])
+    ),
+    "F_k + (mu - F_k)/(1 + (speed/v_s)**2)": lambda u, n: (
+        n["F_k"] + (n["mu"] - n["F_k"]) / (1 + (u / n["v_s"]) ** 2)
+    ),
     "F_k": lambda u, n: n["F_k"],
 }
 
 
 def on_a_belt(rng: Rng, text: str, c: tuple[float, float]) -> Repeating:
     """A mass on a spring and a damper on a belt."""
-    n = {"m": log_uniform(rng, 0.3, 3.0), "k": log_uniform(rng, 0.3, 3.0), "c": log_uniform(rng, *c)}
-    n |= {"V": log_uniform(rng, 0.05, 2.5), "mu": rng.uniform(0.8, 1.2), "F_k": rng.uniform(0.2, 0.75)}
+    n = {
+        "m": log_uniform(rng, 0.3, 3.0),
+        "k": log_uniform(rng, 0.3, 3.0),
+        "c": log_uniform(rng, *c),
+    }
+    n |= {
+        "V": log_uniform(rng, 0.05, 2.5),
+        "mu": rng.uniform(0.8, 1.2),
+        "F_k": rng.uniform(0.2, 0.75),
+    }
     n |= {"v_s": log_uniform(rng, 0.05, 2.0)}
-    law, V = LAWS[text], n["V"]
-    mechanics = by_hand("inertial", n, lambda t: 0.0, kinetic=lambda u: law(u, n), belt=lambda t: V + 0 * t)
+    law = LAWS[text]
+    V = n["V"]
+    mechanics = by_hand(
+        "inertial", n, lambda t: 0.0, kinetic=lambda u: law(u, n), belt=lambda t: V + 0 * t
+    )
     start = {"x": rng.uniform(-2.0, 2.0) / n["k"], "d_x": rng.uniform(-1.0, 1.0) * V}
     if rng.random() < 0.5:
         start = {"x": 0.9 * n["mu"] / n["k"], "d_x": V}
     system = declared("inertial", kinetic=text, belt="V", extra="F_k=0.2 V=0.3 v_s=0.5")
-    return Repeating(system, n, start, 2 * pi * sqrt(n["m"] / n["k"]) + 2.0 / (n["k"] * V), mechanics, driven=False)
+    return Repeating(
+        system,
+        n,
+        start,
+        2 * pi * sqrt(n["m"] / n["k"]) + 2.0 / (n["k"] * V),
+        mechanics,
+        driven=False,
+    )
 
 
 @family
 def falling_with_speed(rng: Rng) -> Repeating:
-    """Friction that falls with the speed: stick-slip, unstable cycles beside it, and steady sliding."""
+    """Friction that falls with the speed: stick-slip, unstable cycles beside it, and steady
+    sliding."""
     return on_a_belt(rng, "F_k + (mu - F_k)*exp(-speed/v_s)", (0.003, 0.3))
 
 
@@ -118,9 +150,19 @@ def belt_and_tail() -> System:
 
 @family
 def complex_multipliers(rng: Rng) -> Repeating:
-    """A light tail swings on for many periods, and comes near to where it was after a few of them."""
-    n = {"V": log_uniform(rng, 0.1, 0.8), "mu": 1.0, "F_k": rng.uniform(0.3, 0.7), "c": rng.uniform(0.0, 0.05)}
-    n |= {"m": rng.uniform(0.02, 0.15), "k": log_uniform(rng, 0.02, 0.6), "e": log_uniform(rng, 0.0005, 0.01)}
+    """A light tail swings on for many periods, and comes near to where it was after a few of
+    them."""
+    n = {
+        "V": log_uniform(rng, 0.1, 0.8),
+        "mu": 1.0,
+        "F_k": rng.uniform(0.3, 0.7),
+        "c": rng.uniform(0.0, 0.05),
+    }
+    n |= {
+        "m": rng.uniform(0.02, 0.15),
+        "k": log_uniform(rng, 0.02, 0.6),
+        "e": log_uniform(rng, 0.0005, 0.01),
+    }
     V, F_k, c, m, k, e = (n[name] for name in ("V", "F_k", "c", "m", "k", "e"))
 
     def force(t: Any, x: Any, v: Any, a: Any, side: Any) -> list[Any]:
@@ -159,8 +201,17 @@ def two_blocks() -> System:
 @family
 def two_blocks_on_a_belt(rng: Rng) -> Repeating:
     """Alternating and joint slips; some are irregular."""
-    n = {"j": log_uniform(rng, 0.05, 2.0), "k": rng.uniform(0.6, 1.6), "c": log_uniform(rng, 0.01, 0.3)}
-    n |= {"V": log_uniform(rng, 0.03, 0.5), "mu": 1.0, "nu": rng.uniform(0.6, 1.6), "r": rng.uniform(0.3, 0.8)}
+    n = {
+        "j": log_uniform(rng, 0.05, 2.0),
+        "k": rng.uniform(0.6, 1.6),
+        "c": log_uniform(rng, 0.01, 0.3),
+    }
+    n |= {
+        "V": log_uniform(rng, 0.03, 0.5),
+        "mu": 1.0,
+        "nu": rng.uniform(0.6, 1.6),
+        "r": rng.uniform(0.3, 0.8),
+    }
     j, k, c, V, nu, r = (n[name] for name in ("j", "k", "c", "V", "nu", "r"))
 
     def force(t: Any, x: Any, v: Any, a: Any, side: Any) -> list[Any]:
@@ -183,7 +234,12 @@ def two_blocks_on_a_belt(rng: Rng) -> Repeating:
 @family
 def slider_with_a_state(rng: Rng) -> Repeating:
     """[M] (3.1)-(3.3): stick-slip, unstable cycles next to its fold, steady sliding."""
-    n = {"V": log_uniform(rng, 0.03, 0.4), "k": 1.0, "alpha_0": 1.0, "nu": log_uniform(rng, 0.02, 0.1)}
+    n = {
+        "V": log_uniform(rng, 0.03, 0.4),
+        "k": 1.0,
+        "alpha_0": 1.0,
+        "nu": log_uniform(rng, 0.02, 0.1),
+    }
     start = {"U": rng.uniform(0.2, 1.2), "alpha": rng.uniform(1.0, 2.0)}
     mechanics = slider_by_hand(n, lambda a: 2 / np.sqrt(a))
     return Repeating(slider("2/sqrt(alpha)"), n, start, 1.0 / n["V"], mechanics, driven=False)
@@ -192,14 +248,29 @@ def slider_with_a_state(rng: Rng) -> Repeating:
 @family
 def toy_that_may_walk(rng: Rng) -> Repeating:
     """[M] (4.2): the toy walks, or its rocking dies out."""
-    n = {"I_b": 1.0, "delta": log_uniform(rng, 0.01, 0.15), "a": 1.0, "b": 1.0, "c": rng.uniform(0.2, 0.4)}
-    n |= {"rho": rng.uniform(0.1, 0.3), "psi_star": 1.0, "H_star": rng.uniform(2.8, 3.4), "P": rng.uniform(0.9, 1.3)}
+    n = {
+        "I_b": 1.0,
+        "delta": log_uniform(rng, 0.01, 0.15),
+        "a": 1.0,
+        "b": 1.0,
+        "c": rng.uniform(0.2, 0.4),
+    }
+    n |= {
+        "rho": rng.uniform(0.1, 0.3),
+        "psi_star": 1.0,
+        "H_star": rng.uniform(2.8, 3.4),
+        "P": rng.uniform(0.9, 1.3),
+    }
     psi = rng.uniform(1.0, 2.0)
-    start = {"psi": psi, "x_R": n["c"] * psi - n["P"] + n["rho"] * rng.uniform(-0.9, 0.9), "x_L": 0.0}
+    start = {
+        "psi": psi,
+        "x_R": n["c"] * psi - n["P"] + n["rho"] * rng.uniform(-0.9, 0.9),
+        "x_L": 0.0,
+    }
     return Repeating(toy(), n, start, 2 * pi, toy_by_hand(n), driven=False, together=("x_R", "x_L"))
 
 
-# -- loads with a period -----------------------------------------------------------------------------------------------
+# -- loads with a period ---------------------------------------------------------------------------
 
 
 @cache
@@ -217,9 +288,18 @@ def jenkins() -> System:
 
 
 def with_a_damper(rng: Rng, F: tuple[float, float], c: tuple[float, float], b: float) -> Repeating:
-    n = {"k": 1.0, "c": log_uniform(rng, *c), "j": rng.uniform(0.1, 1.0), "mu": 1.0, "F": log_uniform(rng, *F)}
+    n = {
+        "k": 1.0,
+        "c": log_uniform(rng, *c),
+        "j": rng.uniform(0.1, 1.0),
+        "mu": 1.0,
+        "F": log_uniform(rng, *F),
+    }
     n |= {"omega": rng.uniform(0.3, 2.0), "b": b}
-    drag, j, load, omega = n["c"], n["j"], n["F"], n["omega"]
+    drag = n["c"]
+    j = n["j"]
+    load = n["F"]
+    omega = n["omega"]
 
     def force(t: Any, x: Any, v: Any, a: Any, side: Any) -> list[Any]:
         pull = j * (x[0] - x[1])
@@ -232,14 +312,16 @@ def with_a_damper(rng: Rng, F: tuple[float, float], c: tuple[float, float], b: f
         force=force,
         threshold=lambda t, x, v, a, side: [1.0],
     )
-    x, reach = rng.uniform(-1.0, 1.0), 0.9 / j
+    x = rng.uniform(-1.0, 1.0)
+    reach = 0.9 / j
     start = {"x": x, "z": x + rng.uniform(-reach, reach) * (rng.random() < 0.5)}
     return Repeating(jenkins(), n, start, 2 * pi / omega, mechanics)
 
 
 @family
 def damper_that_may_slip(rng: Rng) -> Repeating:
-    """Light damping plants returns after several periods; the damper slips, or only while the motion settles."""
+    """Light damping plants returns after several periods; the damper slips, or only while the
+    motion settles."""
     return with_a_damper(rng, (0.05, 3.0), (0.01, 0.1), 0.0)
 
 
@@ -255,12 +337,27 @@ def damper_on_a_hard_spring(rng: Rng) -> Repeating:
     return with_a_damper(rng, (0.2, 5.0), (0.02, 0.2), 1.0)
 
 
-def on_the_ground(rng: Rng, b: float, ratio: tuple[float, float], F: tuple[float, float]) -> Repeating:
+def on_the_ground(
+    rng: Rng, b: float, ratio: tuple[float, float], F: tuple[float, float]
+) -> Repeating:
     """A driven oscillator on a dry ground."""
-    n = {"m": 1.0, "k": 1.0, "c": log_uniform(rng, 0.005, 0.1), "b": b, "mu": log_uniform(rng, 0.05, 0.9)}
+    n = {
+        "m": 1.0,
+        "k": 1.0,
+        "c": log_uniform(rng, 0.005, 0.1),
+        "b": b,
+        "mu": log_uniform(rng, 0.05, 0.9),
+    }
     n["F_k"] = n["mu"] * rng.uniform(*ratio)
-    n |= {"F": rng.uniform(*F), "omega": rng.uniform(0.25, 2.2), "f": rng.uniform(-0.3, 0.3), "phi": 0.0}
-    f, load, omega = n["f"], n["F"], n["omega"]
+    n |= {
+        "F": rng.uniform(*F),
+        "omega": rng.uniform(0.25, 2.2),
+        "f": rng.uniform(-0.3, 0.3),
+        "phi": 0.0,
+    }
+    f = n["f"]
+    load = n["F"]
+    omega = n["omega"]
     mechanics = by_hand(
         "inertial",
         n,
@@ -269,7 +366,9 @@ def on_the_ground(rng: Rng, b: float, ratio: tuple[float, float], F: tuple[float
         kinetic=lambda u: n["F_k"],
     )
     start = {"x": rng.uniform(-2.0, 2.0), "d_x": rng.uniform(-1.0, 1.0)}
-    system = declared("inertial", WAVE, potential="b*x**4/4", kinetic="F_k", extra=f"{WAVES} F_k=0.2 b=0")
+    system = declared(
+        "inertial", WAVE, potential="b*x**4/4", kinetic="F_k", extra=f"{WAVES} F_k=0.2 b=0"
+    )
     return Repeating(system, n, start, 2 * pi / omega, mechanics)
 
 
@@ -302,9 +401,21 @@ def driven_dashpot(rng: Rng) -> Repeating:
 def driven_by_short_pulses(rng: Rng) -> Repeating:
     """Pulses that come with a period, and do nothing in between."""
     text = pick(rng, list(TRAINS)[:3])
-    shape, T, w = TRAINS[text], rng.uniform(4.0, 12.0), log_uniform(rng, 0.01, 0.3)
-    n = {"m": 1.0, "k": rng.uniform(0.5, 2.0), "mu": rng.uniform(0.2, 0.8), "c": rng.uniform(0.05, 0.3)}
-    n |= {"A": n["mu"] + rng.uniform(0.3, 2.0) * pi / (w * T), "p": T * rng.uniform(0.1, 0.9), "w": w, "T": T}
+    shape = TRAINS[text]
+    T = rng.uniform(4.0, 12.0)
+    w = log_uniform(rng, 0.01, 0.3)
+    n = {
+        "m": 1.0,
+        "k": rng.uniform(0.5, 2.0),
+        "mu": rng.uniform(0.2, 0.8),
+        "c": rng.uniform(0.05, 0.3),
+    }
+    n |= {
+        "A": n["mu"] + rng.uniform(0.3, 2.0) * pi / (w * T),
+        "p": T * rng.uniform(0.1, 0.9),
+        "w": w,
+        "T": T,
+    }
     A, p = n["A"], n["p"]
     mechanics = by_hand("inertial", n, lambda t: A * shape(t, p, T, w), step=min(0.3, w * T / 3))
     system = declared("inertial", f"A*{text}", extra="A=1 p=1 w=0.1 T=5")
@@ -327,4 +438,6 @@ def crawling_legs(rng: Rng) -> Repeating:
         force=lambda t, x, v, a, side: [pull(t, x), -pull(t, x)],
         threshold=lambda t, x, v, a, side: ([f + 0 * t, f + 0 * t], [g + 0 * t, g + 0 * t]),
     )
-    return Repeating(crawler("D/2*sin(omega*t)"), n, {}, 2 * pi / omega, mechanics, together=("x", "y"))
+    return Repeating(
+        crawler("D/2*sin(omega*t)"), n, {}, 2 * pi / omega, mechanics, together=("x", "y")
+    )

@@ -1,4 +1,5 @@
-"""One coordinate on a spring with one contact: declared for the library, and written by hand for the reference."""
+"""One coordinate on a spring with one contact: declared for the library, and written by hand for
+the reference."""
 
 from __future__ import annotations
 
@@ -73,7 +74,9 @@ def by_hand(
     """
     k, mu, c, m = (numbers.get(name, 0.0) for name in ("k", "mu", "c", "m"))
     drag = c if kind == "inertial" else 0.0
-    kinds = {"inertial": (1, 0, 0, 0), "viscous": (0, 1, 0, 0), "rate-independent": (0, 0, 1, 0)}[kind]
+    kinds = {"inertial": (1, 0, 0, 0), "viscous": (0, 1, 0, 0), "rate-independent": (0, 0, 1, 0)}[
+        kind
+    ]
 
     def force(t: Any, x: Any, v: Any, a: Any, side: Any) -> list[Any]:
         total = load(t) - k * x[0] + (push(x[0]) if push else 0.0)
@@ -107,7 +110,9 @@ def ordinary(rng: Rng, kind: str) -> dict[str, float]:
     """Ordinary numbers of such a system."""
     numbers = {"k": rng.uniform(0.5, 2.0), "mu": rng.uniform(0.2, 0.8)}
     if kind != "rate-independent":
-        numbers["c"] = float(rng.choice([0.0, 0.1, 0.3])) if kind == "inertial" else rng.uniform(0.3, 2.0)
+        numbers["c"] = (
+            float(rng.choice([0.0, 0.1, 0.3])) if kind == "inertial" else rng.uniform(0.3, 2.0)
+        )
     if kind == "inertial":
         numbers["m"] = rng.uniform(0.5, 2.0)
     return numbers

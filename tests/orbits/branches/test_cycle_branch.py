@@ -1,4 +1,5 @@
-"""Branches of cycles: special points against closed forms, both kinds of Hopf points, corners, named ends."""
+"""Branches of cycles: special points against closed forms, both kinds of Hopf points, corners,
+named ends."""
 
 from __future__ import annotations
 
@@ -10,7 +11,16 @@ import pytest
 from numpy.typing import NDArray
 
 from oracles import belt_block, den_hartog
-from orbits.examples import HALF_TURN, SLIDER, damped_block, dragged, duffing, isola, mass_on_belt, planar
+from orbits.examples import (
+    HALF_TURN,
+    SLIDER,
+    damped_block,
+    dragged,
+    duffing,
+    isola,
+    mass_on_belt,
+    planar,
+)
 from stickslip import catalogue, simulate
 from stickslip.errors import DeclarationError
 from stickslip.orbits.branches.cycle_branch import continue_cycle
@@ -55,9 +65,11 @@ def test_spring_slider(slider: Branch) -> None:
     assert "V = 0.02, the end of the range" in slider.ended
     assert "Hopf at V = 0.2248493" in slider.ended
     # Unstable from the Hopf point to the fold, stable from there; sticking from the onset on.
-    points, index = slider.points, np.arange(len(slider.points["V"]))
+    points = slider.points
+    index = np.arange(len(slider.points["V"]))
     towards_hopf = np.sign(hopf.index - fold.index)
-    after_fold, after_onset = towards_hopf * (fold.index - index), towards_hopf * (onset.index - index)
+    after_fold = towards_hopf * (fold.index - index)
+    after_onset = towards_hopf * (onset.index - index)
     away = after_fold != 0
     assert np.array_equal(points["stable"].values[away] == 1, after_fold[away] > 0)
     away = after_onset != 0
@@ -74,11 +86,14 @@ def test_spring_slider_from_a_simulation(slider: Branch) -> None:
     for point in branch.special:
         other = slider.of_kind(point.kind)[0]
         assert point.value == pytest.approx(other.value, rel=1e-11)
-        assert point.period == pytest.approx(other.period, rel=1e-6 if point.kind != "Hopf" else 1e-2)
+        assert point.period == pytest.approx(
+            other.period, rel=1e-6 if point.kind != "Hopf" else 1e-2
+        )
 
 
 def test_stick_onset_of_the_spring_slider(slider: Branch) -> None:
-    """On one side the relative speed of the cycle just fails to reach 0, on the other it stays there for a moment."""
+    """On one side the relative speed of the cycle just fails to reach 0, on the other it stays
+    there for a moment."""
     onset = slider.of_kind("stick onset")[0]
     before, after = (find_cycle(SLIDER, onset.state, {"V": onset.value + d}) for d in (-1e-7, 1e-7))
     assert before.stick_time == 0.0
@@ -89,10 +104,13 @@ def test_stick_onset_of_the_spring_slider(slider: Branch) -> None:
 
 
 def test_supercritical_spring_slider() -> None:
-    """Born stable; its stick onset lies between two loading rates at which simulations slide and stick."""
+    """Born stable; its stick onset lies between two loading rates at which simulations slide and
+    stick."""
     system = catalogue.spring_slider(mu="1.5 - tanh(alpha - 1.5)", nu=0.05)
     point = continue_equilibrium(system, "V", (0.6, 0.8)).of_kind("Hopf")[0]
-    assert (point.value, point.data["lyapunov"]) == pytest.approx((0.721195750057, -0.1165), abs=1e-4)
+    assert (point.value, point.data["lyapunov"]) == pytest.approx(
+        (0.721195750057, -0.1165), abs=1e-4
+    )
     branch = follow(find_cycle(system, point), "V", (0.1, 1.0))
     assert sorted(kinds(branch)) == ["Hopf", "stick onset"]
     assert branch.points["stable"].values.all()
@@ -106,22 +124,27 @@ def test_supercritical_spring_slider() -> None:
 
 
 def test_hysteresis_of_the_spring_slider() -> None:
-    """Loaded faster and faster it sticks and slips until the fold; slower and slower it slides until the Hopf point."""
+    """Loaded faster and faster it sticks and slips until the fold; slower and slower it slides
+    until the Hopf point."""
     at_hopf, at_fold = 0.224849301296112, 0.226388127713
-    state, moving = {"U": 1.6, "alpha": 1.1}, []
+    state = {"U": 1.6, "alpha": 1.1}
+    moving = []
     steps = [0.2, 0.2235, 0.2245, 0.2255, 0.2262, 0.2266]
     for speed in [*steps, *reversed(steps)]:
         motion = simulate(SLIDER, (0, 3000), state, {"V": speed})
         state = motion.final
         moving.append(np.ptp(motion.at(np.linspace(2950, 3000, 501))["U"]) > 0.02)
-    up, down = moving[: len(steps)], moving[: len(steps) - 1 : -1]
+    up = moving[: len(steps)]
+    down = moving[: len(steps) - 1 : -1]
     assert up == [at_fold > V for V in steps]
     assert down == [at_hopf > V for V in steps]
 
 
 def test_mass_on_belt() -> None:
-    """A supercritical Hopf point; the speed of the growing cycle meets the belt, and the mass begins to stick."""
-    system, critical = mass_on_belt(), math.sqrt(0.2 / 0.6)
+    """A supercritical Hopf point; the speed of the growing cycle meets the belt, and the mass
+    begins to stick."""
+    system = mass_on_belt()
+    critical = math.sqrt(0.2 / 0.6)
     point = continue_equilibrium(system, "V", (0.3, 0.8)).of_kind("Hopf")[0]
     assert point.note == "supercritical"
     assert point.value == pytest.approx(critical, rel=1e-11)
@@ -134,7 +157,8 @@ def test_mass_on_belt() -> None:
     points = branch.points
     speeds = points["V"].values
     assert points["stable"].values[speeds < critical - 1e-6].all()
-    # At the onset the speed of the mass is that of the belt, and from there on it is forgotten how it came to stick.
+    # At the onset the speed of the mass is that of the belt, and from there on it is forgotten how
+    # it came to stick.
     assert points["max_d_x"].values[onset.index] == pytest.approx(onset.value, rel=1e-8)
     sticks = points["sticks"].values == 1
     away = np.arange(len(speeds)) != onset.index
@@ -158,14 +182,19 @@ def test_den_hartog(r: float) -> None:
 
 
 def test_belt_block() -> None:
-    """Periods along a branch are those of the formula; so in the frame of the ground, where the block drifts."""
+    """Periods along a branch are those of the formula; so in the frame of the ground, where the
+    block drifts."""
     for system in (catalogue.belt_block(), dragged()):
         branch = follow(find_cycle(system), "V", (0.05, 1.5))
         V = branch.points["V"].values
         periods = [belt_block.period(m=1.0, k=1.0, V=v, F_s=1.0, F_k=0.6) for v in V]
         assert branch.points["period"].values == pytest.approx(periods, rel=1e-10)
         assert not branch.special
-        assert branch.ended == "first point: V = 0.05, the end of the range; last point: V = 1.5, the end of the range"
+        assert (
+            branch.ended
+            == "first point: V = 0.05, the end of the range; last point: V = 1.5, the end of the "
+            "range"
+        )
         speed = V if system.name == "dragged block" else 0.0 * V
         assert branch.points["speed"].values == pytest.approx(speed, rel=1e-12)
 
@@ -173,8 +202,12 @@ def test_belt_block() -> None:
 def test_normal_form() -> None:
     """r' = r(a − b r²): amplitude and multiplier of every cycle."""
     branch = follow(find_cycle(planar(), None, {"a": 0.1, "b": -0.1}), "q", (-3.0, -0.2))
-    assert branch.points["max_x"].values == pytest.approx(np.sqrt(0.1 / -branch.points["q"].values), rel=1e-10)
-    assert branch.points["multiplier_real"].values[:, 1] == pytest.approx(np.exp(-0.8 * np.pi), rel=1e-9)
+    assert branch.points["max_x"].values == pytest.approx(
+        np.sqrt(0.1 / -branch.points["q"].values), rel=1e-10
+    )
+    assert branch.points["multiplier_real"].values[:, 1] == pytest.approx(
+        np.exp(-0.8 * np.pi), rel=1e-9
+    )
 
 
 def test_period_doubling() -> None:
@@ -188,9 +221,12 @@ def test_period_doubling() -> None:
 
 
 def test_duffing() -> None:
-    """Twice the period doubles; an independent integration has the multiplier −1 there, and the short cycle again."""
+    """Twice the period doubles; an independent integration has the multiplier −1 there, and the
+    short cycle again."""
     single = follow(find_cycle(duffing()), "F", (0.15, 0.4))
-    double = follow(find_cycle(duffing(), simulate(duffing(), (0, 1000), None, {"F": 0.28})), "F", (0.15, 0.4))
+    double = follow(
+        find_cycle(duffing(), simulate(duffing(), (0, 1000), None, {"F": 0.28})), "F", (0.15, 0.4)
+    )
     assert kinds(single) == ["period doubling"]
     assert kinds(double) == ["period doubling", "period doubling"]
     first, second = single.special[0], double.special[1]
@@ -212,10 +248,15 @@ def monodromy(point: SpecialPoint) -> NDArray[np.float64]:
     def rates(t: float, z: NDArray[np.float64]) -> NDArray[np.float64]:
         x, v = z[:2]
         J = np.array([[0.0, 1.0], [1 - 3 * x**2, -c]])
-        return np.concatenate([[v, x - x**3 - c * v + F * np.cos(omega * t)], (J @ z[2:].reshape(2, 2)).ravel()])
+        return np.concatenate(
+            [[v, x - x**3 - c * v + F * np.cos(omega * t)], (J @ z[2:].reshape(2, 2)).ravel()]
+        )
 
-    first, last = point.data["time"], point.data["time"] + point.period
-    z = solve_ivp(rates, (first, last), np.append(start, np.eye(2)), method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    first = point.data["time"]
+    last = point.data["time"] + point.period
+    z = solve_ivp(
+        rates, (first, last), np.append(start, np.eye(2)), method="DOP853", rtol=1e-12, atol=1e-13
+    ).y[:, -1]
     assert distance(z[:2], start) < 1e-9
     return z[2:].reshape(2, 2)
 
@@ -226,7 +267,8 @@ def test_isola() -> None:
     assert sorted(point.value for point in branch.special) == pytest.approx([-1.0, 1.0], abs=1e-10)
     assert set(kinds(branch)) == {"fold"}
     assert branch.ended == "first point: the branch is closed; last point: the branch is closed"
-    square, a = branch.points["max_x"].values ** 2, branch.points["a"].values
+    square = branch.points["max_x"].values ** 2
+    a = branch.points["a"].values
     assert (square - 2) ** 2 + a**2 == pytest.approx(np.ones(len(a)), abs=1e-9)
     growth = np.exp(-0.4 * 2 * np.pi * square * (square - 2))
     assert branch.points["multiplier_real"].values.prod(axis=1) == pytest.approx(growth, rel=1e-8)
@@ -235,7 +277,8 @@ def test_isola() -> None:
 def test_loss_of_the_cycle() -> None:
     """Beyond some speed a damped block that has slipped no longer reaches the speed of the belt.
 
-    In slip the speed obeys w'' + c w' + w = 0 from w = V, w' = −(F_s − F_k); its largest value comes down to V.
+    In slip the speed obeys w'' + c w' + w = 0 from w = V, w' = −(F_s − F_k); its largest value
+    comes down to V.
     """
     from scipy.optimize import brentq
 
@@ -244,7 +287,8 @@ def test_loss_of_the_cycle() -> None:
 
     def excess(V: float) -> float:
         b = (c * V / 2 - fall) / omega
-        # w = e^{−ct/2}(V cos ωt + b sin ωt) has its extrema where tan ωt is this ratio; the second one is the maximum.
+        # w = e^{−ct/2}(V cos ωt + b sin ωt) has its extrema where tan ωt is this ratio; the second
+        # one is the maximum.
         turn = math.atan2(omega * b - c * V / 2, omega * V + c * b / 2) % math.pi + math.pi
         return math.exp(-c * turn / (2 * omega)) * (V * math.cos(turn) + b * math.sin(turn)) - V
 
@@ -255,7 +299,8 @@ def test_loss_of_the_cycle() -> None:
 
 
 def test_more_stops() -> None:
-    """A slowly forced oscillator stops more often: two grazings at once by symmetry, as simulations say."""
+    """A slowly forced oscillator stops more often: two grazings at once by symmetry, as simulations
+    say."""
     system = catalogue.forced_oscillator()
     branch = follow(find_cycle(system, None, {"F_c": 0.5, "omega": 0.5}), "omega", (0.15, 0.7))
     assert sorted(kinds(branch)) == ["grazing", "stick onset"]
@@ -291,7 +336,8 @@ def test_without_damping() -> None:
 
 
 def test_toy_turns_back_where_its_legs_cease_to_stop() -> None:
-    """Walking ends where ψ no longer passes ψ*: there the branch turns back, at an angle, into the unstable walk."""
+    """Walking ends where ψ no longer passes ψ*: there the branch turns back, at an angle, into the
+    unstable walk."""
     walk = find_cycle(catalogue.rocking_toy(), {"psi": -1.67, "x_R": 0.45})
     branch = follow(walk, "P", (0.5, 1.2))
     fold = branch.of_kind("fold")
@@ -301,13 +347,19 @@ def test_toy_turns_back_where_its_legs_cease_to_stop() -> None:
     P = points["P"].values
     assert points["max_psi"].values[fold[0].index] == pytest.approx(1.0, abs=1e-7)
     assert P.min() == pytest.approx(fold[0].value, abs=1e-9)
-    stable, far = points["stable"].values == 1, P - fold[0].value > 1e-6
+    stable = points["stable"].values == 1
+    far = P - fold[0].value > 1e-6
     assert np.array_equal(stable[far], points["max_psi"].values[far] > 1.0)
     assert np.count_nonzero(~stable) > 5
     # Inside the unstable walk the toy comes to rest, outside it walks on.
     i = int(np.argmin(np.where(stable, np.inf, np.abs(P - 0.9))))
-    toy, values = catalogue.rocking_toy(), {"P": float(P[i])}
-    unstable = find_cycle(toy, {name: float(points[name].values[i]) for name in ("psi", "d_psi", "x_R", "x_L")}, values)
+    toy = catalogue.rocking_toy()
+    values = {"P": float(P[i])}
+    unstable = find_cycle(
+        toy,
+        {name: float(points[name].values[i]) for name in ("psi", "d_psi", "x_R", "x_L")},
+        values,
+    )
     assert unstable.nontrivial[0].real > 1.0
     starts = unstable.trajectory.events
     stop = starts[starts["to"] == "stick"]["time"].iloc[0] + 0.1
@@ -319,7 +371,8 @@ def test_toy_turns_back_where_its_legs_cease_to_stop() -> None:
 
 
 def test_crawler_stops() -> None:
-    """With a stroke below twice the slack no leg moves: the motion shrinks to nothing on the boundary."""
+    """With a stroke below twice the slack no leg moves: the motion shrinks to nothing on the
+    boundary."""
     branch = follow(find_cycle(catalogue.two_leg_crawler()), "D", (0.1, 1.2))
     end = branch.of_kind("boundary equilibrium")[0]
     assert end.value == pytest.approx(2 * 0.1 / 1.0, rel=1e-6)
@@ -328,7 +381,8 @@ def test_crawler_stops() -> None:
 
 
 def test_the_end_of_what_is_admissible() -> None:
-    """No kinetic friction at all, and none that is negative: T = 2F_s/(kV) + (2/ω)(π − arctan(ωF_s/(kV)))."""
+    """No kinetic friction at all, and none that is negative: T = 2F_s/(kV) + (2/ω)(π −
+    arctan(ωF_s/(kV)))."""
     branch = follow(find_cycle(catalogue.belt_block()), "F_k", (0.0, 0.7))
     assert "F_k = 0, the end of the range" in branch.ended
     i = int(np.argmin(branch.points["F_k"].values))

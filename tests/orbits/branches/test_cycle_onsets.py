@@ -40,7 +40,9 @@ def slider_onset(nu: float, V: tuple[float, float]) -> SpecialPoint:
 
 def test_reversing(stops: SpecialPoint) -> None:
     """Den Hartog's limit of non-stop motion."""
-    curve = stick_onset_curve(OSCILLATOR, stops, "F_c", "omega", {"F_c": (0.1, 0.824), "omega": (0.75, 0.95)})
+    curve = stick_onset_curve(
+        OSCILLATOR, stops, "F_c", "omega", {"F_c": (0.1, 0.824), "omega": (0.75, 0.95)}
+    )
     first, last = curve.ended.split("; ")
     found = {first.removeprefix("first point: "), last.removeprefix("last point: ")}
     assert found == {"omega = 0.75, the end of the range", "F_c = 0.824, the end of the range"}
@@ -53,15 +55,23 @@ def test_reversing(stops: SpecialPoint) -> None:
 
 
 def test_touching() -> None:
-    """Unstable cycles of the spring slider, next to their fold: the curve meets onsets that were found on branches."""
+    """Unstable cycles of the spring slider, next to their fold: the curve meets onsets that were
+    found on branches."""
     start = slider_onset(0.05, (0.2, 0.25))
     curve = stick_onset_curve(SLIDER, start, "V", "nu", {"V": (0.1, 0.3), "nu": (0.044, 0.055)})
-    assert curve.ended == "first point: nu = 0.044, the end of the range; last point: nu = 0.055, the end of the range"
+    assert (
+        curve.ended
+        == "first point: nu = 0.044, the end of the range; last point: nu = 0.055, the end of the "
+        "range"
+    )
     assert curve.points["certified"].values.all()
     assert not curve.points["stable"].values.any()
     for i, nu in ((0, 0.044), (-1, 0.055)):
-        assert float(curve.points["V"][i]) == pytest.approx(slider_onset(nu, (0.2, 0.25)).value, rel=1e-8)
-    # Half-way, a motion that starts on the cycle touches the speed of rest: it sticks on one side and not on the other.
+        assert float(curve.points["V"][i]) == pytest.approx(
+            slider_onset(nu, (0.2, 0.25)).value, rel=1e-8
+        )
+    # Half-way, a motion that starts on the cycle touches the speed of rest: it sticks on one side
+    # and not on the other.
     i = len(curve.points["V"]) // 2
     values = {name: float(curve.points[name][i]) for name in ("V", "nu")}
     start_there = {name: float(curve.points[name][i]) for name in ("U", "alpha")}

@@ -1,4 +1,5 @@
-"""Branches of the belt with falling friction: from every start the same clean curve, and curves in two parameters."""
+"""Branches of the belt with falling friction: from every start the same clean curve, and curves in
+two parameters."""
 
 from __future__ import annotations
 
@@ -24,7 +25,9 @@ NUMBERS = {"F_s": 1.0, "F_k": 0.5, "v_s": 0.5, "m": 1.0, "k": 1.0, "c": 0.05}
 
 
 @cache
-def branch(V: float, parameter: str = "V", span: tuple[float, float] = SPAN, **others: float) -> Branch:
+def branch(
+    V: float, parameter: str = "V", span: tuple[float, float] = SPAN, **others: float
+) -> Branch:
     values = {**NUMBERS, **others}
     start = {"x": 0.95 * values["F_s"] / values["k"], "d_x": V}
     return continue_cycle(find_cycle(stribeck_belt(), start, {**others, "V": V}), parameter, span)
@@ -32,7 +35,8 @@ def branch(V: float, parameter: str = "V", span: tuple[float, float] = SPAN, **o
 
 def clean(branch: Branch, span: tuple[float, float]) -> None:
     """Every point certified and within the range, none twice, neighbours next to each other."""
-    points, values = branch.points, branch.points[branch.parameter].values
+    points = branch.points
+    values = branch.points[branch.parameter].values
     assert branch.certificate.ok, branch.certificate.describe()
     assert points["certified"].values.all()
     assert span[0] <= values.min()
@@ -45,12 +49,15 @@ def clean(branch: Branch, span: tuple[float, float]) -> None:
     trivial = np.argmin(np.abs(multipliers - 1.0), axis=1)
     rows = np.arange(len(trivial))
     assert multipliers[rows, trivial] == pytest.approx(1.0, abs=1e-9)
-    assert np.array_equal(points["stable"].values == 1, np.abs(multipliers[rows, 1 - trivial]) < 1.0 - 1e-9)
+    assert np.array_equal(
+        points["stable"].values == 1, np.abs(multipliers[rows, 1 - trivial]) < 1.0 - 1e-9
+    )
 
 
 @pytest.mark.parametrize("V", [0.3, 0.5, 1.0, 3.0])
 def test_one_clean_curve(V: float) -> None:
-    """From low speeds through the stick onset, where the branch turns, to the Hopf point, from every start the same."""
+    """From low speeds through the stick onset, where the branch turns, to the Hopf point, from
+    every start the same."""
     found = branch(V)
     clean(found, SPAN)
     assert [point.kind for point in found.special] == ["stick onset", "fold", "Hopf"]
@@ -59,15 +66,19 @@ def test_one_clean_curve(V: float) -> None:
     assert onset.value == fold.value == pytest.approx(branch(0.3).special[0].value, rel=1e-10)
     points = found.points
     assert points["V"].values[0] == 0.02
-    assert found.ended.startswith("first point: V = 0.02, the end of the range; last point: Hopf at V = 1.49786613678")
+    assert found.ended.startswith(
+        "first point: V = 0.02, the end of the range; last point: Hopf at V = 1.49786613678"
+    )
     assert points["V"].values.max() == pytest.approx(onset.value, rel=1e-8)
-    sticks, away = points["sticks"].values == 1, np.abs(points["V"].values - onset.value) > 1e-6
+    sticks = points["sticks"].values == 1
+    away = np.abs(points["V"].values - onset.value) > 1e-6
     assert np.array_equal(sticks[away], points["stable"].values[away] == 1)
 
 
 @pytest.mark.parametrize("V", [0.02, 0.3, 1.0, 2.9])
 def test_against_an_independent_integration(V: float) -> None:
-    """One slip from where the belt lets go to where it catches the mass again, and the stick in between, by SciPy."""
+    """One slip from where the belt lets go to where it catches the mass again, and the stick in
+    between, by SciPy."""
     stable = find_cycle(stribeck_belt(), {"x": 0.95, "d_x": V}, {"V": V})
     slip, caught, lowest = one_slip(V)
     stick = (1.0 - 0.05 * V - caught) / V
@@ -93,8 +104,18 @@ def one_slip(V: float) -> tuple[float, float, float]:
     def lowest(t: float, y: np.ndarray) -> float:
         return y[1]
 
-    caught.terminal, caught.direction, lowest.direction = True, 1.0, 1.0  # type: ignore[attr-defined]
-    found = solve_ivp(rates, (first, 50.0), start, method="DOP853", rtol=1e-12, atol=1e-14, events=(caught, lowest))
+    caught.terminal = True  # type: ignore[attr-defined]
+    caught.direction = 1.0  # type: ignore[attr-defined]
+    lowest.direction = 1.0  # type: ignore[attr-defined]
+    found = solve_ivp(
+        rates,
+        (first, 50.0),
+        start,
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-14,
+        events=(caught, lowest),
+    )
     return found.t_events[0][0], found.y_events[0][0][0], found.y_events[1][0][0]
 
 
@@ -106,7 +127,9 @@ NEIGHBOURS: list[tuple[str, tuple[float, float], dict[str, float]]] = [
 
 
 @pytest.mark.parametrize(("parameter", "span", "others"), NEIGHBOURS)
-def test_neighbours_of_these_numbers(parameter: str, span: tuple[float, float], others: dict[str, float]) -> None:
+def test_neighbours_of_these_numbers(
+    parameter: str, span: tuple[float, float], others: dict[str, float]
+) -> None:
     found = branch(0.4, parameter, span, **others)
     clean(found, span)
     assert "no cycle was found" not in found.ended
@@ -132,7 +155,8 @@ def test_hopf_points_in_two_parameters() -> None:
 
 
 def test_stick_onsets_in_two_parameters() -> None:
-    """The curve ends at the ends of the ranges; branches across it meet it, beyond it nothing is computed."""
+    """The curve ends at the ends of the ranges; branches across it meet it, beyond it nothing is
+    computed."""
     ranges = {"V": SPAN, "v_s": (0.4, 0.6)}
     onset = branch(1.0).of_kind("stick onset")[0]
     curve = stick_onset_curve(stribeck_belt(), onset, "V", "v_s", ranges)
@@ -154,12 +178,14 @@ def pictures() -> list[Callable[[], Branch]]:
     ranges = {"V": (1.0, 2.0), "v_s": (0.4, 0.6)}
 
     def hopf() -> Branch:
-        return hopf_curve(stribeck_belt(), continue_equilibrium(stribeck_belt(), "V", SPAN).of_kind("Hopf")[0],
-                          "V", "v_s", ranges)  # fmt: skip
+        start = continue_equilibrium(stribeck_belt(), "V", SPAN).of_kind("Hopf")[0]
+        return hopf_curve(stribeck_belt(), start, "V", "v_s", ranges)
 
     def onset() -> Branch:
         start = branch(1.0).of_kind("stick onset")[0]
-        return stick_onset_curve(stribeck_belt(), start, "V", "v_s", {"V": (2.9, 3.2), "v_s": (0.45, 0.55)})
+        return stick_onset_curve(
+            stribeck_belt(), start, "V", "v_s", {"V": (2.9, 3.2), "v_s": (0.45, 0.55)}
+        )
 
     return [hopf, onset]
 

@@ -48,14 +48,18 @@ def test_a_closed_curve_with_its_folds() -> None:
 
 
 def test_the_start_is_corrected() -> None:
-    path = follow(circle, [0.61, 0.79], [1, 0], lambda x, t: {"right": 0.99 - x[0]}, {"right": "x = 0.99"})
+    path = follow(
+        circle, [0.61, 0.79], [1, 0], lambda x, t: {"right": 0.99 - x[0]}, {"right": "x = 0.99"}
+    )
     assert np.linalg.norm(path.points[0].x) == pytest.approx(1.0, abs=1e-14)
     assert path.ended.text == "x = 0.99"
     assert path.points[-1].x[0] == pytest.approx(0.99, abs=1e-14)
 
 
 def test_an_ending_that_is_passed_at_once() -> None:
-    path = follow(circle, [0.6, 0.8], [-1, 0], lambda x, t: {"left": x[0] - 0.6}, {"left": "x = 0.6"})
+    path = follow(
+        circle, [0.6, 0.8], [-1, 0], lambda x, t: {"left": x[0] - 0.6}, {"left": "x = 0.6"}
+    )
     assert path.ended.text == "x = 0.6"
     assert len(path.points) == 1
 
@@ -89,7 +93,9 @@ def test_a_sharp_turn_shortens_the_steps() -> None:
     assert path.ended.text == "far out"
     for p in path.points:
         assert p.x[0] * p.x[1] == pytest.approx(epsilon, rel=1e-9)
-    assert min(np.hypot(*p.x) for p in path.points) == pytest.approx(math.sqrt(2 * epsilon), rel=0.05)
+    assert min(np.hypot(*p.x) for p in path.points) == pytest.approx(
+        math.sqrt(2 * epsilon), rel=0.05
+    )
 
 
 def test_where_the_equations_end() -> None:

@@ -15,7 +15,8 @@ from stickslip.orbits.continuation.bracket import zero_near
     [
         (lambda x: x - 2.0, 0.0, 1.9, 2.0),  # a little beyond the guess
         (lambda x: x - 2.0, 3.0, 2.5, 2.0),  # well beyond it, downward
-        (lambda x: math.copysign(1.0, x - 2.0), 0.0, 1.9, 2.0),  # flat on both sides: every slope is 0
+        # flat on both sides: every slope is 0
+        (lambda x: math.copysign(1.0, x - 2.0), 0.0, 1.9, 2.0),
         (lambda x: (x - 2.0) ** 3, 0.0, 1.9, 2.0),  # flat at the zero
         (lambda x: 0.0, 1.0, 2.0, 1.0),  # zero where it is known
         (lambda x: x, 0.5, 0.5, None),  # the guess is no other place
@@ -25,7 +26,9 @@ from stickslip.orbits.continuation.bracket import zero_near
         (lambda x: math.nan, 0.0, 1.0, None),
     ],
 )
-def test_zero_near(function: Callable[[float], float], known: float, guess: float, zero: float | None) -> None:
+def test_zero_near(
+    function: Callable[[float], float], known: float, guess: float, zero: float | None
+) -> None:
     found = zero_near(function, known, guess)
     assert found == (None if zero is None else pytest.approx(zero, abs=1e-5))
 

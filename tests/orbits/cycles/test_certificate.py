@@ -1,4 +1,5 @@
-"""What a cycle has to prove: every residual is small on cycles that are known, and large where something is wrong."""
+"""What a cycle has to prove: every residual is small on cycles that are known, and large where
+something is wrong."""
 
 from __future__ import annotations
 
@@ -69,10 +70,12 @@ def test_a_motion_that_does_not_close() -> None:
 
 def test_rest_is_no_cycle() -> None:
     """The oscillator at rest closes after any time; nothing moves."""
-    problem = find_cycle(oscillator(), None, {"mu": 0.0, "c": 0.2, "k": 1.7, "omega": 1.3}).closed.orbit.problem
+    problem = find_cycle(
+        oscillator(), None, {"mu": 0.0, "c": 0.2, "k": 1.7, "omega": 1.3}
+    ).closed.orbit.problem
     still = replace(problem, parameters={**problem.parameters, "F": 0.0})
-    motion = Trajectory(still, (0.0, 4.0), simulate(oscillator(), (0.0, 4.0), {}, still.parameters).knots,
-                        simulate(oscillator(), (0.0, 4.0), {}, still.parameters).outcome)  # fmt: skip
+    rest = simulate(oscillator(), (0.0, 4.0), {}, still.parameters)
+    motion = Trajectory(still, (0.0, 4.0), rest.knots, rest.outcome)
     pieces = Pieces(still.compiled.equations)
     found = Recurrence(0.0, np.zeros(2), 4.0, 1, np.zeros(2), 0.0)
     shooting, x = near(still, pieces, window(motion, pieces), found)
@@ -81,15 +84,23 @@ def test_rest_is_no_cycle() -> None:
 
 def several_rounds(cycle: Cycle, rounds: int) -> Closed:
     """The cycle run through again and again, as Newton's method may find it."""
-    orbit, pieces = cycle.closed.orbit, Pieces(cycle.closed.orbit.problem.compiled.equations)
+    orbit = cycle.closed.orbit
+    pieces = Pieces(cycle.closed.orbit.problem.compiled.equations)
     setting = cycle.closed.shooting.setting
     found = Recurrence(
-        cycle.time, orbit.legs[0].place.state, rounds * orbit.period, rounds * setting.turns, rounds * orbit.shift, 0.0
+        cycle.time,
+        orbit.legs[0].place.state,
+        rounds * orbit.period,
+        rounds * setting.turns,
+        rounds * orbit.shift,
+        0.0,
     )
     return converge(*near(orbit.problem, pieces, window(orbit.motion, pieces), found))
 
 
-@pytest.mark.parametrize("name", ["slider", "belt", "toy", "crawler", "doubled", "damper that slips"])
+@pytest.mark.parametrize(
+    "name", ["slider", "belt", "toy", "crawler", "doubled", "damper that slips"]
+)
 @pytest.mark.parametrize("rounds", [2, 3, 6])
 def test_several_rounds_are_not_a_period(name: str, rounds: int) -> None:
     system, start, values = CYCLES[name]
@@ -102,7 +113,8 @@ def test_several_rounds_are_not_a_period(name: str, rounds: int) -> None:
 
 @pytest.mark.parametrize("a", [1e-2, 1e-4, 1e-6])
 def test_a_period_that_has_just_doubled(a: float) -> None:
-    """Two rounds about a circle that differ by 2√a from each other are one period, between them is an unstable one."""
+    """Two rounds about a circle that differ by 2√a from each other are one period, between them is
+    an unstable one."""
     values = {"A": 1.0, "a": a, "b": 0.2}
     double = find_cycle(planar(), {"x": 1.0 + math.sqrt(a), "y": 0.0}, values)
     assert double.period == pytest.approx(4 * math.pi, rel=1e-14)
@@ -118,11 +130,16 @@ def test_a_period_that_has_just_doubled(a: float) -> None:
 
 @pytest.mark.parametrize("wrong", ["multipliers 1", "multipliers 0", "neighbours"])
 def test_wrong_derivatives(wrong: str) -> None:
-    """Derivatives that do not belong to the motion are seen: along the motion, in stick, and beside it."""
+    """Derivatives that do not belong to the motion are seen: along the motion, in stick, and beside
+    it."""
     closed = find_cycle(catalogue.belt_block()).closed
     (leg,) = closed.orbit.legs
     after = leg.change.after.copy()
-    stuck = next(i for i, piece in enumerate(leg.change.pieces) if piece.bound) if wrong == "multipliers 0" else -1
+    stuck = (
+        next(i for i, piece in enumerate(leg.change.pieces) if piece.bound)
+        if wrong == "multipliers 0"
+        else -1
+    )
     if wrong == "multipliers 0":
         after[stuck, 1] += 1e-6
     else:
@@ -133,7 +150,8 @@ def test_wrong_derivatives(wrong: str) -> None:
 
 
 def test_minimal_period_from_any_start() -> None:
-    """Another cycle, and a motion with a lightly damped transient, lead to one period of the drive."""
+    """Another cycle, and a motion with a lightly damped transient, lead to one period of the
+    drive."""
     cycle = find_cycle(jenkins(), None, {"omega": 0.72})
     three = several_rounds(cycle, 3)
     again = from_cycle(three, cycle.time, {"omega": 0.721})
@@ -141,7 +159,9 @@ def test_minimal_period_from_any_start() -> None:
 
 
 def test_residuals() -> None:
-    good, low, none = Residual("a", 1e-12, 1e-9), Residual("b", 0.1, 0.2, least=True), Residual("c", math.nan, 1.0)
+    good = Residual("a", 1e-12, 1e-9)
+    low = Residual("b", 0.1, 0.2, least=True)
+    none = Residual("c", math.nan, 1.0)
     assert (good.ok, low.ok, none.ok) == (True, False, False)
     certificate = Certificate((good, low, none))
     assert certificate.verdict == "not certified: b 1.00e-01 below 2e-01; c nan above 1e+00"

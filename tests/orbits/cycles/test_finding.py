@@ -1,4 +1,5 @@
-"""Cycles against closed forms: stable and unstable ones, driven ones, moving frames, families, honest failures."""
+"""Cycles against closed forms: stable and unstable ones, driven ones, moving frames, families,
+honest failures."""
 
 from __future__ import annotations
 
@@ -38,7 +39,9 @@ def check(cycle: Cycle) -> None:
 @pytest.mark.parametrize("a", [0.1, -0.1])
 def test_stable_and_unstable(a: float) -> None:
     radius = math.sqrt(abs(a))
-    cycle = find_cycle(planar(), {"x": 1.003 * radius, "y": 0.01}, {"a": a, "b": -a, "q": -math.copysign(1.0, a)})
+    cycle = find_cycle(
+        planar(), {"x": 1.003 * radius, "y": 0.01}, {"a": a, "b": -a, "q": -math.copysign(1.0, a)}
+    )
     check(cycle)
     assert cycle.period == pytest.approx(4 * math.pi, rel=1e-12)
     assert cycle.nontrivial == pytest.approx([math.exp(-8 * math.pi * a)], rel=1e-10)
@@ -50,7 +53,8 @@ def test_stable_and_unstable(a: float) -> None:
 
 
 def test_strongly_unstable() -> None:
-    """r' = r(r² − 1): a neighbour is 10^10.9 times as far a period later, and gone before the second is over."""
+    """r' = r(r² − 1): a neighbour is 10^10.9 times as far a period later, and gone before the
+    second is over."""
     cycle = find_cycle(planar(), {"x": 1.0, "y": 0.0}, {"a": -1.0, "b": 1.0, "q": 1.0})
     check(cycle)
     assert cycle.nontrivial == pytest.approx([math.exp(8 * math.pi)], rel=1e-9)
@@ -58,11 +62,16 @@ def test_strongly_unstable() -> None:
 
 
 def test_state_that_is_a_function_of_time() -> None:
-    """The play with a load f + F cos(ωt): between two sticks x follows the load, whatever it was: nothing is left free.
+    """The play with a load f + F cos(ωt): between two sticks x follows the load, whatever it was:
+    nothing is left free.
 
     It slips 2(F − μ)/k forth and back in each period.
     """
-    k, mu, f, F, omega = 1.3, 0.7, -0.35, 1.9, 1.6
+    k = 1.3
+    mu = 0.7
+    f = -0.35
+    F = 1.9
+    omega = 1.6
     play = System(
         "play",
         coordinates={"x": RateIndependent()},
@@ -79,7 +88,8 @@ def test_state_that_is_a_function_of_time() -> None:
 
 
 def test_near_unstable_cycles_of_friction() -> None:
-    """The unstable cycle of the spring slider below its fold; a little inside the slider comes to rest, outside not."""
+    """The unstable cycle of the spring slider below its fold; a little inside the slider comes to
+    rest, outside not."""
     point = continue_equilibrium(SLIDER, "V", (0.2, 0.25)).of_kind("Hopf")[0]
     cycle = find_cycle(SLIDER, point, {"V": 0.2251})
     check(cycle)
@@ -125,14 +135,17 @@ def test_energy_of_a_cycle() -> None:
     cycle = find_cycle(catalogue.belt_block())
     check(cycle)
     share = cycle.contacts["belt contact"]
-    # On the whole the belt does the work that friction loses: F_k against the sliding distance, V times the slip time.
+    # On the whole the belt does the work that friction loses: F_k against the sliding distance, V
+    # times the slip time.
     assert cycle.dissipated == pytest.approx(cycle.supplied, rel=1e-11)
     assert share.dissipated == pytest.approx(cycle.dissipated, rel=1e-11)
     facts = catalogue.belt_block().declaration.facts
     slip = ex.evaluate(facts["slip_duration"], cycle.parameters)
     travelled = 0.3 * slip + 0.3 * (cycle.period - slip)
     assert share.dissipated == pytest.approx(0.6 * travelled, rel=1e-11)
-    assert (share.stick_time, share.slip_time) == pytest.approx((cycle.period - slip, slip), rel=1e-11)
+    assert (share.stick_time, share.slip_time) == pytest.approx(
+        (cycle.period - slip, slip), rel=1e-11
+    )
     assert cycle.multipliers.tolist() == [pytest.approx(1.0), 0.0]
 
 
@@ -143,7 +156,9 @@ def test_driven() -> None:
     assert cycle.trivial == 0
     assert cycle.period == pytest.approx(2 * math.pi / 1.3, rel=1e-14)
     expected = np.exp((-0.1 + 1j * math.sqrt(1.7 - 0.01)) * cycle.period)
-    assert sorted(cycle.multipliers, key=lambda z: z.imag) == pytest.approx([expected.conj(), expected], rel=1e-10)
+    assert sorted(cycle.multipliers, key=lambda z: z.imag) == pytest.approx(
+        [expected.conj(), expected], rel=1e-10
+    )
     amplitude = 1 / math.hypot(1.7 - 1.3**2, 0.2 * 1.3)
     assert cycle.extrema["x"] == pytest.approx((-amplitude, amplitude), rel=1e-11)
 
@@ -154,7 +169,9 @@ def test_subharmonic() -> None:
     check(cycle)
     assert cycle.period == pytest.approx(4 * math.pi, rel=1e-14)
     rates = np.array([-2 * 0.15, -0.2 - 0.15])
-    assert sorted(cycle.nontrivial.real) == pytest.approx(sorted(np.exp(4 * math.pi * rates)), rel=1e-9)
+    assert sorted(cycle.nontrivial.real) == pytest.approx(
+        sorted(np.exp(4 * math.pi * rates)), rel=1e-9
+    )
     single = find_cycle(planar(), {"x": 1.0, "y": 0.0}, HALF_TURN)
     assert single.period == pytest.approx(2 * math.pi, rel=1e-14)
     expected = -np.exp(2 * math.pi * np.array([0.15, -0.2]))
@@ -163,7 +180,8 @@ def test_subharmonic() -> None:
 
 def test_moving_frame() -> None:
     """Dragged over the ground the block repeats itself in the frame of its spring."""
-    cycle, belt = find_cycle(dragged()), find_cycle(catalogue.belt_block())
+    cycle = find_cycle(dragged())
+    belt = find_cycle(catalogue.belt_block())
     check(cycle)
     assert cycle.period == pytest.approx(belt.period, rel=1e-12)
     assert cycle.speed == pytest.approx(0.3, rel=1e-12)
@@ -173,7 +191,8 @@ def test_moving_frame() -> None:
 
 
 def test_moving_frame_and_drive() -> None:
-    """A load that moves and shakes: after a period of the shaking the system is the same, V T further on."""
+    """A load that moves and shakes: after a period of the shaking the system is the same, V T
+    further on."""
     cycle = find_cycle(dragged(), None, {"A": 0.5, "F_s": 0.4, "F_k": 0.4, "V": 0.1})
     check(cycle)
     turns = cycle.period / math.pi
@@ -182,7 +201,8 @@ def test_moving_frame_and_drive() -> None:
 
 
 def test_many_periods_of_the_drive() -> None:
-    """The plate compactor: seen after each period of the shaking it is nowhere near where it was for a long time."""
+    """The plate compactor: seen after each period of the shaking it is nowhere near where it was
+    for a long time."""
     cycle = find_cycle(catalogue.plate_compactor())
     check(cycle)
     turns = cycle.period * cycle.parameters["Omega"] / (2 * math.pi)
@@ -191,7 +211,8 @@ def test_many_periods_of_the_drive() -> None:
 
 
 def test_contacts_that_stick_together() -> None:
-    """The chain of blocks: where all stick at once three directions are lost, so that three multipliers are 0."""
+    """The chain of blocks: where all stick at once three directions are lost, so that three
+    multipliers are 0."""
     start = {"x_1": 0.578, "x_2": 0.628, "x_3": 0.578, "d_x_1": 0.1, "d_x_2": 0.1, "d_x_3": 0.1}
     cycle = find_cycle(catalogue.block_chain(), start)
     check(cycle)
@@ -212,14 +233,19 @@ def test_falls_to_rest() -> None:
 
 
 def test_dies_out() -> None:
-    """A pendulum with hardly any damping never returns to where it was; in the end only rounding moves."""
+    """A pendulum with hardly any damping never returns to where it was; in the end only rounding
+    moves."""
     with pytest.raises(ConvergenceError, match="comes to rest"):
         find_cycle(oscillator(), {"x": 1.0}, {"mu": 0.0, "F": 0.0, "c": 0.02})
 
 
 def test_newton_does_not_converge() -> None:
-    """Just beyond the fold of cycles the motion nearly closes; the message says how nearly, and where it ends."""
-    with pytest.raises(ConvergenceError, match=r"comes to rest.*did not converge; the nearest motion misses by 0\.0"):
+    """Just beyond the fold of cycles the motion nearly closes; the message says how nearly, and
+    where it ends."""
+    with pytest.raises(
+        ConvergenceError,
+        match=r"comes to rest.*did not converge; the nearest motion misses by 0\.0",
+    ):
         find_cycle(isola(), {"x": math.sqrt(2), "y": 0.0}, {"a": 1.01})
     cycle = find_cycle(SLIDER, None, {"V": 0.15})
     with pytest.raises(ConvergenceError, match=r"the nearest motion misses by.*continue_cycle"):
@@ -227,7 +253,8 @@ def test_newton_does_not_converge() -> None:
 
 
 def test_family() -> None:
-    """Without friction and damping every amplitude is a cycle: an invariant direction that is no translation."""
+    """Without friction and damping every amplitude is a cycle: an invariant direction that is no
+    translation."""
     with pytest.raises(ConvergenceError, match="come in a family"):
         find_cycle(oscillator(), {"x": 1.0}, {"mu": 0.0, "F": 0.0})
 
@@ -245,7 +272,11 @@ def test_time_that_does_not_repeat() -> None:
         find_cycle(catalogue.oscillating_play())
     family = linear_family("inertial", 2, 1)
     with pytest.raises(DeclarationError, match="no common period"):
-        find_cycle(family, {"x0": 0.1}, {"F0": 1.0, "F1": 1.0, "omega0": 1.0, "omega1": math.sqrt(2), "s0": 0.1})
+        find_cycle(
+            family,
+            {"x0": 0.1},
+            {"F0": 1.0, "F1": 1.0, "omega0": 1.0, "omega1": math.sqrt(2), "s0": 0.1},
+        )
 
 
 def test_bad_arguments() -> None:

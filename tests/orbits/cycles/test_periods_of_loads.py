@@ -1,4 +1,5 @@
-"""The period of a load is the shortest one of its formula, not that of the sines and cosines it is made of."""
+"""The period of a load is the shortest one of its formula, not that of the sines and cosines it is
+made of."""
 
 from __future__ import annotations
 
@@ -20,7 +21,10 @@ from stickslip.orbits.return_map.shooting import follow_freely
 def loaded(load: str, threshold: str = "mu") -> System:
     return System(
         name="loaded",
-        parameters={name: Parameter(value) for name, value in {"omega": 1.3, "mu": 0.1, "F": 0.8, "G": 0.3}.items()},
+        parameters={
+            name: Parameter(value)
+            for name, value in {"omega": 1.3, "mu": 0.1, "F": 0.8, "G": 0.3}.items()
+        },
         coordinates={"x": Inertial()},
         kinetic="d_x**2/2",
         potential=f"x**2/2 - ({load})*x",
@@ -61,7 +65,9 @@ def test_period_over_a_parameter() -> None:
     found = clock(system, problem.compiled.equations, problem.parameters)
     values = problem.parameters
     h = 1e-6
-    numeric = (found.period({**values, "omega": 1.3 + h}) - found.period({**values, "omega": 1.3 - h})) / (2 * h)
+    numeric = (
+        found.period({**values, "omega": 1.3 + h}) - found.period({**values, "omega": 1.3 - h})
+    ) / (2 * h)
     assert found.period(values) == pytest.approx(math.pi / 1.69, rel=1e-14)
     assert found.slope(values, "omega") == pytest.approx(numeric, rel=1e-9)
 

@@ -1,7 +1,9 @@
-"""Cycles on which a contact sticks throughout: the given position of rest is kept, and branches go on through them.
+"""Cycles on which a contact sticks throughout: the given position of rest is kept, and branches go
+on through them.
 
-While the damper of the Jenkins element sticks at z, the oscillator is linear: it swings about k_d z/(k + k_d) with the
-amplitude F/|k + k_d − mω² + icω|, and the damper is held as long as k_d |x − z| ≤ F_c.
+While the damper of the Jenkins element sticks at z, the oscillator is linear: it swings about k_d
+z/(k + k_d) with the amplitude F/|k + k_d − mω² + icω|, and the damper is held as long as k_d |x −
+z| ≤ F_c.
 """
 
 from __future__ import annotations
@@ -26,8 +28,11 @@ def amplitude(omega: float, F: float = 0.3) -> float:
 
 
 def onset(low: float, high: float, z: float = 0.0) -> float:
-    """Where the force of the damper at z comes to its threshold: the amplitude about z/3 reaches z + 2 or 2 − z."""
-    return float(brentq(lambda omega: amplitude(omega) + 2.0 / 3.0 * abs(z) - 2.0, low, high, xtol=1e-15))
+    """Where the force of the damper at z comes to its threshold: the amplitude about z/3 reaches z
+    + 2 or 2 − z."""
+    return float(
+        brentq(lambda omega: amplitude(omega) + 2.0 / 3.0 * abs(z) - 2.0, low, high, xtol=1e-15)
+    )
 
 
 @cache
@@ -41,7 +46,11 @@ def clean(found: Branch) -> None:
     assert found.points["certified"].values.all()
     assert found.points["stable"].values.all()
     assert found.points["omega"].values[[0, -1]].tolist() == list(RANGE)
-    assert found.ended == "first point: omega = 1, the end of the range; last point: omega = 1.5, the end of the range"
+    assert (
+        found.ended
+        == "first point: omega = 1, the end of the range; last point: omega = 1.5, the end of the "
+        "range"
+    )
 
 
 @pytest.mark.parametrize("z", [0.0, 0.2, -1.1])
@@ -63,7 +72,8 @@ def test_the_given_position_of_rest(z: float) -> None:
 
 @pytest.mark.parametrize("omega", [0.7, 0.72, 0.74, 0.8, 0.9, 1.1, 1.2, 1.3])
 def test_one_period_of_the_drive(omega: float) -> None:
-    """A transient with complex multipliers comes closest after several periods; the period is one all the same."""
+    """A transient with complex multipliers comes closest after several periods; the period is one
+    all the same."""
     cycle = find_cycle(jenkins(), None, {"omega": omega})
     assert cycle.certificate.ok, cycle.certificate.describe()
     assert cycle.period == pytest.approx(2 * math.pi / omega, rel=1e-14)
@@ -78,9 +88,12 @@ def test_a_frequency_response_as_a_whole(omega: float) -> None:
         ("slip onset", pytest.approx(onset(1.0, 1.2), rel=1e-9)),
         ("slip onset", pytest.approx(onset(1.25, 1.5), rel=1e-9)),
     ]
-    values, points = found.points["omega"].values, found.points
+    values = found.points["omega"].values
+    points = found.points
     linear = (values < onset(1.0, 1.2)) | (values > onset(1.25, 1.5))
-    assert points["max_x"].values[linear] == pytest.approx([amplitude(v) for v in values[linear]], rel=1e-8)
+    assert points["max_x"].values[linear] == pytest.approx(
+        [amplitude(v) for v in values[linear]], rel=1e-8
+    )
     assert np.abs(points["max_z"].values[linear]) == pytest.approx(0.0, abs=1e-8)
     slipping = points["slip_time"].values > 0.0
     assert slipping[(values > 1.17) & (values < 1.28)].all()
@@ -88,7 +101,8 @@ def test_a_frequency_response_as_a_whole(omega: float) -> None:
 
 
 def test_carried_along_the_edge() -> None:
-    """From another position of rest the damper begins to slip one way: it is carried along until it slips both ways."""
+    """From another position of rest the damper begins to slip one way: it is carried along until it
+    slips both ways."""
     found = branch(1.05, 0.2)
     clean(found)
     first, both, last = found.special
@@ -113,5 +127,7 @@ def test_left_behind_by_a_falling_load() -> None:
     assert found.certificate.ok, found.certificate.describe()
     unit = math.hypot(1.5 - 1.44, 0.02 * 1.2)
     assert [point.kind for point in found.special] == ["slip onset", "slip onset"]
-    assert [point.value for point in found.special] == pytest.approx([(2 - 0.4 / 3) * unit, 2 * unit], rel=1e-7)
+    assert [point.value for point in found.special] == pytest.approx(
+        [(2 - 0.4 / 3) * unit, 2 * unit], rel=1e-7
+    )
     assert found.points["F"].values[[0, -1]].tolist() == [0.01, 0.2]

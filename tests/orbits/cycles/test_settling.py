@@ -1,4 +1,5 @@
-"""What is said of a motion that settles on no cycle: rest where it is proved, families, irregular motion."""
+"""What is said of a motion that settles on no cycle: rest where it is proved, families, irregular
+motion."""
 
 from __future__ import annotations
 
@@ -21,17 +22,20 @@ from stickslip.orbits.return_map.recurrence import window
 from systems import oscillator, parameters
 
 
-def rest_of(system: System, span: tuple[float, float], start: dict[str, float], values: dict[str, float]):
+def rest_of(
+    system: System, span: tuple[float, float], start: dict[str, float], values: dict[str, float]
+):
     motion = simulate(system, span, start, values)
     pieces = Pieces(motion._problem.compiled.equations)
     return comes_to_rest(window(motion, pieces), pieces)
 
 
-# -- rest ---------------------------------------------------------------------------------------------------------
+# -- rest ------------------------------------------------------------------------------------------
 
 
 def test_a_load_that_goes_on_rising() -> None:
-    """The plate keeps still at first; its spring is pulled on and on, and in the end it moves, as fast as the pull.
+    """The plate keeps still at first; its spring is pulled on and on, and in the end it moves, as
+    fast as the pull.
 
     Every period of the shaking it slips a little while its weight is least.
     """
@@ -48,13 +52,16 @@ def test_a_load_that_goes_on_rising() -> None:
 
 def test_a_very_slow_belt() -> None:
     """Nothing happens for 10⁹ s: the block is carried along, and that is no rest."""
-    with pytest.raises(ConvergenceError, match=r"no cycle was found within t = 6350: .* not once") as e:
+    with pytest.raises(
+        ConvergenceError, match=r"no cycle was found within t = 6350: .* not once"
+    ) as e:
         find_cycle(catalogue.belt_block(V=1e-9))
     assert "rest" not in str(e.value)
 
 
 def test_a_beat_that_moves_only_now_and_then() -> None:
-    """Held for most of a beat of 63 s and not in its middle: over ten seconds everything is still."""
+    """Held for most of a beat of 63 s and not in its middle: over ten seconds everything is
+    still."""
     system = System(
         name="beat",
         parameters=parameters(F=0.55, c=0.1),
@@ -77,7 +84,13 @@ def test_a_beat_that_moves_only_now_and_then() -> None:
     [
         # Steady sliding that attracts, from a distance at which it is a contraction.
         (SLIDER, (0.0, 60.0), {"U": 1.65}, {"V": 0.3}, None),
-        (stribeck_belt(), (0.0, 300.0), {"x": 0.52, "d_x": 0.0}, {"V": 3.0}, (0.5 + 0.5 * math.exp(-6.0), 0.0)),
+        (
+            stribeck_belt(),
+            (0.0, 300.0),
+            {"x": 0.52, "d_x": 0.0},
+            {"V": 3.0},
+            (0.5 + 0.5 * math.exp(-6.0), 0.0),
+        ),
         # No contact acts: its friction is 0.
         (oscillator(), (0.0, 900.0), {"x": 1.0}, {"mu": 0.0, "F": 0.0, "c": 0.05}, (0.0, 0.0)),
         (isola(), (0.0, 400.0), {"x": 0.05, "y": 0.0}, {"a": 1.5}, (0.0, 0.0)),
@@ -105,10 +118,13 @@ def test_rest_that_is_proved(
     ("system", "span", "start", "values"),
     [
         (stribeck_belt(), (0.0, 100.0), {"x": 0.9, "d_x": 1.0}, {"V": 1.0}),  # a cycle
-        (stribeck_belt(), (0.0, 1.0), {"x": 0.5, "d_x": 0.0}, {"V": 1.0}),  # next to steady sliding that repels
-        (stribeck_belt(), (0.0, 1.0), {"x": 1.5, "d_x": 0.0}, {"V": 3.0}),  # too far from one that attracts
+        # next to steady sliding that repels
+        (stribeck_belt(), (0.0, 1.0), {"x": 0.5, "d_x": 0.0}, {"V": 1.0}),
+        # too far from one that attracts
+        (stribeck_belt(), (0.0, 1.0), {"x": 1.5, "d_x": 0.0}, {"V": 3.0}),
         (oscillator(), (0.0, 50.0), {"x": 1.0}, {"mu": 0.0, "F": 0.0}),  # nothing damps it
-        (oscillator(), (0.0, 50.0), {"x": 0.1}, {"mu": 0.5, "F": 0.4, "omega": 0.01}),  # less than a period of the load
+        # less than a period of the load
+        (oscillator(), (0.0, 50.0), {"x": 0.1}, {"mu": 0.5, "F": 0.4, "omega": 0.01}),
         (dragged(), (0.0, 2.0), {}, {}),  # stuck while its spring is pulled
         (catalogue.plate_compactor(F=800, V=0.005), (0.0, 4.0), {}, {}),
     ],
@@ -120,27 +136,35 @@ def test_rest_that_is_not_proved(
 
 
 def test_rest_under_a_periodic_load() -> None:
-    """A load below the friction: seen over a whole period of it, nothing moves, so nothing ever will."""
-    assert rest_of(oscillator(), (0.0, 8.0), {"x": 0.1}, {"mu": 0.5, "F": 0.3}) == pytest.approx([0.1, 0.0])
-    with pytest.raises(ConvergenceError, match=r"comes to rest: from t = 100 on it stays near x = 0"):
+    """A load below the friction: seen over a whole period of it, nothing moves, so nothing ever
+    will."""
+    assert rest_of(oscillator(), (0.0, 8.0), {"x": 0.1}, {"mu": 0.5, "F": 0.3}) == pytest.approx(
+        [0.1, 0.0]
+    )
+    with pytest.raises(
+        ConvergenceError, match=r"comes to rest: from t = 100 on it stays near x = 0"
+    ):
         find_cycle(catalogue.forced_oscillator(F_c=1.2))
 
 
 def test_dying_out_is_not_rest() -> None:
     """x' = −x³ falls like 1/√t: no linear motion decays there, and rest is not claimed."""
-    system = System(name="slow", internal={"x": Internal("-x**3")}, initial={"x": 0.3}, span=(0, 1000))
+    system = System(
+        name="slow", internal={"x": Internal("-x**3")}, initial={"x": 0.3}, span=(0, 1000)
+    )
     with pytest.raises(ConvergenceError, match="it dies out") as e:
         find_cycle(system)
     assert "rest" not in str(e.value)
 
 
-# -- families -----------------------------------------------------------------------------------------------------
+# -- families --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("r", "F_c"), [(0.5, 0.2), (0.25, 0.05)])
 @pytest.mark.parametrize("x", [0.0, 2.0])
 def test_marginally_stable_cycles(r: float, F_c: float, x: float) -> None:
-    """G. Csernák, G. Stépán, S. W. Shaw (2007): a continuum of asymmetric cycles at Ω = 1/(2n), which is said."""
+    """G. Csernák, G. Stépán, S. W. Shaw (2007): a continuum of asymmetric cycles at Ω = 1/(2n),
+    which is said."""
     system = catalogue.forced_oscillator(F_c=F_c, omega=r)
     with pytest.raises(Family, match=r"the cycles come in a family.*marginally stable") as e:
         find_cycle(system, {"x": x})
@@ -153,7 +177,8 @@ def test_marginally_stable_cycles(r: float, F_c: float, x: float) -> None:
 
 
 def test_members_of_the_family() -> None:
-    """From rest at the right phase of the load, at any place between the edges, the motion comes back at once."""
+    """From rest at the right phase of the load, at any place between the edges, the motion comes
+    back at once."""
     system = catalogue.forced_oscillator(F_c=0.2, omega=0.5)
     for x in (1.25, 1.3333, 1.45):
         last = simulate(system, (0.0, 4 * math.pi), {"x": x}).final
@@ -171,7 +196,7 @@ def test_families_have_neighbours_that_are_none() -> None:
     assert cycle.certificate.ok, cycle.certificate.describe()
 
 
-# -- irregular motion ---------------------------------------------------------------------------------------------
+# -- irregular motion ------------------------------------------------------------------------------
 
 
 def test_irregular_motion_is_said_to_be() -> None:
@@ -179,7 +204,9 @@ def test_irregular_motion_is_said_to_be() -> None:
         find_cycle(catalogue.block_chain(N=3))
     text = str(e.value)
     assert "no cycle was found within t = 12700" in text
-    found = re.search(r"the motion looks irregular: its largest Lyapunov exponent is (\d\.\d+) ± (\d\.\d+)", text)
+    found = re.search(
+        r"the motion looks irregular: its largest Lyapunov exponent is (\d\.\d+) ± (\d\.\d+)", text
+    )
     assert found is not None
     assert 0.0 < float(found[2]) < float(found[1]) < 0.2
     assert "Newton" not in text
@@ -211,14 +238,17 @@ def test_lyapunov_exponent_of_two_neighbours() -> None:
     found = largest_exponent(motion, pieces, window(motion, pieces).sizes)
     assert found is not None
     assert found.irregular
-    growth, state = [], motion.at(100.0)
+    growth = []
+    state = motion.at(100.0)
     names = ("x", "d_x", "y")
     start = {name: state[name] for name in names}
     for n in range(150):
         t = 10.0 * n
         beside = {**start, "x": start["x"] + 1e-7}
         one, other = (simulate(system, (t, t + 10.0), s).final for s in (start, beside))
-        growth.append(math.log(math.dist([one[x] for x in names], [other[x] for x in names]) / 1e-7))
+        growth.append(
+            math.log(math.dist([one[x] for x in names], [other[x] for x in names]) / 1e-7)
+        )
         start = {name: one[name] for name in names}
     # The neighbour is put back along x each time, which loses some growth; the order is the same.
     assert np.mean(growth) / 10.0 == pytest.approx(found.value, abs=0.06)

@@ -1,4 +1,5 @@
-"""What an equilibrium has to prove: it solves the equations inside its mode, its eigenvalues are known to a bound."""
+"""What an equilibrium has to prove: it solves the equations inside its mode, its eigenvalues are
+known to a bound."""
 
 from __future__ import annotations
 
@@ -21,8 +22,12 @@ from systems import parameters
 def linear(matrix: NDArray[np.float64]) -> System:
     """y' = A y as internal variables."""
     names = [f"y{i}" for i in range(len(matrix))]
-    laws = [" + ".join(f"({a:.17g})*{x}" for a, x in zip(row, names, strict=True)) for row in matrix]
-    return System(name="linear", internal={x: Internal(law) for x, law in zip(names, laws, strict=True)})
+    laws = [
+        " + ".join(f"({a:.17g})*{x}" for a, x in zip(row, names, strict=True)) for row in matrix
+    ]
+    return System(
+        name="linear", internal={x: Internal(law) for x, law in zip(names, laws, strict=True)}
+    )
 
 
 @pytest.mark.parametrize("kind", ["normal", "nearly defective", "defective", "graded"])
@@ -34,13 +39,17 @@ def test_eigenvalues_are_within_their_bound(kind: str, seed: int) -> None:
     if kind == "normal":
         A = A + A.T
     elif kind != "graded":
-        lam = -1.0 + (np.array([0.0, 1e-7, 2e-7, 3e-7]) if kind == "nearly defective" else np.zeros(4))
+        lam = -1.0 + (
+            np.array([0.0, 1e-7, 2e-7, 3e-7]) if kind == "nearly defective" else np.zeros(4)
+        )
         Q = np.linalg.qr(A)[0]
         A = Q @ (np.diag(lam) + np.triu(rng.uniform(1.0, 2.0, (4, 4)), 1)) @ Q.T
     else:
         A = A * 10.0 ** np.array([0, 2, -3, 1])[:, None]
     system = linear(A)
-    steady = Steady(mode_field(derive(system.declaration), (), ()), {}, np.zeros((4, 0)), np.zeros(4))
+    steady = Steady(
+        mode_field(derive(system.declaration), (), ()), {}, np.zeros((4, 0)), np.zeros(4)
+    )
     point = steady.point(np.zeros(4))
     error, _ = eigenvalue_error(steady, point, np.ones(4))
     computed = steady.eigenvalues(point)
@@ -73,7 +82,8 @@ def test_a_wrong_state_is_not_certified() -> None:
 
 
 def test_stability_that_rounding_decides_is_not_decided() -> None:
-    """At the Hopf point itself the real part is 0 give or take what the eigenvalues are known to."""
+    """At the Hopf point itself the real part is 0 give or take what the eigenvalues are known
+    to."""
     (hopf,) = continue_equilibrium(stribeck_belt(), "V", (0.5, 2.5)).of_kind("Hopf")
     (there,) = equilibria(stribeck_belt(), {"V": hopf.value}).isolated
     assert there.stable is None

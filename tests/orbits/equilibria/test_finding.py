@@ -9,7 +9,16 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from flows import flow
-from stickslip import Contact, Inertial, Parameter, RateIndependent, System, Viscous, catalogue, simulate
+from stickslip import (
+    Contact,
+    Inertial,
+    Parameter,
+    RateIndependent,
+    System,
+    Viscous,
+    catalogue,
+    simulate,
+)
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from stickslip.orbits.branches.equilibrium_curves import fold_curve, hopf_curve
@@ -33,18 +42,21 @@ def only_set(system: System, **values: float) -> EquilibriumSet:
     return one
 
 
-# -- sets in stick -------------------------------------------------------------------------------------
+# -- sets in stick ---------------------------------------------------------------------------------
 
 
 def blocks(kind: str, joint: bool = False) -> System:
-    """Two blocks on springs, joined by a spring, with loads; `joint`: with friction between them, too."""
+    """Two blocks on springs, joined by a spring, with loads; `joint`: with friction between them,
+    too."""
     contacts = {"first": Contact("d_x", ("s_1", "r_1")), "second": Contact("d_y", ("s_2", "r_2"))}
     if joint:
         contacts["joint"] = Contact("d_y - d_x", "s_3")
     rates = "d_x**2 + d_y**2"
     return System(
         name=f"{kind} blocks",
-        parameters=parameters(k=1.0, l=2.0, c=0.5, f=0.3, g=-0.2, s_1=1.0, s_2=0.6, s_3=0.4, r_1=0.7, r_2=0.9),
+        parameters=parameters(
+            k=1.0, l=2.0, c=0.5, f=0.3, g=-0.2, s_1=1.0, s_2=0.6, s_3=0.4, r_1=0.7, r_2=0.9
+        ),
         coordinates={x: KINDS[kind]() for x in "xy"},
         kinetic=f"({rates})/2" if kind == "inertial" else 0.0,
         viscous=f"({rates})/2" if kind == "viscous" else 0.0,
@@ -59,12 +71,21 @@ positive = st.floats(0.1, 3.0)
 @pytest.mark.parametrize("kind", KINDS)
 @settings(max_examples=15, deadline=None)
 @given(k=positive, l=positive, c=positive, f=st.floats(-2, 2), s=st.tuples(*[positive] * 4))
-def test_the_extent_of_a_set_in_stick(kind: str, k: float, l: float, c: float, f: float, s: tuple) -> None:  # noqa: E741
+def test_the_extent_of_a_set_in_stick(
+    kind: str,
+    k: float,
+    l: float,  # noqa: E741
+    c: float,
+    f: float,
+    s: tuple,
+) -> None:
     # K x = (f, g) + λ with −s⁺ ≤ λ ≤ s⁻, so that x is a linear image of a box.
     names = ("s_1", "r_1", "s_2", "r_2")
     found = only_set(blocks(kind), k=k, l=l, c=c, f=f, **dict(zip(names, s, strict=True)))
     K = np.linalg.inv([[k + c, -c], [-c, l + c]])
-    centre, low, high = K @ [f, -0.2], np.array([-s[0], -s[2]]), np.array([s[1], s[3]])
+    centre = K @ [f, -0.2]
+    low = np.array([-s[0], -s[2]])
+    high = np.array([s[1], s[3]])
     largest = centre + np.maximum(K * low, K * high).sum(axis=1)
     smallest = centre + np.minimum(K * low, K * high).sum(axis=1)
     assert found.exact
@@ -85,7 +106,9 @@ def test_more_contacts_than_directions(kind: str) -> None:
     centre = K @ [0.3, -0.2]
     assert found.dimension == 2
     for i, x in enumerate("xy"):
-        ends = [centre[i] + f(image[i] * low, image[i] * high).sum() for f in (np.minimum, np.maximum)]
+        ends = [
+            centre[i] + f(image[i] * low, image[i] * high).sum() for f in (np.minimum, np.maximum)
+        ]
         assert found.extent[x] == pytest.approx(ends, rel=1e-8)
 
 
@@ -104,7 +127,12 @@ def test_motion_stays_in_the_set_and_leaves_from_outside() -> None:
 def test_the_rocking_toy_at_rest() -> None:
     # |(a − c²/b)d ∓ P| ≤ ρ + H_R,L(ψ) with ψ = cd/b and H_R = H*(ψ + ψ*)/(2ψ*) inside |ψ| ≤ ψ*.
     found = only_set(catalogue.rocking_toy())
-    a, b, c, rho, H_star, P = 1.0, 1.0, 0.3, 0.2, 3.0, 1.0
+    a = 1.0
+    b = 1.0
+    c = 0.3
+    rho = 0.2
+    H_star = 3.0
+    P = 1.0
     d = (rho + H_star / 2 - P) / (a - c**2 / b + H_star * c / (2 * b))
     assert found.extent["psi"] == pytest.approx((-c * d / b, c * d / b), rel=1e-10)
     assert found.extent["x_R"] == (-math.inf, math.inf)
@@ -163,7 +191,7 @@ def test_a_part_of_the_system_sticks() -> None:
     assert found.eigenvalues == pytest.approx((1j * math.sqrt(1.5), -1j * math.sqrt(1.5)))
 
 
-# -- isolated ------------------------------------------------------------------------------------------
+# -- isolated --------------------------------------------------------------------------------------
 
 
 def test_blocks_on_a_belt() -> None:
@@ -172,7 +200,9 @@ def test_blocks_on_a_belt() -> None:
     assert [found.state[f"x_{i}"] for i in range(1, 5)] == pytest.approx([0.6] * 4, rel=1e-13)
     # Undamped: ω² = 1 + 2·0.5·(1 − cos(jπ/4)).
     omega = sorted({round(abs(z), 9) for z in found.eigenvalues})
-    assert omega == pytest.approx([math.sqrt(2 - math.cos(j * math.pi / 4)) for j in range(4)], abs=1e-8)
+    assert omega == pytest.approx(
+        [math.sqrt(2 - math.cos(j * math.pi / 4)) for j in range(4)], abs=1e-8
+    )
     assert found.stable is None
 
 
@@ -193,7 +223,8 @@ def test_steady_walking_away() -> None:
 
 
 def test_carried_along_by_a_belt() -> None:
-    # Nothing but the belt acts on the block: it rides with it, or slips with less friction than is there: not steady.
+    # Nothing but the belt acts on the block: it rides with it, or slips with less friction than is
+    # there: not steady.
     block = System(
         name="rider",
         parameters=parameters(V=0.7, s=1.0, f=0.3),
@@ -211,13 +242,21 @@ def test_carried_along_by_a_belt() -> None:
 
 def test_several_equilibria_with_stability() -> None:
     found = equilibria(flow({"x": "v", "v": "-0.2*v + x - x**3"}, {"x": 0.3}))
-    assert sorted((round(e.state["x"], 9), e.stable) for e in found.isolated) == [(-1, True), (0, False), (1, True)]
+    assert sorted((round(e.state["x"], 9), e.stable) for e in found.isolated) == [
+        (-1, True),
+        (0, False),
+        (1, True),
+    ]
     assert [e.stable for e in found.isolated] == [True, True, False]
     assert found.table["stable"].tolist() == ["yes", "yes", "no"]
 
 
 @settings(max_examples=12, deadline=None)
-@given(mu=st.sampled_from(["2/sqrt(alpha)", "2/(1 + alpha)"]), nu=st.floats(0.03, 0.3), V=st.floats(0.05, 1.0))
+@given(
+    mu=st.sampled_from(["2/sqrt(alpha)", "2/(1 + alpha)"]),
+    nu=st.floats(0.03, 0.3),
+    V=st.floats(0.05, 1.0),
+)
 def test_stability_is_that_of_the_motion(mu: str, nu: float, V: float) -> None:
     system = catalogue.spring_slider(mu=mu)
     (found,) = equilibria(system, {"nu": nu, "V": V}, box={"alpha": (1.0, 30.0)}).isolated
@@ -225,7 +264,9 @@ def test_stability_is_that_of_the_motion(mu: str, nu: float, V: float) -> None:
     assume(abs(rate) > 0.1)
     time = 8.0 / abs(rate)
     near = {"U": found.state["U"] + 1e-7, "alpha": found.state["alpha"]}
-    values = simulate(system, (0.0, time), near, {"nu": nu, "V": V}).at(np.linspace(0.75 * time, time, 200))
+    values = simulate(system, (0.0, time), near, {"nu": nu, "V": V}).at(
+        np.linspace(0.75 * time, time, 200)
+    )
     apart = np.max(np.hypot(values["U"] - found.state["U"], values["alpha"] - found.state["alpha"]))
     assert (apart < 1e-7) == bool(found.stable)
 
@@ -261,10 +302,16 @@ def test_only_inside_the_box() -> None:
         (lambda: equilibria(catalogue.forced_oscillator()), "depend on time .*'force'.*find_cycle"),
         (lambda: equilibria("spring_slider"), "expected a System"),  # type: ignore[arg-type]
         (lambda: equilibria(catalogue.spring_slider(), {"W": 1.0}), "no such parameter"),
-        (lambda: equilibria(catalogue.spring_slider(), box={"u": (0, 1)}), "box.u: there is no such state"),
+        (
+            lambda: equilibria(catalogue.spring_slider(), box={"u": (0, 1)}),
+            "box.u: there is no such state",
+        ),
         (lambda: equilibria(catalogue.spring_slider(), box={"U": (1, 0)}), "not a range"),
         (lambda: continue_equilibrium(catalogue.spring_slider(), "W", (0, 1)), "no such parameter"),
-        (lambda: continue_equilibrium(catalogue.spring_slider(), "nu", (0, 1)), "outside the admissible range"),
+        (
+            lambda: continue_equilibrium(catalogue.spring_slider(), "nu", (0, 1)),
+            "outside the admissible range",
+        ),
         (lambda: continue_equilibrium(catalogue.spring_slider(), "V", (1, 0)), "low < high"),
         (lambda: continue_equilibrium(catalogue.spring_slider(), "V", 3), "not a range"),  # type: ignore[arg-type]
         (
@@ -273,7 +320,10 @@ def test_only_inside_the_box() -> None:
         ),
         (
             lambda: continue_equilibrium(
-                catalogue.spring_slider(), "V", (0.3, 1.0), start=only(catalogue.spring_slider(), V=0.2)
+                catalogue.spring_slider(),
+                "V",
+                (0.3, 1.0),
+                start=only(catalogue.spring_slider(), V=0.2),
             ),
             "found at V = 0.2, outside",
         ),
@@ -289,7 +339,7 @@ def test_nothing_to_start_from() -> None:
         continue_equilibrium(catalogue.rocking_toy(), "P", (0.5, 1.5))
 
 
-# -- branches ------------------------------------------------------------------------------------------
+# -- branches --------------------------------------------------------------------------------------
 
 
 def certified(branch) -> None:
@@ -323,15 +373,21 @@ def test_curves_of_folds_meet_in_a_cusp() -> None:
     (cusp,) = curve.special
     assert cusp.kind == "cusp"
     assert (cusp.parameters["p"], cusp.parameters["q"]) == pytest.approx((0.0, 0.0), abs=1e-8)
-    assert curve.ended == "first point: p = -1, the end of the range; last point: p = 1, the end of the range"
+    assert (
+        curve.ended
+        == "first point: p = -1, the end of the range; last point: p = 1, the end of the range"
+    )
     (axes,) = curve.plot().axes
-    drawn = np.concatenate([np.asarray(line.get_xydata()) for line in axes.get_lines() if len(line.get_xdata()) > 1])
+    drawn = np.concatenate(
+        [np.asarray(line.get_xydata()) for line in axes.get_lines() if len(line.get_xdata()) > 1]
+    )
     assert drawn[:, 0] ** 2 == pytest.approx(4 * drawn[:, 1] ** 3 / 27, abs=1e-12)
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("$p$", "$q$")
 
 
 def test_bogdanov_takens() -> None:
-    # x' = y, y' = b₁ + b₂x + x² + xy: folds at b₁ = b₂²/4, Hopf points at b₁ = 0, b₂ < 0 with l₁ > 0.
+    # x' = y, y' = b₁ + b₂x + x² + xy: folds at b₁ = b₂²/4, Hopf points at b₁ = 0, b₂ < 0 with l₁ >
+    # 0.
     system = flow({"x": "y", "y": "b_1 + b_2*x + x**2 + x*y"}, b_1=-0.1, b_2=-0.2)
     branch = continue_equilibrium(system, "b_1", (-1.0, 1.0))
     certified(branch)
@@ -342,13 +398,19 @@ def test_bogdanov_takens() -> None:
     assert fold.value == pytest.approx(0.01, rel=1e-13)
     ranges = {"b_1": (-1.0, 1.0), "b_2": (-1.0, 1.0)}
     folds = fold_curve(system, fold, "b_1", "b_2", ranges)
-    assert folds.points["b_1"].values == pytest.approx(folds.points["b_2"].values ** 2 / 4, abs=1e-12)
+    assert folds.points["b_1"].values == pytest.approx(
+        folds.points["b_2"].values ** 2 / 4, abs=1e-12
+    )
     (organising,) = folds.special
     assert organising.kind == "Bogdanov-Takens"
-    assert (organising.parameters["b_1"], organising.parameters["b_2"]) == pytest.approx((0, 0), abs=1e-8)
+    assert (organising.parameters["b_1"], organising.parameters["b_2"]) == pytest.approx(
+        (0, 0), abs=1e-8
+    )
     hopfs = hopf_curve(system, hopf, "b_1", "b_2", ranges)
     assert hopfs.points["b_1"].values == pytest.approx(0.0, abs=1e-12)
-    assert hopfs.points["frequency"].values ** 2 == pytest.approx(-hopfs.points["b_2"].values, abs=1e-10)
+    assert hopfs.points["frequency"].values ** 2 == pytest.approx(
+        -hopfs.points["b_2"].values, abs=1e-10
+    )
     assert "the frequency vanishes" in hopfs.ended
     assert [s.kind for s in hopfs.special] == ["Bogdanov-Takens"]
 
@@ -360,7 +422,9 @@ def test_bautin() -> None:
         "y": "x + a*y + b*y*(x**2 + y**2) - y*(x**2 + y**2)**2",
     }
     system = flow(laws, a=-0.5, b=-0.4)
-    (hopf,) = continue_equilibrium(system, "a", (-1.0, 1.0), start={"x": 0.0, "y": 0.0}).of_kind("Hopf")
+    (hopf,) = continue_equilibrium(system, "a", (-1.0, 1.0), start={"x": 0.0, "y": 0.0}).of_kind(
+        "Hopf"
+    )
     curve = hopf_curve(system, hopf, "a", "b", {"a": (-1.0, 1.0), "b": (-1.0, 1.0)})
     assert curve.points["lyapunov"].values == pytest.approx(2 * curve.points["b"].values, abs=1e-12)
     (bautin,) = curve.special
@@ -379,7 +443,9 @@ def test_hopf_points_of_the_slider_in_two_parameters() -> None:
     assert trace == pytest.approx(0.0, abs=1e-8)
     assert pytest.approx(U, rel=1e-12) == 2 / np.sqrt(alpha) + nu * V
     assert alpha == pytest.approx(1 + V * U, rel=1e-12)
-    assert curve.points["frequency"].values == pytest.approx(np.sqrt((1 - V * slope) / nu), rel=1e-9)
+    assert curve.points["frequency"].values == pytest.approx(
+        np.sqrt((1 - V * slope) / nu), rel=1e-9
+    )
     near = np.argmin(np.abs(nu - 0.05))
     assert V[near] == pytest.approx(hopf.value, abs=0.02)
 
@@ -445,20 +511,30 @@ def test_relative_equilibria_are_followed() -> None:
     branch = continue_equilibrium(toy, "m_W", (0.5, 3.0), start=only(toy, m_W=2.0))
     certified(branch)
     m_W = branch.points["m_W"].values
-    assert branch.points["drift_x_R"].values == pytest.approx((100 * m_W / 2 - 1.7) / 0.05, rel=1e-11)
+    assert branch.points["drift_x_R"].values == pytest.approx(
+        (100 * m_W / 2 - 1.7) / 0.05, rel=1e-11
+    )
 
 
 def test_files(tmp_path) -> None:
-    branch = continue_equilibrium(catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05), "V", (0.02, 0.5))
+    branch = continue_equilibrium(
+        catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05), "V", (0.02, 0.5)
+    )
     branch.save(tmp_path / "branch.nc")
     again = open_branch(tmp_path / "branch.nc")
     assert again.points.equals(branch.points)
-    assert (again.special, again.ended, again.parameter) == (branch.special, branch.ended, branch.parameter)
+    assert (again.special, again.ended, again.parameter) == (
+        branch.special,
+        branch.ended,
+        branch.parameter,
+    )
     assert (again.system, again.parameters) == (branch.system, branch.parameters)
     branch.to_csv(tmp_path / "branch.csv")
     header, *rows = (tmp_path / "branch.csv").read_text().splitlines()
     assert len(rows) == branch.points.sizes["point"]
-    assert {"V", "U", "alpha", "eigenvalue_real_1", "stable", "mode_block"} <= set(header.split(","))
+    assert {"V", "U", "alpha", "eigenvalue_real_1", "stable", "mode_block"} <= set(
+        header.split(",")
+    )
     assert "Hopf at V = 0.224849301296, frequency = " in branch.summary
     (tmp_path / "no.nc").write_text("nothing")
     for name in ("no.nc", "missing.nc"):
@@ -515,5 +591,7 @@ def test_what_a_prompt_shows_is_short() -> None:
     found = equilibria(catalogue.rocking_toy())
     assert repr(found) == "<Equilibria: isolated 0, sets 1>"
     shown = repr(found[0])
-    assert shown.startswith("<EquilibriumSet of dimension 2, right leg: stick, left leg: stick: -0.15441")
+    assert shown.startswith(
+        "<EquilibriumSet of dimension 2, right leg: stick, left leg: stick: -0.15441"
+    )
     assert shown.endswith("d_psi = 0, any x_R, any x_L>")

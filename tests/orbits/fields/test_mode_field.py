@@ -29,7 +29,10 @@ SYSTEMS["everything"] = System(
     coordinates={"z": Viscous()},
     internal={
         "a": Internal("exp(-a**2) - tanh(z)*d_z + log(1 + a**2)"),
-        "b": Internal("sqrt(1 + z**2)*cos(a) + atan(b) + asinh(a*b) + sinh(0.1*a) - cosh(b)/3 + tan(0.2*b) + a**k"),
+        "b": Internal(
+            "sqrt(1 + z**2)*cos(a) + atan(b) + asinh(a*b) + sinh(0.1*a) - cosh(b)/3 + tan(0.2*b) + "
+            "a**k"
+        ),
     },
     potential="k/2*z**2 + a**3*z",
     viscous="nu/2*d_z**2",
@@ -40,11 +43,22 @@ SYSTEMS["everything"] = System(
 
 @njit
 def read(
-    jets: Any, rows: Any, k: Any, space: Any, mode: NDArray, region: NDArray, t: float, y: NDArray, out: NDArray
+    jets: Any,
+    rows: Any,
+    k: Any,
+    space: Any,
+    mode: NDArray,
+    region: NDArray,
+    t: float,
+    y: NDArray,
+    out: NDArray,
 ) -> bool:
     """Rates, then u, λ, s⁺, s⁻ and guards, of any mode, affine or not."""
-    n, contacts, W = rows.sizes[0], len(rows.u), space.W
-    space.known[-1], W[n, 1] = 1, 1.0
+    n = rows.sizes[0]
+    contacts = len(rows.u)
+    W = space.W
+    space.known[-1] = 1
+    W[n, 1] = 1.0
     if not resolve(rows.sizes, k, space, mode):
         return False
     if jets(t, y, mode, region, k.K, space.Rq, space.Rz, 1, W, space.A, space.B, space.mag) != OK:
@@ -61,7 +75,9 @@ def read(
     return bool(np.all(np.isfinite(out)))
 
 
-def compiled_values(problem: Problem, mode: NDArray, region: NDArray, t: float, y: NDArray) -> NDArray | None:
+def compiled_values(
+    problem: Problem, mode: NDArray, region: NDArray, t: float, y: NDArray
+) -> NDArray | None:
     """Rates, then u, λ, s⁺, s⁻ and guards from compiled code; None where the mode has no rates."""
     sizes = problem.compiled.layout.sizes
     out = np.zeros(sizes["n"] + 4 * len(problem.compiled.layout.u) + sizes["kinks"])
@@ -70,7 +86,9 @@ def compiled_values(problem: Problem, mode: NDArray, region: NDArray, t: float, 
 
 
 def symbolic_values(field: Field, t: float, y: NDArray, p: NDArray) -> NDArray:
-    columns = [[getattr(c, name) for c in field.contacts] for name in ("u", "force", "plus", "minus")]
+    columns = [
+        [getattr(c, name) for c in field.contacts] for name in ("u", "force", "plus", "minus")
+    ]
     wanted = [*field.rates, *(e for column in columns for e in column), *field.kinks]
     return field.function(wanted)(t, y, p)
 
@@ -78,12 +96,15 @@ def symbolic_values(field: Field, t: float, y: NDArray, p: NDArray) -> NDArray:
 def random_fields(name: str, count: int) -> list[tuple[Field, float, NDArray, NDArray, NDArray]]:
     """Fields of random modes and regions, with t, y, p and the compiled values there."""
     problem = pose(SYSTEMS[name])
-    equations, rng = problem.compiled.equations, np.random.default_rng(len(name))
-    p, found = np.array(list(problem.parameters.values())), []
+    equations = problem.compiled.equations
+    rng = np.random.default_rng(len(name))
+    p = np.array(list(problem.parameters.values()))
+    found = []
     for _ in range(count):
         mode = rng.integers(-1, 2, len(equations.contacts))
         region = rng.integers(0, 2, len(equations.kinks))
-        t, y = float(rng.uniform(0, 3)), rng.uniform(0.3, 1.7, len(problem.system.declaration.state))
+        t = float(rng.uniform(0, 3))
+        y = rng.uniform(0.3, 1.7, len(problem.system.declaration.state))
         expected = compiled_values(problem, mode, region, t, y)
         if expected is not None:
             found.append((mode_field(equations, tuple(mode), tuple(region)), t, y, p, expected))
@@ -96,27 +117,41 @@ def test_same_values_as_the_engine(name: str) -> None:
     assert len(cases) >= 3
     for field, t, y, p, expected in cases:
         found = symbolic_values(field, t, y, p)
-        scale = np.maximum(np.abs(expected), np.max(np.abs(expected[np.abs(expected) < 1e6]), initial=1.0))
+        scale = np.maximum(
+            np.abs(expected), np.max(np.abs(expected[np.abs(expected) < 1e6]), initial=1.0)
+        )
         assert np.max(np.abs(found - expected) / scale) < 1e-12
 
 
-@pytest.mark.parametrize("name", ["everything", "rocking_toy_inertial", "spring_slider", "rate-independent pair"])
+@pytest.mark.parametrize(
+    "name", ["everything", "rocking_toy_inertial", "spring_slider", "rate-independent pair"]
+)
 def test_slopes_are_those_of_differences(name: str) -> None:
     for field, t, y, p, _ in random_fields(name, 4):
         rates = field.function(field.rates)
-        jacobian = field.function([e for row in field.jacobian for e in row])(t, y, p).reshape(len(y), -1)
+        jacobian = field.function([e for row in field.jacobian for e in row])(t, y, p).reshape(
+            len(y), -1
+        )
         h = 1e-6
         steps = np.eye(len(y)) * h
-        numeric = np.column_stack([(rates(t, y + e, p) - rates(t, y - e, p)) / (2 * h) for e in steps])
-        assert jacobian == pytest.approx(numeric, rel=1e-6, abs=1e-6 * np.max(np.abs(numeric), initial=1.0))
+        numeric = np.column_stack(
+            [(rates(t, y + e, p) - rates(t, y - e, p)) / (2 * h) for e in steps]
+        )
+        assert jacobian == pytest.approx(
+            numeric, rel=1e-6, abs=1e-6 * np.max(np.abs(numeric), initial=1.0)
+        )
         for i, parameter in enumerate(field.parameters):
             step = h * np.eye(len(p))[i]
             slope = (rates(t, y, p + step) - rates(t, y, p - step)) / (2 * h)
             scale = np.max(np.abs(slope), initial=1.0)
-            assert field.function(field.slopes(parameter))(t, y, p) == pytest.approx(slope, rel=1e-6, abs=1e-6 * scale)
+            assert field.function(field.slopes(parameter))(t, y, p) == pytest.approx(
+                slope, rel=1e-6, abs=1e-6 * scale
+            )
 
 
-@pytest.mark.parametrize("name", ["block_chain", "belt_block", "rocking_toy", "rate-independent pair", "oscillator"])
+@pytest.mark.parametrize(
+    "name", ["block_chain", "belt_block", "rocking_toy", "rate-independent pair", "oscillator"]
+)
 def test_constraints_do_not_change_along_the_motion(name: str) -> None:
     seen = 0
     for field, t, y, p, _ in random_fields(name, 12):
@@ -135,7 +170,11 @@ def test_guards_are_those_of_the_mode() -> None:
         return [(g.switch, g.to, ex.evaluate(g.value, values)) for g in field.guards]
 
     # In stick λ = kU; in slip ν(U' − V) = −kU − σμ.
-    assert guards(0, 1) == [(0, 0, 1.1), (1, 1, pytest.approx(0.9 + 1.1)), (1, -1, pytest.approx(1.1 - 0.9))]
+    assert guards(0, 1) == [
+        (0, 0, 1.1),
+        (1, 1, pytest.approx(0.9 + 1.1)),
+        (1, -1, pytest.approx(1.1 - 0.9)),
+    ]
     assert guards(0, 0)[0] == (0, 1, -1.1)
     assert guards(1, 1)[1] == (1, 0, pytest.approx((-0.9 - 1.1) / 0.02))
     assert guards(-1, 1)[1] == (1, 0, pytest.approx(-(-0.9 + 1.1) / 0.02))
@@ -149,19 +188,27 @@ def test_a_mode_without_rates_is_refused() -> None:
 
 def test_many_states_at_once() -> None:
     field = mode_field(derive(SYSTEMS["everything"].declaration), (1,), (1,))
-    rng, p = np.random.default_rng(3), np.array([0.3, 1.2])
-    t, y = rng.uniform(0, 3, 7), rng.uniform(0.3, 1.7, (3, 7))
+    rng = np.random.default_rng(3)
+    p = np.array([0.3, 1.2])
+    t = rng.uniform(0, 3, 7)
+    y = rng.uniform(0.3, 1.7, (3, 7))
     together = field.function(field.rates)(t, y, p)
     assert together.shape == (3, 7)
     for k in range(7):
         one = field.function(field.rates)(t[k], y[:, k], p)
         assert together[:, k] == pytest.approx(one, rel=1e-14)
-        exact = [ex.evaluate(e, dict(zip(field.names, [t[k], *y[:, k], *p], strict=True))) for e in field.rates]
+        exact = [
+            ex.evaluate(e, dict(zip(field.names, [t[k], *y[:, k], *p], strict=True)))
+            for e in field.rates
+        ]
         assert one == pytest.approx(exact, rel=1e-13)
 
 
 def test_numbers_alone_fill_the_shape() -> None:
-    assert evaluator([ex.num(2.0), ex.sym("x")], ["x"])(np.array([[1.0, 3.0]])).tolist() == [[2.0, 2.0], [1.0, 3.0]]
+    assert evaluator([ex.num(2.0), ex.sym("x")], ["x"])(np.array([[1.0, 3.0]])).tolist() == [
+        [2.0, 2.0],
+        [1.0, 3.0],
+    ]
 
 
 def test_kinks_need_their_region() -> None:
@@ -172,14 +219,18 @@ def test_kinks_need_their_region() -> None:
     guards = [n.args[0] for n in ex.walk([clipped]) if n.op == "select"]
     values = {0.0: x, 5.0: ex.ONE, -5.0: -ex.ONE}
     for at, branch in values.items():
-        assert in_region(clipped, {g: int(ex.evaluate(g, {"x": at}) >= 0) for g in guards}) is branch
+        assert (
+            in_region(clipped, {g: int(ex.evaluate(g, {"x": at}) >= 0) for g in guards}) is branch
+        )
 
 
 def test_linear_systems_of_expressions() -> None:
     a, b = ex.sym("a"), ex.sym("b")
     x = solve([[a, b, ex.ZERO], [b, a, ex.ONE], [ex.ZERO, ex.ONE, ex.ZERO - 2.0]], [ex.ONE, a, b])
     values = {"a": 3.0, "b": 0.7}
-    expected = np.linalg.solve([[3.0, 0.7, 0.0], [0.7, 3.0, 1.0], [0.0, 1.0, -2.0]], [1.0, 3.0, 0.7])
+    expected = np.linalg.solve(
+        [[3.0, 0.7, 0.0], [0.7, 3.0, 1.0], [0.0, 1.0, -2.0]], [1.0, 3.0, 0.7]
+    )
     assert [ex.evaluate(e, values) for e in x] == pytest.approx(list(expected))
     with pytest.raises(ZeroDivisionError):
         solve([[(a + 1.0) * b, b], [a * b + b, b]], [ex.ONE, ex.ONE])

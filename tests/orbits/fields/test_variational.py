@@ -1,4 +1,5 @@
-"""First variation along a motion: transition matrices, saltation matrices, and where the derivative does not exist."""
+"""First variation along a motion: transition matrices, saltation matrices, and where the derivative
+does not exist."""
 
 from __future__ import annotations
 
@@ -36,7 +37,11 @@ def slope(f: Callable[[float], Array], h: float) -> Array:
 
 
 def differences(
-    system: System, span: tuple[float, float], initial: Mapping[str, float], parameters: Mapping[str, float], free: str
+    system: System,
+    span: tuple[float, float],
+    initial: Mapping[str, float],
+    parameters: Mapping[str, float],
+    free: str,
 ) -> Array:
     """The same by finite differences of simulations, column by column."""
     names = system.declaration.state
@@ -72,7 +77,9 @@ def test_finite_differences(case: str) -> None:
     # A parameter does not move.
     assert found.matrix[n].tolist() == [*[0.0] * n, 1.0]
     # Without it the first columns are the same.
-    assert along(system, span, initial).matrix == pytest.approx(found.matrix[:n, :n], rel=1e-10, abs=1e-12)
+    assert along(system, span, initial).matrix == pytest.approx(
+        found.matrix[:n, :n], rel=1e-10, abs=1e-12
+    )
 
 
 def test_linear_flow_is_the_exponential() -> None:
@@ -93,7 +100,8 @@ def test_collocation_has_order_16() -> None:
 
 
 def test_stick_forgets() -> None:
-    """Where a contact begins to stick one direction is lost: the saltation matrix has rank 1 there."""
+    """Where a contact begins to stick one direction is lost: the saltation matrix has rank 1
+    there."""
     found = along(oscillator(), (0, 4), {"x": 1.2}, {"mu": 0.5, "F": 0.0}).matrix
     # x″ + x = 0.5 from rest at 1.2: half a swing to −0.2, where |x| ≤ μ holds it.
     assert np.linalg.matrix_rank(found) == 1
@@ -117,7 +125,8 @@ def test_event_times_shift_with_a_parameter() -> None:
 
 
 def test_corner() -> None:
-    """Neighbours meet the surfaces in another order: at their intersection there is no derivative."""
+    """Neighbours meet the surfaces in another order: at their intersection there is no
+    derivative."""
     start = {"x": 0.0, "v": 1.0, "y": 0.0, "z": 0.0}
     met = along(surfaces(), (0, 2), start)
     assert met.corners == pytest.approx((1.0,))
@@ -129,7 +138,8 @@ def test_corner() -> None:
 
 
 def test_grazing_is_reported() -> None:
-    """x = t − t²/2 + ε exceeds the surface x = 1/2 by next to nothing: no division by a rate of nearly 0."""
+    """x = t − t²/2 + ε exceeds the surface x = 1/2 by next to nothing: no division by a rate of
+    nearly 0."""
     values = {"g": 1.0, "p": 0.5}
     touching = along(surfaces(), (0, 2), {"x": 1e-13, "v": 1.0, "y": -9.0, "z": 0.0}, values)
     assert touching.grazings == pytest.approx((1.0, 1.0), abs=1e-6)
@@ -141,9 +151,12 @@ def test_grazing_is_reported() -> None:
 
 
 def test_corner_of_the_toy() -> None:
-    """A leg that rests exactly at its threshold as ψ passes −ψ*: pushed apart it slides there, pushed together not."""
+    """A leg that rests exactly at its threshold as ψ passes −ψ*: pushed apart it slides there,
+    pushed together not."""
     touching = along(catalogue.rocking_toy(), (0, 2), {"psi": -1.67, "x_R": 0.5})
     assert len(touching.corners) == 1
     # The motion itself never pushes the leg: along ψ and ψ' the derivative exists.
-    kept = along(catalogue.rocking_toy(), (0, 2), {"psi": -1.67, "x_R": 0.5}, directions=np.eye(4)[:, :2])
+    kept = along(
+        catalogue.rocking_toy(), (0, 2), {"psi": -1.67, "x_R": 0.5}, directions=np.eye(4)[:, :2]
+    )
     assert kept.differentiable

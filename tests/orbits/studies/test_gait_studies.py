@@ -1,7 +1,8 @@
 """Walking of the toy against its parameters, and the least pulls that walk and that slide.
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
-section 4: in simple walking the stride is 2X, and sliding without rocking needs P ≥ ρ + H*/2.
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017), section 4: in simple walking the stride is 2X, and sliding without rocking
+needs P ≥ ρ + H*/2.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from stickslip.motion.outcome import Outcome
 from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.studies.gaits import gait_study, sliding_threshold, walking_threshold
 
-WALK, UPRIGHT = {"psi": -1.67}, {"psi": 0.0, "x_R": 0.0}
+WALK = {"psi": -1.67}
+UPRIGHT = {"psi": 0.0, "x_R": 0.0}
 
 
 def test_speed_over_the_pull() -> None:
@@ -32,7 +34,9 @@ def test_speed_over_the_pull() -> None:
     assert all(np.all(np.isfinite(found[name])) for name in found.data_vars if name != "note")
 
 
-@pytest.mark.parametrize(("parameter", "values"), [("delta", [0.02, 0.05, 0.09]), ("c", [0.2, 0.35, 0.5])])
+@pytest.mark.parametrize(
+    ("parameter", "values"), [("delta", [0.02, 0.05, 0.09]), ("c", [0.2, 0.35, 0.5])]
+)
 def test_rocking_takes_up_what_the_legs_feed_in(parameter: str, values: list[float]) -> None:
     """δ∮ψ'² = 2cX(ψ₃ + ψ*): for a nearly harmonic rocking πδA²ω."""
     found = gait_study(catalogue.rocking_toy(), parameter, values, WALK)
@@ -42,12 +46,18 @@ def test_rocking_takes_up_what_the_legs_feed_in(parameter: str, values: list[flo
         X = v["P"] - v["rho"] - v["c"]
         psi_3 = (v["H_star"] / 2 - 2 * v["P"] + 2 * v["rho"] + v["c"]) / (v["H_star"] / 2 - v["c"])
         fed = 2 * v["c"] * X * (psi_3 + 1)
-        taken = np.pi * v["delta"] * found["amplitude_psi"].values[i] * found["amplitude_d_psi"].values[i]
+        taken = (
+            np.pi
+            * v["delta"]
+            * found["amplitude_psi"].values[i]
+            * found["amplitude_d_psi"].values[i]
+        )
         assert taken == pytest.approx(fed, rel=0.05)
 
 
 def test_smallest_pull_that_walks() -> None:
-    """Without masses walking ends where the amplitude falls to ψ*: the held leg is then not let go any more."""
+    """Without masses walking ends where the amplitude falls to ψ*: the held leg is then not let go
+    any more."""
     toy = catalogue.rocking_toy()
     found = walking_threshold(toy, "P", (0.616, 0.618), WALK, tolerance=1e-4)
     assert found.value == pytest.approx(0.616606, abs=5e-7)
@@ -59,7 +69,10 @@ def test_smallest_pull_that_walks() -> None:
     assert fold.value == pytest.approx(found.value, abs=5e-7)
     assert "not smooth" in fold.note
     assert set(branch.points["stable"].values.tolist()) == {0, 1}
-    for P, outcome in ((found.moving + 1e-3, Outcome.FINISHED), (found.still - 1e-2, Outcome.AT_REST)):
+    for P, outcome in (
+        (found.moving + 1e-3, Outcome.FINISHED),
+        (found.still - 1e-2, Outcome.AT_REST),
+    ):
         motion = simulate(toy, (0.0, 2000.0), {"psi": -1.05, "x_R": P - 0.5}, {"P": P})
         assert motion.outcome is outcome
 
@@ -68,7 +81,9 @@ def test_smallest_pull_that_walks() -> None:
     ("system", "parameter", "span", "pull"),
     [("rocking_toy", "P", (1.0, 2.0), 1.0), ("rocking_toy_inertial", "g", (100.0, 200.0), 0.01)],
 )
-def test_smallest_pull_that_slides(system: str, parameter: str, span: tuple[float, float], pull: float) -> None:
+def test_smallest_pull_that_slides(
+    system: str, parameter: str, span: tuple[float, float], pull: float
+) -> None:
     found = sliding_threshold(catalogue.get(system), parameter, span, UPRIGHT)
     assert pull * found.value == pytest.approx(1.7, abs=1e-6)
     assert found.gait is None
@@ -76,7 +91,9 @@ def test_smallest_pull_that_slides(system: str, parameter: str, span: tuple[floa
 
 def test_inertia_helps() -> None:
     """With masses the toy walks at a pull (g m_W/2 = g/100) that is too small without."""
-    found = walking_threshold(catalogue.rocking_toy_inertial(), "g", (50.0, 60.0), WALK, tolerance=0.02)
+    found = walking_threshold(
+        catalogue.rocking_toy_inertial(), "g", (50.0, 60.0), WALK, tolerance=0.02
+    )
     assert 0.01 * found.value == pytest.approx(0.5275, abs=2e-3)
 
 

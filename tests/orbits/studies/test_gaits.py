@@ -1,11 +1,12 @@
 """Gaits as cycles up to a drift: the walking toy and the crawler with directional friction.
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
-sections 4.3 and 4.4: the set I_b = a = b = ψ* = P = 1, δ = 0.04, c = 0.3, ρ = 0.2, H* = 3 walks with the period 5.969
-and the speed v = 2X/T = 0.1675; one period feeds 2cX(ψ₃ + ψ*) into the rocking.
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017), sections 4.3 and 4.4: the set I_b = a = b = ψ* = P = 1, δ = 0.04, c = 0.3, ρ =
+0.2, H* = 3 walks with the period 5.969 and the speed v = 2X/T = 0.1675; one period feeds 2cX(ψ₃ +
+ψ*) into the rocking.
 
-A. DeSimone, P. Gidoni, G. Noselli, *Liquid crystal elastomer strips as soft crawlers*, J. Mech. Phys. Solids 84 (2015)
-254-272: net displacement per cycle sgn(f₋ − f₊) max(0, D − 2 min(f₊, f₋)/k).
+A. DeSimone, P. Gidoni, G. Noselli, *Liquid crystal elastomer strips as soft crawlers*, J. Mech.
+Phys. Solids 84 (2015) 254-272: net displacement per cycle sgn(f₋ − f₊) max(0, D − 2 min(f₊, f₋)/k).
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ from stickslip.symbolic import expressions as ex
 WALK = {"psi": -1.67, "x_R": 0.45, "x_L": 0.0}
 
 
-def gait(system: System, start: dict[str, float] | None = None, values: dict[str, float] | None = None) -> Cycle:
+def gait(
+    system: System, start: dict[str, float] | None = None, values: dict[str, float] | None = None
+) -> Cycle:
     found = find_cycle(system, start, values)
     assert found.trajectory.certificate.ok, found.trajectory.certificate.verdict
     assert found.residual < 1e-10
@@ -41,7 +44,8 @@ def test_walking_toy() -> None:
     assert walk.direction == {"x_R": 1.0, "x_L": 1.0}
     assert walk.speed == pytest.approx(0.1675, abs=5e-5)
     assert walk.extrema["psi"] == pytest.approx((-1.6236, 1.6236), abs=5e-5)
-    # One multiplier 1 for a later start, one for the translation, and 0 for what the sliding leg forgets.
+    # One multiplier 1 for a later start, one for the translation, and 0 for what the sliding leg
+    # forgets.
     assert walk.trivial == 2
     assert np.count_nonzero(walk.multipliers == 0.0) == 1
     assert walk.stable
@@ -55,8 +59,10 @@ def test_walking_toy() -> None:
 
 
 def test_reduced_oscillator_has_the_same_multipliers() -> None:
-    """Section 4.4: with the legs eliminated the rocking has the same period, amplitude and multiplier."""
-    walk, rocking = gait(catalogue.rocking_toy(), WALK), gait(catalogue.rocking_oscillator(), {"psi": -1.67})
+    """Section 4.4: with the legs eliminated the rocking has the same period, amplitude and
+    multiplier."""
+    walk = gait(catalogue.rocking_toy(), WALK)
+    rocking = gait(catalogue.rocking_oscillator(), {"psi": -1.67})
     assert rocking.period == pytest.approx(walk.period, rel=1e-12)
     assert rocking.nontrivial == pytest.approx(walk.nontrivial, rel=1e-9)
     assert rocking.extrema["psi"] == pytest.approx(walk.extrema["psi"], rel=1e-11)
@@ -68,15 +74,20 @@ def test_reduced_oscillator_has_the_same_multipliers() -> None:
 def test_drift_does_not_depend_on_where_the_toy_stands() -> None:
     walk = gait(catalogue.rocking_toy(), WALK)
     for shift in (-40.0, 3.3, 250.0):
-        moved = gait(catalogue.rocking_toy(), {**WALK, "x_R": WALK["x_R"] + shift, "x_L": WALK["x_L"] + shift})
+        moved = gait(
+            catalogue.rocking_toy(),
+            {**WALK, "x_R": WALK["x_R"] + shift, "x_L": WALK["x_L"] + shift},
+        )
         assert moved.period == pytest.approx(walk.period, rel=1e-11)
         assert moved.drift == pytest.approx(walk.drift, rel=1e-11)
         assert moved.nontrivial == pytest.approx(walk.nontrivial, rel=1e-8)
 
 
 def test_vanishing_masses() -> None:
-    """(4.1) walks, too: with two legs that have mass, and the speed of (4.2) up to terms of their size."""
-    walk, heavy = gait(catalogue.rocking_toy(), WALK), gait(catalogue.rocking_toy_inertial())
+    """(4.1) walks, too: with two legs that have mass, and the speed of (4.2) up to terms of their
+    size."""
+    walk = gait(catalogue.rocking_toy(), WALK)
+    heavy = gait(catalogue.rocking_toy_inertial())
     assert heavy.trivial == 2
     assert np.count_nonzero(heavy.multipliers == 0.0) == 2
     assert heavy.direction == {"x_R": 1.0, "x_L": 1.0}

@@ -1,7 +1,7 @@
 """The hysteresis operator of the toy: its curves, its memory, the oscillator that it reduces to.
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
-sections 4.3 and 4.4.
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017), sections 4.3 and 4.4.
 """
 
 from __future__ import annotations
@@ -34,12 +34,16 @@ def operator(index: int = 0) -> HysteresisOperator:
 
 @pytest.mark.parametrize("index", range(len(SETS)))
 def test_curves_are_those_of_the_paper(index: int) -> None:
-    h, v = operator(index), {**catalogue.rocking_toy().values, **SETS[index]}
+    h = operator(index)
+    v = {**catalogue.rocking_toy().values, **SETS[index]}
     psi = np.linspace(-4, 4, 801)
     right = v["H_star"] / 2 * (1 + np.clip(psi / v["psi_star"], -1, 1))
     left = right[::-1]
-    G = {(leg, s): (pull + v["c"] * psi + s * (v["rho"] + H)) / v["a"]
-         for leg, pull, H in (("right leg", v["P"], right), ("left leg", -v["P"], left)) for s in (1, -1)}  # fmt: skip
+    G = {
+        (leg, s): (pull + v["c"] * psi + s * (v["rho"] + H)) / v["a"]
+        for leg, pull, H in (("right leg", v["P"], right), ("left leg", -v["P"], left))
+        for s in (1, -1)
+    }
     for leg in ("right leg", "left leg"):
         low, high = h.legs[leg]
         assert distance(low(psi), G[leg, -1]) < 1e-13
@@ -55,7 +59,9 @@ def test_characteristic_points(index: int) -> None:
     values = {**toy.values, **SETS[index]}
     facts = {name: ex.evaluate(fact, values) for name, fact in toy.declaration.facts.items()}
     h = operator(index)
-    assert (h.X, h.psi_2, h.psi_3) == pytest.approx((facts["X"], facts["psi_2"], facts["psi_3"]), rel=1e-12)
+    assert (h.X, h.psi_2, h.psi_3) == pytest.approx(
+        (facts["X"], facts["psi_2"], facts["psi_3"]), rel=1e-12
+    )
 
 
 def test_loop_feeds_the_energy_of_a_period() -> None:
@@ -67,20 +73,26 @@ def test_loop_feeds_the_energy_of_a_period() -> None:
     assert (psi[0], d[0]) == (psi[-1], d[-1])
 
 
-@pytest.mark.parametrize("start", [{"psi": -2.4, "x_R": 0.2}, {"psi": 0.9, "x_R": -0.6}, {"psi": -3.5, "x_R": 0.1}])
+@pytest.mark.parametrize(
+    "start", [{"psi": -2.4, "x_R": 0.2}, {"psi": 0.9, "x_R": -0.6}, {"psi": -3.5, "x_R": 0.1}]
+)
 def test_legs_of_the_toy_follow_it(start: dict[str, float]) -> None:
-    """d of a computed motion is the operator of its ψ, exactly at every switch and turning point."""
+    """d of a computed motion is the operator of its ψ, exactly at every switch and turning
+    point."""
     motion = simulate(catalogue.rocking_toy(), (0.0, 40.0), start)
     assert motion.certificate.ok
     t = np.union1d(np.linspace(0.0, 40.0, 4001), motion.knots.time)
     values = motion.at(t)
-    psi, d = values["psi"], values["x_R"] - values["x_L"]
+    psi = values["psi"]
+    d = values["x_R"] - values["x_L"]
     turns = np.sum(np.diff(np.sign(values["d_psi"])) != 0)
     assert turns > 10
     # Between samples ψ turns by at most ψ̈ h²/8; the curves have slopes up to 1.2.
     assert distance(operator()(psi, d[0]), d) < 2e-4
     moving = np.abs(values["d_psi"]) > 0.1
-    assert distance(operator()(psi, d[0])[moving], d[moving]) < 1e-10 + 2e-4 * (np.max(np.abs(psi)) < 1.0)
+    assert distance(operator()(psi, d[0])[moving], d[moving]) < 1e-10 + 2e-4 * (
+        np.max(np.abs(psi)) < 1.0
+    )
 
 
 angles = st.floats(-3.0, 3.0, allow_nan=False)
@@ -89,7 +101,8 @@ angles = st.floats(-3.0, 3.0, allow_nan=False)
 @given(st.lists(angles, min_size=2, max_size=8), st.floats(-3.0, 3.0), st.integers(0, 2))
 @settings(max_examples=60, deadline=None)
 def test_memory(turns: list[float], initial: float, index: int) -> None:
-    """Return-point memory, no dependence on speed, values between the curves, swings that clip, monotone in d."""
+    """Return-point memory, no dependence on speed, values between the curves, swings that clip,
+    monotone in d."""
     h = operator(index)
     d = h(turns, initial)
     assert np.all(d <= h.upper(turns) + 1e-14)
@@ -121,7 +134,8 @@ def test_a_function_of_time() -> None:
 
 
 def test_reduced_oscillator_is_the_toy_in_simple_motion_only() -> None:
-    """Up to the amplitude ψ_2 both move alike; beyond, the held legs are pushed on and 𝐆 is no function any more."""
+    """Up to the amplitude ψ_2 both move alike; beyond, the held legs are pushed on and 𝐆 is no
+    function any more."""
     h = operator()
     for start, alike in ((-h.psi_2 + 0.05, True), (-h.psi_2 - 0.3, False)):
         d = float(np.clip(h.X, h.lower(start), h.upper(start)))

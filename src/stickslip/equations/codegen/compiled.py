@@ -41,7 +41,8 @@ _modules: dict[str, Any] = {}
 
 
 def cache_folder() -> Path:
-    """Folder of generated code: ``$STICKSLIP_CACHE``, else the user's cache folder, else a temporary one."""
+    """Folder of generated code: ``$STICKSLIP_CACHE``, else the user's cache folder, else a
+    temporary one."""
     given = os.environ.get("STICKSLIP_CACHE")
     folder = Path(given) / "stickslip" if given else user_cache_path("stickslip")
     try:
@@ -58,14 +59,18 @@ _announced = False
 
 @contextmanager
 def announced() -> Iterator[None]:
-    """Say once what takes its time: the first use of the engine on a machine, or after it has changed."""
+    """Say once what takes its time: the first use of the engine on a machine, or after it has
+    changed."""
     global _announced
     if _announced:
         yield
         return
     mark = cache_folder() / f"engine_{_key(str(Path(__file__).parent))}.ready"
     if not mark.exists() and sys.stderr.isatty():
-        print("stickslip: compiling the engine once for this machine, less than a minute ...", file=sys.stderr)
+        print(
+            "stickslip: compiling the engine once for this machine, less than a minute ...",
+            file=sys.stderr,
+        )
     yield
     _announced = True
     with suppress(OSError):
@@ -80,18 +85,22 @@ def compile_system(system: System) -> CompiledSystem:
 
 
 def _compile(declaration: Declaration) -> CompiledSystem:
-    """Systems that say the same, as parameters with other defaults do, have the same machine code."""
+    """Systems that say the same, as parameters with other defaults do, have the same machine
+    code."""
     equations = derive(declaration)
     generated = generate(equations)
     key = _key(generated.source)
     if key not in _modules:
         _modules[key] = _load(f"model_{key}", generated.source)
     code = _modules[key]
-    return CompiledSystem(equations, generated.layout, code.setup, code.jets, code.residual, code.powers)
+    return CompiledSystem(
+        equations, generated.layout, code.setup, code.jets, code.residual, code.powers
+    )
 
 
 def _key(text: str) -> str:
-    """A name for what text becomes in this version of Python and of the sources that shape machine code."""
+    """A name for what text becomes in this version of Python and of the sources that shape machine
+    code."""
     return hashlib.sha256(f"{stamp(__file__)}\n{sys.version}\n{text}".encode()).hexdigest()[:24]
 
 

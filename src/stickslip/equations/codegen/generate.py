@@ -3,10 +3,12 @@
 The generated module has four functions, and ``KEPT``, the rows that are read beyond order 0:
 
 ``setup(p, K, M, C, J, omega)``
-    constants, mass matrix, viscous matrix, contact directions and drive frequencies from the parameters;
+    constants, mass matrix, viscous matrix, contact directions and drive frequencies from the
+    parameters;
 ``jets(t, y, mode, reg, K, Rq, Rz, N, W, A, B, mag)``
-    Taylor coefficients of all rows up to order N along the motion in a mode, in powers of the time that W holds as the
-    rate of the clock (so that they neither overflow nor vanish); 0, or 1 if the rates are not determined;
+    Taylor coefficients of all rows up to order N along the motion in a mode, in powers of the time
+    that W holds as the rate of the clock (so that they neither overflow nor vanish); 0, or 1 if the
+    rates are not determined;
 ``residual(t, y, mode, reg, K, G, P)``
     how far sliding rate-independent contacts are from λ + σ s = 0, and the matrix to put them back;
 ``powers(W, reg, K, out)``
@@ -24,7 +26,16 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.tape import ORIGIN, Constants, Instruction, Op, Scaled, Tape, literal, scalar_code
+from stickslip.symbolic.tape import (
+    ORIGIN,
+    Constants,
+    Instruction,
+    Op,
+    Scaled,
+    Tape,
+    literal,
+    scalar_code,
+)
 
 ORDERS = (8, 12, 16, 20, 24)  # that a Taylor series may have
 HEADER = '''"""Generated from a declaration; do not edit."""
@@ -53,7 +64,8 @@ class Layout:
     named : dict of str to int
         Rows of the rates ``d_x`` and of the internal rates.
     kinetic : list of (int, int, int, int)
-        Contact, direction of slip, row of the sliding force k, and row of s − k at speed 0; where k is declared.
+        Contact, direction of slip, row of the sliding force k, and row of s − k at speed 0; where k
+        is declared.
     rates : list of int
         Rows of the rates of the state.
     rows : int
@@ -101,7 +113,9 @@ class _Generator:
         self.eq = equations
         d = self.d = equations.declaration
         self.constants = Constants([*d.parameters, ORIGIN])
-        self.nq, self.nz, self.nr, self.na = map(len, (d.inertial, d.viscous, d.rate_independent, d.internal))
+        self.nq, self.nz, self.nr, self.na = map(
+            len, (d.inertial, d.viscous, d.rate_independent, d.internal)
+        )
         self.mq, self.mz, self.mr = (equations.count(kind) for kind in Kind)
         self.n = len(d.state)
         sizes = dict(
@@ -125,11 +139,12 @@ class _Generator:
         self.scratch = self.rate_sizes + self.nq + self.nz + self.nr + self.na
         self.nc = self.mq + self.mz + self.mr
 
-    # -- the blocks -------------------------------------------------------------------------------
+    # -- the blocks --------------------------------------------------------------------------------
 
     def velocity(self, i: int) -> None:
         """Row of the relative velocity of contact i, and its size for rounding."""
-        c, tape = self.eq.contacts[i], self.tape
+        c = self.eq.contacts[i]
+        tape = self.tape
         parts = [Scaled(j, tape.names[f"d_{x}"]) for x, j in c.direction.items()]
         belt = tape.lower(c.speed)
         parts.append(Scaled(-belt.factor, belt.row))
@@ -139,10 +154,14 @@ class _Generator:
 
     def size_of(self, parts: list[Scaled]) -> str:
         code = [(self.constants.code(p.factor), p.row) for p in parts]
-        return " + ".join(f"abs({c})" if row is None else f"abs({c}*W[{row}, 0])" for c, row in code) or "0.0"
+        return (
+            " + ".join(f"abs({c})" if row is None else f"abs({c}*W[{row}, 0])" for c, row in code)
+            or "0.0"
+        )
 
     def size(self, e: Expr) -> str:
-        """Code for the sum of the moduli of the terms of an expression: the scale of its rounding error."""
+        """Code for the sum of the moduli of the terms of an expression: the scale of its rounding
+        error."""
         if e.op == "sum":
             parts = [f"abs({c!r})*({self.size(term)})" for term, c in e.terms]
             return " + ".join([*parts, repr(abs(float(e.value)))])
@@ -157,8 +176,10 @@ class _Generator:
         return f"({self.size_of([self.tape.lower(base)])})**{literal(p)}"
 
     def block(self, forces: list[Expr], first: int, count: int, stage: int, resolvent: str) -> int:
-        """Solve one of the linear problems [x; λ] = R [f; g] order by order; returns the first row of x."""
-        tape, n = self.tape, len(forces) + count
+        """Solve one of the linear problems [x; λ] = R [f; g] order by order; returns the first row
+        of x."""
+        tape = self.tape
+        n = len(forces) + count
         right = tape.rows
         for _ in range(n):
             tape.new_row(stage)
@@ -172,20 +193,31 @@ class _Generator:
             self.magnitudes.append(f"mag[{base + j}] = {self.size(f)}")
         for j in range(count):
             self.contact_side(first + j, right + len(forces) + j, stage)
-            self.magnitudes.append(f"mag[{base + len(forces) + j}] = abs(W[{right + len(forces) + j}, 0])")
-        self.solves[stage].append(Instruction(Op.SOLVE, solution, (right,), size=n, matrix=resolvent))
+            self.magnitudes.append(
+                f"mag[{base + len(forces) + j}] = abs(W[{right + len(forces) + j}, 0])"
+            )
+        self.solves[stage].append(
+            Instruction(Op.SOLVE, solution, (right,), size=n, matrix=resolvent)
+        )
         for j in range(count):
             row = solution + len(forces) + j
-            size = " + ".join(f"abs({resolvent}[{len(forces) + j}, {m}])*mag[{base + m}]" for m in range(n))
+            size = " + ".join(
+                f"abs({resolvent}[{len(forces) + j}, {m}])*mag[{base + m}]" for m in range(n)
+            )
             self.magnitudes.append(f"mag[{2 * self.nc + first + j}] = {size}")
             tape.name(f"lambda:{first + j}", row, stage + 1)
         self.block_sizes(forces, first, count, base, solution + len(forces))
         return solution
 
-    def block_sizes(self, forces: list[Expr], first: int, count: int, base: int, multipliers: int) -> None:
-        """Scales of the rates and of the relative velocities: what they would be if no two forces cancelled."""
+    def block_sizes(
+        self, forces: list[Expr], first: int, count: int, base: int, multipliers: int
+    ) -> None:
+        """Scales of the rates and of the relative velocities: what they would be if no two forces
+        cancelled."""
         inertial = first == 0 and len(forces) == self.nq and forces is self.eq.inertial_force
-        names, matrix = (self.d.inertial, self.eq.mass) if inertial else (self.d.viscous, self.eq.damping)
+        names, matrix = (
+            (self.d.inertial, self.eq.mass) if inertial else (self.d.viscous, self.eq.damping)
+        )
         offset = self.rate_sizes + (0 if inertial else self.nq)
         for i, x in enumerate(names):
             terms = [f"mag[{base + i}]"]
@@ -193,20 +225,22 @@ class _Generator:
                 weight = self.eq.contacts[first + j].direction.get(x)
                 if weight is not None:
                     terms.append(f"abs({self.constants.code(weight)}*W[{multipliers + j}, 0])")
-            self.magnitudes.append(
-                f"mag[{offset + i}] = ({' + '.join(terms)})/abs({self.constants.code(matrix[i][i])})"
-            )
+            total = " + ".join(terms)
+            diagonal = self.constants.code(matrix[i][i])
+            self.magnitudes.append(f"mag[{offset + i}] = ({total})/abs({diagonal})")
         for j in range(count):
             direction = self.eq.contacts[first + j].direction
             size = " + ".join(
-                f"abs({self.constants.code(w)})*mag[{offset + names.index(x)}]" for x, w in direction.items()
+                f"abs({self.constants.code(w)})*mag[{offset + names.index(x)}]"
+                for x, w in direction.items()
             )
             place = f"mag[{self.nc + first + j}] =" if inertial else f"mag[{first + j}] +="
             self.magnitudes.append(f"{place} {size}")
 
     def contact_side(self, i: int, row: int, stage: int) -> None:
         """Right-hand side of contact i: the belt in stick, the friction force in slip."""
-        c, tape = self.eq.contacts[i], self.tape
+        c = self.eq.contacts[i]
+        tape = self.tape
         belt = c.speed if c.kind == Kind.VISCOUS else ex.derivative(c.speed, "t")
         sides = tuple(tape.row(e) for e in (belt, c.kinetic_plus, c.kinetic_minus, c.plus, c.minus))
         tape.emit(stage, Instruction(Op.SIDE, row, sides, place=i))
@@ -220,8 +254,11 @@ class _Generator:
             self.tape.name(f"speed:{i}", row, 0)
 
     def rates(self) -> int:
-        """The linear problem for the rates of the rate-independent coordinates; returns the first row of ṙ."""
-        tape, rate, n = self.tape, self.eq.rate, self.nr
+        """The linear problem for the rates of the rate-independent coordinates; returns the first
+        row of ṙ."""
+        tape = self.tape
+        rate = self.eq.rate
+        n = self.nr
         first = tape.rows
         for _ in range(n):
             tape.new_row(2)
@@ -233,27 +270,41 @@ class _Generator:
             tape.new_row(1)
         for i in range(n):
             c = self.mq + self.mz + i
-            sides = self.eq.contacts[c].speed, rate.rest[i], rate.threshold_rest[0][i], rate.threshold_rest[1][i]
+            sides = (
+                self.eq.contacts[c].speed,
+                rate.rest[i],
+                rate.threshold_rest[0][i],
+                rate.threshold_rest[1][i],
+            )
             rows = tuple(tape.row(e) for e in sides)
             self.solves[1].append(Instruction(Op.RIGHT, right + i, rows, place=c))
-            # A contact that slides states a rate of its force; one that sticks a velocity, as large as if it slid.
-            plus, minus = (f"{self.size(rate.rest[i])} + {self.size(side[i])}" for side in rate.threshold_rest)
-            weight, stiffness = self.constants.code(rate.weight[i]), self.size(rate.stiffness[i][i])
+            # A contact that slides states a rate of its force; one that sticks a velocity, as large
+            # as if it slid.
+            plus, minus = (
+                f"{self.size(rate.rest[i])} + {self.size(side[i])}" for side in rate.threshold_rest
+            )
+            weight = self.constants.code(rate.weight[i])
+            stiffness = self.size(rate.stiffness[i][i])
             free = f"abs({weight})*over({plus}, {stiffness}) + abs(W[{rows[0]}, 0])"
             self.magnitudes.append(f"mag[{base + i}] = {by_mode(c, free, plus, minus)}")
-        self.solves[1].append(Instruction(Op.RATES, first, (right,), size=n, entries=tuple(entries)))
+        self.solves[1].append(
+            Instruction(Op.RATES, first, (right,), size=n, entries=tuple(entries))
+        )
         for i in range(n):
             inner = " + ".join(f"abs(B[{i}, {m}])*mag[{base + m}]" for m in range(n))
             c = self.mq + self.mz + i
             place = self.rate_sizes + self.nq + self.nz + i
             self.magnitudes.append(f"mag[{place}] = {inner}")
-            self.magnitudes.append(f"mag[{c}] += abs({self.constants.code(rate.weight[i])})*mag[{place}]")
+            self.magnitudes.append(
+                f"mag[{c}] += abs({self.constants.code(rate.weight[i])})*mag[{place}]"
+            )
             self.magnitudes.append(f"mag[{2 * self.nc + c}] = {self.size(rate.force[i])}")
         return first
 
     def entry(self, i: int, j: int) -> Instruction:
         """An entry of the matrix of that problem."""
-        rate, contact = self.eq.rate, self.mq + self.mz + i
+        rate = self.eq.rate
+        contact = self.mq + self.mz + i
         own = Scaled(rate.weight[i] if i == j else ex.ZERO)
         others = rate.stiffness[i][j], rate.threshold_slope[0][i][j], rate.threshold_slope[1][i][j]
         if all(map(self.constants.is_constant, others)):
@@ -264,15 +315,22 @@ class _Generator:
     def kinetic_laws(self) -> None:
         """Rows that say whether sliding forces are admissible, 0 ≤ k and k ≤ s at speed 0."""
         for i, c in enumerate(self.eq.contacts):
-            for side, force, static in ((1, c.kinetic_plus, c.plus), (-1, c.kinetic_minus, c.minus)):
+            for side, force, static in (
+                (1, c.kinetic_plus, c.plus),
+                (-1, c.kinetic_minus, c.minus),
+            ):
                 if force is not static:
                     at_rest = ex.substitute(force, {f"speed:{i}": ex.ZERO})
-                    self.layout.kinetic.append((i, side, self.tape.row(force), self.tape.row(static - at_rest)))
+                    self.layout.kinetic.append(
+                        (i, side, self.tape.row(force), self.tape.row(static - at_rest))
+                    )
 
-    # -- the functions ----------------------------------------------------------------------------
+    # -- the functions -----------------------------------------------------------------------------
 
     def module(self) -> Generated:
-        tape, d, eq = self.tape, self.d, self.eq
+        tape = self.tape
+        d = self.d
+        eq = self.eq
         for i in range(self.mq):
             self.velocity(i)
         self.speeds()
@@ -289,7 +347,8 @@ class _Generator:
                 c = self.mq + self.mz + i
                 self.velocity(c)
                 tape.name(f"lambda:{c}", tape.row(eq.rate.force[i]), 0)
-        # The velocities' own magnitudes are written first, so that the linear problems may add to them.
+        # The velocities' own magnitudes are written first, so that the linear problems may add to
+        # them.
         self.magnitudes.sort(key=lambda line: "+=" in line)
         laws = [tape.row(law) for law in eq.laws]
         for name, row in zip(d.internal, laws, strict=True):
@@ -303,7 +362,9 @@ class _Generator:
         layout.force = [tape.names[f"lambda:{i}"] for i in range(self.nc)]
         for i, (plus, minus) in enumerate(zip(layout.plus, layout.minus, strict=True)):
             # A force is measured against its threshold, too.
-            self.magnitudes.append(f"mag[{2 * self.nc + i}] += abs(W[{plus}, 0]) + abs(W[{minus}, 0])")
+            self.magnitudes.append(
+                f"mag[{2 * self.nc + i}] += abs(W[{plus}, 0]) + abs(W[{minus}, 0])"
+            )
         for j, guard in enumerate(eq.kinks):
             layout.kinks.append(tape.row(guard))
             self.magnitudes.append(f"mag[{3 * self.nc + j}] = {self.size(guard)}")
@@ -314,28 +375,60 @@ class _Generator:
         layout.rates += [*(viscous + i for i in range(self.nz))]
         layout.rates += [*(tape.names[f"d_{r}"] for r in d.rate_independent), *laws]
         stages, solves = tape.instructions, self.solves
-        layout.instructions = [*stages[0], *solves[0], *stages[1], *solves[1], *stages[2], *solves[2], *stages[3]]
+        layout.instructions = [
+            *stages[0],
+            *solves[0],
+            *stages[1],
+            *solves[1],
+            *stages[2],
+            *solves[2],
+            *stages[3],
+        ]
         residual, powers = self.residual(), self.powers()
         jets = self.jets()
         layout.rows = tape.rows
         setup = self.setup()
         first = np.arange(self.rate_sizes, self.scratch)[: self.nq + self.nz + self.nr + self.na]
         layout.rate_sizes = np.concatenate([np.full(self.nq, -1), first]).astype(np.int64)
-        layout.magnitudes, layout.frequencies, layout.timed = self.scratch, len(eq.frequencies), eq.timed
+        layout.magnitudes = self.scratch
+        layout.frequencies = len(eq.frequencies)
+        layout.timed = eq.timed
         layout.constants = self.constants.slots
         guards = [*layout.u, *layout.force, *layout.plus, *layout.minus, *layout.kinks]
         guards += [row for *_, force, margin in layout.kinetic for row in (force, margin)]
         kept = sorted({*range(self.n), *guards})
         return Generated(
-            "\n".join([HEADER, f"KEPT = {tuple(kept)}", "", *setup, "", *jets, "", *residual, "", *powers, ""]), layout
+            "\n".join(
+                [
+                    HEADER,
+                    f"KEPT = {tuple(kept)}",
+                    "",
+                    *setup,
+                    "",
+                    *jets,
+                    "",
+                    *residual,
+                    "",
+                    *powers,
+                    "",
+                ]
+            ),
+            layout,
         )
 
     def setup(self) -> list[str]:
-        d, code = self.d, self.constants.code
-        entries = [(f"M[{i}, {j}]", e) for i, row in enumerate(self.eq.mass) for j, e in enumerate(row)]
-        entries += [(f"C[{i}, {j}]", e) for i, row in enumerate(self.eq.damping) for j, e in enumerate(row)]
+        d = self.d
+        code = self.constants.code
+        entries = [
+            (f"M[{i}, {j}]", e) for i, row in enumerate(self.eq.mass) for j, e in enumerate(row)
+        ]
+        entries += [
+            (f"C[{i}, {j}]", e) for i, row in enumerate(self.eq.damping) for j, e in enumerate(row)
+        ]
         for i, c in enumerate(self.eq.contacts):
-            entries += [(f"J[{i}, {j}]", c.direction.get(x, ex.ZERO)) for j, x in enumerate(d.coordinates)]
+            entries += [
+                (f"J[{i}, {j}]", c.direction.get(x, ex.ZERO)) for j, x in enumerate(d.coordinates)
+            ]
         fill = [f"{place} = {code(e)}" for place, e in entries]
         fill += [f"omega[{i}] = abs({code(e)})" for i, e in enumerate(self.eq.frequencies)]
         return [
@@ -347,12 +440,20 @@ class _Generator:
     def law_sizes(self) -> None:
         """Scales of the rates of the internal variables."""
         for i, law in enumerate(self.eq.laws):
-            self.magnitudes.append(f"mag[{self.rate_sizes + self.nq + self.nz + self.nr + i}] = {self.size(law)}")
+            self.magnitudes.append(
+                f"mag[{self.rate_sizes + self.nq + self.nz + self.nr + i}] = {self.size(law)}"
+            )
 
     def jets(self) -> list[str]:
         n, layout = self.n, self.layout
-        loop = [line for instruction in layout.instructions for line in printed(instruction, self.constants)]
-        loop += [f"W[{i}, k + 1] = W[{row}, k]*(unit/(k + 1))" for i, row in enumerate(layout.rates)]
+        loop = [
+            line
+            for instruction in layout.instructions
+            for line in printed(instruction, self.constants)
+        ]
+        loop += [
+            f"W[{i}, k + 1] = W[{row}, k]*(unit/(k + 1))" for i, row in enumerate(layout.rates)
+        ]
         body = [
             f"unit = W[{n}, 1]",
             f"for i in range({n}):",
@@ -367,14 +468,16 @@ class _Generator:
         ]
         return [
             _compiled(
-                f"int64(float64, vector, indices, indices, vector, matrix, matrix, int64, {'matrix, ' * 3}vector)"
+                "int64(float64, vector, indices, indices, vector, matrix, matrix, int64, "
+                f"{'matrix, ' * 3}vector)"
             ),
             "def jets(t, y, mode, reg, K, Rq, Rz, N, W, A, B, mag):",
             *_indent(body),
         ]
 
     def residual(self) -> list[str]:
-        rate, names = self.eq.rate, {s: f"y[{i}]" for i, s in enumerate(self.d.state)}
+        rate = self.eq.rate
+        names = {s: f"y[{i}]" for i, s in enumerate(self.d.state)}
         regions = {guard: f"reg[{i}]" for i, guard in enumerate(self.eq.kinks)}
         acting = self.eq.contacts[self.mq + self.mz :]
         targets = [*rate.force, *(c.plus for c in acting), *(c.minus for c in acting)]
@@ -384,14 +487,23 @@ class _Generator:
         for i, c in enumerate(acting):
             m = f"mode[{self.mq + self.mz + i}]"
             plus, minus = v[c.plus], v[c.minus]
-            # The largest force so far: what a residual is small against also where the force passes through zero.
+            # The largest force so far: what a residual is small against also where the force passes
+            # through zero.
             scale = " + ".join(f"abs({e!r}*{v[term]})" for term, e in terms(rate.force[i]))
-            lines.append(f"G[{self.nr + i}] = max(G[{self.nr + i}], {scale} + max(abs({plus}), abs({minus})))")
-            lines.append(f"G[{i}] = 0.0 if {m} == 0 else {v[rate.force[i]]} + ({plus} if {m} > 0 else -{minus})")
+            lines.append(
+                f"G[{self.nr + i}] = max(G[{self.nr + i}], {scale} + max(abs({plus}), "
+                f"abs({minus})))"
+            )
+            lines.append(
+                f"G[{i}] = 0.0 if {m} == 0 else {v[rate.force[i]]} + ({plus} if {m} > 0 else "
+                f"-{minus})"
+            )
             for j in range(self.nr):
                 h, p, q = (v[x[i][j]] for x in (rate.partial, *rate.threshold_partial))
                 own = 1.0 if i == j else 0.0
-                lines.append(f"P[{i}, {j}] = {own} if {m} == 0 else ({h} + {p} if {m} > 0 else {h} - {q})")
+                lines.append(
+                    f"P[{i}, {j}] = {own} if {m} == 0 else ({h} + {p} if {m} > 0 else {h} - {q})"
+                )
         return [
             _compiled("void(float64, vector, indices, indices, vector, vector, matrix)"),
             "def residual(t, y, mode, reg, K, G, P):",

@@ -5,33 +5,50 @@ from __future__ import annotations
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.tape import Constants, Instruction, Op, Scaled
 
-_OF_TWO = {Op.PRODUCT: "product_order(W, {0}, {1}, k)", Op.QUOTIENT: "divide_order(W, {0}, {1}, {row}, k)"}
+_OF_TWO = {
+    Op.PRODUCT: "product_order(W, {0}, {1}, k)",
+    Op.QUOTIENT: "divide_order(W, {0}, {1}, {row}, k)",
+}
 _OF_ONE = {
     Op.RECIPROCAL: "inverse_order(W, {0}, {row}, k)",
     Op.EXP: "exp_order(W, {0}, {row}, k)",
     Op.LOG: "log_order(W, {0}, {row}, k)",
 }
-_PAIRS = {Op.ROTATION: "rotation_order", Op.STEADY: "steady_rotation_order", Op.HYPERBOLIC: "hyperbolic_order"}
+_PAIRS = {
+    Op.ROTATION: "rotation_order",
+    Op.STEADY: "steady_rotation_order",
+    Op.HYPERBOLIC: "hyperbolic_order",
+}
 _CHAINS = {Op.ATAN: "atan", Op.ASINH: "asinh", Op.TAN: "tan", Op.TANH: "tanh"}
 
 
 def printed(instruction: Instruction, constants: Constants) -> list[str]:
     """Statements that compute order k of the row of an instruction."""
-    i, row = instruction, instruction.row
+    i = instruction
+    row = instruction.row
     inputs: tuple[int, ...] = i.inputs
     target = f"W[{row}, k] = "
     match i.op:
         case Op.LINEAR:
-            return [target + (" + ".join(coefficient(part, constants) for part in i.parts) or "0.0")]
+            return [
+                target + (" + ".join(coefficient(part, constants) for part in i.parts) or "0.0")
+            ]
         case Op.PRODUCT | Op.QUOTIENT:
             return [target + _OF_TWO[i.op].format(*inputs, row=row)]
         case Op.RECIPROCAL | Op.EXP | Op.LOG:
             return [target + _OF_ONE[i.op].format(*inputs, row=row)]
         case Op.POWER:
             size = f"W[{inputs[-1]}, 0]" if inputs[1:] else "0.0"
-            return [target + f"power_order(W, {inputs[0]}, {row}, {constants.code(i.parts[0].factor)}, {size}, k)"]
+            return [
+                target + f"power_order(W, {inputs[0]}, {row}, {constants.code(i.parts[0].factor)}, "
+                f"{size}, k)"
+            ]
         case Op.SIZE:
-            return [target + f"({' + '.join(_modulus(part, constants) for part in i.parts)} if k == 0 else 0.0)"]
+            return [
+                target
+                + f"({' + '.join(_modulus(part, constants) for part in i.parts)} if k == 0 else "
+                "0.0)"
+            ]
         case Op.ROTATION | Op.STEADY | Op.HYPERBOLIC:
             return [f"{_PAIRS[i.op]}(W, {inputs[0]}, {row}, {row + 1}, k)"]
         case Op.ATAN | Op.ASINH:
@@ -84,13 +101,15 @@ def _chain(op: Op, a: int, slope: int) -> str:
 
 
 def _side(i: Instruction) -> str:
-    """Surface speed in stick; in slip the friction force, against the threshold where it is to be broken."""
+    """Surface speed in stick; in slip the friction force, against the threshold where it is to be
+    broken."""
     surface, plus, minus, static_plus, static_minus = (f"W[{r}, k]" for r in i.inputs)
     if (plus, minus) == (static_plus, static_minus):
         return by_mode(i.place, surface, f"-{plus}", minus)
     m = f"mode[{i.place}]"
     breaking = f"(-{static_plus} if {m} > 0 else {static_minus})"
-    return f"{surface} if {m} == 0 else ((-{plus} if {m} > 0 else {minus}) if abs({m}) == 1 else {breaking})"
+    sliding = f"(-{plus} if {m} > 0 else {minus})"
+    return f"{surface} if {m} == 0 else ({sliding} if abs({m}) == 1 else {breaking})"
 
 
 def _entry(i: Instruction, constants: Constants) -> str:
@@ -101,15 +120,29 @@ def _entry(i: Instruction, constants: Constants) -> str:
 
 
 def _rates(i: Instruction, constants: Constants) -> list[str]:
-    """Solve A ṙ = b as a series: the inverse at order 0, and what the changes of A take away at the others."""
-    n, right, first, later = i.size, i.inputs[0], list[str](), list[str]()
+    """Solve A ṙ = b as a series: the inverse at order 0, and what the changes of A take away at the
+    others."""
+    n = i.size
+    right = i.inputs[0]
+    first = list[str]()
+    later = list[str]()
     for j, entry in enumerate(i.entries):
         place = f"A[{j // n}, {j % n}]"
         if entry.inputs:
             first.append(f"{place} = W[{entry.row}, 0]")
-            later.append(f"W[{right + j // n}, k] -= lagged_order(W, {entry.row}, {i.row + j % n}, k)")
+            later.append(
+                f"W[{right + j // n}, k] -= lagged_order(W, {entry.row}, {i.row + j % n}, k)"
+            )
         else:
             own, stiffness, plus, minus = (constants.code(part.factor) for part in entry.parts)
-            first.append(f"{place} = " + by_mode(entry.place, own, f"{stiffness} + {plus}", f"{stiffness} - {minus}"))
-    solved = ["if k == 0:", *("    " + line for line in first), f"    if not invert(A, {n}, B):", "        return 1"]
+            first.append(
+                f"{place} = "
+                + by_mode(entry.place, own, f"{stiffness} + {plus}", f"{stiffness} - {minus}")
+            )
+    solved = [
+        "if k == 0:",
+        *("    " + line for line in first),
+        f"    if not invert(A, {n}, B):",
+        "        return 1",
+    ]
     return [*solved, *later, f"solve_order(B, W, {right}, {i.row}, {n}, k)"]

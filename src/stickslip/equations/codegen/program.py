@@ -18,7 +18,8 @@ HIDING = frozenset(
     {Op.QUOTIENT, Op.RECIPROCAL, Op.POWER, Op.EXP, Op.LOG, Op.ROTATION, Op.HYPERBOLIC}
     | {Op.ATAN, Op.ASINH, Op.TAN, Op.TANH}
 )
-"""Operations whose series may be too small to be seen where a step begins, and yet matter where it ends."""
+"""Operations whose series may be too small to be seen where a step begins, and yet matter where it
+ends."""
 MOST_DEGREE = 8  # of a polynomial that a series of every order shows
 INVERSES = {"Rq": 0, "Rz": 1}
 OUTPUTS = {Op.ROTATION: 2, Op.STEADY: 2, Op.HYPERBOLIC: 2, Op.TAN: 2, Op.TANH: 2}
@@ -30,9 +31,10 @@ class Program(NamedTuple):
     Attributes
     ----------
     code : array of int, shape (instructions, 9)
-        Operation, row of the result, up to five operands, place, size; see :class:`stickslip.symbolic.tape.Op`. The
-        operands of LINEAR and of RATES (its second and third) are where a list of terms begins and its length; SELECT,
-        POWER (its second) and ENTRY (its fourth) name the place of their first term.
+        Operation, row of the result, up to five operands, place, size; see
+        :class:`stickslip.symbolic.tape.Op`. The operands of LINEAR and of RATES (its second and
+        third) are where a list of terms begins and its length; SELECT, POWER (its second) and ENTRY
+        (its fourth) name the place of their first term.
     term_row : array of int
         Row of a term, −1 for a constant.
     term_factor : array of int
@@ -63,7 +65,9 @@ def pack(layout: Layout) -> Program:
     """Arrays of a tape: first what is needed for the instructions that may hide something."""
     hiding = _hiding(layout)
     needed = _needed(layout.instructions, hiding)
-    ordered = [i for i in layout.instructions if i in needed] + [i for i in layout.instructions if i not in needed]
+    ordered = [i for i in layout.instructions if i in needed] + [
+        i for i in layout.instructions if i not in needed
+    ]
     read = {row for i in needed for row in rows_read(i)}
     packer = _Packer(layout.constants)
     code = [packer.packed(i) for i in ordered]
@@ -95,13 +99,17 @@ def rows_made(i: Instruction) -> range:
 
 
 def _hiding(layout: Layout) -> set[Instruction]:
-    """Instructions that may hide something: those of :data:`HIDING`, and products of a high degree."""
+    """Instructions that may hide something: those of :data:`HIDING`, and products of a high
+    degree."""
     degree = dict.fromkeys(range(len(layout.state) + 1), 1)
     found = set()
     for i in layout.instructions:
         degrees = [degree[row] for row in rows_read(i)]
-        # A product of a series that is seen with itself: the lowest order may be the highest that is there.
-        own = sum(degrees) if i.op is Op.PRODUCT else 1 if i.op in HIDING else max(degrees, default=0)
+        # A product of a series that is seen with itself: the lowest order may be the highest that
+        # is there.
+        own = (
+            sum(degrees) if i.op is Op.PRODUCT else 1 if i.op in HIDING else max(degrees, default=0)
+        )
         if i.op in HIDING or (i.op is Op.PRODUCT and own > MOST_DEGREE):
             found.add(i)
         degree |= dict.fromkeys(rows_made(i), own)

@@ -1,7 +1,7 @@
 """Recurrences of Taylor coefficients: order k of an operation from orders at most k of its rows.
 
-W[row, k] is the k-th Taylor coefficient of a row (Jorba & Zou 2005, section 2). These are the only operations
-that generated code calls.
+W[row, k] is the k-th Taylor coefficient of a row (Jorba & Zou 2005, section 2). These are the only
+operations that generated code calls.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ Array = np.ndarray
 NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a difference may be zero
 OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
 
-# Sums may be reordered (they are long dot products), nothing else is relaxed: NaN and inf must stay visible.
+# Sums may be reordered (they are long dot products), nothing else is relaxed: NaN and inf must stay
+# visible.
 _exact: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
 _options = {**_exact, "fastmath": {"reassoc", "contract", "nsz"}}
 
@@ -41,7 +42,9 @@ def _type_of_fma(context: Any) -> Any:
 @lower_builtin(fma, types.float64, types.float64, types.float64)
 def _code_of_fma(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     real = ir.DoubleType()
-    function = builder.module.declare_intrinsic("llvm.fmuladd", [real], ir.FunctionType(real, [real] * 3))
+    function = builder.module.declare_intrinsic(
+        "llvm.fmuladd", [real], ir.FunctionType(real, [real] * 3)
+    )
     return builder.call(function, arguments)
 
 
@@ -85,7 +88,8 @@ def split(a: float) -> tuple[float, float]:
 
 @njit(**_exact)
 def dot(a: tuple[float, ...], b: tuple[float, ...]) -> float:
-    """Σ aᵢbᵢ as if computed with twice as many digits (algorithm Dot2 of Ogita, Rump and Oishi 2005)."""
+    """Σ aᵢbᵢ as if computed with twice as many digits (algorithm Dot2 of Ogita, Rump and Oishi
+    2005)."""
     total, lost = 0.0, 0.0
     for i in range(len(a)):
         product, (ah, al), (bh, bl) = a[i] * b[i], split(a[i]), split(b[i])
@@ -136,8 +140,8 @@ def first_power(a: float, p: float, size: float) -> float:
 def power_order(W: Array, a: int, y: int, p: float, size: float, k: int) -> float:
     """Order k of y = aᵖ for a constant p.
 
-    Where y begins with 0, all its orders are 0: a power of zero has no series of its own, and what it is later counts
-    as what the series cannot show (:mod:`stickslip.motion.steps.discs`).
+    Where y begins with 0, all its orders are 0: a power of zero has no series of its own, and what
+    it is later counts as what the series cannot show (:mod:`stickslip.motion.steps.discs`).
     """
     a0 = W[a, 0]
     if k == 0:
@@ -150,7 +154,8 @@ def power_order(W: Array, a: int, y: int, p: float, size: float, k: int) -> floa
 
 @njit(**_options)
 def chain_order(W: Array, a: int, g: int, k: int) -> float:
-    """Order k ≥ 1 of y with y′ = g·a′; the newest coefficient comes last, in one multiplication and one addition."""
+    """Order k ≥ 1 of y with y′ = g·a′; the newest coefficient comes last, in one multiplication and
+    one addition."""
     s = 0.0
     for j in range(1, k):
         s += j * W[a, j] * W[g, k - j]
@@ -159,7 +164,8 @@ def chain_order(W: Array, a: int, g: int, k: int) -> float:
 
 @njit(**_exact)
 def first_exp(x: float) -> float:
-    """exp x, infinite before its derivatives overflow: what is divided by it then is zero, and so are they."""
+    """exp x, infinite before its derivatives overflow: what is divided by it then is zero, and so
+    are they."""
     return math.exp(x) if x < OVERFLOW else np.inf
 
 
@@ -206,7 +212,11 @@ def steady_rotation_order(W: Array, a: int, sine: int, cosine: int, k: int) -> N
 def hyperbolic_order(W: Array, a: int, sine: int, cosine: int, k: int) -> None:
     """Order k of sinh a and cosh a."""
     if k == 0:
-        W[sine, 0] = 0.5 * first_exp(W[a, 0]) - 0.5 * first_exp(-W[a, 0]) if abs(W[a, 0]) > 1.0 else math.sinh(W[a, 0])
+        W[sine, 0] = (
+            0.5 * first_exp(W[a, 0]) - 0.5 * first_exp(-W[a, 0])
+            if abs(W[a, 0]) > 1.0
+            else math.sinh(W[a, 0])
+        )
         W[cosine, 0] = 0.5 * first_exp(W[a, 0]) + 0.5 * first_exp(-W[a, 0])
     else:
         W[sine, k] = chain_order(W, a, cosine, k)
@@ -225,7 +235,8 @@ def solve_order(R: Array, W: Array, first: int, solution: int, n: int, k: int) -
 
 @njit(**_exact)
 def balance(A: Array, n: int, row: int, by_rows: bool) -> float:
-    """A power of two near the reciprocal of the largest entry of a row (or column); 0 if there is none."""
+    """A power of two near the reciprocal of the largest entry of a row (or column); 0 if there is
+    none."""
     largest = 0.0
     for j in range(n):
         largest = max(largest, abs(A[row, j] if by_rows else A[j, row]))
@@ -234,17 +245,16 @@ def balance(A: Array, n: int, row: int, by_rows: bool) -> float:
 
 @njit(**_exact)
 def invert(A: Array, n: int, R: Array) -> bool:
-    """Inverse R of the leading n×n block of A (destroyed, with the row below) by Gauss-Jordan elimination.
+    """Inverse R of the leading n×n block of A (destroyed, with the row below) by Gauss-Jordan
+    elimination.
 
     Returns
     -------
     bool
         False if it is singular.
 
-    Notes
-    -----
-    Rows and columns are brought to size 1 first, by powers of two, which round nothing: a pivot is small beside its
-    own row, not beside a mass in other units.
+    Notes ----- Rows and columns are brought to size 1 first, by powers of two, which round nothing:
+    a pivot is small beside its own row, not beside a mass in other units.
     """
     for i in range(n):
         factor = balance(A, n, i, True)

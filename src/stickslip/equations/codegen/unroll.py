@@ -1,8 +1,10 @@
-"""Partial evaluation of generated code: the loop over the orders of a Taylor series, written out order by order.
+"""Partial evaluation of generated code: the loop over the orders of a Taylor series, written out
+order by order.
 
-The recurrences of :mod:`stickslip.equations.codegen.series` are sums whose lengths are known once the order is. Written
-out, with every coefficient in a variable of its own, they run about three times as fast as loops. They are taken from
-their own source text, so that the mathematics is said once.
+The recurrences of :mod:`stickslip.equations.codegen.series` are sums whose lengths are known once
+the order is. Written out, with every coefficient in a variable of its own, they run about three
+times as fast as loops. They are taken from their own source text, so that the mathematics is said
+once.
 """
 
 from __future__ import annotations
@@ -18,7 +20,12 @@ from stickslip.equations.codegen import series
 from stickslip.equations.codegen.generate import ORDERS
 
 Names = dict[str, ast.expr]
-ARITHMETIC = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv}
+ARITHMETIC = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+}
 COMPARISONS = {ast.Eq: operator.eq, ast.Gt: operator.gt, ast.GtE: operator.ge}
 
 
@@ -30,17 +37,26 @@ SUMS = tuple(f"{name}_order" for name in "product divide inverse power exp log c
 def written_out(source: str) -> str:
     """The module of a system with the loop of its ``jets`` written out, where that makes it faster.
 
-    It does where the series contain products of series, not too many, and no linear problem that depends on the state.
-    Coefficients beyond order 0 are stored only for the rows that are read, those of ``KEPT``.
+    It does where the series contain products of series, not too many, and no linear problem that
+    depends on the state. Coefficients beyond order 0 are stored only for the rows that are read,
+    those of ``KEPT``.
     """
     module = ast.parse(source)
     jets = next(f for f in module.body if isinstance(f, ast.FunctionDef) and f.name == "jets")
-    place, loop = next((i, s) for i, s in enumerate(jets.body) if isinstance(s, ast.For) and _runs_over_orders(s))
+    place, loop = next(
+        (i, s) for i, s in enumerate(jets.body) if isinstance(s, ast.For) and _runs_over_orders(s)
+    )
     text = ast.unparse(loop)
     if "invert(" in text or not any(name in text for name in SUMS):
         return source
-    kept = next(s.value for s in module.body if isinstance(s, ast.Assign) and ast.unparse(s.targets[0]) == "KEPT")
-    lines = unrolled(jets.body[:place], loop.body, jets.body[place + 1 : -1], ast.literal_eval(kept))
+    kept = next(
+        s.value
+        for s in module.body
+        if isinstance(s, ast.Assign) and ast.unparse(s.targets[0]) == "KEPT"
+    )
+    lines = unrolled(
+        jets.body[:place], loop.body, jets.body[place + 1 : -1], ast.literal_eval(kept)
+    )
     if sum(line.count("*") + line.count("fma(") for line in lines) > MOST_PRODUCTS:
         return source
     jets.body = ast.parse("\n".join(lines)).body
@@ -51,7 +67,9 @@ def _runs_over_orders(loop: ast.For) -> bool:
     return ast.unparse(loop).startswith("for k in range(N):")
 
 
-def unrolled(start: list[ast.stmt], body: list[ast.stmt], sizes: list[ast.stmt], kept: Collection[int]) -> list[str]:
+def unrolled(
+    start: list[ast.stmt], body: list[ast.stmt], sizes: list[ast.stmt], kept: Collection[int]
+) -> list[str]:
     """The lines of ``jets``.
 
     Parameters
@@ -67,7 +85,8 @@ def unrolled(start: list[ast.stmt], body: list[ast.stmt], sizes: list[ast.stmt],
     """
     *checkpoints, last = ORDERS
     writer = _Writer(kept)
-    # What has a name before the loop keeps it: a variable is read once, an entry of an array again and again.
+    # What has a name before the loop keeps it: a variable is read once, an entry of an array again
+    # and again.
     named = [s for s in start if isinstance(s, ast.Assign) and isinstance(s.targets[0], ast.Name)]
     writer.lines += map(ast.unparse, named)
     writer.run([s for s in start if s not in named], {"N": ast.Constant(last)})
@@ -83,12 +102,17 @@ def unrolled(start: list[ast.stmt], body: list[ast.stmt], sizes: list[ast.stmt],
 @cache
 def _recurrences() -> dict[str, ast.FunctionDef]:
     """The recurrences by name."""
-    functions = [node for node in ast.parse(inspect.getsource(series)).body if isinstance(node, ast.FunctionDef)]
+    functions = [
+        node
+        for node in ast.parse(inspect.getsource(series)).body
+        if isinstance(node, ast.FunctionDef)
+    ]
     return {node.name: node for node in functions if node.name.endswith("_order")}
 
 
 class _Writer:
-    """Follows statements as far as they are known: loops and tests vanish, coefficients W[r, k] become variables."""
+    """Follows statements as far as they are known: loops and tests vanish, coefficients W[r, k]
+    become variables."""
 
     def __init__(self, kept: Collection[int]) -> None:
         self.kept = kept
@@ -108,13 +132,19 @@ class _Writer:
                 case ast.AugAssign(target=target, op=op, value=value):
                     self.assign(target, self.value(ast.BinOp(target, op, value), names), names)
                 case ast.For(target=ast.Name(id=index), iter=ast.Call(args=limits)):
-                    for j in range(*(int(_number(self.value(limit, names)) or 0) for limit in limits)):
+                    for j in range(
+                        *(int(_number(self.value(limit, names)) or 0) for limit in limits)
+                    ):
                         names[index] = ast.Constant(j)
                         self.run(statement.body, names)
                 case ast.If(test=test):
                     chosen = self.value(test, names)
                     assert isinstance(chosen, ast.Constant)  # recurrences branch on the order alone
-                    if (result := self.run(statement.body if chosen.value else statement.orelse, names)) is not None:
+                    if (
+                        result := self.run(
+                            statement.body if chosen.value else statement.orelse, names
+                        )
+                    ) is not None:
                         return result
                 case ast.Expr(value=value):
                     self.value(value, names)
@@ -166,7 +196,9 @@ class _Folder(ast.NodeTransformer):
         return self.writer.known.get(ast.unparse(place), place)
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
-        left, right, kind = self.visit(node.left), self.visit(node.right), type(node.op)
+        left = self.visit(node.left)
+        right = self.visit(node.right)
+        kind = type(node.op)
         a, b = _number(left), _number(right)
         if a is not None and b is not None:
             return ast.Constant(ARITHMETIC[kind](a, b))
@@ -179,7 +211,8 @@ class _Folder(ast.NodeTransformer):
         return ast.BinOp(left, node.op, right)
 
     def visit_Compare(self, node: ast.Compare) -> ast.expr:
-        left, right = self.visit(node.left), self.visit(node.comparators[0])
+        left = self.visit(node.left)
+        right = self.visit(node.comparators[0])
         a, b = _number(left), _number(right)
         if a is not None and b is not None:
             return ast.Constant(COMPARISONS[type(node.ops[0])](a, b))
@@ -187,11 +220,16 @@ class _Folder(ast.NodeTransformer):
 
     def visit_BoolOp(self, node: ast.BoolOp) -> ast.expr:
         values = [self.visit(value) for value in node.values]
-        decisive = isinstance(node.op, ast.Or)  # the value that decides: any True of an `or`, any False of an `and`
+        # the value that decides: any True of an `or`, any False of an `and`
+        decisive = isinstance(node.op, ast.Or)
         if any(isinstance(value, ast.Constant) and value.value is decisive for value in values):
             return ast.Constant(decisive)
         open_ones = [value for value in values if not isinstance(value, ast.Constant)]
-        return ast.BoolOp(node.op, open_ones) if len(open_ones) > 1 else [*open_ones, ast.Constant(not decisive)][0]
+        return (
+            ast.BoolOp(node.op, open_ones)
+            if len(open_ones) > 1
+            else [*open_ones, ast.Constant(not decisive)][0]
+        )
 
     def visit_IfExp(self, node: ast.IfExp) -> ast.expr:
         test = self.visit(node.test)
@@ -204,15 +242,18 @@ class _Folder(ast.NodeTransformer):
         function = _recurrences().get(node.func.id) if isinstance(node.func, ast.Name) else None
         if function is None:
             return ast.Call(node.func, arguments, [])
-        names = {parameter.arg: a for parameter, a in zip(function.args.args, arguments, strict=True)}
+        names = {
+            parameter.arg: a for parameter, a in zip(function.args.args, arguments, strict=True)
+        }
         return self.writer.run(function.body, names) or ast.Constant(None)
 
 
 class _Sums(ast.NodeTransformer):
     """Adds up long sums in the order in which their terms become known.
 
-    Each coefficient waits for the one before, so that what takes time is the longest chain of instructions. Old terms
-    are added up in strands; what is known last is added last, its product and its sum in one instruction.
+    Each coefficient waits for the one before, so that what takes time is the longest chain of
+    instructions. Old terms are added up in strands; what is known last is added last, its product
+    and its sum in one instruction.
     """
 
     def __init__(self, age: dict[str, int], made: dict[str, ast.expr]) -> None:
@@ -224,7 +265,8 @@ class _Sums(ast.NodeTransformer):
         if not isinstance(node.op, ast.Add):
             return self.generic_visit(node)  # type: ignore[return-value]
         terms = sorted(map(self.visit, _terms(node)), key=self.last)
-        strands, new = [[term] for term in terms[:-2]], terms[-2:]
+        strands = [[term] for term in terms[:-2]]
+        new = terms[-2:]
         if len(strands) > STRANDS:
             strands = [terms[i:-2:STRANDS] for i in range(STRANDS)]
         sums = [reduce(_plus, strand) for strand in strands]
@@ -237,17 +279,22 @@ class _Sums(ast.NodeTransformer):
         left, right = self.visit(node.left), self.visit(node.right)
         newest = isinstance(left, ast.Name) and self.last(left) > self.last(right)
         match self.made.get(left.id) if newest else None:
-            case ast.BinOp(factor, ast.Mult(), ast.Name() as base) if self.last(base) > self.last(factor):
+            case ast.BinOp(factor, ast.Mult(), ast.Name() as base) if self.last(base) > self.last(
+                factor
+            ):
                 return ast.BinOp(base, ast.Mult(), ast.BinOp(factor, ast.Mult(), right))
             case ast.Call(ast.Name("fma"), [a, b, rest]) if self.last(right) < 0:
                 return _plus(
-                    ast.BinOp(rest, ast.Mult(), right), ast.BinOp(b, ast.Mult(), ast.BinOp(a, ast.Mult(), right))
+                    ast.BinOp(rest, ast.Mult(), right),
+                    ast.BinOp(b, ast.Mult(), ast.BinOp(a, ast.Mult(), right)),
                 )
         return ast.BinOp(left, ast.Mult(), right)
 
     def last(self, term: ast.AST) -> int:
         """When a term is known."""
-        return max((self.age.get(n.id, -1) for n in ast.walk(term) if isinstance(n, ast.Name)), default=-1)
+        return max(
+            (self.age.get(n.id, -1) for n in ast.walk(term) if isinstance(n, ast.Name)), default=-1
+        )
 
 
 def _plus(rest: ast.expr, term: ast.expr) -> ast.expr:
@@ -266,7 +313,11 @@ def _terms(node: ast.expr) -> list[ast.expr]:
 
 def _number(node: ast.expr) -> float | None:
     """The value of a numeric constant."""
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub) and (x := _number(node.operand)) is not None:
+    if (
+        isinstance(node, ast.UnaryOp)
+        and isinstance(node.op, ast.USub)
+        and (x := _number(node.operand)) is not None
+    ):
         return -x
     if not isinstance(node, ast.Constant) or isinstance(node.value, bool):
         return None

@@ -1,4 +1,5 @@
-"""What all pictures share: sizes, fonts, colours that colour-blind readers can tell apart, and labels with units."""
+"""What all pictures share: sizes, fonts, colours that colour-blind readers can tell apart, and
+labels with units."""
 
 from __future__ import annotations
 
@@ -18,14 +19,21 @@ from stickslip.display.symbols import latex_name
 from stickslip.model.units import unit_label
 
 # Okabe & Ito's palette: distinct under all common forms of colour blindness, and in print.
-BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"
+BLUE = "#0072B2"
+VERMILION = "#D55E00"
+GREEN = "#009E73"
+PURPLE = "#CC79A7"
+SKY = "#56B4E9"
+ORANGE = "#E69F00"
 LINES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 STICK_SHADE = "#E4E4E4"
 STICK_LINE = "#222222"
-THRESHOLD, BAND = "#B8860B", "#F3DFA8"
+THRESHOLD = "#B8860B"
+BAND = "#F3DFA8"
 SLIP = {-1: ORANGE, 1: BLUE}
 
-# Sizes are for a picture of full text width; at half that size the smallest letters are still 5 points.
+# Sizes are for a picture of full text width; at half that size the smallest letters are still 5
+# points.
 STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 11.0,
@@ -63,7 +71,8 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def line_colours(count: int) -> list[str]:
-    """Colours for a number of lines: the palette, or a perceptually even range if there are many."""
+    """Colours for a number of lines: the palette, or a perceptually even range if there are
+    many."""
     if count <= len(LINES):
         return list(LINES[:count])
     colours = mpl.colormaps["viridis"]
@@ -89,7 +98,8 @@ def legend_above(axes: Axes, handles: Sequence[Artist] | None = None, right: boo
     """
     if handles is None:
         handles, _ = axes.get_legend_handles_labels()
-    shown, first = [(handle, str(handle.get_label())) for handle in handles], axes.get_legend()
+    shown = [(handle, str(handle.get_label())) for handle in handles]
+    first = axes.get_legend()
     corner, x = ("lower right", 1.0) if right else ("lower left", 0.0)
 
     def place(columns: int) -> float:
@@ -103,8 +113,13 @@ def legend_above(axes: Axes, handles: Sequence[Artist] | None = None, right: boo
         if width + _width(axes, first) <= 1.0:
             axes.add_artist(first)
             return
-        shown = [(h, text.get_text()) for h, text in zip(first.legend_handles, first.texts, strict=True) if h] + shown
-        corner, x = "lower left", 0.0
+        shown = [
+            (h, text.get_text())
+            for h, text in zip(first.legend_handles, first.texts, strict=True)
+            if h
+        ] + shown
+        corner = "lower left"
+        x = 0.0
         width = place(len(shown))
     if width > 1.0:
         place(max(1, int(len(shown) / width)))

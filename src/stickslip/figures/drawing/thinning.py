@@ -1,9 +1,11 @@
-"""Long motions on few pixels: the extremes of every column, the shares of the modes in it, each piece of a curve once.
+"""Long motions on few pixels: the extremes of every column, the shares of the modes in it, each
+piece of a curve once.
 
-A page has about a thousand pixels across; a motion may have millions of steps. What is drawn is bounded, and looks as
-if everything were drawn: M4 aggregation (Jugel, Jerzak, Hackenbroich and Markl, *M4: a visualization-oriented time
-series data aggregation*, Proc. VLDB Endow. 7 (2014) 797-808) for lines, colours mixed by their share of the time for
-phases, and for curves in the plane one piece for all that run between the same pixels.
+A page has about a thousand pixels across; a motion may have millions of steps. What is drawn is
+bounded, and looks as if everything were drawn: M4 aggregation (Jugel, Jerzak, Hackenbroich and
+Markl, *M4: a visualization-oriented time series data aggregation*, Proc. VLDB Endow. 7 (2014)
+797-808) for lines, colours mixed by their share of the time for phases, and for curves in the plane
+one piece for all that run between the same pixels.
 """
 
 from __future__ import annotations
@@ -24,7 +26,8 @@ MOST_PIECES = 100_000  # of a curve
 
 
 class Columns:
-    """First, least, largest and last value of quantities in each column of a time axis, collected bit by bit.
+    """First, least, largest and last value of quantities in each column of a time axis, collected
+    bit by bit.
 
     Parameters
     ----------
@@ -33,14 +36,17 @@ class Columns:
     """
 
     def __init__(self, start: float, end: float) -> None:
-        self.start, self.end, self.width = start, end, end - start or 1.0
+        self.start = start
+        self.end = end
+        self.width = end - start or 1.0
         self._kept: dict[str, Array] = {}
 
     def absorb(self, t: Array, values: Mapping[str, Array]) -> None:
         """Take note of values at times in ascending order."""
         column = np.minimum((COLUMNS * ((t - self.start) / self.width)).astype(int), COLUMNS - 1)
         firsts = np.flatnonzero(np.diff(column, prepend=-1))
-        lasts, where = np.append(firsts[1:], len(t)) - 1, column[firsts]
+        lasts = np.append(firsts[1:], len(t)) - 1
+        where = column[firsts]
         for name, v in values.items():
             first, low, high, last = self._kept.setdefault(name, np.full((4, COLUMNS), np.nan))
             first[where] = np.where(np.isnan(first[where]), v[firsts], first[where])
@@ -49,21 +55,27 @@ class Columns:
             last[where] = v[lasts]
 
     def lines(self) -> tuple[Array, dict[str, Array]]:
-        """Times and values of a line for each quantity: four points a column, what rises in it low before high."""
-        times = self.start + (self.end - self.start) * (np.arange(4 * COLUMNS) + 0.5) / (4 * COLUMNS)
+        """Times and values of a line for each quantity: four points a column, what rises in it low
+        before high."""
+        times = self.start + (self.end - self.start) * (np.arange(4 * COLUMNS) + 0.5) / (
+            4 * COLUMNS
+        )
         times[0], times[-1] = self.start, self.end
         known = np.ones(len(times), bool)
         values = {}
         for name, (first, low, high, last) in self._kept.items():
             rising = first <= last
-            line = np.column_stack([first, np.where(rising, low, high), np.where(rising, high, low), last]).ravel()
+            line = np.column_stack(
+                [first, np.where(rising, low, high), np.where(rising, high, low), last]
+            ).ravel()
             known &= ~np.isnan(line)
             values[name] = line
         return times[known], {name: line[known] for name, line in values.items()}
 
 
 def chosen(time: Array, most: int) -> Array:
-    """Numbers of the steps between given times that are looked at: all, or so many in a row in each column."""
+    """Numbers of the steps between given times that are looked at: all, or so many in a row in each
+    column."""
     steps = len(time) - 1
     if steps <= most:
         return np.arange(steps)
@@ -107,20 +119,32 @@ def strip(
         for colour, edges in ((colour, edges) for colour, edges in runs.items() if len(edges)):
             begins = time[edges[:, 0]]
             spans = np.column_stack([begins, time[edges[:, 1]] - begins])
-            axes.broken_barh(spans, (low, high - low), color=colour, lw=0, transform=transform, zorder=zorder)  # type: ignore[arg-type]
+            axes.broken_barh(
+                spans,  # type: ignore[arg-type]
+                (low, high - low),
+                color=colour,
+                lw=0,
+                transform=transform,
+                zorder=zorder,
+            )
         return
     edges = np.linspace(time[0], time[-1], COLUMNS + 1)
     shares = np.array([_shares(time, holds, edges) for holds in phases.values()])
     total = np.sum(shares, axis=0)
-    mixed = np.array([to_rgb(colour) for colour in phases]).T @ (shares / np.where(total > 0.0, total, 1.0))
+    mixed = np.array([to_rgb(colour) for colour in phases]).T @ (
+        shares / np.where(total > 0.0, total, 1.0)
+    )
     image = np.vstack([mixed, np.minimum(total, 1.0)]).T[None]
     extent = (float(time[0]), float(time[-1]), low, high)
     axes.imshow(image, aspect="auto", extent=extent, transform=transform, zorder=zorder)
 
 
 def _runs(holds: Array) -> Array:
-    """First step, and last step plus one, of each run in which a condition holds; shape (runs, 2)."""
-    return np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8))).reshape(-1, 2)
+    """First step, and last step plus one, of each run in which a condition holds; shape (runs,
+    2)."""
+    return np.flatnonzero(
+        np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8))
+    ).reshape(-1, 2)
 
 
 def _shares(time: Array, holds: Array, edges: Array) -> Array:
@@ -141,7 +165,8 @@ class Curve:
     """
 
     def __init__(self, whole: bool, x: Array, y: Array) -> None:
-        self.whole, self.origin = whole, np.array([np.min(x), np.min(y)])
+        self.whole = whole
+        self.origin = np.array([np.min(x), np.min(y)])
         self.size = np.array([np.ptp(x), np.ptp(y)])
         self._parts: list[Array] = []
         self._spots: list[Array] = []
@@ -161,7 +186,8 @@ class Curve:
         if self.whole:
             self._parts.append(np.column_stack([x, y, rests]))
             return
-        pixel, kind = self._pixel(x, y), rests[:-1] & rests[1:]
+        pixel = self._pixel(x, y)
+        kind = rests[:-1] & rests[1:]
         i = np.flatnonzero(joined & ((x[1:] != x[:-1]) | (y[1:] != y[:-1])))
         i = i[_first(pixel[i], pixel[i + 1], kind[i])]
         self._parts.append(np.column_stack([x[i], y[i], x[i + 1], y[i + 1], kind[i]]))
@@ -181,7 +207,8 @@ class Curve:
         return x, y, np.repeat(pieces[:, 4] > 0.0, 3)
 
     def spots(self) -> tuple[Array, Array]:
-        """Points at which the curve rests without moving, one for each pixel: there the line is a point."""
+        """Points at which the curve rests without moving, one for each pixel: there the line is a
+        point."""
         x, y = np.vstack(self._spots).T
         _, first = np.unique(self._pixel(x, y), return_index=True)
         return x[first], y[first]
@@ -189,23 +216,30 @@ class Curve:
     def _pixel(self, x: Array, y: Array, pixels: int = PIXELS) -> Array:
         """Numbers of pixels, below 2²⁸; what is far outside counts as the edge."""
         places = (
-            ((v - low) * (pixels / (size or 1.0)) + 7 * pixels).clip(0, 16 * pixels - 1).astype(np.int64)
+            ((v - low) * (pixels / (size or 1.0)) + 7 * pixels)
+            .clip(0, 16 * pixels - 1)
+            .astype(np.int64)
             for v, low, size in zip((x, y), self.origin, self.size, strict=True)
         )
         column, row = places
         return column * (16 * pixels) + row
 
     def _merge(self) -> Array:
-        """Every piece once; up to the size of larger pixels if they are still too many, but the outermost ones."""
-        pieces, pixels = np.vstack(self._parts), PIXELS
+        """Every piece once; up to the size of larger pixels if they are still too many, but the
+        outermost ones."""
+        pieces = np.vstack(self._parts)
+        pixels = PIXELS
         while True:
             begin, end = (self._pixel(pieces[:, i], pieces[:, i + 1], pixels) for i in (0, 2))
-            outermost = [extreme(pieces[:, i]) for i in (0, 1) for extreme in (np.argmin, np.argmax)]
+            outermost = [
+                extreme(pieces[:, i]) for i in (0, 1) for extreme in (np.argmin, np.argmax)
+            ]
             pieces = pieces[np.union1d(_first(begin, end, pieces[:, 4] > 0.0), outermost)]
             if len(pieces) <= MOST_PIECES or pixels == 1:
                 break
             pixels //= 2
-        self._parts, self._count = [pieces], len(pieces)
+        self._parts = [pieces]
+        self._count = len(pieces)
         return pieces
 
     def _standing(self, x: Array, y: Array, rests: Array) -> Array:

@@ -1,7 +1,8 @@
 """The motion between its knots: values at any time.
 
-A trajectory stores the state at the start of every step, no polynomial: the Taylor series is made again from that
-state, so values between knots are as accurate as at the knots, and a stored file gives the same numbers.
+A trajectory stores the state at the start of every step, no polynomial: the Taylor series is made
+again from that state, so values between knots are as accurate as at the knots, and a stored file
+gives the same numbers.
 """
 
 from __future__ import annotations
@@ -11,7 +12,15 @@ import numpy as np
 from stickslip.machine_code import njit
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
-from stickslip.motion.steps.arrays import ALLOCATING, DIMENSION, JETS, POWERS, Constants, Rows, Space
+from stickslip.motion.steps.arrays import (
+    ALLOCATING,
+    DIMENSION,
+    JETS,
+    POWERS,
+    Constants,
+    Rows,
+    Space,
+)
 from stickslip.motion.steps.stiff import follow
 
 Array = np.ndarray
@@ -46,28 +55,48 @@ def sample(
         Knot whose step each time belongs to.
     out : array, shape (times, rows + 3)
     """
-    sizes, W, A, B, mag, n = rows.sizes, space.W, space.A, space.B, space.mag, rows.sizes[DIMENSION]
-    V, y, z, power = np.zeros((len(W), 2)), np.zeros(n), np.zeros(n), np.zeros(3)
+    sizes = rows.sizes
+    W = space.W
+    A = space.A
+    B = space.B
+    mag = space.mag
+    n = rows.sizes[DIMENSION]
+    V = np.zeros((len(W), 2))
+    y = np.zeros(n)
+    z = np.zeros(n)
+    power = np.zeros(3)
     mode, reg = np.zeros(knot_mode.shape[1], np.int64), np.zeros(knot_region.shape[1], np.int64)
-    last, base, h, order, known, final = -1, 0.0, 0.0, N, False, len(knot_time) - 1
+    last = -1
+    base = 0.0
+    h = 0.0
+    order = N
+    known = False
+    final = len(knot_time) - 1
     for i in range(len(times)):
         knot = index[i]
         if knot != last or times[i] < base:
-            last, base = knot, knot_time[knot]
+            last = knot
+            base = knot_time[knot]
             copy(knot_mode[knot], mode)
             copy(knot_region[knot], reg)
             copy(knot_state[knot], y)
             resolve(sizes, k, space, mode)
             known = False
-        left = knot_time[min(knot + 1, final)] - base  # the coefficients have to suit what is left of the step
+        # the coefficients have to suit what is left of the step
+        left = knot_time[min(knot + 1, final)] - base
         if times[i] > base and not known:  # at the knot itself no series is needed
-            order, h, _ = follow(jets, rows, k, space, N, float(base), y, mode, reg, left, 0.0, tol, atol, seen)
+            order, h, _ = follow(
+                jets, rows, k, space, N, float(base), y, mode, reg, left, 0.0, tol, atol, seen
+            )
             known = True
         while known and times[i] - base > h:
             for r in range(n):
                 y[r] = horner(W[r], order, h / W[n, 1])
-            base, left = base + h, left - h
-            order, h, _ = follow(jets, rows, k, space, N, base, y, mode, reg, left, h, tol, atol, seen)
+            base = base + h
+            left = left - h
+            order, h, _ = follow(
+                jets, rows, k, space, N, base, y, mode, reg, left, h, tol, atol, seen
+            )
             h = max(h, 1e-12 * left)
         for r in range(n):
             z[r] = horner(W[r], order, (times[i] - base) / W[n, 1]) if known else y[r]

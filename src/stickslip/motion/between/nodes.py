@@ -1,4 +1,5 @@
-"""Gauss nodes on a piece: bounds of a function from its values there, and what it may do between them."""
+"""Gauss nodes on a piece: bounds of a function from its values there, and what it may do between
+them."""
 
 from __future__ import annotations
 
@@ -11,13 +12,16 @@ from stickslip.motion.steps.arrays import OPTIONS
 Array = np.ndarray
 
 _nodes, _weights = np.polynomial.legendre.leggauss(COUNT)
-NODES, WEIGHTS = 0.5 * (_nodes + 1.0), 0.5 * _weights  # on [0, 1]
+NODES = 0.5 * (_nodes + 1.0)  # on [0, 1]
+WEIGHTS = 0.5 * _weights
 
 
 def _lagrange(x: Array) -> Array:
     """Values of the Lagrange polynomials of the nodes, shape (points, nodes)."""
     others = [np.delete(NODES, j) for j in range(COUNT)]
-    return np.array([[np.prod((t - a) / (c - a)) for a, c in zip(others, NODES, strict=True)] for t in x])
+    return np.array(
+        [[np.prod((t - a) / (c - a)) for a, c in zip(others, NODES, strict=True)] for t in x]
+    )
 
 
 def _to_bernstein() -> Array:
@@ -25,7 +29,9 @@ def _to_bernstein() -> Array:
     from math import comb
 
     d = COUNT - 1
-    bernstein = np.array([[comb(d, i) * t**i * (1.0 - t) ** (d - i) for i in range(COUNT)] for t in NODES])
+    bernstein = np.array(
+        [[comb(d, i) * t**i * (1.0 - t) ** (d - i) for i in range(COUNT)] for t in NODES]
+    )
     return np.linalg.inv(bernstein)
 
 
@@ -34,13 +40,15 @@ TO_BERNSTEIN = _to_bernstein()
 
 
 def _between(part: float) -> float:
-    """What a function that strays by at most 1 on the disc of radius h/part may do between the nodes in [0, h]."""
+    """What a function that strays by at most 1 on the disc of radius h/part may do between the
+    nodes in [0, h]."""
     axis = 2.0 / part - 1.0  # half axis of the ellipse inside the disc, in units of h/2
     rho = axis + np.sqrt(axis * axis - 1.0)
     return float(2.0 * (1.0 + LEBESGUE) * rho ** (1 - COUNT) / (rho - 1.0))
 
 
-WIDE, NARROW = _between(0.25), _between(0.5)
+WIDE = _between(0.25)
+NARROW = _between(0.5)
 
 
 @njit(**OPTIONS)
@@ -60,12 +68,15 @@ def largest_of(values: Array) -> float:
 
 @njit(**OPTIONS)
 def least(values: Array, stack: Array, negligible: float) -> float:
-    """Lower bound of the interpolant of values at the nodes, close to its minimum where that is negative.
+    """Lower bound of the interpolant of values at the nodes, close to its minimum where that is
+    negative.
 
-    The Bernstein coefficients of a polynomial enclose it; where their least is much below the ends, the interval is
-    halved (de Casteljau).
+    The Bernstein coefficients of a polynomial enclose it; where their least is much below the ends,
+    the interval is halved (de Casteljau).
     """
-    bound, depth, d = np.inf, 0, COUNT - 1
+    bound = np.inf
+    depth = 0
+    d = COUNT - 1
     for i in range(COUNT):
         total = 0.0
         for g in range(COUNT):
@@ -74,7 +85,8 @@ def least(values: Array, stack: Array, negligible: float) -> float:
             return -np.inf
         stack[0, i] = total
     while depth >= 0:
-        b, low = stack[depth], np.inf
+        b = stack[depth]
+        low = np.inf
         for i in range(COUNT):
             low = min(low, b[i])
         edge = min(b[0], b[d])

@@ -1,7 +1,7 @@
 """A motion for the eye: quantities at very many times, straight from the series of the steps.
 
-:mod:`stickslip.motion.between.dense` solves for all forces anew at every time; here their series are evaluated, which
-takes a tenth of the time.
+:mod:`stickslip.motion.between.dense` solves for all forces anew at every time; here their series
+are evaluated, which takes a tenth of the time.
 """
 
 from __future__ import annotations
@@ -11,7 +11,15 @@ import numpy as np
 from stickslip.machine_code import njit
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
-from stickslip.motion.steps.arrays import ALLOCATING, DIMENSION, JETS, OPTIONS, Constants, Rows, Space
+from stickslip.motion.steps.arrays import (
+    ALLOCATING,
+    DIMENSION,
+    JETS,
+    OPTIONS,
+    Constants,
+    Rows,
+    Space,
+)
 from stickslip.motion.steps.stiff import follow
 
 Array = np.ndarray
@@ -48,10 +56,20 @@ def trace(
     wanted : array of int, shape (rows,)
     out : array, shape (rows, times)
     """
-    sizes, W, n = rows.sizes, space.W, rows.sizes[DIMENSION]
-    y, value, series, count = np.zeros(n), np.zeros(len(wanted)), np.zeros((N + 1, len(wanted))), len(wanted)
+    sizes = rows.sizes
+    W = space.W
+    n = rows.sizes[DIMENSION]
+    y = np.zeros(n)
+    value = np.zeros(len(wanted))
+    series = np.zeros((N + 1, len(wanted)))
+    count = len(wanted)
     mode, reg = np.zeros(knot_mode.shape[1], np.int64), np.zeros(knot_region.shape[1], np.int64)
-    knot, base, h, order, full, last = -1, 0.0, 0.0, N, N, len(knot_time) - 1
+    knot = -1
+    base = 0.0
+    h = 0.0
+    order = N
+    full = N
+    last = len(knot_time) - 1
     for i in range(len(times)):
         fresh = index[i] != knot
         if fresh:
@@ -66,8 +84,11 @@ def trace(
                 for r in range(n):
                     y[r] = horner(W[r], full, h / W[n, 1])
                 base += h
-            left, fresh = knot_time[min(knot + 1, last)] - base, False
-            full, h, _ = follow(jets, rows, k, space, N, base, y, mode, reg, left, h, tol, atol, seen)
+            left = knot_time[min(knot + 1, last)] - base
+            fresh = False
+            full, h, _ = follow(
+                jets, rows, k, space, N, base, y, mode, reg, left, h, tol, atol, seen
+            )
             h = max(h, 1e-12 * (times[i] - base))
             order = full - 1  # forces and thresholds have one order less than the state
             for c in range(order + 1):

@@ -88,7 +88,8 @@ def integrate(
     recording: bool,
     record: Record,
 ) -> int:
-    """Follow motions, lane by lane, until `end`, until the record is full, or until a closed form has to be made.
+    """Follow motions, lane by lane, until `end`, until the record is full, or until a closed form
+    has to be made.
 
     Parameters
     ----------
@@ -97,7 +98,8 @@ def integrate(
     forms, slots
         Closed forms, and the number of slots of each group (0: Taylor steps only).
     N, tol, atol
-        Order of the Taylor series, and local tolerance relative to the size of the state plus `atol`.
+        Order of the Taylor series, and local tolerance relative to the size of the state plus
+        `atol`.
     group : array of int, shape (lanes,)
     codes : array of int, shape (lanes,)
         FULL, NEED or STEPS where a lane is to go on; receives the outcome code.
@@ -116,18 +118,45 @@ def integrate(
         if codes[i] < FULL:
             continue
         g = group[i]
-        k = Constants(constants.K[g], constants.M[g], constants.C[g], constants.J[g], constants.omega[g])
+        k = Constants(
+            constants.K[g], constants.M[g], constants.C[g], constants.J[g], constants.omega[g]
+        )
         lane = lane_of(lanes, i)
         space.known[-1] = 1
-        code, flying = NOWHERE, slots > 0 and codes[i] != STEPS
+        code = NOWHERE
+        flying = slots > 0 and codes[i] != STEPS
         while code < 0:
             if flying:
                 code, count = fly_on(
-                    forms, g, slots, flight, rows, k.omega, lane, end, max_events, recording, record, count
+                    forms,
+                    g,
+                    slots,
+                    flight,
+                    rows,
+                    k.omega,
+                    lane,
+                    end,
+                    max_events,
+                    recording,
+                    record,
+                    count,
                 )
             if code < 0:
                 code, count = step_on(
-                    jets, residual, rows, k, space, N, tol, atol, lane, end, max_events, recording, record, count
+                    jets,
+                    residual,
+                    rows,
+                    k,
+                    space,
+                    N,
+                    tol,
+                    atol,
+                    lane,
+                    end,
+                    max_events,
+                    recording,
+                    record,
+                    count,
                 )
                 flying = slots > 0
         codes[i] = code
@@ -149,9 +178,11 @@ def integrate_affine(
     recording: bool,
     record: Record,
 ) -> int:
-    """The same as :func:`integrate` in closed form alone: a motion that needs Taylor steps is left with code STEPS.
+    """The same as :func:`integrate` in closed form alone: a motion that needs Taylor steps is left
+    with code STEPS.
 
-    Most systems with closed forms need nothing else, and need not wait until the Taylor steps are compiled.
+    Most systems with closed forms need nothing else, and need not wait until the Taylor steps are
+    compiled.
     """
     count = ZERO
     for i in range(len(codes)):
@@ -160,7 +191,18 @@ def integrate_affine(
         g = group[i]
         lane = lane_of(lanes, i)
         code, count = fly_on(
-            forms, g, slots, flight, rows, constants.omega[g], lane, end, max_events, recording, record, count
+            forms,
+            g,
+            slots,
+            flight,
+            rows,
+            constants.omega[g],
+            lane,
+            end,
+            max_events,
+            recording,
+            record,
+            count,
         )
         codes[i] = code if code >= 0 else STEPS
     return count
@@ -170,7 +212,13 @@ def integrate_affine(
 def lane_of(lanes: Lane, i: int) -> Lane:
     """One of many lanes."""
     return Lane(
-        lanes.clock[i], lanes.y[i], lanes.seen[i], lanes.mode[i], lanes.settled[i], lanes.reg[i], lanes.counters[i]
+        lanes.clock[i],
+        lanes.y[i],
+        lanes.seen[i],
+        lanes.mode[i],
+        lanes.settled[i],
+        lanes.reg[i],
+        lanes.counters[i],
     )
 
 
@@ -192,22 +240,48 @@ def step_on(
     count: int,
 ) -> tuple[int, int]:
     """Taylor steps up to and including the next event: (outcome code or −1, recorded steps)."""
-    clock, counters, y, nk = lane.clock, lane.counters, lane.y, len(rows.kinks)
-    room, again, promised = np.inf, False, 0.0
-    t0, last, before, recent, cause = 0.0, 0.0, 0.0, 0.0, NOWHERE
+    clock = lane.clock
+    counters = lane.counters
+    y = lane.y
+    nk = len(rows.kinks)
+    room = np.inf
+    again = False
+    promised = 0.0
+    t0 = 0.0
+    last = 0.0
+    before = 0.0
+    recent = 0.0
+    cause = NOWHERE
     while True:
         if recording and count == len(record.time) and not again:
             return FULL, count
         t, fired = clock[NOW], counters[CAUSE]
         hold = fired >= 0 or counters[TAKEN] % 64 == 0
         status, h, series, may_fire = settle(
-            jets, residual, rows, k, space, N, tol, atol, lane, min(room, max(end - t, 0.0)), hold, promised
+            jets,
+            residual,
+            rows,
+            k,
+            space,
+            N,
+            tol,
+            atol,
+            lane,
+            min(room, max(end - t, 0.0)),
+            hold,
+            promised,
         )
         if status == ASTRAY:
-            clock[NOW], clock[LAST], clock[SERIES], clock[RECENT], counters[CAUSE] = t0, last, before, recent, cause
+            clock[NOW] = t0
+            clock[LAST] = last
+            clock[SERIES] = before
+            clock[RECENT] = recent
+            counters[CAUSE] = cause
             counters[TAKEN] -= 1
             copy(space.promise[1], y)
-            room, again, promised = 0.25 * promised, True, 0.0
+            room = 0.25 * promised
+            again = True
+            promised = 0.0
             continue
         if status != OK:
             # No mode goes on from here; what the contacts did last is kept, not the last attempt.
@@ -227,7 +301,8 @@ def step_on(
         if t >= end:
             return FINISHED, count
         if h <= CLOSEST * abs(t) and h < end - t:
-            # The rate of a sliding rate-independent coordinate runs away where its branch of equilibria ends.
+            # The rate of a sliding rate-independent coordinate runs away where its branch of
+            # equilibria ends.
             sliding = False
             for c in range(rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS], len(rows.u)):
                 sliding = sliding or lane.mode[c] != 0
@@ -240,7 +315,8 @@ def step_on(
             fill_powers(space.powers, x * h / space.W[len(y), 1])
         for i in range(len(y)):
             space.trial[i], space.promise[0, i] = arrive(space.W[i], N, space.powers)
-        # The next step begins with the rates at the end of this one, unless something comes in between.
+        # The next step begins with the rates at the end of this one, unless something comes in
+        # between.
         promised = x * h
         if (
             which >= 0
@@ -249,13 +325,20 @@ def step_on(
             or (recording and count == len(record.time))
         ):
             if not solves(jets, rows, k, space, 1e4 * tol, atol, t, x * h, lane):
-                room, again, promised = 0.25 * x * h, True, 0.0
+                room = 0.25 * x * h
+                again = True
+                promised = 0.0
                 continue
             promised = 0.0
-        t0, last, before, recent, cause = t, clock[LAST], clock[SERIES], clock[RECENT], fired
+        t0 = t
+        last = clock[LAST]
+        before = clock[SERIES]
+        recent = clock[RECENT]
+        cause = fired
         copy(y, space.promise[1])
         copy(space.trial, y)
-        room, again = np.inf, False
+        room = np.inf
+        again = False
         counters[TAKEN] += 1
         clock[LAST], clock[SERIES], clock[RECENT] = h, series, max(series, 0.5 * clock[RECENT])
         clock[NOW] = end if which < 0 and h >= end - t else t + x * h
@@ -268,11 +351,35 @@ def step_on(
 
 @njit(**INLINED)
 def solves(
-    jets: JETS, rows: Rows, k: Constants, space: Space, tol: float, atol: float, t: float, h: float, lane: Lane
+    jets: JETS,
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    tol: float,
+    atol: float,
+    t: float,
+    h: float,
+    lane: Lane,
 ) -> bool:
     """Whether the rates at the end of a step are those that its series promises."""
     y, V = space.trial, space.V
-    if jets(t + h, y, lane.mode, lane.reg, k.K, space.Rq, space.Rz, 1, V, space.A, space.B, space.mag) != OK:
+    if (
+        jets(
+            t + h,
+            y,
+            lane.mode,
+            lane.reg,
+            k.K,
+            space.Rq,
+            space.Rz,
+            1,
+            V,
+            space.A,
+            space.B,
+            space.mag,
+        )
+        != OK
+    ):
         return True  # the rates are not determined here, which the next step finds out
     return keeps(rows, V, space.mag, space.promise[0], y, lane.seen, h, tol, atol)
 
@@ -297,10 +404,18 @@ def fly_on(
     Returns
     -------
     code, count
-        Outcome code, FULL, NEED if the closed form of the present mode is to be made, or −1 where Taylor steps go on.
+        Outcome code, FULL, NEED if the closed form of the present mode is to be made, or −1 where
+        Taylor steps go on.
     """
-    clock, y, mode, reg, counters = lane.clock, lane.y, lane.mode, lane.reg, lane.counters
-    nc, nk, drops, several = len(mode), len(reg), rows.drops, total(rows.drops) > 1
+    clock = lane.clock
+    y = lane.y
+    mode = lane.mode
+    reg = lane.reg
+    counters = lane.counters
+    nc = len(mode)
+    nk = len(reg)
+    drops = rows.drops
+    several = total(rows.drops) > 1
     flown, fallen = -1, -1
     while True:
         if recording and count == len(record.time):
@@ -313,14 +428,17 @@ def fly_on(
         copy(reg, flight.reg0)
         let_slide(mode)
         flights.place(flight, y, t, omega)
-        slot, ready = -1, False
+        slot = -1
+        ready = False
         for _ in range(2 * (nk + nc) + 4):
             slot = flights.find(T.key, T.own, g * slots, T.used[g], flights.mode_key(mode, reg))
             if slot < 0:
                 if T.used[g] < slots:
                     return NEED, count
                 break
-            if T.status[slot] != AFFINE or not flights.admissible(T, slot, flight, y, clock[RECENT]):
+            if T.status[slot] != AFFINE or not flights.admissible(
+                T, slot, flight, y, clock[RECENT]
+            ):
                 break
             guard = flights.germs(T, slot, flight, omega, fired, nk, clock[LAST])
             if guard < 0:
@@ -329,7 +447,9 @@ def fly_on(
             number = T.switch[slot, guard]
             c = (number - nk) // 2
             # Which of several contacts break their thresholds together is not decided here.
-            if number >= nk + 2 * nc or (several and number >= nk and drops[c] == 1 and mode[c] == 0):
+            if number >= nk + 2 * nc or (
+                several and number >= nk and drops[c] == 1 and mode[c] == 0
+            ):
                 break
             flip(number, mode, reg, nk, drops)
             let_slide(mode)
@@ -347,7 +467,9 @@ def fly_on(
         clock[LAST], clock[SERIES], clock[RECENT] = tau, tau, max(tau, 0.5 * clock[RECENT])
         clock[NOW] = t + tau if guard >= 0 else end
         flights.arrive(T, slot, flight, y, tau, omega)
-        counters[CAUSE], flown, fallen = -1, slot, guard
+        counters[CAUSE] = -1
+        flown = slot
+        fallen = guard
         if guard < 0:
             continue
         if T.switch[slot, guard] >= nk + 2 * nc:
@@ -359,11 +481,17 @@ def fly_on(
 
 @njit(**INLINED)
 def carries(T: ClosedForms, slot: int, flight: Flight, mode: Array, nk: int, drops: Array) -> bool:
-    """Whether a contact that does not stick and whose sliding force is not its threshold may be carried by others."""
+    """Whether a contact that does not stick and whose sliding force is not its threshold may be
+    carried by others."""
     if len(mode) > 1:
         for g in range(T.counts[slot, 1]):
             c = (T.switch[slot, g] - nk) // 2
-            if 0 <= c < len(mode) and flight.orders[g] >= GERM_ORDERS and mode[c] != 0 and drops[c] == 1:
+            if (
+                0 <= c < len(mode)
+                and flight.orders[g] >= GERM_ORDERS
+                and mode[c] != 0
+                and drops[c] == 1
+            ):
                 return True
     return False
 
@@ -388,7 +516,9 @@ def note(lane: Lane, recording: bool, record: Record, count: int) -> int:
         count += 1
     for i in range(len(lane.mode)):
         if lane.settled[i] != lane.mode[i]:
-            seen = lane.settled[i] != NONE_YET and not (resting(lane.settled[i]) and resting(lane.mode[i]))
+            seen = lane.settled[i] != NONE_YET and not (
+                resting(lane.settled[i]) and resting(lane.mode[i])
+            )
             lane.counters[SWITCHES] += 1 if seen else 0
             lane.settled[i] = lane.mode[i]
     return count
@@ -396,8 +526,11 @@ def note(lane: Lane, recording: bool, record: Record, count: int) -> int:
 
 @njit(**INLINED)
 def fire(guard: int, lane: Lane, rows: Rows, max_events: int) -> int:
-    """Count an event and give its switch the other state; an outcome code if the motion ends here, else −1."""
-    clock, counters, nk = lane.clock, lane.counters, len(rows.kinks)
+    """Count an event and give its switch the other state; an outcome code if the motion ends here,
+    else −1."""
+    clock = lane.clock
+    counters = lane.counters
+    nk = len(rows.kinks)
     fired = flip(guard, lane.mode, lane.reg, nk, rows.drops)
     if fired < nk and rows.vanishing[fired] >= 0:
         lane.y[rows.vanishing[fired]] = 0.0
@@ -428,13 +561,20 @@ def probe(
 
     False if the mode is not affine, or if not all are finite.
 
-    `hold` receives the columns that put the velocities of sticking inertial contacts back onto their surface, and the
-    acceleration that a unit of force gives to each.
+    `hold` receives the columns that put the velocities of sticking inertial contacts back onto
+    their surface, and the acceleration that a unit of force gives to each.
     """
-    sizes, W, mag = rows.sizes, space.W, space.mag
-    n, nq, nz, nr, mq = sizes[DIMENSION], sizes[INERTIAL], sizes[VISCOUS], sizes[RATE_INDEPENDENT], sizes[ON_INERTIAL]
+    sizes = rows.sizes
+    W = space.W
+    mag = space.mag
+    n = sizes[DIMENSION]
+    nq = sizes[INERTIAL]
+    nz = sizes[VISCOUS]
+    nr = sizes[RATE_INDEPENDENT]
+    mq = sizes[ON_INERTIAL]
     nc, nk = len(rows.u), len(rows.kinks)
-    space.known[-1], W[n, 1] = 1, 1.0
+    space.known[-1] = 1
+    W[n, 1] = 1.0
     if not resolve(sizes, k, space, mode):
         return False
     for c in range(mq):
@@ -442,7 +582,12 @@ def probe(
             hold[c, i] = space.Rq[i, nq + c] if mode[c] == 0 else 0.0
         hold[c, nq] = 1.0 / abs(space.Rq[nq + c, nq + c]) if mode[c] == 0 else 0.0
     for p in range(len(times)):
-        if jets(times[p], states[p], mode, reg, k.K, space.Rq, space.Rz, 1, W, space.A, space.B, mag) != OK:
+        if (
+            jets(
+                times[p], states[p], mode, reg, k.K, space.Rq, space.Rz, 1, W, space.A, space.B, mag
+            )
+            != OK
+        ):
             return False
         if p == 0 and not is_affine(rows, k, space, mode, reg):
             return False

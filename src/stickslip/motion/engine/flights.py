@@ -1,12 +1,13 @@
 """Exact flow of modes that are affine in the state: closed form instead of steps.
 
-In an affine mode, driven by e = (1, t, cos ω₁t, sin ω₁t, …), state and drives s = (x, e) obey ṡ = S s, and every guard
-and every component of the state is a signal
+In an affine mode, driven by e = (1, t, cos ω₁t, sin ω₁t, …), state and drives s = (x, e) obey ṡ = S
+s, and every guard and every component of the state is a signal
 
     g(τ) = g(0) + c₁τ + c₂τ² + Re Σⱼ aⱼ rⱼ (exp(λⱼτ) − 1) + Re Σₘ bₘ exp(iωₘt) (exp(iωₘτ) − 1)
 
-with c₁ and r linear in s at the beginning of the flight. Its first crossing is found over the whole flight.
-The tables of coefficients are made by :mod:`stickslip.motion.affine_modes`; here they are only followed.
+with c₁ and r linear in s at the beginning of the flight. Its first crossing is found over the whole
+flight. The tables of coefficients are made by :mod:`stickslip.motion.affine_modes`; here they are
+only followed.
 """
 
 from __future__ import annotations
@@ -18,19 +19,31 @@ import numpy as np
 from stickslip.machine_code import njit
 from stickslip.motion.engine.forms import GERM_ORDERS, SLIDES, ClosedForms, Flight
 from stickslip.motion.engine.guards import switch_of
-from stickslip.motion.engine.signals import first_of_bend, first_of_line, first_of_many, first_of_wave, length
+from stickslip.motion.engine.signals import (
+    first_of_bend,
+    first_of_line,
+    first_of_many,
+    first_of_wave,
+    length,
+)
 from stickslip.motion.steps.arrays import INLINED, OPTIONS, ROUNDING
 
 Array = np.ndarray
 
 FIRED = 1e5  # a switch that has just fired is on its boundary by definition
-NEVER, LINE, BEND, WAVE, MANY = 0, 1, 2, 3, 4  # kinds of signals
+# Kinds of signals.
+NEVER = 0
+LINE = 1
+BEND = 2
+WAVE = 3
+MANY = 4
 
 
 @njit(**OPTIONS)
 def drive_vector(t: float, omega: Array, s: Array, n: int) -> None:
     """Put the drives e = (1, t, cos ω₁t, sin ω₁t, …) behind the n components of the state."""
-    s[n], s[n + 1] = 1.0, t
+    s[n] = 1.0
+    s[n + 1] = t
     for m in range(len(omega)):
         s[n + 2 + 2 * m] = math.cos(omega[m] * t)
         s[n + 3 + 2 * m] = math.sin(omega[m] * t)
@@ -69,7 +82,8 @@ def dot(row: Array, s: Array) -> float:
 @njit(**INLINED)
 def place(f: Flight, x: Array, t: float, omega: Array) -> None:
     """Put state and drives at time t, and their moduli, into the work space."""
-    s, n = f.v[0], len(x)
+    s = f.v[0]
+    n = len(x)
     for i in range(n):
         s[i] = x[i]
     drive_vector(t, omega, s, n)
@@ -103,20 +117,32 @@ def _terms(S: Array, G: Array, size: Array, k: int, near: float) -> float:
 
 
 @njit(**INLINED)
-def germs(T: ClosedForms, slot: int, f: Flight, omega: Array, fired: int, kinks: int, last: float) -> int:
-    """Least guard that becomes negative at once, or −1; the deciding order of each guard is left in the work space."""
-    v, size, orders, S, G, reach = f.v, f.size, f.orders, T.S[slot], T.G[slot], T.reach[slot]
-    ns, largest = len(S), 0.0
+def germs(
+    T: ClosedForms, slot: int, f: Flight, omega: Array, fired: int, kinks: int, last: float
+) -> int:
+    """Least guard that becomes negative at once, or −1; the deciding order of each guard is left in
+    the work space."""
+    v = f.v
+    size = f.size
+    orders = f.orders
+    S = T.S[slot]
+    G = T.G[slot]
+    reach = T.reach[slot]
+    ns = len(S)
+    largest = 0.0
     for i in range(ns):
         largest = max(largest, T.felt[slot, i] * size[0, i])
-    # A zero is known no better than the time at which it was found, and a drive no better than its phase; and what
-    # changes less than rounding within the shortest time scale has not begun to change.
+    # A zero is known no better than the time at which it was found, and a drive no better than its
+    # phase; and what changes less than rounding within the shortest time scale has not begun to
+    # change.
     near = last + T.shortest[slot]
     if len(omega) > 0:
         near += size[0, ns - 2 * len(omega) - 1]
-    ready, near = 0, near / T.pace[slot]
+    ready = 0
+    near = near / T.pace[slot]
     for g in range(T.counts[slot, 1]):
-        k, value = 0, 0.0
+        k = 0
+        value = 0.0
         while k < GERM_ORDERS:
             if ready < k:  # derivatives are made as far as they are needed
                 ready = k
@@ -128,7 +154,8 @@ def germs(T: ClosedForms, slot: int, f: Flight, omega: Array, fired: int, kinks:
                 terms += abs(term)
             if k == 0:
                 f.value[g], f.terms[g] = value, terms
-            # What is far from zero, or as close to it as rounding makes it, needs no exact account of its terms.
+            # What is far from zero, or as close to it as rounding makes it, needs no exact account
+            # of its terms.
             if abs(value) > ROUNDING * FIRED * largest * (reach[g, k] + near * reach[g, k + 1]):
                 break
             if abs(value) > ROUNDING * terms:
@@ -147,25 +174,33 @@ def germs(T: ClosedForms, slot: int, f: Flight, omega: Array, fired: int, kinks:
 @njit(**INLINED)
 def amplitudes(T: ClosedForms, slot: int, f: Flight, omega: Array) -> None:
     """Amplitudes of the exponentials at the beginning of a flight."""
-    s, moduli, first = f.v[0], f.size[0], len(f.r) + 2
+    s = f.v[0]
+    moduli = f.size[0]
+    first = len(f.r) + 2
     for j in range(T.counts[slot, 0]):
-        row, re, im, terms = T.R[slot, j], 0.0, 0.0, 0.0
+        row = T.R[slot, j]
+        re = 0.0
+        im = 0.0
+        terms = 0.0
         for i in range(len(s)):
             re += row[i].real * s[i]
             im += row[i].imag * s[i]
             terms += length(row[i]) * moduli[i]
-        f.r[j], f.rounding[j] = complex(re, im), terms
+        f.r[j] = complex(re, im)
+        f.rounding[j] = terms
         if T.exponent[slot, j].imag == 0.0:
             f.modulus[j] = abs(re)
         else:
-            f.modulus[j], f.phase[j] = math.sqrt(re * re + im * im), math.atan2(im, re)
+            f.modulus[j] = math.sqrt(re * re + im * im)
+            f.phase[j] = math.atan2(im, re)
     for m in range(len(omega)):
         f.spin[m] = complex(s[first + 2 * m], s[first + 2 * m + 1])
 
 
 @njit(**OPTIONS)
 def turn(re: float, im: float) -> complex:
-    """exp(z) − 1, to full accuracy where z is small: so is then the change of the state in a short flight."""
+    """exp(z) − 1, to full accuracy where z is small: so is then the change of the state in a short
+    flight."""
     grown = math.expm1(re) if re != 0.0 else 0.0
     if im == 0.0:
         return complex(grown, 0.0)
@@ -183,15 +218,25 @@ def _turn_all(lam: Array, r: Array, nb: int, tau: float, turned: Array) -> None:
 
 @njit(**INLINED)
 def sort_guards(T: ClosedForms, slot: int, f: Flight, omega: Array) -> int:
-    """Say of each guard what kind of signal it is; returns the one that will probably fall first, or −1."""
-    r, modulus, b, lam, swing = f.r, f.modulus, f.b, T.exponent[slot], T.swing[slot]
-    first, soonest = -1, np.inf
+    """Say of each guard what kind of signal it is; returns the one that will probably fall first,
+    or −1."""
+    r = f.r
+    modulus = f.modulus
+    b = f.b
+    lam = T.exponent[slot]
+    swing = T.swing[slot]
+    first = -1
+    soonest = np.inf
     for g in range(T.counts[slot, 1]):
         f.kind[g] = NEVER
         if f.orders[g] >= GERM_ORDERS:
             continue
         # c₀ and the amplitudes about it; what is too small to be seen does not count.
-        c0, c1, c2, reach, terms = f.value[g], 0.0, 0.0, 0.0, f.terms[g]
+        c0 = f.value[g]
+        c1 = 0.0
+        c2 = 0.0
+        reach = 0.0
+        terms = f.terms[g]
         for j in range(T.counts[slot, 0]):
             c0 -= T.a[slot, g, j].real * r[j].real - T.a[slot, g, j].imag * r[j].imag
             reach += swing[g, j] * modulus[j]
@@ -201,11 +246,15 @@ def sort_guards(T: ClosedForms, slot: int, f: Flight, omega: Array) -> int:
             c0 -= b[m].real
             reach += swing[g, len(r) + m]
         if T.drifts[slot, g] == 1:
-            c1, c2 = dot(T.c1[slot, g], f.v[0]), T.c2[slot, g]
+            c1 = dot(T.c1[slot, g], f.v[0])
+            c2 = T.c2[slot, g]
         if T.decays[slot, g] == 1 and c0 > reach and c1 >= 0.0 and c2 >= 0.0:
             continue  # what is in motion can never bring it down
         floor = ROUNDING * (terms + reach)
-        real, waves, drives, lead = 0, 0, 0, 0
+        real = 0
+        waves = 0
+        drives = 0
+        lead = 0
         for j in range(T.counts[slot, 0]):
             if swing[g, j] * modulus[j] > 0.1 * floor:
                 lead = j
@@ -215,42 +264,80 @@ def sort_guards(T: ClosedForms, slot: int, f: Flight, omega: Array) -> int:
                     waves += 1
         for m in range(len(omega)):
             drives += 1 if swing[g, len(r) + m] > 0.1 * floor else 0
-        f.c[g, 0], f.c[g, 1], f.c[g, 2], f.floor[g], f.lead[g], f.guess[g] = c0, c1, c2, floor, lead, 0.0
+        f.c[g, 0] = c0
+        f.c[g, 1] = c1
+        f.c[g, 2] = c2
+        f.floor[g] = floor
+        f.lead[g] = lead
+        f.guess[g] = 0.0
         if drives > 0 or c2 != 0.0 or real + waves > 1 or (waves == 1 and c1 != 0.0):
             f.kind[g] = MANY
         elif waves == 1:
-            f.kind[g], size = WAVE, swing[g, lead] * modulus[lead]
+            f.kind[g] = WAVE
+            size = swing[g, lead] * modulus[lead]
             if abs(c0) < size:
-                angle = math.acos(-c0 / size) - T.angle[slot, g, lead] - f.phase[lead]  # where the cosine falls
-                f.guess[g] = (angle - 2.0 * math.pi * np.floor(angle * (0.5 / math.pi))) / lam[lead].imag
+                # where the cosine falls
+                angle = math.acos(-c0 / size) - T.angle[slot, g, lead] - f.phase[lead]
+                f.guess[g] = (angle - 2.0 * math.pi * np.floor(angle * (0.5 / math.pi))) / lam[
+                    lead
+                ].imag
         else:
             f.kind[g] = BEND if real == 1 else LINE
         if f.guess[g] < soonest:
-            first, soonest = g, f.guess[g]
+            first = g
+            soonest = f.guess[g]
     return first
 
 
 @njit(**INLINED)
 def fly(T: ClosedForms, slot: int, f: Flight, room: float, omega: Array) -> tuple[float, int]:
-    """The earliest event within `room`: (duration, guard or −1), with the changes of the exponentials until then."""
-    r, a, b, lam, nb = f.r, f.a, f.b, T.exponent[slot], T.counts[slot, 0]
+    """The earliest event within `room`: (duration, guard or −1), with the changes of the
+    exponentials until then."""
+    r = f.r
+    a = f.a
+    b = f.b
+    lam = T.exponent[slot]
+    nb = T.counts[slot, 0]
     amplitudes(T, slot, f, omega)
     first = sort_guards(T, slot, f, omega)
-    limit, which, known = room, -1, False
+    limit = room
+    which = -1
+    known = False
     for rank in range(-1, T.counts[slot, 1] if first >= 0 else -1):
         # The one that probably falls first leaves little to be searched by the others.
         g = first if rank < 0 else rank
         if rank == first or f.kind[g] == NEVER:
             continue
-        j, floor, rising, found = int(f.lead[g]), f.floor[g], f.orders[g], np.inf
+        j = int(f.lead[g])
+        floor = f.floor[g]
+        rising = f.orders[g]
+        found = np.inf
         if f.kind[g] == WAVE:
-            mu, w, size = lam[j].real, lam[j].imag, T.swing[slot, g, j] * f.modulus[j]
-            angle, tilt, sine = T.angle[slot, g, j] + f.phase[j], T.tilt[slot, j], T.sine[slot, j]
+            mu = lam[j].real
+            w = lam[j].imag
+            size = T.swing[slot, g, j] * f.modulus[j]
+            angle = T.angle[slot, g, j] + f.phase[j]
+            tilt = T.tilt[slot, j]
+            sine = T.sine[slot, j]
             while True:
-                z, turned = T.a[slot, g, j], f.turned[j]
-                ending = f.value[g] + z.real * turned.real - z.imag * turned.imag if known else np.nan
+                z = T.a[slot, g, j]
+                turned = f.turned[j]
+                ending = (
+                    f.value[g] + z.real * turned.real - z.imag * turned.imag if known else np.nan
+                )
                 found = first_of_wave(
-                    f.c[g, 0], size, angle, mu, w, tilt, sine, limit, ending, f.guess[g], floor, rising
+                    f.c[g, 0],
+                    size,
+                    angle,
+                    mu,
+                    w,
+                    tilt,
+                    sine,
+                    limit,
+                    ending,
+                    f.guess[g],
+                    floor,
+                    rising,
                 )
                 if known or found == found:
                     break
@@ -266,7 +353,9 @@ def fly(T: ClosedForms, slot: int, f: Flight, room: float, omega: Array) -> tupl
                 a[i] = T.a[slot, g, i] * r[i]
             for m in range(len(omega)):
                 b[m] = T.b[slot, g, m] * f.spin[m]
-            found = first_of_many(f.c[g], a, lam, nb, b, omega, limit, floor, rising, f.taylor, f.stack)
+            found = first_of_many(
+                f.c[g], a, lam, nb, b, omega, limit, floor, rising, f.taylor, f.stack
+            )
         if found <= limit:
             known = known and found == limit
             limit, which = found, g
@@ -278,12 +367,15 @@ def fly(T: ClosedForms, slot: int, f: Flight, room: float, omega: Array) -> tupl
 @njit(**INLINED)
 def arrive(T: ClosedForms, slot: int, f: Flight, x: Array, tau: float, omega: Array) -> None:
     """Put x where it is at the end of the flight just found."""
-    n, b, turned = len(x), f.b, f.turned
+    n = len(x)
+    b = f.b
+    turned = f.turned
     first = T.c2.shape[1] - n
     for m in range(len(omega)):
         b[m] = f.spin[m] * turn(0.0, omega[m] * tau)
     for i in range(n):
-        g, change = first + i, 0.0
+        g = first + i
+        change = 0.0
         if T.drifts[slot, g] == 1:
             change = tau * (dot(T.c1[slot, g], f.v[0]) + tau * T.c2[slot, g])
         for j in range(T.counts[slot, 0]):
@@ -297,10 +389,11 @@ def arrive(T: ClosedForms, slot: int, f: Flight, x: Array, tau: float, omega: Ar
 
 @njit(**INLINED)
 def land(T: ClosedForms, slot: int, f: Flight, guard: int, x: Array, last: float) -> float:
-    """Put x, at the end of a flight of a duration, where the guard that ended it vanishes; returns the time that takes.
+    """Put x, at the end of a flight of a duration, where the guard that ended it vanishes; returns
+    the time that takes.
 
-    Near resonance, a long flight ends as far from there as its large parts cancel. A one-sided power that begins
-    there has no values on the wrong side.
+    Near resonance, a long flight ends as far from there as its large parts cancel. A one-sided
+    power that begins there has no values on the wrong side.
     """
     v = f.v
     _derive(T.S[slot], v, 1)
@@ -314,12 +407,17 @@ def land(T: ClosedForms, slot: int, f: Flight, guard: int, x: Array, last: float
 
 @njit(**INLINED)
 def admissible(T: ClosedForms, slot: int, f: Flight, x: Array, last: float) -> bool:
-    """Whether sticking contacts are at rest and sliding rate-independent ones on their threshold; removes rounding."""
-    s, moduli, S = f.v[0], f.size[0], T.S[slot]
+    """Whether sticking contacts are at rest and sliding rate-independent ones on their threshold;
+    removes rounding."""
+    s = f.v[0]
+    moduli = f.size[0]
+    S = T.S[slot]
     for c in range(T.held.shape[1]):
         if T.held[slot, c] == 0:
             continue
-        zero, value, size = T.zero[slot, c], 0.0, 0.0
+        zero = T.zero[slot, c]
+        value = 0.0
+        size = 0.0
         rate = abs(dot(T.brake[slot, c], s))
         for i in range(len(s)):
             value += zero[i] * s[i]
@@ -338,5 +436,6 @@ def admissible(T: ClosedForms, slot: int, f: Flight, x: Array, last: float) -> b
             return False
         for i in range(len(x)):
             x[i] -= T.hold[slot, c, i] * value
-            s[i], moduli[i] = x[i], abs(x[i])
+            s[i] = x[i]
+            moduli[i] = abs(x[i])
     return True

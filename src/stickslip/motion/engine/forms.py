@@ -1,4 +1,5 @@
-"""Storage of the closed forms of affine modes, and the work space of the flights that follow them."""
+"""Storage of the closed forms of affine modes, and the work space of the flights that follow
+them."""
 
 from __future__ import annotations
 
@@ -8,16 +9,20 @@ import numpy as np
 
 Array = np.ndarray
 
-UNKNOWN, AFFINE, SMOOTH = 0, 1, 2
-SLIDES, STICKS = 1, 2
+UNKNOWN = 0
+AFFINE = 1
+SMOOTH = 2
+SLIDES = 1
+STICKS = 2
 GERM_ORDERS = 6
 
 
 class ClosedForms(NamedTuple):
-    """Closed forms of affine modes: one slot per mode, for each group of motions with the same parameters.
+    """Closed forms of affine modes: one slot per mode, for each group of motions with the same
+    parameters.
 
-    Rows of signals are the guards, then the components of the state; their number is that of all guards that a mode
-    may have, plus n.
+    Rows of signals are the guards, then the components of the state; their number is that of all
+    guards that a mode may have, plus n.
 
     Attributes
     ----------
@@ -54,7 +59,8 @@ class ClosedForms(NamedTuple):
     held : array of int
         For each contact: SLIDES or STICKS if something must vanish, else 0.
     zero : array
-        What must vanish, zero·s: u of sticking inertial, λ + σs of sliding rate-independent contacts.
+        What must vanish, zero·s: u of sticking inertial, λ + σs of sliding rate-independent
+        contacts.
     hold : array
         Correction of the velocities of a sticking contact.
     brake : array
@@ -99,8 +105,13 @@ def make_closed_forms(
     groups: int, slots: int, n: int, contacts: int, kinks: int, doubtful: int, waves: int
 ) -> ClosedForms:
     """Empty storage of closed forms."""
-    guards, m, ns = kinks + 2 * contacts + doubtful, groups * slots, n + 2 + 2 * waves
-    z, i, c, rows = np.zeros, np.int64, np.complex128, guards + n
+    guards = kinks + 2 * contacts + doubtful
+    m = groups * slots
+    ns = n + 2 + 2 * waves
+    z = np.zeros
+    i = np.int64
+    c = np.complex128
+    rows = guards + n
     return ClosedForms(
         status=z(m, i),
         key=z(m, i),
@@ -153,8 +164,8 @@ class Flight(NamedTuple):
     a, b : arrays of complex
         Amplitudes of one signal.
     kind, lead, c, floor, guess : arrays
-        Of each guard: what kind of signal it is, its only exponential, its powers of τ, the rounding error of its
-        values, and about when it falls.
+        Of each guard: what kind of signal it is, its only exponential, its powers of τ, the
+        rounding error of its values, and about when it falls.
     """
 
     v: Array
@@ -183,7 +194,10 @@ class Flight(NamedTuple):
 
 def make_flight(n: int, contacts: int, kinks: int, doubtful: int, waves: int) -> Flight:
     """Work space of the flights of a system."""
-    z, c, orders, ns = np.zeros, np.complex128, GERM_ORDERS + 1, n + 2 + 2 * waves
+    z = np.zeros
+    c = np.complex128
+    orders = GERM_ORDERS + 1
+    ns = n + 2 + 2 * waves
     guards = kinks + 2 * contacts + doubtful + 1
     return Flight(
         v=z((orders, ns)),

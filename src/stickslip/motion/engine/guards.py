@@ -25,7 +25,8 @@ Array = np.ndarray
 
 @njit(**OPTIONS, fastmath={"reassoc", "contract", "nsz"})
 def fall(W: Array, row: int, shift_row: int, sign: float, N: int, powers: Array) -> float:
-    """Bound Σ max(−cₖ, 0) hᵏ of how far sign·W[row] + W[shift], which starts positive, falls within the step."""
+    """Bound Σ max(−cₖ, 0) hᵏ of how far sign·W[row] + W[shift], which starts positive, falls within
+    the step."""
     total = 0.0
     if shift_row < 0:
         for k in range(N):
@@ -53,8 +54,9 @@ def germ(
 ) -> tuple[int, int]:
     """Sign of a guard for small times, and the order that decides it.
 
-    The guard is sign·W[row] + W[shift_row]; its coefficients, scaled to the step, are left in c. A zero is known no
-    better than the time at which it was found: relative to what the guard does in the steps on both sides.
+    The guard is sign·W[row] + W[shift_row]; its coefficients, scaled to the step, are left in c. A
+    zero is known no better than the time at which it was found: relative to what the guard does in
+    the steps on both sides.
     """
     largest = 0.0
     for k in range(N):
@@ -82,17 +84,26 @@ def germ(
 
 @njit(**OPTIONS)
 def resting(mode: int) -> bool:
-    """Whether a contact does not slip: it sticks, or others carry it while it is at its threshold."""
+    """Whether a contact does not slip: it sticks, or others carry it while it is at its
+    threshold."""
     return mode == 0 or abs(mode) == 2
 
 
 @njit(**OPTIONS)
-def stays(rows: Rows, space: Space, mode: Array, c: int, N: int, last: float, fired: int, slack: float) -> bool:
+def stays(
+    rows: Rows, space: Space, mode: Array, c: int, N: int, last: float, fired: int, slack: float
+) -> bool:
     """Whether the relative velocity of a contact that does not stick vanishes for a while."""
-    W, mag, nk, nc, unit = space.W, space.mag, len(rows.kinks), len(rows.u), space.W[rows.sizes[DIMENSION], 1]
-    row, near = rows.u[c], last / unit + space.powers[1]
+    W = space.W
+    mag = space.mag
+    nk = len(rows.kinks)
+    nc = len(rows.u)
+    unit = space.W[rows.sizes[DIMENSION], 1]
+    row = rows.u[c]
+    near = last / unit + space.powers[1]
     precision = max(FIRED if nk + c == fired else 0.0, slack * ROUNDING)
-    size0, size1 = mag[c], mag[nc + c] * unit + abs(W[row, 1])
+    size0 = mag[c]
+    size1 = mag[nc + c] * unit + abs(W[row, 1])
     if abs(W[row, 0]) > precision * (size0 + near * size1):
         return False
     spare = space.pending[len(space.pending) - 1]
@@ -102,7 +113,8 @@ def stays(rows: Rows, space: Space, mode: Array, c: int, N: int, last: float, fi
 
 @njit(**OPTIONS)
 def switch_of(guard: int, nk: int, nc: int) -> int:
-    """The switch that a guard belongs to: kinks, then contacts; −1 for what must not become negative."""
+    """The switch that a guard belongs to: kinks, then contacts; −1 for what must not become
+    negative."""
     if guard < nk:
         return guard
     return nk + (guard - nk) // 2 if guard < nk + 2 * nc else -1
@@ -112,56 +124,85 @@ def switch_of(guard: int, nk: int, nc: int) -> int:
 def scan(
     rows: Rows, space: Space, mode: Array, reg: Array, N: int, last: float, fired: int, slack: float
 ) -> tuple[int, int]:
-    """Look at all guards of a mode: (least guard that is violated at once, or −1; number of guards that may fire).
+    """Look at all guards of a mode: (least guard that is violated at once, or −1; number of guards
+    that may fire).
 
-    Guards are numbered: kinks, then two for each contact (towards slip+, or back to stick; towards slip−), then what
-    must not become negative. What is below `slack` rounding errors counts as zero.
+    Guards are numbered: kinks, then two for each contact (towards slip+, or back to stick; towards
+    slip−), then what must not become negative. What is below `slack` rounding errors counts as
+    zero.
     """
-    W, mag, force, plus, minus, u = space.W, space.mag, rows.force, rows.plus, rows.minus, rows.u
-    powers, pending, labels = space.powers, space.pending, space.labels
+    W = space.W
+    mag = space.mag
+    force = rows.force
+    plus = rows.plus
+    minus = rows.minus
+    u = rows.u
+    powers = space.powers
+    pending = space.pending
+    labels = space.labels
     unit = W[rows.sizes[DIMENSION], 1]
-    nk, nc, count, near = len(rows.kinks), len(rows.u), ZERO, last / unit + powers[1]
+    nk = len(rows.kinks)
+    nc = len(rows.u)
+    count = ZERO
+    near = last / unit + powers[1]
     for g in range(nk + 2 * nc + len(rows.doubtful)):
-        # The guard is sign·W[row] + W[shift]; size0 and size1 are the scales of its value and of its rate.
-        i, shift, size1, around, sign = (g - nk) // 2, NOWHERE, 0.0, near, 1.0
+        # The guard is sign·W[row] + W[shift]; size0 and size1 are the scales of its value and of
+        # its rate.
+        i = (g - nk) // 2
+        shift = NOWHERE
+        size1 = 0.0
+        around = near
+        sign = 1.0
         if g < nk:
-            row, sign = rows.kinks[g], 1.0 if reg[g] == 1 else -1.0
-            size0, size1 = mag[3 * nc + g], abs(W[row, 1])
+            row = rows.kinks[g]
+            sign = 1.0 if reg[g] == 1 else -1.0
+            size0 = mag[3 * nc + g]
+            size1 = abs(W[row, 1])
             if rows.vanishing[g] >= 0 and powers[1] > 0.0:
                 size1 += impulse(rows, mag, rows.vanishing[g], unit * powers[1]) / powers[1]
         elif g >= nk + 2 * nc:
             row, i, side = rows.doubtful[g - nk - 2 * nc]
             if i >= 0 and mode[i] * side <= 0:
                 continue
-            around, size0 = 0.0, abs(W[row, 0]) + abs(W[row, 1]) * powers[1]
+            around = 0.0
+            size0 = abs(W[row, 0]) + abs(W[row, 1]) * powers[1]
             if i >= 0:
                 size0 += max(W[plus[i], 0], W[minus[i], 0])
         elif mode[i] == 0:
             row, shift = force[i], plus[i]
             if (g - nk) % 2 == 1:
-                sign, shift = -1.0, minus[i]
-            size0 = mag[2 * nc + i] + near * (abs(W[row, 1]) + abs(W[plus[i], 1]) + abs(W[minus[i], 1]))
+                sign = -1.0
+                shift = minus[i]
+            size0 = mag[2 * nc + i] + near * (
+                abs(W[row, 1]) + abs(W[plus[i], 1]) + abs(W[minus[i], 1])
+            )
         else:
             if (g - nk) % 2 == 1:
                 continue
-            row, sign = u[i], 1.0 if mode[i] > 0 else -1.0
-            size0, size1 = mag[i], mag[nc + i] * unit + abs(W[row, 1])
+            row = u[i]
+            sign = 1.0 if mode[i] > 0 else -1.0
+            size0 = mag[i]
+            size1 = mag[nc + i] * unit + abs(W[row, 1])
         precision = max(FIRED if switch_of(g, nk, nc) == fired else 0.0, slack * ROUNDING)
         if g >= nk + 2 * nc:
             precision = DOUBTFUL
         start = sign * W[row, 0] + (W[shift, 0] if shift >= 0 else 0.0)
-        if start > precision * (size0 + around * size1) and start > fall(W, row, shift, sign, N, powers):
+        if start > precision * (size0 + around * size1) and start > fall(
+            W, row, shift, sign, N, powers
+        ):
             continue
         c = pending[count]
         s, order = germ(W, row, sign, shift, N, powers, around, size0, size1, precision, slack, c)
         if s == 0:
             continue
-        labels[count, 0], labels[count, 1] = g, N - 1 - order
+        labels[count, 0] = g
+        labels[count, 1] = N - 1 - order
         if s < 0:
             if g < nk + 2 * nc:
                 return g, 0
             labels[count, 1] = -1
-        for k in range(N - order):  # a zero at the start is divided out: what remains starts positive
+        # a zero at the start is divided out: what remains starts positive
+        for k in range(N - order):
             c[k] = c[k + order]
         c[N] = ROUNDING * (size0 + powers[1] * size1)
         count += 1
@@ -170,13 +211,16 @@ def scan(
 
 @njit(**INLINED)
 def first_event(space: Space, count: int, N: int) -> tuple[float, int]:
-    """Earliest event of the step among the guards that may fire: (fraction of the step, guard or −1)."""
-    limit, which = 1.0, -1
+    """Earliest event of the step among the guards that may fire: (fraction of the step, guard or
+    −1)."""
+    limit = 1.0
+    which = -1
     for i in range(count):
         d = space.labels[i, 1]
         if d < 0:
             return 0.0, space.labels[i, 0]
         x = first_crossing(space.pending[i], d, limit, space.pending[i, N], space.stack)
         if x <= limit:
-            limit, which = x, space.labels[i, 0]
+            limit = x
+            which = space.labels[i, 0]
     return limit, which

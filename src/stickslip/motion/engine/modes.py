@@ -1,11 +1,12 @@
 """Which mode the motion takes, and its Taylor coefficients.
 
-One rule decides every mode, at the start, at an event and at a corner where several contacts stand on their
-boundary: **a mode is right if all its guards are nonnegative for a short while**, that is, if the first Taylor
-coefficient of each guard that is not zero is positive. The guards of a stick are λ + s⁺ and s⁻ − λ, of a slip σu, of
-a region its signed kink function. This is the complementarity problem of the force law in the ordered field of germs
-(of Taylor series), so a principal pivoting method (Murty: flip the violated switch of least index) finds its solution.
-Its leading order is the convex minimisation of the accelerations, velocities or rates.
+One rule decides every mode, at the start, at an event and at a corner where several contacts stand
+on their boundary: **a mode is right if all its guards are nonnegative for a short while**, that is,
+if the first Taylor coefficient of each guard that is not zero is positive. The guards of a stick
+are λ + s⁺ and s⁻ − λ, of a slip σu, of a region its signed kink function. This is the
+complementarity problem of the force law in the ordered field of germs (of Taylor series), so a
+principal pivoting method (Murty: flip the violated switch of least index) finds its solution. Its
+leading order is the convex minimisation of the accelerations, velocities or rates.
 """
 
 from __future__ import annotations
@@ -70,9 +71,18 @@ SLACKEST = 1e6  # rounding errors that count as zero where less lets no mode go 
 
 @njit(**OPTIONS)
 def resolvent(
-    A: Array, n: int, J: Array, first: int, m: int, column: int, mode: Array, scratch: Array, R: Array
+    A: Array,
+    n: int,
+    J: Array,
+    first: int,
+    m: int,
+    column: int,
+    mode: Array,
+    scratch: Array,
+    R: Array,
 ) -> bool:
-    """Inverse of [[A, −Jᵀ], [stick: J, 0; slip: 0, 1]] for contacts first … first+m−1 and coordinates column … ."""
+    """Inverse of [[A, −Jᵀ], [stick: J, 0; slip: 0, 1]] for contacts first … first+m−1 and
+    coordinates column … ."""
     for i in range(n + m):
         for j in range(n + m):
             scratch[i, j] = 0.0
@@ -92,8 +102,13 @@ def resolvent(
 
 @njit(**INLINED)
 def resolve(sizes: Array, k: Constants, space: Space, mode: Array) -> bool:
-    """Bring the inverses of the linear problems up to date with the mode; False if one is singular."""
-    nq, nz, mq, mz, known = sizes[INERTIAL], sizes[VISCOUS], sizes[ON_INERTIAL], sizes[ON_VISCOUS], space.known
+    """Bring the inverses of the linear problems up to date with the mode; False if one is
+    singular."""
+    nq = sizes[INERTIAL]
+    nz = sizes[VISCOUS]
+    mq = sizes[ON_INERTIAL]
+    mz = sizes[ON_VISCOUS]
+    known = space.known
     same = True
     for c in range(mq + mz):
         same = same and known[c] == mode[c]
@@ -112,15 +127,21 @@ def resolve(sizes: Array, k: Constants, space: Space, mode: Array) -> bool:
 
 @njit(**INLINED)
 def project_rates(
-    residual: RESIDUAL, sizes: Array, k: Constants, space: Space, t: float, y: Array, mode: Array, reg: Array
+    residual: RESIDUAL,
+    sizes: Array,
+    k: Constants,
+    space: Space,
+    t: float,
+    y: Array,
+    mode: Array,
+    reg: Array,
 ) -> int:
-    """Put sliding rate-independent coordinates back on λ + σ s = 0 (one Newton step: they are there up to rounding)."""
-    nr, first, offset, G = (
-        sizes[RATE_INDEPENDENT],
-        sizes[ON_INERTIAL] + sizes[ON_VISCOUS],
-        2 * sizes[INERTIAL] + sizes[VISCOUS],
-        space.G,
-    )
+    """Put sliding rate-independent coordinates back on λ + σ s = 0 (one Newton step: they are there
+    up to rounding)."""
+    nr = sizes[RATE_INDEPENDENT]
+    first = sizes[ON_INERTIAL] + sizes[ON_VISCOUS]
+    offset = 2 * sizes[INERTIAL] + sizes[VISCOUS]
+    G = space.G
     sliding = False
     for i in range(nr):
         sliding = sliding or mode[first + i] != 0
@@ -140,19 +161,27 @@ def project_rates(
 
 @njit(**INLINED)
 def release_or_hold(rows: Rows, space: Space, y: Array, mode: Array, last: float) -> bool:
-    """Put sticking inertial contacts exactly on the surface speed; one that is not there (it cannot jump) slips.
+    """Put sticking inertial contacts exactly on the surface speed; one that is not there (it cannot
+    jump) slips.
 
     Returns
     -------
     bool
         False if a contact was released, so that the mode has changed.
     """
-    W, mag, Rq, nc, nq, mq = space.W, space.mag, space.Rq, len(rows.u), rows.sizes[INERTIAL], rows.sizes[ON_INERTIAL]
+    W = space.W
+    mag = space.mag
+    Rq = space.Rq
+    nc = len(rows.u)
+    nq = rows.sizes[INERTIAL]
+    mq = rows.sizes[ON_INERTIAL]
     for c in range(mq):
         if mode[c] != 0:
             continue
-        # The acceleration that this contact holds back, or could: its force over its effective mass.
-        gap, held = W[rows.u[c], 0], mag[2 * nc + c] / abs(Rq[nq + c, nq + c])
+        # The acceleration that this contact holds back, or could: its force over its effective
+        # mass.
+        gap = W[rows.u[c], 0]
+        held = mag[2 * nc + c] / abs(Rq[nq + c, nq + c])
         if abs(gap) > 1e-9 * last * (mag[nc + c] + held) + ROUNDING * mag[c]:
             mode[c] = 1 if gap > 0.0 else -1
             return False
@@ -179,9 +208,12 @@ def evaluate_mode(
     last: float,
     hold: bool,
 ) -> int:
-    """Taylor coefficients of the motion in a mode; y is put back onto the constraints of the mode."""
+    """Taylor coefficients of the motion in a mode; y is put back onto the constraints of the
+    mode."""
     W, sizes = space.W, rows.sizes
-    n, nr, mq = sizes[DIMENSION], sizes[RATE_INDEPENDENT], sizes[ON_INERTIAL]
+    n = sizes[DIMENSION]
+    nr = sizes[RATE_INDEPENDENT]
+    mq = sizes[ON_INERTIAL]
     while True:
         if not resolve(sizes, k, space, mode):
             return SINGULAR
@@ -190,7 +222,10 @@ def evaluate_mode(
             sticking = sticking or mode[c] == 0
         if not sticking or not hold:
             break
-        if jets(t, y, mode, reg, k.K, space.Rq, space.Rz, 1, W, space.A, space.B, space.mag) == SINGULAR:
+        if (
+            jets(t, y, mode, reg, k.K, space.Rq, space.Rz, 1, W, space.A, space.B, space.mag)
+            == SINGULAR
+        ):
             return SINGULAR
         if release_or_hold(rows, space, y, mode, last):
             break
@@ -198,7 +233,10 @@ def evaluate_mode(
         status = project_rates(residual, sizes, k, space, t, y, mode, reg)
         if status != OK:
             return status
-    if jets(t, y, mode, reg, k.K, space.Rq, space.Rz, N, W, space.A, space.B, space.mag) == SINGULAR:
+    if (
+        jets(t, y, mode, reg, k.K, space.Rq, space.Rz, N, W, space.A, space.B, space.mag)
+        == SINGULAR
+    ):
         return SINGULAR
     for r in range(n):
         if not (math.isfinite(W[r, 0]) and math.isfinite(W[rows.program.rates[r], 0])):
@@ -206,7 +244,8 @@ def evaluate_mode(
         if not (math.isfinite(W[r, 1]) and math.isfinite(W[r, min(N, 2)])):
             return OVERFLOW
         if not math.isfinite(W[r, N]):
-            W[r, N] = np.inf  # what overflows at high orders only is a blow-up: no step is small enough
+            # what overflows at high orders only is a blow-up: no step is small enough
+            W[r, N] = np.inf
     for c in range(len(rows.u)):
         r = rows.u[c]
         if not math.isfinite(W[r, 0]):
@@ -218,9 +257,18 @@ def evaluate_mode(
 
 @njit(**INLINED)
 def keeps(
-    rows: Rows, W: Array, mag: Array, promise: Array, y: Array, seen: Array, h: float, tol: float, atol: float
+    rows: Rows,
+    W: Array,
+    mag: Array,
+    promise: Array,
+    y: Array,
+    seen: Array,
+    h: float,
+    tol: float,
+    atol: float,
 ) -> bool:
-    """Whether rates, times the length of the step that ends here, are those that the step's series promises."""
+    """Whether rates, times the length of the step that ends here, are those that the step's series
+    promises."""
     for i in range(len(y)):
         size = LEAST + abs(y[i]) + abs(promise[i]) + atol * seen[i]
         rounding = ROUNDING * mag[rows.noise[i]] * h if rows.noise[i] >= 0 else 0.0
@@ -233,8 +281,8 @@ def keeps(
 def flip(guard: int, mode: Array, reg: Array, nk: int, drops: Array) -> int:
     """Give the switch of a violated guard its other state; returns the switch.
 
-    What leaves stick has its threshold to break, as long as it is not known which of several contacts do: ±2 where the
-    sliding force is another one.
+    What leaves stick has its threshold to break, as long as it is not known which of several
+    contacts do: ±2 where the sliding force is another one.
     """
     if guard < nk:
         reg[guard] = 1 - reg[guard]
@@ -260,8 +308,11 @@ def let_slide(mode: Array) -> bool:
 
 
 @njit(**OPTIONS)
-def hold_or_slide(rows: Rows, space: Space, mode: Array, N: int, last: float, fired: int, slack: float) -> bool:
-    """Give each contact that does not stick the threshold while others carry it (±2), else its sliding force (±1).
+def hold_or_slide(
+    rows: Rows, space: Space, mode: Array, N: int, last: float, fired: int, slack: float
+) -> bool:
+    """Give each contact that does not stick the threshold while others carry it (±2), else its
+    sliding force (±1).
 
     Returns
     -------
@@ -273,22 +324,38 @@ def hold_or_slide(rows: Rows, space: Space, mode: Array, N: int, last: float, fi
         if rows.drops[c] == 1 and mode[c] != 0:
             force = 2 if stays(rows, space, mode, c, N, last, fired, slack) else 1
             if abs(mode[c]) != force:
-                mode[c], changed = force if mode[c] > 0 else -force, True
+                mode[c] = force if mode[c] > 0 else -force
+                changed = True
     return changed
 
 
 @njit(**OPTIONS)
 def loosen(
-    J: Array, first: int, m: int, column: int, n: int, mode: Array, keep: int, space: Space, nk: int, drops: Array
+    J: Array,
+    first: int,
+    m: int,
+    column: int,
+    n: int,
+    mode: Array,
+    keep: int,
+    space: Space,
+    nk: int,
+    drops: Array,
 ) -> bool:
-    """Let sticking contacts whose directions depend on those of the others be carried at their threshold (u stays 0).
+    """Let sticking contacts whose directions depend on those of the others be carried at their
+    threshold (u stays 0).
 
-    With more sticking contacts than directions their forces are not unique. Any admissible choice gives the same
-    motion; a contact carried at its threshold is a vertex of that choice, and pivoting walks from vertex to vertex.
+    With more sticking contacts than directions their forces are not unique. Any admissible choice
+    gives the same motion; a contact carried at its threshold is a vertex of that choice, and
+    pivoting walks from vertex to vertex.
     """
-    rank, changed, basis, touched = 0, False, space.scratch, space.touched
+    rank = 0
+    changed = False
+    basis = space.scratch
+    touched = space.touched
     for turn in range(m + 1):
-        # The contact that has just begun to stick comes first: it is the one that must not be let go again.
+        # The contact that has just begun to stick comes first: it is the one that must not be let
+        # go again.
         c = keep if turn == 0 else first + turn - 1
         if (turn == 0) != (c == keep) or c < first or c >= first + m or mode[c] != 0:
             continue
@@ -332,36 +399,50 @@ def settle(
     hold: bool,
     promised: float,
 ) -> tuple[int, float, float, int]:
-    """Find the mode the motion takes now; the work space then holds its Taylor coefficients, or a polynomial instead.
+    """Find the mode the motion takes now; the work space then holds its Taylor coefficients, or a
+    polynomial instead.
 
     Parameters
     ----------
     promised : float
-        Length of the step that ended here, if it has not been checked whether it keeps its promise; otherwise 0.
+        Length of the step that ended here, if it has not been checked whether it keeps its promise;
+        otherwise 0.
 
     Returns
     -------
     status, step, series, count
-        OK, the step size, that of the series, and the number of guards that may fire; or NAN; or SINGULAR if no mode is
-        possible; or ASTRAY if the step that ended here does not solve the equations.
+        OK, the step size, that of the series, and the number of guards that may fire; or NAN; or
+        SINGULAR if no mode is possible; or ASTRAY if the step that ended here does not solve the
+        equations.
     """
-    sizes, touched, mode, reg, y = rows.sizes, space.touched, lane.mode, lane.reg, lane.y
-    nk, nc, nq, nz, mq, mz, mr = (
-        len(rows.kinks),
-        len(rows.u),
-        sizes[INERTIAL],
-        sizes[VISCOUS],
-        sizes[ON_INERTIAL],
-        sizes[ON_VISCOUS],
-        sizes[ON_RATE_INDEPENDENT],
-    )
-    t, last, recent, fired = lane.clock[NOW], lane.clock[LAST], lane.clock[RECENT], lane.counters[CAUSE]
+    sizes = rows.sizes
+    touched = space.touched
+    mode = lane.mode
+    reg = lane.reg
+    y = lane.y
+    nk = len(rows.kinks)
+    nc = len(rows.u)
+    nq = sizes[INERTIAL]
+    nz = sizes[VISCOUS]
+    mq = sizes[ON_INERTIAL]
+    mz = sizes[ON_VISCOUS]
+    mr = sizes[ON_RATE_INDEPENDENT]
+    t = lane.clock[NOW]
+    last = lane.clock[LAST]
+    recent = lane.clock[RECENT]
+    fired = lane.counters[CAUSE]
     copy(y, space.y0)
     for i in range(nk + nc):
         touched[i] = 0
-    # First pivoting; if that leaves the admissible modes (a singular or impossible one), every state of the switches
-    # concerned.
-    pivots, candidate, total, flipped, slack, units, h = 0, 0, 0, fired, 1.0, 0, 0.0
+    # First pivoting; if that leaves the admissible modes (a singular or impossible one), every
+    # state of the switches concerned.
+    pivots = 0
+    candidate = 0
+    total = 0
+    flipped = fired
+    slack = 1.0
+    units = 0
+    h = 0.0
     kept = 0  # times that the forces of a state of the switches were put right
     space.W[len(y), 1] = lane.clock[UNIT]
     while True:
@@ -370,7 +451,8 @@ def settle(
         pivots += 1
         if total > 0 and kept == 0:
             if candidate == total:
-                # Where forces are not unique, contacts that pivoting never questioned may have to change, too.
+                # Where forces are not unique, contacts that pivoting never questioned may have to
+                # change, too.
                 asked = 0
                 for i in range(nc):
                     asked += 1 - touched[nk + i]
@@ -386,9 +468,13 @@ def settle(
                 candidate = 0
             choose(candidate, touched, mode, reg, rows.drops)
             candidate += 1
-        status = evaluate_mode(jets, residual, rows, k, space, N, t, y, mode, reg, recent, hold or pivots > 1)
+        status = evaluate_mode(
+            jets, residual, rows, k, space, N, t, y, mode, reg, recent, hold or pivots > 1
+        )
         first = promised > 0.0 and pivots == 1 and status != SINGULAR
-        if first and not keeps(rows, space.W, space.mag, space.promise[0], y, lane.seen, promised, 1e4 * tol, atol):
+        if first and not keeps(
+            rows, space.W, space.mag, space.promise[0], y, lane.seen, promised, 1e4 * tol, atol
+        ):
             return ASTRAY, 0.0, 0.0, 0
         # A formula may end where its region ends.
         lost = status in (NAN, OVERFLOW) and total == 0 and pivots <= nk + 1
@@ -398,15 +484,21 @@ def settle(
             return NAN, 0.0, 0.0, 0
         if status == OK:
             h = step_size(
-                space.W, rows.watched, rows.noise, space.mag, lane.seen, len(y), N, lane.clock[SERIES], tol, atol
+                space.W, rows.watched, rows.noise, space.mag, lane.seen,
+                len(y), N, lane.clock[SERIES], tol, atol,
             )  # fmt: skip
-            h = (t + min(room, h)) - t  # between two times that can be told apart, as they are recorded
+            # between two times that can be told apart, as they are recorded
+            h = (t + min(room, h)) - t
         if status == OVERFLOW or (status == OK and not suits(h, room, space.W[len(y), 1])):
-            # Coefficients in other units of time: all others are powers of two times these, so that nothing is rounded.
+            # Coefficients in other units of time: all others are powers of two times these, so that
+            # nothing is rounded.
             if units == MOST_UNITS:
                 return NAN, 0.0, 0.0, 0
-            space.W[len(y), 1] = better(h, space.W[len(y), 1]) if status == OK else COARSER * space.W[len(y), 1]
-            units, pivots = units + 1, pivots - 1
+            space.W[len(y), 1] = (
+                better(h, space.W[len(y), 1]) if status == OK else COARSER * space.W[len(y), 1]
+            )
+            units = units + 1
+            pivots = pivots - 1
             if total > 0:
                 candidate -= 1
             continue
@@ -417,13 +509,19 @@ def settle(
             kept = kept + 1 if other and total > 0 and kept <= 2 * nc else 0
             if guard < 0 and not other:
                 short = shortened(rows, k, space, mode, reg, N, h, tol, atol, lane.seen)
-                series, unit = short, space.W[len(y), 1]
-                stiff = pivots == 1 and not short < h and lingers(
-                    space.W, len(y), N, h, room, tol, atol, lane.seen, lane.clock, fired
-                )  # fmt: skip
+                series = short
+                unit = space.W[len(y), 1]
+                stiff = (
+                    pivots == 1
+                    and not short < h
+                    and lingers(
+                        space.W, len(y), N, h, room, tol, atol, lane.seen, lane.clock, fired
+                    )
+                )
                 if stiff:
                     short, lane.clock[IMPLICIT] = collocate(
-                        jets, rows, k, space, N, t, y, mode, reg, h, lane.clock[IMPLICIT], tol, atol, lane.seen
+                        jets, rows, k, space, N, t, y, mode, reg,
+                        h, lane.clock[IMPLICIT], tol, atol, lane.seen,
                     )  # fmt: skip
                 if short != h:
                     h = (t + short) - t
@@ -431,7 +529,9 @@ def settle(
                     guard, count = scan(rows, space, mode, reg, N, last, fired, slack)
                 if stiff and (guard >= 0 or not short > 0.0):
                     # A guard that vanishes is known better from its series.
-                    lane.clock[IMPLICIT], space.W[len(y), 1], pivots = -RESTING, unit, 0
+                    lane.clock[IMPLICIT] = -RESTING
+                    space.W[len(y), 1] = unit
+                    pivots = 0
                     continue
                 if guard < 0:
                     lane.clock[UNIT] = unit
@@ -464,15 +564,18 @@ def set_regions(rows: Rows, W: Array, mag: Array, reg: Array) -> bool:
     """Put kinks onto the sides where their guards clearly are; whether one was not."""
     changed = False
     for j in range(len(reg)):
-        value, unsure = W[rows.kinks[j], 0], FIRED * mag[3 * len(rows.u) + j]
+        value = W[rows.kinks[j], 0]
+        unsure = FIRED * mag[3 * len(rows.u) + j]
         if (value < -unsure and reg[j] == 1) or (value > unsure and reg[j] == 0):
-            reg[j], changed = 1 - reg[j], True
+            reg[j] = 1 - reg[j]
+            changed = True
     return changed
 
 
 @njit(**OPTIONS)
 def candidates(touched: Array, nk: int) -> int:
-    """Number of states of the switches concerned (one more than is tried, if there are too many)."""
+    """Number of states of the switches concerned (one more than is tried, if there are too
+    many)."""
     total = 1
     for i in range(len(touched)):
         if touched[i] == 1 and total <= MOST_CANDIDATES:
@@ -482,7 +585,8 @@ def candidates(touched: Array, nk: int) -> int:
 
 @njit(**OPTIONS)
 def choose(candidate: int, touched: Array, mode: Array, reg: Array, drops: Array) -> None:
-    """Put the switches concerned into the states that a number stands for; what does not stick is at its threshold."""
+    """Put the switches concerned into the states that a number stands for; what does not stick is
+    at its threshold."""
     nk = len(reg)
     for i in range(len(touched)):
         if touched[i] == 1:

@@ -1,8 +1,9 @@
 """First sign change of a polynomial on [0, 1], found for certain.
 
-The polynomial is written in the Bernstein basis: if its coefficients have no sign change it has no root, if they have
-exactly one it has exactly one; otherwise the interval is halved (de Casteljau). Nothing is sampled, so a pair of
-roots, however close, is not missed as long as the polynomial dips below zero by more than its rounding error.
+The polynomial is written in the Bernstein basis: if its coefficients have no sign change it has no
+root, if they have exactly one it has exactly one; otherwise the interval is halved (de Casteljau).
+Nothing is sampled, so a pair of roots, however close, is not missed as long as the polynomial dips
+below zero by more than its rounding error.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from stickslip.machine_code import njit
 Array = np.ndarray
 
 MAX_DEGREE = 32
-QUICK = 6  # orders that decide most of the time, where the step is so small that the others hardly matter
+# orders that decide most of the time, where the step is so small that the others hardly matter
+QUICK = 6
 NONE = 2.0  # "no root": anything beyond the interval
 _HALVINGS = 60
 
@@ -45,23 +47,30 @@ def horner(c: Array, d: int, x: float) -> float:
 
 @njit(**_sums)
 def arrive(c: Array, d: int, powers: Array) -> tuple[float, float]:
-    """Value at h of Σ c[k] xᵏ, k ≤ d, d ≥ 4, and h times its derivative there, from the powers of h."""
-    first, second, third = c[1] * powers[1], c[2] * powers[2], c[3] * powers[3]
+    """Value at h of Σ c[k] xᵏ, k ≤ d, d ≥ 4, and h times its derivative there, from the powers of
+    h."""
+    first = c[1] * powers[1]
+    second = c[2] * powers[2]
+    third = c[3] * powers[3]
     change, rate = 0.0, 0.0
     for k in range(4, d + 1):  # in fours, as the powers are stored
         term = c[k] * powers[k] if c[k] != 0.0 else 0.0  # powers of a very long step are infinite
         change += term
         rate += k * term
-    return c[0] + (first + (second + (third + change))), first + (2.0 * second + (3.0 * third + rate))
+    return c[0] + (first + (second + (third + change))), first + (
+        2.0 * second + (3.0 * third + rate)
+    )
 
 
 @njit(**_options)
 def crossing(c: Array, d: int, a: float, b: float, start: float, noise: float) -> float:
-    """The root between a and b, where the polynomial is positive at a, negative at b (Newton inside a bracket)."""
+    """The root between a and b, where the polynomial is positive at a, negative at b (Newton inside
+    a bracket)."""
     low, high = a, b
     x = start
     for _ in range(200):
-        s, ds = c[d], 0.0
+        s = c[d]
+        ds = 0.0
         for k in range(d - 1, -1, -1):
             ds = ds * x + s
             s = s * x + c[k]
@@ -82,7 +91,8 @@ def crossing(c: Array, d: int, a: float, b: float, start: float, noise: float) -
 
 @njit(**_options)
 def lowest(c: Array, d: int, b: Array, work: Array) -> float:
-    """Lower bound of Σ c[k] xᵏ, k ≤ d, on [0, 1]: the least of its Bernstein coefficients, which are left in b."""
+    """Lower bound of Σ c[k] xᵏ, k ≤ d, on [0, 1]: the least of its Bernstein coefficients, which
+    are left in b."""
     least = np.inf
     for i in range(d + 1):
         value = c[i] * INVERSE_BINOMIAL[d, i]
@@ -121,17 +131,27 @@ def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -
         x *= limit
         if k > QUICK and stack[1, k] < 0.0:
             fall -= stack[1, k]
-    if lowest(stack[1], min(d, QUICK), stack[0], stack[2]) > fall or lowest(stack[1], d, stack[0], stack[2]) > 0.0:
+    if (
+        lowest(stack[1], min(d, QUICK), stack[0], stack[2]) > fall
+        or lowest(stack[1], d, stack[0], stack[2]) > 0.0
+    ):
         return NONE
-    stack[0, 33], stack[0, 34], depth = 0.0, 1.0, 0  # start and width of the subinterval
+    stack[0, 33] = 0.0  # start of the subinterval
+    stack[0, 34] = 1.0  # its width
+    depth = 0
     while depth >= 0:
         b = stack[depth]
-        changes, positive, negative = 0, True, False
+        changes = 0
+        positive = True
+        negative = False
         for i in range(d + 1):
             if positive and b[i] < -floor:
-                changes, positive, negative = changes + 1, False, True
+                changes = changes + 1
+                positive = False
+                negative = True
             elif not positive and b[i] > floor:
-                changes, positive = changes + 1, True
+                changes = changes + 1
+                positive = True
         if not negative:
             depth -= 1
             continue
@@ -144,11 +164,14 @@ def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -
         if depth == _HALVINGS or width < 1e-17:
             return limit * left
         # Left half goes on top of the right half, so that the leftmost crossing is found first.
-        right, half = stack[depth], stack[depth + 1]
+        right = stack[depth]
+        half = stack[depth + 1]
         for i in range(d + 1):
             half[i] = right[i]
-        half[33], half[34] = left, 0.5 * width
-        right[33], right[34] = left + 0.5 * width, 0.5 * width
+        half[33] = left
+        half[34] = 0.5 * width
+        right[33] = left + 0.5 * width
+        right[34] = 0.5 * width
         # de Casteljau at 1/2: `half` becomes the left control points, `right` the right ones.
         for i in range(d + 1):
             right[d - i] = half[d]

@@ -1,8 +1,10 @@
-"""First fall of a signal c₀ + c₁τ + c₂τ² + Re Σⱼ aⱼ exp(λⱼτ) + Re Σₘ bₘ exp(iωₘτ) below zero, found for certain.
+"""First fall of a signal c₀ + c₁τ + c₂τ² + Re Σⱼ aⱼ exp(λⱼτ) + Re Σₘ bₘ exp(iωₘτ) below zero, found
+for certain.
 
-A signal with one part in motion is searched between its extrema, which are known; any other window by window, as a
-polynomial. All functions return the first crossing from + to − in ]0, limit], or infinity; `rising` is the order of
-the first Taylor coefficient that is not zero (0: the signal starts positive; > 0: it starts at zero).
+A signal with one part in motion is searched between its extrema, which are known; any other window
+by window, as a polynomial. All functions return the first crossing from + to − in ]0, limit], or
+infinity; `rising` is the order of the first Taylor coefficient that is not zero (0: the signal
+starts positive; > 0: it starts at zero).
 """
 
 from __future__ import annotations
@@ -38,7 +40,9 @@ def first_of_line(c0: float, c1: float, limit: float, rising: int) -> float:
 
 
 @njit(**OPTIONS)
-def first_of_bend(c0: float, c1: float, r: float, rate: float, limit: float, floor: float, rising: int) -> float:
+def first_of_bend(
+    c0: float, c1: float, r: float, rate: float, limit: float, floor: float, rising: int
+) -> float:
     """First fall of c₀ + c₁x + r exp(λx): convex or concave, so at most one extremum."""
     start, guess = 0.0, 0.0
     if c1 == 0.0:
@@ -76,7 +80,9 @@ def _root_of_bend(
     x = guess if low < guess < high else 0.5 * (low + high)
     for _ in range(100):
         z = r * math.exp(rate * x)
-        x, low, high, found = _halley(x, c0 + c1 * x + z, c1 + rate * z, rate * rate * z, abs(rate), low, high, floor)
+        x, low, high, found = _halley(
+            x, c0 + c1 * x + z, c1 + rate * z, rate * rate * z, abs(rate), low, high, floor
+        )
         if found:
             break
     return x
@@ -117,12 +123,17 @@ def first_of_wave(
     if halves != 2.0 * np.floor(0.5 * halves):
         swing = -swing
     if rising > 1 and arc < 1e-7 * math.pi:
-        arc, swing = arc + math.pi, -swing  # the signal starts at its minimum
-    before, turn, climbing = 0.0, arc / w, rising > 0
+        # the signal starts at its minimum
+        arc = arc + math.pi
+        swing = -swing
+    before = 0.0
+    turn = arc / w
+    climbing = rising > 0
     while True:
         if swing < 0.0 and not climbing:
             if turn <= limit:
-                stop, g = turn, c0 + swing * math.exp(mu * turn)
+                stop = turn
+                g = c0 + swing * math.exp(mu * turn)
             else:
                 stop, g = limit, ending
                 if g != g:
@@ -135,24 +146,39 @@ def first_of_wave(
                     cosine = -c0 / (size * math.exp(mu * guess))
                     if abs(cosine) < 1.0:
                         angle = math.acos(cosine) - phase  # there the cosine falls
-                        guess = (angle - 2.0 * math.pi * np.floor((angle - w * before) * (0.5 / math.pi))) / w
+                        guess = (
+                            angle - 2.0 * math.pi * np.floor((angle - w * before) * (0.5 / math.pi))
+                        ) / w
                 return _root_of_wave(c0, size, phase, mu, w, before, stop, guess, floor)
             if mu <= 0.0:
                 return np.inf  # no later minimum is lower
         if turn >= limit:
             return np.inf
         arc += math.pi
-        before, turn, swing, climbing = turn, arc / w, -swing, False
+        before = turn
+        turn = arc / w
+        swing = -swing
+        climbing = False
 
 
 @njit(**OPTIONS)
 def _root_of_wave(
-    c0: float, size: float, phase: float, mu: float, w: float, low: float, high: float, guess: float, floor: float
+    c0: float,
+    size: float,
+    phase: float,
+    mu: float,
+    w: float,
+    low: float,
+    high: float,
+    guess: float,
+    floor: float,
 ) -> float:
     """The crossing from + to − of c₀ + exp(μx) R cos(ωx + φ) between low and high."""
-    x, fast = guess if low < guess < high else 0.5 * (low + high), abs(mu) + w
+    x = guess if low < guess < high else 0.5 * (low + high)
+    fast = abs(mu) + w
     for _ in range(100):
-        r, angle = size * math.exp(mu * x), w * x + phase
+        r = size * math.exp(mu * x)
+        angle = w * x + phase
         re, im = r * math.cos(angle), r * math.sin(angle)
         slope = mu * re - w * im
         second = mu * slope - w * (mu * im + w * re)
@@ -166,7 +192,8 @@ def _root_of_wave(
 def _halley(
     x: float, g: float, d: float, dd: float, fast: float, low: float, high: float, floor: float
 ) -> tuple[float, float, float, bool]:
-    """Next point inside the bracket, the bracket, and whether no further evaluation could better the point.
+    """Next point inside the bracket, the bracket, and whether no further evaluation could better
+    the point.
 
     A step h of Halley's method leaves an error of about h³ ((g″/2g′)² − g‴/6g′).
     """
@@ -179,7 +206,10 @@ def _halley(
     below = d * d - 0.5 * g * dd
     step = -g * d / below if below > 0.0 else np.inf
     new = x + step
-    if low <= new <= high and abs(step * step * step) * (dd * dd + d * d * fast * fast) <= EXACT * new * d * d:
+    if (
+        low <= new <= high
+        and abs(step * step * step) * (dd * dd + d * d * fast * fast) <= EXACT * new * d * d
+    ):
         return new, low, high, True
     if not low < new < high:
         new = 0.5 * (low + high)
@@ -202,14 +232,16 @@ def first_of_many(
     work: Array,
     stack: Array,
 ) -> float:
-    """First fall of any signal: window after window, its Taylor polynomial and the roots of that."""
+    """First fall of any signal: window after window, its Taylor polynomial and the roots of
+    that."""
     fastest = 0.0
     for j in range(nb):
         fastest = max(fastest, abs(lam[j]))
     for m in range(len(omega)):
         fastest = max(fastest, omega[m])
     h = min(limit, 1.5 / fastest if fastest > 0.0 else limit)
-    start, order = 0.0, rising
+    start = 0.0
+    order = rising
     N = WINDOW_ORDER
     while start < limit:
         h = min(h, limit - start)

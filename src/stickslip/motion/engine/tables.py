@@ -1,4 +1,5 @@
-"""Compiled loops over tables of parameters: constants of every set, and probes of every mode that is asked for."""
+"""Compiled loops over tables of parameters: constants of every set, and probes of every mode that
+is asked for."""
 
 from __future__ import annotations
 
@@ -21,10 +22,14 @@ def run_setups(setup: SETUP, table: Array, k: Constants) -> None:
 
 
 @njit(**OPTIONS)
-def claim(T: ClosedForms, slots: int, group: Array, mode: Array, region: Array, place: Array) -> None:
-    """Give every mode that is asked for the next slot of its group; −1 where it has been asked for before."""
+def claim(
+    T: ClosedForms, slots: int, group: Array, mode: Array, region: Array, place: Array
+) -> None:
+    """Give every mode that is asked for the next slot of its group; −1 where it has been asked for
+    before."""
     for i in range(len(group)):
-        g, key = group[i], flights.mode_key(mode[i], region[i])
+        g = group[i]
+        key = flights.mode_key(mode[i], region[i])
         place[i] = -1
         if flights.find(T.key, T.own, g * slots, int(T.used[g]), key) < 0:
             place[i] = g * slots + T.used[g]
@@ -47,8 +52,13 @@ def probe_modes(
     hold: Array,
     found: Array,
 ) -> None:
-    """Probe many modes, as :func:`.event_loop.probe` does one; `found` receives whether all values are finite."""
+    """Probe many modes, as :func:`.event_loop.probe` does one; `found` receives whether all values
+    are finite."""
     for i in range(len(group)):
         g = group[i]
-        k = Constants(constants.K[g], constants.M[g], constants.C[g], constants.J[g], constants.omega[g])
-        found[i] = probe(jets, rows, k, space, mode[i], region[i], times[i], states, out[i], hold[i])
+        k = Constants(
+            constants.K[g], constants.M[g], constants.C[g], constants.J[g], constants.omega[g]
+        )
+        found[i] = probe(
+            jets, rows, k, space, mode[i], region[i], times[i], states, out[i], hold[i]
+        )

@@ -1,4 +1,5 @@
-"""What the compiled functions pass to each other: layouts, constants and work space as named tuples of arrays."""
+"""What the compiled functions pass to each other: layouts, constants and work space as named tuples
+of arrays."""
 
 from __future__ import annotations
 
@@ -15,9 +16,11 @@ from stickslip.equations.codegen.program import Program
 
 
 def _import_array_functions() -> None:
-    """Import numba's array functions but not SciPy's linear algebra, a sixth of the time of a whole short process.
+    """Import numba's array functions but not SciPy's linear algebra, a sixth of the time of a whole
+    short process.
 
-    They only look whether it is there; compiled code that calls it (none of ours) imports it by itself.
+    They only look whether it is there; compiled code that calls it (none of ours) imports it by
+    itself.
     """
     blas = "scipy.linalg.cython_blas"
     if blas not in sys.modules:
@@ -29,27 +32,59 @@ def _import_array_functions() -> None:
 
 
 _import_array_functions()
-# The engine takes a model's machine code as arguments; numba calls that experimental whenever it compiles such a call.
+# The engine takes a model's machine code as arguments; numba calls that experimental whenever it
+# compiles such a call.
 warnings.filterwarnings("ignore", message="First-class function type feature is experimental")
 
 Array = np.ndarray
-vector, matrix, indices = float64[::1], float64[:, ::1], int64[::1]
+vector = float64[::1]
+matrix = float64[:, ::1]
+indices = int64[::1]
 if TYPE_CHECKING:
     SETUP = JETS = RESIDUAL = POWERS = Any
 else:
     SETUP = types.FunctionType(void(vector, vector, matrix, matrix, matrix, vector))
     JETS = types.FunctionType(
-        int64(float64, vector, indices, indices, vector, matrix, matrix, int64, matrix, matrix, matrix, vector)
+        int64(
+            float64,
+            vector,
+            indices,
+            indices,
+            vector,
+            matrix,
+            matrix,
+            int64,
+            matrix,
+            matrix,
+            matrix,
+            vector,
+        )
     )
     RESIDUAL = types.FunctionType(void(float64, vector, indices, indices, vector, vector, matrix))
     POWERS = types.FunctionType(void(matrix, indices, vector, vector))
 
-# Codes of motion.outcome.Outcome, and three that ask to be called again: with a new record, with a closed form, or for
-# Taylor steps.
-FINISHED, NO_RATE, ON_JUMP, ZENO, TINY, LIMIT, NEGATIVE, UNDEFINED, INADMISSIBLE = 0, 2, 3, 4, 5, 6, 7, 8, 14
-FULL, NEED, STEPS = 100, 101, 102
-# What may be said of a candidate mode; or of the step that led to it: that it does not solve the equations.
-OK, SINGULAR, NAN, OFF_SURFACE, ASTRAY, OVERFLOW = 0, 1, 2, 3, 4, 5
+# Codes of motion.outcome.Outcome, and three that ask to be called again: with a new record, with a
+# closed form, or for Taylor steps.
+FINISHED = 0
+NO_RATE = 2
+ON_JUMP = 3
+ZENO = 4
+TINY = 5
+LIMIT = 6
+NEGATIVE = 7
+UNDEFINED = 8
+INADMISSIBLE = 14
+FULL = 100
+NEED = 101
+STEPS = 102
+# What may be said of a candidate mode; or of the step that led to it: that it does not solve the
+# equations.
+OK = 0
+SINGULAR = 1
+NAN = 2
+OFF_SURFACE = 3
+ASTRAY = 4
+OVERFLOW = 5
 
 NODES = 18  # of an audit, in a piece of a step
 EPSILON = 2.220446049250313e-16
@@ -61,19 +96,30 @@ ZERO = cast(int, np.int64(0))
 NOWHERE = cast(int, np.int64(-1))  # no row
 NONE_YET = 9  # no mode of a contact
 
-# Slots of Rows.sizes: how long the state is, and its inertial, viscous, rate-independent and internal parts; how many
-# contacts move coordinates of each kind; how many kinks there are.
-DIMENSION, INERTIAL, VISCOUS, RATE_INDEPENDENT, INTERNAL, ON_INERTIAL, ON_VISCOUS, ON_RATE_INDEPENDENT, KINKS = range(9)
+# Slots of Rows.sizes: how long the state is, and its inertial, viscous, rate-independent and
+# internal parts; how many contacts move coordinates of each kind; how many kinks there are.
+(
+    DIMENSION,
+    INERTIAL,
+    VISCOUS,
+    RATE_INDEPENDENT,
+    INTERNAL,
+    ON_INERTIAL,
+    ON_VISCOUS,
+    ON_RATE_INDEPENDENT,
+    KINKS,
+) = range(9)
 # Slots of Lane.clock, and of Lane.counters: see there.
 NOW, LAST, LONG_AGO, SPAN, RECENT, UNIT, IMPLICIT, SERIES = range(8)
 HAPPENED, SWITCHES, CAUSE, CROSSED, TAKEN = range(5)
 
-# The loops allocate nothing and own no array, so that no reference has to be counted (half of the time, where views of
-# arrays are as many as here).
+# The loops allocate nothing and own no array, so that no reference has to be counted (half of the
+# time, where views of arrays are as many as here).
 OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "_nrt": False}
 ALLOCATING: dict[str, Any] = {**OPTIONS, "_nrt": True}
-# For functions with one or two callers: their tuples of arrays are hundreds of machine words, which a call would copy.
-# Inlined before they are typed, they are compiled once, not again at every level above them.
+# For functions with one or two callers: their tuples of arrays are hundreds of machine words, which
+# a call would copy. Inlined before they are typed, they are compiled once, not again at every level
+# above them.
 INLINED: dict[str, Any] = {**OPTIONS, "inline": "always"}
 
 
@@ -91,14 +137,16 @@ class Rows(NamedTuple):
     watched : array of int
         Rows that bound the step: the state, then what the guards are made of.
     noise : array of int
-        Place of the size of the terms of each of these in the table of magnitudes, −1: nothing cancels in it.
+        Place of the size of the terms of each of these in the table of magnitudes, −1: nothing
+        cancels in it.
     doubtful : array of int, shape (·, 3)
-        Rows that may become negative, though they must not; the contact and the direction in which it slips then
-        (−1, 0: always).
+        Rows that may become negative, though they must not; the contact and the direction in which
+        it slips then (−1, 0: always).
     timed : array of int
         1 for each kink that comes at a time, whatever the state.
     vanishing : array of int
-        Part of the state that is zero where a kink is, −1 for other kinks: there powers of it have few derivatives.
+        Part of the state that is zero where a kink is, −1 for other kinks: there powers of it have
+        few derivatives.
     drops : array of int
         1 for each contact whose sliding force is not its threshold.
     program : Program
@@ -121,7 +169,8 @@ class Rows(NamedTuple):
 
 
 class Constants(NamedTuple):
-    """Constants, mass matrix, viscous matrix, contact directions and drive frequencies for a set of parameters."""
+    """Constants, mass matrix, viscous matrix, contact directions and drive frequencies for a set of
+    parameters."""
 
     K: Array
     M: Array
@@ -136,8 +185,8 @@ class Space(NamedTuple):
     Attributes
     ----------
     W, V : arrays, shapes (rows, N + 1), (rows, 2)
-        Taylor coefficients, in powers of the unit of time that is the rate of the clock, row n; values and rates at the
-        end of a step.
+        Taylor coefficients, in powers of the unit of time that is the rate of the clock, row n;
+        values and rates at the end of a step.
     mag : array
         Sizes of the terms of what may cancel: the scale of rounding errors.
     Rq, Rz : arrays
@@ -145,14 +194,17 @@ class Space(NamedTuple):
     A, B, G : arrays
         Matrix, inverse and residual of the rate-independent coordinates.
     discs : array, shape (rows, 4)
-        How far each row strays from its value at the beginning of a step, and how near it comes to zero, see
-        :mod:`stickslip.motion.steps.discs`; last, how far the derivative of a part of the state strays.
+        How far each row strays from its value at the beginning of a step, and how near it comes to
+        zero, see :mod:`stickslip.motion.steps.discs`; last, how far the derivative of a part of the
+        state strays.
     kinds : array of int
         What each row depends on; see :mod:`stickslip.motion.steps.structure`.
     samples, bernstein : arrays, shapes (rows, nodes) and (halvings, nodes)
-        Of an audit: residuals and guards at the nodes of a piece, and polynomials in Bernstein's form.
+        Of an audit: residuals and guards at the nodes of a piece, and polynomials in Bernstein's
+        form.
     promise : array, shape (2, n)
-        Rates at the end of the last step, times its length, as its series has them; and the state it started from.
+        Rates at the end of the last step, times its length, as its series has them; and the state
+        it started from.
     known : array of int
         Mode for which Rq and Rz were made; last entry 0 if they are valid.
     stages : array
@@ -192,20 +244,21 @@ class Lane(NamedTuple):
     Attributes
     ----------
     clock : array
-        By slots: `NOW`, the time; `LAST`, the last step; `LONG_AGO`, when an event was many events ago; `SPAN`;
-        `RECENT`, the length of recent steps (events that coincide up to rounding make steps of no length); `UNIT`, the
-        unit of time of the Taylor coefficients; `IMPLICIT`, the length of the next implicit step (negative: steps until
-        one is tried); `SERIES`, the step that a series would have been good for.
+        By slots: `NOW`, the time; `LAST`, the last step; `LONG_AGO`, when an event was many events
+        ago; `SPAN`; `RECENT`, the length of recent steps (events that coincide up to rounding make
+        steps of no length); `UNIT`, the unit of time of the Taylor coefficients; `IMPLICIT`, the
+        length of the next implicit step (negative: steps until one is tried); `SERIES`, the step
+        that a series would have been good for.
     y : array
         State.
     seen : array
         Largest modulus so far of each row that bounds the steps.
     mode, settled, reg : arrays of int
-        Mode of each contact (0: stick; ±1: slip; ±2: at its threshold, about to slip or carried by others), the mode
-        before the last event (9: none yet), and region of each kink.
+        Mode of each contact (0: stick; ±1: slip; ±2: at its threshold, about to slip or carried by
+        others), the mode before the last event (9: none yet), and region of each kink.
     counters : array of int
-        By slots: `HAPPENED`, events; `SWITCHES` of contacts; `CAUSE`, the switch that has just fired, or −1; `CROSSED`,
-        kinks; `TAKEN`, steps.
+        By slots: `HAPPENED`, events; `SWITCHES` of contacts; `CAUSE`, the switch that has just
+        fired, or −1; `CROSSED`, kinks; `TAKEN`, steps.
     """
 
     clock: Array
@@ -218,7 +271,8 @@ class Lane(NamedTuple):
 
 
 class Record(NamedTuple):
-    """Record of the steps: start time, state, mode, region, and the switch that caused it (−1: none)."""
+    """Record of the steps: start time, state, mode, region, and the switch that caused it (−1:
+    none)."""
 
     time: Array
     state: Array
@@ -230,9 +284,13 @@ class Record(NamedTuple):
 def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
     """Work space for a system."""
     n, nq, nz, nr, _, mq, mz, mr, nk = map(int, rows.sizes)
-    nc, z = mq + mz + mr, np.zeros
-    big, guards, implicit = max(nq + mq, nz + mz), nk + 2 * nc + len(rows.doubtful) + 1, N // 2 * n
-    W, V = z((table_rows, N + 1)), z((table_rows, 2))
+    nc = mq + mz + mr
+    z = np.zeros
+    big = max(nq + mq, nz + mz)
+    guards = nk + 2 * nc + len(rows.doubtful) + 1
+    implicit = N // 2 * n
+    W = z((table_rows, N + 1))
+    V = z((table_rows, 2))
     W[n, 1] = V[n, 1] = 1.0
     return Space(
         W=W,

@@ -1,16 +1,17 @@
 """How far the rows of a tape stray while the state follows a polynomial: arithmetic of discs.
 
-A Taylor polynomial of a function that underflows where a step begins says nothing about the rest of the step. The tape
-that makes the series can bound the functions themselves. For every row w numbers are found in one pass, without
-series: B, with abs(w(τ) − w(0)) ≤ B for all *complex* times abs(τ) ≤ H, and S, by how much w on the real step [0, h]
-may differ from what is analytic there. By Cauchy's estimate the Taylor coefficients are at most B/Hᵏ, so that what a
-polynomial of degree N cannot show on [0, h] is below B (h/H)^(N+1)/(1 − h/H) + S.
+A Taylor polynomial of a function that underflows where a step begins says nothing about the rest of
+the step. The tape that makes the series can bound the functions themselves. For every row w numbers
+are found in one pass, without series: B, with abs(w(τ) − w(0)) ≤ B for all *complex* times abs(τ) ≤
+H, and S, by how much w on the real step [0, h] may differ from what is analytic there. By Cauchy's
+estimate the Taylor coefficients are at most B/Hᵏ, so that what a polynomial of degree N cannot show
+on [0, h] is below B (h/H)^(N+1)/(1 − h/H) + S.
 
-A third number, a lower bound of abs(w) on the disc, is larger than abs(w(0)) − B where exponentials grow: a quotient
-such as 1/(1 + exp u) is known even where the exponential overflows.
+A third number, a lower bound of abs(w) on the disc, is larger than abs(w(0)) − B where exponentials
+grow: a quotient such as 1/(1 + exp u) is known even where the exponential overflows.
 
-The rules are those of circular complex arithmetic; S > 0 comes only from powers that are not whole, at zero, where they
-have few derivatives.
+The rules are those of circular complex arithmetic; S > 0 comes only from powers that are not whole,
+at zero, where they have few derivatives.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ Array = np.ndarray
 LINEAR, PRODUCT, QUOTIENT, RECIPROCAL, POWER = (
     int(op) for op in (Op.LINEAR, Op.PRODUCT, Op.QUOTIENT, Op.RECIPROCAL, Op.POWER)
 )
-EXP, LOG, ROTATION, STEADY, HYPERBOLIC = (int(op) for op in (Op.EXP, Op.LOG, Op.ROTATION, Op.STEADY, Op.HYPERBOLIC))
+EXP, LOG, ROTATION, STEADY, HYPERBOLIC = (
+    int(op) for op in (Op.EXP, Op.LOG, Op.ROTATION, Op.STEADY, Op.HYPERBOLIC)
+)
 ATAN, ASINH, TAN, TANH = (int(op) for op in (Op.ATAN, Op.ASINH, Op.TAN, Op.TANH))
 SELECT, SIDE, SPEED, ENTRY, RIGHT, SOLVE, RATES = (
     int(op) for op in (Op.SELECT, Op.SIDE, Op.SPEED, Op.ENTRY, Op.RIGHT, Op.SOLVE, Op.RATES)
@@ -79,7 +82,8 @@ def power_disc(a: float, b: float, y: float, p: float) -> float:
 
 @njit(**OPTIONS)
 def tanh_disc(a: float, b: float, y: float) -> float:
-    """Disc of tanh a: from exp(−2|a|), so that saturated ends cost nothing, or from tan of the radius near zero."""
+    """Disc of tanh a: from exp(−2|a|), so that saturated ends cost nothing, or from tan of the
+    radius near zero."""
     small = math.exp(-2.0 * abs(a))
     moved = small * grown(2.0 * b) if 2.0 * (b - abs(a)) < LARGE else np.inf
     left = 1.0 + small - moved
@@ -150,7 +154,9 @@ def spread(
         elif op <= TANH:
             spread_angle(p, W, discs, i)
         elif op == SOLVE:
-            solve_discs(Rq if p.code[i, 3] == 0 else Rz, W, discs, p.code[i, 1], p.code[i, 2], p.code[i, 8])
+            solve_discs(
+                Rq if p.code[i, 3] == 0 else Rz, W, discs, p.code[i, 1], p.code[i, 2], p.code[i, 8]
+            )
         elif op == RATES:
             solve_rate_discs(p, W, B, discs, balls, i)
         else:
@@ -160,7 +166,11 @@ def spread(
 @njit(**INLINED)
 def add_terms(p: Program, K: Array, W: Array, discs: Array, i: int) -> None:
     """Disc of a linear combination."""
-    ball, off, row, first, last = 0.0, 0.0, p.code[i, 1], p.code[i, 2], p.code[i, 2] + p.code[i, 3]
+    ball = 0.0
+    off = 0.0
+    row = p.code[i, 1]
+    first = p.code[i, 2]
+    last = p.code[i, 2] + p.code[i, 3]
     for j in range(first, last):
         source = p.term_row[j]
         if source >= 0:
@@ -182,14 +192,18 @@ def add_terms(p: Program, K: Array, W: Array, discs: Array, i: int) -> None:
 @njit(**INLINED)
 def largest_term(p: Program, K: Array, W: Array, discs: Array, j: int) -> float:
     """The largest modulus of a term of a linear combination."""
-    size, row = abs(factor(p, K, j)), p.term_row[j]
+    size = abs(factor(p, K, j))
+    row = p.term_row[j]
     return size * (abs(W[row, 0]) + discs[row, 0] + discs[row, 1]) if row >= 0 else size
 
 
 @njit(**INLINED)
 def spread_product(W: Array, discs: Array, row: int, a: int, b: int) -> None:
     """Disc of a product of two rows."""
-    x, y, u, v = abs(W[a, 0]), abs(W[b, 0]), discs[a, 0], discs[b, 0]
+    x = abs(W[a, 0])
+    y = abs(W[b, 0])
+    u = discs[a, 0]
+    v = discs[b, 0]
     s, t = discs[a, 1], discs[b, 1]
     off = (x + u) * t + s * (y + v) + s * t if s > 0.0 or t > 0.0 else 0.0
     store(W, discs, row, x * v + u * y + u * v, off, discs[a, 2] * discs[b, 2])
@@ -198,12 +212,21 @@ def spread_product(W: Array, discs: Array, row: int, a: int, b: int) -> None:
 @njit(**INLINED)
 def spread_function(p: Program, K: Array, W: Array, discs: Array, i: int) -> None:
     """Discs of quotients, powers, exponentials and logarithms."""
-    op, row, a = p.code[i, 0], p.code[i, 1], p.code[i, 2]
-    x, y, u, s = abs(W[a, 0]), W[row, 0], discs[a, 0], discs[a, 1]
-    ball, off, near = np.inf, np.inf, 0.0
+    op = p.code[i, 0]
+    row = p.code[i, 1]
+    a = p.code[i, 2]
+    x = abs(W[a, 0])
+    y = W[row, 0]
+    u = discs[a, 0]
+    s = discs[a, 1]
+    ball = np.inf
+    off = np.inf
+    near = 0.0
     if op == QUOTIENT:
         ball, off = quotient_disc(x, u, s, y, W, discs, p.code[i, 3])
-        near = discs[a, 2] / (abs(W[p.code[i, 3], 0]) + discs[p.code[i, 3], 0] + discs[p.code[i, 3], 1])
+        near = discs[a, 2] / (
+            abs(W[p.code[i, 3], 0]) + discs[p.code[i, 3], 0] + discs[p.code[i, 3], 1]
+        )
     elif op == RECIPROCAL:
         ball, off = quotient_disc(1.0, 0.0, 0.0, y, W, discs, a)
         near = 1.0 / (x + u + s)
@@ -217,22 +240,29 @@ def spread_function(p: Program, K: Array, W: Array, discs: Array, i: int) -> Non
             ball = -math.log1p(-u / x)
             off = s / (x - u - s) if x - u > s else np.inf
     else:
-        q, largest = factor(p, K, p.code[i, 3]), x + u + s
+        q = factor(p, K, p.code[i, 3])
+        largest = x + u + s
         if y != 0.0 and u + s < x:
             ball = power_disc(x, u, y, q)
             nearest = largest if q >= 1.0 else x - u - s
             off = abs(q) * nearest ** (q - 1.0) * s if s > 0.0 else 0.0
         elif q > 0.0:
-            ball, off = 0.0, largest**q if largest > 0.0 else 0.0
+            ball = 0.0
+            off = largest**q if largest > 0.0 else 0.0
         elif discs[a, 2] > 0.0:
-            ball, off = abs(y) + discs[a, 2] ** q, 0.0
+            ball = abs(y) + discs[a, 2] ** q
+            off = 0.0
     store(W, discs, row, ball, off, near)
 
 
 @njit(**INLINED)
-def quotient_disc(x: float, u: float, s: float, y: float, W: Array, discs: Array, b: int) -> tuple[float, float]:
+def quotient_disc(
+    x: float, u: float, s: float, y: float, W: Array, discs: Array, b: int
+) -> tuple[float, float]:
     """Disc of a quotient, from the modulus and the disc of its numerator, and its own value y."""
-    v, t, left = discs[b, 0], discs[b, 1], discs[b, 2]
+    v = discs[b, 0]
+    t = discs[b, 1]
+    left = discs[b, 2]
     ball, off = np.inf, np.inf
     if left > 0.0:
         ball = (u + abs(y) * v) / left
@@ -246,13 +276,23 @@ def quotient_disc(x: float, u: float, s: float, y: float, W: Array, discs: Array
 @njit(**INLINED)
 def spread_angle(p: Program, W: Array, discs: Array, i: int) -> None:
     """Discs of sines and cosines, atan, asinh, tan and tanh, and of the slopes of the last two."""
-    op, row, a = p.code[i, 0], p.code[i, 1], p.code[i, 2]
-    x, y, u, s = W[a, 0], W[row, 0], discs[a, 0], discs[a, 1]
+    op = p.code[i, 0]
+    row = p.code[i, 1]
+    a = p.code[i, 2]
+    x = W[a, 0]
+    y = W[row, 0]
+    u = discs[a, 0]
+    s = discs[a, 1]
     if op <= HYPERBOLIC:
-        sine, cosine, odd, even = abs(y), abs(W[row + 1, 0]), np.inf, np.inf
+        sine = abs(y)
+        cosine = abs(W[row + 1, 0])
+        odd = np.inf
+        even = np.inf
         if u < LARGE:
-            odd, even = math.sinh(u), 2.0 * math.sinh(0.5 * u) ** 2
-        off, near = s, 0.0
+            odd = math.sinh(u)
+            even = 2.0 * math.sinh(0.5 * u) ** 2
+        off = s
+        near = 0.0
         if op == HYPERBOLIC:
             off = s * lifted(abs(x) + u + s) if s > 0.0 else 0.0
             near = 0.5 * lifted(abs(x) - u - s) - 0.5  # |cosh z| ≥ |sinh Re z|
@@ -260,22 +300,31 @@ def spread_angle(p: Program, W: Array, discs: Array, i: int) -> None:
         store(W, discs, row + 1, sine * odd + cosine * even if u > 0.0 else 0.0, off, near)
     elif op <= ASINH:
         slope = p.code[i, 3]
-        store(W, discs, row, u * (abs(W[slope, 0]) + discs[slope, 0]) if u > 0.0 else 0.0, s, 0.0)  # mean value
+        # mean value
+        store(W, discs, row, u * (abs(W[slope, 0]) + discs[slope, 0]) if u > 0.0 else 0.0, s, 0.0)
     else:
-        ball, off = tanh_disc(x, u, y) if op == TANH else tan_disc(u, y), s
+        ball = tanh_disc(x, u, y) if op == TANH else tan_disc(u, y)
+        off = s
         if op == TAN and s > 0.0:
             off = s * (1.0 + (abs(y) + tan_disc(u + s, y)) ** 2)
         store(W, discs, row, ball, off, 0.0)
-        ball, off, y = discs[row, 0], discs[row, 1], abs(y)
+        ball = discs[row, 0]
+        off = discs[row, 1]
+        y = abs(y)
         # The slope 1 ± y² strays as y² does.
         both = 2.0 * (y + ball) * off + off * off if off > 0.0 else 0.0
         store(W, discs, row + 1, (2.0 * y + ball) * ball if ball > 0.0 else 0.0, both, 0.0)
 
 
 @njit(**INLINED)
-def spread_choice(p: Program, K: Array, W: Array, discs: Array, mode: Array, reg: Array, i: int) -> None:
+def spread_choice(
+    p: Program, K: Array, W: Array, discs: Array, mode: Array, reg: Array, i: int
+) -> None:
     """Discs of what depends on mode and region."""
-    op, row, a, c = p.code[i, 0], p.code[i, 1], p.code[i, 2], p.code[i, 7]
+    op = p.code[i, 0]
+    row = p.code[i, 1]
+    a = p.code[i, 2]
+    c = p.code[i, 7]
     if op == SELECT:
         j = a if reg[c] == 1 else a + 1
         copy_disc(W, discs, int(p.term_row[j]), -1, abs(factor(p, K, j)), row)
@@ -330,10 +379,15 @@ def solve_discs(R: Array, W: Array, discs: Array, row: int, right: int, n: int) 
 def solve_rate_discs(p: Program, W: Array, B: Array, discs: Array, balls: Array, i: int) -> None:
     """Discs of the solution of A r = b.
 
-    With A = A₀ + A′ and r = r₀ + r′: A₀ r′ = b′ − A′(r₀ + r′), so that any ρ with |A₀⁻¹|(|b′| + |A′|(|r₀| + ρ)) ≤ ρ is
-    a bound of r′. What is not analytic obeys the same equation, with r′ known.
+    With A = A₀ + A′ and r = r₀ + r′: A₀ r′ = b′ − A′(r₀ + r′), so that any ρ with |A₀⁻¹|(|b′| +
+    |A′|(|r₀| + ρ)) ≤ ρ is a bound of r′. What is not analytic obeys the same equation, with r′
+    known.
     """
-    row, right, start, count, n = p.code[i, 1], p.code[i, 2], p.code[i, 3], p.code[i, 4], p.code[i, 8]
+    row = p.code[i, 1]
+    right = p.code[i, 2]
+    start = p.code[i, 3]
+    count = p.code[i, 4]
+    n = p.code[i, 8]
     old, new = balls[0], balls[1]
     for part in range(2):
         for j in range(n):
@@ -343,9 +397,13 @@ def solve_rate_discs(p: Program, W: Array, B: Array, discs: Array, balls: Array,
             for j in range(n):
                 new[j] = discs[right + j, part]
             for e in range(start, start + count):
-                j, k, entry = p.term_factor[e] // n, p.term_factor[e] % n, p.term_row[e]
+                j = p.term_factor[e] // n
+                k = p.term_factor[e] % n
+                entry = p.term_row[e]
                 known = abs(W[row + k, 0]) + (discs[row + k, 0] if part == 1 else 0.0)
-                new[j] += discs[entry, 0] * old[k] + discs[entry, part] * (known + (old[k] if part == 1 else 0.0))
+                new[j] += discs[entry, 0] * old[k] + discs[entry, part] * (
+                    known + (old[k] if part == 1 else 0.0)
+                )
             settled = True
             for j in range(n):
                 total = 0.0

@@ -1,8 +1,9 @@
 """How long a Taylor step may be.
 
-Two conditions: the last terms of the series are small, and nothing is hidden in the terms that were left out. The first
-sees what the series shows; the second bounds what it cannot show (:mod:`stickslip.motion.steps.discs`), loosely: a
-pulse that underflows where the step begins has a bound that is larger by hundreds of orders of magnitude.
+Two conditions: the last terms of the series are small, and nothing is hidden in the terms that were
+left out. The first sees what the series shows; the second bounds what it cannot show
+(:mod:`stickslip.motion.steps.discs`), loosely: a pulse that underflows where the step begins has a
+bound that is larger by hundreds of orders of magnitude.
 """
 
 from __future__ import annotations
@@ -12,13 +13,24 @@ import math
 import numpy as np
 
 from stickslip.machine_code import njit
-from stickslip.motion.steps.arrays import DIMENSION, EPSILON, INERTIAL, INLINED, JETS, OPTIONS, Constants, Rows, Space
+from stickslip.motion.steps.arrays import (
+    DIMENSION,
+    EPSILON,
+    INERTIAL,
+    INLINED,
+    JETS,
+    OPTIONS,
+    Constants,
+    Rows,
+    Space,
+)
 from stickslip.motion.steps.discs import ATAN, LOG, ROTATION, TANH, reach, spread, spread_state
 
 Array = np.ndarray
 
 LEAST = 1e-250  # what is smaller is nothing
-SHORT, LONG = 2.0**-30, 2.0**10  # steps, in units of time of the coefficients
+SHORT = 2.0**-30  # shortest step, in units of time of the coefficients
+LONG = 2.0**10  # longest one
 COARSER = 2.0**-16  # of a unit of time in which coefficients overflow
 MOST_UNITS = 60  # that are tried
 MOST_CUTS = 1100  # halvings from the largest number to nothing
@@ -28,16 +40,29 @@ LOOSE = 1e-3  # part of its size that may be hidden in a row
 
 @njit(**INLINED)
 def step_size(
-    W: Array, rows: Array, noise: Array, mag: Array, seen: Array, n: int, N: int, last: float, tol: float, atol: float
+    W: Array,
+    rows: Array,
+    noise: Array,
+    mag: Array,
+    seen: Array,
+    n: int,
+    N: int,
+    last: float,
+    tol: float,
+    atol: float,
 ) -> float:
-    """Step for which the last two Taylor terms of rows are below tol times their size, or lost in rounding.
+    """Step for which the last two Taylor terms of rows are below tol times their size, or lost in
+    rounding.
 
-    The size of a row is what it is, what it becomes within a step, and a part `atol` of the largest that it has been:
-    nothing is measured against a number that the motion does not have. The first n rows are the state, known to order
-    N; the others to order N − 1.
+    The size of a row is what it is, what it becomes within a step, and a part `atol` of the largest
+    that it has been: nothing is measured against a number that the motion does not have. The first
+    n rows are the state, known to order N; the others to order N − 1.
     """
     unit = W[n, 1]
-    top, middle, low, h = 0.0, 0.0, 0.0, np.inf
+    top = 0.0
+    middle = 0.0
+    low = 0.0
+    h = np.inf
     for i in range(len(rows)):
         r = rows[i]
         if W[r, N - 1] == 0.0 and W[r, N if i < n else N - 2] == 0.0:
@@ -62,7 +87,8 @@ def step_size(
         h = (tol / low) ** (1.0 / (N - 2))
         edge = low / h
     if middle > edge:
-        h, edge = (tol / middle) ** (1.0 / (N - 1)), middle
+        h = (tol / middle) ** (1.0 / (N - 1))
+        edge = middle
     if top * h > edge:
         h = (tol / top) ** (1.0 / N)
     return h * unit
@@ -72,10 +98,11 @@ def step_size(
 def sparse_step(c: Array, N: int, tol: float) -> float:
     """Step of a row whose last terms vanish, because of a symmetry or as those of a polynomial.
 
-    The last term that there is tells, beside the first, how fast they fall. A polynomial of a low degree leaves out
-    nothing.
+    The last term that there is tells, beside the first, how fast they fall. A polynomial of a low
+    degree leaves out nothing.
     """
-    j, k = 0, N
+    j = 0
+    k = N
     while k >= DENSE and c[k] == 0.0:
         k -= 1
     if k < DENSE or k > N - 2:
@@ -87,8 +114,10 @@ def sparse_step(c: Array, N: int, tol: float) -> float:
 
 @njit(**OPTIONS)
 def first_step(c: Array, N: int, tol: float) -> float:
-    """Step of a quantity that has been nothing so far: its last terms are small beside its first."""
-    j, h = 0, np.inf
+    """Step of a quantity that has been nothing so far: its last terms are small beside its
+    first."""
+    j = 0
+    h = np.inf
     while j < N - 2 and c[j] == 0.0:
         j += 1
     for k in range(N - 1, N + 1):
@@ -99,14 +128,17 @@ def first_step(c: Array, N: int, tol: float) -> float:
 
 @njit(**OPTIONS)
 def impulse(rows: Rows, mag: Array, r: int, h: float) -> float:
-    """By how much the terms of its rate, if none cancelled, would change a part of the state within a time."""
-    sizes, nq = rows.program.rate_sizes, rows.sizes[INERTIAL]
+    """By how much the terms of its rate, if none cancelled, would change a part of the state within
+    a time."""
+    sizes = rows.program.rate_sizes
+    nq = rows.sizes[INERTIAL]
     return float(h * mag[sizes[r]] if sizes[r] >= 0 else h * h * mag[sizes[r + nq]])
 
 
 @njit(**OPTIONS)
 def suits(h: float, room: float, unit: float) -> bool:
-    """Whether coefficients in powers of a unit of time neither overflow nor vanish, if a step has this length.
+    """Whether coefficients in powers of a unit of time neither overflow nor vanish, if a step has
+    this length.
 
     Where there is no room for a step, at the end of a motion, all do.
     """
@@ -145,7 +177,10 @@ def expand(
     order, step
         Order up to which they are finite, and the step for which they are good.
     """
-    W, n, order, h = space.W, rows.sizes[DIMENSION], N, 0.0
+    W = space.W
+    n = rows.sizes[DIMENSION]
+    order = N
+    h = 0.0
     for _ in range(MOST_UNITS):
         jets(t, y, mode, reg, k.K, space.Rq, space.Rz, N, W, space.A, space.B, space.mag)
         order = finite_order(W, n, N)
@@ -158,7 +193,8 @@ def expand(
 
 @njit(**OPTIONS)
 def finite_order(W: Array, n: int, N: int) -> int:
-    """Order up to which the state's coefficients are finite: close to a blow-up the high ones overflow."""
+    """Order up to which the state's coefficients are finite: close to a blow-up the high ones
+    overflow."""
     for k in range(N, 2, -1):
         finite = True
         for r in range(n):
@@ -171,10 +207,21 @@ def finite_order(W: Array, n: int, N: int) -> int:
 @njit(**OPTIONS)
 def fill_powers(powers: Array, h: float) -> None:
     """Powers of the step; in fours, since each multiplication waits for the one before."""
-    a, b, c, d, fourth, n = 1.0, h, h * h, h * h * h, (h * h) * (h * h), len(powers) // 4 * 4
+    a = 1.0
+    b = h
+    c = h * h
+    d = h * h * h
+    fourth = (h * h) * (h * h)
+    n = len(powers) // 4 * 4
     for k in range(0, n, 4):
-        powers[k], powers[k + 1], powers[k + 2], powers[k + 3] = a, b, c, d
-        a, b, c, d = a * fourth, b * fourth, c * fourth, d * fourth
+        powers[k] = a
+        powers[k + 1] = b
+        powers[k + 2] = c
+        powers[k + 3] = d
+        a = a * fourth
+        b = b * fourth
+        c = c * fourth
+        d = d * fourth
     for k in range(n, len(powers)):
         powers[k] = a
         a *= h
@@ -216,29 +263,39 @@ def unseen(
     atol: float,
     seen: Array,
 ) -> float:
-    """What the series cannot show within a step, in parts of what it may be: the step is fine if this is at most 1."""
-    p, W, discs, powers, n = rows.program, space.W, space.discs, space.reaches, rows.sizes[DIMENSION]
+    """What the series cannot show within a step, in parts of what it may be: the step is fine if
+    this is at most 1."""
+    p = rows.program
+    W = space.W
+    discs = space.discs
+    powers = space.reaches
+    n = rows.sizes[DIMENSION]
     fill_powers(powers, 2.0 * h / W[n, 1])
-    discs[n, 0], discs[n, 1] = 2.0 * h, 0.0
+    discs[n, 0] = 2.0 * h
+    discs[n, 1] = 0.0
     spread_state(W, N, powers, p.seen, discs)
     part = math.ldexp(1.0, -N)  # of the radius of a disc that is left over
-    first, last = 0, p.leading[0]
+    first = 0
+    last = p.leading[0]
     while True:
         spread(p, k.K, W, discs, space.Rq, space.Rz, space.B, space.balls, mode, reg, first, last)
         if first > 0:
             break
-        # Mostly the instructions that may hide something hide nothing, and the others need not be asked.
+        # Mostly the instructions that may hide something hide nothing, and the others need not be
+        # asked.
         if not may_hide(rows, W, discs, part):
             return 0.0
         spread_state(W, N, powers, rows.watched[:n], discs)
-        first, last = last, len(p.code)
+        first = last
+        last = len(p.code)
     fill_powers(powers, h / W[n, 1])
     return hidden(rows, space, mode, N, h, part, tol, atol, seen)
 
 
 @njit(**INLINED)
 def may_hide(rows: Rows, W: Array, discs: Array, part: float) -> bool:
-    """Whether an instruction may hide more than a part of what it shows: a quick look that mostly suffices."""
+    """Whether an instruction may hide more than a part of what it shows: a quick look that mostly
+    suffices."""
     p = rows.program
     for i in range(p.leading[0]):
         if p.hiding[i] == 1:
@@ -251,10 +308,24 @@ def may_hide(rows: Rows, W: Array, discs: Array, part: float) -> bool:
 
 @njit(**OPTIONS)
 def hidden(
-    rows: Rows, space: Space, mode: Array, N: int, h: float, part: float, tol: float, atol: float, seen: Array
+    rows: Rows,
+    space: Space,
+    mode: Array,
+    N: int,
+    h: float,
+    part: float,
+    tol: float,
+    atol: float,
+    seen: Array,
 ) -> float:
-    """The largest part of the state and of the guards that may be hidden, in parts of what is allowed."""
-    p, W, mag, discs, powers, n = rows.program, space.W, space.mag, space.discs, space.reaches, rows.sizes[DIMENSION]
+    """The largest part of the state and of the guards that may be hidden, in parts of what is
+    allowed."""
+    p = rows.program
+    W = space.W
+    mag = space.mag
+    discs = space.discs
+    powers = space.reaches
+    n = rows.sizes[DIMENSION]
     worst = 0.0
     for r in range(n):
         size = LEAST + abs(W[r, 0]) + reach(W[r], N, powers) + atol * seen[r]
@@ -273,5 +344,9 @@ def hidden(
 @njit(**OPTIONS)
 def share(worst: float, disc: Array, h: float, part: float, tol: float, size: float) -> float:
     """The larger of a number and of what is hidden in a row, in parts of what is allowed."""
-    found = h * (part / LOOSE * disc[0] + disc[1] / tol) / size if disc[0] > 0.0 or disc[1] > 0.0 else 0.0
+    found = (
+        h * (part / LOOSE * disc[0] + disc[1] / tol) / size
+        if disc[0] > 0.0 or disc[1] > 0.0
+        else 0.0
+    )
     return max(worst, found) if found == found else np.inf

@@ -1,7 +1,8 @@
 """What kind of functions the rows of a tape are in one mode: proof that a mode is affine.
 
-Random probes cannot tell: a pulse may be zero at all of them. So the tape is followed once with, for every row, what it
-may depend on: nothing (then its value counts), time, the state, waves of time, or anything in another way.
+Random probes cannot tell: a pulse may be zero at all of them. So the tape is followed once with,
+for every row, what it may depend on: nothing (then its value counts), time, the state, waves of
+time, or anything in another way.
 """
 
 from __future__ import annotations
@@ -32,21 +33,30 @@ from stickslip.motion.steps.discs import (
 
 Array = np.ndarray
 
-NOTHING, TIME, STATE, WAVE, OTHER = 0, 1, 2, 4, 8  # bits, but for the first
+# Bits, but for the first.
+NOTHING = 0
+TIME = 1
+STATE = 2
+WAVE = 4
+OTHER = 8
 
 
 @njit(**INLINED)
 def is_affine(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array) -> bool:
-    """Whether the rates and all guards of a mode are affine in the state, with drives 1, t, cos ωt and sin ωt.
+    """Whether the rates and all guards of a mode are affine in the state, with drives 1, t, cos ωt
+    and sin ωt.
 
     The table holds the values of all rows, of order 0, at some state.
     """
-    p, kinds, n = rows.program, space.kinds, rows.sizes[DIMENSION]
+    p = rows.program
+    kinds = space.kinds
+    n = rows.sizes[DIMENSION]
     for r in range(n):
         kinds[r] = STATE
     kinds[n] = TIME
     for i in range(len(p.code)):
-        row, kind = p.code[i, 1], kind_of(rows, k, space, mode, reg, i)
+        row = p.code[i, 1]
+        kind = kind_of(rows, k, space, mode, reg, i)
         size = p.code[i, 8]
         for j in range(max(size, 1)):
             kinds[row + j] = kind
@@ -66,8 +76,13 @@ def is_affine(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array) -
 @njit(**OPTIONS)
 def kind_of(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, i: int) -> int:
     """Kind of the rows that an instruction makes."""
-    p, kinds, W = rows.program, space.kinds, space.W
-    op, a, b, c = p.code[i, 0], p.code[i, 2], p.code[i, 3], p.code[i, 7]
+    p = rows.program
+    kinds = space.kinds
+    W = space.W
+    op = p.code[i, 0]
+    a = p.code[i, 2]
+    b = p.code[i, 3]
+    c = p.code[i, 7]
     kind = NOTHING
     if op == LINEAR:
         for j in range(a, a + b):

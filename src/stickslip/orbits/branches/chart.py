@@ -1,4 +1,5 @@
-"""A chart of a branch of cycles: coordinates around one of them, units, and the test functions along the branch."""
+"""A chart of a branch of cycles: coordinates around one of them, units, and the test functions
+along the branch."""
 
 from __future__ import annotations
 
@@ -31,8 +32,10 @@ OPEN = 1e-6  # a motion that misses its start by more, in the same units, is no 
 SLANTED = 0.3  # least cosine between the motion and the normal of its section
 WIDTH = 0.25  # part of the range of the parameter that is its unit
 FLOOR = 2e-3  # units of a component are not smaller than this part of its modulus
-VANISHED = 5e-3  # a cycle of this amplitude, relative to the state, is about to shrink to an equilibrium
-HALVED = 2e-2  # a cycle whose halves differ by this part of its size is about to become one of half its period
+# a cycle of this amplitude, relative to the state, is about to shrink to an equilibrium
+VANISHED = 5e-3
+# a cycle whose halves differ by this part of its size is about to become one of half its period
+HALVED = 2e-2
 UNBOUNDED = 1e3  # a period or an amplitude that has grown by this factor grows without bound
 
 
@@ -51,7 +54,8 @@ class Extent:
         Size of each component of the state.
     period : float
     least, largest : float
-        Amplitudes, relative to the modulus, below which a cycle is about to vanish and above which it has no bound.
+        Amplitudes, relative to the modulus, below which a cycle is about to vanish and above which
+        it has no bound.
     halved : float
         Difference of its halves below which a cycle is about to become one of half its period.
     """
@@ -76,7 +80,9 @@ def extent_of(closed: Closed, span: tuple[float, float]) -> Extent:
     halved = min(HALVED, max(0.3 * half_gap(closed), OPEN))
     extent = Extent(*span, modulus, closed.orbit.period, VANISHED, UNBOUNDED, halved)
     amplitude = extent.amplitude(closed)
-    return replace(extent, least=min(VANISHED, 0.3 * amplitude), largest=UNBOUNDED * max(amplitude, 0.1))
+    return replace(
+        extent, least=min(VANISHED, 0.3 * amplitude), largest=UNBOUNDED * max(amplitude, 0.1)
+    )
 
 
 @dataclass
@@ -132,36 +138,50 @@ class Chart:
         return correct(self, start.x + units * tangent * distance, units, tangent, tolerance)
 
     def resting_as(self, motion: Trajectory) -> Chart:
-        """The same coordinates for cycles on which the same contacts stick throughout as in a motion."""
+        """The same coordinates for cycles on which the same contacts stick throughout as in a
+        motion."""
         held = held_positions(motion, self.shooting.setting.held)
         return self if alike(self.shooting.setting.held, held) else self.with_held(held)
 
     def carrying(self, contact: int, edge: int) -> Chart:
-        """The same coordinates for cycles on which a contact is carried along an edge, or (0) stays where it is."""
+        """The same coordinates for cycles on which a contact is carried along an edge, or (0) stays
+        where it is."""
         held = self.shooting.setting.held
-        return self.with_held(tuple(replace(h, edge=edge) if h.contact == contact else h for h in held))
+        return self.with_held(
+            tuple(replace(h, edge=edge) if h.contact == contact else h for h in held)
+        )
 
     def with_held(self, held: tuple[Held, ...]) -> Chart:
         """The same coordinates, with other positions of rest."""
-        old, setting = self.shooting, replace(self.shooting.setting, held=held)
-        return Chart(Shooting(old.problem, old.pieces, old.stations, old.start, setting), self.extent)
+        old = self.shooting
+        setting = replace(self.shooting.setting, held=held)
+        return Chart(
+            Shooting(old.problem, old.pieces, old.stations, old.start, setting), self.extent
+        )
 
     def carried(self, x: Array, tangent: Array) -> float:
-        """How far contacts on an edge are carried along the way they would slip; 1 if none is on an edge.
+        """How far contacts on an edge are carried along the way they would slip; 1 if none is on an
+        edge.
 
         Where it vanishes they are left behind, and keep their positions.
         """
-        shooting, place = self.shooting, self.orbit(x).legs[0].place
+        shooting = self.shooting
+        place = self.orbit(x).legs[0].place
         change = place.directions @ tangent[: shooting.first[1]] + place.by_parameter * tangent[-1]
         sizes = shooting.setting.sizes
-        moved = [h.edge * (h.form @ change) / (np.abs(h.form) @ sizes) for h in shooting.setting.held if h.edge]
+        moved = [
+            h.edge * (h.form @ change) / (np.abs(h.form) @ sizes)
+            for h in shooting.setting.held
+            if h.edge
+        ]
         return float(min(moved, default=1.0))
 
     def tests(self, x: Array, tangent: Array) -> Mapping[Test, float]:
         """Test functions of special points, and of what ends a branch."""
         orbit = self.orbit(x)
         self.check(orbit)
-        slope, extent = float(tangent[-1] / self.scale(x)[-1]), self.extent
+        slope = float(tangent[-1] / self.scale(x)[-1])
+        extent = self.extent
         amplitude = extent.amplitude(self.closed(x))
         return {
             "fold": slope,
@@ -183,7 +203,8 @@ class Chart:
         """
         shooting = self.shooting
         for station, leg in zip(shooting.stations, orbit.legs, strict=True):
-            k, a = leg.motion.knots, segments(leg.motion.knots)[0][0]
+            k = leg.motion.knots
+            a = segments(leg.motion.knots)[0][0]
             if shooting.pieces(k.mode[a], k.region[a]) is not station.piece:
                 raise OutOfChart("the cycle starts in another mode than its chart")
         if shooting.miss(orbit) > OPEN:
@@ -191,8 +212,12 @@ class Chart:
         if np.max(np.abs(orbit.x[: shooting.time]), initial=0.0) > FAR:
             raise OutOfChart("the cycle has left its chart")
         if shooting.symmetry.frame is not None:
-            place, station = orbit.legs[0].place, shooting.stations[0]
-            rate = station.piece.rates(shooting.start, place.state, numbers(orbit.problem)) - shooting.symmetry.frame
+            place = orbit.legs[0].place
+            station = shooting.stations[0]
+            rate = (
+                station.piece.rates(shooting.start, place.state, numbers(orbit.problem))
+                - shooting.symmetry.frame
+            )
             motion = station.chart @ rate
             if not shooting.fixed[0] @ motion >= SLANTED * np.linalg.norm(motion):
                 raise OutOfChart("the motion runs along its section")
@@ -211,7 +236,8 @@ def first_chart(closed: Closed, pieces: Pieces, extent: Extent) -> tuple[Chart, 
 
 
 def spectral_tests(multipliers: Array, slope: float) -> dict[str, float]:
-    """Functions that vanish with a multiplier −1, a pair on the unit circle, and a multiplier 1 that is no fold."""
+    """Functions that vanish with a multiplier −1, a pair on the unit circle, and a multiplier 1
+    that is no fold."""
     pairs = [(1.0 - a * b) / (1.0 + abs(a * b)) for a, b in combinations(multipliers, 2)]
     branching = np.prod((multipliers - 1.0) / (1.0 + np.abs(multipliers))).real
     # At a fold both the multiplier 1 and the slope are there, and their ratio is not known.
@@ -224,14 +250,20 @@ def spectral_tests(multipliers: Array, slope: float) -> dict[str, float]:
 
 
 def renewed(chart: Chart, x: Array, tangent: Array) -> tuple[Chart, Array, Array]:
-    """A chart around the best state of a cycle; its unknowns, and the direction of travel carried over."""
-    shooting, orbit = chart.shooting, chart.orbit(x)
+    """A chart around the best state of a cycle; its unknowns, and the direction of travel carried
+    over."""
+    shooting = chart.shooting
+    orbit = chart.orbit(x)
     begin = best_start(shooting, orbit)
-    new, y = restarted(shooting, orbit, stations_for(shooting, orbit), chart_sizes(chart.closed(x), chart.extent))
+    new, y = restarted(
+        shooting, orbit, stations_for(shooting, orbit), chart_sizes(chart.closed(x), chart.extent)
+    )
     change = _carried(shooting, orbit, tangent, begin)
     station = new.stations[0]
     xi = station.chart @ change
-    xi = xi - new.fixed.T @ np.linalg.lstsq(new.fixed.T, xi, rcond=None)[0] if len(new.fixed) else xi
+    xi = (
+        xi - new.fixed.T @ np.linalg.lstsq(new.fixed.T, xi, rcond=None)[0] if len(new.fixed) else xi
+    )
     towards = np.zeros(len(y))
     towards[: len(xi)] = xi
     towards[new.time :] = tangent[shooting.time :]
@@ -253,7 +285,11 @@ def _carried(shooting: Shooting, orbit: Orbit, tangent: Array, begin: float) -> 
     own = tangent[shooting.first[j] : shooting.first[j + 1]]
     start = float(leg.motion.knots.time[0])
     p = numbers(orbit.problem)
-    later = (leg.place.by_time - station.piece.rates(start, leg.place.state, p)) * leg.begin * tangent[shooting.time]
+    later = (
+        (leg.place.by_time - station.piece.rates(start, leg.place.state, p))
+        * leg.begin
+        * tangent[shooting.time]
+    )
     first = leg.place.directions @ own + later + leg.place.by_parameter * tangent[-1]
     if begin <= start:
         return first

@@ -1,10 +1,12 @@
-"""Corners of a branch of cycles: at a change of the sequence the branch may go on in quite another direction.
+"""Corners of a branch of cycles: at a change of the sequence the branch may go on in quite another
+direction.
 
-Up to the change the cycles solve one smooth problem, beyond it another, and the two curves meet at an angle that no
-short step bridges; the branch may even turn back (a fold that is not smooth). The corner is approached from this side
-in steps that shorten as it comes near, since neighbours of a cycle that is about to change have changed already. Just
-beyond it, the derivatives are those of the other problem, and their null vector is the direction to go on. If a contact
-sticks throughout on one side only, the other problem also says where it rests: where it does at the corner.
+Up to the change the cycles solve one smooth problem, beyond it another, and the two curves meet at
+an angle that no short step bridges; the branch may even turn back (a fold that is not smooth). The
+corner is approached from this side in steps that shorten as it comes near, since neighbours of a
+cycle that is about to change have changed already. Just beyond it, the derivatives are those of the
+other problem, and their null vector is the direction to go on. If a contact sticks throughout on
+one side only, the other problem also says where it rests: where it does at the corner.
 """
 
 from __future__ import annotations
@@ -23,11 +25,16 @@ Array = np.ndarray
 FAILURES = (Lost, *UNDEFINED)
 TOLERANCE = 1e-11
 LOCATED = 1e-12  # a corner is located to this length …
-TANGENT = 1e-8  # … and left along the tangent so far before it: nearer, what is touched is taken for crossed no more
-BESIDE = 1e-9  # a cycle so far before it can be certified: on the corner itself nothing has a derivative
+# … and left along the tangent so far before it: nearer, what is touched is taken for crossed no
+# more
+TANGENT = 1e-8
+# a cycle so far before it can be certified: on the corner itself nothing has a derivative
+BESIDE = 1e-9
 MOST = 400  # steps towards a corner
-EDGE = 0.1  # a station nearer to the end of its phase, as a part of it, says nothing about what comes back
-ALONG = 0.9  # least cosine between the direction beyond a corner and the chord to the point found there
+# a station nearer to the end of its phase, as a part of it, says nothing about what comes back
+EDGE = 0.1
+# least cosine between the direction beyond a corner and the chord to the point found there
+ALONG = 0.9
 DIRECTIONS = 3  # that are tried one after the other
 FURTHER = 100.0  # how much further beyond a corner one looks whether a contact slips both ways
 AHEAD = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # how far beyond a corner the other side is looked for
@@ -35,7 +42,8 @@ AHEAD = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # how far beyond a corner the other side
 
 @dataclass(frozen=True)
 class Onward:
-    """A point of the branch beyond a corner, in a chart of that side, and the direction of travel there."""
+    """A point of the branch beyond a corner, in a chart of that side, and the direction of travel
+    there."""
 
     chart: Chart
     x: Array
@@ -69,8 +77,8 @@ class Corner:
 def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corner | None:
     """The corner within some length after a point.
 
-    None if the sequence does not change there, or if the branch turns by more than an angle, or back, before it does:
-    that has to be resolved first.
+    None if the sequence does not change there, or if the branch turns by more than an angle, or
+    back, before it does: that has to be resolved first.
     """
     here = sequence(chart.orbit(point.x).motion)
     before = _unit(chart, point.x, point.tangent)
@@ -98,7 +106,8 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     edge = _carried(there, y, towards, trial, after, distance)
     if edge is not None:
         onward = _along_the_edge(there, y, towards, edge)
-        note = f"contact '{contacts[edge[0]]}' begins to slip one way, which carries along where it rests"
+        name = contacts[edge[0]]
+        note = f"contact '{name}' begins to slip one way, which carries along where it rests"
         return Corner(x, beside, "slip onset", note, False, onward)
     kind, note = change_of(contacts, here, after)
     onward = None if is_open(after) else _onward(there, y, trial, here, distance)
@@ -109,7 +118,8 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
 def _carried(
     chart: Chart, x: Array, tangent: Array, trial: Array, after: Sequence, distance: float
 ) -> tuple[int, int] | None:
-    """The contact that has stuck throughout and only slips one way just beyond a corner, and which way.
+    """The contact that has stuck throughout and only slips one way just beyond a corner, and which
+    way.
 
     A bit further it may slip both ways, as it does where it rests in the middle between its edges.
     """
@@ -130,13 +140,17 @@ def _sequence_at(chart: Chart, x: Array) -> Sequence | None:
 
 def _along_the_edge(chart: Chart, x: Array, towards: Array, edge: tuple[int, int]) -> Onward | None:
     """A cycle on which a contact is carried along, while the parameter goes on as before."""
-    other, units = chart.carrying(*edge), chart.scale(x)
+    other = chart.carrying(*edge)
+    units = chart.scale(x)
     for length in (1e-5, 1e-4, 1e-6):
         try:
             tangent, _ = direction(other, x, units, towards)
             tangent = tangent if tangent[-1] * towards[-1] > 0.0 else -tangent
             there = correct(other, x + units * tangent * length, units, tangent, TOLERANCE)
-            if other.shooting.miss(other.orbit(there)) <= OPEN and other.carried(there, tangent * units) > 0.0:
+            if (
+                other.shooting.miss(other.orbit(there)) <= OPEN
+                and other.carried(there, tangent * units) > 0.0
+            ):
                 return Onward(other, there, tangent * units)
         except FAILURES:
             continue
@@ -146,8 +160,11 @@ def _along_the_edge(chart: Chart, x: Array, towards: Array, edge: tuple[int, int
 def _approach(
     chart: Chart, x: Array, tangent: Array, here: Sequence, reach: float
 ) -> tuple[Array, Array, Array] | None:
-    """The last point of this side, one a little before, and the tangent; None if there is no end within reach."""
-    passed, step, beside = 0.0, 0.25 * reach, x
+    """The last point of this side, one a little before, and the tangent; None if there is no end
+    within reach."""
+    passed = 0.0
+    step = 0.25 * reach
+    beside = x
     for _ in range(MOST):
         if step <= LOCATED or passed > reach:
             break
@@ -160,9 +177,13 @@ def _approach(
             if same and step > TANGENT:
                 ahead, _ = direction(chart, trial, chart.scale(trial), tangent)
         except FAILURES:
-            same, trial, ahead = False, x, tangent
+            same = False
+            trial = x
+            ahead = tangent
         if same:
-            passed, x, tangent = passed + step, trial, ahead
+            passed = passed + step
+            x = trial
+            tangent = ahead
             beside = trial if step > BESIDE else beside
         else:
             step *= 0.5
@@ -199,11 +220,14 @@ def _beyond(
 
 
 def _onward(chart: Chart, x: Array, trial: Array, here: Sequence, distance: float) -> Onward | None:
-    """A cycle beyond the corner, in one of the two senses of the null vector of the derivatives there."""
+    """A cycle beyond the corner, in one of the two senses of the null vector of the derivatives
+    there."""
     chart = chart.resting_as(chart.orbit(trial).motion)
     units = chart.scale(x)
     rows = chart.orbit(trial).J * units
-    null = np.linalg.svd(rows / np.maximum(np.max(np.abs(rows), axis=1, keepdims=True), 1e-300))[2][-1]
+    null = np.linalg.svd(rows / np.maximum(np.max(np.abs(rows), axis=1, keepdims=True), 1e-300))[2][
+        -1
+    ]
     for length in (10.0 * distance, 100.0 * distance, distance):
         for sense in (null, -null):
             try:
@@ -215,15 +239,20 @@ def _onward(chart: Chart, x: Array, trial: Array, here: Sequence, distance: floa
     return None
 
 
-def _beyond_along(chart: Chart, x: Array, sense: Array, length: float, here: Sequence) -> Onward | None:
-    """A cycle of another sequence at a distance from the corner, along a direction that fits the chord to it.
+def _beyond_along(
+    chart: Chart, x: Array, sense: Array, length: float, here: Sequence
+) -> Onward | None:
+    """A cycle of another sequence at a distance from the corner, along a direction that fits the
+    chord to it.
 
-    What is found first may have more switches than the trial that gave the direction: then the direction is its own.
+    What is found first may have more switches than the trial that gave the direction: then the
+    direction is its own.
     """
     units = chart.scale(x)
     for _ in range(DIRECTIONS):
         there = correct(chart, x + units * sense * length, units, sense, TOLERANCE)
-        orbit, chord = chart.orbit(there), (there - x) / units
+        orbit = chart.orbit(there)
+        chord = (there - x) / units
         after = sequence(orbit.motion)
         if after == here or is_open(after) or chart.shooting.miss(orbit) > OPEN:
             return None

@@ -1,9 +1,10 @@
-"""Branches of cycles over a parameter: folds, period doublings, tori, stick onset, grazing, changes of the sequence.
+"""Branches of cycles over a parameter: folds, period doublings, tori, stick onset, grazing, changes
+of the sequence.
 
-The curve is followed in charts: coordinates around one state of the cycle, in units of its size. After some points the
-chart is made anew around the best state of the present cycle, and the direction of travel is carried over along the
-motion. No equation knows the sequence of modes; it is read off the motion, and where it changes between two points
-the change is located.
+The curve is followed in charts: coordinates around one state of the cycle, in units of its size.
+After some points the chart is made anew around the best state of the present cycle, and the
+direction of travel is carried over along the motion. No equation knows the sequence of modes; it is
+read off the motion, and where it changes between two points the change is located.
 """
 
 from __future__ import annotations
@@ -64,7 +65,8 @@ DISTINCT = 1e-9  # sizes that differ by less, relative to each other, are the sa
 
 @dataclass
 class _Event:
-    """What happens somewhere on the branch: in a cycle, or where it vanishes, at a value in an equilibrium."""
+    """What happens somewhere on the branch: in a cycle, or where it vanishes, at a value in an
+    equilibrium."""
 
     kind: str
     note: str
@@ -83,7 +85,9 @@ class _Station:
     step: float = 0.0
 
 
-def continue_cycle(cycle: Cycle, parameter: str, span: tuple[float, float], *, steps: Steps | None = None) -> Branch:
+def continue_cycle(
+    cycle: Cycle, parameter: str, span: tuple[float, float], *, steps: Steps | None = None
+) -> Branch:
     """Follow a cycle while a parameter changes.
 
     Parameters
@@ -98,15 +102,17 @@ def continue_cycle(cycle: Cycle, parameter: str, span: tuple[float, float], *, s
     Returns
     -------
     Branch
-        Both ways from the cycle, through folds and changes of the sequence. ``special`` has the kinds
+        Both ways from the cycle, through folds and changes of the sequence. ``special`` has the
+        kinds
 
-        - ``"fold"`` (noted as not smooth at a corner of the branch), ``"period doubling"``, ``"torus"``,
-          ``"branch point"``;
-        - ``"stick onset"`` (a contact begins to stick, or no longer does), ``"grazing"`` (a phase appears where a
-          boundary is touched), ``"slip onset"`` (a contact begins to slip, or from there on sticks throughout and rests
-          where it did there), ``"sequence change"`` (any other), ``"loss of the cycle"`` (it ends at a change);
-        - ``"Hopf"`` and ``"boundary equilibrium"`` (the cycle shrinks to an equilibrium inside a mode or on its
-          boundary).
+        - ``"fold"`` (noted as not smooth at a corner of the branch), ``"period doubling"``,
+          ``"torus"``, ``"branch point"``;
+        - ``"stick onset"`` (a contact begins to stick, or no longer does), ``"grazing"`` (a phase
+          appears where a boundary is touched), ``"slip onset"`` (a contact begins to slip, or from
+          there on sticks throughout and rests where it did there), ``"sequence change"`` (any
+          other), ``"loss of the cycle"`` (it ends at a change);
+        - ``"Hopf"`` and ``"boundary equilibrium"`` (the cycle shrinks to an equilibrium inside a
+          mode or on its boundary).
 
         Of driven systems ``time`` says when the state is passed.
 
@@ -118,13 +124,19 @@ def continue_cycle(cycle: Cycle, parameter: str, span: tuple[float, float], *, s
         If an argument is wrong, or the cycle is not certified.
     """
     if not isinstance(cycle, Cycle):
-        raise DeclarationError("cycle", f"expected a Cycle, got {type(cycle).__name__}", "Use find_cycle")
+        raise DeclarationError(
+            "cycle", f"expected a Cycle, got {type(cycle).__name__}", "Use find_cycle"
+        )
     if not cycle.certificate.ok:
-        raise DeclarationError("cycle", f"it is {cycle.certificate.verdict}", "Start from a certified cycle")
+        raise DeclarationError(
+            "cycle", f"it is {cycle.certificate.verdict}", "Start from a certified cycle"
+        )
     low, high = checked_range(cycle.system, parameter, span)
     value = cycle.parameters[parameter]
     if not low <= value <= high:
-        raise DeclarationError("cycle", f"it is at {parameter} = {value:g}, outside ({low:g}, {high:g})", "Enclose it")
+        raise DeclarationError(
+            "cycle", f"it is at {parameter} = {value:g}, outside ({low:g}, {high:g})", "Enclose it"
+        )
     follower = _Follower(cycle, parameter, (low, high), steps or STEPS)
     with watched("following the cycle") as show:
         back = follower.follow(-1.0, show)
@@ -134,15 +146,21 @@ def continue_cycle(cycle: Cycle, parameter: str, span: tuple[float, float], *, s
 
 
 class _Follower:
-    def __init__(self, cycle: Cycle, parameter: str, span: tuple[float, float], steps: Steps) -> None:
-        self.cycle, self.parameter, self.span, self.steps = cycle, parameter, span, steps
+    def __init__(
+        self, cycle: Cycle, parameter: str, span: tuple[float, float], steps: Steps
+    ) -> None:
+        self.cycle = cycle
+        self.parameter = parameter
+        self.span = span
+        self.steps = steps
         self.extent = extent_of(cycle.closed, span)
         self.pieces = Pieces(cycle.closed.orbit.problem.compiled.equations, parameter)
         self.start = _Station(cycle.parameters[parameter], cycle)
         self.spacing = Spacing({parameter: span}, self.extent.modulus)
 
     def follow(self, sign: float, show: Show) -> tuple[list[_Station], Ending]:
-        """The points in one direction, from the start on, and the end; what was computed is kept."""
+        """The points in one direction, from the start on, and the end; what was computed is
+        kept."""
         stations = [replace(self.start, events=[])]
         try:
             return stations, self._collect(sign, stations, show)
@@ -167,7 +185,9 @@ class _Follower:
             if ending is not None:
                 return ending
             if path.ended.test == "carried":
-                chart, x, towards = renewed(self._left_behind(stations, chart), last.x, last.tangent)
+                chart, x, towards = renewed(
+                    self._left_behind(stations, chart), last.x, last.tangent
+                )
                 step = self.steps.first
                 continue
             if path.ended.stop is not Stop.LIMIT:
@@ -209,12 +229,13 @@ class _Follower:
             return step / PATIENCE
         return min(1.5 * (path.points[-1].length - path.points[-2].length), self.steps.largest)
 
-    # -- points -------------------------------------------------------------------------------------------------------
+    # -- points ------------------------------------------------------------------------------------
 
     def _append(self, stations: list[_Station], chart: Chart, path: Path) -> None:
         """Append the points of a path after its first, with what happens at and between them."""
         for i in range(1, len(path.points)):
-            point, slope = path.points[i], float(path.points[i].tangent[-1] / chart.scale(path.points[i].x)[-1])
+            point = path.points[i]
+            slope = float(path.points[i].tangent[-1] / chart.scale(path.points[i].x)[-1])
             changes = locate_changes(chart, path.points[i - 1], point)
             for change in changes:
                 self._add(stations, chart.cycle(change.x), [(change.kind, change.note)])
@@ -225,7 +246,8 @@ class _Follower:
             self._add(stations, cycle, [event for event in events if event])
 
     def _add(self, stations: list[_Station], cycle: Cycle, kinds: list[tuple[str, str]]) -> None:
-        """Append a cycle, unless it is the last one or not certified; what happens there is kept in any case."""
+        """Append a cycle, unless it is the last one or not certified; what happens there is kept in
+        any case."""
         value = cycle.parameters[self.parameter]
         events = [_Event(kind, note, cycle, value) for kind, note in kinds]
         step = self.spacing(stations[-1].cycle, cycle)
@@ -239,7 +261,8 @@ class _Follower:
         names = [c.name for c in self.pieces.equations.contacts]
         for held in chart.shooting.setting.held:
             if held.edge:
-                note = f"contact '{names[held.contact]}' is carried along no more and rests where it is"
+                name = names[held.contact]
+                note = f"contact '{name}' is carried along no more and rests where it is"
                 self._add(stations, stations[-1].cycle, [("slip onset", note)])
                 chart = chart.carrying(held.contact, 0)
         return chart
@@ -260,25 +283,32 @@ class _Follower:
         return onward
 
     def _continues(self, corner: Cycle, onward: Onward) -> bool:
-        """Whether a point beyond a corner is a certified cycle within the range, next to the corner."""
+        """Whether a point beyond a corner is a certified cycle within the range, next to the
+        corner."""
         cycle = onward.chart.cycle(onward.x)
         inside = self.span[0] <= cycle.parameters[self.parameter] <= self.span[1]
         return inside and cycle.certificate.ok and self.spacing(corner, cycle) <= APART
 
     def _features(self, cycle: Cycle) -> Array:
-        """Numbers that tell cycles of a branch apart: parameter, period, and ranges relative to the state."""
+        """Numbers that tell cycles of a branch apart: parameter, period, and ranges relative to the
+        state."""
         part = cycle.parameters[self.parameter] / (self.span[1] - self.span[0])
-        widths = [(high - low) / m for (low, high), m in zip(cycle.extrema.values(), self.extent.modulus, strict=True)]
+        widths = [
+            (high - low) / m
+            for (low, high), m in zip(cycle.extrema.values(), self.extent.modulus, strict=True)
+        ]
         return np.array([part, np.log(cycle.period), *widths])
 
-    # -- ends ---------------------------------------------------------------------------------------------------------
+    # -- ends --------------------------------------------------------------------------------------
 
     def _end(self, path: Path, stations: list[_Station], before: int) -> Ending | None:
         """Why the branch ends here, if it does."""
         if path.ended.stop in (Stop.INTERRUPTED, Stop.RANGE):
             return path.ended
         if path.ended.stop is Stop.EVENT and path.ended.test != "carried":
-            return Ending(Stop.EVENT, self._event_in_words(path.ended.test, stations), path.ended.test)
+            return Ending(
+                Stop.EVENT, self._event_in_words(path.ended.test, stations), path.ended.test
+            )
         if len(stations) > self.steps.most:
             return Ending(Stop.LIMIT, f"the limit of {self.steps.most} points was reached")
         return CLOSED if self._came_back(stations, before) else None
@@ -289,7 +319,8 @@ class _Follower:
         if name == "period":
             return f"the period grows without bound, it is {cycle.period:.6g}"
         if name == "growth":
-            return f"the cycle grows without bound, to {self._amplitude(cycle):.3g} times the state at the start"
+            grown = self._amplitude(cycle)
+            return f"the cycle grows without bound, to {grown:.3g} times the state at the start"
         event = self._halved(stations) if name == "halving" else self._vanished(stations)
         if self.span[0] <= event.value <= self.span[1]:
             stations[-1].events.append(event)
@@ -319,9 +350,13 @@ class _Follower:
         note = "the cycle becomes one of half its period"
         return _Event("period doubling", note, last.cycle, near if found is None else found)
 
-    def _vanishing(self, stations: list[_Station], size: Callable[[Cycle], float], power: int) -> float:
-        """Value of the parameter at which a size of cycles is 0: it is linear in a power of the size."""
-        value, least = stations[-1].value, size(stations[-1].cycle) ** power
+    def _vanishing(
+        self, stations: list[_Station], size: Callable[[Cycle], float], power: int
+    ) -> float:
+        """Value of the parameter at which a size of cycles is 0: it is linear in a power of the
+        size."""
+        value = stations[-1].value
+        least = size(stations[-1].cycle) ** power
         for station in reversed(stations[:-1]):
             before = size(station.cycle) ** power
             if before > (1.0 + DISTINCT) * least:
@@ -341,13 +376,17 @@ class _Follower:
         for a, b in itertools.pairwise(places):
             chord, offset = b - a, start - a
             part = offset @ chord / (chord @ chord + 1e-300)
-            if 0.0 < part <= 1.0 and np.linalg.norm(offset - part * chord) < 0.05 * np.linalg.norm(chord):
+            if 0.0 < part <= 1.0 and np.linalg.norm(offset - part * chord) < 0.05 * np.linalg.norm(
+                chord
+            ):
                 return True
         return False
 
-    # -- results ------------------------------------------------------------------------------------------------------
+    # -- results -----------------------------------------------------------------------------------
 
-    def branch(self, back: tuple[list[_Station], Ending], forth: tuple[list[_Station], Ending]) -> Branch:
+    def branch(
+        self, back: tuple[list[_Station], Ending], forth: tuple[list[_Station], Ending]
+    ) -> Branch:
         """The two directions as one branch, from the far end of the first to that of the second."""
         start = back[0][0]
         start.events += forth[0][0].events if forth[0][0] is not start else []
@@ -360,11 +399,15 @@ class _Follower:
         points = dataset(self.parameter, values, cycles)
         points["step"] = "point", np.array([s.step for s in stations]), STEP
         certificate = of_branch(cycles, {self.parameter: self.span}, points["step"].values)
-        system, parameters = self.cycle.system, dict(self.cycle.parameters)
-        return Branch(system, parameters, self.parameter, points, special, (back[1], forth[1]), certificate)
+        system = self.cycle.system
+        parameters = dict(self.cycle.parameters)
+        return Branch(
+            system, parameters, self.parameter, points, special, (back[1], forth[1]), certificate
+        )
 
     def _special(self, event: _Event, index: int) -> SpecialPoint:
-        cycle, state = event.cycle, event.cycle.state
+        cycle = event.cycle
+        state = event.cycle.state
         field = cycle.closed.shooting.stations[0].piece.field
         if event.centre is not None:
             state = dict(zip(state, map(float, event.centre), strict=True))

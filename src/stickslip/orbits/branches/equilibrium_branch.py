@@ -1,4 +1,5 @@
-"""Branches of equilibria over a parameter: folds, Hopf points, branch points, boundary equilibria."""
+"""Branches of equilibria over a parameter: folds, Hopf points, branch points, boundary
+equilibria."""
 
 from __future__ import annotations
 
@@ -15,7 +16,17 @@ from stickslip.equations.field import Guard, mode_field
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
-from stickslip.orbits.continuation.arclength import Ending, Lost, Path, Point, Steps, Test, in_range, ranges, trace
+from stickslip.orbits.continuation.arclength import (
+    Ending,
+    Lost,
+    Path,
+    Point,
+    Steps,
+    Test,
+    in_range,
+    ranges,
+    trace,
+)
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 from stickslip.orbits.equilibria.certificate import certify
 from stickslip.orbits.equilibria.equilibrium import Equilibrium, decays, describe_guard
@@ -29,7 +40,10 @@ if TYPE_CHECKING:
 
 STEPS = Steps(first=0.005, largest=0.02)
 MOST_PIECES = 50
-STABLE = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "undecided unstable stable"}
+STABLE = {
+    "flag_values": np.array([-1, 0, 1], np.int8),
+    "flag_meanings": "undecided unstable stable",
+}
 MARGIN = {"long_name": "least guard of the mode, relative to the size of its terms"}
 ERROR = {"long_name": "by how much the eigenvalues may be wrong"}
 DEFECT = {"long_name": "violation of the equilibrium conditions, relative to the state"}
@@ -54,8 +68,9 @@ def continue_equilibrium(
     span : (float, float)
         Its range.
     start : Equilibrium or mapping of str to float, optional
-        Where the branch starts, with the parameters it was found at; or a state near an equilibrium. By default the
-        first isolated equilibrium at the value in `parameters`, or at the middle or an end of the range.
+        Where the branch starts, with the parameters it was found at; or a state near an
+        equilibrium. By default the first isolated equilibrium at the value in `parameters`, or at
+        the middle or an end of the range.
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     steps : Steps, optional
@@ -63,9 +78,10 @@ def continue_equilibrium(
     Returns
     -------
     Branch
-        Both ways from the start, through folds and through changes of the mode. ``special`` has the kinds ``"fold"``,
-        ``"Hopf"`` (with ``frequency`` and ``lyapunov``, the first Lyapunov coefficient, see
-        :class:`~stickslip.orbits.equilibria.normal_form.Hopf`), ``"branch point"`` and ``"boundary equilibrium"``.
+        Both ways from the start, through folds and through changes of the mode. ``special`` has the
+        kinds ``"fold"``, ``"Hopf"`` (with ``frequency`` and ``lyapunov``, the first Lyapunov
+        coefficient, see :class:`~stickslip.orbits.equilibria.normal_form.Hopf`), ``"branch point"``
+        and ``"boundary equilibrium"``.
 
     Raises
     ------
@@ -81,7 +97,12 @@ def continue_equilibrium(
     values = first.parameters
     origin = np.array([float(v) for v in first.state.values()])
     follower = _Follower(
-        equations, values, parameter, (low, high), invariant_directions(equations, values, origin), steps or STEPS
+        equations,
+        values,
+        parameter,
+        (low, high),
+        invariant_directions(equations, values, origin),
+        steps or STEPS,
     )
     x = np.append(origin, values[parameter])
     upwards = np.append(np.zeros(len(origin)), 1.0)
@@ -115,7 +136,8 @@ def _start(
         if not low <= start.parameters[parameter] <= high:
             raise DeclarationError(
                 "start",
-                f"it was found at {parameter} = {start.parameters[parameter]:g}, outside ({low:g}, {high:g})",
+                f"it was found at {parameter} = {start.parameters[parameter]:g}, outside ({low:g}, "
+                f"{high:g})",
                 "Start inside the range",
             )
         return start
@@ -132,11 +154,16 @@ def _start(
             return min(candidates, key=lambda e: _distance(e, start))
         if candidates:
             return candidates[0]
-        why = "only sets of equilibria in stick" if found.sets else found.nearest or "nothing came near"
+        why = (
+            "only sets of equilibria in stick"
+            if found.sets
+            else found.nearest or "nothing came near"
+        )
         tried[f"{parameter} = {value:g}"] = why
     raise ConvergenceError(
         f"equilibria of {system.name}",
-        "there is no isolated equilibrium to start from; " + "; ".join(f"{at}: {why}" for at, why in tried.items()),
+        "there is no isolated equilibrium to start from; "
+        + "; ".join(f"{at}: {why}" for at, why in tried.items()),
         "Choose another range, or give a start",
     )
 
@@ -155,7 +182,8 @@ class _Piece:
 
 @dataclass(frozen=True)
 class _Station:
-    """A point of the branch with the problem it solves, the test functions that vanish there, and what comes after."""
+    """A point of the branch with the problem it solves, the test functions that vanish there, and
+    what comes after."""
 
     steady: Steady
     point: Point
@@ -173,12 +201,15 @@ class _Follower:
         invariant: Array,
         steps: Steps,
     ) -> None:
-        self.eq, self.values, self.parameter, self.span = equations, values, parameter, span
+        self.eq = equations
+        self.values = values
+        self.parameter = parameter
+        self.span = span
         self.invariant, self.steps = invariant, steps
         self.width = span[1] - span[0]
         self.contacts = tuple(c.name for c in equations.contacts)
 
-    # -- following --------------------------------------------------------------------------------
+    # -- following ---------------------------------------------------------------------------------
 
     def follow(self, first: Equilibrium, x: Array, towards: Array) -> list[_Piece]:
         """All pieces from the start in one direction."""
@@ -193,7 +224,9 @@ class _Follower:
             onward = self._beyond(steady, guard, end)
             if onward is None:
                 break
-            steady, x, towards = onward[0], end.x, onward[1]
+            steady = onward[0]
+            x = end.x
+            towards = onward[1]
         return pieces
 
     def _steady(self, mode: tuple[int, ...], region: tuple[int, ...], origin: Array) -> Steady:
@@ -239,7 +272,9 @@ class _Follower:
         slope = tangent[-1]
         with np.errstate(all="ignore"):
             branching = (
-                float(np.prod(eigenvalues / np.max(np.abs(eigenvalues))).real / slope) if len(eigenvalues) else 1.0
+                float(np.prod(eigenvalues / np.max(np.abs(eigenvalues))).real / slope)
+                if len(eigenvalues)
+                else 1.0
             )
         return {
             "fold": slope,
@@ -253,7 +288,8 @@ class _Follower:
         return piece.steady.field.guards[test] if isinstance(test, int) else None
 
     def _beyond(self, steady: Steady, guard: Guard, end: Point) -> tuple[Steady, Array] | None:
-        """The field on the other side of a guard and the direction in which an equilibrium goes on there, if any."""
+        """The field on the other side of a guard and the direction in which an equilibrium goes on
+        there, if any."""
         mode, region = list(steady.field.mode), list(steady.field.region)
         kinks = len(region)
         if guard.switch < kinks:
@@ -270,23 +306,31 @@ class _Follower:
         s, v = np.linalg.svd(rows)[1:]
         if not (np.all(np.abs(F) <= 1e-8 * size) and s[-1] > 1e-9 * s[0]):
             return None
-        tangent, ahead = v[-1], self.steps.first * 1e-3
+        tangent = v[-1]
+        ahead = self.steps.first * 1e-3
         for sign in (1.0, -1.0):
             x = end.x + sign * ahead * self.width * tangent
             guards = other.guards(self._point(other, x))
             here = other.guards(self._point(other, end.x))
-            back = [i for i, g in enumerate(other.field.guards) if g.switch == guard.switch and guards[i] > here[i]]
+            back = [
+                i
+                for i, g in enumerate(other.field.guards)
+                if g.switch == guard.switch and guards[i] > here[i]
+            ]
             if back and all(g >= 0.0 or i in back for i, g in enumerate(guards)):
                 return other, sign * tangent
         return None
 
-    # -- results ----------------------------------------------------------------------------------
+    # -- results -----------------------------------------------------------------------------------
 
     def branch(self, system: System, back: list[_Piece], forth: list[_Piece]) -> Branch:
         """The two directions as one branch, from the far end of the first to that of the second."""
         stations = [*reversed(self._stations(back)), *self._stations(forth)[1:]]
         special = [
-            s for i, station in enumerate(stations) for kind in station.kinds for s in self._special(station, kind, i)
+            s
+            for i, station in enumerate(stations)
+            for kind in station.kinds
+            for s in self._special(station, kind, i)
         ]
         ends = self._ending(back[-1]), self._ending(forth[-1])
         beside = [stations[max(i - 1, 0)].point.x for i in range(len(stations))]
@@ -305,7 +349,8 @@ class _Follower:
         if guard is None:
             return piece.path.ended
         where = f"{self.parameter} = {piece.path.points[-1].x[-1]:.9g}"
-        text = f"boundary equilibrium at {where}: {describe_guard(self.eq, guard, piece.steady.field.mode)}"
+        what = describe_guard(self.eq, guard, piece.steady.field.mode)
+        text = f"boundary equilibrium at {where}: {what}"
         return piece.path.ended._replace(text=text)
 
     def _stations(self, pieces: list[_Piece]) -> list[_Station]:
@@ -318,7 +363,9 @@ class _Follower:
             # The first point of a later piece is the last one of the piece before.
             for i, point in list(enumerate(piece.path.points))[1 if k else 0 :]:
                 names = kinds.get(i, [])
-                if "fold" in names and any("branch point" in kinds.get(j, ()) for j in (i - 1, i, i + 1)):
+                if "fold" in names and any(
+                    "branch point" in kinds.get(j, ()) for j in (i - 1, i, i + 1)
+                ):
                     names.remove("fold")  # where branches cross, one of them may turn
                 found.append(_Station(piece.steady, point, tuple(names), note))
         return found
@@ -335,7 +382,10 @@ class _Follower:
 
     def _special(self, station: _Station, test: Test, index: int) -> list[SpecialPoint]:
         """What a zero of a test function is; nothing, if its meaning is another."""
-        steady, x, data, period = station.steady, station.point.x, {}, None
+        steady = station.steady
+        x = station.point.x
+        data = {}
+        period = None
         kind, note = ("boundary equilibrium", station.note) if isinstance(test, int) else (test, "")
         if kind == "branch point":
             x = self._crossing_of_branches(steady, x)
@@ -345,22 +395,38 @@ class _Follower:
             a = min(combinations(eigenvalues, 2), key=lambda pair: abs(pair[0] + pair[1]))[0]
             if abs(a.imag) <= 1e-8 * abs(a):
                 return []  # a neutral saddle: two real eigenvalues of opposite sign
-            form = hopf(Derivatives(steady.rates, steady.field.state), x[:-1], values, steady.invariant)
+            form = hopf(
+                Derivatives(steady.rates, steady.field.state), x[:-1], values, steady.invariant
+            )
             data = {"frequency": form.frequency, "lyapunov": form.lyapunov}
-            note, period = form.criticality, 2.0 * np.pi / form.frequency
+            note = form.criticality
+            period = 2.0 * np.pi / form.frequency
         state = dict(zip(steady.field.state, map(float, x[:-1]), strict=True))
-        value, mode, region = float(x[-1]), steady.field.mode, steady.field.region
-        return [SpecialPoint(kind, self.parameter, value, state, values, mode, region, index, period, data, note)]
+        value = float(x[-1])
+        mode = steady.field.mode
+        region = steady.field.region
+        return [
+            SpecialPoint(
+                kind, self.parameter, value, state, values, mode, region, index, period, data, note
+            )
+        ]
 
     def _crossing_of_branches(self, steady: Steady, x: Array) -> Array:
-        """The branch point near x: F + b w = 0, wᵀ∂F = 0, ⟨w, w⟩ = 1 is regular there, which F = 0 is not."""
+        """The branch point near x: F + b w = 0, wᵀ∂F = 0, ⟨w, w⟩ = 1 is regular there, which F = 0
+        is not."""
         n = len(steady.field.state)
-        names, w, b = [*steady.field.state, self.parameter], [ex.sym(f"w:{i}") for i in range(n)], ex.sym("b:")
+        names = [*steady.field.state, self.parameter]
+        w = [ex.sym(f"w:{i}") for i in range(n)]
+        b = ex.sym("b:")
         slopes = [[ex.derivative(f, name) for f in steady.rates] for name in names]
         equations = [f + b * u for f, u in zip(steady.rates, w, strict=True)]
-        equations += [ex.add(*((d * u, 1.0) for d, u in zip(row, w, strict=True))) for row in slopes]
+        equations += [
+            ex.add(*((d * u, 1.0) for d, u in zip(row, w, strict=True))) for row in slopes
+        ]
         equations.append(ex.add(*((u * u, 1.0) for u in w)) - 1.0)
-        residual = ResidualFunction(equations, [*names, *(str(u.value) for u in w), str(b.value)], steady.values)
+        residual = ResidualFunction(
+            equations, [*names, *(str(u.value) for u in w), str(b.value)], steady.values
+        )
         _, J = steady.residual(self.parameter)(x)
         z = np.concatenate([x, np.linalg.svd(J)[0][:, -1], [0.0]])
         units = self._scale(x, steady.units(x, {self.parameter: self.span}))
@@ -384,15 +450,26 @@ class _Follower:
         margin, defect = self._certificates(stations, points)
         errors = np.array([error for _, error in certified])
         most = max(map(len, spectra))
-        padded: Array = np.array([np.pad(e, (0, most - len(e)), constant_values=np.nan) for e in spectra])
+        padded: Array = np.array(
+            [np.pad(e, (0, most - len(e)), constant_values=np.nan) for e in spectra]
+        )
         verdict = {True: 1, False: 0, None: -1}
         state = system.declaration.state
         data = {self.parameter: ("point", np.array([s.point.x[-1] for s in stations]))}
-        data |= {name: ("point", np.array([s.point.x[i] for s in stations])) for i, name in enumerate(state)}
+        data |= {
+            name: ("point", np.array([s.point.x[i] for s in stations]))
+            for i, name in enumerate(state)
+        }
         data |= {
             "stable": (
                 "point",
-                np.array([verdict[decays(tuple(e), error)] for e, error in zip(spectra, errors, strict=True)], np.int8),
+                np.array(
+                    [
+                        verdict[decays(tuple(e), error)]
+                        for e, error in zip(spectra, errors, strict=True)
+                    ],
+                    np.int8,
+                ),
                 STABLE,
             ),
             "eigenvalue_real": (("point", "eigenvalue"), padded.real),
@@ -403,7 +480,10 @@ class _Follower:
             "certified": ("point", np.array([found.ok for found, _ in certified], np.int8)),
         }
         for i, name in enumerate(self.contacts):
-            data[f"mode_{contact_key(name)}"] = ("point", np.array([s.steady.field.mode[i] for s in stations], np.int8))
+            data[f"mode_{contact_key(name)}"] = (
+                "point",
+                np.array([s.steady.field.mode[i] for s in stations], np.int8),
+            )
         for i in np.flatnonzero(np.any(drifts != 0.0, axis=0)):
             data[f"drift_{state[i]}"] = ("point", drifts[:, i])
         return xr.Dataset(data, attrs={"title": system.title or system.name, "kind": "equilibria"})
@@ -426,7 +506,9 @@ class _Follower:
 def hopf_test(eigenvalues: Array) -> float:
     """A number that changes its sign where the sum of two eigenvalues vanishes."""
     first, second = np.triu_indices(len(eigenvalues), 1)
-    sums, sizes = eigenvalues[first] + eigenvalues[second], np.abs(eigenvalues[first]) + np.abs(eigenvalues[second])
-    # Sums that vanish identically, as without damping, are left at zero: their rounding has no sign to change.
+    sums = eigenvalues[first] + eigenvalues[second]
+    sizes = np.abs(eigenvalues[first]) + np.abs(eigenvalues[second])
+    # Sums that vanish identically, as without damping, are left at zero: their rounding has no sign
+    # to change.
     part = np.where(np.abs(sums) > 1e-13 * sizes, sums / np.maximum(sizes, 1e-300), 0.0)
     return float(np.prod(part).real)

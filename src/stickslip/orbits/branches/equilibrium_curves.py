@@ -1,12 +1,13 @@
 """Curves in two parameters along which an equilibrium keeps a Hopf or a fold point.
 
-Both are zeros of extended systems that are regular where the points are generic (Kuznetsov, *Elements of Applied
-Bifurcation Theory*, section 10.3), made symbolically from the field:
+Both are zeros of extended systems that are regular where the points are generic (Kuznetsov,
+*Elements of Applied Bifurcation Theory*, section 10.3), made symbolically from the field:
 
     fold   f = 0,  A v = 0,         ⟨v, v⟩ = 1
     Hopf   f = 0,  (A² + κ) v = 0,  ⟨v, v⟩ = 1,  ⟨c, v⟩ = 0,   κ = ω²
 
-with A = ∂f/∂y. A Hopf curve ends where κ vanishes, a Bogdanov-Takens point: beyond it, κ < 0 is a neutral saddle.
+with A = ∂f/∂y. A Hopf curve ends where κ vanishes, a Bogdanov-Takens point: beyond it, κ < 0 is a
+neutral saddle.
 """
 
 from __future__ import annotations
@@ -23,7 +24,16 @@ from stickslip.errors import DeclarationError
 from stickslip.model.system import System
 from stickslip.orbits.branches.equilibrium_branch import checked_range, hopf_test
 from stickslip.orbits.branches.special_points import NOT_SMOOTH
-from stickslip.orbits.continuation.arclength import Lost, Path, Point, Steps, Test, in_range, ranges, trace
+from stickslip.orbits.continuation.arclength import (
+    Lost,
+    Path,
+    Point,
+    Steps,
+    Test,
+    in_range,
+    ranges,
+    trace,
+)
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 from stickslip.orbits.equilibria.certificate import SOLVED, certify
 from stickslip.orbits.equilibria.equilibrium import describe_guard
@@ -65,8 +75,9 @@ def hopf_curve(
     Returns
     -------
     Branch
-        With ``frequency`` and ``lyapunov`` at every point. Special points: ``"Bautin"`` (the first Lyapunov coefficient
-        vanishes), ``"Bogdanov-Takens"`` (the frequency does), ``"zero-Hopf"``, ``"boundary equilibrium"``.
+        With ``frequency`` and ``lyapunov`` at every point. Special points: ``"Bautin"`` (the first
+        Lyapunov coefficient vanishes), ``"Bogdanov-Takens"`` (the frequency does), ``"zero-Hopf"``,
+        ``"boundary equilibrium"``.
 
     Raises
     ------
@@ -88,8 +99,8 @@ def fold_curve(
 ) -> Branch:
     """Follow a fold of equilibria while two parameters change.
 
-    Arguments and errors as for :func:`hopf_curve`, with a point of kind ``"fold"``. Special points: ``"cusp"``,
-    ``"Bogdanov-Takens"``, ``"zero-Hopf"``, ``"boundary equilibrium"``.
+    Arguments and errors as for :func:`hopf_curve`, with a point of kind ``"fold"``. Special points:
+    ``"cusp"``, ``"Bogdanov-Takens"``, ``"zero-Hopf"``, ``"boundary equilibrium"``.
     """
     if isinstance(point, SpecialPoint) and point.kind == "fold" and point.period is not None:
         begins = NOT_SMOOTH in point.note
@@ -97,19 +108,31 @@ def fold_curve(
             "point",
             "it is a fold of cycles" + (", where the sequence of modes changes" if begins else ""),
             "This follows folds of equilibria; "
-            + ("follow the stick onset at the same value with stick_onset_curve" if begins else "see continue_cycle"),
+            + (
+                "follow the stick onset at the same value with stick_onset_curve"
+                if begins
+                else "see continue_cycle"
+            ),
         )
     curve = _posed(system, "fold", point, (first, second), ranges)
     return curve.branch(system, "folds", _fold_problem(curve), steps or STEPS)
 
 
 def _posed(
-    system: System, kind: str, point: SpecialPoint, names: tuple[str, str], ranges: Mapping[str, tuple[float, float]]
+    system: System,
+    kind: str,
+    point: SpecialPoint,
+    names: tuple[str, str],
+    ranges: Mapping[str, tuple[float, float]],
 ) -> _Curve:
     """Check the arguments."""
     equations = autonomous(system)
     if not isinstance(point, SpecialPoint) or point.kind != kind:
-        given = f"a special point of kind '{point.kind}'" if isinstance(point, SpecialPoint) else repr(point)
+        given = (
+            f"a special point of kind '{point.kind}'"
+            if isinstance(point, SpecialPoint)
+            else repr(point)
+        )
         raise DeclarationError("point", f"it is {given}", f"Give a special point of kind '{kind}'")
     values = checked_values(system, point.parameters)
     if names[0] == names[1]:
@@ -120,10 +143,15 @@ def _posed(
             raise DeclarationError(f"ranges.{name}", "it is missing", "Give (low, high)")
         spans[name] = checked_range(system, name, ranges[name])
         if not spans[name][0] <= values[name] <= spans[name][1]:
-            raise DeclarationError(f"ranges.{name}", f"the point lies at {name} = {values[name]:g}", "Include it")
+            raise DeclarationError(
+                f"ranges.{name}", f"the point lies at {name} = {values[name]:g}", "Include it"
+            )
     y = np.array([point.state[name] for name in system.declaration.state])
     steady = Steady(
-        mode_field(equations, point.mode, point.region), values, invariant_directions(equations, values, y), y
+        mode_field(equations, point.mode, point.region),
+        values,
+        invariant_directions(equations, values, y),
+        y,
     )
     guards = [describe_guard(equations, g, point.mode) for g in steady.field.guards]
     return _Curve(steady, y, spans, guards)
@@ -187,7 +215,9 @@ class _Curve:
         v = self.vector()
         norm = ex.add(*((x * x, 1.0) for x in v)) - 1.0
         unknowns = [*self.steady.field.state, *(str(x.value) for x in v), *own, *self.spans]
-        return ResidualFunction([*self.steady.rates, *conditions, norm], unknowns, self.steady.values)
+        return ResidualFunction(
+            [*self.steady.rates, *conditions, norm], unknowns, self.steady.values
+        )
 
     def values(self, x: Array) -> dict[str, float]:
         """All parameters."""
@@ -197,7 +227,7 @@ class _Curve:
         """State and all parameters."""
         return self.steady.point(x[: self.n], self.values(x))
 
-    # -- following --------------------------------------------------------------------------------
+    # -- following ---------------------------------------------------------------------------------
 
     def branch(self, system: System, kind: str, problem: _Extended, steps: Steps) -> Branch:
         """Both ways from the start."""
@@ -215,15 +245,20 @@ class _Curve:
         certificate = Certificate((*found.residuals, in_range(ranges(self.spans), points)))
         table = self._dataset(system, kind, points, problem)
         ends = back.ended, forth.ended
-        return Branch(system, dict(self.steady.values), first, table, special, ends, certificate, second)
+        return Branch(
+            system, dict(self.steady.values), first, table, special, ends, certificate, second
+        )
 
     def _certificate(self, x: Array, problem: _Extended) -> Certificate:
-        """That of the equilibrium, and what is left of the equations that keep its eigenvalue along the curve."""
+        """That of the equilibrium, and what is left of the equations that keep its eigenvalue along
+        the curve."""
         found, _ = certify(self.steady, self.point(x), beside=self.point(problem.start))
         value, slopes = problem.residual(x)
         terms = np.abs(slopes) @ problem.units(x) + np.abs(value)
         left = float(np.max(np.abs(value) / np.where(terms > 0.0, terms, 1.0)))
-        return Certificate((*found.residuals, Residual("extended equations", left, SOLVED, note="of their terms")))
+        return Certificate(
+            (*found.residuals, Residual("extended equations", left, SOLVED, note="of their terms"))
+        )
 
     def _accept(self, last: Point, new: Point, problem: _Extended) -> None:
         """See that a point is certified; its guards are test functions.
@@ -238,7 +273,8 @@ class _Curve:
             raise Lost(f"the next point is {found.verdict}")
 
     def least(self, start: Array) -> Array:
-        """Least lengths that count in the unknowns of an extended system; that of the vector v is 1."""
+        """Least lengths that count in the unknowns of an extended system; that of the vector v is
+        1."""
         floor = 0.2 * np.abs(start)
         floor[: self.n] = self.steady.units(np.append(self.y, start[-2:]), self.spans)
         floor[self.n : 2 * self.n] = 1.0
@@ -265,17 +301,24 @@ class _Curve:
             steps=steps,
         )
 
-    # -- results ----------------------------------------------------------------------------------
+    # -- results -----------------------------------------------------------------------------------
 
     def _special(self, test: Test, x: Array, index: int, problem: _Extended) -> SpecialPoint:
         field, (first, _) = self.steady.field, self.spans
-        kind, note = ("boundary equilibrium", self.guards[test]) if isinstance(test, int) else (test, "")
+        kind, note = (
+            ("boundary equilibrium", self.guards[test]) if isinstance(test, int) else (test, "")
+        )
         state = dict(zip(field.state, map(float, x[: self.n]), strict=True))
-        data, values = {name: v for name, v in problem.numbers(x).items() if np.isfinite(v)}, self.values(x)
+        data = {name: v for name, v in problem.numbers(x).items() if np.isfinite(v)}
+        values = self.values(x)
         mode, region = field.mode, field.region
-        return SpecialPoint(kind, first, float(x[-2]), state, values, mode, region, index, None, data, note)
+        return SpecialPoint(
+            kind, first, float(x[-2]), state, values, mode, region, index, None, data, note
+        )
 
-    def _dataset(self, system: System, kind: str, points: list[Array], problem: _Extended) -> xarray.Dataset:
+    def _dataset(
+        self, system: System, kind: str, points: list[Array], problem: _Extended
+    ) -> xarray.Dataset:
         """Parameters, state, numbers of the family, and certificate of every point."""
         import xarray as xr
 
@@ -285,14 +328,20 @@ class _Curve:
         data = {name: ("point", xs[:, i - 2]) for i, name in enumerate(self.spans)}
         data |= {name: ("point", xs[:, i]) for i, name in enumerate(self.steady.field.state)}
         data |= {name: ("point", np.array([row[name] for row in numbers])) for name in numbers[0]}
-        data |= {"margin": ("point", np.min(sizes.margins, axis=1, initial=1.0)), "defect": ("point", sizes.defect)}
+        data |= {
+            "margin": ("point", np.min(sizes.margins, axis=1, initial=1.0)),
+            "defect": ("point", sizes.defect),
+        }
         certified = np.array([self._certificate(x, problem).ok for x in points], np.int8)
         data |= {"certified": ("point", certified)}
         return xr.Dataset(data, attrs={"title": system.title or system.name, "kind": kind})
 
 
 def _hopf_problem(curve: _Curve) -> _Extended:
-    steady, n, v, kappa = curve.steady, curve.n, curve.vector(), ex.sym("kappa:")
+    steady = curve.steady
+    n = curve.n
+    v = curve.vector()
+    kappa = ex.sym("kappa:")
     derivatives = Derivatives(steady.rates, steady.field.state)
     eigenvalue, q = critical_pair(derivatives(curve.y, steady.values)[0])
     first = q.real / np.linalg.norm(q.real)
@@ -300,8 +349,12 @@ def _hopf_problem(curve: _Curve) -> _Extended:
     # Of the plane of v, the direction across the first v is shut out.
     across = ex.add(*((x, float(w)) for x, w in zip(v, other / np.linalg.norm(other), strict=True)))
     twice = curve.image(curve.image(v))
-    residual = curve.extended([*(a + kappa * x for a, x in zip(twice, v, strict=True)), across], str(kappa.value))
-    start = np.concatenate([curve.y, first, [eigenvalue.imag**2], [steady.values[name] for name in curve.spans]])
+    residual = curve.extended(
+        [*(a + kappa * x for a, x in zip(twice, v, strict=True)), across], str(kappa.value)
+    )
+    start = np.concatenate(
+        [curve.y, first, [eigenvalue.imag**2], [steady.values[name] for name in curve.spans]]
+    )
 
     def numbers(x: Array) -> dict[str, float]:
         if not x[2 * n] > 0.0:
@@ -323,12 +376,19 @@ def _hopf_problem(curve: _Curve) -> _Extended:
 
 
 def _fold_problem(curve: _Curve) -> _Extended:
-    steady, n, v = curve.steady, curve.n, curve.vector()
+    steady = curve.steady
+    n = curve.n
+    v = curve.vector()
     image = curve.image(v)
     curvature = [
-        ex.add(*((ex.derivative(a, x) * w, 1.0) for x, w in zip(steady.field.state, v, strict=True))) for a in image
+        ex.add(
+            *((ex.derivative(a, x) * w, 1.0) for x, w in zip(steady.field.state, v, strict=True))
+        )
+        for a in image
     ]
-    second = ResidualFunction(curvature, [*steady.field.state, *(str(x.value) for x in v), *curve.spans], steady.values)
+    second = ResidualFunction(
+        curvature, [*steady.field.state, *(str(x.value) for x in v), *curve.spans], steady.values
+    )
     slopes = ResidualFunction(steady.rates, [*steady.field.state, *curve.spans], steady.values)
     residual = curve.extended(image)
 
@@ -337,7 +397,8 @@ def _fold_problem(curve: _Curve) -> _Extended:
 
     start = np.concatenate([curve.y, np.zeros(n), [steady.values[name] for name in curve.spans]])
     u, _, w = np.linalg.svd(matrix(start))
-    left, right = u[:, -1], w[-1]
+    left = u[:, -1]
+    right = w[-1]
     start[n : 2 * n] = right
 
     def numbers(x: Array) -> dict[str, float]:

@@ -1,9 +1,11 @@
 """Cycles of half of another one's period.
 
-A cycle becomes one of half its period at the other end of a branch that begins in a period doubling.
+A cycle becomes one of half its period at the other end of a branch that begins in a period
+doubling.
 
-The two halves of a cycle that was born there differ like the square root of the distance from that point. Up to it
-its branch is regular; beyond, the same equations have the shorter cycle, run through twice, as a solution.
+The two halves of a cycle that was born there differ like the square root of the distance from that
+point. Up to it its branch is regular; beyond, the same equations have the shorter cycle, run
+through twice, as a solution.
 """
 
 from __future__ import annotations
@@ -25,16 +27,24 @@ Array = np.ndarray
 def half_gap(closed: Closed) -> float:
     """By how much a cycle fails to close after half its period, in units of its largest range.
 
-    Of a driven system only an even number of the drive's periods can be halved; otherwise it is infinite.
+    Of a driven system only an even number of the drive's periods can be halved; otherwise it is
+    infinite.
     """
-    orbit, setting = closed.orbit, closed.shooting.setting
+    orbit = closed.orbit
+    setting = closed.shooting.setting
     if setting.symmetry.driven and setting.turns % 2:
         return np.inf
     start, half = closed.samples(2)
-    return float(np.max(np.abs(half - start) / setting.sizes)) / closed.extent if orbit.period > 0.0 else np.inf
+    return (
+        float(np.max(np.abs(half - start) / setting.sizes)) / closed.extent
+        if orbit.period > 0.0
+        else np.inf
+    )
 
 
-def doubles_at(half: Closed, value: float, other: float, at: Callable[[Closed, float], Closed]) -> float | None:
+def doubles_at(
+    half: Closed, value: float, other: float, at: Callable[[Closed, float], Closed]
+) -> float | None:
     """The value of the parameter near which a cycle has the multiplier −1.
 
     Parameters

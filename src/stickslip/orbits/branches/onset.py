@@ -1,8 +1,10 @@
-"""How far a cycle is from the onset of stick: a function that changes its sign where a contact begins to stick.
+"""How far a cycle is from the onset of stick: a function that changes its sign where a contact
+begins to stick.
 
-There are two ways. A contact that slips one way all the time slows down until its speed **touches** 0; then it sticks
-for a moment. Or it **reverses** through speed 0 and its force at that moment comes down to the threshold. On the far
-side the margin is continued by what happens at the beginning of the stick, so that its derivative is continuous.
+There are two ways. A contact that slips one way all the time slows down until its speed **touches**
+0; then it sticks for a moment. Or it **reverses** through speed 0 and its force at that moment
+comes down to the threshold. On the far side the margin is continued by what happens at the
+beginning of the stick, so that its derivative is continuous.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ AHEAD = 1e-6  # part of the period over which a rate is differenced
 
 @dataclass(frozen=True)
 class Onset:
-    """A contact, and whether it begins to stick where it reverses (else: where its speed touches 0)."""
+    """A contact, and whether it begins to stick where it reverses (else: where its speed touches
+    0)."""
 
     contact: int
     reverses: bool
@@ -41,8 +44,12 @@ class Onset:
 
 def nearest_onset(motion: Trajectory, pieces: Pieces) -> Onset:
     """The onset that a cycle is nearest to."""
-    onsets = [Onset(c, reverses) for c in range(motion.knots.mode.shape[1]) for reverses in (False, True)]
-    far = [abs(margin) if np.isfinite(margin := o.margin(motion, pieces)) else np.inf for o in onsets]
+    onsets = [
+        Onset(c, reverses) for c in range(motion.knots.mode.shape[1]) for reverses in (False, True)
+    ]
+    far = [
+        abs(margin) if np.isfinite(margin := o.margin(motion, pieces)) else np.inf for o in onsets
+    ]
     return onsets[int(np.argmin(far))]
 
 
@@ -55,16 +62,20 @@ def _sticks(motion: Trajectory, contact: int, sense: int) -> Iterator[tuple[tupl
 
     `sense` is the product of the directions of slip before and after.
     """
-    found, mode = segments(motion.knots), motion.knots.mode[:, contact]
+    found = segments(motion.knots)
+    mode = motion.knots.mode[:, contact]
     for before, stuck, after in zip(found, found[1:], found[2:], strict=False):
         if mode[stuck[0]] == 0 and mode[before[0]] * mode[after[0]] == sense:
             yield before, stuck[0]
 
 
 def _touching(motion: Trajectory, pieces: Pieces, contact: int) -> list[float]:
-    """Least speeds in slip, and speeds that would be reached if there were no stick, relative to the largest."""
-    k, p = motion.knots, _numbers(motion)
-    switch, margins = k.region.shape[1] + contact, []
+    """Least speeds in slip, and speeds that would be reached if there were no stick, relative to
+    the largest."""
+    k = motion.knots
+    p = _numbers(motion)
+    switch = k.region.shape[1] + contact
+    margins = []
     for a, b in segments(k):
         if k.mode[a, contact] != 0:
             low = dips(motion, pieces(k.mode[a], k.region[a]), a, b, p)
@@ -74,11 +85,18 @@ def _touching(motion: Trajectory, pieces: Pieces, contact: int) -> list[float]:
     return margins
 
 
-def _depth(motion: Trajectory, slip: Piece, ends: tuple[int, int], begin: int, switch: int) -> float:
+def _depth(
+    motion: Trajectory, slip: Piece, ends: tuple[int, int], begin: int, switch: int
+) -> float:
     """The minimum of a guard beyond its zero, from its rate and curvature there."""
-    k, p, n = motion.knots, _numbers(motion), motion.knots.state.shape[1]
-    t, y, row = float(k.time[begin]), k.state[begin], int(np.flatnonzero(slip.switches == switch)[0])
-    here, ahead = slip.leave(t, y, p), AHEAD * float(k.time[-1] - k.time[0])
+    k = motion.knots
+    p = _numbers(motion)
+    n = motion.knots.state.shape[1]
+    t = float(k.time[begin])
+    y = k.state[begin]
+    row = int(np.flatnonzero(slip.switches == switch)[0])
+    here = slip.leave(t, y, p)
+    ahead = AHEAD * float(k.time[-1] - k.time[0])
     later = slip.leave(t + ahead, y + ahead * here.rates, p)
     curvature = (later.fall[row] - here.fall[row]) / ahead
     steps = np.arange(*ends)
@@ -89,10 +107,17 @@ def _depth(motion: Trajectory, slip: Piece, ends: tuple[int, int], begin: int, s
 
 
 def _reversing(motion: Trajectory, pieces: Pieces, contact: int) -> list[float]:
-    """What the force at a reversal lacks to be held, relative to the thresholds; negative if it is held."""
-    k, p = motion.knots, _numbers(motion)
-    switch, margins = k.region.shape[1] + contact, []
-    turns = [b for (a, _), (b, _) in pairwise(segments(k)) if k.mode[a, contact] * k.mode[b, contact] == -1]
+    """What the force at a reversal lacks to be held, relative to the thresholds; negative if it is
+    held."""
+    k = motion.knots
+    p = _numbers(motion)
+    switch = k.region.shape[1] + contact
+    margins = []
+    turns = [
+        b
+        for (a, _), (b, _) in pairwise(segments(k))
+        if k.mode[a, contact] * k.mode[b, contact] == -1
+    ]
     for knot in (*turns, *(begin for _, begin in _sticks(motion, contact, -1))):
         mode = k.mode[knot].copy()
         mode[contact] = 0

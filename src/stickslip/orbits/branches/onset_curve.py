@@ -1,7 +1,8 @@
 """Curves in two parameters along which a cycle just begins to stick.
 
-Unknown are those of a cycle with one free parameter and the other parameter; one more equation says that the margin of
-the onset vanishes. The cycle may be unstable or at a fold: the curve does not see it.
+Unknown are those of a cycle with one free parameter and the other parameter; one more equation says
+that the margin of the onset vanishes. The cycle may be unstable or at a fold: the curve does not
+see it.
 """
 
 from __future__ import annotations
@@ -16,7 +17,14 @@ import numpy as np
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.model.system import System
 from stickslip.motion.problem import pose
-from stickslip.orbits.branches.chart import WIDTH, Chart, OutOfChart, extent_of, first_chart, renewed
+from stickslip.orbits.branches.chart import (
+    WIDTH,
+    Chart,
+    OutOfChart,
+    extent_of,
+    first_chart,
+    renewed,
+)
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.branches.onset import Onset, nearest_onset
 from stickslip.orbits.branches.special_points import STEP, Spacing, dataset, of_branch
@@ -46,7 +54,8 @@ Array = np.ndarray
 STEPS = Steps(first=0.05, largest=0.4, tolerance=1e-10, turn=0.3)
 IN_CHART = 6  # points before the chart is made anew
 DIFFERENCE = 1e-7  # of the unknowns, in their units, for derivatives
-SLIPPING = 1e-9  # margin of the cycles on the curve: closer to the onset rounding decides on the next mode
+# margin of the cycles on the curve: closer to the onset rounding decides on the next mode
+SLIPPING = 1e-9
 AT_ONSET = 1e-3  # a cycle with a larger margin is not at the onset
 VANISHES = "the cycle shrinks to an equilibrium"
 
@@ -86,8 +95,14 @@ def stick_onset_curve(
         If no cycle that begins to stick is found at the point.
     """
     if not isinstance(point, SpecialPoint) or point.kind != "stick onset" or point.period is None:
-        given = f"a special point of kind '{point.kind}'" if isinstance(point, SpecialPoint) else repr(point)
-        raise DeclarationError("point", f"it is {given}", "Give a special point of kind 'stick onset'")
+        given = (
+            f"a special point of kind '{point.kind}'"
+            if isinstance(point, SpecialPoint)
+            else repr(point)
+        )
+        raise DeclarationError(
+            "point", f"it is {given}", "Give a special point of kind 'stick onset'"
+        )
     if first == second:
         raise DeclarationError(second, "the two parameters are the same", "Name two")
     spans = {}
@@ -97,7 +112,9 @@ def stick_onset_curve(
         low, high = spans[name] = checked_range(system, name, ranges[name])
         if not low <= point.parameters[name] <= high:
             raise DeclarationError(
-                f"ranges.{name}", f"the point lies at {name} = {point.parameters[name]:g}", "Include it"
+                f"ranges.{name}",
+                f"the point lies at {name} = {point.parameters[name]:g}",
+                "Include it",
             )
     closed = _cycle_at(system, point)
     onset = nearest_onset(closed.orbit.motion, closed.shooting.pieces)
@@ -115,12 +132,20 @@ def _cycle_at(system: System, point: SpecialPoint) -> Closed:
     """The cycle of a special point."""
     problem = pose(system, point.parameters)
     pieces = Pieces(problem.compiled.equations)
-    y, t = problem.initial_state(point.state), point.data.get("time", system.span[0])
+    y = problem.initial_state(point.state)
+    t = point.data.get("time", system.span[0])
     assert point.period is not None
     motion = follow(problem, t, t + point.period, y)
     w = window(motion, pieces)
     turns = 1 if w.period is None else max(1, round(point.period / w.period))
-    return converge(*near(problem, pieces, w, Recurrence(t, y, point.period, turns, motion.knots.state[-1] - y, 0.0)))
+    return converge(
+        *near(
+            problem,
+            pieces,
+            w,
+            Recurrence(t, y, point.period, turns, motion.knots.state[-1] - y, 0.0),
+        )
+    )
 
 
 @dataclass
@@ -152,7 +177,10 @@ class _Equations:
     def at(self, value: float) -> Chart:
         """The chart for a value of the second parameter."""
         shooting = self.chart.shooting
-        return Chart(shooting.with_problem(with_value(shooting.problem, self.second, value)), self.chart.extent)
+        return Chart(
+            shooting.with_problem(with_value(shooting.problem, self.second, value)),
+            self.chart.extent,
+        )
 
     def orbit(self, z: Array) -> Orbit:
         """The cycle."""
@@ -177,8 +205,10 @@ class _Equations:
         return self.known[key]
 
     def _difference(self, z: Array, i: int, F: Array) -> Array:
-        """Derivative by an unknown: within the ranges of the parameters and, if it can be, on the side that slips."""
-        h, found = DIFFERENCE * self.scale(z)[i], []
+        """Derivative by an unknown: within the ranges of the parameters and, if it can be, on the
+        side that slips."""
+        h = DIFFERENCE * self.scale(z)[i]
+        found = []
         for side in (h, -h):
             moved = z.copy()
             moved[i] += side
@@ -195,28 +225,47 @@ class _Equations:
 
 
 class _Follower:
-    def __init__(self, closed: Closed, onset: Onset, spans: dict[str, tuple[float, float]], steps: Steps) -> None:
+    def __init__(
+        self, closed: Closed, onset: Onset, spans: dict[str, tuple[float, float]], steps: Steps
+    ) -> None:
         (self.first, span), (self.second, other) = spans.items()
-        self.closed, self.onset, self.spans, self.steps = closed, onset, spans, steps
+        self.closed = closed
+        self.onset = onset
+        self.spans = spans
+        self.steps = steps
         self.extent = extent_of(closed, span)
-        self.width, self.upper = WIDTH * (other[1] - other[0]), np.array([span[1], other[1]])
+        self.width = WIDTH * (other[1] - other[0])
+        self.upper = np.array([span[1], other[1]])
         self.pieces = Pieces(closed.orbit.problem.compiled.equations, self.first)
         self.spacing = Spacing(spans, self.extent.modulus)
 
     def branch(self) -> Branch:
         """Both ways from the start."""
         back, behind = self.follow(-1.0)
-        forth, ahead = self.follow(1.0) if behind.stop is not Stop.INTERRUPTED else (back[:1], behind)
+        forth, ahead = (
+            self.follow(1.0) if behind.stop is not Stop.INTERRUPTED else (back[:1], behind)
+        )
         if not back and not forth:
-            raise ConvergenceError(f"onsets of stick of {self.closed.orbit.problem.system.name}", behind.text)
+            raise ConvergenceError(
+                f"onsets of stick of {self.closed.orbit.problem.system.name}", behind.text
+            )
         cycles = [*reversed(back), *(forth[1:] if back else forth)]
-        system, parameters = self.closed.orbit.problem.system, dict(self.closed.orbit.problem.parameters)
-        points: xarray.Dataset = dataset(self.first, [c.parameters[self.first] for c in cycles], cycles)
+        system = self.closed.orbit.problem.system
+        parameters = dict(self.closed.orbit.problem.parameters)
+        points: xarray.Dataset = dataset(
+            self.first, [c.parameters[self.first] for c in cycles], cycles
+        )
         points[self.second] = "point", np.array([c.parameters[self.second] for c in cycles])
-        points["step"] = "point", np.array([0.0, *(self.spacing(a, b) for a, b in itertools.pairwise(cycles))]), STEP
+        points["step"] = (
+            "point",
+            np.array([0.0, *(self.spacing(a, b) for a, b in itertools.pairwise(cycles))]),
+            STEP,
+        )
         points.attrs["kind"] = "stick onsets"
         certificate = of_branch(cycles, self.spans, points["step"].values)
-        return Branch(system, parameters, self.first, points, [], (behind, ahead), certificate, self.second)
+        return Branch(
+            system, parameters, self.first, points, [], (behind, ahead), certificate, self.second
+        )
 
     def follow(self, sign: float) -> tuple[list[Cycle], Ending]:
         """The cycles in one direction, with the start, and the end; what was computed is kept."""
@@ -232,7 +281,8 @@ class _Follower:
         """Append the cycles; the end."""
         chart, x = first_chart(self.closed, self.pieces, self.extent)
         z = np.append(x, self.closed.orbit.problem.parameters[self.second])
-        towards, step = np.zeros(len(z)), self.steps.first
+        towards = np.zeros(len(z))
+        step = self.steps.first
         towards[-1] = sign
         while True:
             equations = _Equations(chart, self.onset, self.second, self.width, self.upper)
@@ -248,9 +298,13 @@ class _Follower:
 
     def _trace(self, equations: _Equations, z: Array, towards: Array, step: float) -> Path:
         def tests(z: Array, tangent: Array) -> dict[Test, float]:
-            chart, orbit = equations.at(float(z[-1])), equations.orbit(z)
+            chart = equations.at(float(z[-1]))
+            orbit = equations.orbit(z)
             chart.check(orbit)
-            return {VANISHES: self.extent.amplitude(Closed(chart.shooting, orbit)) / self.extent.least - 1.0}
+            return {
+                VANISHES: self.extent.amplitude(Closed(chart.shooting, orbit)) / self.extent.least
+                - 1.0
+            }
 
         return trace(
             equations,
@@ -260,12 +314,16 @@ class _Follower:
             tests=tests,
             endings={VANISHES: VANISHES},
             limits=ranges(self.spans),
-            accept=lambda last, new: self.spacing.check(self._cycle(equations, last.x), self._cycle(equations, new.x)),
+            accept=lambda last, new: self.spacing.check(
+                self._cycle(equations, last.x), self._cycle(equations, new.x)
+            ),
             steps=replace(self.steps, first=step, most=IN_CHART + 1),
         )
 
     def _cycle(self, equations: _Equations, z: Array) -> Cycle:
         key = z.tobytes()
         if key not in equations.cycles:
-            equations.cycles[key] = make_cycle(Closed(equations.at(float(z[-1])).shooting, equations.orbit(z)))
+            equations.cycles[key] = make_cycle(
+                Closed(equations.at(float(z[-1])).shooting, equations.orbit(z))
+            )
         return equations.cycles[key]

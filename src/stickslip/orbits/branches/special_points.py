@@ -1,4 +1,5 @@
-"""What happens on a branch of cycles: where the sequence of modes changes, and the table of the points."""
+"""What happens on a branch of cycles: where the sequence of modes changes, and the table of the
+points."""
 
 from __future__ import annotations
 
@@ -11,7 +12,15 @@ import numpy as np
 from stickslip.certificates import Certificate, Residual, worst
 from stickslip.model.quantities import contact_key
 from stickslip.orbits.branches.chart import Chart
-from stickslip.orbits.continuation.arclength import UNDEFINED, Crossing, Lost, Path, Point, in_range, ranges
+from stickslip.orbits.continuation.arclength import (
+    UNDEFINED,
+    Crossing,
+    Lost,
+    Path,
+    Point,
+    in_range,
+    ranges,
+)
 from stickslip.orbits.return_map.mode_sequence import Sequence, change_of, nearest_change, sequence
 
 if TYPE_CHECKING:
@@ -21,7 +30,8 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-NEAR = 1e-4  # a located multiplier or slope is this close to its critical value, else it jumps there
+# a located multiplier or slope is this close to its critical value, else it jumps there
+NEAR = 1e-4
 FLAT = 1e-9  # values of a test function that are rounding
 MOST_CHANGES = 8  # located within one step
 TOUCHES = 1e-11  # a margin this small is zero
@@ -30,8 +40,10 @@ NOT_SMOOTH = "not smooth: the sequence changes there"  # of a fold
 FINE = 1e-11  # corrector's tolerance where a change is located
 APART = 0.3  # neighbours on a branch are at most so far from each other …
 TWICE = 1e-10  # … and at least so far: nearer ones are one
-STEP = {"long_name": "distance from the point before: the largest change of parameter, period and ranges, relative to "
-                     "the branch's own"}  # fmt: skip
+STEP = {
+    "long_name": "distance from the point before: the largest change of parameter, period and "
+    "ranges, relative to the branch's own"
+}
 STABLE = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "neutral unstable stable"}
 
 
@@ -46,8 +58,10 @@ class Change:
 
 def locate_changes(chart: Chart, a: Point, b: Point) -> list[Change]:
     """The changes of the sequence between two points, in the order of travel."""
-    low, here = 0.0, sequence(chart.orbit(a.x).motion)
-    high, there = b.length - a.length, sequence(chart.orbit(b.x).motion)
+    low = 0.0
+    here = sequence(chart.orbit(a.x).motion)
+    high = b.length - a.length
+    there = sequence(chart.orbit(b.x).motion)
     contacts = [c.name for c in chart.shooting.pieces.equations.contacts]
     passed: list[tuple[Array, Sequence, Sequence]] = []
     while here != there and len(passed) < MOST_CHANGES:
@@ -61,10 +75,14 @@ def locate_changes(chart: Chart, a: Point, b: Point) -> list[Change]:
 
 
 class _Finder:
-    """Positive where a cycle has a given sequence, negative where not, and small where that changes."""
+    """Positive where a cycle has a given sequence, negative where not, and small where that
+    changes."""
 
     def __init__(self, chart: Chart, a: Point, b: Point, here: Sequence) -> None:
-        self.chart, self.a, self.b, self.here = chart, a, b, here
+        self.chart = chart
+        self.a = a
+        self.b = b
+        self.here = here
         self.seen: dict[float, tuple[Array, Sequence, float]] = {}
 
     def __call__(self, distance: float) -> float:
@@ -95,12 +113,15 @@ class _Finder:
 
 
 def is_flat(path: Path, crossing: Crossing) -> bool:
-    """Whether a test function is zero on both sides, too, but for rounding: without damping that is so all along."""
+    """Whether a test function is zero on both sides, too, but for rounding: without damping that is
+    so all along."""
     beside = path.points[max(crossing.index - 1, 0) : crossing.index + 2]
     return max(abs(point.tests[crossing.name]) for point in beside) < FLAT
 
 
-def confirmed(name: str, slope: float, multipliers: Array, changes: list[Change]) -> tuple[str, str] | None:
+def confirmed(
+    name: str, slope: float, multipliers: Array, changes: list[Change]
+) -> tuple[str, str] | None:
     """Kind and note of a located zero of a test function; None if the function only jumps there."""
     if name == "fold":
         if abs(slope) <= NEAR:
@@ -118,9 +139,11 @@ def confirmed(name: str, slope: float, multipliers: Array, changes: list[Change]
 
 
 class Spacing:
-    """How far cycles of a branch are from each other: the largest change of parameters, period and ranges of the state.
+    """How far cycles of a branch are from each other: the largest change of parameters, period and
+    ranges of the state.
 
-    Parameters are measured in their ranges, ranges of the state in the largest modulus of their component up to now.
+    Parameters are measured in their ranges, ranges of the state in the largest modulus of their
+    component up to now.
 
     Parameters
     ----------
@@ -130,7 +153,8 @@ class Spacing:
     """
 
     def __init__(self, spans: Mapping[str, tuple[float, float]], modulus: Array) -> None:
-        self.spans, self.largest = spans, modulus.copy()
+        self.spans = spans
+        self.largest = modulus.copy()
 
     def __call__(self, a: Cycle, b: Cycle) -> float:
         widths = []
@@ -138,8 +162,17 @@ class Spacing:
             low, high = np.array(list(cycle.extrema.values())).T
             self.largest = np.maximum(self.largest, np.maximum(np.abs(low), np.abs(high)))
             widths.append(high - low)
-        parts = [(b.parameters[x] - a.parameters[x]) / (high - low) for x, (low, high) in self.spans.items()]
-        return float(np.max(np.abs([*parts, np.log(b.period / a.period), *((widths[1] - widths[0]) / self.largest)])))
+        parts = [
+            (b.parameters[x] - a.parameters[x]) / (high - low)
+            for x, (low, high) in self.spans.items()
+        ]
+        return float(
+            np.max(
+                np.abs(
+                    [*parts, np.log(b.period / a.period), *((widths[1] - widths[0]) / self.largest)]
+                )
+            )
+        )
 
     def check(self, last: Cycle, new: Cycle) -> None:
         """See that a cycle is certified and next to the one before.
@@ -155,8 +188,11 @@ class Spacing:
             raise Lost("the next cycle is quite another one")
 
 
-def of_branch(cycles: list[Cycle], spans: Mapping[str, tuple[float, float]], steps: Array) -> Certificate:
-    """The certificate of a branch: that of its cycles, all in range, neighbours next to each other and none twice.
+def of_branch(
+    cycles: list[Cycle], spans: Mapping[str, tuple[float, float]], steps: Array
+) -> Certificate:
+    """The certificate of a branch: that of its cycles, all in range, neighbours next to each other
+    and none twice.
 
     Parameters
     ----------
@@ -167,16 +203,24 @@ def of_branch(cycles: list[Cycle], spans: Mapping[str, tuple[float, float]], ste
         Distance of each cycle from the one before; that of the first says nothing.
     """
     own = [
-        in_range(ranges(spans), [np.array([cycle.parameters[name] for name in spans]) for cycle in cycles]),
+        in_range(
+            ranges(spans),
+            [np.array([cycle.parameters[name] for name in spans]) for cycle in cycles],
+        ),
         Residual("largest step", float(np.max(steps[1:], initial=0.0)), APART),
-        *([Residual("smallest step", float(np.min(steps[1:])), TWICE, least=True)] if len(steps) > 1 else []),
+        *(
+            [Residual("smallest step", float(np.min(steps[1:])), TWICE, least=True)]
+            if len(steps) > 1
+            else []
+        ),
     ]
     found = worst([cycle.certificate for cycle in cycles])
     return replace(found, residuals=(*found.residuals, *own))
 
 
 def dataset(parameter: str, values: list[float], cycles: list[Cycle]) -> xarray.Dataset:
-    """Parameter, period, extremes, multipliers, stability, stick and slip, drift and certificate of every point."""
+    """Parameter, period, extremes, multipliers, stability, stick and slip, drift and certificate of
+    every point."""
     import xarray as xr
 
     system = cycles[0].system
@@ -185,22 +229,36 @@ def dataset(parameter: str, values: list[float], cycles: list[Cycle]) -> xarray.
     def column(quantity: str) -> tuple[str, Array]:
         return "point", np.array([getattr(c, quantity) for c in cycles], dtype=float)
 
-    data: dict = {parameter: ("point", np.array(values)), "period": column("period"), "time": column("time")}
+    data: dict = {
+        parameter: ("point", np.array(values)),
+        "period": column("period"),
+        "time": column("time"),
+    }
     for name in system.declaration.state:
         data[name] = "point", np.array([c.state[name] for c in cycles])
         data[f"min_{name}"] = "point", np.array([c.extrema[name][0] for c in cycles])
         data[f"max_{name}"] = "point", np.array([c.extrema[name][1] for c in cycles])
     data |= {
-        "stable": ("point", np.array([-1 if c.neutral else int(c.stable) for c in cycles], np.int8), STABLE),
+        "stable": (
+            "point",
+            np.array([-1 if c.neutral else int(c.stable) for c in cycles], np.int8),
+            STABLE,
+        ),
         "multiplier_real": (("point", "multiplier"), multipliers.real),
         "multiplier_imag": (("point", "multiplier"), multipliers.imag),
         "differentiable": ("point", np.array([c.differentiable for c in cycles], np.int8)),
         "sticks": ("point", np.array([c.sticks for c in cycles], np.int8)),
         "phases": ("point", np.array([len(c.phases) for c in cycles])),
-        **{name: column(name) for name in ("stick_time", "slip_time", "dissipated", "supplied", "drift", "speed")},
+        **{
+            name: column(name)
+            for name in ("stick_time", "slip_time", "dissipated", "supplied", "drift", "speed")
+        },
         "residual": column("residual"),
         "certified": ("point", np.array([c.certificate.ok for c in cycles], np.int8)),
     }
     for name in cycles[0].contacts:
-        data[f"stick_time_{contact_key(name)}"] = "point", np.array([c.contacts[name].stick_time for c in cycles])
+        data[f"stick_time_{contact_key(name)}"] = (
+            "point",
+            np.array([c.contacts[name].stick_time for c in cycles]),
+        )
     return xr.Dataset(data, attrs={"title": system.title or system.name, "kind": "cycles"})

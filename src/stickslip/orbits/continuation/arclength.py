@@ -1,13 +1,12 @@
-"""Curves F(x) = 0 of one dimension, followed by pseudo-arclength: predictor, corrector, step control, special points.
+"""Curves F(x) = 0 of one dimension, followed by pseudo-arclength: predictor, corrector, step
+control, special points.
 
-Nothing here knows what x is: equilibria, cycles and the curves of their special points in two parameters are all
-followed by :func:`trace`. Lengths are measured in units that the caller gives for every component of x, so that a
-step means the same for a force, a temperature and a parameter.
+Nothing here knows what x is: equilibria, cycles and the curves of their special points in two
+parameters are all followed by :func:`trace`. Lengths are measured in units that the caller gives
+for every component of x, so that a step means the same for a force, a temperature and a parameter.
 
-References
-----------
-Y. A. Kuznetsov, *Elements of Applied Bifurcation Theory*, chapter 10; E. L. Allgower and K. Georg, *Numerical
-Continuation Methods*, chapters 2 and 6.
+References ---------- Y. A. Kuznetsov, *Elements of Applied Bifurcation Theory*, chapter 10; E. L.
+Allgower and K. Georg, *Numerical Continuation Methods*, chapters 2 and 6.
 """
 
 from __future__ import annotations
@@ -59,7 +58,8 @@ INTERRUPTED = Ending(Stop.INTERRUPTED, "interrupted")
 
 
 class Limit(NamedTuple):
-    """The end of the range of a component of x: where it is, and on which side (+1: x stays below, −1: above)."""
+    """The end of the range of a component of x: where it is, and on which side (+1: x stays below,
+    −1: above)."""
 
     component: int
     value: float
@@ -71,7 +71,8 @@ class Limit(NamedTuple):
 
 
 def ranges(spans: Mapping[str, tuple[float, float]]) -> dict[str, Limit]:
-    """The limits of the last components of x, which are parameters with these ranges, by the reasons they give."""
+    """The limits of the last components of x, which are parameters with these ranges, by the
+    reasons they give."""
     first = -len(spans)
     return {
         f"{name} = {end:g}, the end of the range": Limit(first + i, end, side)
@@ -169,7 +170,9 @@ class Lost(Exception):
     """The corrector does not converge; the message says why."""
 
 
-def correct(equations: Equations, guess: Array, scale: Array, tangent: Array, tolerance: float) -> Array:
+def correct(
+    equations: Equations, guess: Array, scale: Array, tangent: Array, tolerance: float
+) -> Array:
     """Newton's method on F(x) = 0 and ⟨tangent, (x − guess)/scale⟩ = 0.
 
     Raises
@@ -177,18 +180,21 @@ def correct(equations: Equations, guess: Array, scale: Array, tangent: Array, to
     Lost
         If it does not converge.
     """
-    x, last = guess, np.inf
+    x = guess
+    last = np.inf
     for _ in range(12):
         try:
             F, J = equations(x)
-            matrix, right = np.vstack([J * scale, tangent]), np.append(F, tangent @ ((x - guess) / scale))
+            matrix = np.vstack([J * scale, tangent])
+            right = np.append(F, tangent @ ((x - guess) / scale))
             dz = np.linalg.solve(matrix, right)
         except UNDEFINED as problem:
             raise Lost(str(problem)) from None
         size = float(np.linalg.norm(dz))
         if not size <= 2.0 * last:
             break
-        x, last = x - scale * dz, size
+        x = x - scale * dz
+        last = size
         if size <= tolerance:
             return x
     raise Lost("Newton's method does not converge")
@@ -216,7 +222,8 @@ def correct_at(
 
 
 def direction(equations: Equations, x: Array, scale: Array, towards: Array) -> tuple[Array, float]:
-    """Unit tangent (in scaled components) that has a positive product with a direction, and the orientation."""
+    """Unit tangent (in scaled components) that has a positive product with a direction, and the
+    orientation."""
     _, J = equations(x)
     rows = J * scale
     rows = rows / np.maximum(np.max(np.abs(rows), axis=1, keepdims=True), 1e-300)
@@ -243,7 +250,8 @@ def trace(
     Parameters
     ----------
     equations : function
-        x ↦ (F, ∂F/∂x), shapes (n,) and (n, n + 1). May raise any of :data:`UNDEFINED` where F is not defined.
+        x ↦ (F, ∂F/∂x), shapes (n,) and (n, n + 1). May raise any of :data:`UNDEFINED` where F is
+        not defined.
     start : array, shape (n + 1,)
         A solution, up to a few Newton steps.
     towards : array, shape (n + 1,)
@@ -251,15 +259,17 @@ def trace(
     scale : function
         x ↦ the units of its components there.
     tests : function
-        (x, tangent) ↦ values by name; their zeros are found. A value that is NaN is not defined there.
+        (x, tangent) ↦ values by name; their zeros are found. A value that is NaN is not defined
+        there.
     endings : mapping of str or int to str
-        Test functions that are positive on the curve and end it where they vanish, with the reason in words.
+        Test functions that are positive on the curve and end it where they vanish, with the reason
+        in words.
     limits : mapping of str to Limit, optional
-        Ends of the ranges of components, by the reason they give. The curve stops exactly there, and the equations are
-        not asked beyond but for what Newton's method and differences take.
+        Ends of the ranges of components, by the reason they give. The curve stops exactly there,
+        and the equations are not asked beyond but for what Newton's method and differences take.
     accept : function, optional
-        (last, new) ↦ None; raises any of :data:`UNDEFINED` if the new point solves the equations and is still not on
-        the curve.
+        (last, new) ↦ None; raises any of :data:`UNDEFINED` if the new point solves the equations
+        and is still not on the curve.
     steps : Steps, optional
     progress : function, optional
         Called with each new point.
@@ -283,9 +293,12 @@ def trace(
         x = correct(equations, start, units, tangent, steps.tolerance)
         tangent, orientation = direction(equations, x, scale(x), towards)
     except (Lost, *UNDEFINED) as problem:
-        raise StickslipError(f"there is no solution near the start of the curve ({problem})") from None
+        raise StickslipError(
+            f"there is no solution near the start of the curve ({problem})"
+        ) from None
     path = Path([tracer.point(x, tangent, orientation, 0.0)])
-    ended, step = None, steps.first
+    ended = None
+    step = steps.first
     try:
         while ended is None:
             ended, step = tracer.advance(path, step)
@@ -307,8 +320,13 @@ class _Tracer:
         accept: Accept | None,
         steps: Steps,
     ) -> None:
-        self.equations, self.scale, self.tests = equations, scale, tests
-        self.endings, self.limits, self.accept, self.steps = endings, limits, accept, steps
+        self.equations = equations
+        self.scale = scale
+        self.tests = tests
+        self.endings = endings
+        self.limits = limits
+        self.accept = accept
+        self.steps = steps
 
     def point(self, x: Array, tangent: Array, orientation: float, length: float) -> Point:
         """A point with its test functions; `tangent` in scaled components."""
@@ -316,16 +334,21 @@ class _Tracer:
         return Point(x, tangent, length, dict(self.tests(x, tangent)), orientation)
 
     def step(self, last: Point, along: float, limit: Limit | None = None) -> Point:
-        """The point at a distance along the tangent; or that at a limit, which is there by the tangent."""
+        """The point at a distance along the tangent; or that at a limit, which is there by the
+        tangent."""
         units, tangent = self._tangent(last)
         guess = last.x + units * tangent * along
         if limit is None:
             x = correct(self.equations, guess, units, tangent, self.steps.tolerance)
         else:
-            x = correct_at(self.equations, guess, units, limit.component, limit.value, self.steps.tolerance)
+            x = correct_at(
+                self.equations, guess, units, limit.component, limit.value, self.steps.tolerance
+            )
             along = float(tangent @ ((x - last.x) / units))
         there = self.scale(x)
-        return self.point(x, *direction(self.equations, x, there, last.tangent / there), last.length + along)
+        return self.point(
+            x, *direction(self.equations, x, there, last.tangent / there), last.length + along
+        )
 
     def _tangent(self, last: Point) -> tuple[Array, Array]:
         units = self.scale(last.x)
@@ -334,7 +357,8 @@ class _Tracer:
 
     def advance(self, path: Path, step: float) -> tuple[Ending | None, float]:
         """Take one step; returns the end, if it is one, and the next step."""
-        last, failure = path.points[-1], ""
+        last = path.points[-1]
+        failure = ""
         reached = self._left_at_once(last)
         if reached:
             return Ending(Stop.RANGE, reached), step
@@ -344,8 +368,8 @@ class _Tracer:
             try:
                 new, reached = self._within(last, step)
                 bend = self._bend(last, new)
-                # The orientation changes where another branch crosses; with a short step it is that, and no jump over
-                # a gap between two curves.
+                # The orientation changes where another branch crosses; with a short step it is
+                # that, and no jump over a gap between two curves.
                 jumped = new.orientation != last.orientation and step > BRIDGE * self.steps.first
                 if bend <= self.steps.turn and not jumped:
                     if self.accept is not None:
@@ -385,7 +409,10 @@ class _Tracer:
     def _within(self, last: Point, step: float) -> tuple[Point, str]:
         """The next point, and the limit that it stands on, if a step leads there or beyond."""
         units, tangent = self._tangent(last)
-        ahead = [(self._distance(limit, last.x, units * tangent), name) for name, limit in self.limits.items()]
+        ahead = [
+            (self._distance(limit, last.x, units * tangent), name)
+            for name, limit in self.limits.items()
+        ]
         distance, name = min(ahead, default=(np.inf, ""))
         if distance <= step:
             return self._inside(self.step(last, distance, self.limits[name])), name
@@ -409,9 +436,12 @@ class _Tracer:
         return new
 
     def _bend(self, a: Point, b: Point) -> float:
-        """Largest angle between the chord of a step and the tangents at its ends, and between these."""
+        """Largest angle between the chord of a step and the tangents at its ends, and between
+        these."""
         units = self.scale(b.x)
-        chord, first, second = (b.x - a.x) / units, a.tangent / units, b.tangent / units
+        chord = (b.x - a.x) / units
+        first = a.tangent / units
+        second = b.tangent / units
         pairs = [(first, second)]
         # A chord that the corrector does not resolve has no direction.
         if np.linalg.norm(chord) > RESOLVED * self.steps.tolerance:
@@ -422,12 +452,17 @@ class _Tracer:
         """Whether the last step has passed the start."""
         if len(path.points) < 10:
             return False
-        start, last, new = path.points[0], path.points[-2], path.points[-1]
+        start = path.points[0]
+        last = path.points[-2]
+        new = path.points[-1]
         units = self.scale(new.x)
         offset = (start.x - last.x) / units
         chord = (new.x - last.x) / units
         part = offset @ chord / (chord @ chord)
-        return bool(0.0 < part <= 1.0 and np.linalg.norm(offset - part * chord) < 0.1 * np.linalg.norm(chord))
+        return bool(
+            0.0 < part <= 1.0
+            and np.linalg.norm(offset - part * chord) < 0.1 * np.linalg.norm(chord)
+        )
 
     def _crossings(self, last: Point, new: Point) -> list[tuple[Test, Point]]:
         """Zeros of the test functions within a step, in the order of travel."""
@@ -435,15 +470,22 @@ class _Tracer:
         for name, b in new.tests.items():
             a = last.tests.get(name, np.nan)
             if name in self.endings:
-                # What ends the curve is positive on it; it may start at zero, give or take rounding.
+                # What ends the curve is positive on it; it may start at zero, give or take
+                # rounding.
                 if b < 0.0:
                     found.append((name, self._locate(name, last, new) if a > 0.0 else last))
-            elif np.isfinite(a) and np.isfinite(b) and a != 0.0 and (b == 0.0 or (a < 0.0) != (b < 0.0)):
+            elif (
+                np.isfinite(a)
+                and np.isfinite(b)
+                and a != 0.0
+                and (b == 0.0 or (a < 0.0) != (b < 0.0))
+            ):
                 found.append((name, self._locate(name, last, new)))
         return sorted(found, key=lambda crossing: crossing[1].length)
 
     def _locate(self, name: Test, last: Point, new: Point) -> Point:
-        """The point of a step at which a test function vanishes, or jumps from one sign to the other."""
+        """The point of a step at which a test function vanishes, or jumps from one sign to the
+        other."""
         from scipy.optimize import brentq
 
         distance = new.length - last.length

@@ -1,4 +1,5 @@
-"""Zeros of a function of one parameter near a guess, by bracketing: nothing is divided by what might vanish."""
+"""Zeros of a function of one parameter near a guess, by bracketing: nothing is divided by what
+might vanish."""
 
 from __future__ import annotations
 
@@ -6,11 +7,13 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-WIDER = (1.0, 1.1, 1.5, 2.0, 4.0, 8.0)  # how much further than the guess a change of sign is looked for
+# how much further than the guess a change of sign is looked for
+WIDER = (1.0, 1.1, 1.5, 2.0, 4.0, 8.0)
 
 
 def zero_near(function: Callable[[float], float], known: float, guess: float) -> float | None:
-    """A zero of a continuous function between a known place and somewhat beyond a guess; None if it changes no sign.
+    """A zero of a continuous function between a known place and somewhat beyond a guess; None if it
+    changes no sign.
 
     The function may raise where it is not defined; that is passed on.
     """
@@ -32,7 +35,9 @@ def zero_near(function: Callable[[float], float], known: float, guess: float) ->
         if value == 0.0:
             return far
         if (value > 0.0) != (first > 0.0):
-            found: Any = brentq(function, near, far, xtol=1e-15 * abs(far - near) + 1e-300, maxiter=100, disp=False)
+            found: Any = brentq(
+                function, near, far, xtol=1e-15 * abs(far - near) + 1e-300, maxiter=100, disp=False
+            )
             return float(found)
         near = far
     return None

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-KIND, FORMAT = "branch", 3  # of the stored file
+KIND = "branch"  # of the stored file
+FORMAT = 3  # of the stored file
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,8 @@ class Branch:
     def __repr__(self) -> str:
         values = self.points[self.parameter].values
         return (
-            f"<Branch of {self.system.name}: {len(values)} points, {self.parameter} = {values.min():g} ... "
+            f"<Branch of {self.system.name}: {len(values)} points, {self.parameter} = "
+            f"{values.min():g} ... "
             f"{values.max():g}, special points: {len(self.special)}>"
         )
 
@@ -127,7 +129,9 @@ class Branch:
     @property
     def summary(self) -> str:
         """The special points and the ends, line by line."""
-        return "\n".join([*(s.describe() for s in self.special), self.ended, self.certificate.verdict])
+        return "\n".join(
+            [*(s.describe() for s in self.special), self.ended, self.certificate.verdict]
+        )
 
     @property
     def table(self) -> pandas.DataFrame:
@@ -137,7 +141,11 @@ class Branch:
         columns: dict[str, Any] = {}
         for name, values in self.points.data_vars.items():
             flat = values.values.reshape(len(values), -1)
-            labels = [str(name)] if values.ndim == 1 else [f"{name}_{i + 1}" for i in range(flat.shape[1])]
+            labels = (
+                [str(name)]
+                if values.ndim == 1
+                else [f"{name}_{i + 1}" for i in range(flat.shape[1])]
+            )
             columns |= dict(zip(labels, flat.T, strict=True))
         return pd.DataFrame(columns)
 
@@ -194,7 +202,9 @@ def open_branch(path: str | Path) -> Branch:
     from stickslip.model.system_file import loads
 
     with storage.reading(path, KIND, FORMAT) as (points, own):
-        first, last = (Ending(Stop[stop], text, test) for stop, text, test in json.loads(own["ends"]))
+        first, last = (
+            Ending(Stop[stop], text, test) for stop, text, test in json.loads(own["ends"])
+        )
         return Branch(
             loads(own["system"], f"{path}: system"),
             json.loads(own["parameters"]),

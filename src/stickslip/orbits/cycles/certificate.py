@@ -1,7 +1,8 @@
 """What is measured of a cycle before it is called one.
 
-The motion obeys its law, closes, moves, and does not close earlier; what is moved along a symmetry comes back as it
-was, what sticks forgets how it came there; and neighbours that are really followed do what the multipliers say.
+The motion obeys its law, closes, moves, and does not close earlier; what is moved along a symmetry
+comes back as it was, what sticks forgets how it came there; and neighbours that are really followed
+do what the multipliers say.
 """
 
 from __future__ import annotations
@@ -24,11 +25,13 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-MOVES = 1e-7  # least range of a cycle, relative to the state: below, its size is not known to the tolerance
+# least range of a cycle, relative to the state: below, its size is not known to the tolerance
+MOVES = 1e-7
 UNCHANGED = 1e-9  # a change along a symmetry comes back up to this part of what changes may grow to
 FORGOTTEN = 1e-9  # a contact that sticks keeps so little of a change
 AGREES = 1e-4  # neighbours come back where the multipliers say, up to this part
-APART = (1e-5, 1e-7, 1e-10)  # … so far away, in units of the size of the cycle; the nearer where other modes are near
+# … so far away, in units of the size of the cycle; the nearer where other modes are near
+APART = (1e-5, 1e-7, 1e-10)
 
 
 def certify(closed: Closed) -> Certificate:
@@ -36,14 +39,17 @@ def certify(closed: Closed) -> Certificate:
 
     The residuals are those of its motion, and
 
-    - *closure*: by how much the state fails to come back, up to the symmetry, in units of the size of the cycle;
+    - *closure*: by how much the state fails to come back, up to the symmetry, in units of the size
+      of the cycle;
     - *movement*: the largest range of a component relative to its modulus;
-    - *shorter period*: the least miss after the p-th part of the period, for all primes p that might be the number of
-      rounds (absent if there is none: a driven cycle of one period of its drive);
-    - *multipliers 1*, *multipliers 0*: by how much what symmetry and sticking say of them is missed, relative to the
-      growth of changes on the way;
-    - *neighbours*: by how much motions that start beside the cycle, along the direction that grows most and along
-      another, miss what the derivative says, relative to the larger of the distances before and after.
+    - *shorter period*: the least miss after the p-th part of the period, for all primes p that
+      might be the number of rounds (absent if there is none: a driven cycle of one period of its
+      drive);
+    - *multipliers 1*, *multipliers 0*: by how much what symmetry and sticking say of them is
+      missed, relative to the growth of changes on the way;
+    - *neighbours*: by how much motions that start beside the cycle, along the direction that grows
+      most and along another, miss what the derivative says, relative to the larger of the distances
+      before and after.
     """
     orbit, shooting = closed.orbit, closed.shooting
     most = max(1.0, growth(orbit))
@@ -70,14 +76,21 @@ def certify(closed: Closed) -> Certificate:
 def _movement(closed: Closed) -> float:
     """Largest range of a component, relative to its modulus."""
     samples = closed.samples(64)
-    return float(np.max(np.ptp(samples, axis=0) / np.maximum(np.max(np.abs(samples), axis=0), 1e-300)))
+    return float(
+        np.max(np.ptp(samples, axis=0) / np.maximum(np.max(np.abs(samples), axis=0), 1e-300))
+    )
 
 
 def _remembered(closed: Closed) -> float:
-    """What is left of changes in the directions that sticking contacts (and sliding ones without mass) forget."""
-    worst, p, sizes = 0.0, numbers(closed.orbit.problem), closed.shooting.setting.sizes
+    """What is left of changes in the directions that sticking contacts (and sliding ones without
+    mass) forget."""
+    worst = 0.0
+    p = numbers(closed.orbit.problem)
+    sizes = closed.shooting.setting.sizes
     for leg in closed.orbit.legs:
-        k, n, most = leg.motion.knots, len(sizes), 1.0
+        k = leg.motion.knots
+        n = len(sizes)
+        most = 1.0
         lasting = np.append(np.diff(k.time), np.inf) > TOGETHER * (k.time[-1] - k.time[0])
         for i, piece in enumerate(leg.change.pieces):
             if not lasting[i]:
@@ -92,15 +105,22 @@ def _remembered(closed: Closed) -> float:
 
 
 def _neighbours(closed: Closed) -> Residual:
-    """Follow neighbours of every leg, along the direction that grows most and along another, against the derivative."""
-    rng, found = np.random.default_rng(0), [Residual("neighbours", 0.0, AGREES, note="of their distance")]
+    """Follow neighbours of every leg, along the direction that grows most and along another,
+    against the derivative."""
+    rng = np.random.default_rng(0)
+    found = [Residual("neighbours", 0.0, AGREES, note="of their distance")]
     for j, leg in enumerate(closed.orbit.legs):
-        there, q = closed.shooting.stations[(j + 1) % len(closed.orbit.legs)], leg.place.directions.shape[1]
+        there = closed.shooting.stations[(j + 1) % len(closed.orbit.legs)]
+        q = leg.place.directions.shape[1]
         if q:
             matrix = there.chart @ leg.change.matrix[: len(closed.orbit.shift), :q]
-            directions = np.vstack([np.linalg.svd(matrix)[2][:1], rng.normal(size=(min(q - 1, 1), q))])
+            directions = np.vstack(
+                [np.linalg.svd(matrix)[2][:1], rng.normal(size=(min(q - 1, 1), q))]
+            )
             found += [_along(closed, j, matrix, d / np.linalg.norm(d)) for d in directions]
-    return max(found, key=lambda residual: residual.value if np.isfinite(residual.value) else np.inf)
+    return max(
+        found, key=lambda residual: residual.value if np.isfinite(residual.value) else np.inf
+    )
 
 
 def _along(closed: Closed, j: int, matrix: Array, direction: Array) -> Residual:
@@ -108,8 +128,10 @@ def _along(closed: Closed, j: int, matrix: Array, direction: Array) -> Residual:
 
     If a neighbour passes other modes, those on the side on which it does not decide.
     """
-    here, expected = sequence(closed.orbit.legs[j].motion), matrix @ direction
-    size, best = max(float(np.linalg.norm(expected)), 1.0), Residual("neighbours", float("nan"), AGREES)
+    here = sequence(closed.orbit.legs[j].motion)
+    expected = matrix @ direction
+    size = max(float(np.linalg.norm(expected)), 1.0)
+    best = Residual("neighbours", float("nan"), AGREES)
     for apart in (apart / size for apart in APART):
         if best.ok:
             break
@@ -119,15 +141,24 @@ def _along(closed: Closed, j: int, matrix: Array, direction: Array) -> Residual:
             ends = [sign * end[0] for sign, end in chosen if end is not None]
             if len(ends) == len(chosen) > 0:
                 value = float(np.linalg.norm(sum(ends) / (len(ends) * apart) - expected)) / size
-                note = f"of their distance {apart:.0e}" + ("" if len(ends) == 2 else ", on one side")
-                best = best if value > best.value else Residual("neighbours", value, AGREES, note=note)
+                note = f"of their distance {apart:.0e}" + (
+                    "" if len(ends) == 2 else ", on one side"
+                )
+                best = (
+                    best if value > best.value else Residual("neighbours", value, AGREES, note=note)
+                )
     return best
 
 
 def _arrived(closed: Closed, j: int, xi: Array) -> tuple[Array, Sequence] | None:
-    """Where a neighbour at the start of a leg is at its end, from the cycle, and its sequence of modes."""
-    orbit, shooting, p = closed.orbit, closed.shooting, numbers(closed.orbit.problem)
-    leg, station, own = orbit.legs[j], shooting.stations[j], slice(*shooting.first[j : j + 2])
+    """Where a neighbour at the start of a leg is at its end, from the cycle, and its sequence of
+    modes."""
+    orbit = closed.orbit
+    shooting = closed.shooting
+    p = numbers(closed.orbit.problem)
+    leg = orbit.legs[j]
+    station = shooting.stations[j]
+    own = slice(*shooting.first[j : j + 2])
     begin, end = (float(leg.motion.knots.time[i]) for i in (0, -1))
     try:
         motion = follow(orbit.problem, begin, end, station.place(orbit.x[own] + xi, begin, p).state)

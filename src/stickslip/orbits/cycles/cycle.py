@@ -1,8 +1,9 @@
 """Cycles and gaits: motions that close after a period, up to a drift along a translation.
 
-Newton's method on the return map finds stable and unstable ones alike; the order of sticking and slipping comes from
-the motion itself. Sources: R. Seydel, *Practical Bifurcation and Stability Analysis*, chapter 7 (shooting);
-R. I. Leine, H. Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical Systems* (stick-slip cycles).
+Newton's method on the return map finds stable and unstable ones alike; the order of sticking and
+slipping comes from the motion itself. Sources: R. Seydel, *Practical Bifurcation and Stability
+Analysis*, chapter 7 (shooting); R. I. Leine, H. Nijmeijer, *Dynamics and Bifurcations of Non-Smooth
+Mechanical Systems* (stick-slip cycles).
 """
 
 from __future__ import annotations
@@ -56,14 +57,14 @@ class Cycle:
     section : str
         What is special about this state.
     multipliers : array of complex
-        Floquet multipliers, the largest first: how a small change of the state has grown a period later. Exactly 0 for
-        what stick, or sliding without mass, forgets.
+        Floquet multipliers, the largest first: how a small change of the state has grown a period
+        later. Exactly 0 for what stick, or sliding without mass, forgets.
     trivial : int
-        How many of them are 1 by symmetry: 1 of an autonomous system (a later start), 1 for each translation, and 1 for
-        each position in which a contact rests that never slips.
+        How many of them are 1 by symmetry: 1 of an autonomous system (a later start), 1 for each
+        translation, and 1 for each position in which a contact rests that never slips.
     differentiable : bool
-        Whether the return map has a derivative there; not where events coincide or a guard is touched. The
-        multipliers are then those of one side.
+        Whether the return map has a derivative there; not where events coincide or a guard is
+        touched. The multipliers are then those of one side.
     phases : tuple of Phase
         The sequence of modes, from the simulation.
     extrema : dict of str to (float, float)
@@ -74,7 +75,8 @@ class Cycle:
     dissipated, supplied : float
         Energy in one period.
     direction : dict of str to float
-        Of the drift: the declared translation, or scaled to the largest component 1. Empty without drift.
+        Of the drift: the declared translation, or scaled to the largest component 1. Empty without
+        drift.
     drift : float
         Shift along `direction` in one period.
     residual : float
@@ -127,7 +129,8 @@ class Cycle:
 
     @property
     def stable(self) -> bool:
-        """Whether neighbours are attracted (along the cycle and its translations they stay neighbours)."""
+        """Whether neighbours are attracted (along the cycle and its translations they stay
+        neighbours)."""
         return bool(np.all(np.abs(self.nontrivial) < 1.0 - NEUTRAL))
 
     @property
@@ -152,7 +155,8 @@ class Cycle:
 
     @property
     def units(self) -> dict[str, str]:
-        """Units of time, energy, drift, speed and energy per distance; ``"1"`` where there is none."""
+        """Units of time, energy, drift, speed and energy per distance; ``"1"`` where there is
+        none."""
         drift, speed = drift_units(self.system, self.direction)
         energy = described(self.system, "energy_per_cycle").get("units", "1")
         force = described(self.system, "peak_force").get("units", "1")
@@ -171,7 +175,9 @@ class Cycle:
 
     def describe(self) -> str:
         """A few lines."""
-        shown = ", ".join(f"{z.real:.6g}" + (f"{z.imag:+.6g}i" if z.imag else "") for z in self.multipliers)
+        shown = ", ".join(
+            f"{z.real:.6g}" + (f"{z.imag:+.6g}i" if z.imag else "") for z in self.multipliers
+        )
         units = self.units
         period, stick, slip, energy = (
             with_unit(value, units[kind], digits)
@@ -187,7 +193,8 @@ class Cycle:
             f"stick {stick}, slip {slip}, dissipated {energy}",
         ]
         if self.drift:
-            drift, speed = with_unit(self.drift, units["drift"]), with_unit(self.speed, units["speed"])
+            drift = with_unit(self.drift, units["drift"])
+            speed = with_unit(self.speed, units["speed"])
             lines.append(f"drift {drift} a period, speed {speed}")
         lines.append(self.certificate.verdict)
         return "\n".join(lines)
@@ -204,13 +211,14 @@ def find_cycle(
     ----------
     system : System
     start : Trajectory, Cycle, SpecialPoint, mapping of str to float, or array, optional
-        A motion that has settled: the cycle it is near at its end. A state: the cycle that it is near, stable or not,
-        else the one that the motion from there settles on; by default the declared initial state. A cycle at other
-        parameters. A Hopf point of a branch of equilibria: the cycles that are born there. A motion goes on from its
-        end, a state from the start of the declared span.
+        A motion that has settled: the cycle it is near at its end. A state: the cycle that it is
+        near, stable or not, else the one that the motion from there settles on; by default the
+        declared initial state. A cycle at other parameters. A Hopf point of a branch of equilibria:
+        the cycles that are born there. A motion goes on from its end, a state from the start of the
+        declared span.
     parameters : mapping of str to float, optional
-        Values that replace the defaults, or those of `start`. At a Hopf point the value of the branch's parameter
-        tells which of the cycles is meant; by default a small one.
+        Values that replace the defaults, or those of `start`. At a Hopf point the value of the
+        branch's parameter tells which of the cycles is meant; by default a small one.
 
     Returns
     -------
@@ -221,8 +229,9 @@ def find_cycle(
     DeclarationError
         If an argument is wrong, or the system depends on time without repeating.
     ConvergenceError
-        If the motion comes to rest, does not come back, or Newton's method does not converge; if the cycles come in
-        a family without a translation. The message says what was tried and what came nearest.
+        If the motion comes to rest, does not come back, or Newton's method does not converge; if
+        the cycles come in a family without a translation. The message says what was tried and what
+        came nearest.
     """
     from stickslip.motion.trajectory import Trajectory
 
@@ -232,14 +241,19 @@ def find_cycle(
         return make_cycle(born_at(system, start, parameters))
     if isinstance(start, Cycle):
         if start.system != system:
-            raise DeclarationError("start", f"a cycle of {start.system.name}, not of {system.name}", "Give its system")
+            raise DeclarationError(
+                "start", f"a cycle of {start.system.name}, not of {system.name}", "Give its system"
+            )
         return make_cycle(from_cycle(start.closed, start.time, parameters))
     if isinstance(start, Trajectory):
         if start.system != system:
-            raise DeclarationError("start", f"a motion of {start.system.name}, not of {system.name}", "Give its system")
+            raise DeclarationError(
+                "start", f"a motion of {start.system.name}, not of {system.name}", "Give its system"
+            )
         if not parameters:
             return make_cycle(from_motion(start))
-        k, problem = start.knots, pose(system, {**start.parameters, **parameters})
+        k = start.knots
+        problem = pose(system, {**start.parameters, **parameters})
         return make_cycle(from_state(problem, k.state[-1], float(k.time[-1])))
     problem = pose(system, parameters)
     return make_cycle(from_state(problem, _state(problem, start), system.span[0]))
@@ -255,14 +269,19 @@ def _state(problem: Problem, start: Mapping[str, float] | ArrayLike | None) -> A
     except (TypeError, ValueError):
         y = np.zeros(0)
     if y.shape != (len(names),):
-        raise DeclarationError("start", "not a state", f"Give values of {', '.join(names)}, a motion or a Hopf point")
+        raise DeclarationError(
+            "start", "not a state", f"Give values of {', '.join(names)}, a motion or a Hopf point"
+        )
     return problem.initial_state(dict(zip(names, map(float, y), strict=True)))
 
 
 def make_cycle(closed: Closed) -> Cycle:
     """Everything that is said of a cycle."""
-    orbit, shooting, motion = closed.orbit, closed.shooting, closed.orbit.motion
-    k, names = motion.knots, motion.system.declaration.state
+    orbit = closed.orbit
+    shooting = closed.shooting
+    motion = closed.orbit.motion
+    k = motion.knots
+    names = motion.system.declaration.state
     made = [shooting.pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
     samples = measure.sampled(motion, made)
     low, high = measure.extrema(samples, len(names))
@@ -297,7 +316,8 @@ def make_cycle(closed: Closed) -> Cycle:
 
 
 def _differentiable(closed: Closed) -> bool:
-    """Whether neighbours follow the same sequence: no events coincide that need not, and no guard is touched."""
+    """Whether neighbours follow the same sequence: no events coincide that need not, and no guard
+    is touched."""
     smooth = all(leg.change.differentiable for leg in closed.orbit.legs)
     return smooth and nearest_change(closed.orbit.motion, closed.shooting.pieces) > TOUCHED
 

@@ -1,8 +1,8 @@
 """From a state, a motion or another cycle to the cycle that is near it, or that it settles on.
 
-A motion is followed until it comes back; Newton's method then closes it. What is said of a motion that does not come
-back is what was seen: that it rests is said where it is proved (:mod:`stickslip.orbits.cycles.resting`), that it is
-irregular with its largest Lyapunov exponent.
+A motion is followed until it comes back; Newton's method then closes it. What is said of a motion
+that does not come back is what was seen: that it rests is said where it is proved
+(:mod:`stickslip.orbits.cycles.resting`), that it is irregular with its largest Lyapunov exponent.
 """
 
 from __future__ import annotations
@@ -35,8 +35,10 @@ Array = np.ndarray
 NEARBY = 0.05  # a start that returns this close, relative to its motion, is near a cycle
 SETTLED = 1e-3  # a motion that returns this close has settled
 ROUNDS = 7  # the time a motion is given to settle doubles so many times
-AGREES = 0.3  # a cycle this far from the motion it was found from, relative to its size, is another one
-COLLAPSED = 1e-4  # a cycle that has shrunk to this part of the motion it was found from is an equilibrium
+# a cycle this far from the motion it was found from, relative to its size, is another one
+AGREES = 0.3
+# a cycle that has shrunk to this part of the motion it was found from is an equilibrium
+COLLAPSED = 1e-4
 NEARLY = 2.0  # returns that miss by this many times the least are as good
 REPELS = 1e-6  # no motion settles on a cycle with a multiplier this far outside the unit circle
 DIES_OUT = 1e-2  # a motion whose extent has fallen to this part dies out
@@ -52,17 +54,22 @@ def from_cycle(start: Closed, time: float, parameters: Mapping[str, float] | Non
     found = Recurrence(time, y, old.period, start.shooting.setting.turns, old.shift, 0.0)
     if w.clock is not None:
         # Drives may act that were off, and the other way round.
-        now, values = clock(problem.system, problem.compiled.equations, problem.parameters), old.problem.parameters
-        one, before = now.period({**values, **dict.fromkeys(now.zero, 0.0)}), found.turns * w.clock.period(values)
+        now = clock(problem.system, problem.compiled.equations, problem.parameters)
+        values = old.problem.parameters
+        one = now.period({**values, **dict.fromkeys(now.zero, 0.0)})
+        before = found.turns * w.clock.period(values)
         turns = max(round(before / one), 1)
         found = replace(found, turns=turns, shift=turns * one / before * old.shift)
-        w, found = replace(w, clock=now), replace(found, period=turns * now.period(problem.parameters))
+        w = replace(w, clock=now)
+        found = replace(found, period=turns * now.period(problem.parameters))
     try:
         return accepted(*near(problem, pieces, w, found))
     except Family:
         raise
     except ConvergenceError as failure:
-        raise ConvergenceError(failure.where, failure.reached, "Take smaller steps, or use continue_cycle") from None
+        raise ConvergenceError(
+            failure.where, failure.reached, "Take smaller steps, or use continue_cycle"
+        ) from None
 
 
 def accepted(shooting: Shooting, x: Array) -> Closed:
@@ -109,7 +116,9 @@ def from_motion(motion: Trajectory) -> Closed:
     if motion.outcome is Outcome.AT_REST or len(motion.knots.time) < 2:
         raise _at_rest(motion, motion.knots.state[-1])
     k = motion.knots
-    w = window(motion, pieces, max(0, int(np.searchsorted(k.time, 0.5 * (k.time[0] + k.time[-1]))) - 1))
+    w = window(
+        motion, pieces, max(0, int(np.searchsorted(k.time, 0.5 * (k.time[0] + k.time[-1]))) - 1)
+    )
     rest = comes_to_rest(w, pieces)
     if rest is not None:
         raise _at_rest(motion, rest)
@@ -122,7 +131,8 @@ def from_motion(motion: Trajectory) -> Closed:
             f"the motion until t = {motion.knots.time[-1]:.6g} comes back {miss}",
             "Simulate longer, until it has settled, or start from a state",
         )
-    # A motion settles on a cycle that attracts; a shorter one next to it may repel, as after a period doubling.
+    # A motion settles on a cycle that attracts; a shorter one next to it may repel, as after a
+    # period doubling.
     closed, failure = None, None
     for recurrence in (r for r in found if r.distance <= max(SETTLED, NEARLY * least)):
         try:
@@ -148,12 +158,17 @@ def from_state(problem: Problem, state: Array, time: float) -> Closed:
     return _Search(problem, state, time).run()
 
 
-def _at_rest(motion: Trajectory, rest: Array, before: ConvergenceError | None = None) -> ConvergenceError:
-    final = ", ".join(f"{name} = {value:.6g}" for name, value in zip(motion.final, rest, strict=True))
+def _at_rest(
+    motion: Trajectory, rest: Array, before: ConvergenceError | None = None
+) -> ConvergenceError:
+    final = ", ".join(
+        f"{name} = {value:.6g}" for name, value in zip(motion.final, rest, strict=True)
+    )
     tried = f"; before that, {before.reached}" if before is not None else ""
     return ConvergenceError(
         f"a cycle of {motion.system.name}",
-        f"the motion comes to rest: from t = {motion.knots.time[-1]:.6g} on it stays near {final}{tried}",
+        f"the motion comes to rest: from t = {motion.knots.time[-1]:.6g} on it stays near "
+        f"{final}{tried}",
         "Start with more energy, or choose parameters for which it keeps moving",
     )
 
@@ -162,7 +177,9 @@ class _Search:
     """Follow the motion from a state until it comes back."""
 
     def __init__(self, problem: Problem, state: Array, time: float) -> None:
-        self.problem, self.state, self.time = problem, state, time
+        self.problem = problem
+        self.state = state
+        self.time = time
         self.pieces = Pieces(problem.compiled.equations)
         self.span = problem.system.span[1] - problem.system.span[0]
         self.best: tuple[Window, list[Recurrence]] | None = None
@@ -188,7 +205,9 @@ class _Search:
                 return closed
             if not motion.outcome.ok:
                 raise self._ended(motion)
-            self.time, self.state, self.span = float(motion.knots.time[-1]), motion.knots.state[-1], 2.0 * self.span
+            self.time = float(motion.knots.time[-1])
+            self.state = motion.knots.state[-1]
+            self.span = 2.0 * self.span
         assert w is not None
         exponent = largest_exponent(w.trajectory, self.pieces, w.sizes)
         # Irregular motion comes near many cycles, and settles on none.
@@ -203,8 +222,11 @@ class _Search:
         for recurrence in earliest(w):
             if recurrence.distance <= NEARBY:
                 closed = self._try(w, recurrence)
-                # A motion that is brought to a cycle, as by a belt that carries it there, has not begun beside it.
-                if closed is not None and (not repels(closed) or closed.distance(self.state, self.time) <= AGREES):
+                # A motion that is brought to a cycle, as by a belt that carries it there, has not
+                # begun beside it.
+                if closed is not None and (
+                    not repels(closed) or closed.distance(self.state, self.time) <= AGREES
+                ):
                     return closed
         return None
 
@@ -236,7 +258,10 @@ class _Search:
             return None
 
     def _ended(self, motion: Trajectory) -> ConvergenceError:
-        return NoReturn(f"a cycle of {self.problem.system.name}", f"the motion from the start ends: {motion.message}")
+        return NoReturn(
+            f"a cycle of {self.problem.system.name}",
+            f"the motion from the start ends: {motion.message}",
+        )
 
     def _failed(self, exponent: Exponent | None) -> ConvergenceError:
         """What was seen of a motion on which no cycle was found."""
@@ -247,9 +272,12 @@ class _Search:
             closest = self.best[1][-1]
             reached += f"at best to {closest.distance:.2g} of its size, after {closest.period:.6g}"
         if self.extents[-1] < DIES_OUT * self.extents[0]:
-            reached += f"; it dies out: its extent fell from {self.extents[0]:.2g} to {self.extents[-1]:.2g}"
+            first, last = self.extents[0], self.extents[-1]
+            reached += f"; it dies out: its extent fell from {first:.2g} to {last:.2g}"
         elif exponent is not None and exponent.irregular:
             reached += f"; the motion looks irregular: its largest Lyapunov exponent is {exponent}"
         elif self.failure is not None:
             reached += f"; {self.failure.reached}"
-        return ConvergenceError(f"a cycle of {self.problem.system.name}", reached, "Start elsewhere, nearer to a cycle")
+        return ConvergenceError(
+            f"a cycle of {self.problem.system.name}", reached, "Start elsewhere, nearer to a cycle"
+        )

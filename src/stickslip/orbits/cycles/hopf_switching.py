@@ -1,8 +1,8 @@
 """The cycles that are born at a Hopf point.
 
-On the centre manifold the cycle of amplitude ε is y + 2ε Re(q e^{iωt}) up to O(ε²), at a parameter O(ε²) from the Hopf
-point. So the amplitude is given and the parameter found; cycles further out have amplitudes like the square root of
-the distance.
+On the centre manifold the cycle of amplitude ε is y + 2ε Re(q e^{iωt}) up to O(ε²), at a parameter
+O(ε²) from the Hopf point. So the amplitude is given and the parameter found; cycles further out
+have amplitudes like the square root of the distance.
 """
 
 from __future__ import annotations
@@ -55,12 +55,15 @@ def born_at(system: System, point: SpecialPoint, parameters: Mapping[str, float]
     Raises
     ------
     DeclarationError
-        If the point is none, or stands on a switching boundary, or it is not clear which parameter is meant.
+        If the point is none, or stands on a switching boundary, or it is not clear which parameter
+        is meant.
     ConvergenceError
         If there is no such cycle at the given value of the parameter.
     """
     if point.kind != "Hopf":
-        raise DeclarationError("start", f"a special point of kind '{point.kind}'", "Give one of kind 'Hopf'")
+        raise DeclarationError(
+            "start", f"a special point of kind '{point.kind}'", "Give one of kind 'Hopf'"
+        )
     name = _parameter(point, parameters)
     seed = _small_cycle(pose(system, point.parameters), point, name)
     if not parameters or name not in parameters:
@@ -71,7 +74,9 @@ def born_at(system: System, point: SpecialPoint, parameters: Mapping[str, float]
 def _parameter(point: SpecialPoint, parameters: Mapping[str, float] | None) -> str:
     """The parameter of the branch that the point is on."""
     names = [name for name, value in point.parameters.items() if value == point.value]
-    others = {n for n, v in (parameters or {}).items() if n not in names and v != point.parameters.get(n)}
+    others = {
+        n for n, v in (parameters or {}).items() if n not in names and v != point.parameters.get(n)
+    }
     if others:
         raise DeclarationError(
             f"parameters.{min(others)}",
@@ -80,7 +85,9 @@ def _parameter(point: SpecialPoint, parameters: Mapping[str, float] | None) -> s
         )
     chosen = [n for n in names if n in (parameters or {})] or names
     if len(chosen) != 1:
-        raise DeclarationError("start", "several parameters have the value of the Hopf point", "Give a value of one")
+        raise DeclarationError(
+            "start", "several parameters have the value of the Hopf point", "Give a value of one"
+        )
     return chosen[0]
 
 
@@ -91,10 +98,12 @@ def _piece(pieces: Pieces, point: SpecialPoint) -> Piece:
 def _small_cycle(problem: Problem, point: SpecialPoint, name: str) -> _Seed:
     """The cycle of a small amplitude, and the parameter at which it is one."""
     pieces = Pieces(problem.compiled.equations, name)
-    piece, p = _piece(pieces, point), numbers(problem)
+    piece = _piece(pieces, point)
+    p = numbers(problem)
     y = np.array([point.state[x] for x in problem.system.declaration.state])
     rate, q = critical_pair(piece.jacobian(np.zeros(1), y[:, None], p)[0][:, : len(y)])
-    # Amplitudes count against the large components of the state: one that rests at 0 has no scale of its own.
+    # Amplitudes count against the large components of the state: one that rests at 0 has no scale
+    # of its own.
     along = float(np.abs(q) @ np.abs(y))
     q = q * (y @ y) / along if along > 0.0 else q / np.max(np.abs(q))
     amplitude = _amplitude(piece, y, q, p)
@@ -107,14 +116,23 @@ def _small_cycle(problem: Problem, point: SpecialPoint, name: str) -> _Seed:
     units = shooting.units(x, abs(point.value) or 1.0)
     for _ in range(12):
         orbit = shooting.orbit(x)
-        step = np.linalg.lstsq(np.vstack([orbit.J, radial]) * units, np.append(orbit.F, 0.0), rcond=None)[0]
+        step = np.linalg.lstsq(
+            np.vstack([orbit.J, radial]) * units, np.append(orbit.F, 0.0), rcond=None
+        )[0]
         x = x - units * step
         if np.linalg.norm(step) < 1e-9:
             problem = with_value(problem, name, float(x[-1]))
             station = shooting.stations[0]
             state = station.place(x[: shooting.time], 0.0, numbers(problem)).state
-            return _Seed(problem, _settled(piece, y, problem, shooting.symmetry.shifts), state, float(x[shooting.time]))
-    raise ConvergenceError("cycles at the Hopf point", "Newton's method does not converge", "Check the Hopf point")
+            return _Seed(
+                problem,
+                _settled(piece, y, problem, shooting.symmetry.shifts),
+                state,
+                float(x[shooting.time]),
+            )
+    raise ConvergenceError(
+        "cycles at the Hopf point", "Newton's method does not converge", "Check the Hopf point"
+    )
 
 
 def _amplitude(piece: Piece, y: Array, q: Array, p: Array) -> float:
@@ -123,7 +141,9 @@ def _amplitude(piece: Piece, y: Array, q: Array, p: Array) -> float:
     reach = np.abs(guards.slopes[:, : len(y)] @ q)
     room = np.min(guards.value[reach > 0.0] / reach[reach > 0.0], initial=np.inf)
     if not room > 1e-6:
-        raise DeclarationError("start", "the Hopf point stands on a switching boundary", "No normal form holds there")
+        raise DeclarationError(
+            "start", "the Hopf point stands on a switching boundary", "No normal form holds there"
+        )
     return float(min(SMALL, INSIDE * room))
 
 
@@ -139,11 +159,15 @@ def _settled(piece: Piece, y: Array, problem: Problem, shifts: Array) -> Array:
 
 def _shooting(seed: _Seed, pieces: Pieces, point: SpecialPoint, sizes: Array) -> Shooting:
     sizes = np.maximum(sizes, 1e-3 * np.max(sizes))
-    piece, p, n = _piece(pieces, point), numbers(seed.problem), len(sizes)
+    piece = _piece(pieces, point)
+    p = numbers(seed.problem)
+    n = len(sizes)
     signs = np.random.default_rng(0).uniform(-1.0, 1.0, (8, n))
     around = Surroundings([piece] * 8, np.zeros(8), seed.equilibrium + signs * sizes, sizes)
     setting = Setting(around.symmetry(p, None), around, None, 1, sizes, _held(seed))
-    return Shooting(seed.problem, pieces, [make_station(0.0, piece, 0.0, seed.state, p, sizes)], 0.0, setting)
+    return Shooting(
+        seed.problem, pieces, [make_station(0.0, piece, 0.0, seed.state, p, sizes)], 0.0, setting
+    )
 
 
 def _held(seed: _Seed) -> tuple[Held, ...]:
@@ -152,12 +176,15 @@ def _held(seed: _Seed) -> tuple[Held, ...]:
 
 
 def shrinks_to(closed: Closed, parameter: str, value: float) -> tuple[float, Array] | None:
-    """The Hopf point near a value of a parameter to which a small cycle shrinks: its value, and the equilibrium.
+    """The Hopf point near a value of a parameter to which a small cycle shrinks: its value, and the
+    equilibrium.
 
     None if the equilibrium in the middle of the cycle has no such point nearby.
     """
-    piece, problem = closed.shooting.stations[0].piece, closed.orbit.problem
-    here, y = problem.parameters[parameter], np.mean(closed.samples(64), axis=0)
+    piece = closed.shooting.stations[0].piece
+    problem = closed.orbit.problem
+    here = problem.parameters[parameter]
+    y = np.mean(closed.samples(64), axis=0)
     frequency = 2.0 * np.pi / closed.orbit.period
 
     def pair(value: float) -> tuple[complex, Array]:
@@ -184,7 +211,9 @@ def _closed(seed: _Seed, point: SpecialPoint) -> Closed:
     closed = converge(shooting, shooting.guess(seed.period, seed.period * drift))
     check_isolated(closed)
     if closed.extent < 0.1:
-        raise ConvergenceError("cycles at the Hopf point", "the cycle shrinks to the equilibrium", "")
+        raise ConvergenceError(
+            "cycles at the Hopf point", "the cycle shrinks to the equilibrium", ""
+        )
     return closed
 
 
@@ -199,9 +228,11 @@ def _grown(seed: _Seed, point: SpecialPoint, name: str, value: float) -> Closed:
     if (value - point.value) * (here - point.value) <= 0.0:
         side = "below" if here < point.value else "above"
         raise ConvergenceError(
-            f"cycles of {seed.problem.system.name} from the Hopf point at {name} = {point.value:.9g}",
+            f"cycles of {seed.problem.system.name} from the Hopf point at {name} = "
+            f"{point.value:.9g}",
             f"they are born {side} it, there are none at {name} = {value:.9g}",
-            f"Choose a value {side} it; around a subcritical point follow the branch with continue_cycle",
+            f"Choose a value {side} it; around a subcritical point follow the branch with "
+            "continue_cycle",
         )
     closed = _closed(seed, point)
     piece = _piece(Pieces(seed.problem.compiled.equations), point)
@@ -216,14 +247,18 @@ def _grown(seed: _Seed, point: SpecialPoint, name: str, value: float) -> Closed:
         try:
             closed = _closed(_Seed(problem, equilibrium, state, seed.period), point)
         except StickslipError as failure:
+            reached = seed.problem.parameters[name]
             raise ConvergenceError(
                 f"the cycle of {seed.problem.system.name} at {name} = {value:.9g}",
-                f"its family was followed from the Hopf point to {name} = {seed.problem.parameters[name]:.9g} "
+                f"its family was followed from the Hopf point to {name} = {reached:.9g} "
                 f"({failure})",
                 "Follow the branch with continue_cycle",
             ) from None
         seed = replace(
-            seed, problem=problem, equilibrium=equilibrium, state=closed.orbit.legs[0].place.state,
+            seed,
+            problem=problem,
+            equilibrium=equilibrium,
+            state=closed.orbit.legs[0].place.state,
             period=closed.orbit.period,
-        )  # fmt: skip
+        )
     return closed

@@ -1,4 +1,5 @@
-"""How fast neighbours of a motion part: the largest Lyapunov exponent, along a motion that does not repeat itself."""
+"""How fast neighbours of a motion part: the largest Lyapunov exponent, along a motion that does not
+repeat itself."""
 
 from __future__ import annotations
 
@@ -41,7 +42,8 @@ class Exponent:
 
 
 def largest_exponent(motion: Trajectory, pieces: Pieces, sizes: Array) -> Exponent | None:
-    """Growth rate of a small change of the state along the end of a motion; None if the motion forgets every change.
+    """Growth rate of a small change of the state along the end of a motion; None if the motion
+    forgets every change.
 
     Parameters
     ----------
@@ -50,7 +52,10 @@ def largest_exponent(motion: Trajectory, pieces: Pieces, sizes: Array) -> Expone
     sizes : array, shape (n,)
         Units of the components.
     """
-    change, rng, growth, lengths = None, np.random.default_rng(0), [], []
+    change = None
+    rng = np.random.default_rng(0)
+    growth = []
+    lengths = []
     for a, b in pairwise(_ends(motion)):
         part = stretch(motion, a, b)
         if change is None:
@@ -68,14 +73,18 @@ def largest_exponent(motion: Trajectory, pieces: Pieces, sizes: Array) -> Expone
     sums = [np.sum(block) for block in np.array_split(growth, BLOCKS)]
     times = [np.sum(block) for block in np.array_split(lengths, BLOCKS)]
     rates = np.array(sums) / np.array(times)
-    return Exponent(sum(sums) / sum(times), float(np.std(rates, ddof=1) / np.sqrt(BLOCKS)), float(sum(times)))
+    return Exponent(
+        sum(sums) / sum(times), float(np.std(rates, ddof=1) / np.sqrt(BLOCKS)), float(sum(times))
+    )
 
 
 def _ends(motion: Trajectory) -> list[int]:
-    """Knots between which a change is followed: after an event, never between events that coincide."""
+    """Knots between which a change is followed: after an event, never between events that
+    coincide."""
     time = motion.knots.time
     apart = np.append(np.diff(time) > TOGETHER * (time[-1] - time[0]), True)
-    ends, last = [], len(time)
+    ends = []
+    last = len(time)
     for i in range(len(time) - 1, -1, -1):
         if (apart[i] and last - i >= STEPS) or i == len(time) - 1:
             ends.append(i)
@@ -89,7 +98,12 @@ def _admissible(part: Trajectory, pieces: Pieces, sizes: Array, rng: np.random.G
     """A change of the first state that keeps the constraints there, of size 1."""
     k = part.knots
     p = np.array([part.parameters[name] for name in part.system.parameters])
-    slopes = pieces(k.mode[0], k.region[0]).bounds(float(k.time[0]), k.state[0], p).slopes[:, : len(sizes)] * sizes
+    slopes = (
+        pieces(k.mode[0], k.region[0])
+        .bounds(float(k.time[0]), k.state[0], p)
+        .slopes[:, : len(sizes)]
+        * sizes
+    )
     change = rng.normal(size=len(sizes))
     if len(slopes):
         change = change - np.linalg.pinv(slopes) @ (slopes @ change)

@@ -1,4 +1,5 @@
-"""What a period of a motion amounts to: extremes, phases, time in stick and slip, energy by contact."""
+"""What a period of a motion amounts to: extremes, phases, time in stick and slip, energy by
+contact."""
 
 from __future__ import annotations
 
@@ -53,9 +54,12 @@ class ContactShare:
 
 
 def phases(motion: Trajectory) -> tuple[Phase, ...]:
-    """The phases of a period; the one it starts in, which it also ends in, comes first as a whole."""
-    k, names = motion.knots, [c.name for c in motion._problem.compiled.equations.contacts]
-    found, mode = list[Phase](), k.slip
+    """The phases of a period; the one it starts in, which it also ends in, comes first as a
+    whole."""
+    k = motion.knots
+    names = [c.name for c in motion._problem.compiled.equations.contacts]
+    found = list[Phase]()
+    mode = k.slip
     for a, b in segments(k):
         modes = dict(zip(names, map(int, mode[a]), strict=True))
         phase = Phase(float(k.time[b] - k.time[a]), modes, tuple(map(int, k.region[a])))
@@ -102,11 +106,13 @@ def sampled(motion: Trajectory, made: list[Piece]) -> Sampled:
 
 @lru_cache(maxsize=1)
 def chebyshev() -> tuple[Array, Array, Array]:
-    """Chebyshev-Lobatto nodes on [0, 1], the weights of Clenshaw and Curtis, and values at the nodes ↦ coefficients."""
+    """Chebyshev-Lobatto nodes on [0, 1], the weights of Clenshaw and Curtis, and values at the
+    nodes ↦ coefficients."""
     from numpy.polynomial.chebyshev import chebvander
 
     x = -np.cos(np.pi * np.arange(NODES) / (NODES - 1))
-    values, even = chebvander(x, NODES - 1), np.arange(0, NODES, 2)
+    values = chebvander(x, NODES - 1)
+    even = np.arange(0, NODES, 2)
     moments = np.zeros(NODES)
     moments[even] = 2.0 / (1.0 - even**2)
     return 0.5 * (x + 1.0), 0.5 * np.linalg.solve(values.T, moments), np.linalg.inv(values)
@@ -114,18 +120,23 @@ def chebyshev() -> tuple[Array, Array, Array]:
 
 def contact_shares(motion: Trajectory, found: Sampled) -> dict[str, ContactShare]:
     """Time and energy of every contact."""
-    k, equations, layout = motion.knots, motion._problem.compiled.equations, motion._problem.compiled.layout
+    k = motion.knots
+    equations = motion._problem.compiled.equations
+    layout = motion._problem.compiled.layout
     weights = found.length[:, None] * chebyshev()[1]
     shares = {}
     for i, contact in enumerate(equations.contacts):
         stuck = float(np.sum(np.diff(k.time)[k.slip[:-1, i] == 0]))
-        lost = -float(np.sum(weights * found.rows[:, :, layout.force[i]] * found.rows[:, :, layout.u[i]]))
+        lost = -float(
+            np.sum(weights * found.rows[:, :, layout.force[i]] * found.rows[:, :, layout.u[i]])
+        )
         shares[contact.name] = ContactShare(stuck, float(k.time[-1] - k.time[0]) - stuck, lost)
     return shares
 
 
 def extrema(found: Sampled, n: int) -> tuple[Array, Array]:
-    """Least and largest value of each component of the state: at nodes, and where polynomials between them turn."""
+    """Least and largest value of each component of the state: at nodes, and where polynomials
+    between them turn."""
     states = found.rows[:, :, :n]
     low, high = np.min(states, axis=(0, 1)), np.max(states, axis=(0, 1))
     for j in range(n):
@@ -137,7 +148,8 @@ def extrema(found: Sampled, n: int) -> tuple[Array, Array]:
 
 
 def _neighbours(node: int, pieces: int) -> set[int]:
-    """The piece of a node, and the one next to it if the node is shared; the last one comes before the first."""
+    """The piece of a node, and the one next to it if the node is shared; the last one comes before
+    the first."""
     piece, place = divmod(node, NODES)
     return {piece, (piece - (place == 0)) % pieces, (piece + (place == NODES - 1)) % pieces}
 

@@ -1,4 +1,5 @@
-"""How near states are to an attractor: an equilibrium or a cycle, up to what leaves the system unchanged."""
+"""How near states are to an attractor: an equilibrium or a cycle, up to what leaves the system
+unchanged."""
 
 from __future__ import annotations
 
@@ -10,7 +11,8 @@ from stickslip.orbits.return_map.recurrence import Window, window
 
 Array = np.ndarray
 
-FINER = 8  # than the samples that recurrence needs: chords are then closer to a cycle than 1e-3 of its size
+# than the samples that recurrence needs: chords are then closer to a cycle than 1e-3 of its size
+FINER = 8
 PART = 256  # states whose distances are taken at once
 
 
@@ -20,7 +22,8 @@ class NearPoint:
     def __init__(self, state: Array, invariant: Array, sizes: Array) -> None:
         self.across = np.eye(len(state)) - invariant @ invariant.T
         size = np.maximum(sizes, np.abs(self.across @ state))
-        self.state, self.sizes = state, np.where(size > 0.0, size, np.max(size, initial=1e-300))
+        self.state = state
+        self.sizes = np.where(size > 0.0, size, np.max(size, initial=1e-300))
 
     def distance(self, states: Array) -> Array:
         """Largest difference of a component, in units of the section."""
@@ -28,17 +31,23 @@ class NearPoint:
 
 
 class NearCycle:
-    """Nearness to a cycle: in the frame of the system and up to translation; to a driven one at the same phase."""
+    """Nearness to a cycle: in the frame of the system and up to translation; to a driven one at the
+    same phase."""
 
     def __init__(self, cycle: Cycle) -> None:
-        motion, self.cycle = cycle.trajectory, cycle
+        motion = cycle.trajectory
+        self.cycle = cycle
         self.window: Window = window(motion, Pieces(motion._problem.compiled.equations))
         t = self.window.times
-        self.polygon = self._home(np.append(np.linspace(t[:-1], t[1:], FINER, endpoint=False, axis=1), t[-1]))
+        self.polygon = self._home(
+            np.append(np.linspace(t[:-1], t[1:], FINER, endpoint=False, axis=1), t[-1])
+        )
 
     def distance(self, states: Array, times: Array) -> Array:
         """Euclidean, in units of the size of the cycle; each state at its time."""
-        home, period, found = self.window.at_home(states, times), self.window.period, np.empty(len(states))
+        home = self.window.at_home(states, times)
+        period = self.window.period
+        found = np.empty(len(states))
         if period is None:
             for i in range(0, len(home), PART):
                 found[i : i + PART] = _to_polygon(home[i : i + PART], self.polygon)
@@ -52,11 +61,15 @@ class NearCycle:
         """States of the cycle in units of its size, a number of periods of the drives later."""
         values = self.cycle.trajectory.at(times)
         states = np.column_stack([values[name] for name in self.cycle.state])
-        return self.window.at_home(states + np.multiply.outer(periods, self.window.symmetry.turn), times)
+        return self.window.at_home(
+            states + np.multiply.outer(periods, self.window.symmetry.turn), times
+        )
 
     def _phases(self, time: float, period: float) -> tuple[Array, Array]:
-        """Times on the cycle at which the drives are as they are at a time, and how many periods they are before it."""
-        k, turns = self.cycle.trajectory.knots, round(self.cycle.period / period)
+        """Times on the cycle at which the drives are as they are at a time, and how many periods
+        they are before it."""
+        k = self.cycle.trajectory.knots
+        turns = round(self.cycle.period / period)
         times = k.time[0] + np.mod(time - k.time[0], period) + period * np.arange(turns)
         return np.minimum(times, k.time[-1]), np.rint((time - times) / period)
 
@@ -67,7 +80,8 @@ def _to_points(states: Array, points: Array) -> Array:
 
 def _to_polygon(states: Array, points: Array) -> Array:
     """Distance of states to a polygon."""
-    a, chord = points[:-1], np.diff(points, axis=0)
+    a = points[:-1]
+    chord = np.diff(points, axis=0)
     length = np.maximum(np.sum(chord**2, axis=1), 1e-300)
     offset = states[:, None] - a
     part = np.clip(np.einsum("sci,ci->sc", offset, chord) / length, 0.0, 1.0)

@@ -1,10 +1,10 @@
 """The shortest period of a cycle.
 
-A motion that nearly comes back after several periods leads Newton's method to a cycle of that length, which may be a
-shorter one run through again and again: complex multipliers make a later return look closer while the motion settles.
-So it is asked of the closed cycle, and at its own accuracy: T is the shortest period if after T/p the state is another
-one for every prime p. A cycle whose period has just doubled closes after half of it to 1e-6, a transient of that size
-is gone.
+A motion that nearly comes back after several periods leads Newton's method to a cycle of that
+length, which may be a shorter one run through again and again: complex multipliers make a later
+return look closer while the motion settles. So it is asked of the closed cycle, and at its own
+accuracy: T is the shortest period if after T/p the state is another one for every prime p. A cycle
+whose period has just doubled closes after half of it to 1e-6, a transient of that size is gone.
 """
 
 from __future__ import annotations
@@ -21,18 +21,21 @@ Array = np.ndarray
 
 SAME = 1e-11  # states this close, in units of the size of the cycle, are the same …
 FLOOR = 1e3  # … or where they miss by at most this many times what the whole cycle misses …
-KNOWN = 10.0  # … or by this many times the error of the state that this leaves, along the flattest direction
+# … or by this many times the error of the state that this leaves, along the flattest direction
+KNOWN = 10.0
 SAMPLES = 16  # of every step, to see how often a component turns
 MOVES = 1e-6  # a component that moves by less, in units of its size, does not tell how often
 
 
 def shorter(closed: Closed) -> dict[int, float]:
-    """By how much a cycle fails to close after the p-th part of its period, in units of its size, by primes p.
+    """By how much a cycle fails to close after the p-th part of its period, in units of its size,
+    by primes p.
 
-    These are all primes that may divide the number of its rounds: those of the periods of the drive; or those up to
-    the number of times that a component has a maximum.
+    These are all primes that may divide the number of its rounds: those of the periods of the
+    drive; or those up to the number of times that a component has a maximum.
     """
-    sizes, misses = closed.shooting.setting.sizes, {}
+    sizes = closed.shooting.setting.sizes
+    misses = {}
     for p in _primes(_rounds(closed)):
         start, later = closed.samples(p)[:2]
         misses[p] = float(np.linalg.norm((later - start) / sizes))
@@ -40,8 +43,10 @@ def shorter(closed: Closed) -> dict[int, float]:
 
 
 def same(closed: Closed) -> float:
-    """Misses below this are none: they are not larger than what the state of the cycle is known to."""
-    missed, ratio = closed.shooting.miss(closed.orbit), flattest(closed.shooting, closed.orbit)[0]
+    """Misses below this are none: they are not larger than what the state of the cycle is known
+    to."""
+    missed = closed.shooting.miss(closed.orbit)
+    ratio = flattest(closed.shooting, closed.orbit)[0]
     return max(SAME, FLOOR * missed, KNOWN * missed / max(ratio, 1e-300))
 
 
@@ -52,17 +57,22 @@ def shortest(closed: Closed) -> Closed:
         again = False
         for p, miss in shorter(closed).items():
             if miss <= same(closed):
-                closed, again = part_of(closed, p), True
+                closed = part_of(closed, p)
+                again = True
                 break
     return closed
 
 
 def part_of(closed: Closed, rounds: int) -> Closed:
     """The cycle of a part of the period near a cycle that almost closes there."""
-    orbit, setting = closed.orbit, closed.shooting.setting
+    orbit = closed.orbit
+    setting = closed.shooting.setting
     pieces = Pieces(orbit.problem.compiled.equations)
-    first, turns = orbit.legs[0].place.state, max(setting.turns // rounds, 1)
-    found = Recurrence(closed.shooting.start, first, orbit.period / rounds, turns, orbit.shift / rounds, 0.0)
+    first = orbit.legs[0].place.state
+    turns = max(setting.turns // rounds, 1)
+    found = Recurrence(
+        closed.shooting.start, first, orbit.period / rounds, turns, orbit.shift / rounds, 0.0
+    )
     return converge(*near(orbit.problem, pieces, window(orbit.motion, pieces), found))
 
 
@@ -74,11 +84,14 @@ def _rounds(closed: Closed) -> int:
 
 def _turning_points(closed: Closed) -> int:
     """How often the component that turns most often has a maximum in a period."""
-    k, shift = closed.orbit.motion.knots, closed.orbit.shift
+    k = closed.orbit.motion.knots
+    shift = closed.orbit.shift
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
     times = np.linspace(k.time[steps], k.time[steps + 1], SAMPLES, endpoint=False, axis=1).ravel()
     states = closed.orbit.motion._sample(times, np.repeat(steps, SAMPLES))[:, : len(shift)]
-    home = (states - np.outer((times - k.time[0]) / closed.orbit.period, shift)) / closed.shooting.setting.sizes
+    home = (
+        states - np.outer((times - k.time[0]) / closed.orbit.period, shift)
+    ) / closed.shooting.setting.sizes
     moving = np.ptp(home, axis=0) > MOVES
     up = np.diff(np.vstack([home, home[:1]]), axis=0)[:, moving] > 0.0
     return int(np.max(np.sum(up & ~np.roll(up, -1, axis=0), axis=0), initial=1))

@@ -34,10 +34,11 @@ class Equilibrium:
     eigenvalues : tuple of complex
         Of the motion within the mode's constraints and modulo translation, the rightmost first.
     drift : dict of str to float
-        Constant rates of a relative equilibrium: what moves steadily along a translation. Empty at rest.
+        Constant rates of a relative equilibrium: what moves steadily along a translation. Empty at
+        rest.
     boundary : tuple of str
-        What is just about to change (a guard is zero): a boundary equilibrium, whose stability eigenvalues of one
-        side do not decide.
+        What is just about to change (a guard is zero): a boundary equilibrium, whose stability
+        eigenvalues of one side do not decide.
     certificate : Certificate
         What is left of the equations, the nearest guard, and how well the eigenvalues are known.
     eigenvalue_error : float
@@ -70,10 +71,18 @@ class Equilibrium:
 
     def describe(self) -> str:
         """One line."""
-        verdict = {True: "stable", False: "unstable", None: "stability not decided by linearisation"}[self.stable]
+        verdict = {
+            True: "stable",
+            False: "unstable",
+            None: "stability not decided by linearisation",
+        }[self.stable]
         state = ", ".join(f"{name} = {value:.9g}" for name, value in self.state.items())
         drift = ", ".join(f"{name} = {value:.9g}" for name, value in self.drift.items())
-        text = f"{modes_text(self.modes)}: {state}" + (f", drifting with {drift}" if drift else "") + f"; {verdict}"
+        text = (
+            f"{modes_text(self.modes)}: {state}"
+            + (f", drifting with {drift}" if drift else "")
+            + f"; {verdict}"
+        )
         text += "".join(f"; on the boundary: {name}" for name in self.boundary)
         return f"{text}; {self.certificate.verdict}"
 
@@ -94,10 +103,12 @@ class EquilibriumSet:
     extent : dict of str to (float, float)
         Least and largest value of each state in the set; infinite where there is no bound.
     exact : bool
-        Whether the extent is that of the whole set (the forces are affine: a linear program). Otherwise it was followed
-        from the point inside, and another part of the set may be further out.
+        Whether the extent is that of the whole set (the forces are affine: a linear program).
+        Otherwise it was followed from the point inside, and another part of the set may be further
+        out.
     eigenvalues : tuple of complex or None
-        At that point, across the set: the zeros along it are left out. None if forces are not unique there.
+        At that point, across the set: the zeros along it are left out. None if forces are not
+        unique there.
     certificate : Certificate
         Of that point.
     """
@@ -188,7 +199,9 @@ class Equilibria:
                     **found.state,
                     **{f"mode_{c}": m for c, m in found.modes.items()},
                     "stable": {True: "yes", False: "no", None: "undecided"}[found.stable],
-                    "largest_real_part": max((z.real for z in found.eigenvalues or ()), default=math.nan),
+                    "largest_real_part": max(
+                        (z.real for z in found.eigenvalues or ()), default=math.nan
+                    ),
                     **{f"drift_{name}": rate for name, rate in found.drift.items()},
                     **{
                         f"{name}_{side}": v
@@ -212,10 +225,12 @@ def _interval(name: str, low: float, high: float) -> str:
 
 
 def decays(eigenvalues: tuple[complex, ...], error: float = 0.0) -> bool | None:
-    """Whether all (True) or not all (False) linear motions decay; None between the two, give or take an error."""
+    """Whether all (True) or not all (False) linear motions decay; None between the two, give or
+    take an error."""
     if not eigenvalues:
         return True  # nothing is left that could move
-    top, scale = max(z.real for z in eigenvalues), max(map(abs, eigenvalues))
+    top = max(z.real for z in eigenvalues)
+    scale = max(map(abs, eigenvalues))
     return None if abs(top) <= max(CRITICAL * scale, error) else top < 0.0
 
 
@@ -224,8 +239,9 @@ def describe_guard(equations: MotionEquations, guard: Guard, mode: Mode) -> str:
     kinks = len(equations.kinks)
     if guard.switch < kinks:
         return f"{ex.to_text(equations.kinks[guard.switch])} = 0"
-    name = equations.contacts[guard.switch - kinks].name
-    return f"contact '{name}' goes from {MODE_NAMES[mode[guard.switch - kinks]]} to {MODE_NAMES[guard.to]}"
+    contact = guard.switch - kinks
+    name = equations.contacts[contact].name
+    return f"contact '{name}' goes from {MODE_NAMES[mode[contact]]} to {MODE_NAMES[guard.to]}"
 
 
 def modes_text(modes: Mapping[str, str]) -> str:

@@ -1,9 +1,10 @@
 """Equilibria: states of rest and of steady sliding, isolated or in sets, of any declared system.
 
-In a mode the motion is smooth, so an equilibrium is a zero of that mode's field in which the guards of the mode hold.
-A contact whose surface moves must slip, one that nothing moves must stick; only contacts that a translation of the
-whole system can move are tried in all modes. In each region of the kinks a mode with an affine field is solved
-outright, any other by Newton's method from many starts.
+In a mode the motion is smooth, so an equilibrium is a zero of that mode's field in which the guards
+of the mode hold. A contact whose surface moves must slip, one that nothing moves must stick; only
+contacts that a translation of the whole system can move are tried in all modes. In each region of
+the kinks a mode with an affine field is solved outright, any other by Newton's method from many
+starts.
 """
 
 from __future__ import annotations
@@ -22,7 +23,13 @@ from stickslip.model.declaration import DryContact
 from stickslip.model.system import System
 from stickslip.orbits.equilibria import search
 from stickslip.orbits.equilibria.certificate import ON_BOUNDARY, certify, certify_set
-from stickslip.orbits.equilibria.equilibrium import Equilibria, Equilibrium, EquilibriumSet, describe_guard, modes_text
+from stickslip.orbits.equilibria.equilibrium import (
+    Equilibria,
+    Equilibrium,
+    EquilibriumSet,
+    describe_guard,
+    modes_text,
+)
 from stickslip.orbits.equilibria.stick_sets import Conditions, all_stick, dimension
 from stickslip.orbits.fields.steady import Array, Steady, invariant_directions
 from stickslip.symbolic import expressions as ex
@@ -46,7 +53,8 @@ def equilibria(
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     box : mapping of str to (float, float), optional
-        Ranges of states within which isolated equilibria are looked for; by default around the declared initial state.
+        Ranges of states within which isolated equilibria are looked for; by default around the
+        declared initial state.
 
     Returns
     -------
@@ -66,7 +74,9 @@ def checked_values(system: System, parameters: Mapping[str, float] | None) -> di
     """All parameters, checked."""
     if not isinstance(system, System):
         raise DeclarationError(
-            "system", f"expected a System, got {type(system).__name__}", "Use ss.load or ss.catalogue"
+            "system",
+            f"expected a System, got {type(system).__name__}",
+            "Use ss.load or ss.catalogue",
         )
     values = {**system.values, **(parameters or {})}
     system.declaration.check_parameters(values)
@@ -97,10 +107,13 @@ def surface_speed(contact: DryContact, values: Mapping[str, float]) -> float:
     return ex.evaluate(contact.speed, {**values, "t": 0.0})
 
 
-def possible_modes(equations: MotionEquations, values: Mapping[str, float], invariant: Array) -> list[tuple[int, ...]]:
+def possible_modes(
+    equations: MotionEquations, values: Mapping[str, float], invariant: Array
+) -> list[tuple[int, ...]]:
     """Modes that each contact can have in steady motion.
 
-    There u = j·(translation) − w: where no translation moves the contact, its surface speed alone decides.
+    There u = j·(translation) − w: where no translation moves the contact, its surface speed alone
+    decides.
     """
     state = equations.declaration.state
     found = []
@@ -122,7 +135,9 @@ class _Search:
         values: dict[str, float],
         box: Mapping[str, tuple[float, float]],
     ) -> None:
-        self.system, self.eq, self.values = system, equations, values
+        self.system = system
+        self.eq = equations
+        self.values = values
         self.state = system.declaration.state
         self.contacts = tuple(c.name for c in equations.contacts)
         self.origin = np.array([float(system.initial.get(name, 0.0)) for name in self.state])
@@ -135,14 +150,20 @@ class _Search:
         self.looked: set[tuple[Mode, Region]] = set()
         self.waiting: list[tuple[Mode, Region]] = []
 
-    def _checked_box(self, box: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+    def _checked_box(
+        self, box: Mapping[str, tuple[float, float]]
+    ) -> dict[str, tuple[float, float]]:
         checked = {}
         for name, ends in box.items():
             if name not in self.state:
-                raise DeclarationError(f"box.{name}", "there is no such state", f"Known: {', '.join(self.state)}")
+                raise DeclarationError(
+                    f"box.{name}", "there is no such state", f"Known: {', '.join(self.state)}"
+                )
             low, high = (float(v) for v in ends)
             if not (math.isfinite(low) and math.isfinite(high) and low < high):
-                raise DeclarationError(f"box.{name}", f"({low:g}, {high:g}) is not a range", "Give (low, high)")
+                raise DeclarationError(
+                    f"box.{name}", f"({low:g}, {high:g}) is not a range", "Give (low, high)"
+                )
             checked[name] = (low, high)
         return checked
 
@@ -156,13 +177,16 @@ class _Search:
                 points[i] = low + (high - low) * unit
         return points
 
-    # -- where to look ----------------------------------------------------------------------------
+    # -- where to look -----------------------------------------------------------------------------
 
     def run(self) -> Equilibria:
         choices = possible_modes(self.eq, self.values, self.invariant)
         self._look_everywhere(islice(product(product(*choices), self._regions()), MOST))
         count = math.prod(map(len, choices)) * 2 ** sum(s is None for s in self._fixed_regions())
-        tried = f"{len(self.looked)} of {count} combinations of modes and regions, {self.starts.shape[1]} starts each"
+        tried = (
+            f"{len(self.looked)} of {count} combinations of modes and regions, "
+            f"{self.starts.shape[1]} starts each"
+        )
         if not self.isolated and not self.sets:
             tried += self._look_at_the_end_of_a_motion()
         order = {True: 0, None: 1, False: 2}
@@ -170,7 +194,8 @@ class _Search:
         return Equilibria(tuple(self.isolated), tuple(self.sets), tried, self.nearest[1])
 
     def _look_everywhere(self, candidates: Iterable[tuple[Mode, Region]]) -> None:
-        """Look in all candidates, and in the regions that zeros outside their own region point to."""
+        """Look in all candidates, and in the regions that zeros outside their own region point
+        to."""
         self.waiting = list(candidates)
         while self.waiting and len(self.looked) < MOST:
             candidate = self.waiting.pop(0)
@@ -181,7 +206,10 @@ class _Search:
     def _fixed_regions(self) -> list[int | None]:
         """Regions of the kinks that the parameters decide; None for the others."""
         names = set(self.eq.declaration.parameters)
-        return [int(ex.evaluate(g, self.values) >= 0.0) if g.symbols <= names else None for g in self.eq.kinks]
+        return [
+            int(ex.evaluate(g, self.values) >= 0.0) if g.symbols <= names else None
+            for g in self.eq.kinks
+        ]
 
     def _regions(self) -> list[Region]:
         """Regions of the kinks: all, or those of the starts if there are too many."""
@@ -196,7 +224,8 @@ class _Search:
         return tuple(int(ex.evaluate(g, at) >= 0.0) for g in self.eq.kinks)
 
     def _look_at_the_end_of_a_motion(self) -> str:
-        """Follow the motion from the declared initial state: it may settle where no start was near."""
+        """Follow the motion from the declared initial state: it may settle where no start was
+        near."""
         from stickslip.motion.simulate import simulate
 
         try:
@@ -208,12 +237,18 @@ class _Search:
         modes = {mode for mode, _ in self.looked}
         self.looked -= {(mode, self._region(y)) for mode in modes}
         self._look_everywhere((mode, self._region(y)) for mode in modes)
-        return f", and the end of the motion from the initial state at t = {motion.knots.time[-1]:g}"
+        return (
+            f", and the end of the motion from the initial state at t = {motion.knots.time[-1]:g}"
+        )
 
-    # -- one mode and region ----------------------------------------------------------------------
+    # -- one mode and region -----------------------------------------------------------------------
 
     def _look(self, mode: Mode, region: Region) -> None:
-        at_rest = bool(mode) and not any(mode) and all(surface_speed(c, self.values) == 0.0 for c in self.eq.contacts)
+        at_rest = (
+            bool(mode)
+            and not any(mode)
+            and all(surface_speed(c, self.values) == 0.0 for c in self.eq.contacts)
+        )
         try:
             field = mode_field(self.eq, mode, region)
         except ZeroDivisionError:
@@ -246,19 +281,28 @@ class _Search:
                 self._note_isolated(steady, y)
 
     def _conditions(self, steady: Steady) -> Conditions:
-        field, equal = steady.field, [*steady.field.rates, *steady.field.constraints]
+        field = steady.field
+        equal = [*steady.field.rates, *steady.field.constraints]
         if self.invariant.shape[1]:
             across = np.linalg.svd(self.invariant.T)[2][self.invariant.shape[1] :]
-            rows = [[(f, float(w)) for f, w in zip(field.rates, row, strict=True) if w != 0.0] for row in across]
+            rows = [
+                [(f, float(w)) for f, w in zip(field.rates, row, strict=True) if w != 0.0]
+                for row in across
+            ]
             equal = [*(ex.add(*row) for row in rows), *field.constraints]
-        return Conditions(field.state, tuple(equal), tuple(g.value for g in field.guards), self.values)
+        return Conditions(
+            field.state, tuple(equal), tuple(g.value for g in field.guards), self.values
+        )
 
-    # -- what was found ---------------------------------------------------------------------------
+    # -- what was found ----------------------------------------------------------------------------
 
     def _note_isolated(self, steady: Steady, y: Array) -> None:
         y = steady.settled(y)
-        field, point = steady.field, steady.point(y)
-        if any(not low <= y[self.state.index(name)] <= high for name, (low, high) in self.box.items()):
+        field = steady.field
+        point = steady.point(y)
+        if any(
+            not low <= y[self.state.index(name)] <= high for name, (low, high) in self.box.items()
+        ):
             return
         beyond = self._beyond(steady, y)
         if np.any(beyond < 0.0):
@@ -268,7 +312,11 @@ class _Search:
             return
         margins = steady.sizes(point[:, None]).margins[0]
         guards = [g for g, m in zip(field.guards, margins, strict=True) if abs(m) <= ON_BOUNDARY]
-        nearest = describe_guard(self.eq, field.guards[int(np.argmin(margins))], field.mode) if len(margins) else ""
+        nearest = (
+            describe_guard(self.eq, field.guards[int(np.argmin(margins))], field.mode)
+            if len(margins)
+            else ""
+        )
         certificate, error = certify(steady, point, nearest)
         found = Equilibrium(
             self._named(y),
@@ -293,38 +341,54 @@ class _Search:
         self.isolated.append(found)
 
     def _beyond(self, steady: Steady, y: Array) -> Array:
-        """Guards, relative to their terms, in excess of what they must be: slip needs some speed, others may be zero.
+        """Guards, relative to their terms, in excess of what they must be: slip needs some speed,
+        others may be zero.
 
         A slip of speed zero is the edge of a stick, which is reported as that.
         """
-        guards, kinks = steady.field.guards, len(steady.field.kinks)
+        guards = steady.field.guards
+        kinks = len(steady.field.kinks)
         least = [ON_BOUNDARY if g.switch >= kinks and g.to == 0 else -ON_BOUNDARY for g in guards]
         return steady.sizes(steady.point(y)[:, None]).margins[0] - np.array(least)
 
     def _note_failure(self, field: Field, y: Array, margin: float, guard: Guard) -> None:
         if margin > self.nearest[0]:
             state = ", ".join(f"{name} = {value:.6g}" for name, value in self._named(y).items())
-            modes = modes_text(dict(zip(self.contacts, (MODE_NAMES[m] for m in field.mode), strict=True)))
+            modes = modes_text(
+                dict(zip(self.contacts, (MODE_NAMES[m] for m in field.mode), strict=True))
+            )
             broken = describe_guard(self.eq, guard, field.mode)
-            self.nearest = (margin, f"nearest: {modes} at {state}, which is past the boundary where {broken}")
+            self.nearest = (
+                margin,
+                f"nearest: {modes} at {state}, which is past the boundary where {broken}",
+            )
 
-    def _note_set(self, field: Field | None, conditions: Conditions, centre: Array, mode: Mode, region: Region) -> None:
+    def _note_set(
+        self, field: Field | None, conditions: Conditions, centre: Array, mode: Mode, region: Region
+    ) -> None:
         n = len(self.state)
         for _ in range(0 if conditions.affine else POLISH):
             value, slopes = conditions.equations(centre)
             centre = centre - np.linalg.lstsq(slopes, value, rcond=None)[0]
         y = centre[:n]
-        if any(s.mode == mode and region in s.regions and _within(s.extent, self._named(y)) for s in self.sets):
+        if any(
+            s.mode == mode and region in s.regions and _within(s.extent, self._named(y))
+            for s in self.sets
+        ):
             return
         extent = {name: conditions.extent(centre, i) for i, name in enumerate(self.state)}
-        size, drift, eigenvalues = dimension(conditions, n, centre), {}, None
+        size = dimension(conditions, n, centre)
+        drift = {}
+        eigenvalues = None
         if field is not None:
             steady = Steady(field, self.values, self.invariant, self.origin)
             point = steady.point(y)
             drift = self._drift(steady.drift(point))
             every = sorted(steady.eigenvalues(point), key=abs)
             along = size - self.invariant.shape[1]
-            eigenvalues = tuple(complex(z) for z in sorted(every[along:], key=lambda z: (-z.real, -z.imag)))
+            eigenvalues = tuple(
+                complex(z) for z in sorted(every[along:], key=lambda z: (-z.real, -z.imag))
+            )
         self._join(
             EquilibriumSet(
                 self._named(y),
@@ -374,7 +438,8 @@ class _Search:
 
 def _within(extent: Mapping[str, tuple[float, float]], state: Mapping[str, float]) -> bool:
     return all(
-        low - 1e-7 * (1 + abs(low)) <= state[x] <= high + 1e-7 * (1 + abs(high)) for x, (low, high) in extent.items()
+        low - 1e-7 * (1 + abs(low)) <= state[x] <= high + 1e-7 * (1 + abs(high))
+        for x, (low, high) in extent.items()
     )
 
 

@@ -30,8 +30,8 @@ class Hopf:
     frequency : float
         ω.
     lyapunov : float
-        First Lyapunov coefficient l₁ for the eigenvector q with ⟨q, q⟩ = 1 (modulo translation): on the centre manifold
-        ζ' = iωζ + c ζ|ζ|² + ..., y = ζq + ζ̄q̄ + ..., l₁ = Re(c)/ω.
+        First Lyapunov coefficient l₁ for the eigenvector q with ⟨q, q⟩ = 1 (modulo translation): on
+        the centre manifold ζ' = iωζ + c ζ|ζ|² + ..., y = ζq + ζ̄q̄ + ..., l₁ = Re(c)/ω.
     size : float
         Size of the terms l₁ is the sum of.
     vector : array of complex, shape (states,)
@@ -45,7 +45,8 @@ class Hopf:
 
     @property
     def criticality(self) -> str:
-        """Whether the cycle is born stable (supercritical) or unstable (subcritical), in the centre manifold."""
+        """Whether the cycle is born stable (supercritical) or unstable (subcritical), in the centre
+        manifold."""
         if not abs(self.lyapunov) > DEGENERATE * self.size:
             return "degenerate"
         return "supercritical" if self.lyapunov < 0.0 else "subcritical"
@@ -62,14 +63,19 @@ class Derivatives:
     """
 
     def __init__(self, rates: Sequence[Expr], state: Sequence[str]) -> None:
-        self.state, self.places, wanted = tuple(state), list[tuple[int, ...]](), list[Expr]()
+        self.state = tuple(state)
+        self.places = list[tuple[int, ...]]()
+        wanted = list[Expr]()
         for i, rate in enumerate(rates):
             self._collect(rate, (i,), wanted)
-        self._names = sorted(frozenset().union(*(e.symbols for e in wanted)) - set(state)) if wanted else []
+        self._names = (
+            sorted(frozenset().union(*(e.symbols for e in wanted)) - set(state)) if wanted else []
+        )
         self._evaluate = evaluator(wanted, [*state, *self._names])
 
     def _collect(self, e: Expr, row: tuple[int, ...], wanted: list[Expr]) -> None:
-        """Slopes that are not identically zero, each once: the order of differentiation does not matter."""
+        """Slopes that are not identically zero, each once: the order of differentiation does not
+        matter."""
         for k in range(row[-1] if len(row) > 1 else 0, len(self.state)):
             slope = ex.derivative(e, self.state[k])
             if slope is not ex.ZERO:
@@ -81,7 +87,9 @@ class Derivatives:
     def __call__(self, y: Array, values: Mapping[str, float]) -> tuple[Array, Array, Array]:
         """Arrays of shape (n, n), (n, n, n), (n, n, n, n)."""
         n = len(self.state)
-        numbers = self._evaluate(np.array([*y, *(values[name] for name in self._names)], dtype=float))
+        numbers = self._evaluate(
+            np.array([*y, *(values[name] for name in self._names)], dtype=float)
+        )
         tensors = np.zeros((n, n)), np.zeros((n, n, n)), np.zeros((n, n, n, n))
         for (i, *where), value in zip(self.places, numbers, strict=True):
             for order in permutations(where):
@@ -89,8 +97,11 @@ class Derivatives:
         return tensors
 
 
-def hopf(derivatives: Derivatives, y: Array, values: Mapping[str, float], invariant: Array | None = None) -> Hopf:
-    """Frequency and first Lyapunov coefficient of the pair of eigenvalues nearest to the imaginary axis.
+def hopf(
+    derivatives: Derivatives, y: Array, values: Mapping[str, float], invariant: Array | None = None
+) -> Hopf:
+    """Frequency and first Lyapunov coefficient of the pair of eigenvalues nearest to the imaginary
+    axis.
 
     Parameters
     ----------
@@ -122,13 +133,18 @@ def hopf(derivatives: Derivatives, y: Array, values: Mapping[str, float], invari
     cubic = np.einsum("ijkm,j,k,m->i", C, q, q, np.conj(q))
     slow = np.linalg.solve(A, bilinear(q, np.conj(q)))
     fast = np.linalg.solve(2j * omega * np.eye(len(A)) - A, bilinear(q, q))
-    terms = [np.vdot(p, cubic), -2.0 * np.vdot(p, bilinear(q, slow)), np.vdot(p, bilinear(np.conj(q), fast))]
+    terms = [
+        np.vdot(p, cubic),
+        -2.0 * np.vdot(p, bilinear(q, slow)),
+        np.vdot(p, bilinear(np.conj(q), fast)),
+    ]
     scale = 1.0 / (2.0 * omega)
     return Hopf(omega, float(scale * sum(terms).real), float(scale * sum(map(abs, terms))), q)
 
 
 def critical_pair(A: Array) -> tuple[complex, Array]:
-    """The complex eigenvalue (imaginary part positive) nearest to the imaginary axis, and its eigenvector.
+    """The complex eigenvalue (imaginary part positive) nearest to the imaginary axis, and its
+    eigenvector.
 
     Raises
     ------

@@ -10,13 +10,16 @@ from stickslip.orbits.fields.steady import ResidualFunction
 
 Array = Any  # of floats
 
-PRECISION = 1e-9  # a zero is accepted if Newton's step there is shorter than this, in units of the unknowns
+# a zero is accepted if Newton's step there is shorter than this, in units of the unknowns
+PRECISION = 1e-9
 RANK = 1e-9  # singular values below this part of the largest are zero
-ITERATIONS, POLISH = 60, 4
+ITERATIONS = 60
+POLISH = 4
 
 
 def sample(count: int, low: Array, high: Array) -> Array:
-    """Points that fill a box evenly: the additive sequence of Roberts (the golden ratio in more dimensions).
+    """Points that fill a box evenly: the additive sequence of Roberts (the golden ratio in more
+    dimensions).
 
     Returns
     -------
@@ -35,12 +38,15 @@ def wide_sample(count: int, origin: Array) -> Array:
     """Points around a state at all distances up to about 50 times its size (1 if it is smaller)."""
     ones = np.ones(len(origin))
     size = np.maximum(np.abs(origin), 1.0)
-    return origin[:, None] + size[:, None] * np.sinh(5.0 * sample(count, -ones, ones)) / np.sinh(1.0)
+    return origin[:, None] + size[:, None] * np.sinh(5.0 * sample(count, -ones, ones)) / np.sinh(
+        1.0
+    )
 
 
 @np.errstate(all="ignore")
 def zeros(residual: ResidualFunction, starts: Array, origin: Array) -> list[tuple[Array, int]]:
-    """Zeros that the method of Levenberg and Marquardt reaches, each once, with the rank of the Jacobian there.
+    """Zeros that the method of Levenberg and Marquardt reaches, each once, with the rank of the
+    Jacobian there.
 
     Parameters
     ----------
@@ -61,11 +67,13 @@ def zeros(residual: ResidualFunction, starts: Array, origin: Array) -> list[tupl
 
 
 def _descend(residual: ResidualFunction, y: Array, units: Array) -> Array:
-    """Levenberg-Marquardt steps on |F|², each component of F in units of its slopes at the start."""
+    """Levenberg-Marquardt steps on |F|², each component of F in units of its slopes at the
+    start."""
     F, J = residual(y)
     weight = 1.0 / np.maximum(np.max(np.abs(J) * units[None, :, None], axis=1), 1e-300)
     damping = np.full(y.shape[1], 1e-2)
-    F, J = weight * F, weight[:, None] * J * units[None, :, None]
+    F = weight * F
+    J = weight[:, None] * J * units[None, :, None]
     for _ in range(ITERATIONS):
         A, right = np.einsum("jik,jlk->kil", J, J), np.einsum("jik,jk->ki", J, F)
         # A little of the identity, so that components that do not count stay where they are.
@@ -73,10 +81,13 @@ def _descend(residual: ResidualFunction, y: Array, units: Array) -> Array:
         A = A + (damping[:, None] * diagonal)[:, :, None] * np.eye(len(y))
         trial = y - units[:, None] * np.linalg.solve(A, right[:, :, None])[:, :, 0].T
         G, K = residual(trial)
-        G, K = weight * G, weight[:, None] * K * units[None, :, None]
+        G = weight * G
+        K = weight[:, None] * K * units[None, :, None]
         better = np.sum(G**2, axis=0) < np.sum(F**2, axis=0)
         better &= np.all(np.isfinite(K), axis=(0, 1))
-        y, F, J = np.where(better, trial, y), np.where(better, G, F), np.where(better, K, J)
+        y = np.where(better, trial, y)
+        F = np.where(better, G, F)
+        J = np.where(better, K, J)
         damping = np.clip(np.where(better, 0.2 * damping, 4.0 * damping), 1e-14, 1e10)
         if np.all((np.sum(F**2, axis=0) <= 1e-24) | (damping > 1e6)):
             break
@@ -84,7 +95,8 @@ def _descend(residual: ResidualFunction, y: Array, units: Array) -> Array:
 
 
 def _newton_step(residual: ResidualFunction, y: Array, units: Array) -> tuple[Array, Array]:
-    """Newton's steps in units (n, starts), the shortest where the Jacobian is singular, and its ranks (starts,)."""
+    """Newton's steps in units (n, starts), the shortest where the Jacobian is singular, and its
+    ranks (starts,)."""
     F, J = residual(y)
     J = np.moveaxis(J * units[:, None], -1, 0)
     J = np.where(np.all(np.isfinite(J), axis=(1, 2))[:, None, None], J, 0.0)
@@ -96,7 +108,9 @@ def _newton_step(residual: ResidualFunction, y: Array, units: Array) -> tuple[Ar
     return np.einsum("kij,jk->ik", inverse, F), np.sum(kept, axis=1)
 
 
-def _distinct(residual: ResidualFunction, y: Array, step: Array, rank: Array, units: Array) -> list[tuple[Array, int]]:
+def _distinct(
+    residual: ResidualFunction, y: Array, step: Array, rank: Array, units: Array
+) -> list[tuple[Array, int]]:
     found: list[tuple[Array, int]] = []
     F, J = residual(y)
     for k in range(y.shape[1]):
@@ -108,9 +122,13 @@ def _distinct(residual: ResidualFunction, y: Array, step: Array, rank: Array, un
             if not np.all(np.abs(F[:, k]) <= 1e-8 * terms):
                 continue
         else:
-            # Elimination keeps exact zeros that the singular values of the steps before have smeared.
+            # Elimination keeps exact zeros that the singular values of the steps before have
+            # smeared.
             y[:, k] -= np.linalg.solve(J[:, :, k], F[:, k])
-        apart = (np.linalg.norm((y[:, k] - z) / units) / (1.0 + np.linalg.norm(z / units)) for z, _ in found)
+        apart = (
+            np.linalg.norm((y[:, k] - z) / units) / (1.0 + np.linalg.norm(z / units))
+            for z, _ in found
+        )
         if all(d > 1e-6 for d in apart):
             found.append((y[:, k], int(rank[k])))
     return found

@@ -1,7 +1,9 @@
-"""Sets of equilibria: a point well inside {F(y) = 0, G(y) ≥ 0}, and the extent of the set along each coordinate.
+"""Sets of equilibria: a point well inside {F(y) = 0, G(y) ≥ 0}, and the extent of the set along
+each coordinate.
 
-With dry friction a system comes to rest anywhere in a set. If F and G are affine, the extent is a linear program and
-exact; else it is followed from a point inside by constrained optimisation, and is then a local statement.
+With dry friction a system comes to rest anywhere in a set. If F and G are affine, the extent is a
+linear program and exact; else it is followed from a point inside by constrained optimisation, and
+is then a local statement.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ from stickslip.symbolic.expressions import Expr
 Array = np.ndarray
 
 PRECISE = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-CLOSED = 1e-9  # a guard may miss zero by this much, in units of its terms: the set contains its boundary
+# a guard may miss zero by this much, in units of its terms: the set contains its boundary
+CLOSED = 1e-9
 FAR = 1e6  # a component that can be moved this far, in units of its size, is taken for unbounded
 
 
@@ -46,15 +49,22 @@ class Conditions:
     def centre(self, start: Array) -> Array | None:
         """A point well inside the set, or None if none is found (if affine: if the set is empty).
 
-        The depth of a point is its least distance to a boundary, as far as slopes tell; more than 1 is not asked for.
+        The depth of a point is its least distance to a boundary, as far as slopes tell; more than 1
+        is not asked for.
         """
         _, slopes = self.guards(start)
         lengths = np.linalg.norm(slopes, axis=1)
         depth = ex.sym("depth")
         kept = tuple(g - float(w) * depth for g, w in zip(self.nonnegative, lengths, strict=True))
-        deeper = Conditions((*self.unknowns, "depth"), self.equal, (*kept, 1.0 - depth), self.values)
+        deeper = Conditions(
+            (*self.unknowns, "depth"), self.equal, (*kept, 1.0 - depth), self.values
+        )
         found = deeper.farthest(np.append(start, 0.0), len(start), 1.0)
-        return found[:-1] if found is not None and found[-1] >= -CLOSED * (1.0 + np.max(np.abs(found))) else None
+        return (
+            found[:-1]
+            if found is not None and found[-1] >= -CLOSED * (1.0 + np.max(np.abs(found)))
+            else None
+        )
 
     def extent(self, centre: Array, component: int) -> tuple[float, float]:
         """Least and largest value of a component; infinite where there is no bound."""
@@ -78,7 +88,8 @@ class Conditions:
         return self.equations.affine and self.guards.affine
 
     def farthest(self, start: Array, component: int, sign: float) -> Array | None:
-        """The point of the set with the largest ± component (infinite if it has no bound); None if the set is empty."""
+        """The point of the set with the largest ± component (infinite if it has no bound); None if
+        the set is empty."""
         method = _vertex if self.affine else _optimum
         return method(self.equations, self.guards, start, component, sign)
 
@@ -90,12 +101,16 @@ def _vertex(
     from scipy.optimize import linprog
 
     (F, A), (g, G) = equal(start), guards(start)
-    b, h = A @ start - F, g - G @ start
+    b = A @ start - F
+    h = g - G @ start
     lengths = [np.linalg.norm(m, axis=1) for m in (A, G)]
     a_size, g_size = (np.where(size > 0.0, size, 1.0) for size in lengths)
     cost = np.zeros(len(start))
     cost[component] = -sign
-    A, b, G, h = A / a_size[:, None], b / a_size, G / g_size[:, None], h / g_size
+    A = A / a_size[:, None]
+    b = b / a_size
+    G = G / g_size[:, None]
+    h = h / g_size
     found = linprog(cost, -G, h, A, b, (None, None), options=PRECISE)
     if found.status == 0:
         return found.x
@@ -122,10 +137,15 @@ def _optimum(
         }
 
     units = np.maximum(np.abs(start), 1.0)
-    sizes = [np.maximum(np.max(np.abs(r(start)[1] * units), axis=1, initial=0.0), 1e-300) for r in (equal, guards)]
+    sizes = [
+        np.maximum(np.max(np.abs(r(start)[1] * units), axis=1, initial=0.0), 1e-300)
+        for r in (equal, guards)
+    ]
     goal = np.zeros(len(start))
     goal[component] = -sign
-    z, reach, best = start / units, 1.0, None
+    z = start / units
+    reach = 1.0
+    best = None
     while reach <= FAR:
         found = minimize(
             lambda x: float(goal @ x),
@@ -143,15 +163,19 @@ def _optimum(
         gain = sign * (found.x[component] - z[component])
         if best is not None and not gain > 1e-10 * (1.0 + abs(z[component])):
             return best
-        z, best, reach = found.x, units * found.x, 4.0 * reach
+        z = found.x
+        best = units * found.x
+        reach = 4.0 * reach
     return _without_bound(start, component, sign)
 
 
-def all_stick(equations: MotionEquations, region: Region, values: Mapping[str, float]) -> Conditions:
+def all_stick(
+    equations: MotionEquations, region: Region, values: Mapping[str, float]
+) -> Conditions:
     """Rest with every contact in stick, in terms of the state and the friction forces.
 
-    The forces are unknowns of their own, so that it does not matter whether the state determines them (it does not
-    where more contacts stick than there are directions).
+    The forces are unknowns of their own, so that it does not matter whether the state determines
+    them (it does not where more contacts stick than there are directions).
     """
     d, rate = equations.declaration, equations.rate
     at_rest = {f"d_{x}": ex.ZERO for x in d.coordinates}
@@ -164,15 +188,22 @@ def all_stick(equations: MotionEquations, region: Region, values: Mapping[str, f
     held = [ex.sym(f"lambda:{i}") for i in range(len(equations.contacts))]
     first = len(held) - len(rate.force)
     equal = [fix(law) for law in equations.laws]
-    for names, forces in ((d.inertial, equations.inertial_force), (d.viscous, equations.viscous_force)):
+    for names, forces in (
+        (d.inertial, equations.inertial_force),
+        (d.viscous, equations.viscous_force),
+    ):
         for x, f in zip(names, forces, strict=True):
             pulls = [
-                (c.direction[x] * h, 1.0) for c, h in zip(equations.contacts, held, strict=True) if x in c.direction
+                (c.direction[x] * h, 1.0)
+                for c, h in zip(equations.contacts, held, strict=True)
+                if x in c.direction
             ]
             equal.append(fix(f) + ex.add(*pulls))
     equal += [fix(f) - h for f, h in zip(rate.force, held[first:], strict=True)]
     equal += [ex.sym(f"d_{q}") for q in d.inertial]
-    nonnegative = [fix(g) if r == 1 else -fix(g) for g, r in zip(equations.kinks, region, strict=True)]
+    nonnegative = [
+        fix(g) if r == 1 else -fix(g) for g, r in zip(equations.kinks, region, strict=True)
+    ]
     for c, h in zip(equations.contacts, held, strict=True):
         nonnegative += [h + fix(c.plus), fix(c.minus) - h]
     unknowns = (*d.state, *(str(h.value) for h in held))
@@ -180,7 +211,8 @@ def all_stick(equations: MotionEquations, region: Region, values: Mapping[str, f
 
 
 def dimension(conditions: Conditions, states: int, point: Array) -> int:
-    """Dimension of the set in the state space, near a point: forces that the state leaves open do not count."""
+    """Dimension of the set in the state space, near a point: forces that the state leaves open do
+    not count."""
     _, slopes = conditions.equations(point)
     size = np.max(np.abs(slopes), axis=1, keepdims=True, initial=0.0)
     scaled = slopes / np.where(size > 0.0, size, 1.0)

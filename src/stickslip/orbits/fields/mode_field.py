@@ -1,4 +1,5 @@
-"""The smooth pieces of a system with numbers: field, Jacobian, guards and constraints of each mode and region."""
+"""The smooth pieces of a system with numbers: field, Jacobian, guards and constraints of each mode
+and region."""
 
 from __future__ import annotations
 
@@ -41,7 +42,8 @@ class Leaving:
 
 @dataclass(frozen=True)
 class Bounds:
-    """The constraints of a piece at a point: values and derivatives by time, state and free parameter."""
+    """The constraints of a piece at a point: values and derivatives by time, state and free
+    parameter."""
 
     value: Array
     time: Array
@@ -55,7 +57,8 @@ class Piece:
     ----------
     field : Field
     free : str or None
-        A parameter; derivatives with respect to it follow those with respect to the state as a last column.
+        A parameter; derivatives with respect to it follow those with respect to the state as a last
+        column.
     """
 
     def __init__(self, field: Field, free: str | None) -> None:
@@ -64,7 +67,9 @@ class Piece:
         self.switches = np.array([g.switch for g in field.guards], dtype=int)
         slopes = [[ex.derivative(f, c) for c in self.columns] for f in field.rates]
         moving = {"t", *field.state}
-        self.constant = not any(e.symbols & moving for row in slopes for e in row[: len(field.state)])
+        self.constant = not any(
+            e.symbols & moving for row in slopes for e in row[: len(field.state)]
+        )
         self.rates = field.function(field.rates)
         self._slopes = field.function([e for row in slopes for e in row])
 
@@ -75,11 +80,21 @@ class Piece:
 
     def leave(self, t: float, y: Array, p: Array) -> Leaving:
         """The guards at a point."""
-        n, values = len(y), self._guards(t, y, p)
-        f, table = values[:n], values[n:].reshape(-1, 2 + len(self.columns))
-        value, time, slopes = table[:, 0], table[:, 1], table[:, 2:]
+        n = len(y)
+        values = self._guards(t, y, p)
+        f = values[:n]
+        table = values[n:].reshape(-1, 2 + len(self.columns))
+        value = table[:, 0]
+        time = table[:, 1]
+        slopes = table[:, 2:]
         terms = slopes[:, :n] * f
-        return Leaving(f, value, slopes, time + np.sum(terms, axis=1), np.abs(time) + np.sum(np.abs(terms), axis=1))
+        return Leaving(
+            f,
+            value,
+            slopes,
+            time + np.sum(terms, axis=1),
+            np.abs(time) + np.sum(np.abs(terms), axis=1),
+        )
 
     def bounds(self, t: float, y: Array, p: Array) -> Bounds:
         """The constraints at a point."""
@@ -91,7 +106,8 @@ class Piece:
         return self._felt(t, y, p)
 
     def dependence(self, t: Array, y: Array, p: Array) -> Array:
-        """Their derivatives with respect to time and the state, shape (points, functions, 1 + states)."""
+        """Their derivatives with respect to time and the state, shape (points, functions, 1 +
+        states)."""
         values = self._dependence(t, y, p)
         return np.moveaxis(values.reshape(-1, 1 + len(y), len(t)), -1, 0)
 
@@ -116,7 +132,9 @@ class Piece:
 
     @cached_property
     def _guards(self):
-        return self.field.function([*self.field.rates, *self._with_slopes([g.value for g in self.field.guards])])
+        return self.field.function(
+            [*self.field.rates, *self._with_slopes([g.value for g in self.field.guards])]
+        )
 
     @property
     def _all(self) -> list[Expr]:
@@ -128,14 +146,18 @@ class Piece:
 
     @cached_property
     def _dependence(self):
-        return self.field.function([ex.derivative(e, c) for e in self._all for c in ("t", *self.field.state)])
+        return self.field.function(
+            [ex.derivative(e, c) for e in self._all for c in ("t", *self.field.state)]
+        )
 
     @cached_property
     def _constraints(self):
         return self.field.function(self._with_slopes(self.field.constraints))
 
     def _with_slopes(self, functions: list[Expr]) -> list[Expr]:
-        return [e for g in functions for e in (g, *(ex.derivative(g, c) for c in ("t", *self.columns)))]
+        return [
+            e for g in functions for e in (g, *(ex.derivative(g, c) for c in ("t", *self.columns)))
+        ]
 
 
 class Pieces:

@@ -1,4 +1,5 @@
-"""Expressions with kinks at many states at once: states in one region of the kinks are evaluated together."""
+"""Expressions with kinks at many states at once: states in one region of the kinks are evaluated
+together."""
 
 from __future__ import annotations
 
@@ -43,7 +44,10 @@ def values_at(
 
     def grouped(wanted: Callable[[Region], Sequence[Expr]]) -> Array:
         groups = np.unique(region, axis=1).T if len(states) else []
-        parts = [(np.all(region == r[:, None], axis=0), evaluator(wanted(tuple(map(int, r))), names)) for r in groups]
+        parts = [
+            (np.all(region == r[:, None], axis=0), evaluator(wanted(tuple(map(int, r))), names))
+            for r in groups
+        ]
         out = np.empty((len(wanted(tuple([1] * len(equations.kinks)))), len(states)))
         for here, function in parts:
             out[:, here] = function(table[:, here])

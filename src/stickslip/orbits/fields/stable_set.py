@@ -1,4 +1,5 @@
-"""Where friction holds rate-independent coordinates: the stable set |∂Φ| ≤ s, and the way into it."""
+"""Where friction holds rate-independent coordinates: the stable set |∂Φ| ≤ s, and the way into
+it."""
 
 from __future__ import annotations
 
@@ -16,8 +17,14 @@ SWEEPS = 100  # of the start of rate-independent coordinates
 BEYOND = 1e-9  # excess, relative to the forces, that is none
 
 
-def excess(equations: MotionEquations, values: Mapping[str, float | Array], states: Array, time: float = 0.0) -> Array:
-    """By how much states violate |∂Φ| ≤ s: the largest excess of a force over its threshold, 0 inside.
+def excess(
+    equations: MotionEquations,
+    values: Mapping[str, float | Array],
+    states: Array,
+    time: float = 0.0,
+) -> Array:
+    """By how much states violate |∂Φ| ≤ s: the largest excess of a force over its threshold, 0
+    inside.
 
     Parameters
     ----------
@@ -33,7 +40,11 @@ def excess(equations: MotionEquations, values: Mapping[str, float | Array], stat
         In the unit of the forces.
     """
     acting = [c for c in equations.contacts if c.kind == Kind.RATE_INDEPENDENT]
-    wanted = [e for c, force in zip(acting, equations.rate.force, strict=True) for e in (force, c.plus, c.minus)]
+    wanted = [
+        e
+        for c, force in zip(acting, equations.rate.force, strict=True)
+        for e in (force, c.plus, c.minus)
+    ]
     if not wanted:
         return np.zeros(len(states))
     found = values_at(equations, values, states, wanted, time).reshape(-1, 3, len(states))
@@ -42,11 +53,15 @@ def excess(equations: MotionEquations, values: Mapping[str, float | Array], stat
     return np.max(np.where(beyond > BEYOND * (np.abs(force) + plus + minus), beyond, 0.0), axis=0)
 
 
-def settle_friction(equations: MotionEquations, values: Mapping[str, float], states: Array, time: float = 0.0) -> None:
-    """Move rate-independent coordinates, one after the other, until friction holds them; changes `states`.
+def settle_friction(
+    equations: MotionEquations, values: Mapping[str, float], states: Array, time: float = 0.0
+) -> None:
+    """Move rate-independent coordinates, one after the other, until friction holds them; changes
+    `states`.
 
-    Each goes to the nearest place at which its own contact holds: descent, coordinate by coordinate, in the
-    minimisation E(x) + Σ sᵢ|xᵢ − xᵢ⁰| that decides where such a system goes from a state it cannot rest in.
+    Each goes to the nearest place at which its own contact holds: descent, coordinate by
+    coordinate, in the minimisation E(x) + Σ sᵢ|xᵢ − xᵢ⁰| that decides where such a system goes from
+    a state it cannot rest in.
     """
     rate = equations.rate
     acting = [c for c in equations.contacts if c.kind == Kind.RATE_INDEPENDENT]

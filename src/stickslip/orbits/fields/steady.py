@@ -1,14 +1,17 @@
 """Steady motion in one mode: f(y, p) = 0, as one smooth square problem for every kind of system.
 
-Two things keep f = 0 from being a regular system of equations, and both are met by changing f off the solutions:
+Two things keep f = 0 from being a regular system of equations, and both are met by changing f off
+the solutions:
 
-* constraints g(y) = 0 of the mode (a sticking inertial contact has u = 0) are invariant, so that ∂f/∂y has a zero
-  eigenvalue for each: f − (∂g/∂y)ᵀ g has the same zeros and attracts to the constraints;
-* a translation e that leaves the system unchanged makes equilibria come in lines, and steady sliding a motion with
-  f = c e: f − e⟨e, f⟩ − e⟨e, y − y₀⟩ picks one representative, and the drift c = ⟨e, f⟩ is read off afterwards.
+* constraints g(y) = 0 of the mode (a sticking inertial contact has u = 0) are invariant, so that
+  ∂f/∂y has a zero eigenvalue for each: f − (∂g/∂y)ᵀ g has the same zeros and attracts to the
+  constraints;
+* a translation e that leaves the system unchanged makes equilibria come in lines, and steady
+  sliding a motion with f = c e: f − e⟨e, f⟩ − e⟨e, y − y₀⟩ picks one representative, and the drift
+  c = ⟨e, f⟩ is read off afterwards.
 
-Neither changes the motion within the constraints and modulo translation, so eigenvalues and normal forms of the
-changed field are those of the system, besides the ones added.
+Neither changes the motion within the constraints and modulo translation, so eigenvalues and normal
+forms of the changed field are those of the system, besides the ones added.
 """
 
 from __future__ import annotations
@@ -51,10 +54,18 @@ class ResidualFunction:
     """
 
     def __init__(
-        self, expressions: Sequence[Expr], unknowns: Sequence[str], values: Mapping[str, float], *given: str
+        self,
+        expressions: Sequence[Expr],
+        unknowns: Sequence[str],
+        values: Mapping[str, float],
+        *given: str,
     ) -> None:
         self.unknowns, self.rows = tuple(unknowns), len(expressions)
-        slopes = {(i, j): ex.derivative(e, x) for i, e in enumerate(expressions) for j, x in enumerate(unknowns)}
+        slopes = {
+            (i, j): ex.derivative(e, x)
+            for i, e in enumerate(expressions)
+            for j, x in enumerate(unknowns)
+        }
         slopes = {place: d for place, d in slopes.items() if d is not ex.ZERO}
         used = frozenset().union(*(e.symbols for e in expressions)) if expressions else frozenset()
         fixed = sorted(used - {*unknowns, *given})
@@ -64,9 +75,12 @@ class ResidualFunction:
         self.affine = not any(d.symbols & set(unknowns) for d in slopes.values())
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
-        """Values and slopes; shapes (rows, …) and (rows, unknowns, …) for x of shape (unknowns, …)."""
+        """Values and slopes; shapes (rows, …) and (rows, unknowns, …) for x of shape (unknowns,
+        …)."""
         fixed = self._fixed.reshape(-1, *([1] * (x.ndim - 1)))
-        out = self._evaluate(np.concatenate([x, np.broadcast_to(fixed, (len(fixed), *x.shape[1:]))]))
+        out = self._evaluate(
+            np.concatenate([x, np.broadcast_to(fixed, (len(fixed), *x.shape[1:]))])
+        )
         slopes = np.zeros((self.rows, len(self.unknowns), *x.shape[1:]))
         slopes[self._places] = out[self.rows :]
         return out[: self.rows], slopes
@@ -79,10 +93,11 @@ class Sizes:
     Attributes
     ----------
     state : array, shape (points, states)
-        What the state would be if no two terms of the equations cancelled: the scale of its rounding errors.
+        What the state would be if no two terms of the equations cancelled: the scale of its
+        rounding errors.
     margins : array, shape (points, guards)
-        Guards relative to the size of their terms: nonnegative where the mode holds. States count with their largest
-        size over the points.
+        Guards relative to the size of their terms: nonnegative where the mode holds. States count
+        with their largest size over the points.
     defect : array, shape (points,)
         How well a point solves the equations: what is left, relative to the terms.
     """
@@ -114,14 +129,19 @@ class Steady:
 
     @cached_property
     def rates(self) -> list[Expr]:
-        """The changed field, whose zeros are the steady motions; f itself if nothing is to be changed."""
+        """The changed field, whose zeros are the steady motions; f itself if nothing is to be
+        changed."""
         f = self.field
         changed = list(f.rates)
         for e in self.invariant.T:
-            offset = [ex.sym(y) - y0 for y, y0 in zip(f.state, map(float, self.origin), strict=True)]
+            offset = [
+                ex.sym(y) - y0 for y, y0 in zip(f.state, map(float, self.origin), strict=True)
+            ]
             along = [(rate + d, float(w)) for rate, d, w in zip(f.rates, offset, e, strict=True)]
             total = ex.add(*(pair for pair in along if pair[1] != 0.0))
-            changed = [r - float(w) * total if w != 0.0 else r for r, w in zip(changed, e, strict=True)]
+            changed = [
+                r - float(w) * total if w != 0.0 else r for r, w in zip(changed, e, strict=True)
+            ]
         for g in f.constraints:
             changed = [r - d * g for r, d in zip(changed, f.gradient(g), strict=True)]
         return changed
@@ -143,7 +163,9 @@ class Steady:
     def _everything(self) -> ResidualFunction:
         """Changed field and guards with their slopes in the state and all parameters."""
         f = self.field
-        return ResidualFunction([*self.rates, *(g.value for g in f.guards)], [*f.state, *f.parameters], {})
+        return ResidualFunction(
+            [*self.rates, *(g.value for g in f.guards)], [*f.state, *f.parameters], {}
+        )
 
     def point(self, y: Array, changes: Mapping[str, float] | None = None) -> Array:
         """State and all parameters as one vector."""
@@ -159,7 +181,8 @@ class Steady:
         """∂f/∂y within the constraints and modulo translation."""
         n = len(self.field.state)
         _, slopes = self._local(point)
-        J, removed = slopes[:n], np.vstack([slopes[n:], self.invariant.T])
+        J = slopes[:n]
+        removed = np.vstack([slopes[n:], self.invariant.T])
         if len(removed) == 0:
             return J
         basis = np.linalg.svd(removed)[2][np.linalg.matrix_rank(removed) :]
@@ -177,20 +200,24 @@ class Steady:
         ----------
         points : array, shape (states + parameters, points)
         among : array, optional
-            All points of a branch that these belong to: what is large somewhere is known no better elsewhere.
+            All points of a branch that these belong to: what is large somewhere is known no better
+            elsewhere.
         """
         n = len(self.field.state)
         values, slopes = (np.moveaxis(a, -1, 0) for a in self._everything(points))
         inverse = np.linalg.pinv(slopes[:, :n, :n])
         terms = np.einsum("kij,jk->ki", np.abs(slopes), np.abs(points))
-        state = np.maximum(np.abs(points[:n].T), np.einsum("kij,kj->ki", np.abs(inverse), terms[:, :n]))
+        state = np.maximum(
+            np.abs(points[:n].T), np.einsum("kij,kj->ki", np.abs(inverse), terms[:, :n])
+        )
         largest = np.max(np.abs(points if among is None else among), axis=1)
         largest[:n] = np.maximum(largest[:n], np.max(state, axis=0))
         relative = values / np.maximum(np.abs(slopes) @ largest, 1e-300)
         return Sizes(state, relative[:, n:], np.max(np.abs(relative[:, :n]), axis=1, initial=0.0))
 
     def units(self, x: Array, spans: Mapping[str, tuple[float, float]]) -> Array:
-        """Lengths that count on a branch over ranges of parameters, for each component of the state.
+        """Lengths that count on a branch over ranges of parameters, for each component of the
+        state.
 
         That is its size, or how far it moves with the parameters, as far as this is not much more.
 
@@ -201,7 +228,9 @@ class Steady:
         spans : mapping of str to (float, float)
         """
         n = len(self.field.state)
-        state = self.sizes(self.point(x[:n], dict(zip(spans, x[n:], strict=True)))[:, None]).state[0]
+        state = self.sizes(self.point(x[:n], dict(zip(spans, x[n:], strict=True)))[:, None]).state[
+            0
+        ]
         own = np.maximum(np.abs(x[:n]), 0.01 * state)
         _, slopes = self.residual(*spans)(x)
         widths = np.array([high - low for low, high in spans.values()])
@@ -220,10 +249,16 @@ class Steady:
         n = len(self.field.state)
         values, slopes = self._local(point)
         rates = self.invariant @ (self.invariant.T @ values[:n])
-        return np.where(np.abs(rates) <= NOISE * (np.abs(slopes[:n]) @ self.sizes(point[:, None]).state[0]), 0.0, rates)
+        return np.where(
+            np.abs(rates) <= NOISE * (np.abs(slopes[:n]) @ self.sizes(point[:, None]).state[0]),
+            0.0,
+            rates,
+        )
 
 
-def invariant_directions(equations: MotionEquations, values: Mapping[str, float], origin: Array) -> Array:
+def invariant_directions(
+    equations: MotionEquations, values: Mapping[str, float], origin: Array
+) -> Array:
     """Orthonormal basis of the translations that change no force, no law, no threshold and no kink.
 
     Within a region all of these are analytic, so that slopes at random points decide.
@@ -234,18 +269,35 @@ def invariant_directions(equations: MotionEquations, values: Mapping[str, float]
     """
     d = equations.declaration
     contacts, rate = equations.contacts, equations.rate
-    felt = [*equations.inertial_force, *equations.viscous_force, *equations.laws, *rate.force, *equations.kinks]
+    felt = [
+        *equations.inertial_force,
+        *equations.viscous_force,
+        *equations.laws,
+        *rate.force,
+        *equations.kinks,
+    ]
     for c in contacts:
         felt += [c.plus, c.minus, c.kinetic_plus, c.kinetic_minus]
     places = [i for i, name in enumerate(d.state) if name not in {f"d_{q}" for q in d.inertial}]
     names = [d.state[i] for i in places]
     slopes = [[ex.derivative(e, name) for name in names] for e in felt]
-    rng, rows = np.random.default_rng(0), []
-    others = sorted(frozenset().union(*(e.symbols for e in felt)) - set(values) - set(d.state)) if felt else []
+    rng = np.random.default_rng(0)
+    rows = []
+    others = (
+        sorted(frozenset().union(*(e.symbols for e in felt)) - set(values) - set(d.state))
+        if felt
+        else []
+    )
     for turn in range(4):
         spread = 0.3 * turn
-        y = origin * (1.0 + spread * rng.uniform(-1, 1, len(origin))) + spread * rng.uniform(0, 1, len(origin))
-        at = {**values, **dict(zip(d.state, map(float, y), strict=True)), **{name: 0.3 + 0.1 * turn for name in others}}
+        y = origin * (1.0 + spread * rng.uniform(-1, 1, len(origin))) + spread * rng.uniform(
+            0, 1, len(origin)
+        )
+        at = {
+            **values,
+            **dict(zip(d.state, map(float, y), strict=True)),
+            **{name: 0.3 + 0.1 * turn for name in others},
+        }
         rows += [[ex.evaluate(s, at) if s is not ex.ZERO else 0.0 for s in row] for row in slopes]
     matrix = np.array(rows).reshape(-1, len(names))
     matrix = matrix[np.all(np.isfinite(matrix), axis=1)]

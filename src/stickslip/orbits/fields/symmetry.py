@@ -1,8 +1,10 @@
-"""What leaves a system unchanged: shifts of the state, shifts of time, and moving frames; the period of what drives it.
+"""What leaves a system unchanged: shifts of the state, shifts of time, and moving frames; the
+period of what drives it.
 
-A translation e leaves every field and every guard unchanged: ∂f·e = 0. A system under a load ℓ = Vt is unchanged if
-time and position are shifted together: ∂ₜf + ∂f·e = 0, it is autonomous in the frame that moves with e. Both are
-directions in which all first derivatives vanish, so they are found, not declared.
+A translation e leaves every field and every guard unchanged: ∂f·e = 0. A system under a load ℓ = Vt
+is unchanged if time and position are shifted together: ∂ₜf + ∂f·e = 0, it is autonomous in the
+frame that moves with e. Both are directions in which all first derivatives vanish, so they are
+found, not declared.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ RANK = 1e-9  # singular values below this part of the largest are zero
 SAME = 1e-9  # changes below this part of their terms are none
 ROUNDING = 1e-15  # … and so are those below this part of the largest terms
 SAMPLES = 12  # of every piece, at which symmetries are looked for
-EVEN, ODD = ("cos", "cosh"), ("sin", "sinh", "tan", "tanh", "atan", "asinh")
+EVEN = ("cos", "cosh")
+ODD = ("sin", "sinh", "tan", "tanh", "atan", "asinh")
 MOST_PERIODS = 24  # drives have a common period if it is at most this many of their own
 
 
@@ -41,10 +44,11 @@ class Symmetry:
     shifts : array, shape (states, translations)
         Directions in which the state may be shifted.
     frame : array, shape (states,), or None
-        Velocity e of the frame in which the system is autonomous (0: it does not depend on time at all). None: time
-        matters, the system is driven.
+        Velocity e of the frame in which the system is autonomous (0: it does not depend on time at
+        all). None: time matters, the system is driven.
     turn : array, shape (states,)
-        Of driven systems: the shift of the state with which the system is the same one period of its drives later.
+        Of driven systems: the shift of the state with which the system is the same one period of
+        its drives later.
     """
 
     shifts: Array
@@ -82,7 +86,8 @@ class Surroundings:
     def symmetry(self, p: Array, drives: tuple[float, int] | None) -> Symmetry:
         """Invariance for given parameters.
 
-        `drives`: their common period, and how many times the system repeats in it (None: there are none).
+        `drives`: their common period, and how many times the system repeats in it (None: there are
+        none).
 
         Raises
         ------
@@ -97,8 +102,10 @@ class Surroundings:
 
     @cached_property
     def _samples(self) -> list[tuple[Piece, Array, Array]]:
-        # At random: at equal distances, all of them may meet a drive at the phase at which it does not change.
-        found, rng = [], np.random.default_rng(0)
+        # At random: at equal distances, all of them may meet a drive at the phase at which it does
+        # not change.
+        found = []
+        rng = np.random.default_rng(0)
         for piece in dict.fromkeys(self.pieces):
             index = np.array([i for i, own in enumerate(self.pieces) if own is piece])
             index = np.sort(rng.choice(index, min(len(index), SAMPLES), replace=False))
@@ -106,8 +113,10 @@ class Surroundings:
         return found
 
     def _unchanged(self, p: Array) -> Array:
-        """Basis of the directions of (t, y) along which nothing changes, shape (1 + n, directions)."""
-        rng, n = np.random.default_rng(0), len(self.sizes)
+        """Basis of the directions of (t, y) along which nothing changes, shape (1 + n,
+        directions)."""
+        rng = np.random.default_rng(0)
+        n = len(self.sizes)
         rates, others = [], []
         for piece, t, y in self._samples:
             around = y + 0.1 * self.sizes[:, None] * rng.uniform(-1.0, 1.0, y.shape)
@@ -118,24 +127,37 @@ class Surroundings:
         # A rate that is 0 in one piece up to rounding is measured by what it is in the others.
         table = np.concatenate(rates)
         size = np.max(np.abs(table), axis=(0, 2), keepdims=True, initial=0.0)
-        matrix = np.concatenate([(table / np.where(size > 0.0, size, 1.0)).reshape(-1, 1 + n), *map(_unit, others)])
+        matrix = np.concatenate(
+            [(table / np.where(size > 0.0, size, 1.0)).reshape(-1, 1 + n), *map(_unit, others)]
+        )
         _, s, v = np.linalg.svd(np.vstack([matrix, np.zeros((1 + n, 1 + n))]), full_matrices=False)
         rank = int(np.sum(s > RANK * max(s[0], 1e-300)))
         return v[rank:].T * np.append(1.0, self.sizes)[:, None]
 
     def _turn(self, p: Array, period: float) -> Array:
-        """Shift of the state that a period of the drives makes up for; a load Vt + sin ωt shifts by V·period."""
-        rows, changes, terms, n = [], [], [], len(self.sizes)
+        """Shift of the state that a period of the drives makes up for; a load Vt + sin ωt shifts by
+        V·period."""
+        rows = []
+        changes = []
+        terms = []
+        n = len(self.sizes)
         for piece, t, y in self._samples:
-            slopes, now, later = piece.dependence(t, y, p), piece.felt(t, y, p), piece.felt(t + period, y, p)
+            slopes = piece.dependence(t, y, p)
+            now = piece.felt(t, y, p)
+            later = piece.felt(t + period, y, p)
             rows.append(slopes[:, :, 1:].reshape(-1, n))
             changes.append((later - now).T.ravel())
-            terms.append((np.abs(now) + np.abs(later) + period * np.abs(slopes[:, :, 0].T)).T.ravel())
-        matrix, change = np.concatenate(rows) * self.sizes, np.concatenate(changes)
+            terms.append(
+                (np.abs(now) + np.abs(later) + period * np.abs(slopes[:, :, 0].T)).T.ravel()
+            )
+        matrix = np.concatenate(rows) * self.sizes
+        change = np.concatenate(changes)
         size = np.max(np.abs(matrix), axis=1, initial=0.0) + np.concatenate(terms)
-        # What vanishes in a piece, as the acceleration in stick does, is rounding of what is large elsewhere.
+        # What vanishes in a piece, as the acceleration in stick does, is rounding of what is large
+        # elsewhere.
         size = np.maximum(size, ROUNDING / SAME * np.max(size) + 1e-300)
-        matrix, change = matrix / size[:, None], change / size
+        matrix = matrix / size[:, None]
+        change = change / size
         if np.max(np.abs(change)) <= SAME:
             return np.zeros(n)
         shift = np.linalg.lstsq(matrix, -change, rcond=RANK)[0]
@@ -143,7 +165,8 @@ class Surroundings:
             return np.where(np.abs(shift) > SAME * np.max(np.abs(shift)), shift, 0.0) * self.sizes
         raise DeclarationError(
             "period",
-            f"the system is not the same after the period {period:.9g} of its drives: time enters in another way, too",
+            f"the system is not the same after the period {period:.9g} of its drives: time enters "
+            "in another way, too",
             "Cycles need a system that repeats",
         )
 
@@ -213,7 +236,9 @@ class Clock:
         for name in sorted(self.zero):
             if values[name] != 0.0:
                 raise DeclarationError(
-                    name, "where it is not 0, the drives have another period", "Start from a cycle at such a value"
+                    name,
+                    "where it is not 0, the drives have another period",
+                    "Start from a cycle at such a value",
                 )
         return 2.0 * math.pi * self.multiple / self.parts / abs(ex.evaluate(self.frequency, values))
 
@@ -248,15 +273,20 @@ def clock(system: System, equations: MotionEquations, values: Mapping[str, float
     return found
 
 
-def _clock(system: System, equations: MotionEquations, values: Mapping[str, float], zero: frozenset[str]) -> Clock:
+def _clock(
+    system: System, equations: MotionEquations, values: Mapping[str, float], zero: frozenset[str]
+) -> Clock:
     """What they repeat after as long as some parameters are zero."""
     rates = {e: ex.evaluate(e, values) for e in equations.frequencies}
     felt = dict(zip(rates, equations.acting(zero), strict=True))
-    moving = {e: rate for e, rate in rates.items() if rate != 0.0 and (felt[e] or not any(felt.values()))}
+    moving = {
+        e: rate for e, rate in rates.items() if rate != 0.0 and (felt[e] or not any(felt.values()))
+    }
     if not moving:
         raise DeclarationError(
             system.name,
-            "it depends on time, but on no sine or cosine of a constant frequency, so that nothing tells its period",
+            "it depends on time, but on no sine or cosine of a constant frequency, so that nothing "
+            "tells its period",
             "Cycles need a drive that repeats, such as sin(omega*t)",
         )
     first, base = next(iter(moving.items()))
@@ -266,12 +296,17 @@ def _clock(system: System, equations: MotionEquations, values: Mapping[str, floa
         if abs(float(ratios[e]) - rate / base) > 1e-9 * abs(rate / base):
             raise DeclarationError(
                 system.name,
-                f"its drives have the angular frequencies {abs(base):.9g} and {abs(rate):.9g}, which have no common "
-                "period",
+                f"its drives have the angular frequencies {abs(base):.9g} and {abs(rate):.9g}, "
+                "which have no common period",
                 "Choose frequencies in the ratio of small whole numbers",
             )
     multiple = math.lcm(*(ratio.denominator for ratio in ratios.values()))
-    return Clock(first, multiple, _parts(equations, zero, {e: int(4 * r * multiple) for e, r in ratios.items()}), zero)
+    return Clock(
+        first,
+        multiple,
+        _parts(equations, zero, {e: int(4 * r * multiple) for e, r in ratios.items()}),
+        zero,
+    )
 
 
 def _parts(equations: MotionEquations, zero: frozenset[str], quarters: Mapping[Expr, int]) -> int:
@@ -291,7 +326,8 @@ def _parts(equations: MotionEquations, zero: frozenset[str], quarters: Mapping[E
 
 
 def _turned(formula: Expr, turns: Mapping[Expr, int]) -> Expr:
-    """A formula whose sines and cosines have been turned by quarters of their periods, by their frequencies."""
+    """A formula whose sines and cosines have been turned by quarters of their periods, by their
+    frequencies."""
     cycle = (("sin", 1.0), ("cos", 1.0), ("sin", -1.0), ("cos", -1.0))
 
     def turn(e: Expr) -> Expr | None:

@@ -1,13 +1,14 @@
-"""First variation of a motion: transition matrices of its smooth pieces and saltation matrices of its events.
+"""First variation of a motion: transition matrices of its smooth pieces and saltation matrices of
+its events.
 
-Between events Φ' = J(t)Φ along the motion's own states. At an event with the guard g the motion leaves the field f⁻ for
-f⁺, and neighbours do so a little earlier or later: S = I + (f⁺ − f⁻)∇gᵀ/(g_t + ∇g·f⁻). A parameter is one more
-component that does not move, so derivatives with respect to it pass through the same formulas.
+Between events Φ' = J(t)Φ along the motion's own states. At an event with the guard g the motion
+leaves the field f⁻ for f⁺, and neighbours do so a little earlier or later: S = I + (f⁺ −
+f⁻)∇gᵀ/(g_t + ∇g·f⁻). A parameter is one more component that does not move, so derivatives with
+respect to it pass through the same formulas.
 
-References
-----------
-R. I. Leine, H. Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical Systems*, Springer 2004, chapter 7 (the
-saltation matrix); E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, II.7 (collocation).
+References ---------- R. I. Leine, H. Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical
+Systems*, Springer 2004, chapter 7 (the saltation matrix); E. Hairer, S. P. Nørsett, G. Wanner,
+*Solving Ordinary Differential Equations I*, II.7 (collocation).
 """
 
 from __future__ import annotations
@@ -30,10 +31,14 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 STAGES = 8  # Gauss nodes of a step: order 16
-REACH = 1.5  # largest |eigenvalue| × step of a collocation step: its Padé approximant of exp is exact to rounding there
+# largest |eigenvalue| × step of a collocation step: its Padé approximant of exp is exact to
+# rounding there
+REACH = 1.5
 BATCH = 4096  # collocation steps solved at once
 TOGETHER = 1e-9  # events closer than this part of the motion are simultaneous
-TANGENT = 1e-6  # a guard whose rate is this small, relative to its terms and its usual rate, is touched, not crossed
+# a guard whose rate is this small, relative to its terms and its usual rate, is touched, not
+# crossed
+TANGENT = 1e-6
 SAME = 1e-8  # derivatives that differ by less, relative to the largest, are the same
 NO_JUMP = 1e-12  # a change of the field this small, relative to its terms, is none
 
@@ -45,13 +50,13 @@ class Variation:
     Attributes
     ----------
     after : array, shape (knots, m, directions)
-        How (state, p) right after each knot changes with the first one, in the directions that were asked for; m is
-        the number of states, plus 1 with a parameter.
+        How (state, p) right after each knot changes with the first one, in the directions that were
+        asked for; m is the number of states, plus 1 with a parameter.
     pieces : list of Piece
         Of the step that begins at each knot.
     corners, grazings : tuple of float
-        Times of events at which the motion has no derivative: events that coincide here and not nearby, and
-        guards that are touched without being crossed.
+        Times of events at which the motion has no derivative: events that coincide here and not
+        nearby, and guards that are touched without being crossed.
     """
 
     after: Array
@@ -79,8 +84,9 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
     pieces : Pieces
         Smooth pieces of its system; their free parameter p, if any, is differentiated for, too.
     directions : array, shape (m, directions), optional
-        Changes of the first (state, p); by default every component by itself. They have to keep the constraints of
-        the first mode: what sticks is not pushed, what slides without mass stays on its threshold.
+        Changes of the first (state, p); by default every component by itself. They have to keep the
+        constraints of the first mode: what sticks is not pushed, what slides without mass stays on
+        its threshold.
 
     Returns
     -------
@@ -106,22 +112,33 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
     return Variation(after, made, tuple(events.corners), tuple(events.grazings))
 
 
-# -- between events ------------------------------------------------------------------------------------------------
+# -- between events --------------------------------------------------------------------------------
 
 
 def transitions(trajectory: Trajectory, made: list[Piece], p: Array) -> Array:
     """Transition matrix of (state, p) over each step, shape (steps, m, m)."""
-    k, n, m = trajectory.knots, trajectory.knots.state.shape[1], len(made[0].columns)
-    parts, groups = resolution(trajectory, made, p), _steps_by_piece(trajectory.knots, made)
+    k = trajectory.knots
+    n = trajectory.knots.state.shape[1]
+    m = len(made[0].columns)
+    parts = resolution(trajectory, made, p)
+    groups = _steps_by_piece(trajectory.knots, made)
     flows = np.tile(np.eye(m), (len(parts), 1, 1))
     even = {piece for piece, _ in groups if piece.constant and m == n}
-    index = np.sort(np.concatenate([np.zeros(0, int), *(steps for piece, steps in groups if piece not in even)]))
+    index = np.sort(
+        np.concatenate([np.zeros(0, int), *(steps for piece, steps in groups if piece not in even)])
+    )
     times, owner, h = gauss_points(k, index, parts[index])
-    states = trajectory._sample(times.ravel(), np.repeat(owner, STAGES))[:, :n].reshape(-1, STAGES, n)
+    states = trajectory._sample(times.ravel(), np.repeat(owner, STAGES))[:, :n].reshape(
+        -1, STAGES, n
+    )
     for piece, steps in groups:
         if piece in even:
-            J = np.repeat(piece.jacobian(k.time[steps], k.state[steps].T, p)[:, None], STAGES, axis=1)
-            each = zip(collocation(J, np.diff(k.time)[steps] / parts[steps]), parts[steps], strict=True)
+            J = np.repeat(
+                piece.jacobian(k.time[steps], k.state[steps].T, p)[:, None], STAGES, axis=1
+            )
+            each = zip(
+                collocation(J, np.diff(k.time)[steps] / parts[steps]), parts[steps], strict=True
+            )
             flows[steps] = [np.linalg.matrix_power(flow, int(power)) for flow, power in each]
             continue
         own = np.isin(owner, steps)
@@ -144,18 +161,24 @@ def _steps_by_piece(k: Knots, made: list[Piece]) -> list[tuple[Piece, Array]]:
 def resolution(trajectory: Trajectory, made: list[Piece], p: Array) -> Array:
     """Number of equal parts of each step in which linear motions are resolved by a Gauss rule."""
     k = trajectory.knots
-    length, drives = np.diff(k.time), np.max(np.abs(trajectory._problem.constants.omega), initial=0.0)
+    length = np.diff(k.time)
+    drives = np.max(np.abs(trajectory._problem.constants.omega), initial=0.0)
     parts = np.ones(len(length), dtype=int)
     for piece, index in _steps_by_piece(k, made):
         ends = np.concatenate([index, index + 1])
         J = piece.jacobian(k.time[ends], k.state[ends].T, p)[:, :, : k.state.shape[1]]
-        fastest = np.maximum(*np.split(np.max(np.abs(np.linalg.eigvals(J)), axis=1, initial=0.0), 2))
-        parts[index] = np.maximum(1, np.ceil(length[index] * np.maximum(fastest, drives) / REACH)).astype(int)
+        fastest = np.maximum(
+            *np.split(np.max(np.abs(np.linalg.eigvals(J)), axis=1, initial=0.0), 2)
+        )
+        parts[index] = np.maximum(
+            1, np.ceil(length[index] * np.maximum(fastest, drives) / REACH)
+        ).astype(int)
     return parts
 
 
 def gauss_points(k: Knots, index: Array, parts: Array) -> tuple[Array, Array, Array]:
-    """Gauss nodes of steps divided into parts: times (pieces, stages), step of each piece, and length of each piece."""
+    """Gauss nodes of steps divided into parts: times (pieces, stages), step of each piece, and
+    length of each piece."""
     c = gauss()[0]
     owner = np.repeat(index, parts)
     within = np.arange(len(owner)) - np.repeat(np.cumsum(parts) - parts, parts)
@@ -164,7 +187,8 @@ def gauss_points(k: Knots, index: Array, parts: Array) -> tuple[Array, Array, Ar
 
 
 def _collocate(piece: Piece, times: Array, states: Array, h: Array, p: Array) -> Array:
-    """Upper rows of the transition matrices over collocation steps of one piece, from the states at their nodes."""
+    """Upper rows of the transition matrices over collocation steps of one piece, from the states at
+    their nodes."""
     flows = np.empty((len(h), states.shape[2], len(piece.columns)))
     for s in range(0, len(h), BATCH):
         part = slice(s, s + BATCH)
@@ -214,7 +238,8 @@ def gauss() -> tuple[Array, Array, Array]:
     """Nodes and weights on [0, 1] and the matrix of collocation aᵢⱼ = ∫₀^cᵢ ℓⱼ."""
     x, w = np.polynomial.legendre.leggauss(STAGES)
     c = 0.5 * (x + 1.0)
-    # ℓⱼ = Σ_d (2d + 1)/2 wⱼ P_d(xⱼ) P_d, and ∫P_d = (P_{d+1} − P_{d−1})/(2d + 1), both of which are stable.
+    # ℓⱼ = Σ_d (2d + 1)/2 wⱼ P_d(xⱼ) P_d, and ∫P_d = (P_{d+1} − P_{d−1})/(2d + 1), both of which are
+    # stable.
     P = np.polynomial.legendre.legvander(x, STAGES)
     integral = np.empty((STAGES, STAGES))
     integral[:, 0] = x + 1.0
@@ -224,29 +249,36 @@ def gauss() -> tuple[Array, Array, Array]:
     return c, 0.5 * w, 0.5 * integral @ weighted.T
 
 
-# -- at events -----------------------------------------------------------------------------------------------------
+# -- at events -------------------------------------------------------------------------------------
 
 
 class _Events:
     """Saltation matrices of the events of a motion."""
 
     def __init__(self, knots: Knots, made: list[Piece], p: Array, pieces: Pieces) -> None:
-        self.knots, self.made, self.p, self.pieces = knots, made, p, pieces
+        self.knots = knots
+        self.made = made
+        self.p = p
+        self.pieces = pieces
         self.together = TOGETHER * (knots.time[-1] - knots.time[0])
         self.corners: list[float] = []
         self.grazings: list[float] = []
 
     def last_of_cluster(self, i: int) -> int:
         """Last of the events that follow event i without any time in between."""
-        time, last = self.knots.time, i
+        time = self.knots.time
+        last = i
         while last + 2 < len(time) and time[last + 1] - time[i] <= 1e-3 * self.together:
             last += 1
         return last
 
     def saltation(self, i: int, last: int, arrived: Array) -> Array:
-        """Derivative of the states after the events i … last with respect to those before, along the motion."""
-        left, right = self.made[i - 1], self.made[last]
-        t, y = float(self.knots.time[i]), self.knots.state[i]
+        """Derivative of the states after the events i … last with respect to those before, along
+        the motion."""
+        left = self.made[i - 1]
+        right = self.made[last]
+        t = float(self.knots.time[i])
+        y = self.knots.state[i]
         here, f = left.leave(t, y, self.p), right.rates(t, y, self.p)
         fired = self._fired(left, right, here, self.knots.cause[i : last + 1])
         usual = self._usual(left, here, i, last)
@@ -257,7 +289,14 @@ class _Events:
         )
         if len(others) == 0 or self._coincide(here, [fired, *map(int, others)], arrived):
             return self._jump(here, fired, f, t, usual[fired])
-        return self._corner(left, right, t, y, [int(left.switches[fired]), *map(int, left.switches[others])], arrived)
+        return self._corner(
+            left,
+            right,
+            t,
+            y,
+            [int(left.switches[fired]), *map(int, left.switches[others])],
+            arrived,
+        )
 
     def _usual(self, left: Piece, here: Leaving, i: int, last: int) -> Array:
         """How fast the guards fall at most around an event."""
@@ -268,7 +307,8 @@ class _Events:
         return np.max(around, axis=0)
 
     def _fired(self, left: Piece, right: Piece, here: Leaving, cause: Array) -> int:
-        """The guard that fired: of those that belong to the causes, else to a switch that changed, the one at zero."""
+        """The guard that fired: of those that belong to the causes, else to a switch that changed,
+        the one at zero."""
         causes = {int(c) for c in cause if c >= 0}
         if not causes:
             causes = {int(s) for s in left.switches if left.setting(s) != right.setting(s)}
@@ -293,8 +333,11 @@ class _Events:
             S[: len(f)] += np.outer(f - here.rates, here.slopes[g] / here.fall[g])
         return S
 
-    def _corner(self, left: Piece, right: Piece, t: float, y: Array, switches: list[int], arrived: Array) -> Array:
-        """S where several guards vanish at once: it exists if the order in which they are passed does not matter."""
+    def _corner(
+        self, left: Piece, right: Piece, t: float, y: Array, switches: list[int], arrived: Array
+    ) -> Array:
+        """S where several guards vanish at once: it exists if the order in which they are passed
+        does not matter."""
         routes = [self._route(left, right, t, y, order) for order in permutations(switches[:3])]
         images = [S @ arrived for S in routes if S is not None]
         size = max((float(np.max(np.abs(image))) for image in images), default=0.0)
@@ -303,15 +346,22 @@ class _Events:
             self.corners.append(t)
         return next((S for S in routes if S is not None), np.eye(len(arrived)))
 
-    def _route(self, left: Piece, right: Piece, t: float, y: Array, order: Sequence[int]) -> Array | None:
+    def _route(
+        self, left: Piece, right: Piece, t: float, y: Array, order: Sequence[int]
+    ) -> Array | None:
         """S through the switches in an order; None if they do not change in it."""
-        S, piece = np.eye(len(left.columns)), left
+        S = np.eye(len(left.columns))
+        piece = left
         for switch in order:
             here = piece.leave(t, y, self.p)
             falling = [g for g in np.flatnonzero(piece.switches == switch) if here.fall[g] < 0.0]
             if not falling:
                 return None
             g = int(min(falling, key=lambda g: abs(here.value[g])))
-            piece = right if switch == order[-1] else self.pieces(*piece.switched(switch, right.setting(switch)))
+            piece = (
+                right
+                if switch == order[-1]
+                else self.pieces(*piece.switched(switch, right.setting(switch)))
+            )
             S = self._jump(here, g, piece.rates(t, y, self.p), t, here.terms[g]) @ S
         return S

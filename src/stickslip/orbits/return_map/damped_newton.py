@@ -14,14 +14,22 @@ from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.return_map.held import alike, held_positions
 from stickslip.orbits.return_map.multipliers import Spectrum, spectrum
 from stickslip.orbits.return_map.recurrence import Recurrence, Window, segments, sizes_of
-from stickslip.orbits.return_map.shooting import Orbit, Setting, Shooting, follow, make_station, numbers
+from stickslip.orbits.return_map.shooting import (
+    Orbit,
+    Setting,
+    Shooting,
+    follow,
+    make_station,
+    numbers,
+)
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 Array = np.ndarray
 
-MOST_STEPS, HALVINGS = 25, 6
+MOST_STEPS = 25
+HALVINGS = 6
 CLOSED = 1e-9  # a cycle closes up to this part of its size
 SINGULAR = 1e-11  # a singular value below this part of the largest is zero
 STATIONS = (1, 4, 16)  # tried one after the other
@@ -31,13 +39,17 @@ GROWTH = 1e4  # perturbations grow by at most this much between two stations
 
 
 class NotClosed(ConvergenceError):
-    """Newton's method has not closed a motion; `orbit` came nearest and fails by `miss`, in units of its size."""
+    """Newton's method has not closed a motion; `orbit` came nearest and fails by `miss`, in units
+    of its size."""
 
     def __init__(self, shooting: Shooting, orbit: Orbit, miss: float) -> None:
-        self.shooting, self.orbit, self.miss = shooting, orbit, miss
+        self.shooting = shooting
+        self.orbit = orbit
+        self.miss = miss
         super().__init__(
             f"a cycle of {shooting.problem.system.name}",
-            f"Newton's method did not converge; the nearest motion misses by {miss:.2g} of its size after the period "
+            f"Newton's method did not converge; the nearest motion misses by {miss:.2g} of its "
+            "size after the period "
             f"{orbit.period:.6g}, from {orbit.start}",
             "Start nearer to the cycle, or with a motion that has settled",
         )
@@ -47,7 +59,9 @@ def near(problem: Problem, pieces: Pieces, w: Window, found: Recurrence) -> tupl
     """The equations of the cycle near a recurrence, and where to start."""
     motion = follow(problem, found.time, found.time + found.period, found.state)
     sizes = sizes_of(motion, found.shift, pieces)
-    setting = Setting(w.symmetry, w.surroundings, w.clock, found.turns, sizes, held_positions(motion))
+    setting = Setting(
+        w.symmetry, w.surroundings, w.clock, found.turns, sizes, held_positions(motion)
+    )
     piece = pieces(motion.knots.mode[0], motion.knots.region[0])
     station = make_station(0.0, piece, found.time, found.state, numbers(problem), sizes)
     shooting = Shooting(problem, pieces, [station], found.time, setting)
@@ -75,7 +89,8 @@ def close(shooting: Shooting, x: Array, across: Array | None = None) -> Orbit:
         units = shooting.units(orbit.x)
         matrix, right = _balanced(orbit.J * units, orbit.F)
         if across is not None:
-            matrix, right = np.vstack([matrix, across]), np.append(right, 0.0)
+            matrix = np.vstack([matrix, across])
+            right = np.append(right, 0.0)
         step = np.linalg.lstsq(matrix, right, rcond=SINGULAR)[0]
         better = _shortened(shooting, orbit, units, step)
         if better is None:
@@ -88,13 +103,15 @@ def close(shooting: Shooting, x: Array, across: Array | None = None) -> Orbit:
 
 
 def _balanced(matrix: Array, right: Array) -> tuple[Array, Array]:
-    """Equations divided by their largest coefficient if it is large: growth in one direction must not hide others."""
+    """Equations divided by their largest coefficient if it is large: growth in one direction must
+    not hide others."""
     size = np.maximum(np.max(np.abs(matrix), axis=1), 1.0)
     return matrix / size[:, None], right / size
 
 
 def flattest(shooting: Shooting, orbit: Orbit) -> tuple[float, Array]:
-    """The least singular value of the equations, relative to the largest, and the change of the unknowns to it."""
+    """The least singular value of the equations, relative to the largest, and the change of the
+    unknowns to it."""
     square = orbit.J[:, : len(orbit.F)] * shooting.units(orbit.x)[: len(orbit.F)]
     _, s, v = np.linalg.svd(_balanced(square, orbit.F)[0])
     return float(s[-1] / s[0]), v[-1]
@@ -103,7 +120,9 @@ def flattest(shooting: Shooting, orbit: Orbit) -> tuple[float, Array]:
 def _shortened(shooting: Shooting, orbit: Orbit, units: Array, step: Array) -> Orbit | None:
     """The first of the shortened steps that closes better; None if there is none."""
     miss = np.linalg.norm(orbit.F)
-    part = min(1.0, 1.0 / (np.max(np.abs(step)) + 1e-300), 0.3 / (abs(step[shooting.time]) + 1e-300))
+    part = min(
+        1.0, 1.0 / (np.max(np.abs(step)) + 1e-300), 0.3 / (abs(step[shooting.time]) + 1e-300)
+    )
     for _ in range(HALVINGS):
         try:
             trial = shooting.orbit(orbit.x - part * units * step)
@@ -115,15 +134,21 @@ def _shortened(shooting: Shooting, orbit: Orbit, units: Array, step: Array) -> O
     return None
 
 
-# -- stations ------------------------------------------------------------------------------------------------------
+# -- stations --------------------------------------------------------------------------------------
 
 
 def growth(orbit: Orbit) -> float:
     """Largest growth of a perturbation from one station to the next."""
     n = len(orbit.shift)
-    # Where the state is a function of time alone, as that of a slipping rate-independent contact, nothing grows.
-    return max(float(np.max(np.abs(leg.change.matrix[:n, : leg.place.directions.shape[1]]
-               / np.max(np.abs(leg.place.directions), axis=0)), initial=0.0)) for leg in orbit.legs)  # fmt: skip
+    # Where the state is a function of time alone, as that of a slipping rate-independent contact,
+    # nothing grows.
+    largest = []
+    for leg in orbit.legs:
+        directions = leg.place.directions
+        change = leg.change.matrix[:n, : directions.shape[1]]
+        grown = change / np.max(np.abs(directions), axis=0)
+        largest.append(float(np.max(np.abs(grown), initial=0.0)))
+    return max(largest)
 
 
 def stations_for(shooting: Shooting, orbit: Orbit) -> int:
@@ -135,45 +160,58 @@ def stations_for(shooting: Shooting, orbit: Orbit) -> int:
 def best_start(shooting: Shooting, orbit: Orbit) -> float:
     """Time of the best state for a station, within one period.
 
-    It is the middle of the stretch with most constraints, and of those the longest; stretches that are about to vanish
-    do not count. On a cycle of one stretch it is where the motion is across the direction to the centre, so that the
-    section passes through the centre and the cycle may shrink to it.
+    It is the middle of the stretch with most constraints, and of those the longest; stretches that
+    are about to vanish do not count. On a cycle of one stretch it is where the motion is across the
+    direction to the centre, so that the section passes through the centre and the cycle may shrink
+    to it.
     """
-    k, pieces = orbit.motion.knots, shooting.pieces
+    k = orbit.motion.knots
+    pieces = shooting.pieces
     stretches = [(float(k.time[a]), float(k.time[b]), a) for a, b in segments(k)]
     first, last = stretches[0], stretches[-1]
     made = [pieces(k.mode[i], k.region[i]) for _, _, i in stretches]
     if all(piece is made[0] for piece in made):
         return _across_the_centre(shooting, orbit, made[0])
     if made[0] is made[-1]:
-        stretches, made = [*stretches[1:-1], (last[0] - orbit.period, first[1], first[2])], [*made[1:-1], made[0]]
+        stretches = [*stretches[1:-1], (last[0] - orbit.period, first[1], first[2])]
+        made = [*made[1:-1], made[0]]
     lengths = [b - a for a, b, _ in stretches]
     long = [i for i, length in enumerate(lengths) if length >= LONG * max(lengths)]
     most = max(made[i].bound for i in long)
     longest = max(lengths[i] for i in long if made[i].bound == most)
-    a, b, _ = next(stretches[i] for i in long if made[i].bound == most and lengths[i] > 0.999 * longest)
+    a, b, _ = next(
+        stretches[i] for i in long if made[i].bound == most and lengths[i] > 0.999 * longest
+    )
     middle = 0.5 * (a + b)
     return middle if middle >= k.time[0] else middle + orbit.period
 
 
 def _across_the_centre(shooting: Shooting, orbit: Orbit, piece: Piece) -> float:
-    """When the motion is nearly at a right angle to the direction from the centre, and far from every boundary."""
-    closed, count = Closed(shooting, orbit), 64
-    sizes, times = shooting.setting.sizes, orbit.motion.knots.time[0] + np.arange(count) / count * orbit.period
+    """When the motion is nearly at a right angle to the direction from the centre, and far from
+    every boundary."""
+    closed = Closed(shooting, orbit)
+    count = 64
+    sizes = shooting.setting.sizes
+    times = orbit.motion.knots.time[0] + np.arange(count) / count * orbit.period
     states = closed.samples(count)
     radius = (states - np.mean(states, axis=0)) / sizes
     motion = np.roll(radius, -1, axis=0) - np.roll(radius, 1, axis=0)
     lengths = np.linalg.norm(radius, axis=1) * np.linalg.norm(motion, axis=1)
     cosine = np.abs(np.sum(radius * motion, axis=1)) / np.maximum(lengths, 1e-300)
     states = states + np.outer(np.arange(count) / count, orbit.shift)
-    n, p = states.shape[1], numbers(orbit.problem)
+    n = states.shape[1]
+    p = numbers(orbit.problem)
     guards = piece.felt(times, states.T, p)[n : n + len(piece.switches)]
-    room = np.min(guards / np.max(np.abs(guards), axis=1, keepdims=True, initial=1e-300), axis=0, initial=1.0)
+    room = np.min(
+        guards / np.max(np.abs(guards), axis=1, keepdims=True, initial=1e-300), axis=0, initial=1.0
+    )
     across = cosine <= max(ACROSS, float(np.min(cosine)))
     return float(times[np.argmax(np.where(across, room, -np.inf))])
 
 
-def restarted(shooting: Shooting, orbit: Orbit, count: int, sizes: Array | None = None) -> tuple[Shooting, Array]:
+def restarted(
+    shooting: Shooting, orbit: Orbit, count: int, sizes: Array | None = None
+) -> tuple[Shooting, Array]:
     """The equations of the same cycle with a number of stations, the first well inside its stretch.
 
     Parameters
@@ -182,7 +220,9 @@ def restarted(shooting: Shooting, orbit: Orbit, count: int, sizes: Array | None 
         New units of the state.
     """
     begin = best_start(shooting, orbit)
-    y = orbit.motion._sample(np.array([begin]), np.array([_step(orbit.motion, begin)]))[0, : len(orbit.shift)]
+    y = orbit.motion._sample(np.array([begin]), np.array([_step(orbit.motion, begin)]))[
+        0, : len(orbit.shift)
+    ]
     shift, start = carried_along(shooting.setting, orbit.problem, begin)
     y = y - shift
     motion = follow(orbit.problem, start, start + orbit.period, y)
@@ -190,13 +230,18 @@ def restarted(shooting: Shooting, orbit: Orbit, count: int, sizes: Array | None 
     held = held_positions(motion, shooting.setting.held)
     setting = replace(shooting.setting, sizes=sizes, held=held)
     # Stations that the events around them would put onto one time are one.
-    wanted = [_well_inside(motion, start + float(part) * orbit.period) for part in np.arange(1, count) / count]
+    wanted = [
+        _well_inside(motion, start + float(part) * orbit.period)
+        for part in np.arange(1, count) / count
+    ]
     stations = []
     for t, i in sorted({(start, 0), *wanted}):
         state = motion._sample(np.array([t]), np.array([i]))[0, : len(y)]
         piece = shooting.pieces(motion.knots.mode[i], motion.knots.region[i])
         stations.append(
-            make_station((t - start) / orbit.period, piece, t, state, numbers(orbit.problem), setting.sizes)
+            make_station(
+                (t - start) / orbit.period, piece, t, state, numbers(orbit.problem), setting.sizes
+            )
         )
     new = Shooting(orbit.problem, shooting.pieces, stations, start, setting)
     return new, new.guess(orbit.period, orbit.shift)
@@ -230,7 +275,8 @@ class Closed:
 
     def samples(self, count: int) -> Array:
         """States at even times of the period, without the drift, shape (count, n)."""
-        k, part = self.orbit.motion.knots, np.arange(count) / count
+        k = self.orbit.motion.knots
+        part = np.arange(count) / count
         times = k.time[0] + part * self.orbit.period
         steps = np.clip(np.searchsorted(k.time, times, side="right") - 1, 0, len(k.time) - 2)
         states = self.orbit.motion._sample(times, steps)[:, : len(self.orbit.shift)]
@@ -244,20 +290,25 @@ class Closed:
     def distance(self, state: Array, time: float) -> float:
         """From a state to the nearest point of the cycle, up to translations, in the same units.
 
-        Of a driven system the points are those that the cycle passes at the same phase of the drive.
+        Of a driven system the points are those that the cycle passes at the same phase of the
+        drive.
         """
         setting = self.shooting.setting
         shift, time = carried_along(setting, self.orbit.problem, time)
         points = self.samples(256) if setting.symmetry.frame is not None else self._strobed(time)
-        gap, N = (points - (state - shift)) / setting.sizes, setting.symmetry.shifts / setting.sizes[:, None]
+        gap = (points - (state - shift)) / setting.sizes
+        N = setting.symmetry.shifts / setting.sizes[:, None]
         gap = gap - (gap @ N) @ np.linalg.pinv(N) if N.shape[1] else gap
         return float(np.min(np.linalg.norm(gap, axis=1)))
 
     def _strobed(self, time: float) -> Array:
         """States at one phase of the drive, each without what the loads have shifted it by."""
-        motion, setting, problem = self.orbit.motion, self.shooting.setting, self.orbit.problem
+        motion = self.orbit.motion
+        setting = self.shooting.setting
+        problem = self.orbit.problem
         assert setting.clock is not None
-        whole, begin = setting.clock.period(problem.parameters), float(motion.knots.time[0])
+        whole = setting.clock.period(problem.parameters)
+        begin = float(motion.knots.time[0])
         times = begin + (time - begin) % whole + whole * np.arange(setting.turns)
         steps = np.array([_step(motion, t) for t in times])
         states = motion._sample(times, steps)[:, : len(self.orbit.shift)]
@@ -265,7 +316,8 @@ class Closed:
 
 
 def carried_along(setting: Setting, problem: Problem, time: float) -> tuple[Array, float]:
-    """By how much the loads have shifted the state by a time, and an equivalent time: 0, or within the first period."""
+    """By how much the loads have shifted the state by a time, and an equivalent time: 0, or within
+    the first period."""
     symmetry = setting.at(problem)
     if symmetry.frame is not None:
         return time * symmetry.frame, 0.0
@@ -296,7 +348,8 @@ def converge(shooting: Shooting, x: Array) -> Closed:
 
 
 def _resting_alike(shooting: Shooting, orbit: Orbit) -> Closed:
-    """The same cycle from its best place, with the equations that say where the contacts rest that it never moves."""
+    """The same cycle from its best place, with the equations that say where the contacts rest that
+    it never moves."""
     for _ in range(3):
         if alike(shooting.setting.held, held_positions(orbit.motion)):
             break
@@ -306,6 +359,7 @@ def _resting_alike(shooting: Shooting, orbit: Orbit) -> Closed:
 
 
 def well_placed(shooting: Shooting, orbit: Orbit) -> Closed:
-    """The same cycle from the best place to start it, with as many stations as its growth asks for."""
+    """The same cycle from the best place to start it, with as many stations as its growth asks
+    for."""
     new, x = restarted(shooting, orbit, stations_for(shooting, orbit))
     return Closed(new, close(new, x))

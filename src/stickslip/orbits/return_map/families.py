@@ -1,10 +1,12 @@
-"""Cycles that come in families: the state can be moved and the motion still closes, although nothing is translated.
+"""Cycles that come in families: the state can be moved and the motion still closes, although
+nothing is translated.
 
-Every amplitude is a cycle where nothing is damped; the forced oscillator with dry friction has a continuum of
-asymmetric cycles where the drive has an even part of its own frequency (G. Csernák, G. Stépán, S. W. Shaw,
-*Sub-harmonic resonant solutions of a harmonically excited dry friction oscillator*, Nonlinear Dynamics 50 (2007)
-93-109). All members are marginally stable, and nothing chooses one of them. The positions in which contacts rest that
-never slip are no such family: they are given (:attr:`stickslip.orbits.return_map.shooting.Setting.held`).
+Every amplitude is a cycle where nothing is damped; the forced oscillator with dry friction has a
+continuum of asymmetric cycles where the drive has an even part of its own frequency (G. Csernák, G.
+Stépán, S. W. Shaw, *Sub-harmonic resonant solutions of a harmonically excited dry friction
+oscillator*, Nonlinear Dynamics 50 (2007) 93-109). All members are marginally stable, and nothing
+chooses one of them. The positions in which contacts rest that never slip are no such family: they
+are given (:attr:`stickslip.orbits.return_map.shooting.Setting.held`).
 """
 
 from __future__ import annotations
@@ -12,15 +14,24 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.errors import ConvergenceError, StickslipError
-from stickslip.orbits.return_map.damped_newton import SINGULAR, Closed, NotClosed, close, flattest, restarted
+from stickslip.orbits.return_map.damped_newton import (
+    SINGULAR,
+    Closed,
+    NotClosed,
+    close,
+    flattest,
+    restarted,
+)
 from stickslip.orbits.return_map.shooting import Orbit, Shooting
 
 Array = np.ndarray
 
-SLOW = 1e-2  # a singular value below this part of the largest belongs to a change that hardly comes back
+# a singular value below this part of the largest belongs to a change that hardly comes back
+SLOW = 1e-2
 CREEPS = 1e-3  # a motion towards an edge closes up to this part of its size, at least
 EXACT = 1e-11  # members of a family close up to this part of their size
-AWAY = (2e-2, -2e-2, 2e-3, -2e-3)  # members are looked for so far away, in units of the size of the cycle
+# members are looked for so far away, in units of the size of the cycle
+AWAY = (2e-2, -2e-2, 2e-3, -2e-3)
 
 
 class Family(ConvergenceError):
@@ -33,7 +44,8 @@ def check_isolated(closed: Closed) -> None:
     Raises
     ------
     Family
-        If the state can be moved so that the motion still closes: an invariant direction that is no translation.
+        If the state can be moved so that the motion still closes: an invariant direction that is no
+        translation.
     """
     ratio, direction = flattest(closed.shooting, closed.orbit)
     if ratio <= SINGULAR:
@@ -41,10 +53,12 @@ def check_isolated(closed: Closed) -> None:
 
 
 def members_beside(failure: NotClosed) -> list[Closed]:
-    """Two members of a family, towards the edge of which a motion creeps that does not close; none if there are not.
+    """Two members of a family, towards the edge of which a motion creeps that does not close; none
+    if there are not.
 
-    Along the family nothing pulls it back, so that Newton's method and the motion itself come nearer more and more
-    slowly. A bit further along the direction in which next to nothing changes there are members of the family.
+    Along the family nothing pulls it back, so that Newton's method and the motion itself come
+    nearer more and more slowly. A bit further along the direction in which next to nothing changes
+    there are members of the family.
     """
     if failure.miss > CREEPS:
         return []
@@ -74,7 +88,9 @@ def members_beside(failure: NotClosed) -> list[Closed]:
 def family_of(members: list[Closed]) -> Family:
     """What is said of a family of which two members are known."""
     (first, second), shooting = members, members[1].shooting
-    return _family(shooting, second.orbit, (second.orbit.x - first.orbit.x) / shooting.units(first.orbit.x))
+    return _family(
+        shooting, second.orbit, (second.orbit.x - first.orbit.x) / shooting.units(first.orbit.x)
+    )
 
 
 def _family(shooting: Shooting, orbit: Orbit, direction: Array) -> Family:
@@ -82,12 +98,14 @@ def _family(shooting: Shooting, orbit: Orbit, direction: Array) -> Family:
     change = shooting.stations[0].basis @ direction[: shooting.first[1]]
     change = change / np.max(np.abs(change))
     names = shooting.problem.system.declaration.state
-    along = ", ".join(f"{name}: {w:.4g}" for name, w in zip(names, change, strict=True) if abs(w) > 1e-6)
+    along = ", ".join(
+        f"{name}: {w:.4g}" for name, w in zip(names, change, strict=True) if abs(w) > 1e-6
+    )
     return Family(
         f"a cycle of {shooting.problem.system.name}",
-        f"the cycles come in a family, although the system has no translation: the one of period {orbit.period:.9g} "
-        f"from {orbit.start} still closes if its state is moved along ({along}), so that all of them are marginally "
-        "stable",
-        "Nothing chooses one of them, such as damping or a contact that carries along what moves freely; change the "
-        "parameters, or start elsewhere",
+        "the cycles come in a family, although the system has no translation: the one of period "
+        f"{orbit.period:.9g} from {orbit.start} still closes if its state is moved along "
+        f"({along}), so that all of them are marginally stable",
+        "Nothing chooses one of them, such as damping or a contact that carries along what moves "
+        "freely; change the parameters, or start elsewhere",
     )

@@ -1,8 +1,9 @@
 """Positions in which contacts rest that stick all through a cycle.
 
-Such a contact comes back to where it was by itself. There is a cycle for every position in which the thresholds hold it
-all the time, and the one that belongs to a given position is meant. Where a parameter changes so far that a threshold
-no longer holds it there, the contact is carried along that edge: it rests where it is just held.
+Such a contact comes back to where it was by itself. There is a cycle for every position in which
+the thresholds hold it all the time, and the one that belongs to a given position is meant. Where a
+parameter changes so far that a threshold no longer holds it there, the contact is carried along
+that edge: it rests where it is just held.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 PARTS = 16  # of the motion, in each of which a guard is looked at eight times and at its ends
-HELD = 1e-9  # by this part of its thresholds a contact on its edge is held: nearer, rounding makes it slip
+# by this part of its thresholds a contact on its edge is held: nearer, rounding makes it slip
+HELD = 1e-9
 
 
 @dataclass(frozen=True)
@@ -37,8 +39,8 @@ class Held:
     form : array, shape (n,)
         The position as a linear form of the state.
     edge : int
-        0: it is that at the origin of the first station. +1, −1: it is that in which the contact just fails to slip
-        this way.
+        0: it is that at the origin of the first station. +1, −1: it is that in which the contact
+        just fails to slip this way.
     """
 
     contact: int
@@ -65,9 +67,12 @@ class Touch:
 
 
 def held_positions(motion: Trajectory, before: Sequence[Held] = ()) -> tuple[Held, ...]:
-    """The independent positions that contacts keep in a motion because they stick; what was on an edge stays there."""
-    k, equations = motion.knots, motion._problem.compiled.equations
-    state, edges = equations.declaration.state, {h.contact: h.edge for h in before}
+    """The independent positions that contacts keep in a motion because they stick; what was on an
+    edge stays there."""
+    k = motion.knots
+    equations = motion._problem.compiled.equations
+    state = equations.declaration.state
+    edges = {h.contact: h.edge for h in before}
     stuck = np.all(k.mode[:-1][np.diff(k.time) > 0.0] == 0, axis=0)
     found: list[Held] = []
     for i in np.flatnonzero(stuck):
@@ -96,18 +101,22 @@ def alike(a: Sequence[Held], b: Sequence[Held]) -> bool:
 
 def slips(held: Held, motions: Sequence[Trajectory]) -> bool:
     """Whether a contact slips in some motions."""
-    return any(bool(np.any(m.knots.mode[:-1][np.diff(m.knots.time) > 0.0, held.contact])) for m in motions)
+    return any(
+        bool(np.any(m.knots.mode[:-1][np.diff(m.knots.time) > 0.0, held.contact])) for m in motions
+    )
 
 
 def nearest_slip(held: Held, legs: Sequence[tuple[Trajectory, Variation]], pieces: Pieces) -> Touch:
     """Where a contact that sticks throughout comes nearest to slipping the way of its edge.
 
-    At the least value of its guard only the value changes, not the time, so that the derivatives are those at a time.
+    At the least value of its guard only the value changes, not the time, so that the derivatives
+    are those at a time.
     """
     found = [(*_lowest(held, motion, change), j) for j, (motion, change) in enumerate(legs)]
     _, t, i, j = min(found, key=lambda entry: entry[0])
     motion, change = legs[j]
-    k, piece = motion.knots, change.pieces[i]
+    k = motion.knots
+    piece = change.pieces[i]
     y = motion._sample(np.array([t]), np.array([i]))[0, : k.state.shape[1]]
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
     here, (row, other) = piece.leave(t, y, p), _guards(held, piece)
@@ -117,22 +126,28 @@ def nearest_slip(held: Held, legs: Sequence[tuple[Trajectory, Variation]], piece
 
 
 def _guards(held: Held, piece: Piece) -> tuple[int, int]:
-    """Numbers of the guards of a contact in stick: against slip the way of its edge, and the other way."""
+    """Numbers of the guards of a contact in stick: against slip the way of its edge, and the other
+    way."""
     switch = len(piece.field.kinks) + held.contact
     own = [g for g, guard in enumerate(piece.field.guards) if guard.switch == switch]
     return tuple(sorted(own, key=lambda g: piece.field.guards[g].to != held.edge))  # type: ignore[return-value]
 
 
 def _lowest(held: Held, motion: Trajectory, change: Variation) -> tuple[float, float, int]:
-    """The least value of the guard of a contact, relative to both thresholds; when, and the step it is in."""
+    """The least value of the guard of a contact, relative to both thresholds; when, and the step it
+    is in."""
     from scipy.optimize import minimize_scalar
 
-    k, n = motion.knots, motion.knots.state.shape[1]
+    k = motion.knots
+    n = motion.knots.state.shape[1]
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
-    nodes, best, ends = np.concatenate([[0.0], gauss()[0], [1.0]]), (np.inf, 0.0, 0), (0.0, 0.0)
+    nodes = np.concatenate([[0.0], gauss()[0], [1.0]])
+    best = (np.inf, 0.0, 0)
+    ends = (0.0, 0.0)
 
     def value(t: Array, i: int) -> Array:
-        piece, times = change.pieces[i], np.atleast_1d(t)
+        piece = change.pieces[i]
+        times = np.atleast_1d(t)
         states = motion._sample(times, np.full(len(times), i))[:, :n]
         row, other = _guards(held, piece)
         guards = piece.felt(times, states.T, p)[n : n + len(piece.switches)]
@@ -156,7 +171,9 @@ def _lowest(held: Held, motion: Trajectory, change: Variation) -> tuple[float, f
     return min(best, (float(found.fun), float(found.x), best[2]), key=lambda entry: entry[0])
 
 
-def _changed(motion: Trajectory, change: Variation, pieces: Pieces, i: int, t: float, y: Array) -> Array:
+def _changed(
+    motion: Trajectory, change: Variation, pieces: Pieces, i: int, t: float, y: Array
+) -> Array:
     """Derivatives of the state at a time within a step."""
     from stickslip.motion.knots import Knots
     from stickslip.motion.trajectory import Trajectory

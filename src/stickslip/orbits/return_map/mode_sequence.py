@@ -1,7 +1,9 @@
-"""How near a cycle is to another sequence of modes: what it nearly touches, and phases that nearly vanish.
+"""How near a cycle is to another sequence of modes: what it nearly touches, and phases that nearly
+vanish.
 
-Along a branch a guard comes down to zero somewhere inside a phase, or a phase becomes shorter and shorter, or a contact
-that slips back and forth is about to stick in between. Where the least of these vanishes, the sequence changes.
+Along a branch a guard comes down to zero somewhere inside a phase, or a phase becomes shorter and
+shorter, or a contact that slips back and forth is about to stick in between. Where the least of
+these vanishes, the sequence changes.
 """
 
 from __future__ import annotations
@@ -30,7 +32,8 @@ LOSS = "loss of the cycle"
 def sequence(motion: Trajectory) -> Sequence:
     """Mode and region of the phases of a period, wherever it starts.
 
-    A motion that does not end in the phase it starts in is no cycle; its phases are followed by the first one.
+    A motion that does not end in the phase it starts in is no cycle; its phases are followed by the
+    first one.
     """
     k = motion.knots
     phases = [(tuple(map(int, k.mode[a])), tuple(map(int, k.region[a]))) for a, _ in segments(k)]
@@ -43,7 +46,8 @@ def is_open(s: Sequence) -> bool:
 
 
 def _canonical(phases: list[Setting]) -> Sequence:
-    """The phases in their cyclic order without repetitions, from the one that makes the least sequence."""
+    """The phases in their cyclic order without repetitions, from the one that makes the least
+    sequence."""
     kept = [phase for i, phase in enumerate(phases) if phase != phases[i - 1]] or phases[:1]
     return min(tuple(kept[i:] + kept[:i]) for i in range(len(kept)))
 
@@ -56,10 +60,14 @@ def change_of(contacts: list[str], before: Sequence, after: Sequence) -> tuple[s
     for i, name in enumerate(contacts):
         stuck, sticks = (any(mode[i] == 0 for mode, _ in s) for s in (before, after))
         if stuck != sticks:
-            return "stick onset", f"contact '{name}' " + ("begins to stick" if sticks else "no longer sticks")
+            return "stick onset", f"contact '{name}' " + (
+                "begins to stick" if sticks else "no longer sticks"
+            )
         slipped, slips = (any(mode[i] != 0 for mode, _ in s) for s in (before, after))
         if slipped != slips:
-            return "slip onset", f"contact '{name}' " + ("begins to slip" if slips else "sticks throughout")
+            return "slip onset", f"contact '{name}' " + (
+                "begins to slip" if slips else "sticks throughout"
+            )
     few, many = sorted((before, after), key=len)
     touched = _excursions(many, few)
     if touched:
@@ -68,7 +76,8 @@ def change_of(contacts: list[str], before: Sequence, after: Sequence) -> tuple[s
 
 
 def _excursions(many: Sequence, few: Sequence) -> list[tuple[Setting, Setting]]:
-    """Phases of a sequence without which it is the other one, each after the phase that it interrupts.
+    """Phases of a sequence without which it is the other one, each after the phase that it
+    interrupts.
 
     There may be several: a cycle with a symmetry touches a boundary more than once.
     """
@@ -94,11 +103,16 @@ def _difference(contacts: list[str], a: Setting, b: Setting) -> str:
     from stickslip.equations.field import MODE_NAMES
 
     modes = [
-        f"contact '{c}' touches the boundary between {MODE_NAMES[max(m, n)]} and {MODE_NAMES[min(m, n)]}"
+        f"contact '{c}' touches the boundary between {MODE_NAMES[max(m, n)]} and "
+        f"{MODE_NAMES[min(m, n)]}"
         for c, m, n in zip(contacts, a[0], b[0], strict=True)
         if m != n
     ]
-    kinks = [f"kink {j + 1} is touched" for j, (m, n) in enumerate(zip(a[1], b[1], strict=True)) if m != n]
+    kinks = [
+        f"kink {j + 1} is touched"
+        for j, (m, n) in enumerate(zip(a[1], b[1], strict=True))
+        if m != n
+    ]
     return ", ".join([*modes, *kinks])
 
 
@@ -119,7 +133,8 @@ def nearest_change(motion: Trajectory, pieces: Pieces) -> float:
 
 @dataclass(frozen=True)
 class Dip:
-    """A local minimum of a guard: its switch, three times around it, values there, and the guard over time."""
+    """A local minimum of a guard: its switch, three times around it, values there, and the guard
+    over time."""
 
     switch: int
     times: Array
@@ -153,11 +168,14 @@ class Dip:
 
 def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array) -> list[Dip]:
     """Local minima of the guards inside a phase."""
-    k, n = motion.knots, motion.knots.state.shape[1]
+    k = motion.knots
+    n = motion.knots.state.shape[1]
     steps = np.array([i for i in range(a, b) if k.time[i + 1] > k.time[i]])
     times = (k.time[steps][:, None] + np.diff(k.time)[steps][:, None] * gauss()[0]).ravel()
     index = np.repeat(steps, len(gauss()[0]))
-    guards = piece.felt(times, motion._sample(times, index)[:, :n].T, p)[n : n + len(piece.switches)]
+    guards = piece.felt(times, motion._sample(times, index)[:, :n].T, p)[
+        n : n + len(piece.switches)
+    ]
     found = []
     for row, g in enumerate(guards):
         scale = float(np.max(np.abs(g)))
@@ -169,19 +187,25 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array) -> list[Dip
                 y = motion._sample(np.array([t]), np.array([at]))[0, :n]
                 return float(piece.felt(t, y, p)[n + row])  # pyright: ignore[reportArgumentType]
 
-            found.append(Dip(int(piece.switches[row]), times[i - 1 : i + 2], g[i - 1 : i + 2], scale, guard))
+            found.append(
+                Dip(int(piece.switches[row]), times[i - 1 : i + 2], g[i - 1 : i + 2], scale, guard)
+            )
     return found
 
 
 def _reversals(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> list[float]:
     """Excess of the forces where contacts slip back without sticking, relative to their size."""
-    k, found = motion.knots, []
-    before, kinks = k.mode[a - 1] if a else k.mode[a], k.region.shape[1]
+    k = motion.knots
+    found = []
+    before = k.mode[a - 1] if a else k.mode[a]
+    kinks = k.region.shape[1]
     for c in np.flatnonzero(before * k.mode[b] == -1):
         mode = k.mode[b].copy()
         mode[c] = 0
         try:
-            held = holding(pieces(mode, k.region[b]), kinks + int(c), float(k.time[b]), k.state[b], p)
+            held = holding(
+                pieces(mode, k.region[b]), kinks + int(c), float(k.time[b]), k.state[b], p
+            )
         except ZeroDivisionError:
             continue
         found.append(abs(held))
@@ -189,7 +213,8 @@ def _reversals(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> 
 
 
 def holding(stuck: Piece, switch: int, t: float, y: Array, p: Array) -> float:
-    """By how much a contact that sticks is held: the nearer threshold, relative to both. Negative if it slips."""
+    """By how much a contact that sticks is held: the nearer threshold, relative to both. Negative
+    if it slips."""
     here = stuck.leave(t, y, p)
     forces = here.value[stuck.switches == switch]
     return float(np.min(forces)) / float(np.sum(np.abs(forces)))

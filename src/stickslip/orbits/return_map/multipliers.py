@@ -1,4 +1,5 @@
-"""Floquet multipliers of a cycle, with what is known of them: those that are 1 by symmetry, and those that are 0."""
+"""Floquet multipliers of a cycle, with what is known of them: those that are 1 by symmetry, and
+those that are 0."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ Complex = Any  # array of complex numbers
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Floquet multipliers: of the motion and of translations (all 1), of what stick forgets (0), and the others."""
+    """Floquet multipliers: of the motion and of translations (all 1), of what stick forgets (0),
+    and the others."""
 
     trivial: Complex
     forgotten: int
@@ -25,37 +27,50 @@ class Spectrum:
     @property
     def every(self) -> Complex:
         """All of them, the largest first."""
-        found: Complex = np.concatenate([self.trivial, self.others, np.zeros(self.forgotten)]).astype(complex)
+        found: Complex = np.concatenate(
+            [self.trivial, self.others, np.zeros(self.forgotten)]
+        ).astype(complex)
         return found[np.lexsort((-found.imag, -np.abs(found)))]
 
 
 def spectrum(shooting: Shooting, orbit: Orbit) -> Spectrum:
     """Multipliers of an orbit.
 
-    Where most contacts stick the changes of the state have the least dimension; what is lost there has the multiplier
-    0, exactly, and the others are those of the return map from there. A position that is held throughout is the same a
-    period later: its linear form ℓ has ℓM = ℓ, the multiplier 1, and the others are those of the changes with ℓ = 0.
+    Where most contacts stick the changes of the state have the least dimension; what is lost there
+    has the multiplier 0, exactly, and the others are those of the return map from there. A position
+    that is held throughout is the same a period later: its linear form ℓ has ℓM = ℓ, the multiplier
+    1, and the others are those of the changes with ℓ = 0.
     """
-    n, q = len(orbit.shift), int(shooting.first[1])
-    M, tightest = np.eye(q), (shooting.stations[0], np.eye(q))
+    n = len(orbit.shift)
+    q = int(shooting.first[1])
+    M = np.eye(q)
+    tightest = (shooting.stations[0], np.eye(q))
     for j, leg in enumerate(orbit.legs):
-        there, own = shooting.stations[(j + 1) % len(orbit.legs)], leg.place.directions.shape[1]
+        there = shooting.stations[(j + 1) % len(orbit.legs)]
+        own = leg.place.directions.shape[1]
         bounds = [piece.bound for piece in leg.change.pieces]
         i = int(np.argmax(bounds))
         if n - bounds[i] < tightest[0].basis.shape[1]:
             k = leg.motion.knots
             narrow = make_station(
-                0.0, leg.change.pieces[i], float(k.time[i]), k.state[i], numbers(orbit.problem), shooting.setting.sizes
+                0.0,
+                leg.change.pieces[i],
+                float(k.time[i]),
+                k.state[i],
+                numbers(orbit.problem),
+                shooting.setting.sizes,
             )
             tightest = narrow, narrow.chart @ leg.change.after[i][:n, :own] @ M
         M = there.chart @ leg.change.matrix[:n, :own] @ M
     narrow, A = tightest
     left = narrow.basis.shape[1]
-    W, M = A @ shooting.unchanged(orbit), A @ M @ np.linalg.pinv(A)
+    W = A @ shooting.unchanged(orbit)
+    M = A @ M @ np.linalg.pinv(A)
     held = _independent(forms(shooting.setting.held, n) @ narrow.basis, W)
     free = np.linalg.svd(held)[2][len(held) :].T if len(held) else np.eye(left)
     resting = _eigenvalues(held @ M @ np.linalg.pinv(held))
-    W, M = free.T @ W, free.T @ M @ free
+    W = free.T @ W
+    M = free.T @ M @ free
     basis = np.linalg.qr(np.hstack([W, np.eye(len(M))]))[0]
     inner, outer = basis[:, : W.shape[1]], basis[:, W.shape[1] :]
     trivial = np.concatenate([_eigenvalues(inner.T @ M @ inner), resting])

@@ -21,7 +21,8 @@ Array = np.ndarray
 POINTS = 16  # looked at in every step, at least
 MOST_STEPS = 4000  # looked at
 LEAST = 1e-3  # … of what the other components could do to one is its least size
-CLOSER, EXACT = 1e3, 1e-9  # … but not before one that misses by so much less, or closes
+CLOSER = 1e3  # … but not before one that misses by so much less
+EXACT = 1e-9  # … or closes
 BETTER = 0.5  # a later return is worth a look if it misses by at most this part of all before
 
 
@@ -83,19 +84,23 @@ class Window:
         return self.clock.period(self.trajectory.parameters) if self.clock else None
 
     def at_home(self, states: Array, times: Array | float) -> Array:
-        """States in the frame of the system, without translations, in units of their sizes; shape (…, n)."""
-        e, N = self.symmetry.frame, self.symmetry.shifts / self.sizes[:, None]
+        """States in the frame of the system, without translations, in units of their sizes; shape
+        (…, n)."""
+        e = self.symmetry.frame
+        N = self.symmetry.shifts / self.sizes[:, None]
         scaled = (states if e is None else states - np.multiply.outer(times, e)) / self.sizes
         return scaled - (scaled @ N) @ np.linalg.pinv(N) if N.shape[1] else scaled
 
     def carried(self, states: Array, times: Array) -> Array:
         """States without what a load that moves has carried them along; shape (…, n)."""
-        driven, period = self.symmetry.frame is None, self.period
+        driven = self.symmetry.frame is None
+        period = self.period
         velocity = self.symmetry.turn / period if driven and period else np.zeros(len(self.sizes))
         return states - np.multiply.outer(times, velocity)
 
     def extent(self, modulus: Array) -> float:
-        """Largest range of a component relative to a modulus: 0 if nothing moves but along translations."""
+        """Largest range of a component relative to a modulus: 0 if nothing moves but along
+        translations."""
         home = self.at_home(self.carried(self.states, self.times), self.times)
         return float(np.max(np.ptp(home, axis=0) * self.sizes / (modulus + 1e-300)))
 
@@ -115,7 +120,9 @@ def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
     every = [pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
     # A flight in closed form may be one step and hold many oscillations.
     points = POINTS * (1 + resolution(trajectory, every, p)[steps] // 4)
-    times = np.concatenate([np.linspace(k.time[i], k.time[i + 1], c) for i, c in zip(steps, points, strict=True)])
+    times = np.concatenate(
+        [np.linspace(k.time[i], k.time[i + 1], c) for i, c in zip(steps, points, strict=True)]
+    )
     index = np.repeat(steps, points)
     states = trajectory._sample(times, index)[:, : k.state.shape[1]]
     made = [every[i] for i in index]
@@ -136,10 +143,11 @@ def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
 def sizes_of(motion: Trajectory, shift: Array, pieces: Pieces) -> Array:
     """Half the range of each component over a period, up to drift.
 
-    A component that hardly moves (a symmetry may keep it at 0) is given a small part of what the others could do to it
-    in a period, or before it forgets it: its own range would be rounding.
+    A component that hardly moves (a symmetry may keep it at 0) is given a small part of what the
+    others could do to it in a period, or before it forgets it: its own range would be rounding.
     """
-    k, n = motion.knots, len(shift)
+    k = motion.knots
+    n = len(shift)
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
     times = np.linspace(k.time[steps], k.time[steps + 1], POINTS, axis=1).ravel()
     states = motion._sample(times, np.repeat(steps, POINTS))[:, :n]
@@ -153,8 +161,10 @@ def sizes_of(motion: Trajectory, shift: Array, pieces: Pieces) -> Array:
 
 
 def _felt(motion: Trajectory, made: list[Piece], steps: Array, p: Array) -> list[Array]:
-    """How the rates, guards and constraints of each piece of a motion depend on the state, at most; (functions, n)."""
-    k, found = motion.knots, []
+    """How the rates, guards and constraints of each piece of a motion depend on the state, at most;
+    (functions, n)."""
+    k = motion.knots
+    found = []
     for piece in dict.fromkeys(made[i] for i in steps):
         own = np.array([i for i in steps if made[i] is piece])
         slopes = np.abs(piece.dependence(k.time[own], k.state[own].T, p)[:, :, 1:])
@@ -163,8 +173,10 @@ def _felt(motion: Trajectory, made: list[Piece], steps: Array, p: Array) -> list
 
 
 def _sizes(moving: Array, states: Array, felt: list[Array]) -> Array:
-    """Half the range of each component; of one that does not move, what is felt as much as the motion of the others."""
-    spread, modulus = 0.5 * np.ptp(moving, axis=0), np.max(np.abs(states), axis=0)
+    """Half the range of each component; of one that does not move, what is felt as much as the
+    motion of the others."""
+    spread = 0.5 * np.ptp(moving, axis=0)
+    modulus = np.max(np.abs(states), axis=0)
     still = 1e-9 * np.where(modulus > 0.0, modulus, 1.0)
     sizes = np.where(spread > still, spread, 0.5 * np.ptp(states, axis=0))
     sizes = np.where(sizes > still, sizes, 0.0)
@@ -174,7 +186,8 @@ def _sizes(moving: Array, states: Array, felt: list[Array]) -> Array:
 
 
 def as_felt(sizes: Array, felt: list[Array]) -> Array:
-    """Change of each component that some rate or guard feels as much as it feels the others; infinite if none does."""
+    """Change of each component that some rate or guard feels as much as it feels the others;
+    infinite if none does."""
     slopes = np.concatenate(felt)
     terms = slopes * sizes
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -187,26 +200,37 @@ def stretch(motion: Trajectory, first: int, last: int) -> Trajectory:
     from stickslip.motion.knots import Knots
     from stickslip.motion.trajectory import Trajectory
 
-    k, part = motion.knots, slice(first, last + 1)
+    k = motion.knots
+    part = slice(first, last + 1)
     knots = Knots(k.time[part], k.state[part], k.mode[part], k.region[part], k.cause[part])
-    return Trajectory(motion._problem, (float(k.time[first]), float(k.time[last])), knots, motion.outcome)
+    return Trajectory(
+        motion._problem, (float(k.time[first]), float(k.time[last])), knots, motion.outcome
+    )
 
 
 def segments(knots: Knots) -> list[tuple[int, int]]:
     """First and last knot of every stretch in one mode and region that takes time."""
-    changed = np.any(np.diff(knots.mode, axis=0) != 0, axis=1) | np.any(np.diff(knots.region, axis=0) != 0, axis=1)
+    changed = np.any(np.diff(knots.mode, axis=0) != 0, axis=1) | np.any(
+        np.diff(knots.region, axis=0) != 0, axis=1
+    )
     ends = [0, *(np.flatnonzero(changed[: len(knots.time) - 2]) + 1), len(knots.time) - 1]
     span = knots.time[-1] - knots.time[0]
-    return [(int(a), int(b)) for a, b in pairwise(ends)
-            if knots.time[b] - knots.time[a] > 1e-9 * span]  # fmt: skip
+    return [
+        (int(a), int(b)) for a, b in pairwise(ends) if knots.time[b] - knots.time[a] > 1e-9 * span
+    ]
 
 
 def station_time(knots: Knots, pieces: Pieces, found: list[tuple[int, int]]) -> float:
-    """The middle of the stretch with most constraints, and of those the longest (the latest, if several are)."""
+    """The middle of the stretch with most constraints, and of those the longest (the latest, if
+    several are)."""
 
     def rank(ends: tuple[int, int]) -> tuple[int, float, int]:
         length = knots.time[ends[1]] - knots.time[ends[0]]
-        return pieces(knots.mode[ends[0]], knots.region[ends[0]]).bound, round(float(np.log(length)), 3), ends[0]
+        return (
+            pieces(knots.mode[ends[0]], knots.region[ends[0]]).bound,
+            round(float(np.log(length)), 3),
+            ends[0],
+        )
 
     a, b = max(found, key=rank)
     return float(0.5 * (knots.time[a] + knots.time[b]))
@@ -218,7 +242,9 @@ def latest(w: Window, pieces: Pieces) -> list[Recurrence]:
     found = segments(k)
     if len(found) == 1:
         return _closest(w, float(k.time[-1]), -1.0)
-    recent = [s for s in found[1:-1] if k.time[s[1]] >= k.time[-1] - 0.25 * (k.time[-1] - w.times[0])]
+    recent = [
+        s for s in found[1:-1] if k.time[s[1]] >= k.time[-1] - 0.25 * (k.time[-1] - w.times[0])
+    ]
     return _closest(w, station_time(k, pieces, recent or found[-2:-1]), -1.0)
 
 
@@ -226,14 +252,17 @@ def earliest(w: Window) -> list[Recurrence]:
     """When a motion comes back to where it has started."""
     k = w.trajectory.knots
     a, b = segments(k)[0]
-    return _closest(w, float(k.time[a] if len(segments(k)) == 1 else 0.5 * (k.time[a] + k.time[b])), 1.0)
+    return _closest(
+        w, float(k.time[a] if len(segments(k)) == 1 else 0.5 * (k.time[a] + k.time[b])), 1.0
+    )
 
 
 def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
-    """The returns, looking back (−1) or ahead (+1), that are closer than all before, the shortest period first.
+    """The returns, looking back (−1) or ahead (+1), that are closer than all before, the shortest
+    period first.
 
-    The shortest is not always the closest: while a motion settles along complex multipliers, a later return may look
-    closer than one period.
+    The shortest is not always the closest: while a motion settles along complex multipliers, a
+    later return may look closer than one period.
     """
     k = w.trajectory.knots
     here = min(int(np.searchsorted(k.time, t, side="right")) - 1, len(k.time) - 2)
@@ -245,16 +274,22 @@ def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
     turns = np.round((times - t) / w.period).astype(int) if w.period else np.zeros(len(times), int)
     gap = states - y - np.multiply.outer(turns, w.symmetry.turn)
     misses = np.linalg.norm(w.at_home(gap, times - t), axis=1)
-    found, least = [], np.inf
+    found = []
+    least = np.inf
     for i, miss in enumerate(misses):
         if miss <= BETTER * least:
             least = miss
             later = sign * (states[i] - y)
             between = (w.times - t) * (w.times - times[i]) <= 0.0
             passed = w.times[between]
-            size = np.max(np.ptp(w.at_home(w.carried(w.states[between], passed), passed), axis=0)) / 2.0
+            size = (
+                np.max(np.ptp(w.at_home(w.carried(w.states[between], passed), passed), axis=0))
+                / 2.0
+            )
             distance = float(miss / max(size, 1e-300))
-            found.append(Recurrence(t, y, abs(float(times[i] - t)), abs(int(turns[i])) or 1, later, distance))
+            found.append(
+                Recurrence(t, y, abs(float(times[i] - t)), abs(int(turns[i])) or 1, later, distance)
+            )
     # Where a later return all but closes, the earlier ones are what a cycle passes on its way.
     return [r for r in found if r.distance <= CLOSER * max(found[-1].distance, EXACT)]
 
@@ -265,7 +300,8 @@ def _state(w: Window, t: float, step: int) -> Array:
 
 def _strobe(w: Window, t: float, sign: float) -> tuple[Array, Array]:
     """Times a whole number of the drives' periods away."""
-    k, period = w.trajectory.knots, w.period
+    k = w.trajectory.knots
+    period = w.period
     assert period is not None
     reach = k.time[-1] - t if sign > 0.0 else t - w.times[0]
     times = t + sign * period * np.arange(1, int(reach / period) + 1)
@@ -273,9 +309,12 @@ def _strobe(w: Window, t: float, sign: float) -> tuple[Array, Array]:
 
 
 def _passages(w: Window, t: float, y: Array, here: int, sign: float) -> tuple[Array, Array]:
-    """Times at which the motion passes the plane across itself through a state, in the same mode and direction."""
+    """Times at which the motion passes the plane across itself through a state, in the same mode
+    and direction."""
     k = w.trajectory.knots
-    same = np.all(k.mode[w.index] == k.mode[here], axis=1) & np.all(k.region[w.index] == k.region[here], axis=1)
+    same = np.all(k.mode[w.index] == k.mode[here], axis=1) & np.all(
+        k.region[w.index] == k.region[here], axis=1
+    )
     piece = w.surroundings.pieces[int(np.flatnonzero(w.index == here)[0])]
     p = np.array([w.trajectory.parameters[name] for name in w.trajectory.system.parameters])
     normal = w.at_home(piece.rates(t, y, p), 1.0)
@@ -289,8 +328,10 @@ def _passages(w: Window, t: float, y: Array, here: int, sign: float) -> tuple[Ar
     up &= (w.times[:-1] - t) * (w.times[1:] - t) > 0.0
     up &= sign * (w.times[:-1] - t) > 0.0
     found = np.flatnonzero(up)[:: int(sign)]
-    a, b = w.times[found], w.times[found + 1]
-    ha, hb = h[found], h[found + 1]
+    a = w.times[found]
+    b = w.times[found + 1]
+    ha = h[found]
+    hb = h[found + 1]
     for _ in range(6):
         middle = a - ha * (b - a) / (hb - ha)
         at = w.trajectory._sample(middle, w.index[found])[:, : len(y)]

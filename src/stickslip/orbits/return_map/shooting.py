@@ -1,15 +1,18 @@
 """Periodic motions as zeros of a function: single and multiple shooting, up to a drift.
 
-The motion is followed from one or several stations on the cycle to the next. Unknown are the places of the stations,
-the period T, the drift along each translation, and, for a branch, a parameter. The equations say that each piece ends
-where the next one begins (the last one: where the first begins, shifted by the drift); that the first station has not
-slid along the cycle (autonomous systems) or that T is the period of the drives; and that it has not been translated.
+The motion is followed from one or several stations on the cycle to the next. Unknown are the places
+of the stations, the period T, the drift along each translation, and, for a branch, a parameter. The
+equations say that each piece ends where the next one begins (the last one: where the first begins,
+shifted by the drift); that the first station has not slid along the cycle (autonomous systems) or
+that T is the period of the drives; and that it has not been translated.
 
-A station stands well inside one mode, never at an event, and its coordinates ξ keep the constraints of that mode:
-where a contact sticks there is one coordinate less. The order of modes is nowhere given, the motion finds it.
+A station stands well inside one mode, never at an event, and its coordinates ξ keep the constraints
+of that mode: where a contact sticks there is one coordinate less. The order of modes is nowhere
+given, the motion finds it.
 
-A contact that sticks throughout comes back to where it was, whatever that is: the equation says nothing, and there is a
-cycle for every position of rest. In its place stands where it rests (:mod:`stickslip.orbits.return_map.held`).
+A contact that sticks throughout comes back to where it was, whatever that is: the equation says
+nothing, and there is a cycle for every position of rest. In its place stands where it rests
+(:mod:`stickslip.orbits.return_map.held`).
 """
 
 from __future__ import annotations
@@ -77,7 +80,8 @@ def with_value(problem: Problem, parameter: str, value: float) -> Problem:
 
 @dataclass(frozen=True)
 class Place:
-    """A state with its derivatives: by the coordinates of its station, by time, and by the parameter."""
+    """A state with its derivatives: by the coordinates of its station, by time, and by the
+    parameter."""
 
     state: Array
     directions: Array
@@ -98,7 +102,8 @@ class Station:
     origin : array, shape (n,)
         The state with ξ = 0.
     basis : array, shape (n, q)
-        Directions that keep the constraints, one for each coordinate, in units of the size of the cycle.
+        Directions that keep the constraints, one for each coordinate, in units of the size of the
+        cycle.
     normal : array, shape (n, n − q)
         Directions in which states are put back onto the constraints.
     """
@@ -123,12 +128,17 @@ class Station:
         for _ in range(3):
             y = y - self.normal @ self._solve(y, t, p)[0]
         _, along, by_time, by_parameter = self._solve(y, t, p)
-        return Place(y, self.basis - self.normal @ along, -self.normal @ by_time, -self.normal @ by_parameter)
+        return Place(
+            y, self.basis - self.normal @ along, -self.normal @ by_time, -self.normal @ by_parameter
+        )
 
     def _solve(self, y: Array, t: float, p: Array) -> tuple[Array, Array, Array, Array]:
         """Value and derivatives of the constraints, in coordinates of the normal directions."""
-        bounds, n = self.piece.bounds(t, y, p), len(y)
-        right = np.column_stack([bounds.value, bounds.slopes[:, :n] @ self.basis, bounds.time, bounds.slopes[:, n:]])
+        bounds = self.piece.bounds(t, y, p)
+        n = len(y)
+        right = np.column_stack(
+            [bounds.value, bounds.slopes[:, :n] @ self.basis, bounds.time, bounds.slopes[:, n:]]
+        )
         solved = np.linalg.solve(bounds.slopes[:, :n] @ self.normal, right)
         q = self.basis.shape[1]
         by_parameter = solved[:, q + 2] if solved.shape[1] > q + 2 else np.zeros(len(solved))
@@ -156,7 +166,8 @@ class Leg:
         Where it starts.
     motion : Trajectory
     change : Variation
-        Its directions are those of the station's coordinates, then a later start, then the parameter.
+        Its directions are those of the station's coordinates, then a later start, then the
+        parameter.
     rate : array
         Rates at its end.
     """
@@ -251,7 +262,9 @@ class Orbit:
             return self.legs[0].motion
         parts = [leg.motion.knots for leg in self.legs]
         knots = Knots.joined([*(k.first(len(k.time) - 1) for k in parts[:-1]), parts[-1]])
-        return Trajectory(self.problem, (float(knots.time[0]), float(knots.time[-1])), knots, Outcome.FINISHED)
+        return Trajectory(
+            self.problem, (float(knots.time[0]), float(knots.time[-1])), knots, Outcome.FINISHED
+        )
 
 
 def numbers(problem: Problem) -> Array:
@@ -274,12 +287,24 @@ class Shooting:
     """
 
     def __init__(
-        self, problem: Problem, pieces: Pieces, stations: Sequence[Station], start: float, setting: Setting
+        self,
+        problem: Problem,
+        pieces: Pieces,
+        stations: Sequence[Station],
+        start: float,
+        setting: Setting,
     ) -> None:
-        self.problem, self.pieces, self.stations, self.start = problem, pieces, list(stations), start
-        self.setting, self.symmetry, self.free = setting, setting.symmetry, pieces.free
+        self.problem = problem
+        self.pieces = pieces
+        self.stations = list(stations)
+        self.start = start
+        self.setting = setting
+        self.symmetry = setting.symmetry
+        self.free = pieces.free
         self.release = released(setting.held, setting.sizes)
-        self.first = np.concatenate([[0], np.cumsum([s.basis.shape[1] for s in self.stations])]).astype(int)
+        self.first = np.concatenate(
+            [[0], np.cumsum([s.basis.shape[1] for s in self.stations])]
+        ).astype(int)
         self.time = int(self.first[-1])
         self.drifts = slice(self.time + 1, self.time + 1 + self.symmetry.shifts.shape[1])
         self.fixed = self._fixed()
@@ -290,7 +315,9 @@ class Shooting:
         stations = []
         for station in self.stations:
             mode, region = station.piece.field.mode, station.piece.field.region
-            stations.append(replace(station, piece=pieces(np.array(mode, np.int8), np.array(region, np.int8))))
+            stations.append(
+                replace(station, piece=pieces(np.array(mode, np.int8), np.array(region, np.int8)))
+            )
         return Shooting(problem, pieces, stations, self.start, self.setting)
 
     def with_problem(self, problem: Problem) -> Shooting:
@@ -300,34 +327,53 @@ class Shooting:
         return other
 
     def guess(self, period: float, shift: Array) -> Array:
-        """Unknowns at the origins of the stations, from a period and the shift of the state in it."""
+        """Unknowns at the origins of the stations, from a period and the shift of the state in
+        it."""
         unknown = shift - self.symmetry.moved(period, self.setting.turns)
         N = self.symmetry.shifts / self.setting.sizes[:, None]
-        drift = np.linalg.lstsq(N, unknown / self.setting.sizes, rcond=None)[0] if N.shape[1] else np.zeros(0)
+        drift = (
+            np.linalg.lstsq(N, unknown / self.setting.sizes, rcond=None)[0]
+            if N.shape[1]
+            else np.zeros(0)
+        )
         value = [self.problem.parameters[self.free]] if self.free else []
         return np.concatenate([np.zeros(self.time), [period], drift, value])
 
     def units(self, x: Array, width: float = 1.0) -> Array:
-        """Units of the unknowns: size of the cycle, period, size again, width of the parameter's range."""
-        lengths = [1.0 / max(np.max(np.abs(self.stations[0].chart @ e)), 1e-300) for e in self.symmetry.shifts.T]
-        return np.concatenate([np.ones(self.time), [x[self.time]], lengths, [width] if self.free else []])
+        """Units of the unknowns: size of the cycle, period, size again, width of the parameter's
+        range."""
+        lengths = [
+            1.0 / max(np.max(np.abs(self.stations[0].chart @ e)), 1e-300)
+            for e in self.symmetry.shifts.T
+        ]
+        return np.concatenate(
+            [np.ones(self.time), [x[self.time]], lengths, [width] if self.free else []]
+        )
 
     def _fixed(self) -> Array:
-        """Rows over the coordinates of the first station: no sliding along the cycle, no translation."""
+        """Rows over the coordinates of the first station: no sliding along the cycle, no
+        translation."""
         station = self.stations[0]
         rows = [station.chart @ e for e in self.symmetry.shifts.T]
         if self.symmetry.frame is not None:
-            rate = station.piece.rates(self.start, station.origin, numbers(self.problem)) - self.symmetry.frame
+            rate = (
+                station.piece.rates(self.start, station.origin, numbers(self.problem))
+                - self.symmetry.frame
+            )
             rows.insert(0, station.chart @ rate)
         rows = [row / max(np.linalg.norm(row), 1e-300) for row in rows]
         return np.array(rows).reshape(len(rows), station.basis.shape[1])
 
     def unchanged(self, orbit: Orbit) -> Array:
-        """Changes of the first station's coordinates that come back unchanged: a later start, and translations."""
-        station, columns = self.stations[0], [self.stations[0].chart @ e for e in self.symmetry.shifts.T]
+        """Changes of the first station's coordinates that come back unchanged: a later start, and
+        translations."""
+        station = self.stations[0]
+        columns = [self.stations[0].chart @ e for e in self.symmetry.shifts.T]
         if not self.symmetry.driven:
             frame = self.setting.at(orbit.problem).frame if np.any(self.symmetry.frame) else 0.0
-            rate = station.piece.rates(self.start, orbit.legs[0].place.state, numbers(orbit.problem))
+            rate = station.piece.rates(
+                self.start, orbit.legs[0].place.state, numbers(orbit.problem)
+            )
             columns.insert(0, station.chart @ (rate - frame))
         return np.array(columns).reshape(len(columns), station.basis.shape[1]).T
 
@@ -356,7 +402,9 @@ class Shooting:
         gaps = []
         for j, leg in enumerate(orbit.legs):
             last = j + 1 == len(orbit.legs)
-            target = orbit.legs[0].place.state + orbit.shift if last else orbit.legs[j + 1].place.state
+            target = (
+                orbit.legs[0].place.state + orbit.shift if last else orbit.legs[j + 1].place.state
+            )
             gaps.append(np.linalg.norm((leg.motion.knots.state[-1] - target) / self.setting.sizes))
         return float(max(gaps))
 
@@ -368,10 +416,12 @@ class Shooting:
         known = self._known_shift(problem, period)
         shift = known.value + self.symmetry.shifts @ x[self.drifts]
         legs = [self._leg(problem, j, x, period) for j in range(len(self.stations))]
-        F, J = np.zeros(len(x) - bool(self.free)), np.zeros((len(x) - bool(self.free), len(x)))
+        F = np.zeros(len(x) - bool(self.free))
+        J = np.zeros((len(x) - bool(self.free), len(x)))
         for j in range(len(legs)):
             self._close(F, J, x, legs, j, shift)
-        home, chart = slice(*self.first[:2]), self.stations[0].chart
+        home = slice(*self.first[:2])
+        chart = self.stations[0].chart
         J[home, self.time] -= chart @ known.by_time
         J[home, self.drifts] = -chart @ self.symmetry.shifts
         if self.free:
@@ -381,16 +431,21 @@ class Shooting:
         if self.symmetry.driven:
             F[row], J[row] = self._clock(problem, x)
             row += 1
-        F[row:], J[row:, home] = self.fixed @ x[home], self.fixed
+        F[row:] = self.fixed @ x[home]
+        J[row:, home] = self.fixed
         return Orbit(x.copy(), problem, period, shift, legs, F, J)
 
     def _leg(self, problem: Problem, j: int, x: Array, period: float) -> Leg:
         """The motion from a station to the next, with its variation."""
-        station, p = self.stations[j], numbers(problem)
+        station = self.stations[j]
+        p = numbers(problem)
         end = self.stations[j + 1].part if j + 1 < len(self.stations) else 1.0
         times = self.start + period * station.part, self.start + period * end
         place = station.place(x[slice(*self.first[j : j + 2])], times[0], p)
-        columns = [place.directions, (place.by_time - station.piece.rates(times[0], place.state, p))[:, None]]
+        columns = [
+            place.directions,
+            (place.by_time - station.piece.rates(times[0], place.state, p))[:, None],
+        ]
         directions = np.hstack(columns)
         if self.free:
             directions = np.vstack([directions, np.zeros(directions.shape[1])])
@@ -401,11 +456,17 @@ class Shooting:
         return Leg(station.part, end, place, motion, change, rate)
 
     def _close(self, F: Array, J: Array, x: Array, legs: list[Leg], j: int, shift: Array) -> None:
-        """A leg ends where the next one begins; its equations stand in the rows of the coordinates of that station."""
-        target, leg, n = (j + 1) % len(legs), legs[j], len(shift)
-        there, rows, own = self.stations[target], slice(*self.first[target : target + 2]), slice(*self.first[j : j + 2])
+        """A leg ends where the next one begins; its equations stand in the rows of the coordinates
+        of that station."""
+        target = (j + 1) % len(legs)
+        leg = legs[j]
+        n = len(shift)
+        there = self.stations[target]
+        rows = slice(*self.first[target : target + 2])
+        own = slice(*self.first[j : j + 2])
         end = leg.motion.knots.state[-1] - (0.0 if target else shift)
-        M, q = there.chart @ leg.change.matrix[:n], own.stop - own.start
+        M = there.chart @ leg.change.matrix[:n]
+        q = own.stop - own.start
         F[rows] = there.chart @ (end - there.origin) - x[rows]
         J[rows, own] += M[:, :q]
         J[rows, rows] -= np.eye(rows.stop - rows.start)
@@ -415,7 +476,8 @@ class Shooting:
 
     def _hold(self, F: Array, J: Array, legs: list[Leg]) -> None:
         """Where contacts rest that stick throughout, in the rows of what comes back by itself."""
-        station, home = self.stations[0], slice(*self.first[:2])
+        station = self.stations[0]
+        home = slice(*self.first[:2])
         for held, direction in zip(self.setting.held, self.release.T, strict=True):
             along = station.chart @ direction
             if not held.edge:
@@ -427,13 +489,15 @@ class Shooting:
                 continue
             reach = held.edge * float(np.abs(held.form) @ self.setting.sizes)
             if slips(held, [leg.motion for leg in legs]):
-                # It is pushed to where it is just held: what it lacks is seen from how far it moves.
+                # It is pushed to where it is just held: what it lacks is seen from how far it
+                # moves.
                 row = held.form @ station.basis
                 F[home] -= along * (2.0 * (row @ F[home]) + reach * HELD)
                 J[home] -= np.outer(along, 2.0 * (row @ J[home]))
                 continue
             touch = nearest_slip(held, [(leg.motion, leg.change) for leg in legs], self.pieces)
-            own, q = slice(*self.first[touch.leg : touch.leg + 2]), len(touch.slopes) - 1 - bool(self.free)
+            own = slice(*self.first[touch.leg : touch.leg + 2])
+            q = len(touch.slopes) - 1 - bool(self.free)
             F[home] += along * reach * touch.margin
             J[home, own] += np.outer(along, reach * touch.slopes[:q])
             J[home, self.time] += along * reach * legs[touch.leg].begin * touch.slopes[q]
@@ -442,7 +506,9 @@ class Shooting:
 
     def _clock(self, problem: Problem, x: Array) -> tuple[float, Array]:
         """The period is that of the drives."""
-        clock, turns, row = self.setting.clock, self.setting.turns, np.zeros(len(x))
+        clock = self.setting.clock
+        turns = self.setting.turns
+        row = np.zeros(len(x))
         assert clock is not None
         whole = turns * clock.period(problem.parameters)
         row[self.time] = 1.0 / whole
@@ -455,12 +521,16 @@ class Shooting:
         zero = np.zeros(len(self.setting.sizes))
         if not np.any(self.symmetry.moved(1.0, 1)):
             return KnownShift(zero, zero, zero)
-        setting, now = self.setting, self.setting.at(problem)
+        setting = self.setting
+        now = self.setting.at(problem)
         by_time = zero if now.frame is None else now.frame
         by_parameter = zero
         if self.free:
             value = problem.parameters[self.free]
             h = 1e-5 * max(abs(value), 1e-3)
-            ends = [setting.at(with_value(problem, self.free, value + d)).moved(period, setting.turns) for d in (-h, h)]
+            ends = [
+                setting.at(with_value(problem, self.free, value + d)).moved(period, setting.turns)
+                for d in (-h, h)
+            ]
             by_parameter = (ends[1] - ends[0]) / (2.0 * h)
         return KnownShift(now.moved(period, setting.turns), by_time, by_parameter)

@@ -1,4 +1,5 @@
-"""Studies of gaits: how fast a system walks over a parameter, from where on it walks, and from where on it slides."""
+"""Studies of gaits: how fast a system walks over a parameter, from where on it walks, and from
+where on it slides."""
 
 from __future__ import annotations
 
@@ -69,16 +70,18 @@ def gait_study(
     parameter : str
     values : sequence of float
     start : mapping of str to float, optional
-        State from which the first gait is looked for; by default the declared one. Each next one starts from the last.
+        State from which the first gait is looked for; by default the declared one. Each next one
+        starts from the last.
     parameters : mapping of str to float, optional
         Values of the others.
 
     Returns
     -------
     xarray.Dataset
-        Over the parameter: ``walks``, and ``speed``, ``period``, ``stride`` (drift in a period), ``largest_multiplier``
-        (modulus), ``energy_per_distance`` and ``amplitude_…`` (half the range) of the states that do not drift. All
-        are 0 where no gait was found; ``note`` says why.
+        Over the parameter: ``walks``, and ``speed``, ``period``, ``stride`` (drift in a period),
+        ``largest_multiplier`` (modulus), ``energy_per_distance`` and ``amplitude_…`` (half the
+        range) of the states that do not drift. All are 0 where no gait was found; ``note`` says
+        why.
 
     Raises
     ------
@@ -96,13 +99,22 @@ def gait_study(
         found = _gait(system, last, start, {**(parameters or {}), parameter: float(value)})
         last = found if isinstance(found, Cycle) else last
         rows.append(_row(found, names))
-    units = {"speed": _along_unit(system, True), "stride": _along_unit(system, False), "period": system.time_unit}
+    units = {
+        "speed": _along_unit(system, True),
+        "stride": _along_unit(system, False),
+        "period": system.time_unit,
+    }
     data = {
-        name: (parameter, np.array([row[name] for row in rows]), {"units": units.get(name) or "1"}) for name in rows[0]
+        name: (parameter, np.array([row[name] for row in rows]), {"units": units.get(name) or "1"})
+        for name in rows[0]
     }
     for name in names:
         data[f"amplitude_{name}"][2].update(quantity(system, name))
-    coordinate = (parameter, np.asarray(values, float), {"units": system.parameters[parameter].unit or "1"})
+    coordinate = (
+        parameter,
+        np.asarray(values, float),
+        {"units": system.parameters[parameter].unit or "1"},
+    )
     return xr.Dataset(data, {parameter: coordinate}, {"title": system.title or system.name})
 
 
@@ -117,7 +129,8 @@ def walking_threshold(
 ) -> Threshold:
     """The parameter at which the stable gait appears.
 
-    It is followed from the end of the span at which it exists, so that a gait that coexists with rest is not lost.
+    It is followed from the end of the span at which it exists, so that a gait that coexists with
+    rest is not lost.
 
     Parameters
     ----------
@@ -192,8 +205,14 @@ def _bisect(
     ends = checked_range(system, parameter, span)
     low, high = (test(end, None) for end in ends)
     if isinstance(low, str) == isinstance(high, str):
-        what = f"it stays at rest at both ends ({low})" if isinstance(low, str) else "it moves at both ends"
-        raise DeclarationError(parameter, f"{what}: ({ends[0]:g}, {ends[1]:g})", "Give a span with a change inside")
+        what = (
+            f"it stays at rest at both ends ({low})"
+            if isinstance(low, str)
+            else "it moves at both ends"
+        )
+        raise DeclarationError(
+            parameter, f"{what}: ({ends[0]:g}, {ends[1]:g})", "Give a span with a change inside"
+        )
     (still, reason), (moving, motion) = sorted(
         zip(ends, (low, high), strict=True), key=lambda e: not isinstance(e[1], str)
     )
@@ -204,11 +223,16 @@ def _bisect(
             still, reason = middle, found
         else:
             moving, motion = middle, found
-    return Threshold(parameter, still, moving, motion if isinstance(motion, Cycle) else None, str(reason))
+    return Threshold(
+        parameter, still, moving, motion if isinstance(motion, Cycle) else None, str(reason)
+    )
 
 
-def _gait(system: System, last: Cycle | None, start: State | None, values: Mapping[str, float]) -> Cycle | str:
-    """The stable gait near the last one, else the one that the motion from there or from the start settles on."""
+def _gait(
+    system: System, last: Cycle | None, start: State | None, values: Mapping[str, float]
+) -> Cycle | str:
+    """The stable gait near the last one, else the one that the motion from there or from the start
+    settles on."""
     starts = [*([last] if last else []), _held(system, last.state if last else start, values)]
     reason = ""
     for origin in starts:
@@ -220,7 +244,11 @@ def _gait(system: System, last: Cycle | None, start: State | None, values: Mappi
         if found.drift and found.stable and found.trajectory.certificate.ok:
             return found
         reason = f"a cycle of period {found.period:.6g} that is " + (
-            "not certified" if found.drift and found.stable else "unstable" if found.drift else "no gait"
+            "not certified"
+            if found.drift and found.stable
+            else "unstable"
+            if found.drift
+            else "no gait"
         )
     return reason
 
@@ -236,8 +264,15 @@ def _held(system: System, start: State | None, values: Mapping[str, float]) -> d
 def _row(found: Cycle | str, names: list[str]) -> dict[str, object]:
     """Numbers of a gait."""
     if isinstance(found, str):
-        zero = dict.fromkeys(["speed", "period", "stride", "largest_multiplier", "energy_per_distance"], 0.0)
-        return {"walks": False, **zero, **dict.fromkeys([f"amplitude_{x}" for x in names], 0.0), "note": found}
+        zero = dict.fromkeys(
+            ["speed", "period", "stride", "largest_multiplier", "energy_per_distance"], 0.0
+        )
+        return {
+            "walks": False,
+            **zero,
+            **dict.fromkeys([f"amplitude_{x}" for x in names], 0.0),
+            "note": found,
+        }
     return {
         "walks": True,
         "speed": found.speed,

@@ -1,17 +1,19 @@
-"""Hysteresis operators: two rate-independent coordinates that another one drives, as in [M] section 4.3.
+"""Hysteresis operators: two rate-independent coordinates that another one drives, as in [M] section
+4.3.
 
-Where the friction of two coordinates x, y with one distance d = x − y depends on a third one, ψ, the force balances say
-G⁻(ψ) ≤ d ≤ G⁺(ψ), ḋ ≤ 0 on G⁺, ḋ ≥ 0 on G⁻ and ḋ = 0 between. So ψ ↦ d is a play between two curves, which knows no
-speed. The curves are read off the declaration, so that nothing here knows the toy: its X, ψ₂, ψ₃ are heights and
-crossings of the curves, and the closed forms of them stand with its declaration in the catalogue.
+Where the friction of two coordinates x, y with one distance d = x − y depends on a third one, ψ,
+the force balances say G⁻(ψ) ≤ d ≤ G⁺(ψ), ḋ ≤ 0 on G⁺, ḋ ≥ 0 on G⁻ and ḋ = 0 between. So ψ ↦ d is a
+play between two curves, which knows no speed. The curves are read off the declaration, so that
+nothing here knows the toy: its X, ψ₂, ψ₃ are heights and crossings of the curves, and the closed
+forms of them stand with its declaration in the catalogue.
 
-A swing of ψ from one value to another acts on d as d ↦ clip(d, low, high), since every d ↦ clip(d, G⁻, G⁺) does and so
-does what is composed of them. From this follows return-point memory: there, back and there again is the same as there.
+A swing of ψ from one value to another acts on d as d ↦ clip(d, low, high), since every d ↦ clip(d,
+G⁻, G⁺) does and so does what is composed of them. From this follows return-point memory: there,
+back and there again is the same as there.
 
-References
-----------
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
-sections 4.3 and 4.4; M. Brokate, J. Sprekels, *Hysteresis and Phase Transitions*, Springer 1996, chapter 2.
+References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
+oscillations*, WIAS preprint 2405 (2017), sections 4.3 and 4.4; M. Brokate, J. Sprekels, *Hysteresis
+and Phase Transitions*, Springer 1996, chapter 2.
 """
 
 from __future__ import annotations
@@ -37,7 +39,10 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 AFFINE = 1e-10  # a curve that misses a straight line by less, relative to its values, is one
-REMEDY = "Two rate-independent coordinates that only their distance and one other coordinate couple are needed"
+REMEDY = (
+    "Two rate-independent coordinates that only their distance and one other coordinate couple "
+    "are needed"
+)
 
 
 @dataclass(frozen=True)
@@ -121,7 +126,9 @@ class HysteresisOperator:
     legs: dict[str, tuple[Curve, Curve]]
 
     @classmethod
-    def of(cls, system: System, parameters: Mapping[str, float] | None = None) -> HysteresisOperator:
+    def of(
+        cls, system: System, parameters: Mapping[str, float] | None = None
+    ) -> HysteresisOperator:
         """The operator that is inside a system.
 
         Parameters
@@ -133,8 +140,8 @@ class HysteresisOperator:
         Raises
         ------
         DeclarationError
-            If an argument is wrong, the system is not of this form, its curves are not piecewise affine, or one is
-            above the other somewhere: then there is no bounded rate.
+            If an argument is wrong, the system is not of this form, its curves are not piecewise
+            affine, or one is above the other somewhere: then there is no bounded rate.
         """
         values = checked_values(system, parameters)
         declared = _Declared.read(system, derive(system.declaration), values)
@@ -143,7 +150,9 @@ class HysteresisOperator:
         over = found.lower(x) - found.upper(x)
         if np.any(over > 0.0):
             where = f"{declared.driver} = {x[np.argmax(over)]:.6g}"
-            raise DeclarationError(system.name, f"no d is stable at {where}: G- is above G+", "Lower the load")
+            raise DeclarationError(
+                system.name, f"no d is stable at {where}: G- is above G+", "Lower the load"
+            )
         return found
 
     @cached_property
@@ -162,11 +171,12 @@ class HysteresisOperator:
             first = least(first, other, -1)
         return first
 
-    # -- simple motion ----------------------------------------------------------------------------
+    # -- simple motion -----------------------------------------------------------------------------
 
     @property
     def X(self) -> float:
-        """Height of the peak of G⁻: what d is after ψ has swung far down; a period of simple walking has the stride 2X.
+        """Height of the peak of G⁻: what d is after ψ has swung far down; a period of simple
+        walking has the stride 2X.
 
         Raises
         ------
@@ -183,7 +193,8 @@ class HysteresisOperator:
 
     @property
     def psi_2(self) -> float:
-        """Where G⁻ rises to the valley of G⁺: up to there d stays as it is after ψ has passed the valley."""
+        """Where G⁻ rises to the valley of G⁺: up to there d stays as it is after ψ has passed the
+        valley."""
         valley = self._turns()[1]
         level = float(self.upper(valley))
         return float(self.lower.crossings(level)[self.lower.crossings(level) > valley][0])
@@ -193,11 +204,13 @@ class HysteresisOperator:
         peaks, valleys = self.lower.extrema(1), self.upper.extrema(-1)
         if not (len(peaks) and len(valleys)):
             raise DeclarationError(
-                self.input, "G- has no peak or G+ no valley: the legs do not alternate", "Raise H_star or lower c"
+                self.input,
+                "G- has no peak or G+ no valley: the legs do not alternate",
+                "Raise H_star or lower c",
             )
         return float(peaks[0]), float(valleys[-1])
 
-    # -- the operator -----------------------------------------------------------------------------
+    # -- the operator ------------------------------------------------------------------------------
 
     def swing(self, start: float, end: float) -> tuple[float, float]:
         """What a monotone swing of ψ does: d ↦ clip(d, low, high).
@@ -208,7 +221,8 @@ class HysteresisOperator:
             Equal if the swing forgets where d was.
         """
         x = self._nodes(start, end)
-        low, high = -np.inf, np.inf
+        low = -np.inf
+        high = np.inf
         for down, up in zip(self.lower(x), self.upper(x), strict=True):
             low, high = min(max(low, down), up), min(max(high, down), up)
         return float(low), float(high)
@@ -268,7 +282,9 @@ class HysteresisOperator:
         start = self([low, high, low])[-1]
         return self.path([low, high, low], start)
 
-    def driven(self, psi: Callable[[Any], Any], t_span: tuple[float, float], initial: float) -> Play:
+    def driven(
+        self, psi: Callable[[Any], Any], t_span: tuple[float, float], initial: float
+    ) -> Play:
         """d for a function ψ(t), whose turning points are found.
 
         Returns
@@ -307,7 +323,8 @@ class _Declared:
     driver : str
     pair : (str, str)
     contacts : dict of str to (Expr, Expr, Expr)
-        By contact: force λ and thresholds s⁺, s⁻, in the driver and the first of the pair (the other is 0).
+        By contact: force λ and thresholds s⁺, s⁻, in the driver and the first of the pair (the
+        other is 0).
     kinks : list of Expr
     """
 
@@ -317,14 +334,23 @@ class _Declared:
     kinks: list[Expr]
 
     @classmethod
-    def read(cls, system: System, equations: MotionEquations, values: Mapping[str, float]) -> _Declared:
+    def read(
+        cls, system: System, equations: MotionEquations, values: Mapping[str, float]
+    ) -> _Declared:
         """Check that the system has this form."""
         d = system.declaration
         acting = [c for c in equations.contacts if c.kind == Kind.RATE_INDEPENDENT]
         pair = tuple(d.rate_independent)
         shift = system.translation
-        if len(pair) != 2 or len(acting) != 2 or shift.get(pair[0]) != shift.get(pair[1]) or not shift.get(pair[0]):
-            raise DeclarationError(system.name, "no two rate-independent coordinates with a common translation", REMEDY)
+        if (
+            len(pair) != 2
+            or len(acting) != 2
+            or shift.get(pair[0]) != shift.get(pair[1])
+            or not shift.get(pair[0])
+        ):
+            raise DeclarationError(
+                system.name, "no two rate-independent coordinates with a common translation", REMEDY
+            )
         known = {name: ex.num(value) for name, value in values.items()} | {pair[1]: ex.ZERO}
         contacts = {
             c.name: tuple(ex.substitute(e, known) for e in (force, c.plus, c.minus))
@@ -334,7 +360,9 @@ class _Declared:
         used = set().union(*(e.symbols for parts in contacts.values() for e in parts)) - {pair[0]}
         if len(used) != 1 or next(iter(used)) not in d.state:
             what = ", ".join(sorted(used)) or "nothing"
-            raise DeclarationError(system.name, f"their friction depends on {what}, not on one other state", REMEDY)
+            raise DeclarationError(
+                system.name, f"their friction depends on {what}, not on one other state", REMEDY
+            )
         driver = next(iter(used))
         kinks = [g for g in kinks if g.symbols == {driver}]
         return cls(driver, pair, contacts, kinks)  # type: ignore[arg-type]
@@ -346,7 +374,9 @@ class _Declared:
         for name, (force, plus, minus) in self.contacts.items():
             slope = ex.derivative(force, self.pair[0])
             if not ex.is_number(slope) or ex.number(slope) == 0.0:
-                raise DeclarationError(f"potential ({name})", f"its force is not affine in {self.pair[0]}", REMEDY)
+                raise DeclarationError(
+                    f"potential ({name})", f"its force is not affine in {self.pair[0]}", REMEDY
+                )
             still = ex.substitute(force, {self.pair[0]: ex.ZERO})
             sides = [(-1.0 / ex.number(slope)) * (still + bound) for bound in (plus, -minus)]
             low, high = sides if ex.number(slope) > 0.0 else sides[::-1]
@@ -359,7 +389,9 @@ class _Declared:
         for g in self.kinks:
             slope = ex.derivative(g, self.driver)
             if not ex.is_number(slope):
-                raise DeclarationError("functions", f"the corner at {ex.to_text(g)} = 0 is not that of a line", REMEDY)
+                raise DeclarationError(
+                    "functions", f"the corner at {ex.to_text(g)} = 0 is not that of a line", REMEDY
+                )
             corners.append(-ex.evaluate(g, {self.driver: 0.0}) / ex.number(slope))
         return np.unique(corners)
 
@@ -384,5 +416,7 @@ class _Declared:
 def _checked(psi: ArrayLike) -> Array:
     samples = np.asarray(psi, dtype=float)
     if samples.ndim != 1 or len(samples) == 0 or not np.all(np.isfinite(samples)):
-        raise DeclarationError("psi", "not a 1-D array of finite numbers", "Give samples, or use `driven`")
+        raise DeclarationError(
+            "psi", "not a 1-D array of finite numbers", "Give samples, or use `driven`"
+        )
     return samples

@@ -10,7 +10,8 @@ from matplotlib.patches import Arc, Circle, FancyBboxPatch, Polygon
 from stickslip.figures.drawing.style import STICK_LINE
 from stickslip.paper.drawing.style import Array, Point, arrow, pair
 
-BODY, BODY_EDGE = "#D9E6F2", "#33526B"
+BODY = "#D9E6F2"
+BODY_EDGE = "#33526B"
 
 
 def turned(points: Array, angle: float, about: Point = (0.0, 0.0), to: Point = (0.0, 0.0)) -> Array:
@@ -23,7 +24,9 @@ def rounded(points: Array, times: int = 4) -> Array:
     """The closed outline with its corners cut, again and again (Chaikin)."""
     for _ in range(times):
         after = np.roll(points, -1, axis=0)
-        points = np.stack([0.75 * points + 0.25 * after, 0.25 * points + 0.75 * after], axis=1).reshape(-1, 2)
+        points = np.stack(
+            [0.75 * points + 0.25 * after, 0.25 * points + 0.75 * after], axis=1
+        ).reshape(-1, 2)
     return points
 
 
@@ -42,7 +45,11 @@ def ground(axes: Axes, start: Point, end: Point, depth: float = 0.16, spacing: f
     across = np.array([along[1], -along[0]])
     axes.plot(*np.array([a, b]).T, color=STICK_LINE, lw=1.4, solid_capstyle="butt")
     for s in np.arange(spacing, np.linalg.norm(b - a) + 1e-9, spacing):
-        axes.plot(*np.array([a + s * along, a + (s - depth) * along + depth * across]).T, color=STICK_LINE, lw=0.7)
+        axes.plot(
+            *np.array([a + s * along, a + (s - depth) * along + depth * across]).T,
+            color=STICK_LINE,
+            lw=0.7,
+        )
 
 
 def spring_line(start: Point, end: Point, width: float, coils: int = 7) -> Array:
@@ -62,29 +69,52 @@ def spring(axes: Axes, start: Point, end: Point, width: float = 0.22, coils: int
 def box(axes: Axes, corner: Point, size: Point, face: str = BODY, rounding: float = 0.08) -> None:
     """A box with rounded corners."""
     style = f"round,pad=0,rounding_size={rounding}"
-    axes.add_patch(FancyBboxPatch(pair(corner), *pair(size), boxstyle=style, fc=face, ec=BODY_EDGE, lw=1.2, zorder=2))
+    axes.add_patch(
+        FancyBboxPatch(
+            pair(corner), *pair(size), boxstyle=style, fc=face, ec=BODY_EDGE, lw=1.2, zorder=2
+        )
+    )
 
 
 def body(axes: Axes, points: Array, face: str = BODY, zorder: float = 2) -> None:
     """A filled outline."""
     axes.add_patch(
-        Polygon(np.asarray(points), closed=True, fc=face, ec=BODY_EDGE, lw=1.2, joinstyle="round", zorder=zorder)
+        Polygon(
+            np.asarray(points),
+            closed=True,
+            fc=face,
+            ec=BODY_EDGE,
+            lw=1.2,
+            joinstyle="round",
+            zorder=zorder,
+        )
     )
 
 
 def disc(
-    axes: Axes, centre: Point, radius: float, face: str = "white", edge: str = STICK_LINE, zorder: float = 4
+    axes: Axes,
+    centre: Point,
+    radius: float,
+    face: str = "white",
+    edge: str = STICK_LINE,
+    zorder: float = 4,
 ) -> None:
     """A circle: a hinge, a wheel, an eye."""
     axes.add_patch(Circle(pair(centre), radius, fc=face, ec=edge, lw=1.1, zorder=zorder))
 
 
-def angle_arc(axes: Axes, centre: Point, radius: float, start: float, end: float, colour: str = STICK_LINE) -> None:
+def angle_arc(
+    axes: Axes, centre: Point, radius: float, start: float, end: float, colour: str = STICK_LINE
+) -> None:
     """An arc between two directions [degrees]."""
-    axes.add_patch(Arc(pair(centre), 2 * radius, 2 * radius, theta1=start, theta2=end, color=colour, lw=1.0))
+    axes.add_patch(
+        Arc(pair(centre), 2 * radius, 2 * radius, theta1=start, theta2=end, color=colour, lw=1.0)
+    )
 
 
-def dimension(axes: Axes, start: Point, end: Point, label: str, offset: Point = (0.0, -0.22)) -> None:
+def dimension(
+    axes: Axes, start: Point, end: Point, label: str, offset: Point = (0.0, -0.22)
+) -> None:
     """A length with its name, as in a technical drawing."""
     arrow(axes, start, end, STICK_LINE, width=0.9, head=8.0, tips="<|-|>")
     x, y = pair(0.5 * (np.array(start) + end) + offset)

@@ -1,4 +1,5 @@
-"""What the figures of the paper share beyond the style of all pictures: arrows, marks and shaded phases."""
+"""What the figures of the paper share beyond the style of all pictures: arrows, marks and shaded
+phases."""
 
 from __future__ import annotations
 
@@ -21,7 +22,14 @@ def pair(point: Point) -> tuple[float, float]:
 
 
 def arrow(
-    axes: Axes, start: Point, end: Point, colour: str, *, width: float = 1.4, head: float = 11.0, tips: str = "-|>"
+    axes: Axes,
+    start: Point,
+    end: Point,
+    colour: str,
+    *,
+    width: float = 1.4,
+    head: float = 11.0,
+    tips: str = "-|>",
 ) -> FancyArrowPatch:
     """A straight arrow in data coordinates."""
     patch = FancyArrowPatch(
@@ -39,15 +47,20 @@ def arrow(
     return patch
 
 
-def heads(axes: Axes, x: Array, y: Array, at: Iterable[float], colour: str, size: float = 12.0) -> None:
-    """Arrow heads on a curve, at fractions of its length as it is seen; set the limits of the axes before."""
+def heads(
+    axes: Axes, x: Array, y: Array, at: Iterable[float], colour: str, size: float = 12.0
+) -> None:
+    """Arrow heads on a curve, at fractions of its length as it is seen; set the limits of the axes
+    before."""
     spans = (np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim()))
     length = np.append(0.0, np.cumsum(np.hypot(np.diff(x) / spans[0], np.diff(y) / spans[1])))
     step = 0.006
     for fraction in at:
         ends = np.array([-step, step]) + fraction * length[-1]
         (x_0, x_1), (y_0, y_1) = np.interp(ends, length, x), np.interp(ends, length, y)
-        arrow(axes, (float(x_0), float(y_0)), (float(x_1), float(y_1)), colour, width=0.0, head=size)
+        arrow(
+            axes, (float(x_0), float(y_0)), (float(x_1), float(y_1)), colour, width=0.0, head=size
+        )
 
 
 def shade(axes: Axes, t: Array, holds: Array, colour: str = STICK_SHADE) -> None:
@@ -57,7 +70,9 @@ def shade(axes: Axes, t: Array, holds: Array, colour: str = STICK_SHADE) -> None
         axes.axvspan(float(t[first]), float(t[min(end, len(t) - 1)]), color=colour, lw=0, zorder=0)
 
 
-def ticks(axes: Axes, x: Sequence[tuple[float, str]] = (), y: Sequence[tuple[float, str]] = ()) -> None:
+def ticks(
+    axes: Axes, x: Sequence[tuple[float, str]] = (), y: Sequence[tuple[float, str]] = ()
+) -> None:
     """Ticks with names instead of numbers."""
     if x:
         axes.set_xticks([value for value, _ in x], [name for _, name in x])

@@ -3,7 +3,8 @@
 >>> from stickslip.paper.figures import FIGURES
 >>> FIGURES["4.4"].draw().savefig("figure-4-4.svg")
 
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017), [M].
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017), [M].
 """
 
 from stickslip.paper.drawing.entry import FigureEntry

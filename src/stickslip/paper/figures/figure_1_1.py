@@ -4,7 +4,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from stickslip.figures.drawing.style import BLUE, GREEN, STICK_LINE, VERMILION, new_figure, paper_style
+from stickslip.figures.drawing.style import (
+    BLUE,
+    GREEN,
+    STICK_LINE,
+    VERMILION,
+    new_figure,
+    paper_style,
+)
 from stickslip.paper.drawing.entry import FigureEntry
 from stickslip.paper.drawing.sketch import (
     BODY_EDGE,
@@ -38,9 +45,13 @@ def plate_compactor(axes: Axes) -> None:
     """Plate, imbalance, pulling spring, and the forces between plate and ground."""
     canvas(axes, (-0.6, 6.4), (-1.0, 3.3))
     ground(axes, (-0.5, 0.0), (6.3, 0.0))
-    body(axes, np.array([(0.9, 0.45), (1.15, 0.05), (3.65, 0.05), (3.9, 0.45), (3.65, 0.3), (1.15, 0.3)]))
+    body(
+        axes,
+        np.array([(0.9, 0.45), (1.15, 0.05), (3.65, 0.05), (3.9, 0.45), (3.65, 0.3), (1.15, 0.3)]),
+    )
     box(axes, (1.5, 0.3), (1.8, 1.5))
-    centre, mass = np.array((2.4, 1.05)), np.array((2.4, 1.05)) + 0.42 * np.array([np.cos(0.6), np.sin(0.6)])
+    centre = np.array((2.4, 1.05))
+    mass = np.array((2.4, 1.05)) + 0.42 * np.array([np.cos(0.6), np.sin(0.6)])
     disc(axes, (2.4, 1.05), 0.6)
     axes.plot(*np.array([centre, mass]).T, color=STICK_LINE, lw=1.4, zorder=5)
     axes.plot([2.4, 2.4], [1.05, 0.45], ":", color=STICK_LINE, lw=0.9, zorder=5)
@@ -57,7 +68,14 @@ def plate_compactor(axes: Axes) -> None:
     arrow(axes, (2.4, 3.1), (2.4, 1.95), VERMILION)
     axes.text(2.55, 2.75, r"$N(t) = mg + F\cos\Omega t$", color=VERMILION, fontsize=13)
     arrow(axes, (0.95, 0.22), (0.05, 0.22), BLUE)
-    axes.text(2.65, -0.45, r"friction $\leq \rho(t/\varepsilon) = \mu N(t)$", color=BLUE, va="center", fontsize=12)
+    axes.text(
+        2.65,
+        -0.45,
+        r"friction $\leq \rho(t/\varepsilon) = \mu N(t)$",
+        color=BLUE,
+        va="center",
+        fontsize=12,
+    )
     dimension(axes, (-0.5, -0.5), (2.35, -0.5), "$z(t)$", (0.0, -0.26))
     axes.plot([2.35, 2.35], [-0.65, -0.05], color=STICK_LINE, lw=0.9)
 
@@ -76,13 +94,42 @@ def ramp_walker(axes: Axes) -> None:
         axes.text(x, y, words, color=colour, ha="center", va="center", fontsize=12)
 
     ground(axes, place((0.0, 0.0))[0], place((6.4, 0.0))[0])
-    uphill, hinge, downhill = (1.9, 0.0), (2.45, 1.1), (4.1, 0.0)
-    back = [(2.3, 0.95), (1.75, 1.15), (1.85, 1.5), (2.4, 1.85), (3.2, 2.05), (3.8, 2.2), (4.4, 2.0), (4.75, 1.55)]
-    front = [(4.5, 1.2), (4.25, 0.9), (4.25, 0.25), (4.75, 0.12), (4.75, 0.0), (3.75, 0.0), (3.75, 0.6), (3.3, 0.85)]
+    uphill = (1.9, 0.0)
+    hinge = (2.45, 1.1)
+    downhill = (4.1, 0.0)
+    back = [
+        (2.3, 0.95),
+        (1.75, 1.15),
+        (1.85, 1.5),
+        (2.4, 1.85),
+        (3.2, 2.05),
+        (3.8, 2.2),
+        (4.4, 2.0),
+        (4.75, 1.55),
+    ]
+    front = [
+        (4.5, 1.2),
+        (4.25, 0.9),
+        (4.25, 0.25),
+        (4.75, 0.12),
+        (4.75, 0.0),
+        (3.75, 0.0),
+        (3.75, 0.6),
+        (3.3, 0.85),
+    ]
     body(axes, rounded(place(*back, *front)))
     disc(axes, place((3.95, 2.12))[0], 0.19)
     disc(axes, place((4.02, 2.12))[0], 0.07, STICK_LINE, zorder=5)
-    leg = [(2.25, 1.2), (2.65, 1.2), (2.65, 0.95), (2.1, 0.15), (2.5, 0.1), (2.5, 0.0), (1.6, 0.0), (1.7, 0.3)]
+    leg = [
+        (2.25, 1.2),
+        (2.65, 1.2),
+        (2.65, 0.95),
+        (2.1, 0.15),
+        (2.5, 0.1),
+        (2.5, 0.0),
+        (1.6, 0.0),
+        (1.7, 0.3),
+    ]
     body(axes, rounded(place(*leg)), "white", zorder=3)
     disc(axes, place(hinge)[0], 0.09)
     centre = place((3.25, 1.35))[0]
@@ -106,9 +153,10 @@ def ramp_walker(axes: Axes) -> None:
 ENTRY = FigureEntry(
     "1.1",
     "Two machines that wait until friction is small",
-    "(A) The plate compactor: an imbalance that turns with the angle Ωt shakes the normal force N(t), and with it the "
-    "threshold ρ(t/ε) of the friction between plate and ground. Pulled by a spring k whose end is at ℓ(t), the plate "
-    "at z(t) moves only when N is small; (1.1) and section 2. (B) The toy ramp walker walks down only while it rocks "
-    "(angle ψ), which loads in turn the rigid downhill leg at x₂ and the hinged uphill leg at x₁.",
+    "(A) The plate compactor: an imbalance that turns with the angle Ωt shakes the normal force "
+    "N(t), and with it the threshold ρ(t/ε) of the friction between plate and ground. Pulled by a "
+    "spring k whose end is at ℓ(t), the plate at z(t) moves only when N is small; (1.1) and "
+    "section 2. (B) The toy ramp walker walks down only while it rocks (angle ψ), which loads in "
+    "turn the rigid downhill leg at x₂ and the hinged uphill leg at x₁.",
     draw,
 )

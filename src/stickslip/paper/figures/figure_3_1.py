@@ -5,7 +5,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import stickslip as ss
-from stickslip.figures.drawing.style import BLUE, SKY, STICK_LINE, STICK_SHADE, VERMILION, new_figure, paper_style
+from stickslip.figures.drawing.style import (
+    BLUE,
+    SKY,
+    STICK_LINE,
+    STICK_SHADE,
+    VERMILION,
+    new_figure,
+    paper_style,
+)
 from stickslip.paper.drawing.entry import FigureEntry
 from stickslip.paper.drawing.style import heads
 
@@ -31,7 +39,8 @@ def draw() -> Figure:
 
 
 def _name_the_parts(axes: Axes) -> None:
-    """The sticking half, the steady state, the halves A_1 and A_2 of the axis, and the maps between them."""
+    """The sticking half, the steady state, the halves A_1 and A_2 of the axis, and the maps between
+    them."""
     axes.axvspan(axes.get_xlim()[0], 0.0, color=STICK_SHADE, lw=0, zorder=0)
     axes.plot([0, 0], [0, 1], color=STICK_LINE, lw=2.4, zorder=3)
     axes.plot([0, 0], [1, 2.55], color=STICK_LINE, lw=1.0, ls=(0, (3, 2)), zorder=3)
@@ -42,8 +51,13 @@ def _name_the_parts(axes: Axes) -> None:
     axes.text(-19.0, 2.40, r"stick, $\beta < 0$")
     axes.text(7.3, 2.40, r"slip, $\beta > 0$", ha="right")
     centred = {"color": BLUE, "fontsize": 15, "ha": "center", "va": "center", "zorder": 5}
-    for x, y, name, ground in ((-8.45, 0.92, r"$\Phi^-$", STICK_SHADE), (5.33, 1.5, r"$\Phi^+$", "white")):
-        axes.text(x, y, name, bbox={"facecolor": ground, "edgecolor": "none", "pad": 1.5}, **centred)
+    for x, y, name, ground in (
+        (-8.45, 0.92, r"$\Phi^-$", STICK_SHADE),
+        (5.33, 1.5, r"$\Phi^+$", "white"),
+    ):
+        axes.text(
+            x, y, name, bbox={"facecolor": ground, "edgecolor": "none", "pad": 1.5}, **centred
+        )
     axes.set_xlabel(r"scaled excess over the threshold $\beta$")
     axes.set_ylabel(r"scaled state $\gamma$")
 
@@ -51,9 +65,10 @@ def _name_the_parts(axes: Axes) -> None:
 ENTRY = FigureEntry(
     "3.1",
     "Phase plane of the scaled slider",
-    "The piecewise linear system (3.6), with the constant v̂/ν(1 − b√ν) corrected, for v̂ = 1 and μ₀ = 1; here ν = "
-    "0.05 and b = 0.5, so that slip and stick are both seen. For β > 0 an unstable focus at (β_*, γ_*) = (v̂, μ₀v̂); "
-    "for β < 0 (grey, stick) γ decays and β returns. The motions (light) tend to the limit cycle (dark). Φ⁺ maps A₁ = "
-    "[0, μ₀v̂[ along the slip to A₂ = ]μ₀v̂, ∞[, and Φ⁻ maps A₂ along the stick back to A₁.",
+    "The piecewise linear system (3.6), with the constant v̂/ν(1 − b√ν) corrected, for v̂ = 1 and "
+    "μ₀ = 1; here ν = 0.05 and b = 0.5, so that slip and stick are both seen. For β > 0 an "
+    "unstable focus at (β_*, γ_*) = (v̂, μ₀v̂); for β < 0 (grey, stick) γ decays and β returns. "
+    "The motions (light) tend to the limit cycle (dark). Φ⁺ maps A₁ = [0, μ₀v̂[ along the slip to "
+    "A₂ = ]μ₀v̂, ∞[, and Φ⁻ maps A₂ along the stick back to A₁.",
     draw,
 )

@@ -35,7 +35,9 @@ def draw() -> Figure:
                 (left, end, again, VERMILION),
                 (right, start, again, BLUE),
             ):
-                axes.plot(x, y, "o", color=colour, mfc=colour if full else "white", ms=4.5, zorder=4)
+                axes.plot(
+                    x, y, "o", color=colour, mfc=colour if full else "white", ms=4.5, zorder=4
+                )
         _name_the_parts(left, right, maps)
     return figure
 
@@ -64,7 +66,9 @@ def _name_the_parts(left: Axes, right: Axes, maps: ReturnMap) -> None:
     left.text(1.05, 3.2, r"$\Phi^+: A_1 \to A_2$", color=BLUE, fontsize=13)
     left.text(2.2, 0.55, r"$\Phi^-: A_2 \to A_1$", color=VERMILION, fontsize=13)
     for middle, name in ((0.5, "$A_1$"), (0.5 + 0.5 * top, "$A_2$")):
-        left.text(middle, 1.02, name, ha="center", transform=left.get_xaxis_transform(), fontsize=13)
+        left.text(
+            middle, 1.02, name, ha="center", transform=left.get_xaxis_transform(), fontsize=13
+        )
     left.set_xlabel(r"state $\gamma$ at the start")
     left.set_ylabel(r"state $\gamma$ at the end")
     right.set_xlim(0.0, 1.0)
@@ -77,10 +81,11 @@ def _name_the_parts(left: Axes, right: Axes, maps: ReturnMap) -> None:
 ENTRY = FigureEntry(
     "3.2",
     "Poincaré maps of the scaled slider",
-    "The return maps of (3.6) on the axis β = 0, for μ₀v̂ = 1 and b = 0.7. Left: Φ⁺(γ) = μ₀v̂ + ρ_b(μ₀v̂ − γ) follows "
-    "a slip, with the stretching ρ_b = exp(πb/(2ω_b)) = 3.23, and Φ⁻(γ) = γ exp(−𝒞(μ₀v̂/γ)) a stick, where 𝒞 is the "
-    "inverse of T ↦ (1 − e^(−T))/T. Right: Ψ = Φ⁻∘Φ⁺ is convex and increasing; from any start below μ₀v̂ the "
-    "iteration (thin) tends to its fixed point γ_b, the stable limit cycle. Lines: lowest order in ν. Dots: what the "
-    "motion of (3.6) does, open for ν = 10⁻², full for ν = 10⁻⁴; the maps converge with the order √ν.",
+    "The return maps of (3.6) on the axis β = 0, for μ₀v̂ = 1 and b = 0.7. Left: "
+    "Φ⁺(γ) = μ₀v̂ + ρ_b(μ₀v̂ − γ) follows a slip, with the stretching ρ_b = exp(πb/(2ω_b)) = 3.23, "
+    "and Φ⁻(γ) = γ exp(−𝒞(μ₀v̂/γ)) a stick, where 𝒞 is the inverse of T ↦ (1 − e^(−T))/T. Right: "
+    "Ψ = Φ⁻∘Φ⁺ is convex and increasing; from any start below μ₀v̂ the iteration (thin) tends to "
+    "its fixed point γ_b, the stable limit cycle. Lines: lowest order in ν. Dots: what the motion "
+    "of (3.6) does, open for ν = 10⁻², full for ν = 10⁻⁴; the maps converge with the order √ν.",
     draw,
 )

@@ -32,14 +32,23 @@ def draw() -> Figure:
         upper, lower = figure.subplots(2, 1, sharex=True)
         for axes in (upper, lower):
             shade(axes, t, values["mode_block"] == 0)
-        upper.plot(t, values["threshold_plus_block"], color=THRESHOLD, lw=1.2, label=r"threshold $\tilde\mu(\alpha)$")
+        upper.plot(
+            t,
+            values["threshold_plus_block"],
+            color=THRESHOLD,
+            lw=1.2,
+            label=r"threshold $\tilde\mu(\alpha)$",
+        )
         upper.plot(t, values["U"], color=BLUE, label="$U$")
         lower.plot(t, values["alpha"], color=VERMILION)
         upper.set_ylabel("stretch $U$")
         lower.set_ylabel(r"state $\alpha$")
         lower.set_xlabel("time $t$")
         lower.set_xlim(0.0, t[-1])
-        legend_above(upper, [*upper.get_legend_handles_labels()[0][::-1], Patch(color=STICK_SHADE, label="stick")])
+        legend_above(
+            upper,
+            [*upper.get_legend_handles_labels()[0][::-1], Patch(color=STICK_SHADE, label="stick")],
+        )
         figure.align_ylabels()
     return figure
 
@@ -47,10 +56,12 @@ def draw() -> Figure:
 ENTRY = FigureEntry(
     "3.3",
     "Long stick, short slip",
-    "Three periods of the spring slider (3.3) in the original variables. In stick (grey) the spring is stretched with "
-    "the rate V and the state α decays; when U reaches the threshold μ̃(α), a short slip releases the spring and "
-    "heats the surface. [M] leaves the numbers open; here k = α₀ = 1 and the scaling of section 3.3 with ν = 0.01, v̂ "
-    "= 1, b = 1 and μ(s) = e^(−s), which is V = νv̂ = 0.01 and μ̃(α) = e^(−(α − 1)) + √ν b (with the sign of √ν B "
-    "corrected). A slip lasts 0.32, which is π√ν/ω_b = 0.36 at lowest order; a stick lasts ten times as long.",
+    "Three periods of the spring slider (3.3) in the original variables. In stick (grey) the "
+    "spring is stretched with the rate V and the state α decays; when U reaches the threshold "
+    "μ̃(α), a short slip releases the spring and heats the surface. [M] leaves the numbers "
+    "open; here k = α₀ = 1 and the scaling of section 3.3 with ν = 0.01, v̂ = 1, b = 1 and "
+    "μ(s) = e^(−s), which is V = νv̂ = 0.01 and μ̃(α) = e^(−(α − 1)) + √ν b (with the sign of "
+    "√ν B corrected). A slip lasts 0.32, which is π√ν/ω_b = 0.36 at lowest order; a stick lasts "
+    "ten times as long.",
     draw,
 )

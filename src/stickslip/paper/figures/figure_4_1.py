@@ -4,7 +4,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from stickslip.figures.drawing.style import BLUE, GREEN, STICK_LINE, VERMILION, new_figure, paper_style
+from stickslip.figures.drawing.style import (
+    BLUE,
+    GREEN,
+    STICK_LINE,
+    VERMILION,
+    new_figure,
+    paper_style,
+)
 from stickslip.paper.drawing.entry import FigureEntry
 from stickslip.paper.drawing.sketch import (
     BODY_EDGE,
@@ -45,7 +52,16 @@ def leg(foot: Point, hip: Point, width: float = 0.26) -> Array:
 
 def trunk() -> Array:
     """Outline of the body with the head, from tail to breast 2.6 long."""
-    back = [(1.0, 1.0), (0.95, 1.8), (1.5, 1.95), (2.9, 1.9), (3.3, 2.2), (3.55, 2.6), (4.05, 2.55), (4.55, 2.1)]
+    back = [
+        (1.0, 1.0),
+        (0.95, 1.8),
+        (1.5, 1.95),
+        (2.9, 1.9),
+        (3.3, 2.2),
+        (3.55, 2.6),
+        (4.05, 2.55),
+        (4.55, 2.1),
+    ]
     throat = [(4.5, 1.8), (4.1, 1.85), (3.7, 1.6), (3.55, 1.0), (2.3, 0.9)]
     return rounded(np.array(back + throat))
 
@@ -85,9 +101,17 @@ def tilted(axes: Axes) -> None:
         return turned(np.array(points), angle, about=(0.62, 0.0), to=(0.5, 0.0))
 
     for x in (-0.5, 0.5):
-        body(axes, rounded(place((x - 0.14, 0.0), (x - 0.14, 1.2), (x + 0.14, 1.2), (x + 0.14, 0.0)), 2), "white")
+        body(
+            axes,
+            rounded(place((x - 0.14, 0.0), (x - 0.14, 1.2), (x + 0.14, 1.2), (x + 0.14, 0.0)), 2),
+            "white",
+        )
     body(
-        axes, rounded(place((-0.75, 0.95), (-0.75, 2.1), (0.0, 2.35), (0.75, 2.1), (0.75, 0.95), (0.0, 0.8))), zorder=3
+        axes,
+        rounded(
+            place((-0.75, 0.95), (-0.75, 2.1), (0.0, 2.35), (0.75, 2.1), (0.75, 0.95), (0.0, 0.8))
+        ),
+        zorder=3,
     )
     axes.plot(*place((0.0, 0.0), (0.0, 2.75)).T, "--", color=STICK_LINE, lw=1.0, zorder=4)
     low = place((0.0, 0.0))[0]
@@ -123,10 +147,11 @@ def over_the_contact_point(axes: Axes) -> None:
 ENTRY = FigureEntry(
     "4.1",
     "The rocking toy animal",
-    "Left: a weight m_W beyond the edge of the table pulls the animal; its two right legs at x_R (white) and its two "
-    "left legs at x_L (dark) move together. Middle, from behind: tilted by ψ it stands on one side; the friction ρ + "
-    "H_R(ψ) of the right legs is large, ρ + H_L(ψ) of the left legs, which are lifted, is small: these can swing "
-    "forward. Right: the pull P = g m_W/2 on each leg moves the hinge of a standing leg over its contact point, which "
-    "raises the energy Φ(d, ψ), d = x_R − x_L, a little. The variables are those of (4.1) and (4.2).",
+    "Left: a weight m_W beyond the edge of the table pulls the animal; its two right legs at x_R "
+    "(white) and its two left legs at x_L (dark) move together. Middle, from behind: tilted by ψ "
+    "it stands on one side; the friction ρ + H_R(ψ) of the right legs is large, ρ + H_L(ψ) of the "
+    "left legs, which are lifted, is small: these can swing forward. Right: the pull P = g m_W/2 "
+    "on each leg moves the hinge of a standing leg over its contact point, which raises the energy "
+    "Φ(d, ψ), d = x_R − x_L, a little. The variables are those of (4.1) and (4.2).",
     draw,
 )

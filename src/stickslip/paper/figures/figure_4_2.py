@@ -5,7 +5,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import stickslip as ss
-from stickslip.figures.drawing.style import BLUE, ORANGE, SKY, STICK_LINE, VERMILION, new_figure, paper_style
+from stickslip.figures.drawing.style import (
+    BLUE,
+    ORANGE,
+    SKY,
+    STICK_LINE,
+    VERMILION,
+    new_figure,
+    paper_style,
+)
 from stickslip.orbits.studies.hysteresis import HysteresisOperator
 from stickslip.paper.drawing.entry import FigureEntry
 from stickslip.paper.drawing.style import arrow
@@ -33,7 +41,16 @@ def draw() -> Figure:
 def _name_the_parts(axes: Axes, operator: HysteresisOperator, psi_star: float) -> None:
     """The corners (ψ*, −X) and (−ψ*, X), the names of the curves, and which way d moves on G^±."""
     X = operator.X
-    axes.plot([psi_star, -psi_star], [-X, X], "o", color="white", mec=STICK_LINE, mew=1.6, ms=6.5, zorder=5)
+    axes.plot(
+        [psi_star, -psi_star],
+        [-X, X],
+        "o",
+        color="white",
+        mec=STICK_LINE,
+        mew=1.6,
+        ms=6.5,
+        zorder=5,
+    )
     axes.text(1.04, -0.22, r"$(\psi_*, -X)$", fontsize=12)
     axes.text(-1.04, 0.22, r"$(-\psi_*, X)$", ha="right", va="top", fontsize=12)
     for x, y, name, colour in (
@@ -48,7 +65,14 @@ def _name_the_parts(axes: Axes, operator: HysteresisOperator, psi_star: float) -
         axes.text(side * 0.62, side * 0.72, sense, ha="center", va="center", fontsize=12)
         for psi in (0.25, 0.55, 1.8):
             high = float(operator.upper(psi))
-            arrow(axes, (side * psi, side * high), (side * psi, side * (high - 0.24)), STICK_LINE, width=1.1, head=9)
+            arrow(
+                axes,
+                (side * psi, side * high),
+                (side * psi, side * (high - 0.24)),
+                STICK_LINE,
+                width=1.1,
+                head=9,
+            )
     axes.set_xlabel(r"rocking angle $\psi$  [rad]")
     axes.set_ylabel("distance of the legs $d = x_R - x_L$  [m]")
 
@@ -56,10 +80,11 @@ def _name_the_parts(axes: Axes, operator: HysteresisOperator, psi_star: float) -
 ENTRY = FigureEntry(
     "4.2",
     "Where the distance of the legs can be",
-    "The sets [G_R⁻, G_R⁺] (blue) and [G_L⁻, G_L⁺] (orange) of section 4.3 over the rocking angle ψ, from (4.2b) and "
-    "(4.2c): aG_R^± = P + cψ ± (ρ + H_R(ψ)), aG_L^± = −P + cψ ± (ρ + H_L(ψ)). The distance d = x_R − x_L stays in "
-    "their intersection, between G⁻ and G⁺ (bold); d can only fall on G⁺, only rise on G⁻, and rests in between. G⁺ "
-    "has its local minimum at (ψ*, −X), G⁻ its local maximum at (−ψ*, X), X = (P − ρ − cψ*)/a = 0.5 m. Parameters: P "
-    "= 1 N, ρ = 0.2 N, a = 1 N/m, c = 0.3 N, ψ* = 1, H* = 3 N (so that H* > 2P and H* > 2cψ*).",
+    "The sets [G_R⁻, G_R⁺] (blue) and [G_L⁻, G_L⁺] (orange) of section 4.3 over the rocking angle "
+    "ψ, from (4.2b) and (4.2c): aG_R^± = P + cψ ± (ρ + H_R(ψ)), aG_L^± = −P + cψ ± (ρ + H_L(ψ)). "
+    "The distance d = x_R − x_L stays in their intersection, between G⁻ and G⁺ (bold); d can only "
+    "fall on G⁺, only rise on G⁻, and rests in between. G⁺ has its local minimum at (ψ*, −X), G⁻ "
+    "its local maximum at (−ψ*, X), X = (P − ρ − cψ*)/a = 0.5 m. Parameters: P = 1 N, ρ = 0.2 N, "
+    "a = 1 N/m, c = 0.3 N, ψ* = 1, H* = 3 N (so that H* > 2P and H* > 2cψ*).",
     draw,
 )

@@ -39,7 +39,14 @@ def draw() -> Figure:
             branch = operator.path([start, -start], d)
             axes.plot(*branch, color=colour, lw=2.8, ls=dashes, label=label)
             heads(axes, *branch, (0.4, 0.56), colour, 17)
-        axes.plot(walk["psi"], walk["x_R"] - walk["x_L"], ".", color=STICK_LINE, ms=5, label="motion of (4.2)")
+        axes.plot(
+            walk["psi"],
+            walk["x_R"] - walk["x_L"],
+            ".",
+            color=STICK_LINE,
+            ms=5,
+            label="motion of (4.2)",
+        )
         _name_the_ticks(axes, operator, toy.values["psi_star"])
     return figure
 
@@ -50,13 +57,21 @@ def _name_the_ticks(axes: Axes, operator: HysteresisOperator, psi_star: float) -
     angles = ((operator.psi_2, r"\psi_2"), (psi_star, r"\psi_*"), (psi_3, r"\psi_3"))
     ticks(
         axes,
-        [(sign * value, f"${'-' if sign < 0 else ''}{name}$") for value, name in angles for sign in (-1, 1)],
+        [
+            (sign * value, f"${'-' if sign < 0 else ''}{name}$")
+            for value, name in angles
+            for sign in (-1, 1)
+        ],
         [(-X, "$-X$"), (0.0, "0"), (X, "$X$")],
     )
     for value, _ in angles[1:]:
         for sign in (-1, 1):
             axes.plot(
-                [sign * value] * 2, [-1.7, sign * X * (1 if value == psi_3 else -1)], ":", color=STICK_LINE, lw=0.8
+                [sign * value] * 2,
+                [-1.7, sign * X * (1 if value == psi_3 else -1)],
+                ":",
+                color=STICK_LINE,
+                lw=0.8,
             )
     axes.set_xlabel(r"rocking angle $\psi$")
     axes.set_ylabel("distance of the legs $d$")
@@ -66,10 +81,10 @@ def _name_the_ticks(axes: Axes, operator: HysteresisOperator, psi_star: float) -
 ENTRY = FigureEntry(
     "4.3",
     "The hysteresis of the legs in simple motions",
-    "The two branches of d = 𝐆(ψ, ψ̇) of section 4.4 for |ψ| ≤ ψ₂: Γ(ψ) while ψ rises, −Γ(−ψ) while it falls. As ψ "
-    "rises, d rests at X until it meets G⁺ at ψ₃, follows G_L⁺ down to −X at ψ*, and rests again. Dots: one period of "
-    "walking, simulated with (4.2). The area 2X(ψ₃ + ψ*) of the loop, times c, is the energy that one period feeds "
-    "into the rocking. Parameters as in figure 4.2: ψ* = 1, ψ₂ = ψ* + 2ρ/c = 2.333, ψ₃ = 0.1667 from G_L⁺(ψ₃) = X, X "
-    "= 0.5 m.",
+    "The two branches of d = 𝐆(ψ, ψ̇) of section 4.4 for |ψ| ≤ ψ₂: Γ(ψ) while ψ rises, −Γ(−ψ) "
+    "while it falls. As ψ rises, d rests at X until it meets G⁺ at ψ₃, follows G_L⁺ down to −X at "
+    "ψ*, and rests again. Dots: one period of walking, simulated with (4.2). The area 2X(ψ₃ + ψ*) "
+    "of the loop, times c, is the energy that one period feeds into the rocking. Parameters as in "
+    "figure 4.2: ψ* = 1, ψ₂ = ψ* + 2ρ/c = 2.333, ψ₃ = 0.1667 from G_L⁺(ψ₃) = X, X = 0.5 m.",
     draw,
 )

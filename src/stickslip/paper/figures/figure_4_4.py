@@ -19,7 +19,8 @@ from stickslip.paper.drawing.entry import FigureEntry
 
 
 def draw() -> Figure:
-    """(ψ, ψ̇) spirals towards the limit cycle from both sides; ψ, x_R and x_L of the motion from inside."""
+    """(ψ, ψ̇) spirals towards the limit cycle from both sides; ψ, x_R and x_L of the motion from
+    inside."""
     toy = ss.catalogue.rocking_toy()
     inside = ss.simulate(toy, (0.0, 1000.0), {"psi": 0.8, "x_R": -0.8})
     outside = ss.simulate(toy, (0.0, 60.0), {"psi": 3.0, "x_R": 0.0})
@@ -63,10 +64,11 @@ def _label(plane: Axes, angle: Axes, legs: Axes) -> None:
 ENTRY = FigureEntry(
     "4.4",
     "The toy animal starts to walk",
-    "Simulation of the simplified system (4.2). Left: (ψ, ψ̇) spirals towards the stable limit cycle, from ψ = 0.8, "
-    "x_R = −0.8 m (inside) and from ψ = 3, x_R = 0 (outside), t ≤ 60 s. Right: ψ, x_R and x_L of the motion from "
-    "inside; the legs step in turn, and are periodic up to the translation vt. The limit cycle has the period 5.969 "
-    "s, the amplitude 1.624 and the speed v = 2X/T = 0.1675 m/s. [M] leaves the parameters open; here I_b = 1 kg m², "
-    "a = 1 N/m, b = 1 N m, c = 0.3 N, δ = 0.04 N m s, P = 1 N, ρ = 0.2 N, ψ* = 1, H* = 3 N.",
+    "Simulation of the simplified system (4.2). Left: (ψ, ψ̇) spirals towards the stable limit "
+    "cycle, from ψ = 0.8, x_R = −0.8 m (inside) and from ψ = 3, x_R = 0 (outside), t ≤ 60 s. "
+    "Right: ψ, x_R and x_L of the motion from inside; the legs step in turn, and are periodic up "
+    "to the translation vt. The limit cycle has the period 5.969 s, the amplitude 1.624 and the "
+    "speed v = 2X/T = 0.1675 m/s. [M] leaves the parameters open; here I_b = 1 kg m², a = 1 N/m, "
+    "b = 1 N m, c = 0.3 N, δ = 0.04 N m s, P = 1 N, ρ = 0.2 N, ψ* = 1, H* = 3 N.",
     draw,
 )

@@ -30,7 +30,8 @@ def draw() -> Figure:
 
 
 def walking_speed(toy: ss.System, P: float) -> float:
-    """Stride over period [m/s] of the motion that a large rocking settles to; 0 if it comes to rest."""
+    """Stride over period [m/s] of the motion that a large rocking settles to; 0 if it comes to
+    rest."""
     start = {"psi": -1.67, "x_R": P - 0.7}
     settled = ss.simulate(toy, (0.0, 2000.0), start, {"P": P})
     if settled.outcome is ss.Outcome.AT_REST:
@@ -59,7 +60,9 @@ def _name_the_parts(axes: Axes, smallest: float, sliding: float) -> None:
     )
     axes.text(1.05, 0.215, "walks", color=BLUE, rotation=31, rotation_mode="anchor", fontsize=13)
     axes.text(1.1, 0.012, "rests, unless it is rocking", ha="center")
-    axes.text(0.5 * (sliding + 1.95), 0.2, "slides:\n$P \\geq$\n$\\rho + H_*/2$", ha="center", va="center")
+    axes.text(
+        0.5 * (sliding + 1.95), 0.2, "slides:\n$P \\geq$\n$\\rho + H_*/2$", ha="center", va="center"
+    )
     axes.set_xlabel("pull on each leg $P$  [N]")
     axes.set_ylabel("walking speed $v$  [m/s]")
 
@@ -67,11 +70,12 @@ def _name_the_parts(axes: Axes, smallest: float, sliding: float) -> None:
 ENTRY = FigureEntry(
     "speed",
     "Walking speed against the pull",
-    "The simplified toy (4.2) with I_b = 1 kg m², a = 1 N/m, b = 1 N m, c = 0.3 N, ρ = 0.2 N, ψ* = 1, H* = 3 N and δ "
-    "= 0.04 N m s. Every point is a settled motion, v its stride over its period. Rocking, the toy walks from P = "
-    "0.6166 N on, a little more than a third of the pull ρ + H*/2 = 1.7 N that is needed for sliding without rocking "
-    "(section 4.2, for v → 0). In simple walking v = 2X/T with X = (P − ρ − cψ*)/a. From P = 1.563 N on the rocking "
-    "stays below ψ*, where (4.2) is homogeneous of degree 1 in ρ + H*/2 − P: the period stays the same, and amplitude "
-    "and speed fall to 0. Rest coexists with walking.",
+    "The simplified toy (4.2) with I_b = 1 kg m², a = 1 N/m, b = 1 N m, c = 0.3 N, ρ = 0.2 N, "
+    "ψ* = 1, H* = 3 N and δ = 0.04 N m s. Every point is a settled motion, v its stride over its "
+    "period. Rocking, the toy walks from P = 0.6166 N on, a little more than a third of the pull "
+    "ρ + H*/2 = 1.7 N that is needed for sliding without rocking (section 4.2, for v → 0). In "
+    "simple walking v = 2X/T with X = (P − ρ − cψ*)/a. From P = 1.563 N on the rocking stays below "
+    "ψ*, where (4.2) is homogeneous of degree 1 in ρ + H*/2 − P: the period stays the same, and "
+    "amplitude and speed fall to 0. Rest coexists with walking.",
     draw,
 )

@@ -1,7 +1,7 @@
 """Two motions to watch: the walking toy and the plate compactor.
 
-Only the moving parts of a scene are drawn anew in each frame. Films are written as GIF, and as MP4 where ffmpeg is
-installed, else as a page that plays the frames.
+Only the moving parts of a scene are drawn anew in each frame. Films are written as GIF, and as MP4
+where ffmpeg is installed, else as a page that plays the frames.
 """
 
 from __future__ import annotations
@@ -68,7 +68,8 @@ def film(scene: Scene, path: Path) -> list[Path]:
 
 
 def frames(scene: Scene) -> list[Image.Image]:
-    """All frames in one palette, so that what does not change is stored once; it is also drawn only once."""
+    """All frames in one palette, so that what does not change is stored once; it is also drawn only
+    once."""
     canvas = FigureCanvasAgg(scene.figure)
     for artist in scene.moving:
         artist.set_animated(True)
@@ -92,7 +93,8 @@ def frames(scene: Scene) -> list[Image.Image]:
 
 
 def reduced(colours: Array) -> tuple[Array, Array]:
-    """The commonest colours, and the nearest of them for every colour of 6 bits a channel (Pillow's are less exact)."""
+    """The commonest colours, and the nearest of them for every colour of 6 bits a channel (Pillow's
+    are less exact)."""
     from scipy.spatial import KDTree
 
     found, counts = np.unique(colours.reshape(-1, 3), axis=0, return_counts=True)
@@ -105,17 +107,30 @@ def reduced(colours: Array) -> tuple[Array, Array]:
 
 def write_gif(images: Sequence[Image.Image], path: Path) -> Path:
     """A GIF that repeats."""
-    images[0].save(path, save_all=True, append_images=images[1:], duration=1000 // RATE, loop=0, optimize=False)
+    images[0].save(
+        path, save_all=True, append_images=images[1:], duration=1000 // RATE, loop=0, optimize=False
+    )
     return path
 
 
 def write_video(images: Sequence[Image.Image], path: Path, ffmpeg: str) -> Path:
     """An MP4 (H.264), through the program ffmpeg."""
     width, height = images[0].size
-    given = ["-f", "rawvideo", "-pixel_format", "rgb24", "-video_size", f"{width}x{height}", "-framerate", str(RATE)]
+    given = [
+        "-f",
+        "rawvideo",
+        "-pixel_format",
+        "rgb24",
+        "-video_size",
+        f"{width}x{height}",
+        "-framerate",
+        str(RATE),
+    ]
     made = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
     command = [ffmpeg, "-y", "-loglevel", "error", *given, "-i", "-", *made, str(path)]
-    subprocess.run(command, input=b"".join(image.convert("RGB").tobytes() for image in images), check=True)
+    subprocess.run(
+        command, input=b"".join(image.convert("RGB").tobytes() for image in images), check=True
+    )
     return path
 
 
@@ -126,7 +141,11 @@ def write_page(images: Sequence[Image.Image], path: Path) -> Path:
         buffer = io.BytesIO()
         image.save(buffer, "png")
         stored.append(f'"{base64.b64encode(buffer.getvalue()).decode()}"')
-    values = {"TITLE": path.stem.replace("-", " "), "LAST": str(len(images) - 1), "PAUSE": str(1000 // RATE)}
+    values = {
+        "TITLE": path.stem.replace("-", " "),
+        "LAST": str(len(images) - 1),
+        "PAUSE": str(1000 // RATE),
+    }
     page = PAGE
     for name, value in {**values, "FRAMES": ",".join(stored)}.items():
         page = page.replace(name, value)
@@ -139,11 +158,17 @@ PAGE = """<!DOCTYPE html>
 <meta charset="utf-8">
 <title>TITLE</title>
 <link rel="icon" href="data:,">
-<style>body { font-family: sans-serif; width: max-content; margin: 1em auto; } #at { width: 85%; }</style>
+<style>
+body { font-family: sans-serif; width: max-content; margin: 1em auto; }
+#at { width: 85%; }
+</style>
 <img id="picture" alt="TITLE"><br>
-<button id="button">Pause</button> <input id="at" type="range" min="0" max="LAST" value="0" aria-label="frame">
+<button id="button">Pause</button>
+<input id="at" type="range" min="0" max="LAST" value="0" aria-label="frame">
 <script>
-const frames = [FRAMES], picture = document.getElementById("picture"), at = document.getElementById("at");
+const frames = [FRAMES];
+const picture = document.getElementById("picture");
+const at = document.getElementById("at");
 const button = document.getElementById("button");
 let playing = true;
 const show = () => { picture.src = "data:image/png;base64," + frames[at.value]; };
@@ -162,20 +187,23 @@ ANIMATIONS: dict[str, AnimationEntry] = {
         AnimationEntry(
             "compactor",
             "The plate compactor at work",
-            "Figure 1.1(A) with inertia, in slow motion: six turns of the imbalance in 7 s instead of 0.63 s. The "
-            "plate of 100 kg (μ = 0.6, imbalance F = 800 N, Ω = 60 rad/s) is pulled by a spring of 5000 N/m at 5 "
-            "mm/s. It sticks (black) until the threshold μN(t), N = mg + F cos Ωt, has fallen to the force of the "
-            "spring, and slips (red) half a millimetre in each turn. The force of the spring, about 245 N, is far "
-            "below μmg = 589 N. Its way is drawn enlarged (see the scale), the stretch of the spring is not shown.",
+            "Figure 1.1(A) with inertia, in slow motion: six turns of the imbalance in 7 s "
+            "instead of 0.63 s. The plate of 100 kg (μ = 0.6, imbalance F = 800 N, "
+            "Ω = 60 rad/s) is pulled by a spring of 5000 N/m at 5 mm/s. It sticks (black) until "
+            "the threshold μN(t), N = mg + F cos Ωt, has fallen to the force of the spring, and "
+            "slips (red) half a millimetre in each turn. The force of the spring, about 245 N, "
+            "is far below μmg = 589 N. Its way is drawn enlarged (see the scale), the stretch "
+            "of the spring is not shown.",
             plate_compactor,
         ),
         AnimationEntry(
             "walking",
             "The rocking toy walks",
-            "Two periods of settled walking of (4.2), 11.94 s shown in 7 s: I_b = 1 kg m², a = 1 N/m, b = 1 N m, c = "
-            "0.3 N, δ = 0.04 N m s, P = 1 N, ρ = 0.2 N, ψ* = 1, H* = 3 N. Feet are black in stick and red in slip; a "
-            "leg slips only while the body leans to the other side. Right legs are white, left legs dark. From "
-            "behind, the tilt is drawn at a tenth of ψ; how far an unloaded foot lifts is drawn for the eye, the "
+            "Two periods of settled walking of (4.2), 11.94 s shown in 7 s: I_b = 1 kg m², "
+            "a = 1 N/m, b = 1 N m, c = 0.3 N, δ = 0.04 N m s, P = 1 N, ρ = 0.2 N, ψ* = 1, "
+            "H* = 3 N. Feet are black in stick and red in slip; a leg slips only while the body "
+            "leans to the other side. Right legs are white, left legs dark. From behind, the tilt "
+            "is drawn at a tenth of ψ; how far an unloaded foot lifts is drawn for the eye, the "
             "model only has its friction ρ + H(ψ).",
             walking_toy,
         ),

@@ -1,4 +1,5 @@
-"""Drawings with moving parts: the walking toy and the plate compactor, with stick and slip told apart by colour."""
+"""Drawings with moving parts: the walking toy and the plate compactor, with stick and slip told
+apart by colour."""
 
 from __future__ import annotations
 
@@ -13,14 +14,33 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 
 import stickslip as ss
-from stickslip.figures.drawing.style import BAND, STICK_LINE, THRESHOLD, VERMILION, legend_above, new_figure
-from stickslip.paper.drawing.sketch import BODY, BODY_EDGE, canvas, ground, rounded, spring_line, turned
+from stickslip.figures.drawing.style import (
+    BAND,
+    STICK_LINE,
+    THRESHOLD,
+    VERMILION,
+    legend_above,
+    new_figure,
+)
+from stickslip.paper.drawing.sketch import (
+    BODY,
+    BODY_EDGE,
+    canvas,
+    ground,
+    rounded,
+    spring_line,
+    turned,
+)
 from stickslip.paper.drawing.style import arrow
 from stickslip.paper.figures.figure_4_1 import FAR, leg, trunk
 
 Array = np.ndarray
-STICK, SLIP = STICK_LINE, VERMILION
-MODES = [Line2D([], [], color=STICK, lw=2.5, label="stick"), Line2D([], [], color=SLIP, lw=2.5, label="slip")]
+STICK = STICK_LINE
+SLIP = VERMILION
+MODES = [
+    Line2D([], [], color=STICK, lw=2.5, label="stick"),
+    Line2D([], [], color=SLIP, lw=2.5, label="slip"),
+]
 
 
 @dataclass(frozen=True)
@@ -33,7 +53,7 @@ class Scene:
     frames: int
 
 
-# -- the walking toy ----------------------------------------------------------------------------------
+# -- the walking toy -------------------------------------------------------------------------------
 
 
 def toy_scene(frames: int = 140) -> Scene:
@@ -41,13 +61,17 @@ def toy_scene(frames: int = 140) -> Scene:
     toy = ss.catalogue.rocking_toy()
     settled = ss.simulate(toy, (0.0, 1000.0), {"psi": -1.67, "x_R": 0.5}).final
     motion = ss.simulate(toy, (0.0, 12.0), settled)
-    times, t = np.linspace(0.0, 11.938, 2400), np.linspace(0.0, 11.938, frames)  # two periods of 5.969 s
+    # two periods of 5.969 s
+    times = np.linspace(0.0, 11.938, 2400)
+    t = np.linspace(0.0, 11.938, frames)
     traces, now = motion.at(times), motion.at(t)
     for name in ("x_R", "x_L"):
         traces[name], now[name] = traces[name] - settled["x_R"], now[name] - settled["x_R"]
     figure = new_figure(6.4, 4.8)
     side, behind, angle, legs = figure.subplot_mosaic(
-        [["side", "behind"], ["angle", "angle"], ["legs", "legs"]], width_ratios=[6.4, 2.4], height_ratios=[3, 1, 1.4]
+        [["side", "behind"], ["angle", "angle"], ["legs", "legs"]],
+        width_ratios=[6.4, 2.4],
+        height_ratios=[3, 1, 1.4],
     ).values()
     parts = (_Side(side, now), _Behind(behind, now))
     angle.plot(times, traces["psi"], color=STICK_LINE, lw=1.2)
@@ -131,7 +155,9 @@ class _Side:
         for (side, hip), patch in self.legs.items():
             foot = np.array([self.x[side][i] + hip, _lift(self.psi[i], side)])
             patch.set_xy(leg(foot, (middle + hip, 1.15)))
-            sole = np.array([(-0.2, -0.02), (0.34, -0.02), (0.34, 0.12), (0.1, 0.22), (-0.17, 0.22)])
+            sole = np.array(
+                [(-0.2, -0.02), (0.34, -0.02), (0.34, 0.12), (0.1, 0.22), (-0.17, 0.22)]
+            )
             _shoe(self.feet[side, hip], foot + sole, bool(self.slips[side][i]))
 
 
@@ -141,16 +167,28 @@ class _Behind:
     def __init__(self, axes: Axes, now: dict[str, Array]) -> None:
         canvas(axes, (-1.2, 1.2), (-0.35, 2.8))
         ground(axes, (-1.2, 0.0), (1.2, 0.0), spacing=0.25)
-        self.psi, self.slips = now["psi"], {side: now[f"mode_{key}"] != 0 for side, key in FEET.items()}
+        self.psi = now["psi"]
+        self.slips = {side: now[f"mode_{key}"] != 0 for side, key in FEET.items()}
         self.outlines = {
             "R": _column(0.4),
             "L": _column(-0.4),
-            "body": rounded(np.array([(-0.7, 0.95), (-0.7, 2.0), (0.0, 2.25), (0.7, 2.0), (0.7, 0.95), (0.0, 0.8)])),
+            "body": rounded(
+                np.array(
+                    [(-0.7, 0.95), (-0.7, 2.0), (0.0, 2.25), (0.7, 2.0), (0.7, 0.95), (0.0, 0.8)]
+                )
+            ),
         }
         faces = {"R": "white", "L": FAR, "body": BODY}
-        self.parts = {name: _part(axes, points, faces[name]) for name, points in self.outlines.items()}
+        self.parts = {
+            name: _part(axes, points, faces[name]) for name, points in self.outlines.items()
+        }
         self.feet = {side: _part(axes, self.outlines[side], STICK, 0.0) for side in "RL"}
-        self.moving: list[Artist] = [self.parts["R"], self.parts["L"], *self.feet.values(), self.parts["body"]]
+        self.moving: list[Artist] = [
+            self.parts["R"],
+            self.parts["L"],
+            *self.feet.values(),
+            self.parts["body"],
+        ]
 
     def place(self, i: int) -> None:
         """Tilt about the foot that carries."""
@@ -159,7 +197,9 @@ class _Behind:
             patch.set_xy(turned(self.outlines[name], -0.1 * self.psi[i], foot, foot))
         for side, patch in self.feet.items():
             at = 0.4 if side == "R" else -0.4
-            sole = np.array([(at - 0.16, -0.02), (at + 0.16, -0.02), (at + 0.16, 0.2), (at - 0.16, 0.2)])
+            sole = np.array(
+                [(at - 0.16, -0.02), (at + 0.16, -0.02), (at + 0.16, 0.2), (at - 0.16, 0.2)]
+            )
             _shoe(patch, turned(sole, -0.1 * self.psi[i], foot, foot), bool(self.slips[side][i]))
 
 
@@ -173,7 +213,7 @@ def _by_mode(axes: Axes, t: Array, values: Array, slips: Array) -> None:
     axes.plot(t, np.where(slips, values, np.nan), color=SLIP, lw=2.6)
 
 
-# -- the plate compactor ------------------------------------------------------------------------------
+# -- the plate compactor ---------------------------------------------------------------------------
 
 
 def compactor_scene(frames: int = 140) -> Scene:
@@ -184,20 +224,26 @@ def compactor_scene(frames: int = 140) -> Scene:
     period = 2 * np.pi / value["Omega"]
     smallest = value["mu"] * (value["m"] * value["g"] - value["F"])
     motion = ss.simulate(system, (0.0, settling * period), {"x": -smallest / value["k"]})
-    start, end = (settling - turns) * period, settling * period
-    times, t = np.linspace(start, end, 2400), np.linspace(start, end, frames)
+    start = (settling - turns) * period
+    end = settling * period
+    times = np.linspace(start, end, 2400)
+    t = np.linspace(start, end, frames)
     traces, now = motion.at(times), motion.at(t)
     figure = new_figure(6.4, 4.5)
     machine, trace = figure.subplots(2, 1, height_ratios=[3, 2])
     parts = _Machine(machine, now, value["Omega"] * (t - start))
-    s, force = (times - start) / period, value["k"] * (value["V"] * times - traces["x"])
+    s = (times - start) / period
+    force = value["k"] * (value["V"] * times - traces["x"])
     trace.fill_between(s, 0.0, traces["threshold_plus_ground"], fc=BAND, ec=THRESHOLD, lw=0.8)
     _by_mode(trace, s, force, traces["mode_ground"] != 0)
     trace.set_xlim(0.0, turns)
     trace.set_ylim(0.0, 1100.0)
     trace.set_xlabel("turns of the imbalance", fontsize=11)
     trace.set_ylabel("force  [N]", fontsize=11)
-    modes = [Line2D([], [], color=m.get_color(), lw=2.5, label=f"spring force, {m.get_label()}") for m in MODES]
+    modes = [
+        Line2D([], [], color=m.get_color(), lw=2.5, label=f"spring force, {m.get_label()}")
+        for m in MODES
+    ]
     legend_above(trace, [Patch(fc=BAND, ec=THRESHOLD, label=r"threshold $\mu N(t)$"), *modes])
     s = (t - start) / period
     cursor = trace.axvline(0.0, color=THRESHOLD, lw=1.2)
@@ -210,7 +256,8 @@ def compactor_scene(frames: int = 140) -> Scene:
 
 
 class _Machine:
-    """The plate compactor from the side; what moves sideways is drawn 2.5 mm per unit of the drawing."""
+    """The plate compactor from the side; what moves sideways is drawn 2.5 mm per unit of the
+    drawing."""
 
     def __init__(self, axes: Axes, now: dict[str, Array], phase: Array) -> None:
         canvas(axes, (-0.4, 7.4), (-0.5, 2.2))
@@ -220,9 +267,12 @@ class _Machine:
             axes.text(1.15 + 0.4 * mm, -0.46, f"{mm}", ha="center", va="center", fontsize=9)
         axes.text(2.65, -0.46, "mm", va="center", fontsize=9)
         self.moved = 400.0 * (now["x"] - now["x"][0])
-        self.phase, self.slips = phase, now["mode_ground"] != 0
+        self.phase = phase
+        self.slips = now["mode_ground"] != 0
         self.length = 1.2 * now["threshold_plus_ground"] / now["threshold_plus_ground"].max()
-        sole = np.array([(0.9, 0.45), (1.15, 0.05), (3.65, 0.05), (3.9, 0.45), (3.65, 0.3), (1.15, 0.3)])
+        sole = np.array(
+            [(0.9, 0.45), (1.15, 0.05), (3.65, 0.05), (3.9, 0.45), (3.65, 0.3), (1.15, 0.3)]
+        )
         self.outlines = [sole, np.array([(1.5, 0.3), (1.5, 1.8), (3.3, 1.8), (3.3, 0.3)])]
         self.plate = [_part(axes, points) for points in self.outlines]
         self.sole = _part(axes, sole, STICK, 0.0)
@@ -232,7 +282,15 @@ class _Machine:
         self.spring = axes.plot([], [], color=STICK_LINE, lw=1.2)[0]
         self.press = arrow(axes, (0.0, 1.0), (0.0, 0.0), THRESHOLD)
         axes.text(0.3, 1.5, "$N(t)$", ha="center", color=THRESHOLD, fontsize=13)
-        self.moving: list[Artist] = [self.spring, *self.plate, self.sole, self.wheel, self.arm, self.mass, self.press]
+        self.moving: list[Artist] = [
+            self.spring,
+            *self.plate,
+            self.sole,
+            self.wheel,
+            self.arm,
+            self.mass,
+            self.press,
+        ]
 
     def place(self, i: int) -> None:
         """Put everything where it is in frame i."""

@@ -1,4 +1,5 @@
-"""What a claim of the paper is: a statement with its place, a check, and the verdict that is expected."""
+"""What a claim of the paper is: a statement with its place, a check, and the verdict that is
+expected."""
 
 from __future__ import annotations
 
@@ -87,16 +88,19 @@ def claim(
     correction: str = "",
     derivation: str = "",
 ) -> Callable[[Check], Claim]:
-    """Declare a claim: the function is its check, the docstring its statement, the name its name."""
+    """Declare a claim: the function is its check, the docstring its statement, the name its
+    name."""
 
     def declare(check: Check) -> Claim:
         statement = " ".join(cleandoc(check.__doc__ or "").split())
-        return Claim(place, check.__name__, statement, formula, how, check, expected, correction, derivation)
+        return Claim(
+            place, check.__name__, statement, formula, how, check, expected, correction, derivation
+        )
 
     return declare
 
 
-# -- judgements -----------------------------------------------------------------------------------
+# -- judgements ------------------------------------------------------------------------------------
 
 
 def maximum(*values: float) -> float:
@@ -112,7 +116,9 @@ def minimum(*values: float) -> float:
 def vanishes(error: float, tolerance: float, what: str = "largest difference") -> Finding:
     """Whether an error is within its tolerance."""
     verdict = Verdict.HOLDS if abs(error) <= tolerance else Verdict.FAILS
-    return Finding(verdict, f"{what} {abs(error):.1e} (tolerance {tolerance:.0e})", {"error": float(error)})
+    return Finding(
+        verdict, f"{what} {abs(error):.1e} (tolerance {tolerance:.0e})", {"error": float(error)}
+    )
 
 
 def equals(value: float, expected: float, tolerance: float, what: str) -> Finding:
@@ -124,12 +130,20 @@ def equals(value: float, expected: float, tolerance: float, what: str) -> Findin
 
 def shows(condition: bool, measured: str, **numbers: float) -> Finding:
     """Whether a qualitative statement is seen in the numbers."""
-    return Finding(Verdict.HOLDS if condition else Verdict.FAILS, measured, {k: float(v) for k, v in numbers.items()})
+    return Finding(
+        Verdict.HOLDS if condition else Verdict.FAILS,
+        measured,
+        {k: float(v) for k, v in numbers.items()},
+    )
 
 
 def corrects(printed: float, corrected: float, tolerance: float, what: str = "error") -> Finding:
-    """Compare the errors of the printed and of the corrected form: the first must exceed the tolerance a lot."""
-    text = f"{what}: printed {abs(printed):.2g}, corrected {abs(corrected):.1e} (tolerance {tolerance:.0e})"
+    """Compare the errors of the printed and of the corrected form: the first must exceed the
+    tolerance a lot."""
+    text = (
+        f"{what}: printed {abs(printed):.2g}, corrected {abs(corrected):.1e} "
+        f"(tolerance {tolerance:.0e})"
+    )
     if not abs(corrected) <= tolerance or math.isnan(printed):
         verdict = Verdict.FAILS
     else:
@@ -137,7 +151,9 @@ def corrects(printed: float, corrected: float, tolerance: float, what: str = "er
     return Finding(verdict, text, {"printed": float(printed), "corrected": float(corrected)})
 
 
-def scales(x: list[float], y: list[float], exponent: float, within: float, what: str, symbol: str) -> Finding:
+def scales(
+    x: list[float], y: list[float], exponent: float, within: float, what: str, symbol: str
+) -> Finding:
     """Whether y ~ x^exponent, by a fit over the given range."""
     import numpy as np
 
@@ -154,6 +170,9 @@ def scales(x: list[float], y: list[float], exponent: float, within: float, what:
 def together(*findings: Finding) -> Finding:
     """Several findings about one claim: it fails if one of them does."""
     verdicts = [f.verdict for f in findings]
-    verdict = next((v for v in (Verdict.FAILS, Verdict.CORRECTED, Verdict.ASYMPTOTIC) if v in verdicts), Verdict.HOLDS)
+    verdict = next(
+        (v for v in (Verdict.FAILS, Verdict.CORRECTED, Verdict.ASYMPTOTIC) if v in verdicts),
+        Verdict.HOLDS,
+    )
     numbers = {f"{k}_{i}": v for i, f in enumerate(findings, 1) for k, v in f.numbers.items()}
     return Finding(verdict, "; ".join(f.measured for f in findings), numbers)

@@ -1,4 +1,5 @@
-"""The library's own equations, at points and as SymPy expressions, to lay beside those of the paper."""
+"""The library's own equations, at points and as SymPy expressions, to lay beside those of the
+paper."""
 
 from __future__ import annotations
 
@@ -37,7 +38,8 @@ def equations_of(system: System) -> MotionEquations:
 
 
 def field_of(system: System, modes: Mapping[str, int], values: Values) -> Field:
-    """The field in a mode (by contact: 0 stick, ±1 slip), in the region of the kinks in which `values` lie."""
+    """The field in a mode (by contact: 0 stick, ±1 slip), in the region of the kinks in which
+    `values` lie."""
     equations = equations_of(system)
     point = {**system.values, "t": 0.0, **values}
     region = tuple(int(ex.evaluate(g, point) >= 0.0) for g in equations.kinks)
@@ -51,13 +53,17 @@ def _field(system: System, mode: tuple[int, ...], region: tuple[int, ...]) -> Fi
 
 def rates_of(system: System, modes: Mapping[str, int], values: Values) -> dict[str, float]:
     """Rates of all state variables at a point."""
-    found, point = field_of(system, modes, values), {**system.values, "t": 0.0, **values}
-    return {name: ex.evaluate(rate, point) for name, rate in zip(found.state, found.rates, strict=True)}
+    found = field_of(system, modes, values)
+    point = {**system.values, "t": 0.0, **values}
+    return {
+        name: ex.evaluate(rate, point) for name, rate in zip(found.state, found.rates, strict=True)
+    }
 
 
 def jacobian_of(system: System, modes: Mapping[str, int], values: Values) -> np.ndarray:
     """Jacobian of the rates at a point."""
-    found, point = field_of(system, modes, values), {**system.values, "t": 0.0, **values}
+    found = field_of(system, modes, values)
+    point = {**system.values, "t": 0.0, **values}
     return np.array([[ex.evaluate(e, point) for e in row] for row in found.jacobian])
 
 
@@ -66,7 +72,9 @@ def fact(system: System, name: str, **parameters: float) -> float:
     return ex.evaluate(system.declaration.facts[name], {**system.values, **parameters})
 
 
-def points(ranges: Mapping[str, tuple[float, float]], count: int = 50, seed: int = 0) -> Iterator[dict[str, float]]:
+def points(
+    ranges: Mapping[str, tuple[float, float]], count: int = 50, seed: int = 0
+) -> Iterator[dict[str, float]]:
     """Random points in a box, the same ones every time."""
     rng = np.random.default_rng(seed)
     for _ in range(count):
@@ -91,7 +99,8 @@ def import_sympy() -> Any:
 
 
 def in_sympy(expression: Expr) -> sympy.Expr:
-    """An expression of the library in SymPy; all names are real symbols, decimal numbers are exact fractions."""
+    """An expression of the library in SymPy; all names are real symbols, decimal numbers are exact
+    fractions."""
     sp = import_sympy()
     match expression.op:
         case "num":
@@ -99,7 +108,10 @@ def in_sympy(expression: Expr) -> sympy.Expr:
         case "sym":
             return sp.Symbol(str(expression.value), real=True)
         case "sum":
-            return sp.Add(_exact(float(expression.value)), *(_exact(c) * in_sympy(e) for e, c in expression.terms))
+            return sp.Add(
+                _exact(float(expression.value)),
+                *(_exact(c) * in_sympy(e) for e, c in expression.terms),
+            )
         case "prod":
             return sp.Mul(*(in_sympy(e) ** _exact(p) for e, p in expression.terms))
         case "pow":
@@ -122,7 +134,9 @@ def zero(expression: Any) -> bool:
     return bool(sp.simplify(sp.expand(expression)) == 0)
 
 
-def at_events(motion: Trajectory, to: str, column: str = "time", contact: str | None = None) -> np.ndarray:
+def at_events(
+    motion: Trajectory, to: str, column: str = "time", contact: str | None = None
+) -> np.ndarray:
     """What the table of events says in a column where something goes over to `to`."""
     table = motion.events
     wanted = np.asarray(table["to"] == to)

@@ -1,13 +1,13 @@
 """The scaling limit of the spring slider: the Poincaré maps Φ⁺, Φ⁻ and Ψ = Φ⁻∘Φ⁺ of [M] section 3.
 
-On the axis β = 0 (in (3.3): on U = μ̃(α)) slip takes γ below μ₀v̂ to Φ⁺(γ) above it, and stick takes that back. At lowest
-order in ν both are closed forms; for (3.6), (3.5) and (3.3) they are read off the exact motion between two switches.
-It is about three particular systems, which stand in the catalogue, so it belongs to the companion of the paper.
+On the axis β = 0 (in (3.3): on U = μ̃(α)) slip takes γ below μ₀v̂ to Φ⁺(γ) above it, and stick
+takes that back. At lowest order in ν both are closed forms; for (3.6), (3.5) and (3.3) they are
+read off the exact motion between two switches. It is about three particular systems, which stand in
+the catalogue, so it belongs to the companion of the paper.
 
-References
-----------
-A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
-section 3, with the corrections: μ̃ = μ + √ν B, the constant (v̂/ν)(1 − b√ν) in (3.6), the duration π√ν/ω_b of a slip.
+References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
+oscillations*, WIAS preprint 2405 (2017), section 3, with the corrections: μ̃ = μ + √ν B, the
+constant (v̂/ν)(1 − b√ν) in (3.6), the duration π√ν/ω_b of a slip.
 """
 
 from __future__ import annotations
@@ -94,17 +94,16 @@ class ReturnMap:
     def fixed_point(self) -> FixedPoint:
         """The fixed point γ_b below μ₀v̂: the stick-slip cycle.
 
-        Notes
-        -----
-        Ψ is convex and increasing with Ψ(0) > 0, so that secants from 0 climb to the lower fixed point and never
-        pass it.
+        Notes ----- Ψ is convex and increasing with Ψ(0) > 0, so that secants from 0 climb to the
+        lower fixed point and never pass it.
 
         Raises
         ------
         ConvergenceError
             If they do not arrive; the last γ is named.
         """
-        a, b = 0.0, self(0.0)
+        a = 0.0
+        b = self(0.0)
         excess = new = b
         for _ in range(ROUNDS):
             new = self(b) - b
@@ -114,7 +113,9 @@ class ReturnMap:
             if b - a <= 4e-16 * b:
                 break
         else:
-            raise ConvergenceError(f"gamma_b of {self.name}", f"reached {b:.6g} with Psi(gamma) - gamma = {new:.1e}")
+            raise ConvergenceError(
+                f"gamma_b of {self.name}", f"reached {b:.6g} with Psi(gamma) - gamma = {new:.1e}"
+            )
         slip = self.slip(b)
         return FixedPoint(b, slip, self.stick(slip.end))
 
@@ -130,10 +131,13 @@ def stick_time(q: float) -> float:
     from scipy.special import lambertw
 
     if not 0.0 < q <= 1.0:
-        raise DeclarationError("q", f"{q:g} is not in ]0, 1]", "A stick starts at mu_0*v_hat or above")
+        raise DeclarationError(
+            "q", f"{q:g} is not in ]0, 1]", "A stick starts at mu_0*v_hat or above"
+        )
     if q == 1.0:
         return 0.0
-    # Next to its branch point, q near 1, Lambert's function keeps half the digits; 2(1 − q) is close there.
+    # Next to its branch point, q near 1, Lambert's function keeps half the digits; 2(1 − q) is
+    # close there.
     T = 2.0 * (1.0 - q) if q > 0.99 else 1.0 / q + float(lambertw(-math.exp(-1.0 / q) / q).real)
     for _ in range(4):
         T -= (q * T + math.expm1(-T)) / (q - math.exp(-T))
@@ -156,8 +160,10 @@ def lowest_order(b: float, mu_0: float = 1.0, v_hat: float = 1.0, nu: float = 0.
         If a parameter is out of range.
     """
     _check(nu, b, mu_0, v_hat)
-    centre, omega_b = mu_0 * v_hat, math.sqrt(1.0 - b**2 / 4.0)
-    rho_b, slip_duration = math.exp(math.pi * b / (2.0 * omega_b)), math.pi * math.sqrt(nu) / omega_b
+    centre = mu_0 * v_hat
+    omega_b = math.sqrt(1.0 - b**2 / 4.0)
+    rho_b = math.exp(math.pi * b / (2.0 * omega_b))
+    slip_duration = math.pi * math.sqrt(nu) / omega_b
 
     def slip(gamma: float) -> Passage:
         return Passage(gamma, centre + rho_b * (centre - gamma), slip_duration)
@@ -170,7 +176,8 @@ def lowest_order(b: float, mu_0: float = 1.0, v_hat: float = 1.0, nu: float = 0.
 
 
 def exact(equation: str, nu: float, b: float, mu_0: float = 1.0, v_hat: float = 1.0) -> ReturnMap:
-    """The maps of the exact motion of (3.6), (3.5) or (3.3), with μ(s) = μ₀ exp(−s/μ₀²), which satisfies (3.4).
+    """The maps of the exact motion of (3.6), (3.5) or (3.3), with μ(s) = μ₀ exp(−s/μ₀²), which
+    satisfies (3.4).
 
     Parameters
     ----------
@@ -185,9 +192,13 @@ def exact(equation: str, nu: float, b: float, mu_0: float = 1.0, v_hat: float = 
     """
     _check(nu, b, mu_0, v_hat)
     if equation not in EQUATIONS:
-        raise DeclarationError("equation", f"{equation!r} is none", f"Give one of {', '.join(EQUATIONS)}")
+        raise DeclarationError(
+            "equation", f"{equation!r} is none", f"Give one of {', '.join(EQUATIONS)}"
+        )
     if not 0.0 < nu < b**2:
-        raise DeclarationError("nu", f"{nu:g} is not in ]0, b**2[", "Slip is an unstable focus for sqrt(nu) < b only")
+        raise DeclarationError(
+            "nu", f"{nu:g} is not in ]0, b**2[", "Slip is an unstable focus for sqrt(nu) < b only"
+        )
     model = _in_original_variables if equation == "(3.3)" else _in_scaled_variables
     flow = model(equation, {"nu": nu, "b": b, "mu_0": mu_0, "v_hat": v_hat})
     centre = mu_0 * v_hat
@@ -201,7 +212,11 @@ def exact(equation: str, nu: float, b: float, mu_0: float = 1.0, v_hat: float = 
 
 
 def scaling_study(
-    nus: Sequence[float], b: float = 1.0, mu_0: float = 1.0, v_hat: float = 1.0, equations: Sequence[str] = EQUATIONS
+    nus: Sequence[float],
+    b: float = 1.0,
+    mu_0: float = 1.0,
+    v_hat: float = 1.0,
+    equations: Sequence[str] = EQUATIONS,
 ) -> xarray.Dataset:
     """How fast the exact maps and cycles approach those of lowest order as ν → 0.
 
@@ -216,9 +231,10 @@ def scaling_study(
     Returns
     -------
     xarray.Dataset
-        Dimensions ``equation`` and ``nu``. Of the cycle: ``gamma`` (γ_b), ``top``, ``slip_duration``,
-        ``stick_duration``; ``gamma_error`` against lowest order; ``slip_map_error`` and ``stick_map_error``, the
-        largest over [0, μ₀v̂/2] and its image. ``order_…``: the exponents of ν that fit them.
+        Dimensions ``equation`` and ``nu``. Of the cycle: ``gamma`` (γ_b), ``top``,
+        ``slip_duration``, ``stick_duration``; ``gamma_error`` against lowest order;
+        ``slip_map_error`` and ``stick_map_error``, the largest over [0, μ₀v̂/2] and its image.
+        ``order_…``: the exponents of ν that fit them.
 
     Raises
     ------
@@ -234,7 +250,9 @@ def scaling_study(
     below = np.linspace(0.0, 0.5 * limit.centre, 6)
     above = [limit.slip(g).end for g in below]
     fields: dict[str, Array] = {name: np.zeros((len(equations), len(nus))) for name in MEASURED}
-    for place, (equation, nu) in zip(np.ndindex(len(equations), len(nus)), product(equations, nus), strict=True):
+    for place, (equation, nu) in zip(
+        np.ndindex(len(equations), len(nus)), product(equations, nus), strict=True
+    ):
         maps = exact(equation, nu, b, mu_0, v_hat)
         found = maps.fixed_point()
         measured = (
@@ -251,14 +269,33 @@ def scaling_study(
     data = {name: (("equation", "nu"), values) for name, values in fields.items()}
     scale = np.log(np.asarray(nus, float))
     orders = {
-        f"order_{name}": ("equation", np.array([np.polyfit(scale, np.log(row), 1)[0] for row in fields[name]]))
+        f"order_{name}": (
+            "equation",
+            np.array([np.polyfit(scale, np.log(row), 1)[0] for row in fields[name]]),
+        )
         for name in MEASURED[2:]
     }
-    attributes = {"b": b, "mu_0": mu_0, "v_hat": v_hat, "gamma_b": lowest.gamma, "source": "Mielke 2017, section 3.3"}
-    return xr.Dataset({**data, **orders}, {"equation": list(equations), "nu": np.asarray(nus, float)}, attributes)
+    attributes = {
+        "b": b,
+        "mu_0": mu_0,
+        "v_hat": v_hat,
+        "gamma_b": lowest.gamma,
+        "source": "Mielke 2017, section 3.3",
+    }
+    return xr.Dataset(
+        {**data, **orders}, {"equation": list(equations), "nu": np.asarray(nus, float)}, attributes
+    )
 
 
-MEASURED = ("gamma", "top", "slip_duration", "stick_duration", "gamma_error", "slip_map_error", "stick_map_error")
+MEASURED = (
+    "gamma",
+    "top",
+    "slip_duration",
+    "stick_duration",
+    "gamma_error",
+    "slip_map_error",
+    "stick_map_error",
+)
 
 
 @dataclass(frozen=True)
@@ -276,14 +313,21 @@ class _Flow:
             knots = simulate(self.system, (0.0, span), self.state(gamma), self.parameters).knots
             found = _phase(knots, slipping)
             if found is not None:
-                return Passage(gamma, self.gamma(knots.state[found[1]]), float(np.diff(knots.time[list(found)])[0]))
+                return Passage(
+                    gamma,
+                    self.gamma(knots.state[found[1]]),
+                    float(np.diff(knots.time[list(found)])[0]),
+                )
             span *= 2.0
         what = "slip" if slipping else "stick"
-        raise ConvergenceError(f"the {what} from gamma = {gamma:g}", f"it does not end before t = {span / 2:.3g}")
+        raise ConvergenceError(
+            f"the {what} from gamma = {gamma:g}", f"it does not end before t = {span / 2:.3g}"
+        )
 
 
 def _phase(knots: Knots, slipping: bool) -> tuple[int, int] | None:
-    """First and last knot of the first slip or stick; a start on the axis may be off it by rounding."""
+    """First and last knot of the first slip or stick; a start on the axis may be off it by
+    rounding."""
     slips = np.any(np.hstack([knots.mode != 0, knots.region == 1]), axis=1)
     first = int(np.argmax(slips == slipping))
     ends = np.flatnonzero(slips[first:] != slipping)
@@ -293,7 +337,9 @@ def _phase(knots: Knots, slipping: bool) -> tuple[int, int] | None:
 def _in_scaled_variables(equation: str, parameters: dict[str, float]) -> _Flow:
     """(3.6) and (3.5)."""
     system = catalogue.scaled_slider_limit() if equation == "(3.6)" else catalogue.scaled_slider()
-    return _Flow(system, parameters, lambda gamma: {"beta": 0.0, "gamma": gamma}, lambda y: float(y[1]))
+    return _Flow(
+        system, parameters, lambda gamma: {"beta": 0.0, "gamma": gamma}, lambda y: float(y[1])
+    )
 
 
 def _in_original_variables(equation: str, parameters: dict[str, float]) -> _Flow:
@@ -310,16 +356,24 @@ def _in_original_variables(equation: str, parameters: dict[str, float]) -> _Flow
 
 @cache
 def unfolded_slider() -> System:
-    """The spring slider (3.3) with μ̃(α) = μ₀ exp((1 − α)/μ₀²) + shift: one declaration for all ν and b."""
+    """The spring slider (3.3) with μ̃(α) = μ₀ exp((1 − α)/μ₀²) + shift: one declaration for all ν
+    and b."""
     base = catalogue.spring_slider()
-    more = {"mu_0": Parameter(1.0, "", "friction at rest", "(0, inf)"), "shift": Parameter(0.0, "", "sqrt(nu)*B")}
+    more = {
+        "mu_0": Parameter(1.0, "", "friction at rest", "(0, inf)"),
+        "shift": Parameter(0.0, "", "sqrt(nu)*B"),
+    }
     functions = {"mu(alpha)": "mu_0*exp((1 - alpha)/mu_0**2) + shift"}
     return replace(base, parameters={**base.parameters, **more}, functions=functions)
 
 
 def _check(nu: float, b: float, mu_0: float, v_hat: float) -> None:
     ranges = {"nu": (nu, 0.0 <= nu < math.inf, "[0, inf)"), "b": (b, 0.0 < b < 2.0, "(0, 2)")}
-    ranges |= {name: (x, 0.0 < x < math.inf, "(0, inf)") for name, x in (("mu_0", mu_0), ("v_hat", v_hat))}
+    ranges |= {
+        name: (x, 0.0 < x < math.inf, "(0, inf)") for name, x in (("mu_0", mu_0), ("v_hat", v_hat))
+    }
     for name, (value, inside, interval) in ranges.items():
         if not inside:
-            raise DeclarationError(name, f"{value:g} is not in {interval}", "Section 3 of [M] is about these")
+            raise DeclarationError(
+                name, f"{value:g} is not in {interval}", "Section 3 of [M] is about these"
+            )

@@ -7,7 +7,17 @@ from functools import cache
 import numpy as np
 
 import stickslip as ss
-from stickslip.paper.sections.claim import Finding, Verdict, claim, equals, maximum, scales, shows, together, vanishes
+from stickslip.paper.sections.claim import (
+    Finding,
+    Verdict,
+    claim,
+    equals,
+    maximum,
+    scales,
+    shows,
+    together,
+    vanishes,
+)
 
 Array = np.ndarray
 PHASES = np.linspace(0.0, 1.0, 721)
@@ -29,16 +39,25 @@ def rotating() -> ss.Ellipsoid:
     return ss.Ellipsoid(shape)
 
 
-@claim("(2.3)", "Ψ_av(V) = inf{∫Ψ(s,v(s))ds | ∫v(s)ds = V}", "cost of the optimal v and its dual bound, 20 random V")
+@claim(
+    "(2.3)",
+    "Ψ_av(V) = inf{∫Ψ(s,v(s))ds | ∫v(s)ds = V}",
+    "cost of the optimal v and its dual bound, 20 random V",
+)
 def average_is_an_inf_convolution() -> Finding:
     """The averaged potential is the least cost of a microscopic motion with the mean V."""
-    rng, gap, sums, costs = np.random.default_rng(0), 0.0, 0.0, 0.0
+    rng = np.random.default_rng(0)
+    gap = 0.0
+    sums = 0.0
+    costs = 0.0
     potential = example()
     average = potential.average()
     for _ in range(20):
         V = rng.normal(size=2)
         motion = average.optimal_motion(V)
-        spent = sum(potential.value(s, v) for s, v in zip(motion.phases, motion.motions, strict=True))
+        spent = sum(
+            potential.value(s, v) for s, v in zip(motion.phases, motion.motions, strict=True)
+        )
         gap = maximum(gap, abs(motion.gap))
         sums = maximum(sums, float(np.abs(motion.motions.sum(axis=0) - V).max()))
         costs = maximum(costs, abs(spent - average.value(0.0, V)))
@@ -49,15 +68,22 @@ def average_is_an_inf_convolution() -> Finding:
     )
 
 
-@claim("section 2.3", "Ψ_av ≤ Ψ(s,·) for all s", "example 2.1 and a turning ellipse, 181 phases, 21 directions")
+@claim(
+    "section 2.3",
+    "Ψ_av ≤ Ψ(s,·) for all s",
+    "example 2.1 and a turning ellipse, 181 phases, 21 directions",
+)
 def average_is_below_every_phase() -> Finding:
-    """The averaged potential is not larger than that at any phase, and as large as the cheapest one along the axes."""
+    """The averaged potential is not larger than that at any phase, and as large as the cheapest one
+    along the axes."""
     above, below = 0.0, 0.0
     for potential in (example(), rotating()):
         average = potential.average()
         for angle in np.linspace(0, np.pi, 21):
             v = np.array([np.cos(angle), np.sin(angle)])
-            excess = float((average.value(0.0, v) - potential.sampled(PHASES[::4]).support(v)).max())
+            excess = float(
+                (average.value(0.0, v) - potential.sampled(PHASES[::4]).support(v)).max()
+            )
             above = maximum(above, excess)
             if np.abs(v).min() < 1e-12:  # one phase alone moves along an axis
                 below = maximum(below, -excess)
@@ -70,12 +96,19 @@ def average_is_below_every_phase() -> Finding:
 @claim("example 2.1", "Ψ_av(v) = |v₁| + |v₂|", "ss.WeightedL1.average at 50 random v")
 def example_average() -> Finding:
     """The two thresholds 2 ∓ cos 2πs average to 1 each."""
-    average, rng = example().average(), np.random.default_rng(0)
-    error = maximum(*(abs(average.value(0.0, v) / np.abs(v).sum() - 1.0) for v in rng.normal(size=(50, 2))))
+    average = example().average()
+    rng = np.random.default_rng(0)
+    error = maximum(
+        *(abs(average.value(0.0, v) / np.abs(v).sum() - 1.0) for v in rng.normal(size=(50, 2)))
+    )
     return vanishes(error, 1e-12, "largest relative difference")
 
 
-@claim("example 2.1", "z₁ moves for s ≈ 0, z₂ for s ≈ 1/2", "phases of the optimal motion for V = (0.7, −2)")
+@claim(
+    "example 2.1",
+    "z₁ moves for s ≈ 0, z₂ for s ≈ 1/2",
+    "phases of the optimal motion for V = (0.7, −2)",
+)
 def example_phases() -> Finding:
     """Moving in the first direction is optimal at one phase, in the second at the opposite one."""
     motion = example().average().optimal_motion([0.7, -2.0])
@@ -86,13 +119,18 @@ def example_phases() -> Finding:
 
 
 @claim(
-    "section 2.3", "“the easiest opportunity”: v(s) may split the motion", "Ψ_av(1,1) against the cheapest single phase"
+    "section 2.3",
+    "“the easiest opportunity”: v(s) may split the motion",
+    "Ψ_av(1,1) against the cheapest single phase",
 )
 def two_phases_share_the_motion() -> Finding:
     """Different parts of a motion may wait for different phases, so that Ψ_av < min_s Ψ(s, ·)."""
     v = np.array([1.0, 1.0])
-    single, shared = float(example().sampled(PHASES).support(v).min()), example().average().value(0.0, v)
-    return together(equals(single, 4.0, 1e-12, "one phase alone"), equals(shared, 2.0, 1e-12, "shared"))
+    single = float(example().sampled(PHASES).support(v).min())
+    shared = example().average().value(0.0, v)
+    return together(
+        equals(single, 4.0, 1e-12, "one phase alone"), equals(shared, 2.0, 1e-12, "shared")
+    )
 
 
 @claim(
@@ -102,7 +140,8 @@ def two_phases_share_the_motion() -> Finding:
 )
 def dual_is_an_indicator() -> Finding:
     """The dual of a 1-homogeneous potential is the indicator of K(s)."""
-    rng, wrong = np.random.default_rng(3), 0
+    rng = np.random.default_rng(3)
+    wrong = 0
     angles = np.linspace(0, 2 * np.pi, 721)
     directions = np.column_stack([np.cos(angles), np.sin(angles)])
     for potential in (example(), rotating()):
@@ -123,7 +162,8 @@ def dual_is_an_indicator() -> Finding:
 )
 def dual_of_the_average() -> Finding:
     """The stable set of the averaged potential is the intersection of all stable sets."""
-    rng, wrong = np.random.default_rng(4), 0
+    rng = np.random.default_rng(4)
+    wrong = 0
     for potential, size in ((example(), 2.0), (rotating(), 0.8)):
         average = potential.average()
         inside = potential.sampled(PHASES[::4])
@@ -151,17 +191,27 @@ def turning_ellipse() -> Finding:
 @claim(
     "theorem 2.2",
     "z_ε(t) → z_0(t),  0 ∈ ∂Ψ_av(ż) + Az − ℓ",
-    "two coupled components with different phases, ss.averaging_study, fitted exponent of sup|z_ε − z_0|",
+    "two coupled components with different phases, ss.averaging_study, fitted exponent "
+    "of sup|z_ε − z_0|",
     Verdict.ASYMPTOTIC,
 )
 def averaging_theorem() -> Finding:
     """The solutions converge to that of the averaged equation."""
     table = _study().table
-    return scales(list(table["epsilon"].values), list(table["distance"].values), 1.0, 0.15, "sup|z_ε − z_0|", "ε")
+    return scales(
+        list(table["epsilon"].values),
+        list(table["distance"].values),
+        1.0,
+        0.15,
+        "sup|z_ε − z_0|",
+        "ε",
+    )
 
 
 @claim(
-    "theorem 2.2", "0 ∈ ∂Ψ(s,0) + Aẑ_0 − ℓ(0) for all s", "an initial state that is stable at one phase only is refused"
+    "theorem 2.2",
+    "0 ∈ ∂Ψ(s,0) + Aẑ_0 − ℓ(0) for all s",
+    "an initial state that is stable at one phase only is refused",
 )
 def initial_state_is_stable_at_every_phase() -> Finding:
     """The theorem needs an initial state that is stable at every phase."""
@@ -173,7 +223,11 @@ def initial_state_is_stable_at_every_phase() -> Finding:
             problem.averaged()
         except ss.DeclarationError:
             refused += 1
-    return shows(refused == 2, f"{refused} of 4 states refused: those with |Az − ℓ| > ρ_min = 0.5", refused=refused)
+    return shows(
+        refused == 2,
+        f"{refused} of 4 states refused: those with |Az − ℓ| > ρ_min = 0.5",
+        refused=refused,
+    )
 
 
 @claim(
@@ -196,8 +250,10 @@ def asymptotic_equicontinuity() -> Finding:
     Verdict.ASYMPTOTIC,
 )
 def equicontinuity_is_sharp() -> Finding:
-    """In the scalar example z_ε makes up for a whole period in a time that is short compared with ε."""
-    epsilons, largest = [1e-2, 3e-3, 1e-3, 3e-4], []
+    """In the scalar example z_ε makes up for a whole period in a time that is short compared with
+    ε."""
+    epsilons = [1e-2, 3e-3, 1e-3, 3e-4]
+    largest = []
     for epsilon in epsilons:
         motion = ss.play("5*t - t**2", "1 + cos(2*pi*s)/2", (0.0, 5.0), 0.0, epsilon=epsilon)
         t = np.union1d(motion.time, np.linspace(0.0, 5.0 - epsilon, 20_001))
@@ -245,4 +301,6 @@ def _study():
     A = np.array([[2.0, -1.0], [-1.0, 2.0]])
     potential = ss.WeightedL1(["1 + cos(2*pi*s)/2", "1 - cos(2*pi*s)/2"])
     problem = ss.Evolution(A, ["3*t", "t"], potential, [0.0, 0.0], epsilon=0.1, span=(0.0, 1.0))
-    return ss.averaging_study(problem, [0.2, 0.1, 0.05, 0.025], tolerance=1e-3, progress=lambda fraction: None)
+    return ss.averaging_study(
+        problem, [0.2, 0.1, 0.05, 0.025], tolerance=1e-3, progress=lambda fraction: None
+    )

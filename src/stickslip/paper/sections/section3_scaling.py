@@ -1,4 +1,5 @@
-"""[M] section 3 from (3.4) to (3.6): the scaling, its lowest order, steady sliding as an unstable focus."""
+"""[M] section 3 from (3.4) to (3.6): the scaling, its lowest order, steady sliding as an unstable
+focus."""
 
 from __future__ import annotations
 
@@ -25,7 +26,13 @@ from stickslip.paper.sections.claim import (
 from stickslip.paper.sections.laws import at_events, built, fact, jacobian_of, points, rates_of
 from stickslip.symbolic import expressions as ex
 
-BOX = {"beta": (-5.0, 5.0), "gamma": (0.0, 5.0), "nu": (1e-3, 0.1), "b": (0.2, 1.9), "mu_0": (0.5, 2.0)}
+BOX = {
+    "beta": (-5.0, 5.0),
+    "gamma": (0.0, 5.0),
+    "nu": (1e-3, 0.1),
+    "b": (0.2, 1.9),
+    "mu_0": (0.5, 2.0),
+}
 BOX |= {"v_hat": (0.3, 2.0)}
 
 
@@ -51,7 +58,12 @@ def shifted_slider() -> ss.System:
     """(3.3) with μ̃(α) = e^{1−α} + shift, to be put into the scaling."""
     base = catalogue.spring_slider(mu="exp(1 - alpha)")
     functions = {"mu(alpha)": "exp(1 - alpha) + shift"}
-    return replace(base, parameters={**base.parameters, "shift": ss.Parameter(0.0)}, functions=functions, facts={})
+    return replace(
+        base,
+        parameters={**base.parameters, "shift": ss.Parameter(0.0)},
+        functions=functions,
+        facts={},
+    )
 
 
 def scaled_values(nu: float, b: float = 1.0) -> dict[str, float]:
@@ -75,7 +87,9 @@ def scaling_condition() -> Finding:
     for system in (catalogue.scaled_slider(), catalogue.scaled_slider(mu="1 - 2*s")):
         condition, _ = system.declaration.conditions["scaling"]
         margins.append(ex.evaluate(condition, system.values))
-    warned = shows(margins[0] > 0 >= margins[1], "the catalogue warns of μ = 1 − 2s, not of its own μ")
+    warned = shows(
+        margins[0] > 0 >= margins[1], "the catalogue warns of μ = 1 − 2s, not of its own μ"
+    )
     return together(vanishes(error, 1e-12, "A at γ = b = 0"), warned)
 
 
@@ -89,7 +103,9 @@ def unsolved_beta_equation() -> Finding:
     error = 0.0
     for p in points(BOX, 200):
         d_beta, d_gamma = scaled_rates(p)
-        right = p["v_hat"] - max(p["beta"], 0.0) - mu_slope(p["nu"] * p["gamma"], p["mu_0"]) * d_gamma
+        right = (
+            p["v_hat"] - max(p["beta"], 0.0) - mu_slope(p["nu"] * p["gamma"], p["mu_0"]) * d_gamma
+        )
         error = maximum(error, abs(p["nu"] * d_beta - right) / (1 + abs(right)))
     return vanishes(error, 1e-11)
 
@@ -103,7 +119,9 @@ def scaling_of_the_slider() -> Finding:
     """The scaled system is equivalent to the spring slider."""
     error = 0.0
     for p in points({**BOX, "mu_0": (1.0, 1.0)}, 200, seed=2):
-        nu, beta, gamma = p["nu"], p["beta"], p["gamma"]
+        nu = p["nu"]
+        beta = p["beta"]
+        gamma = p["gamma"]
         values = {"nu": nu, "V": nu * p["v_hat"], "shift": math.sqrt(nu) * p["b"]}
         threshold = math.exp(-nu * gamma) + values["shift"]
         values |= {"U": threshold + nu**2 * beta, "alpha": 1 + nu * gamma}
@@ -125,15 +143,18 @@ def scaling_of_the_slider() -> Finding:
     "√ν·A(ν,0) for both signs at ν = 1e-10, from the library's (3.5): B/μ₀ is wanted",
     Verdict.CORRECTED,
     correction="μ̃(α) = μ(νγ) + √ν B.",
-    derivation="A = −(1 + μ′(νγ)(μ(νγ) ± √νB))/ν = ∓ μ′B/√ν + O(1) = ± B/(μ₀√ν) with μ′(0) = −1/μ₀. So A = +B/(μ₀√ν), "
-    "and an instability for B > 0, need the upper sign.",
+    derivation="A = −(1 + μ′(νγ)(μ(νγ) ± √νB))/ν = ∓ μ′B/√ν + O(1) = ± B/(μ₀√ν) with μ′(0) = "
+    "−1/μ₀. So A = +B/(μ₀√ν), and an instability for B > 0, need the upper sign.",
 )
 def sign_of_the_unfolding() -> Finding:
     """The unfolding parameter B > 0 makes steady sliding unstable."""
-    nu, b, mu_0 = 1e-10, 0.7, 1.5
+    nu = 1e-10
+    b = 0.7
+    mu_0 = 1.5
     # b ↦ −b in the library's (3.5) is the printed sign.
     printed, right = (
-        math.sqrt(nu) * jacobian_of(catalogue.scaled_slider(), {}, _point(nu, sign * b, mu_0))[0, 0] for sign in (-1, 1)
+        math.sqrt(nu) * jacobian_of(catalogue.scaled_slider(), {}, _point(nu, sign * b, mu_0))[0, 0]
+        for sign in (-1, 1)
     )
     return corrects(printed - b, right - b, 1e-4, "√ν A − B/μ₀")
 
@@ -147,7 +168,9 @@ def scaled_beta_equation() -> Finding:
     """The scaled equation for β after γ̇ is inserted."""
     error = 0.0
     for p in points(BOX, 200, seed=3):
-        nu, beta, plus = p["nu"], p["beta"], max(p["beta"], 0.0)
+        nu = p["nu"]
+        beta = p["beta"]
+        plus = max(p["beta"], 0.0)
         s = nu * p["gamma"]
         slope = mu_slope(s, p["mu_0"])
         A = -(1 + slope * (mu(s, p["mu_0"]) + math.sqrt(nu) * p["b"] * p["mu_0"])) / nu
@@ -156,12 +179,18 @@ def scaled_beta_equation() -> Finding:
     return vanishes(error, 1e-11)
 
 
-@claim("(3.5)", "γ̇ = −γ + (μ(νγ) + √νB)β⁺ + ν²ββ⁺", "the library's γ̇ at 200 random points, sign of B corrected")
+@claim(
+    "(3.5)",
+    "γ̇ = −γ + (μ(νγ) + √νB)β⁺ + ν²ββ⁺",
+    "the library's γ̇ at 200 random points, sign of B corrected",
+)
 def scaled_gamma_equation() -> Finding:
     """The scaled equation for the state."""
     error = 0.0
     for p in points(BOX, 200, seed=4):
-        nu, beta, plus = p["nu"], p["beta"], max(p["beta"], 0.0)
+        nu = p["nu"]
+        beta = p["beta"]
+        plus = max(p["beta"], 0.0)
         held = mu(nu * p["gamma"], p["mu_0"]) + math.sqrt(nu) * p["b"] * p["mu_0"]
         exact = -p["gamma"] + held * plus + nu**2 * beta * plus
         error = maximum(error, abs(scaled_rates(p)[1] - exact) / (1 + abs(exact)))
@@ -176,7 +205,8 @@ def scaled_gamma_equation() -> Finding:
 )
 def order_of_A() -> Finding:
     """The coefficient A is of order 1/√ν: the leading terms cancel by (3.4)."""
-    viscosities, rest = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6], []
+    viscosities = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6]
+    rest = []
     for nu in viscosities:
         p = {**_point(nu, 0.7, 1.5), "gamma": 1.0, "beta": 1e-9}
         rest.append(jacobian_of(catalogue.scaled_slider(), {}, p)[0, 0] - 0.7 / math.sqrt(nu))
@@ -189,13 +219,15 @@ def order_of_A() -> Finding:
     "the library's β̇ at 200 random points",
     Verdict.CORRECTED,
     correction="β̇ = (v̂/ν)(1 − b√ν) + (b/√ν)β⁺ − γ/(νμ₀).",
-    derivation="(3.5) has v̂/ν. The factor 1 − b√ν makes (v̂, μ₀v̂) the steady state: (v̂/ν)(1 − b√ν) + bv̂/√ν − v̂/ν = 0.",
+    derivation="(3.5) has v̂/ν. The factor 1 − b√ν makes (v̂, μ₀v̂) the steady state: (v̂/ν)(1 − "
+    "b√ν) + bv̂/√ν − v̂/ν = 0.",
 )
 def limit_beta_equation() -> Finding:
     """The simplified equation for β is linear in slip and in stick."""
     printed = right = 0.0
     for p in points(BOX, 200, seed=5):
-        nu, constant = p["nu"], p["v_hat"] * (1 - p["b"] * math.sqrt(p["nu"]))
+        nu = p["nu"]
+        constant = p["v_hat"] * (1 - p["b"] * math.sqrt(p["nu"]))
         rest = p["b"] / math.sqrt(nu) * max(p["beta"], 0.0) - p["gamma"] / (nu * p["mu_0"])
         found = limit_rates(p)[0]
         printed = maximum(printed, abs(found - nu * constant - rest) / (1 + abs(found)))
@@ -208,14 +240,17 @@ def limit_gamma_equation() -> Finding:
     """The simplified equation for the state."""
     error = 0.0
     for p in points(BOX, 200, seed=6):
-        error = maximum(error, abs(limit_rates(p)[1] - p["mu_0"] * max(p["beta"], 0.0) + p["gamma"]))
+        error = maximum(
+            error, abs(limit_rates(p)[1] - p["mu_0"] * max(p["beta"], 0.0) + p["gamma"])
+        )
     return vanishes(error, 1e-13)
 
 
 @claim(
     "(3.6)",
     "(β*, γ*) = (v̂, μ₀v̂) is the unique steady state",
-    "rates there under the printed and the corrected constant; ss.equilibria; facts of the catalogue",
+    "rates there under the printed and the corrected constant; ss.equilibria; facts "
+    "of the catalogue",
     Verdict.CORRECTED,
     correction="It is the steady state of (3.6) with the constant (v̂/ν)(1 − b√ν).",
     derivation="Under the printed constant β̇ at (v̂, μ₀v̂) is v̂(1 − b√ν)(ν − 1/ν).",
@@ -226,7 +261,8 @@ def limit_steady_state() -> Finding:
     printed = right = 0.0
     for p in points(BOX, 20, seed=7):
         p = {**p, "beta": p["v_hat"], "gamma": p["mu_0"] * p["v_hat"]}
-        nu, factor = p["nu"], p["v_hat"] * (1 - p["b"] * math.sqrt(p["nu"]))
+        nu = p["nu"]
+        factor = p["v_hat"] * (1 - p["b"] * math.sqrt(p["nu"]))
         right = maximum(right, *map(abs, limit_rates(p)))
         printed = maximum(printed, abs(limit_rates(p)[0] + factor * (nu - 1 / nu)))
         for name in ("beta", "gamma"):
@@ -248,11 +284,17 @@ def homogeneous_of_degree_one() -> Finding:
     for p in points(BOX, 100, seed=8):
         larger = {**p, **{x: 3.0 * p[x] for x in ("beta", "gamma", "v_hat")}}
         one, three = limit_rates(p), limit_rates(larger)
-        error = maximum(error, *(abs(y - 3 * x) / (1 + abs(y)) for x, y in zip(one, three, strict=True)))
-    t, system = np.linspace(0.0, 20.0, 401), catalogue.scaled_slider_limit()
+        error = maximum(
+            error, *(abs(y - 3 * x) / (1 + abs(y)) for x, y in zip(one, three, strict=True))
+        )
+    t = np.linspace(0.0, 20.0, 401)
+    system = catalogue.scaled_slider_limit()
     first = ss.simulate(system, (0.0, 20.0), {"gamma": 0.4}).at(t)["gamma"]
     other = ss.simulate(system, (0.0, 20.0), {"gamma": 1.2}, {"v_hat": 3.0}).at(t)["gamma"]
-    return together(vanishes(error, 1e-12, "field"), vanishes(float(np.abs(other - 3 * first).max()), 1e-9, "motions"))
+    return together(
+        vanishes(error, 1e-12, "field"),
+        vanishes(float(np.abs(other - 3 * first).max()), 1e-9, "motions"),
+    )
 
 
 @claim(
@@ -263,10 +305,14 @@ def homogeneous_of_degree_one() -> Finding:
 )
 def eigenvalues_of_the_focus() -> Finding:
     """The steady state is a focus that turns and grows at rates of order 1/√ν."""
-    b, viscosities, rest = 1.2, [1e-2, 1e-3, 1e-4, 1e-6, 1e-8], []
+    b = 1.2
+    viscosities = [1e-2, 1e-3, 1e-4, 1e-6, 1e-8]
+    rest = []
     omega = math.sqrt(1 - b * b / 4)
     for nu in viscosities:
-        values = np.linalg.eigvals(jacobian_of(built(catalogue.scaled_slider_limit), {}, _point(nu, b, 1.5)))
+        values = np.linalg.eigvals(
+            jacobian_of(built(catalogue.scaled_slider_limit), {}, _point(nu, b, 1.5))
+        )
         top = values[np.argmax(values.imag)]
         rest.append(abs(top - complex(b / 2, omega) / math.sqrt(nu)))
     remainder = scales(viscosities, rest, 0.0, 0.05, "remainder", "ν")
@@ -310,23 +356,31 @@ def sticking_field() -> Finding:
         rest = -p["gamma"] / (nu * p["mu_0"])
         found, d_gamma = limit_rates(p)
         printed = maximum(printed, abs(found - 1 / nu - rest) * nu)
-        right = maximum(right, abs(found - (1 - p["b"] * math.sqrt(nu)) / nu - rest) * nu, abs(d_gamma + p["gamma"]))
+        right = maximum(
+            right,
+            abs(found - (1 - p["b"] * math.sqrt(nu)) / nu - rest) * nu,
+            abs(d_gamma + p["gamma"]),
+        )
     return corrects(printed, right, 1e-12)
 
 
 @claim(
     "section 3",
     "(3.3) → (3.6) as ν → 0",
-    "γ at the end of slip on the cycles of (3.3), scaled, and of (3.6), both simulated, ν = 1e-3 … 1e-6",
+    "γ at the end of slip on the cycles of (3.3), scaled, and of (3.6), both "
+    "simulated, ν = 1e-3 … 1e-6",
     Verdict.ASYMPTOTIC,
 )
 def slider_tends_to_its_limit() -> Finding:
     """It is justified to drop the terms of higher order: the cycles converge like √ν."""
-    viscosities, errors = [1e-3, 1e-4, 1e-5, 1e-6], []
+    viscosities = [1e-3, 1e-4, 1e-5, 1e-6]
+    errors = []
     for nu in viscosities:
         start = {"U": 1.0 + math.sqrt(nu), "alpha": 1.0}
         motion = ss.simulate(shifted_slider(), (0.0, 60.0), start, scaled_values(nu))
-        limit = ss.simulate(catalogue.scaled_slider_limit(), (0.0, 60.0), None, {"nu": nu, "b": 1.0})
+        limit = ss.simulate(
+            catalogue.scaled_slider_limit(), (0.0, 60.0), None, {"nu": nu, "b": 1.0}
+        )
         ends = at_events(limit, "below", "gamma")[-1]
         errors.append(abs((at_events(motion, "stick", "alpha")[-1] - 1) / nu - ends))
     return scales(viscosities, errors, 0.5, 0.1, "difference of γ at the end of slip", "ν")
@@ -351,7 +405,8 @@ def stretch_in_slip() -> Finding:
     "remainder along the sticks of (3.3), ν = 1e-3 … 3e-6: exponents for both signs of √νB",
     Verdict.CORRECTED,
     correction="U = μ₀ + √νB + νv̂(t − t_k) − νγ(t_k)/μ₀; the remainder is even O(ν²).",
-    derivation="The sign of B in the scaling. In stick U̇ = V exactly, and at its start U = μ̃(α) is known to O(ν²).",
+    derivation="The sign of B in the scaling. In stick U̇ = V exactly, and at its start U = μ̃(α) "
+    "is known to O(ν²).",
 )
 def stretch_in_stick() -> Finding:
     """In stick the stretch grows linearly, starting from what the slip has left."""
@@ -364,18 +419,25 @@ def stretch_in_stick() -> Finding:
     "along the last stick phase of (3.3), ν = 1e-3, 200 times",
 )
 def sticking_phase() -> Finding:
-    """In stick the load winds the spring up and the state relaxes, until the threshold is reached."""
+    """In stick the load winds the spring up and the state relaxes, until the threshold is
+    reached."""
     nu = 1e-3
     motion, begin, end = _last_phase(nu, slip=False)
     t = np.linspace(begin, end, 202)[1:-1]
     now = motion.at(t)
     alpha = motion.at(begin)["alpha"]
     relaxed = float(np.abs(now["alpha"] - 1 - (alpha - 1) * np.exp(begin - t)).max())
-    held = shows(bool(np.all(now["U"] <= np.exp(1 - now["alpha"]) + math.sqrt(nu))), "U ≤ μ̃(α) throughout")
-    return together(vanishes(float(np.abs(now["d_U"] - nu).max()), 1e-15, "U̇ − V"), vanishes(relaxed, 1e-12, "α"), held)
+    held = shows(
+        bool(np.all(now["U"] <= np.exp(1 - now["alpha"]) + math.sqrt(nu))), "U ≤ μ̃(α) throughout"
+    )
+    return together(
+        vanishes(float(np.abs(now["d_U"] - nu).max()), 1e-15, "U̇ − V"),
+        vanishes(relaxed, 1e-12, "α"),
+        held,
+    )
 
 
-# -- what they share --------------------------------------------------------------------------------
+# -- what they share -------------------------------------------------------------------------------
 
 
 def _pair(rates: dict[str, float]) -> tuple[float, float]:
@@ -392,10 +454,13 @@ def _only(system: ss.System, values: dict[str, float]) -> dict[str, float]:
 
 
 def _last_phase(nu: float, slip: bool) -> tuple[ss.Trajectory, float, float]:
-    """A motion of the slider in the scaling, and the ends of its last complete phase of slip or of stick."""
+    """A motion of the slider in the scaling, and the ends of its last complete phase of slip or of
+    stick."""
     start = {"U": 1.0 + math.sqrt(nu), "alpha": 1.0}
     motion = ss.simulate(shifted_slider(), (0.0, 40.0), start, scaled_values(nu), rtol=1e-12)
-    begins, ends = (at_events(motion, to) for to in (("slip-", "stick") if slip else ("stick", "slip-")))
+    begins, ends = (
+        at_events(motion, to) for to in (("slip-", "stick") if slip else ("stick", "slip-"))
+    )
     end = ends[-1]
     return motion, float(begins[begins < end][-1]), float(end)
 
@@ -419,5 +484,8 @@ def _remainders(slip: bool) -> Finding:
     printed, right = (fitted_power(viscosities, row)[0] for row in left)
     expected = 1.5 if slip else 2.0
     verdict = Verdict.CORRECTED if printed < 0.6 and abs(right - expected) < 0.15 else Verdict.FAILS
-    text = f"remainder ~ ν^{printed:.3f} printed, ν^{right:.3f} corrected (expected {expected:g} ± 0.15)"
+    text = (
+        f"remainder ~ ν^{printed:.3f} printed, ν^{right:.3f} corrected "
+        f"(expected {expected:g} ± 0.15)"
+    )
     return Finding(verdict, text, {"printed": printed, "corrected": right})

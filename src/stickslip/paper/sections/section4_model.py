@@ -1,4 +1,5 @@
-"""[M] sections 4.1 to 4.3, first part: the rocking toy animal with and without translational inertia."""
+"""[M] sections 4.1 to 4.3, first part: the rocking toy animal with and without translational
+inertia."""
 
 from __future__ import annotations
 
@@ -9,7 +10,16 @@ import numpy as np
 
 import stickslip as ss
 from stickslip import catalogue
-from stickslip.paper.sections.claim import Finding, Verdict, claim, corrects, maximum, shows, together, vanishes
+from stickslip.paper.sections.claim import (
+    Finding,
+    Verdict,
+    claim,
+    corrects,
+    maximum,
+    shows,
+    together,
+    vanishes,
+)
 from stickslip.paper.sections.laws import (
     built,
     equations_of,
@@ -23,18 +33,27 @@ from stickslip.paper.sections.laws import (
 )
 from stickslip.symbolic import expressions as ex
 
-RIGHT, LEFT = "right leg", "left leg"
+RIGHT = "right leg"
+LEFT = "left leg"
 WALK = {"psi": -1.67, "x_R": 0.5, "x_L": 0.0}
 STATE = {"psi": (-2.0, 2.0), "d_psi": (-2.0, 2.0), "x_R": (-1.0, 1.0), "x_L": (-1.0, 1.0)}
 RANGES = {"I_b": (0.5, 2.0), "delta": (0.0, 0.2), "a": (0.5, 2.0), "b": (0.5, 2.0), "c": (0.1, 0.5)}
 RANGES |= {"rho": (0.1, 0.5), "psi_star": (0.5, 1.5), "H_star": (1.0, 4.0)}
-MASSES = {"m_W": (0.01, 1.0), "m_b": (0.01, 1.0), "m_l": (0.01, 1.0), "g": (1.0, 20.0), "nu": (0.0, 0.5)}
+MASSES = {
+    "m_W": (0.01, 1.0),
+    "m_b": (0.01, 1.0),
+    "m_l": (0.01, 1.0),
+    "g": (1.0, 20.0),
+    "nu": (0.0, 0.5),
+}
 SPEEDS = {"d_x_R": (-1.0, 1.0), "d_x_L": (-1.0, 1.0)}
 
 
 def H_R(p: dict[str, float]) -> float:
     """The friction of the right leg, section 4.3."""
-    psi, edge, top = p["psi"], p["psi_star"], p["H_star"]
+    psi = p["psi"]
+    edge = p["psi_star"]
+    top = p["H_star"]
     return 0.0 if psi <= -edge else top if psi >= edge else top * (psi + edge) / (2 * edge)
 
 
@@ -56,13 +75,18 @@ def held(system: ss.System, leg: str, values: dict[str, float]) -> float:
 
 
 def accelerations(p: dict[str, float]) -> tuple[dict[str, float], float, float]:
-    """Accelerations of the library's (4.1) with both legs sliding, and the signs of their velocities."""
+    """Accelerations of the library's (4.1) with both legs sliding, and the signs of their
+    velocities."""
     signs = {RIGHT: int(math.copysign(1, p["d_x_R"])), LEFT: int(math.copysign(1, p["d_x_L"]))}
     rates = rates_of(built(catalogue.rocking_toy_inertial), signs, p)
     return {x: rates[f"d_{x}"] for x in ("psi", "x_R", "x_L")}, signs[RIGHT], signs[LEFT]
 
 
-@claim("(4.1a)", "I_b ψ̈ + δψ̇ + ∂_ψΦ(x_R − x_L, ψ) = 0", "residual of the library's accelerations, 100 random points")
+@claim(
+    "(4.1a)",
+    "I_b ψ̈ + δψ̇ + ∂_ψΦ(x_R − x_L, ψ) = 0",
+    "residual of the library's accelerations, 100 random points",
+)
 def rocking_equation() -> Finding:
     """The rocking of the body."""
     error = 0.0
@@ -96,7 +120,8 @@ def left_leg_equation() -> Finding:
 @claim(
     "section 4.2",
     "d/dt(∂_q̇E) + ∂_q̇R + ∂_qE = 0",
-    "SymPy: Lagrange's equations of the printed energies in the accelerations of the library: identically 0",
+    "SymPy: Lagrange's equations of the printed energies in the accelerations of the "
+    "library: identically 0",
 )
 def damped_hamiltonian_system() -> Finding:
     """The model is the damped Hamiltonian system of the printed energy and dissipation."""
@@ -108,23 +133,35 @@ def damped_hamiltonian_system() -> Finding:
     rate = {name: in_sympy(e) for name, e in zip(found.state, found.rates, strict=True)}
     q = [s[x] for x in ("psi", "x_R", "x_L")]
     v = [s[f"d_{x}"] for x in ("psi", "x_R", "x_L")]
-    d, forward = s["x_R"] - s["x_L"], s["d_x_R"] + s["d_x_L"]
-    kinetic = (s["m_b"] + s["m_W"]) / 2 * forward**2 + s["m_l"] / 2 * (v[1] ** 2 + v[2] ** 2) + s["I_b"] / 2 * v[0] ** 2
+    d = s["x_R"] - s["x_L"]
+    forward = s["d_x_R"] + s["d_x_L"]
+    kinetic = (
+        (s["m_b"] + s["m_W"]) / 2 * forward**2
+        + s["m_l"] / 2 * (v[1] ** 2 + v[2] ** 2)
+        + s["I_b"] / 2 * v[0] ** 2
+    )
     potential = s["a"] / 2 * d**2 + s["b"] / 2 * s["psi"] ** 2 - s["c"] * d * s["psi"]
     potential -= s["g"] * s["m_W"] / 2 * (s["x_R"] + s["x_L"])
     rise = s["H_star"] * (s["psi"] + s["psi_star"]) / (2 * s["psi_star"])
-    friction = (s["rho"] + rise) * v[1] + (s["rho"] + s["H_star"] - rise) * v[2]  # both legs go forward
+    # both legs go forward
+    friction = (s["rho"] + rise) * v[1] + (s["rho"] + s["H_star"] - rise) * v[2]
     friction += s["delta"] / 2 * v[0] ** 2 + s["nu"] / 2 * (v[1] ** 2 + v[2] ** 2)
     speeds = (rate["d_psi"], rate["d_x_R"], rate["d_x_L"])
     wrong = 0
     for x, u in zip(q, v, strict=True):
         momentum = sp.diff(kinetic, u)
-        inertia = sum(sp.diff(momentum, w) * acceleration for w, acceleration in zip(v, speeds, strict=True))
+        inertia = sum(
+            sp.diff(momentum, w) * acceleration for w, acceleration in zip(v, speeds, strict=True)
+        )
         wrong += not zero(sp.together(inertia + sp.diff(friction, u) + sp.diff(potential, x)))
     return shows(wrong == 0, f"{3 - wrong} of 3 equations hold identically")
 
 
-@claim("section 4.2", "H_R + H_L = H*,  H_R(ψ) = H_L(−ψ)", "thresholds of the library's (4.1) and (4.2) at 200 angles")
+@claim(
+    "section 4.2",
+    "H_R + H_L = H*,  H_R(ψ) = H_L(−ψ)",
+    "thresholds of the library's (4.1) and (4.2) at 200 angles",
+)
 def legs_share_the_weight() -> Finding:
     """The weight is on the two legs together, symmetrically."""
     error = 0.0
@@ -138,8 +175,10 @@ def legs_share_the_weight() -> Finding:
 
 
 def mean_speed(motion: ss.Trajectory) -> float:
-    """Speed of the right leg over whole periods of the second half: from step to step, or 0 apart if there are none."""
-    start, end = 0.5 * motion.t_span[1], motion.t_span[1]
+    """Speed of the right leg over whole periods of the second half: from step to step, or 0 apart
+    if there are none."""
+    start = 0.5 * motion.t_span[1]
+    end = motion.t_span[1]
     events = motion.events
     begins = (events["contact"] == RIGHT) & (events["from"] == "stick") & (events["time"] >= start)
     steps = events["time"].to_numpy()[begins.to_numpy()]
@@ -151,21 +190,25 @@ def mean_speed(motion: ss.Trajectory) -> float:
 @claim(
     "section 4.2",
     "H_R(ψ) = 0 for ψ ≥ ψ_1",
-    "the library's H_R at ψ = 2ψ*; speed of the toy, over whole periods, with the printed and the corrected convention",
+    "the library's H_R at ψ = 2ψ*; speed of the toy, over whole periods, with the printed and the "
+    "corrected convention",
     Verdict.CORRECTED,
     correction="H_R(ψ) = 0 for ψ ≤ −ψ*, H* for ψ ≥ ψ*, as in section 4.3.",
-    derivation="With c > 0 the legs' distance d = x_R − x_L pushes ψ in its own direction. Energy flows into the "
-    "rocking only if the right leg is held while ψ > 0 (4.3); with the printed sign it flows out and the toy stops.",
+    derivation="With c > 0 the legs' distance d = x_R − x_L pushes ψ in its own direction. Energy "
+    "flows into the rocking only if the right leg is held while ψ > 0 (4.3); with the printed sign "
+    "it flows out and the toy stops.",
 )
 def convention_of_the_loads() -> Finding:
     """The friction of the right leg vanishes when the toy leans to one side."""
     load = threshold(catalogue.rocking_toy(), RIGHT, {"psi": 2.0}) - 0.2
     reversed_toy = catalogue.rocking_toy(
-        H_R="H_star/2*(1 - clip(psi/psi_star, -1, 1))", H_L="H_star/2*(1 + clip(psi/psi_star, -1, 1))"
+        H_R="H_star/2*(1 - clip(psi/psi_star, -1, 1))",
+        H_L="H_star/2*(1 + clip(psi/psi_star, -1, 1))",
     )
     speeds = []
     for system in (reversed_toy, catalogue.rocking_toy()):
-        # The start that (4.2) admits for this load: d on the side to which the free leg has been pulled.
+        # The start that (4.2) admits for this load: d on the side to which the free leg has been
+        # pulled.
         start = WALK if system is not reversed_toy else {"psi": -1.67, "x_R": -1.31, "x_L": 0.0}
         speeds.append(mean_speed(ss.simulate(system, (0.0, 200.0), start)))
     printed, right = speeds
@@ -180,14 +223,20 @@ def convention_of_the_loads() -> Finding:
     "H_R(ψ) = H_L(ψ) = ½H* for |ψ| ≤ ψ_0",
     "thresholds of the library's (4.2) at ψ = 0 and at 40 angles within 0.2ψ*",
     Verdict.CORRECTED,
-    correction="Only at ψ = 0 with the piecewise affine loads of section 4.3, which have no plateau: ψ_0 = 0.",
+    correction="Only at ψ = 0 with the piecewise affine loads of section 4.3, which have no "
+    "plateau: ψ_0 = 0.",
     derivation="H_R of section 4.3 has the slope H*/(2ψ*) at ψ = 0.",
 )
 def loads_of_the_upright_toy() -> Finding:
     """Upright, each leg carries half of the weight."""
     system = catalogue.rocking_toy()
     upright = maximum(*(abs(threshold(system, leg, {"psi": 0.0}) - 1.7) for leg in (RIGHT, LEFT)))
-    beside = maximum(*(abs(threshold(system, RIGHT, {"psi": float(x)}) - 1.7) for x in np.linspace(-0.2, 0.2, 40)))
+    beside = maximum(
+        *(
+            abs(threshold(system, RIGHT, {"psi": float(x)}) - 1.7)
+            for x in np.linspace(-0.2, 0.2, 40)
+        )
+    )
     return corrects(beside, upright, 1e-14, "distance from ½H*")
 
 
@@ -198,7 +247,8 @@ def loads_of_the_upright_toy() -> Finding:
 )
 def trivial_sliding() -> Finding:
     """Without rocking the pull has to overcome the full friction of the full weight."""
-    system, error = catalogue.rocking_toy_inertial(), 0.0
+    system = catalogue.rocking_toy_inertial()
+    error = 0.0
     for m_W in (0.036, 0.04, 0.06, 0.1):
         motion = ss.simulate(system, (0.0, 20.0), {"psi": 0.0, "x_R": 0.0}, {"m_W": m_W, "nu": 0.5})
         v = (100.0 * m_W / 2 - 0.2 - 1.5) / 0.5
@@ -208,12 +258,18 @@ def trivial_sliding() -> Finding:
     return vanishes(error, 1e-8, "largest difference of speeds")
 
 
-@claim("section 4.2", "v > 0 without rocking needs ½ g m_W > ρ + ½H*", "motions of (4.1) just below and above, ψ = 0")
+@claim(
+    "section 4.2",
+    "v > 0 without rocking needs ½ g m_W > ρ + ½H*",
+    "motions of (4.1) just below and above, ψ = 0",
+)
 def trivial_sliding_threshold() -> Finding:
     """Even for arbitrarily small velocities the pull must overcome the full Coulomb friction."""
     speeds = []
     for m_W in (0.0339, 0.0341):
-        motion = ss.simulate(catalogue.rocking_toy_inertial(), (0.0, 20.0), {"psi": 0.0, "x_R": 0.0}, {"m_W": m_W})
+        motion = ss.simulate(
+            catalogue.rocking_toy_inertial(), (0.0, 20.0), {"psi": 0.0, "x_R": 0.0}, {"m_W": m_W}
+        )
         speeds.append(motion.final["d_x_R"])
     text = f"speeds {speeds[0]:.3g} and {speeds[1]:.3g} at pulls of 1.695 and 1.705; ρ + H*/2 = 1.7"
     return shows(speeds[0] == 0.0 and speeds[1] > 0.05, text)
@@ -232,34 +288,57 @@ def translating_motion_with_inertia() -> Finding:
     motion = ss.simulate(catalogue.rocking_toy_inertial(), (0.0, 400.0), WALK, values)
     cycle = find_cycle(catalogue.rocking_toy_inertial(), motion)
     largest = maximum(*abs(cycle.nontrivial))
-    text = f"period {cycle.period:.5g}, v = {cycle.speed:.5g}, residual {cycle.residual:.0e}, multiplier {largest:.3g}"
-    return shows(bool(cycle.speed > 0.1 and cycle.residual < 1e-9 and largest < 1), text, speed=cycle.speed)
+    text = (
+        f"period {cycle.period:.5g}, v = {cycle.speed:.5g}, residual {cycle.residual:.0e}, "
+        f"multiplier {largest:.3g}"
+    )
+    return shows(
+        bool(cycle.speed > 0.1 and cycle.residual < 1e-9 and largest < 1), text, speed=cycle.speed
+    )
 
 
 @claim(
     "section 4.3",
     "pulling force P := g m_W",
-    "distance at t = 30 between (4.1) with small masses and (4.2) with P = g m_W and with P = g m_W/2",
+    "distance at t = 30 between (4.1) with small masses and (4.2) with P = g m_W and "
+    "with P = g m_W/2",
     Verdict.CORRECTED,
     correction="P = g m_W/2 on each leg.",
     derivation="The right-hand sides of (4.1b,c) are g m_W/2, those of (4.2b,c) are P.",
 )
 def pull_of_the_weight() -> Finding:
     """Without masses the pull is kept."""
-    t, errors = np.linspace(0.0, 30.0, 301), []
+    t = np.linspace(0.0, 30.0, 301)
+    errors = []
     limits = {}
     for name, P in (("printed", 2.0), ("corrected", 1.0)):
         values = {"P": P, "H_star": 5.0}
-        limits[name] = ss.simulate(catalogue.rocking_toy(), (0.0, 30.0), _start(P), values).at(t)["psi"]
+        limits[name] = ss.simulate(catalogue.rocking_toy(), (0.0, 30.0), _start(P), values).at(t)[
+            "psi"
+        ]
     for nu in (1e-2, 1e-3):
-        values = {"m_W": nu**2, "m_b": nu**2, "m_l": nu**2, "nu": nu, "g": 2.0 / nu**2, "H_star": 5.0}
+        values = {
+            "m_W": nu**2,
+            "m_b": nu**2,
+            "m_l": nu**2,
+            "nu": nu,
+            "g": 2.0 / nu**2,
+            "H_star": 5.0,
+        }
         motion = ss.simulate(catalogue.rocking_toy_inertial(), (0.0, 30.0), _start(1.0), values)
         errors.append([float(np.abs(motion.at(t)["psi"] - limits[name]).max()) for name in limits])
     (printed, first), (_, second) = errors
     rate = math.log10(first / second)
     fine = printed > 0.1 and second < 0.02 and abs(rate - 1) < 0.15
-    text = f"printed {printed:.2g}, corrected {first:.2g}, {second:.2g} for ν = 1e-2, 1e-3, vanishing like ν^{rate:.2f}"
-    return Finding(Verdict.CORRECTED if fine else Verdict.FAILS, text, {"printed": printed, "corrected": second})
+    text = (
+        f"printed {printed:.2g}, corrected {first:.2g}, {second:.2g} for ν = 1e-2, 1e-3, "
+        f"vanishing like ν^{rate:.2f}"
+    )
+    return Finding(
+        Verdict.CORRECTED if fine else Verdict.FAILS,
+        text,
+        {"printed": printed, "corrected": second},
+    )
 
 
 @claim(
@@ -301,28 +380,40 @@ def restoring_force() -> Finding:
     return shows(zero(slope - (b * psi - c * (x_R - x_L))), f"∂_ψΦ = {slope}")
 
 
-@claim("(4.2a)", "I_b ψ̈ + δψ̇ + bψ − c(x_R − x_L) = 0", "residual of the library's (4.2), 100 random points")
+@claim(
+    "(4.2a)",
+    "I_b ψ̈ + δψ̇ + bψ − c(x_R − x_L) = 0",
+    "residual of the library's (4.2), 100 random points",
+)
 def simplified_rocking_equation() -> Finding:
     """The rocking of the body in the simplified model."""
     error = 0.0
     for p in points({**STATE, **RANGES, "P": (0.5, 1.5)}, 100, seed=4):
         found = rates_of(built(catalogue.rocking_toy), {RIGHT: 0, LEFT: 0}, p)
         rest = p["delta"] * p["d_psi"] + p["b"] * p["psi"] - p["c"] * (p["x_R"] - p["x_L"])
-        error = maximum(error, abs(p["I_b"] * found["d_psi"] + rest), abs(found["psi"] - p["d_psi"]))
+        error = maximum(
+            error, abs(p["I_b"] * found["d_psi"] + rest), abs(found["psi"] - p["d_psi"])
+        )
     return vanishes(error, 1e-13, "largest residual")
 
 
 @claim(
     "(4.2b,c)",
     "(ρ + H_{R,L})Sign(ẋ_{R,L}) ± a(x_R − x_L) ∓ cψ = P",
-    "forces and thresholds of the library's (4.2) at 100 random points; residual in slip, excess in stick of a walk",
+    "forces and thresholds of the library's (4.2) at 100 random points; residual in slip, excess "
+    "in stick of a walk",
 )
 def simplified_leg_equations() -> Finding:
     """Each leg is a play operator with a varying threshold."""
-    error, system = 0.0, catalogue.rocking_toy()
+    error = 0.0
+    system = catalogue.rocking_toy()
     for p in points({**STATE, **RANGES, "P": (0.5, 1.5)}, 100, seed=5):
         pull = p["a"] * (p["x_R"] - p["x_L"]) - p["c"] * p["psi"]
-        error = maximum(error, abs(held(system, RIGHT, p) - pull + p["P"]), abs(held(system, LEFT, p) + pull + p["P"]))
+        error = maximum(
+            error,
+            abs(held(system, RIGHT, p) - pull + p["P"]),
+            abs(held(system, LEFT, p) + pull + p["P"]),
+        )
         error = maximum(error, abs(threshold(system, RIGHT, p) - p["rho"] - H_R(p)))
     t = np.linspace(0.0, 60.0, 6001)
     now = ss.simulate(system, (0.0, 60.0), WALK).at(t)
@@ -331,9 +422,15 @@ def simplified_leg_equations() -> Finding:
     for leg, sign in ((RIGHT, 1.0), (LEFT, -1.0)):
         key = leg.replace(" ", "_")
         load = 0.2 + 1.5 * (1 + sign * np.clip(now["psi"], -1, 1))
-        force, mode = 1.0 - sign * pull, now[f"mode_{key}"]
-        worst = maximum(worst, float(np.where(mode == 0, np.abs(force) - load, np.abs(force - mode * load)).max()))
-    return together(vanishes(error, 1e-13, "forces"), vanishes(maximum(worst, 0.0), 1e-11, "along a walk"))
+        force = 1.0 - sign * pull
+        mode = now[f"mode_{key}"]
+        worst = maximum(
+            worst,
+            float(np.where(mode == 0, np.abs(force) - load, np.abs(force - mode * load)).max()),
+        )
+    return together(
+        vanishes(error, 1e-13, "forces"), vanishes(maximum(worst, 0.0), 1e-11, "along a walk")
+    )
 
 
 @claim(
@@ -346,7 +443,9 @@ def simplified_sliding_threshold() -> Finding:
     outcomes = []
     for P in (1.699, 1.701):
         try:
-            motion = ss.simulate(catalogue.rocking_toy(), (0.0, 5.0), {"psi": 0.0, "x_R": 0.0}, {"P": P})
+            motion = ss.simulate(
+                catalogue.rocking_toy(), (0.0, 5.0), {"psi": 0.0, "x_R": 0.0}, {"P": P}
+            )
             outcomes.append(motion.outcome.label if motion.n_switches == 0 else "moves")
         except ss.DeclarationError:
             outcomes.append("no stable start")
@@ -354,7 +453,7 @@ def simplified_sliding_threshold() -> Finding:
     return shows(outcomes == ["at rest forever", "no stable start"], text)
 
 
-# -- what they share --------------------------------------------------------------------------------
+# -- what they share -------------------------------------------------------------------------------
 
 
 def _start(P: float) -> dict[str, float]:

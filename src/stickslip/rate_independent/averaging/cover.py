@@ -13,7 +13,8 @@ from stickslip.rate_independent.sets.potential import Array, Dissipation
 from stickslip.rate_independent.sets.stretches import NOWHERE, Index, Near
 
 PARTS = 8  # of a stretch that is divided
-AHEAD = 4  # neighbours to both sides that are divided along with it: the next force will ask for them
+# neighbours to both sides that are divided along with it: the next force will ask for them
+AHEAD = 4
 SHARE = 0.05  # of how far a force was seen outside, by which it may lie farther outside
 MOST = 2**18  # stretches
 BESIDE = 2.0**-7  # distance from the end of a period below which a phase is beside it
@@ -28,7 +29,8 @@ class Looked(NamedTuple):
     phases, excess : ndarray of shape (k,)
         Ends of stretches, and how far the force lies outside K(s) there.
     bound : float
-        It lies no farther outside any K(s); infinite if the search ended because it lies too far outside already.
+        It lies no farther outside any K(s); infinite if the search ended because it lies too far
+        outside already.
     """
 
     phases: Array
@@ -39,8 +41,8 @@ class Looked(NamedTuple):
 class Cover:
     """The phases of a potential, on stretches that are divided into more and more parts.
 
-    A stretch is divided where a force that is outside of no K(s) at its ends might be in between. What was divided
-    stays so for the next force: nearby forces cost a few passes over arrays.
+    A stretch is divided where a force that is outside of no K(s) at its ends might be in between.
+    What was divided stays so for the next force: nearby forces cost a few passes over arrays.
 
     Parameters
     ----------
@@ -56,7 +58,8 @@ class Cover:
         self.first: Any = source.over(self.low, self.high)
         self.roots, self.child = len(self.low), np.full(len(self.low), -1, np.intp)
         # Rows are stored as they came: block after block.
-        self.blocks, self.begins = [self.first], np.zeros(1, np.intp)
+        self.blocks = [self.first]
+        self.begins = np.zeros(1, np.intp)
 
     def __len__(self) -> int:
         return len(self.low)
@@ -67,12 +70,15 @@ class Cover:
         return len(self) + 1
 
     def look(self, xi: Array, enough: float, touching: Array = UNKNOWN) -> Looked:
-        """Phases at which ξ lies outside K(s); once it does by more than `enough`, the search need not go on.
+        """Phases at which ξ lies outside K(s); once it does by more than `enough`, the search need
+        not go on.
 
-        Phases at which it is known to touch K(s), shape (k,), may be given: around them, and where it seems to touch
-        besides, bounds of second order need no fine stretches.
+        Phases at which it is known to touch K(s), shape (k,), may be given: around them, and where
+        it seems to touch besides, bounds of second order need no fine stretches.
         """
-        phases, found, bound = [], [], -np.inf
+        phases = []
+        found = []
+        bound = -np.inf
         for _, active, start, end, done in self._levels(xi[None], enough, touching):
             phases += [self.low[active], self.high[active]]
             found += [start, end]
@@ -81,22 +87,29 @@ class Cover:
         return Looked(np.concatenate(phases), excess, np.inf if excess.max() > enough else bound)
 
     def _near(self, touching: Array, peaks: Array, xi: Array, enough: float) -> Near:
-        """What is proved around phases at which ξ touches K(s), and around others at which it seems to."""
+        """What is proved around phases at which ξ touches K(s), and around others at which it seems
+        to."""
         known = (np.abs(peaks[:, None] - touching) < BESIDE).any(axis=1)
-        phases = np.append(touching, self.source.closest(peaks[~known], xi)) if not known.all() else touching
+        phases = (
+            np.append(touching, self.source.closest(peaks[~known], xi))
+            if not known.all()
+            else touching
+        )
         # K(s) may jump where a period ends: a phase beside that end is close to both.
         seam = np.array([(phases < BESIDE).any(), (phases > 1.0 - BESIDE).any()])
         return self.source.around(np.append(phases, np.array([1.0, 0.0])[seam]), xi, enough)
 
     def _peaks(self, start: Array, end: Array, open_: Index) -> Array:
-        """Where forces on the first stretches lie farthest outside, one phase for each row of stretches in question."""
+        """Where forces on the first stretches lie farthest outside, one phase for each row of
+        stretches in question."""
         (k,) = np.nonzero(open_)
         ends = np.maximum(start, end)
         tops = [row[ends[row].argmax()] for row in np.split(k, np.flatnonzero(np.diff(k) > 1) + 1)]
         return np.where(start[tops] > end[tops], self.low[tops], self.high[tops])
 
     def excess(self, xi: Array, enough: float) -> Array:
-        """How far forces, shape (q, n), may lie outside any K(s), shape (q,), up to `enough` or a part of itself."""
+        """How far forces, shape (q, n), may lie outside any K(s), shape (q,), up to `enough` or a
+        part of itself."""
         worst = np.full(len(xi), -np.inf)
         for which, _, start, end, done in self._levels(xi, enough, share=SHARE):
             np.maximum.at(worst, which, np.maximum(np.maximum(start, end), done))
@@ -105,13 +118,18 @@ class Cover:
     def _levels(
         self, xi: Array, enough: float, touching: Array | None = None, share: float | None = None
     ) -> Iterator[tuple[Index, Index, Array, Array, Array]]:
-        """Level after level: which force, on which stretch, how far outside at its ends, and at most.
+        """Level after level: which force, on which stretch, how far outside at its ends, and at
+        most.
 
-        That is −∞ for stretches that are divided: those in which it may be more than `enough`, and by that share more
-        than what was seen; without a share, none once the force was seen outside by more than `enough`.
+        That is −∞ for stretches that are divided: those in which it may be more than `enough`, and
+        by that share more than what was seen; without a share, none once the force was seen outside
+        by more than `enough`.
         """
-        which, active = np.repeat(np.arange(len(xi)), self.roots), np.tile(np.arange(self.roots), len(xi))
-        seen, zero, near = np.full(len(xi), -np.inf), np.zeros((1, xi.shape[1])), NOWHERE
+        which = np.repeat(np.arange(len(xi)), self.roots)
+        active = np.tile(np.arange(self.roots), len(xi))
+        seen = np.full(len(xi), -np.inf)
+        zero = np.zeros((1, xi.shape[1]))
+        near = NOWHERE
         while len(active):
             active, which, rows = self._taken(active, which)
             force = xi[which]
@@ -123,29 +141,41 @@ class Cover:
             if share is None:
                 wide &= seen[which] <= enough
             limit = np.maximum(enough, (1.0 + (share or 0.0)) * seen[which])
-            done, open_ = ends.copy(), wide
+            done = ends.copy()
+            open_ = wide
             if wide.any():
                 (k,) = np.nonzero(wide)
                 rows = rows if len(k) == len(active) else rows.taken(k)
-                done[k] = rows.between(ends[k], force[k], force[k], np.broadcast_to(zero, force[k].shape), limit[k])
+                done[k] = rows.between(
+                    ends[k], force[k], force[k], np.broadcast_to(zero, force[k].shape), limit[k]
+                )
                 if touching is not None and (done > limit).any():
-                    near, touching = self._near(touching, self._peaks(start, end, done > limit), xi[0], enough), None
+                    near = self._near(
+                        touching, self._peaks(start, end, done > limit), xi[0], enough
+                    )
+                    touching = None
                 if len(near.low):
-                    done[k] = np.minimum(done[k], near.at_most(self.low[active[k]], self.high[active[k]]))
+                    done[k] = np.minimum(
+                        done[k], near.at_most(self.low[active[k]], self.high[active[k]])
+                    )
                 open_ = wide & (done > limit)
                 if len(self) + PARTS * int(open_.sum()) > MOST:
                     open_[:] = False
                 done[open_] = -np.inf
             yield which, active, start, end, done
-            which, active = np.repeat(which[open_], PARTS), self._children(active[open_])
+            which = np.repeat(which[open_], PARTS)
+            active = self._children(active[open_])
 
     def _taken(self, active: Index, which: Index) -> tuple[Index, Index, Any]:
-        """Stretches, sorted by where they are stored, the forces that belong to them, and their rows."""
+        """Stretches, sorted by where they are stored, the forces that belong to them, and their
+        rows."""
         if np.array_equal(active, np.arange(self.roots)):
             return active, which, self.first
         block = np.searchsorted(self.begins, active, side="right") - 1
         order = np.argsort(block, kind="stable")
-        active, which, block = active[order], which[order], block[order]
+        active = active[order]
+        which = which[order]
+        block = block[order]
         first = np.flatnonzero(np.diff(block, prepend=-1))
         pieces = [
             self.blocks[block[i]].taken(active[i:j] - self.begins[block[i]])

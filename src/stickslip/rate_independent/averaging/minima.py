@@ -1,4 +1,5 @@
-"""Global minima over the phase: of formulas by branch and bound; of functions sampled, bracketed and refined."""
+"""Global minima over the phase: of formulas by branch and bound; of functions sampled, bracketed
+and refined."""
 
 from __future__ import annotations
 
@@ -18,10 +19,12 @@ from stickslip.symbolic.extrema import least
 Array = NDArray[np.float64]
 
 SAMPLES = 256
-"""Phases at which functions are looked at. A minimum is missed if it is narrower and shows in none of them."""
+"""Phases at which functions are looked at. A minimum is missed if it is narrower and shows in none
+of them."""
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 STEPS = 64  # of the golden section: from the distance of two samples to rounding
-MOST_SECTIONS, RESOLVED = 40, 1e-2  # of a sharpened maximum; what counts as better
+MOST_SECTIONS = 40  # of a sharpened maximum
+RESOLVED = 1e-2  # what counts as better
 NEARBY = np.append(0.0, np.linspace(-2e-8, 2e-8, 64))
 MOST_SEPARATE = 2000  # functions that can be refined one by one
 
@@ -32,8 +35,8 @@ class Minima(NamedTuple):
     Attributes
     ----------
     values, phases : ndarray of shape (n,)
-        Values up to rounding, and where they are taken; a phase is as accurate as that determines it, 1e-8 for a smooth
-        minimum.
+        Values up to rounding, and where they are taken; a phase is as accurate as that determines
+        it, 1e-8 for a smooth minimum.
     floors : ndarray of shape (n,)
         No value is less, at any phase; if sampled, at none of these.
     sampled : int
@@ -68,13 +71,18 @@ def least_over_phases(varying: Varying) -> Minima:
         raise DeclarationError(
             varying.where,
             f"{n} minima over the phase cannot be refined one by one",
-            "Let the function take an array of n phases, one for each component, and return each component at its own",
+            "Let the function take an array of n phases, one for each component, and return each "
+            "component at its own",
         )
     values, phases, index, centre = _scan(varying)
     if len(index):
-        refined, found = golden_section(lambda s: varying.entries(index, s), centre - 1 / SAMPLES, centre + 1 / SAMPLES)
+        refined, found = golden_section(
+            lambda s: varying.entries(index, s), centre - 1 / SAMPLES, centre + 1 / SAMPLES
+        )
         order = np.argsort(-refined, kind="stable")  # the least of an entry is written last
-        index, refined, found = index[order], refined[order], found[order]
+        index = index[order]
+        refined = refined[order]
+        found = found[order]
         best, at = values.copy(), phases.copy()
         best[index], at[index] = refined, found
         # A sample that is the minimum, such as s = 0 or 1/2, is kept as it is.
@@ -89,7 +97,8 @@ def _proved(formulas: Formulas) -> Minima:
     for e in formulas.expressions:
         if e not in known:
             minimum = least(e, "s", 0.0, 1.0)
-            # Where a search by bounds ends, a smooth minimum is known to 1e-8: the best number nearby.
+            # Where a search by bounds ends, a smooth minimum is known to 1e-8: the best number
+            # nearby.
             near = wrapped(minimum.place + NEARBY)
             values = table([e], near)[:, 0]
             k = int(np.argmin(values))
@@ -102,12 +111,14 @@ def _scan(varying: Varying) -> tuple[Array, Array, NDArray[np.intp], Array]:
     """Least samples, their phases, and the entries and samples around which the minimum may lie."""
     grid = np.arange(SAMPLES) / SAMPLES
     before, here = varying.at(grid[-1]), varying.at(grid[0])
-    values, phases = here.copy(), np.zeros(varying.shape[0])
+    values = here.copy()
+    phases = np.zeros(varying.shape[0])
     found: list[tuple[NDArray[np.intp], Array, Array]] = []
     for s, following in zip(grid, np.roll(grid, -1), strict=True):
         after = varying.at(following)
         less = here < values
-        values[less], phases[less] = here[less], s
+        values[less] = here[less]
+        phases[less] = s
         (index,) = np.nonzero(is_bracket(before, here, after))
         low = lowest(before[index], here[index], after[index])
         promising = low < values[index]
@@ -126,7 +137,8 @@ def is_bracket(before: Array, here: Array, after: Array) -> NDArray[np.bool_]:
 
 
 def lowest(before: Array, here: Array, after: Array) -> Array:
-    """How low a function can be expected between three samples: as low as lines of the outer slopes would take it."""
+    """How low a function can be expected between three samples: as low as lines of the outer slopes
+    would take it."""
     with np.errstate(invalid="ignore"):
         return here - (before - here) - (after - here)
 
@@ -144,7 +156,8 @@ def golden_section(f: Callable[[Array], Array], low: Array, high: Array) -> tupl
     -------
     values, phases : ndarray of shape (k,)
     """
-    left, right = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+    left = high - GOLDEN * (high - low)
+    right = low + GOLDEN * (high - low)
     at_left, at_right = f(left), f(right)
     for _ in range(STEPS):
         down = at_left <= at_right
@@ -159,7 +172,8 @@ def golden_section(f: Callable[[Array], Array], low: Array, high: Array) -> tupl
 
 
 def sharpened(phases: Array, values: Array, f: Callable[[Array], Array]) -> tuple[Array, Array]:
-    """Maxima of functions near the middle of three phases each, by parabolas, and by sections where there is a kink.
+    """Maxima of functions near the middle of three phases each, by parabolas, and by sections where
+    there is a kink.
 
     Parameters
     ----------
@@ -181,13 +195,19 @@ def sharpened(phases: Array, values: Array, f: Callable[[Array], Array]) -> tupl
             new = b - 0.5 * ((b - a) * p - (b - c) * q) / (p - q)
         # Every other time, or where a parabola says nothing new: the wider half.
         wide = np.where(b - a > c - b, b - (1.0 - GOLDEN) * (b - a), b + (1.0 - GOLDEN) * (c - b))
-        new = np.where((new > a) & (new < c) & (np.abs(new - b) > 1e-15) & (step % 2 == 0), new, wide)
+        new = np.where(
+            (new > a) & (new < c) & (np.abs(new - b) > 1e-15) & (step % 2 == 0), new, wide
+        )
         value = f(new)
-        better, left = value > fb, new < b
+        better = value > fb
+        left = new < b
         idle = np.where(value - fb > RESOLVED * np.abs(fb), 0, idle + 1)
-        to_left, to_right = (better & ~left) | (~better & left), (better & left) | (~better & ~left)
-        a, fa = np.where(to_left, np.where(better, b, new), a), np.where(to_left, np.where(better, fb, value), fa)
-        c, fc = np.where(to_right, np.where(better, b, new), c), np.where(to_right, np.where(better, fb, value), fc)
+        to_left = (better & ~left) | (~better & left)
+        to_right = (better & left) | (~better & ~left)
+        a = np.where(to_left, np.where(better, b, new), a)
+        fa = np.where(to_left, np.where(better, fb, value), fa)
+        c = np.where(to_right, np.where(better, b, new), c)
+        fc = np.where(to_right, np.where(better, fb, value), fc)
         b, fb = np.where(better, new, b), np.where(better, value, fb)
         if (idle >= 3).all():
             break
@@ -199,4 +219,6 @@ def least_thresholds(thresholds: Varying) -> Minima:
     least = least_over_phases(thresholds)
     if least.values.min() < 0.0:
         nonnegative(thresholds, float(least.phases[least.values.argmin()]))
-    return least._replace(values=np.maximum(least.values, 0.0), floors=np.maximum(least.floors, 0.0))
+    return least._replace(
+        values=np.maximum(least.values, 0.0), floors=np.maximum(least.floors, 0.0)
+    )

@@ -1,4 +1,5 @@
-"""Motions that cost what friction costs on average: which part of a displacement is made at which phase."""
+"""Motions that cost what friction costs on average: which part of a displacement is made at which
+phase."""
 
 from __future__ import annotations
 
@@ -12,7 +13,9 @@ MOST_NUMBERS = 20_000_000  # in the table of an optimal motion
 VANISHING = 1e-12  # thresholds that count as 0, of the largest
 
 
-def measure(source: Dissipation, V: Array, phases: Array, motions: Array, xi: Array, violation: float) -> OptimalMotion:
+def measure(
+    source: Dissipation, V: Array, phases: Array, motions: Array, xi: Array, violation: float
+) -> OptimalMotion:
     """A measure with the sum V, what it costs, and what a force ξ says about the least cost."""
     moving = np.abs(motions).max(axis=1) > 1e-14 * np.abs(V).max(initial=0.0)
     together, sums = gathered(phases[moving], motions[moving])

@@ -1,4 +1,5 @@
-"""The last digits of a semi-infinite program: Newton's method for a force, what holds it, and when."""
+"""The last digits of a semi-infinite program: Newton's method for a force, what holds it, and
+when."""
 
 from __future__ import annotations
 
@@ -12,10 +13,12 @@ from stickslip.rate_independent.sets.phase import wrapped
 from stickslip.rate_independent.sets.potential import Array, Dissipation
 from stickslip.rate_independent.sets.stretches import Sampled
 
-STEP, STEP_OF_PHASES = 1e-6, 1e-3  # of differences in Newton's method
+STEP = 1e-6  # of differences in Newton's method
+STEP_OF_PHASES = 1e-3  # … with respect to phases
 WIDEST = 2e-3  # differences of phases
 SHIFTS = np.array([-1.0, -0.5, 0.5, 1.0])
-DIFFERENCE = np.array([1.0, -8.0, 8.0, -1.0]) / 6.0  # derivative of fourth order from the values at SHIFTS
+# derivative of fourth order from the values at SHIFTS
+DIFFERENCE = np.array([1.0, -8.0, 8.0, -1.0]) / 6.0
 MOST_ITERATIONS = 12  # that do not yet converge fast
 FAST = 0.1  # part of the residual that a fast iteration leaves at most
 SMALL = 1e-8  # a Newton step after which none is needed
@@ -60,7 +63,8 @@ class Held:
         return replace(self, motions=motions)
 
     def merged(self, within: float) -> Held:
-        """With phases that are closer than that to the next one made one: a double root would stop Newton's method."""
+        """With phases that are closer than that to the next one made one: a double root would stop
+        Newton's method."""
         order = np.argsort(self.phases)
         phases, motions = self.phases[order], self.motions[order]
         pieces = np.split(np.arange(len(phases)), np.flatnonzero(np.diff(phases) > within) + 1)
@@ -79,14 +83,17 @@ class Held:
         return cost - float((self.motions @ self.xi).sum()) + self.violation * lengths
 
 
-def refined(source: Dissipation, held: Held, c: Array, Q: Array | None, size: float, scales: Array) -> Held:
+def refined(
+    source: Dissipation, held: Held, c: Array, Q: Array | None, size: float, scales: Array
+) -> Held:
     """Newton's method for ξ, v_k and s_k at once, from close to the solution.
 
-    Qξ + Σ v_k = c, v_k is normal to K(s_k) at ξ, and s_k is stationary for the distance of ξ + v_k from K(s), whose
-    square is differentiable in s even where Ψ(s, v_k) has a kink. Derivatives are differences, in s no wider than half
-    of what K(s) changes on, `scales`, shape (k,).
+    Qξ + Σ v_k = c, v_k is normal to K(s_k) at ξ, and s_k is stationary for the distance of ξ + v_k
+    from K(s), whose square is differentiable in s even where Ψ(s, v_k) has a kink. Derivatives are
+    differences, in s no wider than half of what K(s) changes on, `scales`, shape (k,).
     """
-    n, k = len(c), len(held.phases)
+    n = len(c)
+    k = len(held.phases)
     length = float(np.linalg.norm(held.motions, axis=1).max())
     curvature = np.zeros((n, n)) if Q is None else Q * (size / length)
     widths = np.minimum(WIDEST, 0.5 * scales)
@@ -94,21 +101,28 @@ def refined(source: Dissipation, held: Held, c: Array, Q: Array | None, size: fl
     moves = np.concatenate([np.zeros((k, 1, n + 1)), steps[:, None] * np.eye(n + 1)], axis=1)
 
     def at(x: Array, contacts: Array) -> tuple[float, Array, Array]:
-        """What is left of the equations, and where every contact touches, also with each of its unknowns moved."""
+        """What is left of the equations, and where every contact touches, also with each of its
+        unknowns moved."""
         points = contacts[:, None, :] + moves + np.append(x, 0.0)
-        touch = _touched(source, points.reshape(-1, n + 1), np.repeat(widths, n + 2), size).reshape(points.shape)
+        touch = _touched(source, points.reshape(-1, n + 1), np.repeat(widths, n + 2), size).reshape(
+            points.shape
+        )
         rest = np.append(x - touch[:, 0, :n], touch[:, 0, n:], axis=1)
         rest = np.append(curvature @ x + contacts[:, :n].sum(axis=0) - c / length, rest)
         return float(np.linalg.norm(rest)), rest, touch
 
     # Unknowns: ξ in units of size, and for each phase v_k in units of length and s_k.
-    x, contacts = held.xi / size, np.column_stack([held.motions / length, held.phases])
+    x = held.xi / size
+    contacts = np.column_stack([held.motions / length, held.phases])
     off, rest, touch = at(x, contacts)
     for iteration in range(2 * MOST_ITERATIONS):
         step = np.linalg.lstsq(
-            _jacobian(curvature, (touch[:, 1:] - touch[:, :1]) / steps[:, :, None]), rest, rcond=1e-10
+            _jacobian(curvature, (touch[:, 1:] - touch[:, :1]) / steps[:, :, None]),
+            rest,
+            rcond=1e-10,
         )[0]
-        to_x, to_contacts = step[:n], step[n:].reshape(k, n + 1)
+        to_x = step[:n]
+        to_contacts = step[n:].reshape(k, n + 1)
         if float(np.abs(step).max()) <= SMALL:  # the next one would be rounding
             x, contacts = x - to_x, contacts - to_contacts
             break
@@ -136,13 +150,15 @@ def _jacobian(curvature: Array, changes: Array) -> Array:
         slope = change.T.copy()
         slope[:n] *= -1.0
         own = slice(n + i * (n + 1), n + (i + 1) * (n + 1))
-        jacobian[own, own], jacobian[own, :n] = slope, slope[:, :n] + np.eye(n + 1, n)
+        jacobian[own, own] = slope
+        jacobian[own, :n] = slope[:, :n] + np.eye(n + 1, n)
         jacobian[:n, own] = np.eye(n, n + 1)
     return jacobian
 
 
 def _touched(source: Dissipation, points: Array, widths: Array, size: float) -> Array:
-    """Points of K(s) nearest to points beyond it, and the slopes of half the squared distances in s.
+    """Points of K(s) nearest to points beyond it, and the slopes of half the squared distances in
+    s.
 
     A row holds a point, in units of the size, and its phase.
     """

@@ -1,10 +1,12 @@
-"""K_av = ∩ₛ K(s) by semi-infinite exchange: phases whose constraint is violated join, until none is.
+"""K_av = ∩ₛ K(s) by semi-infinite exchange: phases whose constraint is violated join, until none
+is.
 
-Both questions asked of K_av, its support function and its nearest points, are one program: the ξ in all K(s) with the
-least ½⟨Qξ, ξ⟩ − ⟨c, ξ⟩. Its multipliers v_k at finitely many phases s_k have the sum c − Qξ; for Q = 0 they are the
-measure of [M] (2.3). A round solves the program for a few phases, moves neighbouring ones together where that is
-cheaper, and adds those at which ξ lies farthest outside. Close to the solution, Newton's method for ξ, v_k and s_k ends
-the search (R. Hettich and K. O. Kortanek, *Semi-infinite programming*, SIAM Review 35 (1993) 380-429).
+Both questions asked of K_av, its support function and its nearest points, are one program: the ξ in
+all K(s) with the least ½⟨Qξ, ξ⟩ − ⟨c, ξ⟩. Its multipliers v_k at finitely many phases s_k have the
+sum c − Qξ; for Q = 0 they are the measure of [M] (2.3). A round solves the program for a few
+phases, moves neighbouring ones together where that is cheaper, and adds those at which ξ lies
+farthest outside. Close to the solution, Newton's method for ξ, v_k and s_k ends the search (R.
+Hettich and K. O. Kortanek, *Semi-infinite programming*, SIAM Review 35 (1993) 380-429).
 """
 
 from __future__ import annotations
@@ -50,10 +52,11 @@ class Intersection(Average):
     ----------
     source : Dissipation
     tolerance : float
-        Largest duality gap of Ψ_av(V), as a multiple of |V| and of the size of K(s); and how far a point of K_av may
-        lie outside any K(s), as a multiple of that size, with all phases covered by bounds if the source is bounded. A
-        nearest point has a duality gap below 1e-13, or tolerance² if that is more, and so is accurate to some 1e-6 at
-        worst; but only to the square root of the tolerance where K(s) is known by its support function alone.
+        Largest duality gap of Ψ_av(V), as a multiple of |V| and of the size of K(s); and how far a
+        point of K_av may lie outside any K(s), as a multiple of that size, with all phases covered
+        by bounds if the source is bounded. A nearest point has a duality gap below 1e-13, or
+        tolerance² if that is more, and so is accurate to some 1e-6 at worst; but only to the square
+        root of the tolerance where K(s) is known by its support function alone.
     """
 
     source: Dissipation
@@ -61,7 +64,9 @@ class Intersection(Average):
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.tolerance) and self.tolerance > 0):
-            raise DeclarationError("tolerance", f"{self.tolerance} is not positive", "Give, for example, 1e-8")
+            raise DeclarationError(
+                "tolerance", f"{self.tolerance} is not positive", "Give, for example, 1e-8"
+            )
 
     @property
     def dimension(self) -> int:
@@ -79,7 +84,8 @@ class Intersection(Average):
     @cached_property
     def size(self) -> float:
         """Largest Ψ(s, ±e_i) at the first phases."""
-        axes, first = np.eye(self.dimension), self.cover.first.start
+        axes = np.eye(self.dimension)
+        first = self.cover.first.start
         return float(max(first.support(sign * e).max() for e in axes for sign in (1, -1)))
 
     def support(self, v: ArrayLike, s: float = 0.0) -> float:
@@ -120,13 +126,21 @@ class Intersection(Average):
         ConvergenceError
             If the point stays outside some K(s) by more than the tolerance.
         """
-        xi, M = self.vector(xi, "xi"), self.metric(metric)
+        xi = self.vector(xi, "xi")
+        M = self.metric(metric)
         if not self._beyond(xi, ROUNDING * self.size):
             looked = self._look(xi)
-            if looked.excess.max() <= ROUNDING * self.size and looked.bound <= self.tolerance * self.size:
+            if (
+                looked.excess.max() <= ROUNDING * self.size
+                and looked.bound <= self.tolerance * self.size
+            ):
                 return xi.copy()
         Q = np.eye(self.dimension) if M is None else M
-        rule = self.tolerance if self.source.cone_form(0.0) is None else max(self.tolerance**2, SHARPEST)
+        rule = (
+            self.tolerance
+            if self.source.cone_form(0.0) is None
+            else max(self.tolerance**2, SHARPEST)
+        )
         start = self._ahead(xi, Q) if self._forces else None
         if start is not None and start.motions.any():
             held = self._newton(start, Q @ xi, Q)
@@ -149,7 +163,9 @@ class Intersection(Average):
     def excesses(self, xi: Array) -> Array:
         """How far forces, shape (m, n), lie outside, shape (m,)."""
         known = [self._known(row) for row in xi]
-        excess = np.array([_worst(looked) if looked and np.isfinite(looked.bound) else np.nan for looked in known])
+        excess = np.array(
+            [_worst(looked) if looked and np.isfinite(looked.bound) else np.nan for looked in known]
+        )
         (new,) = np.nonzero(np.isnan(excess))
         for part in np.array_split(new, -(-len(new) // AT_ONCE)) if len(new) else []:
             excess[part] = self.cover.excess(xi[part], SURE * self.tolerance * self.size)
@@ -183,7 +199,8 @@ class Intersection(Average):
         return np.full((LOOKS, self.dimension), np.inf)
 
     def _beyond(self, xi: Array, least: float) -> bool:
-        """Whether ξ is seen to lie outside by more than that at the phases that held the last force."""
+        """Whether ξ is seen to lie outside by more than that at the phases that held the last
+        force."""
         sets = self._forces[-1].sets if self._forces else None
         return sets is not None and float(sets.excess(xi).max()) > least
 
@@ -213,11 +230,15 @@ class Intersection(Average):
             return again
         # Perhaps one phase does everything: the one at which V costs least.
         costs = self.cover.first.start.support(V)
-        k, low, high = int(costs.argmin()), self.cover.low, self.cover.high
+        k = int(costs.argmin())
+        low = self.cover.low
+        high = self.cover.high
         near = np.array([low[k - 1] - (k == 0), low[k], high[k]])[:, None]
         values = np.array([costs[k - 1], costs[k], costs[(k + 1) % len(costs)]])[:, None]
         s = wrapped(sharpened(near, -values, lambda s: -self.source.sampled(s).support(V))[0])
-        return self._exchange(Held(self.source.exposed(V, float(s[0])), s, V[None]), V, None, self.tolerance)
+        return self._exchange(
+            Held(self.source.exposed(V, float(s[0])), s, V[None]), V, None, self.tolerance
+        )
 
     def _exchange(self, held: Held, c: Array, Q: Array | None, rule: float) -> Held:
         """The ξ with the least ½⟨Qξ, ξ⟩ − ⟨c, ξ⟩ and a duality gap below `rule`."""
@@ -231,9 +252,11 @@ class Intersection(Average):
             least = min(least, self._gap(closer, c, Q))
             if least <= rule:
                 return self._kept(closer, Q)
-            # Constraints that do not hold ξ may go only where the value has fallen, and not for ever.
+            # Constraints that do not hold ξ may go only where the value has fallen, and not for
+            # ever.
             now = float(c @ held.xi) - (0.0 if Q is None else float(held.xi @ Q @ held.xi) / 2)
-            fallen, value = k < FORGETFUL and now < value - 1e-9 * abs(now), min(now, value)
+            fallen = k < FORGETFUL and now < value - 1e-9 * abs(now)
+            value = min(now, value)
             constraints = self._exchanged([] if fallen else constraints, held, closer)
             held = self._judged(self._solved(constraints, c, Q))
         raise ConvergenceError(
@@ -254,22 +277,36 @@ class Intersection(Average):
             return None
         # A motion is held by the force that held one in the same direction.
         moved = np.array([held.moved for held in self._memory])
-        last = self._memory[int(np.argmax(moved @ V / np.maximum(lengths(moved), np.finfo(float).tiny)))]
-        share = max(float(last.moved @ V) / max(float(last.moved @ last.moved), np.finfo(float).tiny), 0.0) or 1.0
+        last = self._memory[
+            int(np.argmax(moved @ V / np.maximum(lengths(moved), np.finfo(float).tiny)))
+        ]
+        share = (
+            max(
+                float(last.moved @ V) / max(float(last.moved @ last.moved), np.finfo(float).tiny),
+                0.0,
+            )
+            or 1.0
+        )
         held = replace(last, motions=last.motions * share).balanced(V, None).merged(SAME)
         if self._gap(held, V, None) > rule:
             held = self._newton(held, V, None)
         return self._kept(held, None) if self._gap(held, V, None) <= rule else None
 
     def _ahead(self, xi: Array, Q: Array) -> Held:
-        """A start for the point nearest to ξ, from the last two that were found: steps of an evolution are close."""
+        """A start for the point nearest to ξ, from the last two that were found: steps of an
+        evolution are close."""
         last, before = self._forces[-1], self._forces[0]
-        near = last.phases.shape == before.phases.shape and np.abs(last.phases - before.phases).max() < CLUSTER
+        near = (
+            last.phases.shape == before.phases.shape
+            and np.abs(last.phases - before.phases).max() < CLUSTER
+        )
         phases = 2.0 * last.phases - before.phases if near else last.phases
         if len(phases) == 1:
             return self._at_once(xi, Q, float(wrapped(phases[0])))
         point, motions = (
-            (2.0 * last.xi - before.xi, 2.0 * last.motions - before.motions) if near else (last.xi, last.motions)
+            (2.0 * last.xi - before.xi, 2.0 * last.motions - before.motions)
+            if near
+            else (last.xi, last.motions)
         )
         return Held(point, phases, motions).balanced(Q @ xi, Q).merged(SAME)
 
@@ -288,7 +325,8 @@ class Intersection(Average):
         return held.gap(self.source) / (self.size * max(moved, least))
 
     def _refined(self, held: Held, c: Array, Q: Array | None) -> Held:
-        """What Newton's method makes of it, once that can be hoped for; neighbouring phases may be one."""
+        """What Newton's method makes of it, once that can be hoped for; neighbouring phases may be
+        one."""
         if held.violation > NEAR * self.size:
             return held
         one = held.merged(CLUSTER)
@@ -322,10 +360,17 @@ class Intersection(Average):
 
     def _judged(self, held: Held) -> Held:
         """What is outside K(s), at the phases that hold ξ and at all others."""
-        looked, sets = self._look(held.xi, held.phases), self.source.sampled(held.phases)
+        looked = self._look(held.xi, held.phases)
+        sets = self.source.sampled(held.phases)
         violation = max(float(looked.excess.max()), float(sets.excess(held.xi).max()), 0.0)
         phases = self._peaks(looked, held.xi) if violation > ROUNDING * self.size else ()
-        return replace(held, sets=sets, violated=phases, violation=violation, bound=max(looked.bound, violation))
+        return replace(
+            held,
+            sets=sets,
+            violated=phases,
+            violation=violation,
+            bound=max(looked.bound, violation),
+        )
 
     def _peaks(self, looked: Looked, xi: Array) -> list[float]:
         """Phases at which ξ lies outside K(s) farther than beside them, the worst first."""
@@ -339,19 +384,23 @@ class Intersection(Average):
             return []
         k = k[np.argsort(-excess[k])][:MOST_PEAKS]
         count = len(phases)
-        near = np.array([phases[k - 1] - (k == 0), phases[k], phases[(k + 1) % count] + (k + 1 == count)])
+        near = np.array(
+            [phases[k - 1] - (k == 0), phases[k], phases[(k + 1) % count] + (k + 1 == count)]
+        )
         values = np.array([before[k], excess[k], after[k]])
         found, value = sharpened(near, values, lambda s: self.source.sampled(s).excess(xi))
         return wrapped(found[np.argsort(-value)]).tolist()
 
     def _tidied(self, phases: Array, motions: Array) -> tuple[Array, Array]:
-        """The same measure, with neighbouring phases joined to the best one between them where that costs no more."""
+        """The same measure, with neighbouring phases joined to the best one between them where that
+        costs no more."""
         moving = np.linalg.norm(motions, axis=1) > 1e-10 * np.linalg.norm(motions)
         order = np.argsort(phases[moving])
         phases, motions = phases[moving][order], motions[moving][order]
         # Cut the circle at its widest gap.
         shift = int(np.diff(phases, append=phases[0] + 1.0).argmax()) + 1
-        phases, motions = np.roll(phases, -shift), np.roll(motions, -shift, axis=0)
+        phases = np.roll(phases, -shift)
+        motions = np.roll(motions, -shift, axis=0)
         phases = phases[0] + (phases - phases[0]) % 1.0
         pieces = np.split(np.arange(len(phases)), np.flatnonzero(np.diff(phases) > CLUSTER) + 1)
         tidy = [self._joined(phases[piece], motions[piece]) for piece in pieces]
@@ -375,7 +424,13 @@ class Intersection(Average):
 def _worst(looked: Looked) -> float:
     """How far a force lies outside, or inside; 0 if it may lie outside by less than is resolved."""
     worst = float(looked.excess.max())
-    return worst if not np.isfinite(looked.bound) else max(worst, 0.0) if looked.bound > 0.0 > worst else worst
+    return (
+        worst
+        if not np.isfinite(looked.bound)
+        else max(worst, 0.0)
+        if looked.bound > 0.0 > worst
+        else worst
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -395,29 +450,36 @@ class Unchanged(Rows, Stretches[Together]):
     start: Together
     end: Together
 
-    def outside(self, before: Array, after: Array, off: Array, enough: float | Array) -> tuple[Array, Array, Array]:
+    def outside(
+        self, before: Array, after: Array, off: Array, enough: float | Array
+    ) -> tuple[Array, Array, Array]:
         # The force at the end of a stretch is that at the start of the next one.
         forces, place = np.unique(np.concatenate([before, after]), axis=0, return_inverse=True)
         first, last = np.split(self.start.potential.excesses(forces)[place.ravel()], 2)
         return first, last, self.between(np.maximum(first, last), before, after, off, enough)
 
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
+    def between(
+        self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array
+    ) -> Array:
         return ends + lengths(off)
 
 
 def lineality(average: Average, least: float) -> Array:
     """Orthonormal basis, shape (n, k), of the directions in which K_av is no wider than `least`.
 
-    They are the complement of the span of K_av. In a generic direction of the complement of what is known to be spanned
-    K_av has width 0 only if nothing is missing.
+    They are the complement of the span of K_av. In a generic direction of the complement of what is
+    known to be spanned K_av has width 0 only if nothing is missing.
     """
-    n, rng = average.dimension, np.random.default_rng(0)
+    n = average.dimension
+    rng = np.random.default_rng(0)
     spanned = np.zeros((n, 0))
     while spanned.shape[1] < n:
         d = rng.normal(size=n)
         d -= spanned @ (spanned.T @ d)
         d /= np.linalg.norm(d)
-        xi = max((average.exposed(sign * d) for sign in (1, -1)), key=lambda point: abs(float(point @ d)))
+        xi = max(
+            (average.exposed(sign * d) for sign in (1, -1)), key=lambda point: abs(float(point @ d))
+        )
         if abs(float(xi @ d)) <= least:
             break
         xi -= spanned @ (spanned.T @ xi)

@@ -16,7 +16,14 @@ from stickslip.rate_independent.sets.cones import ConeForm, ellipsoid
 from stickslip.rate_independent.sets.phase import SAMPLE_PHASES, Formulas, Varying, read, wrapped
 from stickslip.rate_independent.sets.potential import Array, Average, Dissipation
 from stickslip.rate_independent.sets.projections import nearest_in_ellipsoid, secular
-from stickslip.rate_independent.sets.stretches import NOWHERE, Near, Rows, Sampled, Stretches, lengths
+from stickslip.rate_independent.sets.stretches import (
+    NOWHERE,
+    Near,
+    Rows,
+    Sampled,
+    Stretches,
+    lengths,
+)
 
 ROUNDING = 4e-16
 
@@ -25,11 +32,10 @@ ROUNDING = 4e-16
 class Ellipsoid(Dissipation):
     """Ψ(s, v) = √⟨v, S(s) v⟩; K(s) = {ξ : ⟨ξ, S(s)⁻¹ ξ⟩ ≤ 1}.
 
-    Parameters
-    ----------
-    shape : array of shape (n, n), callable s -> array of shape (n, n), or nested lists of formulas in ``s``
-        S, symmetric and positive semidefinite: the eigenvectors are the axes, the eigenvalues their half lengths
-        squared. Along an axis of length 0 friction vanishes.
+    Parameters ---------- shape : array of shape (n, n), callable s -> array of shape (n, n), or
+    nested lists of formulas in ``s``
+        S, symmetric and positive semidefinite: the eigenvectors are the axes, the eigenvalues their
+        half lengths squared. Along an axis of length 0 friction vanishes.
 
     Raises
     ------
@@ -44,7 +50,9 @@ class Ellipsoid(Dissipation):
     def __post_init__(self) -> None:
         matrix = read(self.shape, "shape")
         if len(matrix.shape) != 2 or matrix.shape[0] != matrix.shape[1] or matrix.shape[0] == 0:
-            raise DeclarationError("shape", f"its shape {matrix.shape} is not that of a square matrix", "Give n x n")
+            raise DeclarationError(
+                "shape", f"its shape {matrix.shape} is not that of a square matrix", "Give n x n"
+            )
         object.__setattr__(self, "matrix", matrix)
         self.sampled(np.array(SAMPLE_PHASES))
         if not matrix.depends_on_phase:
@@ -59,7 +67,8 @@ class Ellipsoid(Dissipation):
         return self.matrix.depends_on_phase
 
     def root_at(self, s: float = 0.0) -> Array:
-        """R of shape (n, r) and full rank with S = R Rᵀ: its columns are the half axes, without those of length 0.
+        """R of shape (n, r) and full rank with S = R Rᵀ: its columns are the half axes, without
+        those of length 0.
 
         An axis shorter than some 1e-8 of the longest is lost in the rounding of S and has length 0.
         """
@@ -70,13 +79,16 @@ class Ellipsoid(Dissipation):
         return axes[:, kept] * np.sqrt(squares[kept])
 
     def _axes(self, S: Array, phases: Array) -> tuple[Array, Array, Array]:
-        """Eigenvectors (m, n, n) and eigenvalues (m, n) of S at several phases, and what is rounding of them (m,)."""
+        """Eigenvectors (m, n, n) and eigenvalues (m, n) of S at several phases, and what is
+        rounding of them (m,)."""
         size = np.abs(S).max(axis=(1, 2))
         transposed = S.transpose(0, 2, 1)
         lopsided = np.abs(S - transposed).max(axis=(1, 2))
         if (lopsided > 1e-10 * size).any():
             k = int((lopsided - 1e-10 * size).argmax())
-            reason = f"it is not symmetric{self._when(phases[k])} (S - S^T reaches {lopsided[k]:.3g})"
+            reason = (
+                f"it is not symmetric{self._when(phases[k])} (S - S^T reaches {lopsided[k]:.3g})"
+            )
             raise DeclarationError("shape", reason, "Give a symmetric matrix")
         axes, squares, floor = _axes(S)
         if (squares[:, 0] < -1e-12 * size).any():
@@ -103,7 +115,9 @@ class Ellipsoid(Dissipation):
 
     def projection(self, xi: Array, s: float = 0.0) -> tuple[Array, Array]:
         at = self.sampled(np.array([s]))
-        along, squares, axes = at.along(xi[None])[0], at.kept[0], at.axes[0]
+        along = at.along(xi[None])[0]
+        squares = at.kept[0]
+        axes = at.axes[0]
         ((u,), (multiplier,)) = secular(np.sqrt(squares)[None] * along, squares[None])
         kept = squares > 0.0
         if multiplier == 0.0:
@@ -127,8 +141,11 @@ class Ellipsoid(Dissipation):
 
     def over(self, low: Array, high: Array) -> Stretches:
         S = self.matrix.chord(low, high)
-        start, end = (SampledEllipsoid(*self._axes(at, s)) for at, s in ((S.start, low), (S.end, high)))
-        # ⟨v, E v⟩ ≤ Σ r_i v_i² with the sums r_i of the rows of |E|: an ellipsoid that every S in between contains.
+        start, end = (
+            SampledEllipsoid(*self._axes(at, s)) for at, s in ((S.start, low), (S.end, high))
+        )
+        # ⟨v, E v⟩ ≤ Σ r_i v_i² with the sums r_i of the rows of |E|: an ellipsoid that every S in
+        # between contains.
         shrink = S.off.sum(axis=2)[:, :, None] * np.eye(self.dimension)
         inner = (SampledEllipsoid(*_axes(at - shrink)) for at in (S.start, S.end))
         off = np.sqrt(np.square(S.off).sum(axis=(1, 2)))
@@ -144,8 +161,8 @@ class Ellipsoid(Dissipation):
     def around(self, phases: Array, xi: Array, enough: float) -> Near:
         if self._parabolas is None:
             return NOWHERE
-        # ξ lies in K(s) if S − ξξᵀ is positive semidefinite; if S + δ − ξξᵀ is, outside by √(λ + δ) − √λ at most, λ
-        # at least the least eigenvalue of S.
+        # ξ lies in K(s) if S − ξξᵀ is positive semidefinite; if S + δ − ξξᵀ is, outside by √(λ + δ)
+        # − √λ at most, λ at least the least eigenvalue of S.
         low, high, below, least = self._parabolas.around(phases, xi)
         with np.errstate(invalid="ignore"):
             bound = below / np.sqrt(np.maximum(least, below))
@@ -168,7 +185,8 @@ def _axes(S: Array) -> tuple[Array, Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class SampledEllipsoid(Rows, Sampled):
-    """Ellipsoids at m phases by their axes (m, n, n), the squares of their lengths (m, n) and the rounding of these."""
+    """Ellipsoids at m phases by their axes (m, n, n), the squares of their lengths (m, n) and the
+    rounding of these."""
 
     axes: Array
     squares: Array
@@ -193,14 +211,17 @@ class SampledEllipsoid(Rows, Sampled):
 
     def _beyond(self, along: Array) -> tuple[Array, NDArray[np.bool_]]:
         """The gauge of points along the axes, and which are outside; a flat axis has no inside."""
-        squares = np.divide(np.square(along), self.kept, out=np.zeros_like(along), where=self.kept > 0.0)
+        squares = np.divide(
+            np.square(along), self.kept, out=np.zeros_like(along), where=self.kept > 0.0
+        )
         gauge = np.sqrt(squares.sum(axis=1))
         return gauge, (gauge > 1.0) | ((along != 0.0) & (self.kept == 0.0)).any(axis=1)
 
     def excess(self, xi: Array) -> Array:
         along = self.along(xi)
         gauge, beyond = self._beyond(along)
-        # A ball of the shortest axis fits around 0, so that one of 1 − gauge times that fits around ξ.
+        # A ball of the shortest axis fits around 0, so that one of 1 − gauge times that fits around
+        # ξ.
         depth = self.narrowest * (gauge - 1.0)
         if beyond.any():
             far = self.taken(beyond)
@@ -213,11 +234,16 @@ class SampledEllipsoid(Rows, Sampled):
         return np.where(self._beyond(along)[1][:, None], y, xi)
 
     def clipped(self, along: Array) -> Array:
-        """Nearest points of points outside, or in the flat that short axes leave, both along the axes."""
+        """Nearest points of points outside, or in the flat that short axes leave, both along the
+        axes."""
         half = np.sqrt(self.kept)
         u, multiplier = secular(half * along, self.kept)
         shrunk = np.minimum(1.0, 1.0 / np.maximum(lengths(u), np.finfo(float).tiny))
-        return np.where((multiplier > 0.0)[:, None], half * u * shrunk[:, None], np.where(self.kept > 0.0, along, 0.0))
+        return np.where(
+            (multiplier > 0.0)[:, None],
+            half * u * shrunk[:, None],
+            np.where(self.kept > 0.0, along, 0.0),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,16 +264,23 @@ class StretchesOfEllipsoids(Rows, Stretches[SampledEllipsoid]):
     inner_start: SampledEllipsoid
     inner_end: SampledEllipsoid
 
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
-        # √⟨v, S v⟩ is concave in S: where S goes straight, a force that goes straight lies no farther outside than at
-        # the ends. What S is off by moves the support function by √λ − √(λ − ε), λ at least the least eigenvalue.
+    def between(
+        self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array
+    ) -> Array:
+        # √⟨v, S v⟩ is concave in S: where S goes straight, a force that goes straight lies no
+        # farther outside than at the ends. What S is off by moves the support function by √λ − √(λ
+        # − ε), λ at least the least eigenvalue.
         least = np.minimum(self.start.squares[:, 0], self.end.squares[:, 0])
-        moved = self.off_shape / np.sqrt(np.maximum(least, np.maximum(self.off_shape, np.finfo(float).tiny)))
+        moved = self.off_shape / np.sqrt(
+            np.maximum(least, np.maximum(self.off_shape, np.finfo(float).tiny))
+        )
         # 0 is inside, so that no force lies farther outside than it is long.
         out = np.minimum(ends + moved, np.maximum(lengths(before), lengths(after)))
         # In some directions S may not be off at all.
         (close,) = np.nonzero(
-            (out > enough) & (self.inner_start.squares[:, 0] > 0.0) & (self.inner_end.squares[:, 0] > 0.0)
+            (out > enough)
+            & (self.inner_start.squares[:, 0] > 0.0)
+            & (self.inner_end.squares[:, 0] > 0.0)
         )
         if len(close):
             first, last = self.inner_start.taken(close), self.inner_end.taken(close)

@@ -25,9 +25,8 @@ class GroupNorm(Dissipation):
 
     Component c of group g is entry ``g*size + c``.
 
-    Parameters
-    ----------
-    radii : array of shape (groups,), callable s -> array of shape (groups,), or list of formulas in ``s``
+    Parameters ---------- radii : array of shape (groups,), callable s -> array of shape (groups,),
+    or list of formulas in ``s``
         r ≥ 0.
     size : int
         Components of a group: 2 for planar friction.
@@ -43,8 +42,14 @@ class GroupNorm(Dissipation):
     radius: Varying = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if isinstance(self.size, bool) or not isinstance(self.size, int | np.integer) or self.size < 1:
-            raise DeclarationError("size", f"{self.size!r} is not a number of components", "Give 1, 2, 3, ...")
+        if (
+            isinstance(self.size, bool)
+            or not isinstance(self.size, int | np.integer)
+            or self.size < 1
+        ):
+            raise DeclarationError(
+                "size", f"{self.size!r} is not a number of components", "Give 1, 2, 3, ..."
+            )
         object.__setattr__(self, "radius", read_weights(self.radii, "radii"))
 
     @property
@@ -78,8 +83,11 @@ class GroupNorm(Dissipation):
         return float((self.norms(self.vector(xi, "xi")) - self.radii_at(s)).max())
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
-        """The nearest point of the balls: each group shortened, or in a metric by Newton's method, to rounding."""
-        xi, radii, M = self.vector(xi, "xi"), self.radii_at(s), self.metric(metric)
+        """The nearest point of the balls: each group shortened, or in a metric by Newton's method,
+        to rounding."""
+        xi = self.vector(xi, "xi")
+        radii = self.radii_at(s)
+        M = self.metric(metric)
         if M is None:
             return self._scaled(xi, np.minimum(radii, self.norms(xi)))
         return nearest_in_metric(lambda x: onto_balls(x, radii, self.size), xi, M)
@@ -109,7 +117,8 @@ class GroupNorm(Dissipation):
         return StretchesOfBalls(start, end, radii.off)
 
     def average(self, tolerance: float = 1e-8) -> Average:
-        """Each radius becomes its minimum over the phase, refined to rounding; `tolerance` is not needed."""
+        """Each radius becomes its minimum over the phase, refined to rounding; `tolerance` is not
+        needed."""
         least = least_thresholds(self.radius)
         return AveragedGroupNorm(least.values, self.size, source=self, least=least)
 
@@ -143,7 +152,12 @@ class AveragedGroupNorm(Average, GroupNorm):
 
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
         V = self.vector(V, "V")
-        return scheduled(self.source, V, np.repeat(self.phases, self.size), float(self.least.floors @ self.norms(V)))
+        return scheduled(
+            self.source,
+            V,
+            np.repeat(self.phases, self.size),
+            float(self.least.floors @ self.norms(V)),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +191,9 @@ class StretchesOfBalls(Rows, Stretches[SampledBalls]):
     end: SampledBalls
     off_radii: Array
 
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
+    def between(
+        self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array
+    ) -> Array:
         # The length of a force that goes straight is convex.
         norms = self.start.norms
         beyond = np.maximum(norms(before) - self.start.radii, norms(after) - self.end.radii)
@@ -193,5 +209,7 @@ def onto_balls(x: Array, radii: Array, size: int) -> tuple[Array, Array]:
     along = np.where(outside[:, None], groups, 0.0) / np.where(norms > 0.0, norms, 1.0)[:, None]
     slope = np.zeros((len(norms), size, len(norms), size))
     index = np.arange(len(norms))
-    slope[index, :, index, :] = share[:, None, None] * (np.eye(size) - along[:, :, None] * along[:, None, :])
+    slope[index, :, index, :] = share[:, None, None] * (
+        np.eye(size) - along[:, :, None] * along[:, None, :]
+    )
     return (share[:, None] * groups).ravel(), slope.reshape(len(x), len(x))

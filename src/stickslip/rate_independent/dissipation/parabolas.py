@@ -1,9 +1,10 @@
 """Symmetric matrices of the phase that touch 0: bounds of second order around a phase.
 
-Where S(s) − ξξᵀ is singular at a phase c and positive semidefinite around it, its least eigenvalue is like a parabola,
-and no chord shows that it does not fall below 0, however short. From S(c), S′(c) and an enclosure of S″ on a stretch
-around c the parabola is bounded from below, and its own vertex is at c up to rounding. So stretches that are short
-enough for S″ to be nearly constant will do, whatever the tolerance.
+Where S(s) − ξξᵀ is singular at a phase c and positive semidefinite around it, its least eigenvalue
+is like a parabola, and no chord shows that it does not fall below 0, however short. From S(c),
+S′(c) and an enclosure of S″ on a stretch around c the parabola is bounded from below, and its own
+vertex is at c up to rounding. So stretches that are short enough for S″ to be nearly constant will
+do, whatever the tolerance.
 """
 
 from __future__ import annotations
@@ -17,14 +18,17 @@ from stickslip.rate_independent.sets.phase import Formulas
 from stickslip.rate_independent.sets.stretches import Array
 
 CELLS = 4096  # stretches of equal length on which S″ is enclosed
-SHIFTS = (1, 1, 2, 4, 8, 16)  # by which what is taken in to both sides grows: 1, 2, 4, ..., 32 cells
+# by which what is taken in to both sides grows: 1, 2, 4, ..., 32 cells
+SHIFTS = (1, 1, 2, 4, 8, 16)
 ROUNDING = 4e-16
-NEWTON, FARTHEST = 4, 2.0**-8  # steps to a vertex, and the longest one
+NEWTON = 4  # steps to a vertex
+FARTHEST = 2.0**-8  # the longest one
 
 
 @dataclass(frozen=True, eq=False)
 class Parabolas:
-    """Enclosures of S″ around every cell, for every reach r: S″ is `middle` up to `radius`, in the Frobenius norm.
+    """Enclosures of S″ around every cell, for every reach r: S″ is `middle` up to `radius`, in the
+    Frobenius norm.
 
     Attributes
     ----------
@@ -46,27 +50,32 @@ class Parabolas:
     @classmethod
     def of(cls, matrix: Formulas) -> Parabolas:
         """Those of a matrix."""
-        edges, cell = np.arange(CELLS + 1) / CELLS, np.arange(CELLS)
+        edges = np.arange(CELLS + 1) / CELLS
+        cell = np.arange(CELLS)
         low, high = edges[:-1], edges[1:]
         least, most = matrix.bent(low, high)
         rows = []
         for shift in SHIFTS:
-            # What three neighbours reach takes in all that lies between: each reaches as far as the next one is.
+            # What three neighbours reach takes in all that lies between: each reaches as far as the
+            # next one is.
             sides = [np.maximum(cell - shift, 0), cell, np.minimum(cell + shift, CELLS - 1)]
             low, high = low[sides[0]], high[sides[2]]
             least, most = least[sides].min(axis=0), most[sides].max(axis=0)
             with np.errstate(invalid="ignore"):
-                middle, radius = 0.5 * (least + most), np.sqrt(np.square(0.5 * (most - least)).sum(axis=(1, 2)))
+                middle = 0.5 * (least + most)
+                radius = np.sqrt(np.square(0.5 * (most - least)).sum(axis=(1, 2)))
             middle = 0.5 * (middle + middle.transpose(0, 2, 1))
-            rows.append((low, high, np.where(np.isfinite(radius)[:, None, None], middle, 0.0), radius))
+            rows.append(
+                (low, high, np.where(np.isfinite(radius)[:, None, None], middle, 0.0), radius)
+            )
         return cls(matrix, *(np.array(part) for part in zip(*rows, strict=True)))
 
     def around(self, phases: Array, xi: Array) -> tuple[Array, Array, Array, Array]:
         """How far S(s) − ξξᵀ may fall below 0 around phases, shape (k,).
 
-        Along w, the eigenvector of its least eigenvalue at c, it is at least a₀ + a₁t + ½(a₂ − r)t² for s = c + t, and
-        on the other directions at least μ; what couples them is at most β|t|. So no eigenvalue falls below the least
-        value of the first, less β²t²/μ (Schur complement).
+        Along w, the eigenvector of its least eigenvalue at c, it is at least a₀ + a₁t + ½(a₂ − r)t²
+        for s = c + t, and on the other directions at least μ; what couples them is at most β|t|. So
+        no eigenvalue falls below the least value of the first, less β²t²/μ (Schur complement).
 
         Returns
         -------
@@ -78,18 +87,24 @@ class Parabolas:
             No eigenvalue of S(s) is less.
         """
         S, values, first, second, cell = self._along(phases, xi)
-        low, high, radius = self.low[:, cell], self.high[:, cell], self.radius[:, cell]
+        low = self.low[:, cell]
+        high = self.high[:, cell]
+        radius = self.radius[:, cell]
         width = np.maximum(high - phases, phases - low)
         size = width * np.sqrt(np.square(first).sum(axis=(1, 2)))
         size += 0.5 * width**2 * (np.sqrt(np.square(second).sum(axis=(2, 3))) + radius)
         # Without other directions, nothing couples.
         others = values[:, 1] if len(xi) > 1 else np.full(len(phases), np.inf)
         coupling = np.sqrt(np.square(first[:, 1:, 0]).sum(axis=1))
-        coupling = coupling + 0.5 * width * (np.sqrt(np.square(second[:, :, 1:, 0]).sum(axis=2)) + radius)
+        coupling = coupling + 0.5 * width * (
+            np.sqrt(np.square(second[:, :, 1:, 0]).sum(axis=2)) + radius
+        )
         with np.errstate(all="ignore"):
             bend = 0.5 * (second[:, :, 0, 0] - radius) - np.square(coupling) / (others - size)
             vertex = -0.25 * np.square(first[:, 0, 0]) / bend
-            ends = np.minimum(*(first[:, 0, 0] * t + bend * t**2 for t in (high - phases, low - phases)))
+            ends = np.minimum(
+                *(first[:, 0, 0] * t + bend * t**2 for t in (high - phases, low - phases))
+            )
         fall = np.where(bend > 0.0, vertex, np.minimum(ends, 0.0))
         rounding = ROUNDING * len(xi) * (np.abs(S).max(axis=(1, 2)) + float(xi @ xi))
         below = np.maximum(-(values[:, 0] + fall), 0.0) + rounding
@@ -97,19 +112,25 @@ class Parabolas:
         return low, high, np.where(known, below, np.inf), np.linalg.eigvalsh(S)[:, 0] - size
 
     def vertices(self, phases: Array, xi: Array) -> Array:
-        """Phases near given ones, shape (k,), at which the least eigenvalue of S(s) − ξξᵀ is smallest, by Newton."""
+        """Phases near given ones, shape (k,), at which the least eigenvalue of S(s) − ξξᵀ is
+        smallest, by Newton."""
         if len(xi) == 1 or not len(phases):
             return phases
         for _ in range(NEWTON):
             _, values, first, second, _ = self._along(phases, xi)
             with np.errstate(all="ignore"):
-                bend = second[0, :, 0, 0] - 2.0 * np.square(first[:, 1:, 0]).sum(axis=1) / (values[:, 1] - values[:, 0])
+                bend = second[0, :, 0, 0] - 2.0 * np.square(first[:, 1:, 0]).sum(axis=1) / (
+                    values[:, 1] - values[:, 0]
+                )
                 step = np.where(bend > 0.0, -first[:, 0, 0] / bend, 0.0)
             phases = np.clip(phases + np.clip(np.nan_to_num(step), -FARTHEST, FARTHEST), 0.0, 1.0)
         return phases
 
-    def _along(self, phases: Array, xi: Array) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
-        """S, the eigenvalues of S − ξξᵀ, S′ and for every reach S″ along its eigenvectors, and the cells of phases."""
+    def _along(
+        self, phases: Array, xi: Array
+    ) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
+        """S, the eigenvalues of S − ξξᵀ, S′ and for every reach S″ along its eigenvectors, and the
+        cells of phases."""
         tables = self.matrix.unwrapped(phases), self.matrix.slope(phases)
         S, slope = (0.5 * (at + at.transpose(0, 2, 1)) for at in tables)
         cell = np.clip(np.floor(phases * CELLS).astype(np.intp), 0, CELLS - 1)

@@ -22,7 +22,14 @@ from stickslip.rate_independent.dissipation.polytopes import (
     sampled_hulls,
 )
 from stickslip.rate_independent.sets.cones import ConeForm, hull, polyhedron, solve
-from stickslip.rate_independent.sets.phase import SAMPLE_PHASES, Constant, Varying, not_periodic, read, wrapped
+from stickslip.rate_independent.sets.phase import (
+    SAMPLE_PHASES,
+    Constant,
+    Varying,
+    not_periodic,
+    read,
+    wrapped,
+)
 from stickslip.rate_independent.sets.potential import Array, Average, Dissipation, OptimalMotion
 from stickslip.rate_independent.sets.projections import (
     nearest_and_faces,
@@ -49,7 +56,8 @@ class Polytope(Dissipation):
     Raises
     ------
     DeclarationError
-        If 0 lies outside at a phase, the half-spaces leave a direction unbounded, or sizes do not fit.
+        If 0 lies outside at a phase, the half-spaces leave a direction unbounded, or sizes do not
+        fit.
     """
 
     vertices: Any = None
@@ -61,9 +69,13 @@ class Polytope(Dissipation):
 
     def __post_init__(self) -> None:
         by_vertices = self.vertices is not None
-        if by_vertices == (self.normals is not None) or (self.normals is None) != (self.offsets is None):
+        if by_vertices == (self.normals is not None) or (self.normals is None) != (
+            self.offsets is None
+        ):
             raise DeclarationError(
-                "Polytope", "it needs vertices, or normals and offsets", "Give one of these two descriptions"
+                "Polytope",
+                "it needs vertices, or normals and offsets",
+                "Give one of these two descriptions",
             )
         if by_vertices:
             object.__setattr__(self, "corners", read_table(self.vertices, "vertices"))
@@ -79,7 +91,9 @@ class Polytope(Dissipation):
         reach = read(self.offsets, "offsets", closes=isinstance(faces, Constant))
         if reach.shape != faces.shape[:1]:
             raise DeclarationError(
-                "offsets", f"it has the shape {reach.shape}, but there are {faces.shape[0]} normals", "Give as many"
+                "offsets",
+                f"it has the shape {reach.shape}, but there are {faces.shape[0]} normals",
+                "Give as many",
             )
         object.__setattr__(self, "faces", faces)
         object.__setattr__(self, "reach", reach)
@@ -90,21 +104,29 @@ class Polytope(Dissipation):
 
     @property
     def depends_on_phase(self) -> bool:
-        return any(part is not None and part.depends_on_phase for part in (self.corners, self.faces, self.reach))
+        return any(
+            part is not None and part.depends_on_phase
+            for part in (self.corners, self.faces, self.reach)
+        )
 
     def vertices_at(self, s: float = 0.0) -> Array | None:
-        """Points whose convex hull is K(s), shape (k, n); None where they cannot be told from half-spaces."""
+        """Points whose convex hull is K(s), shape (k, n); None where they cannot be told from
+        half-spaces."""
         if self.corners is not None:
             return self.corners.at(s)
         return self._intersected(s) if self.depends_on_phase else self._fixed_vertices
 
     def halfspaces_at(self, s: float = 0.0) -> tuple[Array, Array]:
-        """Unit normals, shape (m, n), and offsets b ≥ 0, shape (m,), of a polytope given by half-spaces."""
-        normals, offsets = self._given(self.faces).at(s), nonnegative(self._given(self.reach), s)
+        """Unit normals, shape (m, n), and offsets b ≥ 0, shape (m,), of a polytope given by
+        half-spaces."""
+        normals = self._given(self.faces).at(s)
+        offsets = nonnegative(self._given(self.reach), s)
         lengths = np.linalg.norm(normals, axis=1)
         if not lengths.all():
             when = f" at phase s = {wrapped(s):g}" if self.depends_on_phase else ""
-            raise DeclarationError("normals", f"row {int(lengths.argmin())} is 0{when}", "Give a direction")
+            raise DeclarationError(
+                "normals", f"row {int(lengths.argmin())} is 0{when}", "Give a direction"
+            )
         return normals / lengths[:, None], offsets / lengths
 
     def facets_at(self, s: float = 0.0) -> tuple[Array, Array] | None:
@@ -119,7 +141,8 @@ class Polytope(Dissipation):
         return max(value, 0.0)
 
     def exposed(self, v: ArrayLike, s: float = 0.0) -> Array:
-        v, vertices = self.vector(v, "v"), self.vertices_at(s)
+        v = self.vector(v, "v")
+        vertices = self.vertices_at(s)
         if vertices is not None:
             return vertices[int((vertices @ v).argmax())].copy()
         length = float(np.abs(v).max())
@@ -139,7 +162,8 @@ class Polytope(Dissipation):
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
         """The nearest point of the polytope by an active set, exact up to rounding."""
-        xi, M = self.vector(xi, "xi"), self.metric(metric)
+        xi = self.vector(xi, "xi")
+        M = self.metric(metric)
         if self.corners is not None:
             return nearest_in_hull(self.corners.at(s), xi, M)
         return nearest_in_polyhedron(*self.halfspaces_at(s), xi, M)
@@ -155,18 +179,24 @@ class Polytope(Dissipation):
         return y, np.eye(self.dimension) - onto_span(normals[active])
 
     def cone_form(self, s: float) -> ConeForm:
-        return polyhedron(*self.halfspaces_at(s)) if self.corners is None else hull(self.corners.at(s))
+        return (
+            polyhedron(*self.halfspaces_at(s)) if self.corners is None else hull(self.corners.at(s))
+        )
 
     def average(self, tolerance: float = 1e-8) -> Average:
-        """Where the normals are fixed, each offset becomes its minimum over the phase; else to the tolerance."""
+        """Where the normals are fixed, each offset becomes its minimum over the phase; else to the
+        tolerance."""
         if not isinstance(self.faces, Constant):
             return Intersection(self, tolerance)
         least = least_thresholds(self._given(self.reach))
-        return AveragedPolytope(normals=self.normals, offsets=least.values, source=self, least=least)
+        return AveragedPolytope(
+            normals=self.normals, offsets=least.values, source=self, least=least
+        )
 
     def sampled(self, phases: Array) -> Sampled:
         if self.corners is None:
-            faces, reach = self._given(self.faces).over(phases), nonnegative_over(self._given(self.reach), phases)
+            faces = self._given(self.faces).over(phases)
+            reach = nonnegative_over(self._given(self.reach), phases)
             return SampledHalfspaces(self, phases, faces, reach)
         return sampled_hulls(self, phases, self.corners.over(phases))
 
@@ -180,7 +210,10 @@ class Polytope(Dissipation):
             hulls = sampled_hulls(self, low, points.start), sampled_hulls(self, high, points.end)
             return StretchesOfHulls(*hulls, points.off)
         N, b = self._given(self.faces).chord(low, high), self._given(self.reach).chord(low, high)
-        ends = SampledHalfspaces(self, low, N.start, b.start), SampledHalfspaces(self, high, N.end, b.end)
+        ends = (
+            SampledHalfspaces(self, low, N.start, b.start),
+            SampledHalfspaces(self, high, N.end, b.end),
+        )
         return StretchesOfHalfspaces(*ends, N.off, b.off)
 
     @cached_property
@@ -196,7 +229,9 @@ class Polytope(Dissipation):
         normals, offsets = self.halfspaces_at(s)
         if offsets.min() <= 1e-6 * offsets.max():
             return None
-        vertices = HalfspaceIntersection(np.column_stack([normals, -offsets]), np.zeros(self.dimension)).intersections
+        vertices = HalfspaceIntersection(
+            np.column_stack([normals, -offsets]), np.zeros(self.dimension)
+        ).intersections
         if not np.isfinite(vertices).all():
             self._check(s)
         return vertices
@@ -208,7 +243,9 @@ class Polytope(Dissipation):
             far = float(np.linalg.norm(self.project(np.zeros(self.dimension), s)))
             if far > 1e-12 * np.abs(self.corners.at(s)).max():
                 raise DeclarationError(
-                    "vertices", f"their convex hull does not contain 0{when} (distance {far:.6g})", "Move them around 0"
+                    "vertices",
+                    f"their convex hull does not contain 0{when} (distance {far:.6g})",
+                    "Move them around 0",
                 )
             return
         from scipy.optimize import nnls
@@ -217,11 +254,17 @@ class Polytope(Dissipation):
         # Bounded if the normals, each with a positive factor, add up to 0.
         left = nnls(normals.T, -normals.sum(axis=0), maxiter=30 * len(normals) + 100)[1]
         if left > 1e-10 or np.linalg.matrix_rank(normals) < self.dimension:
-            raise DeclarationError("normals", f"the half-spaces leave a direction unbounded{when}", "Add a half-space")
+            raise DeclarationError(
+                "normals", f"the half-spaces leave a direction unbounded{when}", "Add a half-space"
+            )
 
     def _check_period(self) -> None:
-        """Refuse vertices or half-spaces that describe another set after one period; their order may change."""
-        later = [None if part is None else part.later(0.0) for part in (self.corners, self.faces, self.reach)]
+        """Refuse vertices or half-spaces that describe another set after one period; their order
+        may change."""
+        later = [
+            None if part is None else part.later(0.0)
+            for part in (self.corners, self.faces, self.reach)
+        ]
         after = Polytope(*later)
         for d in np.random.default_rng(0).normal(size=(3, self.dimension)):
             if abs(after.support(d) - self.support(d)) > 1e-8 * self.support(d):
@@ -263,12 +306,18 @@ class AveragedPolytope(Average, Polytope):
         """Each face pushes along its normal at the phase at which it is closest."""
         V = self.vector(V, "V")
         normals, offsets = self.halfspaces_at()
-        size, length = float(offsets.max()) or 1.0, float(np.abs(V).max())
+        size = float(offsets.max()) or 1.0
+        length = float(np.abs(V).max())
         if length == 0.0:
             return OptimalMotion(np.zeros(0), np.zeros((0, len(V))), 0.0, 0.0)
         forms = [polyhedron(normals[[j]], offsets[[j]] / size) for j in range(len(normals))]
         xi, motions = solve(forms, V / length)
-        violation = float(np.max((self.least.values - self.least.floors) / np.linalg.norm(self.source.normals, axis=1)))
+        violation = float(
+            np.max(
+                (self.least.values - self.least.floors)
+                / np.linalg.norm(self.source.normals, axis=1)
+            )
+        )
         return measure(self.source, V, self.phases, motions * length, xi * size, violation)
 
 
@@ -276,5 +325,7 @@ def read_table(given: object, where: str) -> Varying:
     """Rows of vectors that may depend on the phase."""
     table = read(given, where, closes=False)
     if len(table.shape) != 2 or 0 in table.shape:
-        raise DeclarationError(where, f"it has the shape {table.shape}", "Give one row of n numbers for each")
+        raise DeclarationError(
+            where, f"it has the shape {table.shape}", "Give one row of n numbers for each"
+        )
     return table

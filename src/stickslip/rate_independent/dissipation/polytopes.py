@@ -9,7 +9,11 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.rate_independent.sets.projections import nearest_in_hull, nearest_in_polyhedron, weights_in_hull
+from stickslip.rate_independent.sets.projections import (
+    nearest_in_hull,
+    nearest_in_polyhedron,
+    weights_in_hull,
+)
 from stickslip.rate_independent.sets.stretches import Array, Rows, Sampled, Stretches, lengths
 
 if TYPE_CHECKING:
@@ -22,7 +26,8 @@ ROUNDING = 1e-14  # of a distance, relative to the size of the numbers it comes 
 
 
 def facets(points: Array) -> tuple[Array, Array] | None:
-    """Unit normals and offsets of the facets of a convex hull; None where they are too many, or the hull is flat."""
+    """Unit normals and offsets of the facets of a convex hull; None where they are too many, or the
+    hull is flat."""
     if points.shape[1] == 1:
         return np.array([[1.0], [-1.0]]), np.array([points.max(), -points.min()])
     if points.shape[1] > QHULL_UP_TO:
@@ -52,45 +57,63 @@ class SampledHalfspaces(Rows, Sampled):
 
     def support(self, v: Array) -> Array:
         v = np.broadcast_to(v, (len(self.phases), v.shape[-1]))
-        return np.array([self.potential.support(row, s) for row, s in zip(v, self.phases.tolist(), strict=True)])
+        return np.array(
+            [self.potential.support(row, s) for row, s in zip(v, self.phases.tolist(), strict=True)]
+        )
 
     def beyond(self, xi: Array) -> Array:
         """normals ξ − offsets, shape (m, k)."""
-        return np.einsum("mkn,...n->mk" if xi.ndim == 1 else "mkn,mn->mk", self.normals, xi) - self.offsets
+        return (
+            np.einsum("mkn,...n->mk" if xi.ndim == 1 else "mkn,mn->mk", self.normals, xi)
+            - self.offsets
+        )
 
     def excess(self, xi: Array) -> Array:
-        """The distance from the half-spaces, which may be less than that from what they have in common."""
+        """The distance from the half-spaces, which may be less than that from what they have in
+        common."""
         return (self.beyond(xi) / self.sizes).max(axis=1)
 
     def nearest(self, xi: Array) -> Array:
         return np.array(
-            [self._nearest(row, k) for k, row in enumerate(np.broadcast_to(xi, (len(self.phases), xi.shape[-1])))]
+            [
+                self._nearest(row, k)
+                for k, row in enumerate(np.broadcast_to(xi, (len(self.phases), xi.shape[-1])))
+            ]
         )
 
     def _nearest(self, xi: Array, k: int) -> Array:
-        return nearest_in_polyhedron(self.normals[k] / self.sizes[k][:, None], self.offsets[k] / self.sizes[k], xi)
+        return nearest_in_polyhedron(
+            self.normals[k] / self.sizes[k][:, None], self.offsets[k] / self.sizes[k], xi
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class StretchesOfHalfspaces(Rows, Stretches[SampledHalfspaces]):
-    """Half-spaces on stretches of phases, and how far normals and offsets may be from straight lines."""
+    """Half-spaces on stretches of phases, and how far normals and offsets may be from straight
+    lines."""
 
     start: SampledHalfspaces
     end: SampledHalfspaces
     off_normals: Array
     off_offsets: Array
 
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
+    def between(
+        self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array
+    ) -> Array:
         N, M = self.start.normals, self.end.normals
         # The product of two straight lines is off by a quarter of the product of their rises.
         bent = np.abs(np.einsum("mkn,mn->mk", M - N, after - before)) / 4.0
         bent += np.einsum("mkn,mn->mk", self.off_normals, np.maximum(np.abs(before), np.abs(after)))
         bent += np.einsum("mkn,mn->mk", np.maximum(np.abs(N), np.abs(M)) + self.off_normals, off)
-        beyond = np.maximum(self.start.beyond(before), self.end.beyond(after)) + bent + self.off_offsets
+        beyond = (
+            np.maximum(self.start.beyond(before), self.end.beyond(after)) + bent + self.off_offsets
+        )
         # The length of a normal on the way: at least what it has along the mean of both ends.
         mean = (N + M) / np.maximum(lengths(N + M), np.finfo(float).tiny)[:, :, None]
         moved = lengths(self.off_normals)
-        short = np.minimum(np.einsum("mkn,mkn->mk", N, mean), np.einsum("mkn,mkn->mk", M, mean)) - moved
+        short = (
+            np.minimum(np.einsum("mkn,mkn->mk", N, mean), np.einsum("mkn,mkn->mk", M, mean)) - moved
+        )
         long = np.maximum(self.start.sizes, self.end.sizes) + moved
         with np.errstate(divide="ignore"):
             out = np.where(beyond > 0.0, beyond / np.maximum(short, 0.0), beyond / long)
@@ -99,7 +122,8 @@ class StretchesOfHalfspaces(Rows, Stretches[SampledHalfspaces]):
 
 @dataclass(frozen=True, eq=False)
 class SampledHulls(Rows, Sampled):
-    """Convex hulls of points (m, k, n) at m phases, and their facets where they are `known`, as often as needed."""
+    """Convex hulls of points (m, k, n) at m phases, and their facets where they are `known`, as
+    often as needed."""
 
     potential: Polytope
     phases: Array
@@ -117,7 +141,9 @@ class SampledHulls(Rows, Sampled):
         return replace(self, normals=self.normals[:, index], offsets=self.offsets[:, index])
 
     def support(self, v: Array) -> Array:
-        return np.einsum("mkn,...n->mk" if v.ndim == 1 else "mkn,mn->mk", self.points, v).max(axis=1)
+        return np.einsum("mkn,...n->mk" if v.ndim == 1 else "mkn,mn->mk", self.points, v).max(
+            axis=1
+        )
 
     def excess(self, xi: Array) -> Array:
         rows = np.broadcast_to(xi, (len(self.phases), xi.shape[-1]))
@@ -126,12 +152,17 @@ class SampledHulls(Rows, Sampled):
             excess[k] = self.potential.depth(rows[k], float(self.phases[k]))
         # What lies outside of facets by more than rounding is farther away behind a sharp corner.
         for k in np.flatnonzero(excess > ROUNDING * np.abs(rows).max(axis=1)):
-            excess[k] = max(excess[k], float(np.linalg.norm(rows[k] - self._nearest(rows[k], int(k)))))
+            excess[k] = max(
+                excess[k], float(np.linalg.norm(rows[k] - self._nearest(rows[k], int(k))))
+            )
         return excess
 
     def nearest(self, xi: Array) -> Array:
         return np.array(
-            [self._nearest(row, k) for k, row in enumerate(np.broadcast_to(xi, (len(self.phases), xi.shape[-1])))]
+            [
+                self._nearest(row, k)
+                for k, row in enumerate(np.broadcast_to(xi, (len(self.phases), xi.shape[-1])))
+            ]
         )
 
     def _nearest(self, xi: Array, k: int) -> Array:
@@ -144,25 +175,34 @@ def sampled_hulls(potential: Polytope, phases: Array, points: Array) -> SampledH
         return SampledHulls(potential, phases, points, *_planar_facets(points))
     found = [facets(corners) for corners in points]
     most = max((len(f[1]) for f in found if f is not None), default=1)
-    normals, offsets = np.zeros((len(points), most, points.shape[2])), np.zeros((len(points), most))
+    normals = np.zeros((len(points), most, points.shape[2]))
+    offsets = np.zeros((len(points), most))
     for k, known in enumerate(found):
         if known is not None:
             index = np.arange(most) % len(known[1])
             normals[k], offsets[k] = known[0][index], known[1][index]
-    return SampledHulls(potential, phases, points, np.array([f is not None for f in found], bool), normals, offsets)
+    return SampledHulls(
+        potential, phases, points, np.array([f is not None for f in found], bool), normals, offsets
+    )
 
 
 def _planar_facets(points: Array) -> tuple[NDArray[np.bool_], Array, Array]:
-    """Which hulls of points in the plane (m, k, 2) have an inside, and the normals and offsets of their facets.
+    """Which hulls of points in the plane (m, k, 2) have an inside, and the normals and offsets of
+    their facets.
 
-    A facet is a line through two points with all others on one side. Rows with fewer facets have one repeatedly.
+    A facet is a line through two points with all others on one side. Rows with fewer facets have
+    one repeatedly.
     """
     m, k, _ = points.shape
     along = (points[:, None] - points[:, :, None]).reshape(m, k * k, 2)
     sizes = lengths(along)
-    normals = np.stack([along[:, :, 1], -along[:, :, 0]], axis=2) / np.where(sizes > 0.0, sizes, 1.0)[:, :, None]
+    normals = (
+        np.stack([along[:, :, 1], -along[:, :, 0]], axis=2)
+        / np.where(sizes > 0.0, sizes, 1.0)[:, :, None]
+    )
     reach = np.einsum("mfn,mkn->mfk", normals, points)
-    offsets, size = np.repeat(points, k, axis=1), np.abs(points).max(axis=(1, 2))
+    offsets = np.repeat(points, k, axis=1)
+    size = np.abs(points).max(axis=(1, 2))
     offsets = np.einsum("mfn,mfn->mf", normals, offsets)
     facet = (sizes > 0.0) & (reach.max(axis=2) <= offsets + 1e-15 * size[:, None])
     width = np.where(facet, reach.max(axis=2) - reach.min(axis=2), np.inf).min(axis=1)
@@ -181,9 +221,12 @@ class StretchesOfHulls(Rows, Stretches[SampledHulls]):
     end: SampledHulls
     off_points: Array
 
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
+    def between(
+        self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array
+    ) -> Array:
         first, last = self.start.excess(before), self.end.excess(after)
-        moved, bent = lengths(self.off_points).max(axis=1), lengths(off)
+        moved = lengths(self.off_points).max(axis=1)
+        bent = lengths(off)
         # No point of the hull, and no force, is farther from where it is at an end than that.
         step = lengths(self.end.points - self.start.points).max(axis=1) + lengths(after - before)
         out = np.minimum(first, last) + step + moved + bent
@@ -196,13 +239,16 @@ class StretchesOfHulls(Rows, Stretches[SampledHulls]):
 def _held(start: Array, end: Array, before: Array, after: Array) -> float:
     """How far a force that goes straight may leave a hull whose points go straight.
 
-    Weights u with Σ u_k p_k = ξ at both ends, taken of the few points that hold the force in the middle, go straight as
-    well: then Σ u_k p_k leaves the force by a quarter of Σ Δu_k Δp_k at most, and by what is missing at the ends.
+    Weights u with Σ u_k p_k = ξ at both ends, taken of the few points that hold the force in the
+    middle, go straight as well: then Σ u_k p_k leaves the force by a quarter of Σ Δu_k Δp_k at
+    most, and by what is missing at the ends.
     """
     chosen = np.flatnonzero(weights_in_hull(0.5 * (start + end), 0.5 * (before + after)) > 0.0)
     p, q = start[chosen], end[chosen]
     u, v = (_weights(points, xi) for points, xi in ((p, before), (q, after)))
-    missing = max(float(np.linalg.norm(w @ points - xi)) for w, points, xi in ((u, p, before), (v, q, after)))
+    missing = max(
+        float(np.linalg.norm(w @ points - xi)) for w, points, xi in ((u, p, before), (v, q, after))
+    )
     return missing + 0.25 * float(np.linalg.norm((v - u) @ (q - p)))
 
 

@@ -37,7 +37,9 @@ class Product(Dissipation):
         for k, factor in enumerate(self.factors):
             if not isinstance(factor, Dissipation):
                 raise DeclarationError(
-                    f"factors[{k}]", f"it is a {type(factor).__name__}, not a dissipation potential", "Give potentials"
+                    f"factors[{k}]",
+                    f"it is a {type(factor).__name__}, not a dissipation potential",
+                    "Give potentials",
                 )
 
     @property
@@ -62,14 +64,17 @@ class Product(Dissipation):
         return sum(factor.support(part, s) for factor, part in self.split(self.vector(v, "v")))
 
     def exposed(self, v: ArrayLike, s: float = 0.0) -> Array:
-        return np.concatenate([factor.exposed(part, s) for factor, part in self.split(self.vector(v, "v"))])
+        return np.concatenate(
+            [factor.exposed(part, s) for factor, part in self.split(self.vector(v, "v"))]
+        )
 
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
         return max(factor.excess(part, s) for factor, part in self.split(self.vector(xi, "xi")))
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
         """The nearest point, factor by factor; in a metric by Newton's method, to rounding."""
-        xi, M = self.vector(xi, "xi"), self.metric(metric)
+        xi = self.vector(xi, "xi")
+        M = self.metric(metric)
         if M is None:
             return np.concatenate([factor.project(part, s) for factor, part in self.split(xi)])
         if self.cone_form(s) is None:
@@ -79,7 +84,9 @@ class Product(Dissipation):
     def projection(self, xi: Array, s: float = 0.0) -> tuple[Array, Array]:
         from scipy.linalg import block_diag
 
-        points, slopes = zip(*(factor.projection(part, s) for factor, part in self.split(xi)), strict=True)
+        points, slopes = zip(
+            *(factor.projection(part, s) for factor, part in self.split(xi)), strict=True
+        )
         return np.concatenate(points), np.asarray(block_diag(*slopes))
 
     def cone_form(self, s: float) -> ConeForm | None:
@@ -106,7 +113,9 @@ class Product(Dissipation):
 
     def average(self, tolerance: float = 1e-8) -> Average:
         """The product of the averages."""
-        return AveragedProduct(tuple(factor.average(tolerance) for factor in self.factors), self, tolerance)
+        return AveragedProduct(
+            tuple(factor.average(tolerance) for factor in self.factors), self, tolerance
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +141,8 @@ class AveragedProduct(Average, Product):
         return tuple(factor for factor in self.factors if isinstance(factor, Average))
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
-        """The nearest point, factor by factor; in a metric, which couples them, from the phases of all together."""
+        """The nearest point, factor by factor; in a metric, which couples them, from the phases of
+        all together."""
         if metric is not None and self.cone_form(s) is None:
             return self._together.project(xi, s, metric)
         return super().project(xi, s, metric)
@@ -145,14 +155,19 @@ class AveragedProduct(Average, Product):
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
         """The motions of all factors."""
         V = self.vector(V, "V")
-        own = [average.optimal_motion(V[part]) for average, part in zip(self.averages, self.parts, strict=True)]
+        own = [
+            average.optimal_motion(V[part])
+            for average, part in zip(self.averages, self.parts, strict=True)
+        ]
         motions = np.zeros((sum(len(motion.phases) for motion in own), len(V)))
         row = 0
         for motion, part in zip(own, self.parts, strict=True):
             motions[row : row + len(motion.phases), part] = motion.motions
             row += len(motion.phases)
         phases, motions = gathered(np.concatenate([motion.phases for motion in own]), motions)
-        return OptimalMotion(phases, motions, sum(motion.cost for motion in own), sum(motion.bound for motion in own))
+        return OptimalMotion(
+            phases, motions, sum(motion.cost for motion in own), sum(motion.bound for motion in own)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,6 +199,10 @@ class StretchesOfProducts(Rows, Stretches[SampledProduct]):
     end: SampledProduct
     factors: tuple[Stretches, ...]
 
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
+    def between(
+        self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array
+    ) -> Array:
         own = zip(self.factors, self.parts, strict=True)
-        return np.max([f.outside(before[:, p], after[:, p], off[:, p], enough)[2] for f, p in own], axis=0)
+        return np.max(
+            [f.outside(before[:, p], after[:, p], off[:, p], enough)[2] for f, p in own], axis=0
+        )

@@ -36,11 +36,10 @@ class SupportFunction(Dissipation):
     DeclarationError
         If Ψ is negative, not finite, not homogeneous or not convex where it is looked at.
 
-    Notes
-    -----
-    Nearest points are found from subgradients alone. Distances are accurate to 1e-9 of the size of K(s), or the call
-    stops with a ConvergenceError. Without a given subgradient that becomes 1e-6 at worst, where corners of K(s) meet
-    curved parts, and everything takes some four times as long.
+    Notes ----- Nearest points are found from subgradients alone. Distances are accurate to 1e-9 of
+    the size of K(s), or the call stops with a ConvergenceError. Without a given subgradient that
+    becomes 1e-6 at worst, where corners of K(s) meet curved parts, and everything takes some four
+    times as long.
     """
 
     def __init__(
@@ -50,19 +49,30 @@ class SupportFunction(Dissipation):
         subgradient: Callable[[float, Array], ArrayLike] | None = None,
         depends_on_phase: bool = True,
     ) -> None:
-        if isinstance(dimension, bool) or not isinstance(dimension, int | np.integer) or dimension < 1:
-            raise DeclarationError("dimension", f"{dimension!r} is not a dimension", "Give 1, 2, 3, ...")
+        if (
+            isinstance(dimension, bool)
+            or not isinstance(dimension, int | np.integer)
+            or dimension < 1
+        ):
+            raise DeclarationError(
+                "dimension", f"{dimension!r} is not a dimension", "Give 1, 2, 3, ..."
+            )
         if not callable(function):
-            raise DeclarationError("function", "it cannot be called", "Give a function of the phase s and of v")
+            raise DeclarationError(
+                "function", "it cannot be called", "Give a function of the phase s and of v"
+            )
         self.function, self.subgradient = function, subgradient
-        self._dimension, self._depends_on_phase = int(dimension), depends_on_phase
+        self._dimension = int(dimension)
+        self._depends_on_phase = depends_on_phase
         directions = np.random.default_rng(0).normal(size=(len(SAMPLE_PHASES) + 1, dimension))
         for s, v, w in zip(SAMPLE_PHASES, directions, directions[1:], strict=False):
             self._check(s, v, w)
         start = self._psi(0.0, directions[0])
         if depends_on_phase and abs(start - self._psi(1.0, directions[0])) > 1e-9 * start:
             raise DeclarationError(
-                "function", "it differs between the phases s = 0 and s = 1", "Write it as a function with period 1 in s"
+                "function",
+                "it differs between the phases s = 0 and s = 1",
+                "Write it as a function with period 1 in s",
             )
 
     @property
@@ -79,7 +89,8 @@ class SupportFunction(Dissipation):
         return length * self._psi(wrapped(s), v / length) if length > 0 else 0.0
 
     def exposed(self, v: ArrayLike, s: float = 0.0) -> Array:
-        v, s = self.vector(v, "v"), wrapped(s)
+        v = self.vector(v, "v")
+        s = wrapped(s)
         length = float(np.linalg.norm(v))
         if length == 0.0:
             return np.zeros(self.dimension)
@@ -93,7 +104,8 @@ class SupportFunction(Dissipation):
         return nearest_by_support(self, self.vector(xi, "xi"), s, self.metric(metric), sure=sure)
 
     def _nearest_at(self, s: float) -> Callable[[Array], Array]:
-        # Points of K(s) serve all projections. They are for a search, which four digits do not mislead.
+        # Points of K(s) serve all projections. They are for a search, which four digits do not
+        # mislead.
         known: list[Array] = []
         return lambda x: nearest_by_support(self, x, s, None, known, accuracy=1e-4)
 
@@ -116,16 +128,22 @@ class SupportFunction(Dissipation):
             value = float(self.function(s, v))
         except Exception as error:
             raise DeclarationError(
-                "function", f"it fails at phase s = {s:g} and v = {v} ({type(error).__name__}: {error})", "Correct it"
+                "function",
+                f"it fails at phase s = {s:g} and v = {v} ({type(error).__name__}: {error})",
+                "Correct it",
             ) from error
         if not (np.isfinite(value) and value >= 0.0):
             reason = "but a dissipation potential is nonnegative: K(s) has to contain 0"
-            raise DeclarationError("function", f"it is {value} at phase s = {s:g} and v = {v}, {reason}", "Correct it")
+            raise DeclarationError(
+                "function", f"it is {value} at phase s = {s:g} and v = {v}, {reason}", "Correct it"
+            )
         return value
 
     def _check(self, s: float, v: Array, w: Array) -> None:
         """Look whether it is a support function in two directions at one phase."""
-        one, other, both = self._psi(s, v), self._psi(s, w), self._psi(s, v + w)
+        one = self._psi(s, v)
+        other = self._psi(s, w)
+        both = self._psi(s, v + w)
         if abs(self._psi(s, 2 * v) - 2 * one) > 1e-9 * one:
             raise DeclarationError(
                 "function",
@@ -135,21 +153,27 @@ class SupportFunction(Dissipation):
         if both > (one + other) * (1 + 1e-9):
             raise DeclarationError(
                 "function",
-                f"it is not convex at phase s = {s:g}: Psi(v + w) > Psi(v) + Psi(w) for v = {v}, w = {w}",
+                f"it is not convex at phase s = {s:g}: "
+                f"Psi(v + w) > Psi(v) + Psi(w) for v = {v}, w = {w}",
                 "A potential has to be convex in v",
             )
 
     def _differences(self, v: Array, s: float) -> Array:
         """Subgradient at a unit vector by central differences of fourth order.
 
-        A step is right where the one before agrees and Euler's identity ⟨ξ, v⟩ = Ψ(s, v) holds. If none is, v stands on
-        a kink; a subgradient from close by, beside the kink, then serves as well: it misses Ψ(s, v) by the square of
-        the distance.
+        A step is right where the one before agrees and Euler's identity ⟨ξ, v⟩ = Ψ(s, v) holds. If
+        none is, v stands on a kink; a subgradient from close by, beside the kink, then serves as
+        well: it misses Ψ(s, v) by the square of the distance.
         """
-        psi, axes = self._psi(s, v), np.eye(self.dimension)
+        psi = self._psi(s, v)
+        axes = np.eye(self.dimension)
         tilts = TILT * np.random.default_rng(1).normal(size=(8, self.dimension))
-        best, least = v * psi, np.inf
-        for w, steps, enough in [(v, STEPS, 1e-11), *((v + tilt, STEPS[-2:], 1e-9) for tilt in tilts)]:
+        best = v * psi
+        least = np.inf
+        for w, steps, enough in [
+            (v, STEPS, 1e-11),
+            *((v + tilt, STEPS[-2:], 1e-9) for tilt in tilts),
+        ]:
             last = np.full(self.dimension, np.inf)
             for h in steps:
                 near = [self._psi(s, w + h * e) - self._psi(s, w - h * e) for e in axes]

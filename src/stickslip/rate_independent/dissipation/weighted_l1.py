@@ -35,11 +35,9 @@ class WeightedL1(Dissipation):
     DeclarationError
         If a weight is negative or not finite at a phase, or sizes do not fit.
 
-    Notes
-    -----
-    A callable is asked for many phases when the potential is averaged. If it also takes an array of n phases and
-    returns each weight at its own (as ``lambda s: 2 + np.cos(2*np.pi*(s - x))`` does), a million weights are averaged
-    in seconds.
+    Notes ----- A callable is asked for many phases when the potential is averaged. If it also takes
+    an array of n phases and returns each weight at its own (as ``lambda s: 2 + np.cos(2*np.pi*(s -
+    x))`` does), a million weights are averaged in seconds.
     """
 
     weights: Any
@@ -52,7 +50,9 @@ class WeightedL1(Dissipation):
         below = above if self.lower is None else read_weights(self.lower, "lower")
         if above.shape != below.shape:
             raise DeclarationError(
-                "lower", f"it has {below.shape[0]} components, but there are {above.shape[0]} weights", "Give as many"
+                "lower",
+                f"it has {below.shape[0]} components, but there are {above.shape[0]} weights",
+                "Give as many",
             )
         object.__setattr__(self, "above", above)
         object.__setattr__(self, "below", below)
@@ -86,7 +86,8 @@ class WeightedL1(Dissipation):
         return float(np.maximum(lower - xi, xi - upper).max(initial=-np.inf))
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
-        """The point of the box nearest to ξ; in a metric by principal pivoting, exact up to rounding."""
+        """The point of the box nearest to ξ; in a metric by principal pivoting, exact up to
+        rounding."""
         xi, (lower, upper), M = self.vector(xi, "xi"), self.bounds(s), self.metric(metric)
         return np.clip(xi, lower, upper) if M is None else nearest_in_box(M, xi, lower, upper)
 
@@ -100,7 +101,9 @@ class WeightedL1(Dissipation):
 
     def sampled(self, phases: Array) -> Sampled:
         upper = nonnegative_over(self.above, phases)
-        return SampledBoxes(-(upper if self.below is self.above else nonnegative_over(self.below, phases)), upper)
+        return SampledBoxes(
+            -(upper if self.below is self.above else nonnegative_over(self.below, phases)), upper
+        )
 
     @property
     def bounded(self) -> bool:
@@ -113,11 +116,14 @@ class WeightedL1(Dissipation):
         return StretchesOfBoxes(start, end, below.off, above.off)
 
     def average(self, tolerance: float = 1e-8) -> Average:
-        """Each weight becomes its minimum over the phase, refined to rounding; `tolerance` is not needed."""
+        """Each weight becomes its minimum over the phase, refined to rounding; `tolerance` is not
+        needed."""
         above = least_thresholds(self.above)
         below = above if self.below is self.above else least_thresholds(self.below)
         lower = None if below is above else below.values
-        return AveragedWeightedL1(above.values, lower, source=self, least_above=above, least_below=below)
+        return AveragedWeightedL1(
+            above.values, lower, source=self, least_above=above, least_below=below
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +163,10 @@ class AveragedWeightedL1(Average, WeightedL1):
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
         V = self.vector(V, "V")
         when = np.where(V >= 0, self.upper_phases, self.lower_phases)
-        bound = np.maximum(V, 0.0) @ self.least_above.floors - np.minimum(V, 0.0) @ self.least_below.floors
+        bound = (
+            np.maximum(V, 0.0) @ self.least_above.floors
+            - np.minimum(V, 0.0) @ self.least_below.floors
+        )
         return scheduled(self.source, V, when, float(bound))
 
 
@@ -187,7 +196,9 @@ class StretchesOfBoxes(Rows, Stretches[SampledBoxes]):
     off_lower: Array
     off_upper: Array
 
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
+    def between(
+        self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array
+    ) -> Array:
         above = np.maximum(before - self.start.upper, after - self.end.upper) + self.off_upper
         below = np.maximum(self.start.lower - before, self.end.lower - after) + self.off_lower
         return (np.maximum(above, below) + off).max(axis=1)

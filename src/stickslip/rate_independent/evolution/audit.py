@@ -1,22 +1,25 @@
 """What a step is worth, whoever made it.
 
-Between the ends of a step z is taken to be affine, ẑ; d is its increment. Along ẑ the energy balance (E) of [M] (2.2)
-holds up to the *defect*, the mean over the step of
+Between the ends of a step z is taken to be affine, ẑ; d is its increment. Along ẑ the energy
+balance (E) of [M] (2.2) holds up to the *defect*, the mean over the step of
 
     Ψ(s, d) − ⟨ℓ − Aẑ, d⟩   (≥ 0 where ẑ is stable),
 
-measured by Simpson's rule: at the ends, where the solver was, and in the middle, where it was not. What the force may
-leave K by between the ends is the *overshoot*: bounded where load and thresholds are formulas or tables, estimated from
-the same three points where they are functions of Python (``between.py``).
+measured by Simpson's rule: at the ends, where the solver was, and in the middle, where it was not.
+What the force may leave K by between the ends is the *overshoot*: bounded where load and thresholds
+are formulas or tables, estimated from the same three points where they are functions of Python
+(``between.py``).
 
-Let z be the exact evolution. As long as ẑ is stable, d/dt ½⟨A(z − ẑ), z − ẑ⟩ = −⟨ξ − ξ̂, ż − dẑ/dt⟩ is at most
-Ψ(dẑ/dt) − ⟨ξ̂, dẑ/dt⟩: half the squared error, in the energy norm, grows by no more than the defect. While the force
-overshoots by δ, it may grow by δ|ż| besides, with the size of ż that belongs to the sets: the *slack*, in which ż is
-taken to be that of ẑ. What ẑ does not do at all is *missed*: a component that is pushed by δ and moves alone goes by
-δ/√Aᵢᵢ in the energy norm. What is missed does not add up, since a later push in the same direction moves z only by what
-it is larger; the largest counts.
+Let z be the exact evolution. As long as ẑ is stable, d/dt ½⟨A(z − ẑ), z − ẑ⟩ = −⟨ξ − ξ̂, ż − dẑ/dt⟩
+is at most Ψ(dẑ/dt) − ⟨ξ̂, dẑ/dt⟩: half the squared error, in the energy norm, grows by no more than
+the defect. While the force overshoots by δ, it may grow by δ|ż| besides, with the size of ż that
+belongs to the sets: the *slack*, in which ż is taken to be that of ẑ. What ẑ does not do at all is
+*missed*: a component that is pushed by δ and moves alone goes by δ/√Aᵢᵢ in the energy norm. What is
+missed does not add up, since a later push in the same direction moves z only by what it is larger;
+the largest counts.
 
-A minimising-movement step also has the classical two-sided estimate (ΔE, d, ξ: energy, increment, force):
+A minimising-movement step also has the classical two-sided estimate (ΔE, d, ξ: energy, increment,
+force):
 
     ΔE + Ψ(s_k, d) + ⟨Δℓ, z_{k−1}⟩ = −½⟨Ad, d⟩ ≤ 0,
     ΔE + Ψ(s_{k−1}, d) + ⟨Δℓ, z_k⟩ = ½⟨Ad, d⟩ + [Ψ(s_{k−1}, d) − ⟨ξ_{k−1}, d⟩] ≥ 0.
@@ -45,7 +48,8 @@ COLUMNS = {
     "effort": "cycles of the solver, or changes of its active set",
     "distance": "distance of the force from the stable set, relative to the largest weight",
     "defect": "defect of the energy balance in the step",
-    "overshoot": "how far the force may leave the stable set during the step, relative to the largest weight",
+    "overshoot": "how far the force may leave the stable set during the step, relative to the "
+    "largest weight",
     "slack": "what the overshoot may add to half the squared error",
     "missed": "how far z may be off, in the energy norm, since the force overshoots",
     "increment": "half the squared energy norm of the increment",
@@ -56,7 +60,8 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class Flow:
-    """Energies up to a moment: what was dissipated and worked, and between which bounds the energy was."""
+    """Energies up to a moment: what was dissipated and worked, and between which bounds the energy
+    was."""
 
     dissipated: float = 0.0
     work: float = 0.0
@@ -92,7 +97,8 @@ class Block:
 
 @dataclass(frozen=True)
 class Measured:
-    """A block of steps that is measured but not accepted, and what the step after each of them has to know."""
+    """A block of steps that is measured but not accepted, and what the step after each of them has
+    to know."""
 
     block: Block
     loads: Array
@@ -119,14 +125,16 @@ class Measured:
             min(self.flow.lowest, float(energy.min())),
             max(self.flow.highest, float(energy.max())),
         )
-        t, z = float(self.block.times[k]), self.block.states[k].copy()
+        t = float(self.block.times[k])
+        z = self.block.states[k].copy()
         return State(t, z, self.loads[k].copy(), self.elastic[k].copy(), self.sets.row(k), flow)
 
 
 def start_state(problem: Evolution, t: float, z: Array, flow: Flow | None = None) -> State:
     """The state z at time t."""
     times = np.array([t])
-    load, elastic = problem.ell.at(times)[0], problem.A @ z
+    load = problem.ell.at(times)[0]
+    elastic = problem.A @ z
     energy = float(0.5 * z @ elastic - z @ load)
     flow = flow or Flow()
     flow = replace(flow, lowest=min(flow.lowest, energy), highest=max(flow.highest, energy))
@@ -157,25 +165,38 @@ def measure(
     tolerance : float
         Of the overshoot, relative to the largest weight: below it, no sharper bound is needed.
     """
-    A, mids = problem.A, (_before(times, np.array(start.t)) + times) / 2.0
+    A = problem.A
+    mids = (_before(times, np.array(start.t)) + times) / 2.0
     middle = start.sets if sets is start.sets else problem.sets(mids)
     load_mid = problem.ell.at(mids)
     check_finite(mids, load_mid)
     elastic = _times(A, states)
-    z_before, elastic_before, load_before = (
-        _before(states, start.z), _before(elastic, start.elastic), _before(loads, start.load),
-    )  # fmt: skip
-    d, pull, before = states - z_before, elastic - elastic_before, sets.before(start.sets)
-    forces = load_before - elastic_before, load_mid - 0.5 * (elastic_before + elastic), loads - elastic
-    outside, now = sets.outside(forces[2]), sets.value(d)
+    z_before = _before(states, start.z)
+    elastic_before = _before(elastic, start.elastic)
+    load_before = _before(loads, start.load)
+    d = states - z_before
+    pull = elastic - elastic_before
+    before = sets.before(start.sets)
+    forces = (
+        load_before - elastic_before,
+        load_mid - 0.5 * (elastic_before + elastic),
+        loads - elastic,
+    )
+    outside = sets.outside(forces[2])
+    now = sets.value(d)
     rounding = EPS * (np.abs(states).max(axis=1) + np.abs(z_before).max(axis=1))
     half, then = (now, now) if sets is start.sets else (middle.value(d), before.value(d))
     gap = then - _dot(forces[0], d)
     defect = (gap + 4.0 * (half - _dot(forces[1], d)) + now - _dot(forces[2], d)) / 6.0
-    work = _dot(load_before, z_before) - _dot(loads, states) + _dot(load_before + 4.0 * load_mid + loads, d) / 6.0
+    work = (
+        _dot(load_before, z_before)
+        - _dot(loads, states)
+        + _dot(load_before + 4.0 * load_mid + loads, d) / 6.0
+    )
     scale = np.broadcast_to(np.maximum(sets.size(), weight), len(times))
     if problem.bounded or not isinstance(sets, Boxes | Discs):
-        ends, rows = np.append(start.t, times), np.concatenate([start.elastic[None], elastic])
+        ends = np.append(start.t, times)
+        rows = np.concatenate([start.elastic[None], elastic])
         beyond = overshoot(problem, ends, rows, tolerance * scale)
     else:
         beyond = sets.overshoot(before, middle, forces)  # pyright: ignore[reportArgumentType]

@@ -31,12 +31,13 @@ class AveragingStudy:
     Attributes
     ----------
     table : xarray.Dataset
-        Over ``epsilon``: ``distance``, sup|z_ε − z_0|; ``modulus`` (epsilon, delta), sup |z_ε(t₂) − z_ε(t₁)| over
-        |t₂ − t₁| ≤ δ; ``equicontinuity``, what it exceeds the modulus of z_0 by: ω(ε) in [M] (2.5); ``weak_distance``
-        (epsilon, test), |∫φ dz_ε − ∫φ dz_0| for φ = cos(jπ(t − t₀)/T); ``rate_l1`` and ``rate_l2``, norms of ż_ε in L¹
-        and L²; ``dissipated`` energy; ``steps`` and ``wall_time`` of the resolved motion. What has a meaning for z_0 is
-        there, too, as ``averaged_...``. Moduli are measured
-        on a grid of 1024 intervals (fewer if n > 16384).
+        Over ``epsilon``: ``distance``, sup|z_ε − z_0|; ``modulus`` (epsilon, delta),
+        sup |z_ε(t₂) − z_ε(t₁)| over |t₂ − t₁| ≤ δ; ``equicontinuity``, what it exceeds the modulus
+        of z_0 by: ω(ε) in [M] (2.5); ``weak_distance`` (epsilon, test), |∫φ dz_ε − ∫φ dz_0| for
+        φ = cos(jπ(t − t₀)/T); ``rate_l1`` and ``rate_l2``, norms of ż_ε in L¹ and L²;
+        ``dissipated`` energy; ``steps`` and ``wall_time`` of the resolved motion. What has a
+        meaning for z_0 is there, too, as ``averaged_...``. Moduli are measured on a grid of 1024
+        intervals (fewer if n > 16384).
     message : str
         Empty, or what stopped the study early.
     """
@@ -46,25 +47,33 @@ class AveragingStudy:
 
     def __repr__(self) -> str:
         epsilon = self.table["epsilon"].values
-        return f"<AveragingStudy: epsilon = {epsilon[0]:g} ... {epsilon[-1]:g}, distance ~ epsilon^{self.rate:.2f}>"
+        scales = f"epsilon = {epsilon[0]:g} ... {epsilon[-1]:g}"
+        return f"<AveragingStudy: {scales}, distance ~ epsilon^{self.rate:.2f}>"
 
     @cached_property
     def rate(self) -> float:
-        """Exponent p of the fit sup|z_ε − z_0| ~ εᵖ; NaN if fewer than two distances are positive."""
+        """Exponent p of the fit sup|z_ε − z_0| ~ εᵖ; NaN if fewer than two distances are
+        positive."""
         return self.powers["distance"]
 
     @cached_property
     def powers(self) -> dict[str, float]:
-        """Fitted exponents of the columns; of ``weak_distance``, that of the largest over the tests."""
+        """Fitted exponents of the columns; of ``weak_distance``, that of the largest over the
+        tests."""
         columns = {
-            name: self.table[name].values for name in ("distance", "equicontinuity", "rate_l1", "rate_l2", "steps")
+            name: self.table[name].values
+            for name in ("distance", "equicontinuity", "rate_l1", "rate_l2", "steps")
         }
         columns["weak_distance"] = self.table["weak_distance"].max("test").values
-        return {name: fitted_power(self.table["epsilon"].values, column)[0] for name, column in columns.items()}
+        return {
+            name: fitted_power(self.table["epsilon"].values, column)[0]
+            for name, column in columns.items()
+        }
 
     @property
     def saved(self) -> dict[str, Array]:
-        """How many times more steps, and wall time, the resolved motion took than the averaged one, for each ε."""
+        """How many times more steps, and wall time, the resolved motion took than the averaged one,
+        for each ε."""
         return {
             name: self.table[name].values / max(float(self.table[f"averaged_{name}"]), 1e-9)
             for name in ("steps", "wall_time")
@@ -93,8 +102,8 @@ def averaging_study(
     epsilons : sequence of float
         Periods.
     tolerance : float
-        Of the adaptive evolutions; the distance is known to about that much, relative to the size of the weights. A
-        scalar problem with weighted ℓ1 dissipation is a play, which is exact.
+        Of the adaptive evolutions; the distance is known to about that much, relative to the size
+        of the weights. A scalar problem with weighted ℓ1 dissipation is a play, which is exact.
     progress : callable, optional
         Called now and then with the fraction done. By default there is a bar on a terminal.
 
@@ -106,15 +115,17 @@ def averaging_study(
     Raises
     ------
     DeclarationError
-        If an ε is not positive, the dissipation does not depend on the phase, or the initial state is not stable at
-        every phase.
+        If an ε is not positive, the dissipation does not depend on the phase, or the initial state
+        is not stable at every phase.
     ConvergenceError
         If not even the first ε can be computed.
     """
     periods = _checked_periods(epsilons)
     check_positive(tolerance=tolerance)
     if not problem.dissipation.depends_on_phase:
-        raise DeclarationError("dissipation", "it does not depend on the phase", "There is nothing to average")
+        raise DeclarationError(
+            "dissipation", "it does not depend on the phase", "There is nothing to average"
+        )
     averaged = _averaged(problem)
     grid = np.linspace(problem.span[0], problem.span[1], _intervals(problem.n) + 1)
     limit, limit_gauge = _limit(averaged, grid, tolerance)
@@ -134,7 +145,8 @@ def averaging_study(
 
 
 def fitted_power(x: Array, y: Array) -> tuple[float, float]:
-    """p and c of the least-squares fit log y = p log x + log c; NaN if fewer than two y are positive."""
+    """p and c of the least-squares fit log y = p log x + log c; NaN if fewer than two y are
+    positive."""
     positive = y > 0.0
     if np.count_nonzero(positive) < 2:
         return np.nan, np.nan
@@ -145,7 +157,9 @@ def fitted_power(x: Array, y: Array) -> tuple[float, float]:
 def _checked_periods(epsilons: Sequence[float]) -> Array:
     given = list(np.atleast_1d(np.asarray(epsilons, dtype=object)))
     if not given or not all(is_finite(e) and e > 0.0 for e in given):
-        raise DeclarationError("epsilons", f"{epsilons!r} are not all periods", "Give positive numbers")
+        raise DeclarationError(
+            "epsilons", f"{epsilons!r} are not all periods", "Give positive numbers"
+        )
     return np.array(given, dtype=float)
 
 
@@ -195,7 +209,9 @@ def _table(
         "steps": ("steps", [m.steps for m, _ in motions]),
         "wall_time": ("wall time", [m.wall_time for m, _ in motions]),
     }
-    data: dict[str, Any] = {name: ("epsilon", values, {"long_name": text}) for name, (text, values) in columns.items()}
+    data: dict[str, Any] = {
+        name: ("epsilon", values, {"long_name": text}) for name, (text, values) in columns.items()
+    }
     data["wall_time"][2]["units"] = "s"
     data["weak_distance"] = (
         ("epsilon", "test"),
@@ -215,5 +231,9 @@ def _table(
         "averaged_rate_l1": limit_gauge.variation,
         "averaged_rate_l2": limit_gauge.square**0.5,
     }
-    coordinates = {"epsilon": epsilons, "test": np.arange(TESTS), "delta": lags * (grid[1] - grid[0])}
+    coordinates = {
+        "epsilon": epsilons,
+        "test": np.arange(TESTS),
+        "delta": lags * (grid[1] - grid[0]),
+    }
     return xr.Dataset(data, coordinates, {"norm": "energy norm"})

@@ -1,10 +1,11 @@
 """What happens between the ends of steps: how far a force may leave the stable set there.
 
-Between the ends, z is affine; load and thresholds are on stretches of time as far from straight lines as their formulas
-allow. Where that does not show that the force stays inside, the stretch is divided, down to the rounding of time; the
-steps themselves are not. So a pulse of the load or a dip of a threshold that is given by a formula is not stepped over,
-however short it is. Tables are straight between their knots. What is given as a function of Python is known where it is
-asked for only: there the deviation is estimated from the middle of each step.
+Between the ends, z is affine; load and thresholds are on stretches of time as far from straight
+lines as their formulas allow. Where that does not show that the force stays inside, the stretch is
+divided, down to the rounding of time; the steps themselves are not. So a pulse of the load or a dip
+of a threshold that is given by a formula is not stepped over, however short it is. Tables are
+straight between their knots. What is given as a function of Python is known where it is asked for
+only: there the deviation is estimated from the middle of each step.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ def overshoot(problem: Evolution, times: Array, elastic: Array, limit: Array) ->
     limit : ndarray of shape (m,)
         Below this, no sharper bound is needed.
     """
-    worst, seen, looked = np.zeros(len(limit)), np.full(len(limit), -np.inf), 0
+    worst = np.zeros(len(limit))
+    seen = np.full(len(limit), -np.inf)
+    looked = 0
     low, high, step = _stretches(problem, times)
     while True:
         looked += len(step)
@@ -48,11 +51,14 @@ def overshoot(problem: Evolution, times: Array, elastic: Array, limit: Array) ->
             return np.maximum(worst, seen)
         edges = low[open_, None] + (high - low)[open_, None] * (np.arange(PARTS + 1) / PARTS)
         edges[:, -1] = high[open_]
-        low, high, step = edges[:, :-1].ravel(), edges[:, 1:].ravel(), np.repeat(step[open_], PARTS)
+        low = edges[:, :-1].ravel()
+        high = edges[:, 1:].ravel()
+        step = np.repeat(step[open_], PARTS)
 
 
 def _stretches(problem: Evolution, times: Array) -> tuple[Array, Array, Index]:
-    """The steps, cut where a table has a knot or a period begins: starts, ends, and the steps they belong to."""
+    """The steps, cut where a table has a knot or a period begins: starts, ends, and the steps they
+    belong to."""
     cuts = problem.ell.knots
     if problem.dissipation.depends_on_phase:
         first, last = np.ceil(times[0] / problem.epsilon), np.floor(times[-1] / problem.epsilon)
@@ -62,11 +68,20 @@ def _stretches(problem: Evolution, times: Array) -> tuple[Array, Array, Index]:
 
 
 def _outside(
-    problem: Evolution, times: Array, elastic: Array, low: Array, high: Array, step: Index, enough: float
+    problem: Evolution,
+    times: Array,
+    elastic: Array,
+    low: Array,
+    high: Array,
+    step: Index,
+    enough: float,
 ) -> tuple[Array, Array, Array]:
-    """How far the force is outside K(s) at both ends of stretches of time, and may be in between."""
+    """How far the force is outside K(s) at both ends of stretches of time, and may be in
+    between."""
     load = problem.ell.chord(low, high)
-    before, after = (at - _affine(times, elastic, t, step) for at, t in ((load.start, low), (load.end, high)))
+    before, after = (
+        at - _affine(times, elastic, t, step) for at, t in ((load.start, low), (load.end, high))
+    )
     phases = np.zeros((2, len(low)))
     if problem.dissipation.depends_on_phase:
         phases = np.stack([low, high]) / problem.epsilon

@@ -41,7 +41,8 @@ class Motion(Protocol):
 
 
 def motion_of(problem: Evolution, tolerance: float, keep: bool = False) -> Motion:
-    """The motion of a problem: an exact play if it is scalar with weighted ℓ1 dissipation, else an adaptive evolution.
+    """The motion of a problem: an exact play if it is scalar with weighted ℓ1 dissipation, else an
+    adaptive evolution.
 
     Parameters
     ----------
@@ -72,7 +73,8 @@ class PlayMotion:
             epsilon=problem.epsilon,
             stiffness=float(problem.A[0, 0]),
         )
-        self.steps, self.wall_time = len(self.play.time) - 1, time.perf_counter() - began
+        self.steps = len(self.play.time) - 1
+        self.wall_time = time.perf_counter() - began
         self.dissipated = float(self.play.at(problem.span[1])["dissipated_energy"])
 
     def blocks(self) -> Iterator[tuple[Array, Array]]:
@@ -90,12 +92,17 @@ class SteppedMotion:
     """An adaptive evolution."""
 
     def __init__(self, problem: Evolution, tolerance: float, keep: bool) -> None:
-        self.problem, self.tolerance, self.keep = problem, tolerance, keep
+        self.problem = problem
+        self.tolerance = tolerance
+        self.keep = keep
         self.kept: list[tuple[Array, Array]] = []
-        self.steps, self.wall_time, self.dissipated = 0, 0.0, 0.0
+        self.steps = 0
+        self.wall_time = 0.0
+        self.dissipated = 0.0
 
     def blocks(self) -> Iterator[tuple[Array, Array]]:
-        problem, began = self.problem, time.perf_counter()
+        problem = self.problem
+        began = time.perf_counter()
         nodes, _ = step_times(problem, problem.span, None)
         state = start_state(problem, problem.span[0], problem.initial)
         solver = choose_solver(problem, None, KKT / 2.0)
@@ -105,8 +112,11 @@ class SteppedMotion:
             self.steps += len(block.times)
             yield self._passed(block.times, block.states)
         if not march.outcome.ok:
-            raise ConvergenceError(f"evolution with epsilon = {problem.epsilon:g}", march.outcome.label, march.detail)
-        self.dissipated, self.wall_time = march.state.flow.dissipated, time.perf_counter() - began
+            raise ConvergenceError(
+                f"evolution with epsilon = {problem.epsilon:g}", march.outcome.label, march.detail
+            )
+        self.dissipated = march.state.flow.dissipated
+        self.wall_time = time.perf_counter() - began
 
     def _passed(self, times: Array, states: Array) -> tuple[Array, Array]:
         if self.keep:
@@ -166,8 +176,12 @@ class Gauge:
     """
 
     def __init__(self, A: Any, grid: Array, reference: Rows | None = None) -> None:
-        self.A, self.grid, self.reference = A, grid, reference
-        self.distance, self.variation, self.square = 0.0, 0.0, 0.0
+        self.A = A
+        self.grid = grid
+        self.reference = reference
+        self.distance = 0.0
+        self.variation = 0.0
+        self.square = 0.0
         self.tested = np.zeros((TESTS, A.shape[0]))
         self.kept: list[Array] = []
         self.last = np.empty(0), np.empty((0, A.shape[0]))
@@ -180,14 +194,18 @@ class Gauge:
 
     def _take(self, times: Array, states: Array) -> None:
         if self.reference is not None:
-            self.distance = max(self.distance, float(self._norms(states - self.reference(times)).max()))
-        times, states = np.append(self.last[0], times), np.concatenate([self.last[1], states])
+            self.distance = max(
+                self.distance, float(self._norms(states - self.reference(times)).max())
+            )
+        times = np.append(self.last[0], times)
+        states = np.concatenate([self.last[1], states])
         self.last = times[-1:].copy(), states[-1:].copy()
         if len(times) == 1:
             return
         ahead = self.grid[sum(map(len, self.kept)) :]
         self.kept.append(affine(times, states, ahead[ahead <= times[-1]]))
-        h, d = np.diff(times), np.diff(states, axis=0)
+        h = np.diff(times)
+        d = np.diff(states, axis=0)
         length = self._norms(d)
         self.variation += float(length.sum())
         self.square += float(np.sum(np.square(length) / h))
@@ -213,4 +231,6 @@ class Gauge:
         products = z @ (self.A @ z.T)
         squares = products.diagonal()
         apart = np.maximum(squares[:, None] + squares[None] - 2.0 * products, 0.0)
-        return np.sqrt(np.maximum.accumulate([apart.diagonal(lag).max() for lag in range(1, len(z))]))
+        return np.sqrt(
+            np.maximum.accumulate([apart.diagonal(lag).max() for lag in range(1, len(z))])
+        )

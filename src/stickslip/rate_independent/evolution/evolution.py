@@ -12,7 +12,12 @@ from stickslip.errors import DeclarationError
 from stickslip.rate_independent.dissipation import Dissipation
 from stickslip.rate_independent.evolution.load import Load, check_finite, read_load
 from stickslip.rate_independent.solvers.matrix import checked_matrix
-from stickslip.rate_independent.solvers.stable_sets import PHASES, StableSets, largest_weight, stable_sets
+from stickslip.rate_independent.solvers.stable_sets import (
+    PHASES,
+    StableSets,
+    largest_weight,
+    stable_sets,
+)
 from stickslip.symbolic.formulas import is_finite
 
 Array = np.ndarray
@@ -23,7 +28,8 @@ STABLE = 1e-9  # distance from the stable set, relative to the largest force, th
 class Evolution:
     """0 ∈ ∂Ψ(t/ε, ż) + A z − ℓ(t), [M] (2.1).
 
-    Energy ½⟨Az, z⟩ − ⟨ℓ(t), z⟩, A symmetric positive definite; dissipation Ψ(s, ż), of period 1 in the phase s = t/ε.
+    Energy ½⟨Az, z⟩ − ⟨ℓ(t), z⟩, A symmetric positive definite; dissipation Ψ(s, ż), of period 1 in
+    the phase s = t/ε.
 
     Parameters
     ----------
@@ -43,8 +49,8 @@ class Evolution:
     Raises
     ------
     DeclarationError
-        If A is not symmetric or not positive definite, sizes do not fit, a number is not finite, some K(s) does not
-        contain 0, or the initial state is not stable.
+        If A is not symmetric or not positive definite, sizes do not fit, a number is not finite,
+        some K(s) does not contain 0, or the initial state is not stable.
 
     Examples
     --------
@@ -85,7 +91,8 @@ class Evolution:
 
     @property
     def bounded(self) -> bool:
-        """Whether load and dissipation are known between any two times, and not only where they are asked for."""
+        """Whether load and dissipation are known between any two times, and not only where they are
+        asked for."""
         return self.ell.bounded and self.dissipation.bounded
 
     def sets(self, times: Array) -> StableSets:
@@ -115,7 +122,9 @@ class Evolution:
         return replace(self, dissipation=self.dissipation.average())
 
     @classmethod
-    def settled(cls, A: Any, load: Any, dissipation: Dissipation, initial: Any, *more: Any, **kwargs: Any) -> Evolution:
+    def settled(
+        cls, A: Any, load: Any, dissipation: Dissipation, initial: Any, *more: Any, **kwargs: Any
+    ) -> Evolution:
         """The evolution that starts from the stable state nearest to `initial` in the energy norm.
 
         Takes the arguments of `Evolution`. That state is one minimising-movement step away:
@@ -145,12 +154,15 @@ class Evolution:
         for s in phases:
             if not self.dissipation.contains(np.zeros(self.n), s):
                 raise DeclarationError(
-                    "dissipation", f"K(s) does not contain 0 at s = {s:g}", "No weight may be negative at any phase"
+                    "dissipation",
+                    f"K(s) does not contain 0 at s = {s:g}",
+                    "No weight may be negative at any phase",
                 )
 
     def _check_start(self) -> None:
         start = self.span[0]
-        force, sets = self.force(start, self.initial)[None], self.sets(np.array([start]))
+        force = self.force(start, self.initial)[None]
+        sets = self.sets(np.array([start]))
         beyond = sets.outside(force)
         scale = max(largest_weight(self.dissipation), float(np.abs(force).max()))
         if sets.largest(beyond)[0] > STABLE * scale:
@@ -165,8 +177,8 @@ class UnstableStart(DeclarationError):
         self.problem = problem
         super().__init__(
             "initial",
-            f"the force l - A z at t = {problem.span[0]:g} is outside the stable set by {distance:.6g}"
-            f" (component {component} would have to hold {force:.6g})",
+            f"the force l - A z at t = {problem.span[0]:g} is outside the stable set by "
+            f"{distance:.6g} (component {component} would have to hold {force:.6g})",
             "Start from a stable state; Evolution.settled(...) takes the nearest one",
         )
 
@@ -175,11 +187,15 @@ def _checked_state(given: Any, n: int) -> Array:
     try:
         state = np.array(given, dtype=float)
     except (TypeError, ValueError):
-        raise DeclarationError("initial", f"{given!r} is no vector of numbers", f"Give {n} numbers") from None
+        raise DeclarationError(
+            "initial", f"{given!r} is no vector of numbers", f"Give {n} numbers"
+        ) from None
     if state.ndim == 0 and n == 1:
         state = state[None]
     if state.shape != (n,):
-        raise DeclarationError("initial", f"its shape is {state.shape}, but A has {n} rows", f"Give {n} numbers")
+        raise DeclarationError(
+            "initial", f"its shape is {state.shape}, but A has {n} rows", f"Give {n} numbers"
+        )
     if not np.all(np.isfinite(state)):
         i = int(np.argmin(np.isfinite(state)))
         raise DeclarationError(f"initial[{i}]", f"{state[i]} is not finite", "Give finite numbers")
@@ -200,7 +216,9 @@ def _checked_span(span: Any, ell: Load) -> tuple[float, float]:
     except (TypeError, ValueError):
         raise DeclarationError("span", f"{span!r} is no time span", "Give (start, end)") from None
     if not (math.isfinite(start) and math.isfinite(end) and start < end):
-        raise DeclarationError("span", f"({start:g}, {end:g}) is no time span", "Give start < end, both finite")
+        raise DeclarationError(
+            "span", f"({start:g}, {end:g}) is no time span", "Give start < end, both finite"
+        )
     if start < ell.span[0] or end > ell.span[1]:
         raise DeclarationError(
             "span",

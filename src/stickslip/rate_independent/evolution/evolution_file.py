@@ -1,9 +1,9 @@
 """Model files of evolutions: an :class:`EvolutionModel` as TOML and back, key by key, without loss.
 
-The language is that of :mod:`stickslip.model.system_file`. The keys from ``A`` to ``span`` are those of
-:class:`~stickslip.rate_independent.evolution.evolution.Evolution`; the dissipation has a ``kind`` and the keys of that
-kind. Every number may be a formula of the parameters, the load also of the time ``t``, the dissipation of the phase
-``s``.
+The language is that of :mod:`stickslip.model.system_file`. The keys from ``A`` to ``span`` are
+those of :class:`~stickslip.rate_independent.evolution.evolution.Evolution`; the dissipation has a
+``kind`` and the keys of that kind. Every number may be a formula of the parameters, the load also
+of the time ``t``, the dissipation of the phase ``s``.
 """
 
 from __future__ import annotations
@@ -21,7 +21,13 @@ from stickslip.model.declaration import parse_range
 from stickslip.model.schema import check_shape, entry_key, wrong_kind
 from stickslip.model.system import Formula, Parameter
 from stickslip.model.units import check_unit
-from stickslip.rate_independent.dissipation import Dissipation, Ellipsoid, GroupNorm, Polytope, WeightedL1
+from stickslip.rate_independent.dissipation import (
+    Dissipation,
+    Ellipsoid,
+    GroupNorm,
+    Polytope,
+    WeightedL1,
+)
 from stickslip.rate_independent.evolution.evolution import Evolution, UnstableStart
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.formulas import Definition, Scope, check_name, is_finite, parse_signature
@@ -42,7 +48,8 @@ EXAMPLES = {
     "radii": 'radii = ["2 + cos(2*pi*s)"]',
     "shape": "shape = [[4, 0], [0, 1]]",
 }
-CLOCK, PHASE = "t", "s"
+CLOCK = "t"
+PHASE = "s"
 VECTORS = {"weights", "lower", "radii"}  # for which one formula stands for a list of one
 MOST_SHOWN = 8  # components of a state in a message
 
@@ -59,8 +66,8 @@ class EvolutionModel:
     functions : mapping of str to formula
         Functions used in formulas, such as ``{"rho(s)": "1 + cos(2*pi*s)/2"}``.
     A : matrix of formulas
-        (n, n), of the parameters; a single one if n = 1. May be left out, with the load, where only the dissipation is
-        meant.
+        (n, n), of the parameters; a single one if n = 1. May be left out, with the load, where only
+        the dissipation is meant.
     load : list of formulas
         n formulas of ``t``; a single one if n = 1.
     dissipation : mapping
@@ -132,7 +139,9 @@ class EvolutionModel:
         known = {item.name: item.default is MISSING for item in fields(cls) if item.init}  # type: ignore[arg-type]
         for key in given:
             if key not in known:
-                raise DeclarationError(f"dissipation.{short(key)}", "unknown key", _suggestion(key, known))
+                raise DeclarationError(
+                    f"dissipation.{short(key)}", "unknown key", _suggestion(key, known)
+                )
         for key, required in known.items():
             if required and key not in given:
                 raise _missing(f"dissipation.{key}", key)
@@ -141,7 +150,9 @@ class EvolutionModel:
             key: value if key == "size" else _written(scope, value, f"dissipation.{key}")
             for key, value in given.items()
         }
-        texts |= {key: [texts[key]] for key in VECTORS & texts.keys() if not isinstance(texts[key], list)}
+        texts |= {
+            key: [texts[key]] for key in VECTORS & texts.keys() if not isinstance(texts[key], list)
+        }
         try:
             return cls(**texts)
         except DeclarationError as error:
@@ -193,7 +204,9 @@ class EvolutionModel:
                 functions[signatures[name]] = value
             else:
                 reason = f"there is no parameter or function '{short(name)}'"
-                raise DeclarationError(self.name, reason, _suggestion(name, [*parameters, *signatures]))
+                raise DeclarationError(
+                    self.name, reason, _suggestion(name, [*parameters, *signatures])
+                )
         return replace(self, parameters=parameters, functions=functions)
 
     @cached_property
@@ -227,8 +240,14 @@ class EvolutionModel:
         """Parameters stand for their values."""
         names = {name: ex.num(value) for name, value in self.values.items()}
         allowed = ", ".join([*variables, "parameters"]).replace(", parameters", " and parameters")
-        forbidden = {name: f"Only {allowed} may stand here" for name in (CLOCK, PHASE) if name not in variables}
-        return Scope(names | {name: ex.sym(name) for name in variables}, self._definitions, forbidden)
+        forbidden = {
+            name: f"Only {allowed} may stand here"
+            for name in (CLOCK, PHASE)
+            if name not in variables
+        }
+        return Scope(
+            names | {name: ex.sym(name) for name in variables}, self._definitions, forbidden
+        )
 
     def _numbers(self, key: str) -> Any:
         return _evaluated(self._scope(), getattr(self, key), key)
@@ -237,13 +256,18 @@ class EvolutionModel:
         if self.steps is None:
             return
         if isinstance(self.steps, bool) or not isinstance(self.steps, int) or self.steps < 1:
-            raise DeclarationError("steps", f"{short(repr(self.steps))} steps", "Give a positive whole number")
+            raise DeclarationError(
+                "steps", f"{short(repr(self.steps))} steps", "Give a positive whole number"
+            )
         if self.is_play:
-            raise DeclarationError("steps", "a scalar play is computed exactly, without steps", "Leave it out")
+            raise DeclarationError(
+                "steps", "a scalar play is computed exactly, without steps", "Leave it out"
+            )
 
 
 def with_nearest_start(make: Callable[[], Evolution]) -> Evolution:
-    """An evolution; if it starts outside the stable set, the message gives the nearest stable state."""
+    """An evolution; if it starts outside the stable set, the message gives the nearest stable
+    state."""
     from stickslip.rate_independent.evolution.evolve import settle
 
     try:
@@ -262,8 +286,8 @@ def load(path: str | PathLike[str]) -> EvolutionModel:
     Raises
     ------
     DeclarationError
-        If the file cannot be read or anything in it is wrong; the message names the file, the key, the reason and
-        the remedy.
+        If the file cannot be read or anything in it is wrong; the message names the file, the key,
+        the reason and the remedy.
     """
     return loads(toml.read_text(path), str(path))
 
@@ -291,7 +315,9 @@ def dumps(model: EvolutionModel) -> str:
 def _model(table: dict[str, Any]) -> EvolutionModel:
     for key in ("coordinates", "internal", "contacts"):
         if key in table:
-            raise DeclarationError(key, "this file declares a system, not an evolution", "Use: stickslip run FILE")
+            raise DeclarationError(
+                key, "this file declares a system, not an evolution", "Use: stickslip run FILE"
+            )
     given = toml.known_keys(EvolutionModel, table, "")
     if "parameters" in given:
         given["parameters"] = {
@@ -317,7 +343,9 @@ def _written(scope: Scope, value: Any, where: str) -> Any:
         return ex.evaluate(expression, {})
     text = ex.to_text(expression)
     if "..." in text:
-        raise DeclarationError(where, "the formula is too long once its functions are inserted", "Simplify it")
+        raise DeclarationError(
+            where, "the formula is too long once its functions are inserted", "Simplify it"
+        )
     return text
 
 
@@ -340,7 +368,9 @@ def _check_value(parameter: Parameter, where: str) -> None:
 def _kind(given: Any) -> type[Dissipation]:
     kinds = ", ".join(f'"{kind}"' for kind in KINDS)
     if given is None:
-        raise DeclarationError("dissipation.kind", "the kind of the dissipation is missing", f"Give one of {kinds}")
+        raise DeclarationError(
+            "dissipation.kind", "the kind of the dissipation is missing", f"Give one of {kinds}"
+        )
     if not isinstance(given, str):
         raise wrong_kind(given, "str", "dissipation.kind")
     if given not in KINDS:

@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 Array = np.ndarray
 Observable = Callable[[float, Array], Any]
 KKT = 1e-8  # residual of a step, relative to the largest weight
-PER_PERIOD, PER_SPAN = 8, 64  # steps of the coarse mesh that an adaptive evolution refines
+# Steps of the coarse mesh that an adaptive evolution refines: in a period, and in all.
+PER_PERIOD = 8
+PER_SPAN = 64
 KEPT = 20_000_000  # numbers of z that are kept unless output says otherwise
 
 
@@ -42,24 +44,28 @@ def evolve(
     start: History | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> History:
-    """The evolution in time, by minimising movements: z_k = argmin ½⟨Az, z⟩ − ⟨ℓ_k, z⟩ + Ψ(t_k/ε, z − z_{k−1}).
+    """The evolution in time, by minimising movements: z_k = argmin ½⟨Az, z⟩ − ⟨ℓ_k, z⟩ + Ψ(t_k/ε, z
+    − z_{k−1}).
 
     Parameters
     ----------
     problem : Evolution
     times : (float, float) or array, optional
-        Start and end, or the times of all steps; begins where `initial` holds. By default the problem's span.
+        Start and end, or the times of all steps; begins where `initial` holds. By default the
+        problem's span.
     steps : int, optional
-        For (start, end): as many steps of equal length. Without it, steps are adaptive: at least 8 per period and 64
-        in all, halved where the energy balance needs it.
+        For (start, end): as many steps of equal length. Without it, steps are adaptive: at least 8
+        per period and 64 in all, halved where the energy balance needs it.
     output : int or array, optional
-        Times at which z is kept (steps end there, too); or keep it after every so many steps. By default every step
-        is kept while that is not too much memory (160 MB), then every second, and so on.
+        Times at which z is kept (steps end there, too); or keep it after every so many steps. By
+        default every step is kept while that is not too much memory (160 MB), then every second,
+        and so on.
     observables : mapping of str to callable, optional
         Functions (t, z) → number or array that are recorded at every step.
     tolerance : float
-        Of the energy balance (E), relative to the energy that flows. Adaptive steps keep it, the certificate asks for
-        it; between the steps, forces leave K by no more than it, relative to the largest weight.
+        Of the energy balance (E), relative to the energy that flows. Adaptive steps keep it, the
+        certificate asks for it; between the steps, forces leave K by no more than it, relative to
+        the largest weight.
     kkt : float
         Largest KKT residual of a step, relative to the largest weight.
     solver : {"dense", "multigrid"}, optional
@@ -79,20 +85,22 @@ def evolve(
     DeclarationError
         If an argument is wrong, or `start` does not belong to the problem.
 
-    Notes
-    -----
-    Where all components that move keep moving, weighted ℓ1 steps are exact at their ends, however long they are.
-    Otherwise the error is of the first order in the step; adaptive steps make it proportional to `tolerance`
-    (to its square root for potentials whose K is curved).
+    Notes ----- Where all components that move keep moving, weighted ℓ1 steps are exact at their
+    ends, however long they are. Otherwise the error is of the first order in the step; adaptive
+    steps make it proportional to `tolerance` (to its square root for potentials whose K is curved).
     """
     began = time.perf_counter()
     check_positive(tolerance=tolerance, kkt=kkt)
     nodes, adaptive = step_times(problem, problem.span if times is None else times, steps)
     wanted = output_times(output, nodes)
     nodes = merged(nodes, wanted)
-    state, record = _begin(problem, start, Record(output if wanted is None else wanted, dict(observables or {})))
+    state, record = _begin(
+        problem, start, Record(output if wanted is None else wanted, dict(observables or {}))
+    )
     nodes = nodes[nodes > state.t]
-    march = March(problem, nodes, choose_solver(problem, solver, kkt / 2.0), state, kkt, tolerance, adaptive)
+    march = March(
+        problem, nodes, choose_solver(problem, solver, kkt / 2.0), state, kkt, tolerance, adaptive
+    )
     earlier = 0.0 if start is None else start.wall_time
     try:
         with bar(progress) as show:
@@ -102,11 +110,14 @@ def evolve(
     except KeyboardInterrupt:
         pass  # the outcome of a march that has not ended is "interrupted"
     data = record.dataset(problem).assign_attrs(least_energy=march.least)
-    return History(data, march.outcome, march.detail, tolerance, kkt, earlier + time.perf_counter() - began)
+    return History(
+        data, march.outcome, march.detail, tolerance, kkt, earlier + time.perf_counter() - began
+    )
 
 
 def settle(problem: Evolution) -> Array:
-    """The stable state nearest to the initial one in the energy norm, shape (n,): one step at the start of the span."""
+    """The stable state nearest to the initial one in the energy norm, shape (n,): one step at the
+    start of the span."""
     times = np.array([problem.span[0]])
     solver = choose_solver(problem, None, STABLE / 2.0)
     states, _ = solver.advance(problem.initial, problem.ell.at(times), problem.sets(times))
@@ -117,7 +128,9 @@ def check_positive(**given: float) -> None:
     """Refuse tolerances that are none."""
     for name, value in given.items():
         if not (is_finite(value) and value > 0.0):
-            raise DeclarationError(name, f"{value!r} is no tolerance", "Give a small positive number")
+            raise DeclarationError(
+                name, f"{value!r} is no tolerance", "Give a small positive number"
+            )
 
 
 def step_times(problem: Evolution, times: Any, steps: int | None) -> tuple[Array, bool]:
@@ -126,17 +139,30 @@ def step_times(problem: Evolution, times: Any, steps: int | None) -> tuple[Array
         times = np.array(times, dtype=float)
     except (TypeError, ValueError):
         times = np.empty(0)
-    if times.ndim != 1 or len(times) < 2 or not np.all(np.isfinite(times)) or not np.all(np.diff(times) > 0.0):
-        raise DeclarationError("times", "no increasing times", "Give (start, end), or all times of the steps")
+    if (
+        times.ndim != 1
+        or len(times) < 2
+        or not np.all(np.isfinite(times))
+        or not np.all(np.diff(times) > 0.0)
+    ):
+        raise DeclarationError(
+            "times", "no increasing times", "Give (start, end), or all times of the steps"
+        )
     if times[0] != problem.span[0]:
         raise DeclarationError(
-            "times", f"they start at {times[0]:g}, but the initial state holds at {problem.span[0]:g}", "Start there"
+            "times",
+            f"they start at {times[0]:g}, but the initial state holds at {problem.span[0]:g}",
+            "Start there",
         )
     if times[-1] > problem.ell.span[1]:
-        raise DeclarationError("times", f"the load is known up to {problem.ell.span[1]:g} only", "End there")
+        raise DeclarationError(
+            "times", f"the load is known up to {problem.ell.span[1]:g} only", "End there"
+        )
     if steps is not None:
         if len(times) > 2 or not isinstance(steps, int | np.integer) or steps < 1:
-            raise DeclarationError("steps", f"{steps!r} steps", "Give (start, end) and a positive number of steps")
+            raise DeclarationError(
+                "steps", f"{steps!r} steps", "Give (start, end) and a positive number of steps"
+            )
         return np.linspace(times[0], times[1], steps + 1), False
     if len(times) > 2:
         return times, False
@@ -151,7 +177,9 @@ def step_times(problem: Evolution, times: Any, steps: int | None) -> tuple[Array
 def _filled(stops: Array, longest: float) -> Array:
     """Times with all stops among them, evenly spaced in between, no step longer than given."""
     counts = np.ceil(np.diff(stops) / longest * (1.0 - 1e-12)).astype(int)
-    parts = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(stops[:-1], stops[1:], counts, strict=True)]
+    parts = [
+        np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(stops[:-1], stops[1:], counts, strict=True)
+    ]
     return np.concatenate([*parts, stops[-1:]])
 
 
@@ -159,12 +187,20 @@ def output_times(output: Any, nodes: Array) -> Array | None:
     """Times at which z is asked for; None if it is a stride or nothing."""
     if output is None or np.ndim(output) == 0:
         if output is not None and not (isinstance(output, int | np.integer) and output >= 1):
-            raise DeclarationError("output", f"{output!r} is no stride", "Give times, or keep every 1, 2, 3, ... steps")
+            raise DeclarationError(
+                "output", f"{output!r} is no stride", "Give times, or keep every 1, 2, 3, ... steps"
+            )
         return None
     wanted = np.array(output, dtype=float)
-    if wanted.ndim != 1 or not np.all((wanted >= nodes[0]) & (wanted <= nodes[-1])) or np.any(np.diff(wanted) <= 0.0):
+    if (
+        wanted.ndim != 1
+        or not np.all((wanted >= nodes[0]) & (wanted <= nodes[-1]))
+        or np.any(np.diff(wanted) <= 0.0)
+    ):
         raise DeclarationError(
-            "output", "not increasing times within the span", f"Give times from {nodes[0]:g} to {nodes[-1]:g}"
+            "output",
+            "not increasing times within the span",
+            f"Give times from {nodes[0]:g} to {nodes[-1]:g}",
         )
     # A time that is a node up to rounding is that node.
     near = nodes[np.clip(np.searchsorted(nodes, wanted), 0, len(nodes) - 1)]
@@ -182,20 +218,34 @@ def _begin(problem: Evolution, start: History | None, record: Record) -> tuple[S
     """The state to go on from, and the record of what came before."""
     if start is None:
         state = start_state(problem, problem.span[0], problem.initial)
-        zeros = {name: np.zeros(1) for name in COLUMNS} | {"energy": np.array([problem.energy(state.t, state.z)])}
+        zeros = {name: np.zeros(1) for name in COLUMNS} | {
+            "energy": np.array([problem.energy(state.t, state.z)])
+        }
         record.add(Block(np.array([state.t]), state.z[None], zeros))
         return state, record
     old = start.dataset
     if old.sizes["component"] != problem.n or old.attrs["epsilon"] != problem.epsilon:
         raise DeclarationError(
-            "start", f"a result of {old.sizes['component']} components with epsilon = {old.attrs['epsilon']:g}",
+            "start",
+            f"a result of {old.sizes['component']} components "
+            f"with epsilon = {old.attrs['epsilon']:g}",
             "Continue a result of this problem",
-        )  # fmt: skip
+        )
     energy = old["energy"].values
-    flow = Flow(float(old["dissipated"][-1]), float(old["work"][-1]), float(energy.min()), float(energy.max()))
-    t, z = float(old["step_time"][-1]), old["final_state"].values
-    if not math.isclose(problem.energy(t, z), energy[-1], rel_tol=1e-9, abs_tol=1e-9 * float(np.abs(energy).max())):
-        raise DeclarationError("start", "its energy is not that of this problem", "Continue a result of this problem")
+    flow = Flow(
+        float(old["dissipated"][-1]),
+        float(old["work"][-1]),
+        float(energy.min()),
+        float(energy.max()),
+    )
+    t = float(old["step_time"][-1])
+    z = old["final_state"].values
+    if not math.isclose(
+        problem.energy(t, z), energy[-1], rel_tol=1e-9, abs_tol=1e-9 * float(np.abs(energy).max())
+    ):
+        raise DeclarationError(
+            "start", "its energy is not that of this problem", "Continue a result of this problem"
+        )
     record.restore(old)
     return start_state(problem, t, z, flow), record
 
@@ -214,7 +264,9 @@ class Record:
         self.output, self.observables = output, observables
         for name in observables:
             if name in {*COLUMNS, "z", "time", "step", "step_time", "component", "final_state"}:
-                raise DeclarationError(f"observables.{name}", "the name is taken", "Choose another name")
+                raise DeclarationError(
+                    f"observables.{name}", "the name is taken", "Choose another name"
+                )
         self.stride = output if np.ndim(output) == 0 and output is not None else 1
         self.count, self.size = 0, 0  # steps so far, and numbers kept of z
         self.kept: list[tuple[Array, Array]] = []
@@ -228,10 +280,14 @@ class Record:
             chosen = np.arange(self.count, self.count + len(block.times)) % self.stride == 0
         values = dict(block.columns)
         for name, observe in self.observables.items():
-            rows = [np.asarray(observe(float(t), z)) for t, z in zip(block.times, block.states, strict=True)]
+            rows = [
+                np.asarray(observe(float(t), z))
+                for t, z in zip(block.times, block.states, strict=True)
+            ]
             values[name] = np.array(rows)
         self.kept.append((block.times[chosen], block.states[chosen]))
-        self.blocks.append((block.times, values, block.states[-1].copy()))  # last: an interrupt before it loses a block
+        # last: an interrupt before it loses a block
+        self.blocks.append((block.times, values, block.states[-1].copy()))
         self.count += len(block.times)
         self.size += block.states[chosen].size
         while self.output is None and self.size > KEPT:
@@ -246,12 +302,15 @@ class Record:
         """Go on after an earlier result."""
         for name in self.observables:
             if name not in old:
-                raise DeclarationError(f"observables.{name}", "the earlier result has no such record", "Leave it out")
+                raise DeclarationError(
+                    f"observables.{name}", "the earlier result has no such record", "Leave it out"
+                )
         times = old["step_time"].values
         columns = {name: old[name].values for name in (*COLUMNS, *self.observables)}
         self.kept = [(old["time"].values, old["z"].values)]
         self.blocks = [(times, columns, old["final_state"].values)]
-        self.count, self.size = len(times), old["z"].size
+        self.count = len(times)
+        self.size = old["z"].size
         self.stride = int(old.attrs["stride"]) if self.output is None else self.stride
 
     def dataset(self, problem: Evolution) -> xarray.Dataset:
@@ -264,7 +323,11 @@ class Record:
         data: dict[str, Any] = {
             "z": (("time", "component"), states[done], {"long_name": "state"}),
             "step_time": ("step", times, {"long_name": "time of the step"}),
-            "final_state": ("component", self.blocks[-1][2], {"long_name": "state after the last step"}),
+            "final_state": (
+                "component",
+                self.blocks[-1][2],
+                {"long_name": "state after the last step"},
+            ),
         }
         for name in (*COLUMNS, *self.observables):
             column = np.concatenate([values[name] for _, values, _ in self.blocks])
@@ -278,7 +341,9 @@ class Record:
             "bounded": int(problem.bounded),
             "stride": self.stride,
         }
-        return xr.Dataset(data, {"time": ("time", kept_times[done], {"long_name": "time"})}, attributes)
+        return xr.Dataset(
+            data, {"time": ("time", kept_times[done], {"long_name": "time"})}, attributes
+        )
 
 
 @contextmanager

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = np.ndarray
-KIND, FORMAT = "evolution", 2  # of the stored file
+KIND = "evolution"  # of the stored file
+FORMAT = 2  # of the stored file
 PHASE_STEP = 0.25  # longest step that still sees the oscillation, in periods
 
 
@@ -29,8 +30,9 @@ class History:
     Attributes
     ----------
     dataset : xarray.Dataset
-        ``z`` over (time, component) at the output times; over ``step``: ``step_time``, energy, dissipated, work and the
-        other columns of every step, and the observables; ``final_state``, the last state.
+        ``z`` over (time, component) at the output times; over ``step``: ``step_time``, energy,
+        dissipated, work and the other columns of every step, and the observables; ``final_state``,
+        the last state.
     outcome : EvolutionOutcome
     detail : str
         What exactly stopped it, if it did not reach the end.
@@ -50,7 +52,8 @@ class History:
     def __repr__(self) -> str:
         times = self.dataset["step_time"].values
         return (
-            f"<History of {self.dataset.sizes['component']} components: t = {times[0]:g} ... {times[-1]:g}, "
+            f"<History of {self.dataset.sizes['component']} components: t = {times[0]:g} ... "
+            f"{times[-1]:g}, "
             f"{len(times) - 1} steps, {self.outcome.label}>"
         )
 
@@ -85,43 +88,61 @@ class History:
 
     @cached_property
     def energy_scale(self) -> float:
-        """Energy that flows: the largest of the swing of the energy, the dissipated energy and the work of the load."""
-        energy, dissipated, work = (self.dataset[name].values for name in ("energy", "dissipated", "work"))
-        scale = max(np.ptp(energy), dissipated[-1], np.abs(work).max(), self.dataset.attrs["least_energy"])
+        """Energy that flows: the largest of the swing of the energy, the dissipated energy and the
+        work of the load."""
+        energy, dissipated, work = (
+            self.dataset[name].values for name in ("energy", "dissipated", "work")
+        )
+        scale = max(
+            np.ptp(energy), dissipated[-1], np.abs(work).max(), self.dataset.attrs["least_energy"]
+        )
         # Where next to nothing flows, the energy itself is known to rounding only.
         return float(max(scale, 1e-6 * np.abs(energy).max()))
 
     @cached_property
     def certificate(self) -> Certificate:
-        """What was measured of the evolution, and the verdict. The formulas stand in ``evolution/audit.py``.
+        """What was measured of the evolution, and the verdict. The formulas stand in
+        ``evolution/audit.py``.
 
         The residuals are
 
-        - *stability*: (S), largest distance of ℓ − Az from K over all steps, relative to the largest weight;
+        - *stability*: (S), largest distance of ℓ − Az from K over all steps, relative to the
+          largest weight;
         - *KKT residual* of a step, relative to the largest weight;
         - *energy balance*: (E), largest violation at any time, relative to the energy that flows;
-        - *stability between steps*: how far ℓ − Az may leave K there, relative to the largest weight;
+        - *stability between steps*: how far ℓ − Az may leave K there, relative to the largest
+          weight;
         - *length of a step in periods*: 0 if the dissipation does not depend on the phase;
 
         and, told but not judged,
 
-        - *energy balance from below*, *from above*: with the one-sided sums of dissipation and work the balance lies
-          between minus the one and the other, relative to the energy that flows;
-        - *error of z*: √(2 Σ(|defect| + slack)) and the largest that is missed, in the energy norm; a bound if nothing
-          overshoots;
-        - *samples*: times at which load and thresholds were looked at; 0 if they are bounded between the steps, since
-          they are made of formulas and tables.
+        - *energy balance from below*, *from above*: with the one-sided sums of dissipation and work
+          the balance lies between minus the one and the other, relative to the energy that flows;
+        - *error of z*: √(2 Σ(|defect| + slack)) and the largest that is missed, in the energy norm;
+          a bound if nothing overshoots;
+        - *samples*: times at which load and thresholds were looked at; 0 if they are bounded
+          between the steps, since they are made of formulas and tables.
         """
-        column = {name: self.dataset[name].values for name in self.dataset if self.dataset[name].dims == ("step",)}
+        column = {
+            name: self.dataset[name].values
+            for name in self.dataset
+            if self.dataset[name].dims == ("step",)
+        }
         balance = column["energy"] - column["energy"][0] + column["dissipated"] - column["work"]
         relative = 1.0 / self.energy_scale if self.energy_scale > 0.0 else 0.0
         below = float(np.sum(column["increment"]))
-        periods = self.dataset.attrs["epsilon"] if self.dataset.attrs["depends_on_phase"] else np.inf
+        periods = (
+            self.dataset.attrs["epsilon"] if self.dataset.attrs["depends_on_phase"] else np.inf
+        )
         longest = float(np.diff(self.dataset["step_time"].values).max(initial=0.0)) / periods
         error = float(np.sqrt(2.0 * np.sum(np.abs(column["defect"]) + column["slack"])))
         error += float(column["missed"].max())
         samples = 0 if self.dataset.attrs["bounded"] else 2 * self.steps + 1
-        looked = f"as sampled at {samples} times" if samples else "load and thresholds bounded between the steps"
+        looked = (
+            f"as sampled at {samples} times"
+            if samples
+            else "load and thresholds bounded between the steps"
+        )
         residuals = (
             Residual("stability", float(column["distance"].max()), self.kkt),
             Residual("KKT residual", float(column["residual"].max()), self.kkt),
@@ -129,7 +150,9 @@ class History:
             Residual("stability between steps", float(column["overshoot"].max()), self.tolerance),
             Residual("length of a step in periods", longest, PHASE_STEP),
             Residual("energy balance from below", below * relative),
-            Residual("energy balance from above", (below + float(np.sum(column["gap"]))) * relative),
+            Residual(
+                "energy balance from above", (below + float(np.sum(column["gap"]))) * relative
+            ),
             Residual("error of z", error, note="in the energy norm"),
             Residual("samples", float(samples)),
         )

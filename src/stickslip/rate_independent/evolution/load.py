@@ -15,7 +15,8 @@ from stickslip.symbolic.chords import Chord, deviations, table
 from stickslip.symbolic.formulas import Scope
 
 Array = np.ndarray
-CACHED = 2_000_000  # numbers of a callable load that are remembered: refined steps ask for the same times again
+# numbers of a callable load that are remembered: refined steps ask for the same times again
+CACHED = 2_000_000
 
 
 @dataclass(frozen=True)
@@ -27,10 +28,11 @@ class Load:
     at : callable
         Times of shape (m,) → values of shape (m, n).
     chord : callable
-        Starts and ends of stretches, shape (m,) each, without knots inside → values at both and deviations in between.
+        Starts and ends of stretches, shape (m,) each, without knots inside → values at both and
+        deviations in between.
     bounded : bool
-        Whether it is known at every time, and the deviations are bounds; otherwise they are estimated by twice that in
-        the middle.
+        Whether it is known at every time, and the deviations are bounds; otherwise they are
+        estimated by twice that in the middle.
     knots : array
         Times at which the slope jumps (of a table).
     span : (float, float)
@@ -50,8 +52,8 @@ def read_load(given: Any, n: int) -> Load:
     Parameters
     ----------
     given : callable, (times, values), or formulas
-        t → (n,); or arrays of shapes (m,) and (m, n), linear in between; or a list of n formulas in ``t`` (one formula
-        if n = 1).
+        t → (n,); or arrays of shapes (m,) and (m, n), linear in between; or a list of n formulas in
+        ``t`` (one formula if n = 1).
     n : int
         Number of components.
 
@@ -81,16 +83,22 @@ def _function(function: Callable[[float], Any], n: int) -> Load:
         try:
             value = np.array(function(t), dtype=float)
         except (TypeError, ValueError) as error:
-            raise DeclarationError("load", f"no value at t = {t:.9g} ({error})", f"Return {n} numbers") from None
+            raise DeclarationError(
+                "load", f"no value at t = {t:.9g} ({error})", f"Return {n} numbers"
+            ) from None
         if value.shape != (n,) and value.size != n:
-            raise DeclarationError("load", f"shape {value.shape} at t = {t:.9g}, but A has {n} rows", f"Return ({n},)")
+            raise DeclarationError(
+                "load", f"shape {value.shape} at t = {t:.9g}, but A has {n} rows", f"Return ({n},)"
+            )
         return value.reshape(n)
 
     def rows(times: Array) -> Array:
         return np.array([row(t) for t in times.tolist()]).reshape(len(times), n)
 
     def chord(low: Array, high: Array) -> Chord:
-        start, middle, end = rows(low), rows(0.5 * (low + high)), rows(high)
+        start = rows(low)
+        middle = rows(0.5 * (low + high))
+        end = rows(high)
         return Chord(start, end, np.abs(2.0 * middle - start - end))
 
     return Load(rows, chord)
@@ -112,7 +120,9 @@ def _table(times: Any, values: Any, n: int) -> Load:
             f"Give at least 2 times and values of shape (times, {n})",
         )
     if not (np.all(np.isfinite(times)) and np.all(np.diff(times) > 0.0)):
-        raise DeclarationError("load", "the times do not increase", "Sort them, each once, all finite")
+        raise DeclarationError(
+            "load", "the times do not increase", "Sort them, each once, all finite"
+        )
     check_finite(times, values)
 
     def rows(at: Array) -> Array:
@@ -128,7 +138,9 @@ def _table(times: Any, values: Any, n: int) -> Load:
 
 def _formulas(given: Sequence[Any], n: int) -> Load:
     if len(given) != n:
-        raise DeclarationError("load", f"{len(given)} formulas for {n} components", f"Give a list of {n} formulas in t")
+        raise DeclarationError(
+            "load", f"{len(given)} formulas for {n} components", f"Give a list of {n} formulas in t"
+        )
     scope = Scope({"t": ex.sym("t")})
     expressions = [scope.parse(text, f"load[{i}]") for i, text in enumerate(given)]
 
@@ -148,5 +160,7 @@ def check_finite(times: Array, rows: Array) -> None:
     if len(bad):
         k, i = map(int, bad[0])
         raise DeclarationError(
-            f"load[{i}]", f"{rows[k, i]} at t = {times[k]:.9g}", "Every value of the load must be finite"
+            f"load[{i}]",
+            f"{rows[k, i]} at t = {times[k]:.9g}",
+            "Every value of the load must be finite",
         )

@@ -23,11 +23,21 @@ class EvolutionOutcome(Enum):
         "The energy balance fails however short the step: the load or a threshold jumps. "
         "Make them continuous, or give the times of the steps",
     )
-    UNDEFINED = (3, "undefined", "The load or the dissipation has no admissible value in the next step")
-    INTERRUPTED = (4, "interrupted", "Stopped by the user. evolve(problem, times, start=result) goes on from here")
+    UNDEFINED = (
+        3,
+        "undefined",
+        "The load or the dissipation has no admissible value in the next step",
+    )
+    INTERRUPTED = (
+        4,
+        "interrupted",
+        "Stopped by the user. evolve(problem, times, start=result) goes on from here",
+    )
 
     def __init__(self, code: int, label: str, message: str) -> None:
-        self.code, self.label, self.message = code, label, message
+        self.code = code
+        self.label = label
+        self.message = message
 
     @property
     def ok(self) -> bool:

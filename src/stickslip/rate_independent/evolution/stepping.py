@@ -24,10 +24,11 @@ SHORTEST = 2.0**-44  # step, as a part of the whole time
 class March:
     """An evolution under way: iterating over it gives the accepted blocks, one after the other.
 
-    An adaptive march halves a step if its |defect| exceeds its share of the tolerance, or if its overshoot exceeds the
-    tolerance. The share is half of that of its length, h/T times the energy that has flowed so far, and half of what
-    it dissipates itself, which is most of it in short steep pulses: all defects add up to less than the tolerance. The
-    defect is large at onsets and ends of sliding; the overshoot resolves the phase while forces are near their bounds.
+    An adaptive march halves a step if its |defect| exceeds its share of the tolerance, or if its
+    overshoot exceeds the tolerance. The share is half of that of its length, h/T times the energy
+    that has flowed so far, and half of what it dissipates itself, which is most of it in short
+    steep pulses: all defects add up to less than the tolerance. The defect is large at onsets and
+    ends of sliding; the overshoot resolves the phase while forces are near their bounds.
 
     Parameters
     ----------
@@ -64,12 +65,18 @@ class March:
         tolerance: float,
         adaptive: bool = True,
     ) -> None:
-        self.problem, self.nodes, self.solver, self.state = problem, nodes, solver, state
-        self.kkt, self.tolerance, self.adaptive = kkt, tolerance, adaptive
+        self.problem = problem
+        self.nodes = nodes
+        self.solver = solver
+        self.state = state
+        self.kkt = kkt
+        self.tolerance = tolerance
+        self.adaptive = adaptive
         self.weight = largest_weight(problem.dissipation) or float(np.abs(state.load).max()) or 1.0
         self.length = float(nodes[-1]) - problem.span[0] if len(nodes) else 0.0
         self.least = LEAST * _energy_of_load(problem, nodes)
-        self.outcome, self.detail = EvolutionOutcome.INTERRUPTED, ""
+        self.outcome = EvolutionOutcome.INTERRUPTED
+        self.detail = ""
 
     def __iter__(self) -> Iterator[Block]:
         block = size = self.solver.block
@@ -80,10 +87,14 @@ class March:
                     tried = self._try(pending[:size])
                 except StickslipError as error:
                     undefined = isinstance(error, DeclarationError)
-                    self._stop(EvolutionOutcome.UNDEFINED if undefined else EvolutionOutcome.NOT_CONVERGED, str(error))
+                    self._stop(
+                        EvolutionOutcome.UNDEFINED if undefined else EvolutionOutcome.NOT_CONVERGED,
+                        str(error),
+                    )
                     return
                 good, fits = self._accepted(tried)
-                # What follows a step that is halved is made again: near onsets, do not go far ahead.
+                # What follows a step that is halved is made again: near onsets, do not go far
+                # ahead.
                 size = min(block, max(2 * good, block // LOOK_AHEAD, 1))
                 if good:
                     yield self._advance(tried, good)
@@ -92,11 +103,16 @@ class March:
                     continue
                 if fits[good]:
                     residual = tried.block.columns["residual"][good]
-                    self._stop(EvolutionOutcome.NOT_CONVERGED, f"the KKT residual is {residual:.2e}")
+                    self._stop(
+                        EvolutionOutcome.NOT_CONVERGED, f"the KKT residual is {residual:.2e}"
+                    )
                     return
                 pending = self._halved(pending, ~fits[good:])
                 if pending[0] - self.state.t < SHORTEST * self.length:
-                    self._stop(EvolutionOutcome.JUMP, f"between t = {self.state.t:.9g} and {pending[1]:.9g}")
+                    self._stop(
+                        EvolutionOutcome.JUMP,
+                        f"between t = {self.state.t:.9g} and {pending[1]:.9g}",
+                    )
                     return
         self.outcome = EvolutionOutcome.FINISHED
 
@@ -121,7 +137,9 @@ class March:
         states, effort = self.solver.advance(start.z, loads, sets)
         if len(states) < len(times):
             raise StickslipError("the solver gave up")
-        return measure(problem, start, times, states, effort, loads, sets, self.weight, SHARE * self.tolerance)
+        return measure(
+            problem, start, times, states, effort, loads, sets, self.weight, SHARE * self.tolerance
+        )
 
     def _accepted(self, tried: Measured) -> tuple[int, Array]:
         """How many steps are accepted, and which ones are short enough."""

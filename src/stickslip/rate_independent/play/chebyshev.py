@@ -1,6 +1,8 @@
-"""Functions of one variable as polynomials on panels: fitted, restricted, and every change of sign found.
+"""Functions of one variable as polynomials on panels: fitted, restricted, and every change of sign
+found.
 
-Coefficients are those of Chebyshev polynomials in x ∈ [−1, 1], one column per panel: shape (degree + 1, panels).
+Coefficients are those of Chebyshev polynomials in x ∈ [−1, 1], one column per panel: shape (degree
++ 1, panels).
 """
 
 from __future__ import annotations
@@ -21,22 +23,29 @@ EPS = float(np.finfo(float).eps)
 ROUNDING = 64 * EPS
 """Largest error of a fit, relative to the largest value: what evaluation may leave."""
 COARSEST = 1e-9
-"""Largest relative error that rounding of the places may excuse: beyond it a function of unknown growth has a jump."""
+"""Largest relative error that rounding of the places may excuse: beyond it a function of unknown
+growth has a jump."""
 FIRST_PANELS = 4
 MOST_PANELS = 2**18  # of a fit
-NARROWEST = 2.0**-50  # width of a panel in parts of the whole, below which a function is taken to jump
-DEEP = 2.0**-12  # width of a panel that only a corner can call for, if few of its neighbours are as narrow
+# width of a panel in parts of the whole, below which a function is taken to jump
+NARROWEST = 2.0**-50
+# width of a panel that only a corner can call for, if few of its neighbours are as narrow
+DEEP = 2.0**-12
 SAME = 2.0**-40  # distance of two corners in parts of the whole, below which they are one
 CLUSTER = 250  # panels that gather around one corner, at most
 PASSES = 6
 MOST_HALVINGS = 52  # of a panel, in search of zeros
-REACHES = (8.0, 4.0)  # radii of discs around panels, in units of half their width, that may show what a fit can miss
-SEARCH, FINAL = 30, 42  # how close to an end a fit is checked, as long as corners are known roughly, and afterwards
+# radii of discs around panels, in units of half their width, that may show what a fit can miss
+REACHES = (8.0, 4.0)
+# How close to an end a fit is checked, as long as corners are known roughly, and afterwards.
+SEARCH = 30
+FINAL = 42
 
 
 @cache
 def nodes(m: int) -> Array:
-    """The m Chebyshev points, ascending; none is an end, so a panel never sees the other side of a jump."""
+    """The m Chebyshev points, ascending; none is an end, so a panel never sees the other side of a
+    jump."""
     return -np.cos(np.pi * (np.arange(m) + 0.5) / m)
 
 
@@ -45,7 +54,12 @@ def transform(m: int) -> Array:
     """Values at the m Chebyshev points -> coefficients, shape (m, m)."""
     k = np.arange(m)
     # T_k(−cos θ) = (−1)^k cos kθ: evaluated by its recurrence it would lose two digits.
-    matrix = 2.0 / m * (-1.0) ** k[:, None] * np.cos(np.pi / (2 * m) * (k[:, None] * (2 * k + 1) % (4 * m)))
+    matrix = (
+        2.0
+        / m
+        * (-1.0) ** k[:, None]
+        * np.cos(np.pi / (2 * m) * (k[:, None] * (2 * k + 1) % (4 * m)))
+    )
     matrix[0] /= 2.0
     return matrix
 
@@ -53,14 +67,17 @@ def transform(m: int) -> Array:
 @cache
 def _halves(m: int) -> Array:
     """Coefficients on [−1, 1] -> coefficients on [−1, 0] and on [0, 1], shape (2, m, m)."""
-    return np.stack([transform(m) @ chebvander((nodes(m) + shift) / 2.0, m - 1) for shift in (-1.0, 1.0)])
+    return np.stack(
+        [transform(m) @ chebvander((nodes(m) + shift) / 2.0, m - 1) for shift in (-1.0, 1.0)]
+    )
 
 
 @cache
 def _checks(closest: int) -> tuple[Array, Array]:
     """Points at which a fit is compared with its function, and the values of the polynomials there.
 
-    Next to the ends they come as close as 2^−closest, or a corner could hide between an end and the first point.
+    Next to the ends they come as close as 2^−closest, or a corner could hide between an end and the
+    first point.
     """
     even = (0.5 + np.arange(2 * DEGREE)) * 0.6180339887498949 % 1.0 * 2.0 - 1.0
     near_end = 1.0 - 2.0 ** -np.arange(6.0, closest + 1.0, 4.0)
@@ -79,20 +96,25 @@ def slopes(c: Array) -> Array:
 
 
 def restrict(c: Array, start: Array, end: Array) -> Array:
-    """The polynomials on subintervals [start, end] of [−1, 1], in their own coordinate from −1 to 1."""
+    """The polynomials on subintervals [start, end] of [−1, 1], in their own coordinate from −1 to
+    1."""
     out = np.empty(c.shape)
     _restrict(np.ascontiguousarray(c), start, end, nodes(len(c)), transform(len(c)), out)
     return out
 
 
 @njit(cache=True)
-def _restrict(c: Array, start: Array, end: Array, nodes: Array, transform: Array, out: Array) -> None:
+def _restrict(
+    c: Array, start: Array, end: Array, nodes: Array, transform: Array, out: Array
+) -> None:
     m = len(c)
     own, sampled = np.empty(m), np.empty(m)
     for p in range(c.shape[1]):
         own[:] = c[:, p]
         for j in range(m):
-            sampled[j] = _value(own, 0.5 * (start[p] + end[p]) + 0.5 * (end[p] - start[p]) * nodes[j])[0]
+            sampled[j] = _value(
+                own, 0.5 * (start[p] + end[p]) + 0.5 * (end[p] - start[p]) * nodes[j]
+            )[0]
         for k in range(m):
             total = 0.0
             for j in range(m):
@@ -103,7 +125,10 @@ def _restrict(c: Array, start: Array, end: Array, nodes: Array, transform: Array
 @njit(cache=True)
 def _value(c: Array, x: float) -> tuple[float, float]:
     """Value and derivative (Clenshaw)."""
-    value, before, slope, slope_before = 0.0, 0.0, 0.0, 0.0
+    value = 0.0
+    before = 0.0
+    slope = 0.0
+    slope_before = 0.0
     for k in range(len(c) - 1, 0, -1):
         slope, slope_before = 2.0 * value + 2.0 * x * slope - slope_before, slope
         value, before = c[k] + 2.0 * x * value - before, value
@@ -115,13 +140,16 @@ class Unresolved(Exception):
 
 
 def fit(
-    function: Callable[[Array], Array], edges: Array, most: int = MOST_PANELS, growth: Growth | None = None
+    function: Callable[[Array], Array],
+    edges: Array,
+    most: int = MOST_PANELS,
+    growth: Growth | None = None,
 ) -> tuple[Array, Array, float]:
     """A function as polynomials of degree at most 16, to rounding.
 
-    Panels are halved until the polynomial agrees with the function at 50 other points and, if its growth is known, can
-    be off by no more anywhere. Where the function has a corner or a jump, panels gather; that place becomes an edge,
-    and the fit is made again.
+    Panels are halved until the polynomial agrees with the function at 50 other points and, if its
+    growth is known, can be off by no more anywhere. Where the function has a corner or a jump,
+    panels gather; that place becomes an edge, and the fit is made again.
 
     Parameters
     ----------
@@ -132,8 +160,8 @@ def fit(
     most : int
         Most panels that are tried.
     growth : callable, optional
-        Starts and ends of stretches and radii -> bounds of how far the function can be from its value in the middle of
-        each stretch, on the disc of that radius in the complex plane.
+        Starts and ends of stretches and radii -> bounds of how far the function can be from its
+        value in the middle of each stretch, on the disc of that radius in the complex plane.
 
     Returns
     -------
@@ -147,12 +175,12 @@ def fit(
     Unresolved
         If more panels are needed.
 
-    Notes
-    -----
-    Without `growth`, what lies between two sampled places is not seen: a spike narrower than 1/200 of the whole, away
-    from any known corner, may be missed.
+    Notes ----- Without `growth`, what lies between two sampled places is not seen: a spike narrower
+    than 1/200 of the whole, away from any known corner, may be missed.
     """
-    known, whole, place = edges, edges[-1] - edges[0], EPS * np.max(np.abs(edges))
+    known = edges
+    whole = edges[-1] - edges[0]
+    place = EPS * np.max(np.abs(edges))
     same = max(SAME * whole, 1024.0 * place)
     for _ in range(PASSES):
         breaks, c, _ = _halve_until_resolved(function, edges, most, SEARCH, growth)
@@ -160,7 +188,9 @@ def fit(
         corners = corners[np.min(np.abs(corners[:, None] - edges), axis=1, initial=np.inf) > same]
         if not len(corners):
             if len(edges) > len(known):
-                edges = np.union1d(known, _sharpened(function, np.setdiff1d(edges, known), same, breaks, c))
+                edges = np.union1d(
+                    known, _sharpened(function, np.setdiff1d(edges, known), same, breaks, c)
+                )
             break
         edges = np.union1d(edges, corners)
     closest = min(FINAL, int(np.log2(whole / (256.0 * place))))
@@ -175,21 +205,27 @@ def _halve_until_resolved(
 ) -> tuple[Array, Array, float]:
     points, at_points = _checks(closest)
     start, end = _first_panels(edges)
-    whole, scale, noise, total = edges[-1] - edges[0], 0.0, 0.0, 0
+    whole = edges[-1] - edges[0]
+    scale = 0.0
+    noise = 0.0
+    total = 0
     done: list[tuple[Array, Array]] = []
     while len(start):
         total += len(start)
         if total > most:
             raise Unresolved(float(start[0]))
-        middle, half = 0.5 * (start + end), 0.5 * (end - start)
+        middle = 0.5 * (start + end)
+        half = 0.5 * (end - start)
         sampled = function(middle + half * nodes(DEGREE + 1)[:, None])
         c = transform(DEGREE + 1) @ sampled
         scale = max(scale, float(np.max(np.abs(sampled))))
-        # A place is a rounded number, so a steep function is known no better than slope times rounding; what grows
-        # without bound on every disc is a jump.
+        # A place is a rounded number, so a steep function is known no better than slope times
+        # rounding; what grows without bound on every disc is a jump.
         steepness = np.sum(np.abs(slopes(c)), axis=0) / half
         blur = 4.0 * EPS * np.maximum(np.abs(start), np.abs(end)) * steepness
-        tolerance = ROUNDING * scale + (np.minimum(blur, COARSEST * scale) if growth is None else blur)
+        tolerance = ROUNDING * scale + (
+            np.minimum(blur, COARSEST * scale) if growth is None else blur
+        )
         off = np.max(np.abs(at_points @ c - function(middle + half * points[:, None])), axis=0)
         off = np.maximum(off, np.abs(c[-1]) + np.abs(c[-2]))
         resolved = off <= tolerance
@@ -198,18 +234,23 @@ def _halve_until_resolved(
         noise = max(noise, float(np.max(off[resolved], initial=0.0)))
         resolved |= end - start <= np.maximum(NARROWEST * whole, 8.0 * np.spacing(np.abs(middle)))
         done.append((start[resolved], c[:, resolved]))
-        start, middle, end = start[~resolved], middle[~resolved], end[~resolved]
+        start = start[~resolved]
+        middle = middle[~resolved]
+        end = end[~resolved]
         start, end = np.concatenate([start, middle]), np.concatenate([middle, end])
-    starts, c = np.concatenate([s for s, _ in done]), np.concatenate([c for _, c in done], axis=1)
+    starts = np.concatenate([s for s, _ in done])
+    c = np.concatenate([c for _, c in done], axis=1)
     order = np.argsort(starts)
     return np.append(starts[order], edges[-1]), c[:, order], noise + 4.0 * EPS * scale
 
 
 def _missed(growth: Growth, start: Array, end: Array) -> Array:
-    """What a polynomial that agrees with a function at Chebyshev points can miss of it on each panel.
+    """What a polynomial that agrees with a function at Chebyshev points can miss of it on each
+    panel.
 
-    With |f| ≤ B in the ellipse with foci ±1 and the sum ρ of its half axes, that is 4 B ρ^−n/(ρ − 1) for the degree n
-    (L. N. Trefethen, *Approximation Theory and Approximation Practice*, SIAM (2013), theorem 8.2).
+    With |f| ≤ B in the ellipse with foci ±1 and the sum ρ of its half axes, that is 4 B ρ^−n/(ρ −
+    1) for the degree n (L. N. Trefethen, *Approximation Theory and Approximation Practice*, SIAM
+    (2013), theorem 8.2).
     """
     least = np.full(len(start), np.inf)
     for reach in REACHES:
@@ -228,25 +269,36 @@ def _first_panels(edges: Array) -> tuple[Array, Array]:
 
 
 def _corners(breaks: Array) -> Array:
-    """Places around which panels gather: the narrowest panel of each small cluster of narrow ones."""
+    """Places around which panels gather: the narrowest panel of each small cluster of narrow
+    ones."""
     widths = np.diff(breaks)
     narrow = np.concatenate([[False], widths < DEEP * (breaks[-1] - breaks[0]), [False]])
     runs = np.flatnonzero(narrow[1:] != narrow[:-1]).reshape(-1, 2)
-    found = [first + np.argmin(widths[first:last]) for first, last in runs if last - first <= CLUSTER]
+    found = [
+        first + np.argmin(widths[first:last]) for first, last in runs if last - first <= CLUSTER
+    ]
     return np.array([0.5 * (breaks[i] + breaks[i + 1]) for i in found])
 
 
-def _sharpened(function: Callable[[Array], Array], corners: Array, reach: float, breaks: Array, c: Array) -> Array:
-    """The corners again, each moved to where the function leaves the polynomial of one side for that of the other."""
+def _sharpened(
+    function: Callable[[Array], Array], corners: Array, reach: float, breaks: Array, c: Array
+) -> Array:
+    """The corners again, each moved to where the function leaves the polynomial of one side for
+    that of the other."""
     i = np.searchsorted(breaks, corners)
-    start, width = breaks[:-1], np.diff(breaks)
+    start = breaks[:-1]
+    width = np.diff(breaks)
     clear = np.minimum(width[i - 1], width[i]) > DEEP * (breaks[-1] - breaks[0])
     i = i[clear]
-    low, high = breaks[i] - reach, breaks[i] + reach
+    low = breaks[i] - reach
+    high = breaks[i] + reach
     for _ in range(16):
         middle = 0.5 * (low + high)
         value = function(middle)
-        off = (np.abs(values(c[:, j], 2.0 * (middle - start[j]) / width[j] - 1.0) - value) for j in (i - 1, i))
+        off = (
+            np.abs(values(c[:, j], 2.0 * (middle - start[j]) / width[j] - 1.0) - value)
+            for j in (i - 1, i)
+        )
         before = next(off) <= next(off)
         low, high = np.where(before, middle, low), np.where(before, high, middle)
     return np.concatenate([corners[~clear], 0.5 * (low + high)])
@@ -255,9 +307,10 @@ def _sharpened(function: Callable[[Array], Array], corners: Array, reach: float,
 def sign_changes(c: Array, negligible: float) -> tuple[Array, Array]:
     """Every change of sign inside [−1, 1], of each polynomial.
 
-    Intervals are halved until the polynomial has no zero there (its constant coefficient outweighs the others), is
-    monotone (its linear one outweighs the others, |T_k′| ≤ k²), or its integral there is negligible: a pair of zeros,
-    however close, is not missed, unless what lies between them is rounding.
+    Intervals are halved until the polynomial has no zero there (its constant coefficient outweighs
+    the others), is monotone (its linear one outweighs the others, |T_k′| ≤ k²), or its integral
+    there is negligible: a pair of zeros, however close, is not missed, unless what lies between
+    them is rounding.
 
     Parameters
     ----------
@@ -272,17 +325,20 @@ def sign_changes(c: Array, negligible: float) -> tuple[Array, Array]:
         In order.
     """
     m, count = c.shape
-    panel, x = np.empty(m * count, np.intp), np.empty(m * count)
+    panel = np.empty(m * count, np.intp)
+    x = np.empty(m * count)
     found = _sign_changes(np.ascontiguousarray(c), _halves(m), negligible, panel, x) if m > 1 else 0
     return panel[:found].copy(), x[:found].copy()
 
 
 @njit(cache=True)
 def _sign_changes(c: Array, halves: Array, negligible: float, panel: Array, x: Array) -> int:
-    m, found = len(c), 0
-    # What is still to be looked at: polynomials with middle and half width of their intervals, and values at the ends,
-    # which neighbours share, so that no sign change falls between them.
-    stack, place = np.empty((MOST_HALVINGS + 2, m)), np.empty((MOST_HALVINGS + 2, 4))
+    m = len(c)
+    found = 0
+    # What is still to be looked at: polynomials with middle and half width of their intervals, and
+    # values at the ends, which neighbours share, so that no sign change falls between them.
+    stack = np.empty((MOST_HALVINGS + 2, m))
+    place = np.empty((MOST_HALVINGS + 2, 4))
     whole = np.empty(m)
     for p in range(c.shape[1]):
         stack[0] = c[:, p]
@@ -297,9 +353,14 @@ def _sign_changes(c: Array, halves: Array, negligible: float, panel: Array, x: A
                 bend += k * k * abs(b[k]) if k > 1 else 0.0
             if abs(b[0]) > rest:
                 depth -= 1
-            elif abs(b[1]) >= bend or (abs(b[0]) + rest) * half <= negligible or half <= 2.0**-MOST_HALVINGS:
+            elif (
+                abs(b[1]) >= bend
+                or (abs(b[0]) + rest) * half <= negligible
+                or half <= 2.0**-MOST_HALVINGS
+            ):
                 if (begin < 0.0) != (end < 0.0) and found < len(x):
-                    panel[found], x[found] = p, middle + half * _crossing(b, -1.0, 1.0)
+                    panel[found] = p
+                    x[found] = middle + half * _crossing(b, -1.0, 1.0)
                     found += 1
                 depth -= 1
             else:
@@ -319,7 +380,8 @@ def _sign_changes(c: Array, halves: Array, negligible: float, panel: Array, x: A
 
 @njit(cache=True)
 def _crossing(c: Array, low: float, high: float) -> float:
-    """The place between low and high at which a polynomial, monotone there, changes sign (Newton in a bracket)."""
+    """The place between low and high at which a polynomial, monotone there, changes sign (Newton in
+    a bracket)."""
     rising = _value(c, high)[0] > _value(c, low)[0]
     x = 0.5 * (low + high)
     for _ in range(100):
@@ -346,7 +408,8 @@ def crossings(c: Array, low: Array, high: Array) -> Array:
 
 @njit(cache=True)
 def _crossings(c: Array, low: Array, high: Array) -> Array:
-    x, own = np.empty(c.shape[1]), np.empty(len(c))
+    x = np.empty(c.shape[1])
+    own = np.empty(len(c))
     for p in range(c.shape[1]):
         own[:] = c[:, p]
         x[p] = _crossing(own, low[p], high[p])

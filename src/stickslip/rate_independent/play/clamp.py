@@ -1,8 +1,8 @@
 """The play operator on arrays: z_k = min(max(z_{k−1}, L_k), U_k), in one compiled pass.
 
-Each sample waits for the one before, and a processor that waits is slower than its memory. But z ↦ min(max(z, L), U) is
-a clamp, and compositions of clamps are clamps: two samples are made one first, which needs no state, so that only every
-other sample has to wait.
+Each sample waits for the one before, and a processor that waits is slower than its memory. But z ↦
+min(max(z, L), U) is a clamp, and compositions of clamps are clamps: two samples are made one first,
+which needs no state, so that only every other sample has to wait.
 """
 
 from __future__ import annotations
@@ -20,26 +20,36 @@ Array = NDArray[np.float64]
 
 @njit(cache=True, inline="always")
 def _clamped(y: float, low: float, high: float) -> float:
-    # Two selections without a branch: where loads are noisy, a branch would be guessed wrong most of the time.
+    # Two selections without a branch: where loads are noisy, a branch would be guessed wrong most
+    # of the time.
     y = low if y < low else y
     return high if y > high else y
 
 
 @njit(cache=True)
-def _two_by_two(L: Array, U: Array, M: Array, V: Array, z: Array, w: Array, y: float) -> tuple[float, int]:
-    """Samples (L, U) and (M, V) in turn, with states z and w: the last state, and how many have no L <= U."""
+def _two_by_two(
+    L: Array, U: Array, M: Array, V: Array, z: Array, w: Array, y: float
+) -> tuple[float, int]:
+    """Samples (L, U) and (M, V) in turn, with states z and w: the last state, and how many have no
+    L <= U."""
     wrong = 0
     for k in range(len(L)):
-        low, high, next_low, next_high = L[k], U[k], M[k], V[k]
+        low = L[k]
+        high = U[k]
+        next_low = M[k]
+        next_high = V[k]
         z[k] = _clamped(y, low, high)
-        w[k] = y = _clamped(y, _clamped(low, next_low, next_high), _clamped(high, next_low, next_high))
+        w[k] = y = _clamped(
+            y, _clamped(low, next_low, next_high), _clamped(high, next_low, next_high)
+        )
         wrong += (not low <= high) | (not next_low <= next_high)
     return y, wrong
 
 
 @njit(cache=True)
 def clamp_samples(L: Array, U: Array, y: float, z: Array) -> int:
-    """Write the states to z (shapes (n,)), starting from y; return how many pairs of samples have no L <= U."""
+    """Write the states to z (shapes (n,)), starting from y; return how many pairs of samples have
+    no L <= U."""
     n = len(L) // 2 * 2
     y, wrong = _two_by_two(L[0:n:2], U[0:n:2], L[1:n:2], U[1:n:2], z[0:n:2], z[1:n:2], y)
     if n < len(L):
@@ -51,7 +61,8 @@ def clamp_samples(L: Array, U: Array, y: float, z: Array) -> int:
 def clamp(lower: ArrayLike, upper: ArrayLike, initial: float, out: Array | None = None) -> Array:
     """The play operator between two moving bounds: z_k = min(max(z_{k−1}, L_k), U_k).
 
-    Exact for the continuous motion, if the bounds L = ℓ − ρ⁺ and U = ℓ + ρ⁻ are monotone between samples.
+    Exact for the continuous motion, if the bounds L = ℓ − ρ⁺ and U = ℓ + ρ⁻ are monotone between
+    samples.
 
     Parameters
     ----------
@@ -74,18 +85,26 @@ def clamp(lower: ArrayLike, upper: ArrayLike, initial: float, out: Array | None 
     """
     L, U = (samples(given, where) for given, where in ((lower, "lower"), (upper, "upper")))
     if len(L) != len(U):
-        raise DeclarationError("upper", f"it has {len(U)} samples, but lower has {len(L)}", "Give as many of both")
+        raise DeclarationError(
+            "upper", f"it has {len(U)} samples, but lower has {len(L)}", "Give as many of both"
+        )
     if not np.isfinite(initial):
         raise DeclarationError("initial", f"{initial} is no position", "Give a finite number")
     z = np.empty_like(L) if out is None else out
     if z.shape != L.shape or z.dtype != np.float64 or not z.flags.c_contiguous:
-        raise DeclarationError("out", f"it has the shape {z.shape}, type {z.dtype}", f"Give {L.shape} numbers float64")
+        raise DeclarationError(
+            "out", f"it has the shape {z.shape}, type {z.dtype}", f"Give {L.shape} numbers float64"
+        )
     if clamp_samples(L, U, float(initial), z):
         k = int(np.argmax(~(L <= U)))
         if np.isnan(L[k]) or np.isnan(U[k]):
-            raise DeclarationError("lower" if np.isnan(L[k]) else "upper", f"sample {k} is NaN", "Give numbers")
+            raise DeclarationError(
+                "lower" if np.isnan(L[k]) else "upper", f"sample {k} is NaN", "Give numbers"
+            )
         raise DeclarationError(
-            "lower", f"at sample {k} it is {L[k]:g}, above the upper bound {U[k]:g}", "Give lower <= upper"
+            "lower",
+            f"at sample {k} it is {L[k]:g}, above the upper bound {U[k]:g}",
+            "Give lower <= upper",
         )
     return z
 
@@ -93,7 +112,8 @@ def clamp(lower: ArrayLike, upper: ArrayLike, initial: float, out: Array | None 
 @njit(cache=True, fastmath={"reassoc", "nsz"})
 def _weighted_sum(load: Array, r: Array, w: Array, z: Array, out: Array) -> None:
     for k in range(len(load)):
-        x, total = load[k], 0.0
+        x = load[k]
+        total = 0.0
         for i in range(len(r)):
             z[i] = y = _clamped(z[i], x - r[i], x + r[i])
             total += w[i] * y
@@ -135,8 +155,11 @@ def plays(load: ArrayLike, radii: ArrayLike, initial: ArrayLike = 0.0) -> Array:
     return out
 
 
-def prandtl_ishlinskii(load: ArrayLike, radii: ArrayLike, weights: ArrayLike, initial: ArrayLike = 0.0) -> Array:
-    """The Prandtl–Ishlinskii operator Σ w_i z_i, a weighted sum of plays, without storing the plays.
+def prandtl_ishlinskii(
+    load: ArrayLike, radii: ArrayLike, weights: ArrayLike, initial: ArrayLike = 0.0
+) -> Array:
+    """The Prandtl–Ishlinskii operator Σ w_i z_i, a weighted sum of plays, without storing the
+    plays.
 
     Parameters
     ----------
@@ -161,7 +184,9 @@ def prandtl_ishlinskii(load: ArrayLike, radii: ArrayLike, weights: ArrayLike, in
     samples_, r, z = _bank(load, radii, initial)
     w = samples(weights, "weights", finite=True)
     if len(w) != len(r):
-        raise DeclarationError("weights", f"there are {len(w)}, but {len(r)} radii", "Give one weight per radius")
+        raise DeclarationError(
+            "weights", f"there are {len(w)}, but {len(r)} radii", "Give one weight per radius"
+        )
     out = np.empty(len(samples_))
     _weighted_sum(samples_, r, w, z, out)
     return out
@@ -172,11 +197,15 @@ def _bank(load: ArrayLike, radii: ArrayLike, initial: ArrayLike) -> tuple[Array,
     load, r = samples(load, "load", finite=True), samples(radii, "radii", finite=True)
     if np.any(r < 0.0):
         i = int(np.argmax(r < 0.0))
-        raise DeclarationError("radii", f"entry {i} is negative ({r[i]:g})", "A threshold is at least 0")
+        raise DeclarationError(
+            "radii", f"entry {i} is negative ({r[i]:g})", "A threshold is at least 0"
+        )
     z = samples(np.atleast_1d(initial), "initial", finite=True)
     if len(z) not in (1, len(r)):
         raise DeclarationError(
-            "initial", f"there are {len(z)}, but {len(r)} radii", "Give one number or one per radius"
+            "initial",
+            f"there are {len(z)}, but {len(r)} radii",
+            "Give one number or one per radius",
         )
     return load, r, np.array(np.broadcast_to(z, r.shape))
 
@@ -196,7 +225,9 @@ def samples(given: Any, where: str, finite: bool = False) -> Array:
             where, f"a {type(given).__name__} of something is no array of numbers", "Give numbers"
         ) from None
     if np.ndim(given) != 1:
-        raise DeclarationError(where, f"it has {np.ndim(given)} dimensions", "Give an array of shape (n,)")
+        raise DeclarationError(
+            where, f"it has {np.ndim(given)} dimensions", "Give an array of shape (n,)"
+        )
     if finite and not np.isfinite(values).all():
         k = int(np.argmin(np.isfinite(values)))
         raise DeclarationError(where, f"sample {k} is {values[k]}", "Give finite numbers")

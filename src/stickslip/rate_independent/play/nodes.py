@@ -65,7 +65,8 @@ class Bounds:
         load, minus = self.load.sample(t, near), self.minus.sample(t, near)
         plus = minus if self.plus is self.minus else self.plus.sample(t, near)
         # A threshold that vanishes may be negative by rounding.
-        low, high = load.value - np.maximum(plus.value, 0.0), load.value + np.maximum(minus.value, 0.0)
+        low = load.value - np.maximum(plus.value, 0.0)
+        high = load.value + np.maximum(minus.value, 0.0)
         rates = load.rate - plus.rate, load.rate + minus.rate
         low, high, low_rate, high_rate = (bound / self.stiffness for bound in (low, high, *rates))
         return Sample(load, minus, plus, low, high, low_rate, high_rate)
@@ -97,7 +98,9 @@ def _refuse_negative(c: Array, signal: Signal, name: str, start: Array, end: Arr
     doubtful = np.flatnonzero(c[0] - np.sum(np.abs(c[1:]), axis=0) < -rounding)
     if not len(doubtful):
         return
-    c, start, end = c[:, doubtful], start[doubtful], end[doubtful]
+    c = c[:, doubtful]
+    start = start[doubtful]
+    end = end[doubtful]
     panel, x = ch.sign_changes(ch.slopes(c), rounding)
     panel, x = _with_ends(panel, x, len(doubtful))
     value = ch.values(c[:, panel], x)
@@ -129,7 +132,8 @@ def _time(x: Array, panel: Array, start: Array, end: Array) -> Array:
 
 
 class Nodes(NamedTuple):
-    """Times, positions, and the direction of the motion that follows each node (1 up, −1 down, 0 at rest).
+    """Times, positions, and the direction of the motion that follows each node (1 up, −1 down, 0 at
+    rest).
 
     A time that stands twice is a jump.
     """
@@ -155,7 +159,8 @@ def follow(bounds: Bounds, edges: Array, initial: float) -> Nodes:
     DeclarationError
         If a threshold is negative somewhere.
     """
-    parts, last = [], Last(np.nan, np.nan, initial)
+    parts = []
+    last = Last(np.nan, np.nan, initial)
     for first in range(0, len(edges) - 1, CHUNK):
         some = edges[first : first + CHUNK + 1]
         part, last = _walk(bounds, some[:-1], some[1:], last)
@@ -177,10 +182,14 @@ def panel_edges(bounds: Bounds, start: float, end: float) -> Array:
         If there are too many.
     """
     for signal in bounds.signals:
-        expected = len(signal.breaks) * (1.0 if signal.period is None else (end - start) / signal.period)
+        expected = len(signal.breaks) * (
+            1.0 if signal.period is None else (end - start) / signal.period
+        )
         if expected > MOST_EDGES:
             raise DeclarationError(
-                "epsilon", f"the span holds {expected:.1e} panels (at most {MOST_EDGES:.0e})", "Take a shorter t_span"
+                "epsilon",
+                f"the span holds {expected:.1e} panels (at most {MOST_EDGES:.0e})",
+                "Take a shorter t_span",
             )
     edges = np.concatenate([[start, end], *(signal.edges(start, end) for signal in bounds.signals)])
     edges = np.sort(edges, kind="stable")
@@ -192,7 +201,8 @@ def panel_edges(bounds: Bounds, start: float, end: float) -> Array:
 
 
 def _walk(bounds: Bounds, start: Array, end: Array, last: Last) -> tuple[Nodes, Last]:
-    """The play over consecutive panels, on from where it ended; the node at the last end is left to what follows."""
+    """The play over consecutive panels, on from where it ended; the node at the last end is left to
+    what follows."""
     noise = bounds.noise
     L, U = bounds.pieces(start, end)
     (p, x), (q, y) = (ch.sign_changes(ch.slopes(c), 0.125 * noise) for c in (L, U))
@@ -201,7 +211,8 @@ def _walk(bounds: Bounds, start: Array, end: Array, last: Last) -> tuple[Nodes, 
     z = np.empty(len(x) + 1)
     z[0] = last.z
     clamp_samples(low, high, last.z, z[1:])
-    # Interval k ends at place k. It lies in one panel, or it is an edge, of no duration, at which z may jump.
+    # Interval k ends at place k. It lies in one panel, or it is an edge, of no duration, at which z
+    # may jump.
     begin = np.concatenate([start[:1], _time(x, panel, start, end)[:-1]])
     inside = np.concatenate([[False], np.diff(panel) == 0])
     step = np.diff(z)
@@ -219,19 +230,26 @@ def _walk(bounds: Bounds, start: Array, end: Array, last: Last) -> tuple[Nodes, 
     return nodes, Last(low[-1], high[-1], z[-1])
 
 
-def _joined(panel: Array, x: Array, L: Array, U: Array, last: Last, noise: float) -> tuple[Array, Array]:
+def _joined(
+    panel: Array, x: Array, L: Array, U: Array, last: Last, noise: float
+) -> tuple[Array, Array]:
     """L and U at the places; the panels at an edge share one value, unless a bound jumps there."""
     gap = SMALLEST_JUMP * noise
     low, high = ch.values(L[:, panel], x), ch.values(U[:, panel], x)
     high = np.maximum(low, high)
     enters = np.flatnonzero(np.concatenate([[True], np.diff(panel) > 0]))
-    before = [np.concatenate([[end], bound])[enters] for end, bound in ((last.low, low), (last.high, high))]
+    before = [
+        np.concatenate([[end], bound])[enters]
+        for end, bound in ((last.low, low), (last.high, high))
+    ]
     smooth = (np.abs(low[enters] - before[0]) <= gap) & (np.abs(high[enters] - before[1]) <= gap)
     low[enters[smooth]], high[enters[smooth]] = before[0][smooth], before[1][smooth]
     return low, high
 
 
-def _arrivals(panel: Array, x: Array, L: Array, U: Array, z: Array, mode: Array, noise: float) -> tuple[Array, Array]:
+def _arrivals(
+    panel: Array, x: Array, L: Array, U: Array, z: Array, mode: Array, noise: float
+) -> tuple[Array, Array]:
     """Intervals in which z rests until a bound arrives, and the place of that in the panel."""
     found = []
     for c, direction in ((L, 1), (U, -1)):

@@ -1,8 +1,9 @@
 """The play operator with moving thresholds, exact: [M] section 2.2.
 
-Energy ½ a z² − ℓ(t) z, dissipation potential ρ⁺(t) v for v > 0 and ρ⁻(t) |v| for v < 0. With L = (ℓ − ρ⁺)/a and
-U = (ℓ + ρ⁻)/a the solution of 0 ∈ ∂Ψ(t, ż) + a z − ℓ stays between L and U and moves only when it is pushed: where L
-and U are monotone, z(t) = min(max(z_k, L(t)), U(t)). So the zeros of L′ and U′ are all that has to be found.
+Energy ½ a z² − ℓ(t) z, dissipation potential ρ⁺(t) v for v > 0 and ρ⁻(t) |v| for v < 0. With L = (ℓ
+− ρ⁺)/a and U = (ℓ + ρ⁻)/a the solution of 0 ∈ ∂Ψ(t, ż) + a z − ℓ stays between L and U and moves
+only when it is pushed: where L and U are monotone, z(t) = min(max(z_k, L(t)), U(t)). So the zeros
+of L′ and U′ are all that has to be found.
 """
 
 from __future__ import annotations
@@ -33,8 +34,10 @@ Array = np.ndarray
 Given = str | float | Callable[[Any], Any] | tuple[Any, Any]
 CHUNK = 2**12  # intervals at once: what fits into the cache
 TOLERANCE = 1e-9  # of the certificate
-SPACINGS = 4.0  # between floating-point numbers: rounding of a time, and of what is computed from it
-STABLE = 1e-12  # distance from the stable interval, relative to where it is, that counts as rounding
+# between floating-point numbers: rounding of a time, and of what is computed from it
+SPACINGS = 4.0
+# distance from the stable interval, relative to where it is, that counts as rounding
+STABLE = 1e-12
 LONG_NAMES = {
     "z": "position",
     "d_z": "rate of position",
@@ -68,7 +71,8 @@ def play(
     Parameters
     ----------
     load : str, float, callable or (times, values)
-        ℓ: a formula in ``t``, a function of t (for numbers; one that also takes arrays is faster), or samples.
+        ℓ: a formula in ``t``, a function of t (for numbers; one that also takes arrays is faster),
+        or samples.
     threshold : the same, or a pair of them
         ρ >= 0, or (ρ⁺, ρ⁻): what a motion upward and a motion downward have to overcome.
     t_span : (float, float)
@@ -76,8 +80,8 @@ def play(
     initial : float
         z at the start, stable: −ρ⁻ <= ℓ − a z <= ρ⁺.
     epsilon : float, optional
-        If given, the threshold is a function of the phase s = t/ε with period 1: a formula in ``s``, a function of s,
-        or samples from s = 0 to s = 1.
+        If given, the threshold is a function of the phase s = t/ε with period 1: a formula in
+        ``s``, a function of s, or samples from s = 0 to s = 1.
     stiffness : float
         a > 0.
     interpolation : {"linear", "monotone"}
@@ -90,18 +94,17 @@ def play(
     Raises
     ------
     DeclarationError
-        If an argument is wrong, a value is not finite, a threshold is negative somewhere, or the initial state is not
-        stable (the distance and the nearest stable value are named).
+        If an argument is wrong, a value is not finite, a threshold is negative somewhere, or the
+        initial state is not stable (the distance and the nearest stable value are named).
 
-    Notes
-    -----
-    Samples are taken as they are. Formulas and functions are replaced by polynomials that agree with them to about
-    1e-14 of their largest value (and, where they are steep, to the rounding of t times the slope); a turning point is
-    then not missed, however close it is to the next, unless the excursion between them is below that. The corners of a
-    formula (abs, min, max, clip, piecewise) are found from its text, and what polynomials can miss of it is bounded:
-    no feature is too narrow. The corners of a function are found from the polynomials that fail there; not seen of a
-    function is what is narrower than about 1/200 of the span (of the period, if `epsilon` is given), and the
-    certificate says at how many points it was looked at.
+    Notes ----- Samples are taken as they are. Formulas and functions are replaced by polynomials
+    that agree with them to about 1e-14 of their largest value (and, where they are steep, to the
+    rounding of t times the slope); a turning point is then not missed, however close it is to the
+    next, unless the excursion between them is below that. The corners of a formula (abs, min, max,
+    clip, piecewise) are found from its text, and what polynomials can miss of it is bounded: no
+    feature is too narrow. The corners of a function are found from the polynomials that fail there;
+    not seen of a function is what is narrower than about 1/200 of the span (of the period, if
+    `epsilon` is given), and the certificate says at how many points it was looked at.
 
     Examples
     --------
@@ -111,25 +114,28 @@ def play(
     >>> motion.certificate.ok
     True
 
-    References
-    ----------
-    A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS preprint 2405 (2017),
-    section 2.2.
+    References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
+    oscillations*, WIAS preprint 2405 (2017), section 2.2.
     """
     span = check_span(t_span)
     for name, value in (("stiffness", stiffness), ("epsilon", epsilon)):
         if value is not None and not (is_finite(value) and value > 0.0):
-            raise DeclarationError(name, f"{value!r} is not a positive number", "Give a positive number")
+            raise DeclarationError(
+                name, f"{value!r} is not a positive number", "Give a positive number"
+            )
     if not is_finite(initial):
         raise DeclarationError("initial", f"{initial!r} is no position", "Give a finite number")
     if interpolation not in INTERPOLATIONS:
         raise DeclarationError(
-            "interpolation", f"{interpolation!r} is none", f"Give one of {', '.join(INTERPOLATIONS)}"
+            "interpolation",
+            f"{interpolation!r} is none",
+            f"Give one of {', '.join(INTERPOLATIONS)}",
         )
     ell = read_signal(load, "load", span, None, interpolation)
     if isinstance(threshold, tuple) and len(threshold) == 2 and not is_table(threshold):
         plus, minus = (
-            read_signal(part, f"threshold[{i}]", span, epsilon, interpolation) for i, part in enumerate(threshold)
+            read_signal(part, f"threshold[{i}]", span, epsilon, interpolation)
+            for i, part in enumerate(threshold)
         )
     else:
         minus = plus = read_signal(threshold, "threshold", span, epsilon, interpolation)
@@ -148,7 +154,8 @@ def _stable(bounds: Bounds, edges: Array, z: float) -> float:
         raise DeclarationError(
             "initial",
             f"z = {z:.9g} is not stable: the force ℓ − a z exceeds its threshold by {distance:.6g}",
-            f"Start with z between {low:.9g} and {high:.9g}; the nearest stable value is {nearest:.9g}",
+            f"Start with z between {low:.9g} and {high:.9g}; the nearest stable value is "
+            f"{nearest:.9g}",
         )
     return float(nearest)
 
@@ -157,7 +164,8 @@ def _stable(bounds: Bounds, edges: Array, z: float) -> float:
 class Audit:
     """Work and violations of a motion, integrated anew from its nodes.
 
-    The `blur` of energy, force and gap is what the rounding of times alone does to them where signals are steep.
+    The `blur` of energy, force and gap is what the rounding of times alone does to them where
+    signals are steep.
     """
 
     energy: Array
@@ -221,7 +229,7 @@ class Play:
         """The last position."""
         return float(self.z[-1])
 
-    # -- at any time --------------------------------------------------------------------------------
+    # -- at any time -------------------------------------------------------------------------------
 
     def position(self, t: Any, side: str = "right") -> Any:
         """z at given times alone; see :meth:`at`."""
@@ -242,8 +250,9 @@ class Play:
         Returns
         -------
         dict of str to float or array
-            ``z``, its rate ``d_z``, ``load``, ``threshold_plus``, ``threshold_minus``, ``friction`` (a z − ℓ),
-            ``mode``, ``energy``, ``dissipated_energy`` and ``supplied_energy`` since the start.
+            ``z``, its rate ``d_z``, ``load``, ``threshold_plus``, ``threshold_minus``, ``friction``
+            (a z − ℓ), ``mode``, ``energy``, ``dissipated_energy`` and ``supplied_energy`` since the
+            start.
 
         Raises
         ------
@@ -252,7 +261,10 @@ class Play:
         """
         times, k = self._intervals(t, side)
         values = self._values(times, k)
-        return {name: v[0].item() if np.ndim(t) == 0 else v.reshape(np.shape(t)) for name, v in values.items()}
+        return {
+            name: v[0].item() if np.ndim(t) == 0 else v.reshape(np.shape(t))
+            for name, v in values.items()
+        }
 
     def _intervals(self, t: Any, side: str) -> tuple[Array, Array]:
         times = np.ravel(np.asarray(t, dtype=float))
@@ -260,7 +272,9 @@ class Play:
         if side not in ("left", "right"):
             raise DeclarationError("side", f"{side!r} is no side", "Use 'left' or 'right'")
         if times.size and not (np.all(times >= first) and np.all(times <= last)):
-            raise DeclarationError("t", "a time is outside the computed span", f"Ask for {first:g} <= t <= {last:g}")
+            raise DeclarationError(
+                "t", "a time is outside the computed span", f"Ask for {first:g} <= t <= {last:g}"
+            )
         k = np.searchsorted(self.time, times, side=side) - 1  # type: ignore[call-overload]
         return times, np.clip(k, 0, len(self.mode) - 1)
 
@@ -269,9 +283,14 @@ class Play:
 
     def _state(self, t: Array, k: Array) -> State:
         """Everything at times t, shape (..., intervals), inside the intervals k."""
-        mode, start, end = self.mode[k], self.z[k], self.z[k + 1]
+        mode = self.mode[k]
+        start = self.z[k]
+        end = self.z[k + 1]
         now = self.bounds.sample(t, self._middle(k))
-        low, high = (np.clip(bound, np.minimum(start, end), np.maximum(start, end)) for bound in (now.low, now.high))
+        low, high = (
+            np.clip(bound, np.minimum(start, end), np.maximum(start, end))
+            for bound in (now.low, now.high)
+        )
         z = np.select([mode > 0, mode < 0], [low, high], start)
         return State(z, np.select([mode > 0, mode < 0], [now.low_rate, now.high_rate], 0.0), now)
 
@@ -292,26 +311,33 @@ class Play:
             "supplied_energy": self.audit.supplied[k] + supplied,
         }
 
-    # -- work and certificate -------------------------------------------------------------------------
+    # -- work and certificate ----------------------------------------------------------------------
 
     def _integrate(self, k: Array, end: Array) -> Array:
-        """Integrals over intervals k from their nodes to `end`: dissipated, supplied, |supplied|, ∫ż; shape (4, ...).
+        """Integrals over intervals k from their nodes to `end`: dissipated, supplied, |supplied|,
+        ∫ż; shape (4, ...).
 
         Gauss quadrature with as many points as the polynomials have coefficients is exact.
         """
-        x, w = np.polynomial.legendre.leggauss(max(len(signal.coefficients) for signal in self.bounds.signals))
+        x, w = np.polynomial.legendre.leggauss(
+            max(len(signal.coefficients) for signal in self.bounds.signals)
+        )
         out = np.empty((4, len(k)))
         for first in range(0, len(k), CHUNK):
             part = slice(first, first + CHUNK)
-            start, half = self.time[k[part]], 0.5 * (end[part] - self.time[k[part]])
+            start = self.time[k[part]]
+            half = 0.5 * (end[part] - self.time[k[part]])
             z, rate, now = self._state(start + half * (x[:, None] + 1.0), k[part])
             threshold = np.where(self.mode[k[part]] > 0, now.plus.value, now.minus.value)
             power = -now.load.rate * z
-            out[:, part] = half * np.stack([w @ f for f in (threshold * np.abs(rate), power, np.abs(power), rate)])
+            out[:, part] = half * np.stack(
+                [w @ f for f in (threshold * np.abs(rate), power, np.abs(power), rate)]
+            )
         return out
 
     def _violations(self) -> tuple[float, float, float]:
-        """Largest excess of the force over its threshold (or, in motion, distance from it), its blur, largest force.
+        """Largest excess of the force over its threshold (or, in motion, distance from it), its
+        blur, largest force.
 
         Taken from what the user gave, not from the polynomials made of it.
         """
@@ -319,19 +345,28 @@ class Play:
         x, _ = np.polynomial.legendre.leggauss(3)
         for first in range(0, len(self.mode), CHUNK):
             k = np.arange(first, min(first + CHUNK, len(self.mode)))
-            # Inside an interval of a few roundings there is no time that is safely on its side of a jump.
+            # Inside an interval of a few roundings there is no time that is safely on its side of a
+            # jump.
             k = k[np.diff(self.time)[k] > 64.0 * np.spacing(np.abs(self.time[k]))]
             t = self._middle(k) + 0.5 * (self.time[k + 1] - self.time[k]) * x[:, None]
             load, minus, plus = (signal.source(signal.clock(t)) for signal in self.bounds.signals)
             z, _, now = self._state(t, k)
             pull = load - self.bounds.stiffness * z
-            steepest = np.abs(now.load.rate) + np.maximum(np.abs(now.plus.rate), np.abs(now.minus.rate))
-            blur = max(blur, float(np.max(SPACINGS * np.spacing(np.abs(t)) * steepest, initial=0.0)))
+            steepest = np.abs(now.load.rate) + np.maximum(
+                np.abs(now.plus.rate), np.abs(now.minus.rate)
+            )
+            blur = max(
+                blur, float(np.max(SPACINGS * np.spacing(np.abs(t)) * steepest, initial=0.0))
+            )
             mode = np.broadcast_to(self.mode[k], pull.shape)
             beyond = np.maximum(pull - plus, -minus - pull)
-            beyond = np.select([mode > 0, mode < 0], [np.abs(pull - plus), np.abs(pull + minus)], beyond)
+            beyond = np.select(
+                [mode > 0, mode < 0], [np.abs(pull - plus), np.abs(pull + minus)], beyond
+            )
             excess = max(excess, float(np.max(beyond, initial=0.0)))
-            force = max(force, *(float(np.max(np.abs(f), initial=0.0)) for f in (pull, plus, minus)))
+            force = max(
+                force, *(float(np.max(np.abs(f), initial=0.0)) for f in (pull, plus, minus))
+            )
         return excess, blur, force
 
     @cached_property
@@ -340,12 +375,16 @@ class Play:
         k = np.arange(len(self.mode))
         near = self._middle(k)
         dissipated, supplied, modulus, change = self._integrate(k, self.time[1:])
-        before, after = (self.bounds.load.sample(t, near).value for t in (self.time[1:], self.time[:-1]))
-        # A jump has no duration: the load jumps first, then z falls down the energy, and what it loses is dissipated.
+        before, after = (
+            self.bounds.load.sample(t, near).value for t in (self.time[1:], self.time[:-1])
+        )
+        # A jump has no duration: the load jumps first, then z falls down the energy, and what it
+        # loses is dissipated.
         jumps = np.flatnonzero(self.time[1:] == self.time[:-1])
         before[jumps] = after[jumps] = after[jumps + 1]
         fall = self._energy(before, self.z[:-1]) - self._energy(before, self.z[1:])
-        dissipated[jumps], change[jumps] = fall[jumps], np.diff(self.z)[jumps]
+        dissipated[jumps] = fall[jumps]
+        change[jumps] = np.diff(self.z)[jumps]
         work = np.concatenate([[0.0], -(after[1:] - before[:-1]) * self.z[1:-1]])
         supplied_at = np.concatenate([[0.0], np.cumsum(supplied + np.append(work[1:], 0.0))])
         # Nodes are rounded times: what an interval contributes is known to that part of it.
@@ -360,7 +399,8 @@ class Play:
         excess, blur, force = self._violations()
         # The force is a difference of the load and a z, known to the rounding of these.
         largest = float(np.max(np.abs([before, after])))
-        excess, force = max(excess - ROUNDING * largest, 0.0), max(force, 1e-6 * largest)
+        excess = max(excess - ROUNDING * largest, 0.0)
+        force = max(force, 1e-6 * largest)
         return Audit(
             self._energy(np.append(after, before[-1]), self.z),
             np.concatenate([[0.0], np.cumsum(dissipated)]),
@@ -387,20 +427,24 @@ class Play:
         The residuals are
 
         - *energy balance*: (E), largest violation at any time, relative to the energy that flows;
-        - *friction law*: (S) in the form of forces: how far ℓ − a z leaves its interval, or a bound that it follows,
-          relative to the largest force;
-        - *rates*: largest difference between an increment of z and the integral of its rate, relative to z;
+        - *friction law*: (S) in the form of forces: how far ℓ − a z leaves its interval, or a bound
+          that it follows, relative to the largest force;
+        - *rates*: largest difference between an increment of z and the integral of its rate,
+          relative to z;
 
-        and, told but not judged, *samples*: most times (or phases) at which a function of Python was looked at; 0 if
-        load and thresholds are known everywhere, since they are formulas or samples. The limit is 1e-9, or what the
-        rounding of times alone makes of load and thresholds where these are steep, if that is more.
+        and, told but not judged, *samples*: most times (or phases) at which a function of Python
+        was looked at; 0 if load and thresholds are known everywhere, since they are formulas or
+        samples. The limit is 1e-9, or what the rounding of times alone makes of load and thresholds
+        where these are steep, if that is more.
         """
         audit = self.audit
         balance = audit.energy - audit.energy[0] + audit.dissipated - audit.supplied
         scale = max(float(np.ptp(audit.energy)), audit.dissipated[-1], audit.supplied_modulus)
         # What is small against the largest force is known to its rounding only.
         now = self.at(self.time)
-        yielding = float(max(np.max(np.abs(now[name])) for name in ("load", "threshold_plus", "threshold_minus")))
+        yielding = float(
+            max(np.max(np.abs(now[name])) for name in ("load", "threshold_plus", "threshold_minus"))
+        )
         length = 1e-6 * yielding / self.bounds.stiffness
         scale = max(scale, 1e-6 * float(np.max(np.abs(audit.energy))), length * yielding)
         size = max(float(np.max(np.abs(self.z))), length)
@@ -412,18 +456,27 @@ class Play:
         tolerance = max(TOLERANCE, float((np.array(audit.blur) * relative).max()))
         samples = max(signal.samples for signal in self.bounds.signals)
         measured_of = [("energy balance", energy), ("friction law", stability), ("rates", defect)]
-        looked = f"as sampled at {samples} points" if samples else "load and thresholds bounded everywhere"
-        return Certificate((*within(tolerance, measured_of), Residual("samples", float(samples))), notes=(looked,))
+        looked = (
+            f"as sampled at {samples} points"
+            if samples
+            else "load and thresholds bounded everywhere"
+        )
+        return Certificate(
+            (*within(tolerance, measured_of), Residual("samples", float(samples))), notes=(looked,)
+        )
 
-    # -- data and picture -----------------------------------------------------------------------------
+    # -- data and picture --------------------------------------------------------------------------
 
     @cached_property
     def dataset(self) -> xarray.Dataset:
-        """All quantities at the nodes and on an even grid of times (right limits where something jumps)."""
+        """All quantities at the nodes and on an even grid of times (right limits where something
+        jumps)."""
         import xarray as xr
 
         times = np.union1d(self.time, np.linspace(self.time[0], self.time[-1], GRID + 1))
-        attributes = {name: {"units": "1", "long_name": text} for name, text in LONG_NAMES.items()} | {"mode": FLAGS}
+        attributes = {
+            name: {"units": "1", "long_name": text} for name, text in LONG_NAMES.items()
+        } | {"mode": FLAGS}
         values = self._values(*self._intervals(times, "right"))
         return xr.Dataset(
             {name: ("time", v, attributes[name]) for name, v in values.items()},
@@ -437,7 +490,10 @@ class Play:
         import pandas as pd
 
         k = np.flatnonzero(np.diff(self.mode)) + 1
-        names = {column: [MODE_NAMES[m] for m in self.mode[at].tolist()] for column, at in (("from", k - 1), ("to", k))}
+        names = {
+            column: [MODE_NAMES[m] for m in self.mode[at].tolist()]
+            for column, at in (("from", k - 1), ("to", k))
+        }
         return pd.DataFrame({"time": self.time[k], **names, "z": self.z[k]})
 
     def plot(self) -> Figure:

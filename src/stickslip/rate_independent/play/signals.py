@@ -1,4 +1,5 @@
-"""Loads and thresholds of a play: a formula, a callable or samples, each as polynomials on panels."""
+"""Loads and thresholds of a play: a formula, a callable or samples, each as polynomials on
+panels."""
 
 from __future__ import annotations
 
@@ -64,15 +65,19 @@ class Signal:
     def locate(self, t: Array, near: Array) -> tuple[Array, Array]:
         """The panel that holds the times `near`, and the times t in the coordinate of that panel.
 
-        `near` lies inside a panel; t may be its end, where the clock alone could not tell it from the next panel.
+        `near` lies inside a panel; t may be its end, where the clock alone could not tell it from
+        the next panel.
         """
         if self.period is None:
             here, u = near, t
         else:
             here, u = _phase(near, self.period), _phase(t, self.period)
             u = u + np.rint(here + (t - near) / self.period - u)
-        panel = np.clip(np.searchsorted(self.breaks, here, side="right") - 1, 0, len(self.breaks) - 2)
-        start, end = self.breaks[panel], self.breaks[panel + 1]
+        panel = np.clip(
+            np.searchsorted(self.breaks, here, side="right") - 1, 0, len(self.breaks) - 2
+        )
+        start = self.breaks[panel]
+        end = self.breaks[panel + 1]
         return panel, np.clip((2.0 * u - start - end) / (end - start), -1.0, 1.0)
 
     def sample(self, t: Array, near: Array) -> Value:
@@ -95,7 +100,8 @@ class Signal:
         return times[(times > start) & (times < end)]
 
     def pieces(self, start: Array, end: Array) -> Array:
-        """Coefficients on consecutive intervals of time, each inside one panel; shape (m, intervals)."""
+        """Coefficients on consecutive intervals of time, each inside one panel; shape (m,
+        intervals)."""
         first = int(np.searchsorted(self.breaks, start[0]))
         if self.period is None and np.array_equal(
             self.breaks[first : first + len(start) + 1], np.append(start, end[-1])
@@ -105,7 +111,8 @@ class Signal:
         (panel, a), (_, b) = self.locate(start, middle), self.locate(end, middle)
         # Edges of panels are rounded times.
         rounding = 8.0 * ch.EPS * np.maximum(np.abs(start), np.abs(end)) / self._width(panel)
-        a, b = np.where(a < rounding - 1.0, -1.0, a), np.where(b > 1.0 - rounding, 1.0, b)
+        a = np.where(a < rounding - 1.0, -1.0, a)
+        b = np.where(b > 1.0 - rounding, 1.0, b)
         c = self.coefficients[:, panel]
         partial = (a > -1.0) | (b < 1.0)
         if np.any(partial):
@@ -125,7 +132,11 @@ def is_table(given: Any) -> bool:
 
 
 def read_signal(
-    given: Any, where: str, span: tuple[float, float], period: float | None = None, interpolation: str = "linear"
+    given: Any,
+    where: str,
+    span: tuple[float, float],
+    period: float | None = None,
+    interpolation: str = "linear",
 ) -> Signal:
     """A load or a threshold as polynomials.
 
@@ -145,8 +156,8 @@ def read_signal(
     Raises
     ------
     DeclarationError
-        If it is none of these, is not finite somewhere (the place is named), cannot be resolved, or does not cover
-        the span.
+        If it is none of these, is not finite somewhere (the place is named), cannot be resolved, or
+        does not cover the span.
     """
     clock = span if period is None else (0.0, 1.0)
     if is_table(given):
@@ -173,7 +184,7 @@ def read_signal(
     )
 
 
-# --- Formulas and functions ------------------------------------------------------------------------------------------
+# --- Formulas and functions -----------------------------------------------------------------------
 
 
 def _of_array(expression: ex.Expr) -> Function:
@@ -185,7 +196,8 @@ def _growth(expression: ex.Expr, name: str) -> ch.Growth:
 
 
 def _corners(expression: ex.Expr, name: str, edges: Array) -> Array:
-    """The ends, and where the branches of the formula change: the zeros of its guards, the inner ones first."""
+    """The ends, and where the branches of the formula change: the zeros of its guards, the inner
+    ones first."""
     for e in ex.walk([expression]):
         if e.op == "select" and e.args[0].symbols:
             edges = _distinct(np.concatenate([edges, _zeros(e.args[0], name, edges)]))
@@ -196,7 +208,9 @@ def _zeros(expression: ex.Expr, name: str, edges: Array) -> Array:
     """Changes of sign between the first and the last edge, to the last digit."""
     guard = _of_array(expression)
     try:
-        breaks, c, _ = ch.fit(lambda u: np.nan_to_num(guard(u)), edges, growth=_growth(expression, name))
+        breaks, c, _ = ch.fit(
+            lambda u: np.nan_to_num(guard(u)), edges, growth=_growth(expression, name)
+        )
     except ch.Unresolved:
         return edges[:0]  # the fit of the whole formula says so, or finds its corners by itself
     panel, x = ch.sign_changes(c, 0.0)
@@ -214,7 +228,8 @@ class _Counted:
     """A function that counts the places at which it is asked."""
 
     def __init__(self, function: Function) -> None:
-        self.function, self.places = function, 0
+        self.function = function
+        self.places = 0
 
     def __call__(self, u: Array) -> Array:
         self.places += np.size(u)
@@ -242,7 +257,9 @@ def _vectorised(
         try:
             return np.asarray(function(u), dtype=float).item()
         except (TypeError, ValueError) as error:
-            raise DeclarationError(where, f"no value at {name} = {u:.9g} ({error})", "Return a number") from None
+            raise DeclarationError(
+                where, f"no value at {name} = {u:.9g} ({error})", "Return a number"
+            ) from None
 
     def each(u: Array) -> Array:
         return np.array([one(x) for x in np.ravel(u).tolist()]).reshape(np.shape(u))
@@ -253,7 +270,9 @@ def _vectorised(
         at_once = np.asarray(function(probe), dtype=float)
     except Exception:  # whatever it does with an array, it works for numbers
         return each, FEW_PANELS
-    if at_once.shape != probe.shape or not np.allclose(at_once, expected, rtol=1e-12, equal_nan=True):
+    if at_once.shape != probe.shape or not np.allclose(
+        at_once, expected, rtol=1e-12, equal_nan=True
+    ):
         return each, FEW_PANELS
     return lambda u: np.asarray(function(u), dtype=float), ch.MOST_PANELS
 
@@ -266,7 +285,9 @@ def _checked(source: Function, where: str, name: str) -> Function:
         if not np.all(np.isfinite(value)):
             k = np.unravel_index(np.argmin(np.isfinite(value)), value.shape)
             raise DeclarationError(
-                where, f"it is {value[k]} at {name} = {u[k]:.9g}", "It must be finite over the whole span"
+                where,
+                f"it is {value[k]} at {name} = {u[k]:.9g}",
+                "It must be finite over the whole span",
             )
         return value
 
@@ -299,45 +320,68 @@ def _fitted(
     return Signal(breaks, c, noise, source, period)
 
 
-# --- Samples ---------------------------------------------------------------------------------------------------------
+# --- Samples --------------------------------------------------------------------------------------
 
 
 def _sampled(
-    times: Any, values: Any, where: str, clock: tuple[float, float], period: float | None, interpolation: str
+    times: Any,
+    values: Any,
+    where: str,
+    clock: tuple[float, float],
+    period: float | None,
+    interpolation: str,
 ) -> Signal:
     t = samples(times, f"{where}, times", finite=True).copy()
     y = samples(values, f"{where}, values", finite=True).copy()
     if len(t) != len(y) or len(t) < 2:
         raise DeclarationError(
-            where, f"{len(t)} times and {len(y)} values", "Give as many times as values, at least 2 of each"
+            where,
+            f"{len(t)} times and {len(y)} values",
+            "Give as many times as values, at least 2 of each",
         )
     if not np.all(t[1:] > t[:-1]):
         k = int(np.argmin(t[1:] > t[:-1])) + 1
         raise DeclarationError(
-            where, f"the times do not increase: {t[k - 1]:.9g}, then {t[k]:.9g} at index {k}", "Sort them, each once"
+            where,
+            f"the times do not increase: {t[k - 1]:.9g}, then {t[k]:.9g} at index {k}",
+            "Sort them, each once",
         )
     covered = t[0] <= clock[0] and t[-1] >= clock[1] if period is None else (t[0], t[-1]) == clock
     if not covered:
         what, remedy = "the span is", "Give samples over all of it, or a shorter t_span"
         if period is not None:
-            what, remedy = "one period of the phase s = t/epsilon is", "Let them start at s = 0 and end at s = 1"
+            what = "one period of the phase s = t/epsilon is"
+            remedy = "Let them start at s = 0 and end at s = 1"
         raise DeclarationError(
-            where, f"the samples cover {t[0]:.9g} ... {t[-1]:.9g}, but {what} {clock[0]:.9g} ... {clock[1]:.9g}", remedy
+            where,
+            f"the samples cover {t[0]:.9g} ... {t[-1]:.9g}, but {what} {clock[0]:.9g} ... "
+            f"{clock[1]:.9g}",
+            remedy,
         )
     source, c = _interpolated(t, y, interpolation)
-    first, last = np.searchsorted(t, clock[0], side="right") - 1, np.searchsorted(t, clock[1], side="left")
-    return Signal(t[first : last + 1], c[:, first:last], 4.0 * ch.EPS * float(np.max(np.abs(y))), source, period)
+    first = np.searchsorted(t, clock[0], side="right") - 1
+    last = np.searchsorted(t, clock[1], side="left")
+    return Signal(
+        t[first : last + 1],
+        c[:, first:last],
+        4.0 * ch.EPS * float(np.max(np.abs(y))),
+        source,
+        period,
+    )
 
 
 def _interpolated(t: Array, y: Array, interpolation: str) -> tuple[Function, Array]:
     """What samples mean between them: a function, and its Chebyshev coefficients."""
-    mean, rise = 0.5 * (y[:-1] + y[1:]), 0.5 * np.diff(y)
+    mean = 0.5 * (y[:-1] + y[1:])
+    rise = 0.5 * np.diff(y)
     if interpolation == "linear":
         return lambda u: np.interp(u, t, y), np.stack([mean, rise])
     from scipy.interpolate import PchipInterpolator
 
     cubic = PchipInterpolator(t, y)
-    slope, half = cubic(t, 1), 0.5 * np.diff(t)
+    slope = cubic(t, 1)
+    half = 0.5 * np.diff(t)
     start, end = half * slope[:-1], half * slope[1:]
-    c2, c3 = (end - start) / 8.0, (0.5 * (start + end) - rise) / 8.0
+    c2 = (end - start) / 8.0
+    c3 = (0.5 * (start + end) - rise) / 8.0
     return cubic, np.stack([mean - c2, rise - c3, c2, c3])

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from stickslip.errors import ConvergenceError
 
 Array = NDArray[np.float64]
-NONNEGATIVE, SECOND_ORDER = "nonnegative", "second order"
+NONNEGATIVE = "nonnegative"
+SECOND_ORDER = "second order"
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +58,15 @@ def hull(vertices: Array) -> ConeForm:
 
 def balls(radii: Array, size: int) -> ConeForm:
     """Product of balls in R^size."""
-    matrix, offset = np.zeros((len(radii), size + 1, len(radii), size)), np.zeros((len(radii), size + 1))
+    matrix = np.zeros((len(radii), size + 1, len(radii), size))
+    offset = np.zeros((len(radii), size + 1))
     for g in range(len(radii)):
         matrix[g, 1:, g] = -np.eye(size)
     offset[:, 0] = radii
     return ConeForm(
-        matrix.reshape(len(radii) * (size + 1), -1), offset.ravel(), ((SECOND_ORDER, size + 1),) * len(radii)
+        matrix.reshape(len(radii) * (size + 1), -1),
+        offset.ravel(),
+        ((SECOND_ORDER, size + 1),) * len(radii),
     )
 
 
@@ -78,7 +82,10 @@ def product(forms: Sequence[ConeForm], dimensions: Sequence[int]) -> ConeForm:
 
     image = None
     if any(form.image is not None for form in forms):
-        images = [np.eye(n) if f.image is None else f.image for f, n in zip(forms, dimensions, strict=True)]
+        images = [
+            np.eye(n) if f.image is None else f.image
+            for f, n in zip(forms, dimensions, strict=True)
+        ]
         image = np.asarray(block_diag(*images))
     return ConeForm(
         np.asarray(block_diag(*(form.matrix for form in forms))),
@@ -91,7 +98,8 @@ def product(forms: Sequence[ConeForm], dimensions: Sequence[int]) -> ConeForm:
 def solve(forms: Sequence[ConeForm], c: Array, Q: Array | None = None) -> tuple[Array, Array]:
     """The ξ in all sets with the least ½⟨Qξ, ξ⟩ − ⟨c, ξ⟩, and what holds it.
 
-    Linear programs go to the simplex method of HiGHS, all others to the interior-point method of Clarabel.
+    Linear programs go to the simplex method of HiGHS, all others to the interior-point method of
+    Clarabel.
 
     Parameters
     ----------
@@ -105,8 +113,8 @@ def solve(forms: Sequence[ConeForm], c: Array, Q: Array | None = None) -> tuple[
     -------
     xi : ndarray of shape (n,)
     motions : ndarray of shape (len(forms), n)
-        Multipliers v_i of the constraints: normal to their sets at ξ, with the sum c − Qξ. For Q = 0 they are the
-        motion of least cost Σ Ψ_i(v_i) with the sum c.
+        Multipliers v_i of the constraints: normal to their sets at ξ, with the sum c − Qξ. For Q =
+        0 they are the motion of least cost Σ Ψ_i(v_i) with the sum c.
 
     Raises
     ------
@@ -117,7 +125,9 @@ def solve(forms: Sequence[ConeForm], c: Array, Q: Array | None = None) -> tuple[
     n = len(c)
     # ξ, then the y of each set that is an image.
     ends = np.cumsum([n, *(0 if f.image is None else f.image.shape[1] for f in forms)])
-    equal, conic, offsets = [], [], []
+    equal = []
+    conic = []
+    offsets = []
     for form, (start, end) in zip(forms, pairwise(ends), strict=True):
         row = np.zeros((len(form.offset), ends[-1]))
         if form.image is None:
@@ -125,7 +135,8 @@ def solve(forms: Sequence[ConeForm], c: Array, Q: Array | None = None) -> tuple[
         else:
             row[:, start:end] = form.matrix
             tie = np.zeros((n, ends[-1]))
-            tie[:, :n], tie[:, start:end] = np.eye(n), -form.image
+            tie[:, :n] = np.eye(n)
+            tie[:, start:end] = -form.image
             equal.append(tie)
         conic.append(row)
         offsets.append(form.offset)
@@ -138,8 +149,12 @@ def solve(forms: Sequence[ConeForm], c: Array, Q: Array | None = None) -> tuple[
         if Q is not None:
             curvature[:n, :n] = Q
         cones = [cone for form in forms for cone in form.cones]
-        x, tension, pressure = _interior_point(cost, curvature, ties, np.vstack(conic), np.concatenate(offsets), cones)
-    motions, tied, pressed = [], 0, 0
+        x, tension, pressure = _interior_point(
+            cost, curvature, ties, np.vstack(conic), np.concatenate(offsets), cones
+        )
+    motions = []
+    tied = 0
+    pressed = 0
     for form in forms:
         if form.image is None:
             motions.append(form.matrix.T @ pressure[pressed : pressed + len(form.offset)])

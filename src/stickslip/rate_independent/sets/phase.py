@@ -49,7 +49,8 @@ class Varying(ABC):
 
     @property
     def looks(self) -> tuple[float, ...]:
-        """Phases at which a declaration is looked at when it is made; afterwards each is checked when it is used."""
+        """Phases at which a declaration is looked at when it is made; afterwards each is checked
+        when it is used."""
         return SAMPLE_PHASES if self.depends_on_phase else (0.0,)
 
     @abstractmethod
@@ -76,10 +77,12 @@ class Varying(ABC):
         return np.array([self.at(s) for s in phases.tolist()]).reshape(len(phases), *self.shape)
 
     def chord(self, low: Array, high: Array) -> Chord:
-        """The array on stretches from `low` to `high`, shape (m,) each, within one period: 0 <= low <= high <= 1.
+        """The array on stretches from `low` to `high`, shape (m,) each, within one period: 0 <= low
+        <= high <= 1.
 
-        The phase 1 is the end of a period, where the array may jump. Deviations are bounds if the array is `bounded`;
-        otherwise they are estimated by twice that in the middle: what a parabola or a kink anywhere would have.
+        The phase 1 is the end of a period, where the array may jump. Deviations are bounds if the
+        array is `bounded`; otherwise they are estimated by twice that in the middle: what a
+        parabola or a kink anywhere would have.
         """
         start, middle, end = (
             np.array([self.checked(self.raw(s), s) for s in phases.tolist()])
@@ -132,7 +135,8 @@ class Constant(Varying):
     bounded = True
 
     def __init__(self, value: Array, where: str) -> None:
-        self.where, self.shape = where, value.shape
+        self.where = where
+        self.shape = value.shape
         self.value = value.copy()
         self.value.flags.writeable = False
         check_finite(value, where)
@@ -160,7 +164,9 @@ class Formulas(Varying):
     bounded = True
 
     def __init__(self, expressions: list[Expr], shape: tuple[int, ...], where: str) -> None:
-        self.where, self.shape, self.expressions = where, shape, expressions
+        self.where = where
+        self.shape = shape
+        self.expressions = expressions
 
     def raw(self, s: float) -> Array:
         return np.array([float(v) for v in evaluate(self.expressions, s)]).reshape(self.shape)
@@ -179,7 +185,9 @@ class Formulas(Varying):
     def chord(self, low: Array, high: Array) -> Chord:
         start, end = self.unwrapped(low), self.unwrapped(high)
         rows = (at.reshape(len(low), -1) for at in (start, end))
-        return Chord(start, end, deviations(self.expressions, "s", low, high, *rows).reshape(start.shape))
+        return Chord(
+            start, end, deviations(self.expressions, "s", low, high, *rows).reshape(start.shape)
+        )
 
     @cached_property
     def _slopes(self) -> list[Expr]:
@@ -190,13 +198,15 @@ class Formulas(Varying):
         return table(self._slopes, phases).reshape(len(phases), *self.shape)
 
     def bent(self, low: Array, high: Array) -> Array:
-        """What second derivatives in s lie in on stretches, shape (2, m, ...): infinite where they are not known."""
+        """What second derivatives in s lie in on stretches, shape (2, m, ...): infinite where they
+        are not known."""
         inside = {"s": (low, high)}
         once, twice = (
             np.stack([slope for _, slope in slopes(expressions, inside, "s")], axis=2)
             for expressions in (self.expressions, self._slopes)
         )
-        # Across a jump or a kink, a derivative says nothing: there, a slope of the formula or of its own is unbounded.
+        # Across a jump or a kink, a derivative says nothing: there, a slope of the formula or of
+        # its own is unbounded.
         known = np.isfinite(once).all(axis=0) & np.isfinite(twice).all(axis=0)
         twice = np.where(known, twice, np.array([-np.inf, np.inf])[:, None, None])
         return twice.reshape(2, len(low), *self.shape)
@@ -221,12 +231,15 @@ class Function(Varying):
             return self.function(s)
         except Exception as error:
             raise DeclarationError(
-                self.where, f"the function fails at phase s = {s:g} ({type(error).__name__}: {error})", "Correct it"
+                self.where,
+                f"the function fails at phase s = {s:g} ({type(error).__name__}: {error})",
+                "Correct it",
             ) from error
 
     @cached_property
     def elementwise(self) -> bool:
-        """Whether the function takes an array of phases, one for each entry, and returns each entry at its own."""
+        """Whether the function takes an array of phases, one for each entry, and returns each entry
+        at its own."""
         size = math.prod(self.shape)
         phases = (np.arange(size) * 0.7548776662466927) % 1.0
         try:
@@ -256,7 +269,9 @@ class Function(Varying):
 def rounds(index: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
     """Split positions so that no entry of `index` occurs twice in one part."""
     order = np.argsort(index, kind="stable")
-    first = np.concatenate([[True], np.diff(index[order]) != 0]) if len(index) else np.zeros(0, bool)
+    first = (
+        np.concatenate([[True], np.diff(index[order]) != 0]) if len(index) else np.zeros(0, bool)
+    )
     starts = np.maximum.accumulate(np.where(first, np.arange(len(index)), 0))
     occurrence = np.arange(len(index)) - starts
     for k in range(int(occurrence.max(initial=-1)) + 1):
@@ -264,7 +279,8 @@ def rounds(index: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
 
 
 def read(given: Any, where: str, closes: bool = True) -> Varying:
-    """An array, a callable of s, or formulas in ``s`` (one, or nested lists of them), read and checked.
+    """An array, a callable of s, or formulas in ``s`` (one, or nested lists of them), read and
+    checked.
 
     Parameters
     ----------
@@ -325,14 +341,22 @@ def wrapped(s: Any) -> Any:
 
 def same(one: Array, other: Array) -> bool:
     """Whether two arrays agree up to the rounding of a smooth function."""
-    return one.shape == other.shape and bool(np.allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(one).max(initial=0)))
+    return one.shape == other.shape and bool(
+        np.allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(one).max(initial=0))
+    )
 
 
 def check_finite(value: Array, where: str, when: str = "") -> None:
     """Refuse NaN and infinities."""
     if not np.isfinite(value.sum()) and not np.isfinite(value).all():
         position = np.argwhere(~np.isfinite(value))[0]
-        name = f"component {position[0]}" if value.ndim == 1 else f"entry {tuple(int(i) for i in position)}"
+        name = (
+            f"component {position[0]}"
+            if value.ndim == 1
+            else f"entry {tuple(int(i) for i in position)}"
+        )
         raise DeclarationError(
-            where, f"{name if value.ndim else 'it'} is {value[tuple(position)]}{when}", "Give finite numbers"
+            where,
+            f"{name if value.ndim else 'it'} is {value[tuple(position)]}{when}",
+            "Give finite numbers",
         )

@@ -28,10 +28,11 @@ Array = NDArray[np.float64]
 
 
 class Dissipation(ABC):
-    """A dissipation potential Ψ(s, ·): convex and 1-homogeneous on Rⁿ, 1-periodic in the phase s, [M] section 2.1.
+    """A dissipation potential Ψ(s, ·): convex and 1-homogeneous on Rⁿ, 1-periodic in the phase s,
+    [M] section 2.1.
 
-    It is the support function of its stable set K(s) = ∂Ψ(s, 0), a closed convex set that contains 0:
-    Ψ(s, v) = sup {⟨ξ, v⟩ : ξ ∈ K(s)}.
+    It is the support function of its stable set K(s) = ∂Ψ(s, 0), a closed convex set that contains
+    0: Ψ(s, v) = sup {⟨ξ, v⟩ : ξ ∈ K(s)}.
 
     Attributes
     ----------
@@ -83,11 +84,14 @@ class Dissipation(ABC):
         """
 
     def projection(self, xi: Array, s: float = 0.0) -> tuple[Array, Array]:
-        """The Euclidean projection of ξ, shape (n,), onto K(s), and a generalised derivative of it, shape (n, n)."""
+        """The Euclidean projection of ξ, shape (n,), onto K(s), and a generalised derivative of it,
+        shape (n, n)."""
         from stickslip.rate_independent.sets.projections import slope_by_differences
 
         y = self.project(xi, s)
-        return y, slope_by_differences(lambda x: self.project(x, s), xi, y, 1e-7 * float(np.abs(xi).max() or 1.0))
+        return y, slope_by_differences(
+            lambda x: self.project(x, s), xi, y, 1e-7 * float(np.abs(xi).max() or 1.0)
+        )
 
     @abstractmethod
     def cone_form(self, s: float) -> ConeForm | None:
@@ -109,7 +113,8 @@ class Dissipation(ABC):
         """
 
     def outer_form(self, s: float, xi: Array) -> ConeForm:
-        """A bounded image of cones that contains K(s), but not a given ξ outside it: K(s) itself where it is one."""
+        """A bounded image of cones that contains K(s), but not a given ξ outside it: K(s) itself
+        where it is one."""
         form = self.cone_form(s)
         assert form is not None
         return form
@@ -124,19 +129,24 @@ class Dissipation(ABC):
         return float(np.linalg.norm(xi - self.project(xi, s)))
 
     def contains(self, xi: ArrayLike, s: float = 0.0, tolerance: float = 1e-12) -> bool:
-        """Whether ξ, shape (n,), lies in K(s), up to `tolerance` times its length, or that of K(s) towards it."""
+        """Whether ξ, shape (n,), lies in K(s), up to `tolerance` times its length, or that of K(s)
+        towards it."""
         xi = self.vector(xi, "xi")
         beyond = xi - self.project(xi, s)
         distance = float(np.linalg.norm(beyond))
         if distance == 0.0:
             return True
-        return distance <= tolerance * max(float(np.linalg.norm(xi)), self.support(beyond / distance, s))
+        return distance <= tolerance * max(
+            float(np.linalg.norm(xi)), self.support(beyond / distance, s)
+        )
 
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
-        """How far ξ, shape (n,), lies outside K(s): positive outside, negative inside, of the size of a distance."""
+        """How far ξ, shape (n,), lies outside K(s): positive outside, negative inside, of the size
+        of a distance."""
         xi = self.vector(xi, "xi")
         nearest = self._nearest_at(s)
-        outside, length = float(np.linalg.norm(xi - nearest(xi))), float(np.linalg.norm(xi))
+        outside = float(np.linalg.norm(xi - nearest(xi)))
+        length = float(np.linalg.norm(xi))
         return outside if outside > 1e-13 * length else -self._depth(xi, length, s, nearest)
 
     def holds(self, xi: Array, s: float, noise: float) -> bool:
@@ -149,23 +159,28 @@ class Dissipation(ABC):
 
     @property
     def bounded(self) -> bool:
-        """Whether it is made of numbers and formulas, and so known at every phase, not only where it is asked for."""
+        """Whether it is made of numbers and formulas, and so known at every phase, not only where
+        it is asked for."""
         return False
 
     def over(self, low: Array, high: Array) -> Stretches:
-        """The potential on stretches of phases, shape (m,) each, within one period: 0 <= low <= high <= 1.
+        """The potential on stretches of phases, shape (m,) each, within one period: 0 <= low <=
+        high <= 1.
 
-        What it says of the phases in between is proved if the potential is `bounded`, and estimated otherwise.
+        What it says of the phases in between is proved if the potential is `bounded`, and estimated
+        otherwise.
         """
         start, end, middle = (OneByOne(self, s) for s in (low, high, 0.5 * (low + high)))
         return Estimated(start, end, middle)
 
     def closest(self, phases: Array, xi: Array) -> Array:
-        """Phases near given ones, shape (k,), at which a force is closest to the boundary of K(s), about."""
+        """Phases near given ones, shape (k,), at which a force is closest to the boundary of K(s),
+        about."""
         return phases
 
     def around(self, phases: Array, xi: Array, enough: float) -> Near:
-        """Stretches around phases, shape (k,), at which ξ may touch K(s), and is outside by no more than `enough`.
+        """Stretches around phases, shape (k,), at which ξ may touch K(s), and is outside by no more
+        than `enough`.
 
         What is said of them is proved, from second derivatives. By default, nothing is.
         """
@@ -178,7 +193,9 @@ class Dissipation(ABC):
         """
         v = self.vector(v, "v")
         if not (np.isfinite(step) and step > 0):
-            raise DeclarationError("step", f"{step} is not positive", "Give the length of a proximal step")
+            raise DeclarationError(
+                "step", f"{step} is not positive", "Give the length of a proximal step"
+            )
         return v - step * self.project(v / step, s)
 
     def vector(self, given: ArrayLike, name: str) -> Array:
@@ -186,10 +203,14 @@ class Dissipation(ABC):
         try:
             x = np.asarray(given, dtype=float)
         except (TypeError, ValueError):
-            raise DeclarationError(name, "it is not a vector of numbers", f"Give {self.dimension} numbers") from None
+            raise DeclarationError(
+                name, "it is not a vector of numbers", f"Give {self.dimension} numbers"
+            ) from None
         if x.shape != (self.dimension,):
             raise DeclarationError(
-                name, f"it has the shape {x.shape}, but the potential lives on R^{self.dimension}", "Correct its size"
+                name,
+                f"it has the shape {x.shape}, but the potential lives on R^{self.dimension}",
+                "Correct its size",
             )
         check_finite(x, name)
         return x
@@ -199,15 +220,20 @@ class Dissipation(ABC):
         return None if given is None else spd(given, self.dimension, "metric")
 
     def _nearest_at(self, s: float) -> Callable[[Array], Array]:
-        """The Euclidean projection onto K(s), for several points, as accurate as a search over the phase needs it."""
+        """The Euclidean projection onto K(s), for several points, as accurate as a search over the
+        phase needs it."""
         return lambda x: self.project(x, s)
 
-    def _depth(self, xi: Array, length: float, s: float, nearest: Callable[[Array], Array]) -> float:
+    def _depth(
+        self, xi: Array, length: float, s: float, nearest: Callable[[Array], Array]
+    ) -> float:
         """How much further than ξ, a point of K(s), its ray goes on inside K(s)."""
         if length == 0.0:
             return float("inf")
-        direction, reach = xi / length, self.support(xi, s) / length
-        # Newton's method from outside: cut the ray by the supporting hyperplane at the nearest point of K(s).
+        direction = xi / length
+        reach = self.support(xi, s) / length
+        # Newton's method from outside: cut the ray by the supporting hyperplane at the nearest
+        # point of K(s).
         for _ in range(60):
             ahead = reach * direction - nearest(reach * direction)
             slope = float(ahead @ direction)
@@ -232,8 +258,8 @@ class OptimalMotion:
     cost : float
         Σ Ψ(s_k, v_k), an upper bound of Ψ_av(V).
     bound : float
-        ⟨ξ, V⟩ − δ Σ|v_k| with the force ξ that holds V back, at most δ outside every K(s). No measure that moves as
-        much as this one costs less.
+        ⟨ξ, V⟩ − δ Σ|v_k| with the force ξ that holds V back, at most δ outside every K(s). No
+        measure that moves as much as this one costs less.
     gap : float
         Duality gap: cost − bound.
     """
@@ -250,7 +276,8 @@ class OptimalMotion:
 
 
 class Average(Dissipation):
-    """The averaged potential Ψ_av, the support function of K_av = ∩ₛ K(s); it does not depend on the phase.
+    """The averaged potential Ψ_av, the support function of K_av = ∩ₛ K(s); it does not depend on
+    the phase.
 
     Attributes
     ----------
@@ -285,18 +312,25 @@ class Average(Dissipation):
     @property
     def coverage(self) -> str:
         """Which phases were looked at, in words."""
-        return f"as sampled at {self.samples} phases" if self.samples else "all phases covered by bounds"
+        return (
+            f"as sampled at {self.samples} phases"
+            if self.samples
+            else "all phases covered by bounds"
+        )
 
     @property
     def verdict(self) -> str:
         """Whether friction vanishes in some direction, as a sentence."""
-        count, n = self.frictionless.shape[1], self.dimension
+        count = self.frictionless.shape[1]
+        n = self.dimension
         if count == 0:
             return "Friction vanishes in no direction"
         if count == n:
             return "Friction vanishes in every direction: K_av = {0}"
         axes = [i for i in range(n) if np.abs(self.frictionless[i]).max() > 1e-8]
-        named = f"among the components {', '.join(map(str, axes[:10]))}{', ...' if len(axes) > 10 else ''}"
+        listed = ", ".join(map(str, axes[:10]))
+        more = ", ..." if len(axes) > 10 else ""
+        named = f"among the components {listed}{more}"
         return f"Friction vanishes in {count} of {n} directions, {named}: K_av has no interior"
 
     def average(self, tolerance: float = 1e-8) -> Average:
@@ -311,13 +345,17 @@ def spd(given: ArrayLike, n: int, where: str) -> Array:
     try:
         matrix = np.asarray(given, dtype=float)
     except (TypeError, ValueError):
-        raise DeclarationError(where, "it is not a matrix of numbers", f"Give a {n} x {n} array") from None
+        raise DeclarationError(
+            where, "it is not a matrix of numbers", f"Give a {n} x {n} array"
+        ) from None
     if matrix.shape != (n, n):
         raise DeclarationError(where, f"it has the shape {matrix.shape}", f"Give a {n} x {n} array")
     check_finite(matrix, where)
     lopsided = np.abs(matrix - matrix.T).max(initial=0.0)
     if lopsided > 1e-10 * np.abs(matrix).max(initial=0.0):
-        raise DeclarationError(where, f"it is not symmetric (M - M^T reaches {lopsided:.3g})", "Give (M + M^T)/2")
+        raise DeclarationError(
+            where, f"it is not symmetric (M - M^T reaches {lopsided:.3g})", "Give (M + M^T)/2"
+        )
     try:
         cholesky(matrix, lower=True)
     except LinAlgError:

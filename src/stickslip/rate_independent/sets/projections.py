@@ -16,29 +16,34 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Projection = Callable[[Array], tuple[Array, Array]]
 DAMPED = 0.95  # part of the longest admissible gradient step
-MOST_NEWTON, MOST_IDLE = 500, 40  # steps in all, and without progress
+MOST_NEWTON = 500  # steps in all
+MOST_IDLE = 40  # steps without progress
 SHORTEST_SHARE = 2.0**-12  # of a Newton step
 ENOUGH = 1e-11
-BLOCK_TRIALS = 3  # exchanges of whole blocks without progress before one index at a time is exchanged
+# exchanges of whole blocks without progress before one index at a time is exchanged
+BLOCK_TRIALS = 3
 
 
 def nearest_in_box(M: Array, xi: Array, lower: Array, upper: Array) -> Array:
     """The y in [lower, upper] with the least ½⟨M(ξ − y), ξ − y⟩, by block principal pivoting.
 
-    All components on the wrong side change at once as long as their number falls; otherwise only the first one does, a
-    rule that cannot cycle since M is positive definite (J. J. Júdice and F. M. Pires, *A block principal pivoting
-    algorithm for large-scale strictly monotone linear complementarity problems*, Comput. Oper. Res. 21 (1994) 587-596).
+    All components on the wrong side change at once as long as their number falls; otherwise only
+    the first one does, a rule that cannot cycle since M is positive definite (J. J. Júdice and F.
+    M. Pires, *A block principal pivoting algorithm for large-scale strictly monotone linear
+    complementarity problems*, Comput. Oper. Res. 21 (1994) 587-596).
     """
     from scipy.linalg import cho_factor, cho_solve
 
     if (lower <= xi).all() and (xi <= upper).all():
         return xi.copy()
     size = max(np.abs(xi).max(), np.abs(lower).max(), np.abs(upper).max())
-    slack, push = 1e-14 * size, 1e-14 * size * np.abs(M).sum(axis=1).max()
+    slack = 1e-14 * size
+    push = 1e-14 * size * np.abs(M).sum(axis=1).max()
     held = np.where(xi < lower, -1, np.where(xi > upper, 1, 0))
     pinned = lower == upper
     held[pinned] = -1
-    fewest, trials = len(xi) + 1, BLOCK_TRIALS
+    fewest = len(xi) + 1
+    trials = BLOCK_TRIALS
     for _ in range(1000 + 50 * len(xi)):
         free = held == 0
         y = np.where(held < 0, lower, upper)
@@ -46,13 +51,15 @@ def nearest_in_box(M: Array, xi: Array, lower: Array, upper: Array) -> Array:
             pull = (M[free] @ xi) - M[np.ix_(free, ~free)] @ y[~free]
             y[free] = cho_solve(cho_factor(M[np.ix_(free, free)]), pull)
         force = M @ (xi - y)
-        below, above = free & (y < lower - slack), free & (y > upper + slack)
+        below = free & (y < lower - slack)
+        above = free & (y > upper + slack)
         off = ~pinned & (((held < 0) & (force > push)) | ((held > 0) & (force < -push)))
         wrong = np.flatnonzero(below | above | off)
         if not len(wrong):
             return np.clip(y, lower, upper)
         if len(wrong) < fewest:
-            fewest, trials = len(wrong), BLOCK_TRIALS
+            fewest = len(wrong)
+            trials = BLOCK_TRIALS
         elif trials > 0:
             trials -= 1
         else:
@@ -66,7 +73,8 @@ def nearest_in_box(M: Array, xi: Array, lower: Array, upper: Array) -> Array:
 
 
 def nearest_in_ellipsoid(root: Array, xi: Array, M: Array | None = None) -> Array:
-    """The y in {root u : |u| ≤ 1} with the least ½⟨M(ξ − y), ξ − y⟩; `root` has full column rank."""
+    """The y in {root u : |u| ≤ 1} with the least ½⟨M(ξ − y), ξ − y⟩; `root` has full column
+    rank."""
     if root.shape[1] == 0:
         return np.zeros_like(xi)
     pulled = root if M is None else M @ root
@@ -78,12 +86,14 @@ def nearest_in_ellipsoid(root: Array, xi: Array, M: Array | None = None) -> Arra
 
 
 def secular(load: Array, eigenvalues: Array) -> tuple[Array, Array]:
-    """u = (B + λ)⁻¹ load with the least λ ≥ 0 for which |u| ≤ 1, and that λ; row by row, B diagonal, shapes (m, k).
+    """u = (B + λ)⁻¹ load with the least λ ≥ 0 for which |u| ≤ 1, and that λ; row by row, B
+    diagonal, shapes (m, k).
 
-    1/|u| is concave and increasing in λ, so that Newton's method for 1/|u| = 1 from λ = 0 goes up to the root and not
-    beyond. A component without load has none of u.
+    1/|u| is concave and increasing in λ, so that Newton's method for 1/|u| = 1 from λ = 0 goes up
+    to the root and not beyond. A component without load has none of u.
     """
-    eigenvalues, multiplier = np.where(load != 0.0, eigenvalues, 1.0), np.zeros(len(load))
+    eigenvalues = np.where(load != 0.0, eigenvalues, 1.0)
+    multiplier = np.zeros(len(load))
     u = load / eigenvalues
     open_ = np.flatnonzero(np.square(u).sum(axis=1) > 1.0)
     for _ in range(100):
@@ -100,7 +110,8 @@ def secular(load: Array, eigenvalues: Array) -> tuple[Array, Array]:
 
 
 def nearest_in_hull(points: Array, xi: Array, M: Array | None = None) -> Array:
-    """The point of the convex hull of the rows of `points`, shape (k, n), nearest to ξ, by an active set."""
+    """The point of the convex hull of the rows of `points`, shape (k, n), nearest to ξ, by an
+    active set."""
     weights = weights_in_hull(points, xi, M)
     base, *others = np.flatnonzero(weights)
     # Once more, on the face that was found, with all digits.
@@ -113,10 +124,11 @@ def nearest_in_hull(points: Array, xi: Array, M: Array | None = None) -> Array:
 
 
 def weights_in_hull(points: Array, xi: Array, M: Array | None = None) -> Array:
-    """Weights of the nearest point, shape (k,): nonnegative, with the sum 1, at most n + 1 of them positive.
+    """Weights of the nearest point, shape (k,): nonnegative, with the sum 1, at most n + 1 of them
+    positive.
 
-    The nonnegative u with the least |Σ u_j (p_j − ξ)|² + (Σ u_j − 1)² has them, up to a factor (C. L. Lawson and
-    R. J. Hanson, *Solving Least Squares Problems*, 1974, chapter 23).
+    The nonnegative u with the least |Σ u_j (p_j − ξ)|² + (Σ u_j − 1)² has them, up to a factor (C.
+    L. Lawson and R. J. Hanson, *Solving Least Squares Problems*, 1974, chapter 23).
     """
     rest = points - xi
     if M is not None:
@@ -128,7 +140,9 @@ def weights_in_hull(points: Array, xi: Array, M: Array | None = None) -> Array:
     return weights / weights.sum()
 
 
-def nearest_in_polyhedron(normals: Array, offsets: Array, xi: Array, M: Array | None = None) -> Array:
+def nearest_in_polyhedron(
+    normals: Array, offsets: Array, xi: Array, M: Array | None = None
+) -> Array:
     """The y with normals y ≤ offsets nearest to ξ."""
     return nearest_and_faces(normals, offsets, xi, M)[0]
 
@@ -154,7 +168,9 @@ def nearest_and_faces(
     y = xi + (step if M is None else np.linalg.solve(np.linalg.cholesky(M).T, step))
     left = float((normals @ y - offsets).max())
     if not left <= 1e-9 * max(worst, float(np.abs(offsets).max())):
-        raise ConvergenceError("projection onto a polytope", f"the point found is still {left:.3g} outside")
+        raise ConvergenceError(
+            "projection onto a polytope", f"the point found is still {left:.3g} outside"
+        )
     return y, active
 
 
@@ -174,17 +190,23 @@ def nonnegative_least_squares(E: Array) -> Array:
     try:
         return nnls(E, np.append(np.zeros(len(E) - 1), 1.0), maxiter=30 * E.shape[1] + 100)[0]
     except RuntimeError as error:
-        raise ConvergenceError("projection onto a polytope", f"the active set did not settle ({error})") from None
+        raise ConvergenceError(
+            "projection onto a polytope", f"the active set did not settle ({error})"
+        ) from None
 
 
-def nearest_in_metric(project: Projection, xi: Array, M: Array, start: Array | None = None) -> Array:
-    """The point of a convex set nearest to ξ in a metric, from its Euclidean projection, to rounding.
+def nearest_in_metric(
+    project: Projection, xi: Array, M: Array, start: Array | None = None
+) -> Array:
+    """The point of a convex set nearest to ξ in a metric, from its Euclidean projection, to
+    rounding.
 
-    y is nearest if it is the projection of y − γM(y − ξ). That is solved by semismooth Newton steps; since M is
-    positive definite, they converge quadratically from nearby even where the projection has a kink. From afar they are
-    kept on their way by the forward-backward envelope, a function with the same minimiser that a projected gradient
-    step always decreases: a step is shortened until it decreases it, too, and replaced by that one if it never does
-    (P. Patrinos, L. Stella and A. Bemporad, *Forward-backward truncated Newton methods for convex composite
+    y is nearest if it is the projection of y − γM(y − ξ). That is solved by semismooth Newton
+    steps; since M is positive definite, they converge quadratically from nearby even where the
+    projection has a kink. From afar they are kept on their way by the forward-backward envelope, a
+    function with the same minimiser that a projected gradient step always decreases: a step is
+    shortened until it decreases it, too, and replaced by that one if it never does (P. Patrinos, L.
+    Stella and A. Bemporad, *Forward-backward truncated Newton methods for convex composite
     optimization*, 2014).
 
     Parameters
@@ -201,41 +223,54 @@ def nearest_in_metric(project: Projection, xi: Array, M: Array, start: Array | N
     ConvergenceError
         If the residual stays above 1e-11 times the size of ξ and y.
     """
-    step, identity = DAMPED / float(np.linalg.eigvalsh(M)[-1]), np.eye(len(xi))
+    step = DAMPED / float(np.linalg.eigvalsh(M)[-1])
+    identity = np.eye(len(xi))
 
     def at(y: Array) -> Iterate:
         pull = M @ (y - xi)
         image, slope = project(y - step * pull)
         rest = image - y
-        envelope = 0.5 * float(pull @ (y - xi)) + float(pull @ rest) + 0.5 * float(rest @ rest) / step
+        envelope = (
+            0.5 * float(pull @ (y - xi)) + float(pull @ rest) + 0.5 * float(rest @ rest) / step
+        )
         return Iterate(y, image, slope, float(np.linalg.norm(rest)), envelope)
 
     now = at(project(xi)[0] if start is None else start)
-    best, idle = now, 0
+    best = now
+    idle = 0
     for _ in range(MOST_NEWTON):
         size = float(np.linalg.norm(xi)) + float(np.linalg.norm(now.image))
         if now.residual <= 1e-16 * size or idle >= MOST_IDLE:
             break
         newton = np.linalg.solve(identity - now.slope @ (identity - step * M), now.image - now.y)
-        share, ahead = 1.0, at(now.y + newton)
-        while not (ahead.residual <= 0.5 * now.residual or ahead.envelope < now.envelope) and share > SHORTEST_SHARE:
+        share = 1.0
+        ahead = at(now.y + newton)
+        while (
+            not (ahead.residual <= 0.5 * now.residual or ahead.envelope < now.envelope)
+            and share > SHORTEST_SHARE
+        ):
             share *= 0.5
             ahead = at(now.y + share * newton)
         if not (ahead.residual < now.residual or ahead.envelope < now.envelope):
             ahead = at(now.image)
         idle = 0 if ahead.residual < 0.9 * best.residual else idle + 1
-        now, best = ahead, min(best, ahead, key=lambda iterate: iterate.residual)
-    if not best.residual <= ENOUGH * (float(np.linalg.norm(xi)) + float(np.linalg.norm(best.image))):
+        now = ahead
+        best = min(best, ahead, key=lambda iterate: iterate.residual)
+    if not best.residual <= ENOUGH * (
+        float(np.linalg.norm(xi)) + float(np.linalg.norm(best.image))
+    ):
         raise ConvergenceError(
             "projection in a metric",
-            f"the residual stays at {best.residual:.3g} for a force of {float(np.linalg.norm(xi)):.3g}",
+            f"the residual stays at {best.residual:.3g} for a force of "
+            f"{float(np.linalg.norm(xi)):.3g}",
             "The metric is too ill-conditioned",
         )
     return best.image
 
 
 class Iterate(NamedTuple):
-    """A point, the projection of its gradient step with its derivative, their distance, and the envelope."""
+    """A point, the projection of its gradient step with its derivative, their distance, and the
+    envelope."""
 
     y: Array
     image: Array
@@ -244,7 +279,9 @@ class Iterate(NamedTuple):
     envelope: float
 
 
-def slope_by_differences(project: Callable[[Array], Array], x: Array, image: Array, h: float) -> Array:
+def slope_by_differences(
+    project: Callable[[Array], Array], x: Array, image: Array, h: float
+) -> Array:
     """Derivative of a projection, column by column."""
     return np.column_stack([(project(x + shift) - image) / h for shift in h * np.eye(len(x))])
 
@@ -258,9 +295,11 @@ def nearest_by_support(
     accuracy: float = 0.0,
     sure: float = 1e-9,
 ) -> Array:
-    """The point of K(s) nearest to ξ from points of K(s) that are exposed in the direction in which ξ still lies.
+    """The point of K(s) nearest to ξ from points of K(s) that are exposed in the direction in which
+    ξ still lies.
 
-    With d = M(ξ − y), the support function bounds what is left to gain: |y − y*|²_M ≤ Ψ(s, d) − ⟨d, y⟩.
+    With d = M(ξ − y), the support function bounds what is left to gain: |y − y*|²_M ≤ Ψ(s, d) − ⟨d,
+    y⟩.
 
     Parameters
     ----------
@@ -279,7 +318,8 @@ def nearest_by_support(
     points = [] if known is None else known
     if not points:
         points.append(dissipation.exposed(xi, s))
-    best, least = points[0], np.inf
+    best = points[0]
+    least = np.inf
     for _ in range(300):
         table = np.array(points)
         y = nearest_in_hull(table, xi, M)
@@ -291,8 +331,12 @@ def nearest_by_support(
         ahead = dissipation.exposed(d, s)
         gap = (dissipation.support(d, s) - float(d @ y)) / (float(np.linalg.norm(d)) * size)
         if min(gap, far) < least:
-            best, least = y, min(gap, far)
-        if gap <= max(1e-15, accuracy * far) or (np.abs(table - ahead).max(axis=1) <= 1e-15 * size).any():
+            best = y
+            least = min(gap, far)
+        if (
+            gap <= max(1e-15, accuracy * far)
+            or (np.abs(table - ahead).max(axis=1) <= 1e-15 * size).any()
+        ):
             break
         points.append(ahead)
     if not least <= max(sure, accuracy):

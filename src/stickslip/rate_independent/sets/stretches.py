@@ -1,4 +1,5 @@
-"""Dissipation potentials at many phases, and on stretches between phases: data of both as rows of arrays."""
+"""Dissipation potentials at many phases, and on stretches between phases: data of both as rows of
+arrays."""
 
 from __future__ import annotations
 
@@ -28,11 +29,15 @@ class Rows:
     def joined(self, more: Any) -> Self:
         """These rows and more of the same kind."""
         theirs = more._rows()
-        return replace(self, **{name: _joined(value, theirs[name]) for name, value in self._rows().items()})
+        return replace(
+            self, **{name: _joined(value, theirs[name]) for name, value in self._rows().items()}
+        )
 
     def _rows(self) -> dict[str, Any]:
         values = ((name, getattr(self, name)) for name in _names(type(self)))
-        return {name: value for name, value in values if isinstance(value, (Rows, np.ndarray, tuple))}
+        return {
+            name: value for name, value in values if isinstance(value, (Rows, np.ndarray, tuple))
+        }
 
 
 @cache
@@ -53,7 +58,8 @@ def _joined(one: Any, other: Any) -> Any:
 
 
 class Sampled(ABC):
-    """A dissipation potential at m phases. Arguments are single vectors, shape (n,), or one for each phase, (m, n)."""
+    """A dissipation potential at m phases. Arguments are single vectors, shape (n,), or one for
+    each phase, (m, n)."""
 
     @abstractmethod
     def support(self, v: Array) -> Array:
@@ -84,7 +90,9 @@ class Stretches(ABC, Generic[S]):
     end: S
 
     @abstractmethod
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
+    def between(
+        self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array
+    ) -> Array:
         """How far a force may lie outside K(s) while s runs over a stretch, shape (m,).
 
         Parameters
@@ -99,21 +107,26 @@ class Stretches(ABC, Generic[S]):
             Below this, no effort is made for a sharper bound.
         """
 
-    def outside(self, before: Array, after: Array, off: Array, enough: float | Array) -> tuple[Array, Array, Array]:
-        """How far a force lies outside K(s) at the start and the end of each stretch, and may lie in between."""
+    def outside(
+        self, before: Array, after: Array, off: Array, enough: float | Array
+    ) -> tuple[Array, Array, Array]:
+        """How far a force lies outside K(s) at the start and the end of each stretch, and may lie
+        in between."""
         first, last = self.start.excess(before), self.end.excess(after)
         return first, last, self.between(np.maximum(first, last), before, after, off, enough)
 
 
 class Near(NamedTuple):
-    """Stretches of phases on which a force is proved to lie outside K(s) by no more than a bound; all of shape (k,)."""
+    """Stretches of phases on which a force is proved to lie outside K(s) by no more than a bound;
+    all of shape (k,)."""
 
     low: Array
     high: Array
     bound: Array
 
     def at_most(self, low: Array, high: Array) -> Array:
-        """How far the force may lie outside on given stretches, shape (m,); infinite where nothing is proved."""
+        """How far the force may lie outside on given stretches, shape (m,); infinite where nothing
+        is proved."""
         inside = (self.low <= low[:, None]) & (high[:, None] <= self.high)
         return np.where(inside, self.bound, np.inf).min(axis=1, initial=np.inf)
 
@@ -139,19 +152,25 @@ class OneByOne(Rows, Sampled):
         return np.array(rows).reshape(len(rows), self.potential.dimension)
 
     def _rows_of(self, x: Array) -> zip[tuple[Array, float]]:
-        return zip(np.broadcast_to(x, (len(self.phases), x.shape[-1])), self.phases.tolist(), strict=True)
+        return zip(
+            np.broadcast_to(x, (len(self.phases), x.shape[-1])), self.phases.tolist(), strict=True
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Estimated(Rows, Stretches[OneByOne]):
-    """Stretches of a potential that is known where it is asked for only: estimated from their middles."""
+    """Stretches of a potential that is known where it is asked for only: estimated from their
+    middles."""
 
     start: OneByOne
     end: OneByOne
     middle: OneByOne
 
-    def between(self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array) -> Array:
-        # Twice the deviation in the middle from the line between the ends: a parabola, or a kink anywhere.
+    def between(
+        self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array
+    ) -> Array:
+        # Twice the deviation in the middle from the line between the ends: a parabola, or a kink
+        # anywhere.
         first, last = self.start.excess(before), self.end.excess(after)
         bent = np.abs(2.0 * self.middle.excess(0.5 * (before + after)) - first - last)
         return ends + bent + lengths(off)

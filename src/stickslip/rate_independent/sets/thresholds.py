@@ -14,7 +14,9 @@ def read_weights(given: object, where: str) -> Varying:
     varying = read([given] if isinstance(given, str) else given, where)
     if len(varying.shape) != 1 or varying.shape[0] == 0:
         raise DeclarationError(
-            where, f"it has the shape {varying.shape}, but one threshold for each component is needed", "Give a vector"
+            where,
+            f"it has the shape {varying.shape}, but one threshold for each component is needed",
+            "Give a vector",
         )
     for s in varying.looks:
         nonnegative(varying, s)

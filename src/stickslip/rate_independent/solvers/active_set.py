@@ -1,13 +1,15 @@
 """Many steps with a dense A and boxes K(s), in one compiled loop.
 
-A step minimises the strictly convex function ½dᵀAd − rᵀd + Σ max(lower d, upper d). Its state is a sign for every
-component: +1 or −1 moves, with the force on the upper or lower bound; 0 rests. On the face of fixed signs the
-minimiser is a linear solve. The walk goes towards it until a component comes to rest; at the minimiser of a face it
-releases the resting components whose forces are out of bounds. Every move of positive length lowers the function, and
-released components that turn the wrong way are dropped until one is left, which cannot: so no face comes back.
+A step minimises the strictly convex function ½dᵀAd − rᵀd + Σ max(lower d, upper d). Its state is a
+sign for every component: +1 or −1 moves, with the force on the upper or lower bound; 0 rests. On
+the face of fixed signs the minimiser is a linear solve. The walk goes towards it until a component
+comes to rest; at the minimiser of a face it releases the resting components whose forces are out of
+bounds. Every move of positive length lowers the function, and released components that turn the
+wrong way are dropped until one is left, which cannot: so no face comes back.
 
-The Cholesky factor of A on the moving components is kept from step to step. A change of one sign changes it by a row
-(in |S|² operations, stably); a step in which no sign changes factorises nothing.
+The Cholesky factor of A on the moving components is kept from step to step. A change of one sign
+changes it by a row (in |S|² operations, stably); a step in which no sign changes factorises
+nothing.
 """
 
 from __future__ import annotations
@@ -49,15 +51,27 @@ def leave(L: Array, order: Array, m: int, k: int) -> None:
             L[i, j] = L[i + 1, j]
     for i in range(p, m - 1):
         length = math.hypot(L[i, i], L[i, i + 1])
-        c, s = L[i, i] / length, L[i, i + 1] / length
+        c = L[i, i] / length
+        s = L[i, i + 1] / length
         for j in range(i, m - 1):
-            x, y = L[j, i], L[j, i + 1]
+            x = L[j, i]
+            y = L[j, i + 1]
             L[j, i] = c * x + s * y
             L[j, i + 1] = c * y - s * x
 
 
 @njit(cache=True)
-def target(L: Array, order: Array, m: int, sign: Array, r: Array, lower: Array, upper: Array, b: int, x: Array) -> None:
+def target(
+    L: Array,
+    order: Array,
+    m: int,
+    sign: Array,
+    r: Array,
+    lower: Array,
+    upper: Array,
+    b: int,
+    x: Array,
+) -> None:
     """The minimiser x on the face of the given signs, 0 on resting components."""
     for i in range(m):
         k = order[i]
@@ -73,15 +87,19 @@ def target(L: Array, order: Array, m: int, sign: Array, r: Array, lower: Array, 
 
 @njit(cache=True)
 def solve(
-    A: Array, L: Array, order: Array, sign: Array, count: Array, r: Array, lower: Array, upper: Array, b: int,
-    noise: float, d: Array, x: Array,
+    A: Array, L: Array, order: Array, sign: Array, count: Array,
+    r: Array, lower: Array, upper: Array, b: int, noise: float, d: Array, x: Array,
 ) -> int:  # fmt: skip
-    """One step in the box of row b: the increment d, and the factor and the signs that belong to it.
+    """One step in the box of row b: the increment d, and the factor and the signs that belong to
+    it.
 
-    `count` holds the number of moving components and the changes since the factor was made. Forces within `noise` of a
-    bound are on it. Returns the number of changes, or −1 if there were too many.
+    `count` holds the number of moving components and the changes since the factor was made. Forces
+    within `noise` of a bound are on it. Returns the number of changes, or −1 if there were too
+    many.
     """
-    n, m, changes = len(r), count[0], 0
+    n = len(r)
+    m = count[0]
+    changes = 0
     for i in range(n):
         d[i] = x[i] = 0.0
     while changes <= 1000 + 50 * n:
@@ -100,7 +118,8 @@ def solve(
                 leave(L, order, m, i)
                 d[i] = x[i] = 0.0
                 sign[i] = 0
-                m, changes = m - 1, changes + 1
+                m = m - 1
+                changes = changes + 1
             else:
                 d[i] = x[i] if share == 1.0 else d[i] + share * (x[i] - d[i])
         if share == 1.0:
@@ -130,15 +149,17 @@ def solve(
 
 @njit(cache=True)
 def advance(
-    A: Array, L: Array, order: Array, sign: Array, count: Array, z: Array, loads: Array, lower: Array, upper: Array,
-    states: Array, effort: Array,
+    A: Array, L: Array, order: Array, sign: Array, count: Array,
+    z: Array, loads: Array, lower: Array, upper: Array, states: Array, effort: Array,
 ) -> int:  # fmt: skip
     """Steps from z through the loads, one row each; returns how many were done.
 
     Bounds have one row per step, or one row for all. z moves along.
     """
     n = len(z)
-    r, d, x = np.empty(n), np.empty(n), np.empty(n)
+    r = np.empty(n)
+    d = np.empty(n)
+    x = np.empty(n)
     for k in range(len(loads)):
         b = k if len(lower) > 1 else 0
         size = 0.0

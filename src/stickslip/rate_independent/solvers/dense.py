@@ -1,4 +1,5 @@
-"""Steps with a small dense A: ξ = proj_K(ℓ − A z) in the metric of A⁻¹, then z moves by A⁻¹(ℓ − A z − ξ)."""
+"""Steps with a small dense A: ξ = proj_K(ℓ − A z) in the metric of A⁻¹, then z moves by A⁻¹(ℓ − A z
+− ξ)."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ BLOCK = 400_000  # numbers in one array of a block of steps
 
 
 class BoxSteps:
-    """Weighted ℓ1: boxes K(s), by an active set; signs and factor of the moving components are kept from step to step.
+    """Weighted ℓ1: boxes K(s), by an active set; signs and factor of the moving components are kept
+    from step to step.
 
     Parameters
     ----------
@@ -21,24 +23,31 @@ class BoxSteps:
 
     def __init__(self, A: Array) -> None:
         n = len(A)
-        self.A, self.factor, self.order = np.array(A, order="C"), np.zeros((n, n)), np.zeros(n, np.int64)
-        self.signs, self.count = np.zeros(n, np.int64), np.zeros(2, np.int64)
+        self.A = np.array(A, order="C")
+        self.factor = np.zeros((n, n))
+        self.order = np.zeros(n, np.int64)
+        self.signs = np.zeros(n, np.int64)
+        self.count = np.zeros(2, np.int64)
         self.block = max(1, min(4096, BLOCK // n))
 
     def advance(self, z: Array, loads: Array, sets: Boxes) -> tuple[Array, Array]:
         """States after each load (as far as the solver came), and the changes of sign each took."""
         from stickslip.rate_independent.solvers.active_set import advance
 
-        states, effort = np.empty_like(loads), np.zeros(len(loads), np.int64)
+        states = np.empty_like(loads)
+        effort = np.zeros(len(loads), np.int64)
         # Arrays of one kind (contiguous, writeable): the loop is compiled once.
-        loads, lower, upper = (np.require(table, requirements=["C", "W"]) for table in (loads, sets.lower, sets.upper))
+        loads, lower, upper = (
+            np.require(table, requirements=["C", "W"]) for table in (loads, sets.lower, sets.upper)
+        )
         face = self.factor, self.order, self.signs, self.count
         done = advance(self.A, *face, z.copy(), loads, lower, upper, states, effort)
         return states[:done], effort[:done]
 
 
 class ProjectionSteps:
-    """Any other potential, by the projection of forces onto K(s) in the metric of A⁻¹, which is made once.
+    """Any other potential, by the projection of forces onto K(s) in the metric of A⁻¹, which is
+    made once.
 
     Parameters
     ----------
@@ -48,19 +57,25 @@ class ProjectionSteps:
     def __init__(self, A: Array) -> None:
         from scipy.linalg import cho_factor, cho_solve
 
-        self.A, self.block = A, 64
+        self.A = A
+        self.block = 64
         self.factor = cho_factor(A)
         inverse = cho_solve(self.factor, np.eye(len(A)))
         self.metric = (inverse + inverse.T) / 2.0
 
     def advance(self, z: Array, loads: Array, sets: ConvexSets | Discs) -> tuple[Array, Array]:
         """States after each load, and 1 for each step that moved."""
-        states, effort, size = np.empty_like(loads), np.zeros(len(loads), np.int64), float(sets.size()[0])
+        states = np.empty_like(loads)
+        effort = np.zeros(len(loads), np.int64)
+        size = float(sets.size()[0])
         for k, load in enumerate(loads):
-            elastic, row = self.A @ z, sets.row(k)
-            force, noise = load - elastic, ROUNDING * (np.abs(load).max() + np.abs(elastic).max() + size)
+            elastic = self.A @ z
+            row = sets.row(k)
+            force = load - elastic
+            noise = ROUNDING * (np.abs(load).max() + np.abs(elastic).max() + size)
             if not row.holds(force, noise):
-                held, effort[k] = row.nearest(force, self.metric), 1
+                held = row.nearest(force, self.metric)
+                effort[k] = 1
                 z = z + self._increment(force - held, held, row, noise)
             states[k] = z
         return states, effort
@@ -68,17 +83,21 @@ class ProjectionSteps:
     def _increment(self, pull: Array, held: Array, row: ConvexSets | Discs, noise: float) -> Array:
         """The d with A d = pull, where what is free to rest rests and is not moved by rounding.
 
-        It is sought by itself, not as a difference of states: its direction decides whether it suits the force.
+        It is sought by itself, not as a difference of states: its direction decides whether it
+        suits the force.
         """
         from scipy.linalg import cho_solve, solve
 
         free = row.sliding(held)
         while free.any():
-            d, own = np.zeros_like(pull), np.ix_(free, free)
+            d = np.zeros_like(pull)
+            own = np.ix_(free, free)
             for _ in range(2):  # the second time for what rounding has left
                 rest = pull - self.A @ d
                 d[free] += (
-                    cho_solve(self.factor, rest) if free.all() else solve(self.A[own], rest[free], assume_a="pos")
+                    cho_solve(self.factor, rest)
+                    if free.all()
+                    else solve(self.A[own], rest[free], assume_a="pos")
                 )
             still = row.still(d * np.diag(self.A), noise) & free
             if not still.any():

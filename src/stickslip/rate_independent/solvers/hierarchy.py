@@ -40,14 +40,19 @@ class Level:
     rest: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        n, m = len(self.A.start) - 1, self.A.value.shape[1]
+        n = len(self.A.start) - 1
+        m = self.A.value.shape[1]
         self.H = self.A._replace(value=np.zeros_like(self.A.value))
-        self.inverse, self.whole = np.zeros((n, m, m)), np.zeros(n, np.uint8)
-        self.x, self.b, self.rest = np.zeros((n, m)), np.zeros((n, m)), np.zeros((n, m))
+        self.inverse = np.zeros((n, m, m))
+        self.whole = np.zeros(n, np.uint8)
+        self.x = np.zeros((n, m))
+        self.b = np.zeros((n, m))
+        self.rest = np.zeros((n, m))
 
 
 class Transfer(NamedTuple):
-    """Interpolation P from a level to the finer one, the same for every component, and its transpose R."""
+    """Interpolation P from a level to the finer one, the same for every component, and its
+    transpose R."""
 
     P: Rows
     R: Rows
@@ -55,7 +60,8 @@ class Transfer(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Factor:
-    """Cholesky factor of H on the last level, scaled to a unit diagonal: LLᵀ = S H S; empty rows are those of I.
+    """Cholesky factor of H on the last level, scaled to a unit diagonal: LLᵀ = S H S; empty rows
+    are those of I.
 
     Attributes
     ----------
@@ -69,11 +75,14 @@ class Factor:
 
     @classmethod
     def of(cls, level: Level) -> Factor:
-        """Factorise, with the least ridge on the diagonal that makes H definite in spite of rounding."""
+        """Factorise, with the least ridge on the diagonal that makes H definite in spite of
+        rounding."""
         from scipy.linalg import cholesky
         from scipy.sparse import bsr_array
 
-        H = bsr_array((level.H.value, level.H.column, level.H.start), shape=(level.x.size,) * 2).toarray()
+        H = bsr_array(
+            (level.H.value, level.H.column, level.H.start), shape=(level.x.size,) * 2
+        ).toarray()
         diagonal = np.diagonal(H)
         scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         H *= np.outer(scale, scale)
@@ -101,7 +110,8 @@ class Hierarchy:
     A : Rows
         The operator on the finest level.
     nodal : scipy.sparse.csr_array (nodes, nodes)
-        One number for every pair of nodes, from which the levels are made (classical Ruge–Stüben coarsening).
+        One number for every pair of nodes, from which the levels are made (classical Ruge–Stüben
+        coarsening).
 
     Attributes
     ----------
@@ -120,7 +130,8 @@ class Hierarchy:
         self.transfers: list[Transfer] = []
         pattern = abs(nodal)
         for fine, _ in pairwise(made):
-            # Entries that cancel in R A P have their place all the same: they do not cancel once A is truncated.
+            # Entries that cancel in R A P have their place all the same: they do not cancel once A
+            # is truncated.
             pattern = (abs(fine.R) @ pattern @ abs(fine.P)).tocsr()
             pattern.sort_indices()
             self.transfers.append(Transfer(rows(fine.P), rows(fine.R)))
@@ -136,13 +147,16 @@ class Hierarchy:
         self.top = top
         truncate(fine.A, upper, d, fine.H, fine.inverse, fine.whole, dirty)
         for (P, R), coarse in zip(self.transfers[top:], self.levels[top + 1 :], strict=True):
-            dirty = galerkin(fine.H, P, R, fine.whole, dirty, coarse.A, coarse.H, coarse.inverse, coarse.whole)
+            dirty = galerkin(
+                fine.H, P, R, fine.whole, dirty, coarse.A, coarse.H, coarse.inverse, coarse.whole
+            )
             fine = coarse
         if dirty.any() and fine.x.size <= DENSE:
             self.factor = Factor.of(fine)
 
     def cycle(self, top: int, b: Array) -> Array:
-        """One V-cycle for H x = b from level `top` on: linear, symmetric and positive definite in b."""
+        """One V-cycle for H x = b from level `top` on: linear, symmetric and positive definite in
+        b."""
         levels, transfers = self.levels[top:], self.transfers[top:]
         levels[0].b = b
         for (_, R), level, coarse in zip(transfers, levels, levels[1:], strict=False):
@@ -152,7 +166,9 @@ class Hierarchy:
             coarse.b = np.zeros_like(coarse.x)
             gather(R, coarse.inverse, level.rest, coarse.b)
         self.solve_last(levels[-1])
-        for (P, _), level, coarse in zip(transfers[::-1], levels[-2::-1], levels[:0:-1], strict=True):
+        for (P, _), level, coarse in zip(
+            transfers[::-1], levels[-2::-1], levels[:0:-1], strict=True
+        ):
             gather(P, level.inverse, coarse.x, level.x)
             sweep(level.H, level.inverse, level.b, level.x, True)
         return levels[0].x
@@ -178,8 +194,11 @@ def rows(matrix: Any) -> Rows:
 
 def coarse_operator(fine: Level, transfer: Transfer, nodal: Any) -> Rows:
     """PᵀAP on the pattern of the nodal operator."""
-    n, m = nodal.shape[0], fine.A.value.shape[1]
+    n = nodal.shape[0]
+    m = fine.A.value.shape[1]
     coarse = rows(nodal)._replace(value=np.zeros((nodal.nnz, m, m)))
-    every, inverse, whole = np.ones(len(fine.x), np.uint8), np.empty((n, m, m)), np.zeros(n, np.uint8)
+    every = np.ones(len(fine.x), np.uint8)
+    inverse = np.empty((n, m, m))
+    whole = np.zeros(n, np.uint8)
     galerkin(fine.A, transfer.P, transfer.R, fine.whole, every, coarse, coarse, inverse, whole)
     return coarse

@@ -9,7 +9,8 @@ import numpy as np
 from stickslip.errors import DeclarationError
 
 Array = np.ndarray
-DECIDED = 20_000  # rows up to which a sparse matrix is factorised to see whether it is positive definite
+# rows up to which a sparse matrix is factorised to see whether it is positive definite
+DECIDED = 20_000
 
 
 def checked_matrix(given: Any) -> Any:
@@ -23,9 +24,15 @@ def checked_matrix(given: Any) -> Any:
     from scipy import sparse
 
     try:
-        A: Any = sparse.csr_array(given, dtype=float) if sparse.issparse(given) else np.array(given, dtype=float)
+        A: Any = (
+            sparse.csr_array(given, dtype=float)
+            if sparse.issparse(given)
+            else np.array(given, dtype=float)
+        )
     except (TypeError, ValueError):
-        raise DeclarationError("A", "not a matrix of numbers", "Give an (n, n) array or sparse array") from None
+        raise DeclarationError(
+            "A", "not a matrix of numbers", "Give an (n, n) array or sparse array"
+        ) from None
     if A.ndim == 0:
         A = A.reshape(1, 1)
     if A.ndim != 2 or A.shape[0] != A.shape[1] or A.shape[0] == 0:
@@ -51,15 +58,18 @@ def _check_symmetric(A: Any) -> None:
             i, j = map(int, np.unravel_index(np.argmax(gap), gap.shape))
         i, j = min(i, j), max(i, j)
         raise DeclarationError(
-            f"A[{i}, {j}]", f"{A[i, j]:.9g}, but A[{j}, {i}] = {A[j, i]:.9g}", "A has to be symmetric"
+            f"A[{i}, {j}]",
+            f"{A[i, j]:.9g}, but A[{j}, {i}] = {A[j, i]:.9g}",
+            "A has to be symmetric",
         )
 
 
 def _check_definite(A: Any) -> None:
     """Refuse a matrix that is not positive definite.
 
-    Small matrices, sparse ones up to 2e4 rows, and diagonally dominant ones are decided. A larger sparse one is refused
-    only if some direction of a Krylov space (or the constant vector) has no positive energy.
+    Small matrices, sparse ones up to 2e4 rows, and diagonally dominant ones are decided. A larger
+    sparse one is refused only if some direction of a Krylov space (or the constant vector) has no
+    positive energy.
     """
     from scipy import sparse
 
@@ -81,7 +91,8 @@ def _check_definite(A: Any) -> None:
 def _check_definite_sparse(A: Any, diagonal: Array) -> None:
     from scipy.sparse.linalg import splu
 
-    n, noise = len(diagonal), 4.0 * np.finfo(float).eps * diagonal.max()
+    n = len(diagonal)
+    noise = 4.0 * np.finfo(float).eps * diagonal.max()
     if np.min(2.0 * diagonal - abs(A).sum(axis=1)) > noise:
         return  # diagonally dominant
     ones = np.ones(n)
@@ -90,8 +101,11 @@ def _check_definite_sparse(A: Any, diagonal: Array) -> None:
     if n <= DECIDED:
         options = {"SymmetricMode": True}
         try:
-            factors = splu(A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-            pivot = float(factors.U.diagonal().min())  # of L D Lᵀ: as many negative ones as negative eigenvalues
+            factors = splu(
+                A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
+            )
+            # of L D Lᵀ: as many negative ones as negative eigenvalues
+            pivot = float(factors.U.diagonal().min())
         except RuntimeError:
             pivot = 0.0
         if pivot <= noise:
@@ -107,7 +121,8 @@ def _lowest_ritz_value(A: Any, steps: int = 30) -> float:
 
     v = np.random.default_rng(0).standard_normal(A.shape[0])
     v /= np.linalg.norm(v)
-    previous, beta = np.zeros_like(v), 0.0
+    previous = np.zeros_like(v)
+    beta = 0.0
     diagonal, below = [], []
     for _ in range(steps):
         w = A @ v - beta * previous
@@ -117,11 +132,14 @@ def _lowest_ritz_value(A: Any, steps: int = 30) -> float:
         below.append(beta)
         if beta <= 1e-12 * abs(diagonal[0]):
             break
-        previous, v = v, w / beta
+        previous = v
+        v = w / beta
     return float(eigh_tridiagonal(diagonal, below[:-1], eigvals_only=True)[0])
 
 
 def _indefinite(evidence: str) -> DeclarationError:
     return DeclarationError(
-        "A", f"not positive definite: {evidence}", "Fix a component, or add a spring that holds every direction"
+        "A",
+        f"not positive definite: {evidence}",
+        "Fix a component, or add a spring that holds every direction",
     )

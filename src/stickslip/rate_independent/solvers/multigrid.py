@@ -1,16 +1,19 @@
 """Truncated nonsmooth Newton multigrid for one minimising-movement step with a large sparse matrix.
 
-The step minimises J(d) = ½ dᵀA d − rᵀd + ψ(d), ψ a sum of max(lowerᵢ dᵢ, upperᵢ dᵢ) over components, or of
-radiusᵍ |dᵍ|₂ over groups. One cycle (Gräser & Kornhuber 2009, Gräser & Sander 2019):
+The step minimises J(d) = ½ dᵀA d − rᵀd + ψ(d), ψ a sum of max(lowerᵢ dᵢ, upperᵢ dᵢ) over
+components, or of radiusᵍ |dᵍ|₂ over groups. One cycle (Gräser & Kornhuber 2009, Gräser & Sander
+2019):
 
 1. nonlinear Gauss–Seidel: every node takes its exact minimiser;
-2. with the nodes at rest left out, J is smooth near d: a multigrid cycle (more of them, as preconditioner of conjugate
-   gradients, where one is not enough) solves Newton's equation for the others;
-3. what would pass through its kink stops there if that lowers J more, and a line search takes what lowers J.
+2. with the nodes at rest left out, J is smooth near d: a multigrid cycle (more of them, as
+   preconditioner of conjugate gradients, where one is not enough) solves Newton's equation for the
+   others;
+3. what would pass through its kink stops there if that lowers J more, and a line search takes what
+  lowers J.
 
-J never rises, and 1 alone converges for every symmetric positive definite A, so the method converges from everywhere;
-2 makes it fast once the moving nodes are known. Nested iteration, the same problem on coarser levels first, tells most
-of them.
+J never rises, and 1 alone converges for every symmetric positive definite A, so the method
+converges from everywhere; 2 makes it fast once the moving nodes are known. Nested iteration, the
+same problem on coarser levels first, tells most of them.
 """
 
 from __future__ import annotations
@@ -25,23 +28,39 @@ import numpy as np
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.rate_independent.solvers.hierarchy import Hierarchy, rows
 from stickslip.rate_independent.solvers.matrix import checked_matrix
-from stickslip.rate_independent.solvers.smoothing import ROUNDING, Array, Rows, defect, forces, project, relax, slope
+from stickslip.rate_independent.solvers.smoothing import (
+    ROUNDING,
+    Array,
+    Rows,
+    defect,
+    forces,
+    project,
+    relax,
+    slope,
+)
 
-NEWTON = 0.1  # reduction of the gradient asked of the linear solver before the nodes at rest are looked at again
+# reduction of the gradient asked of the linear solver before the nodes at rest are looked at again
+NEWTON = 0.1
 LINE = 0.1  # reduction of the derivative along a correction
 NESTED = 0.1  # reduction of the residual on coarser levels,
 NESTED_CYCLES = 4  # within so many cycles
-GOOD_START = 0.01  # of the residual of d = 0: a given start that is not better than that loses against nested iteration
+# of the residual of d = 0: a given start that is not better than that loses against nested
+# iteration
+GOOD_START = 0.01
 
 
 class StepOutcome(Enum):
     """How a step ended; the result has the lowest energy that was reached."""
 
     CONVERGED = ("converged", "The KKT residual is within the tolerance")
-    ROUNDING = ("at rounding", "The KKT residual is that of rounding and above the tolerance. Raise the tolerance")
+    ROUNDING = (
+        "at rounding",
+        "The KKT residual is that of rounding and above the tolerance. Raise the tolerance",
+    )
     CYCLE_LIMIT = (
         "limit on cycles reached",
-        "Raise max_cycles. Matrices that are no discretised elliptic operator may need a dense solver",
+        "Raise max_cycles. Matrices that are no discretised elliptic operator may need a dense "
+        "solver",
     )
 
     def __init__(self, label: str, message: str) -> None:
@@ -57,8 +76,9 @@ class StepResult:
     delta : array (n,)
         The increment d.
     residual : float
-        Largest distance of ξ = r − A d to the subdifferential of the dissipation at d, over components or groups, as a
-        multiple of the largest weight (of the largest |r| if all weights vanish).
+        Largest distance of ξ = r − A d to the subdifferential of the dissipation at d, over
+        components or groups, as a multiple of the largest weight (of the largest |r| if all weights
+        vanish).
     cycles : int
         Multigrid cycles on the finest level.
     outcome : StepOutcome
@@ -71,7 +91,8 @@ class StepResult:
 
 
 class Law(NamedTuple):
-    """What is minimised on one level besides ½ dᵀA d: −rᵀd and the weights of the dissipation, of shape (nodes,)."""
+    """What is minimised on one level besides ½ dᵀA d: −rᵀd and the weights of the dissipation, of
+    shape (nodes,)."""
 
     r: Array
     lower: Array
@@ -86,7 +107,8 @@ class Multigrid:
     A : sparse array (n, n)
         Symmetric and positive definite, any SciPy format.
     groups : int
-        Number m of components that rub together, entries g m, …, g m + m − 1 of group g. 1: every component on its own.
+        Number m of components that rub together, entries g m, …, g m + m − 1 of group g. 1: every
+        component on its own.
 
     Raises
     ------
@@ -137,7 +159,9 @@ class Multigrid:
         d = self._start(law, start)
         residual, cycles, outcome = self._descend(0, law, d, tolerance * scale, max_cycles)
         if not np.isfinite(residual):
-            raise ConvergenceError("step", "the forces overflow", "Give A, r and the weights in other units")
+            raise ConvergenceError(
+                "step", "the forces overflow", "Give A, r and the weights in other units"
+            )
         return StepResult(d.ravel(), residual / scale, cycles, outcome)
 
     def _law(self, r: Any, lower: Any, upper: Any, radii: Any) -> Law:
@@ -147,7 +171,9 @@ class Multigrid:
             upper = checked(radii, "radii", nodes)
             lower = -upper
         law = Law(
-            checked(r, "r", nodes * m).reshape(nodes, m), checked(lower, "lower", nodes), checked(upper, "upper", nodes)
+            checked(r, "r", nodes * m).reshape(nodes, m),
+            checked(lower, "lower", nodes),
+            checked(upper, "upper", nodes),
         )
         if np.any(law.lower > 0.0) or np.any(law.upper < 0.0):
             i = int(np.argmax((law.lower > 0.0) | (law.upper < 0.0)))
@@ -172,9 +198,11 @@ class Multigrid:
         return self._from_below(0, law)
 
     def _from_below(self, depth: int, law: Law) -> Array:
-        """Nested iteration: the increment interpolated from the next level, where the same problem is solved roughly.
+        """Nested iteration: the increment interpolated from the next level, where the same problem
+        is solved roughly.
 
-        P d has the weights |P|ᵀ upper, |P|ᵀ lower: with P ≥ 0, ψ(P d) is at most the sum of them over the coarse nodes.
+        P d has the weights |P|ᵀ upper, |P|ᵀ lower: with P ≥ 0, ψ(P d) is at most the sum of them
+        over the coarse nodes.
         """
         from scipy.sparse import csr_array
 
@@ -189,10 +217,15 @@ class Multigrid:
         self._descend(depth + 1, inner, d, NESTED * at_rest, NESTED_CYCLES)
         return R.T @ d
 
-    def _descend(self, depth: int, law: Law, d: Array, target: float, limit: int) -> tuple[float, int, StepOutcome]:
-        """Cycles on one level, which change d, until the residual is at the target; returns it and their number."""
+    def _descend(
+        self, depth: int, law: Law, d: Array, target: float, limit: int
+    ) -> tuple[float, int, StepOutcome]:
+        """Cycles on one level, which change d, until the residual is at the target; returns it and
+        their number."""
         level = self.hierarchy.levels[depth]
-        b, cycles, residual = np.empty_like(d), 0, np.inf
+        b = np.empty_like(d)
+        cycles = 0
+        residual = np.inf
         while True:
             before = residual
             relax(level.A, *law, d)
@@ -205,7 +238,8 @@ class Multigrid:
                 return residual, cycles, StepOutcome.CYCLE_LIMIT
             self.hierarchy.truncate(depth, law.upper, d)
             goal = max(NEWTON * largest(b), 0.3 * target)
-            newton, spent = np.zeros_like(d), 1
+            newton = np.zeros_like(d)
+            spent = 1
             for spent, (rest, _) in enumerate(self._conjugate_gradients(depth, b, newton), start=1):
                 if rest <= goal or cycles + spent >= limit:
                     break
@@ -213,13 +247,19 @@ class Multigrid:
             cycles += spent
 
     def _conjugate_gradients(self, depth: int, b: Array, x: Array) -> Iterator[tuple[float, float]]:
-        """Iterates in x, which is 0, for H x = b, H the truncated Hessian, with a V-cycle as preconditioner.
+        """Iterates in x, which is 0, for H x = b, H the truncated Hessian, with a V-cycle as
+        preconditioner.
 
-        Yields the largest |b − H x| and the last p·H p; ends if that is not positive. Every x has b·x ≥ 0.
+        Yields the largest |b − H x| and the last p·H p; ends if that is not positive. Every x has
+        b·x ≥ 0.
         """
         level = self.hierarchy.levels[depth]
-        p, q, r = np.zeros_like(b), np.empty_like(b), b.copy()
-        before, rest, curvature = 1.0, largest(b), 1.0
+        p = np.zeros_like(b)
+        q = np.empty_like(b)
+        r = b.copy()
+        before = 1.0
+        rest = largest(b)
+        curvature = 1.0
         while rest > 0.0 and curvature > 0.0:
             z = self.hierarchy.cycle(depth, r)
             product = np.vdot(r, z)
@@ -238,33 +278,48 @@ class Multigrid:
             yield rest, curvature
 
     def _correct(self, depth: int, law: Law, d: Array, b: Array, newton: Array) -> None:
-        """Add as much of a Newton step as lowers J, with or without a stop at the kinks, whichever lowers it more."""
+        """Add as much of a Newton step as lowers J, with or without a stop at the kinks, whichever
+        lowers it more."""
         p = newton.copy()
         stopped = project(d, p)
         if stopped == 0 and self.groups == 1:
-            d += p  # No kink on the way: J is quadratic there, and conjugate gradients have its minimiser along p.
+            # No kink on the way: J is quadratic there, and conjugate gradients have its minimiser
+            # along p.
+            d += p
             return
         ways = (p, newton) if stopped else (p,)
-        (_, t), way = min(((self._line_search(depth, law, d, b, way), way) for way in ways), key=lambda found: found[0])
+        (_, t), way = min(
+            ((self._line_search(depth, law, d, b, way), way) for way in ways),
+            key=lambda found: found[0],
+        )
         d += t * way
 
-    def _line_search(self, depth: int, law: Law, d: Array, b: Array, p: Array) -> tuple[float, float]:
+    def _line_search(
+        self, depth: int, law: Law, d: Array, b: Array, p: Array
+    ) -> tuple[float, float]:
         """About J(d + t p) − J(d), and its t in [0, 1]."""
         level = self.hierarchy.levels[depth]
         curvature = defect(level.A, level.inverse, b, p, level.rest)
         start = -float(np.vdot(b, p))
         offset = start - slope(law.lower, law.upper, d, p, 0.0)
-        t, end = lowest(lambda t: offset + t * curvature + slope(law.lower, law.upper, d, p, t), start)
-        return 0.5 * t * (start + end), t  # not from values of J, whose differences are soon lost in rounding
+        t, end = lowest(
+            lambda t: offset + t * curvature + slope(law.lower, law.upper, d, p, t), start
+        )
+        # not from values of J, whose differences are soon lost in rounding
+        return 0.5 * t * (start + end), t
 
 
 def lowest(derivative: Callable[[float], float], start: float) -> tuple[float, float]:
-    """The t in [0, 1] up to which a convex function falls, about and not beyond, and its derivative there.
+    """The t in [0, 1] up to which a convex function falls, about and not beyond, and its derivative
+    there.
 
-    By regula falsi (Illinois) for the increasing derivative, which is `start` at 0. Where that is linear, one secant
-    hits the minimum.
+    By regula falsi (Illinois) for the increasing derivative, which is `start` at 0. Where that is
+    linear, one secant hits the minimum.
     """
-    left, low, right, high = 0.0, start, 1.0, derivative(1.0)
+    left = 0.0
+    low = start
+    right = 1.0
+    high = derivative(1.0)
     if not low < 0.0:
         return left, low
     if high <= 0.0:
@@ -276,10 +331,14 @@ def lowest(derivative: Callable[[float], float], start: float) -> tuple[float, f
         if LINE * start <= here <= -ROUNDING * start:
             return t, here
         if here < 0.0:
-            left, low, high = t, here, high * (0.5 if moved < 0 else 1.0)
+            left = t
+            low = here
+            high = high * (0.5 if moved < 0 else 1.0)
             moved = -1
         else:
-            right, high, low = t, here, low * (0.5 if moved > 0 else 1.0)
+            right = t
+            high = here
+            low = low * (0.5 if moved > 0 else 1.0)
             moved = 1
     return left, low
 
@@ -293,7 +352,8 @@ def checked(given: Any, name: str, size: int) -> Array:
     """An array of finite numbers of that size."""
     if given is None:
         raise DeclarationError(name, "it is missing", f"Give {size} numbers")
-    array = np.require(given, float, ("C", "W"))  # read-only arrays have a type of their own for numba
+    # read-only arrays have a type of their own for numba
+    array = np.require(given, float, ("C", "W"))
     if array.shape != (size,):
         raise DeclarationError(name, f"its shape is {array.shape}", f"Give {size} numbers")
     if not np.all(np.isfinite(array)):
@@ -303,13 +363,16 @@ def checked(given: Any, name: str, size: int) -> Array:
 
 
 def block_rows(A: Any, groups: int) -> tuple[Rows, Any]:
-    """A in block rows, and the matrix with the mean diagonal of every block, after which nodes are coarsened."""
+    """A in block rows, and the matrix with the mean diagonal of every block, after which nodes are
+    coarsened."""
     from scipy.sparse import csr_array
 
     A = csr_array(checked_matrix(A))
     n = A.shape[0]
     if groups < 1 or n % groups:
-        raise DeclarationError("groups", f"{groups} does not divide the {n} rows of A", "Give the size of one group")
+        raise DeclarationError(
+            "groups", f"{groups} does not divide the {n} rows of A", "Give the size of one group"
+        )
     if not A.has_canonical_format:
         A = A.copy()
         A.sum_duplicates()

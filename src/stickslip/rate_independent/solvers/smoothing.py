@@ -1,7 +1,9 @@
-"""Compiled sweeps over block rows: exact minimisation node by node, linear smoothing, forces, line search.
+"""Compiled sweeps over block rows: exact minimisation node by node, linear smoothing, forces, line
+search.
 
-A matrix is `Rows(start, column, value)` with m × m blocks, a vector has shape (nodes, m). The dissipation of node i is
-max(lowerᵢ d, upperᵢ d) for m = 1 and upperᵢ |d|₂ for m > 1. The scalar case has a branch of its own wherever that pays.
+A matrix is `Rows(start, column, value)` with m × m blocks, a vector has shape (nodes, m). The
+dissipation of node i is max(lowerᵢ d, upperᵢ d) for m = 1 and upperᵢ |d|₂ for m > 1. The scalar
+case has a branch of its own wherever that pays.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from stickslip.machine_code import njit
 
 Array = np.ndarray
 ROUNDING = 8 * 2.220446049250313e-16  # of the magnitudes a force is the sum of
-HELD = 1.0 + 1e-12  # times the radius: a group that barely moves would have a curvature radius/|d| beyond all others
+# times the radius: a group that barely moves would have a curvature radius/|d| beyond all others
+HELD = 1.0 + 1e-12
 OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
 
 
@@ -76,8 +79,9 @@ def solve_shifted(B: Array, shift: float, g: Array, L: Array, x: Array) -> None:
 def minimise_block(B: Array, g: Array, radius: float, L: Array, x: Array, y: Array) -> None:
     """Minimise ½ xᵀBx − gᵀx + radius |x|₂ into x; L (m, m) and y (m,) are work space.
 
-    x(λ) = (B + λI)⁻¹g with λ|x(λ)| = radius. Since 1/|x(λ)| is concave and at most (tr B + λ)/|g|, Newton's method for
-    1/|x(λ)| = λ/radius falls monotonically from the start below; one step is enough where B is a multiple of I.
+    x(λ) = (B + λI)⁻¹g with λ|x(λ)| = radius. Since 1/|x(λ)| is concave and at most (tr B + λ)/|g|,
+    Newton's method for 1/|x(λ)| = λ/radius falls monotonically from the start below; one step is
+    enough where B is a multiple of I.
     """
     m = len(g)
     size, trace = 0.0, 0.0
@@ -96,8 +100,11 @@ def minimise_block(B: Array, g: Array, radius: float, L: Array, x: Array, y: Arr
         for c in range(m):
             square += x[c] * x[c]
             product += x[c] * y[c]
-        # With 1/|x| = 1/√square, its derivative product/√square³ and everything multiplied by radius √square:
-        following = shift + (radius - shift * math.sqrt(square)) / (math.sqrt(square) - radius * product / square)
+        # With 1/|x| = 1/√square, its derivative product/√square³ and everything multiplied by
+        # radius √square:
+        following = shift + (radius - shift * math.sqrt(square)) / (
+            math.sqrt(square) - radius * product / square
+        )
         if not following < shift * (1.0 - 1e-15):
             return
         shift = max(following, 0.0)
@@ -108,7 +115,9 @@ def relax(A: Rows, r: Array, lower: Array, upper: Array, d: Array) -> None:
     """One sweep of nonlinear Gauss–Seidel: every node in turn takes its exact minimiser."""
     start, column, value = A
     m = d.shape[1]
-    g, y, L = np.empty(m), np.empty(m), np.empty((m, m))
+    g = np.empty(m)
+    y = np.empty(m)
+    L = np.empty((m, m))
     for i in range(len(d)):
         here = start[i]
         if m == 1:
@@ -135,17 +144,22 @@ def relax(A: Rows, r: Array, lower: Array, upper: Array, d: Array) -> None:
 
 
 @njit(**OPTIONS)
-def forces(A: Rows, r: Array, lower: Array, upper: Array, d: Array, b: Array) -> tuple[float, float]:
-    """Distance of ξ = r − A d to the subdifferential of the dissipation at d: b = −∇J where d ≠ 0, and 0 elsewhere.
+def forces(
+    A: Rows, r: Array, lower: Array, upper: Array, d: Array, b: Array
+) -> tuple[float, float]:
+    """Distance of ξ = r − A d to the subdifferential of the dissipation at d: b = −∇J where d ≠ 0,
+    and 0 elsewhere.
 
-    Returns the largest distance, also of the nodes at rest, and the largest that exceeds what rounding does to ξ.
+    Returns the largest distance, also of the nodes at rest, and the largest that exceeds what
+    rounding does to ξ.
     """
     start, column, value = A
     m = d.shape[1]
     worst, beyond = 0.0, 0.0
     for i in range(len(d)):
         if m == 1:
-            force, terms = r[i, 0], abs(r[i, 0])
+            force = r[i, 0]
+            terms = abs(r[i, 0])
             for k in range(start[i], start[i + 1]):
                 term = value[k, 0, 0] * d[column[k], 0]
                 force -= term
@@ -235,7 +249,8 @@ def defect(H: Rows, inverse: Array, b: Array, x: Array, out: Array) -> float:
 
 @njit(**OPTIONS)
 def project(d: Array, p: Array) -> int:
-    """Stop at rest the nodes that the correction p would carry through the kink; returns how many."""
+    """Stop at rest the nodes that the correction p would carry through the kink; returns how
+    many."""
     stopped = 0
     for i in range(len(d)):
         ahead = 0.0
@@ -259,7 +274,9 @@ def slope(lower: Array, upper: Array, d: Array, p: Array, t: float) -> float:
             below = there < 0.0 or (there == 0.0 and p[i, 0] > 0.0)
             total += (lower[i] if below else upper[i]) * p[i, 0]
         else:
-            square, product, speed = 0.0, 0.0, 0.0
+            square = 0.0
+            product = 0.0
+            speed = 0.0
             for c in range(m):
                 there = d[i, c] + t * p[i, c]
                 square += there * there

@@ -1,7 +1,9 @@
-"""Stable sets K(s) at many phases at once: what a step and its audit ask of a dissipation potential, row by row.
+"""Stable sets K(s) at many phases at once: what a step and its audit ask of a dissipation
+potential, row by row.
 
-Row k of every array belongs to phase k. Boxes and discs are plain arrays, so that a million components or a hundred
-thousand steps cost a few passes over memory; every other potential is asked phase by phase.
+Row k of every array belongs to phase k. Boxes and discs are plain arrays, so that a million
+components or a hundred thousand steps cost a few passes over memory; every other potential is asked
+phase by phase.
 """
 
 from __future__ import annotations
@@ -56,7 +58,8 @@ class StableSets(Protocol):
         ...
 
     def largest(self, xi: Array) -> Array:
-        """Size of the largest component or group of every row, shape (m,); of the row if K(s) is no product."""
+        """Size of the largest component or group of every row, shape (m,); of the row if K(s) is no
+        product."""
         ...
 
     def residual(self, xi: Array, outside: Array, d: Array, step: Step) -> Array:
@@ -75,11 +78,13 @@ class StableSets(Protocol):
         ...
 
     def total(self, d: Array) -> Array:
-        """What a force that is 1 larger in every component (or group) spends more on d, in every row."""
+        """What a force that is 1 larger in every component (or group) spends more on d, in every
+        row."""
         ...
 
     def before(self, first: Self) -> Self:
-        """The sets of the phase before each row; `first` comes before row 0, and is `self` if one set serves all."""
+        """The sets of the phase before each row; `first` comes before row 0, and is `self` if one
+        set serves all."""
         ...
 
     def row(self, k: int) -> Self:
@@ -99,7 +104,14 @@ def stable_sets(dissipation: Dissipation, phases: Array) -> StableSets:
         phases = phases[:1]  # one row stands for all
     if isinstance(dissipation, WeightedL1):
         upper = _rows(dissipation.above, phases)
-        return Boxes(-(upper if dissipation.below is dissipation.above else _rows(dissipation.below, phases)), upper)
+        return Boxes(
+            -(
+                upper
+                if dissipation.below is dissipation.above
+                else _rows(dissipation.below, phases)
+            ),
+            upper,
+        )
     if isinstance(dissipation, GroupNorm):
         return Discs(_rows(dissipation.radius, phases), dissipation.size)
     return ConvexSets(dissipation, phases)
@@ -110,19 +122,27 @@ def _rows(thresholds: Varying, phases: Array) -> Array:
     if len(phases) == 1:  # no copy of what may be large
         return nonnegative(thresholds, float(phases[0]))[None]
     rows = thresholds.over(phases)
-    return rows if rows.min() >= 0.0 else np.array([nonnegative(thresholds, s) for s in phases.tolist()])
+    return (
+        rows
+        if rows.min() >= 0.0
+        else np.array([nonnegative(thresholds, s) for s in phases.tolist()])
+    )
 
 
 def largest_weight(dissipation: Dissipation) -> float:
     """Largest weight over the phases, as sampled: the force that residuals are compared with."""
     phases = np.linspace(0.0, 1.0, PHASES) if dissipation.depends_on_phase else np.zeros(1)
-    return max(float(stable_sets(dissipation, phases[k : k + 1]).size()[0]) for k in range(len(phases)))
+    return max(
+        float(stable_sets(dissipation, phases[k : k + 1]).size()[0]) for k in range(len(phases))
+    )
 
 
 def _crest(start: Array, middle: Array, end: Array) -> Array:
-    """Largest value that a function may reach during a step, given its values; at least 0, the largest of every row.
+    """Largest value that a function may reach during a step, given its values; at least 0, the
+    largest of every row.
 
-    Twice its deviation from the chord: the crest of a parabola with that deviation, or of a kink anywhere in the step.
+    Twice its deviation from the chord: the crest of a parabola with that deviation, or of a kink
+    anywhere in the step.
     """
     crest = np.maximum(start, end) + np.abs(2.0 * middle - start - end)
     return np.maximum(crest.max(axis=1), 0.0)
@@ -138,7 +158,8 @@ def _shifted(rows: Array, first: Array) -> Array:
 
 @dataclass(frozen=True)
 class Boxes:
-    """K(s) = {lower ≤ ξ ≤ upper}: weighted ℓ1. Arrays of shape (m, n), or (1, n) if all rows are alike."""
+    """K(s) = {lower ≤ ξ ≤ upper}: weighted ℓ1. Arrays of shape (m, n), or (1, n) if all rows are
+    alike."""
 
     lower: Array
     upper: Array
@@ -162,10 +183,13 @@ class Boxes:
         return np.maximum(-self.lower, self.upper).max(axis=1)
 
     def overshoot(self, before: Self, middle: Self, forces: Forces) -> Array:
-        """How far ξ may leave K(s) during the step that ends with each row, as seen before, in the middle and after."""
+        """How far ξ may leave K(s) during the step that ends with each row, as seen before, in the
+        middle and after."""
         sets = (before, middle, self)
         above = _crest(*(xi - box.upper for xi, box in zip(forces, sets, strict=True)))
-        return np.maximum(above, _crest(*(box.lower - xi for xi, box in zip(forces, sets, strict=True))))
+        return np.maximum(
+            above, _crest(*(box.lower - xi for xi, box in zip(forces, sets, strict=True)))
+        )
 
     def moving(self, d: Array) -> Array:
         return np.count_nonzero(d, axis=1)
@@ -176,15 +200,22 @@ class Boxes:
     def before(self, first: Self) -> Self:
         if first is self:
             return self
-        return replace(self, lower=_shifted(self.lower, first.lower), upper=_shifted(self.upper, first.upper))
+        return replace(
+            self, lower=_shifted(self.lower, first.lower), upper=_shifted(self.upper, first.upper)
+        )
 
     def row(self, k: int) -> Self:
-        return self if len(self.lower) == 1 else replace(self, lower=self.lower[k : k + 1], upper=self.upper[k : k + 1])
+        return (
+            self
+            if len(self.lower) == 1
+            else replace(self, lower=self.lower[k : k + 1], upper=self.upper[k : k + 1])
+        )
 
 
 @dataclass(frozen=True)
 class Discs:
-    """K(s) = {|ξ_g| ≤ r_g}: isotropic friction of groups. Radii of shape (m, groups), or (1, groups)."""
+    """K(s) = {|ξ_g| ≤ r_g}: isotropic friction of groups. Radii of shape (m, groups), or (1,
+    groups)."""
 
     radii: Array
     group: int
@@ -238,8 +269,11 @@ class Discs:
         return self.radii.max(axis=1)
 
     def overshoot(self, before: Self, middle: Self, forces: Forces) -> Array:
-        """How far ξ may leave K(s) during the step that ends with each row, as seen before, in the middle and after."""
-        return _crest(*(s._norms(xi) - s.radii for xi, s in zip(forces, (before, middle, self), strict=True)))
+        """How far ξ may leave K(s) during the step that ends with each row, as seen before, in the
+        middle and after."""
+        return _crest(
+            *(s._norms(xi) - s.radii for xi, s in zip(forces, (before, middle, self), strict=True))
+        )
 
     def moving(self, d: Array) -> Array:
         return np.any(self._groups(d) != 0.0, axis=2).sum(axis=1)
@@ -290,15 +324,17 @@ class ConvexSets:
         return np.ones(len(held), bool)
 
     def still(self, pull: Array, noise: float) -> NDArray[np.bool_]:
-        """Components that a pull moves by no more than rounding, and that may rest on their own: none."""
+        """Components that a pull moves by no more than rounding, and that may rest on their own:
+        none."""
         return np.zeros(len(pull), bool)
 
     def largest(self, xi: Array) -> Array:
         return np.sqrt(_dot(xi, xi))
 
     def residual(self, xi: Array, outside: Array, d: Array, step: Step) -> Array:
-        # ξ ∈ ∂Ψ(d) exactly if ξ ∈ K and ⟨ξ, d⟩ = Ψ(d); the gap is put into the units of a force. An increment so
-        # small that its direction is rounding may as well be none, which is wrong by its pull.
+        # ξ ∈ ∂Ψ(d) exactly if ξ ∈ K and ⟨ξ, d⟩ = Ψ(d); the gap is put into the units of a force. An
+        # increment so small that its direction is rounding may as well be none, which is wrong by
+        # its pull.
         speed = self.largest(d)
         gap = np.maximum(step.value - _dot(xi, d), 0.0)
         along = np.divide(gap, speed, out=np.zeros_like(gap), where=speed > 0.0)
@@ -310,8 +346,11 @@ class ConvexSets:
 
     @cached_property
     def _size(self) -> float:
-        s, n = float(self.phases[0]), self.dissipation.dimension
-        return max(self.dissipation.value(s, sign * unit) for unit in np.eye(n) for sign in (1.0, -1.0))
+        s = float(self.phases[0])
+        n = self.dissipation.dimension
+        return max(
+            self.dissipation.value(s, sign * unit) for unit in np.eye(n) for sign in (1.0, -1.0)
+        )
 
     def moving(self, d: Array) -> Array:
         return np.count_nonzero(d, axis=1)

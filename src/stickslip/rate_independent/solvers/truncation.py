@@ -1,7 +1,9 @@
-"""Compiled truncation: the Hessian without the nodes at rest, and its Galerkin products on coarser levels.
+"""Compiled truncation: the Hessian without the nodes at rest, and its Galerkin products on coarser
+levels.
 
-A row is *empty* where the node rests (the inverse of its diagonal block is 0 by convention), *whole* where it equals
-the row of the full operator. Only rows at the boundary between motion and rest need the triple product.
+A row is *empty* where the node rests (the inverse of its diagonal block is 0 by convention),
+*whole* where it equals the row of the full operator. Only rows at the boundary between motion and
+rest need the triple product.
 """
 
 from __future__ import annotations
@@ -9,7 +11,14 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.machine_code import njit
-from stickslip.rate_independent.solvers.smoothing import OPTIONS, Array, Rows, moves, norm, solve_shifted
+from stickslip.rate_independent.solvers.smoothing import (
+    OPTIONS,
+    Array,
+    Rows,
+    moves,
+    norm,
+    solve_shifted,
+)
 
 
 @njit(**OPTIONS)
@@ -39,11 +48,13 @@ def add_curvature(block: Array, weight: float, d: Array, i: int) -> None:
 
 
 @njit(**OPTIONS)
-def truncate(A: Rows, upper: Array, d: Array, H: Rows, inverse: Array, whole: Array, dirty: Array) -> None:
+def truncate(
+    A: Rows, upper: Array, d: Array, H: Rows, inverse: Array, whole: Array, dirty: Array
+) -> None:
     """Write the Hessian of J at d into H, with empty rows and columns where d = 0.
 
-    `inverse` tells on entry which rows were empty before; `dirty` tells on entry which rows to write in any case and on
-    return which were written.
+    `inverse` tells on entry which rows were empty before; `dirty` tells on entry which rows to
+    write in any case and on return which were written.
     """
     start, column, value = A
     m = d.shape[1]
@@ -74,13 +85,23 @@ def truncate(A: Rows, upper: Array, d: Array, H: Rows, inverse: Array, whole: Ar
 
 @njit(**OPTIONS)
 def galerkin(
-    H: Rows, P: Rows, R: Rows, whole: Array, dirty: Array, A: Rows, coarse: Rows, inverse: Array, coarse_whole: Array
+    H: Rows,
+    P: Rows,
+    R: Rows,
+    whole: Array,
+    dirty: Array,
+    A: Rows,
+    coarse: Rows,
+    inverse: Array,
+    coarse_whole: Array,
 ) -> Array:
-    """Rows of the coarse operator PᵀHP (R = Pᵀ) to which dirty rows of H contribute; returns which these are.
+    """Rows of the coarse operator PᵀHP (R = Pᵀ) to which dirty rows of H contribute; returns which
+    these are.
 
     A is the coarse operator without truncation: rows made of whole rows only are copied from it.
     """
-    n, m = len(inverse), H.value.shape[1]
+    n = len(inverse)
+    m = H.value.shape[1]
     marked = np.zeros(n, np.uint8)
     for i in range(len(dirty)):
         if dirty[i] != 0:

@@ -19,17 +19,36 @@ from stickslip.motion.steps.arrays import (
     Lane,
 )
 from stickslip.sweeps.engine.settling import UNRECORDED, copy_lane, follow
-from stickslip.sweeps.engine.tables import DONE, DURATION, MEASURING, PHASE, START, Bench, Engine, Found, Marks, Rules
+from stickslip.sweeps.engine.tables import (
+    DONE,
+    DURATION,
+    MEASURING,
+    PHASE,
+    START,
+    Bench,
+    Engine,
+    Found,
+    Marks,
+    Rules,
+)
 
 Array = np.ndarray
 
-TURNS, SKIPPED = 64, 32  # stretches in which the growth of a small change is followed, and not counted at first
+TURNS = 64  # stretches in which the growth of a small change is followed
+SKIPPED = 32  # of them that are not counted at first
 CHANGE = 1e-7  # of the size of the motion
 
 
 @njit(**OPTIONS)
 def grow_all(
-    e: Engine, twin: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array
+    e: Engine,
+    twin: Engine,
+    m: Marks,
+    rules: Rules,
+    saved: Lane,
+    bench: Bench,
+    found: Found,
+    stop: Array,
 ) -> None:
     """Exponents of all lanes that are in the phase of being measured, as far as they come.
 
@@ -46,25 +65,49 @@ def grow_all(
 
 @njit(**INLINED)
 def grow_lane(
-    e: Engine, twin: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array, i: int
+    e: Engine,
+    twin: Engine,
+    m: Marks,
+    rules: Rules,
+    saved: Lane,
+    bench: Bench,
+    found: Found,
+    stop: Array,
+    i: int,
 ) -> None:
     """The exponent of one lane, if it is in the phase of being measured."""
-    if m.numbers[i, PHASE] == MEASURING and grow_apart(e, twin, m, rules, saved, bench, found.exponent, stop, i):
+    if m.numbers[i, PHASE] == MEASURING and grow_apart(
+        e, twin, m, rules, saved, bench, found.exponent, stop, i
+    ):
         m.numbers[i, PHASE] = DONE
 
 
 @njit(**INLINED)
 def grow_apart(
-    e: Engine, twin: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, exponent: Array, stop: Array, i: int
+    e: Engine,
+    twin: Engine,
+    m: Marks,
+    rules: Rules,
+    saved: Lane,
+    bench: Bench,
+    exponent: Array,
+    stop: Array,
+    i: int,
 ) -> bool:
-    """Largest Lyapunov exponent: a motion and its twin, which is put back close to it after every stretch.
+    """Largest Lyapunov exponent: a motion and its twin, which is put back close to it after every
+    stretch.
 
-    What slides without mass is on its threshold, from which a change would take it away; so both go a bit further
-    before the twin leaves, until it can. NaN where it never can. Returns whether that is known, as in :func:`settle`.
+    What slides without mass is on its threshold, from which a change would take it away; so both go
+    a bit further before the twin leaves, until it can. NaN where it never can. Returns whether that
+    is known, as in :func:`settle`.
     """
-    s, w, n = e.lanes, twin.lanes, e.rows.sizes[DIMENSION]
-    first, size = 2 * e.rows.sizes[INERTIAL] + e.rows.sizes[VISCOUS], m.size[i]
-    last, stretch = first + e.rows.sizes[RATE_INDEPENDENT], m.real[i, DURATION]
+    s = e.lanes
+    w = twin.lanes
+    n = e.rows.sizes[DIMENSION]
+    first = 2 * e.rows.sizes[INERTIAL] + e.rows.sizes[VISCOUS]
+    size = m.size[i]
+    last = first + e.rows.sizes[RATE_INDEPENDENT]
+    stretch = m.real[i, DURATION]
     for attempt in range(8):
         copy_lane(saved, i, s, i)
         t = m.real[i, START] + attempt * stretch / 7.3

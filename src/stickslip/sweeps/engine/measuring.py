@@ -7,7 +7,17 @@ import numpy as np
 from stickslip.machine_code import njit
 from stickslip.motion.between.step_balance import Tally, audit_steps, judge
 from stickslip.motion.engine.modes import copy, resolve
-from stickslip.motion.steps.arrays import FINISHED, FULL, INLINED, NEED, NOW, OPTIONS, Constants, Lane, Record
+from stickslip.motion.steps.arrays import (
+    FINISHED,
+    FULL,
+    INLINED,
+    NEED,
+    NOW,
+    OPTIONS,
+    Constants,
+    Lane,
+    Record,
+)
 from stickslip.sweeps.engine.observers import clear, observe
 from stickslip.sweeps.engine.returns import begin_again, gap, grow, miss, remove_shift, told_apart
 from stickslip.sweeps.engine.settling import (
@@ -57,18 +67,29 @@ AWRY = 1e-6  # a cycle that fails to close by more is none
 FELT = 1e-4  # … and neither is one, or a rest, in which the forces change by more
 FORGOTTEN = -9  # kind of a mark
 ROUNDED = 1e3  # local tolerances that the states of a motion are known to
-PARTS, SAMPLES = 31, 8  # of a period, at most, that are tried; states at which they are compared
+PARTS = 31  # of a period, at most, that are tried
+SAMPLES = 8  # states at which they are compared
 SMALL = 1e-3  # part of its modulus that is the least size of a component
 STILL = 1e-12  # … and that it may change by at rest
 
 
 @njit(**INLINED)
-def measure(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, i: int) -> bool:
-    """Record a lane from its saved state on for the duration in its marks, and measure it; False if it has to wait."""
-    k, s, record, carried, real = constants_of(e, i), e.lanes, bench.record, 0, m.real[i]
-    sums, audit = sums_of(found.sums, i), found.audit[i]
+def measure(
+    e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, i: int
+) -> bool:
+    """Record a lane from its saved state on for the duration in its marks, and measure it; False if
+    it has to wait."""
+    k = constants_of(e, i)
+    s = e.lanes
+    record = bench.record
+    carried = 0
+    real = m.real[i]
+    sums = sums_of(found.sums, i)
+    audit = found.audit[i]
     for r in range(bench.ends.shape[1]):
-        bench.ends[0, r], bench.ends[1, r], bench.ends[2, r] = np.inf, -np.inf, 0.0
+        bench.ends[0, r] = np.inf
+        bench.ends[1, r] = -np.inf
+        bench.ends[2, r] = 0.0
     if m.outcome[i] == PERIODIC and not shorten(e, m, rules, saved, bench, i):
         return False
     copy_lane(saved, i, s, i)
@@ -79,9 +100,12 @@ def measure(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found:
     begin(bench.tally)
     while True:
         rest = Record(
-            record.time[carried:], record.state[carried:], record.mode[carried:], record.region[carried:],
+            record.time[carried:],
+            record.state[carried:],
+            record.mode[carried:],
+            record.region[carried:],
             record.cause[carried:],
-        )  # fmt: skip
+        )
         count = carried + follow(e, i, stop, rules.most[1], RECORDED, rest)
         code = e.codes[i]
         if code == NEED:
@@ -131,14 +155,18 @@ def framed(m: Marks, i: int) -> bool:
 
 @njit(**INLINED)
 def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> bool:
-    """Try parts of the period: cos² has half the period of cos, and a swing that touches a switch now and then has that
-    of a swing, not that from touch to touch. False if it has to wait.
+    """Try parts of the period: cos² has half the period of cos, and a swing that touches a switch
+    now and then has that of a swing, not that from touch to touch. False if it has to wait.
 
-    After a part of its period a motion is elsewhere, mostly; if it is not, it has to be where it was all the way. The
-    first marks give way to the states that are compared; they also tell whether anything moves at all.
+    After a part of its period a motion is elsewhere, mostly; if it is not, it has to be where it
+    was all the way. The first marks give way to the states that are compared; they also tell
+    whether anything moves at all.
     """
-    s, real, p = e.lanes, m.real[i], 2
-    # Components that do not move at the marks may do so in between: their sizes are those on the whole way.
+    s = e.lanes
+    real = m.real[i]
+    p = 2
+    # Components that do not move at the marks may do so in between: their sizes are those on the
+    # whole way.
     copy_lane(saved, i, s, i)
     e.codes[i] = FULL
     while e.codes[i] == FULL:
@@ -147,17 +175,28 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
             grow(m, rules, i, bench.record.time[j], bench.record.state[j], bench.work[0])
     if e.codes[i] == NEED:
         return False
-    # A period later everything is rounded as it was, if the clock has been set back; a part of it later it is not.
+    # A period later everything is rounded as it was, if the clock has been set back; a part of it
+    # later it is not.
     limit = max(told_apart(m, i), ROUNDED * e.tolerance)
     while p <= PARTS:
-        part, off = real[DURATION] / p, 0.0
+        part = real[DURATION] / p
+        off = 0.0
         for j in range(p * SAMPLES):
-            a, b = j // p, j % p  # the b-th return to the a-th state
+            # the b-th return to the a-th state
+            a = j // p
+            b = j % p
             if not off <= rules.real[5]:
                 continue
             if b == 0:
                 copy_lane(saved, i, s, i)
-            follow(e, i, real[START] + part * (a / SAMPLES + b), rules.most[1], UNRECORDED, bench.record)
+            follow(
+                e,
+                i,
+                real[START] + part * (a / SAMPLES + b),
+                rules.most[1],
+                UNRECORDED,
+                bench.record,
+            )
             if e.codes[i] == NEED:
                 return False
             extend(m, rules, i, real[START], s.clock[i, NOW], s.y[i], bench)
@@ -166,7 +205,11 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
                 copy(s.y[i], m.state[i, 0])
             else:
                 gap(m, i, 0, s.clock[i, NOW], s.y[i], rules.translation, bench.work[0])
-                off = max(off, miss(bench.work[0], m.size[i], rules.real[4])) if e.codes[i] == FINISHED else np.inf
+                off = (
+                    max(off, miss(bench.work[0], m.size[i], rules.real[4]))
+                    if e.codes[i] == FINISHED
+                    else np.inf
+                )
         if not moves(rules, bench, bench.tally.state[0], False) > 0.0:
             return True
         if off <= limit:
@@ -180,7 +223,8 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
 @njit(**OPTIONS)
 def extend(m: Marks, rules: Rules, i: int, start: float, t: float, y: Array, bench: Bench) -> None:
     """Widen the range of every component, without frame and translation."""
-    v, ends = bench.work[0], bench.ends
+    v = bench.work[0]
+    ends = bench.ends
     for r in range(len(y)):
         v[r] = y[r] - m.frame[i, r] * (t - start)
     remove_shift(v, rules.translation)
@@ -190,19 +234,23 @@ def extend(m: Marks, rules: Rules, i: int, start: float, t: float, y: Array, ben
 
 @njit(**OPTIONS)
 def moves(rules: Rules, bench: Bench, largest: Array, known: bool) -> float:
-    """Largest range of a component, relative to its modulus; the sizes of all components are left behind.
+    """Largest range of a component, relative to its modulus; the sizes of all components are left
+    behind.
 
     Parameters
     ----------
     largest : array, shape (n,)
-        Largest modulus of each component on the way, if that is known. What all knots have in common may be extreme.
+        Largest modulus of each component on the way, if that is known. What all knots have in
+        common may be extreme.
     """
-    ends, worst = bench.ends, 0.0
+    ends = bench.ends
+    worst = 0.0
     for r in range(len(largest)):
         modulus = max(abs(ends[0, r]), abs(ends[1, r]))
         extent = ends[1, r] - ends[0, r]
         if known and rules.translation[r] == 0.0:
-            extent, modulus = max(extent, largest[r] - modulus), max(modulus, largest[r])
+            extent = max(extent, largest[r] - modulus)
+            modulus = max(modulus, largest[r])
         ends[2, r] = max(0.5 * extent, SMALL * modulus)
         beyond = extent - 2.0 * rules.real[4] - STILL * modulus
         if beyond > 0.0:
@@ -212,21 +260,47 @@ def moves(rules: Rules, bench: Bench, largest: Array, known: bool) -> float:
 
 @njit(**INLINED)
 def add_steps(
-    e: Engine, k: Constants, rules: Rules, bench: Bench, count: int, carried: int, seen: Array, sums: Sums
+    e: Engine,
+    k: Constants,
+    rules: Rules,
+    bench: Bench,
+    count: int,
+    carried: int,
+    seen: Array,
+    sums: Sums,
 ) -> None:
     """Measure the steps between the recorded knots, the first of which may have been counted."""
-    record, balance, spent, steps, fine = bench.record, bench.balance, bench.steps.work, count - 1, rules.fine
+    record = bench.record
+    balance = bench.balance
+    spent = bench.steps.work
+    steps = count - 1
+    fine = rules.fine
     e.space.known[-1] = 1
-    observe(e.jets, e.rows, k, e.space, e.order, fine[0], fine[1], seen, record, 0, steps, rules.closely, sums)
+    observe(
+        e.jets,
+        e.rows,
+        k,
+        e.space,
+        e.order,
+        fine[0],
+        fine[1],
+        seen,
+        record,
+        0,
+        steps,
+        rules.closely,
+        sums,
+    )
     for j in range(steps):
         fill(spent[j], 0.0)
         fill(bench.steps.gap[j], 0.0)
         fill(bench.steps.noise[j], 0.0)
         bench.steps.open[j] = 0.0
     audit_steps(
-        e.jets, e.powers, e.rows, k, e.space, e.order, fine[0], fine[1], seen, record.time[:steps],
-        record.state[:steps], record.mode[:steps], record.region[:steps], record.time[1:count], record.state[1:count],
-        record.mode[1:count], record.region[1:count], True, bench.steps, bench.tally,
+        e.jets, e.powers, e.rows, k, e.space, e.order, fine[0], fine[1], seen,
+        record.time[:steps], record.state[:steps], record.mode[:steps], record.region[:steps],
+        record.time[1:count], record.state[1:count], record.mode[1:count], record.region[1:count],
+        True, bench.steps, bench.tally,
     )  # fmt: skip
     for j in range(carried, count):
         energy = energy_at(e, k, bench, j)
@@ -249,11 +323,27 @@ def fill(part: Array, value: float) -> None:
 @njit(**INLINED)
 def energy_at(e: Engine, k: Constants, bench: Bench, j: int) -> float:
     """Energy at a knot."""
-    s, flight, record, table = e.space, e.flight, bench.record, bench.table
+    s = e.space
+    flight = e.flight
+    record = bench.record
+    table = bench.table
     copy(record.mode[j], flight.mode0)
     copy(record.region[j], flight.reg0)
     resolve(e.rows.sizes, k, s, flight.mode0)
-    e.jets(record.time[j], record.state[j], flight.mode0, flight.reg0, k.K, s.Rq, s.Rz, 1, table, s.A, s.B, s.mag)
+    e.jets(
+        record.time[j],
+        record.state[j],
+        flight.mode0,
+        flight.reg0,
+        k.K,
+        s.Rq,
+        s.Rz,
+        1,
+        table,
+        s.A,
+        s.B,
+        s.mag,
+    )
     e.powers(table, flight.reg0, k.K, bench.value)
     return bench.value[0]
 
@@ -261,7 +351,10 @@ def energy_at(e: Engine, k: Constants, bench: Bench, j: int) -> float:
 @njit(**INLINED)
 def feel(e: Engine, k: Constants, t: float, y: Array, bench: Bench, felt: Array) -> None:
     """Forces and thresholds of the contacts at an instant, in the mode of the first knot."""
-    s, rows, table, nc = e.space, e.rows, bench.table, len(e.rows.u)
+    s = e.space
+    rows = e.rows
+    table = bench.table
+    nc = len(e.rows.u)
     s.known[-1] = 1
     resolve(rows.sizes, k, s, bench.mode)
     e.jets(t, y, bench.mode, bench.region, k.K, s.Rq, s.Rz, 1, table, s.A, s.B, s.mag)
@@ -294,11 +387,16 @@ def begin(tally: Tally) -> None:
 
 @njit(**OPTIONS)
 def conclude(e: Engine, bench: Bench, audit: Array) -> None:
-    """The residuals of :mod:`.motion.certify`, of what has been summed up; infinite if not all could be enclosed."""
-    balance, tally, residuals = bench.balance, bench.tally, bench.residuals
+    """The residuals of :mod:`.motion.certify`, of what has been summed up; infinite if not all
+    could be enclosed."""
+    balance = bench.balance
+    tally = bench.tally
+    residuals = bench.residuals
     flow = max(balance[4] - balance[3], balance[1], tally.total[0])
     judge(e.rows, tally, balance[5], flow, max(abs(balance[3]), abs(balance[4])), residuals)
-    audit[ENERGY], audit[LAW], audit[MOTION] = residuals[0], residuals[1], max(residuals[2], residuals[3])
+    audit[ENERGY] = residuals[0]
+    audit[LAW] = residuals[1]
+    audit[MOTION] = max(residuals[2], residuals[3])
     if tally.total[2] > 0.0:
         audit[MOTION] = np.inf
 
@@ -311,7 +409,8 @@ def deceives(outcome: int, change: float, closure: float) -> bool:
 
 @njit(**OPTIONS)
 def forget(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
-    """Forget all marks of a lane, which goes on from where it is; a driven one from its last mark."""
+    """Forget all marks of a lane, which goes on from where it is; a driven one from its last
+    mark."""
     for j in range(m.kind.shape[1]):
         m.kind[i, j] = FORGOTTEN
     if m.drive[i] > 0.0:
@@ -323,7 +422,8 @@ def forget(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
 
 @njit(**OPTIONS)
 def look_closer(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, i: int) -> bool:
-    """Let a motion that came from afar settle again by the size of its cycle; False if that is known already."""
+    """Let a motion that came from afar settle again by the size of its cycle; False if that is
+    known already."""
     larger = False
     for r in range(m.size.shape[1]):
         larger = larger or m.size[i, r] > 2.0 * bench.ends[2, r]
@@ -335,13 +435,18 @@ def look_closer(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, 
     m.time[i, last] = saved.clock[i, NOW]
     copy(saved.y[i], m.state[i, last])
     copy_lane(saved, i, lanes, i)
-    m.numbers[i, SIZED], m.numbers[i, TRUE], m.numbers[i, PENDING], m.real[i, PATIENT] = 1, 0, 0, np.inf
+    m.numbers[i, SIZED] = 1
+    m.numbers[i, TRUE] = 0
+    m.numbers[i, PENDING] = 0
+    m.real[i, PATIENT] = np.inf
     begin_again(m, i, m.numbers[i, LAG])
     return True
 
 
 @njit(**OPTIONS)
-def advance(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array) -> None:
+def advance(
+    e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array
+) -> None:
     """Settle and measure all lanes, as far as they come without the host.
 
     Parameters
@@ -361,7 +466,11 @@ def advance_lane(
     numbers = m.numbers[i]
     if numbers[PHASE] == SETTLING:
         settle(e, m, rules, saved, bench, stop, i)
-    if numbers[PHASE] == MEASURING and stop[0] == 0 and measure(e, m, rules, saved, bench, found, i):
+    if (
+        numbers[PHASE] == MEASURING
+        and stop[0] == 0
+        and measure(e, m, rules, saved, bench, found, i)
+    ):
         numbers[PHASE] = DONE
         closure = found.audit[i, CLOSURE]
         awry = m.outcome[i] == PERIODIC and closure > rules.real[3]
@@ -376,4 +485,13 @@ def advance_lane(
 @njit(**OPTIONS)
 def sums_of(s: Sums, i: int) -> Sums:
     """The sums of a lane."""
-    return Sums(s.low[i], s.high[i], s.stick[i], s.work[i], s.peak[i], s.impulse[i], s.total[i], s.switches[i])
+    return Sums(
+        s.low[i],
+        s.high[i],
+        s.stick[i],
+        s.work[i],
+        s.peak[i],
+        s.impulse[i],
+        s.total[i],
+        s.switches[i],
+    )

@@ -1,7 +1,8 @@
 """What a stretch of motion amounts to, accumulated step by step in compiled code.
 
 The steps are followed again by Taylor series from their first states, as everywhere between knots
-(:mod:`stickslip.motion.between.dense`), so that extrema lie where they lie, not at the nearest knot.
+(:mod:`stickslip.motion.between.dense`), so that extrema lie where they lie, not at the nearest
+knot.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ NODES = 6  # at which the slope of a polynomial is looked at for a change of sig
 def clear(sums: Sums) -> None:
     """Nothing has been observed yet."""
     for r in range(len(sums.low)):
-        sums.low[r], sums.high[r] = np.inf, -np.inf
+        sums.low[r] = np.inf
+        sums.high[r] = -np.inf
     for c in range(len(sums.stick)):
         sums.stick[c] = sums.work[c] = sums.peak[c] = sums.impulse[c] = 0.0
     sums.total[0] = sums.total[1] = 0.0
@@ -36,7 +38,8 @@ def clear(sums: Sums) -> None:
 
 @njit(**OPTIONS)
 def turn(c: Array, d: int, a: float, b: float) -> float:
-    """Where the slope of a polynomial of degree d vanishes between a and b, at which it has different signs."""
+    """Where the slope of a polynomial of degree d vanishes between a and b, at which it has
+    different signs."""
     rising = slope(c, d, b) > 0.0
     for _ in range(60):
         x = 0.5 * (a + b)
@@ -65,7 +68,8 @@ def widen(c: Array, d: int, h: float, low: float, high: float) -> tuple[float, f
     low, high = min(low, c[0], value), max(high, c[0], value)
     if d < 1:
         return low, high
-    before, left = c[1], 0.0
+    before = c[1]
+    left = 0.0
     for i in range(1, NODES + 1):
         right = h * i / NODES
         after = slope(c, d, right)
@@ -105,12 +109,20 @@ def observe(
     closely : bool
         Whether extrema, work and forces are wanted, for which the steps have to be followed again.
     """
-    sizes, W, n, nc = rows.sizes, space.W, rows.sizes[DIMENSION], len(rows.u)
-    y, mode, reg = space.y0, space.touched[:nc], space.touched[nc:]  # free between steps
+    sizes = rows.sizes
+    W = space.W
+    n = rows.sizes[DIMENSION]
+    nc = len(rows.u)
+    # free between steps
+    y = space.y0
+    mode = space.touched[:nc]
+    reg = space.touched[nc:]
     for i in range(first, last):
-        length, stuck = knots.time[i + 1] - knots.time[i], True
+        length = knots.time[i + 1] - knots.time[i]
+        stuck = True
         for c in range(nc):
-            now, then = knots.mode[i, c], knots.mode[i + 1, c]
+            now = knots.mode[i, c]
+            then = knots.mode[i + 1, c]
             stuck = stuck and resting(now)
             sums.stick[c] += length if resting(now) else 0.0
             sums.switches[0] += 1 if then != now and not (resting(then) and resting(now)) else 0
@@ -122,14 +134,20 @@ def observe(
         copy(knots.region[i], reg)
         resolve(sizes, k, space, mode)
         copy(knots.state[i], y)
-        base, left, before = knots.time[i], length, 0.0
+        base = knots.time[i]
+        left = length
+        before = 0.0
         while left > 0.0:
-            order, h, _ = follow(jets, rows, k, space, N, base, y, mode, reg, left, before, tol, atol, seen)
+            order, h, _ = follow(
+                jets, rows, k, space, N, base, y, mode, reg, left, before, tol, atol, seen
+            )
             h = min(left, max(h, 1e-12 * left))
             add_step(rows, W, order, h, W[n, 1], sums)
             for r in range(n):
                 y[r] = horner(W[r], order, h / W[n, 1])
-            base, left, before = base + h, left - h, h
+            base = base + h
+            left = left - h
+            before = h
 
 
 @njit(**OPTIONS)

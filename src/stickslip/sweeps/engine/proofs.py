@@ -1,15 +1,19 @@
-"""What becomes of motions without further events: proofs, on the host, for all motions that ask at a time.
+"""What becomes of motions without further events: proofs, on the host, for all motions that ask at
+a time.
 
-*In an affine mode* every guard is c + c₁τ + Re Σ aⱼ exp(λⱼτ) + Re Σ bₘ exp(iωₘτ). If nothing that is excited grows and
-c exceeds Σ|a| + Σ|b|, no guard is ever reached, and the mode lasts for ever: what dies out can be left out at once, and
-what remains is rest, steady sliding or the answer to a drive. What neither grows nor dies out is undamped.
+*In an affine mode* every guard is c + c₁τ + Re Σ aⱼ exp(λⱼτ) + Re Σ bₘ exp(iωₘτ). If nothing that
+is excited grows and c exceeds Σ|a| + Σ|b|, no guard is ever reached, and the mode lasts for ever:
+what dies out can be left out at once, and what remains is rest, steady sliding or the answer to a
+drive. What neither grows nor dies out is undamped.
 
-*In any other mode* that does not depend on time, a motion whose rates have died out is near an equilibrium of its mode.
-It ends there if the eigenvalues of the field lie on the left, but for a zero for each direction that is held or free (a
-contact that sticks, a translation), and if no guard can be reached from so near, at the condition of the eigenvectors.
+*In any other mode* that does not depend on time, a motion whose rates have died out is near an
+equilibrium of its mode. It ends there if the eigenvalues of the field lie on the left, but for a
+zero for each direction that is held or free (a contact that sticks, a translation), and if no guard
+can be reached from so near, at the condition of the eigenvectors.
 
-Both are proofs up to rounding (the second up to terms of second order in a distance of 1e-9); both are sufficient, not
-necessary. Where they fail, a motion goes on; when its time is up, it has not settled.
+Both are proofs up to rounding (the second up to terms of second order in a distance of 1e-9); both
+are sufficient, not necessary. Where they fail, a motion goes on; when its time is up, it has not
+settled.
 """
 
 from __future__ import annotations
@@ -44,12 +48,15 @@ if TYPE_CHECKING:
 
 Array = Any  # of floats, integers or complex numbers
 
-AT_REST, STEADY = Outcome.AT_REST.code, Outcome.STEADY.code
-PERIODIC, UNDAMPED = Outcome.PERIODIC.code, Outcome.UNDAMPED.code
+AT_REST = Outcome.AT_REST.code
+STEADY = Outcome.STEADY.code
+PERIODIC = Outcome.PERIODIC.code
+UNDAMPED = Outcome.UNDAMPED.code
 NOTHING = -1
 ROUNDING = 1e-13  # of the terms of a sum
 MARGIN = 1e-12  # … of a guard
-CENTRE = 1e-12  # real parts this small, relative to the largest eigenvalue, neither grow nor die out
+# real parts this small, relative to the largest eigenvalue, neither grow nor die out
+CENTRE = 1e-12
 SEEN = 1e-9  # part of its size by which a component has to swing to be called undamped
 ZERO = 1e-9  # eigenvalues of an equilibrium, relative to the largest, that are zero
 SOLVED = 1e-6  # part of the rates that the distance to an equilibrium may leave over
@@ -88,7 +95,9 @@ class Prover:
     """
 
     def __init__(self, problem: Problem, table: Array, rules: Rules) -> None:
-        self.problem, self.table, self.rules = problem, table, rules
+        self.problem = problem
+        self.table = table
+        self.rules = rules
         self.repetition = Repetition(problem.compiled.equations)
         self.pieces = Pieces(problem.compiled.equations)
         self.acting = self._acting()
@@ -99,16 +108,21 @@ class Prover:
             return np.ones((len(self.table), 0), bool)
         names = np.array(list(self.problem.system.parameters), dtype=object)
         patterns, which = np.unique(self.table == 0.0, axis=0, return_inverse=True)
-        acting = np.array([self.repetition.equations.acting(frozenset(names[zero])) for zero in patterns])
+        acting = np.array(
+            [self.repetition.equations.acting(frozenset(names[zero])) for zero in patterns]
+        )
         return acting.reshape(-1, frequencies)[which.reshape(-1)]
 
     def prove(self, lanes: Lanes, marks: Marks, saved: Lane) -> None:
         """Decide all motions that ask: they are measured next, or go on."""
         index = np.flatnonzero(marks.numbers[:, PHASE] == PROVING)
-        asked, outcome = marks.outcome[index], np.full(len(index), NOTHING)
+        asked = marks.outcome[index]
+        outcome = np.full(len(index), NOTHING)
         waves = [self.waves(int(i), marks, saved) for i in index]
         periods = np.where(marks.drive[index] > 0.0, marks.real[index, DURATION], 0.0)
-        fits = np.array([repeats(found, float(period)) for found, period in zip(waves, periods, strict=True)])
+        fits = np.array(
+            [repeats(found, float(period)) for found, period in zip(waves, periods, strict=True)]
+        )
         cycles = fits & (asked == PERIODIC)
         outcome[cycles] = PERIODIC
         open_ = np.flatnonzero((asked != PERIODIC) & [found is not None for found in waves])
@@ -116,35 +130,55 @@ class Prover:
             slot = slots_of(lanes, index[open_], saved)
             closed = open_[slot >= 0]
             if len(closed):
-                fates = affine_fates(lanes, index[closed], slot[slot >= 0], marks, saved, self.rules.translation)
-                unknown = (fates.outcome == PERIODIC) & ~fits[closed]  # the drives have to have a period in common
+                fates = affine_fates(
+                    lanes, index[closed], slot[slot >= 0], marks, saved, self.rules.translation
+                )
+                # the drives have to have a period in common
+                unknown = (fates.outcome == PERIODIC) & ~fits[closed]
                 outcome[closed] = np.where(unknown, NOTHING, fates.outcome)
-                saved.y[index[closed]] = np.where(unknown[:, None], saved.y[index[closed]], fates.limit)
+                saved.y[index[closed]] = np.where(
+                    unknown[:, None], saved.y[index[closed]], fates.limit
+                )
             for i in open_[slot < 0]:
-                if asked[i] != NOTHING and not waves[i] and self.ends_here(int(index[i]), marks, saved):
+                if (
+                    asked[i] != NOTHING
+                    and not waves[i]
+                    and self.ends_here(int(index[i]), marks, saved)
+                ):
                     outcome[i] = asked[i]
-        done, late = index[outcome != NOTHING], index[outcome == NOTHING]
-        marks.outcome[index], marks.numbers[done, PHASE], marks.numbers[late, PHASE] = outcome, MEASURING, SETTLING
+        done = index[outcome != NOTHING]
+        late = index[outcome == NOTHING]
+        marks.outcome[index] = outcome
+        marks.numbers[done, PHASE] = MEASURING
+        marks.numbers[late, PHASE] = SETTLING
         proved = done[~cycles[outcome != NOTHING]]
-        marks.real[proved, FLOOR], marks.real[proved, OPEN] = 0.0, np.inf
-        t, real = saved.clock[:, NOW], marks.real
+        marks.real[proved, FLOOR] = 0.0
+        marks.real[proved, OPEN] = np.inf
+        t = saved.clock[:, NOW]
+        real = marks.real
         if not self.rules.timed:  # the clocks of driven motions are set back at every mark
             t = t + np.maximum(marks.numbers[:, COUNT] - 1, 0) * marks.drive
-        real[late, ASK] = t[late] + np.maximum(LATER * (t[late] - self.rules.real[0]), real[late, DURATION])
+        real[late, ASK] = t[late] + np.maximum(
+            LATER * (t[late] - self.rules.real[0]), real[late, DURATION]
+        )
         real[late, PATIENT] = np.inf
         for part, kept in zip(lanes.now, saved, strict=True):
             part[late] = kept[late]
 
     def waves(self, i: int, marks: Marks, saved: Lane) -> frozenset[float] | None:
-        """Frequencies of all that time does to a motion from now on; None if that is more than sines and cosines."""
+        """Frequencies of all that time does to a motion from now on; None if that is more than
+        sines and cosines."""
         if not self.problem.compiled.layout.timed:
             return frozenset()
         if self.repetition.plain and marks.drive[i] > 0.0:
             return frozenset([2.0 * np.pi / float(marks.drive[i])])
-        names, state = list(self.problem.system.parameters), self.problem.compiled.layout.state
+        names = list(self.problem.system.parameters)
+        state = self.problem.compiled.layout.state
         values = dict(zip(names, map(float, self.table[i]), strict=True))
         frame = dict(zip(state, map(float, marks.frame[i]), strict=True))
-        return self.repetition.waves(values, frame, self.problem.origin + float(saved.clock[i, NOW]))
+        return self.repetition.waves(
+            values, frame, self.problem.origin + float(saved.clock[i, NOW])
+        )
 
     def ends_here(self, i: int, marks: Marks, saved: Lane) -> bool:
         """Whether a motion whose rates have died out ends at an equilibrium of its mode."""
@@ -174,16 +208,23 @@ def slots_of(lanes: Lanes, index: Array, saved: Lane) -> Array:
     return np.where(np.any(mine, axis=1), place[:, 0] + np.argmax(mine, axis=1), -1)
 
 
-def affine_fates(lanes: Lanes, index: Array, slot: Array, marks: Marks, saved: Lane, translation: Array) -> Fates:
+def affine_fates(
+    lanes: Lanes, index: Array, slot: Array, marks: Marks, saved: Lane, translation: Array
+) -> Fates:
     """What becomes of motions in affine modes, if these last."""
-    T, y, t = lanes.forms, saved.y[index], saved.clock[index, NOW]
-    omega, n = lanes.constants.omega[lanes.group[index]], y.shape[1]
+    T = lanes.forms
+    y = saved.y[index]
+    t = saved.clock[index, NOW]
+    omega = lanes.constants.omega[lanes.group[index]]
+    n = y.shape[1]
     angle = omega * t[:, None]
     waves = np.stack([np.cos(angle), np.sin(angle)], axis=2).reshape(len(index), -1)
     s = np.concatenate([y, np.ones((len(index), 1)), t[:, None], waves], axis=1)
     rate: Array = T.exponent[slot]
-    spin, first = np.exp(1j * angle), T.c2.shape[1] - n
-    r, terms = np.einsum("kis,ks->ki", T.R[slot], s), np.einsum("kis,ks->ki", np.abs(T.R[slot]), np.abs(s))
+    spin = np.exp(1j * angle)
+    first = T.c2.shape[1] - n
+    r = np.einsum("kis,ks->ki", T.R[slot], s)
+    terms = np.einsum("kis,ks->ki", np.abs(T.R[slot]), np.abs(s))
     r = np.where(np.abs(r) > ROUNDING * terms, r, 0.0)
     largest = np.max(np.abs(rate), axis=1, initial=0.0)[:, None]
     grows = np.any((r != 0.0) & (rate.real > CENTRE * largest), axis=1)
@@ -191,16 +232,22 @@ def affine_fates(lanes: Lanes, index: Array, slot: Array, marks: Marks, saved: L
     # All signals as c + c₁τ + c₂τ², what dies out or swings, and what answers to the drives.
     fading = np.einsum("kgi,ki->kg", T.a[slot], r).real
     answer = np.einsum("kgm,km->kg", T.b[slot], spin).real
-    drift, noise = np.einsum("kgs,ks->kg", T.c1[slot], s), np.einsum("kgs,ks->kg", np.abs(T.c1[slot]), np.abs(s))
+    drift = np.einsum("kgs,ks->kg", T.c1[slot], s)
+    noise = np.einsum("kgs,ks->kg", np.abs(T.c1[slot]), np.abs(s))
     drift = np.where(np.abs(drift) > ROUNDING * noise, drift, 0.0)
     swing = np.einsum("kgi,ki->kg", T.swing[slot][:, :, :n], np.abs(r))
     driven = np.sum(T.swing[slot][:, :, n:], axis=2)
-    value, size = np.einsum("kgs,ks->kg", T.G[slot], s), np.einsum("kgs,ks->kg", np.abs(T.G[slot]), np.abs(s))
-    guard, real = np.arange(value.shape[1]), np.arange(value.shape[1]) < T.counts[slot, 1][:, None]
-    reach, margin = (swing + driven)[:, guard], MARGIN * size
+    value = np.einsum("kgs,ks->kg", T.G[slot], s)
+    size = np.einsum("kgs,ks->kg", np.abs(T.G[slot]), np.abs(s))
+    guard = np.arange(value.shape[1])
+    real = np.arange(value.shape[1]) < T.counts[slot, 1][:, None]
+    reach = (swing + driven)[:, guard]
+    margin = MARGIN * size
     constant = value - (fading + answer)[:, guard]
-    even, bent = drift[:, guard], T.c2[slot][:, guard]
-    # A guard that nobody moves stays as it is, even at zero: it was admissible when the mode was chosen.
+    even = drift[:, guard]
+    bent = T.c2[slot][:, guard]
+    # A guard that nobody moves stays as it is, even at zero: it was admissible when the mode was
+    # chosen.
     inert = (reach <= margin) & (even == 0.0) & (bent == 0.0) & (constant >= -margin)
     held = inert | ((constant - reach > margin) & (even >= 0.0) & (bent >= 0.0))
     lasts = ~grows & np.all(held | ~real, axis=1)
@@ -208,7 +255,9 @@ def affine_fates(lanes: Lanes, index: Array, slot: Array, marks: Marks, saved: L
     moving = drift[:, component] - marks.frame[index]
     weight = float(translation @ translation)
     moving -= np.outer(moving @ translation / weight, translation) if weight > 0.0 else 0.0
-    even = np.all(np.abs(moving) <= ROUNDING * (noise[:, component] + np.abs(marks.frame[index])), axis=1)
+    even = np.all(
+        np.abs(moving) <= ROUNDING * (noise[:, component] + np.abs(marks.frame[index])), axis=1
+    )
     even &= np.all(T.c2[slot][:, component] == 0.0, axis=1)
     size = np.maximum(marks.size[index], np.abs(y))
     swinging = np.einsum("kgi,ki->kg", T.swing[slot][:, component, :n], np.abs(r) * stays)
@@ -223,7 +272,9 @@ def affine_fates(lanes: Lanes, index: Array, slot: Array, marks: Marks, saved: L
     return Fates(outcome, np.where(left[:, None], y - fading[:, component], y))
 
 
-def near_equilibrium(piece: Piece, point: tuple[float, Array, Array], translation: Array, free: int) -> bool:
+def near_equilibrium(
+    piece: Piece, point: tuple[float, Array, Array], translation: Array, free: int
+) -> bool:
     """Whether a motion ends at an equilibrium of its mode that is as near as its rates are small.
 
     Parameters
@@ -235,8 +286,10 @@ def near_equilibrium(piece: Piece, point: tuple[float, Array, Array], translatio
         Directions in which equilibria may be neighbours.
     """
     t, y, p = point
-    n, at = len(y), (np.array([t]), y[:, None], p)
-    value, slopes = piece.felt(*at)[:, 0], piece.dependence(*at)[0, :, 1:]
+    n = len(y)
+    at = (np.array([t]), y[:, None], p)
+    value = piece.felt(*at)[:, 0]
+    slopes = piece.dependence(*at)[0, :, 1:]
     guards = len(value) - n - piece.bound
     f, g, c = np.split(value, [n, n + guards])
     J, dg, dc = np.split(slopes, [n, n + guards])
@@ -252,13 +305,15 @@ def near_equilibrium(piece: Piece, point: tuple[float, Array, Array], translatio
     step = -np.linalg.pinv(A, rcond=ZERO) @ rates
     values: Array
     values, vectors = np.linalg.eig(A)
-    largest, condition = np.max(np.abs(values), initial=0.0), np.linalg.cond(vectors)
+    largest = np.max(np.abs(values), initial=0.0)
+    condition = np.linalg.cond(vectors)
     still = np.abs(values) <= ZERO * largest
     left = np.max(np.abs(A @ step + rates)) - ROUNDING * np.max(np.abs(J) @ np.abs(y))
     if left > SOLVED * np.max(np.abs(rates)) or condition > CONDITION:
         return False
     if np.sum(still) > free or np.any(values[~still].real >= -ZERO * largest):
         return False
-    reach, margin = condition * np.linalg.norm(dg, axis=1) * np.linalg.norm(step), MARGIN * terms
+    reach = condition * np.linalg.norm(dg, axis=1) * np.linalg.norm(step)
+    margin = MARGIN * terms
     there = g + dg @ step
     return bool(np.all(np.where(reach <= margin, there >= -margin, there > reach + margin)))

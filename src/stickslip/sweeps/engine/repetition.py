@@ -1,9 +1,11 @@
-"""Whether a system goes on repeating itself: what time does to its formulas, from their structure alone.
+"""Whether a system goes on repeating itself: what time does to its formulas, from their structure
+alone.
 
-That a motion has come back, and the forces on it, too, says nothing about a load that begins a year later. So the
-formulas have to be the same a period later, in the frame that moves with the motion: time may stand in sines and
-cosines of a constant frequency, of which the period is a multiple; in sums in which time and frame make up for each
-other, as in Vt − x; and behind a kink that lies in the past for good.
+That a motion has come back, and the forces on it, too, says nothing about a load that begins a year
+later. So the formulas have to be the same a period later, in the frame that moves with the motion:
+time may stand in sines and cosines of a constant frequency, of which the period is a multiple; in
+sums in which time and frame make up for each other, as in Vt − x; and behind a kink that lies in
+the past for good.
 """
 
 from __future__ import annotations
@@ -35,12 +37,18 @@ class Repetition:
 
     @cached_property
     def plain(self) -> bool:
-        """Whether time stands in sines and cosines of one frequency only, whatever the parameters are."""
+        """Whether time stands in sines and cosines of one frequency only, whatever the parameters
+        are."""
         walk = _Walk({}, 0.0, frozenset(self.equations.declaration.parameters))
-        return len(self.equations.frequencies) <= 1 and all(walk.stays(e) for e in self.equations.formulas)
+        return len(self.equations.frequencies) <= 1 and all(
+            walk.stays(e) for e in self.equations.formulas
+        )
 
-    def waves(self, values: Mapping[str, float], frame: Mapping[str, float], time: float) -> frozenset[float] | None:
-        """Frequencies of all that time does from a time on; None if that is more than sines and cosines.
+    def waves(
+        self, values: Mapping[str, float], frame: Mapping[str, float], time: float
+    ) -> frozenset[float] | None:
+        """Frequencies of all that time does from a time on; None if that is more than sines and
+        cosines.
 
         Parameters
         ----------
@@ -50,7 +58,8 @@ class Repetition:
             Velocity of each state in the frame.
         time : float
         """
-        walk, numbers = _Walk(frame, time, frozenset()), {name: ex.num(value) for name, value in values.items()}
+        walk = _Walk(frame, time, frozenset())
+        numbers = {name: ex.num(value) for name, value in values.items()}
         try:
             if not all(walk.stays(ex.substitute(e, numbers)) for e in self.equations.formulas):
                 return None
@@ -75,7 +84,8 @@ class _Walk:
     """
 
     def __init__(self, frame: Mapping[str, float], time: float, constant: frozenset[str]) -> None:
-        self.constant, self.ranges = constant, {"t": (time, math.inf)}
+        self.constant = constant
+        self.ranges = {"t": (time, math.inf)}
         self.velocity = {"t": 1.0, **{name: v for name, v in frame.items() if v != 0.0}}
         self.rates: set[Expr] = set()
         self.known: dict[Expr, bool] = {}
@@ -97,18 +107,25 @@ class _Walk:
             low, high = bounds(e.args[0], self.ranges)
             if low >= 0.0 or high < 0.0:  # for good
                 return self.stays(e.args[1] if low >= 0.0 else e.args[2])
-        return e.op != "sym" and all(self.stays(part) for part in (*e.args, *(base for base, _ in e.terms)))
+        return e.op != "sym" and all(
+            self.stays(part) for part in (*e.args, *(base for base, _ in e.terms))
+        )
 
     def _wave(self, phase: Expr) -> bool:
         """Whether a phase is ωt and what stays as it is."""
         rate = ex.derivative(phase, "t")
-        if rate is ex.ZERO or not rate.symbols <= self.constant or not self.stays(phase - rate * ex.sym("t")):
+        if (
+            rate is ex.ZERO
+            or not rate.symbols <= self.constant
+            or not self.stays(phase - rate * ex.sym("t"))
+        ):
             return False
         self.rates.add(rate)
         return True
 
     def _sum(self, e: Expr) -> bool:
-        """Whether the terms of a sum that move evenly make up for each other, and the others stay."""
+        """Whether the terms of a sum that move evenly make up for each other, and the others
+        stay."""
         total = size = 0.0
         for term, weight in e.terms:
             if self.stays(term):
@@ -118,5 +135,6 @@ class _Walk:
                 if slope.op != "num":
                     return False
                 part = weight * ex.number(slope) * self.velocity[name]
-                total, size = total + part, size + abs(part)
+                total = total + part
+                size = size + abs(part)
         return abs(total) <= MAKES_UP * size

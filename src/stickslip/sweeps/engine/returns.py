@@ -1,13 +1,16 @@
-"""Returns of a motion to its marks: how close, after how many marks, and where they lead; in compiled code.
+"""Returns of a motion to its marks: how close, after how many marks, and where they lead; in
+compiled code.
 
-A return is looked at over one *lag*, a number of marks: the least after which a mark has the same kind, as long as such
-returns shrink; where they do not, the one that is nearly as close as any. What the lag is does not matter to the
-period, which is decided by the divisors of the lag once the cycle is known to rounding (:func:`shortest_lag`).
+A return is looked at over one *lag*, a number of marks: the least after which a mark has the same
+kind, as long as such returns shrink; where they do not, the one that is nearly as close as any.
+What the lag is does not matter to the period, which is decided by the divisors of the lag once the
+cycle is known to rounding (:func:`shortest_lag`).
 
-Returns that are true (nothing was changed by hand between their marks) shrink by the multipliers of the cycle. If few
-of these count, each return is a linear combination of those before it, and the same combination of the states is the
-cycle (Anderson 1965; Sidi, *Vector Extrapolation Methods*, 2017). The weights add up to 1, so that whatever is linear
-and stays as it is (a contact that sticks) is left as it is.
+Returns that are true (nothing was changed by hand between their marks) shrink by the multipliers of
+the cycle. If few of these count, each return is a linear combination of those before it, and the
+same combination of the states is the cycle (Anderson 1965; Sidi, *Vector Extrapolation Methods*,
+2017). The weights add up to 1, so that whatever is linear and stays as it is (a contact that
+sticks) is left as it is.
 """
 
 from __future__ import annotations
@@ -44,15 +47,19 @@ UNKNOWN = -8  # kind of a mark whose mode has not begun
 SURE = 1e-4  # of the tolerance: a miss that needs no factor
 SHRUNK = 0.98  # of the least miss: a return that has come nearer
 PATIENCE = 16  # returns that may come without one that is nearer
-CLOSED, TOLD_APART = 1e-11, 1e3  # a return closes if it misses by this, or by so many times what the cycle does
-DOUBLED = 10.0  # … or by so many times what the cycle may be away: next to a period doubling that is much more
-EXACT, FINEST = 1e-15, 1e-3  # a miss that is none, and part of the tolerance `atol` that counts for a polished cycle
+CLOSED = 1e-11  # a return closes if it misses by this
+TOLD_APART = 1e3  # … or by so many times what the cycle does
+# … or by so many times what the cycle may be away: next to a period doubling that is much more
+DOUBLED = 10.0
+EXACT = 1e-15  # a miss that is none
+FINEST = 1e-3  # part of the tolerance `atol` that counts for a polished cycle
 DEPENDENT = 1e-7  # part of a vector that others leave of it, below which it is one of them
 
 
 @njit(**INLINED)
 def kind_of(mode: Array, region: Array, fired: int) -> int:
-    """The mode and region (before a kink fired) as a number; it is a filter, and equal numbers decide nothing.
+    """The mode and region (before a kink fired) as a number; it is a filter, and equal numbers
+    decide nothing.
 
     Powers of 3 do not repeat modulo this prime, as those of 2 do after 61.
     """
@@ -86,7 +93,8 @@ def gap(m: Marks, i: int, j: int, t: float, y: Array, translation: Array, out: A
 
 @njit(**OPTIONS)
 def miss(v: Array, size: Array, atol: float) -> float:
-    """Largest component of a difference, relative to its size; what is below `atol` does not count."""
+    """Largest component of a difference, relative to its size; what is below `atol` does not
+    count."""
     worst = 0.0
     for r in range(len(v)):
         excess = abs(v[r]) - atol
@@ -110,7 +118,8 @@ def grow(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> Non
 @njit(**INLINED)
 def remember(m: Marks, i: int, kind: int, t: float, y: Array) -> None:
     """Put a mark."""
-    numbers, here = m.numbers[i], m.numbers[i, COUNT] % m.time.shape[1]
+    numbers = m.numbers[i]
+    here = m.numbers[i, COUNT] % m.time.shape[1]
     m.time[i, here], m.kind[i, here] = t, kind
     copy(y, m.state[i, here])
     numbers[COUNT] += 1
@@ -121,29 +130,44 @@ def remember(m: Marks, i: int, kind: int, t: float, y: Array) -> None:
 @njit(**OPTIONS)
 def begin_again(m: Marks, i: int, lag: int) -> None:
     """Look at returns over a lag from now on."""
-    m.numbers[i, LAG], m.numbers[i, SAME], m.numbers[i, STALLED] = lag, 0, 0
+    m.numbers[i, LAG] = lag
+    m.numbers[i, SAME] = 0
+    m.numbers[i, STALLED] = 0
     m.real[i, LEAST] = np.inf
 
 
 @njit(**INLINED)
 def distance(m: Marks, rules: Rules, i: int, back: int, work: Array) -> float:
     """How closely the last mark comes back to the one so many marks before it."""
-    here, ring = m.numbers[i, COUNT] - 1, m.time.shape[1]
-    gap(m, i, (here - back) % ring, m.time[i, here % ring], m.state[i, here % ring], rules.translation, work)
+    here = m.numbers[i, COUNT] - 1
+    ring = m.time.shape[1]
+    gap(
+        m,
+        i,
+        (here - back) % ring,
+        m.time[i, here % ring],
+        m.state[i, here % ring],
+        rules.translation,
+        work,
+    )
     return miss(work, m.size[i], rules.real[4] * (FINEST if m.numbers[i, LEAPT] > 0 else 1.0))
 
 
 @njit(**INLINED)
 def same_kind(m: Marks, i: int, back: int) -> bool:
     """Whether the last mark is of the kind of the one so many marks before it."""
-    here, ring = m.numbers[i, COUNT] - 1, m.time.shape[1]
+    here = m.numbers[i, COUNT] - 1
+    ring = m.time.shape[1]
     return m.kind[i, (here - back) % ring] == m.kind[i, here % ring]
 
 
 @njit(**INLINED)
 def look_back(m: Marks, rules: Rules, i: int, work: Array) -> float:
-    """How closely the last mark comes back after the lag, which changes where it has to; infinite if there is none."""
-    numbers, real, ring = m.numbers[i], m.real[i], m.time.shape[1]
+    """How closely the last mark comes back after the lag, which changes where it has to; infinite
+    if there is none."""
+    numbers = m.numbers[i]
+    real = m.real[i]
+    ring = m.time.shape[1]
     longest = min(numbers[COUNT] - 1, rules.most[3])
     if not (0 < numbers[LAG] <= longest and same_kind(m, i, numbers[LAG])):
         lag = 1
@@ -166,8 +190,11 @@ def look_back(m: Marks, rules: Rules, i: int, work: Array) -> float:
 
 @njit(**OPTIONS)
 def look_wide(m: Marks, rules: Rules, i: int, work: Array) -> None:
-    """Where returns have not shrunk for long, look at the shortest that is nearly as close as any."""
-    numbers, best, lag = m.numbers[i], np.inf, 0
+    """Where returns have not shrunk for long, look at the shortest that is nearly as close as
+    any."""
+    numbers = m.numbers[i]
+    best = np.inf
+    lag = 0
     for back in range(1, min(numbers[COUNT] - 1, rules.most[3]) + 1):
         if same_kind(m, i, back):
             d = distance(m, rules, i, back, work)
@@ -175,17 +202,21 @@ def look_wide(m: Marks, rules: Rules, i: int, work: Array) -> None:
                 best, lag = d, back
     if lag != numbers[LAG]:
         begin_again(m, i, lag)
-    m.real[i, LEAST], numbers[STALLED] = best, 0
+    m.real[i, LEAST] = best
+    numbers[STALLED] = 0
 
 
 @njit(**INLINED)
 def has_settled(m: Marks, rules: Rules, i: int, d: float) -> bool:
-    """Whether what is still missing to the cycle, d + dq + dq² + …, seems to be below the tolerance."""
-    numbers, ring = m.numbers[i], m.time.shape[1]
+    """Whether what is still missing to the cycle, d + dq + dq² + …, seems to be below the
+    tolerance."""
+    numbers = m.numbers[i]
+    ring = m.time.shape[1]
     if numbers[SAME] < 1 or d > m.real[i, PATIENT]:
         return False
     lag = numbers[LAG]
-    returns, q = min(3, (numbers[SAME] - 1) // lag), 0.0
+    returns = min(3, (numbers[SAME] - 1) // lag)
+    q = 0.0
     if returns > 0:
         before = m.miss[i, (numbers[COUNT] - 1 - returns * lag) % ring]
         q = (d / before) ** (1.0 / returns) if before > 0.0 else 0.0
@@ -196,16 +227,24 @@ def has_settled(m: Marks, rules: Rules, i: int, d: float) -> bool:
 
 
 @njit(**OPTIONS)
-def extrapolate(m: Marks, rules: Rules, i: int, k: int, work: Array, fit: Array) -> tuple[float, float]:
+def extrapolate(
+    m: Marks, rules: Rules, i: int, k: int, work: Array, fit: Array
+) -> tuple[float, float]:
     """Where the last k + 1 returns lead, if the last one is a combination of those before it.
 
     Returns
     -------
     misfit, length
-        Part of the last return that is no such combination, and length of the step, which is left in ``work[8]``.
+        Part of the last return that is no such combination, and length of the step, which is left
+        in ``work[8]``.
     """
-    lag, here, ring, n = m.numbers[i, LAG], m.numbers[i, COUNT] - 1, m.time.shape[1], work.shape[1]
-    t, y, size = m.time[i, here % ring], m.state[i, here % ring], m.size[i]
+    lag = m.numbers[i, LAG]
+    here = m.numbers[i, COUNT] - 1
+    ring = m.time.shape[1]
+    n = work.shape[1]
+    t = m.time[i, here % ring]
+    y = m.state[i, here % ring]
+    size = m.size[i]
     for j in range(k + 1):
         gap(m, i, (here - (j + 1) * lag) % ring, t, y, rules.translation, work[j])
     for r in range(n):
@@ -261,7 +300,8 @@ def remove_part(v: Array, unit: Array) -> float:
 
 @njit(**OPTIONS)
 def told_apart(m: Marks, i: int) -> float:
-    """Miss above which a return is none: what a polished cycle misses by says how well it is known."""
+    """Miss above which a return is none: what a polished cycle misses by says how well it is
+    known."""
     floor = m.real[i, FLOOR]
     return max(CLOSED, TOLD_APART * floor, DOUBLED * m.real[i, STRETCH] * max(floor, EXACT))
 
@@ -269,10 +309,16 @@ def told_apart(m: Marks, i: int) -> float:
 @njit(**OPTIONS)
 def shortest_lag(m: Marks, rules: Rules, i: int, work: Array) -> int:
     """The least divisor of the lag over which the last mark of a polished cycle comes back, too."""
-    lag, limit, p = m.numbers[i, LAG], told_apart(m, i), 2
+    lag = m.numbers[i, LAG]
+    limit = told_apart(m, i)
+    p = 2
     m.real[i, OPEN] = np.inf
     while p <= lag:
-        d = distance(m, rules, i, lag // p, work) if lag % p == 0 and same_kind(m, i, lag // p) else np.inf
+        d = (
+            distance(m, rules, i, lag // p, work)
+            if lag % p == 0 and same_kind(m, i, lag // p)
+            else np.inf
+        )
         if d <= limit:
             lag //= p
         else:

@@ -1,19 +1,21 @@
 """Motions followed until they repeat themselves, in compiled code.
 
-A motion is looked at at its *marks*. If it is driven, these are the times t₀ + mP, P the period of the first drive; if
-not, its events, where the guard that fires is a natural section (events that coincide up to rounding are one); and if
-it has no events for a while, it is asked whether its rates have died out, and whether it comes back through the plane
-across itself. :mod:`stickslip.sweeps.engine.returns` says how closely it comes back.
+A motion is looked at at its *marks*. If it is driven, these are the times t₀ + mP, P the period of
+the first drive; if not, its events, where the guard that fires is a natural section (events that
+coincide up to rounding are one); and if it has no events for a while, it is asked whether its rates
+have died out, and whether it comes back through the plane across itself.
+:mod:`stickslip.sweeps.engine.returns` says how closely it comes back.
 
-* A motion that seems to have settled is *polished*: carried on by hand to where its returns lead, down to rounding (a
-  step that does not bring it nearer is undone). That this is not farther away than the tolerance is what makes it
-  settled; otherwise it is taken back, and waits.
-* Before that, a slow return with one real factor is carried on by what is missing, if every contact slips in it (one
-  that sticks makes a family of cycles, of which the motion has to choose by itself). The next return confirms it.
+* A motion that seems to have settled is *polished*: carried on by hand to where its returns lead,
+  down to rounding (a step that does not bring it nearer is undone). That this is not farther away
+  than the tolerance is what makes it settled; otherwise it is taken back, and waits.
+* Before that, a slow return with one real factor is carried on by what is missing, if every contact
+  slips in it (one that sticks makes a family of cycles, of which the motion has to choose by
+  itself). The next return confirms it.
 * Rest, steady sliding, and oscillations without any further event are proved on the host
   (:mod:`stickslip.sweeps.engine.proofs`), which the motion waits for.
-* Where time stands in one sine or cosine only, the clock is set back to t₀ at every mark, so that the millionth period
-  is as exact as the first one.
+* Where time stands in one sine or cosine only, the clock is set back to t₀ at every mark, so that
+  the millionth period is as exact as the first one.
 """
 
 from __future__ import annotations
@@ -99,15 +101,22 @@ from stickslip.sweeps.engine.tables import (
 
 Array = np.ndarray
 
-AT_REST, PERIODIC = int(Outcome.AT_REST.code), int(Outcome.PERIODIC.code)
-STEADY, NOT_SETTLED = int(Outcome.STEADY.code), int(Outcome.NOT_SETTLED.code)
+AT_REST = int(Outcome.AT_REST.code)
+PERIODIC = int(Outcome.PERIODIC.code)
+STEADY = int(Outcome.STEADY.code)
+NOT_SETTLED = int(Outcome.NOT_SETTLED.code)
 NOTHING_YET = -1  # outcome of a motion whose fate the host is asked for
 # Of NumPy's type: numba would compile the event loop a second time for literals.
-RECORDED, UNRECORDED = cast(bool, np.bool_(True)), cast(bool, np.bool_(False))
+RECORDED = cast(bool, np.bool_(True))
+UNRECORDED = cast(bool, np.bool_(False))
 
-GO_ON, CARRIED, SETTLED = 0, 1, 2  # what is done after a mark
+GO_ON = 0  # what is done after a mark
+CARRIED = 1
+SETTLED = 2
 COINCIDENT = 1e-10  # of the time between looks: events that are one mark
-GROWING, HALFWAY = 8, 0.618  # first periods of a drive in which a look between marks sees what vanishes at them
+# first periods of a drive in which a look between marks sees what vanishes at them
+GROWING = 8
+HALFWAY = 0.618  # of a period: how long before the mark that look is
 FADED = 100.0  # tolerances that an oscillation may still be away from an equilibrium
 LEAP = 1e-2  # largest size of what a slow return is carried on by
 SLOW = 0.6  # factors above this are slow
@@ -115,27 +124,39 @@ STRAIGHT = 0.1  # how much of what remains of a return may be out of line
 NEAREST = 1e-14  # a miss that is rounding
 FITS = 0.1  # part of a return that its combination may leave over
 MOST_RETURNS = 3  # that are combined
-MOST_LEAPS, MOST_POLISHED = 8, 24  # leaps and returns that polishing may take
+MOST_LEAPS = 8  # that polishing may take
+MOST_POLISHED = 24  # returns that polishing may take
 WIDER = 1.25  # of a period: in which a smooth motion that is polished comes back
 
 
 @njit(**OPTIONS)
 def constants_of(e: Engine, i: int) -> Constants:
     """The constants of a lane."""
-    k, g = e.constants, e.group[i]
+    k = e.constants
+    g = e.group[i]
     return Constants(k.K[g], k.M[g], k.C[g], k.J[g], k.omega[g])
 
 
 @njit(**INLINED)
 def follow(e: Engine, i: int, end: float, max_events: int, recording: bool, record: Record) -> int:
     """The event loop for one lane; its code stays behind. Returns the number of recorded steps."""
-    a, b = i, i + 1
+    a = i
+    b = i + 1
     s = e.lanes
-    lane = Lane(s.clock[a:b], s.y[a:b], s.seen[a:b], s.mode[a:b], s.settled[a:b], s.reg[a:b], s.counters[a:b])
+    lane = Lane(
+        s.clock[a:b],
+        s.y[a:b],
+        s.seen[a:b],
+        s.mode[a:b],
+        s.settled[a:b],
+        s.reg[a:b],
+        s.counters[a:b],
+    )
     e.codes[i] = FULL
     return integrate(
-        e.jets, e.residual, e.rows, e.space, e.flight, e.constants, e.forms, e.slots, e.order, e.tolerance, e.atol,
-        end, max_events, e.group[a:b], e.codes[a:b], lane, recording, record,
+        e.jets, e.residual, e.rows, e.space, e.flight, e.constants, e.forms, e.slots,
+        e.order, e.tolerance, e.atol, end, max_events,
+        e.group[a:b], e.codes[a:b], lane, recording, record,
     )  # fmt: skip
 
 
@@ -152,13 +173,24 @@ def copy_lane(source: Lane, i: int, target: Lane, j: int) -> None:
 
 
 @njit(**INLINED)
-def dies_out(e: Engine, m: Marks, rules: Rules, i: int, tolerance: float, look: float, work: Array) -> bool:
-    """Whether the rates of a lane, without frame and translation, are so small that nothing more will change."""
-    k, s, w = constants_of(e, i), e.lanes, e.space
-    w.known[-1], w.W[len(work), 1] = 1, 1.0
+def dies_out(
+    e: Engine, m: Marks, rules: Rules, i: int, tolerance: float, look: float, work: Array
+) -> bool:
+    """Whether the rates of a lane, without frame and translation, are so small that nothing more
+    will change."""
+    k = constants_of(e, i)
+    s = e.lanes
+    w = e.space
+    w.known[-1] = 1
+    w.W[len(work), 1] = 1.0
     if not resolve(e.rows.sizes, k, w, s.mode[i]):
         return False
-    if e.jets(s.clock[i, NOW], s.y[i], s.mode[i], s.reg[i], k.K, w.Rq, w.Rz, 1, w.W, w.A, w.B, w.mag) != OK:
+    if (
+        e.jets(
+            s.clock[i, NOW], s.y[i], s.mode[i], s.reg[i], k.K, w.Rq, w.Rz, 1, w.W, w.A, w.B, w.mag
+        )
+        != OK
+    ):
         return False
     for r in range(len(work)):
         work[r] = (w.W[r, 1] - m.frame[i, r]) * look
@@ -166,24 +198,29 @@ def dies_out(e: Engine, m: Marks, rules: Rules, i: int, tolerance: float, look: 
     return miss(work, m.size[i], rules.real[4]) <= tolerance
 
 
-# -- the loop over marks ------------------------------------------------------------------------------
+# -- the loop over marks ---------------------------------------------------------------------------
 
 
 @njit(**INLINED)
-def settle(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: Array, i: int) -> None:
+def settle(
+    e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: Array, i: int
+) -> None:
     """Follow a lane until its phase is another one, or it has to go on in another call.
 
-    That is if a closed form has to be made first, or if there is a wish to stop. What is to be measured then starts at
-    the saved state, and lasts as long as the marks say.
+    That is if a closed form has to be made first, or if there is a wish to stop. What is to be
+    measured then starts at the saved state, and lasts as long as the marks say.
     """
-    s, numbers, drive = e.lanes, m.numbers[i], m.drive[i]
+    s = e.lanes
+    numbers = m.numbers[i]
+    drive = m.drive[i]
     for _ in range(rules.most[2]):
         if stop[0] != 0:
             return
         smooth = numbers[SMOOTH] == 1
         events = rules.most[1] if drive > 0.0 else min(s.counters[i, HAPPENED] + 1, rules.most[1])
         count = follow(e, i, next_stop(m, rules, i, s.clock[i, NOW]), events, smooth, bench.record)
-        code, happened = e.codes[i], e.codes[i] == LIMIT and s.counters[i, HAPPENED] < rules.most[1]
+        code = e.codes[i]
+        happened = e.codes[i] == LIMIT and s.counters[i, HAPPENED] < rules.most[1]
         if code == NEED:
             return
         if not (happened or code in (FINISHED, FULL)):
@@ -202,14 +239,19 @@ def settle(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: A
                 return
             # An oscillation that has died out returns, too.
             copy_lane(saved, i, s, i)
-            if not dies_out(e, m, rules, i, FADED * rules.real[3], m.real[i, DURATION], bench.work[0]):
+            if not dies_out(
+                e, m, rules, i, FADED * rules.real[3], m.real[i, DURATION], bench.work[0]
+            ):
                 return
             take_back(m, s, saved, i)
             numbers[PHASE] = SETTLING
-        late = elapsed(m, rules, s, i) >= rules.real[1] or numbers[COUNT] >= rules.most[0] * max(numbers[LAG], 1)
+        late = elapsed(m, rules, s, i) >= rules.real[1] or numbers[COUNT] >= rules.most[0] * max(
+            numbers[LAG], 1
+        )
         if numbers[LEAPT] == 0 and late:
             copy_lane(s, i, saved, i)
-            m.real[i, START], m.real[i, DURATION] = s.clock[i, NOW], long_look(m, rules, i, s.clock[i, NOW])
+            m.real[i, START] = s.clock[i, NOW]
+            m.real[i, DURATION] = long_look(m, rules, i, s.clock[i, NOW])
             m.outcome[i], numbers[PHASE] = NOT_SETTLED, MEASURING
             return
 
@@ -224,38 +266,51 @@ def next_mark(m: Marks, rules: Rules, i: int) -> float:
 @njit(**INLINED)
 def elapsed(m: Marks, rules: Rules, lanes: Lane, i: int) -> float:
     """The time, where the clock has not been set back."""
-    set_back = (m.numbers[i, COUNT] - 1) * m.drive[i] if m.drive[i] > 0.0 and not rules.timed else 0.0
+    set_back = (
+        (m.numbers[i, COUNT] - 1) * m.drive[i] if m.drive[i] > 0.0 and not rules.timed else 0.0
+    )
     return lanes.clock[i, NOW] + set_back
 
 
 @njit(**INLINED)
 def next_stop(m: Marks, rules: Rules, i: int, t: float) -> float:
-    """The next mark of a driven motion (or a look between its first ones); the next look at any other."""
-    start, look, drive, count = rules.real[0], rules.real[2], m.drive[i], m.numbers[i, COUNT]
+    """The next mark of a driven motion (or a look between its first ones); the next look at any
+    other."""
+    start = rules.real[0]
+    look = rules.real[2]
+    drive = m.drive[i]
+    count = m.numbers[i, COUNT]
     if drive > 0.0:
         mark = next_mark(m, rules, i)
         halfway = mark - HALFWAY * drive
         return halfway if 0 < count <= GROWING and t < halfway - 1e-3 * drive else mark
     target = start + look * (math.floor((t - start) / look + 1e-9) + 1.0)
-    lag, ring = m.numbers[i, LAG], m.time.shape[1]
+    lag = m.numbers[i, LAG]
+    ring = m.time.shape[1]
     if m.numbers[i, SMOOTH] == 1 and m.numbers[i, LEAPT] > 0:
-        target = min(target, t + WIDER * (m.time[i, (count - 1) % ring] - m.time[i, (count - 1 - lag) % ring]))
+        target = min(
+            target,
+            t + WIDER * (m.time[i, (count - 1) % ring] - m.time[i, (count - 1 - lag) % ring]),
+        )
     return target
 
 
 @njit(**INLINED)
-def is_due(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int, happened: bool, work: Array) -> bool:
-    """Whether the last mark is to be judged: a new one of a driven motion, or one whose mode has begun."""
-    numbers, t, y = m.numbers[i], lanes.clock[i, NOW], lanes.y[i]
+def is_due(
+    m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int, happened: bool, work: Array
+) -> bool:
+    """Whether the last mark is to be judged: a new one of a driven motion, or one whose mode has
+    begun."""
+    numbers = m.numbers[i]
+    t = lanes.clock[i, NOW]
+    y = lanes.y[i]
     grow(m, rules, i, t, y, work)
     if m.drive[i] > 0.0:
         if t < next_mark(m, rules, i) - 0.5 * HALFWAY * m.drive[i]:
             return False  # between two marks
         if not rules.timed:
-            lanes.clock[i, NOW], lanes.clock[i, LONG_AGO] = (
-                rules.real[0],
-                lanes.clock[i, LONG_AGO] - (t - rules.real[0]),
-            )
+            lanes.clock[i, NOW] = rules.real[0]
+            lanes.clock[i, LONG_AGO] = lanes.clock[i, LONG_AGO] - (t - rules.real[0])
         remember(m, i, 0, lanes.clock[i, NOW], y)
         copy_lane(lanes, i, saved, i)
         return True
@@ -272,9 +327,15 @@ def is_due(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int, happened: b
 @njit(**INLINED)
 def put_mark(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
     """Put a mark at an event, or move the last one if the two coincide."""
-    numbers, t, y = m.numbers[i], lanes.clock[i, NOW], lanes.y[i]
+    numbers = m.numbers[i]
+    t = lanes.clock[i, NOW]
+    y = lanes.y[i]
     last = (numbers[COUNT] - 1) % m.time.shape[1]
-    if numbers[SMOOTH] == 0 and numbers[COUNT] > 0 and t - m.time[i, last] <= COINCIDENT * rules.real[2]:
+    if (
+        numbers[SMOOTH] == 0
+        and numbers[COUNT] > 0
+        and t - m.time[i, last] <= COINCIDENT * rules.real[2]
+    ):
         m.time[i, last] = t
         copy(y, m.state[i, last])
     else:
@@ -285,20 +346,30 @@ def put_mark(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
 
 @njit(**INLINED)
 def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> int:
-    """See whether a motion that has had no events for a while has come to an end, which the host has to prove."""
-    s, numbers, t, drive = e.lanes, m.numbers[i], e.lanes.clock[i, NOW], m.drive[i]
+    """See whether a motion that has had no events for a while has come to an end, which the host
+    has to prove."""
+    s = e.lanes
+    numbers = m.numbers[i]
+    t = e.lanes.clock[i, NOW]
+    drive = m.drive[i]
     if drive > 0.0 and t > m.time[i, (numbers[COUNT] - 1) % m.time.shape[1]]:
         return GO_ON  # between two marks
     calm = s.counters[i, HAPPENED] == numbers[EVENTS] and numbers[LEAPT] == 0
     numbers[EVENTS] = s.counters[i, HAPPENED]
-    faded = calm and drive <= 0.0 and dies_out(e, m, rules, i, rules.real[3], rules.real[2], bench.work[0])
+    faded = (
+        calm
+        and drive <= 0.0
+        and dies_out(e, m, rules, i, rules.real[3], rules.real[2], bench.work[0])
+    )
     if calm and drive <= 0.0 and numbers[SMOOTH] == 0:
         put_plane(m, i, t, s.y[i], bench.work[0])
     if not (calm and (faded or rules.closed) and elapsed(m, rules, s, i) >= m.real[i, ASK]):
         return GO_ON
     copy_lane(s, i, saved, i)
-    m.real[i, START], m.real[i, DURATION] = t, drive if drive > 0.0 else rules.real[2]
-    m.outcome[i], numbers[PHASE] = equilibrium(s.mode[i]) if faded else NOTHING_YET, PROVING
+    m.real[i, START] = t
+    m.real[i, DURATION] = drive if drive > 0.0 else rules.real[2]
+    m.outcome[i] = equilibrium(s.mode[i]) if faded else NOTHING_YET
+    numbers[PHASE] = PROVING
     return SETTLED
 
 
@@ -311,13 +382,17 @@ def equilibrium(mode: Array) -> int:
     return AT_REST if len(mode) > 0 else STEADY
 
 
-# -- what a mark says ---------------------------------------------------------------------------------
+# -- what a mark says ------------------------------------------------------------------------------
 
 
 @njit(**INLINED)
-def consider(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: Array, i: int) -> int:
-    """Compare the last mark, at which the saved lane is, with those before it, and decide what is done."""
-    numbers, before = m.numbers[i], m.numbers[i, LAG]
+def consider(
+    m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: Array, i: int
+) -> int:
+    """Compare the last mark, at which the saved lane is, with those before it, and decide what is
+    done."""
+    numbers = m.numbers[i]
+    before = m.numbers[i, LAG]
     numbers[PENDING] = 0
     d = look_back(m, rules, i, work[0])
     lag, leapt = numbers[LAG], numbers[LEAPT]
@@ -329,7 +404,9 @@ def consider(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit:
         return polish(m, rules, lanes, saved, work, fit, i, d)
     if lag == 0 or numbers[SAME] < 1:
         return GO_ON
-    if has_settled(m, rules, i, d) and not (rules.timed and elapsed(m, rules, saved, i) < m.real[i, ASK]):
+    if has_settled(m, rules, i, d) and not (
+        rules.timed and elapsed(m, rules, saved, i) < m.real[i, ASK]
+    ):
         leave(m, saved, i, 1, d)
         return polish(m, rules, lanes, saved, work, fit, i, distance(m, rules, i, lag, work[0]))
     if numbers[STALLED] > PATIENCE * lag and d > rules.real[3]:
@@ -347,7 +424,8 @@ def leave(m: Marks, saved: Lane, i: int, leapt: int, d: float) -> None:
     numbers, real = m.numbers[i], m.real[i]
     copy_lane(saved, i, m.home, i)
     numbers[LEAPT], real[MISS] = leapt, d
-    numbers[HOME], numbers[HOME_KIND] = numbers[COUNT], m.kind[i, (numbers[COUNT] - 1) % m.time.shape[1]]
+    numbers[HOME] = numbers[COUNT]
+    numbers[HOME_KIND] = m.kind[i, (numbers[COUNT] - 1) % m.time.shape[1]]
     if leapt > 0:
         real[PATIENT] = 0.1 * d
 
@@ -355,7 +433,8 @@ def leave(m: Marks, saved: Lane, i: int, leapt: int, d: float) -> None:
 @njit(**OPTIONS)
 def carry(m: Marks, lanes: Lane, saved: Lane, i: int, step: Array) -> int:
     """Carry a motion on by a step, at its last mark."""
-    last, numbers = (m.numbers[i, COUNT] - 1) % m.time.shape[1], m.numbers[i]
+    last = (m.numbers[i, COUNT] - 1) % m.time.shape[1]
+    numbers = m.numbers[i]
     copy_lane(saved, i, m.before, i)
     for r in range(len(step)):
         saved.y[i, r] += step[r]
@@ -368,19 +447,24 @@ def carry(m: Marks, lanes: Lane, saved: Lane, i: int, step: Array) -> int:
 @njit(**OPTIONS)
 def put_back(m: Marks, lanes: Lane, saved: Lane, i: int, kept: Lane, count: int) -> int:
     """Put a motion back to where it was at a mark, which is the last one again."""
-    numbers, last = m.numbers[i], (count - 1) % m.time.shape[1]
+    numbers = m.numbers[i]
+    last = (count - 1) % m.time.shape[1]
     copy_lane(kept, i, saved, i)
     copy_lane(kept, i, lanes, i)
     m.time[i, last] = kept.clock[i, NOW]
     copy(kept.y[i], m.state[i, last])
-    numbers[COUNT], numbers[TRUE], numbers[LEAPT], numbers[PENDING] = count, 0, 0, 0
+    numbers[COUNT] = count
+    numbers[TRUE] = 0
+    numbers[LEAPT] = 0
+    numbers[PENDING] = 0
     begin_again(m, i, numbers[LAG])
     return CARRIED
 
 
 @njit(**OPTIONS)
 def take_back(m: Marks, lanes: Lane, saved: Lane, i: int) -> int:
-    """Take a motion back to where it was before it was carried on by hand, and let it go on by itself."""
+    """Take a motion back to where it was before it was carried on by hand, and let it go on by
+    itself."""
     numbers = m.numbers[i]
     m.kind[i, (numbers[HOME] - 1) % m.time.shape[1]] = numbers[HOME_KIND]
     numbers[REST] = numbers[HOME] + PATIENCE * max(numbers[LAG], 1)
@@ -388,9 +472,14 @@ def take_back(m: Marks, lanes: Lane, saved: Lane, i: int) -> int:
 
 
 @njit(**OPTIONS)
-def polish(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: Array, i: int, d: float) -> int:
+def polish(
+    m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: Array, i: int, d: float
+) -> int:
     """Carry a motion that seems to have settled on to its cycle, down to rounding."""
-    numbers, real, lag, ring = m.numbers[i], m.real[i], m.numbers[i, LAG], m.time.shape[1]
+    numbers = m.numbers[i]
+    real = m.real[i]
+    lag = m.numbers[i, LAG]
+    ring = m.time.shape[1]
     if (numbers[COUNT] - numbers[HOME]) % lag != 0 or numbers[TRUE] < lag:
         return GO_ON
     if numbers[TRUE] == lag and numbers[LEAPT] > 1 and d > 0.5 * real[MISS]:
@@ -398,7 +487,11 @@ def polish(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: A
         numbers[LEAPT] = 1
         return accept(m, rules, lanes, saved, work[0], i, real[MISS])
     real[MISS] = d
-    if d <= NEAREST or numbers[COUNT] - numbers[HOME] >= MOST_POLISHED * lag or numbers[LEAPT] > MOST_LEAPS:
+    if (
+        d <= NEAREST
+        or numbers[COUNT] - numbers[HOME] >= MOST_POLISHED * lag
+        or numbers[LEAPT] > MOST_LEAPS
+    ):
         return accept(m, rules, lanes, saved, work[0], i, d)
     returns = min(numbers[TRUE] // lag, (ring - 1) // lag)
     for k in range(1, min(returns - 1, MOST_RETURNS) + 1):
@@ -412,27 +505,49 @@ def polish(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: A
 
 @njit(**OPTIONS)
 def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int, d: float) -> int:
-    """Take the polished cycle for what the motion has settled on, if that was within the tolerance of it."""
-    numbers, real, ring = m.numbers[i], m.real[i], m.time.shape[1]
+    """Take the polished cycle for what the motion has settled on, if that was within the tolerance
+    of it."""
+    numbers = m.numbers[i]
+    real = m.real[i]
+    ring = m.time.shape[1]
     for r in range(len(work)):
-        work[r] = saved.y[i, r] - m.home.y[i, r] - m.frame[i, r] * (saved.clock[i, NOW] - m.home.clock[i, NOW])
+        work[r] = (
+            saved.y[i, r]
+            - m.home.y[i, r]
+            - m.frame[i, r] * (saved.clock[i, NOW] - m.home.clock[i, NOW])
+        )
     remove_shift(work, rules.translation)
     if not miss(work, m.size[i], rules.real[4]) <= rules.real[5]:
         return take_back(m, lanes, saved, i)
     real[FLOOR] = d
     numbers[LAG], last = shortest_lag(m, rules, i, work), numbers[COUNT] - 1
     numbers[LEAPT] = 0
-    real[START], real[DURATION] = m.time[i, last % ring], m.drive[i] * numbers[LAG]
+    real[START] = m.time[i, last % ring]
+    real[DURATION] = m.drive[i] * numbers[LAG]
     if m.drive[i] <= 0.0:
         real[DURATION] = m.time[i, last % ring] - m.time[i, (last - numbers[LAG]) % ring]
-    m.outcome[i], numbers[PHASE] = PERIODIC, PROVING if rules.timed else MEASURING
+    m.outcome[i] = PERIODIC
+    numbers[PHASE] = PROVING if rules.timed else MEASURING
     return SETTLED
 
 
 @njit(**OPTIONS)
-def leap(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: Array, i: int, d: float, q: float) -> int:
-    """Carry a return that shrinks slowly on to where it leads, if it does so by one factor and every contact slips."""
-    numbers, lag, ring = m.numbers[i], m.numbers[i, LAG], m.time.shape[1]
+def leap(
+    m: Marks,
+    rules: Rules,
+    lanes: Lane,
+    saved: Lane,
+    work: Array,
+    fit: Array,
+    i: int,
+    d: float,
+    q: float,
+) -> int:
+    """Carry a return that shrinks slowly on to where it leads, if it does so by one factor and
+    every contact slips."""
+    numbers = m.numbers[i]
+    lag = m.numbers[i, LAG]
+    ring = m.time.shape[1]
     if m.kind[i, (numbers[COUNT] - 1) % ring] < 0 or 2 * lag >= ring:
         return GO_ON
     for c in range(m.slipped.shape[1]):
@@ -453,16 +568,19 @@ def confirm(m: Marks, lanes: Lane, saved: Lane, i: int, d: float) -> int:
         return GO_ON
     if not d <= 0.5 * real[MISS]:
         return take_back(m, lanes, saved, i)
-    numbers[LEAPT], numbers[STALLED], real[LEAST] = 0, 0, d
+    numbers[LEAPT] = 0
+    numbers[STALLED] = 0
+    real[LEAST] = d
     return GO_ON
 
 
-# -- motions without events ---------------------------------------------------------------------------
+# -- motions without events ------------------------------------------------------------------------
 
 
 @njit(**OPTIONS)
 def put_plane(m: Marks, i: int, t: float, y: Array, work: Array) -> None:
-    """Lay a plane through the present state across the motion, whose rates are in the work space."""
+    """Lay a plane through the present state across the motion, whose rates are in the work
+    space."""
     copy(y, m.plane[i, 0])
     m.plane[i, 2, 0] = t
     for r in range(len(work)):
@@ -484,35 +602,62 @@ def height(m: Marks, i: int, t: float, y: Array, translation: Array, work: Array
 
 
 @njit(**INLINED)
-def cross_plane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int, count: int) -> int:
-    """Put a mark wherever one of the recorded Taylor steps passes the plane upwards, and see what it says.
+def cross_plane(
+    e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int, count: int
+) -> int:
+    """Put a mark wherever one of the recorded Taylor steps passes the plane upwards, and see what
+    it says.
 
     A motion that is carried on by hand starts again from there.
     """
-    k, s, f, N, verdict = constants_of(e, i), e.space, e.flight, e.order, GO_ON
-    record, translation, work, lanes = bench.record, rules.translation, bench.work, e.lanes
+    k = constants_of(e, i)
+    s = e.space
+    f = e.flight
+    N = e.order
+    verdict = GO_ON
+    record = bench.record
+    translation = rules.translation
+    work = bench.work
+    lanes = e.lanes
     for j in range(count):
         if verdict != GO_ON:
             continue
         last = j + 1 == count
         t, y = record.time[j], record.state[j]
         after = lanes.clock[i, NOW] if last else record.time[j + 1]
-        ahead = height(m, i, after, lanes.y[i] if last else record.state[j + 1], translation, work[0])
+        ahead = height(
+            m, i, after, lanes.y[i] if last else record.state[j + 1], translation, work[0]
+        )
         if not (height(m, i, t, y, translation, work[0]) <= 0.0 < ahead):
             continue
         copy(record.mode[j], f.mode0)
         copy(record.region[j], f.reg0)
         s.known[-1] = 1
         resolve(e.rows.sizes, k, s, f.mode0)
-        low, high = 0.0, after - t
+        low = 0.0
+        high = after - t
         s.W[len(y), 1] = better(high, 1.0)
         _, step, series = along(
-            e.jets, e.rows, k, s, N, t, y, f.mode0, f.reg0, high, 0.0, e.tolerance, e.atol, lanes.seen[i]
+            e.jets,
+            e.rows,
+            k,
+            s,
+            N,
+            t,
+            y,
+            f.mode0,
+            f.reg0,
+            high,
+            0.0,
+            e.tolerance,
+            e.atol,
+            lanes.seen[i],
         )
         unit = s.W[len(y), 1]
         point_on(s.W, N, high / unit, work[1])
         if not abs(height(m, i, after, work[1], translation, work[0]) - ahead) <= 1e-6 * abs(ahead):
-            continue  # a flight in closed form: its modes are linear, and have no cycle of their own
+            # a flight in closed form: its modes are linear, and have no cycle of their own
+            continue
         for _ in range(60):
             middle = 0.5 * (low + high)
             point_on(s.W, N, middle / unit, work[1])
@@ -533,9 +678,13 @@ def cross_plane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
 
 
 @njit(**OPTIONS)
-def put_at(lanes: Lane, i: int, t: float, step: float, y: Array, mode: Array, region: Array) -> None:
+def put_at(
+    lanes: Lane, i: int, t: float, step: float, y: Array, mode: Array, region: Array
+) -> None:
     """Put a lane at a point within a step."""
-    lanes.clock[i, NOW], lanes.clock[i, LAST], lanes.counters[i, CAUSE] = t, step, -1
+    lanes.clock[i, NOW] = t
+    lanes.clock[i, LAST] = step
+    lanes.counters[i, CAUSE] = -1
     copy(y, lanes.y[i])
     copy(mode, lanes.mode[i])
     copy(mode, lanes.settled[i])
@@ -551,8 +700,11 @@ def point_on(W: Array, N: int, x: float, out: Array) -> None:
 
 @njit(**OPTIONS)
 def long_look(m: Marks, rules: Rules, i: int, t: float) -> float:
-    """So many periods of the drive as a cycle may have, or the duration from the oldest mark of the same kind."""
-    count, ring, most = m.numbers[i, COUNT], m.time.shape[1], rules.most[3]
+    """So many periods of the drive as a cycle may have, or the duration from the oldest mark of the
+    same kind."""
+    count = m.numbers[i, COUNT]
+    ring = m.time.shape[1]
+    most = rules.most[3]
     if m.drive[i] > 0.0:
         return m.drive[i] * max(min(count - 1, most), 1)
     for back in range(min(count, most), 0, -1):

@@ -1,4 +1,5 @@
-"""What the compiled functions of maps pass to each other: named tuples of arrays, most with a row for every motion."""
+"""What the compiled functions of maps pass to each other: named tuples of arrays, most with a row
+for every motion."""
 
 from __future__ import annotations
 
@@ -8,17 +9,45 @@ import numpy as np
 
 from stickslip.motion.between.step_balance import Steps, Tally, make_steps, make_tally
 from stickslip.motion.engine.forms import ClosedForms, Flight
-from stickslip.motion.steps.arrays import DIMENSION, JETS, POWERS, RESIDUAL, Constants, Lane, Record, Rows, Space
+from stickslip.motion.steps.arrays import (
+    DIMENSION,
+    JETS,
+    POWERS,
+    RESIDUAL,
+    Constants,
+    Lane,
+    Record,
+    Rows,
+    Space,
+)
 
 if TYPE_CHECKING:
     from stickslip.motion.problem import Problem
 
 Array = np.ndarray
 
-SETTLING, PROVING, MEASURING, DONE = 0, 1, 2, 3
+SETTLING = 0
+PROVING = 1
+MEASURING = 2
+DONE = 3
 """Phases of a motion; what it settles on is proved on the host."""
 
-PHASE, COUNT, TRUE, LAG, SAME, EVENTS, SMOOTH, PENDING, LEAPT, STALLED, REST, HOME, HOME_KIND, SIZED = range(14)
+(
+    PHASE,
+    COUNT,
+    TRUE,
+    LAG,
+    SAME,
+    EVENTS,
+    SMOOTH,
+    PENDING,
+    LEAPT,
+    STALLED,
+    REST,
+    HOME,
+    HOME_KIND,
+    SIZED,
+) = range(14)
 """Columns of :attr:`Marks.numbers`."""
 
 START, DURATION, MISS, FLOOR, STRETCH, OPEN, LEAST, PATIENT, ASK = range(9)
@@ -42,7 +71,8 @@ class Engine(NamedTuple):
         Closed forms of each group.
     order : int
     tolerance, atol : float
-        Order of the Taylor series, and local tolerance relative to the size of the state plus `atol`.
+        Order of the Taylor series, and local tolerance relative to the size of the state plus
+        `atol`.
     others
         As in :func:`stickslip.motion.engine.event_loop.integrate`.
     """
@@ -70,8 +100,8 @@ class Rules(NamedTuple):
     Attributes
     ----------
     real : array
-        Start, end and time between looks, counted from the origin of the problem; tolerance of waiting, atol, and what
-        may be missing to a cycle.
+        Start, end and time between looks, counted from the origin of the problem; tolerance of
+        waiting, atol, and what may be missing to a cycle.
     most : array of int
         Periods, events, marks in one call, and marks of a cycle.
     translation : array, shape (n,)
@@ -97,22 +127,23 @@ class Rules(NamedTuple):
 class Marks(NamedTuple):
     """What is remembered of every lane.
 
-    Attributes
-    ----------
-    time, state, kind, miss : arrays, shapes (lanes, ring), (lanes, ring, n), (lanes, ring), (lanes, ring)
-        The latest marks; the mode of a mark as a number, and how closely it comes back to the mark a lag before it.
+    Attributes ---------- time, state, kind, miss : arrays, shapes (lanes, ring), (lanes, ring, n),
+    (lanes, ring), (lanes, ring)
+        The latest marks; the mode of a mark as a number, and how closely it comes back to the mark
+        a lag before it.
     numbers : array of int, shape (lanes, 14)
-        PHASE; COUNT of marks; marks made since the state was last changed by hand (TRUE); LAG that is looked at; marks
-        at this lag in a row, less one (SAME); EVENTS at the last look; whether the motion has had no events for a
-        while, so that its marks are on a plane (SMOOTH); whether the last mark is still to be judged (PENDING); leaps
-        since the motion was left (LEAPT; negative: one that is not confirmed); marks since returns have last shrunk
-        (STALLED); mark before which there is no other leap (REST); number and kind of the mark that the motion is taken
-        back to (HOME, HOME_KIND); whether the sizes are those of a cycle (SIZED).
+        PHASE; COUNT of marks; marks made since the state was last changed by hand (TRUE); LAG that
+        is looked at; marks at this lag in a row, less one (SAME); EVENTS at the last look; whether
+        the motion has had no events for a while, so that its marks are on a plane (SMOOTH); whether
+        the last mark is still to be judged (PENDING); leaps since the motion was left (LEAPT;
+        negative: one that is not confirmed); marks since returns have last shrunk (STALLED); mark
+        before which there is no other leap (REST); number and kind of the mark that the motion is
+        taken back to (HOME, HOME_KIND); whether the sizes are those of a cycle (SIZED).
     real : array, shape (lanes, 9)
-        START and DURATION of what is measured; last MISS before a leap; miss of the polished cycle (FLOOR), how many
-        times farther away than that the cycle may be (STRETCH), and least miss of a return that is shorter (OPEN);
-        LEAST miss at this lag; miss below which polishing is tried again (PATIENT); time before which no proof is tried
-        again (ASK).
+        START and DURATION of what is measured; last MISS before a leap; miss of the polished cycle
+        (FLOOR), how many times farther away than that the cycle may be (STRETCH), and least miss of
+        a return that is shorter (OPEN); LEAST miss at this lag; miss below which polishing is tried
+        again (PATIENT); time before which no proof is tried again (ASK).
     plane : array, shape (lanes, 3, n)
         A state, the normal of the plane through it, and (first) its time.
     size : array, shape (lanes, n)
@@ -127,7 +158,8 @@ class Marks(NamedTuple):
         Velocity of the frame in which the system does not depend on time, but for its drives.
     outcome : array of int, shape (lanes,)
     home, before : Lane
-        Where the motion itself was before it was carried on by hand, and where it was before the last such step.
+        Where the motion itself was before it was carried on by hand, and where it was before the
+        last such step.
     """
 
     time: Array
@@ -179,11 +211,13 @@ class Found(NamedTuple):
     ----------
     sums : Sums
     audit : array, shape (lanes, 5)
-        Residual of the energy balance (ENERGY), violation of the friction LAW, defect of the equations of MOTION, by
-        how much a cycle fails to close (CLOSURE), and the square of the tolerance over what the next shorter return
-        misses by (PERIOD): the period is minimal if no shorter return closes within the tolerance.
+        Residual of the energy balance (ENERGY), violation of the friction LAW, defect of the
+        equations of MOTION, by how much a cycle fails to close (CLOSURE), and the square of the
+        tolerance over what the next shorter return misses by (PERIOD): the period is minimal if no
+        shorter return closes within the tolerance.
     moves : array, shape (lanes,)
-        Largest range of a component in what was measured, relative to its modulus, without frame and translation.
+        Largest range of a component in what was measured, relative to its modulus, without frame
+        and translation.
     shift : array, shape (lanes, n)
         Of the state, in the time that is measured.
     exponent : array, shape (lanes,)
@@ -213,7 +247,8 @@ class Bench(NamedTuple):
     gaps : array, shape (n,)
         By how much a cycle fails to close.
     ends : array, shape (3, n)
-        Least and largest value of each component where it was looked at, without frame and translation; and its size.
+        Least and largest value of each component where it was looked at, without frame and
+        translation; and its size.
     balance : array, shape (6,)
         First energy; dissipated and supplied so far; least and largest energy; largest residual.
     residuals : array, shape (4,)
@@ -263,7 +298,8 @@ def make_marks(drive: Array, ring: int, n: int, contacts: int, home: Lane, befor
         before=before,
     )
     marks.numbers[:, TRUE] = -1  # the first mark is no return yet
-    marks.real[:, PATIENT], marks.real[:, ASK] = np.inf, -np.inf
+    marks.real[:, PATIENT] = np.inf
+    marks.real[:, ASK] = -np.inf
     return marks
 
 
@@ -285,7 +321,9 @@ def make_found(lanes: int, n: int, contacts: int) -> Found:
 
 def make_bench(problem: Problem, room: int) -> Bench:
     """Work space for a system, in which `room` steps are measured at a time."""
-    n, contacts, kinks = int(problem.rows.sizes[DIMENSION]), len(problem.rows.u), len(problem.rows.kinks)
+    n = int(problem.rows.sizes[DIMENSION])
+    contacts = len(problem.rows.u)
+    kinks = len(problem.rows.kinks)
     z = np.zeros
     record = Record(
         z(room + 1),

@@ -1,14 +1,16 @@
 """Axes of a parameter map: what varies, over which values, in which spacing.
 
-An axis is a table: one column of values for each name that it moves. A grid axis, a list, parameters tied together and
-a random sample differ only in how the table was made. Texts declare them, on the command line and in Python alike:
+An axis is a table: one column of values for each name that it moves. A grid axis, a list,
+parameters tied together and a random sample differ only in how the table was made. Texts declare
+them, on the command line and in Python alike:
 
 ======================================  =====================================================
 ``0.8:1.6:400``                         400 values from 0.8 to 1.6, evenly spaced
 ``log:0.01:0.2:300``                    the same, evenly spaced in the logarithm
 ``1,2,5``                               these values
 ``0:1:5; 2:3:5`` (names ``P,Q``)        two parameters tied together, value by value
-``sobol:1024; 0.8:1.6; log:0.01:0.2``   1024 points of a sequence in a box; also ``halton``, ``latin``, ``random``
+``sobol:1024; 0.8:1.6; log:0.01:0.2``   1024 points of a sequence in a box; also ``halton``,
+                                        ``latin``, ``random``
 ======================================  =====================================================
 """
 
@@ -31,7 +33,8 @@ Array = np.ndarray
 SAMPLES = ("sobol", "halton", "latin", "random")
 SPACINGS = ("linear", "log", "list", *SAMPLES)
 SAME = 1e-12  # values of two axes that differ by less, relative to the largest, are one value
-MOST_VALUES, MOST_POINTS = 10**8, 10**9  # of one axis, of a map
+MOST_VALUES = 10**8  # of one axis
+MOST_POINTS = 10**9  # of a map
 FORM = "Write it like 0.8:1.6:400, log:0.01:0.2:300, or 1,2,5"
 SAMPLE_FORM = "Write it like sobol:1024; 0.8:1.6; log:0.01:0.2"
 
@@ -68,8 +71,11 @@ class Axis:
         return len(self.names) == 1 and bool(np.all(steps > 0.0) or np.all(steps < 0.0))
 
     def positions(self, other: Axis) -> Array:
-        """Where the values of another axis of the same names stand on this one; −1 for those that do not."""
-        reach = SAME * np.maximum(np.max(np.abs(self.values), axis=1), np.max(np.abs(other.values), axis=1))
+        """Where the values of another axis of the same names stand on this one; −1 for those that
+        do not."""
+        reach = SAME * np.maximum(
+            np.max(np.abs(self.values), axis=1), np.max(np.abs(other.values), axis=1)
+        )
         order = np.argsort(self.values[0], kind="stable")
         sorted_values = self.values[0, order]
         found = np.full(len(other), -1)
@@ -77,7 +83,10 @@ class Axis:
         high = np.searchsorted(sorted_values, other.values[0] + reach[0], side="right")
         for i, (a, b) in enumerate(zip(low, high, strict=True)):
             candidates = order[a:b]
-            near = np.all(np.abs(self.values[:, candidates] - other.values[:, i, None]) <= reach[:, None], axis=0)
+            near = np.all(
+                np.abs(self.values[:, candidates] - other.values[:, i, None]) <= reach[:, None],
+                axis=0,
+            )
             if np.any(near):
                 found[i] = candidates[np.argmax(near)]
         return found
@@ -90,15 +99,17 @@ class Axis:
         return bool(np.all(np.abs(self.values - other.values) <= SAME * scale))
 
 
-def read_axes(system: System, over: Mapping[str, Any] | Sequence[str], seed: int = 0) -> tuple[Axis, ...]:
+def read_axes(
+    system: System, over: Mapping[str, Any] | Sequence[str], seed: int = 0
+) -> tuple[Axis, ...]:
     """The axes that a user asks for, with all their values admissible.
 
     Parameters
     ----------
     system : System
     over : mapping or sequence of str
-        By name (or by several names, ``"P,Q"``): a text as above, or values (for several names one column each).
-        A sequence holds texts ``NAME=VALUES``.
+        By name (or by several names, ``"P,Q"``): a text as above, or values (for several names one
+        column each). A sequence holds texts ``NAME=VALUES``.
     seed : int
         Of the samples.
 
@@ -110,7 +121,9 @@ def read_axes(system: System, over: Mapping[str, Any] | Sequence[str], seed: int
     if not isinstance(over, Mapping):
         over = dict(_split(text) for text in _once(over))
     if not over:
-        raise DeclarationError("over", "there is nothing to vary", "Name a parameter, as in P=0.8:1.6:400")
+        raise DeclarationError(
+            "over", "there is nothing to vary", "Name a parameter, as in P=0.8:1.6:400"
+        )
     axes = tuple(_axis(key, given, seed) for key, given in over.items())
     names = [name for axis in axes for name in axis.names]
     for name in names:
@@ -120,7 +133,9 @@ def read_axes(system: System, over: Mapping[str, Any] | Sequence[str], seed: int
         _check_values(system, axis)
     _check_corners(system, axes)
     if math.prod(len(axis) for axis in axes) > MOST_POINTS:
-        raise DeclarationError("over", f"the map has more than {MOST_POINTS:,} points", "Give fewer values")
+        raise DeclarationError(
+            "over", f"the map has more than {MOST_POINTS:,} points", "Give fewer values"
+        )
     return axes
 
 
@@ -147,7 +162,9 @@ def _axis(key: str, given: Any, seed: int) -> Axis:
     try:
         values = np.array(given, dtype=float)
     except (TypeError, ValueError):
-        raise DeclarationError(where, "its values are not numbers", f"Give numbers, or a text. {FORM}") from None
+        raise DeclarationError(
+            where, "its values are not numbers", f"Give numbers, or a text. {FORM}"
+        ) from None
     return _table(names, np.atleast_2d(values), "list", where)
 
 
@@ -157,11 +174,15 @@ def _from_text(names: tuple[str, ...], text: str, where: str, seed: int) -> Axis
     if kind in SAMPLES:
         return _sample(names, kind, parts, where, seed)
     if len(parts) not in (1, len(names)):
-        raise DeclarationError(where, f"{len(names)} names and {len(parts)} lists of values", "Give one for each name")
+        raise DeclarationError(
+            where, f"{len(names)} names and {len(parts)} lists of values", "Give one for each name"
+        )
     columns = [_column(part, where) for part in parts]
     if len({len(values) for values, _ in columns}) > 1:
         lengths = ", ".join(str(len(values)) for values, _ in columns)
-        raise DeclarationError(where, f"the names are tied, but have {lengths} values", "Give as many to each")
+        raise DeclarationError(
+            where, f"the names are tied, but have {lengths} values", "Give as many to each"
+        )
     values = np.array([values for values, _ in columns] * (len(names) // len(parts)))
     return _table(names, values, columns[0][1], where)
 
@@ -175,7 +196,9 @@ def _column(text: str, where: str) -> tuple[Array, str]:
         raise DeclarationError(where, f"'{short(text)}' is not a range", FORM)
     count = _count(rest[0], where)
     if count == 1 and low != high:
-        raise DeclarationError(where, "one value cannot span a range", "Give at least 2, or the value alone")
+        raise DeclarationError(
+            where, "one value cannot span a range", "Give at least 2, or the value alone"
+        )
     return (np.geomspace if spacing == "log" else np.linspace)(low, high, count), spacing
 
 
@@ -188,7 +211,9 @@ def _interval(text: str, where: str, form: str) -> tuple[float, float, list[str]
         raise DeclarationError(where, f"'{short(text)}' is not a range", form)
     low, high = (_number(part, where) for part in parts[:2])
     if spacing == "log" and not (low > 0.0 and high > 0.0):
-        raise DeclarationError(where, f"a logarithmic range from {low:g} to {high:g}", "Both ends have to be positive")
+        raise DeclarationError(
+            where, f"a logarithmic range from {low:g} to {high:g}", "Both ends have to be positive"
+        )
     return low, high, parts[2:], spacing
 
 
@@ -196,10 +221,14 @@ def _sample(names: tuple[str, ...], kind: str, parts: list[str], where: str, see
     """Points of a low-discrepancy or random sequence in a box."""
     head = parts[0].split(":")
     if len(head) != 2 or len(parts) != 1 + len(names):
-        raise DeclarationError(where, f"a sample of {len(names)} names needs its number and their bounds", SAMPLE_FORM)
+        raise DeclarationError(
+            where, f"a sample of {len(names)} names needs its number and their bounds", SAMPLE_FORM
+        )
     count = _count(head[1], where)
     values = np.empty((len(names), count))
-    for i, (unit, text) in enumerate(zip(_unit_sample(kind, len(names), count, seed), parts[1:], strict=True)):
+    for i, (unit, text) in enumerate(
+        zip(_unit_sample(kind, len(names), count, seed), parts[1:], strict=True)
+    ):
         low, high, rest, spacing = _interval(text, where, SAMPLE_FORM)
         if rest:
             raise DeclarationError(where, f"'{short(text)}' has a number too many", SAMPLE_FORM)
@@ -214,7 +243,11 @@ def _unit_sample(kind: str, dimensions: int, count: int, seed: int) -> Array:
 
     if kind == "random":
         return np.random.default_rng(seed).random((count, dimensions)).T
-    make: Callable[..., Any] = {"sobol": qmc.Sobol, "halton": qmc.Halton, "latin": qmc.LatinHypercube}[kind]
+    make: Callable[..., Any] = {
+        "sobol": qmc.Sobol,
+        "halton": qmc.Halton,
+        "latin": qmc.LatinHypercube,
+    }[kind]
     sampler = make(dimensions, rng=seed)
     if kind != "sobol":
         return sampler.random(count).T
@@ -243,7 +276,9 @@ def _count(text: str, where: str) -> int:
 
 def _table(names: tuple[str, ...], values: Array, spacing: str, where: str) -> Axis:
     if values.ndim != 2 or len(values) != len(names):
-        raise DeclarationError(where, f"not one list of values for each of {len(names)} names", FORM)
+        raise DeclarationError(
+            where, f"not one list of values for each of {len(names)} names", FORM
+        )
     if values.shape[1] == 0:
         raise DeclarationError(where, "there are no points", "Give at least one value")
     if not np.all(np.isfinite(values)):
@@ -261,12 +296,15 @@ def _check_values(system: System, axis: Axis) -> None:
     declaration = system.declaration
     for name, column in zip(axis.names, axis.values, strict=True):
         if name in system.parameters:
-            for value in (float(np.min(column)), float(np.max(column))):  # the admissible set is an interval
+            # the admissible set is an interval
+            for value in (float(np.min(column)), float(np.max(column))):
                 declaration.check_range(name, value)
         elif name not in declaration.state:
             known = ", ".join([*system.parameters, *declaration.state])
             raise DeclarationError(
-                f"over.{short(name)}", "neither a parameter nor a part of the state", f"Known: {known}"
+                f"over.{short(name)}",
+                "neither a parameter nor a part of the state",
+                f"Known: {known}",
             )
 
 
@@ -285,7 +323,8 @@ def _check_corners(system: System, axes: Sequence[Axis]) -> None:
 
 @dataclass(frozen=True)
 class Grid:
-    """The points of a map: all combinations of the values of its axes, in C order, and the chunks they are stored in.
+    """The points of a map: all combinations of the values of its axes, in C order, and the chunks
+    they are stored in.
 
     Attributes
     ----------
@@ -312,7 +351,10 @@ class Grid:
 
     def region(self, chunk: tuple[int, ...]) -> tuple[slice, ...]:
         """Where the points of a chunk stand."""
-        return tuple(slice(i * c, min((i + 1) * c, n)) for i, c, n in zip(chunk, self.chunk, self.shape, strict=True))
+        return tuple(
+            slice(i * c, min((i + 1) * c, n))
+            for i, c, n in zip(chunk, self.chunk, self.shape, strict=True)
+        )
 
     def columns(self, region: tuple[slice, ...], inside: Array) -> dict[str, Array]:
         """Values of everything that varies, at chosen points of a region.
@@ -332,7 +374,8 @@ class Grid:
         }
 
 
-CHUNK_POINTS, FEWEST = 4096, 64  # of the largest chunks; of the smallest that are worth a file
+CHUNK_POINTS = 4096  # of the largest chunks
+FEWEST = 64  # of the smallest that are worth a file
 PARTS = 64  # chunks that a map of medium size is divided into
 
 

@@ -1,11 +1,11 @@
 """The named measures of what a motion has settled on.
 
-``period``, ``energy_per_cycle`` (dissipated by the contacts) and ``switches`` are those of a cycle; ``amplitude`` (half
-the range, of the first component of the state or of ``amplitude:x``), ``speed`` (along the translation, or of
-``speed:x``), ``stick_fraction`` (share of the time in which all contacts stick, or ``stick_fraction:contact``),
-``peak_force`` and ``mean_force`` (largest |λ| and mean λ; of all contacts the largest |λ|, or ``peak_force:contact``)
-and ``lyapunov`` are also those of a motion at rest, of steady sliding, and of the last part of a motion that has not
-settled.
+``period``, ``energy_per_cycle`` (dissipated by the contacts) and ``switches`` are those of a cycle;
+``amplitude`` (half the range, of the first component of the state or of ``amplitude:x``), ``speed``
+(along the translation, or of ``speed:x``), ``stick_fraction`` (share of the time in which all
+contacts stick, or ``stick_fraction:contact``), ``peak_force`` and ``mean_force`` (largest |λ| and
+mean λ; of all contacts the largest |λ|, or ``peak_force:contact``) and ``lyapunov`` are also those
+of a motion at rest, of steady sliding, and of the last part of a motion that has not settled.
 """
 
 from __future__ import annotations
@@ -111,7 +111,8 @@ def _lyapunov(problem: Problem, o: Observed, of: str) -> Array:
 
 @dataclass(frozen=True)
 class Named:
-    """A measure: its rule, whether steps have to be followed again for it, and what it may be taken of."""
+    """A measure: its rule, whether steps have to be followed again for it, and what it may be taken
+    of."""
 
     rule: Rule
     closely: bool
@@ -145,20 +146,29 @@ def needs_close_look(system: System, measures: Sequence[str]) -> bool:
 def _named(system: System, measure: str) -> Named:
     name, _, of = measure.partition(":")
     if name not in MEASURES:
-        raise DeclarationError("measure", f"there is no measure '{name}'", f"Known: {', '.join(MEASURES)}")
-    known = {"component": system.declaration.state, "contact": list(system.contacts)}.get(MEASURES[name].of, [])
+        raise DeclarationError(
+            "measure", f"there is no measure '{name}'", f"Known: {', '.join(MEASURES)}"
+        )
+    known = {"component": system.declaration.state, "contact": list(system.contacts)}.get(
+        MEASURES[name].of, []
+    )
     if of and of not in known:
         remedy = f"Known: {', '.join(known)}" if known else f"Ask for '{name}'"
         raise DeclarationError(f"measure.{name}", f"there is no '{of}'", remedy)
     if name == "speed" and not of and not system.translation:
         raise DeclarationError(
-            "measure.speed", f"{system.name} declares no translation", "Name a component, like speed:x"
+            "measure.speed",
+            f"{system.name} declares no translation",
+            "Name a component, like speed:x",
         )
     return MEASURES[name]
 
 
-def measured(problem: Problem, observed: Observed, measures: Sequence[str], tolerance: float) -> dict[str, Array]:
-    """Values of the measures by name, and outcome, certificate, what that lacks, and the excess of the start."""
+def measured(
+    problem: Problem, observed: Observed, measures: Sequence[str], tolerance: float
+) -> dict[str, Array]:
+    """Values of the measures by name, and outcome, certificate, what that lacks, and the excess of
+    the start."""
     failed = ~np.isin(observed.outcome, [o.code for o in MEASURED])
     result = {"outcome": observed.outcome.astype(np.int8)}
     result["certificate"] = np.where(failed, np.nan, np.max(observed.found.audit, axis=1))
@@ -172,7 +182,8 @@ def measured(problem: Problem, observed: Observed, measures: Sequence[str], tole
 
 
 def lacking(observed: Observed, tolerance: float) -> Array:
-    """What certificates lack, as positions in :data:`LACKING`: the first residual that is too large."""
+    """What certificates lack, as positions in :data:`LACKING`: the first residual that is too
+    large."""
     wrong = ~(observed.found.audit <= tolerance)
     found = np.where(np.any(wrong, axis=1), 1 + np.argmax(wrong, axis=1), 0)
     known = np.isin(observed.outcome, [o.code for o in ATTRACTORS])
@@ -199,4 +210,5 @@ LACKING = (
     "attractor",
     "result",
 )
-"""What a point may lack to be certified; 0: nothing. The order of the residuals is that of the audit."""
+"""What a point may lack to be certified; 0: nothing. The order of the residuals is that of the
+audit."""

@@ -18,10 +18,12 @@ from stickslip.sweeps.request.axes import Axis
 from stickslip.sweeps.request.measures import LACKING, certified_below
 from stickslip.sweeps.request.user_measures import REASONS, FunctionMeasure, Measure, variable
 
-NOT_COMPUTED, INTERPOLATED = -1, -2
+NOT_COMPUTED = -1
+INTERPOLATED = -2
 """Outcomes of points that have none of their own."""
 
-KIND, FORMAT = "sweep", 2
+KIND = "sweep"
+FORMAT = 2
 
 
 class Part(Enum):
@@ -77,7 +79,9 @@ class Plan:
             "version": __version__,
             "model": self.system.to_toml(),
             "parameters": json.dumps(self.system.values),
-            "axes": json.dumps([{"names": axis.names, "spacing": axis.spacing} for axis in self.axes]),
+            "axes": json.dumps(
+                [{"names": axis.names, "spacing": axis.spacing} for axis in self.axes]
+            ),
             "measures": json.dumps([str(measure) for measure in self.measures]),
             "initial": json.dumps(dict(self.initial)),
             "settings": json.dumps(asdict(self.settings), sort_keys=True),
@@ -98,15 +102,22 @@ class Plan:
         model = _first_difference(tomllib.loads(parts["model"]), tomllib.loads(own["model"]))
         if model:
             return Difference(Part.MODEL, f"of another model ({model})")
-        for part, what in ((Part.SETTINGS, "other settings"), (Part.INITIAL, "other initial values")):
+        for part, what in (
+            (Part.SETTINGS, "other settings"),
+            (Part.INITIAL, "other initial values"),
+        ):
             change = _first_difference(json.loads(parts[part.value]), json.loads(own[part.value]))
             if change:
                 return Difference(part, f"with {what} ({change})")
         if parts["measures"] != own["measures"]:
-            there, here = (", ".join(json.loads(texts)) for texts in (parts["measures"], own["measures"]))
+            there, here = (
+                ", ".join(json.loads(texts)) for texts in (parts["measures"], own["measures"])
+            )
             return Difference(Part.MEASURES, f"of other measures ({there} there, {here} here)")
         if parts["version"] != own["version"]:
-            return Difference(Part.VERSION, f"made by version {parts['version']} (this is {own['version']})")
+            return Difference(
+                Part.VERSION, f"made by version {parts['version']} (this is {own['version']})"
+            )
         return self._other_axes(axes)
 
     def _other_axes(self, axes: tuple[Axis, ...]) -> Difference | None:
@@ -116,20 +127,26 @@ class Plan:
             return Difference(Part.AXES, text)
         for old, new in zip(axes, self.axes, strict=True):
             if not old.same_as(new):
-                text = f"over other values of {','.join(new.names)} ({_range(old)} there, {_range(new)} here)"
+                names = ",".join(new.names)
+                text = f"over other values of {names} ({_range(old)} there, {_range(new)} here)"
                 return Difference(Part.VALUES, text)
         return None
 
     def coordinates(self) -> dict[str, tuple[str, np.ndarray, dict[str, Any]]]:
         """Dimension, values and attributes of everything that varies."""
         return {
-            name: (axis.dimension, axis.values[row], {**_varied(self.system, name), "spacing": axis.spacing})
+            name: (
+                axis.dimension,
+                axis.values[row],
+                {**_varied(self.system, name), "spacing": axis.spacing},
+            )
             for axis in self.axes
             for row, name in enumerate(axis.names)
         }
 
     def variables(self) -> dict[str, tuple[str, float, dict[str, Any]]]:
-        """Type, value where nothing is known, and attributes of everything that is stored of a point.
+        """Type, value where nothing is known, and attributes of everything that is stored of a
+        point.
 
         The outcome comes last: a point that has one has everything else.
         """
@@ -139,10 +156,18 @@ class Plan:
             if isinstance(measure, str):
                 found[name] = ("f8", np.nan, described(self.system, measure))
                 continue
-            found[name] = ("f8", np.nan, {"units": "1", "long_name": name.replace("_", " "), "measure": str(measure)})
+            found[name] = (
+                "f8",
+                np.nan,
+                {"units": "1", "long_name": name.replace("_", " "), "measure": str(measure)},
+            )
             if isinstance(measure, FunctionMeasure):
                 why = dict(enumerate(REASONS))
-                found[f"{name}_missing"] = ("i1", 0, _flags(why) | {"long_name": f"why {name} is missing"})
+                found[f"{name}_missing"] = (
+                    "i1",
+                    0,
+                    _flags(why) | {"long_name": f"why {name} is missing"},
+                )
         tolerance = certified_below(self.settings)
         found["certificate"] = (
             "f8",
@@ -151,22 +176,51 @@ class Plan:
         )
         missing = _flags(dict(enumerate(LACKING))) | {"long_name": "what the certificate lacks"}
         found["lacking"] = ("i1", LACKING.index("result"), missing)
-        unit = next((c.unit for c in self.system.declaration.contacts if c.kind == Kind.RATE_INDEPENDENT), "") or "1"
-        found["excess"] = ("f8", np.nan, {"units": unit, "long_name": "excess of the start over the stable set"})
-        labels = {NOT_COMPUTED: "not computed", INTERPOLATED: "interpolated", **{o.code: o.label for o in Outcome}}
-        found["outcome"] = ("i1", NOT_COMPUTED, _flags(labels) | {"long_name": "how the motion ended"})
+        unit = (
+            next(
+                (
+                    c.unit
+                    for c in self.system.declaration.contacts
+                    if c.kind == Kind.RATE_INDEPENDENT
+                ),
+                "",
+            )
+            or "1"
+        )
+        found["excess"] = (
+            "f8",
+            np.nan,
+            {"units": unit, "long_name": "excess of the start over the stable set"},
+        )
+        labels = {
+            NOT_COMPUTED: "not computed",
+            INTERPOLATED: "interpolated",
+            **{o.code: o.label for o in Outcome},
+        }
+        found["outcome"] = (
+            "i1",
+            NOT_COMPUTED,
+            _flags(labels) | {"long_name": "how the motion ended"},
+        )
         return found
 
 
 def _flags(labels: Mapping[int, str]) -> dict[str, Any]:
     """Attributes of a variable that holds codes, by the CF conventions."""
-    return {"flag_values": list(labels), "flag_meanings": " ".join(text.replace(" ", "_") for text in labels.values())}
+    return {
+        "flag_values": list(labels),
+        "flag_meanings": " ".join(text.replace(" ", "_") for text in labels.values()),
+    }
 
 
 def _varied(system: System, name: str) -> dict[str, str]:
     """Unit and meaning of a parameter or of an initial value."""
     found = quantity(system, name)
-    return found if name in system.parameters else {**found, "long_name": f"initial {found['long_name']}"}
+    return (
+        found
+        if name in system.parameters
+        else {**found, "long_name": f"initial {found['long_name']}"}
+    )
 
 
 def _first_difference(there: Any, here: Any, where: str = "") -> str:

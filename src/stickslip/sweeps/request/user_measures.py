@@ -1,4 +1,5 @@
-"""What is measured at a point: named measures, formulas of them, and a user's own functions of the motion."""
+"""What is measured at a point: named measures, formulas of them, and a user's own functions of the
+motion."""
 
 from __future__ import annotations
 
@@ -36,7 +37,8 @@ UFUNCS: dict[str, Callable[[Array], Array]] = {
 
 @dataclass(frozen=True)
 class FormulaMeasure:
-    """A formula of named measures and of the parameters, such as ``cost = energy_per_cycle/(P*speed)``.
+    """A formula of named measures and of the parameters, such as ``cost =
+    energy_per_cycle/(P*speed)``.
 
     Attributes
     ----------
@@ -65,7 +67,8 @@ class FormulaMeasure:
 
 
 def _values(e: ex.Expr, known: Mapping[str, Array | float], found: Mapping[ex.Expr, Array]) -> Any:
-    """One node of an expression at many points, as :func:`stickslip.symbolic.expressions.evaluate` has it at one."""
+    """One node of an expression at many points, as :func:`stickslip.symbolic.expressions.evaluate`
+    has it at one."""
     match e.op:
         case "num":
             return ex.number(e)
@@ -113,7 +116,8 @@ class FunctionMeasure:
         function = self.function or _from_file(self.path, self.name, self.digest)
         try:
             found = function(trajectory)
-        except Exception:  # a mistake in the user's function is missing data, not the end of a map of a million points
+        # a mistake in the user's function is missing data, not the end of a map of a million points
+        except Exception:
             return math.nan, REASONS.index("raised_an_error")
         try:
             value = float(found)
@@ -133,7 +137,8 @@ def read_measures(system: System, asked: Sequence[Any]) -> tuple[Measure, ...]:
     system : System
     asked : sequence of str or callable
         Names of measures, possibly of one coordinate or contact (``"amplitude:psi"``); formulas
-        ``"name = formula"`` of measures and parameters; ``"file.py:function"``; functions of a Trajectory.
+        ``"name = formula"`` of measures and parameters; ``"file.py:function"``; functions of a
+        Trajectory.
 
     Raises
     ------
@@ -144,18 +149,25 @@ def read_measures(system: System, asked: Sequence[Any]) -> tuple[Measure, ...]:
         asked = [asked]
     measures = tuple(_measure(system, item) for item in asked)
     if not measures:
-        raise DeclarationError("measure", "there is nothing to measure", f"Known: {', '.join(MEASURES)}")
+        raise DeclarationError(
+            "measure", "there is nothing to measure", f"Known: {', '.join(MEASURES)}"
+        )
     names = [variable(measure) for measure in measures]
     for name in names:
         if names.count(name) > 1:
-            raise DeclarationError(f"measure.{short(name)}", "it is asked for twice", "Give each measure its own name")
+            raise DeclarationError(
+                f"measure.{short(name)}", "it is asked for twice", "Give each measure its own name"
+            )
         if name in {*system.parameters, *system.declaration.state, *OWN}:
-            raise DeclarationError(f"measure.{short(name)}", "the name is taken", "Choose another name")
+            raise DeclarationError(
+                f"measure.{short(name)}", "the name is taken", "Choose another name"
+            )
     return measures
 
 
 def asked_again(measure: Measure) -> Any:
-    """What :func:`read_measures` makes the same measure of in another process; expressions cannot be sent."""
+    """What :func:`read_measures` makes the same measure of in another process; expressions cannot
+    be sent."""
     return measure if isinstance(measure, FunctionMeasure) else str(measure)
 
 
@@ -172,7 +184,9 @@ def _measure(system: System, item: Any) -> Measure:
         _check_new_name(name)
         return FunctionMeasure(name, cast(Any, item), "", _digest(_source(item)))
     if not isinstance(item, str):
-        raise DeclarationError("measure", f"{item!r} is neither a text nor a function", "Name a measure")
+        raise DeclarationError(
+            "measure", f"{item!r} is neither a text nor a function", "Name a measure"
+        )
     name, equals, text = (part.strip() for part in item.partition("="))
     if equals:
         return _formula(system, name, text)
@@ -186,7 +200,9 @@ def _measure(system: System, item: Any) -> Measure:
 def _check_new_name(name: str) -> None:
     if not NAME.match(name) or name in MEASURES:
         reason = "the name of another measure" if name in MEASURES else "not a name"
-        raise DeclarationError("measure", f"'{short(name)}' is {reason}", "Use letters, digits and _; def, not lambda")
+        raise DeclarationError(
+            "measure", f"'{short(name)}' is {reason}", "Use letters, digits and _; def, not lambda"
+        )
 
 
 def _formula(system: System, name: str, text: str) -> FormulaMeasure:
@@ -195,7 +211,10 @@ def _formula(system: System, name: str, text: str) -> FormulaMeasure:
     scope = Scope({symbol: ex.sym(symbol) for symbol in {*own, *MEASURES}})
     expression = scope.parse(text, f"measure.{name}")
     return FormulaMeasure(
-        name, text, expression, tuple(n for n in MEASURES if n in expression.symbols and n not in own)
+        name,
+        text,
+        expression,
+        tuple(n for n in MEASURES if n in expression.symbols and n not in own),
     )
 
 
@@ -212,14 +231,18 @@ def _read(path: str) -> str:
         return Path(path).read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise DeclarationError(f"measure {path}", f"the file cannot be read ({reason})", "Check the path") from None
+        raise DeclarationError(
+            f"measure {path}", f"the file cannot be read ({reason})", "Check the path"
+        ) from None
 
 
 @lru_cache
 def _from_file(path: str, name: str, digest: str) -> Callable[[Trajectory], float]:
     """A function of a Python file of the user's own, which is still the one that was asked for."""
     if _digest(_read(path)) != digest:
-        raise StickslipError(f"measure {path}: the file has changed while the map was computed. Begin again")
+        raise StickslipError(
+            f"measure {path}: the file has changed while the map was computed. Begin again"
+        )
     try:
         names = runpy.run_path(path)
     except Exception as error:
@@ -228,7 +251,9 @@ def _from_file(path: str, name: str, digest: str) -> Callable[[Trajectory], floa
     if not callable(names.get(name)):
         known = [key for key, value in names.items() if inspect.isfunction(value)]
         close = get_close_matches(name, known, 1) or known
-        raise DeclarationError(f"measure {path}", f"it has no function '{short(name)}'", f"It has {', '.join(close)}")
+        raise DeclarationError(
+            f"measure {path}", f"it has no function '{short(name)}'", f"It has {', '.join(close)}"
+        )
     return names[name]
 
 

@@ -1,4 +1,5 @@
-"""A chunk of points of a map: every motion is followed until it has settled and is then measured, in compiled loops."""
+"""A chunk of points of a map: every motion is followed until it has settled and is then measured,
+in compiled loops."""
 
 from __future__ import annotations
 
@@ -42,16 +43,25 @@ from stickslip.sweeps.engine.tables import (
     make_found,
     make_marks,
 )
-from stickslip.sweeps.request.measures import MEASURED, Observed, certified_below, measured, needs_close_look
+from stickslip.sweeps.request.measures import (
+    MEASURED,
+    Observed,
+    certified_below,
+    measured,
+    needs_close_look,
+)
 from stickslip.sweeps.work.scheduler import Stopped
 
 Array = np.ndarray
 
-SLOTS, SHARED_SLOTS = 12, 64  # closed forms of every point, or of all
+SLOTS = 12  # closed forms of every point
+SHARED_SLOTS = 64  # closed forms of all points
 ROOM = 256  # knots that are measured at a time
 SPANS = 100.0  # of the system, after which a motion is given up by default
 LOOKS = 4.0  # in a span
-MARGIN = 0.1  # of the tolerance, from which on a motion is polished: its returns do not tell exactly what is missing
+# of the tolerance, from which on a motion is polished: its returns do not tell exactly what is
+# missing
+MARGIN = 0.1
 RINGS = 2  # longest cycles that are remembered, so that two returns can be compared
 ENDLESS = np.iinfo(np.int64).max
 
@@ -63,7 +73,8 @@ class Settings:
     Attributes
     ----------
     tolerance : float
-        A motion has settled when what is still missing to its cycle or equilibrium is below this part of its size.
+        A motion has settled when what is still missing to its cycle or equilibrium is below this
+        part of its size.
     max_time : float, optional
         When it is given up; by default after 100 times the span of the system.
     max_cycles : int
@@ -84,14 +95,22 @@ class Settings:
 
     def __post_init__(self) -> None:
         if not 1e-12 <= self.tolerance <= 1e-2:
-            raise DeclarationError("tolerance", f"{self.tolerance!r} is out of range", "Choose 1e-12 ... 1e-2")
+            raise DeclarationError(
+                "tolerance", f"{self.tolerance!r} is out of range", "Choose 1e-12 ... 1e-2"
+            )
         if self.max_time is not None and not 0.0 < self.max_time < np.inf:
-            raise DeclarationError("max_time", f"{self.max_time!r} is no duration", "Give a positive number")
+            raise DeclarationError(
+                "max_time", f"{self.max_time!r} is no duration", "Give a positive number"
+            )
         for name in ("max_cycles", "max_events"):
             if getattr(self, name) < 1:
-                raise DeclarationError(name, f"{getattr(self, name)} is not positive", "Allow at least one")
+                raise DeclarationError(
+                    name, f"{getattr(self, name)} is not positive", "Allow at least one"
+                )
         if not 4 <= self.longest_cycle <= 4096:
-            raise DeclarationError("longest_cycle", f"{self.longest_cycle} is out of range", "Choose 4 ... 4096")
+            raise DeclarationError(
+                "longest_cycle", f"{self.longest_cycle} is out of range", "Choose 4 ... 4096"
+            )
 
 
 class Loops(Protocol):
@@ -146,11 +165,12 @@ def measure_chunk(
     -------
     dict of str to array, shape (points,)
         By measure; NaN where there is nothing to measure. Always also ``outcome`` (codes of
-        :class:`stickslip.motion.outcome.Outcome`); ``certificate``, the largest of the residual of the energy balance,
-        the violation of the friction law, the defect of the equations of motion, the failure to close, and a number
-        that exceeds the tolerance if a shorter period closes within it; ``lacking``, what a certificate lacks
-        (:data:`stickslip.sweeps.request.measures.LACKING`); and ``excess``, by how much the initial state violates |∂Φ|
-        ≤ s.
+        :class:`stickslip.motion.outcome.Outcome`); ``certificate``, the largest of the residual of
+        the energy balance, the violation of the friction law, the defect of the equations of
+        motion, the failure to close, and a number that exceeds the tolerance if a shorter period
+        closes within it; ``lacking``, what a certificate lacks
+        (:data:`stickslip.sweeps.request.measures.LACKING`); and ``excess``, by how much the initial
+        state violates |∂Φ| ≤ s.
 
     Raises
     ------
@@ -163,22 +183,29 @@ def measure_chunk(
     count = common_length({**starts, **given})
     table, states = parameter_table(system, given, count), initial_states(system, starts, count)
     problem = replace(pose_all(system, given, settings.rtol, settings.atol), origin=system.span[0])
-    closely, exponents = needs_close_look(system, measures), "lyapunov" in measures
+    closely = needs_close_look(system, measures)
+    exponents = "lyapunov" in measures
     stop = np.zeros(1, np.int64) if stop is None else stop
     if device == "gpu":
         from stickslip.sweeps.work.device import OnDevice, lanes_on_device
 
-        lanes, loops = lanes_on_device(problem, settings), OnDevice
+        lanes = lanes_on_device(problem, settings)
+        loops = OnDevice
     else:
-        lanes, loops = lanes_of_block(problem, SLOTS), Here
+        lanes = lanes_of_block(problem, SLOTS)
+        loops = Here
     blocks = [slice(i, i + lanes) for i in range(0, count, lanes)]
-    found = [Block(problem, table[b], states[b], settings, closely).run(loops, exponents, stop) for b in blocks]
+    found = [
+        Block(problem, table[b], states[b], settings, closely).run(loops, exponents, stop)
+        for b in blocks
+    ]
     parts = [measured(problem, observed, measures, certified_below(settings)) for observed in found]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 class Block:
-    """Points that are worked on together, each with closed forms of its own unless they share their parameters.
+    """Points that are worked on together, each with closed forms of its own unless they share their
+    parameters.
 
     Attributes
     ----------
@@ -191,20 +218,35 @@ class Block:
     """
 
     def __init__(
-        self, problem: Problem, table: Array, states: Array, settings: Settings, closely: bool, shared: bool = False
+        self,
+        problem: Problem,
+        table: Array,
+        states: Array,
+        settings: Settings,
+        closely: bool,
+        shared: bool = False,
     ) -> None:
-        count, n, contacts = len(table), states.shape[1], len(problem.rows.u)
+        count = len(table)
+        n = states.shape[1]
+        contacts = len(problem.rows.u)
         constants = problem.constants_of(table[:1] if shared else table)
         group = np.zeros(count, np.int64) if shared else np.arange(count)
-        self.problem, self.rules = problem, make_rules(problem, settings, closely)
+        self.problem = problem
+        self.rules = make_rules(problem, settings, closely)
         span = float(self.rules.real[0]), float(self.rules.real[1])
-        forms = problem.empty_forms(1, SHARED_SLOTS) if shared else problem.empty_forms(count, SLOTS)
+        forms = (
+            problem.empty_forms(1, SHARED_SLOTS) if shared else problem.empty_forms(count, SLOTS)
+        )
         self.lanes = Lanes.start(problem, constants, group, states, span, forms)
         self.twins = Lanes.start(problem, constants, group, states, span, forms)
-        self.saved, home, before = (Lane(*(part.copy() for part in self.lanes.now)) for _ in range(3))
+        self.saved, home, before = (
+            Lane(*(part.copy() for part in self.lanes.now)) for _ in range(3)
+        )
         self.prover = Prover(problem, table, self.rules)
         drive = drive_period(np.where(self.prover.acting, constants.omega[group], 0.0))
-        self.marks: Marks = make_marks(drive, RINGS * settings.longest_cycle + 1, n, contacts, home, before)
+        self.marks: Marks = make_marks(
+            drive, RINGS * settings.longest_cycle + 1, n, contacts, home, before
+        )
         self.found: Found = make_found(count, n, contacts)
         values = dict(zip(problem.system.parameters, table.T, strict=True))
         self.excess = excess(problem.compiled.equations, values, states, problem.origin)
@@ -216,13 +258,15 @@ class Block:
         """What the event loop takes for these lanes."""
         p = self.problem
         return Engine(
-            p.compiled.jets, p.compiled.residual, p.compiled.powers, p.rows, p.space(), p.flight(), lanes.constants,
-            lanes.forms, lanes.slots, p.order, p.tolerance, p.atol, lanes.group, lanes.codes, lanes.now,
+            p.compiled.jets, p.compiled.residual, p.compiled.powers, p.rows, p.space(), p.flight(),
+            lanes.constants, lanes.forms, lanes.slots, p.order, p.tolerance, p.atol,
+            lanes.group, lanes.codes, lanes.now,
         )  # fmt: skip
 
     def run(self, where: Callable[[Block, Array], Loops], exponents: bool, stop: Array) -> Observed:
         """Follow and measure all points; the closed forms they need are made in between."""
-        marks, loops = self.marks, where(self, stop)
+        marks = self.marks
+        loops = where(self, stop)
         self._until_done(loops.advance, stop, loops, self.lanes)
         loops.fetch()
         if exponents:
@@ -230,10 +274,15 @@ class Block:
             self._until_done(loops.grow_apart, stop, loops, self.lanes, self.twins)
             loops.fetch()
         self._name_rest()
-        return Observed(marks.outcome, marks.real[:, DURATION], self.rules.translation, self.found, self.excess)
+        return Observed(
+            marks.outcome, marks.real[:, DURATION], self.rules.translation, self.found, self.excess
+        )
 
-    def _until_done(self, compiled: Callable[[], None], stop: Array, where: Loops, *involved: Lanes) -> None:
-        marks, phase = self.marks, self.marks.numbers[:, PHASE]
+    def _until_done(
+        self, compiled: Callable[[], None], stop: Array, where: Loops, *involved: Lanes
+    ) -> None:
+        marks = self.marks
+        phase = self.marks.numbers[:, PHASE]
         while np.any(phase != DONE):
             for lanes in involved:
                 lanes.make_closed_forms()
@@ -251,10 +300,13 @@ class Block:
                 where.answer()
 
     def _name_rest(self) -> None:
-        """What is where it was after a period of its drive without having moved rests, or slides steadily."""
+        """What is where it was after a period of its drive without having moved rests, or slides
+        steadily."""
         marks, found = self.marks, self.found
         still = (marks.outcome == Outcome.PERIODIC.code) & (found.moves == 0.0)
-        held = (found.sums.total[:, 1] == found.sums.total[:, 0]) & np.all(found.shift == 0.0, axis=1)
+        held = (found.sums.total[:, 1] == found.sums.total[:, 0]) & np.all(
+            found.shift == 0.0, axis=1
+        )
         marks.outcome[still] = np.where(held, Outcome.AT_REST.code, Outcome.STEADY.code)[still]
 
 
@@ -263,7 +315,8 @@ class Here:
 
     def __init__(self, block: Block, stop: Array) -> None:
         bench = make_bench(block.problem, ROOM)
-        self.block, self.engine = block, block.engine(block.lanes)
+        self.block = block
+        self.engine = block.engine(block.lanes)
         self.rest = block.marks, block.rules, block.saved, bench, block.found, stop
 
     def advance(self) -> None:
@@ -284,11 +337,15 @@ class Here:
 
 def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
     """How motions of a system settle and are measured."""
-    system, layout = problem.system, problem.compiled.layout
+    system = problem.system
+    layout = problem.compiled.layout
     span = system.span[1] - system.span[0]
-    last, look = settings.max_time or SPANS * span, span / LOOKS
+    last = settings.max_time or SPANS * span
+    look = span / LOOKS
     return Rules(
-        real=np.array([0.0, last, look, MARGIN * settings.tolerance, settings.atol, settings.tolerance]),
+        real=np.array(
+            [0.0, last, look, MARGIN * settings.tolerance, settings.atol, settings.tolerance]
+        ),
         most=np.array([settings.max_cycles, settings.max_events, ENDLESS, settings.longest_cycle]),
         translation=np.array([float(system.translation.get(x, 0.0)) for x in layout.state]),
         fine=np.array(problem.retrace),
@@ -299,7 +356,8 @@ def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
 
 
 def drive_period(omega: Array) -> Array:
-    """Period of the first drive that acts; 0 where none does. Other drives only make the cycle longer."""
+    """Period of the first drive that acts; 0 where none does. Other drives only make the cycle
+    longer."""
     moving = omega > 0.0
     if not omega.shape[1]:
         return np.zeros(len(omega))
@@ -308,22 +366,30 @@ def drive_period(omega: Array) -> Array:
 
 
 def frames(lanes: Lanes, index: Array) -> Array:
-    """Velocities of the frames in which systems under loads Vt do not depend on time, but for their drives.
+    """Velocities of the frames in which systems under loads Vt do not depend on time, but for their
+    drives.
 
-    In the closed forms ẋ and the guards are linear in (x, 1, t, …): shifting the state by v·Δt makes up for the time
-    if the column of t is minus the columns of x times v in all modes. 0 where there is no such v.
+    In the closed forms ẋ and the guards are linear in (x, 1, t, …): shifting the state by v·Δt
+    makes up for the time if the column of t is minus the columns of x times v in all modes. 0 where
+    there is no such v.
     """
     T, slots = lanes.forms, lanes.slots
     place = lanes.group[index][:, None] * slots + np.arange(slots)
     n = T.hold.shape[2]
     table = np.concatenate([T.S[place][:, :, :n], T.G[place]], axis=2)
-    matrix, load = table[..., :n], table[..., n + 1]
+    matrix = table[..., :n]
+    load = table[..., n + 1]
     known = (T.status[place] == AFFINE)[:, :, None]
     matrix = np.where(known[..., None], matrix, 0.0).reshape(len(index), -1, matrix.shape[3])
     load = np.where(known, load, 0.0).reshape(len(index), -1)
     size = np.max(np.abs(matrix), axis=2) + np.abs(load)
     weight = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
-    matrix, load = matrix * weight[:, :, None], load * weight
+    matrix = matrix * weight[:, :, None]
+    load = load * weight
     frame = -(np.linalg.pinv(matrix, rcond=1e-9) @ load[:, :, None])[:, :, 0]
     off = np.max(np.abs((matrix @ frame[:, :, None])[:, :, 0] + load), axis=1, initial=0.0)
-    return np.where((off <= 1e-9)[:, None] & (np.abs(frame) > 1e-12 * np.max(np.abs(frame), initial=0.0)), frame, 0.0)
+    return np.where(
+        (off <= 1e-9)[:, None] & (np.abs(frame) > 1e-12 * np.max(np.abs(frame), initial=0.0)),
+        frame,
+        0.0,
+    )

@@ -1,8 +1,10 @@
-"""The compiled loops of maps on a GPU, one motion per thread, compiled from the same source for another machine.
+"""The compiled loops of maps on a GPU, one motion per thread, compiled from the same source for
+another machine.
 
-The compiled functions of :mod:`stickslip.motion`, of the maps and of a system are scalar loops over arrays that
-allocate nothing, so that each of them is also a device function. Closed forms are made by the host between two
-launches, as for threads; what a motion has come to stays on the GPU until all are done.
+The compiled functions of :mod:`stickslip.motion`, of the maps and of a system are scalar loops over
+arrays that allocate nothing, so that each of them is also a device function. Closed forms are made
+by the host between two launches, as for threads; what a motion has come to stays on the GPU until
+all are done.
 """
 
 from __future__ import annotations
@@ -49,16 +51,29 @@ def check_device() -> None:
     DeclarationError
     """
     if not SIMULATED and find_spec("numba_cuda") is None:
-        raise DeclarationError("device", "numba-cuda, which drives the GPU, is not installed", "Install stickslip[gpu]")
+        raise DeclarationError(
+            "device", "numba-cuda, which drives the GPU, is not installed", "Install stickslip[gpu]"
+        )
     if not cuda.is_available():
-        raise DeclarationError("device", "no CUDA device was found on this machine", "Leave the work to the cpu")
+        raise DeclarationError(
+            "device", "no CUDA device was found on this machine", "Leave the work to the cpu"
+        )
 
 
 def lanes_on_device(problem: Problem, settings: Settings) -> int:
-    """Motions worked on together: as many as memory lets, which does not matter to where they end."""
+    """Motions worked on together: as many as memory lets, which does not matter to where they
+    end."""
     table = np.array([list(problem.parameters.values())])
-    marks = Block(problem, table, np.zeros((1, int(problem.rows.sizes[DIMENSION]))), settings, False).marks
-    tables = problem.empty_forms(1, SLOTS), problem.space(), problem.flight(), make_bench(problem, ROOM), marks
+    marks = Block(
+        problem, table, np.zeros((1, int(problem.rows.sizes[DIMENSION]))), settings, False
+    ).marks
+    tables = (
+        problem.empty_forms(1, SLOTS),
+        problem.space(),
+        problem.flight(),
+        make_bench(problem, ROOM),
+        marks,
+    )
     sizes: list[int] = []
     each(lambda part: sizes.append(part.nbytes), tables)
     free = cuda.current_context().get_memory_info()[0]
@@ -76,22 +91,29 @@ class OnDevice:
     """
 
     def __init__(self, block: Block, stop: Array) -> None:
-        self.block, self.count = block, len(block.lanes.codes)
+        self.block = block
+        self.count = len(block.lanes.codes)
         here = block.engine(block.lanes)
         self.kernels = _kernels(here.jets, here.residual, here.powers)
-        rules = block.rules._replace(most=np.array([*block.rules.most[:2], TURNS, block.rules.most[3]]))
+        rules = block.rules._replace(
+            most=np.array([*block.rules.most[:2], TURNS, block.rules.most[3]])
+        )
         space, flight, bench = (
-            each(self._for_all, part) for part in (here.space, here.flight, make_bench(block.problem, ROOM))
+            each(self._for_all, part)
+            for part in (here.space, here.flight, make_bench(block.problem, ROOM))
         )
         machine = {"jets": 0, "residual": 0, "powers": 0}  # part of the kernels
         engine = each(cuda.to_device, here._replace(space=0, flight=0, **machine))
         self.engine = engine._replace(space=space, flight=flight)
         twins = block.twins
-        self.twin = self.engine._replace(codes=cuda.to_device(twins.codes), lanes=each(cuda.to_device, twins.now))
+        self.twin = self.engine._replace(
+            codes=cuda.to_device(twins.codes), lanes=each(cuda.to_device, twins.now)
+        )
         self.marks, self.rules, self.saved, self.found, self.stop = each(
             cuda.to_device, (block.marks, rules, block.saved, block.found, np.zeros(1, np.int64))
         )
-        self.bench, self.sent = bench, np.zeros_like(here.forms.used)
+        self.bench = bench
+        self.sent = np.zeros_like(here.forms.used)
 
     def _for_all(self, part: Array) -> Any:
         """Work space for every thread (a leading axis)."""
@@ -108,9 +130,18 @@ class OnDevice:
 
     def _asked(self) -> tuple[Any, Any]:
         """What the host proves from, and decides: here and there."""
-        block, marks, there = self.block, self.block.marks, self.marks
+        block = self.block
+        marks = self.block.marks
+        there = self.marks
         here = marks.outcome, marks.real, marks.size, block.saved, block.lanes.now, marks.numbers
-        return here, (there.outcome, there.real, there.size, self.saved, self.engine.lanes, there.numbers)
+        return here, (
+            there.outcome,
+            there.real,
+            there.size,
+            self.saved,
+            self.engine.lanes,
+            there.numbers,
+        )
 
     def ask(self) -> None:
         """Bring where the motions are that wait for a proof to the host."""
@@ -126,7 +157,8 @@ class OnDevice:
         each_pair(lambda table, part: part.copy_to_host(table), self.block.found, self.found)
 
     def _launch(self, kernel: Any, involved: list[tuple[Lanes, Any]]) -> None:
-        """Send what the host has changed, let all motions go on, and bring back what the host looks at."""
+        """Send what the host has changed, let all motions go on, and bring back what the host looks
+        at."""
         marks = self.block.marks
         self._send_forms(self.block.lanes.forms)
         for lanes, there in involved:
@@ -147,7 +179,10 @@ class OnDevice:
         """Send the closed forms that were made since the last launch."""
         slots = self.block.lanes.slots
         rows = np.concatenate(
-            [g * slots + np.arange(self.sent[g], forms.used[g]) for g in np.flatnonzero(forms.used > self.sent)]
+            [
+                g * slots + np.arange(self.sent[g], forms.used[g])
+                for g in np.flatnonzero(forms.used > self.sent)
+            ]
             or [np.zeros(0, np.int64)]
         )
         if len(rows) == 0:
@@ -158,7 +193,9 @@ class OnDevice:
                 width = part.size // len(part)
                 new = cuda.to_device(part[rows].reshape(len(rows), width))
                 scatter = _scatter()
-                scatter[-(-new.size // THREADS), THREADS](there.reshape(len(part), width), new, index)
+                scatter[-(-new.size // THREADS), THREADS](
+                    there.reshape(len(part), width), new, index
+                )
         self.engine.forms.used.copy_to_device(forms.used)
         self.sent[:] = forms.used
 
@@ -189,7 +226,9 @@ def ported(function: Any) -> Any:
     source = function.py_func if isinstance(function, Dispatcher) else function._pyfunc
     names = source.__code__.co_names
     space = {name: _there(name, value, names) for name, value in source.__globals__.items()}
-    return cuda.jit(device=True)(FunctionType(source.__code__, space, source.__name__, source.__defaults__))
+    return cuda.jit(device=True)(
+        FunctionType(source.__code__, space, source.__name__, source.__defaults__)
+    )
 
 
 def _there(name: str, value: Any, names: tuple[str, ...]) -> Any:
@@ -209,30 +248,39 @@ def _there(name: str, value: Any, names: tuple[str, ...]) -> Any:
 
 
 def space_of_thread(s: Any, a: int) -> Any:
-    """The rows of a thread, field by field: compiled code knows no loop over the fields of a tuple."""
+    """The rows of a thread, field by field: compiled code knows no loop over the fields of a
+    tuple."""
     return Space(
-        s.W[a], s.V[a], s.mag[a], s.Rq[a], s.Rz[a], s.A[a], s.B[a], s.G[a], s.discs[a], s.balls[a], s.reaches[a],
-        s.kinds[a], s.samples[a], s.bernstein[a], s.scratch[a], s.stack[a], s.touched[a], s.y0[a], s.trial[a],
-        s.promise[a], s.powers[a], s.pending[a], s.labels[a], s.known[a], s.stages[a],
+        s.W[a], s.V[a], s.mag[a], s.Rq[a], s.Rz[a], s.A[a], s.B[a], s.G[a],
+        s.discs[a], s.balls[a], s.reaches[a], s.kinds[a], s.samples[a], s.bernstein[a],
+        s.scratch[a], s.stack[a], s.touched[a], s.y0[a], s.trial[a], s.promise[a],
+        s.powers[a], s.pending[a], s.labels[a], s.known[a], s.stages[a],
     )  # fmt: skip
 
 
 def flight_of_thread(f: Any, a: int) -> Any:
-    """The rows of a thread, field by field: compiled code knows no loop over the fields of a tuple."""
+    """The rows of a thread, field by field: compiled code knows no loop over the fields of a
+    tuple."""
     return Flight(
         f.v[a], f.size[a], f.value[a], f.terms[a], f.orders[a], f.r[a], f.turned[a], f.modulus[a],
-        f.phase[a], f.rounding[a], f.spin[a], f.a[a], f.b[a], f.kind[a], f.lead[a], f.c[a], f.floor[a],
-        f.guess[a], f.taylor[a], f.stack[a], f.mode0[a], f.reg0[a],
+        f.phase[a], f.rounding[a], f.spin[a], f.a[a], f.b[a], f.kind[a], f.lead[a], f.c[a],
+        f.floor[a], f.guess[a], f.taylor[a], f.stack[a], f.mode0[a], f.reg0[a],
     )  # fmt: skip
 
 
 def bench_of_thread(b: Any, a: int) -> Any:
-    """The rows of a thread, field by field: compiled code knows no loop over the fields of a tuple."""
+    """The rows of a thread, field by field: compiled code knows no loop over the fields of a
+    tuple."""
     return Bench(
-        b.work[a], b.fit[a], Record(b.record.time[a], b.record.state[a], b.record.mode[a], b.record.region[a],
-        b.record.cause[a]), Steps(b.steps.work[a], b.steps.gap[a], b.steps.noise[a], b.steps.open[a]),
-        Tally(b.tally.state[a], b.tally.law[a], b.tally.kinks[a], b.tally.total[a]), b.gaps[a], b.ends[a],
-        b.balance[a], b.residuals[a], b.table[a], b.value[a], b.mode[a], b.region[a], b.felt[a],
+        b.work[a], b.fit[a],
+        Record(
+            b.record.time[a], b.record.state[a], b.record.mode[a], b.record.region[a],
+            b.record.cause[a],
+        ),
+        Steps(b.steps.work[a], b.steps.gap[a], b.steps.noise[a], b.steps.open[a]),
+        Tally(b.tally.state[a], b.tally.law[a], b.tally.kinks[a], b.tally.total[a]),
+        b.gaps[a], b.ends[a], b.balance[a], b.residuals[a], b.table[a],
+        b.value[a], b.mode[a], b.region[a], b.felt[a],
     )  # fmt: skip
 
 
@@ -241,30 +289,39 @@ def _kernels(jets: Any, residual: Any, powers: Any) -> tuple[Any, Any]:
     """The kernels for a system: settle and measure, and exponents."""
     if sys.stderr.isatty():
         print("stickslip: compiling this system for the GPU, some minutes ...", file=sys.stderr)
-    jets, residual, powers = ported(jets), ported(residual), ported(powers)
+    jets = ported(jets)
+    residual = ported(residual)
+    powers = ported(powers)
     advance_here, grow_here = ported(advance_lane), ported(grow_lane)
     on_gpu: Any = cuda.jit(device=True)
-    own_space, own_flight, own_bench = map(on_gpu, (space_of_thread, flight_of_thread, bench_of_thread))
+    own_space, own_flight, own_bench = map(
+        on_gpu, (space_of_thread, flight_of_thread, bench_of_thread)
+    )
 
     @cuda.jit(device=True)
     def of_thread(e: Any, a: int) -> Any:
         return Engine(
-            jets, residual, powers, e.rows, own_space(e.space, a), own_flight(e.flight, a), e.constants, e.forms,
-            e.slots, e.order, e.tolerance, e.atol, e.group, e.codes, e.lanes,
+            jets, residual, powers, e.rows, own_space(e.space, a), own_flight(e.flight, a),
+            e.constants, e.forms, e.slots, e.order, e.tolerance, e.atol,
+            e.group, e.codes, e.lanes,
         )  # fmt: skip
 
     @cuda.jit
     def advance(engine, marks, rules, saved, bench, found, stop):
         a = cuda.grid(1)  # pyright: ignore[reportCallIssue]
         if a < engine.codes.shape[0]:
-            advance_here(of_thread(engine, a), marks, rules, saved, own_bench(bench, a), found, stop, a)
+            advance_here(
+                of_thread(engine, a), marks, rules, saved, own_bench(bench, a), found, stop, a
+            )
 
     @cuda.jit
     def grow(engine, twin, marks, rules, saved, bench, found, stop):
         a = cuda.grid(1)  # pyright: ignore[reportCallIssue]
         if a < engine.codes.shape[0]:
             work = own_bench(bench, a)
-            grow_here(of_thread(engine, a), of_thread(twin, a), marks, rules, saved, work, found, stop, a)
+            grow_here(
+                of_thread(engine, a), of_thread(twin, a), marks, rules, saved, work, found, stop, a
+            )
 
     return advance, grow
 
@@ -277,7 +334,8 @@ def _scatter() -> Any:
     def scatter(table, rows, index):
         i = cuda.grid(1)  # pyright: ignore[reportCallIssue]
         if i < rows.size:
-            row, column = i // rows.shape[1], i % rows.shape[1]
+            row = i // rows.shape[1]
+            column = i % rows.shape[1]
             table[index[row], column] = rows[row, column]
 
     return scatter

@@ -70,7 +70,9 @@ def check_sendable(work: Work) -> None:
         pickle.dumps(work)
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         remedy = "Define it at the top of a module, name it as file.py:function, or use threads"
-        raise DeclarationError("measure", f"a function cannot be sent to other processes ({error})", remedy) from None
+        raise DeclarationError(
+            "measure", f"a function cannot be sent to other processes ({error})", remedy
+        ) from None
 
 
 @lru_cache(maxsize=8)
@@ -110,8 +112,12 @@ def compute(work: Work, columns: Mapping[str, Array], stop: Array) -> dict[str, 
     initial = {name: np.full(count, value) for name, value in work.initial}
     initial |= {name: values for name, values in columns.items() if name not in system.parameters}
     formulas = [m for m in measures if isinstance(m, FormulaMeasure)]
-    needed = dict.fromkeys([m for m in measures if isinstance(m, str)] + [n for f in formulas for n in f.needs])
-    found = measure_chunk(system, initial, parameters, tuple(needed), work.settings, work.device, stop)
+    needed = dict.fromkeys(
+        [m for m in measures if isinstance(m, str)] + [n for f in formulas for n in f.needs]
+    )
+    found = measure_chunk(
+        system, initial, parameters, tuple(needed), work.settings, work.device, stop
+    )
     result = {name: found[name] for name in OWN}
     known = {**system.values, **_start(system, initial), **parameters, **found}
     for measure in measures:
@@ -147,7 +153,17 @@ def _by_function(
     for i in range(count):
         if stop[0] != 0:
             raise Stopped
-        here = ({name: float(column[i]) for name, column in given.items()} for given in (initial, parameters))
-        motion = simulate(system, None, *here, rtol=settings.rtol, atol=settings.atol, max_events=settings.max_events)
+        here = (
+            {name: float(column[i]) for name, column in given.items()}
+            for given in (initial, parameters)
+        )
+        motion = simulate(
+            system,
+            None,
+            *here,
+            rtol=settings.rtol,
+            atol=settings.atol,
+            max_events=settings.max_events,
+        )
         values[i], why[i] = measure.value(motion)
     return values, why

@@ -1,7 +1,7 @@
 """Who does the work: threads, processes, or the workers of a Dask cluster.
 
-All three are executors of :mod:`concurrent.futures`, and one loop serves them. What is computed at a point does not
-depend on who computes it, nor on what else is computed.
+All three are executors of :mod:`concurrent.futures`, and one loop serves them. What is computed at
+a point does not depend on who computes it, nor on what else is computed.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ R = TypeVar("R")
 CHANCES = 4  # workers that may die over one task before the task is to blame
 AHEAD = 2  # tasks that are handed out for each worker
 PATIENCE = 10.0  # seconds that a cluster has to answer
-PULSE = 0.25  # seconds after which a wish to stop is noticed, and that tasks under way then have to end
+# seconds after which a wish to stop is noticed, and that tasks under way then have to end
+PULSE = 0.25
 LOCAL = ("threads", "processes")
 
 
@@ -44,7 +45,8 @@ class Stopped(Exception):
 
 
 class Stop:
-    """A wish to end early, from Ctrl-C: the first one gives up what is under way, the second one everything at once.
+    """A wish to end early, from Ctrl-C: the first one gives up what is under way, the second one
+    everything at once.
 
     Parameters
     ----------
@@ -107,7 +109,9 @@ class Pool:
 
     def __init__(self, scheduler: str = "threads", workers: int | None = None) -> None:
         if workers is not None and workers < 1:
-            raise DeclarationError("workers", f"{workers} is not a number of workers", "Give at least 1")
+            raise DeclarationError(
+                "workers", f"{workers} is not a number of workers", "Give at least 1"
+            )
         self.scheduler = scheduler
         self.count = workers or os.cpu_count() or 1
         self._shared: Any = None
@@ -144,7 +148,9 @@ class Pool:
         """Workers that work side by side now."""
         return self.count if self._client is None else max(1, sum(self._client.nthreads().values()))
 
-    def submit(self, function: Callable[[T, Array], R], task: T) -> tuple[Future[R | None], Executor]:
+    def submit(
+        self, function: Callable[[T, Array], R], task: T
+    ) -> tuple[Future[R | None], Executor]:
         """Hand out a task with the flag that is to be looked at; who has it is told, too."""
         try:
             return self._hand_out(function, task)
@@ -152,7 +158,9 @@ class Pool:
             self._executor = None
             return self._hand_out(function, task)
 
-    def _hand_out(self, function: Callable[[T, Array], R], task: T) -> tuple[Future[R | None], Executor]:
+    def _hand_out(
+        self, function: Callable[[T, Array], R], task: T
+    ) -> tuple[Future[R | None], Executor]:
         executor = self._executor = self._executor or self._open()
         if self.scheduler == "threads":
             return executor.submit(_attempt, function, task, self.flag), executor
@@ -168,7 +176,9 @@ class Pool:
             return self._client.get_executor(pure=False)
         if self.scheduler == "threads":
             return ThreadPoolExecutor(self.count)
-        return ProcessPoolExecutor(self.count, _context(), initializer=_begin, initargs=(self._key, self._shared))
+        return ProcessPoolExecutor(
+            self.count, _context(), initializer=_begin, initargs=(self._key, self._shared)
+        )
 
 
 def _context() -> Any:
@@ -182,7 +192,8 @@ _flags: dict[str, Array] = {}
 
 
 def _begin(key: str, shared: Any) -> None:
-    """Ctrl-C reaches all processes of a terminal; the one that writes decides, and raises the flag."""
+    """Ctrl-C reaches all processes of a terminal; the one that writes decides, and raises the
+    flag."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _flags[key] = np.frombuffer(shared, np.int64)
 
@@ -211,12 +222,16 @@ def _client(address: str) -> Any:
     try:
         from distributed import Client
     except ImportError:
-        raise StickslipError("a cluster needs dask.distributed; install stickslip[cluster]") from None
+        raise StickslipError(
+            "a cluster needs dask.distributed; install stickslip[cluster]"
+        ) from None
     try:
         return Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise StickslipError(f"{address}: no Dask scheduler answers there ({reason}). Check the address") from None
+        raise StickslipError(
+            f"{address}: no Dask scheduler answers there ({reason}). Check the address"
+        ) from None
 
 
 @contextlib.contextmanager
@@ -225,7 +240,9 @@ def local_cluster(workers: int | None) -> Iterator[str]:
     try:
         from distributed import LocalCluster
     except ImportError:
-        raise StickslipError("a cluster needs dask.distributed; install stickslip[cluster]") from None
+        raise StickslipError(
+            "a cluster needs dask.distributed; install stickslip[cluster]"
+        ) from None
     # Without an address it would take a port that another cluster may have.
     options: dict[str, Any] = {"threads_per_worker": 1, "dashboard_address": ":0"}
     made: Any = LocalCluster(n_workers=workers or os.cpu_count() or 1, **options)
@@ -233,18 +250,22 @@ def local_cluster(workers: int | None) -> Iterator[str]:
         yield cluster.scheduler_address
 
 
-def distribute(function: Callable[[T, Array], R], tasks: Iterable[T], pool: Pool, stop: Stop) -> Iterator[tuple[T, R]]:
+def distribute(
+    function: Callable[[T, Array], R], tasks: Iterable[T], pool: Pool, stop: Stop
+) -> Iterator[tuple[T, R]]:
     """Results of tasks, in the order in which they are ready; few are under way at any time.
 
     Parameters
     ----------
     function : callable
-        Of a task and the flag of the pool; raises Stopped if it sees it raised. Its results are not None.
+        Of a task and the flag of the pool; raises Stopped if it sees it raised. Its results are not
+        None.
     tasks : iterable
         Looked at one by one, as workers become free.
     pool : Pool
     stop : Stop
-        Once it is wished for, no task is begun any more, and what is not ready in a moment is given up.
+        Once it is wished for, no task is begun any more, and what is not ready in a moment is given
+        up.
 
     Yields
     ------
@@ -255,7 +276,8 @@ def distribute(function: Callable[[T, Array], R], tasks: Iterable[T], pool: Pool
     StickslipError
         If workers die over one task again and again, or the cluster goes away.
     """
-    source, again = iter(tasks), list[T]()
+    source = iter(tasks)
+    again = list[T]()
     lost: dict[int, int] = {}
     pending: dict[Future[R | None], tuple[T, Executor]] = {}
     last = False
@@ -274,7 +296,9 @@ def distribute(function: Callable[[T, Array], R], tasks: Iterable[T], pool: Pool
         last = stop.wished
         if last:
             pool.give_up()
-        for future in wait(pending, timeout=PULSE, return_when=ALL_COMPLETED if last else FIRST_COMPLETED).done:
+        for future in wait(
+            pending, timeout=PULSE, return_when=ALL_COMPLETED if last else FIRST_COMPLETED
+        ).done:
             task, executor = pending.pop(future)
             try:
                 result = future.result()
@@ -299,4 +323,6 @@ def _worker_died(error: Exception) -> bool:
 
 def _fatal(error: Exception) -> StickslipError:
     reason = " ".join(str(error).split()) or type(error).__name__
-    return StickslipError(f"workers died {CHANCES} times over the same chunk ({reason}). Give them more memory")
+    return StickslipError(
+        f"workers died {CHANCES} times over the same chunk ({reason}). Give them more memory"
+    )
