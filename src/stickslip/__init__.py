@@ -14,8 +14,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from stickslip import catalogue
+    from stickslip import catalogue, figures
+    from stickslip.equations.vector_field import VectorField, vector_field
     from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
+    from stickslip.figures.drawing import style
     from stickslip.model.system import (
         Condition,
         Contact,
@@ -52,8 +54,10 @@ if TYPE_CHECKING:
     )
     from stickslip.rate_independent.evolution.averaging_study import averaging_study
     from stickslip.rate_independent.evolution.evolution import Evolution
+    from stickslip.rate_independent.evolution.evolution_file import load as load_evolution
     from stickslip.rate_independent.evolution.evolve import evolve
     from stickslip.rate_independent.evolution.history import History, open_history
+    from stickslip.rate_independent.play.clamp import prandtl_ishlinskii
     from stickslip.rate_independent.play.operator import Play, play
     from stickslip.sweeps.adaptive import Adaptive
     from stickslip.sweeps.basin import basin
@@ -93,6 +97,7 @@ __all__ = [
     "SupportFunction",
     "System",
     "Trajectory",
+    "VectorField",
     "Viscous",
     "WeightedL1",
     "__version__",
@@ -103,27 +108,35 @@ __all__ = [
     "continue_equilibrium",
     "equilibria",
     "evolve",
+    "figures",
     "find_cycle",
     "fold_curve",
     "gait_study",
     "hopf_curve",
     "load",
+    "load_evolution",
     "open_branch",
     "open_history",
     "open_sweep",
     "open_trajectory",
     "play",
+    "prandtl_ishlinskii",
     "simulate",
     "simulate_many",
     "sliding_threshold",
     "stick_onset_curve",
+    "style",
     "sweep",
+    "vector_field",
     "walking_threshold",
 ]
 
-# Where each public name lives. Nothing is imported before it is asked for: numba and xarray take
-# seconds.
+# Modules whose names are public, too.
+_MODULES = {"catalogue": "catalogue", "figures": "figures", "style": "figures.drawing.style"}
+# Where each public name lives, and what it is called there if that is something else. Nothing is
+# imported before it is asked for: numba and xarray take seconds.
 _HOMES = {
+    **dict.fromkeys(["VectorField", "vector_field"], "equations.vector_field"),
     **dict.fromkeys(["ConvergenceError", "DeclarationError", "StickslipError"], "errors"),
     "load": "model.system_file",
     "Outcome": "motion.outcome",
@@ -132,6 +145,7 @@ _HOMES = {
     "Trajectory": "motion.trajectory",
     "open_trajectory": "motion.trajectory",
     "Evolution": "rate_independent.evolution.evolution",
+    "load_evolution": "rate_independent.evolution.evolution_file:load",
     "evolve": "rate_independent.evolution.evolve",
     "History": "rate_independent.evolution.history",
     "open_history": "rate_independent.evolution.history",
@@ -155,6 +169,7 @@ _HOMES = {
     **dict.fromkeys(["open_sweep", "sweep"], "sweeps.sweep"),
     "Play": "rate_independent.play.operator",
     "play": "rate_independent.play.operator",
+    "prandtl_ishlinskii": "rate_independent.play.clamp",
     "averaging_study": "rate_independent.evolution.averaging_study",
     **dict.fromkeys(
         [
@@ -185,11 +200,13 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    if name == "catalogue":
-        return import_module("stickslip.catalogue")
-    if name not in _HOMES:
+    if name in _MODULES:
+        value: Any = import_module(f"stickslip.{_MODULES[name]}")
+    elif name in _HOMES:
+        home, _, known_as = _HOMES[name].partition(":")
+        value = getattr(import_module(f"stickslip.{home}"), known_as or name)
+    else:
         raise AttributeError(f"module 'stickslip' has no attribute '{name}'")
-    value = getattr(import_module(f"stickslip.{_HOMES[name]}"), name)
     globals()[name] = value
     return value
 

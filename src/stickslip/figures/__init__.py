@@ -1,1 +1,52 @@
-"""Pictures of results. Every function returns a matplotlib Figure; no window is ever opened."""
+"""Pictures of results. Each result draws its own with ``plot()``; here are those of several results
+side by side, and parts to be drawn into axes of your own.
+
+>>> import stickslip as ss
+>>> threshold = "1 + cos(2*pi*s)/2"
+>>> resolved = ss.play("5*t - t**2", threshold, (0, 5), 0.0, epsilon=0.1)
+>>> averaged = ss.play("5*t - t**2", 0.5, (0, 5), 0.0)
+>>> figure = ss.figures.plot_limit(resolved, averaged)
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from stickslip.figures.dissipation import (
+        costs_over_phase,
+        plot_average,
+        plot_path,
+        stable_sets,
+    )
+    from stickslip.figures.play import plot_limit, plot_loops
+    from stickslip.figures.sweep import draw_map
+
+__all__ = [
+    "costs_over_phase",
+    "draw_map",
+    "plot_average",
+    "plot_limit",
+    "plot_loops",
+    "plot_path",
+    "stable_sets",
+]
+
+_HOMES = {
+    **dict.fromkeys(
+        ["costs_over_phase", "plot_average", "plot_path", "stable_sets"], "dissipation"
+    ),
+    **dict.fromkeys(["plot_limit", "plot_loops"], "play"),
+    "draw_map": "sweep",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'stickslip.figures' has no attribute '{name}'")
+    return getattr(import_module(f"stickslip.figures.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from stickslip.errors import DeclarationError, short
@@ -87,6 +88,8 @@ class Declaration:
     laws : dict of str to Expr
         Rates of the internal variables.
     contacts : list of DryContact
+    scope : Scope
+        What names mean in a formula that may use all of them.
     """
 
     parameters: list[str]
@@ -107,6 +110,7 @@ class Declaration:
     conditions: dict[str, tuple[Expr, str]] = field(default_factory=dict)
     facts: dict[str, Expr] = field(default_factory=dict)
     drives: dict[str, Expr] = field(default_factory=dict)
+    scope: Scope = field(default_factory=lambda: Scope({}))
 
     @property
     def coordinates(self) -> list[str]:
@@ -118,6 +122,27 @@ class Declaration:
         """Names of the state: q, q̇, z, r, α."""
         rates = [f"d_{q}" for q in self.inertial]
         return [*self.inertial, *rates, *self.viscous, *self.rate_independent, *self.internal]
+
+    def value(self, expression: Expr, values: Mapping[str, float]) -> float:
+        """Number of an expression; NaN where it is undefined.
+
+        Raises
+        ------
+        DeclarationError
+            If it depends on a name without a value, or a value is given to an unknown name.
+        """
+        for name in values:
+            if self.scope.names.get(name) is not ex.sym(name):
+                close = get_close_matches(name, self.scope.names, 1)
+                raise DeclarationError(
+                    "values",
+                    f"there is no '{short(name)}'",
+                    f"Did you mean '{close[0]}'?" if close else "Give t, the state, parameters",
+                )
+        lacking = sorted(expression.symbols - values.keys())
+        if lacking:
+            raise DeclarationError("values", f"'{lacking[0]}' has no value", "Give it a number")
+        return ex.evaluate(expression, values)
 
     def check_range(self, name: str, value: object) -> None:
         """Refuse one parameter value that is unknown, no number, or out of range."""
@@ -277,11 +302,11 @@ class _Reader:
         self.motion = self.scope(
             self.state, self.velocities, why="Only rates of inertial coordinates may stand here"
         )
-        anywhere = self.scope(
+        self.anywhere = self.scope(
             self.state, self.rates, {"speed": ex.sym("speed")}, why="Use t, coordinates and rates"
         )
         for name in self.declared:
-            anywhere.check(name)
+            self.anywhere.check(name)
         for name in system.drives:
             result.drives[name] = self.clock.parse(name, f"drives.{name}")
         result.potential = self.place.parse(system.potential, "potential")
@@ -485,6 +510,8 @@ class _Reader:
             self.result.conditions[name] = (margin, condition.otherwise or condition.formula)
         for name, text in self.system.facts.items():
             self.result.facts[name] = self.static.parse(text, entry_key("facts", name))
+        names = {**self.result.facts, **self.anywhere.names}
+        self.result.scope = Scope(names, self.definitions)
 
     def defaults(self) -> None:
         system, result = self.system, self.result

@@ -284,6 +284,40 @@ class System:
         """Default values of the parameters."""
         return {name: p.default for name, p in self.parameters.items()}
 
+    def evaluate(self, formula: Formula, values: Mapping[str, float] | None = None) -> float:
+        """The value of a formula in the language of this declaration.
+
+        Parameters
+        ----------
+        formula : str or float
+            Of the parameters, functions, drives and facts of the system, of ``t``, the state, the
+            rates ``d_x`` and ``speed``. A fact alone is a formula, too.
+        values : mapping of str to float, optional
+            Numbers of the names that the formula depends on; of parameters only those that differ
+            from their defaults.
+
+        Returns
+        -------
+        float
+            NaN where the formula is undefined.
+
+        Raises
+        ------
+        DeclarationError
+            If it is no formula, a name has no value, or a value has no name.
+
+        Examples
+        --------
+        >>> import stickslip as ss
+        >>> toy = ss.catalogue.rocking_toy()
+        >>> toy.evaluate("rho + H_R(psi)", {"psi": 0.5})
+        2.45
+        >>> round(toy.evaluate("psi_2", {"rho": 0.1}), 12)
+        1.666666666667
+        """
+        expression = self.declaration.scope.parse(formula, "formula")
+        return self.declaration.value(expression, {**self.values, **(values or {})})
+
     def equations(self, latex: bool = False) -> Any:
         """The equations as a person would write them: Unicode text, or LaTeX."""
         from stickslip.display.equations import Equations

@@ -442,13 +442,13 @@ def _real_power(base: float, p: float) -> float:
     return math.nan if base < 0.0 and not p.is_integer() else base**p
 
 
-def to_text(expression: Expr) -> str:
-    """The expression as a formula of the declaration language; parts of more than 2000 characters
-    become '...'."""
+def to_text(expression: Expr, longest: int = 2000) -> str:
+    """The expression as a formula of the declaration language; parts of more than `longest`
+    characters become '...'."""
     known: dict[Expr, tuple[str, int]] = {}
     for e in walk([expression]):
         text, level = _text(e, known)
-        known[e] = (text, level) if len(text) <= 2000 else ("...", 5)
+        known[e] = (text, level) if len(text) <= longest else ("...", 5)
     return known[expression][0]
 
 

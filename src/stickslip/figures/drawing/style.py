@@ -1,5 +1,14 @@
 """What all pictures share: sizes, fonts, colours that colour-blind readers can tell apart, and
-labels with units."""
+labels with units. It is public as ``stickslip.style``, for pictures of your own that look like
+those of the library:
+
+>>> import stickslip as ss
+>>> with ss.style.paper_style():
+...     figure = ss.style.new_figure(6.4, 4.0)
+...     axes = figure.add_subplot()
+...     _ = axes.plot([0, 1], [0, 1], color=ss.style.BLUE, label=ss.style.symbol("psi"))
+...     ss.style.legend_above(axes)
+"""
 
 from __future__ import annotations
 
@@ -17,6 +26,28 @@ from matplotlib.legend import Legend
 
 from stickslip.display.symbols import latex_name
 from stickslip.model.units import unit_label
+
+__all__ = [
+    "BAND",
+    "BLUE",
+    "GREEN",
+    "LINES",
+    "ORANGE",
+    "PURPLE",
+    "SKY",
+    "SLIP",
+    "STICK_LINE",
+    "STICK_SHADE",
+    "STYLE",
+    "THRESHOLD",
+    "VERMILION",
+    "axis_label",
+    "legend_above",
+    "line_colours",
+    "new_figure",
+    "paper_style",
+    "symbol",
+]
 
 # Okabe & Ito's palette: distinct under all common forms of colour blindness, and in print.
 BLUE = "#0072B2"

@@ -1,0 +1,165 @@
+"""The vector field of one mode, to be read and asked for numbers: what a system obeys while none of
+its contacts changes its mode."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from stickslip.equations.derive import derive
+from stickslip.equations.field import MODE_NAMES, Field, mode_field
+from stickslip.errors import DeclarationError, short
+from stickslip.model.declaration import Declaration
+from stickslip.model.system import System
+from stickslip.symbolic.expressions import Expr, to_text
+
+Array = np.ndarray
+Values = Mapping[str, float]
+LONGEST = 1_000_000  # characters of a formula
+SIGNS = {name: sign for sign, name in MODE_NAMES.items()}
+
+_fields: WeakKeyDictionary[Declaration, dict[tuple, Field]] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class VectorField:
+    """The equations of motion of a system in one mode, solved for the rates.
+
+    They hold in the region of all functions with kinks (abs, min, max, clip, piecewise) in which
+    `at` lies.
+
+    Attributes
+    ----------
+    system : System
+    modes : dict of str to str
+        ``"stick"``, ``"slip+"`` or ``"slip-"`` of every contact.
+    at : dict of str to float
+        A point of the region, which stands for what later points leave open.
+    """
+
+    system: System
+    modes: dict[str, str]
+    at: dict[str, float]
+    _field: Field
+
+    def __repr__(self) -> str:
+        modes = ", ".join(f"{contact}: {mode}" for contact, mode in self.modes.items())
+        return f"<VectorField of {self.system.name}: {modes or 'no contacts'}>"
+
+    @property
+    def state(self) -> tuple[str, ...]:
+        """Names of the state, in the order of rows and columns of the Jacobian."""
+        return self._field.state
+
+    @cached_property
+    def rates(self) -> dict[str, str]:
+        """The rate of every name of the state: a formula of ``t``, the state and parameters."""
+        return dict(zip(self.state, map(_text, self._field.rates), strict=True))
+
+    @cached_property
+    def jacobian(self) -> list[list[str]]:
+        """Their derivatives with respect to the state, as formulas."""
+        return [list(map(_text, row)) for row in self._field.jacobian]
+
+    @cached_property
+    def forces(self) -> dict[str, str]:
+        """The friction force of every contact, positive where it pushes forward, as formulas."""
+        return {contact.name: _text(contact.force) for contact in self._field.contacts}
+
+    def rates_at(self, values: Values | None = None) -> dict[str, float]:
+        """Rates at a point; names that are not given are where `at` is.
+
+        Raises
+        ------
+        DeclarationError
+            If a name has no value, or a value has no name.
+        """
+        numbers = self._numbers(self._field.rates, values)
+        return dict(zip(self.state, numbers, strict=True))
+
+    def jacobian_at(self, values: Values | None = None) -> Array:
+        """Jacobian at a point, shape (n, n)."""
+        return np.array([self._numbers(row, values) for row in self._field.jacobian])
+
+    def forces_at(self, values: Values | None = None) -> dict[str, float]:
+        """Friction forces at a point, by contact."""
+        numbers = self._numbers([c.force for c in self._field.contacts], values)
+        return {c.name: force for c, force in zip(self._field.contacts, numbers, strict=True)}
+
+    def _numbers(self, expressions: list[Expr], values: Values | None) -> list[float]:
+        point = {**self.at, **(values or {})}
+        return [self.system.declaration.value(e, point) for e in expressions]
+
+
+def vector_field(
+    system: System, modes: Mapping[str, str] | None = None, at: Values | None = None
+) -> VectorField:
+    """The equations of motion of a system while its contacts keep their modes.
+
+    Parameters
+    ----------
+    system : System
+    modes : mapping of str to str
+        ``"stick"``, ``"slip+"`` or ``"slip-"`` for every contact, as results of equilibria and
+        motions have them.
+    at : mapping of str to float, optional
+        Values of ``t``, the state and parameters (else their defaults). Where functions have kinks,
+        it says in which region of them; points are then completed from it.
+
+    Returns
+    -------
+    VectorField
+        Rates, Jacobian and friction forces, as formulas and as numbers.
+
+    Raises
+    ------
+    DeclarationError
+        If contacts or modes are unknown or missing, kinks depend on names without a value, or this
+        mode leaves the rates undetermined.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> slider = ss.catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05)
+    >>> field = ss.vector_field(slider, {"block": "stick"})
+    >>> field.rates
+    {'U': 'V', 'alpha': '-alpha + alpha_0'}
+    >>> field.rates_at({"alpha": 1.5, "V": 0.2})
+    {'U': 0.2, 'alpha': -0.5}
+    """
+    equations = derive(system.declaration)
+    names = [contact.name for contact in equations.contacts]
+    given = dict(modes or {})
+    for name in names:
+        if given.get(name) not in SIGNS:
+            said = f"has no mode '{short(str(given[name]))}'" if name in given else "has no mode"
+            raise DeclarationError(
+                "modes", f"'{short(name)}' {said}", f"Give one of {', '.join(SIGNS)}"
+            )
+    for name in given:
+        if name not in names:
+            known = ", ".join(names) or "none"
+            raise DeclarationError(
+                "modes", f"there is no contact '{short(name)}'", f"Known: {known}"
+            )
+    point = {**system.values, **(at or {})}
+    region = tuple(int(system.declaration.value(g, point) >= 0.0) for g in equations.kinks)
+    mode = tuple(SIGNS[given[name]] for name in names)
+    known_fields = _fields.setdefault(system.declaration, {})
+    if (mode, region) not in known_fields:
+        try:
+            known_fields[mode, region] = mode_field(equations, mode, region)
+        except ZeroDivisionError:
+            raise DeclarationError(
+                "modes", "the rates are not determined in this mode", "Let fewer contacts stick"
+            ) from None
+    found = known_fields[mode, region]
+    return VectorField(system, {name: given[name] for name in names}, point, found)
+
+
+def _text(expression: Expr) -> str:
+    return to_text(expression, LONGEST)
