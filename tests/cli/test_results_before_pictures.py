@@ -108,7 +108,7 @@ def test_ctrl_c_while_drawing_keeps_the_results(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_claims_are_written_while_the_paper_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
-    from stickslip.paper import making
+    from stickslip_paper import making
 
     def dies(work: making.Work, folder: Path, progress) -> None:
         item = next(item for item in work.items if item.kind == "claim")

@@ -24,8 +24,8 @@ from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from stickslip.orbits.cycles.cycle import Cycle, find_cycle
 from stickslip.orbits.equilibria.finding import equilibria
-from stickslip.paper.sections.scaling import lowest_order
 from stickslip.sweeps.basin import basin
+from stickslip_paper.sections.scaling import lowest_order
 
 V = {"V": 0.2255}
 

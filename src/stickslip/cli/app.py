@@ -12,7 +12,7 @@ import typer
 
 from stickslip import __version__
 from stickslip.cli import evolving, orbits, sweeping
-from stickslip.cli.paper import paper
+from stickslip.cli.added import add_commands
 from stickslip.errors import StickslipError
 
 NOT_CERTIFIED = 1
@@ -243,6 +243,6 @@ app.command()(guarded(orbits.equilibria))
 app.command()(guarded(orbits.cycle))
 app.command()(guarded(orbits.branch))
 app.command()(guarded(orbits.basin))
-app.command()(guarded(paper))
 app.command()(guarded(sweeping.sweep))
 app.command()(guarded(sweeping.plot))
+add_commands(app, guarded)
