@@ -14,16 +14,16 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip import catalogue, sweep
+import stickslip as ss
 
-compactor = catalogue.plate_compactor(V=0.01)
+compactor = ss.catalogue.plate_compactor(V=0.01)
 p = compactor.values
 
 
 def friction(forces=50, speeds=40, out=None):
     """The map, with so many values of each parameter."""
     over = {"F": f"0:980:{forces}", "Omega": f"log:10:300:{speeds}"}
-    return sweep(compactor, over, ["friction = -mean_force/(m*g)"], out)
+    return ss.sweep(compactor, over, ["friction = -mean_force/(m*g)"], out)
 
 
 def stopping_force(Omega):
@@ -33,7 +33,6 @@ def stopping_force(Omega):
 
 def plot_stopping(axes):
     """The boundary between sliding on and stopping."""
-    from stickslip.figures.drawing.style import VERMILION
 
     Omega = np.geomspace(10.0, 300.0, 400)
     force = stopping_force(Omega)
@@ -41,7 +40,7 @@ def plot_stopping(axes):
     axes.plot(
         force[inside],
         Omega[inside],
-        color=VERMILION,
+        color=ss.style.VERMILION,
         ls=(0, (4, 2)),
         lw=1.8,
         label="from here on the plate stops again and again",
@@ -49,18 +48,15 @@ def plot_stopping(axes):
 
 
 if __name__ == "__main__":
-    from stickslip.figures.drawing.style import legend_above, new_figure, paper_style
-    from stickslip.figures.sweep import draw_map
-
     data = friction(out="out/compactor-friction-map/friction.zarr")
     data["friction"].attrs["long_name"] = "effective coefficient of friction"
     path = Path("out/compactor-friction-map/friction.png")
-    with paper_style():
-        figure = new_figure(6.4, 4.6)
+    with ss.style.paper_style():
+        figure = ss.style.new_figure(6.4, 4.6)
         axes = figure.subplots()
-        draw_map(axes, data, "friction")
+        ss.figures.draw_map(axes, data, "friction")
         plot_stopping(axes)
-        legend_above(axes)
+        ss.style.legend_above(axes)
         figure.savefig(path)
     least = data["friction"].where(data["F"] == data["F"].max(), drop=True)
     print(f"friction of the plate at rest {p['mu']:g}, least on the map {float(least.min()):.3f}")

@@ -110,10 +110,9 @@ def draw(disc, resolved, averaged, coarse, fast):
 
     A motion with a shorter period on a coarse mesh joins the last profile.
     """
-    from stickslip.figures.drawing.style import new_figure, paper_style
 
-    with paper_style():
-        figure = new_figure(11.0, 4.2)
+    with ss.style.paper_style():
+        figure = ss.style.new_figure(11.0, 4.2)
         maps, lines = figure.subfigures(1, 2, width_ratios=[1.7, 1.0])
         draw_maps(maps, disc, resolved)
         draw_profiles(lines.subplots(), disc, resolved, averaged, coarse, fast)
@@ -156,7 +155,6 @@ def draw_maps(figure, disc, resolved):
 
 def draw_profiles(axes, disc, resolved, averaged, coarse, fast):
     """Deflection along a diameter."""
-    from stickslip.figures.drawing.style import BLUE, ORANGE, STICK_LINE, legend_above
 
     x, _ = disc.profile(averaged.z[0])
     for period in range(1, disc.periods + 1):
@@ -164,13 +162,22 @@ def draw_profiles(axes, disc, resolved, averaged, coarse, fast):
         line = disc.profile(resolved.z[PER_PERIOD * period])[1]
         first = period == 1
         axes.plot(
-            x, line, color=BLUE, label=rf"$\varepsilon = 1/{disc.periods}$" if first else None
+            x,
+            line,
+            color=ss.style.BLUE,
+            label=rf"$\varepsilon = 1/{disc.periods}$" if first else None,
         )
         axes.plot(
-            x, limit, color=STICK_LINE, lw=1.1, label=r"$\varepsilon \to 0$" if first else None
+            x,
+            limit,
+            color=ss.style.STICK_LINE,
+            lw=1.1,
+            label=r"$\varepsilon \to 0$" if first else None,
         )
     axes.plot(
-        *coarse.profile(fast.final), color=ORANGE, label=rf"$\varepsilon = 1/{coarse.periods}$"
+        *coarse.profile(fast.final),
+        color=ss.style.ORANGE,
+        label=rf"$\varepsilon = 1/{coarse.periods}$",
     )
     times = ", ".join(f"{period}/{disc.periods}" for period in range(1, disc.periods))
     axes.text(0.0, 0.066, f"from below: $t = {times}, 1$", ha="center", fontsize=10)
@@ -179,7 +186,7 @@ def draw_profiles(axes, disc, resolved, averaged, coarse, fast):
     axes.set_ylim(0.0, 0.07)
     axes.set_xlabel("place $x_1$  [radii]")
     axes.set_ylabel("deflection  [dimensionless]")
-    legend_above(axes)
+    ss.style.legend_above(axes)
 
 
 distances = {periods: distance(4, periods) for periods in (3, 12, 48)}

@@ -73,19 +73,25 @@ exact = {F: float(without_inertia(F, SPEEDS[-1]).mean()) for F in (300.0, 900.0)
 
 def plot_forces(axes):
     """Mean force over the amplitude of the shaking."""
-    from stickslip.figures.drawing.style import STICK_LINE, line_colours
 
     amplitudes = np.append(np.linspace(0.0, 975.0, 14), [1020.0, 1065.0, 1110.0])
-    for speed, colour in zip(SPEEDS, line_colours(len(SPEEDS)), strict=True):
+    for speed, colour in zip(SPEEDS, ss.style.line_colours(len(SPEEDS)), strict=True):
         forces = [resolved(F, speed).mean() for F in amplitudes]
         axes.plot(amplitudes, forces, "o-", color=colour, ms=4, lw=1.2, label=f"{speed:g} m/s")
     play = [without_inertia(F, SPEEDS[-1]).mean() for F in amplitudes]
     axes.plot(
-        amplitudes, play, "s", color=STICK_LINE, mfc="none", ms=7, mew=1.1, label="no inertia"
+        amplitudes,
+        play,
+        "s",
+        color=ss.style.STICK_LINE,
+        mfc="none",
+        ms=7,
+        mew=1.1,
+        label="no inertia",
     )
     law = [averaged_law(F) for F in amplitudes]
-    axes.plot(amplitudes, law, color=STICK_LINE, lw=2.2, zorder=1, label="averaged law")
-    axes.axvline(WEIGHT, color=STICK_LINE, lw=0.8, ls=":")
+    axes.plot(amplitudes, law, color=ss.style.STICK_LINE, lw=2.2, zorder=1, label="averaged law")
+    axes.axvline(WEIGHT, color=ss.style.STICK_LINE, lw=0.8, ls=":")
     axes.text(WEIGHT - 12, 640, "$F = mg$", ha="right")
     axes.set_xlim(0, 1120)
     axes.set_ylim(0, 670)
@@ -96,39 +102,38 @@ def plot_forces(axes):
 
 def plot_steps(axes, amplitude=600.0, speed=0.02, periods=3, each=300):
     """Pulling force below the friction that the ground could give."""
-    from stickslip.figures.drawing.style import (
-        BAND,
-        BLUE,
-        STICK_LINE,
-        THRESHOLD,
-        VERMILION,
-        legend_above,
-    )
 
     t = instants(periods, each)
     friction = MU * np.maximum(WEIGHT + amplitude * np.cos(OMEGA * t), 0.0)
     s = t / PERIOD - (PERIODS - periods)
-    axes.fill_between(s, 0.0, friction, fc=BAND, ec=THRESHOLD, lw=0.8, label=r"$\mu N(t)$")
-    axes.plot(s, resolved(amplitude, speed, periods, each), color=BLUE, label="with inertia")
-    axes.plot(
-        s, without_inertia(amplitude, speed, periods, each), color=VERMILION, label="no inertia"
+    axes.fill_between(
+        s, 0.0, friction, fc=ss.style.BAND, ec=ss.style.THRESHOLD, lw=0.8, label=r"$\mu N(t)$"
     )
-    axes.axhline(averaged_law(amplitude), color=STICK_LINE, lw=1.2, ls="--", label="averaged")
+    axes.plot(
+        s, resolved(amplitude, speed, periods, each), color=ss.style.BLUE, label="with inertia"
+    )
+    axes.plot(
+        s,
+        without_inertia(amplitude, speed, periods, each),
+        color=ss.style.VERMILION,
+        label="no inertia",
+    )
+    axes.axhline(
+        averaged_law(amplitude), color=ss.style.STICK_LINE, lw=1.2, ls="--", label="averaged"
+    )
     axes.set_xlim(0, periods)
     axes.set_ylim(0, 1150)
     axes.set_xlabel(r"time  [periods]")
     axes.set_ylabel("force  [N]")
     axes.text(0.5 * periods, 1060, f"$F$ = {amplitude:g} N, pulled at {speed:g} m/s", ha="center")
-    legend_above(axes)
+    ss.style.legend_above(axes)
 
 
 if __name__ == "__main__":
-    from stickslip.figures.drawing.style import new_figure, paper_style
-
     path = Path("out/plate-compactor/force.png")
     path.parent.mkdir(parents=True, exist_ok=True)
-    with paper_style():
-        figure = new_figure(10.4, 4.6)
+    with ss.style.paper_style():
+        figure = ss.style.new_figure(10.4, 4.6)
         left, right = figure.subplots(1, 2)
         plot_forces(left)
         plot_steps(right)

@@ -25,11 +25,9 @@ times = np.linspace(0, 5, 10_001)
 distance = float(np.max(np.abs(resolved.position(times) - averaged.position(times))))
 
 if __name__ == "__main__":
-    from stickslip.figures.play import plot_limit
-
     path = Path("out/play-moving-threshold/figure-2-1.png")
     path.parent.mkdir(parents=True, exist_ok=True)
-    plot_limit(resolved, averaged).savefig(path)
+    ss.figures.plot_limit(resolved, averaged).savefig(path)
     print(f"largest distance of z_ε from z_0: {distance:.4f} = {distance / 0.1:.2f} ε")
     print(f"dissipated: {resolved.dissipated:.6f}, in the limit {averaged.dissipated:.6f}")
     print(path)

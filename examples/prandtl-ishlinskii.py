@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip.rate_independent.play.clamp import plays, prandtl_ishlinskii
+import stickslip as ss
 
 RADII = np.linspace(0.05, 2.0, 40)
 WEIGHTS = np.full(40, 1 / 40)
@@ -23,19 +23,19 @@ WEIGHTS = np.full(40, 1 / 40)
 TURNS = np.array([0.0, 3.0, -3.0, 1.0, -1.5, 2.0, 0.5, 3.0])
 load = np.interp(np.linspace(0, 7, 2801), np.arange(8), TURNS)
 
-output = prandtl_ishlinskii(load, RADII, WEIGHTS)
-positions = plays(load, RADII[[9, 19, 39]])
+output = ss.prandtl_ishlinskii(load, RADII, WEIGHTS)
+# A single play is the sum of one.
+positions = {
+    f"$r = {r:g}$": ss.prandtl_ishlinskii(load, [r], [1.0]) for r in RADII[[9, 19, 39]].tolist()
+}
 
 # The first way up in closed form: Σ w_i max(ℓ − r_i, 0).
 first_way = np.maximum(load[:400, None] - RADII, 0.0) @ WEIGHTS
 error = float(np.max(np.abs(output[:400] - first_way)))
 
 if __name__ == "__main__":
-    from stickslip.figures.play import plot_loops
-
     path = Path("out/prandtl-ishlinskii/loops.png")
     path.parent.mkdir(parents=True, exist_ok=True)
-    labels = {f"$r = {r:g}$": z for r, z in zip(RADII[[9, 19, 39]], positions.T, strict=True)}
-    plot_loops(load, labels, output).savefig(path)
+    ss.figures.plot_loops(load, positions, output).savefig(path)
     print(f"largest difference from the first way up in closed form: {error:.1e}")
     print(path)

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip.rate_independent.evolution import evolution_file
+import stickslip as ss
 
-model = evolution_file.load(Path(__file__).parent / "evolution" / "rotating-ellipse.toml")
+model = ss.load_evolution(Path(__file__).parent / "evolution" / "rotating-ellipse.toml")
 average = model.potential.average()
 
 angles = np.linspace(0.0, np.pi, 37)
@@ -36,39 +36,35 @@ waits = float(
 
 def plot_phases(axes):
     """The phase that does the moving, over the direction of the motion."""
-    from stickslip.figures.drawing.style import BLUE, STICK_LINE, legend_above
 
     # s = angle/π + 1/2 modulo 1, cut where it jumps.
     line = [0, 90, np.nan, 90, 180], [0.5, 1.0, np.nan, 0.0, 0.5]
-    axes.plot(*line, color=STICK_LINE, lw=1.0, label="short axis along $V$")
+    axes.plot(*line, color=ss.style.STICK_LINE, lw=1.0, label="short axis along $V$")
     for angle, motion in zip(angles, motions, strict=True):
         axes.plot(
             np.full(len(motion.phases), np.degrees(angle)),
             motion.phases,
             "o",
-            color=BLUE,
+            color=ss.style.BLUE,
             ms=5,
             clip_on=False,
         )
-    axes.plot([], [], "o", color=BLUE, ms=5, label="optimal motion")
+    axes.plot([], [], "o", color=ss.style.BLUE, ms=5, label="optimal motion")
     axes.set_xlim(0, 180)
     axes.set_xticks([0, 45, 90, 135, 180])
     axes.set_ylim(0, 1)
     axes.set_xlabel("direction of the motion $V$  [deg]")
     axes.set_ylabel("phase $s$ that moves  [periods]")
-    legend_above(axes)
+    ss.style.legend_above(axes)
 
 
 if __name__ == "__main__":
-    from stickslip.figures.dissipation import stable_sets
-    from stickslip.figures.drawing.style import new_figure, paper_style
-
     path = Path("out/rotating-ellipse/stable-sets.png")
     path.parent.mkdir(parents=True, exist_ok=True)
-    with paper_style():
-        figure = new_figure(9.2, 4.8)
+    with ss.style.paper_style():
+        figure = ss.style.new_figure(9.2, 4.8)
         left, right = figure.subplots(1, 2)
-        stable_sets(left, model.potential, unit="dimensionless")
+        ss.figures.stable_sets(left, model.potential, unit="dimensionless")
         plot_phases(right)
         figure.savefig(path, dpi=200)
     print(f"largest difference of Ψ_av(V) from |V|/2: {error:.1e}; largest duality gap: {gap:.1e}")

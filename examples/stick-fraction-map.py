@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip import catalogue, sweep
+import stickslip as ss
 
-slider = catalogue.spring_slider()  # k = alpha_0 = 1, mu = 1/2 + exp(-(alpha - 1)/0.4)
+slider = ss.catalogue.spring_slider()  # k = alpha_0 = 1, mu = 1/2 + exp(-(alpha - 1)/0.4)
 
 
 def sticking(rates=140, viscosities=110, out=None):
     """The map, with so many values of each parameter."""
     over = {"V": f"log:0.02:1:{rates}", "nu": f"log:0.005:0.5:{viscosities}"}
-    return sweep(slider, over, ["stick_fraction"], out)
+    return ss.sweep(slider, over, ["stick_fraction"], out)
 
 
 def trace(V, nu):
@@ -37,29 +37,35 @@ def trace(V, nu):
 
 def plot_hopf(axes, data):
     """Where steady sliding loses its stability."""
-    from stickslip.figures.drawing.style import VERMILION
 
     V = np.geomspace(0.02, 1.0, 400)[:, None]
     nu = np.geomspace(0.005, 0.5, 400)
-    style = {"levels": [0.0], "colors": VERMILION, "linewidths": 1.8, "linestyles": [(0, (4, 2))]}
+    style = {
+        "levels": [0.0],
+        "colors": ss.style.VERMILION,
+        "linewidths": 1.8,
+        "linestyles": [(0, (4, 2))],
+    }
     axes.contour(V[:, 0], nu, trace(V, nu).T, **style)
     axes.plot(
-        [], [], color=VERMILION, ls=(0, (4, 2)), lw=1.8, label="steady sliding loses its stability"
+        [],
+        [],
+        color=ss.style.VERMILION,
+        ls=(0, (4, 2)),
+        lw=1.8,
+        label="steady sliding loses its stability",
     )
 
 
 if __name__ == "__main__":
-    from stickslip.figures.drawing.style import legend_above, new_figure, paper_style
-    from stickslip.figures.sweep import draw_map
-
     data = sticking(out="out/stick-fraction-map/stick.zarr")
     path = Path("out/stick-fraction-map/stick.png")
-    with paper_style():
-        figure = new_figure(6.4, 4.6)
+    with ss.style.paper_style():
+        figure = ss.style.new_figure(6.4, 4.6)
         axes = figure.subplots()
-        draw_map(axes, data, "stick_fraction")
+        ss.figures.draw_map(axes, data, "stick_fraction")
         plot_hopf(axes, data)
-        legend_above(axes)
+        ss.style.legend_above(axes)
         figure.savefig(path)
     V = data["V"].values[:, None]
     nu = data["nu"].values

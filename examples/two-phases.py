@@ -14,9 +14,8 @@ from pathlib import Path
 import numpy as np
 
 import stickslip as ss
-from stickslip.rate_independent.evolution import evolution_file
 
-model = evolution_file.load(Path(__file__).parent / "evolution" / "two-phases.toml")
+model = ss.load_evolution(Path(__file__).parent / "evolution" / "two-phases.toml")
 average = model.potential.average()
 
 resolved = ss.evolve(model.problem, steps=2000)
@@ -30,12 +29,12 @@ first_near_0 = float(moved[near_0, 0].sum() / moved[:, 0].sum())
 second_near_half = float(moved[~near_0, 1].sum() / moved[:, 1].sum())
 
 if __name__ == "__main__":
-    from stickslip.figures.dissipation import plot_average, plot_path
-
     folder = Path("out/two-phases")
     folder.mkdir(parents=True, exist_ok=True)
-    plot_path(resolved.z, averaged.z, model.problem.epsilon).savefig(folder / "path.png", dpi=200)
-    plot_average(model.potential, average, unit="dimensionless").savefig(
+    ss.figures.plot_path(resolved.z, averaged.z, model.problem.epsilon).savefig(
+        folder / "path.png", dpi=200
+    )
+    ss.figures.plot_average(model.potential, average, unit="dimensionless").savefig(
         folder / "stable-sets.png", dpi=200
     )
     print(f"Ψ_av(3, -4) = {average.support([3, -4]):.12g}, that is |v₁| + |v₂|")

@@ -14,10 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip import catalogue, sweep
-from stickslip.motion.outcome import Outcome
+import stickslip as ss
 
-toy = catalogue.rocking_toy()
+toy = ss.catalogue.rocking_toy()
 p = toy.values
 bounds = p["rho"] + p["c"] * p["psi_star"], p["H_star"] / 2
 
@@ -25,33 +24,34 @@ bounds = p["rho"] + p["c"] * p["psi_star"], p["H_star"] / 2
 def walking(pulls=120, dampings=90, out=None):
     """The map, with so many values of each parameter."""
     over = {"P,x_R": f"0.4:1.65:{pulls}; 0.3:-0.95:{pulls}", "delta": f"log:0.005:0.2:{dampings}"}
-    return sweep(toy, over, ["speed"], out)
+    return ss.sweep(toy, over, ["speed"], out)
 
 
 def plot_boundary(axes, data):
     """Where walking begins, and what the pull says of it."""
-    from stickslip.figures.drawing.style import STICK_LINE, VERMILION
 
-    walks = (data["outcome"] == Outcome.PERIODIC.code) & (data["speed"] > 1e-6)
+    walks = (data["outcome"] == ss.Outcome.PERIODIC.code) & (data["speed"] > 1e-6)
     style = {"levels": [0.5], "colors": "white", "linewidths": 1.8}
     axes.contour(data["P"], data["delta"], walks.T.astype(float), **style)
     for bound, label in zip(bounds, (r"$\rho + c\psi_*$", r"$H_*/2$"), strict=True):
-        axes.axvline(bound, color=VERMILION, ls=(0, (4, 2)), lw=1.2)
+        axes.axvline(bound, color=ss.style.VERMILION, ls=(0, (4, 2)), lw=1.2)
         axes.text(
-            bound, 1.02, label, transform=axes.get_xaxis_transform(), color=STICK_LINE, ha="center"
+            bound,
+            1.02,
+            label,
+            transform=axes.get_xaxis_transform(),
+            color=ss.style.STICK_LINE,
+            ha="center",
         )
 
 
 if __name__ == "__main__":
-    from stickslip.figures.drawing.style import new_figure, paper_style
-    from stickslip.figures.sweep import draw_map
-
     data = walking(out="out/walking-speed-map/speed.zarr")
     path = Path("out/walking-speed-map/speed.png")
-    with paper_style():
-        figure = new_figure(6.4, 4.6)
+    with ss.style.paper_style():
+        figure = ss.style.new_figure(6.4, 4.6)
         axes = figure.subplots()
-        draw_map(axes, data, "speed")
+        ss.figures.draw_map(axes, data, "speed")
         plot_boundary(axes, data)
         figure.savefig(path)
     fastest = data.isel(data["speed"].argmax(...))
