@@ -132,6 +132,12 @@ def test_expressions_in_sympy() -> None:
         (ex.power(x, ex.num(-1.5)), a ** sp.Rational(-3, 2)),
     ]
     for ours, theirs in pairs:
-        assert zero(in_sympy(ours) - theirs)
-    larger = in_sympy(ex.maximum(x, y))
+        assert zero(in_sympy(str(ours)) - theirs)
+    larger = in_sympy(str(ex.maximum(x, y)))
     assert larger.subs({a: 2, b: 1}) == 2 and larger.subs({a: 1, b: 3}) == 3
+
+
+@pytest.mark.parametrize("text", ["x.real", "exp(x, 2)", "x if y else 1", "x < 1", "x // 2"])
+def test_only_formulas_are_translated(text: str) -> None:
+    with pytest.raises((ValueError, KeyError)):
+        in_sympy(text)

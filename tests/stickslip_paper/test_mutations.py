@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stickslip import catalogue
-from stickslip.model.system import Contact, Internal, System, Viscous
+from stickslip import Contact, Internal, System, Viscous, catalogue
 from stickslip.rate_independent.averaging import minima
 from stickslip.rate_independent.dissipation import group_norm, polytope, weighted_l1
 from stickslip.rate_independent.play import operator as play_module

@@ -15,10 +15,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from stickslip.cli import paper as command
 from stickslip.cli.app import app
 from stickslip.errors import DeclarationError
-from stickslip_paper import claims, making, report
+from stickslip_paper import claims, command, making, report
 from stickslip_paper.making import Item, Made, Work, items, make, make_all
 from stickslip_paper.sections.claim import Finding, Verdict
 from stickslip_paper.typeset import typeset

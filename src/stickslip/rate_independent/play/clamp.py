@@ -163,10 +163,14 @@ def prandtl_ishlinskii(
 
     Parameters
     ----------
-    load, radii, initial
-        As for :func:`plays`.
+    load : array, shape (n,)
+        Samples of ℓ, in their order; only the sequence of turning points matters.
+    radii : array, shape (m,)
+        Thresholds r_i >= 0 of the plays z_i, which stay between ℓ − r_i and ℓ + r_i.
     weights : array, shape (m,)
         w_i, of any sign.
+    initial : float or array of shape (m,)
+        Positions before the first sample.
 
     Returns
     -------
@@ -175,7 +179,13 @@ def prandtl_ishlinskii(
     Raises
     ------
     DeclarationError
-        As for :func:`plays`.
+        If a number is not finite (its index is named), a radius is negative, or sizes do not fit.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> ss.prandtl_ishlinskii([0, 3, -3], radii=[1, 2], weights=[0.5, 0.5]).tolist()
+    [0.0, 1.5, -1.5]
 
     References
     ----------
