@@ -1,4 +1,5 @@
-"""The plan of the house: how many files a room has, and which way imports go."""
+"""The plan of the house and of its companion: how many files a room has, and which way imports
+go."""
 
 from __future__ import annotations
 
@@ -9,8 +10,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import stickslip
+import stickslip_paper
 
 SOURCE = Path(stickslip.__file__).parent
+COMPANION = Path(stickslip_paper.__file__).parent
 DOZEN = 12
 # what a result or a system shows of itself when it is asked
 PICTURES = ("stickslip.figures", "stickslip.display")
@@ -25,11 +28,14 @@ class Import(NamedTuple):
 
 def module_of(path: Path) -> str:
     """Dotted name of a file, or of the room whose ``__init__`` it is."""
-    parts = path.relative_to(SOURCE.parent).with_suffix("").parts
+    source = next(source for source in (SOURCE, COMPANION) if path.is_relative_to(source))
+    parts = path.relative_to(source.parent).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-MODULES = {module_of(path): path for path in sorted(SOURCE.rglob("*.py"))}
+MODULES = {
+    module_of(path): path for source in (SOURCE, COMPANION) for path in sorted(source.rglob("*.py"))
+}
 ROOMS = {name for name, path in MODULES.items() if path.stem == "__init__"}
 
 
@@ -103,3 +109,13 @@ def test_a_circle_is_found() -> None:
         for i in IMPORTS["stickslip.motion.trajectory"]
     )
     assert "stickslip.errors" in {i.name for i in IMPORTS["stickslip.model.declaration"]}
+
+
+def test_the_library_needs_nothing_that_only_the_paper_needs() -> None:
+    for name, path in MODULES.items():
+        if path.is_relative_to(SOURCE):
+            roots = {
+                i.name.partition(".")[0]
+                for i in imports_of(ast.parse(path.read_text(encoding="utf-8")))
+            }
+            assert not roots & {"sympy", "PIL", "stickslip_paper"}, name

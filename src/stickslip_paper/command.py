@@ -76,7 +76,7 @@ def _check_installed() -> None:
     missing = [name for name, module in NEEDED.items() if find_spec(module) is None]
     if missing:
         raise ss.StickslipError(
-            f"{' and '.join(missing)} missing, which the paper needs. "
+            f"the paper needs {' and '.join(missing)}. "
             "Install what it takes: pip install 'stickslip[paper]'"
         )
 

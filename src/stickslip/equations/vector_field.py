@@ -125,11 +125,11 @@ def vector_field(
     --------
     >>> import stickslip as ss
     >>> slider = ss.catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05)
-    >>> field = ss.vector_field(slider, {"block": "stick"})
-    >>> field.rates
-    {'U': 'V', 'alpha': '-alpha + alpha_0'}
-    >>> field.rates_at({"alpha": 1.5, "V": 0.2})
-    {'U': 0.2, 'alpha': -0.5}
+    >>> field = ss.vector_field(slider, {"block": "slip-"})
+    >>> field.rates["U"]
+    '(2/alpha**0.5 + V*nu - k*U)/nu'
+    >>> field.rates_at({"U": 1.5, "alpha": 4.0, "V": 0.2})
+    {'U': -9.8, 'alpha': 12.0}
     """
     equations = derive(system.declaration)
     names = [contact.name for contact in equations.contacts]

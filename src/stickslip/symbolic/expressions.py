@@ -467,7 +467,7 @@ def _text(e: Expr, known: Mapping[Expr, tuple[str, int]]) -> tuple[str, int]:
         case "sum":
             text = ""
             for term, c in sorted(e.terms, key=lambda pair: pair[1] < 0):
-                scaled = inner(term, 2) if abs(c) == 1.0 else f"{_digits(abs(c))}*{inner(term, 2)}"
+                scaled = inner(term, 2) if abs(c) == 1.0 else _times(abs(c), inner(term, 2))
                 text += (
                     (" - " if text else "-") + scaled if c < 0 else (" + " if text else "") + scaled
                 )
@@ -488,6 +488,10 @@ def _text(e: Expr, known: Mapping[Expr, tuple[str, int]]) -> tuple[str, int]:
             return f"piecewise({guard} >= 0, {above}, {below})", 5
         case _:
             return f"{e.op}({inner(e.args[0])})", 5
+
+
+def _times(c: float, product: str) -> str:
+    return _digits(c) + product[1:] if product.startswith("1/") else f"{_digits(c)}*{product}"
 
 
 def _factor(base: str, p: float) -> str:
