@@ -1,11 +1,19 @@
 """How fast friction that oscillates tends to its average: [M] section 2.2 and Theorem 2.2,
 measured."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import stickslip as ss
 from stickslip_paper.drawing.entry import FigureEntry
 from stickslip_paper.sections.claim import fitted_power
+
+if TYPE_CHECKING:
+    import xarray
 
 
 def draw() -> Figure:
@@ -13,53 +21,46 @@ def draw() -> Figure:
     friction = ss.WeightedL1(["1 + cos(2*pi*s)/2"])
     problem = ss.Evolution([[1.0]], ["5*t - t**2"], friction, [0.0], span=(0, 5))
     study = ss.averaging_study(problem, [0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002]).table
-    epsilon = study["epsilon"].values
     with ss.style.paper_style():
         figure = ss.style.new_figure(7.2, 3.6)
         left, right = figure.subplots(1, 2)
-        left.loglog(
-            epsilon,
-            5.0 * epsilon,
-            "--",
-            color=ss.style.STICK_LINE,
-            lw=1.1,
-            label=r"$\varepsilon\,\max|\dot\ell|$",
-        )
-        left.loglog(
-            epsilon,
-            study["distance"],
-            "o",
-            color=ss.style.BLUE,
-            ms=5.5,
-            label=r"$\sup\,|z_\varepsilon - z_0|$",
-        )
-        left.set_ylabel("distance of the motions")
-        norms = {
-            r"$\|\dot z_\varepsilon\|_{L^2}$": (study["rate_l2"].values, ss.style.VERMILION, "s"),
-            r"$\|\dot z_\varepsilon\|_{L^1}$": (study["rate_l1"].values, ss.style.BLUE, "o"),
-            r"$\dot z_\varepsilon - \dot z_0$, tested": (
-                study["weak_distance"].max("test").values,
-                ss.style.GREEN,
-                "^",
-            ),
-        }
-        for label, (values, colour, marker) in norms.items():
-            power, factor = fitted_power(epsilon, values)
-            right.loglog(epsilon, factor * epsilon**power, color=colour, lw=1.0)
-            right.loglog(
-                epsilon,
-                values,
-                marker,
-                color=colour,
-                ms=5.5,
-                label=f"{label} $\\sim \\varepsilon^{{{power:.2f}}}$",
-            )
-        right.set_ylabel("size of the rates")
-        right.set_ylim(top=2e4)
+        draw_distances(left, study)
+        draw_rates(right, study)
         for axes in (left, right):
             axes.set_xlabel(r"period of the friction $\varepsilon$")
             axes.legend(loc="upper left")
     return figure
+
+
+def draw_distances(axes: Axes, study: xarray.Dataset) -> None:
+    """Distance of the motions, below ε times the largest rate of the load."""
+    epsilon = study["epsilon"].values
+    bound = r"$\varepsilon\,\max|\dot\ell|$"
+    axes.loglog(epsilon, 5.0 * epsilon, "--", color=ss.style.STICK_LINE, lw=1.1, label=bound)
+    distance = r"$\sup\,|z_\varepsilon - z_0|$"
+    axes.loglog(epsilon, study["distance"], "o", color=ss.style.BLUE, ms=5.5, label=distance)
+    axes.set_ylabel("distance of the motions")
+
+
+def draw_rates(axes: Axes, study: xarray.Dataset) -> None:
+    """Norms of the rates, with the powers of ε that fit them."""
+    epsilon = study["epsilon"].values
+    norms = {
+        r"$\|\dot z_\varepsilon\|_{L^2}$": (study["rate_l2"].values, ss.style.VERMILION, "s"),
+        r"$\|\dot z_\varepsilon\|_{L^1}$": (study["rate_l1"].values, ss.style.BLUE, "o"),
+        r"$\dot z_\varepsilon - \dot z_0$, tested": (
+            study["weak_distance"].max("test").values,
+            ss.style.GREEN,
+            "^",
+        ),
+    }
+    for label, (values, colour, marker) in norms.items():
+        power, factor = fitted_power(epsilon, values)
+        axes.loglog(epsilon, factor * epsilon**power, color=colour, lw=1.0)
+        fitted = f"{label} $\\sim \\varepsilon^{{{power:.2f}}}$"
+        axes.loglog(epsilon, values, marker, color=colour, ms=5.5, label=fitted)
+    axes.set_ylabel("size of the rates")
+    axes.set_ylim(top=2e4)
 
 
 ENTRY = FigureEntry(

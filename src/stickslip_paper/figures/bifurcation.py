@@ -14,6 +14,7 @@ from stickslip_paper.drawing.style import arrow
 Array = np.ndarray
 SPEEDS = np.union1d(np.linspace(0.04, 0.4, 13), np.linspace(0.2225, 0.2285, 25))
 DASHES = (0, (4, 2))
+CYCLES, HOPF = ss.style.LINES[2], ss.style.LINES[4]
 
 
 def draw() -> Figure:
@@ -30,17 +31,10 @@ def draw() -> Figure:
         zoom = axes.inset_axes((0.66, 0.52, 0.34, 0.48), xlim=(0.2235, 0.2280), ylim=(1.615, 1.83))
         for panel in (axes, zoom):
             _draw_branch(panel, steady, "U", ss.style.STICK_LINE, "steady sliding")
-            _draw_branch(panel, cycles, "max_U", ss.style.LINES[2], "cycles")
-            _draw_branch(panel, cycles, "min_U", ss.style.LINES[2], "")
-            panel.plot(
-                hopf.value,
-                hopf.state["U"],
-                "s",
-                color=ss.style.LINES[4],
-                ms=7,
-                zorder=5,
-                label="Hopf point",
-            )
+            _draw_branch(panel, cycles, "max_U", CYCLES, "cycles")
+            _draw_branch(panel, cycles, "min_U", CYCLES, "")
+            point = {"color": HOPF, "ms": 7, "zorder": 5, "label": "Hopf point"}
+            panel.plot(hopf.value, hopf.state["U"], "s", **point)
             fold = cycles.of_kind("fold")[0]
             ends = [float(cycles.points[key][fold.index]) for key in ("min_U", "max_U")]
             turn = "stick onset and fold"
@@ -49,7 +43,7 @@ def draw() -> Figure:
                 ends,
                 "o",
                 mfc="white",
-                mec=ss.style.LINES[2],
+                mec=CYCLES,
                 ms=6,
                 zorder=5,
                 label=turn,

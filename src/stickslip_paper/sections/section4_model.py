@@ -61,7 +61,9 @@ def H_L(p: dict[str, float]) -> float:
 
 def threshold(system: ss.System, leg: str, values: dict[str, float]) -> float:
     """What a leg of the library holds."""
-    return system.evaluate(system.contacts[leg].threshold, values)
+    limit = system.contacts[leg].threshold
+    assert not isinstance(limit, tuple)  # the same forward and backward
+    return system.evaluate(limit, values)
 
 
 def held(system: ss.System, leg: str, values: dict[str, float]) -> float:
@@ -72,7 +74,7 @@ def held(system: ss.System, leg: str, values: dict[str, float]) -> float:
 def accelerations(p: dict[str, float]) -> tuple[dict[str, float], float, float]:
     """Accelerations of the library's (4.1) with both legs sliding, and the signs of their
     velocities."""
-    right, left = math.copysign(1, p["d_x_R"]), math.copysign(1, p["d_x_L"])
+    right, left = (int(math.copysign(1, p[speed])) for speed in ("d_x_R", "d_x_L"))
     modes = {RIGHT: SLIPS[right], LEFT: SLIPS[left]}
     rates = rates_of(built(catalogue.rocking_toy_inertial), modes, p)
     return {x: rates[f"d_{x}"] for x in ("psi", "x_R", "x_L")}, right, left
