@@ -34,7 +34,7 @@ test: .venv/ready-for-tests
 	$(PYTHON) -m venv .venv
 
 .venv/ready: .venv/bin/python pyproject.toml constraints.txt
-	$(INSTALL) --editable .
+	$(INSTALL) --editable '.[paper]'
 	@touch $@
 
 .venv/ready-for-tests: .venv/bin/python pyproject.toml constraints.txt
