@@ -157,6 +157,9 @@ class Certificate:
         }
 
 
+NOTHING = Certificate((), "nothing found")
+
+
 def within(limit: float, values: Iterable[tuple[str, float]]) -> list[Residual]:
     """Residuals that share a limit."""
     return [Residual(name, value, limit) for name, value in values]
