@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.play.operator import Play
 
 TOLERANCE = 1e-8  # of an average without a closed form, relative to the size of K(s)
+AVERAGE = Files()
+EVOLUTION = Files("evolution.nc")
 SHOWN = 8  # components in a table; all are in summary.json
 
 File = Annotated[
@@ -53,7 +55,7 @@ def average(file: File, settings: Settings = None, out: Out = None, json_: Json 
         return Averaged(model, model.potential.average(TOLERANCE))
 
     folder = out or folder_of(model.name, "average")
-    present(f"average of {model.name}", folder, Files(), work, json_, heading(model))
+    present(f"average of {model.name}", folder, AVERAGE, work, json_, heading(model))
 
 
 def evolve(
@@ -96,8 +98,9 @@ def evolve(
         return computed(model, averaged, progress)
 
     folder = out or folder_of(model.name, "averaged" if averaged else "")
-    files = Files("evolution.nc")
-    present(f"evolution of {model.name}", folder, files, work, json_, {**heading(model), **more})
+    present(
+        f"evolution of {model.name}", folder, EVOLUTION, work, json_, {**heading(model), **more}
+    )
 
 
 # -- what both share -------------------------------------------------------------------------------

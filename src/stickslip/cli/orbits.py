@@ -21,6 +21,12 @@ from stickslip.cli.present import (
 )
 from stickslip.errors import DeclarationError
 
+MOTION = Files("trajectory.nc", {"events.csv": lambda found: found.events})
+EQUILIBRIA = Files("equilibria.nc", {"equilibria.csv": lambda found: found.table})
+CYCLE = Files("cycle.nc")
+BRANCH = Files("branch.nc", {"branch.csv": lambda found: found.table})
+BASIN = Files("basin.nc")
+
 
 def run(
     model: Model,
@@ -49,8 +55,7 @@ def run(
     def work(progress: Progress) -> Trajectory:
         return simulate(system, span, start, rtol=rtol, progress=progress)
 
-    files = Files("trajectory.nc", {"events.csv": lambda found: found.events})
-    present("moving", out or folder_of(system.name), files, work, json_)
+    present("moving", out or folder_of(system.name), MOTION, work, json_)
 
 
 def equilibria(
@@ -71,8 +76,7 @@ def equilibria(
         return find(system)
 
     folder = out or folder_of(system.name, "equilibria")
-    files = Files("equilibria.nc", {"equilibria.csv": lambda found: found.table})
-    present(f"equilibria of {system.name}", folder, files, work, json_)
+    present(f"equilibria of {system.name}", folder, EQUILIBRIA, work, json_)
 
 
 def cycle(
@@ -97,7 +101,7 @@ def cycle(
         return find_cycle(system, start)
 
     folder = out or folder_of(system.name, "cycle")
-    present(f"cycle of {system.name}", folder, Files("cycle.nc"), work, json_)
+    present(f"cycle of {system.name}", folder, CYCLE, work, json_)
 
 
 def branch(
@@ -140,8 +144,7 @@ def branch(
         return continue_equilibrium(system, parameter, (low, high), start=start, parameters=at)
 
     folder = out or folder_of(system.name, "branch")
-    files = Files("branch.nc", {"branch.csv": lambda found: found.table})
-    present(f"branch of {system.name}", folder, files, work, json_)
+    present(f"branch of {system.name}", folder, BRANCH, work, json_)
 
 
 def basin(
@@ -181,7 +184,7 @@ def basin(
         return find(system, axes, initial=start)
 
     folder = out or folder_of(system.name, "basin")
-    present(f"basin of {system.name}", folder, Files("basin.nc"), work, json_)
+    present(f"basin of {system.name}", folder, BASIN, work, json_)
 
 
 # -- what they are told ----------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Protocol
 import typer
 
 from stickslip.cli.folder import PICTURE, add_picture, result_folder
-from stickslip.cli.report import print_summary, written
+from stickslip.cli.report import print_summary, warn, written
 from stickslip.errors import ConvergenceError
 from stickslip.progress import watched
 from stickslip.results import Ended, Summary
@@ -134,6 +134,8 @@ def present(
         (place / SUMMARY).write_text(summary.to_json() + "\n", encoding="utf-8")
     add_picture(folder, result.plot)
     print_summary(summary, json_, [("written", written(folder, files.names))])
+    for warning in summary.data.get("warnings", ()):
+        warn(warning)
     if result.outcome.interrupted:
         finish(f"interrupted; what was computed is in {folder}", INTERRUPTED)
     raise typer.Exit(0 if summary.good else NOT_CERTIFIED)

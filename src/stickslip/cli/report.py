@@ -26,9 +26,10 @@ def print_summary(
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
     for label, text in (*summary.rows, *more):
+        if label == "warning":
+            continue  # on stderr
         verdict = "green" if summary.good else "bold red"
-        style = verdict if label in VERDICTS else "yellow" if label == "warning" else ""
-        table.add_row(label, Text(text, style=style))
+        table.add_row(label, Text(text, style=verdict if label in VERDICTS else ""))
     console = Console()
     console.print(Text(summary.title, style="bold"))
     console.print(table)

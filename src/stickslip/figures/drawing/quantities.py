@@ -92,22 +92,31 @@ def _draw(axes: Axes, data: xarray.Dataset, name: str, along: str, colour: str |
     colours = line_colours(lines.shape[1]) if colour is None else [colour] * lines.shape[1]
     for k, (line, shade) in enumerate(zip(lines.T, colours, strict=True)):
         label = symbol(name) if k == 0 else None
-        if coded:
+        if _named(data, along):
+            axes.plot(across, line, "o", color=shade, label=label)
+        elif coded:
             axes.step(across, line, where="post", color=shade, label=label)
         elif np.all(np.diff(across) >= 0.0):
             x, drawn = thin(across, {name: line})
             axes.plot(x, drawn[name], color=shade, label=label)
         else:
             axes.plot(across, line, color=shade, label=label)
+    if _named(data, along):
+        axes.set_xticks(across, [str(word).replace("_", " ") for word in data[along].values])
     if coded:
         axes.yaxis.set_major_locator(FixedLocator(list(data[name].attrs["flag_values"])))
         words = data[name].attrs["flag_meanings"].split()
         axes.set_yticklabels([word.replace("_", " ") for word in words])
 
 
+def _named(data: xarray.Dataset, along: str) -> bool:
+    """Whether what is run over has names instead of numbers."""
+    return along in data.coords and data[along].dtype.kind not in "fiub"
+
+
 def _coordinate(data: xarray.Dataset, along: str) -> np.ndarray:
     """Values along the dimension; numbers from 0 on, if it has none."""
-    if along in data.coords:
+    if along in data.coords and not _named(data, along):
         return data[along].values.astype(float)
     return np.arange(data.sizes[along], dtype=float)
 
@@ -118,7 +127,8 @@ def _horizontal(data: xarray.Dataset, along: str) -> str:
     if along == "time":
         label = unit_label(unit)
         return "time $t$" + (f"  [{label}]" if label else "")
-    return axis_label([along], unit) if along in data.coords else along
+    has_values = along in data.coords and not _named(data, along)
+    return axis_label([along], unit) if has_values else along
 
 
 def _label(axes: Axes, data: xarray.Dataset, names: Sequence[str]) -> None:

@@ -473,7 +473,7 @@ def _differentiable(closed: Closed) -> bool:
     """Whether neighbours follow the same sequence: no events coincide that need not, and no guard
     is touched."""
     smooth = all(leg.change.differentiable for leg in closed.orbit.legs)
-    return smooth and nearest_change(closed.orbit.motion, closed.shooting.pieces) > TOUCHED
+    return bool(smooth and nearest_change(closed.orbit.motion, closed.shooting.pieces) > TOUCHED)
 
 
 def _section(phase: Phase) -> str:
