@@ -291,6 +291,9 @@ def certificate_rows(certificate: Certificate) -> list[tuple[str, str]]:
     """The verdict, and every residual with its limit."""
     rows = [("certificate", certificate.verdict)]
     for residual in certificate.residuals:
+        if residual.counts:
+            rows.append((f"  {residual.name}", f"{residual.value:g}"))
+            continue
         value = f"{residual.value:.1e}" if math.isfinite(residual.value) else "not finite"
         side = "least" if residual.least else "most"
         bound = f", at {side} {residual.limit:.0e}" if residual.judged else ""

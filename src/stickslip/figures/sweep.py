@@ -157,6 +157,9 @@ def _draw_into(axes: Axes, data: xarray.Dataset, names: list[str]) -> None:
     _scale(axes, data, along[0], "x")
     axes.set_xlabel(_axis_text(data, along))
     if marks := _gap_marks(data, names[:1]):
+        room = int(LETTERS * root_of(axes).get_figwidth() * axes.get_position().width)
+        for mark in marks:
+            mark.set_label(fill(str(mark.get_label()), room))
         legend_above(axes, marks, right=True)
 
 

@@ -94,7 +94,7 @@ class Ensemble(Result):
     @property
     def certificate(self) -> Certificate:
         """Final states alone cannot be audited: `simulate` certifies a motion."""
-        unaudited = Residual("motions that are not audited", float(len(self)), 0.0)
+        unaudited = Residual("motions not audited", float(len(self)), 0.0)
         return Certificate((unaudited,))
 
     def facts(self) -> dict[str, Any]:

@@ -130,9 +130,7 @@ class Map(Result):
         """
         bad = sum(self.lacking.values())
         notes = (f"{self.computed - bad:,} of {self.computed:,} points are certified",)
-        return Certificate(
-            (Residual("points that are not certified", float(bad), 0.0),), notes=notes
-        )
+        return Certificate((Residual("points not certified", float(bad), 0.0),), notes=notes)
 
     def facts(self) -> dict[str, Any]:
         """What fits on a page, as plain data."""
@@ -161,7 +159,7 @@ class Map(Result):
             for code, count in self._counted().items()
         ]
         rows.append(("certified", f"{self.computed - sum(self.lacking.values()):,}"))
-        lacks = [f"{count:,} {name}" for name, count in self.lacking.items()]
+        lacks = [f"{name}: {count:,}" for name, count in self.lacking.items()]
         rows += [("  lacking", ", ".join(lacks))] if lacks else []
         return [*rows, *self._outside(), *self._missing()]
 
@@ -306,9 +304,9 @@ class Basin(Result):
         bad = (self.dataset["lacking"].values > 0) & (labels >= 0)
         attractors = int(np.count_nonzero(~self.dataset["certified"].values.astype(bool)))
         counts = {
-            "states whose motion is not certified": int(np.count_nonzero(bad)),
+            "states not certified": int(np.count_nonzero(bad)),
             "states that reach nothing": int(np.count_nonzero(labels < 0)),
-            "attractors that are not certified": attractors,
+            "attractors not certified": attractors,
         }
         return Certificate(tuple(Residual(name, float(n), 0.0) for name, n in counts.items()))
 

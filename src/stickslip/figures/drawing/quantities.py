@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 
+from stickslip.display.symbols import is_word
 from stickslip.errors import DeclarationError, short
 from stickslip.figures.drawing.style import (
     axis_label,
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
 WIDTH = 7.2
 ROW = 1.9
 EXTRA = 0.8
+LETTERS = 24  # of a label beside a panel, in a line
 
 
 def plot_quantities(
@@ -134,4 +137,11 @@ def _horizontal(data: xarray.Dataset, along: str) -> str:
 def _label(axes: Axes, data: xarray.Dataset, names: Sequence[str]) -> None:
     """Symbols and the unit of quantities that share one."""
     units = {str(data[name].attrs.get("units", "1")) for name in names}
-    axes.set_ylabel(axis_label(names, units.pop() if len(units) == 1 else "1"))
+    unit = units.pop() if len(units) == 1 else "1"
+    if len(names) > 1 or not is_word(names[0].removeprefix("d_")):
+        axes.set_ylabel(axis_label(names, unit))
+        return
+    # A word is no symbol: what it means says more.
+    meaning = fill(str(data[names[0]].attrs.get("long_name", names[0].replace("_", " "))), LETTERS)
+    label = unit_label(unit)
+    axes.set_ylabel(meaning + (f"  [{label}]" if label else ""))

@@ -15,7 +15,7 @@ from stickslip.equations.derive import derive
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.model.quantities import quantity
 from stickslip.model.system import System
-from stickslip.model.units import unit_label
+from stickslip.model.units import with_unit
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import pose
 from stickslip.orbits.branches.equilibrium_branch import checked_range
@@ -128,11 +128,9 @@ class GaitStudy(Result):
     def rows(self) -> list[tuple[str, str]]:
         """What fits on a page, in words."""
         speed = self.dataset["speed"]
-        text = f"{float(speed.min()):.6g} to {float(speed.max()):.6g}"
-        return [
-            ("gait", self._where),
-            ("speed", f"{text} {unit_label(speed.attrs['units'])}".rstrip()),
-        ]
+        low = f"{float(speed.min()):.6g}"
+        high = with_unit(float(speed.max()), speed.attrs["units"], 6)
+        return [("gait", self._where), ("speed", f"{low} to {high}")]
 
     def overview(self, ax: Axes | None = None) -> Figure:
         """Speed and period over the parameter; in given axes the speed."""
