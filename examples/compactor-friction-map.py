@@ -54,7 +54,7 @@ if __name__ == "__main__":
     with ss.style.paper_style():
         figure = ss.style.new_figure(6.4, 4.6)
         axes = figure.subplots()
-        ss.figures.draw_map(axes, data, "friction")
+        data.plot("friction", ax=axes)
         plot_stopping(axes)
         ss.style.legend_above(axes)
         figure.savefig(path)

@@ -63,7 +63,7 @@ if __name__ == "__main__":
     with ss.style.paper_style():
         figure = ss.style.new_figure(6.4, 4.6)
         axes = figure.subplots()
-        ss.figures.draw_map(axes, data, "stick_fraction")
+        data.plot("stick_fraction", ax=axes)
         plot_hopf(axes, data)
         ss.style.legend_above(axes)
         figure.savefig(path)

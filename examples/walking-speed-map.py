@@ -51,10 +51,10 @@ if __name__ == "__main__":
     with ss.style.paper_style():
         figure = ss.style.new_figure(6.4, 4.6)
         axes = figure.subplots()
-        ss.figures.draw_map(axes, data, "speed")
+        data.plot("speed", ax=axes)
         plot_boundary(axes, data)
         figure.savefig(path)
-    fastest = data.isel(data["speed"].argmax(...))
+    fastest = data.dataset.isel(data["speed"].argmax(...))
     print(
         f"walks at {np.mean(data['speed'].values > 1e-6):.0%} of the points, fastest with", end=" "
     )

@@ -21,11 +21,9 @@ if TYPE_CHECKING:
         stable_sets,
     )
     from stickslip.figures.play import plot_limit, plot_loops
-    from stickslip.figures.sweep import draw_map
 
 __all__ = [
     "costs_over_phase",
-    "draw_map",
     "plot_average",
     "plot_limit",
     "plot_loops",
@@ -38,7 +36,6 @@ _HOMES = {
         ["costs_over_phase", "plot_average", "plot_path", "stable_sets"], "dissipation"
     ),
     **dict.fromkeys(["plot_limit", "plot_loops"], "play"),
-    "draw_map": "sweep",
 }
 
 
