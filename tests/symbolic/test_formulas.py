@@ -73,7 +73,7 @@ def test_precedence_and_values(text, expected):
 
 
 @pytest.mark.parametrize(
-    "name", ["exp", "sin", "cos", "tan", "sinh", "cosh", "tanh", "asinh", "atan"]
+    "name", ["exp", "sin", "cos", "tan", "sinh", "cosh", "tanh", "asinh", "atan", "erf"]
 )
 def test_functions(name):
     assert value(f"{name}(x)") == getattr(math, name)(1.3)
@@ -374,7 +374,7 @@ LEAVES = st.sampled_from(["x", "y", "x", "y", "2", "3", "0.5", "1.7", "a"])
 
 
 def _compound(inner):
-    unary = st.sampled_from(["sin", "cos", "tanh", "exp", "atan", "asinh", "sinh", "cosh"])
+    unary = st.sampled_from(["sin", "cos", "tanh", "exp", "atan", "asinh", "erf", "sinh", "cosh"])
     return st.one_of(
         st.tuples(inner, st.sampled_from([" + ", " - ", "*", "/"]), inner).map(
             lambda p: f"({p[0]}){p[1]}({p[2]})"

@@ -87,6 +87,10 @@ class Expr:
     def __repr__(self) -> str:
         return to_text(self)
 
+    def __reduce__(self) -> tuple[Callable[..., Expr], tuple[object, ...]]:
+        """A copy, or what another process reads, is the one object that equal expressions are."""
+        return _node, (self.op, self.value, self.args, self.terms)
+
 
 _nodes: dict[tuple, Expr] = {}
 

@@ -82,7 +82,7 @@ class Scope:
     _work: int = 0
 
     def parse(self, text: object, where: str) -> Expr:
-        """Expression of a formula.
+        """Expression of a formula: of its text, a number, or the expression itself.
 
         Raises
         ------
@@ -197,6 +197,8 @@ class _Reader:
         return DeclarationError(self.where, reason, remedy)
 
     def read(self, text: object) -> Expr:
+        if isinstance(text, Expr):
+            return ex.substitute(text, {name: self.name(name) for name in sorted(text.symbols)})
         if is_finite(text):
             return ex.num(float(text))
         if isinstance(text, Real) and not isinstance(text, bool):
