@@ -1,6 +1,8 @@
 """The formula language: what it accepts, what it means, what it refuses."""
 
+import copy
 import math
+import pickle
 import time
 from pathlib import Path
 
@@ -489,6 +491,22 @@ def test_text_of_an_expression_is_a_formula_for_it(text, x, y):
     first, second = ex.evaluate(expression, point), ex.evaluate(again, point)
     assume(moderate(first, *_parts(expression, point)))
     assert second == pytest.approx(first, rel=1e-9, abs=1e-9)
+
+
+def test_an_expression_is_a_formula():
+    e = parse("a*sin(x) + max(y, 0)**1.5")
+    assert parse(e) is e
+    assert Scope({"x": ex.num(2.0)}).parse(ex.sym("x") ** 2 + 1, "here") is ex.num(5.0)
+    doubled = Scope({"x": ex.sym("x")}, {"f": Definition("functions.f", ("u",), 2 * ex.sym("u"))})
+    assert doubled.parse("f(x)", "here") is 2 * ex.sym("x")
+    with pytest.raises(DeclarationError, match="unknown name 'z'"):
+        parse(ex.sym("z"))
+
+
+def test_a_copy_of_an_expression_is_the_expression():
+    e = parse("a*sin(x) + max(y, 0)**x - erf(x)/3")
+    assert pickle.loads(pickle.dumps(e)) is e
+    assert copy.deepcopy(e) is e
 
 
 def test_text_of_a_huge_expression_is_short():
