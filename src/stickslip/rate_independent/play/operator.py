@@ -97,14 +97,16 @@ def play(
         If an argument is wrong, a value is not finite, a threshold is negative somewhere, or the
         initial state is not stable (the distance and the nearest stable value are named).
 
-    Notes ----- Samples are taken as they are. Formulas and functions are replaced by polynomials
-    that agree with them to about 1e-14 of their largest value (and, where they are steep, to the
-    rounding of t times the slope); a turning point is then not missed, however close it is to the
-    next, unless the excursion between them is below that. The corners of a formula (abs, min, max,
-    clip, piecewise) are found from its text, and what polynomials can miss of it is bounded: no
-    feature is too narrow. The corners of a function are found from the polynomials that fail there;
-    not seen of a function is what is narrower than about 1/200 of the span (of the period, if
-    `epsilon` is given), and the certificate says at how many points it was looked at.
+    Notes
+    -----
+    Samples are taken as they are. Formulas and functions are replaced by polynomials that agree
+    with them to about 1e-14 of their largest value (and, where they are steep, to the rounding of t
+    times the slope); a turning point is then not missed, however close it is to the next, unless
+    the excursion between them is below that. The corners of a formula (abs, min, max, clip,
+    piecewise) are found from its text, and what polynomials can miss of it is bounded: no feature
+    is too narrow. The corners of a function are found from the polynomials that fail there; not
+    seen of a function is what is narrower than about 1/200 of the span (of the period, if `epsilon`
+    is given), and the certificate says at how many points it was looked at.
 
     Examples
     --------
@@ -114,8 +116,10 @@ def play(
     >>> motion.certificate.ok
     True
 
-    References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
-    oscillations*, WIAS preprint 2405 (2017), section 2.2.
+    References
+    ----------
+    A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+    preprint 2405 (2017), section 2.2.
     """
     span = check_span(t_span)
     for name, value in (("stiffness", stiffness), ("epsilon", epsilon)):
