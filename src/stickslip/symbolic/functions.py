@@ -33,7 +33,7 @@ ABOVE_QUARTER = math.nextafter(QUARTER, 2.0)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Function:
-    """One row: a function of one real argument.
+    """One row: a function of one real argument, analytic where it is defined (kinks are structure).
 
     Attributes
     ----------
