@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +84,23 @@ def test_files_are_read_back_as_written(model: EvolutionModel) -> None:
     assert again == model
     assert dumps(again) == dumps(model)
     assert repr(again) == repr(model)  # 1 and 1.0 stay apart
+
+
+def test_a_formula_may_be_long_once_its_functions_are_inserted() -> None:
+    """Beyond the 2000 characters to which texts of expressions are shortened."""
+    waves = " + ".join(f"sin({k}.25*x)/{k}" for k in range(1, 90))
+    model = replace(
+        EVERYTHING,
+        functions={"f(x)": waves, "rho(x)": "1", "half": 0.5, "one": 1},
+        load=["f(t)", 1],
+    )
+    times = np.linspace(0.0, 2.0, 5)
+    k = np.arange(1, 90)[:, None]
+    np.testing.assert_allclose(
+        model.problem.ell.at(times)[:, 0],
+        np.sum(np.sin((k + 0.25) * times) / k, axis=0),
+        rtol=1e-12,
+    )
 
 
 def test_a_file_is_the_evolution_it_says() -> None:

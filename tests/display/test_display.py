@@ -294,7 +294,7 @@ EVERYTHING = particle(
     "f(x)*y + k/2*max(x - y, 0, g)**2 + c*log(1 + x**2)*h(y, x) + lift**2*tanh(x*y) - "
     "atan(x)/cosh(y)**2 + min(x, y)**3"
     " + clip(x, -g, g)*y + exp(-x/k)*sin(omega*t) + sqrt(1 + y**2)*asinh(x) + tan(x/9) + sinh(y) + "
-    "abs(x)**1.5 + k**y",
+    "abs(x)**1.5 + k**y + erf(x - y)*k",
     functions={
         "f(s)": "s**3 + x*s",
         "h(a, b)": "a*b - f(a)",

@@ -220,6 +220,7 @@ FORMULAS = [
     "abs(g - h)", "max(g, h)", "min(g, h, 1.3)", "clip(g, 1.4, 1.7)", "clip(A*h, 2.1, 2.5)*g",
     "max(g - 1.5, 0)**2", "piecewise(g < 1.4, h, g < 1.6, 2*h, h**2)",
     "piecewise(t > 1.1, sin(g), -A)", "abs(sin(3*g))*h", "1/(1 + abs(g - h))",
+    "erf(g - 1.5)", "exp(-g)*erf(h/g)",
 ]  # fmt: skip
 
 SPAN = 3.0
@@ -258,7 +259,7 @@ def drawn(seed: int) -> dict[str, float]:
 
 
 FUNCTIONS: dict[str, Callable[..., mp.mpf]] = {
-    **{f: getattr(mp, f) for f in "sqrt exp log sin cos tan sinh cosh tanh asinh atan".split()},
+    **{f: getattr(mp, f) for f in "sqrt exp log sin cos tan sinh cosh tanh asinh atan erf".split()},
     "abs": abs,
     "max": max,
     "min": min,

@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy import special
 
 from stickslip import System, Viscous
 from stickslip.motion.engine.modes import resolve
@@ -27,6 +28,7 @@ FORCES: dict[str, Callable[[complex, complex], complex]] = {
     "(2 + t)**1.7": lambda t, x: (2 + t) ** 1.7,
     "atan(t + x0)": lambda t, x: np.arctan(t + x),
     "asinh(2*t - x0)": lambda t, x: np.arcsinh(2 * t - x),
+    "erf(2*t - x0)": lambda t, x: special.erf(2 * t - x),
     "sinh(t)/cosh(x0)": lambda t, x: np.sinh(t) / np.cosh(x),
     "tan(0.4*t)": lambda t, x: np.tan(0.4 * t),
     "x0**7 - t**3": lambda t, x: x**7 - t**3,

@@ -1,6 +1,8 @@
 """The formula language: what it accepts, what it means, what it refuses."""
 
+import copy
 import math
+import pickle
 import time
 from pathlib import Path
 
@@ -73,7 +75,7 @@ def test_precedence_and_values(text, expected):
 
 
 @pytest.mark.parametrize(
-    "name", ["exp", "sin", "cos", "tan", "sinh", "cosh", "tanh", "asinh", "atan"]
+    "name", ["exp", "sin", "cos", "tan", "sinh", "cosh", "tanh", "asinh", "atan", "erf"]
 )
 def test_functions(name):
     assert value(f"{name}(x)") == getattr(math, name)(1.3)
@@ -374,7 +376,7 @@ LEAVES = st.sampled_from(["x", "y", "x", "y", "2", "3", "0.5", "1.7", "a"])
 
 
 def _compound(inner):
-    unary = st.sampled_from(["sin", "cos", "tanh", "exp", "atan", "asinh", "sinh", "cosh"])
+    unary = st.sampled_from(["sin", "cos", "tanh", "exp", "atan", "asinh", "erf", "sinh", "cosh"])
     return st.one_of(
         st.tuples(inner, st.sampled_from([" + ", " - ", "*", "/"]), inner).map(
             lambda p: f"({p[0]}){p[1]}({p[2]})"
@@ -489,6 +491,22 @@ def test_text_of_an_expression_is_a_formula_for_it(text, x, y):
     first, second = ex.evaluate(expression, point), ex.evaluate(again, point)
     assume(moderate(first, *_parts(expression, point)))
     assert second == pytest.approx(first, rel=1e-9, abs=1e-9)
+
+
+def test_an_expression_is_a_formula():
+    e = parse("a*sin(x) + max(y, 0)**1.5")
+    assert parse(e) is e
+    assert Scope({"x": ex.num(2.0)}).parse(ex.sym("x") ** 2 + 1, "here") is ex.num(5.0)
+    doubled = Scope({"x": ex.sym("x")}, {"f": Definition("functions.f", ("u",), 2 * ex.sym("u"))})
+    assert doubled.parse("f(x)", "here") is 2 * ex.sym("x")
+    with pytest.raises(DeclarationError, match="unknown name 'z'"):
+        parse(ex.sym("z"))
+
+
+def test_a_copy_of_an_expression_is_the_expression():
+    e = parse("a*sin(x) + max(y, 0)**x - erf(x)/3")
+    assert pickle.loads(pickle.dumps(e)) is e
+    assert copy.deepcopy(e) is e
 
 
 def test_text_of_a_huge_expression_is_short():

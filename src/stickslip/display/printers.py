@@ -22,6 +22,7 @@ from stickslip.display.tree import (
     negate,
     split,
 )
+from stickslip.symbolic.functions import FUNCTIONS
 
 SUM, PRODUCT, POWER, ATOM = range(4)
 VULGAR = {
@@ -251,12 +252,12 @@ class LatexWriter(UnicodeWriter):
 
     def function(self, node: Call, arguments: list[str]) -> str:
         inside = self.brackets(", ".join(arguments)) if arguments else ""
-        known = {"exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh", "min", "max"}
-        if node.name in known:
+        if node.name in FUNCTIONS:
+            return FUNCTIONS[node.name].in_latex + inside
+        if node.name in ("min", "max"):
             return rf"\{node.name}{inside}"
-        if node.name in ("clip", "sgn", "asinh", "atan"):
-            name = node.name.replace("asinh", "arsinh").replace("atan", "arctan")
-            return rf"\operatorname{{{name}}}{inside}"
+        if node.name in ("clip", "sgn"):
+            return rf"\operatorname{{{node.name}}}{inside}"
         if self.is_rate(node):
             return latex_name(node.name, 1) + inside
         if node.by and set(node.by) == {"0"} and len(node.arguments) == 1:

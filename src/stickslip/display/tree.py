@@ -13,10 +13,12 @@ import ast
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cache
 from math import gcd
 from typing import TYPE_CHECKING
 
-from stickslip.symbolic.formulas import BUILTIN, parse_signature
+from stickslip.symbolic.formulas import builtins, parse_signature
+from stickslip.symbolic.functions import FUNCTIONS, Function
 
 if TYPE_CHECKING:
     from stickslip.model.system import System
@@ -235,7 +237,7 @@ def _functions_last(node: Node) -> Node:
 
 def _by_argument(call: Call, name: str) -> Node:
     inner = [ZERO if isinstance(a, Relation) else derivative(a, name) for a in call.arguments]
-    if call.name not in BUILTIN or call.by:
+    if call.name not in builtins() or call.by:
         parts = [
             multiply(replace(call, by=(*call.by, str(i))), slope)
             for i, slope in enumerate(inner)
@@ -259,7 +261,8 @@ def _by_argument(call: Call, name: str) -> Node:
         case "piecewise":
             pairs = [(c, v) for c, v in zip(call.arguments[:-1:2], inner[1:-1:2], strict=True)]
             return choose(pairs, inner[-1])
-    return _functions_last(multiply(_OUTER[call.name](call.arguments[0]), _primitive(inner[0])))
+    outer = substitute(_slope(FUNCTIONS[call.name]), {"x": call.arguments[0]})
+    return _functions_last(multiply(outer, _primitive(inner[0])))
 
 
 def _of_extremum(call: Call, inner: list[Node]) -> Node:
@@ -280,18 +283,10 @@ def choose(pairs: Iterable[tuple[Node, Node]], otherwise: Node) -> Node:
     return Call("piecewise", (*(part for pair in pairs for part in pair), otherwise))
 
 
-_OUTER = {
-    "exp": lambda x: Call("exp", (x,)),
-    "log": lambda x: power(x, MINUS_ONE),
-    "sin": lambda x: Call("cos", (x,)),
-    "cos": lambda x: negate(Call("sin", (x,))),
-    "tan": lambda x: power(Call("cos", (x,)), Number(Fraction(-2))),
-    "sinh": lambda x: Call("cosh", (x,)),
-    "cosh": lambda x: Call("sinh", (x,)),
-    "tanh": lambda x: power(Call("cosh", (x,)), Number(Fraction(-2))),
-    "asinh": lambda x: power(add(ONE, power(x, Number(Fraction(2)))), Number(Fraction(-1, 2))),
-    "atan": lambda x: power(add(ONE, power(x, Number(Fraction(2)))), MINUS_ONE),
-}
+@cache
+def _slope(row: Function) -> Node:
+    """The derivative of a function of the table, in ``x``."""
+    return Reader().read(row.shown or row.derivative)
 
 
 def names_in(node: Node) -> set[str]:
@@ -330,7 +325,7 @@ def substitute(node: Node, values: Mapping[str, Node]) -> Node:
 
 
 class Reader:
-    """Reads the formulas of one checked system into trees.
+    """Reads the formulas of one checked system into trees, or formulas of no system.
 
     Attributes
     ----------
@@ -338,12 +333,13 @@ class Reader:
         Functions and drives of the system, their bodies as trees.
     """
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: System | None = None) -> None:
+        declared = {} if system is None else {**system.functions, **system.drives}
         self._sources: dict[str, tuple[tuple[str, ...], str | float]] = {}
-        for key, text in [*system.functions.items(), *system.drives.items()]:
+        for key, text in declared.items():
             name, arguments = parse_signature(key, key)
             self._sources[name] = (arguments, text)
-        self._parameters = frozenset(system.parameters)
+        self._parameters = frozenset(() if system is None else system.parameters)
         self._bodies: dict[str, Node] = {}
         self._read: dict[str, Node] = {}
         self.definitions = {

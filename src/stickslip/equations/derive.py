@@ -21,6 +21,7 @@ from stickslip.model.declaration import Declaration, DryContact
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.functions import is_wave
 
 KINDS = tuple(Kind)
 
@@ -106,7 +107,7 @@ class MotionEquations:
         numbers = dict.fromkeys(zero, ex.ZERO)
         try:
             waves = ex.walk([ex.substitute(e, numbers) for e in self.formulas])
-            felt = {ex.derivative(e.args[0], "t") for e in waves if e.op in ("sin", "cos")}
+            felt = {ex.derivative(e.args[0], "t") for e in waves if is_wave(e.op)}
             rates = [ex.substitute(e, numbers) for e in self.frequencies]
         except (ZeroDivisionError, OverflowError):
             return [True] * len(self.frequencies)
@@ -284,7 +285,7 @@ def _powers(d: Declaration, contacts: list[DryContact]) -> tuple[Expr, Expr, Exp
 def _frequencies(used: list[Expr], parameters: list[str]) -> list[Expr]:
     found: dict[Expr, None] = {}
     for node in ex.walk(used):
-        if node.op in ("sin", "cos") and "t" in node.symbols:
+        if is_wave(node.op) and "t" in node.symbols:
             rate = ex.derivative(node.args[0], "t")
             if rate.symbols <= set(parameters) and -rate not in found:
                 found[rate] = None

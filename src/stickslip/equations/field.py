@@ -137,6 +137,8 @@ class Field:
         Shapes: t () or (…), y (states, …), p (parameters,) or (parameters, …); result (expressions,
         …).
         """
+        if any(e.op == "select" for e in ex.walk(expressions)):
+            raise ValueError("an expression with kinks is not smooth; fix its regions first")
         evaluate = evaluator(expressions, self.names)
         n = 1 + len(self.state)
 

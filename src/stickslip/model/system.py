@@ -162,6 +162,10 @@ def _lists_to_tuples(item: Contact | System) -> None:
 class System:
     """A system declared by its energy and its dissipation potential.
 
+    A formula is a number or a text of numbers, names, ``pi``, ``+ - * / **``, brackets and the
+    functions of :data:`~stickslip.symbolic.functions.FUNCTIONS` (exp, sin, erf, ...), sqrt, abs,
+    min, max, clip and piecewise.
+
     Attributes
     ----------
     name, title, source : str

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,17 +17,6 @@ from stickslip.symbolic.intervals import LOOSE, Intervals
 Array = NDArray[np.float64]
 Box = Array  # of shape (2, boxes)
 
-
-NUMPY: dict[str, Callable[[Any], Any]] = {
-    **{
-        name: getattr(np, name)
-        for name in ("exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh")
-    },
-    "asinh": np.arcsinh,
-    "atan": np.arctan,
-}
-"""The functions of the formula language, for arrays."""
-
 ARRAYS = Intervals(
     SimpleNamespace(
         minimum=np.minimum,
@@ -37,7 +26,7 @@ ARRAYS = Intervals(
         inverse=lambda x: np.divide(1.0, x),
         floor=np.floor,
         power=np.power,
-        functions=NUMPY,
+        function=lambda row: row.array,
     )
 )
 

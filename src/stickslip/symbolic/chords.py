@@ -3,13 +3,12 @@ is off in between."""
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.boxes import NUMPY, Array, deviation, slopes
+from stickslip.symbolic.boxes import Array, deviation, slopes
+from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
 
@@ -25,42 +24,16 @@ class Chord(NamedTuple):
     off: Array
 
 
-def evaluate(expressions: list[Expr], u: Any) -> list[Any]:
-    """Values of expressions in one name, for a number or an array; NaN where undefined."""
-    known: dict[Expr, Any] = {}
-    with np.errstate(all="ignore"):
-        for e in ex.walk(expressions):
-            known[e] = value_of(e, np.float64(u) if np.ndim(u) == 0 else u, known)
-    return [known[e] for e in expressions]
-
-
-def value_of(e: Expr, u: Any, known: dict[Expr, Any]) -> Any:
-    """Value of one node from those of its arguments, which are `known`."""
-    match e.op:
-        case "num":
-            return ex.number(e)
-        case "sym":
-            return u
-        case "sum":
-            return float(e.value) + sum(c * known[term] for term, c in e.terms)
-        case "prod":
-            return math.prod(np.power(known[base], p) for base, p in e.terms)
-        case "pow":
-            return np.power(known[e.args[0]], known[e.args[1]])
-        case "select":
-            guard, above, below = (known[a] for a in e.args)
-            return np.where(guard >= 0.0, above, below)
-        case _:
-            return NUMPY[e.op](known[e.args[0]])
+def evaluate(expressions: list[Expr], u: Any) -> Array:
+    """Values of expressions in one name, for a number or an array: shape (expressions, ...)."""
+    names = sorted(frozenset[str]().union(*(e.symbols for e in expressions)))
+    return evaluator(expressions, names)(np.broadcast_to(u, (len(names), *np.shape(u))))
 
 
 def table(expressions: list[Expr], u: Array) -> Array:
     """Values of expressions in one name at places of shape (m,), one row each: shape (m,
     expressions)."""
-    columns = evaluate(expressions, u)
-    return np.column_stack([np.broadcast_to(column, len(u)) for column in columns]).astype(
-        float, copy=False
-    )
+    return np.ascontiguousarray(evaluate(expressions, u).T)
 
 
 def deviations(

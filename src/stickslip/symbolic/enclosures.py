@@ -12,7 +12,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 
 from stickslip.symbolic.expressions import Expr, number, walk
-from stickslip.symbolic.intervals import EVERYTHING, FLOATS, LOOSE, Interval, Intervals
+from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS, Function
+from stickslip.symbolic.intervals import EVERYTHING, FLOATS, LARGEST, LOOSE, Interval, Intervals
 
 MOST_SIDES = 4  # nested kinks that are told apart
 NOTHING = (0.0, 0.0)
@@ -75,7 +76,7 @@ class Enclosure:
             case "select":
                 return self._select(e, ())
             case _:
-                return of.functions[e.op](known[e.args[0]])
+                return of_function(FUNCTIONS[e.op], known[e.args[0]], of)
 
     def _sum(self, constant: float, terms: Iterable[tuple[Expr, float]]) -> Interval:
         total: Interval = (constant, constant)
@@ -141,7 +142,7 @@ class Enclosure:
                 return of.unless((known[guard][0] < 0.0) & (known[guard][1] >= 0.0), both)
             case _:
                 (x,) = e.args
-                return of.times(of.slopes[e.op](known[x]), self.slopes[x])
+                return of.times(slope_of_function(FUNCTIONS[e.op], known[x], of), self.slopes[x])
 
     def _slope_of_product(self, e: Expr) -> Interval:
         of = self.intervals
@@ -158,6 +159,40 @@ class Enclosure:
                     part = of.unless((box[0] <= 0.0) & (box[1] >= 0.0), part)
                 total = of.plus(total, part)
         return total
+
+
+# -- functions -------------------------------------------------------------------------------------
+
+
+def of_function(row: Function, a: Interval, of: Intervals) -> Interval:
+    """What a function of the table lies in.
+
+    One that is neither monotone nor a wave lies between its values at the ends where its slope has
+    one sign, and else near its value in the middle (mean value).
+    """
+    if row.limits is not None or row.crest is not None:
+        return of.function(row, a)
+    ops = of.ops
+    a = of.inside(row, a)
+    slope = slope_of_function(row, a, of)
+    middle = ops.minimum(ops.maximum(0.5 * a[0] + 0.5 * a[1], a[0]), a[1])
+    value = of.ends(row, (middle, middle))
+    around = of.plus(value, of.times(slope, of.plus(a, (-middle, -middle))))
+    around = of.unless((a[0] < -LARGEST) | (a[1] > LARGEST), around)
+    ends = of.ends(row, a)
+    monotone = (slope[0] >= 0.0) | (slope[1] <= 0.0)
+    return (
+        ops.where(monotone, ends[0], around[0]),
+        ops.where(monotone, ends[1], around[1]),
+    )
+
+
+def slope_of_function(row: Function, a: Interval, of: Intervals) -> Interval:
+    """What the derivative of a function of the table lies in, and all quotients of differences: so
+    it is unbounded across a pole."""
+    body = row.shown_slope
+    slope = Enclosure([body], {ARGUMENT: of.inside(row, a)}, of).values[body]
+    return slope if row.poles is None else of.unless(of.passes(a, *row.poles), slope)
 
 
 # -- kinks -----------------------------------------------------------------------------------------

@@ -13,20 +13,9 @@ import hashlib
 import math
 from collections.abc import Callable, Iterable, Mapping
 
-Terms = tuple[tuple["Expr", float], ...]
+from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS
 
-FUNCTIONS: dict[str, Callable[[float], float]] = {
-    "exp": math.exp,
-    "log": math.log,
-    "sin": math.sin,
-    "cos": math.cos,
-    "tan": math.tan,
-    "sinh": math.sinh,
-    "cosh": math.cosh,
-    "tanh": math.tanh,
-    "asinh": math.asinh,
-    "atan": math.atan,
-}
+Terms = tuple[tuple["Expr", float], ...]
 
 
 class Expr:
@@ -97,6 +86,10 @@ class Expr:
 
     def __repr__(self) -> str:
         return to_text(self)
+
+    def __reduce__(self) -> tuple[Callable[..., Expr], tuple[object, ...]]:
+        """A copy, or what another process reads, is the one object that equal expressions are."""
+        return _node, (self.op, self.value, self.args, self.terms)
 
 
 _nodes: dict[tuple, Expr] = {}
@@ -235,7 +228,7 @@ def power(base: Expr, exponent: Expr) -> Expr:
 
 
 def call(name: str, argument: Expr) -> Expr:
-    """One of :data:`FUNCTIONS` applied to an expression."""
+    """A function of :data:`~stickslip.symbolic.functions.FUNCTIONS` applied to an expression."""
     if argument.op == "num":
         try:
             return num(FUNCTIONS[name](number(argument)))
@@ -307,7 +300,7 @@ def _derivative(e: Expr, name: str) -> Expr:
         guard, above, below = e.args
         return select(guard, derivative(above, name), derivative(below, name))
     (x,) = e.args
-    return _outer_derivative(e, x) * derivative(x, name)
+    return at(FUNCTIONS[e.op].slope, x) * derivative(x, name)
 
 
 def _relative_slope(base: Expr, p: float, name: str) -> Expr:
@@ -315,9 +308,11 @@ def _relative_slope(base: Expr, p: float, name: str) -> Expr:
     not overflow."""
     if name not in base.symbols:
         return ZERO
-    if p < 0.0 and base.op == "cosh":
-        return call("tanh", base.args[0]) * derivative(base.args[0], name)
-    growing = [(term, c) for term, c in base.terms if term.op == "exp" and name in term.symbols]
+    if p < 0.0 and (relative := _relative(base)) is not None:
+        return at(relative, base.args[0]) * derivative(base.args[0], name)
+    growing = [
+        (term, c) for term, c in base.terms if _relative(term) is ONE and name in term.symbols
+    ]
     if p < 0.0 and base.op == "sum" and len(growing) == 1:
         # c exp u = base − rest, so that base′/base = u′ + (rest′ − u′ rest)/base.
         (term, c), rate = growing[0], derivative(growing[0][0].args[0], name)
@@ -326,28 +321,22 @@ def _relative_slope(base: Expr, p: float, name: str) -> Expr:
     return derivative(base, name) / base
 
 
-def _outer_derivative(e: Expr, x: Expr) -> Expr:
-    match e.op:
-        case "exp":
-            return e
-        case "log":
-            return 1.0 / x
-        case "sin":
-            return call("cos", x)
-        case "cos":
-            return -call("sin", x)
-        case "tan":
-            return 1.0 + e**2.0
-        case "sinh":
-            return call("cosh", x)
-        case "cosh":
-            return call("sinh", x)
-        case "tanh":
-            return 1.0 - e**2.0
-        case "asinh":
-            return (1.0 + x**2.0) ** -0.5
-        case _:
-            return 1.0 / (1.0 + x**2.0)  # atan
+def _relative(e: Expr) -> Expr | None:
+    """The derivative of a function divided by it, if its row has it."""
+    return FUNCTIONS[e.op].relative_slope if e.op in FUNCTIONS else None
+
+
+def at(body: Expr, argument: Expr) -> Expr:
+    """The body of a function, such as a derivative of the table, at an argument."""
+    return substitute(body, {ARGUMENT: argument})
+
+
+def turned(wave: Expr, quarters: int) -> Expr:
+    """A sine or cosine some quarters of its period later: as many derivatives of the function."""
+    body = call(wave.op, sym(ARGUMENT))
+    for _ in range(quarters % 4):
+        body = derivative(body, ARGUMENT)
+    return at(body, wave.args[0])
 
 
 def along(expression: Expr, rates: Mapping[str, Expr]) -> Expr:

@@ -23,6 +23,7 @@ from typing import TypeGuard
 from stickslip.errors import DeclarationError, short
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.functions import FUNCTIONS
 
 MAX_LENGTH = 4000
 MAX_NODES = 1500
@@ -32,13 +33,15 @@ MAX_WORK = 40_000  # nodes read for one formula, functions inserted
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 SIGNATURE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*(?:\(([^()]*)\))?\s*\Z")
-BUILTIN = (
-    dict.fromkeys(["sqrt", "abs", *ex.FUNCTIONS], 1)
-    | {"clip": 3}
-    | dict.fromkeys(["min", "max", "piecewise"])
-)
+STRUCTURES = {"sqrt": 1, "abs": 1, "clip": 3, "min": None, "max": None, "piecewise": None}
 CONSTANTS = {"pi": ex.num(math.pi)}
-RESERVED = frozenset(BUILTIN) | frozenset(CONSTANTS) | {"t", "speed"}
+RESERVED = frozenset(CONSTANTS) | {"t", "speed"}
+
+
+def builtins() -> dict[str, int | None]:
+    """The functions of the language with the number of their arguments (None: at least one): those
+    of the table, and those that are written for powers and kinks."""
+    return STRUCTURES | dict.fromkeys(FUNCTIONS, 1)
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,7 @@ class Scope:
     _work: int = 0
 
     def parse(self, text: object, where: str) -> Expr:
-        """Expression of a formula.
+        """Expression of a formula: of its text, a number, or the expression itself.
 
         Raises
         ------
@@ -171,7 +174,7 @@ def check_name(name: str, where: str, taken: Iterable[str] = ()) -> None:
             f"'{short(name)}' is not a name",
             "Use letters, digits and _, starting with a letter",
         )
-    if name in RESERVED:
+    if name in RESERVED or name in builtins():
         raise DeclarationError(
             where, f"'{name}' has a fixed meaning in formulas", "Choose another name"
         )
@@ -194,6 +197,8 @@ class _Reader:
         return DeclarationError(self.where, reason, remedy)
 
     def read(self, text: object) -> Expr:
+        if isinstance(text, Expr):
+            return ex.substitute(text, {name: self.name(name) for name in sorted(text.symbols)})
         if is_finite(text):
             return ex.num(float(text))
         if isinstance(text, Real) and not isinstance(text, bool):
@@ -279,7 +284,7 @@ class _Reader:
         kind = type(node).__name__.lower()
         raise self.fail(
             f"formulas cannot contain this Python construct ({kind})",
-            "Allowed are numbers, names, + - * / **, brackets and " + ", ".join(sorted(BUILTIN)),
+            "Allowed are numbers, names, + - * / **, brackets and " + ", ".join(sorted(builtins())),
         )
 
     def chain(self, node: ast.expr, depth: int) -> Expr:
@@ -321,7 +326,7 @@ class _Reader:
             return self.scope.apply(name, (), self.where)
         if name in self.scope.forbidden:
             raise self.fail(f"'{name}' may not stand here", self.scope.forbidden[name])
-        if name in BUILTIN:
+        if name in builtins():
             raise self.fail(f"'{name}' is a function", f"Write {name}(...)")
         raise self.unknown("name", name, [*self.bound, *self.scope.names, *self.scope.definitions])
 
@@ -339,12 +344,13 @@ class _Reader:
             return self.piecewise(node.args, depth)
         if any(isinstance(a, ast.Starred) for a in node.args):
             raise self.fail("'*' cannot stand before an argument", "List the arguments")
-        if name not in BUILTIN and name not in self.scope.definitions:
-            raise self.unknown("function", name, [*BUILTIN, *self.scope.definitions])
+        known = builtins()
+        if name not in known and name not in self.scope.definitions:
+            raise self.unknown("function", name, [*known, *self.scope.definitions])
         arguments = tuple(self.visit(a, depth + 1) for a in node.args)
         if name in self.scope.definitions:
             return self.scope.apply(name, arguments, self.where)
-        wanted = BUILTIN[name]
+        wanted = known[name]
         if (wanted is not None and len(arguments) != wanted) or not arguments:
             raise self.fail(
                 f"'{name}' takes {wanted or 'at least 1'} argument(s), not {len(arguments)}",

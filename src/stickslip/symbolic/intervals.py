@@ -15,11 +15,11 @@ Source: R. E. Moore, R. B. Kearfott, M. J. Cloud, *Introduction to Interval Anal
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from types import SimpleNamespace
 from typing import Any
 
-from stickslip.symbolic.expressions import FUNCTIONS
+from stickslip.symbolic.functions import FUNCTIONS, Function
 
 Interval = tuple[Any, Any]
 
@@ -29,21 +29,16 @@ LOOSE = 4.0 * 2.0**-52  # relative error of an elementary function, and of a pow
 TINY = 1e-321  # its absolute error where it underflows
 SPLIT = 134217729.0  # 2²⁷ + 1: halves the digits of a number
 SURE = 1e-280  # size of a product above which its error is a floating-point number
-QUARTER = math.pi / 2.0
 
 
-def _safe(function: Callable[..., float]) -> Callable[..., float]:
-    """The function with the results of IEEE arithmetic in place of exceptions."""
-
-    def evaluated(*x: float) -> float:
-        try:
-            return function(*x)
-        except OverflowError:
-            return math.copysign(math.inf, x[0]) if function in (math.sinh, math.pow) else math.inf
-        except ValueError:
-            return -math.inf if function is math.log and x[0] == 0.0 else math.nan
-
-    return evaluated
+def _power(x: float, p: float) -> float:
+    """A power with the results of IEEE arithmetic in place of exceptions."""
+    try:
+        return math.pow(x, p)
+    except OverflowError:
+        return math.copysign(math.inf, x)
+    except ValueError:
+        return math.nan
 
 
 NUMBERS = SimpleNamespace(
@@ -53,8 +48,8 @@ NUMBERS = SimpleNamespace(
     lower=lambda x: math.nextafter(x, -math.inf),
     inverse=lambda x: 1.0 / x if x else math.copysign(math.inf, x),
     floor=lambda x: float(math.floor(x)) if math.isfinite(x) else x,
-    power=_safe(math.pow),
-    functions={name: _safe(f) for name, f in FUNCTIONS.items()},
+    power=_power,
+    function=lambda row: row.ieee,
 )
 """The elementary operations on numbers."""
 
@@ -64,35 +59,6 @@ class Intervals:
 
     def __init__(self, ops: Any) -> None:
         self.ops = ops
-        self.functions: dict[str, Callable[[Interval], Interval]] = {
-            "exp": self.exp,
-            "log": self.log,
-            "sin": lambda a: self._wave("sin", a, QUARTER),
-            "cos": lambda a: self._wave("cos", a, 0.0),
-            "tan": self._tan,
-            "cosh": self._cosh,
-            **{name: lambda a, name=name: self._odd(name, a) for name in ("sinh", "asinh")},
-            "tanh": lambda a: self._odd("tanh", a, 1.0),
-            "atan": lambda a: self._odd("atan", a, math.nextafter(QUARTER, 2.0)),
-        }
-        of = self.functions
-        one = (1.0, 1.0)
-        self.slopes: dict[str, Callable[[Interval], Interval]] = {
-            "exp": self.exp,
-            "log": lambda a: self.inverse(self._nonnegative(a)),
-            "sin": of["cos"],
-            "cos": lambda a: self.negative(of["sin"](a)),
-            "tan": lambda a: self.unless(
-                self._passes(a, QUARTER, math.pi), self.plus(one, self.power(of["tan"](a), 2.0))
-            ),
-            "sinh": self._cosh,
-            "cosh": of["sinh"],
-            "tanh": lambda a: self.power(self._cosh(a), -2.0),
-            "asinh": lambda a: self.power(self.plus(one, self.power(a, 2.0)), -0.5),
-            "atan": lambda a: self.inverse(self.plus(one, self.power(a, 2.0))),
-        }
-        """Derivatives of the functions: of all quotients of differences, so unbounded across a
-        pole."""
 
     # -- sums and products -------------------------------------------------------------------------
 
@@ -217,14 +183,14 @@ class Intervals:
 
     def _signed(self, a: Interval, value: Interval) -> Interval:
         """Values of a function that has the sign of its argument."""
+        return self._beside(a[0], value[0], 0.0, 0.0), self._beside(a[1], value[1], 0.0, 0.0)
+
+    def _beside(self, x: Any, y: Any, place: float, value: float) -> Any:
+        """The bound y of a function that rises, at x: no side of the value that it has at a place
+        is lost to rounding."""
         ops = self.ops
-
-        def signed(x: Any, y: Any) -> Any:
-            return ops.where(
-                x > 0.0, ops.maximum(y, 0.0), ops.where(x < 0.0, ops.minimum(y, 0.0), 0.0)
-            )
-
-        return signed(a[0], value[0]), signed(a[1], value[1])
+        below = ops.where(x < place, ops.minimum(y, value), value)
+        return ops.where(x > place, ops.maximum(y, value), below)
 
     def _loosened(self, low: Any, high: Any) -> Interval:
         """Values of an elementary function, as bounds."""
@@ -235,26 +201,68 @@ class Intervals:
 
     # -- functions ---------------------------------------------------------------------------------
 
-    def _ends(self, name: str, a: Interval) -> Interval:
-        function = self.ops.functions[name]
-        return function(a[0]), function(a[1])
+    def function(self, row: Function, a: Interval) -> Interval:
+        """A wave, or a function that is monotone (on either side of 0, if it is even; between its
+        poles).
+
+        Raises
+        ------
+        ValueError
+            If it is neither: it is enclosed with its slope
+            (:func:`stickslip.symbolic.enclosures.of_function`).
+        """
+        a = self.inside(row, a)
+        if row.crest is not None:
+            return self._wave(row, a, row.crest)
+        if row.limits is None:
+            raise ValueError(f"{row.name} is not known to be monotone")
+        value = self._monotone(row, self.size(a) if row.parity == "even" else a, row.limits)
+        return value if row.poles is None else self.unless(self.passes(a, *row.poles), value)
 
     def exp(self, a: Interval) -> Interval:
         """exp a."""
-        ops = self.ops
-
-        def beside_one(x: Any, value: Any) -> Any:
-            below = ops.where(x < 0.0, ops.minimum(value, 1.0), 1.0)
-            return ops.where(x > 0.0, ops.maximum(value, 1.0), below)
-
-        low, high = self._nonnegative(self._loosened(*self._ends("exp", a)))
-        return beside_one(a[0], low), beside_one(a[1], high)
+        return self.function(FUNCTIONS["exp"], a)
 
     def log(self, a: Interval) -> Interval:
         """log a."""
-        return self._loosened(*self._ends("log", self._nonnegative(a)))
+        return self.function(FUNCTIONS["log"], a)
 
-    def _passes(self, a: Interval, place: float, period: float) -> Any:
+    def inside(self, row: Function, a: Interval) -> Interval:
+        """The part of an interval in which a function is defined."""
+        if row.domain == EVERYTHING:
+            return a
+        ops = self.ops
+        low, high = (ops.minimum(ops.maximum(end, row.domain[0]), row.domain[1]) for end in a)
+        return low, high
+
+    def ends(self, row: Function, a: Interval) -> Interval:
+        """Bounds of the values of a function at both ends, whichever is larger; unbounded where one
+        is undefined."""
+        ops = self.ops
+        values = self._values(row, a)
+        low, high = self._loosened(ops.minimum(*values), ops.maximum(*values))
+        undefined = (values[0] != values[0]) | (values[1] != values[1])
+        return self.unless(undefined, (low, high))
+
+    def _values(self, row: Function, a: Interval) -> Interval:
+        function = self.ops.function(row)
+        return function(a[0]), function(a[1])
+
+    def _monotone(self, row: Function, a: Interval, limits: tuple[float, float]) -> Interval:
+        """A function that rises from one limit to the other, or falls: then its negative rises."""
+        ops = self.ops
+        sign = 1.0 if limits[0] < limits[1] else -1.0
+        values = self._values(row, a)
+        low, high = self._loosened(sign * values[0], sign * values[1])
+        if row.fixed is not None:
+            place, value = row.fixed
+            low, high = (
+                self._beside(x, y, place, sign * value) for x, y in zip(a, (low, high), strict=True)
+            )
+        bounds = ops.maximum(low, sign * limits[0]), ops.minimum(high, sign * limits[1])
+        return bounds if sign > 0.0 else self.negative(bounds)
+
+    def passes(self, a: Interval, place: float, period: float) -> Any:
         """Whether place + k·period can lie in a, for a whole k."""
         first, last = (a[0] - place) / period, (a[1] - place) / period
         slack = LOOSE * (1.0 + self.ops.maximum(abs(first), abs(last)))
@@ -262,28 +270,16 @@ class Intervals:
             abs(first) + abs(last) >= 1e15
         )
 
-    def _wave(self, name: str, a: Interval, crest: float) -> Interval:
+    def _wave(self, row: Function, a: Interval, crest: float) -> Interval:
         """A function from −1 to 1 of the period 2π, largest at the crest and least half a period
         later."""
         ops = self.ops
-        ends = self._ends(name, a)
+        ends = self._values(row, a)
         low, high = self._loosened(ops.minimum(*ends), ops.maximum(*ends))
         low = ops.where(
-            self._passes(a, crest + math.pi, 2.0 * math.pi), -1.0, ops.maximum(low, -1.0)
+            self.passes(a, crest + math.pi, 2.0 * math.pi), -1.0, ops.maximum(low, -1.0)
         )
-        return low, ops.where(self._passes(a, crest, 2.0 * math.pi), 1.0, ops.minimum(high, 1.0))
-
-    def _tan(self, a: Interval) -> Interval:
-        return self.unless(self._passes(a, QUARTER, math.pi), self._loosened(*self._ends("tan", a)))
-
-    def _cosh(self, a: Interval) -> Interval:
-        low, high = self._loosened(*self._ends("cosh", self.size(a)))
-        return self.ops.maximum(low, 1.0), self.ops.maximum(high, 1.0)
-
-    def _odd(self, name: str, a: Interval, most: float = math.inf) -> Interval:
-        """An odd function that rises, between −most and most."""
-        low, high = self._signed(a, self._loosened(*self._ends(name, a)))
-        return self.ops.maximum(low, -most), self.ops.minimum(high, most)
+        return low, ops.where(self.passes(a, crest, 2.0 * math.pi), 1.0, ops.minimum(high, 1.0))
 
 
 FLOATS = Intervals(NUMBERS)

@@ -16,8 +16,9 @@ import numpy as np
 
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.boxes import Array, between, enclosures, slopes
-from stickslip.symbolic.chords import value_of
+from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS, Function
 
 SPACINGS = 4.0  # between a zero of a guard and the number that stands for it
 Known = dict[Expr, Array]
@@ -41,24 +42,29 @@ def growth(expression: Expr, name: str, start: Array, end: Array, radius: Array)
         to be one inside.
     """
     nodes = list(ex.walk([expression]))
-    middle = 0.5 * (start + end)
-    values: Known = {}
-    bounds: Known = {}
     with np.errstate(all="ignore"):
         one_branch = _one_branch([e.args[0] for e in nodes if e.op == "select"], name, start, end)
-        for e in nodes:
-            values[e] = np.broadcast_to(value_of(e, middle, values), middle.shape)
-            if not e.symbols:
-                bounds[e] = np.zeros(len(middle))
-            elif e.op == "sym":
-                bounds[e] = radius
-            elif e.op == "select":
-                taken = np.where(values[e.args[0]] >= 0.0, bounds[e.args[1]], bounds[e.args[2]])
-                bounds[e] = np.where(one_branch[e.args[0]], taken, np.inf)
-            else:
-                bounds[e] = _bound(e, values, bounds)
-            bounds[e] = np.where(np.isnan(bounds[e]), np.inf, bounds[e])
-    return bounds[expression]
+        return _strays(nodes, name, 0.5 * (start + end), radius, one_branch)[1][expression]
+
+
+def _strays(
+    nodes: list[Expr], name: str, middle: Array, radius: Array, one_branch: Known
+) -> tuple[Known, Known]:
+    """Values of nodes in the middle, and how far they stray."""
+    values = dict(zip(nodes, evaluator(nodes, [name])(middle[None]), strict=True))
+    bounds: Known = {}
+    for e in nodes:
+        if not e.symbols:
+            bounds[e] = np.zeros(len(middle))
+        elif e.op == "sym":
+            bounds[e] = radius
+        elif e.op == "select":
+            taken = np.where(values[e.args[0]] >= 0.0, bounds[e.args[1]], bounds[e.args[2]])
+            bounds[e] = np.where(one_branch[e.args[0]], taken, np.inf)
+        else:
+            bounds[e] = _bound(e, values, bounds)
+        bounds[e] = np.where(np.isnan(bounds[e]), np.inf, bounds[e])
+    return values, bounds
 
 
 def _one_branch(guards: list[Expr], name: str, start: Array, end: Array) -> dict[Expr, Array]:
@@ -98,7 +104,8 @@ def _bound(e: Expr, values: Known, bounds: Known) -> Array:
             ] * np.abs(log)
             return np.exp(values[exponent] * log + total) * -np.expm1(-total)
         case _:
-            return _of_function(e.op, values[e.args[0]], bounds[e.args[0]])
+            row = FUNCTIONS[e.op]
+            return row.stray(row, values[e.args[0]], bounds[e.args[0]])
 
 
 def _of_power(a: Array, b: Array, p: float) -> Array:
@@ -118,31 +125,54 @@ def _of_log(a: Array, b: Array) -> Array:
     return np.where(b < a, -np.log1p(-b / a), np.inf)
 
 
-def _of_function(name: str, a: Array, b: Array) -> Array:
-    """f(a + δ) − f(a) for |δ| ≤ b, by addition theorems with cosh b and sinh b for what δ adds."""
+# -- functions of the table: f(a + δ) − f(a) for |δ| ≤ b -------------------------------------------
+
+
+def by_mean_value(row: Function, a: Array, b: Array) -> Array:
+    """Of any function: b times what its derivative is at most."""
+    slope = row.shown_slope
+    nodes = list(ex.walk([slope]))
+    kinks = {e.args[0]: np.zeros(len(a), bool) for e in nodes if e.op == "select"}
+    values, bounds = _strays(nodes, ARGUMENT, a, b, kinks)
+    return b * (np.abs(values[slope]) + bounds[slope])
+
+
+def of_exp(row: Function, a: Array, b: Array) -> Array:
+    """Of the exponential function: where it underflows at a it may be large at a + b."""
+    return np.exp(a + b) * -np.expm1(-b)
+
+
+def of_log(row: Function, a: Array, b: Array) -> Array:
+    """Of the logarithm."""
+    return _of_log(a, b)
+
+
+def by_addition(row: Function, a: Array, b: Array) -> Array:
+    """Of (hyperbolic) sines and cosines, by addition theorems with sinh b and cosh b for what δ
+    adds."""
+    value, slope = evaluator([ex.call(row.name, ex.sym(ARGUMENT)), row.slope], [ARGUMENT])(a[None])
     odd = np.sinh(b)
     even = 2.0 * np.sinh(0.5 * b) ** 2
-    match name:
-        case "exp":
-            return np.exp(a + b) * -np.expm1(-b)
-        case "log":
-            return _of_log(a, b)
-        case "sin":
-            return np.abs(np.cos(a)) * odd + np.abs(np.sin(a)) * even
-        case "cos":
-            return np.abs(np.sin(a)) * odd + np.abs(np.cos(a)) * even
-        case "sinh":
-            return np.cosh(a) * odd + np.abs(np.sinh(a)) * even
-        case "cosh":
-            return np.abs(np.sinh(a)) * odd + np.cosh(a) * even
-        case "tan":  # sin δ / (cos a cos(a + δ))
-            c = np.abs(np.cos(a))
-            room = c - (np.abs(np.sin(a)) * odd + c * even)
-            return np.where(room > 0.0, odd / (c * room), np.inf)
-        case "tanh":  # through q = exp(−2|a|), so that a saturated end costs nothing
-            q = np.exp(-2.0 * np.abs(a))
-            moved = np.exp(2.0 * (b - np.abs(a))) * -np.expm1(-2.0 * b)
-            return np.where(moved < 1.0 + q, 2.0 * moved / ((1.0 + q) * (1.0 + q - moved)), np.inf)
-        case _:  # asinh and atan: singular at ±i
-            far = np.hypot(1.0, a)
-            return np.where(b < far, -np.log1p(-b / far), np.inf)
+    return np.abs(slope) * odd + np.abs(value) * even
+
+
+def of_tan(row: Function, a: Array, b: Array) -> Array:
+    """Of the tangent: sin δ / (cos a cos(a + δ))."""
+    odd = np.sinh(b)
+    even = 2.0 * np.sinh(0.5 * b) ** 2
+    c = np.abs(np.cos(a))
+    room = c - (np.abs(np.sin(a)) * odd + c * even)
+    return np.where(room > 0.0, odd / (c * room), np.inf)
+
+
+def of_tanh(row: Function, a: Array, b: Array) -> Array:
+    """Of the hyperbolic tangent: through q = exp(−2|a|), so that a saturated end costs nothing."""
+    q = np.exp(-2.0 * np.abs(a))
+    moved = np.exp(2.0 * (b - np.abs(a))) * -np.expm1(-2.0 * b)
+    return np.where(moved < 1.0 + q, 2.0 * moved / ((1.0 + q) * (1.0 + q - moved)), np.inf)
+
+
+def beside_i(row: Function, a: Array, b: Array) -> Array:
+    """Of asinh and atan, which are singular at ±i: |f′| is at most 1 over the distance."""
+    far = np.hypot(1.0, a)
+    return np.where(b < far, -np.log1p(-b / far), np.inf)

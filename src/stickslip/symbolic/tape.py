@@ -12,12 +12,18 @@ questions of the same equations: how large can a row become, is it affine?
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import cache
+from typing import NamedTuple
 
 from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.enclosures import slope_of_function
 from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.functions import FUNCTIONS, Function, is_wave
+from stickslip.symbolic.intervals import FLOATS
 
 ORIGIN = "t'0"
 """The time at which the clock starts, as a parameter: no formula can name it."""
@@ -36,18 +42,21 @@ class Op(IntEnum):
     ROTATION = 7
     STEADY = 8
     HYPERBOLIC = 9
-    ATAN = 10
-    ASINH = 11
-    TAN = 12
-    TANH = 13
-    SELECT = 14
-    SIDE = 15
-    SPEED = 16
-    ENTRY = 17
-    RIGHT = 18
-    SOLVE = 19
-    RATES = 20
-    SIZE = 21
+    CHAIN = 10
+    TAN = 11
+    TANH = 12
+    SELECT = 13
+    SIDE = 14
+    SPEED = 15
+    ENTRY = 16
+    RIGHT = 17
+    SOLVE = 18
+    RATES = 19
+    SIZE = 20
+
+
+OUTPUTS = {Op.ROTATION: 2, Op.STEADY: 2, Op.HYPERBOLIC: 2, Op.TAN: 2, Op.TANH: 2}
+"""How many rows an operation fills, if not one."""
 
 
 @dataclass(frozen=True)
@@ -69,19 +78,22 @@ class Instruction:
         has a constant exponent, its only part, and may have as second input the SIZE of its base:
         the sum of the moduli of the parts at order 0, of which the base is known up to rounding
         only. ROTATION, STEADY (of a phase affine in time) and HYPERBOLIC fill the row and the next
-        one, (co)sines of the input. ATAN, ASINH have as second input the row of their slope; TAN,
-        TANH fill it as the next row. SELECT takes the first part where the region `place` is 1, the
-        second elsewhere. SIDE is the right-hand side of contact `place` (inputs: surface; friction
-        for u > 0, u < 0; thresholds for u > 0, u < 0), SPEED its |u|. ENTRY (of the matrix) and
-        RIGHT belong to the linear problem of the rate-independent coordinates, whose contact is
-        `place`; RATES solves it. SOLVE applies the inverse `matrix` to `size` rows that begin with
-        the input.
+        one, (co)sines of the input. CHAIN is any other function: its second input is the row of its
+        slope, and its part the most that this is for real arguments, if it is bounded. TAN, TANH
+        fill the row of their slope as the next row. SELECT takes the first part where the region
+        `place` is 1, the second elsewhere. SIDE is the right-hand side of contact `place` (inputs:
+        surface; friction for u > 0, u < 0; thresholds for u > 0, u < 0), SPEED its |u|. ENTRY (of
+        the matrix) and RIGHT belong to the linear problem of the rate-independent coordinates,
+        whose contact is `place`; RATES solves it. SOLVE applies the inverse `matrix` to `size` rows
+        that begin with the input.
     row : int
         Where the result goes (the first row of several).
     inputs : tuple of int
     parts : tuple of Scaled
     place, size : int
     matrix : str
+    function : str
+        Of the table, for CHAIN, TAN and TANH.
     entries : tuple of Instruction
         Of RATES: the entries of its matrix, row by row. Those that change along the motion have
         inputs (stiffness, slopes of the thresholds) and a row of their own, the others four
@@ -95,6 +107,7 @@ class Instruction:
     place: int = 0
     size: int = 0
     matrix: str = ""
+    function: str = ""
     entries: tuple[Instruction, ...] = ()
 
 
@@ -170,13 +183,37 @@ def literal(value: float) -> str:
     return repr(float(value))
 
 
+class Dialect(NamedTuple):
+    """How functions and choices are written.
+
+    Attributes
+    ----------
+    called : callable
+        Name of a function and text of its argument -> text.
+    chosen : str
+        Of ``{test}``, ``{above}`` and ``{below}``.
+    """
+
+    called: Callable[[str, str], str]
+    chosen: str
+
+
+COMPILED = Dialect(
+    lambda name, argument: FUNCTIONS[name].compiled(argument), "{above} if {test} else {below}"
+)
+"""For numbers, in machine code."""
+ARRAYS = Dialect("{}({})".format, "where({test}, {above}, {below})")
+"""For arrays; functions are called by their names."""
+
+
 def scalar_code(
     targets: Iterable[Expr],
     names: Mapping[str, str],
     regions: Mapping[Expr, str] | None = None,
     constants: Constants | None = None,
+    dialect: Dialect = COMPILED,
 ) -> tuple[list[str], dict[Expr, str]]:
-    """Straight-line scalar code for expressions.
+    """Straight-line code for expressions: the one printer of values as Python source.
 
     Parameters
     ----------
@@ -187,6 +224,7 @@ def scalar_code(
         Code of the region of each guard; without it the sign of the guard decides.
     constants : Constants, optional
         Where parameter-only expressions stand; ``t`` is then the time since the origin.
+    dialect : Dialect
 
     Returns
     -------
@@ -208,7 +246,7 @@ def scalar_code(
         elif e.op == "sym":
             values[e] = names[str(e.value)]
         else:
-            text = _scalar(e, visit, regions, constants)
+            text = _scalar(e, visit, regions, constants, dialect)
             values[e] = f"s{len(lines)}"
             lines.append(f"{values[e]} = {text}")
         return values[e]
@@ -223,6 +261,7 @@ def _scalar(
     v: Callable[[Expr], str],
     regions: Mapping[Expr, str] | None,
     constants: Constants | None,
+    dialect: Dialect,
 ) -> str:
     match e.op:
         case "sum" if ORIGIN in e.symbols and len(e.terms) > 1:
@@ -236,19 +275,15 @@ def _scalar(
         case "select":
             guard, above, below = e.args
             test = f"{regions[guard]} == 1" if regions is not None else f"{v(guard)} >= 0.0"
-            return f"{v(above)} if {test} else {v(below)}"
+            return dialect.chosen.format(above=v(above), test=test, below=v(below))
         case _:
-            phase = (
-                constants.phase(e.args[0])
-                if constants is not None and e.op in ("sin", "cos")
-                else None
-            )
+            phase = constants.phase(e.args[0]) if constants is not None and is_wave(e.op) else None
             inside = (
                 v(e.args[0])
                 if constants is None or phase is None
                 else " + ".join(_scalar_line(*phase, v, constants))
             )
-            return f"{'math.' if e.op not in ('exp', 'log') else 'safe_'}{e.op}({inside})"
+            return dialect.called(e.op, inside)
 
 
 def _exact_sum(e: Expr, v: Callable[[Expr], str]) -> str:
@@ -337,7 +372,7 @@ class Tape:
         self._own: dict[Expr, int] = {}
         self._products: dict[tuple[int, int], int] = {}
         self._reciprocals: dict[int, int] = {}
-        self._pairs: dict[tuple[str, Expr], int] = {}
+        self._pairs: dict[tuple[Op, Expr], int] = {}
 
     def new_row(self, stage: int = 0) -> int:
         """A fresh row that becomes known at a stage."""
@@ -391,14 +426,14 @@ class Tape:
         return row
 
     def operation(
-        self, op: Op, *inputs: int, parts: tuple[Scaled, ...] = (), outputs: int = 1
+        self, op: Op, *inputs: int, parts: tuple[Scaled, ...] = (), function: str = ""
     ) -> int:
         """Row of an operation on rows (the first, if it fills several)."""
         stage = max(self.stage[i] for i in inputs)
         row = self.new_row(stage)
-        for _ in range(outputs - 1):
+        for _ in range(OUTPUTS.get(op, 1) - 1):
             self.new_row(stage)
-        self.emit(stage, Instruction(op, row, inputs, parts))
+        self.emit(stage, Instruction(op, row, inputs, parts, function=function))
         return row
 
     def _lower(self, e: Expr) -> Scaled:
@@ -528,23 +563,16 @@ class Tape:
 
     def _function(self, e: Expr) -> int:
         (x,) = e.args
-        a = self._phase(x) if e.op in ("sin", "cos") else self.row(x)
-        match e.op:
-            case "sin" | "cos" | "sinh" | "cosh":
-                return self._pair(e.op, x, a)
-            case "exp":
-                return self.operation(Op.EXP, a)
-            case "log":
-                return self.operation(Op.LOG, a)
-            case "atan":
-                return self.operation(Op.ATAN, a, self.row(1.0 / (1.0 + x**2.0)))
-            case "asinh":
-                return self.operation(Op.ASINH, a, self.row((1.0 + x**2.0) ** -0.5))
-            case "tan":
-                return self.operation(Op.TAN, a, outputs=2)
-            case "tanh":
-                return self.operation(Op.TANH, a, outputs=2)
-        raise NotImplementedError(e.op)
+        row = FUNCTIONS[e.op]
+        op = Op[row.recurrence.upper()]
+        a = self._phase(x) if op is Op.ROTATION else self.row(x)
+        match op:
+            case Op.ROTATION | Op.HYPERBOLIC:
+                return self._pair(op, x, a) + (0 if row.parity == "odd" else 1)
+            case Op.CHAIN:
+                slope = self.row(ex.at(row.slope, x))
+                return self.operation(op, a, slope, parts=_steepest(row), function=row.name)
+        return self.operation(op, a, function=row.name)
 
     def _phase(self, x: Expr) -> int:
         """Row of a phase."""
@@ -559,11 +587,20 @@ class Tape:
         ]
         return self.assign(parts, None, constant)
 
-    def _pair(self, name: str, x: Expr, a: int) -> int:
-        """Row of a (hyperbolic) sine or cosine; both are made together."""
-        family = "h" if name.endswith("h") else ""
+    def _pair(self, op: Op, x: Expr, a: int) -> int:
+        """First row of a (hyperbolic) sine and cosine, made together."""
+        family = op
+        if op is Op.ROTATION and self.constants.affine_in_time(x) is not None:
+            family = Op.STEADY
         if (family, x) not in self._pairs:
-            steady = self.constants.affine_in_time(x) is not None
-            op = Op.HYPERBOLIC if family else Op.STEADY if steady else Op.ROTATION
-            self._pairs[family, x] = self.operation(op, a, outputs=2)
-        return self._pairs[family, x] + (0 if name.startswith("sin") else 1)
+            self._pairs[family, x] = self.operation(family, a)
+        return self._pairs[family, x]
+
+
+@cache
+def _steepest(row: Function) -> tuple[Scaled, ...]:
+    """The most that the slope of a function is for real arguments, if it is bounded, up to
+    rounding."""
+    low, high = slope_of_function(row, row.domain, FLOATS)
+    most = max(-low, high)
+    return (Scaled(ex.num(float(f"{most:.15g}"))),) if most < math.inf else ()

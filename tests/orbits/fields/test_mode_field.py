@@ -214,8 +214,10 @@ def test_numbers_alone_fill_the_shape() -> None:
 def test_kinks_need_their_region() -> None:
     x = ex.sym("x")
     clipped = ex.clip(x, ex.num(-1.0), ex.num(1.0))
+    pendulum = mode_field(derive(ode("pendulum", x="v", v="-sin(x)").declaration), (), ())
     with pytest.raises(ValueError, match="regions"):
-        evaluator([clipped], ["x"])
+        pendulum.function([clipped])
+    assert evaluator([clipped], ["x"])([[-3.0, 0.5, 3.0]]).tolist() == [[-1.0, 0.5, 1.0]]
     guards = [n.args[0] for n in ex.walk([clipped]) if n.op == "select"]
     values = {0.0: x, 5.0: ex.ONE, -5.0: -ex.ONE}
     for at, branch in values.items():

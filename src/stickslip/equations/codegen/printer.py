@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.functions import FUNCTIONS
 from stickslip.symbolic.tape import Constants, Instruction, Op, Scaled
 
 _OF_TWO = {
@@ -19,7 +20,6 @@ _PAIRS = {
     Op.STEADY: "steady_rotation_order",
     Op.HYPERBOLIC: "hyperbolic_order",
 }
-_CHAINS = {Op.ATAN: "atan", Op.ASINH: "asinh", Op.TAN: "tan", Op.TANH: "tanh"}
 
 
 def printed(instruction: Instruction, constants: Constants) -> list[str]:
@@ -51,14 +51,14 @@ def printed(instruction: Instruction, constants: Constants) -> list[str]:
             ]
         case Op.ROTATION | Op.STEADY | Op.HYPERBOLIC:
             return [f"{_PAIRS[i.op]}(W, {inputs[0]}, {row}, {row + 1}, k)"]
-        case Op.ATAN | Op.ASINH:
-            return [target + _chain(i.op, inputs[0], inputs[1])]
+        case Op.CHAIN:
+            return [target + _chain(i.function, inputs[0], inputs[1])]
         case Op.TAN | Op.TANH:
             # The slope 1 ± y² is a row of its own, one order behind y.
             sign = "+" if i.op is Op.TAN else "-"
             square = f"product_order(W, {row}, {row}, k)"
             slope = f"W[{row + 1}, k] = (1.0 if k == 0 else 0.0) {sign} {square}"
-            return [target + _chain(i.op, inputs[0], row + 1), slope]
+            return [target + _chain(i.function, inputs[0], row + 1), slope]
         case Op.SELECT:
             above, below = (coefficient(part, constants) for part in i.parts)
             return [target + f"{above} if reg[{i.place}] == 1 else {below}"]
@@ -96,8 +96,9 @@ def by_mode(contact: int, stick: str, plus: str, minus: str) -> str:
     return f"{stick} if mode[{contact}] == 0 else ({plus} if mode[{contact}] > 0 else {minus})"
 
 
-def _chain(op: Op, a: int, slope: int) -> str:
-    return f"math.{_CHAINS[op]}(W[{a}, 0]) if k == 0 else chain_order(W, {a}, {slope}, k)"
+def _chain(function: str, a: int, slope: int) -> str:
+    first = FUNCTIONS[function].compiled(f"W[{a}, 0]")
+    return f"{first} if k == 0 else chain_order(W, {a}, {slope}, k)"
 
 
 def _side(i: Instruction) -> str:

@@ -9,20 +9,19 @@ import numpy as np
 from stickslip.equations.codegen.generate import Layout
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.tape import Instruction, Op, Scaled
+from stickslip.symbolic.tape import OUTPUTS, Instruction, Op, Scaled
 
 Array = np.ndarray
 
 WIDTH = 9  # of a row of code: operation, result, five operands, place, size
 HIDING = frozenset(
     {Op.QUOTIENT, Op.RECIPROCAL, Op.POWER, Op.EXP, Op.LOG, Op.ROTATION, Op.HYPERBOLIC}
-    | {Op.ATAN, Op.ASINH, Op.TAN, Op.TANH}
+    | {Op.CHAIN, Op.TAN, Op.TANH}
 )
 """Operations whose series may be too small to be seen where a step begins, and yet matter where it
 ends."""
 MOST_DEGREE = 8  # of a polynomial that a series of every order shows
 INVERSES = {"Rq": 0, "Rz": 1}
-OUTPUTS = {Op.ROTATION: 2, Op.STEADY: 2, Op.HYPERBOLIC: 2, Op.TAN: 2, Op.TANH: 2}
 
 
 class Program(NamedTuple):
@@ -33,8 +32,8 @@ class Program(NamedTuple):
     code : array of int, shape (instructions, 9)
         Operation, row of the result, up to five operands, place, size; see
         :class:`stickslip.symbolic.tape.Op`. The operands of LINEAR and of RATES (its second and
-        third) are where a list of terms begins and its length; SELECT, POWER (its second) and ENTRY
-        (its fourth) name the place of their first term.
+        third) are where a list of terms begins and its length; SELECT, POWER (its second), ENTRY
+        (its fourth) and CHAIN (its third, −1: none) name the place of their first term.
     term_row : array of int
         Row of a term, −1 for a constant.
     term_factor : array of int
@@ -163,6 +162,8 @@ class _Packer:
             operands = [i.inputs[0], self.term(i.parts[0])]
         elif i.op is Op.ENTRY:
             operands.append(self.term(i.parts[0]))
+        elif i.op is Op.CHAIN:
+            operands.append(self.term(i.parts[0]) if i.parts else -1)
         elif i.op is Op.SIZE:
             operands = []
         return [int(i.op), i.row, *operands, *[0] * (5 - len(operands)), i.place, i.size]

@@ -33,7 +33,7 @@ LINEAR, PRODUCT, QUOTIENT, RECIPROCAL, POWER = (
 EXP, LOG, ROTATION, STEADY, HYPERBOLIC = (
     int(op) for op in (Op.EXP, Op.LOG, Op.ROTATION, Op.STEADY, Op.HYPERBOLIC)
 )
-ATAN, ASINH, TAN, TANH = (int(op) for op in (Op.ATAN, Op.ASINH, Op.TAN, Op.TANH))
+CHAIN, TAN, TANH = (int(op) for op in (Op.CHAIN, Op.TAN, Op.TANH))
 SELECT, SIDE, SPEED, ENTRY, RIGHT, SOLVE, RATES = (
     int(op) for op in (Op.SELECT, Op.SIDE, Op.SPEED, Op.ENTRY, Op.RIGHT, Op.SOLVE, Op.RATES)
 )
@@ -152,7 +152,7 @@ def spread(
         elif op <= LOG:
             spread_function(p, K, W, discs, i)
         elif op <= TANH:
-            spread_angle(p, W, discs, i)
+            spread_angle(p, K, W, discs, i)
         elif op == SOLVE:
             solve_discs(
                 Rq if p.code[i, 3] == 0 else Rz, W, discs, p.code[i, 1], p.code[i, 2], p.code[i, 8]
@@ -274,8 +274,9 @@ def quotient_disc(
 
 
 @njit(**INLINED)
-def spread_angle(p: Program, W: Array, discs: Array, i: int) -> None:
-    """Discs of sines and cosines, atan, asinh, tan and tanh, and of the slopes of the last two."""
+def spread_angle(p: Program, K: Array, W: Array, discs: Array, i: int) -> None:
+    """Discs of sines and cosines, of tan and tanh with their slopes, and of any function that has
+    the row of its slope."""
     op = p.code[i, 0]
     row = p.code[i, 1]
     a = p.code[i, 2]
@@ -298,10 +299,16 @@ def spread_angle(p: Program, W: Array, discs: Array, i: int) -> None:
             near = 0.5 * lifted(abs(x) - u - s) - 0.5  # |cosh z| ≥ |sinh Re z|
         store(W, discs, row, cosine * odd + sine * even if u > 0.0 else 0.0, off, near)
         store(W, discs, row + 1, sine * odd + cosine * even if u > 0.0 else 0.0, off, near)
-    elif op <= ASINH:
+    elif op == CHAIN:
         slope = p.code[i, 3]
-        # mean value
-        store(W, discs, row, u * (abs(W[slope, 0]) + discs[slope, 0]) if u > 0.0 else 0.0, s, 0.0)
+        steep = abs(W[slope, 0]) + discs[slope, 0]
+        # mean value: on the disc, and for real arguments
+        ball = u * steep if u > 0.0 else 0.0
+        off = 0.0
+        if s > 0.0:
+            limit = p.code[i, 4]
+            off = s * (factor(p, K, limit) if limit >= 0 else steep + discs[slope, 1])
+        store(W, discs, row, ball, off, 0.0)
     else:
         ball = tanh_disc(x, u, y) if op == TANH else tan_disc(u, y)
         off = s

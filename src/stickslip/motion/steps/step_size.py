@@ -24,7 +24,7 @@ from stickslip.motion.steps.arrays import (
     Rows,
     Space,
 )
-from stickslip.motion.steps.discs import ATAN, LOG, ROTATION, TANH, reach, spread, spread_state
+from stickslip.motion.steps.discs import CHAIN, LOG, ROTATION, TANH, reach, spread, spread_state
 
 Array = np.ndarray
 
@@ -300,7 +300,7 @@ def may_hide(rows: Rows, W: Array, discs: Array, part: float) -> bool:
     for i in range(p.leading[0]):
         if p.hiding[i] == 1:
             op, row = p.code[i, 0], p.code[i, 1]
-            size = abs(W[row, 0]) + (1.0 if op in (LOG, ROTATION) or ATAN <= op <= TANH else 0.0)
+            size = abs(W[row, 0]) + (1.0 if op in (LOG, ROTATION) or CHAIN <= op <= TANH else 0.0)
             if not (part * discs[row, 0] <= LOOSE * size and discs[row, 1] == 0.0):
                 return True
     return False

@@ -23,6 +23,7 @@ from stickslip.model.system import System
 from stickslip.orbits.fields.mode_field import Piece
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.functions import FUNCTIONS, is_wave
 
 Array = np.ndarray
 
@@ -30,8 +31,6 @@ RANK = 1e-9  # singular values below this part of the largest are zero
 SAME = 1e-9  # changes below this part of their terms are none
 ROUNDING = 1e-15  # … and so are those below this part of the largest terms
 SAMPLES = 12  # of every piece, at which symmetries are looked for
-EVEN = ("cos", "cosh")
-ODD = ("sin", "sinh", "tan", "tanh", "atan", "asinh")
 MOST_PERIODS = 24  # drives have a common period if it is at most this many of their own
 
 
@@ -328,7 +327,6 @@ def _parts(equations: MotionEquations, zero: frozenset[str], quarters: Mapping[E
 def _turned(formula: Expr, turns: Mapping[Expr, int]) -> Expr:
     """A formula whose sines and cosines have been turned by quarters of their periods, by their
     frequencies."""
-    cycle = (("sin", 1.0), ("cos", 1.0), ("sin", -1.0), ("cos", -1.0))
 
     def turn(e: Expr) -> Expr | None:
         if "t" not in e.symbols:
@@ -336,14 +334,13 @@ def _turned(formula: Expr, turns: Mapping[Expr, int]) -> Expr:
         if len(e.args) != 1:
             return None
         (argument,) = e.args
-        rate = ex.derivative(argument, "t") if e.op in ("sin", "cos") else ex.ZERO
+        rate = ex.derivative(argument, "t") if is_wave(e.op) else ex.ZERO
         if rate in turns or -rate in turns:
-            quarters = turns[rate] if rate in turns else -turns[-rate]
-            name, sign = cycle[((e.op == "cos") + quarters) % 4]
-            return sign * ex.call(name, argument)
+            return ex.turned(e, turns[rate] if rate in turns else -turns[-rate])
         inside = _turned(argument, turns)
-        if inside is -argument and e.op in (*EVEN, *ODD):
-            return e if e.op in EVEN else -e
+        parity = FUNCTIONS[e.op].parity
+        if inside is -argument and parity:
+            return e if parity == "even" else -e
         return ex.call(e.op, inside)
 
     return ex.rewrite(formula, turn)

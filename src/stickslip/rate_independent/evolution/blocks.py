@@ -18,6 +18,7 @@ from stickslip.rate_independent.evolution.evolve import KKT, step_times
 from stickslip.rate_independent.evolution.stepping import March
 from stickslip.rate_independent.sets.phase import Varying
 from stickslip.rate_independent.solvers.choose import choose_solver
+from stickslip.symbolic.expressions import Expr
 
 Array = np.ndarray
 Rows = Callable[[Array], Array]
@@ -170,7 +171,7 @@ def _signal(given: Any, rows: Rows) -> Any:
     """A scalar load as a play takes it: formulas and tables as they are, the rest as a function."""
     if isinstance(given, (list, tuple)) and len(given) == 1:
         given = given[0]
-    if isinstance(given, str):
+    if isinstance(given, str | Expr):
         return given
     if isinstance(given, tuple):
         return np.asarray(given[0], dtype=float), np.ravel(given[1])

@@ -146,15 +146,17 @@ class EvolutionModel:
             if required and key not in given:
                 raise _missing(f"dissipation.{key}", key)
         scope = self._scope(PHASE)
-        texts = {
-            key: value if key == "size" else _written(scope, value, f"dissipation.{key}")
+        entries = {
+            key: value if key == "size" else _inserted(scope, value, f"dissipation.{key}")
             for key, value in given.items()
         }
-        texts |= {
-            key: [texts[key]] for key in VECTORS & texts.keys() if not isinstance(texts[key], list)
+        entries |= {
+            key: [entries[key]]
+            for key in VECTORS & entries.keys()
+            if not isinstance(entries[key], list)
         }
         try:
-            return cls(**texts)
+            return cls(**entries)
         except DeclarationError as error:
             where = "dissipation" if error.where == cls.__name__ else f"dissipation.{error.where}"
             raise DeclarationError(where, error.reason, error.remedy) from None
@@ -171,7 +173,7 @@ class EvolutionModel:
         for key in ("A", "load"):
             if getattr(self, key) == ():
                 raise _missing(key, key)
-        loads = _written(self._scope(CLOCK), self.load, "load")
+        loads = _inserted(self._scope(CLOCK), self.load, "load")
         n = self.potential.dimension
         return with_nearest_start(
             lambda: Evolution(
@@ -334,19 +336,15 @@ def _frozen(value: Any) -> Any:
     return tuple(map(_frozen, value)) if isinstance(value, list | tuple) else value
 
 
-def _written(scope: Scope, value: Any, where: str) -> Any:
-    """Formulas in nested tuples as texts of their variables alone, or numbers, in nested lists."""
+def _inserted(scope: Scope, value: Any, where: str) -> Any:
+    """Formulas in nested tuples as expressions of their variables alone, or numbers, in nested
+    lists."""
     if isinstance(value, tuple):
-        return [_written(scope, item, f"{where}[{i}]") for i, item in enumerate(value)]
+        return [_inserted(scope, item, f"{where}[{i}]") for i, item in enumerate(value)]
     expression = scope.parse(value, where)
     if not expression.symbols:
         return ex.evaluate(expression, {})
-    text = ex.to_text(expression)
-    if "..." in text:
-        raise DeclarationError(
-            where, "the formula is too long once its functions are inserted", "Simplify it"
-        )
-    return text
+    return expression
 
 
 def _evaluated(scope: Scope, value: Any, where: str) -> Any:

@@ -12,6 +12,7 @@ import numpy as np
 from stickslip.errors import DeclarationError
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.chords import Chord, deviations, table
+from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Scope
 
 Array = np.ndarray
@@ -64,7 +65,7 @@ def read_load(given: Any, n: int) -> Load:
     """
     if callable(given):
         return _function(given, n)
-    if isinstance(given, str):
+    if isinstance(given, str | Expr):
         return _formulas([given], n)
     if isinstance(given, tuple) and len(given) == 2 and np.ndim(given[0]) == 1:
         return _table(*given, n)

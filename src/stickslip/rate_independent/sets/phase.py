@@ -319,7 +319,7 @@ def _read(given: Any, where: str) -> Varying:
         table = np.empty(0)
     if table.size and table.dtype != object:
         return Constant(table.astype(float), where)
-    if not table.size or not all(isinstance(entry, str | Real) for entry in table.flat):
+    if not table.size or not all(isinstance(entry, str | Expr | Real) for entry in table.flat):
         raise DeclarationError(
             where,
             "it is no array of numbers, no function of the phase and no formula",

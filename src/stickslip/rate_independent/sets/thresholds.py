@@ -7,11 +7,12 @@ import numpy as np
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.sets.phase import Varying, read, wrapped
 from stickslip.rate_independent.sets.potential import Array
+from stickslip.symbolic.expressions import Expr
 
 
 def read_weights(given: object, where: str) -> Varying:
     """Thresholds as a vector that may depend on the phase, nonnegative at a few phases."""
-    varying = read([given] if isinstance(given, str) else given, where)
+    varying = read([given] if isinstance(given, str | Expr) else given, where)
     if len(varying.shape) != 1 or varying.shape[0] == 0:
         raise DeclarationError(
             where,

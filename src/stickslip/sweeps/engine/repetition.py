@@ -19,6 +19,7 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import bounds
 from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.functions import is_wave
 
 MAKES_UP = 1e-9  # part of the terms of a sum that may be left of them
 WHOLE = 1e-9  # relative distance from a whole number of periods
@@ -99,7 +100,7 @@ class _Walk:
         return self.known[e]
 
     def _stays(self, e: Expr) -> bool:
-        if e.op in ("sin", "cos") and self._wave(e.args[0]):
+        if is_wave(e.op) and self._wave(e.args[0]):
             return True
         if e.op == "sum":
             return self._sum(e)

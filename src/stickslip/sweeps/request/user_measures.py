@@ -20,6 +20,7 @@ from stickslip.errors import DeclarationError, StickslipError, short
 from stickslip.model.system import System
 from stickslip.sweeps.request.measures import MEASURES, OWN, needs_close_look
 from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.formulas import NAME, Scope
 
 if TYPE_CHECKING:
@@ -28,11 +29,6 @@ if TYPE_CHECKING:
 Array = np.ndarray
 REASONS = ("given", "returned_nan", "returned_no_number", "raised_an_error", "motion_incomplete")
 """Why a function of the motion has no value at a point; 0: it has one."""
-UFUNCS: dict[str, Callable[[Array], Array]] = {
-    **{name: getattr(np, name) for name in ex.FUNCTIONS if name not in ("asinh", "atan")},
-    "asinh": np.arcsinh,
-    "atan": np.arctan,
-}
 
 
 @dataclass(frozen=True)
@@ -58,33 +54,11 @@ class FormulaMeasure:
 
     def values(self, known: Mapping[str, Array | float], count: int) -> Array:
         """The formula at a number of points; NaN where it is undefined."""
-        found: dict[ex.Expr, Array] = {}
-        with np.errstate(all="ignore"):
-            for e in ex.walk([self.expression]):
-                values = _values(e, known, found)
-                found[e] = np.where(np.isfinite(values), values, np.nan)
-        return np.broadcast_to(found[self.expression], count).copy()
-
-
-def _values(e: ex.Expr, known: Mapping[str, Array | float], found: Mapping[ex.Expr, Array]) -> Any:
-    """One node of an expression at many points, as :func:`stickslip.symbolic.expressions.evaluate`
-    has it at one."""
-    match e.op:
-        case "num":
-            return ex.number(e)
-        case "sym":
-            return known[str(e.value)]
-        case "sum":
-            return float(e.value) + sum(c * found[term] for term, c in e.terms)
-        case "prod":
-            return math.prod(np.power(found[base], p) for base, p in e.terms)
-        case "pow":
-            return np.power(found[e.args[0]], found[e.args[1]])
-        case "select":
-            guard, above, below = (found[a] for a in e.args)
-            return np.where(guard >= 0.0, above, below)
-        case _:
-            return UFUNCS[e.op](found[e.args[0]])
+        names = sorted(self.expression.symbols)
+        table = np.empty((len(names), count))
+        for row, name in zip(table, names, strict=True):
+            row[:] = known[name]
+        return evaluator([self.expression], names, strict=True)(table)[0]
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,309 @@
+"""The elementary functions of the formula language: one table, one row for each.
+
+What the library asks of a function it asks this table, so that a new function is a new row. A row
+says what nobody can derive: value, derivative, and how its values run. The rest follows from that:
+
+* derivatives of all orders, and slopes on intervals, from the formula of the derivative;
+* enclosures from the values at the ends, where the function is monotone; else from the slope;
+* the Taylor series from the chain rule, y′ = f′(x) x′, with the series of that formula;
+* how far values stray on a disc of complex numbers from the mean value, |f(z) − f(c)| ≤ r sup|f′|.
+
+A few functions are closer to their derivatives than that, and have a `recurrence` and a `growth` of
+their own. Whatever is not of this table (sums, powers, abs, min, max, piecewise) is structure, not
+a function: see :mod:`stickslip.symbolic.expressions`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from stickslip.symbolic.expressions import Expr
+
+ARGUMENT = "'x"
+"""The argument in the formula of a derivative: no formula of a user can name it."""
+QUARTER = math.pi / 2.0
+ABOVE_QUARTER = math.nextafter(QUARTER, 2.0)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Function:
+    """One row: a function of one real argument, analytic where it is defined (kinks are structure).
+
+    Attributes
+    ----------
+    name : str
+        Its name in formulas.
+    value : callable
+        float -> float, to a few units in the last place; raises ``ValueError`` where the function
+        is undefined.
+    derivative : str
+        Formula in ``x``, of other functions unless it has a recurrence of its own.
+    shown : str
+        The same as a person writes it, and such that it is enclosed tightly: ``x`` stands in it
+        once, if that can be. By default the same text.
+    relative : str
+        The derivative divided by the function, if that is a simple formula: so the derivatives of
+        1/f do not overflow with f.
+    code : str
+        Value of ``{}`` in compiled code. By default the function of this name of :mod:`math`.
+    arrays : str
+        Where its function of arrays is, as ``"module:name"``. By default `value` is called number
+        by number.
+    latex : str
+        By default the upright name.
+    parity : {"odd", "even", ""}
+    domain : (float, float)
+        Where it is defined.
+    limits : (float, float) or None
+        What it comes to at the ends of the domain (of its half from 0, if it is even), rounded
+        outward, if it is monotone there: its values lie in between. With `poles` between two of
+        them.
+    exactly : (float, float) or None
+        A place at which a monotone function has a value without rounding. Odd ones have (0, 0).
+    crest : float or None
+        Of a wave, between −1 and 1 with the period 2π: a place at which it is 1.
+    poles : (float, float) or None
+        One of them, and their distance.
+    recurrence : str
+        How its Taylor series is made: an operation of :class:`stickslip.symbolic.tape.Op`.
+    growth : str
+        Where a bound of |f(a + δ) − f(a)| for complex |δ| ≤ b stands: a function (row, a, b) of
+        arrays.
+    """
+
+    name: str
+    value: Callable[[float], float]
+    derivative: str
+    shown: str = ""
+    relative: str = ""
+    code: str = ""
+    arrays: str = ""
+    latex: str = ""
+    parity: Literal["odd", "even", ""] = ""
+    domain: tuple[float, float] = (-math.inf, math.inf)
+    limits: tuple[float, float] | None = None
+    exactly: tuple[float, float] | None = None
+    crest: float | None = None
+    poles: tuple[float, float] | None = None
+    recurrence: Literal["chain", "exp", "log", "rotation", "hyperbolic", "tan", "tanh"] = "chain"
+    growth: str = "stickslip.symbolic.majorants:by_mean_value"
+
+    @property
+    def fixed(self) -> tuple[float, float] | None:
+        """A place, and the value that a monotone function has there without rounding."""
+        return (0.0, 0.0) if self.parity == "odd" and self.poles is None else self.exactly
+
+    def __call__(self, x: float) -> float:
+        """The value; raises ``ValueError`` or ``OverflowError`` where there is none."""
+        return self.value(x)
+
+    def ieee(self, x: float) -> float:
+        """The value, with what it comes to in place of an overflow or at the end of the domain, and
+        NaN where it is undefined."""
+        try:
+            return self.value(x)
+        except OverflowError:
+            end = 1 if x > 0.0 or self.parity == "even" else 0
+        except ValueError:
+            if x not in self.domain:
+                return math.nan
+            end = self.domain.index(x)
+        return math.nan if self.limits is None else self.limits[end]
+
+    @cached_property
+    def array(self) -> Callable[[Any], Any]:
+        """The function of arrays."""
+        if self.arrays:
+            return resolve_name(self.arrays)
+        import numpy as np
+
+        return np.vectorize(self.ieee, otypes=[float])
+
+    def compiled(self, argument: str) -> str:
+        """Source text of its value in compiled code, from that of the argument."""
+        return (self.code or f"math.{self.name}({{}})").format(argument)
+
+    @property
+    def in_latex(self) -> str:
+        """Its name in LaTeX."""
+        return self.latex or rf"\operatorname{{{self.name}}}"
+
+    @cached_property
+    def slope(self) -> Expr:
+        """The derivative, an expression of :data:`ARGUMENT`.
+
+        Raises
+        ------
+        ValueError
+            If the series would have to be known before it is made.
+        """
+        from stickslip.symbolic.expressions import walk
+
+        slope = self._read(self.derivative)
+        if self.recurrence == "chain" and any(e.op == self.name for e in walk([slope])):
+            raise ValueError(f"{self.name}: write its derivative without {self.name}")
+        return slope
+
+    @cached_property
+    def shown_slope(self) -> Expr:
+        """The derivative, as it is shown and enclosed."""
+        return self._read(self.shown) if self.shown else self.slope
+
+    @cached_property
+    def relative_slope(self) -> Expr | None:
+        """The derivative divided by the function."""
+        return self._read(self.relative) if self.relative else None
+
+    @cached_property
+    def stray(self) -> Callable[[Function, Any, Any], Any]:
+        """The function that `growth` names."""
+        return resolve_name(self.growth)
+
+    def _read(self, text: str) -> Expr:
+        # The reader of formulas asks this table which functions there are.
+        from stickslip.symbolic.expressions import sym
+        from stickslip.symbolic.formulas import Scope
+
+        return Scope({"x": sym(ARGUMENT)}).parse(text, self.name)
+
+
+FUNCTIONS: dict[str, Function] = {
+    row.name: row
+    for row in (
+        Function(
+            name="exp",
+            value=math.exp,
+            derivative="exp(x)",
+            relative="1",
+            code="safe_exp({})",
+            arrays="numpy:exp",
+            latex=r"\exp",
+            limits=(0.0, math.inf),
+            exactly=(0.0, 1.0),
+            recurrence="exp",
+            growth="stickslip.symbolic.majorants:of_exp",
+        ),
+        Function(
+            name="log",
+            value=math.log,
+            derivative="1/x",
+            code="safe_log({})",
+            arrays="numpy:log",
+            latex=r"\log",
+            domain=(0.0, math.inf),
+            limits=(-math.inf, math.inf),
+            recurrence="log",
+            growth="stickslip.symbolic.majorants:of_log",
+        ),
+        Function(
+            name="sin",
+            value=math.sin,
+            derivative="cos(x)",
+            arrays="numpy:sin",
+            latex=r"\sin",
+            parity="odd",
+            crest=QUARTER,
+            recurrence="rotation",
+            growth="stickslip.symbolic.majorants:by_addition",
+        ),
+        Function(
+            name="cos",
+            value=math.cos,
+            derivative="-sin(x)",
+            arrays="numpy:cos",
+            latex=r"\cos",
+            parity="even",
+            crest=0.0,
+            recurrence="rotation",
+            growth="stickslip.symbolic.majorants:by_addition",
+        ),
+        Function(
+            name="tan",
+            value=math.tan,
+            derivative="1 + tan(x)**2",
+            shown="1/cos(x)**2",
+            arrays="numpy:tan",
+            latex=r"\tan",
+            parity="odd",
+            limits=(-math.inf, math.inf),
+            poles=(QUARTER, math.pi),
+            recurrence="tan",
+            growth="stickslip.symbolic.majorants:of_tan",
+        ),
+        Function(
+            name="sinh",
+            value=math.sinh,
+            derivative="cosh(x)",
+            arrays="numpy:sinh",
+            latex=r"\sinh",
+            parity="odd",
+            limits=(-math.inf, math.inf),
+            recurrence="hyperbolic",
+            growth="stickslip.symbolic.majorants:by_addition",
+        ),
+        Function(
+            name="cosh",
+            value=math.cosh,
+            derivative="sinh(x)",
+            relative="tanh(x)",
+            arrays="numpy:cosh",
+            latex=r"\cosh",
+            parity="even",
+            limits=(1.0, math.inf),
+            recurrence="hyperbolic",
+            growth="stickslip.symbolic.majorants:by_addition",
+        ),
+        Function(
+            name="tanh",
+            value=math.tanh,
+            derivative="1 - tanh(x)**2",
+            shown="1/cosh(x)**2",
+            arrays="numpy:tanh",
+            latex=r"\tanh",
+            parity="odd",
+            limits=(-1.0, 1.0),
+            recurrence="tanh",
+            growth="stickslip.symbolic.majorants:of_tanh",
+        ),
+        Function(
+            name="asinh",
+            value=math.asinh,
+            derivative="(1 + x**2)**(-1/2)",
+            arrays="numpy:arcsinh",
+            latex=r"\operatorname{arsinh}",
+            parity="odd",
+            limits=(-math.inf, math.inf),
+            growth="stickslip.symbolic.majorants:beside_i",
+        ),
+        Function(
+            name="atan",
+            value=math.atan,
+            derivative="1/(1 + x**2)",
+            arrays="numpy:arctan",
+            latex=r"\operatorname{arctan}",
+            parity="odd",
+            limits=(-ABOVE_QUARTER, ABOVE_QUARTER),
+            growth="stickslip.symbolic.majorants:beside_i",
+        ),
+        Function(
+            name="erf",
+            value=math.erf,
+            derivative="2/sqrt(pi)*exp(-x**2)",
+            arrays="scipy.special:erf",
+            parity="odd",
+            limits=(-1.0, 1.0),
+        ),
+    )
+}
+"""The functions by name."""
+
+
+def is_wave(name: str) -> bool:
+    """Whether it is a sine or a cosine: its derivative is itself, a quarter of its period later."""
+    return name in FUNCTIONS and FUNCTIONS[name].crest is not None
