@@ -30,7 +30,11 @@ SHAPED_BY = {
     "motion": _ENGINE,
     "equations": _ENGINE,
     "sweeps": (*_ENGINE, "sweeps/engine"),
-    "rate_independent": ("rate_independent/solvers", "rate_independent/play"),
+    "rate_independent": (
+        "rate_independent/signals",
+        "rate_independent/solvers",
+        "rate_independent/play",
+    ),
 }
 """By the room of a compiled function: files and folders that shape its machine code."""
 

@@ -90,7 +90,7 @@ def test_a_file_is_the_evolution_it_says() -> None:
     problem = model.problem
     np.testing.assert_array_equal(problem.A, [[2.0, 0.5], [0.5, 1.0]])
     np.testing.assert_allclose(
-        problem.ell.at(np.array([0.3, 1.0])), [[3 * np.sin(0.3), 0.6], [3 * np.sin(1.0), 2.0]]
+        problem.ell.over(np.array([0.3, 1.0])), [[3 * np.sin(0.3), 0.6], [3 * np.sin(1.0), 2.0]]
     )
     lower, upper = problem.dissipation.bounds(0.1)
     np.testing.assert_allclose(

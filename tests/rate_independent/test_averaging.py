@@ -19,7 +19,7 @@ from stickslip.rate_independent.dissipation import (
     WeightedL1,
 )
 from stickslip.rate_independent.sets.cones import hull, polyhedron, solve
-from stickslip.rate_independent.sets.phase import read
+from stickslip.rate_independent.signals.reading import read_phase
 
 Array = np.ndarray
 SQUARE = np.array([[1.0, 0], [0, 1], [-1, 0], [0, -1]])
@@ -41,7 +41,7 @@ def shift(reach: float, s: float) -> Array:
 
 def test_minima_of_formulas() -> None:
     values, phases, floors, sampled = least_over_phases(
-        read(
+        read_phase(
             [
                 "2 - cos(2*pi*(s - 0.3))",
                 "1 + abs(sin(pi*(s - 1/3)))",  # a kink at 1/3
@@ -76,7 +76,7 @@ def test_a_minimum_between_two_samples() -> None:
     # A narrow well that shows in the slopes of its neighbours only is refined all the same.
     well = (10.4) / SAMPLES
     (value,), (phase,), _, sampled = least_over_phases(
-        read(
+        read_phase(
             lambda s: [1 - np.exp(-((2 * SAMPLES * np.sin(np.pi * (s - well)) / np.pi) ** 2))],
             "weights",
         )

@@ -152,7 +152,7 @@ def test_settled_takes_the_nearest_stable_state_in_the_energy_norm() -> None:
     problem = Evolution.settled(STIFF, LOADS, WeightedL1([1.0, 0.5, 2.0]), z0, span=(0, 1))
     rng = np.random.default_rng(0)
     forces = rng.uniform(-1.0, 1.0, (500, 3)) * [1.0, 0.5, 2.0]
-    stable = np.linalg.solve(STIFF, (problem.ell.at(np.zeros(1))[0] - forces).T).T
+    stable = np.linalg.solve(STIFF, (problem.ell.over(np.zeros(1))[0] - forces).T).T
     assert np.max((stable - problem.initial) @ STIFF @ (z0 - problem.initial)) <= 1e-12
     inside = Evolution.settled(
         STIFF, LOADS, WeightedL1(9 * np.ones(3)), [0.1, 0.2, 0.3], span=(0, 1)
@@ -252,7 +252,7 @@ def test_columns_are_what_they_say() -> None:
     t = history.times
     z = history.z
     data = history.dataset
-    load = problem.ell.at(t)
+    load = problem.ell.over(t)
     energy = 0.5 * np.einsum("ki,ij,kj->k", z, STIFF, z) - np.sum(load * z, axis=1)
     np.testing.assert_allclose(data["energy"], energy, rtol=0, atol=1e-12)
     d = np.diff(z, axis=0)

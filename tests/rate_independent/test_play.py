@@ -16,10 +16,10 @@ from numpy.polynomial import chebyshev
 import stickslip as ss
 from stickslip.errors import DeclarationError
 from stickslip.figures.play import plot_limit, plot_loops, plot_play
-from stickslip.rate_independent.play import chebyshev as panels
 from stickslip.rate_independent.play import nodes
 from stickslip.rate_independent.play.clamp import clamp, plays, prandtl_ishlinskii
 from stickslip.rate_independent.play.operator import Play, play
+from stickslip.rate_independent.signals import chebyshev as panels
 
 Array = np.ndarray
 EXAMPLES = Path(__file__).parents[2] / "examples"

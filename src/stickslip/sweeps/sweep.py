@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
     import xarray
 
     from stickslip.sweeps.work.chunk import Settings
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

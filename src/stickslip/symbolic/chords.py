@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.boxes import NUMPY, Array, deviation, slopes
+from stickslip.symbolic.boxes import NUMPY, deviation, slopes
 from stickslip.symbolic.expressions import Expr
 
 

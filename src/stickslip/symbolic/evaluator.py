@@ -14,11 +14,11 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.tape import scalar_code
 
-Array = np.ndarray
 NumericFunction = Callable[[ArrayLike], Array]
 
 _NAMES = {

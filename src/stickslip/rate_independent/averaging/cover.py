@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.rate_independent.averaging.minima import SAMPLES
-from stickslip.rate_independent.sets.phase import NARROW
-from stickslip.rate_independent.sets.potential import Array, Dissipation
+from stickslip.rate_independent.sets.potential import Dissipation
 from stickslip.rate_independent.sets.stretches import NOWHERE, Index, Near
+from stickslip.rate_independent.signals.signal import NARROW
 
 PARTS = 8  # of a stretch that is divided
 # neighbours to both sides that are divided along with it: the next force will ask for them

@@ -4,19 +4,14 @@ and refined."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.sets.phase import Formulas, Function, Varying, wrapped
 from stickslip.rate_independent.sets.thresholds import nonnegative
-from stickslip.symbolic.chords import table
-from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.extrema import least
-
-Array = NDArray[np.float64]
+from stickslip.rate_independent.signals.signal import Minima, Signal, wrapped
 
 SAMPLES = 256
 """Phases at which functions are looked at. A minimum is missed if it is narrower and shows in none
@@ -25,36 +20,15 @@ GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 STEPS = 64  # of the golden section: from the distance of two samples to rounding
 MOST_SECTIONS = 40  # of a sharpened maximum
 RESOLVED = 1e-2  # what counts as better
-NEARBY = np.append(0.0, np.linspace(-2e-8, 2e-8, 64))
 MOST_SEPARATE = 2000  # functions that can be refined one by one
 
 
-class Minima(NamedTuple):
-    """The least value of every entry of an array of the phase.
-
-    Attributes
-    ----------
-    values, phases : ndarray of shape (n,)
-        Values up to rounding, and where they are taken; a phase is as accurate as that determines
-        it, 1e-8 for a smooth minimum.
-    floors : ndarray of shape (n,)
-        No value is less, at any phase; if sampled, at none of these.
-    sampled : int
-        Number of phases looked at; 0 if all phases are covered by bounds.
-    """
-
-    values: Array
-    phases: Array
-    floors: Array
-    sampled: int
-
-
-def least_over_phases(varying: Varying) -> Minima:
+def least_over_phases(signal: Signal) -> Minima:
     """The least value of every entry of an array of the phase, and the phase at which it is taken.
 
     Parameters
     ----------
-    varying : Varying
+    signal : Signal
         Of shape (n,).
 
     Raises
@@ -62,22 +36,21 @@ def least_over_phases(varying: Varying) -> Minima:
     DeclarationError
         If there are too many entries to refine them one by one.
     """
-    n = varying.shape[0]
-    if isinstance(varying, Formulas):
-        return _proved(varying)
-    if not varying.depends_on_phase:
-        return Minima(varying.at(0.0), np.zeros(n), varying.at(0.0), 0)
-    if isinstance(varying, Function) and n > MOST_SEPARATE and not varying.elementwise:
+    n = signal.shape[0]
+    proved = signal.least()
+    if proved is not None:
+        return proved
+    if n > MOST_SEPARATE and not signal.elementwise:
         raise DeclarationError(
-            varying.where,
+            signal.where,
             f"{n} minima over the phase cannot be refined one by one",
             "Let the function take an array of n phases, one for each component, and return each "
             "component at its own",
         )
-    values, phases, index, centre = _scan(varying)
+    values, phases, index, centre = _scan(signal)
     if len(index):
         refined, found = golden_section(
-            lambda s: varying.entries(index, s), centre - 1 / SAMPLES, centre + 1 / SAMPLES
+            lambda s: signal.entries(index, s), centre - 1 / SAMPLES, centre + 1 / SAMPLES
         )
         order = np.argsort(-refined, kind="stable")  # the least of an entry is written last
         index = index[order]
@@ -91,31 +64,15 @@ def least_over_phases(varying: Varying) -> Minima:
     return Minima(values, wrapped(phases), values, SAMPLES)
 
 
-def _proved(formulas: Formulas) -> Minima:
-    """Of every formula by branch and bound, equal ones once."""
-    known: dict[Expr, tuple[float, float, float]] = {}
-    for e in formulas.expressions:
-        if e not in known:
-            minimum = least(e, "s", 0.0, 1.0)
-            # Where a search by bounds ends, a smooth minimum is known to 1e-8: the best number
-            # nearby.
-            near = wrapped(minimum.place + NEARBY)
-            values = table([e], near)[:, 0]
-            k = int(np.argmin(values))
-            known[e] = float(values[k]), float(near[k]), min(minimum.floor, float(values[k]))
-    values, phases, floors = np.transpose([known[e] for e in formulas.expressions])
-    return Minima(values, phases, floors, 0)
-
-
-def _scan(varying: Varying) -> tuple[Array, Array, NDArray[np.intp], Array]:
+def _scan(signal: Signal) -> tuple[Array, Array, NDArray[np.intp], Array]:
     """Least samples, their phases, and the entries and samples around which the minimum may lie."""
     grid = np.arange(SAMPLES) / SAMPLES
-    before, here = varying.at(grid[-1]), varying.at(grid[0])
+    before, here = signal.at(grid[-1]), signal.at(grid[0])
     values = here.copy()
-    phases = np.zeros(varying.shape[0])
+    phases = np.zeros(signal.shape[0])
     found: list[tuple[NDArray[np.intp], Array, Array]] = []
     for s, following in zip(grid, np.roll(grid, -1), strict=True):
-        after = varying.at(following)
+        after = signal.at(following)
         less = here < values
         values[less] = here[less]
         phases[less] = s
@@ -214,7 +171,7 @@ def sharpened(phases: Array, values: Array, f: Callable[[Array], Array]) -> tupl
     return b, fb
 
 
-def least_thresholds(thresholds: Varying) -> Minima:
+def least_thresholds(thresholds: Signal) -> Minima:
     """Thresholds at their minima over the phase; refuses negative ones."""
     least = least_over_phases(thresholds)
     if least.values.min() < 0.0:

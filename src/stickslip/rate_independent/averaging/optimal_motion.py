@@ -6,8 +6,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.sets.potential import Array, Dissipation, OptimalMotion
+from stickslip.rate_independent.sets.potential import Dissipation, OptimalMotion
 
 MOST_NUMBERS = 20_000_000  # in the table of an optimal motion
 VANISHING = 1e-12  # thresholds that count as 0, of the largest

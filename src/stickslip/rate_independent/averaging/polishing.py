@@ -9,9 +9,10 @@ from functools import cached_property
 
 import numpy as np
 
-from stickslip.rate_independent.sets.phase import wrapped
-from stickslip.rate_independent.sets.potential import Array, Dissipation
+from stickslip.arrays import Array
+from stickslip.rate_independent.sets.potential import Dissipation
 from stickslip.rate_independent.sets.stretches import Sampled
+from stickslip.rate_independent.signals.signal import wrapped
 
 STEP = 1e-6  # of differences in Newton's method
 STEP_OF_PHASES = 1e-3  # … with respect to phases

@@ -19,15 +19,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.rate_independent.averaging.cover import UNKNOWN, Cover, Looked
 from stickslip.rate_independent.averaging.minima import golden_section, sharpened
 from stickslip.rate_independent.averaging.optimal_motion import measure
 from stickslip.rate_independent.averaging.polishing import Held, refined
 from stickslip.rate_independent.sets.cones import ConeForm, solve
-from stickslip.rate_independent.sets.phase import wrapped
-from stickslip.rate_independent.sets.potential import Array, Average, Dissipation, OptimalMotion
+from stickslip.rate_independent.sets.potential import Average, Dissipation, OptimalMotion
 from stickslip.rate_independent.sets.stretches import OneByOne, Rows, Sampled, Stretches, lengths
+from stickslip.rate_independent.signals.signal import wrapped
 
 MOST_ROUNDS = 60
 FORGETFUL = 6  # rounds in which constraints may go

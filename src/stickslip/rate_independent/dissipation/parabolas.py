@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.rate_independent.sets.phase import Formulas
-from stickslip.rate_independent.sets.stretches import Array
+from stickslip.arrays import Array
+from stickslip.rate_independent.signals.signal import Signal
 
 CELLS = 4096  # stretches of equal length on which S″ is enclosed
 # by which what is taken in to both sides grows: 1, 2, 4, ..., 32 cells
@@ -32,7 +32,7 @@ class Parabolas:
 
     Attributes
     ----------
-    matrix : Formulas
+    matrix : Signal
         S, of shape (n, n).
     low, high : ndarray of shape (r, cells)
         Phases that a reach takes in; within one period, over the end of which S may jump.
@@ -41,14 +41,14 @@ class Parabolas:
         Infinite where second derivatives are not known.
     """
 
-    matrix: Formulas
+    matrix: Signal
     low: Array
     high: Array
     middle: Array
     radius: Array
 
     @classmethod
-    def of(cls, matrix: Formulas) -> Parabolas:
+    def of(cls, matrix: Signal) -> Parabolas:
         """Those of a matrix."""
         edges = np.arange(CELLS + 1) / CELLS
         cell = np.arange(CELLS)

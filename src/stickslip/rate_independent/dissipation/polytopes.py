@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip.arrays import Array
 from stickslip.rate_independent.sets.projections import (
     nearest_in_hull,
     nearest_in_polyhedron,
     weights_in_hull,
 )
-from stickslip.rate_independent.sets.stretches import Array, Rows, Sampled, Stretches, lengths
+from stickslip.rate_independent.sets.stretches import Rows, Sampled, Stretches, lengths
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.dissipation.polytope import Polytope

@@ -10,11 +10,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.averaging.optimal_motion import gathered
 from stickslip.rate_independent.averaging.semi_infinite import Intersection
 from stickslip.rate_independent.sets.cones import ConeForm, product
-from stickslip.rate_independent.sets.potential import Array, Average, Dissipation, OptimalMotion
+from stickslip.rate_independent.sets.potential import Average, Dissipation, OptimalMotion
 from stickslip.rate_independent.sets.projections import nearest_by_support, nearest_in_metric
 from stickslip.rate_independent.sets.stretches import Rows, Sampled, Stretches
 

@@ -8,19 +8,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.averaging.minima import Minima, least_thresholds
 from stickslip.rate_independent.averaging.optimal_motion import axes, scheduled, vanishing
 from stickslip.rate_independent.sets.cones import ConeForm, polyhedron
-from stickslip.rate_independent.sets.phase import Varying
-from stickslip.rate_independent.sets.potential import Array, Average, Dissipation, OptimalMotion
+from stickslip.rate_independent.sets.potential import Average, Dissipation, OptimalMotion
 from stickslip.rate_independent.sets.projections import nearest_in_box
+from stickslip.rate_independent.sets.stable_sets import Boxes
 from stickslip.rate_independent.sets.stretches import Rows, Sampled, Stretches
-from stickslip.rate_independent.sets.thresholds import nonnegative, nonnegative_over, read_weights
+from stickslip.rate_independent.sets.thresholds import (
+    nonnegative,
+    nonnegative_over,
+    nonnegative_rows,
+    read_weights,
+)
+from stickslip.rate_independent.signals.signal import Signal
 
 
 @dataclass(frozen=True, eq=False)
-class WeightedL1(Dissipation):
+class WeightedL1(Dissipation, kind="weighted l1"):
     """Ψ(s, v) = Σ ρᵢ⁺(s) max(vᵢ, 0) + ρᵢ⁻(s) max(−vᵢ, 0); K(s) is the box [−ρ⁻(s), ρ⁺(s)].
 
     Parameters
@@ -44,8 +51,8 @@ class WeightedL1(Dissipation):
 
     weights: Any
     lower: Any = None
-    above: Varying = field(init=False, repr=False)
-    below: Varying = field(init=False, repr=False)
+    above: Signal = field(init=False, repr=False)
+    below: Signal = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         above = read_weights(self.weights, "weights")
@@ -65,7 +72,7 @@ class WeightedL1(Dissipation):
 
     @property
     def depends_on_phase(self) -> bool:
-        return self.above.depends_on_phase or self.below.depends_on_phase
+        return self.above.varies or self.below.varies
 
     def bounds(self, s: float = 0.0) -> tuple[Array, Array]:
         """Lower and upper end of the box, shape (n,) each, lower ≤ 0 ≤ upper."""
@@ -106,6 +113,16 @@ class WeightedL1(Dissipation):
         return SampledBoxes(
             -(upper if self.below is self.above else nonnegative_over(self.below, phases)), upper
         )
+
+    def sets(self, phases: Array) -> Boxes:
+        phases = phases if self.depends_on_phase else phases[:1]
+        upper = nonnegative_rows(self.above, phases)
+        lower = upper if self.below is self.above else nonnegative_rows(self.below, phases)
+        return Boxes(-lower, upper)
+
+    @property
+    def thresholds(self) -> tuple[Signal, Signal] | None:
+        return (self.above, self.below) if self.dimension == 1 else None
 
     @property
     def bounded(self) -> bool:

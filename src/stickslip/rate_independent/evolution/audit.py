@@ -31,12 +31,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.rate_independent.evolution.between import overshoot
 from stickslip.rate_independent.evolution.evolution import Evolution
-from stickslip.rate_independent.evolution.load import check_finite
-from stickslip.rate_independent.solvers.stable_sets import Boxes, Discs, StableSets, Step
+from stickslip.rate_independent.sets.stable_sets import StableSets, Step
 
-Array = np.ndarray
 EPS = float(np.finfo(float).eps)
 
 COLUMNS = {
@@ -133,7 +132,7 @@ class Measured:
 def start_state(problem: Evolution, t: float, z: Array, flow: Flow | None = None) -> State:
     """The state z at time t."""
     times = np.array([t])
-    load = problem.ell.at(times)[0]
+    load = problem.ell.over(times)[0]
     elastic = problem.A @ z
     energy = float(0.5 * z @ elastic - z @ load)
     flow = flow or Flow()
@@ -168,8 +167,7 @@ def measure(
     A = problem.A
     mids = (_before(times, np.array(start.t)) + times) / 2.0
     middle = start.sets if sets is start.sets else problem.sets(mids)
-    load_mid = problem.ell.at(mids)
-    check_finite(mids, load_mid)
+    load_mid = problem.ell.over(mids)
     elastic = _times(A, states)
     z_before = _before(states, start.z)
     elastic_before = _before(elastic, start.elastic)
@@ -194,12 +192,11 @@ def measure(
         + _dot(load_before + 4.0 * load_mid + loads, d) / 6.0
     )
     scale = np.broadcast_to(np.maximum(sets.size(), weight), len(times))
-    if problem.bounded or not isinstance(sets, Boxes | Discs):
+    beyond = None if problem.bounded else sets.overshoot(before, middle, forces)
+    if beyond is None:
         ends = np.append(start.t, times)
         rows = np.concatenate([start.elastic[None], elastic])
         beyond = overshoot(problem, ends, rows, tolerance * scale)
-    else:
-        beyond = sets.overshoot(before, middle, forces)  # pyright: ignore[reportArgumentType]
     columns = {
         "energy": _dot(states, 0.5 * elastic - loads),
         "dissipated": start.flow.dissipated + np.cumsum((then + 4.0 * half + now) / 6.0),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.rate_independent.evolution.blocks import TESTS, Gauge, Motion, motion_of
 from stickslip.rate_independent.evolution.evolution import Evolution, UnstableStart
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-Array = np.ndarray
 LOADING = 5.0  # seconds beside which loading machine code does not count
 GRID = 1024  # intervals of the span on which the modulus of continuity is measured
 

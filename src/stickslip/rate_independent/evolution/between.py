@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.rate_independent.evolution.evolution import Evolution
-from stickslip.rate_independent.sets.potential import Array
 from stickslip.rate_independent.sets.stretches import Index
 
 PARTS = 4  # of a stretch that is divided

@@ -23,21 +23,13 @@ from stickslip.model.system import Formula, Parameter
 from stickslip.model.units import check_unit
 from stickslip.rate_independent.dissipation import (
     Dissipation,
-    Ellipsoid,
-    GroupNorm,
-    Polytope,
     WeightedL1,
 )
 from stickslip.rate_independent.evolution.evolution import Evolution, UnstableStart
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.formulas import Definition, Scope, check_name, is_finite, parse_signature
 
-KINDS: dict[str, type[Dissipation]] = {
-    "weighted l1": WeightedL1,
-    "group norm": GroupNorm,
-    "ellipsoid": Ellipsoid,
-    "polytope": Polytope,
-}
+KINDS = Dissipation.kinds
 GROUPS = ("name", "parameters", "functions", "A", "dissipation", "epsilon")
 """Keys before which a file has an empty line."""
 EXAMPLES = {

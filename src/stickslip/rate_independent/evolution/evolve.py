@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.progress import watched
 from stickslip.rate_independent.evolution.audit import COLUMNS, Block, Flow, State, start_state
@@ -22,7 +23,6 @@ from stickslip.symbolic.formulas import is_finite
 if TYPE_CHECKING:
     import xarray
 
-Array = np.ndarray
 Observable = Callable[[float, Array], Any]
 KKT = 1e-8  # residual of a step, relative to the largest weight
 # Steps of the coarse mesh that an adaptive evolution refines: in a period, and in all.
@@ -122,7 +122,7 @@ def settle(problem: Evolution) -> Array:
     start of the span."""
     times = np.array([problem.span[0]])
     solver = choose_solver(problem, None, STABLE / 2.0)
-    states, _ = solver.advance(problem.initial, problem.ell.at(times), problem.sets(times))
+    states, _ = solver.advance(problem.initial, problem.ell.over(times), problem.sets(times))
     return states[0]
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual
 from stickslip.rate_independent.evolution.outcome import EvolutionOutcome
 
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-Array = np.ndarray
 KIND = "evolution"  # of the stored file
 FORMAT = 2  # of the stored file
 PHASE_STEP = 0.25  # longest step that still sees the oscillation, in periods

@@ -6,15 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.rate_independent.evolution.audit import Block, Measured, State, measure
 from stickslip.rate_independent.evolution.evolution import Evolution
-from stickslip.rate_independent.evolution.load import check_finite
 from stickslip.rate_independent.evolution.outcome import EvolutionOutcome
+from stickslip.rate_independent.sets.stable_sets import largest_weight
 from stickslip.rate_independent.solvers.choose import Steps
-from stickslip.rate_independent.solvers.stable_sets import largest_weight
 
-Array = np.ndarray
 LEAST = 1e-3  # part of the energy that the load can move, below which no flow of energy is a scale
 LOOK_AHEAD = 64  # least part of a solver's block that is made at once
 SHARE = 0.5  # of the tolerance that forces may leave K by during an adaptive step
@@ -131,8 +130,7 @@ class March:
 
     def _steps(self, times: Array) -> Measured:
         start, problem = self.state, self.problem
-        loads = problem.ell.at(times)
-        check_finite(times, loads)
+        loads = problem.ell.over(times)
         sets = problem.sets(times) if problem.dissipation.depends_on_phase else start.sets
         states, effort = self.solver.advance(start.z, loads, sets)
         if len(states) < len(times):
@@ -168,8 +166,8 @@ class March:
 def _energy_of_load(problem: Evolution, times: Array) -> float:
     """Energy that the load can move, estimated at a few times."""
     times = np.append(problem.span[0], times[:: max(1, len(times) // 8)])
-    first = problem.ell.at(times[:1])[0]
-    changes = [problem.ell.at(times[k : k + 1])[0] - first for k in range(1, len(times))]
+    first = problem.ell.over(times[:1])[0]
+    changes = [problem.ell.over(times[k : k + 1])[0] - first for k in range(1, len(times))]
     energies = [_released(problem, r) for r in [*changes, first]]
     return max([*energies[:-1], 1e-3 * energies[-1]]) or np.finfo(float).tiny
 

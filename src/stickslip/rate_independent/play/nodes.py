@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.play import chebyshev as ch
 from stickslip.rate_independent.play.clamp import clamp_samples
-from stickslip.rate_independent.play.signals import Signal, Value
+from stickslip.rate_independent.signals import chebyshev as ch
+from stickslip.rate_independent.signals.panels import Panels, Value
 
-Array = np.ndarray
 CHUNK = 2**12  # panels at once: what fits into the cache
 MOST_EDGES = 50_000_000
 SMALLEST_JUMP = 64.0  # of a bound where two panels meet, in units of its rounding
@@ -39,19 +39,19 @@ class Bounds:
 
     Attributes
     ----------
-    load, minus, plus : Signal
+    load, minus, plus : Panels
         ℓ, ρ⁻ (what a motion downward has to overcome) and ρ⁺ (upward).
     stiffness : float
         a.
     """
 
-    load: Signal
-    minus: Signal
-    plus: Signal
+    load: Panels
+    minus: Panels
+    plus: Panels
     stiffness: float
 
     @property
-    def signals(self) -> tuple[Signal, Signal, Signal]:
+    def signals(self) -> tuple[Panels, Panels, Panels]:
         """All three."""
         return self.load, self.minus, self.plus
 
@@ -93,7 +93,7 @@ def _sum(a: Array, b: Array) -> Array:
     return total
 
 
-def _refuse_negative(c: Array, signal: Signal, name: str, start: Array, end: Array) -> None:
+def _refuse_negative(c: Array, signal: Panels, name: str, start: Array, end: Array) -> None:
     rounding = 4.0 * signal.noise
     doubtful = np.flatnonzero(c[0] - np.sum(np.abs(c[1:]), axis=0) < -rounding)
     if not len(doubtful):

@@ -15,14 +15,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual, within
 from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError
 from stickslip.motion.simulate import check_span
 from stickslip.motion.trajectory import GRID
-from stickslip.rate_independent.play.chebyshev import ROUNDING
 from stickslip.rate_independent.play.nodes import Bounds, Nodes, Sample, follow, panel_edges
-from stickslip.rate_independent.play.signals import INTERPOLATIONS, is_table, read_signal
+from stickslip.rate_independent.signals.chebyshev import ROUNDING
+from stickslip.rate_independent.signals.reading import INTERPOLATIONS, is_table, read
+from stickslip.rate_independent.signals.signal import PHASE, TIME, Signal
+from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import is_finite
 
 if TYPE_CHECKING:
@@ -30,8 +33,7 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-Array = np.ndarray
-Given = str | float | Callable[[Any], Any] | tuple[Any, Any]
+Given = str | float | Expr | Callable[[Any], Any] | tuple[Any, Any] | Signal
 CHUNK = 2**12  # intervals at once: what fits into the cache
 TOLERANCE = 1e-9  # of the certificate
 # between floating-point numbers: rounding of a time, and of what is computed from it
@@ -135,14 +137,19 @@ def play(
             f"{interpolation!r} is none",
             f"Give one of {', '.join(INTERPOLATIONS)}",
         )
-    ell = read_signal(load, "load", span, None, interpolation)
-    if isinstance(threshold, tuple) and len(threshold) == 2 and not is_table(threshold):
-        plus, minus = (
-            read_signal(part, f"threshold[{i}]", span, epsilon, interpolation)
-            for i, part in enumerate(threshold)
-        )
-    else:
-        minus = plus = read_signal(threshold, "threshold", span, epsilon, interpolation)
+    ell = read(load, "load", TIME, (), interpolation).panels(span)
+    clock = TIME if epsilon is None else PHASE
+    pair = isinstance(threshold, tuple) and len(threshold) == 2 and not is_table(threshold)
+    parts = (
+        {f"threshold[{i}]": part for i, part in enumerate(threshold)}
+        if pair
+        else {"threshold": threshold}
+    )
+    plus, *rest = (
+        read(part, where, clock, (), interpolation).panels(span, epsilon)
+        for where, part in parts.items()
+    )
+    minus = rest[0] if rest else plus
     bounds = Bounds(ell, minus, plus, float(stiffness))
     edges = panel_edges(bounds, *span)
     return Play(bounds, follow(bounds, edges, _stable(bounds, edges, float(initial))))

@@ -9,11 +9,10 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError
 
-Array = NDArray[np.float64]
 NONNEGATIVE = "nonnegative"
 SECOND_ORDER = "second order"
 

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip.arrays import Array
+
 if TYPE_CHECKING:
     from stickslip.rate_independent.sets.potential import Dissipation
 
-Array = NDArray[np.float64]
 Index = NDArray[Any]
 
 

@@ -18,9 +18,9 @@ import math
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 
-Array = np.ndarray
 ROUNDING = 16 * 2.2e-16  # of a sum of forces, relative to its largest terms
 FRESH = 200  # changes, besides ten per component, after which the factor is made anew
 

@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.dissipation import GroupNorm, WeightedL1
 from stickslip.rate_independent.solvers.dense import BoxSteps, ProjectionSteps
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.evolution.evolution import Evolution
 
-Array = np.ndarray
 SMALL = 800  # rows up to which a sparse matrix is treated as a dense one
 SMALL_GROUPS = 100  # … with friction in groups
 BLOCK = 20_000  # numbers in one array of a block of multigrid steps
@@ -38,8 +37,8 @@ def choose_solver(problem: Evolution, name: str | None, tolerance: float) -> Ste
     ----------
     problem : Evolution
     name : {None, "dense", "multigrid"}
-        None: multigrid for WeightedL1 and GroupNorm with a sparse A of more than 800 and 100 rows;
-        otherwise dense.
+        None: multigrid where K is a product of intervals or balls and A is sparse, with more than
+        800 or 100 rows; otherwise dense.
     tolerance : float
         KKT residual relative to the largest weight.
 
@@ -51,14 +50,14 @@ def choose_solver(problem: Evolution, name: str | None, tolerance: float) -> Ste
     from scipy import sparse
 
     A, psi = problem.A, problem.dissipation
-    boxes, groups = isinstance(psi, WeightedL1), isinstance(psi, GroupNorm)
+    together = problem.sets(np.array(problem.span[:1])).together
     if name is None:
-        many = problem.n > (SMALL if boxes else SMALL_GROUPS)
-        name = "multigrid" if (boxes or groups) and sparse.issparse(A) and many else "dense"
-    if name == "multigrid" and isinstance(psi, WeightedL1 | GroupNorm):
-        return MultigridSteps(sparse.csr_array(A), psi, tolerance)
+        many = problem.n > (SMALL if together == 1 else SMALL_GROUPS)
+        name = "multigrid" if together and sparse.issparse(A) and many else "dense"
+    if name == "multigrid" and together:
+        return MultigridSteps(sparse.csr_array(A), together, tolerance)
     if name != "dense":
-        able = "dense or multigrid" if boxes or groups else "dense"
+        able = "dense or multigrid" if together else "dense"
         raise DeclarationError(
             "solver", f"{name!r} cannot treat {type(psi).__name__}", f"Use {able}"
         )
@@ -69,21 +68,28 @@ def choose_solver(problem: Evolution, name: str | None, tolerance: float) -> Ste
             "Use a sparse A with WeightedL1 or GroupNorm",
         )
     dense = A.toarray() if sparse.issparse(A) else A
-    return BoxSteps(dense) if boxes else ProjectionSteps(dense)
+    return BoxSteps(dense) if together == 1 else ProjectionSteps(dense)
 
 
 class MultigridSteps:
-    """Large sparse A with WeightedL1 or GroupNorm; a step starts from the increment of the one
-    before."""
+    """Large sparse A with boxes or balls K; a step starts from the increment of the one before.
 
-    def __init__(self, A: Any, dissipation: WeightedL1 | GroupNorm, tolerance: float) -> None:
+    Parameters
+    ----------
+    A : sparse array, shape (n, n)
+    together : int
+        How many components rub together.
+    tolerance : float
+        KKT residual relative to the largest weight.
+    """
+
+    def __init__(self, A: Any, together: int, tolerance: float) -> None:
         from stickslip.rate_independent.solvers.multigrid import Multigrid
 
         self.A = A
         self.tolerance = tolerance
         self.block = max(1, min(64, BLOCK // A.shape[0]))
-        self.groups = dissipation.size if isinstance(dissipation, GroupNorm) else 1
-        self.solver = Multigrid(A, groups=self.groups)
+        self.solver = Multigrid(A, groups=together)
         self.previous: Array | None = None
 
     def advance(self, z: Array, loads: Array, sets: Any) -> tuple[Array, Array]:
@@ -91,14 +97,11 @@ class MultigridSteps:
         states = np.empty_like(loads)
         effort = np.zeros(len(loads), np.int64)
         for k, load in enumerate(loads):
-            row = k if len(sets.size()) > 1 else 0
-            K = (
-                {"radii": sets.radii[row]}
-                if self.groups > 1
-                else {"lower": sets.lower[row], "upper": sets.upper[row]}
-            )
             step = self.solver.step(
-                load - self.A @ z, **K, start=self.previous, tolerance=self.tolerance
+                load - self.A @ z,
+                **sets.weights(k),
+                start=self.previous,
+                tolerance=self.tolerance,
             )
             self.previous = step.delta
             z = states[k] = z + step.delta

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from stickslip.rate_independent.solvers.stable_sets import Boxes, ConvexSets, Discs
+from stickslip.arrays import Array
+from stickslip.rate_independent.sets.stable_sets import Boxes, ConvexSets, Discs
 
-Array = np.ndarray
 ROUNDING = 1e-14  # of a force, relative to the largest of its parts
 BLOCK = 400_000  # numbers in one array of a block of steps
 

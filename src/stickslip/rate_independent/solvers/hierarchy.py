@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stickslip.rate_independent.solvers.smoothing import Array, Rows, defect, sweep
+from stickslip.arrays import Array
+from stickslip.rate_independent.solvers.smoothing import Rows, defect, sweep
 from stickslip.rate_independent.solvers.truncation import galerkin, gather, truncate
 
 DENSE = 300  # unknowns up to which the last level is solved by a dense factorisation

@@ -25,12 +25,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.rate_independent.solvers.hierarchy import Hierarchy, rows
 from stickslip.rate_independent.solvers.matrix import checked_matrix
 from stickslip.rate_independent.solvers.smoothing import (
     ROUNDING,
-    Array,
     Rows,
     defect,
     forces,

@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 
-Array = np.ndarray
 ROUNDING = 8 * 2.220446049250313e-16  # of the magnitudes a force is the sum of
 # times the radius: a group that barely moves would have a curvature radius/|d| beyond all others
 HELD = 1.0 + 1e-12

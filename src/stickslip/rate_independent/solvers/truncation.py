@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 from stickslip.rate_independent.solvers.smoothing import (
     OPTIONS,
-    Array,
     Rows,
     moves,
     norm,

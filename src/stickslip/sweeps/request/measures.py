@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
@@ -24,8 +25,6 @@ from stickslip.sweeps.engine.tables import Found, Sums
 
 if TYPE_CHECKING:
     from stickslip.sweeps.work.chunk import Settings
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from functools import cache
 import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebval, chebvander
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 
-Array = np.ndarray
 Growth = Callable[[Array, Array, Array], Array]
 
 DEGREE = 16
