@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip.rate_independent.evolution import evolution_file
+import stickslip as ss
 
-model = evolution_file.load(Path(__file__).parent / "evolution" / "rotating-ellipse.toml")
+model = ss.load_evolution(Path(__file__).parent / "evolution" / "rotating-ellipse.toml")
 average = model.potential.average()
 
 angles = np.linspace(0.0, np.pi, 37)

@@ -14,9 +14,8 @@ from pathlib import Path
 import numpy as np
 
 import stickslip as ss
-from stickslip.rate_independent.evolution import evolution_file
 
-model = evolution_file.load(Path(__file__).parent / "evolution" / "two-phases.toml")
+model = ss.load_evolution(Path(__file__).parent / "evolution" / "two-phases.toml")
 average = model.potential.average()
 
 resolved = ss.evolve(model.problem, steps=2000)

@@ -52,8 +52,10 @@ if TYPE_CHECKING:
     )
     from stickslip.rate_independent.evolution.averaging_study import averaging_study
     from stickslip.rate_independent.evolution.evolution import Evolution
+    from stickslip.rate_independent.evolution.evolution_file import load_evolution
     from stickslip.rate_independent.evolution.evolve import evolve
     from stickslip.rate_independent.evolution.history import History, open_history
+    from stickslip.rate_independent.evolution.model import EvolutionModel
     from stickslip.rate_independent.play.operator import Play, play
     from stickslip.sweeps.adaptive import Adaptive
     from stickslip.sweeps.basin import basin
@@ -76,6 +78,7 @@ __all__ = [
     "Equilibrium",
     "EquilibriumSet",
     "Evolution",
+    "EvolutionModel",
     "GroupNorm",
     "History",
     "HysteresisOperator",
@@ -108,6 +111,7 @@ __all__ = [
     "gait_study",
     "hopf_curve",
     "load",
+    "load_evolution",
     "open_branch",
     "open_history",
     "open_sweep",
@@ -132,6 +136,8 @@ _HOMES = {
     "Trajectory": "motion.trajectory",
     "open_trajectory": "motion.trajectory",
     "Evolution": "rate_independent.evolution.evolution",
+    "EvolutionModel": "rate_independent.evolution.model",
+    "load_evolution": "rate_independent.evolution.evolution_file",
     "evolve": "rate_independent.evolution.evolve",
     "History": "rate_independent.evolution.history",
     "open_history": "rate_independent.evolution.history",

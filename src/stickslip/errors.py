@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
+
+FEW = 8  # numbers of many that a message shows
+
 
 class StickslipError(Exception):
     """Base of every error this library raises on purpose."""
@@ -56,3 +61,18 @@ def short(text: str) -> str:
     """The beginning of a text that is too long for a message."""
     text = " ".join(text.split())
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def few(numbers: Sequence[float | None]) -> str:
+    """The first of some numbers, and how many there are."""
+    shown = [f"{x:.6g}" for x in numbers[:FEW] if x is not None]
+    return ", ".join(shown) + (f", ... ({len(numbers)} in all)" if len(numbers) > FEW else "")
+
+
+def suggestion(name: str, known: Iterable[str], quote: str = "'") -> str:
+    """The remedy for an unknown name: the closest one that is known, or all of them."""
+    names = list(known)
+    close = get_close_matches(name, names, 1)
+    if close:
+        return f"Did you mean {quote}{close[0]}{quote}?"
+    return f"Known here: {', '.join(names) or 'none'}"

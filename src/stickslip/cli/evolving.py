@@ -14,18 +14,17 @@ import typer
 
 from stickslip import __version__
 from stickslip.cli.folder import PICTURE, add_picture, result_folder
-from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.errors import FEW, ConvergenceError, DeclarationError, few
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from stickslip.rate_independent.dissipation import Average, Dissipation
-    from stickslip.rate_independent.evolution.evolution_file import EvolutionModel
     from stickslip.rate_independent.evolution.history import History
+    from stickslip.rate_independent.evolution.model import EvolutionModel
     from stickslip.rate_independent.play.operator import Play
 
 TOLERANCE = 1e-8  # of an average without a closed form, relative to the size of K(s)
-SHOWN = 8  # components in a table; all are in summary.json
 AVERAGE_FILES = ("summary.json", PICTURE)
 EVOLVE_FILES = ("summary.json", "evolution.nc", PICTURE)
 
@@ -126,9 +125,9 @@ def evolve(
 def configured(file: Path, settings: Sequence[str] | None) -> EvolutionModel:
     """The model of a file with ``--set`` applied."""
     from stickslip.cli.models import assignments
-    from stickslip.rate_independent.evolution.evolution_file import load
+    from stickslip.rate_independent.evolution.evolution_file import load_evolution
 
-    return load(file).configure(assignments(settings or [], "--set"))
+    return load_evolution(file).configure(assignments(settings or [], "--set"))
 
 
 def with_option(option: str, model: EvolutionModel, **changes: Any) -> EvolutionModel:
@@ -191,12 +190,6 @@ def heading(model: EvolutionModel) -> dict[str, Any]:
     }
 
 
-def listed(numbers: Sequence[float | None]) -> str:
-    """A few numbers."""
-    shown = [f"{x:.6g}" for x in numbers[:SHOWN] if x is not None]
-    return ", ".join(shown) + (f", ... ({len(numbers)} in all)" if len(numbers) > SHOWN else "")
-
-
 # -- average ---------------------------------------------------------------------------------------
 
 
@@ -242,34 +235,10 @@ def summarise_average(model: EvolutionModel, averaged: Average) -> dict[str, Any
 
 def in_words(source: Dissipation, averaged: Average) -> dict[str, Any]:
     """How the average was found, what it is, and its numbers."""
-    from stickslip.rate_independent.dissipation.group_norm import AveragedGroupNorm
-    from stickslip.rate_independent.dissipation.polytope import AveragedPolytope
-    from stickslip.rate_independent.dissipation.weighted_l1 import AveragedWeightedL1
-
-    exact = "closed form: each threshold at its least over the phase"
-    match averaged:
-        case AveragedWeightedL1():
-            lower, upper = averaged.bounds()
-            numbers = {"upper": upper.tolist(), "lower": (-lower).tolist()}
-            terms = [
-                f"{up:.6g} |v_{i}|"
-                if up == down
-                else f"{up:.6g} max(v_{i}, 0) + {down:.6g} max(-v_{i}, 0)"
-                for i, (up, down) in enumerate(
-                    zip(upper.tolist(), (-lower).tolist(), strict=True), start=1
-                )
-            ]
-            return {"method": exact, "psi_av": summed(terms), "thresholds": numbers}
-        case AveragedGroupNorm():
-            radii = averaged.radii_at().tolist()
-            terms = [f"{r:.6g} |v_{{group {g}}}|" for g, r in enumerate(radii, start=1)]
-            return {"method": exact, "psi_av": summed(terms), "radii": radii}
-        case AveragedPolytope():
-            normals, offsets = averaged.halfspaces_at()
-            faces = {"normals": normals.tolist(), "offsets": offsets.tolist()}
-            distances = listed(offsets.tolist())
-            words = f"support function of {len(offsets)} half-spaces, at the distances {distances}"
-            return {"method": exact, "psi_av": words, **faces}
+    known = averaged.closed_form
+    if known is not None:
+        method = "closed form: each threshold at its least over the phase"
+        return {"method": method, "psi_av": summed(known.terms), **known.numbers}
     low, high = extremes(averaged)
     words = (
         f"{low:.6g} |v|"
@@ -285,8 +254,8 @@ def in_words(source: Dissipation, averaged: Average) -> dict[str, Any]:
 
 def summed(terms: list[str]) -> str:
     """A sum, shortened in the middle."""
-    if len(terms) > SHOWN:
-        terms = [*terms[: SHOWN - 2], f"... ({len(terms)} terms)", terms[-1]]
+    if len(terms) > FEW:
+        terms = [*terms[: FEW - 2], f"... ({len(terms)} terms)", terms[-1]]
     return " + ".join(terms)
 
 
@@ -315,9 +284,9 @@ def average_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
         ("friction", summary["frictionless"]),
     ]
     unit_motions = summary["unit_motions"]
-    for motion in unit_motions[: 2 * SHOWN]:
+    for motion in unit_motions[: 2 * FEW]:
         low, high = motion["range"]
-        when = f"at s = {listed(motion['phases'])}" if motion["phases"] else "at no phase"
+        when = f"at s = {few(motion['phases'])}" if motion["phases"] else "at no phase"
         name = f"  {'+' if motion['sign'] > 0 else '-'}e_{motion['component']}"
         rows.append(
             (
@@ -326,7 +295,7 @@ def average_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
                 f"{high:.6g}",
             )
         )
-    if len(unit_motions) > 2 * SHOWN:
+    if len(unit_motions) > 2 * FEW:
         rows.append(("  ...", f"({summary['dimension']} components in all)"))
     verdict = "certified" if summary["certified"] else "not certified"
     return [
@@ -350,14 +319,13 @@ def average_figure(model: EvolutionModel, averaged: Average) -> Figure:
 
 def computed(model: EvolutionModel, averaged: bool) -> History | Play:
     """The evolution: an exact play if it is scalar, else minimising movements."""
-    from stickslip.rate_independent.dissipation import WeightedL1
     from stickslip.rate_independent.evolution.blocks import PlayMotion
-    from stickslip.rate_independent.evolution.evolution_file import with_nearest_start
     from stickslip.rate_independent.evolution.evolve import evolve as by_steps
+    from stickslip.rate_independent.evolution.model import with_nearest_start
 
     problem = with_nearest_start(model.problem.averaged) if averaged else model.problem
-    if model.is_play and isinstance(problem.dissipation, WeightedL1):
-        return PlayMotion(problem, problem.dissipation).play
+    if problem.dissipation.thresholds is not None:
+        return PlayMotion(problem).play
     return by_steps(problem, steps=model.steps)
 
 
@@ -428,7 +396,7 @@ def evolve_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
         ("method", f"{summary['method']}, {period}"),
         ("time", f"{summary['t_span'][0]:g} to {summary['end']:g}"),
         count,
-        ("final state", listed(summary["final"])),
+        ("final state", few(summary["final"])),
         ("dissipated", f"{summary['dissipated']:.6g}"),
         *certificate_rows(summary["certificate"]),
     ]

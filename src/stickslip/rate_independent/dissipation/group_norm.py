@@ -13,7 +13,12 @@ from stickslip.errors import DeclarationError
 from stickslip.rate_independent.averaging.minima import Minima, least_thresholds
 from stickslip.rate_independent.averaging.optimal_motion import axes, scheduled, vanishing
 from stickslip.rate_independent.sets.cones import ConeForm, balls
-from stickslip.rate_independent.sets.potential import Average, Dissipation, OptimalMotion
+from stickslip.rate_independent.sets.potential import (
+    Average,
+    ClosedForm,
+    Dissipation,
+    OptimalMotion,
+)
 from stickslip.rate_independent.sets.projections import nearest_in_metric, onto_balls
 from stickslip.rate_independent.sets.stable_sets import Boxes, Discs
 from stickslip.rate_independent.sets.stretches import Rows, Sampled, Stretches, lengths
@@ -163,6 +168,12 @@ class AveragedGroupNorm(Average, GroupNorm):
     @property
     def frictionless(self) -> Array:
         return axes(np.repeat(vanishing(self.radii_at()), self.size))
+
+    @property
+    def closed_form(self) -> ClosedForm:
+        radii = self.radii_at().tolist()
+        terms = [f"{r:.6g} |v_{{group {g}}}|" for g, r in enumerate(radii, start=1)]
+        return ClosedForm(terms, {"radii": radii})
 
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
         V = self.vector(V, "V")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.arrays import Array
-from stickslip.errors import DeclarationError
+from stickslip.errors import DeclarationError, few
 from stickslip.rate_independent.averaging.minima import Minima, least_thresholds
 from stickslip.rate_independent.averaging.optimal_motion import VANISHING, measure
 from stickslip.rate_independent.averaging.semi_infinite import Intersection, lineality
@@ -23,7 +23,12 @@ from stickslip.rate_independent.dissipation.polytopes import (
     sampled_hulls,
 )
 from stickslip.rate_independent.sets.cones import ConeForm, hull, polyhedron, solve
-from stickslip.rate_independent.sets.potential import Average, Dissipation, OptimalMotion
+from stickslip.rate_independent.sets.potential import (
+    Average,
+    ClosedForm,
+    Dissipation,
+    OptimalMotion,
+)
 from stickslip.rate_independent.sets.projections import (
     nearest_and_faces,
     nearest_in_hull,
@@ -306,6 +311,12 @@ class AveragedPolytope(Average, Polytope):
     @property
     def frictionless(self) -> Array:
         return lineality(self, VANISHING * float(self.halfspaces_at()[1].max()))
+
+    @property
+    def closed_form(self) -> ClosedForm:
+        normals, offsets = (part.tolist() for part in self.halfspaces_at())
+        words = f"support function of {len(offsets)} half-spaces, at the distances {few(offsets)}"
+        return ClosedForm([words], {"normals": normals, "offsets": offsets})
 
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
         """Each face pushes along its normal at the phase at which it is closest."""

@@ -13,7 +13,12 @@ from stickslip.errors import DeclarationError
 from stickslip.rate_independent.averaging.minima import Minima, least_thresholds
 from stickslip.rate_independent.averaging.optimal_motion import axes, scheduled, vanishing
 from stickslip.rate_independent.sets.cones import ConeForm, polyhedron
-from stickslip.rate_independent.sets.potential import Average, Dissipation, OptimalMotion
+from stickslip.rate_independent.sets.potential import (
+    Average,
+    ClosedForm,
+    Dissipation,
+    OptimalMotion,
+)
 from stickslip.rate_independent.sets.projections import nearest_in_box
 from stickslip.rate_independent.sets.stable_sets import Boxes
 from stickslip.rate_independent.sets.stretches import Rows, Sampled, Stretches
@@ -178,6 +183,18 @@ class AveragedWeightedL1(Average, WeightedL1):
     def frictionless(self) -> Array:
         lower, upper = self.bounds()
         return axes(vanishing(upper - lower))
+
+    @property
+    def closed_form(self) -> ClosedForm:
+        lower, upper = self.bounds()
+        numbers = {"upper": upper.tolist(), "lower": (-lower).tolist()}
+        terms = [
+            f"{up:.6g} |v_{i}|"
+            if up == down
+            else f"{up:.6g} max(v_{i}, 0) + {down:.6g} max(-v_{i}, 0)"
+            for i, (up, down) in enumerate(zip(*numbers.values(), strict=True), start=1)
+        ]
+        return ClosedForm(terms, {"thresholds": numbers})
 
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
         V = self.vector(V, "V")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -320,6 +320,21 @@ class OptimalMotion:
         return self.cost - self.bound
 
 
+class ClosedForm(NamedTuple):
+    """An average that is known by numbers.
+
+    Attributes
+    ----------
+    terms : list of str
+        Whose sum Ψ_av(v) is, as a person would write them.
+    numbers : dict of str to list
+        By name.
+    """
+
+    terms: list[str]
+    numbers: dict[str, list[Any]]
+
+
 class Average(Dissipation):
     """The averaged potential Ψ_av, the support function of K_av = ∩ₛ K(s); it does not depend on
     the phase.
@@ -362,6 +377,11 @@ class Average(Dissipation):
             if self.samples
             else "all phases covered by bounds"
         )
+
+    @property
+    def closed_form(self) -> ClosedForm | None:
+        """What it is, if each threshold has been replaced by its least over the phase."""
+        return None
 
     @property
     def verdict(self) -> str:
