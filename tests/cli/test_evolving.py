@@ -275,7 +275,7 @@ BAD: dict[str, tuple[str, str, list[str]]] = {
     "no kind": (
         L1,
         L1.replace('kind = "weighted l1", ', ""),
-        ["dissipation.kind", '"weighted l1", "group norm"'],
+        ["dissipation.kind", '"group norm", "polytope", "weighted l1"'],
     ),
     "wrong kind": (
         L1,

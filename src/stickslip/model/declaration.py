@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from stickslip.errors import DeclarationError, short
-from stickslip.model.names import Names, Range
+from stickslip.model.names import DeclaredNames, Range
 from stickslip.model.schema import check_shape, entry_key
 from stickslip.model.system import Kind
 from stickslip.model.units import check_unit
@@ -165,7 +165,7 @@ class _Reader:
         system, result = self.system, self.result
         if not system.name.strip():
             raise DeclarationError("name", "the system has no name", "Give it a short name")
-        names = Names(ranges=result.ranges)
+        names = DeclaredNames(ranges=result.ranges)
         names.parameters(system.parameters)
         kinds = dict(
             zip(Kind, (result.inertial, result.viscous, result.rate_independent), strict=True)

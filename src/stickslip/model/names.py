@@ -15,7 +15,7 @@ from stickslip.model.units import check_unit
 from stickslip.symbolic.formulas import Definition, check_name, is_finite, parse_signature
 
 INTERVAL = re.compile(r"\s*([\[(])\s*(\S+?)\s*,\s*(\S+?)\s*([\])])\s*\Z")
-M = TypeVar("M")
+_M = TypeVar("_M")
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def parse_range(text: object, where: str) -> Range:
 
 
 @dataclass
-class Names:
+class DeclaredNames:
     """The names of a declaration while it is read: each means one thing.
 
     Attributes
@@ -115,7 +115,7 @@ class Names:
         return self.definitions | derivatives
 
 
-def configured(model: M, given: Mapping[str, Formula], sections: tuple[str, ...]) -> M:
+def reconfigured(model: _M, given: Mapping[str, Formula], sections: tuple[str, ...]) -> _M:
     """The same model with other values of its parameters and other functions.
 
     Parameters

@@ -20,7 +20,7 @@ EXPECTED = {
         "a formula or a pair of them",
         'Write "mu*m*g" or ["f_plus", "f_minus"]',
     ),
-    "Formulas": ("a formula or lists of them", 'Write "k*t", or ["sin(t)", "2*t"]'),
+    "FormulaTable": ("a formula or lists of them", 'Write "k*t", or ["sin(t)", "2*t"]'),
     "int": ("a whole number", "Write it without quotes, like 40"),
     "tuple[Formula, Formula]": ("a pair of formulas", 'Write it like [0, "2*pi/omega"]'),
     "tuple[float, float]": ("a pair of numbers", "Write it like [0, 100]"),
@@ -91,9 +91,9 @@ def _has_kind(value: Any, kind: str) -> bool:
             return isinstance(value, int) and not isinstance(value, bool)
         case "Formula":
             return _has_kind(value, "str") or _has_kind(value, "float")
-        case "Formulas" if isinstance(value, tuple):
-            return all(_has_kind(v, "Formulas") for v in value)
-        case "Formulas":
+        case "FormulaTable" if isinstance(value, tuple):
+            return all(_has_kind(v, "FormulaTable") for v in value)
+        case "FormulaTable":
             return _has_kind(value, "Formula")
         case "tuple[float, float]":
             return _is_pair(value, "float")

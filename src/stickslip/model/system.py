@@ -272,9 +272,9 @@ class System:
         DeclarationError
             If a name is neither, or a value is not admissible.
         """
-        from stickslip.model.names import configured
+        from stickslip.model.names import reconfigured
 
-        return configured(self, given, ("functions", "drives"))
+        return reconfigured(self, given, ("functions", "drives"))
 
     def with_parameters(self, **values: float) -> System:
         """The same system with other default values of its parameters."""

@@ -30,7 +30,7 @@ COORDINATES = {str(kind.kind): kind for kind in (Inertial, Viscous, RateIndepend
 
 def _coordinate(value: Any, where: str) -> Any:
     table = dict(toml.mapping(value, where))
-    return toml.entry(toml.kind_of(table, COORDINATES, where), table, where)
+    return toml.entry(toml.named_kind(table, COORDINATES, where), table, where)
 
 
 SYSTEMS = toml.Language(

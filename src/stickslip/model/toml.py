@@ -39,11 +39,11 @@ EXAMPLES = {
 }
 """How keys that are missing would be written."""
 K = TypeVar("K")
-M = TypeVar("M")
+_M = TypeVar("_M")
 
 
 @dataclass(frozen=True)
-class Language(Generic[M]):
+class Language(Generic[_M]):
     """The model files of one kind of model, a class of data.
 
     Attributes
@@ -58,12 +58,12 @@ class Language(Generic[M]):
         Keys that give away a file of another kind, with what it declares and what opens it.
     """
 
-    model: type[M]
+    model: type[_M]
     groups: tuple[str, ...]
     sections: Mapping[str, Callable[[Any, str], Any]]
     others: Mapping[str, tuple[str, str]]
 
-    def load(self, path: str | PathLike[str]) -> M:
+    def load(self, path: str | PathLike[str]) -> _M:
         """The model that a file declares.
 
         Raises
@@ -74,7 +74,7 @@ class Language(Generic[M]):
         """
         return self.loads(read_text(path), str(path))
 
-    def loads(self, text: str, where: str = "model") -> M:
+    def loads(self, text: str, where: str = "model") -> _M:
         """The model that the text of a file declares; `where` names the text in messages.
 
         Raises
@@ -96,14 +96,14 @@ class Language(Generic[M]):
                     }
             return self.model(**given)
 
-    def dumps(self, model: M) -> str:
+    def dumps(self, model: _M) -> str:
         """The model as the text of a file; :meth:`loads` gives it back, equal.
 
         What has its default value is left out, except the default of a parameter.
         """
-        return written(model, self.groups)
+        return as_toml(model, self.groups)
 
-    def save(self, model: M, path: str | PathLike[str]) -> None:
+    def save(self, model: _M, path: str | PathLike[str]) -> None:
         """Write a model as a file.
 
         Raises
@@ -246,7 +246,7 @@ def _join(where: str, key: str) -> str:
     return f"{where}.{key}" if where else key
 
 
-def kind_of(table: dict[str, Any], kinds: Mapping[str, type[K]], where: str) -> type[K]:
+def named_kind(table: dict[str, Any], kinds: Mapping[str, type[K]], where: str) -> type[K]:
     """The class that the ``kind`` of a table names, which is taken out of it."""
     key = f"{where}.kind"
     known = ", ".join(f'"{kind}"' for kind in kinds)
@@ -267,7 +267,7 @@ def missing(where: str, key: str, example: str = "") -> DeclarationError:
     return DeclarationError(_join(where, key), "this key is missing", f"Add it, as in: {example}")
 
 
-def written(data: Any, groups: Sequence[str]) -> str:
+def as_toml(data: Any, groups: Sequence[str]) -> str:
     """Data as TOML, field by field, without those that have their defaults.
 
     An empty line stands before each of `groups`. The first field is always written.

@@ -13,13 +13,13 @@ from stickslip.errors import DeclarationError
 from stickslip.rate_independent.sets.thresholds import nonnegative
 from stickslip.rate_independent.signals.signal import Minima, Signal, wrapped
 
-SAMPLES = 256
+PHASE_SAMPLES = 256
 """Phases at which functions are looked at. A minimum is missed if it is narrower and shows in none
 of them."""
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
-STEPS = 64  # of the golden section: from the distance of two samples to rounding
+_STEPS = 64  # of the golden section: from the distance of two samples to rounding
 MOST_SECTIONS = 40  # of a sharpened maximum
-RESOLVED = 1e-2  # what counts as better
+_RESOLVED = 1e-2  # what counts as better
 MOST_SEPARATE = 2000  # functions that can be refined one by one
 
 
@@ -50,7 +50,9 @@ def least_over_phases(signal: Signal) -> Minima:
     values, phases, index, centre = _scan(signal)
     if len(index):
         refined, found = golden_section(
-            lambda s: signal.entries(index, s), centre - 1 / SAMPLES, centre + 1 / SAMPLES
+            lambda s: signal.entries(index, s),
+            centre - 1 / PHASE_SAMPLES,
+            centre + 1 / PHASE_SAMPLES,
         )
         order = np.argsort(-refined, kind="stable")  # the least of an entry is written last
         index = index[order]
@@ -61,12 +63,12 @@ def least_over_phases(signal: Signal) -> Minima:
         # A sample that is the minimum, such as s = 0 or 1/2, is kept as it is.
         better = best < values - 4e-16 * np.abs(values)
         values, phases = np.where(better, best, values), np.where(better, at, phases)
-    return Minima(values, wrapped(phases), values, SAMPLES)
+    return Minima(values, wrapped(phases), values, PHASE_SAMPLES)
 
 
 def _scan(signal: Signal) -> tuple[Array, Array, NDArray[np.intp], Array]:
     """Least samples, their phases, and the entries and samples around which the minimum may lie."""
-    grid = np.arange(SAMPLES) / SAMPLES
+    grid = np.arange(PHASE_SAMPLES) / PHASE_SAMPLES
     before, here = signal.at(grid[-1]), signal.at(grid[0])
     values = here.copy()
     phases = np.zeros(signal.shape[0])
@@ -77,7 +79,7 @@ def _scan(signal: Signal) -> tuple[Array, Array, NDArray[np.intp], Array]:
         values[less] = here[less]
         phases[less] = s
         (index,) = np.nonzero(is_bracket(before, here, after))
-        low = lowest(before[index], here[index], after[index])
+        low = expected_low(before[index], here[index], after[index])
         promising = low < values[index]
         found.append((index[promising], np.full(int(promising.sum()), s), low[promising]))
         before, here = here, after
@@ -93,7 +95,7 @@ def is_bracket(before: Array, here: Array, after: Array) -> NDArray[np.bool_]:
     return (here <= before) & (here <= after) & ((here < before) | (here < after))
 
 
-def lowest(before: Array, here: Array, after: Array) -> Array:
+def expected_low(before: Array, here: Array, after: Array) -> Array:
     """How low a function can be expected between three samples: as low as lines of the outer slopes
     would take it."""
     with np.errstate(invalid="ignore"):
@@ -116,7 +118,7 @@ def golden_section(f: Callable[[Array], Array], low: Array, high: Array) -> tupl
     left = high - GOLDEN * (high - low)
     right = low + GOLDEN * (high - low)
     at_left, at_right = f(left), f(right)
-    for _ in range(STEPS):
+    for _ in range(_STEPS):
         down = at_left <= at_right
         low, high = np.where(down, low, left), np.where(down, right, high)
         kept, at_kept = np.where(down, left, right), np.where(down, at_left, at_right)
@@ -158,7 +160,7 @@ def sharpened(phases: Array, values: Array, f: Callable[[Array], Array]) -> tupl
         value = f(new)
         better = value > fb
         left = new < b
-        idle = np.where(value - fb > RESOLVED * np.abs(fb), 0, idle + 1)
+        idle = np.where(value - fb > _RESOLVED * np.abs(fb), 0, idle + 1)
         to_left = (better & ~left) | (~better & left)
         to_right = (better & left) | (~better & ~left)
         a = np.where(to_left, np.where(better, b, new), a)

@@ -17,17 +17,17 @@ from stickslip.rate_independent.sets.cones import ConeForm, ellipsoid
 from stickslip.rate_independent.sets.potential import Average, Dissipation
 from stickslip.rate_independent.sets.projections import nearest_in_ellipsoid, secular
 from stickslip.rate_independent.sets.stretches import (
-    NOWHERE,
+    NOWHERE_NEAR,
+    AtPhases,
     Near,
-    Rows,
-    Sampled,
+    RowWise,
     Stretches,
     lengths,
 )
 from stickslip.rate_independent.signals.reading import read_phase
 from stickslip.rate_independent.signals.signal import SAMPLE_PHASES, Signal, wrapped
 
-ROUNDING = 4e-16
+_ROUNDING = 4e-16
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +164,7 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
 
     def around(self, phases: Array, xi: Array, enough: float) -> Near:
         if self._parabolas is None:
-            return NOWHERE
+            return NOWHERE_NEAR
         # ξ lies in K(s) if S − ξξᵀ is positive semidefinite; if S + δ − ξξᵀ is, outside by √(λ + δ)
         # − √λ at most, λ at least the least eigenvalue of S.
         low, high, below, least = self._parabolas.around(phases, xi)
@@ -184,11 +184,11 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
 def _axes(S: Array) -> tuple[Array, Array, Array]:
     """Eigenvectors and eigenvalues of matrices (m, n, n), and what is rounding of them."""
     squares, axes = np.linalg.eigh((S + S.transpose(0, 2, 1)) / 2)
-    return axes, squares, ROUNDING * S.shape[1] * np.abs(S).max(axis=(1, 2))
+    return axes, squares, _ROUNDING * S.shape[1] * np.abs(S).max(axis=(1, 2))
 
 
 @dataclass(frozen=True, eq=False)
-class SampledEllipsoid(Rows, Sampled):
+class SampledEllipsoid(RowWise, AtPhases):
     """Ellipsoids at m phases by their axes (m, n, n), the squares of their lengths (m, n) and the
     rounding of these."""
 
@@ -251,7 +251,7 @@ class SampledEllipsoid(Rows, Sampled):
 
 
 @dataclass(frozen=True, eq=False)
-class StretchesOfEllipsoids(Rows, Stretches[SampledEllipsoid]):
+class StretchesOfEllipsoids(RowWise, Stretches[SampledEllipsoid]):
     """Ellipsoids on stretches of phases.
 
     Attributes

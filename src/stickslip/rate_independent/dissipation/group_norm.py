@@ -21,7 +21,7 @@ from stickslip.rate_independent.sets.potential import (
 )
 from stickslip.rate_independent.sets.projections import nearest_in_metric, onto_balls
 from stickslip.rate_independent.sets.stable_sets import Boxes, Discs
-from stickslip.rate_independent.sets.stretches import Rows, Sampled, Stretches, lengths
+from stickslip.rate_independent.sets.stretches import AtPhases, RowWise, Stretches, lengths
 from stickslip.rate_independent.sets.thresholds import (
     nonnegative,
     nonnegative_over,
@@ -118,7 +118,7 @@ class GroupNorm(Dissipation, kind="group norm"):
     def cone_form(self, s: float) -> ConeForm:
         return balls(self.radii_at(s), self.size)
 
-    def sampled(self, phases: Array) -> Sampled:
+    def sampled(self, phases: Array) -> AtPhases:
         return SampledBalls(self.size, nonnegative_over(self.radius, phases))
 
     def sets(self, phases: Array) -> Boxes | Discs:
@@ -186,7 +186,7 @@ class AveragedGroupNorm(Average, GroupNorm):
 
 
 @dataclass(frozen=True, eq=False)
-class SampledBalls(Rows, Sampled):
+class SampledBalls(RowWise, AtPhases):
     """Balls in R^size at m phases by their radii, shape (m, groups)."""
 
     size: int
@@ -209,7 +209,7 @@ class SampledBalls(Rows, Sampled):
 
 
 @dataclass(frozen=True, eq=False)
-class StretchesOfBalls(Rows, Stretches[SampledBalls]):
+class StretchesOfBalls(RowWise, Stretches[SampledBalls]):
     """Balls on stretches of phases, and how far their radii may be from straight lines."""
 
     start: SampledBalls

@@ -12,7 +12,10 @@ from numpy.typing import ArrayLike
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, few
 from stickslip.rate_independent.averaging.minima import Minima, least_thresholds
-from stickslip.rate_independent.averaging.optimal_motion import VANISHING, measure
+from stickslip.rate_independent.averaging.optimal_motion import (
+    VANISHING_THRESHOLD,
+    measure_with_sum,
+)
 from stickslip.rate_independent.averaging.semi_infinite import Intersection, lineality
 from stickslip.rate_independent.dissipation.polytopes import (
     QHULL_UP_TO,
@@ -22,7 +25,7 @@ from stickslip.rate_independent.dissipation.polytopes import (
     facets,
     sampled_hulls,
 )
-from stickslip.rate_independent.sets.cones import ConeForm, hull, polyhedron, solve
+from stickslip.rate_independent.sets.cones import ConeForm, hull, polyhedron, solve_cones
 from stickslip.rate_independent.sets.potential import (
     Average,
     ClosedForm,
@@ -36,7 +39,7 @@ from stickslip.rate_independent.sets.projections import (
     onto_span,
     weights_in_hull,
 )
-from stickslip.rate_independent.sets.stretches import Sampled, Stretches
+from stickslip.rate_independent.sets.stretches import AtPhases, Stretches
 from stickslip.rate_independent.sets.thresholds import nonnegative, nonnegative_over
 from stickslip.rate_independent.signals.reading import read_phase
 from stickslip.rate_independent.signals.signal import (
@@ -161,7 +164,7 @@ class Polytope(Dissipation, kind="polytope"):
         self._check(s)
         normals, offsets = self.halfspaces_at(s)
         size = float(offsets.max()) or 1.0
-        return solve([polyhedron(normals, offsets / size)], v / length)[0] * size
+        return solve_cones([polyhedron(normals, offsets / size)], v / length)[0] * size
 
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
         return float(self.sampled(np.array([s])).excess(self.vector(xi, "xi"))[0])
@@ -203,7 +206,7 @@ class Polytope(Dissipation, kind="polytope"):
             normals=self.faces.at(0.0), offsets=least.values, source=self, least=least
         )
 
-    def sampled(self, phases: Array) -> Sampled:
+    def sampled(self, phases: Array) -> AtPhases:
         if self.corners is None:
             faces = self._given(self.faces).over(phases)
             reach = nonnegative_over(self._given(self.reach), phases)
@@ -310,7 +313,7 @@ class AveragedPolytope(Average, Polytope):
 
     @property
     def frictionless(self) -> Array:
-        return lineality(self, VANISHING * float(self.halfspaces_at()[1].max()))
+        return lineality(self, VANISHING_THRESHOLD * float(self.halfspaces_at()[1].max()))
 
     @property
     def closed_form(self) -> ClosedForm:
@@ -327,14 +330,14 @@ class AveragedPolytope(Average, Polytope):
         if length == 0.0:
             return OptimalMotion(np.zeros(0), np.zeros((0, len(V))), 0.0, 0.0)
         forms = [polyhedron(normals[[j]], offsets[[j]] / size) for j in range(len(normals))]
-        xi, motions = solve(forms, V / length)
+        xi, motions = solve_cones(forms, V / length)
         violation = float(
             np.max(
                 (self.least.values - self.least.floors)
                 / np.linalg.norm(self._given(self.faces).at(0.0), axis=1)
             )
         )
-        return measure(self.source, V, self.phases, motions * length, xi * size, violation)
+        return measure_with_sum(self.source, V, self.phases, motions * length, xi * size, violation)
 
 
 def read_table(given: object, where: str) -> Signal:

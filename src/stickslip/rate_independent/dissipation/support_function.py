@@ -14,7 +14,7 @@ from stickslip.rate_independent.sets.potential import Average, Dissipation
 from stickslip.rate_independent.sets.projections import nearest_by_support
 from stickslip.rate_independent.signals.signal import SAMPLE_PHASES, wrapped
 
-STEPS = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 1e-6, 3e-7)  # of differences, in units of |v|
+_STEPS = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 1e-6, 3e-7)  # of differences, in units of |v|
 TILT = 1e-5
 
 
@@ -161,8 +161,8 @@ class SupportFunction(Dissipation):
         best = v * psi
         least = np.inf
         for w, steps, enough in [
-            (v, STEPS, 1e-11),
-            *((v + tilt, STEPS[-2:], 1e-9) for tilt in tilts),
+            (v, _STEPS, 1e-11),
+            *((v + tilt, _STEPS[-2:], 1e-9) for tilt in tilts),
         ]:
             last = np.full(self.dimension, np.inf)
             for h in steps:

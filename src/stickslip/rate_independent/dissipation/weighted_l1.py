@@ -21,7 +21,7 @@ from stickslip.rate_independent.sets.potential import (
 )
 from stickslip.rate_independent.sets.projections import nearest_in_box
 from stickslip.rate_independent.sets.stable_sets import Boxes
-from stickslip.rate_independent.sets.stretches import Rows, Sampled, Stretches
+from stickslip.rate_independent.sets.stretches import AtPhases, RowWise, Stretches
 from stickslip.rate_independent.sets.thresholds import (
     nonnegative,
     nonnegative_over,
@@ -113,7 +113,7 @@ class WeightedL1(Dissipation, kind="weighted l1"):
         (lower, upper), identity = self.bounds(s), np.eye(self.dimension)
         return polyhedron(np.vstack([identity, -identity]), np.concatenate([upper, -lower]))
 
-    def sampled(self, phases: Array) -> Sampled:
+    def sampled(self, phases: Array) -> AtPhases:
         upper = nonnegative_over(self.above, phases)
         return SampledBoxes(
             -(upper if self.below is self.above else nonnegative_over(self.below, phases)), upper
@@ -207,7 +207,7 @@ class AveragedWeightedL1(Average, WeightedL1):
 
 
 @dataclass(frozen=True, eq=False)
-class SampledBoxes(Rows, Sampled):
+class SampledBoxes(RowWise, AtPhases):
     """Boxes at m phases by their ends, shape (m, n)."""
 
     lower: Array
@@ -224,7 +224,7 @@ class SampledBoxes(Rows, Sampled):
 
 
 @dataclass(frozen=True, eq=False)
-class StretchesOfBoxes(Rows, Stretches[SampledBoxes]):
+class StretchesOfBoxes(RowWise, Stretches[SampledBoxes]):
     """Boxes on stretches of phases, and how far their faces may be from straight lines."""
 
     start: SampledBoxes

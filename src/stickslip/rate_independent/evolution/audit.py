@@ -36,9 +36,9 @@ from stickslip.rate_independent.evolution.between import overshoot
 from stickslip.rate_independent.evolution.evolution import Evolution
 from stickslip.rate_independent.sets.stable_sets import StableSets, Step
 
-EPS = float(np.finfo(float).eps)
+_EPS = float(np.finfo(float).eps)
 
-COLUMNS = {
+STEP_COLUMNS = {
     "energy": "energy of the state",
     "dissipated": "dissipated energy",
     "work": "work of the load",
@@ -69,7 +69,7 @@ class Flow:
 
 
 @dataclass(frozen=True)
-class State:
+class EvolutionState:
     """Where an evolution stands: z(t), and what the next step has to know of it."""
 
     t: float
@@ -81,17 +81,17 @@ class State:
 
 
 @dataclass(frozen=True)
-class Block:
-    """Consecutive steps: times (m,), states (m, n), and the columns (m,) of `COLUMNS`."""
+class StepBlock:
+    """Consecutive steps: times (m,), states (m, n), and the columns (m,) of `STEP_COLUMNS`."""
 
     times: Array
     states: Array
     columns: dict[str, Array]
 
-    def first(self, count: int) -> Block:
+    def first(self, count: int) -> StepBlock:
         """The first steps of it."""
         columns = {name: column[:count] for name, column in self.columns.items()}
-        return Block(self.times[:count], self.states[:count], columns)
+        return StepBlock(self.times[:count], self.states[:count], columns)
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class Measured:
     """A block of steps that is measured but not accepted, and what the step after each of them has
     to know."""
 
-    block: Block
+    block: StepBlock
     loads: Array
     elastic: Array
     sets: StableSets
@@ -114,7 +114,7 @@ class Measured:
         )
         return np.maximum.reduce([swing[1:], np.abs(work), self.block.columns["dissipated"]])
 
-    def state(self, k: int) -> State:
+    def state(self, k: int) -> EvolutionState:
         """The state after step k."""
         columns = self.block.columns
         energy = columns["energy"][: k + 1]
@@ -126,10 +126,12 @@ class Measured:
         )
         t = float(self.block.times[k])
         z = self.block.states[k].copy()
-        return State(t, z, self.loads[k].copy(), self.elastic[k].copy(), self.sets.row(k), flow)
+        return EvolutionState(
+            t, z, self.loads[k].copy(), self.elastic[k].copy(), self.sets.row(k), flow
+        )
 
 
-def start_state(problem: Evolution, t: float, z: Array, flow: Flow | None = None) -> State:
+def start_state(problem: Evolution, t: float, z: Array, flow: Flow | None = None) -> EvolutionState:
     """The state z at time t."""
     times = np.array([t])
     load = problem.ell.over(times)[0]
@@ -137,12 +139,12 @@ def start_state(problem: Evolution, t: float, z: Array, flow: Flow | None = None
     energy = float(0.5 * z @ elastic - z @ load)
     flow = flow or Flow()
     flow = replace(flow, lowest=min(flow.lowest, energy), highest=max(flow.highest, energy))
-    return State(t, z, load, elastic, problem.sets(times), flow)
+    return EvolutionState(t, z, load, elastic, problem.sets(times), flow)
 
 
-def measure(
+def measure_steps(
     problem: Evolution,
-    start: State,
+    start: EvolutionState,
     times: Array,
     states: Array,
     effort: Array,
@@ -182,7 +184,7 @@ def measure(
     )
     outside = sets.outside(forces[2])
     now = sets.value(d)
-    rounding = EPS * (np.abs(states).max(axis=1) + np.abs(z_before).max(axis=1))
+    rounding = _EPS * (np.abs(states).max(axis=1) + np.abs(z_before).max(axis=1))
     half, then = (now, now) if sets is start.sets else (middle.value(d), before.value(d))
     gap = then - _dot(forces[0], d)
     defect = (gap + 4.0 * (half - _dot(forces[1], d)) + now - _dot(forces[2], d)) / 6.0
@@ -212,7 +214,7 @@ def measure(
         "increment": 0.5 * _dot(pull, d),
         "gap": gap,
     }
-    return Measured(Block(times, states, columns), loads, elastic, sets, start.flow)
+    return Measured(StepBlock(times, states, columns), loads, elastic, sets, start.flow)
 
 
 def _times(A: Array, rows: Array) -> Array:

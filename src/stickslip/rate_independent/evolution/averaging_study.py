@@ -13,7 +13,7 @@ from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.rate_independent.evolution.blocks import TESTS, Gauge, Motion, motion_of
 from stickslip.rate_independent.evolution.evolution import Evolution, UnstableStart
-from stickslip.rate_independent.evolution.evolve import bar, check_positive
+from stickslip.rate_independent.evolution.evolve import bar, check_tolerances
 from stickslip.symbolic.formulas import is_finite
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LOADING = 5.0  # seconds beside which loading machine code does not count
-GRID = 1024  # intervals of the span on which the modulus of continuity is measured
+_GRID = 1024  # intervals of the span on which the modulus of continuity is measured
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -121,7 +121,7 @@ def averaging_study(
         If not even the first ε can be computed.
     """
     periods = _checked_periods(epsilons)
-    check_positive(tolerance=tolerance)
+    check_tolerances(tolerance=tolerance)
     if not problem.dissipation.depends_on_phase:
         raise DeclarationError(
             "dissipation", "it does not depend on the phase", "There is nothing to average"
@@ -186,7 +186,7 @@ def _averaged(problem: Evolution) -> Evolution:
 
 def _intervals(n: int) -> int:
     """Intervals of the grid, so that its states stay below 16 million numbers."""
-    return int(np.clip(2**24 // n, 64, GRID))
+    return int(np.clip(2**24 // n, 64, _GRID))
 
 
 def _table(

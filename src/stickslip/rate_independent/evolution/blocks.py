@@ -17,7 +17,7 @@ from stickslip.rate_independent.evolution.evolve import KKT, step_times
 from stickslip.rate_independent.evolution.stepping import March
 from stickslip.rate_independent.solvers.choose import choose_solver
 
-Rows = Callable[[Array], Array]
+_Rows = Callable[[Array], Array]
 TESTS = 5  # continuous functions that rates are tested with: cos(jπ(t − t₀)/T)
 BETWEEN = 16  # pieces of an interval in which a play moves
 
@@ -160,7 +160,7 @@ class Gauge:
         ∫φ_j dz.
     """
 
-    def __init__(self, A: Any, grid: Array, reference: Rows | None = None) -> None:
+    def __init__(self, A: Any, grid: Array, reference: _Rows | None = None) -> None:
         self.A = A
         self.grid = grid
         self.reference = reference

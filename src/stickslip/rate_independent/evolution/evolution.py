@@ -12,16 +12,18 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.dissipation import Dissipation
 from stickslip.rate_independent.sets.stable_sets import (
-    PHASES,
+    SIZED_AT,
     StableSets,
     largest_weight,
 )
 from stickslip.rate_independent.signals.reading import read
-from stickslip.rate_independent.signals.signal import TIME, Signal, finite
+from stickslip.rate_independent.signals.signal import OF_TIME, Signal, finite
 from stickslip.rate_independent.solvers.matrix import checked_matrix
 from stickslip.symbolic.formulas import is_finite
 
-STABLE = 1e-9  # distance from the stable set, relative to the largest force, that counts as none
+STABLE_WITHIN = (
+    1e-9  # distance from the stable set, relative to the largest force, that counts as none
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +71,7 @@ class Evolution:
     def __post_init__(self) -> None:
         A: Any = checked_matrix(self.A)
         n = A.shape[0]
-        ell = read(self.load, "load", TIME, (n,))
+        ell = read(self.load, "load", OF_TIME, (n,))
         values = {
             "A": A,
             "ell": ell,
@@ -129,12 +131,12 @@ class Evolution:
         Takes the arguments of `Evolution`. That state is one minimising-movement step away:
         argmin ½⟨Az, z⟩ − ⟨ℓ, z⟩ + Ψ(s, z − initial).
         """
-        from stickslip.rate_independent.evolution.evolve import settle
+        from stickslip.rate_independent.evolution.evolve import nearest_stable
 
         try:
             return cls(A, load, dissipation, initial, *more, **kwargs)
         except UnstableStart as unstable:
-            return cls(A, load, dissipation, settle(unstable.problem), *more, **kwargs)
+            return cls(A, load, dissipation, nearest_stable(unstable.problem), *more, **kwargs)
 
     def _check_dissipation(self) -> None:
         if not isinstance(self.dissipation, Dissipation):
@@ -149,7 +151,9 @@ class Evolution:
                 f"it acts on {self.dissipation.dimension} components, but A has {self.n} rows",
                 "Give both the same size",
             )
-        phases = np.linspace(0.0, 1.0, PHASES) if self.dissipation.depends_on_phase else np.zeros(1)
+        phases = (
+            np.linspace(0.0, 1.0, SIZED_AT) if self.dissipation.depends_on_phase else np.zeros(1)
+        )
         for s in phases:
             if not self.dissipation.contains(np.zeros(self.n), s):
                 raise DeclarationError(
@@ -164,7 +168,7 @@ class Evolution:
         sets = self.sets(np.array([start]))
         beyond = sets.outside(force)
         scale = max(largest_weight(self.dissipation), float(np.abs(force).max()))
-        if sets.largest(beyond)[0] > STABLE * scale:
+        if sets.largest(beyond)[0] > STABLE_WITHIN * scale:
             i = int(np.argmax(np.abs(beyond[0])))
             raise UnstableStart(self, float(np.linalg.norm(beyond)), i, float(force[0, i]))
 

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-KIND = "evolution"  # of the stored file
-FORMAT = 2  # of the stored file
+_KIND = "evolution"  # of the stored file
+_FORMAT = 2  # of the stored file
 PHASE_STEP = 0.25  # longest step that still sees the oscillation, in periods
 
 
@@ -183,7 +183,7 @@ class History:
             "kkt": self.kkt,
             "wall_time": self.wall_time,
         }
-        storage.write(path, self.dataset, KIND, FORMAT, settings=settings)
+        storage.write(path, self.dataset, _KIND, _FORMAT, settings=settings)
 
 
 def open_history(path: str | Path) -> History:
@@ -196,6 +196,6 @@ def open_history(path: str | Path) -> History:
     """
     from stickslip import storage
 
-    with storage.reading(path, KIND, FORMAT) as (data, own):
+    with storage.reading(path, _KIND, _FORMAT) as (data, own):
         settings: dict[str, Any] = json.loads(own["settings"])
         return History(data, EvolutionOutcome.from_code(settings.pop("outcome")), **settings)

@@ -9,7 +9,7 @@ from typing import Any
 
 from stickslip.errors import DeclarationError, short
 from stickslip.model import toml
-from stickslip.model.names import Names, configured
+from stickslip.model.names import DeclaredNames, reconfigured
 from stickslip.model.schema import check_shape
 from stickslip.model.system import Formula, Parameter, hold_plain
 from stickslip.rate_independent.dissipation import Dissipation
@@ -18,9 +18,9 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.formulas import Definition, Scope
 
 CLOCK = "t"
-PHASE = "s"
+_PHASE = "s"
 MOST_SHOWN = 8  # components of a state in a message
-Formulas = Any
+FormulaTable = Any
 """A formula, or lists of formulas: a vector, or the rows of a matrix."""
 
 
@@ -61,10 +61,10 @@ class EvolutionModel:
     source: str = ""
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     functions: Mapping[str, Formula] = field(default_factory=dict)
-    A: Formulas = ()
-    load: Formulas = ()
+    A: FormulaTable = ()
+    load: FormulaTable = ()
     dissipation: Mapping[str, Any] = field(default_factory=dict)
-    initial: Formulas = ()
+    initial: FormulaTable = ()
     epsilon: Formula = 1.0
     span: tuple[Formula, Formula] = (0.0, 1.0)
     steps: int | None = None
@@ -75,7 +75,7 @@ class EvolutionModel:
         if not self.name.strip():
             raise DeclarationError("name", "the model has no name", "Give it a short name")
         for name in self._definitions:
-            self._scope(CLOCK, PHASE).check(name)
+            self._scope(CLOCK, _PHASE).check(name)
         _ = self.potential
         if self.is_evolution:
             _ = self.problem
@@ -102,9 +102,9 @@ class EvolutionModel:
         given = dict(self.dissipation)
         if not given:
             raise toml.missing("", "dissipation")
-        cls = toml.kind_of(given, Dissipation.kinds, "dissipation")
+        cls = toml.named_kind(given, Dissipation.kinds, "dissipation")
         given = toml.known_keys(cls, given, "dissipation")
-        scope = self._scope(PHASE)
+        scope = self._scope(_PHASE)
         for item in fields(cls):
             # A whole number is no formula.
             if item.name in given and getattr(item.type, "__name__", item.type) != "int":
@@ -147,7 +147,7 @@ class EvolutionModel:
         DeclarationError
             If a name is neither, or a value is not admissible.
         """
-        return configured(self, given, ("functions",))
+        return reconfigured(self, given, ("functions",))
 
     def to_toml(self) -> str:
         """The declaration as a model file."""
@@ -158,7 +158,7 @@ class EvolutionModel:
     @cached_property
     def _definitions(self) -> dict[str, Definition]:
         """Functions, and the derivatives of those of one argument."""
-        names = Names(reserved={PHASE: "the phase"})
+        names = DeclaredNames(reserved={_PHASE: "the phase"})
         names.parameters(self.parameters)
         names.functions("functions", self.functions)
         return names.with_derivatives()
@@ -169,7 +169,7 @@ class EvolutionModel:
         allowed = ", ".join([*variables, "parameters"]).replace(", parameters", " and parameters")
         forbidden = {
             name: f"Only {allowed} may stand here"
-            for name in (CLOCK, PHASE)
+            for name in (CLOCK, _PHASE)
             if name not in variables
         }
         return Scope(
@@ -195,12 +195,12 @@ class EvolutionModel:
 def with_nearest_start(make: Callable[[], Evolution]) -> Evolution:
     """An evolution; if it starts outside the stable set, the message gives the nearest stable
     state."""
-    from stickslip.rate_independent.evolution.evolve import settle
+    from stickslip.rate_independent.evolution.evolve import nearest_stable
 
     try:
         return make()
     except UnstableStart as unstable:
-        nearest = settle(unstable.problem)
+        nearest = nearest_stable(unstable.problem)
         numbers = ", ".join(f"{x:.6g}" for x in nearest[:MOST_SHOWN])
         more = ", ..." if len(nearest) > MOST_SHOWN else ""
         remedy = f"The nearest stable state is initial = [{numbers}{more}]"

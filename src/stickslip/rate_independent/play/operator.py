@@ -21,10 +21,10 @@ from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError
 from stickslip.motion.simulate import check_span
 from stickslip.motion.trajectory import GRID
-from stickslip.rate_independent.play.nodes import Bounds, Nodes, Sample, follow, panel_edges
-from stickslip.rate_independent.signals.chebyshev import ROUNDING
+from stickslip.rate_independent.play.nodes import Nodes, PlayBounds, Sample, panel_edges, play_nodes
+from stickslip.rate_independent.signals.chebyshev import FIT_ROUNDING
 from stickslip.rate_independent.signals.reading import INTERPOLATIONS, is_table, read
-from stickslip.rate_independent.signals.signal import PHASE, TIME, Signal
+from stickslip.rate_independent.signals.signal import OF_PHASE, OF_TIME, Signal
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import is_finite
 
@@ -34,12 +34,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Given = str | float | Expr | Callable[[Any], Any] | tuple[Any, Any] | Signal
-CHUNK = 2**12  # intervals at once: what fits into the cache
-TOLERANCE = 1e-9  # of the certificate
+_CHUNK = 2**12  # intervals at once: what fits into the cache
+_TOLERANCE = 1e-9  # of the certificate
 # between floating-point numbers: rounding of a time, and of what is computed from it
-SPACINGS = 4.0
+_SPACINGS = 4.0
 # distance from the stable interval, relative to where it is, that counts as rounding
-STABLE = 1e-12
+_STABLE = 1e-12
 LONG_NAMES = {
     "z": "position",
     "d_z": "rate of position",
@@ -137,8 +137,8 @@ def play(
             f"{interpolation!r} is none",
             f"Give one of {', '.join(INTERPOLATIONS)}",
         )
-    ell = read(load, "load", TIME, (), interpolation).panels(span)
-    clock = TIME if epsilon is None else PHASE
+    ell = read(load, "load", OF_TIME, (), interpolation).panels(span)
+    clock = OF_TIME if epsilon is None else OF_PHASE
     pair = isinstance(threshold, tuple) and len(threshold) == 2 and not is_table(threshold)
     parts = (
         {f"threshold[{i}]": part for i, part in enumerate(threshold)}
@@ -150,18 +150,18 @@ def play(
         for where, part in parts.items()
     )
     minus = rest[0] if rest else plus
-    bounds = Bounds(ell, minus, plus, float(stiffness))
+    bounds = PlayBounds(ell, minus, plus, float(stiffness))
     edges = panel_edges(bounds, *span)
-    return Play(bounds, follow(bounds, edges, _stable(bounds, edges, float(initial))))
+    return Play(bounds, play_nodes(bounds, edges, _stable(bounds, edges, float(initial))))
 
 
-def _stable(bounds: Bounds, edges: Array, z: float) -> float:
+def _stable(bounds: PlayBounds, edges: Array, z: float) -> float:
     """The initial position, put onto the stable interval if it is outside by rounding."""
     start = bounds.sample(edges[:1], 0.5 * (edges[:1] + edges[1:2]))
     low, high = float(start.low[0]), float(start.high[0])
     nearest = min(max(z, low), high)
     distance = abs(z - nearest) * bounds.stiffness
-    if distance > bounds.stiffness * (STABLE * max(abs(z), abs(low), abs(high)) + bounds.noise):
+    if distance > bounds.stiffness * (_STABLE * max(abs(z), abs(low), abs(high)) + bounds.noise):
         raise DeclarationError(
             "initial",
             f"z = {z:.9g} is not stable: the force ℓ − a z exceeds its threshold by {distance:.6g}",
@@ -172,7 +172,7 @@ def _stable(bounds: Bounds, edges: Array, z: float) -> float:
 
 
 @dataclass(frozen=True)
-class Audit:
+class PlayAudit:
     """Work and violations of a motion, integrated anew from its nodes.
 
     The `blur` of energy, force and gap is what the rounding of times alone does to them where
@@ -189,7 +189,7 @@ class Audit:
     blur: tuple[float, float, float]
 
 
-class State(NamedTuple):
+class _State(NamedTuple):
     """Position, its rate, and the signals at some times."""
 
     z: Array
@@ -209,7 +209,7 @@ class Play:
         Times between which z rests or follows one bound, positions there, and the modes in between.
     """
 
-    bounds: Bounds
+    bounds: PlayBounds
     nodes: Nodes
 
     def __repr__(self) -> str:
@@ -292,7 +292,7 @@ class Play:
     def _middle(self, k: Array) -> Array:
         return 0.5 * (self.time[k] + self.time[k + 1])
 
-    def _state(self, t: Array, k: Array) -> State:
+    def _state(self, t: Array, k: Array) -> _State:
         """Everything at times t, shape (..., intervals), inside the intervals k."""
         mode = self.mode[k]
         start = self.z[k]
@@ -303,7 +303,7 @@ class Play:
             for bound in (now.low, now.high)
         )
         z = np.select([mode > 0, mode < 0], [low, high], start)
-        return State(z, np.select([mode > 0, mode < 0], [now.low_rate, now.high_rate], 0.0), now)
+        return _State(z, np.select([mode > 0, mode < 0], [now.low_rate, now.high_rate], 0.0), now)
 
     def _values(self, t: Array, k: Array) -> dict[str, Array]:
         z, rate, now = self._state(t, k)
@@ -334,8 +334,8 @@ class Play:
             max(len(signal.coefficients) for signal in self.bounds.signals)
         )
         out = np.empty((4, len(k)))
-        for first in range(0, len(k), CHUNK):
-            part = slice(first, first + CHUNK)
+        for first in range(0, len(k), _CHUNK):
+            part = slice(first, first + _CHUNK)
             start = self.time[k[part]]
             half = 0.5 * (end[part] - self.time[k[part]])
             z, rate, now = self._state(start + half * (x[:, None] + 1.0), k[part])
@@ -354,8 +354,8 @@ class Play:
         """
         excess = force = blur = 0.0
         x, _ = np.polynomial.legendre.leggauss(3)
-        for first in range(0, len(self.mode), CHUNK):
-            k = np.arange(first, min(first + CHUNK, len(self.mode)))
+        for first in range(0, len(self.mode), _CHUNK):
+            k = np.arange(first, min(first + _CHUNK, len(self.mode)))
             # Inside an interval of a few roundings there is no time that is safely on its side of a
             # jump.
             k = k[np.diff(self.time)[k] > 64.0 * np.spacing(np.abs(self.time[k]))]
@@ -367,7 +367,7 @@ class Play:
                 np.abs(now.plus.rate), np.abs(now.minus.rate)
             )
             blur = max(
-                blur, float(np.max(SPACINGS * np.spacing(np.abs(t)) * steepest, initial=0.0))
+                blur, float(np.max(_SPACINGS * np.spacing(np.abs(t)) * steepest, initial=0.0))
             )
             mode = np.broadcast_to(self.mode[k], pull.shape)
             beyond = np.maximum(pull - plus, -minus - pull)
@@ -381,7 +381,7 @@ class Play:
         return excess, blur, force
 
     @cached_property
-    def audit(self) -> Audit:
+    def audit(self) -> PlayAudit:
         """Energy, work and violations, integrated anew from the nodes."""
         k = np.arange(len(self.mode))
         near = self._middle(k)
@@ -400,7 +400,7 @@ class Play:
         supplied_at = np.concatenate([[0.0], np.cumsum(supplied + np.append(work[1:], 0.0))])
         # Nodes are rounded times: what an interval contributes is known to that part of it.
         rounding = np.divide(
-            SPACINGS * np.spacing(np.abs(self.time[1:])),
+            _SPACINGS * np.spacing(np.abs(self.time[1:])),
             np.diff(self.time),
             out=np.zeros(len(k)),
             where=self.time[1:] > self.time[:-1],
@@ -410,9 +410,9 @@ class Play:
         excess, blur, force = self._violations()
         # The force is a difference of the load and a z, known to the rounding of these.
         largest = float(np.max(np.abs([before, after])))
-        excess = max(excess - ROUNDING * largest, 0.0)
+        excess = max(excess - FIT_ROUNDING * largest, 0.0)
         force = max(force, 1e-6 * largest)
-        return Audit(
+        return PlayAudit(
             self._energy(np.append(after, before[-1]), self.z),
             np.concatenate([[0.0], np.cumsum(dissipated)]),
             supplied_at,
@@ -459,12 +459,12 @@ class Play:
         length = 1e-6 * yielding / self.bounds.stiffness
         scale = max(scale, 1e-6 * float(np.max(np.abs(audit.energy))), length * yielding)
         size = max(float(np.max(np.abs(self.z))), length)
-        gap = max(audit.gap - ROUNDING * yielding / self.bounds.stiffness, 0.0)
+        gap = max(audit.gap - FIT_ROUNDING * yielding / self.bounds.stiffness, 0.0)
         measured = np.array([float(np.max(np.abs(balance))), audit.excess, gap])
         sizes = np.array([scale, audit.force, size])
         relative = np.divide(1.0, sizes, out=np.zeros(3), where=sizes > 0.0)
         energy, stability, defect = (measured * relative).tolist()
-        tolerance = max(TOLERANCE, float((np.array(audit.blur) * relative).max()))
+        tolerance = max(_TOLERANCE, float((np.array(audit.blur) * relative).max()))
         samples = max(signal.samples for signal in self.bounds.signals)
         measured_of = [("energy balance", energy), ("friction law", stability), ("rates", defect)]
         looked = (

@@ -16,11 +16,12 @@ from stickslip.rate_independent.sets.cones import ConeForm, polyhedron
 from stickslip.rate_independent.sets.projections import nearest_by_support, slope_by_differences
 from stickslip.rate_independent.sets.stable_sets import ConvexSets, StableSets
 from stickslip.rate_independent.sets.stretches import (
-    NOWHERE,
+    NOWHERE_NEAR,
+    AtPhases,
     Estimated,
+    Fixed,
     Near,
     OneByOne,
-    Sampled,
     Stretches,
 )
 from stickslip.rate_independent.signals.signal import Signal, finite
@@ -177,7 +178,7 @@ class Dissipation(ABC):
         """Whether ξ, shape (n,), lies outside K(s) by no more than `noise`."""
         return self.excess(xi, s) <= noise
 
-    def sampled(self, phases: Array) -> Sampled:
+    def sampled(self, phases: Array) -> AtPhases:
         """The potential at several phases, shape (m,), at once."""
         return OneByOne(self, phases)
 
@@ -206,8 +207,8 @@ class Dissipation(ABC):
     @property
     def bounded(self) -> bool:
         """Whether it is made of numbers and formulas, and so known at every phase, not only where
-        it is asked for."""
-        return False
+        it is asked for; by default, if it does not depend on the phase."""
+        return not self.depends_on_phase
 
     def over(self, low: Array, high: Array) -> Stretches:
         """The potential on stretches of phases, shape (m,) each, within one period: 0 <= low <=
@@ -217,7 +218,7 @@ class Dissipation(ABC):
         otherwise.
         """
         start, end, middle = (OneByOne(self, s) for s in (low, high, 0.5 * (low + high)))
-        return Estimated(start, end, middle)
+        return Estimated(start, end, middle) if self.depends_on_phase else Fixed(start, end)
 
     def closest(self, phases: Array, xi: Array) -> Array:
         """Phases near given ones, shape (k,), at which a force is closest to the boundary of K(s),
@@ -230,7 +231,7 @@ class Dissipation(ABC):
 
         What is said of them is proved, from second derivatives. By default, nothing is.
         """
-        return NOWHERE
+        return NOWHERE_NEAR
 
     def prox(self, v: ArrayLike, s: float = 0.0, step: float = 1.0) -> Array:
         """Proximal step: the w with the least ½|w − v|² + step Ψ(s, w), shape (n,).
@@ -272,9 +273,11 @@ class Dissipation(ABC):
     def _depth(
         self, xi: Array, length: float, s: float, nearest: Callable[[Array], Array]
     ) -> float:
-        """How much further than ξ, a point of K(s), its ray goes on inside K(s)."""
+        """How much further than ξ, a point of K(s), its ray goes on inside K(s); from 0, where
+        there is no ray, how far K(s) reaches along the axes at least."""
         if length == 0.0:
-            return float("inf")
+            axes = np.eye(self.dimension)
+            return min(self.support(sign * e, s) for e in axes for sign in (1.0, -1.0))
         direction = xi / length
         reach = self.support(xi, s) / length
         # Newton's method from outside: cut the ray by the supporting hyperplane at the nearest

@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 
 from stickslip.arrays import Array
 from stickslip.rate_independent.sets.projections import nearest_in_metric, onto_balls
-from stickslip.rate_independent.sets.stretches import Sampled
+from stickslip.rate_independent.sets.stretches import AtPhases
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.sets.potential import Dissipation
 
 Forces = tuple[Array, Array, Array]
 ON_BOUND = 1e-12  # of a radius: how near to it a force may be inside and still be on its bound
-PHASES = 17  # at which the size of K(s) is looked up
+SIZED_AT = 17  # at which the size of K(s) is looked up
 
 
 class Step(NamedTuple):
@@ -113,7 +113,7 @@ class StableSets(Protocol):
 
 def largest_weight(dissipation: Dissipation) -> float:
     """Largest weight over the phases, as sampled: the force that residuals are compared with."""
-    phases = np.linspace(0.0, 1.0, PHASES) if dissipation.depends_on_phase else np.zeros(1)
+    phases = np.linspace(0.0, 1.0, SIZED_AT) if dissipation.depends_on_phase else np.zeros(1)
     return max(float(dissipation.sets(phases[k : k + 1]).size()[0]) for k in range(len(phases)))
 
 
@@ -291,10 +291,10 @@ class ConvexSets:
         return None
 
     @cached_property
-    def _sampled(self) -> Sampled:
+    def _sampled(self) -> AtPhases:
         return self.dissipation.sampled(self.phases)
 
-    def _for(self, rows: Array) -> Sampled:
+    def _for(self, rows: Array) -> AtPhases:
         """The potential at the phase of every row."""
         if len(self.phases) == len(rows):
             return self._sampled

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from stickslip.arrays import Array
 from stickslip.rate_independent.signals import chebyshev as ch
 from stickslip.rate_independent.signals.panels import Panels, Source, finite_source, fitted
-from stickslip.rate_independent.signals.signal import Clock, Minima, Signal, finite, wrapped
+from stickslip.rate_independent.signals.signal import Minima, Signal, Variable, finite, wrapped
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.boxes import slopes
 from stickslip.symbolic.chords import Chord, deviations, evaluate, table
@@ -29,7 +29,7 @@ class Constant(Signal):
     varies = False
     bounded = True
 
-    def __init__(self, value: Array, where: str, clock: Clock) -> None:
+    def __init__(self, value: Array, where: str, clock: Variable) -> None:
         self.where = where
         self.clock = clock
         self.shape = value.shape
@@ -75,7 +75,7 @@ class Formulas(Signal):
     differentiable = True
 
     def __init__(
-        self, expressions: list[Expr], shape: tuple[int, ...], where: str, clock: Clock
+        self, expressions: list[Expr], shape: tuple[int, ...], where: str, clock: Variable
     ) -> None:
         self.where = where
         self.clock = clock
@@ -177,7 +177,7 @@ def _zeros(expression: Expr, name: str, edges: Array) -> Array:
     panel, x = ch.sign_changes(c, 0.0)
     inside = breaks[panel] + 0.5 * (x + 1.0) * np.diff(breaks)[panel]
     # A zero at the edge of two panels may show in neither.
-    between = breaks[1:-1][np.abs(guard(breaks[1:-1])) <= ch.ROUNDING * np.max(np.abs(c))]
+    between = breaks[1:-1][np.abs(guard(breaks[1:-1])) <= ch.FIT_ROUNDING * np.max(np.abs(c))]
     found = np.concatenate([inside, between])
     # Of the numbers around it, the nearest at which the guard is smallest: t < 1 ends at 1.
     near = np.clip(found + np.spacing(found) * _NEIGHBOURS[:, None], edges[0], edges[-1])

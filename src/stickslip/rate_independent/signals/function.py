@@ -16,7 +16,7 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.signals import chebyshev as ch
 from stickslip.rate_independent.signals.panels import Panels, Source, finite_source, fitted
-from stickslip.rate_independent.signals.signal import Clock, Signal
+from stickslip.rate_independent.signals.signal import Signal, Variable
 
 # numbers that are remembered: refined steps ask for the same times again
 _REMEMBERED = 2_000_000
@@ -39,7 +39,7 @@ class Function(Signal):
         self,
         function: Callable[[Any], Any],
         where: str,
-        clock: Clock,
+        clock: Variable,
         shape: tuple[int, ...] | None = None,
     ) -> None:
         self.where = where
@@ -91,7 +91,7 @@ class Function(Signal):
         if not self.elementwise:
             return np.array([self.at(s).flat[i] for i, s in zip(index, places, strict=True)])
         values = np.empty(len(index))
-        for chosen in rounds(index):
+        for chosen in without_repeats(index):
             everywhere = np.zeros(math.prod(self.shape))
             everywhere[index[chosen]] = places[chosen]
             result = np.asarray(self.function(everywhere.reshape(self.shape)), dtype=float)
@@ -142,7 +142,7 @@ class _Counted:
         return self.function(u)
 
 
-def rounds(index: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
+def without_repeats(index: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
     """Split positions so that no entry of `index` occurs twice in one part."""
     order = np.argsort(index, kind="stable")
     first = (

@@ -75,7 +75,7 @@ class Panels:
         """Values at t, and derivatives with respect to time, as on the panels that hold `near`."""
         panel, x = self.locate(t, near)
         c = self.coefficients[:, panel]
-        return Value(ch.values(c, x), ch.values(ch.slopes(c), x) * (2.0 / self._width(panel)))
+        return Value(ch.values(c, x), ch.values(ch.derivatives(c), x) * (2.0 / self._width(panel)))
 
     def _width(self, panel: Array) -> Array:
         """Durations of panels."""

@@ -11,7 +11,7 @@ from stickslip.errors import DeclarationError
 from stickslip.rate_independent.signals.formulas import Constant, Formulas
 from stickslip.rate_independent.signals.function import Function
 from stickslip.rate_independent.signals.samples import MonotoneSamples, Samples
-from stickslip.rate_independent.signals.signal import PHASE, Clock, Signal, fitting
+from stickslip.rate_independent.signals.signal import OF_PHASE, Signal, Variable, fitting
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Scope
@@ -23,7 +23,7 @@ INTERPOLATIONS = {"linear": Samples, "monotone": MonotoneSamples}
 def read(
     given: Any,
     where: str,
-    clock: Clock,
+    clock: Variable,
     shape: tuple[int, ...] | None = None,
     interpolation: str = "linear",
 ) -> Signal:
@@ -37,7 +37,7 @@ def read(
     where : str
         How errors call it.
     clock : Clock
-        ``TIME`` or ``PHASE``.
+        ``OF_TIME`` or ``OF_PHASE``.
     shape : tuple of int, optional
         Of one value, up to axes of length 1. By default as it is.
     interpolation : {"linear", "monotone"}
@@ -78,7 +78,7 @@ def read_phase(given: Any, where: str, closes: bool = True) -> Signal:
     DeclarationError
         If it is none of these, not finite, or not 1-periodic.
     """
-    signal = read(given, where, PHASE)
+    signal = read(given, where, OF_PHASE)
     signal.scale = max(float(np.abs(signal.at(s)).max(initial=0.0)) for s in signal.looks)
     if closes:
         signal.check_period()
@@ -90,7 +90,7 @@ def is_table(given: Any) -> bool:
     return isinstance(given, tuple) and len(given) == 2 and np.ndim(given[0]) == 1
 
 
-def _array(given: Any, where: str, clock: Clock, shape: tuple[int, ...] | None) -> Signal:
+def _array(given: Any, where: str, clock: Variable, shape: tuple[int, ...] | None) -> Signal:
     """Numbers and formulas."""
     try:
         entries = np.asarray(given)

@@ -12,7 +12,7 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.signals import chebyshev as ch
 from stickslip.rate_independent.signals.panels import Panels
-from stickslip.rate_independent.signals.signal import Clock, Signal, finite, fitting
+from stickslip.rate_independent.signals.signal import Signal, Variable, finite, fitting
 from stickslip.symbolic.chords import Chord
 
 
@@ -38,13 +38,13 @@ class Samples(Signal):
     bounded = True
 
     def __init__(
-        self, times: Any, values: Any, where: str, clock: Clock, shape: tuple[int, ...]
+        self, times: Any, values: Any, where: str, clock: Variable, shape: tuple[int, ...]
     ) -> None:
         self.where = where
         self.clock = clock
         self.shape = shape
-        t = finite(numbers(times, f"{where}, times").copy(), f"{where}, times")
-        y = numbers(values, f"{where}, values").copy()
+        t = finite(as_numbers(times, f"{where}, times").copy(), f"{where}, times")
+        y = as_numbers(values, f"{where}, values").copy()
         if t.ndim != 1 or y.ndim == 0 or len(t) != len(y) or len(t) < 2:
             raise DeclarationError(
                 where,
@@ -59,7 +59,7 @@ class Samples(Signal):
                 "Sort them, each once",
             )
         self.times = t
-        self.rows = np.array([fitting(row, shape, where, ", row by row,") for row in y])
+        self.rows = fitting(y, (len(t), *shape), f"{where}, values")
         if not np.isfinite(self.rows).all():
             k = int(np.argmin(np.isfinite(self.rows.reshape(len(t), -1)).all(axis=1)))
             finite(self.rows[k], where, clock.place(float(t[k])))
@@ -148,7 +148,7 @@ class MonotoneSamples(Samples):
         return np.stack([mean - c2, rise - c3, c2, c3])
 
 
-def numbers(given: Any, where: str) -> Array:
+def as_numbers(given: Any, where: str) -> Array:
     """The array of numbers that was given.
 
     Raises

@@ -14,11 +14,11 @@ from stickslip.errors import DeclarationError
 from stickslip.rate_independent.signals.panels import Panels
 from stickslip.symbolic.chords import Chord
 
-NARROW = 2.0**-50  # width of a stretch of phases that is rounding
+NARROWEST_STRETCH = 2.0**-50  # width of a stretch of phases that is rounding
 SAMPLE_PHASES = tuple((k * 0.6180339887498949) % 1.0 for k in range(8))
 
 
-class Clock(NamedTuple):
+class Variable(NamedTuple):
     """What a signal is a function of.
 
     Attributes
@@ -41,8 +41,8 @@ class Clock(NamedTuple):
         return f"phase {self.name} = {u:g}" if self.periodic else f"{self.name} = {u:.9g}"
 
 
-TIME = Clock("t", False)
-PHASE = Clock("s", True)
+OF_TIME = Variable("t", False)
+OF_PHASE = Variable("s", True)
 
 
 class Minima(NamedTuple):
@@ -89,7 +89,7 @@ class Signal(ABC):
     """
 
     where: str
-    clock: Clock
+    clock: Variable
     shape: tuple[int, ...]
     varies: bool = True
     bounded: bool = False
@@ -229,11 +229,11 @@ class Signal(ABC):
         ------
         DeclarationError
         """
-        if same(self.at(0.0), self.later(0.0)):
+        if same_array(self.at(0.0), self.later(0.0)):
             return
         # A function that jumps at s = 0 is periodic all the same if it says so beyond s = 1.
         for s in SAMPLE_PHASES[1:]:
-            if not same(self.at(s), self.later(s)):
+            if not same_array(self.at(s), self.later(s)):
                 raise not_periodic(self.where, s)
 
     def later(self, s: float) -> Array:
@@ -247,7 +247,7 @@ def wrapped(s: Any) -> Any:
     return phase * (phase < 1.0)  # a phase just below 0 is rounded to 1
 
 
-def same(one: Array, other: Array) -> bool:
+def same_array(one: Array, other: Array) -> bool:
     """Whether two arrays agree up to the rounding of a smooth function."""
     return one.shape == other.shape and bool(
         np.allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(one).max(initial=0))
@@ -278,7 +278,7 @@ def fitting(value: Array, shape: tuple[int, ...], where: str, when: str = "") ->
     raise DeclarationError(
         where,
         f"it has the shape {value.shape}{when}, but {shape or 'a single value'} is needed",
-        f"Give {' x '.join(map(str, shape))} of them" if shape else "Give one",
+        f"Give an array of shape {shape}" if shape else "Give one",
     )
 
 

@@ -13,13 +13,13 @@ from stickslip.rate_independent.solvers.dense import BoxSteps, ProjectionSteps
 if TYPE_CHECKING:
     from stickslip.rate_independent.evolution.evolution import Evolution
 
-SMALL = 800  # rows up to which a sparse matrix is treated as a dense one
+_SMALL = 800  # rows up to which a sparse matrix is treated as a dense one
 SMALL_GROUPS = 100  # … with friction in groups
-BLOCK = 20_000  # numbers in one array of a block of multigrid steps
-DENSE = 4000  # rows up to which one may be
+_BLOCK = 20_000  # numbers in one array of a block of multigrid steps
+_DENSE = 4000  # rows up to which one may be
 
 
-class Steps(Protocol):
+class StepSolver(Protocol):
     """Minimising-movement steps of one problem, many at a time."""
 
     block: int  # steps that are made in one call, at most
@@ -30,7 +30,7 @@ class Steps(Protocol):
         ...
 
 
-def choose_solver(problem: Evolution, name: str | None, tolerance: float) -> Steps:
+def choose_solver(problem: Evolution, name: str | None, tolerance: float) -> StepSolver:
     """The solver of that name, or the one that suits the problem.
 
     Parameters
@@ -52,7 +52,7 @@ def choose_solver(problem: Evolution, name: str | None, tolerance: float) -> Ste
     A, psi = problem.A, problem.dissipation
     together = problem.sets(np.array(problem.span[:1])).together
     if name is None:
-        many = problem.n > (SMALL if together == 1 else SMALL_GROUPS)
+        many = problem.n > (_SMALL if together == 1 else SMALL_GROUPS)
         name = "multigrid" if together and sparse.issparse(A) and many else "dense"
     if name == "multigrid" and together:
         return MultigridSteps(sparse.csr_array(A), together, tolerance)
@@ -61,7 +61,7 @@ def choose_solver(problem: Evolution, name: str | None, tolerance: float) -> Ste
         raise DeclarationError(
             "solver", f"{name!r} cannot treat {type(psi).__name__}", f"Use {able}"
         )
-    if problem.n > DENSE:
+    if problem.n > _DENSE:
         raise DeclarationError(
             "A",
             f"{problem.n} rows are too many for the dense solver",
@@ -88,7 +88,7 @@ class MultigridSteps:
 
         self.A = A
         self.tolerance = tolerance
-        self.block = max(1, min(64, BLOCK // A.shape[0]))
+        self.block = max(1, min(64, _BLOCK // A.shape[0]))
         self.solver = Multigrid(A, groups=together)
         self.previous: Array | None = None
 
