@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from stickslip.display.printers import LatexWriter, UnicodeWriter
 from stickslip.display.symbols import is_word, unicode_unit, width
-from stickslip.display.terminal import table, wrap
+from stickslip.display.terminal import text_table, wrap
 from stickslip.display.tree import (
     NOUGHT,
     UNITY,
@@ -302,7 +302,7 @@ class _Text:
             rows.append([self.write(Name(name)), x.kind, unicode_unit(x.unit), x.meaning])
         for name, a in self.system.internal.items():
             rows.append([self.write(Name(name)), "internal", unicode_unit(a.unit), a.meaning])
-        return table(rows)
+        return text_table(rows)
 
     def motion(self) -> list[str]:
         lines = []
@@ -314,7 +314,7 @@ class _Text:
         lines = []
         for group in self.equations.friction_groups():
             velocities = [Relation("=", Name(f"u{f.index}"), f.velocity) for f in group]
-            lines += table(
+            lines += text_table(
                 [[f"{f.contact}:", self.write(u)] for f, u in zip(group, velocities, strict=True)]
             )
             for when, law in group[0].laws(self.write, group[0].index if len(group) == 1 else "_i"):
@@ -340,7 +340,7 @@ class _Text:
             for c, v in zip(arguments[:-1:2], arguments[1::2], strict=True)
         ]
         pairs.append((self.write(arguments[-1]), "otherwise"))
-        rows = table([list(pair) for pair in pairs])
+        rows = text_table([list(pair) for pair in pairs])
         braces = ["⎧", *["⎪"] * (len(rows) - 2), "⎩"]
         middle = len(rows) // 2
         if len(rows) > 2:
@@ -362,7 +362,7 @@ class _Text:
             symbol = self.write(Name(name))
             plain = name if name != symbol else ""
             rows.append([symbol, plain, f"{p.default:g}", unicode_unit(p.unit), bounds, p.meaning])
-        return table(rows)
+        return text_table(rows)
 
     def start(self) -> list[str]:
         system = self.system
@@ -400,7 +400,7 @@ class _Text:
                 else "FAILS" + (f": {condition.otherwise}" if condition.otherwise else "")
             )
             rows.append([name, self.relation(condition.formula), verdict])
-        return table(rows)
+        return text_table(rows)
 
     def relation(self, text: str) -> str:
         """A condition; its two sides are read apart, since a comparison is no formula."""

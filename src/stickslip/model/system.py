@@ -18,8 +18,8 @@ from stickslip.symbolic.formulas import formula_text
 if TYPE_CHECKING:
     from stickslip.model.declaration import Declaration
 
-Formula = str | float | Expr
-"""A text, a number, or an expression, which a declaration writes down as text."""
+Formula = str | float
+"""A text or a number. An expression may be given, too: it is written down as a text."""
 
 
 class Kind(StrEnum):

@@ -68,9 +68,11 @@ class PlayMotion:
         from stickslip.rate_independent.play.operator import play
 
         began = time.perf_counter()
+        thresholds = problem.dissipation.thresholds
+        assert thresholds is not None
         self.play = play(
             problem.ell,
-            problem.dissipation.thresholds,
+            thresholds,
             problem.span,
             float(problem.initial[0]),
             epsilon=problem.epsilon,

@@ -102,7 +102,7 @@ class EvolutionModel:
         given = dict(self.dissipation)
         if not given:
             raise toml.missing("", "dissipation")
-        cls = toml.named_kind(given, Dissipation.kinds, "dissipation")
+        cls: Any = toml.named_kind(given, Dissipation.kinds, "dissipation")
         given = toml.known_keys(cls, given, "dissipation")
         scope = self._scope(_PHASE)
         for item in fields(cls):

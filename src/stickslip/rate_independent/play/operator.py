@@ -139,12 +139,9 @@ def play(
         )
     ell = read(load, "load", OF_TIME, (), interpolation).panels(span)
     clock = OF_TIME if epsilon is None else OF_PHASE
-    pair = isinstance(threshold, tuple) and len(threshold) == 2 and not is_table(threshold)
-    parts = (
-        {f"threshold[{i}]": part for i, part in enumerate(threshold)}
-        if pair
-        else {"threshold": threshold}
-    )
+    parts: dict[str, Any] = {"threshold": threshold}
+    if isinstance(threshold, tuple) and len(threshold) == 2 and not is_table(threshold):
+        parts = {f"threshold[{i}]": part for i, part in enumerate(threshold)}
     plus, *rest = (
         read(part, where, clock, (), interpolation).panels(span, epsilon)
         for where, part in parts.items()

@@ -330,12 +330,12 @@ class ClosedForm(NamedTuple):
     ----------
     terms : list of str
         Whose sum Ψ_av(v) is, as a person would write them.
-    numbers : dict of str to list
+    numbers : dict of str to lists
         By name.
     """
 
     terms: list[str]
-    numbers: dict[str, list[Any]]
+    numbers: dict[str, Any]
 
 
 class Average(Dissipation):

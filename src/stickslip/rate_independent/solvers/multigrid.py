@@ -53,7 +53,7 @@ class StepOutcome(Enum):
     """How a step ended; the result has the lowest energy that was reached."""
 
     CONVERGED = ("converged", "The KKT residual is within the tolerance")
-    SUM_ROUNDING = (
+    ROUNDING = (
         "at rounding",
         "The KKT residual is that of rounding and above the tolerance. Raise the tolerance",
     )
