@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from difflib import get_close_matches
-
-FEW = 8  # numbers of many that a message shows
 
 
 class StickslipError(Exception):
@@ -61,12 +59,6 @@ def short(text: str) -> str:
     """The beginning of a text that is too long for a message."""
     text = " ".join(text.split())
     return text if len(text) <= 60 else text[:57] + "..."
-
-
-def few(numbers: Sequence[float | None]) -> str:
-    """The first of some numbers, and how many there are."""
-    shown = [f"{x:.6g}" for x in numbers[:FEW] if x is not None]
-    return ", ".join(shown) + (f", ... ({len(numbers)} in all)" if len(numbers) > FEW else "")
 
 
 def suggestion(name: str, known: Iterable[str], quote: str = "'") -> str:

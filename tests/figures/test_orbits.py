@@ -138,7 +138,7 @@ def test_basin_map() -> None:
         catalogue.rocking_toy(),
         {"psi": (-1.0, 1.0, 7), "d_psi": (-0.9, 0.9, 5)},
         initial={"x_R": 0.0},
-    )
+    ).dataset
     figure = plot_basin(found)
     (axes,) = figure.axes
     assert legend(figure) == ["walking, speed 0.168 m/s", "rest"]

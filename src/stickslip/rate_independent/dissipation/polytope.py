@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.arrays import Array
-from stickslip.errors import DeclarationError, few
+from stickslip.errors import DeclarationError
 from stickslip.rate_independent.averaging.minima import Minima, least_thresholds
 from stickslip.rate_independent.averaging.optimal_motion import (
     VANISHING_THRESHOLD,
@@ -48,6 +48,7 @@ from stickslip.rate_independent.signals.signal import (
     not_periodic,
     wrapped,
 )
+from stickslip.results import listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,7 +319,8 @@ class AveragedPolytope(Average, Polytope):
     @property
     def closed_form(self) -> ClosedForm:
         normals, offsets = (part.tolist() for part in self.halfspaces_at())
-        words = f"support function of {len(offsets)} half-spaces, at the distances {few(offsets)}"
+        distances = listed([f"{x:.6g}" for x in offsets], 8)
+        words = f"support function of {len(offsets)} half-spaces, at the distances {distances}"
         return ClosedForm([words], {"normals": normals, "offsets": offsets})
 
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:

@@ -8,10 +8,11 @@ of L′ and U′ are all that has to be found.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
@@ -25,12 +26,14 @@ from stickslip.rate_independent.play.nodes import Nodes, PlayBounds, Sample, pan
 from stickslip.rate_independent.signals.chebyshev import FIT_ROUNDING
 from stickslip.rate_independent.signals.reading import INTERPOLATIONS, is_table, read
 from stickslip.rate_independent.signals.signal import OF_PHASE, OF_TIME, Signal
+from stickslip.results import Completion, Result
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import is_finite
 
 if TYPE_CHECKING:
     import pandas
     import xarray
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Given = str | float | Expr | Callable[[Any], Any] | tuple[Any, Any] | Signal
@@ -137,19 +140,50 @@ def play(
             f"{interpolation!r} is none",
             f"Give one of {', '.join(INTERPOLATIONS)}",
         )
-    ell = read(load, "load", OF_TIME, (), interpolation).panels(span)
-    clock = OF_TIME if epsilon is None else OF_PHASE
-    parts: dict[str, Any] = {"threshold": threshold}
-    if isinstance(threshold, tuple) and len(threshold) == 2 and not is_table(threshold):
-        parts = {f"threshold[{i}]": part for i, part in enumerate(threshold)}
-    plus, *rest = (
-        read(part, where, clock, (), interpolation).panels(span, epsilon)
-        for where, part in parts.items()
-    )
-    minus = rest[0] if rest else plus
-    bounds = PlayBounds(ell, minus, plus, float(stiffness))
+    declared = {
+        "load": load,
+        "threshold": threshold,
+        "t_span": span,
+        "epsilon": epsilon,
+        "stiffness": float(stiffness),
+        "interpolation": interpolation,
+    }
+    bounds = _bounds(**declared)
     edges = panel_edges(bounds, *span)
-    return Play(bounds, play_nodes(bounds, edges, _stable(bounds, edges, float(initial))))
+    nodes = play_nodes(bounds, edges, _stable(bounds, edges, float(initial)))
+    return Play(bounds, nodes, declared)
+
+
+def _bounds(
+    load: Given,
+    threshold: Given | tuple[Given, Given],
+    t_span: tuple[float, float],
+    epsilon: float | None,
+    stiffness: float,
+    interpolation: str,
+) -> PlayBounds:
+    """Load and thresholds as they were given, read."""
+    ell = read(load, "load", OF_TIME, (), interpolation).panels(t_span)
+    clock = OF_TIME if epsilon is None else OF_PHASE
+    plus, *rest = (
+        read(part, where, clock, (), interpolation).panels(t_span, epsilon)
+        for where, part in _parts(threshold).items()
+    )
+    return PlayBounds(ell, rest[0] if rest else plus, plus, stiffness)
+
+
+def _parts(threshold: Any) -> dict[str, Any]:
+    """A threshold, or both of a pair, by what errors call them."""
+    if isinstance(threshold, tuple) and len(threshold) == 2 and not is_table(threshold):
+        return {f"threshold[{i}]": part for i, part in enumerate(threshold)}
+    return {"threshold": threshold}
+
+
+def _revived(entry: Any) -> Any:
+    """What was stored as data for JSON."""
+    if isinstance(entry, dict):
+        return np.array(entry["times"]), np.array(entry["values"])
+    return tuple(_revived(part) for part in entry) if isinstance(entry, list) else entry
 
 
 def _stable(bounds: PlayBounds, edges: Array, z: float) -> float:
@@ -195,7 +229,7 @@ class _State(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Play:
+class Play(Result):
     """A computed play.
 
     Attributes
@@ -204,10 +238,15 @@ class Play:
         Load, thresholds and stiffness.
     nodes : Nodes
         Times between which z rests or follows one bound, positions there, and the modes in between.
+    declared : mapping of str to anything
+        Load, threshold, span, period, stiffness and interpolation as they were given.
     """
+
+    KIND = "play"
 
     bounds: PlayBounds
     nodes: Nodes
+    declared: Mapping[str, Any]
 
     def __repr__(self) -> str:
         return f"<Play: t = {self.time[0]:g} ... {self.time[-1]:g}, {self.n_switches} switches>"
@@ -504,8 +543,86 @@ class Play:
         }
         return pd.DataFrame({"time": self.time[k], **names, "z": self.z[k]})
 
-    def plot(self) -> Figure:
+    # -- what it says of itself --------------------------------------------------------------------
+
+    @property
+    def title(self) -> str:
+        """What it is."""
+        return "play operator with moving thresholds"
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Stiffness, and the period of the thresholds if they have one."""
+        epsilon = self.declared["epsilon"]
+        found = {"stiffness": self.bounds.stiffness}
+        return found if epsilon is None else {**found, "epsilon": float(epsilon)}
+
+    @property
+    def outcome(self) -> Completion:
+        """A play comes to its end."""
+        return Completion.FINISHED
+
+    @property
+    def message(self) -> str:
+        """How it ended, in words."""
+        return self.outcome.message
+
+    def facts(self) -> dict[str, Any]:
+        """What fits on a page, as plain data."""
+        return {
+            "method": "exact play",
+            "end": float(self.time[-1]),
+            "switches": self.n_switches,
+            "final": [self.final],
+            "dissipated": self.dissipated,
+        }
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What fits on a page, in words."""
+        return [
+            ("method", "exact play"),
+            ("time", f"{self.time[0]:g} to {self.time[-1]:g}"),
+            ("switches", str(self.n_switches)),
+            ("final state", f"{self.final:.6g}"),
+            ("dissipated", f"{self.dissipated:.6g}"),
+        ]
+
+    def overview(self, ax: Axes | None = None) -> Figure:
         """z over time inside the stable region."""
         from stickslip.figures.play import plot_play
 
-        return plot_play(self)
+        return plot_play(self, ax)
+
+    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+        """The nodes beside the dataset, and load and thresholds as they were given."""
+        import xarray as xr
+
+        nodes = xr.Dataset(
+            {
+                "node_time": ("node", self.nodes.time),
+                "node_z": ("node", self.nodes.z),
+                "node_mode": ("node", self.nodes.mode),
+            }
+        )
+        load, threshold, epsilon, interpolation = (
+            self.declared[name] for name in ("load", "threshold", "epsilon", "interpolation")
+        )
+        clock = OF_TIME if epsilon is None else OF_PHASE
+        parts = [
+            read(part, where, clock, (), interpolation).plain()
+            for where, part in _parts(threshold).items()
+        ]
+        signals = {
+            "load": read(load, "load", OF_TIME, (), interpolation).plain(),
+            "threshold": parts if len(parts) > 1 else parts[0],
+        }
+        return self.dataset.merge(nodes), {"declared": {**self.declared, **signals}}
+
+    @classmethod
+    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
+        """A play from its nodes."""
+        declared: dict[str, Any] = json.loads(parts["declared"])
+        declared["t_span"] = tuple(declared["t_span"])
+        declared |= {name: _revived(declared[name]) for name in ("load", "threshold")}
+        nodes = Nodes(*(data[f"node_{name}"].values for name in ("time", "z", "mode")))
+        return cls(_bounds(**declared), nodes, declared)

@@ -16,6 +16,7 @@ from stickslip.symbolic.boxes import slopes
 from stickslip.symbolic.chords import Chord, deviations, evaluate, table
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.extrema import least
+from stickslip.symbolic.formulas import formula_text
 from stickslip.symbolic.majorants import growth
 
 # around the place of a minimum: to which a search by bounds knows it
@@ -63,6 +64,9 @@ class Constant(Signal):
             4.0 * ch.EPS * abs(value.item()),
             lambda u: np.full(np.shape(u), value.item()),
         )
+
+    def plain(self) -> float:
+        return self.constant.item()
 
     def check_period(self) -> None:
         """Nothing is left to check."""
@@ -146,6 +150,9 @@ class Formulas(Signal):
         edges = _corners(expression, name, np.array(span if period is None else (0.0, 1.0)))
         source = finite_source(_of_array(expression), self.where, self.clock.place)
         return fitted(source, edges, self.where, name, period, growth=_growth(expression, name))
+
+    def plain(self) -> str:
+        return formula_text(self.expressions[0], self.where)
 
 
 def _of_array(expression: Expr) -> Source:

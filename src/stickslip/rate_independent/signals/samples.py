@@ -108,6 +108,9 @@ class Samples(Signal):
         c = self._coefficients()[:, first:last]
         return Panels(t[first : last + 1], c, noise, self._of_arrays, period)
 
+    def plain(self) -> dict[str, list[float]]:
+        return {"times": self.times.tolist(), "values": self.rows.ravel().tolist()}
+
     def _of_arrays(self, u: Array) -> Array:
         return self.unwrapped(np.ravel(u)).reshape(np.shape(u))
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.arrays import Array
-from stickslip.errors import DeclarationError
+from stickslip.errors import DeclarationError, StickslipError
 from stickslip.rate_independent.signals.panels import Panels
 from stickslip.symbolic.chords import Chord
 
@@ -204,6 +204,19 @@ class Signal(ABC):
             If it is not finite somewhere (the place is named), cannot be resolved, or is not known
             over the whole span.
         """
+
+    def plain(self) -> Any:
+        """A single value as data for JSON: a number, a text, or a table.
+
+        Raises
+        ------
+        StickslipError
+            If it is a function of Python.
+        """
+        raise StickslipError(
+            f"{self.where}: a function of Python cannot be stored; give it as a formula or as "
+            "samples, or keep the numbers with .dataset.to_netcdf(path)"
+        )
 
     # -- what may be wrong -------------------------------------------------------------------------
 
