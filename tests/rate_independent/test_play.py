@@ -317,7 +317,7 @@ def test_stretches_of_panels_join(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = play(*given, epsilon=0.25)  # type: ignore[arg-type]
     assert np.count_nonzero(np.diff(whole.time) == 0.0) > 5
     for size in (1, 2, 3, 7):
-        monkeypatch.setattr(nodes, "CHUNK", size)
+        monkeypatch.setattr(nodes, "_CHUNK", size)
         joined = play(*given, epsilon=0.25)  # type: ignore[arg-type]
         assert all(
             np.array_equal(one, other) for one, other in zip(whole.nodes, joined.nodes, strict=True)
