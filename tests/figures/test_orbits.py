@@ -145,7 +145,7 @@ def test_basin_map() -> None:
     (mesh,) = axes.collections
     assert np.array_equal(np.asarray(mesh.get_array()).reshape(5, 7), found["attractor"].values.T)
     assert axes.get_xlabel() == r"$\psi$  [$\mathrm{rad}$]"
-    with pytest.raises(DeclarationError, match="A map needs two"):
+    with pytest.raises(DeclarationError, match="A picture needs two"):
         plot_basin(found.isel(psi=0))
 
 

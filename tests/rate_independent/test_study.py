@@ -150,7 +150,7 @@ def test_the_plane(psi) -> None:
         np.array([[2.5, 0.5], [0.5, 1.5]]), ["2*t", "3*sin(2*t)"], psi, np.zeros(2), span=(0, 2)
     )
     study = averaging_study(problem, [0.2, 0.1, 0.05], tolerance=1e-3)
-    assert study.message == "" and study.dataset["epsilon"].values.tolist() == [0.2, 0.1, 0.05]
+    assert study.stopped == "" and study.dataset["epsilon"].values.tolist() == [0.2, 0.1, 0.05]
     assert study.rate == pytest.approx(1.0, abs=0.3)
     assert study.powers["weak_distance"] > 0.5
     assert study.powers["rate_l2"] < -0.1
@@ -174,7 +174,7 @@ def test_interrupted_studies_keep_what_they_have(monkeypatch: pytest.MonkeyPatch
             raise KeyboardInterrupt
 
     study = averaging_study(section_2_2(SMOOTH), [0.2, 0.1, 0.05], progress=stop)
-    assert study.message == "interrupted" and study.dataset["epsilon"].values.tolist() == [0.2, 0.1]
+    assert study.outcome.interrupted and study.dataset["epsilon"].values.tolist() == [0.2, 0.1]
     jump = Evolution(
         np.eye(2),
         ["piecewise(t < 1/2, 0, 3)", "0"],
