@@ -13,7 +13,12 @@ from stickslip import machine_code
 from test_house import IMPORTS, MODULES
 
 # What compiled modules import beside each other: nothing of it is compiled into them.
-HARMLESS = {"stickslip.errors", "stickslip.machine_code", "stickslip.motion.outcome"}
+HARMLESS = {
+    "stickslip.arrays",
+    "stickslip.errors",
+    "stickslip.machine_code",
+    "stickslip.motion.outcome",
+}
 COMPILED = sorted(
     name for name, found in IMPORTS.items() if "stickslip.machine_code" in {i.name for i in found}
 )
@@ -58,3 +63,39 @@ def test_what_changes_in_another_file_is_noticed(place: str, second: str, tmp_pa
         )
         told.append(done.stdout.strip())
     assert told == ["2", second]
+
+
+PAIR = """
+from typing import NamedTuple
+from stickslip.machine_code import njit
+
+class {name}(NamedTuple):
+    one: float
+    other: float
+
+@njit(cache=True)
+def total(pair):
+    return pair.one + pair.other
+
+print(total({name}(1.0, {other})))
+"""
+
+
+def test_a_class_that_is_gone_is_no_reason_to_stop(tmp_path: Path) -> None:
+    """Machine code on disk names the classes of its arguments; after an update, they may have
+    another name."""
+    package = tmp_path / "stickslip"
+    shutil.copytree(
+        Path(machine_code.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__")
+    )
+    told = []
+    for name, other in (("Pair", 1), ("Couple", 2)):
+        (package / "rate_independent" / "solvers" / "pair.py").write_text(
+            PAIR.format(name=name, other=other)
+        )
+        command = [sys.executable, "-B", "-c", "import stickslip.rate_independent.solvers.pair"]
+        done = subprocess.run(
+            command, env={"PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=True
+        )
+        told.append(done.stdout.strip())
+    assert told == ["2.0", "3.0"]

@@ -60,9 +60,10 @@ if TYPE_CHECKING:
     )
     from stickslip.rate_independent.evolution.averaging_study import AveragingStudy, averaging_study
     from stickslip.rate_independent.evolution.evolution import Evolution
-    from stickslip.rate_independent.evolution.evolution_file import load as load_evolution
+    from stickslip.rate_independent.evolution.evolution_file import load_evolution
     from stickslip.rate_independent.evolution.evolve import evolve
     from stickslip.rate_independent.evolution.history import History
+    from stickslip.rate_independent.evolution.model import EvolutionModel
     from stickslip.rate_independent.play.clamp import prandtl_ishlinskii
     from stickslip.rate_independent.play.operator import Play, play
     from stickslip.sweeps.adaptive import Adaptive
@@ -90,6 +91,7 @@ __all__ = [
     "Equilibrium",
     "EquilibriumSet",
     "Evolution",
+    "EvolutionModel",
     "GaitStudy",
     "GroupNorm",
     "History",
@@ -153,7 +155,8 @@ _HOMES = {
     **dict.fromkeys(["Ensemble", "simulate_many"], "motion.simulate_many"),
     "Trajectory": "motion.trajectory",
     "Evolution": "rate_independent.evolution.evolution",
-    "load_evolution": "rate_independent.evolution.evolution_file:load",
+    "EvolutionModel": "rate_independent.evolution.model",
+    "load_evolution": "rate_independent.evolution.evolution_file",
     "evolve": "rate_independent.evolution.evolve",
     "History": "rate_independent.evolution.history",
     **dict.fromkeys(["Branch", "SpecialPoint"], "orbits.continuation.branch"),

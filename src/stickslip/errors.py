@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 
 class StickslipError(Exception):
     """Base of every error this library raises on purpose."""
@@ -56,3 +59,12 @@ def short(text: str) -> str:
     """The beginning of a text that is too long for a message."""
     text = " ".join(text.split())
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def suggestion(name: str, known: Iterable[str], quote: str = "'") -> str:
+    """The remedy for an unknown name: the closest one that is known, or all of them."""
+    names = list(known)
+    close = get_close_matches(name, names, 1)
+    if close:
+        return f"Did you mean {quote}{close[0]}{quote}?"
+    return f"Known here: {', '.join(names) or 'none'}"

@@ -30,7 +30,11 @@ SHAPED_BY = {
     "motion": _ENGINE,
     "equations": _ENGINE,
     "sweeps": (*_ENGINE, "sweeps/engine"),
-    "rate_independent": ("rate_independent/solvers", "rate_independent/play"),
+    "rate_independent": (
+        "rate_independent/signals",
+        "rate_independent/solvers",
+        "rate_independent/play",
+    ),
 }
 """By the room of a compiled function: files and folders that shape its machine code."""
 
@@ -78,6 +82,16 @@ class _AllSources:
         return super().from_function(py_func, py_file) if inside else None  # type: ignore[misc]
 
 
+class _ReadableIndex(caching.IndexDataCacheFile):
+    """An index of machine code that names a class which is no longer there is an old one: none."""
+
+    def _load_index(self) -> Any:
+        try:
+            return super()._load_index()
+        except (AttributeError, ImportError):
+            return {}
+
+
 def _look_at_all_sources() -> None:
     """Put our places before numba's own, one for each of its folders: the given one, beside the
     file, the user's."""
@@ -85,6 +99,7 @@ def _look_at_all_sources() -> None:
     places = implementation._locator_classes
     ours = [type(f"{place.__name__}OfAllSources", (_AllSources, place), {}) for place in places[:3]]
     implementation._locator_classes = [*ours, *places]
+    caching.IndexDataCacheFile = _ReadableIndex  # type: ignore[misc]
 
 
 _look_at_all_sources()

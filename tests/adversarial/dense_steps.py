@@ -23,7 +23,6 @@ from stickslip import Ellipsoid, GroupNorm, Polytope, Product, WeightedL1
 from stickslip.errors import StickslipError
 from stickslip.rate_independent.dissipation import Dissipation
 from stickslip.rate_independent.solvers.dense import BoxSteps, ProjectionSteps
-from stickslip.rate_independent.solvers.stable_sets import stable_sets
 
 Array = np.ndarray
 Rng = np.random.Generator
@@ -87,7 +86,7 @@ def step(seed: int) -> Outcome:
     n = psi.dimension
     A = matrix(rng, n, SPREAD)
     load = rng.normal(size=n) * 10.0 ** rng.uniform(-1.0, 1.5)
-    sets: Any = stable_sets(psi, np.zeros(1))
+    sets: Any = psi.sets(np.zeros(1))
     started = time.perf_counter()
     try:
         states, _ = (BoxSteps if kind == "boxes" else ProjectionSteps)(A).advance(

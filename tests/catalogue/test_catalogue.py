@@ -118,7 +118,7 @@ def test_unknown_system():
         DeclarationError, match=r"there is no system 'rocking-toi'\. Did you mean 'rocking_toy'\?"
     ):
         catalogue.get("rocking-toi")
-    with pytest.raises(DeclarationError, match="Known: belt_block"):
+    with pytest.raises(DeclarationError, match="Known here: belt_block"):
         catalogue.get("pendulum")
     with pytest.raises(AttributeError, match="pendulum"):
         _ = catalogue.pendulum

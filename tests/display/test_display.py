@@ -19,11 +19,11 @@ from stickslip.display.tree import (
     Name,
     Node,
     Number,
-    Product,
     Reader,
     Relation,
     Sum,
-    derivative,
+    Term,
+    differentiated,
 )
 from stickslip.symbolic import expressions as ex
 
@@ -247,7 +247,7 @@ class Evaluator:
                 return math.pi if name == "pi" else values[name]
             case Sum(terms):
                 return sum(self(term, bound) for term in terms)
-            case Product(factor, powers):
+            case Term(factor, powers):
                 return float(factor) * math.prod(
                     self(b, bound) ** self(e, bound) for b, e in powers
                 )
@@ -268,7 +268,9 @@ class Evaluator:
         arguments, body = self.definitions[name]
         inside = {**self.values, **dict(zip(arguments, a, strict=True))}
         for variable in by:
-            body = derivative(body, arguments[int(variable)] if variable.isdigit() else variable)
+            body = differentiated(
+                body, arguments[int(variable)] if variable.isdigit() else variable
+            )
         return self(body, inside)
 
     @staticmethod

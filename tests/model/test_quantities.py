@@ -18,7 +18,7 @@ from stickslip.model.quantities import (
     quantity,
     slip_unit,
 )
-from stickslip.model.units import NAMES, agree, factors, in_si, reduced, unit_text
+from stickslip.model.units import UNIT_NAMES, agree, factors, in_si, lowest_terms, unit_text
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.toml"))
 PUBLISHED = [*ss.catalogue.names(), *(path.name for path in EXAMPLES)]
@@ -104,7 +104,7 @@ def test_different_units_are_told_apart(one: str, other: str) -> None:
 
 
 def test_every_unit_that_may_be_declared_is_known_in_si() -> None:
-    for name in NAMES - {"1"}:
+    for name in UNIT_NAMES - {"1"}:
         scale, base = in_si(name)
         assert scale > 0.0
         assert set(base) <= {"kg", "m", "s", "A", "K", "mol", "cd"}
@@ -162,7 +162,7 @@ def test_numbers_scale_as_their_units_say() -> None:
         if str(name).startswith("mode_"):
             continue
         (a, base), (b, same) = (
-            reduced(factors(motion.dataset[name].attrs["units"])) for motion in (one, other)
+            lowest_terms(factors(motion.dataset[name].attrs["units"])) for motion in (one, other)
         )
         assert base == same
         size = np.max(np.abs(a * here[name]))

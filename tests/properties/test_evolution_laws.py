@@ -64,7 +64,7 @@ def test_stability_and_energy_balance(seed: int) -> None:
     certificate = history.certificate
     assert certificate.ok, certificate.verdict
     t, z = history.times, history.z
-    loads = problem.ell.at(t)
+    loads = problem.ell.over(t)
     force = loads - z @ problem.A
     upper = problem.dissipation.above.over(t / problem.epsilon)
     lower = -problem.dissipation.below.over(t / problem.epsilon)

@@ -8,7 +8,7 @@ from scipy.optimize import linprog, minimize_scalar
 from scipy.spatial import HalfspaceIntersection
 
 from stickslip.errors import ConvergenceError, DeclarationError
-from stickslip.rate_independent.averaging.minima import SAMPLES, least_over_phases
+from stickslip.rate_independent.averaging.minima import PHASE_SAMPLES, least_over_phases
 from stickslip.rate_independent.dissipation import (
     Dissipation,
     Ellipsoid,
@@ -18,8 +18,8 @@ from stickslip.rate_independent.dissipation import (
     SupportFunction,
     WeightedL1,
 )
-from stickslip.rate_independent.sets.cones import hull, polyhedron, solve
-from stickslip.rate_independent.sets.phase import read
+from stickslip.rate_independent.sets.cones import hull, polyhedron, solve_cones
+from stickslip.rate_independent.signals.reading import read_phase
 
 Array = np.ndarray
 SQUARE = np.array([[1.0, 0], [0, 1], [-1, 0], [0, -1]])
@@ -41,7 +41,7 @@ def shift(reach: float, s: float) -> Array:
 
 def test_minima_of_formulas() -> None:
     values, phases, floors, sampled = least_over_phases(
-        read(
+        read_phase(
             [
                 "2 - cos(2*pi*(s - 0.3))",
                 "1 + abs(sin(pi*(s - 1/3)))",  # a kink at 1/3
@@ -74,14 +74,16 @@ def test_minima_of_formulas() -> None:
 
 def test_a_minimum_between_two_samples() -> None:
     # A narrow well that shows in the slopes of its neighbours only is refined all the same.
-    well = (10.4) / SAMPLES
+    well = (10.4) / PHASE_SAMPLES
     (value,), (phase,), _, sampled = least_over_phases(
-        read(
-            lambda s: [1 - np.exp(-((2 * SAMPLES * np.sin(np.pi * (s - well)) / np.pi) ** 2))],
+        read_phase(
+            lambda s: [
+                1 - np.exp(-((2 * PHASE_SAMPLES * np.sin(np.pi * (s - well)) / np.pi) ** 2))
+            ],
             "weights",
         )
     )
-    assert sampled == SAMPLES
+    assert sampled == PHASE_SAMPLES
     assert value == pytest.approx(0, abs=1e-14)
     assert phase == pytest.approx(well, abs=1e-9)
 
@@ -396,11 +398,11 @@ def test_a_failure_says_what_was_reached(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_cone_programs_say_when_they_have_no_solution() -> None:
     with pytest.raises(ConvergenceError, match="HiGHS found no solution"):
-        solve([polyhedron(np.array([[1.0, 0]]), np.ones(1))], np.array([0.0, 1.0]))
+        solve_cones([polyhedron(np.array([[1.0, 0]]), np.ones(1))], np.array([0.0, 1.0]))
 
 
 def test_hulls_as_cones() -> None:
-    xi, motions = solve([hull(SQUARE)], np.array([0.3, -2.0]))
+    xi, motions = solve_cones([hull(SQUARE)], np.array([0.3, -2.0]))
     np.testing.assert_allclose(xi, [0, -1], atol=1e-12)
     np.testing.assert_allclose(motions.sum(axis=0), [0.3, -2])
 

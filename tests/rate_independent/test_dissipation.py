@@ -321,19 +321,22 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
         lambda: WeightedL1(lambda s: [1 - 2 * (abs(s - 0.5) < 0.01)]).value(0.5, [1.0]),
         r"component 0 is -1 at phase s = 0.5",
     ),
-    "NaN": (lambda: WeightedL1([1.0, np.nan]), r"weights: component 1 is nan"),
+    "NaN": (lambda: WeightedL1([1.0, np.nan]), r"weights\[1\]: it is nan"),
     "NaN at a phase": (
         lambda: GroupNorm(lambda s: [np.nan if 0.94 < s < 0.96 else 1.0]).radii_at(0.95),
         r"phase s = 0.95",
     ),
-    "undefined formula": (lambda: WeightedL1(["log(s)"]), r"component 0 is -inf at phase s = 0"),
+    "undefined formula": (
+        lambda: WeightedL1(["log(s)"]),
+        r"weights\[0\]: it is -inf at phase s = 0",
+    ),
     "not periodic": (
         lambda: WeightedL1(["2 + cos(s)"]),
         r"not 1-periodic in the phase.*cos\(2\*pi\*s\)",
     ),
     "sizes change": (
         lambda: WeightedL1(lambda s: np.ones(2 + (s > 0.5))),
-        r"has the shape \(3,\), but \(2,\)",
+        r"has the shape \(3,\) at phase s = 0\.\d+, but \(2,\)",
     ),
     "two lengths": (
         lambda: WeightedL1([1.0, 2.0], lower=[1.0]),
@@ -342,7 +345,7 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
     "a number": (lambda: WeightedL1(1.0), r"weights: it has the shape \(\)"),
     "nothing": (
         lambda: WeightedL1(None),
-        r"no array of numbers, no function of the phase and no formula",
+        r"no array of numbers, no function of s and no formula",
     ),
     "unknown name": (lambda: WeightedL1(["1 + t"]), r"weights\[0\]: unknown name 't'"),
     "fails": (
@@ -412,7 +415,7 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
         r"v: it has the shape \(3,\), but the potential lives on R\^2",
     ),
     "vector of words": (lambda: two.project(["a", "b"]), r"xi: it is not a vector of numbers"),
-    "vector with NaN": (lambda: two.distance([np.nan, 1]), r"xi: component 0 is nan"),
+    "vector with NaN": (lambda: two.distance([np.nan, 1]), r"xi\[0\]: it is nan"),
     "step": (lambda: two.prox([1, 2], step=0), r"step: 0 is not positive"),
     "metric too small": (
         lambda: two.project([1, 2], metric=[[1.0]]),

@@ -77,18 +77,19 @@ table[2, 1] = np.nan
         ),
         ({"A": [[1.0, "x"], [0.0, 1.0]]}, ["A", "numbers"]),
         ({"A": np.diag([1.0, np.nan, 1.0])}, ["A", "finite"]),
-        ({"load": LOADS[:2]}, ["load", "2 formulas for 3"]),
+        ({"load": LOADS[:2]}, ["load", "(2,)", "(3,) is needed"]),
         ({"load": ["t", "t", "u"]}, ["load[2]", "unknown name 'u'"]),
-        ({"load": lambda t: np.zeros(4)}, ["load", "(4,)", "3 rows"]),
+        ({"load": lambda t: np.zeros(4)}, ["load", "(4,) at t = 0", "(3,) is needed"]),
         (
             {"load": lambda t: np.array([0.0, np.inf if t == 1.5 else 0.0, 0.0])},
             ["load[1]", "inf at t = 1.5"],
         ),
         ({"load": (np.arange(4.0), table)}, ["load[1]", "nan at t = 2"]),
-        ({"load": (np.arange(4.0), np.zeros((4, 2)))}, ["load", "(4, 2)", "(times, 3)"]),
+        ({"load": (np.arange(4.0), np.zeros((4, 2)))}, ["load", "(4, 2)", "(4, 3) is needed"]),
         ({"load": (np.array([0.0, 2.0, 1.0, 3.0]), np.zeros((4, 3)))}, ["load", "increase"]),
         ({"load": (np.array([0.0, 2.0]), np.zeros((2, 3)))}, ["span", "0 <= t <= 2"]),
-        ({"load": 5.0}, ["load", "float"]),
+        ({"load": 5.0}, ["load", "()", "(3,) is needed"]),
+        ({"load": None}, ["load", "NoneType", "no formula"]),
         ({"initial": [0.0, 0.0]}, ["initial", "(2,)", "3 rows"]),
         ({"initial": [0.0, np.nan, 0.0]}, ["initial[1]", "nan"]),
         ({"initial": [0.0, 0.0, 2.0]}, ["initial", "by 1.25", "component 2", "-2", "settled"]),
@@ -152,7 +153,7 @@ def test_settled_takes_the_nearest_stable_state_in_the_energy_norm() -> None:
     problem = Evolution.settled(STIFF, LOADS, WeightedL1([1.0, 0.5, 2.0]), z0, span=(0, 1))
     rng = np.random.default_rng(0)
     forces = rng.uniform(-1.0, 1.0, (500, 3)) * [1.0, 0.5, 2.0]
-    stable = np.linalg.solve(STIFF, (problem.ell.at(np.zeros(1))[0] - forces).T).T
+    stable = np.linalg.solve(STIFF, (problem.ell.over(np.zeros(1))[0] - forces).T).T
     assert np.max((stable - problem.initial) @ STIFF @ (z0 - problem.initial)) <= 1e-12
     inside = Evolution.settled(
         STIFF, LOADS, WeightedL1(9 * np.ones(3)), [0.1, 0.2, 0.3], span=(0, 1)
@@ -252,7 +253,7 @@ def test_columns_are_what_they_say() -> None:
     t = history.times
     z = history.z
     data = history.dataset
-    load = problem.ell.at(t)
+    load = problem.ell.over(t)
     energy = 0.5 * np.einsum("ki,ij,kj->k", z, STIFF, z) - np.sum(load * z, axis=1)
     np.testing.assert_allclose(data["energy"], energy, rtol=0, atol=1e-12)
     d = np.diff(z, axis=0)

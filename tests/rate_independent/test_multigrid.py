@@ -17,7 +17,12 @@ from scipy.sparse.linalg import spsolve
 
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.rate_independent.solvers.hierarchy import Hierarchy
-from stickslip.rate_independent.solvers.multigrid import Multigrid, StepOutcome, block_rows, lowest
+from stickslip.rate_independent.solvers.multigrid import (
+    Multigrid,
+    StepOutcome,
+    block_rows,
+    lowest_along,
+)
 from stickslip.rate_independent.solvers.smoothing import minimise_block
 
 Array = np.ndarray
@@ -497,12 +502,12 @@ def test_overflow_is_an_error() -> None:
 
 def test_a_line_search_stops_before_the_minimum() -> None:
     """Of a convex function with a kink at 0.3 and one of slope 1 behind it."""
-    t, rate = lowest(lambda t: -1.0 + t if t <= 0.3 else 5.0 + t, -1.0)
+    t, rate = lowest_along(lambda t: -1.0 + t if t <= 0.3 else 5.0 + t, -1.0)
     assert 0.29 <= t <= 0.3
     assert rate < 0.0
-    assert lowest(lambda t: -1.0 + 2.0 * t, -1.0)[0] == pytest.approx(0.5, abs=1e-12)
-    assert lowest(lambda t: -1.0 + 0.5 * t, -1.0)[0] == 1.0
-    assert lowest(lambda t: 1.0 + t, 1.0)[0] == 0.0
+    assert lowest_along(lambda t: -1.0 + 2.0 * t, -1.0)[0] == pytest.approx(0.5, abs=1e-12)
+    assert lowest_along(lambda t: -1.0 + 0.5 * t, -1.0)[0] == 1.0
+    assert lowest_along(lambda t: 1.0 + t, 1.0)[0] == 0.0
 
 
 @pytest.mark.parametrize(

@@ -16,10 +16,10 @@ from numpy.polynomial import chebyshev
 import stickslip as ss
 from stickslip.errors import DeclarationError
 from stickslip.figures.play import plot_limit, plot_loops, plot_play
-from stickslip.rate_independent.play import chebyshev as panels
 from stickslip.rate_independent.play import nodes
 from stickslip.rate_independent.play.clamp import clamp, plays, prandtl_ishlinskii
 from stickslip.rate_independent.play.operator import Play, play
+from stickslip.rate_independent.signals import chebyshev as panels
 
 Array = np.ndarray
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -317,7 +317,7 @@ def test_stretches_of_panels_join(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = play(*given, epsilon=0.25)  # type: ignore[arg-type]
     assert np.count_nonzero(np.diff(whole.time) == 0.0) > 5
     for size in (1, 2, 3, 7):
-        monkeypatch.setattr(nodes, "CHUNK", size)
+        monkeypatch.setattr(nodes, "_CHUNK", size)
         joined = play(*given, epsilon=0.25)  # type: ignore[arg-type]
         assert all(
             np.array_equal(one, other) for one, other in zip(whole.nodes, joined.nodes, strict=True)
@@ -477,18 +477,21 @@ UP = np.linspace(0, 5, 6)
             {"interpolation": "spline"},
             "interpolation: 'spline' is none. Give one of linear, monotone",
         ),
-        ({"load": [1, 2, 3]}, "load: a list is no signal"),
+        ({"load": [1, 2, 3]}, r"load: it has the shape \(3,\), but a single value is needed"),
         ({"load": lambda t: "x"}, "load: no value at t = 0"),
         ({"load": "log(t - 1)"}, "load: it is nan at t = "),
         ({"load": lambda t: 1.0 if t < 4.4 else float("inf")}, "load: it is inf at t = 4.[4-9]"),
         ({"load": lambda t: math.sin(1e9 * t)}, "load: it is too rough .* takes arrays"),
         ({"threshold": "1 + cos(1e7*t)"}, "threshold: it is too rough .*epsilon="),
-        ({"load": (UP, np.where(UP == 3, np.nan, UP))}, "load, values: sample 3 is nan"),
-        ({"load": (np.where(UP == 3, np.inf, UP), UP)}, "load, times: sample 3 is inf"),
+        ({"load": (UP, np.where(UP == 3, np.nan, UP))}, "load: it is nan at t = 3"),
+        ({"load": (np.where(UP == 3, np.inf, UP), UP)}, r"load, times\[3\]: it is inf"),
         ({"load": (UP, UP[:-1])}, "load: 6 times and 5 values"),
         ({"load": (UP[[0, 1, 3, 2, 4, 5]], UP)}, "do not increase: 3, then 2 at index 3"),
         ({"load": (UP[[0, 1, 1, 2, 3, 5]], UP)}, "do not increase: 1, then 1 at index 2"),
-        ({"load": (UP, UP), "t_span": (0, 6)}, "cover 0 ... 5, but the span is 0 ... 6"),
+        (
+            {"load": (UP, UP), "t_span": (0, 6)},
+            "known for 0 <= t <= 5 only, but the span is 0 ... 6",
+        ),
         (
             {"threshold": (UP, UP), "epsilon": 0.1},
             "one period of the phase s = t/epsilon is 0 ... 1",

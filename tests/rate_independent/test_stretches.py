@@ -17,7 +17,8 @@ from stickslip.rate_independent.dissipation import (
     WeightedL1,
 )
 from stickslip.rate_independent.dissipation.parabolas import CELLS, Parabolas
-from stickslip.rate_independent.sets.phase import Formulas, read
+from stickslip.rate_independent.signals.formulas import Formulas
+from stickslip.rate_independent.signals.reading import read_phase
 
 Array = np.ndarray
 seeds = st.integers(0, 2**32 - 1)
@@ -180,7 +181,7 @@ def test_bounds_are_of_second_order(kind: str) -> None:
 
 
 def test_a_stretch_ends_where_a_period_ends() -> None:
-    saw = read(lambda s: [1.0 + s % 1.0 if s < 1 else 2.0], "weights", closes=False)
+    saw = read_phase(lambda s: [1.0 + s % 1.0 if s < 1 else 2.0], "weights", closes=False)
     chord = saw.chord(np.array([0.9]), np.array([1.0]))
     np.testing.assert_allclose([chord.start[0, 0], chord.end[0, 0]], [1.9, 2.0])
 
@@ -311,14 +312,14 @@ def test_second_derivatives_are_not_known_at_kinks_and_jumps() -> None:
         "max(s - 0.3, 0)**1.5",
         "piecewise(s < 0.3, 1, 2)",
     ):
-        varying = read([text], "shape", closes=False)
+        varying = read_phase([text], "shape", closes=False)
         assert isinstance(varying, Formulas)
         least, most = varying.bent(low, high)
         assert np.isfinite(least[[0, 2]]).all()
         assert np.isfinite(most[[0, 2]]).all()
         assert least[1, 0] == -np.inf
         assert most[1, 0] == np.inf
-    smooth = read(["sin(2*pi*s)"], "shape")
+    smooth = read_phase(["sin(2*pi*s)"], "shape")
     assert isinstance(smooth, Formulas)
     least, most = smooth.bent(low, high)
     for k in range(3):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -86,10 +87,8 @@ def test_distance_is_that_of_the_closed_formula() -> None:
 def test_stepped_motions_measure_the_same_as_exact_ones() -> None:
     problem = section_2_2(SMOOTH, 0.1)
     grid = np.linspace(0.0, 5.0, 257)
-    psi = problem.dissipation
-    assert isinstance(psi, WeightedL1)
-    reference = PlayMotion(section_2_2(SMOOTH).averaged(), WeightedL1([0.5]))
-    exact = Gauge(problem.A, grid, reference.at).measure(PlayMotion(problem, psi))
+    reference = PlayMotion(replace(section_2_2(SMOOTH), dissipation=WeightedL1([0.5])))
+    exact = Gauge(problem.A, grid, reference.at).measure(PlayMotion(problem))
     stepped_motion = SteppedMotion(problem, 1e-5, keep=True)
     stepped = Gauge(problem.A, grid, reference.at).measure(stepped_motion)
     assert stepped.distance == pytest.approx(exact.distance, abs=1e-4)
@@ -97,11 +96,9 @@ def test_stepped_motions_measure_the_same_as_exact_ones() -> None:
     assert stepped.square == pytest.approx(exact.square, rel=1e-2)
     np.testing.assert_allclose(stepped.tested, exact.tested, atol=1e-3)
     np.testing.assert_allclose(stepped.modulus, exact.modulus, atol=1e-3)
-    assert stepped_motion.dissipated == pytest.approx(PlayMotion(problem, psi).dissipated, rel=1e-4)
+    assert stepped_motion.dissipated == pytest.approx(PlayMotion(problem).dissipated, rel=1e-4)
     times = np.linspace(0.0, 5.0, 1234)
-    np.testing.assert_allclose(
-        stepped_motion.at(times), PlayMotion(problem, psi).at(times), atol=1e-4
-    )
+    np.testing.assert_allclose(stepped_motion.at(times), PlayMotion(problem).at(times), atol=1e-4)
 
 
 class Ramp:

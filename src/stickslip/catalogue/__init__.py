@@ -13,13 +13,12 @@ keep up.
 from __future__ import annotations
 
 import sys
-from difflib import get_close_matches
 from importlib import import_module
 from pkgutil import iter_modules
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from stickslip.errors import DeclarationError, short
+from stickslip.errors import DeclarationError, short, suggestion
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -51,11 +50,10 @@ def get(name: str, **given: Any) -> System:
     """
     known = names()
     if name not in known:
-        close = get_close_matches(name.replace("-", "_"), known, 1)
         raise DeclarationError(
             "catalogue",
             f"there is no system '{short(name)}'",
-            f"Did you mean '{close[0]}'?" if close else f"Known: {', '.join(known)}",
+            suggestion(name.replace("-", "_"), known),
         )
     return __getattr__(name)(**given)
 

@@ -6,7 +6,7 @@ from stickslip.errors import DeclarationError
 from stickslip.model.system import Condition, Contact, Inertial, Parameter, System
 from stickslip.symbolic.formulas import is_finite
 
-MOST = 100
+_MOST = 100
 """More blocks than this are a task for a program, not for a declaration."""
 
 
@@ -27,9 +27,9 @@ def block_chain(N: float = 3, **given: float | str) -> System:
     R. Burridge, L. Knopoff, *Model and theoretical seismicity*, Bull. Seismol. Soc. Am. 57 (1967)
     341-371, with static above kinetic friction.
     """
-    if not (is_finite(N) and float(N).is_integer() and 1 <= N <= MOST):
+    if not (is_finite(N) and float(N).is_integer() and 1 <= N <= _MOST):
         raise DeclarationError(
-            "block_chain.N", "not a number of blocks", f"Give a whole number from 1 to {MOST}"
+            "block_chain.N", "not a number of blocks", f"Give a whole number from 1 to {_MOST}"
         )
     blocks = [f"x_{i}" for i in range(1, int(N) + 1)]
     joints = [f"({right} - {left})**2" for left, right in pairwise(blocks)]

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from stickslip.rate_independent.dissipation import Average, Dissipation
-    from stickslip.rate_independent.evolution.evolution_file import EvolutionModel
     from stickslip.rate_independent.evolution.history import History
+    from stickslip.rate_independent.evolution.model import EvolutionModel
     from stickslip.rate_independent.play.operator import Play
 
 TOLERANCE = 1e-8  # of an average without a closed form, relative to the size of K(s)
@@ -108,9 +108,9 @@ def evolve(
 
 def configured(file: Path, settings: Sequence[str] | None) -> EvolutionModel:
     """The model of a file with ``--set`` applied."""
-    from stickslip.rate_independent.evolution.evolution_file import load
+    from stickslip.rate_independent.evolution.evolution_file import load_evolution
 
-    return load(file).configure(assignments(settings or [], "--set"))
+    return load_evolution(file).configure(assignments(settings or [], "--set"))
 
 
 def with_option(option: str, model: EvolutionModel, **changes: Any) -> EvolutionModel:
@@ -247,34 +247,10 @@ def _few(numbers: Sequence[float]) -> str:
 
 def in_words(source: Dissipation, averaged: Average) -> dict[str, Any]:
     """How the average was found, what it is, and its numbers."""
-    from stickslip.rate_independent.dissipation.group_norm import AveragedGroupNorm
-    from stickslip.rate_independent.dissipation.polytope import AveragedPolytope
-    from stickslip.rate_independent.dissipation.weighted_l1 import AveragedWeightedL1
-
-    exact = "closed form: each threshold at its least over the phase"
-    match averaged:
-        case AveragedWeightedL1():
-            lower, upper = averaged.bounds()
-            numbers = {"upper": upper.tolist(), "lower": (-lower).tolist()}
-            terms = [
-                f"{up:.6g} |v_{i}|"
-                if up == down
-                else f"{up:.6g} max(v_{i}, 0) + {down:.6g} max(-v_{i}, 0)"
-                for i, (up, down) in enumerate(
-                    zip(upper.tolist(), (-lower).tolist(), strict=True), start=1
-                )
-            ]
-            return {"method": exact, "psi_av": summed(terms), "thresholds": numbers}
-        case AveragedGroupNorm():
-            radii = averaged.radii_at().tolist()
-            terms = [f"{r:.6g} |v_{{group {g}}}|" for g, r in enumerate(radii, start=1)]
-            return {"method": exact, "psi_av": summed(terms), "radii": radii}
-        case AveragedPolytope():
-            normals, offsets = averaged.halfspaces_at()
-            faces = {"normals": normals.tolist(), "offsets": offsets.tolist()}
-            distances = _few(offsets.tolist())
-            words = f"support function of {len(offsets)} half-spaces, at the distances {distances}"
-            return {"method": exact, "psi_av": words, **faces}
+    known = averaged.closed_form
+    if known is not None:
+        method = "closed form: each threshold at its least over the phase"
+        return {"method": method, "psi_av": summed(known.terms), **known.numbers}
     low, high = extremes(averaged)
     words = (
         f"{low:.6g} |v|"
@@ -316,12 +292,11 @@ def extremes(averaged: Average) -> tuple[float, float]:
 
 def computed(model: EvolutionModel, averaged: bool, progress: Progress) -> History | Play:
     """The evolution: an exact play if it is scalar, else minimising movements."""
-    from stickslip.rate_independent.dissipation import WeightedL1
     from stickslip.rate_independent.evolution.blocks import PlayMotion
-    from stickslip.rate_independent.evolution.evolution_file import with_nearest_start
     from stickslip.rate_independent.evolution.evolve import evolve as by_steps
+    from stickslip.rate_independent.evolution.model import with_nearest_start
 
     problem = with_nearest_start(model.problem.averaged) if averaged else model.problem
-    if model.is_play and isinstance(problem.dissipation, WeightedL1):
-        return PlayMotion(problem, problem.dissipation).play
+    if problem.dissipation.thresholds is not None:
+        return PlayMotion(problem).play
     return by_steps(problem, steps=model.steps, progress=progress)

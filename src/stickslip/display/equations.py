@@ -11,26 +11,26 @@ from typing import TYPE_CHECKING
 
 from stickslip.display.printers import LatexWriter, UnicodeWriter
 from stickslip.display.symbols import is_word, unicode_unit, width
-from stickslip.display.terminal import table, wrap
+from stickslip.display.terminal import text_table, wrap
 from stickslip.display.tree import (
-    ONE,
-    ZERO,
+    NOUGHT,
+    UNITY,
     Call,
     Name,
     Node,
     Number,
-    Product,
     Reader,
     Relation,
     Sum,
-    add,
+    Term,
     as_product,
-    derivative,
-    multiply,
+    coefficient_and_rest,
+    differentiated,
+    inserted,
     names_in,
     negate,
-    split,
-    substitute,
+    sum_of,
+    times,
 )
 from stickslip.model.declaration import DryContact
 from stickslip.symbolic import expressions as ex
@@ -80,19 +80,19 @@ class Friction:
         """Pairs of a condition and the law that then holds, with symbols of the given index."""
         force, u = Name(f"lam{index}"), Name(f"u{index}")
         speed: dict[str, Node] = {"speed": Call("abs", (u,))}
-        right, left = (substitute(k, speed) for k in self.sliding)
+        right, left = (inserted(k, speed) for k in self.sliding)
         plus, minus = self.thresholds
         if plus == minus:
             stick: Node = Relation("<=", Call("abs", (force,)), plus)
         else:
             stick = Relation("<=", negate(plus), Relation("<=", force, minus))
-        laws: list[tuple[Node, Node]] = [(Relation("=", u, ZERO), stick)]
+        laws: list[tuple[Node, Node]] = [(Relation("=", u, NOUGHT), stick)]
         if left == right:
-            slip = negate(multiply(right, Call("sgn", (u,))))
-            laws.append((Relation("!=", u, ZERO), Relation("=", force, slip)))
+            slip = negate(times(right, Call("sgn", (u,))))
+            laws.append((Relation("!=", u, NOUGHT), Relation("=", force, slip)))
         else:
-            laws.append((Relation(">", u, ZERO), Relation("=", force, negate(right))))
-            laws.append((Relation("<", u, ZERO), Relation("=", force, left)))
+            laws.append((Relation(">", u, NOUGHT), Relation("=", force, negate(right))))
+            laws.append((Relation("<", u, NOUGHT), Relation("=", force, left)))
         return [(write(when), write(law)) for when, law in laws]
 
 
@@ -123,7 +123,9 @@ class Equations:
     @cached_property
     def energy(self) -> Node:
         """Kinetic plus potential energy."""
-        return add(self._reader.read(self.system.kinetic), self._reader.read(self.system.potential))
+        return sum_of(
+            self._reader.read(self.system.kinetic), self._reader.read(self.system.potential)
+        )
 
     @cached_property
     def dissipation(self) -> Node:
@@ -136,13 +138,13 @@ class Equations:
             plus, minus = self._pair(contact.threshold)
             u = self._velocity(contact)
             if plus == minus:
-                dry.append(multiply(plus, Call("abs", (u,))))
+                dry.append(times(plus, Call("abs", (u,))))
             else:
                 dry += [
-                    multiply(plus, Call("max", (u, ZERO))),
-                    multiply(minus, Call("max", (negate(u), ZERO))),
+                    times(plus, Call("max", (u, NOUGHT))),
+                    times(minus, Call("max", (negate(u), NOUGHT))),
                 ]
-        return add(self._reader.read(self.system.viscous), *dry)
+        return sum_of(self._reader.read(self.system.viscous), *dry)
 
     def _balance(self, x: str) -> Balance:
         system = self.system
@@ -150,11 +152,11 @@ class Equations:
         accelerations: dict[str, Node] = {
             f"d_{q}": Name(ACCELERATION.format(q)) for q in self._declared.inertial
         }
-        inertia = substitute(derivative(read(system.kinetic), f"d_{x}"), accelerations)
-        viscous = derivative(read(system.viscous), f"d_{x}")
+        inertia = inserted(differentiated(read(system.kinetic), f"d_{x}"), accelerations)
+        viscous = differentiated(read(system.viscous), f"d_{x}")
         coordinate = system.coordinates[x]
         drag = read(getattr(coordinate, "drag", 0.0))
-        slope = derivative(read(system.potential), x)
+        slope = differentiated(read(system.potential), x)
         parts = [
             _own_first(inertia, ACCELERATION.format(x)),
             _own_first(viscous, f"d_{x}"),
@@ -165,16 +167,16 @@ class Equations:
             self._force(contact, x) for contact in self._declared.contacts if x in contact.direction
         ]
         inclusion = any(_is_inclusion(part) for part in dry)
-        return Balance(add(*parts, *dry), "∋" if inclusion else "=", read(coordinate.force))
+        return Balance(sum_of(*parts, *dry), "∋" if inclusion else "=", read(coordinate.force))
 
     def _force(self, declared: DryContact, x: str) -> Node:
         """Contribution of a contact to the left side of the balance of x."""
         contact = self.system.contacts[declared.name]
         u = self._velocity(contact)
-        weight = derivative(self._reader.read(contact.direction), f"d_{x}")
+        weight = differentiated(self._reader.read(contact.direction), f"d_{x}")
         plus, minus = self._pair(contact.threshold)
         if plus == minus and contact.kinetic is None:
-            return multiply(weight, plus, Call("Sign", (u,)))
+            return times(weight, plus, Call("Sign", (u,)))
         known = [f for f in self.frictions if f.contact == declared.name]
         if not known:
             sliding = (plus, minus) if contact.kinetic is None else self._pair(contact.kinetic)
@@ -186,14 +188,14 @@ class Equations:
             index = "" if len(long) == 1 else f"_{len(self.frictions) + 1}"
             known = [Friction(declared.name, index, u, (plus, minus), sliding)]
             self.frictions += known
-        return negate(multiply(weight, known[0].force))
+        return negate(times(weight, known[0].force))
 
     def _pair(self, given: str | float | tuple[str | float, str | float]) -> tuple[Node, Node]:
         both = given if isinstance(given, (tuple, list)) else (given, given)
         return self._reader.read(both[0]), self._reader.read(both[1])
 
     def _velocity(self, contact: Contact) -> Node:
-        return add(
+        return sum_of(
             self._reader.read(contact.direction), negate(self._reader.read(contact.surface_speed))
         )
 
@@ -292,7 +294,7 @@ class _Text:
         return text
 
     def formula(self, node: Node) -> list[str]:
-        return [] if node == ZERO else wrap(self.write(node))
+        return [] if node == NOUGHT else wrap(self.write(node))
 
     def state(self) -> list[str]:
         rows = []
@@ -300,7 +302,7 @@ class _Text:
             rows.append([self.write(Name(name)), x.kind, unicode_unit(x.unit), x.meaning])
         for name, a in self.system.internal.items():
             rows.append([self.write(Name(name)), "internal", unicode_unit(a.unit), a.meaning])
-        return table(rows)
+        return text_table(rows)
 
     def motion(self) -> list[str]:
         lines = []
@@ -312,7 +314,7 @@ class _Text:
         lines = []
         for group in self.equations.friction_groups():
             velocities = [Relation("=", Name(f"u{f.index}"), f.velocity) for f in group]
-            lines += table(
+            lines += text_table(
                 [[f"{f.contact}:", self.write(u)] for f, u in zip(group, velocities, strict=True)]
             )
             for when, law in group[0].laws(self.write, group[0].index if len(group) == 1 else "_i"):
@@ -338,7 +340,7 @@ class _Text:
             for c, v in zip(arguments[:-1:2], arguments[1::2], strict=True)
         ]
         pairs.append((self.write(arguments[-1]), "otherwise"))
-        rows = table([list(pair) for pair in pairs])
+        rows = text_table([list(pair) for pair in pairs])
         braces = ["⎧", *["⎪"] * (len(rows) - 2), "⎩"]
         middle = len(rows) // 2
         if len(rows) > 2:
@@ -360,7 +362,7 @@ class _Text:
             symbol = self.write(Name(name))
             plain = name if name != symbol else ""
             rows.append([symbol, plain, f"{p.default:g}", unicode_unit(p.unit), bounds, p.meaning])
-        return table(rows)
+        return text_table(rows)
 
     def start(self) -> list[str]:
         system = self.system
@@ -381,7 +383,7 @@ class _Text:
         )
         moved = [
             f"{self.write(Name(x))} → "
-            f"{self.write(add(Name(x), multiply(Number(Fraction(repr(float(w)))), shift)))}"
+            f"{self.write(sum_of(Name(x), times(Number(Fraction(repr(float(w)))), shift)))}"
             for x, w in self.system.translation.items()
         ]
         return wrap(",  ".join(moved), breaks=(", ",)) if moved else []
@@ -398,7 +400,7 @@ class _Text:
                 else "FAILS" + (f": {condition.otherwise}" if condition.otherwise else "")
             )
             rows.append([name, self.relation(condition.formula), verdict])
-        return table(rows)
+        return text_table(rows)
 
     def relation(self, text: str) -> str:
         """A condition; its two sides are read apart, since a comparison is no formula."""
@@ -431,7 +433,7 @@ def _is_inclusion(node: Node) -> bool:
             return True
         case Sum(terms):
             return any(map(_is_inclusion, terms))
-        case Product(_, powers):
+        case Term(_, powers):
             return any(_is_inclusion(base) for base, _ in powers)
     return False
 
@@ -440,18 +442,20 @@ def _own_first(node: Node, name: str) -> Node:
     """The terms with the named variable first, and that with a plus: a (x_L − x_R), not −a (x_R −
     x_L)."""
     terms = [_turned(term, name) for term in (node.terms if isinstance(node, Sum) else (node,))]
-    return add(*sorted(terms, key=lambda term: name not in names_in(term)))
+    return sum_of(*sorted(terms, key=lambda term: name not in names_in(term)))
 
 
 def _turned(term: Node, name: str) -> Node:
-    factor, powers = split(term)
+    factor, powers = coefficient_and_rest(term)
     for i, (base, exponent) in enumerate(powers):
-        if isinstance(base, Sum) and exponent == ONE and len(powers) > 1 and factor < 0:
+        if isinstance(base, Sum) and exponent == UNITY and len(powers) > 1 and factor < 0:
             own = [t for t in base.terms if name in names_in(t)]
-            if own and split(own[0])[0] < 0:
+            if own and coefficient_and_rest(own[0])[0] < 0:
                 turned = sorted(
                     (negate(t) for t in base.terms),
-                    key=lambda t: (isinstance(t, Number), split(t)[0] < 0),
+                    key=lambda t: (isinstance(t, Number), coefficient_and_rest(t)[0] < 0),
                 )
-                return as_product(-factor, (*powers[:i], (add(*turned), ONE), *powers[i + 1 :]))
+                return as_product(
+                    -factor, (*powers[:i], (sum_of(*turned), UNITY), *powers[i + 1 :])
+                )
     return term

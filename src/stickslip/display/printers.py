@@ -9,18 +9,18 @@ from fractions import Fraction
 from stickslip.display.symbols import SUPERSCRIPTS, latex_name, unicode_name
 from stickslip.display.tree import (
     HALF,
-    ONE,
+    UNITY,
     Call,
+    Factors,
     Name,
     Node,
     Number,
-    Powers,
-    Product,
     Relation,
     Sum,
+    Term,
     as_product,
+    coefficient_and_rest,
     negate,
-    split,
 )
 from stickslip.symbolic.functions import FUNCTIONS
 
@@ -74,7 +74,7 @@ class UnicodeWriter:
             case Sum(terms):
                 text = self.join(terms)
                 own = SUM
-            case Product(factor, powers):
+            case Term(factor, powers):
                 text, own = self.product(factor, powers)
             case Relation(sign, left, right):
                 return f"{self(left)} {self.relation(sign)} {self(right)}"
@@ -84,13 +84,13 @@ class UnicodeWriter:
         """Terms with their signs."""
         text = ""
         for term in terms:
-            negative = split(term)[0] < 0
+            negative = coefficient_and_rest(term)[0] < 0
             body = self(negate(term) if negative else term, PRODUCT)
             sign = self.minus if negative else "+"
             text += f" {sign} {body}" if text else f"{self.minus if negative else ''}{body}"
         return text
 
-    def product(self, factor: Fraction, powers: Powers) -> tuple[str, int]:
+    def product(self, factor: Fraction, powers: Factors) -> tuple[str, int]:
         """Text and binding of a product; negative exponents become a fraction."""
         if factor < 0:
             return self.minus + self.product(-factor, powers)[0], SUM
@@ -114,7 +114,7 @@ class UnicodeWriter:
     def power(self, base: Node, exponent: Node) -> tuple[str, int]:
         if exponent == HALF:
             return self.root(base), ATOM
-        if exponent == ONE:
+        if exponent == UNITY:
             return self(base, PRODUCT), PRODUCT
         return self(base, ATOM) + self.exponent(exponent), POWER
 
@@ -269,7 +269,7 @@ class LatexWriter(UnicodeWriter):
 
 
 def _negative(exponent: Node) -> bool:
-    return split(exponent)[0] < 0
+    return coefficient_and_rest(exponent)[0] < 0
 
 
 def _is_decimal(value: Fraction) -> bool:

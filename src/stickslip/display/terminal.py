@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from stickslip.display.symbols import width
 
-COLUMNS = 100
+_COLUMNS = 100
 OPERATORS = (" + ", " − ", " = ", " ∋ ", "; ")
 
 
@@ -13,7 +13,7 @@ def pad(text: str, columns: int) -> str:
     return text + " " * (columns - width(text))
 
 
-def table(rows: list[list[str]]) -> list[str]:
+def text_table(rows: list[list[str]]) -> list[str]:
     """Rows in columns; columns that are empty throughout are left out, the last one is wrapped."""
     columns = [column for column in zip(*rows, strict=True) if any(column)]
     if not columns:
@@ -23,7 +23,7 @@ def table(rows: list[list[str]]) -> list[str]:
     lines = []
     for *cells, last in zip(*columns, strict=True):
         start = "".join(pad(cell, w + 3) for cell, w in zip(cells, widths, strict=True))
-        first, *more = wrap_words(last, max(20, COLUMNS - 2 - left)) or [""]
+        first, *more = wrap_words(last, max(20, _COLUMNS - 2 - left)) or [""]
         lines += [(start + first).rstrip(), *(" " * left + line for line in more)]
     return lines
 
@@ -39,7 +39,7 @@ def wrap_words(text: str, columns: int) -> list[str]:
     return lines
 
 
-def wrap(text: str, breaks: tuple[str, ...] = OPERATORS, columns: int = COLUMNS - 4) -> list[str]:
+def wrap(text: str, breaks: tuple[str, ...] = OPERATORS, columns: int = _COLUMNS - 4) -> list[str]:
     """Break a formula before an operator, as far outside of brackets as possible."""
     lines = []
     rest = text

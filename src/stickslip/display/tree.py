@@ -64,7 +64,7 @@ class Sum:
 
 
 @dataclass(frozen=True)
-class Product:
+class Term:
     """A number times powers (base, exponent)."""
 
     factor: Fraction
@@ -80,20 +80,20 @@ class Relation:
     right: Node
 
 
-Node = Number | Name | Call | Sum | Product | Relation
-Powers = tuple[tuple[Node, Node], ...]
+Node = Number | Name | Call | Sum | Term | Relation
+Factors = tuple[tuple[Node, Node], ...]
 
-ZERO, ONE, HALF = (Number(Fraction(text)) for text in ("0", "1", "1/2"))
+NOUGHT, UNITY, HALF = (Number(Fraction(text)) for text in ("0", "1", "1/2"))
 MINUS_ONE = Number(Fraction(-1))
 MAX_EXPONENT = 8  # powers of numbers above this stay as they are written
 
 
-def add(*nodes: Node) -> Node:
+def sum_of(*nodes: Node) -> Node:
     """Sum; equal terms are collected at the place of the first."""
     # Each group of equal terms: the powers they share, in the first one's order, and their total
     # factor.
-    groups: dict[frozenset[tuple[Node, Node]], tuple[Fraction, Powers]] = {}
-    for factor, powers in (split(term) for node in nodes for term in _terms(node)):
+    groups: dict[frozenset[tuple[Node, Node]], tuple[Fraction, Factors]] = {}
+    for factor, powers in (coefficient_and_rest(term) for node in nodes for term in _terms(node)):
         if factor == 0:
             continue  # a zero keeps no place for later numbers
         key = frozenset(powers)
@@ -101,7 +101,7 @@ def add(*nodes: Node) -> Node:
         groups[key] = (total + factor, first)
     kept = [as_product(total, powers) for total, powers in groups.values() if total != 0]
     if len(kept) < 2:
-        return kept[0] if kept else ZERO
+        return kept[0] if kept else NOUGHT
     return Sum(tuple(kept))
 
 
@@ -110,58 +110,58 @@ def _terms(node: Node) -> Iterator[Node]:
     match node:
         case Sum(terms):
             yield from terms
-        case Product(factor, ((Sum(terms), exponent),)) if exponent == ONE and abs(factor) == 1:
+        case Term(factor, ((Sum(terms), exponent),)) if exponent == UNITY and abs(factor) == 1:
             for term in terms:
-                yield multiply(Number(factor), term)
+                yield times(Number(factor), term)
         case _:
             yield node
 
 
-def split(node: Node) -> tuple[Fraction, Powers]:
+def coefficient_and_rest(node: Node) -> tuple[Fraction, Factors]:
     """Numeric factor and powers of a term."""
     match node:
         case Number(value):
             return value, ()
-        case Product(factor, powers):
+        case Term(factor, powers):
             return factor, powers
-    return Fraction(1), ((node, ONE),)
+    return Fraction(1), ((node, UNITY),)
 
 
-def as_product(factor: Fraction, powers: Powers) -> Node:
+def as_product(factor: Fraction, powers: Factors) -> Node:
     """A number times powers, in its simplest form."""
     if factor == 0 or not powers:
         return Number(factor)
-    if factor == 1 and len(powers) == 1 and powers[0][1] == ONE:
+    if factor == 1 and len(powers) == 1 and powers[0][1] == UNITY:
         return powers[0][0]
-    return Product(factor, powers)
+    return Term(factor, powers)
 
 
-def multiply(*nodes: Node) -> Node:
+def times(*nodes: Node) -> Node:
     """Product; equal bases are collected at the place of the first."""
     factor = Fraction(1)
     found = dict[Node, Node]()
     for node in nodes:
-        number, powers = split(node)
+        number, powers = coefficient_and_rest(node)
         factor *= number
         for base, exponent in powers:
-            found[base] = add(found[base], exponent) if base in found else exponent
+            found[base] = sum_of(found[base], exponent) if base in found else exponent
     for base in list(found):
         # A one-sided spring: max(x, 0)·(1 if x > 0, else 0) is max(x, 0).
         match base:
             case Call("piecewise", (Relation(">" | "<" as sign, left, right), value, last)) if (
-                last == right == ZERO
+                last == right == NOUGHT
             ):
-                if Call("max" if sign == ">" else "min", (left, ZERO)) in found:
+                if Call("max" if sign == ">" else "min", (left, NOUGHT)) in found:
                     del found[base]
-                    return multiply(as_product(factor, tuple(found.items())), value)
-    return as_product(factor, tuple((b, e) for b, e in found.items() if e != ZERO))
+                    return times(as_product(factor, tuple(found.items())), value)
+    return as_product(factor, tuple((b, e) for b, e in found.items() if e != NOUGHT))
 
 
-def power(base: Node, exponent: Node) -> Node:
+def raised(base: Node, exponent: Node) -> Node:
     """Power; numbers are worked out only where the result stays readable."""
-    if exponent == ZERO:
-        return ONE
-    if exponent == ONE or base == ONE:
+    if exponent == NOUGHT:
+        return UNITY
+    if exponent == UNITY or base == UNITY:
         return base
     if isinstance(exponent, Number) and exponent.value.denominator == 1:
         n = exponent.value.numerator
@@ -172,97 +172,97 @@ def power(base: Node, exponent: Node) -> Node:
             and abs(n) <= MAX_EXPONENT
         ):
             return Number(base.value**n)
-        if isinstance(base, Product) and (abs(n) <= MAX_EXPONENT):
-            powers = tuple((b, multiply(e, exponent)) for b, e in base.powers)
-            return multiply(power(Number(base.factor), exponent), Product(Fraction(1), powers))
-    return Product(Fraction(1), ((base, exponent),))
+        if isinstance(base, Term) and (abs(n) <= MAX_EXPONENT):
+            powers = tuple((b, times(e, exponent)) for b, e in base.powers)
+            return times(raised(Number(base.factor), exponent), Term(Fraction(1), powers))
+    return Term(Fraction(1), ((base, exponent),))
 
 
 def negate(node: Node) -> Node:
     """The negative."""
-    return multiply(MINUS_ONE, node)
+    return times(MINUS_ONE, node)
 
 
-def derivative(node: Node, name: str) -> Node:
+def differentiated(node: Node, name: str) -> Node:
     """Partial derivative by a name."""
     match node:
         case Number():
-            return ZERO
+            return NOUGHT
         case Name(own):
-            return ONE if own == name else ZERO
+            return UNITY if own == name else NOUGHT
         case Sum(terms):
-            return add(*(derivative(term, name) for term in terms))
-        case Product(_, powers):
-            return add(*(_by_one_power(node, base, exponent, name) for base, exponent in powers))
+            return sum_of(*(differentiated(term, name) for term in terms))
+        case Term(_, powers):
+            return sum_of(*(_by_one_power(node, base, exponent, name) for base, exponent in powers))
         case Call():
             return _by_argument(node, name)
     raise TypeError("a comparison has no derivative")
 
 
 def _by_one_power(product: Node, base: Node, exponent: Node, name: str) -> Node:
-    inner, outer = derivative(base, name), derivative(exponent, name)
+    inner, outer = differentiated(base, name), differentiated(exponent, name)
     parts = []
-    if inner != ZERO:
-        lowered = multiply(
-            exponent, product, Product(Fraction(1), ((base, MINUS_ONE),)), _primitive(inner)
+    if inner != NOUGHT:
+        lowered = times(
+            exponent, product, Term(Fraction(1), ((base, MINUS_ONE),)), _primitive(inner)
         )
         parts.append(_functions_last(lowered))
-    if outer != ZERO:
-        parts.append(multiply(product, outer, Call("log", (base,))))
-    return add(*parts)
+    if outer != NOUGHT:
+        parts.append(times(product, outer, Call("log", (base,))))
+    return sum_of(*parts)
 
 
 def _primitive(node: Node) -> Node:
     """2 (x − y) instead of 2 x − 2 y."""
     if isinstance(node, Sum):
-        factors = [split(term)[0] for term in node.terms]
+        factors = [coefficient_and_rest(term)[0] for term in node.terms]
         common = (
             gcd(*(f.numerator for f in factors)) if all(f.denominator == 1 for f in factors) else 1
         )
         if common > 1:
-            rest = add(*(multiply(Number(Fraction(1, common)), term) for term in node.terms))
-            return Product(Fraction(common), ((rest, ONE),))
+            rest = sum_of(*(times(Number(Fraction(1, common)), term) for term in node.terms))
+            return Term(Fraction(common), ((rest, UNITY),))
     return node
 
 
 def _functions_last(node: Node) -> Node:
-    if not isinstance(node, Product):
+    if not isinstance(node, Term):
         return node
     calls = [isinstance(base, Call) and bool(base.arguments) for base, _ in node.powers]
     ordered = [
         p for last in (False, True) for p, c in zip(node.powers, calls, strict=True) if c == last
     ]
-    return Product(node.factor, tuple(ordered))
+    return Term(node.factor, tuple(ordered))
 
 
 def _by_argument(call: Call, name: str) -> Node:
-    inner = [ZERO if isinstance(a, Relation) else derivative(a, name) for a in call.arguments]
+    inner = [NOUGHT if isinstance(a, Relation) else differentiated(a, name) for a in call.arguments]
     if call.name not in builtins() or call.by:
         parts = [
-            multiply(replace(call, by=(*call.by, str(i))), slope)
+            times(replace(call, by=(*call.by, str(i))), slope)
             for i, slope in enumerate(inner)
-            if slope != ZERO
+            if slope != NOUGHT
         ]
         if name in call.hidden:
             parts.append(replace(call, by=(*call.by, name)))
-        return add(*parts)
-    if all(slope == ZERO for slope in inner):
-        return ZERO
+        return sum_of(*parts)
+    if all(slope == NOUGHT for slope in inner):
+        return NOUGHT
     match call.name:
         case "abs":
-            return multiply(Call("sgn", call.arguments), inner[0])
+            return times(Call("sgn", call.arguments), inner[0])
         case "min" | "max":
             return _of_extremum(call, inner)
         case "clip":
             x, low, high = call.arguments
-            return choose(
+            return choice(
                 [(Relation("<", x, low), inner[1]), (Relation(">", x, high), inner[2])], inner[0]
             )
         case "piecewise":
             pairs = [(c, v) for c, v in zip(call.arguments[:-1:2], inner[1:-1:2], strict=True)]
-            return choose(pairs, inner[-1])
-    outer = substitute(_slope(FUNCTIONS[call.name]), {"x": call.arguments[0]})
-    return _functions_last(multiply(outer, _primitive(inner[0])))
+            return choice(pairs, inner[-1])
+    outer = inserted(_slope(FUNCTIONS[call.name]), {"x": call.arguments[0]})
+    return _functions_last(times(outer, _primitive(inner[0])))
 
 
 def _of_extremum(call: Call, inner: list[Node]) -> Node:
@@ -270,12 +270,12 @@ def _of_extremum(call: Call, inner: list[Node]) -> Node:
     best = call.arguments[0]
     slope = inner[0]
     for argument, its_slope in zip(call.arguments[1:], inner[1:], strict=True):
-        slope = choose([(Relation(sign, best, argument), slope)], its_slope)
+        slope = choice([(Relation(sign, best, argument), slope)], its_slope)
         best = Call(call.name, (best, argument))
     return slope
 
 
-def choose(pairs: Iterable[tuple[Node, Node]], otherwise: Node) -> Node:
+def choice(pairs: Iterable[tuple[Node, Node]], otherwise: Node) -> Node:
     """Piecewise function of (condition, value) pairs; a plain value if all are equal."""
     pairs = list(pairs)
     if all(value == otherwise for _, value in pairs):
@@ -296,7 +296,7 @@ def names_in(node: Node) -> set[str]:
             return {name}
         case Sum(terms):
             parts: Iterable[Node] = terms
-        case Product(_, powers):
+        case Term(_, powers):
             parts = [part for pair in powers for part in pair]
         case Call(_, arguments, hidden):
             return set(hidden).union(*map(names_in, arguments))
@@ -307,20 +307,20 @@ def names_in(node: Node) -> set[str]:
     return set().union(*map(names_in, parts))
 
 
-def substitute(node: Node, values: Mapping[str, Node]) -> Node:
+def inserted(node: Node, values: Mapping[str, Node]) -> Node:
     """Replace names by trees."""
     match node:
         case Name(name):
             return values.get(name, node)
         case Sum(terms):
-            return add(*(substitute(term, values) for term in terms))
-        case Product(factor, powers):
-            replaced = (power(substitute(b, values), substitute(e, values)) for b, e in powers)
-            return multiply(Number(factor), *replaced)
+            return sum_of(*(inserted(term, values) for term in terms))
+        case Term(factor, powers):
+            replaced = (raised(inserted(b, values), inserted(e, values)) for b, e in powers)
+            return times(Number(factor), *replaced)
         case Call():
-            return replace(node, arguments=tuple(substitute(a, values) for a in node.arguments))
+            return replace(node, arguments=tuple(inserted(a, values) for a in node.arguments))
         case Relation(sign, left, right):
-            return Relation(sign, substitute(left, values), substitute(right, values))
+            return Relation(sign, inserted(left, values), inserted(right, values))
     return node
 
 
@@ -376,7 +376,7 @@ class Reader:
             case ast.UnaryOp(operand=inner):
                 return self._visit(inner)
             case ast.BinOp(op=ast.Add() | ast.Sub()):
-                return add(
+                return sum_of(
                     *(
                         self._visit(term) if plus else negate(self._visit(term))
                         for term, plus in _chain(node)
@@ -401,7 +401,7 @@ class Reader:
     def _called(self, name: str, arguments: tuple[Node, ...]) -> Node:
         """A function, or the derivative ``d_mu(s)`` of one of the system's functions."""
         if name == "sqrt":
-            return power(arguments[0], HALF)
+            return raised(arguments[0], HALF)
         if name in self._sources:
             return Call(name, arguments, self._hidden(name))
         if name.startswith("d_") and name[2:] in self._sources:
@@ -425,7 +425,7 @@ _SIGNS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
 def _binary(op: ast.operator, left: Node, right: Node) -> Node:
     match op:
         case ast.Mult():
-            return multiply(left, right)
+            return times(left, right)
         case ast.Div():
-            return multiply(left, power(right, MINUS_ONE))
-    return power(left, right)
+            return times(left, raised(right, MINUS_ONE))
+    return raised(left, right)

@@ -16,13 +16,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
-Array = np.ndarray
 Mode = tuple[int, ...]
 Region = tuple[int, ...]
 

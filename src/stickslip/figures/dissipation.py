@@ -13,6 +13,7 @@ from matplotlib.colorbar import Colorbar
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
+from stickslip.arrays import Array
 from stickslip.figures.drawing.style import (
     BAND,
     BLUE,
@@ -25,12 +26,10 @@ from stickslip.figures.drawing.style import (
     new_figure,
     paper_style,
 )
-from stickslip.rate_independent.dissipation import Polytope
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.dissipation import Average, Dissipation
 
-Array = np.ndarray
 DIRECTIONS = 360
 RAYS = 2880  # more than directions, so that corners stay sharp
 PHASES = 128
@@ -117,9 +116,9 @@ def _boundary(potential: Dissipation, phases: Array) -> Array:
 
 def _half_planes(potential: Dissipation, phases: Array) -> tuple[Array, Array]:
     """Unit normals (m, 2) and offsets (m,) of half-planes that enclose K(s) at some phases."""
-    if isinstance(potential, Polytope) and potential.faces is not None:
-        normals, offsets = zip(*(potential.halfspaces_at(s) for s in phases.tolist()), strict=True)
-        return np.concatenate(normals), np.concatenate(offsets)
+    known = potential.halfspaces(phases)
+    if known is not None:
+        return known
     sampled = potential.sampled(phases)
     directions = _circle(DIRECTIONS)
     return directions, np.array([sampled.support(v).min() for v in directions])

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from stickslip.arrays import Array
 from stickslip.figures.drawing.style import (
     BLUE,
     GREEN,
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.evolution.averaging_study import AveragingStudy
     from stickslip.rate_independent.evolution.history import History
 
-Array = np.ndarray
 FEW = 4  # components with a panel of their own
 ROW = 1.5  # inches
 EXTRA = 1.0  # inches

@@ -25,7 +25,6 @@ from stickslip.model.units import unit_label
 if TYPE_CHECKING:
     from stickslip.orbits.cycles.cycle import Cycle
 
-Array = np.ndarray
 SAMPLES = 400
 
 

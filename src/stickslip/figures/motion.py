@@ -17,6 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
+from stickslip.arrays import Array
 from stickslip.figures.drawing.style import (
     BAND,
     BLUE,
@@ -38,7 +39,6 @@ from stickslip.model.units import unit_label
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-Array = np.ndarray
 SAMPLES = 6000  # over the whole time
 POINTS = (16, 64)  # on each step, the more the fewer steps there are
 MOST_STEPS = 1_000_000  # of a motion

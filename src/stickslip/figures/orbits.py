@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short
 from stickslip.figures.drawing.style import (
     BLUE,
@@ -28,7 +29,6 @@ from stickslip.model.quantities import drift_units
 if TYPE_CHECKING:
     from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 
-Array = np.ndarray
 MARKERS = "osD^vPX*"
 VANISHING = ("Hopf", "boundary equilibrium")  # there a cycle is a point
 

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations, derive
 from stickslip.equations.field import Region, mode_field
 from stickslip.errors import DeclarationError
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
     from stickslip.orbits.cycles.cycle import Cycle
     from stickslip.symbolic.expressions import Expr
 
-Array = np.ndarray
 GRID = 301
 SAMPLES = 600
 FAINT = "#A8A8A8"

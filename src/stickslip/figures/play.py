@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from stickslip.arrays import Array
 from stickslip.figures.drawing.style import (
     BAND,
     BLUE,
@@ -25,7 +26,6 @@ from stickslip.figures.drawing.thinning import chosen, thin
 if TYPE_CHECKING:
     from stickslip.rate_independent.play.operator import Play
 
-Array = np.ndarray
 SAMPLES = 4000
 MOST_NODES = 40_000  # at which the stable region is looked at
 WIDTH = 7.2  # inches

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from stickslip.arrays import Array
 from stickslip.figures.drawing.style import LINES, STICK_LINE, new_figure, paper_style
 
-Array = np.ndarray
 Map = Callable[[float], float]
 SAMPLES = 201
 FAINT = "#9A9A9A"

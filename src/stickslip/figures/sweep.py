@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short
 from stickslip.figures.drawing.style import (
     BLUE,
@@ -38,7 +39,6 @@ from stickslip.sweeps.request.plan import INTERPOLATED, NOT_COMPUTED
 if TYPE_CHECKING:
     import xarray
 
-Array = np.ndarray
 WIDTH = 5.2  # inches of a map
 HEIGHT = 4.2  # inches of a map
 LETTERS = 9  # of a legend, in an inch

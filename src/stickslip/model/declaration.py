@@ -11,34 +11,19 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from stickslip.errors import DeclarationError, short
+from stickslip.model.names import DeclaredNames, Range
 from stickslip.model.schema import check_shape, entry_key
 from stickslip.model.system import Kind
 from stickslip.model.units import check_unit
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.formulas import Definition, Scope, check_name, is_finite, parse_signature
+from stickslip.symbolic.formulas import Scope, is_finite
 
 if TYPE_CHECKING:
     from stickslip.model.system import Contact, System
 
 VISCOUS_MATRIX = "viscous matrix of the viscous coordinates"
 QUADRATIC = "Write a pure quadratic form, like m/2*d_x**2"
-INTERVAL = re.compile(r"\s*([\[(])\s*(\S+?)\s*,\s*(\S+?)\s*([\])])\s*\Z")
-
-
-@dataclass(frozen=True)
-class Range:
-    """Admissible interval of a parameter."""
-
-    text: str
-    low: float
-    high: float
-    closed: tuple[bool, bool]
-
-    def __contains__(self, value: float) -> bool:
-        above = value >= self.low if self.closed[0] else value > self.low
-        below = value <= self.high if self.closed[1] else value < self.high
-        return above and below
 
 
 @dataclass(frozen=True)
@@ -153,14 +138,7 @@ class Declaration:
                 "there is no such parameter",
                 f"Known: {', '.join(self.parameters) or 'none'}",
             )
-        if not is_finite(value):
-            raise DeclarationError(where, "its value is not a finite number", "Give a number")
-        if value not in self.ranges[name]:
-            raise DeclarationError(
-                where,
-                f"{value:g} is outside the admissible range {self.ranges[name].text}",
-                "Choose a value inside",
-            )
+        self.ranges[name].check(value, where)
 
     def check_parameters(self, values: Mapping[str, float]) -> None:
         """Refuse parameter values that are unknown, out of range, or make M or C indefinite.
@@ -201,21 +179,6 @@ def declare(system: System) -> Declaration:
     return reader.result
 
 
-def parse_range(text: object, where: str) -> Range:
-    """Interval such as ``(0, inf)`` or ``[0, 1]``."""
-    match = INTERVAL.match(text) if isinstance(text, str) else None
-    if match:
-        try:
-            low, high = float(match[2]), float(match[3])
-        except ValueError:
-            low, high = 1.0, 0.0
-        if low <= high:
-            return Range(str(text), low, high, (match[1] == "[", match[4] == "]"))
-    raise DeclarationError(
-        where, f"'{short(str(text))}' is not an interval", "Write it like '(0, inf)' or '[0, 1]'"
-    )
-
-
 class _Reader:
     """Reads one declaration, in the order of its keys."""
 
@@ -227,32 +190,19 @@ class _Reader:
         system, result = self.system, self.result
         if not system.name.strip():
             raise DeclarationError("name", "the system has no name", "Give it a short name")
-        taken: set[str] = set()
-
-        def claim(name: str, where: str, rate: bool = False) -> None:
-            check_name(name, where, taken)
-            taken.add(name)
-            if rate:
-                check_name(f"d_{name}", where, taken)
-                taken.add(f"d_{name}")
-
-        for name, parameter in system.parameters.items():
-            where = entry_key("parameters", name)
-            claim(name, where)
-            check_unit(parameter.unit, f"{where}.unit")
-            result.ranges[name] = parse_range(parameter.range, f"{where}.range")
-            result.check_range(name, parameter.default)
+        names = DeclaredNames(ranges=result.ranges)
+        names.parameters(system.parameters)
         kinds = dict(
             zip(Kind, (result.inertial, result.viscous, result.rate_independent), strict=True)
         )
         for name, coordinate in system.coordinates.items():
             where = entry_key("coordinates", name)
-            claim(name, where, rate=True)
+            names.claim(name, where, rate=True)
             check_unit(coordinate.unit, f"{where}.unit")
             kinds[coordinate.kind].append(name)
         for name, internal in system.internal.items():
             where = entry_key("internal", name)
-            claim(name, where, rate=f"d_{name}" not in system.internal)
+            names.claim(name, where, rate=f"d_{name}" not in system.internal)
             check_unit(internal.unit, f"{where}.unit")
             result.internal.append(name)
         if not result.state:
@@ -265,20 +215,10 @@ class _Reader:
         start, stop = system.span
         if not (is_finite(start) and is_finite(stop) and start < stop):
             raise DeclarationError("span", "not a time span", "Write [start, end] with start < end")
-        self.definitions = dict[str, Definition]()
-        derivatives = dict[str, Definition]()
-        for section, entries in (("functions", system.functions), ("drives", system.drives)):
-            for key, text in entries.items():
-                where = entry_key(section, key)
-                name, arguments = parse_signature(key, where)
-                claim(name, where)
-                self.definitions[name] = Definition(where, arguments, text)
-                if section == "drives" or len(arguments) == 1:
-                    derivatives[f"d_{name}"] = Definition(
-                        where, arguments, text, (*arguments, "t")[0]
-                    )
-        self.declared = list(self.definitions)
-        self.definitions |= {name: d for name, d in derivatives.items() if name not in taken}
+        names.functions("functions", system.functions)
+        names.functions("drives", system.drives, clock="t")
+        self.declared = list(names.definitions)
+        self.definitions = names.with_derivatives()
         self.constants = {name: ex.sym(name) for name in system.parameters}
         self.state = {
             "t": ex.sym("t"),

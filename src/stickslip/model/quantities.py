@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
 
 from stickslip.model.system import System
-from stickslip.model.units import Powers, agree, factors, product, reduced, unit_text
+from stickslip.model.units import UnitPowers, agree, factors, lowest_terms, unit_product, unit_text
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
@@ -21,7 +21,7 @@ FORCES = {
     "threshold_minus": "threshold for u < 0 of",
 }
 ENERGIES = ("energy", "dissipated_energy", "supplied_energy")
-JOULE = reduced(factors("J"))[1]
+JOULE = lowest_terms(factors("J"))[1]
 
 
 def contact_key(name: str) -> str:
@@ -71,14 +71,14 @@ def described_as(meaning: str, unit: str | None) -> dict[str, str]:
 
 def per_time(system: System, unit: str, order: int = 1) -> str:
     """The unit of a rate, or of a higher derivative."""
-    return unit_text(product((factors(unit), 1), (factors(system.time_unit), -order)))
+    return unit_text(unit_product((factors(unit), 1), (factors(system.time_unit), -order)))
 
 
 def slip_unit(system: System, contact: str) -> str | None:
     """The unit of a relative velocity, in which a number other than ±1 may stand for anything."""
     declared = next(c for c in system.declaration.contacts if c.name == contact)
     terms = {
-        x: product(
+        x: unit_product(
             (_unit_of(system, weight), 1),
             (factors(per_time(system, system.coordinates[x].unit)), 1),
         )
@@ -101,7 +101,7 @@ def force_unit(system: System, contact: str) -> str | None:
     if work is None or speed is None:
         return None
     return unit_text(
-        product((factors(work), 1), (factors(speed), -1), (factors(system.time_unit), -1))
+        unit_product((factors(work), 1), (factors(speed), -1), (factors(system.time_unit), -1))
     )
 
 
@@ -122,19 +122,21 @@ def energy_unit(system: System) -> str | None:
         return "1"
     d = system.declaration
     time = factors(system.time_unit)
-    found: list[Powers] = []
+    found: list[UnitPowers] = []
     for name, contact in system.contacts.items():
         speed = slip_unit(system, name) if contact.unit else None
         if speed is not None:
-            found.append(product((factors(contact.unit), 1), (factors(speed), 1), (time, 1)))
+            found.append(unit_product((factors(contact.unit), 1), (factors(speed), 1), (time, 1)))
     found += [
         _unit_of(system, term) for formula in (d.potential, d.kinetic) for term in _terms(formula)
     ]
-    found += [product((_unit_of(system, term), 1), (time, 1)) for term in _terms(d.dissipation)]
-    return _common([unit for unit in found if reduced(unit)[1] == JOULE] or found)
+    found += [
+        unit_product((_unit_of(system, term), 1), (time, 1)) for term in _terms(d.dissipation)
+    ]
+    return _common([unit for unit in found if lowest_terms(unit)[1] == JOULE] or found)
 
 
-def _common(units: Iterable[Powers]) -> str | None:
+def _common(units: Iterable[UnitPowers]) -> str | None:
     """What all units are, with the fewest factors; None if they differ."""
     units = list(units)
     if not units or any(not agree(a, b) for a, b in pairwise(units)):
@@ -149,7 +151,7 @@ def _terms(formula: Expr) -> list[Expr]:
     return [term for term, _ in formula.terms] if formula.op == "sum" else [formula]
 
 
-def _unit_of(system: System, formula: Expr) -> Powers:
+def _unit_of(system: System, formula: Expr) -> UnitPowers:
     """The unit of a formula by those of the names in it; a sum has that of its first term, a
     function none."""
     match formula.op:
@@ -159,7 +161,7 @@ def _unit_of(system: System, formula: Expr) -> Powers:
         case "sum":
             return {} if formula.value else _unit_of(system, formula.terms[0][0])
         case "prod":
-            return product(*((_unit_of(system, base), power) for base, power in formula.terms))
+            return unit_product(*((_unit_of(system, base), power) for base, power in formula.terms))
         case "select":
             shown = next((part for part in formula.args[1:] if part.op != "num"), formula.args[1])
             return _unit_of(system, shown)

@@ -20,6 +20,9 @@ EXPECTED = {
         "a formula or a pair of them",
         'Write "mu*m*g" or ["f_plus", "f_minus"]',
     ),
+    "FormulaTable": ("a formula or lists of them", 'Write "k*t", or ["sin(t)", "2*t"]'),
+    "int": ("a whole number", "Write it without quotes, like 40"),
+    "tuple[Formula, Formula]": ("a pair of formulas", 'Write it like [0, "2*pi/omega"]'),
     "tuple[float, float]": ("a pair of numbers", "Write it like [0, 100]"),
     "table": (
         "a table",
@@ -68,6 +71,8 @@ def _check_kind(value: Any, kind: str, where: str) -> None:
             if not isinstance(name, str):
                 raise DeclarationError(where, "a key is not a text", "Use names as keys")
             _check_kind(entry, kind[len("Mapping[str, ") : -1], entry_key(where, name))
+    elif kind == "Any":
+        return
     elif kind not in EXPECTED:
         if not isinstance(value, CLASSES[kind]):
             raise wrong_kind(value, "table", where)
@@ -82,21 +87,24 @@ def _has_kind(value: Any, kind: str) -> bool:
             return isinstance(value, str)
         case "float":
             return isinstance(value, Real) and not isinstance(value, bool)
+        case "int":
+            return isinstance(value, int) and not isinstance(value, bool)
         case "Formula":
             return _has_kind(value, "str") or _has_kind(value, "float")
+        case "FormulaTable" if isinstance(value, tuple):
+            return all(_has_kind(v, "FormulaTable") for v in value)
+        case "FormulaTable":
+            return _has_kind(value, "Formula")
         case "tuple[float, float]":
-            return (
-                isinstance(value, tuple)
-                and len(value) == 2
-                and all(_has_kind(v, "float") for v in value)
-            )
+            return _is_pair(value, "float")
+        case "tuple[Formula, Formula]":
+            return _is_pair(value, "Formula")
         case _:
-            pair = (
-                isinstance(value, tuple)
-                and len(value) == 2
-                and all(_has_kind(v, "Formula") for v in value)
-            )
-            return pair or _has_kind(value, "Formula")
+            return _is_pair(value, "Formula") or _has_kind(value, "Formula")
+
+
+def _is_pair(value: Any, kind: str) -> bool:
+    return isinstance(value, tuple) and len(value) == 2 and all(_has_kind(v, kind) for v in value)
 
 
 def wrong_kind(value: Any, expected: str, where: str) -> DeclarationError:

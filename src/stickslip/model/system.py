@@ -7,19 +7,19 @@ A :class:`System` holds texts and numbers only. Creating one checks the whole de
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
-from difflib import get_close_matches
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from stickslip.errors import DeclarationError, short
-from stickslip.symbolic.formulas import is_finite, parse_signature
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.formulas import formula_text
 
 if TYPE_CHECKING:
     from stickslip.model.declaration import Declaration
 
 Formula = str | float
+"""A text or a number. An expression may be given, too: it is written down as a text."""
 
 
 class Kind(StrEnum):
@@ -73,6 +73,9 @@ class Inertial:
     drag: Formula = 0.0
     force: Formula = 0.0
 
+    def __post_init__(self) -> None:
+        hold_plain(self)
+
 
 @dataclass(frozen=True)
 class Viscous:
@@ -83,6 +86,9 @@ class Viscous:
     meaning: str = ""
     force: Formula = 0.0
 
+    def __post_init__(self) -> None:
+        hold_plain(self)
+
 
 @dataclass(frozen=True)
 class RateIndependent:
@@ -92,6 +98,9 @@ class RateIndependent:
     unit: str = ""
     meaning: str = ""
     force: Formula = 0.0
+
+    def __post_init__(self) -> None:
+        hold_plain(self)
 
 
 Coordinate = Inertial | Viscous | RateIndependent
@@ -104,6 +113,9 @@ class Internal:
     law: Formula
     unit: str = ""
     meaning: str = ""
+
+    def __post_init__(self) -> None:
+        hold_plain(self)
 
 
 @dataclass(frozen=True)
@@ -131,7 +143,7 @@ class Contact:
     unit: str = ""
 
     def __post_init__(self) -> None:
-        _lists_to_tuples(self)
+        hold_plain(self)
 
 
 @dataclass(frozen=True)
@@ -150,12 +162,28 @@ class Condition:
     otherwise: str = ""
 
 
-def _lists_to_tuples(item: Contact | System) -> None:
-    """A pair may be given as a list, as in a model file."""
+def hold_plain(item: Any) -> None:
+    """Let a declaration hold plain data that nobody else changes: copies of its tables, tuples for
+    lists, and texts for expressions.
+
+    Raises
+    ------
+    DeclarationError
+        If an expression is too long for a text.
+    """
     for entry in fields(item):
-        value = getattr(item, entry.name)
-        if isinstance(value, list):
-            object.__setattr__(item, entry.name, tuple(value))
+        object.__setattr__(item, entry.name, _plain(getattr(item, entry.name), entry.name))
+
+
+def _plain(value: Any, where: str) -> Any:
+    match value:
+        case Mapping():
+            return {key: _plain(part, f"{where}.{key}") for key, part in value.items()}
+        case list() | tuple():
+            return tuple(_plain(part, f"{where}[{i}]") for i, part in enumerate(value))
+        case Expr():
+            return formula_text(value, where)
+    return value
 
 
 @dataclass(frozen=True)
@@ -222,11 +250,7 @@ class System:
     facts: Mapping[str, Formula] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if isinstance(value, Mapping):
-                object.__setattr__(self, item.name, dict(value))
-        _lists_to_tuples(self)
+        hold_plain(self)
         _ = self.declaration
 
     @cached_property
@@ -252,32 +276,9 @@ class System:
         DeclarationError
             If a name is neither, or a value is not admissible.
         """
-        changes: dict[str, dict[str, Any]] = {"parameters": {}, "functions": {}, "drives": {}}
-        signatures = {parse_signature(key, "functions")[0]: key for key in self.functions}
-        for name, value in given.items():
-            if name in self.parameters:
-                if not is_finite(value):
-                    raise DeclarationError(
-                        f"parameters.{name}",
-                        f"'{short(str(value))}' is not a finite number",
-                        "Give a number",
-                    )
-                changes["parameters"][name] = replace(self.parameters[name], default=float(value))
-            elif name in signatures:
-                changes["functions"][signatures[name]] = value
-            elif name in self.drives:
-                changes["drives"][name] = value
-            else:
-                known = [*self.parameters, *signatures, *self.drives]
-                close = get_close_matches(name, known, 1)
-                raise DeclarationError(
-                    self.name,
-                    f"there is no parameter or free function '{short(name)}'",
-                    f"Did you mean '{close[0]}'?" if close else f"Known: {', '.join(known)}",
-                )
-        return replace(
-            self, **{key: {**getattr(self, key), **new} for key, new in changes.items() if new}
-        )
+        from stickslip.model.names import reconfigured
+
+        return reconfigured(self, given, ("functions", "drives"))
 
     def with_parameters(self, **values: float) -> System:
         """The same system with other default values of its parameters."""

@@ -9,14 +9,11 @@ coordinate also has its ``kind``. One line declares one thing, with dotted keys 
 
 from __future__ import annotations
 
-from difflib import get_close_matches
+from functools import partial
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
-from stickslip.errors import DeclarationError, short
 from stickslip.model import toml
-from stickslip.model.schema import entry_key, wrong_kind
 from stickslip.model.system import (
     Condition,
     Contact,
@@ -28,15 +25,39 @@ from stickslip.model.system import (
     Viscous,
 )
 
-KINDS = {str(kind.kind): kind for kind in (Inertial, Viscous, RateIndependent)}
-ENTRIES = {
-    "parameters": Parameter,
-    "internal": Internal,
-    "contacts": Contact,
-    "conditions": Condition,
-}
-GROUPS = ("name", "parameters", "functions", "coordinates", "contacts", "translation", "conditions")
-"""Fields of a system before which a file has an empty line."""
+COORDINATES = {str(kind.kind): kind for kind in (Inertial, Viscous, RateIndependent)}
+
+
+def _coordinate(value: Any, where: str) -> Any:
+    table = dict(toml.mapping(value, where))
+    return toml.entry(toml.named_kind(table, COORDINATES, where), table, where)
+
+
+SYSTEMS = toml.Language(
+    System,
+    groups=(
+        "name",
+        "parameters",
+        "functions",
+        "coordinates",
+        "contacts",
+        "translation",
+        "conditions",
+    ),
+    sections={
+        "parameters": partial(toml.entry, Parameter),
+        "coordinates": _coordinate,
+        "internal": partial(toml.entry, Internal),
+        "contacts": partial(toml.entry, Contact),
+        "conditions": partial(toml.entry, Condition),
+    },
+    others={
+        "dissipation": (
+            "this file declares an evolution, not a system",
+            "Use: stickslip evolve FILE, or stickslip.load_evolution",
+        )
+    },
+)
 
 
 def load(path: str | PathLike[str]) -> System:
@@ -48,68 +69,18 @@ def load(path: str | PathLike[str]) -> System:
         If the file cannot be read or anything in it is wrong; the message names the file, the key,
         the reason and the remedy.
     """
-    return loads(toml.read_text(path), str(path))
+    return SYSTEMS.load(path)
 
 
 def loads(text: str, where: str = "model") -> System:
-    """The system that the text of a model file declares.
-
-    Parameters
-    ----------
-    text : str
-        TOML.
-    where : str
-        Name of the text in messages.
+    """The system that the text of a model file declares; `where` names the text in messages.
 
     Raises
     ------
     DeclarationError
         If anything in it is wrong.
     """
-    with toml.said_of(where):
-        return _system(toml.parse(text))
-
-
-def _system(table: dict[str, Any]) -> System:
-    if "dissipation" in table:
-        raise DeclarationError(
-            "dissipation",
-            "this file declares an evolution, not a system",
-            "Use: stickslip evolve FILE",
-        )
-    given = toml.known_keys(System, table, "")
-    for section, cls in ENTRIES.items():
-        if section in given:
-            given[section] = {
-                name: toml.entry(cls, value, entry_key(section, name))
-                for name, value in toml.mapping(given[section], section).items()
-            }
-    if "coordinates" in given:
-        given["coordinates"] = {
-            name: _coordinate(value, entry_key("coordinates", name))
-            for name, value in toml.mapping(given["coordinates"], "coordinates").items()
-        }
-    return System(**given)
-
-
-def _coordinate(value: Any, where: str) -> Any:
-    table = dict(toml.mapping(value, where))
-    kinds = ", ".join(f'"{kind}"' for kind in KINDS)
-    if "kind" not in table:
-        raise DeclarationError(
-            f"{where}.kind", "the kind of the coordinate is missing", f"Give one of {kinds}"
-        )
-    kind = table.pop("kind")
-    if not isinstance(kind, str):
-        raise wrong_kind(kind, "str", f"{where}.kind")
-    if kind not in KINDS:
-        close = get_close_matches(kind, KINDS, 1)
-        raise DeclarationError(
-            f"{where}.kind",
-            f"there is no kind '{short(kind)}'",
-            f'Did you mean "{close[0]}"?' if close else f"Give one of {kinds}",
-        )
-    return toml.entry(KINDS[kind], table, where)
+    return SYSTEMS.loads(text, where)
 
 
 def save(system: System, path: str | PathLike[str]) -> None:
@@ -120,13 +91,7 @@ def save(system: System, path: str | PathLike[str]) -> None:
     DeclarationError
         If the file cannot be written.
     """
-    try:
-        Path(path).write_bytes(dumps(system).encode())
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "its texts are not valid Unicode"
-        raise DeclarationError(
-            str(path), f"the file cannot be written ({reason})", "Choose another place"
-        ) from None
+    SYSTEMS.save(system, path)
 
 
 def dumps(system: System) -> str:
@@ -134,4 +99,4 @@ def dumps(system: System) -> str:
 
     What has its default value is left out, except the default of a parameter.
     """
-    return toml.written(system, GROUPS)
+    return SYSTEMS.dumps(system)

@@ -5,16 +5,15 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import MISSING, fields
-from difflib import get_close_matches
+from dataclasses import MISSING, dataclass, fields
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
-from stickslip.errors import DeclarationError, short
-from stickslip.model.schema import wrong_kind
+from stickslip.errors import DeclarationError, short, suggestion
+from stickslip.model.schema import entry_key, wrong_kind
 
 MAX_BYTES = 300_000  # tomllib reads some 300 kB in a second
 LONG_LINE = 150
@@ -23,6 +22,102 @@ LONG_LINE = 150
 DEEP_KEY = re.compile(r"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){12}""")
 BARE_KEY = re.compile(r"[A-Za-z0-9_-]+\Z")
 ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\r": "\\r"}
+
+
+EXAMPLES = {
+    "default": "default = 1.0",
+    "law": 'law = "1 - alpha"',
+    "direction": 'direction = "d_x"',
+    "threshold": 'threshold = "mu*m*g"',
+    "formula": 'formula = "P > rho"',
+    "A": "A = [[2, 0], [0, 1]]",
+    "load": 'load = ["sin(t)", "2*t"]',
+    "dissipation": 'dissipation = {kind = "weighted l1", weights = ["2 + cos(2*pi*s)", "1"]}',
+    "weights": 'weights = ["2 + cos(2*pi*s)", "1"]',
+    "radii": 'radii = ["2 + cos(2*pi*s)"]',
+    "shape": "shape = [[4, 0], [0, 1]]",
+}
+"""How keys that are missing would be written."""
+K = TypeVar("K")
+_M = TypeVar("_M")
+
+
+@dataclass(frozen=True)
+class Language(Generic[_M]):
+    """The model files of one kind of model, a class of data.
+
+    Attributes
+    ----------
+    model : type
+    groups : tuple of str
+        Fields before which a file has an empty line.
+    sections : mapping of str to callable
+        How each entry of a section is read: (value, key) -> object. Other fields are taken as they
+        stand in the file.
+    others : mapping of str to (str, str)
+        Keys that give away a file of another kind, with what it declares and what opens it.
+    """
+
+    model: type[_M]
+    groups: tuple[str, ...]
+    sections: Mapping[str, Callable[[Any, str], Any]]
+    others: Mapping[str, tuple[str, str]]
+
+    def load(self, path: str | PathLike[str]) -> _M:
+        """The model that a file declares.
+
+        Raises
+        ------
+        DeclarationError
+            If the file cannot be read or anything in it is wrong; the message names the file, the
+            key, the reason and the remedy.
+        """
+        return self.loads(read_text(path), str(path))
+
+    def loads(self, text: str, where: str = "model") -> _M:
+        """The model that the text of a file declares; `where` names the text in messages.
+
+        Raises
+        ------
+        DeclarationError
+            If anything in it is wrong.
+        """
+        with said_of(where):
+            table = parse(text)
+            for key, (reason, remedy) in self.others.items():
+                if key in table:
+                    raise DeclarationError(key, reason, remedy)
+            given = known_keys(self.model, table, "")
+            for section, read in self.sections.items():
+                if section in given:
+                    given[section] = {
+                        name: read(value, entry_key(section, name))
+                        for name, value in mapping(given[section], section).items()
+                    }
+            return self.model(**given)
+
+    def dumps(self, model: _M) -> str:
+        """The model as the text of a file; :meth:`loads` gives it back, equal.
+
+        What has its default value is left out, except the default of a parameter.
+        """
+        return as_toml(model, self.groups)
+
+    def save(self, model: _M, path: str | PathLike[str]) -> None:
+        """Write a model as a file.
+
+        Raises
+        ------
+        DeclarationError
+            If the file cannot be written.
+        """
+        try:
+            Path(path).write_bytes(self.dumps(model).encode())
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or "its texts are not valid Unicode"
+            raise DeclarationError(
+                str(path), f"the file cannot be written ({reason})", "Choose another place"
+            ) from None
 
 
 def read_text(path: str | PathLike[str]) -> str:
@@ -134,20 +229,15 @@ def known_keys(cls: Any, table: dict[str, Any], where: str) -> dict[str, Any]:
     known = {
         entry.name: entry.default is MISSING and entry.default_factory is MISSING
         for entry in fields(cls)
+        if entry.init
     }
     for key in table:
         if key not in known:
-            close = get_close_matches(key, known, 1)
-            raise DeclarationError(
-                _join(where, key),
-                "unknown key",
-                f"Did you mean '{close[0]}'?" if close else f"Known here: {', '.join(known)}",
-            )
+            raise DeclarationError(_join(where, key), "unknown key", suggestion(key, known))
     for key, required in known.items():
         if required and key not in table:
-            raise DeclarationError(
-                _join(where, key), "this key is missing", f"Add it, as in: {_example(cls, key)}"
-            )
+            example = f'name = "{cls.__name__.lower()}"' if key == "name" else ""
+            raise missing(where, key, example)
     return dict(table)
 
 
@@ -156,18 +246,28 @@ def _join(where: str, key: str) -> str:
     return f"{where}.{key}" if where else key
 
 
-def _example(cls: Any, key: str) -> str:
-    examples = {
-        "default": "default = 1.0",
-        "law": 'law = "1 - alpha"',
-        "direction": 'direction = "d_x"',
-        "threshold": 'threshold = "mu*m*g"',
-        "formula": 'formula = "P > rho"',
-    }
-    return examples.get(key, f'{key} = "{cls.__name__.lower()}"')
+def named_kind(table: dict[str, Any], kinds: Mapping[str, type[K]], where: str) -> type[K]:
+    """The class that the ``kind`` of a table names, which is taken out of it."""
+    key = f"{where}.kind"
+    known = ", ".join(f'"{kind}"' for kind in kinds)
+    if "kind" not in table:
+        raise DeclarationError(key, "the kind is missing", f"Give one of {known}")
+    kind = table.pop("kind")
+    if not isinstance(kind, str):
+        raise wrong_kind(kind, "str", key)
+    if kind not in kinds:
+        reason = f"there is no kind '{short(kind)}'"
+        raise DeclarationError(key, reason, suggestion(kind, kinds, '"'))
+    return kinds[kind]
 
 
-def written(data: Any, groups: Sequence[str]) -> str:
+def missing(where: str, key: str, example: str = "") -> DeclarationError:
+    """The error for a key that has to be there."""
+    example = example or EXAMPLES.get(key, f'{key} = "..."')
+    return DeclarationError(_join(where, key), "this key is missing", f"Add it, as in: {example}")
+
+
+def as_toml(data: Any, groups: Sequence[str]) -> str:
     """Data as TOML, field by field, without those that have their defaults.
 
     An empty line stands before each of `groups`. The first field is always written.

@@ -11,15 +11,15 @@ from functools import cache
 
 from stickslip.errors import DeclarationError, short
 
-NAMES = frozenset(
+UNIT_NAMES = frozenset(
     "m kg s A K mol cd g t N Pa J W Hz rad deg V C F ohm T H L bar min h d yr a eV S "
     "mm cm km um nm µm ms us ns µs mN kN MN uN nN pN fN kPa MPa GPa mJ kJ MJ aJ mW kW MW "
     "kHz MHz GHz mg mrad pm 1 %".split()
 )
-POWER = r"\^(?:-?\d+(?:/\d+)?|\(-?\d+(?:/\d+)?\))"
-FACTOR = rf"(?:[A-Za-zµ]+|1|%)(?:{POWER})?"
+_POWER = r"\^(?:-?\d+(?:/\d+)?|\(-?\d+(?:/\d+)?\))"
+FACTOR = rf"(?:[A-Za-zµ]+|1|%)(?:{_POWER})?"
 GROUP = rf"(?:{FACTOR}|\({FACTOR}(?:[*·/ ]{FACTOR})*\))"
-UNIT = re.compile(rf"{FACTOR}(?:[*·/ ]{GROUP})*\Z")
+_UNIT = re.compile(rf"{FACTOR}(?:[*·/ ]{GROUP})*\Z")
 PREFIXES = {
     "a": -18,
     "f": -15,
@@ -43,7 +43,7 @@ DERIVED = {
     "ohm": (1.0, "V/A"), "S": (1.0, "A/V"), "T": (1.0, "V*s/m^2"), "H": (1.0, "V*s/A"),
 }  # fmt: skip
 
-Powers = Mapping[str, Fraction]
+UnitPowers = Mapping[str, Fraction]
 
 
 def check_unit(text: str, where: str) -> str:
@@ -56,8 +56,8 @@ def check_unit(text: str, where: str) -> str:
     """
     plain = _plain(text)
     names = re.findall(r"[A-Za-zµ]+", plain)
-    unknown = [name for name in names if name not in NAMES]
-    if unknown or (plain and not UNIT.match(plain)):
+    unknown = [name for name in names if name not in UNIT_NAMES]
+    if unknown or (plain and not _UNIT.match(plain)):
         reason = f"at '{short(unknown[0])}'" if unknown else "as a product of powers"
         raise DeclarationError(
             where,
@@ -73,7 +73,7 @@ def _plain(text: str) -> str:
 
 
 @cache
-def factors(unit: str) -> Powers:
+def factors(unit: str) -> UnitPowers:
     """Powers of the names in a unit: ``kg*m/s^2`` is {kg: 1, m: 1, s: −2}; empty if
     dimensionless."""
     powers: dict[str, Fraction] = {}
@@ -89,7 +89,7 @@ def factors(unit: str) -> Powers:
     return {name: power for name, power in powers.items() if power and name != "1"}
 
 
-def product(*terms: tuple[Powers, float]) -> Powers:
+def unit_product(*terms: tuple[UnitPowers, float]) -> UnitPowers:
     """Product of powers of units; a radian is named only where nothing else stands in the
     numerator."""
     powers: dict[str, Fraction] = {}
@@ -104,7 +104,7 @@ def product(*terms: tuple[Powers, float]) -> Powers:
     return powers
 
 
-def unit_text(unit: Powers) -> str:
+def unit_text(unit: UnitPowers) -> str:
     """The unit as it is declared: ``kg*m^2/s``, ``1/s``, ``W/(m^2*K)``, ``1``."""
 
     def text(sign: int) -> list[str]:
@@ -120,7 +120,7 @@ def unit_text(unit: Powers) -> str:
 
 
 @cache
-def in_si(name: str) -> tuple[float, Powers]:
+def in_si(name: str) -> tuple[float, UnitPowers]:
     """A unit name as a multiple of a product of SI base units."""
     if name in SI:
         return 1.0, {name: Fraction(1)}
@@ -129,20 +129,20 @@ def in_si(name: str) -> tuple[float, Powers]:
     else:
         scale = 10.0 ** PREFIXES[name[0]]
         unit = name[1:]
-    more, base = reduced(factors(unit))
+    more, base = lowest_terms(factors(unit))
     return scale * more, base
 
 
-def reduced(unit: Powers) -> tuple[float, Powers]:
+def lowest_terms(unit: UnitPowers) -> tuple[float, UnitPowers]:
     """A unit as a multiple of a product of SI base units."""
     parts = [(*in_si(name), power) for name, power in unit.items()]
     scale = math.prod(scale ** float(power) for scale, _, power in parts)
-    return scale, product(*((base, float(power)) for _, base, power in parts))
+    return scale, unit_product(*((base, float(power)) for _, base, power in parts))
 
 
-def agree(first: Powers, second: Powers) -> bool:
+def agree(first: UnitPowers, second: UnitPowers) -> bool:
     """Whether two units are the same, such as aJ and N/m*nm^2."""
-    (a, one), (b, two) = reduced(first), reduced(second)
+    (a, one), (b, two) = lowest_terms(first), lowest_terms(second)
     return one == two and math.isclose(a, b, rel_tol=1e-9)
 
 

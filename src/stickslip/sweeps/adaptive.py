@@ -15,13 +15,13 @@ from itertools import pairwise, product
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short
 from stickslip.sweeps.request.axes import Grid
 from stickslip.sweeps.request.measures import OWN
 from stickslip.sweeps.request.plan import INTERPOLATED
 from stickslip.sweeps.store import MapStore
 
-Array = np.ndarray
 Cell = tuple[tuple[int, int], ...]
 """First and last index along each axis."""
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import StickslipError
 from stickslip.storage import PREFIX, readable
 from stickslip.sweeps.request.axes import Axis, Grid, make_grid
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     import xarray
     import zarr
 
-Array = np.ndarray
 Region = tuple[slice, ...]
 Chunk = tuple[int, ...]
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
@@ -29,8 +30,6 @@ from stickslip.sweeps.work.scheduler import Pool, Stop, distribute, listening
 
 if TYPE_CHECKING:
     from stickslip.sweeps.work.chunk import Settings
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,12 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip.arrays import Array
 from stickslip.symbolic.enclosures import Enclosure
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.intervals import LOOSE, Intervals
 
-Array = NDArray[np.float64]
 Box = Array  # of shape (2, boxes)
 
 ARRAYS = Intervals(

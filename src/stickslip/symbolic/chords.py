@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stickslip.symbolic.boxes import Array, deviation, slopes
+from stickslip.arrays import Array
+from stickslip.symbolic.boxes import deviation, slopes
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 

@@ -13,12 +13,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
 from stickslip.symbolic.tape import ARRAYS, scalar_code
 
-Array = np.ndarray
 NumericFunction = Callable[[ArrayLike], Array]
 
 _NAMES = {"real_power": np.power, "reciprocal": np.reciprocal, "where": np.where}

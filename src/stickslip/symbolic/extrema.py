@@ -18,7 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stickslip.symbolic.boxes import Array, between, enclosures, slopes
+from stickslip.arrays import Array
+from stickslip.symbolic.boxes import between, enclosures, slopes
 from stickslip.symbolic.expressions import Expr
 
 FIRST = 64  # boxes to begin with

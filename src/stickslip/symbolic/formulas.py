@@ -16,11 +16,10 @@ import re
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from numbers import Real
 from typing import TypeGuard
 
-from stickslip.errors import DeclarationError, short
+from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
@@ -147,6 +146,20 @@ def is_finite(value: object) -> TypeGuard[float]:
         return False
 
 
+def formula_text(expression: Expr, where: str) -> str:
+    """An expression as a text that is read as the same one.
+
+    Raises
+    ------
+    DeclarationError
+        If it is too long for that.
+    """
+    text = ex.to_text(expression)
+    if "..." in text:
+        raise DeclarationError(where, "the expression is too long for a text", "Simplify it")
+    return text
+
+
 def parse_signature(text: str, where: str) -> tuple[str, tuple[str, ...]]:
     """Name and arguments of ``H_R(psi)``."""
     match = SIGNATURE.match(text)
@@ -198,7 +211,7 @@ class _Reader:
 
     def read(self, text: object) -> Expr:
         if isinstance(text, Expr):
-            return ex.substitute(text, {name: self.name(name) for name in sorted(text.symbols)})
+            return self.tree(text)
         if is_finite(text):
             return ex.num(float(text))
         if isinstance(text, Real) and not isinstance(text, bool):
@@ -235,6 +248,13 @@ class _Reader:
             raise self.fail(
                 f"'{short(text)}' has no value ({error})", "Correct the formula"
             ) from None
+
+    def tree(self, expression: Expr) -> Expr:
+        """An expression whose names mean what they mean in a text."""
+        if expression.depth > MAX_HEIGHT:
+            raise self.fail("the expression is too deeply nested", "Simplify it")
+        meaning = {name: self.name(name) for name in sorted(expression.symbols)}
+        return ex.substitute(expression, meaning)
 
     def visit(self, node: ast.AST, depth: int) -> Expr:
         self.tally(depth)
@@ -331,10 +351,7 @@ class _Reader:
         raise self.unknown("name", name, [*self.bound, *self.scope.names, *self.scope.definitions])
 
     def unknown(self, kind: str, name: str, known: Iterable[str]) -> DeclarationError:
-        names = sorted(known)
-        close = get_close_matches(name, names, 1)
-        remedy = f"Did you mean '{close[0]}'?" if close else "Known here: " + ", ".join(names)
-        return self.fail(f"unknown {kind} '{short(name)}'", remedy)
+        return self.fail(f"unknown {kind} '{short(name)}'", suggestion(name, sorted(known)))
 
     def call(self, node: ast.Call, depth: int) -> Expr:
         if not isinstance(node.func, ast.Name) or node.keywords:

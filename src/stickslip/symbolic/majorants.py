@@ -14,8 +14,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.boxes import Array, between, enclosures, slopes
+from stickslip.symbolic.boxes import between, enclosures, slopes
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS, Function

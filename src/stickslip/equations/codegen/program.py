@@ -6,12 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.equations.codegen.generate import Layout
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.tape import OUTPUTS, Instruction, Op, Scaled
-
-Array = np.ndarray
 
 WIDTH = 9  # of a row of code: operation, result, five operands, place, size
 HIDING = frozenset(

@@ -14,9 +14,9 @@ from llvmlite import ir
 from numba import types
 from numba.extending import lower_builtin, type_callable
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 
-Array = np.ndarray
 NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a difference may be zero
 OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
 

@@ -17,7 +17,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.transforms import Transform
 
-Array = np.ndarray
+from stickslip.arrays import Array
+
 COLUMNS = 2000  # of a time axis
 FEW = 20 * COLUMNS  # samples that are drawn one by one
 FEW_PHASES = COLUMNS // 4

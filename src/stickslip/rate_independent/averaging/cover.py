@@ -7,18 +7,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stickslip.rate_independent.averaging.minima import SAMPLES
-from stickslip.rate_independent.sets.phase import NARROW
-from stickslip.rate_independent.sets.potential import Array, Dissipation
-from stickslip.rate_independent.sets.stretches import NOWHERE, Index, Near
+from stickslip.arrays import Array
+from stickslip.rate_independent.averaging.minima import PHASE_SAMPLES
+from stickslip.rate_independent.sets.potential import Dissipation
+from stickslip.rate_independent.sets.stretches import NOWHERE_NEAR, Index, Near
+from stickslip.rate_independent.signals.signal import NARROWEST_STRETCH
 
-PARTS = 8  # of a stretch that is divided
+_PARTS = 8  # of a stretch that is divided
 # neighbours to both sides that are divided along with it: the next force will ask for them
-AHEAD = 4
-SHARE = 0.05  # of how far a force was seen outside, by which it may lie farther outside
-MOST = 2**18  # stretches
-BESIDE = 2.0**-7  # distance from the end of a period below which a phase is beside it
-UNKNOWN = np.zeros(0)  # phases at which a force touches
+_AHEAD = 4
+_SHARE = 0.05  # of how far a force was seen outside, by which it may lie farther outside
+_MOST = 2**18  # stretches
+_BESIDE = 2.0**-7  # distance from the end of a period below which a phase is beside it
+NO_PHASES = np.zeros(0)  # phases at which a force touches
 
 
 class Looked(NamedTuple):
@@ -51,7 +52,9 @@ class Cover:
 
     def __init__(self, source: Dissipation) -> None:
         self.source = source
-        edges = np.arange(SAMPLES + 1) / SAMPLES if source.depends_on_phase else np.zeros(2)
+        edges = (
+            np.arange(PHASE_SAMPLES + 1) / PHASE_SAMPLES if source.depends_on_phase else np.zeros(2)
+        )
         self.low, self.high = edges[:-1], edges[1:]
         if not source.depends_on_phase:
             self.low = self.high = np.zeros(1)
@@ -69,7 +72,7 @@ class Cover:
         """How many phases were looked at."""
         return len(self) + 1
 
-    def look(self, xi: Array, enough: float, touching: Array = UNKNOWN) -> Looked:
+    def look(self, xi: Array, enough: float, touching: Array = NO_PHASES) -> Looked:
         """Phases at which ξ lies outside K(s); once it does by more than `enough`, the search need
         not go on.
 
@@ -89,14 +92,14 @@ class Cover:
     def _near(self, touching: Array, peaks: Array, xi: Array, enough: float) -> Near:
         """What is proved around phases at which ξ touches K(s), and around others at which it seems
         to."""
-        known = (np.abs(peaks[:, None] - touching) < BESIDE).any(axis=1)
+        known = (np.abs(peaks[:, None] - touching) < _BESIDE).any(axis=1)
         phases = (
             np.append(touching, self.source.closest(peaks[~known], xi))
             if not known.all()
             else touching
         )
         # K(s) may jump where a period ends: a phase beside that end is close to both.
-        seam = np.array([(phases < BESIDE).any(), (phases > 1.0 - BESIDE).any()])
+        seam = np.array([(phases < _BESIDE).any(), (phases > 1.0 - _BESIDE).any()])
         return self.source.around(np.append(phases, np.array([1.0, 0.0])[seam]), xi, enough)
 
     def _peaks(self, start: Array, end: Array, open_: Index) -> Array:
@@ -111,7 +114,7 @@ class Cover:
         """How far forces, shape (q, n), may lie outside any K(s), shape (q,), up to `enough` or a
         part of itself."""
         worst = np.full(len(xi), -np.inf)
-        for which, _, start, end, done in self._levels(xi, enough, share=SHARE):
+        for which, _, start, end, done in self._levels(xi, enough, share=_SHARE):
             np.maximum.at(worst, which, np.maximum(np.maximum(start, end), done))
         return worst
 
@@ -129,7 +132,7 @@ class Cover:
         active = np.tile(np.arange(self.roots), len(xi))
         seen = np.full(len(xi), -np.inf)
         zero = np.zeros((1, xi.shape[1]))
-        near = NOWHERE
+        near = NOWHERE_NEAR
         while len(active):
             active, which, rows = self._taken(active, which)
             force = xi[which]
@@ -137,7 +140,7 @@ class Cover:
             ends = np.maximum(start, end)
             np.maximum.at(seen, which, ends)
             # What is narrower than the rounding of a phase has no inside.
-            wide = self.high[active] - self.low[active] > NARROW
+            wide = self.high[active] - self.low[active] > NARROWEST_STRETCH
             if share is None:
                 wide &= seen[which] <= enough
             limit = np.maximum(enough, (1.0 + (share or 0.0)) * seen[which])
@@ -159,11 +162,11 @@ class Cover:
                         done[k], near.at_most(self.low[active[k]], self.high[active[k]])
                     )
                 open_ = wide & (done > limit)
-                if len(self) + PARTS * int(open_.sum()) > MOST:
+                if len(self) + _PARTS * int(open_.sum()) > _MOST:
                     open_[:] = False
                 done[open_] = -np.inf
             yield which, active, start, end, done
-            which = np.repeat(which[open_], PARTS)
+            which = np.repeat(which[open_], _PARTS)
             active = self._children(active[open_])
 
     def _taken(self, active: Index, which: Index) -> tuple[Index, Index, Any]:
@@ -190,25 +193,25 @@ class Cover:
         new = np.unique(stretches[self.child[stretches] < 0])
         if len(new):
             new = self._with_neighbours(new)
-            share = np.arange(PARTS + 1) / PARTS
+            share = np.arange(_PARTS + 1) / _PARTS
             edges = self.low[new, None] + (self.high - self.low)[new, None] * share
             edges[:, -1] = self.high[new]
             low, high = edges[:, :-1].ravel(), edges[:, 1:].ravel()
-            self.child[new] = len(self) + PARTS * np.arange(len(new))
+            self.child[new] = len(self) + _PARTS * np.arange(len(new))
             self.blocks.append(self.source.over(low, high))
             self.begins = np.append(self.begins, len(self))
             self.low, self.high = np.append(self.low, low), np.append(self.high, high)
             self.child = np.append(self.child, np.full(len(low), -1, np.intp))
-        return (self.child[stretches, None] + np.arange(PARTS)).ravel()
+        return (self.child[stretches, None] + np.arange(_PARTS)).ravel()
 
     def _with_neighbours(self, stretches: Index) -> Index:
-        near = np.clip(stretches[:, None] + np.arange(-AHEAD, AHEAD + 1), 0, len(self) - 1)
+        near = np.clip(stretches[:, None] + np.arange(-_AHEAD, _AHEAD + 1), 0, len(self) - 1)
         width = (self.high - self.low)[stretches, None]
-        beside = np.abs(self.low[near] - self.low[stretches, None]) <= (AHEAD + 0.5) * width
+        beside = np.abs(self.low[near] - self.low[stretches, None]) <= (_AHEAD + 0.5) * width
         beside &= np.abs((self.high - self.low)[near] - width) <= 1e-3 * width
-        return np.unique(near[beside & (self.child[near] < 0) & (width > NARROW)])
+        return np.unique(near[beside & (self.child[near] < 0) & (width > NARROWEST_STRETCH)])
 
     def scale(self, s: float) -> float:
-        """Width of the finest stretch around a phase."""
+        """Width of the finest stretch around a phase; 1 if no phase matters."""
         inside = (self.low <= s) & (s <= self.high)
-        return float((self.high - self.low)[inside].min(initial=1.0))
+        return float((self.high - self.low)[inside].min(initial=1.0)) or 1.0

@@ -4,57 +4,31 @@ and refined."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.sets.phase import Formulas, Function, Varying, wrapped
 from stickslip.rate_independent.sets.thresholds import nonnegative
-from stickslip.symbolic.chords import table
-from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.extrema import least
+from stickslip.rate_independent.signals.signal import Minima, Signal, wrapped
 
-Array = NDArray[np.float64]
-
-SAMPLES = 256
+PHASE_SAMPLES = 256
 """Phases at which functions are looked at. A minimum is missed if it is narrower and shows in none
 of them."""
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
-STEPS = 64  # of the golden section: from the distance of two samples to rounding
+_STEPS = 64  # of the golden section: from the distance of two samples to rounding
 MOST_SECTIONS = 40  # of a sharpened maximum
-RESOLVED = 1e-2  # what counts as better
-NEARBY = np.append(0.0, np.linspace(-2e-8, 2e-8, 64))
+_RESOLVED = 1e-2  # what counts as better
 MOST_SEPARATE = 2000  # functions that can be refined one by one
 
 
-class Minima(NamedTuple):
-    """The least value of every entry of an array of the phase.
-
-    Attributes
-    ----------
-    values, phases : ndarray of shape (n,)
-        Values up to rounding, and where they are taken; a phase is as accurate as that determines
-        it, 1e-8 for a smooth minimum.
-    floors : ndarray of shape (n,)
-        No value is less, at any phase; if sampled, at none of these.
-    sampled : int
-        Number of phases looked at; 0 if all phases are covered by bounds.
-    """
-
-    values: Array
-    phases: Array
-    floors: Array
-    sampled: int
-
-
-def least_over_phases(varying: Varying) -> Minima:
+def least_over_phases(signal: Signal) -> Minima:
     """The least value of every entry of an array of the phase, and the phase at which it is taken.
 
     Parameters
     ----------
-    varying : Varying
+    signal : Signal
         Of shape (n,).
 
     Raises
@@ -62,22 +36,23 @@ def least_over_phases(varying: Varying) -> Minima:
     DeclarationError
         If there are too many entries to refine them one by one.
     """
-    n = varying.shape[0]
-    if isinstance(varying, Formulas):
-        return _proved(varying)
-    if not varying.depends_on_phase:
-        return Minima(varying.at(0.0), np.zeros(n), varying.at(0.0), 0)
-    if isinstance(varying, Function) and n > MOST_SEPARATE and not varying.elementwise:
+    n = signal.shape[0]
+    proved = signal.least()
+    if proved is not None:
+        return proved
+    if n > MOST_SEPARATE and not signal.elementwise:
         raise DeclarationError(
-            varying.where,
+            signal.where,
             f"{n} minima over the phase cannot be refined one by one",
             "Let the function take an array of n phases, one for each component, and return each "
             "component at its own",
         )
-    values, phases, index, centre = _scan(varying)
+    values, phases, index, centre = _scan(signal)
     if len(index):
         refined, found = golden_section(
-            lambda s: varying.entries(index, s), centre - 1 / SAMPLES, centre + 1 / SAMPLES
+            lambda s: signal.entries(index, s),
+            centre - 1 / PHASE_SAMPLES,
+            centre + 1 / PHASE_SAMPLES,
         )
         order = np.argsort(-refined, kind="stable")  # the least of an entry is written last
         index = index[order]
@@ -88,39 +63,23 @@ def least_over_phases(varying: Varying) -> Minima:
         # A sample that is the minimum, such as s = 0 or 1/2, is kept as it is.
         better = best < values - 4e-16 * np.abs(values)
         values, phases = np.where(better, best, values), np.where(better, at, phases)
-    return Minima(values, wrapped(phases), values, SAMPLES)
+    return Minima(values, wrapped(phases), values, PHASE_SAMPLES)
 
 
-def _proved(formulas: Formulas) -> Minima:
-    """Of every formula by branch and bound, equal ones once."""
-    known: dict[Expr, tuple[float, float, float]] = {}
-    for e in formulas.expressions:
-        if e not in known:
-            minimum = least(e, "s", 0.0, 1.0)
-            # Where a search by bounds ends, a smooth minimum is known to 1e-8: the best number
-            # nearby.
-            near = wrapped(minimum.place + NEARBY)
-            values = table([e], near)[:, 0]
-            k = int(np.argmin(values))
-            known[e] = float(values[k]), float(near[k]), min(minimum.floor, float(values[k]))
-    values, phases, floors = np.transpose([known[e] for e in formulas.expressions])
-    return Minima(values, phases, floors, 0)
-
-
-def _scan(varying: Varying) -> tuple[Array, Array, NDArray[np.intp], Array]:
+def _scan(signal: Signal) -> tuple[Array, Array, NDArray[np.intp], Array]:
     """Least samples, their phases, and the entries and samples around which the minimum may lie."""
-    grid = np.arange(SAMPLES) / SAMPLES
-    before, here = varying.at(grid[-1]), varying.at(grid[0])
+    grid = np.arange(PHASE_SAMPLES) / PHASE_SAMPLES
+    before, here = signal.at(grid[-1]), signal.at(grid[0])
     values = here.copy()
-    phases = np.zeros(varying.shape[0])
+    phases = np.zeros(signal.shape[0])
     found: list[tuple[NDArray[np.intp], Array, Array]] = []
     for s, following in zip(grid, np.roll(grid, -1), strict=True):
-        after = varying.at(following)
+        after = signal.at(following)
         less = here < values
         values[less] = here[less]
         phases[less] = s
         (index,) = np.nonzero(is_bracket(before, here, after))
-        low = lowest(before[index], here[index], after[index])
+        low = expected_low(before[index], here[index], after[index])
         promising = low < values[index]
         found.append((index[promising], np.full(int(promising.sum()), s), low[promising]))
         before, here = here, after
@@ -136,7 +95,7 @@ def is_bracket(before: Array, here: Array, after: Array) -> NDArray[np.bool_]:
     return (here <= before) & (here <= after) & ((here < before) | (here < after))
 
 
-def lowest(before: Array, here: Array, after: Array) -> Array:
+def expected_low(before: Array, here: Array, after: Array) -> Array:
     """How low a function can be expected between three samples: as low as lines of the outer slopes
     would take it."""
     with np.errstate(invalid="ignore"):
@@ -159,7 +118,7 @@ def golden_section(f: Callable[[Array], Array], low: Array, high: Array) -> tupl
     left = high - GOLDEN * (high - low)
     right = low + GOLDEN * (high - low)
     at_left, at_right = f(left), f(right)
-    for _ in range(STEPS):
+    for _ in range(_STEPS):
         down = at_left <= at_right
         low, high = np.where(down, low, left), np.where(down, right, high)
         kept, at_kept = np.where(down, left, right), np.where(down, at_left, at_right)
@@ -201,7 +160,7 @@ def sharpened(phases: Array, values: Array, f: Callable[[Array], Array]) -> tupl
         value = f(new)
         better = value > fb
         left = new < b
-        idle = np.where(value - fb > RESOLVED * np.abs(fb), 0, idle + 1)
+        idle = np.where(value - fb > _RESOLVED * np.abs(fb), 0, idle + 1)
         to_left = (better & ~left) | (~better & left)
         to_right = (better & left) | (~better & ~left)
         a = np.where(to_left, np.where(better, b, new), a)
@@ -214,7 +173,7 @@ def sharpened(phases: Array, values: Array, f: Callable[[Array], Array]) -> tupl
     return b, fb
 
 
-def least_thresholds(thresholds: Varying) -> Minima:
+def least_thresholds(thresholds: Signal) -> Minima:
     """Thresholds at their minima over the phase; refuses negative ones."""
     least = least_over_phases(thresholds)
     if least.values.min() < 0.0:

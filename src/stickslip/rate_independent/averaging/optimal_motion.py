@@ -6,14 +6,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.sets.potential import Array, Dissipation, OptimalMotion
+from stickslip.rate_independent.sets.potential import Dissipation, OptimalMotion
 
 MOST_NUMBERS = 20_000_000  # in the table of an optimal motion
-VANISHING = 1e-12  # thresholds that count as 0, of the largest
+VANISHING_THRESHOLD = 1e-12  # thresholds that count as 0, of the largest
 
 
-def measure(
+def measure_with_sum(
     source: Dissipation, V: Array, phases: Array, motions: Array, xi: Array, violation: float
 ) -> OptimalMotion:
     """A measure with the sum V, what it costs, and what a force ξ says about the least cost."""
@@ -53,7 +54,7 @@ def scheduled(source: Dissipation, V: Array, when: Array, bound: float) -> Optim
 
 def vanishing(thresholds: Array) -> NDArray[np.bool_]:
     """Which thresholds count as 0."""
-    return thresholds <= VANISHING * float(thresholds.max())
+    return thresholds <= VANISHING_THRESHOLD * float(thresholds.max())
 
 
 def axes(chosen: NDArray[np.bool_]) -> Array:

@@ -9,25 +9,26 @@ from functools import cached_property
 
 import numpy as np
 
-from stickslip.rate_independent.sets.phase import wrapped
-from stickslip.rate_independent.sets.potential import Array, Dissipation
-from stickslip.rate_independent.sets.stretches import Sampled
+from stickslip.arrays import Array
+from stickslip.rate_independent.sets.potential import Dissipation
+from stickslip.rate_independent.sets.stretches import AtPhases
+from stickslip.rate_independent.signals.signal import wrapped
 
-STEP = 1e-6  # of differences in Newton's method
+_STEP = 1e-6  # of differences in Newton's method
 STEP_OF_PHASES = 1e-3  # … with respect to phases
 WIDEST = 2e-3  # differences of phases
-SHIFTS = np.array([-1.0, -0.5, 0.5, 1.0])
-# derivative of fourth order from the values at SHIFTS
-DIFFERENCE = np.array([1.0, -8.0, 8.0, -1.0]) / 6.0
+_SHIFTS = np.array([-1.0, -0.5, 0.5, 1.0])
+# derivative of fourth order from the values at _SHIFTS
+_DIFFERENCE = np.array([1.0, -8.0, 8.0, -1.0]) / 6.0
 MOST_ITERATIONS = 12  # that do not yet converge fast
 FAST = 0.1  # part of the residual that a fast iteration leaves at most
-SMALL = 1e-8  # a Newton step after which none is needed
+_SMALL = 1e-8  # a Newton step after which none is needed
 SHARES = (1.0, 0.5, 0.25, 0.1)  # of a step that are tried
-SLOW = 1e-8  # below this, what falls slowly is rounding
+_SLOW = 1e-8  # below this, what falls slowly is rounding
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class HeldForce:
     """A force ξ and what holds it: motions v_k at phases s_k.
 
     Attributes
@@ -48,21 +49,21 @@ class Held:
     violation: float = np.inf
     bound: float = np.inf
     violated: Sequence[float] = ()
-    sets: Sampled | None = None
+    sets: AtPhases | None = None
 
     @cached_property
     def moved(self) -> Array:
         """The sum of the motions."""
         return self.motions.sum(axis=0)
 
-    def balanced(self, c: Array, Q: Array | None) -> Held:
+    def balanced(self, c: Array, Q: Array | None) -> HeldForce:
         """With motions whose sum is exactly c − Qξ: the largest one takes what is left."""
         motions = self.motions.copy()
         rest = c - motions.sum(axis=0) - (0.0 if Q is None else Q @ self.xi)
         motions[int(np.linalg.norm(motions, axis=1).argmax())] += rest
         return replace(self, motions=motions)
 
-    def merged(self, within: float) -> Held:
+    def merged(self, within: float) -> HeldForce:
         """With phases that are closer than that to the next one made one: a double root would stop
         Newton's method."""
         order = np.argsort(self.phases)
@@ -84,8 +85,8 @@ class Held:
 
 
 def refined(
-    source: Dissipation, held: Held, c: Array, Q: Array | None, size: float, scales: Array
-) -> Held:
+    source: Dissipation, held: HeldForce, c: Array, Q: Array | None, size: float, scales: Array
+) -> HeldForce:
     """Newton's method for ξ, v_k and s_k at once, from close to the solution.
 
     Qξ + Σ v_k = c, v_k is normal to K(s_k) at ξ, and s_k is stationary for the distance of ξ + v_k
@@ -97,7 +98,7 @@ def refined(
     length = float(np.linalg.norm(held.motions, axis=1).max())
     curvature = np.zeros((n, n)) if Q is None else Q * (size / length)
     widths = np.minimum(WIDEST, 0.5 * scales)
-    steps = np.column_stack([np.full((k, n), STEP), STEP_OF_PHASES * widths])
+    steps = np.column_stack([np.full((k, n), _STEP), STEP_OF_PHASES * widths])
     moves = np.concatenate([np.zeros((k, 1, n + 1)), steps[:, None] * np.eye(n + 1)], axis=1)
 
     def at(x: Array, contacts: Array) -> tuple[float, Array, Array]:
@@ -123,7 +124,7 @@ def refined(
         )[0]
         to_x = step[:n]
         to_contacts = step[n:].reshape(k, n + 1)
-        if float(np.abs(step).max()) <= SMALL:  # the next one would be rounding
+        if float(np.abs(step).max()) <= _SMALL:  # the next one would be rounding
             x, contacts = x - to_x, contacts - to_contacts
             break
         for share in SHARES:
@@ -133,12 +134,12 @@ def refined(
         else:
             break
         x, contacts = x - share * to_x, contacts - share * to_contacts
-        slow = ahead[0] > 0.5 * off and off < SLOW
+        slow = ahead[0] > 0.5 * off and off < _SLOW
         slow |= iteration >= MOST_ITERATIONS and ahead[0] > FAST * off
         off, rest, touch = ahead
         if slow:
             break
-    return Held(x * size, wrapped(contacts[:, n]), contacts[:, :n] * length)
+    return HeldForce(x * size, wrapped(contacts[:, n]), contacts[:, :n] * length)
 
 
 def _jacobian(curvature: Array, changes: Array) -> Array:
@@ -162,8 +163,8 @@ def _touched(source: Dissipation, points: Array, widths: Array, size: float) -> 
 
     A row holds a point, in units of the size, and its phase.
     """
-    phases = points[:, -1:] + widths[:, None] * np.append(0.0, SHIFTS)
+    phases = points[:, -1:] + widths[:, None] * np.append(0.0, _SHIFTS)
     rows = np.repeat(points[:, :-1], phases.shape[1], axis=0)
     nearest = source.sampled(phases.ravel()).nearest(size * rows) / size
     squares = 0.5 * np.square(rows - nearest).sum(axis=1).reshape(phases.shape)
-    return np.column_stack([nearest[:: phases.shape[1]], squares[:, 1:] @ DIFFERENCE / widths])
+    return np.column_stack([nearest[:: phases.shape[1]], squares[:, 1:] @ _DIFFERENCE / widths])

@@ -19,28 +19,35 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError
-from stickslip.rate_independent.averaging.cover import UNKNOWN, Cover, Looked
+from stickslip.rate_independent.averaging.cover import NO_PHASES, Cover, Looked
 from stickslip.rate_independent.averaging.minima import golden_section, sharpened
-from stickslip.rate_independent.averaging.optimal_motion import measure
-from stickslip.rate_independent.averaging.polishing import Held, refined
-from stickslip.rate_independent.sets.cones import ConeForm, solve
-from stickslip.rate_independent.sets.phase import wrapped
-from stickslip.rate_independent.sets.potential import Array, Average, Dissipation, OptimalMotion
-from stickslip.rate_independent.sets.stretches import OneByOne, Rows, Sampled, Stretches, lengths
+from stickslip.rate_independent.averaging.optimal_motion import measure_with_sum
+from stickslip.rate_independent.averaging.polishing import HeldForce, refined
+from stickslip.rate_independent.sets.cones import ConeForm, solve_cones
+from stickslip.rate_independent.sets.potential import Average, Dissipation, OptimalMotion
+from stickslip.rate_independent.sets.stretches import (
+    AtPhases,
+    Fixed,
+    OneByOne,
+    Stretches,
+    lengths,
+)
+from stickslip.rate_independent.signals.signal import wrapped
 
 MOST_ROUNDS = 60
 FORGETFUL = 6  # rounds in which constraints may go
-CLUSTER = 0.02  # phases closer than this may be one
-SAME = 1e-6  # phases closer than this are one
-NEAR = 1e-2  # violation, as a multiple of the size of K, from which Newton's method is tried
-ROUNDING = 1e-15  # of a distance, as a multiple of the size of K; of a motion, of its length
+_CLUSTER = 0.02  # phases closer than this may be one
+_SAME = 1e-6  # phases closer than this are one
+_NEAR = 1e-2  # violation, as a multiple of the size of K, from which Newton's method is tried
+_ROUNDING = 1e-15  # of a distance, as a multiple of the size of K; of a motion, of its length
 SHARPEST = 1e-13  # duality gap that rounding allows
 MOST_PEAKS = 16  # phases that join in one round
-SURE = 0.25  # part of the tolerance that what is not seen of K(s) may take
+_SURE = 0.25  # part of the tolerance that what is not seen of K(s) may take
 MEMORY = 256  # solutions that are remembered
-LOOKS = 192  # forces whose distances from K(s) are remembered
-AT_ONCE = 64  # forces that are looked at together
+_LOOKS = 192  # forces whose distances from K(s) are remembered
+_AT_ONCE = 64  # forces that are looked at together
 Constraint = tuple[float, ConeForm]
 
 
@@ -104,7 +111,7 @@ class Intersection(Average):
         """
         V = self.vector(V, "V")
         held = self._resisting(V)
-        return measure(self.source, V, held.phases, held.motions, held.xi, held.bound)
+        return measure_with_sum(self.source, V, held.phases, held.motions, held.xi, held.bound)
 
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
         return float(self.excesses(self.vector(xi, "xi")[None])[0])
@@ -128,10 +135,10 @@ class Intersection(Average):
         """
         xi = self.vector(xi, "xi")
         M = self.metric(metric)
-        if not self._beyond(xi, ROUNDING * self.size):
+        if not self._beyond(xi, _ROUNDING * self.size):
             looked = self._look(xi)
             if (
-                looked.excess.max() <= ROUNDING * self.size
+                looked.excess.max() <= _ROUNDING * self.size
                 and looked.bound <= self.tolerance * self.size
             ):
                 return xi.copy()
@@ -153,12 +160,12 @@ class Intersection(Average):
     def cone_form(self, s: float) -> None:
         return None
 
-    def sampled(self, phases: Array) -> Sampled:
+    def sampled(self, phases: Array) -> AtPhases:
         return Together(self, phases)
 
     def over(self, low: Array, high: Array) -> Stretches:
         ends = Together(self, low)
-        return Unchanged(ends, ends)
+        return FixedTogether(ends, ends)
 
     def excesses(self, xi: Array) -> Array:
         """How far forces, shape (m, n), lie outside, shape (m,)."""
@@ -167,8 +174,8 @@ class Intersection(Average):
             [_worst(looked) if looked and np.isfinite(looked.bound) else np.nan for looked in known]
         )
         (new,) = np.nonzero(np.isnan(excess))
-        for part in np.array_split(new, -(-len(new) // AT_ONCE)) if len(new) else []:
-            excess[part] = self.cover.excess(xi[part], SURE * self.tolerance * self.size)
+        for part in np.array_split(new, -(-len(new) // _AT_ONCE)) if len(new) else []:
+            excess[part] = self.cover.excess(xi[part], _SURE * self.tolerance * self.size)
         return excess
 
     @property
@@ -180,23 +187,23 @@ class Intersection(Average):
         return lineality(self, 10 * self.tolerance * self.size)
 
     @cached_property
-    def _memory(self) -> deque[Held]:
+    def _memory(self) -> deque[HeldForce]:
         """What was found last: starts for the next searches, which are often close by."""
         return deque(maxlen=MEMORY)
 
     @cached_property
-    def _forces(self) -> deque[Held]:
+    def _forces(self) -> deque[HeldForce]:
         """The last two nearest points."""
         return deque(maxlen=2)
 
     @cached_property
     def _looked(self) -> deque[Looked]:
         """What was looked at last; the forces themselves are rows of an array that goes around."""
-        return deque(maxlen=LOOKS)
+        return deque(maxlen=_LOOKS)
 
     @cached_property
     def _places(self) -> Array:
-        return np.full((LOOKS, self.dimension), np.inf)
+        return np.full((_LOOKS, self.dimension), np.inf)
 
     def _beyond(self, xi: Array, least: float) -> bool:
         """Whether ξ is seen to lie outside by more than that at the phases that held the last
@@ -208,24 +215,24 @@ class Intersection(Average):
         """What is known of a force from one that is the same up to rounding."""
         away = np.abs(self._places - xi).max(axis=1)
         k = int(away.argmin())
-        if away[k] > ROUNDING * self.size:
+        if away[k] > _ROUNDING * self.size:
             return None
-        looked = self._looked[k - LOOKS + len(self._looked)]
+        looked = self._looked[k - _LOOKS + len(self._looked)]
         return looked._replace(bound=looked.bound + float(away[k]) * len(xi))
 
-    def _look(self, xi: Array, touching: Array = UNKNOWN) -> Looked:
+    def _look(self, xi: Array, touching: Array = NO_PHASES) -> Looked:
         looked = self._known(xi)
         if looked is None:
-            looked = self.cover.look(xi, SURE * self.tolerance * self.size, touching)
+            looked = self.cover.look(xi, _SURE * self.tolerance * self.size, touching)
             self._looked.append(looked)
             self._places[:-1] = self._places[1:].copy()
             self._places[-1] = xi
         return looked
 
-    def _resisting(self, V: Array) -> Held:
+    def _resisting(self, V: Array) -> HeldForce:
         """The force in K_av that resists V most, and the motion it cannot resist better."""
         if not V.any() or self.size == 0.0:
-            return Held(np.zeros(len(V)), np.zeros(1), V[None], 0.0, 0.0)
+            return HeldForce(np.zeros(len(V)), np.zeros(1), V[None], 0.0, 0.0)
         if (again := self._remembered(V, self.tolerance)) is not None:
             return again
         # Perhaps one phase does everything: the one at which V costs least.
@@ -237,10 +244,10 @@ class Intersection(Average):
         values = np.array([costs[k - 1], costs[k], costs[(k + 1) % len(costs)]])[:, None]
         s = wrapped(sharpened(near, -values, lambda s: -self.source.sampled(s).support(V))[0])
         return self._exchange(
-            Held(self.source.exposed(V, float(s[0])), s, V[None]), V, None, self.tolerance
+            HeldForce(self.source.exposed(V, float(s[0])), s, V[None]), V, None, self.tolerance
         )
 
-    def _exchange(self, held: Held, c: Array, Q: Array | None, rule: float) -> Held:
+    def _exchange(self, held: HeldForce, c: Array, Q: Array | None, rule: float) -> HeldForce:
         """The ξ with the least ½⟨Qξ, ξ⟩ − ⟨c, ξ⟩ and a duality gap below `rule`."""
         held = self._judged(held)
         constraints = [self._constraint(s, held.xi) for s in held.phases]
@@ -265,13 +272,13 @@ class Intersection(Average):
             f"Raise the tolerance {self.tolerance:g}",
         )
 
-    def _kept(self, held: Held, Q: Array | None) -> Held:
+    def _kept(self, held: HeldForce, Q: Array | None) -> HeldForce:
         self._memory.append(held)
         if Q is not None:
             self._forces.append(held)
         return held
 
-    def _remembered(self, V: Array, rule: float) -> Held | None:
+    def _remembered(self, V: Array, rule: float) -> HeldForce | None:
         """What resists V, if that follows from the forces that were found before."""
         if not self._memory:
             return None
@@ -287,18 +294,18 @@ class Intersection(Average):
             )
             or 1.0
         )
-        held = replace(last, motions=last.motions * share).balanced(V, None).merged(SAME)
+        held = replace(last, motions=last.motions * share).balanced(V, None).merged(_SAME)
         if self._gap(held, V, None) > rule:
             held = self._newton(held, V, None)
         return self._kept(held, None) if self._gap(held, V, None) <= rule else None
 
-    def _ahead(self, xi: Array, Q: Array) -> Held:
+    def _ahead(self, xi: Array, Q: Array) -> HeldForce:
         """A start for the point nearest to ξ, from the last two that were found: steps of an
         evolution are close."""
         last, before = self._forces[-1], self._forces[0]
         near = (
             last.phases.shape == before.phases.shape
-            and np.abs(last.phases - before.phases).max() < CLUSTER
+            and np.abs(last.phases - before.phases).max() < _CLUSTER
         )
         phases = 2.0 * last.phases - before.phases if near else last.phases
         if len(phases) == 1:
@@ -308,14 +315,14 @@ class Intersection(Average):
             if near
             else (last.xi, last.motions)
         )
-        return Held(point, phases, motions).balanced(Q @ xi, Q).merged(SAME)
+        return HeldForce(point, phases, motions).balanced(Q @ xi, Q).merged(_SAME)
 
-    def _at_once(self, xi: Array, Q: Array, s: float) -> Held:
+    def _at_once(self, xi: Array, Q: Array, s: float) -> HeldForce:
         """The point nearest to ξ if all moves at one phase."""
         y = self.source.project(xi, s, Q)
-        return Held(y, np.array([s]), (Q @ (xi - y))[None])
+        return HeldForce(y, np.array([s]), (Q @ (xi - y))[None])
 
-    def _gap(self, held: Held, c: Array, Q: Array | None) -> float:
+    def _gap(self, held: HeldForce, c: Array, Q: Array | None) -> float:
         """Duality gap, relative to what is moved; infinite as long as ξ is outside K_av."""
         if held.bound > self.tolerance * self.size:
             return np.inf
@@ -324,31 +331,31 @@ class Intersection(Average):
         least = 0.0 if Q is None else 1e-3 * self.size * float(np.abs(Q).max())
         return held.gap(self.source) / (self.size * max(moved, least))
 
-    def _refined(self, held: Held, c: Array, Q: Array | None) -> Held:
+    def _refined(self, held: HeldForce, c: Array, Q: Array | None) -> HeldForce:
         """What Newton's method makes of it, once that can be hoped for; neighbouring phases may be
         one."""
-        if held.violation > NEAR * self.size:
+        if held.violation > _NEAR * self.size:
             return held
-        one = held.merged(CLUSTER)
+        one = held.merged(_CLUSTER)
         found = [self._newton(start, c, Q) for start in ([one] if one is held else [one, held])]
         return min(found, key=lambda closer: self._gap(closer, c, Q))
 
-    def _newton(self, held: Held, c: Array, Q: Array | None) -> Held:
+    def _newton(self, held: HeldForce, c: Array, Q: Array | None) -> HeldForce:
         scales = np.array([self.cover.scale(s) for s in held.phases.tolist()])
         try:
             return self._judged(refined(self.source, held, c, Q, self.size, scales).balanced(c, Q))
         except ConvergenceError:  # a projection far from K(s)
             return held
 
-    def _solved(self, constraints: Sequence[Constraint], c: Array, Q: Array | None) -> Held:
+    def _solved(self, constraints: Sequence[Constraint], c: Array, Q: Array | None) -> HeldForce:
         """The solution for a few phases."""
         size = float(np.abs(c).max())
         curvature = None if Q is None else Q * (self.size / size)
-        xi, motions = solve([form for _, form in constraints], c / size, curvature)
+        xi, motions = solve_cones([form for _, form in constraints], c / size, curvature)
         phases, motions = self._tidied(np.array([s for s, _ in constraints]), motions * size)
-        return Held(xi * self.size, phases, motions).balanced(c, Q)
+        return HeldForce(xi * self.size, phases, motions).balanced(c, Q)
 
-    def _exchanged(self, constraints: list[Constraint], *found: Held) -> list[Constraint]:
+    def _exchanged(self, constraints: list[Constraint], *found: HeldForce) -> list[Constraint]:
         """The constraints that hold a force, those that it violates, and given others."""
         forces = {s: held.xi for held in found for s in (*held.phases.tolist(), *held.violated)}
         if self.source.cone_form(0.0) is not None:  # one constraint says all about a phase
@@ -358,12 +365,12 @@ class Intersection(Average):
     def _constraint(self, s: float, xi: Array) -> Constraint:
         return s, self.source.outer_form(s, xi).scaled(1.0 / self.size)
 
-    def _judged(self, held: Held) -> Held:
+    def _judged(self, held: HeldForce) -> HeldForce:
         """What is outside K(s), at the phases that hold ξ and at all others."""
         looked = self._look(held.xi, held.phases)
         sets = self.source.sampled(held.phases)
         violation = max(float(looked.excess.max()), float(sets.excess(held.xi).max()), 0.0)
-        phases = self._peaks(looked, held.xi) if violation > ROUNDING * self.size else ()
+        phases = self._peaks(looked, held.xi) if violation > _ROUNDING * self.size else ()
         return replace(
             held,
             sets=sets,
@@ -377,9 +384,9 @@ class Intersection(Average):
         phases, first = np.unique(wrapped(looked.phases), return_index=True)
         excess = looked.excess[first]
         if len(phases) < 3:
-            return phases[excess > ROUNDING * self.size].tolist()
+            return phases[excess > _ROUNDING * self.size].tolist()
         before, after = np.roll(excess, 1), np.roll(excess, -1)
-        (k,) = np.nonzero((excess >= before) & (excess >= after) & (excess > ROUNDING * self.size))
+        (k,) = np.nonzero((excess >= before) & (excess >= after) & (excess > _ROUNDING * self.size))
         if not len(k):
             return []
         k = k[np.argsort(-excess[k])][:MOST_PEAKS]
@@ -402,7 +409,7 @@ class Intersection(Average):
         phases = np.roll(phases, -shift)
         motions = np.roll(motions, -shift, axis=0)
         phases = phases[0] + (phases - phases[0]) % 1.0
-        pieces = np.split(np.arange(len(phases)), np.flatnonzero(np.diff(phases) > CLUSTER) + 1)
+        pieces = np.split(np.arange(len(phases)), np.flatnonzero(np.diff(phases) > _CLUSTER) + 1)
         tidy = [self._joined(phases[piece], motions[piece]) for piece in pieces]
         return wrapped(np.concatenate([s for s, _ in tidy])), np.vstack([v for _, v in tidy])
 
@@ -413,7 +420,7 @@ class Intersection(Average):
         apart = float(self.source.sampled(phases).support(motions).sum())
         # A kink may be narrower than the cluster is wide.
         width = max(float(phases[-1] - phases[0]), self.cover.scale(float(wrapped(phases[0]))))
-        reach = np.array([width, CLUSTER / 2])
+        reach = np.array([width, _CLUSTER / 2])
         costs, found = golden_section(
             lambda s: self.source.sampled(s).support(v), phases[0] - reach, phases[-1] + reach
         )
@@ -444,8 +451,8 @@ class Together(OneByOne):
 
 
 @dataclass(frozen=True, eq=False)
-class Unchanged(Rows, Stretches[Together]):
-    """A potential that does not depend on the phase."""
+class FixedTogether(Fixed):
+    """An average, asked for all its forces together."""
 
     start: Together
     end: Together
@@ -457,11 +464,6 @@ class Unchanged(Rows, Stretches[Together]):
         forces, place = np.unique(np.concatenate([before, after]), axis=0, return_inverse=True)
         first, last = np.split(self.start.potential.excesses(forces)[place.ravel()], 2)
         return first, last, self.between(np.maximum(first, last), before, after, off, enough)
-
-    def between(
-        self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array
-    ) -> Array:
-        return ends + lengths(off)
 
 
 def lineality(average: Average, least: float) -> Array:

@@ -9,27 +9,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.averaging.semi_infinite import Intersection
 from stickslip.rate_independent.dissipation.parabolas import Parabolas
 from stickslip.rate_independent.sets.cones import ConeForm, ellipsoid
-from stickslip.rate_independent.sets.phase import SAMPLE_PHASES, Formulas, Varying, read, wrapped
-from stickslip.rate_independent.sets.potential import Array, Average, Dissipation
+from stickslip.rate_independent.sets.potential import Average, Dissipation
 from stickslip.rate_independent.sets.projections import nearest_in_ellipsoid, secular
 from stickslip.rate_independent.sets.stretches import (
-    NOWHERE,
+    NOWHERE_NEAR,
+    AtPhases,
     Near,
-    Rows,
-    Sampled,
+    RowWise,
     Stretches,
     lengths,
 )
+from stickslip.rate_independent.signals.reading import read_phase
+from stickslip.rate_independent.signals.signal import SAMPLE_PHASES, Signal, wrapped
 
-ROUNDING = 4e-16
+_ROUNDING = 4e-16
 
 
 @dataclass(frozen=True, eq=False)
-class Ellipsoid(Dissipation):
+class Ellipsoid(Dissipation, kind="ellipsoid"):
     """Ψ(s, v) = √⟨v, S(s) v⟩; K(s) = {ξ : ⟨ξ, S(s)⁻¹ ξ⟩ ≤ 1}.
 
     Parameters
@@ -46,18 +48,18 @@ class Ellipsoid(Dissipation):
     """
 
     shape: Any
-    matrix: Varying = field(init=False, repr=False)
+    matrix: Signal = field(init=False, repr=False)
     _fixed_root: Array | None = field(init=False, repr=False, default=None)
 
     def __post_init__(self) -> None:
-        matrix = read(self.shape, "shape")
+        matrix = read_phase(self.shape, "shape")
         if len(matrix.shape) != 2 or matrix.shape[0] != matrix.shape[1] or matrix.shape[0] == 0:
             raise DeclarationError(
                 "shape", f"its shape {matrix.shape} is not that of a square matrix", "Give n x n"
             )
         object.__setattr__(self, "matrix", matrix)
         self.sampled(np.array(SAMPLE_PHASES))
-        if not matrix.depends_on_phase:
+        if not matrix.varies:
             object.__setattr__(self, "_fixed_root", self.root_at(0.0))
 
     @property
@@ -66,7 +68,7 @@ class Ellipsoid(Dissipation):
 
     @property
     def depends_on_phase(self) -> bool:
-        return self.matrix.depends_on_phase
+        return self.matrix.varies
 
     def root_at(self, s: float = 0.0) -> Array:
         """R of shape (n, r) and full rank with S = R Rᵀ: its columns are the half axes, without
@@ -155,14 +157,14 @@ class Ellipsoid(Dissipation):
 
     @cached_property
     def _parabolas(self) -> Parabolas | None:
-        return Parabolas.of(self.matrix) if isinstance(self.matrix, Formulas) else None
+        return Parabolas.of(self.matrix) if self.matrix.differentiable else None
 
     def closest(self, phases: Array, xi: Array) -> Array:
         return phases if self._parabolas is None else self._parabolas.vertices(phases, xi)
 
     def around(self, phases: Array, xi: Array, enough: float) -> Near:
         if self._parabolas is None:
-            return NOWHERE
+            return NOWHERE_NEAR
         # ξ lies in K(s) if S − ξξᵀ is positive semidefinite; if S + δ − ξξᵀ is, outside by √(λ + δ)
         # − √λ at most, λ at least the least eigenvalue of S.
         low, high, below, least = self._parabolas.around(phases, xi)
@@ -182,11 +184,11 @@ class Ellipsoid(Dissipation):
 def _axes(S: Array) -> tuple[Array, Array, Array]:
     """Eigenvectors and eigenvalues of matrices (m, n, n), and what is rounding of them."""
     squares, axes = np.linalg.eigh((S + S.transpose(0, 2, 1)) / 2)
-    return axes, squares, ROUNDING * S.shape[1] * np.abs(S).max(axis=(1, 2))
+    return axes, squares, _ROUNDING * S.shape[1] * np.abs(S).max(axis=(1, 2))
 
 
 @dataclass(frozen=True, eq=False)
-class SampledEllipsoid(Rows, Sampled):
+class SampledEllipsoid(RowWise, AtPhases):
     """Ellipsoids at m phases by their axes (m, n, n), the squares of their lengths (m, n) and the
     rounding of these."""
 
@@ -249,7 +251,7 @@ class SampledEllipsoid(Rows, Sampled):
 
 
 @dataclass(frozen=True, eq=False)
-class StretchesOfEllipsoids(Rows, Stretches[SampledEllipsoid]):
+class StretchesOfEllipsoids(RowWise, Stretches[SampledEllipsoid]):
     """Ellipsoids on stretches of phases.
 
     Attributes

@@ -8,19 +8,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.averaging.minima import Minima, least_thresholds
 from stickslip.rate_independent.averaging.optimal_motion import axes, scheduled, vanishing
 from stickslip.rate_independent.sets.cones import ConeForm, balls
-from stickslip.rate_independent.sets.phase import Varying
-from stickslip.rate_independent.sets.potential import Array, Average, Dissipation, OptimalMotion
-from stickslip.rate_independent.sets.projections import nearest_in_metric
-from stickslip.rate_independent.sets.stretches import Rows, Sampled, Stretches, lengths
-from stickslip.rate_independent.sets.thresholds import nonnegative, nonnegative_over, read_weights
+from stickslip.rate_independent.sets.potential import (
+    Average,
+    ClosedForm,
+    Dissipation,
+    OptimalMotion,
+)
+from stickslip.rate_independent.sets.projections import nearest_in_metric, onto_balls
+from stickslip.rate_independent.sets.stable_sets import Boxes, Discs
+from stickslip.rate_independent.sets.stretches import AtPhases, RowWise, Stretches, lengths
+from stickslip.rate_independent.sets.thresholds import (
+    nonnegative,
+    nonnegative_over,
+    nonnegative_rows,
+    read_weights,
+)
+from stickslip.rate_independent.signals.signal import Signal
 
 
 @dataclass(frozen=True, eq=False)
-class GroupNorm(Dissipation):
+class GroupNorm(Dissipation, kind="group norm"):
     """Ψ(s, v) = Σ_g r_g(s) |v_g|₂; K(s) is a product of balls of radius r_g(s).
 
     Component c of group g is entry ``g*size + c``.
@@ -41,7 +53,7 @@ class GroupNorm(Dissipation):
 
     radii: Any
     size: int = 2
-    radius: Varying = field(init=False, repr=False)
+    radius: Signal = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if (
@@ -65,7 +77,7 @@ class GroupNorm(Dissipation):
 
     @property
     def depends_on_phase(self) -> bool:
-        return self.radius.depends_on_phase
+        return self.radius.varies
 
     def radii_at(self, s: float = 0.0) -> Array:
         """Radii of the balls, shape (groups,)."""
@@ -106,8 +118,13 @@ class GroupNorm(Dissipation):
     def cone_form(self, s: float) -> ConeForm:
         return balls(self.radii_at(s), self.size)
 
-    def sampled(self, phases: Array) -> Sampled:
+    def sampled(self, phases: Array) -> AtPhases:
         return SampledBalls(self.size, nonnegative_over(self.radius, phases))
+
+    def sets(self, phases: Array) -> Boxes | Discs:
+        phases = phases if self.depends_on_phase else phases[:1]
+        radii = nonnegative_rows(self.radius, phases)
+        return Boxes(-radii, radii) if self.size == 1 else Discs(radii, self.size)
 
     @property
     def bounded(self) -> bool:
@@ -152,6 +169,12 @@ class AveragedGroupNorm(Average, GroupNorm):
     def frictionless(self) -> Array:
         return axes(np.repeat(vanishing(self.radii_at()), self.size))
 
+    @property
+    def closed_form(self) -> ClosedForm:
+        radii = self.radii_at().tolist()
+        terms = [f"{r:.6g} |v_{{group {g}}}|" for g, r in enumerate(radii, start=1)]
+        return ClosedForm(terms, {"radii": radii})
+
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
         V = self.vector(V, "V")
         return scheduled(
@@ -163,7 +186,7 @@ class AveragedGroupNorm(Average, GroupNorm):
 
 
 @dataclass(frozen=True, eq=False)
-class SampledBalls(Rows, Sampled):
+class SampledBalls(RowWise, AtPhases):
     """Balls in R^size at m phases by their radii, shape (m, groups)."""
 
     size: int
@@ -186,7 +209,7 @@ class SampledBalls(Rows, Sampled):
 
 
 @dataclass(frozen=True, eq=False)
-class StretchesOfBalls(Rows, Stretches[SampledBalls]):
+class StretchesOfBalls(RowWise, Stretches[SampledBalls]):
     """Balls on stretches of phases, and how far their radii may be from straight lines."""
 
     start: SampledBalls
@@ -200,18 +223,3 @@ class StretchesOfBalls(Rows, Stretches[SampledBalls]):
         norms = self.start.norms
         beyond = np.maximum(norms(before) - self.start.radii, norms(after) - self.end.radii)
         return (beyond + self.off_radii + norms(off)).max(axis=1)
-
-
-def onto_balls(x: Array, radii: Array, size: int) -> tuple[Array, Array]:
-    """The projection onto a product of balls in R^size, and a generalised derivative of it."""
-    groups = x.reshape(-1, size)
-    norms = lengths(groups)
-    outside = norms > radii
-    share = np.divide(radii, norms, out=np.ones_like(norms), where=outside)
-    along = np.where(outside[:, None], groups, 0.0) / np.where(norms > 0.0, norms, 1.0)[:, None]
-    slope = np.zeros((len(norms), size, len(norms), size))
-    index = np.arange(len(norms))
-    slope[index, :, index, :] = share[:, None, None] * (
-        np.eye(size) - along[:, :, None] * along[:, None, :]
-    )
-    return (share[:, None] * groups).ravel(), slope.reshape(len(x), len(x))

@@ -14,14 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.rate_independent.sets.phase import Formulas
-from stickslip.rate_independent.sets.stretches import Array
+from stickslip.arrays import Array
+from stickslip.rate_independent.signals.signal import Signal
 
 CELLS = 4096  # stretches of equal length on which S″ is enclosed
 # by which what is taken in to both sides grows: 1, 2, 4, ..., 32 cells
-SHIFTS = (1, 1, 2, 4, 8, 16)
-ROUNDING = 4e-16
-NEWTON = 4  # steps to a vertex
+_SHIFTS = (1, 1, 2, 4, 8, 16)
+_ROUNDING = 4e-16
+_NEWTON = 4  # steps to a vertex
 FARTHEST = 2.0**-8  # the longest one
 
 
@@ -32,7 +32,7 @@ class Parabolas:
 
     Attributes
     ----------
-    matrix : Formulas
+    matrix : Signal
         S, of shape (n, n).
     low, high : ndarray of shape (r, cells)
         Phases that a reach takes in; within one period, over the end of which S may jump.
@@ -41,21 +41,21 @@ class Parabolas:
         Infinite where second derivatives are not known.
     """
 
-    matrix: Formulas
+    matrix: Signal
     low: Array
     high: Array
     middle: Array
     radius: Array
 
     @classmethod
-    def of(cls, matrix: Formulas) -> Parabolas:
+    def of(cls, matrix: Signal) -> Parabolas:
         """Those of a matrix."""
         edges = np.arange(CELLS + 1) / CELLS
         cell = np.arange(CELLS)
         low, high = edges[:-1], edges[1:]
         least, most = matrix.bent(low, high)
         rows = []
-        for shift in SHIFTS:
+        for shift in _SHIFTS:
             # What three neighbours reach takes in all that lies between: each reaches as far as the
             # next one is.
             sides = [np.maximum(cell - shift, 0), cell, np.minimum(cell + shift, CELLS - 1)]
@@ -106,7 +106,7 @@ class Parabolas:
                 *(first[:, 0, 0] * t + bend * t**2 for t in (high - phases, low - phases))
             )
         fall = np.where(bend > 0.0, vertex, np.minimum(ends, 0.0))
-        rounding = ROUNDING * len(xi) * (np.abs(S).max(axis=(1, 2)) + float(xi @ xi))
+        rounding = _ROUNDING * len(xi) * (np.abs(S).max(axis=(1, 2)) + float(xi @ xi))
         below = np.maximum(-(values[:, 0] + fall), 0.0) + rounding
         known = np.isfinite(radius) & (others > size) & np.isfinite(fall)
         return low, high, np.where(known, below, np.inf), np.linalg.eigvalsh(S)[:, 0] - size
@@ -116,7 +116,7 @@ class Parabolas:
         smallest, by Newton."""
         if len(xi) == 1 or not len(phases):
             return phases
-        for _ in range(NEWTON):
+        for _ in range(_NEWTON):
             _, values, first, second, _ = self._along(phases, xi)
             with np.errstate(all="ignore"):
                 bend = second[0, :, 0, 0] - 2.0 * np.square(first[:, 1:, 0]).sum(axis=1) / (

@@ -9,9 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.averaging.minima import Minima, least_thresholds
-from stickslip.rate_independent.averaging.optimal_motion import VANISHING, measure
+from stickslip.rate_independent.averaging.optimal_motion import (
+    VANISHING_THRESHOLD,
+    measure_with_sum,
+)
 from stickslip.rate_independent.averaging.semi_infinite import Intersection, lineality
 from stickslip.rate_independent.dissipation.polytopes import (
     QHULL_UP_TO,
@@ -21,16 +25,13 @@ from stickslip.rate_independent.dissipation.polytopes import (
     facets,
     sampled_hulls,
 )
-from stickslip.rate_independent.sets.cones import ConeForm, hull, polyhedron, solve
-from stickslip.rate_independent.sets.phase import (
-    SAMPLE_PHASES,
-    Constant,
-    Varying,
-    not_periodic,
-    read,
-    wrapped,
+from stickslip.rate_independent.sets.cones import ConeForm, hull, polyhedron, solve_cones
+from stickslip.rate_independent.sets.potential import (
+    Average,
+    ClosedForm,
+    Dissipation,
+    OptimalMotion,
 )
-from stickslip.rate_independent.sets.potential import Array, Average, Dissipation, OptimalMotion
 from stickslip.rate_independent.sets.projections import (
     nearest_and_faces,
     nearest_in_hull,
@@ -38,12 +39,20 @@ from stickslip.rate_independent.sets.projections import (
     onto_span,
     weights_in_hull,
 )
-from stickslip.rate_independent.sets.stretches import Sampled, Stretches
+from stickslip.rate_independent.sets.stretches import AtPhases, Stretches
 from stickslip.rate_independent.sets.thresholds import nonnegative, nonnegative_over
+from stickslip.rate_independent.signals.reading import read_phase
+from stickslip.rate_independent.signals.signal import (
+    SAMPLE_PHASES,
+    Signal,
+    not_periodic,
+    wrapped,
+)
+from stickslip.results import listed
 
 
 @dataclass(frozen=True, eq=False)
-class Polytope(Dissipation):
+class Polytope(Dissipation, kind="polytope"):
     """K(s) is the convex hull of vertices, or the set {ξ : N(s) ξ ≤ b(s)}.
 
     Parameters
@@ -63,9 +72,9 @@ class Polytope(Dissipation):
     vertices: Any = None
     normals: Any = None
     offsets: Any = None
-    corners: Varying | None = field(init=False, repr=False, default=None)
-    faces: Varying | None = field(init=False, repr=False, default=None)
-    reach: Varying | None = field(init=False, repr=False, default=None)
+    corners: Signal | None = field(init=False, repr=False, default=None)
+    faces: Signal | None = field(init=False, repr=False, default=None)
+    reach: Signal | None = field(init=False, repr=False, default=None)
 
     def __post_init__(self) -> None:
         by_vertices = self.vertices is not None
@@ -83,12 +92,12 @@ class Polytope(Dissipation):
             self._read_halfspaces()
         for s in SAMPLE_PHASES if self.depends_on_phase else (0.0,):
             self._check(s)
-        if self.depends_on_phase and not isinstance(self.faces, Constant):
+        if self.depends_on_phase and (self.faces is None or self.faces.varies):
             self._check_period()
 
     def _read_halfspaces(self) -> None:
         faces = read_table(self.normals, "normals")
-        reach = read(self.offsets, "offsets", closes=isinstance(faces, Constant))
+        reach = read_phase(self.offsets, "offsets", closes=not faces.varies)
         if reach.shape != faces.shape[:1]:
             raise DeclarationError(
                 "offsets",
@@ -105,8 +114,7 @@ class Polytope(Dissipation):
     @property
     def depends_on_phase(self) -> bool:
         return any(
-            part is not None and part.depends_on_phase
-            for part in (self.corners, self.faces, self.reach)
+            part is not None and part.varies for part in (self.corners, self.faces, self.reach)
         )
 
     def vertices_at(self, s: float = 0.0) -> Array | None:
@@ -133,6 +141,12 @@ class Polytope(Dissipation):
         """Unit normals and offsets; None where they cannot be told from the vertices."""
         return self.halfspaces_at(s) if self.corners is None else facets(self.corners.at(s))
 
+    def halfspaces(self, phases: Array) -> tuple[Array, Array] | None:
+        if self.faces is None:
+            return None
+        normals, offsets = zip(*map(self.halfspaces_at, phases.tolist()), strict=True)
+        return np.concatenate(normals), np.concatenate(offsets)
+
     def support(self, v: ArrayLike, s: float = 0.0) -> float:
         v = self.vector(v, "v")
         value = float(self.exposed(v, s) @ v)
@@ -151,7 +165,7 @@ class Polytope(Dissipation):
         self._check(s)
         normals, offsets = self.halfspaces_at(s)
         size = float(offsets.max()) or 1.0
-        return solve([polyhedron(normals, offsets / size)], v / length)[0] * size
+        return solve_cones([polyhedron(normals, offsets / size)], v / length)[0] * size
 
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
         return float(self.sampled(np.array([s])).excess(self.vector(xi, "xi"))[0])
@@ -186,14 +200,14 @@ class Polytope(Dissipation):
     def average(self, tolerance: float = 1e-8) -> Average:
         """Where the normals are fixed, each offset becomes its minimum over the phase; else to the
         tolerance."""
-        if not isinstance(self.faces, Constant):
+        if self.faces is None or self.faces.varies:
             return Intersection(self, tolerance)
         least = least_thresholds(self._given(self.reach))
         return AveragedPolytope(
-            normals=self.normals, offsets=least.values, source=self, least=least
+            normals=self.faces.at(0.0), offsets=least.values, source=self, least=least
         )
 
-    def sampled(self, phases: Array) -> Sampled:
+    def sampled(self, phases: Array) -> AtPhases:
         if self.corners is None:
             faces = self._given(self.faces).over(phases)
             reach = nonnegative_over(self._given(self.reach), phases)
@@ -270,7 +284,7 @@ class Polytope(Dissipation):
             if abs(after.support(d) - self.support(d)) > 1e-8 * self.support(d):
                 raise not_periodic("vertices" if self.faces is None else "normals", 0.0)
 
-    def _given(self, part: Varying | None) -> Varying:
+    def _given(self, part: Signal | None) -> Signal:
         assert part is not None
         return part
 
@@ -300,7 +314,14 @@ class AveragedPolytope(Average, Polytope):
 
     @property
     def frictionless(self) -> Array:
-        return lineality(self, VANISHING * float(self.halfspaces_at()[1].max()))
+        return lineality(self, VANISHING_THRESHOLD * float(self.halfspaces_at()[1].max()))
+
+    @property
+    def closed_form(self) -> ClosedForm:
+        normals, offsets = (part.tolist() for part in self.halfspaces_at())
+        distances = listed([f"{x:.6g}" for x in offsets], 8)
+        words = f"support function of {len(offsets)} half-spaces, at the distances {distances}"
+        return ClosedForm([words], {"normals": normals, "offsets": offsets})
 
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
         """Each face pushes along its normal at the phase at which it is closest."""
@@ -311,19 +332,19 @@ class AveragedPolytope(Average, Polytope):
         if length == 0.0:
             return OptimalMotion(np.zeros(0), np.zeros((0, len(V))), 0.0, 0.0)
         forms = [polyhedron(normals[[j]], offsets[[j]] / size) for j in range(len(normals))]
-        xi, motions = solve(forms, V / length)
+        xi, motions = solve_cones(forms, V / length)
         violation = float(
             np.max(
                 (self.least.values - self.least.floors)
-                / np.linalg.norm(self.source.normals, axis=1)
+                / np.linalg.norm(self._given(self.faces).at(0.0), axis=1)
             )
         )
-        return measure(self.source, V, self.phases, motions * length, xi * size, violation)
+        return measure_with_sum(self.source, V, self.phases, motions * length, xi * size, violation)
 
 
-def read_table(given: object, where: str) -> Varying:
+def read_table(given: object, where: str) -> Signal:
     """Rows of vectors that may depend on the phase."""
-    table = read(given, where, closes=False)
+    table = read_phase(given, where, closes=False)
     if len(table.shape) != 2 or 0 in table.shape:
         raise DeclarationError(
             where, f"it has the shape {table.shape}", "Give one row of n numbers for each"

@@ -9,20 +9,21 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip.arrays import Array
 from stickslip.rate_independent.sets.projections import (
     nearest_in_hull,
     nearest_in_polyhedron,
     weights_in_hull,
 )
-from stickslip.rate_independent.sets.stretches import Array, Rows, Sampled, Stretches, lengths
+from stickslip.rate_independent.sets.stretches import AtPhases, RowWise, Stretches, lengths
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.dissipation.polytope import Polytope
 
 PLANAR_UP_TO = 16  # points of planar hulls of which all pairs are looked at
-FLAT = 1e-12  # width of a hull that has no inside, relative to its size
+_FLAT = 1e-12  # width of a hull that has no inside, relative to its size
 QHULL_UP_TO = 6  # dimension above which the vertices of a polytope are too many
-ROUNDING = 1e-14  # of a distance, relative to the size of the numbers it comes from
+_ROUNDING = 1e-14  # of a distance, relative to the size of the numbers it comes from
 
 
 def facets(points: Array) -> tuple[Array, Array] | None:
@@ -42,7 +43,7 @@ def facets(points: Array) -> tuple[Array, Array] | None:
 
 
 @dataclass(frozen=True, eq=False)
-class SampledHalfspaces(Rows, Sampled):
+class SampledHalfspaces(RowWise, AtPhases):
     """{ξ : normals ξ ≤ offsets} at m phases, shapes (m, k, n) and (m, k)."""
 
     potential: Polytope
@@ -88,7 +89,7 @@ class SampledHalfspaces(Rows, Sampled):
 
 
 @dataclass(frozen=True, eq=False)
-class StretchesOfHalfspaces(Rows, Stretches[SampledHalfspaces]):
+class StretchesOfHalfspaces(RowWise, Stretches[SampledHalfspaces]):
     """Half-spaces on stretches of phases, and how far normals and offsets may be from straight
     lines."""
 
@@ -121,7 +122,7 @@ class StretchesOfHalfspaces(Rows, Stretches[SampledHalfspaces]):
 
 
 @dataclass(frozen=True, eq=False)
-class SampledHulls(Rows, Sampled):
+class SampledHulls(RowWise, AtPhases):
     """Convex hulls of points (m, k, n) at m phases, and their facets where they are `known`, as
     often as needed."""
 
@@ -151,7 +152,7 @@ class SampledHulls(Rows, Sampled):
         for k in np.flatnonzero(~self.known):
             excess[k] = self.potential.depth(rows[k], float(self.phases[k]))
         # What lies outside of facets by more than rounding is farther away behind a sharp corner.
-        for k in np.flatnonzero(excess > ROUNDING * np.abs(rows).max(axis=1)):
+        for k in np.flatnonzero(excess > _ROUNDING * np.abs(rows).max(axis=1)):
             excess[k] = max(
                 excess[k], float(np.linalg.norm(rows[k] - self._nearest(rows[k], int(k))))
             )
@@ -206,7 +207,7 @@ def _planar_facets(points: Array) -> tuple[NDArray[np.bool_], Array, Array]:
     offsets = np.einsum("mfn,mfn->mf", normals, offsets)
     facet = (sizes > 0.0) & (reach.max(axis=2) <= offsets + 1e-15 * size[:, None])
     width = np.where(facet, reach.max(axis=2) - reach.min(axis=2), np.inf).min(axis=1)
-    known = facet.any(axis=1) & (width > FLAT * size)
+    known = facet.any(axis=1) & (width > _FLAT * size)
     order = np.argsort(~facet, axis=1, kind="stable")[:, : max(int(facet.sum(axis=1).max()), 1)]
     chosen = np.where(np.take_along_axis(facet, order, axis=1), order, order[:, :1])
     normals = np.take_along_axis(normals, chosen[:, :, None], axis=1)
@@ -214,7 +215,7 @@ def _planar_facets(points: Array) -> tuple[NDArray[np.bool_], Array, Array]:
 
 
 @dataclass(frozen=True, eq=False)
-class StretchesOfHulls(Rows, Stretches[SampledHulls]):
+class StretchesOfHulls(RowWise, Stretches[SampledHulls]):
     """Convex hulls on stretches of phases, and how far their points may be from straight lines."""
 
     start: SampledHulls

@@ -10,13 +10,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.averaging.optimal_motion import gathered
 from stickslip.rate_independent.averaging.semi_infinite import Intersection
-from stickslip.rate_independent.sets.cones import ConeForm, product
-from stickslip.rate_independent.sets.potential import Array, Average, Dissipation, OptimalMotion
+from stickslip.rate_independent.sets.cones import ConeForm, product_of_cones
+from stickslip.rate_independent.sets.potential import Average, Dissipation, OptimalMotion
 from stickslip.rate_independent.sets.projections import nearest_by_support, nearest_in_metric
-from stickslip.rate_independent.sets.stretches import Rows, Sampled, Stretches
+from stickslip.rate_independent.sets.stretches import AtPhases, RowWise, Stretches
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,13 +93,17 @@ class Product(Dissipation):
     def cone_form(self, s: float) -> ConeForm | None:
         forms = [form for factor in self.factors if (form := factor.cone_form(s)) is not None]
         complete = len(forms) == len(self.factors)
-        return product(forms, [factor.dimension for factor in self.factors]) if complete else None
+        return (
+            product_of_cones(forms, [factor.dimension for factor in self.factors])
+            if complete
+            else None
+        )
 
     def outer_form(self, s: float, xi: Array) -> ConeForm:
         forms = [factor.outer_form(s, part) for factor, part in self.split(xi)]
-        return product(forms, [factor.dimension for factor in self.factors])
+        return product_of_cones(forms, [factor.dimension for factor in self.factors])
 
-    def sampled(self, phases: Array) -> Sampled:
+    def sampled(self, phases: Array) -> AtPhases:
         return SampledProduct(self.parts, tuple(factor.sampled(phases) for factor in self.factors))
 
     @property
@@ -171,13 +176,13 @@ class AveragedProduct(Average, Product):
 
 
 @dataclass(frozen=True, eq=False)
-class SampledProduct(Rows, Sampled):
+class SampledProduct(RowWise, AtPhases):
     """A product at m phases."""
 
     parts: list[slice]
-    factors: tuple[Sampled, ...]
+    factors: tuple[AtPhases, ...]
 
-    def _each(self, x: Array) -> Iterator[tuple[Sampled, Array]]:
+    def _each(self, x: Array) -> Iterator[tuple[AtPhases, Array]]:
         return zip(self.factors, (x[..., part] for part in self.parts), strict=True)
 
     def support(self, v: Array) -> Array:
@@ -191,7 +196,7 @@ class SampledProduct(Rows, Sampled):
 
 
 @dataclass(frozen=True, eq=False)
-class StretchesOfProducts(Rows, Stretches[SampledProduct]):
+class StretchesOfProducts(RowWise, Stretches[SampledProduct]):
     """A product on stretches of phases."""
 
     parts: list[slice]

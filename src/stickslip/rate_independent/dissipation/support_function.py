@@ -7,14 +7,14 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.averaging.semi_infinite import Intersection
-from stickslip.rate_independent.sets.cones import ConeForm, polyhedron
-from stickslip.rate_independent.sets.phase import SAMPLE_PHASES, wrapped
-from stickslip.rate_independent.sets.potential import Array, Average, Dissipation
+from stickslip.rate_independent.sets.potential import Average, Dissipation
 from stickslip.rate_independent.sets.projections import nearest_by_support
+from stickslip.rate_independent.signals.signal import SAMPLE_PHASES, wrapped
 
-STEPS = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 1e-6, 3e-7)  # of differences, in units of |v|
+_STEPS = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 1e-6, 3e-7)  # of differences, in units of |v|
 TILT = 1e-5
 
 
@@ -110,17 +110,6 @@ class SupportFunction(Dissipation):
         known: list[Array] = []
         return lambda x: nearest_by_support(self, x, s, None, known, accuracy=1e-4)
 
-    def cone_form(self, s: float) -> None:
-        return None
-
-    def outer_form(self, s: float, xi: Array) -> ConeForm:
-        """The half-space that separates ξ from K(s), and a box around K(s)."""
-        axes = np.eye(self.dimension)
-        beyond = xi - self.project(xi, s)
-        length = float(np.linalg.norm(beyond))
-        normals = np.vstack([axes, -axes, *([beyond / length] if length > 0 else [])])
-        return polyhedron(normals, np.array([self.support(d, s) for d in normals]))
-
     def average(self, tolerance: float = 1e-8) -> Average:
         return Intersection(self, tolerance)
 
@@ -172,8 +161,8 @@ class SupportFunction(Dissipation):
         best = v * psi
         least = np.inf
         for w, steps, enough in [
-            (v, STEPS, 1e-11),
-            *((v + tilt, STEPS[-2:], 1e-9) for tilt in tilts),
+            (v, _STEPS, 1e-11),
+            *((v + tilt, _STEPS[-2:], 1e-9) for tilt in tilts),
         ]:
             last = np.full(self.dimension, np.inf)
             for h in steps:

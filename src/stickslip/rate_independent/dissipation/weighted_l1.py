@@ -8,19 +8,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.averaging.minima import Minima, least_thresholds
 from stickslip.rate_independent.averaging.optimal_motion import axes, scheduled, vanishing
 from stickslip.rate_independent.sets.cones import ConeForm, polyhedron
-from stickslip.rate_independent.sets.phase import Varying
-from stickslip.rate_independent.sets.potential import Array, Average, Dissipation, OptimalMotion
+from stickslip.rate_independent.sets.potential import (
+    Average,
+    ClosedForm,
+    Dissipation,
+    OptimalMotion,
+)
 from stickslip.rate_independent.sets.projections import nearest_in_box
-from stickslip.rate_independent.sets.stretches import Rows, Sampled, Stretches
-from stickslip.rate_independent.sets.thresholds import nonnegative, nonnegative_over, read_weights
+from stickslip.rate_independent.sets.stable_sets import Boxes
+from stickslip.rate_independent.sets.stretches import AtPhases, RowWise, Stretches
+from stickslip.rate_independent.sets.thresholds import (
+    nonnegative,
+    nonnegative_over,
+    nonnegative_rows,
+    read_weights,
+)
+from stickslip.rate_independent.signals.signal import Signal
 
 
 @dataclass(frozen=True, eq=False)
-class WeightedL1(Dissipation):
+class WeightedL1(Dissipation, kind="weighted l1"):
     """Ψ(s, v) = Σ ρᵢ⁺(s) max(vᵢ, 0) + ρᵢ⁻(s) max(−vᵢ, 0); K(s) is the box [−ρ⁻(s), ρ⁺(s)].
 
     Parameters
@@ -44,8 +56,8 @@ class WeightedL1(Dissipation):
 
     weights: Any
     lower: Any = None
-    above: Varying = field(init=False, repr=False)
-    below: Varying = field(init=False, repr=False)
+    above: Signal = field(init=False, repr=False)
+    below: Signal = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         above = read_weights(self.weights, "weights")
@@ -65,7 +77,7 @@ class WeightedL1(Dissipation):
 
     @property
     def depends_on_phase(self) -> bool:
-        return self.above.depends_on_phase or self.below.depends_on_phase
+        return self.above.varies or self.below.varies
 
     def bounds(self, s: float = 0.0) -> tuple[Array, Array]:
         """Lower and upper end of the box, shape (n,) each, lower ≤ 0 ≤ upper."""
@@ -101,11 +113,21 @@ class WeightedL1(Dissipation):
         (lower, upper), identity = self.bounds(s), np.eye(self.dimension)
         return polyhedron(np.vstack([identity, -identity]), np.concatenate([upper, -lower]))
 
-    def sampled(self, phases: Array) -> Sampled:
+    def sampled(self, phases: Array) -> AtPhases:
         upper = nonnegative_over(self.above, phases)
         return SampledBoxes(
             -(upper if self.below is self.above else nonnegative_over(self.below, phases)), upper
         )
+
+    def sets(self, phases: Array) -> Boxes:
+        phases = phases if self.depends_on_phase else phases[:1]
+        upper = nonnegative_rows(self.above, phases)
+        lower = upper if self.below is self.above else nonnegative_rows(self.below, phases)
+        return Boxes(-lower, upper)
+
+    @property
+    def thresholds(self) -> tuple[Signal, Signal] | None:
+        return (self.above, self.below) if self.dimension == 1 else None
 
     @property
     def bounded(self) -> bool:
@@ -162,6 +184,18 @@ class AveragedWeightedL1(Average, WeightedL1):
         lower, upper = self.bounds()
         return axes(vanishing(upper - lower))
 
+    @property
+    def closed_form(self) -> ClosedForm:
+        lower, upper = self.bounds()
+        numbers = {"upper": upper.tolist(), "lower": (-lower).tolist()}
+        terms = [
+            f"{up:.6g} |v_{i}|"
+            if up == down
+            else f"{up:.6g} max(v_{i}, 0) + {down:.6g} max(-v_{i}, 0)"
+            for i, (up, down) in enumerate(zip(*numbers.values(), strict=True), start=1)
+        ]
+        return ClosedForm(terms, {"thresholds": numbers})
+
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
         V = self.vector(V, "V")
         when = np.where(V >= 0, self.upper_phases, self.lower_phases)
@@ -173,7 +207,7 @@ class AveragedWeightedL1(Average, WeightedL1):
 
 
 @dataclass(frozen=True, eq=False)
-class SampledBoxes(Rows, Sampled):
+class SampledBoxes(RowWise, AtPhases):
     """Boxes at m phases by their ends, shape (m, n)."""
 
     lower: Array
@@ -190,7 +224,7 @@ class SampledBoxes(Rows, Sampled):
 
 
 @dataclass(frozen=True, eq=False)
-class StretchesOfBoxes(Rows, Stretches[SampledBoxes]):
+class StretchesOfBoxes(RowWise, Stretches[SampledBoxes]):
     """Boxes on stretches of phases, and how far their faces may be from straight lines."""
 
     start: SampledBoxes

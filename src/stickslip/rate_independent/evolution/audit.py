@@ -31,15 +31,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.rate_independent.evolution.between import overshoot
 from stickslip.rate_independent.evolution.evolution import Evolution
-from stickslip.rate_independent.evolution.load import check_finite
-from stickslip.rate_independent.solvers.stable_sets import Boxes, Discs, StableSets, Step
+from stickslip.rate_independent.sets.stable_sets import StableSets, Step
 
-Array = np.ndarray
-EPS = float(np.finfo(float).eps)
+_EPS = float(np.finfo(float).eps)
 
-COLUMNS = {
+STEP_COLUMNS = {
     "energy": "energy of the state",
     "dissipated": "dissipated energy",
     "work": "work of the load",
@@ -70,7 +69,7 @@ class Flow:
 
 
 @dataclass(frozen=True)
-class State:
+class EvolutionState:
     """Where an evolution stands: z(t), and what the next step has to know of it."""
 
     t: float
@@ -82,17 +81,17 @@ class State:
 
 
 @dataclass(frozen=True)
-class Block:
-    """Consecutive steps: times (m,), states (m, n), and the columns (m,) of `COLUMNS`."""
+class StepBlock:
+    """Consecutive steps: times (m,), states (m, n), and the columns (m,) of `STEP_COLUMNS`."""
 
     times: Array
     states: Array
     columns: dict[str, Array]
 
-    def first(self, count: int) -> Block:
+    def first(self, count: int) -> StepBlock:
         """The first steps of it."""
         columns = {name: column[:count] for name, column in self.columns.items()}
-        return Block(self.times[:count], self.states[:count], columns)
+        return StepBlock(self.times[:count], self.states[:count], columns)
 
 
 @dataclass(frozen=True)
@@ -100,7 +99,7 @@ class Measured:
     """A block of steps that is measured but not accepted, and what the step after each of them has
     to know."""
 
-    block: Block
+    block: StepBlock
     loads: Array
     elastic: Array
     sets: StableSets
@@ -115,7 +114,7 @@ class Measured:
         )
         return np.maximum.reduce([swing[1:], np.abs(work), self.block.columns["dissipated"]])
 
-    def state(self, k: int) -> State:
+    def state(self, k: int) -> EvolutionState:
         """The state after step k."""
         columns = self.block.columns
         energy = columns["energy"][: k + 1]
@@ -127,23 +126,25 @@ class Measured:
         )
         t = float(self.block.times[k])
         z = self.block.states[k].copy()
-        return State(t, z, self.loads[k].copy(), self.elastic[k].copy(), self.sets.row(k), flow)
+        return EvolutionState(
+            t, z, self.loads[k].copy(), self.elastic[k].copy(), self.sets.row(k), flow
+        )
 
 
-def start_state(problem: Evolution, t: float, z: Array, flow: Flow | None = None) -> State:
+def start_state(problem: Evolution, t: float, z: Array, flow: Flow | None = None) -> EvolutionState:
     """The state z at time t."""
     times = np.array([t])
-    load = problem.ell.at(times)[0]
+    load = problem.ell.over(times)[0]
     elastic = problem.A @ z
     energy = float(0.5 * z @ elastic - z @ load)
     flow = flow or Flow()
     flow = replace(flow, lowest=min(flow.lowest, energy), highest=max(flow.highest, energy))
-    return State(t, z, load, elastic, problem.sets(times), flow)
+    return EvolutionState(t, z, load, elastic, problem.sets(times), flow)
 
 
-def measure(
+def measure_steps(
     problem: Evolution,
-    start: State,
+    start: EvolutionState,
     times: Array,
     states: Array,
     effort: Array,
@@ -168,8 +169,7 @@ def measure(
     A = problem.A
     mids = (_before(times, np.array(start.t)) + times) / 2.0
     middle = start.sets if sets is start.sets else problem.sets(mids)
-    load_mid = problem.ell.at(mids)
-    check_finite(mids, load_mid)
+    load_mid = problem.ell.over(mids)
     elastic = _times(A, states)
     z_before = _before(states, start.z)
     elastic_before = _before(elastic, start.elastic)
@@ -184,7 +184,7 @@ def measure(
     )
     outside = sets.outside(forces[2])
     now = sets.value(d)
-    rounding = EPS * (np.abs(states).max(axis=1) + np.abs(z_before).max(axis=1))
+    rounding = _EPS * (np.abs(states).max(axis=1) + np.abs(z_before).max(axis=1))
     half, then = (now, now) if sets is start.sets else (middle.value(d), before.value(d))
     gap = then - _dot(forces[0], d)
     defect = (gap + 4.0 * (half - _dot(forces[1], d)) + now - _dot(forces[2], d)) / 6.0
@@ -194,12 +194,11 @@ def measure(
         + _dot(load_before + 4.0 * load_mid + loads, d) / 6.0
     )
     scale = np.broadcast_to(np.maximum(sets.size(), weight), len(times))
-    if problem.bounded or not isinstance(sets, Boxes | Discs):
+    beyond = None if problem.bounded else sets.overshoot(before, middle, forces)
+    if beyond is None:
         ends = np.append(start.t, times)
         rows = np.concatenate([start.elastic[None], elastic])
         beyond = overshoot(problem, ends, rows, tolerance * scale)
-    else:
-        beyond = sets.overshoot(before, middle, forces)  # pyright: ignore[reportArgumentType]
     columns = {
         "energy": _dot(states, 0.5 * elastic - loads),
         "dissipated": start.flow.dissipated + np.cumsum((then + 4.0 * half + now) / 6.0),
@@ -215,7 +214,7 @@ def measure(
         "increment": 0.5 * _dot(pull, d),
         "gap": gap,
     }
-    return Measured(Block(times, states, columns), loads, elastic, sets, start.flow)
+    return Measured(StepBlock(times, states, columns), loads, elastic, sets, start.flow)
 
 
 def _times(A: Array, rows: Array) -> Array:

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.certificates import Certificate, worst
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.rate_independent.evolution.blocks import TESTS, Gauge, Motion, motion_of
 from stickslip.rate_independent.evolution.evolution import Evolution, UnstableStart
-from stickslip.rate_independent.evolution.evolve import bar, check_positive
+from stickslip.rate_independent.evolution.evolve import bar, check_tolerances
 from stickslip.results import Completion, Result, restored_certificate, shortened
 from stickslip.symbolic.formulas import is_finite
 
@@ -23,11 +24,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = np.ndarray
 LOADING = 5.0  # seconds beside which loading machine code does not count
-INTERRUPTED = "interrupted"
-SHOWN = ("distance", "equicontinuity", "rate_l1", "rate_l2", "steps")  # over ε, in a summary
-GRID = 1024  # intervals of the span on which the modulus of continuity is measured
+_INTERRUPTED = "interrupted"
+_SHOWN = ("distance", "equicontinuity", "rate_l1", "rate_l2", "steps")  # over ε, in a summary
+_GRID = 1024  # intervals of the span on which the modulus of continuity is measured
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -110,7 +110,7 @@ class AveragingStudy(Result):
     @property
     def outcome(self) -> Completion:
         """Whether all ε were computed."""
-        known = {"": Completion.FINISHED, INTERRUPTED: Completion.INTERRUPTED}
+        known = {"": Completion.FINISHED, _INTERRUPTED: Completion.INTERRUPTED}
         return known.get(self.stopped, Completion.STOPPED_EARLY)
 
     @property
@@ -121,7 +121,7 @@ class AveragingStudy(Result):
     def facts(self) -> dict[str, Any]:
         """What fits on a page, as plain data."""
         epsilon = self.dataset["epsilon"].values
-        columns = {name: self.dataset[name].values.tolist() for name in SHOWN}
+        columns = {name: self.dataset[name].values.tolist() for name in _SHOWN}
         return {"epsilon": epsilon.tolist(), **columns, "powers": self.powers}
 
     def rows(self) -> list[tuple[str, str]]:
@@ -185,7 +185,7 @@ def averaging_study(
         If not even the first ε can be computed.
     """
     periods = _checked_periods(epsilons)
-    check_positive(tolerance=tolerance)
+    check_tolerances(tolerance=tolerance)
     if not problem.dissipation.depends_on_phase:
         raise DeclarationError(
             "dissipation", "it does not depend on the phase", "There is nothing to average"
@@ -204,7 +204,7 @@ def averaging_study(
     except (KeyboardInterrupt, ConvergenceError) as stop:
         if not done:
             raise
-        stopped = INTERRUPTED if isinstance(stop, KeyboardInterrupt) else str(stop)
+        stopped = _INTERRUPTED if isinstance(stop, KeyboardInterrupt) else str(stop)
     certificate = worst([limit.certificate, *(motion.certificate for motion, _ in done)])
     data = _dataset(periods[: len(done)], done, (limit, limit_gauge), grid)
     return AveragingStudy(data, certificate, stopped)
@@ -252,7 +252,7 @@ def _averaged(problem: Evolution) -> Evolution:
 
 def _intervals(n: int) -> int:
     """Intervals of the grid, so that its states stay below 16 million numbers."""
-    return int(np.clip(2**24 // n, 64, GRID))
+    return int(np.clip(2**24 // n, 64, _GRID))
 
 
 def _dataset(

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.rate_independent.evolution.evolution import Evolution
-from stickslip.rate_independent.sets.potential import Array
 from stickslip.rate_independent.sets.stretches import Index
 
-PARTS = 4  # of a stretch that is divided
-MOST = 200_000  # stretches of one block of steps
+_PARTS = 4  # of a stretch that is divided
+_MOST = 200_000  # stretches of one block of steps
 
 
 def overshoot(problem: Evolution, times: Array, elastic: Array, limit: Array) -> Array:
@@ -44,16 +44,16 @@ def overshoot(problem: Evolution, times: Array, elastic: Array, limit: Array) ->
         # A step that is seen to be too long is done with.
         open_ = (out > limit[step]) & (seen[step] <= limit[step]) & problem.bounded
         open_ &= high - low > 8.0 * np.spacing(np.maximum(np.abs(low), np.abs(high)))
-        if looked + PARTS * int(open_.sum()) > MOST:
+        if looked + _PARTS * int(open_.sum()) > _MOST:
             open_[:] = False
         np.maximum.at(worst, step[~open_], out[~open_])
         if not open_.any():
             return np.maximum(worst, seen)
-        edges = low[open_, None] + (high - low)[open_, None] * (np.arange(PARTS + 1) / PARTS)
+        edges = low[open_, None] + (high - low)[open_, None] * (np.arange(_PARTS + 1) / _PARTS)
         edges[:, -1] = high[open_]
         low = edges[:, :-1].ravel()
         high = edges[:, 1:].ravel()
-        step = np.repeat(step[open_], PARTS)
+        step = np.repeat(step[open_], _PARTS)
 
 
 def _stretches(problem: Evolution, times: Array) -> tuple[Array, Array, Index]:

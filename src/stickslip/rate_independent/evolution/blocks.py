@@ -9,19 +9,16 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual
 from stickslip.errors import ConvergenceError
-from stickslip.rate_independent.dissipation import WeightedL1
 from stickslip.rate_independent.evolution.audit import start_state
 from stickslip.rate_independent.evolution.evolution import Evolution
 from stickslip.rate_independent.evolution.evolve import KKT, step_times
 from stickslip.rate_independent.evolution.stepping import March
-from stickslip.rate_independent.sets.phase import Varying
 from stickslip.rate_independent.solvers.choose import choose_solver
-from stickslip.symbolic.expressions import Expr
 
-Array = np.ndarray
-Rows = Callable[[Array], Array]
+_Rows = Callable[[Array], Array]
 TESTS = 5  # continuous functions that rates are tested with: cos(jπ(t − t₀)/T)
 BETWEEN = 16  # pieces of an interval in which a play moves
 
@@ -48,7 +45,7 @@ class Motion(Protocol):
 
 
 def motion_of(problem: Evolution, tolerance: float, keep: bool = False) -> Motion:
-    """The motion of a problem: an exact play if it is scalar with weighted ℓ1 dissipation, else an
+    """The motion of a problem: an exact play if it is scalar and its thresholds are known, else an
     adaptive evolution.
 
     Parameters
@@ -59,22 +56,29 @@ def motion_of(problem: Evolution, tolerance: float, keep: bool = False) -> Motio
     keep : bool
         Whether :meth:`Motion.at` is needed.
     """
-    if problem.n == 1 and isinstance(problem.dissipation, WeightedL1):
-        return PlayMotion(problem, problem.dissipation)
+    if problem.dissipation.thresholds is not None:
+        return PlayMotion(problem)
     return SteppedMotion(problem, tolerance, keep)
 
 
 class PlayMotion:
-    """A scalar motion, exact."""
+    """A scalar motion, exact.
 
-    def __init__(self, problem: Evolution, psi: WeightedL1) -> None:
+    Parameters
+    ----------
+    problem : Evolution
+        With a dissipation that has `thresholds`.
+    """
+
+    def __init__(self, problem: Evolution) -> None:
         from stickslip.rate_independent.play.operator import play
 
         began = time.perf_counter()
-        lower = psi.weights if psi.lower is None else psi.lower
+        thresholds = problem.dissipation.thresholds
+        assert thresholds is not None
         self.play = play(
-            _signal(problem.load, problem.ell.at),
-            (_threshold(psi.weights, psi.above), _threshold(lower, psi.below)),
+            problem.ell,
+            thresholds,
             problem.span,
             float(problem.initial[0]),
             epsilon=problem.epsilon,
@@ -167,24 +171,6 @@ def affine(nodes: Array, states: Array, times: Array) -> Array:
     return (1.0 - share) * states[left] + share * states[left + 1]
 
 
-def _signal(given: Any, rows: Rows) -> Any:
-    """A scalar load as a play takes it: formulas and tables as they are, the rest as a function."""
-    if isinstance(given, (list, tuple)) and len(given) == 1:
-        given = given[0]
-    if isinstance(given, str | Expr):
-        return given
-    if isinstance(given, tuple):
-        return np.asarray(given[0], dtype=float), np.ravel(given[1])
-    return lambda t: rows(np.ravel(t))[:, 0].reshape(np.shape(t))
-
-
-def _threshold(given: Any, weights: Varying) -> Any:
-    """A scalar threshold as a play takes it."""
-    if not weights.depends_on_phase:
-        return float(weights.at(0.0)[0])
-    return _signal(given, lambda phases: weights.over(phases))
-
-
 class Gauge:
     """What is measured of a motion. |·| is the energy norm √⟨Az, z⟩.
 
@@ -206,7 +192,7 @@ class Gauge:
         ∫φ_j dz.
     """
 
-    def __init__(self, A: Any, grid: Array, reference: Rows | None = None) -> None:
+    def __init__(self, A: Any, grid: Array, reference: _Rows | None = None) -> None:
         self.A = A
         self.grid = grid
         self.reference = reference

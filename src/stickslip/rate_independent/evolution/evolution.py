@@ -8,20 +8,22 @@ from typing import Any
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.dissipation import Dissipation
-from stickslip.rate_independent.evolution.load import Load, check_finite, read_load
-from stickslip.rate_independent.solvers.matrix import checked_matrix
-from stickslip.rate_independent.solvers.stable_sets import (
-    PHASES,
+from stickslip.rate_independent.sets.stable_sets import (
+    SIZED_AT,
     StableSets,
     largest_weight,
-    stable_sets,
 )
+from stickslip.rate_independent.signals.reading import read
+from stickslip.rate_independent.signals.signal import OF_TIME, Signal, finite
+from stickslip.rate_independent.solvers.matrix import checked_matrix
 from stickslip.symbolic.formulas import is_finite
 
-Array = np.ndarray
-STABLE = 1e-9  # distance from the stable set, relative to the largest force, that counts as none
+STABLE_WITHIN = (
+    1e-9  # distance from the stable set, relative to the largest force, that counts as none
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,12 +66,12 @@ class Evolution:
     initial: Any
     epsilon: float = 1.0
     span: Any = None
-    ell: Load = field(init=False, repr=False)
+    ell: Signal = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         A: Any = checked_matrix(self.A)
         n = A.shape[0]
-        ell = read_load(self.load, n)
+        ell = read(self.load, "load", OF_TIME, (n,))
         values = {
             "A": A,
             "ell": ell,
@@ -80,8 +82,7 @@ class Evolution:
         for name, value in values.items():
             object.__setattr__(self, name, value)
         self._check_dissipation()
-        times = np.linspace(self.span[0], self.span[1], 5)
-        check_finite(times, ell.at(times))
+        ell.over(np.linspace(self.span[0], self.span[1], 5))
         self._check_start()
 
     @property
@@ -97,15 +98,15 @@ class Evolution:
 
     def sets(self, times: Array) -> StableSets:
         """K(t/ε) at given times."""
-        return stable_sets(self.dissipation, np.asarray(times, dtype=float) / self.epsilon)
+        return self.dissipation.sets(np.asarray(times, dtype=float) / self.epsilon)
 
     def force(self, t: float, z: Array) -> Array:
         """ℓ(t) − A z: what friction has to hold, shape (n,)."""
-        return self.ell.at(np.array([t]))[0] - self.A @ z
+        return self.ell.over(np.array([t]))[0] - self.A @ z
 
     def energy(self, t: float, z: Array) -> float:
         """½⟨Az, z⟩ − ⟨ℓ(t), z⟩."""
-        return float(0.5 * z @ (self.A @ z) - z @ self.ell.at(np.array([t]))[0])
+        return float(0.5 * z @ (self.A @ z) - z @ self.ell.over(np.array([t]))[0])
 
     def with_period(self, epsilon: float) -> Evolution:
         """The same evolution with another ε."""
@@ -130,12 +131,12 @@ class Evolution:
         Takes the arguments of `Evolution`. That state is one minimising-movement step away:
         argmin ½⟨Az, z⟩ − ⟨ℓ, z⟩ + Ψ(s, z − initial).
         """
-        from stickslip.rate_independent.evolution.evolve import settle
+        from stickslip.rate_independent.evolution.evolve import nearest_stable
 
         try:
             return cls(A, load, dissipation, initial, *more, **kwargs)
         except UnstableStart as unstable:
-            return cls(A, load, dissipation, settle(unstable.problem), *more, **kwargs)
+            return cls(A, load, dissipation, nearest_stable(unstable.problem), *more, **kwargs)
 
     def _check_dissipation(self) -> None:
         if not isinstance(self.dissipation, Dissipation):
@@ -150,7 +151,9 @@ class Evolution:
                 f"it acts on {self.dissipation.dimension} components, but A has {self.n} rows",
                 "Give both the same size",
             )
-        phases = np.linspace(0.0, 1.0, PHASES) if self.dissipation.depends_on_phase else np.zeros(1)
+        phases = (
+            np.linspace(0.0, 1.0, SIZED_AT) if self.dissipation.depends_on_phase else np.zeros(1)
+        )
         for s in phases:
             if not self.dissipation.contains(np.zeros(self.n), s):
                 raise DeclarationError(
@@ -165,7 +168,7 @@ class Evolution:
         sets = self.sets(np.array([start]))
         beyond = sets.outside(force)
         scale = max(largest_weight(self.dissipation), float(np.abs(force).max()))
-        if sets.largest(beyond)[0] > STABLE * scale:
+        if sets.largest(beyond)[0] > STABLE_WITHIN * scale:
             i = int(np.argmax(np.abs(beyond[0])))
             raise UnstableStart(self, float(np.linalg.norm(beyond)), i, float(force[0, i]))
 
@@ -196,10 +199,7 @@ def _checked_state(given: Any, n: int) -> Array:
         raise DeclarationError(
             "initial", f"its shape is {state.shape}, but A has {n} rows", f"Give {n} numbers"
         )
-    if not np.all(np.isfinite(state)):
-        i = int(np.argmin(np.isfinite(state)))
-        raise DeclarationError(f"initial[{i}]", f"{state[i]} is not finite", "Give finite numbers")
-    return state
+    return finite(state, "initial")
 
 
 def _checked_period(epsilon: Any) -> float:
@@ -208,7 +208,7 @@ def _checked_period(epsilon: Any) -> float:
     return float(epsilon)
 
 
-def _checked_span(span: Any, ell: Load) -> tuple[float, float]:
+def _checked_span(span: Any, ell: Signal) -> tuple[float, float]:
     if span is None:
         span = ell.span if math.isfinite(ell.span[0]) else (0.0, 1.0)
     try:
@@ -219,10 +219,5 @@ def _checked_span(span: Any, ell: Load) -> tuple[float, float]:
         raise DeclarationError(
             "span", f"({start:g}, {end:g}) is no time span", "Give start < end, both finite"
         )
-    if start < ell.span[0] or end > ell.span[1]:
-        raise DeclarationError(
-            "span",
-            f"the load is known for {ell.span[0]:g} <= t <= {ell.span[1]:g} only",
-            "Shorten the span or extend the load",
-        )
+    ell.check_span(start, end)
     return start, end

@@ -10,10 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.progress import watched
-from stickslip.rate_independent.evolution.audit import COLUMNS, Block, Flow, State, start_state
-from stickslip.rate_independent.evolution.evolution import STABLE, Evolution
+from stickslip.rate_independent.evolution.audit import (
+    STEP_COLUMNS,
+    EvolutionState,
+    Flow,
+    StepBlock,
+    start_state,
+)
+from stickslip.rate_independent.evolution.evolution import STABLE_WITHIN, Evolution
 from stickslip.rate_independent.evolution.history import History
 from stickslip.rate_independent.evolution.stepping import March
 from stickslip.rate_independent.solvers.choose import choose_solver
@@ -22,7 +29,6 @@ from stickslip.symbolic.formulas import is_finite
 if TYPE_CHECKING:
     import xarray
 
-Array = np.ndarray
 Observable = Callable[[float, Array], Any]
 KKT = 1e-8  # residual of a step, relative to the largest weight
 # Steps of the coarse mesh that an adaptive evolution refines: in a period, and in all.
@@ -92,12 +98,12 @@ def evolve(
     proportional to `tolerance` (to its square root for potentials whose K is curved).
     """
     began = time.perf_counter()
-    check_positive(tolerance=tolerance, kkt=kkt)
+    check_tolerances(tolerance=tolerance, kkt=kkt)
     nodes, adaptive = step_times(problem, problem.span if times is None else times, steps)
     wanted = output_times(output, nodes)
     nodes = merged(nodes, wanted)
     state, record = _begin(
-        problem, start, Record(output if wanted is None else wanted, dict(observables or {}))
+        problem, start, Recording(output if wanted is None else wanted, dict(observables or {}))
     )
     nodes = nodes[nodes > state.t]
     march = March(
@@ -117,16 +123,16 @@ def evolve(
     )
 
 
-def settle(problem: Evolution) -> Array:
+def nearest_stable(problem: Evolution) -> Array:
     """The stable state nearest to the initial one in the energy norm, shape (n,): one step at the
     start of the span."""
     times = np.array([problem.span[0]])
-    solver = choose_solver(problem, None, STABLE / 2.0)
-    states, _ = solver.advance(problem.initial, problem.ell.at(times), problem.sets(times))
+    solver = choose_solver(problem, None, STABLE_WITHIN / 2.0)
+    states, _ = solver.advance(problem.initial, problem.ell.over(times), problem.sets(times))
     return states[0]
 
 
-def check_positive(**given: float) -> None:
+def check_tolerances(**given: float) -> None:
     """Refuse tolerances that are none."""
     for name, value in given.items():
         if not (is_finite(value) and value > 0.0):
@@ -216,14 +222,16 @@ def merged(nodes: Array, wanted: Array | None) -> Array:
     return nodes if wanted is None else np.union1d(nodes, wanted)
 
 
-def _begin(problem: Evolution, start: History | None, record: Record) -> tuple[State, Record]:
+def _begin(
+    problem: Evolution, start: History | None, record: Recording
+) -> tuple[EvolutionState, Recording]:
     """The state to go on from, and the record of what came before."""
     if start is None:
         state = start_state(problem, problem.span[0], problem.initial)
-        zeros = {name: np.zeros(1) for name in COLUMNS} | {
+        zeros = {name: np.zeros(1) for name in STEP_COLUMNS} | {
             "energy": np.array([problem.energy(state.t, state.z)])
         }
-        record.add(Block(np.array([state.t]), state.z[None], zeros))
+        record.add(StepBlock(np.array([state.t]), state.z[None], zeros))
         return state, record
     old = start.dataset
     if old.sizes["component"] != problem.n or old.attrs["epsilon"] != problem.epsilon:
@@ -252,7 +260,7 @@ def _begin(problem: Evolution, start: History | None, record: Record) -> tuple[S
     return start_state(problem, t, z, flow), record
 
 
-class Record:
+class Recording:
     """What is kept of an evolution while it runs.
 
     Parameters
@@ -265,7 +273,15 @@ class Record:
     def __init__(self, output: Any, observables: dict[str, Observable]) -> None:
         self.output, self.observables = output, observables
         for name in observables:
-            if name in {*COLUMNS, "z", "time", "step", "step_time", "component", "final_state"}:
+            if name in {
+                *STEP_COLUMNS,
+                "z",
+                "time",
+                "step",
+                "step_time",
+                "component",
+                "final_state",
+            }:
                 raise DeclarationError(
                     f"observables.{name}", "the name is taken", "Choose another name"
                 )
@@ -274,7 +290,7 @@ class Record:
         self.kept: list[tuple[Array, Array]] = []
         self.blocks: list[tuple[Array, dict[str, Array], Array]] = []
 
-    def add(self, block: Block) -> None:
+    def add(self, block: StepBlock) -> None:
         """Keep what is to be kept of new steps."""
         if np.ndim(self.output) == 1:
             chosen = np.isin(block.times, self.output)
@@ -308,7 +324,7 @@ class Record:
                     f"observables.{name}", "the earlier result has no such record", "Leave it out"
                 )
         times = old["step_time"].values
-        columns = {name: old[name].values for name in (*COLUMNS, *self.observables)}
+        columns = {name: old[name].values for name in (*STEP_COLUMNS, *self.observables)}
         self.kept = [(old["time"].values, old["z"].values)]
         self.blocks = [(times, columns, old["final_state"].values)]
         self.count = len(times)
@@ -331,10 +347,10 @@ class Record:
                 {"long_name": "state after the last step"},
             ),
         }
-        for name in (*COLUMNS, *self.observables):
+        for name in (*STEP_COLUMNS, *self.observables):
             column = np.concatenate([values[name] for _, values, _ in self.blocks])
             dims = ("step", *(f"{name}_{axis}" for axis in range(1, column.ndim)))
-            data[name] = (dims, column, {"long_name": COLUMNS.get(name, name)})
+            data[name] = (dims, column, {"long_name": STEP_COLUMNS.get(name, name)})
         for name in ("slipping", "effort"):
             data[name] = (data[name][0], data[name][1].astype(np.int64), data[name][2])
         attributes = {

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual
 from stickslip.rate_independent.evolution.outcome import EvolutionOutcome
 from stickslip.results import Result, listed
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = np.ndarray
 PHASE_STEP = 0.25  # longest step that still sees the oscillation, in periods
 
 

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError
-from stickslip.rate_independent.evolution.audit import Block, Measured, State, measure
+from stickslip.rate_independent.evolution.audit import (
+    EvolutionState,
+    Measured,
+    StepBlock,
+    measure_steps,
+)
 from stickslip.rate_independent.evolution.evolution import Evolution
-from stickslip.rate_independent.evolution.load import check_finite
 from stickslip.rate_independent.evolution.outcome import EvolutionOutcome
-from stickslip.rate_independent.solvers.choose import Steps
-from stickslip.rate_independent.solvers.stable_sets import largest_weight
+from stickslip.rate_independent.sets.stable_sets import largest_weight
+from stickslip.rate_independent.solvers.choose import StepSolver
 
-Array = np.ndarray
-LEAST = 1e-3  # part of the energy that the load can move, below which no flow of energy is a scale
+_LEAST = 1e-3  # part of the energy that the load can move, below which no flow of energy is a scale
 LOOK_AHEAD = 64  # least part of a solver's block that is made at once
-SHARE = 0.5  # of the tolerance that forces may leave K by during an adaptive step
+_SHARE = 0.5  # of the tolerance that forces may leave K by during an adaptive step
 SHORTEST = 2.0**-44  # step, as a part of the whole time
 
 
@@ -59,8 +64,8 @@ class March:
         self,
         problem: Evolution,
         nodes: Array,
-        solver: Steps,
-        state: State,
+        solver: StepSolver,
+        state: EvolutionState,
         kkt: float,
         tolerance: float,
         adaptive: bool = True,
@@ -74,11 +79,11 @@ class March:
         self.adaptive = adaptive
         self.weight = largest_weight(problem.dissipation) or float(np.abs(state.load).max()) or 1.0
         self.length = float(nodes[-1]) - problem.span[0] if len(nodes) else 0.0
-        self.least = LEAST * _energy_of_load(problem, nodes)
+        self.least = _LEAST * _energy_of_load(problem, nodes)
         self.outcome = EvolutionOutcome.INTERRUPTED
         self.detail = ""
 
-    def __iter__(self) -> Iterator[Block]:
+    def __iter__(self) -> Iterator[StepBlock]:
         block = size = self.solver.block
         for k in range(0, len(self.nodes), block):
             pending = self.nodes[k : k + block]
@@ -131,14 +136,13 @@ class March:
 
     def _steps(self, times: Array) -> Measured:
         start, problem = self.state, self.problem
-        loads = problem.ell.at(times)
-        check_finite(times, loads)
+        loads = problem.ell.over(times)
         sets = problem.sets(times) if problem.dissipation.depends_on_phase else start.sets
         states, effort = self.solver.advance(start.z, loads, sets)
         if len(states) < len(times):
             raise StickslipError("the solver gave up")
-        return measure(
-            problem, start, times, states, effort, loads, sets, self.weight, SHARE * self.tolerance
+        return measure_steps(
+            problem, start, times, states, effort, loads, sets, self.weight, _SHARE * self.tolerance
         )
 
     def _accepted(self, tried: Measured) -> tuple[int, Array]:
@@ -150,11 +154,11 @@ class March:
             scale = np.maximum(tried.flowed, self.least)
             spent = np.diff(columns["dissipated"], prepend=self.state.flow.dissipated)
             fits = np.abs(columns["defect"]) <= 0.5 * self.tolerance * (share * scale + spent)
-            fits &= columns["overshoot"] <= SHARE * self.tolerance
+            fits &= columns["overshoot"] <= _SHARE * self.tolerance
         refused = np.flatnonzero(~(fits & (columns["residual"] <= self.kkt)))
         return (int(refused[0]) if len(refused) else len(fits)), fits
 
-    def _advance(self, tried: Measured, count: int) -> Block:
+    def _advance(self, tried: Measured, count: int) -> StepBlock:
         self.state = tried.state(count - 1)
         return tried.block.first(count)
 
@@ -166,11 +170,14 @@ class March:
 
 
 def _energy_of_load(problem: Evolution, times: Array) -> float:
-    """Energy that the load can move, estimated at a few times."""
-    times = np.append(problem.span[0], times[:: max(1, len(times) // 8)])
-    first = problem.ell.at(times[:1])[0]
-    changes = [problem.ell.at(times[k : k + 1])[0] - first for k in range(1, len(times))]
-    energies = [_released(problem, r) for r in [*changes, first]]
+    """Energy that the load can move, estimated at a few times; where it is undefined, the march
+    will say so."""
+    loads = []
+    for t in np.append(problem.span[0], times[:: max(1, len(times) // 8)]):
+        with suppress(DeclarationError):
+            loads.append(problem.ell.over(t[None])[0])
+    first, *later = loads
+    energies = [_released(problem, r) for r in [*(load - first for load in later), first]]
     return max([*energies[:-1], 1e-3 * energies[-1]]) or np.finfo(float).tiny
 
 

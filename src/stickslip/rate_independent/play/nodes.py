@@ -10,13 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.play import chebyshev as ch
 from stickslip.rate_independent.play.clamp import clamp_samples
-from stickslip.rate_independent.play.signals import Signal, Value
+from stickslip.rate_independent.signals import chebyshev as ch
+from stickslip.rate_independent.signals.panels import Panels, Value
 
-Array = np.ndarray
-CHUNK = 2**12  # panels at once: what fits into the cache
+_CHUNK = 2**12  # panels at once: what fits into the cache
 MOST_EDGES = 50_000_000
 SMALLEST_JUMP = 64.0  # of a bound where two panels meet, in units of its rounding
 
@@ -34,24 +34,24 @@ class Sample(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Bounds:
+class PlayBounds:
     """L = (ℓ − ρ⁺)/a and U = (ℓ + ρ⁻)/a, between which z lies.
 
     Attributes
     ----------
-    load, minus, plus : Signal
+    load, minus, plus : Panels
         ℓ, ρ⁻ (what a motion downward has to overcome) and ρ⁺ (upward).
     stiffness : float
         a.
     """
 
-    load: Signal
-    minus: Signal
-    plus: Signal
+    load: Panels
+    minus: Panels
+    plus: Panels
     stiffness: float
 
     @property
-    def signals(self) -> tuple[Signal, Signal, Signal]:
+    def signals(self) -> tuple[Panels, Panels, Panels]:
         """All three."""
         return self.load, self.minus, self.plus
 
@@ -93,7 +93,7 @@ def _sum(a: Array, b: Array) -> Array:
     return total
 
 
-def _refuse_negative(c: Array, signal: Signal, name: str, start: Array, end: Array) -> None:
+def _refuse_negative(c: Array, signal: Panels, name: str, start: Array, end: Array) -> None:
     rounding = 4.0 * signal.noise
     doubtful = np.flatnonzero(c[0] - np.sum(np.abs(c[1:]), axis=0) < -rounding)
     if not len(doubtful):
@@ -101,7 +101,7 @@ def _refuse_negative(c: Array, signal: Signal, name: str, start: Array, end: Arr
     c = c[:, doubtful]
     start = start[doubtful]
     end = end[doubtful]
-    panel, x = ch.sign_changes(ch.slopes(c), rounding)
+    panel, x = ch.sign_changes(ch.derivatives(c), rounding)
     panel, x = _with_ends(panel, x, len(doubtful))
     value = ch.values(c[:, panel], x)
     k = int(np.argmin(value))
@@ -151,7 +151,7 @@ class Last(NamedTuple):
     z: float
 
 
-def follow(bounds: Bounds, edges: Array, initial: float) -> Nodes:
+def play_nodes(bounds: PlayBounds, edges: Array, initial: float) -> Nodes:
     """The play over panels with given edges, from a stable position on.
 
     Raises
@@ -161,8 +161,8 @@ def follow(bounds: Bounds, edges: Array, initial: float) -> Nodes:
     """
     parts = []
     last = Last(np.nan, np.nan, initial)
-    for first in range(0, len(edges) - 1, CHUNK):
-        some = edges[first : first + CHUNK + 1]
+    for first in range(0, len(edges) - 1, _CHUNK):
+        some = edges[first : first + _CHUNK + 1]
         part, last = _walk(bounds, some[:-1], some[1:], last)
         parts.append(part)
     parts.append(Nodes(edges[-1:], np.array([last.z]), np.zeros(1, np.int8)))
@@ -173,7 +173,7 @@ def follow(bounds: Bounds, edges: Array, initial: float) -> Nodes:
     )
 
 
-def panel_edges(bounds: Bounds, start: float, end: float) -> Array:
+def panel_edges(bounds: PlayBounds, start: float, end: float) -> Array:
     """Times between which all signals are polynomials.
 
     Raises
@@ -200,12 +200,12 @@ def panel_edges(bounds: Bounds, start: float, end: float) -> Array:
     return kept
 
 
-def _walk(bounds: Bounds, start: Array, end: Array, last: Last) -> tuple[Nodes, Last]:
+def _walk(bounds: PlayBounds, start: Array, end: Array, last: Last) -> tuple[Nodes, Last]:
     """The play over consecutive panels, on from where it ended; the node at the last end is left to
     what follows."""
     noise = bounds.noise
     L, U = bounds.pieces(start, end)
-    (p, x), (q, y) = (ch.sign_changes(ch.slopes(c), 0.125 * noise) for c in (L, U))
+    (p, x), (q, y) = (ch.sign_changes(ch.derivatives(c), 0.125 * noise) for c in (L, U))
     panel, x = _with_ends(np.concatenate([p, q]), np.concatenate([x, y]), len(start))
     low, high = _joined(panel, x, L, U, last, noise)
     z = np.empty(len(x) + 1)
@@ -258,6 +258,6 @@ def _arrivals(
         index = index[distance > SMALLEST_JUMP * noise]
         beyond = c[:, panel[index]]
         beyond[0] -= z[index]
-        found.append((index, ch.crossings(beyond, x[index - 1], x[index])))
+        found.append((index, ch.first_crossings(beyond, x[index - 1], x[index])))
     (i, x), (j, y) = found
     return np.concatenate([i, j]), np.concatenate([x, y])

@@ -16,15 +16,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual, within
 from stickslip.equations.field import MODE_NAMES
-from stickslip.errors import DeclarationError, StickslipError
+from stickslip.errors import DeclarationError
 from stickslip.motion.simulate import check_span
 from stickslip.motion.trajectory import GRID
-from stickslip.rate_independent.play.chebyshev import ROUNDING
-from stickslip.rate_independent.play.nodes import Bounds, Nodes, Sample, follow, panel_edges
-from stickslip.rate_independent.play.signals import INTERPOLATIONS, is_table, read_signal
+from stickslip.rate_independent.play.nodes import Nodes, PlayBounds, Sample, panel_edges, play_nodes
+from stickslip.rate_independent.signals.chebyshev import FIT_ROUNDING
+from stickslip.rate_independent.signals.reading import INTERPOLATIONS, is_table, read
+from stickslip.rate_independent.signals.signal import OF_PHASE, OF_TIME, Signal
 from stickslip.results import Completion, Result
+from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import is_finite
 
 if TYPE_CHECKING:
@@ -33,14 +36,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = np.ndarray
-Given = str | float | Callable[[Any], Any] | tuple[Any, Any]
-CHUNK = 2**12  # intervals at once: what fits into the cache
-TOLERANCE = 1e-9  # of the certificate
+Given = str | float | Expr | Callable[[Any], Any] | tuple[Any, Any] | Signal
+_CHUNK = 2**12  # intervals at once: what fits into the cache
+_TOLERANCE = 1e-9  # of the certificate
 # between floating-point numbers: rounding of a time, and of what is computed from it
-SPACINGS = 4.0
+_SPACINGS = 4.0
 # distance from the stable interval, relative to where it is, that counts as rounding
-STABLE = 1e-12
+_STABLE = 1e-12
 LONG_NAMES = {
     "z": "position",
     "d_z": "rate of position",
@@ -148,7 +150,8 @@ def play(
     }
     bounds = _bounds(**declared)
     edges = panel_edges(bounds, *span)
-    return Play(bounds, follow(bounds, edges, _stable(bounds, edges, float(initial))), declared)
+    nodes = play_nodes(bounds, edges, _stable(bounds, edges, float(initial)))
+    return Play(bounds, nodes, declared)
 
 
 def _bounds(
@@ -158,54 +161,38 @@ def _bounds(
     epsilon: float | None,
     stiffness: float,
     interpolation: str,
-) -> Bounds:
+) -> PlayBounds:
     """Load and thresholds as they were given, read."""
-    ell = read_signal(load, "load", t_span, None, interpolation)
+    ell = read(load, "load", OF_TIME, (), interpolation).panels(t_span)
+    clock = OF_TIME if epsilon is None else OF_PHASE
+    plus, *rest = (
+        read(part, where, clock, (), interpolation).panels(t_span, epsilon)
+        for where, part in _parts(threshold).items()
+    )
+    return PlayBounds(ell, rest[0] if rest else plus, plus, stiffness)
+
+
+def _parts(threshold: Any) -> dict[str, Any]:
+    """A threshold, or both of a pair, by what errors call them."""
     if isinstance(threshold, tuple) and len(threshold) == 2 and not is_table(threshold):
-        plus, minus = (
-            read_signal(part, f"threshold[{i}]", t_span, epsilon, interpolation)
-            for i, part in enumerate(threshold)
-        )
-    else:
-        minus = plus = read_signal(threshold, "threshold", t_span, epsilon, interpolation)
-    return Bounds(ell, minus, plus, stiffness)
-
-
-def _plain(given: Any) -> Any:
-    """A signal as data for JSON.
-
-    Raises
-    ------
-    StickslipError
-        If it is a function of Python.
-    """
-    if callable(given):
-        raise StickslipError(
-            "a play whose load or threshold is a function of Python cannot be stored; give it as a "
-            "formula or as samples, or keep its numbers with play.dataset.to_netcdf(path)"
-        )
-    if is_table(given):
-        times, values = given
-        return {"times": np.asarray(times).tolist(), "values": np.asarray(values).tolist()}
-    if isinstance(given, tuple):
-        return [_plain(part) for part in given]
-    return given if isinstance(given, str) else float(given)
+        return {f"threshold[{i}]": part for i, part in enumerate(threshold)}
+    return {"threshold": threshold}
 
 
 def _revived(entry: Any) -> Any:
-    """The same from JSON."""
+    """What was stored as data for JSON."""
     if isinstance(entry, dict):
         return np.array(entry["times"]), np.array(entry["values"])
     return tuple(_revived(part) for part in entry) if isinstance(entry, list) else entry
 
 
-def _stable(bounds: Bounds, edges: Array, z: float) -> float:
+def _stable(bounds: PlayBounds, edges: Array, z: float) -> float:
     """The initial position, put onto the stable interval if it is outside by rounding."""
     start = bounds.sample(edges[:1], 0.5 * (edges[:1] + edges[1:2]))
     low, high = float(start.low[0]), float(start.high[0])
     nearest = min(max(z, low), high)
     distance = abs(z - nearest) * bounds.stiffness
-    if distance > bounds.stiffness * (STABLE * max(abs(z), abs(low), abs(high)) + bounds.noise):
+    if distance > bounds.stiffness * (_STABLE * max(abs(z), abs(low), abs(high)) + bounds.noise):
         raise DeclarationError(
             "initial",
             f"z = {z:.9g} is not stable: the force ℓ − a z exceeds its threshold by {distance:.6g}",
@@ -216,7 +203,7 @@ def _stable(bounds: Bounds, edges: Array, z: float) -> float:
 
 
 @dataclass(frozen=True)
-class Audit:
+class PlayAudit:
     """Work and violations of a motion, integrated anew from its nodes.
 
     The `blur` of energy, force and gap is what the rounding of times alone does to them where
@@ -233,7 +220,7 @@ class Audit:
     blur: tuple[float, float, float]
 
 
-class State(NamedTuple):
+class _State(NamedTuple):
     """Position, its rate, and the signals at some times."""
 
     z: Array
@@ -257,7 +244,7 @@ class Play(Result):
 
     KIND = "play"
 
-    bounds: Bounds
+    bounds: PlayBounds
     nodes: Nodes
     declared: Mapping[str, Any]
 
@@ -341,7 +328,7 @@ class Play(Result):
     def _middle(self, k: Array) -> Array:
         return 0.5 * (self.time[k] + self.time[k + 1])
 
-    def _state(self, t: Array, k: Array) -> State:
+    def _state(self, t: Array, k: Array) -> _State:
         """Everything at times t, shape (..., intervals), inside the intervals k."""
         mode = self.mode[k]
         start = self.z[k]
@@ -352,7 +339,7 @@ class Play(Result):
             for bound in (now.low, now.high)
         )
         z = np.select([mode > 0, mode < 0], [low, high], start)
-        return State(z, np.select([mode > 0, mode < 0], [now.low_rate, now.high_rate], 0.0), now)
+        return _State(z, np.select([mode > 0, mode < 0], [now.low_rate, now.high_rate], 0.0), now)
 
     def _values(self, t: Array, k: Array) -> dict[str, Array]:
         z, rate, now = self._state(t, k)
@@ -383,8 +370,8 @@ class Play(Result):
             max(len(signal.coefficients) for signal in self.bounds.signals)
         )
         out = np.empty((4, len(k)))
-        for first in range(0, len(k), CHUNK):
-            part = slice(first, first + CHUNK)
+        for first in range(0, len(k), _CHUNK):
+            part = slice(first, first + _CHUNK)
             start = self.time[k[part]]
             half = 0.5 * (end[part] - self.time[k[part]])
             z, rate, now = self._state(start + half * (x[:, None] + 1.0), k[part])
@@ -403,8 +390,8 @@ class Play(Result):
         """
         excess = force = blur = 0.0
         x, _ = np.polynomial.legendre.leggauss(3)
-        for first in range(0, len(self.mode), CHUNK):
-            k = np.arange(first, min(first + CHUNK, len(self.mode)))
+        for first in range(0, len(self.mode), _CHUNK):
+            k = np.arange(first, min(first + _CHUNK, len(self.mode)))
             # Inside an interval of a few roundings there is no time that is safely on its side of a
             # jump.
             k = k[np.diff(self.time)[k] > 64.0 * np.spacing(np.abs(self.time[k]))]
@@ -416,7 +403,7 @@ class Play(Result):
                 np.abs(now.plus.rate), np.abs(now.minus.rate)
             )
             blur = max(
-                blur, float(np.max(SPACINGS * np.spacing(np.abs(t)) * steepest, initial=0.0))
+                blur, float(np.max(_SPACINGS * np.spacing(np.abs(t)) * steepest, initial=0.0))
             )
             mode = np.broadcast_to(self.mode[k], pull.shape)
             beyond = np.maximum(pull - plus, -minus - pull)
@@ -430,7 +417,7 @@ class Play(Result):
         return excess, blur, force
 
     @cached_property
-    def audit(self) -> Audit:
+    def audit(self) -> PlayAudit:
         """Energy, work and violations, integrated anew from the nodes."""
         k = np.arange(len(self.mode))
         near = self._middle(k)
@@ -449,7 +436,7 @@ class Play(Result):
         supplied_at = np.concatenate([[0.0], np.cumsum(supplied + np.append(work[1:], 0.0))])
         # Nodes are rounded times: what an interval contributes is known to that part of it.
         rounding = np.divide(
-            SPACINGS * np.spacing(np.abs(self.time[1:])),
+            _SPACINGS * np.spacing(np.abs(self.time[1:])),
             np.diff(self.time),
             out=np.zeros(len(k)),
             where=self.time[1:] > self.time[:-1],
@@ -459,9 +446,9 @@ class Play(Result):
         excess, blur, force = self._violations()
         # The force is a difference of the load and a z, known to the rounding of these.
         largest = float(np.max(np.abs([before, after])))
-        excess = max(excess - ROUNDING * largest, 0.0)
+        excess = max(excess - FIT_ROUNDING * largest, 0.0)
         force = max(force, 1e-6 * largest)
-        return Audit(
+        return PlayAudit(
             self._energy(np.append(after, before[-1]), self.z),
             np.concatenate([[0.0], np.cumsum(dissipated)]),
             supplied_at,
@@ -508,12 +495,12 @@ class Play(Result):
         length = 1e-6 * yielding / self.bounds.stiffness
         scale = max(scale, 1e-6 * float(np.max(np.abs(audit.energy))), length * yielding)
         size = max(float(np.max(np.abs(self.z))), length)
-        gap = max(audit.gap - ROUNDING * yielding / self.bounds.stiffness, 0.0)
+        gap = max(audit.gap - FIT_ROUNDING * yielding / self.bounds.stiffness, 0.0)
         measured = np.array([float(np.max(np.abs(balance))), audit.excess, gap])
         sizes = np.array([scale, audit.force, size])
         relative = np.divide(1.0, sizes, out=np.zeros(3), where=sizes > 0.0)
         energy, stability, defect = (measured * relative).tolist()
-        tolerance = max(TOLERANCE, float((np.array(audit.blur) * relative).max()))
+        tolerance = max(_TOLERANCE, float((np.array(audit.blur) * relative).max()))
         samples = max(signal.samples for signal in self.bounds.signals)
         measured_of = [("energy balance", energy), ("friction law", stability), ("rates", defect)]
         looked = (
@@ -617,7 +604,18 @@ class Play(Result):
                 "node_mode": ("node", self.nodes.mode),
             }
         )
-        signals = {name: _plain(self.declared[name]) for name in ("load", "threshold")}
+        load, threshold, epsilon, interpolation = (
+            self.declared[name] for name in ("load", "threshold", "epsilon", "interpolation")
+        )
+        clock = OF_TIME if epsilon is None else OF_PHASE
+        parts = [
+            read(part, where, clock, (), interpolation).plain()
+            for where, part in _parts(threshold).items()
+        ]
+        signals = {
+            "load": read(load, "load", OF_TIME, (), interpolation).plain(),
+            "threshold": parts if len(parts) > 1 else parts[0],
+        }
         return self.dataset.merge(nodes), {"declared": {**self.declared, **signals}}
 
     @classmethod

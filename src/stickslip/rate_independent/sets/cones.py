@@ -9,11 +9,10 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError
 
-Array = NDArray[np.float64]
 NONNEGATIVE = "nonnegative"
 SECOND_ORDER = "second order"
 
@@ -76,7 +75,7 @@ def ellipsoid(root: Array) -> ConeForm:
     return replace(unit, image=root)
 
 
-def product(forms: Sequence[ConeForm], dimensions: Sequence[int]) -> ConeForm:
+def product_of_cones(forms: Sequence[ConeForm], dimensions: Sequence[int]) -> ConeForm:
     """Product of sets."""
     from scipy.linalg import block_diag
 
@@ -95,7 +94,7 @@ def product(forms: Sequence[ConeForm], dimensions: Sequence[int]) -> ConeForm:
     )
 
 
-def solve(forms: Sequence[ConeForm], c: Array, Q: Array | None = None) -> tuple[Array, Array]:
+def solve_cones(forms: Sequence[ConeForm], c: Array, Q: Array | None = None) -> tuple[Array, Array]:
     """The ξ in all sets with the least ½⟨Qξ, ξ⟩ − ⟨c, ξ⟩, and what holds it.
 
     Linear programs go to the simplex method of HiGHS, all others to the interior-point method of

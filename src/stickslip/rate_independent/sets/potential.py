@@ -5,26 +5,26 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.sets.phase import check_finite
+from stickslip.rate_independent.sets.cones import ConeForm, polyhedron
+from stickslip.rate_independent.sets.projections import nearest_by_support, slope_by_differences
+from stickslip.rate_independent.sets.stable_sets import ConvexSets, StableSets
 from stickslip.rate_independent.sets.stretches import (
-    NOWHERE,
+    NOWHERE_NEAR,
+    AtPhases,
     Estimated,
+    Fixed,
     Near,
     OneByOne,
-    Sampled,
     Stretches,
 )
-
-if TYPE_CHECKING:
-    from stickslip.rate_independent.sets.cones import ConeForm
-
-Array = NDArray[np.float64]
+from stickslip.rate_independent.signals.signal import Signal, finite
 
 
 class Dissipation(ABC):
@@ -39,7 +39,24 @@ class Dissipation(ABC):
     dimension : int
         n.
     depends_on_phase : bool
+    kinds : dict of str to type, of the class
+        Potentials that model files know, by the name under which they entered themselves: ``class
+        Mine(Dissipation, kind="mine")``. Their fields are the keys of a file.
+
+    Notes
+    -----
+    A potential of one's own says its dimension, whether it depends on the phase, its support
+    function, points that this exposes, and how it is averaged; for all else there is a way that
+    needs no more. What it says besides makes it faster, or more accurate, or bounded between the
+    phases that are looked at.
     """
+
+    kinds: ClassVar[dict[str, type[Dissipation]]] = {}
+
+    def __init_subclass__(cls, kind: str | None = None, **more: Any) -> None:
+        super().__init_subclass__(**more)
+        if kind is not None:
+            Dissipation.kinds[kind] = cls
 
     @property
     @abstractmethod
@@ -59,7 +76,6 @@ class Dissipation(ABC):
     def exposed(self, v: ArrayLike, s: float = 0.0) -> Array:
         """A point ξ of K(s) with ⟨ξ, v⟩ = Ψ(s, v): a subgradient of Ψ(s, ·) at v, shape (n,)."""
 
-    @abstractmethod
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
         """The point y of K(s) with the least ½⟨M(ξ − y), ξ − y⟩.
 
@@ -81,21 +97,25 @@ class Dissipation(ABC):
             If an argument does not fit, or the potential is not one at this phase.
         ConvergenceError
             If an iterative projection cannot reach its accuracy.
+
+        Notes
+        -----
+        By default it is found from points that the support function exposes; the distance is
+        accurate to 1e-9 of the size of K(s).
         """
+        return nearest_by_support(self, self.vector(xi, "xi"), s, self.metric(metric))
 
     def projection(self, xi: Array, s: float = 0.0) -> tuple[Array, Array]:
         """The Euclidean projection of ξ, shape (n,), onto K(s), and a generalised derivative of it,
         shape (n, n)."""
-        from stickslip.rate_independent.sets.projections import slope_by_differences
-
         y = self.project(xi, s)
         return y, slope_by_differences(
             lambda x: self.project(x, s), xi, y, 1e-7 * float(np.abs(xi).max() or 1.0)
         )
 
-    @abstractmethod
     def cone_form(self, s: float) -> ConeForm | None:
         """K(s) as an image of cones; None if it is known by its support function only."""
+        return None
 
     @abstractmethod
     def average(self, tolerance: float = 1e-8) -> Average:
@@ -114,10 +134,15 @@ class Dissipation(ABC):
 
     def outer_form(self, s: float, xi: Array) -> ConeForm:
         """A bounded image of cones that contains K(s), but not a given ξ outside it: K(s) itself
-        where it is one."""
+        where it is one, else the half-space that separates ξ, and a box around K(s)."""
         form = self.cone_form(s)
-        assert form is not None
-        return form
+        if form is not None:
+            return form
+        axes = np.eye(self.dimension)
+        beyond = xi - self.project(xi, s)
+        length = float(np.linalg.norm(beyond))
+        normals = np.vstack([axes, -axes, *([beyond / length] if length > 0 else [])])
+        return polyhedron(normals, np.array([self.support(d, s) for d in normals]))
 
     def value(self, s: float, v: ArrayLike) -> float:
         """Ψ(s, v) for v of shape (n,)."""
@@ -153,15 +178,37 @@ class Dissipation(ABC):
         """Whether ξ, shape (n,), lies outside K(s) by no more than `noise`."""
         return self.excess(xi, s) <= noise
 
-    def sampled(self, phases: Array) -> Sampled:
+    def sampled(self, phases: Array) -> AtPhases:
         """The potential at several phases, shape (m,), at once."""
         return OneByOne(self, phases)
+
+    def sets(self, phases: Array) -> StableSets:
+        """K(s) at several phases, shape (m,), as the steps of an evolution ask for it; one row
+        stands for all if it does not depend on the phase.
+
+        Raises
+        ------
+        DeclarationError
+            If the potential is not one at one of them.
+        """
+        return ConvexSets(self, phases if self.depends_on_phase else phases[:1])
+
+    @property
+    def thresholds(self) -> tuple[Signal, Signal] | None:
+        """ρ⁺ and ρ⁻ as functions of the phase, if K(s) is [−ρ⁻(s), ρ⁺(s)] and they are known: then
+        evolutions are exact plays."""
+        return None
+
+    def halfspaces(self, phases: Array) -> tuple[Array, Array] | None:
+        """Unit normals (k, n) and offsets (k,) of all half-spaces whose intersection K(s) is at
+        some phase of several, if it is given by such."""
+        return None
 
     @property
     def bounded(self) -> bool:
         """Whether it is made of numbers and formulas, and so known at every phase, not only where
-        it is asked for."""
-        return False
+        it is asked for; by default, if it does not depend on the phase."""
+        return not self.depends_on_phase
 
     def over(self, low: Array, high: Array) -> Stretches:
         """The potential on stretches of phases, shape (m,) each, within one period: 0 <= low <=
@@ -171,7 +218,7 @@ class Dissipation(ABC):
         otherwise.
         """
         start, end, middle = (OneByOne(self, s) for s in (low, high, 0.5 * (low + high)))
-        return Estimated(start, end, middle)
+        return Estimated(start, end, middle) if self.depends_on_phase else Fixed(start, end)
 
     def closest(self, phases: Array, xi: Array) -> Array:
         """Phases near given ones, shape (k,), at which a force is closest to the boundary of K(s),
@@ -184,7 +231,7 @@ class Dissipation(ABC):
 
         What is said of them is proved, from second derivatives. By default, nothing is.
         """
-        return NOWHERE
+        return NOWHERE_NEAR
 
     def prox(self, v: ArrayLike, s: float = 0.0, step: float = 1.0) -> Array:
         """Proximal step: the w with the least ½|w − v|² + step Ψ(s, w), shape (n,).
@@ -212,8 +259,7 @@ class Dissipation(ABC):
                 f"it has the shape {x.shape}, but the potential lives on R^{self.dimension}",
                 "Correct its size",
             )
-        check_finite(x, name)
-        return x
+        return finite(x, name)
 
     def metric(self, given: ArrayLike | None) -> Array | None:
         """A metric of a projection; refuses what is not symmetric and positive definite."""
@@ -227,9 +273,11 @@ class Dissipation(ABC):
     def _depth(
         self, xi: Array, length: float, s: float, nearest: Callable[[Array], Array]
     ) -> float:
-        """How much further than ξ, a point of K(s), its ray goes on inside K(s)."""
+        """How much further than ξ, a point of K(s), its ray goes on inside K(s); from 0, where
+        there is no ray, how far K(s) reaches along the axes at least."""
         if length == 0.0:
-            return float("inf")
+            axes = np.eye(self.dimension)
+            return min(self.support(sign * e, s) for e in axes for sign in (1.0, -1.0))
         direction = xi / length
         reach = self.support(xi, s) / length
         # Newton's method from outside: cut the ray by the supporting hyperplane at the nearest
@@ -273,6 +321,21 @@ class OptimalMotion:
     def gap(self) -> float:
         """Duality gap: cost − bound."""
         return self.cost - self.bound
+
+
+class ClosedForm(NamedTuple):
+    """An average that is known by numbers.
+
+    Attributes
+    ----------
+    terms : list of str
+        Whose sum Ψ_av(v) is, as a person would write them.
+    numbers : dict of str to lists
+        By name.
+    """
+
+    terms: list[str]
+    numbers: dict[str, Any]
 
 
 class Average(Dissipation):
@@ -319,6 +382,11 @@ class Average(Dissipation):
         )
 
     @property
+    def closed_form(self) -> ClosedForm | None:
+        """What it is, if each threshold has been replaced by its least over the phase."""
+        return None
+
+    @property
     def verdict(self) -> str:
         """Whether friction vanishes in some direction, as a sentence."""
         count = self.frictionless.shape[1]
@@ -350,7 +418,7 @@ def spd(given: ArrayLike, n: int, where: str) -> Array:
         ) from None
     if matrix.shape != (n, n):
         raise DeclarationError(where, f"it has the shape {matrix.shape}", f"Give a {n} x {n} array")
-    check_finite(matrix, where)
+    finite(matrix, where)
     lopsided = np.abs(matrix - matrix.T).max(initial=0.0)
     if lopsided > 1e-10 * np.abs(matrix).max(initial=0.0):
         raise DeclarationError(

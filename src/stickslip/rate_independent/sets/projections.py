@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError
+from stickslip.rate_independent.sets.stretches import lengths
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.sets.potential import Dissipation
 
-Array = NDArray[np.float64]
 Projection = Callable[[Array], tuple[Array, Array]]
 DAMPED = 0.95  # part of the longest admissible gradient step
 MOST_NEWTON = 500  # steps in all
@@ -323,7 +324,7 @@ def nearest_by_support(
     for _ in range(300):
         table = np.array(points)
         y = nearest_in_hull(table, xi, M)
-        size = float(np.abs(table).max() + np.abs(xi).max())
+        size = float(np.abs(table).max() + np.abs(xi).max()) or 1.0
         d = xi - y if M is None else M @ (xi - y)
         far = float(np.linalg.norm(xi - y)) / size
         if far <= 1e-14:
@@ -346,3 +347,18 @@ def nearest_by_support(
             "Give the subgradient of the function",
         )
     return best
+
+
+def onto_balls(x: Array, radii: Array, size: int) -> tuple[Array, Array]:
+    """The projection onto a product of balls in R^size, and a generalised derivative of it."""
+    groups = x.reshape(-1, size)
+    norms = lengths(groups)
+    outside = norms > radii
+    share = np.divide(radii, norms, out=np.ones_like(norms), where=outside)
+    along = np.where(outside[:, None], groups, 0.0) / np.where(norms > 0.0, norms, 1.0)[:, None]
+    slope = np.zeros((len(norms), size, len(norms), size))
+    index = np.arange(len(norms))
+    slope[index, :, index, :] = share[:, None, None] * (
+        np.eye(size) - along[:, :, None] * along[:, None, :]
+    )
+    return (share[:, None] * groups).ravel(), slope.reshape(len(x), len(x))

@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip.arrays import Array
+
 if TYPE_CHECKING:
     from stickslip.rate_independent.sets.potential import Dissipation
 
-Array = NDArray[np.float64]
 Index = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class RowWise:
     """A dataclass of arrays, or of other rows, that have one row for each phase or stretch."""
 
     def taken(self, index: Index) -> Self:
@@ -36,28 +37,28 @@ class Rows:
     def _rows(self) -> dict[str, Any]:
         values = ((name, getattr(self, name)) for name in _names(type(self)))
         return {
-            name: value for name, value in values if isinstance(value, (Rows, np.ndarray, tuple))
+            name: value for name, value in values if isinstance(value, (RowWise, np.ndarray, tuple))
         }
 
 
 @cache
-def _names(kind: type[Rows]) -> tuple[str, ...]:
+def _names(kind: type[RowWise]) -> tuple[str, ...]:
     return tuple(item.name for item in fields(kind))
 
 
 def _taken(value: Any, index: Index) -> Any:
     if isinstance(value, tuple):
         return tuple(part.taken(index) for part in value)
-    return value.taken(index) if isinstance(value, Rows) else value[index]
+    return value.taken(index) if isinstance(value, RowWise) else value[index]
 
 
 def _joined(one: Any, other: Any) -> Any:
     if isinstance(one, tuple):
         return tuple(a.joined(b) for a, b in zip(one, other, strict=True))
-    return one.joined(other) if isinstance(one, Rows) else np.concatenate([one, other])
+    return one.joined(other) if isinstance(one, RowWise) else np.concatenate([one, other])
 
 
-class Sampled(ABC):
+class AtPhases(ABC):
     """A dissipation potential at m phases. Arguments are single vectors, shape (n,), or one for
     each phase, (m, n)."""
 
@@ -74,7 +75,7 @@ class Sampled(ABC):
         """The point of K(s) nearest to ξ at each phase, shape (m, n)."""
 
 
-S = TypeVar("S", bound=Sampled)
+S = TypeVar("S", bound=AtPhases)
 
 
 class Stretches(ABC, Generic[S]):
@@ -131,11 +132,11 @@ class Near(NamedTuple):
         return np.where(inside, self.bound, np.inf).min(axis=1, initial=np.inf)
 
 
-NOWHERE = Near(*np.zeros((3, 0)))
+NOWHERE_NEAR = Near(*np.zeros((3, 0)))
 
 
 @dataclass(frozen=True, eq=False)
-class OneByOne(Rows, Sampled):
+class OneByOne(RowWise, AtPhases):
     """A potential asked phase by phase."""
 
     potential: Dissipation
@@ -158,7 +159,7 @@ class OneByOne(Rows, Sampled):
 
 
 @dataclass(frozen=True, eq=False)
-class Estimated(Rows, Stretches[OneByOne]):
+class Estimated(RowWise, Stretches[OneByOne]):
     """Stretches of a potential that is known where it is asked for only: estimated from their
     middles."""
 
@@ -174,6 +175,20 @@ class Estimated(Rows, Stretches[OneByOne]):
         first, last = self.start.excess(before), self.end.excess(after)
         bent = np.abs(2.0 * self.middle.excess(0.5 * (before + after)) - first - last)
         return ends + bent + lengths(off)
+
+
+@dataclass(frozen=True, eq=False)
+class Fixed(RowWise, Stretches[OneByOne]):
+    """Stretches of a potential that does not depend on the phase: the distance from K of a force
+    that goes straight is convex."""
+
+    start: OneByOne
+    end: OneByOne
+
+    def between(
+        self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array
+    ) -> Array:
+        return ends + lengths(off)
 
 
 def lengths(rows: Array) -> Array:

@@ -18,10 +18,10 @@ import math
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 
-Array = np.ndarray
-ROUNDING = 16 * 2.2e-16  # of a sum of forces, relative to its largest terms
+_ROUNDING = 16 * 2.2e-16  # of a sum of forces, relative to its largest terms
 FRESH = 200  # changes, besides ten per component, after which the factor is made anew
 
 
@@ -40,7 +40,7 @@ def enter(A: Array, L: Array, order: Array, m: int, k: int) -> None:
 
 
 @njit(cache=True)
-def leave(L: Array, order: Array, m: int, k: int) -> None:
+def leave_face(L: Array, order: Array, m: int, k: int) -> None:
     """Let component k rest: a row of the factor goes, and rotations make it triangular again."""
     p = 0
     while order[p] != k:
@@ -86,7 +86,7 @@ def target(
 
 
 @njit(cache=True)
-def solve(
+def solve_face(
     A: Array, L: Array, order: Array, sign: Array, count: Array,
     r: Array, lower: Array, upper: Array, b: int, noise: float, d: Array, x: Array,
 ) -> int:  # fmt: skip
@@ -115,7 +115,7 @@ def solve(
                 share = min(share, d[i] / (d[i] - x[i]))
         for i in range(n):
             if share < 1.0 and sign[i] * x[i] < 0.0 and d[i] / (d[i] - x[i]) <= share:
-                leave(L, order, m, i)
+                leave_face(L, order, m, i)
                 d[i] = x[i] = 0.0
                 sign[i] = 0
                 m = m - 1
@@ -148,7 +148,7 @@ def solve(
 
 
 @njit(cache=True)
-def advance(
+def advance_boxes(
     A: Array, L: Array, order: Array, sign: Array, count: Array,
     z: Array, loads: Array, lower: Array, upper: Array, states: Array, effort: Array,
 ) -> int:  # fmt: skip
@@ -170,7 +170,7 @@ def advance(
                 r[i] -= A[i, j] * z[j]
                 terms += abs(A[i, j] * z[j])
             size = max(size, terms)
-        effort[k] = solve(A, L, order, sign, count, r, lower, upper, b, ROUNDING * size, d, x)
+        effort[k] = solve_face(A, L, order, sign, count, r, lower, upper, b, _ROUNDING * size, d, x)
         if effort[k] < 0:
             return k
         for i in range(n):

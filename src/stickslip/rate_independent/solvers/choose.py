@@ -6,21 +6,20 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
-from stickslip.rate_independent.dissipation import GroupNorm, WeightedL1
 from stickslip.rate_independent.solvers.dense import BoxSteps, ProjectionSteps
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.evolution.evolution import Evolution
 
-Array = np.ndarray
-SMALL = 800  # rows up to which a sparse matrix is treated as a dense one
+_SMALL = 800  # rows up to which a sparse matrix is treated as a dense one
 SMALL_GROUPS = 100  # … with friction in groups
-BLOCK = 20_000  # numbers in one array of a block of multigrid steps
-DENSE = 4000  # rows up to which one may be
+_BLOCK = 20_000  # numbers in one array of a block of multigrid steps
+_DENSE = 4000  # rows up to which one may be
 
 
-class Steps(Protocol):
+class StepSolver(Protocol):
     """Minimising-movement steps of one problem, many at a time."""
 
     block: int  # steps that are made in one call, at most
@@ -31,15 +30,15 @@ class Steps(Protocol):
         ...
 
 
-def choose_solver(problem: Evolution, name: str | None, tolerance: float) -> Steps:
+def choose_solver(problem: Evolution, name: str | None, tolerance: float) -> StepSolver:
     """The solver of that name, or the one that suits the problem.
 
     Parameters
     ----------
     problem : Evolution
     name : {None, "dense", "multigrid"}
-        None: multigrid for WeightedL1 and GroupNorm with a sparse A of more than 800 and 100 rows;
-        otherwise dense.
+        None: multigrid where K is a product of intervals or balls and A is sparse, with more than
+        800 or 100 rows; otherwise dense.
     tolerance : float
         KKT residual relative to the largest weight.
 
@@ -51,39 +50,46 @@ def choose_solver(problem: Evolution, name: str | None, tolerance: float) -> Ste
     from scipy import sparse
 
     A, psi = problem.A, problem.dissipation
-    boxes, groups = isinstance(psi, WeightedL1), isinstance(psi, GroupNorm)
+    together = problem.sets(np.array(problem.span[:1])).together
     if name is None:
-        many = problem.n > (SMALL if boxes else SMALL_GROUPS)
-        name = "multigrid" if (boxes or groups) and sparse.issparse(A) and many else "dense"
-    if name == "multigrid" and isinstance(psi, WeightedL1 | GroupNorm):
-        return MultigridSteps(sparse.csr_array(A), psi, tolerance)
+        many = problem.n > (_SMALL if together == 1 else SMALL_GROUPS)
+        name = "multigrid" if together and sparse.issparse(A) and many else "dense"
+    if name == "multigrid" and together:
+        return MultigridSteps(sparse.csr_array(A), together, tolerance)
     if name != "dense":
-        able = "dense or multigrid" if boxes or groups else "dense"
+        able = "dense or multigrid" if together else "dense"
         raise DeclarationError(
             "solver", f"{name!r} cannot treat {type(psi).__name__}", f"Use {able}"
         )
-    if problem.n > DENSE:
+    if problem.n > _DENSE:
         raise DeclarationError(
             "A",
             f"{problem.n} rows are too many for the dense solver",
             "Use a sparse A with WeightedL1 or GroupNorm",
         )
     dense = A.toarray() if sparse.issparse(A) else A
-    return BoxSteps(dense) if boxes else ProjectionSteps(dense)
+    return BoxSteps(dense) if together == 1 else ProjectionSteps(dense)
 
 
 class MultigridSteps:
-    """Large sparse A with WeightedL1 or GroupNorm; a step starts from the increment of the one
-    before."""
+    """Large sparse A with boxes or balls K; a step starts from the increment of the one before.
 
-    def __init__(self, A: Any, dissipation: WeightedL1 | GroupNorm, tolerance: float) -> None:
+    Parameters
+    ----------
+    A : sparse array, shape (n, n)
+    together : int
+        How many components rub together.
+    tolerance : float
+        KKT residual relative to the largest weight.
+    """
+
+    def __init__(self, A: Any, together: int, tolerance: float) -> None:
         from stickslip.rate_independent.solvers.multigrid import Multigrid
 
         self.A = A
         self.tolerance = tolerance
-        self.block = max(1, min(64, BLOCK // A.shape[0]))
-        self.groups = dissipation.size if isinstance(dissipation, GroupNorm) else 1
-        self.solver = Multigrid(A, groups=self.groups)
+        self.block = max(1, min(64, _BLOCK // A.shape[0]))
+        self.solver = Multigrid(A, groups=together)
         self.previous: Array | None = None
 
     def advance(self, z: Array, loads: Array, sets: Any) -> tuple[Array, Array]:
@@ -91,14 +97,11 @@ class MultigridSteps:
         states = np.empty_like(loads)
         effort = np.zeros(len(loads), np.int64)
         for k, load in enumerate(loads):
-            row = k if len(sets.size()) > 1 else 0
-            K = (
-                {"radii": sets.radii[row]}
-                if self.groups > 1
-                else {"lower": sets.lower[row], "upper": sets.upper[row]}
-            )
             step = self.solver.step(
-                load - self.A @ z, **K, start=self.previous, tolerance=self.tolerance
+                load - self.A @ z,
+                **sets.weights(k),
+                start=self.previous,
+                tolerance=self.tolerance,
             )
             self.previous = step.delta
             z = states[k] = z + step.delta

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from stickslip.rate_independent.solvers.stable_sets import Boxes, ConvexSets, Discs
+from stickslip.arrays import Array
+from stickslip.rate_independent.sets.stable_sets import Boxes, ConvexSets, Discs
 
-Array = np.ndarray
-ROUNDING = 1e-14  # of a force, relative to the largest of its parts
-BLOCK = 400_000  # numbers in one array of a block of steps
+_ROUNDING = 1e-14  # of a force, relative to the largest of its parts
+_BLOCK = 400_000  # numbers in one array of a block of steps
 
 
 class BoxSteps:
@@ -28,11 +28,11 @@ class BoxSteps:
         self.order = np.zeros(n, np.int64)
         self.signs = np.zeros(n, np.int64)
         self.count = np.zeros(2, np.int64)
-        self.block = max(1, min(4096, BLOCK // n))
+        self.block = max(1, min(4096, _BLOCK // n))
 
     def advance(self, z: Array, loads: Array, sets: Boxes) -> tuple[Array, Array]:
         """States after each load (as far as the solver came), and the changes of sign each took."""
-        from stickslip.rate_independent.solvers.active_set import advance
+        from stickslip.rate_independent.solvers.active_set import advance_boxes
 
         states = np.empty_like(loads)
         effort = np.zeros(len(loads), np.int64)
@@ -41,7 +41,7 @@ class BoxSteps:
             np.require(table, requirements=["C", "W"]) for table in (loads, sets.lower, sets.upper)
         )
         face = self.factor, self.order, self.signs, self.count
-        done = advance(self.A, *face, z.copy(), loads, lower, upper, states, effort)
+        done = advance_boxes(self.A, *face, z.copy(), loads, lower, upper, states, effort)
         return states[:done], effort[:done]
 
 
@@ -72,7 +72,7 @@ class ProjectionSteps:
             elastic = self.A @ z
             row = sets.row(k)
             force = load - elastic
-            noise = ROUNDING * (np.abs(load).max() + np.abs(elastic).max() + size)
+            noise = _ROUNDING * (np.abs(load).max() + np.abs(elastic).max() + size)
             if not row.holds(force, noise):
                 held = row.nearest(force, self.metric)
                 effort[k] = 1

@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stickslip.rate_independent.solvers.smoothing import Array, Rows, defect, sweep
+from stickslip.arrays import Array
+from stickslip.rate_independent.solvers.smoothing import BlockRows, defect, gauss_seidel_sweep
 from stickslip.rate_independent.solvers.truncation import galerkin, gather, truncate
 
-DENSE = 300  # unknowns up to which the last level is solved by a dense factorisation
+_DENSE = 300  # unknowns up to which the last level is solved by a dense factorisation
 RIDGE = 1e-12  # added to a unit diagonal there: truncation can make coarse operators singular
 
 
@@ -31,8 +32,8 @@ class Level:
         Of a V-cycle: solution, right-hand side, b − H x.
     """
 
-    A: Rows
-    H: Rows = field(init=False)
+    A: BlockRows
+    H: BlockRows = field(init=False)
     inverse: Array = field(init=False)
     whole: Array = field(init=False)
     x: Array = field(init=False)
@@ -54,8 +55,8 @@ class Transfer(NamedTuple):
     """Interpolation P from a level to the finer one, the same for every component, and its
     transpose R."""
 
-    P: Rows
-    R: Rows
+    P: BlockRows
+    R: BlockRows
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,10 +123,10 @@ class Hierarchy:
         Of the last level; None where coarsening ended early.
     """
 
-    def __init__(self, A: Rows, nodal: Any) -> None:
+    def __init__(self, A: BlockRows, nodal: Any) -> None:
         from pyamg import ruge_stuben_solver
 
-        made: list[Any] = ruge_stuben_solver(nodal, max_coarse=DENSE // A.value.shape[1]).levels
+        made: list[Any] = ruge_stuben_solver(nodal, max_coarse=_DENSE // A.value.shape[1]).levels
         self.levels = [Level(A)]
         self.transfers: list[Transfer] = []
         pattern = abs(nodal)
@@ -151,7 +152,7 @@ class Hierarchy:
                 fine.H, P, R, fine.whole, dirty, coarse.A, coarse.H, coarse.inverse, coarse.whole
             )
             fine = coarse
-        if dirty.any() and fine.x.size <= DENSE:
+        if dirty.any() and fine.x.size <= _DENSE:
             self.factor = Factor.of(fine)
 
     def cycle(self, top: int, b: Array) -> Array:
@@ -161,7 +162,7 @@ class Hierarchy:
         levels[0].b = b
         for (_, R), level, coarse in zip(transfers, levels, levels[1:], strict=False):
             level.x[:] = 0.0
-            sweep(level.H, level.inverse, level.b, level.x, False)
+            gauss_seidel_sweep(level.H, level.inverse, level.b, level.x, False)
             defect(level.H, level.inverse, level.b, level.x, level.rest)
             coarse.b = np.zeros_like(coarse.x)
             gather(R, coarse.inverse, level.rest, coarse.b)
@@ -170,7 +171,7 @@ class Hierarchy:
             transfers[::-1], levels[-2::-1], levels[:0:-1], strict=True
         ):
             gather(P, level.inverse, coarse.x, level.x)
-            sweep(level.H, level.inverse, level.b, level.x, True)
+            gauss_seidel_sweep(level.H, level.inverse, level.b, level.x, True)
         return levels[0].x
 
     def solve_last(self, last: Level) -> None:
@@ -179,20 +180,20 @@ class Hierarchy:
             last.x[:] = self.factor.solve(last.b)
         else:
             last.x[:] = 0.0
-            sweep(last.H, last.inverse, last.b, last.x, False)
-            sweep(last.H, last.inverse, last.b, last.x, True)
+            gauss_seidel_sweep(last.H, last.inverse, last.b, last.x, False)
+            gauss_seidel_sweep(last.H, last.inverse, last.b, last.x, True)
 
 
-def rows(matrix: Any) -> Rows:
+def rows(matrix: Any) -> BlockRows:
     """A scipy matrix in CSR or BSR format in the types the kernels are compiled for."""
-    return Rows(
+    return BlockRows(
         np.require(matrix.indptr, np.int32, ("C", "W")),
         np.require(matrix.indices, np.int32, ("C", "W")),
         np.require(matrix.data, np.float64, ("C", "W")),
     )
 
 
-def coarse_operator(fine: Level, transfer: Transfer, nodal: Any) -> Rows:
+def coarse_operator(fine: Level, transfer: Transfer, nodal: Any) -> BlockRows:
     """PᵀAP on the pattern of the nodal operator."""
     n = nodal.shape[0]
     m = fine.A.value.shape[1]

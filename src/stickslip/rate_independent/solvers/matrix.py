@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 
-Array = np.ndarray
 # rows up to which a sparse matrix is factorised to see whether it is positive definite
 DECIDED = 20_000
 

@@ -25,23 +25,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.rate_independent.solvers.hierarchy import Hierarchy, rows
 from stickslip.rate_independent.solvers.matrix import checked_matrix
 from stickslip.rate_independent.solvers.smoothing import (
-    ROUNDING,
-    Array,
-    Rows,
+    SUM_ROUNDING,
+    BlockRows,
     defect,
     forces,
     project,
     relax,
-    slope,
+    slope_along,
 )
 
 # reduction of the gradient asked of the linear solver before the nodes at rest are looked at again
-NEWTON = 0.1
-LINE = 0.1  # reduction of the derivative along a correction
+_NEWTON = 0.1
+_LINE = 0.1  # reduction of the derivative along a correction
 NESTED = 0.1  # reduction of the residual on coarser levels,
 NESTED_CYCLES = 4  # within so many cycles
 # of the residual of d = 0: a given start that is not better than that loses against nested
@@ -168,12 +168,12 @@ class Multigrid:
         """The arguments of a step, checked."""
         nodes, m = self.hierarchy.levels[0].x.shape
         if radii is not None:
-            upper = checked(radii, "radii", nodes)
+            upper = checked_vector(radii, "radii", nodes)
             lower = -upper
         law = Law(
-            checked(r, "r", nodes * m).reshape(nodes, m),
-            checked(lower, "lower", nodes),
-            checked(upper, "upper", nodes),
+            checked_vector(r, "r", nodes * m).reshape(nodes, m),
+            checked_vector(lower, "lower", nodes),
+            checked_vector(upper, "upper", nodes),
         )
         if np.any(law.lower > 0.0) or np.any(law.upper < 0.0):
             i = int(np.argmax((law.lower > 0.0) | (law.upper < 0.0)))
@@ -190,7 +190,7 @@ class Multigrid:
         """The given start if it is a good one, otherwise that of nested iteration."""
         finest = self.hierarchy.levels[0]
         if given is not None:
-            d = checked(given, "start", law.r.size).reshape(law.r.shape).copy()
+            d = checked_vector(given, "start", law.r.size).reshape(law.r.shape).copy()
             at_start, _ = forces(finest.A, *law, d, finest.rest)
             at_rest, _ = forces(finest.A, *law, np.zeros_like(d), finest.rest)
             if at_start <= GOOD_START * at_rest:
@@ -237,7 +237,7 @@ class Multigrid:
             if cycles >= limit or np.isnan(residual):
                 return residual, cycles, StepOutcome.CYCLE_LIMIT
             self.hierarchy.truncate(depth, law.upper, d)
-            goal = max(NEWTON * largest(b), 0.3 * target)
+            goal = max(_NEWTON * largest(b), 0.3 * target)
             newton = np.zeros_like(d)
             spent = 1
             for spent, (rest, _) in enumerate(self._conjugate_gradients(depth, b, newton), start=1):
@@ -301,15 +301,15 @@ class Multigrid:
         level = self.hierarchy.levels[depth]
         curvature = defect(level.A, level.inverse, b, p, level.rest)
         start = -float(np.vdot(b, p))
-        offset = start - slope(law.lower, law.upper, d, p, 0.0)
-        t, end = lowest(
-            lambda t: offset + t * curvature + slope(law.lower, law.upper, d, p, t), start
+        offset = start - slope_along(law.lower, law.upper, d, p, 0.0)
+        t, end = lowest_along(
+            lambda t: offset + t * curvature + slope_along(law.lower, law.upper, d, p, t), start
         )
         # not from values of J, whose differences are soon lost in rounding
         return 0.5 * t * (start + end), t
 
 
-def lowest(derivative: Callable[[float], float], start: float) -> tuple[float, float]:
+def lowest_along(derivative: Callable[[float], float], start: float) -> tuple[float, float]:
     """The t in [0, 1] up to which a convex function falls, about and not beyond, and its derivative
     there.
 
@@ -328,7 +328,7 @@ def lowest(derivative: Callable[[float], float], start: float) -> tuple[float, f
     for _ in range(40):
         t = right - high * (right - left) / (high - low)
         here = derivative(t)
-        if LINE * start <= here <= -ROUNDING * start:
+        if _LINE * start <= here <= -SUM_ROUNDING * start:
             return t, here
         if here < 0.0:
             left = t
@@ -348,7 +348,7 @@ def largest(v: Array) -> float:
     return max(float(v.max()), -float(v.min()))
 
 
-def checked(given: Any, name: str, size: int) -> Array:
+def checked_vector(given: Any, name: str, size: int) -> Array:
     """An array of finite numbers of that size."""
     if given is None:
         raise DeclarationError(name, "it is missing", f"Give {size} numbers")
@@ -362,7 +362,7 @@ def checked(given: Any, name: str, size: int) -> Array:
     return array
 
 
-def block_rows(A: Any, groups: int) -> tuple[Rows, Any]:
+def block_rows(A: Any, groups: int) -> tuple[BlockRows, Any]:
     """A in block rows, and the matrix with the mean diagonal of every block, after which nodes are
     coarsened."""
     from scipy.sparse import csr_array

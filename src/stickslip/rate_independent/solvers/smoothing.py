@@ -13,16 +13,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 
-Array = np.ndarray
-ROUNDING = 8 * 2.220446049250313e-16  # of the magnitudes a force is the sum of
+SUM_ROUNDING = 8 * 2.220446049250313e-16  # of the magnitudes a force is the sum of
 # times the radius: a group that barely moves would have a curvature radius/|d| beyond all others
-HELD = 1.0 + 1e-12
-OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
+_HELD = 1.0 + 1e-12
+COMPILED: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
 
 
-class Rows(NamedTuple):
+class BlockRows(NamedTuple):
     """A sparse matrix in block rows.
 
     Attributes
@@ -37,8 +37,8 @@ class Rows(NamedTuple):
     value: Array
 
 
-@njit(**OPTIONS)
-def moves(d: Array, i: int) -> bool:
+@njit(**COMPILED)
+def may_move(d: Array, i: int) -> bool:
     """Whether node i has an increment."""
     moving = False
     for c in range(d.shape[1]):
@@ -46,8 +46,8 @@ def moves(d: Array, i: int) -> bool:
     return moving
 
 
-@njit(**OPTIONS)
-def norm(v: Array, i: int) -> float:
+@njit(**COMPILED)
+def block_norm(v: Array, i: int) -> float:
     """|vᵢ|₂."""
     total = 0.0
     for c in range(v.shape[1]):
@@ -55,7 +55,7 @@ def norm(v: Array, i: int) -> float:
     return math.sqrt(total)
 
 
-@njit(**OPTIONS)
+@njit(**COMPILED)
 def solve_shifted(B: Array, shift: float, g: Array, L: Array, x: Array) -> None:
     """Solve (B + shift I) x = g for a small positive definite B by Cholesky; L is work space."""
     m = len(g)
@@ -75,7 +75,7 @@ def solve_shifted(B: Array, shift: float, g: Array, L: Array, x: Array) -> None:
         x[c] /= L[c, c]
 
 
-@njit(**OPTIONS)
+@njit(**COMPILED)
 def minimise_block(B: Array, g: Array, radius: float, L: Array, x: Array, y: Array) -> None:
     """Minimise ½ xᵀBx − gᵀx + radius |x|₂ into x; L (m, m) and y (m,) are work space.
 
@@ -89,7 +89,7 @@ def minimise_block(B: Array, g: Array, radius: float, L: Array, x: Array, y: Arr
         size += g[c] * g[c]
         trace += B[c, c]
     size = math.sqrt(size)
-    if size <= radius * HELD:
+    if size <= radius * _HELD:
         x[:] = 0.0
         return
     shift = radius * trace / (size - radius)
@@ -110,8 +110,8 @@ def minimise_block(B: Array, g: Array, radius: float, L: Array, x: Array, y: Arr
         shift = max(following, 0.0)
 
 
-@njit(**OPTIONS)
-def relax(A: Rows, r: Array, lower: Array, upper: Array, d: Array) -> None:
+@njit(**COMPILED)
+def relax(A: BlockRows, r: Array, lower: Array, upper: Array, d: Array) -> None:
     """One sweep of nonlinear Gauss–Seidel: every node in turn takes its exact minimiser."""
     start, column, value = A
     m = d.shape[1]
@@ -143,9 +143,9 @@ def relax(A: Rows, r: Array, lower: Array, upper: Array, d: Array) -> None:
             minimise_block(value[here], g, upper[i], L, d[i], y)
 
 
-@njit(**OPTIONS)
+@njit(**COMPILED)
 def forces(
-    A: Rows, r: Array, lower: Array, upper: Array, d: Array, b: Array
+    A: BlockRows, r: Array, lower: Array, upper: Array, d: Array, b: Array
 ) -> tuple[float, float]:
     """Distance of ξ = r − A d to the subdifferential of the dissipation at d: b = −∇J where d ≠ 0,
     and 0 elsewhere.
@@ -180,22 +180,22 @@ def forces(
                         force -= term
                         terms += abs(term)
                 b[i, c] = force
-            length = norm(d, i)
-            excess = norm(b, i) - upper[i]
+            length = block_norm(d, i)
+            excess = block_norm(b, i) - upper[i]
             for c in range(m):
                 b[i, c] = b[i, c] - upper[i] * d[i, c] / length if length > 0.0 else 0.0
             if length > 0.0:
-                excess = norm(b, i)
+                excess = block_norm(b, i)
         if not excess <= worst:
             worst = excess
             if math.isnan(excess):
                 break
-        beyond = max(beyond, excess - ROUNDING * terms)
+        beyond = max(beyond, excess - SUM_ROUNDING * terms)
     return worst, beyond
 
 
-@njit(**OPTIONS)
-def sweep(H: Rows, inverse: Array, b: Array, x: Array, backward: bool) -> None:
+@njit(**COMPILED)
+def gauss_seidel_sweep(H: BlockRows, inverse: Array, b: Array, x: Array, backward: bool) -> None:
     """One sweep of block Gauss–Seidel for H x = b over the rows that are not empty."""
     start, column, value = H
     n, m = x.shape
@@ -220,8 +220,8 @@ def sweep(H: Rows, inverse: Array, b: Array, x: Array, backward: bool) -> None:
                     x[i, c] += inverse[i, c, e] * g[e]
 
 
-@njit(**OPTIONS)
-def defect(H: Rows, inverse: Array, b: Array, x: Array, out: Array) -> float:
+@njit(**COMPILED)
+def defect(H: BlockRows, inverse: Array, b: Array, x: Array, out: Array) -> float:
     """out = b − H x, zero in empty rows; returns xᵀH x."""
     start, column, value = H
     m = x.shape[1]
@@ -247,7 +247,7 @@ def defect(H: Rows, inverse: Array, b: Array, x: Array, out: Array) -> float:
     return total
 
 
-@njit(**OPTIONS)
+@njit(**COMPILED)
 def project(d: Array, p: Array) -> int:
     """Stop at rest the nodes that the correction p would carry through the kink; returns how
     many."""
@@ -256,15 +256,15 @@ def project(d: Array, p: Array) -> int:
         ahead = 0.0
         for c in range(d.shape[1]):
             ahead += d[i, c] * (d[i, c] + p[i, c])
-        if ahead <= 0.0 and moves(d, i):
+        if ahead <= 0.0 and may_move(d, i):
             stopped += 1
             for c in range(d.shape[1]):
                 p[i, c] = -d[i, c]
     return stopped
 
 
-@njit(**OPTIONS)
-def slope(lower: Array, upper: Array, d: Array, p: Array, t: float) -> float:
+@njit(**COMPILED)
+def slope_along(lower: Array, upper: Array, d: Array, p: Array, t: float) -> float:
     """Derivative in t, from the left, of the dissipation of d + t p."""
     m = d.shape[1]
     total = 0.0

@@ -10,19 +10,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 from stickslip.rate_independent.solvers.smoothing import (
-    OPTIONS,
-    Array,
-    Rows,
-    moves,
-    norm,
+    COMPILED,
+    BlockRows,
+    block_norm,
+    may_move,
     solve_shifted,
 )
 
 
-@njit(**OPTIONS)
-def invert(block: Array, inverse: Array) -> None:
+@njit(**COMPILED)
+def invert_blocks(block: Array, inverse: Array) -> None:
     """Invert the diagonal block of a row; that of an empty row has the inverse 0."""
     m = len(block)
     if block[0, 0] == 0.0:
@@ -37,19 +37,19 @@ def invert(block: Array, inverse: Array) -> None:
             solve_shifted(block, 0.0, unit, L, inverse[c])
 
 
-@njit(**OPTIONS)
+@njit(**COMPILED)
 def add_curvature(block: Array, weight: float, d: Array, i: int) -> None:
     """Add the Hessian (I − e eᵀ) weight/|d|, e = d/|d|, of weight |d|₂ at dᵢ."""
-    length = norm(d, i)
+    length = block_norm(d, i)
     for c in range(d.shape[1]):
         block[c, c] += weight / length
         for e in range(d.shape[1]):
             block[c, e] -= weight / length * (d[i, c] / length) * (d[i, e] / length)
 
 
-@njit(**OPTIONS)
+@njit(**COMPILED)
 def truncate(
-    A: Rows, upper: Array, d: Array, H: Rows, inverse: Array, whole: Array, dirty: Array
+    A: BlockRows, upper: Array, d: Array, H: BlockRows, inverse: Array, whole: Array, dirty: Array
 ) -> None:
     """Write the Hessian of J at d into H, with empty rows and columns where d = 0.
 
@@ -59,19 +59,19 @@ def truncate(
     start, column, value = A
     m = d.shape[1]
     for i in range(len(d)):
-        moving = moves(d, i)
+        moving = may_move(d, i)
         if moving != (inverse[i, 0, 0] != 0.0) or (m > 1 and moving):
             for k in range(start[i], start[i + 1]):
                 dirty[column[k]] = 1
     for i in range(len(d)):
         if dirty[i] == 0:
             continue
-        moving = moves(d, i)
+        moving = may_move(d, i)
         whole[i] = moving and m == 1
         inverse[i] = 0.0
         for k in range(start[i], start[i + 1]):
             j = column[k]
-            kept = moving and moves(d, j)
+            kept = moving and may_move(d, j)
             for c in range(m):
                 for e in range(m):
                     H.value[k, c, e] = value[k, c, e] if kept else 0.0
@@ -80,18 +80,18 @@ def truncate(
             if kept and j == i:
                 if m > 1:
                     add_curvature(H.value[k], upper[i], d, i)
-                invert(H.value[k], inverse[i])
+                invert_blocks(H.value[k], inverse[i])
 
 
-@njit(**OPTIONS)
+@njit(**COMPILED)
 def galerkin(
-    H: Rows,
-    P: Rows,
-    R: Rows,
+    H: BlockRows,
+    P: BlockRows,
+    R: BlockRows,
     whole: Array,
     dirty: Array,
-    A: Rows,
-    coarse: Rows,
+    A: BlockRows,
+    coarse: BlockRows,
     inverse: Array,
     coarse_whole: Array,
 ) -> Array:
@@ -125,12 +125,14 @@ def galerkin(
         if not coarse_whole[row]:
             for s in range(R.start[row], R.start[row + 1]):
                 add_products(H, R.column[s], R.value[s], P, place, coarse)
-        invert(coarse.value[here], inverse[row])
+        invert_blocks(coarse.value[here], inverse[row])
     return marked
 
 
-@njit(**OPTIONS)
-def add_products(H: Rows, i: int, weight: float, P: Rows, place: Array, coarse: Rows) -> None:
+@njit(**COMPILED)
+def add_products(
+    H: BlockRows, i: int, weight: float, P: BlockRows, place: Array, coarse: BlockRows
+) -> None:
     """Add weight times row i of H P to a coarse row whose columns stand at `place`."""
     m = H.value.shape[1]
     for k in range(H.start[i], H.start[i + 1]):
@@ -148,8 +150,8 @@ def add_products(H: Rows, i: int, weight: float, P: Rows, place: Array, coarse: 
                         coarse.value[p, c, e] += weight * P.value[q] * H.value[k, c, e]
 
 
-@njit(**OPTIONS)
-def gather(M: Rows, inverse: Array, x: Array, y: Array) -> None:
+@njit(**COMPILED)
+def gather(M: BlockRows, inverse: Array, x: Array, y: Array) -> None:
     """Add M x to y in the rows that are not empty; M acts alike on every component."""
     for i in range(len(y)):
         if inverse[i, 0, 0] != 0.0:

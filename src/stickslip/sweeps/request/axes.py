@@ -24,12 +24,12 @@ from typing import Any
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short
 from stickslip.model.system import System
 from stickslip.symbolic.expressions import is_number, number
 from stickslip.symbolic.formulas import Scope
 
-Array = np.ndarray
 SAMPLES = ("sobol", "halton", "latin", "random")
 SPACINGS = ("linear", "log", "list", *SAMPLES)
 SAME = 1e-12  # values of two axes that differ by less, relative to the largest, are one value

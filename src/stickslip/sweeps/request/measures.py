@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
     import xarray
 
     from stickslip.sweeps.work.chunk import Settings
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError, short
 from stickslip.model.system import System
 from stickslip.sweeps.request.measures import MEASURES, OWN, needs_close_look
@@ -26,7 +27,6 @@ from stickslip.symbolic.formulas import NAME, Scope
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-Array = np.ndarray
 REASONS = ("given", "returned_nan", "returned_no_number", "raised_an_error", "motion_incomplete")
 """Why a function of the motion has no value at a point; 0: it has one."""
 

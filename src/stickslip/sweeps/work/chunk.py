@@ -9,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.equations.codegen.compiled import announced
 from stickslip.errors import DeclarationError
 from stickslip.model.system import System
@@ -51,8 +52,6 @@ from stickslip.sweeps.request.measures import (
     needs_close_look,
 )
 from stickslip.sweeps.work.scheduler import Stopped
-
-Array = np.ndarray
 
 SLOTS = 12  # closed forms of every point
 SHARED_SLOTS = 64  # closed forms of all points

@@ -20,6 +20,7 @@ import numpy as np
 from numba import config, cuda
 from numba.core.dispatcher import Dispatcher
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.motion.between.step_balance import Steps, Tally
 from stickslip.motion.engine.forms import Flight
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from stickslip.motion.engine.forms import ClosedForms
     from stickslip.motion.problem import Problem
 
-Array = np.ndarray
 
 THREADS = 64  # of a CUDA block
 ROOM = 16  # knots that are measured at a time

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.model.system import System
 from stickslip.sweeps.request.measures import OWN
@@ -26,8 +27,6 @@ from stickslip.sweeps.work.scheduler import Stopped
 
 if TYPE_CHECKING:
     from stickslip.sweeps.work.chunk import Settings
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -27,9 +27,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError
 
-Array = np.ndarray
 T = TypeVar("T")
 R = TypeVar("R")
 CHANCES = 4  # workers that may die over one task before the task is to blame

@@ -13,16 +13,16 @@ from functools import cache
 import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebval, chebvander
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 
-Array = np.ndarray
 Growth = Callable[[Array, Array, Array], Array]
 
 DEGREE = 16
 EPS = float(np.finfo(float).eps)
-ROUNDING = 64 * EPS
+FIT_ROUNDING = 64 * EPS
 """Largest error of a fit, relative to the largest value: what evaluation may leave."""
-COARSEST = 1e-9
+_COARSEST = 1e-9
 """Largest relative error that rounding of the places may excuse: beyond it a function of unknown
 growth has a jump."""
 FIRST_PANELS = 4
@@ -31,8 +31,8 @@ MOST_PANELS = 2**18  # of a fit
 NARROWEST = 2.0**-50
 # width of a panel that only a corner can call for, if few of its neighbours are as narrow
 DEEP = 2.0**-12
-SAME = 2.0**-40  # distance of two corners in parts of the whole, below which they are one
-CLUSTER = 250  # panels that gather around one corner, at most
+_SAME = 2.0**-40  # distance of two corners in parts of the whole, below which they are one
+_CLUSTER = 250  # panels that gather around one corner, at most
 PASSES = 6
 MOST_HALVINGS = 52  # of a panel, in search of zeros
 # radii of discs around panels, in units of half their width, that may show what a fit can miss
@@ -90,7 +90,7 @@ def values(c: Array, x: Array) -> Array:
     return chebval(x, c, tensor=False)
 
 
-def slopes(c: Array) -> Array:
+def derivatives(c: Array) -> Array:
     """Coefficients of the derivative with respect to x."""
     return chebder(c, axis=0) if len(c) > 1 else np.zeros_like(c)
 
@@ -183,7 +183,7 @@ def fit(
     known = edges
     whole = edges[-1] - edges[0]
     place = EPS * np.max(np.abs(edges))
-    same = max(SAME * whole, 1024.0 * place)
+    same = max(_SAME * whole, 1024.0 * place)
     for _ in range(PASSES):
         breaks, c, _ = _halve_until_resolved(function, edges, most, SEARCH, growth)
         corners = _corners(breaks)
@@ -223,16 +223,18 @@ def _halve_until_resolved(
         scale = max(scale, float(np.max(np.abs(sampled))))
         # A place is a rounded number, so a steep function is known no better than slope times
         # rounding; what grows without bound on every disc is a jump.
-        steepness = np.sum(np.abs(slopes(c)), axis=0) / half
+        steepness = np.sum(np.abs(derivatives(c)), axis=0) / half
         blur = 4.0 * EPS * np.maximum(np.abs(start), np.abs(end)) * steepness
-        tolerance = ROUNDING * scale + (
-            np.minimum(blur, COARSEST * scale) if growth is None else blur
+        tolerance = FIT_ROUNDING * scale + (
+            np.minimum(blur, _COARSEST * scale) if growth is None else blur
         )
         off = np.max(np.abs(at_points @ c - function(middle + half * points[:, None])), axis=0)
         off = np.maximum(off, np.abs(c[-1]) + np.abs(c[-2]))
         resolved = off <= tolerance
         if growth is not None and resolved.any():
-            resolved[resolved] = _missed(growth, start[resolved], end[resolved]) <= ROUNDING * scale
+            resolved[resolved] = (
+                _missed(growth, start[resolved], end[resolved]) <= FIT_ROUNDING * scale
+            )
         noise = max(noise, float(np.max(off[resolved], initial=0.0)))
         resolved |= end - start <= np.maximum(NARROWEST * whole, 8.0 * np.spacing(np.abs(middle)))
         done.append((start[resolved], c[:, resolved]))
@@ -277,7 +279,7 @@ def _corners(breaks: Array) -> Array:
     narrow = np.concatenate([[False], widths < DEEP * (breaks[-1] - breaks[0]), [False]])
     runs = np.flatnonzero(narrow[1:] != narrow[:-1]).reshape(-1, 2)
     found = [
-        first + np.argmin(widths[first:last]) for first, last in runs if last - first <= CLUSTER
+        first + np.argmin(widths[first:last]) for first, last in runs if last - first <= _CLUSTER
     ]
     return np.array([0.5 * (breaks[i] + breaks[i + 1]) for i in found])
 
@@ -403,7 +405,7 @@ def _crossing(c: Array, low: float, high: float) -> float:
     return x
 
 
-def crossings(c: Array, low: Array, high: Array) -> Array:
+def first_crossings(c: Array, low: Array, high: Array) -> Array:
     """The place between low and high at which each polynomial, monotone there, changes sign."""
     return _crossings(np.ascontiguousarray(c), low, high)
 

@@ -10,22 +10,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, Protocol, Self
+from typing import TYPE_CHECKING, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.rate_independent.dissipation import Dissipation, GroupNorm, WeightedL1
-from stickslip.rate_independent.dissipation.group_norm import onto_balls
-from stickslip.rate_independent.sets.phase import Varying
-from stickslip.rate_independent.sets.projections import nearest_in_metric
-from stickslip.rate_independent.sets.stretches import Sampled
-from stickslip.rate_independent.sets.thresholds import nonnegative
+from stickslip.arrays import Array
+from stickslip.rate_independent.sets.projections import nearest_in_metric, onto_balls
+from stickslip.rate_independent.sets.stretches import AtPhases
 
-Array = np.ndarray
+if TYPE_CHECKING:
+    from stickslip.rate_independent.sets.potential import Dissipation
+
 Forces = tuple[Array, Array, Array]
 ON_BOUND = 1e-12  # of a radius: how near to it a force may be inside and still be on its bound
-PHASES = 17  # at which the size of K(s) is looked up
+SIZED_AT = 17  # at which the size of K(s) is looked up
 
 
 class Step(NamedTuple):
@@ -47,7 +46,22 @@ class Step(NamedTuple):
 
 
 class StableSets(Protocol):
-    """K(s) for a row of phases."""
+    """K(s) for a row of phases.
+
+    Attributes
+    ----------
+    together : int or None
+        How many components rub together, each such group on its own: 1 for boxes. None if K(s) is
+        no such product.
+    """
+
+    @property
+    def together(self) -> int | None: ...
+
+    def weights(self, k: int) -> dict[str, Array]:
+        """What a solver for large products takes of row k, by the names of its arguments; of those
+        with `together`."""
+        ...
 
     def value(self, v: Array) -> Array:
         """Ψ(s, v) of every row, shape (m,)."""
@@ -82,6 +96,11 @@ class StableSets(Protocol):
         row."""
         ...
 
+    def overshoot(self, before: Self, middle: Self, forces: Forces) -> Array | None:
+        """How far ξ may leave K(s) during the step that ends with each row, as seen before, in the
+        middle and after; None where the potential itself has to be asked."""
+        ...
+
     def before(self, first: Self) -> Self:
         """The sets of the phase before each row; `first` comes before row 0, and is `self` if one
         set serves all."""
@@ -92,49 +111,10 @@ class StableSets(Protocol):
         ...
 
 
-def stable_sets(dissipation: Dissipation, phases: Array) -> StableSets:
-    """K(s) at given phases, shape (m,).
-
-    Raises
-    ------
-    DeclarationError
-        If a threshold is negative or not finite at one of them.
-    """
-    if not dissipation.depends_on_phase:
-        phases = phases[:1]  # one row stands for all
-    if isinstance(dissipation, WeightedL1):
-        upper = _rows(dissipation.above, phases)
-        return Boxes(
-            -(
-                upper
-                if dissipation.below is dissipation.above
-                else _rows(dissipation.below, phases)
-            ),
-            upper,
-        )
-    if isinstance(dissipation, GroupNorm):
-        return Discs(_rows(dissipation.radius, phases), dissipation.size)
-    return ConvexSets(dissipation, phases)
-
-
-def _rows(thresholds: Varying, phases: Array) -> Array:
-    """Thresholds at many phases, one row each."""
-    if len(phases) == 1:  # no copy of what may be large
-        return nonnegative(thresholds, float(phases[0]))[None]
-    rows = thresholds.over(phases)
-    return (
-        rows
-        if rows.min() >= 0.0
-        else np.array([nonnegative(thresholds, s) for s in phases.tolist()])
-    )
-
-
 def largest_weight(dissipation: Dissipation) -> float:
     """Largest weight over the phases, as sampled: the force that residuals are compared with."""
-    phases = np.linspace(0.0, 1.0, PHASES) if dissipation.depends_on_phase else np.zeros(1)
-    return max(
-        float(stable_sets(dissipation, phases[k : k + 1]).size()[0]) for k in range(len(phases))
-    )
+    phases = np.linspace(0.0, 1.0, SIZED_AT) if dissipation.depends_on_phase else np.zeros(1)
+    return max(float(dissipation.sets(phases[k : k + 1]).size()[0]) for k in range(len(phases)))
 
 
 def _crest(start: Array, middle: Array, end: Array) -> Array:
@@ -163,6 +143,11 @@ class Boxes:
 
     lower: Array
     upper: Array
+    together = 1
+
+    def weights(self, k: int) -> dict[str, Array]:
+        row = k if len(self.lower) > 1 else 0
+        return {"lower": self.lower[row], "upper": self.upper[row]}
 
     def value(self, v: Array) -> Array:
         return np.maximum(self.lower * v, self.upper * v).sum(axis=1)
@@ -183,8 +168,6 @@ class Boxes:
         return np.maximum(-self.lower, self.upper).max(axis=1)
 
     def overshoot(self, before: Self, middle: Self, forces: Forces) -> Array:
-        """How far ξ may leave K(s) during the step that ends with each row, as seen before, in the
-        middle and after."""
         sets = (before, middle, self)
         above = _crest(*(xi - box.upper for xi, box in zip(forces, sets, strict=True)))
         return np.maximum(
@@ -219,6 +202,13 @@ class Discs:
 
     radii: Array
     group: int
+
+    @property
+    def together(self) -> int:
+        return self.group
+
+    def weights(self, k: int) -> dict[str, Array]:
+        return {"radii": self.radii[k if len(self.radii) > 1 else 0]}
 
     def holds(self, xi: Array, noise: float) -> bool:
         """Whether ξ, shape (n,), lies outside K(s) by no more than rounding; of a single row."""
@@ -269,8 +259,6 @@ class Discs:
         return self.radii.max(axis=1)
 
     def overshoot(self, before: Self, middle: Self, forces: Forces) -> Array:
-        """How far ξ may leave K(s) during the step that ends with each row, as seen before, in the
-        middle and after."""
         return _crest(
             *(s._norms(xi) - s.radii for xi, s in zip(forces, (before, middle, self), strict=True))
         )
@@ -294,12 +282,19 @@ class ConvexSets:
 
     dissipation: Dissipation
     phases: Array
+    together = None
+
+    def weights(self, k: int) -> dict[str, Array]:
+        raise NotImplementedError
+
+    def overshoot(self, before: Self, middle: Self, forces: Forces) -> None:
+        return None
 
     @cached_property
-    def _sampled(self) -> Sampled:
+    def _sampled(self) -> AtPhases:
         return self.dissipation.sampled(self.phases)
 
-    def _for(self, rows: Array) -> Sampled:
+    def _for(self, rows: Array) -> AtPhases:
         """The potential at the phase of every row."""
         if len(self.phases) == len(rows):
             return self._sampled

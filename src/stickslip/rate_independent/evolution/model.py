@@ -1,0 +1,221 @@
+"""A rate-independent evolution as texts and numbers, as a model file declares it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Any
+
+from stickslip.errors import DeclarationError, short
+from stickslip.model import toml
+from stickslip.model.names import DeclaredNames, reconfigured
+from stickslip.model.schema import check_shape
+from stickslip.model.system import Formula, Parameter, hold_plain
+from stickslip.rate_independent.dissipation import Dissipation
+from stickslip.rate_independent.evolution.evolution import Evolution, UnstableStart
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.formulas import Definition, Scope
+
+CLOCK = "t"
+_PHASE = "s"
+MOST_SHOWN = 8  # components of a state in a message
+FormulaTable = Any
+"""A formula, or lists of formulas: a vector, or the rows of a matrix."""
+
+
+@dataclass(frozen=True)
+class EvolutionModel:
+    """A rate-independent evolution, or a dissipation potential alone, as texts and numbers.
+
+    Attributes
+    ----------
+    name, title, source : str
+        Short name, one line of description, and the literature.
+    parameters : mapping of str to Parameter
+    functions : mapping of str to formula
+        Functions used in formulas, such as ``{"rho(s)": "1 + cos(2*pi*s)/2"}``.
+    A : matrix of formulas
+        (n, n), of the parameters; a single one if n = 1. May be left out, with the load, where only
+        the dissipation is meant.
+    load : list of formulas
+        n formulas of ``t``; a single one if n = 1.
+    dissipation : mapping
+        ``kind``, one of ``Dissipation.kinds``, and what that kind takes, formulas of ``s``.
+    initial : list of formulas
+        By default 0.
+    epsilon : formula
+        Period of the dissipation in the units of time.
+    span : (formula, formula)
+    steps : int or None
+        Steps of equal length; adaptive if None.
+
+    Raises
+    ------
+    DeclarationError
+        If anything is wrong; the message names the key, the reason and the remedy.
+    """
+
+    name: str
+    title: str = ""
+    source: str = ""
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    functions: Mapping[str, Formula] = field(default_factory=dict)
+    A: FormulaTable = ()
+    load: FormulaTable = ()
+    dissipation: Mapping[str, Any] = field(default_factory=dict)
+    initial: FormulaTable = ()
+    epsilon: Formula = 1.0
+    span: tuple[Formula, Formula] = (0.0, 1.0)
+    steps: int | None = None
+
+    def __post_init__(self) -> None:
+        hold_plain(self)
+        check_shape(self)
+        if not self.name.strip():
+            raise DeclarationError("name", "the model has no name", "Give it a short name")
+        for name in self._definitions:
+            self._scope(CLOCK, _PHASE).check(name)
+        _ = self.potential
+        if self.is_evolution:
+            _ = self.problem
+        self._check_steps()
+
+    @property
+    def is_evolution(self) -> bool:
+        """Whether there is more than a dissipation potential."""
+        return self.A != () or self.load != ()
+
+    @property
+    def is_play(self) -> bool:
+        """Whether it is a scalar play, which is computed exactly."""
+        return self.potential.thresholds is not None
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Values of the parameters."""
+        return {name: float(parameter.default) for name, parameter in self.parameters.items()}
+
+    @cached_property
+    def potential(self) -> Dissipation:
+        """The dissipation potential."""
+        given = dict(self.dissipation)
+        if not given:
+            raise toml.missing("", "dissipation")
+        cls: Any = toml.named_kind(given, Dissipation.kinds, "dissipation")
+        given = toml.known_keys(cls, given, "dissipation")
+        scope = self._scope(_PHASE)
+        for item in fields(cls):
+            # A whole number is no formula.
+            if item.name in given and getattr(item.type, "__name__", item.type) != "int":
+                given[item.name] = _trees(scope, given[item.name], f"dissipation.{item.name}")
+        try:
+            return cls(**given)
+        except DeclarationError as error:
+            where = "dissipation" if error.where == cls.__name__ else f"dissipation.{error.where}"
+            raise DeclarationError(where, error.reason, error.remedy) from None
+
+    @cached_property
+    def problem(self) -> Evolution:
+        """The evolution.
+
+        Raises
+        ------
+        DeclarationError
+            If the model is a dissipation potential alone, or the evolution makes no sense.
+        """
+        for key in ("A", "load"):
+            if getattr(self, key) == ():
+                raise toml.missing("", key)
+        n = self.potential.dimension
+        return with_nearest_start(
+            lambda: Evolution(
+                A=self._numbers("A"),
+                load=_trees(self._scope(CLOCK), self.load, "load"),
+                dissipation=self.potential,
+                initial=[0.0] * n if self.initial == () else self._numbers("initial"),
+                epsilon=self._numbers("epsilon"),
+                span=self._numbers("span"),
+            )
+        )
+
+    def configure(self, given: Mapping[str, Formula]) -> EvolutionModel:
+        """The same model with other parameter values (numbers) and functions (formulas).
+
+        Raises
+        ------
+        DeclarationError
+            If a name is neither, or a value is not admissible.
+        """
+        return reconfigured(self, given, ("functions",))
+
+    def to_toml(self) -> str:
+        """The declaration as a model file."""
+        from stickslip.rate_independent.evolution.evolution_file import EVOLUTIONS
+
+        return EVOLUTIONS.dumps(self)
+
+    @cached_property
+    def _definitions(self) -> dict[str, Definition]:
+        """Functions, and the derivatives of those of one argument."""
+        names = DeclaredNames(reserved={_PHASE: "the phase"})
+        names.parameters(self.parameters)
+        names.functions("functions", self.functions)
+        return names.with_derivatives()
+
+    def _scope(self, *variables: str) -> Scope:
+        """Parameters stand for their values."""
+        names = {name: ex.num(value) for name, value in self.values.items()}
+        allowed = ", ".join([*variables, "parameters"]).replace(", parameters", " and parameters")
+        forbidden = {
+            name: f"Only {allowed} may stand here"
+            for name in (CLOCK, _PHASE)
+            if name not in variables
+        }
+        return Scope(
+            names | {name: ex.sym(name) for name in variables}, self._definitions, forbidden
+        )
+
+    def _numbers(self, key: str) -> Any:
+        return _evaluated(self._scope(), getattr(self, key), key)
+
+    def _check_steps(self) -> None:
+        if self.steps is None:
+            return
+        if self.steps < 1:
+            raise DeclarationError(
+                "steps", f"{short(repr(self.steps))} steps", "Give a positive whole number"
+            )
+        if self.is_play:
+            raise DeclarationError(
+                "steps", "a scalar play is computed exactly, without steps", "Leave it out"
+            )
+
+
+def with_nearest_start(make: Callable[[], Evolution]) -> Evolution:
+    """An evolution; if it starts outside the stable set, the message gives the nearest stable
+    state."""
+    from stickslip.rate_independent.evolution.evolve import nearest_stable
+
+    try:
+        return make()
+    except UnstableStart as unstable:
+        nearest = nearest_stable(unstable.problem)
+        numbers = ", ".join(f"{x:.6g}" for x in nearest[:MOST_SHOWN])
+        more = ", ..." if len(nearest) > MOST_SHOWN else ""
+        remedy = f"The nearest stable state is initial = [{numbers}{more}]"
+        raise DeclarationError(unstable.where, unstable.reason, remedy) from None
+
+
+def _trees(scope: Scope, value: Any, where: str) -> Any:
+    """Formulas in nested tuples as expressions in the variables alone, in nested lists."""
+    if isinstance(value, tuple):
+        return [_trees(scope, item, f"{where}[{i}]") for i, item in enumerate(value)]
+    return scope.parse(value, where)
+
+
+def _evaluated(scope: Scope, value: Any, where: str) -> Any:
+    """Numbers of formulas in nested tuples."""
+    if isinstance(value, tuple):
+        return [_evaluated(scope, item, f"{where}[{i}]") for i, item in enumerate(value)]
+    return ex.evaluate(scope.parse(value, where), {})

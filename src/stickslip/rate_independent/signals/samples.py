@@ -1,0 +1,167 @@
+"""Signals that are samples, with what these mean in between."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.arrays import Array
+from stickslip.errors import DeclarationError
+from stickslip.rate_independent.signals import chebyshev as ch
+from stickslip.rate_independent.signals.panels import Panels
+from stickslip.rate_independent.signals.signal import Signal, Variable, finite, fitting
+from stickslip.symbolic.chords import Chord
+
+
+class Samples(Signal):
+    """A table, with straight lines between its rows.
+
+    Parameters
+    ----------
+    times : array, shape (m,)
+    values : array, shape (m, ...)
+    where : str
+    clock : Clock
+    shape : tuple of int
+        Of one value.
+
+    Raises
+    ------
+    DeclarationError
+        If they are no numbers, do not fit each other or the shape, a number is not finite, or the
+        times do not increase.
+    """
+
+    bounded = True
+
+    def __init__(
+        self, times: Any, values: Any, where: str, clock: Variable, shape: tuple[int, ...]
+    ) -> None:
+        self.where = where
+        self.clock = clock
+        self.shape = shape
+        t = finite(as_numbers(times, f"{where}, times").copy(), f"{where}, times")
+        y = as_numbers(values, f"{where}, values").copy()
+        if t.ndim != 1 or y.ndim == 0 or len(t) != len(y) or len(t) < 2:
+            raise DeclarationError(
+                where,
+                f"{t.size} times and {len(y) if y.ndim else 1} values",
+                "Give as many times as values, at least 2 of each",
+            )
+        if not np.all(t[1:] > t[:-1]):
+            k = int(np.argmin(t[1:] > t[:-1])) + 1
+            raise DeclarationError(
+                where,
+                f"the times do not increase: {t[k - 1]:.9g}, then {t[k]:.9g} at index {k}",
+                "Sort them, each once",
+            )
+        self.times = t
+        self.rows = fitting(y, (len(t), *shape), f"{where}, values")
+        if not np.isfinite(self.rows).all():
+            k = int(np.argmin(np.isfinite(self.rows.reshape(len(t), -1)).all(axis=1)))
+            finite(self.rows[k], where, clock.place(float(t[k])))
+
+    @property
+    def span(self) -> tuple[float, float]:  # type: ignore[override]
+        """From the first to the last sample."""
+        return float(self.times[0]), float(self.times[-1])
+
+    @property
+    def knots(self) -> Array:  # type: ignore[override]
+        """The samples in between."""
+        return self.times[1:-1]
+
+    def raw(self, u: float) -> Array:
+        return self.unwrapped(np.array([u]))[0]
+
+    def unwrapped(self, places: Array) -> Array:
+        times = self.times
+        left = np.clip(np.searchsorted(times, places, side="right") - 1, 0, len(times) - 2)
+        share = (places - times[left]) / (times[left + 1] - times[left])
+        share = share.reshape(len(places), *(1 for _ in self.shape))
+        return (1.0 - share) * self.rows[left] + share * self.rows[left + 1]
+
+    def entries(self, index: NDArray[np.intp], places: Array) -> Array:
+        return self.unwrapped(places).reshape(len(places), -1)[np.arange(len(places)), index]
+
+    def chord(self, low: Array, high: Array) -> Chord:
+        start, end = self.unwrapped(low), self.unwrapped(high)
+        return Chord(start, end, np.zeros(start.shape))
+
+    def panels(self, span: tuple[float, float], period: float | None = None) -> Panels:
+        t = self.times
+        start, end = span if period is None else (0.0, 1.0)
+        if period is not None and self.span != (0.0, 1.0):
+            raise DeclarationError(
+                self.where,
+                f"the samples cover {t[0]:.9g} ... {t[-1]:.9g}, but one period of the phase s = "
+                "t/epsilon is 0 ... 1",
+                "Let them start at s = 0 and end at s = 1",
+            )
+        self.check_span(start, end)
+        first = np.searchsorted(t, start, side="right") - 1
+        last = np.searchsorted(t, end, side="left")
+        noise = 4.0 * ch.EPS * float(np.max(np.abs(self.rows)))
+        c = self._coefficients()[:, first:last]
+        return Panels(t[first : last + 1], c, noise, self._of_arrays, period)
+
+    def plain(self) -> dict[str, list[float]]:
+        return {"times": self.times.tolist(), "values": self.rows.ravel().tolist()}
+
+    def _of_arrays(self, u: Array) -> Array:
+        return self.unwrapped(np.ravel(u)).reshape(np.shape(u))
+
+    def _coefficients(self) -> Array:
+        """Chebyshev coefficients on each interval, shape (2, m − 1), of a single value."""
+        y = self.rows.ravel()
+        return np.stack([0.5 * (y[:-1] + y[1:]), 0.5 * np.diff(y)])
+
+
+class MonotoneSamples(Samples):
+    """A table, with monotone cubics (PCHIP) between its rows."""
+
+    @cached_property
+    def _cubic(self) -> Any:
+        from scipy.interpolate import PchipInterpolator
+
+        return PchipInterpolator(self.times, self.rows)
+
+    def unwrapped(self, places: Array) -> Array:
+        return self._cubic(places)
+
+    def chord(self, low: Array, high: Array) -> Chord:
+        # The second derivative of a cubic is largest at an end.
+        start, end = self.unwrapped(low), self.unwrapped(high)
+        bend = np.maximum(np.abs(self._cubic(low, 2)), np.abs(self._cubic(high, 2)))
+        width = (high - low).reshape(len(low), *(1 for _ in self.shape))
+        return Chord(start, end, 0.125 * width**2 * bend)
+
+    def _coefficients(self) -> Array:
+        y, t = self.rows.ravel(), self.times
+        mean = 0.5 * (y[:-1] + y[1:])
+        rise = 0.5 * np.diff(y)
+        slope = self._cubic(t, 1).ravel()
+        half = 0.5 * np.diff(t)
+        start, end = half * slope[:-1], half * slope[1:]
+        c2 = (end - start) / 8.0
+        c3 = (0.5 * (start + end) - rise) / 8.0
+        return np.stack([mean - c2, rise - c3, c2, c3])
+
+
+def as_numbers(given: Any, where: str) -> Array:
+    """The array of numbers that was given.
+
+    Raises
+    ------
+    DeclarationError
+        If it holds anything else.
+    """
+    try:
+        return np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        raise DeclarationError(
+            where, f"a {type(given).__name__} of something is no array of numbers", "Give numbers"
+        ) from None

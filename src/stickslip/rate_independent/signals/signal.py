@@ -1,0 +1,313 @@
+"""What every signal can be asked: an array that is a function of the time t, or of the phase s with
+period 1."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.arrays import Array
+from stickslip.errors import DeclarationError, StickslipError
+from stickslip.rate_independent.signals.panels import Panels
+from stickslip.symbolic.chords import Chord
+
+NARROWEST_STRETCH = 2.0**-50  # width of a stretch of phases that is rounding
+SAMPLE_PHASES = tuple((k * 0.6180339887498949) % 1.0 for k in range(8))
+
+
+class Variable(NamedTuple):
+    """What a signal is a function of.
+
+    Attributes
+    ----------
+    name : str
+        In formulas.
+    periodic : bool
+        Whether only its fractional part counts.
+    """
+
+    name: str
+    periodic: bool
+
+    def wrapped(self, u: Any) -> Any:
+        """The same moment, in [0, 1) if periodic."""
+        return wrapped(u) if self.periodic else u
+
+    def place(self, u: float) -> str:
+        """A moment as errors call it."""
+        return f"phase {self.name} = {u:g}" if self.periodic else f"{self.name} = {u:.9g}"
+
+
+OF_TIME = Variable("t", False)
+OF_PHASE = Variable("s", True)
+
+
+class Minima(NamedTuple):
+    """The least value of every entry of an array over one period.
+
+    Attributes
+    ----------
+    values, phases : ndarray of shape (n,)
+        Values up to rounding, and where they are taken; a phase is as accurate as that determines
+        it, 1e-8 for a smooth minimum.
+    floors : ndarray of shape (n,)
+        No value is less, at any phase; if sampled, at none of these.
+    sampled : int
+        Number of phases looked at; 0 if all phases are covered by bounds.
+    """
+
+    values: Array
+    phases: Array
+    floors: Array
+    sampled: int
+
+
+class Signal(ABC):
+    """An array that is a function of a clock.
+
+    Attributes
+    ----------
+    where : str
+        How errors call it.
+    clock : Clock
+    shape : tuple of int
+    varies : bool
+        Whether it is not the same at all times.
+    bounded : bool
+        Whether it is known everywhere, and not only where it is asked for.
+    differentiable : bool
+        Whether :meth:`slope` and :meth:`bent` are known.
+    knots : ndarray
+        Places at which it has corners, known beforehand.
+    span : (float, float)
+        Between which it is known.
+    scale : float
+        Largest entry at a few places.
+    """
+
+    where: str
+    clock: Variable
+    shape: tuple[int, ...]
+    varies: bool = True
+    bounded: bool = False
+    differentiable: bool = False
+    knots: Array = np.empty(0)
+    span: tuple[float, float] = (-np.inf, np.inf)
+    scale: float = 0.0
+
+    @property
+    def looks(self) -> tuple[float, ...]:
+        """Phases at which a declaration is looked at when it is made; afterwards each is checked
+        when it is used."""
+        return SAMPLE_PHASES if self.varies else (0.0,)
+
+    # -- values ------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def raw(self, u: float) -> Any:
+        """What was given says at u, unchecked; a phase is taken as it is."""
+
+    def value(self, u: float) -> Array:
+        """The array at u; a phase is taken as it is.
+
+        Raises
+        ------
+        DeclarationError
+            If it has another shape than it should or is not finite.
+        """
+        return self.checked(self.raw(u), u)
+
+    def at(self, u: float) -> Array:
+        """The array at u."""
+        return self.value(self.clock.wrapped(u))
+
+    def over(self, places: Array) -> Array:
+        """The arrays at several places, shape (m,), stacked: shape (m, ...)."""
+        return self.unwrapped(self.clock.wrapped(places))
+
+    def unwrapped(self, places: Array) -> Array:
+        """The same with phases taken as they are, such as 1 at the end of a period."""
+        rows = [self.value(u) for u in places.tolist()]
+        return np.array(rows).reshape(len(places), *self.shape)
+
+    @abstractmethod
+    def entries(self, index: NDArray[np.intp], places: Array) -> Array:
+        """Entry ``index[k]`` (of the flat array) at ``places[k]``, for all k."""
+
+    @property
+    def elementwise(self) -> bool:
+        """Whether each entry can be had at a moment of its own for the price of all at one."""
+        return True
+
+    def shaped(self, given: Any, u: float) -> Array:
+        """A value as an array of this shape, up to axes of length 1."""
+        try:
+            value = np.asarray(given, dtype=float)
+        except (TypeError, ValueError):
+            raise DeclarationError(
+                self.where,
+                f"no value at {self.clock.place(u)} (a {type(given).__name__} is no array of "
+                "numbers)",
+                "Return an array" if self.shape else "Return a number",
+            ) from None
+        when = "" if value.shape == self.shape else f" at {self.clock.place(u)}"
+        return fitting(value, self.shape, self.where, when)
+
+    def checked(self, given: Any, u: float) -> Array:
+        """A value as an array of this shape; refuses other shapes, NaN and infinities."""
+        value = self.shaped(given, u)
+        return value if np.isfinite(value.sum()) else finite(value, self.where, self.clock.place(u))
+
+    # -- between values ----------------------------------------------------------------------------
+
+    def chord(self, low: Array, high: Array) -> Chord:
+        """The array on stretches from `low` to `high`, shape (m,) each, without knots inside;
+        phases within one period, 0 <= low <= high <= 1.
+
+        The phase 1 is the end of a period, where the array may jump. Deviations are bounds if the
+        array is `bounded`; otherwise they are estimated by twice that in the middle: what a
+        parabola or a kink anywhere would have.
+        """
+        start, middle, end = (self.unwrapped(u) for u in (low, 0.5 * (low + high), high))
+        return Chord(start, end, np.abs(2.0 * middle - start - end))
+
+    def slope(self, places: Array) -> Array:
+        """Derivatives, shape (m, ...), where there is one; of what is `differentiable`."""
+        raise NotImplementedError
+
+    def bent(self, low: Array, high: Array) -> Array:
+        """What second derivatives lie in on stretches, shape (2, m, ...), infinite where they are
+        not known; of what is `differentiable`."""
+        raise NotImplementedError
+
+    def least(self) -> Minima | None:
+        """The least value of every entry over one period, shape (n,), if that can be proved."""
+        return None
+
+    @abstractmethod
+    def panels(self, span: tuple[float, float], period: float | None = None) -> Panels:
+        """A single value as polynomials.
+
+        Parameters
+        ----------
+        span : (float, float)
+            Times that are asked for.
+        period : float, optional
+            ε, if the clock is the phase s = t/ε.
+
+        Raises
+        ------
+        DeclarationError
+            If it is not finite somewhere (the place is named), cannot be resolved, or is not known
+            over the whole span.
+        """
+
+    def plain(self) -> Any:
+        """A single value as data for JSON: a number, a text, or a table.
+
+        Raises
+        ------
+        StickslipError
+            If it is a function of Python.
+        """
+        raise StickslipError(
+            f"{self.where}: a function of Python cannot be stored; give it as a formula or as "
+            "samples, or keep the numbers with .dataset.to_netcdf(path)"
+        )
+
+    # -- what may be wrong -------------------------------------------------------------------------
+
+    def check_span(self, start: float, end: float) -> None:
+        """Refuse a span in which it is not known.
+
+        Raises
+        ------
+        DeclarationError
+        """
+        if start < self.span[0] or end > self.span[1]:
+            raise DeclarationError(
+                self.where,
+                f"it is known for {self.span[0]:.9g} <= {self.clock.name} <= {self.span[1]:.9g}"
+                f" only, but the span is {start:.9g} ... {end:.9g}",
+                "Give samples over all of it, or a shorter span",
+            )
+
+    def check_period(self) -> None:
+        """Refuse a function of the phase that does not close up after one period.
+
+        Raises
+        ------
+        DeclarationError
+        """
+        if same_array(self.at(0.0), self.later(0.0)):
+            return
+        # A function that jumps at s = 0 is periodic all the same if it says so beyond s = 1.
+        for s in SAMPLE_PHASES[1:]:
+            if not same_array(self.at(s), self.later(s)):
+                raise not_periodic(self.where, s)
+
+    def later(self, s: float) -> Array:
+        """What it says one period after phase s, where that is not taken modulo 1."""
+        return self.checked(self.raw(1.0 + s), 1.0 + s)
+
+
+def wrapped(s: Any) -> Any:
+    """The phase modulo 1, in [0, 1)."""
+    phase = s % 1.0
+    return phase * (phase < 1.0)  # a phase just below 0 is rounded to 1
+
+
+def same_array(one: Array, other: Array) -> bool:
+    """Whether two arrays agree up to the rounding of a smooth function."""
+    return one.shape == other.shape and bool(
+        np.allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(one).max(initial=0))
+    )
+
+
+def not_periodic(where: str, s: float) -> DeclarationError:
+    """The refusal of a function that is another one after one period."""
+    return DeclarationError(
+        where,
+        f"it is not 1-periodic in the phase: it differs between s = {s:g} and s = {1 + s:g}",
+        "Write it as a function of the phase with period 1, such as cos(2*pi*s)",
+    )
+
+
+def fitting(value: Array, shape: tuple[int, ...], where: str, when: str = "") -> Array:
+    """The array in the shape that is needed, from which it may differ by axes of length 1.
+
+    Raises
+    ------
+    DeclarationError
+        If it has another shape.
+    """
+    if value.shape == shape:
+        return value
+    if [n for n in value.shape if n != 1] == [n for n in shape if n != 1]:
+        return value.reshape(shape)
+    raise DeclarationError(
+        where,
+        f"it has the shape {value.shape}{when}, but {shape or 'a single value'} is needed",
+        f"Give an array of shape {shape}" if shape else "Give one",
+    )
+
+
+def finite(value: Array, where: str, place: str = "") -> Array:
+    """The array, if it has neither NaN nor infinities.
+
+    Raises
+    ------
+    DeclarationError
+        Naming the first entry that is not finite, and the place.
+    """
+    if not np.isfinite(value.sum()) and not np.isfinite(value).all():
+        position = tuple(np.argwhere(~np.isfinite(value))[0].tolist())
+        entry = f"[{', '.join(map(str, position))}]" if position else ""
+        when = f" at {place}" if place else ""
+        raise DeclarationError(
+            f"{where}{entry}", f"it is {value[position]}{when}", "It must be finite"
+        )
+    return value
