@@ -13,7 +13,7 @@ from scipy import special
 from stickslip import System, Viscous
 from stickslip.motion.engine.modes import resolve
 from stickslip.motion.problem import Problem, pose
-from stickslip.motion.steps.discs import spread, spread_state
+from stickslip.motion.steps.discs import BALL, OFF, Tape, spread, spread_state
 from stickslip.motion.steps.step_size import fill_powers
 
 # Forces as formulas, and as functions of complex time t and position x.
@@ -60,14 +60,13 @@ def test_rows_stay_in_their_discs(t: float, radius: float) -> None:
         t, y, none, none, k.K, space.Rq, space.Rz, p.order, space.W, space.A, space.B, space.mag
     )
     fill_powers(space.reaches, radius)
-    space.discs[n, 0] = radius
-    space.discs[n, 1] = 0.0
+    space.discs[n, BALL] = radius
+    space.discs[n, OFF] = 0.0
     spread_state(space.W, p.order, space.reaches, p.rows.watched[:n], space.discs)
     program = p.rows.program
     inverses = (space.Rq, space.Rz, space.B)
-    spread(
-        program, k.K, space.W, space.discs, *inverses, space.balls, none, none, 0, len(program.code)
-    )
+    tape = Tape(program, k.K, space.W, space.discs, *inverses, space.balls)
+    spread(tape, none, none, 0, len(program.code))
     # An analytic function strays most on the circle; the position is the polynomial that stands in
     # the table.
     circle = radius * np.exp(2j * np.pi * np.arange(64) / 64)

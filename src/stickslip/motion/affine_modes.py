@@ -14,7 +14,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stickslip.motion.engine.forms import AFFINE, GERM_ORDERS, SLIDES, STICKS, ClosedForms
+from stickslip.motion.engine.forms import (
+    AFFINE,
+    EXPONENTS,
+    GERM_ORDERS,
+    GUARDS,
+    SLIDES,
+    STICKS,
+    ClosedForms,
+)
 from stickslip.motion.steps.arrays import DIMENSION, INERTIAL, Constants
 
 if TYPE_CHECKING:
@@ -75,7 +83,7 @@ def fill_closed_forms(
     from stickslip.motion.engine import tables
 
     place = np.zeros(len(group), np.int64)
-    tables.claim(T, len(T.status) // len(T.used), group, mode, region, place)
+    tables.claim(T, group, mode, region, place)
     new = place >= 0
     slot, group, mode, region = (np.ascontiguousarray(a[new]) for a in (place, group, mode, region))
     linear, found = linearise(problem, constants, group, mode, region)
@@ -126,7 +134,7 @@ def fill_alike(
     T.exponent[slot[:, None], b] = values
     T.tilt[slot[:, None], b] = np.angle(values)
     T.sine[slot[:, None], b] = np.sin(np.angle(values))
-    T.counts[slot, 0] = np.sum(kept, axis=1)
+    T.counts[slot, EXPONENTS] = np.sum(kept, axis=1)
     T.shortest[slot] = 1.0 / np.maximum(fastest, 1e-300)
     if omega.shape[1] == 0:
         T.shortest[slot[np.all(values == 0.0, axis=1)]] = 0.0
@@ -246,7 +254,7 @@ def fill_signals(
     T.angle[*parts, b] = np.angle(a)
     T.swing[*parts, n + np.arange(waves)] = np.abs(wave)
     T.decays[slot, :g] = ~np.any((a[:, :g] != 0.0) & (modes[0].real > 0.0)[:, None, :], axis=2)
-    T.switch[slot, :g], T.counts[slot, 1] = switches, g
+    T.switch[slot, :g], T.counts[slot, GUARDS] = switches, g
 
 
 def real_or_zero(a: Array, p: Array, direct: Array) -> Array:
@@ -290,20 +298,8 @@ def linearise(
     out = np.zeros((count, len(states), n + 4 * nc + nk + len(problem.rows.doubtful)))
     hold = np.zeros((count, max(nc, 1), int(sizes[INERTIAL]) + 1))
     found = np.zeros(count, np.bool_)
-    tables.probe_modes(
-        problem.compiled.jets,
-        problem.rows,
-        constants,
-        problem.space(),
-        group,
-        mode,
-        region,
-        times,
-        states,
-        out,
-        hold,
-        found,
-    )
+    flow = problem.flow(constants)
+    tables.probe_modes(problem.machine, flow, group, mode, region, times, states, out, hold, found)
     out[~found] = 0.0
     rest = out[:, :d]
     slopes = out[:, d : d + n]

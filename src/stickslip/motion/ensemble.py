@@ -21,6 +21,7 @@ from stickslip.motion.steps.arrays import (
     Constants,
     Lane,
     Record,
+    Task,
 )
 from stickslip.motion.steps.stiff import WATCHED
 
@@ -100,44 +101,15 @@ class Lanes:
         """Run the compiled loop once over all lanes; returns the number of recorded steps (of a
         single lane)."""
         p = self.problem
-        recording = record is not None
-        kept = record or no_record()
+        task = Task(float(end), max_events, record is not None, record or no_record())
+        lanes = self.group, self.codes, self.now
         with announced():
             if np.any(self.forms.status == AFFINE) and not np.any(self.codes == STEPS):
                 return event_loop.integrate_affine(
-                    p.rows,
-                    self.constants,
-                    self.forms,
-                    self.slots,
-                    p.flight(),
-                    float(end),
-                    max_events,
-                    self.group,
-                    self.codes,
-                    self.now,
-                    recording,
-                    kept,
+                    p.rows, self.constants, p.flight(), self.forms, *lanes, task
                 )
-            return event_loop.integrate(
-                p.compiled.jets,
-                p.compiled.residual,
-                p.rows,
-                p.space(),
-                p.flight(),
-                self.constants,
-                self.forms,
-                self.slots,
-                p.order,
-                p.tolerance,
-                p.atol,
-                float(end),
-                max_events,
-                self.group,
-                self.codes,
-                self.now,
-                recording,
-                kept,
-            )
+            flow = p.flow(self.constants)
+            return event_loop.integrate(p.machine, flow, p.flight(), self.forms, *lanes, task)
 
     def make_closed_forms(self) -> None:
         """Make the closed forms that lanes are waiting for."""

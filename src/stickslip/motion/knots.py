@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from stickslip.motion.steps.arrays import Record
 
 Array = np.ndarray
 
@@ -34,6 +38,13 @@ class Knots:
     def time(self) -> Array:
         """Time."""
         return self.clock + self.origin
+
+    @property
+    def record(self) -> Record:
+        """The same as compiled functions take it."""
+        from stickslip.motion.steps.arrays import Record
+
+        return Record(self.clock, self.state, self.mode, self.region, self.cause)
 
     @property
     def slip(self) -> Array:

@@ -15,8 +15,8 @@ from stickslip.equations.codegen.program import pack
 from stickslip.errors import DeclarationError
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
-from stickslip.motion.engine.forms import make_closed_forms, make_flight
-from stickslip.motion.steps.arrays import Constants, Rows, Space, make_space
+from stickslip.motion.engine.forms import MOST_SWITCHES, make_closed_forms, make_flight
+from stickslip.motion.steps.arrays import Constants, Flow, Machine, Rows, Space, make_space
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import bounds
 
@@ -67,6 +67,26 @@ class Problem:
         return compile_system(self.system)
 
     @cached_property
+    def machine(self) -> Machine:
+        """What compiled functions call: series, residual, and powers."""
+        compiled = self.compiled
+        return Machine(compiled.jets, compiled.residual, compiled.powers)
+
+    def flow(self, constants: Constants | None = None, retracing: bool = False) -> Flow:
+        """What compiled functions take, with new work space.
+
+        Parameters
+        ----------
+        constants : Constants, optional
+            Those of many sets of parameters (a leading axis); by default those of the problem.
+        retracing : bool
+            Whether a known motion is followed again, between its knots.
+        """
+        tol, atol = self.retrace if retracing else (self.tolerance, self.atol)
+        k = self.constants if constants is None else constants
+        return Flow(self.rows, k, self.space(), self.order, tol, atol)
+
+    @cached_property
     def constants(self) -> Constants:
         """Constants, mass matrix, viscous matrix, contact directions and drive frequencies for
         these parameters."""
@@ -111,7 +131,7 @@ class Problem:
         n = layout.sizes["n"]
         contacts = len(layout.u)
         kinks = len(layout.kinks)
-        small = contacts + kinks <= 30 and n <= 24 and layout.frequencies <= 6
+        small = contacts + kinks <= MOST_SWITCHES and n <= 24 and layout.frequencies <= 6
         slots = slots if small and self.exact else 0
         doubtful = len(self.rows.doubtful)
         return make_closed_forms(groups, slots, n, contacts, kinks, doubtful, layout.frequencies)

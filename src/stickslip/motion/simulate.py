@@ -116,7 +116,7 @@ def follow(
     The compiled loops count time from the origin of the problem.
     """
     from stickslip.motion.ensemble import Lanes
-    from stickslip.motion.steps.arrays import FULL, NOW, Constants, Record
+    from stickslip.motion.steps.arrays import FULL, NOW, Constants
 
     constants = Constants(*(part[None] for part in problem.constants))
     begin, end = start - problem.origin, end - problem.origin
@@ -133,11 +133,7 @@ def follow(
             lanes.make_closed_forms()
             size = min(2 * size, CHUNK)
             record = Knots.empty(size, len(y), contacts, kinks, problem.origin)
-            count = lanes.advance(
-                end,
-                max_events,
-                Record(record.clock, record.state, record.mode, record.region, record.cause),
-            )
+            count = lanes.advance(end, max_events, record.record)
             pieces.append(record.first(count))
             if progress is not None:
                 progress((clock[NOW] - begin) / (end - begin))

@@ -168,23 +168,8 @@ class Trajectory(Result):
 
         p, k = self._problem, self.knots
         out = np.empty((len(clock), p.compiled.layout.rows + 3))
-        dense.sample(
-            p.compiled.jets,
-            p.compiled.powers,
-            p.rows,
-            p.constants,
-            p.space(),
-            p.order,
-            *p.retrace,
-            self._seen,
-            k.clock,
-            k.state,
-            k.mode,
-            k.region,
-            index,
-            clock,
-            out,
-        )
+        flow = p.flow(retracing=True)
+        dense.sample(p.machine, flow, self._seen, k.record, index, clock, out)
         return out
 
     @cached_property
@@ -232,26 +217,19 @@ class Trajectory(Result):
         With a tally, from knots to the next ones: they are checked, too.
         """
         from stickslip.motion.between import step_balance
+        from stickslip.motion.steps.arrays import Record
 
         p, k = self._problem, self.knots
         steps = step_balance.make_steps(len(ends), k.state.shape[1])
+        knots = k.record
+        starts = Record(times, states, knots.mode[index], knots.region[index], knots.cause[index])
+        after = starts if tally is None else Record(*(part[1:] for part in knots))
         step_balance.audit_steps(
-            p.compiled.jets,
-            p.compiled.powers,
-            p.rows,
-            p.constants,
-            p.space(),
-            p.order,
-            *p.retrace,
+            p.machine,
+            p.flow(retracing=True),
             self._seen,
-            times,
-            states,
-            k.mode[index],
-            k.region[index],
-            ends,
-            k.state[1:] if tally is not None else states,
-            k.mode[1:] if tally is not None else k.mode[index],
-            k.region[1:] if tally is not None else k.region[index],
+            starts,
+            after._replace(time=ends),
             tally is not None,
             steps,
             step_balance.make_tally(p.rows) if tally is None else tally,
@@ -317,19 +295,9 @@ class Trajectory(Result):
         p, k = self._problem, self.knots
         wanted = np.array([self._rows[name] for name in names], dtype=np.int64)
         out = np.empty((len(wanted), len(times)))
-        fixed = (p.compiled.jets, p.rows, p.constants, p.space(), p.order, TOLERANCE, p.atol)
-        trace(
-            *fixed,
-            self._seen,
-            k.clock,
-            k.state,
-            k.mode,
-            k.region,
-            index,
-            times - k.origin,
-            wanted,
-            out,
-        )
+        flow = p.flow()._replace(tol=TOLERANCE)
+        clock = times - k.origin
+        trace(p.machine, flow, self._seen, k.record, index, clock, wanted, out)
         return dict(zip(names, out, strict=True))
 
     def _values(self, clock: Array, index: Array) -> dict[str, Array]:

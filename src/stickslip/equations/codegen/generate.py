@@ -328,6 +328,23 @@ class _Generator:
     # -- the functions -----------------------------------------------------------------------------
 
     def module(self) -> Generated:
+        """Lay the equations out, and print the functions."""
+        self.lay_out()
+        residual, powers = self.residual(), self.powers()
+        jets = self.jets()
+        setup = self.setup()
+        self.finish()
+        layout = self.layout
+        guards = [*layout.u, *layout.force, *layout.plus, *layout.minus, *layout.kinks]
+        guards += [row for *_, force, margin in layout.kinetic for row in (force, margin)]
+        kept = sorted({*range(self.n), *guards})
+        parts = [[HEADER, f"KEPT = {tuple(kept)}"], setup, jets, residual, powers]
+        lines = [line for part in parts for line in (*part, "")]
+        return Generated("\n".join(lines), layout)
+
+    def lay_out(self) -> None:
+        """Rows of everything, in the order in which it can be computed: velocities, rates, laws of
+        internal variables, accelerations, thresholds and guards."""
         tape = self.tape
         d = self.d
         eq = self.eq
@@ -356,18 +373,8 @@ class _Generator:
         inertial = self.block(eq.inertial_force, 0, self.mq, 2, "Rq") if self.nq else 0
         self.law_sizes()
         self.kinetic_laws()
+        self.guards()
         layout = self.layout
-        layout.plus = [tape.row(c.plus) for c in eq.contacts]
-        layout.minus = [tape.row(c.minus) for c in eq.contacts]
-        layout.force = [tape.names[f"lambda:{i}"] for i in range(self.nc)]
-        for i, (plus, minus) in enumerate(zip(layout.plus, layout.minus, strict=True)):
-            # A force is measured against its threshold, too.
-            self.magnitudes.append(
-                f"mag[{2 * self.nc + i}] += abs(W[{plus}, 0]) + abs(W[{minus}, 0])"
-            )
-        for j, guard in enumerate(eq.kinks):
-            layout.kinks.append(tape.row(guard))
-            self.magnitudes.append(f"mag[{3 * self.nc + j}] = {self.size(guard)}")
         layout.named = {f"d_{x}": tape.names[f"d_{x}"] for x in d.coordinates}
         layout.named |= {f"d_{a}": row for a, row in zip(d.internal, laws, strict=True)}
         layout.named |= {f"dd_{q}": inertial + i for i, q in enumerate(d.inertial)}
@@ -384,37 +391,33 @@ class _Generator:
             *solves[2],
             *stages[3],
         ]
-        residual, powers = self.residual(), self.powers()
-        jets = self.jets()
-        layout.rows = tape.rows
-        setup = self.setup()
+
+    def guards(self) -> None:
+        """Rows of forces, thresholds and kinks, and the sizes of their terms."""
+        tape = self.tape
+        layout = self.layout
+        layout.plus = [tape.row(c.plus) for c in self.eq.contacts]
+        layout.minus = [tape.row(c.minus) for c in self.eq.contacts]
+        layout.force = [tape.names[f"lambda:{i}"] for i in range(self.nc)]
+        for i, (plus, minus) in enumerate(zip(layout.plus, layout.minus, strict=True)):
+            # A force is measured against its threshold, too.
+            self.magnitudes.append(
+                f"mag[{2 * self.nc + i}] += abs(W[{plus}, 0]) + abs(W[{minus}, 0])"
+            )
+        for j, guard in enumerate(self.eq.kinks):
+            layout.kinks.append(tape.row(guard))
+            self.magnitudes.append(f"mag[{3 * self.nc + j}] = {self.size(guard)}")
+
+    def finish(self) -> None:
+        """How large everything has become by printing."""
+        layout = self.layout
         first = np.arange(self.rate_sizes, self.scratch)[: self.nq + self.nz + self.nr + self.na]
         layout.rate_sizes = np.concatenate([np.full(self.nq, -1), first]).astype(np.int64)
+        layout.rows = self.tape.rows
         layout.magnitudes = self.scratch
-        layout.frequencies = len(eq.frequencies)
-        layout.timed = eq.timed
+        layout.frequencies = len(self.eq.frequencies)
+        layout.timed = self.eq.timed
         layout.constants = self.constants.slots
-        guards = [*layout.u, *layout.force, *layout.plus, *layout.minus, *layout.kinks]
-        guards += [row for *_, force, margin in layout.kinetic for row in (force, margin)]
-        kept = sorted({*range(self.n), *guards})
-        return Generated(
-            "\n".join(
-                [
-                    HEADER,
-                    f"KEPT = {tuple(kept)}",
-                    "",
-                    *setup,
-                    "",
-                    *jets,
-                    "",
-                    *residual,
-                    "",
-                    *powers,
-                    "",
-                ]
-            ),
-            layout,
-        )
 
     def setup(self) -> list[str]:
         d = self.d

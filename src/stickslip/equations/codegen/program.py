@@ -12,7 +12,9 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.tape import OUTPUTS, Instruction, Op, Scaled
 
-WIDTH = 9  # of a row of code: operation, result, five operands, place, size
+# Columns of a row of code: operation, row of the result, operands, place, size.
+OPERATION, RESULT, FIRST, SECOND, THIRD, FOURTH, FIFTH, PLACE, SIZE = range(9)
+WIDTH = 9
 HIDING = frozenset(
     {Op.QUOTIENT, Op.RECIPROCAL, Op.POWER, Op.EXP, Op.LOG, Op.ROTATION, Op.HYPERBOLIC}
     | {Op.CHAIN, Op.TAN, Op.TANH}
@@ -29,10 +31,10 @@ class Program(NamedTuple):
     Attributes
     ----------
     code : array of int, shape (instructions, 9)
-        Operation, row of the result, up to five operands, place, size; see
-        :class:`stickslip.symbolic.tape.Op`. The operands of LINEAR and of RATES (its second and
-        third) are where a list of terms begins and its length; SELECT, POWER (its second), ENTRY
-        (its fourth) and CHAIN (its third, −1: none) name the place of their first term.
+        By the columns from `OPERATION` to `SIZE`; see :class:`stickslip.symbolic.tape.Op`. The
+        operands of LINEAR and of RATES (its second and third) are where a list of terms begins and
+        its length; SELECT, POWER (its second), ENTRY (its fourth) and CHAIN (its third, −1: none)
+        name the place of their first term.
     term_row : array of int
         Row of a term, −1 for a constant.
     term_factor : array of int

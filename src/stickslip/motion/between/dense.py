@@ -15,11 +15,12 @@ from stickslip.motion.engine.roots import horner
 from stickslip.motion.steps.arrays import (
     ALLOCATING,
     DIMENSION,
-    JETS,
-    POWERS,
-    Constants,
-    Rows,
-    Space,
+    POWERS_MADE,
+    Flow,
+    Instant,
+    Machine,
+    Record,
+    coefficients,
 )
 from stickslip.motion.steps.stiff import follow
 
@@ -28,19 +29,10 @@ Array = np.ndarray
 
 @njit(**ALLOCATING)
 def sample(
-    jets: JETS,
-    powers: POWERS,
-    rows: Rows,
-    k: Constants,
-    space: Space,
-    N: int,
-    tol: float,
-    atol: float,
+    machine: Machine,
+    flow: Flow,
     seen: Array,
-    knot_time: Array,
-    knot_state: Array,
-    knot_mode: Array,
-    knot_region: Array,
+    knots: Record,
     index: Array,
     times: Array,
     out: Array,
@@ -51,58 +43,54 @@ def sample(
     ----------
     seen : array
         Sizes of the rows that bound the steps; see :class:`stickslip.motion.steps.arrays.Lane`.
+    knots : Record
     index : array of int, shape (times,)
         Knot whose step each time belongs to.
     out : array, shape (times, rows + 3)
     """
-    sizes = rows.sizes
-    W = space.W
-    A = space.A
-    B = space.B
-    mag = space.mag
+    rows = flow.rows
+    W = flow.space.W
     n = rows.sizes[DIMENSION]
     V = np.zeros((len(W), 2))
     y = np.zeros(n)
     z = np.zeros(n)
-    power = np.zeros(3)
-    mode, reg = np.zeros(knot_mode.shape[1], np.int64), np.zeros(knot_region.shape[1], np.int64)
+    power = np.zeros(POWERS_MADE)
+    mode, reg = np.zeros(len(rows.u), np.int64), np.zeros(len(rows.kinks), np.int64)
     last = -1
     base = 0.0
     h = 0.0
-    order = N
+    order = flow.order
     known = False
-    final = len(knot_time) - 1
+    final = len(knots.time) - 1
     for i in range(len(times)):
         knot = index[i]
         if knot != last or times[i] < base:
             last = knot
-            base = knot_time[knot]
-            copy(knot_mode[knot], mode)
-            copy(knot_region[knot], reg)
-            copy(knot_state[knot], y)
-            resolve(sizes, k, space, mode)
+            base = knots.time[knot]
+            copy(knots.mode[knot], mode)
+            copy(knots.region[knot], reg)
+            copy(knots.state[knot], y)
+            resolve(rows.sizes, flow.k, flow.space, mode)
             known = False
         # the coefficients have to suit what is left of the step
-        left = knot_time[min(knot + 1, final)] - base
+        left = knots.time[min(knot + 1, final)] - base
         if times[i] > base and not known:  # at the knot itself no series is needed
-            order, h, _ = follow(
-                jets, rows, k, space, N, float(base), y, mode, reg, left, 0.0, tol, atol, seen
-            )
+            start = Instant(float(base), y, mode, reg)
+            order, h, _ = follow(machine, flow, start, left, 0.0, seen)
             known = True
         while known and times[i] - base > h:
             for r in range(n):
                 y[r] = horner(W[r], order, h / W[n, 1])
             base = base + h
             left = left - h
-            order, h, _ = follow(
-                jets, rows, k, space, N, base, y, mode, reg, left, h, tol, atol, seen
-            )
+            start = Instant(base, y, mode, reg)
+            order, h, _ = follow(machine, flow, start, left, h, seen)
             h = max(h, 1e-12 * left)
         for r in range(n):
             z[r] = horner(W[r], order, (times[i] - base) / W[n, 1]) if known else y[r]
-        jets(times[i], z, mode, reg, k.K, space.Rq, space.Rz, 1, V, A, B, mag)
-        powers(V, reg, k.K, power)
+        coefficients(machine, flow, Instant(times[i], z, mode, reg), 1, V)
+        machine.powers(V, reg, flow.k.K, power)
         for r in range(len(W)):
             out[i, r] = V[r, 0]
-        for r in range(3):
+        for r in range(POWERS_MADE):
             out[i, len(W) + r] = power[r]

@@ -40,21 +40,27 @@ from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
 from stickslip.motion.steps.arrays import (
     DIMENSION,
+    DISSIPATED,
     EPSILON,
     INERTIAL,
     INLINED,
-    JETS,
     ON_INERTIAL,
     ON_VISCOUS,
     OPTIONS,
-    POWERS,
     RATE_INDEPENDENT,
+    ROUNDING,
+    STORED,
+    SUPPLIED,
     VISCOUS,
-    Constants,
+    Flow,
+    Instant,
+    Machine,
+    Record,
     Rows,
     Space,
+    coefficients,
 )
-from stickslip.motion.steps.discs import spread, spread_state
+from stickslip.motion.steps.discs import BALL, OFF, SLOPE, spread, spread_state, tape_of
 from stickslip.motion.steps.step_size import LEAST, fill_powers, impulse
 from stickslip.motion.steps.stiff import follow
 
@@ -66,6 +72,15 @@ MOST_PIECES = 512  # of a step
 REST = 1e-4
 CANCELS = 1e-5  # part of its terms against which a sum is measured in which they cancel
 ROUNDINGS = 8.0  # rounding errors of a rate, in parts of the size of its terms
+# Rows of Tally.state, columns of Tally.law and of Tally.kinks, and slots of Tally.total.
+LARGEST, SWAY, DEFECT, ROUNDED = range(4)
+EXCESS, OFF_THRESHOLD, CREEP, BACKWARDS, FORCE, SPEED, HELD = range(7)
+BEYOND, REACHED = range(2)
+FED_IN_ALL, ERRORS, UNVERIFIED = range(3)
+# Columns of Steps.work: dissipated and supplied energy.
+SPENT, FED = range(2)
+# Slots of the residuals of a motion.
+ENERGY_BALANCE, FRICTION_LAW, EQUATIONS, OWN_ROUNDING = range(4)
 
 
 class Tally(NamedTuple):
@@ -74,17 +89,17 @@ class Tally(NamedTuple):
     Attributes
     ----------
     state : array, shape (4, n)
-        Largest modulus of each component; by how much the terms of its rate would change it within
-        a piece; largest defect of a Taylor step; largest rounding error of one.
+        LARGEST modulus of each component; by how much the terms of its rate would change it within
+        a piece (SWAY); largest DEFECT of a Taylor step; largest rounding error of one (ROUNDED).
     law : array, shape (contacts, 7)
-        Largest |λ| − s (or s − |λ| where rest ends too early), |λ + σs| of what slides without
-        mass, |u| in stick, −σu in slip; largest force, relative velocity, and velocity that the
-        forces in stick hold back.
+        Largest |λ| − s, or s − |λ| where rest ends too early (EXCESS); |λ + σs| of what slides
+        without mass (OFF_THRESHOLD); |u| in stick (CREEP); −σu in slip (BACKWARDS); largest FORCE,
+        relative SPEED, and speed that the forces in stick hold back (HELD).
     kinks : array, shape (kinks, 2)
-        Largest −guard and |guard|.
+        Largest −guard (BEYOND) and |guard| (REACHED).
     total : array, shape (3,)
-        Supplied energy in modulus; rounding errors of the states, summed up; time that is not
-        verified.
+        Supplied energy in modulus (FED_IN_ALL); rounding errors of the states, summed up (ERRORS);
+        time that is not verified (UNVERIFIED).
     """
 
     state: Array
@@ -107,7 +122,7 @@ class Steps(NamedTuple):
     Attributes
     ----------
     work : array, shape (steps, 2)
-        Dissipated and supplied energy.
+        Dissipated and supplied energy (SPENT, FED).
     gap : array, shape (steps, n)
         Bound of how far the end of a Taylor step in it is from what the equations make of its
         beginning; used up.
@@ -128,25 +143,36 @@ def make_steps(count: int, n: int) -> Steps:
     return Steps(np.zeros((count, 2)), np.zeros((count, n)), np.zeros((count, n)), np.zeros(count))
 
 
+class Piece(NamedTuple):
+    """A part of a step, on which the motion is followed by polynomials.
+
+    Attributes
+    ----------
+    order : int
+        Of the polynomials.
+    t, h : float
+        Its beginning and its length.
+    acting : float
+        How long a series would last; see :func:`counts_for`.
+    factor : float
+        From the discs of rows to what these may do between the nodes; infinite if that could not be
+        made small.
+    """
+
+    order: int
+    t: float
+    h: float
+    acting: float
+    factor: float
+
+
 @njit(**OPTIONS)
 def audit_steps(
-    jets: JETS,
-    powers: POWERS,
-    rows: Rows,
-    k: Constants,
-    space: Space,
-    N: int,
-    tol: float,
-    atol: float,
+    machine: Machine,
+    flow: Flow,
     seen: Array,
-    knot_time: Array,
-    knot_state: Array,
-    knot_mode: Array,
-    knot_region: Array,
-    ends: Array,
-    end_state: Array,
-    end_mode: Array,
-    end_region: Array,
+    starts: Record,
+    ends: Record,
     check: bool,
     steps: Steps,
     tally: Tally,
@@ -157,9 +183,8 @@ def audit_steps(
     ----------
     seen : array
         Sizes of the rows that bound the steps; see :class:`stickslip.motion.steps.arrays.Lane`.
-    ends, end_state, end_mode, end_region : arrays, shapes (steps,), (steps, n), (steps, contacts)
-        and (steps, kinks)
-        Where each step ends, and the modes and regions that begin there.
+    starts, ends : Record
+        Where each step begins and ends, with the modes and regions that begin there.
     check : bool
         Whether more than the work is wanted.
     steps : Steps
@@ -167,110 +192,111 @@ def audit_steps(
     tally : Tally
         Is added to.
     """
-    n = rows.sizes[DIMENSION]
-    nc = len(rows.u)
-    W = space.W
-    mode = space.touched[:nc]
-    reg = space.touched[nc:]
-    start = space.trial
-    for i in range(len(ends)):
-        left = ends[i] - knot_time[i]
-        if not left > 0.0:
-            continue
-        copy(knot_mode[i], mode)
-        copy(knot_region[i], reg)
-        resolve(rows.sizes, k, space, mode)
-        base = knot_time[i]
-        last = 0.0
-        pieces = 0
-        whole = 0.0
-        order = N
-        h = left
-        copy(knot_state[i], start)
-        while left > 0.0:
-            order, h, series = follow(
-                jets, rows, k, space, N, base, start, mode, reg, left, last, tol, atol, seen
-            )
-            h = min(left, max(h, 1e-12 * left))
-            between = 0.0
-            if not h > 0.0:
-                h = left  # nothing here is a number, which the nodes will show
-            if check:
-                # a closed form may last for many Taylor steps, each of which counts by itself
-                if not whole > 0.0:
-                    whole = h
-                    count_gaps(i, steps, tally)
-                longest = h
-                between = enclose(rows, k, space, mode, reg, order, h, min(h, series), tally)
-                while not between < np.inf and pieces < MOST_PIECES:
-                    h = 0.5 * h
-                    pieces = pieces + 1
-                    between = enclose(rows, k, space, mode, reg, order, h, min(h, series), tally)
-                if not between < np.inf:
-                    h, steps.open[i] = longest, left  # no more is tried in this step
-            acting = min(h, series) if series > 0.0 else h
-            measure_piece(
-                jets, powers, rows, k, space, order, base, h, acting, mode, reg, between,
-                check, i, steps, tally,
-            )  # fmt: skip
-            for r in range(n):
-                start[r] = horner(W[r], order, h / W[n, 1])
-            base = base + h
-            left = left - h
-            whole = whole - h
-            last = h
-            pieces = pieces + 1
+    for i in range(len(ends.time)):
+        if ends.time[i] - starts.time[i] > 0.0:
+            audit_step(machine, flow, seen, starts, ends, check, i, steps, tally)
+
+
+@njit(**INLINED)
+def audit_step(
+    machine: Machine,
+    flow: Flow,
+    seen: Array,
+    starts: Record,
+    ends: Record,
+    check: bool,
+    i: int,
+    steps: Steps,
+    tally: Tally,
+) -> None:
+    """Follow the i-th step again, piece by piece, and measure it."""
+    nc = len(flow.rows.u)
+    W = flow.space.W
+    y = flow.space.trial
+    n = len(y)
+    mode = flow.space.touched[:nc]
+    reg = flow.space.touched[nc:]
+    copy(starts.mode[i], mode)
+    copy(starts.region[i], reg)
+    copy(starts.state[i], y)
+    resolve(flow.rows.sizes, flow.k, flow.space, mode)
+    base = starts.time[i]
+    left = ends.time[i] - base
+    last = 0.0
+    pieces = 0
+    whole = 0.0
+    order = flow.order
+    h = left
+    while left > 0.0:
+        start = Instant(base, y, mode, reg)
+        order, h, series = follow(machine, flow, start, left, last, seen)
+        h = min(left, max(h, 1e-12 * left))
+        factor = 0.0
+        if not h > 0.0:
+            h = left  # nothing here is a number, which the nodes will show
         if check:
-            close_step(
-                rows, space, mode, order, h, ends[i], knot_state[i], end_state[i], i, steps, tally
-            )
-            judge_departures(
-                rows, space, mode, end_mode[i], reg, end_region[i], order, h, ends[i], tally
-            )
-            for j in range(len(rows.timed)):
-                if rows.timed[j] == 1 and end_region[i, j] != reg[j]:
-                    # A load that jumps at a time does work on what is at rest, too.
-                    before = energy_in(
-                        jets, powers, rows, k, space, ends[i], end_state[i], mode, reg
-                    )
-                    reg[j] = end_region[i, j]
-                    jump = (
-                        energy_in(jets, powers, rows, k, space, ends[i], end_state[i], mode, reg)
-                        - before
-                    )
-                    steps.work[i, 1] += jump
-                    tally.total[0] += abs(jump)
+            # a closed form may last for many Taylor steps, each of which counts by itself
+            if not whole > 0.0:
+                whole = h
+                count_gaps(i, steps, tally)
+            longest = h
+            factor = enclose(flow, mode, reg, order, h, min(h, series), tally)
+            while not factor < np.inf and pieces < MOST_PIECES:
+                h = 0.5 * h
+                pieces = pieces + 1
+                factor = enclose(flow, mode, reg, order, h, min(h, series), tally)
+            if not factor < np.inf:
+                h, steps.open[i] = longest, left  # no more is tried in this step
+        piece = Piece(order, base, h, min(h, series) if series > 0.0 else h, factor)
+        measure_piece(machine, flow, piece, mode, reg, check, i, steps, tally)
+        for r in range(n):
+            y[r] = horner(W[r], order, h / W[n, 1])
+        base = base + h
+        left = left - h
+        whole = whole - h
+        last = h
+        pieces = pieces + 1
+    if check:
+        final = Instant(ends.time[i], ends.state[i], mode, reg)
+        close_step(flow, final, order, h, starts.state[i], i, steps, tally)
+        judge_departures(flow, final, ends.mode[i], ends.region[i], order, h, tally)
+        count_jumps(machine, flow, final, ends.region[i], i, steps, tally)
+
+
+@njit(**INLINED)
+def count_jumps(
+    machine: Machine,
+    flow: Flow,
+    at: Instant,
+    next_reg: Array,
+    i: int,
+    steps: Steps,
+    tally: Tally,
+) -> None:
+    """Count the work that a load which jumps at a time does on what is at rest, too, as supplied
+    energy."""
+    rows = flow.rows
+    for j in range(len(rows.timed)):
+        if rows.timed[j] == 1 and next_reg[j] != at.reg[j]:
+            before = energy_in(machine, flow, at)
+            at.reg[j] = next_reg[j]
+            jump = energy_in(machine, flow, at) - before
+            steps.work[i, FED] += jump
+            tally.total[FED_IN_ALL] += abs(jump)
 
 
 @njit(**OPTIONS)
-def energy_in(
-    jets: JETS,
-    powers: POWERS,
-    rows: Rows,
-    k: Constants,
-    space: Space,
-    t: float,
-    y: Array,
-    mode: Array,
-    reg: Array,
-) -> float:
+def energy_in(machine: Machine, flow: Flow, at: Instant) -> float:
     """Energy of a state in given regions."""
-    jets(t, y, mode, reg, k.K, space.Rq, space.Rz, 1, space.V, space.A, space.B, space.mag)
-    powers(space.V, reg, k.K, space.powers)
-    return float(space.powers[0])
+    space = flow.space
+    coefficients(machine, flow, at, 1, space.V)
+    machine.powers(space.V, at.reg, flow.k.K, space.powers)
+    return float(space.powers[STORED])
 
 
 @njit(**OPTIONS)
 def enclose(
-    rows: Rows,
-    k: Constants,
-    space: Space,
-    mode: Array,
-    reg: Array,
-    N: int,
-    h: float,
-    acting: float,
-    tally: Tally,
+    flow: Flow, mode: Array, reg: Array, N: int, h: float, acting: float, tally: Tally
 ) -> float:
     """Bound the residual and all guards on a piece.
 
@@ -288,7 +314,9 @@ def enclose(
     -----
     The discs of all rows are left in the work space.
     """
-    p = rows.program
+    rows = flow.rows
+    space = flow.space
+    tape = tape_of(flow)
     n = rows.sizes[DIMENSION]
     powers = space.reaches
     unit = space.W[n, 1]
@@ -296,25 +324,12 @@ def enclose(
     for turn in range(2):
         radius, factor = (4.0 * h, WIDE) if turn == 0 else (2.0 * h, NARROW)
         fill_powers(powers, radius / unit)
-        space.discs[n, 0] = radius
-        space.discs[n, 1] = 0.0
+        space.discs[n, BALL] = radius
+        space.discs[n, OFF] = 0.0
         spread_state(space.W, N, powers, rows.watched[:n], space.discs)
-        spread(
-            p,
-            k.K,
-            space.W,
-            space.discs,
-            space.Rq,
-            space.Rz,
-            space.B,
-            space.balls,
-            mode,
-            reg,
-            0,
-            len(p.code),
-        )
+        spread(tape, mode, reg, 0, len(rows.program.code))
         for r in range(n):
-            space.discs[r, 3] = slopes(space.W[r], N, powers) / unit
+            space.discs[r, SLOPE] = slopes(space.W[r], N, powers) / unit
         if encloses(rows, space, N, h, acting, factor, tally):
             return factor
     return np.inf
@@ -332,13 +347,13 @@ def slopes(c: Array, N: int, powers: Array) -> float:
 @njit(**OPTIONS)
 def strays(disc: Array, factor: float) -> float:
     """What a row may do between the nodes."""
-    return factor * disc[0] + 2.0 * (1.0 + LEBESGUE) * disc[1]
+    return factor * disc[BALL] + 2.0 * (1.0 + LEBESGUE) * disc[OFF]
 
 
 @njit(**OPTIONS)
 def residual_strays(rows: Rows, discs: Array, r: int, factor: float) -> float:
     """What the residual of a part of the state may do between the nodes."""
-    return strays(discs[rows.program.rates[r]], factor) + factor * discs[r, 3]
+    return strays(discs[rows.program.rates[r]], factor) + factor * discs[r, SLOPE]
 
 
 @njit(**OPTIONS)
@@ -376,20 +391,20 @@ def encloses(
     W = space.W
     powers = space.powers
     for r in range(n):
-        size = max(extent(W[r], N, powers), tally.state[0, r])
+        size = max(extent(W[r], N, powers), tally.state[LARGEST, r])
         time = counts_for(rows, mag, r, size, h, acting)
         size += REST * impulse(rows, mag, r, acting)
         if not time * residual_strays(rows, discs, r, factor) <= NEGLIGIBLE * size:
             return False
     for c in range(nc):
         speed = (
-            max(extent(W[rows.u[c]], N, powers), CANCELS * mag[c], tally.law[c, 5])
+            max(extent(W[rows.u[c]], N, powers), CANCELS * mag[c], tally.law[c, SPEED])
             + REST * acting * mag[nc + c]
         )
         if not strays(discs[rows.u[c]], factor) <= NEGLIGIBLE * speed:
             return False
         forces = rows.force[c], rows.plus[c], rows.minus[c]
-        held = max(CANCELS * mag[2 * nc + c], tally.law[c, 4])
+        held = max(CANCELS * mag[2 * nc + c], tally.law[c, FORCE])
         for row in forces:
             held = max(held, extent(W[row], N - 1, powers))
         for row in forces:
@@ -397,7 +412,9 @@ def encloses(
                 return False
     for j in range(len(rows.kinks)):
         row = rows.kinks[j]
-        size = max(extent(W[row], N - 1, powers), CANCELS * mag[3 * nc + j], tally.kinks[j, 1])
+        size = max(
+            extent(W[row], N - 1, powers), CANCELS * mag[3 * nc + j], tally.kinks[j, REACHED]
+        )
         if not strays(discs[row], factor) <= NEGLIGIBLE * size:
             return False
     return True
@@ -405,18 +422,11 @@ def encloses(
 
 @njit(**INLINED)
 def measure_piece(
-    jets: JETS,
-    powers: POWERS,
-    rows: Rows,
-    k: Constants,
-    space: Space,
-    N: int,
-    base: float,
-    h: float,
-    acting: float,
+    machine: Machine,
+    flow: Flow,
+    piece: Piece,
     mode: Array,
     reg: Array,
-    factor: float,
     check: bool,
     i: int,
     steps: Steps,
@@ -424,45 +434,69 @@ def measure_piece(
 ) -> None:
     """Evaluate the law at the nodes of a piece, and add up what was found there and what may be
     between them."""
+    rows = flow.rows
+    space = flow.space
     n = rows.sizes[DIMENSION]
     W = space.W
     V = space.V
-    mag = space.mag
     y = space.y0
     power = space.powers
-    sizes = rows.program.rate_sizes
     unit = W[n, 1]
     for g in range(COUNT):
-        tau, weight = h * NODES[g], h * WEIGHTS[g]
+        tau, weight = piece.h * NODES[g], piece.h * WEIGHTS[g]
         for r in range(n):
-            y[r] = horner(W[r], N, tau / unit)
-        jets(base + tau, y, mode, reg, k.K, space.Rq, space.Rz, 1, V, space.A, space.B, mag)
-        powers(V, reg, k.K, power)
-        steps.work[i, 0] += weight * power[1]
-        steps.work[i, 1] += weight * power[2]
-        tally.total[0] += weight * abs(power[2])
-        if not check:
-            continue
-        for r in range(n):
-            rate = V[rows.program.rates[r], 0]
-            space.samples[r, g] = rate - rate_on(W[r], N, tau / unit) / unit
-            tally.state[0, r] = most(tally.state[0, r], abs(y[r]))
-            if sizes[r] >= 0:
-                time = counts_for(rows, mag, r, tally.state[0, r], h, acting)
-                steps.noise[i, r] += time * WEIGHTS[g] * ROUNDINGS * EPSILON * mag[sizes[r]]
-                tally.total[1] += weight * ROUNDINGS * EPSILON * mag[sizes[r]]
-            tally.state[1, r] = most(tally.state[1, r], impulse(rows, mag, r, acting))
-        sample_law(rows, space, mode, reg, acting, g, tally)
+            y[r] = horner(W[r], piece.order, tau / unit)
+        coefficients(machine, flow, Instant(piece.t + tau, y, mode, reg), 1, V)
+        machine.powers(V, reg, flow.k.K, power)
+        steps.work[i, SPENT] += weight * power[DISSIPATED]
+        steps.work[i, FED] += weight * power[SUPPLIED]
+        tally.total[FED_IN_ALL] += weight * abs(power[SUPPLIED])
+        if check:
+            sample_residuals(rows, space, piece, y, g, i, steps, tally)
+            sample_law(rows, space, mode, reg, piece.acting, g, tally)
     if not check:
         return
     for r in range(n):
         largest = 0.0
         for g in range(COUNT):
             largest = most(largest, abs(space.samples[r, g]))
-        between = residual_strays(rows, space.discs, r, factor) if factor < np.inf else 0.0
-        time = counts_for(rows, mag, r, tally.state[0, r], h, acting)
+        known = piece.factor < np.inf
+        between = residual_strays(rows, space.discs, r, piece.factor) if known else 0.0
+        size = tally.state[LARGEST, r]
+        time = counts_for(rows, space.mag, r, size, piece.h, piece.acting)
         steps.gap[i, r] += time * (LEBESGUE * largest + between)
-    judge_law(rows, space, mode, factor, tally)
+    judge_law(rows, space, mode, piece.factor, tally)
+
+
+@njit(**INLINED)
+def sample_residuals(
+    rows: Rows,
+    space: Space,
+    piece: Piece,
+    y: Array,
+    g: int,
+    i: int,
+    steps: Steps,
+    tally: Tally,
+) -> None:
+    """Keep the residuals p′ − f(p) at a node, and count the rounding errors of the rates."""
+    W = space.W
+    mag = space.mag
+    sizes = rows.program.rate_sizes
+    n = len(y)
+    unit = W[n, 1]
+    tau, weight = piece.h * NODES[g], piece.h * WEIGHTS[g]
+    for r in range(n):
+        rate = space.V[rows.program.rates[r], 0]
+        space.samples[r, g] = rate - rate_on(W[r], piece.order, tau / unit) / unit
+        tally.state[LARGEST, r] = most(tally.state[LARGEST, r], abs(y[r]))
+        if sizes[r] >= 0:
+            size = tally.state[LARGEST, r]
+            time = counts_for(rows, mag, r, size, piece.h, piece.acting)
+            steps.noise[i, r] += time * WEIGHTS[g] * ROUNDINGS * EPSILON * mag[sizes[r]]
+            tally.total[ERRORS] += weight * ROUNDINGS * EPSILON * mag[sizes[r]]
+        sway = impulse(rows, mag, r, piece.acting)
+        tally.state[SWAY, r] = most(tally.state[SWAY, r], sway)
 
 
 @njit(**OPTIONS)
@@ -495,15 +529,17 @@ def sample_law(
         up = V[rows.plus[c], 0]
         down = V[rows.minus[c], 0]
         # Where thresholds vanish, a force is known up to the rounding of its terms only.
-        law[c, 4] = most(most(law[c, 4], max(abs(held), max(up, down))), CANCELS * mag[2 * nc + c])
-        law[c, 5] = most(most(law[c, 5], abs(u)), CANCELS * mag[c])
+        law[c, FORCE] = most(
+            most(law[c, FORCE], max(abs(held), max(up, down))), CANCELS * mag[2 * nc + c]
+        )
+        law[c, SPEED] = most(most(law[c, SPEED], abs(u)), CANCELS * mag[c])
         row = n + 3 * c
         if resting(mode[c]):
             samples[row, g] = held + up
             samples[row + 1, g] = down - held
             samples[row + 2, g] = u
         if abs(mode[c]) == 2:
-            law[c, 6] = most(law[c, 6], mag[nc + c] * h if c < mq else mag[c])
+            law[c, HELD] = most(law[c, HELD], mag[nc + c] * h if c < mq else mag[c])
         elif mode[c] == 0:
             matrix, place = (
                 (space.Rq, rows.sizes[INERTIAL] + c)
@@ -512,16 +548,16 @@ def sample_law(
             )
             if c < mq + mz:
                 free = mag[2 * nc + c] / abs(matrix[place, place])
-                law[c, 6] = most(law[c, 6], free * h if c < mq else free)
+                law[c, HELD] = most(law[c, HELD], free * h if c < mq else free)
             else:
-                law[c, 6] = most(law[c, 6], mag[c])
+                law[c, HELD] = most(law[c, HELD], mag[c])
         else:
             samples[row, g] = mode[c] * u
             samples[row + 2, g] = held + (up if mode[c] > 0 else -down)
     for j in range(len(rows.kinks)):
         value = V[rows.kinks[j], 0] if reg[j] == 1 else -V[rows.kinks[j], 0]
         samples[n + 3 * nc + j, g] = value
-        tally.kinks[j, 1] = most(tally.kinks[j, 1], abs(value))
+        tally.kinks[j, REACHED] = most(tally.kinks[j, REACHED], abs(value))
 
 
 @njit(**OPTIONS)
@@ -537,41 +573,40 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
         row = n + 3 * c
         loose = 0.0
         tight = 0.0
-        rounding = 64.0 * EPSILON * mag[c]
-        unsure = 64.0 * EPSILON * mag[2 * nc + c]
+        rounding = ROUNDING * mag[c]
+        unsure = ROUNDING * mag[2 * nc + c]
         if factor < np.inf:
             loose = strays(discs[rows.force[c]], factor)
             loose += max(strays(discs[rows.plus[c]], factor), strays(discs[rows.minus[c]], factor))
             tight = strays(discs[rows.u[c]], factor)
         if resting(mode[c]):
             for part in range(2):
-                low = least(samples[row + part], space.bernstein, 1e-2 * NEGLIGIBLE * law[c, 4])
-                law[c, 0] = most(law[c, 0], loose - low - unsure)
-            law[c, 2] = most(law[c, 2], largest_of(samples[row + 2]) + tight - rounding)
+                low = least(samples[row + part], space.bernstein, 1e-2 * NEGLIGIBLE * law[c, FORCE])
+                law[c, EXCESS] = most(law[c, EXCESS], loose - low - unsure)
+            law[c, CREEP] = most(law[c, CREEP], largest_of(samples[row + 2]) + tight - rounding)
         else:
-            law[c, 3] = most(
-                law[c, 3], tight - rounding - least(samples[row], space.bernstein, rounding)
+            law[c, BACKWARDS] = most(
+                law[c, BACKWARDS], tight - rounding - least(samples[row], space.bernstein, rounding)
             )
             if c >= rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]:
-                law[c, 1] = most(law[c, 1], largest_of(samples[row + 2]) + loose - unsure)
+                law[c, OFF_THRESHOLD] = most(
+                    law[c, OFF_THRESHOLD], largest_of(samples[row + 2]) + loose - unsure
+                )
     for j in range(len(rows.kinks)):
         between = strays(discs[rows.kinks[j]], factor) if factor < np.inf else 0.0
-        negligible = 1e-2 * NEGLIGIBLE * tally.kinks[j, 1]
+        negligible = 1e-2 * NEGLIGIBLE * tally.kinks[j, REACHED]
         low = least(samples[n + 3 * nc + j], space.bernstein, negligible)
-        tally.kinks[j, 0] = most(tally.kinks[j, 0], between - low)
+        tally.kinks[j, BEYOND] = most(tally.kinks[j, BEYOND], between - low)
 
 
 @njit(**OPTIONS)
 def judge_departures(
-    rows: Rows,
-    space: Space,
-    mode: Array,
+    flow: Flow,
+    at: Instant,
     next_mode: Array,
-    reg: Array,
     next_reg: Array,
     order: int,
     h: float,
-    t: float,
     tally: Tally,
 ) -> None:
     """By how much a contact whose sliding force is below its threshold leaves rest before that is
@@ -581,12 +616,16 @@ def judge_departures(
     that leave together one has reached its threshold; what they carry at rest has to hold all it
     can. Where regions change, or a contact comes to rest, forces may jump, and nothing is asked.
     """
-    W = space.W
+    rows = flow.rows
+    W = flow.space.W
+    mag = flow.space.mag
     law = tally.law
+    mode = at.mode
+    reg = at.reg
     nc = len(mode)
     drops = rows.drops
     x = h / W[rows.sizes[DIMENSION], 1]
-    late = 0.5 * EPSILON * abs(t) / W[rows.sizes[DIMENSION], 1]
+    late = 0.5 * EPSILON * abs(at.t) / W[rows.sizes[DIMENSION], 1]
     leaves = False
     for c in range(nc):
         if not resting(mode[c]) and mode[c] != next_mode[c]:
@@ -605,7 +644,7 @@ def judge_departures(
         down = W[rows.minus[c]]
         force = horner(held, order - 1, x)
         room = min(force + horner(up, order - 1, x), horner(down, order - 1, x) - force)
-        room -= 64.0 * EPSILON * space.mag[2 * nc + c] + late * (
+        room -= ROUNDING * mag[2 * nc + c] + late * (
             abs(rate_on(held, order - 1, x))
             + abs(rate_on(up, order - 1, x))
             + abs(rate_on(down, order - 1, x))
@@ -613,42 +652,38 @@ def judge_departures(
         if resting(mode[c]):
             if not resting(next_mode[c]) and room < least:
                 least, first = room, c
-        elif (
-            drops[c] == 1
-            and abs(horner(W[rows.u[c]], order - 1, x)) <= 64.0 * EPSILON * space.mag[c]
-        ):
-            law[c, 0] = most(law[c, 0], room)
+        elif drops[c] == 1 and abs(horner(W[rows.u[c]], order - 1, x)) <= ROUNDING * mag[c]:
+            law[c, EXCESS] = most(law[c, EXCESS], room)
     if first >= 0:
-        law[first, 0] = most(law[first, 0], least)
+        law[first, EXCESS] = most(law[first, EXCESS], least)
 
 
 @njit(**OPTIONS)
 def close_step(
-    rows: Rows,
-    space: Space,
-    mode: Array,
+    flow: Flow,
+    at: Instant,
     N: int,
     h: float,
-    t: float,
     first: Array,
-    end: Array,
     i: int,
     steps: Steps,
     tally: Tally,
 ) -> None:
-    """Compare the end of a step, at a time t, with where its pieces have arrived (the last is still
-    in the work space).
+    """Compare the end of a step with where its pieces have arrived (the last is still in the work
+    space).
 
     A time is a rounded number: an end that the motion passes within half a digit of it is right.
     """
-    nq = rows.sizes[INERTIAL]
-    nz = rows.sizes[VISCOUS]
-    nr = rows.sizes[RATE_INDEPENDENT]
-    mq = rows.sizes[ON_INERTIAL]
-    mz = rows.sizes[ON_VISCOUS]
+    sizes = flow.rows.sizes
+    space = flow.space
+    mode = at.mode
+    end = at.y
+    nq = sizes[INERTIAL]
+    nz = sizes[VISCOUS]
+    nr = sizes[RATE_INDEPENDENT]
     W = space.W
-    unit = W[rows.sizes[DIMENSION], 1]
-    late = 0.5 * EPSILON * abs(t)
+    unit = W[sizes[DIMENSION], 1]
+    late = 0.5 * EPSILON * abs(at.t)
     for r in range(len(first)):
         off = abs(end[r] - space.trial[r]) - late * abs(rate_on(W[r], N, h / unit)) / unit
         if 2 * nq + nz <= r < 2 * nq + nz + nr:
@@ -656,26 +691,23 @@ def close_step(
             # rounding only; near a fold, where its stiffness vanishes, that moves it. The friction
             # law sees the forces themselves.
             for j in range(nr):
-                c = mq + mz + j
+                c = sizes[ON_INERTIAL] + sizes[ON_VISCOUS] + j
                 if mode[c] != 0:
-                    off -= (
-                        64.0
-                        * EPSILON
-                        * abs(space.B[r - 2 * nq - nz, j])
-                        * space.mag[2 * len(mode) + c]
-                    )
+                    terms = space.mag[2 * len(mode) + c]
+                    off -= ROUNDING * abs(space.B[r - 2 * nq - nz, j]) * terms
         steps.gap[i, r] += max(off, 0.0) if off == off else np.inf
-        tally.state[0, r] = most(most(tally.state[0, r], abs(first[r])), abs(end[r]))
+        ends = most(most(tally.state[LARGEST, r], abs(first[r])), abs(end[r]))
+        tally.state[LARGEST, r] = ends
     count_gaps(i, steps, tally)
-    tally.total[2] += steps.open[i]
+    tally.total[UNVERIFIED] += steps.open[i]
 
 
 @njit(**OPTIONS)
 def count_gaps(i: int, steps: Steps, tally: Tally) -> None:
     """Keep the gap and the rounding errors of a Taylor step, and begin the next with none."""
     for r in range(steps.gap.shape[1]):
-        tally.state[2, r] = most(tally.state[2, r], steps.gap[i, r])
-        tally.state[3, r] = most(tally.state[3, r], steps.noise[i, r])
+        tally.state[DEFECT, r] = most(tally.state[DEFECT, r], steps.gap[i, r])
+        tally.state[ROUNDED, r] = most(tally.state[ROUNDED, r], steps.noise[i, r])
         steps.gap[i, r], steps.noise[i, r] = 0.0, 0.0
 
 
@@ -704,23 +736,25 @@ def judge(
     defect = 0.0
     own = 0.0
     for c in range(len(law)):
-        force = most(force, law[c, 4])
-        speed = max(law[c, 5], REST * law[c, 6])
-        violation = most(violation, relative(max(law[c, 0], law[c, 1]), law[c, 4]))
-        violation = most(violation, relative(max(law[c, 2], law[c, 3]), speed))
+        force = most(force, law[c, FORCE])
+        speed = max(law[c, SPEED], REST * law[c, HELD])
+        violation = most(
+            violation, relative(max(law[c, EXCESS], law[c, OFF_THRESHOLD]), law[c, FORCE])
+        )
+        violation = most(violation, relative(max(law[c, CREEP], law[c, BACKWARDS]), speed))
     for j in range(len(tally.kinks)):
-        violation = most(violation, relative(tally.kinks[j, 0], tally.kinks[j, 1]))
+        violation = most(violation, relative(tally.kinks[j, BEYOND], tally.kinks[j, REACHED]))
     for r in range(n):
-        size = max(state[0, r], REST * state[1, r])
-        defect = most(defect, relative(state[2, r], size))
-        own = most(own, relative(state[3, r], size))
-        reach_ = max(reach_, state[0, r])
+        size = max(state[LARGEST, r], REST * state[SWAY, r])
+        defect = most(defect, relative(state[DEFECT, r], size))
+        own = most(own, relative(state[ROUNDED, r], size))
+        reach_ = max(reach_, state[LARGEST, r])
     # The energy itself is known to rounding only: where next to nothing flows, that is the scale.
     scale = max(flow, 1e-6 * energy, 1e-6 * force * reach_)
-    residuals[0] = relative(max(imbalance - force * tally.total[1], 0.0), scale)
-    residuals[1] = violation
-    residuals[2] = defect
-    residuals[3] = own
+    residuals[ENERGY_BALANCE] = relative(max(imbalance - force * tally.total[ERRORS], 0.0), scale)
+    residuals[FRICTION_LAW] = violation
+    residuals[EQUATIONS] = defect
+    residuals[OWN_ROUNDING] = own
 
 
 @njit(**OPTIONS)

@@ -14,11 +14,11 @@ from stickslip.motion.engine.roots import horner
 from stickslip.motion.steps.arrays import (
     ALLOCATING,
     DIMENSION,
-    JETS,
     OPTIONS,
-    Constants,
-    Rows,
-    Space,
+    Flow,
+    Instant,
+    Machine,
+    Record,
 )
 from stickslip.motion.steps.stiff import follow
 
@@ -28,18 +28,10 @@ TOLERANCE = 1e-12  # of a series relative to the size of its row
 
 @njit(**ALLOCATING)
 def trace(
-    jets: JETS,
-    rows: Rows,
-    k: Constants,
-    space: Space,
-    N: int,
-    tol: float,
-    atol: float,
+    machine: Machine,
+    flow: Flow,
     seen: Array,
-    knot_time: Array,
-    knot_state: Array,
-    knot_mode: Array,
-    knot_region: Array,
+    knots: Record,
     index: Array,
     times: Array,
     wanted: Array,
@@ -51,50 +43,49 @@ def trace(
     ----------
     seen : array
         Sizes of the rows that bound the steps; see :class:`stickslip.motion.steps.arrays.Lane`.
+    knots : Record
     index : array of int, shape (times,)
         Knot whose step each time belongs to; ascending, and times ascend within a step.
     wanted : array of int, shape (rows,)
     out : array, shape (rows, times)
     """
-    sizes = rows.sizes
-    W = space.W
+    rows = flow.rows
+    W = flow.space.W
     n = rows.sizes[DIMENSION]
     y = np.zeros(n)
     value = np.zeros(len(wanted))
-    series = np.zeros((N + 1, len(wanted)))
+    series = np.zeros((flow.order + 1, len(wanted)))
     count = len(wanted)
-    mode, reg = np.zeros(knot_mode.shape[1], np.int64), np.zeros(knot_region.shape[1], np.int64)
+    mode, reg = np.zeros(len(rows.u), np.int64), np.zeros(len(rows.kinks), np.int64)
     knot = -1
     base = 0.0
     h = 0.0
-    order = N
-    full = N
-    last = len(knot_time) - 1
+    order = flow.order
+    full = flow.order
+    last = len(knots.time) - 1
     for i in range(len(times)):
         fresh = index[i] != knot
         if fresh:
             knot = index[i]
-            base = knot_time[knot]
-            copy(knot_mode[knot], mode)
-            copy(knot_region[knot], reg)
-            copy(knot_state[knot], y)
-            resolve(sizes, k, space, mode)
+            base = knots.time[knot]
+            copy(knots.mode[knot], mode)
+            copy(knots.region[knot], reg)
+            copy(knots.state[knot], y)
+            resolve(rows.sizes, flow.k, flow.space, mode)
         while fresh or times[i] - base > h:
             if not fresh:
                 for r in range(n):
                     y[r] = horner(W[r], full, h / W[n, 1])
                 base += h
-            left = knot_time[min(knot + 1, last)] - base
+            left = knots.time[min(knot + 1, last)] - base
             fresh = False
-            full, h, _ = follow(
-                jets, rows, k, space, N, base, y, mode, reg, left, h, tol, atol, seen
-            )
+            full, h, _ = follow(machine, flow, Instant(base, y, mode, reg), left, h, seen)
             h = max(h, 1e-12 * (times[i] - base))
             order = full - 1  # forces and thresholds have one order less than the state
             for c in range(order + 1):
                 for r in range(count):
                     series[c, r] = W[wanted[r], c]
-            order = lowered(series, order, min(h, left) / W[n, 1], tol)
+            order = lowered(series, order, min(h, left) / W[n, 1], flow.tol)
         x = (times[i] - base) / W[n, 1]
         for r in range(count):
             value[r] = series[order, r]

@@ -5,12 +5,22 @@ All functions are scalar loops over preallocated arrays.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from stickslip.machine_code import njit
 from stickslip.motion.engine import flights
-from stickslip.motion.engine.forms import AFFINE, GERM_ORDERS, ClosedForms, Flight
-from stickslip.motion.engine.guards import first_event, resting
+from stickslip.motion.engine.forms import (
+    AFFINE,
+    GERM_ORDERS,
+    GUARDS,
+    ClosedForms,
+    Flight,
+    first_slot,
+    slots_of,
+)
+from stickslip.motion.engine.guards import contact_of, doubt_of, first_event, resting
 from stickslip.motion.engine.modes import copy, flip, keeps, let_slide, resolve, settle
 from stickslip.motion.engine.roots import arrive
 from stickslip.motion.steps.arrays import (
@@ -18,13 +28,13 @@ from stickslip.motion.steps.arrays import (
     CAUSE,
     CROSSED,
     DIMENSION,
+    DOUBTED,
     FINISHED,
     FULL,
     HAPPENED,
     INADMISSIBLE,
     INERTIAL,
     INLINED,
-    JETS,
     LAST,
     LIMIT,
     LONG_AGO,
@@ -40,10 +50,12 @@ from stickslip.motion.steps.arrays import (
     ON_JUMP,
     ON_VISCOUS,
     OPTIONS,
+    PROMISED,
     RATE_INDEPENDENT,
     RECENT,
-    RESIDUAL,
     SERIES,
+    SLIPPING,
+    STARTED,
     STEPS,
     SWITCHES,
     TAKEN,
@@ -53,10 +65,16 @@ from stickslip.motion.steps.arrays import (
     ZENO,
     ZERO,
     Constants,
+    Flow,
+    Instant,
     Lane,
-    Record,
+    Machine,
     Rows,
     Space,
+    Task,
+    coefficients,
+    flow_of,
+    lane_of,
 )
 from stickslip.motion.steps.step_size import fill_powers
 from stickslip.motion.steps.structure import is_affine
@@ -65,48 +83,53 @@ Array = np.ndarray
 
 ZENO_EVENTS = 200
 CLOSEST = 1e-15  # relative difference of times that can be told apart
+LOOK = (
+    64  # steps after which sticking contacts are put onto the surface speed, and a promise is kept
+)
+CUT = 0.25  # of a step that did not solve the equations
+# what is said of the mode that a motion is in, beside the slot of its closed form
+UNDECIDED = -1
+NOT_MADE = -2
+
+
+class Before(NamedTuple):
+    """Where the clock was before a step, for a motion that has to go back."""
+
+    t: float
+    last: float
+    series: float
+    recent: float
+    cause: int
 
 
 @njit(**OPTIONS)
 def integrate(
-    jets: JETS,
-    residual: RESIDUAL,
-    rows: Rows,
-    space: Space,
+    machine: Machine,
+    flow: Flow,
     flight: Flight,
-    constants: Constants,
     forms: ClosedForms,
-    slots: int,
-    N: int,
-    tol: float,
-    atol: float,
-    end: float,
-    max_events: int,
     group: Array,
     codes: Array,
     lanes: Lane,
-    recording: bool,
-    record: Record,
+    task: Task,
 ) -> int:
-    """Follow motions, lane by lane, until `end`, until the record is full, or until a closed form
+    """Follow motions, lane by lane, until the end, until the record is full, or until a closed form
     has to be made.
 
     Parameters
     ----------
-    constants : Constants
-        By group of lanes with the same parameters (a leading axis).
-    forms, slots
-        Closed forms, and the number of slots of each group (0: Taylor steps only).
-    N, tol, atol
-        Order of the Taylor series, and local tolerance relative to the size of the state plus
-        `atol`.
+    machine : Machine
+    flow : Flow
+        Constants by group of lanes with the same parameters (a leading axis).
+    flight : Flight
+    forms : ClosedForms
+        Without slots: Taylor steps only.
     group : array of int, shape (lanes,)
     codes : array of int, shape (lanes,)
         FULL, NEED or STEPS where a lane is to go on; receives the outcome code.
     lanes : Lane
         Of all lanes (a leading axis).
-    recording : bool
-        Whether to record the steps (of a single lane).
+    task : Task
 
     Returns
     -------
@@ -114,51 +137,23 @@ def integrate(
         Number of recorded steps.
     """
     count = ZERO
+    closed = slots_of(forms) > 0
     for i in range(len(codes)):
         if codes[i] < FULL:
             continue
-        g = group[i]
-        k = Constants(
-            constants.K[g], constants.M[g], constants.C[g], constants.J[g], constants.omega[g]
-        )
+        own = flow_of(flow, group[i])
         lane = lane_of(lanes, i)
-        space.known[-1] = 1
+        own.space.known[-1] = 1
         code = NOWHERE
-        flying = slots > 0 and codes[i] != STEPS
+        flying = closed and codes[i] != STEPS
         while code < 0:
             if flying:
                 code, count = fly_on(
-                    forms,
-                    g,
-                    slots,
-                    flight,
-                    rows,
-                    k.omega,
-                    lane,
-                    end,
-                    max_events,
-                    recording,
-                    record,
-                    count,
+                    forms, group[i], flight, own.rows, own.k.omega, lane, task, count
                 )
             if code < 0:
-                code, count = step_on(
-                    jets,
-                    residual,
-                    rows,
-                    k,
-                    space,
-                    N,
-                    tol,
-                    atol,
-                    lane,
-                    end,
-                    max_events,
-                    recording,
-                    record,
-                    count,
-                )
-                flying = slots > 0
+                code, count = step_on(machine, own, lane, task, count)
+                flying = closed
         codes[i] = code
     return count
 
@@ -167,16 +162,12 @@ def integrate(
 def integrate_affine(
     rows: Rows,
     constants: Constants,
-    forms: ClosedForms,
-    slots: int,
     flight: Flight,
-    end: float,
-    max_events: int,
+    forms: ClosedForms,
     group: Array,
     codes: Array,
     lanes: Lane,
-    recording: bool,
-    record: Record,
+    task: Task,
 ) -> int:
     """The same as :func:`integrate` in closed form alone: a motion that needs Taylor steps is left
     with code STEPS.
@@ -190,213 +181,175 @@ def integrate_affine(
             continue
         g = group[i]
         lane = lane_of(lanes, i)
-        code, count = fly_on(
-            forms,
-            g,
-            slots,
-            flight,
-            rows,
-            constants.omega[g],
-            lane,
-            end,
-            max_events,
-            recording,
-            record,
-            count,
-        )
+        code, count = fly_on(forms, g, flight, rows, constants.omega[g], lane, task, count)
         codes[i] = code if code >= 0 else STEPS
     return count
 
 
-@njit(**INLINED)
-def lane_of(lanes: Lane, i: int) -> Lane:
-    """One of many lanes."""
-    return Lane(
-        lanes.clock[i],
-        lanes.y[i],
-        lanes.seen[i],
-        lanes.mode[i],
-        lanes.settled[i],
-        lanes.reg[i],
-        lanes.counters[i],
-    )
+# -- Taylor steps ----------------------------------------------------------------------------------
 
 
 @njit(**INLINED)
-def step_on(
-    jets: JETS,
-    residual: RESIDUAL,
-    rows: Rows,
-    k: Constants,
-    space: Space,
-    N: int,
-    tol: float,
-    atol: float,
-    lane: Lane,
-    end: float,
-    max_events: int,
-    recording: bool,
-    record: Record,
-    count: int,
-) -> tuple[int, int]:
+def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) -> tuple[int, int]:
     """Taylor steps up to and including the next event: (outcome code or −1, recorded steps)."""
+    rows = flow.rows
+    space = flow.space
     clock = lane.clock
     counters = lane.counters
-    y = lane.y
+    end = task.end
     nk = len(rows.kinks)
     room = np.inf
     again = False
     promised = 0.0
-    t0 = 0.0
-    last = 0.0
-    before = 0.0
-    recent = 0.0
-    cause = NOWHERE
+    before = Before(0.0, 0.0, 0.0, 0.0, NOWHERE)
     while True:
-        if recording and count == len(record.time) and not again:
+        if task.recording and count == len(task.record.time) and not again:
             return FULL, count
         t, fired = clock[NOW], counters[CAUSE]
-        hold = fired >= 0 or counters[TAKEN] % 64 == 0
-        status, h, series, may_fire = settle(
-            jets,
-            residual,
-            rows,
-            k,
-            space,
-            N,
-            tol,
-            atol,
-            lane,
-            min(room, max(end - t, 0.0)),
-            hold,
-            promised,
-        )
+        hold = fired >= 0 or counters[TAKEN] % LOOK == 0
+        most = min(room, max(end - t, 0.0))
+        status, h, series, may_fire = settle(machine, flow, lane, most, hold, promised)
         if status == ASTRAY:
-            clock[NOW] = t0
-            clock[LAST] = last
-            clock[SERIES] = before
-            clock[RECENT] = recent
-            counters[CAUSE] = cause
-            counters[TAKEN] -= 1
-            copy(space.promise[1], y)
-            room = 0.25 * promised
+            go_back(lane, space, before)
+            room = CUT * promised
             again = True
             promised = 0.0
             continue
         if status != OK:
-            # No mode goes on from here; what the contacts did last is kept, not the last attempt.
-            for i in range(len(lane.mode)):
-                lane.mode[i] = lane.settled[i] if lane.settled[i] != NONE_YET else 0
+            take_back(lane)
         if not again:
-            count = note(lane, recording, record, count)
-        if status == NAN:
-            if recording and fired < 0 and count > 1:
-                # The last step has left the domain of a formula: its end is no state of the motion.
-                count -= 1
-                clock[NOW] = record.time[count - 1]
-                copy(record.state[count - 1], y)
-            return UNDEFINED, count
+            count = note(lane, task, count)
         if status != OK:
-            return (ON_JUMP if rows.sizes[RATE_INDEPENDENT] == 0 else NO_RATE), count
+            return give_up(status, rows, lane, task, count)
         if t >= end:
             return FINISHED, count
         if h <= CLOSEST * abs(t) and h < end - t:
-            # The rate of a sliding rate-independent coordinate runs away where its branch of
-            # equilibria ends.
-            sliding = False
-            for c in range(rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS], len(rows.u)):
-                sliding = sliding or lane.mode[c] != 0
-            return (NO_RATE if sliding else TINY), count
-        x, which = first_event(space, may_fire, N)
-        forbidden = which - nk - 2 * len(rows.u)  # what has become negative, though it must not
-        if forbidden >= 0 and x == 0.0:
-            return (NEGATIVE if rows.doubtful[forbidden, 1] < 0 else INADMISSIBLE), count
-        if x < 1.0:
-            fill_powers(space.powers, x * h / space.W[len(y), 1])
-        for i in range(len(y)):
-            space.trial[i], space.promise[0, i] = arrive(space.W[i], N, space.powers)
+            return (NO_RATE if runs_away(rows, lane.mode) else TINY), count
+        x, which = first_event(space, may_fire, flow.order)
+        doubt = doubt_of(which, nk, len(rows.u))
+        if doubt >= 0 and x == 0.0:
+            return inadmissible(rows, doubt), count
+        look_ahead(flow, x, h)
         # The next step begins with the rates at the end of this one, unless something comes in
         # between.
         promised = x * h
         if (
             which >= 0
-            or (counters[TAKEN] + 1) % 64 == 0
+            or (counters[TAKEN] + 1) % LOOK == 0
             or rows.sizes[RATE_INDEPENDENT] > 0
-            or (recording and count == len(record.time))
+            or (task.recording and count == len(task.record.time))
         ):
-            if not solves(jets, rows, k, space, 1e4 * tol, atol, t, x * h, lane):
-                room = 0.25 * x * h
+            if not solves(machine, flow, lane, x * h):
+                room = CUT * x * h
                 again = True
                 promised = 0.0
                 continue
             promised = 0.0
-        t0 = t
-        last = clock[LAST]
-        before = clock[SERIES]
-        recent = clock[RECENT]
-        cause = fired
-        copy(y, space.promise[1])
-        copy(space.trial, y)
+        before = Before(t, clock[LAST], clock[SERIES], clock[RECENT], fired)
+        copy(lane.y, space.promise[STARTED])
+        copy(space.trial, lane.y)
         room = np.inf
         again = False
-        counters[TAKEN] += 1
-        clock[LAST], clock[SERIES], clock[RECENT] = h, series, max(series, 0.5 * clock[RECENT])
-        clock[NOW] = end if which < 0 and h >= end - t else t + x * h
-        counters[CAUSE] = -1
-        if forbidden >= 0:
-            return (NEGATIVE if rows.doubtful[forbidden, 1] < 0 else INADMISSIBLE), count
+        count_step(lane, h, series, end if which < 0 and h >= end - t else t + x * h)
+        if doubt >= 0:
+            return inadmissible(rows, doubt), count
         if which >= 0:
-            return fire(which, lane, rows, max_events), count
+            return fire(which, lane, rows, task.max_events), count
 
 
 @njit(**INLINED)
-def solves(
-    jets: JETS,
-    rows: Rows,
-    k: Constants,
-    space: Space,
-    tol: float,
-    atol: float,
-    t: float,
-    h: float,
-    lane: Lane,
-) -> bool:
+def go_back(lane: Lane, space: Space, before: Before) -> None:
+    """Put a lane where it was before its last step."""
+    clock = lane.clock
+    clock[NOW] = before.t
+    clock[LAST] = before.last
+    clock[SERIES] = before.series
+    clock[RECENT] = before.recent
+    lane.counters[CAUSE] = before.cause
+    lane.counters[TAKEN] -= 1
+    copy(space.promise[STARTED], lane.y)
+
+
+@njit(**INLINED)
+def take_back(lane: Lane) -> None:
+    """No mode goes on from here: what the contacts did last is kept, not the last attempt."""
+    for i in range(len(lane.mode)):
+        lane.mode[i] = lane.settled[i] if lane.settled[i] != NONE_YET else 0
+
+
+@njit(**INLINED)
+def give_up(status: int, rows: Rows, lane: Lane, task: Task, count: int) -> tuple[int, int]:
+    """Outcome code of a motion from which no mode goes on, and the recorded steps."""
+    if status == NAN:
+        if task.recording and lane.counters[CAUSE] < 0 and count > 1:
+            # The last step has left the domain of a formula: its end is no state of the motion.
+            count -= 1
+            lane.clock[NOW] = task.record.time[count - 1]
+            copy(task.record.state[count - 1], lane.y)
+        return UNDEFINED, count
+    return (ON_JUMP if rows.sizes[RATE_INDEPENDENT] == 0 else NO_RATE), count
+
+
+@njit(**INLINED)
+def runs_away(rows: Rows, mode: Array) -> bool:
+    """Whether a rate-independent coordinate slides: its rate runs away where its branch of
+    equilibria ends."""
+    sliding = False
+    for c in range(rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS], len(rows.u)):
+        sliding = sliding or mode[c] != 0
+    return sliding
+
+
+@njit(**INLINED)
+def inadmissible(rows: Rows, doubt: int) -> int:
+    """Outcome code where a row has become negative that must not."""
+    return NEGATIVE if rows.doubtful[doubt, SLIPPING] < 0 else INADMISSIBLE
+
+
+@njit(**INLINED)
+def look_ahead(flow: Flow, x: float, h: float) -> None:
+    """State after a part x of a step, and the rates there, times its length; the work space holds
+    the powers of the whole step."""
+    space = flow.space
+    n = flow.rows.sizes[DIMENSION]
+    if x < 1.0:
+        fill_powers(space.powers, x * h / space.W[n, 1])
+    for i in range(n):
+        space.trial[i], space.promise[PROMISED, i] = arrive(space.W[i], flow.order, space.powers)
+
+
+@njit(**INLINED)
+def count_step(lane: Lane, h: float, series: float, t: float) -> None:
+    """Put the clock to the end of a step or of a flight."""
+    clock = lane.clock
+    lane.counters[TAKEN] += 1
+    clock[LAST], clock[SERIES], clock[RECENT] = h, series, max(series, 0.5 * clock[RECENT])
+    clock[NOW] = t
+    lane.counters[CAUSE] = -1
+
+
+@njit(**INLINED)
+def solves(machine: Machine, flow: Flow, lane: Lane, h: float) -> bool:
     """Whether the rates at the end of a step are those that its series promises."""
-    y, V = space.trial, space.V
-    if (
-        jets(
-            t + h,
-            y,
-            lane.mode,
-            lane.reg,
-            k.K,
-            space.Rq,
-            space.Rz,
-            1,
-            V,
-            space.A,
-            space.B,
-            space.mag,
-        )
-        != OK
-    ):
+    space = flow.space
+    ahead = Instant(lane.clock[NOW] + h, space.trial, lane.mode, lane.reg)
+    if coefficients(machine, flow, ahead, 1, space.V) != OK:
         return True  # the rates are not determined here, which the next step finds out
-    return keeps(rows, V, space.mag, space.promise[0], y, lane.seen, h, tol, atol)
+    return keeps(flow, space.V, space.trial, lane.seen, h)
+
+
+# -- flights ---------------------------------------------------------------------------------------
 
 
 @njit(**OPTIONS)
 def fly_on(
     T: ClosedForms,
     g: int,
-    slots: int,
     flight: Flight,
     rows: Rows,
     omega: Array,
     lane: Lane,
-    end: float,
-    max_events: int,
-    recording: bool,
-    record: Record,
+    task: Task,
     count: int,
 ) -> tuple[int, int]:
     """Closed-form flights from event to event, as long as the modes are flights.
@@ -410,73 +363,88 @@ def fly_on(
     clock = lane.clock
     y = lane.y
     mode = lane.mode
-    reg = lane.reg
-    counters = lane.counters
+    end = task.end
     nc = len(mode)
-    nk = len(reg)
-    drops = rows.drops
+    nk = len(lane.reg)
     several = total(rows.drops) > 1
     flown, fallen = -1, -1
     while True:
-        if recording and count == len(record.time):
+        if task.recording and count == len(task.record.time):
             return FULL, count
-        t, fired = clock[NOW], counters[CAUSE]
+        t, fired = clock[NOW], lane.counters[CAUSE]
         for c in range(nc):
             if abs(mode[c]) == 2 and fired != nk + c:
                 return -1, count  # others carry it
         copy(mode, flight.mode0)
-        copy(reg, flight.reg0)
+        copy(lane.reg, flight.reg0)
         let_slide(mode)
         flights.place(flight, y, t, omega)
-        slot = -1
-        ready = False
-        for _ in range(2 * (nk + nc) + 4):
-            slot = flights.find(T.key, T.own, g * slots, T.used[g], flights.mode_key(mode, reg))
-            if slot < 0:
-                if T.used[g] < slots:
-                    return NEED, count
-                break
-            if T.status[slot] != AFFINE or not flights.admissible(
-                T, slot, flight, y, clock[RECENT]
-            ):
-                break
-            guard = flights.germs(T, slot, flight, omega, fired, nk, clock[LAST])
-            if guard < 0:
-                ready = not carries(T, slot, flight, mode, nk, drops)
-                break
-            number = T.switch[slot, guard]
-            c = (number - nk) // 2
-            # Which of several contacts break their thresholds together is not decided here.
-            if number >= nk + 2 * nc or (
-                several and number >= nk and drops[c] == 1 and mode[c] == 0
-            ):
-                break
-            flip(number, mode, reg, nk, drops)
-            let_slide(mode)
-        if not ready:
+        slot = decide(T, g, flight, rows, omega, lane, several)
+        if slot == NOT_MADE:
+            return NEED, count
+        if slot == UNDECIDED:
             copy(flight.mode0, mode)
-            copy(flight.reg0, reg)
+            copy(flight.reg0, lane.reg)
             if fired >= 0 and fired < nk and fallen >= 0:
                 clock[NOW] = t + flights.land(T, flown, flight, fallen, y, clock[LAST])
             return -1, count
-        count = note(lane, recording, record, count)
+        count = note(lane, task, count)
         if t >= end:
             return FINISHED, count
         tau, guard = flights.fly(T, slot, flight, end - t, omega)
-        counters[TAKEN] += 1
-        clock[LAST], clock[SERIES], clock[RECENT] = tau, tau, max(tau, 0.5 * clock[RECENT])
-        clock[NOW] = t + tau if guard >= 0 else end
+        count_step(lane, tau, tau, t + tau if guard >= 0 else end)
         flights.arrive(T, slot, flight, y, tau, omega)
-        counters[CAUSE] = -1
         flown = slot
         fallen = guard
         if guard < 0:
             continue
-        if T.switch[slot, guard] >= nk + 2 * nc:
+        if doubt_of(T.switch[slot, guard], nk, nc) >= 0:
             return -1, count
-        code = fire(T.switch[slot, guard], lane, rows, max_events)
+        code = fire(T.switch[slot, guard], lane, rows, task.max_events)
         if code >= 0:
             return code, count
+
+
+@njit(**INLINED)
+def decide(
+    T: ClosedForms, g: int, flight: Flight, rows: Rows, omega: Array, lane: Lane, several: bool
+) -> int:
+    """The mode that a motion takes now, by pivoting among closed forms: its slot, NOT_MADE, or
+    UNDECIDED where Taylor steps have to tell.
+
+    Parameters
+    ----------
+    several : bool
+        Whether there are several contacts whose sliding forces are not their thresholds.
+    """
+    clock = lane.clock
+    mode = lane.mode
+    reg = lane.reg
+    drops = rows.drops
+    nc = len(mode)
+    nk = len(reg)
+    for _ in range(2 * (nk + nc) + 4):
+        key = flights.mode_key(mode, reg)
+        slot = flights.find(T.key, T.own, first_slot(T, g), T.used[g], key)
+        if slot < 0:
+            return NOT_MADE if T.used[g] < slots_of(T) else UNDECIDED
+        if T.status[slot] != AFFINE or not flights.admissible(
+            T, slot, flight, lane.y, clock[RECENT]
+        ):
+            return UNDECIDED
+        guard = flights.germs(T, slot, flight, omega, lane.counters[CAUSE], nk, clock[LAST])
+        if guard < 0:
+            return UNDECIDED if carries(T, slot, flight, mode, nk, drops) else slot
+        number = T.switch[slot, guard]
+        c = contact_of(number, nk)
+        # Which of several contacts break their thresholds together is not decided here.
+        if doubt_of(number, nk, nc) >= 0 or (
+            several and number >= nk and drops[c] == 1 and mode[c] == 0
+        ):
+            return UNDECIDED
+        flip(number, mode, reg, nk, drops)
+        let_slide(mode)
+    return UNDECIDED
 
 
 @njit(**INLINED)
@@ -484,8 +452,8 @@ def carries(T: ClosedForms, slot: int, flight: Flight, mode: Array, nk: int, dro
     """Whether a contact that does not stick and whose sliding force is not its threshold may be
     carried by others."""
     if len(mode) > 1:
-        for g in range(T.counts[slot, 1]):
-            c = (T.switch[slot, g] - nk) // 2
+        for g in range(T.counts[slot, GUARDS]):
+            c = contact_of(T.switch[slot, g], nk)
             if (
                 0 <= c < len(mode)
                 and flight.orders[g] >= GERM_ORDERS
@@ -506,9 +474,10 @@ def total(numbers: Array) -> int:
 
 
 @njit(**INLINED)
-def note(lane: Lane, recording: bool, record: Record, count: int) -> int:
+def note(lane: Lane, task: Task, count: int) -> int:
     """Record where a lane is, and count the switches that brought it there."""
-    if recording:
+    record = task.record
+    if task.recording:
         record.time[count], record.cause[count] = lane.clock[NOW], lane.counters[CAUSE]
         copy(lane.y, record.state[count])
         copy(lane.mode, record.mode[count])
@@ -544,12 +513,13 @@ def fire(guard: int, lane: Lane, rows: Rows, max_events: int) -> int:
     return LIMIT if counters[HAPPENED] >= max_events else -1
 
 
+# -- closed forms are made from --------------------------------------------------------------------
+
+
 @njit(**OPTIONS)
 def probe(
-    jets: JETS,
-    rows: Rows,
-    k: Constants,
-    space: Space,
+    machine: Machine,
+    flow: Flow,
     mode: Array,
     reg: Array,
     times: Array,
@@ -564,50 +534,52 @@ def probe(
     `hold` receives the columns that put the velocities of sticking inertial contacts back onto
     their surface, and the acceleration that a unit of force gives to each.
     """
+    rows = flow.rows
+    space = flow.space
+    nq = rows.sizes[INERTIAL]
+    space.known[-1] = 1
+    space.W[rows.sizes[DIMENSION], 1] = 1.0
+    if not resolve(rows.sizes, flow.k, space, mode):
+        return False
+    for c in range(rows.sizes[ON_INERTIAL]):
+        for i in range(nq):
+            hold[c, i] = space.Rq[i, nq + c] if mode[c] == 0 else 0.0
+        hold[c, nq] = 1.0 / abs(space.Rq[nq + c, nq + c]) if mode[c] == 0 else 0.0
+    for p in range(len(times)):
+        at = Instant(times[p], states[p], mode, reg)
+        if coefficients(machine, flow, at, 1, space.W) != OK:
+            return False
+        if p == 0 and not is_affine(flow, mode, reg):
+            return False
+        read_values(rows, space, out[p])
+        for i in range(out.shape[1]):
+            if not np.isfinite(out[p, i]):
+                return False
+    return True
+
+
+@njit(**INLINED)
+def read_values(rows: Rows, space: Space, out: Array) -> None:
+    """What :func:`probe` wants of an instant, from the table of coefficients."""
     sizes = rows.sizes
     W = space.W
     mag = space.mag
     n = sizes[DIMENSION]
     nq = sizes[INERTIAL]
-    nz = sizes[VISCOUS]
-    nr = sizes[RATE_INDEPENDENT]
-    mq = sizes[ON_INERTIAL]
     nc, nk = len(rows.u), len(rows.kinks)
-    space.known[-1] = 1
-    W[n, 1] = 1.0
-    if not resolve(sizes, k, space, mode):
-        return False
-    for c in range(mq):
-        for i in range(nq):
-            hold[c, i] = space.Rq[i, nq + c] if mode[c] == 0 else 0.0
-        hold[c, nq] = 1.0 / abs(space.Rq[nq + c, nq + c]) if mode[c] == 0 else 0.0
-    for p in range(len(times)):
-        if (
-            jets(
-                times[p], states[p], mode, reg, k.K, space.Rq, space.Rz, 1, W, space.A, space.B, mag
-            )
-            != OK
-        ):
-            return False
-        if p == 0 and not is_affine(rows, k, space, mode, reg):
-            return False
-        for i in range(n):
-            out[p, i] = W[i, 1]
-        for c in range(nc):
-            out[p, n + c] = settle_zero(W[rows.u[c], 0], mag[c])
-            out[p, n + nc + c] = W[rows.force[c], 0]
-            out[p, n + 2 * nc + c] = W[rows.plus[c], 0]
-            out[p, n + 3 * nc + c] = W[rows.minus[c], 0]
-        for j in range(nk):
-            out[p, n + 4 * nc + j] = W[rows.kinks[j], 0]
-        for d in range(len(rows.doubtful)):
-            out[p, n + 4 * nc + nk + d] = W[rows.doubtful[d, 0], 0]
-        for i in range(nq + nz + nr):
-            out[p, nq + i] = settle_zero(out[p, nq + i], mag[3 * nc + nk + i])
-        for i in range(n + 4 * nc + nk + len(rows.doubtful)):
-            if not np.isfinite(out[p, i]):
-                return False
-    return True
+    for i in range(n):
+        out[i] = W[i, 1]
+    for c in range(nc):
+        out[n + c] = settle_zero(W[rows.u[c], 0], mag[c])
+        out[n + nc + c] = W[rows.force[c], 0]
+        out[n + 2 * nc + c] = W[rows.plus[c], 0]
+        out[n + 3 * nc + c] = W[rows.minus[c], 0]
+    for j in range(nk):
+        out[n + 4 * nc + j] = W[rows.kinks[j], 0]
+    for d in range(len(rows.doubtful)):
+        out[n + 4 * nc + nk + d] = W[rows.doubtful[d, DOUBTED], 0]
+    for i in range(nq + sizes[VISCOUS] + sizes[RATE_INDEPENDENT]):
+        out[nq + i] = settle_zero(out[nq + i], mag[3 * nc + nk + i])
 
 
 @njit(**OPTIONS)

@@ -17,9 +17,18 @@ import math
 import numpy as np
 
 from stickslip.machine_code import njit
-from stickslip.motion.engine.forms import GERM_ORDERS, SLIDES, ClosedForms, Flight
+from stickslip.motion.engine.forms import (
+    EXPONENTS,
+    GERM_ORDERS,
+    GUARDS,
+    SLIDES,
+    ClosedForms,
+    Flight,
+)
 from stickslip.motion.engine.guards import switch_of
 from stickslip.motion.engine.signals import (
+    Sum,
+    Wave,
     first_of_bend,
     first_of_line,
     first_of_many,
@@ -30,8 +39,10 @@ from stickslip.motion.steps.arrays import INLINED, OPTIONS, ROUNDING
 
 Array = np.ndarray
 
-FIRED = 1e5  # a switch that has just fired is on its boundary by definition
-# Kinds of signals.
+# rounding errors by which the guard of a switch that has just fired may be away from zero, where it
+# is by definition
+FIRED_ROUNDINGS = 1e5
+# Kinds of signals
 NEVER = 0
 LINE = 1
 BEND = 2
@@ -51,7 +62,7 @@ def drive_vector(t: float, omega: Array, s: Array, n: int) -> None:
 
 @njit(**OPTIONS)
 def mode_key(mode: Array, reg: Array) -> int:
-    """Number of a mode and region."""
+    """Number of a mode (0, ±1) and region of at most :data:`.forms.MOST_SWITCHES` switches."""
     key = 1
     for i in range(len(mode)):
         key = key * 3 + mode[i] + 1
@@ -140,7 +151,7 @@ def germs(
         near += size[0, ns - 2 * len(omega) - 1]
     ready = 0
     near = near / T.pace[slot]
-    for g in range(T.counts[slot, 1]):
+    for g in range(T.counts[slot, GUARDS]):
         k = 0
         value = 0.0
         while k < GERM_ORDERS:
@@ -156,12 +167,13 @@ def germs(
                 f.value[g], f.terms[g] = value, terms
             # What is far from zero, or as close to it as rounding makes it, needs no exact account
             # of its terms.
-            if abs(value) > ROUNDING * FIRED * largest * (reach[g, k] + near * reach[g, k + 1]):
+            bound = reach[g, k] + near * reach[g, k + 1]
+            if abs(value) > ROUNDING * FIRED_ROUNDINGS * largest * bound:
                 break
             if abs(value) > ROUNDING * terms:
                 floor = ROUNDING * _terms(S, G[g], size, k, near)
                 if k == 0 and switch_of(T.switch[slot, g], kinks, T.held.shape[1]) == fired:
-                    floor *= FIRED
+                    floor *= FIRED_ROUNDINGS
                 if abs(value) > floor:
                     break
             k += 1
@@ -177,7 +189,7 @@ def amplitudes(T: ClosedForms, slot: int, f: Flight, omega: Array) -> None:
     s = f.v[0]
     moduli = f.size[0]
     first = len(f.r) + 2
-    for j in range(T.counts[slot, 0]):
+    for j in range(T.counts[slot, EXPONENTS]):
         row = T.R[slot, j]
         re = 0.0
         im = 0.0
@@ -227,7 +239,7 @@ def sort_guards(T: ClosedForms, slot: int, f: Flight, omega: Array) -> int:
     swing = T.swing[slot]
     first = -1
     soonest = np.inf
-    for g in range(T.counts[slot, 1]):
+    for g in range(T.counts[slot, GUARDS]):
         f.kind[g] = NEVER
         if f.orders[g] >= GERM_ORDERS:
             continue
@@ -237,7 +249,7 @@ def sort_guards(T: ClosedForms, slot: int, f: Flight, omega: Array) -> int:
         c2 = 0.0
         reach = 0.0
         terms = f.terms[g]
-        for j in range(T.counts[slot, 0]):
+        for j in range(T.counts[slot, EXPONENTS]):
             c0 -= T.a[slot, g, j].real * r[j].real - T.a[slot, g, j].imag * r[j].imag
             reach += swing[g, j] * modulus[j]
             terms += swing[g, j] * f.rounding[j]
@@ -255,7 +267,7 @@ def sort_guards(T: ClosedForms, slot: int, f: Flight, omega: Array) -> int:
         waves = 0
         drives = 0
         lead = 0
-        for j in range(T.counts[slot, 0]):
+        for j in range(T.counts[slot, EXPONENTS]):
             if swing[g, j] * modulus[j] > 0.1 * floor:
                 lead = j
                 if lam[j].imag == 0.0:
@@ -297,13 +309,13 @@ def fly(T: ClosedForms, slot: int, f: Flight, room: float, omega: Array) -> tupl
     a = f.a
     b = f.b
     lam = T.exponent[slot]
-    nb = T.counts[slot, 0]
+    nb = T.counts[slot, EXPONENTS]
     amplitudes(T, slot, f, omega)
     first = sort_guards(T, slot, f, omega)
     limit = room
     which = -1
     known = False
-    for rank in range(-1, T.counts[slot, 1] if first >= 0 else -1):
+    for rank in range(-1, T.counts[slot, GUARDS] if first >= 0 else -1):
         # The one that probably falls first leaves little to be searched by the others.
         g = first if rank < 0 else rank
         if rank == first or f.kind[g] == NEVER:
@@ -313,32 +325,22 @@ def fly(T: ClosedForms, slot: int, f: Flight, room: float, omega: Array) -> tupl
         rising = f.orders[g]
         found = np.inf
         if f.kind[g] == WAVE:
-            mu = lam[j].real
-            w = lam[j].imag
-            size = T.swing[slot, g, j] * f.modulus[j]
-            angle = T.angle[slot, g, j] + f.phase[j]
-            tilt = T.tilt[slot, j]
-            sine = T.sine[slot, j]
+            wave = Wave(
+                f.c[g, 0],
+                T.swing[slot, g, j] * f.modulus[j],
+                T.angle[slot, g, j] + f.phase[j],
+                lam[j].real,
+                lam[j].imag,
+                T.tilt[slot, j],
+                T.sine[slot, j],
+            )
             while True:
                 z = T.a[slot, g, j]
                 turned = f.turned[j]
                 ending = (
                     f.value[g] + z.real * turned.real - z.imag * turned.imag if known else np.nan
                 )
-                found = first_of_wave(
-                    f.c[g, 0],
-                    size,
-                    angle,
-                    mu,
-                    w,
-                    tilt,
-                    sine,
-                    limit,
-                    ending,
-                    f.guess[g],
-                    floor,
-                    rising,
-                )
+                found = first_of_wave(wave, limit, ending, f.guess[g], floor, rising)
                 if known or found == found:
                     break
                 _turn_all(lam, r, nb, limit, f.turned)
@@ -353,9 +355,8 @@ def fly(T: ClosedForms, slot: int, f: Flight, room: float, omega: Array) -> tupl
                 a[i] = T.a[slot, g, i] * r[i]
             for m in range(len(omega)):
                 b[m] = T.b[slot, g, m] * f.spin[m]
-            found = first_of_many(
-                f.c[g], a, lam, nb, b, omega, limit, floor, rising, f.taylor, f.stack
-            )
+            parts = Sum(f.c[g], a[:nb], lam[:nb], b, omega)
+            found = first_of_many(parts, limit, floor, rising, f.taylor, f.stack)
         if found <= limit:
             known = known and found == limit
             limit, which = found, g
@@ -378,7 +379,7 @@ def arrive(T: ClosedForms, slot: int, f: Flight, x: Array, tau: float, omega: Ar
         change = 0.0
         if T.drifts[slot, g] == 1:
             change = tau * (dot(T.c1[slot, g], f.v[0]) + tau * T.c2[slot, g])
-        for j in range(T.counts[slot, 0]):
+        for j in range(T.counts[slot, EXPONENTS]):
             z = T.a[slot, g, j]
             change += z.real * turned[j].real - z.imag * turned[j].imag
         for m in range(len(omega)):

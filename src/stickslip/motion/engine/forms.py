@@ -7,6 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stickslip.machine_code import njit
+from stickslip.motion.steps.arrays import INLINED
+
 Array = np.ndarray
 
 UNKNOWN = 0
@@ -15,6 +18,10 @@ SMOOTH = 2
 SLIDES = 1
 STICKS = 2
 GERM_ORDERS = 6
+# contacts and kinks of a system with closed forms: the number of a mode fits into 64 bits up to 39
+MOST_SWITCHES = 30
+# Columns of ClosedForms.counts.
+EXPONENTS, GUARDS = range(2)
 
 
 class ClosedForms(NamedTuple):
@@ -28,8 +35,8 @@ class ClosedForms(NamedTuple):
     ----------
     status, key, own : arrays of int
         UNKNOWN, AFFINE or SMOOTH (not affine), the number of the mode, and that of the slot itself.
-    counts : array of int
-        Numbers of exponents and of guards.
+    counts : array of int, shape (·, 2)
+        Numbers of EXPONENTS and of GUARDS.
     pace : array
         Time, a power of two, near the shortest of the mode.
     S : array
@@ -142,6 +149,18 @@ def make_closed_forms(
         used=z(groups, i),
         shortest=z(m),
     )
+
+
+@njit(**INLINED)
+def slots_of(T: ClosedForms) -> int:
+    """Closed forms that each group may have."""
+    return len(T.status) // len(T.used)
+
+
+@njit(**INLINED)
+def first_slot(T: ClosedForms, g: int) -> int:
+    """The first slot of a group."""
+    return g * slots_of(T)
 
 
 class Flight(NamedTuple):

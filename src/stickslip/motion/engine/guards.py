@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from stickslip.machine_code import njit
 from stickslip.motion.engine.roots import first_crossing
 from stickslip.motion.steps.arrays import (
     DIMENSION,
+    DOUBTED,
     DOUBTFUL,
     FIRED,
     INLINED,
     NOWHERE,
     OPTIONS,
     ROUNDING,
+    SLIPPING,
+    TOWARDS,
     ZERO,
+    Flow,
     Rows,
     Space,
 )
@@ -22,59 +28,75 @@ from stickslip.motion.steps.step_size import impulse
 
 Array = np.ndarray
 
+# Columns of Space.labels: the number of a guard that may fire, and the degree of its polynomial;
+# negative if it is violated at once.
+NUMBER, DEGREE = range(2)
+
+
+class Guard(NamedTuple):
+    """What must be nonnegative in a mode: sign·W[row] + W[shift].
+
+    Attributes
+    ----------
+    row, shift : int
+        Rows of the table of coefficients; no second one if `shift` is negative.
+    sign : float
+    size, rate : float
+        Scales of the rounding errors of its value, and of its rate.
+    near : float
+        Time, in units of that of the coefficients, within which a zero of it is known.
+    precision : float
+        What counts as zero, in parts of these scales.
+    """
+
+    row: int
+    shift: int
+    sign: float
+    size: float
+    rate: float
+    near: float
+    precision: float
+
 
 @njit(**OPTIONS, fastmath={"reassoc", "contract", "nsz"})
-def fall(W: Array, row: int, shift_row: int, sign: float, N: int, powers: Array) -> float:
+def fall(W: Array, row: int, shift: int, sign: float, N: int, powers: Array) -> float:
     """Bound Σ max(−cₖ, 0) hᵏ of how far sign·W[row] + W[shift], which starts positive, falls within
     the step."""
     total = 0.0
-    if shift_row < 0:
+    if shift < 0:
         for k in range(N):
             total -= min(sign * W[row, k], 0.0) * powers[k]
     else:
         for k in range(N):
-            total -= min(sign * W[row, k] + W[shift_row, k], 0.0) * powers[k]
+            total -= min(sign * W[row, k] + W[shift, k], 0.0) * powers[k]
     return total
 
 
 @njit(**OPTIONS)
-def germ(
-    W: Array,
-    row: int,
-    sign: float,
-    shift_row: int,
-    N: int,
-    powers: Array,
-    near: float,
-    size0: float,
-    size1: float,
-    precision: float,
-    slack: float,
-    c: Array,
-) -> tuple[int, int]:
+def germ(W: Array, guard: Guard, N: int, powers: Array, slack: float, c: Array) -> tuple[int, int]:
     """Sign of a guard for small times, and the order that decides it.
 
-    The guard is sign·W[row] + W[shift_row]; its coefficients, scaled to the step, are left in c. A
-    zero is known no better than the time at which it was found: relative to what the guard does in
-    the steps on both sides.
+    Its coefficients, scaled to the step, are left in c. A zero is known no better than the time at
+    which it was found: relative to what the guard does in the steps on both sides.
     """
     largest = 0.0
     for k in range(N):
-        v = sign * W[row, k]
-        if shift_row >= 0:
-            v += W[shift_row, k]
+        v = guard.sign * W[guard.row, k]
+        if guard.shift >= 0:
+            v += W[guard.shift, k]
         c[k] = v * powers[k]
         if k > 0:
             largest = max(largest, abs(c[k]))
-    floor = precision * (size0 + near * size1 + largest)
+    floor = guard.precision * (guard.size + guard.near * guard.rate + largest)
     if c[0] > floor:
         return 1, 0
     if c[0] < -floor:
         return -1, 0
-    floor = slack * ROUNDING * (size0 + powers[1] * size1 + largest)
+    floor = slack * ROUNDING * (guard.size + powers[1] * guard.rate + largest)
+    slipping = max(floor, guard.precision * powers[1] * guard.rate)
     for k in range(1, N):
         # What has just begun to slip has the acceleration 0 by definition.
-        at_least = floor if k > 1 else max(floor, precision * powers[1] * size1)
+        at_least = floor if k > 1 else slipping
         if c[k] > at_least:
             return 1, k
         if c[k] < -at_least:
@@ -102,109 +124,150 @@ def stays(
     row = rows.u[c]
     near = last / unit + space.powers[1]
     precision = max(FIRED if nk + c == fired else 0.0, slack * ROUNDING)
-    size0 = mag[c]
-    size1 = mag[nc + c] * unit + abs(W[row, 1])
-    if abs(W[row, 0]) > precision * (size0 + near * size1):
+    size = mag[c]
+    rate = mag[nc + c] * unit + abs(W[row, 1])
+    if abs(W[row, 0]) > precision * (size + near * rate):
         return False
     spare = space.pending[len(space.pending) - 1]
-    s, _ = germ(W, row, 1.0, NOWHERE, N, space.powers, near, size0, size1, precision, slack, spare)
+    guard = Guard(row, NOWHERE, 1.0, size, rate, near, precision)
+    s, _ = germ(W, guard, N, space.powers, slack, spare)
     return s == 0
+
+
+# -- numbers of guards and switches ----------------------------------------------------------------
+# Guards: kinks, then two for each contact (towards slip+, or back to stick; towards slip−), then
+# what must not become negative. Switches: kinks, then contacts.
+
+
+@njit(**INLINED)
+def contact_of(guard: int, nk: int) -> int:
+    """The contact that a guard behind the kinks belongs to."""
+    return (guard - nk) // 2
+
+
+@njit(**INLINED)
+def is_second(guard: int, nk: int) -> bool:
+    """Whether a guard is the second one of a contact: towards slip−."""
+    return (guard - nk) % 2 == 1
+
+
+@njit(**INLINED)
+def doubt_of(guard: int, nk: int, nc: int) -> int:
+    """Which of the rows that must not become negative a guard is; negative if it is none."""
+    return guard - nk - 2 * nc
 
 
 @njit(**OPTIONS)
 def switch_of(guard: int, nk: int, nc: int) -> int:
-    """The switch that a guard belongs to: kinks, then contacts; −1 for what must not become
-    negative."""
+    """The switch that a guard belongs to; −1 for what must not become negative."""
     if guard < nk:
         return guard
-    return nk + (guard - nk) // 2 if guard < nk + 2 * nc else -1
+    return nk + contact_of(guard, nk) if doubt_of(guard, nk, nc) < 0 else -1
+
+
+@njit(**INLINED)
+def is_asked(rows: Rows, mode: Array, g: int) -> bool:
+    """Whether a guard says anything in a mode."""
+    nk = len(rows.kinks)
+    if g < nk:
+        return True
+    d = doubt_of(g, nk, len(mode))
+    if d >= 0:
+        c = rows.doubtful[d, SLIPPING]
+        return c < 0 or mode[c] * rows.doubtful[d, TOWARDS] > 0
+    return mode[contact_of(g, nk)] == 0 or not is_second(g, nk)
+
+
+@njit(**INLINED)
+def guard_of(
+    rows: Rows, space: Space, mode: Array, reg: Array, g: int, near: float, precision: float
+) -> Guard:
+    """A guard of a mode by its number; zeros are known within the time `near`, in units of that of
+    the coefficients."""
+    W = space.W
+    mag = space.mag
+    powers = space.powers
+    unit = W[rows.sizes[DIMENSION], 1]
+    nk = len(rows.kinks)
+    nc = len(rows.u)
+    i = contact_of(g, nk)
+    shift = NOWHERE
+    sign = 1.0
+    rate = 0.0
+    around = near
+    exact = precision
+    if g < nk:
+        row = rows.kinks[g]
+        sign = 1.0 if reg[g] == 1 else -1.0
+        size = mag[3 * nc + g]
+        rate = abs(W[row, 1])
+        if rows.vanishing[g] >= 0 and powers[1] > 0.0:
+            rate += impulse(rows, mag, rows.vanishing[g], unit * powers[1]) / powers[1]
+    elif doubt_of(g, nk, nc) >= 0:
+        d = doubt_of(g, nk, nc)
+        row, i = rows.doubtful[d, DOUBTED], rows.doubtful[d, SLIPPING]
+        around = 0.0
+        exact = DOUBTFUL
+        size = abs(W[row, 0]) + abs(W[row, 1]) * powers[1]
+        if i >= 0:
+            size += max(W[rows.plus[i], 0], W[rows.minus[i], 0])
+    elif mode[i] == 0:
+        row = rows.force[i]
+        shift = rows.minus[i] if is_second(g, nk) else rows.plus[i]
+        sign = -1.0 if is_second(g, nk) else 1.0
+        terms = abs(W[row, 1]) + abs(W[rows.plus[i], 1]) + abs(W[rows.minus[i], 1])
+        size = mag[2 * nc + i] + near * terms
+    else:
+        row = rows.u[i]
+        sign = 1.0 if mode[i] > 0 else -1.0
+        size = mag[i]
+        rate = mag[nc + i] * unit + abs(W[row, 1])
+    return Guard(row, shift, sign, size, rate, around, exact)
 
 
 @njit(**INLINED)
 def scan(
-    rows: Rows, space: Space, mode: Array, reg: Array, N: int, last: float, fired: int, slack: float
+    flow: Flow, mode: Array, reg: Array, last: float, fired: int, slack: float
 ) -> tuple[int, int]:
     """Look at all guards of a mode: (least guard that is violated at once, or −1; number of guards
     that may fire).
 
-    Guards are numbered: kinks, then two for each contact (towards slip+, or back to stick; towards
-    slip−), then what must not become negative. What is below `slack` rounding errors counts as
-    zero.
+    What is below `slack` rounding errors counts as zero.
     """
+    rows = flow.rows
+    space = flow.space
     W = space.W
-    mag = space.mag
-    force = rows.force
-    plus = rows.plus
-    minus = rows.minus
-    u = rows.u
+    N = flow.order
     powers = space.powers
-    pending = space.pending
     labels = space.labels
-    unit = W[rows.sizes[DIMENSION], 1]
     nk = len(rows.kinks)
     nc = len(rows.u)
     count = ZERO
-    near = last / unit + powers[1]
+    near = last / W[rows.sizes[DIMENSION], 1] + powers[1]
     for g in range(nk + 2 * nc + len(rows.doubtful)):
-        # The guard is sign·W[row] + W[shift]; size0 and size1 are the scales of its value and of
-        # its rate.
-        i = (g - nk) // 2
-        shift = NOWHERE
-        size1 = 0.0
-        around = near
-        sign = 1.0
-        if g < nk:
-            row = rows.kinks[g]
-            sign = 1.0 if reg[g] == 1 else -1.0
-            size0 = mag[3 * nc + g]
-            size1 = abs(W[row, 1])
-            if rows.vanishing[g] >= 0 and powers[1] > 0.0:
-                size1 += impulse(rows, mag, rows.vanishing[g], unit * powers[1]) / powers[1]
-        elif g >= nk + 2 * nc:
-            row, i, side = rows.doubtful[g - nk - 2 * nc]
-            if i >= 0 and mode[i] * side <= 0:
-                continue
-            around = 0.0
-            size0 = abs(W[row, 0]) + abs(W[row, 1]) * powers[1]
-            if i >= 0:
-                size0 += max(W[plus[i], 0], W[minus[i], 0])
-        elif mode[i] == 0:
-            row, shift = force[i], plus[i]
-            if (g - nk) % 2 == 1:
-                sign = -1.0
-                shift = minus[i]
-            size0 = mag[2 * nc + i] + near * (
-                abs(W[row, 1]) + abs(W[plus[i], 1]) + abs(W[minus[i], 1])
-            )
-        else:
-            if (g - nk) % 2 == 1:
-                continue
-            row = u[i]
-            sign = 1.0 if mode[i] > 0 else -1.0
-            size0 = mag[i]
-            size1 = mag[nc + i] * unit + abs(W[row, 1])
+        if not is_asked(rows, mode, g):
+            continue
         precision = max(FIRED if switch_of(g, nk, nc) == fired else 0.0, slack * ROUNDING)
-        if g >= nk + 2 * nc:
-            precision = DOUBTFUL
-        start = sign * W[row, 0] + (W[shift, 0] if shift >= 0 else 0.0)
-        if start > precision * (size0 + around * size1) and start > fall(
-            W, row, shift, sign, N, powers
+        guard = guard_of(rows, space, mode, reg, g, near, precision)
+        start = guard.sign * W[guard.row, 0] + (W[guard.shift, 0] if guard.shift >= 0 else 0.0)
+        if start > guard.precision * (guard.size + guard.near * guard.rate) and start > fall(
+            W, guard.row, guard.shift, guard.sign, N, powers
         ):
             continue
-        c = pending[count]
-        s, order = germ(W, row, sign, shift, N, powers, around, size0, size1, precision, slack, c)
+        c = space.pending[count]
+        s, order = germ(W, guard, N, powers, slack, c)
         if s == 0:
             continue
-        labels[count, 0] = g
-        labels[count, 1] = N - 1 - order
+        labels[count, NUMBER] = g
+        labels[count, DEGREE] = N - 1 - order
         if s < 0:
-            if g < nk + 2 * nc:
+            if doubt_of(g, nk, nc) < 0:
                 return g, 0
-            labels[count, 1] = -1
+            labels[count, DEGREE] = -1
         # a zero at the start is divided out: what remains starts positive
         for k in range(N - order):
             c[k] = c[k + order]
-        c[N] = ROUNDING * (size0 + powers[1] * size1)
+        c[N] = ROUNDING * (guard.size + powers[1] * guard.rate)
         count += 1
     return -1, count
 
@@ -216,11 +279,11 @@ def first_event(space: Space, count: int, N: int) -> tuple[float, int]:
     limit = 1.0
     which = -1
     for i in range(count):
-        d = space.labels[i, 1]
+        d = space.labels[i, DEGREE]
         if d < 0:
-            return 0.0, space.labels[i, 0]
+            return 0.0, space.labels[i, NUMBER]
         x = first_crossing(space.pending[i], d, limit, space.pending[i, N], space.stack)
         if x <= limit:
             limit = x
-            which = space.labels[i, 0]
+            which = space.labels[i, NUMBER]
     return limit, which

@@ -17,7 +17,7 @@ import numpy as np
 
 from stickslip.equations.codegen.series import invert
 from stickslip.machine_code import njit
-from stickslip.motion.engine.guards import scan, stays
+from stickslip.motion.engine.guards import contact_of, is_second, scan, stays
 from stickslip.motion.steps.arrays import (
     ASTRAY,
     CAUSE,
@@ -26,7 +26,6 @@ from stickslip.motion.steps.arrays import (
     IMPLICIT,
     INERTIAL,
     INLINED,
-    JETS,
     LAST,
     NAN,
     NOW,
@@ -37,9 +36,9 @@ from stickslip.motion.steps.arrays import (
     ON_VISCOUS,
     OPTIONS,
     OVERFLOW,
+    PROMISED,
     RATE_INDEPENDENT,
     RECENT,
-    RESIDUAL,
     ROUNDING,
     SERIES,
     SINGULAR,
@@ -47,9 +46,13 @@ from stickslip.motion.steps.arrays import (
     VISCOUS,
     ZERO,
     Constants,
+    Flow,
+    Instant,
     Lane,
+    Machine,
     Rows,
     Space,
+    coefficients,
 )
 from stickslip.motion.steps.step_size import (
     COARSER,
@@ -67,6 +70,12 @@ Array = np.ndarray
 
 MOST_CANDIDATES = 60000
 SLACKEST = 1e6  # rounding errors that count as zero where less lets no mode go on
+# what may be said of a mode instead of the number of a violated guard
+NO_GUARD = -1
+OTHER_FORCES = -2
+AGAIN = -3
+ON_SURFACE = 1e-9  # part of its terms by which what has to vanish may be away from zero
+LOOSER = 1e4  # tolerances by which the rates at the end of a step may break its promise
 
 
 @njit(**OPTIONS)
@@ -126,18 +135,12 @@ def resolve(sizes: Array, k: Constants, space: Space, mode: Array) -> bool:
 
 
 @njit(**INLINED)
-def project_rates(
-    residual: RESIDUAL,
-    sizes: Array,
-    k: Constants,
-    space: Space,
-    t: float,
-    y: Array,
-    mode: Array,
-    reg: Array,
-) -> int:
+def project_rates(machine: Machine, flow: Flow, at: Instant) -> int:
     """Put sliding rate-independent coordinates back on λ + σ s = 0 (one Newton step: they are there
     up to rounding)."""
+    sizes = flow.rows.sizes
+    space = flow.space
+    mode = at.mode
     nr = sizes[RATE_INDEPENDENT]
     first = sizes[ON_INERTIAL] + sizes[ON_VISCOUS]
     offset = 2 * sizes[INERTIAL] + sizes[VISCOUS]
@@ -147,20 +150,20 @@ def project_rates(
         sliding = sliding or mode[first + i] != 0
     if not sliding:
         return OK
-    residual(t, y, mode, reg, k.K, G, space.A)
+    machine.residual(at.t, at.y, mode, at.reg, flow.k.K, G, space.A)
     for i in range(nr):
-        if mode[first + i] != 0 and not abs(G[i]) <= 1e-9 * G[nr + i]:
+        if mode[first + i] != 0 and not abs(G[i]) <= ON_SURFACE * G[nr + i]:
             return OFF_SURFACE
     if not invert(space.A, nr, space.B):
         return SINGULAR
     for i in range(nr):
         for j in range(nr):
-            y[offset + i] -= space.B[i, j] * G[j]
+            at.y[offset + i] -= space.B[i, j] * G[j]
     return OK
 
 
 @njit(**INLINED)
-def release_or_hold(rows: Rows, space: Space, y: Array, mode: Array, last: float) -> bool:
+def release_or_hold(flow: Flow, at: Instant, last: float) -> bool:
     """Put sticking inertial contacts exactly on the surface speed; one that is not there (it cannot
     jump) slips.
 
@@ -169,9 +172,11 @@ def release_or_hold(rows: Rows, space: Space, y: Array, mode: Array, last: float
     bool
         False if a contact was released, so that the mode has changed.
     """
-    W = space.W
-    mag = space.mag
-    Rq = space.Rq
+    rows = flow.rows
+    W = flow.space.W
+    mag = flow.space.mag
+    Rq = flow.space.Rq
+    mode = at.mode
     nc = len(rows.u)
     nq = rows.sizes[INERTIAL]
     mq = rows.sizes[ON_INERTIAL]
@@ -182,69 +187,57 @@ def release_or_hold(rows: Rows, space: Space, y: Array, mode: Array, last: float
         # mass.
         gap = W[rows.u[c], 0]
         held = mag[2 * nc + c] / abs(Rq[nq + c, nq + c])
-        if abs(gap) > 1e-9 * last * (mag[nc + c] + held) + ROUNDING * mag[c]:
+        if abs(gap) > ON_SURFACE * last * (mag[nc + c] + held) + ROUNDING * mag[c]:
             mode[c] = 1 if gap > 0.0 else -1
             return False
     for c in range(mq):
         gap = W[rows.u[c], 0]
         if mode[c] == 0 and gap != 0.0:
             for i in range(nq):
-                y[nq + i] -= Rq[i, nq + c] * gap
+                at.y[nq + i] -= Rq[i, nq + c] * gap
     return True
 
 
 @njit(**INLINED)
-def evaluate_mode(
-    jets: JETS,
-    residual: RESIDUAL,
-    rows: Rows,
-    k: Constants,
-    space: Space,
-    N: int,
-    t: float,
-    y: Array,
-    mode: Array,
-    reg: Array,
-    last: float,
-    hold: bool,
-) -> int:
+def evaluate_mode(machine: Machine, flow: Flow, at: Instant, last: float, hold: bool) -> int:
     """Taylor coefficients of the motion in a mode; y is put back onto the constraints of the
     mode."""
-    W, sizes = space.W, rows.sizes
-    n = sizes[DIMENSION]
-    nr = sizes[RATE_INDEPENDENT]
-    mq = sizes[ON_INERTIAL]
+    W = flow.space.W
+    rows = flow.rows
     while True:
-        if not resolve(sizes, k, space, mode):
+        if not resolve(rows.sizes, flow.k, flow.space, at.mode):
             return SINGULAR
         sticking = False
-        for c in range(mq):
-            sticking = sticking or mode[c] == 0
+        for c in range(rows.sizes[ON_INERTIAL]):
+            sticking = sticking or at.mode[c] == 0
         if not sticking or not hold:
             break
-        if (
-            jets(t, y, mode, reg, k.K, space.Rq, space.Rz, 1, W, space.A, space.B, space.mag)
-            == SINGULAR
-        ):
+        if coefficients(machine, flow, at, 1, W) == SINGULAR:
             return SINGULAR
-        if release_or_hold(rows, space, y, mode, last):
+        if release_or_hold(flow, at, last):
             break
-    if nr > 0:
-        status = project_rates(residual, sizes, k, space, t, y, mode, reg)
+    if rows.sizes[RATE_INDEPENDENT] > 0:
+        status = project_rates(machine, flow, at)
         if status != OK:
             return status
-    if (
-        jets(t, y, mode, reg, k.K, space.Rq, space.Rz, N, W, space.A, space.B, space.mag)
-        == SINGULAR
-    ):
+    if coefficients(machine, flow, at, flow.order, W) == SINGULAR:
         return SINGULAR
-    for r in range(n):
+    return judge_coefficients(rows, W, flow.order)
+
+
+@njit(**INLINED)
+def judge_coefficients(rows: Rows, W: Array, N: int) -> int:
+    """Whether Taylor coefficients are numbers, NAN, or OVERFLOW in their unit of time.
+
+    What overflows at high orders only is a blow-up, for which no step is small enough: it becomes
+    infinite.
+    """
+    for r in range(rows.sizes[DIMENSION]):
         if not (math.isfinite(W[r, 0]) and math.isfinite(W[rows.program.rates[r], 0])):
             return NAN
         if not (math.isfinite(W[r, 1]) and math.isfinite(W[r, min(N, 2)])):
             return OVERFLOW
         if not math.isfinite(W[r, N]):
-            # what overflows at high orders only is a blow-up: no step is small enough
             W[r, N] = np.inf
     for c in range(len(rows.u)):
         r = rows.u[c]
@@ -256,23 +249,23 @@ def evaluate_mode(
 
 
 @njit(**INLINED)
-def keeps(
-    rows: Rows,
-    W: Array,
-    mag: Array,
-    promise: Array,
-    y: Array,
-    seen: Array,
-    h: float,
-    tol: float,
-    atol: float,
-) -> bool:
+def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
     """Whether rates, times the length of the step that ends here, are those that the step's series
-    promises."""
+    promises.
+
+    Parameters
+    ----------
+    table : array
+        Values of the rows at the end of the step.
+    """
+    rows = flow.rows
+    mag = flow.space.mag
+    promise = flow.space.promise[PROMISED]
+    tol = LOOSER * flow.tol
     for i in range(len(y)):
-        size = LEAST + abs(y[i]) + abs(promise[i]) + atol * seen[i]
+        size = LEAST + abs(y[i]) + abs(promise[i]) + flow.atol * seen[i]
         rounding = ROUNDING * mag[rows.noise[i]] * h if rows.noise[i] >= 0 else 0.0
-        if abs(W[rows.program.rates[i], 0] * h - promise[i]) > tol * size + rounding:
+        if abs(table[rows.program.rates[i], 0] * h - promise[i]) > tol * size + rounding:
             return False
     return True
 
@@ -287,9 +280,9 @@ def flip(guard: int, mode: Array, reg: Array, nk: int, drops: Array) -> int:
     if guard < nk:
         reg[guard] = 1 - reg[guard]
         return guard
-    c = (guard - nk) // 2
+    c = contact_of(guard, nk)
     if mode[c] == 0:
-        side = 1 if (guard - nk) % 2 == 0 else -1
+        side = -1 if is_second(guard, nk) else 1
         mode[c] = 2 * side if drops[c] == 1 else side
     else:
         mode[c] = 0
@@ -386,24 +379,20 @@ def loosen(
 
 @njit(**INLINED)
 def settle(
-    jets: JETS,
-    residual: RESIDUAL,
-    rows: Rows,
-    k: Constants,
-    space: Space,
-    N: int,
-    tol: float,
-    atol: float,
-    lane: Lane,
-    room: float,
-    hold: bool,
-    promised: float,
+    machine: Machine, flow: Flow, lane: Lane, room: float, hold: bool, promised: float
 ) -> tuple[int, float, float, int]:
     """Find the mode the motion takes now; the work space then holds its Taylor coefficients, or a
     polynomial instead.
 
+    First pivoting; if that leaves the admissible modes (a singular or impossible one), every state
+    of the switches concerned.
+
     Parameters
     ----------
+    room : float
+        Longest step that is wanted.
+    hold : bool
+        Whether sticking contacts are put onto the surface speed.
     promised : float
         Length of the step that ended here, if it has not been checked whether it keeps its promise;
         otherwise 0.
@@ -415,148 +404,229 @@ def settle(
         SINGULAR if no mode is possible; or ASTRAY if the step that ended here does not solve the
         equations.
     """
-    sizes = rows.sizes
+    rows = flow.rows
+    space = flow.space
     touched = space.touched
-    mode = lane.mode
-    reg = lane.reg
-    y = lane.y
     nk = len(rows.kinks)
-    nc = len(rows.u)
-    nq = sizes[INERTIAL]
-    nz = sizes[VISCOUS]
-    mq = sizes[ON_INERTIAL]
-    mz = sizes[ON_VISCOUS]
-    mr = sizes[ON_RATE_INDEPENDENT]
-    t = lane.clock[NOW]
-    last = lane.clock[LAST]
-    recent = lane.clock[RECENT]
-    fired = lane.counters[CAUSE]
-    copy(y, space.y0)
-    for i in range(nk + nc):
-        touched[i] = 0
-    # First pivoting; if that leaves the admissible modes (a singular or impossible one), every
-    # state of the switches concerned.
-    pivots = 0
-    candidate = 0
-    total = 0
-    flipped = fired
+    begin_search(space, lane)
+    pivots, units, candidate = 0, 0, 0
+    total = 0  # states of the switches concerned; 0 as long as there is pivoting
+    kept = 0  # times that the forces of such a state were put right
+    flipped = lane.counters[CAUSE]
     slack = 1.0
-    units = 0
-    h = 0.0
-    kept = 0  # times that the forces of a state of the switches were put right
-    space.W[len(y), 1] = lane.clock[UNIT]
     while True:
         if pivots > 0:
-            copy(space.y0, y)
+            copy(space.y0, lane.y)
         pivots += 1
         if total > 0 and kept == 0:
-            if candidate == total:
-                # Where forces are not unique, contacts that pivoting never questioned may have to
-                # change, too.
-                asked = 0
-                for i in range(nc):
-                    asked += 1 - touched[nk + i]
-                    touched[nk + i] = 1
-                total = candidates(touched, nk)
-                if total > MOST_CANDIDATES:
-                    break
-                if asked == 0:
-                    # A contact may be so close to two modes that rounding denies it both.
-                    slack *= 1e2
-                    if slack > SLACKEST:
-                        break
-                candidate = 0
-            choose(candidate, touched, mode, reg, rows.drops)
-            candidate += 1
-        status = evaluate_mode(
-            jets, residual, rows, k, space, N, t, y, mode, reg, recent, hold or pivots > 1
-        )
+            candidate, total, slack = choose_next(rows, touched, lane, candidate, total, slack)
+            if total == 0:
+                copy(space.y0, lane.y)
+                return SINGULAR, 0.0, 0.0, 0
+        status, h = make_series(machine, flow, lane, room, hold or pivots > 1)
         first = promised > 0.0 and pivots == 1 and status != SINGULAR
-        if first and not keeps(
-            rows, space.W, space.mag, space.promise[0], y, lane.seen, promised, 1e4 * tol, atol
-        ):
+        if first and not keeps(flow, space.W, lane.y, lane.seen, promised):
             return ASTRAY, 0.0, 0.0, 0
         # A formula may end where its region ends.
         lost = status in (NAN, OVERFLOW) and total == 0 and pivots <= nk + 1
-        if lost and set_regions(rows, space.W, space.mag, reg):
+        if lost and set_regions(rows, space.W, space.mag, lane.reg):
             continue
-        if status == NAN:
+        rescaled = status != NAN and rescale(space, lane, status, h, room)
+        if status == NAN or (rescaled and units == MOST_UNITS):
             return NAN, 0.0, 0.0, 0
-        if status == OK:
-            h = step_size(
-                space.W, rows.watched, rows.noise, space.mag, lane.seen,
-                len(y), N, lane.clock[SERIES], tol, atol,
-            )  # fmt: skip
-            # between two times that can be told apart, as they are recorded
-            h = (t + min(room, h)) - t
-        if status == OVERFLOW or (status == OK and not suits(h, room, space.W[len(y), 1])):
-            # Coefficients in other units of time: all others are powers of two times these, so that
-            # nothing is rounded.
-            if units == MOST_UNITS:
-                return NAN, 0.0, 0.0, 0
-            space.W[len(y), 1] = (
-                better(h, space.W[len(y), 1]) if status == OK else COARSER * space.W[len(y), 1]
-            )
-            units = units + 1
-            pivots = pivots - 1
-            if total > 0:
-                candidate -= 1
+        if rescaled:
+            units += 1
+            pivots -= 1
+            candidate -= 1 if total > 0 else 0
             continue
         if status == OK:
-            fill_powers(space.powers, h / space.W[len(y), 1])
-            guard, count = scan(rows, space, mode, reg, N, last, fired, slack)
-            other = guard < 0 and hold_or_slide(rows, space, mode, N, last, fired, slack)
-            kept = kept + 1 if other and total > 0 and kept <= 2 * nc else 0
-            if guard < 0 and not other:
-                short = shortened(rows, k, space, mode, reg, N, h, tol, atol, lane.seen)
-                series = short
-                unit = space.W[len(y), 1]
-                stiff = (
-                    pivots == 1
-                    and not short < h
-                    and lingers(
-                        space.W, len(y), N, h, room, tol, atol, lane.seen, lane.clock, fired
-                    )
-                )
-                if stiff:
-                    short, lane.clock[IMPLICIT] = collocate(
-                        jets, rows, k, space, N, t, y, mode, reg,
-                        h, lane.clock[IMPLICIT], tol, atol, lane.seen,
-                    )  # fmt: skip
-                if short != h:
-                    h = (t + short) - t
-                    fill_powers(space.powers, h / space.W[len(y), 1])
-                    guard, count = scan(rows, space, mode, reg, N, last, fired, slack)
-                if stiff and (guard >= 0 or not short > 0.0):
-                    # A guard that vanishes is known better from its series.
-                    lane.clock[IMPLICIT] = -RESTING
-                    space.W[len(y), 1] = unit
-                    pivots = 0
-                    continue
-                if guard < 0:
-                    lane.clock[UNIT] = unit
-                    for i in range(len(rows.watched)):
-                        lane.seen[i] = max(lane.seen[i], abs(space.W[rows.watched[i], 0]))
-                    return OK, h, series, count
-            if guard >= 0 and total == 0:
-                flipped = flip(guard, mode, reg, nk, rows.drops)
-                touched[flipped] = 1
-        elif status == SINGULAR and total == 0:
-            free = loosen(k.J, ZERO, mq, ZERO, nq, mode, flipped - nk, space, nk, rows.drops)
-            free = loosen(k.J, mq, mz, nq, nz, mode, flipped - nk, space, nk, rows.drops) or free
-            if free and pivots <= 3 * (nk + nc) + 8:
+            guard, count, h, series = try_mode(machine, flow, lane, h, room, slack, pivots == 1)
+            if guard == NO_GUARD:
+                return OK, h, series, count
+            other = guard == OTHER_FORCES and total > 0 and kept <= 2 * len(rows.u)
+            kept = kept + 1 if other else 0
+            if guard == AGAIN:
+                pivots = 0
                 continue
-        if total == 0 and (status != OK or pivots > 3 * (nk + nc) + 8):
-            if fired >= 0:
-                touched[fired] = 1
-            for i in range(mr):
-                if mode[mq + mz + i] != 0:
-                    touched[nk + mq + mz + i] = 1
-            total = candidates(touched, nk)
-            if total > MOST_CANDIDATES:
-                break
-    copy(space.y0, y)
-    return SINGULAR, 0.0, 0.0, 0
+            if guard >= 0 and total == 0:
+                flipped = flip(guard, lane.mode, lane.reg, nk, rows.drops)
+                touched[flipped] = 1
+        many = pivots > 3 * len(touched) + 8
+        carried = status == SINGULAR and total == 0 and let_carry(flow, lane.mode, flipped - nk)
+        if total == 0 and (many or (status != OK and not carried)):
+            total = concerned(rows, touched, lane)
+
+
+@njit(**INLINED)
+def begin_search(space: Space, lane: Lane) -> None:
+    """Keep the state, and have no switch concerned."""
+    copy(lane.y, space.y0)
+    for i in range(len(space.touched)):
+        space.touched[i] = 0
+    space.W[len(lane.y), 1] = lane.clock[UNIT]
+
+
+@njit(**INLINED)
+def make_series(
+    machine: Machine, flow: Flow, lane: Lane, room: float, hold: bool
+) -> tuple[int, float]:
+    """Taylor coefficients of the mode in which a lane is, and the step that they are good for,
+    between two times that can be told apart, as they are recorded."""
+    t = lane.clock[NOW]
+    here = Instant(t, lane.y, lane.mode, lane.reg)
+    status = evaluate_mode(machine, flow, here, lane.clock[RECENT], hold)
+    h = 0.0
+    if status == OK:
+        h = step_size(flow, flow.order, lane.seen, lane.clock[SERIES])
+        h = (t + min(room, h)) - t
+    return status, h
+
+
+@njit(**INLINED)
+def rescale(space: Space, lane: Lane, status: int, h: float, room: float) -> bool:
+    """Choose another unit of time for coefficients that overflow in this one, or where it does not
+    suit the step; whether it did not.
+
+    All others are powers of two times these, so that nothing is rounded.
+    """
+    n = len(lane.y)
+    unit = space.W[n, 1]
+    if status == OVERFLOW:
+        space.W[n, 1] = COARSER * unit
+        return True
+    if status == OK and not suits(h, room, unit):
+        space.W[n, 1] = better(h, unit)
+        return True
+    return False
+
+
+@njit(**INLINED)
+def try_mode(
+    machine: Machine,
+    flow: Flow,
+    lane: Lane,
+    h: float,
+    room: float,
+    slack: float,
+    quiet: bool,
+) -> tuple[int, int, float, float]:
+    """See whether the mode of which the series are in the work space is right, and take as much of
+    a step as hides nothing, or a longer one by a polynomial where the motion is stiff.
+
+    Parameters
+    ----------
+    h, room : float
+        Step of the series, and longest step that is wanted.
+    quiet : bool
+        Whether this is the mode that the motion was in.
+
+    Returns
+    -------
+    guard, count, step, series
+        NO_GUARD if the mode is right; the least guard that is violated at once; OTHER_FORCES if
+        contacts that do not stick have to have others; AGAIN if a guard vanishes in a polynomial,
+        which has to be a series. Then guards that may fire; the step, and that of the series.
+    """
+    space = flow.space
+    clock = lane.clock
+    mode = lane.mode
+    n = len(lane.y)
+    last = clock[LAST]
+    fired = lane.counters[CAUSE]
+    unit = space.W[n, 1]
+    fill_powers(space.powers, h / unit)
+    guard, count = scan(flow, mode, lane.reg, last, fired, slack)
+    if guard >= 0:
+        return guard, count, h, h
+    if hold_or_slide(flow.rows, space, mode, flow.order, last, fired, slack):
+        return OTHER_FORCES, count, h, h
+    series = shortened(flow, mode, lane.reg, h, lane.seen)
+    step = series
+    length = h
+    stiff = quiet and not step < h and lingers(flow, lane, h, room)
+    if stiff:
+        here = Instant(clock[NOW], lane.y, mode, lane.reg)
+        step, clock[IMPLICIT] = collocate(machine, flow, here, h, clock[IMPLICIT], lane.seen)
+    if step != h:
+        length = (clock[NOW] + step) - clock[NOW]
+        fill_powers(space.powers, length / space.W[n, 1])
+        guard, count = scan(flow, mode, lane.reg, last, fired, slack)
+    if stiff and (guard >= 0 or not step > 0.0):
+        # A guard that vanishes is known better from its series.
+        clock[IMPLICIT] = -RESTING
+        space.W[n, 1] = unit
+        return AGAIN, count, h, series
+    if guard >= 0:
+        return guard, count, length, series
+    clock[UNIT] = unit
+    for i in range(len(flow.rows.watched)):
+        lane.seen[i] = max(lane.seen[i], abs(space.W[flow.rows.watched[i], 0]))
+    return NO_GUARD, count, length, series
+
+
+@njit(**INLINED)
+def let_carry(flow: Flow, mode: Array, keep: int) -> bool:
+    """Let sticking contacts be carried whose directions depend on those of the others; whether
+    there are any."""
+    sizes = flow.rows.sizes
+    drops = flow.rows.drops
+    nk = len(flow.rows.kinks)
+    J = flow.k.J
+    space = flow.space
+    nq = sizes[INERTIAL]
+    mq = sizes[ON_INERTIAL]
+    free = loosen(J, ZERO, mq, ZERO, nq, mode, keep, space, nk, drops)
+    return (
+        loosen(J, mq, sizes[ON_VISCOUS], nq, sizes[VISCOUS], mode, keep, space, nk, drops) or free
+    )
+
+
+# -- every state of the switches concerned ---------------------------------------------------------
+
+
+@njit(**INLINED)
+def concerned(rows: Rows, touched: Array, lane: Lane) -> int:
+    """Count the states of the switches that pivoting has questioned, of the one that has just
+    fired, and of what slides without mass."""
+    nk = len(rows.kinks)
+    first = rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]
+    if lane.counters[CAUSE] >= 0:
+        touched[lane.counters[CAUSE]] = 1
+    for c in range(first, first + rows.sizes[ON_RATE_INDEPENDENT]):
+        if lane.mode[c] != 0:
+            touched[nk + c] = 1
+    return candidates(touched, nk)
+
+
+@njit(**INLINED)
+def choose_next(
+    rows: Rows, touched: Array, lane: Lane, candidate: int, total: int, slack: float
+) -> tuple[int, int, float]:
+    """Put the switches concerned into the next of all their states.
+
+    Returns
+    -------
+    candidate, total, slack
+        The number of the state after that, of all states (0: none is left), and rounding errors
+        that count as zero.
+    """
+    nk = len(rows.kinks)
+    if candidate == total:
+        # Where forces are not unique, contacts that pivoting never questioned may have to change,
+        # too.
+        asked = 0
+        for c in range(len(rows.u)):
+            asked += 1 - touched[nk + c]
+            touched[nk + c] = 1
+        total = candidates(touched, nk)
+        if asked == 0:
+            # A contact may be so close to two modes that rounding denies it both.
+            slack *= 1e2
+        candidate = 0
+    if total > MOST_CANDIDATES or slack > SLACKEST:
+        return candidate, ZERO, slack
+    choose(candidate, touched, lane.mode, lane.reg, rows.drops)
+    return candidate + 1, total, slack
 
 
 @njit(**OPTIONS)

@@ -11,17 +11,50 @@ from __future__ import annotations
 
 import cmath
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from stickslip.machine_code import njit
 from stickslip.motion.engine.roots import NONE, first_crossing
-from stickslip.motion.steps.arrays import OPTIONS
+from stickslip.motion.steps.arrays import INLINED, OPTIONS
 
 Array = np.ndarray
 
 WINDOW_ORDER = 22
 EXACT = 1e-16  # relative error of a root that no further step can lessen
+
+
+class Wave(NamedTuple):
+    """The signal c₀ + exp(μx) R cos(ωx + φ).
+
+    Attributes
+    ----------
+    c0, size, phase : float
+        c₀, R and φ.
+    mu, w : float
+        Real and imaginary part of λ = μ + iω.
+    tilt, sine : float
+        arg λ, and its sine.
+    """
+
+    c0: float
+    size: float
+    phase: float
+    mu: float
+    w: float
+    tilt: float
+    sine: float
+
+
+class Sum(NamedTuple):
+    """The signal c₀ + c₁τ + c₂τ² + Re Σⱼ aⱼ exp(λⱼτ) + Re Σₘ bₘ exp(iωₘτ)."""
+
+    c: Array
+    a: Array
+    lam: Array
+    b: Array
+    omega: Array
 
 
 @njit(**OPTIONS)
@@ -90,25 +123,12 @@ def _root_of_bend(
 
 @njit(**OPTIONS)
 def first_of_wave(
-    c0: float,
-    size: float,
-    phase: float,
-    mu: float,
-    w: float,
-    tilt: float,
-    sine: float,
-    limit: float,
-    ending: float,
-    guess: float,
-    floor: float,
-    rising: int,
+    s: Wave, limit: float, ending: float, guess: float, floor: float, rising: int
 ) -> float:
-    """First fall of c₀ + exp(μx) R cos(ωx + φ): its extrema are half a period apart.
+    """First fall of a wave: its extrema are half a period apart.
 
     Parameters
     ----------
-    tilt, sine : float
-        arg λ, and its sine.
     ending : float
         Value at `limit`, or NaN if it is not known; the answer is NaN if it is needed.
     guess : float
@@ -116,10 +136,10 @@ def first_of_wave(
     """
     # g′ = R|λ| exp(μx) cos(ωx + φ + arg λ) vanishes where its argument is π/2 modulo π.
     # There the cosine is ± sin(arg λ), so that the extrema need no trigonometry.
-    arc = 0.5 * math.pi - phase - tilt
+    arc = 0.5 * math.pi - s.phase - s.tilt
     halves = np.floor(arc * (1.0 / math.pi))
     arc -= math.pi * halves
-    swing = size * sine
+    swing = s.size * s.sine
     if halves != 2.0 * np.floor(0.5 * halves):
         swing = -swing
     if rising > 1 and arc < 1e-7 * math.pi:
@@ -127,13 +147,13 @@ def first_of_wave(
         arc = arc + math.pi
         swing = -swing
     before = 0.0
-    turn = arc / w
+    turn = arc / s.w
     climbing = rising > 0
     while True:
         if swing < 0.0 and not climbing:
             if turn <= limit:
                 stop = turn
-                g = c0 + swing * math.exp(mu * turn)
+                g = s.c0 + swing * math.exp(s.mu * turn)
             else:
                 stop, g = limit, ending
                 if g != g:
@@ -141,48 +161,37 @@ def first_of_wave(
                 if abs(g) <= floor:
                     return limit  # it crosses together with the earliest event found so far
             if g < -floor:
-                if not (before < guess < stop and abs(mu * guess) < 0.1):
+                if not (before < guess < stop and abs(s.mu * guess) < 0.1):
                     guess = 0.5 * (before + stop)
-                    cosine = -c0 / (size * math.exp(mu * guess))
+                    cosine = -s.c0 / (s.size * math.exp(s.mu * guess))
                     if abs(cosine) < 1.0:
-                        angle = math.acos(cosine) - phase  # there the cosine falls
-                        guess = (
-                            angle - 2.0 * math.pi * np.floor((angle - w * before) * (0.5 / math.pi))
-                        ) / w
-                return _root_of_wave(c0, size, phase, mu, w, before, stop, guess, floor)
-            if mu <= 0.0:
+                        angle = math.acos(cosine) - s.phase  # there the cosine falls
+                        turns = np.floor((angle - s.w * before) * (0.5 / math.pi))
+                        guess = (angle - 2.0 * math.pi * turns) / s.w
+                return _root_of_wave(s, before, stop, guess, floor)
+            if s.mu <= 0.0:
                 return np.inf  # no later minimum is lower
         if turn >= limit:
             return np.inf
         arc += math.pi
         before = turn
-        turn = arc / w
+        turn = arc / s.w
         swing = -swing
         climbing = False
 
 
 @njit(**OPTIONS)
-def _root_of_wave(
-    c0: float,
-    size: float,
-    phase: float,
-    mu: float,
-    w: float,
-    low: float,
-    high: float,
-    guess: float,
-    floor: float,
-) -> float:
-    """The crossing from + to − of c₀ + exp(μx) R cos(ωx + φ) between low and high."""
+def _root_of_wave(s: Wave, low: float, high: float, guess: float, floor: float) -> float:
+    """The crossing from + to − of a wave between low and high."""
     x = guess if low < guess < high else 0.5 * (low + high)
-    fast = abs(mu) + w
+    fast = abs(s.mu) + s.w
     for _ in range(100):
-        r = size * math.exp(mu * x)
-        angle = w * x + phase
+        r = s.size * math.exp(s.mu * x)
+        angle = s.w * x + s.phase
         re, im = r * math.cos(angle), r * math.sin(angle)
-        slope = mu * re - w * im
-        second = mu * slope - w * (mu * im + w * re)
-        x, low, high, found = _halley(x, c0 + re, slope, second, fast, low, high, floor)
+        slope = s.mu * re - s.w * im
+        second = s.mu * slope - s.w * (s.mu * im + s.w * re)
+        x, low, high, found = _halley(x, s.c0 + re, slope, second, fast, low, high, floor)
         if found:
             break
     return x
@@ -218,48 +227,51 @@ def _halley(
     return new, low, high, False
 
 
+@njit(**INLINED)
+def expand(s: Sum, start: float, h: float, work: Array) -> None:
+    """Taylor polynomial of a signal at a time, in powers of a window."""
+    N = WINDOW_ORDER
+    c = s.c
+    for k in range(N + 1):
+        work[k] = 0.0
+    work[0] = c[0] + start * (c[1] + start * c[2])
+    work[1] = (c[1] + 2.0 * c[2] * start) * h
+    work[2] = c[2] * h * h
+    for j in range(len(s.lam)):
+        z = s.a[j] * cmath.exp(s.lam[j] * start)
+        for k in range(N + 1):
+            work[k] += z.real
+            z = z * s.lam[j] * h / (k + 1)
+    for m in range(len(s.omega)):
+        z = s.b[m] * cmath.exp(1j * s.omega[m] * start)
+        for k in range(N + 1):
+            work[k] += z.real
+            z = z * 1j * s.omega[m] * h / (k + 1)
+
+
 @njit(**OPTIONS)
 def first_of_many(
-    c: Array,
-    a: Array,
-    lam: Array,
-    nb: int,
-    b: Array,
-    omega: Array,
-    limit: float,
-    floor: float,
-    rising: int,
-    work: Array,
-    stack: Array,
+    s: Sum, limit: float, floor: float, rising: int, work: Array, stack: Array
 ) -> float:
-    """First fall of any signal: window after window, its Taylor polynomial and the roots of
-    that."""
+    """First fall of any signal: window after window, its Taylor polynomial and the roots of that.
+
+    Parameters
+    ----------
+    work, stack : arrays, shapes (WINDOW_ORDER + 1,) and that of :func:`.roots.first_crossing`
+        Work space.
+    """
     fastest = 0.0
-    for j in range(nb):
-        fastest = max(fastest, abs(lam[j]))
-    for m in range(len(omega)):
-        fastest = max(fastest, omega[m])
+    for j in range(len(s.lam)):
+        fastest = max(fastest, abs(s.lam[j]))
+    for m in range(len(s.omega)):
+        fastest = max(fastest, s.omega[m])
     h = min(limit, 1.5 / fastest if fastest > 0.0 else limit)
     start = 0.0
     order = rising
     N = WINDOW_ORDER
     while start < limit:
         h = min(h, limit - start)
-        for k in range(N + 1):
-            work[k] = 0.0
-        work[0] = c[0] + start * (c[1] + start * c[2])
-        work[1] = (c[1] + 2.0 * c[2] * start) * h
-        work[2] = c[2] * h * h
-        for j in range(nb):
-            z = a[j] * cmath.exp(lam[j] * start)
-            for k in range(N + 1):
-                work[k] += z.real
-                z = z * lam[j] * h / (k + 1)
-        for m in range(len(omega)):
-            z = b[m] * cmath.exp(1j * omega[m] * start)
-            for k in range(N + 1):
-                work[k] += z.real
-                z = z * 1j * omega[m] * h / (k + 1)
+        expand(s, start, h, work)
         if order > 0:
             for k in range(N + 1 - order):
                 work[k] = work[k + order]

@@ -8,8 +8,8 @@ import numpy as np
 from stickslip.machine_code import njit
 from stickslip.motion.engine import flights
 from stickslip.motion.engine.event_loop import probe
-from stickslip.motion.engine.forms import SMOOTH, ClosedForms
-from stickslip.motion.steps.arrays import JETS, OPTIONS, SETUP, Constants, Rows, Space
+from stickslip.motion.engine.forms import SMOOTH, ClosedForms, first_slot
+from stickslip.motion.steps.arrays import OPTIONS, SETUP, Constants, Flow, Machine, flow_of
 
 Array = np.ndarray
 
@@ -22,27 +22,24 @@ def run_setups(setup: SETUP, table: Array, k: Constants) -> None:
 
 
 @njit(**OPTIONS)
-def claim(
-    T: ClosedForms, slots: int, group: Array, mode: Array, region: Array, place: Array
-) -> None:
+def claim(T: ClosedForms, group: Array, mode: Array, region: Array, place: Array) -> None:
     """Give every mode that is asked for the next slot of its group; −1 where it has been asked for
     before."""
     for i in range(len(group)):
         g = group[i]
         key = flights.mode_key(mode[i], region[i])
         place[i] = -1
-        if flights.find(T.key, T.own, g * slots, int(T.used[g]), key) < 0:
-            place[i] = g * slots + T.used[g]
+        first = first_slot(T, g)
+        if flights.find(T.key, T.own, first, int(T.used[g]), key) < 0:
+            place[i] = first + T.used[g]
             T.key[place[i]], T.status[place[i]] = key, SMOOTH
             T.used[g] += 1
 
 
 @njit(**OPTIONS)
 def probe_modes(
-    jets: JETS,
-    rows: Rows,
-    constants: Constants,
-    space: Space,
+    machine: Machine,
+    flow: Flow,
     group: Array,
     mode: Array,
     region: Array,
@@ -55,10 +52,5 @@ def probe_modes(
     """Probe many modes, as :func:`.event_loop.probe` does one; `found` receives whether all values
     are finite."""
     for i in range(len(group)):
-        g = group[i]
-        k = Constants(
-            constants.K[g], constants.M[g], constants.C[g], constants.J[g], constants.omega[g]
-        )
-        found[i] = probe(
-            jets, rows, k, space, mode[i], region[i], times[i], states, out[i], hold[i]
-        )
+        own = flow_of(flow, group[i])
+        found[i] = probe(machine, own, mode[i], region[i], times[i], states, out[i], hold[i])

@@ -13,6 +13,7 @@ import numpy as np
 from numba import float64, int64, types, void
 
 from stickslip.equations.codegen.program import Program
+from stickslip.machine_code import njit
 
 
 def _import_array_functions() -> None:
@@ -89,7 +90,9 @@ OVERFLOW = 5
 NODES = 18  # of an audit, in a piece of a step
 EPSILON = 2.220446049250313e-16
 ROUNDING = 64 * EPSILON
-FIRED = 1e-10  # a switch that has just fired is on its boundary by definition
+# part of its size by which the guard of a switch that has just fired may be away from zero, where
+# it is by definition
+FIRED = 1e-10
 DOUBTFUL = 1e-12  # a threshold this close to zero may have become negative
 # Global integers of NumPy's type: numba would compile functions a second time for literals.
 ZERO = cast(int, np.int64(0))
@@ -109,6 +112,13 @@ NONE_YET = 9  # no mode of a contact
     ON_RATE_INDEPENDENT,
     KINKS,
 ) = range(9)
+# What the compiled function `powers` of a system makes: energy, dissipated and supplied power.
+STORED, DISSIPATED, SUPPLIED = range(3)
+POWERS_MADE = 3
+# Rows of Space.promise.
+PROMISED, STARTED = range(2)
+# Columns of Rows.doubtful.
+DOUBTED, SLIPPING, TOWARDS = range(3)
 # Slots of Lane.clock, and of Lane.counters: see there.
 NOW, LAST, LONG_AGO, SPAN, RECENT, UNIT, IMPLICIT, SERIES = range(8)
 HAPPENED, SWITCHES, CAUSE, CROSSED, TAKEN = range(5)
@@ -140,8 +150,8 @@ class Rows(NamedTuple):
         Place of the size of the terms of each of these in the table of magnitudes, −1: nothing
         cancels in it.
     doubtful : array of int, shape (·, 3)
-        Rows that may become negative, though they must not; the contact and the direction in which
-        it slips then (−1, 0: always).
+        Rows that may become negative, though they must not (DOUBTED); the contact that is SLIPPING
+        and the direction TOWARDS which it does then (−1, 0: always).
     timed : array of int
         1 for each kink that comes at a time, whatever the state.
     vanishing : array of int
@@ -203,8 +213,8 @@ class Space(NamedTuple):
         Of an audit: residuals and guards at the nodes of a piece, and polynomials in Bernstein's
         form.
     promise : array, shape (2, n)
-        Rates at the end of the last step, times its length, as its series has them; and the state
-        it started from.
+        Rates at the end of the last step, times its length, as its series has them (PROMISED); and
+        the state it STARTED from.
     known : array of int
         Mode for which Rq and Rz were made; last entry 0 if they are valid.
     stages : array
@@ -279,6 +289,108 @@ class Record(NamedTuple):
     mode: Array
     region: Array
     cause: Array
+
+
+class Task(NamedTuple):
+    """What is asked of a call of the event loop.
+
+    Attributes
+    ----------
+    end : float
+        Time at which the motions end.
+    max_events : int
+        After so many events they end, too.
+    recording : bool
+        Whether to record the steps (of a single lane).
+    record : Record
+    """
+
+    end: float
+    max_events: int
+    recording: bool
+    record: Record
+
+
+class Machine(NamedTuple):
+    """Machine code of a system: Taylor coefficients of all rows, residual of the rate-independent
+    coordinates, and energy with dissipated and supplied power.
+
+    Python hands it over apart from all arrays: numba has to look at the type of a function at every
+    call, and would look at all that comes in the same tuple.
+    """
+
+    jets: JETS
+    residual: RESIDUAL
+    powers: POWERS
+
+
+class Flow(NamedTuple):
+    """A system with numbers, and how its motion is followed.
+
+    Attributes
+    ----------
+    rows : Rows
+    k : Constants
+        Of one set of parameters; or of many (a leading axis).
+    space : Space
+    order : int
+        Of the Taylor series.
+    tol, atol : float
+        Local tolerance relative to the size of the state plus `atol`.
+    """
+
+    rows: Rows
+    k: Constants
+    space: Space
+    order: int
+    tol: float
+    atol: float
+
+
+class Instant(NamedTuple):
+    """Where a motion is: time, state, mode of each contact and region of each kink."""
+
+    t: float
+    y: Array
+    mode: Array
+    reg: Array
+
+
+@njit(**INLINED)
+def constants_of(k: Constants, g: int) -> Constants:
+    """The constants of one of many sets of parameters."""
+    return Constants(k.K[g], k.M[g], k.C[g], k.J[g], k.omega[g])
+
+
+@njit(**INLINED)
+def flow_of(flow: Flow, g: int) -> Flow:
+    """The same for one of many sets of parameters."""
+    k = constants_of(flow.k, g)
+    return Flow(flow.rows, k, flow.space, flow.order, flow.tol, flow.atol)
+
+
+@njit(**INLINED)
+def lane_of(lanes: Lane, i: int) -> Lane:
+    """One of many lanes."""
+    return Lane(
+        lanes.clock[i],
+        lanes.y[i],
+        lanes.seen[i],
+        lanes.mode[i],
+        lanes.settled[i],
+        lanes.reg[i],
+        lanes.counters[i],
+    )
+
+
+@njit(**INLINED)
+def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
+    """Taylor coefficients of all rows of the tape at an instant, up to an order, in a table; OK, or
+    what keeps the equations from being solved."""
+    s = flow.space
+    return machine.jets(
+        at.t, at.y, at.mode, at.reg, flow.k.K, s.Rq, s.Rz, order, table, s.A, s.B, s.mag
+    )
 
 
 def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:

@@ -17,12 +17,24 @@ at zero, where they have few derivatives.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.equations.codegen.program import Program
+from stickslip.equations.codegen.program import (
+    FIFTH,
+    FIRST,
+    FOURTH,
+    OPERATION,
+    PLACE,
+    RESULT,
+    SECOND,
+    SIZE,
+    THIRD,
+    Program,
+)
 from stickslip.machine_code import njit
-from stickslip.motion.steps.arrays import INLINED, OPTIONS
+from stickslip.motion.steps.arrays import INLINED, OPTIONS, Flow
 from stickslip.symbolic.tape import Op
 
 Array = np.ndarray
@@ -37,8 +49,44 @@ CHAIN, TAN, TANH = (int(op) for op in (Op.CHAIN, Op.TAN, Op.TANH))
 SELECT, SIDE, SPEED, ENTRY, RIGHT, SOLVE, RATES = (
     int(op) for op in (Op.SELECT, Op.SIDE, Op.SPEED, Op.ENTRY, Op.RIGHT, Op.SOLVE, Op.RATES)
 )
+# Columns of a table of discs: the numbers B and S of a row and the lower bound of its modulus; and,
+# for a part of the state, how far its derivative strays.
+BALL, OFF, NEAR, SLOPE = range(4)
 LARGE = 700.0  # what the exponential function can take
 SWEEPS = 40  # of an iteration that bounds the rates of the rate-independent coordinates
+
+
+class Tape(NamedTuple):
+    """The tape of a system, with the values of its rows and their discs.
+
+    Attributes
+    ----------
+    program : Program
+    K : array
+        Constants.
+    W, discs : arrays
+        Values of the rows (order 0), and their discs.
+    Rq, Rz, B : arrays
+        Inverses of the linear problems.
+    balls : array
+        Work space of :func:`solve_rate_discs`.
+    """
+
+    program: Program
+    K: Array
+    W: Array
+    discs: Array
+    Rq: Array
+    Rz: Array
+    B: Array
+    balls: Array
+
+
+@njit(**INLINED)
+def tape_of(flow: Flow) -> Tape:
+    """The tape of a system, at the instant of which the series are in the work space."""
+    s = flow.space
+    return Tape(flow.rows.program, flow.k.K, s.W, s.discs, s.Rq, s.Rz, s.B, s.balls)
 
 
 @njit(**INLINED)
@@ -109,9 +157,10 @@ def tan_disc(b: float, y: float) -> float:
 @njit(**OPTIONS)
 def store(W: Array, discs: Array, row: int, ball: float, off: float, near: float) -> None:
     """Keep the numbers of a row; what is no bound is infinite, or zero."""
-    discs[row, 0] = ball if ball < np.inf else np.inf
-    discs[row, 1] = off if off < np.inf else np.inf
-    discs[row, 2] = max(near if near > 0.0 else 0.0, abs(W[row, 0]) - discs[row, 0] - discs[row, 1])
+    discs[row, BALL] = ball if ball < np.inf else np.inf
+    discs[row, OFF] = off if off < np.inf else np.inf
+    left = abs(W[row, 0]) - discs[row, BALL] - discs[row, OFF]
+    discs[row, NEAR] = max(near if near > 0.0 else 0.0, left)
 
 
 @njit(**OPTIONS)
@@ -122,20 +171,7 @@ def spread_state(W: Array, N: int, powers: Array, rows: Array, discs: Array) -> 
 
 
 @njit(**OPTIONS)
-def spread(
-    p: Program,
-    K: Array,
-    W: Array,
-    discs: Array,
-    Rq: Array,
-    Rz: Array,
-    B: Array,
-    balls: Array,
-    mode: Array,
-    reg: Array,
-    first: int,
-    last: int,
-) -> None:
+def spread(tape: Tape, mode: Array, reg: Array, first: int, last: int) -> None:
     """Discs of the rows that some instructions make, from those of the state and of time.
 
     Parameters
@@ -143,90 +179,102 @@ def spread(
     first, last : int
         Instructions.
     """
+    code = tape.program.code
     for i in range(first, last):
-        op = p.code[i, 0]
+        op = code[i, OPERATION]
         if op == LINEAR:
-            add_terms(p, K, W, discs, i)
+            add_terms(tape, i)
         elif op == PRODUCT:
-            spread_product(W, discs, p.code[i, 1], p.code[i, 2], p.code[i, 3])
+            spread_product(tape, code[i, RESULT], code[i, FIRST], code[i, SECOND])
         elif op <= LOG:
-            spread_function(p, K, W, discs, i)
+            spread_function(tape, i)
         elif op <= TANH:
-            spread_angle(p, K, W, discs, i)
+            spread_angle(tape, i)
         elif op == SOLVE:
-            solve_discs(
-                Rq if p.code[i, 3] == 0 else Rz, W, discs, p.code[i, 1], p.code[i, 2], p.code[i, 8]
-            )
+            solve_discs(tape, i)
         elif op == RATES:
-            solve_rate_discs(p, W, B, discs, balls, i)
+            solve_rate_discs(tape, i)
         else:
-            spread_choice(p, K, W, discs, mode, reg, i)
+            spread_choice(tape, mode, reg, i)
 
 
 @njit(**INLINED)
-def add_terms(p: Program, K: Array, W: Array, discs: Array, i: int) -> None:
+def add_terms(tape: Tape, i: int) -> None:
     """Disc of a linear combination."""
+    p = tape.program
+    K = tape.K
+    W = tape.W
+    discs = tape.discs
     ball = 0.0
     off = 0.0
-    row = p.code[i, 1]
-    first = p.code[i, 2]
-    last = p.code[i, 2] + p.code[i, 3]
+    row = p.code[i, RESULT]
+    first = p.code[i, FIRST]
+    last = p.code[i, FIRST] + p.code[i, SECOND]
     for j in range(first, last):
         source = p.term_row[j]
         if source >= 0:
             size = abs(factor(p, K, j))
-            ball += size * discs[source, 0] if size > 0.0 else 0.0
-            off += size * discs[source, 1] if size > 0.0 else 0.0
+            ball += size * discs[source, BALL] if size > 0.0 else 0.0
+            off += size * discs[source, OFF] if size > 0.0 else 0.0
     near = 0.0
     if not abs(W[row, 0]) > ball + off:
         # One term may be larger than all others together.
         for j in range(first, last):
             if p.term_row[j] >= 0:
-                others = abs(factor(p, K, j)) * discs[p.term_row[j], 2]
+                others = abs(factor(p, K, j)) * discs[p.term_row[j], NEAR]
                 for k in range(first, last):
-                    others -= largest_term(p, K, W, discs, k) if k != j else 0.0
+                    others -= largest_term(tape, k) if k != j else 0.0
                 near = max(near, others if others > 0.0 else 0.0)
     store(W, discs, row, ball, off, near)
 
 
 @njit(**INLINED)
-def largest_term(p: Program, K: Array, W: Array, discs: Array, j: int) -> float:
+def largest_term(tape: Tape, j: int) -> float:
     """The largest modulus of a term of a linear combination."""
-    size = abs(factor(p, K, j))
-    row = p.term_row[j]
-    return size * (abs(W[row, 0]) + discs[row, 0] + discs[row, 1]) if row >= 0 else size
+    size = abs(factor(tape.program, tape.K, j))
+    row = tape.program.term_row[j]
+    return size * largest(tape.W, tape.discs, row) if row >= 0 else size
 
 
 @njit(**INLINED)
-def spread_product(W: Array, discs: Array, row: int, a: int, b: int) -> None:
+def largest(W: Array, discs: Array, row: int) -> float:
+    """The largest modulus that a row may have."""
+    return abs(W[row, 0]) + discs[row, BALL] + discs[row, OFF]
+
+
+@njit(**INLINED)
+def spread_product(tape: Tape, row: int, a: int, b: int) -> None:
     """Disc of a product of two rows."""
+    W = tape.W
+    discs = tape.discs
     x = abs(W[a, 0])
     y = abs(W[b, 0])
-    u = discs[a, 0]
-    v = discs[b, 0]
-    s, t = discs[a, 1], discs[b, 1]
+    u = discs[a, BALL]
+    v = discs[b, BALL]
+    s, t = discs[a, OFF], discs[b, OFF]
     off = (x + u) * t + s * (y + v) + s * t if s > 0.0 or t > 0.0 else 0.0
-    store(W, discs, row, x * v + u * y + u * v, off, discs[a, 2] * discs[b, 2])
+    store(W, discs, row, x * v + u * y + u * v, off, discs[a, NEAR] * discs[b, NEAR])
 
 
 @njit(**INLINED)
-def spread_function(p: Program, K: Array, W: Array, discs: Array, i: int) -> None:
+def spread_function(tape: Tape, i: int) -> None:
     """Discs of quotients, powers, exponentials and logarithms."""
-    op = p.code[i, 0]
-    row = p.code[i, 1]
-    a = p.code[i, 2]
+    p = tape.program
+    W = tape.W
+    discs = tape.discs
+    op = p.code[i, OPERATION]
+    row = p.code[i, RESULT]
+    a = p.code[i, FIRST]
     x = abs(W[a, 0])
     y = W[row, 0]
-    u = discs[a, 0]
-    s = discs[a, 1]
+    u = discs[a, BALL]
+    s = discs[a, OFF]
     ball = np.inf
     off = np.inf
     near = 0.0
     if op == QUOTIENT:
-        ball, off = quotient_disc(x, u, s, y, W, discs, p.code[i, 3])
-        near = discs[a, 2] / (
-            abs(W[p.code[i, 3], 0]) + discs[p.code[i, 3], 0] + discs[p.code[i, 3], 1]
-        )
+        ball, off = quotient_disc(x, u, s, y, W, discs, p.code[i, SECOND])
+        near = discs[a, NEAR] / largest(W, discs, p.code[i, SECOND])
     elif op == RECIPROCAL:
         ball, off = quotient_disc(1.0, 0.0, 0.0, y, W, discs, a)
         near = 1.0 / (x + u + s)
@@ -240,17 +288,17 @@ def spread_function(p: Program, K: Array, W: Array, discs: Array, i: int) -> Non
             ball = -math.log1p(-u / x)
             off = s / (x - u - s) if x - u > s else np.inf
     else:
-        q = factor(p, K, p.code[i, 3])
-        largest = x + u + s
+        q = factor(p, tape.K, p.code[i, SECOND])
+        farthest = x + u + s
         if y != 0.0 and u + s < x:
             ball = power_disc(x, u, y, q)
-            nearest = largest if q >= 1.0 else x - u - s
+            nearest = farthest if q >= 1.0 else x - u - s
             off = abs(q) * nearest ** (q - 1.0) * s if s > 0.0 else 0.0
         elif q > 0.0:
             ball = 0.0
-            off = largest**q if largest > 0.0 else 0.0
-        elif discs[a, 2] > 0.0:
-            ball = abs(y) + discs[a, 2] ** q
+            off = farthest**q if farthest > 0.0 else 0.0
+        elif discs[a, NEAR] > 0.0:
+            ball = abs(y) + discs[a, NEAR] ** q
             off = 0.0
     store(W, discs, row, ball, off, near)
 
@@ -260,9 +308,9 @@ def quotient_disc(
     x: float, u: float, s: float, y: float, W: Array, discs: Array, b: int
 ) -> tuple[float, float]:
     """Disc of a quotient, from the modulus and the disc of its numerator, and its own value y."""
-    v = discs[b, 0]
-    t = discs[b, 1]
-    left = discs[b, 2]
+    v = discs[b, BALL]
+    t = discs[b, OFF]
+    left = discs[b, NEAR]
     ball, off = np.inf, np.inf
     if left > 0.0:
         ball = (u + abs(y) * v) / left
@@ -274,16 +322,19 @@ def quotient_disc(
 
 
 @njit(**INLINED)
-def spread_angle(p: Program, K: Array, W: Array, discs: Array, i: int) -> None:
+def spread_angle(tape: Tape, i: int) -> None:
     """Discs of sines and cosines, of tan and tanh with their slopes, and of any function that has
     the row of its slope."""
-    op = p.code[i, 0]
-    row = p.code[i, 1]
-    a = p.code[i, 2]
+    code = tape.program.code
+    W = tape.W
+    discs = tape.discs
+    op = code[i, OPERATION]
+    row = code[i, RESULT]
+    a = code[i, FIRST]
     x = W[a, 0]
     y = W[row, 0]
-    u = discs[a, 0]
-    s = discs[a, 1]
+    u = discs[a, BALL]
+    s = discs[a, OFF]
     if op <= HYPERBOLIC:
         sine = abs(y)
         cosine = abs(W[row + 1, 0])
@@ -300,14 +351,17 @@ def spread_angle(p: Program, K: Array, W: Array, discs: Array, i: int) -> None:
         store(W, discs, row, cosine * odd + sine * even if u > 0.0 else 0.0, off, near)
         store(W, discs, row + 1, sine * odd + cosine * even if u > 0.0 else 0.0, off, near)
     elif op == CHAIN:
-        slope = p.code[i, 3]
-        steep = abs(W[slope, 0]) + discs[slope, 0]
+        slope = code[i, SECOND]
+        steep = abs(W[slope, 0]) + discs[slope, BALL]
         # mean value: on the disc, and for real arguments
         ball = u * steep if u > 0.0 else 0.0
         off = 0.0
         if s > 0.0:
-            limit = p.code[i, 4]
-            off = s * (factor(p, K, limit) if limit >= 0 else steep + discs[slope, 1])
+            limit = code[i, THIRD]
+            largest = (
+                factor(tape.program, tape.K, limit) if limit >= 0 else steep + discs[slope, OFF]
+            )
+            off = s * largest
         store(W, discs, row, ball, off, 0.0)
     else:
         ball = tanh_disc(x, u, y) if op == TANH else tan_disc(u, y)
@@ -315,8 +369,8 @@ def spread_angle(p: Program, K: Array, W: Array, discs: Array, i: int) -> None:
         if op == TAN and s > 0.0:
             off = s * (1.0 + (abs(y) + tan_disc(u + s, y)) ** 2)
         store(W, discs, row, ball, off, 0.0)
-        ball = discs[row, 0]
-        off = discs[row, 1]
+        ball = discs[row, BALL]
+        off = discs[row, OFF]
         y = abs(y)
         # The slope 1 ± y² strays as y² does.
         both = 2.0 * (y + ball) * off + off * off if off > 0.0 else 0.0
@@ -324,39 +378,41 @@ def spread_angle(p: Program, K: Array, W: Array, discs: Array, i: int) -> None:
 
 
 @njit(**INLINED)
-def spread_choice(
-    p: Program, K: Array, W: Array, discs: Array, mode: Array, reg: Array, i: int
-) -> None:
+def spread_choice(tape: Tape, mode: Array, reg: Array, i: int) -> None:
     """Discs of what depends on mode and region."""
-    op = p.code[i, 0]
-    row = p.code[i, 1]
-    a = p.code[i, 2]
-    c = p.code[i, 7]
+    p = tape.program
+    W = tape.W
+    discs = tape.discs
+    op = p.code[i, OPERATION]
+    row = p.code[i, RESULT]
+    a = p.code[i, FIRST]
+    c = p.code[i, PLACE]
     if op == SELECT:
         j = a if reg[c] == 1 else a + 1
-        copy_disc(W, discs, int(p.term_row[j]), -1, abs(factor(p, K, j)), row)
+        copy_disc(W, discs, int(p.term_row[j]), -1, abs(factor(p, tape.K, j)), row)
     elif op == SPEED:
         copy_disc(W, discs, a if mode[c] != 0 else -1, -1, 1.0, row)
     elif op == SIDE:
         copy_disc(W, discs, p.code[i, side_operand(int(mode[c]))], -1, 1.0, row)
     elif op == ENTRY:
-        threshold = p.code[i, 3 if mode[c] > 0 else 4]
+        threshold = p.code[i, SECOND if mode[c] > 0 else THIRD]
         copy_disc(W, discs, a if mode[c] != 0 else -1, threshold, 1.0, row)
     elif op == RIGHT:
         if mode[c] == 0:
             copy_disc(W, discs, a, -1, 1.0, row)
         else:
-            copy_disc(W, discs, p.code[i, 3], p.code[i, 4 if mode[c] > 0 else 5], 1.0, row)
+            threshold = p.code[i, THIRD if mode[c] > 0 else FOURTH]
+            copy_disc(W, discs, p.code[i, SECOND], threshold, 1.0, row)
 
 
 @njit(**INLINED)
 def copy_disc(W: Array, discs: Array, source: int, other: int, size: float, row: int) -> None:
     """Disc of a multiple of a row (of a constant: nothing), or of a sum of two."""
-    ball = size * discs[source, 0] if source >= 0 and size > 0.0 else 0.0
-    off = size * discs[source, 1] if source >= 0 and size > 0.0 else 0.0
-    near = size * discs[source, 2] if source >= 0 and other < 0 else 0.0
+    ball = size * discs[source, BALL] if source >= 0 and size > 0.0 else 0.0
+    off = size * discs[source, OFF] if source >= 0 and size > 0.0 else 0.0
+    near = size * discs[source, NEAR] if source >= 0 and other < 0 else 0.0
     if source >= 0 and other >= 0:
-        ball, off = ball + discs[other, 0], off + discs[other, 1]
+        ball, off = ball + discs[other, BALL], off + discs[other, OFF]
     store(W, discs, row, ball, off, near)
 
 
@@ -364,39 +420,50 @@ def copy_disc(W: Array, discs: Array, source: int, other: int, size: float, row:
 def side_operand(mode: int) -> int:
     """Which operand of SIDE counts: surface, sliding forces, thresholds that are to be broken."""
     if mode == 0:
-        return 2
+        return FIRST
     if abs(mode) == 1:
-        return 3 if mode > 0 else 4
-    return 5 if mode > 0 else 6
+        return SECOND if mode > 0 else THIRD
+    return FOURTH if mode > 0 else FIFTH
 
 
 @njit(**INLINED)
-def solve_discs(R: Array, W: Array, discs: Array, row: int, right: int, n: int) -> None:
+def solve_discs(tape: Tape, i: int) -> None:
     """Discs of R b."""
+    code = tape.program.code
+    W = tape.W
+    discs = tape.discs
+    R = tape.Rq if code[i, SECOND] == 0 else tape.Rz
+    row = code[i, RESULT]
+    right = code[i, FIRST]
+    n = code[i, SIZE]
     for j in range(n):
         ball, off = 0.0, 0.0
         for k in range(n):
             if R[j, k] != 0.0:
-                ball += abs(R[j, k]) * discs[right + k, 0]
-                off += abs(R[j, k]) * discs[right + k, 1]
+                ball += abs(R[j, k]) * discs[right + k, BALL]
+                off += abs(R[j, k]) * discs[right + k, OFF]
         store(W, discs, row + j, ball, off, 0.0)
 
 
 @njit(**INLINED)
-def solve_rate_discs(p: Program, W: Array, B: Array, discs: Array, balls: Array, i: int) -> None:
+def solve_rate_discs(tape: Tape, i: int) -> None:
     """Discs of the solution of A r = b.
 
     With A = A₀ + A′ and r = r₀ + r′: A₀ r′ = b′ − A′(r₀ + r′), so that any ρ with |A₀⁻¹|(|b′| +
     |A′|(|r₀| + ρ)) ≤ ρ is a bound of r′. What is not analytic obeys the same equation, with r′
     known.
     """
-    row = p.code[i, 1]
-    right = p.code[i, 2]
-    start = p.code[i, 3]
-    count = p.code[i, 4]
-    n = p.code[i, 8]
-    old, new = balls[0], balls[1]
-    for part in range(2):
+    p = tape.program
+    W = tape.W
+    B = tape.B
+    discs = tape.discs
+    row = p.code[i, RESULT]
+    right = p.code[i, FIRST]
+    start = p.code[i, SECOND]
+    count = p.code[i, THIRD]
+    n = p.code[i, SIZE]
+    old, new = tape.balls[0], tape.balls[1]
+    for part in (BALL, OFF):
         for j in range(n):
             old[j] = 0.0
         settled = False
@@ -407,9 +474,9 @@ def solve_rate_discs(p: Program, W: Array, B: Array, discs: Array, balls: Array,
                 j = p.term_factor[e] // n
                 k = p.term_factor[e] % n
                 entry = p.term_row[e]
-                known = abs(W[row + k, 0]) + (discs[row + k, 0] if part == 1 else 0.0)
-                new[j] += discs[entry, 0] * old[k] + discs[entry, part] * (
-                    known + (old[k] if part == 1 else 0.0)
+                known = abs(W[row + k, 0]) + (discs[row + k, BALL] if part == OFF else 0.0)
+                new[j] += discs[entry, BALL] * old[k] + discs[entry, part] * (
+                    known + (old[k] if part == OFF else 0.0)
                 )
             settled = True
             for j in range(n):
@@ -422,4 +489,4 @@ def solve_rate_discs(p: Program, W: Array, B: Array, discs: Array, balls: Array,
                 break
         for j in range(n):
             discs[row + j, part] = old[j] if settled and old[j] < np.inf else np.inf
-            discs[row + j, 2] = 0.0
+            discs[row + j, NEAR] = 0.0

@@ -12,19 +12,33 @@ import math
 
 import numpy as np
 
+from stickslip.equations.codegen.program import OPERATION, RESULT
 from stickslip.machine_code import njit
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     EPSILON,
     INERTIAL,
     INLINED,
-    JETS,
     OPTIONS,
-    Constants,
+    Flow,
+    Instant,
+    Machine,
     Rows,
-    Space,
+    coefficients,
 )
-from stickslip.motion.steps.discs import CHAIN, LOG, ROTATION, TANH, reach, spread, spread_state
+from stickslip.motion.steps.discs import (
+    BALL,
+    CHAIN,
+    LOG,
+    OFF,
+    ROTATION,
+    TANH,
+    Tape,
+    reach,
+    spread,
+    spread_state,
+    tape_of,
+)
 
 Array = np.ndarray
 
@@ -39,18 +53,7 @@ LOOSE = 1e-3  # part of its size that may be hidden in a row
 
 
 @njit(**INLINED)
-def step_size(
-    W: Array,
-    rows: Array,
-    noise: Array,
-    mag: Array,
-    seen: Array,
-    n: int,
-    N: int,
-    last: float,
-    tol: float,
-    atol: float,
-) -> float:
+def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
     """Step for which the last two Taylor terms of rows are below tol times their size, or lost in
     rounding.
 
@@ -58,6 +61,12 @@ def step_size(
     that it has been: nothing is measured against a number that the motion does not have. The first
     n rows are the state, known to order N; the others to order N − 1.
     """
+    W = flow.space.W
+    mag = flow.space.mag
+    rows = flow.rows.watched
+    noise = flow.rows.noise
+    n = flow.rows.sizes[DIMENSION]
+    tol = flow.tol
     unit = W[n, 1]
     top = 0.0
     middle = 0.0
@@ -68,7 +77,7 @@ def step_size(
         if W[r, N - 1] == 0.0 and W[r, N if i < n else N - 2] == 0.0:
             h = min(h, sparse_step(W[r], N if i < n else N - 1, tol))
         value = abs(W[r, 0])
-        size = LEAST + value + abs(W[r, 1]) * (last / unit) + atol * max(value, seen[i])
+        size = LEAST + value + abs(W[r, 1]) * (last / unit) + flow.atol * max(value, seen[i])
         if noise[i] >= 0:
             # What cancels in a rate is known to rounding only.
             size += EPSILON / tol * mag[noise[i]] * (last if i < n else 1.0)
@@ -155,20 +164,7 @@ def better(h: float, unit: float) -> float:
 
 @njit(**OPTIONS)
 def expand(
-    jets: JETS,
-    rows: Rows,
-    k: Constants,
-    space: Space,
-    N: int,
-    t: float,
-    y: Array,
-    mode: Array,
-    reg: Array,
-    room: float,
-    last: float,
-    tol: float,
-    atol: float,
-    seen: Array,
+    machine: Machine, flow: Flow, start: Instant, room: float, last: float, seen: Array
 ) -> tuple[int, float]:
     """Taylor coefficients of a known motion in a mode, in units of time that suit it.
 
@@ -177,14 +173,15 @@ def expand(
     order, step
         Order up to which they are finite, and the step for which they are good.
     """
-    W = space.W
-    n = rows.sizes[DIMENSION]
+    W = flow.space.W
+    N = flow.order
+    n = flow.rows.sizes[DIMENSION]
     order = N
     h = 0.0
     for _ in range(MOST_UNITS):
-        jets(t, y, mode, reg, k.K, space.Rq, space.Rz, N, W, space.A, space.B, space.mag)
+        coefficients(machine, flow, start, N, W)
         order = finite_order(W, n, N)
-        h = step_size(W, rows.watched, rows.noise, space.mag, seen, n, order, last, tol, atol)
+        h = step_size(flow, order, seen, last)
         if order == N and suits(min(h, room), room, W[n, 1]):
             break
         W[n, 1] = better(min(h, room), W[n, 1]) if order == N else COARSER * W[n, 1]
@@ -228,22 +225,11 @@ def fill_powers(powers: Array, h: float) -> None:
 
 
 @njit(**INLINED)
-def shortened(
-    rows: Rows,
-    k: Constants,
-    space: Space,
-    mode: Array,
-    reg: Array,
-    N: int,
-    h: float,
-    tol: float,
-    atol: float,
-    seen: Array,
-) -> float:
+def shortened(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -> float:
     """The step, or as much of it as hides nothing."""
-    if rows.program.leading[0] > 0:
+    if flow.rows.program.leading[0] > 0:
         for _ in range(MOST_CUTS):
-            excess = unseen(rows, k, space, mode, reg, N, h, tol, atol, seen)
+            excess = unseen(flow, mode, reg, h, seen)
             if excess <= 1.0:
                 break
             h *= 0.7 if excess < 10.0 else 0.5
@@ -251,81 +237,68 @@ def shortened(
 
 
 @njit(**INLINED)
-def unseen(
-    rows: Rows,
-    k: Constants,
-    space: Space,
-    mode: Array,
-    reg: Array,
-    N: int,
-    h: float,
-    tol: float,
-    atol: float,
-    seen: Array,
-) -> float:
+def unseen(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -> float:
     """What the series cannot show within a step, in parts of what it may be: the step is fine if
     this is at most 1."""
-    p = rows.program
-    W = space.W
-    discs = space.discs
-    powers = space.reaches
-    n = rows.sizes[DIMENSION]
+    p = flow.rows.program
+    W = flow.space.W
+    discs = flow.space.discs
+    powers = flow.space.reaches
+    tape = tape_of(flow)
+    N = flow.order
+    n = flow.rows.sizes[DIMENSION]
     fill_powers(powers, 2.0 * h / W[n, 1])
-    discs[n, 0] = 2.0 * h
-    discs[n, 1] = 0.0
+    discs[n, BALL] = 2.0 * h
+    discs[n, OFF] = 0.0
     spread_state(W, N, powers, p.seen, discs)
     part = math.ldexp(1.0, -N)  # of the radius of a disc that is left over
     first = 0
     last = p.leading[0]
     while True:
-        spread(p, k.K, W, discs, space.Rq, space.Rz, space.B, space.balls, mode, reg, first, last)
+        spread(tape, mode, reg, first, last)
         if first > 0:
             break
         # Mostly the instructions that may hide something hide nothing, and the others need not be
         # asked.
-        if not may_hide(rows, W, discs, part):
+        if not may_hide(tape, part):
             return 0.0
-        spread_state(W, N, powers, rows.watched[:n], discs)
+        spread_state(W, N, powers, flow.rows.watched[:n], discs)
         first = last
         last = len(p.code)
     fill_powers(powers, h / W[n, 1])
-    return hidden(rows, space, mode, N, h, part, tol, atol, seen)
+    return hidden(flow, h, part, seen)
 
 
 @njit(**INLINED)
-def may_hide(rows: Rows, W: Array, discs: Array, part: float) -> bool:
+def may_hide(tape: Tape, part: float) -> bool:
     """Whether an instruction may hide more than a part of what it shows: a quick look that mostly
     suffices."""
-    p = rows.program
+    p = tape.program
+    W = tape.W
+    discs = tape.discs
     for i in range(p.leading[0]):
         if p.hiding[i] == 1:
-            op, row = p.code[i, 0], p.code[i, 1]
+            op, row = p.code[i, OPERATION], p.code[i, RESULT]
             size = abs(W[row, 0]) + (1.0 if op in (LOG, ROTATION) or CHAIN <= op <= TANH else 0.0)
-            if not (part * discs[row, 0] <= LOOSE * size and discs[row, 1] == 0.0):
+            if not (part * discs[row, BALL] <= LOOSE * size and discs[row, OFF] == 0.0):
                 return True
     return False
 
 
 @njit(**OPTIONS)
-def hidden(
-    rows: Rows,
-    space: Space,
-    mode: Array,
-    N: int,
-    h: float,
-    part: float,
-    tol: float,
-    atol: float,
-    seen: Array,
-) -> float:
+def hidden(flow: Flow, h: float, part: float, seen: Array) -> float:
     """The largest part of the state and of the guards that may be hidden, in parts of what is
     allowed."""
+    rows = flow.rows
     p = rows.program
-    W = space.W
-    mag = space.mag
-    discs = space.discs
-    powers = space.reaches
+    W = flow.space.W
+    mag = flow.space.mag
+    discs = flow.space.discs
+    powers = flow.space.reaches
+    N = flow.order
     n = rows.sizes[DIMENSION]
+    tol = flow.tol
+    atol = flow.atol
     worst = 0.0
     for r in range(n):
         size = LEAST + abs(W[r, 0]) + reach(W[r], N, powers) + atol * seen[r]
@@ -345,8 +318,8 @@ def hidden(
 def share(worst: float, disc: Array, h: float, part: float, tol: float, size: float) -> float:
     """The larger of a number and of what is hidden in a row, in parts of what is allowed."""
     found = (
-        h * (part / LOOSE * disc[0] + disc[1] / tol) / size
-        if disc[0] > 0.0 or disc[1] > 0.0
+        h * (part / LOOSE * disc[BALL] + disc[OFF] / tol) / size
+        if disc[BALL] > 0.0 or disc[OFF] > 0.0
         else 0.0
     )
     return max(worst, found) if found == found else np.inf

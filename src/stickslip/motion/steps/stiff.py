@@ -25,6 +25,7 @@ A polynomial is taken only if
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,19 +33,22 @@ from stickslip.equations.codegen.generate import ORDERS
 from stickslip.equations.codegen.series import invert
 from stickslip.machine_code import njit
 from stickslip.motion.steps.arrays import (
+    CAUSE,
     DIMENSION,
     EPSILON,
     IMPLICIT,
     INLINED,
-    JETS,
     OK,
     OPTIONS,
     ROUNDING,
-    Constants,
+    Flow,
+    Instant,
+    Lane,
+    Machine,
     Rows,
-    Space,
+    coefficients,
 )
-from stickslip.motion.steps.discs import spread, spread_state
+from stickslip.motion.steps.discs import BALL, OFF, spread, spread_state, tape_of
 from stickslip.motion.steps.step_size import LEAST, better, expand, fill_powers, hidden
 
 Array = np.ndarray
@@ -61,15 +65,6 @@ SLOW = 0.03  # factor by which corrections fall where the matrix is made anew
 # part of a rounding error that is none, since what follows has to make up for it
 NOTHING = 1.0 / 32.0
 NUDGE = 2.0**-26  # of its size, by which a part of the state is changed for a derivative
-# Rows of the work space behind two matrices: states and residuals at all nodes, a state, the rates
-# at the beginning, values of some rows, and what rounding errors of the state make of the guards.
-STATES = 0
-RESIDUALS = 1
-STATE = 2
-RATE = 3
-VALUES = 4
-ROUNDED = 5
-SPARE = 6
 
 
 def _stages(s: int) -> tuple[Array, Array, Array, float]:
@@ -116,8 +111,55 @@ def _tables() -> tuple[Array, Array, Array, Array, Array]:
 
 
 NODES, SLOPES, TERMS, PARTS, POWERS = _tables()
-FIRST = min(ORDERS)  # of the orders of series: 8, 12, 16, …
+LOWEST = min(ORDERS)  # of the orders of series: 8, 12, 16, …
 APART = 4  # distance of two of them
+
+
+class Stages(NamedTuple):
+    """Work space of an implicit step with s stages, for a state of n components.
+
+    Attributes
+    ----------
+    matrix, inverse : arrays, shapes (sn + 1, ·), (sn, ·)
+        Of Newton's method for all nodes at once.
+    states, residuals : arrays
+        At all nodes.
+    state : array
+        At one of them.
+    rate : array
+        At the beginning.
+    values : array
+        Of some rows.
+    rounded : array
+        What rounding errors of the state make of the rates and of the guards.
+    """
+
+    matrix: Array
+    inverse: Array
+    states: Array
+    residuals: Array
+    state: Array
+    rate: Array
+    values: Array
+    rounded: Array
+
+
+@njit(**INLINED)
+def stages_of(flow: Flow) -> Stages:
+    """The work space of implicit steps."""
+    m = flow.order // 2 * flow.rows.sizes[DIMENSION]
+    rows = flow.space.stages
+    first = 2 * m + 1
+    return Stages(
+        rows[: m + 1],
+        rows[m + 1 : first],
+        rows[first],
+        rows[first + 1],
+        rows[first + 2],
+        rows[first + 3],
+        rows[first + 4],
+        rows[first + 5],
+    )
 
 
 @njit(**OPTIONS)
@@ -141,24 +183,24 @@ def calm(W: Array, n: int, N: int, h: float, tol: float, atol: float, seen: Arra
     return True
 
 
-@njit(**OPTIONS)
-def lingers(
-    W: Array,
-    n: int,
-    N: int,
-    h: float,
-    room: float,
-    tol: float,
-    atol: float,
-    seen: Array,
-    clock: Array,
-    fired: int,
-) -> bool:
+@njit(**INLINED)
+def lingers(flow: Flow, lane: Lane, h: float, room: float) -> bool:
     """Whether it is time to try a polynomial instead of the series that is in the table, and how
-    long a one."""
+    long a one.
+
+    Parameters
+    ----------
+    h, room : float
+        How long the series is good for, and most that is wanted.
+    """
+    clock = lane.clock
+    n = len(lane.y)
     if not dear(n) * h < room:
         return False
-    if fired >= 0 or not calm(W, n, N, h, tol, atol, seen):
+    settled = lane.counters[CAUSE] < 0 and calm(
+        flow.space.W, n, flow.order, h, flow.tol, flow.atol, lane.seen
+    )
+    if not settled:
         clock[IMPLICIT] = min(clock[IMPLICIT], -WATCHED)
         return False
     if clock[IMPLICIT] < 0.0:
@@ -172,28 +214,18 @@ def lingers(
 
 @njit(**OPTIONS)
 def follow(
-    jets: JETS,
-    rows: Rows,
-    k: Constants,
-    space: Space,
-    N: int,
-    t: float,
-    y: Array,
-    mode: Array,
-    reg: Array,
-    room: float,
-    last: float,
-    tol: float,
-    atol: float,
-    seen: Array,
+    machine: Machine, flow: Flow, start: Instant, room: float, last: float, seen: Array
 ) -> tuple[int, float, float]:
     """A polynomial that follows a known motion in a mode: its series, or one that is good for
     longer.
 
     Parameters
     ----------
+    start : Instant
     room, last : float
         Most that is wanted, and the length of the piece before (0: it is the first).
+    seen : array
+        Sizes of the rows that bound the steps; see :class:`stickslip.motion.steps.arrays.Lane`.
 
     Returns
     -------
@@ -201,42 +233,32 @@ def follow(
         Order up to which the coefficients are finite, the step for which they are good, and that of
         the series.
     """
-    n = rows.sizes[DIMENSION]
+    N = flow.order
+    n = flow.rows.sizes[DIMENSION]
     before = last
     step = -1.0
     while True:
-        order, h = expand(jets, rows, k, space, N, t, y, mode, reg, room, before, tol, atol, seen)
+        order, h = expand(machine, flow, start, room, before, seen)
         least = dear(n) * h
         if before > least:
             # the piece before was no series, whose length would tell what may change in one
             before = h
             continue
         if step == 0.0 or not (
-            order == N and 0.0 < least < room and calm(space.W, n, N, h, tol, atol, seen)
+            order == N
+            and 0.0 < least < room
+            and calm(flow.space.W, n, N, h, flow.tol, flow.atol, seen)
         ):
             return order, h, h
         first = room if last == 0.0 else min(room, max(2.0 * last, 4.0 * least))
-        step, _ = collocate(jets, rows, k, space, N, t, y, mode, reg, h, first, tol, atol, seen)
+        step, _ = collocate(machine, flow, start, h, first, seen)
         if step > 0.0:
             return order, step, h
 
 
 @njit(**OPTIONS)
 def collocate(
-    jets: JETS,
-    rows: Rows,
-    k: Constants,
-    space: Space,
-    N: int,
-    t: float,
-    y: Array,
-    mode: Array,
-    reg: Array,
-    h: float,
-    first: float,
-    tol: float,
-    atol: float,
-    seen: Array,
+    machine: Machine, flow: Flow, start: Instant, h: float, first: float, seen: Array
 ) -> tuple[float, float]:
     """The longest polynomial up to some length that is good, in the table of coefficients.
 
@@ -252,61 +274,59 @@ def collocate(
     step, next
         Its length, and that to be tried next; zeros if none is worth its cost.
     """
-    p = rows.program
-    W = space.W
-    n = rows.sizes[DIMENSION]
-    powers = space.reaches
-    s = N // 2
-    q = (N - FIRST) // APART
-    work = space.stages[2 * s * n + 1 :]
+    W = flow.space.W
+    n = flow.rows.sizes[DIMENSION]
+    s = flow.order // 2
+    stages = stages_of(flow)
     step = first
     cut = False
-    values = work[VALUES]
     for r in range(n):
-        work[RATE, r] = W[r, 1] / W[n, 1]
+        stages.rate[r] = W[r, 1] / W[n, 1]
     for _ in range(MOST_TRIES):
         if not step >= dear(n) * h:
             break
-        if not solve_stages(jets, rows, k, space, N, t, y, mode, reg, h, step, tol, atol, seen):
+        if not solve_stages(machine, flow, stages, start, h, step, seen):
             step = 0.25 * step
             cut = True
             continue
-        to_legendre(W, s, n, TERMS[q], values)
-        drop_rounding(W, s, n, rows.noise, space.mag, work[ROUNDED], h)
-        excess = last_terms(
-            W, s, n, rows.watched, rows.noise, space.mag, work[ROUNDED], h, tol, atol, seen
-        )
+        to_legendre(W, s, n, TERMS[tables_of(flow.order)], stages.values)
+        drop_rounding(flow, stages.rounded, h)
+        excess = last_terms(flow, stages.rounded, h, seen)
         fits = 0.9 * max(excess, LEAST) ** (-1.0 / s) if excess < np.inf else 0.0
         if not excess <= 1.0:
             step = step * max(0.1, fits)
             cut = True
             continue
-        to_powers(W, s, n, step, values)
-        fill_powers(powers, 2.0 * step / W[n, 1])
-        space.discs[n, 0] = 2.0 * step
-        space.discs[n, 1] = 0.0
-        spread_state(W, N, powers, rows.watched[:n], space.discs)
-        spread(
-            p,
-            k.K,
-            W,
-            space.discs,
-            space.Rq,
-            space.Rz,
-            space.B,
-            space.balls,
-            mode,
-            reg,
-            0,
-            len(p.code),
-        )
-        fill_powers(powers, step / W[n, 1])
-        excess = hidden(rows, space, mode, N, h, PARTS[q], tol, atol, seen)
+        to_powers(W, s, n, step, stages.values)
+        excess = between_nodes(flow, start, h, step, seen)
         if excess <= 1.0:
             return step, step * (1.1 if cut else min(2.0, fits))
         step = step * (0.7 if excess < 10.0 else 0.5)
         cut = True
     return 0.0, 0.0
+
+
+@njit(**INLINED)
+def tables_of(order: int) -> int:
+    """Where the nodes and matrices of an order stand."""
+    return (order - LOWEST) // APART
+
+
+@njit(**INLINED)
+def between_nodes(flow: Flow, start: Instant, h: float, step: float, seen: Array) -> float:
+    """What may be hidden between the nodes of a polynomial, in parts of what it may be: all rows
+    are bounded on the disc of twice the step."""
+    W = flow.space.W
+    discs = flow.space.discs
+    powers = flow.space.reaches
+    n = flow.rows.sizes[DIMENSION]
+    fill_powers(powers, 2.0 * step / W[n, 1])
+    discs[n, BALL] = 2.0 * step
+    discs[n, OFF] = 0.0
+    spread_state(W, flow.order, powers, flow.rows.watched[:n], discs)
+    spread(tape_of(flow), start.mode, start.reg, 0, len(flow.rows.program.code))
+    fill_powers(powers, step / W[n, 1])
+    return hidden(flow, h, PARTS[tables_of(flow.order)], seen)
 
 
 @njit(**OPTIONS)
@@ -321,19 +341,12 @@ def known_to(noise: Array, mag: Array, rounded: Array, r: int, size: float, h: f
 
 @njit(**INLINED)
 def solve_stages(
-    jets: JETS,
-    rows: Rows,
-    k: Constants,
-    space: Space,
-    N: int,
-    t: float,
-    y: Array,
-    mode: Array,
-    reg: Array,
+    machine: Machine,
+    flow: Flow,
+    stages: Stages,
+    start: Instant,
     h: float,
     step: float,
-    tol: float,
-    atol: float,
     seen: Array,
 ) -> bool:
     """The states Y at the nodes, by Newton's method for D (Y − y) = H f(Y); whether it has settled.
@@ -341,70 +354,57 @@ def solve_stages(
     If so, the values of all rows at the nodes, from the beginning on, are in the table of
     coefficients.
     """
+    y = start.y
     n = len(y)
-    m = N // 2 * len(y)
-    q = (N - FIRST) // APART
-    work = space.stages[2 * m + 1 :]
-    inverse = space.stages[m + 1 : 2 * m + 1]
+    m = flow.order // 2 * len(y)
+    q = tables_of(flow.order)
     before, now = np.inf, np.inf
     for j in range(m):
-        work[STATES, j] = y[j % n] + NODES[q, j // n + 1] * step * work[RATE, j % n]
+        stages.states[j] = y[j % n] + NODES[q, j // n + 1] * step * stages.rate[j % n]
     for turn in range(MOST_CORRECTIONS):
         settled = now <= 1e-2 or (turn > 1 and now <= 1.0 and now >= 0.3 * before)
         fresh = not settled and (turn == 0 or not now <= SLOW * before)
-        if not visit(jets, rows, k, space, N, t, y, mode, reg, step, atol, seen, fresh, settled):
+        if not visit(machine, flow, stages, start, step, seen, fresh, settled):
             return False
         if settled:
             return True
-        if fresh and not invert(space.stages[: m + 1], m, inverse):
+        if fresh and not invert(stages.matrix, m, stages.inverse):
             return False
         before = now
-        now = correct(work, inverse, m, n, rows.noise, space.mag, h, tol, atol, seen)
+        now = correct(flow, stages, h, seen)
         if not now < np.inf or (turn > 1 and now > 1.0 and now > 2.0 * before):
             return False
     return False
 
 
-@njit(**OPTIONS)
-def correct(
-    work: Array,
-    inverse: Array,
-    m: int,
-    n: int,
-    noise: Array,
-    mag: Array,
-    h: float,
-    tol: float,
-    atol: float,
-    seen: Array,
-) -> float:
+@njit(**INLINED)
+def correct(flow: Flow, stages: Stages, h: float, seen: Array) -> float:
     """A step of Newton's method: the largest correction, in parts of what it may be."""
+    noise = flow.rows.noise
+    mag = flow.space.mag
+    n = flow.rows.sizes[DIMENSION]
+    m = flow.order // 2 * n
     worst = 0.0
     for j in range(m):
         change = 0.0
         r = j % n
         for i in range(m):
-            change -= inverse[j, i] * work[RESIDUALS, i]
-        work[STATES, j] += change
-        size = LEAST + abs(work[STATES, j]) + atol * seen[r]
-        share = abs(change) / (tol * size + known_to(noise, mag, work[ROUNDED], r, size, h))
+            change -= stages.inverse[j, i] * stages.residuals[i]
+        stages.states[j] += change
+        size = LEAST + abs(stages.states[j]) + flow.atol * seen[r]
+        most = flow.tol * size + known_to(noise, mag, stages.rounded, r, size, h)
+        share = abs(change) / most
         worst = max(worst, share) if share == share else np.inf
     return worst
 
 
 @njit(**INLINED)
 def visit(
-    jets: JETS,
-    rows: Rows,
-    k: Constants,
-    space: Space,
-    N: int,
-    t: float,
-    y: Array,
-    mode: Array,
-    reg: Array,
+    machine: Machine,
+    flow: Flow,
+    stages: Stages,
+    start: Instant,
     step: float,
-    atol: float,
     seen: Array,
     fresh: bool,
     settled: bool,
@@ -416,20 +416,17 @@ def visit(
     Newton's method settles, not to where. They tell as well what rounding errors of the state and
     of time make of the rates and of the guards.
     """
-    s = N // 2
+    y = start.y
+    s = flow.order // 2
     n = len(y)
-    m = N // 2 * len(y)
-    q = (N - FIRST) // APART
-    V = space.V
-    rates = rows.program.rates
-    work = space.stages[2 * m + 1 :]
-    watched = rows.watched
-    z = work[STATE]
+    q = tables_of(flow.order)
+    V = flow.space.V
+    z = stages.state
     for i in range(s - 1, -2 if settled else -1, -1):
         for c in range(-1, n + 1 if fresh else 0):
             for r in range(n):
-                z[r] = work[STATES, i * n + r] if i >= 0 else y[r]
-            time = t + NODES[q, i + 1] * step
+                z[r] = stages.states[i * n + r] if i >= 0 else y[r]
+            time = start.t + NODES[q, i + 1] * step
             nudge = 0.0
             around = 0.0
             if c == n:
@@ -438,86 +435,63 @@ def visit(
                 time += nudge
             elif c >= 0:
                 around = abs(z[c])
-                z[c] += NUDGE * (LEAST + around + abs(work[RATE, c]) * step + atol * seen[c])
-                nudge = z[c] - work[STATES, i * n + c]
-            if (
-                jets(time, z, mode, reg, k.K, space.Rq, space.Rz, 1, V, space.A, space.B, space.mag)
-                != OK
-            ):
+                moved = abs(stages.rate[c]) * step
+                z[c] += NUDGE * (LEAST + around + moved + flow.atol * seen[c])
+                nudge = z[c] - stages.states[i * n + c]
+            node = Instant(time, z, start.mode, start.reg)
+            if coefficients(machine, flow, node, 1, V) != OK:
                 return False
             if settled:
                 for row in range(len(V)):
-                    space.W[row, i + 1] = V[row, 0]
+                    flow.space.W[row, i + 1] = V[row, 0]
             elif c < 0:
-                begin_node(work, space.stages, SLOPES[q], V, rates, watched, y, i, step, s, fresh)
+                begin_node(flow, stages, y, i, step, fresh)
             else:
-                compare(
-                    work,
-                    space.stages,
-                    V,
-                    rates,
-                    watched,
-                    n,
-                    i,
-                    c,
-                    step,
-                    nudge,
-                    n * EPSILON * around,
-                )
+                compare(flow, stages, i, c, step, nudge, n * EPSILON * around)
     return True
 
 
-@njit(**OPTIONS)
-def begin_node(
-    work: Array,
-    matrix: Array,
-    D: Array,
-    V: Array,
-    rates: Array,
-    watched: Array,
-    y: Array,
-    i: int,
-    step: float,
-    s: int,
-    fresh: bool,
-) -> None:
-    """What is wanted of a node from the values of the rows there, and room for the derivatives."""
+@njit(**INLINED)
+def begin_node(flow: Flow, stages: Stages, y: Array, i: int, step: float, fresh: bool) -> None:
+    """What is wanted of node i from the values of the rows there, and room for the derivatives."""
+    V = flow.space.V
+    D = SLOPES[tables_of(flow.order)]
+    s = flow.order // 2
+    rates = flow.rows.program.rates
     n = len(y)
     for r in range(n):
         place = i * n + r
         total = -step * V[rates[r], 0]
         for j in range(s):
-            total += D[i, j] * (work[STATES, j * n + r] - y[r])
-        work[RESIDUALS, place] = total
+            total += D[i, j] * (stages.states[j * n + r] - y[r])
+        stages.residuals[place] = total
         for j in range(s * n if fresh else 0):
-            matrix[place, j] = D[i, j // n] if j % n == r else 0.0
-    for j in range(len(watched) if fresh else 0):
-        work[VALUES, j] = V[rates[j] if j < n else watched[j], 0]
+            stages.matrix[place, j] = D[i, j // n] if j % n == r else 0.0
+    for j in range(len(flow.rows.watched) if fresh else 0):
+        stages.values[j] = V[sampled_row(flow.rows, j, n), 0]
         if i == s - 1:
-            work[ROUNDED, j] = 0.0
+            stages.rounded[j] = 0.0
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
+def sampled_row(rows: Rows, j: int, n: int) -> int:
+    """The row whose error bounds the j-th row that is watched: of a part of the state, its rate."""
+    return rows.program.rates[j] if j < n else rows.watched[j]
+
+
+@njit(**INLINED)
 def compare(
-    work: Array,
-    matrix: Array,
-    V: Array,
-    rates: Array,
-    watched: Array,
-    n: int,
-    i: int,
-    c: int,
-    step: float,
-    nudge: float,
-    error: float,
+    flow: Flow, stages: Stages, i: int, c: int, step: float, nudge: float, error: float
 ) -> None:
-    """What a change of a part of the state (or of time, behind them) makes of the rates, and an
-    error of the guards."""
-    for j in range(len(watched)):
-        slope = (V[rates[j] if j < n else watched[j], 0] - work[VALUES, j]) / nudge
+    """What a change of a part of the state (or of time, behind them) makes of the rates at node i,
+    and an error of the guards."""
+    V = flow.space.V
+    n = flow.rows.sizes[DIMENSION]
+    for j in range(len(flow.rows.watched)):
+        slope = (V[sampled_row(flow.rows, j, n), 0] - stages.values[j]) / nudge
         if j < n and c < n:
-            matrix[i * n + j, i * n + c] -= step * slope
-        work[ROUNDED, j] = max(work[ROUNDED, j], error * abs(slope))
+            stages.matrix[i * n + j, i * n + c] -= step * slope
+        stages.rounded[j] = max(stages.rounded[j], error * abs(slope))
 
 
 @njit(**OPTIONS)
@@ -533,46 +507,40 @@ def to_legendre(W: Array, s: int, n: int, terms: Array, values: Array) -> None:
                 W[row, j] += terms[j, i] * values[i]
 
 
-@njit(**OPTIONS)
-def drop_rounding(
-    W: Array, s: int, n: int, noise: Array, mag: Array, rounded: Array, h: float
-) -> None:
+@njit(**INLINED)
+def drop_rounding(flow: Flow, rounded: Array, h: float) -> None:
     """Leave out what the state has behind its last term that is more than rounding: on discs it
     would become large."""
-    for r in range(n):
+    W = flow.space.W
+    s = flow.order // 2
+    for r in range(flow.rows.sizes[DIMENSION]):
         last = s
         size = abs(W[r, 0])
         for j in range(1, s + 1):
             size += abs(W[r, j])
-        left = NOTHING * known_to(noise, mag, rounded, r, size, h)
+        left = NOTHING * known_to(flow.rows.noise, flow.space.mag, rounded, r, size, h)
         while last > 0 and abs(W[r, last]) <= left:
             left -= abs(W[r, last])
             W[r, last] = 0.0
             last -= 1
 
 
-@njit(**OPTIONS)
-def last_terms(
-    W: Array,
-    s: int,
-    n: int,
-    watched: Array,
-    noise: Array,
-    mag: Array,
-    rounded: Array,
-    h: float,
-    tol: float,
-    atol: float,
-    seen: Array,
-) -> float:
+@njit(**INLINED)
+def last_terms(flow: Flow, rounded: Array, h: float, seen: Array) -> float:
     """The last two terms of the state and of all guards, in parts of what they may be."""
+    W = flow.space.W
+    mag = flow.space.mag
+    noise = flow.rows.noise
+    watched = flow.rows.watched
+    s = flow.order // 2
+    n = flow.rows.sizes[DIMENSION]
     worst = 0.0
     for i in range(len(watched)):
         row = watched[i]
         size = LEAST + abs(W[row, 0])
         for j in range(1, s + 1):
             size += abs(W[row, j])
-        most = tol * (size + atol * seen[i])
+        most = flow.tol * (size + flow.atol * seen[i])
         if i < n:
             most += known_to(noise, mag, rounded, i, size, h)
         else:

@@ -9,8 +9,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from stickslip.equations.codegen.program import (
+    FIRST,
+    FOURTH,
+    OPERATION,
+    PLACE,
+    RESULT,
+    SECOND,
+    SIZE,
+    THIRD,
+)
 from stickslip.machine_code import njit
-from stickslip.motion.steps.arrays import DIMENSION, INLINED, OPTIONS, Constants, Rows, Space
+from stickslip.motion.steps.arrays import DIMENSION, INLINED, OPTIONS, Flow
 from stickslip.motion.steps.discs import (
     ENTRY,
     HYPERBOLIC,
@@ -42,25 +52,26 @@ OTHER = 8
 
 
 @njit(**INLINED)
-def is_affine(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array) -> bool:
+def is_affine(flow: Flow, mode: Array, reg: Array) -> bool:
     """Whether the rates and all guards of a mode are affine in the state, with drives 1, t, cos ωt
     and sin ωt.
 
     The table holds the values of all rows, of order 0, at some state.
     """
+    rows = flow.rows
     p = rows.program
-    kinds = space.kinds
+    kinds = flow.space.kinds
     n = rows.sizes[DIMENSION]
     for r in range(n):
         kinds[r] = STATE
     kinds[n] = TIME
     for i in range(len(p.code)):
-        row = p.code[i, 1]
-        kind = kind_of(rows, k, space, mode, reg, i)
-        size = p.code[i, 8]
+        row = p.code[i, RESULT]
+        kind = kind_of(flow, mode, reg, i)
+        size = p.code[i, SIZE]
         for j in range(max(size, 1)):
             kinds[row + j] = kind
-        op = p.code[i, 0]
+        op = p.code[i, OPERATION]
         if ROTATION <= op <= HYPERBOLIC or op in (TAN, TANH):
             kinds[row + 1] = kind
     found = NOTHING
@@ -74,19 +85,20 @@ def is_affine(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array) -
 
 
 @njit(**OPTIONS)
-def kind_of(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, i: int) -> int:
+def kind_of(flow: Flow, mode: Array, reg: Array, i: int) -> int:
     """Kind of the rows that an instruction makes."""
-    p = rows.program
-    kinds = space.kinds
-    W = space.W
-    op = p.code[i, 0]
-    a = p.code[i, 2]
-    b = p.code[i, 3]
-    c = p.code[i, 7]
+    p = flow.rows.program
+    K = flow.k.K
+    kinds = flow.space.kinds
+    W = flow.space.W
+    op = p.code[i, OPERATION]
+    a = p.code[i, FIRST]
+    b = p.code[i, SECOND]
+    c = p.code[i, PLACE]
     kind = NOTHING
     if op == LINEAR:
         for j in range(a, a + b):
-            if p.term_row[j] >= 0 and factor(p, k.K, j) != 0.0:
+            if p.term_row[j] >= 0 and factor(p, K, j) != 0.0:
                 kind |= kinds[p.term_row[j]]
     elif op == PRODUCT:
         kind = kind_of_product(int(kinds[a]), int(kinds[b]), float(W[a, 0]), float(W[b, 0]))
@@ -98,22 +110,24 @@ def kind_of(rows: Rows, k: Constants, space: Space, mode: Array, reg: Array, i: 
         kind = NOTHING if kinds[a] == NOTHING else OTHER
     elif op == SELECT:
         j = a if reg[c] == 1 else a + 1
-        if p.term_row[j] >= 0 and factor(p, k.K, j) != 0.0:
+        if p.term_row[j] >= 0 and factor(p, K, j) != 0.0:
             kind = kinds[p.term_row[j]]
     elif op == SPEED:
         kind = kinds[a] if mode[c] != 0 else NOTHING
     elif op == SIDE:
         kind = kinds[p.code[i, side_operand(int(mode[c]))]]
     elif op == ENTRY:
-        kind = kinds[a] | kinds[p.code[i, 3 if mode[c] > 0 else 4]] if mode[c] != 0 else NOTHING
+        threshold = p.code[i, SECOND if mode[c] > 0 else THIRD]
+        kind = kinds[a] | kinds[threshold] if mode[c] != 0 else NOTHING
     elif op == RIGHT:
-        kind = kinds[b] | kinds[p.code[i, 4 if mode[c] > 0 else 5]] if mode[c] != 0 else kinds[a]
+        threshold = p.code[i, THIRD if mode[c] > 0 else FOURTH]
+        kind = kinds[b] | kinds[threshold] if mode[c] != 0 else kinds[a]
     elif op in (SOLVE, RATES):
         # Which component depends on which is not asked: it is all or nothing.
-        for j in range(p.code[i, 8]):
+        for j in range(p.code[i, SIZE]):
             kind |= kinds[a + j]
         if op == RATES:
-            for e in range(b, b + p.code[i, 4]):
+            for e in range(b, b + p.code[i, THIRD]):
                 kind |= NOTHING if kinds[p.term_row[e]] == NOTHING else OTHER
     return int(kind)
 

@@ -15,6 +15,7 @@ nothing.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +24,40 @@ from stickslip.machine_code import njit
 
 _ROUNDING = 16 * 2.2e-16  # of a sum of forces, relative to its largest terms
 FRESH = 200  # changes, besides ten per component, after which the factor is made anew
+
+
+# Slots of Face.count.
+MOVING, CHANGED = range(2)
+
+
+class Face(NamedTuple):
+    """The components that move, kept from step to step.
+
+    Attributes
+    ----------
+    A, L : arrays, shape (n, n)
+        The matrix, and its Cholesky factor on the moving components.
+    order : array of int, shape (n,)
+        The moving components, in the order of the rows of the factor.
+    sign : array of int, shape (n,)
+        ±1 where a component moves, with the force on the upper or lower bound; 0 where it rests.
+    count : array of int, shape (2,)
+        Number of MOVING components, and how many have CHANGED since the factor was made.
+    """
+
+    A: Array
+    L: Array
+    order: Array
+    sign: Array
+    count: Array
+
+
+def make_face(A: Array) -> Face:
+    """Nothing moves yet."""
+    n = len(A)
+    whole = np.array(A, order="C")
+    order = np.zeros(n, np.int64)
+    return Face(whole, np.zeros((n, n)), order, np.zeros(n, np.int64), np.zeros(2, np.int64))
 
 
 @njit(cache=True)
@@ -61,21 +96,14 @@ def leave_face(L: Array, order: Array, m: int, k: int) -> None:
 
 
 @njit(cache=True)
-def target(
-    L: Array,
-    order: Array,
-    m: int,
-    sign: Array,
-    r: Array,
-    lower: Array,
-    upper: Array,
-    b: int,
-    x: Array,
-) -> None:
+def target(face: Face, r: Array, lower: Array, upper: Array, x: Array) -> None:
     """The minimiser x on the face of the given signs, 0 on resting components."""
+    L = face.L
+    order = face.order
+    m = face.count[MOVING]
     for i in range(m):
         k = order[i]
-        entry = r[k] - (upper[b, k] if sign[k] > 0 else lower[b, k])
+        entry = r[k] - (upper[k] if face.sign[k] > 0 else lower[k])
         for j in range(i):
             entry -= L[i, j] * x[order[j]]
         x[k] = entry / L[i, i]
@@ -86,76 +114,95 @@ def target(
 
 
 @njit(cache=True)
-def solve_face(
-    A: Array, L: Array, order: Array, sign: Array, count: Array,
-    r: Array, lower: Array, upper: Array, b: int, noise: float, d: Array, x: Array,
-) -> int:  # fmt: skip
-    """One step in the box of row b: the increment d, and the factor and the signs that belong to
-    it.
+def walk(face: Face, d: Array, x: Array) -> float:
+    """Go from d towards the minimiser x until components come to rest, which then do; what part of
+    the way that is."""
+    sign = face.sign
+    share = 1.0
+    for i in range(len(d)):
+        if sign[i] * x[i] < 0.0:
+            share = min(share, d[i] / (d[i] - x[i]))
+    for i in range(len(d)):
+        if share < 1.0 and sign[i] * x[i] < 0.0 and d[i] / (d[i] - x[i]) <= share:
+            leave_face(face.L, face.order, face.count[MOVING], i)
+            d[i] = x[i] = 0.0
+            sign[i] = 0
+            face.count[MOVING] -= 1
+            face.count[CHANGED] += 1
+        else:
+            d[i] = x[i] if share == 1.0 else d[i] + share * (x[i] - d[i])
+    return share
 
-    `count` holds the number of moving components and the changes since the factor was made. Forces
-    within `noise` of a bound are on it. Returns the number of changes, or −1 if there were too
-    many.
+
+@njit(cache=True)
+def release(face: Face, r: Array, lower: Array, upper: Array, noise: float, x: Array) -> None:
+    """Let the resting components move whose forces are out of bounds at the minimiser of a face."""
+    sign = face.sign
+    m = face.count[MOVING]
+    for i in range(len(x)):
+        if sign[i] == 0:
+            force = r[i]
+            for j in range(m):
+                force -= face.A[i, face.order[j]] * x[face.order[j]]
+            if force > upper[i] + noise:
+                sign[i] = 2
+            elif force < lower[i] - noise:
+                sign[i] = -2
+    for i in range(len(x)):
+        if abs(sign[i]) == 2:
+            sign[i] //= 2
+            enter(face.A, face.L, face.order, face.count[MOVING], i)
+            face.count[MOVING] += 1
+            face.count[CHANGED] += 1
+
+
+@njit(cache=True)
+def solve_face(
+    face: Face, r: Array, lower: Array, upper: Array, noise: float, d: Array, x: Array
+) -> int:
+    """One step in a box: the increment d, and the factor and the signs that belong to it.
+
+    Forces within `noise` of a bound are on it. Returns the number of changes, or −1 if there were
+    too many.
     """
     n = len(r)
-    m = count[0]
+    count = face.count
     changes = 0
     for i in range(n):
         d[i] = x[i] = 0.0
     while changes <= 1000 + 50 * n:
-        before = changes
-        if count[1] > FRESH + 10 * n:
-            for i in range(m):
-                enter(A, L, order, i, order[i])
-            count[1] = 0
-        target(L, order, m, sign, r, lower, upper, b, x)
-        share = 1.0
-        for i in range(n):
-            if sign[i] * x[i] < 0.0:
-                share = min(share, d[i] / (d[i] - x[i]))
-        for i in range(n):
-            if share < 1.0 and sign[i] * x[i] < 0.0 and d[i] / (d[i] - x[i]) <= share:
-                leave_face(L, order, m, i)
-                d[i] = x[i] = 0.0
-                sign[i] = 0
-                m = m - 1
-                changes = changes + 1
-            else:
-                d[i] = x[i] if share == 1.0 else d[i] + share * (x[i] - d[i])
-        if share == 1.0:
+        if count[CHANGED] > FRESH + 10 * n:
+            for i in range(count[MOVING]):
+                enter(face.A, face.L, face.order, i, face.order[i])
+            count[CHANGED] = 0
+        before = count[CHANGED]
+        target(face, r, lower, upper, x)
+        if walk(face, d, x) == 1.0:
+            release(face, r, lower, upper, noise, x)
+        if count[CHANGED] == before:
             for i in range(n):
-                if sign[i] == 0:
-                    force = r[i]
-                    for j in range(m):
-                        force -= A[i, order[j]] * x[order[j]]
-                    if force > upper[b, i] + noise:
-                        sign[i] = 2
-                    elif force < lower[b, i] - noise:
-                        sign[i] = -2
-            for i in range(n):
-                if abs(sign[i]) == 2:
-                    sign[i] //= 2
-                    enter(A, L, order, m, i)
-                    m, changes = m + 1, changes + 1
-        count[0] = m
-        count[1] += changes - before
-        if changes == before:
-            for i in range(n):
-                if abs(d[i]) * A[i, i] <= noise:
+                if abs(d[i]) * face.A[i, i] <= noise:
                     d[i] = 0.0
             return changes
+        changes += count[CHANGED] - before
     return -1
 
 
 @njit(cache=True)
 def advance_boxes(
-    A: Array, L: Array, order: Array, sign: Array, count: Array,
-    z: Array, loads: Array, lower: Array, upper: Array, states: Array, effort: Array,
-) -> int:  # fmt: skip
+    face: Face,
+    z: Array,
+    loads: Array,
+    lower: Array,
+    upper: Array,
+    states: Array,
+    effort: Array,
+) -> int:
     """Steps from z through the loads, one row each; returns how many were done.
 
     Bounds have one row per step, or one row for all. z moves along.
     """
+    A = face.A
     n = len(z)
     r = np.empty(n)
     d = np.empty(n)
@@ -170,7 +217,7 @@ def advance_boxes(
                 r[i] -= A[i, j] * z[j]
                 terms += abs(A[i, j] * z[j])
             size = max(size, terms)
-        effort[k] = solve_face(A, L, order, sign, count, r, lower, upper, b, _ROUNDING * size, d, x)
+        effort[k] = solve_face(face, r, lower[b], upper[b], _ROUNDING * size, d, x)
         if effort[k] < 0:
             return k
         for i in range(n):

@@ -22,13 +22,10 @@ class BoxSteps:
     """
 
     def __init__(self, A: Array) -> None:
-        n = len(A)
-        self.A = np.array(A, order="C")
-        self.factor = np.zeros((n, n))
-        self.order = np.zeros(n, np.int64)
-        self.signs = np.zeros(n, np.int64)
-        self.count = np.zeros(2, np.int64)
-        self.block = max(1, min(4096, _BLOCK // n))
+        from stickslip.rate_independent.solvers.active_set import make_face
+
+        self.face = make_face(A)
+        self.block = max(1, min(4096, _BLOCK // len(A)))
 
     def advance(self, z: Array, loads: Array, sets: Boxes) -> tuple[Array, Array]:
         """States after each load (as far as the solver came), and the changes of sign each took."""
@@ -40,8 +37,7 @@ class BoxSteps:
         loads, lower, upper = (
             np.require(table, requirements=["C", "W"]) for table in (loads, sets.lower, sets.upper)
         )
-        face = self.factor, self.order, self.signs, self.count
-        done = advance_boxes(self.A, *face, z.copy(), loads, lower, upper, states, effort)
+        done = advance_boxes(self.face, z.copy(), loads, lower, upper, states, effort)
         return states[:done], effort[:done]
 
 

@@ -103,10 +103,11 @@ def grow_apart(
     """
     s = e.lanes
     w = twin.lanes
-    n = e.rows.sizes[DIMENSION]
-    first = 2 * e.rows.sizes[INERTIAL] + e.rows.sizes[VISCOUS]
+    sizes = e.flow.rows.sizes
+    n = sizes[DIMENSION]
+    first = 2 * sizes[INERTIAL] + sizes[VISCOUS]
     size = m.size[i]
-    last = first + e.rows.sizes[RATE_INDEPENDENT]
+    last = first + sizes[RATE_INDEPENDENT]
     stretch = m.real[i, DURATION]
     for attempt in range(8):
         copy_lane(saved, i, s, i)

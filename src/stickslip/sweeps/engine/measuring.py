@@ -5,7 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.machine_code import njit
-from stickslip.motion.between.step_balance import Tally, audit_steps, judge
+from stickslip.motion.between.step_balance import (
+    ENERGY_BALANCE,
+    EQUATIONS,
+    FED,
+    FED_IN_ALL,
+    FRICTION_LAW,
+    LARGEST,
+    OWN_ROUNDING,
+    SPENT,
+    UNVERIFIED,
+    Tally,
+    audit_steps,
+    judge,
+)
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.steps.arrays import (
     FINISHED,
@@ -14,9 +27,12 @@ from stickslip.motion.steps.arrays import (
     NEED,
     NOW,
     OPTIONS,
-    Constants,
+    STORED,
+    Flow,
+    Instant,
     Lane,
     Record,
+    coefficients,
 )
 from stickslip.sweeps.engine.observers import clear, observe
 from stickslip.sweeps.engine.returns import begin_again, gap, grow, miss, remove_shift, told_apart
@@ -27,21 +43,27 @@ from stickslip.sweeps.engine.settling import (
     RECORDED,
     STEADY,
     UNRECORDED,
-    constants_of,
     copy_lane,
     elapsed,
     follow,
+    own_flow,
     settle,
 )
 from stickslip.sweeps.engine.tables import (
     ASK,
+    AT_FIRST,
     CLOSURE,
     COUNT,
     DONE,
     DURATION,
     ENERGY,
+    GAINED,
+    HIGHEST,
+    IMBALANCE,
     LAG,
     LAW,
+    LOST,
+    LOWEST,
     MEASURING,
     MOTION,
     OPEN,
@@ -79,7 +101,7 @@ def measure(
 ) -> bool:
     """Record a lane from its saved state on for the duration in its marks, and measure it; False if
     it has to wait."""
-    k = constants_of(e, i)
+    flow = own_flow(e, i)
     s = e.lanes
     record = bench.record
     carried = 0
@@ -99,13 +121,7 @@ def measure(
     clear(sums)
     begin(bench.tally)
     while True:
-        rest = Record(
-            record.time[carried:],
-            record.state[carried:],
-            record.mode[carried:],
-            record.region[carried:],
-            record.cause[carried:],
-        )
+        rest = knots_of(record, carried, len(record.time))
         count = carried + follow(e, i, stop, rules.most[1], RECORDED, rest)
         code = e.codes[i]
         if code == NEED:
@@ -116,8 +132,8 @@ def measure(
         if carried == 0:
             copy(record.mode[0], bench.mode)
             copy(record.region[0], bench.region)
-            feel(e, k, record.time[0], record.state[0], bench, bench.felt[0])
-        add_steps(e, k, rules, bench, count, carried, s.seen[i], sums)
+            feel(e, flow, record.time[0], record.state[0], bench, bench.felt[0])
+        add_steps(e, flow, rules, bench, count, carried, s.seen[i], sums)
         for j in range(carried, count):
             extend(m, rules, i, real[START], record.time[j], record.state[j], bench)
         if code == FINISHED:
@@ -129,9 +145,9 @@ def measure(
         copy(record.region[steps], record.region[0])
         carried = 1
     conclude(e, bench, audit)
-    feel(e, k, s.clock[i, NOW], s.y[i], bench, bench.felt[1])
+    feel(e, flow, s.clock[i, NOW], s.y[i], bench, bench.felt[1])
     m.felt[i] = difference(bench.felt)
-    found.moves[i] = moves(rules, bench, bench.tally.state[0], not framed(m, i))
+    found.moves[i] = moves(rules, bench, bench.tally.state[LARGEST], not framed(m, i))
     for r in range(bench.ends.shape[1]):
         found.shift[i, r] = s.y[i, r] - saved.y[i, r]
         m.size[i, r] = max(m.size[i, r], bench.ends[2, r])
@@ -177,7 +193,7 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
         return False
     # A period later everything is rounded as it was, if the clock has been set back; a part of it
     # later it is not.
-    limit = max(told_apart(m, i), ROUNDED * e.tolerance)
+    limit = max(told_apart(m, i), ROUNDED * e.flow.tol)
     while p <= PARTS:
         part = real[DURATION] / p
         off = 0.0
@@ -210,7 +226,7 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
                     if e.codes[i] == FINISHED
                     else np.inf
                 )
-        if not moves(rules, bench, bench.tally.state[0], False) > 0.0:
+        if not moves(rules, bench, bench.tally.state[LARGEST], False) > 0.0:
             return True
         if off <= limit:
             real[DURATION] = part
@@ -259,9 +275,21 @@ def moves(rules: Rules, bench: Bench, largest: Array, known: bool) -> float:
 
 
 @njit(**INLINED)
+def knots_of(record: Record, first: int, last: int) -> Record:
+    """Knots of a record, as another one."""
+    return Record(
+        record.time[first:last],
+        record.state[first:last],
+        record.mode[first:last],
+        record.region[first:last],
+        record.cause[first:last],
+    )
+
+
+@njit(**INLINED)
 def add_steps(
     e: Engine,
-    k: Constants,
+    flow: Flow,
     rules: Rules,
     bench: Bench,
     count: int,
@@ -272,45 +300,30 @@ def add_steps(
     """Measure the steps between the recorded knots, the first of which may have been counted."""
     record = bench.record
     balance = bench.balance
-    spent = bench.steps.work
+    work = bench.steps.work
     steps = count - 1
-    fine = rules.fine
-    e.space.known[-1] = 1
-    observe(
-        e.jets,
-        e.rows,
-        k,
-        e.space,
-        e.order,
-        fine[0],
-        fine[1],
-        seen,
-        record,
-        0,
-        steps,
-        rules.closely,
-        sums,
-    )
+    fine = Flow(flow.rows, flow.k, flow.space, flow.order, rules.fine[0], rules.fine[1])
+    flow.space.known[-1] = 1
+    observe(e.machine, fine, seen, record, steps, rules.closely, sums)
     for j in range(steps):
-        fill(spent[j], 0.0)
+        fill(work[j], 0.0)
         fill(bench.steps.gap[j], 0.0)
         fill(bench.steps.noise[j], 0.0)
         bench.steps.open[j] = 0.0
-    audit_steps(
-        e.jets, e.powers, e.rows, k, e.space, e.order, fine[0], fine[1], seen,
-        record.time[:steps], record.state[:steps], record.mode[:steps], record.region[:steps],
-        record.time[1:count], record.state[1:count], record.mode[1:count], record.region[1:count],
-        True, bench.steps, bench.tally,
-    )  # fmt: skip
+    starts = knots_of(record, 0, steps)
+    ends = knots_of(record, 1, count)
+    audit_steps(e.machine, fine, seen, starts, ends, True, bench.steps, bench.tally)
     for j in range(carried, count):
-        energy = energy_at(e, k, bench, j)
+        energy = energy_at(e, flow, bench, j)
         if j == 0:
-            balance[0] = balance[3] = balance[4] = energy
+            balance[AT_FIRST] = balance[LOWEST] = balance[HIGHEST] = energy
             continue
-        balance[1] += spent[j - 1, 0]
-        balance[2] += spent[j - 1, 1]
-        balance[3], balance[4] = min(balance[3], energy), max(balance[4], energy)
-        balance[5] = max(balance[5], abs(energy - balance[0] + balance[1] - balance[2]))
+        balance[LOST] += work[j - 1, SPENT]
+        balance[GAINED] += work[j - 1, FED]
+        balance[LOWEST] = min(balance[LOWEST], energy)
+        balance[HIGHEST] = max(balance[HIGHEST], energy)
+        off = abs(energy - balance[AT_FIRST] + balance[LOST] - balance[GAINED])
+        balance[IMBALANCE] = max(balance[IMBALANCE], off)
 
 
 @njit(**OPTIONS)
@@ -321,43 +334,28 @@ def fill(part: Array, value: float) -> None:
 
 
 @njit(**INLINED)
-def energy_at(e: Engine, k: Constants, bench: Bench, j: int) -> float:
+def energy_at(e: Engine, flow: Flow, bench: Bench, j: int) -> float:
     """Energy at a knot."""
-    s = e.space
     flight = e.flight
     record = bench.record
-    table = bench.table
     copy(record.mode[j], flight.mode0)
     copy(record.region[j], flight.reg0)
-    resolve(e.rows.sizes, k, s, flight.mode0)
-    e.jets(
-        record.time[j],
-        record.state[j],
-        flight.mode0,
-        flight.reg0,
-        k.K,
-        s.Rq,
-        s.Rz,
-        1,
-        table,
-        s.A,
-        s.B,
-        s.mag,
-    )
-    e.powers(table, flight.reg0, k.K, bench.value)
-    return bench.value[0]
+    resolve(flow.rows.sizes, flow.k, flow.space, flight.mode0)
+    knot = Instant(record.time[j], record.state[j], flight.mode0, flight.reg0)
+    coefficients(e.machine, flow, knot, 1, bench.table)
+    e.machine.powers(bench.table, flight.reg0, flow.k.K, bench.value)
+    return bench.value[STORED]
 
 
 @njit(**INLINED)
-def feel(e: Engine, k: Constants, t: float, y: Array, bench: Bench, felt: Array) -> None:
+def feel(e: Engine, flow: Flow, t: float, y: Array, bench: Bench, felt: Array) -> None:
     """Forces and thresholds of the contacts at an instant, in the mode of the first knot."""
-    s = e.space
-    rows = e.rows
+    rows = flow.rows
     table = bench.table
-    nc = len(e.rows.u)
-    s.known[-1] = 1
-    resolve(rows.sizes, k, s, bench.mode)
-    e.jets(t, y, bench.mode, bench.region, k.K, s.Rq, s.Rz, 1, table, s.A, s.B, s.mag)
+    nc = len(rows.u)
+    flow.space.known[-1] = 1
+    resolve(rows.sizes, flow.k, flow.space, bench.mode)
+    coefficients(e.machine, flow, Instant(t, y, bench.mode, bench.region), 1, table)
     for c in range(nc):
         felt[c], felt[nc + c] = table[rows.force[c], 0], table[rows.plus[c], 0]
         felt[2 * nc + c] = table[rows.minus[c], 0]
@@ -392,12 +390,14 @@ def conclude(e: Engine, bench: Bench, audit: Array) -> None:
     balance = bench.balance
     tally = bench.tally
     residuals = bench.residuals
-    flow = max(balance[4] - balance[3], balance[1], tally.total[0])
-    judge(e.rows, tally, balance[5], flow, max(abs(balance[3]), abs(balance[4])), residuals)
-    audit[ENERGY] = residuals[0]
-    audit[LAW] = residuals[1]
-    audit[MOTION] = max(residuals[2], residuals[3])
-    if tally.total[2] > 0.0:
+    extent = balance[HIGHEST] - balance[LOWEST]
+    flow = max(extent, balance[LOST], tally.total[FED_IN_ALL])
+    largest = max(abs(balance[LOWEST]), abs(balance[HIGHEST]))
+    judge(e.flow.rows, tally, balance[IMBALANCE], flow, largest, residuals)
+    audit[ENERGY] = residuals[ENERGY_BALANCE]
+    audit[LAW] = residuals[FRICTION_LAW]
+    audit[MOTION] = max(residuals[EQUATIONS], residuals[OWN_ROUNDING])
+    if tally.total[UNVERIFIED] > 0.0:
         audit[MOTION] = np.inf
 
 

@@ -15,7 +15,15 @@ from stickslip.motion.between.nodes import WEIGHTS as GAUSS_WEIGHTS
 from stickslip.motion.engine.guards import resting
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
-from stickslip.motion.steps.arrays import DIMENSION, JETS, OPTIONS, Constants, Record, Rows, Space
+from stickslip.motion.steps.arrays import (
+    DIMENSION,
+    OPTIONS,
+    Flow,
+    Instant,
+    Machine,
+    Record,
+    Rows,
+)
 from stickslip.motion.steps.stiff import follow
 from stickslip.sweeps.engine.tables import Sums
 
@@ -82,21 +90,15 @@ def widen(c: Array, d: int, h: float, low: float, high: float) -> tuple[float, f
 
 @njit(**OPTIONS)
 def observe(
-    jets: JETS,
-    rows: Rows,
-    k: Constants,
-    space: Space,
-    N: int,
-    tol: float,
-    atol: float,
+    machine: Machine,
+    flow: Flow,
     seen: Array,
     knots: Record,
-    first: int,
-    last: int,
+    steps: int,
     closely: bool,
     sums: Sums,
 ) -> None:
-    """Add the steps between two knots.
+    """Add the first steps of a record.
 
     Parameters
     ----------
@@ -104,20 +106,20 @@ def observe(
         Sizes of the rows that bound the steps; see :class:`stickslip.motion.steps.arrays.Lane`.
     knots : Record
         The step `i` lasts from knot `i` to the next.
-    first, last : int
-        First and last knot.
+    steps : int
+        So many.
     closely : bool
         Whether extrema, work and forces are wanted, for which the steps have to be followed again.
     """
-    sizes = rows.sizes
-    W = space.W
+    rows = flow.rows
+    W = flow.space.W
     n = rows.sizes[DIMENSION]
     nc = len(rows.u)
     # free between steps
-    y = space.y0
-    mode = space.touched[:nc]
-    reg = space.touched[nc:]
-    for i in range(first, last):
+    y = flow.space.y0
+    mode = flow.space.touched[:nc]
+    reg = flow.space.touched[nc:]
+    for i in range(steps):
         length = knots.time[i + 1] - knots.time[i]
         stuck = True
         for c in range(nc):
@@ -132,15 +134,14 @@ def observe(
             continue
         copy(knots.mode[i], mode)
         copy(knots.region[i], reg)
-        resolve(sizes, k, space, mode)
+        resolve(rows.sizes, flow.k, flow.space, mode)
         copy(knots.state[i], y)
         base = knots.time[i]
         left = length
         before = 0.0
         while left > 0.0:
-            order, h, _ = follow(
-                jets, rows, k, space, N, base, y, mode, reg, left, before, tol, atol, seen
-            )
+            start = Instant(base, y, mode, reg)
+            order, h, _ = follow(machine, flow, start, left, before, seen)
             h = min(left, max(h, 1e-12 * left))
             add_step(rows, W, order, h, W[n, 1], sums)
             for r in range(n):

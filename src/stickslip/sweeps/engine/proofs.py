@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from stickslip.motion.engine.forms import AFFINE
+from stickslip.motion.engine.forms import AFFINE, GUARDS
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.steps.arrays import NOW
 from stickslip.orbits.fields.mode_field import Piece, Pieces
@@ -240,7 +240,7 @@ def affine_fates(
     value = np.einsum("kgs,ks->kg", T.G[slot], s)
     size = np.einsum("kgs,ks->kg", np.abs(T.G[slot]), np.abs(s))
     guard = np.arange(value.shape[1])
-    real = np.arange(value.shape[1]) < T.counts[slot, 1][:, None]
+    real = np.arange(value.shape[1]) < T.counts[slot, GUARDS][:, None]
     reach = (swing + driven)[:, guard]
     margin = MARGIN * size
     constant = value - (fading + answer)[:, guard]

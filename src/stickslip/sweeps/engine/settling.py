@@ -45,9 +45,13 @@ from stickslip.motion.steps.arrays import (
     OK,
     OPTIONS,
     SERIES,
-    Constants,
+    Flow,
+    Instant,
     Lane,
     Record,
+    Task,
+    coefficients,
+    flow_of,
 )
 from stickslip.motion.steps.step_size import better
 from stickslip.motion.steps.stiff import follow as along
@@ -129,12 +133,10 @@ MOST_POLISHED = 24  # returns that polishing may take
 WIDER = 1.25  # of a period: in which a smooth motion that is polished comes back
 
 
-@njit(**OPTIONS)
-def constants_of(e: Engine, i: int) -> Constants:
-    """The constants of a lane."""
-    k = e.constants
-    g = e.group[i]
-    return Constants(k.K[g], k.M[g], k.C[g], k.J[g], k.omega[g])
+@njit(**INLINED)
+def own_flow(e: Engine, i: int) -> Flow:
+    """The system with the numbers of a lane."""
+    return flow_of(e.flow, e.group[i])
 
 
 @njit(**INLINED)
@@ -153,11 +155,8 @@ def follow(e: Engine, i: int, end: float, max_events: int, recording: bool, reco
         s.counters[a:b],
     )
     e.codes[i] = FULL
-    return integrate(
-        e.jets, e.residual, e.rows, e.space, e.flight, e.constants, e.forms, e.slots,
-        e.order, e.tolerance, e.atol, end, max_events,
-        e.group[a:b], e.codes[a:b], lane, recording, record,
-    )  # fmt: skip
+    task = Task(end, max_events, recording, record)
+    return integrate(e.machine, e.flow, e.flight, e.forms, e.group[a:b], e.codes[a:b], lane, task)
 
 
 @njit(**OPTIONS)
@@ -178,19 +177,15 @@ def dies_out(
 ) -> bool:
     """Whether the rates of a lane, without frame and translation, are so small that nothing more
     will change."""
-    k = constants_of(e, i)
+    flow = own_flow(e, i)
     s = e.lanes
-    w = e.space
+    w = flow.space
     w.known[-1] = 1
     w.W[len(work), 1] = 1.0
-    if not resolve(e.rows.sizes, k, w, s.mode[i]):
+    if not resolve(flow.rows.sizes, flow.k, w, s.mode[i]):
         return False
-    if (
-        e.jets(
-            s.clock[i, NOW], s.y[i], s.mode[i], s.reg[i], k.K, w.Rq, w.Rz, 1, w.W, w.A, w.B, w.mag
-        )
-        != OK
-    ):
+    here = Instant(s.clock[i, NOW], s.y[i], s.mode[i], s.reg[i])
+    if coefficients(e.machine, flow, here, 1, w.W) != OK:
         return False
     for r in range(len(work)):
         work[r] = (w.W[r, 1] - m.frame[i, r]) * look
@@ -610,10 +605,10 @@ def cross_plane(
 
     A motion that is carried on by hand starts again from there.
     """
-    k = constants_of(e, i)
-    s = e.space
+    flow = own_flow(e, i)
+    s = flow.space
     f = e.flight
-    N = e.order
+    N = flow.order
     verdict = GO_ON
     record = bench.record
     translation = rules.translation
@@ -633,26 +628,12 @@ def cross_plane(
         copy(record.mode[j], f.mode0)
         copy(record.region[j], f.reg0)
         s.known[-1] = 1
-        resolve(e.rows.sizes, k, s, f.mode0)
+        resolve(flow.rows.sizes, flow.k, s, f.mode0)
         low = 0.0
         high = after - t
         s.W[len(y), 1] = better(high, 1.0)
-        _, step, series = along(
-            e.jets,
-            e.rows,
-            k,
-            s,
-            N,
-            t,
-            y,
-            f.mode0,
-            f.reg0,
-            high,
-            0.0,
-            e.tolerance,
-            e.atol,
-            lanes.seen[i],
-        )
+        start = Instant(t, y, f.mode0, f.reg0)
+        _, step, series = along(e.machine, flow, start, high, 0.0, lanes.seen[i])
         unit = s.W[len(y), 1]
         point_on(s.W, N, high / unit, work[1])
         if not abs(height(m, i, after, work[1], translation, work[0]) - ahead) <= 1e-6 * abs(ahead):

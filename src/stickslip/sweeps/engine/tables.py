@@ -11,14 +11,11 @@ from stickslip.motion.between.step_balance import Steps, Tally, make_steps, make
 from stickslip.motion.engine.forms import ClosedForms, Flight
 from stickslip.motion.steps.arrays import (
     DIMENSION,
-    JETS,
-    POWERS,
-    RESIDUAL,
-    Constants,
+    POWERS_MADE,
+    Flow,
     Lane,
+    Machine,
     Record,
-    Rows,
-    Space,
 )
 
 if TYPE_CHECKING:
@@ -56,39 +53,21 @@ START, DURATION, MISS, FLOOR, STRETCH, OPEN, LEAST, PATIENT, ASK = range(9)
 ENERGY, LAW, MOTION, CLOSURE, PERIOD = range(5)
 """Columns of :attr:`Found.audit`."""
 
+AT_FIRST, LOST, GAINED, LOWEST, HIGHEST, IMBALANCE = range(6)
+"""Slots of :attr:`Bench.balance`."""
+
 DEVICE_LANES = 16_384
 """Motions that are worked on together on a GPU, which is filled by many."""
 
 
 class Engine(NamedTuple):
-    """What the event loop takes, the same for all lanes.
+    """What the event loop takes, the same for all lanes; see
+    :func:`stickslip.motion.engine.event_loop.integrate`."""
 
-    Attributes
-    ----------
-    jets, residual, powers
-        Machine code of the system.
-    slots : int
-        Closed forms of each group.
-    order : int
-    tolerance, atol : float
-        Order of the Taylor series, and local tolerance relative to the size of the state plus
-        `atol`.
-    others
-        As in :func:`stickslip.motion.engine.event_loop.integrate`.
-    """
-
-    jets: JETS
-    residual: RESIDUAL
-    powers: POWERS
-    rows: Rows
-    space: Space
+    machine: Machine
+    flow: Flow
     flight: Flight
-    constants: Constants
     forms: ClosedForms
-    slots: int
-    order: int
-    tolerance: float
-    atol: float
     group: Array
     codes: Array
     lanes: Lane
@@ -252,7 +231,8 @@ class Bench(NamedTuple):
         Least and largest value of each component where it was looked at, without frame and
         translation; and its size.
     balance : array, shape (6,)
-        First energy; dissipated and supplied so far; least and largest energy; largest residual.
+        Energy AT_FIRST; dissipated (LOST) and supplied (GAINED) so far; LOWEST and HIGHEST energy;
+        largest residual of the balance (IMBALANCE).
     residuals : array, shape (4,)
         See :func:`stickslip.motion.between.step_balance.judge`.
     table, value : arrays
@@ -347,7 +327,7 @@ def make_bench(problem: Problem, room: int) -> Bench:
         balance=z(6),
         residuals=z(4),
         table=table,
-        value=z(3),
+        value=z(POWERS_MADE),
         mode=z(contacts, np.int64),
         region=z(kinks, np.int64),
         felt=z((2, 3 * contacts)),

@@ -257,10 +257,14 @@ class Block:
         """What the event loop takes for these lanes."""
         p = self.problem
         return Engine(
-            p.compiled.jets, p.compiled.residual, p.compiled.powers, p.rows, p.space(), p.flight(),
-            lanes.constants, lanes.forms, lanes.slots, p.order, p.tolerance, p.atol,
-            lanes.group, lanes.codes, lanes.now,
-        )  # fmt: skip
+            p.machine,
+            p.flow(lanes.constants),
+            p.flight(),
+            lanes.forms,
+            lanes.group,
+            lanes.codes,
+            lanes.now,
+        )
 
     def run(self, where: Callable[[Block, Array], Loops], exponents: bool, stop: Array) -> Observed:
         """Follow and measure all points; the closed forms they need are made in between."""

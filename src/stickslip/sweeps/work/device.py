@@ -25,7 +25,7 @@ from stickslip.errors import DeclarationError
 from stickslip.motion.between.step_balance import Steps, Tally
 from stickslip.motion.engine.forms import Flight
 from stickslip.motion.ensemble import Lanes
-from stickslip.motion.steps.arrays import DIMENSION, Record, Space
+from stickslip.motion.steps.arrays import DIMENSION, Flow, Machine, Record, Space
 from stickslip.sweeps.engine.exponents import grow_lane
 from stickslip.sweeps.engine.measuring import advance_lane
 from stickslip.sweeps.engine.tables import DEVICE_LANES, Bench, Engine, make_bench
@@ -94,17 +94,18 @@ class OnDevice:
         self.block = block
         self.count = len(block.lanes.codes)
         here = block.engine(block.lanes)
-        self.kernels = _kernels(here.jets, here.residual, here.powers)
+        self.kernels = _kernels(*here.machine)
         rules = block.rules._replace(
             most=np.array([*block.rules.most[:2], TURNS, block.rules.most[3]])
         )
         space, flight, bench = (
             each(self._for_all, part)
-            for part in (here.space, here.flight, make_bench(block.problem, ROOM))
+            for part in (here.flow.space, here.flight, make_bench(block.problem, ROOM))
         )
-        machine = {"jets": 0, "residual": 0, "powers": 0}  # part of the kernels
-        engine = each(cuda.to_device, here._replace(space=0, flight=0, **machine))
-        self.engine = engine._replace(space=space, flight=flight)
+        # Machine code is part of the kernels.
+        shared = here._replace(machine=0, flow=here.flow._replace(space=0), flight=0)
+        engine = each(cuda.to_device, shared)
+        self.engine = engine._replace(flow=engine.flow._replace(space=space), flight=flight)
         twins = block.twins
         self.twin = self.engine._replace(
             codes=cuda.to_device(twins.codes), lanes=each(cuda.to_device, twins.now)
@@ -300,11 +301,10 @@ def _kernels(jets: Any, residual: Any, powers: Any) -> tuple[Any, Any]:
 
     @cuda.jit(device=True)
     def of_thread(e: Any, a: int) -> Any:
-        return Engine(
-            jets, residual, powers, e.rows, own_space(e.space, a), own_flight(e.flight, a),
-            e.constants, e.forms, e.slots, e.order, e.tolerance, e.atol,
-            e.group, e.codes, e.lanes,
-        )  # fmt: skip
+        f = e.flow
+        flow = Flow(f.rows, f.k, own_space(f.space, a), f.order, f.tol, f.atol)
+        machine = Machine(jets, residual, powers)
+        return Engine(machine, flow, own_flight(e.flight, a), e.forms, e.group, e.codes, e.lanes)
 
     @cuda.jit
     def advance(engine, marks, rules, saved, bench, found, stop):
