@@ -25,6 +25,7 @@ from stickslip.rate_independent.play.chebyshev import ROUNDING
 from stickslip.rate_independent.play.nodes import Bounds, Nodes, Sample, follow, panel_edges
 from stickslip.rate_independent.play.signals import INTERPOLATIONS, is_table, read_signal
 from stickslip.results import Completion, Result
+from stickslip.symbolic.expressions import Expr, to_text
 from stickslip.symbolic.formulas import is_finite
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = np.ndarray
-Given = str | float | Callable[[Any], Any] | tuple[Any, Any]
+Given = str | Expr | float | Callable[[Any], Any] | tuple[Any, Any]
 CHUNK = 2**12  # intervals at once: what fits into the cache
 TOLERANCE = 1e-9  # of the certificate
 # between floating-point numbers: rounding of a time, and of what is computed from it
@@ -177,7 +178,7 @@ def _plain(given: Any) -> Any:
     Raises
     ------
     StickslipError
-        If it is a function of Python.
+        If it is a function of Python, or an expression that is too long for a text.
     """
     if callable(given):
         raise StickslipError(
@@ -189,6 +190,15 @@ def _plain(given: Any) -> Any:
         return {"times": np.asarray(times).tolist(), "values": np.asarray(values).tolist()}
     if isinstance(given, tuple):
         return [_plain(part) for part in given]
+    if isinstance(given, Expr):
+        text = to_text(given)
+        if "..." in text:
+            raise StickslipError(
+                "a play whose load or threshold is a formula of more than 2000 characters, its "
+                "functions inserted, cannot be stored; keep its numbers with "
+                "play.dataset.to_netcdf(path)"
+            )
+        return text
     return given if isinstance(given, str) else float(given)
 
 
