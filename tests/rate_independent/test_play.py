@@ -14,7 +14,7 @@ import pytest
 from numpy.polynomial import chebyshev
 
 import stickslip as ss
-from stickslip.errors import DeclarationError
+from stickslip.errors import DeclarationError, StickslipError
 from stickslip.figures.play import plot_limit, plot_loops, plot_play
 from stickslip.rate_independent.play import nodes
 from stickslip.rate_independent.play.clamp import clamp, plays, prandtl_ishlinskii
@@ -569,3 +569,21 @@ def test_prandtl_ishlinskii_example() -> None:
     assert output[turns[-1]] == pytest.approx(output[turns[1]], abs=1e-14)
     figure = plot_loops(load, {"$r = 0.5$": example["positions"][:, 0]}, output)
     assert [axes.get_xlabel() for axes in figure.axes] == [r"load $\ell$"] * 2
+
+
+def test_a_play_of_expressions(tmp_path: Path) -> None:
+    """The same as that of their texts, on disk, too."""
+    t, s = ex.sym("t"), ex.sym("s")
+    load = 2.0 * ex.call("sin", t)
+    threshold = 1.0 + 0.5 * ex.call("erf", ex.call("sin", 2.0 * math.pi * s))
+    own = play(load, threshold, (0.0, 7.0), 0.0, epsilon=0.5)
+    texts = play(ex.to_text(load), ex.to_text(threshold), (0.0, 7.0), 0.0, epsilon=0.5)
+    assert own.certificate.ok
+    np.testing.assert_array_equal(own.nodes.z, texts.nodes.z)
+    own.save(tmp_path / "play.nc")
+    again = ss.open(tmp_path / "play.nc")
+    np.testing.assert_array_equal(again.nodes.z, own.nodes.z)
+    assert again.certificate.ok
+    waves = ex.add(*((ex.call("sin", k * t), 1.0 / k**2) for k in range(1, 200)))
+    with pytest.raises(StickslipError, match="2000 characters"):
+        play(waves, 1.0, (0.0, 0.1), 0.0).save(tmp_path / "long.nc")
