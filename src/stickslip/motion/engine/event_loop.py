@@ -578,7 +578,7 @@ def read_values(rows: Rows, space: Space, out: Array) -> None:
     for d in range(len(rows.doubtful)):
         out[n + 4 * nc + nk + d] = W[rows.doubtful[d, DOUBTED], 0]
     for i in range(nq + sizes[VISCOUS] + sizes[RATE_INDEPENDENT]):
-        out[nq + i] = settle_zero(out[nq + i], mag[3 * nc + nk + i])
+        out[nq + i] = settle_zero(float(out[nq + i]), mag[3 * nc + nk + i])
 
 
 @njit(**OPTIONS)
