@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import shutil
 import subprocess
 import sys
@@ -43,6 +44,24 @@ def test_all_that_shapes_a_module_is_looked_at(name: str) -> None:
     assert MODULES[name].resolve() in looked_at
     used = {i.name for i in IMPORTS[name] if i.at_once} - HARMLESS
     assert {MODULES[other].resolve() for other in used} <= looked_at, used
+
+
+@pytest.mark.parametrize("name", COMPILED)
+def test_state_is_passed_by_name(name: str) -> None:
+    """No compiled function takes more than ten arguments, or is longer than 80 lines."""
+    for node in ast.walk(ast.parse(MODULES[name].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.FunctionDef):
+            compiled = any("njit" in ast.unparse(decorator) for decorator in node.decorator_list)
+            assert not compiled or len(node.args.args) <= 10, node.name
+            lines = (node.end_lineno or 0) - node.lineno + 1
+            assert not compiled or lines <= 80, node.name
+
+
+def test_modes_with_closed_forms_have_numbers_of_64_bits() -> None:
+    from stickslip.motion.engine.flights import mode_key
+    from stickslip.motion.engine.forms import MOST_SWITCHES
+
+    assert mode_key.py_func([1] * MOST_SWITCHES, []) < 2**63
 
 
 @pytest.mark.parametrize(("place", "second"), [("stickslip.machine_code", "3"), ("numba", "2")])

@@ -20,6 +20,7 @@ from stickslip.rate_independent.play import nodes
 from stickslip.rate_independent.play.clamp import clamp, plays, prandtl_ishlinskii
 from stickslip.rate_independent.play.operator import Play, play
 from stickslip.rate_independent.signals import chebyshev as panels
+from stickslip.symbolic import expressions as ex
 
 Array = np.ndarray
 EXAMPLES = Path(__file__).parents[2] / "examples"

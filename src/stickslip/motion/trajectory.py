@@ -183,7 +183,7 @@ class Trajectory(Result):
     @cached_property
     def audit(self) -> Audit:
         """Energy, work and violations at the knots, recomputed from them."""
-        from stickslip.motion.between.step_balance import judge, make_tally
+        from stickslip.motion.between.step_balance import FED_IN_ALL, LARGEST, judge, make_tally
 
         k = self.knots
         rows = self._problem.compiled.layout.rows
@@ -194,13 +194,21 @@ class Trajectory(Result):
         work = np.vstack([np.zeros((1, 2)), np.cumsum(steps.work, axis=0)])
         balance = energy - energy[0] + work[:, 0] - work[:, 1]
         flow = max(
-            np.ptp(energy), work[-1, 0], tally.total[0], np.max(self._kinetic(), initial=0.0)
+            np.ptp(energy),
+            work[-1, 0],
+            tally.total[FED_IN_ALL],
+            np.max(self._kinetic(), initial=0.0),
         )
         imbalance, top = np.max(np.abs(balance)), np.max(np.abs(energy))
         residuals = np.zeros(4)
         judge(self._problem.rows, tally, float(imbalance), float(flow), float(top), residuals)
         return Audit(
-            energy, work[:, 0], work[:, 1], residuals, np.append(steps.open, 0.0), tally.state[0]
+            energy,
+            work[:, 0],
+            work[:, 1],
+            residuals,
+            np.append(steps.open, 0.0),
+            tally.state[LARGEST],
         )
 
     def _kinetic(self) -> Array:

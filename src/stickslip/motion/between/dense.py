@@ -66,16 +66,16 @@ def sample(
         knot = index[i]
         if knot != last or times[i] < base:
             last = knot
-            base = knots.time[knot]
+            base = float(knots.time[knot])
             copy(knots.mode[knot], mode)
             copy(knots.region[knot], reg)
             copy(knots.state[knot], y)
             resolve(rows.sizes, flow.k, flow.space, mode)
             known = False
         # the coefficients have to suit what is left of the step
-        left = knots.time[min(knot + 1, final)] - base
+        left = float(knots.time[min(knot + 1, final)]) - base
         if times[i] > base and not known:  # at the knot itself no series is needed
-            start = Instant(float(base), y, mode, reg)
+            start = Instant(base, y, mode, reg)
             order, h, _ = follow(machine, flow, start, left, 0.0, seen)
             known = True
         while known and times[i] - base > h:

@@ -52,6 +52,7 @@ from stickslip.motion.steps.arrays import (
     STORED,
     SUPPLIED,
     VISCOUS,
+    ZERO,
     Flow,
     Instant,
     Machine,
@@ -327,7 +328,7 @@ def enclose(
         space.discs[n, BALL] = radius
         space.discs[n, OFF] = 0.0
         spread_state(space.W, N, powers, rows.watched[:n], space.discs)
-        spread(tape, mode, reg, 0, len(rows.program.code))
+        spread(tape, mode, reg, ZERO, len(rows.program.code))
         for r in range(n):
             space.discs[r, SLOPE] = slopes(space.W[r], N, powers) / unit
         if encloses(rows, space, N, h, acting, factor, tally):

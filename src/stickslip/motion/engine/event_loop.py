@@ -17,7 +17,6 @@ from stickslip.motion.engine.forms import (
     GUARDS,
     ClosedForms,
     Flight,
-    first_slot,
     slots_of,
 )
 from stickslip.motion.engine.guards import contact_of, doubt_of, first_event, resting
@@ -216,7 +215,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
             promised = 0.0
             continue
         if status != OK:
-            take_back(lane)
+            take_back(lane.mode, lane.settled)
         if not again:
             count = note(lane, task, count)
         if status != OK:
@@ -224,11 +223,11 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         if t >= end:
             return FINISHED, count
         if h <= CLOSEST * abs(t) and h < end - t:
-            return (NO_RATE if runs_away(rows, lane.mode) else TINY), count
+            return (NO_RATE if runs_away(rows.sizes, lane.mode) else TINY), count
         x, which = first_event(space, may_fire, flow.order)
         doubt = doubt_of(which, nk, len(rows.u))
         if doubt >= 0 and x == 0.0:
-            return inadmissible(rows, doubt), count
+            return inadmissible(rows.doubtful, doubt), count
         look_ahead(flow, x, h)
         # The next step begins with the rates at the end of this one, unless something comes in
         # between.
@@ -250,9 +249,9 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         copy(space.trial, lane.y)
         room = np.inf
         again = False
-        count_step(lane, h, series, end if which < 0 and h >= end - t else t + x * h)
+        count_step(clock, counters, h, series, end if which < 0 and h >= end - t else t + x * h)
         if doubt >= 0:
-            return inadmissible(rows, doubt), count
+            return inadmissible(rows.doubtful, doubt), count
         if which >= 0:
             return fire(which, lane, rows, task.max_events), count
 
@@ -270,11 +269,11 @@ def go_back(lane: Lane, space: Space, before: Before) -> None:
     copy(space.promise[STARTED], lane.y)
 
 
-@njit(**INLINED)
-def take_back(lane: Lane) -> None:
+@njit(**OPTIONS)
+def take_back(mode: Array, settled: Array) -> None:
     """No mode goes on from here: what the contacts did last is kept, not the last attempt."""
-    for i in range(len(lane.mode)):
-        lane.mode[i] = lane.settled[i] if lane.settled[i] != NONE_YET else 0
+    for i in range(len(mode)):
+        mode[i] = settled[i] if settled[i] != NONE_YET else 0
 
 
 @njit(**INLINED)
@@ -290,20 +289,20 @@ def give_up(status: int, rows: Rows, lane: Lane, task: Task, count: int) -> tupl
     return (ON_JUMP if rows.sizes[RATE_INDEPENDENT] == 0 else NO_RATE), count
 
 
-@njit(**INLINED)
-def runs_away(rows: Rows, mode: Array) -> bool:
+@njit(**OPTIONS)
+def runs_away(sizes: Array, mode: Array) -> bool:
     """Whether a rate-independent coordinate slides: its rate runs away where its branch of
     equilibria ends."""
     sliding = False
-    for c in range(rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS], len(rows.u)):
+    for c in range(sizes[ON_INERTIAL] + sizes[ON_VISCOUS], len(mode)):
         sliding = sliding or mode[c] != 0
     return sliding
 
 
-@njit(**INLINED)
-def inadmissible(rows: Rows, doubt: int) -> int:
+@njit(**OPTIONS)
+def inadmissible(doubtful: Array, doubt: int) -> int:
     """Outcome code where a row has become negative that must not."""
-    return NEGATIVE if rows.doubtful[doubt, SLIPPING] < 0 else INADMISSIBLE
+    return NEGATIVE if doubtful[doubt, SLIPPING] < 0 else INADMISSIBLE
 
 
 @njit(**INLINED)
@@ -318,14 +317,13 @@ def look_ahead(flow: Flow, x: float, h: float) -> None:
         space.trial[i], space.promise[PROMISED, i] = arrive(space.W[i], flow.order, space.powers)
 
 
-@njit(**INLINED)
-def count_step(lane: Lane, h: float, series: float, t: float) -> None:
+@njit(**OPTIONS)
+def count_step(clock: Array, counters: Array, h: float, series: float, t: float) -> None:
     """Put the clock to the end of a step or of a flight."""
-    clock = lane.clock
-    lane.counters[TAKEN] += 1
+    counters[TAKEN] += 1
     clock[LAST], clock[SERIES], clock[RECENT] = h, series, max(series, 0.5 * clock[RECENT])
     clock[NOW] = t
-    lane.counters[CAUSE] = -1
+    counters[CAUSE] = -1
 
 
 @njit(**INLINED)
@@ -392,7 +390,7 @@ def fly_on(
         if t >= end:
             return FINISHED, count
         tau, guard = flights.fly(T, slot, flight, end - t, omega)
-        count_step(lane, tau, tau, t + tau if guard >= 0 else end)
+        count_step(clock, lane.counters, tau, tau, t + tau if guard >= 0 else end)
         flights.arrive(T, slot, flight, y, tau, omega)
         flown = slot
         fallen = guard
@@ -421,13 +419,14 @@ def decide(
     mode = lane.mode
     reg = lane.reg
     drops = rows.drops
+    slots = slots_of(T)
     nc = len(mode)
     nk = len(reg)
     for _ in range(2 * (nk + nc) + 4):
         key = flights.mode_key(mode, reg)
-        slot = flights.find(T.key, T.own, first_slot(T, g), T.used[g], key)
+        slot = flights.find(T.key, T.own, g * slots, T.used[g], key)
         if slot < 0:
-            return NOT_MADE if T.used[g] < slots_of(T) else UNDECIDED
+            return NOT_MADE if T.used[g] < slots else UNDECIDED
         if T.status[slot] != AFFINE or not flights.admissible(
             T, slot, flight, lane.y, clock[RECENT]
         ):
@@ -579,7 +578,7 @@ def read_values(rows: Rows, space: Space, out: Array) -> None:
     for d in range(len(rows.doubtful)):
         out[n + 4 * nc + nk + d] = W[rows.doubtful[d, DOUBTED], 0]
     for i in range(nq + sizes[VISCOUS] + sizes[RATE_INDEPENDENT]):
-        out[nq + i] = settle_zero(out[nq + i], mag[3 * nc + nk + i])
+        out[nq + i] = settle_zero(float(out[nq + i]), mag[3 * nc + nk + i])
 
 
 @njit(**OPTIONS)

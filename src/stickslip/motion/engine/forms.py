@@ -157,12 +157,6 @@ def slots_of(T: ClosedForms) -> int:
     return len(T.status) // len(T.used)
 
 
-@njit(**INLINED)
-def first_slot(T: ClosedForms, g: int) -> int:
-    """The first slot of a group."""
-    return g * slots_of(T)
-
-
 class Flight(NamedTuple):
     """Work space of one flight.
 

@@ -139,19 +139,19 @@ def stays(
 # what must not become negative. Switches: kinks, then contacts.
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def contact_of(guard: int, nk: int) -> int:
     """The contact that a guard behind the kinks belongs to."""
     return (guard - nk) // 2
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def is_second(guard: int, nk: int) -> bool:
     """Whether a guard is the second one of a contact: towards slip−."""
     return (guard - nk) % 2 == 1
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def doubt_of(guard: int, nk: int, nc: int) -> int:
     """Which of the rows that must not become negative a guard is; negative if it is none."""
     return guard - nk - 2 * nc
@@ -165,16 +165,15 @@ def switch_of(guard: int, nk: int, nc: int) -> int:
     return nk + contact_of(guard, nk) if doubt_of(guard, nk, nc) < 0 else -1
 
 
-@njit(**INLINED)
-def is_asked(rows: Rows, mode: Array, g: int) -> bool:
+@njit(**OPTIONS)
+def is_asked(doubtful: Array, mode: Array, nk: int, g: int) -> bool:
     """Whether a guard says anything in a mode."""
-    nk = len(rows.kinks)
     if g < nk:
         return True
     d = doubt_of(g, nk, len(mode))
     if d >= 0:
-        c = rows.doubtful[d, SLIPPING]
-        return c < 0 or mode[c] * rows.doubtful[d, TOWARDS] > 0
+        c = doubtful[d, SLIPPING]
+        return c < 0 or mode[c] * doubtful[d, TOWARDS] > 0
     return mode[contact_of(g, nk)] == 0 or not is_second(g, nk)
 
 
@@ -245,7 +244,7 @@ def scan(
     count = ZERO
     near = last / W[rows.sizes[DIMENSION], 1] + powers[1]
     for g in range(nk + 2 * nc + len(rows.doubtful)):
-        if not is_asked(rows, mode, g):
+        if not is_asked(rows.doubtful, mode, nk, g):
             continue
         precision = max(FIRED if switch_of(g, nk, nc) == fired else 0.0, slack * ROUNDING)
         guard = guard_of(rows, space, mode, reg, g, near, precision)

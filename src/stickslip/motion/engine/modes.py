@@ -26,6 +26,7 @@ from stickslip.motion.steps.arrays import (
     IMPLICIT,
     INERTIAL,
     INLINED,
+    KINKS,
     LAST,
     NAN,
     NOW,
@@ -384,15 +385,10 @@ def settle(
     """Find the mode the motion takes now; the work space then holds its Taylor coefficients, or a
     polynomial instead.
 
-    First pivoting; if that leaves the admissible modes (a singular or impossible one), every state
-    of the switches concerned.
-
     Parameters
     ----------
-    room : float
-        Longest step that is wanted.
-    hold : bool
-        Whether sticking contacts are put onto the surface speed.
+    room, hold
+        Longest step that is wanted; whether sticking contacts are put onto the surface speed.
     promised : float
         Length of the step that ended here, if it has not been checked whether it keeps its promise;
         otherwise 0.
@@ -400,17 +396,23 @@ def settle(
     Returns
     -------
     status, step, series, count
-        OK, the step size, that of the series, and the number of guards that may fire; or NAN; or
-        SINGULAR if no mode is possible; or ASTRAY if the step that ended here does not solve the
-        equations.
+        OK, the step size, that of the series, and the number of guards that may fire; NAN; SINGULAR
+        if no mode is possible; ASTRAY if the step that ended here does not solve the equations.
     """
     rows = flow.rows
     space = flow.space
     touched = space.touched
     nk = len(rows.kinks)
-    begin_search(space, lane)
-    pivots, units, candidate = 0, 0, 0
-    total = 0  # states of the switches concerned; 0 as long as there is pivoting
+    n = len(lane.y)
+    copy(lane.y, space.y0)
+    clear(touched)
+    space.W[n, 1] = lane.clock[UNIT]
+    # First pivoting; if that leaves the admissible modes (a singular or impossible one), all states
+    # of the switches concerned, `total` in number.
+    pivots = 0
+    units = 0
+    candidate = 0
+    total = 0
     kept = 0  # times that the forces of such a state were put right
     flipped = lane.counters[CAUSE]
     slack = 1.0
@@ -419,22 +421,24 @@ def settle(
             copy(space.y0, lane.y)
         pivots += 1
         if total > 0 and kept == 0:
-            candidate, total, slack = choose_next(rows, touched, lane, candidate, total, slack)
+            candidate, total, slack = choose_next(
+                touched, lane.mode, lane.reg, rows.drops, candidate, total, slack
+            )
             if total == 0:
-                copy(space.y0, lane.y)
                 return SINGULAR, 0.0, 0.0, 0
         status, h = make_series(machine, flow, lane, room, hold or pivots > 1)
-        first = promised > 0.0 and pivots == 1 and status != SINGULAR
-        if first and not keeps(flow, space.W, lane.y, lane.seen, promised):
+        known = pivots == 1 and status != SINGULAR
+        if known and promised > 0.0 and not keeps(flow, space.W, lane.y, lane.seen, promised):
             return ASTRAY, 0.0, 0.0, 0
         # A formula may end where its region ends.
         lost = status in (NAN, OVERFLOW) and total == 0 and pivots <= nk + 1
         if lost and set_regions(rows, space.W, space.mag, lane.reg):
             continue
-        rescaled = status != NAN and rescale(space, lane, status, h, room)
+        rescaled, unit = unit_for(status, h, room, space.W[n, 1])
         if status == NAN or (rescaled and units == MOST_UNITS):
             return NAN, 0.0, 0.0, 0
         if rescaled:
+            space.W[n, 1] = unit
             units += 1
             pivots -= 1
             candidate -= 1 if total > 0 else 0
@@ -443,8 +447,8 @@ def settle(
             guard, count, h, series = try_mode(machine, flow, lane, h, room, slack, pivots == 1)
             if guard == NO_GUARD:
                 return OK, h, series, count
-            other = guard == OTHER_FORCES and total > 0 and kept <= 2 * len(rows.u)
-            kept = kept + 1 if other else 0
+            others = guard == OTHER_FORCES and total > 0 and kept <= 2 * len(rows.u)
+            kept = kept + 1 if others else 0
             if guard == AGAIN:
                 pivots = 0
                 continue
@@ -454,16 +458,7 @@ def settle(
         many = pivots > 3 * len(touched) + 8
         carried = status == SINGULAR and total == 0 and let_carry(flow, lane.mode, flipped - nk)
         if total == 0 and (many or (status != OK and not carried)):
-            total = concerned(rows, touched, lane)
-
-
-@njit(**INLINED)
-def begin_search(space: Space, lane: Lane) -> None:
-    """Keep the state, and have no switch concerned."""
-    copy(lane.y, space.y0)
-    for i in range(len(space.touched)):
-        space.touched[i] = 0
-    space.W[len(lane.y), 1] = lane.clock[UNIT]
+            total = concerned(rows.sizes, touched, lane.mode, lane.counters[CAUSE])
 
 
 @njit(**INLINED)
@@ -482,22 +477,18 @@ def make_series(
     return status, h
 
 
-@njit(**INLINED)
-def rescale(space: Space, lane: Lane, status: int, h: float, room: float) -> bool:
-    """Choose another unit of time for coefficients that overflow in this one, or where it does not
-    suit the step; whether it did not.
+@njit(**OPTIONS)
+def unit_for(status: int, h: float, room: float, unit: float) -> tuple[bool, float]:
+    """Another unit of time for coefficients that overflow in this one, or where it does not suit
+    the step; first, whether there is one.
 
     All others are powers of two times these, so that nothing is rounded.
     """
-    n = len(lane.y)
-    unit = space.W[n, 1]
     if status == OVERFLOW:
-        space.W[n, 1] = COARSER * unit
-        return True
+        return True, COARSER * unit
     if status == OK and not suits(h, room, unit):
-        space.W[n, 1] = better(h, unit)
-        return True
-    return False
+        return True, better(h, unit)
+    return False, unit
 
 
 @njit(**INLINED)
@@ -584,23 +575,29 @@ def let_carry(flow: Flow, mode: Array, keep: int) -> bool:
 # -- every state of the switches concerned ---------------------------------------------------------
 
 
-@njit(**INLINED)
-def concerned(rows: Rows, touched: Array, lane: Lane) -> int:
+@njit(**OPTIONS)
+def concerned(sizes: Array, touched: Array, mode: Array, fired: int) -> int:
     """Count the states of the switches that pivoting has questioned, of the one that has just
     fired, and of what slides without mass."""
-    nk = len(rows.kinks)
-    first = rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]
-    if lane.counters[CAUSE] >= 0:
-        touched[lane.counters[CAUSE]] = 1
-    for c in range(first, first + rows.sizes[ON_RATE_INDEPENDENT]):
-        if lane.mode[c] != 0:
+    nk = sizes[KINKS]
+    first = sizes[ON_INERTIAL] + sizes[ON_VISCOUS]
+    if fired >= 0:
+        touched[fired] = 1
+    for c in range(first, first + sizes[ON_RATE_INDEPENDENT]):
+        if mode[c] != 0:
             touched[nk + c] = 1
     return candidates(touched, nk)
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def choose_next(
-    rows: Rows, touched: Array, lane: Lane, candidate: int, total: int, slack: float
+    touched: Array,
+    mode: Array,
+    reg: Array,
+    drops: Array,
+    candidate: int,
+    total: int,
+    slack: float,
 ) -> tuple[int, int, float]:
     """Put the switches concerned into the next of all their states.
 
@@ -610,12 +607,12 @@ def choose_next(
         The number of the state after that, of all states (0: none is left), and rounding errors
         that count as zero.
     """
-    nk = len(rows.kinks)
+    nk = len(reg)
     if candidate == total:
         # Where forces are not unique, contacts that pivoting never questioned may have to change,
         # too.
         asked = 0
-        for c in range(len(rows.u)):
+        for c in range(len(mode)):
             asked += 1 - touched[nk + c]
             touched[nk + c] = 1
         total = candidates(touched, nk)
@@ -625,7 +622,7 @@ def choose_next(
         candidate = 0
     if total > MOST_CANDIDATES or slack > SLACKEST:
         return candidate, ZERO, slack
-    choose(candidate, touched, lane.mode, lane.reg, rows.drops)
+    choose(candidate, touched, mode, reg, drops)
     return candidate + 1, total, slack
 
 
@@ -666,6 +663,13 @@ def choose(candidate: int, touched: Array, mode: Array, reg: Array, drops: Array
             else:
                 mode[i - nk] = (candidate % 3 - 1) * (1 + drops[i - nk])
                 candidate //= 3
+
+
+@njit(**OPTIONS)
+def clear(numbers: Array) -> None:
+    """Set whole numbers to 0."""
+    for i in range(len(numbers)):
+        numbers[i] = 0
 
 
 @njit(**OPTIONS)

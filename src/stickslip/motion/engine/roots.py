@@ -18,6 +18,8 @@ MAX_DEGREE = 32
 # orders that decide most of the time, where the step is so small that the others hardly matter
 QUICK = 6
 NONE = 2.0  # "no root": anything beyond the interval
+# Behind the coefficients of a subinterval: where it starts, and how long it is.
+START, WIDTH = MAX_DEGREE + 1, MAX_DEGREE + 2
 _HALVINGS = 60
 
 
@@ -136,8 +138,8 @@ def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -
         or lowest(stack[1], d, stack[0], stack[2]) > 0.0
     ):
         return NONE
-    stack[0, 33] = 0.0  # start of the subinterval
-    stack[0, 34] = 1.0  # its width
+    stack[0, START] = 0.0
+    stack[0, WIDTH] = 1.0
     depth = 0
     while depth >= 0:
         b = stack[depth]
@@ -155,7 +157,7 @@ def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -
         if not negative:
             depth -= 1
             continue
-        left, width = b[33], b[34]
+        left, width = b[START], b[WIDTH]
         if changes == 1 and b[d] < -floor:
             if b[0] <= 0.0:
                 return limit * left
@@ -168,10 +170,10 @@ def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -
         half = stack[depth + 1]
         for i in range(d + 1):
             half[i] = right[i]
-        half[33] = left
-        half[34] = 0.5 * width
-        right[33] = left + 0.5 * width
-        right[34] = 0.5 * width
+        half[START] = left
+        half[WIDTH] = 0.5 * width
+        right[START] = left + 0.5 * width
+        right[WIDTH] = 0.5 * width
         # de Casteljau at 1/2: `half` becomes the left control points, `right` the right ones.
         for i in range(d + 1):
             right[d - i] = half[d]

@@ -8,7 +8,7 @@ import numpy as np
 from stickslip.machine_code import njit
 from stickslip.motion.engine import flights
 from stickslip.motion.engine.event_loop import probe
-from stickslip.motion.engine.forms import SMOOTH, ClosedForms, first_slot
+from stickslip.motion.engine.forms import SMOOTH, ClosedForms, slots_of
 from stickslip.motion.steps.arrays import OPTIONS, SETUP, Constants, Flow, Machine, flow_of
 
 Array = np.ndarray
@@ -25,13 +25,13 @@ def run_setups(setup: SETUP, table: Array, k: Constants) -> None:
 def claim(T: ClosedForms, group: Array, mode: Array, region: Array, place: Array) -> None:
     """Give every mode that is asked for the next slot of its group; −1 where it has been asked for
     before."""
+    slots = slots_of(T)
     for i in range(len(group)):
         g = group[i]
         key = flights.mode_key(mode[i], region[i])
         place[i] = -1
-        first = first_slot(T, g)
-        if flights.find(T.key, T.own, first, int(T.used[g]), key) < 0:
-            place[i] = first + T.used[g]
+        if flights.find(T.key, T.own, g * slots, int(T.used[g]), key) < 0:
+            place[i] = g * slots + T.used[g]
             T.key[place[i]], T.status[place[i]] = key, SMOOTH
             T.used[g] += 1
 

@@ -89,7 +89,7 @@ def tape_of(flow: Flow) -> Tape:
     return Tape(flow.rows.program, flow.k.K, s.W, s.discs, s.Rq, s.Rz, s.B, s.balls)
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def factor(p: Program, K: Array, i: int) -> float:
     """The constant in front of a term."""
     place = p.term_factor[i]
@@ -236,7 +236,7 @@ def largest_term(tape: Tape, j: int) -> float:
     return size * largest(tape.W, tape.discs, row) if row >= 0 else size
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def largest(W: Array, discs: Array, row: int) -> float:
     """The largest modulus that a row may have."""
     return abs(W[row, 0]) + discs[row, BALL] + discs[row, OFF]
@@ -303,7 +303,7 @@ def spread_function(tape: Tape, i: int) -> None:
     store(W, discs, row, ball, off, near)
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def quotient_disc(
     x: float, u: float, s: float, y: float, W: Array, discs: Array, b: int
 ) -> tuple[float, float]:
@@ -405,7 +405,7 @@ def spread_choice(tape: Tape, mode: Array, reg: Array, i: int) -> None:
             copy_disc(W, discs, p.code[i, SECOND], threshold, 1.0, row)
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def copy_disc(W: Array, discs: Array, source: int, other: int, size: float, row: int) -> None:
     """Disc of a multiple of a row (of a constant: nothing), or of a sum of two."""
     ball = size * discs[source, BALL] if source >= 0 and size > 0.0 else 0.0

@@ -41,11 +41,11 @@ from stickslip.motion.steps.arrays import (
     OK,
     OPTIONS,
     ROUNDING,
+    ZERO,
     Flow,
     Instant,
     Lane,
     Machine,
-    Rows,
     coefficients,
 )
 from stickslip.motion.steps.discs import BALL, OFF, spread, spread_state, tape_of
@@ -306,7 +306,7 @@ def collocate(
     return 0.0, 0.0
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def tables_of(order: int) -> int:
     """Where the nodes and matrices of an order stand."""
     return (order - LOWEST) // APART
@@ -324,7 +324,7 @@ def between_nodes(flow: Flow, start: Instant, h: float, step: float, seen: Array
     discs[n, BALL] = 2.0 * step
     discs[n, OFF] = 0.0
     spread_state(W, flow.order, powers, flow.rows.watched[:n], discs)
-    spread(tape_of(flow), start.mode, start.reg, 0, len(flow.rows.program.code))
+    spread(tape_of(flow), start.mode, start.reg, ZERO, len(flow.rows.program.code))
     fill_powers(powers, step / W[n, 1])
     return hidden(flow, h, PARTS[tables_of(flow.order)], seen)
 
@@ -467,16 +467,17 @@ def begin_node(flow: Flow, stages: Stages, y: Array, i: int, step: float, fresh:
         stages.residuals[place] = total
         for j in range(s * n if fresh else 0):
             stages.matrix[place, j] = D[i, j // n] if j % n == r else 0.0
-    for j in range(len(flow.rows.watched) if fresh else 0):
-        stages.values[j] = V[sampled_row(flow.rows, j, n), 0]
+    watched = flow.rows.watched
+    for j in range(len(watched) if fresh else 0):
+        stages.values[j] = V[sampled_row(rates, watched, j), 0]
         if i == s - 1:
             stages.rounded[j] = 0.0
 
 
-@njit(**INLINED)
-def sampled_row(rows: Rows, j: int, n: int) -> int:
-    """The row whose error bounds the j-th row that is watched: of a part of the state, its rate."""
-    return rows.program.rates[j] if j < n else rows.watched[j]
+@njit(**OPTIONS)
+def sampled_row(rates: Array, watched: Array, j: int) -> int:
+    """The j-th row that is watched; of a part of the state, its rate."""
+    return int(rates[j] if j < len(rates) else watched[j])
 
 
 @njit(**INLINED)
@@ -486,12 +487,17 @@ def compare(
     """What a change of a part of the state (or of time, behind them) makes of the rates at node i,
     and an error of the guards."""
     V = flow.space.V
-    n = flow.rows.sizes[DIMENSION]
-    for j in range(len(flow.rows.watched)):
-        slope = (V[sampled_row(flow.rows, j, n), 0] - stages.values[j]) / nudge
+    rates = flow.rows.program.rates
+    watched = flow.rows.watched
+    matrix = stages.matrix
+    values = stages.values
+    rounded = stages.rounded
+    n = len(rates)
+    for j in range(len(watched)):
+        slope = (V[sampled_row(rates, watched, j), 0] - values[j]) / nudge
         if j < n and c < n:
-            stages.matrix[i * n + j, i * n + c] -= step * slope
-        stages.rounded[j] = max(stages.rounded[j], error * abs(slope))
+            matrix[i * n + j, i * n + c] -= step * slope
+        rounded[j] = max(rounded[j], error * abs(slope))
 
 
 @njit(**OPTIONS)

@@ -25,7 +25,7 @@ from stickslip.motion.steps.arrays import (
     Rows,
 )
 from stickslip.motion.steps.stiff import follow
-from stickslip.sweeps.engine.tables import Sums
+from stickslip.sweeps.engine.tables import LASTED, STUCK, Sums
 
 Array = np.ndarray
 
@@ -40,7 +40,7 @@ def clear(sums: Sums) -> None:
         sums.high[r] = -np.inf
     for c in range(len(sums.stick)):
         sums.stick[c] = sums.work[c] = sums.peak[c] = sums.impulse[c] = 0.0
-    sums.total[0] = sums.total[1] = 0.0
+    sums.total[LASTED] = sums.total[STUCK] = 0.0
     sums.switches[0] = 0
 
 
@@ -128,8 +128,8 @@ def observe(
             stuck = stuck and resting(now)
             sums.stick[c] += length if resting(now) else 0.0
             sums.switches[0] += 1 if then != now and not (resting(then) and resting(now)) else 0
-        sums.total[0] += length
-        sums.total[1] += length if stuck and nc > 0 else 0.0
+        sums.total[LASTED] += length
+        sums.total[STUCK] += length if stuck and nc > 0 else 0.0
         if not closely or not length > 0.0:
             continue
         copy(knots.mode[i], mode)

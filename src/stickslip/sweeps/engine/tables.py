@@ -53,6 +53,9 @@ START, DURATION, MISS, FLOOR, STRETCH, OPEN, LEAST, PATIENT, ASK = range(9)
 ENERGY, LAW, MOTION, CLOSURE, PERIOD = range(5)
 """Columns of :attr:`Found.audit`."""
 
+LASTED, STUCK = range(2)
+"""Slots of :attr:`Sums.total`."""
+
 AT_FIRST, LOST, GAINED, LOWEST, HIGHEST, IMBALANCE = range(6)
 """Slots of :attr:`Bench.balance`."""
 
@@ -170,7 +173,7 @@ class Sums(NamedTuple):
     stick, work, peak, impulse : arrays, shape (contacts,)
         Time in stick, dissipated energy −∫λu dt, largest |λ| and ∫λ dt.
     total : array
-        Duration, and the time in which all contacts stick.
+        Duration (LASTED), and the time in which all contacts stick (STUCK).
     switches : array of int
         Changes between stick and slip.
     """

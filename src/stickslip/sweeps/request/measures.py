@@ -21,7 +21,7 @@ from stickslip.errors import DeclarationError
 from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
-from stickslip.sweeps.engine.tables import Found, Sums
+from stickslip.sweeps.engine.tables import LASTED, STUCK, Found, Sums
 
 if TYPE_CHECKING:
     import xarray
@@ -84,8 +84,8 @@ def _speed(problem: Problem, o: Observed, of: str) -> Array:
 
 
 def _stick_fraction(problem: Problem, o: Observed, of: str) -> Array:
-    stuck = o.sums.stick[:, _contact(problem, of)] if of else o.sums.total[:, 1]
-    return stuck / o.sums.total[:, 0]
+    stuck = o.sums.stick[:, _contact(problem, of)] if of else o.sums.total[:, STUCK]
+    return stuck / o.sums.total[:, LASTED]
 
 
 def _energy(problem: Problem, o: Observed, of: str) -> Array:

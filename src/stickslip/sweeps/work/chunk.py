@@ -33,9 +33,11 @@ from stickslip.sweeps.engine.repetition import Repetition
 from stickslip.sweeps.engine.tables import (
     DONE,
     DURATION,
+    LASTED,
     MEASURING,
     PHASE,
     PROVING,
+    STUCK,
     Engine,
     Found,
     Marks,
@@ -307,7 +309,7 @@ class Block:
         steadily."""
         marks, found = self.marks, self.found
         still = (marks.outcome == Outcome.PERIODIC.code) & (found.moves == 0.0)
-        held = (found.sums.total[:, 1] == found.sums.total[:, 0]) & np.all(
+        held = (found.sums.total[:, STUCK] == found.sums.total[:, LASTED]) & np.all(
             found.shift == 0.0, axis=1
         )
         marks.outcome[still] = np.where(held, Outcome.AT_REST.code, Outcome.STEADY.code)[still]
