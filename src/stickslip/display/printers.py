@@ -24,7 +24,7 @@ from stickslip.display.tree import (
 )
 from stickslip.symbolic.functions import FUNCTIONS
 
-SUM, PRODUCT, POWER, ATOM = range(4)
+_SUM, _PRODUCT, _POWER, _ATOM = range(4)
 VULGAR = {
     Fraction(1, 2): "½",
     Fraction(1, 3): "⅓",
@@ -60,20 +60,22 @@ class UnicodeWriter:
         self.drives = drives
         self.arguments = arguments
 
-    def __call__(self, node: Node, level: int = SUM) -> str:
+    def __call__(self, node: Node, level: int = _SUM) -> str:
         """Text of a tree, in brackets if it binds less than `level`."""
         match node:
             case Number(value):
                 text = self.number(value)
-                own = SUM if value < 0 else ATOM if text.replace(".", "").isdecimal() else PRODUCT
+                own = (
+                    _SUM if value < 0 else _ATOM if text.replace(".", "").isdecimal() else _PRODUCT
+                )
             case Name(name):
                 text = self.name(name)
-                own = ATOM
+                own = _ATOM
             case Call():
                 return self.call(node)
             case Sum(terms):
                 text = self.join(terms)
-                own = SUM
+                own = _SUM
             case Term(factor, powers):
                 text, own = self.product(factor, powers)
             case Relation(sign, left, right):
@@ -85,7 +87,7 @@ class UnicodeWriter:
         text = ""
         for term in terms:
             negative = coefficient_and_rest(term)[0] < 0
-            body = self(negate(term) if negative else term, PRODUCT)
+            body = self(negate(term) if negative else term, _PRODUCT)
             sign = self.minus if negative else "+"
             text += f" {sign} {body}" if text else f"{self.minus if negative else ''}{body}"
         return text
@@ -93,7 +95,7 @@ class UnicodeWriter:
     def product(self, factor: Fraction, powers: Factors) -> tuple[str, int]:
         """Text and binding of a product; negative exponents become a fraction."""
         if factor < 0:
-            return self.minus + self.product(-factor, powers)[0], SUM
+            return self.minus + self.product(-factor, powers)[0], _SUM
         above = tuple((b, e) for b, e in powers if not _negative(e))
         below = tuple((b, negate(e)) for b, e in powers if _negative(e))
         over, under = Fraction(factor.numerator), Fraction(factor.denominator)
@@ -101,7 +103,7 @@ class UnicodeWriter:
             over = factor
             under = Fraction(1)
         if below or (under != 1 and factor not in VULGAR):
-            return self.fraction(as_product(over, above), as_product(under, below)), PRODUCT
+            return self.fraction(as_product(over, above), as_product(under, below)), _PRODUCT
         if factor == 1 and len(above) == 1:
             return self.power(*above[0])
         front = (
@@ -109,14 +111,14 @@ class UnicodeWriter:
             if factor == 1
             else [self.vulgar(factor) if factor in VULGAR else self.number(factor)]
         )
-        return self.gap.join([*front, *(self.power(*pair)[0] for pair in above)]), PRODUCT
+        return self.gap.join([*front, *(self.power(*pair)[0] for pair in above)]), _PRODUCT
 
     def power(self, base: Node, exponent: Node) -> tuple[str, int]:
         if exponent == HALF:
-            return self.root(base), ATOM
+            return self.root(base), _ATOM
         if exponent == UNITY:
-            return self(base, PRODUCT), PRODUCT
-        return self(base, ATOM) + self.exponent(exponent), POWER
+            return self(base, _PRODUCT), _PRODUCT
+        return self(base, _ATOM) + self.exponent(exponent), _POWER
 
     def call(self, node: Call) -> str:
         match node:
@@ -179,16 +181,16 @@ class UnicodeWriter:
         return f"|{text}|"
 
     def fraction(self, above: Node, below: Node) -> str:
-        return f"{self(above, PRODUCT)}/{self(below, POWER)}"
+        return f"{self(above, _PRODUCT)}/{self(below, _POWER)}"
 
     def root(self, base: Node) -> str:
-        text = self(base, ATOM)
+        text = self(base, _ATOM)
         return f"√{text}"
 
     def exponent(self, exponent: Node) -> str:
         if isinstance(exponent, Number) and exponent.value.denominator == 1:
             return str(exponent.value).translate(SUPERSCRIPTS)
-        return f"^{self(exponent, ATOM)}"
+        return f"^{self(exponent, _ATOM)}"
 
     def cases(self, pairs: list[tuple[str, str]], otherwise: str) -> str:
         return (
