@@ -22,6 +22,7 @@ import numpy as np
 from stickslip import Ellipsoid, GroupNorm, Polytope, Product, WeightedL1
 from stickslip.errors import StickslipError
 from stickslip.rate_independent.dissipation import Dissipation
+from stickslip.rate_independent.sets.stable_sets import Boxes
 from stickslip.rate_independent.solvers.dense import BoxSteps, ProjectionSteps
 
 Array = np.ndarray
@@ -89,7 +90,7 @@ def step(seed: int) -> Outcome:
     sets: Any = psi.sets(np.zeros(1))
     started = time.perf_counter()
     try:
-        states, _ = (BoxSteps if kind == "boxes" else ProjectionSteps)(A).advance(
+        states, _ = (BoxSteps if isinstance(sets, Boxes) else ProjectionSteps)(A).advance(
             np.zeros(n), load[None], sets
         )
     except StickslipError:

@@ -153,7 +153,7 @@ def shown(cycle: Cycle, **changes: Any) -> Cycle:
     return replace(cycle, **changes)
 
 
-def test_what_is_said_wrongly_of_a_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_said_wrongly_of_a_cycle() -> None:
     case = cycles.draw(*BELT)
     cycle = cycles.cycle_of(case)
     assert isinstance(cycle, Cycle)
@@ -172,8 +172,8 @@ def test_what_is_said_wrongly_of_a_cycle(monkeypatch: pytest.MonkeyPatch) -> Non
     assert cycles.around(case, own, twice)[0] == "it runs around several times"
     faster = replace(case, mechanics=cycles.draw(BELT[0], 2).mechanics)
     assert cycles.settles(faster, own, cycle)[0] == "the motion settles on another cycle"
-    monkeypatch.setattr(Cycle, "nontrivial", property(lambda self: np.array([30.0])))
-    assert cycles.attracts(case, own, cycle)[0] == "called unstable, neighbours are attracted"
+    repelling = shown(cycle, nontrivial=np.array([30.0]))
+    assert cycles.attracts(case, own, repelling)[0] == "called unstable, neighbours are attracted"
 
 
 @pytest.mark.parametrize(

@@ -100,7 +100,7 @@ def test_a_formula_may_be_long_once_its_functions_are_inserted() -> None:
     times = np.linspace(0.0, 2.0, 5)
     k = np.arange(1, 90)[:, None]
     np.testing.assert_allclose(
-        model.problem.ell.at(times)[:, 0],
+        model.problem.ell.over(times)[:, 0],
         np.sum(np.sin((k + 0.25) * times) / k, axis=0),
         rtol=1e-12,
     )

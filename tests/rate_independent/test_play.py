@@ -568,7 +568,7 @@ def test_prandtl_ishlinskii_example() -> None:
         )
     assert output[-1] == pytest.approx(outer[-1], abs=1e-14)
     assert output[turns[-1]] == pytest.approx(output[turns[1]], abs=1e-14)
-    figure = plot_loops(load, {"$r = 0.5$": example["positions"][:, 0]}, output)
+    figure = plot_loops(load, example["positions"], output)
     assert [axes.get_xlabel() for axes in figure.axes] == [r"load $\ell$"] * 2
 
 
@@ -586,5 +586,5 @@ def test_a_play_of_expressions(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.nodes.z, own.nodes.z)
     assert again.certificate.ok
     waves = ex.add(*((ex.call("sin", k * t), 1.0 / k**2) for k in range(1, 200)))
-    with pytest.raises(StickslipError, match="2000 characters"):
+    with pytest.raises(StickslipError, match="too long for a text"):
         play(waves, 1.0, (0.0, 0.1), 0.0).save(tmp_path / "long.nc")

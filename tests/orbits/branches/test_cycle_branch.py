@@ -406,8 +406,7 @@ def test_file(tmp_path: Path) -> None:
     again = Branch.open(tmp_path / "branch.nc")
     assert again.points.equals(branch.points)
     assert again.ended == branch.ended
-    branch.to_csv(tmp_path / "branch.csv")
-    assert "period" in (tmp_path / "branch.csv").read_text().splitlines()[0]
+    assert "period" in branch.table.columns
 
 
 def test_bad_arguments() -> None:

@@ -541,7 +541,7 @@ def test_files(tmp_path) -> None:
         with pytest.raises(StickslipError, match=name):
             Branch.open(tmp_path / name)
     with pytest.raises(StickslipError, match="cannot be written"):
-        branch.to_csv(tmp_path / "no folder" / "branch.csv")
+        branch.save(tmp_path / "no folder" / "branch.nc")
 
 
 def test_parameters_have_units_of_their_own() -> None:
