@@ -26,7 +26,7 @@ _ROUNDING = 16 * 2.2e-16  # of a sum of forces, relative to its largest terms
 FRESH = 200  # changes, besides ten per component, after which the factor is made anew
 
 
-# Slots of Face.count.
+# Slots of Face.counts.
 MOVING, CHANGED = range(2)
 
 
@@ -41,7 +41,7 @@ class Face(NamedTuple):
         The moving components, in the order of the rows of the factor.
     sign : array of int, shape (n,)
         ±1 where a component moves, with the force on the upper or lower bound; 0 where it rests.
-    count : array of int, shape (2,)
+    counts : array of int, shape (2,)
         Number of MOVING components, and how many have CHANGED since the factor was made.
     """
 
@@ -49,7 +49,7 @@ class Face(NamedTuple):
     L: Array
     order: Array
     sign: Array
-    count: Array
+    counts: Array
 
 
 def make_face(A: Array) -> Face:
@@ -100,7 +100,7 @@ def target(face: Face, r: Array, lower: Array, upper: Array, x: Array) -> None:
     """The minimiser x on the face of the given signs, 0 on resting components."""
     L = face.L
     order = face.order
-    m = face.count[MOVING]
+    m = face.counts[MOVING]
     for i in range(m):
         k = order[i]
         entry = r[k] - (upper[k] if face.sign[k] > 0 else lower[k])
@@ -124,11 +124,11 @@ def walk(face: Face, d: Array, x: Array) -> float:
             share = min(share, d[i] / (d[i] - x[i]))
     for i in range(len(d)):
         if share < 1.0 and sign[i] * x[i] < 0.0 and d[i] / (d[i] - x[i]) <= share:
-            leave_face(face.L, face.order, face.count[MOVING], i)
+            leave_face(face.L, face.order, face.counts[MOVING], i)
             d[i] = x[i] = 0.0
             sign[i] = 0
-            face.count[MOVING] -= 1
-            face.count[CHANGED] += 1
+            face.counts[MOVING] -= 1
+            face.counts[CHANGED] += 1
         else:
             d[i] = x[i] if share == 1.0 else d[i] + share * (x[i] - d[i])
     return share
@@ -138,7 +138,7 @@ def walk(face: Face, d: Array, x: Array) -> float:
 def release(face: Face, r: Array, lower: Array, upper: Array, noise: float, x: Array) -> None:
     """Let the resting components move whose forces are out of bounds at the minimiser of a face."""
     sign = face.sign
-    m = face.count[MOVING]
+    m = face.counts[MOVING]
     for i in range(len(x)):
         if sign[i] == 0:
             force = r[i]
@@ -151,9 +151,9 @@ def release(face: Face, r: Array, lower: Array, upper: Array, noise: float, x: A
     for i in range(len(x)):
         if abs(sign[i]) == 2:
             sign[i] //= 2
-            enter(face.A, face.L, face.order, face.count[MOVING], i)
-            face.count[MOVING] += 1
-            face.count[CHANGED] += 1
+            enter(face.A, face.L, face.order, face.counts[MOVING], i)
+            face.counts[MOVING] += 1
+            face.counts[CHANGED] += 1
 
 
 @njit(cache=True)
@@ -166,7 +166,7 @@ def solve_face(
     too many.
     """
     n = len(r)
-    count = face.count
+    count = face.counts
     changes = 0
     for i in range(n):
         d[i] = x[i] = 0.0
