@@ -116,9 +116,9 @@ def sweep(
 
     Exit code: 0 complete, 2 wrong input, 130 interrupted (what was computed is kept).
     """
-    from stickslip import Settings as MapSettings
     from stickslip import sweep as compute
     from stickslip.cli.app import INTERRUPTED, finish
+    from stickslip.sweeps.work.chunk import Settings as MapSettings
 
     system = load_model(model, settings or [])
     start = numbers(assignments(initial or [], "--initial"), "--initial")
@@ -153,7 +153,8 @@ def sweep(
         )
     summary = found.summary()
     if found.outcome.interrupted:
-        finish(f"interrupted; {found.message} in {path}", INTERRUPTED)
+        done = f"{found.computed:,} of {found.dataset['outcome'].size:,} points are in {path}"
+        finish(f"interrupted; {done}; the same command goes on", INTERRUPTED)
     print_summary(summary, more=[("written", str(path))])
 
 

@@ -91,6 +91,9 @@ class GaitStudy(Result):
         over = f"{len(values)} values of {self.parameter}"
         return f"<GaitStudy of {self.system.name}: {over}, walks at {walks}>"
 
+    def __getitem__(self, name: str) -> xarray.DataArray:
+        return self.dataset[name]
+
     @property
     def along(self) -> str:
         """The parameter."""
