@@ -31,7 +31,9 @@ def test_speed_over_the_pull() -> None:
     assert found["energy_per_distance"].values[1:] == pytest.approx(2 * P, rel=1e-10)
     assert found["amplitude_psi"].values[2] == pytest.approx(1.6235734, abs=1e-6)
     assert "rest" in str(found["note"].values[0])
-    assert all(np.all(np.isfinite(found[name])) for name in found.dataset.data_vars if name != "note")
+    assert all(
+        np.all(np.isfinite(found[name])) for name in found.dataset.data_vars if name != "note"
+    )
 
 
 @pytest.mark.parametrize(
