@@ -26,13 +26,13 @@ OVER = {"P": "0.6:1.6:40", "delta": "0.01:0.2:40"}
 MEASURE = ["speed", "period"]
 
 
-def attempt(store: str, log: str, number: int, opened: int) -> None:
+def attempt(store: str, log: str, number: int, begun: int) -> None:
     file = os.open(log, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
 
     def note(state: Progress) -> None:
         os.write(file, f"{number} {state.done}\n".encode())
-        if state.new == 0:
-            os.write(opened, b"!")
+        if state.new > 0:
+            os.write(begun, b"!")
 
     settings = stand_in.Settings(pause=0.02)
     sweep(ss.catalogue.rocking_toy(), OVER, MEASURE, store, settings=settings, progress=note)  # type: ignore[arg-type]
@@ -42,15 +42,15 @@ if __name__ == "__main__":
     sys.modules["stickslip.sweeps.work.chunk"] = stand_in
     moments = random.Random(20)
     for number in range(int(sys.argv[3])):
-        opened, tell = os.pipe()
+        begun, tell = os.pipe()
         child = os.fork()
         if child == 0:
             attempt(sys.argv[1], sys.argv[2], number, tell)
             os._exit(0)
         os.close(tell)
-        if number % 2:  # before it begins to compute, or while it does
-            os.read(opened, 1)
+        if number % 2:  # before it has computed anything, or between and within later points
+            os.read(begun, 1)
         time.sleep(moments.uniform(0.0, 0.1))
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
-        os.close(opened)
+        os.close(begun)
