@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from stickslip.orbits.cycles.cycle import Cycle, find_cycle
     from stickslip.orbits.equilibria.equilibrium import Equilibria, Equilibrium, EquilibriumSet
     from stickslip.orbits.equilibria.finding import equilibria
+    from stickslip.orbits.settling.motions import Settings
     from stickslip.orbits.studies.gaits import gait_study, sliding_threshold, walking_threshold
     from stickslip.orbits.studies.hysteresis import HysteresisOperator
     from stickslip.rate_independent.dissipation import (
@@ -58,7 +59,6 @@ if TYPE_CHECKING:
     from stickslip.sweeps.adaptive import Adaptive
     from stickslip.sweeps.basin import basin
     from stickslip.sweeps.sweep import open_sweep, sweep
-    from stickslip.sweeps.work.chunk import Settings
 
 __version__ = "0.1.0"
 

@@ -25,9 +25,9 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.progress import Stopped
 from stickslip.sweeps import basin as module
 from stickslip.sweeps.basin import basin
-from stickslip.sweeps.work.scheduler import Stopped
 from systems import ode
 
 

@@ -141,8 +141,8 @@ def sweep(
     """
     from stickslip.cli.app import INTERRUPTED, finish
     from stickslip.cli.models import assignments, load_model, numbers
+    from stickslip.orbits.settling.motions import Settings
     from stickslip.sweeps.sweep import sweep as compute
-    from stickslip.sweeps.work.chunk import Settings
 
     system = load_model(model, settings or [])
     start = numbers(assignments(initial or [], "--initial"), "--initial")

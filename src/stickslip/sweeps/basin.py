@@ -36,7 +36,7 @@ from stickslip.sweeps.work.scheduler import Pool, distribute, listening
 if TYPE_CHECKING:
     import xarray
 
-    from stickslip.sweeps.work.chunk import Settings
+    from stickslip.orbits.settling.motions import Settings
 
 Array = np.ndarray
 Axis = tuple[float, float, int] | Sequence[float] | np.ndarray
@@ -157,7 +157,7 @@ def basin(
     DeclarationError
         If an argument is wrong.
     """
-    from stickslip.sweeps.work.chunk import Settings
+    from stickslip.orbits.settling.motions import Settings
 
     settings = settings or Settings()
     problem = pose(system, parameters, settings.rtol, settings.atol, origin=system.span[0])
@@ -201,7 +201,7 @@ def _settle(
     problem: Problem, settings: Settings, states: Array, block: slice, stop: Array
 ) -> Settled:
     """What some motions settle on."""
-    from stickslip.sweeps.work.chunk import Block, Here
+    from stickslip.orbits.settling.motions import Block, Here
 
     here = states[block]
     table = np.tile(list(problem.parameters.values()), (len(here), 1)).reshape(len(here), -1)

@@ -20,40 +20,12 @@ from stickslip.errors import DeclarationError
 from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
-from stickslip.sweeps.engine.tables import Found, Sums
+from stickslip.orbits.settling.motions import ATTRACTORS, MEASURED, Observed
 
 if TYPE_CHECKING:
-    from stickslip.sweeps.work.chunk import Settings
+    from stickslip.orbits.settling.motions import Settings
 
 Array = np.ndarray
-
-
-@dataclass(frozen=True)
-class Observed:
-    """What compiled code has found of some points.
-
-    Attributes
-    ----------
-    outcome : array of int, shape (points,)
-    duration : array, shape (points,)
-        Of what was measured: the period of a cycle.
-    translation : array, shape (n,)
-    found : Found
-        By point.
-    excess : array, shape (points,)
-        By how much the initial state violates |∂Φ| ≤ s.
-    """
-
-    outcome: Array
-    duration: Array
-    translation: Array
-    found: Found
-    excess: Array
-
-    @property
-    def sums(self) -> Sums:
-        """What was summed up."""
-        return self.found.sums
 
 
 Rule = Callable[[Problem, Observed, str], Array]
@@ -198,8 +170,6 @@ def certified_below(settings: Settings) -> float:
 
 OWN = ("certificate", "lacking", "excess", "outcome")
 """Variables of every map, besides its measures."""
-ATTRACTORS = (Outcome.AT_REST, Outcome.PERIODIC, Outcome.STEADY, Outcome.UNDAMPED)
-MEASURED = (*ATTRACTORS, Outcome.NOT_SETTLED)
 LACKING = (
     "nothing",
     "energy balance",

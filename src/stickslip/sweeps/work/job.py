@@ -12,6 +12,7 @@ import numpy as np
 
 from stickslip.errors import DeclarationError
 from stickslip.model.system import System
+from stickslip.progress import Stopped
 from stickslip.sweeps.request.measures import OWN
 from stickslip.sweeps.request.plan import Plan
 from stickslip.sweeps.request.user_measures import (
@@ -22,10 +23,9 @@ from stickslip.sweeps.request.user_measures import (
     read_measures,
     variable,
 )
-from stickslip.sweeps.work.scheduler import Stopped
 
 if TYPE_CHECKING:
-    from stickslip.sweeps.work.chunk import Settings
+    from stickslip.orbits.settling.motions import Settings
 
 Array = np.ndarray
 

@@ -28,6 +28,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from stickslip.errors import DeclarationError, StickslipError
+from stickslip.progress import Stopped
 
 Array = np.ndarray
 T = TypeVar("T")
@@ -38,10 +39,6 @@ PATIENCE = 10.0  # seconds that a cluster has to answer
 # seconds after which a wish to stop is noticed, and that tasks under way then have to end
 PULSE = 0.25
 LOCAL = ("threads", "processes")
-
-
-class Stopped(Exception):
-    """A task was given up, since there was a wish to stop."""
 
 
 class Stop:

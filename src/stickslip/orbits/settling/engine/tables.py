@@ -108,7 +108,7 @@ class Rules(NamedTuple):
     fine : array, shape (2,)
         Tolerances with which steps are followed again.
     closely : bool
-        As in :func:`stickslip.sweeps.engine.observers.observe`.
+        As in :func:`stickslip.orbits.settling.engine.observers.observe`.
     timed : bool
         Whether time enters in a way that might not repeat, which the host has to look into.
     closed : bool

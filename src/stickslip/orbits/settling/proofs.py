@@ -26,8 +26,7 @@ from stickslip.motion.engine.forms import AFFINE
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.steps.arrays import NOW
 from stickslip.orbits.fields.mode_field import Piece, Pieces
-from stickslip.sweeps.engine.repetition import Repetition, repeats
-from stickslip.sweeps.engine.tables import (
+from stickslip.orbits.settling.engine.tables import (
     ASK,
     COUNT,
     DURATION,
@@ -39,12 +38,13 @@ from stickslip.sweeps.engine.tables import (
     PROVING,
     SETTLING,
 )
+from stickslip.orbits.settling.repetition import Repetition, repeats
 
 if TYPE_CHECKING:
     from stickslip.motion.ensemble import Lanes
     from stickslip.motion.problem import Problem
     from stickslip.motion.steps.arrays import Lane
-    from stickslip.sweeps.engine.tables import Marks, Rules
+    from stickslip.orbits.settling.engine.tables import Marks, Rules
 
 Array = Any  # of floats, integers or complex numbers
 

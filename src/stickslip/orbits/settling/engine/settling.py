@@ -4,7 +4,7 @@ A motion is looked at at its *marks*. If it is driven, these are the times t₀ 
 the first drive; if not, its events, where the guard that fires is a natural section (events that
 coincide up to rounding are one); and if it has no events for a while, it is asked whether its rates
 have died out, and whether it comes back through the plane across itself.
-:mod:`stickslip.sweeps.engine.returns` says how closely it comes back.
+:mod:`stickslip.orbits.settling.engine.returns` says how closely it comes back.
 
 * A motion that seems to have settled is *polished*: carried on by hand to where its returns lead,
   down to rounding (a step that does not bring it nearer is undone). That this is not farther away
@@ -13,7 +13,7 @@ have died out, and whether it comes back through the plane across itself.
   slips in it (one that sticks makes a family of cycles, of which the motion has to choose by
   itself). The next return confirms it.
 * Rest, steady sliding, and oscillations without any further event are proved on the host
-  (:mod:`stickslip.sweeps.engine.proofs`), which the motion waits for.
+  (:mod:`stickslip.orbits.settling.proofs`), which the motion waits for.
 * Where time stands in one sine or cosine only, the clock is set back to t₀ at every mark, so that
   the millionth period is as exact as the first one.
 """
@@ -51,7 +51,7 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.step_size import better
 from stickslip.motion.steps.stiff import follow as along
-from stickslip.sweeps.engine.returns import (
+from stickslip.orbits.settling.engine.returns import (
     PATIENCE,
     UNKNOWN,
     begin_again,
@@ -67,7 +67,7 @@ from stickslip.sweeps.engine.returns import (
     remove_shift,
     shortest_lag,
 )
-from stickslip.sweeps.engine.tables import (
+from stickslip.orbits.settling.engine.tables import (
     ASK,
     COUNT,
     DONE,

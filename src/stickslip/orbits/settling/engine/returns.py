@@ -22,7 +22,7 @@ import numpy as np
 from stickslip.machine_code import njit
 from stickslip.motion.engine.modes import copy
 from stickslip.motion.steps.arrays import INLINED, OPTIONS
-from stickslip.sweeps.engine.tables import (
+from stickslip.orbits.settling.engine.tables import (
     COUNT,
     FLOOR,
     LAG,

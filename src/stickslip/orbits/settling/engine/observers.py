@@ -17,7 +17,7 @@ from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
 from stickslip.motion.steps.arrays import DIMENSION, JETS, OPTIONS, Constants, Record, Rows, Space
 from stickslip.motion.steps.stiff import follow
-from stickslip.sweeps.engine.tables import Sums
+from stickslip.orbits.settling.engine.tables import Sums
 
 Array = np.ndarray
 

@@ -18,9 +18,16 @@ from stickslip.motion.steps.arrays import (
     Lane,
     Record,
 )
-from stickslip.sweeps.engine.observers import clear, observe
-from stickslip.sweeps.engine.returns import begin_again, gap, grow, miss, remove_shift, told_apart
-from stickslip.sweeps.engine.settling import (
+from stickslip.orbits.settling.engine.observers import clear, observe
+from stickslip.orbits.settling.engine.returns import (
+    begin_again,
+    gap,
+    grow,
+    miss,
+    remove_shift,
+    told_apart,
+)
+from stickslip.orbits.settling.engine.settling import (
     AT_REST,
     NOT_SETTLED,
     PERIODIC,
@@ -33,7 +40,7 @@ from stickslip.sweeps.engine.settling import (
     follow,
     settle,
 )
-from stickslip.sweeps.engine.tables import (
+from stickslip.orbits.settling.engine.tables import (
     ASK,
     CLOSURE,
     COUNT,
