@@ -303,19 +303,25 @@ def make_marks(drive: Array, ring: int, n: int, contacts: int, home: Lane, befor
     return marks
 
 
+def make_sums(lanes: tuple[int, ...], n: int, contacts: int) -> Sums:
+    """Nothing observed yet, of one motion or (with a leading axis) of several."""
+    z = np.zeros
+    return Sums(
+        low=z((*lanes, n)),
+        high=z((*lanes, n)),
+        stick=z((*lanes, contacts)),
+        work=z((*lanes, contacts)),
+        peak=z((*lanes, contacts)),
+        impulse=z((*lanes, contacts)),
+        total=z((*lanes, 2)),
+        switches=z((*lanes, 1), np.int64),
+    )
+
+
 def make_found(lanes: int, n: int, contacts: int) -> Found:
     """Nothing measured yet."""
     z = np.zeros
-    sums = Sums(
-        low=z((lanes, n)),
-        high=z((lanes, n)),
-        stick=z((lanes, contacts)),
-        work=z((lanes, contacts)),
-        peak=z((lanes, contacts)),
-        impulse=z((lanes, contacts)),
-        total=z((lanes, 2)),
-        switches=z((lanes, 1), np.int64),
-    )
+    sums = make_sums((lanes,), n, contacts)
     return Found(sums, z((lanes, 5)), z(lanes), z((lanes, n)), np.full(lanes, np.nan))
 
 
