@@ -22,12 +22,14 @@ from stickslip import (
 )
 from stickslip.errors import DeclarationError
 from stickslip.motion.outcome import Outcome
-from stickslip.motion.problem import Problem
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from stickslip.orbits.cycles.cycle import find_cycle
 from stickslip.progress import Stopped
 from stickslip.sweeps import basin as module
+from stickslip.sweeps import sweep as sweep_module
 from stickslip.sweeps.basin import basin
+from stickslip.sweeps.request import axes as axes_module
+from stickslip.sweeps.work.job import Work
 from systems import ode
 
 
@@ -226,18 +228,16 @@ def test_an_oscillation_whose_damper_sticks_is_no_rest() -> None:
 
 
 def test_interruption_keeps_what_has_arrived(monkeypatch: pytest.MonkeyPatch) -> None:
-    settled = module._settle
+    computed = sweep_module.compute
 
-    def once(
-        problem: Problem, settings: Settings, states: np.ndarray, block: slice, stop: np.ndarray
-    ) -> object:
-        if block.start > 0:
+    def once(work: Work, columns: dict[str, np.ndarray], stop: np.ndarray) -> object:
+        if columns["psi"][0] > 0.0:
             raise Stopped
         stop[0] = 1  # what is under way when Ctrl-C comes may still end
-        return settled(problem, settings, states, block, np.zeros(1, np.int64))
+        return computed(work, columns, np.zeros(1, np.int64))
 
-    monkeypatch.setattr(module, "_settle", once)
-    monkeypatch.setattr(module, "TOGETHER", 4)
+    monkeypatch.setattr(sweep_module, "compute", once)
+    monkeypatch.setattr(axes_module, "FEWEST", 4)
     axes = {"psi": (0.0, 2.0, 3), "d_psi": (0.0, 0.1, 4)}
     found = basin(catalogue.rocking_toy(), axes, initial={"x_R": 0.0}, workers=1)
     assert found.attrs["interrupted"] == 1
@@ -250,7 +250,7 @@ def test_interrupted_before_anything_has_arrived(monkeypatch: pytest.MonkeyPatch
     def interrupted(*given: object) -> None:
         raise Stopped
 
-    monkeypatch.setattr(module, "_settle", interrupted)
+    monkeypatch.setattr(sweep_module, "compute", interrupted)
     found = basin(catalogue.rocking_toy(), {"psi": (-1.0, 1.0, 3), "d_psi": (-1.0, 1.0, 2)})
     assert found.sizes["reached"] == 0
     assert (found["attractor"] == module.ON_ITS_WAY).all()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -19,9 +19,9 @@ from stickslip.motion.engine.forms import AFFINE
 from stickslip.motion.ensemble import Lanes
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
-from stickslip.motion.steps.arrays import FULL, NEED, Lane
+from stickslip.motion.steps.arrays import FULL, NEED, NOW, Lane
 from stickslip.orbits.fields.stable_set import excess
-from stickslip.orbits.settling.engine import measuring
+from stickslip.orbits.settling.engine import measuring, settling
 from stickslip.orbits.settling.engine.tables import (
     DONE,
     DURATION,
@@ -53,6 +53,7 @@ LOOKS = 4.0  # in a span
 MARGIN = 0.1
 RINGS = 2  # longest cycles that are remembered, so that two returns can be compared
 ENDLESS = np.iinfo(np.int64).max
+TURNS = 1024  # marks of a single motion after which Ctrl-C is heard
 ATTRACTORS = (Outcome.AT_REST, Outcome.PERIODIC, Outcome.STEADY, Outcome.UNDAMPED)
 MEASURED = (*ATTRACTORS, Outcome.NOT_SETTLED)
 
@@ -111,6 +112,9 @@ class Observed:
     Attributes
     ----------
     outcome : array of int, shape (points,)
+    time : array, shape (points,)
+    state : array, shape (points, n)
+        When and where what was measured begins.
     duration : array, shape (points,)
         Of what was measured: the period of a cycle.
     translation : array, shape (n,)
@@ -121,6 +125,8 @@ class Observed:
     """
 
     outcome: Array
+    time: Array
+    state: Array
     duration: Array
     translation: Array
     found: Found
@@ -130,6 +136,24 @@ class Observed:
     def sums(self) -> Sums:
         """What was summed up."""
         return self.found.sums
+
+
+class Invariance(NamedTuple):
+    """What is known to leave a system unchanged along a motion.
+
+    Attributes
+    ----------
+    shifts : array, shape (translations, n)
+        Directions, orthogonal to each other, in which the state may be shifted.
+    frame : array, shape (n,)
+        Velocity of the frame in which the system does not depend on time, but for its drives.
+    period : float
+        Of the drives; 0 if there are none.
+    """
+
+    shifts: Array
+    frame: Array
+    period: float
 
 
 class Loops(Protocol):
@@ -168,6 +192,12 @@ class Block:
         See :mod:`stickslip.orbits.settling.engine.tables`.
     excess : array, shape (points,)
         By how much initial states violate |∂Φ| ≤ s; where they do, there is no motion.
+
+    Parameters
+    ----------
+    known : Invariance, optional
+        By default the translation is the declared one, the period that of the first drive that
+        acts, and the frame is found in the closed forms.
     """
 
     def __init__(
@@ -178,6 +208,7 @@ class Block:
         settings: Settings,
         closely: bool,
         shared: bool = False,
+        known: Invariance | None = None,
     ) -> None:
         count = len(table)
         n = states.shape[1]
@@ -185,7 +216,12 @@ class Block:
         constants = problem.constants_of(table[:1] if shared else table)
         group = np.zeros(count, np.int64) if shared else np.arange(count)
         self.problem = problem
-        self.rules = make_rules(problem, settings, closely)
+        self.known = known
+        rules = make_rules(problem, settings, closely)
+        if known is not None:
+            most = np.array([*rules.most[:2], TURNS, *rules.most[3:]])
+            rules = rules._replace(shifts=known.shifts, most=most)
+        self.rules = rules
         span = float(self.rules.real[0]), float(self.rules.real[1])
         forms = (
             problem.empty_forms(1, SHARED_SLOTS) if shared else problem.empty_forms(count, SLOTS)
@@ -196,10 +232,16 @@ class Block:
             Lane(*(part.copy() for part in self.lanes.now)) for _ in range(3)
         )
         self.prover = Prover(problem, table, self.rules)
-        drive = drive_period(np.where(self.prover.acting, constants.omega[group], 0.0))
+        drive = (
+            drive_period(np.where(self.prover.acting, constants.omega[group], 0.0))
+            if known is None
+            else np.full(count, known.period)
+        )
         self.marks: Marks = make_marks(
             drive, RINGS * settings.longest_cycle + 1, n, contacts, home, before
         )
+        if known is not None:
+            self.marks.frame[:] = known.frame
         self.found: Found = make_found(count, n, contacts)
         values = dict(zip(problem.system.parameters, table.T, strict=True))
         self.excess = excess(problem.compiled.equations, values, states, problem.origin)
@@ -216,6 +258,12 @@ class Block:
             lanes.group, lanes.codes, lanes.now,
         )  # fmt: skip
 
+    def settle(self, stop: Array) -> None:
+        """Follow all motions until they have settled; where, and on what, is left in `saved` and in
+        the marks."""
+        loops = Here(self, stop)
+        self._until_done(loops.settle, stop, loops, self.lanes)
+
     def run(self, where: Callable[[Block, Array], Loops], exponents: bool, stop: Array) -> Observed:
         """Follow and measure all points; the closed forms they need are made in between."""
         marks = self.marks
@@ -228,7 +276,13 @@ class Block:
             loops.fetch()
         self._name_rest()
         return Observed(
-            marks.outcome, marks.real[:, DURATION], self.rules.translation, self.found, self.excess
+            marks.outcome,
+            self.problem.origin + self.saved.clock[:, NOW],
+            self.saved.y,
+            marks.real[:, DURATION],
+            self.rules.shifts[0],
+            self.found,
+            self.excess,
         )
 
     def _until_done(
@@ -240,7 +294,7 @@ class Block:
             for lanes in involved:
                 lanes.make_closed_forms()
                 need = np.flatnonzero(lanes.codes == NEED)
-                if self.problem.compiled.layout.timed and len(need):
+                if self.known is None and self.problem.compiled.layout.timed and len(need):
                     marks.frame[need] = frames(lanes, need)
                 lanes.codes[need] = FULL
             with announced():
@@ -272,6 +326,11 @@ class Here:
         self.engine = block.engine(block.lanes)
         self.rest = block.marks, block.rules, block.saved, bench, block.found, stop
 
+    def settle(self) -> None:
+        """Settle only."""
+        e, (marks, rules, saved, bench, _, stop) = self.engine, self.rest
+        settling.settle_all(e, marks, rules, saved, bench, stop)
+
     def advance(self) -> None:
         """Settle and measure."""
         measuring.advance(self.engine, *self.rest)
@@ -300,7 +359,7 @@ def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
             [0.0, last, look, MARGIN * settings.tolerance, settings.atol, settings.tolerance]
         ),
         most=np.array([settings.max_cycles, settings.max_events, ENDLESS, settings.longest_cycle]),
-        translation=np.array([float(system.translation.get(x, 0.0)) for x in layout.state]),
+        shifts=np.array([[float(system.translation.get(x, 0.0)) for x in layout.state]]),
         fine=np.array(problem.retrace),
         closely=closely,
         timed=layout.timed and not Repetition(problem.compiled.equations).plain,

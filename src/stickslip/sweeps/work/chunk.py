@@ -17,6 +17,7 @@ from stickslip.motion.simulate_many import (
     parameter_table,
     pose_all,
 )
+from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.settling.motions import SLOTS, Block, Here, Settings
 from stickslip.sweeps.request.measures import certified_below, measured, needs_close_look
 
@@ -31,6 +32,7 @@ def measure_chunk(
     settings: Settings,
     device: str = "cpu",
     stop: Array | None = None,
+    section: bool = False,
 ) -> dict[str, Array]:
     """Measures of what motions settle on.
 
@@ -46,6 +48,9 @@ def measure_chunk(
         ``"cpu"`` or ``"gpu"``.
     stop : array of int, shape (1,), optional
         Looked at all the time; not zero once there is a wish to stop.
+    section : bool
+        Whether the points are states of a section, which share their parameters (and so their
+        closed forms); one that friction cannot hold starts at the nearest place at which it can.
 
     Returns
     -------
@@ -69,6 +74,8 @@ def measure_chunk(
     count = common_length({**starts, **given})
     table, states = parameter_table(system, given, count), initial_states(system, starts, count)
     problem = replace(pose_all(system, given, settings.rtol, settings.atol), origin=system.span[0])
+    if section:
+        settle_friction(problem.compiled.equations, problem.parameters, states, problem.origin)
     closely = needs_close_look(system, measures)
     exponents = "lyapunov" in measures
     stop = np.zeros(1, np.int64) if stop is None else stop
@@ -78,12 +85,10 @@ def measure_chunk(
         lanes = lanes_on_device(problem, settings)
         loops = OnDevice
     else:
-        lanes = lanes_of_block(problem, SLOTS)
+        lanes = count if section else lanes_of_block(problem, SLOTS)
         loops = Here
     blocks = [slice(i, i + lanes) for i in range(0, count, lanes)]
-    found = [
-        Block(problem, table[b], states[b], settings, closely).run(loops, exponents, stop)
-        for b in blocks
-    ]
+    motions = (Block(problem, table[b], states[b], settings, closely, section) for b in blocks)
+    found = [block.run(loops, exponents, stop) for block in motions]
     parts = [measured(problem, observed, measures, certified_below(settings)) for observed in found]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

@@ -44,6 +44,8 @@ class Work:
     settings : Settings
     device : str
         ``"cpu"`` or ``"gpu"``: where the compiled loops run.
+    section : bool
+        See :class:`stickslip.sweeps.request.plan.Plan`.
     """
 
     model: str
@@ -51,12 +53,14 @@ class Work:
     initial: tuple[tuple[str, float], ...]
     settings: Settings
     device: str = "cpu"
+    section: bool = False
 
 
 def work_of(plan: Plan, device: str = "cpu") -> Work:
     """The work that a plan asks for at its points."""
     asked = tuple(asked_again(measure) for measure in plan.measures)
-    return Work(plan.system.to_toml(), asked, tuple(plan.initial.items()), plan.settings, device)
+    initial = tuple(plan.initial.items())
+    return Work(plan.system.to_toml(), asked, initial, plan.settings, device, plan.section)
 
 
 def check_sendable(work: Work) -> None:
@@ -116,7 +120,7 @@ def compute(work: Work, columns: Mapping[str, Array], stop: Array) -> dict[str, 
         [m for m in measures if isinstance(m, str)] + [n for f in formulas for n in f.needs]
     )
     found = measure_chunk(
-        system, initial, parameters, tuple(needed), work.settings, work.device, stop
+        system, initial, parameters, tuple(needed), work.settings, work.device, stop, work.section
     )
     result = {name: found[name] for name in OWN}
     known = {**system.values, **_start(system, initial), **parameters, **found}

@@ -104,7 +104,8 @@ class Rules(NamedTuple):
         waiting, atol, and what may be missing to a cycle.
     most : array of int
         Periods, events, marks in one call, and marks of a cycle.
-    translation : array, shape (n,)
+    shifts : array, shape (translations, n)
+        Directions, orthogonal to each other, in which the state may be shifted.
     fine : array, shape (2,)
         Tolerances with which steps are followed again.
     closely : bool
@@ -117,7 +118,7 @@ class Rules(NamedTuple):
 
     real: Array
     most: Array
-    translation: Array
+    shifts: Array
     fine: Array
     closely: bool
     timed: bool
