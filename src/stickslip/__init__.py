@@ -11,6 +11,7 @@ True
 from __future__ import annotations
 
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -29,18 +30,23 @@ if TYPE_CHECKING:
     from stickslip.model.system_file import load
     from stickslip.motion.outcome import Outcome
     from stickslip.motion.simulate import simulate
-    from stickslip.motion.simulate_many import simulate_many
-    from stickslip.motion.trajectory import Trajectory, open_trajectory
+    from stickslip.motion.simulate_many import Ensemble, simulate_many
+    from stickslip.motion.trajectory import Trajectory
     from stickslip.orbits.branches.cycle_branch import continue_cycle
     from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
     from stickslip.orbits.branches.equilibrium_curves import fold_curve, hopf_curve
     from stickslip.orbits.branches.onset_curve import stick_onset_curve
-    from stickslip.orbits.continuation.branch import Branch, SpecialPoint, open_branch
+    from stickslip.orbits.continuation.branch import Branch, SpecialPoint
     from stickslip.orbits.cycles.cycle import Cycle, find_cycle
     from stickslip.orbits.equilibria.equilibrium import Equilibria, Equilibrium, EquilibriumSet
     from stickslip.orbits.equilibria.finding import equilibria
     from stickslip.orbits.settling.motions import Settings
-    from stickslip.orbits.studies.gaits import gait_study, sliding_threshold, walking_threshold
+    from stickslip.orbits.studies.gaits import (
+        GaitStudy,
+        gait_study,
+        sliding_threshold,
+        walking_threshold,
+    )
     from stickslip.orbits.studies.hysteresis import HysteresisOperator
     from stickslip.rate_independent.dissipation import (
         Dissipation,
@@ -51,19 +57,22 @@ if TYPE_CHECKING:
         SupportFunction,
         WeightedL1,
     )
-    from stickslip.rate_independent.evolution.averaging_study import averaging_study
+    from stickslip.rate_independent.evolution.averaging_study import AveragingStudy, averaging_study
     from stickslip.rate_independent.evolution.evolution import Evolution
     from stickslip.rate_independent.evolution.evolve import evolve
-    from stickslip.rate_independent.evolution.history import History, open_history
+    from stickslip.rate_independent.evolution.history import History
     from stickslip.rate_independent.play.operator import Play, play
     from stickslip.sweeps.adaptive import Adaptive
     from stickslip.sweeps.basin import basin
-    from stickslip.sweeps.sweep import open_sweep, sweep
+    from stickslip.sweeps.map import Basin, Map
+    from stickslip.sweeps.sweep import sweep
 
 __version__ = "0.1.0"
 
 __all__ = [
     "Adaptive",
+    "AveragingStudy",
+    "Basin",
     "Branch",
     "Condition",
     "Contact",
@@ -72,15 +81,18 @@ __all__ = [
     "DeclarationError",
     "Dissipation",
     "Ellipsoid",
+    "Ensemble",
     "Equilibria",
     "Equilibrium",
     "EquilibriumSet",
     "Evolution",
+    "GaitStudy",
     "GroupNorm",
     "History",
     "HysteresisOperator",
     "Inertial",
     "Internal",
+    "Map",
     "Outcome",
     "Parameter",
     "Play",
@@ -108,10 +120,7 @@ __all__ = [
     "gait_study",
     "hopf_curve",
     "load",
-    "open_branch",
-    "open_history",
-    "open_sweep",
-    "open_trajectory",
+    "open",
     "play",
     "simulate",
     "simulate_many",
@@ -128,14 +137,12 @@ _HOMES = {
     "load": "model.system_file",
     "Outcome": "motion.outcome",
     "simulate": "motion.simulate",
-    "simulate_many": "motion.simulate_many",
+    **dict.fromkeys(["Ensemble", "simulate_many"], "motion.simulate_many"),
     "Trajectory": "motion.trajectory",
-    "open_trajectory": "motion.trajectory",
     "Evolution": "rate_independent.evolution.evolution",
     "evolve": "rate_independent.evolution.evolve",
     "History": "rate_independent.evolution.history",
-    "open_history": "rate_independent.evolution.history",
-    **dict.fromkeys(["Branch", "SpecialPoint", "open_branch"], "orbits.continuation.branch"),
+    **dict.fromkeys(["Branch", "SpecialPoint"], "orbits.continuation.branch"),
     **dict.fromkeys(["fold_curve", "hopf_curve"], "orbits.branches.equilibrium_curves"),
     **dict.fromkeys(
         ["Equilibria", "Equilibrium", "EquilibriumSet"], "orbits.equilibria.equilibrium"
@@ -147,15 +154,19 @@ _HOMES = {
     "stick_onset_curve": "orbits.branches.onset_curve",
     "HysteresisOperator": "orbits.studies.hysteresis",
     **dict.fromkeys(
-        ["gait_study", "sliding_threshold", "walking_threshold"], "orbits.studies.gaits"
+        ["GaitStudy", "gait_study", "sliding_threshold", "walking_threshold"],
+        "orbits.studies.gaits",
     ),
     "Adaptive": "sweeps.adaptive",
     "basin": "sweeps.basin",
     "Settings": "sweeps.work.chunk",
-    **dict.fromkeys(["open_sweep", "sweep"], "sweeps.sweep"),
+    **dict.fromkeys(["Basin", "Map"], "sweeps.map"),
+    "sweep": "sweeps.sweep",
     "Play": "rate_independent.play.operator",
     "play": "rate_independent.play.operator",
-    "averaging_study": "rate_independent.evolution.averaging_study",
+    **dict.fromkeys(
+        ["AveragingStudy", "averaging_study"], "rate_independent.evolution.averaging_study"
+    ),
     **dict.fromkeys(
         [
             "Dissipation",
@@ -182,6 +193,45 @@ _HOMES = {
         "model.system",
     ),
 }
+
+
+# The class of each kind of stored result.
+_KINDS = {
+    "averaging study": "AveragingStudy",
+    "basin": "Basin",
+    "branch": "Branch",
+    "cycle": "Cycle",
+    "ensemble": "Ensemble",
+    "equilibria": "Equilibria",
+    "evolution": "History",
+    "gait study": "GaitStudy",
+    "play": "Play",
+    "sweep": "Map",
+    "trajectory": "Trajectory",
+}
+
+
+def open(path: str | Path) -> Any:
+    """Read a stored result, whatever it is: a file that its ``save`` wrote, or the store of a map.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    Trajectory, Ensemble, History, Play, AveragingStudy, Equilibria, Cycle, Branch, GaitStudy, Map
+    or Basin
+        As it was stored; nothing is computed again until it is asked for.
+
+    Raises
+    ------
+    StickslipError
+        If there is no file, or it holds no result, or one of a format that is not read any more.
+    """
+    from stickslip import storage
+
+    return __getattr__(_KINDS[storage.kind_of(path, _KINDS)]).open(path)
 
 
 def __getattr__(name: str) -> Any:

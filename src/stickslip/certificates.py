@@ -49,8 +49,15 @@ class Residual:
         return bool(self.value >= self.limit if self.least else self.value <= self.limit)
 
     @property
+    def counts(self) -> bool:
+        """Whether it is a number of things of which there should be none."""
+        return self.limit == 0.0 and not self.least
+
+    @property
     def fault(self) -> str:
         """What is wrong with it, if it is not within its limit."""
+        if self.counts:
+            return f"{self.name}: {self.value:g}"
         return f"{self.name} {self.value:.2e} {'below' if self.least else 'above'} {self.limit:.0e}"
 
     def describe(self) -> str:
@@ -107,6 +114,8 @@ class Certificate:
     @property
     def _limits(self) -> str:
         judged = [residual for residual in self.residuals if residual.judged]
+        if all(residual.counts for residual in judged):
+            return ", ".join(f"{residual.name}: none" for residual in judged)
         limits = {residual.limit for residual in judged}
         if len(limits) == 1 and not any(residual.least for residual in judged):
             return f"all residuals below {limits.pop():.0e}"
@@ -155,6 +164,9 @@ class Certificate:
             "unverified": spans,
             "notes": list(self.notes),
         }
+
+
+NOTHING = Certificate((), "nothing found")
 
 
 def within(limit: float, values: Iterable[tuple[str, float]]) -> list[Residual]:

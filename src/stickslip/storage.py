@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -93,6 +93,31 @@ def reading(
         if isinstance(error, StickslipError):
             raise
         raise StickslipError(f"{path}: not {named(kind)} stored by stickslip") from None
+
+
+def kind_of(path: str | Path, known: Container[str]) -> str:
+    """What kind of result a file holds; a folder is the store of a map.
+
+    Raises
+    ------
+    StickslipError
+        If there is nothing, or nothing that is known.
+    """
+    import netCDF4
+
+    path = Path(path)
+    if path.is_dir():
+        return "sweep"
+    if not path.exists():
+        raise StickslipError(f"{path}: there is no such file")
+    try:
+        with netCDF4.Dataset(path) as file:
+            kind = str(file.getncattr(f"{PREFIX}kind"))
+    except (OSError, AttributeError):
+        kind = ""
+    if kind not in known:
+        raise StickslipError(f"{path}: not a result stored by stickslip")
+    return kind
 
 
 def readable(path: Path, own: Mapping[str, str], form: int) -> None:

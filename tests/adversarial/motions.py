@@ -239,7 +239,7 @@ def many(case: Case, motion: ss.Trajectory, agreed: Verdict) -> Verdict:
         max_events=MOST_EVENTS,
         atol=case.atol,
         workers=1,
-    )
+    ).dataset
     final = np.array([float(ended[f"final_{n}"][0]) / case.units.get(n, 1.0) for n in case.names])
     own = np.array([motion.final[n] / case.units.get(n, 1.0) for n in case.names])
     gap = float(np.max(np.abs(final - own) / sizes(case, own[None]), initial=0.0))

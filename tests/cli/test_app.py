@@ -16,8 +16,9 @@ from typer.testing import CliRunner, Result
 
 import stickslip as ss
 from stickslip.cli.app import app
-from stickslip.cli.folder import FILES, result_folder
+from stickslip.cli.folder import result_folder
 from stickslip.cli.models import assignments, load_model
+from stickslip.cli.orbits import MOTION
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.motion.trajectory import Trajectory
 
@@ -101,12 +102,12 @@ def test_run_writes_a_certified_result(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.stderr
     assert "certified" in result.stdout
     folder = tmp_path / "out" / "spring_slider"
-    assert sorted(p.name for p in folder.iterdir()) == sorted(FILES)
+    assert sorted(p.name for p in folder.iterdir()) == sorted(MOTION.names)
     assert [p.name for p in folder.parent.iterdir()] == ["spring_slider"]
     assert (folder / "overview.png").read_bytes().startswith(b"\x89PNG")
 
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    stored = ss.open_trajectory(folder / "trajectory.nc")
+    stored = ss.open(folder / "trajectory.nc")
     assert (summary["program"], summary["version"]) == ("stickslip", ss.__version__)
     assert (summary["outcome"], summary["certified"], summary["complete"]) == (
         "finished",
@@ -214,7 +215,7 @@ def test_broken_model_files_and_wrong_files(tmp_path: Path) -> None:
     (tmp_path / "broken.toml").write_text("name = ", encoding="utf-8")
     assert "broken.toml" in refused(stickslip("show", "broken.toml"))
     (tmp_path / "text.nc").write_text("no trajectory", encoding="utf-8")
-    assert "text.nc: not a trajectory" in refused(stickslip("check", "text.nc"))
+    assert "text.nc: not a result" in refused(stickslip("check", "text.nc"))
     assert refused(stickslip("check", "."))
 
 
@@ -225,9 +226,9 @@ def test_files_of_evolutions_have_their_own_commands(tmp_path: Path) -> None:
         stickslip("evolve", str(model), "--out", str(tmp_path / "e"), "--until", "0.1").exit_code
         == 0
     )
-    assert "holds an evolution, not a trajectory" in refused(
-        stickslip("check", str(tmp_path / "e" / "evolution.nc"))
-    )
+    checked = stickslip("check", str(tmp_path / "e" / "evolution.nc"))
+    assert checked.exit_code == 0
+    assert "evolution, " in checked.stdout and "certified" in checked.stdout
 
 
 def test_nothing_of_others_is_overwritten(tmp_path: Path) -> None:
@@ -248,23 +249,25 @@ def test_our_own_results_are_replaced_and_neighbours_stay(tmp_path: Path) -> Non
     assert stickslip(*arguments, "--until", "5").exit_code == 0
     (tmp_path / "here" / "notes.txt").write_text("mine", encoding="utf-8")
     assert stickslip(*arguments, "--until", "6").exit_code == 0
-    assert sorted(p.name for p in (tmp_path / "here").iterdir()) == sorted([*FILES, "notes.txt"])
-    assert ss.open_trajectory("here/trajectory.nc").t_span == (0.0, 6.0)
+    assert sorted(p.name for p in (tmp_path / "here").iterdir()) == sorted(
+        [*MOTION.names, "notes.txt"]
+    )
+    assert ss.open("here/trajectory.nc").t_span == (0.0, 6.0)
 
 
 def test_a_result_folder_is_complete_or_absent(tmp_path: Path) -> None:
     def write(place: Path) -> None:
-        for name in FILES:
+        for name in MOTION.names:
             (place / name).write_text("{}", encoding="utf-8")
 
-    with pytest.raises(RuntimeError), result_folder(tmp_path / "a" / "b") as place:
+    with pytest.raises(RuntimeError), result_folder(tmp_path / "a" / "b", MOTION.names) as place:
         write(place)
         raise RuntimeError
     assert list(tmp_path.iterdir()) == []
-    with result_folder(tmp_path / "a" / "b") as place:
+    with result_folder(tmp_path / "a" / "b", MOTION.names) as place:
         write(place)
-    assert sorted(p.name for p in (tmp_path / "a" / "b").iterdir()) == sorted(FILES)
-    with pytest.raises(StickslipError), result_folder(tmp_path / "a" / "b"):
+    assert sorted(p.name for p in (tmp_path / "a" / "b").iterdir()) == sorted(MOTION.names)
+    with pytest.raises(StickslipError), result_folder(tmp_path / "a" / "b", MOTION.names):
         pass  # {} is no summary of ours
 
 
@@ -276,11 +279,11 @@ def test_ctrl_c_keeps_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
 
         yield stop
 
-    monkeypatch.setattr("stickslip.cli.running.watched", impatient)
+    monkeypatch.setattr("stickslip.cli.present.watched", impatient)
     result = stickslip("run", "belt_block", "--until", "1000")
     assert result.exit_code == 130
-    assert "interrupted; the motion up to t = " in result.stderr
-    stored = ss.open_trajectory("out/belt_block/trajectory.nc")
+    assert "interrupted; what was computed is in " in result.stderr
+    stored = ss.open("out/belt_block/trajectory.nc")
     assert stored.outcome is ss.Outcome.INTERRUPTED
     assert stored.certificate.lawful
     assert not stored.certificate.ok
@@ -326,7 +329,7 @@ def test_check_finds_changed_data(tmp_path: Path) -> None:
     with netCDF4.Dataset("other.nc", "w") as file:
         file.createDimension("time", 3)
         file.createVariable("x", float, ("time",))[:] = np.zeros(3)
-    assert "other.nc: not a trajectory" in refused(stickslip("check", "other.nc"))
+    assert "other.nc: not a result" in refused(stickslip("check", "other.nc"))
 
 
 def test_values_are_numbers_or_formulas() -> None:

@@ -16,7 +16,7 @@ from stickslip.cli.app import app
 from stickslip.errors import DeclarationError
 from stickslip.model.system import Parameter
 from stickslip.rate_independent.evolution.evolution_file import EvolutionModel, dumps, load, loads
-from stickslip.rate_independent.evolution.history import open_history
+from stickslip.rate_independent.evolution.history import History
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FILES = sorted((EXAMPLES / "evolution").glob("*.toml"))
@@ -160,7 +160,7 @@ def test_evolve_writes_a_certified_result(tmp_path: Path) -> None:
         "summary.json",
     ]
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    stored = open_history(folder / "evolution.nc")
+    stored = History.open(folder / "evolution.nc")
     assert summary["final"] == stored.final.tolist()
     assert (summary["steps"], summary["t_span"], summary["method"]) == (
         400,
@@ -180,7 +180,7 @@ def test_evolve_writes_a_certified_result(tmp_path: Path) -> None:
         "overview.png",
         "summary.json",
     ]
-    assert not open_history(folder / "evolution.nc").dataset.attrs["depends_on_phase"]
+    assert not History.open(folder / "evolution.nc").dataset.attrs["depends_on_phase"]
 
 
 def test_few_steps_are_no_certified_result(tmp_path: Path) -> None:
@@ -225,8 +225,8 @@ def test_ctrl_c_keeps_what_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     (tmp_path / "small.toml").write_text(SMALL, encoding="utf-8")
     result = stickslip("evolve", "small.toml")
     assert result.exit_code == 130
-    assert "interrupted; the evolution up to t = " in result.stderr
-    assert 0.0 < open_history("out/small/evolution.nc").dataset["step_time"][-1] < 2.0
+    assert "interrupted; what was computed is in " in result.stderr
+    assert 0.0 < History.open("out/small/evolution.nc").dataset["step_time"][-1] < 2.0
 
 
 def test_nothing_of_others_is_overwritten(tmp_path: Path) -> None:

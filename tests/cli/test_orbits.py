@@ -12,7 +12,8 @@ from typer.testing import CliRunner, Result
 
 import stickslip as ss
 from stickslip.cli.app import app
-from stickslip.cli.orbits import BASIN_FILES, BRANCH_FILES, CYCLE_FILES, EQUILIBRIA_FILES
+from stickslip.cli.orbits import BASIN, BRANCH, CYCLE, EQUILIBRIA
+from stickslip.cli.present import Files
 
 SLIDER = ("--set", "mu=2/sqrt(alpha)", "--set", "nu=1/20")
 
@@ -26,8 +27,8 @@ def stickslip(*arguments: str) -> Result:
     return CliRunner().invoke(app, list(arguments), catch_exceptions=False)
 
 
-def summary(folder: Path, files: tuple[str, ...]) -> dict:
-    assert sorted(path.name for path in folder.iterdir()) == sorted(files)
+def summary(folder: Path, files: Files) -> dict:
+    assert sorted(path.name for path in folder.iterdir()) == sorted(files.names)
     assert (folder / "overview.png").read_bytes().startswith(b"\x89PNG")
     return json.loads((folder / "summary.json").read_text(encoding="utf-8"))
 
@@ -37,7 +38,7 @@ def test_equilibria(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.stderr
     assert "stable" in result.stdout
     folder = tmp_path / "out" / "spring_slider-equilibria"
-    found = summary(folder, EQUILIBRIA_FILES)
+    found = summary(folder, EQUILIBRIA)
     (only,) = found["equilibria"]
     # U = μ(α) + νV, α = 1 + UV.
     U, alpha = only["state"]["U"], only["state"]["alpha"]
@@ -59,12 +60,12 @@ def test_cycle(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.stderr
     assert "speed 0.1675328" in result.stdout
     folder = tmp_path / "out" / "rocking_toy-cycle"
-    found = summary(folder, CYCLE_FILES)
+    found = summary(folder, CYCLE)
     assert found["drift"] == pytest.approx(1.0)
     assert found["stable"] is True
-    period = ss.open_trajectory(folder / "cycle.nc")
+    period = ss.open(folder / "cycle.nc")
     assert period.certificate.ok
-    assert period.knots.time[-1] - period.knots.time[0] == pytest.approx(found["period"])
+    assert period.period == pytest.approx(found["period"])
 
 
 def test_cycle_that_is_none() -> None:
@@ -79,8 +80,8 @@ def test_branch(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.stderr
     assert "Hopf at V = 0.2248493012" in result.stdout
     folder = tmp_path / "out" / "spring_slider-branch"
-    found = summary(folder, BRANCH_FILES)
-    stored = ss.open_branch(folder / "branch.nc")
+    found = summary(folder, BRANCH)
+    stored = ss.open(folder / "branch.nc")
     assert [s["value"] for s in found["special"]] == [s.value for s in stored.special]
     assert found["points"] == stored.points.sizes["point"]
     assert (
@@ -91,7 +92,7 @@ def test_branch(tmp_path: Path) -> None:
 def test_branch_of_cycles(tmp_path: Path) -> None:
     result = stickslip("branch", "belt_block", "--cycle", "--over", "V=0.25:0.35", "--out", "mine")
     assert result.exit_code == 0, result.stderr
-    stored = ss.open_branch(tmp_path / "mine" / "branch.nc")
+    stored = ss.open(tmp_path / "mine" / "branch.nc")
     V, T = stored.points["V"].values, stored.points["period"].values
     assert (V[0], V[-1]) == pytest.approx((0.25, 0.35))
     assert ss.catalogue.belt_block().values["V"] == 0.3
@@ -103,7 +104,7 @@ def test_basin(tmp_path: Path) -> None:
     result = stickslip("basin", "rocking_toy", *over, "--initial", "x_R=0")
     assert result.exit_code == 0, result.stderr
     assert "walking" in result.stdout
-    found = summary(tmp_path / "out" / "rocking_toy-basin", BASIN_FILES)
+    found = summary(tmp_path / "out" / "rocking_toy-basin", BASIN)
     assert {e["kind"] for e in found["attractors"]} == {"walking", "rest"}
     assert found["section"]["d_psi"] == [-0.9, 0.9, 4]
     with xr.open_dataset(tmp_path / "out" / "rocking_toy-basin" / "basin.nc") as stored:

@@ -11,25 +11,25 @@ from typer.testing import CliRunner, Result
 
 import stickslip as ss
 from stickslip.cli.app import app
-from stickslip.cli.evolving import AVERAGE_FILES, EVOLVE_FILES
-from stickslip.cli.folder import FILES, PICTURE
-from stickslip.cli.orbits import BASIN_FILES, BRANCH_FILES, CYCLE_FILES, EQUILIBRIA_FILES
+from stickslip.cli.evolving import AVERAGE, EVOLUTION
+from stickslip.cli.folder import PICTURE
+from stickslip.cli.orbits import BASIN, BRANCH, CYCLE, EQUILIBRIA, MOTION
 
 TWO_PHASES = str(Path(__file__).parents[2] / "examples" / "evolution" / "two-phases.toml")
 COMMANDS = {
-    "run": (["run", "belt_block", "--until", "8"], FILES),
-    "average": (["average", TWO_PHASES], AVERAGE_FILES),
-    "evolve": (["evolve", TWO_PHASES, "--until", "0.05"], EVOLVE_FILES),
-    "equilibria": (["equilibria", "rocking_toy"], EQUILIBRIA_FILES),
-    "cycle": (["cycle", "belt_block"], CYCLE_FILES),
-    "gait": (["cycle", "rocking_toy"], CYCLE_FILES),
+    "run": (["run", "belt_block", "--until", "8"], MOTION),
+    "average": (["average", TWO_PHASES], AVERAGE),
+    "evolve": (["evolve", TWO_PHASES, "--until", "0.05"], EVOLUTION),
+    "equilibria": (["equilibria", "rocking_toy"], EQUILIBRIA),
+    "cycle": (["cycle", "belt_block"], CYCLE),
+    "gait": (["cycle", "rocking_toy"], CYCLE),
     "branch": (
         ["branch", "spring_slider", "--set", "mu=2/sqrt(alpha)", "--over", "V=0.3:0.31"],
-        BRANCH_FILES,
+        BRANCH,
     ),
     "basin": (
         ["basin", "rocking_toy", "--over", "psi=0:1:2", "--over", "d_psi=0:1:2"],
-        BASIN_FILES,
+        BASIN,
     ),
 }
 
@@ -49,7 +49,7 @@ def test_a_picture_that_fails_is_a_warning(
 ) -> None:
     arguments, files = COMMANDS[name]
     folder = tmp_path / "here"
-    results = sorted(set(files) - {PICTURE})
+    results = sorted(set(files.names) - {PICTURE})
     there = []
 
     def overflow(self: Figure, path: Path, **given: object) -> None:
@@ -77,7 +77,7 @@ def test_the_table_names_what_is_written(monkeypatch: pytest.MonkeyPatch) -> Non
     assert PICTURE not in stickslip(*arguments, "--out", "here").stdout
     # The picture of the first run would not show what the second has found.
     assert not Path("here", PICTURE).exists()
-    assert ss.open_trajectory("here/trajectory.nc").certificate.ok
+    assert ss.open("here/trajectory.nc").certificate.ok
 
 
 def test_the_exit_code_is_that_of_the_result(
@@ -103,8 +103,8 @@ def test_ctrl_c_while_drawing_keeps_the_results(monkeypatch: pytest.MonkeyPatch)
     result = stickslip("run", "belt_block", "--until", "8", "--out", "here")
     assert result.exit_code == 130
     assert "interrupted while drawing; the results are in here" in result.stderr
-    assert ss.open_trajectory("here/trajectory.nc").outcome is ss.Outcome.FINISHED
-    assert sorted(p.name for p in Path("here").iterdir()) == sorted(set(FILES) - {PICTURE})
+    assert ss.open("here/trajectory.nc").outcome is ss.Outcome.FINISHED
+    assert sorted(p.name for p in Path("here").iterdir()) == sorted(set(MOTION.names) - {PICTURE})
 
 
 def test_claims_are_written_while_the_paper_is_made(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,7 +19,7 @@ from stickslip.cli.sweeping import points_line
 from stickslip.errors import DeclarationError
 from stickslip.figures.sweep import measures_of, plot_sweep
 from stickslip.sweeps.adaptive import Adaptive
-from stickslip.sweeps.sweep import Progress, open_sweep, sweep
+from stickslip.sweeps.sweep import Map, Progress, sweep
 from sweeps import stand_in
 
 TOY = ss.catalogue.rocking_toy()
@@ -45,7 +45,7 @@ def test_sweep_and_plot() -> None:
     rows = {
         line.strip().split("  ")[0]: line.split()[-1] for line in result.stdout.splitlines()[1:]
     }
-    data = open_sweep("toy.zarr")
+    data = Map.open("toy.zarr")
     assert rows["points"] == "108"
     assert int(rows["at rest forever"]) == int((data["outcome"] == 1).sum())
     assert int(rows["certified"]) == int((data["certificate"] < 1e-8).sum())
@@ -78,7 +78,7 @@ def test_a_function_from_a_file() -> None:
     Path("short.toml").write_text(TOY.to_toml().replace("span = [0, 120]", "span = [0, 1]"))
     given = ["sweep", "short.toml", "--over", "P=1:1.5:3", "--out", "f.zarr", "--measure"]
     assert stickslip(*given, "mine.py:first").exit_code == 0
-    np.testing.assert_array_equal(open_sweep("f.zarr")["first"], [1.0, 1.25, 1.5])
+    np.testing.assert_array_equal(Map.open("f.zarr")["first"], [1.0, 1.25, 1.5])
     assert "it has no function 'frist'" in stickslip(*given, "mine.py:frist").stderr
     Path("mine.py").write_text("def first(trajectory):\n    return float('nan')\n")
     assert "other measures" in stickslip(*given, "mine.py:first").stderr
@@ -118,7 +118,7 @@ def test_wrong_input_is_one_line_and_leaves_nothing(arguments: list[str], said: 
 
 
 def test_plot_of_what_is_no_map() -> None:
-    assert "there is no such store" in stickslip("plot", "nowhere.zarr").stderr
+    assert "there is no such file" in stickslip("plot", "nowhere.zarr").stderr
     stickslip(*GIVEN)
     assert "the map has no 'period'" in stickslip("plot", "toy.zarr", "--measure", "period").stderr
     assert "no ending of a picture" in stickslip("plot", "toy.zarr", "--out", "toy.xyz").stderr
@@ -155,7 +155,7 @@ def test_control_c_names_what_is_kept() -> None:
     out, err = process.communicate(timeout=30)
     assert process.returncode == 130, err
     assert out == ""
-    done = int((open_sweep("toy.zarr")["outcome"] >= 0).sum())
+    done = int((Map.open("toy.zarr")["outcome"] >= 0).sum())
     assert 0 < done < 1600
     assert err.strip() == (
         f"stickslip: interrupted; {done:,} of 1,600 points are in toy.zarr; the same command goes "
@@ -173,7 +173,7 @@ def test_the_line_of_progress() -> None:
 
 
 def test_a_map_shows_values_hatches_and_logarithmic_axes() -> None:
-    data = sweep(TOY, {"P": "0.6:1.6:12", "delta": "log:0.01:0.2:9"}, ["period", "speed"])
+    data = sweep(TOY, {"P": "0.6:1.6:12", "delta": "log:0.01:0.2:9"}, ["period", "speed"]).dataset
     assert measures_of(data) == ["period", "speed"]
     period, speed, *bars = plot_sweep(data).axes
     assert len(bars) == 2
@@ -197,14 +197,16 @@ def test_a_map_shows_values_hatches_and_logarithmic_axes() -> None:
 
 
 def test_lines_dots_and_small_multiples() -> None:
-    line = plot_sweep(sweep(TOY, {"P": "log:0.6:1.6:12"}, ["speed", "period"])).axes
+    line = plot_sweep(sweep(TOY, {"P": "log:0.6:1.6:12"}, ["speed", "period"]).dataset).axes
     assert len(line) == 2
     assert line[1].get_xscale() == "log"
     np.testing.assert_allclose(line[0].lines[0].get_xdata(), np.geomspace(0.6, 1.6, 12))
-    dots = plot_sweep(sweep(TOY, {"P,delta": "halton:30; 0.6:1.6; 0.01:0.2"}, ["speed"])).axes
+    dots = plot_sweep(
+        sweep(TOY, {"P,delta": "halton:30; 0.6:1.6; 0.01:0.2"}, ["speed"]).dataset
+    ).axes
     assert len(np.asarray(dots[0].collections[0].get_offsets())) == 30
     multiples = plot_sweep(
-        sweep(TOY, {"P": "0.6:1.6:12", "delta": "0.01:0.2:9", "psi": "0:1:3"}, ["speed"])
+        sweep(TOY, {"P": "0.6:1.6:12", "delta": "0.01:0.2:9", "psi": "0:1:3"}, ["speed"]).dataset
     ).axes
     assert [axes.get_title("left").split("=")[1].split()[0] for axes in multiples[:3]] == [
         "0",
@@ -217,7 +219,7 @@ def test_lines_dots_and_small_multiples() -> None:
 
 def test_outcomes_and_interpolated_points() -> None:
     over = {"P": "0.6:1.6:33", "delta": "0.01:0.2:33"}
-    figure = plot_sweep(sweep(TOY, over, ["speed"], adaptive=Adaptive()), ["outcome"])
+    figure = plot_sweep(sweep(TOY, over, ["speed"], adaptive=Adaptive()).dataset, ["outcome"])
     names = [text.get_text() for text in figure.axes[1].get_yticklabels()]
     assert names == ["finished", "at rest forever"]
     assert any("interpolated from" in text.get_text() for text in figure.legends[0].get_texts())
@@ -226,4 +228,4 @@ def test_outcomes_and_interpolated_points() -> None:
 def test_four_axes_have_no_picture() -> None:
     over = {"P": "1:2:2", "delta": "0.1:0.2:2", "psi": "0:1:2", "rho": "0.1:0.2:2"}
     with pytest.raises(DeclarationError, match="no picture"):
-        plot_sweep(sweep(TOY, over, ["speed"]))
+        plot_sweep(sweep(TOY, over, ["speed"]).dataset)

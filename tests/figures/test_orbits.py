@@ -138,14 +138,14 @@ def test_basin_map() -> None:
         catalogue.rocking_toy(),
         {"psi": (-1.0, 1.0, 7), "d_psi": (-0.9, 0.9, 5)},
         initial={"x_R": 0.0},
-    )
+    ).dataset
     figure = plot_basin(found)
     (axes,) = figure.axes
     assert legend(figure) == ["walking, speed 0.168 m/s", "rest"]
     (mesh,) = axes.collections
     assert np.array_equal(np.asarray(mesh.get_array()).reshape(5, 7), found["attractor"].values.T)
     assert axes.get_xlabel() == r"$\psi$  [$\mathrm{rad}$]"
-    with pytest.raises(DeclarationError, match="A map needs two"):
+    with pytest.raises(DeclarationError, match="A picture needs two"):
         plot_basin(found.isel(psi=0))
 
 

@@ -78,7 +78,7 @@ def test_impulse_of_a_pulse(width: float) -> None:
 
 def test_pulses_of_many_motions_at_once() -> None:
     at = np.linspace(20.0, 80.0, 7)
-    found = simulate_many(PULSE, (0.0, 100.0), parameters={"p": at, "w": np.full(7, 0.5)})
+    found = simulate_many(PULSE, (0.0, 100.0), parameters={"p": at, "w": np.full(7, 0.5)}).dataset
     for i, p in enumerate(at):
         alone = certified(simulate(PULSE, (0.0, 100.0), parameters={"p": float(p), "w": 0.5}))
         assert float(found["final_x"][i]) == pytest.approx(alone.final["x"], abs=1e-9)
@@ -141,7 +141,7 @@ THROWN = block("0")
 
 def test_thrown_blocks_come_to_rest() -> None:
     speeds = np.linspace(0.1, 2.0, 201)[1:]
-    many = simulate_many(THROWN, (0.0, 50.0), {"d_x": speeds})
+    many = simulate_many(THROWN, (0.0, 50.0), {"d_x": speeds}).dataset
     assert np.all(np.isin(many["outcome"], [Outcome.FINISHED.code, Outcome.AT_REST.code]))
     assert np.allclose(many["final_x"], speeds**2 / 0.2, rtol=1e-14)
     assert np.all(many["final_d_x"] == 0.0)

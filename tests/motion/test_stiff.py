@@ -59,7 +59,7 @@ def test_slow_pull_of_a_tip_over_a_lattice() -> None:
     assert len(motion.knots.time) < 20_000  # 2.5e8 with series alone
     many = simulate_many(
         catalogue.prandtl_tomlinson(), (0.0, 3e4), parameters={"nu": [1e-4, 1e-4], "V": 1e-4}
-    )
+    ).dataset
     assert np.all(many["final_x"].values == motion.final["x"])
     # Between the knots the forces balance.
     t = np.linspace(1e3, 7e3, 50)
@@ -148,7 +148,7 @@ def test_stick_and_slip_in_the_stiff_coordinate(L: float) -> None:
         sign = 1.0 if motion.at(t)["mode_ground"] > 0 else -1.0
         x = motion.at(t)["x"]
         assert x + x**3 == pytest.approx(2 * math.sin(t) - 0.3 * sign, abs=30.0 / L)
-    many = simulate_many(RUBBED, (0.0, 20.0), parameters={"L": [L, L]})
+    many = simulate_many(RUBBED, (0.0, 20.0), parameters={"L": [L, L]}).dataset
     assert np.all(many["final_x"].values == motion.final["x"])
 
 

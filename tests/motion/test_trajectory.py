@@ -18,7 +18,6 @@ from stickslip import (
     StickslipError,
     Trajectory,
     catalogue,
-    open_trajectory,
     simulate,
 )
 from systems import VARIABLE, dashpot, distance, oscillator, play
@@ -246,7 +245,7 @@ def test_certificate_of_a_motion_that_is_hardly_one(make: object, excess: float)
 def test_file_keeps_everything(name: str, tmp_path: Path) -> None:
     motion = MOTIONS[name]()
     motion.save(tmp_path / "motion.nc")
-    again = open_trajectory(tmp_path / "motion.nc")
+    again = Trajectory.open(tmp_path / "motion.nc")
     for part in ("time", "state", "mode", "region", "cause"):
         stored, computed = getattr(again.knots, part), getattr(motion.knots, part)
         assert stored.dtype == computed.dtype
@@ -270,8 +269,8 @@ def test_file_keeps_everything(name: str, tmp_path: Path) -> None:
 def test_file_saved_again_is_the_same(motion: Trajectory, tmp_path: Path) -> None:
     first, second = tmp_path / "first.nc", tmp_path / "second.nc"
     motion.save(first)
-    open_trajectory(first).save(second)
-    assert open_trajectory(second).dataset.identical(motion.dataset)
+    Trajectory.open(first).save(second)
+    assert Trajectory.open(second).dataset.identical(motion.dataset)
     motion.save(second)  # replaces
     assert sorted(path.name for path in tmp_path.iterdir()) == ["first.nc", "second.nc"]
 
@@ -290,7 +289,7 @@ def tampered(
     motion.save(path)
     with netCDF4.Dataset(path, "r+") as file:
         file.variables[variable][index] += change
-    return open_trajectory(path)
+    return Trajectory.open(path)
 
 
 @pytest.mark.parametrize(("variable", "index", "change"), [
@@ -315,7 +314,7 @@ def test_other_parameters_in_a_file_fail(motion: Trajectory, tmp_path: Path) -> 
     motion.save(path)
     with netCDF4.Dataset(path, "r+") as file:
         file.stickslip_parameters = file.stickslip_parameters.replace('"mu": 0.5', '"mu": 0.50001')
-    assert not open_trajectory(path).certificate.ok
+    assert not Trajectory.open(path).certificate.ok
 
 
 def test_file_without_numbers_left_fails(motion: Trajectory, tmp_path: Path) -> None:
@@ -327,9 +326,9 @@ def test_file_without_numbers_left_fails(motion: Trajectory, tmp_path: Path) -> 
 
 def test_open_what_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(StickslipError, match=r"nothing\.nc: there is no such file"):
-        open_trajectory(tmp_path / "nothing.nc")
+        Trajectory.open(tmp_path / "nothing.nc")
     with pytest.raises(StickslipError, match="there is no such file"):
-        open_trajectory(tmp_path)
+        Trajectory.open(tmp_path)
 
 
 @pytest.mark.parametrize("content", [b"", b"no netCDF", b"\x89HDF\r\n\x1a\n"])
@@ -337,7 +336,7 @@ def test_open_another_file(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "other.nc"
     path.write_bytes(content)
     with pytest.raises(StickslipError, match="not a trajectory stored by stickslip"):
-        open_trajectory(path)
+        Trajectory.open(path)
 
 
 def test_open_another_netcdf_file(tmp_path: Path) -> None:
@@ -345,7 +344,7 @@ def test_open_another_netcdf_file(tmp_path: Path) -> None:
     with netCDF4.Dataset(path, "w") as file:
         file.createDimension("time", 3)
     with pytest.raises(StickslipError, match="not a trajectory stored by stickslip"):
-        open_trajectory(path)
+        Trajectory.open(path)
 
 
 @pytest.mark.parametrize(
@@ -357,7 +356,7 @@ def test_open_a_damaged_file(motion: Trajectory, tmp_path: Path, attribute: str)
     with netCDF4.Dataset(path, "r+") as file:
         setattr(file, attribute, "{}")
     with pytest.raises(StickslipError, match=r"motion\.nc|parameter"):
-        open_trajectory(path)
+        Trajectory.open(path)
 
 
 def test_open_another_format(motion: Trajectory, tmp_path: Path) -> None:
@@ -366,7 +365,7 @@ def test_open_another_format(motion: Trajectory, tmp_path: Path) -> None:
     with netCDF4.Dataset(path, "r+") as file:
         file.stickslip_format = 999
     with pytest.raises(StickslipError, match="written in format 999"):
-        open_trajectory(path)
+        Trajectory.open(path)
 
 
 def test_save_where_it_cannot_be(motion: Trajectory, tmp_path: Path) -> None:
@@ -379,4 +378,4 @@ def test_outcome_is_kept(tmp_path: Path) -> None:
     motion = MOTIONS["ended early"]()
     assert motion.outcome is Outcome.NO_BOUNDED_RATE
     motion.save(tmp_path / "motion.nc")
-    assert open_trajectory(tmp_path / "motion.nc").message == motion.message
+    assert Trajectory.open(tmp_path / "motion.nc").message == motion.message

@@ -21,7 +21,7 @@ from stickslip.rate_independent.dissipation import (
 from stickslip.rate_independent.evolution import evolve as evolve_module
 from stickslip.rate_independent.evolution.evolution import Evolution
 from stickslip.rate_independent.evolution.evolve import evolve
-from stickslip.rate_independent.evolution.history import open_history
+from stickslip.rate_independent.evolution.history import History
 from stickslip.rate_independent.evolution.outcome import EvolutionOutcome
 from stickslip.rate_independent.solvers.choose import choose_solver
 
@@ -484,7 +484,7 @@ def test_saved_and_opened_again(tmp_path: Path) -> None:
         three(), (0, 1), steps=200, output=10, observables={"first": lambda t, z: z[:2]}
     )
     history.save(tmp_path / "history.nc")
-    again = open_history(tmp_path / "history.nc")
+    again = History.open(tmp_path / "history.nc")
     assert again.dataset.identical(history.dataset)
     assert again.outcome is history.outcome and again.certificate == history.certificate
     assert repr(again) == repr(history) and "200 steps" in repr(again)
@@ -492,10 +492,10 @@ def test_saved_and_opened_again(tmp_path: Path) -> None:
     np.testing.assert_array_equal(on.z, direct.z)
 
     with pytest.raises(StickslipError, match="no such file"):
-        open_history(tmp_path / "none.nc")
+        History.open(tmp_path / "none.nc")
     (tmp_path / "text.nc").write_text("text")
     with pytest.raises(StickslipError, match="not an evolution"):
-        open_history(tmp_path / "text.nc")
+        History.open(tmp_path / "text.nc")
     with pytest.raises(StickslipError, match="cannot be written"):
         history.save(tmp_path / "missing" / "history.nc")
 

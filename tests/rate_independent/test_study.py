@@ -44,7 +44,7 @@ def test_section_2_2(threshold: str, power: float) -> None:
     ε², at rates 1/ε.
     """
     study = studied(threshold)
-    table = study.table
+    table = study.dataset
     assert study.rate == pytest.approx(1.0, abs=0.1)
     assert np.all(table["distance"] < 5.0 * table["epsilon"])
     assert study.powers["equicontinuity"] == pytest.approx(1.0, abs=0.15)
@@ -80,7 +80,7 @@ def test_distance_is_that_of_the_closed_formula() -> None:
         )
 
     exact = np.abs(motion(rho) - motion(np.full_like(t, 0.5))).max()
-    assert float(studied(SMOOTH).table["distance"][0]) == pytest.approx(exact, abs=1e-4)
+    assert float(studied(SMOOTH).dataset["distance"][0]) == pytest.approx(exact, abs=1e-4)
 
 
 def test_stepped_motions_measure_the_same_as_exact_ones() -> None:
@@ -153,7 +153,7 @@ def test_the_plane(psi) -> None:
         np.array([[2.5, 0.5], [0.5, 1.5]]), ["2*t", "3*sin(2*t)"], psi, np.zeros(2), span=(0, 2)
     )
     study = averaging_study(problem, [0.2, 0.1, 0.05], tolerance=1e-3)
-    assert study.message == "" and study.table["epsilon"].values.tolist() == [0.2, 0.1, 0.05]
+    assert study.stopped == "" and study.dataset["epsilon"].values.tolist() == [0.2, 0.1, 0.05]
     assert study.rate == pytest.approx(1.0, abs=0.3)
     assert study.powers["weak_distance"] > 0.5
     assert study.powers["rate_l2"] < -0.1
@@ -177,7 +177,7 @@ def test_interrupted_studies_keep_what_they_have(monkeypatch: pytest.MonkeyPatch
             raise KeyboardInterrupt
 
     study = averaging_study(section_2_2(SMOOTH), [0.2, 0.1, 0.05], progress=stop)
-    assert study.message == "interrupted" and study.table["epsilon"].values.tolist() == [0.2, 0.1]
+    assert study.outcome.interrupted and study.dataset["epsilon"].values.tolist() == [0.2, 0.1]
     jump = Evolution(
         np.eye(2),
         ["piecewise(t < 1/2, 0, 3)", "0"],

@@ -25,11 +25,11 @@ def _closed_forms(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_boundary_is_that_of_the_full_map_at_a_fraction_of_its_cost(tmp_path: Path) -> None:
     part = sweep(
         TOY, OVER, ["speed", "period"], tmp_path / "toy.zarr", adaptive=Adaptive(("outcome",))
-    )
+    ).dataset
     computed = part["outcome"].values >= 0
     assert sum(stand_in.calls) == np.count_nonzero(computed)
     assert np.mean(computed) < 0.25
-    full = sweep(TOY, OVER, ["speed", "period"])
+    full = sweep(TOY, OVER, ["speed", "period"]).dataset
     for name in full.data_vars:
         np.testing.assert_array_equal(part[name].values[computed], full[name].values[computed])
     # Walking and resting differ in `period`: it is there or not.
@@ -47,7 +47,7 @@ def test_refinement_by_a_measure_bounds_its_error() -> None:
     errors = []
     for contrast in (0.2, 0.05):
         stand_in.calls.clear()
-        part = sweep(TOY, smooth, ["speed"], adaptive=Adaptive(("speed",), contrast))
+        part = sweep(TOY, smooth, ["speed"], adaptive=Adaptive(("speed",), contrast)).dataset
         assert sum(stand_in.calls) < full.size
         errors.append(np.max(np.abs(part["speed"].values - full)))
         assert errors[-1] < contrast * np.ptp(full)
@@ -57,22 +57,22 @@ def test_refinement_by_a_measure_bounds_its_error() -> None:
 def test_taken_up_again_and_filled(tmp_path: Path) -> None:
     over = {"P": "0.6:1.6:33", "delta": "0.01:0.2:33"}
     store = tmp_path / "toy.zarr"
-    first = sweep(TOY, over, ["speed"], store, adaptive=Adaptive()).load()
+    first = sweep(TOY, over, ["speed"], store, adaptive=Adaptive()).dataset.load()
     new = int((first["outcome"] >= 0).sum())
     stand_in.calls.clear()
-    again = sweep(TOY, over, ["speed"], store, adaptive=Adaptive())
+    again = sweep(TOY, over, ["speed"], store, adaptive=Adaptive()).dataset
     assert not stand_in.calls
     assert again["speed"].values.tobytes() == first["speed"].values.tobytes()
-    filled = sweep(TOY, over, ["speed"], store)
+    filled = sweep(TOY, over, ["speed"], store).dataset
     assert sum(stand_in.calls) == filled["speed"].size - new
     assert filled["speed"].values.tobytes() == sweep(TOY, over, ["speed"])["speed"].values.tobytes()
 
 
 def test_three_axes() -> None:
     over = {"P": "0.6:1.6:33", "delta": "0.01:0.2:33", "psi": "0,1"}
-    part = sweep(TOY, over, ["period"], adaptive=Adaptive())
+    part = sweep(TOY, over, ["period"], adaptive=Adaptive()).dataset
     assert np.mean(part["outcome"].values >= 0) < 0.6
-    full = sweep(TOY, over, ["period"])
+    full = sweep(TOY, over, ["period"]).dataset
     np.testing.assert_array_equal(np.isnan(part["period"].values), np.isnan(full["period"].values))
 
 

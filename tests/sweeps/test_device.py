@@ -43,7 +43,7 @@ for system, over, initial, measures, settings in cases:
     assert len(launches) > before, system.name
     assert np.all(here["outcome"] == there["outcome"]), system.name
     assert np.any(here["outcome"] == 10), system.name
-    for name in here.data_vars:
+    for name in here.dataset.data_vars:
         # What is about 1e-7 apart has rounding errors of 1e-9 of that distance.
         allowed = 1e-8 if name == "lyapunov" else 1e-12
         np.testing.assert_allclose(

@@ -70,7 +70,7 @@ def test_the_picture_says_which_starts_friction_does_not_hold() -> None:
     P > 1.54."""
     data = ss.sweep(
         ss.catalogue.rocking_toy(), {"P": np.linspace(0.8, 1.6, 9), "delta": [0.02, 0.1]}, ["speed"]
-    )
+    ).dataset
     outside = data["outcome"].values == Outcome.OUTSIDE.code
     assert np.array_equal(np.any(outside, axis=1), np.linspace(0.8, 1.6, 9) > 1.54)
     assert data["excess"].values[-1] == pytest.approx(0.06)
@@ -138,7 +138,7 @@ def test_no_kick_is_missed_in_a_basin() -> None:
         contacts={"ground": Contact("d_x", 0.3)},
         span=(0, 50),
     )
-    found = ss.basin(held, {"x": (-0.2, 0.2, 3), "d_x": (-0.1, 0.1, 2)})
+    found = ss.basin(held, {"x": (-0.2, 0.2, 3), "d_x": (-0.1, 0.1, 2)}).dataset
     assert found["kind"].values.tolist() == ["cycle"]
     assert found["certified"].values.all() and np.all(found["attractor"].values == 0)
     kick = 400.0 * 1e-3 * math.sqrt(2.0 * math.pi)

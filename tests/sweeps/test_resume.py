@@ -16,7 +16,7 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip.errors import StickslipError
-from stickslip.sweeps.sweep import Progress, open_sweep, sweep
+from stickslip.sweeps.sweep import Map, Progress, sweep
 from sweeps import killing, stand_in
 
 TOY = ss.catalogue.rocking_toy()
@@ -53,9 +53,9 @@ def test_killed_twenty_times(tmp_path: Path) -> None:
     settings = stand_in.Settings(pause=0.02)
     stand_in.calls.clear()
     given = (TOY, killing.OVER, killing.MEASURE)
-    resumed = sweep(*given, store, settings=settings)  # type: ignore[arg-type]
+    resumed = sweep(*given, store, settings=settings).dataset  # type: ignore[arg-type]
     assert sum(stand_in.calls) <= 1600 - kept[-1][-1]
-    assert equal(resumed, sweep(*given, settings=stand_in.Settings()))  # type: ignore[arg-type]
+    assert equal(resumed, sweep(*given, settings=stand_in.Settings()).dataset)  # type: ignore[arg-type]
     assert not [*tmp_path.rglob("*.partial"), *tmp_path.glob(".toy*")]
 
 
@@ -68,15 +68,17 @@ def test_control_c_keeps_what_is_done(tmp_path: Path) -> None:
             os.kill(os.getpid(), signal.SIGINT)
 
     before = signal.getsignal(signal.SIGINT)
-    part = sweep(TOY, killing.OVER, ["speed"], tmp_path / "toy.zarr", progress=interrupt, workers=1)
+    part = sweep(
+        TOY, killing.OVER, ["speed"], tmp_path / "toy.zarr", progress=interrupt, workers=1
+    ).dataset
     assert signal.getsignal(signal.SIGINT) is before
     done = int((part["outcome"] >= 0).sum())
     assert 500 <= done < 1600
     assert np.all(np.isnan(part["speed"].values[part["outcome"].values < 0]))
     stand_in.calls.clear()
-    whole = sweep(TOY, killing.OVER, ["speed"], tmp_path / "toy.zarr")
+    whole = sweep(TOY, killing.OVER, ["speed"], tmp_path / "toy.zarr").dataset
     assert sum(stand_in.calls) == 1600 - done
-    assert equal(whole, sweep(TOY, killing.OVER, ["speed"]))
+    assert equal(whole, sweep(TOY, killing.OVER, ["speed"]).dataset)
 
 
 @pytest.mark.parametrize(
@@ -90,12 +92,14 @@ def test_control_c_keeps_what_is_done(tmp_path: Path) -> None:
 )
 def test_extended_maps_compute_only_new_points(tmp_path: Path, finer: dict[str, str]) -> None:
     store = tmp_path / "toy.zarr"
-    coarse = sweep(TOY, {"P": "0.6:1.6:21", "delta": "log:0.01:0.2:11"}, ["speed", "period"], store)
+    coarse = sweep(
+        TOY, {"P": "0.6:1.6:21", "delta": "log:0.01:0.2:11"}, ["speed", "period"], store
+    ).dataset
     coarse = coarse.load()
     with pytest.raises(StickslipError, match="--extend"):
         sweep(TOY, finer, ["speed", "period"], store)
     stand_in.calls.clear()
-    fine = sweep(TOY, finer, ["speed", "period"], store, extend=True)
+    fine = sweep(TOY, finer, ["speed", "period"], store, extend=True).dataset
     assert sum(stand_in.calls) == fine["speed"].size - 21 * 11
     inside = fine.sel(P=coarse["P"], delta=coarse["delta"])
     assert equal(inside, coarse)
@@ -103,34 +107,36 @@ def test_extended_maps_compute_only_new_points(tmp_path: Path, finer: dict[str, 
         fine["speed"], sweep(TOY, finer, ["speed"])["speed"], rtol=1e-12, atol=1e-14
     )
     stand_in.calls.clear()
-    again = sweep(TOY, finer, ["speed", "period"], store, extend=True)
+    again = sweep(TOY, finer, ["speed", "period"], store, extend=True).dataset
     assert equal(again, fine)
-    assert equal(sweep(TOY, finer, ["speed", "period"], store), fine)
+    assert equal(sweep(TOY, finer, ["speed", "period"], store).dataset, fine)
     assert not stand_in.calls
     assert [path.name for path in tmp_path.iterdir()] == ["toy.zarr"]
 
 
 def test_a_sample_grows(tmp_path: Path) -> None:
     store = tmp_path / "toy.zarr"
-    few = sweep(TOY, {"P,delta": "sobol:40; 0.6:1.6; 0.01:0.2"}, ["speed"], store, seed=2).load()
+    few = sweep(
+        TOY, {"P,delta": "sobol:40; 0.6:1.6; 0.01:0.2"}, ["speed"], store, seed=2
+    ).dataset.load()
     stand_in.calls.clear()
     many = sweep(
         TOY, {"P,delta": "sobol:100; 0.6:1.6; 0.01:0.2"}, ["speed"], store, seed=2, extend=True
-    )
+    ).dataset
     assert sum(stand_in.calls) == 60
     assert equal(many.isel(P_delta=slice(40)), few)
 
 
 def test_extension_that_would_lose_points_is_refused(tmp_path: Path) -> None:
     store = tmp_path / "toy.zarr"
-    coarse = sweep(TOY, {"P": "0.6:1.6:21"}, ["speed"], store).load()
+    coarse = sweep(TOY, {"P": "0.6:1.6:21"}, ["speed"], store).dataset.load()
     with pytest.raises(StickslipError, match=r"P = 0\.65 of the stored map is not among"):
         sweep(TOY, {"P": "0.6:1.6:31"}, ["speed"], store, extend=True)
     with pytest.raises(StickslipError, match="its own axes"):
         sweep(TOY, {"delta": "0.1:0.2:31"}, ["speed"], store, extend=True)
     with pytest.raises(StickslipError, match="another model"):
         sweep(TOY.with_parameters(rho=0.3), {"P": "0.6:1.6:41"}, ["speed"], store, extend=True)
-    assert equal(open_sweep(store), coarse)
+    assert equal(Map.open(store).dataset, coarse)
 
 
 def test_a_damaged_map_is_repaired_before_it_grows(tmp_path: Path) -> None:
@@ -140,7 +146,7 @@ def test_a_damaged_map_is_repaired_before_it_grows(tmp_path: Path) -> None:
     with pytest.raises(StickslipError, match=r"damaged: speed/c/0.*--repair"):
         sweep(TOY, {"P": "0.6:1.6:41"}, ["speed"], store, extend=True)
     sweep(TOY, {"P": "0.6:1.6:21"}, ["speed"], store, repair=True)
-    fine = sweep(TOY, {"P": "0.6:1.6:41"}, ["speed"], store, extend=True)
+    fine = sweep(TOY, {"P": "0.6:1.6:41"}, ["speed"], store, extend=True).dataset
     np.testing.assert_allclose(
         fine["speed"], sweep(TOY, {"P": "0.6:1.6:41"}, ["speed"])["speed"], rtol=1e-14
     )
@@ -148,10 +154,10 @@ def test_a_damaged_map_is_repaired_before_it_grows(tmp_path: Path) -> None:
 
 def test_extension_killed_between_its_renamings(tmp_path: Path) -> None:
     store = tmp_path / "toy.zarr"
-    coarse = sweep(TOY, {"P": "0.6:1.6:21"}, ["speed"], store).load()
+    coarse = sweep(TOY, {"P": "0.6:1.6:21"}, ["speed"], store).dataset.load()
     store.rename(tmp_path / ".toy.zarr.before")
     (tmp_path / ".toy.zarr.77.unfinished").mkdir()
     stand_in.calls.clear()
-    assert equal(sweep(TOY, {"P": "0.6:1.6:21"}, ["speed"], store), coarse)
+    assert equal(sweep(TOY, {"P": "0.6:1.6:21"}, ["speed"], store).dataset, coarse)
     assert not stand_in.calls
     assert [path.name for path in tmp_path.iterdir()] == ["toy.zarr"]

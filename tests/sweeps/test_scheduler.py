@@ -34,17 +34,17 @@ def bits(data: Any) -> dict[str, bytes]:
 
 @pytest.fixture(scope="module")
 def alone() -> dict[str, bytes]:
-    return bits(sweep(TOY, OVER, MEASURE, workers=1))
+    return bits(sweep(TOY, OVER, MEASURE, workers=1).dataset)
 
 
 @pytest.mark.parametrize("workers", [2, 4])
 def test_threads_give_the_same_bits(alone: dict[str, bytes], workers: int) -> None:
-    assert bits(sweep(TOY, OVER, MEASURE, workers=workers)) == alone
+    assert bits(sweep(TOY, OVER, MEASURE, workers=workers).dataset) == alone
 
 
 def test_other_chunks_give_the_same_bits(alone: dict[str, bytes]) -> None:
     """An adaptive map computes its points in other company."""
-    part = sweep(TOY, OVER, MEASURE, adaptive=Adaptive())
+    part = sweep(TOY, OVER, MEASURE, adaptive=Adaptive()).dataset
     computed = part["outcome"].values.reshape(-1) >= 0
     assert 0 < np.count_nonzero(computed) < computed.size
     for name in MEASURE:
@@ -53,7 +53,7 @@ def test_other_chunks_give_the_same_bits(alone: dict[str, bytes]) -> None:
 
 
 def test_processes_give_the_same_bits(alone: dict[str, bytes]) -> None:
-    assert bits(sweep(TOY, OVER, MEASURE, scheduler="processes", workers=2)) == alone
+    assert bits(sweep(TOY, OVER, MEASURE, scheduler="processes", workers=2).dataset) == alone
 
 
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning")
@@ -68,7 +68,7 @@ def test_a_cluster_whose_workers_are_killed_gives_the_same_bits(alone: dict[str,
                 killed.append(pids[len(killed)])
                 os.kill(killed[-1], signal.SIGKILL)
 
-        data = sweep(TOY, OVER, MEASURE, scheduler=address, progress=kill)
+        data = sweep(TOY, OVER, MEASURE, scheduler=address, progress=kill).dataset
         assert set(killed) == set(pids)
     assert bits(data) == alone
 
@@ -170,10 +170,10 @@ def test_control_c_gives_up_chunks_and_a_map_goes_on_to_the_same_bits(
             sent.append(time.monotonic())
             os.kill(os.getpid(), signal.SIGINT)
 
-    part = sweep(TOY, OVER, MEASURE, tmp_path / "toy.zarr", workers=2, progress=interrupt)
+    part = sweep(TOY, OVER, MEASURE, tmp_path / "toy.zarr", workers=2, progress=interrupt).dataset
     assert time.monotonic() - sent[0] < 2.0
     assert 0 < int((part["outcome"] >= 0).sum()) < part["outcome"].size
-    assert bits(sweep(TOY, OVER, MEASURE, tmp_path / "toy.zarr")) == alone
+    assert bits(sweep(TOY, OVER, MEASURE, tmp_path / "toy.zarr").dataset) == alone
 
 
 def test_a_function_that_other_processes_cannot_find() -> None:

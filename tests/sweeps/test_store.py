@@ -23,7 +23,7 @@ from stickslip.sweeps.request.axes import read_axes
 from stickslip.sweeps.request.measures import OWN
 from stickslip.sweeps.request.user_measures import FormulaMeasure, read_measures
 from stickslip.sweeps.store import create, opened
-from stickslip.sweeps.sweep import _tasks, make_plan, open_sweep, sweep
+from stickslip.sweeps.sweep import Map, _tasks, make_plan, sweep
 from stickslip.symbolic import expressions as ex
 from sweeps import stand_in
 
@@ -51,9 +51,9 @@ def same(data: xr.Dataset, expected: dict[str, np.ndarray]) -> None:
 
 
 def test_in_memory_and_on_disk_are_the_same(tmp_path: Path) -> None:
-    same(sweep(TOY, OVER, MEASURE), exact())
-    same(sweep(TOY, OVER, MEASURE, tmp_path / "toy.zarr"), exact())
-    same(open_sweep(tmp_path / "toy.zarr"), exact())
+    same(sweep(TOY, OVER, MEASURE).dataset, exact())
+    same(sweep(TOY, OVER, MEASURE, tmp_path / "toy.zarr").dataset, exact())
+    same(Map.open(tmp_path / "toy.zarr").dataset, exact())
 
 
 def test_plain_xarray_and_zarr_read_everything(tmp_path: Path) -> None:
@@ -89,7 +89,7 @@ def test_plain_xarray_and_zarr_read_everything(tmp_path: Path) -> None:
 
 
 def test_tied_parameters_and_samples_have_one_dimension() -> None:
-    data = sweep(TOY, {"P,delta": "sobol:50; 0.6:1.6; 0.01:0.2", "psi": "0:1:3"}, ["speed"])
+    data = sweep(TOY, {"P,delta": "sobol:50; 0.6:1.6; 0.01:0.2", "psi": "0:1:3"}, ["speed"]).dataset
     assert data["speed"].dims == ("P_delta", "psi")
     assert data["P"].dims == data["delta"].dims == ("P_delta",)
     expected = (
@@ -100,7 +100,7 @@ def test_tied_parameters_and_samples_have_one_dimension() -> None:
 
 
 def test_a_formula_of_measures_and_parameters() -> None:
-    data = sweep(TOY, OVER, ["cost = energy_per_cycle/(2*P*max(speed, 0.5))"])
+    data = sweep(TOY, OVER, ["cost = energy_per_cycle/(2*P*max(speed, 0.5))"]).dataset
     P = data["P"].values[:, None]
     delta = data["delta"].values
     speed = np.maximum(exact()["speed"], 0.5)
@@ -144,7 +144,7 @@ def swing(trajectory: ss.Trajectory) -> float:
 
 def test_a_function_of_the_motion_and_why_it_is_missing() -> None:
     toy = loads(TOY.to_toml().replace("span = [0, 120]", "span = [0, 1]"))
-    data = sweep(toy, {"P": "0.6,0.7,0.8,0.9", "psi": "0.25,0.5"}, [swing])
+    data = sweep(toy, {"P": "0.6,0.7,0.8,0.9", "psi": "0.25,0.5"}, [swing]).dataset
     np.testing.assert_array_equal(data["swing"].values, [[np.nan] * 2] * 3 + [[0.25, 0.5]])
     words = data["swing_missing"].attrs["flag_meanings"].split()
     assert [words[code] for code in data["swing_missing"].values[:, 0]] == [
@@ -210,7 +210,7 @@ def test_another_map_is_refused_and_kept(
     with pytest.raises(StickslipError, match=said):
         sweep(**{**asked, **changes})  # type: ignore[arg-type]
     assert not stand_in.calls
-    same(open_sweep(tmp_path / "toy.zarr"), exact())
+    same(Map.open(tmp_path / "toy.zarr").dataset, exact())
     sweep(**{**asked, **changes, "overwrite": True})  # type: ignore[arg-type]
     assert stand_in.calls
     assert [path.name for path in tmp_path.iterdir()] == ["toy.zarr"]
@@ -244,7 +244,7 @@ def test_one_process_at_a_time(tmp_path: Path) -> None:
         pytest.raises(StickslipError, match="another process is writing it"),
     ):
         sweep(TOY, OVER, MEASURE, tmp_path / "toy.zarr")
-    same(sweep(TOY, OVER, MEASURE, tmp_path / "toy.zarr"), exact())
+    same(sweep(TOY, OVER, MEASURE, tmp_path / "toy.zarr").dataset, exact())
 
 
 def test_full_disk_keeps_what_is_there(tmp_path: Path) -> None:
@@ -261,10 +261,10 @@ def test_full_disk_keeps_what_is_there(tmp_path: Path) -> None:
             sweep(TOY, OVER, MEASURE, tmp_path / "toy.zarr", progress=fill_up)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    kept = int((open_sweep(tmp_path / "toy.zarr")["outcome"] >= 0).sum())
+    kept = int((Map.open(tmp_path / "toy.zarr")["outcome"] >= 0).sum())
     assert 100 <= kept < 21 * 15
     stand_in.calls.clear()
-    same(sweep(TOY, OVER, MEASURE, tmp_path / "toy.zarr"), exact())
+    same(sweep(TOY, OVER, MEASURE, tmp_path / "toy.zarr").dataset, exact())
     assert sum(stand_in.calls) == 21 * 15 - kept
 
 
@@ -307,7 +307,7 @@ def test_damaged_chunks_are_found_and_repaired(tmp_path: Path, name: str, how: s
         with pytest.raises(StickslipError, match=rf"damaged: {name}/c/1/0.*--repair"):
             sweep(TOY, OVER, MEASURE, store)
         assert not stand_in.calls
-    same(sweep(TOY, OVER, MEASURE, store, repair=True), exact())
+    same(sweep(TOY, OVER, MEASURE, store, repair=True).dataset, exact())
     chunk = next(iter(xr.open_zarr(store)["speed"].encoding["chunks"]))
     assert 0 < sum(stand_in.calls) <= chunk * 15
 
@@ -316,5 +316,5 @@ def test_the_whole_store_may_be_moved(tmp_path: Path) -> None:
     sweep(TOY, OVER, MEASURE, tmp_path / "toy.zarr")
     shutil.move(tmp_path / "toy.zarr", tmp_path / "moved.zarr")
     stand_in.calls.clear()
-    same(sweep(TOY, OVER, MEASURE, tmp_path / "moved.zarr"), exact())
+    same(sweep(TOY, OVER, MEASURE, tmp_path / "moved.zarr").dataset, exact())
     assert not stand_in.calls

@@ -12,9 +12,11 @@ def belt_block(**given: float | str) -> System:
         Parameters ``m``, ``k``, ``V``, ``F_s``, ``F_k``; free function ``belt`` (speed of the belt,
         of t).
 
-    References ---------- V. L. Popov, *Contact Mechanics and Friction*, Springer 2010, chapter 12.
-    With Δ = F_s − F_k and ω = √(k/m), the cycle at constant belt speed V has the period 2Δ/(kV) +
-    (2/ω)(π − arctan(ωΔ/(kV))) and the spring force stays in F_k ± √(Δ² + kmV²).
+    References
+    ----------
+    V. L. Popov, *Contact Mechanics and Friction*, Springer 2010, chapter 12. With Δ = F_s − F_k and
+    ω = √(k/m), the cycle at constant belt speed V has the period 2Δ/(kV) + (2/ω)(π −
+    arctan(ωΔ/(kV))) and the spring force stays in F_k ± √(Δ² + kmV²).
     """
     return System(
         name="belt_block",

@@ -22,8 +22,10 @@ def block_chain(N: float = 3, **given: float | str) -> System:
         Parameters ``m``, ``k``, ``k_c``, ``V``, ``F_s``, ``F_k``; free function ``belt`` (speed of
         the belt, of t).
 
-    References ---------- R. Burridge, L. Knopoff, *Model and theoretical seismicity*, Bull.
-    Seismol. Soc. Am. 57 (1967) 341-371, with static above kinetic friction.
+    References
+    ----------
+    R. Burridge, L. Knopoff, *Model and theoretical seismicity*, Bull. Seismol. Soc. Am. 57 (1967)
+    341-371, with static above kinetic friction.
     """
     if not (is_finite(N) and float(N).is_integer() and 1 <= N <= MOST):
         raise DeclarationError(

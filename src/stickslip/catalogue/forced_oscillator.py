@@ -15,9 +15,11 @@ def forced_oscillator(**given: float | str) -> System:
     **given : float or str
         Parameters ``m``, ``k``, ``F_c``, ``P``, ``omega``; free function ``force`` (of t).
 
-    References ---------- J. P. Den Hartog, *Forced vibrations with combined Coulomb and viscous
-    friction*, Trans. ASME 53 (1931) 107-115. The facts are his, for non-stop motion: with r =
-    ω√(m/k) and β = F_c/P the amplitude is (P/k)√(V_r² − β²U_r²).
+    References
+    ----------
+    J. P. Den Hartog, *Forced vibrations with combined Coulomb and viscous friction*, Trans. ASME 53
+    (1931) 107-115. The facts are his, for non-stop motion: with r = ω√(m/k) and β = F_c/P the
+    amplitude is (P/k)√(V_r² − β²U_r²).
     """
     return System(
         name="forced_oscillator",

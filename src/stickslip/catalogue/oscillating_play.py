@@ -12,9 +12,11 @@ def oscillating_play(**given: float | str) -> System:
     **given : float or str
         Parameter ``epsilon``; free functions ``rho`` (of s = t/ε, of period 1) and ``ell`` (of t).
 
-    References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
-    oscillations*, WIAS preprint 2405 (2017), section 2.2. The motion waits for the smallest
-    threshold: as ε → 0, z follows the play operator with min ρ.
+    References
+    ----------
+    A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+    preprint 2405 (2017), section 2.2. The motion waits for the smallest threshold: as ε → 0, z
+    follows the play operator with min ρ.
     """
     return System(
         name="oscillating_play",

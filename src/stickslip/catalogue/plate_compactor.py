@@ -16,9 +16,11 @@ def plate_compactor(**given: float | str) -> System:
         Parameters ``m``, ``g``, ``mu``, ``F``, ``Omega``, ``k``, ``V``; free function ``pull``
         (position of the far end of the spring, of t).
 
-    References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
-    oscillations*, WIAS preprint 2405 (2017), figure 1.1(A) and section 2. For fast shaking the
-    effective threshold is the smallest one (theorem 2.2, where inertia plays no part).
+    References
+    ----------
+    A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+    preprint 2405 (2017), figure 1.1(A) and section 2. For fast shaking the effective threshold is
+    the smallest one (theorem 2.2, where inertia plays no part).
     """
     return System(
         name="plate_compactor",

@@ -16,12 +16,14 @@ def prandtl_tomlinson(**given: float | str) -> System:
         Parameters ``k``, ``V_0``, ``a``, ``nu``, ``V``; free function ``X`` (position of the
         support, of t).
 
-    References ---------- L. Prandtl, *Ein Gedankenmodell zur kinetischen Theorie der festen
-    Körper*, ZAMM 8 (1928) 85-106; V. L. Popov and J. A. T. Gray, *Prandtl-Tomlinson model: history
-    and applications in friction, plasticity, and nanotechnologies*, ZAMM 92 (2012) 683-708. In slow
-    pull the spring force grows up to 2πV_0/a. If the ratio η = 4π²V_0/(ka²) exceeds 1, the tip
-    jumps, shortly after, from the force (2πV_0/a)√(1 − η⁻²); otherwise it follows without jumps
-    (the fact ``force_at_jump`` is 0).
+    References
+    ----------
+    L. Prandtl, *Ein Gedankenmodell zur kinetischen Theorie der festen Körper*, ZAMM 8 (1928)
+    85-106; V. L. Popov and J. A. T. Gray, *Prandtl-Tomlinson model: history and applications in
+    friction, plasticity, and nanotechnologies*, ZAMM 92 (2012) 683-708. In slow pull the spring
+    force grows up to 2πV_0/a. If the ratio η = 4π²V_0/(ka²) exceeds 1, the tip jumps, shortly
+    after, from the force (2πV_0/a)√(1 − η⁻²); otherwise it follows without jumps (the fact
+    ``force_at_jump`` is 0).
     """
     return System(
         name="prandtl_tomlinson",

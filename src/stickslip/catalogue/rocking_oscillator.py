@@ -17,9 +17,11 @@ def rocking_oscillator(**given: float | str) -> System:
         Parameters ``I_b``, ``delta``, ``a``, ``b``, ``c``, ``P``, ``rho``, ``psi_star``,
         ``H_star``.
 
-    References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
-    oscillations*, WIAS preprint 2405 (2017), section 4.4: the rocking toy in simple periodic
-    motion, |ψ| ≤ ψ_2. One period feeds in the energy 2cX(ψ_3 + ψ*) and moves the toy by 2X.
+    References
+    ----------
+    A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+    preprint 2405 (2017), section 4.4: the rocking toy in simple periodic motion, |ψ| ≤ ψ_2. One
+    period feeds in the energy 2cX(ψ_3 + ψ*) and moves the toy by 2X.
     """
     return System(
         name="rocking_oscillator",

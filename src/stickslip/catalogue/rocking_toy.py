@@ -16,10 +16,12 @@ def rocking_toy(**given: float | str) -> System:
         Parameters ``I_b``, ``delta``, ``a``, ``b``, ``c``, ``P``, ``rho``, ``psi_star``,
         ``H_star``; free functions ``H_R``, ``H_L`` (of psi).
 
-    References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
-    oscillations*, WIAS preprint 2405 (2017), (4.2), with the pull P = g m_W/2. In simple walking
-    the legs' distance switches between ±X, from X as ψ rises through ψ_3 to −X at ψ*, as long as
-    |ψ| ≤ ψ_2; each period has the stride 2X.
+    References
+    ----------
+    A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+    preprint 2405 (2017), (4.2), with the pull P = g m_W/2. In simple walking the legs' distance
+    switches between ±X, from X as ψ rises through ψ_3 to −X at ψ*, as long as |ψ| ≤ ψ_2; each
+    period has the stride 2X.
     """
     return System(
         name="rocking_toy",

@@ -13,9 +13,11 @@ def rocking_toy_inertial(**given: float | str) -> System:
         Parameters ``I_b``, ``m_W``, ``m_b``, ``m_l``, ``g``, ``delta``, ``nu``, ``a``, ``b``,
         ``c``, ``rho``, ``psi_star``, ``H_star``; free functions ``H_R``, ``H_L`` (of psi).
 
-    References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
-    oscillations*, WIAS preprint 2405 (2017), (4.1). With the pull P = g m_W/2 fixed and all masses
-    and ν vanishing it becomes ``rocking_toy``.
+    References
+    ----------
+    A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+    preprint 2405 (2017), (4.1). With the pull P = g m_W/2 fixed and all masses and ν vanishing it
+    becomes ``rocking_toy``.
     """
     return System(
         name="rocking_toy_inertial",

@@ -16,9 +16,10 @@ def scaled_slider(**given: float | str) -> System:
         Parameters ``nu``, ``b``, ``mu_0``, ``v_hat``; free function ``mu`` (of s = νγ) with 1 +
         μ(0)μ'(0) = 0.
 
-    References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
-    oscillations*, WIAS preprint 2405 (2017), (3.5), with the sign of √ν B corrected: an instability
-    for b > 0 needs +.
+    References
+    ----------
+    A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+    preprint 2405 (2017), (3.5), with the sign of √ν B corrected: an instability for b > 0 needs +.
     """
     return System(
         name="scaled_slider",

@@ -12,10 +12,12 @@ def scaled_slider_limit(**given: float | str) -> System:
     **given : float
         Parameters ``nu``, ``b``, ``mu_0``, ``v_hat``.
 
-    References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
-    oscillations*, WIAS preprint 2405 (2017), (3.6), with v̂/ν corrected from v̂ν. The facts: steady
-    sliding (β_*, γ_*), the frequency ω_b/√ν with which slip turns about it, the duration π√ν/ω_b of
-    a slip and its stretching ρ_b, both at lowest order.
+    References
+    ----------
+    A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+    preprint 2405 (2017), (3.6), with v̂/ν corrected from v̂ν. The facts: steady sliding (β_*, γ_*),
+    the frequency ω_b/√ν with which slip turns about it, the duration π√ν/ω_b of a slip and its
+    stretching ρ_b, both at lowest order.
     """
     return System(
         name="scaled_slider_limit",

@@ -17,10 +17,12 @@ def spring_slider(**given: float | str) -> System:
         load, of t) or, in place of ``ell``, its rate ``shear`` (of t, where plateaus are easily
         written). A formula for ``V`` is taken for ``shear``.
 
-    References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
-    oscillations*, WIAS preprint 2405 (2017), section 3. The facts hold for the constant rate V: the
-    rectangle 0 ≤ U ≤ U_max, α_0 ≤ α ≤ α_max is positively invariant if μ decreases (the proof of
-    theorem 3.1, with μ(α_0) for μ(0)).
+    References
+    ----------
+    A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+    preprint 2405 (2017), section 3. The facts hold for the constant rate V: the rectangle 0 ≤ U ≤
+    U_max, α_0 ≤ α ≤ α_max is positively invariant if μ decreases (the proof of theorem 3.1, with
+    μ(α_0) for μ(0)).
     """
     if isinstance(given.get("V"), str):
         given["shear"] = given.pop("V")

@@ -17,9 +17,11 @@ def two_leg_crawler(**given: float | str) -> System:
         Parameters ``k``, ``f_plus``, ``f_minus``, ``D``, ``omega``; free function ``L`` (rest
         length, of t).
 
-    References ---------- A. DeSimone, P. Gidoni, G. Noselli, *Liquid crystal elastomer strips as
-    soft crawlers*, J. Mech. Phys. Solids 84 (2015) 254-272. Each cycle with the stroke D moves the
-    crawler by sgn(f_minus − f_plus) max(0, D − 2 min(f_plus, f_minus)/k).
+    References
+    ----------
+    A. DeSimone, P. Gidoni, G. Noselli, *Liquid crystal elastomer strips as soft crawlers*, J. Mech.
+    Phys. Solids 84 (2015) 254-272. Each cycle with the stroke D moves the crawler by sgn(f_minus −
+    f_plus) max(0, D − 2 min(f_plus, f_minus)/k).
     """
     return System(
         name="two_leg_crawler",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
@@ -13,7 +14,9 @@ import typer
 from stickslip import __version__
 from stickslip.cli import evolving, orbits, sweeping
 from stickslip.cli.paper import paper
+from stickslip.cli.present import Model, Settings
 from stickslip.errors import StickslipError
+from stickslip.results import Summary, certificate_rows
 
 NOT_CERTIFIED = 1
 BAD_INPUT = 2
@@ -31,21 +34,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
-
-Model = Annotated[
-    str,
-    typer.Argument(
-        metavar="MODEL", help="A name of the catalogue (see: stickslip list) or a .toml file."
-    ),
-]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="NAME=VALUE",
-        help="Parameter, or free function as a formula; may be repeated.",
-    ),
-]
 
 
 def finish(message: str, code: int) -> NoReturn:
@@ -158,85 +146,36 @@ def cite(
 
 @app.command()
 @guarded
-def run(
-    model: Model,
-    settings: Settings = None,
-    initial: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--initial",
-            metavar="NAME=VALUE",
-            help="Initial value, such as psi=0.8; may be repeated.",
-        ),
-    ] = None,
-    until: Annotated[
-        float | None, typer.Option("--until", metavar="T", help="End of the time span.")
-    ] = None,
-    rtol: Annotated[float, typer.Option("--rtol", help="Accuracy of the whole motion.")] = 1e-10,
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder for the results.  [default: out/NAME]"),
-    ] = None,
-    json_: Annotated[
-        bool, typer.Option("--json", help="Print the summary as JSON and nothing else.")
-    ] = False,
-) -> None:
-    """Compute a motion, certify it, and write it down.
-
-    Writes trajectory.nc, events.csv, summary.json and overview.png into the folder DIR.
-
-    Exit code: 0 certified to its end, 1 not, 2 wrong input, 130 interrupted (what was computed is
-    kept).
-    """
-    from stickslip.cli.models import assignments, load_model, numbers
-    from stickslip.cli.running import compute
-
-    system = load_model(model, settings or [])
-    start = numbers(assignments(initial or [], "--initial"), "--initial")
-    summary, folder = compute(system, start, until, rtol, out)
-    if json_:
-        import json
-
-        typer.echo(json.dumps(summary, indent=2, ensure_ascii=False))
-    else:
-        from stickslip.cli.report import print_summary
-
-        print_summary(summary, folder)
-    if summary["outcome"] == "interrupted":
-        finish(f"interrupted; the motion up to t = {summary['end']:g} is in {folder}", INTERRUPTED)
-    raise typer.Exit(0 if summary["certified"] and summary["complete"] else NOT_CERTIFIED)
-
-
-@app.command()
-@guarded
 def check(
-    file: Annotated[Path, typer.Argument(metavar="FILE.nc", help="A stored trajectory.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A stored result.")],
     json_: Annotated[
         bool, typer.Option("--json", help="Print the certificate as JSON and nothing else.")
     ] = False,
 ) -> None:
-    """Check a stored trajectory.
+    """Check a stored result.
 
-    The certificate is recomputed from the stored data alone. Exit code: 0 certified, 1 not, 2 no
-    trajectory.
+    The certificate of a motion or a play is recomputed from the stored data alone; other results
+    say what was measured when they were computed. Exit code: 0 certified, 1 not, 2 no result.
     """
-    from stickslip import open_trajectory
+    from stickslip import open as open_result
+    from stickslip.cli.report import print_summary
+    from stickslip.storage import plain
 
-    trajectory = open_trajectory(file)
-    certificate = trajectory.certificate
+    result = open_result(file)
+    certificate = result.certificate
     if json_:
-        import json
-
-        from stickslip.storage import plain
-
         typer.echo(json.dumps(plain(certificate.to_dict()), indent=2))
     else:
-        from stickslip.cli.report import print_check
-
-        print_check(file, trajectory)
+        rows = (
+            ("file", str(file)),
+            ("result", f"{result.KIND}, {result.message}"),
+            *certificate_rows(certificate),
+        )
+        print_summary(Summary(result.title, rows, {}, certificate.ok))
     raise typer.Exit(0 if certificate.ok else NOT_CERTIFIED)
 
 
+app.command()(guarded(orbits.run))
 app.command()(guarded(evolving.average))
 app.command()(guarded(evolving.evolve))
 app.command()(guarded(orbits.equilibria))

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-import json
-import re
-import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from stickslip import __version__
-from stickslip.cli.folder import PICTURE, add_picture, result_folder
-from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.certificates import Certificate, Residual
+from stickslip.cli.models import assignments
+from stickslip.cli.present import Files, Json, Out, Progress, folder_of, present
+from stickslip.errors import DeclarationError
+from stickslip.results import Completion, Summary, certificate_rows, listed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,9 +27,9 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.play.operator import Play
 
 TOLERANCE = 1e-8  # of an average without a closed form, relative to the size of K(s)
+AVERAGE = Files()
+EVOLUTION = Files("evolution.nc")
 SHOWN = 8  # components in a table; all are in summary.json
-AVERAGE_FILES = ("summary.json", PICTURE)
-EVOLVE_FILES = ("summary.json", "evolution.nc", PICTURE)
 
 File = Annotated[
     Path, typer.Argument(metavar="FILE", help="A .toml file that declares an evolution.")
@@ -38,11 +40,6 @@ Settings = Annotated[
         "--set", metavar="NAME=VALUE", help="Parameter, or function as a formula; may be repeated."
     ),
 ]
-Out = Annotated[
-    Path | None,
-    typer.Option("--out", metavar="DIR", help="Folder for the results.  [default: out/NAME]"),
-]
-Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON and nothing else.")]
 
 
 def average(file: File, settings: Settings = None, out: Out = None, json_: Json = False) -> None:
@@ -52,22 +49,13 @@ def average(file: File, settings: Settings = None, out: Out = None, json_: Json 
 
     Exit code: 0 within the tolerance, 1 not, 2 wrong input.
     """
-    from stickslip.cli.app import NOT_CERTIFIED, finish
-
     model = configured(file, settings)
-    began = time.perf_counter()
-    folder = out or default_folder(model, "average")
-    with result_folder(folder, AVERAGE_FILES) as place:
-        try:
-            averaged = model.potential.average(TOLERANCE)
-            summary = summarise_average(model, averaged)
-        except ConvergenceError as error:
-            finish(str(error), NOT_CERTIFIED)
-        summary["wall_time"] = time.perf_counter() - began
-        write(place, summary)
-    add_picture(folder, lambda: average_figure(model, averaged))
-    show(summary, json_, average_rows(summary), folder, AVERAGE_FILES)
-    raise typer.Exit(0 if summary["certified"] else NOT_CERTIFIED)
+
+    def work(progress: Progress) -> Averaged:
+        return Averaged(model, model.potential.average(TOLERANCE))
+
+    folder = out or folder_of(model.name, "average")
+    present(f"average of {model.name}", folder, AVERAGE, work, json_, heading(model))
 
 
 def evolve(
@@ -94,30 +82,25 @@ def evolve(
     Exit code: 0 certified to its end, 1 not, 2 wrong input, 130 interrupted (what was computed is
     kept).
     """
-    from stickslip.cli.app import INTERRUPTED, NOT_CERTIFIED, finish
-
     model = configured(file, settings)
     if until is not None:
         model = with_option("--until", model, span=(model.span[0], until))
     if steps is not None:
         model = with_option("--steps", model, steps=steps)
     _ = model.problem  # a dissipation potential alone does not evolve
-    folder = out or default_folder(model, "averaged" if averaged else "")
-    with result_folder(folder, EVOLVE_FILES) as place:
-        began = time.perf_counter()
-        result = computed(model, averaged)
-        summary = summarise_evolution(model, result, averaged) | {
-            "wall_time": time.perf_counter() - began
-        }
-        store(result, place / "evolution.nc")
-        write(place, summary)
-    add_picture(folder, result.plot)
-    show(summary, json_, evolve_rows(summary), folder, EVOLVE_FILES)
-    if summary["outcome"] == "interrupted":
-        finish(
-            f"interrupted; the evolution up to t = {summary['end']:g} is in {folder}", INTERRUPTED
-        )
-    raise typer.Exit(0 if summary["certified"] and summary["complete"] else NOT_CERTIFIED)
+    more = {
+        "averaged": averaged,
+        "epsilon": None if averaged else model.problem.epsilon,
+        "t_span": list(model.problem.span),
+    }
+
+    def work(progress: Progress) -> History | Play:
+        return computed(model, averaged, progress)
+
+    folder = out or folder_of(model.name, "averaged" if averaged else "")
+    present(
+        f"evolution of {model.name}", folder, EVOLUTION, work, json_, {**heading(model), **more}
+    )
 
 
 # -- what both share -------------------------------------------------------------------------------
@@ -125,7 +108,6 @@ def evolve(
 
 def configured(file: Path, settings: Sequence[str] | None) -> EvolutionModel:
     """The model of a file with ``--set`` applied."""
-    from stickslip.cli.models import assignments
     from stickslip.rate_independent.evolution.evolution_file import load
 
     return load(file).configure(assignments(settings or [], "--set"))
@@ -139,81 +121,52 @@ def with_option(option: str, model: EvolutionModel, **changes: Any) -> Evolution
         raise DeclarationError(option, error.reason, error.remedy) from None
 
 
-def default_folder(model: EvolutionModel, what: str) -> Path:
-    """``out/NAME``, or ``out/NAME-what``."""
-    name = re.sub(r"[^\w.-]+", "_", model.name)
-    return Path("out") / (f"{name}-{what}" if what else name)
-
-
-def write(place: Path, summary: dict[str, Any]) -> None:
-    """Write the summary."""
-    (place / "summary.json").write_text(as_json(summary) + "\n", encoding="utf-8")
-
-
-def as_json(summary: dict[str, Any]) -> str:
-    """The summary as text."""
-    from stickslip.storage import plain
-
-    return json.dumps(plain(summary), indent=2, ensure_ascii=False)
-
-
-def show(
-    summary: dict[str, Any],
-    json_: bool,
-    rows: list[tuple[str, str]],
-    folder: Path,
-    files: Sequence[str],
-) -> None:
-    """Print the summary, as JSON or as a short table."""
-    if json_:
-        typer.echo(as_json(summary))
-        return
-    from stickslip.cli.report import print_table, written
-
-    more = [("wall time", f"{summary['wall_time']:.3g} s"), ("written", written(folder, files))]
-    print_table(
-        summary["title"] or summary["model"],
-        [*rows, *more],
-        summary["certified"] and summary["complete"],
-    )
-
-
 def heading(model: EvolutionModel) -> dict[str, Any]:
     """What a summary begins with."""
     return {
-        "program": "stickslip",
-        "version": __version__,
         "model": model.name,
-        "title": model.title,
+        "title": model.title or model.name,
         "parameters": model.values,
         "functions": dict(model.functions),
         "dissipation": model.dissipation["kind"],
     }
 
 
-def listed(numbers: Sequence[float | None]) -> str:
-    """A few numbers."""
-    shown = [f"{x:.6g}" for x in numbers[:SHOWN] if x is not None]
-    return ", ".join(shown) + (f", ... ({len(numbers)} in all)" if len(numbers) > SHOWN else "")
-
-
 # -- average ---------------------------------------------------------------------------------------
 
 
-def summarise_average(model: EvolutionModel, averaged: Average) -> dict[str, Any]:
-    """Everything about an average that fits on a page; plain data."""
-    import numpy as np
+@dataclass(frozen=True)
+class Averaged:
+    """An average, as a command shows it.
 
-    source = model.potential
-    n = model.potential.dimension
-    grid = np.arange(128) / 128 if source.depends_on_phase else np.zeros(1)
-    unit_motions = []
-    for i in range(n):
-        for sign in (1, -1):
+    Attributes
+    ----------
+    model : EvolutionModel
+    average : Average
+    """
+
+    model: EvolutionModel
+    average: Average
+
+    @property
+    def outcome(self) -> Completion:
+        """What cannot be computed raises."""
+        return Completion.FINISHED
+
+    @cached_property
+    def unit_motions(self) -> list[dict[str, Any]]:
+        """What it costs to move along each axis: on average, and in one phase alone."""
+        import numpy as np
+
+        source = self.model.potential
+        n = source.dimension
+        grid = np.arange(128) / 128 if source.depends_on_phase else np.zeros(1)
+        found = []
+        for i, sign in product(range(n), (1, -1)):
             v = sign * np.eye(n)[i]
-            motion = averaged.optimal_motion(v)
+            motion = self.average.optimal_motion(v)
             costs = source.sampled(np.union1d(grid, motion.phases)).support(v)
-            unit_motions.append(
+            found.append(
                 {
                     "component": i + 1,
                     "sign": sign,
@@ -223,21 +176,73 @@ def summarise_average(model: EvolutionModel, averaged: Average) -> dict[str, Any
                     "gap": motion.gap,
                 }
             )
-    largest = max(m["range"][1] for m in unit_motions)
-    gap = max(abs(m["gap"]) for m in unit_motions)
-    return {
-        **heading(model),
-        "dimension": n,
-        "depends_on_phase": source.depends_on_phase,
-        "complete": True,
-        "certified": gap <= TOLERANCE * largest,
-        **in_words(source, averaged),
-        "coverage": averaged.coverage,
-        "frictionless": averaged.verdict,
-        "frictionless_directions": averaged.frictionless.T.tolist(),
-        "duality_gap": gap,
-        "unit_motions": unit_motions,
-    }
+        return found
+
+    @property
+    def certificate(self) -> Certificate:
+        """The duality gap, relative to the largest cost of one phase alone."""
+        largest = max(m["range"][1] for m in self.unit_motions)
+        gap = max(abs(m["gap"]) for m in self.unit_motions)
+        relative = gap / largest if largest > 0.0 else gap
+        notes = (self.average.coverage,)
+        return Certificate((Residual("duality gap", relative, TOLERANCE),), notes=notes)
+
+    def summary(self) -> Summary:
+        """What there is to say on a page."""
+        certificate = self.certificate
+        source = self.model.potential
+        data = {
+            "program": "stickslip",
+            "version": __version__,
+            "result": "average",
+            **heading(self.model),
+            "dimension": source.dimension,
+            "depends_on_phase": source.depends_on_phase,
+            "complete": True,
+            "certified": certificate.ok,
+            "certificate": certificate.to_dict(),
+            **in_words(source, self.average),
+            "coverage": self.average.coverage,
+            "frictionless": self.average.verdict,
+            "frictionless_directions": self.average.frictionless.T.tolist(),
+            "duality_gap": max(abs(m["gap"]) for m in self.unit_motions),
+            "unit_motions": self.unit_motions,
+        }
+        rows = (*self._rows(data), *certificate_rows(certificate))
+        return Summary(str(data["title"]), rows, data, certificate.ok)
+
+    def _rows(self, data: dict[str, Any]) -> list[tuple[str, str]]:
+        rows = [
+            ("dissipation", f"{data['dissipation']} on R^{data['dimension']}"),
+            ("method", data["method"]),
+            ("average", f"Psi_av(v) = {data['psi_av']}"),
+            ("friction", data["frictionless"]),
+        ]
+        for motion in self.unit_motions[: 2 * SHOWN]:
+            low, high = motion["range"]
+            when = f"at s = {_few(motion['phases'])}" if motion["phases"] else "at no phase"
+            cost = f"{motion['average']:.6g}, moves {when}"
+            sign = "+" if motion["sign"] > 0 else "-"
+            name = f"  {sign}e_{motion['component']}"
+            rows.append((name, f"{cost}; one phase alone costs {low:.6g} to {high:.6g}"))
+        if len(self.unit_motions) > 2 * SHOWN:
+            rows.append(("  ...", f"({data['dimension']} components in all)"))
+        return rows
+
+    def plot(self) -> Figure:
+        """K(s) and K_av in the plane, and the costs over a phase."""
+        from stickslip.figures.dissipation import plot_average
+
+        return plot_average(self.model.potential, self.average)
+
+    def save(self, path: str | Path) -> None:
+        """An average has no file of its own: the summary says it all."""
+        raise NotImplementedError
+
+
+def _few(numbers: Sequence[float]) -> str:
+    """A few numbers."""
+    return listed([f"{x:.6g}" for x in numbers], SHOWN)
 
 
 def in_words(source: Dissipation, averaged: Average) -> dict[str, Any]:
@@ -267,7 +272,7 @@ def in_words(source: Dissipation, averaged: Average) -> dict[str, Any]:
         case AveragedPolytope():
             normals, offsets = averaged.halfspaces_at()
             faces = {"normals": normals.tolist(), "offsets": offsets.tolist()}
-            distances = listed(offsets.tolist())
+            distances = _few(offsets.tolist())
             words = f"support function of {len(offsets)} half-spaces, at the distances {distances}"
             return {"method": exact, "psi_av": words, **faces}
     low, high = extremes(averaged)
@@ -306,49 +311,10 @@ def extremes(averaged: Average) -> tuple[float, float]:
     return min(values), max(values)
 
 
-def average_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    """The short table."""
-    rows = [
-        ("dissipation", f"{summary['dissipation']} on R^{summary['dimension']}"),
-        ("method", summary["method"]),
-        ("average", f"Psi_av(v) = {summary['psi_av']}"),
-        ("friction", summary["frictionless"]),
-    ]
-    unit_motions = summary["unit_motions"]
-    for motion in unit_motions[: 2 * SHOWN]:
-        low, high = motion["range"]
-        when = f"at s = {listed(motion['phases'])}" if motion["phases"] else "at no phase"
-        name = f"  {'+' if motion['sign'] > 0 else '-'}e_{motion['component']}"
-        rows.append(
-            (
-                name,
-                f"{motion['average']:.6g}, moves {when}; one phase alone costs {low:.6g} to "
-                f"{high:.6g}",
-            )
-        )
-    if len(unit_motions) > 2 * SHOWN:
-        rows.append(("  ...", f"({summary['dimension']} components in all)"))
-    verdict = "certified" if summary["certified"] else "not certified"
-    return [
-        *rows,
-        (
-            "certificate",
-            f"{verdict}: duality gap {summary['duality_gap']:.1e}, {summary['coverage']}",
-        ),
-    ]
-
-
-def average_figure(model: EvolutionModel, averaged: Average) -> Figure:
-    """K(s) and K_av in the plane, and the costs over a phase."""
-    from stickslip.figures.dissipation import plot_average
-
-    return plot_average(model.potential, averaged)
-
-
 # -- evolve ----------------------------------------------------------------------------------------
 
 
-def computed(model: EvolutionModel, averaged: bool) -> History | Play:
+def computed(model: EvolutionModel, averaged: bool, progress: Progress) -> History | Play:
     """The evolution: an exact play if it is scalar, else minimising movements."""
     from stickslip.rate_independent.dissipation import WeightedL1
     from stickslip.rate_independent.evolution.blocks import PlayMotion
@@ -358,77 +324,4 @@ def computed(model: EvolutionModel, averaged: bool) -> History | Play:
     problem = with_nearest_start(model.problem.averaged) if averaged else model.problem
     if model.is_play and isinstance(problem.dissipation, WeightedL1):
         return PlayMotion(problem, problem.dissipation).play
-    return by_steps(problem, steps=model.steps)
-
-
-def store(result: History | Play, path: Path) -> None:
-    """Write the data."""
-    from stickslip.rate_independent.evolution.history import History
-
-    if isinstance(result, History):
-        result.save(path)
-    else:
-        result.dataset.to_netcdf(path, engine="netcdf4", format="NETCDF4")
-
-
-def summarise_evolution(
-    model: EvolutionModel, result: History | Play, averaged: bool
-) -> dict[str, Any]:
-    """Everything about an evolution that fits on a page; plain data."""
-    from stickslip.rate_independent.evolution.history import History
-
-    certificate = result.certificate
-    common = {
-        "averaged": averaged,
-        "epsilon": None if averaged else model.problem.epsilon,
-        "t_span": list(model.problem.span),
-        "certified": certificate.ok,
-    }
-    if isinstance(result, History):
-        own = {
-            "method": "minimising movements",
-            "outcome": result.outcome.label,
-            "message": result.message,
-            "complete": result.outcome.ok,
-            "end": float(result.dataset["step_time"][-1]),
-            "steps": result.steps,
-            "final": result.final.tolist(),
-            "dissipated": float(result.dataset["dissipated"][-1]),
-        }
-    else:
-        own = {
-            "method": "exact play",
-            "outcome": "finished",
-            "message": "The end of the time span was reached",
-            "complete": True,
-            "end": float(result.time[-1]),
-            "switches": result.n_switches,
-            "final": [result.final],
-            "dissipated": result.dissipated,
-        }
-    return {**heading(model), **common, **own, "certificate": certificate.to_dict()}
-
-
-def evolve_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    """The short table."""
-    from stickslip.cli.report import certificate_rows
-
-    period = (
-        "in the limit of fast oscillations"
-        if summary["averaged"]
-        else f"epsilon = {summary['epsilon']:g}"
-    )
-    count = (
-        ("switches", str(summary["switches"]))
-        if "switches" in summary
-        else ("steps", str(summary["steps"]))
-    )
-    return [
-        ("outcome", summary["outcome"] if summary["complete"] else summary["message"]),
-        ("method", f"{summary['method']}, {period}"),
-        ("time", f"{summary['t_span'][0]:g} to {summary['end']:g}"),
-        count,
-        ("final state", listed(summary["final"])),
-        ("dissipated", f"{summary['dissipated']:.6g}"),
-        *certificate_rows(summary["certificate"]),
-    ]
+    return by_steps(problem, steps=model.steps, progress=progress)

@@ -19,11 +19,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PICTURE = "overview.png"
-FILES = ("summary.json", "trajectory.nc", "events.csv", PICTURE)  # of `run`
 
 
 @contextmanager
-def result_folder(path: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
+def result_folder(path: Path, files: Sequence[str]) -> Iterator[Path]:
     """A place to write results to that becomes `path` when everything went well, and vanishes
     otherwise.
 

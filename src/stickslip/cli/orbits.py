@@ -1,62 +1,61 @@
-"""The commands ``equilibria``, ``cycle``, ``branch`` and ``basin``: where a system ends up in the
-long run."""
+"""The commands ``run``, ``equilibria``, ``cycle``, ``branch`` and ``basin``: a system's motion, and
+where it ends up in the long run."""
 
 from __future__ import annotations
 
-import re
-import time
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
-from stickslip import __version__
-from stickslip.cli.evolving import Json, Out, show, write
-from stickslip.cli.folder import PICTURE, add_picture, result_folder
-from stickslip.errors import ConvergenceError, DeclarationError
-from stickslip.model.units import with_unit
-from stickslip.progress import watched
+from stickslip.cli.models import assignments, load_model, numbers
+from stickslip.cli.present import (
+    Files,
+    Initial,
+    Json,
+    Model,
+    Out,
+    Progress,
+    Settings,
+    folder_of,
+    present,
+)
+from stickslip.errors import DeclarationError
 
-if TYPE_CHECKING:
-    import xarray
-    from matplotlib.figure import Figure
+MOTION = Files("trajectory.nc", {"events.csv": lambda found: found.events})
+EQUILIBRIA = Files("equilibria.nc", {"equilibria.csv": lambda found: found.table})
+CYCLE = Files("cycle.nc")
+BRANCH = Files("branch.nc", {"branch.csv": lambda found: found.table})
+BASIN = Files("basin.nc")
 
-    from stickslip.model.system import System
-    from stickslip.orbits.continuation.branch import Branch
-    from stickslip.orbits.cycles.cycle import Cycle
-    from stickslip.orbits.equilibria.equilibrium import Equilibria
 
-Draw = Callable[[], "Figure"]  # draws the picture of a result
+def run(
+    model: Model,
+    settings: Settings = None,
+    initial: Initial = None,
+    until: Annotated[
+        float | None, typer.Option("--until", metavar="T", help="End of the time span.")
+    ] = None,
+    rtol: Annotated[float, typer.Option("--rtol", help="Accuracy of the whole motion.")] = 1e-10,
+    out: Out = None,
+    json_: Json = False,
+) -> None:
+    """Compute a motion, certify it, and write it down.
 
-SHOWN = 12  # equilibria, multipliers or special points in a table; all are in summary.json
-EQUILIBRIA_FILES = ("summary.json", "equilibria.csv", PICTURE)
-CYCLE_FILES = ("summary.json", "cycle.nc", PICTURE)
-BRANCH_FILES = ("summary.json", "branch.nc", "branch.csv", PICTURE)
-# labels of states that reach no attractor
-NOWHERE = {-1: "stopped", -2: "not_settled", -3: "undamped"}
-BASIN_FILES = ("summary.json", "basin.nc", PICTURE)
+    Writes trajectory.nc, events.csv, summary.json and overview.png into the folder DIR.
 
-Model = Annotated[
-    str,
-    typer.Argument(
-        metavar="MODEL", help="A name of the catalogue (see: stickslip list) or a .toml file."
-    ),
-]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="NAME=VALUE",
-        help="Parameter, or free function as a formula; may be repeated.",
-    ),
-]
-Initial = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--initial", metavar="NAME=VALUE", help="Initial value, such as psi=0.8; may be repeated."
-    ),
-]
+    Exit code: 0 certified to its end, 1 not, 2 wrong input, 130 interrupted (what was computed is
+    kept).
+    """
+    from stickslip import Trajectory, simulate
+
+    system = load_model(model, settings or [])
+    start = given(initial)
+    span = (system.span[0], system.span[1] if until is None else until)
+
+    def work(progress: Progress) -> Trajectory:
+        return simulate(system, span, start, rtol=rtol, progress=progress)
+
+    present("moving", out or folder_of(system.name), MOTION, work, json_)
 
 
 def equilibria(
@@ -64,27 +63,20 @@ def equilibria(
 ) -> None:
     """Find the states of rest and of steady sliding, and whether they are stable.
 
-    Writes equilibria.csv, summary.json and overview.png into the folder DIR.
+    Writes equilibria.nc, equilibria.csv, summary.json and overview.png into the folder DIR.
 
-    Exit code: 0 found, 1 none found, 2 wrong input.
+    Exit code: 0 found and certified, 1 not, 2 wrong input.
     """
-    from stickslip.figures.spectrum import plot_eigenvalues
-    from stickslip.orbits.equilibria.finding import equilibria as find
+    from stickslip import Equilibria
+    from stickslip import equilibria as find
 
-    def work(system: System, place: Path) -> tuple[dict[str, Any], Draw]:
-        found = find(system)
-        found.table.to_csv(place / "equilibria.csv", index=False)
-        return summarise_equilibria(found), lambda: plot_eigenvalues(found)
+    system = load_model(model, settings or [])
 
-    present(
-        system_of(model, settings),
-        "equilibria",
-        EQUILIBRIA_FILES,
-        work,
-        equilibria_rows,
-        out,
-        json_,
-    )
+    def work(progress: Progress) -> Equilibria:
+        return find(system)
+
+    folder = out or folder_of(system.name, "equilibria")
+    present(f"equilibria of {system.name}", folder, EQUILIBRIA, work, json_)
 
 
 def cycle(
@@ -96,22 +88,20 @@ def cycle(
 ) -> None:
     """Find the cycle or gait that the motion from the initial state settles on.
 
-    Writes cycle.nc (one period), summary.json and overview.png into the folder DIR.
+    Writes cycle.nc, summary.json and overview.png into the folder DIR.
 
     Exit code: 0 certified, 1 not, or no cycle found, 2 wrong input.
     """
-    from stickslip.figures.gait import plot_gait
-    from stickslip.orbits.cycles.cycle import find_cycle
+    from stickslip import Cycle, find_cycle
 
+    system = load_model(model, settings or [])
     start = given(initial)
 
-    def work(system: System, place: Path) -> tuple[dict[str, Any], Draw]:
-        found = find_cycle(system, start)
-        found.trajectory.save(place / "cycle.nc")
-        gait = found.drift and found.contacts
-        return summarise_cycle(found), (lambda: plot_gait(found)) if gait else found.trajectory.plot
+    def work(progress: Progress) -> Cycle:
+        return find_cycle(system, start)
 
-    present(system_of(model, settings), "cycle", CYCLE_FILES, work, cycle_rows, out, json_)
+    folder = out or folder_of(system.name, "cycle")
+    present(f"cycle of {system.name}", folder, CYCLE, work, json_)
 
 
 def branch(
@@ -135,29 +125,26 @@ def branch(
     Exit code: 0 certified, 1 not, or nothing to follow, 2 wrong input, 130 interrupted (what was
     computed is kept).
     """
-    from stickslip.orbits.branches.cycle_branch import continue_cycle
-    from stickslip.orbits.branches.equilibrium_branch import checked_range, continue_equilibrium
-    from stickslip.orbits.cycles.cycle import find_cycle
+    from stickslip import Branch, continue_cycle, continue_equilibrium, find_cycle
+    from stickslip.orbits.branches.equilibrium_branch import checked_range
 
     ranges = spans(over, ("LOW", "HIGH"))
     if len(ranges) != 1:
         raise DeclarationError("--over", f"{len(ranges)} parameters vary", "A branch has one")
-    (parameter, (low, high)), start = next(iter(ranges.items())), given(initial)
-    system = system_of(model, settings)
+    parameter, (low, high) = next(iter(ranges.items()))
+    start = given(initial)
+    system = load_model(model, settings or [])
     checked_range(system, parameter, (low, high))
     inside = low <= system.values[parameter] <= high
+    at = {} if inside else {parameter: 0.5 * (low + high)}
 
-    def work(system: System, place: Path) -> tuple[dict[str, Any], Draw]:
-        at = {} if inside else {parameter: 0.5 * (low + high)}
+    def work(progress: Progress) -> Branch:
         if cycles:
-            found = continue_cycle(find_cycle(system, start, at), parameter, (low, high))
-        else:
-            found = continue_equilibrium(system, parameter, (low, high), start=start, parameters=at)
-        found.save(place / "branch.nc")
-        found.to_csv(place / "branch.csv")
-        return summarise_branch(found), found.plot
+            return continue_cycle(find_cycle(system, start, at), parameter, (low, high))
+        return continue_equilibrium(system, parameter, (low, high), start=start, parameters=at)
 
-    present(system, "branch", BRANCH_FILES, work, branch_rows, out, json_)
+    folder = out or folder_of(system.name, "branch")
+    present(f"branch of {system.name}", folder, BRANCH, work, json_)
 
 
 def basin(
@@ -182,8 +169,8 @@ def basin(
     Exit code: 0 all arrived and certified, 1 not, 2 wrong input, 130 interrupted (what was computed
     is kept).
     """
-    from stickslip.figures.basin import plot_basin
-    from stickslip.sweeps.basin import basin as find
+    from stickslip import Basin
+    from stickslip import basin as find
 
     axes = {name: grid(name, values) for name, values in spans(over, ("LOW", "HIGH", "N")).items()}
     if len(axes) != 2:
@@ -191,67 +178,25 @@ def basin(
             "--over", f"{len(axes)} initial values vary", "A map needs two, with --over each"
         )
     start = given(initial)
+    system = load_model(model, settings or [])
 
-    def work(system: System, place: Path) -> tuple[dict[str, Any], Draw]:
-        found = find(system, axes, initial=start)
-        found.to_netcdf(place / "basin.nc", engine="netcdf4", format="NETCDF4")
-        return summarise_basin(found), lambda: plot_basin(found)
+    def work(progress: Progress) -> Basin:
+        return find(system, axes, initial=start)
 
-    present(system_of(model, settings), "basin", BASIN_FILES, work, basin_rows, out, json_)
-
-
-# -- what all share --------------------------------------------------------------------------------
+    folder = out or folder_of(system.name, "basin")
+    present(f"basin of {system.name}", folder, BASIN, work, json_)
 
 
-def present(
-    system: System,
-    what: str,
-    files: Sequence[str],
-    work: Callable[[System, Path], tuple[dict[str, Any], Draw]],
-    rows: Callable[[dict[str, Any]], list[tuple[str, str]]],
-    out: Path | None,
-    json_: bool,
-) -> None:
-    """Do the work, write its results together, draw them, print them, and end with the exit code
-    that fits."""
-    from stickslip.cli.app import INTERRUPTED, NOT_CERTIFIED, finish
-
-    name = re.sub(r"[^\w.-]+", "_", system.name)
-    folder = out or Path("out") / f"{name}-{what}"
-    began = time.perf_counter()
-    with result_folder(folder, files) as place:
-        try:
-            with watched(f"{what} of {system.name}"):
-                found, draw = work(system, place)
-        except ConvergenceError as failure:
-            finish(str(failure), NOT_CERTIFIED)
-        summary = heading(system) | found | {"wall_time": time.perf_counter() - began}
-        write(place, summary)
-    add_picture(folder, draw)
-    show(summary, json_, rows(summary), folder, files)
-    if not summary["complete"]:
-        finish(f"interrupted; what was computed is in {folder}", INTERRUPTED)
-    raise typer.Exit(0 if summary["certified"] else NOT_CERTIFIED)
-
-
-def system_of(model: str, settings: list[str] | None) -> System:
-    """The system with ``--set`` applied."""
-    from stickslip.cli.models import load_model
-
-    return load_model(model, settings or [])
+# -- what they are told ----------------------------------------------------------------------------
 
 
 def given(initial: list[str] | None) -> dict[str, float] | None:
     """Initial values; None if there are none."""
-    from stickslip.cli.models import assignments, numbers
-
     return numbers(assignments(initial or [], "--initial"), "--initial") or None
 
 
 def spans(texts: list[str], parts: tuple[str, ...]) -> dict[str, list[float]]:
     """Read NAME=LOW:HIGH or NAME=LOW:HIGH:N; every number may be a fraction."""
-    from stickslip.cli.models import assignments, numbers
-
     for text in texts:
         if "=" not in text:
             shape = ":".join(parts)
@@ -284,190 +229,3 @@ def grid(name: str, values: list[float]) -> tuple[float, float, int]:
             f"--over {name}", f"{number:g} values", "Give a whole number, at least 2"
         )
     return low, high, int(number)
-
-
-def heading(system: System) -> dict[str, Any]:
-    """What a summary begins with."""
-    return {
-        "program": "stickslip",
-        "version": __version__,
-        "model": system.name,
-        "title": system.title,
-        "parameters": system.values,
-        "functions": {**system.functions, **system.drives},
-        "complete": True,
-    }
-
-
-def shortened(rows: list[tuple[str, str]]) -> list[tuple[str, str]]:
-    """A few rows."""
-    more = [("  ...", f"({len(rows)} in all)")] if len(rows) > SHOWN else []
-    return rows[:SHOWN] + more
-
-
-# -- equilibria ------------------------------------------------------------------------------------
-
-
-def summarise_equilibria(found: Equilibria) -> dict[str, Any]:
-    """Everything about equilibria that fits on a page; plain data."""
-    from stickslip.orbits.equilibria.equilibrium import EquilibriumSet
-
-    entries = []
-    for e in found:
-        entry = {
-            "state": e.state,
-            "modes": e.modes,
-            "stable": e.stable,
-            "drift": e.drift,
-            "eigenvalues": [[z.real, z.imag] for z in e.eigenvalues or ()],
-            "certificate": e.certificate.to_dict(),
-            "text": e.describe(),
-        }
-        if isinstance(e, EquilibriumSet):
-            entry |= {
-                "dimension": e.dimension,
-                "extent": {x: list(ends) for x, ends in e.extent.items()},
-            }
-        entries.append(entry)
-    certified = bool(entries) and all(entry["certificate"]["ok"] for entry in entries)
-    return {
-        "certified": certified,
-        "message": found.message,
-        "tried": found.tried,
-        "equilibria": entries,
-    }
-
-
-def equilibria_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    """The short table."""
-    entries = summary["equilibria"]
-    outcome = f"{len(entries)} found" if entries else summary["message"]
-    rows = [("set" if "extent" in e else "equilibrium", e["text"]) for e in entries]
-    verdict = (
-        [("certificate", "certified" if summary["certified"] else "not certified")]
-        if entries
-        else []
-    )
-    return [("outcome", outcome), *shortened(rows), *verdict]
-
-
-# -- cycle -----------------------------------------------------------------------------------------
-
-
-def summarise_cycle(found: Cycle) -> dict[str, Any]:
-    """Everything about a cycle that fits on a page; plain data."""
-    from dataclasses import asdict
-
-    return {
-        "certified": found.certificate.ok,
-        "certificate": found.certificate.to_dict(),
-        **{
-            x: getattr(found, x)
-            for x in ("period", "stable", "stability", "drift", "speed", "stick_time", "slip_time")
-        },
-        "state": found.state,
-        "units": found.units,
-        "multipliers": [[float(z.real), float(z.imag)] for z in found.multipliers],
-        "extrema": {name: list(ends) for name, ends in found.extrema.items()},
-        "contacts": {name: asdict(share) for name, share in found.contacts.items()},
-        "phases": [asdict(phase) for phase in found.phases],
-        "energy_per_distance": found.energy_per_distance,
-        "dissipated": found.dissipated,
-        "residual": found.residual,
-    }
-
-
-def cycle_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    """The short table."""
-    from stickslip.cli.report import certificate_rows
-
-    multipliers = [f"{x:.6g}" + (f"{y:+.6g}i" if y else "") for x, y in summary["multipliers"]]
-
-    def text(name: str, unit: str, digits: int = 9) -> str:
-        return with_unit(summary[name], summary["units"][unit], digits)
-
-    rows = [
-        ("period", text("period", "time", 12)),
-        ("stability", summary["stability"]),
-        ("multipliers", ", ".join(multipliers[:SHOWN])),
-    ]
-    if summary["contacts"]:
-        rows.append(("stick, slip", f"{text('stick_time', 'time')}, {text('slip_time', 'time')}"))
-    if summary["drift"]:
-        rows.append(("drift", f"{text('drift', 'drift')} a period, speed {text('speed', 'speed')}"))
-        rows.append(("energy per distance", text("energy_per_distance", "energy_per_distance")))
-    return [*rows, *certificate_rows(summary["certificate"])]
-
-
-# -- branch ----------------------------------------------------------------------------------------
-
-
-def summarise_branch(found: Branch) -> dict[str, Any]:
-    """Everything about a branch that fits on a page; plain data."""
-    from dataclasses import asdict
-
-    points = found.points
-    return {
-        "complete": found.complete,
-        "certified": found.certificate.ok,
-        "certificate": found.certificate.to_dict(),
-        "parameter": found.parameter,
-        "points": int(points.sizes["point"]),
-        "range": [float(points[found.parameter].min()), float(points[found.parameter].max())],
-        "special": [asdict(s) | {"text": s.describe()} for s in found.special],
-        "ended": found.ended,
-    }
-
-
-def branch_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    """The short table."""
-    from stickslip.cli.report import certificate_rows
-
-    low, high = summary["range"]
-    rows = [("points", f"{summary['points']}, {summary['parameter']} = {low:.9g} to {high:.9g}")]
-    rows += shortened([("special point", s["text"]) for s in summary["special"]])
-    return [*rows, ("ended", summary["ended"]), *certificate_rows(summary["certificate"])]
-
-
-# -- basin -----------------------------------------------------------------------------------------
-
-
-def summarise_basin(found: xarray.Dataset) -> dict[str, Any]:
-    """Everything about basins that fits on a page; plain data."""
-    table = found.drop_dims([d for d in found["attractor"].dims])
-    entries = [
-        {str(name): values.values[i].item() for name, values in table.items()}
-        | {"name": str(table["reached"].values[i])}
-        for i in range(table.sizes["reached"])
-    ]
-    labels = found["attractor"].values
-    return {
-        "complete": not found.attrs["interrupted"],
-        "certified": bool(found["certified"].all()) and int(labels.min()) >= 0,
-        "uncertified": int(((found["lacking"].values > 0) & (labels >= 0)).sum()),
-        "section": {
-            str(d): [float(found[d][0]), float(found[d][-1]), found.sizes[d]]
-            for d in found["attractor"].dims
-        },
-        "attractors": entries,
-        "units": {name: found[name].attrs["units"] for name in ("period", "speed")},
-        **{name: int((labels == code).sum()) for code, name in NOWHERE.items()},
-    }
-
-
-def basin_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    """The short table."""
-    rows = []
-    for e in summary["attractors"]:
-        said = [
-            f"{x} {with_unit(e[x], summary['units'][x], 6)}" for x in ("period", "speed") if e[x]
-        ]
-        said += [e["stability"]] * (e["stability"] not in ("", "stable")) + ["one of a family"] * e[
-            "family"
-        ]
-        more = "".join(f", {text}" for text in said)
-        rows.append((e["name"].replace("_", " "), f"{100 * e['share']:.3g} % of the section{more}"))
-    rows = shortened(rows)
-    names = (*NOWHERE.values(), "uncertified")
-    rows += [(name.replace("_", " "), f"{summary[name]} states") for name in names if summary[name]]
-    return [*rows, ("certificate", "certified" if summary["certified"] else "not certified")]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import re
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,22 +10,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from stickslip.cli.models import assignments, load_model, numbers
+from stickslip.cli.present import Initial, Model, Settings, folder_of
+from stickslip.cli.report import print_summary
 from stickslip.errors import DeclarationError
-from stickslip.model.units import with_unit
 
 if TYPE_CHECKING:
-    import xarray
-
     from stickslip.sweeps.adaptive import Adaptive
     from stickslip.sweeps.sweep import Progress
-
-Model = Annotated[
-    str,
-    typer.Argument(
-        metavar="MODEL", help="A name of the catalogue (see: stickslip list) or a .toml file."
-    ),
-]
-Store = Annotated[Path, typer.Argument(metavar="STORE", help="A map written by: stickslip sweep")]
 
 
 def sweep(
@@ -55,22 +46,8 @@ def sweep(
         Path | None,
         typer.Option("--out", metavar="STORE", help="The map.  [default: out/NAME.zarr]"),
     ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="NAME=VALUE",
-            help="Parameter, or free function as a formula; may be repeated.",
-        ),
-    ] = None,
-    initial: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--initial",
-            metavar="NAME=VALUE",
-            help="Initial value, such as psi=0.8; may be repeated.",
-        ),
-    ] = None,
+    settings: Settings = None,
+    initial: Initial = None,
     rtol: Annotated[float, typer.Option("--rtol", help="Accuracy of the motions.")] = 1e-10,
     tolerance: Annotated[
         float,
@@ -139,26 +116,25 @@ def sweep(
 
     Exit code: 0 complete, 2 wrong input, 130 interrupted (what was computed is kept).
     """
+    from stickslip import Settings as MapSettings
+    from stickslip import sweep as compute
     from stickslip.cli.app import INTERRUPTED, finish
-    from stickslip.cli.models import assignments, load_model, numbers
-    from stickslip.orbits.settling.motions import Settings
-    from stickslip.sweeps.sweep import sweep as compute
 
     system = load_model(model, settings or [])
     start = numbers(assignments(initial or [], "--initial"), "--initial")
-    path = out or Path("out") / (re.sub(r"[^\w.-]+", "_", system.name) + ".zarr")
+    path = out or folder_of(system.name).with_suffix(".zarr")
     try:
         with (
             _workers(scheduler, local_cluster, processes, workers) as who,
             _progress(str(path)) as progress,
         ):
-            data = compute(
+            found = compute(
                 system,
                 over,
                 measure,
                 path,
                 initial=start,
-                settings=Settings(
+                settings=MapSettings(
                     tolerance=tolerance, max_time=max_time, longest_cycle=longest_cycle, rtol=rtol
                 ),
                 seed=seed,
@@ -175,27 +151,33 @@ def sweep(
         finish(
             f"interrupted; what was computed is in {path}; the same command goes on", INTERRUPTED
         )
-    _report(data, path)
+    summary = found.summary()
+    if found.outcome.interrupted:
+        finish(f"interrupted; {found.message} in {path}", INTERRUPTED)
+    print_summary(summary, more=[("written", str(path))])
 
 
 def plot(
-    store: Store,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A stored result, or a map.")],
     measure: Annotated[
         list[str] | None,
-        typer.Option("--measure", metavar="MEASURE", help="What to show; may be repeated."),
+        typer.Option("--measure", metavar="NAME", help="What to show; may be repeated."),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE", help="The picture.  [default: STORE with .png]"),
+        typer.Option("--out", metavar="FILE", help="The picture.  [default: FILE with .png]"),
     ] = None,
 ) -> None:
-    """Draw a stored map: lines over one axis, a map over two, small multiples over three."""
-    from stickslip.figures.drawing.style import paper_style
-    from stickslip.figures.sweep import plot_sweep
-    from stickslip.sweeps.sweep import open_sweep
+    """Draw a stored result: a motion, a cycle, a branch, a basin, a map or any other.
 
-    figure = plot_sweep(open_sweep(store), measure)
-    picture = out or (store if store.stem else store.resolve()).with_suffix(".png")
+    By default an overview; with --measure, these measures of a map, or these quantities.
+    """
+    from stickslip import open as open_result
+    from stickslip.figures.drawing.style import paper_style
+
+    with paper_style():
+        figure = open_result(file).plot(*(measure or ()))
+    picture = out or (file if file.stem else file.resolve()).with_suffix(".png")
     try:
         with paper_style():
             figure.savefig(picture)
@@ -265,97 +247,3 @@ def points_line(state: Progress) -> str:
         f"{count:,} {Outcome.from_code(code).label}" for code, count in state.outcomes.items()
     )
     return f"{state.done:,} of {state.total:,} points{rate}" + (f": {ends}" if ends else "")
-
-
-def _report(data: xarray.Dataset, path: Path) -> None:
-    """What the map holds, and how the command ends."""
-    import numpy as np
-
-    from stickslip.cli.app import INTERRUPTED, finish
-    from stickslip.cli.report import print_table
-    from stickslip.sweeps.request.measures import LACKING
-    from stickslip.sweeps.request.plan import NOT_COMPUTED
-
-    outcome = data["outcome"]
-    lacking = data["lacking"].values
-    codes = outcome.values
-    done = int(np.count_nonzero(codes >= 0))
-    if np.any(codes == NOT_COMPUTED):
-        kept = f"{done:,} of {codes.size:,} points are in {path}; the same command goes on"
-        finish(f"interrupted; {kept}", INTERRUPTED)
-    good = int(np.count_nonzero((lacking == LACKING.index("nothing")) & (codes >= 0)))
-    words = dict(
-        zip(outcome.attrs["flag_values"], outcome.attrs["flag_meanings"].split(), strict=True)
-    )
-    rows = [
-        (
-            "points",
-            f"{done:,}"
-            + (f" of {codes.size:,}, the others interpolated" if done < codes.size else ""),
-        )
-    ]
-    rows += [
-        ("  " + words[c].replace("_", " "), f"{np.count_nonzero(codes == c):,}")
-        for c in np.unique(codes)
-        if c >= 0
-    ]
-    rows += [("certified", f"{good:,}"), *_lacking(data), *_outside(data), *_missing(data)]
-    rows += [("written", str(path))]
-    print_table(data.attrs["title"], rows, good == done)
-
-
-def _lacking(data: xarray.Dataset) -> list[tuple[str, str]]:
-    """How many points lack what to be certified."""
-    import numpy as np
-
-    from stickslip.sweeps.request.measures import LACKING
-
-    lacking = data["lacking"].values[data["outcome"].values >= 0]
-    codes, counts = np.unique(lacking[lacking > 0], return_counts=True)
-    said = [f"{count:,} {LACKING[code]}" for code, count in zip(codes, counts, strict=True)]
-    return [("  lacking", ", ".join(said))] if said else []
-
-
-def _outside(data: xarray.Dataset) -> list[tuple[str, str]]:
-    """What can be done about points that start outside the stable set."""
-    import numpy as np
-
-    from stickslip.motion.outcome import Outcome
-
-    outside = data["outcome"].values == Outcome.OUTSIDE.code
-    if not np.any(outside):
-        return []
-    largest = with_unit(
-        float(np.max(data["excess"].values[outside])), data["excess"].attrs["units"], 3
-    )
-    count = np.count_nonzero(outside)
-    reason = (
-        f"{count:,} starts violate |∂Φ| ≤ s, by up to {largest}, so that no motion begins there"
-    )
-    remedy = (
-        "start where friction holds: --initial NAME=VALUE, "
-        "or let it vary along, as in --over 'P,x_R=...'"
-    )
-    return [("starts", reason), ("", remedy)]
-
-
-def _missing(data: xarray.Dataset) -> list[tuple[str, str]]:
-    """How often a function of the user's has no value, and why."""
-    import numpy as np
-
-    rows = []
-    for name in data.data_vars:
-        if str(name).endswith("_missing"):
-            words = data[name].attrs["flag_meanings"].split()
-            codes, counts = np.unique(
-                data[name].values[data["outcome"].values >= 0], return_counts=True
-            )
-            why = [
-                f"{count:,} {words[c].replace('_', ' ')}"
-                for c, count in zip(codes, counts, strict=True)
-                if c
-            ]
-            rows += (
-                [(f"missing {str(name).removesuffix('_missing')}", ", ".join(why))] if why else []
-            )
-    return rows

@@ -52,6 +52,12 @@ def is_word(name: str) -> bool:
     return len(first) > 1 and first not in GREEK
 
 
+def unicode_symbol(name: str) -> str:
+    """The symbol of a published quantity; ``d_x`` is a rate."""
+    rate = name.startswith("d_") and len(name) > 2
+    return unicode_name(name[2:], 1) if rate else unicode_name(name)
+
+
 def unicode_name(name: str, dots: int = 0) -> str:
     """The name as a symbol for the terminal, with one or two dots for rates."""
     if is_word(name):

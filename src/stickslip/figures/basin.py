@@ -5,17 +5,21 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from stickslip.errors import DeclarationError
 from stickslip.figures.drawing.style import (
     STICK_LINE,
     STICK_SHADE,
     axis_label,
+    legend_above,
     line_colours,
     new_figure,
     paper_style,
+    root_of,
 )
 from stickslip.model.units import with_unit
 
@@ -27,56 +31,67 @@ NOWHERE = {-3: ("undamped", "#D8D2C8"), -2: ("not settled", "#FFFFFF"), -1: ("st
 HATCH = "////"
 
 
-def plot_basin(basin: xarray.Dataset) -> Figure:
+def plot_basin(basin: xarray.Dataset, ax: Axes | None = None) -> Figure:
     """Which attractor each initial state reaches; the legend names its speed or period. Hatched:
     not certified.
 
     Parameters
     ----------
     basin : xarray.Dataset
-        From :func:`stickslip.sweeps.basin.basin`, over two states.
+        Of a :class:`stickslip.Basin`, over two states.
+    ax : matplotlib.axes.Axes, optional
+        Draw into these axes.
 
     Returns
     -------
     matplotlib.figure.Figure
-    """
-    from stickslip.errors import DeclarationError
 
-    labels = basin["attractor"]
-    if labels.ndim != 2:
-        raise DeclarationError("over", f"{labels.ndim} states vary", "A map needs two")
-    across, up = map(str, labels.dims)
-    colours = [colour for _, colour in NOWHERE.values()] + _colours(basin)
-    bad = _uncertified(basin)
+    Raises
+    ------
+    DeclarationError
+        If not two states vary.
+    """
+    if basin["attractor"].ndim != 2:
+        raise DeclarationError(
+            "over", f"{basin['attractor'].ndim} states vary", "A picture needs two"
+        )
+    if ax is not None:
+        legend_above(ax, _draw(ax, basin))
+        return root_of(ax)
     with paper_style():
         figure = new_figure(6.0, 4.6)
-        axes = figure.add_subplot()
-        norm = BoundaryNorm(np.arange(-3.5, len(colours) - 3), len(colours))
-        axes.pcolormesh(
-            basin[across].values,
-            basin[up].values,
-            labels.values.T,
-            cmap=ListedColormap(colours),
-            norm=norm,
-            shading="nearest",
-            alpha=OPAQUE,
-            rasterized=True,
-        )
-        axes.set_xlabel(axis_label([across], str(basin[across].attrs.get("units", ""))))
-        axes.set_ylabel(axis_label([up], str(basin[up].attrs.get("units", ""))))
-        shown = [(code, _name(basin, code)) for code in np.unique(labels.values)]
-        handles = [
-            Patch(fc=(colours[code + 3], OPAQUE), ec="#444444", lw=0.6, label=name)
-            for code, name in shown
-        ]
-        if np.any(bad):
-            style: dict[str, Any] = {"levels": [0.5, 1.5], "colors": "none", "hatches": [HATCH]}
-            axes.contourf(basin[across].values, basin[up].values, bad.T.astype(float), **style)
-            handles.append(
-                Patch(fc="none", ec=STICK_LINE, lw=0.0, hatch=HATCH, label="not certified")
-            )
+        handles = _draw(figure.add_subplot(), basin)
         figure.legend(handles=handles, loc="outside upper left", ncols=3)
     return figure
+
+
+def _draw(axes: Axes, basin: xarray.Dataset) -> list[Patch]:
+    """The section in colours; what they stand for."""
+    labels = basin["attractor"]
+    across, up = map(str, labels.dims)
+    colours = [colour for _, colour in NOWHERE.values()] + _colours(basin)
+    axes.pcolormesh(
+        basin[across].values,
+        basin[up].values,
+        labels.values.T,
+        cmap=ListedColormap(colours),
+        norm=BoundaryNorm(np.arange(-3.5, len(colours) - 3), len(colours)),
+        shading="nearest",
+        alpha=OPAQUE,
+        rasterized=True,
+    )
+    axes.set_xlabel(axis_label([across], str(basin[across].attrs.get("units", ""))))
+    axes.set_ylabel(axis_label([up], str(basin[up].attrs.get("units", ""))))
+    handles = [
+        Patch(fc=(colours[code + 3], OPAQUE), ec="#444444", lw=0.6, label=_name(basin, code))
+        for code in np.unique(labels.values)
+    ]
+    bad = _uncertified(basin)
+    if np.any(bad):
+        style: dict[str, Any] = {"levels": [0.5, 1.5], "colors": "none", "hatches": [HATCH]}
+        axes.contourf(basin[across].values, basin[up].values, bad.T.astype(float), **style)
+        handles.append(Patch(fc="none", ec=STICK_LINE, lw=0.0, hatch=HATCH, label="not certified"))
+    return handles
 
 
 def _colours(basin: xarray.Dataset) -> list[str]:

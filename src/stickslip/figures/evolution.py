@@ -19,10 +19,13 @@ from stickslip.figures.drawing.style import (
     legend_above,
     new_figure,
     paper_style,
+    root_of,
 )
 from stickslip.figures.drawing.thinning import strip, thin
 
 if TYPE_CHECKING:
+    import xarray
+
     from stickslip.rate_independent.evolution.averaging_study import AveragingStudy
     from stickslip.rate_independent.evolution.history import History
 
@@ -122,39 +125,52 @@ def _energies(axes: Axes, history: History) -> None:
     legend_above(axes)
 
 
-def plot_study(study: AveragingStudy) -> Figure:
+def plot_study(study: AveragingStudy, ax: Axes | None = None) -> Figure:
     """Distance from the averaged motion against ε with its fitted rate, and what happens to the
     rates.
 
     Parameters
     ----------
     study : AveragingStudy
+    ax : matplotlib.axes.Axes, optional
+        Draw the distances into these axes.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
-    table = study.table
-    epsilon = table["epsilon"].values
+    if ax is not None:
+        _motions(ax, study.dataset)
+        return root_of(ax)
     with paper_style():
         figure = new_figure(WIDTH, 3.6)
         left, right = figure.subplots(1, 2)
-        _fitted(left, epsilon, table["distance"].values, BLUE, r"$\sup\,|z_\varepsilon - z_0|$")
-        _fitted(left, epsilon, table["equicontinuity"].values, ORANGE, r"$\omega(\varepsilon)$")
-        left.set_ylabel("motions")
-        _fitted(
-            right,
-            epsilon,
-            table["weak_distance"].max("test").values,
-            GREEN,
-            r"$|\langle\dot z_\varepsilon - \dot z_0, \varphi\rangle|$",
-        )
-        _fitted(right, epsilon, table["rate_l2"].values, VERMILION, r"$|\dot z_\varepsilon|_{L^2}$")
-        right.set_ylabel("rates")
-        for axes in (left, right):
-            axes.set_xlabel(r"$\varepsilon$")
-            axes.legend()
+        _motions(left, study.dataset)
+        _rates(right, study.dataset)
         return figure
+
+
+def _motions(axes: Axes, data: xarray.Dataset) -> None:
+    """How far the motions are from their limit, and from being equicontinuous."""
+    epsilon = data["epsilon"].values
+    distance = data["distance"].values
+    _fitted(axes, epsilon, distance, BLUE, r"$\sup\,|z_\varepsilon - z_0|$")
+    _fitted(axes, epsilon, data["equicontinuity"].values, ORANGE, r"$\omega(\varepsilon)$")
+    axes.set_ylabel("motions")
+    axes.set_xlabel(r"$\varepsilon$")
+    axes.legend()
+
+
+def _rates(axes: Axes, data: xarray.Dataset) -> None:
+    """Weak convergence of the rates, and their norms, which do not converge."""
+    epsilon = data["epsilon"].values
+    weak = data["weak_distance"].max("test").values
+    label = r"$|\langle\dot z_\varepsilon - \dot z_0, \varphi\rangle|$"
+    _fitted(axes, epsilon, weak, GREEN, label)
+    _fitted(axes, epsilon, data["rate_l2"].values, VERMILION, r"$|\dot z_\varepsilon|_{L^2}$")
+    axes.set_ylabel("rates")
+    axes.set_xlabel(r"$\varepsilon$")
+    axes.legend()
 
 
 def _fitted(axes: Axes, epsilon: Array, values: Array, colour: str, label: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -11,15 +11,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from stickslip.errors import DeclarationError
+from stickslip.errors import DeclarationError, short
 from stickslip.figures.drawing.style import (
     BLUE,
     LINES,
     STICK_LINE,
     axis_label,
+    legend_above,
     line_colours,
     new_figure,
     paper_style,
+    root_of,
 )
 from stickslip.model.quantities import drift_units
 
@@ -32,7 +34,11 @@ VANISHING = ("Hopf", "boundary equilibrium")  # there a cycle is a point
 
 
 def plot_branch(
-    branch: Branch, names: list[str] | None = None, *, others: Sequence[Branch] = ()
+    branch: Branch,
+    names: list[str] | None = None,
+    *,
+    others: Sequence[Branch] = (),
+    ax: Axes | None = None,
 ) -> Figure:
     """Bifurcation diagram: stable points solid, unstable ones dashed, special points marked and
     named.
@@ -48,53 +54,85 @@ def plot_branch(
     others : sequence of Branch
         Of the same system and parameter, such as the cycles that are born on a branch of
         equilibria.
+    ax : matplotlib.axes.Axes, optional
+        Draw the first of the names into these axes.
 
     A curve in two parameters is drawn in their plane, together with others there: of Hopf points
     those at which a stable cycle is born are solid, the others dashed.
+
+    Raises
+    ------
+    DeclarationError
+        If a name is no variable of the points, or another curve is over other parameters.
     """
-    if branch.second:
-        return _plot_curves([branch, *others])
-    names = names or _changing(branch)
     every = [branch, *others]
-    with paper_style():
-        figure = new_figure(6.4, 1.2 + 2.4 * len(names))
-        panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    if branch.second:
+        return _on_page(ax, 4.4, 2, lambda panels: _draw_curves(panels[0], every))
+    names = _known(branch, names) if names else _changing(branch)
+    names = names[:1] if ax is not None else names
+
+    def draw(panels: Sequence[Axes]) -> list[Line2D]:
         for axes, name in zip(panels, names, strict=True):
             for one in every:
                 _draw(axes, one, name, _markers(every))
             axes.set_ylabel(axis_label([name], _unit(branch, name)))
         parameter = branch.system.parameters[branch.parameter]
         panels[-1].set_xlabel(axis_label([branch.parameter], parameter.unit))
-        figure.legend(handles=_legend(every), loc="outside upper left", ncols=3)
+        return _legend(every)
+
+    return _on_page(ax, 1.2 + 2.4 * len(names), 3, draw, len(names))
+
+
+def _on_page(
+    ax: Axes | None,
+    height: float,
+    columns: int,
+    draw: Callable[[Sequence[Axes]], list[Line2D]],
+    rows: int = 1,
+) -> Figure:
+    """Draw into given axes, or into panels of a new figure, with the legend above."""
+    if ax is not None:
+        legend_above(ax, draw([ax]))
+        return root_of(ax)
+    with paper_style():
+        figure = new_figure(6.4, height)
+        handles = draw(list(figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]))
+        figure.legend(handles=handles, loc="outside upper left", ncols=columns)
     return figure
 
 
-def _plot_curves(curves: list[Branch]) -> Figure:
-    """Curves of special points in the plane of two parameters."""
+def _known(branch: Branch, names: list[str]) -> list[str]:
+    """The names, if all are variables of the points."""
+    variables = [str(name) for name in branch.points.data_vars]
+    known = [*variables, *(n.removeprefix("max_") for n in variables if n.startswith("max_"))]
+    for name in names:
+        if name not in known:
+            raise DeclarationError(
+                "quantities", f"there is no '{short(str(name))}'", f"There are {', '.join(known)}"
+            )
+    return names
+
+
+def _draw_curves(axes: Axes, curves: list[Branch]) -> list[Line2D]:
+    """Curves of special points in the plane of two parameters; the handles of a legend."""
     names = curves[0].parameter, curves[0].second
     for curve in curves:
         if not all(name in curve.points for name in names):
             raise DeclarationError(
                 "others", f"a curve over {curve.parameter}", f"Give curves over {', '.join(names)}"
             )
-    with paper_style():
-        figure = new_figure(6.4, 4.4)
-        axes = figure.subplots()
-        handles = []
-        markers = _markers(curves)
-        for curve, colour in zip(curves, line_colours(len(curves)), strict=True):
-            handles += _draw_curve(axes, curve, names, colour)
-            for point in curve.special:
-                axes.plot(
-                    *(point.parameters[name] for name in names), **markers[point.kind], zorder=3
-                )
-        units = [curves[0].system.parameters[name].unit for name in names]
-        axes.set_xlabel(axis_label(names[:1], units[0]))
-        axes.set_ylabel(axis_label(names[1:], units[1]))
-        axes.margins(0.05)
-        handles += [Line2D([], [], **style, label=kind) for kind, style in markers.items()]
-        figure.legend(handles=handles, loc="outside upper left", ncols=2)
-    return figure
+    handles = []
+    markers = _markers(curves)
+    for curve, colour in zip(curves, line_colours(len(curves)), strict=True):
+        handles += _draw_curve(axes, curve, names, colour)
+        for point in curve.special:
+            place = (point.parameters[name] for name in names)
+            axes.plot(*place, **markers[point.kind], zorder=3)
+    units = [curves[0].system.parameters[name].unit for name in names]
+    axes.set_xlabel(axis_label(names[:1], units[0]))
+    axes.set_ylabel(axis_label(names[1:], units[1]))
+    axes.margins(0.05)
+    return handles + [Line2D([], [], **style, label=kind) for kind, style in markers.items()]
 
 
 def _draw_curve(axes: Axes, curve: Branch, names: tuple[str, str], colour: str) -> list[Line2D]:

@@ -18,6 +18,7 @@ from stickslip.figures.drawing.style import (
     line_colours,
     new_figure,
     paper_style,
+    root_of,
 )
 from stickslip.figures.drawing.thinning import chosen, thin
 
@@ -31,17 +32,22 @@ WIDTH = 7.2  # inches
 HEIGHT = 3.8  # inches
 
 
-def plot_play(play: Play) -> Figure:
+def plot_play(play: Play, ax: Axes | None = None) -> Figure:
     """z over time, the stable region shaded.
 
     Parameters
     ----------
     play : Play
+    ax : matplotlib.axes.Axes, optional
+        Draw into these axes.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
+    if ax is not None:
+        _draw(ax, play, "z", "stable region")
+        return root_of(ax)
     with paper_style():
         figure = new_figure(WIDTH, HEIGHT)
         _draw(figure.add_subplot(), play, "z", "stable region")

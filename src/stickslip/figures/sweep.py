@@ -27,11 +27,12 @@ from stickslip.figures.drawing.style import (
     legend_above,
     new_figure,
     paper_style,
+    root_of,
 )
 from stickslip.model.units import unit_label, with_unit
 from stickslip.motion.outcome import Outcome
 from stickslip.sweeps.request.axes import SAMPLES
-from stickslip.sweeps.request.measures import LACKING, OWN
+from stickslip.sweeps.request.measures import LACKING, measures_of
 from stickslip.sweeps.request.plan import INTERPOLATED, NOT_COMPUTED
 
 if TYPE_CHECKING:
@@ -47,7 +48,9 @@ HATCH = "////"
 GREYS = (STICK_SHADE, "#B9B9B9", "#8F8F8F", "#D8D2C8", "#6E6E6E")
 
 
-def plot_sweep(data: xarray.Dataset, measures: Sequence[str] | None = None) -> Figure:
+def plot_sweep(
+    data: xarray.Dataset, measures: Sequence[str] | None = None, ax: Axes | None = None
+) -> Figure:
     """The picture of a map.
 
     Points without a certificate are hatched (hollow, on a line), and the legend says what they
@@ -57,9 +60,11 @@ def plot_sweep(data: xarray.Dataset, measures: Sequence[str] | None = None) -> F
     Parameters
     ----------
     data : xarray.Dataset
-        As :func:`stickslip.sweep` gives it, with one, two or three axes.
+        Of a :class:`stickslip.Map`, with one, two or three axes.
     measures : sequence of str, optional
         What is shown; by default all measures. ``"outcome"`` is understood, too.
+    ax : matplotlib.axes.Axes, optional
+        Draw the first measure of a map over one or two axes into these.
 
     Raises
     ------
@@ -68,6 +73,9 @@ def plot_sweep(data: xarray.Dataset, measures: Sequence[str] | None = None) -> F
     """
     names = _chosen(data, measures)
     dimensions = list(data["outcome"].dims)
+    if ax is not None and len(dimensions) <= 2:
+        _draw_into(ax, data, names)
+        return root_of(ax)
     with paper_style():
         if len(dimensions) == 1:
             return _lines(data, names)
@@ -79,13 +87,6 @@ def plot_sweep(data: xarray.Dataset, measures: Sequence[str] | None = None) -> F
     raise DeclarationError(
         "plot", f"a map over {count} axes has no picture", "Choose values of some: data.sel(P=1)"
     )
-
-
-def measures_of(data: xarray.Dataset) -> list[str]:
-    """The measures that a map holds."""
-    order = data.attrs.get("stickslip_measures", "")
-    names = [str(n) for n in data.data_vars if n not in OWN and not str(n).endswith("_missing")]
-    return sorted(names, key=lambda name: order.find(f'"{name}'))
 
 
 def _chosen(data: xarray.Dataset, measures: Sequence[str] | None) -> list[str]:
@@ -109,34 +110,57 @@ def _lines(data: xarray.Dataset, names: list[str]) -> Figure:
     figure = new_figure(6.4, 0.9 + 2.2 * len(names))
     figure.suptitle(data.attrs["title"], x=0.01, ha="left", fontsize=13)
     panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-    x = data[along[0]].values
-    order = np.argsort(x)
-    computed = data["outcome"].values[order] >= 0
-    scattered = data[along[0]].attrs.get("spacing") in SAMPLES
-    marker = "." if len(x) <= 80 or scattered else ""
     for axes, name in zip(panels, names, strict=True):
-        values = np.where(computed, data[name].values[order], np.nan)
-        axes.plot(
-            x[order], values, color=BLUE, marker=marker, linestyle="none" if scattered else "-"
-        )
-        bad = _uncertified(data, name)[order]
-        axes.plot(x[order][bad], values[bad], "o", mfc="white", mec=VERMILION, ms=5, zorder=3)
-        for colour, here in _gaps(data, names, name).items():
-            level = np.full(np.count_nonzero(here), 0.03)
-            axes.plot(
-                x[here], level, "|", color=colour, ms=8, mew=2, transform=axes.get_xaxis_transform()
-            )
-        axes.set_ylabel(_label(data, name, 26))
+        _line(axes, data, names, name, along[0])
     _scale(panels[-1], data, along[0], "x")
     panels[-1].set_xlabel(_axis_text(data, along[:1]))
-    marks = [
-        Line2D([], [], linestyle="none", marker="|", ms=8, mew=2, color=colour, label=text)
-        for colour, text in _reasons(data, names).items()
-    ]
-    marks += _mark(data, names, "white")
+    marks = _gap_marks(data, names)
     if marks:
         legend_above(panels[0], marks, right=True)
     return figure
+
+
+def _line(axes: Axes, data: xarray.Dataset, names: list[str], name: str, along: str) -> None:
+    """One measure over one axis; hollow: not certified, ticks below: without a value."""
+    x = data[along].values
+    order = np.argsort(x)
+    computed = data["outcome"].values[order] >= 0
+    scattered = data[along].attrs.get("spacing") in SAMPLES
+    marker = "." if len(x) <= 80 or scattered else ""
+    line = "none" if scattered else "-"
+    values = np.where(computed, data[name].values[order], np.nan)
+    axes.plot(x[order], values, color=BLUE, marker=marker, linestyle=line)
+    bad = _uncertified(data, name)[order]
+    axes.plot(x[order][bad], values[bad], "o", mfc="white", mec=VERMILION, ms=5, zorder=3)
+    below = axes.get_xaxis_transform()
+    for colour, here in _gaps(data, names, name).items():
+        level = np.full(np.count_nonzero(here), 0.03)
+        axes.plot(x[here], level, "|", color=colour, ms=8, mew=2, transform=below)
+    axes.set_ylabel(_label(data, name, 26))
+
+
+def _gap_marks(data: xarray.Dataset, names: list[str]) -> list[Line2D]:
+    """What hollow points and ticks stand for."""
+    style: dict[str, Any] = {"linestyle": "none", "marker": "|", "ms": 8, "mew": 2}
+    reasons = _reasons(data, names).items()
+    marks = [Line2D([], [], color=colour, label=text, **style) for colour, text in reasons]
+    return marks + _mark(data, names, "white")
+
+
+def _draw_into(axes: Axes, data: xarray.Dataset, names: list[str]) -> None:
+    """The first measure in given axes."""
+    if data["outcome"].ndim == 2:
+        draw_map(axes, data, names[0])
+        return
+    along = _coordinates(data, str(data["outcome"].dims[0]))[:1]
+    _line(axes, data, names[:1], names[0], along[0])
+    _scale(axes, data, along[0], "x")
+    axes.set_xlabel(_axis_text(data, along))
+    if marks := _gap_marks(data, names[:1]):
+        room = int(LETTERS * root_of(axes).get_figwidth() * axes.get_position().width)
+        for mark in marks:
+            mark.set_label(fill(str(mark.get_label()), room))
+        legend_above(axes, marks, right=True)
 
 
 def _mark(data: xarray.Dataset, names: list[str], inside: str) -> list[Line2D]:

@@ -284,6 +284,10 @@ class System:
         """Default values of the parameters."""
         return {name: p.default for name, p in self.parameters.items()}
 
+    def heading(self) -> dict[str, Any]:
+        """What a summary of its results says of it: its name and its given functions."""
+        return {"model": self.name, "functions": {**self.functions, **self.drives}}
+
     def equations(self, latex: bool = False) -> Any:
         """The equations as a person would write them: Unicode text, or LaTeX."""
         from stickslip.display.equations import Equations

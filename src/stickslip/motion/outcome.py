@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from enum import Enum
+from stickslip.results import Ended
 
 
-class Outcome(Enum):
+class Outcome(Ended):
     """How a motion ended; ``message`` says what it means and what to do.
 
     Everything computed up to there is kept in the result.
@@ -77,21 +77,8 @@ class Outcome(Enum):
         "of slip. Keep 0 <= kinetic, and kinetic <= threshold at speed 0",
     )
 
-    def __init__(self, code: int, label: str, message: str) -> None:
-        self.code = code
-        self.label = label
-        self.message = message
-
     @property
     def ok(self) -> bool:
         """Whether what was asked for was computed: the whole time span, or what the motion settles
         on."""
         return self in (Outcome.FINISHED, Outcome.AT_REST, Outcome.PERIODIC, Outcome.STEADY)
-
-    @classmethod
-    def from_code(cls, code: int) -> Outcome:
-        """The outcome with a number."""
-        for outcome in cls:
-            if outcome.code == code:
-                return outcome
-        raise ValueError(f"{code} is the code of no outcome")

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.certificates import Certificate, Residual
 from stickslip.errors import DeclarationError
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
@@ -18,14 +20,109 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import SLOTS, Problem, pose
 from stickslip.motion.simulate import check_positive, check_span
 from stickslip.motion.steps.arrays import CROSSED, NOW, SWITCHES, TAKEN, Lane
+from stickslip.results import Completion, Result
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Array = np.ndarray
 BATCH_SLOTS = 12  # closed forms kept for each set of parameters of a batch
 BLOCK_BYTES = 32e6  # for the closed forms of the motions that are worked on together
 MOST_LANES = 2048
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Ensemble(Result):
+    """Many motions of a system: where each ended, and how.
+
+    Attributes
+    ----------
+    system : System
+    parameters : dict of str to float
+        That are the same for all.
+    dataset : xarray.Dataset
+        Dimension ``trajectory``.
+    """
+
+    KIND = "ensemble"
+
+    system: System
+    parameters: dict[str, float]
+    dataset: xarray.Dataset
+
+    def __repr__(self) -> str:
+        return f"<Ensemble of {self.system.name}: {self.dataset.sizes['trajectory']} motions>"
+
+    def __getitem__(self, name: str) -> xarray.DataArray:
+        return self.dataset[name]
+
+    def __len__(self) -> int:
+        return self.dataset.sizes["trajectory"]
+
+    @property
+    def along(self) -> str:
+        """Dimension of the dataset."""
+        return "trajectory"
+
+    @property
+    def title(self) -> str:
+        """Of what they are motions."""
+        return self.system.title or self.system.name
+
+    @property
+    def counts(self) -> dict[Outcome, int]:
+        """How many motions ended how."""
+        codes, numbers = np.unique(self.dataset["outcome"].values, return_counts=True)
+        return {Outcome.from_code(int(c)): int(n) for c, n in zip(codes, numbers, strict=True)}
+
+    @property
+    def outcome(self) -> Completion:
+        """Whether all came to their end."""
+        every = all(outcome.ok for outcome in self.counts)
+        return Completion.FINISHED if every else Completion.STOPPED_EARLY
+
+    @property
+    def message(self) -> str:
+        """How many ended how, and what that means where it is not their end."""
+        found = self.counts.items()
+        said = ", ".join(f"{number} {outcome.label}" for outcome, number in found)
+        why = {f"{outcome.label}: {outcome.message}" for outcome, _ in found if not outcome.ok}
+        return "; ".join([said, *sorted(why)])
+
+    @property
+    def certificate(self) -> Certificate:
+        """Final states alone cannot be audited: `simulate` certifies a motion."""
+        unaudited = Residual("motions not audited", float(len(self)), 0.0)
+        return Certificate((unaudited,))
+
+    def facts(self) -> dict[str, Any]:
+        """What fits on a page, as plain data."""
+        ended = {outcome.label: number for outcome, number in self.counts.items()}
+        return {**self.system.heading(), "motions": len(self), "ended": ended}
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What fits on a page, in words."""
+        ended = [(f"  {outcome.label}", str(number)) for outcome, number in self.counts.items()]
+        return [("motions", str(len(self))), *ended]
+
+    def overview(self, ax: Axes | None = None) -> Figure:
+        """The final coordinates of all motions."""
+        names = [f"final_{name}" for name in self.system.declaration.coordinates]
+        return self.plot(*names, ax=ax)
+
+    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+        """The data, and of what it is."""
+        return self.dataset, {"system": self.system.to_toml(), "parameters": self.parameters}
+
+    @classmethod
+    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
+        """An ensemble as it was."""
+        from stickslip.model.system_file import loads
+
+        system = loads(parts["system"], f"{where}: system")
+        return cls(system, json.loads(parts["parameters"]), data)
 
 
 def simulate_many(
@@ -38,7 +135,7 @@ def simulate_many(
     atol: float = 1e-12,
     max_events: int = 1_000_000,
     workers: int | None = None,
-) -> xarray.Dataset:
+) -> Ensemble:
     """Final states of many motions of a system.
 
     Parameters
@@ -55,8 +152,9 @@ def simulate_many(
 
     Returns
     -------
-    xarray.Dataset
-        Dimension ``trajectory``: the given values, the final state (``final_psi`` …), ``time``
+    Ensemble
+        Its dataset has the dimension ``trajectory``: the given values, the final state
+        (``final_psi`` …), ``time``
         reached, ``outcome`` (codes with flag_meanings), ``switches`` of contacts, ``kinks``
         crossed, ``steps``.
 
@@ -107,7 +205,11 @@ def simulate_many(
         "kinks": ("trajectory", now.counters[:, CROSSED]),
         "steps": ("trajectory", now.counters[:, TAKEN]),
     }
-    return xr.Dataset(data, attrs={"title": system.title or system.name, "source": system.source})
+    dataset = xr.Dataset(
+        data, attrs={"title": system.title or system.name, "source": system.source}
+    )
+    fixed = {name: value for name, value in system.values.items() if name not in given_parameters}
+    return Ensemble(system, fixed, dataset)
 
 
 def run(

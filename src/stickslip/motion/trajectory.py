@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -20,19 +19,19 @@ from stickslip.motion.certify import certify
 from stickslip.motion.knots import Knots
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
+from stickslip.results import Result, listed
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
     import pandas
     import xarray
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from stickslip.motion.between.step_balance import Steps, Tally
 
 Array = np.ndarray
 GRID = 1000  # points of the dataset between knots
-KIND = "trajectory"  # of the stored file
-FORMAT = 1  # of the stored file
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ class Audit:
     largest: Array
 
 
-class Trajectory:
+class Trajectory(Result):
     """The motion of a system.
 
     Attributes
@@ -70,6 +69,8 @@ class Trajectory:
     outcome : Outcome
         How the computation ended.
     """
+
+    KIND = "trajectory"
 
     def __init__(
         self,
@@ -447,25 +448,49 @@ class Trajectory:
             zip(self._problem.compiled.layout.state, map(float, self.knots.state[-1]), strict=True)
         )
 
-    def plot(self) -> Figure:
-        """Time traces with stick phases shaded, and the phase plane where it says something."""
+    # -- what it says of itself --------------------------------------------------------------------
+
+    @property
+    def title(self) -> str:
+        """Of what it is the motion."""
+        return self.system.title or self.system.name
+
+    def facts(self) -> dict[str, Any]:
+        """What fits on a page, as plain data."""
+        return {
+            **self.system.heading(),
+            "t_span": list(self.t_span),
+            "end": float(self.knots.time[-1]),
+            "switches": self.n_switches,
+            "final": self.final,
+            "warnings": self.warnings,
+            "rtol": self.rtol,
+        }
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What fits on a page, in words."""
+        from stickslip.display.symbols import unicode_symbol
+
+        final = [f"{unicode_symbol(name)} = {value:.6g}" for name, value in self.final.items()]
+        rows = [
+            ("time", f"{self.t_span[0]:g} to {self.knots.time[-1]:g}"),
+            ("switches", str(self.n_switches)),
+            ("final state", listed(final)),
+        ]
+        return rows + [("warning", warning) for warning in self.warnings]
+
+    def overview(self, ax: Axes | None = None) -> Figure:
+        """Time traces with stick phases shaded, and the phase plane where it says something; in
+        given axes the coordinates."""
+        if ax is not None:
+            return self.plot(*self.system.declaration.coordinates, ax=ax)
         from stickslip.figures.motion import plot_trajectory
 
         return plot_trajectory(self)
 
-    # -- files -------------------------------------------------------------------------------------
-
-    def save(self, path: str | Path) -> None:
-        """Write a netCDF-4 file that :func:`open_trajectory` reads back exactly.
-
-        Raises
-        ------
-        StickslipError
-            If the file cannot be written; an existing file is replaced only by a complete one.
-        """
+    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+        """The knots beside the dataset: all values between come from these."""
         import xarray as xr
-
-        from stickslip import storage
 
         k = self.knots
         extra = {
@@ -491,23 +516,16 @@ class Trajectory:
             "parameters": self.parameters,
             "settings": settings,
         }
-        storage.write(path, data, KIND, FORMAT, **parts)
+        return data, parts
 
+    @classmethod
+    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
+        """A motion from its knots."""
+        from stickslip.model.system_file import loads
 
-def open_trajectory(path: str | Path) -> Trajectory:
-    """Read a stored trajectory; nothing is computed again until asked for.
-
-    Raises
-    ------
-    StickslipError
-        If the file does not exist or is not a stored trajectory.
-    """
-    from stickslip import storage
-    from stickslip.model.system_file import loads
-
-    with storage.reading(path, KIND, FORMAT) as (data, own):
-        system = loads(own["system"], f"{path}: system")
-        parameters, settings = json.loads(own["parameters"]), json.loads(own["settings"])
+        system = loads(parts["system"], f"{where}: system")
+        parameters = json.loads(parts["parameters"])
+        settings = json.loads(parts["settings"])
         names = ("time", "state", "mode", "region", "cause")
         origin = settings.get("origin", 0.0)
         knots = Knots(
@@ -516,16 +534,10 @@ def open_trajectory(path: str | Path) -> Trajectory:
         checked = pose(system, {name: parameters[name] for name in system.parameters})
         numbers = (settings[name] for name in ("order", "tolerance", "atol"))
         problem = Problem(system, checked.parameters, *numbers, origin=origin)
-        span, code, rtol, wall_time = (
-            settings[name] for name in ("t_span", "outcome", "rtol", "wall_time")
-        )
-        outcome = Outcome.from_code(code)
-    if (
-        knots.state.ndim != 2
-        or knots.state.shape[1] != len(system.declaration.state)
-        or len(knots.time) == 0
-    ):
-        raise StickslipError(f"{path}: the stored states do not fit the stored system")
-    trajectory = Trajectory(problem, tuple(span), knots, outcome, rtol)
-    trajectory.wall_time = wall_time
-    return trajectory
+        n = len(system.declaration.state)
+        if knots.state.ndim != 2 or knots.state.shape[1] != n or len(knots.time) == 0:
+            raise StickslipError(f"{where}: the stored states do not fit the stored system")
+        outcome = Outcome.from_code(settings["outcome"])
+        trajectory = cls(problem, tuple(settings["t_span"]), knots, outcome, settings["rtol"])
+        trajectory.wall_time = settings["wall_time"]
+        return trajectory

@@ -29,6 +29,7 @@ from stickslip.orbits.cycles.nearness import NearCycle, NearPoint
 from stickslip.orbits.equilibria.equilibrium import Equilibrium
 from stickslip.orbits.equilibria.finding import equilibria
 from stickslip.orbits.fields.steady import invariant_directions
+from stickslip.sweeps.map import Basin
 from stickslip.sweeps.request.axes import Axis as RequestAxis
 from stickslip.sweeps.request.measures import LACKING
 from stickslip.sweeps.request.plan import Plan
@@ -128,7 +129,7 @@ def basin(
     initial: Mapping[str, float] | None = None,
     settings: Settings | None = None,
     workers: int | None = None,
-) -> xarray.Dataset:
+) -> Basin:
     """Which attractor each state of a section of initial states reaches.
 
     Parameters
@@ -148,8 +149,9 @@ def basin(
 
     Returns
     -------
-    xarray.Dataset
-        One dimension for each name in `over`: ``attractor``, a code with flag_meanings; negative
+    Basin
+        Its dataset has one dimension for each name in `over`: ``attractor``, a code with
+        flag_meanings; negative
         where a motion stopped (−1), did not settle (−2) or goes on undamped (−3); and ``lacking``,
         what the certificate of each motion lacks. Dimension ``reached``: ``kind``, ``period``,
         ``speed``, ``share`` of the section, ``state_…`` of one state, ``low_…`` and ``high_…`` of
@@ -190,7 +192,8 @@ def basin(
         census = _Census(problem, found, np.array(sizes))
         label[done], reached = census.label, census.reached
         lacks[done] = found.lacking
-    return _dataset(system, axes, label, reached, lacks, interrupted)
+    data = _dataset(system, axes, label, reached, lacks, interrupted)
+    return Basin(system, dict(problem.parameters), data)
 
 
 def _measures(problem: Problem) -> tuple[str, ...]:

@@ -19,16 +19,15 @@ from stickslip.model.system import System
 from stickslip.motion.problem import pose
 from stickslip.orbits.settling.engine.tables import DEVICE_LANES
 from stickslip.sweeps.adaptive import Adaptive, check_adaptive, rounds
+from stickslip.sweeps.map import Map
 from stickslip.sweeps.request.axes import read_axes
 from stickslip.sweeps.request.plan import Plan
 from stickslip.sweeps.request.user_measures import read_measures
-from stickslip.sweeps.store import Chunk, MapStore, create, opened, stored_plan
+from stickslip.sweeps.store import Chunk, MapStore, create, opened
 from stickslip.sweeps.work.job import Work, check_sendable, compute, work_of
 from stickslip.sweeps.work.scheduler import Pool, Stop, distribute, listening
 
 if TYPE_CHECKING:
-    import xarray
-
     from stickslip.orbits.settling.motions import Settings
 
 Array = np.ndarray
@@ -90,7 +89,7 @@ def sweep(
     overwrite: bool = False,
     repair: bool = False,
     progress: Callable[[Progress], None] | None = None,
-) -> xarray.Dataset:
+) -> Map:
     """Measure a system over parameters and initial values.
 
     Parameters
@@ -133,9 +132,9 @@ def sweep(
 
     Returns
     -------
-    xarray.Dataset
-        One dimension for each axis; the measures, ``outcome`` and ``certificate``. After Ctrl-C
-        some points have the outcome -1, not computed.
+    Map
+        Its dataset has one dimension for each axis; the measures, ``outcome`` and
+        ``certificate``. After Ctrl-C some points have the outcome -1, not computed.
 
     Raises
     ------
@@ -156,21 +155,7 @@ def sweep(
         if adaptive is not None:
             check_adaptive(adaptive, store)
         run(store, pool, adaptive, progress, device)
-        return store.dataset()
-
-
-def open_sweep(path: str | Path) -> xarray.Dataset:
-    """A stored map, finished or not; values are read when they are needed.
-
-    Raises
-    ------
-    StickslipError
-        If there is no map at the path.
-    """
-    import xarray as xr
-
-    stored_plan(Path(path))
-    return xr.open_zarr(Path(path), chunks=None, consolidated=True)
+        return Map(store.dataset())
 
 
 def make_plan(

@@ -25,7 +25,7 @@ from stickslip import catalogue, simulate
 from stickslip.errors import DeclarationError
 from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
-from stickslip.orbits.continuation.branch import Branch, SpecialPoint, open_branch
+from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 from stickslip.orbits.cycles.cycle import Cycle, find_cycle
 from systems import distance, oscillator
 
@@ -403,7 +403,7 @@ def test_growth_without_bound() -> None:
 def test_file(tmp_path: Path) -> None:
     branch = follow(find_cycle(catalogue.belt_block()), "V", (0.25, 0.4))
     branch.save(tmp_path / "branch.nc")
-    again = open_branch(tmp_path / "branch.nc")
+    again = Branch.open(tmp_path / "branch.nc")
     assert again.points.equals(branch.points)
     assert again.ended == branch.ended
     branch.to_csv(tmp_path / "branch.csv")

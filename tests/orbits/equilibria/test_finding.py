@@ -22,7 +22,7 @@ from stickslip import (
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from stickslip.orbits.branches.equilibrium_curves import fold_curve, hopf_curve
-from stickslip.orbits.continuation.branch import open_branch
+from stickslip.orbits.continuation.branch import Branch
 from stickslip.orbits.equilibria.equilibrium import Equilibrium, EquilibriumSet
 from stickslip.orbits.equilibria.finding import equilibria
 from systems import parameters
@@ -521,7 +521,7 @@ def test_files(tmp_path) -> None:
         catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05), "V", (0.02, 0.5)
     )
     branch.save(tmp_path / "branch.nc")
-    again = open_branch(tmp_path / "branch.nc")
+    again = Branch.open(tmp_path / "branch.nc")
     assert again.points.equals(branch.points)
     assert (again.special, again.ended, again.parameter) == (
         branch.special,
@@ -529,17 +529,17 @@ def test_files(tmp_path) -> None:
         branch.parameter,
     )
     assert (again.system, again.parameters) == (branch.system, branch.parameters)
-    branch.to_csv(tmp_path / "branch.csv")
+    branch.table.to_csv(tmp_path / "branch.csv", index=False)
     header, *rows = (tmp_path / "branch.csv").read_text().splitlines()
     assert len(rows) == branch.points.sizes["point"]
     assert {"V", "U", "alpha", "eigenvalue_real_1", "stable", "mode_block"} <= set(
         header.split(",")
     )
-    assert "Hopf at V = 0.224849301296, frequency = " in branch.summary
+    assert "Hopf at V = 0.224849301296, frequency = " in branch.message
     (tmp_path / "no.nc").write_text("nothing")
     for name in ("no.nc", "missing.nc"):
         with pytest.raises(StickslipError, match=name):
-            open_branch(tmp_path / name)
+            Branch.open(tmp_path / name)
     with pytest.raises(StickslipError, match="cannot be written"):
         branch.to_csv(tmp_path / "no folder" / "branch.csv")
 

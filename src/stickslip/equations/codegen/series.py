@@ -253,8 +253,10 @@ def invert(A: Array, n: int, R: Array) -> bool:
     bool
         False if it is singular.
 
-    Notes ----- Rows and columns are brought to size 1 first, by powers of two, which round nothing:
-    a pivot is small beside its own row, not beside a mass in other units.
+    Notes
+    -----
+    Rows and columns are brought to size 1 first, by powers of two, which round nothing: a pivot is
+    small beside its own row, not beside a mass in other units.
     """
     for i in range(n):
         factor = balance(A, n, i, True)

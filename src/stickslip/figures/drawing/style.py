@@ -70,6 +70,13 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
+def root_of(axes: Axes) -> Figure:
+    """The figure that axes belong to, also where they are in a part of it."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None, "axes that were removed from their figure"
+    return figure
+
+
 def line_colours(count: int) -> list[str]:
     """Colours for a number of lines: the palette, or a perceptually even range if there are
     many."""

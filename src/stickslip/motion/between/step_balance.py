@@ -158,7 +158,7 @@ def audit_steps(
     seen : array
         Sizes of the rows that bound the steps; see :class:`stickslip.motion.steps.arrays.Lane`.
     ends, end_state, end_mode, end_region : arrays, shapes (steps,), (steps, n), (steps, contacts)
-    and (steps, kinks)
+        and (steps, kinks)
         Where each step ends, and the modes and regions that begin there.
     check : bool
         Whether more than the work is wanted.

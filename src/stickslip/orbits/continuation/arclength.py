@@ -5,8 +5,10 @@ Nothing here knows what x is: equilibria, cycles and the curves of their special
 parameters are all followed by :func:`trace`. Lengths are measured in units that the caller gives
 for every component of x, so that a step means the same for a force, a temperature and a parameter.
 
-References ---------- Y. A. Kuznetsov, *Elements of Applied Bifurcation Theory*, chapter 10; E. L.
-Allgower and K. Georg, *Numerical Continuation Methods*, chapters 2 and 6.
+References
+----------
+Y. A. Kuznetsov, *Elements of Applied Bifurcation Theory*, chapter 10; E. L. Allgower and K. Georg,
+*Numerical Continuation Methods*, chapters 2 and 6.
 """
 
 from __future__ import annotations

@@ -5,22 +5,18 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
-from stickslip.certificates import Certificate, Residual
+from stickslip.certificates import Certificate
 from stickslip.equations.field import Mode, Region
-from stickslip.errors import StickslipError
 from stickslip.model.system import System
 from stickslip.orbits.continuation.arclength import Ending, Stop
+from stickslip.results import Completion, Result, restored_certificate, shortened
 
 if TYPE_CHECKING:
-    import pandas
     import xarray
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-KIND = "branch"  # of the stored file
-FORMAT = 3  # of the stored file
 
 
 @dataclass(frozen=True)
@@ -73,7 +69,7 @@ class SpecialPoint:
 
 
 @dataclass(frozen=True)
-class Branch:
+class Branch(Result):
     """Points of a curve of equilibria or cycles.
 
     Attributes
@@ -94,6 +90,9 @@ class Branch:
     second : str
         The other parameter of a curve in two parameters.
     """
+
+    KIND = "branch"
+    FORMAT = 3
 
     system: System
     parameters: dict[str, float]
@@ -126,59 +125,83 @@ class Branch:
         """The special points of a kind."""
         return [s for s in self.special if s.kind == kind]
 
-    @property
-    def summary(self) -> str:
-        """The special points and the ends, line by line."""
-        return "\n".join(
-            [*(s.describe() for s in self.special), self.ended, self.certificate.verdict]
-        )
+    # -- what it says of itself --------------------------------------------------------------------
 
     @property
-    def table(self) -> pandas.DataFrame:
-        """One row a point; quantities with more dimensions in columns of their own."""
-        import pandas as pd
+    def along(self) -> str:
+        """Dimension of the dataset."""
+        return "point"
 
-        columns: dict[str, Any] = {}
-        for name, values in self.points.data_vars.items():
-            flat = values.values.reshape(len(values), -1)
-            labels = (
-                [str(name)]
-                if values.ndim == 1
-                else [f"{name}_{i + 1}" for i in range(flat.shape[1])]
-            )
-            columns |= dict(zip(labels, flat.T, strict=True))
-        return pd.DataFrame(columns)
+    @property
+    def title(self) -> str:
+        """Of what it is a branch."""
+        return self.system.title or self.system.name
 
-    def to_csv(self, path: str | Path) -> None:
-        """Write the points as a table.
+    @property
+    def dataset(self) -> xarray.Dataset:
+        """The points."""
+        return self.points
+
+    @property
+    def outcome(self) -> Completion:
+        """Whether it was followed to both ends."""
+        return Completion.FINISHED if self.complete else Completion.INTERRUPTED
+
+    @property
+    def message(self) -> str:
+        """Why it ends where it does, and what is special on it, line by line."""
+        return "\n".join([*(s.describe() for s in self.special), self.ended])
+
+    def facts(self) -> dict[str, Any]:
+        """What fits on a page, as plain data."""
+        values = self.points[self.parameter].values
+        return {
+            **self.system.heading(),
+            "parameter": self.parameter,
+            "points": len(values),
+            "range": [float(values.min()), float(values.max())],
+            "special": [asdict(s) | {"text": s.describe()} for s in self.special],
+            "ended": self.ended,
+        }
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What fits on a page, in words."""
+        values = self.points[self.parameter].values
+        span = f"{self.parameter} = {values.min():.9g} to {values.max():.9g}"
+        special = [("special point", s.describe()) for s in self.special]
+        return [("points", f"{len(values)}, {span}"), *shortened(special), ("ended", self.ended)]
+
+    def plot(
+        self, *quantities: str, ax: Axes | None = None, others: Sequence[Branch] = ()
+    ) -> Figure:
+        """Bifurcation diagram, together with other branches over the same parameter.
+
+        Parameters
+        ----------
+        *quantities : str
+            States, ``speed``, or other variables of the points; by default what changes most.
+        ax : matplotlib.axes.Axes, optional
+            Draw the first quantity into these axes.
+        others : sequence of Branch
+            Of the same system and parameter, such as the cycles that are born on a branch of
+            equilibria.
 
         Raises
         ------
-        StickslipError
-            If the file cannot be written.
+        DeclarationError
+            If there is no such quantity.
         """
-        try:
-            self.table.to_csv(path, index=False)
-        except OSError as error:
-            raise StickslipError(f"{path}: cannot be written ({error.strerror or error})") from None
-
-    def plot(self, *, others: Sequence[Branch] = ()) -> Figure:
-        """Bifurcation diagram, together with other branches over the same parameter."""
         from stickslip.figures.orbits import plot_branch
 
-        return plot_branch(self, others=others)
+        return plot_branch(self, list(quantities) or None, others=others, ax=ax)
 
-    def save(self, path: str | Path) -> None:
-        """Write a netCDF-4 file that :func:`open_branch` reads back exactly.
+    def overview(self, ax: Axes | None = None) -> Figure:
+        """Bifurcation diagram."""
+        return self.plot(ax=ax)
 
-        Raises
-        ------
-        StickslipError
-            If the file cannot be written; an existing file is replaced only by a complete one.
-        """
-        from stickslip import storage
-
-        parts = {
+    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+        """The points, and everything else as data."""
+        return self.points, {
             "system": self.system.to_toml(),
             "parameters": self.parameters,
             "parameter": self.parameter,
@@ -187,41 +210,25 @@ class Branch:
             "certificate": asdict(self.certificate),
             "second": self.second,
         }
-        storage.write(path, self.points, KIND, FORMAT, **parts)
 
+    @classmethod
+    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
+        """A branch as it was."""
+        from stickslip.model.system_file import loads
 
-def open_branch(path: str | Path) -> Branch:
-    """Read a stored branch.
-
-    Raises
-    ------
-    StickslipError
-        If the file does not exist or is not a stored branch.
-    """
-    from stickslip import storage
-    from stickslip.model.system_file import loads
-
-    with storage.reading(path, KIND, FORMAT) as (points, own):
         first, last = (
-            Ending(Stop[stop], text, test) for stop, text, test in json.loads(own["ends"])
+            Ending(Stop[stop], text, test) for stop, text, test in json.loads(parts["ends"])
         )
-        return Branch(
-            loads(own["system"], f"{path}: system"),
-            json.loads(own["parameters"]),
-            own["parameter"],
-            points,
-            [_special(entry) for entry in json.loads(own["special"])],
+        return cls(
+            loads(parts["system"], f"{where}: system"),
+            json.loads(parts["parameters"]),
+            parts["parameter"],
+            data,
+            [_special(entry) for entry in json.loads(parts["special"])],
             (first, last),
-            _certificate(json.loads(own["certificate"])),
-            own["second"],
+            restored_certificate(json.loads(parts["certificate"])),
+            parts["second"],
         )
-
-
-def _certificate(entry: Mapping[str, Any]) -> Certificate:
-    """A certificate as it was stored: lists were tuples."""
-    residuals = tuple(Residual(**residual) for residual in entry["residuals"])
-    spans = tuple((start, end) for start, end in entry["unverified"])
-    return Certificate(residuals, entry["outcome"], spans, tuple(entry["notes"]))
 
 
 def _special(entry: Mapping[str, Any]) -> SpecialPoint:

@@ -8,11 +8,12 @@ Mechanical Systems* (stick-slip cycles).
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +24,7 @@ from stickslip.errors import DeclarationError
 from stickslip.model.quantities import described, drift_units
 from stickslip.model.system import System
 from stickslip.model.units import with_unit
+from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.orbits.continuation.branch import SpecialPoint
 from stickslip.orbits.cycles import measure
@@ -31,8 +33,13 @@ from stickslip.orbits.cycles.finding import from_cycle, from_motion, from_state
 from stickslip.orbits.cycles.measure import ContactShare, Phase
 from stickslip.orbits.return_map.damped_newton import Closed
 from stickslip.orbits.return_map.mode_sequence import nearest_change
+from stickslip.results import Result, listed, restored_certificate
 
 if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from stickslip.motion.trajectory import Trajectory
 
 Array = np.ndarray
@@ -42,7 +49,7 @@ NEUTRAL = 1e-9  # multipliers this close to the unit circle are on it
 
 
 @dataclass(frozen=True)
-class Cycle:
+class Cycle(Result):
     """A periodic motion, or one that repeats up to a drift.
 
     Attributes
@@ -59,6 +66,8 @@ class Cycle:
     multipliers : array of complex
         Floquet multipliers, the largest first: how a small change of the state has grown a period
         later. Exactly 0 for what stick, or sliding without mass, forgets.
+    nontrivial : array of complex
+        The multipliers that say something: without those that are 1 by symmetry.
     trivial : int
         How many of them are 1 by symmetry: 1 of an autonomous system (a later start), 1 for each
         translation, and 1 for each position in which a contact rests that never slips.
@@ -85,6 +94,8 @@ class Cycle:
         One period.
     """
 
+    KIND = "cycle"
+
     system: System
     parameters: dict[str, float]
     period: float
@@ -92,6 +103,7 @@ class Cycle:
     state: dict[str, float]
     section: str
     multipliers: Array
+    nontrivial: Array
     trivial: int
     differentiable: bool
     phases: tuple[Phase, ...]
@@ -105,7 +117,8 @@ class Cycle:
     drift: float
     residual: float
     trajectory: Trajectory = field(repr=False)
-    closed: Closed = field(repr=False)
+    found: Closed | None = field(default=None, repr=False)
+    measured: Certificate | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
         period = with_unit(self.period, self.units["time"])
@@ -113,19 +126,44 @@ class Cycle:
         return f"<Cycle of {self.system.name}: period {period}, {self.stability}{drift}>"
 
     @cached_property
+    def closed(self) -> Closed:
+        """The orbit as Newton's method has closed it; of a stored cycle it is closed again."""
+        if self.found is not None:
+            return self.found
+        problem = pose(
+            self.system, {name: self.parameters[name] for name in self.system.parameters}
+        )
+        return from_state(problem, problem.initial_state(self.state), self.time)
+
+    @cached_property
     def certificate(self) -> Certificate:
         """What was measured of it; see :func:`stickslip.orbits.cycles.certificate.certify`."""
-        return certify(self.closed)
+        return certify(self.closed) if self.measured is None else self.measured
+
+    @property
+    def title(self) -> str:
+        """Of what it is a cycle."""
+        return self.system.title or self.system.name
+
+    @property
+    def dataset(self) -> xarray.Dataset:
+        """One period."""
+        return self.trajectory.dataset
+
+    @property
+    def outcome(self) -> Outcome:
+        """A cycle is what motions settle on; where there is none, a ConvergenceError says so."""
+        return Outcome.PERIODIC
+
+    @property
+    def message(self) -> str:
+        """What it is, in words."""
+        return f"a {self.stability} cycle of period {with_unit(self.period, self.units['time'])}"
 
     @property
     def speed(self) -> float:
         """Drift per time."""
         return self.drift / self.period
-
-    @property
-    def nontrivial(self) -> Array:
-        """The multipliers that say something: without those that are 1 by symmetry."""
-        return self.closed.spectrum.others
 
     @property
     def stable(self) -> bool:
@@ -169,6 +207,92 @@ class Cycle:
             "energy_per_distance": ratio,
         }
 
+    def facts(self) -> dict[str, Any]:
+        """What fits on a page, as plain data."""
+        return {
+            **self.system.heading(),
+            "period": self.period,
+            "stable": self.stable,
+            "stability": self.stability,
+            "drift": self.drift,
+            "speed": self.speed,
+            "stick_time": self.stick_time,
+            "slip_time": self.slip_time,
+            "state": self.state,
+            "units": self.units,
+            "multipliers": [[float(z.real), float(z.imag)] for z in self.multipliers],
+            "extrema": {name: list(ends) for name, ends in self.extrema.items()},
+            "contacts": {name: asdict(share) for name, share in self.contacts.items()},
+            "phases": [asdict(phase) for phase in self.phases],
+            "energy_per_distance": self.energy_per_distance,
+            "dissipated": self.dissipated,
+            "residual": self.residual,
+        }
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What fits on a page, in words."""
+        units = self.units
+        multipliers = [
+            f"{z.real:.6g}" + (f"{z.imag:+.6g}i" if z.imag else "") for z in self.multipliers
+        ]
+        rows = [
+            ("period", with_unit(self.period, units["time"], 12)),
+            ("stability", self.stability),
+            ("multipliers", listed(multipliers)),
+        ]
+        if self.contacts:
+            shares = (with_unit(t, units["time"], 9) for t in (self.stick_time, self.slip_time))
+            rows.append(("stick, slip", ", ".join(shares)))
+        if self.drift:
+            drift = with_unit(self.drift, units["drift"], 9)
+            speed = with_unit(self.speed, units["speed"], 9)
+            energy = with_unit(self.energy_per_distance, units["energy_per_distance"], 9)
+            rows += [
+                ("drift", f"{drift} a period, speed {speed}"),
+                ("energy per distance", energy),
+            ]
+        return rows
+
+    def overview(self, ax: Axes | None = None) -> Figure:
+        """Of a gait, which contact moves when; of any other cycle its motion."""
+        if ax is None and self.drift and self.contacts:
+            from stickslip.figures.gait import plot_gait
+
+            return plot_gait(self)
+        return self.trajectory.overview(ax)
+
+    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+        """One period as a motion is stored, and what is said of it."""
+        data, parts = self.trajectory.stored()
+        said = {name: getattr(self, name) for name in SAID}
+        said |= {
+            "multipliers": _pairs(self.multipliers),
+            "nontrivial": _pairs(self.nontrivial),
+            "phases": [asdict(phase) for phase in self.phases],
+            "contacts": {name: asdict(share) for name, share in self.contacts.items()},
+            "measured": asdict(self.certificate),
+        }
+        return data, {**parts, "cycle": said}
+
+    @classmethod
+    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
+        """A cycle as it was."""
+        from stickslip.motion.trajectory import Trajectory
+
+        motion = Trajectory.restored(data, parts, where)
+        said: dict[str, Any] = json.loads(parts["cycle"])
+        phases = (Phase(p["duration"], p["modes"], tuple(p["region"])) for p in said["phases"])
+        changed = {
+            "multipliers": _complex(said["multipliers"]),
+            "nontrivial": _complex(said["nontrivial"]),
+            "phases": tuple(phases),
+            "extrema": {name: tuple(ends) for name, ends in said["extrema"].items()},
+            "contacts": {name: ContactShare(**share) for name, share in said["contacts"].items()},
+            "measured": restored_certificate(said["measured"]),
+        }
+        own = {"system": motion.system, "parameters": dict(motion.parameters), "trajectory": motion}
+        return cls(**{**said, **changed, **own})
+
     def cost_of_transport(self, weight: float) -> float:
         """Energy per distance and weight (a force), without dimension."""
         return self.energy_per_distance / weight
@@ -198,6 +322,35 @@ class Cycle:
             lines.append(f"drift {drift} a period, speed {speed}")
         lines.append(self.certificate.verdict)
         return "\n".join(lines)
+
+
+# What is said of a cycle, of its fields, as data for JSON.
+SAID = (
+    "period",
+    "time",
+    "state",
+    "section",
+    "trivial",
+    "differentiable",
+    "extrema",
+    "stick_time",
+    "slip_time",
+    "dissipated",
+    "supplied",
+    "direction",
+    "drift",
+    "residual",
+)
+
+
+def _pairs(values: Array) -> list[list[float]]:
+    """Complex numbers for JSON."""
+    return [[float(z.real), float(z.imag)] for z in values]
+
+
+def _complex(pairs: Sequence[Sequence[float]]) -> Array:
+    """Complex numbers from JSON."""
+    return np.array([complex(*pair) for pair in pairs])
 
 
 def find_cycle(
@@ -295,6 +448,7 @@ def make_cycle(closed: Closed) -> Cycle:
         state=dict(zip(names, map(float, orbit.legs[0].place.state), strict=True)),
         section=_section(found[0]),
         multipliers=closed.spectrum.every,
+        nontrivial=closed.spectrum.others,
         trivial=len(closed.spectrum.trivial),
         differentiable=_differentiable(closed),
         phases=found,
@@ -311,7 +465,7 @@ def make_cycle(closed: Closed) -> Cycle:
         drift=drift,
         residual=shooting.miss(orbit),
         trajectory=motion,
-        closed=closed,
+        found=closed,
     )
 
 
@@ -319,7 +473,7 @@ def _differentiable(closed: Closed) -> bool:
     """Whether neighbours follow the same sequence: no events coincide that need not, and no guard
     is touched."""
     smooth = all(leg.change.differentiable for leg in closed.orbit.legs)
-    return smooth and nearest_change(closed.orbit.motion, closed.shooting.pieces) > TOUCHED
+    return bool(smooth and nearest_change(closed.orbit.motion, closed.shooting.pieces) > TOUCHED)
 
 
 def _section(phase: Phase) -> str:

@@ -4,8 +4,10 @@ It solves the equations, it lies inside its mode and region, and its eigenvalues
 bound: those of the exact Jacobian are within it of those that were computed, by the theorems of
 Bauer and Fike and of Elsner.
 
-References ---------- G. W. Stewart, J. Sun, *Matrix Perturbation Theory*, theorems IV.1.3 (Elsner)
-and IV.3.3 (Bauer-Fike).
+References
+----------
+G. W. Stewart, J. Sun, *Matrix Perturbation Theory*, theorems IV.1.3 (Elsner) and IV.3.3
+(Bauer-Fike).
 """
 
 from __future__ import annotations

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Self
 
-from stickslip.certificates import Certificate
+from stickslip.certificates import NOTHING, Certificate, worst
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import MODE_NAMES, Guard, Mode, Region
+from stickslip.model.quantities import quantity
+from stickslip.model.system import System
+from stickslip.results import Completion, Result, restored_certificate, shortened
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
     import pandas
+    import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 CRITICAL = 1e-9  # real parts this small, relative to the largest eigenvalue, are zero
 
@@ -147,11 +155,13 @@ class EquilibriumSet:
 
 
 @dataclass(frozen=True)
-class Equilibria:
+class Equilibria(Result):
     """What was found; iterates over the isolated equilibria, then the sets.
 
     Attributes
     ----------
+    system : System
+    parameters : dict of str to float
     isolated : tuple of Equilibrium
         Stable ones first.
     sets : tuple of EquilibriumSet
@@ -161,6 +171,10 @@ class Equilibria:
         If nothing was found, what came nearest.
     """
 
+    KIND = "equilibria"
+
+    system: System
+    parameters: dict[str, float]
     isolated: tuple[Equilibrium, ...]
     sets: tuple[EquilibriumSet, ...]
     tried: str
@@ -179,11 +193,31 @@ class Equilibria:
         return (*self.isolated, *self.sets)[index]
 
     @property
+    def along(self) -> str:
+        """Dimension of the dataset."""
+        return "equilibrium"
+
+    @property
+    def title(self) -> str:
+        """Of what they are the equilibria."""
+        return self.system.title or self.system.name
+
+    @property
+    def outcome(self) -> Completion:
+        """Whether there is any."""
+        return Completion.FINISHED if len(self) else Completion.NOTHING_FOUND
+
+    @property
     def message(self) -> str:
         """What was found, or what was tried and came nearest."""
         if len(self):
             return "\n".join(found.describe() for found in self)
         return f"no equilibrium was found ({self.tried}); " + (self.nearest or "nothing came near")
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """Every residual where it is worst; of nothing there is nothing to certify."""
+        return worst([found.certificate for found in self]) if len(self) else NOTHING
 
     @property
     def table(self) -> pandas.DataFrame:
@@ -193,25 +227,129 @@ class Equilibria:
         rows = []
         for found in self:
             extent = found.extent if isinstance(found, EquilibriumSet) else {}
-            rows.append(
-                {
-                    "dimension": found.dimension if isinstance(found, EquilibriumSet) else 0,
-                    **found.state,
-                    **{f"mode_{c}": m for c, m in found.modes.items()},
-                    "stable": {True: "yes", False: "no", None: "undecided"}[found.stable],
-                    "largest_real_part": max(
-                        (z.real for z in found.eigenvalues or ()), default=math.nan
-                    ),
-                    **{f"drift_{name}": rate for name, rate in found.drift.items()},
-                    **{
-                        f"{name}_{side}": v
-                        for name, ends in extent.items()
-                        for side, v in zip(("min", "max"), ends, strict=True)
-                    },
-                    "boundary": ", ".join(found.boundary) if isinstance(found, Equilibrium) else "",
-                }
-            )
+            ends = {
+                f"{name}_{side}": value
+                for name, span in extent.items()
+                for side, value in zip(("min", "max"), span, strict=True)
+            }
+            real_parts = (z.real for z in found.eigenvalues or ())
+            row = {
+                "dimension": found.dimension if isinstance(found, EquilibriumSet) else 0,
+                **found.state,
+                **{f"mode_{c}": m for c, m in found.modes.items()},
+                "stable": {True: "yes", False: "no", None: "undecided"}[found.stable],
+                "largest_real_part": max(real_parts, default=math.nan),
+                **{f"drift_{name}": rate for name, rate in found.drift.items()},
+                **ends,
+                "boundary": ", ".join(found.boundary) if isinstance(found, Equilibrium) else "",
+            }
+            rows.append(row)
         return pd.DataFrame(rows)
+
+    @cached_property
+    def dataset(self) -> xarray.Dataset:
+        """The table over ``equilibrium``; of states, drifts and extents the units."""
+        import xarray as xr
+
+        data = {}
+        for key, column in self.table.items():
+            name = str(key)
+            known = name if name in self.system.declaration.state else ""
+            values = column.to_numpy()
+            values = values.astype(str) if values.dtype == object else values
+            data[name] = ("equilibrium", values, quantity(self.system, known) if known else {})
+        attrs = {"title": self.title, "source": self.system.source, "tried": self.tried}
+        return xr.Dataset(data, attrs=attrs)
+
+    def facts(self) -> dict[str, Any]:
+        """What fits on a page, as plain data."""
+        return {
+            **self.system.heading(),
+            "tried": self.tried,
+            "equilibria": [_facts_of(found) for found in self],
+        }
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What fits on a page, in words."""
+        return shortened(
+            [
+                ("set" if isinstance(found, EquilibriumSet) else "equilibrium", found.describe())
+                for found in self
+            ]
+        )
+
+    def overview(self, ax: Axes | None = None) -> Figure:
+        """The eigenvalues in the complex plane."""
+        from stickslip.figures.spectrum import plot_eigenvalues
+
+        return plot_eigenvalues(self, ax)
+
+    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+        """The table, and everything as data."""
+        return self.dataset, {
+            "system": self.system.to_toml(),
+            "parameters": self.parameters,
+            "isolated": [_plain(found) for found in self.isolated],
+            "sets": [_plain(found) for found in self.sets],
+            "tried": self.tried,
+            "nearest": self.nearest,
+        }
+
+    @classmethod
+    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
+        """Equilibria as they were."""
+        from stickslip.model.system_file import loads
+
+        return cls(
+            loads(parts["system"], f"{where}: system"),
+            json.loads(parts["parameters"]),
+            tuple(Equilibrium(**_revived(entry)) for entry in json.loads(parts["isolated"])),
+            tuple(EquilibriumSet(**_revived(entry)) for entry in json.loads(parts["sets"])),
+            parts["tried"],
+            parts["nearest"],
+        )
+
+
+def _facts_of(found: Equilibrium | EquilibriumSet) -> dict[str, Any]:
+    """One of them on a page, as plain data."""
+    facts = {
+        "state": found.state,
+        "modes": found.modes,
+        "stable": found.stable,
+        "drift": found.drift,
+        "eigenvalues": [[z.real, z.imag] for z in found.eigenvalues or ()],
+        "certificate": found.certificate.to_dict(),
+        "text": found.describe(),
+    }
+    if isinstance(found, EquilibriumSet):
+        extent = {name: list(ends) for name, ends in found.extent.items()}
+        facts |= {"dimension": found.dimension, "extent": extent}
+    return facts
+
+
+def _plain(found: Equilibrium | EquilibriumSet) -> dict[str, Any]:
+    """All that is known of one, for JSON."""
+    values = found.eigenvalues
+    pairs = None if values is None else [[z.real, z.imag] for z in values]
+    return {**asdict(found), "eigenvalues": pairs}
+
+
+def _revived(entry: dict[str, Any]) -> dict[str, Any]:
+    """The same from JSON: lists were tuples, pairs complex numbers."""
+    values = entry["eigenvalues"]
+    changed: dict[str, Any] = {
+        "eigenvalues": None if values is None else tuple(complex(*pair) for pair in values),
+        "certificate": restored_certificate(entry["certificate"]),
+        "contacts": tuple(entry["contacts"]),
+        "mode": tuple(entry["mode"]),
+    }
+    if "extent" in entry:
+        changed["extent"] = {name: tuple(ends) for name, ends in entry["extent"].items()}
+        changed["regions"] = tuple(tuple(region) for region in entry["regions"])
+    else:
+        changed["region"] = tuple(entry["region"])
+        changed["boundary"] = tuple(entry["boundary"])
+    return {**entry, **changed}
 
 
 def _interval(name: str, low: float, high: float) -> str:

@@ -191,7 +191,14 @@ class _Search:
             tried += self._look_at_the_end_of_a_motion()
         order = {True: 0, None: 1, False: 2}
         self.isolated.sort(key=lambda e: order[e.stable])
-        return Equilibria(tuple(self.isolated), tuple(self.sets), tried, self.nearest[1])
+        return Equilibria(
+            self.system,
+            dict(self.values),
+            tuple(self.isolated),
+            tuple(self.sets),
+            tried,
+            self.nearest[1],
+        )
 
     def _look_everywhere(self, candidates: Iterable[tuple[Mode, Region]]) -> None:
         """Look in all candidates, and in the regions that zeros outside their own region point

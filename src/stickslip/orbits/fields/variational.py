@@ -6,9 +6,11 @@ leaves the field f⁻ for f⁺, and neighbours do so a little earlier or later: 
 f⁻)∇gᵀ/(g_t + ∇g·f⁻). A parameter is one more component that does not move, so derivatives with
 respect to it pass through the same formulas.
 
-References ---------- R. I. Leine, H. Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical
-Systems*, Springer 2004, chapter 7 (the saltation matrix); E. Hairer, S. P. Nørsett, G. Wanner,
-*Solving Ordinary Differential Equations I*, II.7 (collocation).
+References
+----------
+R. I. Leine, H. Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical Systems*, Springer
+2004, chapter 7 (the saltation matrix); E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary
+Differential Equations I*, II.7 (collocation).
 """
 
 from __future__ import annotations

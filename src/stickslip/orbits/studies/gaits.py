@@ -3,16 +3,19 @@ where on it slides."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from stickslip.certificates import NOTHING, Certificate, worst
 from stickslip.equations.derive import derive
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.model.quantities import quantity
 from stickslip.model.system import System
+from stickslip.model.units import with_unit
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import pose
 from stickslip.orbits.branches.equilibrium_branch import checked_range
@@ -20,9 +23,12 @@ from stickslip.orbits.cycles.cycle import Cycle, find_cycle
 from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.return_map.shooting import follow_freely
+from stickslip.results import Completion, Result, restored_certificate
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Array = np.ndarray
 State = Mapping[str, float]
@@ -55,13 +61,111 @@ class Threshold:
         return 0.5 * (self.still + self.moving)
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class GaitStudy(Result):
+    """The stable gait of a system over a parameter.
+
+    Attributes
+    ----------
+    system : System
+    parameter : str
+    parameters : dict of str to float
+        Of the others.
+    dataset : xarray.Dataset
+        Over the parameter.
+    certificate : Certificate
+        Every residual of the gaits where it is worst.
+    """
+
+    KIND = "gait study"
+
+    system: System
+    parameter: str
+    parameters: dict[str, float]
+    dataset: xarray.Dataset
+    certificate: Certificate
+
+    def __repr__(self) -> str:
+        values = self.dataset[self.parameter].values
+        walks = int(np.count_nonzero(self.dataset["walks"]))
+        over = f"{len(values)} values of {self.parameter}"
+        return f"<GaitStudy of {self.system.name}: {over}, walks at {walks}>"
+
+    @property
+    def along(self) -> str:
+        """The parameter."""
+        return self.parameter
+
+    @property
+    def title(self) -> str:
+        """Of what it is the study."""
+        return self.system.title or self.system.name
+
+    @property
+    def outcome(self) -> Completion:
+        """Whether there is any gait."""
+        walks = bool(np.any(self.dataset["walks"]))
+        return Completion.FINISHED if walks else Completion.NOTHING_FOUND
+
+    @property
+    def message(self) -> str:
+        """Where it walks, and why not elsewhere."""
+        notes = [str(note) for note in np.unique(self.dataset["note"].values) if note]
+        return "; ".join([self._where, *notes])
+
+    @property
+    def _where(self) -> str:
+        values = self.dataset[self.parameter].values[self.dataset["walks"].values.astype(bool)]
+        if not len(values):
+            return "it walks nowhere"
+        return f"it walks between {self.parameter} = {values.min():.6g} and {values.max():.6g}"
+
+    def facts(self) -> dict[str, Any]:
+        """What fits on a page, as plain data."""
+        columns = {str(name): self.dataset[name].values.tolist() for name in self.dataset.variables}
+        return {**self.system.heading(), "parameter": self.parameter, **columns}
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What fits on a page, in words."""
+        speed = self.dataset["speed"]
+        low = f"{float(speed.min()):.6g}"
+        high = with_unit(float(speed.max()), speed.attrs["units"], 6)
+        return [("gait", self._where), ("speed", f"{low} to {high}")]
+
+    def overview(self, ax: Axes | None = None) -> Figure:
+        """Speed and period over the parameter; in given axes the speed."""
+        return self.plot("speed", ax=ax) if ax is not None else self.plot("speed", "period")
+
+    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+        """The data, and of what it is."""
+        return self.dataset, {
+            "system": self.system.to_toml(),
+            "parameter": self.parameter,
+            "parameters": self.parameters,
+            "certificate": asdict(self.certificate),
+        }
+
+    @classmethod
+    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
+        """A study as it was."""
+        from stickslip.model.system_file import loads
+
+        return cls(
+            loads(parts["system"], f"{where}: system"),
+            parts["parameter"],
+            json.loads(parts["parameters"]),
+            data,
+            restored_certificate(json.loads(parts["certificate"])),
+        )
+
+
 def gait_study(
     system: System,
     parameter: str,
     values: Sequence[float],
     start: State | None = None,
     parameters: Mapping[str, float] | None = None,
-) -> xarray.Dataset:
+) -> GaitStudy:
     """The stable gait of a system over a parameter.
 
     Parameters
@@ -77,8 +181,9 @@ def gait_study(
 
     Returns
     -------
-    xarray.Dataset
-        Over the parameter: ``walks``, and ``speed``, ``period``, ``stride`` (drift in a period),
+    GaitStudy
+        Its dataset has over the parameter: ``walks``, and ``speed``, ``period``, ``stride`` (drift
+        in a period),
         ``largest_multiplier`` (modulus), ``energy_per_distance`` and ``amplitude_…`` (half the
         range) of the states that do not drift. All are 0 where no gait was found; ``note`` says
         why.
@@ -93,11 +198,14 @@ def gait_study(
     checked_values(system, parameters)
     names = [x for x in system.declaration.state if x not in system.translation]
     rows: list[dict[str, object]] = []
+    certificates: list[Certificate] = []
     last: Cycle | None = None
     for value in values:
         system.declaration.check_range(parameter, float(value))
         found = _gait(system, last, start, {**(parameters or {}), parameter: float(value)})
-        last = found if isinstance(found, Cycle) else last
+        if isinstance(found, Cycle):
+            last = found
+            certificates.append(found.certificate)
         rows.append(_row(found, names))
     units = {
         "speed": _along_unit(system, True),
@@ -115,7 +223,10 @@ def gait_study(
         np.asarray(values, float),
         {"units": system.parameters[parameter].unit or "1"},
     )
-    return xr.Dataset(data, {parameter: coordinate}, {"title": system.title or system.name})
+    data = xr.Dataset(data, {parameter: coordinate}, {"title": system.title or system.name})
+    certificate = worst(certificates) if certificates else NOTHING
+    fixed = {**system.values, **(parameters or {})}
+    return GaitStudy(system, parameter, fixed, data, certificate)
 
 
 def walking_threshold(

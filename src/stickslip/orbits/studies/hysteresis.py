@@ -11,9 +11,11 @@ A swing of ψ from one value to another acts on d as d ↦ clip(d, low, high), s
 G⁻, G⁺) does and so does what is composed of them. From this follows return-point memory: there,
 back and there again is the same as there.
 
-References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
-oscillations*, WIAS preprint 2405 (2017), sections 4.3 and 4.4; M. Brokate, J. Sprekels, *Hysteresis
-and Phase Transitions*, Springer 1996, chapter 2.
+References
+----------
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017), sections 4.3 and 4.4; M. Brokate, J. Sprekels, *Hysteresis and Phase
+Transitions*, Springer 1996, chapter 2.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ def draw() -> Figure:
     """Distance of z_ε from z_0, and what happens to the rates, over ε."""
     friction = ss.WeightedL1(["1 + cos(2*pi*s)/2"])
     problem = ss.Evolution([[1.0]], ["5*t - t**2"], friction, [0.0], span=(0, 5))
-    study = ss.averaging_study(problem, [0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002]).table
+    study = ss.averaging_study(problem, [0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002]).dataset
     epsilon = study["epsilon"].values
     with paper_style():
         figure = new_figure(7.2, 3.6)

@@ -5,9 +5,11 @@ takes that back. At lowest order in ν both are closed forms; for (3.6), (3.5) a
 read off the exact motion between two switches. It is about three particular systems, which stand in
 the catalogue, so it belongs to the companion of the paper.
 
-References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
-oscillations*, WIAS preprint 2405 (2017), section 3, with the corrections: μ̃ = μ + √ν B, the
-constant (v̂/ν)(1 − b√ν) in (3.6), the duration π√ν/ω_b of a slip.
+References
+----------
+A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+preprint 2405 (2017), section 3, with the corrections: μ̃ = μ + √ν B, the constant (v̂/ν)(1 − b√ν)
+in (3.6), the duration π√ν/ω_b of a slip.
 """
 
 from __future__ import annotations
@@ -94,8 +96,10 @@ class ReturnMap:
     def fixed_point(self) -> FixedPoint:
         """The fixed point γ_b below μ₀v̂: the stick-slip cycle.
 
-        Notes ----- Ψ is convex and increasing with Ψ(0) > 0, so that secants from 0 climb to the
-        lower fixed point and never pass it.
+        Notes
+        -----
+        Ψ is convex and increasing with Ψ(0) > 0, so that secants from 0 climb to the lower fixed
+        point and never pass it.
 
         Raises
         ------

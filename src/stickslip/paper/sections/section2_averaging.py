@@ -197,7 +197,7 @@ def turning_ellipse() -> Finding:
 )
 def averaging_theorem() -> Finding:
     """The solutions converge to that of the averaged equation."""
-    table = _study().table
+    table = _study().dataset
     return scales(
         list(table["epsilon"].values),
         list(table["distance"].values),
@@ -239,7 +239,7 @@ def initial_state_is_stable_at_every_phase() -> Finding:
 def asymptotic_equicontinuity() -> Finding:
     """The solutions are equicontinuous up to a defect ω(ε) that vanishes with ε."""
     study = _study()
-    epsilon, defect = study.table["epsilon"].values, study.table["equicontinuity"].values
+    epsilon, defect = study.dataset["epsilon"].values, study.dataset["equicontinuity"].values
     return scales(list(epsilon), list(defect), 1.0, 0.2, "ω(ε)", "ε")
 
 

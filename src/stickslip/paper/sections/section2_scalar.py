@@ -295,7 +295,7 @@ def limit_solution() -> Finding:
 def uniform_convergence() -> Finding:
     """The solutions converge uniformly, with an error of order ε."""
     study = _study(SMOOTH)
-    epsilon, distance = study.table["epsilon"].values, study.table["distance"].values
+    epsilon, distance = study.dataset["epsilon"].values, study.dataset["distance"].values
     bound = vanishes(
         maximum((distance / epsilon).max() - 5.0, 0.0), 1e-6, "excess of the error over 5ε"
     )
@@ -379,9 +379,9 @@ def no_weak_convergence_of_rates() -> Finding:
 def rates_converge_as_measures() -> Finding:
     """The rates converge as measures, tested with continuous functions."""
     study = _study(SMOOTH)
-    largest = study.table["weak_distance"].max("test").values
+    largest = study.dataset["weak_distance"].max("test").values
     return scales(
-        list(study.table["epsilon"].values), list(largest), 1.0, 0.3, "largest defect", "ε"
+        list(study.dataset["epsilon"].values), list(largest), 1.0, 0.3, "largest defect", "ε"
     )
 
 

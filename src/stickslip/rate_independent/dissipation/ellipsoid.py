@@ -32,8 +32,10 @@ ROUNDING = 4e-16
 class Ellipsoid(Dissipation):
     """Ψ(s, v) = √⟨v, S(s) v⟩; K(s) = {ξ : ⟨ξ, S(s)⁻¹ ξ⟩ ≤ 1}.
 
-    Parameters ---------- shape : array of shape (n, n), callable s -> array of shape (n, n), or
-    nested lists of formulas in ``s``
+    Parameters
+    ----------
+    shape : array of shape (n, n), callable s -> array of shape (n, n), or nested lists of formulas
+        in ``s``
         S, symmetric and positive semidefinite: the eigenvectors are the axes, the eigenvalues their
         half lengths squared. Along an axis of length 0 friction vanishes.
 

@@ -25,8 +25,10 @@ class GroupNorm(Dissipation):
 
     Component c of group g is entry ``g*size + c``.
 
-    Parameters ---------- radii : array of shape (groups,), callable s -> array of shape (groups,),
-    or list of formulas in ``s``
+    Parameters
+    ----------
+    radii : array of shape (groups,), callable s -> array of shape (groups,), or list of formulas in
+        ``s``
         r ≥ 0.
     size : int
         Components of a group: 2 for planar friction.

@@ -36,10 +36,11 @@ class SupportFunction(Dissipation):
     DeclarationError
         If Ψ is negative, not finite, not homogeneous or not convex where it is looked at.
 
-    Notes ----- Nearest points are found from subgradients alone. Distances are accurate to 1e-9 of
-    the size of K(s), or the call stops with a ConvergenceError. Without a given subgradient that
-    becomes 1e-6 at worst, where corners of K(s) meet curved parts, and everything takes some four
-    times as long.
+    Notes
+    -----
+    Nearest points are found from subgradients alone. Distances are accurate to 1e-9 of the size of
+    K(s), or the call stops with a ConvergenceError. Without a given subgradient that becomes 1e-6
+    at worst, where corners of K(s) meet curved parts, and everything takes some four times as long.
     """
 
     def __init__(

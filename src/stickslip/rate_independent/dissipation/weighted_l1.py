@@ -35,9 +35,11 @@ class WeightedL1(Dissipation):
     DeclarationError
         If a weight is negative or not finite at a phase, or sizes do not fit.
 
-    Notes ----- A callable is asked for many phases when the potential is averaged. If it also takes
-    an array of n phases and returns each weight at its own (as ``lambda s: 2 + np.cos(2*np.pi*(s -
-    x))`` does), a million weights are averaged in seconds.
+    Notes
+    -----
+    A callable is asked for many phases when the potential is averaged. If it also takes an array of
+    n phases and returns each weight at its own (as ``lambda s: 2 + np.cos(2*np.pi*(s - x))`` does),
+    a million weights are averaged in seconds.
     """
 
     weights: Any

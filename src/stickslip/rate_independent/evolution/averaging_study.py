@@ -2,35 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from stickslip.certificates import Certificate, worst
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.rate_independent.evolution.blocks import TESTS, Gauge, Motion, motion_of
 from stickslip.rate_independent.evolution.evolution import Evolution, UnstableStart
 from stickslip.rate_independent.evolution.evolve import bar, check_positive
+from stickslip.results import Completion, Result, restored_certificate, shortened
 from stickslip.symbolic.formulas import is_finite
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Array = np.ndarray
 LOADING = 5.0  # seconds beside which loading machine code does not count
+INTERRUPTED = "interrupted"
+SHOWN = ("distance", "equicontinuity", "rate_l1", "rate_l2", "steps")  # over ε, in a summary
 GRID = 1024  # intervals of the span on which the modulus of continuity is measured
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AveragingStudy:
+class AveragingStudy(Result):
     """z_ε compared with the averaged motion z_0. |·| is the energy norm √⟨Az, z⟩.
 
     Attributes
     ----------
-    table : xarray.Dataset
+    dataset : xarray.Dataset
         Over ``epsilon``: ``distance``, sup|z_ε − z_0|; ``modulus`` (epsilon, delta),
         sup |z_ε(t₂) − z_ε(t₁)| over |t₂ − t₁| ≤ δ; ``equicontinuity``, what it exceeds the modulus
         of z_0 by: ω(ε) in [M] (2.5); ``weak_distance`` (epsilon, test), |∫φ dz_ε − ∫φ dz_0| for
@@ -38,15 +44,20 @@ class AveragingStudy:
         ``dissipated`` energy; ``steps`` and ``wall_time`` of the resolved motion. What has a
         meaning for z_0 is there, too, as ``averaged_...``. Moduli are measured on a grid of 1024
         intervals (fewer if n > 16384).
-    message : str
+    certificate : Certificate
+        Every residual of the motions where it is worst.
+    stopped : str
         Empty, or what stopped the study early.
     """
 
-    table: xarray.Dataset
-    message: str = ""
+    KIND = "averaging study"
+
+    dataset: xarray.Dataset
+    certificate: Certificate
+    stopped: str = ""
 
     def __repr__(self) -> str:
-        epsilon = self.table["epsilon"].values
+        epsilon = self.dataset["epsilon"].values
         scales = f"epsilon = {epsilon[0]:g} ... {epsilon[-1]:g}"
         return f"<AveragingStudy: {scales}, distance ~ epsilon^{self.rate:.2f}>"
 
@@ -61,12 +72,12 @@ class AveragingStudy:
         """Fitted exponents of the columns; of ``weak_distance``, that of the largest over the
         tests."""
         columns = {
-            name: self.table[name].values
+            name: self.dataset[name].values
             for name in ("distance", "equicontinuity", "rate_l1", "rate_l2", "steps")
         }
-        columns["weak_distance"] = self.table["weak_distance"].max("test").values
+        columns["weak_distance"] = self.dataset["weak_distance"].max("test").values
         return {
-            name: fitted_power(self.table["epsilon"].values, column)[0]
+            name: fitted_power(self.dataset["epsilon"].values, column)[0]
             for name, column in columns.items()
         }
 
@@ -75,15 +86,68 @@ class AveragingStudy:
         """How many times more steps, and wall time, the resolved motion took than the averaged one,
         for each ε."""
         return {
-            name: self.table[name].values / max(float(self.table[f"averaged_{name}"]), 1e-9)
+            name: self.dataset[name].values / max(float(self.dataset[f"averaged_{name}"]), 1e-9)
             for name in ("steps", "wall_time")
         }
 
-    def plot(self) -> Figure:
-        """Distances and rates against ε in double logarithmic axes, with their fitted powers."""
+    # -- what it says of itself --------------------------------------------------------------------
+
+    @property
+    def along(self) -> str:
+        """Dimension of the dataset."""
+        return "epsilon"
+
+    @property
+    def title(self) -> str:
+        """Of what it is the study."""
+        return "fast oscillations and their average"
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """None but ε, which varies."""
+        return {}
+
+    @property
+    def outcome(self) -> Completion:
+        """Whether all ε were computed."""
+        known = {"": Completion.FINISHED, INTERRUPTED: Completion.INTERRUPTED}
+        return known.get(self.stopped, Completion.STOPPED_EARLY)
+
+    @property
+    def message(self) -> str:
+        """What stopped it early, or that all was computed."""
+        return self.stopped or self.outcome.message
+
+    def facts(self) -> dict[str, Any]:
+        """What fits on a page, as plain data."""
+        epsilon = self.dataset["epsilon"].values
+        columns = {name: self.dataset[name].values.tolist() for name in SHOWN}
+        return {"epsilon": epsilon.tolist(), **columns, "powers": self.powers}
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What fits on a page, in words."""
+        distances = zip(
+            self.dataset["epsilon"].values, self.dataset["distance"].values, strict=True
+        )
+        rows = [(f"epsilon = {e:g}", f"distance {d:.3e}") for e, d in distances]
+        powers = [f"{name.replace('_', ' ')} {power:.2f}" for name, power in self.powers.items()]
+        return [*shortened(rows), ("powers of epsilon", ", ".join(powers))]
+
+    def overview(self, ax: Axes | None = None) -> Figure:
+        """Distances and rates against ε in double logarithmic axes, with their fitted powers; in
+        given axes the distances."""
         from stickslip.figures.evolution import plot_study
 
-        return plot_study(self)
+        return plot_study(self, ax)
+
+    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+        """The data, the certificate, and what stopped it."""
+        return self.dataset, {"certificate": asdict(self.certificate), "stopped": self.stopped}
+
+    @classmethod
+    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
+        """A study as it was."""
+        return cls(data, restored_certificate(json.loads(parts["certificate"])), parts["stopped"])
 
 
 def averaging_study(
@@ -130,7 +194,7 @@ def averaging_study(
     grid = np.linspace(problem.span[0], problem.span[1], _intervals(problem.n) + 1)
     limit, limit_gauge = _limit(averaged, grid, tolerance)
     done: list[tuple[Motion, Gauge]] = []
-    message = ""
+    stopped = ""
     try:
         with bar(progress) as show:
             for k, epsilon in enumerate(periods.tolist()):
@@ -140,8 +204,10 @@ def averaging_study(
     except (KeyboardInterrupt, ConvergenceError) as stop:
         if not done:
             raise
-        message = "interrupted" if isinstance(stop, KeyboardInterrupt) else str(stop)
-    return AveragingStudy(_table(periods[: len(done)], done, (limit, limit_gauge), grid), message)
+        stopped = INTERRUPTED if isinstance(stop, KeyboardInterrupt) else str(stop)
+    certificate = worst([limit.certificate, *(motion.certificate for motion, _ in done)])
+    data = _dataset(periods[: len(done)], done, (limit, limit_gauge), grid)
+    return AveragingStudy(data, certificate, stopped)
 
 
 def fitted_power(x: Array, y: Array) -> tuple[float, float]:
@@ -189,7 +255,7 @@ def _intervals(n: int) -> int:
     return int(np.clip(2**24 // n, 64, GRID))
 
 
-def _table(
+def _dataset(
     epsilons: Array, motions: list[tuple[Motion, Gauge]], limit: tuple[Motion, Gauge], grid: Array
 ) -> xarray.Dataset:
     """What was measured, over ε."""

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from stickslip.certificates import Certificate, Residual
 from stickslip.errors import ConvergenceError
 from stickslip.rate_independent.dissipation import WeightedL1
 from stickslip.rate_independent.evolution.audit import start_state
@@ -30,6 +31,11 @@ class Motion(Protocol):
     steps: int
     wall_time: float
     dissipated: float
+
+    @property
+    def certificate(self) -> Certificate:
+        """What was measured of it, once it has passed."""
+        ...
 
     def blocks(self) -> Iterator[tuple[Array, Array]]:
         """Times (m,) and states (m, n), the start included, part by part; affine in between."""
@@ -77,6 +83,10 @@ class PlayMotion:
         self.wall_time = time.perf_counter() - began
         self.dissipated = float(self.play.at(problem.span[1])["dissipated_energy"])
 
+    @property
+    def certificate(self) -> Certificate:
+        return self.play.certificate
+
     def blocks(self) -> Iterator[tuple[Array, Array]]:
         nodes = self.play.time
         moving = np.flatnonzero(self.play.mode)
@@ -99,6 +109,21 @@ class SteppedMotion:
         self.steps = 0
         self.wall_time = 0.0
         self.dissipated = 0.0
+        self.worst = {"distance": 0.0, "residual": 0.0}
+        self.defect = 0.0
+        self.scale = 0.0
+
+    @property
+    def certificate(self) -> Certificate:
+        """Stability and optimality of the worst step, and what all defects of the energy balance
+        add up to, relative to the energy that flows."""
+        share = self.defect / self.scale if self.scale > 0.0 else 0.0
+        residuals = (
+            Residual("stability", self.worst["distance"], KKT),
+            Residual("KKT residual", self.worst["residual"], KKT),
+            Residual("energy balance", share, self.tolerance),
+        )
+        return Certificate(residuals)
 
     def blocks(self) -> Iterator[tuple[Array, Array]]:
         problem = self.problem
@@ -110,12 +135,17 @@ class SteppedMotion:
         yield self._passed(np.array([state.t]), state.z[None])
         for block in march:
             self.steps += len(block.times)
+            for name in self.worst:
+                self.worst[name] = max(self.worst[name], float(np.max(block.columns[name])))
+            self.defect += float(np.sum(np.abs(block.columns["defect"])))
             yield self._passed(block.times, block.states)
         if not march.outcome.ok:
             raise ConvergenceError(
                 f"evolution with epsilon = {problem.epsilon:g}", march.outcome.label, march.detail
             )
-        self.dissipated = march.state.flow.dissipated
+        flow = march.state.flow
+        self.dissipated = flow.dissipated
+        self.scale = max(flow.highest - flow.lowest, flow.dissipated, abs(flow.work), march.least)
         self.wall_time = time.perf_counter() - began
 
     def _passed(self, times: Array, states: Array) -> tuple[Array, Array]:

@@ -85,9 +85,11 @@ def evolve(
     DeclarationError
         If an argument is wrong, or `start` does not belong to the problem.
 
-    Notes ----- Where all components that move keep moving, weighted ℓ1 steps are exact at their
-    ends, however long they are. Otherwise the error is of the first order in the step; adaptive
-    steps make it proportional to `tolerance` (to its square root for potentials whose K is curved).
+    Notes
+    -----
+    Where all components that move keep moving, weighted ℓ1 steps are exact at their ends, however
+    long they are. Otherwise the error is of the first order in the step; adaptive steps make it
+    proportional to `tolerance` (to its square root for potentials whose K is curved).
     """
     began = time.perf_counter()
     check_positive(tolerance=tolerance, kkt=kkt)

@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from stickslip.certificates import Certificate, Residual
 from stickslip.rate_independent.evolution.outcome import EvolutionOutcome
+from stickslip.results import Result, listed
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Array = np.ndarray
-KIND = "evolution"  # of the stored file
-FORMAT = 2  # of the stored file
 PHASE_STEP = 0.25  # longest step that still sees the oscillation, in periods
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class History:
+class History(Result):
     """A computed evolution.
 
     Attributes
@@ -41,6 +41,9 @@ class History:
     wall_time : float
         Seconds.
     """
+
+    KIND = "evolution"
+    FORMAT = 2
 
     dataset: xarray.Dataset
     outcome: EvolutionOutcome
@@ -160,22 +163,52 @@ class History:
         notes = (looked, f"error of z about {error:.1e} in the energy norm")
         return Certificate(residuals, outcome, notes=notes)
 
-    def plot(self) -> Figure:
-        """Components over time with stick phases shaded, and the energies."""
+    # -- what it says of itself --------------------------------------------------------------------
+
+    @property
+    def title(self) -> str:
+        """Of what it is the evolution."""
+        return str(self.dataset.attrs.get("title") or "rate-independent evolution")
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The period of the oscillation, if the dissipation depends on its phase."""
+        attrs = self.dataset.attrs
+        return {"epsilon": float(attrs["epsilon"])} if attrs["depends_on_phase"] else {}
+
+    def facts(self) -> dict[str, Any]:
+        """What fits on a page, as plain data."""
+        times = self.dataset["step_time"].values
+        return {
+            "method": "minimising movements",
+            "end": float(times[-1]),
+            "steps": self.steps,
+            "final": self.final.tolist(),
+            "dissipated": float(self.dataset["dissipated"][-1]),
+        }
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What fits on a page, in words."""
+        times = self.dataset["step_time"].values
+        return [
+            ("method", "minimising movements"),
+            ("time", f"{times[0]:g} to {times[-1]:g}"),
+            ("steps", str(self.steps)),
+            ("final state", listed([f"{x:.6g}" for x in self.final])),
+            ("dissipated", f"{float(self.dataset['dissipated'][-1]):.6g}"),
+        ]
+
+    def overview(self, ax: Axes | None = None) -> Figure:
+        """Components over time with stick phases shaded, and the energies; in given axes the
+        components."""
+        if ax is not None:
+            return self.plot("z", ax=ax)
         from stickslip.figures.evolution import plot_history
 
         return plot_history(self)
 
-    def save(self, path: str | Path) -> None:
-        """Write a netCDF-4 file that :func:`open_history` reads back exactly.
-
-        Raises
-        ------
-        StickslipError
-            If the file cannot be written; an existing file is replaced only by a complete one.
-        """
-        from stickslip import storage
-
+    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+        """The data, and what the certificate compares with."""
         settings = {
             "outcome": self.outcome.code,
             "detail": self.detail,
@@ -183,19 +216,10 @@ class History:
             "kkt": self.kkt,
             "wall_time": self.wall_time,
         }
-        storage.write(path, self.dataset, KIND, FORMAT, settings=settings)
+        return self.dataset, {"settings": settings}
 
-
-def open_history(path: str | Path) -> History:
-    """Read a stored evolution.
-
-    Raises
-    ------
-    StickslipError
-        If the file does not exist or is not a stored evolution.
-    """
-    from stickslip import storage
-
-    with storage.reading(path, KIND, FORMAT) as (data, own):
-        settings: dict[str, Any] = json.loads(own["settings"])
-        return History(data, EvolutionOutcome.from_code(settings.pop("outcome")), **settings)
+    @classmethod
+    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
+        """An evolution as it was."""
+        settings: dict[str, Any] = json.loads(parts["settings"])
+        return cls(data, EvolutionOutcome.from_code(settings.pop("outcome")), **settings)

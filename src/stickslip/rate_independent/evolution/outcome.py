@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from enum import Enum
+from stickslip.results import Ended
 
 
-class EvolutionOutcome(Enum):
+class EvolutionOutcome(Ended):
     """How an evolution ended; ``message`` says what it means and what to do.
 
     Everything computed up to there is kept in the result.
@@ -33,21 +33,3 @@ class EvolutionOutcome(Enum):
         "interrupted",
         "Stopped by the user. evolve(problem, times, start=result) goes on from here",
     )
-
-    def __init__(self, code: int, label: str, message: str) -> None:
-        self.code = code
-        self.label = label
-        self.message = message
-
-    @property
-    def ok(self) -> bool:
-        """Whether the whole time span was computed."""
-        return self is EvolutionOutcome.FINISHED
-
-    @classmethod
-    def from_code(cls, code: int) -> EvolutionOutcome:
-        """The outcome with a number."""
-        for outcome in cls:
-            if outcome.code == code:
-                return outcome
-        raise ValueError(f"{code} is the code of no outcome")

@@ -175,8 +175,10 @@ def fit(
     Unresolved
         If more panels are needed.
 
-    Notes ----- Without `growth`, what lies between two sampled places is not seen: a spike narrower
-    than 1/200 of the whole, away from any known corner, may be missed.
+    Notes
+    -----
+    Without `growth`, what lies between two sampled places is not seen: a spike narrower than 1/200
+    of the whole, away from any known corner, may be missed.
     """
     known = edges
     whole = edges[-1] - edges[0]

@@ -8,26 +8,29 @@ of L′ and U′ are all that has to be found.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
 from stickslip.certificates import Certificate, Residual, within
 from stickslip.equations.field import MODE_NAMES
-from stickslip.errors import DeclarationError
+from stickslip.errors import DeclarationError, StickslipError
 from stickslip.motion.simulate import check_span
 from stickslip.motion.trajectory import GRID
 from stickslip.rate_independent.play.chebyshev import ROUNDING
 from stickslip.rate_independent.play.nodes import Bounds, Nodes, Sample, follow, panel_edges
 from stickslip.rate_independent.play.signals import INTERPOLATIONS, is_table, read_signal
+from stickslip.results import Completion, Result
 from stickslip.symbolic.formulas import is_finite
 
 if TYPE_CHECKING:
     import pandas
     import xarray
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Array = np.ndarray
@@ -97,14 +100,16 @@ def play(
         If an argument is wrong, a value is not finite, a threshold is negative somewhere, or the
         initial state is not stable (the distance and the nearest stable value are named).
 
-    Notes ----- Samples are taken as they are. Formulas and functions are replaced by polynomials
-    that agree with them to about 1e-14 of their largest value (and, where they are steep, to the
-    rounding of t times the slope); a turning point is then not missed, however close it is to the
-    next, unless the excursion between them is below that. The corners of a formula (abs, min, max,
-    clip, piecewise) are found from its text, and what polynomials can miss of it is bounded: no
-    feature is too narrow. The corners of a function are found from the polynomials that fail there;
-    not seen of a function is what is narrower than about 1/200 of the span (of the period, if
-    `epsilon` is given), and the certificate says at how many points it was looked at.
+    Notes
+    -----
+    Samples are taken as they are. Formulas and functions are replaced by polynomials that agree
+    with them to about 1e-14 of their largest value (and, where they are steep, to the rounding of t
+    times the slope); a turning point is then not missed, however close it is to the next, unless
+    the excursion between them is below that. The corners of a formula (abs, min, max, clip,
+    piecewise) are found from its text, and what polynomials can miss of it is bounded: no feature
+    is too narrow. The corners of a function are found from the polynomials that fail there; not
+    seen of a function is what is narrower than about 1/200 of the span (of the period, if `epsilon`
+    is given), and the certificate says at how many points it was looked at.
 
     Examples
     --------
@@ -114,8 +119,10 @@ def play(
     >>> motion.certificate.ok
     True
 
-    References ---------- A. Mielke, *Three examples concerning the interaction of dry friction and
-    oscillations*, WIAS preprint 2405 (2017), section 2.2.
+    References
+    ----------
+    A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
+    preprint 2405 (2017), section 2.2.
     """
     span = check_span(t_span)
     for name, value in (("stiffness", stiffness), ("epsilon", epsilon)):
@@ -131,17 +138,65 @@ def play(
             f"{interpolation!r} is none",
             f"Give one of {', '.join(INTERPOLATIONS)}",
         )
-    ell = read_signal(load, "load", span, None, interpolation)
+    declared = {
+        "load": load,
+        "threshold": threshold,
+        "t_span": span,
+        "epsilon": epsilon,
+        "stiffness": float(stiffness),
+        "interpolation": interpolation,
+    }
+    bounds = _bounds(**declared)
+    edges = panel_edges(bounds, *span)
+    return Play(bounds, follow(bounds, edges, _stable(bounds, edges, float(initial))), declared)
+
+
+def _bounds(
+    load: Given,
+    threshold: Given | tuple[Given, Given],
+    t_span: tuple[float, float],
+    epsilon: float | None,
+    stiffness: float,
+    interpolation: str,
+) -> Bounds:
+    """Load and thresholds as they were given, read."""
+    ell = read_signal(load, "load", t_span, None, interpolation)
     if isinstance(threshold, tuple) and len(threshold) == 2 and not is_table(threshold):
         plus, minus = (
-            read_signal(part, f"threshold[{i}]", span, epsilon, interpolation)
+            read_signal(part, f"threshold[{i}]", t_span, epsilon, interpolation)
             for i, part in enumerate(threshold)
         )
     else:
-        minus = plus = read_signal(threshold, "threshold", span, epsilon, interpolation)
-    bounds = Bounds(ell, minus, plus, float(stiffness))
-    edges = panel_edges(bounds, *span)
-    return Play(bounds, follow(bounds, edges, _stable(bounds, edges, float(initial))))
+        minus = plus = read_signal(threshold, "threshold", t_span, epsilon, interpolation)
+    return Bounds(ell, minus, plus, stiffness)
+
+
+def _plain(given: Any) -> Any:
+    """A signal as data for JSON.
+
+    Raises
+    ------
+    StickslipError
+        If it is a function of Python.
+    """
+    if callable(given):
+        raise StickslipError(
+            "a play whose load or threshold is a function of Python cannot be stored; give it as a "
+            "formula or as samples, or keep its numbers with play.dataset.to_netcdf(path)"
+        )
+    if is_table(given):
+        times, values = given
+        return {"times": np.asarray(times).tolist(), "values": np.asarray(values).tolist()}
+    if isinstance(given, tuple):
+        return [_plain(part) for part in given]
+    return given if isinstance(given, str) else float(given)
+
+
+def _revived(entry: Any) -> Any:
+    """The same from JSON."""
+    if isinstance(entry, dict):
+        return np.array(entry["times"]), np.array(entry["values"])
+    return tuple(_revived(part) for part in entry) if isinstance(entry, list) else entry
 
 
 def _stable(bounds: Bounds, edges: Array, z: float) -> float:
@@ -187,7 +242,7 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Play:
+class Play(Result):
     """A computed play.
 
     Attributes
@@ -196,10 +251,15 @@ class Play:
         Load, thresholds and stiffness.
     nodes : Nodes
         Times between which z rests or follows one bound, positions there, and the modes in between.
+    declared : mapping of str to anything
+        Load, threshold, span, period, stiffness and interpolation as they were given.
     """
+
+    KIND = "play"
 
     bounds: Bounds
     nodes: Nodes
+    declared: Mapping[str, Any]
 
     def __repr__(self) -> str:
         return f"<Play: t = {self.time[0]:g} ... {self.time[-1]:g}, {self.n_switches} switches>"
@@ -496,8 +556,75 @@ class Play:
         }
         return pd.DataFrame({"time": self.time[k], **names, "z": self.z[k]})
 
-    def plot(self) -> Figure:
+    # -- what it says of itself --------------------------------------------------------------------
+
+    @property
+    def title(self) -> str:
+        """What it is."""
+        return "play operator with moving thresholds"
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Stiffness, and the period of the thresholds if they have one."""
+        epsilon = self.declared["epsilon"]
+        found = {"stiffness": self.bounds.stiffness}
+        return found if epsilon is None else {**found, "epsilon": float(epsilon)}
+
+    @property
+    def outcome(self) -> Completion:
+        """A play comes to its end."""
+        return Completion.FINISHED
+
+    @property
+    def message(self) -> str:
+        """How it ended, in words."""
+        return self.outcome.message
+
+    def facts(self) -> dict[str, Any]:
+        """What fits on a page, as plain data."""
+        return {
+            "method": "exact play",
+            "end": float(self.time[-1]),
+            "switches": self.n_switches,
+            "final": [self.final],
+            "dissipated": self.dissipated,
+        }
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What fits on a page, in words."""
+        return [
+            ("method", "exact play"),
+            ("time", f"{self.time[0]:g} to {self.time[-1]:g}"),
+            ("switches", str(self.n_switches)),
+            ("final state", f"{self.final:.6g}"),
+            ("dissipated", f"{self.dissipated:.6g}"),
+        ]
+
+    def overview(self, ax: Axes | None = None) -> Figure:
         """z over time inside the stable region."""
         from stickslip.figures.play import plot_play
 
-        return plot_play(self)
+        return plot_play(self, ax)
+
+    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+        """The nodes beside the dataset, and load and thresholds as they were given."""
+        import xarray as xr
+
+        nodes = xr.Dataset(
+            {
+                "node_time": ("node", self.nodes.time),
+                "node_z": ("node", self.nodes.z),
+                "node_mode": ("node", self.nodes.mode),
+            }
+        )
+        signals = {name: _plain(self.declared[name]) for name in ("load", "threshold")}
+        return self.dataset.merge(nodes), {"declared": {**self.declared, **signals}}
+
+    @classmethod
+    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
+        """A play from its nodes."""
+        declared: dict[str, Any] = json.loads(parts["declared"])
+        declared["t_span"] = tuple(declared["t_span"])
+        declared |= {name: _revived(declared[name]) for name in ("load", "threshold")}
+        nodes = Nodes(*(data[f"node_{name}"].values for name in ("time", "z", "mode")))
+        return cls(_bounds(**declared), nodes, declared)

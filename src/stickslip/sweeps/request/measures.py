@@ -26,6 +26,8 @@ from stickslip.motion.problem import Problem
 from stickslip.orbits.settling.motions import ATTRACTORS, MEASURED, Observed
 
 if TYPE_CHECKING:
+    import xarray
+
     from stickslip.orbits.settling.motions import Settings
 
 Array = np.ndarray
@@ -203,6 +205,15 @@ def certified_below(settings: Settings) -> float:
 
 OWN = ("certificate", "lacking", "excess", "outcome")
 """Variables of every map, besides its measures."""
+
+
+def measures_of(data: xarray.Dataset) -> list[str]:
+    """The measures that a map holds, in the order in which they were asked for."""
+    order = data.attrs.get("stickslip_measures", "")
+    names = [str(n) for n in data.data_vars if n not in OWN and not str(n).endswith("_missing")]
+    return sorted(names, key=lambda name: order.find(f'"{name}'))
+
+
 LACKING = (
     "nothing",
     "energy balance",

@@ -128,8 +128,10 @@ class Rules(NamedTuple):
 class Marks(NamedTuple):
     """What is remembered of every lane.
 
-    Attributes ---------- time, state, kind, miss : arrays, shapes (lanes, ring), (lanes, ring, n),
-    (lanes, ring), (lanes, ring)
+    Attributes
+    ----------
+    time, state, kind, miss : arrays, shapes (lanes, ring), (lanes, ring, n), (lanes, ring), (lanes,
+        ring)
         The latest marks; the mode of a mark as a number, and how closely it comes back to the mark
         a lag before it.
     numbers : array of int, shape (lanes, 14)

@@ -1,0 +1,329 @@
+"""What public functions return: data, how it ended, what is proved of it, a picture, a file.
+
+A kind of result says what it holds (:class:`Described`); everything that can be made of that is
+made here, once: the summary of the command line and of ``summary.json``, the face in a notebook,
+files, and pictures of quantities.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, cast
+
+from stickslip import storage
+from stickslip.certificates import Certificate, Residual
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SHOWN = 12  # of many rows or numbers on a page; all are in the data
+
+
+class Ended(Enum):
+    """How a computation ended: a number for files, a label, and what it means and what to do.
+
+    The base of the outcomes of all kinds of results, each of which names its own.
+    """
+
+    def __init__(self, code: int, label: str, message: str) -> None:
+        self.code = code
+        self.label = label
+        self.message = message
+
+    @property
+    def ok(self) -> bool:
+        """Whether all that was asked for was computed."""
+        return self.code == 0
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether a user stopped it."""
+        return self.name == "INTERRUPTED"
+
+    @classmethod
+    def from_code(cls, code: int) -> Self:
+        """The outcome with a number."""
+        for outcome in cls:
+            if outcome.code == code:
+                return outcome
+        raise ValueError(f"{code} is the code of no outcome")
+
+
+class Completion(Ended):
+    """How a computation ended that consists of many, such as a map or a branch."""
+
+    FINISHED = (0, "finished", "All that was asked for was computed")
+    INTERRUPTED = (1, "interrupted", "Stopped by the user; what was computed is kept")
+    STOPPED_EARLY = (2, "stopped early", "A part could not be computed; those before it are kept")
+    NOTHING_FOUND = (3, "nothing found", "There is none, or it was not where was looked")
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A result on a page, for people and for programs.
+
+    Attributes
+    ----------
+    title : str
+    rows : tuple of (str, str)
+        What is said, and its name.
+    data : dict
+        The same and more as plain data: what ``summary.json`` holds.
+    good : bool
+        Whether it came to its end and is certified.
+    """
+
+    title: str
+    rows: tuple[tuple[str, str], ...]
+    data: dict[str, Any]
+    good: bool
+
+    def __str__(self) -> str:
+        width = max((len(name) for name, _ in self.rows), default=0)
+        return "\n".join([self.title, *(f"{name:<{width}}   {text}" for name, text in self.rows)])
+
+    __repr__ = __str__
+
+    def to_json(self) -> str:
+        """The data as text; what is not finite is null."""
+        return json.dumps(storage.plain(self.data), indent=2, ensure_ascii=False)
+
+    def _repr_html_(self) -> str:
+        lines = (
+            f"<tr><td>{escape(name).replace('  ', '&emsp;')}</td><td>{escape(text)}</td></tr>"
+            for name, text in self.rows
+        )
+        return f"<b>{escape(self.title)}</b><table>{''.join(lines)}</table>"
+
+
+class Described(Protocol):
+    """What a kind of result has to say of itself."""
+
+    @property
+    def title(self) -> str:
+        """Of what it is a result."""
+        ...
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Values of the parameters."""
+        ...
+
+    @property
+    def dataset(self) -> xarray.Dataset:
+        """All numbers, with units."""
+        ...
+
+    @property
+    def outcome(self) -> Ended:
+        """How the computation ended."""
+        ...
+
+    @property
+    def message(self) -> str:
+        """How it ended, in words."""
+        ...
+
+    @property
+    def certificate(self) -> Certificate:
+        """What was measured of it, and the verdict."""
+        ...
+
+    def facts(self) -> dict[str, Any]:
+        """What fits on a page, as plain data."""
+        ...
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What fits on a page, in words."""
+        ...
+
+    def overview(self, ax: Axes | None = None) -> Figure:
+        """Its picture."""
+        ...
+
+
+class Result:
+    """What every result can do.
+
+    Attributes
+    ----------
+    KIND, FORMAT
+        Name of the kind and number of the format in files.
+    """
+
+    KIND: ClassVar[str]
+    FORMAT: ClassVar[int] = 1
+
+    @property
+    def along(self) -> str:
+        """Dimension of the dataset over which quantities are drawn and tables run."""
+        return "time"
+
+    @property
+    def _said(self) -> Described:
+        """Itself, as what every kind has to be."""
+        return cast(Described, self)
+
+    @property
+    def table(self) -> pandas.DataFrame:
+        """The dataset as a table: what has more dimensions than one fills several columns."""
+        return flat(self._said.dataset, self.along)
+
+    def summary(self) -> Summary:
+        """What there is to say on a page: outcome, numbers, certificate.
+
+        Printed, it is a short table; ``.data`` is what ``summary.json`` holds.
+        """
+        from stickslip import __version__
+
+        said = self._said
+        outcome = said.outcome
+        certificate = said.certificate
+        data = {
+            "program": "stickslip",
+            "version": __version__,
+            "result": self.KIND,
+            "title": said.title,
+            "outcome": outcome.label,
+            "message": said.message,
+            "complete": outcome.ok,
+            "certified": certificate.ok,
+            "parameters": dict(said.parameters),
+            **said.facts(),
+            "certificate": certificate.to_dict(),
+        }
+        ended = ("outcome", outcome.label if outcome.ok else said.message)
+        rows = (ended, *said.rows(), *certificate_rows(certificate))
+        return Summary(said.title, rows, data, outcome.ok and certificate.ok)
+
+    def plot(self, *quantities: str, ax: Axes | None = None) -> Figure:
+        """A picture of the result.
+
+        Parameters
+        ----------
+        *quantities : str
+            Variables of the dataset, a panel each; by default an overview of everything.
+        ax : matplotlib.axes.Axes, optional
+            Draw into these axes of a figure of yours, all quantities together.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            That of `ax`, if it is given; no window is opened.
+
+        Raises
+        ------
+        DeclarationError
+            If there is no such quantity.
+        """
+        if not quantities:
+            return self._said.overview(ax)
+        from stickslip.figures.drawing.quantities import plot_quantities
+
+        return plot_quantities(self._said.dataset, quantities, self.along, ax)
+
+    def save(self, path: str | Path) -> None:
+        """Write a netCDF-4 file that :func:`stickslip.open` reads back exactly.
+
+        Raises
+        ------
+        StickslipError
+            If the file cannot be written; an existing file is replaced only by a complete one.
+        """
+        data, parts = self.stored()
+        storage.write(path, data, self.KIND, self.FORMAT, **parts)
+
+    @classmethod
+    def open(cls, path: str | Path) -> Self:
+        """Read a stored result of this kind; nothing is computed again until it is asked for.
+
+        Raises
+        ------
+        StickslipError
+            If the file does not exist, or holds no result of this kind, or one of another format.
+        """
+        with storage.reading(path, cls.KIND, cls.FORMAT) as (data, parts):
+            return cls.restored(data, parts, str(path))
+
+    def _repr_html_(self) -> str:
+        from stickslip.figures.drawing.notebook import embedded
+
+        parameters = _parameters(self._said.parameters)
+        return f"<div>{embedded(self.plot)}{self.summary()._repr_html_()}{parameters}</div>"
+
+    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+        """Data and other parts of a file: by default the data is all there is."""
+        return self._said.dataset, {}
+
+    @classmethod
+    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
+        """A result from the data and the other parts of a file, as texts."""
+        raise NotImplementedError
+
+
+def flat(data: xarray.Dataset, along: str) -> pandas.DataFrame:
+    """The variables over a dimension as columns; one with a second dimension fills several."""
+    import pandas as pd
+
+    columns: dict[str, Any] = {}
+    for name in [*data.coords, *data.data_vars]:
+        variable = data[name]
+        if along not in variable.dims:
+            continue
+        values = variable.transpose(along, ...).values
+        rest = values.reshape(len(values), -1)
+        many = variable.ndim > 1
+        labels = [f"{name}_{i + 1}" for i in range(rest.shape[1])] if many else [str(name)]
+        columns |= dict(zip(labels, rest.T, strict=True))
+    return pd.DataFrame(columns)
+
+
+def certificate_rows(certificate: Certificate) -> list[tuple[str, str]]:
+    """The verdict, and every residual with its limit."""
+    rows = [("certificate", certificate.verdict)]
+    for residual in certificate.residuals:
+        if residual.counts:
+            rows.append((f"  {residual.name}", f"{residual.value:g}"))
+            continue
+        value = f"{residual.value:.1e}" if math.isfinite(residual.value) else "not finite"
+        side = "least" if residual.least else "most"
+        bound = f", at {side} {residual.limit:.0e}" if residual.judged else ""
+        note = f" {residual.note}" if residual.note else ""
+        rows.append((f"  {residual.name}", f"{value}{bound}{note}"))
+    return rows
+
+
+def listed(items: Sequence[str], most: int = SHOWN) -> str:
+    """The first few of many, and how many there are."""
+    more = f", ... ({len(items)} in all)" if len(items) > most else ""
+    return ", ".join(items[:most]) + more
+
+
+def shortened(rows: list[tuple[str, str]], most: int = SHOWN) -> list[tuple[str, str]]:
+    """The first few rows of many, and how many there are."""
+    more = [("  ...", f"({len(rows)} in all)")] if len(rows) > most else []
+    return rows[:most] + more
+
+
+def restored_certificate(entry: Mapping[str, Any]) -> Certificate:
+    """A certificate as it was stored: lists were tuples."""
+    residuals = tuple(Residual(**residual) for residual in entry["residuals"])
+    spans = tuple((start, end) for start, end in entry["unverified"])
+    return Certificate(residuals, entry["outcome"], spans, tuple(entry["notes"]))
+
+
+def _parameters(parameters: Mapping[str, float]) -> str:
+    """The parameters, folded away."""
+    if not parameters:
+        return ""
+    lines = "".join(f"<tr><td>{escape(n)}</td><td>{v:.9g}</td></tr>" for n, v in parameters.items())
+    return f"<details><summary>parameters</summary><table>{lines}</table></details>"

@@ -1,0 +1,375 @@
+"""What maps are once they are computed: parameter maps and basins."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from stickslip.certificates import Certificate, Residual
+from stickslip.model.system import System
+from stickslip.model.units import with_unit
+from stickslip.motion.outcome import Outcome
+from stickslip.results import Completion, Result, shortened
+from stickslip.storage import PREFIX
+from stickslip.sweeps.request.measures import LACKING, measures_of
+from stickslip.sweeps.request.plan import FORMAT, INTERPOLATED, KIND, NOT_COMPUTED
+from stickslip.sweeps.store import stored_plan
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = np.ndarray
+# labels of motions that are on no attractor, with what is counted of them
+NOWHERE = {-1: "stopped", -2: "not_settled", -3: "undamped"}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Map(Result):
+    """A system measured at every point of a grid of parameters and initial values.
+
+    ``map["speed"]`` is the measure as an xarray.DataArray, ``map.dataset`` everything.
+
+    Attributes
+    ----------
+    dataset : xarray.Dataset
+        One dimension for each axis; the measures, ``outcome``, ``certificate``, ``lacking`` and
+        ``excess``. Where it comes from a store, values are read when they are needed.
+    """
+
+    KIND = KIND
+    FORMAT = FORMAT
+
+    dataset: xarray.Dataset
+
+    def __repr__(self) -> str:
+        sizes = " x ".join(f"{n} {name}" for name, n in self.dataset["outcome"].sizes.items())
+        return f"<Map of {self.title}: {sizes}, {', '.join(self.measures)}>"
+
+    def __getitem__(self, name: str) -> xarray.DataArray:
+        return self.dataset[name]
+
+    @cached_property
+    def system(self) -> System:
+        """The system that was measured."""
+        from stickslip.model.system_file import loads
+
+        return loads(self.dataset.attrs[f"{PREFIX}model"], "the model of the map")
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Values of the parameters that do not vary."""
+        values: dict[str, float] = json.loads(self.dataset.attrs[f"{PREFIX}parameters"])
+        return {name: value for name, value in values.items() if name not in self.dataset.coords}
+
+    @property
+    def measures(self) -> list[str]:
+        """What was measured, in the order in which it was asked for."""
+        return measures_of(self.dataset)
+
+    @property
+    def title(self) -> str:
+        """Of what it is a map."""
+        return str(self.dataset.attrs["title"])
+
+    @property
+    def along(self) -> str:
+        """Its first axis."""
+        return str(self.dataset["outcome"].dims[0])
+
+    @property
+    def table(self) -> pandas.DataFrame:
+        """One row a point."""
+        return self.dataset.to_dataframe().reset_index()
+
+    @cached_property
+    def _codes(self) -> Array:
+        """Outcomes of all points; a negative one where there is none."""
+        return self.dataset["outcome"].values.ravel()
+
+    @property
+    def computed(self) -> int:
+        """Points that were computed."""
+        return int(np.count_nonzero(self._codes >= 0))
+
+    @property
+    def outcome(self) -> Completion:
+        """Whether every point is there."""
+        left = bool(np.any(self._codes == NOT_COMPUTED))
+        return Completion.INTERRUPTED if left else Completion.FINISHED
+
+    @property
+    def message(self) -> str:
+        """How many points there are."""
+        done = f"{self.computed:,} of {self._codes.size:,} points are computed"
+        return done if self.outcome.ok else f"{done}; the same call goes on"
+
+    @cached_property
+    def lacking(self) -> dict[str, int]:
+        """How many of the computed points lack what to be certified."""
+        lacks = self.dataset["lacking"].values.ravel()[self._codes >= 0]
+        counts = np.bincount(lacks, minlength=len(LACKING))
+        return {
+            name: int(count) for name, count in zip(LACKING[1:], counts[1:], strict=True) if count
+        }
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """How many of the computed points are not certified, and how far the worst is from it.
+
+        Every point has a certificate of its own, as the variables ``certificate`` and ``lacking``
+        say.
+        """
+        bad = sum(self.lacking.values())
+        notes = (f"{self.computed - bad:,} of {self.computed:,} points are certified",)
+        return Certificate((Residual("points not certified", float(bad), 0.0),), notes=notes)
+
+    def facts(self) -> dict[str, Any]:
+        """What fits on a page, as plain data."""
+        return {
+            **self.system.heading(),
+            "axes": {str(name): int(n) for name, n in self.dataset["outcome"].sizes.items()},
+            "measures": self.measures,
+            "points": int(self._codes.size),
+            "computed": self.computed,
+            "outcomes": {Outcome.from_code(c).label: n for c, n in self._counted().items()},
+            "lacking": self.lacking,
+        }
+
+    def _counted(self) -> dict[int, int]:
+        """Computed points by the code of their outcome."""
+        codes, counts = np.unique(self._codes[self._codes >= 0], return_counts=True)
+        return {int(code): int(count) for code, count in zip(codes, counts, strict=True)}
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What fits on a page, in words."""
+        between = int(np.count_nonzero(self._codes == INTERPOLATED))
+        more = f" of {self._codes.size:,}, the others interpolated" if between else ""
+        rows = [("points", f"{self.computed:,}{more}")]
+        rows += [
+            (f"  {Outcome.from_code(code).label}", f"{count:,}")
+            for code, count in self._counted().items()
+        ]
+        rows.append(("certified", f"{self.computed - sum(self.lacking.values()):,}"))
+        lacks = [f"{name}: {count:,}" for name, count in self.lacking.items()]
+        rows += [("  lacking", ", ".join(lacks))] if lacks else []
+        return [*rows, *self._outside(), *self._missing()]
+
+    def _outside(self) -> list[tuple[str, str]]:
+        """What can be done about points that start outside the stable set."""
+        outside = self._codes == Outcome.OUTSIDE.code
+        if not np.any(outside):
+            return []
+        excess = self.dataset["excess"]
+        unit = str(excess.attrs["units"])
+        largest = with_unit(float(np.max(excess.values.ravel()[outside])), unit, 3)
+        reason = (
+            f"{np.count_nonzero(outside):,} starts violate |∂Φ| ≤ s, by up to {largest}, so that "
+            "no motion begins there"
+        )
+        remedy = (
+            "start where friction holds: --initial NAME=VALUE, or let it vary along, as in "
+            "--over 'P,x_R=...'"
+        )
+        return [("starts", reason), ("", remedy)]
+
+    def _missing(self) -> list[tuple[str, str]]:
+        """How often a function of the user's has no value, and why."""
+        rows = []
+        for name in map(str, self.dataset.data_vars):
+            if not name.endswith("_missing"):
+                continue
+            words = self.dataset[name].attrs["flag_meanings"].split()
+            codes = self.dataset[name].values.ravel()[self._codes >= 0]
+            found = zip(*np.unique(codes, return_counts=True), strict=True)
+            why = [f"{count:,} {words[c].replace('_', ' ')}" for c, count in found if c]
+            rows += [(f"missing {name.removesuffix('_missing')}", ", ".join(why))] if why else []
+        return rows
+
+    def plot(self, *quantities: str, ax: Axes | None = None) -> Figure:
+        """Lines over one axis, a map over two, small multiples over three.
+
+        Parameters
+        ----------
+        *quantities : str
+            Measures; by default all. ``"outcome"`` is understood, too.
+        ax : matplotlib.axes.Axes, optional
+            Draw the first of them into these axes (maps of one or two axes).
+
+        Raises
+        ------
+        DeclarationError
+            If there is no such measure, or there are more than three axes.
+        """
+        from stickslip.figures.sweep import plot_sweep
+
+        return plot_sweep(self.dataset, quantities or None, ax)
+
+    def overview(self, ax: Axes | None = None) -> Figure:
+        """All measures."""
+        return self.plot(ax=ax)
+
+    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+        """The data, and the plan that it was computed by."""
+        own = (
+            (key.removeprefix(PREFIX), value)
+            for key, value in self.dataset.attrs.items()
+            if key.startswith(PREFIX)
+        )
+        parts = {key: value for key, value in own if key not in ("kind", "format", "version")}
+        return self.dataset, parts
+
+    @classmethod
+    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
+        """A map as it was."""
+        return cls(data.assign_attrs({PREFIX + key: text for key, text in parts.items()}))
+
+    @classmethod
+    def open(cls, path: str | Path) -> Self:
+        """A stored map, finished or not; from a store, values are read when they are needed.
+
+        Raises
+        ------
+        StickslipError
+            If there is no map at the path.
+        """
+        if Path(path).is_file():
+            return super().open(path)
+        import xarray as xr
+
+        stored_plan(Path(path))
+        return cls(xr.open_zarr(Path(path), chunks=None, consolidated=True))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Basin(Result):
+    """Which attractor each state of a section reaches.
+
+    ``basin["attractor"]`` is the map as an xarray.DataArray.
+
+    Attributes
+    ----------
+    system : System
+    parameters : dict of str to float
+    dataset : xarray.Dataset
+        As :func:`stickslip.basin` describes it.
+    """
+
+    KIND = "basin"
+
+    system: System
+    parameters: dict[str, float]
+    dataset: xarray.Dataset
+
+    def __repr__(self) -> str:
+        sizes = " x ".join(f"{n} {name}" for name, n in self.dataset["attractor"].sizes.items())
+        return f"<Basin of {self.title}: {sizes}, attractors {self.dataset.sizes['reached']}>"
+
+    def __getitem__(self, name: str) -> xarray.DataArray:
+        return self.dataset[name]
+
+    @property
+    def along(self) -> str:
+        """Quantities are those of the attractors."""
+        return "reached"
+
+    @property
+    def title(self) -> str:
+        """Of what it is a basin."""
+        return self.system.title or self.system.name
+
+    @property
+    def outcome(self) -> Completion:
+        """Whether every state was followed."""
+        broken = bool(self.dataset.attrs["interrupted"])
+        return Completion.INTERRUPTED if broken else Completion.FINISHED
+
+    @property
+    def message(self) -> str:
+        """What the states reach."""
+        return "; ".join(text for _, text in self._reached()) or self.outcome.message
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """States whose motion is not certified, or reaches nothing; attractors not certified."""
+        labels = self.dataset["attractor"].values
+        bad = (self.dataset["lacking"].values > 0) & (labels >= 0)
+        attractors = int(np.count_nonzero(~self.dataset["certified"].values.astype(bool)))
+        counts = {
+            "states not certified": int(np.count_nonzero(bad)),
+            "states that reach nothing": int(np.count_nonzero(labels < 0)),
+            "attractors not certified": attractors,
+        }
+        return Certificate(tuple(Residual(name, float(n), 0.0) for name, n in counts.items()))
+
+    def facts(self) -> dict[str, Any]:
+        """What fits on a page, as plain data."""
+        data = self.dataset
+        labels = data["attractor"].values
+        bad = (data["lacking"].values > 0) & (labels >= 0)
+        section = {
+            str(d): [float(data[d][0]), float(data[d][-1]), data.sizes[d]]
+            for d in data["attractor"].dims
+        }
+        return {
+            **self.system.heading(),
+            "uncertified": int(np.count_nonzero(bad)),
+            "section": section,
+            "attractors": self._attractors(),
+            "units": {name: data[name].attrs["units"] for name in ("period", "speed")},
+            **{name: int((labels == code).sum()) for code, name in NOWHERE.items()},
+        }
+
+    def _attractors(self) -> list[dict[str, Any]]:
+        """What is said of every attractor."""
+        table = self.dataset.drop_dims([*self.dataset["attractor"].dims])
+        return [
+            {str(name): values.values[i].item() for name, values in table.items()}
+            | {"name": str(table["reached"].values[i])}
+            for i in range(table.sizes["reached"])
+        ]
+
+    def _reached(self) -> list[tuple[str, str]]:
+        """The attractors, the largest basin first."""
+        units = {name: self.dataset[name].attrs["units"] for name in ("period", "speed")}
+        rows = []
+        for a in self._attractors():
+            said = [f"{x} {with_unit(a[x], units[x], 6)}" for x in units if a[x]]
+            said += [a["stability"]] if a["stability"] not in ("", "stable") else []
+            said += ["one of a family"] if a["family"] else []
+            share = f"{100 * a['share']:.3g} % of the section"
+            rows.append((a["name"].replace("_", " "), ", ".join([share, *said])))
+        return rows
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What fits on a page, in words."""
+        labels = self.dataset["attractor"].values
+        counts = {name: int((labels == code).sum()) for code, name in NOWHERE.items()}
+        nowhere = [(k.replace("_", " "), f"{n} states") for k, n in counts.items() if n]
+        return [*shortened(self._reached()), *nowhere]
+
+    def overview(self, ax: Axes | None = None) -> Figure:
+        """The section in the colours of what its states reach."""
+        from stickslip.figures.basin import plot_basin
+
+        return plot_basin(self.dataset, ax)
+
+    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+        """The data, and of what it is."""
+        return self.dataset, {"system": self.system.to_toml(), "parameters": self.parameters}
+
+    @classmethod
+    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
+        """A basin as it was."""
+        from stickslip.model.system_file import loads
+
+        system = loads(parts["system"], f"{where}: system")
+        return cls(system, json.loads(parts["parameters"]), data)

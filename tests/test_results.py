@@ -1,0 +1,179 @@
+"""One protocol for whatever a public function returns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.figure import Figure
+
+import stickslip as ss
+from stickslip.results import Ended, Result
+
+BLOCK = ss.catalogue.belt_block()
+TOY = ss.catalogue.rocking_toy(P=1.2)
+SLIDER = ss.catalogue.spring_slider(mu="2/sqrt(alpha)", V=0.3)
+
+
+def evolution() -> ss.History:
+    psi = ss.WeightedL1(lambda s: np.array([1.0 + np.cos(2.0 * np.pi * s) / 2.0, 1.0]))
+    problem = ss.Evolution(np.eye(2), ["3*sin(t)", "t"], psi, np.zeros(2), 0.5, (0.0, 1.0))
+    return ss.evolve(problem, tolerance=1e-3)
+
+
+def study() -> ss.AveragingStudy:
+    psi = ss.WeightedL1(lambda s: np.array([1.0 + np.cos(2.0 * np.pi * s) / 2.0]))
+    problem = ss.Evolution(np.eye(1), ["2*t"], psi, np.zeros(1), 0.5, (0.0, 2.0))
+    return ss.averaging_study(problem, [0.5, 0.25])
+
+
+MAKERS: dict[str, Callable[[], Result]] = {
+    "trajectory": lambda: ss.simulate(BLOCK, (0.0, 8.0)),
+    "ensemble": lambda: ss.simulate_many(BLOCK, (0.0, 2.0), parameters={"V": [0.1, 0.2]}),
+    "evolution": evolution,
+    "play": lambda: ss.play("5*t - t**2", "1 + cos(2*pi*s)/2", (0, 5), 0.0, epsilon=0.5),
+    "averaging study": study,
+    "equilibria": lambda: ss.equilibria(SLIDER),
+    "set of equilibria": lambda: ss.equilibria(TOY),
+    "cycle": lambda: ss.find_cycle(BLOCK),
+    "gait": lambda: ss.find_cycle(TOY),
+    "branch": lambda: ss.continue_equilibrium(SLIDER, "V", (0.25, 0.31)),
+    "gait study": lambda: ss.gait_study(TOY, "P", [0.4, 1.2], {"psi": 0.8}),
+    "map": lambda: ss.sweep(TOY, {"P": [1.1, 1.2], "delta": [0.05, 0.1]}, ["speed", "period"]),
+    "line": lambda: ss.sweep(TOY, {"P": [1.1, 1.2]}, ["speed"], initial={"psi": 0.8}),
+    "basin": lambda: ss.basin(TOY, {"psi": (0.0, 1.0, 2), "d_psi": (0.0, 1.0, 2)}),
+}
+QUANTITY = {
+    "trajectory": "friction_belt_contact",
+    "ensemble": "final_x",
+    "evolution": "z",
+    "play": "z",
+    "averaging study": "distance",
+    "equilibria": "largest_real_part",
+    "set of equilibria": "largest_real_part",
+    "cycle": "x",
+    "gait": "psi",
+    "branch": "U",
+    "gait study": "speed",
+    "map": "speed",
+    "line": "speed",
+    "basin": "period",
+}
+
+
+@cache
+def made(name: str) -> Result:
+    return MAKERS[name]()
+
+
+def same(first: object, second: object) -> None:
+    """Plain data, equal; what is not a number is equal to itself."""
+    np.testing.assert_equal(first, second)
+
+
+@pytest.fixture(params=MAKERS)
+def name(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+def test_says_what_it_is(name: str) -> None:
+    result = made(name)
+    said = result._said
+    assert isinstance(said.dataset, xr.Dataset)
+    assert isinstance(said.outcome, Ended)
+    assert said.outcome is type(said.outcome).from_code(said.outcome.code)
+    assert said.message
+    assert said.certificate.verdict in str(result.summary())
+    assert len(result.table) >= 1
+    data = result.summary().data
+    assert data["result"] == result.KIND
+    assert (data["complete"], data["certified"]) == (said.outcome.ok, said.certificate.ok)
+    assert said.title in str(result.summary()).splitlines()[0]
+    assert said.certificate.ok or name in ("ensemble", "basin")
+
+
+def test_is_read_back_as_it_was_written(name: str, tmp_path: Path) -> None:
+    result = made(name)
+    result.save(tmp_path / "result.nc")
+    again = ss.open(tmp_path / "result.nc")
+    assert type(again) is type(result)
+    assert again.dataset.identical(type(result).open(tmp_path / "result.nc").dataset)
+    for key, values in result._said.dataset.variables.items():
+        np.testing.assert_array_equal(again.dataset[key].values, values.values)
+    same(again.summary().data, result.summary().data)
+    again.save(tmp_path / "again.nc")
+    same(ss.open(tmp_path / "again.nc").summary().data, result.summary().data)
+
+
+def test_has_a_picture(name: str) -> None:
+    result = made(name)
+    for figure in (result.plot(), result.plot(QUANTITY[name])):
+        assert isinstance(figure, Figure)
+        assert any(axes.has_data() for axes in figure.axes)
+    mine = Figure()
+    left, right = mine.subplots(1, 2)
+    assert result.plot(ax=left) is mine
+    assert result.plot(QUANTITY[name], ax=right) is mine
+    assert left.has_data() and right.has_data()
+    with pytest.raises(ss.DeclarationError, match="no 'nonsense'"):
+        result.plot("nonsense")
+
+
+def test_has_a_face_in_a_notebook(name: str) -> None:
+    result = made(name)
+    page = result._repr_html_()
+    assert page.count("data:image/png;base64,") == 1
+    assert "certificate" in page
+    assert all(f"<td>{parameter}</td>" in page for parameter in result._said.parameters)
+
+
+def test_a_picture_that_fails_costs_no_face(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Figure, "savefig", lambda *given, **more: 1 / 0)
+    page = made("line")._repr_html_()
+    assert "could not be drawn (ZeroDivisionError" in page and "certificate" in page
+
+
+def test_every_kind_can_be_opened() -> None:
+    assert {made(name).KIND for name in MAKERS} == set(ss._KINDS)
+
+
+def test_what_is_no_result_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ss.StickslipError, match="no such file"):
+        ss.open(tmp_path / "none.nc")
+    (tmp_path / "text.nc").write_text("nothing")
+    xr.Dataset({"x": 1.0}).to_netcdf(tmp_path / "other.nc")
+    for other in ("text.nc", "other.nc"):
+        with pytest.raises(ss.StickslipError, match="not a result"):
+            ss.open(tmp_path / other)
+    with pytest.raises(ss.StickslipError, match="not a map"):
+        ss.open(tmp_path)
+    made("trajectory").save(tmp_path / "motion.nc")
+    with pytest.raises(ss.StickslipError, match="holds a trajectory, not a branch"):
+        ss.Branch.open(tmp_path / "motion.nc")
+
+
+def test_an_opened_cycle_goes_on(tmp_path: Path) -> None:
+    system = SLIDER.with_parameters(V=0.18)
+    cycle = ss.find_cycle(system)
+    cycle.save(tmp_path / "cycle.nc")
+    again = ss.Cycle.open(tmp_path / "cycle.nc")
+    assert again.closed.orbit.period == pytest.approx(cycle.period, rel=1e-10)
+    slower = {"V": 0.1799}
+    found = ss.find_cycle(system, again, slower)
+    assert found.period == pytest.approx(ss.find_cycle(system, cycle, slower).period, rel=1e-9)
+
+
+def test_an_opened_play_is_exact_at_every_time(tmp_path: Path) -> None:
+    play = ss.play("sin(t)", ([0.0, 1.0], [0.5, 1.0]), (0.0, 9.0), 0.0, epsilon=0.3)
+    play.save(tmp_path / "play.nc")
+    times = np.linspace(0.0, 9.0, 101)
+    np.testing.assert_array_equal(
+        ss.open(tmp_path / "play.nc").position(times), play.position(times)
+    )
+    with pytest.raises(ss.StickslipError, match="function of Python"):
+        ss.play(np.sin, 0.5, (0.0, 1.0), 0.0).save(tmp_path / "no.nc")
+    assert not (tmp_path / "no.nc").exists()
