@@ -52,10 +52,11 @@ from stickslip.motion.simulate_many import (
     pose_all,
 )
 from stickslip.motion.steps.arrays import FULL
-from stickslip.sweeps.engine import measuring
-from stickslip.sweeps.engine.tables import DEVICE_LANES
+from stickslip.orbits.settling.engine import measuring
+from stickslip.orbits.settling.engine.tables import DEVICE_LANES
+from stickslip.orbits.settling.motions import Block, Settings
 from stickslip.sweeps.sweep import sweep
-from stickslip.sweeps.work.chunk import Block, Settings, measure_chunk
+from stickslip.sweeps.work.chunk import measure_chunk
 
 Array = np.ndarray
 RESULTS = Path(__file__).parent / "results" / "sweep.md"

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from stickslip.orbits.cycles.cycle import Cycle, find_cycle
     from stickslip.orbits.equilibria.equilibrium import Equilibria, Equilibrium, EquilibriumSet
     from stickslip.orbits.equilibria.finding import equilibria
+    from stickslip.orbits.settling.motions import Settings
     from stickslip.orbits.studies.gaits import (
         GaitStudy,
         gait_study,
@@ -70,7 +71,6 @@ if TYPE_CHECKING:
     from stickslip.sweeps.basin import basin
     from stickslip.sweeps.map import Basin, Map
     from stickslip.sweeps.sweep import sweep
-    from stickslip.sweeps.work.chunk import Settings
 
 __version__ = "0.1.0"
 

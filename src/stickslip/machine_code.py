@@ -29,7 +29,7 @@ _ENGINE = (
 SHAPED_BY = {
     "motion": _ENGINE,
     "equations": _ENGINE,
-    "sweeps": (*_ENGINE, "sweeps/engine"),
+    "orbits": (*_ENGINE, "orbits/settling/engine"),
     "rate_independent": (
         "rate_independent/signals",
         "rate_independent/solvers",

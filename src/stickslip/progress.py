@@ -13,6 +13,10 @@ if TYPE_CHECKING:
 _display: Progress | None = None  # a terminal has room for one
 
 
+class Stopped(Exception):
+    """A task was given up, since there was a wish to stop."""
+
+
 class Show(Protocol):
     """Takes the fraction that is done (None: nobody knows) and a few words."""
 

@@ -502,7 +502,8 @@ def nothing_damps_it(rng: Rng) -> dict[str, Any]:
 
 def measured(case: Case) -> dict[str, Any]:
     """What the library says of the point."""
-    from stickslip.sweeps.work.chunk import Settings, measure_chunk
+    from stickslip.orbits.settling.motions import Settings
+    from stickslip.sweeps.work.chunk import measure_chunk
 
     given = (
         {name: np.array([value]) for name, value in part.items()}
@@ -615,7 +616,8 @@ def reproduction(case: Case) -> str:
         [
             "import numpy as np",
             "from stickslip.model.system_file import loads",
-            "from stickslip.sweeps.work.chunk import Settings, measure_chunk",
+            "from stickslip import Settings",
+            "from stickslip.sweeps.work.chunk import measure_chunk",
             f"system = loads({case.system.to_toml()!r}, 'system')",
             f"print(measure_chunk(system, {given}, {MEASURES!r}, Settings()))",
         ]

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from stickslip.model.system import System
-from stickslip.sweeps.work.scheduler import Stopped
+from stickslip.progress import Stopped
 
 Array = np.ndarray
 calls: list[int] = []

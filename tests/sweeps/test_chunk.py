@@ -13,9 +13,10 @@ from stickslip.motion.affine_modes import fill_closed_forms, linearise
 from stickslip.motion.engine.forms import AFFINE
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.simulate_many import initial_states, parameter_table, pose_all
+from stickslip.orbits.settling.motions import Settings
 from stickslip.sweeps.request.measures import LACKING
 from stickslip.sweeps.work import chunk
-from stickslip.sweeps.work.chunk import Settings, measure_chunk
+from stickslip.sweeps.work.chunk import measure_chunk
 
 Array = np.ndarray
 MEASURES = (

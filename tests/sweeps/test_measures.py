@@ -11,8 +11,9 @@ from stickslip.model.quantities import MEANINGS
 from stickslip.model.system import Inertial, Parameter, System
 from stickslip.motion.outcome import Outcome
 from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.orbits.settling.motions import Settings
 from stickslip.sweeps.request import measures
-from stickslip.sweeps.work.chunk import Settings, measure_chunk
+from stickslip.sweeps.work.chunk import measure_chunk
 
 Array = np.ndarray
 LINEAR = System(

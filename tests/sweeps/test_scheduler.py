@@ -15,10 +15,11 @@ import pytest
 
 import stickslip as ss
 from stickslip.errors import DeclarationError, StickslipError
+from stickslip.orbits.settling.motions import Settings
 from stickslip.sweeps.adaptive import Adaptive
 from stickslip.sweeps.sweep import Progress, sweep
 from stickslip.sweeps.work import scheduler
-from stickslip.sweeps.work.chunk import Settings, measure_chunk
+from stickslip.sweeps.work.chunk import measure_chunk
 from stickslip.sweeps.work.scheduler import Pool, Stop, distribute, local_cluster
 from sweeps import work
 

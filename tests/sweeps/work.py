@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip.sweeps.work.scheduler import Stopped
+from stickslip.progress import Stopped
 
 Array = np.ndarray
 

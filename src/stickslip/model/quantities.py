@@ -221,4 +221,10 @@ MEANINGS: dict[str, tuple[str, Callable[[System, str], str | None]]] = {
     "mean_force": ("mean friction force", _force),
     "lyapunov": ("largest Lyapunov exponent", lambda system, of: per_time(system, "")),
     "switches": ("switches in a cycle", _none),
+    "low": ("least value", _component),
+    "high": ("largest value", _component),
+    "shift": ("shift in the time that was measured", _component),
+    "state": ("state where the motion has settled", _component),
+    "time": ("time at which the motion is there", _time),
+    "duration": ("time that was measured", _time),
 }

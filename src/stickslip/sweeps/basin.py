@@ -1,7 +1,7 @@
 """Basins of attraction: which attractor each state of a section reaches.
 
-A basin is a map over initial states: every motion is followed until it has settled
-(:mod:`stickslip.sweeps.work.chunk`), and what is said of it is proved or certified point by point.
+A basin is a map over initial states (:mod:`stickslip.sweeps.sweep`): what is said of every motion
+is proved or certified point by point.
 What motions settle on is then sorted. Rest is a set, and so are the oscillations in which a contact
 sticks for good: it may do so at many places. Any other cycle is closed once by Newton's method,
 which tells its stability, and belongs to all motions that have settled on it.
@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,16 +28,20 @@ from stickslip.orbits.cycles.cycle import Cycle, find_cycle
 from stickslip.orbits.cycles.nearness import NearCycle, NearPoint
 from stickslip.orbits.equilibria.equilibrium import Equilibrium
 from stickslip.orbits.equilibria.finding import equilibria
-from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.fields.steady import invariant_directions
 from stickslip.sweeps.map import Basin
-from stickslip.sweeps.request.measures import LACKING, certified_below, lacking
-from stickslip.sweeps.work.scheduler import Pool, distribute, listening
+from stickslip.sweeps.request.axes import Axis as RequestAxis
+from stickslip.sweeps.request.measures import LACKING
+from stickslip.sweeps.request.plan import Plan
+from stickslip.sweeps.request.user_measures import variable
+from stickslip.sweeps.store import MapStore, create
+from stickslip.sweeps.sweep import run
+from stickslip.sweeps.work.scheduler import Pool
 
 if TYPE_CHECKING:
     import xarray
 
-    from stickslip.sweeps.work.chunk import Settings
+    from stickslip.orbits.settling.motions import Settings
 
 Array = np.ndarray
 Axis = tuple[float, float, int] | Sequence[float] | np.ndarray
@@ -49,8 +53,8 @@ ARRIVED = 1e-3  # distance from an attractor, relative to its size, that counts 
 SAME = 1e-6  # relative difference of periods, and of ranges, that is none
 LONG_ENOUGH = 6.0  # periods after which Newton's method sees that a motion repeats
 MOST = 64  # attractors
-TOGETHER = 256  # motions that are worked on at a time
 MOST_STATES = 10**7  # of a section
+COMPONENTS = ("state", "low", "high", "shift")  # measures of every component of the state
 
 
 @dataclass(frozen=True)
@@ -159,70 +163,74 @@ def basin(
     DeclarationError
         If an argument is wrong.
     """
-    from stickslip.sweeps.work.chunk import Settings
+    from stickslip.orbits.settling.motions import Settings
 
     settings = settings or Settings()
     problem = pose(system, parameters, settings.rtol, settings.atol, origin=system.span[0])
     axes = _axes(system, over)
-    pool = Pool("threads", workers)
     if twice := [name for name in initial or {} if name in axes]:
         raise DeclarationError(f"initial.{twice[0]}", "it varies along an axis", "Give it once")
-    mesh = np.meshgrid(*axes.values(), indexing="ij")
-    states = np.tile(problem.initial_state(dict(initial or {})), (mesh[0].size, 1))
-    for name, values in zip(axes, mesh, strict=True):
-        states[:, system.declaration.state.index(name)] = values.ravel()
-    settle_friction(derive(system.declaration), problem.parameters, states, system.span[0])
-    label = np.full(len(states), ON_ITS_WAY)
+    problem.initial_state(dict(initial or {}))  # refuses what is none
+    plan = Plan(
+        system.with_parameters(**problem.parameters),
+        tuple(RequestAxis((name,), values[None], "list") for name, values in axes.items()),
+        _measures(problem),
+        {name: float(value) for name, value in (initial or {}).items()},
+        settings,
+        0,
+        section=True,
+    )
+    store = create(plan, None)
+    interrupted = not run(store, Pool("threads", workers), None)
+    done = store.outcome.ravel() >= 0
+    label = np.full(done.size, ON_ITS_WAY)
+    lacks = np.full(done.size, LACKING.index("result"))
     reached = []
-    lacks = np.zeros(len(states), int)
-    interrupted = False
-    blocks = [slice(i, i + TOGETHER) for i in range(0, len(states), TOGETHER)]
-    done = np.zeros(len(states), bool)
-    parts: dict[int, Settled] = {}
-    with pool, listening(pool.flag) as stop:
-        work = partial(_settle, problem, settings, states)
-        for block, part in distribute(work, blocks, pool, stop):
-            parts[block.start] = part
-            done[block] = True
-        interrupted = stop.wished
-    if parts:
-        found = Settled(
-            *(
-                np.concatenate([getattr(parts[i], name) for i in sorted(parts)])
-                for name in Settled.__dataclass_fields__
-            )
-        )
-        census = _Census(problem, found, 0.5 * np.ptp(states, axis=0))
+    if np.any(done):
+        found = _settled(problem, store, done)
+        sizes = [0.5 * np.ptp(axes[x]) if x in axes else 0.0 for x in system.declaration.state]
+        census = _Census(problem, found, np.array(sizes))
         label[done], reached = census.label, census.reached
         lacks[done] = found.lacking
-    lacks[~done] = LACKING.index("result")
     data = _dataset(system, axes, label, reached, lacks, interrupted)
     return Basin(system, dict(problem.parameters), data)
 
 
-def _settle(
-    problem: Problem, settings: Settings, states: Array, block: slice, stop: Array
-) -> Settled:
-    """What some motions settle on."""
-    from stickslip.sweeps.work.chunk import Block, Here
+def _measures(problem: Problem) -> tuple[str, ...]:
+    """What tells attractors apart."""
+    state, contacts = problem.system.declaration.state, problem.system.contacts
+    return (
+        *("time", "duration", "switches"),
+        *(f"{name}:{x}" for name in COMPONENTS for x in state),
+        *(f"stick_fraction:{contact}" for contact in contacts),
+    )
 
-    here = states[block]
-    table = np.tile(list(problem.parameters.values()), (len(here), 1)).reshape(len(here), -1)
-    motions = Block(problem, table, here, settings, True, shared=True)
-    observed = motions.run(Here, False, stop)
-    found = motions.found
-    sums = motions.found.sums
+
+def _settled(problem: Problem, store: MapStore, done: Array) -> Settled:
+    """What motions have settled on, of the points of a map that are done."""
+    state = problem.system.declaration.state
+    contacts = [contact.name for contact in problem.compiled.equations.contacts]
+
+    def column(name: str) -> Array:
+        return store.whole(name).ravel()[done]
+
+    def table(name: str, of: Sequence[str]) -> Array:
+        columns = [column(variable(f"{name}:{x}")) for x in of]
+        return np.column_stack(columns) if columns else np.zeros((int(np.sum(done)), 0))
+
+    states, low, high, shift = (table(name, state) for name in COMPONENTS)
+    stuck = table("stick_fraction", contacts) >= 1.0
     return Settled(
-        observed.outcome,
-        lacking(observed, certified_below(settings)),
-        problem.origin + motions.saved.clock[:, 0],
-        observed.duration,
-        motions.saved.y,
-        sums.low,
-        sums.high,
-        found.shift,
-        sums.stick >= sums.total[:, :1],
-        sums.switches[:, 0],
+        column("outcome"),
+        column("lacking"),
+        column("time"),
+        column("duration"),
+        states,
+        low,
+        high,
+        shift,
+        stuck,
+        column("switches"),
     )
 
 

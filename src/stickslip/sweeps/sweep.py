@@ -18,8 +18,8 @@ from stickslip.errors import DeclarationError, short
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
 from stickslip.motion.problem import pose
+from stickslip.orbits.settling.engine.tables import DEVICE_LANES
 from stickslip.sweeps.adaptive import Adaptive, check_adaptive, rounds
-from stickslip.sweeps.engine.tables import DEVICE_LANES
 from stickslip.sweeps.map import Map
 from stickslip.sweeps.request.axes import read_axes
 from stickslip.sweeps.request.plan import Plan
@@ -29,7 +29,7 @@ from stickslip.sweeps.work.job import Work, check_sendable, compute, work_of
 from stickslip.sweeps.work.scheduler import Pool, Stop, distribute, listening
 
 if TYPE_CHECKING:
-    from stickslip.sweeps.work.chunk import Settings
+    from stickslip.orbits.settling.motions import Settings
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,7 @@ def make_plan(
     DeclarationError
         If anything is wrong.
     """
-    from stickslip.sweeps.work.chunk import Settings
+    from stickslip.orbits.settling.motions import Settings
 
     if not isinstance(system, System):
         reason = f"expected a System, got {type(system).__name__}"

@@ -259,10 +259,15 @@ def test_family() -> None:
         find_cycle(oscillator(), {"x": 1.0}, {"mu": 0.0, "F": 0.0})
 
 
-def test_motion_has_not_settled() -> None:
+def test_motion_that_has_not_settled_goes_on() -> None:
+    """A motion too short to come back leads to the cycle that it would have settled on."""
     motion = simulate(SLIDER, (0, 4), None, {"V": 0.1})
-    with pytest.raises(ConvergenceError, match="comes back"):
-        find_cycle(SLIDER, motion)
+    cycle = find_cycle(SLIDER, motion)
+    check(cycle)
+    longer = find_cycle(SLIDER, simulate(SLIDER, (0, 60), None, {"V": 0.1}))
+    assert cycle.period == pytest.approx(longer.period, rel=1e-12)
+    with pytest.raises(ConvergenceError, match="comes to rest"):
+        find_cycle(SLIDER, simulate(SLIDER, (0, 4), None, {"V": 0.3}))
 
 
 def test_time_that_does_not_repeat() -> None:

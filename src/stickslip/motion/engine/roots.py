@@ -106,6 +106,28 @@ def lowest(c: Array, d: int, b: Array, work: Array) -> float:
 
 
 @njit(**_options)
+def halve(stack: Array, depth: int, d: int) -> None:
+    """Put the left half of an interval on top of a stack of them, above its right half.
+
+    De Casteljau at 1/2, on Bernstein coefficients; behind these stand where the interval begins and
+    how wide it is.
+    """
+    right = stack[depth]
+    half = stack[depth + 1]
+    left, width = right[START], right[WIDTH]
+    for i in range(d + 1):
+        half[i] = right[i]
+    half[START] = left
+    half[WIDTH] = 0.5 * width
+    right[START] = left + 0.5 * width
+    right[WIDTH] = 0.5 * width
+    for i in range(d + 1):
+        right[d - i] = half[d]
+        for j in range(d, i, -1):
+            half[j] = 0.5 * (half[j] + half[j - 1])
+
+
+@njit(**_options)
 def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -> float:
     """First point of ]0, limit] at which a polynomial that starts positive becomes negative.
 
@@ -166,18 +188,6 @@ def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -
         if depth == _HALVINGS or width < 1e-17:
             return limit * left
         # Left half goes on top of the right half, so that the leftmost crossing is found first.
-        right = stack[depth]
-        half = stack[depth + 1]
-        for i in range(d + 1):
-            half[i] = right[i]
-        half[START] = left
-        half[WIDTH] = 0.5 * width
-        right[START] = left + 0.5 * width
-        right[WIDTH] = 0.5 * width
-        # de Casteljau at 1/2: `half` becomes the left control points, `right` the right ones.
-        for i in range(d + 1):
-            right[d - i] = half[d]
-            for j in range(d, i, -1):
-                half[j] = 0.5 * (half[j] + half[j - 1])
+        halve(stack, depth, d)
         depth += 1
     return NONE

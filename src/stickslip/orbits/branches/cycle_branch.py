@@ -33,17 +33,23 @@ from stickslip.orbits.branches.special_points import (
     of_branch,
 )
 from stickslip.orbits.continuation.arclength import (
-    INTERRUPTED,
-    UNDEFINED,
     Ending,
     Path,
     Steps,
     Stop,
     Test,
     ranges,
-    trace,
 )
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
+from stickslip.orbits.continuation.driver import (
+    Problem,
+    Start,
+    both_ways,
+    follow_branch,
+    in_pieces,
+    joined,
+    step_after,
+)
 from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.cycles.finding import from_cycle
 from stickslip.orbits.cycles.hopf_switching import shrinks_to
@@ -139,10 +145,8 @@ def continue_cycle(
         )
     follower = _Follower(cycle, parameter, (low, high), steps or STEPS)
     with watched("following the cycle") as show:
-        back = follower.follow(-1.0, show)
-        done = back[1].stop in (Stop.CLOSED, Stop.INTERRUPTED)
-        forth = (back[0][:1], back[1]) if done else follower.follow(1.0, show)
-    return follower.branch(back, forth)
+        back, forth, ends = both_ways(lambda sign: follower.follow(sign, show), -1.0)
+    return follower.branch(back, forth, ends)
 
 
 class _Follower:
@@ -159,75 +163,63 @@ class _Follower:
         self.spacing = Spacing({parameter: span}, self.extent.modulus)
 
     def follow(self, sign: float, show: Show) -> tuple[list[_Station], Ending]:
-        """The points in one direction, from the start on, and the end; what was computed is
-        kept."""
+        """The points in one direction, from the start on, and the end."""
         stations = [replace(self.start, events=[])]
-        try:
-            return stations, self._collect(sign, stations, show)
-        except KeyboardInterrupt:
-            return stations, INTERRUPTED
-        except UNDEFINED as failure:
-            return stations, Ending(Stop.LOST, f"no cycle was found further on ({failure})")
 
-    def _collect(self, sign: float, stations: list[_Station], show: Show) -> Ending:
-        """Append the points in one direction; the end."""
+        def onward(start: Start[Chart], path: Path) -> Start[Chart] | Ending:
+            return self._onward(stations, start, path, show)
+
         chart, x = first_chart(self.cycle.closed, self.pieces, self.extent)
         towards = np.zeros(len(x))
         towards[-1] = sign
-        step = self.steps.first
-        while True:
-            path = self._trace(chart, x, towards, step)
-            before = len(stations)
-            self._append(stations, chart, path)
-            last = path.points[-1]
-            show(None, f"{len(stations)} points, {self.parameter} = {float(last.x[-1]):.6g}")
-            ending = self._end(path, stations, before)
-            if ending is not None:
-                return ending
-            if path.ended.test == "carried":
-                chart, x, towards = renewed(
-                    self._left_behind(stations, chart), last.x, last.tangent
-                )
-                step = self.steps.first
-                continue
-            if path.ended.stop is not Stop.LIMIT:
-                bent = corner_after(chart, last, self._smallest(step), self.steps.turn)
-                if bent is not None:
-                    onward = self._around(stations, chart, bent)
-                    if onward is None:
-                        where = f"{self.parameter} = {bent.x[-1]:.12g}"
-                        return Ending(Stop.EVENT, f"{LOSS} at {where}: {bent.note}")
-                    chart, x, towards = renewed(onward.chart, onward.x, onward.towards)
-                    step = self.steps.first
-                    continue
-                if len(path.points) == 1 and step <= PATIENCE * self.steps.smallest:
-                    return path.ended
-            step = self._next_step(path, step)
-            chart, x, towards = renewed(chart, last.x, last.tangent)
+        start = self._start(chart, x, towards, self.steps.first)
+        return stations, follow_branch(start, onward, "no cycle was found further on")
 
-    def _trace(self, chart: Chart, x: Array, towards: Array, step: float) -> Path:
+    def _onward(
+        self, stations: list[_Station], start: Start[Chart], path: Path, show: Show
+    ) -> Start[Chart] | Ending:
+        """Append the points that were found in a chart; the next chart, or the end."""
+        chart, step = start.of, start.steps.first
+        before = len(stations)
+        self._append(stations, chart, path)
+        last = path.points[-1]
+        show(None, f"{len(stations)} points, {self.parameter} = {float(last.x[-1]):.6g}")
+        ending = self._end(path, stations, before)
+        if ending is not None:
+            return ending
+        if path.ended.test == "carried":
+            kept = self._left_behind(stations, chart)
+            return self._start(*renewed(kept, last.x, last.tangent), self.steps.first)
+        if path.ended.stop is not Stop.LIMIT:
+            bent = corner_after(chart, last, start.steps.smallest, self.steps.turn)
+            if bent is not None:
+                beyond = self._around(stations, chart, bent)
+                if beyond is None:
+                    where = f"{self.parameter} = {bent.x[-1]:.12g}"
+                    return Ending(Stop.EVENT, f"{LOSS} at {where}: {bent.note}")
+                there = renewed(beyond.chart, beyond.x, beyond.towards)
+                return self._start(*there, self.steps.first)
+            if len(path.points) == 1 and step <= PATIENCE * self.steps.smallest:
+                return path.ended
+        step = step / PATIENCE if len(path.points) == 1 else step_after(path, self.steps)
+        return self._start(*renewed(chart, last.x, last.tangent), step)
+
+    def _start(self, chart: Chart, x: Array, towards: Array, step: float) -> Start[Chart]:
         """Some points in one chart."""
-        return trace(
+        problem = Problem(
             chart,
-            x,
-            towards,
-            scale=chart.scale,
-            tests=chart.tests,
-            endings={name: name for name in ENDINGS},
-            limits=ranges({self.parameter: self.span}),
-            accept=lambda last, new: self.spacing.check(chart.cycle(last.x), chart.cycle(new.x)),
-            steps=replace(self.steps, first=step, smallest=self._smallest(step), most=IN_CHART + 1),
+            chart.scale,
+            chart.tests,
+            {name: name for name in ENDINGS},
+            ranges({self.parameter: self.span}),
+            lambda last, new: self.spacing.check(chart.cycle(last.x), chart.cycle(new.x)),
         )
+        steps = in_pieces(self.steps, step, IN_CHART, self._smallest(step))
+        return Start(chart, problem, x, towards, steps)
 
     def _smallest(self, step: float) -> float:
         """Step below which a chart is given up."""
         return max(self.steps.smallest, step / PATIENCE)
-
-    def _next_step(self, path: Path, step: float) -> float:
-        """Length of the first step in the next chart."""
-        if len(path.points) == 1:
-            return step / PATIENCE
-        return min(1.5 * (path.points[-1].length - path.points[-2].length), self.steps.largest)
 
     # -- points ------------------------------------------------------------------------------------
 
@@ -385,12 +377,12 @@ class _Follower:
     # -- results -----------------------------------------------------------------------------------
 
     def branch(
-        self, back: tuple[list[_Station], Ending], forth: tuple[list[_Station], Ending]
+        self, back: list[_Station], forth: list[_Station], ends: tuple[Ending, Ending]
     ) -> Branch:
         """The two directions as one branch, from the far end of the first to that of the second."""
-        start = back[0][0]
-        start.events += forth[0][0].events if forth[0][0] is not start else []
-        stations = [*reversed(back[0]), *forth[0][1:]]
+        if back and forth:
+            back[0].events += forth[0].events
+        stations = joined(back, forth)
         for one, other in itertools.pairwise(stations):
             other.step = self.spacing(one.cycle, other.cycle)
         stations[0].step = 0.0
@@ -401,9 +393,7 @@ class _Follower:
         certificate = of_branch(cycles, {self.parameter: self.span}, points["step"].values)
         system = self.cycle.system
         parameters = dict(self.cycle.parameters)
-        return Branch(
-            system, parameters, self.parameter, points, special, (back[1], forth[1]), certificate
-        )
+        return Branch(system, parameters, self.parameter, points, special, ends, certificate)
 
     def _special(self, event: _Event, index: int) -> SpecialPoint:
         cycle = event.cycle

@@ -13,7 +13,7 @@ import numpy as np
 from stickslip.certificates import Certificate, worst
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Guard, mode_field
-from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
 from stickslip.orbits.continuation.arclength import (
@@ -25,9 +25,15 @@ from stickslip.orbits.continuation.arclength import (
     Test,
     in_range,
     ranges,
-    trace,
 )
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
+from stickslip.orbits.continuation.driver import (
+    Problem,
+    Start,
+    both_ways,
+    follow_branch,
+    joined,
+)
 from stickslip.orbits.equilibria.certificate import certify
 from stickslip.orbits.equilibria.equilibrium import Equilibrium, decays, describe_guard
 from stickslip.orbits.equilibria.finding import autonomous, checked_values, equilibria
@@ -106,9 +112,8 @@ def continue_equilibrium(
     )
     x = np.append(origin, values[parameter])
     upwards = np.append(np.zeros(len(origin)), 1.0)
-    forth = follower.follow(first, x, upwards)
-    back = follower.follow(first, x, -forth[0].path.points[0].tangent)
-    return follower.branch(system, back, forth)
+    back, forth, ends = both_ways(lambda sign: follower.follow(first, x, sign * upwards), 1.0)
+    return follower.branch(system, back, forth, ends)
 
 
 def checked_range(system: System, parameter: str, span: tuple[float, float]) -> tuple[float, float]:
@@ -208,43 +213,54 @@ class _Follower:
         self.invariant, self.steps = invariant, steps
         self.width = span[1] - span[0]
         self.contacts = tuple(c.name for c in equations.contacts)
+        self.tangent: Array | None = None  # at the start, in the direction that came first
 
     # -- following ---------------------------------------------------------------------------------
 
-    def follow(self, first: Equilibrium, x: Array, towards: Array) -> list[_Piece]:
-        """All pieces from the start in one direction."""
-        steady = self._steady(first.mode, first.region, x[:-1])
+    def follow(self, first: Equilibrium, x: Array, towards: Array) -> tuple[list[_Piece], Ending]:
+        """All pieces from the start in one direction, and the end.
+
+        Raises
+        ------
+        StickslipError
+            If there is no equilibrium near the start.
+        """
         pieces: list[_Piece] = []
-        while len(pieces) < MOST_PIECES:
-            pieces.append(_Piece(steady, self._trace(steady, x, towards)))
-            guard = self._guard_that_ended(pieces[-1])
-            if guard is None:
-                break
-            end = pieces[-1].path.points[-1]
-            onward = self._beyond(steady, guard, end)
-            if onward is None:
-                break
-            steady = onward[0]
-            x = end.x
-            towards = onward[1]
-        return pieces
+
+        def onward(start: Start[Steady], path: Path) -> Start[Steady] | Ending:
+            piece = _Piece(start.of, path)
+            pieces.append(piece)
+            guard = self._guard_that_ended(piece)
+            end = path.points[-1]
+            beyond = None if guard is None else self._beyond(start.of, guard, end)
+            if beyond is None or len(pieces) == MOST_PIECES:
+                return self._ending(piece)
+            return self._start(beyond[0], end.x, beyond[1])
+
+        steady = self._steady(first.mode, first.region, x[:-1])
+        along = towards if self.tangent is None else -self.tangent
+        start = self._start(steady, x, along)
+        ending = follow_branch(start, onward, "no equilibrium was found further on")
+        if not pieces:
+            raise StickslipError(ending.text)
+        self.tangent = pieces[0].path.points[0].tangent
+        return pieces, ending
 
     def _steady(self, mode: tuple[int, ...], region: tuple[int, ...], origin: Array) -> Steady:
         return Steady(mode_field(self.eq, mode, region), self.values, self.invariant, origin)
 
-    def _trace(self, steady: Steady, x: Array, towards: Array) -> Path:
+    def _start(self, steady: Steady, x: Array, towards: Array) -> Start[Steady]:
+        """The part of the branch in one mode."""
         floor = steady.units(x, {self.parameter: self.span})
-        return trace(
+        problem = Problem(
             steady.residual(self.parameter),
-            x,
-            towards,
-            scale=lambda x: self._scale(x, floor),
-            tests=lambda x, tangent: self._tests(steady, x, tangent),
-            endings=dict.fromkeys(range(len(steady.field.guards)), "boundary equilibrium"),
-            limits=ranges({self.parameter: self.span}),
-            accept=lambda last, new: self._accept(steady, last, new),
-            steps=self.steps,
+            lambda x: self._scale(x, floor),
+            lambda x, tangent: self._tests(steady, x, tangent),
+            dict.fromkeys(range(len(steady.field.guards)), "boundary equilibrium"),
+            ranges({self.parameter: self.span}),
+            lambda last, new: self._accept(steady, last, new),
         )
+        return Start(steady, problem, x, towards, self.steps)
 
     def _accept(self, steady: Steady, last: Point, new: Point) -> None:
         """See that a point is a certified equilibrium; its guards are test functions.
@@ -323,16 +339,21 @@ class _Follower:
 
     # -- results -----------------------------------------------------------------------------------
 
-    def branch(self, system: System, back: list[_Piece], forth: list[_Piece]) -> Branch:
+    def branch(
+        self,
+        system: System,
+        back: list[_Piece],
+        forth: list[_Piece],
+        ends: tuple[Ending, Ending],
+    ) -> Branch:
         """The two directions as one branch, from the far end of the first to that of the second."""
-        stations = [*reversed(self._stations(back)), *self._stations(forth)[1:]]
+        stations = joined(self._stations(back), self._stations(forth))
         special = [
             s
             for i, station in enumerate(stations)
             for kind in station.kinds
             for s in self._special(station, kind, i)
         ]
-        ends = self._ending(back[-1]), self._ending(forth[-1])
         beside = [stations[max(i - 1, 0)].point.x for i in range(len(stations))]
         certified = [
             certify(s.steady, self._point(s.steady, s.point.x), "", self._point(s.steady, x))

@@ -20,11 +20,12 @@ import numpy as np
 
 from stickslip.certificates import Certificate, Residual, worst
 from stickslip.equations.field import mode_field
-from stickslip.errors import DeclarationError
+from stickslip.errors import DeclarationError, StickslipError
 from stickslip.model.system import System
 from stickslip.orbits.branches.equilibrium_branch import checked_range, hopf_test
 from stickslip.orbits.branches.special_points import NOT_SMOOTH
 from stickslip.orbits.continuation.arclength import (
+    Ending,
     Lost,
     Path,
     Point,
@@ -32,9 +33,15 @@ from stickslip.orbits.continuation.arclength import (
     Test,
     in_range,
     ranges,
-    trace,
 )
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
+from stickslip.orbits.continuation.driver import (
+    Problem,
+    Start,
+    both_ways,
+    follow_branch,
+    joined,
+)
 from stickslip.orbits.equilibria.certificate import SOLVED, certify
 from stickslip.orbits.equilibria.equilibrium import describe_guard
 from stickslip.orbits.equilibria.finding import autonomous, checked_values
@@ -231,20 +238,35 @@ class _Curve:
 
     def branch(self, system: System, kind: str, problem: _Extended, steps: Steps) -> Branch:
         """Both ways from the start."""
-        towards = np.zeros(len(problem.start))
-        towards[-2] = 1.0
-        forth = self._trace(problem, towards, steps)
-        back = self._trace(problem, -forth.points[0].tangent, steps)
-        last = len(back.points) - 1
-        points = [p.x for p in (*reversed(back.points), *forth.points[1:])]
-        crossings = [(last - c.index, c.name) for c in reversed(back.crossings)]
-        crossings += [(last + c.index, c.name) for c in forth.crossings]
+        paths: list[Path] = []
+
+        def side(sign: float) -> tuple[list[Path], Ending]:
+            towards = np.zeros(len(problem.start))
+            towards[-2] = 1.0
+            along = -paths[0].points[0].tangent if paths else towards
+
+            def onward(start: Start[_Extended], path: Path) -> Ending:
+                paths.append(path)
+                return path.ended
+
+            before = len(paths)
+            start = Start(problem, self._problem(problem), problem.start, along, steps)
+            ending = follow_branch(start, onward, "no point was found further on")
+            if len(paths) == before:
+                raise StickslipError(ending.text)
+            return paths[before:], ending
+
+        back, forth, ends = both_ways(side, 1.0)
+        behind, ahead = ([p for path in paths for p in path.points] for paths in (back, forth))
+        points = [p.x for p in joined(behind, ahead)]
+        start = max(len(behind) - 1, 0)
+        crossings = [(start - c.index, c.name) for path in back for c in reversed(path.crossings)]
+        crossings += [(start + c.index, c.name) for path in forth for c in path.crossings]
         special = [self._special(name, points[i], i, problem) for i, name in crossings]
         first, second = self.spans
         found = worst([self._certificate(x, problem) for x in points])
         certificate = Certificate((*found.residuals, in_range(ranges(self.spans), points)))
         table = self._dataset(system, kind, points, problem)
-        ends = back.ended, forth.ended
         return Branch(
             system, dict(self.steady.values), first, table, special, ends, certificate, second
         )
@@ -281,24 +303,21 @@ class _Curve:
         floor[-2:] = [high - low for low, high in self.spans.values()]
         return floor
 
-    def _trace(self, problem: _Extended, towards: Array, steps: Steps) -> Path:
+    def _problem(self, problem: _Extended) -> Problem:
+        """The curve as the driver follows it."""
+
         def tests(x: Array, tangent: Array) -> dict[Test, float]:
             margins = self.steady.guards(self.point(x))
             return {**problem.tests(x), **{i: float(g) for i, g in enumerate(margins)}}
 
-        return trace(
+        boundaries = {i: f"boundary equilibrium: {text}" for i, text in enumerate(self.guards)}
+        return Problem(
             problem.residual,
-            problem.start,
-            towards,
-            scale=problem.units,
-            tests=tests,
-            endings={
-                **problem.endings,
-                **{i: f"boundary equilibrium: {text}" for i, text in enumerate(self.guards)},
-            },
-            limits=ranges(self.spans),
-            accept=lambda last, new: self._accept(last, new, problem),
-            steps=steps,
+            problem.units,
+            tests,
+            {**problem.endings, **boundaries},
+            ranges(self.spans),
+            lambda last, new: self._accept(last, new, problem),
         )
 
     # -- results -----------------------------------------------------------------------------------

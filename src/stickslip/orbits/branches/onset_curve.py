@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,17 +29,25 @@ from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.branches.onset import Onset, nearest_onset
 from stickslip.orbits.branches.special_points import STEP, Spacing, dataset, of_branch
 from stickslip.orbits.continuation.arclength import (
-    INTERRUPTED,
     UNDEFINED,
     Ending,
     Path,
+    Point,
     Steps,
     Stop,
     Test,
     ranges,
-    trace,
 )
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
+from stickslip.orbits.continuation.driver import (
+    Problem,
+    Start,
+    both_ways,
+    follow_branch,
+    in_pieces,
+    joined,
+    step_after,
+)
 from stickslip.orbits.cycles.cycle import Cycle, make_cycle
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.return_map.damped_newton import Closed, converge, near
@@ -58,6 +66,7 @@ DIFFERENCE = 1e-7  # of the unknowns, in their units, for derivatives
 SLIPPING = 1e-9
 AT_ONSET = 1e-3  # a cycle with a larger margin is not at the onset
 VANISHES = "the cycle shrinks to an equilibrium"
+LOST = "no onset was found further on"
 
 
 def stick_onset_curve(
@@ -241,15 +250,12 @@ class _Follower:
 
     def branch(self) -> Branch:
         """Both ways from the start."""
-        back, behind = self.follow(-1.0)
-        forth, ahead = (
-            self.follow(1.0) if behind.stop is not Stop.INTERRUPTED else (back[:1], behind)
-        )
+        back, forth, (behind, ahead) = both_ways(self.follow, -1.0)
         if not back and not forth:
             raise ConvergenceError(
                 f"onsets of stick of {self.closed.orbit.problem.system.name}", behind.text
             )
-        cycles = [*reversed(back), *(forth[1:] if back else forth)]
+        cycles = joined(back, forth)
         system = self.closed.orbit.problem.system
         parameters = dict(self.closed.orbit.problem.parameters)
         points: xarray.Dataset = dataset(
@@ -268,57 +274,57 @@ class _Follower:
         )
 
     def follow(self, sign: float) -> tuple[list[Cycle], Ending]:
-        """The cycles in one direction, with the start, and the end; what was computed is kept."""
+        """The cycles in one direction, with the start, and the end."""
         cycles: list[Cycle] = []
-        try:
-            return cycles, self._collect(sign, cycles)
-        except KeyboardInterrupt:
-            return cycles, INTERRUPTED
-        except UNDEFINED as failure:
-            return cycles, Ending(Stop.LOST, f"no onset was found further on ({failure})")
 
-    def _collect(self, sign: float, cycles: list[Cycle]) -> Ending:
-        """Append the cycles; the end."""
-        chart, x = first_chart(self.closed, self.pieces, self.extent)
+        def onward(start: Start[_Equations], path: Path) -> Start[_Equations] | Ending:
+            return self._onward(cycles, start.of, path)
+
+        try:
+            chart, x = first_chart(self.closed, self.pieces, self.extent)
+        except UNDEFINED as failure:
+            return cycles, Ending(Stop.LOST, f"{LOST} ({failure})")
         z = np.append(x, self.closed.orbit.problem.parameters[self.second])
         towards = np.zeros(len(z))
-        step = self.steps.first
         towards[-1] = sign
-        while True:
-            equations = _Equations(chart, self.onset, self.second, self.width, self.upper)
-            path = self._trace(equations, z, towards, step)
-            cycles += [self._cycle(equations, p.x) for p in path.points[1 if cycles else 0 :]]
-            if path.ended.stop is not Stop.LIMIT or len(cycles) >= self.steps.most:
-                return path.ended
-            last = path.points[-1]
-            step = min(1.5 * (last.length - path.points[-2].length), self.steps.largest)
-            there = equations.at(float(last.x[-1]))
-            chart, x, carried = renewed(there, last.x[:-1], last.tangent[:-1])
-            z, towards = np.append(x, last.x[-1]), np.append(carried, last.tangent[-1])
+        start = self._start(self._equations(chart), z, towards, self.steps.first)
+        return cycles, follow_branch(start, onward, LOST)
 
-    def _trace(self, equations: _Equations, z: Array, towards: Array, step: float) -> Path:
+    def _onward(
+        self, cycles: list[Cycle], equations: _Equations, path: Path
+    ) -> Start[_Equations] | Ending:
+        """Append the cycles that were found in a chart; the next chart, or the end."""
+        cycles += [self._cycle(equations, p.x) for p in path.points[1 if cycles else 0 :]]
+        if path.ended.stop is not Stop.LIMIT or len(cycles) >= self.steps.most:
+            return path.ended
+        last = path.points[-1]
+        there = equations.at(float(last.x[-1]))
+        chart, x, carried = renewed(there, last.x[:-1], last.tangent[:-1])
+        z, towards = np.append(x, last.x[-1]), np.append(carried, last.tangent[-1])
+        return self._start(self._equations(chart), z, towards, step_after(path, self.steps))
+
+    def _equations(self, chart: Chart) -> _Equations:
+        return _Equations(chart, self.onset, self.second, self.width, self.upper)
+
+    def _start(
+        self, equations: _Equations, z: Array, towards: Array, step: float
+    ) -> Start[_Equations]:
+        """Some points in one chart."""
+
         def tests(z: Array, tangent: Array) -> dict[Test, float]:
             chart = equations.at(float(z[-1]))
             orbit = equations.orbit(z)
             chart.check(orbit)
-            return {
-                VANISHES: self.extent.amplitude(Closed(chart.shooting, orbit)) / self.extent.least
-                - 1.0
-            }
+            amplitude = self.extent.amplitude(Closed(chart.shooting, orbit))
+            return {VANISHES: amplitude / self.extent.least - 1.0}
 
-        return trace(
-            equations,
-            z,
-            towards,
-            scale=equations.scale,
-            tests=tests,
-            endings={VANISHES: VANISHES},
-            limits=ranges(self.spans),
-            accept=lambda last, new: self.spacing.check(
-                self._cycle(equations, last.x), self._cycle(equations, new.x)
-            ),
-            steps=replace(self.steps, first=step, most=IN_CHART + 1),
+        def accept(last: Point, new: Point) -> None:
+            self.spacing.check(self._cycle(equations, last.x), self._cycle(equations, new.x))
+
+        problem = Problem(
+            equations, equations.scale, tests, {VANISHES: VANISHES}, ranges(self.spans), accept
         )
+        return Start(equations, problem, z, towards, in_pieces(self.steps, step, IN_CHART))
 
     def _cycle(self, equations: _Equations, z: Array) -> Cycle:
         key = z.tobytes()

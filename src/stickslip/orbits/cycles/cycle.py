@@ -433,11 +433,8 @@ def make_cycle(closed: Closed) -> Cycle:
     orbit = closed.orbit
     shooting = closed.shooting
     motion = closed.orbit.motion
-    k = motion.knots
     names = motion.system.declaration.state
-    made = [shooting.pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
-    samples = measure.sampled(motion, made)
-    low, high = measure.extrema(samples, len(names))
+    sums = measure.observed(motion)
     found = measure.phases(motion)
     stuck = sum(phase.duration for phase in found if phase.sticks)
     slipping = sum(phase.duration for phase in found if not phase.sticks)
@@ -455,8 +452,11 @@ def make_cycle(closed: Closed) -> Cycle:
         trivial=len(closed.spectrum.trivial),
         differentiable=_differentiable(closed),
         phases=found,
-        extrema={name: (float(a), float(b)) for name, a, b in zip(names, low, high, strict=True)},
-        contacts=measure.contact_shares(motion, samples),
+        extrema={
+            name: (float(a), float(b))
+            for name, a, b in zip(names, sums.low, sums.high, strict=True)
+        },
+        contacts=measure.contact_shares(motion, sums),
         stick_time=stuck,
         slip_time=slipping,
         dissipated=float(audit.dissipated[-1]),

@@ -1,14 +1,15 @@
 """From a state, a motion or another cycle to the cycle that is near it, or that it settles on.
 
-A motion is followed until it comes back; Newton's method then closes it. What is said of a motion
-that does not come back is what was seen: that it rests is said where it is proved
-(:mod:`stickslip.orbits.cycles.resting`), that it is irregular with its largest Lyapunov exponent.
+A motion is followed until it has settled (:mod:`stickslip.orbits.settling`), as every point of a
+map is; Newton's method then closes the cycle. That it rests is said where it is proved. What is
+said of a motion that has not settled in its time is what was seen: how nearly it comes back, and,
+if it is irregular, its largest Lyapunov exponent.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -19,13 +20,20 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.orbits.cycles.lyapunov import Exponent, largest_exponent
 from stickslip.orbits.cycles.period import shortest
-from stickslip.orbits.cycles.resting import comes_to_rest
 from stickslip.orbits.fields.mode_field import Pieces
-from stickslip.orbits.fields.symmetry import clock
+from stickslip.orbits.fields.symmetry import alike, clock
 from stickslip.orbits.return_map.damped_newton import Closed, NotClosed, converge, near
 from stickslip.orbits.return_map.families import Family, check_isolated, family_of, members_beside
-from stickslip.orbits.return_map.recurrence import Recurrence, Window, earliest, latest, window
+from stickslip.orbits.return_map.recurrence import (
+    Recurrence,
+    Window,
+    after,
+    earliest,
+    latest,
+    window,
+)
 from stickslip.orbits.return_map.shooting import NoReturn, Shooting, follow_freely
+from stickslip.orbits.settling.single import Settled, settle
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -33,13 +41,15 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 NEARBY = 0.05  # a start that returns this close, relative to its motion, is near a cycle
-SETTLED = 1e-3  # a motion that returns this close has settled
-ROUNDS = 7  # the time a motion is given to settle doubles so many times
+SETTLED = 1e-3  # a motion that has not settled in its time, and returns this close, nearly has
+LAST = 27.0  # spans in which such a motion is looked at
+ROUNDS = 3  # times that it is looked again at what leaves the system unchanged
+PERIODS = 2.5  # of what a motion has settled on, that are sampled
+STILL = 1e-13  # range of a component, relative to its modulus, of what does not move
 # a cycle this far from the motion it was found from, relative to its size, is another one
 AGREES = 0.3
 # a cycle that has shrunk to this part of the motion it was found from is an equilibrium
 COLLAPSED = 1e-4
-NEARLY = 2.0  # returns that miss by this many times the least are as good
 REPELS = 1e-6  # no motion settles on a cycle with a multiplier this far outside the unit circle
 DIES_OUT = 1e-2  # a motion whose extent has fallen to this part dies out
 
@@ -111,41 +121,11 @@ def _elsewhere(closed: Closed, shooting: Shooting, x: Array) -> str:
 
 
 def from_motion(motion: Trajectory) -> Closed:
-    """The cycle a motion has settled on."""
-    pieces = Pieces(motion._problem.compiled.equations)
-    if motion.outcome is Outcome.AT_REST or len(motion.knots.time) < 2:
-        raise _at_rest(motion, motion.knots.state[-1])
+    """The cycle that a motion settles on, from its end on."""
     k = motion.knots
-    w = window(
-        motion, pieces, max(0, int(np.searchsorted(k.time, 0.5 * (k.time[0] + k.time[-1]))) - 1)
-    )
-    rest = comes_to_rest(w, pieces)
-    if rest is not None:
-        raise _at_rest(motion, rest)
-    found = latest(w, pieces)
-    least = min((r.distance for r in found), default=np.inf)
-    if least > AGREES:
-        miss = f"at best to {least:.2g} of its size" if found else "not once"
-        raise ConvergenceError(
-            f"a cycle of {motion.system.name}",
-            f"the motion until t = {motion.knots.time[-1]:.6g} comes back {miss}",
-            "Simulate longer, until it has settled, or start from a state",
-        )
-    # A motion settles on a cycle that attracts; a shorter one next to it may repel, as after a
-    # period doubling.
-    closed, failure = None, None
-    for recurrence in (r for r in found if r.distance <= max(SETTLED, NEARLY * least)):
-        try:
-            closed = accepted(*near(motion._problem, pieces, w, recurrence))
-        except ConvergenceError as caught:
-            failure = failure or caught
-            continue
-        if not repels(closed):
-            break
-    if closed is None:
-        assert failure is not None
-        raise failure
-    return closed
+    if motion.outcome is Outcome.AT_REST or len(k.time) < 2:
+        raise _at_rest(motion._problem, float(k.time[-1]), k.state[-1])
+    return _Search(motion._problem, k.state[-1], float(k.time[-1])).run(beside=False)
 
 
 def repels(closed: Closed) -> bool:
@@ -155,26 +135,26 @@ def repels(closed: Closed) -> bool:
 
 def from_state(problem: Problem, state: Array, time: float) -> Closed:
     """The cycle near a state, stable or not, else the one that the motion from there settles on."""
-    return _Search(problem, state, time).run()
+    return _Search(problem, state, time).run(beside=True)
 
 
 def _at_rest(
-    motion: Trajectory, rest: Array, before: ConvergenceError | None = None
+    problem: Problem, time: float, rest: Array, before: ConvergenceError | None = None
 ) -> ConvergenceError:
     final = ", ".join(
-        f"{name} = {value:.6g}" for name, value in zip(motion.final, rest, strict=True)
+        f"{name} = {value:.6g}"
+        for name, value in zip(problem.system.declaration.state, rest, strict=True)
     )
     tried = f"; before that, {before.reached}" if before is not None else ""
     return ConvergenceError(
-        f"a cycle of {motion.system.name}",
-        f"the motion comes to rest: from t = {motion.knots.time[-1]:.6g} on it stays near "
-        f"{final}{tried}",
+        f"a cycle of {problem.system.name}",
+        f"the motion comes to rest: from t = {time:.6g} on it stays near {final}{tried}",
         "Start with more energy, or choose parameters for which it keeps moving",
     )
 
 
 class _Search:
-    """Follow the motion from a state until it comes back."""
+    """The cycle beside a state, or that the motion from there settles on."""
 
     def __init__(self, problem: Problem, state: Array, time: float) -> None:
         self.problem = problem
@@ -182,40 +162,57 @@ class _Search:
         self.time = time
         self.pieces = Pieces(problem.compiled.equations)
         self.span = problem.system.span[1] - problem.system.span[0]
-        self.best: tuple[Window, list[Recurrence]] | None = None
-        self.modulus = np.zeros(len(state))
-        self.extents: list[float] = []
         self.failure: ConvergenceError | None = None
 
-    def run(self) -> Closed:
-        w = None
-        for turn in range(ROUNDS):
-            motion = follow_freely(self.problem, self.time, self.time + self.span, self.state)
-            if len(motion.knots.time) < 2:
-                raise self._ended(motion)
-            w = window(motion, self.pieces)
-            closed = self._beside(w) if turn == 0 else None
-            rest = comes_to_rest(w, self.pieces) if closed is None and motion.outcome.ok else None
-            if rest is not None:
-                raise _at_rest(motion, rest, self.failure)
-            self.modulus = np.maximum(self.modulus, np.max(np.abs(w.states), axis=0))
-            self.extents.append(w.extent(self.modulus))
-            closed = closed or self._settled(w, latest(w, self.pieces), SETTLED)
-            if closed is not None:
-                return closed
-            if not motion.outcome.ok:
-                raise self._ended(motion)
-            self.time = float(motion.knots.time[-1])
-            self.state = motion.knots.state[-1]
-            self.span = 2.0 * self.span
-        assert w is not None
-        exponent = largest_exponent(w.trajectory, self.pieces, w.sizes)
-        # Irregular motion comes near many cycles, and settles on none.
-        regular = exponent is None or not exponent.irregular
-        closed = self._settled(*self.best, NEARBY) if self.best is not None and regular else None
-        if closed is None:
-            raise self._failed(exponent)
-        return closed
+    def run(self, beside: bool) -> Closed:
+        """Close a cycle.
+
+        Raises
+        ------
+        ConvergenceError
+            If there is none; the message says what became of the motion.
+        """
+        w = self._window(self.time, self.state, self.span)
+        closed = self._beside(w) if beside else None
+        if closed is not None:
+            return closed
+        if not w.trajectory.outcome.ok:
+            raise self._ended(w.trajectory.message)
+        fate, along = self._settle(w)
+        reached = self.time + fate.elapsed
+        if fate.outcome in (Outcome.AT_REST, Outcome.STEADY):
+            raise _at_rest(self.problem, reached, fate.state, self.failure)
+        if fate.outcome is Outcome.PERIODIC:
+            if not along.extent(np.max(np.abs(along.states), axis=0)) > STILL:
+                raise _at_rest(self.problem, reached, fate.state, self.failure)
+            closed = self._tried(along, [after(along, self.pieces, fate.period)])
+        elif fate.outcome is Outcome.UNDAMPED:
+            self._tried(w, earliest(w))
+            raise self.failure if isinstance(self.failure, Family) else self._undamped()
+        elif fate.outcome is not Outcome.NOT_SETTLED:
+            raise self._ended(f"{fate.outcome.label} at t = {reached:.9g}: {fate.outcome.message}")
+        return closed or self._nearest(fate, w)
+
+    def _window(self, time: float, state: Array, duration: float) -> Window:
+        """The motion from a state, sampled."""
+        motion = follow_freely(self.problem, time, time + duration, state)
+        if len(motion.knots.time) < 2:
+            raise self._ended(motion.message)
+        return window(motion, self.pieces)
+
+    def _settle(self, w: Window) -> tuple[Settled, Window]:
+        """What the motion settles on, and some periods of it; what leaves the system unchanged on
+        its way is looked at again where it has come to."""
+        fate = settle(self.problem, self.time, self.state, w.symmetry, w.clock)
+        for _ in range(ROUNDS):
+            if fate.outcome is not Outcome.PERIODIC:
+                break
+            along = self._window(fate.time, fate.state, PERIODS * fate.period)
+            if alike(along.symmetry, w.symmetry):
+                return fate, along
+            w = along
+            fate = settle(self.problem, fate.time, fate.state, w.symmetry, w.clock)
+        return fate, w
 
     def _beside(self, w: Window) -> Closed | None:
         """The cycle, stable or not, that the motion starts beside."""
@@ -230,23 +227,21 @@ class _Search:
                     return closed
         return None
 
-    def _settled(self, w: Window, found: list[Recurrence], near_enough: float) -> Closed | None:
-        """The cycle that the motion has settled on; one that repels only came near by chance.
+    def _tried(self, w: Window, found: Sequence[Recurrence]) -> Closed | None:
+        """The first cycle at some recurrences that does not repel: what repels only came near by
+        chance.
 
         Raises
         ------
         Family
             If the motion has settled on one of a family.
         """
-        if found and (self.best is None or found[-1].distance < self.best[1][-1].distance):
-            self.best = w, found
         for recurrence in found:
-            if recurrence.distance <= near_enough:
-                closed = self._try(w, recurrence)
-                if isinstance(self.failure, Family):
-                    raise self.failure
-                if closed is not None and not repels(closed):
-                    return closed
+            closed = self._try(w, recurrence)
+            if isinstance(self.failure, Family):
+                raise self.failure
+            if closed is not None and not repels(closed):
+                return closed
         return None
 
     def _try(self, w: Window, found: Recurrence) -> Closed | None:
@@ -257,23 +252,61 @@ class _Search:
             self.failure = failure
             return None
 
-    def _ended(self, motion: Trajectory) -> ConvergenceError:
+    def _nearest(self, fate: Settled, first: Window) -> Closed:
+        """The cycle near a motion that has not settled in its time, if it comes back nearly.
+
+        Raises
+        ------
+        ConvergenceError
+            If it does not; the message says what was seen.
+        """
+        w = self._window(fate.time, fate.state, LAST * self.span)
+        if not w.trajectory.outcome.ok:
+            raise self._ended(w.trajectory.message)
+        found = latest(w, self.pieces)
+        closed = self._tried(w, [r for r in found if r.distance <= SETTLED])
+        if closed is not None:
+            return closed
+        exponent = largest_exponent(w.trajectory, self.pieces, w.sizes)
+        # Irregular motion comes near many cycles, and settles on none.
+        if exponent is None or not exponent.irregular:
+            closed = self._tried(w, [r for r in found if SETTLED < r.distance <= NEARBY])
+            if closed is not None:
+                return closed
+        modulus = np.maximum(*(np.max(np.abs(part.states), axis=0) for part in (first, w)))
+        extents = first.extent(modulus), w.extent(modulus)
+        until = self.time + fate.elapsed + LAST * self.span
+        raise self._failed(until, found[-1] if found else None, extents, exponent)
+
+    def _ended(self, message: str) -> ConvergenceError:
         return NoReturn(
-            f"a cycle of {self.problem.system.name}",
-            f"the motion from the start ends: {motion.message}",
+            f"a cycle of {self.problem.system.name}", f"the motion from the start ends: {message}"
         )
 
-    def _failed(self, exponent: Exponent | None) -> ConvergenceError:
+    def _undamped(self) -> ConvergenceError:
+        return ConvergenceError(
+            f"a cycle of {self.problem.system.name}",
+            "nothing damps the motion: it goes on for ever without further events, and an "
+            "oscillation in it neither dies out nor grows",
+            "Add damping, or start at a state in which it does not swing",
+        )
+
+    def _failed(
+        self,
+        until: float,
+        closest: Recurrence | None,
+        extents: tuple[float, float],
+        exponent: Exponent | None,
+    ) -> ConvergenceError:
         """What was seen of a motion on which no cycle was found."""
-        reached = f"no cycle was found within t = {self.time:.6g}: the motion comes back "
-        if self.best is None:
-            reached += "not once"
-        else:
-            closest = self.best[1][-1]
-            reached += f"at best to {closest.distance:.2g} of its size, after {closest.period:.6g}"
-        if self.extents[-1] < DIES_OUT * self.extents[0]:
-            first, last = self.extents[0], self.extents[-1]
-            reached += f"; it dies out: its extent fell from {first:.2g} to {last:.2g}"
+        reached = f"no cycle was found within t = {until:.6g}: the motion comes back "
+        reached += (
+            f"at best to {closest.distance:.2g} of its size, after {closest.period:.6g}"
+            if closest is not None
+            else "not once"
+        )
+        if extents[1] < DIES_OUT * extents[0]:
+            reached += f"; it dies out: its extent fell from {extents[0]:.2g} to {extents[1]:.2g}"
         elif exponent is not None and exponent.irregular:
             reached += f"; the motion looks irregular: its largest Lyapunov exponent is {exponent}"
         elif self.failure is not None:

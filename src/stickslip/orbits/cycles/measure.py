@@ -4,21 +4,14 @@ contact."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from stickslip.orbits.fields.mode_field import Piece
-from stickslip.orbits.fields.variational import resolution
+from stickslip.motion.steps.arrays import Record
 from stickslip.orbits.return_map.recurrence import segments
+from stickslip.orbits.settling.engine.tables import LASTED, Sums, make_sums
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
-
-Array = np.ndarray
-
-NODES = 13  # of a piece of a step
 
 
 @dataclass(frozen=True)
@@ -72,97 +65,24 @@ def phases(motion: Trajectory) -> tuple[Phase, ...]:
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class Sampled:
-    """A motion at Chebyshev nodes: all quantities of the engine, piece by piece.
+def observed(motion: Trajectory) -> Sums:
+    """What a period amounts to, measured as a point of a map is."""
+    from stickslip.orbits.settling.engine.observers import clear, observe
 
-    Attributes
-    ----------
-    times : array, shape (pieces, nodes)
-    rows : array, shape (pieces, nodes, rows)
-        Values; the state comes first.
-    length : array, shape (pieces,)
-    """
-
-    times: Array
-    rows: Array
-    length: Array
-
-
-def sampled(motion: Trajectory, made: list[Piece]) -> Sampled:
-    """Sample a motion so finely that polynomials through the nodes are exact to rounding."""
+    problem = motion._problem
     k = motion.knots
-    p = np.array([motion.parameters[name] for name in motion.system.parameters])
-    steps = np.flatnonzero(np.diff(k.time) > 0.0)
-    parts = resolution(motion, made, p)[steps]
-    owner = np.repeat(steps, parts)
-    within = np.arange(len(owner)) - np.repeat(np.cumsum(parts) - parts, parts)
-    length = np.repeat(np.diff(k.time)[steps] / parts, parts)
-    times = (k.time[owner] + within * length)[:, None] + length[:, None] * chebyshev()[0]
-    times = np.minimum(times, k.time[owner + 1][:, None])
-    rows = motion._sample(times.ravel(), np.repeat(owner, NODES))
-    return Sampled(times, rows.reshape(len(owner), NODES, -1), length)
+    sums = make_sums((), k.state.shape[1], k.mode.shape[1])
+    clear(sums)
+    knots = Record(k.clock, k.state, k.mode, k.region, k.cause)
+    flow = problem.flow(retracing=True)
+    observe(problem.machine, flow, motion._seen, knots, len(k.clock) - 1, True, sums)
+    return sums
 
 
-@lru_cache(maxsize=1)
-def chebyshev() -> tuple[Array, Array, Array]:
-    """Chebyshev-Lobatto nodes on [0, 1], the weights of Clenshaw and Curtis, and values at the
-    nodes ↦ coefficients."""
-    from numpy.polynomial.chebyshev import chebvander
-
-    x = -np.cos(np.pi * np.arange(NODES) / (NODES - 1))
-    values = chebvander(x, NODES - 1)
-    even = np.arange(0, NODES, 2)
-    moments = np.zeros(NODES)
-    moments[even] = 2.0 / (1.0 - even**2)
-    return 0.5 * (x + 1.0), 0.5 * np.linalg.solve(values.T, moments), np.linalg.inv(values)
-
-
-def contact_shares(motion: Trajectory, found: Sampled) -> dict[str, ContactShare]:
+def contact_shares(motion: Trajectory, sums: Sums) -> dict[str, ContactShare]:
     """Time and energy of every contact."""
-    k = motion.knots
-    equations = motion._problem.compiled.equations
-    layout = motion._problem.compiled.layout
-    weights = found.length[:, None] * chebyshev()[1]
-    shares = {}
-    for i, contact in enumerate(equations.contacts):
-        stuck = float(np.sum(np.diff(k.time)[k.slip[:-1, i] == 0]))
-        lost = -float(
-            np.sum(weights * found.rows[:, :, layout.force[i]] * found.rows[:, :, layout.u[i]])
-        )
-        shares[contact.name] = ContactShare(stuck, float(k.time[-1] - k.time[0]) - stuck, lost)
-    return shares
-
-
-def extrema(found: Sampled, n: int) -> tuple[Array, Array]:
-    """Least and largest value of each component of the state: at nodes, and where polynomials
-    between them turn."""
-    states = found.rows[:, :, :n]
-    low, high = np.min(states, axis=(0, 1)), np.max(states, axis=(0, 1))
-    for j in range(n):
-        for node in (int(np.argmin(states[:, :, j])), int(np.argmax(states[:, :, j]))):
-            for piece in _neighbours(node, len(states)):
-                turns = _turns(states[piece, :, j])
-                low[j], high[j] = min(low[j], *turns, low[j]), max(high[j], *turns, high[j])
-    return low, high
-
-
-def _neighbours(node: int, pieces: int) -> set[int]:
-    """The piece of a node, and the one next to it if the node is shared; the last one comes before
-    the first."""
-    piece, place = divmod(node, NODES)
-    return {piece, (piece - (place == 0)) % pieces, (piece + (place == NODES - 1)) % pieces}
-
-
-def _turns(values: Array) -> Array:
-    """Values at the turning points of the polynomial through the nodes of a piece."""
-    from numpy.polynomial import chebyshev as polynomials
-
-    series = chebyshev()[2] @ values
-    slope = polynomials.chebder(series)
-    size = np.max(np.abs(slope))
-    if size <= 1e-13 * np.max(np.abs(values)):
-        return np.zeros(0)
-    roots = polynomials.chebroots(polynomials.chebtrim(slope, 1e-14 * size))
-    inside = roots[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) < 1.0)].real
-    return polynomials.chebval(inside, series)
+    contacts = motion._problem.compiled.equations.contacts
+    return {
+        contact.name: ContactShare(float(stick), float(sums.total[LASTED] - stick), float(work))
+        for contact, stick, work in zip(contacts, sums.stick, sums.work, strict=True)
+    }

@@ -64,6 +64,20 @@ class Symmetry:
         return turns * self.turn if self.frame is None else period * self.frame
 
 
+def alike(a: Symmetry, b: Symmetry) -> bool:
+    """Whether two symmetries are the same, up to rounding."""
+    if a.driven != b.driven or a.shifts.shape != b.shifts.shape:
+        return False
+    together = np.hstack([np.linalg.qr(s.shifts)[0] for s in (a, b)])
+    known = [(a.turn, b.turn), (a.frame, b.frame)]
+    return bool(np.linalg.matrix_rank(together, RANK) <= a.shifts.shape[1]) and all(
+        x is None
+        or y is None
+        or np.allclose(x, y, rtol=RANK, atol=RANK * np.max(np.abs(x), initial=0.0))
+        for x, y in known
+    )
+
+
 @dataclass(frozen=True)
 class Surroundings:
     """Points on a motion, at which the system is asked what leaves it unchanged.

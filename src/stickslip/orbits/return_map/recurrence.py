@@ -248,6 +248,22 @@ def latest(w: Window, pieces: Pieces) -> list[Recurrence]:
     return _closest(w, station_time(k, pieces, recent or found[-2:-1]), -1.0)
 
 
+def after(w: Window, pieces: Pieces, period: float) -> Recurrence:
+    """A state early in a motion that is there again after a known period, well inside a mode."""
+    k = w.trajectory.knots
+    begin = float(k.time[0])
+    found = segments(k)
+    inside = [(a, b) for a, b in found[1:] if 0.5 * (k.time[a] + k.time[b]) <= begin + period]
+    t = station_time(k, pieces, inside or found[:1]) if len(found) > 1 else begin
+    steps = np.searchsorted(k.time, [t, t + period], side="right") - 1
+    here, there = (
+        _state(w, float(time), min(int(step), len(k.time) - 2))
+        for time, step in zip((t, t + period), steps, strict=True)
+    )
+    turns = max(round(period / w.period), 1) if w.period else 1
+    return Recurrence(t, here, period, turns, there - here, 0.0)
+
+
 def earliest(w: Window) -> list[Recurrence]:
     """When a motion comes back to where it has started."""
     k = w.trajectory.knots

@@ -5,7 +5,10 @@
 (along the translation, or of ``speed:x``), ``stick_fraction`` (share of the time in which all
 contacts stick, or ``stick_fraction:contact``), ``peak_force`` and ``mean_force`` (largest |λ| and
 mean λ; of all contacts the largest |λ|, or ``peak_force:contact``) and ``lyapunov`` are also those
-of a motion at rest, of steady sliding, and of the last part of a motion that has not settled.
+of a motion at rest, of steady sliding, and of the last part of a motion that has not settled. So
+are ``low`` and ``high`` (least and largest value of a component), ``shift`` (its change), ``state``
+(its value where what is measured begins), ``time`` (when that is) and ``duration`` (how long it
+is).
 """
 
 from __future__ import annotations
@@ -21,40 +24,13 @@ from stickslip.errors import DeclarationError
 from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
-from stickslip.sweeps.engine.tables import LASTED, STUCK, Found, Sums
+from stickslip.orbits.settling.engine.tables import LASTED, STUCK
+from stickslip.orbits.settling.motions import ATTRACTORS, MEASURED, Observed
 
 if TYPE_CHECKING:
     import xarray
 
-    from stickslip.sweeps.work.chunk import Settings
-
-
-@dataclass(frozen=True)
-class Observed:
-    """What compiled code has found of some points.
-
-    Attributes
-    ----------
-    outcome : array of int, shape (points,)
-    duration : array, shape (points,)
-        Of what was measured: the period of a cycle.
-    translation : array, shape (n,)
-    found : Found
-        By point.
-    excess : array, shape (points,)
-        By how much the initial state violates |∂Φ| ≤ s.
-    """
-
-    outcome: Array
-    duration: Array
-    translation: Array
-    found: Found
-    excess: Array
-
-    @property
-    def sums(self) -> Sums:
-        """What was summed up."""
-        return self.found.sums
+    from stickslip.orbits.settling.motions import Settings
 
 
 Rule = Callable[[Problem, Observed, str], Array]
@@ -110,6 +86,30 @@ def _lyapunov(problem: Problem, o: Observed, of: str) -> Array:
     return o.found.exponent
 
 
+def _low(problem: Problem, o: Observed, of: str) -> Array:
+    return o.sums.low[:, _component(problem, of)]
+
+
+def _high(problem: Problem, o: Observed, of: str) -> Array:
+    return o.sums.high[:, _component(problem, of)]
+
+
+def _shift(problem: Problem, o: Observed, of: str) -> Array:
+    return o.found.shift[:, _component(problem, of)]
+
+
+def _state(problem: Problem, o: Observed, of: str) -> Array:
+    return o.state[:, _component(problem, of)]
+
+
+def _time(problem: Problem, o: Observed, of: str) -> Array:
+    return o.time
+
+
+def _duration(problem: Problem, o: Observed, of: str) -> Array:
+    return o.duration
+
+
 @dataclass(frozen=True)
 class Named:
     """A measure: its rule, whether steps have to be followed again for it, and what it may be taken
@@ -130,6 +130,12 @@ MEASURES = {
     "mean_force": Named(_mean, True, "contact"),
     "switches": Named(_switches, False),
     "lyapunov": Named(_lyapunov, False),
+    "low": Named(_low, True, "component"),
+    "high": Named(_high, True, "component"),
+    "shift": Named(_shift, False, "component"),
+    "state": Named(_state, False, "component"),
+    "time": Named(_time, False),
+    "duration": Named(_duration, False),
 }
 
 
@@ -208,8 +214,6 @@ def measures_of(data: xarray.Dataset) -> list[str]:
     return sorted(names, key=lambda name: order.find(f'"{name}'))
 
 
-ATTRACTORS = (Outcome.AT_REST, Outcome.PERIODIC, Outcome.STEADY, Outcome.UNDAMPED)
-MEASURED = (*ATTRACTORS, Outcome.NOT_SETTLED)
 LACKING = (
     "nothing",
     "energy balance",

@@ -60,6 +60,9 @@ class Plan:
         How a motion settles, and with which accuracy it is computed.
     seed : int
         Of the samples.
+    section : bool
+        Whether the points are states of a section: they share their parameters, and one that
+        friction cannot hold starts at the nearest place at which it can.
     """
 
     system: System
@@ -68,6 +71,7 @@ class Plan:
     initial: Mapping[str, float]
     settings: Any
     seed: int
+    section: bool = False
 
     def parts(self) -> dict[str, str]:
         """Everything but the values of the axes, as texts for a file."""

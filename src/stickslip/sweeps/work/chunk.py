@@ -3,20 +3,13 @@ in compiled loops."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.equations.codegen.compiled import announced
-from stickslip.errors import DeclarationError
 from stickslip.model.system import System
-from stickslip.motion.engine.forms import AFFINE
-from stickslip.motion.ensemble import Lanes
-from stickslip.motion.outcome import Outcome
-from stickslip.motion.problem import Problem
 from stickslip.motion.simulate_many import (
     columns,
     common_length,
@@ -25,117 +18,9 @@ from stickslip.motion.simulate_many import (
     parameter_table,
     pose_all,
 )
-from stickslip.motion.steps.arrays import FULL, NEED, Lane
-from stickslip.orbits.fields.stable_set import excess
-from stickslip.sweeps.engine import measuring
-from stickslip.sweeps.engine.proofs import Prover
-from stickslip.sweeps.engine.repetition import Repetition
-from stickslip.sweeps.engine.tables import (
-    DONE,
-    DURATION,
-    LASTED,
-    MEASURING,
-    PHASE,
-    PROVING,
-    STUCK,
-    Engine,
-    Found,
-    Marks,
-    Rules,
-    make_bench,
-    make_found,
-    make_marks,
-)
-from stickslip.sweeps.request.measures import (
-    MEASURED,
-    Observed,
-    certified_below,
-    measured,
-    needs_close_look,
-)
-from stickslip.sweeps.work.scheduler import Stopped
-
-SLOTS = 12  # closed forms of every point
-SHARED_SLOTS = 64  # closed forms of all points
-ROOM = 256  # knots that are measured at a time
-SPANS = 100.0  # of the system, after which a motion is given up by default
-LOOKS = 4.0  # in a span
-# of the tolerance, from which on a motion is polished: its returns do not tell exactly what is
-# missing
-MARGIN = 0.1
-RINGS = 2  # longest cycles that are remembered, so that two returns can be compared
-ENDLESS = np.iinfo(np.int64).max
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How a motion settles, and with which accuracy it is computed.
-
-    Attributes
-    ----------
-    tolerance : float
-        A motion has settled when what is still missing to its cycle or equilibrium is below this
-        part of its size.
-    max_time : float, optional
-        When it is given up; by default after 100 times the span of the system.
-    max_cycles : int
-        … or after so many cycles.
-    longest_cycle : int
-        Most events (those that coincide are one), or periods of the drive, that a cycle may have.
-    rtol, atol, max_events
-        As in :func:`stickslip.simulate`.
-    """
-
-    tolerance: float = 1e-8
-    max_time: float | None = None
-    max_cycles: int = 10_000
-    longest_cycle: int = 48
-    rtol: float = 1e-10
-    atol: float = 1e-12
-    max_events: int = 1_000_000
-
-    def __post_init__(self) -> None:
-        if not 1e-12 <= self.tolerance <= 1e-2:
-            raise DeclarationError(
-                "tolerance", f"{self.tolerance!r} is out of range", "Choose 1e-12 ... 1e-2"
-            )
-        if self.max_time is not None and not 0.0 < self.max_time < np.inf:
-            raise DeclarationError(
-                "max_time", f"{self.max_time!r} is no duration", "Give a positive number"
-            )
-        for name in ("max_cycles", "max_events"):
-            if getattr(self, name) < 1:
-                raise DeclarationError(
-                    name, f"{getattr(self, name)} is not positive", "Allow at least one"
-                )
-        if not 4 <= self.longest_cycle <= 4096:
-            raise DeclarationError(
-                "longest_cycle", f"{self.longest_cycle} is out of range", "Choose 4 ... 4096"
-            )
-
-
-class Loops(Protocol):
-    """Where the compiled loops of a block run."""
-
-    def advance(self) -> None:
-        """Let all motions go on until they are done or wait for the host."""
-        ...
-
-    def grow_apart(self) -> None:
-        """The same for motions beside their twins."""
-        ...
-
-    def ask(self) -> None:
-        """Bring where the motions are that wait for a proof to the host."""
-        ...
-
-    def answer(self) -> None:
-        """Send what was proved of them."""
-        ...
-
-    def fetch(self) -> None:
-        """Bring what was found, and where the motions are, to the host."""
-        ...
+from stickslip.orbits.fields.stable_set import settle_friction
+from stickslip.orbits.settling.motions import SLOTS, Block, Here, Settings
+from stickslip.sweeps.request.measures import certified_below, measured, needs_close_look
 
 
 def measure_chunk(
@@ -146,6 +31,7 @@ def measure_chunk(
     settings: Settings,
     device: str = "cpu",
     stop: Array | None = None,
+    section: bool = False,
 ) -> dict[str, Array]:
     """Measures of what motions settle on.
 
@@ -161,6 +47,9 @@ def measure_chunk(
         ``"cpu"`` or ``"gpu"``.
     stop : array of int, shape (1,), optional
         Looked at all the time; not zero once there is a wish to stop.
+    section : bool
+        Whether the points are states of a section, which share their parameters (and so their
+        closed forms); one that friction cannot hold starts at the nearest place at which it can.
 
     Returns
     -------
@@ -184,6 +73,8 @@ def measure_chunk(
     count = common_length({**starts, **given})
     table, states = parameter_table(system, given, count), initial_states(system, starts, count)
     problem = replace(pose_all(system, given, settings.rtol, settings.atol), origin=system.span[0])
+    if section:
+        settle_friction(problem.compiled.equations, problem.parameters, states, problem.origin)
     closely = needs_close_look(system, measures)
     exponents = "lyapunov" in measures
     stop = np.zeros(1, np.int64) if stop is None else stop
@@ -193,208 +84,10 @@ def measure_chunk(
         lanes = lanes_on_device(problem, settings)
         loops = OnDevice
     else:
-        lanes = lanes_of_block(problem, SLOTS)
+        lanes = count if section else lanes_of_block(problem, SLOTS)
         loops = Here
     blocks = [slice(i, i + lanes) for i in range(0, count, lanes)]
-    found = [
-        Block(problem, table[b], states[b], settings, closely).run(loops, exponents, stop)
-        for b in blocks
-    ]
+    motions = (Block(problem, table[b], states[b], settings, closely, section) for b in blocks)
+    found = [block.run(loops, exponents, stop) for block in motions]
     parts = [measured(problem, observed, measures, certified_below(settings)) for observed in found]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-
-
-class Block:
-    """Points that are worked on together, each with closed forms of its own unless they share their
-    parameters.
-
-    Attributes
-    ----------
-    lanes, twins : Lanes
-        The motions, and others that start close to them (with the same closed forms).
-    marks, rules, saved, found
-        See :mod:`stickslip.sweeps.engine.tables`.
-    excess : array, shape (points,)
-        By how much initial states violate |∂Φ| ≤ s; where they do, there is no motion.
-    """
-
-    def __init__(
-        self,
-        problem: Problem,
-        table: Array,
-        states: Array,
-        settings: Settings,
-        closely: bool,
-        shared: bool = False,
-    ) -> None:
-        count = len(table)
-        n = states.shape[1]
-        contacts = len(problem.rows.u)
-        constants = problem.constants_of(table[:1] if shared else table)
-        group = np.zeros(count, np.int64) if shared else np.arange(count)
-        self.problem = problem
-        self.rules = make_rules(problem, settings, closely)
-        span = float(self.rules.real[0]), float(self.rules.real[1])
-        forms = (
-            problem.empty_forms(1, SHARED_SLOTS) if shared else problem.empty_forms(count, SLOTS)
-        )
-        self.lanes = Lanes.start(problem, constants, group, states, span, forms)
-        self.twins = Lanes.start(problem, constants, group, states, span, forms)
-        self.saved, home, before = (
-            Lane(*(part.copy() for part in self.lanes.now)) for _ in range(3)
-        )
-        self.prover = Prover(problem, table, self.rules)
-        drive = drive_period(np.where(self.prover.acting, constants.omega[group], 0.0))
-        self.marks: Marks = make_marks(
-            drive, RINGS * settings.longest_cycle + 1, n, contacts, home, before
-        )
-        self.found: Found = make_found(count, n, contacts)
-        values = dict(zip(problem.system.parameters, table.T, strict=True))
-        self.excess = excess(problem.compiled.equations, values, states, problem.origin)
-        self.marks.outcome[self.excess > 0.0] = Outcome.OUTSIDE.code
-        self.marks.numbers[self.excess > 0.0, PHASE] = DONE
-        self.lanes.codes[self.excess > 0.0] = Outcome.OUTSIDE.code
-
-    def engine(self, lanes: Lanes) -> Engine:
-        """What the event loop takes for these lanes."""
-        p = self.problem
-        return Engine(
-            p.machine,
-            p.flow(lanes.constants),
-            p.flight(),
-            lanes.forms,
-            lanes.group,
-            lanes.codes,
-            lanes.now,
-        )
-
-    def run(self, where: Callable[[Block, Array], Loops], exponents: bool, stop: Array) -> Observed:
-        """Follow and measure all points; the closed forms they need are made in between."""
-        marks = self.marks
-        loops = where(self, stop)
-        self._until_done(loops.advance, stop, loops, self.lanes)
-        loops.fetch()
-        if exponents:
-            marks.numbers[np.isin(marks.outcome, [o.code for o in MEASURED]), PHASE] = MEASURING
-            self._until_done(loops.grow_apart, stop, loops, self.lanes, self.twins)
-            loops.fetch()
-        self._name_rest()
-        return Observed(
-            marks.outcome, marks.real[:, DURATION], self.rules.translation, self.found, self.excess
-        )
-
-    def _until_done(
-        self, compiled: Callable[[], None], stop: Array, where: Loops, *involved: Lanes
-    ) -> None:
-        marks = self.marks
-        phase = self.marks.numbers[:, PHASE]
-        while np.any(phase != DONE):
-            for lanes in involved:
-                lanes.make_closed_forms()
-                need = np.flatnonzero(lanes.codes == NEED)
-                if self.problem.compiled.layout.timed and len(need):
-                    marks.frame[need] = frames(lanes, need)
-                lanes.codes[need] = FULL
-            with announced():
-                compiled()
-            if stop[0] != 0:
-                raise Stopped
-            if np.any(phase == PROVING):
-                where.ask()
-                self.prover.prove(self.lanes, marks, self.saved)
-                where.answer()
-
-    def _name_rest(self) -> None:
-        """What is where it was after a period of its drive without having moved rests, or slides
-        steadily."""
-        marks, found = self.marks, self.found
-        still = (marks.outcome == Outcome.PERIODIC.code) & (found.moves == 0.0)
-        held = (found.sums.total[:, STUCK] == found.sums.total[:, LASTED]) & np.all(
-            found.shift == 0.0, axis=1
-        )
-        marks.outcome[still] = np.where(held, Outcome.AT_REST.code, Outcome.STEADY.code)[still]
-
-
-class Here:
-    """The compiled loops on this processor."""
-
-    def __init__(self, block: Block, stop: Array) -> None:
-        bench = make_bench(block.problem, ROOM)
-        self.block = block
-        self.engine = block.engine(block.lanes)
-        self.rest = block.marks, block.rules, block.saved, bench, block.found, stop
-
-    def advance(self) -> None:
-        """Settle and measure."""
-        measuring.advance(self.engine, *self.rest)
-
-    def grow_apart(self) -> None:
-        """Measure exponents."""
-        from stickslip.sweeps.engine import exponents
-
-        exponents.grow_all(self.engine, self.block.engine(self.block.twins), *self.rest)
-
-    def ask(self) -> None:
-        """Everything is here."""
-
-    answer = fetch = ask
-
-
-def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
-    """How motions of a system settle and are measured."""
-    system = problem.system
-    layout = problem.compiled.layout
-    span = system.span[1] - system.span[0]
-    last = settings.max_time or SPANS * span
-    look = span / LOOKS
-    return Rules(
-        real=np.array(
-            [0.0, last, look, MARGIN * settings.tolerance, settings.atol, settings.tolerance]
-        ),
-        most=np.array([settings.max_cycles, settings.max_events, ENDLESS, settings.longest_cycle]),
-        translation=np.array([float(system.translation.get(x, 0.0)) for x in layout.state]),
-        fine=np.array(problem.retrace),
-        closely=closely,
-        timed=layout.timed and not Repetition(problem.compiled.equations).plain,
-        closed=len(problem.empty_forms(1, 1).status) > 0,
-    )
-
-
-def drive_period(omega: Array) -> Array:
-    """Period of the first drive that acts; 0 where none does. Other drives only make the cycle
-    longer."""
-    moving = omega > 0.0
-    if not omega.shape[1]:
-        return np.zeros(len(omega))
-    first = np.take_along_axis(omega, np.argmax(moving, axis=1)[:, None], 1)[:, 0]
-    return np.divide(2.0 * np.pi, first, out=np.zeros(len(omega)), where=first > 0.0)
-
-
-def frames(lanes: Lanes, index: Array) -> Array:
-    """Velocities of the frames in which systems under loads Vt do not depend on time, but for their
-    drives.
-
-    In the closed forms ẋ and the guards are linear in (x, 1, t, …): shifting the state by v·Δt
-    makes up for the time if the column of t is minus the columns of x times v in all modes. 0 where
-    there is no such v.
-    """
-    T, slots = lanes.forms, lanes.slots
-    place = lanes.group[index][:, None] * slots + np.arange(slots)
-    n = T.hold.shape[2]
-    table = np.concatenate([T.S[place][:, :, :n], T.G[place]], axis=2)
-    matrix = table[..., :n]
-    load = table[..., n + 1]
-    known = (T.status[place] == AFFINE)[:, :, None]
-    matrix = np.where(known[..., None], matrix, 0.0).reshape(len(index), -1, matrix.shape[3])
-    load = np.where(known, load, 0.0).reshape(len(index), -1)
-    size = np.max(np.abs(matrix), axis=2) + np.abs(load)
-    weight = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
-    matrix = matrix * weight[:, :, None]
-    load = load * weight
-    frame = -(np.linalg.pinv(matrix, rcond=1e-9) @ load[:, :, None])[:, :, 0]
-    off = np.max(np.abs((matrix @ frame[:, :, None])[:, :, 0] + load), axis=1, initial=0.0)
-    return np.where(
-        (off <= 1e-9)[:, None] & (np.abs(frame) > 1e-12 * np.max(np.abs(frame), initial=0.0)),
-        frame,
-        0.0,
-    )

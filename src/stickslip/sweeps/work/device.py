@@ -26,10 +26,10 @@ from stickslip.motion.between.step_balance import Steps, Tally
 from stickslip.motion.engine.forms import Flight
 from stickslip.motion.ensemble import Lanes
 from stickslip.motion.steps.arrays import DIMENSION, Flow, Machine, Record, Space
-from stickslip.sweeps.engine.exponents import grow_lane
-from stickslip.sweeps.engine.measuring import advance_lane
-from stickslip.sweeps.engine.tables import DEVICE_LANES, Bench, Engine, make_bench
-from stickslip.sweeps.work.chunk import SLOTS, Block, Settings
+from stickslip.orbits.settling.engine.exponents import grow_lane
+from stickslip.orbits.settling.engine.measuring import advance_lane
+from stickslip.orbits.settling.engine.tables import DEVICE_LANES, Bench, Engine, make_bench
+from stickslip.orbits.settling.motions import SLOTS, Block, Settings
 
 if TYPE_CHECKING:
     from stickslip.motion.engine.forms import ClosedForms

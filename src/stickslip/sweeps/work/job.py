@@ -13,6 +13,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.model.system import System
+from stickslip.progress import Stopped
 from stickslip.sweeps.request.measures import OWN
 from stickslip.sweeps.request.plan import Plan
 from stickslip.sweeps.request.user_measures import (
@@ -23,10 +24,9 @@ from stickslip.sweeps.request.user_measures import (
     read_measures,
     variable,
 )
-from stickslip.sweeps.work.scheduler import Stopped
 
 if TYPE_CHECKING:
-    from stickslip.sweeps.work.chunk import Settings
+    from stickslip.orbits.settling.motions import Settings
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,8 @@ class Work:
     settings : Settings
     device : str
         ``"cpu"`` or ``"gpu"``: where the compiled loops run.
+    section : bool
+        See :class:`stickslip.sweeps.request.plan.Plan`.
     """
 
     model: str
@@ -50,12 +52,14 @@ class Work:
     initial: tuple[tuple[str, float], ...]
     settings: Settings
     device: str = "cpu"
+    section: bool = False
 
 
 def work_of(plan: Plan, device: str = "cpu") -> Work:
     """The work that a plan asks for at its points."""
     asked = tuple(asked_again(measure) for measure in plan.measures)
-    return Work(plan.system.to_toml(), asked, tuple(plan.initial.items()), plan.settings, device)
+    initial = tuple(plan.initial.items())
+    return Work(plan.system.to_toml(), asked, initial, plan.settings, device, plan.section)
 
 
 def check_sendable(work: Work) -> None:
@@ -115,7 +119,7 @@ def compute(work: Work, columns: Mapping[str, Array], stop: Array) -> dict[str, 
         [m for m in measures if isinstance(m, str)] + [n for f in formulas for n in f.needs]
     )
     found = measure_chunk(
-        system, initial, parameters, tuple(needed), work.settings, work.device, stop
+        system, initial, parameters, tuple(needed), work.settings, work.device, stop, work.section
     )
     result = {name: found[name] for name in OWN}
     known = {**system.values, **_start(system, initial), **parameters, **found}

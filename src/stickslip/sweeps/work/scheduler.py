@@ -29,6 +29,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError
+from stickslip.progress import Stopped
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -38,10 +39,6 @@ PATIENCE = 10.0  # seconds that a cluster has to answer
 # seconds after which a wish to stop is noticed, and that tasks under way then have to end
 PULSE = 0.25
 LOCAL = ("threads", "processes")
-
-
-class Stopped(Exception):
-    """A task was given up, since there was a wish to stop."""
 
 
 class Stop:

@@ -18,8 +18,8 @@ from stickslip.motion.steps.arrays import (
     VISCOUS,
     Lane,
 )
-from stickslip.sweeps.engine.settling import UNRECORDED, copy_lane, follow
-from stickslip.sweeps.engine.tables import (
+from stickslip.orbits.settling.engine.settling import UNRECORDED, copy_lane, follow
+from stickslip.orbits.settling.engine.tables import (
     DONE,
     DURATION,
     MEASURING,

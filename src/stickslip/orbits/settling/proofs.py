@@ -6,14 +6,13 @@ is excited grows and c exceeds Σ|a| + Σ|b|, no guard is ever reached, and the 
 what dies out can be left out at once, and what remains is rest, steady sliding or the answer to a
 drive. What neither grows nor dies out is undamped.
 
-*In any other mode* that does not depend on time, a motion whose rates have died out is near an
-equilibrium of its mode. It ends there if the eigenvalues of the field lie on the left, but for a
-zero for each direction that is held or free (a contact that sticks, a translation), and if no guard
-can be reached from so near, at the condition of the eigenvectors.
+*In any other mode* that does not depend on time, or in an affine one whose guards do vanish again
+and again without effect (a contact without friction), a motion whose rates have died out is near an
+equilibrium of its mode. It ends there if it cannot leave
+(:mod:`stickslip.orbits.settling.resting`).
 
-Both are proofs up to rounding (the second up to terms of second order in a distance of 1e-9); both
-are sufficient, not necessary. Where they fail, a motion goes on; when its time is up, it has not
-settled.
+Both are proofs up to rounding; both are sufficient, not necessary. Where they fail, a motion goes
+on; when its time is up, it has not settled.
 """
 
 from __future__ import annotations
@@ -25,9 +24,8 @@ import numpy as np
 from stickslip.motion.engine.forms import AFFINE, GUARDS
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.steps.arrays import NOW
-from stickslip.orbits.fields.mode_field import Piece, Pieces
-from stickslip.sweeps.engine.repetition import Repetition, repeats
-from stickslip.sweeps.engine.tables import (
+from stickslip.orbits.fields.mode_field import Pieces
+from stickslip.orbits.settling.engine.tables import (
     ASK,
     COUNT,
     DURATION,
@@ -39,12 +37,14 @@ from stickslip.sweeps.engine.tables import (
     PROVING,
     SETTLING,
 )
+from stickslip.orbits.settling.repetition import Repetition, repeats
+from stickslip.orbits.settling.resting import Point, rest_near
 
 if TYPE_CHECKING:
     from stickslip.motion.ensemble import Lanes
     from stickslip.motion.problem import Problem
     from stickslip.motion.steps.arrays import Lane
-    from stickslip.sweeps.engine.tables import Marks, Rules
+    from stickslip.orbits.settling.engine.tables import Marks, Rules
 
 Array = Any  # of floats, integers or complex numbers
 
@@ -58,9 +58,6 @@ MARGIN = 1e-12  # … of a guard
 # real parts this small, relative to the largest eigenvalue, neither grow nor die out
 CENTRE = 1e-12
 SEEN = 1e-9  # part of its size by which a component has to swing to be called undamped
-ZERO = 1e-9  # eigenvalues of an equilibrium, relative to the largest, that are zero
-SOLVED = 1e-6  # part of the rates that the distance to an equilibrium may leave over
-CONDITION = 1e8  # of eigenvectors that say nothing any more
 LATER = 0.5  # part of the time gone by after which a proof is tried again
 
 
@@ -131,7 +128,7 @@ class Prover:
             closed = open_[slot >= 0]
             if len(closed):
                 fates = affine_fates(
-                    lanes, index[closed], slot[slot >= 0], marks, saved, self.rules.translation
+                    lanes, index[closed], slot[slot >= 0], marks, saved, self.rules.shifts
                 )
                 # the drives have to have a period in common
                 unknown = (fates.outcome == PERIODIC) & ~fits[closed]
@@ -139,13 +136,11 @@ class Prover:
                 saved.y[index[closed]] = np.where(
                     unknown[:, None], saved.y[index[closed]], fates.limit
                 )
-            for i in open_[slot < 0]:
-                if (
-                    asked[i] != NOTHING
-                    and not waves[i]
-                    and self.ends_here(int(index[i]), marks, saved)
-                ):
-                    outcome[i] = asked[i]
+            for i in open_[outcome[open_] == NOTHING]:
+                if asked[i] != NOTHING and not waves[i]:
+                    rest = rest_near(self.pieces, self.point(int(index[i]), marks, saved))
+                    if rest is not None:
+                        outcome[i] = asked[i]
         done = index[outcome != NOTHING]
         late = index[outcome == NOTHING]
         marks.outcome[index] = outcome
@@ -180,16 +175,18 @@ class Prover:
             values, frame, self.problem.origin + float(saved.clock[i, NOW])
         )
 
-    def ends_here(self, i: int, marks: Marks, saved: Lane) -> bool:
-        """Whether a motion whose rates have died out ends at an equilibrium of its mode."""
-        mode, region = saved.mode[i].astype(np.int8), saved.reg[i].astype(np.int8)
-        try:
-            piece = self.pieces(mode, region)
-        except ZeroDivisionError:
-            return False  # the rates are not determined in this mode alone
-        free = int(np.sum(mode == 0)) + int(np.any(self.rules.translation != 0.0))
-        point = self.problem.origin + float(saved.clock[i, NOW]), saved.y[i], self.table[i]
-        return near_equilibrium(piece, point, self.rules.translation, free)
+    def point(self, i: int, marks: Marks, saved: Lane) -> Point:
+        """Where a motion is whose rates have died out."""
+        return Point(
+            self.problem.origin + float(saved.clock[i, NOW]),
+            saved.y[i],
+            self.table[i],
+            saved.mode[i].astype(np.int8),
+            saved.reg[i].astype(np.int8),
+            np.maximum(marks.size[i], np.abs(saved.y[i])),
+            marks.frame[i],
+            self.rules.shifts,
+        )
 
 
 def slots_of(lanes: Lanes, index: Array, saved: Lane) -> Array:
@@ -209,7 +206,7 @@ def slots_of(lanes: Lanes, index: Array, saved: Lane) -> Array:
 
 
 def affine_fates(
-    lanes: Lanes, index: Array, slot: Array, marks: Marks, saved: Lane, translation: Array
+    lanes: Lanes, index: Array, slot: Array, marks: Marks, saved: Lane, shifts: Array
 ) -> Fates:
     """What becomes of motions in affine modes, if these last."""
     T = lanes.forms
@@ -253,8 +250,9 @@ def affine_fates(
     lasts = ~grows & np.all(held | ~real, axis=1)
     component = slice(first, None)
     moving = drift[:, component] - marks.frame[index]
-    weight = float(translation @ translation)
-    moving -= np.outer(moving @ translation / weight, translation) if weight > 0.0 else 0.0
+    for shift in shifts:
+        weight = float(shift @ shift)
+        moving -= np.outer(moving @ shift / weight, shift) if weight > 0.0 else 0.0
     even = np.all(
         np.abs(moving) <= ROUNDING * (noise[:, component] + np.abs(marks.frame[index])), axis=1
     )
@@ -270,50 +268,3 @@ def affine_fates(
     outcome = np.where(undamped, UNDAMPED, np.where(lasts & even, outcome, NOTHING))
     left = (outcome != NOTHING) & (outcome != UNDAMPED)
     return Fates(outcome, np.where(left[:, None], y - fading[:, component], y))
-
-
-def near_equilibrium(
-    piece: Piece, point: tuple[float, Array, Array], translation: Array, free: int
-) -> bool:
-    """Whether a motion ends at an equilibrium of its mode that is as near as its rates are small.
-
-    Parameters
-    ----------
-    piece : Piece
-    point : (time, state, parameters)
-    translation : array, shape (n,)
-    free : int
-        Directions in which equilibria may be neighbours.
-    """
-    t, y, p = point
-    n = len(y)
-    at = (np.array([t]), y[:, None], p)
-    value = piece.felt(*at)[:, 0]
-    slopes = piece.dependence(*at)[0, :, 1:]
-    guards = len(value) - n - piece.bound
-    f, g, c = np.split(value, [n, n + guards])
-    J, dg, dc = np.split(slopes, [n, n + guards])
-    if not (np.all(np.isfinite(value)) and np.all(np.isfinite(slopes))):
-        return False
-    weight = float(translation @ translation)
-    f = f - translation * (f @ translation / weight) if weight > 0.0 else f
-    terms = np.abs(dg) @ np.abs(y) + np.abs(g)
-    if not np.any(f):
-        return bool(np.all(g >= -MARGIN * terms))
-    # Constraints hold anyway; so they may attract.
-    A, rates = J - dc.T @ dc, f - dc.T @ c
-    step = -np.linalg.pinv(A, rcond=ZERO) @ rates
-    values: Array
-    values, vectors = np.linalg.eig(A)
-    largest = np.max(np.abs(values), initial=0.0)
-    condition = np.linalg.cond(vectors)
-    still = np.abs(values) <= ZERO * largest
-    left = np.max(np.abs(A @ step + rates)) - ROUNDING * np.max(np.abs(J) @ np.abs(y))
-    if left > SOLVED * np.max(np.abs(rates)) or condition > CONDITION:
-        return False
-    if np.sum(still) > free or np.any(values[~still].real >= -ZERO * largest):
-        return False
-    reach = condition * np.linalg.norm(dg, axis=1) * np.linalg.norm(step)
-    margin = MARGIN * terms
-    there = g + dg @ step
-    return bool(np.all(np.where(reach <= margin, there >= -margin, there > reach + margin)))

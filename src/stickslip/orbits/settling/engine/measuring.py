@@ -34,9 +34,16 @@ from stickslip.motion.steps.arrays import (
     Record,
     coefficients,
 )
-from stickslip.sweeps.engine.observers import clear, observe
-from stickslip.sweeps.engine.returns import begin_again, gap, grow, miss, remove_shift, told_apart
-from stickslip.sweeps.engine.settling import (
+from stickslip.orbits.settling.engine.observers import clear, observe
+from stickslip.orbits.settling.engine.returns import (
+    begin_again,
+    gap,
+    grow,
+    miss,
+    remove_shift,
+    told_apart,
+)
+from stickslip.orbits.settling.engine.settling import (
     AT_REST,
     NOT_SETTLED,
     PERIODIC,
@@ -49,7 +56,7 @@ from stickslip.sweeps.engine.settling import (
     own_flow,
     settle,
 )
-from stickslip.sweeps.engine.tables import (
+from stickslip.orbits.settling.engine.tables import (
     ASK,
     AT_FIRST,
     CLOSURE,
@@ -154,7 +161,7 @@ def measure(
     if m.outcome[i] == PERIODIC:
         for r in range(len(bench.gaps)):
             bench.gaps[r] = found.shift[i, r] - m.frame[i, r] * real[DURATION]
-        remove_shift(bench.gaps, rules.translation)
+        remove_shift(bench.gaps, rules.shifts)
         audit[CLOSURE] = miss(bench.gaps, bench.ends[2], rules.real[4])
         audit[PERIOD] = rules.real[5] ** 2 / real[OPEN]
     return True
@@ -220,7 +227,7 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
                 m.time[i, 0] = s.clock[i, NOW]
                 copy(s.y[i], m.state[i, 0])
             else:
-                gap(m, i, 0, s.clock[i, NOW], s.y[i], rules.translation, bench.work[0])
+                gap(m, i, 0, s.clock[i, NOW], s.y[i], rules.shifts, bench.work[0])
                 off = (
                     max(off, miss(bench.work[0], m.size[i], rules.real[4]))
                     if e.codes[i] == FINISHED
@@ -243,7 +250,7 @@ def extend(m: Marks, rules: Rules, i: int, start: float, t: float, y: Array, ben
     ends = bench.ends
     for r in range(len(y)):
         v[r] = y[r] - m.frame[i, r] * (t - start)
-    remove_shift(v, rules.translation)
+    remove_shift(v, rules.shifts)
     for r in range(len(y)):
         ends[0, r], ends[1, r] = min(ends[0, r], v[r]), max(ends[1, r], v[r])
 
@@ -264,7 +271,10 @@ def moves(rules: Rules, bench: Bench, largest: Array, known: bool) -> float:
     for r in range(len(largest)):
         modulus = max(abs(ends[0, r]), abs(ends[1, r]))
         extent = ends[1, r] - ends[0, r]
-        if known and rules.translation[r] == 0.0:
+        shifted = False
+        for j in range(len(rules.shifts)):
+            shifted = shifted or rules.shifts[j, r] != 0.0
+        if known and not shifted:
             extent = max(extent, largest[r] - modulus)
             modulus = max(modulus, largest[r])
         ends[2, r] = max(0.5 * extent, SMALL * modulus)

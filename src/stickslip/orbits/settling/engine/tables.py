@@ -86,11 +86,12 @@ class Rules(NamedTuple):
         waiting, atol, and what may be missing to a cycle.
     most : array of int
         Periods, events, marks in one call, and marks of a cycle.
-    translation : array, shape (n,)
+    shifts : array, shape (translations, n)
+        Directions, orthogonal to each other, in which the state may be shifted.
     fine : array, shape (2,)
         Tolerances with which steps are followed again.
     closely : bool
-        As in :func:`stickslip.sweeps.engine.observers.observe`.
+        As in :func:`stickslip.orbits.settling.engine.observers.observe`.
     timed : bool
         Whether time enters in a way that might not repeat, which the host has to look into.
     closed : bool
@@ -99,7 +100,7 @@ class Rules(NamedTuple):
 
     real: Array
     most: Array
-    translation: Array
+    shifts: Array
     fine: Array
     closely: bool
     timed: bool
@@ -288,19 +289,25 @@ def make_marks(drive: Array, ring: int, n: int, contacts: int, home: Lane, befor
     return marks
 
 
+def make_sums(lanes: tuple[int, ...], n: int, contacts: int) -> Sums:
+    """Nothing observed yet, of one motion or (with a leading axis) of several."""
+    z = np.zeros
+    return Sums(
+        low=z((*lanes, n)),
+        high=z((*lanes, n)),
+        stick=z((*lanes, contacts)),
+        work=z((*lanes, contacts)),
+        peak=z((*lanes, contacts)),
+        impulse=z((*lanes, contacts)),
+        total=z((*lanes, 2)),
+        switches=z((*lanes, 1), np.int64),
+    )
+
+
 def make_found(lanes: int, n: int, contacts: int) -> Found:
     """Nothing measured yet."""
     z = np.zeros
-    sums = Sums(
-        low=z((lanes, n)),
-        high=z((lanes, n)),
-        stick=z((lanes, contacts)),
-        work=z((lanes, contacts)),
-        peak=z((lanes, contacts)),
-        impulse=z((lanes, contacts)),
-        total=z((lanes, 2)),
-        switches=z((lanes, 1), np.int64),
-    )
+    sums = make_sums((lanes,), n, contacts)
     return Found(sums, z((lanes, 5)), z(lanes), z((lanes, n)), np.full(lanes, np.nan))
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from stickslip.machine_code import njit
 from stickslip.motion.engine.modes import copy
 from stickslip.motion.steps.arrays import INLINED, OPTIONS
-from stickslip.sweeps.engine.tables import (
+from stickslip.orbits.settling.engine.tables import (
     COUNT,
     FLOOR,
     LAG,
@@ -72,23 +72,24 @@ def kind_of(mode: Array, region: Array, fired: int) -> int:
 
 
 @njit(**OPTIONS)
-def remove_shift(v: Array, translation: Array) -> None:
-    """Take the part along the translation off a vector."""
-    along, size = 0.0, 0.0
-    for i in range(len(v)):
-        along += translation[i] * v[i]
-        size += translation[i] ** 2
-    if size > 0.0:
+def remove_shift(v: Array, shifts: Array) -> None:
+    """Take the parts along translations, which are orthogonal to each other, off a vector."""
+    for j in range(len(shifts)):
+        along, size = 0.0, 0.0
         for i in range(len(v)):
-            v[i] -= along / size * translation[i]
+            along += shifts[j, i] * v[i]
+            size += shifts[j, i] ** 2
+        if size > 0.0:
+            for i in range(len(v)):
+                v[i] -= along / size * shifts[j, i]
 
 
 @njit(**INLINED)
-def gap(m: Marks, i: int, j: int, t: float, y: Array, translation: Array, out: Array) -> None:
+def gap(m: Marks, i: int, j: int, t: float, y: Array, shifts: Array, out: Array) -> None:
     """A state minus that of a mark, without frame and translation."""
     for r in range(len(y)):
         out[r] = y[r] - m.state[i, j, r] - m.frame[i, r] * (t - m.time[i, j])
-    remove_shift(out, translation)
+    remove_shift(out, shifts)
 
 
 @njit(**OPTIONS)
@@ -110,7 +111,7 @@ def grow(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> Non
         return
     for r in range(len(y)):
         work[r] = y[r] - m.frame[i, r] * (t - rules.real[0])
-    remove_shift(work, rules.translation)
+    remove_shift(work, rules.shifts)
     for r in range(len(y)):
         m.size[i, r] = max(m.size[i, r], abs(work[r]))
 
@@ -147,7 +148,7 @@ def distance(m: Marks, rules: Rules, i: int, back: int, work: Array) -> float:
         (here - back) % ring,
         m.time[i, here % ring],
         m.state[i, here % ring],
-        rules.translation,
+        rules.shifts,
         work,
     )
     return miss(work, m.size[i], rules.real[4] * (FINEST if m.numbers[i, LEAPT] > 0 else 1.0))
@@ -246,7 +247,7 @@ def extrapolate(
     y = m.state[i, here % ring]
     size = m.size[i]
     for j in range(k + 1):
-        gap(m, i, (here - (j + 1) * lag) % ring, t, y, rules.translation, work[j])
+        gap(m, i, (here - (j + 1) * lag) % ring, t, y, rules.shifts, work[j])
     for r in range(n):
         largest = 0.0
         for j in range(k + 1):

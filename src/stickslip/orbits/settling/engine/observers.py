@@ -14,7 +14,7 @@ from stickslip.motion.between.nodes import NODES as GAUSS_NODES
 from stickslip.motion.between.nodes import WEIGHTS as GAUSS_WEIGHTS
 from stickslip.motion.engine.guards import resting
 from stickslip.motion.engine.modes import copy, resolve
-from stickslip.motion.engine.roots import horner
+from stickslip.motion.engine.roots import halve, horner, lowest
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     OPTIONS,
@@ -25,11 +25,14 @@ from stickslip.motion.steps.arrays import (
     Rows,
 )
 from stickslip.motion.steps.stiff import follow
-from stickslip.sweeps.engine.tables import LASTED, STUCK, Sums
+from stickslip.orbits.settling.engine.tables import LASTED, STUCK, Sums
 
 Array = np.ndarray
 
-NODES = 6  # at which the slope of a polynomial is looked at for a change of sign
+LEFT, WIDTH = 33, 34  # of an interval, behind its Bernstein coefficients
+DEEPEST = 40  # halvings
+ROUNDED = 1e-15  # part of the terms of a polynomial that its value is known to
+FLAT = 1e-9  # part of a bracket within which an extremum is known
 
 
 @njit(**OPTIONS)
@@ -45,47 +48,80 @@ def clear(sums: Sums) -> None:
 
 
 @njit(**OPTIONS)
-def turn(c: Array, d: int, a: float, b: float) -> float:
-    """Where the slope of a polynomial of degree d vanishes between a and b, at which it has
-    different signs."""
-    rising = slope(c, d, b) > 0.0
+def widen(c: Array, d: int, h: float, low: float, high: float, stack: Array) -> tuple[float, float]:
+    """Bounds that also hold a polynomial on [0, h], d ≥ 0: exactly, wherever it turns.
+
+    Bernstein coefficients bound the polynomial, and their differences its slope: where these have
+    one sign the ends decide, where they change it once there is one turning point; otherwise the
+    interval is halved, unless the polynomial stays within the bounds there, up to rounding.
+
+    Parameters
+    ----------
+    stack : array, shape (64, 36)
+        Work space.
+    """
+    value = horner(c, d, h)
+    low, high = min(low, c[0], value), max(high, c[0], value)
+    reach = 0.0
+    x = 1.0
+    for k in range(1, d + 1):
+        x *= h
+        stack[1, k] = c[k] * x
+        reach += abs(stack[1, k])
+    floor = ROUNDED * (abs(c[0]) + reach)  # rounding turns everywhere
+    if c[0] - reach >= low - floor and c[0] + reach <= high + floor:
+        return low, high
+    stack[1, 0] = c[0]
+    lowest(stack[1], d, stack[0], stack[2])
+    stack[0, LEFT], stack[0, WIDTH] = 0.0, 1.0
+    depth = 0
+    while depth >= 0:
+        b = stack[depth]
+        low, high = min(low, b[0], b[d]), max(high, b[0], b[d])
+        least, most = b[0], b[0]
+        changes = 0
+        sense = 0.0
+        for i in range(d):
+            least, most = min(least, b[i + 1]), max(most, b[i + 1])
+            step = b[i + 1] - b[i]
+            if step * sense < 0.0:
+                changes += 1
+            sense = step if step != 0.0 else sense
+        left, width = b[LEFT], b[WIDTH]
+        if changes == 0 or (low - floor <= least and most <= high + floor):
+            depth -= 1
+        elif changes == 1 or depth == DEEPEST:
+            value = horner(c, d, turn(c, d, h * left, h * (left + width), sense > 0.0))
+            low, high = min(low, value), max(high, value)
+            depth -= 1
+        else:
+            halve(stack, depth, d)
+            depth += 1
+    return low, high
+
+
+@njit(**OPTIONS)
+def turn(c: Array, d: int, a: float, b: float, rising: bool) -> float:
+    """Where the slope of a polynomial of degree d changes its sign between a and b, at which it is
+    rising or not: Newton's method inside a bracket."""
+    x = 0.5 * (a + b)
     for _ in range(60):
-        x = 0.5 * (a + b)
-        if not a < x < b:
-            break
-        if (slope(c, d, x) > 0.0) == rising:
+        slope, curvature = 0.0, 0.0
+        for k in range(d, 0, -1):
+            curvature = curvature * x + slope
+            slope = slope * x + k * c[k]
+        if (slope > 0.0) == rising:
             b = x
         else:
             a = x
-    return b
-
-
-@njit(**OPTIONS)
-def slope(c: Array, d: int, x: float) -> float:
-    """Derivative of Σ c[k] xᵏ, k ≤ d."""
-    s = 0.0
-    for k in range(d, 0, -1):
-        s = s * x + k * c[k]
-    return s
-
-
-@njit(**OPTIONS)
-def widen(c: Array, d: int, h: float, low: float, high: float) -> tuple[float, float]:
-    """Bounds that also hold a polynomial on [0, h]."""
-    value = horner(c, d, h)
-    low, high = min(low, c[0], value), max(high, c[0], value)
-    if d < 1:
-        return low, high
-    before = c[1]
-    left = 0.0
-    for i in range(1, NODES + 1):
-        right = h * i / NODES
-        after = slope(c, d, right)
-        if before * after < 0.0:
-            value = horner(c, d, turn(c, d, left, right))
-            low, high = min(low, value), max(high, value)
-        before, left = after, right
-    return low, high
+        new = x - slope / curvature if curvature != 0.0 else a
+        if not a < new < b:
+            new = 0.5 * (a + b)
+        # A value at its extremum does not feel the last half of the digits.
+        if abs(new - x) <= FLAT * (b - a) or not a < new < b:
+            return new
+        x = new
+    return x
 
 
 @njit(**OPTIONS)
@@ -143,7 +179,7 @@ def observe(
             start = Instant(base, y, mode, reg)
             order, h, _ = follow(machine, flow, start, left, before, seen)
             h = min(left, max(h, 1e-12 * left))
-            add_step(rows, W, order, h, W[n, 1], sums)
+            add_step(rows, W, order, h, W[n, 1], flow.space.stack, sums)
             for r in range(n):
                 y[r] = horner(W[r], order, h / W[n, 1])
             base = base + h
@@ -152,19 +188,23 @@ def observe(
 
 
 @njit(**OPTIONS)
-def add_step(rows: Rows, W: Array, order: int, h: float, unit: float, sums: Sums) -> None:
+def add_step(
+    rows: Rows, W: Array, order: int, h: float, unit: float, stack: Array, sums: Sums
+) -> None:
     """Add one Taylor step: extrema of the state, and force, impulse and work of the contacts.
 
     Parameters
     ----------
     h, unit : float
         Length of the step, and the time in powers of which the coefficients are.
+    stack : array, shape (64, 36)
+        Work space.
     """
     for r in range(len(sums.low)):
-        sums.low[r], sums.high[r] = widen(W[r], order, h / unit, sums.low[r], sums.high[r])
+        sums.low[r], sums.high[r] = widen(W[r], order, h / unit, sums.low[r], sums.high[r], stack)
     for c in range(len(rows.u)):
         force, speed = W[rows.force[c]], W[rows.u[c]]
-        low, high = widen(force, order - 1, h / unit, 0.0, 0.0)
+        low, high = widen(force, order - 1, h / unit, -sums.peak[c], sums.peak[c], stack)
         sums.peak[c] = max(sums.peak[c], high, -low)
         for g in range(len(GAUSS_NODES)):
             tau = h / unit * GAUSS_NODES[g]

@@ -1,9 +1,6 @@
-"""Proof that a motion comes to rest, or to a steady motion, and stays there.
+"""Proof that a motion near an equilibrium of its mode stays there for ever.
 
-Three ways: nothing can ever happen again by the closed form of an affine mode
-(:mod:`stickslip.motion.rest`); a driven system whose state is exactly the same all through a period
-of its drives; and a motion so near to a stable equilibrium inside its mode that it cannot leave: in
-the norm of the eigenvectors its distance shrinks, and no guard comes down to 0 within that
+In the norm of the eigenvectors its distance shrinks, and no guard comes down to 0 within that
 distance. What the eigenvectors say holds as far as the Jacobian is nearly the same there, which is
 looked at around the equilibrium; this is a proof up to the derivatives between the points that were
 looked at.
@@ -11,15 +8,12 @@ looked at.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from stickslip.motion.rest import rests_forever
-from stickslip.orbits.fields.mode_field import Piece, Pieces
-from stickslip.orbits.return_map.held import forms, held_positions
-from stickslip.orbits.return_map.recurrence import Window, stretch
-from stickslip.orbits.return_map.shooting import numbers
+from stickslip.orbits.fields.mode_field import Leaving, Piece, Pieces
+from stickslip.symbolic import expressions as ex
 
 Array = np.ndarray
 Complex = Any  # array of complex numbers
@@ -32,57 +26,65 @@ CURVED = 0.25  # the Jacobian changes by at most this part of the slowest decay
 NEWTON = 20
 
 
-def comes_to_rest(w: Window, pieces: Pieces) -> Array | None:
+class Point(NamedTuple):
+    """Where a motion is, and in which units.
+
+    Attributes
+    ----------
+    time : float
+    state : array, shape (n,)
+    parameters : array
+    mode, region : arrays of int8
+    units : array, shape (n,)
+        Largest modulus of each component on the way.
+    frame : array, shape (n,)
+        Velocity of the frame in which the system does not depend on time.
+    shifts : array, shape (translations, n)
+    """
+
+    time: float
+    state: Array
+    parameters: Array
+    mode: Array
+    region: Array
+    units: Array
+    frame: Array
+    shifts: Array
+
+
+def rest_near(pieces: Pieces, point: Point) -> Array | None:
     """The state near which a motion is proved to rest, or to move steadily, for ever; None if that
     is not proved."""
-    motion = w.trajectory
-    last = motion.knots.state[-1]
-    if rests_forever(motion._problem, motion.knots):
-        return last
-    if w.symmetry.driven:
-        return last if _keeps_still(w) else None
     try:
-        return _Neighbourhood(w, pieces).settled()
+        return _Neighbourhood(pieces, point).settled()
     except (np.linalg.LinAlgError, ArithmeticError):
         return None
 
 
-def _keeps_still(w: Window) -> bool:
-    """Whether everything sticks and nothing moves at all for a period of the drives, which is then
-    so for ever."""
-    k = w.trajectory.knots
-    period = w.period
-    first = int(np.searchsorted(k.time, k.time[-1] - period, side="right")) - 1 if period else -1
-    if first < 0 or np.any(w.symmetry.turn) or k.mode.shape[1] == 0 or np.any(k.mode[first:]):
-        return False
-    inside = w.index >= first
-    return bool(
-        np.all(
-            np.ptp(w.states[inside], axis=0) <= ROUNDING * np.max(np.abs(w.states[inside]), axis=0)
-        )
-    )
-
-
 class _Neighbourhood:
-    """The equilibrium near the end of a motion, and whether the motion stays near it."""
+    """The equilibrium near a state, and whether a motion from there stays near it."""
 
-    def __init__(self, w: Window, pieces: Pieces) -> None:
-        motion = w.trajectory
-        k = motion.knots
-        n = len(w.sizes)
+    def __init__(self, pieces: Pieces, point: Point) -> None:
         self.pieces = pieces
-        self.piece = pieces(k.mode[-1], k.region[-1])
-        self.t = float(k.time[-1])
-        self.y = k.state[-1]
-        self.p = numbers(motion._problem)
-        self.frame = np.zeros(n) if w.symmetry.frame is None else w.symmetry.frame
-        modulus = np.max(np.abs(w.states), axis=0)
-        self.units = np.where(modulus > 0.0, modulus, 1.0)
-        self.shifts = w.symmetry.shifts
-        last = int(np.flatnonzero(np.diff(k.time) > 0.0)[-1])
-        self.basis = self._directions(
-            forms(held_positions(stretch(motion, last, len(k.time) - 1)), n)
-        )
+        self.piece = pieces(point.mode, point.region)
+        self.t = point.time
+        self.y = point.state
+        self.p = point.parameters
+        self.frame = point.frame
+        self.units = np.where(point.units > 0.0, point.units, 1.0)
+        self.shifts = point.shifts[np.any(point.shifts != 0.0, axis=1)].T
+        self.basis = self._directions(self._held(point))
+
+    def _held(self, point: Point) -> Array:
+        """The positions of the contacts that stick, as linear forms of the state."""
+        equations = self.pieces.equations
+        state = equations.declaration.state
+        values = dict(zip(equations.declaration.parameters, map(float, self.p), strict=True))
+        forms = np.zeros((len(point.mode), len(state)))
+        for c in np.flatnonzero(point.mode == 0):
+            for x, weight in equations.contacts[c].direction.items():
+                forms[c, state.index(x)] = ex.evaluate(weight, values)
+        return forms[point.mode == 0]
 
     def _directions(self, held: Array) -> Array:
         """Directions, in units, in which something can move that neither sticks nor is a
@@ -99,8 +101,28 @@ class _Neighbourhood:
     def settled(self) -> Array | None:
         """The equilibrium, if the motion stays for ever within a neighbourhood in which it decays
         towards it."""
+        if self._stands():
+            return self.y
         y = self._equilibrium()
         return y if y is not None and self._stays_near(y) else None
+
+    def _stands(self) -> bool:
+        """Whether nothing changes here at all, up to translation."""
+        if np.any(self._rates(self.y)):
+            return False
+        here = self.piece.leave(self.t, self.y, self.p)
+        return bool(np.all(here.value >= -SAME * self._terms(here, self.y)))
+
+    def _rates(self, y: Array) -> Array:
+        """Rates without frame and translation, in units."""
+        rates = (self.piece.rates(self.t, y, self.p) - self.frame) / self.units
+        along = self.shifts / self.units[:, None]
+        return rates - along @ (np.linalg.pinv(along) @ rates)
+
+    @staticmethod
+    def _terms(here: Leaving, y: Array) -> Array:
+        """Sizes of the terms of the guards."""
+        return np.abs(here.slopes[:, : len(y)]) @ np.abs(y) + np.abs(here.value)
 
     def _stays_near(self, y: Array) -> bool:
         n = len(self.y)
@@ -123,7 +145,7 @@ class _Neighbourhood:
         here = self.piece.leave(self.t, y, self.p)
         slopes = here.slopes[:, :n] * units @ B
         reach = np.abs(slopes @ V) @ parts
-        terms = np.abs(here.slopes[:, :n]) @ np.abs(y) + np.abs(here.value)
+        terms = self._terms(here, y)
         still = reach <= ROUNDING * terms
         held = np.where(still, here.value >= -SAME * terms, here.value > ROOM * reach)
         return all(held[g] or self._inert(int(g), y) for g in range(len(held)))
@@ -145,9 +167,7 @@ class _Neighbourhood:
             return None
         # A drift along a translation is a steady motion, any other is none: what sticks may be
         # carried along.
-        rates = (self.piece.rates(self.t, y, self.p) - self.frame) / self.units
-        along = self.shifts / self.units[:, None]
-        rates = rates - along @ (np.linalg.pinv(along) @ rates)
+        rates = self._rates(y)
         J = np.abs(
             self.piece.jacobian(np.array([self.t]), y[:, None], self.p)[0][:, :n] * self.units
         )

@@ -4,7 +4,7 @@ A motion is looked at at its *marks*. If it is driven, these are the times t₀ 
 the first drive; if not, its events, where the guard that fires is a natural section (events that
 coincide up to rounding are one); and if it has no events for a while, it is asked whether its rates
 have died out, and whether it comes back through the plane across itself.
-:mod:`stickslip.sweeps.engine.returns` says how closely it comes back.
+:mod:`stickslip.orbits.settling.engine.returns` says how closely it comes back.
 
 * A motion that seems to have settled is *polished*: carried on by hand to where its returns lead,
   down to rounding (a step that does not bring it nearer is undone). That this is not farther away
@@ -13,7 +13,7 @@ have died out, and whether it comes back through the plane across itself.
   slips in it (one that sticks makes a family of cycles, of which the motion has to choose by
   itself). The next return confirms it.
 * Rest, steady sliding, and oscillations without any further event are proved on the host
-  (:mod:`stickslip.sweeps.engine.proofs`), which the motion waits for.
+  (:mod:`stickslip.orbits.settling.proofs`), which the motion waits for.
 * Where time stands in one sine or cosine only, the clock is set back to t₀ at every mark, so that
   the millionth period is as exact as the first one.
 """
@@ -55,7 +55,7 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.step_size import better
 from stickslip.motion.steps.stiff import follow as along
-from stickslip.sweeps.engine.returns import (
+from stickslip.orbits.settling.engine.returns import (
     PATIENCE,
     UNKNOWN,
     begin_again,
@@ -71,7 +71,7 @@ from stickslip.sweeps.engine.returns import (
     remove_shift,
     shortest_lag,
 )
-from stickslip.sweeps.engine.tables import (
+from stickslip.orbits.settling.engine.tables import (
     ASK,
     COUNT,
     DONE,
@@ -189,14 +189,14 @@ def dies_out(
         return False
     for r in range(len(work)):
         work[r] = (w.W[r, 1] - m.frame[i, r]) * look
-    remove_shift(work, rules.translation)
+    remove_shift(work, rules.shifts)
     return miss(work, m.size[i], rules.real[4]) <= tolerance
 
 
 # -- the loop over marks ---------------------------------------------------------------------------
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def settle(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: Array, i: int
 ) -> None:
@@ -219,6 +219,10 @@ def settle(
         if code == NEED:
             return
         if not (happened or code in (FINISHED, FULL)):
+            if numbers[LEAPT] != 0:
+                # What was carried on by hand may have been taken to where no motion starts.
+                take_back(m, s, saved, i)
+                continue
             m.outcome[i], numbers[PHASE] = code, DONE
             return
         verdict = cross_plane(e, m, rules, saved, bench, i, count) if smooth else GO_ON
@@ -249,6 +253,17 @@ def settle(
             m.real[i, DURATION] = long_look(m, rules, i, s.clock[i, NOW])
             m.outcome[i], numbers[PHASE] = NOT_SETTLED, MEASURING
             return
+
+
+@njit(**OPTIONS)
+def settle_all(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: Array) -> None:
+    """Follow all lanes until they have settled, as far as they come without the host; nothing is
+    measured."""
+    for i in range(len(e.codes)):
+        if m.numbers[i, PHASE] == SETTLING:
+            settle(e, m, rules, saved, bench, stop, i)
+        if m.numbers[i, PHASE] == MEASURING:
+            m.numbers[i, PHASE] = DONE
 
 
 @njit(**INLINED)
@@ -351,14 +366,15 @@ def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
         return GO_ON  # between two marks
     calm = s.counters[i, HAPPENED] == numbers[EVENTS] and numbers[LEAPT] == 0
     numbers[EVENTS] = s.counters[i, HAPPENED]
+    # A contact without friction reverses again and again while everything dies out.
     faded = (
-        calm
-        and drive <= 0.0
+        drive <= 0.0
+        and numbers[LEAPT] == 0
         and dies_out(e, m, rules, i, rules.real[3], rules.real[2], bench.work[0])
     )
     if calm and drive <= 0.0 and numbers[SMOOTH] == 0:
         put_plane(m, i, t, s.y[i], bench.work[0])
-    if not (calm and (faded or rules.closed) and elapsed(m, rules, s, i) >= m.real[i, ASK]):
+    if not ((faded or (calm and rules.closed)) and elapsed(m, rules, s, i) >= m.real[i, ASK]):
         return GO_ON
     copy_lane(s, i, saved, i)
     m.real[i, START] = t
@@ -511,7 +527,7 @@ def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int
             - m.home.y[i, r]
             - m.frame[i, r] * (saved.clock[i, NOW] - m.home.clock[i, NOW])
         )
-    remove_shift(work, rules.translation)
+    remove_shift(work, rules.shifts)
     if not miss(work, m.size[i], rules.real[4]) <= rules.real[5]:
         return take_back(m, lanes, saved, i)
     real[FLOOR] = d
@@ -585,11 +601,11 @@ def put_plane(m: Marks, i: int, t: float, y: Array, work: Array) -> None:
 
 
 @njit(**OPTIONS)
-def height(m: Marks, i: int, t: float, y: Array, translation: Array, work: Array) -> float:
+def height(m: Marks, i: int, t: float, y: Array, shifts: Array, work: Array) -> float:
     """On which side of the plane a state is, and how far."""
     for r in range(len(y)):
         work[r] = y[r] - m.plane[i, 0, r] - m.frame[i, r] * (t - m.plane[i, 2, 0])
-    remove_shift(work, translation)
+    remove_shift(work, shifts)
     total = 0.0
     for r in range(len(y)):
         total += m.plane[i, 1, r] * work[r]
@@ -611,7 +627,7 @@ def cross_plane(
     N = flow.order
     verdict = GO_ON
     record = bench.record
-    translation = rules.translation
+    shifts = rules.shifts
     work = bench.work
     lanes = e.lanes
     for j in range(count):
@@ -620,10 +636,8 @@ def cross_plane(
         last = j + 1 == count
         t, y = record.time[j], record.state[j]
         after = lanes.clock[i, NOW] if last else record.time[j + 1]
-        ahead = height(
-            m, i, after, lanes.y[i] if last else record.state[j + 1], translation, work[0]
-        )
-        if not (height(m, i, t, y, translation, work[0]) <= 0.0 < ahead):
+        ahead = height(m, i, after, lanes.y[i] if last else record.state[j + 1], shifts, work[0])
+        if not (height(m, i, t, y, shifts, work[0]) <= 0.0 < ahead):
             continue
         copy(record.mode[j], f.mode0)
         copy(record.region[j], f.reg0)
@@ -636,13 +650,13 @@ def cross_plane(
         _, step, series = along(e.machine, flow, start, high, 0.0, lanes.seen[i])
         unit = s.W[len(y), 1]
         point_on(s.W, N, high / unit, work[1])
-        if not abs(height(m, i, after, work[1], translation, work[0]) - ahead) <= 1e-6 * abs(ahead):
+        if not abs(height(m, i, after, work[1], shifts, work[0]) - ahead) <= 1e-6 * abs(ahead):
             # a flight in closed form: its modes are linear, and have no cycle of their own
             continue
         for _ in range(60):
             middle = 0.5 * (low + high)
             point_on(s.W, N, middle / unit, work[1])
-            if height(m, i, t + middle, work[1], translation, work[0]) > 0.0:
+            if height(m, i, t + middle, work[1], shifts, work[0]) > 0.0:
                 high = middle
             else:
                 low = middle

@@ -1,0 +1,163 @@
+"""One driver of branches: stretch after stretch, both ways, whatever is followed.
+
+A branch of equilibria is followed mode by mode, one of cycles in coordinates about one of them that
+are renewed every few points. Each such stretch is a :class:`Problem`, which
+:func:`~stickslip.orbits.continuation.arclength.trace` follows: equations with their derivatives
+(from which corrector and tangent are made), units, test functions, what ends the curve, and what a
+new point has to be beside a solution. Who follows a branch says where one begins (:class:`Start`),
+and, given the path on a stretch, where the next one begins or why the branch ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from stickslip.orbits.continuation.arclength import (
+    INTERRUPTED,
+    UNDEFINED,
+    Accept,
+    Ending,
+    Equations,
+    Limit,
+    Path,
+    Point,
+    Steps,
+    Stop,
+    Test,
+    Tests,
+    trace,
+)
+
+Array = np.ndarray
+T = TypeVar("T")
+P = TypeVar("P")
+
+WIDER = 1.5  # factor by which the first step of a stretch exceeds the last one before it
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What a curve is a curve of, on one stretch; see
+    :func:`stickslip.orbits.continuation.arclength.trace`.
+
+    Attributes
+    ----------
+    equations, scale, tests : functions
+    endings : mapping of str or int to str
+    limits : mapping of str to Limit
+    accept : function, optional
+    """
+
+    equations: Equations
+    scale: Callable[[Array], Array]
+    tests: Tests
+    endings: Mapping[Test, str]
+    limits: Mapping[str, Limit] = field(default_factory=dict)
+    accept: Accept | None = None
+
+
+@dataclass(frozen=True)
+class Start(Generic[T]):
+    """Where a stretch begins.
+
+    Attributes
+    ----------
+    of : object
+        What the stretch is one of: a mode, or coordinates.
+    problem : Problem
+    x, towards : arrays, shape (n + 1,)
+    steps : Steps
+    """
+
+    of: T
+    problem: Problem
+    x: Array
+    towards: Array
+    steps: Steps
+
+
+Onward = Callable[[Start[T], Path], Start[T] | Ending]
+"""Keeps what was found on a stretch; says where the next one begins, or why there is none."""
+
+
+def follow_branch(start: Start[T], onward: Onward[T], lost: str) -> Ending:
+    """Follow a curve in one direction until it ends; returns why it does.
+
+    Whatever ends it, what `onward` has kept until then is kept.
+
+    Parameters
+    ----------
+    start : Start
+    onward : function
+        May raise any of :data:`~stickslip.orbits.continuation.arclength.UNDEFINED`.
+    lost : str
+        What is said if something does.
+    """
+    try:
+        while True:
+            p = start.problem
+            path = trace(
+                p.equations,
+                start.x,
+                start.towards,
+                scale=p.scale,
+                tests=p.tests,
+                endings=p.endings,
+                limits=p.limits,
+                accept=p.accept,
+                steps=start.steps,
+            )
+            found = onward(start, path)
+            if isinstance(found, Ending):
+                return found
+            start = found
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except UNDEFINED as failure:
+        return Ending(Stop.LOST, f"{lost} ({failure})")
+
+
+def both_ways(
+    side: Callable[[float], tuple[list[P], Ending]], first: float
+) -> tuple[list[P], list[P], tuple[Ending, Ending]]:
+    """What is found behind the start and ahead of it, each from the start on, and why it ends
+    there.
+
+    Parameters
+    ----------
+    side : function
+        sign ↦ what is found in a direction, the start first, and the end.
+    first : float
+        The direction that is followed first; if it leads back to the start, or the user stops it,
+        the other one is not followed, and nothing is found there.
+    """
+    one, end = side(first)
+    if end.stop in (Stop.CLOSED, Stop.INTERRUPTED):
+        other, other_end = [], end
+    else:
+        other, other_end = side(-first)
+    if first < 0.0:
+        return one, other, (end, other_end)
+    return other, one, (other_end, end)
+
+
+def joined(back: Sequence[P], forth: Sequence[P]) -> list[P]:
+    """All points of a branch, from the far end behind the start to that ahead of it."""
+    return [*reversed(back), *(forth[1:] if back else forth)]
+
+
+def step_after(path: Path, steps: Steps) -> float:
+    """Length of the first step of the next stretch."""
+    before: Point
+    before, last = path.points[-2:]
+    return min(WIDER * (last.length - before.length), steps.largest)
+
+
+def in_pieces(steps: Steps, step: float, points: int, smallest: float | None = None) -> Steps:
+    """Control of the steps of a stretch of so many points that begins with a step."""
+    least = steps.smallest if smallest is None else smallest
+    return replace(steps, first=step, smallest=least, most=points + 1)

@@ -1,0 +1,1 @@
+"""Compiled: marks and returns, polishing, and one period measured."""

@@ -1,0 +1,88 @@
+"""What one motion settles on: its state and its period, or why it settles on no cycle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stickslip.motion.outcome import Outcome
+from stickslip.motion.problem import Problem
+from stickslip.motion.steps.arrays import NOW
+from stickslip.orbits.fields.symmetry import Clock, Symmetry
+from stickslip.orbits.settling.engine.tables import COUNT, DURATION
+from stickslip.orbits.settling.motions import Block, Invariance, Settings
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Settled:
+    """Where a motion is when it has settled, or is given up.
+
+    Attributes
+    ----------
+    outcome : Outcome
+        ``PERIODIC``, ``AT_REST``, ``STEADY`` or ``UNDAMPED`` (proved), ``NOT_SETTLED`` (the limits
+        came first), or why the motion ends.
+    elapsed : float
+        Time until then.
+    time : float
+        The same as an equivalent time: the drives are as they are then.
+    state : array, shape (n,)
+    period : float
+        After which a cycle is there again.
+    """
+
+    outcome: Outcome
+    elapsed: float
+    time: float
+    state: Array
+    period: float
+
+
+def settle(
+    problem: Problem,
+    time: float,
+    state: Array,
+    symmetry: Symmetry,
+    clock: Clock | None,
+    settings: Settings | None = None,
+) -> Settled:
+    """Follow a motion until it has settled, as every point of a map is followed.
+
+    Parameters
+    ----------
+    problem : Problem
+    time : float
+        When it starts.
+    state : array, shape (n,)
+    symmetry : Symmetry
+        What leaves the system unchanged.
+    clock : Clock or None
+        Of its drives.
+    settings : Settings, optional
+    """
+    values = problem.parameters
+    period = clock.period(values) if symmetry.driven and clock is not None else 0.0
+    frame = symmetry.frame if symmetry.frame is not None else symmetry.turn / period
+    known = Invariance(np.linalg.qr(symmetry.shifts)[0].T, frame, period)
+    block = Block(
+        replace(problem, origin=time),
+        np.array([list(values.values())]).reshape(1, -1),
+        state[None],
+        settings or Settings(),
+        False,
+        known=known,
+    )
+    block.settle(np.zeros(1, np.int64))
+    marks = block.marks
+    since = float(block.saved.clock[0, NOW])
+    set_back = 0.0 if block.rules.timed else max(int(marks.numbers[0, COUNT]) - 1, 0) * period
+    return Settled(
+        Outcome.from_code(int(marks.outcome[0])),
+        since + set_back,
+        time + since,
+        block.saved.y[0],
+        float(marks.real[0, DURATION]),
+    )

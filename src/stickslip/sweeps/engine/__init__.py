@@ -1,1 +1,0 @@
-"""Compiled settling and measuring."""
