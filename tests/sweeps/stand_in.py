@@ -38,6 +38,7 @@ def measure_chunk(
     settings: Settings,
     device: str = "cpu",
     stop: Array | None = None,
+    section: bool = False,
 ) -> dict[str, Array]:
     """Rocking toys that walk outside a circle around (P, δ) = (1, 0.1)."""
     given = {**initial, **parameters}

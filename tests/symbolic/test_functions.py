@@ -367,7 +367,7 @@ def test_equations_for_people() -> None:
 
 # -- one place -------------------------------------------------------------------------------------
 
-ROOMS = ("symbolic", "model", "equations", "display", "motion", "orbits", "sweeps/engine")
+ROOMS = ("symbolic", "model", "equations", "display", "motion", "orbits", "orbits/settling/engine")
 
 
 def dispatches(tree: ast.AST) -> list[int]:

@@ -76,6 +76,7 @@ NO_GUARD = -1
 OTHER_FORCES = -2
 AGAIN = -3
 ON_SURFACE = 1e-9  # part of its terms by which what has to vanish may be away from zero
+WIDE = 4.0  # of a step: a velocity that is zero to slip is zero to stick, whose terms are others
 LOOSER = 1e4  # tolerances by which the rates at the end of a step may break its promise
 
 
@@ -164,9 +165,15 @@ def project_rates(machine: Machine, flow: Flow, at: Instant) -> int:
 
 
 @njit(**INLINED)
-def release_or_hold(flow: Flow, at: Instant, last: float) -> bool:
+def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
     """Put sticking inertial contacts exactly on the surface speed; one that is not there (it cannot
     jump) slips.
+
+    Parameters
+    ----------
+    last, near : float
+        Length of recent steps, and of the longest step for which slip was denied here: what was
+        zero to that is zero to stick, or else neither would go on.
 
     Returns
     -------
@@ -187,8 +194,8 @@ def release_or_hold(flow: Flow, at: Instant, last: float) -> bool:
         # The acceleration that this contact holds back, or could: its force over its effective
         # mass.
         gap = W[rows.u[c], 0]
-        held = mag[2 * nc + c] / abs(Rq[nq + c, nq + c])
-        if abs(gap) > ON_SURFACE * last * (mag[nc + c] + held) + ROUNDING * mag[c]:
+        rate = mag[nc + c] + mag[2 * nc + c] / abs(Rq[nq + c, nq + c])
+        if abs(gap) > (ON_SURFACE * last + ROUNDING * near) * rate + ROUNDING * mag[c]:
             mode[c] = 1 if gap > 0.0 else -1
             return False
     for c in range(mq):
@@ -200,7 +207,9 @@ def release_or_hold(flow: Flow, at: Instant, last: float) -> bool:
 
 
 @njit(**INLINED)
-def evaluate_mode(machine: Machine, flow: Flow, at: Instant, last: float, hold: bool) -> int:
+def evaluate_mode(
+    machine: Machine, flow: Flow, at: Instant, last: float, near: float, hold: bool
+) -> int:
     """Taylor coefficients of the motion in a mode; y is put back onto the constraints of the
     mode."""
     W = flow.space.W
@@ -215,7 +224,7 @@ def evaluate_mode(machine: Machine, flow: Flow, at: Instant, last: float, hold: 
             break
         if coefficients(machine, flow, at, 1, W) == SINGULAR:
             return SINGULAR
-        if release_or_hold(flow, at, last):
+        if release_or_hold(flow, at, last, near):
             break
     if rows.sizes[RATE_INDEPENDENT] > 0:
         status = project_rates(machine, flow, at)
@@ -416,6 +425,7 @@ def settle(
     kept = 0  # times that the forces of such a state were put right
     flipped = lane.counters[CAUSE]
     slack = 1.0
+    denied = 0.0  # longest step of a mode that was denied
     while True:
         if pivots > 0:
             copy(space.y0, lane.y)
@@ -426,7 +436,8 @@ def settle(
             )
             if total == 0:
                 return SINGULAR, 0.0, 0.0, 0
-        status, h = make_series(machine, flow, lane, room, hold or pivots > 1)
+        near = slack * (lane.clock[LAST] + WIDE * denied)
+        status, h = make_series(machine, flow, lane, room, near, hold or pivots > 1)
         known = pivots == 1 and status != SINGULAR
         if known and promised > 0.0 and not keeps(flow, space.W, lane.y, lane.seen, promised):
             return ASTRAY, 0.0, 0.0, 0
@@ -444,6 +455,7 @@ def settle(
             candidate -= 1 if total > 0 else 0
             continue
         if status == OK:
+            denied = max(denied, h)
             guard, count, h, series = try_mode(machine, flow, lane, h, room, slack, pivots == 1)
             if guard == NO_GUARD:
                 return OK, h, series, count
@@ -463,13 +475,13 @@ def settle(
 
 @njit(**INLINED)
 def make_series(
-    machine: Machine, flow: Flow, lane: Lane, room: float, hold: bool
+    machine: Machine, flow: Flow, lane: Lane, room: float, near: float, hold: bool
 ) -> tuple[int, float]:
     """Taylor coefficients of the mode in which a lane is, and the step that they are good for,
     between two times that can be told apart, as they are recorded."""
     t = lane.clock[NOW]
     here = Instant(t, lane.y, lane.mode, lane.reg)
-    status = evaluate_mode(machine, flow, here, lane.clock[RECENT], hold)
+    status = evaluate_mode(machine, flow, here, lane.clock[RECENT], near, hold)
     h = 0.0
     if status == OK:
         h = step_size(flow, flow.order, lane.seen, lane.clock[SERIES])
