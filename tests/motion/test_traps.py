@@ -521,9 +521,9 @@ def test_a_term_too_small_to_be_seen() -> None:
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_a_speed_of_rounding_is_rest(start: float, speed: float, side: float) -> None:
     """What is too slow to count as slip, and is no exact rest either, has a motion all the same."""
-    system = ss.catalogue.rocking_toy_inertial()
+    system = catalogue.rocking_toy_inertial()
     there = {"psi": -0.93, "x_R": 0.4744, "x_L": 0.0, "d_psi": 1.559, "d_x_R": side * speed}
-    motion = ss.simulate(system, (start, start + 1.0), initial=there)
-    rest = ss.simulate(system, (start, start + 1.0), initial={**there, "d_x_R": 0.0})
+    motion = simulate(system, (start, start + 1.0), initial=there)
+    rest = simulate(system, (start, start + 1.0), initial={**there, "d_x_R": 0.0})
     assert motion.certificate.ok
     assert motion.knots.state[-1] == pytest.approx(rest.knots.state[-1], abs=1e-9)
