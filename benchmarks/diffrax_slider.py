@@ -23,8 +23,9 @@ import jax
 import jax.numpy as jnp
 import optimistix
 
+from stickslip.arrays import Array
+
 jax.config.update("jax_enable_x64", True)
-Array = np.ndarray
 MOST_STEPS = 4096  # of a mode
 
 

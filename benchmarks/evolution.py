@@ -32,9 +32,9 @@ import scipy.sparse as sp
 from evolution_play import play_table, whole_play_table
 from evolution_qp import WAYS, Way
 from motion import machine
+from stickslip.arrays import Array
 from stickslip.rate_independent.solvers.multigrid import Multigrid
 
-Array = np.ndarray
 RESULTS = Path(__file__).parent / "results" / "evolution.md"
 GRIDS = {10**4: 100, 10**5: 316, 10**6: 1000}
 RESOLUTIONS = (50, 5)  # steps in one period of the wave

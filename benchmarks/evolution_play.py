@@ -15,10 +15,10 @@ import numpy as np
 from numba import njit
 
 from rivals import time_interleaved
+from stickslip.arrays import Array
 from stickslip.rate_independent.play.clamp import clamp_samples, prandtl_ishlinskii
 from stickslip.rate_independent.play.operator import play
 
-Array = np.ndarray
 SIZES = (10**7, 10**8)
 
 

@@ -22,7 +22,8 @@ import osqp
 import piqp
 import scipy.sparse as sp
 
-Array = np.ndarray
+from stickslip.arrays import Array
+
 Program = tuple[Any, Array, Any, Any]  # P, q, E, G: minimise ½ x·P x + q·x, E x = 0, G x ≤ 0
 
 

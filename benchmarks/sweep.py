@@ -39,6 +39,7 @@ import stickslip as ss
 from motion import machine
 from reference_values import PROBLEMS
 from rivals import RIVALS
+from stickslip.arrays import Array
 from stickslip.equations.codegen.generate import generate
 from stickslip.equations.derive import derive
 from stickslip.errors import DeclarationError
@@ -58,7 +59,6 @@ from stickslip.orbits.settling.motions import Block, Settings
 from stickslip.sweeps.sweep import sweep
 from stickslip.sweeps.work.chunk import measure_chunk
 
-Array = np.ndarray
 RESULTS = Path(__file__).parent / "results" / "sweep.md"
 CORES = os.cpu_count() or 1
 SLIDER = ss.catalogue.scaled_slider_limit()

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-MOST_SPANS = 8  # not verified, that are named
+_MOST_SPANS = 8  # not verified, that are named
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class Certificate:
 
     @property
     def _spans(self) -> str:
-        shown = [f"between t = {a:.9g} and {b:.9g}" for a, b in self.unverified[:MOST_SPANS]]
+        shown = [f"between t = {a:.9g} and {b:.9g}" for a, b in self.unverified[:_MOST_SPANS]]
         more = len(self.unverified) - len(shown)
         return ", ".join(shown) + (f" and in {more} more spans" if more else "")
 

@@ -18,7 +18,7 @@ from numba.core import caching
 
 __all__ = ["njit", "sources", "stamp"]
 
-PACKAGE = Path(__file__).parent
+_PACKAGE = Path(__file__).parent
 _ENGINE = (
     "motion/steps",
     "motion/engine",
@@ -26,7 +26,7 @@ _ENGINE = (
     "equations/codegen",
     "symbolic/tape.py",
 )
-SHAPED_BY = {
+_SHAPED_BY = {
     "motion": _ENGINE,
     "equations": _ENGINE,
     "orbits": (*_ENGINE, "orbits/settling/engine"),
@@ -47,8 +47,8 @@ def sources(file: str | Path) -> list[Path]:
     KeyError
         If nothing in that room is compiled.
     """
-    room = Path(file).resolve().relative_to(PACKAGE.resolve()).parts[0]
-    places = [PACKAGE / place for place in SHAPED_BY[room]]
+    room = Path(file).resolve().relative_to(_PACKAGE.resolve()).parts[0]
+    places = [_PACKAGE / place for place in _SHAPED_BY[room]]
     return sorted(
         path for place in places for path in (place.rglob("*.py") if place.is_dir() else [place])
     )
@@ -57,15 +57,15 @@ def sources(file: str | Path) -> list[Path]:
 @cache
 def _stamp(room: str) -> str:
     digest = hashlib.sha256()
-    for path in sources(PACKAGE / room):
-        digest.update(f"{path.relative_to(PACKAGE).as_posix()}\n".encode())
+    for path in sources(_PACKAGE / room):
+        digest.update(f"{path.relative_to(_PACKAGE).as_posix()}\n".encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
 def stamp(file: str | Path) -> str:
     """A name for the text of :func:`sources`."""
-    return _stamp(Path(file).resolve().relative_to(PACKAGE.resolve()).parts[0])
+    return _stamp(Path(file).resolve().relative_to(_PACKAGE.resolve()).parts[0])
 
 
 class _AllSources:
@@ -78,7 +78,7 @@ class _AllSources:
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> Any:
-        inside = Path(py_file).resolve().is_relative_to(PACKAGE.resolve())
+        inside = Path(py_file).resolve().is_relative_to(_PACKAGE.resolve())
         return super().from_function(py_func, py_file) if inside else None  # type: ignore[misc]
 
 

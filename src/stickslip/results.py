@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SHOWN = 12  # of many rows or numbers on a page; all are in the data
+_SHOWN = 12  # of many rows or numbers on a page; all are in the data
 
 
 class Ended(Enum):
@@ -302,13 +302,13 @@ def certificate_rows(certificate: Certificate) -> list[tuple[str, str]]:
     return rows
 
 
-def listed(items: Sequence[str], most: int = SHOWN) -> str:
+def listed(items: Sequence[str], most: int = _SHOWN) -> str:
     """The first few of many, and how many there are."""
     more = f", ... ({len(items)} in all)" if len(items) > most else ""
     return ", ".join(items[:most]) + more
 
 
-def shortened(rows: list[tuple[str, str]], most: int = SHOWN) -> list[tuple[str, str]]:
+def shortened(rows: list[tuple[str, str]], most: int = _SHOWN) -> list[tuple[str, str]]:
     """The first few rows of many, and how many there are."""
     more = [("  ...", f"({len(rows)} in all)")] if len(rows) > most else []
     return rows[:most] + more

@@ -18,9 +18,9 @@ import stickslip as ss
 if TYPE_CHECKING:
     from stickslip_paper.making import Item, Work
 
-UNEXPECTED = 1  # exit codes, as those of all commands
+_UNEXPECTED = 1  # exit codes, as those of all commands
 INTERRUPTED = 130
-NEEDED = {"SymPy": "sympy", "Pillow": "PIL"}
+_NEEDED = {"SymPy": "sympy", "Pillow": "PIL"}
 NAMES = ("claims.json", "index.html", "figures", "animations")
 
 
@@ -68,12 +68,12 @@ def paper(
         made_of = f"{len(work.done)} of {len(work.items)} items"
         typer.echo(f"stickslip: interrupted; {made_of} are in {folder}", err=True)
         raise typer.Exit(INTERRUPTED)
-    raise typer.Exit(UNEXPECTED if unexpected(work) else 0)
+    raise typer.Exit(_UNEXPECTED if unexpected(work) else 0)
 
 
 def _check_installed() -> None:
     """Refuse to begin without what only the paper needs."""
-    missing = [name for name, module in NEEDED.items() if find_spec(module) is None]
+    missing = [name for name, module in _NEEDED.items() if find_spec(module) is None]
     if missing:
         raise ss.StickslipError(
             f"the paper needs {' and '.join(missing)}. "

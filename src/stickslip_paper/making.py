@@ -17,8 +17,8 @@ import stickslip as ss
 from stickslip_paper import claims
 from stickslip_paper.sections.claim import Claim, Finding
 
-WORKERS = 2
-FORMATS = ("svg", "pdf", "png")
+_WORKERS = 2
+_FORMATS = ("svg", "pdf", "png")
 LINES = 150  # a module up to this length is shown as a whole
 
 
@@ -123,7 +123,7 @@ def make_all(work: Work, folder: Path, progress: Callable[[float, Item], None]) 
     progress : callable
         Called with the fraction done and what was done last.
     """
-    with ProcessPoolExecutor(WORKERS, get_context("spawn"), _quiet) as pool:
+    with ProcessPoolExecutor(_WORKERS, get_context("spawn"), _quiet) as pool:
         futures = {pool.submit(make, item, folder): item for item in work.items}
         try:
             for future in as_completed(futures):
@@ -173,7 +173,7 @@ def draw(key: str, folder: Path) -> list[Path]:
     place = folder / "figures"
     place.mkdir(parents=True, exist_ok=True)
     figure = FIGURES[key].draw()
-    files = [place / f"figure-{key}.{form}" for form in FORMATS]
+    files = [place / f"figure-{key}.{form}" for form in _FORMATS]
     with ss.style.paper_style():
         for file in files:
             figure.savefig(file)

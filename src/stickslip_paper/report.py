@@ -18,8 +18,8 @@ from stickslip_paper.making import Made, Work, source_of
 from stickslip_paper.sections.claim import Claim, Verdict
 from stickslip_paper.typeset import typeset
 
-INLINE = 1_500_000  # bytes of a vector drawing above which the page shows its PNG
-TYPES = {".svg": "image/svg+xml", ".png": "image/png", ".gif": "image/gif"}
+_INLINE = 1_500_000  # bytes of a vector drawing above which the page shows its PNG
+_TYPES = {".svg": "image/svg+xml", ".png": "image/png", ".gif": "image/gif"}
 
 
 def unexpected(work: Work) -> list[Made]:
@@ -179,15 +179,15 @@ def _picture(entry: Any, made: Made, folder: Path) -> str:
 def _shown(made: Made, folder: Path) -> str:
     """The picture as a data URI: the vector drawing unless it is too large."""
     for file in (folder / name for name in sorted(made.files, key=_preference)):
-        if file.suffix in TYPES and (file.suffix != ".svg" or file.stat().st_size <= INLINE):
+        if file.suffix in _TYPES and (file.suffix != ".svg" or file.stat().st_size <= _INLINE):
             return (
-                f"data:{TYPES[file.suffix]};base64,{base64.b64encode(file.read_bytes()).decode()}"
+                f"data:{_TYPES[file.suffix]};base64,{base64.b64encode(file.read_bytes()).decode()}"
             )
     return ""
 
 
 def _preference(name: str) -> int:
-    return (*TYPES, Path(name).suffix).index(Path(name).suffix)
+    return (*_TYPES, Path(name).suffix).index(Path(name).suffix)
 
 
 def _filters(work: Work) -> str:

@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-Array = np.ndarray
+from stickslip.arrays import Array
+
 MASSES = 0
 TOY = 1
 SLIDER = 2

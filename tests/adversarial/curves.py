@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-Array = np.ndarray
+from stickslip.arrays import Array
+
 Rng = np.random.Generator
 COARSE = 2048  # places between which every ordinary feature shows
 # around a narrow place, in widths

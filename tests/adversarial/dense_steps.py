@@ -20,12 +20,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stickslip import Ellipsoid, GroupNorm, Polytope, Product, WeightedL1
+from stickslip.arrays import Array
 from stickslip.errors import StickslipError
 from stickslip.rate_independent.dissipation import Dissipation
 from stickslip.rate_independent.sets.stable_sets import Boxes
 from stickslip.rate_independent.solvers.dense import BoxSteps, ProjectionSteps
 
-Array = np.ndarray
 Rng = np.random.Generator
 KERNELS = ("", "Haswell", "SkylakeX")
 SPREAD = 1.0  # eigenvalues of A: 10^±SPREAD. A d is known to the rounding of |A| |d|, no better

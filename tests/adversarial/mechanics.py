@@ -20,7 +20,8 @@ from typing import Any
 
 import numpy as np
 
-Array = np.ndarray
+from stickslip.arrays import Array
+
 Law = Callable[..., Any]
 TIME = -1  # the row of a zone that lies in time
 

@@ -19,10 +19,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from stickslip import Internal, Parameter, System, Trajectory, simulate
+from stickslip.arrays import Array
 from stickslip.equations.codegen import series
 
 ORDER = 24
-Array = np.ndarray
 Series = Callable[[mp.mpf], mp.mpf]
 
 

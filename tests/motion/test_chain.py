@@ -9,10 +9,10 @@ import pytest
 
 from oracles.moreau import moreau
 from stickslip import System, Trajectory, catalogue, simulate
+from stickslip.arrays import Array
 
 N = 8
 BLOCKS = [f"x_{i}" for i in range(1, N + 1)]
-Array = np.ndarray
 
 
 @cache

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stickslip.arrays import Array
 from stickslip.rate_independent.dissipation import (
     Average,
     Dissipation,
@@ -18,8 +19,6 @@ from stickslip.rate_independent.dissipation import (
     Product,
     WeightedL1,
 )
-
-Array = np.ndarray
 
 # Examples are drawn anew from the test's name, the same in every run.
 law = settings(max_examples=6, deadline=None, derandomize=True)

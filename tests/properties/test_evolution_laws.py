@@ -6,12 +6,11 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stickslip.arrays import Array
 from stickslip.rate_independent.dissipation import Ellipsoid, GroupNorm, WeightedL1
 from stickslip.rate_independent.evolution.evolution import Evolution
 from stickslip.rate_independent.evolution.evolve import evolve
 from stickslip.rate_independent.evolution.history import History
-
-Array = np.ndarray
 
 # Examples are drawn anew from the test's name, the same in every run.
 law = settings(max_examples=25, deadline=None, derandomize=True)

@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 
 from stickslip import Contact, Inertial, Internal, System, Trajectory, simulate
+from stickslip.arrays import Array
 
 hy = pytest.importorskip("heyoka")
 
-Array = np.ndarray
 CONTACTS = range(7)
 T = 15.0
 

@@ -24,8 +24,8 @@ from stickslip import (
     catalogue,
     simulate,
 )
+from stickslip.arrays import Array
 
-Array = np.ndarray
 State = dict[str, float]
 
 # Examples are drawn anew from the test's name, the same in every run.

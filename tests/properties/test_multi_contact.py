@@ -16,8 +16,8 @@ import pytest
 from oracles.moreau import first_order, moreau, rate_independent
 from properties.families import Drawn, draw, linear_family
 from stickslip import Trajectory, simulate
+from stickslip.arrays import Array
 
-Array = np.ndarray
 T = 20.0
 STEPS = (2000, 8000)
 SAMPLES = 200

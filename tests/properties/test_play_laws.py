@@ -9,10 +9,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stickslip.arrays import Array
 from stickslip.rate_independent.play.clamp import clamp, plays, prandtl_ishlinskii
 from stickslip.rate_independent.play.operator import Play, play
 
-Array = np.ndarray
 T = 4.0
 TIMES = np.linspace(0.0, T, 801)
 

@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import linprog, minimize_scalar
 from scipy.spatial import HalfspaceIntersection
 
+from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.rate_independent.averaging.minima import PHASE_SAMPLES, least_over_phases
 from stickslip.rate_independent.dissipation import (
@@ -21,7 +22,6 @@ from stickslip.rate_independent.dissipation import (
 from stickslip.rate_independent.sets.cones import hull, polyhedron, solve_cones
 from stickslip.rate_independent.signals.reading import read_phase
 
-Array = np.ndarray
 SQUARE = np.array([[1.0, 0], [0, 1], [-1, 0], [0, -1]])
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear, minimize
 
+from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.rate_independent.dissipation import (
     Dissipation,
@@ -20,7 +21,6 @@ from stickslip.rate_independent.dissipation import (
 )
 from stickslip.rate_independent.sets.projections import nearest_in_box
 
-Array = np.ndarray
 DIAMOND = np.array([[1.0, 0], [0, 1], [-1, 0], [0, -1]])
 
 

@@ -10,6 +10,7 @@ import skfem
 from scipy import sparse
 from skfem.models.poisson import laplace
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.rate_independent.dissipation import (
     Ellipsoid,
@@ -25,7 +26,6 @@ from stickslip.rate_independent.evolution.history import History
 from stickslip.rate_independent.evolution.outcome import EvolutionOutcome
 from stickslip.rate_independent.solvers.choose import choose_solver
 
-Array = np.ndarray
 STIFF = np.array([[2.0, 0.5, 0.0], [0.5, 1.5, -0.3], [0.0, -0.3, 1.0]])
 LOADS = ["3*sin(2*t)", "2*t", "-2*sin(3*t)"]
 

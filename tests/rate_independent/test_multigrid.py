@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.sparse.linalg import spsolve
 
+from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.rate_independent.solvers.hierarchy import Hierarchy
 from stickslip.rate_independent.solvers.multigrid import (
@@ -25,7 +26,6 @@ from stickslip.rate_independent.solvers.multigrid import (
 )
 from stickslip.rate_independent.solvers.smoothing import minimise_block
 
-Array = np.ndarray
 law = settings(max_examples=60, deadline=None, derandomize=True)
 seeds = st.integers(0, 2**32 - 1)
 

@@ -14,6 +14,7 @@ import pytest
 from numpy.polynomial import chebyshev
 
 import stickslip as ss
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.figures.play import plot_limit, plot_loops, plot_play
 from stickslip.rate_independent.play import nodes
@@ -22,7 +23,6 @@ from stickslip.rate_independent.play.operator import Play, play
 from stickslip.rate_independent.signals import chebyshev as panels
 from stickslip.symbolic import expressions as ex
 
-Array = np.ndarray
 EXAMPLES = Path(__file__).parents[2] / "examples"
 LOAD = "5*t - t**2"
 THRESHOLD = "1 + cos(2*pi*s)/2"

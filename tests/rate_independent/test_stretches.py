@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stickslip.arrays import Array
 from stickslip.rate_independent.dissipation import (
     Dissipation,
     Ellipsoid,
@@ -20,7 +21,6 @@ from stickslip.rate_independent.dissipation.parabolas import CELLS, Parabolas
 from stickslip.rate_independent.signals.formulas import Formulas
 from stickslip.rate_independent.signals.reading import read_phase
 
-Array = np.ndarray
 seeds = st.integers(0, 2**32 - 1)
 
 

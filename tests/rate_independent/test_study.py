@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.dissipation import GroupNorm, WeightedL1
 from stickslip.rate_independent.evolution import averaging_study as study_module
@@ -20,7 +21,6 @@ from stickslip.rate_independent.evolution.averaging_study import (
 from stickslip.rate_independent.evolution.blocks import TESTS, Gauge, PlayMotion, SteppedMotion
 from stickslip.rate_independent.evolution.evolution import Evolution
 
-Array = np.ndarray
 SMOOTH = "1 + cos(2*pi*s)/2"
 KINK = "1/2 + abs(sin(pi*(s - 0.3)))"
 EPSILONS = [0.1, 0.03, 0.01, 0.003, 0.001]

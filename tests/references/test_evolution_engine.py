@@ -15,11 +15,10 @@ import pytest
 from scipy import sparse
 
 from stickslip import Contact, RateIndependent, System, simulate
+from stickslip.arrays import Array
 from stickslip.rate_independent.dissipation import GroupNorm, WeightedL1
 from stickslip.rate_independent.evolution.evolution import Evolution
 from stickslip.rate_independent.evolution.evolve import evolve
-
-Array = np.ndarray
 
 # --- Running maximum ------------------------------------------------------------------------------
 

@@ -19,9 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from stickslip.arrays import Array
 from stickslip.rate_independent.play.operator import play
 
-Array = np.ndarray
 LOAD = "5*t - t**2"
 TOP = 2.5
 HEIGHT = 6.25

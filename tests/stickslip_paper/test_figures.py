@@ -14,9 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
+from stickslip.arrays import Array
 from stickslip_paper.figures import FIGURES
-
-Array = np.ndarray
 
 
 @cache

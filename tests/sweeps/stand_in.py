@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from stickslip.arrays import Array
 from stickslip.model.system import System
 from stickslip.progress import Stopped
 
-Array = np.ndarray
 calls: list[int] = []
 """Number of points of each call."""
 

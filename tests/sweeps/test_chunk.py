@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.motion.affine_modes import fill_closed_forms, linearise
 from stickslip.motion.engine.forms import AFFINE
@@ -18,7 +19,6 @@ from stickslip.sweeps.request.measures import LACKING
 from stickslip.sweeps.work import chunk
 from stickslip.sweeps.work.chunk import measure_chunk
 
-Array = np.ndarray
 MEASURES = (
     "period",
     "amplitude",

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.arrays import Array
 from stickslip.model.quantities import MEANINGS
 from stickslip.model.system import Inertial, Parameter, System
 from stickslip.motion.outcome import Outcome
@@ -15,7 +16,6 @@ from stickslip.orbits.settling.motions import Settings
 from stickslip.sweeps.request import measures
 from stickslip.sweeps.work.chunk import measure_chunk
 
-Array = np.ndarray
 LINEAR = System(
     name="linear_oscillator",
     parameters={

@@ -10,14 +10,13 @@ import pytest
 
 import stickslip as ss
 from stickslip import Contact, Inertial, Parameter, System
+from stickslip.arrays import Array
 from stickslip.figures.sweep import plot_sweep
 from stickslip.motion.outcome import Outcome
 from stickslip.orbits.settling.engine.returns import kind_of
 from stickslip.orbits.settling.motions import Settings
 from stickslip.sweeps.work.chunk import measure_chunk
 from sweeps.test_basin import jenkins
-
-Array = np.ndarray
 
 
 def outcomes(found: dict[str, Array]) -> set[Outcome]:

@@ -7,11 +7,8 @@ import signal
 import time
 from pathlib import Path
 
-import numpy as np
-
+from stickslip.arrays import Array
 from stickslip.progress import Stopped
-
-Array = np.ndarray
 
 
 def square(number: int, stop: Array) -> int:

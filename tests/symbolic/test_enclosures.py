@@ -16,7 +16,6 @@ from stickslip.symbolic.enclosures import bounds, joins
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Scope
 
-Array = np.ndarray
 NAMES = ("x", "y")
 SCOPE = Scope({name: ex.sym(name) for name in (*NAMES, "a", "b")})
 UNDEFINED = (ValueError, ZeroDivisionError, OverflowError, TypeError)

@@ -22,6 +22,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import stickslip as ss
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.motion.engine.modes import resolve
 from stickslip.motion.problem import pose
@@ -35,7 +36,6 @@ from stickslip.symbolic.formulas import Scope, builtins
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS, Function
 from stickslip.symbolic.majorants import growth
 
-Array = np.ndarray
 X = ex.sym("x")
 
 NEW = (

@@ -19,8 +19,8 @@ from stickslip.errors import StickslipError
 from stickslip.results import Summary, certificate_rows
 
 NOT_CERTIFIED = 1
-BAD_INPUT = 2
-OUR_FAULT = 70
+_BAD_INPUT = 2
+_OUR_FAULT = 70
 INTERRUPTED = 130
 P = ParamSpec("P")
 
@@ -50,24 +50,24 @@ def guarded(command: Callable[P, None]) -> Callable[P, None]:
         try:
             command(*args, **kwargs)
         except StickslipError as error:
-            finish(str(error), BAD_INPUT)
+            finish(str(error), _BAD_INPUT)
         except KeyboardInterrupt:
             finish("interrupted; nothing new was written", INTERRUPTED)
         except OSError as error:
             if error.errno == errno.EPIPE:
                 raise  # the reader has seen enough, as in: stickslip show rocking_toy | head
-            finish(f"{error.filename or 'file'}: {error.strerror or error}", BAD_INPUT)
+            finish(f"{error.filename or 'file'}: {error.strerror or error}", _BAD_INPUT)
         except typer.Exit:
             raise
         except Exception as error:
             finish(
-                f"a mistake of ours, please report it ({type(error).__name__}: {error})", OUR_FAULT
+                f"a mistake of ours, please report it ({type(error).__name__}: {error})", _OUR_FAULT
             )
 
     return run
 
 
-PAPER = (
+_PAPER = (
     "A. Mielke, Three examples concerning the interaction of dry friction and oscillations, "
     "WIAS preprint 2405, Berlin 2017."
 )
@@ -139,7 +139,7 @@ def cite(
         f"The stickslip developers, stickslip {__version__}: systems with dry friction, moved "
         "exactly."
     )
-    typer.echo(PAPER)
+    typer.echo(_PAPER)
     for reference in [] if model is None else references(model):
         typer.echo(reference)
 

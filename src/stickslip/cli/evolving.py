@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.evolution.model import EvolutionModel
     from stickslip.rate_independent.play.operator import Play
 
-TOLERANCE = 1e-8  # of an average without a closed form, relative to the size of K(s)
+_TOLERANCE = 1e-8  # of an average without a closed form, relative to the size of K(s)
 AVERAGE = Files()
 EVOLUTION = Files("evolution.nc")
-SHOWN = 8  # components in a table; all are in summary.json
+_SHOWN = 8  # components in a table; all are in summary.json
 
 File = Annotated[
     Path, typer.Argument(metavar="FILE", help="A .toml file that declares an evolution.")
@@ -52,7 +52,7 @@ def average(file: File, settings: Settings = None, out: Out = None, json_: Json 
     model = configured(file, settings)
 
     def work(progress: Progress) -> Averaged:
-        return Averaged(model, model.potential.average(TOLERANCE))
+        return Averaged(model, model.potential.average(_TOLERANCE))
 
     folder = out or folder_of(model.name, "average")
     present(f"average of {model.name}", folder, AVERAGE, work, json_, heading(model))
@@ -185,7 +185,7 @@ class Averaged:
         gap = max(abs(m["gap"]) for m in self.unit_motions)
         relative = gap / largest if largest > 0.0 else gap
         notes = (self.average.coverage,)
-        return Certificate((Residual("duality gap", relative, TOLERANCE),), notes=notes)
+        return Certificate((Residual("duality gap", relative, _TOLERANCE),), notes=notes)
 
     def summary(self) -> Summary:
         """What there is to say on a page."""
@@ -218,14 +218,14 @@ class Averaged:
             ("average", f"Psi_av(v) = {data['psi_av']}"),
             ("friction", data["frictionless"]),
         ]
-        for motion in self.unit_motions[: 2 * SHOWN]:
+        for motion in self.unit_motions[: 2 * _SHOWN]:
             low, high = motion["range"]
             when = f"at s = {_few(motion['phases'])}" if motion["phases"] else "at no phase"
             cost = f"{motion['average']:.6g}, moves {when}"
             sign = "+" if motion["sign"] > 0 else "-"
             name = f"  {sign}e_{motion['component']}"
             rows.append((name, f"{cost}; one phase alone costs {low:.6g} to {high:.6g}"))
-        if len(self.unit_motions) > 2 * SHOWN:
+        if len(self.unit_motions) > 2 * _SHOWN:
             rows.append(("  ...", f"({data['dimension']} components in all)"))
         return rows
 
@@ -242,7 +242,7 @@ class Averaged:
 
 def _few(numbers: Sequence[float]) -> str:
     """A few numbers."""
-    return listed([f"{x:.6g}" for x in numbers], SHOWN)
+    return listed([f"{x:.6g}" for x in numbers], _SHOWN)
 
 
 def in_words(source: Dissipation, averaged: Average) -> dict[str, Any]:
@@ -254,11 +254,11 @@ def in_words(source: Dissipation, averaged: Average) -> dict[str, Any]:
     low, high = extremes(averaged)
     words = (
         f"{low:.6g} |v|"
-        if high - low <= TOLERANCE * high
+        if high - low <= _TOLERANCE * high
         else f"between {low:.6g} |v| and {high:.6g} |v|"
     )
     return {
-        "method": f"intersection of K(s) over all phases, by cone programs to {TOLERANCE:.0e}",
+        "method": f"intersection of K(s) over all phases, by cone programs to {_TOLERANCE:.0e}",
         "psi_av": words + ("" if source.dimension <= 2 else " along random directions"),
         "extremes": [low, high],
     }
@@ -266,8 +266,8 @@ def in_words(source: Dissipation, averaged: Average) -> dict[str, Any]:
 
 def summed(terms: list[str]) -> str:
     """A sum, shortened in the middle."""
-    if len(terms) > SHOWN:
-        terms = [*terms[: SHOWN - 2], f"... ({len(terms)} terms)", terms[-1]]
+    if len(terms) > _SHOWN:
+        terms = [*terms[: _SHOWN - 2], f"... ({len(terms)} terms)", terms[-1]]
     return " + ".join(terms)
 
 

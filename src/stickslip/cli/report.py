@@ -12,7 +12,7 @@ from rich.text import Text
 
 from stickslip.results import Summary
 
-VERDICTS = ("outcome", "certificate")  # rows in green or red
+_VERDICTS = ("outcome", "certificate")  # rows in green or red
 
 
 def print_summary(
@@ -29,7 +29,7 @@ def print_summary(
         if label == "warning":
             continue  # on stderr
         verdict = "green" if summary.good else "bold red"
-        table.add_row(label, Text(text, style=verdict if label in VERDICTS else ""))
+        table.add_row(label, Text(text, style=verdict if label in _VERDICTS else ""))
     console = Console()
     console.print(Text(summary.title, style="bold"))
     console.print(table)

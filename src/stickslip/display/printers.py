@@ -25,14 +25,14 @@ from stickslip.display.tree import (
 from stickslip.symbolic.functions import FUNCTIONS
 
 _SUM, _PRODUCT, _POWER, _ATOM = range(4)
-VULGAR = {
+_VULGAR = {
     Fraction(1, 2): "½",
     Fraction(1, 3): "⅓",
     Fraction(2, 3): "⅔",
     Fraction(1, 4): "¼",
     Fraction(3, 4): "¾",
 }
-RELATIONS = {"=": "=", "<": "<", "<=": "≤", ">": ">", ">=": "≥", "!=": "≠"}
+_RELATIONS = {"=": "=", "<": "<", "<=": "≤", ">": ">", ">=": "≥", "!=": "≠"}
 
 
 class UnicodeWriter:
@@ -99,17 +99,17 @@ class UnicodeWriter:
         above = tuple((b, e) for b, e in powers if not _negative(e))
         below = tuple((b, negate(e)) for b, e in powers if _negative(e))
         over, under = Fraction(factor.numerator), Fraction(factor.denominator)
-        if _is_decimal(factor) and factor not in VULGAR:
+        if _is_decimal(factor) and factor not in _VULGAR:
             over = factor
             under = Fraction(1)
-        if below or (under != 1 and factor not in VULGAR):
+        if below or (under != 1 and factor not in _VULGAR):
             return self.fraction(as_product(over, above), as_product(under, below)), _PRODUCT
         if factor == 1 and len(above) == 1:
             return self.power(*above[0])
         front = (
             []
             if factor == 1
-            else [self.vulgar(factor) if factor in VULGAR else self.number(factor)]
+            else [self.vulgar(factor) if factor in _VULGAR else self.number(factor)]
         )
         return self.gap.join([*front, *(self.power(*pair)[0] for pair in above)]), _PRODUCT
 
@@ -169,10 +169,10 @@ class UnicodeWriter:
         return mantissa.replace("-", "−")
 
     def vulgar(self, value: Fraction) -> str:
-        return VULGAR[value]
+        return _VULGAR[value]
 
     def relation(self, sign: str) -> str:
-        return RELATIONS[sign]
+        return _RELATIONS[sign]
 
     def brackets(self, text: str) -> str:
         return f"({text})"

@@ -7,7 +7,7 @@ import re
 import unicodedata
 from dataclasses import dataclass
 
-GREEK = {
+_GREEK = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "zeta": "ζ",
     "eta": "η", "theta": "θ", "iota": "ι", "kappa": "κ", "lam": "λ", "lamda": "λ", "mu": "μ",
     "nu": "ν", "xi": "ξ", "rho": "ρ", "sigma": "σ", "tau": "τ", "upsilon": "υ", "phi": "φ",
@@ -15,11 +15,16 @@ GREEK = {
     "Gamma": "Γ", "Delta": "Δ", "Theta": "Θ", "Lambda": "Λ", "Xi": "Ξ", "Pi": "Π", "Sigma": "Σ",
     "Upsilon": "Υ", "Phi": "Φ", "Psi": "Ψ", "Omega": "Ω",
 }  # fmt: skip
-GREEK_LATEX = {"lam": r"\lambda", "lamda": r"\lambda", "epsilon": r"\varepsilon", "phi": r"\varphi"}
-ACCENTS = {"hat": ("\u0302", r"\hat"), "tilde": ("\u0303", r"\tilde"), "bar": ("\u0304", r"\bar")}
-ABOVE = {"star": ("*", "*"), "plus": ("⁺", "+"), "minus": ("⁻", "-")}
-DOTS = ("", "\u0307", "\u0308")
-SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+_GREEK_LATEX = {
+    "lam": r"\lambda",
+    "lamda": r"\lambda",
+    "epsilon": r"\varepsilon",
+    "phi": r"\varphi",
+}
+_ACCENTS = {"hat": ("\u0302", r"\hat"), "tilde": ("\u0303", r"\tilde"), "bar": ("\u0304", r"\bar")}
+_ABOVE = {"star": ("*", "*"), "plus": ("⁺", "+"), "minus": ("⁻", "-")}
+_DOTS = ("", "\u0307", "\u0308")
+_SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
@@ -37,10 +42,10 @@ def parse_name(name: str) -> Symbol:
     """Take ``psi_star`` or ``x_R`` or ``x12`` apart."""
     first, *rest = name.split("_")
     match = re.fullmatch(r"([A-Za-z]+)(\d+)", first)
-    if match and (len(match[1]) == 1 or match[1] in GREEK):
+    if match and (len(match[1]) == 1 or match[1] in _GREEK):
         first = match[1]
         rest = [match[2], *rest]
-    accents, above = (tuple(part for part in rest if part in known) for known in (ACCENTS, ABOVE))
+    accents, above = (tuple(part for part in rest if part in known) for known in (_ACCENTS, _ABOVE))
     return Symbol(
         first, accents, above, tuple(part for part in rest if part and part not in accents + above)
     )
@@ -49,7 +54,7 @@ def parse_name(name: str) -> Symbol:
 def is_word(name: str) -> bool:
     """Whether it is a word rather than a symbol: ``mean_speed``, not ``v_mean``."""
     first = parse_name(name).letter
-    return len(first) > 1 and first not in GREEK
+    return len(first) > 1 and first not in _GREEK
 
 
 def unicode_symbol(name: str) -> str:
@@ -63,14 +68,16 @@ def unicode_name(name: str, dots: int = 0) -> str:
     if is_word(name):
         return name + "˙" * dots  # a dot over one letter of a word would be misread
     s = parse_name(name)
-    letter = GREEK.get(s.letter, s.letter) + "".join(ACCENTS[a][0] for a in s.accents) + DOTS[dots]
-    below = [GREEK.get(part, part) for part in s.subscripts]
+    letter = (
+        _GREEK.get(s.letter, s.letter) + "".join(_ACCENTS[a][0] for a in s.accents) + _DOTS[dots]
+    )
+    below = [_GREEK.get(part, part) for part in s.subscripts]
     if len(below) == 1 and below[0].isdigit():
-        tail = below[0].translate(SUBSCRIPTS)
+        tail = below[0].translate(_SUBSCRIPTS)
     else:
         tail = "_" + ",".join(below) if below else ""
     return (
-        unicodedata.normalize("NFC", letter) + tail + "".join(ABOVE[a][0] for a in s.superscripts)
+        unicodedata.normalize("NFC", letter) + tail + "".join(_ABOVE[a][0] for a in s.superscripts)
     )
 
 
@@ -83,19 +90,19 @@ def latex_name(name: str, dots: int = 0) -> str:
         else rf"\mathrm{{{name.replace('_', chr(92) + '_')}}}"
     )
     for accent in () if is_word(name) else s.accents:
-        text = f"{ACCENTS[accent][1]}{{{text}}}"
+        text = f"{_ACCENTS[accent][1]}{{{text}}}"
     if dots:
         text = rf"\{'d' * dots}ot{{{text}}}"
     if is_word(name):
         return text
     below = ",".join(map(_latex_word, s.subscripts))
-    above = "".join(ABOVE[a][1] for a in s.superscripts)
+    above = "".join(_ABOVE[a][1] for a in s.superscripts)
     return text + (f"_{{{below}}}" if below else "") + (f"^{{{above}}}" if above else "")
 
 
 def _latex_word(word: str) -> str:
-    if word in GREEK:
-        return GREEK_LATEX.get(word, rf"\{word}")
+    if word in _GREEK:
+        return _GREEK_LATEX.get(word, rf"\{word}")
     return word if len(word) == 1 or word.isdigit() else rf"\mathrm{{{word}}}"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from stickslip.display.symbols import width
 
 _COLUMNS = 100
-OPERATORS = (" + ", " − ", " = ", " ∋ ", "; ")
+_OPERATORS = (" + ", " − ", " = ", " ∋ ", "; ")
 
 
 def pad(text: str, columns: int) -> str:
@@ -39,7 +39,7 @@ def wrap_words(text: str, columns: int) -> list[str]:
     return lines
 
 
-def wrap(text: str, breaks: tuple[str, ...] = OPERATORS, columns: int = _COLUMNS - 4) -> list[str]:
+def wrap(text: str, breaks: tuple[str, ...] = _OPERATORS, columns: int = _COLUMNS - 4) -> list[str]:
     """Break a formula before an operator, as far outside of brackets as possible."""
     lines = []
     rest = text

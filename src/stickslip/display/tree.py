@@ -84,8 +84,8 @@ Node = Number | Name | Call | Sum | Term | Relation
 Factors = tuple[tuple[Node, Node], ...]
 
 NOUGHT, UNITY, HALF = (Number(Fraction(text)) for text in ("0", "1", "1/2"))
-MINUS_ONE = Number(Fraction(-1))
-MAX_EXPONENT = 8  # powers of numbers above this stay as they are written
+_MINUS_ONE = Number(Fraction(-1))
+_MAX_EXPONENT = 8  # powers of numbers above this stay as they are written
 
 
 def sum_of(*nodes: Node) -> Node:
@@ -169,10 +169,10 @@ def raised(base: Node, exponent: Node) -> Node:
             isinstance(base, Number)
             and base.value.denominator == 1
             and base.value != 0
-            and abs(n) <= MAX_EXPONENT
+            and abs(n) <= _MAX_EXPONENT
         ):
             return Number(base.value**n)
-        if isinstance(base, Term) and (abs(n) <= MAX_EXPONENT):
+        if isinstance(base, Term) and (abs(n) <= _MAX_EXPONENT):
             powers = tuple((b, times(e, exponent)) for b, e in base.powers)
             return times(raised(Number(base.factor), exponent), Term(Fraction(1), powers))
     return Term(Fraction(1), ((base, exponent),))
@@ -180,7 +180,7 @@ def raised(base: Node, exponent: Node) -> Node:
 
 def negate(node: Node) -> Node:
     """The negative."""
-    return times(MINUS_ONE, node)
+    return times(_MINUS_ONE, node)
 
 
 def differentiated(node: Node, name: str) -> Node:
@@ -204,7 +204,7 @@ def _by_one_power(product: Node, base: Node, exponent: Node, name: str) -> Node:
     parts = []
     if inner != NOUGHT:
         lowered = times(
-            exponent, product, Term(Fraction(1), ((base, MINUS_ONE),)), _primitive(inner)
+            exponent, product, Term(Fraction(1), ((base, _MINUS_ONE),)), _primitive(inner)
         )
         parts.append(_functions_last(lowered))
     if outer != NOUGHT:
@@ -427,5 +427,5 @@ def _binary(op: ast.operator, left: Node, right: Node) -> Node:
         case ast.Mult():
             return times(left, right)
         case ast.Div():
-            return times(left, raised(right, MINUS_ONE))
+            return times(left, raised(right, _MINUS_ONE))
     return raised(left, right)

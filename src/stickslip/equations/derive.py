@@ -23,7 +23,7 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import is_wave
 
-KINDS = tuple(Kind)
+_KINDS = tuple(Kind)
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ def _equations_of(d: Declaration) -> MotionEquations:
     contacts = sorted(
         d.contacts,
         key=lambda c: (
-            KINDS.index(c.kind),
+            _KINDS.index(c.kind),
             d.rate_independent.index(next(iter(c.direction)))
             if c.kind == Kind.RATE_INDEPENDENT
             else 0,

@@ -10,6 +10,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.equations.derive import derive
 from stickslip.equations.field import MODE_NAMES, Field, mode_field
 from stickslip.errors import DeclarationError, short
@@ -17,10 +18,9 @@ from stickslip.model.declaration import Declaration
 from stickslip.model.system import System
 from stickslip.symbolic.expressions import Expr, to_text
 
-Array = np.ndarray
 Values = Mapping[str, float]
-LONGEST = 1_000_000  # characters of a formula
-SIGNS = {name: sign for sign, name in MODE_NAMES.items()}
+_LONGEST = 1_000_000  # characters of a formula
+_SIGNS = {name: sign for sign, name in MODE_NAMES.items()}
 
 _fields: WeakKeyDictionary[Declaration, dict[tuple, Field]] = WeakKeyDictionary()
 
@@ -135,10 +135,10 @@ def vector_field(
     names = [contact.name for contact in equations.contacts]
     given = dict(modes or {})
     for name in names:
-        if given.get(name) not in SIGNS:
+        if given.get(name) not in _SIGNS:
             said = f"has no mode '{short(str(given[name]))}'" if name in given else "has no mode"
             raise DeclarationError(
-                "modes", f"'{short(name)}' {said}", f"Give one of {', '.join(SIGNS)}"
+                "modes", f"'{short(name)}' {said}", f"Give one of {', '.join(_SIGNS)}"
             )
     for name in given:
         if name not in names:
@@ -148,7 +148,7 @@ def vector_field(
             )
     point = {**system.values, **(at or {})}
     region = tuple(int(system.declaration.value(g, point) >= 0.0) for g in equations.kinks)
-    mode = tuple(SIGNS[given[name]] for name in names)
+    mode = tuple(_SIGNS[given[name]] for name in names)
     known_fields = _fields.setdefault(system.declaration, {})
     if (mode, region) not in known_fields:
         try:
@@ -162,4 +162,4 @@ def vector_field(
 
 
 def _text(expression: Expr) -> str:
-    return to_text(expression, LONGEST)
+    return to_text(expression, _LONGEST)

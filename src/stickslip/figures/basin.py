@@ -26,9 +26,9 @@ from stickslip.model.units import with_unit
 if TYPE_CHECKING:
     import xarray
 
-OPAQUE = 0.7  # large areas in full colour would shout
-NOWHERE = {-3: ("undamped", "#D8D2C8"), -2: ("not settled", "#FFFFFF"), -1: ("stopped", "#777777")}
-HATCH = "////"
+_OPAQUE = 0.7  # large areas in full colour would shout
+_NOWHERE = {-3: ("undamped", "#D8D2C8"), -2: ("not settled", "#FFFFFF"), -1: ("stopped", "#777777")}
+_HATCH = "////"
 
 
 def plot_basin(basin: xarray.Dataset, ax: Axes | None = None) -> Figure:
@@ -69,7 +69,7 @@ def _draw(axes: Axes, basin: xarray.Dataset) -> list[Patch]:
     """The section in colours; what they stand for."""
     labels = basin["attractor"]
     across, up = map(str, labels.dims)
-    colours = [colour for _, colour in NOWHERE.values()] + _colours(basin)
+    colours = [colour for _, colour in _NOWHERE.values()] + _colours(basin)
     axes.pcolormesh(
         basin[across].values,
         basin[up].values,
@@ -77,20 +77,20 @@ def _draw(axes: Axes, basin: xarray.Dataset) -> list[Patch]:
         cmap=ListedColormap(colours),
         norm=BoundaryNorm(np.arange(-3.5, len(colours) - 3), len(colours)),
         shading="nearest",
-        alpha=OPAQUE,
+        alpha=_OPAQUE,
         rasterized=True,
     )
     axes.set_xlabel(axis_label([across], str(basin[across].attrs.get("units", ""))))
     axes.set_ylabel(axis_label([up], str(basin[up].attrs.get("units", ""))))
     handles = [
-        Patch(fc=(colours[code + 3], OPAQUE), ec="#444444", lw=0.6, label=_name(basin, code))
+        Patch(fc=(colours[code + 3], _OPAQUE), ec="#444444", lw=0.6, label=_name(basin, code))
         for code in np.unique(labels.values)
     ]
     bad = _uncertified(basin)
     if np.any(bad):
-        style: dict[str, Any] = {"levels": [0.5, 1.5], "colors": "none", "hatches": [HATCH]}
+        style: dict[str, Any] = {"levels": [0.5, 1.5], "colors": "none", "hatches": [_HATCH]}
         axes.contourf(basin[across].values, basin[up].values, bad.T.astype(float), **style)
-        handles.append(Patch(fc="none", ec=STICK_LINE, lw=0.0, hatch=HATCH, label="not certified"))
+        handles.append(Patch(fc="none", ec=STICK_LINE, lw=0.0, hatch=_HATCH, label="not certified"))
     return handles
 
 
@@ -111,7 +111,7 @@ def _uncertified(basin: xarray.Dataset) -> np.ndarray:
 def _name(basin: xarray.Dataset, code: int) -> str:
     """What a colour stands for."""
     if code < 0:
-        return NOWHERE[code][0]
+        return _NOWHERE[code][0]
     one = basin.isel(reached=code)
     kind = str(one["reached"].values).replace("_", " ")
     period = float(one["period"])

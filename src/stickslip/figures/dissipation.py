@@ -30,13 +30,13 @@ from stickslip.figures.drawing.style import (
 if TYPE_CHECKING:
     from stickslip.rate_independent.dissipation import Average, Dissipation
 
-DIRECTIONS = 360
-RAYS = 2880  # more than directions, so that corners stay sharp
-PHASES = 128
-FEW = 4  # components with a line of their own; of more a map is drawn
-PLANE = 4.4  # inches
-COSTS = 4.8  # inches
-HEIGHT = 4.8  # inches
+_DIRECTIONS = 360
+_RAYS = 2880  # more than directions, so that corners stay sharp
+_PHASES = 128
+_FEW = 4  # components with a line of their own; of more a map is drawn
+_PLANE = 4.4  # inches
+_COSTS = 4.8  # inches
+_HEIGHT = 4.8  # inches
 
 
 def plot_average(potential: Dissipation, average: Average, sets: int = 8, unit: str = "") -> Figure:
@@ -62,8 +62,8 @@ def plot_average(potential: Dissipation, average: Average, sets: int = 8, unit: 
             figure = new_figure(7.2, 4.2)
             costs_over_phase(figure.add_subplot(), potential, average, unit)
             return figure
-        figure = new_figure(PLANE + COSTS, HEIGHT)
-        left, right = figure.subplots(1, 2, width_ratios=[PLANE, COSTS])
+        figure = new_figure(_PLANE + _COSTS, _HEIGHT)
+        left, right = figure.subplots(1, 2, width_ratios=[_PLANE, _COSTS])
         stable_sets(left, potential, sets, unit)
         costs_over_phase(right, potential, average, unit)
         return figure
@@ -75,7 +75,7 @@ def stable_sets(axes: Axes, potential: Dissipation, sets: int = 8, unit: str = "
     colours = ListedColormap(mpl.colormaps["twilight"](np.linspace(0.12, 0.88, sets)))
     for k, s in enumerate(phases.tolist()):
         axes.fill(*_boundary(potential, np.array([s])).T, fc="none", ec=colours(k), lw=1.2)
-    common = _boundary(potential, np.arange(PHASES if potential.depends_on_phase else 1) / PHASES)
+    common = _boundary(potential, np.arange(_PHASES if potential.depends_on_phase else 1) / _PHASES)
     axes.fill(
         *common.T, fc=BAND, ec=THRESHOLD, lw=2.2, zorder=3, label=r"$K_\mathrm{av}$, common to all"
     )
@@ -106,7 +106,7 @@ def _phase_bar(axes: Axes, colours: ListedColormap, sets: int) -> None:
 def _boundary(potential: Dissipation, phases: Array) -> Array:
     """Boundary of what K(s) has in common at some phases, shape (RAYS, 2): where rays meet the
     first line."""
-    rays = _circle(RAYS)
+    rays = _circle(_RAYS)
     normals, offsets = _half_planes(potential, phases)
     slopes = rays @ normals.T
     ahead = slopes > 1e-12
@@ -120,7 +120,7 @@ def _half_planes(potential: Dissipation, phases: Array) -> tuple[Array, Array]:
     if known is not None:
         return known
     sampled = potential.sampled(phases)
-    directions = _circle(DIRECTIONS)
+    directions = _circle(_DIRECTIONS)
     return directions, np.array([sampled.support(v).min() for v in directions])
 
 
@@ -137,11 +137,11 @@ def costs_over_phase(axes: Axes, potential: Dissipation, average: Average, unit:
     """Ψ(s, e_i) over one phase, dashed its average Ψ_av(e_i), and dots where the cheapest motion
     along e_i moves."""
     n = potential.dimension
-    phases = np.linspace(0.0, 1.0, PHASES + 1)
+    phases = np.linspace(0.0, 1.0, _PHASES + 1)
     costs = unit_costs(potential, phases)
     axes.set_xlabel("phase $s$  [periods]")
     axes.set_xlim(0.0, 1.0)
-    if n > FEW:
+    if n > _FEW:
         image = axes.imshow(
             costs,
             aspect="auto",

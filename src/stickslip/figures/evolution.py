@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.evolution.averaging_study import AveragingStudy
     from stickslip.rate_independent.evolution.history import History
 
-FEW = 4  # components with a panel of their own
-ROW = 1.5  # inches
-EXTRA = 1.0  # inches
-WIDTH = 7.2  # inches
+_FEW = 4  # components with a panel of their own
+_ROW = 1.5  # inches
+_EXTRA = 1.0  # inches
+_WIDTH = 7.2  # inches
 
 
 def plot_history(history: History) -> Figure:
@@ -51,12 +51,12 @@ def plot_history(history: History) -> Figure:
     t, z = history.times, history.z
     n = z.shape[1]
     with paper_style():
-        rows = n if n <= FEW else 2
-        figure = new_figure(WIDTH, ROW * (rows + 1) + EXTRA)
+        rows = n if n <= _FEW else 2
+        figure = new_figure(_WIDTH, _ROW * (rows + 1) + _EXTRA)
         panels: list[Axes] = list(
             figure.subplots(rows + 1, 1, sharex=True, gridspec_kw=_heights(n))
         )
-        if n <= FEW:
+        if n <= _FEW:
             for i in range(n):
                 _component(panels[i], t, z[:, i], f"$z_{{{i + 1}}}$" if n > 1 else "$z$")
             legend_above(panels[0], [Patch(color=STICK_SHADE, label="stick")], right=True)
@@ -71,7 +71,7 @@ def plot_history(history: History) -> Figure:
 
 
 def _heights(n: int) -> dict[str, list[float]]:
-    return {"height_ratios": [1.0] * (n + 1) if n <= FEW else [2.0, 1.0, 1.0]}
+    return {"height_ratios": [1.0] * (n + 1) if n <= _FEW else [2.0, 1.0, 1.0]}
 
 
 def _component(axes: Axes, t: Array, z: Array, label: str) -> None:
@@ -143,7 +143,7 @@ def plot_study(study: AveragingStudy, ax: Axes | None = None) -> Figure:
         _motions(ax, study.dataset)
         return root_of(ax)
     with paper_style():
-        figure = new_figure(WIDTH, 3.6)
+        figure = new_figure(_WIDTH, 3.6)
         left, right = figure.subplots(1, 2)
         _motions(left, study.dataset)
         _rates(right, study.dataset)

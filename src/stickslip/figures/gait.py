@@ -25,7 +25,7 @@ from stickslip.model.units import unit_label
 if TYPE_CHECKING:
     from stickslip.orbits.cycles.cycle import Cycle
 
-SAMPLES = 400
+_SAMPLES = 400
 
 
 def plot_gait(cycle: Cycle, periods: int = 2) -> Figure:
@@ -96,7 +96,7 @@ def _bars(axes: Axes, cycle: Cycle, periods: int) -> None:
 
 def _positions(axes: Axes, cycle: Cycle, names: list[str], periods: int) -> None:
     """Where the coordinates go, from 0 at the first one's start."""
-    t = np.linspace(0.0, cycle.period, SAMPLES)
+    t = np.linspace(0.0, cycle.period, _SAMPLES)
     values = cycle.trajectory.at(np.minimum(t + cycle.time, cycle.trajectory.knots.time[-1]))
     origin = values[names[0]][0]
     for name, colour in zip(names, line_colours(len(names) + 2)[2:], strict=True):

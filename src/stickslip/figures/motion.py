@@ -39,17 +39,17 @@ from stickslip.model.units import unit_label
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-SAMPLES = 6000  # over the whole time
-POINTS = (16, 64)  # on each step, the more the fewer steps there are
+_SAMPLES = 6000  # over the whole time
+_POINTS = (16, 64)  # on each step, the more the fewer steps there are
 MOST_STEPS = 1_000_000  # of a motion
-MOST_SAMPLES = 16_000_000  # of a motion
-AT_ONCE = 64_000  # samples taken in one go
+_MOST_SAMPLES = 16_000_000  # of a motion
+_AT_ONCE = 64_000  # samples taken in one go
 # lines in one panel, or contacts with a panel of their own, above which a map is drawn instead
-MANY = 4
-ROW = 1.5  # inches
-EXTRA = 1.0  # inches
-TIME_WIDTH = 7.2  # inches
-PLANE_WIDTH = 4.6  # inches
+_MANY = 4
+_ROW = 1.5  # inches
+_EXTRA = 1.0  # inches
+_TIME_WIDTH = 7.2  # inches
+_PLANE_WIDTH = 4.6  # inches
 
 
 def plot_trajectory(trajectory: Trajectory) -> Figure:
@@ -95,7 +95,7 @@ class _Overview:
     def collect(self) -> tuple[Array, dict[str, Array], list[Curve]]:
         """Lines over time, and the curves of the planes, bit by bit from all of the motion."""
         names = [*self.declaration.state]
-        if len(self.contacts) <= MANY:
+        if len(self.contacts) <= _MANY:
             names += [f"{kind}_{key}" for key in self.contacts for kind in FORCES]
         motion = self.motion
         planes = self.planes()
@@ -125,10 +125,10 @@ class _Overview:
     def draw(self) -> Figure:
         panels = self.panels()
         planes = [self.plane(*plane, curve) for plane, curve in self.telling()]
-        height = max(ROW * len(panels) + EXTRA, 3.6 if planes else 0.0)
-        figure = self.figure = new_figure(TIME_WIDTH + (PLANE_WIDTH if planes else 0.0), height)
+        height = max(_ROW * len(panels) + _EXTRA, 3.6 if planes else 0.0)
+        figure = self.figure = new_figure(_TIME_WIDTH + (_PLANE_WIDTH if planes else 0.0), height)
         figure.suptitle(self.system.title or self.system.name, x=0.01, ha="left", fontsize=13)
-        columns = [TIME_WIDTH, PLANE_WIDTH] if planes else [TIME_WIDTH]
+        columns = [_TIME_WIDTH, _PLANE_WIDTH] if planes else [_TIME_WIDTH]
         grid = figure.add_gridspec(1, len(columns), width_ratios=columns)
         left = grid[0].subgridspec(len(panels), 1)
         rows: list[Axes] = []
@@ -136,7 +136,7 @@ class _Overview:
             rows.append(figure.add_subplot(left[row], sharex=rows[0] if rows else None))
             panel(rows[-1])
             rows[-1].tick_params(labelbottom=row == len(panels) - 1)
-        if 1 < len(self.contacts) <= MANY:
+        if 1 < len(self.contacts) <= _MANY:
             legend_above(
                 rows[0], [Patch(color=STICK_SHADE, label="every contact sticks")], right=True
             )
@@ -163,14 +163,16 @@ class _Overview:
         ]
         velocities = self.by_unit([f"d_{q}" for q in d.inertial])
         internal = (
-            [[name] for name in d.internal] if len(d.internal) <= MANY else self.by_unit(d.internal)
+            [[name] for name in d.internal]
+            if len(d.internal) <= _MANY
+            else self.by_unit(d.internal)
         )
         panels = [self.trace(names) for names in groups]
         panels += [
-            self.trace(names) if len(names) <= MANY else self.heat(names) for names in velocities
+            self.trace(names) if len(names) <= _MANY else self.heat(names) for names in velocities
         ]
         panels += [self.trace(names) for names in internal]
-        if len(self.contacts) > MANY:
+        if len(self.contacts) > _MANY:
             return [*panels, self.mode_map]
         return panels + [self.friction(name) for name in self.system.contacts]
 
@@ -183,7 +185,7 @@ class _Overview:
 
     def trace(self, names: list[str]) -> Callable[[Axes], None]:
         def panel(axes: Axes) -> None:
-            if len(self.contacts) <= MANY:  # else the map of the modes says it
+            if len(self.contacts) <= _MANY:  # else the map of the modes says it
                 self.shade(axes, self.all_stick)
             colours = line_colours(len(names))
             for name, colour in zip(names, colours, strict=True):
@@ -195,7 +197,7 @@ class _Overview:
                     axes,
                     [Line2D([], [], color=colour, label=symbol(name)) for name, colour in shown],
                 )
-            short = names if len(names) <= MANY else [names[0], names[-1]]
+            short = names if len(names) <= _MANY else [names[0], names[-1]]
             label = axis_label(short, self.unit(names[0]))
             axes.set_ylabel(label if short is names else label.replace(", ", r" $\ldots$ ", 1))
 
@@ -375,9 +377,9 @@ class _Samples:
         self._chosen = chosen(self.time, MOST_STEPS)
         lengths = np.diff(self.time)[self._chosen]
         span = float(self.time[-1] - self.time[0]) or 1.0
-        points = int(np.clip(MOST_SAMPLES // len(lengths), *POINTS))
-        self._number = points + np.floor(SAMPLES * lengths / span).astype(int)
-        self._at_once = AT_ONCE // points
+        points = int(np.clip(_MOST_SAMPLES // len(lengths), *_POINTS))
+        self._number = points + np.floor(_SAMPLES * lengths / span).astype(int)
+        self._at_once = _AT_ONCE // points
         self.count = int(np.sum(self._number))
 
     def sampled(self, names: list[str]) -> Iterator[tuple[Array, Array, dict[str, Array]]]:

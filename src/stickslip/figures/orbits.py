@@ -29,8 +29,8 @@ from stickslip.model.quantities import drift_units
 if TYPE_CHECKING:
     from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 
-MARKERS = "osD^vPX*"
-VANISHING = ("Hopf", "boundary equilibrium")  # there a cycle is a point
+_MARKERS = "osD^vPX*"
+_VANISHING = ("Hopf", "boundary equilibrium")  # there a cycle is a point
 
 
 def plot_branch(
@@ -229,7 +229,7 @@ def _heights(branch: Branch, point: SpecialPoint, name: str) -> list[float]:
     """Where a special point is marked: at the extremes of a cycle, once where it has none."""
     if name not in point.state:
         return [float(branch.points[name].values[point.index])]
-    if not _is_cycles(branch) or point.kind in VANISHING:
+    if not _is_cycles(branch) or point.kind in _VANISHING:
         return [point.state[name]]
     return [float(branch.points[f"{side}_{name}"].values[point.index]) for side in ("max", "min")]
 
@@ -257,7 +257,7 @@ def _markers(branches: Sequence[Branch]) -> dict[str, dict[str, Any]]:
     kinds = list(dict.fromkeys(s.kind for branch in branches for s in branch.special))
     return {
         kind: {
-            "marker": MARKERS[i % len(MARKERS)],
+            "marker": _MARKERS[i % len(_MARKERS)],
             "color": LINES[1:][i % (len(LINES) - 1)],
             "linestyle": "none",
             "markersize": 6 + 2 * i,

@@ -37,13 +37,13 @@ if TYPE_CHECKING:
     from stickslip.orbits.cycles.cycle import Cycle
     from stickslip.symbolic.expressions import Expr
 
-GRID = 301
-SAMPLES = 600
-FAINT = "#A8A8A8"
-EQUILIBRIA = {
+_GRID = 301
+_SAMPLES = 600
+_FAINT = "#A8A8A8"
+_EQUILIBRIA = {
     True: ("stable", STICK_LINE),
     False: ("unstable", "white"),
-    None: ("undecided", FAINT),
+    None: ("undecided", _FAINT),
 }
 
 
@@ -109,7 +109,7 @@ class _Portrait:
                 "over", f"needs ranges of {', '.join(state)}", "Give {name: (low, high)} for both"
             )
         (self.across, x), (self.up, y) = over.items()
-        self.x, self.y = (np.linspace(float(low), float(high), GRID) for low, high in (x, y))
+        self.x, self.y = (np.linspace(float(low), float(high), _GRID) for low, high in (x, y))
 
     def draw(self, starts: int, span: float | None) -> Figure:
         with paper_style():
@@ -131,7 +131,7 @@ class _Portrait:
         x, y = (a.ravel() for a in np.meshgrid(self.x, self.y))
         columns = {self.across: x, self.up: y}
         states = np.column_stack([columns[name] for name in self.system.declaration.state])
-        return values_at(self.equations, self.values, states, expressions).reshape(-1, GRID, GRID)
+        return values_at(self.equations, self.values, states, expressions).reshape(-1, _GRID, _GRID)
 
     def sticking(self, axes: Axes) -> list[Patch | Line2D]:
         """Where contacts stick: a region, or with inertia a part of the line on which they are at
@@ -145,7 +145,7 @@ class _Portrait:
             field = mode_field(self.equations, (0,) * n, region)
             return [e for c in field.contacts for e in (c.force + c.plus, c.minus - c.force, c.u)]
 
-        found = self.grid(held).reshape(n, 3, GRID, GRID)
+        found = self.grid(held).reshape(n, 3, _GRID, _GRID)
         shown: list[Patch | Line2D] = []
         for contact, (above, below, u) in zip(contacts, found, strict=True):
             margin = np.minimum(above, below)
@@ -198,19 +198,19 @@ class _Portrait:
                 )
                 end = motion.knots.time[-1]
                 if end > begin:
-                    t = np.union1d(np.linspace(begin, end, SAMPLES), motion.knots.time)
+                    t = np.union1d(np.linspace(begin, end, _SAMPLES), motion.knots.time)
                     values = motion.at(t)
                     self.arrowed(axes, values[self.across], values[self.up])
 
     def arrowed(self, axes: Axes, x: Array, y: Array) -> None:
         """A line with an arrow a little after its start."""
-        axes.plot(x, y, color=FAINT, lw=0.7, zorder=1.5)
+        axes.plot(x, y, color=_FAINT, lw=0.7, zorder=1.5)
         length = np.cumsum(np.hypot(np.diff(x) / np.ptp(self.x), np.diff(y) / np.ptp(self.y)))
         at = int(np.searchsorted(length, min(0.05, 0.5 * length[-1])))
         if length[-1] > 0.02 and at + 1 < len(x):
             style = {
                 "arrowstyle": "-|>",
-                "color": FAINT,
+                "color": _FAINT,
                 "lw": 0.7,
                 "mutation_scale": 8,
                 "shrinkA": 0,
@@ -231,7 +231,7 @@ class _Portrait:
         for cycle in self.cycles:
             k = cycle.trajectory.knots
             values = cycle.trajectory.at(
-                np.union1d(np.linspace(k.time[0], k.time[-1], SAMPLES), k.time)
+                np.union1d(np.linspace(k.time[0], k.time[-1], _SAMPLES), k.time)
             )
             style = (
                 (BLUE, "-", "stable cycle")
@@ -256,7 +256,7 @@ class _Portrait:
         for e in equilibria(self.system, self.values):
             if not isinstance(e, Equilibrium):
                 continue
-            verdict, fill = EQUILIBRIA[e.stable]
+            verdict, fill = _EQUILIBRIA[e.stable]
             name = f"{verdict} equilibrium"
             place = e.state[self.across], e.state[self.up]
             (shown[name],) = axes.plot(

@@ -26,10 +26,10 @@ from stickslip.figures.drawing.thinning import chosen, thin
 if TYPE_CHECKING:
     from stickslip.rate_independent.play.operator import Play
 
-SAMPLES = 4000
-MOST_NODES = 40_000  # at which the stable region is looked at
-WIDTH = 7.2  # inches
-HEIGHT = 3.8  # inches
+_SAMPLES = 4000
+_MOST_NODES = 40_000  # at which the stable region is looked at
+_WIDTH = 7.2  # inches
+_HEIGHT = 3.8  # inches
 
 
 def plot_play(play: Play, ax: Axes | None = None) -> Figure:
@@ -49,7 +49,7 @@ def plot_play(play: Play, ax: Axes | None = None) -> Figure:
         _draw(ax, play, "z", "stable region")
         return root_of(ax)
     with paper_style():
-        figure = new_figure(WIDTH, HEIGHT)
+        figure = new_figure(_WIDTH, _HEIGHT)
         _draw(figure.add_subplot(), play, "z", "stable region")
         return figure
 
@@ -70,7 +70,7 @@ def plot_limit(resolved: Play, averaged: Play) -> Figure:
     matplotlib.figure.Figure
     """
     with paper_style():
-        figure = new_figure(WIDTH, HEIGHT)
+        figure = new_figure(_WIDTH, _HEIGHT)
         left, right = figure.subplots(1, 2, sharex=True, sharey=True)
         _draw(left, resolved, r"z_\varepsilon", "stable region")
         _draw(right, averaged, "z_0", "stable at every phase")
@@ -99,7 +99,7 @@ def plot_loops(load: Array, plays: Mapping[str, Array], total: Array) -> Figure:
     matplotlib.figure.Figure
     """
     with paper_style():
-        figure = new_figure(WIDTH, HEIGHT)
+        figure = new_figure(_WIDTH, _HEIGHT)
         left, right = figure.subplots(1, 2)
         for (label, z), colour in zip(plays.items(), line_colours(len(plays)), strict=True):
             left.plot(load, z, color=colour, label=label)
@@ -126,7 +126,7 @@ def _draw(axes: Axes, play: Play, name: str, region: str) -> None:
     )
     # Between nodes z is monotone.
     line_time, line = thin(
-        *((t, {"z": state.z}) if len(play.time) <= MOST_NODES else (play.time, {"z": play.z}))
+        *((t, {"z": state.z}) if len(play.time) <= _MOST_NODES else (play.time, {"z": play.z}))
     )
     axes.plot(line_time, line["z"], color=BLUE, zorder=3, label=f"${name}$")
     axes.set_xlim(t[0], t[-1])
@@ -138,7 +138,7 @@ def _draw(axes: Axes, play: Play, name: str, region: str) -> None:
 def _times(play: Play) -> Array:
     """An even grid, and the nodes (some everywhere if they are too many), those of jumps from both
     sides."""
-    grid = np.linspace(play.time[0], play.time[-1], SAMPLES)
-    nodes = play.time[np.append(chosen(play.time, MOST_NODES), -1)]
+    grid = np.linspace(play.time[0], play.time[-1], _SAMPLES)
+    nodes = play.time[np.append(chosen(play.time, _MOST_NODES), -1)]
     jumps = np.nextafter(nodes[1:][np.diff(nodes) == 0.0], -np.inf)
     return np.union1d(np.concatenate([grid, jumps]), nodes)

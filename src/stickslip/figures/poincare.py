@@ -12,8 +12,8 @@ from stickslip.arrays import Array
 from stickslip.figures.drawing.style import LINES, STICK_LINE, new_figure, paper_style
 
 Map = Callable[[float], float]
-SAMPLES = 201
-FAINT = "#9A9A9A"
+_SAMPLES = 201
+_FAINT = "#9A9A9A"
 
 
 def plot_return_map(
@@ -43,11 +43,11 @@ def plot_return_map(
     -------
     matplotlib.figure.Figure
     """
-    x = np.linspace(*interval, SAMPLES)
+    x = np.linspace(*interval, _SAMPLES)
     with paper_style():
         figure = new_figure(4.8, 4.8)
         axes = figure.add_subplot()
-        axes.plot(interval, interval, color=FAINT, lw=0.9)
+        axes.plot(interval, interval, color=_FAINT, lw=0.9)
         curves = {label: np.array([f(float(v)) for v in x]) for label, f in maps.items()}
         for (label, y), colour in zip(curves.items(), LINES, strict=False):
             axes.plot(x, y, color=colour, label=label)

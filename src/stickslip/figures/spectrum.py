@@ -19,7 +19,7 @@ from stickslip.figures.drawing.style import (
 if TYPE_CHECKING:
     from stickslip.orbits.equilibria.equilibrium import Equilibria
 
-MARKERS = "osD^vPX*"
+_MARKERS = "osD^vPX*"
 
 
 def plot_eigenvalues(found: Equilibria, ax: Axes | None = None) -> Figure:
@@ -59,7 +59,7 @@ def _draw(axes: Axes, found: Equilibria) -> None:
             [z.real for z in values],
             [z.imag for z in values],
             linestyle="none",
-            marker=MARKERS[i % len(MARKERS)],
+            marker=_MARKERS[i % len(_MARKERS)],
             markerfacecolor="none",
             markeredgewidth=1.6,
             color=colours[i],

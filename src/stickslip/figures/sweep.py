@@ -39,13 +39,13 @@ from stickslip.sweeps.request.plan import INTERPOLATED, NOT_COMPUTED
 if TYPE_CHECKING:
     import xarray
 
-WIDTH = 5.2  # inches of a map
-HEIGHT = 4.2  # inches of a map
-LETTERS = 9  # of a legend, in an inch
-MULTIPLES = 6  # maps of a third axis at most; more would be stamps
-HATCH = "////"
+_WIDTH = 5.2  # inches of a map
+_HEIGHT = 4.2  # inches of a map
+_LETTERS = 9  # of a legend, in an inch
+_MULTIPLES = 6  # maps of a third axis at most; more would be stamps
+_HATCH = "////"
 # of points without a value, by reason
-GREYS = (STICK_SHADE, "#B9B9B9", "#8F8F8F", "#D8D2C8", "#6E6E6E")
+_GREYS = (STICK_SHADE, "#B9B9B9", "#8F8F8F", "#D8D2C8", "#6E6E6E")
 
 
 def plot_sweep(
@@ -157,7 +157,7 @@ def _draw_into(axes: Axes, data: xarray.Dataset, names: list[str]) -> None:
     _scale(axes, data, along[0], "x")
     axes.set_xlabel(_axis_text(data, along))
     if marks := _gap_marks(data, names[:1]):
-        room = int(LETTERS * root_of(axes).get_figwidth() * axes.get_position().width)
+        room = int(_LETTERS * root_of(axes).get_figwidth() * axes.get_position().width)
         for mark in marks:
             mark.set_label(fill(str(mark.get_label()), room))
         legend_above(axes, marks, right=True)
@@ -213,7 +213,7 @@ def _multiples(data: xarray.Dataset, names: list[str]) -> Figure:
     """One measure, over two axes for values of the shortest one."""
     third = str(min(data["outcome"].dims, key=lambda d: data.sizes[d]))
     count = data.sizes[third]
-    picked = np.unique(np.linspace(0, count - 1, min(count, MULTIPLES)).round().astype(int))
+    picked = np.unique(np.linspace(0, count - 1, min(count, _MULTIPLES)).round().astype(int))
     name = names[0]
     along = _coordinates(data, third)
     figure, panels = _panels(data, [name] * len(picked))
@@ -273,7 +273,7 @@ def draw_map(
             axes.figure.colorbar(mesh, ax=axes, label=_label(data, name))
     bad = _uncertified(data, name)[turned]
     if np.any(bad) and min(bad.shape) > 1:
-        style: dict[str, Any] = {"levels": [0.5, 1.5], "colors": "none", "hatches": [HATCH]}
+        style: dict[str, Any] = {"levels": [0.5, 1.5], "colors": "none", "hatches": [_HATCH]}
         axes.contourf(x[rows], y[columns], bad.T.astype(float), **style)
     _frame(axes, data, first, second)
 
@@ -301,7 +301,7 @@ def _panels(data: xarray.Dataset, names: list[str]) -> tuple[Figure, list[Axes]]
     """Equal panels in rows of at most three, with the title of the system."""
     columns = min(len(names), 3 if len(names) != 4 else 2)
     rows = -(-len(names) // columns)
-    figure = new_figure(WIDTH * columns, HEIGHT * rows + 0.4)
+    figure = new_figure(_WIDTH * columns, _HEIGHT * rows + 0.4)
     figure.suptitle(data.attrs["title"], x=0.01, ha="left", fontsize=13)
     grid = figure.subplots(rows, columns, squeeze=False).reshape(-1)
     for spare in grid[len(names) :]:
@@ -314,8 +314,8 @@ def _legend(figure: Figure, data: xarray.Dataset, names: list[str]) -> None:
     outcome = data["outcome"].values
     handles = []
     if text := _lacking(data, names):
-        handles.append(Patch(fc="none", ec=STICK_LINE, lw=0.0, hatch=HATCH, label=text))
-    room = int(LETTERS * figure.get_figwidth())
+        handles.append(Patch(fc="none", ec=STICK_LINE, lw=0.0, hatch=_HATCH, label=text))
+    room = int(_LETTERS * figure.get_figwidth())
     reasons = {colour: fill(text, room) for colour, text in _reasons(data, names).items()}
     handles += [Patch(fc=colour, ec="none", label=text) for colour, text in reasons.items()]
     if np.any(outcome == NOT_COMPUTED):
@@ -339,7 +339,7 @@ def _gaps(data: xarray.Dataset, names: list[str], name: str) -> dict[str, Array]
     without = np.isnan(data[name].values)
     return {
         colour: without & (outcome == code)
-        for colour, code in zip(GREYS, _codes(data, names), strict=False)
+        for colour, code in zip(_GREYS, _codes(data, names), strict=False)
     }
 
 
@@ -356,7 +356,7 @@ def _reasons(data: xarray.Dataset, names: list[str]) -> dict[str, str]:
     """What the greys of points without a value stand for."""
     words = _words(data["outcome"])
     found = {}
-    for colour, code in zip(GREYS, _codes(data, names), strict=False):
+    for colour, code in zip(_GREYS, _codes(data, names), strict=False):
         found[colour] = f"no value: {words[code]}"
         if code == Outcome.OUTSIDE.code:
             largest = with_unit(

@@ -22,8 +22,8 @@ from stickslip.symbolic.formulas import Scope, is_finite
 if TYPE_CHECKING:
     from stickslip.model.system import Contact, System
 
-VISCOUS_MATRIX = "viscous matrix of the viscous coordinates"
-QUADRATIC = "Write a pure quadratic form, like m/2*d_x**2"
+_VISCOUS_MATRIX = "viscous matrix of the viscous coordinates"
+_QUADRATIC = "Write a pure quadratic form, like m/2*d_x**2"
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ class Declaration:
         for name, value in values.items():
             self.check_range(name, value)
         _check_definite(self.mass, self.inertial, values, "kinetic", "mass matrix")
-        _check_definite(self.damping, self.viscous, values, "viscous", VISCOUS_MATRIX)
+        _check_definite(self.damping, self.viscous, values, "viscous", _VISCOUS_MATRIX)
 
 
 def declare(system: System) -> Declaration:
@@ -284,7 +284,7 @@ class _Reader:
                     "a viscous coordinate without viscous friction",
                     f"Add nu/2*d_{z}**2 to 'viscous', or declare it rate-independent",
                 )
-        _check_definite(result.damping, result.viscous, system.values, "viscous", VISCOUS_MATRIX)
+        _check_definite(result.damping, result.viscous, system.values, "viscous", _VISCOUS_MATRIX)
         both = [*result.inertial, *result.viscous]
         _check_definite(result.damping, both, system.values, "viscous", "viscous matrix", semi=True)
         for name, coordinate in system.coordinates.items():
@@ -542,9 +542,9 @@ def _quadratic(form: Expr, names: Iterable[str], where: str) -> dict[tuple[str, 
                 matrix[x, y] = matrix[y, x] = entry
         rest = ex.substitute(slope, {r: ex.ZERO for r in rates})
         if rest is not ex.ZERO:
-            raise DeclarationError(where, f"it has a part linear in d_{x}", QUADRATIC)
+            raise DeclarationError(where, f"it has a part linear in d_{x}", _QUADRATIC)
     if ex.substitute(form, {r: ex.ZERO for r in rates}) is not ex.ZERO:
-        raise DeclarationError(where, "it has a part without rates", QUADRATIC)
+        raise DeclarationError(where, "it has a part without rates", _QUADRATIC)
     return matrix
 
 

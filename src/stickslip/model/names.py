@@ -14,7 +14,7 @@ from stickslip.model.system import Formula, Parameter
 from stickslip.model.units import check_unit
 from stickslip.symbolic.formulas import Definition, check_name, is_finite, parse_signature
 
-INTERVAL = re.compile(r"\s*([\[(])\s*(\S+?)\s*,\s*(\S+?)\s*([\])])\s*\Z")
+_INTERVAL = re.compile(r"\s*([\[(])\s*(\S+?)\s*,\s*(\S+?)\s*([\])])\s*\Z")
 _M = TypeVar("_M")
 
 
@@ -46,7 +46,7 @@ class Range:
 
 def parse_range(text: object, where: str) -> Range:
     """Interval such as ``(0, inf)`` or ``[0, 1]``."""
-    match = INTERVAL.match(text) if isinstance(text, str) else None
+    match = _INTERVAL.match(text) if isinstance(text, str) else None
     if match:
         try:
             low, high = float(match[2]), float(match[3])

@@ -20,8 +20,8 @@ FORCES = {
     "threshold_plus": "threshold for u > 0 of",
     "threshold_minus": "threshold for u < 0 of",
 }
-ENERGIES = ("energy", "dissipated_energy", "supplied_energy")
-JOULE = lowest_terms(factors("J"))[1]
+_ENERGIES = ("energy", "dissipated_energy", "supplied_energy")
+_JOULE = lowest_terms(factors("J"))[1]
 
 
 def contact_key(name: str) -> str:
@@ -53,7 +53,7 @@ def quantity(system: System, name: str) -> dict[str, str]:
                 f"{what} of {moving.meaning or name[len(prefix) :]}",
                 per_time(system, moving.unit, order),
             )
-    if name in ENERGIES:
+    if name in _ENERGIES:
         return described_as(name.replace("_", " "), energy_unit(system))
     for contact in system.contacts:
         key = contact_key(contact)
@@ -133,7 +133,7 @@ def energy_unit(system: System) -> str | None:
     found += [
         unit_product((_unit_of(system, term), 1), (time, 1)) for term in _terms(d.dissipation)
     ]
-    return _common([unit for unit in found if lowest_terms(unit)[1] == JOULE] or found)
+    return _common([unit for unit in found if lowest_terms(unit)[1] == _JOULE] or found)
 
 
 def _common(units: Iterable[UnitPowers]) -> str | None:

@@ -12,7 +12,7 @@ from stickslip.errors import DeclarationError, short
 from stickslip.model.system import Condition, Contact, Coordinate, Internal, Parameter
 from stickslip.symbolic.formulas import NAME
 
-EXPECTED = {
+_EXPECTED = {
     "str": ("a text", 'Write it in quotes, like "N/m"'),
     "float": ("a number", "Write it without quotes, like 0.5"),
     "Formula": ("a formula", 'Write it in quotes, like "k*x", or give a number'),
@@ -31,15 +31,15 @@ EXPECTED = {
 }
 """What a field of a declaration holds, by its annotation, and how that is written."""
 
-CLASSES = {
+_CLASSES = {
     "Parameter": Parameter,
     "Coordinate": Coordinate,
     "Internal": Internal,
     "Contact": Contact,
     "Condition": Condition,
 }
-MOST_ENTRIES = 1000
-MOST_COORDINATES = 200
+_MOST_ENTRIES = 1000
+_MOST_COORDINATES = 200
 
 
 def check_shape(item: Any, where: str = "") -> None:
@@ -62,7 +62,7 @@ def _check_kind(value: Any, kind: str, where: str) -> None:
     if kind.startswith("Mapping["):
         if not isinstance(value, Mapping):
             raise wrong_kind(value, "table", where)
-        most = MOST_COORDINATES if where == "coordinates" else MOST_ENTRIES
+        most = _MOST_COORDINATES if where == "coordinates" else _MOST_ENTRIES
         if len(value) > most:
             raise DeclarationError(
                 where, f"it has {len(value)} entries (at most {most})", "Declare a smaller system"
@@ -73,8 +73,8 @@ def _check_kind(value: Any, kind: str, where: str) -> None:
             _check_kind(entry, kind[len("Mapping[str, ") : -1], entry_key(where, name))
     elif kind == "Any":
         return
-    elif kind not in EXPECTED:
-        if not isinstance(value, CLASSES[kind]):
+    elif kind not in _EXPECTED:
+        if not isinstance(value, _CLASSES[kind]):
             raise wrong_kind(value, "table", where)
         check_shape(value, where)
     elif not _has_kind(value, kind):
@@ -108,7 +108,7 @@ def _is_pair(value: Any, kind: str) -> bool:
 
 
 def wrong_kind(value: Any, expected: str, where: str) -> DeclarationError:
-    """The error for a value that is not of the expected kind, a key of :data:`EXPECTED`."""
+    """The error for a value that is not of the expected kind, a key of :data:`_EXPECTED`."""
     names = {
         "dict": "a table",
         "list": "a list",
@@ -120,7 +120,7 @@ def wrong_kind(value: Any, expected: str, where: str) -> DeclarationError:
     found = (
         names.get(kind, f"a value of type {kind}") if not _has_kind(value, "float") else "a number"
     )
-    what, remedy = EXPECTED[expected]
+    what, remedy = _EXPECTED[expected]
     return DeclarationError(where, f"expected {what}, got {found}", remedy)
 
 

@@ -25,15 +25,15 @@ from stickslip.model.system import (
     Viscous,
 )
 
-COORDINATES = {str(kind.kind): kind for kind in (Inertial, Viscous, RateIndependent)}
+_COORDINATES = {str(kind.kind): kind for kind in (Inertial, Viscous, RateIndependent)}
 
 
 def _coordinate(value: Any, where: str) -> Any:
     table = dict(toml.mapping(value, where))
-    return toml.entry(toml.named_kind(table, COORDINATES, where), table, where)
+    return toml.entry(toml.named_kind(table, _COORDINATES, where), table, where)
 
 
-SYSTEMS = toml.Language(
+_SYSTEMS = toml.Language(
     System,
     groups=(
         "name",
@@ -69,7 +69,7 @@ def load(path: str | PathLike[str]) -> System:
         If the file cannot be read or anything in it is wrong; the message names the file, the key,
         the reason and the remedy.
     """
-    return SYSTEMS.load(path)
+    return _SYSTEMS.load(path)
 
 
 def loads(text: str, where: str = "model") -> System:
@@ -80,7 +80,7 @@ def loads(text: str, where: str = "model") -> System:
     DeclarationError
         If anything in it is wrong.
     """
-    return SYSTEMS.loads(text, where)
+    return _SYSTEMS.loads(text, where)
 
 
 def save(system: System, path: str | PathLike[str]) -> None:
@@ -91,7 +91,7 @@ def save(system: System, path: str | PathLike[str]) -> None:
     DeclarationError
         If the file cannot be written.
     """
-    SYSTEMS.save(system, path)
+    _SYSTEMS.save(system, path)
 
 
 def dumps(system: System) -> str:
@@ -99,4 +99,4 @@ def dumps(system: System) -> str:
 
     What has its default value is left out, except the default of a parameter.
     """
-    return SYSTEMS.dumps(system)
+    return _SYSTEMS.dumps(system)

@@ -16,15 +16,15 @@ from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.model.schema import entry_key, wrong_kind
 
 MAX_BYTES = 300_000  # tomllib reads some 300 kB in a second
-LONG_LINE = 150
+_LONG_LINE = 150
 
 # The time that tomllib needs grows with the square of the number of parts of a key.
-DEEP_KEY = re.compile(r"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){12}""")
-BARE_KEY = re.compile(r"[A-Za-z0-9_-]+\Z")
-ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\r": "\\r"}
+_DEEP_KEY = re.compile(r"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){12}""")
+_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+\Z")
+_ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\r": "\\r"}
 
 
-EXAMPLES = {
+_EXAMPLES = {
     "default": "default = 1.0",
     "law": 'law = "1 - alpha"',
     "direction": 'direction = "d_x"',
@@ -176,7 +176,7 @@ def parse(text: str) -> dict[str, Any]:
         raise DeclarationError(
             "", f"the text has more than {MAX_BYTES:,} characters", "Is it a model file?"
         )
-    deep = DEEP_KEY.search(text)
+    deep = _DEEP_KEY.search(text)
     if deep:
         line = text.count("\n", 0, deep.start()) + 1
         raise DeclarationError(
@@ -242,7 +242,7 @@ def known_keys(cls: Any, table: dict[str, Any], where: str) -> dict[str, Any]:
 
 
 def _join(where: str, key: str) -> str:
-    key = key if BARE_KEY.match(key) else f"'{short(key)}'"
+    key = key if _BARE_KEY.match(key) else f"'{short(key)}'"
     return f"{where}.{key}" if where else key
 
 
@@ -263,7 +263,7 @@ def named_kind(table: dict[str, Any], kinds: Mapping[str, type[K]], where: str) 
 
 def missing(where: str, key: str, example: str = "") -> DeclarationError:
     """The error for a key that has to be there."""
-    example = example or EXAMPLES.get(key, f'{key} = "..."')
+    example = example or _EXAMPLES.get(key, f'{key} = "..."')
     return DeclarationError(_join(where, key), "this key is missing", f"Add it, as in: {example}")
 
 
@@ -295,7 +295,7 @@ def _lines(key: str, value: Any) -> Iterator[str]:
     for name, item in value.items():
         path = f"{key}.{_key(name)}"
         line = f"{path} = {_value(item)}"
-        if len(line) > LONG_LINE and not isinstance(item, str):
+        if len(line) > _LONG_LINE and not isinstance(item, str):
             yield from (f"{path}.{field} = {_value(part)}" for field, part in _parts(item))
         else:
             yield line
@@ -332,13 +332,13 @@ def _value(value: Any) -> str:
 
 
 def _key(name: str) -> str:
-    return name if BARE_KEY.match(name) else _text(name)
+    return name if _BARE_KEY.match(name) else _text(name)
 
 
 def _text(text: str) -> str:
     if "\\" in text and not re.search(r"['\x00-\x08\x0a-\x1f\x7f]", text):
         return f"'{text}'"
-    plain = "".join(ESCAPES.get(c, c) for c in text)
+    plain = "".join(_ESCAPES.get(c, c) for c in text)
     return (
         '"'
         + re.sub(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]", lambda m: f"\\u{ord(m[0]):04x}", plain)

@@ -17,10 +17,10 @@ UNIT_NAMES = frozenset(
     "kHz MHz GHz mg mrad pm 1 %".split()
 )
 _POWER = r"\^(?:-?\d+(?:/\d+)?|\(-?\d+(?:/\d+)?\))"
-FACTOR = rf"(?:[A-Za-zµ]+|1|%)(?:{_POWER})?"
-GROUP = rf"(?:{FACTOR}|\({FACTOR}(?:[*·/ ]{FACTOR})*\))"
-_UNIT = re.compile(rf"{FACTOR}(?:[*·/ ]{GROUP})*\Z")
-PREFIXES = {
+_FACTOR = rf"(?:[A-Za-zµ]+|1|%)(?:{_POWER})?"
+_GROUP = rf"(?:{_FACTOR}|\({_FACTOR}(?:[*·/ ]{_FACTOR})*\))"
+_UNIT = re.compile(rf"{_FACTOR}(?:[*·/ ]{_GROUP})*\Z")
+_PREFIXES = {
     "a": -18,
     "f": -15,
     "p": -12,
@@ -34,7 +34,7 @@ PREFIXES = {
     "G": 9,
 }
 SI = ("kg", "m", "s", "A", "K", "mol", "cd")
-DERIVED = {
+_DERIVED = {
     "g": (1e-3, "kg"), "t": (1e3, "kg"), "L": (1e-3, "m^3"), "min": (60.0, "s"), "h": (3600.0, "s"),
     "d": (86400.0, "s"), "a": (31557600.0, "s"), "yr": (31557600.0, "s"), "rad": (1.0, "1"),
     "deg": (math.pi / 180.0, "1"), "%": (0.01, "1"), "Hz": (1.0, "1/s"), "N": (1.0, "kg*m/s^2"),
@@ -78,7 +78,7 @@ def factors(unit: str) -> UnitPowers:
     dimensionless."""
     powers: dict[str, Fraction] = {}
     for operator, group, one in re.findall(
-        rf"([*·/ ]?)(?:\(([^()]*(?:\([^()]*\)[^()]*)*)\)|({FACTOR}))", _plain(unit)
+        rf"([*·/ ]?)(?:\(([^()]*(?:\([^()]*\)[^()]*)*)\)|({_FACTOR}))", _plain(unit)
     ):
         inner = dict(factors(group)) if group else {}
         if one:
@@ -124,10 +124,10 @@ def in_si(name: str) -> tuple[float, UnitPowers]:
     """A unit name as a multiple of a product of SI base units."""
     if name in SI:
         return 1.0, {name: Fraction(1)}
-    if name in DERIVED:
-        scale, unit = DERIVED[name]
+    if name in _DERIVED:
+        scale, unit = _DERIVED[name]
     else:
-        scale = 10.0 ** PREFIXES[name[0]]
+        scale = 10.0 ** _PREFIXES[name[0]]
         unit = name[1:]
     more, base = lowest_terms(factors(unit))
     return scale * more, base

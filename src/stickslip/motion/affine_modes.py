@@ -10,10 +10,11 @@ which need no such structure.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arrays import AnyArray as Array
 from stickslip.motion.engine.forms import (
     AFFINE,
     EXPONENTS,
@@ -28,13 +29,12 @@ from stickslip.motion.steps.arrays import DIMENSION, INERTIAL, Constants
 if TYPE_CHECKING:
     from stickslip.motion.problem import Problem
 
-Array = Any  # of floats, integers or complex numbers
 
 # so large that constants do not drown the slopes, in whatever unit; scaling with it is exact
-PROBE = 2.0**200
-AGES = 2.0**300  # likewise for slopes in time, where there are no waves
-CONDITION = 1e4
-SLOW = 1e-6  # smallest eigenvalue, relative to the largest, that may be divided by
+_PROBE = 2.0**200
+_AGES = 2.0**300  # likewise for slopes in time, where there are no waves
+_CONDITION = 1e4
+_SLOW = 1e-6  # smallest eigenvalue, relative to the largest, that may be divided by
 
 
 @dataclass(frozen=True)
@@ -281,7 +281,7 @@ def linearise(
     ne = 2 + 2 * omega.shape[1]
     # Many times spread over slow and fast periods keep the fit of the drives well conditioned.
     slowest = np.min(np.where(omega > 0.0, omega, np.inf), axis=1, initial=np.inf)
-    window = np.where(slowest < np.inf, 6.0 * np.pi / slowest, AGES)
+    window = np.where(slowest < np.inf, 6.0 * np.pi / slowest, _AGES)
     several = [(0.6180339887498949 * k) % 1.0 for k in range(1, 6 * ne)]
     spread = several if omega.shape[1] else [1.0] * layout.timed
     d = 1 + len(spread)
@@ -294,7 +294,7 @@ def linearise(
     ).reshape(4, n)
     checked = np.array([(0.1 * k + 0.007) * layout.timed for k in range(4)])
     times = np.hstack([later, np.zeros((count, n)), checked * window[:, None]])
-    states = np.vstack([np.zeros((d, n)), PROBE * np.eye(n), checks])
+    states = np.vstack([np.zeros((d, n)), _PROBE * np.eye(n), checks])
     out = np.zeros((count, len(states), n + 4 * nc + nk + len(problem.rows.doubtful)))
     hold = np.zeros((count, max(nc, 1), int(sizes[INERTIAL]) + 1))
     found = np.zeros(count, np.bool_)
@@ -306,7 +306,7 @@ def linearise(
     seen = out[:, d + n :]
     difference = slopes - rest[:, :1]
     difference[np.abs(difference) <= 4e-16 * (np.abs(slopes) + np.abs(rest[:, :1]))] = 0.0
-    D = np.ascontiguousarray((difference / PROBE).transpose(0, 2, 1))
+    D = np.ascontiguousarray((difference / _PROBE).transpose(0, 2, 1))
     E = np.zeros((count, out.shape[2], ne))
     E[:, :, 0] = rest[:, 0]
     if omega.shape[1]:
@@ -365,7 +365,7 @@ def eigenmodes(a: Array, core: Array) -> tuple[tuple[Array, Array, Array], Array
     scale = np.max(np.abs(values), axis=1, initial=0.0)[:, None]
     values.imag[np.abs(values.imag) < 1e-12 * scale] = 0.0
     values[np.abs(values) < 1e-13 * scale] = 0.0
-    good = ~np.any((values != 0.0) & (np.abs(values) < SLOW * scale), axis=1)
+    good = ~np.any((values != 0.0) & (np.abs(values) < _SLOW * scale), axis=1)
     if len(f):
         good &= ~np.any(values == 0.0, axis=1)
     X, regular = inverses(U)
@@ -376,7 +376,7 @@ def eigenmodes(a: Array, core: Array) -> tuple[tuple[Array, Array, Array], Array
     good &= regular & driven
     with np.errstate(all="ignore"):
         condition = np.linalg.norm(U, axis=1) * np.linalg.norm(X, axis=2)
-        good &= np.all(condition < CONDITION, axis=1)
+        good &= np.all(condition < _CONDITION, axis=1)
     # Rounding where a zero belongs would make every signal look as if it had all parts.
     U, X, drag = (
         np.where(np.abs(m) > 1e-15 * np.max(np.abs(m), axis=k, initial=0.0, keepdims=True), m, 0.0)

@@ -28,13 +28,13 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 NAMES = ("energy balance", "friction law", "equations of motion", "rounding errors of the audit")
-TOLERANCE = 1e-9  # limit of all residuals, at least
-ACCURACY = 10.0  # … and so many times rtol
+_TOLERANCE = 1e-9  # limit of all residuals, at least
+_ACCURACY = 10.0  # … and so many times rtol
 
 
 def certify(trajectory: Trajectory) -> Certificate:
     """Measure a trajectory against energy balance, friction law and equations of motion."""
-    tolerance = max(TOLERANCE, ACCURACY * trajectory.rtol)
+    tolerance = max(_TOLERANCE, _ACCURACY * trajectory.rtol)
     values = [float(v) if np.isfinite(v) else np.inf for v in trajectory.audit.residuals]
     outcome = "" if trajectory.outcome.ok else trajectory.outcome.label
     return Certificate(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.equations.codegen.compiled import announced
 from stickslip.motion.affine_modes import fill_closed_forms
 from stickslip.motion.engine import event_loop
@@ -24,8 +25,6 @@ from stickslip.motion.steps.arrays import (
     Task,
 )
 from stickslip.motion.steps.stiff import WATCHED
-
-Array = np.ndarray
 
 
 @dataclass

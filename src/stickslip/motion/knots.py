@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arrays import Array
+
 if TYPE_CHECKING:
     from stickslip.motion.steps.arrays import Record
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

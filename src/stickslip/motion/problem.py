@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.equations.codegen.generate import ORDERS
 from stickslip.equations.codegen.program import pack
 from stickslip.errors import DeclarationError
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from stickslip.equations.codegen.compiled import CompiledSystem
     from stickslip.motion.engine.forms import ClosedForms, Flight
 
-Array = np.ndarray
 
 SLOTS = 64  # modes with a closed form that one set of parameters may have
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arrays import AnyArray as Array
 from stickslip.motion.engine.flights import mode_key
 from stickslip.motion.engine.forms import AFFINE
 
 if TYPE_CHECKING:
     from stickslip.motion.knots import Knots
     from stickslip.motion.problem import Problem
-
-Array = Any  # of floats, integers or complex numbers
 
 
 def rests_forever(problem: Problem, knots: Knots) -> bool:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.model.system import Kind, System
 from stickslip.motion.knots import Knots
@@ -15,8 +16,7 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.symbolic import expressions as ex
 
-CHUNK = 4096  # steps between looks at the clock and the keyboard
-Array = np.ndarray
+_CHUNK = 4096  # steps between looks at the clock and the keyboard
 
 
 def simulate(
@@ -131,7 +131,7 @@ def follow(
     try:
         while lanes.codes[0] >= FULL:
             lanes.make_closed_forms()
-            size = min(2 * size, CHUNK)
+            size = min(2 * size, _CHUNK)
             record = Knots.empty(size, len(y), contacts, kinks, problem.origin)
             count = lanes.advance(end, max_events, record.record)
             pieces.append(record.first(count))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual
 from stickslip.errors import DeclarationError
 from stickslip.model.declaration import check_initial
@@ -27,10 +28,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = np.ndarray
 BATCH_SLOTS = 12  # closed forms kept for each set of parameters of a batch
-BLOCK_BYTES = 32e6  # for the closed forms of the motions that are worked on together
-MOST_LANES = 2048
+_BLOCK_BYTES = 32e6  # for the closed forms of the motions that are worked on together
+_MOST_LANES = 2048
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -233,7 +233,7 @@ def run(
     # Motions with the same parameters share their closed forms: the fewer blocks, the seldomer
     # these are made.
     lanes = (
-        max(MOST_LANES, -(-len(states) // workers)) if shared else lanes_of_block(problem, slots)
+        max(_MOST_LANES, -(-len(states) // workers)) if shared else lanes_of_block(problem, slots)
     )
     blocks = [slice(i, i + lanes) for i in range(0, len(states), lanes)]
     with ThreadPoolExecutor(workers) as pool:
@@ -253,7 +253,7 @@ def lanes_of_block(problem: Problem, slots: int) -> int:
     """Motions worked on together: as many as memory lets, which does not matter to where they
     end."""
     size = sum(part.nbytes for part in problem.empty_forms(1, slots))
-    return int(np.clip(BLOCK_BYTES / size, 1, MOST_LANES))
+    return int(np.clip(_BLOCK_BYTES / size, 1, _MOST_LANES))
 
 
 def follow_block(

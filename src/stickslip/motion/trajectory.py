@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.certificates import Certificate
 from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError, StickslipError
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
     from stickslip.motion.between.step_balance import Steps, Tally
 
-Array = np.ndarray
 GRID = 1000  # points of the dataset between knots
 
 

@@ -25,7 +25,7 @@ from stickslip.sweeps.store import MapStore
 Cell = tuple[tuple[int, int], ...]
 """First and last index along each axis."""
 
-COARSEST = 8  # cells along an axis to begin with, at least
+_COARSEST = 8  # cells along an axis to begin with, at least
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def _coarse(grid: Grid) -> list[Cell]:
     ranges = []
     for n in grid.shape:
         stride = 1
-        while (n - 1) // (2 * stride) >= COARSEST:
+        while (n - 1) // (2 * stride) >= _COARSEST:
             stride *= 2
         nodes = [*range(0, n - 1, stride), n - 1] if n > 1 else [0, 0]
         ranges.append(list(pairwise(nodes)))

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.equations.derive import derive
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.model.quantities import drift_units, quantity
@@ -43,18 +44,17 @@ if TYPE_CHECKING:
 
     from stickslip.orbits.settling.motions import Settings
 
-Array = np.ndarray
 Axis = tuple[float, float, int] | Sequence[float] | np.ndarray
 
-STOPPED = -1  # labels of motions that are on no attractor
+_STOPPED = -1  # labels of motions that are on no attractor
 ON_ITS_WAY = -2
 UNDAMPED = -3
-ARRIVED = 1e-3  # distance from an attractor, relative to its size, that counts as on it
-SAME = 1e-6  # relative difference of periods, and of ranges, that is none
-LONG_ENOUGH = 6.0  # periods after which Newton's method sees that a motion repeats
-MOST = 64  # attractors
-MOST_STATES = 10**7  # of a section
-COMPONENTS = ("state", "low", "high", "shift")  # measures of every component of the state
+_ARRIVED = 1e-3  # distance from an attractor, relative to its size, that counts as on it
+_SAME = 1e-6  # relative difference of periods, and of ranges, that is none
+_LONG_ENOUGH = 6.0  # periods after which Newton's method sees that a motion repeats
+_MOST = 64  # attractors
+_MOST_STATES = 10**7  # of a section
+_COMPONENTS = ("state", "low", "high", "shift")  # measures of every component of the state
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ def _measures(problem: Problem) -> tuple[str, ...]:
     state, contacts = problem.system.declaration.state, problem.system.contacts
     return (
         *("time", "duration", "switches"),
-        *(f"{name}:{x}" for name in COMPONENTS for x in state),
+        *(f"{name}:{x}" for name in _COMPONENTS for x in state),
         *(f"stick_fraction:{contact}" for contact in contacts),
     )
 
@@ -218,7 +218,7 @@ def _settled(problem: Problem, store: MapStore, done: Array) -> Settled:
         columns = [column(variable(f"{name}:{x}")) for x in of]
         return np.column_stack(columns) if columns else np.zeros((int(np.sum(done)), 0))
 
-    states, low, high, shift = (table(name, state) for name in COMPONENTS)
+    states, low, high, shift = (table(name, state) for name in _COMPONENTS)
     stuck = table("stick_fraction", contacts) >= 1.0
     return Settled(
         column("outcome"),
@@ -247,7 +247,7 @@ def _axes(system: System, over: Mapping[str, Axis]) -> dict[str, Array]:
         try:
             if isinstance(given, tuple) and len(given) == 3 and isinstance(given[2], int):
                 values = np.linspace(
-                    float(given[0]), float(given[1]), min(max(given[2], 0), MOST_STATES + 1)
+                    float(given[0]), float(given[1]), min(max(given[2], 0), _MOST_STATES + 1)
                 )
             else:
                 values = np.asarray(given, dtype=float)
@@ -265,9 +265,9 @@ def _axes(system: System, over: Mapping[str, Axis]) -> dict[str, Array]:
         axes[name] = values
     if not axes:
         raise DeclarationError("over", "nothing varies", "Give ranges of one or two states")
-    if math.prod(map(len, axes.values())) > MOST_STATES:
+    if math.prod(map(len, axes.values())) > _MOST_STATES:
         raise DeclarationError(
-            "over", f"the section has more than {MOST_STATES:,} states", "Give fewer values"
+            "over", f"the section has more than {_MOST_STATES:,} states", "Give fewer values"
         )
     return axes
 
@@ -290,7 +290,7 @@ class _Census:
         self.equations = derive(problem.system.declaration)
         groups = [*self._rest(), *self._steady(), *self._families(), *self._cycles()]
         groups.sort(key=lambda group: -len(group[1]))
-        self.label = np.full(len(found.outcome), STOPPED)
+        self.label = np.full(len(found.outcome), _STOPPED)
         self.label[np.isin(found.outcome, [Outcome.NOT_SETTLED.code, Outcome.PERIODIC.code])] = (
             ON_ITS_WAY
         )
@@ -316,7 +316,7 @@ class _Census:
             state = f.state[left[0]]
             near = (
                 NearPoint(state, self._invariant(state), self.sizes).distance(f.state[left])
-                < ARRIVED
+                < _ARRIVED
             )
             near[0] = True
             slips = f.stuck.shape[1] > 0 and not np.all(f.stuck[left[0]])
@@ -328,7 +328,7 @@ class _Census:
         """Stability of the isolated equilibrium near a state."""
         for e in self._equilibria:
             near = NearPoint(np.array(list(e.state.values())), self._invariant(state), self.sizes)
-            if e.stable is not None and near.distance(state[None])[0] < ARRIVED:
+            if e.stable is not None and near.distance(state[None])[0] < _ARRIVED:
                 return "stable" if e.stable else "unstable"
         return ""
 
@@ -356,7 +356,7 @@ class _Census:
             same = np.all(f.stuck[left] == f.stuck[first], axis=1) & (
                 f.switches[left] == f.switches[first]
             )
-            same &= np.abs(f.period[left] - f.period[first]) <= SAME * f.period[first]
+            same &= np.abs(f.period[left] - f.period[first]) <= _SAME * f.period[first]
             kind = "oscillation" if np.all(f.stuck[first]) else self._kind(first)
             yield self._attractor(kind, left[same], family=True), left[same]
             left = left[~same]
@@ -366,22 +366,22 @@ class _Census:
         f = self.found
         left = self._of(Outcome.PERIODIC)
         left = left[~np.any(f.stuck[left], axis=1)]
-        for _ in range(MOST):
+        for _ in range(_MOST):
             if not len(left):
                 return
             first = left[0]
             cycle = self._closed(first)
-            near = np.abs(f.period[left] - f.period[first]) <= SAME * f.period[first]
+            near = np.abs(f.period[left] - f.period[first]) <= _SAME * f.period[first]
             if cycle is not None:
                 near[near] = (
-                    NearCycle(cycle).distance(f.state[left[near]], f.time[left[near]]) < ARRIVED
+                    NearCycle(cycle).distance(f.state[left[near]], f.time[left[near]]) < _ARRIVED
                 )
             else:
                 span = np.maximum(f.high[first] - f.low[first], 1e-300)
                 ends = np.maximum(
                     np.abs(f.low[left] - f.low[first]), np.abs(f.high[left] - f.high[first])
                 )
-                near &= np.all((ends <= SAME * span) | (f.shift[first] != 0.0), axis=1)
+                near &= np.all((ends <= _SAME * span) | (f.shift[first] != 0.0), axis=1)
             near[0] = True
             yield self._attractor(self._kind(first), left[near], cycle=cycle), left[near]
             left = left[~near]
@@ -394,12 +394,12 @@ class _Census:
         start, period = float(f.time[motion]), float(f.period[motion])
         try:
             ahead = simulate(
-                system, (start, start + LONG_ENOUGH * period), self._named(f.state[motion]), values
+                system, (start, start + _LONG_ENOUGH * period), self._named(f.state[motion]), values
             )
             cycle = find_cycle(system, ahead)
         except (ConvergenceError, DeclarationError):
             return None
-        return cycle if abs(cycle.period - period) <= SAME * period else None
+        return cycle if abs(cycle.period - period) <= _SAME * period else None
 
     def _kind(self, motion: int) -> str:
         return "walking" if self._speed(motion) else "cycle"
@@ -412,7 +412,7 @@ class _Census:
         drift = dict(
             zip(self.problem.system.declaration.state, shift / f.period[motion], strict=True)
         )
-        return _along(self.problem.system, drift) if np.any(np.abs(shift) > SAME * size) else 0.0
+        return _along(self.problem.system, drift) if np.any(np.abs(shift) > _SAME * size) else 0.0
 
     def _attractor(
         self, kind: str, members: Array, family: bool = False, cycle: Cycle | None = None
@@ -460,7 +460,7 @@ def _dataset(
 
     reached = [attractor for attractor, _ in found]
     names = [_title(a, reached) for a in reached]
-    codes = [UNDAMPED, ON_ITS_WAY, STOPPED, *range(len(reached))]
+    codes = [UNDAMPED, ON_ITS_WAY, _STOPPED, *range(len(reached))]
     flags = {
         "long_name": "attractor reached",
         "flag_values": np.array(codes, np.int8),

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual
 from stickslip.model.system import System
 from stickslip.model.units import with_unit
@@ -27,9 +28,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = np.ndarray
 # labels of motions that are on no attractor, with what is counted of them
-NOWHERE = {-1: "stopped", -2: "not_settled", -3: "undamped"}
+_NOWHERE = {-1: "stopped", -2: "not_settled", -3: "undamped"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -325,7 +325,7 @@ class Basin(Result):
             "section": section,
             "attractors": self._attractors(),
             "units": {name: data[name].attrs["units"] for name in ("period", "speed")},
-            **{name: int((labels == code).sum()) for code, name in NOWHERE.items()},
+            **{name: int((labels == code).sum()) for code, name in _NOWHERE.items()},
         }
 
     def _attractors(self) -> list[dict[str, Any]]:
@@ -352,7 +352,7 @@ class Basin(Result):
     def rows(self) -> list[tuple[str, str]]:
         """What fits on a page, in words."""
         labels = self.dataset["attractor"].values
-        counts = {name: int((labels == code).sum()) for code, name in NOWHERE.items()}
+        counts = {name: int((labels == code).sum()) for code, name in _NOWHERE.items()}
         nowhere = [(k.replace("_", " "), f"{n} states") for k, n in counts.items() if n]
         return [*shortened(self._reached()), *nowhere]
 

@@ -16,7 +16,7 @@ from stickslip.symbolic.intervals import LOOSE, Intervals
 
 Box = Array  # of shape (2, boxes)
 
-ARRAYS = Intervals(
+_ARRAYS = Intervals(
     SimpleNamespace(
         minimum=np.minimum,
         maximum=np.maximum,
@@ -44,7 +44,7 @@ def enclosures(expressions: Sequence[Expr], ranges: Mapping[str, Any]) -> list[B
     list of arrays, shape (2, boxes)
     """
     with np.errstate(all="ignore"):
-        found = Enclosure(expressions, ranges, ARRAYS)
+        found = Enclosure(expressions, ranges, _ARRAYS)
         return [_box(found.values[e], ranges) for e in expressions]
 
 
@@ -57,7 +57,7 @@ def slopes(
     unbounded. So f(y) − f(x) lies in the slope times y − x, for all x and y in a box.
     """
     with np.errstate(all="ignore"):
-        found = Enclosure(expressions, ranges, ARRAYS, name)
+        found = Enclosure(expressions, ranges, _ARRAYS, name)
         return [(_box(found.values[e], ranges), _box(found.slope(e), ranges)) for e in expressions]
 
 

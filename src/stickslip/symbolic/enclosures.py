@@ -15,8 +15,8 @@ from stickslip.symbolic.expressions import Expr, number, walk
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS, Function
 from stickslip.symbolic.intervals import EVERYTHING, FLOATS, LARGEST, LOOSE, Interval, Intervals
 
-MOST_SIDES = 4  # nested kinks that are told apart
-NOTHING = (0.0, 0.0)
+_MOST_SIDES = 4  # nested kinks that are told apart
+_NOTHING = (0.0, 0.0)
 
 
 def bounds(expression: Expr, ranges: Mapping[str, tuple[float, float]]) -> tuple[float, float]:
@@ -58,7 +58,7 @@ class Enclosure:
 
     def slope(self, e: Expr) -> Interval:
         """Slope of a node."""
-        return self.slopes.get(e, NOTHING)
+        return self.slopes.get(e, _NOTHING)
 
     def _value(self, e: Expr) -> Interval:
         of, known = self.intervals, self.values
@@ -93,7 +93,7 @@ class Enclosure:
         ops = self.intervals.ops
         known = self.values.get(e, EVERYTHING)
         low, high = known
-        if e.op == "select" and len(sides) < MOST_SIDES:
+        if e.op == "select" and len(sides) < _MOST_SIDES:
             guard, above, below = e.args
             parts = (
                 self._select(branch, (*sides, (guard, s)))
@@ -122,7 +122,7 @@ class Enclosure:
             case "sym":
                 return 1.0, 1.0
             case "sum":
-                total: Interval = NOTHING
+                total: Interval = _NOTHING
                 for term, c in e.terms:
                     if term in self.slopes:
                         total = of.plus(total, of.scaled(c, self.slopes[term]))
@@ -146,7 +146,7 @@ class Enclosure:
 
     def _slope_of_product(self, e: Expr) -> Interval:
         of = self.intervals
-        total = NOTHING
+        total = _NOTHING
         for base, p in e.terms:
             if base in self.slopes:
                 box = self.values[base]

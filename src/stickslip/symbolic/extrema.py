@@ -22,12 +22,12 @@ from stickslip.arrays import Array
 from stickslip.symbolic.boxes import between, enclosures, slopes
 from stickslip.symbolic.expressions import Expr
 
-FIRST = 64  # boxes to begin with
-AT_ONCE = 256  # boxes that are looked at together, at least
-FINEST = 16  # parts of a box at once
-MOST = 200_000  # boxes in all
-TOLERANCE = 1e-15  # gap that will do, relative to the largest value at the first ends of boxes
-ROUNDINGS = 4.0  # gaps that will do, in units of the rounding of the value at the minimum
+_FIRST = 64  # boxes to begin with
+_AT_ONCE = 256  # boxes that are looked at together, at least
+_FINEST = 16  # parts of a box at once
+_MOST = 200_000  # boxes in all
+_TOLERANCE = 1e-15  # gap that will do, relative to the largest value at the first ends of boxes
+_ROUNDINGS = 4.0  # gaps that will do, in units of the rounding of the value at the minimum
 
 
 @dataclass(frozen=True)
@@ -69,8 +69,8 @@ def least(
     *,
     others: Mapping[str, tuple[float, float]] | None = None,
     below: float = math.inf,
-    tolerance: float = TOLERANCE,
-    most: int = MOST,
+    tolerance: float = _TOLERANCE,
+    most: int = _MOST,
 ) -> Least:
     """The least value of an expression for a name between two numbers.
 
@@ -96,7 +96,7 @@ def least(
         (found,) = enclosures([expression], {**fixed, name: (places, places)})
         return np.broadcast_to(found, (2, len(places)))
 
-    ends = np.linspace(low, high, FIRST + 1)
+    ends = np.linspace(low, high, _FIRST + 1)
     values = at(ends)
     finite = values[1][np.isfinite(values[1])]
     enough = tolerance * float(np.max(np.abs(finite), initial=0.0))
@@ -117,7 +117,7 @@ def least(
             box[0], between(at_start, at_end, slope, np.nextafter(end - start, math.inf))[0]
         )
         bound = np.minimum(bound, np.minimum(at_start[0], at_end[0]))  # by rounding
-        open_ = bound < min(best, below) - max(enough, ROUNDINGS * noise)
+        open_ = bound < min(best, below) - max(enough, _ROUNDINGS * noise)
         open_ &= end - start > np.spacing(np.maximum(np.abs(start), np.abs(end)))
         floor = min(floor, float(np.min(bound[~open_], initial=math.inf)))
         start = start[open_]
@@ -125,7 +125,7 @@ def least(
         at_start = at_start[:, open_]
         at_end = at_end[:, open_]
         bound = bound[open_]
-        parts = 2 ** int(np.log2(np.clip(AT_ONCE // max(len(start), 1), 2, FINEST)))
+        parts = 2 ** int(np.log2(np.clip(_AT_ONCE // max(len(start), 1), 2, _FINEST)))
         if not len(start) or looked + parts * len(start) > most:
             break
         share = np.arange(1, parts) / parts

@@ -24,23 +24,23 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
 
-MAX_LENGTH = 4000
-MAX_NODES = 1500
-MAX_DEPTH = 60  # of brackets in one formula
-MAX_HEIGHT = 120  # of an expression once all functions are inserted
-MAX_WORK = 40_000  # nodes read for one formula, functions inserted
+_MAX_LENGTH = 4000
+_MAX_NODES = 1500
+_MAX_DEPTH = 60  # of brackets in one formula
+_MAX_HEIGHT = 120  # of an expression once all functions are inserted
+_MAX_WORK = 40_000  # nodes read for one formula, functions inserted
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
-SIGNATURE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*(?:\(([^()]*)\))?\s*\Z")
-STRUCTURES = {"sqrt": 1, "abs": 1, "clip": 3, "min": None, "max": None, "piecewise": None}
-CONSTANTS = {"pi": ex.num(math.pi)}
-RESERVED = frozenset(CONSTANTS) | {"t", "speed"}
+_SIGNATURE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*(?:\(([^()]*)\))?\s*\Z")
+_STRUCTURES = {"sqrt": 1, "abs": 1, "clip": 3, "min": None, "max": None, "piecewise": None}
+_CONSTANTS = {"pi": ex.num(math.pi)}
+_RESERVED = frozenset(_CONSTANTS) | {"t", "speed"}
 
 
 def builtins() -> dict[str, int | None]:
     """The functions of the language with the number of their arguments (None: at least one): those
     of the table, and those that are written for powers and kinks."""
-    return STRUCTURES | dict.fromkeys(FUNCTIONS, 1)
+    return _STRUCTURES | dict.fromkeys(FUNCTIONS, 1)
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ def formula_text(expression: Expr, where: str) -> str:
 
 def parse_signature(text: str, where: str) -> tuple[str, tuple[str, ...]]:
     """Name and arguments of ``H_R(psi)``."""
-    match = SIGNATURE.match(text)
+    match = _SIGNATURE.match(text)
     if not match:
         raise DeclarationError(
             where,
@@ -187,7 +187,7 @@ def check_name(name: str, where: str, taken: Iterable[str] = ()) -> None:
             f"'{short(name)}' is not a name",
             "Use letters, digits and _, starting with a letter",
         )
-    if name in RESERVED or name in builtins():
+    if name in _RESERVED or name in builtins():
         raise DeclarationError(
             where, f"'{name}' has a fixed meaning in formulas", "Choose another name"
         )
@@ -222,9 +222,9 @@ class _Reader:
             )
         if not text.strip():
             raise self.fail("the formula is empty", "Write a formula, or 0")
-        if len(text) > MAX_LENGTH:
+        if len(text) > _MAX_LENGTH:
             raise self.fail(
-                f"the formula has {len(text)} characters (at most {MAX_LENGTH})",
+                f"the formula has {len(text)} characters (at most {_MAX_LENGTH})",
                 "Use functions to shorten it",
             )
         try:
@@ -251,7 +251,7 @@ class _Reader:
 
     def tree(self, expression: Expr) -> Expr:
         """An expression whose names mean what they mean in a text."""
-        if expression.depth > MAX_HEIGHT:
+        if expression.depth > _MAX_HEIGHT:
             raise self.fail("the expression is too deeply nested", "Simplify it")
         meaning = {name: self.name(name) for name in sorted(expression.symbols)}
         return ex.substitute(expression, meaning)
@@ -259,7 +259,7 @@ class _Reader:
     def visit(self, node: ast.AST, depth: int) -> Expr:
         self.tally(depth)
         value = self.translate(node, depth)
-        if value.depth > MAX_HEIGHT:
+        if value.depth > _MAX_HEIGHT:
             raise self.fail(
                 "the formula is too deeply nested once its functions are inserted",
                 "Simplify the formula",
@@ -270,11 +270,11 @@ class _Reader:
         """Count one more node."""
         self.count += 1
         self.scope._work += 1
-        if self.count > MAX_NODES or depth > MAX_DEPTH:
+        if self.count > _MAX_NODES or depth > _MAX_DEPTH:
             raise self.fail(
                 "the formula is too long or too deeply nested", "Use functions to shorten it"
             )
-        if self.scope._work > MAX_WORK:
+        if self.scope._work > _MAX_WORK:
             raise self.fail(
                 "the formula is too long once its functions are inserted",
                 "Simplify the functions it uses",
@@ -338,8 +338,8 @@ class _Reader:
     def name(self, name: str) -> Expr:
         if name in self.bound:
             return self.bound[name]
-        if name in CONSTANTS:
-            return CONSTANTS[name]
+        if name in _CONSTANTS:
+            return _CONSTANTS[name]
         if name in self.scope.names:
             return self.scope.names[name]
         if name in self.scope.definitions:

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 ARGUMENT = "'x"
 """The argument in the formula of a derivative: no formula of a user can name it."""
-QUARTER = math.pi / 2.0
-ABOVE_QUARTER = math.nextafter(QUARTER, 2.0)
+_QUARTER = math.pi / 2.0
+_ABOVE_QUARTER = math.nextafter(_QUARTER, 2.0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -208,7 +208,7 @@ FUNCTIONS: dict[str, Function] = {
             arrays="numpy:sin",
             latex=r"\sin",
             parity="odd",
-            crest=QUARTER,
+            crest=_QUARTER,
             recurrence="rotation",
             growth="stickslip.symbolic.majorants:by_addition",
         ),
@@ -232,7 +232,7 @@ FUNCTIONS: dict[str, Function] = {
             latex=r"\tan",
             parity="odd",
             limits=(-math.inf, math.inf),
-            poles=(QUARTER, math.pi),
+            poles=(_QUARTER, math.pi),
             recurrence="tan",
             growth="stickslip.symbolic.majorants:of_tan",
         ),
@@ -288,7 +288,7 @@ FUNCTIONS: dict[str, Function] = {
             arrays="numpy:arctan",
             latex=r"\operatorname{arctan}",
             parity="odd",
-            limits=(-ABOVE_QUARTER, ABOVE_QUARTER),
+            limits=(-_ABOVE_QUARTER, _ABOVE_QUARTER),
             growth="stickslip.symbolic.majorants:beside_i",
         ),
         Function(

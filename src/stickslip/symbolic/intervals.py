@@ -6,8 +6,8 @@ number), other products lose one unit in the last place; elementary functions lo
 those of NumPy and of the C library are wrong by. A sign that is sure is never lost. Nothing is ever
 NaN: where a function is undefined on part of an interval, its other values count.
 
-What is done to single numbers (`NUMBERS`, without NumPy) and to arrays (`stickslip.symbolic.boxes`)
-is the same code.
+What is done to single numbers (`_NUMBERS`, without NumPy) and to arrays
+(`stickslip.symbolic.boxes`) is the same code.
 
 Source: R. E. Moore, R. B. Kearfott, M. J. Cloud, *Introduction to Interval Analysis*, SIAM (2009).
 """
@@ -26,9 +26,9 @@ Interval = tuple[Any, Any]
 EVERYTHING = (-math.inf, math.inf)
 LARGEST = math.nextafter(math.inf, 0.0)
 LOOSE = 4.0 * 2.0**-52  # relative error of an elementary function, and of a power
-TINY = 1e-321  # its absolute error where it underflows
-SPLIT = 134217729.0  # 2²⁷ + 1: halves the digits of a number
-SURE = 1e-280  # size of a product above which its error is a floating-point number
+_TINY = 1e-321  # its absolute error where it underflows
+_SPLIT = 134217729.0  # 2²⁷ + 1: halves the digits of a number
+_SURE = 1e-280  # size of a product above which its error is a floating-point number
 
 
 def _power(x: float, p: float) -> float:
@@ -41,7 +41,7 @@ def _power(x: float, p: float) -> float:
         return math.nan
 
 
-NUMBERS = SimpleNamespace(
+_NUMBERS = SimpleNamespace(
     minimum=min,
     maximum=max,
     where=lambda condition, then, otherwise: then if condition else otherwise,
@@ -88,12 +88,12 @@ class Intervals:
         """c x rounded down, for c > 0."""
         ops = self.ops
         value = c * x
-        ch, xh = SPLIT * c, SPLIT * x
+        ch, xh = _SPLIT * c, _SPLIT * x
         ch, xh = ch - (ch - c), xh - (xh - x)
         cl, xl = c - ch, x - xh
         # c x − value, exactly, if it does not underflow
         error = ((ch * xh - value) + ch * xl + cl * xh) + cl * xl
-        fine = ((abs(value) > SURE) & (error >= 0.0)) | (x == 0.0)
+        fine = ((abs(value) > _SURE) & (error >= 0.0)) | (x == 0.0)
         return ops.where(fine, value, ops.lower(value))
 
     def times(self, a: Interval, b: Interval) -> Interval:
@@ -197,7 +197,7 @@ class Intervals:
         ops = self.ops
         low = ops.minimum(low, LARGEST)
         high = ops.maximum(high, -LARGEST)
-        return low - (LOOSE * abs(low) + TINY), high + (LOOSE * abs(high) + TINY)
+        return low - (LOOSE * abs(low) + _TINY), high + (LOOSE * abs(high) + _TINY)
 
     # -- functions ---------------------------------------------------------------------------------
 
@@ -282,4 +282,4 @@ class Intervals:
         return low, ops.where(self.passes(a, crest, 2.0 * math.pi), 1.0, ops.minimum(high, 1.0))
 
 
-FLOATS = Intervals(NUMBERS)
+FLOATS = Intervals(_NUMBERS)

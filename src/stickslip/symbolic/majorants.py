@@ -21,7 +21,7 @@ from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS, Function
 
-SPACINGS = 4.0  # between a zero of a guard and the number that stands for it
+_SPACINGS = 4.0  # between a zero of a guard and the number that stands for it
 Known = dict[Expr, Array]
 
 
@@ -74,7 +74,7 @@ def _one_branch(guards: list[Expr], name: str, start: Array, end: Array) -> dict
         return {}
     inside = slopes(guards, {name: (start, end)}, name)
     ends = [enclosures(guards, {name: (at, at)}) for at in (start, end)]
-    spacing = SPACINGS * np.spacing(np.maximum(np.abs(start), np.abs(end)))
+    spacing = _SPACINGS * np.spacing(np.maximum(np.abs(start), np.abs(end)))
     found = {}
     for guard, (value, slope), first, last in zip(guards, inside, *ends, strict=True):
         steep = np.nan_to_num(np.abs(slope).max(axis=0), posinf=0.0)

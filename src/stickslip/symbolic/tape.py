@@ -198,7 +198,7 @@ class Dialect(NamedTuple):
     chosen: str
 
 
-COMPILED = Dialect(
+_COMPILED = Dialect(
     lambda name, argument: FUNCTIONS[name].compiled(argument), "{above} if {test} else {below}"
 )
 """For numbers, in machine code."""
@@ -211,7 +211,7 @@ def scalar_code(
     names: Mapping[str, str],
     regions: Mapping[Expr, str] | None = None,
     constants: Constants | None = None,
-    dialect: Dialect = COMPILED,
+    dialect: Dialect = _COMPILED,
 ) -> tuple[list[str], dict[Expr, str]]:
     """Straight-line code for expressions: the one printer of values as Python source.
 

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch
 
 import stickslip as ss
+from stickslip.arrays import Array
 
-Array = np.ndarray
 Point = Sequence[float] | Array
 
 

@@ -8,13 +8,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import stickslip as ss
+from stickslip.arrays import Array
 from stickslip_paper.drawing.entry import FigureEntry
 from stickslip_paper.drawing.style import arrow
 
-Array = np.ndarray
-SPEEDS = np.union1d(np.linspace(0.04, 0.4, 13), np.linspace(0.2225, 0.2285, 25))
-DASHES = (0, (4, 2))
-CYCLES, HOPF = ss.style.LINES[2], ss.style.LINES[4]
+_SPEEDS = np.union1d(np.linspace(0.04, 0.4, 13), np.linspace(0.2225, 0.2285, 25))
+_DASHES = (0, (4, 2))
+_CYCLES, _HOPF = ss.style.LINES[2], ss.style.LINES[4]
 
 
 def draw() -> Figure:
@@ -24,16 +24,19 @@ def draw() -> Figure:
     steady = ss.continue_equilibrium(slider, "V", (0.02, 0.4))
     hopf = steady.of_kind("Hopf")[0]
     cycles = ss.continue_cycle(ss.find_cycle(slider, hopf), "V", (0.02, 0.4))
-    sweeps = {"$V$ rising": sweep(slider, SPEEDS), "$V$ falling": sweep(slider, SPEEDS[::-1])[::-1]}
+    sweeps = {
+        "$V$ rising": sweep(slider, _SPEEDS),
+        "$V$ falling": sweep(slider, _SPEEDS[::-1])[::-1],
+    }
     with ss.style.paper_style():
         figure = ss.style.new_figure(7.2, 4.4)
         axes = figure.add_subplot(xlim=(0.0, 0.4))
         zoom = axes.inset_axes((0.66, 0.52, 0.34, 0.48), xlim=(0.2235, 0.2280), ylim=(1.615, 1.83))
         for panel in (axes, zoom):
             _draw_branch(panel, steady, "U", ss.style.STICK_LINE, "steady sliding")
-            _draw_branch(panel, cycles, "max_U", CYCLES, "cycles")
-            _draw_branch(panel, cycles, "min_U", CYCLES, "")
-            point = {"color": HOPF, "ms": 7, "zorder": 5, "label": "Hopf point"}
+            _draw_branch(panel, cycles, "max_U", _CYCLES, "cycles")
+            _draw_branch(panel, cycles, "min_U", _CYCLES, "")
+            point = {"color": _HOPF, "ms": 7, "zorder": 5, "label": "Hopf point"}
             panel.plot(hopf.value, hopf.state["U"], "s", **point)
             fold = cycles.of_kind("fold")[0]
             ends = [float(cycles.points[key][fold.index]) for key in ("min_U", "max_U")]
@@ -43,7 +46,7 @@ def draw() -> Figure:
                 ends,
                 "o",
                 mfc="white",
-                mec=CYCLES,
+                mec=_CYCLES,
                 ms=6,
                 zorder=5,
                 label=turn,
@@ -74,7 +77,7 @@ def _draw_branch(axes: Axes, branch: ss.Branch, name: str, colour: str, label: s
         [point.index for kind in ("Hopf", "fold") for point in branch.of_kind(kind)],
     )
     axes.plot(np.where((stable == 1) | meet, V, np.nan), values, color=colour, label=label)
-    axes.plot(np.where((stable != 1) | meet, V, np.nan), values, color=colour, ls=DASHES)
+    axes.plot(np.where((stable != 1) | meet, V, np.nan), values, color=colour, ls=_DASHES)
 
 
 def _draw_sweeps(axes: Axes, sweeps: dict[str, Array]) -> None:
@@ -84,7 +87,7 @@ def _draw_sweeps(axes: Axes, sweeps: dict[str, Array]) -> None:
     ):
         for j in range(2):
             axes.plot(
-                SPEEDS,
+                _SPEEDS,
                 extent[:, j],
                 marker,
                 color=colour,
@@ -106,7 +109,7 @@ def _finish(axes: Axes, zoom: Axes, hopf: float) -> None:
     axes.legend(loc="lower left", bbox_to_anchor=(0.04, 0.16))
 
 
-ENTRY = FigureEntry(
+_ENTRY = FigureEntry(
     "bifurcation",
     "Steady sliding and stick-slip",
     "What the spring slider (3.3) does at constant V, with μ̃(α) = 2/√α, ν = 0.05, k = α₀ = 1; "

@@ -9,7 +9,7 @@ from stickslip_paper.drawing.entry import FigureEntry
 from stickslip_paper.drawing.style import heads
 
 # (β, γ) at the start, and for how long the motion is drawn.
-STARTS = (((3.3, 1.0), 9.0), ((-2.0, 2.3), 9.0), ((-18.0, 1.3), 3.0))
+_STARTS = (((3.3, 1.0), 9.0), ((-2.0, 2.3), 9.0), ((-18.0, 1.3), 3.0))
 
 
 def draw() -> Figure:
@@ -18,7 +18,7 @@ def draw() -> Figure:
     with ss.style.paper_style():
         figure = ss.style.new_figure(7.2, 4.2)
         axes = figure.add_subplot(xlim=(-19.5, 7.5), ylim=(0.0, 2.55))
-        for (beta, gamma), duration in STARTS:
+        for (beta, gamma), duration in _STARTS:
             motion = ss.simulate(slider, (0.0, duration), {"beta": beta, "gamma": gamma})
             path = motion.at(np.linspace(0.0, duration, 4001))
             axes.plot(path["beta"], path["gamma"], color=ss.style.SKY, lw=1.1)
@@ -53,7 +53,7 @@ def _name_the_parts(axes: Axes) -> None:
     axes.set_ylabel(r"scaled state $\gamma$")
 
 
-ENTRY = FigureEntry(
+_ENTRY = FigureEntry(
     "3.1",
     "Phase plane of the scaled slider",
     "The piecewise linear system (3.6), with the constant v̂/ν(1 − b√ν) corrected, for v̂ = 1 and "

@@ -19,11 +19,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 import stickslip as ss
+from stickslip.arrays import Array
 from stickslip_paper.moving.scenes import Scene, compactor_scene, toy_scene
 
-Array = np.ndarray
-RATE = 20  # frames per second
-COLOURS = 96
+_RATE = 20  # frames per second
+_COLOURS = 96
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def reduced(colours: Array) -> tuple[Array, Array]:
     from scipy.spatial import KDTree
 
     found, counts = np.unique(colours.reshape(-1, 3), axis=0, return_counts=True)
-    palette = found[np.argsort(counts)[: -COLOURS - 1 : -1]]
+    palette = found[np.argsort(counts)[: -_COLOURS - 1 : -1]]
     levels = np.rint(np.arange(64) * 255 / 63)
     every = np.stack(np.meshgrid(levels, levels, levels, indexing="ij"), axis=-1)
     nearest = np.asarray(KDTree(palette).query(every)[1], np.uint8)
@@ -108,7 +108,12 @@ def reduced(colours: Array) -> tuple[Array, Array]:
 def write_gif(images: Sequence[Image.Image], path: Path) -> Path:
     """A GIF that repeats."""
     images[0].save(
-        path, save_all=True, append_images=images[1:], duration=1000 // RATE, loop=0, optimize=False
+        path,
+        save_all=True,
+        append_images=images[1:],
+        duration=1000 // _RATE,
+        loop=0,
+        optimize=False,
     )
     return path
 
@@ -124,7 +129,7 @@ def write_video(images: Sequence[Image.Image], path: Path, ffmpeg: str) -> Path:
         "-video_size",
         f"{width}x{height}",
         "-framerate",
-        str(RATE),
+        str(_RATE),
     ]
     made = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
     command = [ffmpeg, "-y", "-loglevel", "error", *given, "-i", "-", *made, str(path)]
@@ -144,16 +149,16 @@ def write_page(images: Sequence[Image.Image], path: Path) -> Path:
     values = {
         "TITLE": path.stem.replace("-", " "),
         "LAST": str(len(images) - 1),
-        "PAUSE": str(1000 // RATE),
+        "PAUSE": str(1000 // _RATE),
     }
-    page = PAGE
+    page = _PAGE
     for name, value in {**values, "FRAMES": ",".join(stored)}.items():
         page = page.replace(name, value)
     path.write_text(page, encoding="utf-8")
     return path
 
 
-PAGE = """<!DOCTYPE html>
+_PAGE = """<!DOCTYPE html>
 <html lang="en">
 <meta charset="utf-8">
 <title>TITLE</title>

@@ -14,6 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 
 import stickslip as ss
+from stickslip.arrays import Array
 from stickslip_paper.drawing.sketch import (
     BODY,
     BODY_EDGE,
@@ -26,10 +27,9 @@ from stickslip_paper.drawing.sketch import (
 from stickslip_paper.drawing.style import arrow
 from stickslip_paper.figures.figure_4_1 import FAR, leg, trunk
 
-Array = np.ndarray
 STICK = ss.style.STICK_LINE
 SLIP = ss.style.VERMILION
-MODES = [
+_MODES = [
     Line2D([], [], color=STICK, lw=2.5, label="stick"),
     Line2D([], [], color=SLIP, lw=2.5, label="slip"),
 ]
@@ -69,12 +69,12 @@ def toy_scene(frames: int = 140) -> Scene:
     angle.plot(times, traces["psi"], color=ss.style.STICK_LINE, lw=1.2)
     angle.set_ylabel(r"$\psi$  [rad]", fontsize=11)
     angle.tick_params(labelbottom=False)
-    for name, key in FEET.items():
+    for name, key in _FEET.items():
         _by_mode(legs, times, traces[f"x_{name}"], traces[f"mode_{key}"] != 0)
         legs.text(t[-1] + 0.1, now[f"x_{name}"][-1], f"$x_{name}$", va="center")
     legs.set_ylabel("$x_R$, $x_L$  [m]", fontsize=11)
     legs.set_xlabel("time $t$  [s]", fontsize=11)
-    ss.style.legend_above(angle, MODES)
+    ss.style.legend_above(angle, _MODES)
     for axes in (angle, legs):
         axes.set_xlim(0.0, t[-1])
     cursors = [axes.axvline(0.0, color=ss.style.THRESHOLD, lw=1.2) for axes in (angle, legs)]
@@ -88,7 +88,7 @@ def toy_scene(frames: int = 140) -> Scene:
     return Scene(figure, [*parts[0].moving, *parts[1].moving, *cursors], place, frames)
 
 
-FEET = {"R": "right_leg", "L": "left_leg"}
+_FEET = {"R": "right_leg", "L": "left_leg"}
 
 
 def _part(axes: Axes, points: Array, face: str = BODY, width: float = 1.2) -> Polygon:
@@ -123,8 +123,8 @@ class _Side:
         canvas(axes, (-1.7, 4.5), (-0.35, 2.8))
         ground(axes, (-1.7, 0.0), (4.5, 0.0), spacing=0.25)
         origin = 0.5 * (now["x_R"][0] + now["x_L"][0])
-        self.x = {side: now[f"x_{side}"] - origin for side in FEET}
-        self.slips = {side: now[f"mode_{key}"] != 0 for side, key in FEET.items()}
+        self.x = {side: now[f"x_{side}"] - origin for side in _FEET}
+        self.slips = {side: now[f"mode_{key}"] != 0 for side, key in _FEET.items()}
         self.psi = now["psi"]
         self.trunk = trunk() - (2.3, 0.0)
         self.body = _part(axes, self.trunk)
@@ -160,7 +160,7 @@ class _Behind:
         canvas(axes, (-1.2, 1.2), (-0.35, 2.8))
         ground(axes, (-1.2, 0.0), (1.2, 0.0), spacing=0.25)
         self.psi = now["psi"]
-        self.slips = {side: now[f"mode_{key}"] != 0 for side, key in FEET.items()}
+        self.slips = {side: now[f"mode_{key}"] != 0 for side, key in _FEET.items()}
         self.outlines = {
             "R": _column(0.4),
             "L": _column(-0.4),
@@ -236,7 +236,7 @@ def compactor_scene(frames: int = 140) -> Scene:
     trace.set_ylabel("force  [N]", fontsize=11)
     modes = [
         Line2D([], [], color=m.get_color(), lw=2.5, label=f"spring force, {m.get_label()}")
-        for m in MODES
+        for m in _MODES
     ]
     ss.style.legend_above(
         trace,

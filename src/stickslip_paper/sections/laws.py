@@ -16,7 +16,7 @@ import sympy
 import stickslip as ss
 
 Values = Mapping[str, float]
-OPERATIONS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
+_OPERATIONS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
@@ -71,7 +71,7 @@ def _translated(node: ast.expr) -> sympy.Expr:
         case ast.UnaryOp(op=ast.USub(), operand=operand):
             return -_translated(operand)
         case ast.BinOp(left=left, op=operation, right=right):
-            return OPERATIONS[type(operation)](_translated(left), _translated(right))
+            return _OPERATIONS[type(operation)](_translated(left), _translated(right))
         case ast.Call(
             func=ast.Name(id="piecewise"), args=[ast.Compare() as condition, above, below]
         ):

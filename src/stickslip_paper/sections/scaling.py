@@ -25,15 +25,15 @@ import numpy as np
 
 import stickslip as ss
 from stickslip import catalogue
+from stickslip.arrays import Array
 
 if TYPE_CHECKING:
     import xarray
 
 
-Array = np.ndarray
 EQUATIONS = ("(3.6)", "(3.5)", "(3.3)")  # the motions that (3.6) simplifies, from the simplest on
-ROUNDS = 40  # of the secant method
-DOUBLINGS = 6  # of the time that a slip or a stick is given
+_ROUNDS = 40  # of the secant method
+_DOUBLINGS = 6  # of the time that a slip or a stick is given
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class ReturnMap:
         a = 0.0
         b = self(0.0)
         excess = new = b
-        for _ in range(ROUNDS):
+        for _ in range(_ROUNDS):
             new = self(b) - b
             if abs(new) <= 4e-16 * b or new >= excess or b >= self.centre:
                 break
@@ -250,7 +250,7 @@ def scaling_study(
     lowest = limit.fixed_point()
     below = np.linspace(0.0, 0.5 * limit.centre, 6)
     above = [limit.slip(g).end for g in below]
-    fields: dict[str, Array] = {name: np.zeros((len(equations), len(nus))) for name in MEASURED}
+    fields: dict[str, Array] = {name: np.zeros((len(equations), len(nus))) for name in _MEASURED}
     for place, (equation, nu) in zip(
         np.ndindex(len(equations), len(nus)), product(equations, nus), strict=True
     ):
@@ -265,7 +265,7 @@ def scaling_study(
             max(abs(maps.slip(g).end - limit.slip(g).end) for g in below),
             max(abs(maps.stick(g).end - limit.stick(g).end) for g in above),
         )
-        for name, value in zip(MEASURED, measured, strict=True):
+        for name, value in zip(_MEASURED, measured, strict=True):
             fields[name][place] = value
     data = {name: (("equation", "nu"), values) for name, values in fields.items()}
     scale = np.log(np.asarray(nus, float))
@@ -274,7 +274,7 @@ def scaling_study(
             "equation",
             np.array([np.polyfit(scale, np.log(row), 1)[0] for row in fields[name]]),
         )
-        for name in MEASURED[2:]
+        for name in _MEASURED[2:]
     }
     attributes = {
         "b": b,
@@ -288,7 +288,7 @@ def scaling_study(
     )
 
 
-MEASURED = (
+_MEASURED = (
     "gamma",
     "top",
     "slip_duration",
@@ -310,7 +310,7 @@ class _Flow:
 
     def passage(self, gamma: float, slipping: bool, span: float) -> Passage:
         """From γ on the axis through one phase."""
-        for _ in range(DOUBLINGS):
+        for _ in range(_DOUBLINGS):
             motion = ss.simulate(self.system, (0.0, span), self.state(gamma), self.parameters)
             found = _phase(motion, slipping)
             if found is not None:

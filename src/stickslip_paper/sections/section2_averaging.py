@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 
 import stickslip as ss
+from stickslip.arrays import Array
 from stickslip_paper.sections.claim import (
     Finding,
     Verdict,
@@ -19,8 +20,7 @@ from stickslip_paper.sections.claim import (
     vanishes,
 )
 
-Array = np.ndarray
-PHASES = np.linspace(0.0, 1.0, 721)
+_PHASES = np.linspace(0.0, 1.0, 721)
 
 
 def example() -> ss.WeightedL1:
@@ -82,7 +82,7 @@ def average_is_below_every_phase() -> Finding:
         for angle in np.linspace(0, np.pi, 21):
             v = np.array([np.cos(angle), np.sin(angle)])
             excess = float(
-                (average.value(0.0, v) - potential.sampled(PHASES[::4]).support(v)).max()
+                (average.value(0.0, v) - potential.sampled(_PHASES[::4]).support(v)).max()
             )
             above = maximum(above, excess)
             if np.abs(v).min() < 1e-12:  # one phase alone moves along an axis
@@ -126,7 +126,7 @@ def example_phases() -> Finding:
 def two_phases_share_the_motion() -> Finding:
     """Different parts of a motion may wait for different phases, so that Ψ_av < min_s Ψ(s, ·)."""
     v = np.array([1.0, 1.0])
-    single = float(example().sampled(PHASES).support(v).min())
+    single = float(example().sampled(_PHASES).support(v).min())
     shared = example().average().value(0.0, v)
     return together(
         equals(single, 4.0, 1e-12, "one phase alone"), equals(shared, 2.0, 1e-12, "shared")
@@ -166,7 +166,7 @@ def dual_of_the_average() -> Finding:
     wrong = 0
     for potential, size in ((example(), 2.0), (rotating(), 0.8)):
         average = potential.average()
-        inside = potential.sampled(PHASES[::4])
+        inside = potential.sampled(_PHASES[::4])
         for xi in rng.uniform(-size, size, (200, 2)):
             excess = float(inside.excess(xi).max())
             if abs(excess) > 1e-3:
@@ -289,7 +289,7 @@ def limit_is_stable_at_every_phase() -> Finding:
     potential = ss.WeightedL1(["1 + cos(2*pi*s)/2"])
     average = potential.average()
     motion = ss.play("5*t - t**2", average.value(0.0, [1.0]), (0.0, 5.0), 0.0)
-    sampled = potential.sampled(PHASES)
+    sampled = potential.sampled(_PHASES)
     t = np.linspace(0.0, 5.0, 200)
     force = 5 * t - t**2 - motion.position(t)
     worst = maximum(*(float(sampled.excess(np.array([f])).max()) for f in force))

@@ -9,6 +9,7 @@ import numpy as np
 
 import stickslip as ss
 from stickslip import catalogue
+from stickslip.arrays import Array
 from stickslip_paper.sections.claim import (
     Finding,
     Verdict,
@@ -24,14 +25,13 @@ from stickslip_paper.sections.claim import (
 )
 from stickslip_paper.sections.laws import at_events
 
-LOAD = "5*t - t**2"
-SPAN = (0.0, 5.0)
-TOP = 2.5
-HEIGHT = 6.25
-SMOOTH = "1 + cos(2*pi*s)/2"
-KINK = "0.5 + abs(sin(pi*(s - 0.2)))"
-LEAST = 0.5  # of both
-Array = np.ndarray
+_LOAD = "5*t - t**2"
+_SPAN = (0.0, 5.0)
+_TOP = 2.5
+_HEIGHT = 6.25
+_SMOOTH = "1 + cos(2*pi*s)/2"
+_KINK = "0.5 + abs(sin(pi*(s - 0.2)))"
+_LEAST = 0.5  # of both
 
 
 def load(t: Array) -> Array:
@@ -42,15 +42,15 @@ def smooth(s: Array) -> Array:
     return 1 + np.cos(2 * np.pi * s) / 2
 
 
-def oscillating(epsilon: float, rho: str = SMOOTH) -> ss.Play:
+def oscillating(epsilon: float, rho: str = _SMOOTH) -> ss.Play:
     """z_ε of section 2.2."""
-    return ss.play(LOAD, rho, SPAN, 0.0, epsilon=epsilon)
+    return ss.play(_LOAD, rho, _SPAN, 0.0, epsilon=epsilon)
 
 
-def limit(t: Array, least: float = LEAST) -> Array:
+def limit(t: Array, least: float = _LEAST) -> Array:
     """z_0 as it is printed."""
-    up = np.maximum(0.0, load(np.minimum(t, TOP)) - least)
-    return np.where(t <= TOP + np.sqrt(least), up, np.minimum(HEIGHT - least, load(t) + least))
+    up = np.maximum(0.0, load(np.minimum(t, _TOP)) - least)
+    return np.where(t <= _TOP + np.sqrt(least), up, np.minimum(_HEIGHT - least, load(t) + least))
 
 
 @claim(
@@ -110,8 +110,8 @@ def compactor_moves_when_light() -> Finding:
 )
 def reduced_equation() -> Finding:
     """Where the oscillation is given, an equation for z alone is left."""
-    t = np.linspace(*SPAN, 2001)
-    z = ss.simulate(catalogue.oscillating_play(), SPAN).at(t)["z"]
+    t = np.linspace(*_SPAN, 2001)
+    z = ss.simulate(catalogue.oscillating_play(), _SPAN).at(t)["z"]
     return vanishes(float(np.abs(z - oscillating(0.1).position(t)).max()), 1e-9)
 
 
@@ -119,7 +119,7 @@ def reduced_equation() -> Finding:
 def potential_is_bounded_both_ways() -> Finding:
     """The oscillating potential of the example is bounded above and below by its value at one
     phase."""
-    potential = ss.WeightedL1([SMOOTH])
+    potential = ss.WeightedL1([_SMOOTH])
     C = 3.0
     first = potential.value(0.0, [1.0])
     values = np.array([potential.value(float(s), [1.0]) for s in np.linspace(0, 1, 200)])
@@ -139,8 +139,8 @@ def potential_is_bounded_both_ways() -> Finding:
 def variational_inequality() -> Finding:
     """The motion solves the evolutionary variational inequality at almost every time."""
     rng = np.random.default_rng(1)
-    potential = ss.WeightedL1([SMOOTH])
-    t = rng.uniform(*SPAN, 400)
+    potential = ss.WeightedL1([_SMOOTH])
+    t = rng.uniform(*_SPAN, 400)
     now = oscillating(0.1).at(t)
     worst = 0.0
     for time, z, rate in zip(t, now["z"], now["d_z"], strict=True):
@@ -181,7 +181,7 @@ def energy_balance() -> Finding:
     end = motion.at(5.0)
     start = motion.at(0.0)
     balance = end["energy"] + end["dissipated_energy"] - start["energy"] - end["supplied_energy"]
-    t = np.union1d(motion.time, np.linspace(*SPAN, 100_001))
+    t = np.union1d(motion.time, np.linspace(*_SPAN, 100_001))
     z = motion.position(t)
     printed = 0.5 * z[-1] ** 2 - load(t[-1]) * z[-1] - np.trapezoid(-(5 - 2 * t) * z, t)
     way = np.abs(np.diff(z)) * smooth(0.5 * (t[1:] + t[:-1]) / 0.1)
@@ -194,7 +194,7 @@ def energy_balance() -> Finding:
 @claim("section 2.2", "z(t) ∈ [ℓ(t) − ρ(t/ε), ℓ(t) + ρ(t/ε)]", "exact play, ε = 0.1, 20000 times")
 def play_stays_in_its_band() -> Finding:
     """The solution stays in the stable interval."""
-    t = np.linspace(*SPAN, 20_001)
+    t = np.linspace(*_SPAN, 20_001)
     z = oscillating(0.1).position(t)
     rho = smooth(t / 0.1)
     return vanishes(
@@ -210,7 +210,7 @@ def play_stays_in_its_band() -> Finding:
 def play_first_rises() -> Finding:
     """Starting from z(0) = 0 the solution cannot decrease while the load rises."""
     motion = oscillating(0.1)
-    t = np.linspace(0.0, TOP, 10_001)
+    t = np.linspace(0.0, _TOP, 10_001)
     least = float(np.diff(motion.position(t)).min())
     return shows(least >= 0.0, f"least increment {least:.1e} (at least 0)", least=least)
 
@@ -222,7 +222,7 @@ def play_first_rises() -> Finding:
 )
 def play_is_a_running_maximum() -> Finding:
     """On the way up the solution is the running maximum of the lower bound."""
-    t = np.linspace(0.0, TOP + np.sqrt(LEAST), 400_001)
+    t = np.linspace(0.0, _TOP + np.sqrt(_LEAST), 400_001)
     running = np.maximum.accumulate(np.maximum(0.0, load(t) - smooth(t / 0.1)))
     return vanishes(np.abs(oscillating(0.1).position(t) - running).max(), 1e-7)
 
@@ -241,12 +241,12 @@ def play_comes_down_from_its_maximum() -> Finding:
     """On the way down the solution is the running minimum of the upper bound and of the highest
     position."""
     epsilon = 0.1
-    t = np.linspace(*SPAN, 1_000_001)
+    t = np.linspace(*_SPAN, 1_000_001)
     highest = float((load(t) - smooth(t / epsilon)).max())
-    after = t[t >= TOP + np.sqrt(LEAST)]
+    after = t[t >= _TOP + np.sqrt(_LEAST)]
     upper = np.minimum.accumulate(load(after) + smooth(after / epsilon))
     z = oscillating(epsilon).position(after)
-    printed = np.abs(z - np.minimum(HEIGHT - LEAST, upper)).max()
+    printed = np.abs(z - np.minimum(_HEIGHT - _LEAST, upper)).max()
     return corrects(printed, np.abs(z - np.minimum(highest, upper)).max(), 1e-7)
 
 
@@ -263,9 +263,9 @@ def last_move_starts_late() -> Finding:
     """The solution rests after the top of the load until the upper bound has come down to it."""
     printed = right = 0.0
     for rho in (0.1, 0.5, 1.0, 2.0, 3.0):
-        start = ss.play(LOAD, rho, SPAN, 0.0).events["time"].to_numpy()[-1]
-        printed = maximum(printed, abs(start - TOP - np.sqrt(rho)))
-        right = maximum(right, abs(start - TOP - np.sqrt(2 * rho)))
+        start = ss.play(_LOAD, rho, _SPAN, 0.0).events["time"].to_numpy()[-1]
+        printed = maximum(printed, abs(start - _TOP - np.sqrt(rho)))
+        right = maximum(right, abs(start - _TOP - np.sqrt(2 * rho)))
     return corrects(printed, right, 1e-12, "start of the last move")
 
 
@@ -276,12 +276,12 @@ def last_move_starts_late() -> Finding:
 )
 def limit_solution() -> Finding:
     """The limit solution is the play with the smallest threshold."""
-    t = np.linspace(*SPAN, 5001)
+    t = np.linspace(*_SPAN, 5001)
     error = 0.0
     for least in (0.1, 0.5, 1.0, 2.5):
         average = ss.WeightedL1([f"{least} + 1 + cos(2*pi*s)"]).average()
         threshold = float(average.bounds()[1][0])  # pyright: ignore[reportAttributeAccessIssue]
-        z = ss.play(LOAD, threshold, SPAN, 0.0).position(t)
+        z = ss.play(_LOAD, threshold, _SPAN, 0.0).position(t)
         error = maximum(error, float(np.abs(z - limit(t, least)).max()))
     return vanishes(error, 1e-13)
 
@@ -294,7 +294,7 @@ def limit_solution() -> Finding:
 )
 def uniform_convergence() -> Finding:
     """The solutions converge uniformly, with an error of order ε."""
-    study = _study(SMOOTH)
+    study = _study(_SMOOTH)
     epsilon, distance = study.dataset["epsilon"].values, study.dataset["distance"].values
     bound = vanishes(
         maximum((distance / epsilon).max() - 5.0, 0.0), 1e-6, "excess of the error over 5ε"
@@ -309,7 +309,7 @@ def uniform_convergence() -> Finding:
 )
 def rates_are_zero_or_those_of_the_bound() -> Finding:
     """The rate is either zero (stiction) or that of the lower bound."""
-    t = np.linspace(0.0, TOP, 5001)[1:-1]
+    t = np.linspace(0.0, _TOP, 5001)[1:-1]
     rate = oscillating(0.1).at(t)["d_z"]
     bound = 5 - 2 * t + np.pi * np.sin(2 * np.pi * t / 0.1) / 0.1
     moving = np.abs(rate) > 0
@@ -332,7 +332,7 @@ def rates_are_zero_or_those_of_the_bound() -> Finding:
 )
 def size_of_rates() -> Finding:
     """Within each period the motion happens in a short time at a high rate."""
-    smooth_power, kink_power = (_study(rho).powers["rate_l2"] for rho in (SMOOTH, KINK))
+    smooth_power, kink_power = (_study(rho).powers["rate_l2"] for rho in (_SMOOTH, _KINK))
     found = corrects(
         smooth_power + 0.5, smooth_power + 0.25, 0.03, "exponent of ‖ż‖_{L²} (smooth minimum)"
     )
@@ -378,7 +378,7 @@ def no_weak_convergence_of_rates() -> Finding:
 )
 def rates_converge_as_measures() -> Finding:
     """The rates converge as measures, tested with continuous functions."""
-    study = _study(SMOOTH)
+    study = _study(_SMOOTH)
     largest = study.dataset["weak_distance"].max("test").values
     return scales(
         list(study.dataset["epsilon"].values), list(largest), 1.0, 0.3, "largest defect", "ε"
@@ -387,7 +387,7 @@ def rates_converge_as_measures() -> Finding:
 
 @cache
 def _study(rho: str):
-    problem = ss.Evolution([[1.0]], [LOAD], ss.WeightedL1([rho]), [0.0], epsilon=0.1, span=SPAN)
+    problem = ss.Evolution([[1.0]], [_LOAD], ss.WeightedL1([rho]), [0.0], epsilon=0.1, span=_SPAN)
     return ss.averaging_study(problem, [3e-2, 1e-2, 3e-3, 1e-3], progress=_silent)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 import stickslip as ss
 from stickslip import catalogue
+from stickslip.arrays import Array
 from stickslip_paper.sections.claim import (
     Finding,
     Verdict,
@@ -27,9 +28,8 @@ from stickslip_paper.sections.claim import (
 )
 from stickslip_paper.sections.laws import at_events, built, fact, rates_of, root
 
-FIXED = 0.00590569826359391  # γ_b for b = 1, μ₀ = v̂ = 1, found independently in 15 digits
-VISCOSITIES = [1e-4, 1e-5, 1e-6, 1e-7]
-Array = np.ndarray
+_FIXED = 0.00590569826359391  # γ_b for b = 1, μ₀ = v̂ = 1, found independently in 15 digits
+_VISCOSITIES = [1e-4, 1e-5, 1e-6, 1e-7]
 
 
 def omega(b: float) -> float:
@@ -123,11 +123,11 @@ def travel_time_of_slip() -> Finding:
     """A slip lasts half a turn about the focus."""
     rest = []
     printed = math.inf
-    for nu in VISCOSITIES:
+    for nu in _VISCOSITIES:
         time, _ = flight(0.3, nu, 1.0)
         rest.append(time - math.pi * math.sqrt(nu) / omega(1.0))
         printed = minimum(printed, abs(time - math.pi * omega(1.0) / math.sqrt(nu)) / time)
-    order = scales(VISCOSITIES, rest, 1.0, 0.05, "time − π√ν/ω_b", "ν")
+    order = scales(_VISCOSITIES, rest, 1.0, 0.05, "time − π√ν/ω_b", "ν")
     verdict = (
         Verdict.CORRECTED if order.verdict is Verdict.ASYMPTOTIC and printed > 1 else Verdict.FAILS
     )
@@ -149,12 +149,12 @@ def travel_time_of_slip() -> Finding:
 def passage_to_the_focus() -> Finding:
     """At first a slip rapidly moves to the right."""
     times = []
-    for nu in VISCOSITIES:
+    for nu in _VISCOSITIES:
         motion = ss.simulate(
             catalogue.scaled_slider_limit(), (0.0, 20 * nu), {"gamma": 0.3}, {"nu": nu, "b": 1.0}
         )
         times.append(root(lambda t, m=motion: m.at(t)["beta"] - 1.0, 0.0, 20 * nu))
-    return scales(VISCOSITIES, times, 1.0, 0.02, "time", "ν")
+    return scales(_VISCOSITIES, times, 1.0, 0.02, "time", "ν")
 
 
 @claim(
@@ -166,13 +166,13 @@ def passage_to_the_focus() -> Finding:
 def height_of_a_slip() -> Finding:
     """A slip turns back at a velocity of order 1/√ν."""
     tops = []
-    for nu in VISCOSITIES:
+    for nu in _VISCOSITIES:
         time, _ = flight(0.3, nu, 1.0)
         motion = ss.simulate(
             catalogue.scaled_slider_limit(), (0.0, time), {"gamma": 0.3}, {"nu": nu, "b": 1.0}
         )
         tops.append(float(motion.at(np.linspace(0, time, 2001))["beta"].max()))
-    return scales(VISCOSITIES, tops, -0.5, 0.02, "largest β", "ν")
+    return scales(_VISCOSITIES, tops, -0.5, 0.02, "largest β", "ν")
 
 
 @claim(
@@ -185,7 +185,7 @@ def slip_is_a_stretching() -> Finding:
     """A slip turns γ about the focus and stretches the distance by ρ_b."""
     errors = []
     centre = 3.0
-    for nu in VISCOSITIES:
+    for nu in _VISCOSITIES:
         values = {"b": 1.0, "mu_0": 1.5, "v_hat": 2.0}
         ends = [flight(gamma, nu, 1.0, **values)[1] for gamma in (0.0, 0.9, 2.1)]
         exact = [centre + rho(1.0) * (centre - gamma) for gamma in (0.0, 0.9, 2.1)]
@@ -196,7 +196,7 @@ def slip_is_a_stretching() -> Finding:
         1e-13,
         "ρ_b of the catalogue",
     )
-    return together(scales(VISCOSITIES, errors, 0.5, 0.03, "error of Φ⁺", "ν"), known)
+    return together(scales(_VISCOSITIES, errors, 0.5, 0.03, "error of Φ⁺", "ν"), known)
 
 
 @claim(
@@ -350,7 +350,7 @@ def unique_fixed_point() -> Finding:
         signs = np.sign([composed(g, b) - g for g in np.linspace(0.0, 0.999, 4000).tolist()])
         counts.append(int(np.count_nonzero(np.diff(signs))))
     one = shows(counts == [1, 1, 1], f"sign changes {counts}")
-    return together(equals(fixed_point(1.0), FIXED, 1e-13, "γ_b for b = 1:"), one)
+    return together(equals(fixed_point(1.0), _FIXED, 1e-13, "γ_b for b = 1:"), one)
 
 
 @claim(
@@ -362,9 +362,9 @@ def unique_fixed_point() -> Finding:
 def cycles_tend_to_the_fixed_point() -> Finding:
     """The fixed point is the limit of cycles of (3.6), with an error of order √ν."""
     errors = []
-    for nu in VISCOSITIES:
-        errors.append(at_events(_cycle(nu), "above", "gamma")[-1] - FIXED)
-    return scales(VISCOSITIES, errors, 0.5, 0.03, "γ − γ_b", "ν")
+    for nu in _VISCOSITIES:
+        errors.append(at_events(_cycle(nu), "above", "gamma")[-1] - _FIXED)
+    return scales(_VISCOSITIES, errors, 0.5, 0.03, "γ − γ_b", "ν")
 
 
 @claim(
@@ -505,14 +505,14 @@ def cycle_is_stable() -> Finding:
 def long_sticks_and_short_slips() -> Finding:
     """There is a relatively long period of sticking and a short one of sliding."""
     slips, sticks = [], []
-    for nu in VISCOSITIES:
+    for nu in _VISCOSITIES:
         times = _cycle(nu).events["time"].to_numpy()[-3:]
         short, long = sorted(np.diff(times))
         slips.append(short - math.pi * math.sqrt(nu) / omega(1.0))
-        sticks.append(long - C(1 / slip_map(FIXED, 1.0)))
+        sticks.append(long - C(1 / slip_map(_FIXED, 1.0)))
     return together(
-        scales(VISCOSITIES, slips, 1.0, 0.1, "slip − √νπ/ω_b", "ν"),
-        scales(VISCOSITIES, sticks, 0.5, 0.05, "stick − 𝒞(μ₀v̂/Φ⁺(γ_b))", "ν"),
+        scales(_VISCOSITIES, slips, 1.0, 0.1, "slip − √νπ/ω_b", "ν"),
+        scales(_VISCOSITIES, sticks, 0.5, 0.05, "stick − 𝒞(μ₀v̂/Φ⁺(γ_b))", "ν"),
     )
 
 
@@ -527,7 +527,7 @@ def sizes_of_the_solution() -> Finding:
     low = []
     high = []
     top = []
-    for nu in VISCOSITIES:
+    for nu in _VISCOSITIES:
         motion = _cycle(nu)
         times = motion.events["time"].to_numpy()[-3:]
         t = np.concatenate([np.linspace(a, b, 2001) for a, b in pairwise(times)])
@@ -536,9 +536,9 @@ def sizes_of_the_solution() -> Finding:
         high.append(float(now["beta"].max()))
         top.append(float(now["gamma"].max()))
     return together(
-        scales(VISCOSITIES, low, -1.0, 0.02, "min β", "ν"),
-        scales(VISCOSITIES, high, -0.5, 0.02, "max β", "ν"),
-        scales(VISCOSITIES, top, 0.0, 0.02, "max γ", "ν"),
+        scales(_VISCOSITIES, low, -1.0, 0.02, "min β", "ν"),
+        scales(_VISCOSITIES, high, -0.5, 0.02, "max β", "ν"),
+        scales(_VISCOSITIES, top, 0.0, 0.02, "max γ", "ν"),
     )
 
 

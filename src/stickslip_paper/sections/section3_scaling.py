@@ -26,14 +26,14 @@ from stickslip_paper.sections.claim import (
 )
 from stickslip_paper.sections.laws import at_events, built, fact, jacobian_of, points, rates_of
 
-BOX = {
+_BOX = {
     "beta": (-5.0, 5.0),
     "gamma": (0.0, 5.0),
     "nu": (1e-3, 0.1),
     "b": (0.2, 1.9),
     "mu_0": (0.5, 2.0),
 }
-BOX |= {"v_hat": (0.3, 2.0)}
+_BOX |= {"v_hat": (0.3, 2.0)}
 
 
 def mu(s: float, mu_0: float) -> float:
@@ -101,7 +101,7 @@ def scaling_condition() -> Finding:
 def unsolved_beta_equation() -> Finding:
     """The scaled equation of the spring, before γ̇ is inserted."""
     error = 0.0
-    for p in points(BOX, 200):
+    for p in points(_BOX, 200):
         d_beta, d_gamma = scaled_rates(p)
         right = (
             p["v_hat"] - max(p["beta"], 0.0) - mu_slope(p["nu"] * p["gamma"], p["mu_0"]) * d_gamma
@@ -118,7 +118,7 @@ def unsolved_beta_equation() -> Finding:
 def scaling_of_the_slider() -> Finding:
     """The scaled system is equivalent to the spring slider."""
     error = 0.0
-    for p in points({**BOX, "mu_0": (1.0, 1.0)}, 200, seed=2):
+    for p in points({**_BOX, "mu_0": (1.0, 1.0)}, 200, seed=2):
         nu = p["nu"]
         beta = p["beta"]
         gamma = p["gamma"]
@@ -167,7 +167,7 @@ def sign_of_the_unfolding() -> Finding:
 def scaled_beta_equation() -> Finding:
     """The scaled equation for β after γ̇ is inserted."""
     error = 0.0
-    for p in points(BOX, 200, seed=3):
+    for p in points(_BOX, 200, seed=3):
         nu = p["nu"]
         beta = p["beta"]
         plus = max(p["beta"], 0.0)
@@ -187,7 +187,7 @@ def scaled_beta_equation() -> Finding:
 def scaled_gamma_equation() -> Finding:
     """The scaled equation for the state."""
     error = 0.0
-    for p in points(BOX, 200, seed=4):
+    for p in points(_BOX, 200, seed=4):
         nu = p["nu"]
         beta = p["beta"]
         plus = max(p["beta"], 0.0)
@@ -225,7 +225,7 @@ def order_of_A() -> Finding:
 def limit_beta_equation() -> Finding:
     """The simplified equation for β is linear in slip and in stick."""
     printed = right = 0.0
-    for p in points(BOX, 200, seed=5):
+    for p in points(_BOX, 200, seed=5):
         nu = p["nu"]
         constant = p["v_hat"] * (1 - p["b"] * math.sqrt(p["nu"]))
         rest = p["b"] / math.sqrt(nu) * max(p["beta"], 0.0) - p["gamma"] / (nu * p["mu_0"])
@@ -239,7 +239,7 @@ def limit_beta_equation() -> Finding:
 def limit_gamma_equation() -> Finding:
     """The simplified equation for the state."""
     error = 0.0
-    for p in points(BOX, 200, seed=6):
+    for p in points(_BOX, 200, seed=6):
         error = maximum(
             error, abs(limit_rates(p)[1] - p["mu_0"] * max(p["beta"], 0.0) + p["gamma"])
         )
@@ -259,7 +259,7 @@ def limit_steady_state() -> Finding:
     """The simplified system has one steady state."""
     system = catalogue.scaled_slider_limit()
     printed = right = 0.0
-    for p in points(BOX, 20, seed=7):
+    for p in points(_BOX, 20, seed=7):
         p = {**p, "beta": p["v_hat"], "gamma": p["mu_0"] * p["v_hat"]}
         nu = p["nu"]
         factor = p["v_hat"] * (1 - p["b"] * math.sqrt(p["nu"]))
@@ -281,7 +281,7 @@ def limit_steady_state() -> Finding:
 def homogeneous_of_degree_one() -> Finding:
     """The system is positively homogeneous of degree 1 in v̂."""
     error = 0.0
-    for p in points(BOX, 100, seed=8):
+    for p in points(_BOX, 100, seed=8):
         larger = {**p, **{x: 3.0 * p[x] for x in ("beta", "gamma", "v_hat")}}
         one, three = limit_rates(p), limit_rates(larger)
         error = maximum(
@@ -351,7 +351,7 @@ def focus_is_unstable() -> Finding:
 def sticking_field() -> Finding:
     """In stick the system is the same for all b."""
     printed = right = 0.0
-    for p in points({**BOX, "beta": (-5.0, -0.1), "v_hat": (1.0, 1.0)}, 100, seed=9):
+    for p in points({**_BOX, "beta": (-5.0, -0.1), "v_hat": (1.0, 1.0)}, 100, seed=9):
         nu = p["nu"]
         rest = -p["gamma"] / (nu * p["mu_0"])
         found, d_gamma = limit_rates(p)

@@ -37,27 +37,27 @@ from stickslip_paper.sections.laws import (
     zero,
 )
 
-LAW = "2/sqrt(alpha)"
-HOPF = 0.224849301296112  # V for this law and ν = 0.05
+_LAW = "2/sqrt(alpha)"
+_HOPF = 0.224849301296112  # V for this law and ν = 0.05
 NU = 0.05  # ν of the rectangles
-RATE = 0.3  # V* of the rectangles
-SLIDING = {"block": "slip-"}  # forward, where U falls behind
-STICKING = {"block": "stick"}
-BACKWARD = {"block": "slip+"}
-MODES = (SLIDING, STICKING, BACKWARD)
-BOX = {
+_RATE = 0.3  # V* of the rectangles
+_SLIDING = {"block": "slip-"}  # forward, where U falls behind
+_STICKING = {"block": "stick"}
+_BACKWARD = {"block": "slip+"}
+_MODES = (_SLIDING, _STICKING, _BACKWARD)
+_BOX = {
     "U": (-3.0, 3.0),
     "alpha": (1.0, 5.0),
     "V": (0.1, 1.0),
     "k": (0.5, 2.0),
     "alpha_0": (0.5, 2.0),
 }
-BOX |= {"nu": (0.02, 0.5)}
+_BOX |= {"nu": (0.02, 0.5)}
 
 
 def slider() -> ss.System:
     """(3.3) with μ̃ = 2/√α."""
-    return built(catalogue.spring_slider, mu=LAW, nu=0.05)
+    return built(catalogue.spring_slider, mu=_LAW, nu=0.05)
 
 
 def mu(alpha: float) -> float:
@@ -81,7 +81,7 @@ def falling(alpha: float) -> float:
 
 
 def mode_of(kU: float, alpha: float) -> dict[str, str]:
-    return STICKING if abs(kU) <= mu(alpha) else SLIDING if kU > 0 else BACKWARD
+    return _STICKING if abs(kU) <= mu(alpha) else _SLIDING if kU > 0 else _BACKWARD
 
 
 def steady(V: float, nu: float) -> tuple[float, float]:
@@ -136,7 +136,7 @@ def friction_law() -> Finding:
 def friction_is_rate_and_state_dependent() -> Finding:
     """In forward sliding the friction depends on the rate and on the state."""
     U, k, V, nu, alpha = _symbols("U k V nu alpha")
-    velocity = V - symbolic_rates(SLIDING)["U"]
+    velocity = V - symbolic_rates(_SLIDING)["U"]
     return _identity(k * U - _law(alpha) - nu * velocity)
 
 
@@ -149,7 +149,7 @@ def state_is_heated_by_friction() -> Finding:
     """The state relaxes to α_0 and is heated by the power of friction."""
     V, nu, alpha, alpha_0 = _symbols("V nu alpha alpha_0")
     differences = []
-    for modes, sign in ((SLIDING, 1), (BACKWARD, -1), (STICKING, 0)):
+    for modes, sign in ((_SLIDING, 1), (_BACKWARD, -1), (_STICKING, 0)):
         rates = symbolic_rates(modes)
         velocity = V - rates["U"]
         power = _law(alpha) * sign * velocity + nu * velocity**2
@@ -165,7 +165,7 @@ def state_is_heated_by_friction() -> Finding:
 def explicit_flow_rule() -> Finding:
     """The inclusion is equivalent to an explicit equation with the function G."""
     error = 0.0
-    for p in points(BOX, 300):
+    for p in points(_BOX, 300):
         modes = mode_of(p["k"] * p["U"], p["alpha"])
         found = p["V"] - rates_of(slider(), modes, p)["U"]
         error = maximum(error, abs(found - G(p["k"] * p["U"], p["alpha"], p["nu"])) * p["nu"])
@@ -184,7 +184,7 @@ def explicit_flow_rule() -> Finding:
 def state_equation_keeps_alpha_0() -> Finding:
     """The heating by friction is the power of the spring force."""
     printed = right = 0.0
-    for p in points(BOX, 300):
+    for p in points(_BOX, 300):
         xi = p["k"] * p["U"]
         found = rates_of(slider(), mode_of(xi, p["alpha"]), p)["alpha"]
         power = xi * G(xi, p["alpha"], p["nu"])
@@ -202,7 +202,7 @@ def state_equation_keeps_alpha_0() -> Finding:
 def planar_system() -> Finding:
     """For the stretch of the spring the slider is a planar system."""
     error = 0.0
-    for p in points(BOX, 300, seed=1):
+    for p in points(_BOX, 300, seed=1):
         xi = p["k"] * p["U"]
         slip = G(xi, p["alpha"], p["nu"])
         found = rates_of(slider(), mode_of(xi, p["alpha"]), p)
@@ -220,7 +220,7 @@ def translation_invariance() -> Finding:
     """The problem is invariant if load and block are shifted together."""
     names = {
         str(s)
-        for modes in MODES
+        for modes in _MODES
         for rate in symbolic_rates(modes).values()
         for s in rate.free_symbols
     }
@@ -295,7 +295,7 @@ def jacobian_entry() -> Finding:
     printed = right = 0.0
     for V, nu in ((0.1, 0.05), (0.25, 0.05), (0.6, 0.1), (1.0, 0.3)):
         U, alpha = steady(V, nu)
-        entry = jacobian_of(slider(), SLIDING, {"U": U, "alpha": alpha, "V": V, "nu": nu})[0, 1]
+        entry = jacobian_of(slider(), _SLIDING, {"U": U, "alpha": alpha, "V": V, "nu": nu})[0, 1]
         printed = maximum(printed, abs(entry + mu_slope(alpha)))
         right = maximum(right, abs(entry - mu_slope(alpha) / nu))
     return corrects(printed, right, 1e-11)
@@ -311,7 +311,7 @@ def other_jacobian_entries() -> Finding:
     error = 0.0
     for V, nu in ((0.1, 0.05), (0.25, 0.05), (0.6, 0.1), (1.0, 0.3)):
         U, alpha = steady(V, nu)
-        J = jacobian_of(slider(), SLIDING, {"U": U, "alpha": alpha, "V": V, "nu": nu})
+        J = jacobian_of(slider(), _SLIDING, {"U": U, "alpha": alpha, "V": V, "nu": nu})
         expected = (-1 / nu, V + U / nu, -1 - U * mu_slope(alpha) / nu)
         error = maximum(
             error,
@@ -366,7 +366,7 @@ def hopf_bifurcation() -> Finding:
     _, alpha = steady(found.value, 0.05)
     frequency = math.sqrt((1 - found.value * mu_slope(alpha)) / 0.05)
     return together(
-        equals(found.value, HOPF, 1e-11, "Hopf point V ="),
+        equals(found.value, _HOPF, 1e-11, "Hopf point V ="),
         vanishes(trace(found.value, 0.05), 1e-9, "trace there"),
         equals(found.data["frequency"], frequency, 1e-9, "frequency against √det"),
     )
@@ -444,7 +444,7 @@ def stretch_is_bounded() -> Finding:
         {"U": (0.0, 3.0), "alpha": (0.0, 20.0), "V": (0.05, 2.0), "nu": (0.02, 0.5)}, 400
     ):
         values = {**p, "U": 2.0 + p["nu"] * p["V"] + p["U"]}
-        largest = maximum(largest, rates_of(system, SLIDING, values)["U"] * p["nu"])
+        largest = maximum(largest, rates_of(system, _SLIDING, values)["U"] * p["nu"])
     return shows(largest <= 1e-12, f"largest νU̇ = {largest:.1e} (at most 0)", largest=largest)
 
 
@@ -464,7 +464,7 @@ def sliding_velocity_is_bounded() -> Finding:
     nu = 0.05
     system = catalogue.spring_slider(mu="0.4/(1 + alpha)")
     values = {"U": U_max, "alpha": 100.0, "V": 1.0, "nu": nu}
-    velocity = 1.0 - rates_of(system, SLIDING, values)["U"]
+    velocity = 1.0 - rates_of(system, _SLIDING, values)["U"]
     return corrects(
         maximum(0.0, velocity - U_max**2 / nu),
         maximum(0.0, velocity - U_max / nu, U_max * velocity - U_max**2 / nu),
@@ -484,11 +484,11 @@ def invariant_rectangle() -> Finding:
     system = catalogue.spring_slider()
     rng = np.random.default_rng(0)
     excess = 0.0
-    U_max = falling(0.0) + NU * RATE
+    U_max = falling(0.0) + NU * _RATE
     alpha_max = 1 + U_max**2 / NU
     for _ in range(12):
         start = {"U": float(rng.choice([0.0, U_max])), "alpha": float(rng.uniform(0, alpha_max))}
-        state = ss.simulate(system, (0.0, 20.0), start, {"nu": NU, "V": RATE}).knots.state
+        state = ss.simulate(system, (0.0, 20.0), start, {"nu": NU, "V": _RATE}).knots.state
         excess = maximum(
             excess, -state.min(), (state[:, 0] - U_max).max(), (state[:, 1] - alpha_max).max()
         )
@@ -514,7 +514,7 @@ def smaller_rectangle() -> Finding:
             error,
             abs(fact(system, "alpha_max", **p) - 1 - (p["k"] * U_max) ** 2 / p["nu"]) * p["nu"],
         )
-    U_max, alpha_max = (fact(system, name, V=RATE, nu=NU) for name in ("U_max", "alpha_max"))
+    U_max, alpha_max = (fact(system, name, V=_RATE, nu=NU) for name in ("U_max", "alpha_max"))
     return together(
         _inward(system, U_max, 1.0, alpha_max), vanishes(error, 1e-12, "facts of the catalogue")
     )
@@ -554,8 +554,8 @@ def _inward(system: ss.System, U_max: float, alpha_min: float, alpha_max: float)
     sides = [(U, alpha) for U in (0.0, U_max) for alpha in rng.uniform(alpha_min, alpha_max, 100)]
     sides += [(U, alpha) for alpha in (alpha_min, alpha_max) for U in rng.uniform(0, U_max, 100)]
     for U, alpha in sides:
-        modes = STICKING if falling(alpha) >= U else SLIDING
-        rates = rates_of(system, modes, {"U": U, "alpha": alpha, "V": RATE, "nu": NU})
+        modes = _STICKING if falling(alpha) >= U else _SLIDING
+        rates = rates_of(system, modes, {"U": U, "alpha": alpha, "V": _RATE, "nu": NU})
         for rate, value, low, high in (
             ("U", U, 0.0, U_max),
             ("alpha", alpha, alpha_min, alpha_max),
@@ -590,7 +590,7 @@ def _identity(*differences: Any) -> Finding:
 
 def _at_equilibrium(difference: Callable[[Any, dict[str, Any]], Any]) -> Finding:
     """Whether an expression in the Jacobian vanishes where U = μ̃ + νV."""
-    found = ss.vector_field(slider(), SLIDING, {"U": 2.0, "alpha": 2.0})
+    found = ss.vector_field(slider(), _SLIDING, {"U": 2.0, "alpha": 2.0})
     V, nu, alpha, k, alpha_0 = _symbols("V nu alpha k alpha_0")
     law = _law(alpha)
     values = {sp.Symbol("U", real=True): law + nu * V, k: 1, alpha_0: 1}

@@ -32,19 +32,19 @@ from stickslip_paper.sections.laws import (
 
 RIGHT = "right leg"
 LEFT = "left leg"
-SLIPS = {1: "slip+", -1: "slip-"}  # by the sign of the velocity
+_SLIPS = {1: "slip+", -1: "slip-"}  # by the sign of the velocity
 WALK = {"psi": -1.67, "x_R": 0.5, "x_L": 0.0}
-STATE = {"psi": (-2.0, 2.0), "d_psi": (-2.0, 2.0), "x_R": (-1.0, 1.0), "x_L": (-1.0, 1.0)}
+_STATE = {"psi": (-2.0, 2.0), "d_psi": (-2.0, 2.0), "x_R": (-1.0, 1.0), "x_L": (-1.0, 1.0)}
 RANGES = {"I_b": (0.5, 2.0), "delta": (0.0, 0.2), "a": (0.5, 2.0), "b": (0.5, 2.0), "c": (0.1, 0.5)}
 RANGES |= {"rho": (0.1, 0.5), "psi_star": (0.5, 1.5), "H_star": (1.0, 4.0)}
-MASSES = {
+_MASSES = {
     "m_W": (0.01, 1.0),
     "m_b": (0.01, 1.0),
     "m_l": (0.01, 1.0),
     "g": (1.0, 20.0),
     "nu": (0.0, 0.5),
 }
-SPEEDS = {"d_x_R": (-1.0, 1.0), "d_x_L": (-1.0, 1.0)}
+_SPEEDS = {"d_x_R": (-1.0, 1.0), "d_x_L": (-1.0, 1.0)}
 
 
 def H_R(p: dict[str, float]) -> float:
@@ -75,7 +75,7 @@ def accelerations(p: dict[str, float]) -> tuple[dict[str, float], float, float]:
     """Accelerations of the library's (4.1) with both legs sliding, and the signs of their
     velocities."""
     right, left = (int(math.copysign(1, p[speed])) for speed in ("d_x_R", "d_x_L"))
-    modes = {RIGHT: SLIPS[right], LEFT: SLIPS[left]}
+    modes = {RIGHT: _SLIPS[right], LEFT: _SLIPS[left]}
     rates = rates_of(built(catalogue.rocking_toy_inertial), modes, p)
     return {x: rates[f"d_{x}"] for x in ("psi", "x_R", "x_L")}, right, left
 
@@ -88,7 +88,7 @@ def accelerations(p: dict[str, float]) -> tuple[dict[str, float], float, float]:
 def rocking_equation() -> Finding:
     """The rocking of the body."""
     error = 0.0
-    for p in points({**STATE, **SPEEDS, **RANGES, **MASSES}, 100):
+    for p in points({**_STATE, **_SPEEDS, **RANGES, **_MASSES}, 100):
         found, _, _ = accelerations(p)
         slope = p["b"] * p["psi"] - p["c"] * (p["x_R"] - p["x_L"])
         error = maximum(error, abs(p["I_b"] * found["psi"] + p["delta"] * p["d_psi"] + slope))
@@ -346,7 +346,7 @@ def piecewise_affine_loads() -> Finding:
     """The load of a leg depends on the angle piecewise affinely."""
     error = 0.0
     for system in (catalogue.rocking_toy(), catalogue.rocking_toy_inertial()):
-        for p in points({**STATE, **RANGES}, 100, seed=3):
+        for p in points({**_STATE, **RANGES}, 100, seed=3):
             error = maximum(error, abs(threshold(system, RIGHT, p) - p["rho"] - H_R(p)))
             error = maximum(error, abs(threshold(system, LEFT, p) - p["rho"] - H_L(p)))
     return vanishes(error, 1e-13)
@@ -382,7 +382,7 @@ def restoring_force() -> Finding:
 def simplified_rocking_equation() -> Finding:
     """The rocking of the body in the simplified model."""
     error = 0.0
-    for p in points({**STATE, **RANGES, "P": (0.5, 1.5)}, 100, seed=4):
+    for p in points({**_STATE, **RANGES, "P": (0.5, 1.5)}, 100, seed=4):
         found = rates_of(built(catalogue.rocking_toy), {RIGHT: "stick", LEFT: "stick"}, p)
         rest = p["delta"] * p["d_psi"] + p["b"] * p["psi"] - p["c"] * (p["x_R"] - p["x_L"])
         error = maximum(
@@ -401,7 +401,7 @@ def simplified_leg_equations() -> Finding:
     """Each leg is a play operator with a varying threshold."""
     error = 0.0
     system = catalogue.rocking_toy()
-    for p in points({**STATE, **RANGES, "P": (0.5, 1.5)}, 100, seed=5):
+    for p in points({**_STATE, **RANGES, "P": (0.5, 1.5)}, 100, seed=5):
         pull = p["a"] * (p["x_R"] - p["x_L"]) - p["c"] * p["psi"]
         error = maximum(
             error,
@@ -457,7 +457,7 @@ def _start(P: float) -> dict[str, float]:
 
 def _leg_residual(side: int, seed: int) -> Finding:
     error = 0.0
-    for p in points({**STATE, **SPEEDS, **RANGES, **MASSES}, 100, seed=seed):
+    for p in points({**_STATE, **_SPEEDS, **RANGES, **_MASSES}, 100, seed=seed):
         found, right, left = accelerations(p)
         x, sign, load = ("x_R", right, H_R(p)) if side > 0 else ("x_L", left, H_L(p))
         inertia = (p["m_W"] + p["m_b"]) * (found["x_R"] + found["x_L"]) + p["m_l"] * found[x]

@@ -11,6 +11,7 @@ import numpy as np
 
 import stickslip as ss
 from stickslip import catalogue
+from stickslip.arrays import Array
 from stickslip_paper.sections.claim import (
     Finding,
     Verdict,
@@ -35,16 +36,15 @@ from stickslip_paper.sections.section4_model import (
     threshold,
 )
 
-WIDE = {**RANGES, "P": (0.5, 1.5), "psi": (-2.0, 2.0)}
+_WIDE = {**RANGES, "P": (0.5, 1.5), "psi": (-2.0, 2.0)}
 # Of the walk with the catalogue's parameters, to the digits given.
-PERIOD = 5.969
-AMPLITUDE = 1.6236
-SPEED = 0.1675
+_PERIOD = 5.969
+_AMPLITUDE = 1.6236
+_SPEED = 0.1675
 
 X = 0.5
-PSI_2 = 7 / 3
-PSI_3 = 1 / 6
-Array = np.ndarray
+_PSI_2 = 7 / 3
+_PSI_3 = 1 / 6
 
 
 def boundaries(system: ss.System, values: dict[str, float]) -> dict[str, float]:
@@ -72,7 +72,7 @@ def curves(psi: Array, P: float = 1.0, H_star: float = 3.0) -> tuple[Array, Arra
 def Gamma(psi: Array) -> Array:
     """Γ of section 4.4 for the catalogue's parameters."""
     descent = -1 + 0.3 * psi + 0.2 + 1.5 * (1 - psi)
-    return np.where(psi <= PSI_3, X, np.where(psi <= 1, descent, -X))
+    return np.where(psi <= _PSI_3, X, np.where(psi <= 1, descent, -X))
 
 
 @claim(
@@ -84,7 +84,7 @@ def boundary_curves() -> Finding:
     """Each leg confines the distance of the legs to an interval."""
     error = 0.0
     system = catalogue.rocking_toy()
-    for p in points(WIDE, 100):
+    for p in points(_WIDE, 100):
         found = boundaries(system, p)
         for name, P, load in (("R", p["P"], H_R(p)), ("L", -p["P"], H_L(p))):
             for side, sign in (("-", -1), ("+", 1)):
@@ -168,7 +168,7 @@ def curves_do_not_cross() -> Finding:
     """There is always an admissible distance of the legs."""
     least = math.inf
     system = catalogue.rocking_toy()
-    for p in points({**WIDE, "psi": (-3.0, 3.0)}, 100, seed=1):
+    for p in points({**_WIDE, "psi": (-3.0, 3.0)}, 100, seed=1):
         p["H_star"] = max(p["H_star"], 2.1 * p["P"], 2.1 * p["c"] * p["psi_star"])
         g = boundaries(system, p)
         least = minimum(least, min(g["R+"], g["L+"]) - max(g["R-"], g["L-"]))
@@ -342,7 +342,7 @@ def reduced_oscillator() -> Finding:
         G = float(Gamma(psi) if p["d_psi"] >= 0 else -Gamma(-psi))
         found = rates_of(system, {}, p)["d_psi"]
         error = maximum(error, abs(found + p["delta"] * p["d_psi"] + p["psi"] - 0.3 * G))
-    facts = {"X": X, "psi_2": PSI_2, "psi_3": PSI_3}
+    facts = {"X": X, "psi_2": _PSI_2, "psi_3": _PSI_3}
     known = maximum(*(abs(fact(system, name) - value) for name, value in facts.items()))
     return together(
         vanishes(error, 1e-13, "largest residual"),
@@ -363,7 +363,7 @@ def oscillator_is_the_toy() -> Finding:
     ]
     psi = _walk().at(t)["psi"]
     inside = shows(
-        bool(np.abs(psi).max() < PSI_2), f"|ψ| ≤ {np.abs(psi).max():.3f} < ψ_2 = {PSI_2:.3f}"
+        bool(np.abs(psi).max() < _PSI_2), f"|ψ| ≤ {np.abs(psi).max():.3f} < ψ_2 = {_PSI_2:.3f}"
     )
     return together(vanishes(float(np.abs(psi - reduced).max()), 1e-10), inside)
 
@@ -381,7 +381,7 @@ def periodic_orbit_of_the_toy() -> Finding:
         largest < 1 and cycle.residual < 1e-9,
         f"largest multiplier {largest:.4f}, residual {cycle.residual:.0e}",
     )
-    return together(equals(cycle.period, PERIOD, 5e-4, "period"), good)
+    return together(equals(cycle.period, _PERIOD, 5e-4, "period"), good)
 
 
 @claim(
@@ -401,7 +401,7 @@ def limit_cycle_attracts() -> Finding:
             np.linspace(500.0, 520.0, 8001)
         )["psi"]
         amplitudes.append(float(np.abs(psi).max()))
-    spread = maximum(*(abs(a - AMPLITUDE) for a in amplitudes))
+    spread = maximum(*(abs(a - _AMPLITUDE) for a in amplitudes))
     return vanishes(
         spread, 1e-3, f"amplitudes {', '.join(f'{a:.4f}' for a in amplitudes)}; largest distance"
     )
@@ -420,10 +420,10 @@ def limit_cycle_attracts() -> Finding:
 def amplitude_of_the_walk() -> Finding:
     """The amplitude of the rocking follows from the balance of energy."""
     amplitude = _cycle().extrema["psi"][1]
-    fed = 2 * 0.3 * X * (PSI_3 + 1.0)
-    harmonic = math.sqrt(fed * PERIOD / (2 * math.pi**2 * 0.04))
+    fed = 2 * 0.3 * X * (_PSI_3 + 1.0)
+    harmonic = math.sqrt(fed * _PERIOD / (2 * math.pi**2 * 0.04))
     found = corrects(
-        1.859 - amplitude, AMPLITUDE - amplitude, 1e-4, f"amplitude {amplitude:.4f}; off"
+        1.859 - amplitude, _AMPLITUDE - amplitude, 1e-4, f"amplitude {amplitude:.4f}; off"
     )
     return together(found, vanishes(harmonic - amplitude, 0.02, "harmonic estimate"))
 
@@ -442,7 +442,7 @@ def walking_speed() -> Finding:
     steps = [x.at(t + cycle.period)[name] - x.at(t)[name] - 2 * X for name in ("x_R", "x_L")]
     return together(
         equals(cycle.drift, 2 * X, 1e-11, "drift"),
-        equals(cycle.speed, SPEED, 5e-5, "speed"),
+        equals(cycle.speed, _SPEED, 5e-5, "speed"),
         vanishes(float(np.abs(steps).max()), 1e-3, "periodicity of x − vt"),
     )
 
@@ -454,7 +454,7 @@ def walking_speed() -> Finding:
 )
 def energy_of_the_switching() -> Finding:
     """The switching of the distance feeds the energy into the rocking that damping takes out."""
-    fed = 2 * 0.3 * X * (PSI_3 + 1.0)
+    fed = 2 * 0.3 * X * (_PSI_3 + 1.0)
     motion = ss.simulate(catalogue.rocking_oscillator(), (0.0, 500.0), {"psi": -1.6})
     turns = at_events(motion, "below", contact="d_psi = 0")[-2:]
     lost = float(np.diff(motion.at(turns)["dissipated_energy"])[0])
@@ -520,7 +520,7 @@ def energy_from_the_forward_motion() -> Finding:
     damping = cycle.dissipated - friction
     return together(
         vanishes(work - cycle.dissipated, 1e-9, "work of the pull − dissipation"),
-        equals(damping, 2 * 0.3 * X * (PSI_3 + 1.0), 1e-8, "damping"),
+        equals(damping, 2 * 0.3 * X * (_PSI_3 + 1.0), 1e-8, "damping"),
     )
 
 

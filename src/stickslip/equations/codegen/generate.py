@@ -38,7 +38,7 @@ from stickslip.symbolic.tape import (
 )
 
 ORDERS = (8, 12, 16, 20, 24)  # that a Taylor series may have
-HEADER = '''"""Generated from a declaration; do not edit."""
+_HEADER = '''"""Generated from a declaration; do not edit."""
 import math
 import numpy as np
 from numba import boolean, cfunc, float64, int64, njit, void
@@ -338,7 +338,7 @@ class _Generator:
         guards = [*layout.u, *layout.force, *layout.plus, *layout.minus, *layout.kinks]
         guards += [row for *_, force, margin in layout.kinetic for row in (force, margin)]
         kept = sorted({*range(self.n), *guards})
-        parts = [[HEADER, f"KEPT = {tuple(kept)}"], setup, jets, residual, powers]
+        parts = [[_HEADER, f"KEPT = {tuple(kept)}"], setup, jets, residual, powers]
         lines = [line for part in parts for line in (*part, "")]
         return Generated("\n".join(lines), layout)
 

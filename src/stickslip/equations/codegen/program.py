@@ -14,15 +14,15 @@ from stickslip.symbolic.tape import OUTPUTS, Instruction, Op, Scaled
 
 # Columns of a row of code: operation, row of the result, operands, place, size.
 OPERATION, RESULT, FIRST, SECOND, THIRD, FOURTH, FIFTH, PLACE, SIZE = range(9)
-WIDTH = 9
-HIDING = frozenset(
+_WIDTH = 9
+_HIDING = frozenset(
     {Op.QUOTIENT, Op.RECIPROCAL, Op.POWER, Op.EXP, Op.LOG, Op.ROTATION, Op.HYPERBOLIC}
     | {Op.CHAIN, Op.TAN, Op.TANH}
 )
 """Operations whose series may be too small to be seen where a step begins, and yet matter where it
 ends."""
-MOST_DEGREE = 8  # of a polynomial that a series of every order shows
-INVERSES = {"Rq": 0, "Rz": 1}
+_MOST_DEGREE = 8  # of a polynomial that a series of every order shows
+_INVERSES = {"Rq": 0, "Rz": 1}
 
 
 class Program(NamedTuple):
@@ -72,7 +72,7 @@ def pack(layout: Layout) -> Program:
     packer = _Packer(layout.constants)
     code = [packer.packed(i) for i in ordered]
     return Program(
-        code=np.array(code, dtype=np.int64).reshape(-1, WIDTH),
+        code=np.array(code, dtype=np.int64).reshape(-1, _WIDTH),
         term_row=np.array(packer.rows, dtype=np.int64),
         term_factor=np.array(packer.factors, dtype=np.int64),
         numbers=np.array(packer.numbers, dtype=float),
@@ -99,7 +99,7 @@ def rows_made(i: Instruction) -> range:
 
 
 def _hiding(layout: Layout) -> set[Instruction]:
-    """Instructions that may hide something: those of :data:`HIDING`, and products of a high
+    """Instructions that may hide something: those of :data:`_HIDING`, and products of a high
     degree."""
     degree = dict.fromkeys(range(len(layout.state) + 1), 1)
     found = set()
@@ -108,9 +108,13 @@ def _hiding(layout: Layout) -> set[Instruction]:
         # A product of a series that is seen with itself: the lowest order may be the highest that
         # is there.
         own = (
-            sum(degrees) if i.op is Op.PRODUCT else 1 if i.op in HIDING else max(degrees, default=0)
+            sum(degrees)
+            if i.op is Op.PRODUCT
+            else 1
+            if i.op in _HIDING
+            else max(degrees, default=0)
         )
-        if i.op in HIDING or (i.op is Op.PRODUCT and own > MOST_DEGREE):
+        if i.op in _HIDING or (i.op is Op.PRODUCT and own > _MOST_DEGREE):
             found.add(i)
         degree |= dict.fromkeys(rows_made(i), own)
     return found
@@ -156,7 +160,7 @@ class _Packer:
             self.factors += [j for _, j in changing]
             operands += [start, len(changing)]
         elif i.op is Op.SOLVE:
-            operands.append(INVERSES[i.matrix])
+            operands.append(_INVERSES[i.matrix])
         elif i.op in (Op.LINEAR, Op.SELECT):
             operands += [start, len([self.term(part) for part in i.parts])]
         elif i.op is Op.POWER:

@@ -17,8 +17,8 @@ from numba.extending import lower_builtin, type_callable
 from stickslip.arrays import Array
 from stickslip.machine_code import njit
 
-NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a difference may be zero
-OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
+_NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a difference may be zero
+_OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
 
 # Sums may be reordered (they are long dot products), nothing else is relaxed: NaN and inf must stay
 # visible.
@@ -131,7 +131,7 @@ def inverse_order(W: Array, b: int, y: int, k: int) -> float:
 @njit(**_exact)
 def first_power(a: float, p: float, size: float) -> float:
     """aᵖ, where a is known up to the rounding error of terms of a size: what may be 0 is 0."""
-    if p > 0.0 and abs(a) <= NOTHING * size:
+    if p > 0.0 and abs(a) <= _NOTHING * size:
         return 0.0
     return math.sqrt(a) if p == 0.5 and a >= 0.0 else np.power(a, p)
 
@@ -166,7 +166,7 @@ def chain_order(W: Array, a: int, g: int, k: int) -> float:
 def first_exp(x: float) -> float:
     """exp x, infinite before its derivatives overflow: what is divided by it then is zero, and so
     are they."""
-    return math.exp(x) if x < OVERFLOW else np.inf
+    return math.exp(x) if x < _OVERFLOW else np.inf
 
 
 @njit(**_options)

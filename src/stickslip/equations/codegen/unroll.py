@@ -20,18 +20,18 @@ from stickslip.equations.codegen import series
 from stickslip.equations.codegen.generate import ORDERS
 
 Names = dict[str, ast.expr]
-ARITHMETIC = {
+_ARITHMETIC = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
 }
-COMPARISONS = {ast.Eq: operator.eq, ast.Gt: operator.gt, ast.GtE: operator.ge}
+_COMPARISONS = {ast.Eq: operator.eq, ast.Gt: operator.gt, ast.GtE: operator.ge}
 
 
-MOST_PRODUCTS = 4000  # beyond this, the code would take too long to compile
-STRANDS = 4  # in which long sums are added up, so that no instruction waits long for another
-SUMS = tuple(f"{name}_order" for name in "product divide inverse power exp log chain".split())
+_MOST_PRODUCTS = 4000  # beyond this, the code would take too long to compile
+_STRANDS = 4  # in which long sums are added up, so that no instruction waits long for another
+_SUMS = tuple(f"{name}_order" for name in "product divide inverse power exp log chain".split())
 
 
 def written_out(source: str) -> str:
@@ -47,7 +47,7 @@ def written_out(source: str) -> str:
         (i, s) for i, s in enumerate(jets.body) if isinstance(s, ast.For) and _runs_over_orders(s)
     )
     text = ast.unparse(loop)
-    if "invert(" in text or not any(name in text for name in SUMS):
+    if "invert(" in text or not any(name in text for name in _SUMS):
         return source
     kept = next(
         s.value
@@ -57,7 +57,7 @@ def written_out(source: str) -> str:
     lines = unrolled(
         jets.body[:place], loop.body, jets.body[place + 1 : -1], ast.literal_eval(kept)
     )
-    if sum(line.count("*") + line.count("fma(") for line in lines) > MOST_PRODUCTS:
+    if sum(line.count("*") + line.count("fma(") for line in lines) > _MOST_PRODUCTS:
         return source
     jets.body = ast.parse("\n".join(lines)).body
     return ast.unparse(module)
@@ -201,7 +201,7 @@ class _Folder(ast.NodeTransformer):
         kind = type(node.op)
         a, b = _number(left), _number(right)
         if a is not None and b is not None:
-            return ast.Constant(ARITHMETIC[kind](a, b))
+            return ast.Constant(_ARITHMETIC[kind](a, b))
         if (kind is ast.Add and a == 0.0) or (kind is ast.Mult and a == 1.0):
             return right
         if (kind in (ast.Add, ast.Sub) and b == 0.0) or (kind in (ast.Mult, ast.Div) and b == 1.0):
@@ -215,7 +215,7 @@ class _Folder(ast.NodeTransformer):
         right = self.visit(node.comparators[0])
         a, b = _number(left), _number(right)
         if a is not None and b is not None:
-            return ast.Constant(COMPARISONS[type(node.ops[0])](a, b))
+            return ast.Constant(_COMPARISONS[type(node.ops[0])](a, b))
         return ast.Compare(left, node.ops, [right])
 
     def visit_BoolOp(self, node: ast.BoolOp) -> ast.expr:
@@ -267,8 +267,8 @@ class _Sums(ast.NodeTransformer):
         terms = sorted(map(self.visit, _terms(node)), key=self.last)
         strands = [[term] for term in terms[:-2]]
         new = terms[-2:]
-        if len(strands) > STRANDS:
-            strands = [terms[i:-2:STRANDS] for i in range(STRANDS)]
+        if len(strands) > _STRANDS:
+            strands = [terms[i:-2:_STRANDS] for i in range(_STRANDS)]
         sums = [reduce(_plus, strand) for strand in strands]
         while len(sums) > 1:
             sums = [reduce(_plus, sums[i : i + 2]) for i in range(0, len(sums), 2)]

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
-DOTS = 100  # per inch, on a screen
+_DOTS = 100  # per inch, on a screen
 
 
 def embedded(draw: Callable[[], Figure]) -> str:
@@ -23,7 +23,7 @@ def embedded(draw: Callable[[], Figure]) -> str:
     buffer = io.BytesIO()
     try:
         with paper_style():
-            draw().savefig(buffer, format="png", dpi=DOTS)
+            draw().savefig(buffer, format="png", dpi=_DOTS)
     except Exception as error:  # whatever it is, it says nothing about the result
         return (
             f"<p>{escape(f'the picture could not be drawn ({type(error).__name__}: {error})')}</p>"

@@ -29,10 +29,10 @@ if TYPE_CHECKING:
     import xarray
 
 # inches
-WIDTH = 7.2
-ROW = 1.9
-EXTRA = 0.8
-LETTERS = 24  # of a label beside a panel, in a line
+_WIDTH = 7.2
+_ROW = 1.9
+_EXTRA = 0.8
+_LETTERS = 24  # of a label beside a panel, in a line
 
 
 def plot_quantities(
@@ -70,7 +70,7 @@ def plot_quantities(
             legend_above(ax)
         return root_of(ax)
     with paper_style():
-        figure = new_figure(WIDTH, ROW * len(names) + EXTRA)
+        figure = new_figure(_WIDTH, _ROW * len(names) + _EXTRA)
         panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
         for panel, name in zip(panels, names, strict=True):
             _draw(panel, data, name, along, None)
@@ -142,6 +142,6 @@ def _label(axes: Axes, data: xarray.Dataset, names: Sequence[str]) -> None:
         axes.set_ylabel(axis_label(names, unit))
         return
     # A word is no symbol: what it means says more.
-    meaning = fill(str(data[names[0]].attrs.get("long_name", names[0].replace("_", " "))), LETTERS)
+    meaning = fill(str(data[names[0]].attrs.get("long_name", names[0].replace("_", " "))), _LETTERS)
     label = unit_label(unit)
     axes.set_ylabel(meaning + (f"  [{label}]" if label else ""))

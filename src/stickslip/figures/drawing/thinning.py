@@ -21,7 +21,7 @@ from stickslip.arrays import Array
 
 COLUMNS = 2000  # of a time axis
 FEW = 20 * COLUMNS  # samples that are drawn one by one
-FEW_PHASES = COLUMNS // 4
+_FEW_PHASES = COLUMNS // 4
 PIXELS = 1024  # across a plane
 MOST_PIECES = 100_000  # of a curve
 
@@ -116,7 +116,7 @@ def strip(
     """
     runs = {colour: _runs(holds) for colour, holds in phases.items()}
     transform = axes.transData if transform is None else transform
-    if sum(map(len, runs.values())) <= FEW_PHASES:
+    if sum(map(len, runs.values())) <= _FEW_PHASES:
         for colour, edges in ((colour, edges) for colour, edges in runs.items() if len(edges)):
             begins = time[edges[:, 0]]
             spans = np.column_stack([begins, time[edges[:, 1]] - begins])

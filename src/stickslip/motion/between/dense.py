@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
@@ -23,8 +24,6 @@ from stickslip.motion.steps.arrays import (
     coefficients,
 )
 from stickslip.motion.steps.stiff import follow
-
-Array = np.ndarray
 
 
 @njit(**ALLOCATING)

@@ -5,11 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 from stickslip.motion.steps.arrays import NODES as COUNT
 from stickslip.motion.steps.arrays import OPTIONS
-
-Array = np.ndarray
 
 _nodes, _weights = np.polynomial.legendre.leggauss(COUNT)
 NODES = 0.5 * (_nodes + 1.0)  # on [0, 1]
@@ -36,7 +35,7 @@ def _to_bernstein() -> Array:
 
 
 LEBESGUE = float(np.max(np.sum(np.abs(_lagrange(np.linspace(0.0, 1.0, 801))), axis=1)))
-TO_BERNSTEIN = _to_bernstein()
+_TO_BERNSTEIN = _to_bernstein()
 
 
 def _between(part: float) -> float:
@@ -80,7 +79,7 @@ def least(values: Array, stack: Array, negligible: float) -> float:
     for i in range(COUNT):
         total = 0.0
         for g in range(COUNT):
-            total += TO_BERNSTEIN[i, g] * values[g]
+            total += _TO_BERNSTEIN[i, g] * values[g]
         if total != total:
             return -np.inf
         stack[0, i] = total

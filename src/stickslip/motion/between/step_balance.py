@@ -23,6 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 from stickslip.motion.between.nodes import (
     COUNT,
@@ -65,19 +66,17 @@ from stickslip.motion.steps.discs import BALL, OFF, SLOPE, spread, spread_state,
 from stickslip.motion.steps.step_size import LEAST, fill_powers, impulse
 from stickslip.motion.steps.stiff import follow
 
-Array = np.ndarray
-
-NEGLIGIBLE = 1e-10  # part of its size that a quantity may have between the nodes
-MOST_PIECES = 512  # of a step
+_NEGLIGIBLE = 1e-10  # part of its size that a quantity may have between the nodes
+_MOST_PIECES = 512  # of a step
 # part of the velocity that forces would give to what sticks, against which it is measured
-REST = 1e-4
-CANCELS = 1e-5  # part of its terms against which a sum is measured in which they cancel
-ROUNDINGS = 8.0  # rounding errors of a rate, in parts of the size of its terms
+_REST = 1e-4
+_CANCELS = 1e-5  # part of its terms against which a sum is measured in which they cancel
+_ROUNDINGS = 8.0  # rounding errors of a rate, in parts of the size of its terms
 # Rows of Tally.state, columns of Tally.law and of Tally.kinks, and slots of Tally.total.
-LARGEST, SWAY, DEFECT, ROUNDED = range(4)
-EXCESS, OFF_THRESHOLD, CREEP, BACKWARDS, FORCE, SPEED, HELD = range(7)
-BEYOND, REACHED = range(2)
-FED_IN_ALL, ERRORS, UNVERIFIED = range(3)
+LARGEST, _SWAY, _DEFECT, _ROUNDED = range(4)
+_EXCESS, _OFF_THRESHOLD, _CREEP, _BACKWARDS, _FORCE, _SPEED, _HELD = range(7)
+_BEYOND, _REACHED = range(2)
+FED_IN_ALL, _ERRORS, UNVERIFIED = range(3)
 # Columns of Steps.work: dissipated and supplied energy.
 SPENT, FED = range(2)
 # Slots of the residuals of a motion.
@@ -242,7 +241,7 @@ def audit_step(
                 count_gaps(i, steps, tally)
             longest = h
             factor = enclose(flow, mode, reg, order, h, min(h, series), tally)
-            while not factor < np.inf and pieces < MOST_PIECES:
+            while not factor < np.inf and pieces < _MOST_PIECES:
                 h = 0.5 * h
                 pieces = pieces + 1
                 factor = enclose(flow, mode, reg, order, h, min(h, series), tally)
@@ -394,29 +393,29 @@ def encloses(
     for r in range(n):
         size = max(extent(W[r], N, powers), tally.state[LARGEST, r])
         time = counts_for(rows, mag, r, size, h, acting)
-        size += REST * impulse(rows, mag, r, acting)
-        if not time * residual_strays(rows, discs, r, factor) <= NEGLIGIBLE * size:
+        size += _REST * impulse(rows, mag, r, acting)
+        if not time * residual_strays(rows, discs, r, factor) <= _NEGLIGIBLE * size:
             return False
     for c in range(nc):
         speed = (
-            max(extent(W[rows.u[c]], N, powers), CANCELS * mag[c], tally.law[c, SPEED])
-            + REST * acting * mag[nc + c]
+            max(extent(W[rows.u[c]], N, powers), _CANCELS * mag[c], tally.law[c, _SPEED])
+            + _REST * acting * mag[nc + c]
         )
-        if not strays(discs[rows.u[c]], factor) <= NEGLIGIBLE * speed:
+        if not strays(discs[rows.u[c]], factor) <= _NEGLIGIBLE * speed:
             return False
         forces = rows.force[c], rows.plus[c], rows.minus[c]
-        held = max(CANCELS * mag[2 * nc + c], tally.law[c, FORCE])
+        held = max(_CANCELS * mag[2 * nc + c], tally.law[c, _FORCE])
         for row in forces:
             held = max(held, extent(W[row], N - 1, powers))
         for row in forces:
-            if not strays(discs[row], factor) <= NEGLIGIBLE * held:
+            if not strays(discs[row], factor) <= _NEGLIGIBLE * held:
                 return False
     for j in range(len(rows.kinks)):
         row = rows.kinks[j]
         size = max(
-            extent(W[row], N - 1, powers), CANCELS * mag[3 * nc + j], tally.kinks[j, REACHED]
+            extent(W[row], N - 1, powers), _CANCELS * mag[3 * nc + j], tally.kinks[j, _REACHED]
         )
-        if not strays(discs[row], factor) <= NEGLIGIBLE * size:
+        if not strays(discs[row], factor) <= _NEGLIGIBLE * size:
             return False
     return True
 
@@ -494,10 +493,10 @@ def sample_residuals(
         if sizes[r] >= 0:
             size = tally.state[LARGEST, r]
             time = counts_for(rows, mag, r, size, piece.h, piece.acting)
-            steps.noise[i, r] += time * WEIGHTS[g] * ROUNDINGS * EPSILON * mag[sizes[r]]
-            tally.total[ERRORS] += weight * ROUNDINGS * EPSILON * mag[sizes[r]]
+            steps.noise[i, r] += time * WEIGHTS[g] * _ROUNDINGS * EPSILON * mag[sizes[r]]
+            tally.total[_ERRORS] += weight * _ROUNDINGS * EPSILON * mag[sizes[r]]
         sway = impulse(rows, mag, r, piece.acting)
-        tally.state[SWAY, r] = most(tally.state[SWAY, r], sway)
+        tally.state[_SWAY, r] = most(tally.state[_SWAY, r], sway)
 
 
 @njit(**OPTIONS)
@@ -530,17 +529,17 @@ def sample_law(
         up = V[rows.plus[c], 0]
         down = V[rows.minus[c], 0]
         # Where thresholds vanish, a force is known up to the rounding of its terms only.
-        law[c, FORCE] = most(
-            most(law[c, FORCE], max(abs(held), max(up, down))), CANCELS * mag[2 * nc + c]
+        law[c, _FORCE] = most(
+            most(law[c, _FORCE], max(abs(held), max(up, down))), _CANCELS * mag[2 * nc + c]
         )
-        law[c, SPEED] = most(most(law[c, SPEED], abs(u)), CANCELS * mag[c])
+        law[c, _SPEED] = most(most(law[c, _SPEED], abs(u)), _CANCELS * mag[c])
         row = n + 3 * c
         if resting(mode[c]):
             samples[row, g] = held + up
             samples[row + 1, g] = down - held
             samples[row + 2, g] = u
         if abs(mode[c]) == 2:
-            law[c, HELD] = most(law[c, HELD], mag[nc + c] * h if c < mq else mag[c])
+            law[c, _HELD] = most(law[c, _HELD], mag[nc + c] * h if c < mq else mag[c])
         elif mode[c] == 0:
             matrix, place = (
                 (space.Rq, rows.sizes[INERTIAL] + c)
@@ -549,16 +548,16 @@ def sample_law(
             )
             if c < mq + mz:
                 free = mag[2 * nc + c] / abs(matrix[place, place])
-                law[c, HELD] = most(law[c, HELD], free * h if c < mq else free)
+                law[c, _HELD] = most(law[c, _HELD], free * h if c < mq else free)
             else:
-                law[c, HELD] = most(law[c, HELD], mag[c])
+                law[c, _HELD] = most(law[c, _HELD], mag[c])
         else:
             samples[row, g] = mode[c] * u
             samples[row + 2, g] = held + (up if mode[c] > 0 else -down)
     for j in range(len(rows.kinks)):
         value = V[rows.kinks[j], 0] if reg[j] == 1 else -V[rows.kinks[j], 0]
         samples[n + 3 * nc + j, g] = value
-        tally.kinks[j, REACHED] = most(tally.kinks[j, REACHED], abs(value))
+        tally.kinks[j, _REACHED] = most(tally.kinks[j, _REACHED], abs(value))
 
 
 @njit(**OPTIONS)
@@ -582,22 +581,25 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
             tight = strays(discs[rows.u[c]], factor)
         if resting(mode[c]):
             for part in range(2):
-                low = least(samples[row + part], space.bernstein, 1e-2 * NEGLIGIBLE * law[c, FORCE])
-                law[c, EXCESS] = most(law[c, EXCESS], loose - low - unsure)
-            law[c, CREEP] = most(law[c, CREEP], largest_of(samples[row + 2]) + tight - rounding)
+                low = least(
+                    samples[row + part], space.bernstein, 1e-2 * _NEGLIGIBLE * law[c, _FORCE]
+                )
+                law[c, _EXCESS] = most(law[c, _EXCESS], loose - low - unsure)
+            law[c, _CREEP] = most(law[c, _CREEP], largest_of(samples[row + 2]) + tight - rounding)
         else:
-            law[c, BACKWARDS] = most(
-                law[c, BACKWARDS], tight - rounding - least(samples[row], space.bernstein, rounding)
+            law[c, _BACKWARDS] = most(
+                law[c, _BACKWARDS],
+                tight - rounding - least(samples[row], space.bernstein, rounding),
             )
             if c >= rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]:
-                law[c, OFF_THRESHOLD] = most(
-                    law[c, OFF_THRESHOLD], largest_of(samples[row + 2]) + loose - unsure
+                law[c, _OFF_THRESHOLD] = most(
+                    law[c, _OFF_THRESHOLD], largest_of(samples[row + 2]) + loose - unsure
                 )
     for j in range(len(rows.kinks)):
         between = strays(discs[rows.kinks[j]], factor) if factor < np.inf else 0.0
-        negligible = 1e-2 * NEGLIGIBLE * tally.kinks[j, REACHED]
+        negligible = 1e-2 * _NEGLIGIBLE * tally.kinks[j, _REACHED]
         low = least(samples[n + 3 * nc + j], space.bernstein, negligible)
-        tally.kinks[j, BEYOND] = most(tally.kinks[j, BEYOND], between - low)
+        tally.kinks[j, _BEYOND] = most(tally.kinks[j, _BEYOND], between - low)
 
 
 @njit(**OPTIONS)
@@ -654,9 +656,9 @@ def judge_departures(
             if not resting(next_mode[c]) and room < least:
                 least, first = room, c
         elif drops[c] == 1 and abs(horner(W[rows.u[c]], order - 1, x)) <= ROUNDING * mag[c]:
-            law[c, EXCESS] = most(law[c, EXCESS], room)
+            law[c, _EXCESS] = most(law[c, _EXCESS], room)
     if first >= 0:
-        law[first, EXCESS] = most(law[first, EXCESS], least)
+        law[first, _EXCESS] = most(law[first, _EXCESS], least)
 
 
 @njit(**OPTIONS)
@@ -707,8 +709,8 @@ def close_step(
 def count_gaps(i: int, steps: Steps, tally: Tally) -> None:
     """Keep the gap and the rounding errors of a Taylor step, and begin the next with none."""
     for r in range(steps.gap.shape[1]):
-        tally.state[DEFECT, r] = most(tally.state[DEFECT, r], steps.gap[i, r])
-        tally.state[ROUNDED, r] = most(tally.state[ROUNDED, r], steps.noise[i, r])
+        tally.state[_DEFECT, r] = most(tally.state[_DEFECT, r], steps.gap[i, r])
+        tally.state[_ROUNDED, r] = most(tally.state[_ROUNDED, r], steps.noise[i, r])
         steps.gap[i, r], steps.noise[i, r] = 0.0, 0.0
 
 
@@ -737,22 +739,22 @@ def judge(
     defect = 0.0
     own = 0.0
     for c in range(len(law)):
-        force = most(force, law[c, FORCE])
-        speed = max(law[c, SPEED], REST * law[c, HELD])
+        force = most(force, law[c, _FORCE])
+        speed = max(law[c, _SPEED], _REST * law[c, _HELD])
         violation = most(
-            violation, relative(max(law[c, EXCESS], law[c, OFF_THRESHOLD]), law[c, FORCE])
+            violation, relative(max(law[c, _EXCESS], law[c, _OFF_THRESHOLD]), law[c, _FORCE])
         )
-        violation = most(violation, relative(max(law[c, CREEP], law[c, BACKWARDS]), speed))
+        violation = most(violation, relative(max(law[c, _CREEP], law[c, _BACKWARDS]), speed))
     for j in range(len(tally.kinks)):
-        violation = most(violation, relative(tally.kinks[j, BEYOND], tally.kinks[j, REACHED]))
+        violation = most(violation, relative(tally.kinks[j, _BEYOND], tally.kinks[j, _REACHED]))
     for r in range(n):
-        size = max(state[LARGEST, r], REST * state[SWAY, r])
-        defect = most(defect, relative(state[DEFECT, r], size))
-        own = most(own, relative(state[ROUNDED, r], size))
+        size = max(state[LARGEST, r], _REST * state[_SWAY, r])
+        defect = most(defect, relative(state[_DEFECT, r], size))
+        own = most(own, relative(state[_ROUNDED, r], size))
         reach_ = max(reach_, state[LARGEST, r])
     # The energy itself is known to rounding only: where next to nothing flows, that is the scale.
     scale = max(flow, 1e-6 * energy, 1e-6 * force * reach_)
-    residuals[ENERGY_BALANCE] = relative(max(imbalance - force * tally.total[ERRORS], 0.0), scale)
+    residuals[ENERGY_BALANCE] = relative(max(imbalance - force * tally.total[_ERRORS], 0.0), scale)
     residuals[FRICTION_LAW] = violation
     residuals[EQUATIONS] = defect
     residuals[OWN_ROUNDING] = own

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
@@ -22,7 +23,6 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.stiff import follow
 
-Array = np.ndarray
 TOLERANCE = 1e-12  # of a series relative to the size of its row
 
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 from stickslip.motion.engine import flights
 from stickslip.motion.engine.forms import (
@@ -78,17 +79,15 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.step_size import fill_powers
 from stickslip.motion.steps.structure import is_affine
 
-Array = np.ndarray
-
-ZENO_EVENTS = 200
-CLOSEST = 1e-15  # relative difference of times that can be told apart
-LOOK = (
+_ZENO_EVENTS = 200
+_CLOSEST = 1e-15  # relative difference of times that can be told apart
+_LOOK = (
     64  # steps after which sticking contacts are put onto the surface speed, and a promise is kept
 )
-CUT = 0.25  # of a step that did not solve the equations
+_CUT = 0.25  # of a step that did not solve the equations
 # what is said of the mode that a motion is in, beside the slot of its closed form
-UNDECIDED = -1
-NOT_MADE = -2
+_UNDECIDED = -1
+_NOT_MADE = -2
 
 
 class Before(NamedTuple):
@@ -205,12 +204,12 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         if task.recording and count == len(task.record.time) and not again:
             return FULL, count
         t, fired = clock[NOW], counters[CAUSE]
-        hold = fired >= 0 or counters[TAKEN] % LOOK == 0
+        hold = fired >= 0 or counters[TAKEN] % _LOOK == 0
         most = min(room, max(end - t, 0.0))
         status, h, series, may_fire = settle(machine, flow, lane, most, hold, promised)
         if status == ASTRAY:
             go_back(lane, space, before)
-            room = CUT * promised
+            room = _CUT * promised
             again = True
             promised = 0.0
             continue
@@ -222,7 +221,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
             return give_up(status, rows, lane, task, count)
         if t >= end:
             return FINISHED, count
-        if h <= CLOSEST * abs(t) and h < end - t:
+        if h <= _CLOSEST * abs(t) and h < end - t:
             return (NO_RATE if runs_away(rows.sizes, lane.mode) else TINY), count
         x, which = first_event(space, may_fire, flow.order)
         doubt = doubt_of(which, nk, len(rows.u))
@@ -234,12 +233,12 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         promised = x * h
         if (
             which >= 0
-            or (counters[TAKEN] + 1) % LOOK == 0
+            or (counters[TAKEN] + 1) % _LOOK == 0
             or rows.sizes[RATE_INDEPENDENT] > 0
             or (task.recording and count == len(task.record.time))
         ):
             if not solves(machine, flow, lane, x * h):
-                room = CUT * x * h
+                room = _CUT * x * h
                 again = True
                 promised = 0.0
                 continue
@@ -378,9 +377,9 @@ def fly_on(
         let_slide(mode)
         flights.place(flight, y, t, omega)
         slot = decide(T, g, flight, rows, omega, lane, several)
-        if slot == NOT_MADE:
+        if slot == _NOT_MADE:
             return NEED, count
-        if slot == UNDECIDED:
+        if slot == _UNDECIDED:
             copy(flight.mode0, mode)
             copy(flight.reg0, lane.reg)
             if fired >= 0 and fired < nk and fallen >= 0:
@@ -426,24 +425,24 @@ def decide(
         key = flights.mode_key(mode, reg)
         slot = flights.find(T.key, T.own, g * slots, T.used[g], key)
         if slot < 0:
-            return NOT_MADE if T.used[g] < slots else UNDECIDED
+            return _NOT_MADE if T.used[g] < slots else _UNDECIDED
         if T.status[slot] != AFFINE or not flights.admissible(
             T, slot, flight, lane.y, clock[RECENT]
         ):
-            return UNDECIDED
+            return _UNDECIDED
         guard = flights.germs(T, slot, flight, omega, lane.counters[CAUSE], nk, clock[LAST])
         if guard < 0:
-            return UNDECIDED if carries(T, slot, flight, mode, nk, drops) else slot
+            return _UNDECIDED if carries(T, slot, flight, mode, nk, drops) else slot
         number = T.switch[slot, guard]
         c = contact_of(number, nk)
         # Which of several contacts break their thresholds together is not decided here.
         if doubt_of(number, nk, nc) >= 0 or (
             several and number >= nk and drops[c] == 1 and mode[c] == 0
         ):
-            return UNDECIDED
+            return _UNDECIDED
         flip(number, mode, reg, nk, drops)
         let_slide(mode)
-    return UNDECIDED
+    return _UNDECIDED
 
 
 @njit(**INLINED)
@@ -505,8 +504,8 @@ def fire(guard: int, lane: Lane, rows: Rows, max_events: int) -> int:
     counters[CAUSE] = fired
     counters[HAPPENED] += 1
     counters[CROSSED] += 1 if fired < nk else 0
-    if counters[HAPPENED] % ZENO_EVENTS == 0:
-        if clock[NOW] - clock[LONG_AGO] <= 1e2 * CLOSEST * abs(clock[NOW]):
+    if counters[HAPPENED] % _ZENO_EVENTS == 0:
+        if clock[NOW] - clock[LONG_AGO] <= 1e2 * _CLOSEST * abs(clock[NOW]):
             return ZENO
         clock[LONG_AGO] = clock[NOW]
     return LIMIT if counters[HAPPENED] >= max_events else -1

@@ -16,6 +16,7 @@ import math
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 from stickslip.motion.engine.forms import (
     EXPONENTS,
@@ -37,17 +38,15 @@ from stickslip.motion.engine.signals import (
 )
 from stickslip.motion.steps.arrays import INLINED, OPTIONS, ROUNDING
 
-Array = np.ndarray
-
 # rounding errors by which the guard of a switch that has just fired may be away from zero, where it
 # is by definition
-FIRED_ROUNDINGS = 1e5
+_FIRED_ROUNDINGS = 1e5
 # Kinds of signals
-NEVER = 0
-LINE = 1
-BEND = 2
-WAVE = 3
-MANY = 4
+_NEVER = 0
+_LINE = 1
+_BEND = 2
+_WAVE = 3
+_MANY = 4
 
 
 @njit(**OPTIONS)
@@ -168,12 +167,12 @@ def germs(
             # What is far from zero, or as close to it as rounding makes it, needs no exact account
             # of its terms.
             bound = reach[g, k] + near * reach[g, k + 1]
-            if abs(value) > ROUNDING * FIRED_ROUNDINGS * largest * bound:
+            if abs(value) > ROUNDING * _FIRED_ROUNDINGS * largest * bound:
                 break
             if abs(value) > ROUNDING * terms:
                 floor = ROUNDING * _terms(S, G[g], size, k, near)
                 if k == 0 and switch_of(T.switch[slot, g], kinks, T.held.shape[1]) == fired:
-                    floor *= FIRED_ROUNDINGS
+                    floor *= _FIRED_ROUNDINGS
                 if abs(value) > floor:
                     break
             k += 1
@@ -240,7 +239,7 @@ def sort_guards(T: ClosedForms, slot: int, f: Flight, omega: Array) -> int:
     first = -1
     soonest = np.inf
     for g in range(T.counts[slot, GUARDS]):
-        f.kind[g] = NEVER
+        f.kind[g] = _NEVER
         if f.orders[g] >= GERM_ORDERS:
             continue
         # c₀ and the amplitudes about it; what is too small to be seen does not count.
@@ -283,9 +282,9 @@ def sort_guards(T: ClosedForms, slot: int, f: Flight, omega: Array) -> int:
         f.lead[g] = lead
         f.guess[g] = 0.0
         if drives > 0 or c2 != 0.0 or real + waves > 1 or (waves == 1 and c1 != 0.0):
-            f.kind[g] = MANY
+            f.kind[g] = _MANY
         elif waves == 1:
-            f.kind[g] = WAVE
+            f.kind[g] = _WAVE
             size = swing[g, lead] * modulus[lead]
             if abs(c0) < size:
                 # where the cosine falls
@@ -294,7 +293,7 @@ def sort_guards(T: ClosedForms, slot: int, f: Flight, omega: Array) -> int:
                     lead
                 ].imag
         else:
-            f.kind[g] = BEND if real == 1 else LINE
+            f.kind[g] = _BEND if real == 1 else _LINE
         if f.guess[g] < soonest:
             first = g
             soonest = f.guess[g]
@@ -318,13 +317,13 @@ def fly(T: ClosedForms, slot: int, f: Flight, room: float, omega: Array) -> tupl
     for rank in range(-1, T.counts[slot, GUARDS] if first >= 0 else -1):
         # The one that probably falls first leaves little to be searched by the others.
         g = first if rank < 0 else rank
-        if rank == first or f.kind[g] == NEVER:
+        if rank == first or f.kind[g] == _NEVER:
             continue
         j = int(f.lead[g])
         floor = f.floor[g]
         rising = f.orders[g]
         found = np.inf
-        if f.kind[g] == WAVE:
+        if f.kind[g] == _WAVE:
             wave = Wave(
                 f.c[g, 0],
                 T.swing[slot, g, j] * f.modulus[j],
@@ -345,10 +344,10 @@ def fly(T: ClosedForms, slot: int, f: Flight, room: float, omega: Array) -> tupl
                     break
                 _turn_all(lam, r, nb, limit, f.turned)
                 known = True
-        elif f.kind[g] == BEND:
+        elif f.kind[g] == _BEND:
             size = T.a[slot, g, j].real * r[j].real
             found = first_of_bend(f.c[g, 0], f.c[g, 1], size, lam[j].real, limit, floor, rising)
-        elif f.kind[g] == LINE:
+        elif f.kind[g] == _LINE:
             found = first_of_line(f.c[g, 0], f.c[g, 1], limit, rising)
         else:
             for i in range(nb):

@@ -7,12 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 from stickslip.motion.steps.arrays import INLINED
 
-Array = np.ndarray
-
-UNKNOWN = 0
+_UNKNOWN = 0
 AFFINE = 1
 SMOOTH = 2
 SLIDES = 1

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 from stickslip.motion.engine.roots import first_crossing
 from stickslip.motion.steps.arrays import (
@@ -26,11 +25,9 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.step_size import impulse
 
-Array = np.ndarray
-
 # Columns of Space.labels: the number of a guard that may fire, and the degree of its polynomial;
 # negative if it is violated at once.
-NUMBER, DEGREE = range(2)
+_NUMBER, _DEGREE = range(2)
 
 
 class Guard(NamedTuple):
@@ -257,12 +254,12 @@ def scan(
         s, order = germ(W, guard, N, powers, slack, c)
         if s == 0:
             continue
-        labels[count, NUMBER] = g
-        labels[count, DEGREE] = N - 1 - order
+        labels[count, _NUMBER] = g
+        labels[count, _DEGREE] = N - 1 - order
         if s < 0:
             if doubt_of(g, nk, nc) < 0:
                 return g, 0
-            labels[count, DEGREE] = -1
+            labels[count, _DEGREE] = -1
         # a zero at the start is divided out: what remains starts positive
         for k in range(N - order):
             c[k] = c[k + order]
@@ -278,11 +275,11 @@ def first_event(space: Space, count: int, N: int) -> tuple[float, int]:
     limit = 1.0
     which = -1
     for i in range(count):
-        d = space.labels[i, DEGREE]
+        d = space.labels[i, _DEGREE]
         if d < 0:
-            return 0.0, space.labels[i, NUMBER]
+            return 0.0, space.labels[i, _NUMBER]
         x = first_crossing(space.pending[i], d, limit, space.pending[i, N], space.stack)
         if x <= limit:
             limit = x
-            which = space.labels[i, NUMBER]
+            which = space.labels[i, _NUMBER]
     return limit, which

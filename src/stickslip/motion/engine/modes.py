@@ -15,6 +15,7 @@ import math
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
 from stickslip.machine_code import njit
 from stickslip.motion.engine.guards import contact_of, is_second, scan, stays
@@ -67,17 +68,15 @@ from stickslip.motion.steps.step_size import (
 )
 from stickslip.motion.steps.stiff import RESTING, collocate, lingers
 
-Array = np.ndarray
-
-MOST_CANDIDATES = 60000
-SLACKEST = 1e6  # rounding errors that count as zero where less lets no mode go on
+_MOST_CANDIDATES = 60000
+_SLACKEST = 1e6  # rounding errors that count as zero where less lets no mode go on
 # what may be said of a mode instead of the number of a violated guard
-NO_GUARD = -1
-OTHER_FORCES = -2
-AGAIN = -3
-ON_SURFACE = 1e-9  # part of its terms by which what has to vanish may be away from zero
-WIDE = 4.0  # of a step: a velocity that is zero to slip is zero to stick, whose terms are others
-LOOSER = 1e4  # tolerances by which the rates at the end of a step may break its promise
+_NO_GUARD = -1
+_OTHER_FORCES = -2
+_AGAIN = -3
+_ON_SURFACE = 1e-9  # part of its terms by which what has to vanish may be away from zero
+_WIDE = 4.0  # of a step: a velocity that is zero to slip is zero to stick, whose terms are others
+_LOOSER = 1e4  # tolerances by which the rates at the end of a step may break its promise
 
 
 @njit(**OPTIONS)
@@ -154,7 +153,7 @@ def project_rates(machine: Machine, flow: Flow, at: Instant) -> int:
         return OK
     machine.residual(at.t, at.y, mode, at.reg, flow.k.K, G, space.A)
     for i in range(nr):
-        if mode[first + i] != 0 and not abs(G[i]) <= ON_SURFACE * G[nr + i]:
+        if mode[first + i] != 0 and not abs(G[i]) <= _ON_SURFACE * G[nr + i]:
             return OFF_SURFACE
     if not invert(space.A, nr, space.B):
         return SINGULAR
@@ -195,7 +194,7 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
         # mass.
         gap = W[rows.u[c], 0]
         rate = mag[nc + c] + mag[2 * nc + c] / abs(Rq[nq + c, nq + c])
-        if abs(gap) > (ON_SURFACE * last + ROUNDING * near) * rate + ROUNDING * mag[c]:
+        if abs(gap) > (_ON_SURFACE * last + ROUNDING * near) * rate + ROUNDING * mag[c]:
             mode[c] = 1 if gap > 0.0 else -1
             return False
     for c in range(mq):
@@ -271,7 +270,7 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
     rows = flow.rows
     mag = flow.space.mag
     promise = flow.space.promise[PROMISED]
-    tol = LOOSER * flow.tol
+    tol = _LOOSER * flow.tol
     for i in range(len(y)):
         size = LEAST + abs(y[i]) + abs(promise[i]) + flow.atol * seen[i]
         rounding = ROUNDING * mag[rows.noise[i]] * h if rows.noise[i] >= 0 else 0.0
@@ -436,7 +435,7 @@ def settle(
             )
             if total == 0:
                 return SINGULAR, 0.0, 0.0, 0
-        near = slack * (lane.clock[LAST] + WIDE * denied)
+        near = slack * (lane.clock[LAST] + _WIDE * denied)
         status, h = make_series(machine, flow, lane, room, near, hold or pivots > 1)
         known = pivots == 1 and status != SINGULAR
         if known and promised > 0.0 and not keeps(flow, space.W, lane.y, lane.seen, promised):
@@ -457,11 +456,11 @@ def settle(
         if status == OK:
             denied = max(denied, h)
             guard, count, h, series = try_mode(machine, flow, lane, h, room, slack, pivots == 1)
-            if guard == NO_GUARD:
+            if guard == _NO_GUARD:
                 return OK, h, series, count
-            others = guard == OTHER_FORCES and total > 0 and kept <= 2 * len(rows.u)
+            others = guard == _OTHER_FORCES and total > 0 and kept <= 2 * len(rows.u)
             kept = kept + 1 if others else 0
-            if guard == AGAIN:
+            if guard == _AGAIN:
                 pivots = 0
                 continue
             if guard >= 0 and total == 0:
@@ -542,7 +541,7 @@ def try_mode(
     if guard >= 0:
         return guard, count, h, h
     if hold_or_slide(flow.rows, space, mode, flow.order, last, fired, slack):
-        return OTHER_FORCES, count, h, h
+        return _OTHER_FORCES, count, h, h
     series = shortened(flow, mode, lane.reg, h, lane.seen)
     step = series
     length = h
@@ -558,13 +557,13 @@ def try_mode(
         # A guard that vanishes is known better from its series.
         clock[IMPLICIT] = -RESTING
         space.W[n, 1] = unit
-        return AGAIN, count, h, series
+        return _AGAIN, count, h, series
     if guard >= 0:
         return guard, count, length, series
     clock[UNIT] = unit
     for i in range(len(flow.rows.watched)):
         lane.seen[i] = max(lane.seen[i], abs(space.W[flow.rows.watched[i], 0]))
-    return NO_GUARD, count, length, series
+    return _NO_GUARD, count, length, series
 
 
 @njit(**INLINED)
@@ -632,7 +631,7 @@ def choose_next(
             # A contact may be so close to two modes that rounding denies it both.
             slack *= 1e2
         candidate = 0
-    if total > MOST_CANDIDATES or slack > SLACKEST:
+    if total > _MOST_CANDIDATES or slack > _SLACKEST:
         return candidate, ZERO, slack
     choose(candidate, touched, mode, reg, drops)
     return candidate + 1, total, slack
@@ -657,7 +656,7 @@ def candidates(touched: Array, nk: int) -> int:
     many)."""
     total = 1
     for i in range(len(touched)):
-        if touched[i] == 1 and total <= MOST_CANDIDATES:
+        if touched[i] == 1 and total <= _MOST_CANDIDATES:
             total *= 2 if i < nk else 3
     return total
 

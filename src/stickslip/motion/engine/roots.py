@@ -10,16 +10,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
-
-Array = np.ndarray
 
 MAX_DEGREE = 32
 # orders that decide most of the time, where the step is so small that the others hardly matter
-QUICK = 6
+_QUICK = 6
 NONE = 2.0  # "no root": anything beyond the interval
 # Behind the coefficients of a subinterval: where it starts, and how long it is.
-START, WIDTH = MAX_DEGREE + 1, MAX_DEGREE + 2
+_START, _WIDTH = MAX_DEGREE + 1, MAX_DEGREE + 2
 _HALVINGS = 60
 
 
@@ -32,7 +31,7 @@ def _binomials() -> Array:
     return 1.0 / np.where(table == 0.0, 1.0, table)
 
 
-INVERSE_BINOMIAL = _binomials()
+_INVERSE_BINOMIAL = _binomials()
 
 _options = {"cache": True, "error_model": "numpy", "_nrt": False, "fastmath": {"contract"}}
 _sums = {**_options, "fastmath": {"reassoc", "contract", "nsz"}}
@@ -97,7 +96,7 @@ def lowest(c: Array, d: int, b: Array, work: Array) -> float:
     are left in b."""
     least = np.inf
     for i in range(d + 1):
-        value = c[i] * INVERSE_BINOMIAL[d, i]
+        value = c[i] * _INVERSE_BINOMIAL[d, i]
         for j in range(i):
             value, work[j] = value + work[j], value
         b[i] = work[i] = value
@@ -114,13 +113,13 @@ def halve(stack: Array, depth: int, d: int) -> None:
     """
     right = stack[depth]
     half = stack[depth + 1]
-    left, width = right[START], right[WIDTH]
+    left, width = right[_START], right[_WIDTH]
     for i in range(d + 1):
         half[i] = right[i]
-    half[START] = left
-    half[WIDTH] = 0.5 * width
-    right[START] = left + 0.5 * width
-    right[WIDTH] = 0.5 * width
+    half[_START] = left
+    half[_WIDTH] = 0.5 * width
+    right[_START] = left + 0.5 * width
+    right[_WIDTH] = 0.5 * width
     for i in range(d + 1):
         right[d - i] = half[d]
         for j in range(d, i, -1):
@@ -153,15 +152,15 @@ def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -
     for k in range(d + 1):
         stack[1, k] = c[k] * x
         x *= limit
-        if k > QUICK and stack[1, k] < 0.0:
+        if k > _QUICK and stack[1, k] < 0.0:
             fall -= stack[1, k]
     if (
-        lowest(stack[1], min(d, QUICK), stack[0], stack[2]) > fall
+        lowest(stack[1], min(d, _QUICK), stack[0], stack[2]) > fall
         or lowest(stack[1], d, stack[0], stack[2]) > 0.0
     ):
         return NONE
-    stack[0, START] = 0.0
-    stack[0, WIDTH] = 1.0
+    stack[0, _START] = 0.0
+    stack[0, _WIDTH] = 1.0
     depth = 0
     while depth >= 0:
         b = stack[depth]
@@ -179,7 +178,7 @@ def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -
         if not negative:
             depth -= 1
             continue
-        left, width = b[START], b[WIDTH]
+        left, width = b[_START], b[_WIDTH]
         if changes == 1 and b[d] < -floor:
             if b[0] <= 0.0:
                 return limit * left

@@ -15,14 +15,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 from stickslip.motion.engine.roots import NONE, first_crossing
 from stickslip.motion.steps.arrays import INLINED, OPTIONS
 
-Array = np.ndarray
-
-WINDOW_ORDER = 22
-EXACT = 1e-16  # relative error of a root that no further step can lessen
+_WINDOW_ORDER = 22
+_EXACT = 1e-16  # relative error of a root that no further step can lessen
 
 
 class Wave(NamedTuple):
@@ -217,12 +216,12 @@ def _halley(
     new = x + step
     if (
         low <= new <= high
-        and abs(step * step * step) * (dd * dd + d * d * fast * fast) <= EXACT * new * d * d
+        and abs(step * step * step) * (dd * dd + d * d * fast * fast) <= _EXACT * new * d * d
     ):
         return new, low, high, True
     if not low < new < high:
         new = 0.5 * (low + high)
-        if abs(new - x) <= 4.0 * EXACT * new or not low < new < high:
+        if abs(new - x) <= 4.0 * _EXACT * new or not low < new < high:
             return new, low, high, True
     return new, low, high, False
 
@@ -230,7 +229,7 @@ def _halley(
 @njit(**INLINED)
 def expand(s: Sum, start: float, h: float, work: Array) -> None:
     """Taylor polynomial of a signal at a time, in powers of a window."""
-    N = WINDOW_ORDER
+    N = _WINDOW_ORDER
     c = s.c
     for k in range(N + 1):
         work[k] = 0.0
@@ -268,7 +267,7 @@ def first_of_many(
     h = min(limit, 1.5 / fastest if fastest > 0.0 else limit)
     start = 0.0
     order = rising
-    N = WINDOW_ORDER
+    N = _WINDOW_ORDER
     while start < limit:
         h = min(h, limit - start)
         expand(s, start, h, work)

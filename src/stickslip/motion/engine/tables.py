@@ -3,15 +3,12 @@ is asked for."""
 
 from __future__ import annotations
 
-import numpy as np
-
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 from stickslip.motion.engine import flights
 from stickslip.motion.engine.event_loop import probe
 from stickslip.motion.engine.forms import SMOOTH, ClosedForms, slots_of
 from stickslip.motion.steps.arrays import OPTIONS, SETUP, Constants, Flow, Machine, flow_of
-
-Array = np.ndarray
 
 
 @njit(**OPTIONS)

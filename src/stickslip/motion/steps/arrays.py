@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 from numba import float64, int64, types, void
 
+from stickslip.arrays import Array
 from stickslip.equations.codegen.program import Program
 from stickslip.machine_code import njit
 
@@ -37,7 +38,6 @@ _import_array_functions()
 # compiles such a call.
 warnings.filterwarnings("ignore", message="First-class function type feature is experimental")
 
-Array = np.ndarray
 vector = float64[::1]
 matrix = float64[:, ::1]
 indices = int64[::1]
@@ -106,7 +106,7 @@ NONE_YET = 9  # no mode of a contact
     INERTIAL,
     VISCOUS,
     RATE_INDEPENDENT,
-    INTERNAL,
+    _INTERNAL,
     ON_INERTIAL,
     ON_VISCOUS,
     ON_RATE_INDEPENDENT,
@@ -120,7 +120,7 @@ PROMISED, STARTED = range(2)
 # Columns of Rows.doubtful.
 DOUBTED, SLIPPING, TOWARDS = range(3)
 # Slots of Lane.clock, and of Lane.counters: see there.
-NOW, LAST, LONG_AGO, SPAN, RECENT, UNIT, IMPLICIT, SERIES = range(8)
+NOW, LAST, LONG_AGO, _SPAN, RECENT, UNIT, IMPLICIT, SERIES = range(8)
 HAPPENED, SWITCHES, CAUSE, CROSSED, TAKEN = range(5)
 
 # The loops allocate nothing and own no array, so that no reference has to be counted (half of the
@@ -255,7 +255,7 @@ class Lane(NamedTuple):
     ----------
     clock : array
         By slots: `NOW`, the time; `LAST`, the last step; `LONG_AGO`, when an event was many events
-        ago; `SPAN`; `RECENT`, the length of recent steps (events that coincide up to rounding make
+        ago; `_SPAN`; `RECENT`, the length of recent steps (events that coincide up to rounding make
         steps of no length); `UNIT`, the unit of time of the Taylor coefficients; `IMPLICIT`, the
         length of the next implicit step (negative: steps until one is tried); `SERIES`, the step
         that a series would have been good for.

@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.equations.codegen.program import (
     FIFTH,
     FIRST,
@@ -37,12 +38,10 @@ from stickslip.machine_code import njit
 from stickslip.motion.steps.arrays import INLINED, OPTIONS, Flow
 from stickslip.symbolic.tape import Op
 
-Array = np.ndarray
-
-LINEAR, PRODUCT, QUOTIENT, RECIPROCAL, POWER = (
+LINEAR, PRODUCT, QUOTIENT, _RECIPROCAL, _POWER = (
     int(op) for op in (Op.LINEAR, Op.PRODUCT, Op.QUOTIENT, Op.RECIPROCAL, Op.POWER)
 )
-EXP, LOG, ROTATION, STEADY, HYPERBOLIC = (
+_EXP, LOG, ROTATION, STEADY, HYPERBOLIC = (
     int(op) for op in (Op.EXP, Op.LOG, Op.ROTATION, Op.STEADY, Op.HYPERBOLIC)
 )
 CHAIN, TAN, TANH = (int(op) for op in (Op.CHAIN, Op.TAN, Op.TANH))
@@ -51,9 +50,9 @@ SELECT, SIDE, SPEED, ENTRY, RIGHT, SOLVE, RATES = (
 )
 # Columns of a table of discs: the numbers B and S of a row and the lower bound of its modulus; and,
 # for a part of the state, how far its derivative strays.
-BALL, OFF, NEAR, SLOPE = range(4)
-LARGE = 700.0  # what the exponential function can take
-SWEEPS = 40  # of an iteration that bounds the rates of the rate-independent coordinates
+BALL, OFF, _NEAR, SLOPE = range(4)
+_LARGE = 700.0  # what the exponential function can take
+_SWEEPS = 40  # of an iteration that bounds the rates of the rate-independent coordinates
 
 
 class Tape(NamedTuple):
@@ -108,13 +107,13 @@ def reach(c: Array, N: int, powers: Array) -> float:
 @njit(**OPTIONS)
 def grown(x: float) -> float:
     """exp(x) − 1."""
-    return math.expm1(x) if x < LARGE else np.inf
+    return math.expm1(x) if x < _LARGE else np.inf
 
 
 @njit(**OPTIONS)
 def lifted(x: float) -> float:
     """exp(x)."""
-    return math.exp(x) if x < LARGE else np.inf
+    return math.exp(x) if x < _LARGE else np.inf
 
 
 @njit(**OPTIONS)
@@ -133,7 +132,7 @@ def tanh_disc(a: float, b: float, y: float) -> float:
     """Disc of tanh a: from exp(−2|a|), so that saturated ends cost nothing, or from tan of the
     radius near zero."""
     small = math.exp(-2.0 * abs(a))
-    moved = small * grown(2.0 * b) if 2.0 * (b - abs(a)) < LARGE else np.inf
+    moved = small * grown(2.0 * b) if 2.0 * (b - abs(a)) < _LARGE else np.inf
     left = 1.0 + small - moved
     found = 2.0 * moved / ((1.0 + small) * left) if left > 0.0 else np.inf
     if b < 1.5:
@@ -160,7 +159,7 @@ def store(W: Array, discs: Array, row: int, ball: float, off: float, near: float
     discs[row, BALL] = ball if ball < np.inf else np.inf
     discs[row, OFF] = off if off < np.inf else np.inf
     left = abs(W[row, 0]) - discs[row, BALL] - discs[row, OFF]
-    discs[row, NEAR] = max(near if near > 0.0 else 0.0, left)
+    discs[row, _NEAR] = max(near if near > 0.0 else 0.0, left)
 
 
 @njit(**OPTIONS)
@@ -221,7 +220,7 @@ def add_terms(tape: Tape, i: int) -> None:
         # One term may be larger than all others together.
         for j in range(first, last):
             if p.term_row[j] >= 0:
-                others = abs(factor(p, K, j)) * discs[p.term_row[j], NEAR]
+                others = abs(factor(p, K, j)) * discs[p.term_row[j], _NEAR]
                 for k in range(first, last):
                     others -= largest_term(tape, k) if k != j else 0.0
                 near = max(near, others if others > 0.0 else 0.0)
@@ -253,7 +252,7 @@ def spread_product(tape: Tape, row: int, a: int, b: int) -> None:
     v = discs[b, BALL]
     s, t = discs[a, OFF], discs[b, OFF]
     off = (x + u) * t + s * (y + v) + s * t if s > 0.0 or t > 0.0 else 0.0
-    store(W, discs, row, x * v + u * y + u * v, off, discs[a, NEAR] * discs[b, NEAR])
+    store(W, discs, row, x * v + u * y + u * v, off, discs[a, _NEAR] * discs[b, _NEAR])
 
 
 @njit(**INLINED)
@@ -274,11 +273,11 @@ def spread_function(tape: Tape, i: int) -> None:
     near = 0.0
     if op == QUOTIENT:
         ball, off = quotient_disc(x, u, s, y, W, discs, p.code[i, SECOND])
-        near = discs[a, NEAR] / largest(W, discs, p.code[i, SECOND])
-    elif op == RECIPROCAL:
+        near = discs[a, _NEAR] / largest(W, discs, p.code[i, SECOND])
+    elif op == _RECIPROCAL:
         ball, off = quotient_disc(1.0, 0.0, 0.0, y, W, discs, a)
         near = 1.0 / (x + u + s)
-    elif op == EXP:
+    elif op == _EXP:
         x = W[a, 0]
         ball = y * grown(u) if u < 1.0 else lifted(x + u)  # y may have underflowed
         off = lifted(x + u) * grown(s) if s > 0.0 else 0.0
@@ -297,8 +296,8 @@ def spread_function(tape: Tape, i: int) -> None:
         elif q > 0.0:
             ball = 0.0
             off = farthest**q if farthest > 0.0 else 0.0
-        elif discs[a, NEAR] > 0.0:
-            ball = abs(y) + discs[a, NEAR] ** q
+        elif discs[a, _NEAR] > 0.0:
+            ball = abs(y) + discs[a, _NEAR] ** q
             off = 0.0
     store(W, discs, row, ball, off, near)
 
@@ -310,7 +309,7 @@ def quotient_disc(
     """Disc of a quotient, from the modulus and the disc of its numerator, and its own value y."""
     v = discs[b, BALL]
     t = discs[b, OFF]
-    left = discs[b, NEAR]
+    left = discs[b, _NEAR]
     ball, off = np.inf, np.inf
     if left > 0.0:
         ball = (u + abs(y) * v) / left
@@ -340,7 +339,7 @@ def spread_angle(tape: Tape, i: int) -> None:
         cosine = abs(W[row + 1, 0])
         odd = np.inf
         even = np.inf
-        if u < LARGE:
+        if u < _LARGE:
             odd = math.sinh(u)
             even = 2.0 * math.sinh(0.5 * u) ** 2
         off = s
@@ -410,7 +409,7 @@ def copy_disc(W: Array, discs: Array, source: int, other: int, size: float, row:
     """Disc of a multiple of a row (of a constant: nothing), or of a sum of two."""
     ball = size * discs[source, BALL] if source >= 0 and size > 0.0 else 0.0
     off = size * discs[source, OFF] if source >= 0 and size > 0.0 else 0.0
-    near = size * discs[source, NEAR] if source >= 0 and other < 0 else 0.0
+    near = size * discs[source, _NEAR] if source >= 0 and other < 0 else 0.0
     if source >= 0 and other >= 0:
         ball, off = ball + discs[other, BALL], off + discs[other, OFF]
     store(W, discs, row, ball, off, near)
@@ -467,7 +466,7 @@ def solve_rate_discs(tape: Tape, i: int) -> None:
         for j in range(n):
             old[j] = 0.0
         settled = False
-        for _ in range(SWEEPS):
+        for _ in range(_SWEEPS):
             for j in range(n):
                 new[j] = discs[right + j, part]
             for e in range(start, start + count):
@@ -489,4 +488,4 @@ def solve_rate_discs(tape: Tape, i: int) -> None:
                 break
         for j in range(n):
             discs[row + j, part] = old[j] if settled and old[j] < np.inf else np.inf
-            discs[row + j, NEAR] = 0.0
+            discs[row + j, _NEAR] = 0.0

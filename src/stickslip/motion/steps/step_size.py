@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.equations.codegen.program import OPERATION, RESULT
 from stickslip.machine_code import njit
 from stickslip.motion.steps.arrays import (
@@ -40,16 +41,14 @@ from stickslip.motion.steps.discs import (
     tape_of,
 )
 
-Array = np.ndarray
-
 LEAST = 1e-250  # what is smaller is nothing
-SHORT = 2.0**-30  # shortest step, in units of time of the coefficients
-LONG = 2.0**10  # longest one
+_SHORT = 2.0**-30  # shortest step, in units of time of the coefficients
+_LONG = 2.0**10  # longest one
 COARSER = 2.0**-16  # of a unit of time in which coefficients overflow
 MOST_UNITS = 60  # that are tried
-MOST_CUTS = 1100  # halvings from the largest number to nothing
-DENSE = 6  # lowest order of a last term that tells how fast the terms of a row fall
-LOOSE = 1e-3  # part of its size that may be hidden in a row
+_MOST_CUTS = 1100  # halvings from the largest number to nothing
+_DENSE = 6  # lowest order of a last term that tells how fast the terms of a row fall
+_LOOSE = 1e-3  # part of its size that may be hidden in a row
 
 
 @njit(**INLINED)
@@ -112,9 +111,9 @@ def sparse_step(c: Array, N: int, tol: float) -> float:
     """
     j = 0
     k = N
-    while k >= DENSE and c[k] == 0.0:
+    while k >= _DENSE and c[k] == 0.0:
         k -= 1
-    if k < DENSE or k > N - 2:
+    if k < _DENSE or k > N - 2:
         return np.inf
     while j < k and c[j] == 0.0:
         j += 1
@@ -151,14 +150,14 @@ def suits(h: float, room: float, unit: float) -> bool:
 
     Where there is no room for a step, at the end of a motion, all do.
     """
-    return not room > 0.0 or (h >= SHORT * unit and (h <= LONG * unit or unit >= room))
+    return not room > 0.0 or (h >= _SHORT * unit and (h <= _LONG * unit or unit >= room))
 
 
 @njit(**OPTIONS)
 def better(h: float, unit: float) -> float:
     """A unit of time that suits a step better: a power of two near it."""
     if not h > 0.0:
-        return unit * SHORT
+        return unit * _SHORT
     return math.ldexp(1.0, math.frexp(h)[1])
 
 
@@ -228,7 +227,7 @@ def fill_powers(powers: Array, h: float) -> None:
 def shortened(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -> float:
     """The step, or as much of it as hides nothing."""
     if flow.rows.program.leading[0] > 0:
-        for _ in range(MOST_CUTS):
+        for _ in range(_MOST_CUTS):
             excess = unseen(flow, mode, reg, h, seen)
             if excess <= 1.0:
                 break
@@ -280,7 +279,7 @@ def may_hide(tape: Tape, part: float) -> bool:
         if p.hiding[i] == 1:
             op, row = p.code[i, OPERATION], p.code[i, RESULT]
             size = abs(W[row, 0]) + (1.0 if op in (LOG, ROTATION) or CHAIN <= op <= TANH else 0.0)
-            if not (part * discs[row, BALL] <= LOOSE * size and discs[row, OFF] == 0.0):
+            if not (part * discs[row, BALL] <= _LOOSE * size and discs[row, OFF] == 0.0):
                 return True
     return False
 
@@ -318,7 +317,7 @@ def hidden(flow: Flow, h: float, part: float, seen: Array) -> float:
 def share(worst: float, disc: Array, h: float, part: float, tol: float, size: float) -> float:
     """The larger of a number and of what is hidden in a row, in parts of what is allowed."""
     found = (
-        h * (part / LOOSE * disc[BALL] + disc[OFF] / tol) / size
+        h * (part / _LOOSE * disc[BALL] + disc[OFF] / tol) / size
         if disc[BALL] > 0.0 or disc[OFF] > 0.0
         else 0.0
     )

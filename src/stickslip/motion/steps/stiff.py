@@ -29,6 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.equations.codegen.generate import ORDERS
 from stickslip.equations.codegen.series import invert
 from stickslip.machine_code import njit
@@ -51,20 +52,18 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.discs import BALL, OFF, spread, spread_state, tape_of
 from stickslip.motion.steps.step_size import LEAST, better, expand, fill_powers, hidden
 
-Array = np.ndarray
-
-MOST = max(ORDERS) // 2  # stages
-RHO = 3.0 + math.sqrt(8.0)  # of the ellipse around [0, H] in the disc of radius 2H
+_MOST = max(ORDERS) // 2  # stages
+_RHO = 3.0 + math.sqrt(8.0)  # of the ellipse around [0, H] in the disc of radius 2H
 # tolerances that the terms of a third of the order may have where a step is bounded by what decays
-CALM = 1e5
+_CALM = 1e5
 WATCHED = 32  # such steps in succession, before a polynomial is tried
 RESTING = 2048  # and after one has not been worth its cost
-MOST_TRIES = 12  # lengths of a polynomial
-MOST_CORRECTIONS = 12  # iterations of Newton's method for each
-SLOW = 0.03  # factor by which corrections fall where the matrix is made anew
+_MOST_TRIES = 12  # lengths of a polynomial
+_MOST_CORRECTIONS = 12  # iterations of Newton's method for each
+_SLOW = 0.03  # factor by which corrections fall where the matrix is made anew
 # part of a rounding error that is none, since what follows has to make up for it
-NOTHING = 1.0 / 32.0
-NUDGE = 2.0**-26  # of its size, by which a part of the state is changed for a derivative
+_NOTHING = 1.0 / 32.0
+_NUDGE = 2.0**-26  # of its size, by which a part of the state is changed for a derivative
 
 
 def _stages(s: int) -> tuple[Array, Array, Array, float]:
@@ -89,30 +88,30 @@ def _stages(s: int) -> tuple[Array, Array, Array, float]:
     fine = legendre.legvander(np.linspace(-1.0, 1.0, 801), s - 1)
     lebesgue = np.max(np.sum(np.abs(fine @ np.linalg.inv(legendre.legvander(x, s - 1))), axis=1))
     terms = np.linalg.inv(legendre.legvander(2.0 * nodes - 1.0, s))
-    return nodes, D[1:, 1:], terms, float(2.0 * (1.0 + lebesgue) * RHO ** (1 - s) / (RHO - 1.0))
+    return nodes, D[1:, 1:], terms, float(2.0 * (1.0 + lebesgue) * _RHO ** (1 - s) / (_RHO - 1.0))
 
 
 def _tables() -> tuple[Array, Array, Array, Array, Array]:
     """All of these for the stages of every order of a series, and the powers in the Legendre
     polynomials of [0, 1]."""
     count = len(ORDERS)
-    nodes = np.zeros((count, MOST + 1))
-    slopes = np.zeros((count, MOST, MOST))
-    terms = np.zeros((count, MOST + 1, MOST + 1))
+    nodes = np.zeros((count, _MOST + 1))
+    slopes = np.zeros((count, _MOST, _MOST))
+    terms = np.zeros((count, _MOST + 1, _MOST + 1))
     parts = np.zeros(count)
     for i, order in enumerate(ORDERS):
         s = order // 2
         nodes[i, : s + 1], slopes[i, :s, :s], terms[i, : s + 1, : s + 1], parts[i] = _stages(s)
-    powers = np.zeros((MOST + 1, MOST + 1))
-    for j in range(MOST + 1):
+    powers = np.zeros((_MOST + 1, _MOST + 1))
+    for j in range(_MOST + 1):
         for k in range(j + 1):
             powers[k, j] = (-1.0) ** (j + k) * math.comb(j, k) * math.comb(j + k, k)
     return nodes, slopes, terms, parts, powers
 
 
-NODES, SLOPES, TERMS, PARTS, POWERS = _tables()
-LOWEST = min(ORDERS)  # of the orders of series: 8, 12, 16, …
-APART = 4  # distance of two of them
+NODES, SLOPES, TERMS, _PARTS, POWERS = _tables()
+_LOWEST = min(ORDERS)  # of the orders of series: 8, 12, 16, …
+_APART = 4  # distance of two of them
 
 
 class Stages(NamedTuple):
@@ -177,7 +176,7 @@ def calm(W: Array, n: int, N: int, h: float, tol: float, atol: float, seen: Arra
     x = h / W[n, 1]
     power = x**m
     for r in range(n):
-        size = CALM * tol * (abs(W[r, 0]) + abs(W[r, 1]) * x + atol * seen[r])
+        size = _CALM * tol * (abs(W[r, 0]) + abs(W[r, 1]) * x + atol * seen[r])
         if not (abs(W[r, m]) * power <= size and abs(W[r, m + 1]) * power * x <= size):
             return False
     return True
@@ -282,7 +281,7 @@ def collocate(
     cut = False
     for r in range(n):
         stages.rate[r] = W[r, 1] / W[n, 1]
-    for _ in range(MOST_TRIES):
+    for _ in range(_MOST_TRIES):
         if not step >= dear(n) * h:
             break
         if not solve_stages(machine, flow, stages, start, h, step, seen):
@@ -309,7 +308,7 @@ def collocate(
 @njit(**OPTIONS)
 def tables_of(order: int) -> int:
     """Where the nodes and matrices of an order stand."""
-    return (order - LOWEST) // APART
+    return (order - _LOWEST) // _APART
 
 
 @njit(**INLINED)
@@ -326,7 +325,7 @@ def between_nodes(flow: Flow, start: Instant, h: float, step: float, seen: Array
     spread_state(W, flow.order, powers, flow.rows.watched[:n], discs)
     spread(tape_of(flow), start.mode, start.reg, ZERO, len(flow.rows.program.code))
     fill_powers(powers, step / W[n, 1])
-    return hidden(flow, h, PARTS[tables_of(flow.order)], seen)
+    return hidden(flow, h, _PARTS[tables_of(flow.order)], seen)
 
 
 @njit(**OPTIONS)
@@ -361,9 +360,9 @@ def solve_stages(
     before, now = np.inf, np.inf
     for j in range(m):
         stages.states[j] = y[j % n] + NODES[q, j // n + 1] * step * stages.rate[j % n]
-    for turn in range(MOST_CORRECTIONS):
+    for turn in range(_MOST_CORRECTIONS):
         settled = now <= 1e-2 or (turn > 1 and now <= 1.0 and now >= 0.3 * before)
-        fresh = not settled and (turn == 0 or not now <= SLOW * before)
+        fresh = not settled and (turn == 0 or not now <= _SLOW * before)
         if not visit(machine, flow, stages, start, step, seen, fresh, settled):
             return False
         if settled:
@@ -431,12 +430,12 @@ def visit(
             around = 0.0
             if c == n:
                 around = abs(time)
-                nudge = NUDGE * (abs(time) + step)
+                nudge = _NUDGE * (abs(time) + step)
                 time += nudge
             elif c >= 0:
                 around = abs(z[c])
                 moved = abs(stages.rate[c]) * step
-                z[c] += NUDGE * (LEAST + around + moved + flow.atol * seen[c])
+                z[c] += _NUDGE * (LEAST + around + moved + flow.atol * seen[c])
                 nudge = z[c] - stages.states[i * n + c]
             node = Instant(time, z, start.mode, start.reg)
             if coefficients(machine, flow, node, 1, V) != OK:
@@ -524,7 +523,7 @@ def drop_rounding(flow: Flow, rounded: Array, h: float) -> None:
         size = abs(W[r, 0])
         for j in range(1, s + 1):
             size += abs(W[r, j])
-        left = NOTHING * known_to(flow.rows.noise, flow.space.mag, rounded, r, size, h)
+        left = _NOTHING * known_to(flow.rows.noise, flow.space.mag, rounded, r, size, h)
         while last > 0 and abs(W[r, last]) <= left:
             left -= abs(W[r, last])
             W[r, last] = 0.0

@@ -7,8 +7,7 @@ time, or anything in another way.
 
 from __future__ import annotations
 
-import numpy as np
-
+from stickslip.arrays import Array
 from stickslip.equations.codegen.program import (
     FIRST,
     FOURTH,
@@ -41,14 +40,12 @@ from stickslip.motion.steps.discs import (
     side_operand,
 )
 
-Array = np.ndarray
-
 # Bits, but for the first.
-NOTHING = 0
-TIME = 1
-STATE = 2
-WAVE = 4
-OTHER = 8
+_NOTHING = 0
+_TIME = 1
+_STATE = 2
+_WAVE = 4
+_OTHER = 8
 
 
 @njit(**INLINED)
@@ -63,8 +60,8 @@ def is_affine(flow: Flow, mode: Array, reg: Array) -> bool:
     kinds = flow.space.kinds
     n = rows.sizes[DIMENSION]
     for r in range(n):
-        kinds[r] = STATE
-    kinds[n] = TIME
+        kinds[r] = _STATE
+    kinds[n] = _TIME
     for i in range(len(p.code)):
         row = p.code[i, RESULT]
         kind = kind_of(flow, mode, reg, i)
@@ -74,14 +71,14 @@ def is_affine(flow: Flow, mode: Array, reg: Array) -> bool:
         op = p.code[i, OPERATION]
         if ROTATION <= op <= HYPERBOLIC or op in (TAN, TANH):
             kinds[row + 1] = kind
-    found = NOTHING
+    found = _NOTHING
     for r in p.rates:
         found |= kinds[r]
     for r in rows.watched:
         found |= kinds[r]
     for d in range(len(rows.doubtful)):
         found |= kinds[rows.doubtful[d, 0]]
-    return found & OTHER == 0
+    return found & _OTHER == 0
 
 
 @njit(**OPTIONS)
@@ -95,7 +92,7 @@ def kind_of(flow: Flow, mode: Array, reg: Array, i: int) -> int:
     a = p.code[i, FIRST]
     b = p.code[i, SECOND]
     c = p.code[i, PLACE]
-    kind = NOTHING
+    kind = _NOTHING
     if op == LINEAR:
         for j in range(a, a + b):
             if p.term_row[j] >= 0 and factor(p, K, j) != 0.0:
@@ -103,22 +100,22 @@ def kind_of(flow: Flow, mode: Array, reg: Array, i: int) -> int:
     elif op == PRODUCT:
         kind = kind_of_product(int(kinds[a]), int(kinds[b]), float(W[a, 0]), float(W[b, 0]))
     elif op == QUOTIENT:
-        kind = kinds[a] if kinds[b] == NOTHING else OTHER
+        kind = kinds[a] if kinds[b] == _NOTHING else _OTHER
     elif op == STEADY:
-        kind = NOTHING if kinds[a] == NOTHING else WAVE
+        kind = _NOTHING if kinds[a] == _NOTHING else _WAVE
     elif op < SELECT:
-        kind = NOTHING if kinds[a] == NOTHING else OTHER
+        kind = _NOTHING if kinds[a] == _NOTHING else _OTHER
     elif op == SELECT:
         j = a if reg[c] == 1 else a + 1
         if p.term_row[j] >= 0 and factor(p, K, j) != 0.0:
             kind = kinds[p.term_row[j]]
     elif op == SPEED:
-        kind = kinds[a] if mode[c] != 0 else NOTHING
+        kind = kinds[a] if mode[c] != 0 else _NOTHING
     elif op == SIDE:
         kind = kinds[p.code[i, side_operand(int(mode[c]))]]
     elif op == ENTRY:
         threshold = p.code[i, SECOND if mode[c] > 0 else THIRD]
-        kind = kinds[a] | kinds[threshold] if mode[c] != 0 else NOTHING
+        kind = kinds[a] | kinds[threshold] if mode[c] != 0 else _NOTHING
     elif op == RIGHT:
         threshold = p.code[i, THIRD if mode[c] > 0 else FOURTH]
         kind = kinds[b] | kinds[threshold] if mode[c] != 0 else kinds[a]
@@ -128,15 +125,15 @@ def kind_of(flow: Flow, mode: Array, reg: Array, i: int) -> int:
             kind |= kinds[a + j]
         if op == RATES:
             for e in range(b, b + p.code[i, THIRD]):
-                kind |= NOTHING if kinds[p.term_row[e]] == NOTHING else OTHER
+                kind |= _NOTHING if kinds[p.term_row[e]] == _NOTHING else _OTHER
     return int(kind)
 
 
 @njit(**OPTIONS)
 def kind_of_product(a: int, b: int, x: float, y: float) -> int:
     """Kind of a product of rows of two kinds, with their values where they are constant."""
-    if a == NOTHING:
-        return b if x != 0.0 else NOTHING
-    if b == NOTHING:
-        return a if y != 0.0 else NOTHING
-    return OTHER
+    if a == _NOTHING:
+        return b if x != 0.0 else _NOTHING
+    if b == _NOTHING:
+        return a if y != 0.0 else _NOTHING
+    return _OTHER

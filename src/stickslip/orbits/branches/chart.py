@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import StickslipError
 from stickslip.orbits.branches.halving import half_gap
 from stickslip.orbits.continuation.arclength import Point, Test, correct
@@ -25,18 +26,17 @@ from stickslip.orbits.return_map.shooting import Orbit, Shooting, follow, number
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-Array = np.ndarray
 
-FAR = 1.0  # a chart reaches this far, in units of the size of the cycle
+_FAR = 1.0  # a chart reaches this far, in units of the size of the cycle
 OPEN = 1e-6  # a motion that misses its start by more, in the same units, is no cycle
-SLANTED = 0.3  # least cosine between the motion and the normal of its section
+_SLANTED = 0.3  # least cosine between the motion and the normal of its section
 WIDTH = 0.25  # part of the range of the parameter that is its unit
-FLOOR = 2e-3  # units of a component are not smaller than this part of its modulus
+_FLOOR = 2e-3  # units of a component are not smaller than this part of its modulus
 # a cycle of this amplitude, relative to the state, is about to shrink to an equilibrium
-VANISHED = 5e-3
+_VANISHED = 5e-3
 # a cycle whose halves differ by this part of its size is about to become one of half its period
-HALVED = 2e-2
-UNBOUNDED = 1e3  # a period or an amplitude that has grown by this factor grows without bound
+_HALVED = 2e-2
+_UNBOUNDED = 1e3  # a period or an amplitude that has grown by this factor grows without bound
 
 
 class OutOfChart(StickslipError):
@@ -77,11 +77,11 @@ def extent_of(closed: Closed, span: tuple[float, float]) -> Extent:
     """Sizes of a branch that starts in a cycle."""
     sizes = sizes_of(closed.orbit.motion, closed.orbit.shift, closed.shooting.pieces)
     modulus = np.maximum(np.max(np.abs(closed.samples(64)), axis=0), sizes)
-    halved = min(HALVED, max(0.3 * half_gap(closed), OPEN))
-    extent = Extent(*span, modulus, closed.orbit.period, VANISHED, UNBOUNDED, halved)
+    halved = min(_HALVED, max(0.3 * half_gap(closed), OPEN))
+    extent = Extent(*span, modulus, closed.orbit.period, _VANISHED, _UNBOUNDED, halved)
     amplitude = extent.amplitude(closed)
     return replace(
-        extent, least=min(VANISHED, 0.3 * amplitude), largest=UNBOUNDED * max(amplitude, 0.1)
+        extent, least=min(_VANISHED, 0.3 * amplitude), largest=_UNBOUNDED * max(amplitude, 0.1)
     )
 
 
@@ -189,7 +189,7 @@ class Chart:
             "amplitude": amplitude / extent.least - 1.0,
             "halving": half_gap(self.closed(x)) / extent.halved - 1.0,
             "growth": 1.0 - amplitude / extent.largest,
-            "period": 1.0 - orbit.period / (UNBOUNDED * extent.period),
+            "period": 1.0 - orbit.period / (_UNBOUNDED * extent.period),
             "carried": self.carried(x, tangent),
         }
 
@@ -209,7 +209,7 @@ class Chart:
                 raise OutOfChart("the cycle starts in another mode than its chart")
         if shooting.miss(orbit) > OPEN:
             raise OutOfChart("the cycle ends in another mode than it starts in")
-        if np.max(np.abs(orbit.x[: shooting.time]), initial=0.0) > FAR:
+        if np.max(np.abs(orbit.x[: shooting.time]), initial=0.0) > _FAR:
             raise OutOfChart("the cycle has left its chart")
         if shooting.symmetry.frame is not None:
             place = orbit.legs[0].place
@@ -219,7 +219,7 @@ class Chart:
                 - shooting.symmetry.frame
             )
             motion = station.chart @ rate
-            if not shooting.fixed[0] @ motion >= SLANTED * np.linalg.norm(motion):
+            if not shooting.fixed[0] @ motion >= _SLANTED * np.linalg.norm(motion):
                 raise OutOfChart("the motion runs along its section")
 
 
@@ -273,7 +273,7 @@ def renewed(chart: Chart, x: Array, tangent: Array) -> tuple[Chart, Array, Array
 def chart_sizes(closed: Closed, extent: Extent) -> Array:
     """Units of the state: half the range of each component, or a small part of its modulus."""
     sizes = sizes_of(closed.orbit.motion, closed.orbit.shift, closed.shooting.pieces)
-    return np.maximum(sizes, FLOOR * extent.modulus)
+    return np.maximum(sizes, _FLOOR * extent.modulus)
 
 
 def _carried(shooting: Shooting, orbit: Orbit, tangent: Array, begin: float) -> Array:

@@ -15,29 +15,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.orbits.branches.chart import OPEN, Chart, renewed
 from stickslip.orbits.continuation.arclength import UNDEFINED, Lost, Point, correct, direction
 from stickslip.orbits.return_map.mode_sequence import Sequence, change_of, is_open, sequence
 from stickslip.orbits.return_map.recurrence import segments
 
-Array = np.ndarray
-
-FAILURES = (Lost, *UNDEFINED)
-TOLERANCE = 1e-11
-LOCATED = 1e-12  # a corner is located to this length …
+_FAILURES = (Lost, *UNDEFINED)
+_TOLERANCE = 1e-11
+_LOCATED = 1e-12  # a corner is located to this length …
 # … and left along the tangent so far before it: nearer, what is touched is taken for crossed no
 # more
-TANGENT = 1e-8
+_TANGENT = 1e-8
 # a cycle so far before it can be certified: on the corner itself nothing has a derivative
-BESIDE = 1e-9
-MOST = 400  # steps towards a corner
+_BESIDE = 1e-9
+_MOST = 400  # steps towards a corner
 # a station nearer to the end of its phase, as a part of it, says nothing about what comes back
-EDGE = 0.1
+_EDGE = 0.1
 # least cosine between the direction beyond a corner and the chord to the point found there
-ALONG = 0.9
-DIRECTIONS = 3  # that are tried one after the other
-FURTHER = 100.0  # how much further beyond a corner one looks whether a contact slips both ways
-AHEAD = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # how far beyond a corner the other side is looked for
+_ALONG = 0.9
+_DIRECTIONS = 3  # that are tried one after the other
+_FURTHER = 100.0  # how much further beyond a corner one looks whether a contact slips both ways
+_AHEAD = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # how far beyond a corner the other side is looked for
 
 
 @dataclass(frozen=True)
@@ -93,10 +92,10 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     try:
         # Around the corner itself, so that what begins to rest there is held where it is.
         there, y, towards = renewed(chart, x, tangent * chart.scale(x))
-    except FAILURES:
+    except _FAILURES:
         return None
     towards = _unit(there, y, towards)
-    found = _beyond(there, y, towards, here, AHEAD)
+    found = _beyond(there, y, towards, here, _AHEAD)
     if found is None:
         return None
     trial, after, distance = found
@@ -123,7 +122,7 @@ def _carried(
 
     A bit further it may slip both ways, as it does where it rests in the middle between its edges.
     """
-    further = _sequence_at(chart, x + chart.scale(x) * tangent * FURTHER * distance)
+    further = _sequence_at(chart, x + chart.scale(x) * tangent * _FURTHER * distance)
     for held in chart.shooting.setting.held:
         ways = {mode[held.contact] for s in (after, further or ()) for mode, _ in s} - {0}
         if len(ways) == 1 and not held.edge:
@@ -134,7 +133,7 @@ def _carried(
 def _sequence_at(chart: Chart, x: Array) -> Sequence | None:
     try:
         return sequence(chart.orbit(x).motion)
-    except FAILURES:
+    except _FAILURES:
         return None
 
 
@@ -146,13 +145,13 @@ def _along_the_edge(chart: Chart, x: Array, towards: Array, edge: tuple[int, int
         try:
             tangent, _ = direction(other, x, units, towards)
             tangent = tangent if tangent[-1] * towards[-1] > 0.0 else -tangent
-            there = correct(other, x + units * tangent * length, units, tangent, TOLERANCE)
+            there = correct(other, x + units * tangent * length, units, tangent, _TOLERANCE)
             if (
                 other.shooting.miss(other.orbit(there)) <= OPEN
                 and other.carried(there, tangent * units) > 0.0
             ):
                 return Onward(other, there, tangent * units)
-        except FAILURES:
+        except _FAILURES:
             continue
     return None
 
@@ -165,18 +164,18 @@ def _approach(
     passed = 0.0
     step = 0.25 * reach
     beside = x
-    for _ in range(MOST):
-        if step <= LOCATED or passed > reach:
+    for _ in range(_MOST):
+        if step <= _LOCATED or passed > reach:
             break
         units = chart.scale(x)
         try:
-            trial = correct(chart, x + units * tangent * step, units, tangent, TOLERANCE)
+            trial = correct(chart, x + units * tangent * step, units, tangent, _TOLERANCE)
             chart.check(chart.orbit(trial))
             same = sequence(chart.orbit(trial).motion) == here
             ahead = tangent
-            if same and step > TANGENT:
+            if same and step > _TANGENT:
                 ahead, _ = direction(chart, trial, chart.scale(trial), tangent)
-        except FAILURES:
+        except _FAILURES:
             same = False
             trial = x
             ahead = tangent
@@ -184,7 +183,7 @@ def _approach(
             passed = passed + step
             x = trial
             tangent = ahead
-            beside = trial if step > BESIDE else beside
+            beside = trial if step > _BESIDE else beside
         else:
             step *= 0.5
     return None if passed > reach else (x, beside, tangent)
@@ -195,7 +194,7 @@ def _well_inside(chart: Chart, x: Array) -> bool:
     k = chart.orbit(x).motion.knots
     found = segments(k)
     before, after = (float(k.time[b] - k.time[a]) for a, b in (found[-1], found[0]))
-    return len(found) == 1 or min(before, after) > EDGE * (before + after)
+    return len(found) == 1 or min(before, after) > _EDGE * (before + after)
 
 
 def _unit(chart: Chart, x: Array, tangent: Array) -> Array:
@@ -212,7 +211,7 @@ def _beyond(
         trial = x + units * tangent * distance
         try:
             there = sequence(chart.orbit(trial).motion)
-        except FAILURES:
+        except _FAILURES:
             return None
         if there != here:
             return trial, there, distance
@@ -232,7 +231,7 @@ def _onward(chart: Chart, x: Array, trial: Array, here: Sequence, distance: floa
         for sense in (null, -null):
             try:
                 found = _beyond_along(chart, x, sense, length, here)
-            except FAILURES:
+            except _FAILURES:
                 continue
             if found is not None:
                 return found
@@ -249,14 +248,14 @@ def _beyond_along(
     direction is its own.
     """
     units = chart.scale(x)
-    for _ in range(DIRECTIONS):
-        there = correct(chart, x + units * sense * length, units, sense, TOLERANCE)
+    for _ in range(_DIRECTIONS):
+        there = correct(chart, x + units * sense * length, units, sense, _TOLERANCE)
         orbit = chart.orbit(there)
         chord = (there - x) / units
         after = sequence(orbit.motion)
         if after == here or is_open(after) or chart.shooting.miss(orbit) > OPEN:
             return None
-        if sense @ chord > ALONG * np.linalg.norm(chord):
+        if sense @ chord > _ALONG * np.linalg.norm(chord):
             return Onward(chart, there, units * sense)
         sense, _ = direction(chart, there, units, chord)
     return None

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.orbits.branches.chart import Chart, extent_of, first_chart, renewed
 from stickslip.orbits.branches.corner import Corner, Onward, corner_after
@@ -59,14 +60,12 @@ from stickslip.orbits.return_map.damped_newton import Closed
 from stickslip.orbits.return_map.mode_sequence import LOSS
 from stickslip.progress import Show, watched
 
-Array = np.ndarray
-
-STEPS = Steps(first=0.01, largest=0.25, tolerance=1e-8, turn=0.3)
-IN_CHART = 8  # points before the chart is made anew
-CLOSED = Ending(Stop.CLOSED, "the branch is closed")
+_STEPS = Steps(first=0.01, largest=0.25, tolerance=1e-8, turn=0.3)
+_IN_CHART = 8  # points before the chart is made anew
+_CLOSED = Ending(Stop.CLOSED, "the branch is closed")
 PATIENCE = 64.0  # a step is shortened by this factor before the chart is made anew
-ENDINGS = ("amplitude", "halving", "growth", "period", "carried")
-DISTINCT = 1e-9  # sizes that differ by less, relative to each other, are the same
+_ENDINGS = ("amplitude", "halving", "growth", "period", "carried")
+_DISTINCT = 1e-9  # sizes that differ by less, relative to each other, are the same
 
 
 @dataclass
@@ -143,7 +142,7 @@ def continue_cycle(
         raise DeclarationError(
             "cycle", f"it is at {parameter} = {value:g}, outside ({low:g}, {high:g})", "Enclose it"
         )
-    follower = _Follower(cycle, parameter, (low, high), steps or STEPS)
+    follower = _Follower(cycle, parameter, (low, high), steps or _STEPS)
     with watched("following the cycle") as show:
         back, forth, ends = both_ways(lambda sign: follower.follow(sign, show), -1.0)
     return follower.branch(back, forth, ends)
@@ -210,11 +209,11 @@ class _Follower:
             chart,
             chart.scale,
             chart.tests,
-            {name: name for name in ENDINGS},
+            {name: name for name in _ENDINGS},
             ranges({self.parameter: self.span}),
             lambda last, new: self.spacing.check(chart.cycle(last.x), chart.cycle(new.x)),
         )
-        steps = in_pieces(self.steps, step, IN_CHART, self._smallest(step))
+        steps = in_pieces(self.steps, step, _IN_CHART, self._smallest(step))
         return Start(chart, problem, x, towards, steps)
 
     def _smallest(self, step: float) -> float:
@@ -231,7 +230,7 @@ class _Follower:
             changes = locate_changes(chart, path.points[i - 1], point)
             for change in changes:
                 self._add(stations, chart.cycle(change.x), [(change.kind, change.note)])
-            here = [c for c in path.crossings if c.index == i and c.name not in ENDINGS]
+            here = [c for c in path.crossings if c.index == i and c.name not in _ENDINGS]
             names = [str(c.name) for c in here if not is_flat(path, c)]
             cycle = chart.cycle(point.x)
             events = [confirmed(name, slope, cycle.nontrivial, changes) for name in names]
@@ -303,7 +302,7 @@ class _Follower:
             )
         if len(stations) > self.steps.most:
             return Ending(Stop.LIMIT, f"the limit of {self.steps.most} points was reached")
-        return CLOSED if self._came_back(stations, before) else None
+        return _CLOSED if self._came_back(stations, before) else None
 
     def _event_in_words(self, name: Test | None, stations: list[_Station]) -> str:
         """What happens where a test function vanishes that ends the branch."""
@@ -351,7 +350,7 @@ class _Follower:
         least = size(stations[-1].cycle) ** power
         for station in reversed(stations[:-1]):
             before = size(station.cycle) ** power
-            if before > (1.0 + DISTINCT) * least:
+            if before > (1.0 + _DISTINCT) * least:
                 return value - least * (station.value - value) / (before - least)
         return value
 
@@ -361,7 +360,7 @@ class _Follower:
 
     def _came_back(self, stations: list[_Station], before: int) -> bool:
         """Whether one of the steps since then has passed the start of the branch."""
-        if len(stations) <= 2 * IN_CHART:
+        if len(stations) <= 2 * _IN_CHART:
             return False
         start = self._features(self.cycle)
         places = [self._features(s.cycle) for s in stations[before - 1 :]]

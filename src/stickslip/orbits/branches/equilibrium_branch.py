@@ -44,15 +44,15 @@ from stickslip.symbolic import expressions as ex
 if TYPE_CHECKING:
     import xarray
 
-STEPS = Steps(first=0.005, largest=0.02)
-MOST_PIECES = 50
-STABLE = {
+_STEPS = Steps(first=0.005, largest=0.02)
+_MOST_PIECES = 50
+_STABLE = {
     "flag_values": np.array([-1, 0, 1], np.int8),
     "flag_meanings": "undecided unstable stable",
 }
-MARGIN = {"long_name": "least guard of the mode, relative to the size of its terms"}
-ERROR = {"long_name": "by how much the eigenvalues may be wrong"}
-DEFECT = {"long_name": "violation of the equilibrium conditions, relative to the state"}
+_MARGIN = {"long_name": "least guard of the mode, relative to the size of its terms"}
+_ERROR = {"long_name": "by how much the eigenvalues may be wrong"}
+_DEFECT = {"long_name": "violation of the equilibrium conditions, relative to the state"}
 
 
 def continue_equilibrium(
@@ -108,7 +108,7 @@ def continue_equilibrium(
         parameter,
         (low, high),
         invariant_directions(equations, values, origin),
-        steps or STEPS,
+        steps or _STEPS,
     )
     x = np.append(origin, values[parameter])
     upwards = np.append(np.zeros(len(origin)), 1.0)
@@ -233,7 +233,7 @@ class _Follower:
             guard = self._guard_that_ended(piece)
             end = path.points[-1]
             beyond = None if guard is None else self._beyond(start.of, guard, end)
-            if beyond is None or len(pieces) == MOST_PIECES:
+            if beyond is None or len(pieces) == _MOST_PIECES:
                 return self._ending(piece)
             return self._start(beyond[0], end.x, beyond[1])
 
@@ -491,13 +491,13 @@ class _Follower:
                     ],
                     np.int8,
                 ),
-                STABLE,
+                _STABLE,
             ),
             "eigenvalue_real": (("point", "eigenvalue"), padded.real),
             "eigenvalue_imag": (("point", "eigenvalue"), padded.imag),
-            "margin": ("point", margin, MARGIN),
-            "defect": ("point", defect, DEFECT),
-            "eigenvalue_error": ("point", errors, ERROR),
+            "margin": ("point", margin, _MARGIN),
+            "defect": ("point", defect, _DEFECT),
+            "eigenvalue_error": ("point", errors, _ERROR),
             "certified": ("point", np.array([found.ok for found, _ in certified], np.int8)),
         }
         for i, name in enumerate(self.contacts):

@@ -53,7 +53,7 @@ from stickslip.symbolic.expressions import Expr
 if TYPE_CHECKING:
     import xarray
 
-STEPS = Steps(first=0.005, largest=0.02)
+_STEPS = Steps(first=0.005, largest=0.02)
 Numbers = Callable[[Array], dict[str, float]]
 
 
@@ -92,7 +92,7 @@ def hopf_curve(
         If an argument is wrong.
     """
     curve = _posed(system, "Hopf", point, (first, second), ranges)
-    return curve.branch(system, "Hopf points", _hopf_problem(curve), steps or STEPS)
+    return curve.branch(system, "Hopf points", _hopf_problem(curve), steps or _STEPS)
 
 
 def fold_curve(
@@ -122,7 +122,7 @@ def fold_curve(
             ),
         )
     curve = _posed(system, "fold", point, (first, second), ranges)
-    return curve.branch(system, "folds", _fold_problem(curve), steps or STEPS)
+    return curve.branch(system, "folds", _fold_problem(curve), steps or _STEPS)
 
 
 def _posed(

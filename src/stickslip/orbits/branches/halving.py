@@ -21,8 +21,6 @@ from stickslip.orbits.return_map.damped_newton import Closed
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-Array = np.ndarray
-
 
 def half_gap(closed: Closed) -> float:
     """By how much a cycle fails to close after half its period, in units of its largest range.

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.return_map.mode_sequence import dips, holding
 from stickslip.orbits.return_map.recurrence import segments
@@ -23,9 +24,8 @@ from stickslip.orbits.return_map.recurrence import segments
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-Array = np.ndarray
 
-AHEAD = 1e-6  # part of the period over which a rate is differenced
+_AHEAD = 1e-6  # part of the period over which a rate is differenced
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def _depth(
     y = k.state[begin]
     row = int(np.flatnonzero(slip.switches == switch)[0])
     here = slip.leave(t, y, p)
-    ahead = AHEAD * float(k.time[-1] - k.time[0])
+    ahead = _AHEAD * float(k.time[-1] - k.time[0])
     later = slip.leave(t + ahead, y + ahead * here.rates, p)
     curvature = (later.fall[row] - here.fall[row]) / ahead
     steps = np.arange(*ends)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.model.system import System
 from stickslip.motion.problem import pose
@@ -57,16 +58,15 @@ from stickslip.orbits.return_map.shooting import Orbit, follow, with_value
 if TYPE_CHECKING:
     import xarray
 
-Array = np.ndarray
 
-STEPS = Steps(first=0.05, largest=0.4, tolerance=1e-10, turn=0.3)
-IN_CHART = 6  # points before the chart is made anew
-DIFFERENCE = 1e-7  # of the unknowns, in their units, for derivatives
+_STEPS = Steps(first=0.05, largest=0.4, tolerance=1e-10, turn=0.3)
+_IN_CHART = 6  # points before the chart is made anew
+_DIFFERENCE = 1e-7  # of the unknowns, in their units, for derivatives
 # margin of the cycles on the curve: closer to the onset rounding decides on the next mode
-SLIPPING = 1e-9
-AT_ONSET = 1e-3  # a cycle with a larger margin is not at the onset
-VANISHES = "the cycle shrinks to an equilibrium"
-LOST = "no onset was found further on"
+_SLIPPING = 1e-9
+_AT_ONSET = 1e-3  # a cycle with a larger margin is not at the onset
+_VANISHES = "the cycle shrinks to an equilibrium"
+_LOST = "no onset was found further on"
 
 
 def stick_onset_curve(
@@ -128,13 +128,13 @@ def stick_onset_curve(
     closed = _cycle_at(system, point)
     onset = nearest_onset(closed.orbit.motion, closed.shooting.pieces)
     margin = onset.margin(closed.orbit.motion, closed.shooting.pieces)
-    if not abs(margin) < AT_ONSET:
+    if not abs(margin) < _AT_ONSET:
         raise ConvergenceError(
             f"the onset of stick of {system.name}",
             f"the cycle at the point is {abs(margin):.2g} of its size away from it",
             "Give a stick onset of a branch of this system",
         )
-    return _Follower(closed, onset, spans, steps or STEPS).branch()
+    return _Follower(closed, onset, spans, steps or _STEPS).branch()
 
 
 def _cycle_at(system: System, point: SpecialPoint) -> Closed:
@@ -201,7 +201,7 @@ class _Equations:
         margin = self.onset.margin(orbit.motion, self.chart.shooting.pieces)
         if not np.isfinite(margin):
             raise OutOfChart("no contact is about to stick")
-        return np.append(orbit.F, margin - SLIPPING), orbit.J
+        return np.append(orbit.F, margin - _SLIPPING), orbit.J
 
     def __call__(self, z: Array) -> tuple[Array, Array]:
         """Residual and derivative."""
@@ -216,14 +216,14 @@ class _Equations:
     def _difference(self, z: Array, i: int, F: Array) -> Array:
         """Derivative by an unknown: within the ranges of the parameters and, if it can be, on the
         side that slips."""
-        h = DIFFERENCE * self.scale(z)[i]
+        h = _DIFFERENCE * self.scale(z)[i]
         found = []
         for side in (h, -h):
             moved = z.copy()
             moved[i] += side
             if np.all(moved[-2:] <= self.upper):
                 change = (self.residual(moved)[0] - F) / side
-                if (F + change * side)[-1] > -SLIPPING:
+                if (F + change * side)[-1] > -_SLIPPING:
                     return change
                 found.append(change)
         return found[0]
@@ -283,12 +283,12 @@ class _Follower:
         try:
             chart, x = first_chart(self.closed, self.pieces, self.extent)
         except UNDEFINED as failure:
-            return cycles, Ending(Stop.LOST, f"{LOST} ({failure})")
+            return cycles, Ending(Stop.LOST, f"{_LOST} ({failure})")
         z = np.append(x, self.closed.orbit.problem.parameters[self.second])
         towards = np.zeros(len(z))
         towards[-1] = sign
         start = self._start(self._equations(chart), z, towards, self.steps.first)
-        return cycles, follow_branch(start, onward, LOST)
+        return cycles, follow_branch(start, onward, _LOST)
 
     def _onward(
         self, cycles: list[Cycle], equations: _Equations, path: Path
@@ -316,15 +316,15 @@ class _Follower:
             orbit = equations.orbit(z)
             chart.check(orbit)
             amplitude = self.extent.amplitude(Closed(chart.shooting, orbit))
-            return {VANISHES: amplitude / self.extent.least - 1.0}
+            return {_VANISHES: amplitude / self.extent.least - 1.0}
 
         def accept(last: Point, new: Point) -> None:
             self.spacing.check(self._cycle(equations, last.x), self._cycle(equations, new.x))
 
         problem = Problem(
-            equations, equations.scale, tests, {VANISHES: VANISHES}, ranges(self.spans), accept
+            equations, equations.scale, tests, {_VANISHES: _VANISHES}, ranges(self.spans), accept
         )
-        return Start(equations, problem, z, towards, in_pieces(self.steps, step, IN_CHART))
+        return Start(equations, problem, z, towards, in_pieces(self.steps, step, _IN_CHART))
 
     def _cycle(self, equations: _Equations, z: Array) -> Cycle:
         key = z.tobytes()

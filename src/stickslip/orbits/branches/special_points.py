@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual, worst
 from stickslip.model.quantities import contact_key
 from stickslip.orbits.branches.chart import Chart
@@ -28,23 +29,22 @@ if TYPE_CHECKING:
 
     from stickslip.orbits.cycles.cycle import Cycle
 
-Array = np.ndarray
 
 # a located multiplier or slope is this close to its critical value, else it jumps there
-NEAR = 1e-4
-FLAT = 1e-9  # values of a test function that are rounding
-MOST_CHANGES = 8  # located within one step
-TOUCHES = 1e-11  # a margin this small is zero
-TOGETHER = 1e-6  # changes that are nearer to each other are one
+_NEAR = 1e-4
+_FLAT = 1e-9  # values of a test function that are rounding
+_MOST_CHANGES = 8  # located within one step
+_TOUCHES = 1e-11  # a margin this small is zero
+_TOGETHER = 1e-6  # changes that are nearer to each other are one
 NOT_SMOOTH = "not smooth: the sequence changes there"  # of a fold
-FINE = 1e-11  # corrector's tolerance where a change is located
+_FINE = 1e-11  # corrector's tolerance where a change is located
 APART = 0.3  # neighbours on a branch are at most so far from each other …
 TWICE = 1e-10  # … and at least so far: nearer ones are one
 STEP = {
     "long_name": "distance from the point before: the largest change of parameter, period and "
     "ranges, relative to the branch's own"
 }
-STABLE = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "neutral unstable stable"}
+_STABLE = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "neutral unstable stable"}
 
 
 @dataclass(frozen=True)
@@ -64,9 +64,9 @@ def locate_changes(chart: Chart, a: Point, b: Point) -> list[Change]:
     there = sequence(chart.orbit(b.x).motion)
     contacts = [c.name for c in chart.shooting.pieces.equations.contacts]
     passed: list[tuple[Array, Sequence, Sequence]] = []
-    while here != there and len(passed) < MOST_CHANGES:
+    while here != there and len(passed) < _MOST_CHANGES:
         x, low, beyond = _Finder(chart, a, b, here).first_change(low, high)
-        if passed and np.linalg.norm((x - passed[-1][0]) / chart.scale(x)) < TOGETHER:
+        if passed and np.linalg.norm((x - passed[-1][0]) / chart.scale(x)) < _TOGETHER:
             # Events that belong together by a symmetry of the cycle.
             x, here, _ = passed.pop()
         passed.append((x, here, beyond))
@@ -89,11 +89,11 @@ class _Finder:
         if distance not in self.seen:
             whole = self.b.length - self.a.length
             ends = {0.0: self.a.x, whole: self.b.x}
-            x = ends[distance] if distance in ends else self.chart.along(self.a, distance, FINE)
+            x = ends[distance] if distance in ends else self.chart.along(self.a, distance, _FINE)
             motion = self.chart.orbit(x).motion
             order = sequence(motion)
             margin = nearest_change(motion, self.chart.shooting.pieces)
-            margin = margin if margin > TOUCHES else 0.0
+            margin = margin if margin > _TOUCHES else 0.0
             self.seen[distance] = x, order, margin if order == self.here else -margin
         return self.seen[distance][2]
 
@@ -116,7 +116,7 @@ def is_flat(path: Path, crossing: Crossing) -> bool:
     """Whether a test function is zero on both sides, too, but for rounding: without damping that is
     so all along."""
     beside = path.points[max(crossing.index - 1, 0) : crossing.index + 2]
-    return max(abs(point.tests[crossing.name]) for point in beside) < FLAT
+    return max(abs(point.tests[crossing.name]) for point in beside) < _FLAT
 
 
 def confirmed(
@@ -124,14 +124,14 @@ def confirmed(
 ) -> tuple[str, str] | None:
     """Kind and note of a located zero of a test function; None if the function only jumps there."""
     if name == "fold":
-        if abs(slope) <= NEAR:
+        if abs(slope) <= _NEAR:
             return "fold", ""
         return ("fold", NOT_SMOOTH) if changes else None
-    if name == "period doubling" and np.min(np.abs(multipliers + 1.0), initial=1.0) <= NEAR:
+    if name == "period doubling" and np.min(np.abs(multipliers + 1.0), initial=1.0) <= _NEAR:
         return name, ""
-    if name == "branch point" and np.min(np.abs(multipliers - 1.0), initial=1.0) <= NEAR:
+    if name == "branch point" and np.min(np.abs(multipliers - 1.0), initial=1.0) <= _NEAR:
         return name, ""
-    on_circle = [z for z in multipliers if z.imag > NEAR and abs(abs(z) - 1.0) <= NEAR]
+    on_circle = [z for z in multipliers if z.imag > _NEAR and abs(abs(z) - 1.0) <= _NEAR]
     if name == "torus" and on_circle:
         angle = float(np.angle(on_circle[0]))
         return name, f"rotation number {angle / (2.0 * np.pi):.9g}"
@@ -242,7 +242,7 @@ def dataset(parameter: str, values: list[float], cycles: list[Cycle]) -> xarray.
         "stable": (
             "point",
             np.array([-1 if c.neutral else int(c.stable) for c in cycles], np.int8),
-            STABLE,
+            _STABLE,
         ),
         "multiplier_real": (("point", "multiplier"), multipliers.real),
         "multiplier_imag": (("point", "multiplier"), multipliers.imag),

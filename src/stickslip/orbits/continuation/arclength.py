@@ -21,20 +21,20 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.certificates import Residual
 from stickslip.errors import StickslipError
 
-Array = np.ndarray
 Equations = Callable[[Array], tuple[Array, Array]]
 Test = str | int
 """A test function: of special points by a name, of guards by their number."""
 Tests = Callable[[Array, Array], Mapping[Test, float]]
 Accept = Callable[["Point", "Point"], None]
 
-BRIDGE = 1e-2  # part of the first step over which the orientation of the curve may change
+_BRIDGE = 1e-2  # part of the first step over which the orientation of the curve may change
 UNDEFINED = (ArithmeticError, StickslipError, np.linalg.LinAlgError)
 """What the equations may raise where they are not defined; the step is then shortened."""
-RESOLVED = 100.0  # a step this much longer than the corrector's tolerance has a direction
+_RESOLVED = 100.0  # a step this much longer than the corrector's tolerance has a direction
 
 
 class Stop(Enum):
@@ -372,7 +372,7 @@ class _Tracer:
                 bend = self._bend(last, new)
                 # The orientation changes where another branch crosses; with a short step it is
                 # that, and no jump over a gap between two curves.
-                jumped = new.orientation != last.orientation and step > BRIDGE * self.steps.first
+                jumped = new.orientation != last.orientation and step > _BRIDGE * self.steps.first
                 if bend <= self.steps.turn and not jumped:
                     if self.accept is not None:
                         self.accept(last, new)
@@ -446,7 +446,7 @@ class _Tracer:
         second = b.tangent / units
         pairs = [(first, second)]
         # A chord that the corrector does not resolve has no direction.
-        if np.linalg.norm(chord) > RESOLVED * self.steps.tolerance:
+        if np.linalg.norm(chord) > _RESOLVED * self.steps.tolerance:
             pairs += [(first, chord), (chord, second)]
         return max(_angle(u, v) for u, v in pairs)
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 # how much further than the guess a change of sign is looked for
-WIDER = (1.0, 1.1, 1.5, 2.0, 4.0, 8.0)
+_WIDER = (1.0, 1.1, 1.5, 2.0, 4.0, 8.0)
 
 
 def zero_near(function: Callable[[float], float], known: float, guess: float) -> float | None:
@@ -27,7 +27,7 @@ def zero_near(function: Callable[[float], float], known: float, guess: float) ->
     if guess == known:
         guess = known + 1e-6 * (abs(known) or 1.0)
     near = known
-    for part in WIDER:
+    for part in _WIDER:
         far = known + part * (guess - known)
         value = function(far)
         if math.isnan(value):

@@ -14,8 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
-import numpy as np
-
+from stickslip.arrays import Array
 from stickslip.orbits.continuation.arclength import (
     INTERRUPTED,
     UNDEFINED,
@@ -32,11 +31,10 @@ from stickslip.orbits.continuation.arclength import (
     trace,
 )
 
-Array = np.ndarray
 T = TypeVar("T")
 P = TypeVar("P")
 
-WIDER = 1.5  # factor by which the first step of a stretch exceeds the last one before it
+_WIDER = 1.5  # factor by which the first step of a stretch exceeds the last one before it
 
 
 @dataclass(frozen=True)
@@ -154,7 +152,7 @@ def step_after(path: Path, steps: Steps) -> float:
     """Length of the first step of the next stretch."""
     before: Point
     before, last = path.points[-2:]
-    return min(WIDER * (last.length - before.length), steps.largest)
+    return min(_WIDER * (last.length - before.length), steps.largest)
 
 
 def in_pieces(steps: Steps, step: float, points: int, smallest: float | None = None) -> Steps:

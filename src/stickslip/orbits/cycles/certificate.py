@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual
 from stickslip.errors import StickslipError
 from stickslip.orbits.cycles.period import same, shorter
@@ -23,15 +24,16 @@ from stickslip.orbits.return_map.shooting import follow, numbers
 if TYPE_CHECKING:
     pass
 
-Array = np.ndarray
 
 # least range of a cycle, relative to the state: below, its size is not known to the tolerance
-MOVES = 1e-7
-UNCHANGED = 1e-9  # a change along a symmetry comes back up to this part of what changes may grow to
-FORGOTTEN = 1e-9  # a contact that sticks keeps so little of a change
-AGREES = 1e-4  # neighbours come back where the multipliers say, up to this part
+_MOVES = 1e-7
+_UNCHANGED = (
+    1e-9  # a change along a symmetry comes back up to this part of what changes may grow to
+)
+_FORGOTTEN = 1e-9  # a contact that sticks keeps so little of a change
+_AGREES = 1e-4  # neighbours come back where the multipliers say, up to this part
 # … so far away, in units of the size of the cycle; the nearer where other modes are near
-APART = (1e-5, 1e-7, 1e-10)
+_APART = (1e-5, 1e-7, 1e-10)
 
 
 def certify(closed: Closed) -> Certificate:
@@ -58,7 +60,7 @@ def certify(closed: Closed) -> Certificate:
     residuals = [
         *motion.residuals,
         Residual("closure", shooting.miss(orbit), CLOSED, note="of the size of the cycle"),
-        Residual("movement", _movement(closed), MOVES, least=True, note="of the state"),
+        Residual("movement", _movement(closed), _MOVES, least=True, note="of the state"),
     ]
     misses = shorter(closed)
     if misses:
@@ -66,8 +68,10 @@ def certify(closed: Closed) -> Certificate:
         note = f"of the size, after 1/{p} of the period"
         residuals.append(Residual("shorter period", misses[p], same(closed), least=True, note=note))
     residuals += [
-        Residual("multipliers 1", trivial / most, UNCHANGED, note=f"of the growth {most:.2g}"),
-        Residual("multipliers 0", _remembered(closed), FORGOTTEN, note="of the growth of a change"),
+        Residual("multipliers 1", trivial / most, _UNCHANGED, note=f"of the growth {most:.2g}"),
+        Residual(
+            "multipliers 0", _remembered(closed), _FORGOTTEN, note="of the growth of a change"
+        ),
         _neighbours(closed),
     ]
     return replace(motion, residuals=tuple(residuals))
@@ -108,7 +112,7 @@ def _neighbours(closed: Closed) -> Residual:
     """Follow neighbours of every leg, along the direction that grows most and along another,
     against the derivative."""
     rng = np.random.default_rng(0)
-    found = [Residual("neighbours", 0.0, AGREES, note="of their distance")]
+    found = [Residual("neighbours", 0.0, _AGREES, note="of their distance")]
     for j, leg in enumerate(closed.orbit.legs):
         there = closed.shooting.stations[(j + 1) % len(closed.orbit.legs)]
         q = leg.place.directions.shape[1]
@@ -131,8 +135,8 @@ def _along(closed: Closed, j: int, matrix: Array, direction: Array) -> Residual:
     here = sequence(closed.orbit.legs[j].motion)
     expected = matrix @ direction
     size = max(float(np.linalg.norm(expected)), 1.0)
-    best = Residual("neighbours", float("nan"), AGREES)
-    for apart in (apart / size for apart in APART):
+    best = Residual("neighbours", float("nan"), _AGREES)
+    for apart in (apart / size for apart in _APART):
         if best.ok:
             break
         sides = [(sign, _arrived(closed, j, sign * apart * direction)) for sign in (1.0, -1.0)]
@@ -145,7 +149,9 @@ def _along(closed: Closed, j: int, matrix: Array, direction: Array) -> Residual:
                     "" if len(ends) == 2 else ", on one side"
                 )
                 best = (
-                    best if value > best.value else Residual("neighbours", value, AGREES, note=note)
+                    best
+                    if value > best.value
+                    else Residual("neighbours", value, _AGREES, note=note)
                 )
     return best
 

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array
 from stickslip.certificates import Certificate
 from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError
@@ -42,10 +43,9 @@ if TYPE_CHECKING:
 
     from stickslip.motion.trajectory import Trajectory
 
-Array = np.ndarray
 
-TOUCHED = 1e-9  # a guard that comes down to this part of its size is touched
-NEUTRAL = 1e-9  # multipliers this close to the unit circle are on it
+_TOUCHED = 1e-9  # a guard that comes down to this part of its size is touched
+_NEUTRAL = 1e-9  # multipliers this close to the unit circle are on it
 
 
 @dataclass(frozen=True)
@@ -169,12 +169,12 @@ class Cycle(Result):
     def stable(self) -> bool:
         """Whether neighbours are attracted (along the cycle and its translations they stay
         neighbours)."""
-        return bool(np.all(np.abs(self.nontrivial) < 1.0 - NEUTRAL))
+        return bool(np.all(np.abs(self.nontrivial) < 1.0 - _NEUTRAL))
 
     @property
     def neutral(self) -> bool:
         """Whether neighbours are neither attracted nor repelled, as without damping."""
-        return not self.stable and bool(np.all(np.abs(self.nontrivial) <= 1.0 + NEUTRAL))
+        return not self.stable and bool(np.all(np.abs(self.nontrivial) <= 1.0 + _NEUTRAL))
 
     @property
     def stability(self) -> str:
@@ -264,7 +264,7 @@ class Cycle(Result):
     def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
         """One period as a motion is stored, and what is said of it."""
         data, parts = self.trajectory.stored()
-        said = {name: getattr(self, name) for name in SAID}
+        said = {name: getattr(self, name) for name in _SAID}
         said |= {
             "multipliers": _pairs(self.multipliers),
             "nontrivial": _pairs(self.nontrivial),
@@ -325,7 +325,7 @@ class Cycle(Result):
 
 
 # What is said of a cycle, of its fields, as data for JSON.
-SAID = (
+_SAID = (
     "period",
     "time",
     "state",
@@ -473,7 +473,7 @@ def _differentiable(closed: Closed) -> bool:
     """Whether neighbours follow the same sequence: no events coincide that need not, and no guard
     is touched."""
     smooth = all(leg.change.differentiable for leg in closed.orbit.legs)
-    return bool(smooth and nearest_change(closed.orbit.motion, closed.shooting.pieces) > TOUCHED)
+    return bool(smooth and nearest_change(closed.orbit.motion, closed.shooting.pieces) > _TOUCHED)
 
 
 def _section(phase: Phase) -> str:

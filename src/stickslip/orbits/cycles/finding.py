@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
@@ -38,20 +39,19 @@ from stickslip.orbits.settling.single import Settled, settle
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-Array = np.ndarray
 
-NEARBY = 0.05  # a start that returns this close, relative to its motion, is near a cycle
-SETTLED = 1e-3  # a motion that has not settled in its time, and returns this close, nearly has
+_NEARBY = 0.05  # a start that returns this close, relative to its motion, is near a cycle
+_SETTLED = 1e-3  # a motion that has not settled in its time, and returns this close, nearly has
 LAST = 27.0  # spans in which such a motion is looked at
-ROUNDS = 3  # times that it is looked again at what leaves the system unchanged
-PERIODS = 2.5  # of what a motion has settled on, that are sampled
-STILL = 1e-13  # range of a component, relative to its modulus, of what does not move
+_ROUNDS = 3  # times that it is looked again at what leaves the system unchanged
+_PERIODS = 2.5  # of what a motion has settled on, that are sampled
+_STILL = 1e-13  # range of a component, relative to its modulus, of what does not move
 # a cycle this far from the motion it was found from, relative to its size, is another one
-AGREES = 0.3
+_AGREES = 0.3
 # a cycle that has shrunk to this part of the motion it was found from is an equilibrium
-COLLAPSED = 1e-4
-REPELS = 1e-6  # no motion settles on a cycle with a multiplier this far outside the unit circle
-DIES_OUT = 1e-2  # a motion whose extent has fallen to this part dies out
+_COLLAPSED = 1e-4
+_REPELS = 1e-6  # no motion settles on a cycle with a multiplier this far outside the unit circle
+_DIES_OUT = 1e-2  # a motion whose extent has fallen to this part dies out
 
 
 def from_cycle(start: Closed, time: float, parameters: Mapping[str, float] | None) -> Closed:
@@ -112,10 +112,10 @@ def accepted(shooting: Shooting, x: Array) -> Closed:
 
 def _elsewhere(closed: Closed, shooting: Shooting, x: Array) -> str:
     """What a cycle is that is not the one near the motion it was found from; empty if it is."""
-    if closed.extent < COLLAPSED:
+    if closed.extent < _COLLAPSED:
         return "an equilibrium"
     change = abs(math.log(closed.orbit.period / x[shooting.time]))
-    if change > AGREES or closed.distance(shooting.stations[0].origin, shooting.start) > AGREES:
+    if change > _AGREES or closed.distance(shooting.stations[0].origin, shooting.start) > _AGREES:
         return f"another, of period {closed.orbit.period:.6g}"
     return ""
 
@@ -130,7 +130,7 @@ def from_motion(motion: Trajectory) -> Closed:
 
 def repels(closed: Closed) -> bool:
     """Whether no motion settles on a cycle."""
-    return bool(np.any(np.abs(closed.spectrum.others) > 1.0 + REPELS))
+    return bool(np.any(np.abs(closed.spectrum.others) > 1.0 + _REPELS))
 
 
 def from_state(problem: Problem, state: Array, time: float) -> Closed:
@@ -183,7 +183,7 @@ class _Search:
         if fate.outcome in (Outcome.AT_REST, Outcome.STEADY):
             raise _at_rest(self.problem, reached, fate.state, self.failure)
         if fate.outcome is Outcome.PERIODIC:
-            if not along.extent(np.max(np.abs(along.states), axis=0)) > STILL:
+            if not along.extent(np.max(np.abs(along.states), axis=0)) > _STILL:
                 raise _at_rest(self.problem, reached, fate.state, self.failure)
             closed = self._tried(along, [after(along, self.pieces, fate.period)])
         elif fate.outcome is Outcome.UNDAMPED:
@@ -204,10 +204,10 @@ class _Search:
         """What the motion settles on, and some periods of it; what leaves the system unchanged on
         its way is looked at again where it has come to."""
         fate = settle(self.problem, self.time, self.state, w.symmetry, w.clock)
-        for _ in range(ROUNDS):
+        for _ in range(_ROUNDS):
             if fate.outcome is not Outcome.PERIODIC:
                 break
-            along = self._window(fate.time, fate.state, PERIODS * fate.period)
+            along = self._window(fate.time, fate.state, _PERIODS * fate.period)
             if alike(along.symmetry, w.symmetry):
                 return fate, along
             w = along
@@ -217,12 +217,12 @@ class _Search:
     def _beside(self, w: Window) -> Closed | None:
         """The cycle, stable or not, that the motion starts beside."""
         for recurrence in earliest(w):
-            if recurrence.distance <= NEARBY:
+            if recurrence.distance <= _NEARBY:
                 closed = self._try(w, recurrence)
                 # A motion that is brought to a cycle, as by a belt that carries it there, has not
                 # begun beside it.
                 if closed is not None and (
-                    not repels(closed) or closed.distance(self.state, self.time) <= AGREES
+                    not repels(closed) or closed.distance(self.state, self.time) <= _AGREES
                 ):
                     return closed
         return None
@@ -264,13 +264,13 @@ class _Search:
         if not w.trajectory.outcome.ok:
             raise self._ended(w.trajectory.message)
         found = latest(w, self.pieces)
-        closed = self._tried(w, [r for r in found if r.distance <= SETTLED])
+        closed = self._tried(w, [r for r in found if r.distance <= _SETTLED])
         if closed is not None:
             return closed
         exponent = largest_exponent(w.trajectory, self.pieces, w.sizes)
         # Irregular motion comes near many cycles, and settles on none.
         if exponent is None or not exponent.irregular:
-            closed = self._tried(w, [r for r in found if SETTLED < r.distance <= NEARBY])
+            closed = self._tried(w, [r for r in found if _SETTLED < r.distance <= _NEARBY])
             if closed is not None:
                 return closed
         modulus = np.maximum(*(np.max(np.abs(part.states), axis=0) for part in (first, w)))
@@ -305,7 +305,7 @@ class _Search:
             if closest is not None
             else "not once"
         )
-        if extents[1] < DIES_OUT * extents[0]:
+        if extents[1] < _DIES_OUT * extents[0]:
             reached += f"; it dies out: its extent fell from {extents[0]:.2g} to {extents[1]:.2g}"
         elif exponent is not None and exponent.irregular:
             reached += f"; the motion looks irregular: its largest Lyapunov exponent is {exponent}"

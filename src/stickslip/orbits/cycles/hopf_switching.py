@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.model.system import System
 from stickslip.motion.problem import Problem, pose
@@ -32,11 +33,9 @@ from stickslip.orbits.return_map.shooting import (
     with_value,
 )
 
-Array = np.ndarray
-
-SMALL = 0.01  # amplitude of the first cycle relative to the equilibrium
-INSIDE = 0.3  # … and to the distance from the next switching boundary
-STRETCH = 2.0  # amplitudes grow by at most this factor from one cycle to the next
+_SMALL = 0.01  # amplitude of the first cycle relative to the equilibrium
+_INSIDE = 0.3  # … and to the distance from the next switching boundary
+_STRETCH = 2.0  # amplitudes grow by at most this factor from one cycle to the next
 
 
 @dataclass(frozen=True)
@@ -144,7 +143,7 @@ def _amplitude(piece: Piece, y: Array, q: Array, p: Array) -> float:
         raise DeclarationError(
             "start", "the Hopf point stands on a switching boundary", "No normal form holds there"
         )
-    return float(min(SMALL, INSIDE * room))
+    return float(min(_SMALL, _INSIDE * room))
 
 
 def _settled(piece: Piece, y: Array, problem: Problem, shifts: Array) -> Array:
@@ -238,7 +237,7 @@ def _grown(seed: _Seed, point: SpecialPoint, name: str, value: float) -> Closed:
     piece = _piece(Pieces(seed.problem.compiled.equations), point)
     while here != value:
         part = (value - point.value) / (here - point.value)
-        stretch = float(np.clip(np.sqrt(part), 1.0 / STRETCH, STRETCH))
+        stretch = float(np.clip(np.sqrt(part), 1.0 / _STRETCH, _STRETCH))
         here = value if part == stretch**2 else point.value + stretch**2 * (here - point.value)
         here = value if abs(here - value) <= 1e-12 * abs(value) else here
         problem = with_value(seed.problem, name, here)

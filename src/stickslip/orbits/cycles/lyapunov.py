@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import TOGETHER, variation
 from stickslip.orbits.return_map.recurrence import stretch
@@ -16,12 +17,11 @@ from stickslip.orbits.return_map.recurrence import stretch
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-Array = np.ndarray
 
-STEPS = 128  # of the motion between two normalisations
-MOST = 128  # stretches that are looked at, from the end
-BLOCKS = 8  # parts of the motion whose exponents are compared
-CERTAIN = 3.0  # standard errors by which an exponent is positive
+_STEPS = 128  # of the motion between two normalisations
+_MOST = 128  # stretches that are looked at, from the end
+_BLOCKS = 8  # parts of the motion whose exponents are compared
+_CERTAIN = 3.0  # standard errors by which an exponent is positive
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Exponent:
     @property
     def irregular(self) -> bool:
         """Whether neighbours part for certain."""
-        return self.value > CERTAIN * self.error and self.value * self.time > CERTAIN
+        return self.value > _CERTAIN * self.error and self.value * self.time > _CERTAIN
 
     def __str__(self) -> str:
         return f"{self.value:.2g} ± {self.error:.1g}"
@@ -68,13 +68,13 @@ def largest_exponent(motion: Trajectory, pieces: Pieces, sizes: Array) -> Expone
         growth.append(np.log(size))
         lengths.append(part.t_span[1] - part.t_span[0])
         change = later / size
-    if len(growth) < 2 * BLOCKS:
+    if len(growth) < 2 * _BLOCKS:
         return None
-    sums = [np.sum(block) for block in np.array_split(growth, BLOCKS)]
-    times = [np.sum(block) for block in np.array_split(lengths, BLOCKS)]
+    sums = [np.sum(block) for block in np.array_split(growth, _BLOCKS)]
+    times = [np.sum(block) for block in np.array_split(lengths, _BLOCKS)]
     rates = np.array(sums) / np.array(times)
     return Exponent(
-        sum(sums) / sum(times), float(np.std(rates, ddof=1) / np.sqrt(BLOCKS)), float(sum(times))
+        sum(sums) / sum(times), float(np.std(rates, ddof=1) / np.sqrt(_BLOCKS)), float(sum(times))
     )
 
 
@@ -86,10 +86,10 @@ def _ends(motion: Trajectory) -> list[int]:
     ends = []
     last = len(time)
     for i in range(len(time) - 1, -1, -1):
-        if (apart[i] and last - i >= STEPS) or i == len(time) - 1:
+        if (apart[i] and last - i >= _STEPS) or i == len(time) - 1:
             ends.append(i)
             last = i
-        if len(ends) > MOST:
+        if len(ends) > _MOST:
             break
     return ends[::-1]
 

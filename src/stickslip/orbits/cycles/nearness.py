@@ -5,15 +5,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.return_map.recurrence import Window, window
 
-Array = np.ndarray
-
 # than the samples that recurrence needs: chords are then closer to a cycle than 1e-3 of its size
-FINER = 8
-PART = 256  # states whose distances are taken at once
+_FINER = 8
+_PART = 256  # states whose distances are taken at once
 
 
 class NearPoint:
@@ -40,7 +39,7 @@ class NearCycle:
         self.window: Window = window(motion, Pieces(motion._problem.compiled.equations))
         t = self.window.times
         self.polygon = self._home(
-            np.append(np.linspace(t[:-1], t[1:], FINER, endpoint=False, axis=1), t[-1])
+            np.append(np.linspace(t[:-1], t[1:], _FINER, endpoint=False, axis=1), t[-1])
         )
 
     def distance(self, states: Array, times: Array) -> Array:
@@ -49,8 +48,8 @@ class NearCycle:
         period = self.window.period
         found = np.empty(len(states))
         if period is None:
-            for i in range(0, len(home), PART):
-                found[i : i + PART] = _to_polygon(home[i : i + PART], self.polygon)
+            for i in range(0, len(home), _PART):
+                found[i : i + _PART] = _to_polygon(home[i : i + _PART], self.polygon)
             return found
         for time in np.unique(times):
             points = self._home(*self._phases(float(time), period))

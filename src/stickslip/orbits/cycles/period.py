@@ -17,14 +17,12 @@ from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.return_map.damped_newton import Closed, converge, flattest, near
 from stickslip.orbits.return_map.recurrence import Recurrence, window
 
-Array = np.ndarray
-
-SAME = 1e-11  # states this close, in units of the size of the cycle, are the same …
-FLOOR = 1e3  # … or where they miss by at most this many times what the whole cycle misses …
+_SAME = 1e-11  # states this close, in units of the size of the cycle, are the same …
+_FLOOR = 1e3  # … or where they miss by at most this many times what the whole cycle misses …
 # … or by this many times the error of the state that this leaves, along the flattest direction
-KNOWN = 10.0
-SAMPLES = 16  # of every step, to see how often a component turns
-MOVES = 1e-6  # a component that moves by less, in units of its size, does not tell how often
+_KNOWN = 10.0
+_SAMPLES = 16  # of every step, to see how often a component turns
+_MOVES = 1e-6  # a component that moves by less, in units of its size, does not tell how often
 
 
 def shorter(closed: Closed) -> dict[int, float]:
@@ -47,7 +45,7 @@ def same(closed: Closed) -> float:
     to."""
     missed = closed.shooting.miss(closed.orbit)
     ratio = flattest(closed.shooting, closed.orbit)[0]
-    return max(SAME, FLOOR * missed, KNOWN * missed / max(ratio, 1e-300))
+    return max(_SAME, _FLOOR * missed, _KNOWN * missed / max(ratio, 1e-300))
 
 
 def shortest(closed: Closed) -> Closed:
@@ -87,12 +85,12 @@ def _turning_points(closed: Closed) -> int:
     k = closed.orbit.motion.knots
     shift = closed.orbit.shift
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
-    times = np.linspace(k.time[steps], k.time[steps + 1], SAMPLES, endpoint=False, axis=1).ravel()
-    states = closed.orbit.motion._sample(times, np.repeat(steps, SAMPLES))[:, : len(shift)]
+    times = np.linspace(k.time[steps], k.time[steps + 1], _SAMPLES, endpoint=False, axis=1).ravel()
+    states = closed.orbit.motion._sample(times, np.repeat(steps, _SAMPLES))[:, : len(shift)]
     home = (
         states - np.outer((times - k.time[0]) / closed.orbit.period, shift)
     ) / closed.shooting.setting.sizes
-    moving = np.ptp(home, axis=0) > MOVES
+    moving = np.ptp(home, axis=0) > _MOVES
     up = np.diff(np.vstack([home, home[:1]]), axis=0)[:, moving] > 0.0
     return int(np.max(np.sum(up & ~np.roll(up, -1, axis=0), axis=0), initial=1))
 

@@ -20,10 +20,10 @@ from stickslip.orbits.fields.steady import Array, Steady
 
 SOLVED = 1e-12  # what is left of the equations, relative to their terms
 ON_BOUNDARY = 1e-9  # a guard this small, relative to its terms, is zero
-SMALL = 1e-3  # unknowns count with at least this part of the largest
-KNOWN = 1e-4  # eigenvalues are known to this part of the terms of the Jacobian
-NEARBY = 1e-7  # over this part of the state the change of the Jacobian is seen
-ROUNDING = 8.0 * np.finfo(float).eps
+_SMALL = 1e-3  # unknowns count with at least this part of the largest
+_KNOWN = 1e-4  # eigenvalues are known to this part of the terms of the Jacobian
+_NEARBY = 1e-7  # over this part of the state the change of the Jacobian is seen
+_ROUNDING = 8.0 * np.finfo(float).eps
 
 
 def certify(
@@ -59,7 +59,7 @@ def certify(
         Residual(
             "eigenvalues",
             error / terms if terms > 0.0 else error,
-            KNOWN,
+            _KNOWN,
             note="of the Jacobian's terms",
         ),
     )
@@ -79,14 +79,14 @@ def eigenvalue_error(steady: Steady, point: Array, sizes: Array) -> tuple[float,
     terms = float(np.linalg.norm(J))
     for i, size in enumerate(sizes):
         moved = point.copy()
-        moved[i] += NEARBY * size
+        moved[i] += _NEARBY * size
         if moved[i] > point[i]:
             terms += (
                 float(np.linalg.norm(steady.linearisation(moved) - J))
                 / (moved[i] - point[i])
                 * size
             )
-    error = ROUNDING * terms
+    error = _ROUNDING * terms
     n = len(J)
     bauer_fike = np.linalg.cond(np.linalg.eig(J)[1]) * error
     elsner = (2.0 * np.linalg.norm(J, 2) + error) ** (1.0 - 1.0 / n) * error ** (1.0 / n)
@@ -98,7 +98,7 @@ def eigenvalue_error(steady: Steady, point: Array, sizes: Array) -> tuple[float,
 def certify_set(conditions: Conditions, centre: Array) -> Certificate:
     """Measure the point well inside a set of equilibria."""
     largest = np.max(np.abs(centre), initial=0.0)
-    sizes = np.maximum(np.abs(centre), SMALL * largest) if largest > 0.0 else np.ones(len(centre))
+    sizes = np.maximum(np.abs(centre), _SMALL * largest) if largest > 0.0 else np.ones(len(centre))
     equations, guards = (
         _relative(part(centre), sizes) for part in (conditions.equations, conditions.guards)
     )

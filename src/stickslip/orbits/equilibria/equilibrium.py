@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-CRITICAL = 1e-9  # real parts this small, relative to the largest eigenvalue, are zero
+_CRITICAL = 1e-9  # real parts this small, relative to the largest eigenvalue, are zero
 
 
 @dataclass(frozen=True)
@@ -369,7 +369,7 @@ def decays(eigenvalues: tuple[complex, ...], error: float = 0.0) -> bool | None:
         return True  # nothing is left that could move
     top = max(z.real for z in eigenvalues)
     scale = max(map(abs, eigenvalues))
-    return None if abs(top) <= max(CRITICAL * scale, error) else top < 0.0
+    return None if abs(top) <= max(_CRITICAL * scale, error) else top < 0.0
 
 
 def describe_guard(equations: MotionEquations, guard: Guard, mode: Mode) -> str:

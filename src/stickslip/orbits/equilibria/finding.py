@@ -34,9 +34,9 @@ from stickslip.orbits.equilibria.stick_sets import Conditions, all_stick, dimens
 from stickslip.orbits.fields.steady import Array, Steady, invariant_directions
 from stickslip.symbolic import expressions as ex
 
-MOST = 4096  # modes times regions that are all tried
-STARTS = 63
-POLISH = 4  # Newton steps that put a point well inside a set onto its equations
+_MOST = 4096  # modes times regions that are all tried
+_STARTS = 63
+_POLISH = 4  # Newton steps that put a point well inside a set onto its equations
 
 
 def equilibria(
@@ -168,12 +168,14 @@ class _Search:
         return checked
 
     def _sample(self) -> Array:
-        points = search.wide_sample(STARTS, self.origin)
+        points = search.wide_sample(_STARTS, self.origin)
         for i, name in enumerate(self.state):
             if name in self.box:
                 low, high = (np.array([v]) for v in self.box[name])
                 # Components of one even sample of the whole box, so that they are not correlated.
-                unit = search.sample(STARTS, np.zeros(len(self.state)), np.ones(len(self.state)))[i]
+                unit = search.sample(_STARTS, np.zeros(len(self.state)), np.ones(len(self.state)))[
+                    i
+                ]
                 points[i] = low + (high - low) * unit
         return points
 
@@ -181,7 +183,7 @@ class _Search:
 
     def run(self) -> Equilibria:
         choices = possible_modes(self.eq, self.values, self.invariant)
-        self._look_everywhere(islice(product(product(*choices), self._regions()), MOST))
+        self._look_everywhere(islice(product(product(*choices), self._regions()), _MOST))
         count = math.prod(map(len, choices)) * 2 ** sum(s is None for s in self._fixed_regions())
         tried = (
             f"{len(self.looked)} of {count} combinations of modes and regions, "
@@ -204,7 +206,7 @@ class _Search:
         """Look in all candidates, and in the regions that zeros outside their own region point
         to."""
         self.waiting = list(candidates)
-        while self.waiting and len(self.looked) < MOST:
+        while self.waiting and len(self.looked) < _MOST:
             candidate = self.waiting.pop(0)
             if candidate not in self.looked:
                 self.looked.add(candidate)
@@ -221,7 +223,7 @@ class _Search:
     def _regions(self) -> list[Region]:
         """Regions of the kinks: all, or those of the starts if there are too many."""
         fixed = self._fixed_regions()
-        if 2 ** fixed.count(None) <= MOST:
+        if 2 ** fixed.count(None) <= _MOST:
             return list(product(*((s,) if s is not None else (1, 0) for s in fixed)))
         return list(dict.fromkeys(self._region(y) for y in self.starts.T))
 
@@ -374,7 +376,7 @@ class _Search:
         self, field: Field | None, conditions: Conditions, centre: Array, mode: Mode, region: Region
     ) -> None:
         n = len(self.state)
-        for _ in range(0 if conditions.affine else POLISH):
+        for _ in range(0 if conditions.affine else _POLISH):
             value, slopes = conditions.equations(centre)
             centre = centre - np.linalg.lstsq(slopes, value, rcond=None)[0]
         y = centre[:n]

@@ -18,7 +18,7 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
-DEGENERATE = 1e-9  # a coefficient this small, relative to the terms it is made of, is zero
+_DEGENERATE = 1e-9  # a coefficient this small, relative to the terms it is made of, is zero
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Hopf:
     def criticality(self) -> str:
         """Whether the cycle is born stable (supercritical) or unstable (subcritical), in the centre
         manifold."""
-        if not abs(self.lyapunov) > DEGENERATE * self.size:
+        if not abs(self.lyapunov) > _DEGENERATE * self.size:
             return "degenerate"
         return "supercritical" if self.lyapunov < 0.0 else "subcritical"
 

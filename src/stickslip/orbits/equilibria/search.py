@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from stickslip.arrays import AnyArray as Array
 from stickslip.orbits.fields.steady import ResidualFunction
 
-Array = Any  # of floats
-
 # a zero is accepted if Newton's step there is shorter than this, in units of the unknowns
-PRECISION = 1e-9
-RANK = 1e-9  # singular values below this part of the largest are zero
-ITERATIONS = 60
-POLISH = 4
+_PRECISION = 1e-9
+_RANK = 1e-9  # singular values below this part of the largest are zero
+_ITERATIONS = 60
+_POLISH = 4
 
 
 def sample(count: int, low: Array, high: Array) -> Array:
@@ -60,7 +57,7 @@ def zeros(residual: ResidualFunction, starts: Array, origin: Array) -> list[tupl
     defined = np.all(np.isfinite(F), axis=0) & np.all(np.isfinite(J), axis=(0, 1))
     y = _descend(residual, starts[:, defined], units)
     step, rank = _newton_step(residual, y, units)
-    for _ in range(POLISH):
+    for _ in range(_POLISH):
         y = y - units[:, None] * step
         step, rank = _newton_step(residual, y, units)
     return _distinct(residual, y, step, rank, units)
@@ -74,7 +71,7 @@ def _descend(residual: ResidualFunction, y: Array, units: Array) -> Array:
     damping = np.full(y.shape[1], 1e-2)
     F = weight * F
     J = weight[:, None] * J * units[None, :, None]
-    for _ in range(ITERATIONS):
+    for _ in range(_ITERATIONS):
         A, right = np.einsum("jik,jlk->kil", J, J), np.einsum("jik,jk->ki", J, F)
         # A little of the identity, so that components that do not count stay where they are.
         diagonal = np.einsum("kii->ki", A) + 1e-8 * np.max(np.abs(A), axis=(1, 2))[:, None] + 1e-300
@@ -102,7 +99,7 @@ def _newton_step(residual: ResidualFunction, y: Array, units: Array) -> tuple[Ar
     J = np.where(np.all(np.isfinite(J), axis=(1, 2))[:, None, None], J, 0.0)
     size = np.maximum(np.max(np.abs(J), axis=2), 1e-300)
     u, s, v = np.linalg.svd(J / size[:, :, None], full_matrices=False)
-    kept = s > RANK * np.maximum(s[:, :1], 1e-300)
+    kept = s > _RANK * np.maximum(s[:, :1], 1e-300)
     reciprocal = np.where(kept, 1.0 / np.where(kept, s, 1.0), 0.0)
     inverse = np.einsum("kji,kj,klj->kil", v, reciprocal, u) / size[:, None, :]
     return np.einsum("kij,jk->ik", inverse, F), np.sum(kept, axis=1)
@@ -114,7 +111,7 @@ def _distinct(
     found: list[tuple[Array, int]] = []
     F, J = residual(y)
     for k in range(y.shape[1]):
-        if not np.linalg.norm(step[:, k]) <= PRECISION * (1.0 + np.linalg.norm(y[:, k] / units)):
+        if not np.linalg.norm(step[:, k]) <= _PRECISION * (1.0 + np.linalg.norm(y[:, k] / units)):
             continue
         if rank[k] < len(y):
             # A least-squares step of length zero may also be a minimum that is no zero.

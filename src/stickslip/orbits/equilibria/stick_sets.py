@@ -14,18 +14,17 @@ from functools import cached_property
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Region, in_region
 from stickslip.orbits.fields.steady import ResidualFunction
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
-Array = np.ndarray
-
-PRECISE = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+_PRECISE = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 # a guard may miss zero by this much, in units of its terms: the set contains its boundary
-CLOSED = 1e-9
-FAR = 1e6  # a component that can be moved this far, in units of its size, is taken for unbounded
+_CLOSED = 1e-9
+_FAR = 1e6  # a component that can be moved this far, in units of its size, is taken for unbounded
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ class Conditions:
         found = deeper.farthest(np.append(start, 0.0), len(start), 1.0)
         return (
             found[:-1]
-            if found is not None and found[-1] >= -CLOSED * (1.0 + np.max(np.abs(found)))
+            if found is not None and found[-1] >= -_CLOSED * (1.0 + np.max(np.abs(found)))
             else None
         )
 
@@ -111,7 +110,7 @@ def _vertex(
     b = b / a_size
     G = G / g_size[:, None]
     h = h / g_size
-    found = linprog(cost, -G, h, A, b, (None, None), options=PRECISE)
+    found = linprog(cost, -G, h, A, b, (None, None), options=_PRECISE)
     if found.status == 0:
         return found.x
     return None if found.status == 2 else _without_bound(start, component, sign)
@@ -146,7 +145,7 @@ def _optimum(
     z = start / units
     reach = 1.0
     best = None
-    while reach <= FAR:
+    while reach <= _FAR:
         found = minimize(
             lambda x: float(goal @ x),
             z,

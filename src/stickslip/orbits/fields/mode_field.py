@@ -8,12 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Field, mode_field
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

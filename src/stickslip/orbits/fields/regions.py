@@ -7,12 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Region, in_region
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
-
-Array = np.ndarray
 
 
 def values_at(

@@ -7,14 +7,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.model.system import Kind
 from stickslip.orbits.fields.regions import values_at
 
-Array = np.ndarray
-
-SWEEPS = 100  # of the start of rate-independent coordinates
-BEYOND = 1e-9  # excess, relative to the forces, that is none
+_SWEEPS = 100  # of the start of rate-independent coordinates
+_BEYOND = 1e-9  # excess, relative to the forces, that is none
 
 
 def excess(
@@ -50,7 +49,7 @@ def excess(
     found = values_at(equations, values, states, wanted, time).reshape(-1, 3, len(states))
     force, plus, minus = np.moveaxis(found, 1, 0)
     beyond = np.maximum(-plus - force, force - minus)
-    return np.max(np.where(beyond > BEYOND * (np.abs(force) + plus + minus), beyond, 0.0), axis=0)
+    return np.max(np.where(beyond > _BEYOND * (np.abs(force) + plus + minus), beyond, 0.0), axis=0)
 
 
 def settle_friction(
@@ -66,7 +65,7 @@ def settle_friction(
     rate = equations.rate
     acting = [c for c in equations.contacts if c.kind == Kind.RATE_INDEPENDENT]
     rows = [equations.declaration.state.index(next(iter(c.direction))) for c in acting]
-    for _ in range(SWEEPS if acting else 0):
+    for _ in range(_SWEEPS if acting else 0):
         moved = 0.0
         for i, (c, row) in enumerate(zip(acting, rows, strict=True)):
             wanted = [rate.force[i], c.plus, c.minus, rate.partial[i][i]]

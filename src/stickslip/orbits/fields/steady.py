@@ -19,19 +19,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
+from stickslip.arrays import AnyArray as Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Field
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
-Array = Any  # of floats, or complex numbers
-
-NOISE = 1e-13  # a value this small, relative to the terms it is made of, is rounding
+_NOISE = 1e-13  # a value this small, relative to the terms it is made of, is rounding
 
 
 class ResidualFunction:
@@ -240,7 +238,7 @@ class Steady:
 
     def settled(self, y: Array) -> Array:
         """The state with components that are only rounding set to zero."""
-        return np.where(np.abs(y) <= NOISE * self.sizes(self.point(y)[:, None]).state[0], 0.0, y)
+        return np.where(np.abs(y) <= _NOISE * self.sizes(self.point(y)[:, None]).state[0], 0.0, y)
 
     def drift(self, point: Array) -> Array:
         """Rates of the state in steady motion."""
@@ -250,7 +248,7 @@ class Steady:
         values, slopes = self._local(point)
         rates = self.invariant @ (self.invariant.T @ values[:n])
         return np.where(
-            np.abs(rates) <= NOISE * (np.abs(slopes[:n]) @ self.sizes(point[:, None]).state[0]),
+            np.abs(rates) <= _NOISE * (np.abs(slopes[:n]) @ self.sizes(point[:, None]).state[0]),
             0.0,
             rates,
         )

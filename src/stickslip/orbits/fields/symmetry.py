@@ -17,6 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.errors import DeclarationError
 from stickslip.model.system import System
@@ -25,13 +26,11 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS, is_wave
 
-Array = np.ndarray
-
-RANK = 1e-9  # singular values below this part of the largest are zero
-SAME = 1e-9  # changes below this part of their terms are none
-ROUNDING = 1e-15  # … and so are those below this part of the largest terms
-SAMPLES = 12  # of every piece, at which symmetries are looked for
-MOST_PERIODS = 24  # drives have a common period if it is at most this many of their own
+_RANK = 1e-9  # singular values below this part of the largest are zero
+_SAME = 1e-9  # changes below this part of their terms are none
+_ROUNDING = 1e-15  # … and so are those below this part of the largest terms
+_SAMPLES = 12  # of every piece, at which symmetries are looked for
+_MOST_PERIODS = 24  # drives have a common period if it is at most this many of their own
 
 
 @dataclass(frozen=True)
@@ -70,10 +69,10 @@ def alike(a: Symmetry, b: Symmetry) -> bool:
         return False
     together = np.hstack([np.linalg.qr(s.shifts)[0] for s in (a, b)])
     known = [(a.turn, b.turn), (a.frame, b.frame)]
-    return bool(np.linalg.matrix_rank(together, RANK) <= a.shifts.shape[1]) and all(
+    return bool(np.linalg.matrix_rank(together, _RANK) <= a.shifts.shape[1]) and all(
         x is None
         or y is None
-        or np.allclose(x, y, rtol=RANK, atol=RANK * np.max(np.abs(x), initial=0.0))
+        or np.allclose(x, y, rtol=_RANK, atol=_RANK * np.max(np.abs(x), initial=0.0))
         for x, y in known
     )
 
@@ -121,7 +120,7 @@ class Surroundings:
         rng = np.random.default_rng(0)
         for piece in dict.fromkeys(self.pieces):
             index = np.array([i for i, own in enumerate(self.pieces) if own is piece])
-            index = np.sort(rng.choice(index, min(len(index), SAMPLES), replace=False))
+            index = np.sort(rng.choice(index, min(len(index), _SAMPLES), replace=False))
             found.append((piece, self.times[index], self.states[index].T))
         return found
 
@@ -144,7 +143,7 @@ class Surroundings:
             [(table / np.where(size > 0.0, size, 1.0)).reshape(-1, 1 + n), *map(_unit, others)]
         )
         _, s, v = np.linalg.svd(np.vstack([matrix, np.zeros((1 + n, 1 + n))]), full_matrices=False)
-        rank = int(np.sum(s > RANK * max(s[0], 1e-300)))
+        rank = int(np.sum(s > _RANK * max(s[0], 1e-300)))
         return v[rank:].T * np.append(1.0, self.sizes)[:, None]
 
     def _turn(self, p: Array, period: float) -> Array:
@@ -168,14 +167,14 @@ class Surroundings:
         size = np.max(np.abs(matrix), axis=1, initial=0.0) + np.concatenate(terms)
         # What vanishes in a piece, as the acceleration in stick does, is rounding of what is large
         # elsewhere.
-        size = np.maximum(size, ROUNDING / SAME * np.max(size) + 1e-300)
+        size = np.maximum(size, _ROUNDING / _SAME * np.max(size) + 1e-300)
         matrix = matrix / size[:, None]
         change = change / size
-        if np.max(np.abs(change)) <= SAME:
+        if np.max(np.abs(change)) <= _SAME:
             return np.zeros(n)
-        shift = np.linalg.lstsq(matrix, -change, rcond=RANK)[0]
-        if np.max(np.abs(matrix @ shift + change)) <= SAME:
-            return np.where(np.abs(shift) > SAME * np.max(np.abs(shift)), shift, 0.0) * self.sizes
+        shift = np.linalg.lstsq(matrix, -change, rcond=_RANK)[0]
+        if np.max(np.abs(matrix @ shift + change)) <= _SAME:
+            return np.where(np.abs(shift) > _SAME * np.max(np.abs(shift)), shift, 0.0) * self.sizes
         raise DeclarationError(
             "period",
             f"the system is not the same after the period {period:.9g} of its drives: time enters "
@@ -281,7 +280,7 @@ def clock(system: System, equations: MotionEquations, values: Mapping[str, float
             other = _clock(system, equations, values, found.zero - {name})
         except DeclarationError:
             continue
-        if other.period(values) <= found.period(values) * (1.0 + SAME):
+        if other.period(values) <= found.period(values) * (1.0 + _SAME):
             found = other
     return found
 
@@ -305,7 +304,7 @@ def _clock(
     first, base = next(iter(moving.items()))
     ratios = {}
     for e, rate in moving.items():
-        ratios[e] = Fraction(rate / base).limit_denominator(MOST_PERIODS)
+        ratios[e] = Fraction(rate / base).limit_denominator(_MOST_PERIODS)
         if abs(float(ratios[e]) - rate / base) > 1e-9 * abs(rate / base):
             raise DeclarationError(
                 system.name,

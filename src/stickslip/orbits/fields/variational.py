@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.orbits.fields.mode_field import Leaving, Piece, Pieces
 
 if TYPE_CHECKING:
@@ -30,19 +31,18 @@ if TYPE_CHECKING:
     from stickslip.motion.knots import Knots
     from stickslip.motion.trajectory import Trajectory
 
-Array = np.ndarray
 
-STAGES = 8  # Gauss nodes of a step: order 16
+_STAGES = 8  # Gauss nodes of a step: order 16
 # largest |eigenvalue| × step of a collocation step: its Padé approximant of exp is exact to
 # rounding there
-REACH = 1.5
-BATCH = 4096  # collocation steps solved at once
+_REACH = 1.5
+_BATCH = 4096  # collocation steps solved at once
 TOGETHER = 1e-9  # events closer than this part of the motion are simultaneous
 # a guard whose rate is this small, relative to its terms and its usual rate, is touched, not
 # crossed
-TANGENT = 1e-6
-SAME = 1e-8  # derivatives that differ by less, relative to the largest, are the same
-NO_JUMP = 1e-12  # a change of the field this small, relative to its terms, is none
+_TANGENT = 1e-6
+_SAME = 1e-8  # derivatives that differ by less, relative to the largest, are the same
+_NO_JUMP = 1e-12  # a change of the field this small, relative to its terms, is none
 
 
 @dataclass(frozen=True)
@@ -130,13 +130,13 @@ def transitions(trajectory: Trajectory, made: list[Piece], p: Array) -> Array:
         np.concatenate([np.zeros(0, int), *(steps for piece, steps in groups if piece not in even)])
     )
     times, owner, h = gauss_points(k, index, parts[index])
-    states = trajectory._sample(times.ravel(), np.repeat(owner, STAGES))[:, :n].reshape(
-        -1, STAGES, n
+    states = trajectory._sample(times.ravel(), np.repeat(owner, _STAGES))[:, :n].reshape(
+        -1, _STAGES, n
     )
     for piece, steps in groups:
         if piece in even:
             J = np.repeat(
-                piece.jacobian(k.time[steps], k.state[steps].T, p)[:, None], STAGES, axis=1
+                piece.jacobian(k.time[steps], k.state[steps].T, p)[:, None], _STAGES, axis=1
             )
             each = zip(
                 collocation(J, np.diff(k.time)[steps] / parts[steps]), parts[steps], strict=True
@@ -173,7 +173,7 @@ def resolution(trajectory: Trajectory, made: list[Piece], p: Array) -> Array:
             *np.split(np.max(np.abs(np.linalg.eigvals(J)), axis=1, initial=0.0), 2)
         )
         parts[index] = np.maximum(
-            1, np.ceil(length[index] * np.maximum(fastest, drives) / REACH)
+            1, np.ceil(length[index] * np.maximum(fastest, drives) / _REACH)
         ).astype(int)
     return parts
 
@@ -192,10 +192,10 @@ def _collocate(piece: Piece, times: Array, states: Array, h: Array, p: Array) ->
     """Upper rows of the transition matrices over collocation steps of one piece, from the states at
     their nodes."""
     flows = np.empty((len(h), states.shape[2], len(piece.columns)))
-    for s in range(0, len(h), BATCH):
-        part = slice(s, s + BATCH)
+    for s in range(0, len(h), _BATCH):
+        part = slice(s, s + _BATCH)
         J = piece.jacobian(times[part].ravel(), states[part].reshape(-1, states.shape[2]).T, p)
-        flows[part] = collocation(J.reshape(-1, STAGES, *J.shape[1:]), h[part])
+        flows[part] = collocation(J.reshape(-1, _STAGES, *J.shape[1:]), h[part])
     return flows
 
 
@@ -238,16 +238,16 @@ def _product(flows: Array) -> Array:
 @lru_cache(maxsize=1)
 def gauss() -> tuple[Array, Array, Array]:
     """Nodes and weights on [0, 1] and the matrix of collocation aᵢⱼ = ∫₀^cᵢ ℓⱼ."""
-    x, w = np.polynomial.legendre.leggauss(STAGES)
+    x, w = np.polynomial.legendre.leggauss(_STAGES)
     c = 0.5 * (x + 1.0)
     # ℓⱼ = Σ_d (2d + 1)/2 wⱼ P_d(xⱼ) P_d, and ∫P_d = (P_{d+1} − P_{d−1})/(2d + 1), both of which are
     # stable.
-    P = np.polynomial.legendre.legvander(x, STAGES)
-    integral = np.empty((STAGES, STAGES))
+    P = np.polynomial.legendre.legvander(x, _STAGES)
+    integral = np.empty((_STAGES, _STAGES))
     integral[:, 0] = x + 1.0
-    for d in range(1, STAGES):
+    for d in range(1, _STAGES):
         integral[:, d] = (P[:, d + 1] - P[:, d - 1]) / (2 * d + 1)
-    weighted = 0.5 * (2 * np.arange(STAGES) + 1) * P[:, :STAGES] * w[:, None]
+    weighted = 0.5 * (2 * np.arange(_STAGES) + 1) * P[:, :_STAGES] * w[:, None]
     return c, 0.5 * w, 0.5 * integral @ weighted.T
 
 
@@ -286,7 +286,7 @@ class _Events:
         usual = self._usual(left, here, i, last)
         others = np.flatnonzero(
             (np.abs(here.value) <= self.together * np.abs(here.fall))
-            & (here.fall < -TANGENT * usual)
+            & (here.fall < -_TANGENT * usual)
             & (left.switches != left.switches[fired])
         )
         if len(others) == 0 or self._coincide(here, [fired, *map(int, others)], arrived):
@@ -322,14 +322,14 @@ class _Events:
         """Whether events that coincide do so for all neighbours, too, so that they are one."""
         with np.errstate(all="ignore"):
             delays = here.slopes[guards] / here.fall[guards, None] @ arrived
-            return bool(np.max(np.abs(delays - delays[0])) <= SAME * np.max(np.abs(delays)))
+            return bool(np.max(np.abs(delays - delays[0])) <= _SAME * np.max(np.abs(delays)))
 
     def _jump(self, here: Leaving, g: int, f: Array, t: float, usual: float) -> Array:
         """S for one guard that usually falls at some rate; the motion goes on with the rates f."""
         S = np.eye(here.slopes.shape[1])
-        if np.max(np.abs(f - here.rates)) <= NO_JUMP * np.max(np.abs(f) + np.abs(here.rates)):
+        if np.max(np.abs(f - here.rates)) <= _NO_JUMP * np.max(np.abs(f) + np.abs(here.rates)):
             return S
-        if abs(here.fall[g]) <= TANGENT * usual:
+        if abs(here.fall[g]) <= _TANGENT * usual:
             self.grazings.append(t)
         else:
             S[: len(f)] += np.outer(f - here.rates, here.slopes[g] / here.fall[g])
@@ -343,7 +343,7 @@ class _Events:
         routes = [self._route(left, right, t, y, order) for order in permutations(switches[:3])]
         images = [S @ arrived for S in routes if S is not None]
         size = max((float(np.max(np.abs(image))) for image in images), default=0.0)
-        apart = any(np.max(np.abs(image - images[0])) > SAME * size for image in images)
+        apart = any(np.max(np.abs(image - images[0])) > _SAME * size for image in images)
         if apart or len(images) < len(routes) or len(switches) > 3:
             self.corners.append(t)
         return next((S for S in routes if S is not None), np.eye(len(arrived)))

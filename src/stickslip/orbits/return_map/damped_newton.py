@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, StickslipError
 from stickslip.motion.problem import Problem
 from stickslip.orbits.fields.mode_field import Piece, Pieces
@@ -26,16 +27,15 @@ from stickslip.orbits.return_map.shooting import (
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-Array = np.ndarray
 
 MOST_STEPS = 25
-HALVINGS = 6
+_HALVINGS = 6
 CLOSED = 1e-9  # a cycle closes up to this part of its size
 SINGULAR = 1e-11  # a singular value below this part of the largest is zero
-STATIONS = (1, 4, 16)  # tried one after the other
-LONG = 0.1  # a stretch that is shorter than this part of the longest may vanish
-ACROSS = 0.1  # cosine of what is nearly a right angle
-GROWTH = 1e4  # perturbations grow by at most this much between two stations
+_STATIONS = (1, 4, 16)  # tried one after the other
+_LONG = 0.1  # a stretch that is shorter than this part of the longest may vanish
+_ACROSS = 0.1  # cosine of what is nearly a right angle
+_GROWTH = 1e4  # perturbations grow by at most this much between two stations
 
 
 class NotClosed(ConvergenceError):
@@ -123,7 +123,7 @@ def _shortened(shooting: Shooting, orbit: Orbit, units: Array, step: Array) -> O
     part = min(
         1.0, 1.0 / (np.max(np.abs(step)) + 1e-300), 0.3 / (abs(step[shooting.time]) + 1e-300)
     )
-    for _ in range(HALVINGS):
+    for _ in range(_HALVINGS):
         try:
             trial = shooting.orbit(orbit.x - part * units * step)
         except StickslipError:
@@ -153,7 +153,7 @@ def growth(orbit: Orbit) -> float:
 
 def stations_for(shooting: Shooting, orbit: Orbit) -> int:
     """Number of stations that keeps the growth between them moderate."""
-    parts = int(np.ceil(np.log(max(growth(orbit), 1.0)) / np.log(GROWTH)))
+    parts = int(np.ceil(np.log(max(growth(orbit), 1.0)) / np.log(_GROWTH)))
     return len(shooting.stations) * max(1, parts)
 
 
@@ -176,7 +176,7 @@ def best_start(shooting: Shooting, orbit: Orbit) -> float:
         stretches = [*stretches[1:-1], (last[0] - orbit.period, first[1], first[2])]
         made = [*made[1:-1], made[0]]
     lengths = [b - a for a, b, _ in stretches]
-    long = [i for i, length in enumerate(lengths) if length >= LONG * max(lengths)]
+    long = [i for i, length in enumerate(lengths) if length >= _LONG * max(lengths)]
     most = max(made[i].bound for i in long)
     longest = max(lengths[i] for i in long if made[i].bound == most)
     a, b, _ = next(
@@ -205,7 +205,7 @@ def _across_the_centre(shooting: Shooting, orbit: Orbit, piece: Piece) -> float:
     room = np.min(
         guards / np.max(np.abs(guards), axis=1, keepdims=True, initial=1e-300), axis=0, initial=1.0
     )
-    across = cosine <= max(ACROSS, float(np.min(cosine)))
+    across = cosine <= max(_ACROSS, float(np.min(cosine)))
     return float(times[np.argmax(np.where(across, room, -np.inf))])
 
 
@@ -336,7 +336,7 @@ def converge(shooting: Shooting, x: Array) -> Closed:
         If it does not close with one station nor with several.
     """
     first: ConvergenceError | None = None
-    for count in STATIONS:
+    for count in _STATIONS:
         try:
             if count > 1:
                 shooting, x = restarted(shooting, shooting.orbit(x), count)

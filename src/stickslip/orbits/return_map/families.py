@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, StickslipError
 from stickslip.orbits.return_map.damped_newton import (
     SINGULAR,
@@ -24,14 +25,12 @@ from stickslip.orbits.return_map.damped_newton import (
 )
 from stickslip.orbits.return_map.shooting import Orbit, Shooting
 
-Array = np.ndarray
-
 # a singular value below this part of the largest belongs to a change that hardly comes back
-SLOW = 1e-2
-CREEPS = 1e-3  # a motion towards an edge closes up to this part of its size, at least
-EXACT = 1e-11  # members of a family close up to this part of their size
+_SLOW = 1e-2
+_CREEPS = 1e-3  # a motion towards an edge closes up to this part of its size, at least
+_EXACT = 1e-11  # members of a family close up to this part of their size
 # members are looked for so far away, in units of the size of the cycle
-AWAY = (2e-2, -2e-2, 2e-3, -2e-3)
+_AWAY = (2e-2, -2e-2, 2e-3, -2e-3)
 
 
 class Family(ConvergenceError):
@@ -60,7 +59,7 @@ def members_beside(failure: NotClosed) -> list[Closed]:
     nearer more and more slowly. A bit further along the direction in which next to nothing changes
     there are members of the family.
     """
-    if failure.miss > CREEPS:
+    if failure.miss > _CREEPS:
         return []
     try:
         # The stretch of the station may be about to vanish; the members have another there.
@@ -68,17 +67,17 @@ def members_beside(failure: NotClosed) -> list[Closed]:
         ratio, direction = flattest(shooting, shooting.orbit(x))
     except StickslipError:
         return []
-    if ratio > SLOW or not np.any(direction[: shooting.time]):
+    if ratio > _SLOW or not np.any(direction[: shooting.time]):
         return []
     direction = direction / np.max(np.abs(direction[: shooting.time]))
-    for away in AWAY:
+    for away in _AWAY:
         members = []
         for part in (away, 2.0 * away):
             try:
                 orbit = close(shooting, x + part * shooting.units(x) * direction, direction)
             except StickslipError:
                 break
-            if np.linalg.norm(orbit.F) <= EXACT:
+            if np.linalg.norm(orbit.F) <= _EXACT:
                 members.append(Closed(shooting, orbit))
         if len(members) == 2:
             return members

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.variational import Variation, gauss, variation
 from stickslip.symbolic import expressions as ex
@@ -21,9 +22,8 @@ from stickslip.symbolic import expressions as ex
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-Array = np.ndarray
 
-PARTS = 16  # of the motion, in each of which a guard is looked at eight times and at its ends
+_PARTS = 16  # of the motion, in each of which a guard is looked at eight times and at its ends
 # by this part of its thresholds a contact on its edge is held: nearer, rounding makes it slip
 HELD = 1e-9
 
@@ -155,7 +155,7 @@ def _lowest(held: Held, motion: Trajectory, change: Variation) -> tuple[float, f
 
     for i in np.flatnonzero(np.diff(k.time) > 0.0):
         # A flight in closed form may be one step and hold the whole period.
-        parts = 1 + int(PARTS * (k.time[i + 1] - k.time[i]) / (k.time[-1] - k.time[0]))
+        parts = 1 + int(_PARTS * (k.time[i + 1] - k.time[i]) / (k.time[-1] - k.time[0]))
         grid = np.unique((np.arange(parts)[:, None] + nodes).ravel() / parts)
         times = k.time[i] + grid * (k.time[i + 1] - k.time[i])
         values = value(times, int(i))

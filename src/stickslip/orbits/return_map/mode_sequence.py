@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.variational import gauss
 from stickslip.orbits.return_map.recurrence import segments
@@ -22,7 +23,6 @@ from stickslip.orbits.return_map.recurrence import segments
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-Array = np.ndarray
 Setting = tuple[tuple[int, ...], tuple[int, ...]]
 Sequence = tuple[Setting, ...]
 

@@ -4,15 +4,12 @@ those that are 0."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from stickslip.arrays import AnyArray, Array
 from stickslip.orbits.return_map.held import forms
 from stickslip.orbits.return_map.shooting import Orbit, Shooting, make_station, numbers
-
-Array = np.ndarray
-Complex = Any  # array of complex numbers
 
 
 @dataclass(frozen=True)
@@ -20,14 +17,14 @@ class Spectrum:
     """Floquet multipliers: of the motion and of translations (all 1), of what stick forgets (0),
     and the others."""
 
-    trivial: Complex
+    trivial: AnyArray
     forgotten: int
-    others: Complex
+    others: AnyArray
 
     @property
-    def every(self) -> Complex:
+    def every(self) -> AnyArray:
         """All of them, the largest first."""
-        found: Complex = np.concatenate(
+        found: AnyArray = np.concatenate(
             [self.trivial, self.others, np.zeros(self.forgotten)]
         ).astype(complex)
         return found[np.lexsort((-found.imag, -np.abs(found)))]
@@ -77,7 +74,7 @@ def spectrum(shooting: Shooting, orbit: Orbit) -> Spectrum:
     return Spectrum(trivial, n - left, _eigenvalues(outer.T @ M @ outer))
 
 
-def _eigenvalues(matrix: Array) -> Complex:
+def _eigenvalues(matrix: Array) -> AnyArray:
     return np.linalg.eigvals(matrix).astype(complex) if len(matrix) else np.zeros(0, complex)
 
 

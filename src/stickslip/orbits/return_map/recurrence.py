@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.symmetry import Clock, Surroundings, Symmetry, clock
 from stickslip.orbits.fields.variational import resolution
@@ -16,14 +17,13 @@ if TYPE_CHECKING:
     from stickslip.motion.knots import Knots
     from stickslip.motion.trajectory import Trajectory
 
-Array = np.ndarray
 
-POINTS = 16  # looked at in every step, at least
+_POINTS = 16  # looked at in every step, at least
 MOST_STEPS = 4000  # looked at
-LEAST = 1e-3  # … of what the other components could do to one is its least size
-CLOSER = 1e3  # … but not before one that misses by so much less
-EXACT = 1e-9  # … or closes
-BETTER = 0.5  # a later return is worth a look if it misses by at most this part of all before
+_LEAST = 1e-3  # … of what the other components could do to one is its least size
+_CLOSER = 1e3  # … but not before one that misses by so much less
+_EXACT = 1e-9  # … or closes
+_BETTER = 0.5  # a later return is worth a look if it misses by at most this part of all before
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
     p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
     every = [pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
     # A flight in closed form may be one step and hold many oscillations.
-    points = POINTS * (1 + resolution(trajectory, every, p)[steps] // 4)
+    points = _POINTS * (1 + resolution(trajectory, every, p)[steps] // 4)
     times = np.concatenate(
         [np.linspace(k.time[i], k.time[i + 1], c) for i, c in zip(steps, points, strict=True)]
     )
@@ -149,15 +149,15 @@ def sizes_of(motion: Trajectory, shift: Array, pieces: Pieces) -> Array:
     k = motion.knots
     n = len(shift)
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
-    times = np.linspace(k.time[steps], k.time[steps + 1], POINTS, axis=1).ravel()
-    states = motion._sample(times, np.repeat(steps, POINTS))[:, :n]
+    times = np.linspace(k.time[steps], k.time[steps + 1], _POINTS, axis=1).ravel()
+    states = motion._sample(times, np.repeat(steps, _POINTS))[:, :n]
     period = k.time[-1] - k.time[0]
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
     made = [pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
     felt = _felt(motion, made, steps, p)
     sizes = _sizes(states - np.outer((times - k.time[0]) / period, shift), states, felt)
     J = np.max([part[:n] for part in felt], axis=0)
-    return np.maximum(sizes, LEAST * (J @ sizes) / np.maximum(np.diag(J), 1.0 / period))
+    return np.maximum(sizes, _LEAST * (J @ sizes) / np.maximum(np.diag(J), 1.0 / period))
 
 
 def _felt(motion: Trajectory, made: list[Piece], steps: Array, p: Array) -> list[Array]:
@@ -293,7 +293,7 @@ def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
     found = []
     least = np.inf
     for i, miss in enumerate(misses):
-        if miss <= BETTER * least:
+        if miss <= _BETTER * least:
             least = miss
             later = sign * (states[i] - y)
             between = (w.times - t) * (w.times - times[i]) <= 0.0
@@ -307,7 +307,7 @@ def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
                 Recurrence(t, y, abs(float(times[i] - t)), abs(int(turns[i])) or 1, later, distance)
             )
     # Where a later return all but closes, the earlier ones are what a cycle passes on its way.
-    return [r for r in found if r.distance <= CLOSER * max(found[-1].distance, EXACT)]
+    return [r for r in found if r.distance <= _CLOSER * max(found[-1].distance, _EXACT)]
 
 
 def _state(w: Window, t: float, step: int) -> Array:

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
@@ -35,7 +36,6 @@ from stickslip.orbits.return_map.held import HELD, Held, nearest_slip, released,
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-Array = np.ndarray
 
 MOST_EVENTS = 100_000  # of one period
 

@@ -13,6 +13,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.equations.codegen.compiled import announced
 from stickslip.errors import DeclarationError
 from stickslip.motion.engine.forms import AFFINE
@@ -43,19 +44,17 @@ from stickslip.orbits.settling.proofs import Prover
 from stickslip.orbits.settling.repetition import Repetition
 from stickslip.progress import Stopped
 
-Array = np.ndarray
-
 SLOTS = 12  # closed forms of every point
-SHARED_SLOTS = 64  # closed forms of all points
-ROOM = 256  # knots that are measured at a time
-SPANS = 100.0  # of the system, after which a motion is given up by default
-LOOKS = 4.0  # in a span
+_SHARED_SLOTS = 64  # closed forms of all points
+_ROOM = 256  # knots that are measured at a time
+_SPANS = 100.0  # of the system, after which a motion is given up by default
+_LOOKS = 4.0  # in a span
 # of the tolerance, from which on a motion is polished: its returns do not tell exactly what is
 # missing
-MARGIN = 0.1
-RINGS = 2  # longest cycles that are remembered, so that two returns can be compared
-ENDLESS = np.iinfo(np.int64).max
-TURNS = 1024  # marks of a single motion after which Ctrl-C is heard
+_MARGIN = 0.1
+_RINGS = 2  # longest cycles that are remembered, so that two returns can be compared
+_ENDLESS = np.iinfo(np.int64).max
+_TURNS = 1024  # marks of a single motion after which Ctrl-C is heard
 ATTRACTORS = (Outcome.AT_REST, Outcome.PERIODIC, Outcome.STEADY, Outcome.UNDAMPED)
 MEASURED = (*ATTRACTORS, Outcome.NOT_SETTLED)
 
@@ -221,12 +220,12 @@ class Block:
         self.known = known
         rules = make_rules(problem, settings, closely)
         if known is not None:
-            most = np.array([*rules.most[:2], TURNS, *rules.most[3:]])
+            most = np.array([*rules.most[:2], _TURNS, *rules.most[3:]])
             rules = rules._replace(shifts=known.shifts, most=most)
         self.rules = rules
         span = float(self.rules.real[0]), float(self.rules.real[1])
         forms = (
-            problem.empty_forms(1, SHARED_SLOTS) if shared else problem.empty_forms(count, SLOTS)
+            problem.empty_forms(1, _SHARED_SLOTS) if shared else problem.empty_forms(count, SLOTS)
         )
         self.lanes = Lanes.start(problem, constants, group, states, span, forms)
         self.twins = Lanes.start(problem, constants, group, states, span, forms)
@@ -240,7 +239,7 @@ class Block:
             else np.full(count, known.period)
         )
         self.marks: Marks = make_marks(
-            drive, RINGS * settings.longest_cycle + 1, n, contacts, home, before
+            drive, _RINGS * settings.longest_cycle + 1, n, contacts, home, before
         )
         if known is not None:
             self.marks.frame[:] = known.frame
@@ -327,7 +326,7 @@ class Here:
     """The compiled loops on this processor."""
 
     def __init__(self, block: Block, stop: Array) -> None:
-        bench = make_bench(block.problem, ROOM)
+        bench = make_bench(block.problem, _ROOM)
         self.block = block
         self.engine = block.engine(block.lanes)
         self.rest = block.marks, block.rules, block.saved, bench, block.found, stop
@@ -358,13 +357,13 @@ def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
     system = problem.system
     layout = problem.compiled.layout
     span = system.span[1] - system.span[0]
-    last = settings.max_time or SPANS * span
-    look = span / LOOKS
+    last = settings.max_time or _SPANS * span
+    look = span / _LOOKS
     return Rules(
         real=np.array(
-            [0.0, last, look, MARGIN * settings.tolerance, settings.atol, settings.tolerance]
+            [0.0, last, look, _MARGIN * settings.tolerance, settings.atol, settings.tolerance]
         ),
-        most=np.array([settings.max_cycles, settings.max_events, ENDLESS, settings.longest_cycle]),
+        most=np.array([settings.max_cycles, settings.max_events, _ENDLESS, settings.longest_cycle]),
         shifts=np.array([[float(system.translation.get(x, 0.0)) for x in layout.state]]),
         fine=np.array(problem.retrace),
         closely=closely,

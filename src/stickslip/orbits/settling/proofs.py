@@ -17,10 +17,11 @@ on; when its time is up, it has not settled.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from stickslip.arrays import AnyArray as Array
 from stickslip.motion.engine.forms import AFFINE, GUARDS
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.steps.arrays import NOW
@@ -46,19 +47,18 @@ if TYPE_CHECKING:
     from stickslip.motion.steps.arrays import Lane
     from stickslip.orbits.settling.engine.tables import Marks, Rules
 
-Array = Any  # of floats, integers or complex numbers
 
-AT_REST = Outcome.AT_REST.code
-STEADY = Outcome.STEADY.code
-PERIODIC = Outcome.PERIODIC.code
-UNDAMPED = Outcome.UNDAMPED.code
-NOTHING = -1
-ROUNDING = 1e-13  # of the terms of a sum
-MARGIN = 1e-12  # … of a guard
+_AT_REST = Outcome.AT_REST.code
+_STEADY = Outcome.STEADY.code
+_PERIODIC = Outcome.PERIODIC.code
+_UNDAMPED = Outcome.UNDAMPED.code
+_NOTHING = -1
+_ROUNDING = 1e-13  # of the terms of a sum
+_MARGIN = 1e-12  # … of a guard
 # real parts this small, relative to the largest eigenvalue, neither grow nor die out
-CENTRE = 1e-12
-SEEN = 1e-9  # part of its size by which a component has to swing to be called undamped
-LATER = 0.5  # part of the time gone by after which a proof is tried again
+_CENTRE = 1e-12
+_SEEN = 1e-9  # part of its size by which a component has to swing to be called undamped
+_LATER = 0.5  # part of the time gone by after which a proof is tried again
 
 
 class Fates(NamedTuple):
@@ -114,15 +114,15 @@ class Prover:
         """Decide all motions that ask: they are measured next, or go on."""
         index = np.flatnonzero(marks.numbers[:, PHASE] == PROVING)
         asked = marks.outcome[index]
-        outcome = np.full(len(index), NOTHING)
+        outcome = np.full(len(index), _NOTHING)
         waves = [self.waves(int(i), marks, saved) for i in index]
         periods = np.where(marks.drive[index] > 0.0, marks.real[index, DURATION], 0.0)
         fits = np.array(
             [repeats(found, float(period)) for found, period in zip(waves, periods, strict=True)]
         )
-        cycles = fits & (asked == PERIODIC)
-        outcome[cycles] = PERIODIC
-        open_ = np.flatnonzero((asked != PERIODIC) & [found is not None for found in waves])
+        cycles = fits & (asked == _PERIODIC)
+        outcome[cycles] = _PERIODIC
+        open_ = np.flatnonzero((asked != _PERIODIC) & [found is not None for found in waves])
         if len(open_):
             slot = slots_of(lanes, index[open_], saved)
             closed = open_[slot >= 0]
@@ -131,22 +131,22 @@ class Prover:
                     lanes, index[closed], slot[slot >= 0], marks, saved, self.rules.shifts
                 )
                 # the drives have to have a period in common
-                unknown = (fates.outcome == PERIODIC) & ~fits[closed]
-                outcome[closed] = np.where(unknown, NOTHING, fates.outcome)
+                unknown = (fates.outcome == _PERIODIC) & ~fits[closed]
+                outcome[closed] = np.where(unknown, _NOTHING, fates.outcome)
                 saved.y[index[closed]] = np.where(
                     unknown[:, None], saved.y[index[closed]], fates.limit
                 )
-            for i in open_[outcome[open_] == NOTHING]:
-                if asked[i] != NOTHING and not waves[i]:
+            for i in open_[outcome[open_] == _NOTHING]:
+                if asked[i] != _NOTHING and not waves[i]:
                     rest = rest_near(self.pieces, self.point(int(index[i]), marks, saved))
                     if rest is not None:
                         outcome[i] = asked[i]
-        done = index[outcome != NOTHING]
-        late = index[outcome == NOTHING]
+        done = index[outcome != _NOTHING]
+        late = index[outcome == _NOTHING]
         marks.outcome[index] = outcome
         marks.numbers[done, PHASE] = MEASURING
         marks.numbers[late, PHASE] = SETTLING
-        proved = done[~cycles[outcome != NOTHING]]
+        proved = done[~cycles[outcome != _NOTHING]]
         marks.real[proved, FLOOR] = 0.0
         marks.real[proved, OPEN] = np.inf
         t = saved.clock[:, NOW]
@@ -154,7 +154,7 @@ class Prover:
         if not self.rules.timed:  # the clocks of driven motions are set back at every mark
             t = t + np.maximum(marks.numbers[:, COUNT] - 1, 0) * marks.drive
         real[late, ASK] = t[late] + np.maximum(
-            LATER * (t[late] - self.rules.real[0]), real[late, DURATION]
+            _LATER * (t[late] - self.rules.real[0]), real[late, DURATION]
         )
         real[late, PATIENT] = np.inf
         for part, kept in zip(lanes.now, saved, strict=True):
@@ -222,16 +222,16 @@ def affine_fates(
     first = T.c2.shape[1] - n
     r = np.einsum("kis,ks->ki", T.R[slot], s)
     terms = np.einsum("kis,ks->ki", np.abs(T.R[slot]), np.abs(s))
-    r = np.where(np.abs(r) > ROUNDING * terms, r, 0.0)
+    r = np.where(np.abs(r) > _ROUNDING * terms, r, 0.0)
     largest = np.max(np.abs(rate), axis=1, initial=0.0)[:, None]
-    grows = np.any((r != 0.0) & (rate.real > CENTRE * largest), axis=1)
-    stays = (r != 0.0) & (np.abs(rate.real) <= CENTRE * largest)
+    grows = np.any((r != 0.0) & (rate.real > _CENTRE * largest), axis=1)
+    stays = (r != 0.0) & (np.abs(rate.real) <= _CENTRE * largest)
     # All signals as c + c₁τ + c₂τ², what dies out or swings, and what answers to the drives.
     fading = np.einsum("kgi,ki->kg", T.a[slot], r).real
     answer = np.einsum("kgm,km->kg", T.b[slot], spin).real
     drift = np.einsum("kgs,ks->kg", T.c1[slot], s)
     noise = np.einsum("kgs,ks->kg", np.abs(T.c1[slot]), np.abs(s))
-    drift = np.where(np.abs(drift) > ROUNDING * noise, drift, 0.0)
+    drift = np.where(np.abs(drift) > _ROUNDING * noise, drift, 0.0)
     swing = np.einsum("kgi,ki->kg", T.swing[slot][:, :, :n], np.abs(r))
     driven = np.sum(T.swing[slot][:, :, n:], axis=2)
     value = np.einsum("kgs,ks->kg", T.G[slot], s)
@@ -239,7 +239,7 @@ def affine_fates(
     guard = np.arange(value.shape[1])
     real = np.arange(value.shape[1]) < T.counts[slot, GUARDS][:, None]
     reach = (swing + driven)[:, guard]
-    margin = MARGIN * size
+    margin = _MARGIN * size
     constant = value - (fading + answer)[:, guard]
     even = drift[:, guard]
     bent = T.c2[slot][:, guard]
@@ -254,17 +254,17 @@ def affine_fates(
         weight = float(shift @ shift)
         moving -= np.outer(moving @ shift / weight, shift) if weight > 0.0 else 0.0
     even = np.all(
-        np.abs(moving) <= ROUNDING * (noise[:, component] + np.abs(marks.frame[index])), axis=1
+        np.abs(moving) <= _ROUNDING * (noise[:, component] + np.abs(marks.frame[index])), axis=1
     )
     even &= np.all(T.c2[slot][:, component] == 0.0, axis=1)
     size = np.maximum(marks.size[index], np.abs(y))
     swinging = np.einsum("kgi,ki->kg", T.swing[slot][:, component, :n], np.abs(r) * stays)
-    undamped = lasts & np.any(swinging > SEEN * size, axis=1)
-    answers = np.any(driven[:, component] > ROUNDING * size, axis=1)
+    undamped = lasts & np.any(swinging > _SEEN * size, axis=1)
+    answers = np.any(driven[:, component] > _ROUNDING * size, axis=1)
     rests = np.all(saved.mode[index] == 0, axis=1) & (saved.mode.shape[1] > 0)
     rests &= np.all(drift[:, component] == 0.0, axis=1)
-    outcome = np.where(rests, AT_REST, STEADY)
-    outcome = np.where(answers, PERIODIC, outcome)
-    outcome = np.where(undamped, UNDAMPED, np.where(lasts & even, outcome, NOTHING))
-    left = (outcome != NOTHING) & (outcome != UNDAMPED)
+    outcome = np.where(rests, _AT_REST, _STEADY)
+    outcome = np.where(answers, _PERIODIC, outcome)
+    outcome = np.where(undamped, _UNDAMPED, np.where(lasts & even, outcome, _NOTHING))
+    left = (outcome != _NOTHING) & (outcome != _UNDAMPED)
     return Fates(outcome, np.where(left[:, None], y - fading[:, component], y))

@@ -21,8 +21,8 @@ from stickslip.symbolic.enclosures import bounds
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import is_wave
 
-MAKES_UP = 1e-9  # part of the terms of a sum that may be left of them
-WHOLE = 1e-9  # relative distance from a whole number of periods
+_MAKES_UP = 1e-9  # part of the terms of a sum that may be left of them
+_WHOLE = 1e-9  # relative distance from a whole number of periods
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,9 @@ class Repetition:
 def repeats(waves: frozenset[float] | None, period: float) -> bool:
     """Whether frequencies fit into a period."""
     turns = [rate * period / (2.0 * math.pi) for rate in waves or ()]
-    return waves is not None and all(round(n) > 0 and abs(n - round(n)) <= WHOLE * n for n in turns)
+    return waves is not None and all(
+        round(n) > 0 and abs(n - round(n)) <= _WHOLE * n for n in turns
+    )
 
 
 class _Walk:
@@ -138,4 +140,4 @@ class _Walk:
                 part = weight * ex.number(slope) * self.velocity[name]
                 total = total + part
                 size = size + abs(part)
-        return abs(total) <= MAKES_UP * size
+        return abs(total) <= _MAKES_UP * size

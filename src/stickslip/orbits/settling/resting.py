@@ -8,22 +8,20 @@ looked at.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from stickslip.arrays import AnyArray, Array
 from stickslip.orbits.fields.mode_field import Leaving, Piece, Pieces
 from stickslip.symbolic import expressions as ex
 
-Array = np.ndarray
-Complex = Any  # array of complex numbers
-
-ROUNDING = 1e-13
-SAME = 1e-12  # rates that differ by less, relative to their terms, are the same
-DECAY = 1e-9  # a real part must be below minus this part of the largest eigenvalue
-ROOM = 2.0  # a guard is this many times further away than the motion can bring it
-CURVED = 0.25  # the Jacobian changes by at most this part of the slowest decay
-NEWTON = 20
+_ROUNDING = 1e-13
+_SAME = 1e-12  # rates that differ by less, relative to their terms, are the same
+_DECAY = 1e-9  # a real part must be below minus this part of the largest eigenvalue
+_ROOM = 2.0  # a guard is this many times further away than the motion can bring it
+_CURVED = 0.25  # the Jacobian changes by at most this part of the slowest decay
+_NEWTON = 20
 
 
 class Point(NamedTuple):
@@ -111,7 +109,7 @@ class _Neighbourhood:
         if np.any(self._rates(self.y)):
             return False
         here = self.piece.leave(self.t, self.y, self.p)
-        return bool(np.all(here.value >= -SAME * self._terms(here, self.y)))
+        return bool(np.all(here.value >= -_SAME * self._terms(here, self.y)))
 
     def _rates(self, y: Array) -> Array:
         """Rates without frame and translation, in units."""
@@ -129,39 +127,39 @@ class _Neighbourhood:
         B = self.basis
         units = self.units
         J = self._jacobian(self.piece, y)
-        eigenvalues: Complex
+        eigenvalues: AnyArray
         eigenvalues, V = np.linalg.eig(J) if J.size else (np.zeros(0), np.zeros((0, 0)))
-        if np.any(eigenvalues.real >= -DECAY * np.max(np.abs(eigenvalues), initial=0.0)):
+        if np.any(eigenvalues.real >= -_DECAY * np.max(np.abs(eigenvalues), initial=0.0)):
             return False
         inverse = np.linalg.inv(V)
         parts = np.abs(inverse @ (B.T @ ((self.y - y) / units)))
         slowest = np.min(-eigenvalues.real, initial=np.inf)
         for direction in (V * parts).T:
             for change in (direction.real, direction.imag):
-                for sign in (ROOM, -ROOM):
+                for sign in (_ROOM, -_ROOM):
                     there = self._jacobian(self.piece, y + sign * len(V) * units * (B @ change))
-                    if np.linalg.norm(inverse @ (there - J) @ V, 2) > CURVED * slowest:
+                    if np.linalg.norm(inverse @ (there - J) @ V, 2) > _CURVED * slowest:
                         return False
         here = self.piece.leave(self.t, y, self.p)
         slopes = here.slopes[:, :n] * units @ B
         reach = np.abs(slopes @ V) @ parts
         terms = self._terms(here, y)
-        still = reach <= ROUNDING * terms
-        held = np.where(still, here.value >= -SAME * terms, here.value > ROOM * reach)
+        still = reach <= _ROUNDING * terms
+        held = np.where(still, here.value >= -_SAME * terms, here.value > _ROOM * reach)
         return all(held[g] or self._inert(int(g), y) for g in range(len(held)))
 
     def _equilibrium(self) -> Array | None:
         """Newton's method within the directions that can move."""
         y = self.y.copy()
         n = len(self.y)
-        for _ in range(NEWTON):
+        for _ in range(_NEWTON):
             rest = self.basis.T @ ((self.piece.rates(self.t, y, self.p) - self.frame) / self.units)
             J = self._jacobian(self.piece, y)
             step = np.linalg.solve(J, rest) if J.size else np.zeros(0)
             y = y - self.units * (self.basis @ step)
             if not np.all(np.isfinite(y)):
                 return None
-            if np.max(np.abs(step), initial=0.0) <= ROUNDING:
+            if np.max(np.abs(step), initial=0.0) <= _ROUNDING:
                 break
         else:
             return None
@@ -173,7 +171,7 @@ class _Neighbourhood:
         )
         terms = np.sum(J, axis=1) / self.units
         return (
-            y if np.all(np.abs(rates) <= SAME * (terms + np.max(terms, initial=1e-300))) else None
+            y if np.all(np.abs(rates) <= _SAME * (terms + np.max(terms, initial=1e-300))) else None
         )
 
     def _jacobian(self, piece: Piece, y: Array) -> Array:
@@ -193,10 +191,10 @@ class _Neighbourhood:
             return False
         rates = self.piece.rates(self.t, y, self.p)
         J = self._jacobian(self.piece, y)
-        same = np.abs(other.rates(self.t, y, self.p) - rates) <= SAME * self.units
+        same = np.abs(other.rates(self.t, y, self.p) - rates) <= _SAME * self.units
         return bool(
             np.all(same)
-            and np.all(np.abs(self._jacobian(other, y) - J) <= SAME * np.max(np.abs(J)))
+            and np.all(np.abs(self._jacobian(other, y) - J) <= _SAME * np.max(np.abs(J)))
         )
 
 

@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
 from stickslip.motion.steps.arrays import NOW
 from stickslip.orbits.fields.symmetry import Clock, Symmetry
 from stickslip.orbits.settling.engine.tables import COUNT, DURATION
 from stickslip.orbits.settling.motions import Block, Invariance, Settings
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations, derive
 from stickslip.errors import DeclarationError
 from stickslip.model.system import Kind, System
@@ -39,9 +40,8 @@ from stickslip.symbolic.expressions import Expr
 if TYPE_CHECKING:
     from stickslip.rate_independent.play.operator import Play
 
-Array = np.ndarray
-AFFINE = 1e-10  # a curve that misses a straight line by less, relative to its values, is one
-REMEDY = (
+_AFFINE = 1e-10  # a curve that misses a straight line by less, relative to its values, is one
+_REMEDY = (
     "Two rate-independent coordinates that only their distance and one other coordinate couple "
     "are needed"
 )
@@ -351,7 +351,9 @@ class _Declared:
             or not shift.get(pair[0])
         ):
             raise DeclarationError(
-                system.name, "no two rate-independent coordinates with a common translation", REMEDY
+                system.name,
+                "no two rate-independent coordinates with a common translation",
+                _REMEDY,
             )
         known = {name: ex.num(value) for name, value in values.items()} | {pair[1]: ex.ZERO}
         contacts = {
@@ -363,7 +365,7 @@ class _Declared:
         if len(used) != 1 or next(iter(used)) not in d.state:
             what = ", ".join(sorted(used)) or "nothing"
             raise DeclarationError(
-                system.name, f"their friction depends on {what}, not on one other state", REMEDY
+                system.name, f"their friction depends on {what}, not on one other state", _REMEDY
             )
         driver = next(iter(used))
         kinks = [g for g in kinks if g.symbols == {driver}]
@@ -377,7 +379,7 @@ class _Declared:
             slope = ex.derivative(force, self.pair[0])
             if not ex.is_number(slope) or ex.number(slope) == 0.0:
                 raise DeclarationError(
-                    f"potential ({name})", f"its force is not affine in {self.pair[0]}", REMEDY
+                    f"potential ({name})", f"its force is not affine in {self.pair[0]}", _REMEDY
                 )
             still = ex.substitute(force, {self.pair[0]: ex.ZERO})
             sides = [(-1.0 / ex.number(slope)) * (still + bound) for bound in (plus, -minus)]
@@ -392,7 +394,7 @@ class _Declared:
             slope = ex.derivative(g, self.driver)
             if not ex.is_number(slope):
                 raise DeclarationError(
-                    "functions", f"the corner at {ex.to_text(g)} = 0 is not that of a line", REMEDY
+                    "functions", f"the corner at {ex.to_text(g)} = 0 is not that of a line", _REMEDY
                 )
             corners.append(-ex.evaluate(g, {self.driver: 0.0}) / ex.number(slope))
         return np.unique(corners)
@@ -406,7 +408,9 @@ class _Declared:
         curve = Curve.through(values, nodes)
         x = np.concatenate([[nodes[0] - 2.0], nodes, [nodes[-1] + 2.0]])
         between = np.concatenate([0.5 * (x[:-1] + x[1:]), 0.7 * x[:-1] + 0.3 * x[1:], x[[0, -1]]])
-        if np.max(np.abs(values(between) - curve(between))) > AFFINE * np.max(np.abs(curve.values)):
+        if np.max(np.abs(values(between) - curve(between))) > _AFFINE * np.max(
+            np.abs(curve.values)
+        ):
             raise DeclarationError(
                 f"contacts.'{name}'.threshold",
                 f"not piecewise affine in {self.driver}",

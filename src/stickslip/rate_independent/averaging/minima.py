@@ -16,11 +16,11 @@ from stickslip.rate_independent.signals.signal import Minima, Signal, wrapped
 PHASE_SAMPLES = 256
 """Phases at which functions are looked at. A minimum is missed if it is narrower and shows in none
 of them."""
-GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
+_GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 _STEPS = 64  # of the golden section: from the distance of two samples to rounding
-MOST_SECTIONS = 40  # of a sharpened maximum
+_MOST_SECTIONS = 40  # of a sharpened maximum
 _RESOLVED = 1e-2  # what counts as better
-MOST_SEPARATE = 2000  # functions that can be refined one by one
+_MOST_SEPARATE = 2000  # functions that can be refined one by one
 
 
 def least_over_phases(signal: Signal) -> Minima:
@@ -40,7 +40,7 @@ def least_over_phases(signal: Signal) -> Minima:
     proved = signal.least()
     if proved is not None:
         return proved
-    if n > MOST_SEPARATE and not signal.elementwise:
+    if n > _MOST_SEPARATE and not signal.elementwise:
         raise DeclarationError(
             signal.where,
             f"{n} minima over the phase cannot be refined one by one",
@@ -115,14 +115,14 @@ def golden_section(f: Callable[[Array], Array], low: Array, high: Array) -> tupl
     -------
     values, phases : ndarray of shape (k,)
     """
-    left = high - GOLDEN * (high - low)
-    right = low + GOLDEN * (high - low)
+    left = high - _GOLDEN * (high - low)
+    right = low + _GOLDEN * (high - low)
     at_left, at_right = f(left), f(right)
     for _ in range(_STEPS):
         down = at_left <= at_right
         low, high = np.where(down, low, left), np.where(down, right, high)
         kept, at_kept = np.where(down, left, right), np.where(down, at_left, at_right)
-        new = np.where(down, high - GOLDEN * (high - low), low + GOLDEN * (high - low))
+        new = np.where(down, high - _GOLDEN * (high - low), low + _GOLDEN * (high - low))
         at_new = f(new)
         left, right = np.where(down, new, kept), np.where(down, kept, new)
         at_left, at_right = np.where(down, at_new, at_kept), np.where(down, at_kept, at_new)
@@ -148,12 +148,12 @@ def sharpened(phases: Array, values: Array, f: Callable[[Array], Array]) -> tupl
     """
     (a, b, c), (fa, fb, fc) = phases, values
     idle = np.zeros(b.shape)
-    for step in range(MOST_SECTIONS):
+    for step in range(_MOST_SECTIONS):
         with np.errstate(all="ignore"):
             p, q = (b - a) * (fb - fc), (b - c) * (fb - fa)
             new = b - 0.5 * ((b - a) * p - (b - c) * q) / (p - q)
         # Every other time, or where a parabola says nothing new: the wider half.
-        wide = np.where(b - a > c - b, b - (1.0 - GOLDEN) * (b - a), b + (1.0 - GOLDEN) * (c - b))
+        wide = np.where(b - a > c - b, b - (1.0 - _GOLDEN) * (b - a), b + (1.0 - _GOLDEN) * (c - b))
         new = np.where(
             (new > a) & (new < c) & (np.abs(new - b) > 1e-15) & (step % 2 == 0), new, wide
         )

@@ -10,7 +10,7 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.sets.potential import Dissipation, OptimalMotion
 
-MOST_NUMBERS = 20_000_000  # in the table of an optimal motion
+_MOST_NUMBERS = 20_000_000  # in the table of an optimal motion
 VANISHING_THRESHOLD = 1e-12  # thresholds that count as 0, of the largest
 
 
@@ -40,7 +40,7 @@ def scheduled(source: Dissipation, V: Array, when: Array, bound: float) -> Optim
     """Each component moves at a phase of its own."""
     moving = V != 0
     phases, place = np.unique(when[moving], return_inverse=True)
-    if len(phases) * len(V) > MOST_NUMBERS:
+    if len(phases) * len(V) > _MOST_NUMBERS:
         raise DeclarationError(
             "optimal_motion",
             f"{len(phases)} phases times {len(V)} components make too large a table",

@@ -15,15 +15,15 @@ from stickslip.rate_independent.sets.stretches import AtPhases
 from stickslip.rate_independent.signals.signal import wrapped
 
 _STEP = 1e-6  # of differences in Newton's method
-STEP_OF_PHASES = 1e-3  # … with respect to phases
-WIDEST = 2e-3  # differences of phases
+_STEP_OF_PHASES = 1e-3  # … with respect to phases
+_WIDEST = 2e-3  # differences of phases
 _SHIFTS = np.array([-1.0, -0.5, 0.5, 1.0])
 # derivative of fourth order from the values at _SHIFTS
 _DIFFERENCE = np.array([1.0, -8.0, 8.0, -1.0]) / 6.0
-MOST_ITERATIONS = 12  # that do not yet converge fast
-FAST = 0.1  # part of the residual that a fast iteration leaves at most
+_MOST_ITERATIONS = 12  # that do not yet converge fast
+_FAST = 0.1  # part of the residual that a fast iteration leaves at most
 _SMALL = 1e-8  # a Newton step after which none is needed
-SHARES = (1.0, 0.5, 0.25, 0.1)  # of a step that are tried
+_SHARES = (1.0, 0.5, 0.25, 0.1)  # of a step that are tried
 _SLOW = 1e-8  # below this, what falls slowly is rounding
 
 
@@ -97,8 +97,8 @@ def refined(
     k = len(held.phases)
     length = float(np.linalg.norm(held.motions, axis=1).max())
     curvature = np.zeros((n, n)) if Q is None else Q * (size / length)
-    widths = np.minimum(WIDEST, 0.5 * scales)
-    steps = np.column_stack([np.full((k, n), _STEP), STEP_OF_PHASES * widths])
+    widths = np.minimum(_WIDEST, 0.5 * scales)
+    steps = np.column_stack([np.full((k, n), _STEP), _STEP_OF_PHASES * widths])
     moves = np.concatenate([np.zeros((k, 1, n + 1)), steps[:, None] * np.eye(n + 1)], axis=1)
 
     def at(x: Array, contacts: Array) -> tuple[float, Array, Array]:
@@ -116,7 +116,7 @@ def refined(
     x = held.xi / size
     contacts = np.column_stack([held.motions / length, held.phases])
     off, rest, touch = at(x, contacts)
-    for iteration in range(2 * MOST_ITERATIONS):
+    for iteration in range(2 * _MOST_ITERATIONS):
         step = np.linalg.lstsq(
             _jacobian(curvature, (touch[:, 1:] - touch[:, :1]) / steps[:, :, None]),
             rest,
@@ -127,7 +127,7 @@ def refined(
         if float(np.abs(step).max()) <= _SMALL:  # the next one would be rounding
             x, contacts = x - to_x, contacts - to_contacts
             break
-        for share in SHARES:
+        for share in _SHARES:
             ahead = at(x - share * to_x, contacts - share * to_contacts)
             if ahead[0] < off:
                 break
@@ -135,7 +135,7 @@ def refined(
             break
         x, contacts = x - share * to_x, contacts - share * to_contacts
         slow = ahead[0] > 0.5 * off and off < _SLOW
-        slow |= iteration >= MOST_ITERATIONS and ahead[0] > FAST * off
+        slow |= iteration >= _MOST_ITERATIONS and ahead[0] > _FAST * off
         off, rest, touch = ahead
         if slow:
             break

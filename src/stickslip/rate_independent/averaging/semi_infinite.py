@@ -37,15 +37,15 @@ from stickslip.rate_independent.sets.stretches import (
 from stickslip.rate_independent.signals.signal import wrapped
 
 MOST_ROUNDS = 60
-FORGETFUL = 6  # rounds in which constraints may go
+_FORGETFUL = 6  # rounds in which constraints may go
 _CLUSTER = 0.02  # phases closer than this may be one
 _SAME = 1e-6  # phases closer than this are one
 _NEAR = 1e-2  # violation, as a multiple of the size of K, from which Newton's method is tried
 _ROUNDING = 1e-15  # of a distance, as a multiple of the size of K; of a motion, of its length
-SHARPEST = 1e-13  # duality gap that rounding allows
-MOST_PEAKS = 16  # phases that join in one round
+_SHARPEST = 1e-13  # duality gap that rounding allows
+_MOST_PEAKS = 16  # phases that join in one round
 _SURE = 0.25  # part of the tolerance that what is not seen of K(s) may take
-MEMORY = 256  # solutions that are remembered
+_MEMORY = 256  # solutions that are remembered
 _LOOKS = 192  # forces whose distances from K(s) are remembered
 _AT_ONCE = 64  # forces that are looked at together
 Constraint = tuple[float, ConeForm]
@@ -146,7 +146,7 @@ class Intersection(Average):
         rule = (
             self.tolerance
             if self.source.cone_form(0.0) is None
-            else max(self.tolerance**2, SHARPEST)
+            else max(self.tolerance**2, _SHARPEST)
         )
         start = self._ahead(xi, Q) if self._forces else None
         if start is not None and start.motions.any():
@@ -189,7 +189,7 @@ class Intersection(Average):
     @cached_property
     def _memory(self) -> deque[HeldForce]:
         """What was found last: starts for the next searches, which are often close by."""
-        return deque(maxlen=MEMORY)
+        return deque(maxlen=_MEMORY)
 
     @cached_property
     def _forces(self) -> deque[HeldForce]:
@@ -262,7 +262,7 @@ class Intersection(Average):
             # Constraints that do not hold ξ may go only where the value has fallen, and not for
             # ever.
             now = float(c @ held.xi) - (0.0 if Q is None else float(held.xi @ Q @ held.xi) / 2)
-            fallen = k < FORGETFUL and now < value - 1e-9 * abs(now)
+            fallen = k < _FORGETFUL and now < value - 1e-9 * abs(now)
             value = min(now, value)
             constraints = self._exchanged([] if fallen else constraints, held, closer)
             held = self._judged(self._solved(constraints, c, Q))
@@ -389,7 +389,7 @@ class Intersection(Average):
         (k,) = np.nonzero((excess >= before) & (excess >= after) & (excess > _ROUNDING * self.size))
         if not len(k):
             return []
-        k = k[np.argsort(-excess[k])][:MOST_PEAKS]
+        k = k[np.argsort(-excess[k])][:_MOST_PEAKS]
         count = len(phases)
         near = np.array(
             [phases[k - 1] - (k == 0), phases[k], phases[(k + 1) % count] + (k + 1 == count)]

@@ -22,7 +22,7 @@ CELLS = 4096  # stretches of equal length on which S″ is enclosed
 _SHIFTS = (1, 1, 2, 4, 8, 16)
 _ROUNDING = 4e-16
 _NEWTON = 4  # steps to a vertex
-FARTHEST = 2.0**-8  # the longest one
+_FARTHEST = 2.0**-8  # the longest one
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +123,7 @@ class Parabolas:
                     values[:, 1] - values[:, 0]
                 )
                 step = np.where(bend > 0.0, -first[:, 0, 0] / bend, 0.0)
-            phases = np.clip(phases + np.clip(np.nan_to_num(step), -FARTHEST, FARTHEST), 0.0, 1.0)
+            phases = np.clip(phases + np.clip(np.nan_to_num(step), -_FARTHEST, _FARTHEST), 0.0, 1.0)
         return phases
 
     def _along(

@@ -20,7 +20,7 @@ from stickslip.rate_independent.sets.stretches import AtPhases, RowWise, Stretch
 if TYPE_CHECKING:
     from stickslip.rate_independent.dissipation.polytope import Polytope
 
-PLANAR_UP_TO = 16  # points of planar hulls of which all pairs are looked at
+_PLANAR_UP_TO = 16  # points of planar hulls of which all pairs are looked at
 _FLAT = 1e-12  # width of a hull that has no inside, relative to its size
 QHULL_UP_TO = 6  # dimension above which the vertices of a polytope are too many
 _ROUNDING = 1e-14  # of a distance, relative to the size of the numbers it comes from
@@ -172,7 +172,7 @@ class SampledHulls(RowWise, AtPhases):
 
 def sampled_hulls(potential: Polytope, phases: Array, points: Array) -> SampledHulls:
     """Hulls of points at m phases, shape (m, k, n)."""
-    if points.shape[2] == 2 and points.shape[1] <= PLANAR_UP_TO and len(points):
+    if points.shape[2] == 2 and points.shape[1] <= _PLANAR_UP_TO and len(points):
         return SampledHulls(potential, phases, points, *_planar_facets(points))
     found = [facets(corners) for corners in points]
     most = max((len(f[1]) for f in found if f is not None), default=1)

@@ -15,7 +15,7 @@ from stickslip.rate_independent.sets.projections import nearest_by_support
 from stickslip.rate_independent.signals.signal import SAMPLE_PHASES, wrapped
 
 _STEPS = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 1e-6, 3e-7)  # of differences, in units of |v|
-TILT = 1e-5
+_TILT = 1e-5
 
 
 class SupportFunction(Dissipation):
@@ -157,7 +157,7 @@ class SupportFunction(Dissipation):
         """
         psi = self._psi(s, v)
         axes = np.eye(self.dimension)
-        tilts = TILT * np.random.default_rng(1).normal(size=(8, self.dimension))
+        tilts = _TILT * np.random.default_rng(1).normal(size=(8, self.dimension))
         best = v * psi
         least = np.inf
         for w, steps, enough in [

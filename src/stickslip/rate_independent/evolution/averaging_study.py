@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LOADING = 5.0  # seconds beside which loading machine code does not count
+_LOADING = 5.0  # seconds beside which loading machine code does not count
 _INTERRUPTED = "interrupted"
 _SHOWN = ("distance", "equicontinuity", "rate_l1", "rate_l2", "steps")  # over ε, in a summary
 _GRID = 1024  # intervals of the span on which the modulus of continuity is measured
@@ -233,7 +233,7 @@ def _limit(averaged: Evolution, grid: Array, tolerance: float) -> tuple[Motion, 
     """The averaged motion; again if its time may be that of loading machine code."""
     motion = motion_of(averaged, tolerance, keep=True)
     gauge = Gauge(averaged.A, grid).measure(motion)
-    if motion.wall_time > LOADING:
+    if motion.wall_time > _LOADING:
         return motion, gauge
     motion = motion_of(averaged, tolerance, keep=True)
     return motion, Gauge(averaged.A, grid).measure(motion)

@@ -20,7 +20,7 @@ from stickslip.rate_independent.solvers.choose import choose_solver
 
 _Rows = Callable[[Array], Array]
 TESTS = 5  # continuous functions that rates are tested with: cos(jπ(t − t₀)/T)
-BETWEEN = 16  # pieces of an interval in which a play moves
+_BETWEEN = 16  # pieces of an interval in which a play moves
 
 
 class Motion(Protocol):
@@ -95,7 +95,7 @@ class PlayMotion:
     def blocks(self) -> Iterator[tuple[Array, Array]]:
         nodes = self.play.time
         moving = np.flatnonzero(self.play.mode)
-        between = np.linspace(nodes[moving], nodes[moving + 1], BETWEEN + 1)[1:-1].ravel()
+        between = np.linspace(nodes[moving], nodes[moving + 1], _BETWEEN + 1)[1:-1].ravel()
         times = np.union1d(nodes, between)
         yield times, self.at(times)
 

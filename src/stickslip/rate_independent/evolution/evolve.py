@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 Observable = Callable[[float, Array], Any]
 KKT = 1e-8  # residual of a step, relative to the largest weight
 # Steps of the coarse mesh that an adaptive evolution refines: in a period, and in all.
-PER_PERIOD = 8
-PER_SPAN = 64
+_PER_PERIOD = 8
+_PER_SPAN = 64
 KEPT = 20_000_000  # numbers of z that are kept unless output says otherwise
 
 
@@ -176,9 +176,9 @@ def step_times(problem: Evolution, times: Any, steps: int | None) -> tuple[Array
         return times, False
     knots = problem.ell.knots
     stops = np.concatenate([times[:1], knots[(knots > times[0]) & (knots < times[1])], times[1:]])
-    longest = (times[1] - times[0]) / PER_SPAN
+    longest = (times[1] - times[0]) / _PER_SPAN
     if problem.dissipation.depends_on_phase:
-        longest = min(longest, problem.epsilon / PER_PERIOD)
+        longest = min(longest, problem.epsilon / _PER_PERIOD)
     return _filled(stops, longest), True
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-PHASE_STEP = 0.25  # longest step that still sees the oscillation, in periods
+_PHASE_STEP = 0.25  # longest step that still sees the oscillation, in periods
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -151,7 +151,7 @@ class History(Result):
             Residual("KKT residual", float(column["residual"].max()), self.kkt),
             Residual("energy balance", float(np.abs(balance).max()) * relative, self.tolerance),
             Residual("stability between steps", float(column["overshoot"].max()), self.tolerance),
-            Residual("length of a step in periods", longest, PHASE_STEP),
+            Residual("length of a step in periods", longest, _PHASE_STEP),
             Residual("energy balance from below", below * relative),
             Residual(
                 "energy balance from above", (below + float(np.sum(column["gap"]))) * relative

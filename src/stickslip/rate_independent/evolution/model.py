@@ -17,9 +17,9 @@ from stickslip.rate_independent.evolution.evolution import Evolution, UnstableSt
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.formulas import Definition, Scope
 
-CLOCK = "t"
+_CLOCK = "t"
 _PHASE = "s"
-MOST_SHOWN = 8  # components of a state in a message
+_MOST_SHOWN = 8  # components of a state in a message
 FormulaTable = Any
 """A formula, or lists of formulas: a vector, or the rows of a matrix."""
 
@@ -75,7 +75,7 @@ class EvolutionModel:
         if not self.name.strip():
             raise DeclarationError("name", "the model has no name", "Give it a short name")
         for name in self._definitions:
-            self._scope(CLOCK, _PHASE).check(name)
+            self._scope(_CLOCK, _PHASE).check(name)
         _ = self.potential
         if self.is_evolution:
             _ = self.problem
@@ -131,7 +131,7 @@ class EvolutionModel:
         return with_nearest_start(
             lambda: Evolution(
                 A=self._numbers("A"),
-                load=_trees(self._scope(CLOCK), self.load, "load"),
+                load=_trees(self._scope(_CLOCK), self.load, "load"),
                 dissipation=self.potential,
                 initial=[0.0] * n if self.initial == () else self._numbers("initial"),
                 epsilon=self._numbers("epsilon"),
@@ -169,7 +169,7 @@ class EvolutionModel:
         allowed = ", ".join([*variables, "parameters"]).replace(", parameters", " and parameters")
         forbidden = {
             name: f"Only {allowed} may stand here"
-            for name in (CLOCK, _PHASE)
+            for name in (_CLOCK, _PHASE)
             if name not in variables
         }
         return Scope(
@@ -201,8 +201,8 @@ def with_nearest_start(make: Callable[[], Evolution]) -> Evolution:
         return make()
     except UnstableStart as unstable:
         nearest = nearest_stable(unstable.problem)
-        numbers = ", ".join(f"{x:.6g}" for x in nearest[:MOST_SHOWN])
-        more = ", ..." if len(nearest) > MOST_SHOWN else ""
+        numbers = ", ".join(f"{x:.6g}" for x in nearest[:_MOST_SHOWN])
+        more = ", ..." if len(nearest) > _MOST_SHOWN else ""
         remedy = f"The nearest stable state is initial = [{numbers}{more}]"
         raise DeclarationError(unstable.where, unstable.reason, remedy) from None
 

@@ -21,9 +21,9 @@ from stickslip.rate_independent.sets.stable_sets import largest_weight
 from stickslip.rate_independent.solvers.choose import StepSolver
 
 _LEAST = 1e-3  # part of the energy that the load can move, below which no flow of energy is a scale
-LOOK_AHEAD = 64  # least part of a solver's block that is made at once
+_LOOK_AHEAD = 64  # least part of a solver's block that is made at once
 _SHARE = 0.5  # of the tolerance that forces may leave K by during an adaptive step
-SHORTEST = 2.0**-44  # step, as a part of the whole time
+_SHORTEST = 2.0**-44  # step, as a part of the whole time
 
 
 class March:
@@ -100,7 +100,7 @@ class March:
                 good, fits = self._accepted(tried)
                 # What follows a step that is halved is made again: near onsets, do not go far
                 # ahead.
-                size = min(block, max(2 * good, block // LOOK_AHEAD, 1))
+                size = min(block, max(2 * good, block // _LOOK_AHEAD, 1))
                 if good:
                     yield self._advance(tried, good)
                 pending = pending[good:]
@@ -113,7 +113,7 @@ class March:
                     )
                     return
                 pending = self._halved(pending, ~fits[good:])
-                if pending[0] - self.state.t < SHORTEST * self.length:
+                if pending[0] - self.state.t < _SHORTEST * self.length:
                     self._stop(
                         EvolutionOutcome.JUMP,
                         f"between t = {self.state.t:.9g} and {pending[1]:.9g}",

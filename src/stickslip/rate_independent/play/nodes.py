@@ -17,8 +17,8 @@ from stickslip.rate_independent.signals import chebyshev as ch
 from stickslip.rate_independent.signals.panels import Panels, Value
 
 _CHUNK = 2**12  # panels at once: what fits into the cache
-MOST_EDGES = 50_000_000
-SMALLEST_JUMP = 64.0  # of a bound where two panels meet, in units of its rounding
+_MOST_EDGES = 50_000_000
+_SMALLEST_JUMP = 64.0  # of a bound where two panels meet, in units of its rounding
 
 
 class Sample(NamedTuple):
@@ -185,10 +185,10 @@ def panel_edges(bounds: PlayBounds, start: float, end: float) -> Array:
         expected = len(signal.breaks) * (
             1.0 if signal.period is None else (end - start) / signal.period
         )
-        if expected > MOST_EDGES:
+        if expected > _MOST_EDGES:
             raise DeclarationError(
                 "epsilon",
-                f"the span holds {expected:.1e} panels (at most {MOST_EDGES:.0e})",
+                f"the span holds {expected:.1e} panels (at most {_MOST_EDGES:.0e})",
                 "Take a shorter t_span",
             )
     edges = np.concatenate([[start, end], *(signal.edges(start, end) for signal in bounds.signals)])
@@ -234,7 +234,7 @@ def _joined(
     panel: Array, x: Array, L: Array, U: Array, last: Last, noise: float
 ) -> tuple[Array, Array]:
     """L and U at the places; the panels at an edge share one value, unless a bound jumps there."""
-    gap = SMALLEST_JUMP * noise
+    gap = _SMALLEST_JUMP * noise
     low, high = ch.values(L[:, panel], x), ch.values(U[:, panel], x)
     high = np.maximum(low, high)
     enters = np.flatnonzero(np.concatenate([[True], np.diff(panel) > 0]))
@@ -255,7 +255,7 @@ def _arrivals(
     for c, direction in ((L, 1), (U, -1)):
         index = np.flatnonzero(mode == direction)
         distance = direction * (z[index] - ch.values(c[:, panel[index]], x[index - 1]))
-        index = index[distance > SMALLEST_JUMP * noise]
+        index = index[distance > _SMALLEST_JUMP * noise]
         beyond = c[:, panel[index]]
         beyond[0] -= z[index]
         found.append((index, ch.first_crossings(beyond, x[index - 1], x[index])))

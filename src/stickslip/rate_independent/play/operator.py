@@ -43,7 +43,7 @@ _TOLERANCE = 1e-9  # of the certificate
 _SPACINGS = 4.0
 # distance from the stable interval, relative to where it is, that counts as rounding
 _STABLE = 1e-12
-LONG_NAMES = {
+_LONG_NAMES = {
     "z": "position",
     "d_z": "rate of position",
     "load": "load",
@@ -54,7 +54,7 @@ LONG_NAMES = {
     "dissipated_energy": "dissipated energy",
     "supplied_energy": "supplied energy",
 }
-FLAGS = {
+_FLAGS = {
     "long_name": "mode",
     "flag_values": np.array(list(MODE_NAMES), np.int8),
     "flag_meanings": " ".join(MODE_NAMES.values()),
@@ -522,8 +522,8 @@ class Play(Result):
 
         times = np.union1d(self.time, np.linspace(self.time[0], self.time[-1], GRID + 1))
         attributes = {
-            name: {"units": "1", "long_name": text} for name, text in LONG_NAMES.items()
-        } | {"mode": FLAGS}
+            name: {"units": "1", "long_name": text} for name, text in _LONG_NAMES.items()
+        } | {"mode": _FLAGS}
         values = self._values(*self._intervals(times, "right"))
         return xr.Dataset(
             {name: ("time", v, attributes[name]) for name, v in values.items()},

@@ -13,8 +13,8 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError
 
-NONNEGATIVE = "nonnegative"
-SECOND_ORDER = "second order"
+_NONNEGATIVE = "nonnegative"
+_SECOND_ORDER = "second order"
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,14 +45,14 @@ class ConeForm:
 
 def polyhedron(normals: Array, offsets: Array) -> ConeForm:
     """{ξ : normals ξ ≤ offsets}."""
-    return ConeForm(normals, offsets, ((NONNEGATIVE, len(offsets)),))
+    return ConeForm(normals, offsets, ((_NONNEGATIVE, len(offsets)),))
 
 
 def hull(vertices: Array) -> ConeForm:
     """Convex hull of the rows of `vertices` and of 0."""
     k = len(vertices)
     matrix = np.vstack([-np.eye(k), np.ones((1, k))])
-    return ConeForm(matrix, np.append(np.zeros(k), 1.0), ((NONNEGATIVE, k + 1),), vertices.T)
+    return ConeForm(matrix, np.append(np.zeros(k), 1.0), ((_NONNEGATIVE, k + 1),), vertices.T)
 
 
 def balls(radii: Array, size: int) -> ConeForm:
@@ -65,7 +65,7 @@ def balls(radii: Array, size: int) -> ConeForm:
     return ConeForm(
         matrix.reshape(len(radii) * (size + 1), -1),
         offset.ravel(),
-        ((SECOND_ORDER, size + 1),) * len(radii),
+        ((_SECOND_ORDER, size + 1),) * len(radii),
     )
 
 
@@ -120,7 +120,7 @@ def solve_cones(forms: Sequence[ConeForm], c: Array, Q: Array | None = None) -> 
     ConvergenceError
         If no solution is found.
     """
-    linear = Q is None and all(kind == NONNEGATIVE for form in forms for kind, _ in form.cones)
+    linear = Q is None and all(kind == _NONNEGATIVE for form in forms for kind, _ in form.cones)
     n = len(c)
     # ξ, then the y of each set that is an image.
     ends = np.cumsum([n, *(0 if f.image is None else f.image.shape[1] for f in forms)])
@@ -189,7 +189,7 @@ def _interior_point(
     from scipy.sparse import csc_matrix, triu
 
     clarabel: Any = import_module("clarabel")  # compiled, without types
-    kinds = {NONNEGATIVE: clarabel.NonnegativeConeT, SECOND_ORDER: clarabel.SecondOrderConeT}
+    kinds = {_NONNEGATIVE: clarabel.NonnegativeConeT, _SECOND_ORDER: clarabel.SecondOrderConeT}
     zero = [clarabel.ZeroConeT(len(ties))] if len(ties) else []
     settings = clarabel.DefaultSettings()
     settings.verbose = False

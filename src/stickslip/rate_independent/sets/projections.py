@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.sets.potential import Dissipation
 
 Projection = Callable[[Array], tuple[Array, Array]]
-DAMPED = 0.95  # part of the longest admissible gradient step
-MOST_NEWTON = 500  # steps in all
-MOST_IDLE = 40  # steps without progress
-SHORTEST_SHARE = 2.0**-12  # of a Newton step
-ENOUGH = 1e-11
+_DAMPED = 0.95  # part of the longest admissible gradient step
+_MOST_NEWTON = 500  # steps in all
+_MOST_IDLE = 40  # steps without progress
+_SHORTEST_SHARE = 2.0**-12  # of a Newton step
+_ENOUGH = 1e-11
 # exchanges of whole blocks without progress before one index at a time is exchanged
-BLOCK_TRIALS = 3
+_BLOCK_TRIALS = 3
 
 
 def nearest_in_box(M: Array, xi: Array, lower: Array, upper: Array) -> Array:
@@ -44,7 +44,7 @@ def nearest_in_box(M: Array, xi: Array, lower: Array, upper: Array) -> Array:
     pinned = lower == upper
     held[pinned] = -1
     fewest = len(xi) + 1
-    trials = BLOCK_TRIALS
+    trials = _BLOCK_TRIALS
     for _ in range(1000 + 50 * len(xi)):
         free = held == 0
         y = np.where(held < 0, lower, upper)
@@ -60,7 +60,7 @@ def nearest_in_box(M: Array, xi: Array, lower: Array, upper: Array) -> Array:
             return np.clip(y, lower, upper)
         if len(wrong) < fewest:
             fewest = len(wrong)
-            trials = BLOCK_TRIALS
+            trials = _BLOCK_TRIALS
         elif trials > 0:
             trials -= 1
         else:
@@ -224,7 +224,7 @@ def nearest_in_metric(
     ConvergenceError
         If the residual stays above 1e-11 times the size of ξ and y.
     """
-    step = DAMPED / float(np.linalg.eigvalsh(M)[-1])
+    step = _DAMPED / float(np.linalg.eigvalsh(M)[-1])
     identity = np.eye(len(xi))
 
     def at(y: Array) -> Iterate:
@@ -239,16 +239,16 @@ def nearest_in_metric(
     now = at(project(xi)[0] if start is None else start)
     best = now
     idle = 0
-    for _ in range(MOST_NEWTON):
+    for _ in range(_MOST_NEWTON):
         size = float(np.linalg.norm(xi)) + float(np.linalg.norm(now.image))
-        if now.residual <= 1e-16 * size or idle >= MOST_IDLE:
+        if now.residual <= 1e-16 * size or idle >= _MOST_IDLE:
             break
         newton = np.linalg.solve(identity - now.slope @ (identity - step * M), now.image - now.y)
         share = 1.0
         ahead = at(now.y + newton)
         while (
             not (ahead.residual <= 0.5 * now.residual or ahead.envelope < now.envelope)
-            and share > SHORTEST_SHARE
+            and share > _SHORTEST_SHARE
         ):
             share *= 0.5
             ahead = at(now.y + share * newton)
@@ -257,7 +257,7 @@ def nearest_in_metric(
         idle = 0 if ahead.residual < 0.9 * best.residual else idle + 1
         now = ahead
         best = min(best, ahead, key=lambda iterate: iterate.residual)
-    if not best.residual <= ENOUGH * (
+    if not best.residual <= _ENOUGH * (
         float(np.linalg.norm(xi)) + float(np.linalg.norm(best.image))
     ):
         raise ConvergenceError(

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.sets.potential import Dissipation
 
 Forces = tuple[Array, Array, Array]
-ON_BOUND = 1e-12  # of a radius: how near to it a force may be inside and still be on its bound
+_ON_BOUND = 1e-12  # of a radius: how near to it a force may be inside and still be on its bound
 SIZED_AT = 17  # at which the size of K(s) is looked up
 
 
@@ -221,7 +221,7 @@ class Discs:
     def sliding(self, held: Array) -> NDArray[np.bool_]:
         """Components of the groups whose force, shape (n,), is on its bound; of a single row."""
         radii = self.radii[0]
-        return np.repeat(self._norms(held[None])[0] >= radii - ON_BOUND * radii, self.group)
+        return np.repeat(self._norms(held[None])[0] >= radii - _ON_BOUND * radii, self.group)
 
     def still(self, pull: Array, noise: float) -> NDArray[np.bool_]:
         """Components of the groups that a pull, shape (n,), moves by no more than rounding."""

@@ -18,28 +18,28 @@ from stickslip.machine_code import njit
 
 Growth = Callable[[Array, Array, Array], Array]
 
-DEGREE = 16
+_DEGREE = 16
 EPS = float(np.finfo(float).eps)
 FIT_ROUNDING = 64 * EPS
 """Largest error of a fit, relative to the largest value: what evaluation may leave."""
 _COARSEST = 1e-9
 """Largest relative error that rounding of the places may excuse: beyond it a function of unknown
 growth has a jump."""
-FIRST_PANELS = 4
+_FIRST_PANELS = 4
 MOST_PANELS = 2**18  # of a fit
 # width of a panel in parts of the whole, below which a function is taken to jump
-NARROWEST = 2.0**-50
+_NARROWEST = 2.0**-50
 # width of a panel that only a corner can call for, if few of its neighbours are as narrow
-DEEP = 2.0**-12
+_DEEP = 2.0**-12
 _SAME = 2.0**-40  # distance of two corners in parts of the whole, below which they are one
 _CLUSTER = 250  # panels that gather around one corner, at most
-PASSES = 6
-MOST_HALVINGS = 52  # of a panel, in search of zeros
+_PASSES = 6
+_MOST_HALVINGS = 52  # of a panel, in search of zeros
 # radii of discs around panels, in units of half their width, that may show what a fit can miss
-REACHES = (8.0, 4.0)
+_REACHES = (8.0, 4.0)
 # How close to an end a fit is checked, as long as corners are known roughly, and afterwards.
-SEARCH = 30
-FINAL = 42
+_SEARCH = 30
+_FINAL = 42
 
 
 @cache
@@ -79,10 +79,10 @@ def _checks(closest: int) -> tuple[Array, Array]:
     Next to the ends they come as close as 2^−closest, or a corner could hide between an end and the
     first point.
     """
-    even = (0.5 + np.arange(2 * DEGREE)) * 0.6180339887498949 % 1.0 * 2.0 - 1.0
+    even = (0.5 + np.arange(2 * _DEGREE)) * 0.6180339887498949 % 1.0 * 2.0 - 1.0
     near_end = 1.0 - 2.0 ** -np.arange(6.0, closest + 1.0, 4.0)
     points = np.concatenate([even, near_end, -near_end])
-    return points, chebvander(points, DEGREE)
+    return points, chebvander(points, _DEGREE)
 
 
 def values(c: Array, x: Array) -> Array:
@@ -184,8 +184,8 @@ def fit(
     whole = edges[-1] - edges[0]
     place = EPS * np.max(np.abs(edges))
     same = max(_SAME * whole, 1024.0 * place)
-    for _ in range(PASSES):
-        breaks, c, _ = _halve_until_resolved(function, edges, most, SEARCH, growth)
+    for _ in range(_PASSES):
+        breaks, c, _ = _halve_until_resolved(function, edges, most, _SEARCH, growth)
         corners = _corners(breaks)
         corners = corners[np.min(np.abs(corners[:, None] - edges), axis=1, initial=np.inf) > same]
         if not len(corners):
@@ -195,7 +195,7 @@ def fit(
                 )
             break
         edges = np.union1d(edges, corners)
-    closest = min(FINAL, int(np.log2(whole / (256.0 * place))))
+    closest = min(_FINAL, int(np.log2(whole / (256.0 * place))))
     breaks, c, noise = _halve_until_resolved(function, edges, most, closest, growth)
     size = np.max(np.abs(c), axis=1)
     used = np.flatnonzero(size > EPS * np.max(size))
@@ -218,8 +218,8 @@ def _halve_until_resolved(
             raise Unresolved(float(start[0]))
         middle = 0.5 * (start + end)
         half = 0.5 * (end - start)
-        sampled = function(middle + half * nodes(DEGREE + 1)[:, None])
-        c = transform(DEGREE + 1) @ sampled
+        sampled = function(middle + half * nodes(_DEGREE + 1)[:, None])
+        c = transform(_DEGREE + 1) @ sampled
         scale = max(scale, float(np.max(np.abs(sampled))))
         # A place is a rounded number, so a steep function is known no better than slope times
         # rounding; what grows without bound on every disc is a jump.
@@ -236,7 +236,7 @@ def _halve_until_resolved(
                 _missed(growth, start[resolved], end[resolved]) <= FIT_ROUNDING * scale
             )
         noise = max(noise, float(np.max(off[resolved], initial=0.0)))
-        resolved |= end - start <= np.maximum(NARROWEST * whole, 8.0 * np.spacing(np.abs(middle)))
+        resolved |= end - start <= np.maximum(_NARROWEST * whole, 8.0 * np.spacing(np.abs(middle)))
         done.append((start[resolved], c[:, resolved]))
         start = start[~resolved]
         middle = middle[~resolved]
@@ -257,15 +257,15 @@ def _missed(growth: Growth, start: Array, end: Array) -> Array:
     (2013), theorem 8.2).
     """
     least = np.full(len(start), np.inf)
-    for reach in REACHES:
+    for reach in _REACHES:
         rho = reach + np.sqrt(reach**2 - 1.0)
         bound = growth(start, end, 0.5 * reach * (end - start))
-        least = np.minimum(least, 4.0 * rho**-DEGREE / (rho - 1.0) * bound)
+        least = np.minimum(least, 4.0 * rho**-_DEGREE / (rho - 1.0) * bound)
     return least
 
 
 def _first_panels(edges: Array) -> tuple[Array, Array]:
-    even = np.linspace(edges[0], edges[-1], FIRST_PANELS + 1)
+    even = np.linspace(edges[0], edges[-1], _FIRST_PANELS + 1)
     # An even edge that nearly coincides with a given one would make a sliver.
     apart = np.min(np.abs(even[:, None] - edges), axis=1) > 1e-3 * (edges[-1] - edges[0])
     edges = np.union1d(edges, even[apart])
@@ -276,7 +276,7 @@ def _corners(breaks: Array) -> Array:
     """Places around which panels gather: the narrowest panel of each small cluster of narrow
     ones."""
     widths = np.diff(breaks)
-    narrow = np.concatenate([[False], widths < DEEP * (breaks[-1] - breaks[0]), [False]])
+    narrow = np.concatenate([[False], widths < _DEEP * (breaks[-1] - breaks[0]), [False]])
     runs = np.flatnonzero(narrow[1:] != narrow[:-1]).reshape(-1, 2)
     found = [
         first + np.argmin(widths[first:last]) for first, last in runs if last - first <= _CLUSTER
@@ -292,7 +292,7 @@ def _sharpened(
     i = np.searchsorted(breaks, corners)
     start = breaks[:-1]
     width = np.diff(breaks)
-    clear = np.minimum(width[i - 1], width[i]) > DEEP * (breaks[-1] - breaks[0])
+    clear = np.minimum(width[i - 1], width[i]) > _DEEP * (breaks[-1] - breaks[0])
     i = i[clear]
     low = breaks[i] - reach
     high = breaks[i] + reach
@@ -341,8 +341,8 @@ def _sign_changes(c: Array, halves: Array, negligible: float, panel: Array, x: A
     found = 0
     # What is still to be looked at: polynomials with middle and half width of their intervals, and
     # values at the ends, which neighbours share, so that no sign change falls between them.
-    stack = np.empty((MOST_HALVINGS + 2, m))
-    place = np.empty((MOST_HALVINGS + 2, 4))
+    stack = np.empty((_MOST_HALVINGS + 2, m))
+    place = np.empty((_MOST_HALVINGS + 2, 4))
     whole = np.empty(m)
     for p in range(c.shape[1]):
         stack[0] = c[:, p]
@@ -360,7 +360,7 @@ def _sign_changes(c: Array, halves: Array, negligible: float, panel: Array, x: A
             elif (
                 abs(b[1]) >= bend
                 or (abs(b[0]) + rest) * half <= negligible
-                or half <= 2.0**-MOST_HALVINGS
+                or half <= 2.0**-_MOST_HALVINGS
             ):
                 if (begin < 0.0) != (end < 0.0) and found < len(x):
                     panel[found] = p

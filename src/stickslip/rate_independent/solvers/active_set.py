@@ -23,11 +23,11 @@ from stickslip.arrays import Array
 from stickslip.machine_code import njit
 
 _ROUNDING = 16 * 2.2e-16  # of a sum of forces, relative to its largest terms
-FRESH = 200  # changes, besides ten per component, after which the factor is made anew
+_FRESH = 200  # changes, besides ten per component, after which the factor is made anew
 
 
 # Slots of Face.counts.
-MOVING, CHANGED = range(2)
+_MOVING, _CHANGED = range(2)
 
 
 class Face(NamedTuple):
@@ -100,7 +100,7 @@ def target(face: Face, r: Array, lower: Array, upper: Array, x: Array) -> None:
     """The minimiser x on the face of the given signs, 0 on resting components."""
     L = face.L
     order = face.order
-    m = face.counts[MOVING]
+    m = face.counts[_MOVING]
     for i in range(m):
         k = order[i]
         entry = r[k] - (upper[k] if face.sign[k] > 0 else lower[k])
@@ -124,11 +124,11 @@ def walk(face: Face, d: Array, x: Array) -> float:
             share = min(share, d[i] / (d[i] - x[i]))
     for i in range(len(d)):
         if share < 1.0 and sign[i] * x[i] < 0.0 and d[i] / (d[i] - x[i]) <= share:
-            leave_face(face.L, face.order, face.counts[MOVING], i)
+            leave_face(face.L, face.order, face.counts[_MOVING], i)
             d[i] = x[i] = 0.0
             sign[i] = 0
-            face.counts[MOVING] -= 1
-            face.counts[CHANGED] += 1
+            face.counts[_MOVING] -= 1
+            face.counts[_CHANGED] += 1
         else:
             d[i] = x[i] if share == 1.0 else d[i] + share * (x[i] - d[i])
     return share
@@ -138,7 +138,7 @@ def walk(face: Face, d: Array, x: Array) -> float:
 def release(face: Face, r: Array, lower: Array, upper: Array, noise: float, x: Array) -> None:
     """Let the resting components move whose forces are out of bounds at the minimiser of a face."""
     sign = face.sign
-    m = face.counts[MOVING]
+    m = face.counts[_MOVING]
     for i in range(len(x)):
         if sign[i] == 0:
             force = r[i]
@@ -151,9 +151,9 @@ def release(face: Face, r: Array, lower: Array, upper: Array, noise: float, x: A
     for i in range(len(x)):
         if abs(sign[i]) == 2:
             sign[i] //= 2
-            enter(face.A, face.L, face.order, face.counts[MOVING], i)
-            face.counts[MOVING] += 1
-            face.counts[CHANGED] += 1
+            enter(face.A, face.L, face.order, face.counts[_MOVING], i)
+            face.counts[_MOVING] += 1
+            face.counts[_CHANGED] += 1
 
 
 @njit(cache=True)
@@ -171,20 +171,20 @@ def solve_face(
     for i in range(n):
         d[i] = x[i] = 0.0
     while changes <= 1000 + 50 * n:
-        if count[CHANGED] > FRESH + 10 * n:
-            for i in range(count[MOVING]):
+        if count[_CHANGED] > _FRESH + 10 * n:
+            for i in range(count[_MOVING]):
                 enter(face.A, face.L, face.order, i, face.order[i])
-            count[CHANGED] = 0
-        before = count[CHANGED]
+            count[_CHANGED] = 0
+        before = count[_CHANGED]
         target(face, r, lower, upper, x)
         if walk(face, d, x) == 1.0:
             release(face, r, lower, upper, noise, x)
-        if count[CHANGED] == before:
+        if count[_CHANGED] == before:
             for i in range(n):
                 if abs(d[i]) * face.A[i, i] <= noise:
                     d[i] = 0.0
             return changes
-        changes += count[CHANGED] - before
+        changes += count[_CHANGED] - before
     return -1
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.evolution.evolution import Evolution
 
 _SMALL = 800  # rows up to which a sparse matrix is treated as a dense one
-SMALL_GROUPS = 100  # … with friction in groups
+_SMALL_GROUPS = 100  # … with friction in groups
 _BLOCK = 20_000  # numbers in one array of a block of multigrid steps
 _DENSE = 4000  # rows up to which one may be
 
@@ -52,7 +52,7 @@ def choose_solver(problem: Evolution, name: str | None, tolerance: float) -> Ste
     A, psi = problem.A, problem.dissipation
     together = problem.sets(np.array(problem.span[:1])).together
     if name is None:
-        many = problem.n > (_SMALL if together == 1 else SMALL_GROUPS)
+        many = problem.n > (_SMALL if together == 1 else _SMALL_GROUPS)
         name = "multigrid" if together and sparse.issparse(A) and many else "dense"
     if name == "multigrid" and together:
         return MultigridSteps(sparse.csr_array(A), together, tolerance)

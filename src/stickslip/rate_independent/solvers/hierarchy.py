@@ -13,7 +13,7 @@ from stickslip.rate_independent.solvers.smoothing import BlockRows, defect, gaus
 from stickslip.rate_independent.solvers.truncation import galerkin, gather, truncate
 
 _DENSE = 300  # unknowns up to which the last level is solved by a dense factorisation
-RIDGE = 1e-12  # added to a unit diagonal there: truncation can make coarse operators singular
+_RIDGE = 1e-12  # added to a unit diagonal there: truncation can make coarse operators singular
 
 
 @dataclass(eq=False)
@@ -87,7 +87,7 @@ class Factor:
         diagonal = np.diagonal(H)
         scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         H *= np.outer(scale, scale)
-        ridge = RIDGE
+        ridge = _RIDGE
         while True:
             np.fill_diagonal(H, 1.0 + ridge)
             try:

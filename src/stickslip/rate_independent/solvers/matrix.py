@@ -10,7 +10,7 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 
 # rows up to which a sparse matrix is factorised to see whether it is positive definite
-DECIDED = 20_000
+_DECIDED = 20_000
 
 
 def checked_matrix(given: Any) -> Any:
@@ -98,7 +98,7 @@ def _check_definite_sparse(A: Any, diagonal: Array) -> None:
     ones = np.ones(n)
     if ones @ (A @ ones) <= noise * n:
         raise _indefinite("a translation of all components costs no energy")
-    if n <= DECIDED:
+    if n <= _DECIDED:
         options = {"SymmetricMode": True}
         try:
             factors = splu(

@@ -42,11 +42,11 @@ from stickslip.rate_independent.solvers.smoothing import (
 # reduction of the gradient asked of the linear solver before the nodes at rest are looked at again
 _NEWTON = 0.1
 _LINE = 0.1  # reduction of the derivative along a correction
-NESTED = 0.1  # reduction of the residual on coarser levels,
-NESTED_CYCLES = 4  # within so many cycles
+_NESTED = 0.1  # reduction of the residual on coarser levels,
+_NESTED_CYCLES = 4  # within so many cycles
 # of the residual of d = 0: a given start that is not better than that loses against nested
 # iteration
-GOOD_START = 0.01
+_GOOD_START = 0.01
 
 
 class StepOutcome(Enum):
@@ -193,7 +193,7 @@ class Multigrid:
             d = checked_vector(given, "start", law.r.size).reshape(law.r.shape).copy()
             at_start, _ = forces(finest.A, *law, d, finest.rest)
             at_rest, _ = forces(finest.A, *law, np.zeros_like(d), finest.rest)
-            if at_start <= GOOD_START * at_rest:
+            if at_start <= _GOOD_START * at_rest:
                 return d
         return self._from_below(0, law)
 
@@ -214,7 +214,7 @@ class Multigrid:
         inner = Law(R @ law.r, weights @ law.lower, weights @ law.upper)
         d = self._from_below(depth + 1, inner)
         at_rest, _ = forces(coarse.A, *inner, np.zeros_like(d), coarse.rest)
-        self._descend(depth + 1, inner, d, NESTED * at_rest, NESTED_CYCLES)
+        self._descend(depth + 1, inner, d, _NESTED * at_rest, _NESTED_CYCLES)
         return R.T @ d
 
     def _descend(

@@ -31,12 +31,12 @@ from stickslip.symbolic.expressions import is_number, number
 from stickslip.symbolic.formulas import Scope
 
 SAMPLES = ("sobol", "halton", "latin", "random")
-SPACINGS = ("linear", "log", "list", *SAMPLES)
-SAME = 1e-12  # values of two axes that differ by less, relative to the largest, are one value
-MOST_VALUES = 10**8  # of one axis
-MOST_POINTS = 10**9  # of a map
-FORM = "Write it like 0.8:1.6:400, log:0.01:0.2:300, or 1,2,5"
-SAMPLE_FORM = "Write it like sobol:1024; 0.8:1.6; log:0.01:0.2"
+_SPACINGS = ("linear", "log", "list", *SAMPLES)
+_SAME = 1e-12  # values of two axes that differ by less, relative to the largest, are one value
+_MOST_VALUES = 10**8  # of one axis
+_MOST_POINTS = 10**9  # of a map
+_FORM = "Write it like 0.8:1.6:400, log:0.01:0.2:300, or 1,2,5"
+_SAMPLE_FORM = "Write it like sobol:1024; 0.8:1.6; log:0.01:0.2"
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ class Axis:
     def positions(self, other: Axis) -> Array:
         """Where the values of another axis of the same names stand on this one; −1 for those that
         do not."""
-        reach = SAME * np.maximum(
+        reach = _SAME * np.maximum(
             np.max(np.abs(self.values), axis=1), np.max(np.abs(other.values), axis=1)
         )
         order = np.argsort(self.values[0], kind="stable")
@@ -96,7 +96,7 @@ class Axis:
         if self.names != other.names or len(self) != len(other):
             return False
         scale = np.max(np.abs(self.values), axis=1, initial=0.0, keepdims=True)
-        return bool(np.all(np.abs(self.values - other.values) <= SAME * scale))
+        return bool(np.all(np.abs(self.values - other.values) <= _SAME * scale))
 
 
 def read_axes(
@@ -132,9 +132,9 @@ def read_axes(
     for axis in axes:
         _check_values(system, axis)
     _check_corners(system, axes)
-    if math.prod(len(axis) for axis in axes) > MOST_POINTS:
+    if math.prod(len(axis) for axis in axes) > _MOST_POINTS:
         raise DeclarationError(
-            "over", f"the map has more than {MOST_POINTS:,} points", "Give fewer values"
+            "over", f"the map has more than {_MOST_POINTS:,} points", "Give fewer values"
         )
     return axes
 
@@ -150,7 +150,7 @@ def _once(texts: Sequence[str]) -> Sequence[str]:
 def _split(text: str) -> tuple[str, str]:
     names, equals, values = text.partition("=")
     if not (names.strip() and equals and values.strip()):
-        raise DeclarationError(f"over {short(text)}", "not of the form NAME=VALUES", FORM)
+        raise DeclarationError(f"over {short(text)}", "not of the form NAME=VALUES", _FORM)
     return names, values
 
 
@@ -163,7 +163,7 @@ def _axis(key: str, given: Any, seed: int) -> Axis:
         values = np.array(given, dtype=float)
     except (TypeError, ValueError):
         raise DeclarationError(
-            where, "its values are not numbers", f"Give numbers, or a text. {FORM}"
+            where, "its values are not numbers", f"Give numbers, or a text. {_FORM}"
         ) from None
     return _table(names, np.atleast_2d(values), "list", where)
 
@@ -191,9 +191,9 @@ def _column(text: str, where: str) -> tuple[Array, str]:
     """Values of a text, and their spacing."""
     if ":" not in text:
         return np.array([_number(part, where) for part in text.split(",")]), "list"
-    low, high, rest, spacing = _interval(text, where, FORM)
+    low, high, rest, spacing = _interval(text, where, _FORM)
     if len(rest) != 1:
-        raise DeclarationError(where, f"'{short(text)}' is not a range", FORM)
+        raise DeclarationError(where, f"'{short(text)}' is not a range", _FORM)
     count = _count(rest[0], where)
     if count == 1 and low != high:
         raise DeclarationError(
@@ -222,16 +222,16 @@ def _sample(names: tuple[str, ...], kind: str, parts: list[str], where: str, see
     head = parts[0].split(":")
     if len(head) != 2 or len(parts) != 1 + len(names):
         raise DeclarationError(
-            where, f"a sample of {len(names)} names needs its number and their bounds", SAMPLE_FORM
+            where, f"a sample of {len(names)} names needs its number and their bounds", _SAMPLE_FORM
         )
     count = _count(head[1], where)
     values = np.empty((len(names), count))
     for i, (unit, text) in enumerate(
         zip(_unit_sample(kind, len(names), count, seed), parts[1:], strict=True)
     ):
-        low, high, rest, spacing = _interval(text, where, SAMPLE_FORM)
+        low, high, rest, spacing = _interval(text, where, _SAMPLE_FORM)
         if rest:
-            raise DeclarationError(where, f"'{short(text)}' has a number too many", SAMPLE_FORM)
+            raise DeclarationError(where, f"'{short(text)}' has a number too many", _SAMPLE_FORM)
         inside = low * (high / low) ** unit if spacing == "log" else low + (high - low) * unit
         values[i] = np.clip(inside, min(low, high), max(low, high))
     return _table(names, values, kind, where)
@@ -262,22 +262,22 @@ def _number(text: str, where: str) -> float:
     except DeclarationError:
         value = None
     if value is None or not is_number(value) or not math.isfinite(number(value)):
-        raise DeclarationError(where, f"'{short(text)}' is not a number", FORM)
+        raise DeclarationError(where, f"'{short(text)}' is not a number", _FORM)
     return number(value)
 
 
 def _count(text: str, where: str) -> int:
     text = text.strip()
-    if not text.isdecimal() or not 1 <= int(text[:12]) <= MOST_VALUES:
+    if not text.isdecimal() or not 1 <= int(text[:12]) <= _MOST_VALUES:
         reason = f"'{short(text)}' is not a number of points"
-        raise DeclarationError(where, reason, f"Give a whole number from 1 to {MOST_VALUES:,}")
+        raise DeclarationError(where, reason, f"Give a whole number from 1 to {_MOST_VALUES:,}")
     return int(text)
 
 
 def _table(names: tuple[str, ...], values: Array, spacing: str, where: str) -> Axis:
     if values.ndim != 2 or len(values) != len(names):
         raise DeclarationError(
-            where, f"not one list of values for each of {len(names)} names", FORM
+            where, f"not one list of values for each of {len(names)} names", _FORM
         )
     if values.shape[1] == 0:
         raise DeclarationError(where, "there are no points", "Give at least one value")
@@ -374,15 +374,15 @@ class Grid:
         }
 
 
-CHUNK_POINTS = 4096  # of the largest chunks
+_CHUNK_POINTS = 4096  # of the largest chunks
 FEWEST = 64  # of the smallest that are worth a file
-PARTS = 64  # chunks that a map of medium size is divided into
+_PARTS = 64  # chunks that a map of medium size is divided into
 
 
 def make_grid(axes: Sequence[Axis]) -> Grid:
     """The grid of some axes; its chunks are as even in all directions as they can be."""
     chunk = [len(axis) for axis in axes]
-    target = min(CHUNK_POINTS, max(FEWEST, math.prod(chunk) // PARTS))
+    target = min(_CHUNK_POINTS, max(FEWEST, math.prod(chunk) // _PARTS))
     while math.prod(chunk) > target:
         longest = max(range(len(chunk)), key=chunk.__getitem__)
         chunk[longest] = -(-chunk[longest] // 2)

@@ -36,11 +36,11 @@ if TYPE_CHECKING:
     from stickslip.motion.problem import Problem
 
 
-THREADS = 64  # of a CUDA block
-ROOM = 16  # knots that are measured at a time
-LIBDEVICE = ("floor", "fma")  # what numba-cuda does not know by the names that the code uses
-SIMULATED: bool = config.ENABLE_CUDASIM  # pyright: ignore[reportAttributeAccessIssue]
-TURNS = 256  # marks after which a motion lets the host look whether to go on
+_THREADS = 64  # of a CUDA block
+_ROOM = 16  # knots that are measured at a time
+_LIBDEVICE = ("floor", "fma")  # what numba-cuda does not know by the names that the code uses
+_SIMULATED: bool = config.ENABLE_CUDASIM  # pyright: ignore[reportAttributeAccessIssue]
+_TURNS = 256  # marks after which a motion lets the host look whether to go on
 
 
 def check_device() -> None:
@@ -50,7 +50,7 @@ def check_device() -> None:
     ------
     DeclarationError
     """
-    if not SIMULATED and find_spec("numba_cuda") is None:
+    if not _SIMULATED and find_spec("numba_cuda") is None:
         raise DeclarationError(
             "device", "numba-cuda, which drives the GPU, is not installed", "Install stickslip[gpu]"
         )
@@ -71,7 +71,7 @@ def lanes_on_device(problem: Problem, settings: Settings) -> int:
         problem.empty_forms(1, SLOTS),
         problem.space(),
         problem.flight(),
-        make_bench(problem, ROOM),
+        make_bench(problem, _ROOM),
         marks,
     )
     sizes: list[int] = []
@@ -96,11 +96,11 @@ class OnDevice:
         here = block.engine(block.lanes)
         self.kernels = _kernels(*here.machine)
         rules = block.rules._replace(
-            most=np.array([*block.rules.most[:2], TURNS, block.rules.most[3]])
+            most=np.array([*block.rules.most[:2], _TURNS, block.rules.most[3]])
         )
         space, flight, bench = (
             each(self._for_all, part)
-            for part in (here.flow.space, here.flight, make_bench(block.problem, ROOM))
+            for part in (here.flow.space, here.flight, make_bench(block.problem, _ROOM))
         )
         # Machine code is part of the kernels.
         shared = here._replace(machine=0, flow=here.flow._replace(space=0), flight=0)
@@ -167,7 +167,7 @@ class OnDevice:
         self.marks.numbers.copy_to_device(marks.numbers)
         self.marks.frame.copy_to_device(marks.frame)
         engines = [there for _, there in involved]
-        kernel[-(-self.count // THREADS), THREADS](
+        kernel[-(-self.count // _THREADS), _THREADS](
             *engines, self.marks, self.rules, self.saved, self.bench, self.found, self.stop
         )
         for lanes, there in involved:
@@ -194,7 +194,7 @@ class OnDevice:
                 width = part.size // len(part)
                 new = cuda.to_device(part[rows].reshape(len(rows), width))
                 scatter = _scatter()
-                scatter[-(-new.size // THREADS), THREADS](
+                scatter[-(-new.size // _THREADS), _THREADS](
                     there.reshape(len(part), width), new, index
                 )
         self.engine.forms.used.copy_to_device(forms.used)
@@ -238,7 +238,7 @@ def _there(name: str, value: Any, names: tuple[str, ...]) -> Any:
         return value
     if isinstance(value, Dispatcher):
         return ported(value)
-    if name in LIBDEVICE and callable(value) and not SIMULATED:
+    if name in _LIBDEVICE and callable(value) and not _SIMULATED:
         return getattr(cuda.libdevice, name)  # pyright: ignore[reportAttributeAccessIssue]
     if value is np or (isinstance(value, ModuleType) and value.__name__.startswith("stickslip.")):
         module = ModuleType(value.__name__)

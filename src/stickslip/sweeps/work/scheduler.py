@@ -33,12 +33,12 @@ from stickslip.progress import Stopped
 
 T = TypeVar("T")
 R = TypeVar("R")
-CHANCES = 4  # workers that may die over one task before the task is to blame
-AHEAD = 2  # tasks that are handed out for each worker
+_CHANCES = 4  # workers that may die over one task before the task is to blame
+_AHEAD = 2  # tasks that are handed out for each worker
 PATIENCE = 10.0  # seconds that a cluster has to answer
 # seconds after which a wish to stop is noticed, and that tasks under way then have to end
-PULSE = 0.25
-LOCAL = ("threads", "processes")
+_PULSE = 0.25
+_LOCAL = ("threads", "processes")
 
 
 class Stop:
@@ -121,7 +121,7 @@ class Pool:
         self._executor: Executor | None = None
 
     def __enter__(self) -> Pool:
-        if self.scheduler not in LOCAL:
+        if self.scheduler not in _LOCAL:
             self._client = _client(self.scheduler)
         return self
 
@@ -279,7 +279,7 @@ def distribute(
     pending: dict[Future[R | None], tuple[T, Executor]] = {}
     last = False
     while True:
-        most = AHEAD * pool.width
+        most = _AHEAD * pool.width
         while not stop.wished and len(pending) < most:
             task = again.pop() if again else next(source, None)
             if task is None:
@@ -294,7 +294,7 @@ def distribute(
         if last:
             pool.give_up()
         for future in wait(
-            pending, timeout=PULSE, return_when=ALL_COMPLETED if last else FIRST_COMPLETED
+            pending, timeout=_PULSE, return_when=ALL_COMPLETED if last else FIRST_COMPLETED
         ).done:
             task, executor = pending.pop(future)
             try:
@@ -304,7 +304,7 @@ def distribute(
                     raise
                 again.append(task)
                 lost[id(task)] = lost.get(id(task), 0) + 1
-                if lost[id(task)] >= CHANCES:
+                if lost[id(task)] >= _CHANCES:
                     raise _fatal(error) from None
                 if isinstance(error, BrokenExecutor):
                     pool.close(executor)
@@ -321,5 +321,5 @@ def _worker_died(error: Exception) -> bool:
 def _fatal(error: Exception) -> StickslipError:
     reason = " ".join(str(error).split()) or type(error).__name__
     return StickslipError(
-        f"workers died {CHANCES} times over the same chunk ({reason}). Give them more memory"
+        f"workers died {_CHANCES} times over the same chunk ({reason}). Give them more memory"
     )

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 from stickslip.motion.steps.arrays import (
     DIMENSION,
@@ -32,11 +33,9 @@ from stickslip.orbits.settling.engine.tables import (
     Rules,
 )
 
-Array = np.ndarray
-
-TURNS = 64  # stretches in which the growth of a small change is followed
-SKIPPED = 32  # of them that are not counted at first
-CHANGE = 1e-7  # of the size of the motion
+_TURNS = 64  # stretches in which the growth of a small change is followed
+_SKIPPED = 32  # of them that are not counted at first
+_CHANGE = 1e-7  # of the size of the motion
 
 
 @njit(**OPTIONS)
@@ -116,9 +115,9 @@ def grow_apart(
             follow(e, i, t, rules.most[1], UNRECORDED, bench.record)
         copy_lane(s, i, w, i)
         for r in range(n):
-            w.y[i, r] += CHANGE * size[r] * math.cos(1.0 + r) if r < first or r >= last else 0.0
+            w.y[i, r] += _CHANGE * size[r] * math.cos(1.0 + r) if r < first or r >= last else 0.0
         total = 0.0
-        for turn in range(TURNS):
+        for turn in range(_TURNS):
             if stop[0] != 0:
                 return False
             t += stretch
@@ -134,13 +133,13 @@ def grow_apart(
             if apart == 0.0:
                 total = -np.inf
                 break
-            total += math.log(apart / CHANGE) if turn >= SKIPPED else 0.0
+            total += math.log(apart / _CHANGE) if turn >= _SKIPPED else 0.0
             for r in range(n):
-                w.y[i, r] = s.y[i, r] + (w.y[i, r] - s.y[i, r]) * CHANGE / apart
+                w.y[i, r] = s.y[i, r] + (w.y[i, r] - s.y[i, r]) * _CHANGE / apart
         if e.codes[i] == NEED or twin.codes[i] == NEED:
             return False
         if e.codes[i] == FINISHED and twin.codes[i] == FINISHED:
-            exponent[i] = total / ((TURNS - SKIPPED) * stretch)
+            exponent[i] = total / ((_TURNS - _SKIPPED) * stretch)
             return True
     exponent[i] = np.nan
     return True

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 from stickslip.motion.between.step_balance import (
     ENERGY_BALANCE,
@@ -90,16 +91,14 @@ from stickslip.orbits.settling.engine.tables import (
     Sums,
 )
 
-Array = np.ndarray
-
-AWRY = 1e-6  # a cycle that fails to close by more is none
-FELT = 1e-4  # … and neither is one, or a rest, in which the forces change by more
-FORGOTTEN = -9  # kind of a mark
-ROUNDED = 1e3  # local tolerances that the states of a motion are known to
-PARTS = 31  # of a period, at most, that are tried
-SAMPLES = 8  # states at which they are compared
-SMALL = 1e-3  # part of its modulus that is the least size of a component
-STILL = 1e-12  # … and that it may change by at rest
+_AWRY = 1e-6  # a cycle that fails to close by more is none
+_FELT = 1e-4  # … and neither is one, or a rest, in which the forces change by more
+_FORGOTTEN = -9  # kind of a mark
+_ROUNDED = 1e3  # local tolerances that the states of a motion are known to
+_PARTS = 31  # of a period, at most, that are tried
+_SAMPLES = 8  # states at which they are compared
+_SMALL = 1e-3  # part of its modulus that is the least size of a component
+_STILL = 1e-12  # … and that it may change by at rest
 
 
 @njit(**INLINED)
@@ -200,11 +199,11 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
         return False
     # A period later everything is rounded as it was, if the clock has been set back; a part of it
     # later it is not.
-    limit = max(told_apart(m, i), ROUNDED * e.flow.tol)
-    while p <= PARTS:
+    limit = max(told_apart(m, i), _ROUNDED * e.flow.tol)
+    while p <= _PARTS:
         part = real[DURATION] / p
         off = 0.0
-        for j in range(p * SAMPLES):
+        for j in range(p * _SAMPLES):
             # the b-th return to the a-th state
             a = j // p
             b = j % p
@@ -215,7 +214,7 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
             follow(
                 e,
                 i,
-                real[START] + part * (a / SAMPLES + b),
+                real[START] + part * (a / _SAMPLES + b),
                 rules.most[1],
                 UNRECORDED,
                 bench.record,
@@ -277,8 +276,8 @@ def moves(rules: Rules, bench: Bench, largest: Array, known: bool) -> float:
         if known and not shifted:
             extent = max(extent, largest[r] - modulus)
             modulus = max(modulus, largest[r])
-        ends[2, r] = max(0.5 * extent, SMALL * modulus)
-        beyond = extent - 2.0 * rules.real[4] - STILL * modulus
+        ends[2, r] = max(0.5 * extent, _SMALL * modulus)
+        beyond = extent - 2.0 * rules.real[4] - _STILL * modulus
         if beyond > 0.0:
             worst = max(worst, beyond / modulus)
     return worst
@@ -414,7 +413,7 @@ def conclude(e: Engine, bench: Bench, audit: Array) -> None:
 @njit(**OPTIONS)
 def deceives(outcome: int, change: float, closure: float) -> bool:
     """Whether the state came back, but what drives it did not: a load that does not repeat."""
-    return outcome in (AT_REST, PERIODIC, STEADY) and (change > FELT or closure > AWRY)
+    return outcome in (AT_REST, PERIODIC, STEADY) and (change > _FELT or closure > _AWRY)
 
 
 @njit(**OPTIONS)
@@ -422,7 +421,7 @@ def forget(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
     """Forget all marks of a lane, which goes on from where it is; a driven one from its last
     mark."""
     for j in range(m.kind.shape[1]):
-        m.kind[i, j] = FORGOTTEN
+        m.kind[i, j] = _FORGOTTEN
     if m.drive[i] > 0.0:
         copy_lane(saved, i, lanes, i)
     m.numbers[i, TRUE], m.numbers[i, PENDING] = -1, 0

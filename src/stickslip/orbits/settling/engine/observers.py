@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 from stickslip.motion.between.nodes import NODES as GAUSS_NODES
 from stickslip.motion.between.nodes import WEIGHTS as GAUSS_WEIGHTS
@@ -27,12 +28,10 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.stiff import follow
 from stickslip.orbits.settling.engine.tables import LASTED, STUCK, Sums
 
-Array = np.ndarray
-
-LEFT, WIDTH = 33, 34  # of an interval, behind its Bernstein coefficients
-DEEPEST = 40  # halvings
-ROUNDED = 1e-15  # part of the terms of a polynomial that its value is known to
-FLAT = 1e-9  # part of a bracket within which an extremum is known
+_LEFT, _WIDTH = 33, 34  # of an interval, behind its Bernstein coefficients
+_DEEPEST = 40  # halvings
+_ROUNDED = 1e-15  # part of the terms of a polynomial that its value is known to
+_FLAT = 1e-9  # part of a bracket within which an extremum is known
 
 
 @njit(**OPTIONS)
@@ -68,12 +67,12 @@ def widen(c: Array, d: int, h: float, low: float, high: float, stack: Array) -> 
         x *= h
         stack[1, k] = c[k] * x
         reach += abs(stack[1, k])
-    floor = ROUNDED * (abs(c[0]) + reach)  # rounding turns everywhere
+    floor = _ROUNDED * (abs(c[0]) + reach)  # rounding turns everywhere
     if c[0] - reach >= low - floor and c[0] + reach <= high + floor:
         return low, high
     stack[1, 0] = c[0]
     lowest(stack[1], d, stack[0], stack[2])
-    stack[0, LEFT], stack[0, WIDTH] = 0.0, 1.0
+    stack[0, _LEFT], stack[0, _WIDTH] = 0.0, 1.0
     depth = 0
     while depth >= 0:
         b = stack[depth]
@@ -87,10 +86,10 @@ def widen(c: Array, d: int, h: float, low: float, high: float, stack: Array) -> 
             if step * sense < 0.0:
                 changes += 1
             sense = step if step != 0.0 else sense
-        left, width = b[LEFT], b[WIDTH]
+        left, width = b[_LEFT], b[_WIDTH]
         if changes == 0 or (low - floor <= least and most <= high + floor):
             depth -= 1
-        elif changes == 1 or depth == DEEPEST:
+        elif changes == 1 or depth == _DEEPEST:
             value = horner(c, d, turn(c, d, h * left, h * (left + width), sense > 0.0))
             low, high = min(low, value), max(high, value)
             depth -= 1
@@ -118,7 +117,7 @@ def turn(c: Array, d: int, a: float, b: float, rising: bool) -> float:
         if not a < new < b:
             new = 0.5 * (a + b)
         # A value at its extremum does not feel the last half of the digits.
-        if abs(new - x) <= FLAT * (b - a) or not a < new < b:
+        if abs(new - x) <= _FLAT * (b - a) or not a < new < b:
             return new
         x = new
     return x

@@ -19,6 +19,7 @@ import math
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 from stickslip.motion.engine.modes import copy
 from stickslip.motion.steps.arrays import INLINED, OPTIONS
@@ -40,20 +41,18 @@ from stickslip.orbits.settling.engine.tables import (
     Rules,
 )
 
-Array = np.ndarray
-
-PRIME = 2305843009213693951  # 2⁶¹ − 1: thrice as much still fits into an integer
+_PRIME = 2305843009213693951  # 2⁶¹ − 1: thrice as much still fits into an integer
 UNKNOWN = -8  # kind of a mark whose mode has not begun
-SURE = 1e-4  # of the tolerance: a miss that needs no factor
-SHRUNK = 0.98  # of the least miss: a return that has come nearer
+_SURE = 1e-4  # of the tolerance: a miss that needs no factor
+_SHRUNK = 0.98  # of the least miss: a return that has come nearer
 PATIENCE = 16  # returns that may come without one that is nearer
-CLOSED = 1e-11  # a return closes if it misses by this
-TOLD_APART = 1e3  # … or by so many times what the cycle does
+_CLOSED = 1e-11  # a return closes if it misses by this
+_TOLD_APART = 1e3  # … or by so many times what the cycle does
 # … or by so many times what the cycle may be away: next to a period doubling that is much more
-DOUBLED = 10.0
-EXACT = 1e-15  # a miss that is none
-FINEST = 1e-3  # part of the tolerance `atol` that counts for a polished cycle
-DEPENDENT = 1e-7  # part of a vector that others leave of it, below which it is one of them
+_DOUBLED = 10.0
+_EXACT = 1e-15  # a miss that is none
+_FINEST = 1e-3  # part of the tolerance `atol` that counts for a polished cycle
+_DEPENDENT = 1e-7  # part of a vector that others leave of it, below which it is one of them
 
 
 @njit(**INLINED)
@@ -65,9 +64,9 @@ def kind_of(mode: Array, region: Array, fired: int) -> int:
     """
     kind = 1
     for c in range(len(mode)):
-        kind = (3 * kind + mode[c] + 1) % PRIME
+        kind = (3 * kind + mode[c] + 1) % _PRIME
     for j in range(len(region)):
-        kind = (3 * kind + (1 - region[j] if j == fired else region[j])) % PRIME
+        kind = (3 * kind + (1 - region[j] if j == fired else region[j])) % _PRIME
     return kind
 
 
@@ -151,7 +150,7 @@ def distance(m: Marks, rules: Rules, i: int, back: int, work: Array) -> float:
         rules.shifts,
         work,
     )
-    return miss(work, m.size[i], rules.real[4] * (FINEST if m.numbers[i, LEAPT] > 0 else 1.0))
+    return miss(work, m.size[i], rules.real[4] * (_FINEST if m.numbers[i, LEAPT] > 0 else 1.0))
 
 
 @njit(**INLINED)
@@ -183,7 +182,7 @@ def look_back(m: Marks, rules: Rules, i: int, work: Array) -> float:
     if numbers[TRUE] >= lag:
         numbers[SAME] += 1
         numbers[STALLED] += 1
-        if d < SHRUNK * real[LEAST]:
+        if d < _SHRUNK * real[LEAST]:
             real[LEAST] = d
             numbers[STALLED] = 0
     return d
@@ -222,7 +221,7 @@ def has_settled(m: Marks, rules: Rules, i: int, d: float) -> bool:
         before = m.miss[i, (numbers[COUNT] - 1 - returns * lag) % ring]
         q = (d / before) ** (1.0 / returns) if before > 0.0 else 0.0
     m.real[i, STRETCH] = 1.0 / (1.0 - q) if q < 1.0 else 1.0
-    if d <= SURE * rules.real[3]:
+    if d <= _SURE * rules.real[3]:
         return True
     return returns > 0 and q < 1.0 and d <= (1.0 - q) * rules.real[3]
 
@@ -252,7 +251,7 @@ def extrapolate(
         largest = 0.0
         for j in range(k + 1):
             largest = max(largest, abs(work[j, r]))
-        weight = 1.0 / size[r] if largest > FINEST * rules.real[4] else 0.0
+        weight = 1.0 / size[r] if largest > _FINEST * rules.real[4] else 0.0
         work[7, r] = weight * work[0, r]
         for j in range(k):
             work[4 + j, r] = weight * (work[0, r] - (work[j + 1, r] - work[j, r]))
@@ -263,7 +262,7 @@ def extrapolate(
         for b in range(a):
             fit[b, a] = remove_part(column, work[4 + b])
         left = norm(column)
-        fit[a, a] = left if left > DEPENDENT * before else 0.0
+        fit[a, a] = left if left > _DEPENDENT * before else 0.0
         for r in range(n):
             column[r] = column[r] / left if fit[a, a] > 0.0 else 0.0
         fit[a, 3] = remove_part(work[7], column)
@@ -304,7 +303,7 @@ def told_apart(m: Marks, i: int) -> float:
     """Miss above which a return is none: what a polished cycle misses by says how well it is
     known."""
     floor = m.real[i, FLOOR]
-    return max(CLOSED, TOLD_APART * floor, DOUBLED * m.real[i, STRETCH] * max(floor, EXACT))
+    return max(_CLOSED, _TOLD_APART * floor, _DOUBLED * m.real[i, STRETCH] * max(floor, _EXACT))
 
 
 @njit(**OPTIONS)

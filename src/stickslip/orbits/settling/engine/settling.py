@@ -25,6 +25,7 @@ from typing import cast
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code import njit
 from stickslip.motion.engine.event_loop import integrate
 from stickslip.motion.engine.guards import resting
@@ -103,34 +104,32 @@ from stickslip.orbits.settling.engine.tables import (
     Rules,
 )
 
-Array = np.ndarray
-
 AT_REST = int(Outcome.AT_REST.code)
 PERIODIC = int(Outcome.PERIODIC.code)
 STEADY = int(Outcome.STEADY.code)
 NOT_SETTLED = int(Outcome.NOT_SETTLED.code)
-NOTHING_YET = -1  # outcome of a motion whose fate the host is asked for
+_NOTHING_YET = -1  # outcome of a motion whose fate the host is asked for
 # Of NumPy's type: numba would compile the event loop a second time for literals.
 RECORDED = cast(bool, np.bool_(True))
 UNRECORDED = cast(bool, np.bool_(False))
 
-GO_ON = 0  # what is done after a mark
-CARRIED = 1
-SETTLED = 2
-COINCIDENT = 1e-10  # of the time between looks: events that are one mark
+_GO_ON = 0  # what is done after a mark
+_CARRIED = 1
+_SETTLED = 2
+_COINCIDENT = 1e-10  # of the time between looks: events that are one mark
 # first periods of a drive in which a look between marks sees what vanishes at them
-GROWING = 8
-HALFWAY = 0.618  # of a period: how long before the mark that look is
-FADED = 100.0  # tolerances that an oscillation may still be away from an equilibrium
-LEAP = 1e-2  # largest size of what a slow return is carried on by
-SLOW = 0.6  # factors above this are slow
-STRAIGHT = 0.1  # how much of what remains of a return may be out of line
-NEAREST = 1e-14  # a miss that is rounding
-FITS = 0.1  # part of a return that its combination may leave over
-MOST_RETURNS = 3  # that are combined
-MOST_LEAPS = 8  # that polishing may take
-MOST_POLISHED = 24  # returns that polishing may take
-WIDER = 1.25  # of a period: in which a smooth motion that is polished comes back
+_GROWING = 8
+_HALFWAY = 0.618  # of a period: how long before the mark that look is
+_FADED = 100.0  # tolerances that an oscillation may still be away from an equilibrium
+_LEAP = 1e-2  # largest size of what a slow return is carried on by
+_SLOW = 0.6  # factors above this are slow
+_STRAIGHT = 0.1  # how much of what remains of a return may be out of line
+_NEAREST = 1e-14  # a miss that is rounding
+_FITS = 0.1  # part of a return that its combination may leave over
+_MOST_RETURNS = 3  # that are combined
+_MOST_LEAPS = 8  # that polishing may take
+_MOST_POLISHED = 24  # returns that polishing may take
+_WIDER = 1.25  # of a period: in which a smooth motion that is polished comes back
 
 
 @njit(**INLINED)
@@ -225,21 +224,21 @@ def settle(
                 continue
             m.outcome[i], numbers[PHASE] = code, DONE
             return
-        verdict = cross_plane(e, m, rules, saved, bench, i, count) if smooth else GO_ON
-        if verdict == GO_ON and code != FULL:
+        verdict = cross_plane(e, m, rules, saved, bench, i, count) if smooth else _GO_ON
+        if verdict == _GO_ON and code != FULL:
             if is_due(m, rules, s, saved, i, happened, bench.work[0]):
                 verdict = consider(m, rules, s, saved, bench.work, bench.fit, i)
-            if verdict == GO_ON and happened:
+            if verdict == _GO_ON and happened:
                 put_mark(m, rules, s, saved, i)
-            elif verdict == GO_ON:
+            elif verdict == _GO_ON:
                 verdict = look_around(e, m, rules, saved, bench, i)
-        if verdict == SETTLED:
+        if verdict == _SETTLED:
             if drive > 0.0 or m.outcome[i] != PERIODIC:
                 return
             # An oscillation that has died out returns, too.
             copy_lane(saved, i, s, i)
             if not dies_out(
-                e, m, rules, i, FADED * rules.real[3], m.real[i, DURATION], bench.work[0]
+                e, m, rules, i, _FADED * rules.real[3], m.real[i, DURATION], bench.work[0]
             ):
                 return
             take_back(m, s, saved, i)
@@ -292,15 +291,15 @@ def next_stop(m: Marks, rules: Rules, i: int, t: float) -> float:
     count = m.numbers[i, COUNT]
     if drive > 0.0:
         mark = next_mark(m, rules, i)
-        halfway = mark - HALFWAY * drive
-        return halfway if 0 < count <= GROWING and t < halfway - 1e-3 * drive else mark
+        halfway = mark - _HALFWAY * drive
+        return halfway if 0 < count <= _GROWING and t < halfway - 1e-3 * drive else mark
     target = start + look * (math.floor((t - start) / look + 1e-9) + 1.0)
     lag = m.numbers[i, LAG]
     ring = m.time.shape[1]
     if m.numbers[i, SMOOTH] == 1 and m.numbers[i, LEAPT] > 0:
         target = min(
             target,
-            t + WIDER * (m.time[i, (count - 1) % ring] - m.time[i, (count - 1 - lag) % ring]),
+            t + _WIDER * (m.time[i, (count - 1) % ring] - m.time[i, (count - 1 - lag) % ring]),
         )
     return target
 
@@ -316,7 +315,7 @@ def is_due(
     y = lanes.y[i]
     grow(m, rules, i, t, y, work)
     if m.drive[i] > 0.0:
-        if t < next_mark(m, rules, i) - 0.5 * HALFWAY * m.drive[i]:
+        if t < next_mark(m, rules, i) - 0.5 * _HALFWAY * m.drive[i]:
             return False  # between two marks
         if not rules.timed:
             lanes.clock[i, NOW] = rules.real[0]
@@ -325,7 +324,7 @@ def is_due(
         copy_lane(lanes, i, saved, i)
         return True
     last = (numbers[COUNT] - 1) % m.time.shape[1]
-    if numbers[PENDING] == 0 or (happened and t - m.time[i, last] <= COINCIDENT * rules.real[2]):
+    if numbers[PENDING] == 0 or (happened and t - m.time[i, last] <= _COINCIDENT * rules.real[2]):
         return False
     m.kind[i, last] = kind_of(lanes.settled[i], lanes.reg[i], lanes.counters[i, CAUSE])
     for c in range(lanes.settled.shape[1]):
@@ -344,7 +343,7 @@ def put_mark(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
     if (
         numbers[SMOOTH] == 0
         and numbers[COUNT] > 0
-        and t - m.time[i, last] <= COINCIDENT * rules.real[2]
+        and t - m.time[i, last] <= _COINCIDENT * rules.real[2]
     ):
         m.time[i, last] = t
         copy(y, m.state[i, last])
@@ -363,7 +362,7 @@ def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
     t = e.lanes.clock[i, NOW]
     drive = m.drive[i]
     if drive > 0.0 and t > m.time[i, (numbers[COUNT] - 1) % m.time.shape[1]]:
-        return GO_ON  # between two marks
+        return _GO_ON  # between two marks
     calm = s.counters[i, HAPPENED] == numbers[EVENTS] and numbers[LEAPT] == 0
     numbers[EVENTS] = s.counters[i, HAPPENED]
     # A contact without friction reverses again and again while everything dies out.
@@ -375,13 +374,13 @@ def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
     if calm and drive <= 0.0 and numbers[SMOOTH] == 0:
         put_plane(m, i, t, s.y[i], bench.work[0])
     if not ((faded or (calm and rules.closed)) and elapsed(m, rules, s, i) >= m.real[i, ASK]):
-        return GO_ON
+        return _GO_ON
     copy_lane(s, i, saved, i)
     m.real[i, START] = t
     m.real[i, DURATION] = drive if drive > 0.0 else rules.real[2]
-    m.outcome[i] = equilibrium(s.mode[i]) if faded else NOTHING_YET
+    m.outcome[i] = equilibrium(s.mode[i]) if faded else _NOTHING_YET
     numbers[PHASE] = PROVING
-    return SETTLED
+    return _SETTLED
 
 
 @njit(**OPTIONS)
@@ -414,7 +413,7 @@ def consider(
     if leapt > 0:
         return polish(m, rules, lanes, saved, work, fit, i, d)
     if lag == 0 or numbers[SAME] < 1:
-        return GO_ON
+        return _GO_ON
     if has_settled(m, rules, i, d) and not (
         rules.timed and elapsed(m, rules, saved, i) < m.real[i, ASK]
     ):
@@ -424,9 +423,9 @@ def consider(
         look_wide(m, rules, i, work[0])
     elif m.drive[i] <= 0.0 and numbers[SAME] > 2 * lag and numbers[COUNT] >= numbers[REST]:
         q = d / m.miss[i, (numbers[COUNT] - 1 - lag) % m.time.shape[1]]
-        if SLOW < q < 1.0 and d * q <= LEAP * (1.0 - q):
+        if _SLOW < q < 1.0 and d * q <= _LEAP * (1.0 - q):
             return leap(m, rules, lanes, saved, work, fit, i, d, q)
-    return GO_ON
+    return _GO_ON
 
 
 @njit(**OPTIONS)
@@ -452,7 +451,7 @@ def carry(m: Marks, lanes: Lane, saved: Lane, i: int, step: Array) -> int:
     copy(saved.y[i], m.state[i, last])
     copy_lane(saved, i, lanes, i)
     numbers[TRUE], numbers[SAME] = 0, 0
-    return CARRIED
+    return _CARRIED
 
 
 @njit(**OPTIONS)
@@ -469,7 +468,7 @@ def put_back(m: Marks, lanes: Lane, saved: Lane, i: int, kept: Lane, count: int)
     numbers[LEAPT] = 0
     numbers[PENDING] = 0
     begin_again(m, i, numbers[LAG])
-    return CARRIED
+    return _CARRIED
 
 
 @njit(**OPTIONS)
@@ -492,26 +491,26 @@ def polish(
     lag = m.numbers[i, LAG]
     ring = m.time.shape[1]
     if (numbers[COUNT] - numbers[HOME]) % lag != 0 or numbers[TRUE] < lag:
-        return GO_ON
+        return _GO_ON
     if numbers[TRUE] == lag and numbers[LEAPT] > 1 and d > 0.5 * real[MISS]:
         put_back(m, lanes, saved, i, m.before, numbers[COUNT] - lag)
         numbers[LEAPT] = 1
         return accept(m, rules, lanes, saved, work[0], i, real[MISS])
     real[MISS] = d
     if (
-        d <= NEAREST
-        or numbers[COUNT] - numbers[HOME] >= MOST_POLISHED * lag
-        or numbers[LEAPT] > MOST_LEAPS
+        d <= _NEAREST
+        or numbers[COUNT] - numbers[HOME] >= _MOST_POLISHED * lag
+        or numbers[LEAPT] > _MOST_LEAPS
     ):
         return accept(m, rules, lanes, saved, work[0], i, d)
     returns = min(numbers[TRUE] // lag, (ring - 1) // lag)
-    for k in range(1, min(returns - 1, MOST_RETURNS) + 1):
+    for k in range(1, min(returns - 1, _MOST_RETURNS) + 1):
         misfit, length = extrapolate(m, rules, i, k, work, fit)
-        if (misfit <= FITS or k == MOST_RETURNS) and length <= rules.real[5]:
+        if (misfit <= _FITS or k == _MOST_RETURNS) and length <= rules.real[5]:
             numbers[LEAPT] += 1
             real[STRETCH] = max(real[STRETCH], length / d)
             return carry(m, lanes, saved, i, work[8])
-    return GO_ON
+    return _GO_ON
 
 
 @njit(**OPTIONS)
@@ -539,7 +538,7 @@ def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int
         real[DURATION] = m.time[i, last % ring] - m.time[i, (last - numbers[LAG]) % ring]
     m.outcome[i] = PERIODIC
     numbers[PHASE] = PROVING if rules.timed else MEASURING
-    return SETTLED
+    return _SETTLED
 
 
 @njit(**OPTIONS)
@@ -560,13 +559,13 @@ def leap(
     lag = m.numbers[i, LAG]
     ring = m.time.shape[1]
     if m.kind[i, (numbers[COUNT] - 1) % ring] < 0 or 2 * lag >= ring:
-        return GO_ON
+        return _GO_ON
     for c in range(m.slipped.shape[1]):
         if m.slipped[i, c] <= numbers[COUNT] - lag:
-            return GO_ON
+            return _GO_ON
     misfit, length = extrapolate(m, rules, i, 1, work, fit)
-    if not (misfit <= STRAIGHT * (1.0 - q) and length <= LEAP):
-        return GO_ON
+    if not (misfit <= _STRAIGHT * (1.0 - q) and length <= _LEAP):
+        return _GO_ON
     leave(m, saved, i, -1, d)
     return carry(m, lanes, saved, i, work[8])
 
@@ -576,13 +575,13 @@ def confirm(m: Marks, lanes: Lane, saved: Lane, i: int, d: float) -> int:
     """See after a return whether a leap has brought the motion nearer."""
     numbers, real = m.numbers[i], m.real[i]
     if numbers[TRUE] < numbers[LAG]:
-        return GO_ON
+        return _GO_ON
     if not d <= 0.5 * real[MISS]:
         return take_back(m, lanes, saved, i)
     numbers[LEAPT] = 0
     numbers[STALLED] = 0
     real[LEAST] = d
-    return GO_ON
+    return _GO_ON
 
 
 # -- motions without events ------------------------------------------------------------------------
@@ -625,13 +624,13 @@ def cross_plane(
     s = flow.space
     f = e.flight
     N = flow.order
-    verdict = GO_ON
+    verdict = _GO_ON
     record = bench.record
     shifts = rules.shifts
     work = bench.work
     lanes = e.lanes
     for j in range(count):
-        if verdict != GO_ON:
+        if verdict != _GO_ON:
             continue
         last = j + 1 == count
         t, y = record.time[j], record.state[j]
@@ -666,9 +665,9 @@ def cross_plane(
         put_at(saved, i, t + high, after - t, s.trial, f.mode0, f.reg0)
         saved.clock[i, SERIES] = series if step > series else after - t
         verdict = consider(m, rules, lanes, saved, bench.work, bench.fit, i)
-        if verdict == GO_ON and m.numbers[i, LEAPT] > 0:
+        if verdict == _GO_ON and m.numbers[i, LEAPT] > 0:
             copy_lane(saved, i, lanes, i)
-            verdict = CARRIED
+            verdict = _CARRIED
     return verdict
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.motion.between.step_balance import Steps, Tally, make_steps, make_tally
 from stickslip.motion.engine.forms import ClosedForms, Flight
 from stickslip.motion.steps.arrays import (
@@ -21,7 +22,6 @@ from stickslip.motion.steps.arrays import (
 if TYPE_CHECKING:
     from stickslip.motion.problem import Problem
 
-Array = np.ndarray
 
 SETTLING = 0
 PROVING = 1
