@@ -74,7 +74,7 @@ def one_call(key: str) -> Callable[[], tuple[np.ndarray, int]]:
 def batch(key: str) -> Callable[[], tuple[np.ndarray, int]]:
     """The compiled loop over a batch of equal motions on one core."""
     from stickslip.motion.problem import pose
-    from stickslip.motion.simulate_many import run as advance
+    from stickslip.motion.simulate_many import follow_all as advance
 
     system, initial = SYSTEMS[key]
     reference = PROBLEMS[key]

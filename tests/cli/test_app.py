@@ -18,7 +18,7 @@ import stickslip as ss
 from stickslip.cli.app import app
 from stickslip.cli.folder import result_folder
 from stickslip.cli.models import assignments, load_model
-from stickslip.cli.orbits import MOTION
+from stickslip.cli.orbits import MOTION_FILES
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.motion.trajectory import Trajectory
 
@@ -102,7 +102,7 @@ def test_run_writes_a_certified_result(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.stderr
     assert "certified" in result.stdout
     folder = tmp_path / "out" / "spring_slider"
-    assert sorted(p.name for p in folder.iterdir()) == sorted(MOTION.names)
+    assert sorted(p.name for p in folder.iterdir()) == sorted(MOTION_FILES.names)
     assert [p.name for p in folder.parent.iterdir()] == ["spring_slider"]
     assert (folder / "overview.png").read_bytes().startswith(b"\x89PNG")
 
@@ -250,24 +250,27 @@ def test_our_own_results_are_replaced_and_neighbours_stay(tmp_path: Path) -> Non
     (tmp_path / "here" / "notes.txt").write_text("mine", encoding="utf-8")
     assert stickslip(*arguments, "--until", "6").exit_code == 0
     assert sorted(p.name for p in (tmp_path / "here").iterdir()) == sorted(
-        [*MOTION.names, "notes.txt"]
+        [*MOTION_FILES.names, "notes.txt"]
     )
     assert ss.open("here/trajectory.nc").t_span == (0.0, 6.0)
 
 
 def test_a_result_folder_is_complete_or_absent(tmp_path: Path) -> None:
     def write(place: Path) -> None:
-        for name in MOTION.names:
+        for name in MOTION_FILES.names:
             (place / name).write_text("{}", encoding="utf-8")
 
-    with pytest.raises(RuntimeError), result_folder(tmp_path / "a" / "b", MOTION.names) as place:
+    with (
+        pytest.raises(RuntimeError),
+        result_folder(tmp_path / "a" / "b", MOTION_FILES.names) as place,
+    ):
         write(place)
         raise RuntimeError
     assert list(tmp_path.iterdir()) == []
-    with result_folder(tmp_path / "a" / "b", MOTION.names) as place:
+    with result_folder(tmp_path / "a" / "b", MOTION_FILES.names) as place:
         write(place)
-    assert sorted(p.name for p in (tmp_path / "a" / "b").iterdir()) == sorted(MOTION.names)
-    with pytest.raises(StickslipError), result_folder(tmp_path / "a" / "b", MOTION.names):
+    assert sorted(p.name for p in (tmp_path / "a" / "b").iterdir()) == sorted(MOTION_FILES.names)
+    with pytest.raises(StickslipError), result_folder(tmp_path / "a" / "b", MOTION_FILES.names):
         pass  # {} is no summary of ours
 
 

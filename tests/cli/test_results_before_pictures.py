@@ -13,11 +13,11 @@ import stickslip as ss
 from stickslip.cli.app import app
 from stickslip.cli.evolving import AVERAGE, EVOLUTION
 from stickslip.cli.folder import PICTURE
-from stickslip.cli.orbits import BASIN, BRANCH, CYCLE, EQUILIBRIA, MOTION
+from stickslip.cli.orbits import BASIN, BRANCH, CYCLE, EQUILIBRIA, MOTION_FILES
 
 TWO_PHASES = str(Path(__file__).parents[2] / "examples" / "evolution" / "two-phases.toml")
 COMMANDS = {
-    "run": (["run", "belt_block", "--until", "8"], MOTION),
+    "run": (["run", "belt_block", "--until", "8"], MOTION_FILES),
     "average": (["average", TWO_PHASES], AVERAGE),
     "evolve": (["evolve", TWO_PHASES, "--until", "0.05"], EVOLUTION),
     "equilibria": (["equilibria", "rocking_toy"], EQUILIBRIA),
@@ -104,7 +104,9 @@ def test_ctrl_c_while_drawing_keeps_the_results(monkeypatch: pytest.MonkeyPatch)
     assert result.exit_code == 130
     assert "interrupted while drawing; the results are in here" in result.stderr
     assert ss.open("here/trajectory.nc").outcome is ss.Outcome.FINISHED
-    assert sorted(p.name for p in Path("here").iterdir()) == sorted(set(MOTION.names) - {PICTURE})
+    assert sorted(p.name for p in Path("here").iterdir()) == sorted(
+        set(MOTION_FILES.names) - {PICTURE}
+    )
 
 
 def test_claims_are_written_while_the_paper_is_made(monkeypatch: pytest.MonkeyPatch) -> None:

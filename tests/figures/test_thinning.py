@@ -236,7 +236,7 @@ def test_more_steps_than_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     from stickslip.figures import motion as module
 
     motion = ss.simulate(ss.catalogue.rocking_toy(), (0.0, 4e4))
-    monkeypatch.setattr(module, "MOST_STEPS", 3 * COLUMNS)
+    monkeypatch.setattr(module, "MOST_DRAWN", 3 * COLUMNS)
     figure = motion.plot()
     line = figure.axes[0].get_lines()[0]
     assert len(np.asarray(line.get_xdata())) == 4 * COLUMNS

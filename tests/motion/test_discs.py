@@ -13,7 +13,7 @@ from scipy import special
 from stickslip import System, Viscous
 from stickslip.motion.engine.modes import resolve
 from stickslip.motion.problem import Problem, pose
-from stickslip.motion.steps.discs import BALL, OFF, Tape, spread, spread_state
+from stickslip.motion.steps.discs import BALL, OFF, DiscTape, spread, spread_state
 from stickslip.motion.steps.step_size import fill_powers
 
 # Forces as formulas, and as functions of complex time t and position x.
@@ -65,7 +65,7 @@ def test_rows_stay_in_their_discs(t: float, radius: float) -> None:
     spread_state(space.W, p.order, space.reaches, p.rows.watched[:n], space.discs)
     program = p.rows.program
     inverses = (space.Rq, space.Rz, space.B)
-    tape = Tape(program, k.K, space.W, space.discs, *inverses, space.balls)
+    tape = DiscTape(program, k.K, space.W, space.discs, *inverses, space.balls)
     spread(tape, none, none, 0, len(program.code))
     # An analytic function strays most on the circle; the position is the polynomial that stands in
     # the table.

@@ -6,7 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import polynomial
 
-from stickslip.motion.engine.roots import MAX_DEGREE, NONE, arrive, first_crossing
+from stickslip.motion.engine.roots import MAX_DEGREE, NONE, first_crossing, value_and_slope
 from stickslip.motion.steps.step_size import fill_powers
 
 # The first call compiles.
@@ -150,7 +150,7 @@ def test_value_and_rate_at_the_end_of_a_step(coefficients: list[float], h: float
     powers = np.zeros(len(coefficients))
     fill_powers(powers, h)
     np.testing.assert_allclose(powers, h ** np.arange(len(c)), rtol=1e-14)
-    value, rate = arrive(c, len(c) - 1, powers)
+    value, rate = value_and_slope(c, len(c) - 1, powers)
     size = float(np.abs(c) @ (powers * np.arange(1, len(c) + 1)))
     error = 8 * EPS * size + UNDERFLOW
     assert abs(value - polynomial.polyval(h, c)) <= error

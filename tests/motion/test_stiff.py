@@ -20,7 +20,7 @@ from stickslip import (
     simulate,
     simulate_many,
 )
-from stickslip.motion.steps.stiff import NODES, POWERS, SLOPES, TERMS
+from stickslip.motion.steps.stiff import POWERS, SLOPES, STAGE_NODES, TERMS
 
 
 def given(**defaults: float) -> dict[str, Parameter]:
@@ -36,7 +36,7 @@ def certified(motion: Trajectory) -> Trajectory:
 def test_tables_of_radau_stages() -> None:
     # Order 12 of the table is 24: twelve stages. The rule differentiates powers, and its terms give
     # them back.
-    c = NODES[-1]
+    c = STAGE_NODES[-1]
     D = SLOPES[-1]
     terms = TERMS[-1]
     for k in range(1, 13):

@@ -14,7 +14,7 @@ from stickslip.motion.problem import pose
 from stickslip.orbits.cycles.cycle import Cycle, find_cycle
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import variation
-from stickslip.orbits.return_map.shooting import numbers
+from stickslip.orbits.return_map.shooting import parameter_values
 
 # Examples are drawn anew from the test's name, the same in every run.
 law = settings(max_examples=3, deadline=None, derandomize=True)
@@ -94,7 +94,8 @@ def test_a_later_start_has_the_multiplier_one(case: Case, part: float) -> None:
     # ahead a period later.
     piece = cycle.closed.shooting.stations[0].piece
     ahead = (
-        piece.rates(cycle.time, motion.knots.state[0], numbers(motion._problem)) - symmetry.frame
+        piece.rates(cycle.time, motion.knots.state[0], parameter_values(motion._problem))
+        - symmetry.frame
     )
     later = variation(motion, Pieces(motion._problem.compiled.equations), ahead[:, None]).matrix[
         :, 0

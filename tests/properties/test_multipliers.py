@@ -21,7 +21,7 @@ from stickslip.orbits.cycles.cycle import find_cycle
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import variation
 from stickslip.orbits.return_map.mode_sequence import nearest_change
-from stickslip.orbits.return_map.shooting import make_station, numbers
+from stickslip.orbits.return_map.shooting import make_station, parameter_values
 
 Array = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ def test_return_map(kind: str, size: int, contacts: int) -> None:
         motion = settled(*member(kind, size, contacts, seed), golden * seed % 1)
         if motion is None:
             continue
-        p = numbers(motion._problem)
+        p = parameter_values(motion._problem)
         k = motion.knots
         pieces = Pieces(motion._problem.compiled.equations)
         piece = pieces(k.mode[0], k.region[0])

@@ -20,7 +20,7 @@ from stickslip.sweeps.adaptive import Adaptive
 from stickslip.sweeps.sweep import Progress, sweep
 from stickslip.sweeps.work import scheduler
 from stickslip.sweeps.work.chunk import measure_chunk
-from stickslip.sweeps.work.scheduler import Pool, Stop, distribute, local_cluster
+from stickslip.sweeps.work.scheduler import Interrupt, Pool, distribute, local_cluster
 from sweeps import work
 
 TOY = ss.catalogue.rocking_toy()
@@ -76,14 +76,14 @@ def test_a_cluster_whose_workers_are_killed_gives_the_same_bits(alone: dict[str,
 def test_the_tasks_of_a_dead_process_are_done_again(tmp_path: Path) -> None:
     tasks = [(str(tmp_path), number) for number in range(8)]
     with Pool("processes", 2) as pool:
-        found = dict(distribute(work.die_once, tasks, pool, Stop()))
+        found = dict(distribute(work.die_once, tasks, pool, Interrupt()))
     assert (tmp_path / "died").exists()
     assert found == {task: task[1] ** 2 for task in tasks}
 
 
 def test_a_task_that_kills_every_worker_is_named_in_the_end(tmp_path: Path) -> None:
     with Pool("processes", 1) as pool, pytest.raises(StickslipError, match="died 4 times"):
-        list(distribute(work.die_always, [("", 3)], pool, Stop()))
+        list(distribute(work.die_always, [("", 3)], pool, Interrupt()))
 
 
 def test_few_tasks_are_under_way() -> None:
@@ -95,7 +95,7 @@ def test_few_tasks_are_under_way() -> None:
             yield number
 
     with Pool("threads", 2) as pool:
-        results = distribute(work.square, tasks(), pool, Stop())
+        results = distribute(work.square, tasks(), pool, Interrupt())
         first = next(results)
         assert len(seen) <= 4
         assert dict([first, *results]) == {number: number**2 for number in range(100)}
@@ -103,11 +103,11 @@ def test_few_tasks_are_under_way() -> None:
 
 def test_errors_of_the_work_come_through() -> None:
     with Pool("threads", 2) as pool, pytest.raises(ArithmeticError, match="no square"):
-        list(distribute(work.fail, [1, 2], pool, Stop()))
+        list(distribute(work.fail, [1, 2], pool, Interrupt()))
 
 
 def test_nothing_is_begun_after_a_wish_to_stop() -> None:
-    stop = Stop()
+    stop = Interrupt()
     with Pool("threads", 1) as pool:
         results = distribute(work.square, range(100), pool, stop)
         next(results)
@@ -118,7 +118,7 @@ def test_nothing_is_begun_after_a_wish_to_stop() -> None:
 
 
 def end_what_is_under_way(pool: Pool, folder: Path) -> None:
-    stop = Stop(pool.flag)
+    stop = Interrupt(pool.flag)
     moments = list[float]()
 
     def wish() -> None:
@@ -145,7 +145,7 @@ def test_a_cluster_sees_the_wish_to_stop_and_goes_on_with_another_map(tmp_path: 
         with Pool(address) as pool:
             end_what_is_under_way(pool, tmp_path)
         with Pool(address) as pool:
-            assert dict(distribute(work.square, [2, 3], pool, Stop())) == {2: 4, 3: 9}
+            assert dict(distribute(work.square, [2, 3], pool, Interrupt())) == {2: 4, 3: 9}
 
 
 def test_compiled_loops_see_the_wish_to_stop() -> None:
@@ -185,7 +185,7 @@ def test_a_function_that_other_processes_cannot_find() -> None:
 
 
 def test_no_workers_and_no_cluster(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scheduler, "PATIENCE", 0.2)
+    monkeypatch.setattr(scheduler, "ANSWER_WITHIN", 0.2)
     with pytest.raises(DeclarationError, match="number of workers"):
         Pool("threads", 0)
     pytest.importorskip("distributed")

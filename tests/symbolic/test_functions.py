@@ -26,7 +26,7 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.motion.engine.modes import resolve
 from stickslip.motion.problem import pose
-from stickslip.motion.steps.discs import Tape, spread, spread_state
+from stickslip.motion.steps.discs import DiscTape, spread, spread_state
 from stickslip.motion.steps.step_size import fill_powers
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.boxes import enclosures, slopes
@@ -305,7 +305,7 @@ def test_series_and_discs_of_machine_code() -> None:
     space.discs[n, :2] = radius, 0.0
     spread_state(space.W, p.order, space.reaches, p.rows.watched[:n], space.discs)
     program = p.rows.program
-    tape = Tape(program, K, space.W, space.discs, *inverses, space.B, space.balls)
+    tape = DiscTape(program, K, space.W, space.discs, *inverses, space.B, space.balls)
     spread(tape, none, none, 0, len(program.code))
     circle = [radius * mp.expjpi(mp.mpf(k) / 16) for k in range(32)]
     for i, name in enumerate([*ADDED, "erf"]):

@@ -14,15 +14,15 @@ import typer
 from stickslip import __version__
 from stickslip.cli import evolving, orbits, sweeping
 from stickslip.cli.added import add_commands
-from stickslip.cli.present import Model, Settings
+from stickslip.cli.present import Model, ParameterOptions
 from stickslip.errors import StickslipError
 from stickslip.results import Summary, certificate_rows
 
 NOT_CERTIFIED = 1
 _BAD_INPUT = 2
 _OUR_FAULT = 70
-INTERRUPTED = 130
-P = ParamSpec("P")
+EXIT_INTERRUPTED = 130
+_P = ParamSpec("_P")
 
 app = typer.Typer(
     name="stickslip",
@@ -42,17 +42,17 @@ def finish(message: str, code: int) -> NoReturn:
     raise typer.Exit(code)
 
 
-def guarded(command: Callable[P, None]) -> Callable[P, None]:
+def guarded(command: Callable[_P, None]) -> Callable[_P, None]:
     """Turn everything that can go wrong into one line and an exit code."""
 
     @wraps(command)
-    def run(*args: P.args, **kwargs: P.kwargs) -> None:
+    def run(*args: _P.args, **kwargs: _P.kwargs) -> None:
         try:
             command(*args, **kwargs)
         except StickslipError as error:
             finish(str(error), _BAD_INPUT)
         except KeyboardInterrupt:
-            finish("interrupted; nothing new was written", INTERRUPTED)
+            finish("interrupted; nothing new was written", EXIT_INTERRUPTED)
         except OSError as error:
             if error.errno == errno.EPIPE:
                 raise  # the reader has seen enough, as in: stickslip show rocking_toy | head
@@ -107,7 +107,7 @@ def list_() -> None:
 @guarded
 def show(
     model: Model,
-    settings: Settings = None,
+    settings: ParameterOptions = None,
     latex: Annotated[bool, typer.Option("--latex", help="Equations in LaTeX.")] = False,
     toml: Annotated[
         bool, typer.Option("--toml", help="The model file, to start your own from.")
@@ -175,13 +175,16 @@ def check(
     raise typer.Exit(0 if certificate.ok else NOT_CERTIFIED)
 
 
-app.command()(guarded(orbits.run))
-app.command()(guarded(evolving.average))
-app.command()(guarded(evolving.evolve))
-app.command()(guarded(orbits.equilibria))
-app.command()(guarded(orbits.cycle))
-app.command()(guarded(orbits.branch))
-app.command()(guarded(orbits.basin))
-app.command()(guarded(sweeping.sweep))
-app.command()(guarded(sweeping.plot))
+for _name, _command in {
+    "run": orbits.run_command,
+    "average": evolving.average_command,
+    "evolve": evolving.evolve_command,
+    "equilibria": orbits.equilibria_command,
+    "cycle": orbits.cycle_command,
+    "branch": orbits.branch_command,
+    "basin": orbits.basin_command,
+    "sweep": sweeping.sweep_command,
+    "plot": sweeping.plot_command,
+}.items():
+    app.command(_name)(guarded(_command))
 add_commands(app, guarded)

@@ -1,4 +1,4 @@
-"""The commands ``average`` and ``evolve``: rate-independent evolutions from model files."""
+"""The commands ``average_command`` and ``evolve_command``: rate-independent evolutions from model files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import typer
 from stickslip import __version__
 from stickslip.certificates import Certificate, Residual
 from stickslip.cli.models import assignments
-from stickslip.cli.present import Files, Json, Out, Progress, folder_of, present
+from stickslip.cli.present import Files, Json, Out, ShowProgress, folder_of, present
 from stickslip.errors import DeclarationError
 from stickslip.results import Completion, Summary, certificate_rows, listed
 
@@ -34,7 +34,7 @@ _SHOWN = 8  # components in a table; all are in summary.json
 File = Annotated[
     Path, typer.Argument(metavar="FILE", help="A .toml file that declares an evolution.")
 ]
-Settings = Annotated[
+EvolutionOptions = Annotated[
     list[str] | None,
     typer.Option(
         "--set", metavar="NAME=VALUE", help="Parameter, or function as a formula; may be repeated."
@@ -42,7 +42,9 @@ Settings = Annotated[
 ]
 
 
-def average(file: File, settings: Settings = None, out: Out = None, json_: Json = False) -> None:
+def average_command(
+    file: File, settings: EvolutionOptions = None, out: Out = None, json_: Json = False
+) -> None:
     """Average oscillating friction: which friction is left, and which phases do the moving.
 
     Writes summary.json and overview.png into the folder DIR.
@@ -51,16 +53,16 @@ def average(file: File, settings: Settings = None, out: Out = None, json_: Json 
     """
     model = configured(file, settings)
 
-    def work(progress: Progress) -> Averaged:
+    def work(progress: ShowProgress) -> Averaged:
         return Averaged(model, model.potential.average(_TOLERANCE))
 
     folder = out or folder_of(model.name, "average")
     present(f"average of {model.name}", folder, AVERAGE, work, json_, heading(model))
 
 
-def evolve(
+def evolve_command(
     file: File,
-    settings: Settings = None,
+    settings: EvolutionOptions = None,
     until: Annotated[
         float | None, typer.Option("--until", metavar="T", help="End of the time span.")
     ] = None,
@@ -94,7 +96,7 @@ def evolve(
         "t_span": list(model.problem.span),
     }
 
-    def work(progress: Progress) -> History | Play:
+    def work(progress: ShowProgress) -> History | Play:
         return computed(model, averaged, progress)
 
     folder = out or folder_of(model.name, "averaged" if averaged else "")
@@ -146,7 +148,7 @@ class Averaged:
     """
 
     model: EvolutionModel
-    average: Average
+    average_command: Average
 
     @property
     def outcome(self) -> Completion:
@@ -290,7 +292,7 @@ def extremes(averaged: Average) -> tuple[float, float]:
 # -- evolve ----------------------------------------------------------------------------------------
 
 
-def computed(model: EvolutionModel, averaged: bool, progress: Progress) -> History | Play:
+def computed(model: EvolutionModel, averaged: bool, progress: ShowProgress) -> History | Play:
     """The evolution: an exact play if it is scalar, else minimising movements."""
     from stickslip.rate_independent.evolution.blocks import PlayMotion
     from stickslip.rate_independent.evolution.evolve import evolve as by_steps

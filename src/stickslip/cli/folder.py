@@ -65,7 +65,7 @@ def result_folder(path: Path, files: Sequence[str]) -> Iterator[Path]:
 def add_picture(folder: Path, draw: Callable[[], Figure]) -> None:
     """Draw the picture of a result that is written; if that fails the result stays, with a
     warning."""
-    from stickslip.cli.app import INTERRUPTED, finish
+    from stickslip.cli.app import EXIT_INTERRUPTED, finish
     from stickslip.cli.report import warn
 
     partial = folder / f".{PICTURE}.{os.getpid()}.tmp"
@@ -76,7 +76,7 @@ def add_picture(folder: Path, draw: Callable[[], Figure]) -> None:
             draw().savefig(partial, format="png")
         os.replace(partial, folder / PICTURE)
     except KeyboardInterrupt:
-        finish(f"interrupted while drawing; the results are in {folder}", INTERRUPTED)
+        finish(f"interrupted while drawing; the results are in {folder}", EXIT_INTERRUPTED)
     except Exception as error:  # whatever it is, it says nothing about the result
         warn(
             f"the picture could not be drawn ({type(error).__name__}: {error}); the results are in "

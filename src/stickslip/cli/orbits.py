@@ -1,4 +1,4 @@
-"""The commands ``run``, ``equilibria``, ``cycle``, ``branch`` and ``basin``: a system's motion, and
+"""The commands ``run_command``, ``equilibria_command``, ``cycle_command``, ``branch_command`` and ``basin_command``: a system's motion, and
 where it ends up in the long run."""
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ from stickslip.cli.present import (
     Json,
     Model,
     Out,
-    Progress,
-    Settings,
+    ParameterOptions,
+    ShowProgress,
     folder_of,
     present,
 )
 from stickslip.errors import DeclarationError
 
-MOTION = Files("trajectory.nc", {"events.csv": lambda found: found.events})
+MOTION_FILES = Files("trajectory.nc", {"events.csv": lambda found: found.events})
 EQUILIBRIA = Files("equilibria.nc", {"equilibria.csv": lambda found: found.table})
 CYCLE = Files("cycle.nc")
 BRANCH = Files("branch.nc", {"branch.csv": lambda found: found.table})
 BASIN = Files("basin.nc")
 
 
-def run(
+def run_command(
     model: Model,
-    settings: Settings = None,
+    settings: ParameterOptions = None,
     initial: Initial = None,
     until: Annotated[
         float | None, typer.Option("--until", metavar="T", help="End of the time span.")
@@ -52,14 +52,14 @@ def run(
     start = given(initial)
     span = (system.span[0], system.span[1] if until is None else until)
 
-    def work(progress: Progress) -> Trajectory:
+    def work(progress: ShowProgress) -> Trajectory:
         return simulate(system, span, start, rtol=rtol, progress=progress)
 
-    present("moving", out or folder_of(system.name), MOTION, work, json_)
+    present("moving", out or folder_of(system.name), MOTION_FILES, work, json_)
 
 
-def equilibria(
-    model: Model, settings: Settings = None, out: Out = None, json_: Json = False
+def equilibria_command(
+    model: Model, settings: ParameterOptions = None, out: Out = None, json_: Json = False
 ) -> None:
     """Find the states of rest and of steady sliding, and whether they are stable.
 
@@ -72,16 +72,16 @@ def equilibria(
 
     system = load_model(model, settings or [])
 
-    def work(progress: Progress) -> Equilibria:
+    def work(progress: ShowProgress) -> Equilibria:
         return find(system)
 
     folder = out or folder_of(system.name, "equilibria")
     present(f"equilibria of {system.name}", folder, EQUILIBRIA, work, json_)
 
 
-def cycle(
+def cycle_command(
     model: Model,
-    settings: Settings = None,
+    settings: ParameterOptions = None,
     initial: Initial = None,
     out: Out = None,
     json_: Json = False,
@@ -97,20 +97,20 @@ def cycle(
     system = load_model(model, settings or [])
     start = given(initial)
 
-    def work(progress: Progress) -> Cycle:
+    def work(progress: ShowProgress) -> Cycle:
         return find_cycle(system, start)
 
     folder = out or folder_of(system.name, "cycle")
     present(f"cycle of {system.name}", folder, CYCLE, work, json_)
 
 
-def branch(
+def branch_command(
     model: Model,
     over: Annotated[
         list[str],
         typer.Option("--over", metavar="NAME=LOW:HIGH", help="The parameter, such as V=0.05:0.4."),
     ],
-    settings: Settings = None,
+    settings: ParameterOptions = None,
     initial: Initial = None,
     cycles: Annotated[
         bool, typer.Option("--cycle", help="Follow a cycle instead of an equilibrium.")
@@ -138,7 +138,7 @@ def branch(
     inside = low <= system.values[parameter] <= high
     at = {} if inside else {parameter: 0.5 * (low + high)}
 
-    def work(progress: Progress) -> Branch:
+    def work(progress: ShowProgress) -> Branch:
         if cycles:
             return continue_cycle(find_cycle(system, start, at), parameter, (low, high))
         return continue_equilibrium(system, parameter, (low, high), start=start, parameters=at)
@@ -147,7 +147,7 @@ def branch(
     present(f"branch of {system.name}", folder, BRANCH, work, json_)
 
 
-def basin(
+def basin_command(
     model: Model,
     over: Annotated[
         list[str],
@@ -157,7 +157,7 @@ def basin(
             help="Initial values, such as psi=-2:2:80; twice for a map.",
         ),
     ],
-    settings: Settings = None,
+    settings: ParameterOptions = None,
     initial: Initial = None,
     out: Out = None,
     json_: Json = False,
@@ -180,7 +180,7 @@ def basin(
     start = given(initial)
     system = load_model(model, settings or [])
 
-    def work(progress: Progress) -> Basin:
+    def work(progress: ShowProgress) -> Basin:
         return find(system, axes, initial=start)
 
     folder = out or folder_of(system.name, "basin")

@@ -29,7 +29,7 @@ Model = Annotated[
         metavar="MODEL", help="A name of the catalogue (see: stickslip list) or a .toml file."
     ),
 ]
-Settings = Annotated[
+ParameterOptions = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
@@ -48,7 +48,7 @@ Out = Annotated[
     typer.Option("--out", metavar="DIR", help="Folder for the results.  [default: out/NAME]"),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON and nothing else.")]
-Progress = Callable[..., None]
+ShowProgress = Callable[..., None]
 
 
 class Shown(Protocol):
@@ -97,7 +97,7 @@ def present(
     label: str,
     folder: Path,
     files: Files,
-    work: Callable[[Progress], Shown],
+    work: Callable[[ShowProgress], Shown],
     json_: bool,
     heading: Mapping[str, Any] | None = None,
 ) -> NoReturn:
@@ -117,7 +117,7 @@ def present(
     heading : mapping, optional
         What the summary says besides: ``title`` and the like of the model file.
     """
-    from stickslip.cli.app import INTERRUPTED, NOT_CERTIFIED, finish
+    from stickslip.cli.app import EXIT_INTERRUPTED, NOT_CERTIFIED, finish
 
     began = time.perf_counter()
     with result_folder(folder, files.names) as place:
@@ -137,7 +137,7 @@ def present(
     for warning in summary.data.get("warnings", ()):
         warn(warning)
     if result.outcome.interrupted:
-        finish(f"interrupted; what was computed is in {folder}", INTERRUPTED)
+        finish(f"interrupted; what was computed is in {folder}", EXIT_INTERRUPTED)
     raise typer.Exit(0 if summary.good else NOT_CERTIFIED)
 
 

@@ -1,4 +1,4 @@
-"""The commands ``sweep`` and ``plot``: parameter maps."""
+"""The commands ``sweep_command`` and ``plot_command``: parameter maps."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stickslip.cli.models import assignments, load_model, numbers
-from stickslip.cli.present import Initial, Model, Settings, folder_of
+from stickslip.cli.present import Initial, Model, ParameterOptions, folder_of
 from stickslip.cli.report import print_summary
 from stickslip.errors import DeclarationError
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from stickslip.sweeps.sweep import Progress
 
 
-def sweep(
+def sweep_command(
     model: Model,
     over: Annotated[
         list[str],
@@ -46,7 +46,7 @@ def sweep(
         Path | None,
         typer.Option("--out", metavar="STORE", help="The map.  [default: out/NAME.zarr]"),
     ] = None,
-    settings: Settings = None,
+    settings: ParameterOptions = None,
     initial: Initial = None,
     rtol: Annotated[float, typer.Option("--rtol", help="Accuracy of the motions.")] = 1e-10,
     tolerance: Annotated[
@@ -117,7 +117,7 @@ def sweep(
     Exit code: 0 complete, 2 wrong input, 130 interrupted (what was computed is kept).
     """
     from stickslip import sweep as compute
-    from stickslip.cli.app import INTERRUPTED, finish
+    from stickslip.cli.app import EXIT_INTERRUPTED, finish
     from stickslip.sweeps.work.chunk import Settings as MapSettings
 
     system = load_model(model, settings or [])
@@ -149,16 +149,17 @@ def sweep(
             )
     except KeyboardInterrupt:
         finish(
-            f"interrupted; what was computed is in {path}; the same command goes on", INTERRUPTED
+            f"interrupted; what was computed is in {path}; the same command goes on",
+            EXIT_INTERRUPTED,
         )
     summary = found.summary()
     if found.outcome.interrupted:
         done = f"{found.computed:,} of {found.dataset['outcome'].size:,} points are in {path}"
-        finish(f"interrupted; {done}; the same command goes on", INTERRUPTED)
+        finish(f"interrupted; {done}; the same command goes on", EXIT_INTERRUPTED)
     print_summary(summary, more=[("written", str(path))])
 
 
-def plot(
+def plot_command(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A stored result, or a map.")],
     measure: Annotated[
         list[str] | None,

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 _SAMPLES = 6000  # over the whole time
 _POINTS = (16, 64)  # on each step, the more the fewer steps there are
-MOST_STEPS = 1_000_000  # of a motion
+MOST_DRAWN = 1_000_000  # of a motion
 _MOST_SAMPLES = 16_000_000  # of a motion
 _AT_ONCE = 64_000  # samples taken in one go
 # lines in one panel, or contacts with a panel of their own, above which a map is drawn instead
@@ -374,7 +374,7 @@ class _Samples:
         )
         self.at_knots = dict(zip(trajectory.system.declaration.state, state.T, strict=True))
         self.steps = len(self.time) - 1
-        self._chosen = chosen(self.time, MOST_STEPS)
+        self._chosen = chosen(self.time, MOST_DRAWN)
         lengths = np.diff(self.time)[self._chosen]
         span = float(self.time[-1] - self.time[0]) or 1.0
         points = int(np.clip(_MOST_SAMPLES // len(lengths), *_POINTS))

@@ -11,13 +11,13 @@ from matplotlib.figure import Figure
 from stickslip.arrays import Array
 from stickslip.figures.drawing.style import LINES, STICK_LINE, new_figure, paper_style
 
-Map = Callable[[float], float]
+ScalarMap = Callable[[float], float]
 _SAMPLES = 201
 _FAINT = "#9A9A9A"
 
 
 def plot_return_map(
-    maps: Mapping[str, Map],
+    maps: Mapping[str, ScalarMap],
     interval: tuple[float, float],
     start: float | None = None,
     *,
@@ -73,7 +73,9 @@ def crossings(x: Array, y: Array) -> Array:
     return x[i] - gap[i] * (x[i + 1] - x[i]) / (gap[i + 1] - gap[i])
 
 
-def _cobweb(axes: Axes, f: Map, start: float, interval: tuple[float, float], steps: int) -> None:
+def _cobweb(
+    axes: Axes, f: ScalarMap, start: float, interval: tuple[float, float], steps: int
+) -> None:
     """x, f(x), f(f(x)), … between the map and the diagonal."""
     low, high = interval
     corners = [(start, low), (start, f(start))]

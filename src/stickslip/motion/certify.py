@@ -32,7 +32,7 @@ _TOLERANCE = 1e-9  # limit of all residuals, at least
 _ACCURACY = 10.0  # … and so many times rtol
 
 
-def certify(trajectory: Trajectory) -> Certificate:
+def certify_trajectory(trajectory: Trajectory) -> Certificate:
     """Measure a trajectory against energy balance, friction law and equations of motion."""
     tolerance = max(_TOLERANCE, _ACCURACY * trajectory.rtol)
     values = [float(v) if np.isfinite(v) else np.inf for v in trajectory.audit.residuals]

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from stickslip.motion.engine.forms import ClosedForms, Flight
 
 
-SLOTS = 64  # modes with a closed form that one set of parameters may have
+MOTION_SLOTS = 64  # modes with a closed form that one set of parameters may have
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class Problem:
     @cached_property
     def closed_forms(self) -> ClosedForms:
         """Storage of the closed forms of affine modes, filled while the motion is computed."""
-        return self.empty_forms(1, SLOTS)
+        return self.empty_forms(1, MOTION_SLOTS)
 
     def empty_forms(self, groups: int, slots: int) -> ClosedForms:
         """Storage for the closed forms of groups of motions; without slots if the system is too

@@ -68,7 +68,7 @@ def simulate(
     problem = pose(system, parameters, rtol, atol, origin=start)
     y = problem.initial_state(initial or {})
     check_positive(max_events=max_events)
-    code, knots = follow(problem, start, end, y, max_events, progress)
+    code, knots = run_loop(problem, start, end, y, max_events, progress)
     outcome = Outcome.from_code(code)
     if outcome is Outcome.NO_BOUNDED_RATE and len(knots.clock) == 1:
         check_stable_start(problem, start, y)
@@ -103,7 +103,7 @@ def check_span(span: object) -> tuple[float, float]:
     return start, end
 
 
-def follow(
+def run_loop(
     problem: Problem,
     start: float,
     end: float,

@@ -18,7 +18,7 @@ from stickslip.errors import DeclarationError
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
-from stickslip.motion.problem import SLOTS, Problem, pose
+from stickslip.motion.problem import MOTION_SLOTS, Problem, pose
 from stickslip.motion.simulate import check_positive, check_span
 from stickslip.motion.steps.arrays import CROSSED, NOW, SWITCHES, TAKEN, Lane
 from stickslip.results import Completion, Result
@@ -178,7 +178,7 @@ def simulate_many(
     table = parameter_table(system, given_parameters, count)
     states = initial_states(system, given_initial, count)
     problem = replace(pose_all(system, given_parameters, rtol, atol), origin=start)
-    now, codes = run(
+    now, codes = follow_all(
         problem, table, states, (0.0, end - start), max_events, workers or os.cpu_count() or 1
     )
     data = {
@@ -212,7 +212,7 @@ def simulate_many(
     return Ensemble(system, fixed, dataset)
 
 
-def run(
+def follow_all(
     problem: Problem,
     table: Array,
     states: Array,
@@ -229,7 +229,7 @@ def run(
     the result.
     """
     shared = bool(np.all(table == table[0]))
-    slots = SLOTS if shared else BATCH_SLOTS
+    slots = MOTION_SLOTS if shared else BATCH_SLOTS
     # Motions with the same parameters share their closed forms: the fewer blocks, the seldomer
     # these are made.
     lanes = (

@@ -16,7 +16,7 @@ from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.model.quantities import contact_key, quantity
 from stickslip.model.system import System
-from stickslip.motion.certify import certify
+from stickslip.motion.certify import certify_trajectory
 from stickslip.motion.knots import Knots
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
@@ -298,14 +298,14 @@ class Trajectory(Result):
         index : array of int, shape (n,)
             Number of the step that each time belongs to; ascending, as are the times in one step.
         """
-        from stickslip.motion.between.trace import TOLERANCE, trace
+        from stickslip.motion.between.trace import TOLERANCE, trace_rows
 
         p, k = self._problem, self.knots
         wanted = np.array([self._rows[name] for name in names], dtype=np.int64)
         out = np.empty((len(wanted), len(times)))
         flow = p.flow()._replace(tol=TOLERANCE)
         clock = times - k.origin
-        trace(p.machine, flow, self._seen, k.record, index, clock, wanted, out)
+        trace_rows(p.machine, flow, self._seen, k.record, index, clock, wanted, out)
         return dict(zip(names, out, strict=True))
 
     def _values(self, clock: Array, index: Array) -> dict[str, Array]:
@@ -345,7 +345,7 @@ class Trajectory(Result):
     @cached_property
     def certificate(self) -> Certificate:
         """Energy balance, friction law and equations of motion, measured."""
-        return certify(self)
+        return certify_trajectory(self)
 
     @cached_property
     def dataset(self) -> xarray.Dataset:

@@ -36,7 +36,7 @@ from stickslip.sweeps.request.measures import LACKING
 from stickslip.sweeps.request.plan import Plan
 from stickslip.sweeps.request.user_measures import variable
 from stickslip.sweeps.store import MapStore, create
-from stickslip.sweeps.sweep import run
+from stickslip.sweeps.sweep import compute_missing
 from stickslip.sweeps.work.scheduler import Pool
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ class Attractor:
 
 
 @dataclass(frozen=True)
-class Settled:
+class SettledMotions:
     """What motions have settled on, by motion.
 
     Attributes
@@ -181,7 +181,7 @@ def basin(
         section=True,
     )
     store = create(plan, None)
-    interrupted = not run(store, Pool("threads", workers), None)
+    interrupted = not compute_missing(store, Pool("threads", workers), None)
     done = store.outcome.ravel() >= 0
     label = np.full(done.size, ON_ITS_WAY)
     lacks = np.full(done.size, LACKING.index("result"))
@@ -206,7 +206,7 @@ def _measures(problem: Problem) -> tuple[str, ...]:
     )
 
 
-def _settled(problem: Problem, store: MapStore, done: Array) -> Settled:
+def _settled(problem: Problem, store: MapStore, done: Array) -> SettledMotions:
     """What motions have settled on, of the points of a map that are done."""
     state = problem.system.declaration.state
     contacts = [contact.name for contact in problem.compiled.equations.contacts]
@@ -220,7 +220,7 @@ def _settled(problem: Problem, store: MapStore, done: Array) -> Settled:
 
     states, low, high, shift = (table(name, state) for name in _COMPONENTS)
     stuck = table("stick_fraction", contacts) >= 1.0
-    return Settled(
+    return SettledMotions(
         column("outcome"),
         column("lacking"),
         column("time"),
@@ -283,7 +283,7 @@ class _Census:
         With the number of motions.
     """
 
-    def __init__(self, problem: Problem, found: Settled, sizes: Array) -> None:
+    def __init__(self, problem: Problem, found: SettledMotions, sizes: Array) -> None:
         self.problem = problem
         self.found = found
         self.sizes = sizes

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import xarray
     import zarr
 
-Region = tuple[slice, ...]
+Slices = tuple[slice, ...]
 Chunk = tuple[int, ...]
 
 
@@ -182,7 +182,7 @@ class MapStore:
         if name == "outcome":
             self.outcome[...] = table
 
-    def _write(self, name: str, region: Region, block: Array | int) -> None:
+    def _write(self, name: str, region: Slices, block: Array | int) -> None:
         try:
             self.arrays[name][region] = block
         except OSError as error:

@@ -26,7 +26,7 @@ from stickslip.sweeps.request.plan import Plan
 from stickslip.sweeps.request.user_measures import read_measures
 from stickslip.sweeps.store import Chunk, MapStore, create, opened
 from stickslip.sweeps.work.job import Work, check_sendable, compute, work_of
-from stickslip.sweeps.work.scheduler import Pool, Stop, distribute, listening
+from stickslip.sweeps.work.scheduler import Interrupt, Pool, distribute, listening
 
 if TYPE_CHECKING:
     from stickslip.orbits.settling.motions import Settings
@@ -56,7 +56,7 @@ class Progress:
 
 
 @dataclass(frozen=True)
-class Task:
+class Batch:
     """Points that are computed together.
 
     Attributes
@@ -153,7 +153,7 @@ def sweep(
             store.load()
         if adaptive is not None:
             check_adaptive(adaptive, store)
-        run(store, pool, adaptive, progress, device)
+        compute_missing(store, pool, adaptive, progress, device)
         return Map(store.dataset())
 
 
@@ -213,7 +213,7 @@ def _pool(scheduler: str, workers: int | None, device: str) -> Pool:
     return Pool(scheduler, workers)
 
 
-def run(
+def compute_missing(
     store: MapStore,
     pool: Pool,
     adaptive: Adaptive | None,
@@ -235,7 +235,7 @@ def run(
 
 
 def _fill(
-    store: MapStore, work: Work, points: Array | None, pool: Pool, stop: Stop, tell: _Teller
+    store: MapStore, work: Work, points: Array | None, pool: Pool, stop: Interrupt, tell: _Teller
 ) -> None:
     """Compute the wanted points (all if None) that are missing, and write them chunk by chunk."""
     tell(np.empty(0, np.int8))
@@ -251,7 +251,7 @@ def _fill(
         tell(values["outcome"])
 
 
-def _tasks(store: MapStore, points: Array | None, together: int) -> Iterator[Task]:
+def _tasks(store: MapStore, points: Array | None, together: int) -> Iterator[Batch]:
     """Chunks with points that are missing, so many that there are at least so many points in a
     task."""
     grid = store.grid
@@ -263,14 +263,14 @@ def _tasks(store: MapStore, points: Array | None, together: int) -> Iterator[Tas
             count += len(inside)
         if count >= together or (chunk is None and pieces):
             parts = [grid.columns(grid.region(chunk), inside) for chunk, inside in pieces]
-            yield Task(
+            yield Batch(
                 pieces, {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
             )
             pieces = []
             count = 0
 
 
-def _work(work: Work, task: Task, stop: Array) -> dict[str, Array]:
+def _work(work: Work, task: Batch, stop: Array) -> dict[str, Array]:
     return compute(work, task.columns, stop)
 
 

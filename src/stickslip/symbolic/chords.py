@@ -25,7 +25,7 @@ class Chord(NamedTuple):
     off: Array
 
 
-def evaluate(expressions: list[Expr], u: Any) -> Array:
+def chord_values(expressions: list[Expr], u: Any) -> Array:
     """Values of expressions in one name, for a number or an array: shape (expressions, ...)."""
     names = sorted(frozenset[str]().union(*(e.symbols for e in expressions)))
     return evaluator(expressions, names)(np.broadcast_to(u, (len(names), *np.shape(u))))
@@ -34,7 +34,7 @@ def evaluate(expressions: list[Expr], u: Any) -> Array:
 def table(expressions: list[Expr], u: Array) -> Array:
     """Values of expressions in one name at places of shape (m,), one row each: shape (m,
     expressions)."""
-    return np.ascontiguousarray(evaluate(expressions, u).T)
+    return np.ascontiguousarray(chord_values(expressions, u).T)
 
 
 def deviations(

@@ -13,7 +13,14 @@ from functools import lru_cache
 
 from stickslip.symbolic.expressions import Expr, number, walk
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS, Function
-from stickslip.symbolic.intervals import EVERYTHING, FLOATS, LARGEST, LOOSE, Interval, Intervals
+from stickslip.symbolic.intervals import (
+    EVERYTHING,
+    FLOATS,
+    LARGEST_FLOAT,
+    LOOSE,
+    Interval,
+    Intervals,
+)
 
 _MOST_SIDES = 4  # nested kinks that are told apart
 _NOTHING = (0.0, 0.0)
@@ -178,7 +185,7 @@ def of_function(row: Function, a: Interval, of: Intervals) -> Interval:
     middle = ops.minimum(ops.maximum(0.5 * a[0] + 0.5 * a[1], a[0]), a[1])
     value = of.ends(row, (middle, middle))
     around = of.plus(value, of.times(slope, of.plus(a, (-middle, -middle))))
-    around = of.unless((a[0] < -LARGEST) | (a[1] > LARGEST), around)
+    around = of.unless((a[0] < -LARGEST_FLOAT) | (a[1] > LARGEST_FLOAT), around)
     ends = of.ends(row, a)
     monotone = (slope[0] >= 0.0) | (slope[1] <= 0.0)
     return (

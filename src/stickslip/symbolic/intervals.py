@@ -24,7 +24,7 @@ from stickslip.symbolic.functions import FUNCTIONS, Function
 Interval = tuple[Any, Any]
 
 EVERYTHING = (-math.inf, math.inf)
-LARGEST = math.nextafter(math.inf, 0.0)
+LARGEST_FLOAT = math.nextafter(math.inf, 0.0)
 LOOSE = 4.0 * 2.0**-52  # relative error of an elementary function, and of a power
 _TINY = 1e-321  # its absolute error where it underflows
 _SPLIT = 134217729.0  # 2²⁷ + 1: halves the digits of a number
@@ -195,8 +195,8 @@ class Intervals:
     def _loosened(self, low: Any, high: Any) -> Interval:
         """Values of an elementary function, as bounds."""
         ops = self.ops
-        low = ops.minimum(low, LARGEST)
-        high = ops.maximum(high, -LARGEST)
+        low = ops.minimum(low, LARGEST_FLOAT)
+        high = ops.maximum(high, -LARGEST_FLOAT)
         return low - (LOOSE * abs(low) + _TINY), high + (LOOSE * abs(high) + _TINY)
 
     # -- functions ---------------------------------------------------------------------------------

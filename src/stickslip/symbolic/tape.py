@@ -112,7 +112,7 @@ class Instruction:
 
 
 @dataclass
-class Constants:
+class ParameterExpressions:
     """Parameter-only expressions, computed once per set of parameters."""
 
     parameters: list[str]
@@ -210,7 +210,7 @@ def scalar_code(
     targets: Iterable[Expr],
     names: Mapping[str, str],
     regions: Mapping[Expr, str] | None = None,
-    constants: Constants | None = None,
+    constants: ParameterExpressions | None = None,
     dialect: Dialect = _COMPILED,
 ) -> tuple[list[str], dict[Expr, str]]:
     """Straight-line code for expressions: the one printer of values as Python source.
@@ -260,7 +260,7 @@ def _scalar(
     e: Expr,
     v: Callable[[Expr], str],
     regions: Mapping[Expr, str] | None,
-    constants: Constants | None,
+    constants: ParameterExpressions | None,
     dialect: Dialect,
 ) -> str:
     match e.op:
@@ -299,7 +299,9 @@ def _exact_sum(e: Expr, v: Callable[[Expr], str]) -> str:
     return f"dot(({', '.join(left)}), ({', '.join(right)}))"
 
 
-def _scalar_terms(e: Expr, v: Callable[[Expr], str], constants: Constants | None) -> list[str]:
+def _scalar_terms(
+    e: Expr, v: Callable[[Expr], str], constants: ParameterExpressions | None
+) -> list[str]:
     if constants is None:
         return [literal(float(e.value)), *(f"{literal(c)}*{v(term)}" for term, c in e.terms)]
     return _scalar_line(*constants.split(e), v, constants)
@@ -310,14 +312,14 @@ def _scalar_line(
     rate: Expr,
     others: list[tuple[Expr, float]],
     v: Callable[[Expr], str],
-    constants: Constants,
+    constants: ParameterExpressions,
 ) -> list[str]:
     moving = [f"{constants.code(rate)}*t"] if rate is not ex.ZERO else []
     return [constants.code(constant), *moving, *(f"{literal(c)}*{v(term)}" for term, c in others)]
 
 
 def _scalar_power(
-    base: Expr, p: float, v: Callable[[Expr], str], constants: Constants | None
+    base: Expr, p: float, v: Callable[[Expr], str], constants: ParameterExpressions | None
 ) -> str:
     if p == 1.0:
         return v(base)
@@ -329,7 +331,7 @@ def _scalar_power(
 
 
 def _scalar_real_power(
-    base: Expr, p: str, v: Callable[[Expr], str], constants: Constants | None
+    base: Expr, p: str, v: Callable[[Expr], str], constants: ParameterExpressions | None
 ) -> str:
     """A power, of a base that may be zero up to rounding where the engine's clock runs."""
     if constants is None:
@@ -337,7 +339,7 @@ def _scalar_real_power(
     return f"first_power({v(base)}, {p}, {_scalar_size(base, v, constants)})"
 
 
-def _scalar_size(e: Expr, v: Callable[[Expr], str], constants: Constants) -> str:
+def _scalar_size(e: Expr, v: Callable[[Expr], str], constants: ParameterExpressions) -> str:
     """Sum of the moduli of the terms of an expression, whatever the region; 0 if it is one term."""
     if e.op == "sum":
         return " + ".join(f"abs({term})" for term in _scalar_terms(e, v, constants))
@@ -358,7 +360,7 @@ class Tape:
 
     def __init__(
         self,
-        constants: Constants,
+        constants: ParameterExpressions,
         rows: Mapping[str, int],
         first_free: int,
         regions: Mapping[Expr, int],

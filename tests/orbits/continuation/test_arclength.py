@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from stickslip.errors import StickslipError
-from stickslip.orbits.continuation.arclength import Path, Steps, trace
+from stickslip.orbits.continuation.arclength import Path, StepControl, trace
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ def follow(equations, start, towards, tests, endings=None, **steps) -> Path:
         scale=unit,
         tests=tests,
         endings=endings or {},
-        steps=Steps(**steps),
+        steps=StepControl(**steps),
     )
 
 

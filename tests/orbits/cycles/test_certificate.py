@@ -13,7 +13,7 @@ from orbits.examples import HALF_TURN, SLIDER, jenkins, planar
 from stickslip import Trajectory, catalogue, simulate
 from stickslip.certificates import Certificate, Residual, worst
 from stickslip.motion import certify as certify_motion
-from stickslip.orbits.cycles.certificate import certify
+from stickslip.orbits.cycles.certificate import certify_cycle
 from stickslip.orbits.cycles.cycle import Cycle, find_cycle
 from stickslip.orbits.cycles.finding import from_cycle
 from stickslip.orbits.cycles.period import shorter, shortest
@@ -65,7 +65,7 @@ def test_a_motion_that_does_not_close() -> None:
     closed = slider().closed
     x = closed.orbit.x.copy()
     x[closed.shooting.time] *= 1.0 + 1e-6
-    assert "closure" in bad(certify(Closed(closed.shooting, closed.shooting.orbit(x))))
+    assert "closure" in bad(certify_cycle(Closed(closed.shooting, closed.shooting.orbit(x))))
 
 
 def test_rest_is_no_cycle() -> None:
@@ -79,7 +79,7 @@ def test_rest_is_no_cycle() -> None:
     pieces = Pieces(still.compiled.equations)
     found = Recurrence(0.0, np.zeros(2), 4.0, 1, np.zeros(2), 0.0)
     shooting, x = near(still, pieces, window(motion, pieces), found)
-    assert "movement" in bad(certify(Closed(shooting, shooting.orbit(x))))
+    assert "movement" in bad(certify_cycle(Closed(shooting, shooting.orbit(x))))
 
 
 def several_rounds(cycle: Cycle, rounds: int) -> Closed:
@@ -107,7 +107,7 @@ def test_several_rounds_are_not_a_period(name: str, rounds: int) -> None:
     cycle = find_cycle(system, start, values)
     longer = several_rounds(cycle, rounds)
     assert longer.orbit.period == pytest.approx(rounds * cycle.period, rel=1e-12)
-    assert bad(certify(longer)) == ["shorter period"]
+    assert bad(certify_cycle(longer)) == ["shorter period"]
     assert shortest(longer).orbit.period == pytest.approx(cycle.period, rel=1e-12)
 
 
@@ -146,7 +146,7 @@ def test_wrong_derivatives(wrong: str) -> None:
         after[-1] *= 1.001
     changed = replace(leg, change=replace(leg.change, after=after))
     orbit = replace(closed.orbit, legs=[changed])
-    assert wrong in bad(certify(Closed(closed.shooting, orbit)))
+    assert wrong in bad(certify_cycle(Closed(closed.shooting, orbit)))
 
 
 def test_minimal_period_from_any_start() -> None:

@@ -18,7 +18,7 @@ from stickslip.orbits.cycles.lyapunov import largest_exponent
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.return_map.families import Family
 from stickslip.orbits.return_map.recurrence import window
-from stickslip.orbits.settling.resting import Point, rest_near
+from stickslip.orbits.settling.resting import MotionPoint, rest_near
 from systems import oscillator, parameters
 
 
@@ -30,7 +30,7 @@ def rest_of(
     pieces = Pieces(motion._problem.compiled.equations)
     w, k = window(motion, pieces), motion.knots
     assert w.symmetry.frame is not None
-    point = Point(
+    point = MotionPoint(
         float(k.time[-1]),
         k.state[-1],
         np.array(list(motion.parameters.values())),

@@ -13,7 +13,7 @@ from stickslip import Contact, Inertial, Internal, System, catalogue
 from stickslip.equations.derive import derive
 from stickslip.equations.field import mode_field
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
-from stickslip.orbits.equilibria.certificate import certify, eigenvalue_error
+from stickslip.orbits.equilibria.certificate import certify_equilibrium, eigenvalue_error
 from stickslip.orbits.equilibria.finding import equilibria
 from stickslip.orbits.fields.steady import Steady
 from systems import parameters
@@ -75,10 +75,12 @@ def test_a_wrong_state_is_not_certified() -> None:
     y = np.array(list(found.state.values()))
     field = mode_field(derive(SLIDER.declaration), found.mode, found.region)
     steady = Steady(field, found.parameters, np.zeros((2, 0)), y)
-    assert certify(steady, steady.point(y))[0].ok
-    assert not certify(steady, steady.point(y * (1.0 + 1e-8)))[0]["equations"].ok
+    assert certify_equilibrium(steady, steady.point(y))[0].ok
+    assert not certify_equilibrium(steady, steady.point(y * (1.0 + 1e-8)))[0]["equations"].ok
     # Where the block would slip the other way: outside its mode.
-    assert not certify(steady, steady.point(y * np.array([-1.0, 1.0])))[0]["nearest guard"].ok
+    assert not certify_equilibrium(steady, steady.point(y * np.array([-1.0, 1.0])))[0][
+        "nearest guard"
+    ].ok
 
 
 def test_stability_that_rounding_decides_is_not_decided() -> None:

@@ -28,9 +28,9 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.tape import (
     ORIGIN,
-    Constants,
     Instruction,
     Op,
+    ParameterExpressions,
     Scaled,
     Tape,
     literal,
@@ -112,7 +112,7 @@ class _Generator:
     def __init__(self, equations: MotionEquations) -> None:
         self.eq = equations
         d = self.d = equations.declaration
-        self.constants = Constants([*d.parameters, ORIGIN])
+        self.constants = ParameterExpressions([*d.parameters, ORIGIN])
         self.nq, self.nz, self.nr, self.na = map(
             len, (d.inertial, d.viscous, d.rate_independent, d.internal)
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.functions import FUNCTIONS
-from stickslip.symbolic.tape import Constants, Instruction, Op, Scaled
+from stickslip.symbolic.tape import Instruction, Op, ParameterExpressions, Scaled
 
 _OF_TWO = {
     Op.PRODUCT: "product_order(W, {0}, {1}, k)",
@@ -22,7 +22,7 @@ _PAIRS = {
 }
 
 
-def printed(instruction: Instruction, constants: Constants) -> list[str]:
+def printed(instruction: Instruction, constants: ParameterExpressions) -> list[str]:
     """Statements that compute order k of the row of an instruction."""
     i = instruction
     row = instruction.row
@@ -78,7 +78,7 @@ def printed(instruction: Instruction, constants: Constants) -> list[str]:
     raise NotImplementedError(i.op)
 
 
-def coefficient(part: Scaled, constants: Constants) -> str:
+def coefficient(part: Scaled, constants: ParameterExpressions) -> str:
     """Order k of constant × row."""
     factor = constants.code(part.factor)
     if part.row is None:
@@ -86,7 +86,7 @@ def coefficient(part: Scaled, constants: Constants) -> str:
     return f"W[{part.row}, k]" if part.factor is ex.ONE else f"{factor}*W[{part.row}, k]"
 
 
-def _modulus(part: Scaled, constants: Constants) -> str:
+def _modulus(part: Scaled, constants: ParameterExpressions) -> str:
     factor = constants.code(part.factor)
     return f"abs({factor})" if part.row is None else f"abs({factor}*W[{part.row}, 0])"
 
@@ -113,14 +113,14 @@ def _side(i: Instruction) -> str:
     return f"{surface} if {m} == 0 else ({sliding} if abs({m}) == 1 else {breaking})"
 
 
-def _entry(i: Instruction, constants: Constants) -> str:
+def _entry(i: Instruction, constants: ParameterExpressions) -> str:
     """An entry of the matrix that changes along the motion."""
     own = f"({constants.code(i.parts[0].factor)} if k == 0 else 0.0)"
     stiffness, plus, minus = (f"W[{r}, k]" for r in i.inputs)
     return by_mode(i.place, own, f"{stiffness} + {plus}", f"{stiffness} - {minus}")
 
 
-def _rates(i: Instruction, constants: Constants) -> list[str]:
+def _rates(i: Instruction, constants: ParameterExpressions) -> list[str]:
     """Solve A ṙ = b as a series: the inverse at order 0, and what the changes of A take away at the
     others."""
     n = i.size

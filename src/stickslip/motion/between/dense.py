@@ -23,7 +23,7 @@ from stickslip.motion.steps.arrays import (
     Record,
     coefficients,
 )
-from stickslip.motion.steps.stiff import follow
+from stickslip.motion.steps.stiff import follow_mode
 
 
 @njit(**ALLOCATING)
@@ -75,7 +75,7 @@ def sample(
         left = float(knots.time[min(knot + 1, final)]) - base
         if times[i] > base and not known:  # at the knot itself no series is needed
             start = Instant(base, y, mode, reg)
-            order, h, _ = follow(machine, flow, start, left, 0.0, seen)
+            order, h, _ = follow_mode(machine, flow, start, left, 0.0, seen)
             known = True
         while known and times[i] - base > h:
             for r in range(n):
@@ -83,7 +83,7 @@ def sample(
             base = base + h
             left = left - h
             start = Instant(base, y, mode, reg)
-            order, h, _ = follow(machine, flow, start, left, h, seen)
+            order, h, _ = follow_mode(machine, flow, start, left, h, seen)
             h = max(h, 1e-12 * left)
         for r in range(n):
             z[r] = horner(W[r], order, (times[i] - base) / W[n, 1]) if known else y[r]

@@ -7,19 +7,19 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.machine_code import njit
-from stickslip.motion.steps.arrays import NODES as COUNT
+from stickslip.motion.steps.arrays import AUDIT_NODES as COUNT
 from stickslip.motion.steps.arrays import OPTIONS
 
 _nodes, _weights = np.polynomial.legendre.leggauss(COUNT)
-NODES = 0.5 * (_nodes + 1.0)  # on [0, 1]
-WEIGHTS = 0.5 * _weights
+GAUSS_NODES = 0.5 * (_nodes + 1.0)  # on [0, 1]
+GAUSS_WEIGHTS = 0.5 * _weights
 
 
 def _lagrange(x: Array) -> Array:
     """Values of the Lagrange polynomials of the nodes, shape (points, nodes)."""
-    others = [np.delete(NODES, j) for j in range(COUNT)]
+    others = [np.delete(GAUSS_NODES, j) for j in range(COUNT)]
     return np.array(
-        [[np.prod((t - a) / (c - a)) for a, c in zip(others, NODES, strict=True)] for t in x]
+        [[np.prod((t - a) / (c - a)) for a, c in zip(others, GAUSS_NODES, strict=True)] for t in x]
     )
 
 
@@ -29,7 +29,7 @@ def _to_bernstein() -> Array:
 
     d = COUNT - 1
     bernstein = np.array(
-        [[comb(d, i) * t**i * (1.0 - t) ** (d - i) for i in range(COUNT)] for t in NODES]
+        [[comb(d, i) * t**i * (1.0 - t) ** (d - i) for i in range(COUNT)] for t in GAUSS_NODES]
     )
     return np.linalg.inv(bernstein)
 
@@ -66,7 +66,7 @@ def largest_of(values: Array) -> float:
 
 
 @njit(**OPTIONS)
-def least(values: Array, stack: Array, negligible: float) -> float:
+def least_on_nodes(values: Array, stack: Array, negligible: float) -> float:
     """Lower bound of the interpolant of values at the nodes, close to its minimum where that is
     negative.
 

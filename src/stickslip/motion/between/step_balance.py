@@ -27,13 +27,13 @@ from stickslip.arrays import Array
 from stickslip.machine_code import njit
 from stickslip.motion.between.nodes import (
     COUNT,
+    GAUSS_NODES,
+    GAUSS_WEIGHTS,
     LEBESGUE,
     NARROW,
-    NODES,
-    WEIGHTS,
     WIDE,
     largest_of,
-    least,
+    least_on_nodes,
     most,
 )
 from stickslip.motion.engine.guards import resting
@@ -45,6 +45,7 @@ from stickslip.motion.steps.arrays import (
     EPSILON,
     INERTIAL,
     INLINED,
+    INT_ZERO,
     ON_INERTIAL,
     ON_VISCOUS,
     OPTIONS,
@@ -53,7 +54,6 @@ from stickslip.motion.steps.arrays import (
     STORED,
     SUPPLIED,
     VISCOUS,
-    ZERO,
     Flow,
     Instant,
     Machine,
@@ -63,8 +63,8 @@ from stickslip.motion.steps.arrays import (
     coefficients,
 )
 from stickslip.motion.steps.discs import BALL, OFF, SLOPE, spread, spread_state, tape_of
-from stickslip.motion.steps.step_size import LEAST, fill_powers, impulse
-from stickslip.motion.steps.stiff import follow
+from stickslip.motion.steps.step_size import LEAST_SIZE, fill_powers, impulse
+from stickslip.motion.steps.stiff import follow_mode
 
 _NEGLIGIBLE = 1e-10  # part of its size that a quantity may have between the nodes
 _MOST_PIECES = 512  # of a step
@@ -143,7 +143,7 @@ def make_steps(count: int, n: int) -> Steps:
     return Steps(np.zeros((count, 2)), np.zeros((count, n)), np.zeros((count, n)), np.zeros(count))
 
 
-class Piece(NamedTuple):
+class StepPiece(NamedTuple):
     """A part of a step, on which the motion is followed by polynomials.
 
     Attributes
@@ -229,7 +229,7 @@ def audit_step(
     h = left
     while left > 0.0:
         start = Instant(base, y, mode, reg)
-        order, h, series = follow(machine, flow, start, left, last, seen)
+        order, h, series = follow_mode(machine, flow, start, left, last, seen)
         h = min(left, max(h, 1e-12 * left))
         factor = 0.0
         if not h > 0.0:
@@ -247,7 +247,7 @@ def audit_step(
                 factor = enclose(flow, mode, reg, order, h, min(h, series), tally)
             if not factor < np.inf:
                 h, steps.open[i] = longest, left  # no more is tried in this step
-        piece = Piece(order, base, h, min(h, series) if series > 0.0 else h, factor)
+        piece = StepPiece(order, base, h, min(h, series) if series > 0.0 else h, factor)
         measure_piece(machine, flow, piece, mode, reg, check, i, steps, tally)
         for r in range(n):
             y[r] = horner(W[r], order, h / W[n, 1])
@@ -327,16 +327,16 @@ def enclose(
         space.discs[n, BALL] = radius
         space.discs[n, OFF] = 0.0
         spread_state(space.W, N, powers, rows.watched[:n], space.discs)
-        spread(tape, mode, reg, ZERO, len(rows.program.code))
+        spread(tape, mode, reg, INT_ZERO, len(rows.program.code))
         for r in range(n):
-            space.discs[r, SLOPE] = slopes(space.W[r], N, powers) / unit
+            space.discs[r, SLOPE] = slope_range(space.W[r], N, powers) / unit
         if encloses(rows, space, N, h, acting, factor, tally):
             return factor
     return np.inf
 
 
 @njit(**OPTIONS, fastmath={"reassoc", "contract", "nsz"})
-def slopes(c: Array, N: int, powers: Array) -> float:
+def slope_range(c: Array, N: int, powers: Array) -> float:
     """How far the derivative of a polynomial strays from its first value on a disc."""
     total = 0.0
     for k in range(2, N + 1):
@@ -359,7 +359,7 @@ def residual_strays(rows: Rows, discs: Array, r: int, factor: float) -> float:
 @njit(**OPTIONS)
 def extent(c: Array, N: int, powers: Array) -> float:
     """Largest term of a polynomial: its size on a piece, even if it begins with zeros."""
-    size = LEAST
+    size = LEAST_SIZE
     for k in range(N + 1):
         size = max(size, abs(c[k]) * powers[k])
     return size
@@ -424,7 +424,7 @@ def encloses(
 def measure_piece(
     machine: Machine,
     flow: Flow,
-    piece: Piece,
+    piece: StepPiece,
     mode: Array,
     reg: Array,
     check: bool,
@@ -443,7 +443,7 @@ def measure_piece(
     power = space.powers
     unit = W[n, 1]
     for g in range(COUNT):
-        tau, weight = piece.h * NODES[g], piece.h * WEIGHTS[g]
+        tau, weight = piece.h * GAUSS_NODES[g], piece.h * GAUSS_WEIGHTS[g]
         for r in range(n):
             y[r] = horner(W[r], piece.order, tau / unit)
         coefficients(machine, flow, Instant(piece.t + tau, y, mode, reg), 1, V)
@@ -472,7 +472,7 @@ def measure_piece(
 def sample_residuals(
     rows: Rows,
     space: Space,
-    piece: Piece,
+    piece: StepPiece,
     y: Array,
     g: int,
     i: int,
@@ -485,7 +485,7 @@ def sample_residuals(
     sizes = rows.program.rate_sizes
     n = len(y)
     unit = W[n, 1]
-    tau, weight = piece.h * NODES[g], piece.h * WEIGHTS[g]
+    tau, weight = piece.h * GAUSS_NODES[g], piece.h * GAUSS_WEIGHTS[g]
     for r in range(n):
         rate = space.V[rows.program.rates[r], 0]
         space.samples[r, g] = rate - rate_on(W[r], piece.order, tau / unit) / unit
@@ -493,7 +493,7 @@ def sample_residuals(
         if sizes[r] >= 0:
             size = tally.state[LARGEST, r]
             time = counts_for(rows, mag, r, size, piece.h, piece.acting)
-            steps.noise[i, r] += time * WEIGHTS[g] * _ROUNDINGS * EPSILON * mag[sizes[r]]
+            steps.noise[i, r] += time * GAUSS_WEIGHTS[g] * _ROUNDINGS * EPSILON * mag[sizes[r]]
             tally.total[_ERRORS] += weight * _ROUNDINGS * EPSILON * mag[sizes[r]]
         sway = impulse(rows, mag, r, piece.acting)
         tally.state[_SWAY, r] = most(tally.state[_SWAY, r], sway)
@@ -581,7 +581,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
             tight = strays(discs[rows.u[c]], factor)
         if resting(mode[c]):
             for part in range(2):
-                low = least(
+                low = least_on_nodes(
                     samples[row + part], space.bernstein, 1e-2 * _NEGLIGIBLE * law[c, _FORCE]
                 )
                 law[c, _EXCESS] = most(law[c, _EXCESS], loose - low - unsure)
@@ -589,7 +589,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
         else:
             law[c, _BACKWARDS] = most(
                 law[c, _BACKWARDS],
-                tight - rounding - least(samples[row], space.bernstein, rounding),
+                tight - rounding - least_on_nodes(samples[row], space.bernstein, rounding),
             )
             if c >= rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]:
                 law[c, _OFF_THRESHOLD] = most(
@@ -598,7 +598,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
     for j in range(len(rows.kinks)):
         between = strays(discs[rows.kinks[j]], factor) if factor < np.inf else 0.0
         negligible = 1e-2 * _NEGLIGIBLE * tally.kinks[j, _REACHED]
-        low = least(samples[n + 3 * nc + j], space.bernstein, negligible)
+        low = least_on_nodes(samples[n + 3 * nc + j], space.bernstein, negligible)
         tally.kinks[j, _BEYOND] = most(tally.kinks[j, _BEYOND], between - low)
 
 

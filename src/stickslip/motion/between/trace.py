@@ -21,13 +21,13 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Record,
 )
-from stickslip.motion.steps.stiff import follow
+from stickslip.motion.steps.stiff import follow_mode
 
 TOLERANCE = 1e-12  # of a series relative to the size of its row
 
 
 @njit(**ALLOCATING)
-def trace(
+def trace_rows(
     machine: Machine,
     flow: Flow,
     seen: Array,
@@ -79,7 +79,7 @@ def trace(
                 base += h
             left = knots.time[min(knot + 1, last)] - base
             fresh = False
-            full, h, _ = follow(machine, flow, Instant(base, y, mode, reg), left, h, seen)
+            full, h, _ = follow_mode(machine, flow, Instant(base, y, mode, reg), left, h, seen)
             h = max(h, 1e-12 * (times[i] - base))
             order = full - 1  # forces and thresholds have one order less than the state
             for c in range(order + 1):

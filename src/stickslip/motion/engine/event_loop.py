@@ -21,8 +21,8 @@ from stickslip.motion.engine.forms import (
     slots_of,
 )
 from stickslip.motion.engine.guards import contact_of, doubt_of, first_event, resting
-from stickslip.motion.engine.modes import copy, flip, keeps, let_slide, resolve, settle
-from stickslip.motion.engine.roots import arrive
+from stickslip.motion.engine.modes import copy, flip, keeps, let_slide, resolve, settle_mode
+from stickslip.motion.engine.roots import value_and_slope
 from stickslip.motion.steps.arrays import (
     ASTRAY,
     CAUSE,
@@ -35,6 +35,7 @@ from stickslip.motion.steps.arrays import (
     INADMISSIBLE,
     INERTIAL,
     INLINED,
+    INT_ZERO,
     LAST,
     LIMIT,
     LONG_AGO,
@@ -63,7 +64,6 @@ from stickslip.motion.steps.arrays import (
     UNDEFINED,
     VISCOUS,
     ZENO,
-    ZERO,
     Constants,
     Flow,
     Instant,
@@ -134,7 +134,7 @@ def integrate(
     int
         Number of recorded steps.
     """
-    count = ZERO
+    count = INT_ZERO
     closed = slots_of(forms) > 0
     for i in range(len(codes)):
         if codes[i] < FULL:
@@ -173,7 +173,7 @@ def integrate_affine(
     Most systems with closed forms need nothing else, and need not wait until the Taylor steps are
     compiled.
     """
-    count = ZERO
+    count = INT_ZERO
     for i in range(len(codes)):
         if codes[i] < FULL:
             continue
@@ -206,7 +206,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         t, fired = clock[NOW], counters[CAUSE]
         hold = fired >= 0 or counters[TAKEN] % _LOOK == 0
         most = min(room, max(end - t, 0.0))
-        status, h, series, may_fire = settle(machine, flow, lane, most, hold, promised)
+        status, h, series, may_fire = settle_mode(machine, flow, lane, most, hold, promised)
         if status == ASTRAY:
             go_back(lane, space, before)
             room = _CUT * promised
@@ -214,7 +214,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
             promised = 0.0
             continue
         if status != OK:
-            take_back(lane.mode, lane.settled)
+            restore_mode(lane.mode, lane.settled)
         if not again:
             count = note(lane, task, count)
         if status != OK:
@@ -269,7 +269,7 @@ def go_back(lane: Lane, space: Space, before: Before) -> None:
 
 
 @njit(**OPTIONS)
-def take_back(mode: Array, settled: Array) -> None:
+def restore_mode(mode: Array, settled: Array) -> None:
     """No mode goes on from here: what the contacts did last is kept, not the last attempt."""
     for i in range(len(mode)):
         mode[i] = settled[i] if settled[i] != NONE_YET else 0
@@ -313,7 +313,9 @@ def look_ahead(flow: Flow, x: float, h: float) -> None:
     if x < 1.0:
         fill_powers(space.powers, x * h / space.W[n, 1])
     for i in range(n):
-        space.trial[i], space.promise[PROMISED, i] = arrive(space.W[i], flow.order, space.powers)
+        space.trial[i], space.promise[PROMISED, i] = value_and_slope(
+            space.W[i], flow.order, space.powers
+        )
 
 
 @njit(**OPTIONS)

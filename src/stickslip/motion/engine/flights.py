@@ -28,7 +28,7 @@ from stickslip.motion.engine.forms import (
 )
 from stickslip.motion.engine.guards import switch_of
 from stickslip.motion.engine.signals import (
-    Sum,
+    SignalSum,
     Wave,
     first_of_bend,
     first_of_line,
@@ -81,7 +81,7 @@ def find(key: Array, own: Array, first: int, used: int, wanted: int) -> int:
 
 
 @njit(**OPTIONS)
-def dot(row: Array, s: Array) -> float:
+def scalar_product(row: Array, s: Array) -> float:
     """Scalar product."""
     total = 0.0
     for i in range(len(s)):
@@ -257,7 +257,7 @@ def sort_guards(T: ClosedForms, slot: int, f: Flight, omega: Array) -> int:
             c0 -= b[m].real
             reach += swing[g, len(r) + m]
         if T.drifts[slot, g] == 1:
-            c1 = dot(T.c1[slot, g], f.v[0])
+            c1 = scalar_product(T.c1[slot, g], f.v[0])
             c2 = T.c2[slot, g]
         if T.decays[slot, g] == 1 and c0 > reach and c1 >= 0.0 and c2 >= 0.0:
             continue  # what is in motion can never bring it down
@@ -354,7 +354,7 @@ def fly(T: ClosedForms, slot: int, f: Flight, room: float, omega: Array) -> tupl
                 a[i] = T.a[slot, g, i] * r[i]
             for m in range(len(omega)):
                 b[m] = T.b[slot, g, m] * f.spin[m]
-            parts = Sum(f.c[g], a[:nb], lam[:nb], b, omega)
+            parts = SignalSum(f.c[g], a[:nb], lam[:nb], b, omega)
             found = first_of_many(parts, limit, floor, rising, f.taylor, f.stack)
         if found <= limit:
             known = known and found == limit
@@ -377,7 +377,7 @@ def arrive(T: ClosedForms, slot: int, f: Flight, x: Array, tau: float, omega: Ar
         g = first + i
         change = 0.0
         if T.drifts[slot, g] == 1:
-            change = tau * (dot(T.c1[slot, g], f.v[0]) + tau * T.c2[slot, g])
+            change = tau * (scalar_product(T.c1[slot, g], f.v[0]) + tau * T.c2[slot, g])
         for j in range(T.counts[slot, EXPONENTS]):
             z = T.a[slot, g, j]
             change += z.real * turned[j].real - z.imag * turned[j].imag
@@ -397,7 +397,7 @@ def land(T: ClosedForms, slot: int, f: Flight, guard: int, x: Array, last: float
     """
     v = f.v
     _derive(T.S[slot], v, 1)
-    value, slope = dot(T.G[slot, guard], v[0]), dot(T.G[slot, guard], v[1])
+    value, slope = scalar_product(T.G[slot, guard], v[0]), scalar_product(T.G[slot, guard], v[1])
     if not slope < 0.0 or abs(value) * T.pace[slot] > -1e-9 * last * slope:
         return 0.0
     for i in range(len(x)):
@@ -418,7 +418,7 @@ def admissible(T: ClosedForms, slot: int, f: Flight, x: Array, last: float) -> b
         zero = T.zero[slot, c]
         value = 0.0
         size = 0.0
-        rate = abs(dot(T.brake[slot, c], s))
+        rate = abs(scalar_product(T.brake[slot, c], s))
         for i in range(len(s)):
             value += zero[i] * s[i]
             size += abs(zero[i]) * moduli[i]

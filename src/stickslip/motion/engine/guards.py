@@ -13,12 +13,12 @@ from stickslip.motion.steps.arrays import (
     DOUBTFUL,
     FIRED,
     INLINED,
+    INT_ZERO,
     NOWHERE,
     OPTIONS,
     ROUNDING,
     SLIPPING,
     TOWARDS,
-    ZERO,
     Flow,
     Rows,
     Space,
@@ -30,7 +30,7 @@ from stickslip.motion.steps.step_size import impulse
 _NUMBER, _DEGREE = range(2)
 
 
-class Guard(NamedTuple):
+class GuardRow(NamedTuple):
     """What must be nonnegative in a mode: sign·W[row] + W[shift].
 
     Attributes
@@ -70,7 +70,9 @@ def fall(W: Array, row: int, shift: int, sign: float, N: int, powers: Array) -> 
 
 
 @njit(**OPTIONS)
-def germ(W: Array, guard: Guard, N: int, powers: Array, slack: float, c: Array) -> tuple[int, int]:
+def germ(
+    W: Array, guard: GuardRow, N: int, powers: Array, slack: float, c: Array
+) -> tuple[int, int]:
     """Sign of a guard for small times, and the order that decides it.
 
     Its coefficients, scaled to the step, are left in c. A zero is known no better than the time at
@@ -126,7 +128,7 @@ def stays(
     if abs(W[row, 0]) > precision * (size + near * rate):
         return False
     spare = space.pending[len(space.pending) - 1]
-    guard = Guard(row, NOWHERE, 1.0, size, rate, near, precision)
+    guard = GuardRow(row, NOWHERE, 1.0, size, rate, near, precision)
     s, _ = germ(W, guard, N, space.powers, slack, spare)
     return s == 0
 
@@ -177,7 +179,7 @@ def is_asked(doubtful: Array, mode: Array, nk: int, g: int) -> bool:
 @njit(**INLINED)
 def guard_of(
     rows: Rows, space: Space, mode: Array, reg: Array, g: int, near: float, precision: float
-) -> Guard:
+) -> GuardRow:
     """A guard of a mode by its number; zeros are known within the time `near`, in units of that of
     the coefficients."""
     W = space.W
@@ -218,7 +220,7 @@ def guard_of(
         sign = 1.0 if mode[i] > 0 else -1.0
         size = mag[i]
         rate = mag[nc + i] * unit + abs(W[row, 1])
-    return Guard(row, shift, sign, size, rate, around, exact)
+    return GuardRow(row, shift, sign, size, rate, around, exact)
 
 
 @njit(**INLINED)
@@ -238,7 +240,7 @@ def scan(
     labels = space.labels
     nk = len(rows.kinks)
     nc = len(rows.u)
-    count = ZERO
+    count = INT_ZERO
     near = last / W[rows.sizes[DIMENSION], 1] + powers[1]
     for g in range(nk + 2 * nc + len(rows.doubtful)):
         if not is_asked(rows.doubtful, mode, nk, g):

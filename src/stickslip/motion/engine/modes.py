@@ -27,6 +27,7 @@ from stickslip.motion.steps.arrays import (
     IMPLICIT,
     INERTIAL,
     INLINED,
+    INT_ZERO,
     KINKS,
     LAST,
     NAN,
@@ -46,7 +47,6 @@ from stickslip.motion.steps.arrays import (
     SINGULAR,
     UNIT,
     VISCOUS,
-    ZERO,
     Constants,
     Flow,
     Instant,
@@ -58,11 +58,11 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.step_size import (
     COARSER,
-    LEAST,
+    LEAST_SIZE,
     MOST_UNITS,
     better,
     fill_powers,
-    shortened,
+    shortened_step,
     step_size,
     suits,
 )
@@ -127,7 +127,9 @@ def resolve(sizes: Array, k: Constants, space: Space, mode: Array) -> bool:
     for c in range(mq + mz):
         known[c] = mode[c]
     known[mq + mz] = 1
-    if nq > 0 and not resolvent(k.M, nq, k.J, ZERO, mq, ZERO, mode, space.scratch, space.Rq):
+    if nq > 0 and not resolvent(
+        k.M, nq, k.J, INT_ZERO, mq, INT_ZERO, mode, space.scratch, space.Rq
+    ):
         return False
     if nz > 0 and not resolvent(k.C, nz, k.J, mq, mz, nq, mode, space.scratch, space.Rz):
         return False
@@ -272,7 +274,7 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
     promise = flow.space.promise[PROMISED]
     tol = _LOOSER * flow.tol
     for i in range(len(y)):
-        size = LEAST + abs(y[i]) + abs(promise[i]) + flow.atol * seen[i]
+        size = LEAST_SIZE + abs(y[i]) + abs(promise[i]) + flow.atol * seen[i]
         rounding = ROUNDING * mag[rows.noise[i]] * h if rows.noise[i] >= 0 else 0.0
         if abs(table[rows.program.rates[i], 0] * h - promise[i]) > tol * size + rounding:
             return False
@@ -387,7 +389,7 @@ def loosen(
 
 
 @njit(**INLINED)
-def settle(
+def settle_mode(
     machine: Machine, flow: Flow, lane: Lane, room: float, hold: bool, promised: float
 ) -> tuple[int, float, float, int]:
     """Find the mode the motion takes now; the work space then holds its Taylor coefficients, or a
@@ -542,7 +544,7 @@ def try_mode(
         return guard, count, h, h
     if hold_or_slide(flow.rows, space, mode, flow.order, last, fired, slack):
         return _OTHER_FORCES, count, h, h
-    series = shortened(flow, mode, lane.reg, h, lane.seen)
+    series = shortened_step(flow, mode, lane.reg, h, lane.seen)
     step = series
     length = h
     stiff = quiet and not step < h and lingers(flow, lane, h, room)
@@ -577,7 +579,7 @@ def let_carry(flow: Flow, mode: Array, keep: int) -> bool:
     space = flow.space
     nq = sizes[INERTIAL]
     mq = sizes[ON_INERTIAL]
-    free = loosen(J, ZERO, mq, ZERO, nq, mode, keep, space, nk, drops)
+    free = loosen(J, INT_ZERO, mq, INT_ZERO, nq, mode, keep, space, nk, drops)
     return (
         loosen(J, mq, sizes[ON_VISCOUS], nq, sizes[VISCOUS], mode, keep, space, nk, drops) or free
     )
@@ -632,7 +634,7 @@ def choose_next(
             slack *= 1e2
         candidate = 0
     if total > _MOST_CANDIDATES or slack > _SLACKEST:
-        return candidate, ZERO, slack
+        return candidate, INT_ZERO, slack
     choose(candidate, touched, mode, reg, drops)
     return candidate + 1, total, slack
 

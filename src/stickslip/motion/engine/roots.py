@@ -47,7 +47,7 @@ def horner(c: Array, d: int, x: float) -> float:
 
 
 @njit(**_sums)
-def arrive(c: Array, d: int, powers: Array) -> tuple[float, float]:
+def value_and_slope(c: Array, d: int, powers: Array) -> tuple[float, float]:
     """Value at h of Σ c[k] xᵏ, k ≤ d, d ≥ 4, and h times its derivative there, from the powers of
     h."""
     first = c[1] * powers[1]

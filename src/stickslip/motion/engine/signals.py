@@ -46,7 +46,7 @@ class Wave(NamedTuple):
     sine: float
 
 
-class Sum(NamedTuple):
+class SignalSum(NamedTuple):
     """The signal c₀ + c₁τ + c₂τ² + Re Σⱼ aⱼ exp(λⱼτ) + Re Σₘ bₘ exp(iωₘτ)."""
 
     c: Array
@@ -227,7 +227,7 @@ def _halley(
 
 
 @njit(**INLINED)
-def expand(s: Sum, start: float, h: float, work: Array) -> None:
+def expand_signal(s: SignalSum, start: float, h: float, work: Array) -> None:
     """Taylor polynomial of a signal at a time, in powers of a window."""
     N = _WINDOW_ORDER
     c = s.c
@@ -250,7 +250,7 @@ def expand(s: Sum, start: float, h: float, work: Array) -> None:
 
 @njit(**OPTIONS)
 def first_of_many(
-    s: Sum, limit: float, floor: float, rising: int, work: Array, stack: Array
+    s: SignalSum, limit: float, floor: float, rising: int, work: Array, stack: Array
 ) -> float:
     """First fall of any signal: window after window, its Taylor polynomial and the roots of that.
 
@@ -270,7 +270,7 @@ def first_of_many(
     N = _WINDOW_ORDER
     while start < limit:
         h = min(h, limit - start)
-        expand(s, start, h, work)
+        expand_signal(s, start, h, work)
         if order > 0:
             for k in range(N + 1 - order):
                 work[k] = work[k + order]

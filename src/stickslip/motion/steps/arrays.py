@@ -87,7 +87,7 @@ OFF_SURFACE = 3
 ASTRAY = 4
 OVERFLOW = 5
 
-NODES = 18  # of an audit, in a piece of a step
+AUDIT_NODES = 18  # of an audit, in a piece of a step
 EPSILON = 2.220446049250313e-16
 ROUNDING = 64 * EPSILON
 # part of its size by which the guard of a switch that has just fired may be away from zero, where
@@ -95,7 +95,7 @@ ROUNDING = 64 * EPSILON
 FIRED = 1e-10
 DOUBTFUL = 1e-12  # a threshold this close to zero may have become negative
 # Global integers of NumPy's type: numba would compile functions a second time for literals.
-ZERO = cast(int, np.int64(0))
+INT_ZERO = cast(int, np.int64(0))
 NOWHERE = cast(int, np.int64(-1))  # no row
 NONE_YET = 9  # no mode of a contact
 
@@ -417,8 +417,8 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         balls=z((2, max(nr, 1))),
         reaches=z(N + 1),
         kinds=z(table_rows, np.int64),
-        samples=z((n + 3 * nc + nk, NODES)),
-        bernstein=z((24, NODES)),
+        samples=z((n + 3 * nc + nk, AUDIT_NODES)),
+        bernstein=z((24, AUDIT_NODES)),
         scratch=z((big + 1, big)),
         stack=z((64, 36)),
         touched=z(nk + nc, np.int64),

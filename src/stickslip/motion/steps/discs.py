@@ -41,7 +41,7 @@ from stickslip.symbolic.tape import Op
 LINEAR, PRODUCT, QUOTIENT, _RECIPROCAL, _POWER = (
     int(op) for op in (Op.LINEAR, Op.PRODUCT, Op.QUOTIENT, Op.RECIPROCAL, Op.POWER)
 )
-_EXP, LOG, ROTATION, STEADY, HYPERBOLIC = (
+_EXP, LOG, ROTATION, STEADY_ROW, HYPERBOLIC = (
     int(op) for op in (Op.EXP, Op.LOG, Op.ROTATION, Op.STEADY, Op.HYPERBOLIC)
 )
 CHAIN, TAN, TANH = (int(op) for op in (Op.CHAIN, Op.TAN, Op.TANH))
@@ -55,7 +55,7 @@ _LARGE = 700.0  # what the exponential function can take
 _SWEEPS = 40  # of an iteration that bounds the rates of the rate-independent coordinates
 
 
-class Tape(NamedTuple):
+class DiscTape(NamedTuple):
     """The tape of a system, with the values of its rows and their discs.
 
     Attributes
@@ -82,10 +82,10 @@ class Tape(NamedTuple):
 
 
 @njit(**INLINED)
-def tape_of(flow: Flow) -> Tape:
+def tape_of(flow: Flow) -> DiscTape:
     """The tape of a system, at the instant of which the series are in the work space."""
     s = flow.space
-    return Tape(flow.rows.program, flow.k.K, s.W, s.discs, s.Rq, s.Rz, s.B, s.balls)
+    return DiscTape(flow.rows.program, flow.k.K, s.W, s.discs, s.Rq, s.Rz, s.B, s.balls)
 
 
 @njit(**OPTIONS)
@@ -170,7 +170,7 @@ def spread_state(W: Array, N: int, powers: Array, rows: Array, discs: Array) -> 
 
 
 @njit(**OPTIONS)
-def spread(tape: Tape, mode: Array, reg: Array, first: int, last: int) -> None:
+def spread(tape: DiscTape, mode: Array, reg: Array, first: int, last: int) -> None:
     """Discs of the rows that some instructions make, from those of the state and of time.
 
     Parameters
@@ -198,7 +198,7 @@ def spread(tape: Tape, mode: Array, reg: Array, first: int, last: int) -> None:
 
 
 @njit(**INLINED)
-def add_terms(tape: Tape, i: int) -> None:
+def add_terms(tape: DiscTape, i: int) -> None:
     """Disc of a linear combination."""
     p = tape.program
     K = tape.K
@@ -228,7 +228,7 @@ def add_terms(tape: Tape, i: int) -> None:
 
 
 @njit(**INLINED)
-def largest_term(tape: Tape, j: int) -> float:
+def largest_term(tape: DiscTape, j: int) -> float:
     """The largest modulus of a term of a linear combination."""
     size = abs(factor(tape.program, tape.K, j))
     row = tape.program.term_row[j]
@@ -242,7 +242,7 @@ def largest(W: Array, discs: Array, row: int) -> float:
 
 
 @njit(**INLINED)
-def spread_product(tape: Tape, row: int, a: int, b: int) -> None:
+def spread_product(tape: DiscTape, row: int, a: int, b: int) -> None:
     """Disc of a product of two rows."""
     W = tape.W
     discs = tape.discs
@@ -256,7 +256,7 @@ def spread_product(tape: Tape, row: int, a: int, b: int) -> None:
 
 
 @njit(**INLINED)
-def spread_function(tape: Tape, i: int) -> None:
+def spread_function(tape: DiscTape, i: int) -> None:
     """Discs of quotients, powers, exponentials and logarithms."""
     p = tape.program
     W = tape.W
@@ -321,7 +321,7 @@ def quotient_disc(
 
 
 @njit(**INLINED)
-def spread_angle(tape: Tape, i: int) -> None:
+def spread_angle(tape: DiscTape, i: int) -> None:
     """Discs of sines and cosines, of tan and tanh with their slopes, and of any function that has
     the row of its slope."""
     code = tape.program.code
@@ -377,7 +377,7 @@ def spread_angle(tape: Tape, i: int) -> None:
 
 
 @njit(**INLINED)
-def spread_choice(tape: Tape, mode: Array, reg: Array, i: int) -> None:
+def spread_choice(tape: DiscTape, mode: Array, reg: Array, i: int) -> None:
     """Discs of what depends on mode and region."""
     p = tape.program
     W = tape.W
@@ -426,7 +426,7 @@ def side_operand(mode: int) -> int:
 
 
 @njit(**INLINED)
-def solve_discs(tape: Tape, i: int) -> None:
+def solve_discs(tape: DiscTape, i: int) -> None:
     """Discs of R b."""
     code = tape.program.code
     W = tape.W
@@ -445,7 +445,7 @@ def solve_discs(tape: Tape, i: int) -> None:
 
 
 @njit(**INLINED)
-def solve_rate_discs(tape: Tape, i: int) -> None:
+def solve_rate_discs(tape: DiscTape, i: int) -> None:
     """Discs of the solution of A r = b.
 
     With A = A₀ + A′ and r = r₀ + r′: A₀ r′ = b′ − A′(r₀ + r′), so that any ρ with |A₀⁻¹|(|b′| +

@@ -34,14 +34,14 @@ from stickslip.motion.steps.discs import (
     OFF,
     ROTATION,
     TANH,
-    Tape,
+    DiscTape,
     reach,
     spread,
     spread_state,
     tape_of,
 )
 
-LEAST = 1e-250  # what is smaller is nothing
+LEAST_SIZE = 1e-250  # what is smaller is nothing
 _SHORT = 2.0**-30  # shortest step, in units of time of the coefficients
 _LONG = 2.0**10  # longest one
 COARSER = 2.0**-16  # of a unit of time in which coefficients overflow
@@ -76,11 +76,11 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
         if W[r, N - 1] == 0.0 and W[r, N if i < n else N - 2] == 0.0:
             h = min(h, sparse_step(W[r], N if i < n else N - 1, tol))
         value = abs(W[r, 0])
-        size = LEAST + value + abs(W[r, 1]) * (last / unit) + flow.atol * max(value, seen[i])
+        size = LEAST_SIZE + value + abs(W[r, 1]) * (last / unit) + flow.atol * max(value, seen[i])
         if noise[i] >= 0:
             # What cancels in a rate is known to rounding only.
             size += EPSILON / tol * mag[noise[i]] * (last if i < n else 1.0)
-        if size > 2.0 * LEAST:
+        if size > 2.0 * LEAST_SIZE:
             size = 1.0 / size
             middle = max(middle, abs(W[r, N - 1]) * size)
             if i < n:
@@ -224,7 +224,7 @@ def fill_powers(powers: Array, h: float) -> None:
 
 
 @njit(**INLINED)
-def shortened(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -> float:
+def shortened_step(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -> float:
     """The step, or as much of it as hides nothing."""
     if flow.rows.program.leading[0] > 0:
         for _ in range(_MOST_CUTS):
@@ -269,7 +269,7 @@ def unseen(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -> float:
 
 
 @njit(**INLINED)
-def may_hide(tape: Tape, part: float) -> bool:
+def may_hide(tape: DiscTape, part: float) -> bool:
     """Whether an instruction may hide more than a part of what it shows: a quick look that mostly
     suffices."""
     p = tape.program
@@ -300,13 +300,13 @@ def hidden(flow: Flow, h: float, part: float, seen: Array) -> float:
     atol = flow.atol
     worst = 0.0
     for r in range(n):
-        size = LEAST + abs(W[r, 0]) + reach(W[r], N, powers) + atol * seen[r]
+        size = LEAST_SIZE + abs(W[r, 0]) + reach(W[r], N, powers) + atol * seen[r]
         if rows.noise[r] >= 0:
             size += EPSILON / tol * mag[rows.noise[r]] * h
         worst = share(worst, discs[p.rates[r]], h, part, tol, size)
     for i in range(n, len(rows.watched)):
         r = rows.watched[i]
-        size = LEAST + abs(W[r, 0]) + reach(W[r], N - 1, powers) + atol * seen[i]
+        size = LEAST_SIZE + abs(W[r, 0]) + reach(W[r], N - 1, powers) + atol * seen[i]
         if rows.noise[i] >= 0:
             size += mag[rows.noise[i]]
         worst = share(worst, discs[r], 1.0, part, tol, size)

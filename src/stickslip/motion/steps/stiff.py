@@ -39,10 +39,10 @@ from stickslip.motion.steps.arrays import (
     EPSILON,
     IMPLICIT,
     INLINED,
+    INT_ZERO,
     OK,
     OPTIONS,
     ROUNDING,
-    ZERO,
     Flow,
     Instant,
     Lane,
@@ -50,7 +50,7 @@ from stickslip.motion.steps.arrays import (
     coefficients,
 )
 from stickslip.motion.steps.discs import BALL, OFF, spread, spread_state, tape_of
-from stickslip.motion.steps.step_size import LEAST, better, expand, fill_powers, hidden
+from stickslip.motion.steps.step_size import LEAST_SIZE, better, expand, fill_powers, hidden
 
 _MOST = max(ORDERS) // 2  # stages
 _RHO = 3.0 + math.sqrt(8.0)  # of the ellipse around [0, H] in the disc of radius 2H
@@ -109,7 +109,7 @@ def _tables() -> tuple[Array, Array, Array, Array, Array]:
     return nodes, slopes, terms, parts, powers
 
 
-NODES, SLOPES, TERMS, _PARTS, POWERS = _tables()
+STAGE_NODES, SLOPES, TERMS, _PARTS, POWERS = _tables()
 _LOWEST = min(ORDERS)  # of the orders of series: 8, 12, 16, …
 _APART = 4  # distance of two of them
 
@@ -212,7 +212,7 @@ def lingers(flow: Flow, lane: Lane, h: float, room: float) -> bool:
 
 
 @njit(**OPTIONS)
-def follow(
+def follow_mode(
     machine: Machine, flow: Flow, start: Instant, room: float, last: float, seen: Array
 ) -> tuple[int, float, float]:
     """A polynomial that follows a known motion in a mode: its series, or one that is good for
@@ -291,7 +291,7 @@ def collocate(
         to_legendre(W, s, n, TERMS[tables_of(flow.order)], stages.values)
         drop_rounding(flow, stages.rounded, h)
         excess = last_terms(flow, stages.rounded, h, seen)
-        fits = 0.9 * max(excess, LEAST) ** (-1.0 / s) if excess < np.inf else 0.0
+        fits = 0.9 * max(excess, LEAST_SIZE) ** (-1.0 / s) if excess < np.inf else 0.0
         if not excess <= 1.0:
             step = step * max(0.1, fits)
             cut = True
@@ -323,7 +323,7 @@ def between_nodes(flow: Flow, start: Instant, h: float, step: float, seen: Array
     discs[n, BALL] = 2.0 * step
     discs[n, OFF] = 0.0
     spread_state(W, flow.order, powers, flow.rows.watched[:n], discs)
-    spread(tape_of(flow), start.mode, start.reg, ZERO, len(flow.rows.program.code))
+    spread(tape_of(flow), start.mode, start.reg, INT_ZERO, len(flow.rows.program.code))
     fill_powers(powers, step / W[n, 1])
     return hidden(flow, h, _PARTS[tables_of(flow.order)], seen)
 
@@ -359,7 +359,7 @@ def solve_stages(
     q = tables_of(flow.order)
     before, now = np.inf, np.inf
     for j in range(m):
-        stages.states[j] = y[j % n] + NODES[q, j // n + 1] * step * stages.rate[j % n]
+        stages.states[j] = y[j % n] + STAGE_NODES[q, j // n + 1] * step * stages.rate[j % n]
     for turn in range(_MOST_CORRECTIONS):
         settled = now <= 1e-2 or (turn > 1 and now <= 1.0 and now >= 0.3 * before)
         fresh = not settled and (turn == 0 or not now <= _SLOW * before)
@@ -370,14 +370,14 @@ def solve_stages(
         if fresh and not invert(stages.matrix, m, stages.inverse):
             return False
         before = now
-        now = correct(flow, stages, h, seen)
+        now = newton_step(flow, stages, h, seen)
         if not now < np.inf or (turn > 1 and now > 1.0 and now > 2.0 * before):
             return False
     return False
 
 
 @njit(**INLINED)
-def correct(flow: Flow, stages: Stages, h: float, seen: Array) -> float:
+def newton_step(flow: Flow, stages: Stages, h: float, seen: Array) -> float:
     """A step of Newton's method: the largest correction, in parts of what it may be."""
     noise = flow.rows.noise
     mag = flow.space.mag
@@ -390,7 +390,7 @@ def correct(flow: Flow, stages: Stages, h: float, seen: Array) -> float:
         for i in range(m):
             change -= stages.inverse[j, i] * stages.residuals[i]
         stages.states[j] += change
-        size = LEAST + abs(stages.states[j]) + flow.atol * seen[r]
+        size = LEAST_SIZE + abs(stages.states[j]) + flow.atol * seen[r]
         most = flow.tol * size + known_to(noise, mag, stages.rounded, r, size, h)
         share = abs(change) / most
         worst = max(worst, share) if share == share else np.inf
@@ -425,7 +425,7 @@ def visit(
         for c in range(-1, n + 1 if fresh else 0):
             for r in range(n):
                 z[r] = stages.states[i * n + r] if i >= 0 else y[r]
-            time = start.t + NODES[q, i + 1] * step
+            time = start.t + STAGE_NODES[q, i + 1] * step
             nudge = 0.0
             around = 0.0
             if c == n:
@@ -435,7 +435,7 @@ def visit(
             elif c >= 0:
                 around = abs(z[c])
                 moved = abs(stages.rate[c]) * step
-                z[c] += _NUDGE * (LEAST + around + moved + flow.atol * seen[c])
+                z[c] += _NUDGE * (LEAST_SIZE + around + moved + flow.atol * seen[c])
                 nudge = z[c] - stages.states[i * n + c]
             node = Instant(time, z, start.mode, start.reg)
             if coefficients(machine, flow, node, 1, V) != OK:
@@ -542,7 +542,7 @@ def last_terms(flow: Flow, rounded: Array, h: float, seen: Array) -> float:
     worst = 0.0
     for i in range(len(watched)):
         row = watched[i]
-        size = LEAST + abs(W[row, 0])
+        size = LEAST_SIZE + abs(W[row, 0])
         for j in range(1, s + 1):
             size += abs(W[row, j])
         most = flow.tol * (size + flow.atol * seen[i])

@@ -33,7 +33,7 @@ from stickslip.motion.steps.discs import (
     SIDE,
     SOLVE,
     SPEED,
-    STEADY,
+    STEADY_ROW,
     TAN,
     TANH,
     factor,
@@ -64,7 +64,7 @@ def is_affine(flow: Flow, mode: Array, reg: Array) -> bool:
     kinds[n] = _TIME
     for i in range(len(p.code)):
         row = p.code[i, RESULT]
-        kind = kind_of(flow, mode, reg, i)
+        kind = row_kind(flow, mode, reg, i)
         size = p.code[i, SIZE]
         for j in range(max(size, 1)):
             kinds[row + j] = kind
@@ -82,7 +82,7 @@ def is_affine(flow: Flow, mode: Array, reg: Array) -> bool:
 
 
 @njit(**OPTIONS)
-def kind_of(flow: Flow, mode: Array, reg: Array, i: int) -> int:
+def row_kind(flow: Flow, mode: Array, reg: Array, i: int) -> int:
     """Kind of the rows that an instruction makes."""
     p = flow.rows.program
     K = flow.k.K
@@ -101,7 +101,7 @@ def kind_of(flow: Flow, mode: Array, reg: Array, i: int) -> int:
         kind = kind_of_product(int(kinds[a]), int(kinds[b]), float(W[a, 0]), float(W[b, 0]))
     elif op == QUOTIENT:
         kind = kinds[a] if kinds[b] == _NOTHING else _OTHER
-    elif op == STEADY:
+    elif op == STEADY_ROW:
         kind = _NOTHING if kinds[a] == _NOTHING else _WAVE
     elif op < SELECT:
         kind = _NOTHING if kinds[a] == _NOTHING else _OTHER

@@ -18,17 +18,17 @@ from stickslip.orbits.cycles.cycle import Cycle, make_cycle
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import variation
 from stickslip.orbits.return_map.damped_newton import Closed, best_start, restarted, stations_for
-from stickslip.orbits.return_map.held import Held, alike, held_positions
+from stickslip.orbits.return_map.held import Held, held_positions, same_held
 from stickslip.orbits.return_map.multipliers import spectrum
 from stickslip.orbits.return_map.recurrence import segments, sizes_of
-from stickslip.orbits.return_map.shooting import Orbit, Shooting, follow, numbers
+from stickslip.orbits.return_map.shooting import Orbit, Shooting, follow_state, parameter_values
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
 _FAR = 1.0  # a chart reaches this far, in units of the size of the cycle
-OPEN = 1e-6  # a motion that misses its start by more, in the same units, is no cycle
+NOT_CLOSED = 1e-6  # a motion that misses its start by more, in the same units, is no cycle
 _SLANTED = 0.3  # least cosine between the motion and the normal of its section
 WIDTH = 0.25  # part of the range of the parameter that is its unit
 _FLOOR = 2e-3  # units of a component are not smaller than this part of its modulus
@@ -77,7 +77,7 @@ def extent_of(closed: Closed, span: tuple[float, float]) -> Extent:
     """Sizes of a branch that starts in a cycle."""
     sizes = sizes_of(closed.orbit.motion, closed.orbit.shift, closed.shooting.pieces)
     modulus = np.maximum(np.max(np.abs(closed.samples(64)), axis=0), sizes)
-    halved = min(_HALVED, max(0.3 * half_gap(closed), OPEN))
+    halved = min(_HALVED, max(0.3 * half_gap(closed), NOT_CLOSED))
     extent = Extent(*span, modulus, closed.orbit.period, _VANISHED, _UNBOUNDED, halved)
     amplitude = extent.amplitude(closed)
     return replace(
@@ -141,7 +141,7 @@ class Chart:
         """The same coordinates for cycles on which the same contacts stick throughout as in a
         motion."""
         held = held_positions(motion, self.shooting.setting.held)
-        return self if alike(self.shooting.setting.held, held) else self.with_held(held)
+        return self if same_held(self.shooting.setting.held, held) else self.with_held(held)
 
     def carrying(self, contact: int, edge: int) -> Chart:
         """The same coordinates for cycles on which a contact is carried along an edge, or (0) stays
@@ -207,7 +207,7 @@ class Chart:
             a = segments(leg.motion.knots)[0][0]
             if shooting.pieces(k.mode[a], k.region[a]) is not station.piece:
                 raise OutOfChart("the cycle starts in another mode than its chart")
-        if shooting.miss(orbit) > OPEN:
+        if shooting.miss(orbit) > NOT_CLOSED:
             raise OutOfChart("the cycle ends in another mode than it starts in")
         if np.max(np.abs(orbit.x[: shooting.time]), initial=0.0) > _FAR:
             raise OutOfChart("the cycle has left its chart")
@@ -215,7 +215,7 @@ class Chart:
             place = orbit.legs[0].place
             station = shooting.stations[0]
             rate = (
-                station.piece.rates(shooting.start, place.state, numbers(orbit.problem))
+                station.piece.rates(shooting.start, place.state, parameter_values(orbit.problem))
                 - shooting.symmetry.frame
             )
             motion = station.chart @ rate
@@ -284,7 +284,7 @@ def _carried(shooting: Shooting, orbit: Orbit, tangent: Array, begin: float) -> 
     leg, station = orbit.legs[j], shooting.stations[j]
     own = tangent[shooting.first[j] : shooting.first[j + 1]]
     start = float(leg.motion.knots.time[0])
-    p = numbers(orbit.problem)
+    p = parameter_values(orbit.problem)
     later = (
         (leg.place.by_time - station.piece.rates(start, leg.place.state, p))
         * leg.begin
@@ -293,5 +293,5 @@ def _carried(shooting: Shooting, orbit: Orbit, tangent: Array, begin: float) -> 
     first = leg.place.directions @ own + later + leg.place.by_parameter * tangent[-1]
     if begin <= start:
         return first
-    motion = follow(orbit.problem, start, begin, leg.place.state)
+    motion = follow_state(orbit.problem, start, begin, leg.place.state)
     return variation(motion, shooting.pieces, np.append(first, tangent[-1])[:, None]).matrix[:n, 0]

@@ -16,12 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.orbits.branches.chart import OPEN, Chart, renewed
-from stickslip.orbits.continuation.arclength import UNDEFINED, Lost, Point, correct, direction
+from stickslip.orbits.branches.chart import NOT_CLOSED, Chart, renewed
+from stickslip.orbits.continuation.arclength import NOT_DEFINED, Lost, Point, correct, direction
 from stickslip.orbits.return_map.mode_sequence import Sequence, change_of, is_open, sequence
 from stickslip.orbits.return_map.recurrence import segments
 
-_FAILURES = (Lost, *UNDEFINED)
+_FAILURES = (Lost, *NOT_DEFINED)
 _TOLERANCE = 1e-11
 _LOCATED = 1e-12  # a corner is located to this length …
 # … and left along the tangent so far before it: nearer, what is touched is taken for crossed no
@@ -40,7 +40,7 @@ _AHEAD = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # how far beyond a corner the other sid
 
 
 @dataclass(frozen=True)
-class Onward:
+class BeyondCorner:
     """A point of the branch beyond a corner, in a chart of that side, and the direction of travel
     there."""
 
@@ -70,7 +70,7 @@ class Corner:
     kind: str
     note: str
     turns: bool
-    onward: Onward | None
+    onward: BeyondCorner | None
 
 
 def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corner | None:
@@ -137,7 +137,9 @@ def _sequence_at(chart: Chart, x: Array) -> Sequence | None:
         return None
 
 
-def _along_the_edge(chart: Chart, x: Array, towards: Array, edge: tuple[int, int]) -> Onward | None:
+def _along_the_edge(
+    chart: Chart, x: Array, towards: Array, edge: tuple[int, int]
+) -> BeyondCorner | None:
     """A cycle on which a contact is carried along, while the parameter goes on as before."""
     other = chart.carrying(*edge)
     units = chart.scale(x)
@@ -147,10 +149,10 @@ def _along_the_edge(chart: Chart, x: Array, towards: Array, edge: tuple[int, int
             tangent = tangent if tangent[-1] * towards[-1] > 0.0 else -tangent
             there = correct(other, x + units * tangent * length, units, tangent, _TOLERANCE)
             if (
-                other.shooting.miss(other.orbit(there)) <= OPEN
+                other.shooting.miss(other.orbit(there)) <= NOT_CLOSED
                 and other.carried(there, tangent * units) > 0.0
             ):
-                return Onward(other, there, tangent * units)
+                return BeyondCorner(other, there, tangent * units)
         except _FAILURES:
             continue
     return None
@@ -218,7 +220,9 @@ def _beyond(
     return None
 
 
-def _onward(chart: Chart, x: Array, trial: Array, here: Sequence, distance: float) -> Onward | None:
+def _onward(
+    chart: Chart, x: Array, trial: Array, here: Sequence, distance: float
+) -> BeyondCorner | None:
     """A cycle beyond the corner, in one of the two senses of the null vector of the derivatives
     there."""
     chart = chart.resting_as(chart.orbit(trial).motion)
@@ -240,7 +244,7 @@ def _onward(chart: Chart, x: Array, trial: Array, here: Sequence, distance: floa
 
 def _beyond_along(
     chart: Chart, x: Array, sense: Array, length: float, here: Sequence
-) -> Onward | None:
+) -> BeyondCorner | None:
     """A cycle of another sequence at a distance from the corner, along a direction that fits the
     chord to it.
 
@@ -253,9 +257,9 @@ def _beyond_along(
         orbit = chart.orbit(there)
         chord = (there - x) / units
         after = sequence(orbit.motion)
-        if after == here or is_open(after) or chart.shooting.miss(orbit) > OPEN:
+        if after == here or is_open(after) or chart.shooting.miss(orbit) > NOT_CLOSED:
             return None
         if sense @ chord > _ALONG * np.linalg.norm(chord):
-            return Onward(chart, there, units * sense)
+            return BeyondCorner(chart, there, units * sense)
         sense, _ = direction(chart, there, units, chord)
     return None

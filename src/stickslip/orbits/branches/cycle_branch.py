@@ -18,7 +18,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.orbits.branches.chart import Chart, extent_of, first_chart, renewed
-from stickslip.orbits.branches.corner import Corner, Onward, corner_after
+from stickslip.orbits.branches.corner import BeyondCorner, Corner, corner_after
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.branches.halving import doubles_at, half_gap
 from stickslip.orbits.branches.special_points import (
@@ -36,14 +36,14 @@ from stickslip.orbits.branches.special_points import (
 from stickslip.orbits.continuation.arclength import (
     Ending,
     Path,
-    Steps,
+    StepControl,
     Stop,
     Test,
     ranges,
 )
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 from stickslip.orbits.continuation.driver import (
-    Problem,
+    CurveProblem,
     Start,
     both_ways,
     follow_branch,
@@ -60,10 +60,10 @@ from stickslip.orbits.return_map.damped_newton import Closed
 from stickslip.orbits.return_map.mode_sequence import LOSS
 from stickslip.progress import Show, watched
 
-_STEPS = Steps(first=0.01, largest=0.25, tolerance=1e-8, turn=0.3)
+_STEPS = StepControl(first=0.01, largest=0.25, tolerance=1e-8, turn=0.3)
 _IN_CHART = 8  # points before the chart is made anew
 _CLOSED = Ending(Stop.CLOSED, "the branch is closed")
-PATIENCE = 64.0  # a step is shortened by this factor before the chart is made anew
+CHART_PATIENCE = 64.0  # a step is shortened by this factor before the chart is made anew
 _ENDINGS = ("amplitude", "halving", "growth", "period", "carried")
 _DISTINCT = 1e-9  # sizes that differ by less, relative to each other, are the same
 
@@ -91,7 +91,7 @@ class _Station:
 
 
 def continue_cycle(
-    cycle: Cycle, parameter: str, span: tuple[float, float], *, steps: Steps | None = None
+    cycle: Cycle, parameter: str, span: tuple[float, float], *, steps: StepControl | None = None
 ) -> Branch:
     """Follow a cycle while a parameter changes.
 
@@ -150,7 +150,7 @@ def continue_cycle(
 
 class _Follower:
     def __init__(
-        self, cycle: Cycle, parameter: str, span: tuple[float, float], steps: Steps
+        self, cycle: Cycle, parameter: str, span: tuple[float, float], steps: StepControl
     ) -> None:
         self.cycle = cycle
         self.parameter = parameter
@@ -198,14 +198,14 @@ class _Follower:
                     return Ending(Stop.EVENT, f"{LOSS} at {where}: {bent.note}")
                 there = renewed(beyond.chart, beyond.x, beyond.towards)
                 return self._start(*there, self.steps.first)
-            if len(path.points) == 1 and step <= PATIENCE * self.steps.smallest:
+            if len(path.points) == 1 and step <= CHART_PATIENCE * self.steps.smallest:
                 return path.ended
-        step = step / PATIENCE if len(path.points) == 1 else step_after(path, self.steps)
+        step = step / CHART_PATIENCE if len(path.points) == 1 else step_after(path, self.steps)
         return self._start(*renewed(chart, last.x, last.tangent), step)
 
     def _start(self, chart: Chart, x: Array, towards: Array, step: float) -> Start[Chart]:
         """Some points in one chart."""
-        problem = Problem(
+        problem = CurveProblem(
             chart,
             chart.scale,
             chart.tests,
@@ -218,7 +218,7 @@ class _Follower:
 
     def _smallest(self, step: float) -> float:
         """Step below which a chart is given up."""
-        return max(self.steps.smallest, step / PATIENCE)
+        return max(self.steps.smallest, step / CHART_PATIENCE)
 
     # -- points ------------------------------------------------------------------------------------
 
@@ -258,7 +258,7 @@ class _Follower:
                 chart = chart.carrying(held.contact, 0)
         return chart
 
-    def _around(self, stations: list[_Station], chart: Chart, bent: Corner) -> Onward | None:
+    def _around(self, stations: list[_Station], chart: Chart, bent: Corner) -> BeyondCorner | None:
         """Append a corner and a point beyond it; None if the branch does not go on from there."""
         onward = bent.onward
         if onward is not None and not self._continues(chart.cycle(bent.x), onward):
@@ -273,7 +273,7 @@ class _Follower:
             self._add(stations, onward.chart.cycle(onward.x), [])
         return onward
 
-    def _continues(self, corner: Cycle, onward: Onward) -> bool:
+    def _continues(self, corner: Cycle, onward: BeyondCorner) -> bool:
         """Whether a point beyond a corner is a certified cycle within the range, next to the
         corner."""
         cycle = onward.chart.cycle(onward.x)

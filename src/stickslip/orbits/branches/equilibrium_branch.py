@@ -21,20 +21,20 @@ from stickslip.orbits.continuation.arclength import (
     Lost,
     Path,
     Point,
-    Steps,
+    StepControl,
     Test,
     in_range,
     ranges,
 )
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 from stickslip.orbits.continuation.driver import (
-    Problem,
+    CurveProblem,
     Start,
     both_ways,
     follow_branch,
     joined,
 )
-from stickslip.orbits.equilibria.certificate import certify
+from stickslip.orbits.equilibria.certificate import certify_equilibrium
 from stickslip.orbits.equilibria.equilibrium import Equilibrium, decays, describe_guard
 from stickslip.orbits.equilibria.finding import autonomous, checked_values, equilibria
 from stickslip.orbits.equilibria.normal_form import Derivatives, hopf
@@ -44,7 +44,7 @@ from stickslip.symbolic import expressions as ex
 if TYPE_CHECKING:
     import xarray
 
-_STEPS = Steps(first=0.005, largest=0.02)
+_STEPS = StepControl(first=0.005, largest=0.02)
 _MOST_PIECES = 50
 _STABLE = {
     "flag_values": np.array([-1, 0, 1], np.int8),
@@ -62,7 +62,7 @@ def continue_equilibrium(
     *,
     start: Equilibrium | Mapping[str, float] | None = None,
     parameters: Mapping[str, float] | None = None,
-    steps: Steps | None = None,
+    steps: StepControl | None = None,
 ) -> Branch:
     """Follow an equilibrium while a parameter changes.
 
@@ -204,7 +204,7 @@ class _Follower:
         parameter: str,
         span: tuple[float, float],
         invariant: Array,
-        steps: Steps,
+        steps: StepControl,
     ) -> None:
         self.eq = equations
         self.values = values
@@ -252,7 +252,7 @@ class _Follower:
     def _start(self, steady: Steady, x: Array, towards: Array) -> Start[Steady]:
         """The part of the branch in one mode."""
         floor = steady.units(x, {self.parameter: self.span})
-        problem = Problem(
+        problem = CurveProblem(
             steady.residual(self.parameter),
             lambda x: self._scale(x, floor),
             lambda x, tangent: self._tests(steady, x, tangent),
@@ -270,7 +270,9 @@ class _Follower:
         Lost
             If it is not.
         """
-        found = certify(steady, self._point(steady, new.x), beside=self._point(steady, last.x))[0]
+        found = certify_equilibrium(
+            steady, self._point(steady, new.x), beside=self._point(steady, last.x)
+        )[0]
         if not found["equations"].ok or not found["eigenvalues"].ok:
             raise Lost(f"the next equilibrium is {found.verdict}")
 
@@ -356,7 +358,9 @@ class _Follower:
         ]
         beside = [stations[max(i - 1, 0)].point.x for i in range(len(stations))]
         certified = [
-            certify(s.steady, self._point(s.steady, s.point.x), "", self._point(s.steady, x))
+            certify_equilibrium(
+                s.steady, self._point(s.steady, s.point.x), "", self._point(s.steady, x)
+            )
             for s, x in zip(stations, beside, strict=True)
         ]
         points = self._dataset(system, stations, certified)

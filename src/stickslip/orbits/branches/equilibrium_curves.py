@@ -29,20 +29,20 @@ from stickslip.orbits.continuation.arclength import (
     Lost,
     Path,
     Point,
-    Steps,
+    StepControl,
     Test,
     in_range,
     ranges,
 )
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 from stickslip.orbits.continuation.driver import (
-    Problem,
+    CurveProblem,
     Start,
     both_ways,
     follow_branch,
     joined,
 )
-from stickslip.orbits.equilibria.certificate import SOLVED, certify
+from stickslip.orbits.equilibria.certificate import SOLVED, certify_equilibrium
 from stickslip.orbits.equilibria.equilibrium import describe_guard
 from stickslip.orbits.equilibria.finding import autonomous, checked_values
 from stickslip.orbits.equilibria.normal_form import Derivatives, critical_pair, hopf
@@ -53,7 +53,7 @@ from stickslip.symbolic.expressions import Expr
 if TYPE_CHECKING:
     import xarray
 
-_STEPS = Steps(first=0.005, largest=0.02)
+_STEPS = StepControl(first=0.005, largest=0.02)
 Numbers = Callable[[Array], dict[str, float]]
 
 
@@ -64,7 +64,7 @@ def hopf_curve(
     second: str,
     ranges: Mapping[str, tuple[float, float]],
     *,
-    steps: Steps | None = None,
+    steps: StepControl | None = None,
 ) -> Branch:
     """Follow a Hopf point of an equilibrium while two parameters change.
 
@@ -102,7 +102,7 @@ def fold_curve(
     second: str,
     ranges: Mapping[str, tuple[float, float]],
     *,
-    steps: Steps | None = None,
+    steps: StepControl | None = None,
 ) -> Branch:
     """Follow a fold of equilibria while two parameters change.
 
@@ -236,7 +236,7 @@ class _Curve:
 
     # -- following ---------------------------------------------------------------------------------
 
-    def branch(self, system: System, kind: str, problem: _Extended, steps: Steps) -> Branch:
+    def branch(self, system: System, kind: str, problem: _Extended, steps: StepControl) -> Branch:
         """Both ways from the start."""
         paths: list[Path] = []
 
@@ -274,7 +274,7 @@ class _Curve:
     def _certificate(self, x: Array, problem: _Extended) -> Certificate:
         """That of the equilibrium, and what is left of the equations that keep its eigenvalue along
         the curve."""
-        found, _ = certify(self.steady, self.point(x), beside=self.point(problem.start))
+        found, _ = certify_equilibrium(self.steady, self.point(x), beside=self.point(problem.start))
         value, slopes = problem.residual(x)
         terms = np.abs(slopes) @ problem.units(x) + np.abs(value)
         left = float(np.max(np.abs(value) / np.where(terms > 0.0, terms, 1.0)))
@@ -303,7 +303,7 @@ class _Curve:
         floor[-2:] = [high - low for low, high in self.spans.values()]
         return floor
 
-    def _problem(self, problem: _Extended) -> Problem:
+    def _problem(self, problem: _Extended) -> CurveProblem:
         """The curve as the driver follows it."""
 
         def tests(x: Array, tangent: Array) -> dict[Test, float]:
@@ -311,7 +311,7 @@ class _Curve:
             return {**problem.tests(x), **{i: float(g) for i, g in enumerate(margins)}}
 
         boundaries = {i: f"boundary equilibrium: {text}" for i, text in enumerate(self.guards)}
-        return Problem(
+        return CurveProblem(
             problem.residual,
             problem.units,
             tests,

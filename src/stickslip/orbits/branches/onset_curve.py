@@ -30,18 +30,18 @@ from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.branches.onset import Onset, nearest_onset
 from stickslip.orbits.branches.special_points import STEP, Spacing, dataset, of_branch
 from stickslip.orbits.continuation.arclength import (
-    UNDEFINED,
+    NOT_DEFINED,
     Ending,
     Path,
     Point,
-    Steps,
+    StepControl,
     Stop,
     Test,
     ranges,
 )
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 from stickslip.orbits.continuation.driver import (
-    Problem,
+    CurveProblem,
     Start,
     both_ways,
     follow_branch,
@@ -53,13 +53,13 @@ from stickslip.orbits.cycles.cycle import Cycle, make_cycle
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.return_map.damped_newton import Closed, converge, near
 from stickslip.orbits.return_map.recurrence import Recurrence, window
-from stickslip.orbits.return_map.shooting import Orbit, follow, with_value
+from stickslip.orbits.return_map.shooting import Orbit, follow_state, with_value
 
 if TYPE_CHECKING:
     import xarray
 
 
-_STEPS = Steps(first=0.05, largest=0.4, tolerance=1e-10, turn=0.3)
+_STEPS = StepControl(first=0.05, largest=0.4, tolerance=1e-10, turn=0.3)
 _IN_CHART = 6  # points before the chart is made anew
 _DIFFERENCE = 1e-7  # of the unknowns, in their units, for derivatives
 # margin of the cycles on the curve: closer to the onset rounding decides on the next mode
@@ -76,7 +76,7 @@ def stick_onset_curve(
     second: str,
     ranges: Mapping[str, tuple[float, float]],
     *,
-    steps: Steps | None = None,
+    steps: StepControl | None = None,
 ) -> Branch:
     """Follow the onset of stick while two parameters change.
 
@@ -144,7 +144,7 @@ def _cycle_at(system: System, point: SpecialPoint) -> Closed:
     y = problem.initial_state(point.state)
     t = point.data.get("time", system.span[0])
     assert point.period is not None
-    motion = follow(problem, t, t + point.period, y)
+    motion = follow_state(problem, t, t + point.period, y)
     w = window(motion, pieces)
     turns = 1 if w.period is None else max(1, round(point.period / w.period))
     return converge(
@@ -235,7 +235,11 @@ class _Equations:
 
 class _Follower:
     def __init__(
-        self, closed: Closed, onset: Onset, spans: dict[str, tuple[float, float]], steps: Steps
+        self,
+        closed: Closed,
+        onset: Onset,
+        spans: dict[str, tuple[float, float]],
+        steps: StepControl,
     ) -> None:
         (self.first, span), (self.second, other) = spans.items()
         self.closed = closed
@@ -282,7 +286,7 @@ class _Follower:
 
         try:
             chart, x = first_chart(self.closed, self.pieces, self.extent)
-        except UNDEFINED as failure:
+        except NOT_DEFINED as failure:
             return cycles, Ending(Stop.LOST, f"{_LOST} ({failure})")
         z = np.append(x, self.closed.orbit.problem.parameters[self.second])
         towards = np.zeros(len(z))
@@ -321,7 +325,7 @@ class _Follower:
         def accept(last: Point, new: Point) -> None:
             self.spacing.check(self._cycle(equations, last.x), self._cycle(equations, new.x))
 
-        problem = Problem(
+        problem = CurveProblem(
             equations, equations.scale, tests, {_VANISHES: _VANISHES}, ranges(self.spans), accept
         )
         return Start(equations, problem, z, towards, in_pieces(self.steps, step, _IN_CHART))

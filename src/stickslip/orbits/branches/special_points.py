@@ -14,7 +14,7 @@ from stickslip.certificates import Certificate, Residual, worst
 from stickslip.model.quantities import contact_key
 from stickslip.orbits.branches.chart import Chart
 from stickslip.orbits.continuation.arclength import (
-    UNDEFINED,
+    NOT_DEFINED,
     Crossing,
     Lost,
     Path,
@@ -105,7 +105,7 @@ class _Finder:
         self(high)
         try:
             brentq(self, low, high, xtol=1e-13, maxiter=60)
-        except (Lost, RuntimeError, ValueError, *UNDEFINED):
+        except (Lost, RuntimeError, ValueError, *NOT_DEFINED):
             pass  # what was found so far encloses the change
         beyond = min(s for s, (_, order, _) in self.seen.items() if order != self.here)
         x = min(self.seen.values(), key=lambda entry: abs(entry[2]))[0]

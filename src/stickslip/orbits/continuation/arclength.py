@@ -25,14 +25,14 @@ from stickslip.arrays import Array
 from stickslip.certificates import Residual
 from stickslip.errors import StickslipError
 
-Equations = Callable[[Array], tuple[Array, Array]]
+FunctionAndJacobian = Callable[[Array], tuple[Array, Array]]
 Test = str | int
 """A test function: of special points by a name, of guards by their number."""
 Tests = Callable[[Array, Array], Mapping[Test, float]]
 Accept = Callable[["Point", "Point"], None]
 
 _BRIDGE = 1e-2  # part of the first step over which the orientation of the curve may change
-UNDEFINED = (ArithmeticError, StickslipError, np.linalg.LinAlgError)
+NOT_DEFINED = (ArithmeticError, StickslipError, np.linalg.LinAlgError)
 """What the equations may raise where they are not defined; the step is then shortened."""
 _RESOLVED = 100.0  # a step this much longer than the corrector's tolerance has a direction
 
@@ -90,7 +90,7 @@ def in_range(limits: Mapping[str, Limit], points: Sequence[Array]) -> Residual:
 
 
 @dataclass(frozen=True)
-class Steps:
+class StepControl:
     """Control of the step.
 
     Attributes
@@ -173,7 +173,7 @@ class Lost(Exception):
 
 
 def correct(
-    equations: Equations, guess: Array, scale: Array, tangent: Array, tolerance: float
+    equations: FunctionAndJacobian, guess: Array, scale: Array, tangent: Array, tolerance: float
 ) -> Array:
     """Newton's method on F(x) = 0 and ⟨tangent, (x − guess)/scale⟩ = 0.
 
@@ -190,7 +190,7 @@ def correct(
             matrix = np.vstack([J * scale, tangent])
             right = np.append(F, tangent @ ((x - guess) / scale))
             dz = np.linalg.solve(matrix, right)
-        except UNDEFINED as problem:
+        except NOT_DEFINED as problem:
             raise Lost(str(problem)) from None
         size = float(np.linalg.norm(dz))
         if not size <= 2.0 * last:
@@ -203,7 +203,12 @@ def correct(
 
 
 def correct_at(
-    equations: Equations, guess: Array, scale: Array, component: int, value: float, tolerance: float
+    equations: FunctionAndJacobian,
+    guess: Array,
+    scale: Array,
+    component: int,
+    value: float,
+    tolerance: float,
 ) -> Array:
     """Newton's method on F(x) = 0 with one component of x at a given value, exactly.
 
@@ -223,7 +228,9 @@ def correct_at(
     return kept(correct(lambda x: equations(kept(x)), kept(guess), scale, along, tolerance))
 
 
-def direction(equations: Equations, x: Array, scale: Array, towards: Array) -> tuple[Array, float]:
+def direction(
+    equations: FunctionAndJacobian, x: Array, scale: Array, towards: Array
+) -> tuple[Array, float]:
     """Unit tangent (in scaled components) that has a positive product with a direction, and the
     orientation."""
     _, J = equations(x)
@@ -235,7 +242,7 @@ def direction(equations: Equations, x: Array, scale: Array, towards: Array) -> t
 
 
 def trace(
-    equations: Equations,
+    equations: FunctionAndJacobian,
     start: Array,
     towards: Array,
     *,
@@ -244,7 +251,7 @@ def trace(
     endings: Mapping[Test, str],
     limits: Mapping[str, Limit] | None = None,
     accept: Accept | None = None,
-    steps: Steps | None = None,
+    steps: StepControl | None = None,
     progress: Callable[[Point], None] | None = None,
 ) -> Path:
     """Follow the curve through a point in one direction until it ends.
@@ -252,7 +259,7 @@ def trace(
     Parameters
     ----------
     equations : function
-        x ↦ (F, ∂F/∂x), shapes (n,) and (n, n + 1). May raise any of :data:`UNDEFINED` where F is
+        x ↦ (F, ∂F/∂x), shapes (n,) and (n, n + 1). May raise any of :data:`NOT_DEFINED` where F is
         not defined.
     start : array, shape (n + 1,)
         A solution, up to a few Newton steps.
@@ -270,7 +277,7 @@ def trace(
         Ends of the ranges of components, by the reason they give. The curve stops exactly there,
         and the equations are not asked beyond but for what Newton's method and differences take.
     accept : function, optional
-        (last, new) ↦ None; raises any of :data:`UNDEFINED` if the new point solves the equations
+        (last, new) ↦ None; raises any of :data:`NOT_DEFINED` if the new point solves the equations
         and is still not on the curve.
     steps : Steps, optional
     progress : function, optional
@@ -286,7 +293,7 @@ def trace(
     StickslipError
         If no solution is found near `start`.
     """
-    steps = steps or Steps()
+    steps = steps or StepControl()
     tracer = _Tracer(equations, scale, tests, endings, dict(limits or {}), accept, steps)
     units = scale(start)
     try:
@@ -294,7 +301,7 @@ def trace(
         tangent, _ = direction(equations, start, units, towards)
         x = correct(equations, start, units, tangent, steps.tolerance)
         tangent, orientation = direction(equations, x, scale(x), towards)
-    except (Lost, *UNDEFINED) as problem:
+    except (Lost, *NOT_DEFINED) as problem:
         raise StickslipError(
             f"there is no solution near the start of the curve ({problem})"
         ) from None
@@ -314,13 +321,13 @@ def trace(
 class _Tracer:
     def __init__(
         self,
-        equations: Equations,
+        equations: FunctionAndJacobian,
         scale: Callable[[Array], Array],
         tests: Tests,
         endings: Mapping[Test, str],
         limits: dict[str, Limit],
         accept: Accept | None,
-        steps: Steps,
+        steps: StepControl,
     ) -> None:
         self.equations = equations
         self.scale = scale
@@ -379,7 +386,7 @@ class _Tracer:
                     crossings = self._crossings(last, new)
                     break
                 failure = "the curve turns too sharply"
-            except (Lost, *UNDEFINED) as problem:
+            except (Lost, *NOT_DEFINED) as problem:
                 failure = f"no solution was found further on ({problem})"
             step *= 0.5
         for name, point in crossings:

@@ -1,7 +1,7 @@
 """One driver of branches: stretch after stretch, both ways, whatever is followed.
 
 A branch of equilibria is followed mode by mode, one of cycles in coordinates about one of them that
-are renewed every few points. Each such stretch is a :class:`Problem`, which
+are renewed every few points. Each such stretch is a :class:`CurveProblem`, which
 :func:`~stickslip.orbits.continuation.arclength.trace` follows: equations with their derivatives
 (from which corrector and tangent are made), units, test functions, what ends the curve, and what a
 new point has to be beside a solution. Who follows a branch says where one begins (:class:`Start`),
@@ -17,28 +17,28 @@ from typing import Generic, TypeVar
 from stickslip.arrays import Array
 from stickslip.orbits.continuation.arclength import (
     INTERRUPTED,
-    UNDEFINED,
+    NOT_DEFINED,
     Accept,
     Ending,
-    Equations,
+    FunctionAndJacobian,
     Limit,
     Path,
     Point,
-    Steps,
+    StepControl,
     Stop,
     Test,
     Tests,
     trace,
 )
 
-T = TypeVar("T")
-P = TypeVar("P")
+_T = TypeVar("_T")
+_P = TypeVar("_P")
 
 _WIDER = 1.5  # factor by which the first step of a stretch exceeds the last one before it
 
 
 @dataclass(frozen=True)
-class Problem:
+class CurveProblem:
     """What a curve is a curve of, on one stretch; see
     :func:`stickslip.orbits.continuation.arclength.trace`.
 
@@ -50,7 +50,7 @@ class Problem:
     accept : function, optional
     """
 
-    equations: Equations
+    equations: FunctionAndJacobian
     scale: Callable[[Array], Array]
     tests: Tests
     endings: Mapping[Test, str]
@@ -59,7 +59,7 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Start(Generic[T]):
+class Start(Generic[_T]):
     """Where a stretch begins.
 
     Attributes
@@ -71,18 +71,18 @@ class Start(Generic[T]):
     steps : Steps
     """
 
-    of: T
-    problem: Problem
+    of: _T
+    problem: CurveProblem
     x: Array
     towards: Array
-    steps: Steps
+    steps: StepControl
 
 
-Onward = Callable[[Start[T], Path], Start[T] | Ending]
+Onward = Callable[[Start[_T], Path], Start[_T] | Ending]
 """Keeps what was found on a stretch; says where the next one begins, or why there is none."""
 
 
-def follow_branch(start: Start[T], onward: Onward[T], lost: str) -> Ending:
+def follow_branch(start: Start[_T], onward: Onward[_T], lost: str) -> Ending:
     """Follow a curve in one direction until it ends; returns why it does.
 
     Whatever ends it, what `onward` has kept until then is kept.
@@ -91,7 +91,7 @@ def follow_branch(start: Start[T], onward: Onward[T], lost: str) -> Ending:
     ----------
     start : Start
     onward : function
-        May raise any of :data:`~stickslip.orbits.continuation.arclength.UNDEFINED`.
+        May raise any of :data:`~stickslip.orbits.continuation.arclength.NOT_DEFINED`.
     lost : str
         What is said if something does.
     """
@@ -115,13 +115,13 @@ def follow_branch(start: Start[T], onward: Onward[T], lost: str) -> Ending:
             start = found
     except KeyboardInterrupt:
         return INTERRUPTED
-    except UNDEFINED as failure:
+    except NOT_DEFINED as failure:
         return Ending(Stop.LOST, f"{lost} ({failure})")
 
 
 def both_ways(
-    side: Callable[[float], tuple[list[P], Ending]], first: float
-) -> tuple[list[P], list[P], tuple[Ending, Ending]]:
+    side: Callable[[float], tuple[list[_P], Ending]], first: float
+) -> tuple[list[_P], list[_P], tuple[Ending, Ending]]:
     """What is found behind the start and ahead of it, each from the start on, and why it ends
     there.
 
@@ -143,19 +143,21 @@ def both_ways(
     return other, one, (other_end, end)
 
 
-def joined(back: Sequence[P], forth: Sequence[P]) -> list[P]:
+def joined(back: Sequence[_P], forth: Sequence[_P]) -> list[_P]:
     """All points of a branch, from the far end behind the start to that ahead of it."""
     return [*reversed(back), *(forth[1:] if back else forth)]
 
 
-def step_after(path: Path, steps: Steps) -> float:
+def step_after(path: Path, steps: StepControl) -> float:
     """Length of the first step of the next stretch."""
     before: Point
     before, last = path.points[-2:]
     return min(_WIDER * (last.length - before.length), steps.largest)
 
 
-def in_pieces(steps: Steps, step: float, points: int, smallest: float | None = None) -> Steps:
+def in_pieces(
+    steps: StepControl, step: float, points: int, smallest: float | None = None
+) -> StepControl:
     """Control of the steps of a stretch of so many points that begins with a step."""
     least = steps.smallest if smallest is None else smallest
     return replace(steps, first=step, smallest=least, most=points + 1)

@@ -17,9 +17,9 @@ from stickslip.certificates import Certificate, Residual
 from stickslip.errors import StickslipError
 from stickslip.orbits.cycles.period import same, shorter
 from stickslip.orbits.fields.variational import TOGETHER
-from stickslip.orbits.return_map.damped_newton import CLOSED, Closed, growth
+from stickslip.orbits.return_map.damped_newton import CLOSED, Closed, largest_growth
 from stickslip.orbits.return_map.mode_sequence import Sequence, sequence
-from stickslip.orbits.return_map.shooting import follow, numbers
+from stickslip.orbits.return_map.shooting import follow_state, parameter_values
 
 if TYPE_CHECKING:
     pass
@@ -36,7 +36,7 @@ _AGREES = 1e-4  # neighbours come back where the multipliers say, up to this par
 _APART = (1e-5, 1e-7, 1e-10)
 
 
-def certify(closed: Closed) -> Certificate:
+def certify_cycle(closed: Closed) -> Certificate:
     """Measure a cycle.
 
     The residuals are those of its motion, and
@@ -54,7 +54,7 @@ def certify(closed: Closed) -> Certificate:
       before and after.
     """
     orbit, shooting = closed.orbit, closed.shooting
-    most = max(1.0, growth(orbit))
+    most = max(1.0, largest_growth(orbit))
     trivial = float(np.max(np.abs(closed.spectrum.trivial - 1.0), initial=0.0))
     motion = orbit.motion.certificate
     residuals = [
@@ -89,7 +89,7 @@ def _remembered(closed: Closed) -> float:
     """What is left of changes in the directions that sticking contacts (and sliding ones without
     mass) forget."""
     worst = 0.0
-    p = numbers(closed.orbit.problem)
+    p = parameter_values(closed.orbit.problem)
     sizes = closed.shooting.setting.sizes
     for leg in closed.orbit.legs:
         k = leg.motion.knots
@@ -161,13 +161,15 @@ def _arrived(closed: Closed, j: int, xi: Array) -> tuple[Array, Sequence] | None
     modes."""
     orbit = closed.orbit
     shooting = closed.shooting
-    p = numbers(closed.orbit.problem)
+    p = parameter_values(closed.orbit.problem)
     leg = orbit.legs[j]
     station = shooting.stations[j]
     own = slice(*shooting.first[j : j + 2])
     begin, end = (float(leg.motion.knots.time[i]) for i in (0, -1))
     try:
-        motion = follow(orbit.problem, begin, end, station.place(orbit.x[own] + xi, begin, p).state)
+        motion = follow_state(
+            orbit.problem, begin, end, station.place(orbit.x[own] + xi, begin, p).state
+        )
     except StickslipError:
         return None
     there = shooting.stations[(j + 1) % len(orbit.legs)]

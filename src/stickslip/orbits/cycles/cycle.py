@@ -29,7 +29,7 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.orbits.continuation.branch import SpecialPoint
 from stickslip.orbits.cycles import measure
-from stickslip.orbits.cycles.certificate import certify
+from stickslip.orbits.cycles.certificate import certify_cycle
 from stickslip.orbits.cycles.finding import from_cycle, from_motion, from_state
 from stickslip.orbits.cycles.measure import ContactShare, Phase
 from stickslip.orbits.return_map.damped_newton import Closed
@@ -137,8 +137,8 @@ class Cycle(Result):
 
     @cached_property
     def certificate(self) -> Certificate:
-        """What was measured of it; see :func:`stickslip.orbits.cycles.certificate.certify`."""
-        return certify(self.closed) if self.measured is None else self.measured
+        """What was measured of it; see :func:`stickslip.orbits.cycles.certificate.certify_cycle`."""
+        return certify_cycle(self.closed) if self.measured is None else self.measured
 
     @property
     def title(self) -> str:

@@ -34,7 +34,7 @@ from stickslip.orbits.return_map.recurrence import (
     window,
 )
 from stickslip.orbits.return_map.shooting import NoReturn, Shooting, follow_freely
-from stickslip.orbits.settling.single import Settled, settle
+from stickslip.orbits.settling.single import Settled, settle_motion
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 _NEARBY = 0.05  # a start that returns this close, relative to its motion, is near a cycle
 _SETTLED = 1e-3  # a motion that has not settled in its time, and returns this close, nearly has
-LAST = 27.0  # spans in which such a motion is looked at
+LAST_SPANS = 27.0  # spans in which such a motion is looked at
 _ROUNDS = 3  # times that it is looked again at what leaves the system unchanged
 _PERIODS = 2.5  # of what a motion has settled on, that are sampled
 _STILL = 1e-13  # range of a component, relative to its modulus, of what does not move
@@ -203,7 +203,7 @@ class _Search:
     def _settle(self, w: Window) -> tuple[Settled, Window]:
         """What the motion settles on, and some periods of it; what leaves the system unchanged on
         its way is looked at again where it has come to."""
-        fate = settle(self.problem, self.time, self.state, w.symmetry, w.clock)
+        fate = settle_motion(self.problem, self.time, self.state, w.symmetry, w.clock)
         for _ in range(_ROUNDS):
             if fate.outcome is not Outcome.PERIODIC:
                 break
@@ -211,7 +211,7 @@ class _Search:
             if alike(along.symmetry, w.symmetry):
                 return fate, along
             w = along
-            fate = settle(self.problem, fate.time, fate.state, w.symmetry, w.clock)
+            fate = settle_motion(self.problem, fate.time, fate.state, w.symmetry, w.clock)
         return fate, w
 
     def _beside(self, w: Window) -> Closed | None:
@@ -260,7 +260,7 @@ class _Search:
         ConvergenceError
             If it does not; the message says what was seen.
         """
-        w = self._window(fate.time, fate.state, LAST * self.span)
+        w = self._window(fate.time, fate.state, LAST_SPANS * self.span)
         if not w.trajectory.outcome.ok:
             raise self._ended(w.trajectory.message)
         found = latest(w, self.pieces)
@@ -275,7 +275,7 @@ class _Search:
                 return closed
         modulus = np.maximum(*(np.max(np.abs(part.states), axis=0) for part in (first, w)))
         extents = first.extent(modulus), w.extent(modulus)
-        until = self.time + fate.elapsed + LAST * self.span
+        until = self.time + fate.elapsed + LAST_SPANS * self.span
         raise self._failed(until, found[-1] if found else None, extents, exponent)
 
     def _ended(self, message: str) -> ConvergenceError:

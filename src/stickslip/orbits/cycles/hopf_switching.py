@@ -27,9 +27,9 @@ from stickslip.orbits.return_map.held import Held, held_positions
 from stickslip.orbits.return_map.shooting import (
     Setting,
     Shooting,
-    follow,
+    follow_state,
     make_station,
-    numbers,
+    parameter_values,
     with_value,
 )
 
@@ -98,7 +98,7 @@ def _small_cycle(problem: Problem, point: SpecialPoint, name: str) -> _Seed:
     """The cycle of a small amplitude, and the parameter at which it is one."""
     pieces = Pieces(problem.compiled.equations, name)
     piece = _piece(pieces, point)
-    p = numbers(problem)
+    p = parameter_values(problem)
     y = np.array([point.state[x] for x in problem.system.declaration.state])
     rate, q = critical_pair(piece.jacobian(np.zeros(1), y[:, None], p)[0][:, : len(y)])
     # Amplitudes count against the large components of the state: one that rests at 0 has no scale
@@ -122,7 +122,7 @@ def _small_cycle(problem: Problem, point: SpecialPoint, name: str) -> _Seed:
         if np.linalg.norm(step) < 1e-9:
             problem = with_value(problem, name, float(x[-1]))
             station = shooting.stations[0]
-            state = station.place(x[: shooting.time], 0.0, numbers(problem)).state
+            state = station.place(x[: shooting.time], 0.0, parameter_values(problem)).state
             return _Seed(
                 problem,
                 _settled(piece, y, problem, shooting.symmetry.shifts),
@@ -148,7 +148,7 @@ def _amplitude(piece: Piece, y: Array, q: Array, p: Array) -> float:
 
 def _settled(piece: Piece, y: Array, problem: Problem, shifts: Array) -> Array:
     """The equilibrium near a state, at rest up to translations."""
-    p, n = numbers(problem), len(y)
+    p, n = parameter_values(problem), len(y)
     across = np.eye(n) - shifts @ np.linalg.pinv(shifts) if shifts.shape[1] else np.eye(n)
     for _ in range(6):
         J = piece.jacobian(np.zeros(1), y[:, None], p)[0][:, :n]
@@ -159,7 +159,7 @@ def _settled(piece: Piece, y: Array, problem: Problem, shifts: Array) -> Array:
 def _shooting(seed: _Seed, pieces: Pieces, point: SpecialPoint, sizes: Array) -> Shooting:
     sizes = np.maximum(sizes, 1e-3 * np.max(sizes))
     piece = _piece(pieces, point)
-    p = numbers(seed.problem)
+    p = parameter_values(seed.problem)
     n = len(sizes)
     signs = np.random.default_rng(0).uniform(-1.0, 1.0, (8, n))
     around = Surroundings([piece] * 8, np.zeros(8), seed.equilibrium + signs * sizes, sizes)
@@ -171,7 +171,7 @@ def _shooting(seed: _Seed, pieces: Pieces, point: SpecialPoint, sizes: Array) ->
 
 def _held(seed: _Seed) -> tuple[Held, ...]:
     """Positions that keep still while the first cycle goes round."""
-    return held_positions(follow(seed.problem, 0.0, seed.period, seed.state))
+    return held_positions(follow_state(seed.problem, 0.0, seed.period, seed.state))
 
 
 def shrinks_to(closed: Closed, parameter: str, value: float) -> tuple[float, Array] | None:
@@ -189,7 +189,7 @@ def shrinks_to(closed: Closed, parameter: str, value: float) -> tuple[float, Arr
     def pair(value: float) -> tuple[complex, Array]:
         there = with_value(problem, parameter, value)
         settled = _settled(piece, y, there, closed.shooting.symmetry.shifts)
-        J = piece.jacobian(np.zeros(1), settled[:, None], numbers(there))[0][:, : len(y)]
+        J = piece.jacobian(np.zeros(1), settled[:, None], parameter_values(there))[0][:, : len(y)]
         return critical_pair(J)[0], settled
 
     try:
@@ -206,7 +206,7 @@ def shrinks_to(closed: Closed, parameter: str, value: float) -> tuple[float, Arr
 def _closed(seed: _Seed, point: SpecialPoint) -> Closed:
     pieces = Pieces(seed.problem.compiled.equations)
     shooting = _shooting(seed, pieces, point, _sizes(seed))
-    drift = _piece(pieces, point).rates(0.0, seed.equilibrium, numbers(seed.problem))
+    drift = _piece(pieces, point).rates(0.0, seed.equilibrium, parameter_values(seed.problem))
     closed = converge(shooting, shooting.guess(seed.period, seed.period * drift))
     check_isolated(closed)
     if closed.extent < 0.1:

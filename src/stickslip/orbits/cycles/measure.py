@@ -67,12 +67,12 @@ def phases(motion: Trajectory) -> tuple[Phase, ...]:
 
 def observed(motion: Trajectory) -> Sums:
     """What a period amounts to, measured as a point of a map is."""
-    from stickslip.orbits.settling.engine.observers import clear, observe
+    from stickslip.orbits.settling.engine.observers import observe, reset
 
     problem = motion._problem
     k = motion.knots
     sums = make_sums((), k.state.shape[1], k.mode.shape[1])
-    clear(sums)
+    reset(sums)
     knots = Record(k.clock, k.state, k.mode, k.region, k.cause)
     flow = problem.flow(retracing=True)
     observe(problem.machine, flow, motion._seen, knots, len(k.clock) - 1, True, sums)

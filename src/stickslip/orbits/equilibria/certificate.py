@@ -26,7 +26,7 @@ _NEARBY = 1e-7  # over this part of the state the change of the Jacobian is seen
 _ROUNDING = 8.0 * np.finfo(float).eps
 
 
-def certify(
+def certify_equilibrium(
     steady: Steady, point: Array, nearest: str = "", beside: Array | None = None
 ) -> tuple[Certificate, float]:
     """Measure an isolated equilibrium.

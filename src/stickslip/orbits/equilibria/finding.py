@@ -22,7 +22,7 @@ from stickslip.errors import DeclarationError, StickslipError, short
 from stickslip.model.declaration import DryContact
 from stickslip.model.system import System
 from stickslip.orbits.equilibria import search
-from stickslip.orbits.equilibria.certificate import ON_BOUNDARY, certify, certify_set
+from stickslip.orbits.equilibria.certificate import ON_BOUNDARY, certify_equilibrium, certify_set
 from stickslip.orbits.equilibria.equilibrium import (
     Equilibria,
     Equilibrium,
@@ -173,9 +173,9 @@ class _Search:
             if name in self.box:
                 low, high = (np.array([v]) for v in self.box[name])
                 # Components of one even sample of the whole box, so that they are not correlated.
-                unit = search.sample(_STARTS, np.zeros(len(self.state)), np.ones(len(self.state)))[
-                    i
-                ]
+                unit = search.fill_box(
+                    _STARTS, np.zeros(len(self.state)), np.ones(len(self.state))
+                )[i]
                 points[i] = low + (high - low) * unit
         return points
 
@@ -326,7 +326,7 @@ class _Search:
             if len(margins)
             else ""
         )
-        certificate, error = certify(steady, point, nearest)
+        certificate, error = certify_equilibrium(steady, point, nearest)
         found = Equilibrium(
             self._named(y),
             dict(self.values),

@@ -14,7 +14,7 @@ _ITERATIONS = 60
 _POLISH = 4
 
 
-def sample(count: int, low: Array, high: Array) -> Array:
+def fill_box(count: int, low: Array, high: Array) -> Array:
     """Points that fill a box evenly: the additive sequence of Roberts (the golden ratio in more
     dimensions).
 
@@ -35,7 +35,7 @@ def wide_sample(count: int, origin: Array) -> Array:
     """Points around a state at all distances up to about 50 times its size (1 if it is smaller)."""
     ones = np.ones(len(origin))
     size = np.maximum(np.abs(origin), 1.0)
-    return origin[:, None] + size[:, None] * np.sinh(5.0 * sample(count, -ones, ones)) / np.sinh(
+    return origin[:, None] + size[:, None] * np.sinh(5.0 * fill_box(count, -ones, ones)) / np.sinh(
         1.0
     )
 

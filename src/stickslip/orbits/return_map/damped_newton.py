@@ -12,26 +12,26 @@ from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, StickslipError
 from stickslip.motion.problem import Problem
 from stickslip.orbits.fields.mode_field import Piece, Pieces
-from stickslip.orbits.return_map.held import alike, held_positions
+from stickslip.orbits.return_map.held import held_positions, same_held
 from stickslip.orbits.return_map.multipliers import Spectrum, spectrum
 from stickslip.orbits.return_map.recurrence import Recurrence, Window, segments, sizes_of
 from stickslip.orbits.return_map.shooting import (
     Orbit,
     Setting,
     Shooting,
-    follow,
+    follow_state,
     make_station,
-    numbers,
+    parameter_values,
 )
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
-MOST_STEPS = 25
+_MOST_STEPS = 25
 _HALVINGS = 6
 CLOSED = 1e-9  # a cycle closes up to this part of its size
-SINGULAR = 1e-11  # a singular value below this part of the largest is zero
+NEARLY_SINGULAR = 1e-11  # a singular value below this part of the largest is zero
 _STATIONS = (1, 4, 16)  # tried one after the other
 _LONG = 0.1  # a stretch that is shorter than this part of the longest may vanish
 _ACROSS = 0.1  # cosine of what is nearly a right angle
@@ -57,13 +57,13 @@ class NotClosed(ConvergenceError):
 
 def near(problem: Problem, pieces: Pieces, w: Window, found: Recurrence) -> tuple[Shooting, Array]:
     """The equations of the cycle near a recurrence, and where to start."""
-    motion = follow(problem, found.time, found.time + found.period, found.state)
+    motion = follow_state(problem, found.time, found.time + found.period, found.state)
     sizes = sizes_of(motion, found.shift, pieces)
     setting = Setting(
         w.symmetry, w.surroundings, w.clock, found.turns, sizes, held_positions(motion)
     )
     piece = pieces(motion.knots.mode[0], motion.knots.region[0])
-    station = make_station(0.0, piece, found.time, found.state, numbers(problem), sizes)
+    station = make_station(0.0, piece, found.time, found.state, parameter_values(problem), sizes)
     shooting = Shooting(problem, pieces, [station], found.time, setting)
     return shooting, shooting.guess(found.period, found.shift)
 
@@ -85,13 +85,13 @@ def close(shooting: Shooting, x: Array, across: Array | None = None) -> Orbit:
         If it does not converge; the message says how near it came.
     """
     orbit = shooting.orbit(x)
-    for _ in range(MOST_STEPS):
+    for _ in range(_MOST_STEPS):
         units = shooting.units(orbit.x)
         matrix, right = _balanced(orbit.J * units, orbit.F)
         if across is not None:
             matrix = np.vstack([matrix, across])
             right = np.append(right, 0.0)
-        step = np.linalg.lstsq(matrix, right, rcond=SINGULAR)[0]
+        step = np.linalg.lstsq(matrix, right, rcond=NEARLY_SINGULAR)[0]
         better = _shortened(shooting, orbit, units, step)
         if better is None:
             break
@@ -137,7 +137,7 @@ def _shortened(shooting: Shooting, orbit: Orbit, units: Array, step: Array) -> O
 # -- stations --------------------------------------------------------------------------------------
 
 
-def growth(orbit: Orbit) -> float:
+def largest_growth(orbit: Orbit) -> float:
     """Largest growth of a perturbation from one station to the next."""
     n = len(orbit.shift)
     # Where the state is a function of time alone, as that of a slipping rate-independent contact,
@@ -153,7 +153,7 @@ def growth(orbit: Orbit) -> float:
 
 def stations_for(shooting: Shooting, orbit: Orbit) -> int:
     """Number of stations that keeps the growth between them moderate."""
-    parts = int(np.ceil(np.log(max(growth(orbit), 1.0)) / np.log(_GROWTH)))
+    parts = int(np.ceil(np.log(max(largest_growth(orbit), 1.0)) / np.log(_GROWTH)))
     return len(shooting.stations) * max(1, parts)
 
 
@@ -200,7 +200,7 @@ def _across_the_centre(shooting: Shooting, orbit: Orbit, piece: Piece) -> float:
     cosine = np.abs(np.sum(radius * motion, axis=1)) / np.maximum(lengths, 1e-300)
     states = states + np.outer(np.arange(count) / count, orbit.shift)
     n = states.shape[1]
-    p = numbers(orbit.problem)
+    p = parameter_values(orbit.problem)
     guards = piece.felt(times, states.T, p)[n : n + len(piece.switches)]
     room = np.min(
         guards / np.max(np.abs(guards), axis=1, keepdims=True, initial=1e-300), axis=0, initial=1.0
@@ -225,7 +225,7 @@ def restarted(
     ]
     shift, start = carried_along(shooting.setting, orbit.problem, begin)
     y = y - shift
-    motion = follow(orbit.problem, start, start + orbit.period, y)
+    motion = follow_state(orbit.problem, start, start + orbit.period, y)
     sizes = shooting.setting.sizes if sizes is None else sizes
     held = held_positions(motion, shooting.setting.held)
     setting = replace(shooting.setting, sizes=sizes, held=held)
@@ -240,7 +240,12 @@ def restarted(
         piece = shooting.pieces(motion.knots.mode[i], motion.knots.region[i])
         stations.append(
             make_station(
-                (t - start) / orbit.period, piece, t, state, numbers(orbit.problem), setting.sizes
+                (t - start) / orbit.period,
+                piece,
+                t,
+                state,
+                parameter_values(orbit.problem),
+                setting.sizes,
             )
         )
     new = Shooting(orbit.problem, shooting.pieces, stations, start, setting)
@@ -351,7 +356,7 @@ def _resting_alike(shooting: Shooting, orbit: Orbit) -> Closed:
     """The same cycle from its best place, with the equations that say where the contacts rest that
     it never moves."""
     for _ in range(3):
-        if alike(shooting.setting.held, held_positions(orbit.motion)):
+        if same_held(shooting.setting.held, held_positions(orbit.motion)):
             break
         shooting, x = restarted(shooting, orbit, len(shooting.stations))
         orbit = close(shooting, x)

@@ -16,7 +16,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, StickslipError
 from stickslip.orbits.return_map.damped_newton import (
-    SINGULAR,
+    NEARLY_SINGULAR,
     Closed,
     NotClosed,
     close,
@@ -47,7 +47,7 @@ def check_isolated(closed: Closed) -> None:
         translation.
     """
     ratio, direction = flattest(closed.shooting, closed.orbit)
-    if ratio <= SINGULAR:
+    if ratio <= NEARLY_SINGULAR:
         raise _family(closed.shooting, closed.orbit, direction)
 
 

@@ -94,7 +94,7 @@ def released(held: Sequence[Held], sizes: Array) -> Array:
     return sizes[:, None] * np.linalg.pinv(forms(held, len(sizes)) * sizes)
 
 
-def alike(a: Sequence[Held], b: Sequence[Held]) -> bool:
+def same_held(a: Sequence[Held], b: Sequence[Held]) -> bool:
     """Whether the same contacts are held."""
     return [h.contact for h in a] == [h.contact for h in b]
 

@@ -23,8 +23,8 @@ from stickslip.orbits.return_map.recurrence import segments
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-Setting = tuple[tuple[int, ...], tuple[int, ...]]
-Sequence = tuple[Setting, ...]
+ModeAndRegion = tuple[tuple[int, ...], tuple[int, ...]]
+Sequence = tuple[ModeAndRegion, ...]
 
 LOSS = "loss of the cycle"
 
@@ -45,7 +45,7 @@ def is_open(s: Sequence) -> bool:
     return len(s) > 1 and s[0] == s[-1]
 
 
-def _canonical(phases: list[Setting]) -> Sequence:
+def _canonical(phases: list[ModeAndRegion]) -> Sequence:
     """The phases in their cyclic order without repetitions, from the one that makes the least
     sequence."""
     kept = [phase for i, phase in enumerate(phases) if phase != phases[i - 1]] or phases[:1]
@@ -75,13 +75,13 @@ def change_of(contacts: list[str], before: Sequence, after: Sequence) -> tuple[s
     return "sequence change", f"{_phases(before)} become {_phases(after)}"
 
 
-def _excursions(many: Sequence, few: Sequence) -> list[tuple[Setting, Setting]]:
+def _excursions(many: Sequence, few: Sequence) -> list[tuple[ModeAndRegion, ModeAndRegion]]:
     """Phases of a sequence without which it is the other one, each after the phase that it
     interrupts.
 
     There may be several: a cycle with a symmetry touches a boundary more than once.
     """
-    found: dict[Sequence, list[tuple[Setting, Setting]]] = {many: []}
+    found: dict[Sequence, list[tuple[ModeAndRegion, ModeAndRegion]]] = {many: []}
     waiting = [many]
     while waiting:
         s = waiting.pop()
@@ -98,7 +98,7 @@ def _phases(s: Sequence) -> str:
     return "1 phase" if len(s) == 1 else f"{len(s)} phases"
 
 
-def _difference(contacts: list[str], a: Setting, b: Setting) -> str:
+def _difference(contacts: list[str], a: ModeAndRegion, b: ModeAndRegion) -> str:
     """What is different in two phases."""
     from stickslip.equations.field import MODE_NAMES
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from stickslip.arrays import AnyArray, Array
 from stickslip.orbits.return_map.held import forms
-from stickslip.orbits.return_map.shooting import Orbit, Shooting, make_station, numbers
+from stickslip.orbits.return_map.shooting import Orbit, Shooting, make_station, parameter_values
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def spectrum(shooting: Shooting, orbit: Orbit) -> Spectrum:
                 leg.change.pieces[i],
                 float(k.time[i]),
                 k.state[i],
-                numbers(orbit.problem),
+                parameter_values(orbit.problem),
                 shooting.setting.sizes,
             )
             tightest = narrow, narrow.chart @ leg.change.after[i][:n, :own] @ M

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 _POINTS = 16  # looked at in every step, at least
-MOST_STEPS = 4000  # looked at
+_MOST_STEPS = 4000  # looked at
 _LEAST = 1e-3  # … of what the other components could do to one is its least size
 _CLOSER = 1e3  # … but not before one that misses by so much less
 _EXACT = 1e-9  # … or closes
@@ -114,7 +114,7 @@ def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
         If the system is driven without a period.
     """
     k = trajectory.knots
-    steps = np.arange(max(first, len(k.time) - 1 - MOST_STEPS), len(k.time) - 1)
+    steps = np.arange(max(first, len(k.time) - 1 - _MOST_STEPS), len(k.time) - 1)
     steps = steps[np.diff(k.time)[steps] > 0.0]
     p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
     every = [pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]

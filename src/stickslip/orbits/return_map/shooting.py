@@ -44,7 +44,7 @@ class NoReturn(ConvergenceError):
     """A motion that ends before its period is over."""
 
 
-def follow(problem: Problem, start: float, end: float, y: Array) -> Trajectory:
+def follow_state(problem: Problem, start: float, end: float, y: Array) -> Trajectory:
     """The motion from a state, as a trajectory.
 
     Raises
@@ -63,7 +63,7 @@ def follow_freely(problem: Problem, start: float, end: float, y: Array) -> Traje
     from stickslip.motion import simulate
     from stickslip.motion.trajectory import Trajectory
 
-    code, knots = simulate.follow(problem, start, end, y, MOST_EVENTS)
+    code, knots = simulate.run_loop(problem, start, end, y, MOST_EVENTS)
     outcome = Outcome.from_code(code)
     if outcome is Outcome.INTERRUPTED:
         raise KeyboardInterrupt
@@ -218,7 +218,7 @@ class Setting:
     def at(self, problem: Problem) -> Symmetry:
         """The symmetry for other parameters."""
         drives = self.clock.drives(problem.parameters) if self.clock else None
-        return self.surroundings.symmetry(numbers(problem), drives)
+        return self.surroundings.symmetry(parameter_values(problem), drives)
 
 
 @dataclass(frozen=True)
@@ -267,7 +267,7 @@ class Orbit:
         )
 
 
-def numbers(problem: Problem) -> Array:
+def parameter_values(problem: Problem) -> Array:
     """Values of all parameters."""
     return np.array([problem.parameters[name] for name in problem.system.parameters])
 
@@ -357,7 +357,7 @@ class Shooting:
         rows = [station.chart @ e for e in self.symmetry.shifts.T]
         if self.symmetry.frame is not None:
             rate = (
-                station.piece.rates(self.start, station.origin, numbers(self.problem))
+                station.piece.rates(self.start, station.origin, parameter_values(self.problem))
                 - self.symmetry.frame
             )
             rows.insert(0, station.chart @ rate)
@@ -372,7 +372,7 @@ class Shooting:
         if not self.symmetry.driven:
             frame = self.setting.at(orbit.problem).frame if np.any(self.symmetry.frame) else 0.0
             rate = station.piece.rates(
-                self.start, orbit.legs[0].place.state, numbers(orbit.problem)
+                self.start, orbit.legs[0].place.state, parameter_values(orbit.problem)
             )
             columns.insert(0, station.chart @ (rate - frame))
         return np.array(columns).reshape(len(columns), station.basis.shape[1]).T
@@ -438,7 +438,7 @@ class Shooting:
     def _leg(self, problem: Problem, j: int, x: Array, period: float) -> Leg:
         """The motion from a station to the next, with its variation."""
         station = self.stations[j]
-        p = numbers(problem)
+        p = parameter_values(problem)
         end = self.stations[j + 1].part if j + 1 < len(self.stations) else 1.0
         times = self.start + period * station.part, self.start + period * end
         place = station.place(x[slice(*self.first[j : j + 2])], times[0], p)
@@ -450,7 +450,7 @@ class Shooting:
         if self.free:
             directions = np.vstack([directions, np.zeros(directions.shape[1])])
             directions = np.column_stack([directions, np.append(place.by_parameter, 1.0)])
-        motion = follow(problem, *times, place.state)
+        motion = follow_state(problem, *times, place.state)
         change = variation(motion, self.pieces, directions)
         rate = change.pieces[-1].rates(times[1], motion.knots.state[-1], p)
         return Leg(station.part, end, place, motion, change, rate)

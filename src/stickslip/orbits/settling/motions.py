@@ -44,7 +44,7 @@ from stickslip.orbits.settling.proofs import Prover
 from stickslip.orbits.settling.repetition import Repetition
 from stickslip.progress import Stopped
 
-SLOTS = 12  # closed forms of every point
+POINT_SLOTS = 12  # closed forms of every point
 _SHARED_SLOTS = 64  # closed forms of all points
 _ROOM = 256  # knots that are measured at a time
 _SPANS = 100.0  # of the system, after which a motion is given up by default
@@ -225,7 +225,9 @@ class Block:
         self.rules = rules
         span = float(self.rules.real[0]), float(self.rules.real[1])
         forms = (
-            problem.empty_forms(1, _SHARED_SLOTS) if shared else problem.empty_forms(count, SLOTS)
+            problem.empty_forms(1, _SHARED_SLOTS)
+            if shared
+            else problem.empty_forms(count, POINT_SLOTS)
         )
         self.lanes = Lanes.start(problem, constants, group, states, span, forms)
         self.twins = Lanes.start(problem, constants, group, states, span, forms)

@@ -39,7 +39,7 @@ from stickslip.orbits.settling.engine.tables import (
     SETTLING,
 )
 from stickslip.orbits.settling.repetition import Repetition, repeats
-from stickslip.orbits.settling.resting import Point, rest_near
+from stickslip.orbits.settling.resting import MotionPoint, rest_near
 
 if TYPE_CHECKING:
     from stickslip.motion.ensemble import Lanes
@@ -124,7 +124,7 @@ class Prover:
         outcome[cycles] = _PERIODIC
         open_ = np.flatnonzero((asked != _PERIODIC) & [found is not None for found in waves])
         if len(open_):
-            slot = slots_of(lanes, index[open_], saved)
+            slot = saved_slots(lanes, index[open_], saved)
             closed = open_[slot >= 0]
             if len(closed):
                 fates = affine_fates(
@@ -175,9 +175,9 @@ class Prover:
             values, frame, self.problem.origin + float(saved.clock[i, NOW])
         )
 
-    def point(self, i: int, marks: Marks, saved: Lane) -> Point:
+    def point(self, i: int, marks: Marks, saved: Lane) -> MotionPoint:
         """Where a motion is whose rates have died out."""
-        return Point(
+        return MotionPoint(
             self.problem.origin + float(saved.clock[i, NOW]),
             saved.y[i],
             self.table[i],
@@ -189,7 +189,7 @@ class Prover:
         )
 
 
-def slots_of(lanes: Lanes, index: Array, saved: Lane) -> Array:
+def saved_slots(lanes: Lanes, index: Array, saved: Lane) -> Array:
     """Where the closed forms of the saved modes are; −1 where there is none."""
     T, slots = lanes.forms, lanes.slots
     if slots == 0:

@@ -24,7 +24,7 @@ _CURVED = 0.25  # the Jacobian changes by at most this part of the slowest decay
 _NEWTON = 20
 
 
-class Point(NamedTuple):
+class MotionPoint(NamedTuple):
     """Where a motion is, and in which units.
 
     Attributes
@@ -50,7 +50,7 @@ class Point(NamedTuple):
     shifts: Array
 
 
-def rest_near(pieces: Pieces, point: Point) -> Array | None:
+def rest_near(pieces: Pieces, point: MotionPoint) -> Array | None:
     """The state near which a motion is proved to rest, or to move steadily, for ever; None if that
     is not proved."""
     try:
@@ -62,7 +62,7 @@ def rest_near(pieces: Pieces, point: Point) -> Array | None:
 class _Neighbourhood:
     """The equilibrium near a state, and whether a motion from there stays near it."""
 
-    def __init__(self, pieces: Pieces, point: Point) -> None:
+    def __init__(self, pieces: Pieces, point: MotionPoint) -> None:
         self.pieces = pieces
         self.piece = pieces(point.mode, point.region)
         self.t = point.time
@@ -73,7 +73,7 @@ class _Neighbourhood:
         self.shifts = point.shifts[np.any(point.shifts != 0.0, axis=1)].T
         self.basis = self._directions(self._held(point))
 
-    def _held(self, point: Point) -> Array:
+    def _held(self, point: MotionPoint) -> Array:
         """The positions of the contacts that stick, as linear forms of the state."""
         equations = self.pieces.equations
         state = equations.declaration.state

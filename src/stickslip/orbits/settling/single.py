@@ -40,7 +40,7 @@ class Settled:
     period: float
 
 
-def settle(
+def settle_motion(
     problem: Problem,
     time: float,
     state: Array,

@@ -48,7 +48,7 @@ _REMEDY = (
 
 
 @dataclass(frozen=True)
-class Curve:
+class PiecewiseAffine:
     """A continuous piecewise affine function.
 
     Attributes
@@ -64,7 +64,7 @@ class Curve:
     slopes: tuple[float, float]
 
     @classmethod
-    def through(cls, function: Callable[[Array], Array], nodes: Array) -> Curve:
+    def through(cls, function: Callable[[Array], Array], nodes: Array) -> PiecewiseAffine:
         """The curve that agrees with a function at the nodes and one step beyond the outer ones."""
         y = function(np.concatenate([[nodes[0] - 1.0], nodes, [nodes[-1] + 1.0]]))
         return cls(nodes, y[1:-1], (float(y[1] - y[0]), float(y[-1] - y[-2])))
@@ -92,7 +92,7 @@ class Curve:
         return self.nodes[(rise[:-1] > 0.0) & (rise[1:] < 0.0)]
 
 
-def _beyond(curve: Curve, level: float) -> Array:
+def _beyond(curve: PiecewiseAffine, level: float) -> Array:
     """How far left of the first and right of the last node a level is passed at the latest."""
     steps = []
     for height, slope, side in zip(curve.values[[0, -1]], curve.slopes, (-1.0, 1.0), strict=True):
@@ -101,12 +101,14 @@ def _beyond(curve: Curve, level: float) -> Array:
     return np.array(steps)
 
 
-def least(one: Curve, other: Curve, sign: int = 1) -> Curve:
+def extreme_of(one: PiecewiseAffine, other: PiecewiseAffine, sign: int = 1) -> PiecewiseAffine:
     """The smaller (sign 1) or larger (−1) of two curves."""
     pick = np.minimum if sign > 0 else np.maximum
     nodes = np.union1d(one.nodes, other.nodes)
-    gap = Curve.through(lambda x: one(x) - other(x), nodes)
-    return Curve.through(lambda x: pick(one(x), other(x)), np.union1d(nodes, gap.crossings(0.0)))
+    gap = PiecewiseAffine.through(lambda x: one(x) - other(x), nodes)
+    return PiecewiseAffine.through(
+        lambda x: pick(one(x), other(x)), np.union1d(nodes, gap.crossings(0.0))
+    )
 
 
 @dataclass(frozen=True)
@@ -125,7 +127,7 @@ class HysteresisOperator:
 
     input: str
     output: tuple[str, str]
-    legs: dict[str, tuple[Curve, Curve]]
+    legs: dict[str, tuple[PiecewiseAffine, PiecewiseAffine]]
 
     @classmethod
     def of(
@@ -158,19 +160,19 @@ class HysteresisOperator:
         return found
 
     @cached_property
-    def upper(self) -> Curve:
+    def upper(self) -> PiecewiseAffine:
         """G⁺ = min of the upper bounds."""
         first, *others = (bounds[1] for bounds in self.legs.values())
         for other in others:
-            first = least(first, other)
+            first = extreme_of(first, other)
         return first
 
     @cached_property
-    def lower(self) -> Curve:
+    def lower(self) -> PiecewiseAffine:
         """G⁻ = max of the lower bounds."""
         first, *others = (bounds[0] for bounds in self.legs.values())
         for other in others:
-            first = least(first, other, -1)
+            first = extreme_of(first, other, -1)
         return first
 
     # -- simple motion -----------------------------------------------------------------------------
@@ -310,7 +312,7 @@ class HysteresisOperator:
         return np.array([start, *(between if start < end else between[::-1]), end])
 
     @staticmethod
-    def _meets(curve: Curve, start: float, end: float, level: float) -> float | None:
+    def _meets(curve: PiecewiseAffine, start: float, end: float, level: float) -> float | None:
         """Where a curve that is affine on an interval passes a level inside it."""
         a, b = float(curve(start)) - level, float(curve(end)) - level
         return start + (end - start) * a / (a - b) if a * b < 0.0 else None
@@ -371,7 +373,7 @@ class _Declared:
         kinks = [g for g in kinks if g.symbols == {driver}]
         return cls(driver, pair, contacts, kinks)  # type: ignore[arg-type]
 
-    def legs(self) -> dict[str, tuple[Curve, Curve]]:
+    def legs(self) -> dict[str, tuple[PiecewiseAffine, PiecewiseAffine]]:
         """Bounds on d from −s⁺ ≤ λ(ψ, d) ≤ s⁻, where λ is affine in d."""
         nodes = self._corners()
         found = {}
@@ -399,13 +401,13 @@ class _Declared:
             corners.append(-ex.evaluate(g, {self.driver: 0.0}) / ex.number(slope))
         return np.unique(corners)
 
-    def _curve(self, name: str, bound: Expr, nodes: Array) -> Curve:
+    def _curve(self, name: str, bound: Expr, nodes: Array) -> PiecewiseAffine:
         """A bound as a curve, which has to be affine between the nodes."""
 
         def values(x: Array) -> Array:
             return np.array([ex.evaluate(bound, {self.driver: float(v)}) for v in x])
 
-        curve = Curve.through(values, nodes)
+        curve = PiecewiseAffine.through(values, nodes)
         x = np.concatenate([[nodes[0] - 2.0], nodes, [nodes[-1] + 2.0]])
         between = np.concatenate([0.5 * (x[:-1] + x[1:]), 0.7 * x[:-1] + 0.3 * x[1:], x[[0, -1]]])
         if np.max(np.abs(values(between) - curve(between))) > _AFFINE * np.max(

@@ -58,7 +58,7 @@ STEP_COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Flow:
+class EnergyFlow:
     """Energies up to a moment: what was dissipated and worked, and between which bounds the energy
     was."""
 
@@ -77,7 +77,7 @@ class EvolutionState:
     load: Array
     elastic: Array  # A z
     sets: StableSets
-    flow: Flow
+    flow: EnergyFlow
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Measured:
     loads: Array
     elastic: Array
     sets: StableSets
-    flow: Flow
+    flow: EnergyFlow
 
     @property
     def flowed(self) -> Array:
@@ -118,7 +118,7 @@ class Measured:
         """The state after step k."""
         columns = self.block.columns
         energy = columns["energy"][: k + 1]
-        flow = Flow(
+        flow = EnergyFlow(
             float(columns["dissipated"][k]),
             float(columns["work"][k]),
             min(self.flow.lowest, float(energy.min())),
@@ -131,13 +131,15 @@ class Measured:
         )
 
 
-def start_state(problem: Evolution, t: float, z: Array, flow: Flow | None = None) -> EvolutionState:
+def start_state(
+    problem: Evolution, t: float, z: Array, flow: EnergyFlow | None = None
+) -> EvolutionState:
     """The state z at time t."""
     times = np.array([t])
     load = problem.ell.over(times)[0]
     elastic = problem.A @ z
     energy = float(0.5 * z @ elastic - z @ load)
-    flow = flow or Flow()
+    flow = flow or EnergyFlow()
     flow = replace(flow, lowest=min(flow.lowest, energy), highest=max(flow.highest, energy))
     return EvolutionState(t, z, load, elastic, problem.sets(times), flow)
 

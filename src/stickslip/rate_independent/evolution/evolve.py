@@ -15,8 +15,8 @@ from stickslip.errors import DeclarationError
 from stickslip.progress import watched
 from stickslip.rate_independent.evolution.audit import (
     STEP_COLUMNS,
+    EnergyFlow,
     EvolutionState,
-    Flow,
     StepBlock,
     start_state,
 )
@@ -242,7 +242,7 @@ def _begin(
             "Continue a result of this problem",
         )
     energy = old["energy"].values
-    flow = Flow(
+    flow = EnergyFlow(
         float(old["dissipated"][-1]),
         float(old["work"][-1]),
         float(energy.min()),

@@ -13,7 +13,7 @@ from stickslip.rate_independent.signals.panels import Panels, Source, finite_sou
 from stickslip.rate_independent.signals.signal import Minima, Signal, Variable, finite, wrapped
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.boxes import slopes
-from stickslip.symbolic.chords import Chord, deviations, evaluate, table
+from stickslip.symbolic.chords import Chord, chord_values, deviations, table
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.extrema import least
 from stickslip.symbolic.formulas import formula_text
@@ -87,7 +87,7 @@ class Formulas(Signal):
         self.expressions = expressions
 
     def raw(self, u: float) -> Array:
-        return np.array([float(v) for v in evaluate(self.expressions, u)]).reshape(self.shape)
+        return np.array([float(v) for v in chord_values(self.expressions, u)]).reshape(self.shape)
 
     def unwrapped(self, places: Array) -> Array:
         rows = table(self.expressions, places)
@@ -126,7 +126,9 @@ class Formulas(Signal):
         values = np.empty(len(index))
         for i in np.unique(index):
             chosen = index == i
-            (values[chosen],) = evaluate([self.expressions[i]], self.clock.wrapped(places[chosen]))
+            (values[chosen],) = chord_values(
+                [self.expressions[i]], self.clock.wrapped(places[chosen])
+            )
         return values
 
     def least(self) -> Minima:
@@ -156,7 +158,7 @@ class Formulas(Signal):
 
 
 def _of_array(expression: Expr) -> Source:
-    return lambda u: np.broadcast_to(evaluate([expression], u)[0], np.shape(u)).astype(float)
+    return lambda u: np.broadcast_to(chord_values([expression], u)[0], np.shape(u)).astype(float)
 
 
 def _growth(expression: Expr, name: str) -> ch.Growth:

@@ -23,7 +23,7 @@ _REMEMBERED = 2_000_000
 _FEW_PANELS = 2**13  # for a function that has to be called for each number
 
 
-class Function(Signal):
+class CallableSignal(Signal):
     """A callable of the clock that returns an array.
 
     Parameters

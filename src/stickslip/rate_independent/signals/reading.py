@@ -9,7 +9,7 @@ import numpy as np
 
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.signals.formulas import Constant, Formulas
-from stickslip.rate_independent.signals.function import Function
+from stickslip.rate_independent.signals.function import CallableSignal
 from stickslip.rate_independent.signals.samples import MonotoneSamples, Samples
 from stickslip.rate_independent.signals.signal import OF_PHASE, Signal, Variable, fitting
 from stickslip.symbolic import expressions as ex
@@ -56,7 +56,7 @@ def read(
     if isinstance(given, Signal):
         return given
     if callable(given):
-        return Function(given, where, clock, shape)
+        return CallableSignal(given, where, clock, shape)
     if shape is not None and is_table(given):
         return INTERPOLATIONS[interpolation](*given, where, clock, shape)
     return _array(given, where, clock, shape)

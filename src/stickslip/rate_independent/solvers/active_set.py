@@ -114,7 +114,7 @@ def target(face: Face, r: Array, lower: Array, upper: Array, x: Array) -> None:
 
 
 @njit(cache=True)
-def walk(face: Face, d: Array, x: Array) -> float:
+def walk_face(face: Face, d: Array, x: Array) -> float:
     """Go from d towards the minimiser x until components come to rest, which then do; what part of
     the way that is."""
     sign = face.sign
@@ -177,7 +177,7 @@ def solve_face(
             count[_CHANGED] = 0
         before = count[_CHANGED]
         target(face, r, lower, upper, x)
-        if walk(face, d, x) == 1.0:
+        if walk_face(face, d, x) == 1.0:
             release(face, r, lower, upper, noise, x)
         if count[_CHANGED] == before:
             for i in range(n):

@@ -237,7 +237,7 @@ class Multigrid:
             if cycles >= limit or np.isnan(residual):
                 return residual, cycles, StepOutcome.CYCLE_LIMIT
             self.hierarchy.truncate(depth, law.upper, d)
-            goal = max(_NEWTON * largest(b), 0.3 * target)
+            goal = max(_NEWTON * max_norm(b), 0.3 * target)
             newton = np.zeros_like(d)
             spent = 1
             for spent, (rest, _) in enumerate(self._conjugate_gradients(depth, b, newton), start=1):
@@ -258,7 +258,7 @@ class Multigrid:
         q = np.empty_like(b)
         r = b.copy()
         before = 1.0
-        rest = largest(b)
+        rest = max_norm(b)
         curvature = 1.0
         while rest > 0.0 and curvature > 0.0:
             z = self.hierarchy.cycle(depth, r)
@@ -274,7 +274,7 @@ class Multigrid:
                 q *= alpha
                 r *= 1.0 - alpha
                 r += q
-                rest = largest(r)
+                rest = max_norm(r)
             yield rest, curvature
 
     def _correct(self, depth: int, law: Law, d: Array, b: Array, newton: Array) -> None:
@@ -343,7 +343,7 @@ def lowest_along(derivative: Callable[[float], float], start: float) -> tuple[fl
     return left, low
 
 
-def largest(v: Array) -> float:
+def max_norm(v: Array) -> float:
     """max |v|, without a copy."""
     return max(float(v.max()), -float(v.min()))
 

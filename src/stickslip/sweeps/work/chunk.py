@@ -19,7 +19,7 @@ from stickslip.motion.simulate_many import (
     pose_all,
 )
 from stickslip.orbits.fields.stable_set import settle_friction
-from stickslip.orbits.settling.motions import SLOTS, Block, Here, Settings
+from stickslip.orbits.settling.motions import POINT_SLOTS, Block, Here, Settings
 from stickslip.sweeps.request.measures import certified_below, measured, needs_close_look
 
 
@@ -84,7 +84,7 @@ def measure_chunk(
         lanes = lanes_on_device(problem, settings)
         loops = OnDevice
     else:
-        lanes = count if section else lanes_of_block(problem, SLOTS)
+        lanes = count if section else lanes_of_block(problem, POINT_SLOTS)
         loops = Here
     blocks = [slice(i, i + lanes) for i in range(0, count, lanes)]
     motions = (Block(problem, table[b], states[b], settings, closely, section) for b in blocks)

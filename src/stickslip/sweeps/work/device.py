@@ -29,7 +29,7 @@ from stickslip.motion.steps.arrays import DIMENSION, Flow, Machine, Record, Spac
 from stickslip.orbits.settling.engine.exponents import grow_lane
 from stickslip.orbits.settling.engine.measuring import advance_lane
 from stickslip.orbits.settling.engine.tables import DEVICE_LANES, Bench, Engine, make_bench
-from stickslip.orbits.settling.motions import SLOTS, Block, Settings
+from stickslip.orbits.settling.motions import POINT_SLOTS, Block, Settings
 
 if TYPE_CHECKING:
     from stickslip.motion.engine.forms import ClosedForms
@@ -68,7 +68,7 @@ def lanes_on_device(problem: Problem, settings: Settings) -> int:
         problem, table, np.zeros((1, int(problem.rows.sizes[DIMENSION]))), settings, False
     ).marks
     tables = (
-        problem.empty_forms(1, SLOTS),
+        problem.empty_forms(1, POINT_SLOTS),
         problem.space(),
         problem.flight(),
         make_bench(problem, _ROOM),

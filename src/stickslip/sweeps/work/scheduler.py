@@ -31,17 +31,17 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.progress import Stopped
 
-T = TypeVar("T")
-R = TypeVar("R")
+_T = TypeVar("_T")
+_R = TypeVar("_R")
 _CHANCES = 4  # workers that may die over one task before the task is to blame
 _AHEAD = 2  # tasks that are handed out for each worker
-PATIENCE = 10.0  # seconds that a cluster has to answer
+ANSWER_WITHIN = 10.0  # seconds that a cluster has to answer
 # seconds after which a wish to stop is noticed, and that tasks under way then have to end
 _PULSE = 0.25
 _LOCAL = ("threads", "processes")
 
 
-class Stop:
+class Interrupt:
     """A wish to end early, from Ctrl-C: the first one gives up what is under way, the second one
     everything at once.
 
@@ -68,9 +68,9 @@ class Stop:
 
 
 @contextlib.contextmanager
-def listening(flag: Array) -> Iterator[Stop]:
+def listening(flag: Array) -> Iterator[Interrupt]:
     """Take Ctrl-C for a wish to end, for the time of a block; only the main thread can."""
-    stop = Stop(flag)
+    stop = Interrupt(flag)
     if threading.current_thread() is not threading.main_thread():
         yield stop
         return
@@ -146,8 +146,8 @@ class Pool:
         return self.count if self._client is None else max(1, sum(self._client.nthreads().values()))
 
     def submit(
-        self, function: Callable[[T, Array], R], task: T
-    ) -> tuple[Future[R | None], Executor]:
+        self, function: Callable[[_T, Array], _R], task: _T
+    ) -> tuple[Future[_R | None], Executor]:
         """Hand out a task with the flag that is to be looked at; who has it is told, too."""
         try:
             return self._hand_out(function, task)
@@ -156,8 +156,8 @@ class Pool:
             return self._hand_out(function, task)
 
     def _hand_out(
-        self, function: Callable[[T, Array], R], task: T
-    ) -> tuple[Future[R | None], Executor]:
+        self, function: Callable[[_T, Array], _R], task: _T
+    ) -> tuple[Future[_R | None], Executor]:
         executor = self._executor = self._executor or self._open()
         if self.scheduler == "threads":
             return executor.submit(_attempt, function, task, self.flag), executor
@@ -203,7 +203,7 @@ def _raise_flag(key: str) -> None:
     _flag_of(key)[0] = 1
 
 
-def _attempt(function: Callable[[T, Array], R], task: T, flag: Array) -> R | None:
+def _attempt(function: Callable[[_T, Array], _R], task: _T, flag: Array) -> _R | None:
     """The result of a task; None if it was given up."""
     try:
         return function(task, flag)
@@ -211,7 +211,7 @@ def _attempt(function: Callable[[T, Array], R], task: T, flag: Array) -> R | Non
         return None
 
 
-def _attempt_elsewhere(function: Callable[[T, Array], R], task: T, key: str) -> R | None:
+def _attempt_elsewhere(function: Callable[[_T, Array], _R], task: _T, key: str) -> _R | None:
     return _attempt(function, task, _flag_of(key))
 
 
@@ -223,7 +223,7 @@ def _client(address: str) -> Any:
             "a cluster needs dask.distributed; install stickslip[cluster]"
         ) from None
     try:
-        return Client(address, timeout=PATIENCE, set_as_default=False)
+        return Client(address, timeout=ANSWER_WITHIN, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise StickslipError(
@@ -248,8 +248,8 @@ def local_cluster(workers: int | None) -> Iterator[str]:
 
 
 def distribute(
-    function: Callable[[T, Array], R], tasks: Iterable[T], pool: Pool, stop: Stop
-) -> Iterator[tuple[T, R]]:
+    function: Callable[[_T, Array], _R], tasks: Iterable[_T], pool: Pool, stop: Interrupt
+) -> Iterator[tuple[_T, _R]]:
     """Results of tasks, in the order in which they are ready; few are under way at any time.
 
     Parameters
@@ -274,9 +274,9 @@ def distribute(
         If workers die over one task again and again, or the cluster goes away.
     """
     source = iter(tasks)
-    again = list[T]()
+    again = list[_T]()
     lost: dict[int, int] = {}
-    pending: dict[Future[R | None], tuple[T, Executor]] = {}
+    pending: dict[Future[_R | None], tuple[_T, Executor]] = {}
     last = False
     while True:
         most = _AHEAD * pool.width

@@ -19,7 +19,7 @@ from stickslip.motion.steps.arrays import (
     VISCOUS,
     Lane,
 )
-from stickslip.orbits.settling.engine.settling import UNRECORDED, copy_lane, follow
+from stickslip.orbits.settling.engine.settling import UNRECORDED, copy_lane, follow_lane
 from stickslip.orbits.settling.engine.tables import (
     DONE,
     DURATION,
@@ -112,7 +112,7 @@ def grow_apart(
         copy_lane(saved, i, s, i)
         t = m.real[i, START] + attempt * stretch / 7.3
         if attempt > 0:
-            follow(e, i, t, rules.most[1], UNRECORDED, bench.record)
+            follow_lane(e, i, t, rules.most[1], UNRECORDED, bench.record)
         copy_lane(s, i, w, i)
         for r in range(n):
             w.y[i, r] += _CHANGE * size[r] * math.cos(1.0 + r) if r < first or r >= last else 0.0
@@ -121,8 +121,8 @@ def grow_apart(
             if stop[0] != 0:
                 return False
             t += stretch
-            follow(e, i, t, rules.most[1], UNRECORDED, bench.record)
-            follow(twin, i, t, rules.most[1], UNRECORDED, bench.record)
+            follow_lane(e, i, t, rules.most[1], UNRECORDED, bench.record)
+            follow_lane(twin, i, t, rules.most[1], UNRECORDED, bench.record)
             if e.codes[i] != FINISHED or twin.codes[i] != FINISHED:
                 break
             apart = 0.0

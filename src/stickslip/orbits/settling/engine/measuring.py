@@ -35,7 +35,7 @@ from stickslip.motion.steps.arrays import (
     Record,
     coefficients,
 )
-from stickslip.orbits.settling.engine.observers import clear, observe
+from stickslip.orbits.settling.engine.observers import observe, reset
 from stickslip.orbits.settling.engine.returns import (
     begin_again,
     gap,
@@ -53,9 +53,9 @@ from stickslip.orbits.settling.engine.settling import (
     UNRECORDED,
     copy_lane,
     elapsed,
-    follow,
+    follow_lane,
     own_flow,
-    settle,
+    settle_lane,
 )
 from stickslip.orbits.settling.engine.tables import (
     ASK,
@@ -124,11 +124,11 @@ def measure(
     stop = real[START] + real[DURATION]
     for part in (bench.balance, bench.gaps, audit):
         fill(part, 0.0)
-    clear(sums)
+    reset(sums)
     begin(bench.tally)
     while True:
         rest = knots_of(record, carried, len(record.time))
-        count = carried + follow(e, i, stop, rules.most[1], RECORDED, rest)
+        count = carried + follow_lane(e, i, stop, rules.most[1], RECORDED, rest)
         code = e.codes[i]
         if code == NEED:
             return False
@@ -192,7 +192,9 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
     copy_lane(saved, i, s, i)
     e.codes[i] = FULL
     while e.codes[i] == FULL:
-        count = follow(e, i, real[START] + real[DURATION], rules.most[1], RECORDED, bench.record)
+        count = follow_lane(
+            e, i, real[START] + real[DURATION], rules.most[1], RECORDED, bench.record
+        )
         for j in range(count):
             grow(m, rules, i, bench.record.time[j], bench.record.state[j], bench.work[0])
     if e.codes[i] == NEED:
@@ -211,7 +213,7 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
                 continue
             if b == 0:
                 copy_lane(saved, i, s, i)
-            follow(
+            follow_lane(
                 e,
                 i,
                 real[START] + part * (a / _SAMPLES + b),
@@ -474,7 +476,7 @@ def advance_lane(
     """Settle and measure one lane, as far as it comes; its phase is left in the marks."""
     numbers = m.numbers[i]
     if numbers[PHASE] == SETTLING:
-        settle(e, m, rules, saved, bench, stop, i)
+        settle_lane(e, m, rules, saved, bench, stop, i)
     if (
         numbers[PHASE] == MEASURING
         and stop[0] == 0

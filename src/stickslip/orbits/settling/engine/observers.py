@@ -11,8 +11,8 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.machine_code import njit
-from stickslip.motion.between.nodes import NODES as GAUSS_NODES
-from stickslip.motion.between.nodes import WEIGHTS as GAUSS_WEIGHTS
+from stickslip.motion.between.nodes import GAUSS_NODES as GAUSS_NODES
+from stickslip.motion.between.nodes import GAUSS_WEIGHTS as GAUSS_WEIGHTS
 from stickslip.motion.engine.guards import resting
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import halve, horner, lowest
@@ -25,7 +25,7 @@ from stickslip.motion.steps.arrays import (
     Record,
     Rows,
 )
-from stickslip.motion.steps.stiff import follow
+from stickslip.motion.steps.stiff import follow_mode
 from stickslip.orbits.settling.engine.tables import LASTED, STUCK, Sums
 
 _LEFT, _WIDTH = 33, 34  # of an interval, behind its Bernstein coefficients
@@ -35,7 +35,7 @@ _FLAT = 1e-9  # part of a bracket within which an extremum is known
 
 
 @njit(**OPTIONS)
-def clear(sums: Sums) -> None:
+def reset(sums: Sums) -> None:
     """Nothing has been observed yet."""
     for r in range(len(sums.low)):
         sums.low[r] = np.inf
@@ -90,7 +90,7 @@ def widen(c: Array, d: int, h: float, low: float, high: float, stack: Array) -> 
         if changes == 0 or (low - floor <= least and most <= high + floor):
             depth -= 1
         elif changes == 1 or depth == _DEEPEST:
-            value = horner(c, d, turn(c, d, h * left, h * (left + width), sense > 0.0))
+            value = horner(c, d, turning_point(c, d, h * left, h * (left + width), sense > 0.0))
             low, high = min(low, value), max(high, value)
             depth -= 1
         else:
@@ -100,7 +100,7 @@ def widen(c: Array, d: int, h: float, low: float, high: float, stack: Array) -> 
 
 
 @njit(**OPTIONS)
-def turn(c: Array, d: int, a: float, b: float, rising: bool) -> float:
+def turning_point(c: Array, d: int, a: float, b: float, rising: bool) -> float:
     """Where the slope of a polynomial of degree d changes its sign between a and b, at which it is
     rising or not: Newton's method inside a bracket."""
     x = 0.5 * (a + b)
@@ -176,7 +176,7 @@ def observe(
         before = 0.0
         while left > 0.0:
             start = Instant(base, y, mode, reg)
-            order, h, _ = follow(machine, flow, start, left, before, seen)
+            order, h, _ = follow_mode(machine, flow, start, left, before, seen)
             h = min(left, max(h, 1e-12 * left))
             add_step(rows, W, order, h, W[n, 1], flow.space.stack, sums)
             for r in range(n):

@@ -45,7 +45,7 @@ _PRIME = 2305843009213693951  # 2⁶¹ − 1: thrice as much still fits into an 
 UNKNOWN = -8  # kind of a mark whose mode has not begun
 _SURE = 1e-4  # of the tolerance: a miss that needs no factor
 _SHRUNK = 0.98  # of the least miss: a return that has come nearer
-PATIENCE = 16  # returns that may come without one that is nearer
+RETURN_PATIENCE = 16  # returns that may come without one that is nearer
 _CLOSED = 1e-11  # a return closes if it misses by this
 _TOLD_APART = 1e3  # … or by so many times what the cycle does
 # … or by so many times what the cycle may be away: next to a period doubling that is much more
@@ -56,7 +56,7 @@ _DEPENDENT = 1e-7  # part of a vector that others leave of it, below which it is
 
 
 @njit(**INLINED)
-def kind_of(mode: Array, region: Array, fired: int) -> int:
+def mark_kind(mode: Array, region: Array, fired: int) -> int:
     """The mode and region (before a kink fired) as a number; it is a filter, and equal numbers
     decide nothing.
 

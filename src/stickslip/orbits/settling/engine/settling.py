@@ -55,18 +55,18 @@ from stickslip.motion.steps.arrays import (
     flow_of,
 )
 from stickslip.motion.steps.step_size import better
-from stickslip.motion.steps.stiff import follow as along
+from stickslip.motion.steps.stiff import follow_mode as along
 from stickslip.orbits.settling.engine.returns import (
-    PATIENCE,
+    RETURN_PATIENCE,
     UNKNOWN,
     begin_again,
     distance,
     extrapolate,
     grow,
     has_settled,
-    kind_of,
     look_back,
     look_wide,
+    mark_kind,
     miss,
     remember,
     remove_shift,
@@ -77,6 +77,7 @@ from stickslip.orbits.settling.engine.tables import (
     COUNT,
     DONE,
     DURATION,
+    EVENTLESS,
     EVENTS,
     FLOOR,
     HOME,
@@ -93,7 +94,6 @@ from stickslip.orbits.settling.engine.tables import (
     REST,
     SAME,
     SETTLING,
-    SMOOTH,
     STALLED,
     START,
     STRETCH,
@@ -139,7 +139,9 @@ def own_flow(e: Engine, i: int) -> Flow:
 
 
 @njit(**INLINED)
-def follow(e: Engine, i: int, end: float, max_events: int, recording: bool, record: Record) -> int:
+def follow_lane(
+    e: Engine, i: int, end: float, max_events: int, recording: bool, record: Record
+) -> int:
     """The event loop for one lane; its code stays behind. Returns the number of recorded steps."""
     a = i
     b = i + 1
@@ -196,7 +198,7 @@ def dies_out(
 
 
 @njit(**OPTIONS)
-def settle(
+def settle_lane(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: Array, i: int
 ) -> None:
     """Follow a lane until its phase is another one, or it has to go on in another call.
@@ -210,9 +212,11 @@ def settle(
     for _ in range(rules.most[2]):
         if stop[0] != 0:
             return
-        smooth = numbers[SMOOTH] == 1
+        smooth = numbers[EVENTLESS] == 1
         events = rules.most[1] if drive > 0.0 else min(s.counters[i, HAPPENED] + 1, rules.most[1])
-        count = follow(e, i, next_stop(m, rules, i, s.clock[i, NOW]), events, smooth, bench.record)
+        count = follow_lane(
+            e, i, next_stop(m, rules, i, s.clock[i, NOW]), events, smooth, bench.record
+        )
         code = e.codes[i]
         happened = e.codes[i] == LIMIT and s.counters[i, HAPPENED] < rules.most[1]
         if code == NEED:
@@ -260,7 +264,7 @@ def settle_all(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, sto
     measured."""
     for i in range(len(e.codes)):
         if m.numbers[i, PHASE] == SETTLING:
-            settle(e, m, rules, saved, bench, stop, i)
+            settle_lane(e, m, rules, saved, bench, stop, i)
         if m.numbers[i, PHASE] == MEASURING:
             m.numbers[i, PHASE] = DONE
 
@@ -296,7 +300,7 @@ def next_stop(m: Marks, rules: Rules, i: int, t: float) -> float:
     target = start + look * (math.floor((t - start) / look + 1e-9) + 1.0)
     lag = m.numbers[i, LAG]
     ring = m.time.shape[1]
-    if m.numbers[i, SMOOTH] == 1 and m.numbers[i, LEAPT] > 0:
+    if m.numbers[i, EVENTLESS] == 1 and m.numbers[i, LEAPT] > 0:
         target = min(
             target,
             t + _WIDER * (m.time[i, (count - 1) % ring] - m.time[i, (count - 1 - lag) % ring]),
@@ -326,7 +330,7 @@ def is_due(
     last = (numbers[COUNT] - 1) % m.time.shape[1]
     if numbers[PENDING] == 0 or (happened and t - m.time[i, last] <= _COINCIDENT * rules.real[2]):
         return False
-    m.kind[i, last] = kind_of(lanes.settled[i], lanes.reg[i], lanes.counters[i, CAUSE])
+    m.kind[i, last] = mark_kind(lanes.settled[i], lanes.reg[i], lanes.counters[i, CAUSE])
     for c in range(lanes.settled.shape[1]):
         if lanes.settled[i, c] != 0:
             m.slipped[i, c] = numbers[COUNT]
@@ -341,7 +345,7 @@ def put_mark(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
     y = lanes.y[i]
     last = (numbers[COUNT] - 1) % m.time.shape[1]
     if (
-        numbers[SMOOTH] == 0
+        numbers[EVENTLESS] == 0
         and numbers[COUNT] > 0
         and t - m.time[i, last] <= _COINCIDENT * rules.real[2]
     ):
@@ -349,7 +353,7 @@ def put_mark(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
         copy(y, m.state[i, last])
     else:
         remember(m, i, UNKNOWN, t, y)
-    numbers[SMOOTH] = 0
+    numbers[EVENTLESS] = 0
     copy_lane(lanes, i, saved, i)
 
 
@@ -371,7 +375,7 @@ def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
         and numbers[LEAPT] == 0
         and dies_out(e, m, rules, i, rules.real[3], rules.real[2], bench.work[0])
     )
-    if calm and drive <= 0.0 and numbers[SMOOTH] == 0:
+    if calm and drive <= 0.0 and numbers[EVENTLESS] == 0:
         put_plane(m, i, t, s.y[i], bench.work[0])
     if not ((faded or (calm and rules.closed)) and elapsed(m, rules, s, i) >= m.real[i, ASK]):
         return _GO_ON
@@ -419,7 +423,7 @@ def consider(
     ):
         leave(m, saved, i, 1, d)
         return polish(m, rules, lanes, saved, work, fit, i, distance(m, rules, i, lag, work[0]))
-    if numbers[STALLED] > PATIENCE * lag and d > rules.real[3]:
+    if numbers[STALLED] > RETURN_PATIENCE * lag and d > rules.real[3]:
         look_wide(m, rules, i, work[0])
     elif m.drive[i] <= 0.0 and numbers[SAME] > 2 * lag and numbers[COUNT] >= numbers[REST]:
         q = d / m.miss[i, (numbers[COUNT] - 1 - lag) % m.time.shape[1]]
@@ -477,7 +481,7 @@ def take_back(m: Marks, lanes: Lane, saved: Lane, i: int) -> int:
     itself."""
     numbers = m.numbers[i]
     m.kind[i, (numbers[HOME] - 1) % m.time.shape[1]] = numbers[HOME_KIND]
-    numbers[REST] = numbers[HOME] + PATIENCE * max(numbers[LAG], 1)
+    numbers[REST] = numbers[HOME] + RETURN_PATIENCE * max(numbers[LAG], 1)
     return put_back(m, lanes, saved, i, m.home, numbers[HOME])
 
 
@@ -595,7 +599,7 @@ def put_plane(m: Marks, i: int, t: float, y: Array, work: Array) -> None:
     m.plane[i, 2, 0] = t
     for r in range(len(work)):
         m.plane[i, 1, r] = work[r] / m.size[i, r] ** 2 if m.size[i, r] > 0.0 else 0.0
-    m.numbers[i, SMOOTH], m.numbers[i, PENDING] = 1, 0
+    m.numbers[i, EVENTLESS], m.numbers[i, PENDING] = 1, 0
     begin_again(m, i, 0)
 
 

@@ -36,7 +36,7 @@ DONE = 3
     LAG,
     SAME,
     EVENTS,
-    SMOOTH,
+    EVENTLESS,
     PENDING,
     LEAPT,
     STALLED,
