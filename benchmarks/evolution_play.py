@@ -98,11 +98,11 @@ def whole_play_table() -> list[str]:
     sampled = loads(n)["50 loops, noisy"]
     radii = np.linspace(0.0, 3.0, 100)
     weights = np.full(100, 0.01)
-    formula = ("5*t - t**2", "1 + cos(2*pi*s)/2", (0.0, 5.0), 0.0)
+    formula = ("5*t - t**2", "1 + cos(2*pi*s)/2", (0.0, 5.0))
     cases: dict[str, Callable[[], Any]] = {
-        "play, formulas, 50 periods": lambda: play(*formula, epsilon=1e-1),
-        "play, formulas, 50,000 periods": lambda: play(*formula, epsilon=1e-4),
-        "play, 1e6 samples": lambda: play((t, sampled), 1.0, (0.0, 5.0), float(sampled[0])),
+        "play, formulas, 50 periods": lambda: play(*formula, initial=0.0, epsilon=1e-1),
+        "play, formulas, 50,000 periods": lambda: play(*formula, initial=0.0, epsilon=1e-4),
+        "play, 1e6 samples": lambda: play((t, sampled), 1.0, (0.0, 5.0), initial=float(sampled[0])),
         "Prandtl–Ishlinskii, 100 plays, 1e6 samples": lambda: prandtl_ishlinskii(
             sampled, radii, weights
         ),

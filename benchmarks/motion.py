@@ -64,7 +64,7 @@ def one_call(key: str) -> Callable[[], tuple[np.ndarray, int]]:
     problem = PROBLEMS[key]
 
     def run() -> tuple[np.ndarray, int]:
-        trajectory = ss.simulate(system, (0.0, problem.span), initial, rtol=RTOL[key])
+        trajectory = ss.simulate(system, (0.0, problem.span), initial=initial, rtol=RTOL[key])
         switches = trajectory.n_switches if system.contacts else trajectory.n_kinks
         return np.array([trajectory.final[name] for name in problem.variables]), switches
 

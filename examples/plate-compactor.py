@@ -49,7 +49,7 @@ def start(amplitude):
 def resolved(amplitude, speed, periods=LAST, each=32):
     """Spring force [N] of the motion with inertia over the last periods."""
     system = ss.catalogue.plate_compactor(F=amplitude, V=speed)
-    motion = ss.simulate(system, (0.0, PERIODS * PERIOD), {"x": start(amplitude)})
+    motion = ss.simulate(system, (0.0, PERIODS * PERIOD), initial={"x": start(amplitude)})
     assert motion.certificate.ok, motion.certificate.verdict
     t = instants(periods, each)
     return STIFFNESS * (speed * t - np.asarray(motion.at(t)["x"]))
@@ -60,7 +60,12 @@ def without_inertia(amplitude, speed, periods=LAST, each=32):
     load = f"{STIFFNESS * speed}*t"
     span = (0.0, PERIODS * PERIOD)
     motion = ss.play(
-        load, threshold(amplitude), span, start(amplitude), epsilon=PERIOD, stiffness=STIFFNESS
+        load,
+        threshold(amplitude),
+        span,
+        initial=start(amplitude),
+        epsilon=PERIOD,
+        stiffness=STIFFNESS,
     )
     assert motion.certificate.ok, motion.certificate.verdict
     t = instants(periods, each)

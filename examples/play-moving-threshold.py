@@ -18,8 +18,8 @@ LOAD = "5*t - t**2"
 THRESHOLD = "1 + cos(2*pi*s)/2"
 SMALLEST = 0.5
 
-resolved = ss.play(LOAD, THRESHOLD, (0, 5), 0.0, epsilon=0.1)
-averaged = ss.play(LOAD, SMALLEST, (0, 5), 0.0)
+resolved = ss.play(LOAD, THRESHOLD, (0, 5), initial=0.0, epsilon=0.1)
+averaged = ss.play(LOAD, SMALLEST, (0, 5), initial=0.0)
 
 times = np.linspace(0, 5, 10_001)
 distance = float(np.max(np.abs(resolved.position(times) - averaged.position(times))))

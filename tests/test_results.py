@@ -35,17 +35,17 @@ MAKERS: dict[str, Callable[[], Result]] = {
     "trajectory": lambda: ss.simulate(BLOCK, (0.0, 8.0)),
     "ensemble": lambda: ss.simulate_many(BLOCK, (0.0, 2.0), parameters={"V": [0.1, 0.2]}),
     "evolution": evolution,
-    "play": lambda: ss.play("5*t - t**2", "1 + cos(2*pi*s)/2", (0, 5), 0.0, epsilon=0.5),
+    "play": lambda: ss.play("5*t - t**2", "1 + cos(2*pi*s)/2", (0, 5), initial=0.0, epsilon=0.5),
     "averaging study": study,
     "equilibria": lambda: ss.equilibria(SLIDER),
     "set of equilibria": lambda: ss.equilibria(TOY),
     "cycle": lambda: ss.find_cycle(BLOCK),
     "gait": lambda: ss.find_cycle(TOY),
     "branch": lambda: ss.continue_equilibrium(SLIDER, "V", (0.25, 0.31)),
-    "gait study": lambda: ss.gait_study(TOY, "P", [0.4, 1.2], {"psi": 0.8}),
+    "gait study": lambda: ss.gait_study(TOY, "P", [0.4, 1.2], initial={"psi": 0.8}),
     "map": lambda: ss.sweep(TOY, {"P": [1.1, 1.2], "delta": [0.05, 0.1]}, ["speed", "period"]),
     "line": lambda: ss.sweep(TOY, {"P": [1.1, 1.2]}, ["speed"], initial={"psi": 0.8}),
-    "basin": lambda: ss.basin(TOY, {"psi": (0.0, 1.0, 2), "d_psi": (0.0, 1.0, 2)}),
+    "basin": lambda: ss.basin(TOY, {"psi": "0.0:1.0:2", "d_psi": "0.0:1.0:2"}),
 }
 QUANTITY = {
     "trajectory": "friction_belt_contact",
@@ -163,17 +163,19 @@ def test_an_opened_cycle_goes_on(tmp_path: Path) -> None:
     again = ss.Cycle.open(tmp_path / "cycle.nc")
     assert again.closed.orbit.period == pytest.approx(cycle.period, rel=1e-10)
     slower = {"V": 0.1799}
-    found = ss.find_cycle(system, again, slower)
-    assert found.period == pytest.approx(ss.find_cycle(system, cycle, slower).period, rel=1e-9)
+    found = ss.find_cycle(system, again, parameters=slower)
+    assert found.period == pytest.approx(
+        ss.find_cycle(system, cycle, parameters=slower).period, rel=1e-9
+    )
 
 
 def test_an_opened_play_is_exact_at_every_time(tmp_path: Path) -> None:
-    play = ss.play("sin(t)", ([0.0, 1.0], [0.5, 1.0]), (0.0, 9.0), 0.0, epsilon=0.3)
+    play = ss.play("sin(t)", ([0.0, 1.0], [0.5, 1.0]), (0.0, 9.0), initial=0.0, epsilon=0.3)
     play.save(tmp_path / "play.nc")
     times = np.linspace(0.0, 9.0, 101)
     np.testing.assert_array_equal(
         ss.open(tmp_path / "play.nc").position(times), play.position(times)
     )
     with pytest.raises(ss.StickslipError, match="function of Python"):
-        ss.play(np.sin, 0.5, (0.0, 1.0), 0.0).save(tmp_path / "no.nc")
+        ss.play(np.sin, 0.5, (0.0, 1.0), initial=0.0).save(tmp_path / "no.nc")
     assert not (tmp_path / "no.nc").exists()

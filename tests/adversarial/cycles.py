@@ -92,7 +92,7 @@ def cycle_of(case: Repeating) -> ss.Cycle | str:
     """The library's cycle, or what it says instead."""
     try:
         with at_most(PATIENCE):
-            cycle = ss.find_cycle(case.system, case.initial, case.parameters)
+            cycle = ss.find_cycle(case.system, case.initial, parameters=case.parameters)
             _ = cycle.certificate
             return cycle
     except ss.StickslipError as error:

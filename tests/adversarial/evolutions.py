@@ -190,10 +190,10 @@ def play_with_a_pulse(rng: Rng) -> dict[str, Any]:
     plus = threshold(rng, span)
     minus = threshold(rng, span)
     thresholds = f"({plus.text!r}, {minus.text!r})"
-    call = f"ss.play({load.text!r}, {thresholds}, (0.0, {span!r}), 0.0, stiffness={a!r})"
+    call = f"ss.play({load.text!r}, {thresholds}, (0.0, {span!r}), initial=0.0, stiffness={a!r})"
 
     def run(at: Array) -> Any:
-        return ss.play(load.text, (plus.text, minus.text), (0.0, span), 0.0, stiffness=a)
+        return ss.play(load.text, (plus.text, minus.text), (0.0, span), initial=0.0, stiffness=a)
 
     return scalar(load, plus, minus, a, span, run=run, source=call, exact=True)
 
@@ -208,10 +208,12 @@ def play_with_a_threshold_that_oscillates(rng: Rng) -> dict[str, Any]:
     curve = with_a_well(rng, float(rng.uniform(0.0, 0.5)), kind)
     centres = [((k + p) * epsilon, w * epsilon) for k in range(periods) for p, w in curve.narrow]
     rho = Signal(curve.text, lambda t: curve.at(t / epsilon), tuple(centres))
-    call = f"ss.play({load.text!r}, {curve.text!r}, (0.0, {span!r}), 0.0, epsilon={epsilon!r})"
+    call = (
+        f"ss.play({load.text!r}, {curve.text!r}, (0.0, {span!r}), initial=0.0, epsilon={epsilon!r})"
+    )
 
     def run(at: Array) -> Any:
-        return ss.play(load.text, curve.text, (0.0, span), 0.0, epsilon=epsilon)
+        return ss.play(load.text, curve.text, (0.0, span), initial=0.0, epsilon=epsilon)
 
     return scalar(load, rho, rho, 1.0, span, run=run, source=call, exact=True)
 

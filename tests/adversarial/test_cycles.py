@@ -65,7 +65,7 @@ def test_a_motion_does_not_settle_on_a_cycle_that_repels() -> None:
     """The belt carries the blocks to an unstable cycle of twice the period; brute force settles on
     another."""
     case = cycles.draw("two blocks on a belt", 2010)
-    cycle = find_cycle(case.system, case.initial, case.parameters)
+    cycle = find_cycle(case.system, case.initial, parameters=case.parameters)
     assert cycle.stable
     assert cycle.period == pytest.approx(13.4338434867, rel=1e-9)
 
@@ -167,7 +167,7 @@ def test_what_is_said_wrongly_of_a_cycle() -> None:
     twice = shown(
         cycle,
         period=2 * cycle.period,
-        trajectory=simulate(case.system, span, cycle.state, case.parameters),
+        trajectory=simulate(case.system, span, initial=cycle.state, parameters=case.parameters),
     )
     assert cycles.around(case, own, twice)[0] == "it runs around several times"
     faster = replace(case, mechanics=cycles.draw(BELT[0], 2).mechanics)

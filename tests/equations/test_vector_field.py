@@ -17,7 +17,7 @@ POINT = {"psi": 0.2, "d_psi": 0.1, "x_R": 0.3, "x_L": -0.1}
 @pytest.mark.parametrize("psi", [-1.4, 0.2, 1.3])
 def test_jacobian_is_that_of_the_rates(right: str, psi: float) -> None:
     at = {**POINT, "psi": psi}
-    field = ss.vector_field(TOY, {**STICK, "right leg": right}, at)
+    field = ss.vector_field(TOY, {**STICK, "right leg": right}, at=at)
     jacobian = field.jacobian_at()
     for j, name in enumerate(field.state):
         h = 1e-6
@@ -29,7 +29,7 @@ def test_formulas_are_the_numbers() -> None:
     """What is printed is a formula of the system's own language."""
     inertial = ss.catalogue.rocking_toy_inertial()
     at = {**POINT, "d_x_R": 0.3, "d_x_L": -0.2}
-    field = ss.vector_field(inertial, {"right leg": "slip+", "left leg": "slip-"}, at)
+    field = ss.vector_field(inertial, {"right leg": "slip+", "left leg": "slip-"}, at=at)
     values = {name: inertial.evaluate(text, at) for name, text in field.rates.items()}
     assert values == pytest.approx(field.rates_at(), rel=1e-13)
     forces = {name: inertial.evaluate(text, at) for name, text in field.forces.items()}
@@ -45,7 +45,7 @@ def test_friction_is_against_the_motion() -> None:
         slider = ss.catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05)
         force = ss.vector_field(slider, {"block": mode}).forces_at({"alpha": 4.0})["block"]
         assert force == sign * 1.0
-    held = ss.vector_field(TOY, STICK, at).forces_at()
+    held = ss.vector_field(TOY, STICK, at=at).forces_at()
     # the pull of the spring less P on each leg
     assert held == pytest.approx({"right leg": 0.4 - 1.0, "left leg": -0.4 - 1.0}, rel=1e-15)
 
@@ -53,13 +53,13 @@ def test_friction_is_against_the_motion() -> None:
 def test_kinks_are_taken_where_the_point_is() -> None:
     slopes = {}
     for psi in (-1.5, 0.0, 1.5):
-        field = ss.vector_field(TOY, {**STICK, "right leg": "slip+"}, {**POINT, "psi": psi})
+        field = ss.vector_field(TOY, {**STICK, "right leg": "slip+"}, at={**POINT, "psi": psi})
         slopes[psi] = field.rates_at({"d_psi": 1.0})["x_R"]
     assert slopes == pytest.approx({-1.5: 0.3, 0.0: 0.3 - 1.5, 1.5: 0.3})
 
 
 def test_parameters_of_points() -> None:
-    field = ss.vector_field(TOY, STICK, {**POINT, "I_b": 2.0})
+    field = ss.vector_field(TOY, STICK, at={**POINT, "I_b": 2.0})
     assert field.rates_at()["d_psi"] == pytest.approx(0.5 * (0.3 * 0.4 - 0.04 * 0.1 - 0.2))
     assert field.rates_at({"I_b": 1.0})["d_psi"] == pytest.approx(0.3 * 0.4 - 0.04 * 0.1 - 0.2)
 
@@ -84,7 +84,7 @@ def test_systems_without_contacts_and_with_one_equation() -> None:
 )
 def test_what_is_asked_wrongly(modes: dict, at: dict, message: str) -> None:
     with pytest.raises(ss.DeclarationError, match=message):
-        ss.vector_field(TOY, modes, at)
+        ss.vector_field(TOY, modes, at=at)
 
 
 def test_too_many_contacts_stick() -> None:

@@ -37,7 +37,7 @@ def gait() -> Cycle:
 
 @cache
 def slider_cycle() -> Cycle:
-    return find_cycle(SLIDER, {"U": 1.3, "alpha": 1.2}, V)
+    return find_cycle(SLIDER, {"U": 1.3, "alpha": 1.2}, parameters=V)
 
 
 def legend(figure: Figure) -> list[str]:
@@ -136,7 +136,7 @@ def test_phase_portrait_needs_a_plane() -> None:
 def test_basin_map() -> None:
     found = basin(
         catalogue.rocking_toy(),
-        {"psi": (-1.0, 1.0, 7), "d_psi": (-0.9, 0.9, 5)},
+        {"psi": "-1.0:1.0:7", "d_psi": "-0.9:0.9:5"},
         initial={"x_R": 0.0},
     ).dataset
     figure = plot_basin(found)
@@ -171,7 +171,7 @@ def test_bifurcation_diagram_of_equilibria_and_cycles() -> None:
 
 
 def test_eigenvalues() -> None:
-    found = equilibria(SLIDER, V)
+    found = equilibria(SLIDER, parameters=V)
     figure = plot_eigenvalues(found)
     (axes,) = figure.axes
     values = np.concatenate(

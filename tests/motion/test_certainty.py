@@ -129,7 +129,7 @@ def test_rate_and_state_in_logarithms(rtol: float) -> None:
             "h": Internal("exp(-h) - exp(v)"),
         },
     )
-    motion = certified(simulate(slider, (0.0, 100.0), {"v": 0.3, "h": 0.0}, rtol=rtol))
+    motion = certified(simulate(slider, (0.0, 100.0), initial={"v": 0.3, "h": 0.0}, rtol=rtol))
     assert motion.certificate["equations of motion"].value < 1e-9
     assert motion.certificate["rounding errors of the audit"].value < 1e-10
 
@@ -141,11 +141,11 @@ THROWN = block("0")
 
 def test_thrown_blocks_come_to_rest() -> None:
     speeds = np.linspace(0.1, 2.0, 201)[1:]
-    many = simulate_many(THROWN, (0.0, 50.0), {"d_x": speeds}).dataset
+    many = simulate_many(THROWN, (0.0, 50.0), initial={"d_x": speeds}).dataset
     assert np.all(np.isin(many["outcome"], [Outcome.FINISHED.code, Outcome.AT_REST.code]))
     assert np.allclose(many["final_x"], speeds**2 / 0.2, rtol=1e-14)
     assert np.all(many["final_d_x"] == 0.0)
-    motion = certified(simulate(THROWN, (0.0, 50.0), {"d_x": 0.7}))
+    motion = certified(simulate(THROWN, (0.0, 50.0), initial={"d_x": 0.7}))
     assert motion.outcome is Outcome.AT_REST
 
 
@@ -184,14 +184,16 @@ def test_units_do_not_matter(system: System, what: str) -> None:
     units = {"forces": (1, 0, 0), "masses": (1, 0, 0), "lengths": (0, 1, 0), "times": (0, 0, 1)}[
         what
     ]
-    plain = certified(simulate(system, (0.0, 30.0), {"x": 0.7}))
+    plain = certified(simulate(system, (0.0, 30.0), initial={"x": 0.7}))
     for scale in SCALES:
         if what == "masses":  # heavier, and stiffer: the same motion with larger forces
             scale = math.sqrt(scale)
         by = {n: scale ** float(np.dot(powers[n], units)) for n in system.parameters}
         length, time = scale ** units[1], scale ** units[2]
         numbers = {n: by[n] * p.default for n, p in system.parameters.items()}
-        motion = certified(simulate(system, (0.0, 30.0 * time), {"x": 0.7 * length}, numbers))
+        motion = certified(
+            simulate(system, (0.0, 30.0 * time), initial={"x": 0.7 * length}, parameters=numbers)
+        )
         assert motion.n_switches == plain.n_switches
         assert motion.final["x"] / length == pytest.approx(plain.final["x"], rel=1e-9, abs=1e-9)
 
@@ -260,14 +262,14 @@ def reference(force: object, until: float, x: float = 0.0, s: float = 0.1) -> fl
      lambda t, x: math.sin(t) - 1.5 * math.copysign(abs(x) ** 0.5, x), 0.0),
 ])  # fmt: skip
 def test_powers_that_vanish(potential: str, force: object, x: float) -> None:
-    motion = certified(simulate(block(potential), (0.0, 8.0), {"x": x}))
+    motion = certified(simulate(block(potential), (0.0, 8.0), initial={"x": x}))
     assert motion.final["x"] == pytest.approx(reference(force, 8.0, x), abs=1e-8)
 
 
 def test_wall_of_a_high_power() -> None:
     # x³⁹ is nothing where the flight begins and where it ends; in between it is a wall.
     wall = block("x**40/40 + x/2", "0.001")
-    motion = certified(simulate(wall, (0.0, 8.0), {"d_x": 1.5}))
+    motion = certified(simulate(wall, (0.0, 8.0), initial={"d_x": 1.5}))
     assert 1.0 < np.max(motion.at(np.linspace(0, 8, 4001))["x"]) < 1.1
 
 
@@ -284,11 +286,11 @@ def test_late_starts(kind: str) -> None:
     else:
         system = block("x**2/2" if kind == "autonomous" else "x**2/2 - sin(t)*x", "0.05")
     start = {"x": math.sin(late)}
-    motion = certified(simulate(system, (late, late + 50.0), start))
+    motion = certified(simulate(system, (late, late + 50.0), initial=start))
     # The same phase early: 1e9 less whole turns, to the digits that a number of the size of 1e9
     # has.
     early = math.fmod(late, 2 * math.pi)
-    same = certified(simulate(system, (early, early + 50.0), {"x": math.sin(early)}))
+    same = certified(simulate(system, (early, early + 50.0), initial={"x": math.sin(early)}))
     assert motion.n_switches == same.n_switches
     assert motion.final["x"] == pytest.approx(same.final["x"], abs=1e-6)
 
@@ -306,8 +308,10 @@ def test_loads_that_begin_late(kind: str) -> None:
         potential="x**2/2 - 2*cos(1.1*(t - late) + 0.3)*x",
         contacts={"ground": Contact("d_x", "0.7")},
     )
-    early = certified(simulate(system, (0.0, 32.0), {"x": 1.5}))
-    late = certified(simulate(system, (1e9, 1e9 + 32.0), {"x": 1.5}, {"late": 1e9}))
+    early = certified(simulate(system, (0.0, 32.0), initial={"x": 1.5}))
+    late = certified(
+        simulate(system, (1e9, 1e9 + 32.0), initial={"x": 1.5}, parameters={"late": 1e9})
+    )
     assert late.n_switches == early.n_switches > 10
     assert late.final["x"] == pytest.approx(early.final["x"], abs=1e-12)
 
@@ -337,7 +341,7 @@ def test_refused_motions_are_never_certified() -> None:
         "play", coordinates={"x": RateIndependent()}, potential="x**4/4 - x**2/2 - t*x/10",
         contacts={"ground": Contact("d_x", "0.05")},
     )  # fmt: skip
-    motion = simulate(jump, (0.0, 100.0), {"x": -1.0})
+    motion = simulate(jump, (0.0, 100.0), initial={"x": -1.0})
     assert motion.outcome is Outcome.NO_BOUNDED_RATE
     assert not motion.certificate.ok
     assert motion.certificate.lawful
@@ -393,7 +397,7 @@ def test_slip_that_is_shorter_than_the_clock_can_tell() -> None:
         },
     )
     start = {"phi": 1.7026145449805756, "psi": 0.20739909000928833}
-    motion = certified(simulate(slider, (0.0, 59.69635525506633), start))
+    motion = certified(simulate(slider, (0.0, 59.69635525506633), initial=start))
     assert np.max(motion.knots.state[:, 0]) > 19.0
     assert np.min(np.diff(motion.knots.time)) < 1e-8
 
@@ -410,7 +414,7 @@ def test_force_that_is_small_beside_its_terms() -> None:
         contacts={"hind": Contact("d_x", ("f", "g")), "front": Contact("d_y", ("f", "g"))},
     )
     for far in (0.0, 1e3):
-        motion = certified(simulate(crawler, (0.0, 20.0), {"x": far, "y": far}))
+        motion = certified(simulate(crawler, (0.0, 20.0), initial={"x": far, "y": far}))
         # The pulse pushes the front leg forward, and pulls the hind leg after it.
         assert motion.final["y"] - far == pytest.approx(2.4 - 0.124 / 1.4, abs=1e-10)
         assert motion.final["x"] - far == pytest.approx(2.4 - 2 * 0.124 / 1.4, abs=1e-10)
@@ -482,7 +486,7 @@ def test_pads_side_by_side_hold_all_they_can() -> None:
 
 
 def test_pads_come_to_rest_together_and_hold() -> None:
-    motion = certified(simulate(pads(), (-0.8, 0.8), {"d_x": 0.3}))
+    motion = certified(simulate(pads(), (-0.8, 0.8), initial={"d_x": 0.3}))
     # x'' = t - 0.4 until x' = 0; then they hold what the smaller forces of sliding could not.
     assert motion.events["time"].to_numpy() == pytest.approx([0.4 - math.sqrt(0.84)] * 2, rel=1e-12)
     assert motion.final["d_x"] == 0.0

@@ -31,7 +31,7 @@ def run(
     initial = dict(zip(BLOCKS, map(float, start), strict=True))
     if velocity is not None:
         initial |= {f"d_{x}": float(v) for x, v in zip(BLOCKS, velocity, strict=True)}
-    trajectory = simulate(chain(), (0.0, until), initial, parameters)
+    trajectory = simulate(chain(), (0.0, until), initial=initial, parameters=parameters)
     assert trajectory.outcome.ok, trajectory.message
     assert trajectory.certificate.ok, trajectory.certificate.verdict
     return trajectory
@@ -65,7 +65,7 @@ def test_a_symmetric_start_stays_symmetric(amplitude: float) -> None:
 @pytest.mark.parametrize("start", [0.0, 0.3, -0.8])
 def test_equal_blocks_move_as_one(start: float) -> None:
     together = run(np.full(N, start))
-    alone = simulate(catalogue.belt_block(V=0.1), (0.0, 100.0), {"x": start})
+    alone = simulate(catalogue.belt_block(V=0.1), (0.0, 100.0), initial={"x": start})
     times = np.linspace(0, 100, 501)
     one = np.tile(alone.at(times)["x"], (N, 1)).T
     np.testing.assert_allclose(positions(together, times), one, rtol=0, atol=1e-9)

@@ -98,7 +98,7 @@ def test_no_bounded_rate_when_the_load_frees_the_whole_toy() -> None:
 
 def test_no_bounded_rate_keeps_the_motion_before() -> None:
     load = {"phi": -math.pi / 2, "F": 1.5, "jump": -0.9}
-    motion = simulate(play(VARIABLE), (0.0, 5.0), {}, load)
+    motion = simulate(play(VARIABLE), (0.0, 5.0), initial={}, parameters=load)
     stopped(motion, Outcome.NO_BOUNDED_RATE, 1.0)
     assert switches(motion)["time"].tolist() == pytest.approx([math.asin(2 / 3)], abs=1e-14)
     assert motion.final["x"] == pytest.approx(1.5 * math.sin(1.0) - 1.0, abs=1e-14)
@@ -109,7 +109,7 @@ def test_unstable_start_is_refused(x_R: float, leg: str) -> None:
     with pytest.raises(
         DeclarationError, match=f"initial.x_[RL]: the contact '({leg})' would have to hold"
     ):
-        simulate(catalogue.rocking_toy(), (0.0, 1.0), {"psi": 0.0, "x_R": x_R})
+        simulate(catalogue.rocking_toy(), (0.0, 1.0), initial={"psi": 0.0, "x_R": x_R})
 
 
 # --- Sliding on a jump ----------------------------------------------------------------------------
@@ -117,16 +117,20 @@ def test_unstable_start_is_refused(x_R: float, leg: str) -> None:
 
 def test_sliding_on_a_jump() -> None:
     system = ode("pushed to zero", x="piecewise(x > 0, -1, 1)")
-    stopped(simulate(system, (0.0, 10.0), {"x": 2.0}), Outcome.SLIDING_ON_A_JUMP, 2.0)
-    stopped(simulate(system, (0.0, 10.0), {"x": -3.0}), Outcome.SLIDING_ON_A_JUMP, 3.0)
-    stopped(simulate(system, (0.0, 10.0), {"x": 0.0}), Outcome.SLIDING_ON_A_JUMP, 0.0)
+    stopped(simulate(system, (0.0, 10.0), initial={"x": 2.0}), Outcome.SLIDING_ON_A_JUMP, 2.0)
+    stopped(simulate(system, (0.0, 10.0), initial={"x": -3.0}), Outcome.SLIDING_ON_A_JUMP, 3.0)
+    stopped(simulate(system, (0.0, 10.0), initial={"x": 0.0}), Outcome.SLIDING_ON_A_JUMP, 0.0)
 
 
 def test_crossing_and_leaving_a_jump_is_no_sliding() -> None:
-    away = simulate(ode("pushed from zero", x="piecewise(x > 0, 1, -1)"), (0.0, 10.0), {"x": 0.0})
+    away = simulate(
+        ode("pushed from zero", x="piecewise(x > 0, 1, -1)"), (0.0, 10.0), initial={"x": 0.0}
+    )
     assert away.outcome.ok
     assert abs(away.final["x"]) == pytest.approx(10.0)
-    across = simulate(ode("faster above", x="piecewise(x > 0, 2, 1)"), (0.0, 3.0), {"x": -1.0})
+    across = simulate(
+        ode("faster above", x="piecewise(x > 0, 2, 1)"), (0.0, 3.0), initial={"x": -1.0}
+    )
     assert across.outcome.ok
     assert across.final["x"] == pytest.approx(4.0, abs=1e-14)
     assert across.n_kinks == 1
@@ -135,7 +139,7 @@ def test_crossing_and_leaving_a_jump_is_no_sliding() -> None:
 def test_oscillator_that_slides_along_its_jump() -> None:
     # Section 4.4: with a jump in ψ' larger than the other forces the motion sticks to ψ' = 0
     # without a contact.
-    motion = simulate(catalogue.rocking_oscillator(c=-0.3), (0.0, 63.0), {"psi": 0.1})
+    motion = simulate(catalogue.rocking_oscillator(c=-0.3), (0.0, 63.0), initial={"psi": 0.1})
     assert motion.outcome is Outcome.SLIDING_ON_A_JUMP
     assert motion.certificate.lawful
     assert motion.final["d_psi"] == pytest.approx(0.0, abs=1e-12)
@@ -150,7 +154,7 @@ def test_zeno(flow: str) -> None:
     # Filippov's example: each turn shrinks by 3^4, each quarter by 3; from (1, 0) the origin is
     # reached at t = 1/2.
     system = ode("spiral into zero", SIGNS, x="-sign_x + 2*sign_y", y="-2*sign_x - sign_y")
-    motion = simulate(system, (0.0, 10.0), {"x": 1.0, "y": 0.0})
+    motion = simulate(system, (0.0, 10.0), initial={"x": 1.0, "y": 0.0})
     # Taylor steps know the switches to the rounding of a whole step; closer to zero both jumps are
     # met at once.
     last = Outcome.ZENO if flow == "closed forms" else Outcome.SLIDING_ON_A_JUMP
@@ -167,7 +171,9 @@ def test_zeno(flow: str) -> None:
 @pytest.mark.parametrize("sign", [1, -1])
 def test_many_events_are_not_zeno(sign: int) -> None:
     # Contracts, but exponentially in time.
-    motion = simulate(oscillator(), (0.0, 20_000.0), {"x": 0.1 * sign}, {"mu": 0.1})
+    motion = simulate(
+        oscillator(), (0.0, 20_000.0), initial={"x": 0.1 * sign}, parameters={"mu": 0.1}
+    )
     assert motion.n_switches > 5000
     assert motion.outcome is Outcome.FINISHED
 
@@ -177,7 +183,7 @@ def test_many_events_are_not_zeno(sign: int) -> None:
     [("x**2", 1.0, 1.0), ("x**3", 1.0, 0.5), ("1 + x**2", 0.0, math.pi / 2)],
 )
 def test_blow_up(law: str, start: float, end: float) -> None:
-    motion = simulate(ode(f"blow-up {law}", x=law), (0.0, 10.0), {"x": start})
+    motion = simulate(ode(f"blow-up {law}", x=law), (0.0, 10.0), initial={"x": start})
     assert motion.outcome is Outcome.STEP_TOO_SMALL
     assert motion.knots.time[-1] == pytest.approx(end, abs=1e-9)
     assert np.all(np.isfinite(motion.knots.state))
@@ -192,7 +198,7 @@ def test_blow_up(law: str, start: float, end: float) -> None:
 
 
 def test_undefined_at_the_start() -> None:
-    motion = simulate(ode("logarithm", x="log(x)"), (0.0, 10.0), {"x": -1.0})
+    motion = simulate(ode("logarithm", x="log(x)"), (0.0, 10.0), initial={"x": -1.0})
     assert motion.outcome is Outcome.UNDEFINED
     assert motion.knots.time.tolist() == [0.0]
     assert motion.final == {"x": -1.0}
@@ -201,7 +207,7 @@ def test_undefined_at_the_start() -> None:
 def test_undefined_where_a_logarithm_ends() -> None:
     # x falls through 0, where log(x) ends.
     motion = simulate(
-        ode("falling into a logarithm", x="-1 + log(x)/1000"), (0.0, 10.0), {"x": 2.0}
+        ode("falling into a logarithm", x="-1 + log(x)/1000"), (0.0, 10.0), initial={"x": 2.0}
     )
     assert motion.outcome in (Outcome.UNDEFINED, Outcome.STEP_TOO_SMALL)
     assert motion.knots.time[-1] == pytest.approx(2.0, abs=1e-2)
@@ -214,14 +220,14 @@ def test_undefined_where_a_logarithm_ends() -> None:
     ("log(1 - t)", Outcome.STEP_TOO_SMALL, 0.0),  # without bound on the way to where it ends
 ])  # fmt: skip
 def test_undefined_after_a_time(law: str, outcome: Outcome, x: float) -> None:
-    motion = simulate(ode(f"until 1, {law}", x=law), (0.0, 10.0), {"x": 1.0})
+    motion = simulate(ode(f"until 1, {law}", x=law), (0.0, 10.0), initial={"x": 1.0})
     stopped(motion, outcome, 1.0, within=1e-6)
     assert motion.final["x"] == pytest.approx(x, abs=1e-6)
 
 
 def test_root_that_is_an_exact_polynomial() -> None:
     # x = (1 − t/2)² until it is 0; the polynomial goes on, the motion does not.
-    motion = simulate(ode("draining", x="-sqrt(x)"), (0.0, 10.0), {"x": 1.0})
+    motion = simulate(ode("draining", x="-sqrt(x)"), (0.0, 10.0), initial={"x": 1.0})
     assert not (motion.outcome.ok and motion.certificate.ok)
 
 
@@ -266,7 +272,7 @@ def test_threshold_negative_in_state() -> None:
     motion = simulate(falling("s - x"), (0.0, 10.0))
     stopped(motion, Outcome.NEGATIVE_THRESHOLD, math.acosh(2.0))
     assert motion.final["x"] == pytest.approx(1.0, abs=1e-14)
-    start = simulate(falling("s - x"), (0.0, 10.0), {"x": 2.0})
+    start = simulate(falling("s - x"), (0.0, 10.0), initial={"x": 2.0})
     assert start.outcome is Outcome.NEGATIVE_THRESHOLD
     assert start.knots.time.tolist() == [0.0]
 

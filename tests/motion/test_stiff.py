@@ -80,7 +80,7 @@ RELAXING = System(
 
 @pytest.mark.parametrize("L", [1e2, 1e4, 1e6, 1e8])
 def test_linear_relaxation_against_its_closed_form(L: float) -> None:
-    motion = certified(simulate(RELAXING, (0.0, 12.0), {"x": 0.5}, {"L": L}))
+    motion = certified(simulate(RELAXING, (0.0, 12.0), initial={"x": 0.5}, parameters={"L": L}))
     # ẋ = L (t² exp(−t/3) − x): x = (a t² + b t + c) exp(−t/3) + (x₀ − c) exp(−L t) with a (L − 1/3)
     # = L, …
     p = L - 1.0 / 3.0
@@ -104,7 +104,9 @@ COUPLED = System(
 
 @pytest.mark.parametrize("L", [1e4, 1e8])
 def test_stiff_and_slow_coordinate_together(L: float) -> None:
-    motion = certified(simulate(COUPLED, (0.0, 12.0), {"x": 0.3, "y": -0.2}, {"L": L}))
+    motion = certified(
+        simulate(COUPLED, (0.0, 12.0), initial={"x": 0.3, "y": -0.2}, parameters={"L": L})
+    )
 
     def rates(t: float, z: np.ndarray) -> list[float]:
         x, y = z
@@ -164,7 +166,9 @@ DAMPED = System(
 
 @pytest.mark.parametrize("c", [1e3, 1e5])
 def test_heavily_damped_mass_against_another_integrator(c: float) -> None:
-    motion = certified(simulate(DAMPED, (0.0, 5.0), {"x": 0.1, "d_x": 2.0}, {"c": c}))
+    motion = certified(
+        simulate(DAMPED, (0.0, 5.0), initial={"x": 0.1, "d_x": 2.0}, parameters={"c": c})
+    )
 
     def rates(t: float, z: np.ndarray) -> list[float]:
         return [z[1], c * math.sin(t) - z[0] - z[0] ** 3 - c * z[1]]

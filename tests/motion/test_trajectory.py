@@ -29,7 +29,10 @@ MOTIONS = {
     "toy": lambda: simulate(catalogue.rocking_toy(), (0.0, 30.0)),
     "kinks": lambda: simulate(catalogue.scaled_slider_limit(), (0.0, 20.0)),
     "ended early": lambda: simulate(
-        play(VARIABLE), (0.0, 5.0), {}, {"F": 1.5, "jump": -0.9, "phi": -math.pi / 2}
+        play(VARIABLE),
+        (0.0, 5.0),
+        initial={},
+        parameters={"F": 1.5, "jump": -0.9, "phi": -math.pi / 2},
     ),
 }
 
@@ -221,10 +224,10 @@ def test_certificate_is_relative() -> None:
 
 def test_certificate_where_all_knots_are_turning_points() -> None:
     # One flight from rest to (almost) rest: the velocity is large in between only.
-    motion = simulate(catalogue.rocking_toy(), (0.0, 600.0), {"psi": 0.1, "x_R": 0.0})
+    motion = simulate(catalogue.rocking_toy(), (0.0, 600.0), initial={"psi": 0.1, "x_R": 0.0})
     assert motion.n_switches == 0
     assert motion.certificate.ok, motion.certificate.verdict
-    until = simulate(catalogue.rocking_oscillator(delta=0.05), (0.0, 60.0), {"psi": 0.2})
+    until = simulate(catalogue.rocking_oscillator(delta=0.05), (0.0, 60.0), initial={"psi": 0.2})
     assert until.certificate.ok, until.certificate.verdict
 
 

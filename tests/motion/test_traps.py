@@ -35,7 +35,7 @@ def follow(
 ) -> Trajectory:
     """The motion from t = 0, which has to reach the end and be certified."""
     known = {name: value for name, value in values.items() if name in system.parameters}
-    trajectory = simulate(system, (0.0, until), initial or {}, known)
+    trajectory = simulate(system, (0.0, until), initial=initial or {}, parameters=known)
     assert trajectory.outcome.ok, trajectory.message
     assert trajectory.knots.time[-1] == until
     assert trajectory.certificate.ok, trajectory.certificate.verdict
@@ -156,7 +156,7 @@ LASTS = {"inertial": 3.0, "viscous": 2.0, "rate-independent": 1.0}
 def test_grazing_of_the_threshold(kind: str, phi: float) -> None:
     excess = 1e-12
     load = {"mu": 1.0, "k": float(kind == "rate-independent"), "phi": phi}
-    found = simulate(KINDS[kind](), (0.0, 2.0), {}, load | {"F": 1.0 + excess})
+    found = simulate(KINDS[kind](), (0.0, 2.0), initial={}, parameters=load | {"F": 1.0 + excess})
     assert [event[1] for event in table(found)] == ["slip+", "stick"]
     start, stop = switches(found)["time"]
     assert stop - start == pytest.approx(LASTS[kind] * math.sqrt(2 * excess), rel=0.05)
@@ -171,7 +171,9 @@ def test_slip_of_a_microsecond(kind: str) -> None:
     # The load 1 + e at its peak exceeds the threshold for ±a with e = (10 a)²/2.
     a = 1e-6 / LASTS[kind]
     load = {"mu": 1.0, "k": float(kind == "rate-independent"), "omega": 10.0, "phi": -1.3}
-    motion = simulate(KINDS[kind](), (0.0, 0.4), {}, load | {"F": 1.0 + 50 * a**2})
+    motion = simulate(
+        KINDS[kind](), (0.0, 0.4), initial={}, parameters=load | {"F": 1.0 + 50 * a**2}
+    )
     start, stop = switches(motion)["time"]
     assert stop - start == pytest.approx(1e-6, rel=1e-3)
     assert motion.final["x"] > 0.0
@@ -199,7 +201,7 @@ def test_grazing_of_a_jump(angle: float) -> None:
     for excess, above in ((1e-12, 2 * math.sqrt(2e-12)), (-1e-12, 0.0)):
         size = 1.0 + excess
         start = {"x": size * math.sin(angle), "y": size * math.cos(angle), "z": 0.0}
-        assert simulate(system, (0.0, 3.0), start).final["z"] == pytest.approx(
+        assert simulate(system, (0.0, 3.0), initial=start).final["z"] == pytest.approx(
             above, rel=0.02, abs=1e-20
         )
 
@@ -357,7 +359,12 @@ def test_threshold_jumps_below_the_force(kind: str, sign: int) -> None:
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("jump", [-0.9, -1.0, -3.0])
 def test_threshold_jumps_below_the_force_without_a_bounded_rate(jump: float, sign: int) -> None:
-    motion = simulate(play(VARIABLE), (0.0, 20.0), {}, {"jump": jump, "F": 0.0, "f": 0.3 * sign})
+    motion = simulate(
+        play(VARIABLE),
+        (0.0, 20.0),
+        initial={},
+        parameters={"jump": jump, "F": 0.0, "f": 0.3 * sign},
+    )
     assert motion.outcome is Outcome.NO_BOUNDED_RATE
     assert motion.knots.time[-1] == pytest.approx(1.0, abs=1e-15)
     assert motion.final["x"] == 0.0
@@ -494,8 +501,8 @@ def test_a_reversal_at_the_threshold(i: int) -> None:
     motion = simulate(
         catalogue.forced_oscillator(),
         (0.0, 200.0),
-        {},
-        {"omega": 0.77, "F_c": 0.8008793135880453 * (1 + i * 1e-13)},
+        initial={},
+        parameters={"omega": 0.77, "F_c": 0.8008793135880453 * (1 + i * 1e-13)},
     )
     assert motion.outcome.ok
     assert motion.certificate.ok

@@ -52,7 +52,7 @@ def place(system: System, start: dict[str, float]) -> dict[str, float]:
 def drawn(case: Case, part: float) -> Cycle:
     """The cycle for some value of the parameter."""
     system, start, parameter, (low, high) = case
-    cycle = find_cycle(system, start or None, {parameter: low + part * (high - low)})
+    cycle = find_cycle(system, start or None, parameters={parameter: low + part * (high - low)})
     assert cycle.trajectory.certificate.ok, cycle.trajectory.certificate.verdict
     assert cycle.residual < 1e-10
     return cycle
@@ -76,7 +76,12 @@ def same(a: Cycle, b: Cycle) -> None:
 def test_any_point_leads_to_the_same_cycle(case: Case, where: float, part: float) -> None:
     cycle = drawn(case, part)
     there = cycle.trajectory.at(cycle.time + where * cycle.period)
-    same(find_cycle(case[0], {name: there[name] for name in cycle.state}, cycle.parameters), cycle)
+    same(
+        find_cycle(
+            case[0], {name: there[name] for name in cycle.state}, parameters=cycle.parameters
+        ),
+        cycle,
+    )
 
 
 @pytest.mark.parametrize("case", AUTONOMOUS, ids=named)
@@ -114,7 +119,7 @@ def test_drift_does_not_depend_on_the_place(case: Case, part: float, shift: floa
         name: value + shift * cycle.direction.get(name, 0.0)
         for name, value in place(system, start).items()
     }
-    moved = find_cycle(system, first, cycle.parameters)
+    moved = find_cycle(system, first, parameters=cycle.parameters)
     same(moved, cycle)
     assert moved.direction == cycle.direction
 

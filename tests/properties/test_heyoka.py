@@ -112,7 +112,7 @@ def test_smooth_systems(seed: int) -> None:
         name=f"smooth {seed}", internal={name: Internal(law) for name, law in laws.items()}
     )
     times = np.linspace(0, 6, 13)
-    trajectory = simulate(system, (0.0, 6.0), start)
+    trajectory = simulate(system, (0.0, 6.0), initial=start)
     assert trajectory.outcome.ok, trajectory.message
     assert trajectory.certificate.ok, trajectory.certificate.verdict
     ours = trajectory.at(times)
@@ -245,7 +245,7 @@ def contact_motion(seed: int) -> Trajectory:
         name: float(x)
         for name, x in zip(system.declaration.state, rng.normal(size=4), strict=False)
     }
-    return simulate(system, (0.0, T), start)
+    return simulate(system, (0.0, T), initial=start)
 
 
 def test_the_contacts_stick_and_slip() -> None:

@@ -40,7 +40,7 @@ def certified(
     values: State | None = None,
     rtol: float = 1e-10,
 ) -> Trajectory:
-    trajectory = simulate(system, span, start, values, rtol=rtol)
+    trajectory = simulate(system, span, initial=start, parameters=values, rtol=rtol)
     assert trajectory.outcome.ok, trajectory.message
     assert trajectory.certificate.ok, trajectory.certificate.verdict
     return trajectory

@@ -25,7 +25,9 @@ SAMPLES = 200
 
 def follow(kind: str, drawn: Drawn) -> Trajectory:
     system = linear_family(kind, len(drawn.x), len(drawn.s))
-    trajectory = simulate(system, (0, T), drawn.initial(system), drawn.parameters(system))
+    trajectory = simulate(
+        system, (0, T), initial=drawn.initial(system), parameters=drawn.parameters(system)
+    )
     assert trajectory.outcome.ok, trajectory.message
     assert trajectory.certificate.ok, trajectory.certificate.verdict
     return trajectory

@@ -56,8 +56,8 @@ def settled(system: System, drawn: Drawn, phase: float) -> Trajectory | None:
     """
     values = drawn.parameters(system)
     start = (3 + phase) * PERIOD
-    before = simulate(system, (0.0, start), drawn.initial(system), values)
-    motion = simulate(system, (start, start + PERIOD), before.final, values)
+    before = simulate(system, (0.0, start), initial=drawn.initial(system), parameters=values)
+    motion = simulate(system, (start, start + PERIOD), initial=before.final, parameters=values)
     assert motion.outcome.ok
     ever, now = (np.any(part.knots.mode != 0, axis=0) for part in (before, motion))
     return motion if np.array_equal(ever, now) else None
@@ -66,7 +66,9 @@ def settled(system: System, drawn: Drawn, phase: float) -> Trajectory | None:
 def returned(motion: Trajectory, state: Array) -> Array:
     """The return map."""
     start = dict(zip(motion.system.declaration.state, map(float, state), strict=True))
-    return simulate(motion.system, motion.t_span, start, motion.parameters).knots.state[-1]
+    return simulate(
+        motion.system, motion.t_span, initial=start, parameters=motion.parameters
+    ).knots.state[-1]
 
 
 def differences(motion: Trajectory, directions: Array) -> Array:
@@ -117,15 +119,15 @@ def test_cycles(kind: str, size: int, contacts: int) -> None:
     """A cycle closes, is certified, and perturbations of it grow as its largest multiplier says."""
     for seed in range(4):
         system, drawn = member(kind, size, contacts, seed)
-        cycle = find_cycle(system, drawn.initial(system), drawn.parameters(system))
+        cycle = find_cycle(system, drawn.initial(system), parameters=drawn.parameters(system))
         assert cycle.trajectory.certificate.ok
         assert cycle.trivial == 0
         assert cycle.period / PERIOD == pytest.approx(round(cycle.period / PERIOD), rel=1e-12)
         last = simulate(
             system,
             (cycle.time, cycle.time + 12 * cycle.period),
-            cycle.trajectory.final,
-            cycle.parameters,
+            initial=cycle.trajectory.final,
+            parameters=cycle.parameters,
         ).final
         moved = np.array([last[name] - cycle.state[name] for name in cycle.state])
         growth = max(1.0, float(np.max(np.abs(cycle.multipliers)))) ** 12

@@ -195,7 +195,7 @@ def test_only_turning_points_matter(load: Array, r: Array) -> None:
     assert np.array_equal(plays(finer, r)[::4], plays(load, r))
     times = np.cumsum(1.0 + np.sin(np.arange(len(load))) ** 2)
     start = float(np.clip(0.0, load[0] - r[0], load[0] + r[0]))
-    motion = play((times, load), float(r[0]), (times[0], times[-1]), start)
+    motion = play((times, load), float(r[0]), (times[0], times[-1]), initial=start)
     assert largest(motion.position(times) - plays(load, r[:1])[:, 0]) < 1e-13
     assert motion.certificate.ok, motion.certificate.verdict
 

@@ -69,7 +69,7 @@ def test_plays_are_clamps() -> None:
     for i, r in enumerate(radii):
         assert np.array_equal(each[:, i], clamp(load - r, load + r, 1.0))
     np.testing.assert_allclose(
-        prandtl_ishlinskii(load, radii, weights, start), each @ weights, rtol=0, atol=1e-13
+        prandtl_ishlinskii(load, radii, weights, initial=start), each @ weights, rtol=0, atol=1e-13
     )
     assert np.array_equal(plays(load, radii, 1.0), each)
     assert start.sum() == 17  # the caller's positions are not moved
@@ -152,7 +152,7 @@ def test_fit(name: str) -> None:
 )
 def test_the_engine_moves_the_same(epsilon: float, rho: str) -> None:
     """Taylor steps from switch to switch, of the same system."""
-    motion = play(LOAD, rho, (0, 5), 0.0, epsilon=epsilon)
+    motion = play(LOAD, rho, (0, 5), initial=0.0, epsilon=epsilon)
     engine = ss.simulate(ss.catalogue.oscillating_play(epsilon=epsilon, rho=rho))
     t = np.linspace(0, 5, 2001)
     ours, theirs = motion.at(t), engine.at(t)
@@ -191,7 +191,9 @@ def test_fine_sampling_converges_to_it(seed: int) -> None:
     def load(t: Array) -> Array:
         return (size * np.sin(np.multiply.outer(t, w) + angle)).sum(axis=-1)
 
-    motion = play(load, (plus, minus), (0.0, 10.0), float(load(np.zeros(1))[0]) / a, stiffness=a)
+    motion = play(
+        load, (plus, minus), (0.0, 10.0), initial=float(load(np.zeros(1))[0]) / a, stiffness=a
+    )
     assert motion.certificate.ok, motion.certificate.verdict
     errors = []
     for n in (20_000, 80_000):
@@ -204,17 +206,17 @@ def test_fine_sampling_converges_to_it(seed: int) -> None:
 
 def test_formula_function_and_samples_agree() -> None:
     t = np.linspace(0, 5, 4001)
-    text = play(LOAD, "0.4 + 0.3*abs(sin(3*t))", (0, 5), 0.0)
+    text = play(LOAD, "0.4 + 0.3*abs(sin(3*t))", (0, 5), initial=0.0)
     exact = text.position(t)
 
     def rho(t: float) -> float:  # takes numbers only
         return 0.4 + 0.3 * abs(float(np.sin(3 * t)))
 
-    one_by_one = play(lambda t: 5 * t - t * t, rho, (0, 5), 0.0)
+    one_by_one = play(lambda t: 5 * t - t * t, rho, (0, 5), initial=0.0)
     assert np.abs(one_by_one.position(t) - exact).max() < 1e-13
     values = 0.4 + 0.3 * np.abs(np.sin(3 * t))
-    linear = play((t, 5 * t - t**2), (t, values), (0, 5), 0.0)
-    monotone = play((t, 5 * t - t**2), (t, values), (0, 5), 0.0, interpolation="monotone")
+    linear = play((t, 5 * t - t**2), (t, values), (0, 5), initial=0.0)
+    monotone = play((t, 5 * t - t**2), (t, values), (0, 5), initial=0.0, interpolation="monotone")
     assert np.abs(linear.position(t) - exact).max() < 3e-3  # the corners fall between samples
     assert np.abs(monotone.position(t) - exact).max() < 3e-3
     stepped = clamp(5 * t - t**2 - values, 5 * t - t**2 + values, 0.0)
@@ -232,7 +234,7 @@ def test_cubics_turn_between_samples() -> None:
         (t, load),
         (u, rho),
         (0.5, 9.5),
-        float(PchipInterpolator(t, load)(0.5)),
+        initial=float(PchipInterpolator(t, load)(0.5)),
         interpolation="monotone",
     )
     fine = np.union1d(
@@ -251,7 +253,10 @@ def test_two_turning_points_close_together(width: float) -> None:
     c + 2δ."""
     c = 0.8
     motion = play(
-        f"1 + ((t - {c})**3 - 3*{width}**2*(t - {c}))/3", 0.01, (0, 2), 1 - c**3 / 3 + c * width**2
+        f"1 + ((t - {c})**3 - 3*{width}**2*(t - {c}))/3",
+        0.01,
+        (0, 2),
+        initial=1 - c**3 / 3 + c * width**2,
     )
     last = motion.events["time"].to_numpy()[-2:]
     assert last == pytest.approx([c - width, c + 2 * width], abs=1e-7)
@@ -263,7 +268,7 @@ def test_two_turning_points_close_together(width: float) -> None:
 def test_phase_is_known_to_the_last_digit_of_the_time() -> None:
     """After ten million periods t/ε has lost nine digits; the remainder of t has not."""
     epsilon = 1e-5
-    motion = play("t - 100", THRESHOLD, (100.0, 100.01), -0.5, epsilon=epsilon)
+    motion = play("t - 100", THRESHOLD, (100.0, 100.01), initial=-0.5, epsilon=epsilon)
     moving = np.flatnonzero(motion.mode == 1)
     t = 0.5 * (motion.time[moving] + motion.time[moving + 1])
     rho = 1 + np.cos(2 * np.pi * np.mod(t, epsilon) / epsilon) / 2
@@ -277,7 +282,7 @@ def test_phase_is_known_to_the_last_digit_of_the_time() -> None:
 
 def test_threshold_that_drops() -> None:
     """z jumps to the new bound, and the energy that is set free is dissipated."""
-    motion = play(1, "piecewise(t < 1, 2, 0.25)", (0, 2), 0.0)
+    motion = play(1, "piecewise(t < 1, 2, 0.25)", (0, 2), initial=0.0)
     assert (motion.position(1.0, "left"), motion.position(1.0), motion.final) == (0.0, 0.75, 0.75)
     assert np.count_nonzero(np.diff(motion.time) == 0.0) == 1
     assert motion.dissipated == pytest.approx(0.75 - 0.75**2 / 2, abs=1e-15)
@@ -287,7 +292,7 @@ def test_threshold_that_drops() -> None:
 
 
 def test_load_that_jumps() -> None:
-    motion = play("piecewise(t < 1, 0, t < 2, 3, -1)", 1, (0, 3), 0.5, stiffness=2.0)
+    motion = play("piecewise(t < 1, 0, t < 2, 3, -1)", 1, (0, 3), initial=0.5, stiffness=2.0)
     assert motion.position(np.array([0.9, 1.0, 1.9, 2.0, 3.0])) == pytest.approx(
         [0.5, 1.0, 1.0, 0.0, 0.0], abs=1e-15
     )
@@ -302,7 +307,7 @@ def test_load_that_jumps() -> None:
 )
 def test_thresholds_that_jump_once_a_period(given: Any) -> None:
     """Rounded times of jumps: from each side, the force is within the threshold of that side."""
-    motion = play("3*sin(t)", given, (-4.0, 6.0), 2.0, epsilon=0.1)
+    motion = play("3*sin(t)", given, (-4.0, 6.0), initial=2.0, epsilon=0.1)
     for side in ("left", "right"):
         for t in (motion.time, 0.1 * np.arange(-39, 60)):
             now = motion.at(t, side)
@@ -314,12 +319,12 @@ def test_thresholds_that_jump_once_a_period(given: Any) -> None:
 
 def test_stretches_of_panels_join(monkeypatch: pytest.MonkeyPatch) -> None:
     """The panels are walked in chunks; where one ends, z may move, rest or jump."""
-    given = ("3*sin(t)", ("0.5 + 0.3*cos(2*pi*s)", "piecewise(s < 1/3, 1, 0.3)"), (0.0, 6.0), 0.1)
-    whole = play(*given, epsilon=0.25)  # type: ignore[arg-type]
+    given = ("3*sin(t)", ("0.5 + 0.3*cos(2*pi*s)", "piecewise(s < 1/3, 1, 0.3)"), (0.0, 6.0))
+    whole = play(*given, initial=0.1, epsilon=0.25)  # type: ignore[arg-type]
     assert np.count_nonzero(np.diff(whole.time) == 0.0) > 5
     for size in (1, 2, 3, 7):
         monkeypatch.setattr(nodes, "_CHUNK", size)
-        joined = play(*given, epsilon=0.25)  # type: ignore[arg-type]
+        joined = play(*given, initial=0.1, epsilon=0.25)  # type: ignore[arg-type]
         assert all(
             np.array_equal(one, other) for one, other in zip(whole.nodes, joined.nodes, strict=True)
         )
@@ -327,7 +332,7 @@ def test_stretches_of_panels_join(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_without_friction_z_follows_the_load() -> None:
     t = np.linspace(0, 7, 1001)
-    motion = play("sin(t)", 0, (0, 7), 0.0)
+    motion = play("sin(t)", 0, (0, 7), initial=0.0)
     assert np.abs(motion.position(t) - np.sin(t)).max() < 1e-14
     assert motion.dissipated == 0.0
     assert motion.certificate.ok, motion.certificate.verdict
@@ -335,7 +340,7 @@ def test_without_friction_z_follows_the_load() -> None:
 
 def test_at_rest_on_the_boundary() -> None:
     """A load that stays where it is makes no switches out of rounding."""
-    motion = play("clip(3*t, 0, 2) + max(t - 3, 0)", "0.7 + 0.1*0", (0, 4), 0.0)
+    motion = play("clip(3*t, 0, 2) + max(t - 3, 0)", "0.7 + 0.1*0", (0, 4), initial=0.0)
     assert list(motion.events["to"]) == ["slip+", "stick", "slip+"]
     assert motion.events["time"].to_numpy() == pytest.approx([0.7 / 3, 2 / 3, 3.0], abs=1e-14)
 
@@ -343,8 +348,10 @@ def test_at_rest_on_the_boundary() -> None:
 @pytest.mark.parametrize("shift", [-20.0, 1000.0])
 def test_another_start_of_time(shift: float) -> None:
     t = np.linspace(0, 5, 1001)
-    here = play("4*sin(t)", "1 + abs(cos(4*t))", (0, 5), 0.0)
-    there = play(f"4*sin(t - {shift})", f"1 + abs(cos(4*(t - {shift})))", (shift, shift + 5), 0.0)
+    here = play("4*sin(t)", "1 + abs(cos(4*t))", (0, 5), initial=0.0)
+    there = play(
+        f"4*sin(t - {shift})", f"1 + abs(cos(4*(t - {shift})))", (shift, shift + 5), initial=0.0
+    )
     assert np.abs(here.position(t) - there.position(t + shift)).max() < 1e-14 * (1 + abs(shift)) * 4
     assert here.n_switches == there.n_switches
 
@@ -354,7 +361,7 @@ def test_another_start_of_time(shift: float) -> None:
 
 @pytest.fixture(scope="module")
 def motion() -> Play:
-    return play(LOAD, (THRESHOLD, 0.7), (0, 5), 0.0, epsilon=0.1, stiffness=1.5)
+    return play(LOAD, (THRESHOLD, 0.7), (0, 5), initial=0.0, epsilon=0.1, stiffness=1.5)
 
 
 def test_values_between_nodes(motion: Play) -> None:
@@ -404,7 +411,7 @@ def test_events(motion: Play) -> None:
     assert motion.position(events["time"].to_numpy()) == pytest.approx(
         events["z"].to_numpy(), abs=1e-14
     )
-    assert "78 switches" in repr(play(LOAD, THRESHOLD, (0, 5), 0.0, epsilon=0.1))
+    assert "78 switches" in repr(play(LOAD, THRESHOLD, (0, 5), initial=0.0, epsilon=0.1))
 
 
 def test_certificate_sees_what_is_wrong(motion: Play) -> None:
@@ -423,7 +430,8 @@ def test_certificate_sees_what_is_wrong(motion: Play) -> None:
     other = replace(
         motion,
         bounds=replace(
-            motion.bounds, load=play("5*t - t**2 + 1e-7*sin(9*t)", 1, (0, 5), 0.0).bounds.load
+            motion.bounds,
+            load=play("5*t - t**2 + 1e-7*sin(9*t)", 1, (0, 5), initial=0.0).bounds.load,
         ),
     )
     assert not other.certificate.ok
@@ -507,7 +515,7 @@ def test_bad_input(change: dict[str, Any], message: str) -> None:
 
 def test_samples_are_kept_from_change() -> None:
     t, load = np.linspace(0, 5, 50), np.linspace(0, 5, 50)
-    motion = play((t, load), 1, (0, 5), 0.0)
+    motion = play((t, load), 1, (0, 5), initial=0.0)
     load[:] = 0.0
     assert motion.at(5.0)["load"] == 5.0
     assert motion.certificate.ok
@@ -527,14 +535,14 @@ def test_picture_of_a_play(motion: Play) -> None:
 
 
 def test_a_jump_is_drawn_upright() -> None:
-    (axes,) = plot_play(play(1, "piecewise(t < 1, 2, 0.25)", (0, 2), 0.0)).axes
+    (axes,) = plot_play(play(1, "piecewise(t < 1, 2, 0.25)", (0, 2), initial=0.0)).axes
     t, z = (np.asarray(data) for data in axes.get_lines()[0].get_data())
     assert np.ptp(t[np.flatnonzero(np.diff(z)) + np.arange(2)]) < 1e-15
 
 
 def test_picture_of_many_nodes() -> None:
     t = np.linspace(0, 1, 200_001)
-    (axes,) = plot_play(play((t, np.sin(20 * t)), 0.3, (0, 1), 0.0)).axes
+    (axes,) = plot_play(play((t, np.sin(20 * t)), 0.3, (0, 1), initial=0.0)).axes
     assert len(np.asarray(axes.get_lines()[0].get_xdata())) < 10_000
 
 
@@ -560,7 +568,7 @@ def test_prandtl_ishlinskii_example() -> None:
         np.linspace(-3, 3, 1201),
         example["RADII"],
         example["WEIGHTS"],
-        plays(load[:801], example["RADII"])[-1],
+        initial=plays(load[:801], example["RADII"])[-1],
     )
     for k in range(turns[2], turns[3]):
         assert output[k] == pytest.approx(
@@ -577,8 +585,8 @@ def test_a_play_of_expressions(tmp_path: Path) -> None:
     t, s = ex.sym("t"), ex.sym("s")
     load = 2.0 * ex.call("sin", t)
     threshold = 1.0 + 0.5 * ex.call("erf", ex.call("sin", 2.0 * math.pi * s))
-    own = play(load, threshold, (0.0, 7.0), 0.0, epsilon=0.5)
-    texts = play(ex.to_text(load), ex.to_text(threshold), (0.0, 7.0), 0.0, epsilon=0.5)
+    own = play(load, threshold, (0.0, 7.0), initial=0.0, epsilon=0.5)
+    texts = play(ex.to_text(load), ex.to_text(threshold), (0.0, 7.0), initial=0.0, epsilon=0.5)
     assert own.certificate.ok
     np.testing.assert_array_equal(own.nodes.z, texts.nodes.z)
     own.save(tmp_path / "play.nc")
@@ -587,4 +595,4 @@ def test_a_play_of_expressions(tmp_path: Path) -> None:
     assert again.certificate.ok
     waves = ex.add(*((ex.call("sin", k * t), 1.0 / k**2) for k in range(1, 200)))
     with pytest.raises(StickslipError, match="too long for a text"):
-        play(waves, 1.0, (0.0, 0.1), 0.0).save(tmp_path / "long.nc")
+        play(waves, 1.0, (0.0, 0.1), initial=0.0).save(tmp_path / "long.nc")

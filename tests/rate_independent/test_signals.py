@@ -100,7 +100,7 @@ def test_expressions_are_formulas_everywhere() -> None:
     s = ex.sym("s")
     wave = 1.0 + 0.5 * ex.call("cos", 2.0 * np.pi * s)
     by_text, by_tree = (
-        ss.play(load, threshold, (0, 2), 0.0, epsilon=0.25)
+        ss.play(load, threshold, (0, 2), initial=0.0, epsilon=0.25)
         for load, threshold in (("3*t", "1 + 0.5*cos(2*pi*s)"), (3.0 * T, wave))
     )
     np.testing.assert_array_equal(by_tree.z, by_text.z)

@@ -27,7 +27,10 @@ CASES = [
 def test_cycle(values: dict[str, float]) -> None:
     period = belt_block.period(**values)
     motion = simulate(
-        catalogue.belt_block(), (0.0, 20 * period), {"x": 0.0, "d_x": values["V"]}, values
+        catalogue.belt_block(),
+        (0.0, 20 * period),
+        initial={"x": 0.0, "d_x": values["V"]},
+        parameters=values,
     )
     assert motion.certificate.ok, motion.certificate.verdict
     table = switches(motion)
@@ -48,7 +51,9 @@ def test_cycle(values: dict[str, float]) -> None:
 
 
 def test_printed_numbers() -> None:
-    motion = simulate(catalogue.belt_block(), (0.0, 100.0), {"x": 1.0, "d_x": 0.3}, PRINTED)
+    motion = simulate(
+        catalogue.belt_block(), (0.0, 100.0), initial={"x": 1.0, "d_x": 0.3}, parameters=PRINTED
+    )
     table = switches(motion)
     starts = table[table["to"] == "slip-"]["time"].to_numpy()
     assert np.diff(starts) == pytest.approx(7.0952615, abs=5e-8)

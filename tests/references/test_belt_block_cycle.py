@@ -29,7 +29,7 @@ def test_published_numbers() -> None:
 def test_formulas(values: dict[str, float]) -> None:
     # With little friction smaller oscillations never stick: start where the block begins to.
     start = {"x": (2 * values["F_k"] - values["F_s"]) / values["k"], "d_x": values["V"]}
-    cycle = find_cycle(catalogue.belt_block(), start, values)
+    cycle = find_cycle(catalogue.belt_block(), start, parameters=values)
     assert cycle.trajectory.certificate.ok
     assert cycle.period == pytest.approx(belt_block.period(**values), rel=1e-12)
     assert cycle.slip_time == pytest.approx(belt_block.slip_duration(**values), rel=1e-11)
@@ -47,4 +47,4 @@ def test_family() -> None:
     with pytest.raises(
         ConvergenceError, match=r"come in a family.*still closes if its state is moved along \(x: "
     ):
-        find_cycle(catalogue.belt_block(), None, SETS[2])
+        find_cycle(catalogue.belt_block(), None, parameters=SETS[2])

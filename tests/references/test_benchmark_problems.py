@@ -52,7 +52,7 @@ def follow(name: str, until: float, rtol: float = 1e-10) -> Trajectory:
     moving = system(name)
     initial = dict(zip(problem.variables, problem.initial, strict=True))
     values = {key: value for key, value in problem.parameters.items() if key in moving.parameters}
-    motion = simulate(moving, (0.0, until), initial, values, rtol=rtol)
+    motion = simulate(moving, (0.0, until), initial=initial, parameters=values, rtol=rtol)
     assert motion.outcome.ok
     assert motion.certificate.ok, motion.certificate.verdict
     return motion

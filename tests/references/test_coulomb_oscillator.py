@@ -24,7 +24,12 @@ PRINTED = [
 
 def test_switch_times() -> None:
     values = {"F_c": 0.5, "omega": 0.5}
-    motion = simulate(catalogue.forced_oscillator(), (0.0, 14.0), {"x": 0.0, "d_x": 0.0}, values)
+    motion = simulate(
+        catalogue.forced_oscillator(),
+        (0.0, 14.0),
+        initial={"x": 0.0, "d_x": 0.0},
+        parameters=values,
+    )
     assert motion.certificate.ok, motion.certificate.verdict
     assert distance(switches(motion)["time"], PRINTED) < 1e-12
     assert switches(motion)["to"].tolist() == ["stick", "slip-", "stick", "slip+", "stick", "slip-"]
@@ -44,7 +49,7 @@ def test_other_parameters(seed: int) -> None:
     exact = coulomb_oscillator.phases(60.0, m, k, F_c, P, omega, x, v)
     start = {"x": x, "d_x": v}
     values = {"m": m, "k": k, "F_c": F_c, "P": P, "omega": omega}
-    motion = simulate(catalogue.forced_oscillator(), (0.0, 60.0), start, values)
+    motion = simulate(catalogue.forced_oscillator(), (0.0, 60.0), initial=start, parameters=values)
     assert motion.certificate.ok, motion.certificate.verdict
     assert distance(switches(motion)["time"], [float(phase.start) for phase in exact[1:]]) < 1e-10
     t = np.linspace(0.0, 60.0, 101)

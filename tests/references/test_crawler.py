@@ -27,7 +27,9 @@ def test_crawler(f_plus: float, f_minus: float, k: float) -> None:
     # A quarter of each cycle has 100 samples, and the extrema of L are among them.
     t = np.linspace(0.0, 2 * math.pi * cycles, 400 * cycles + 1)
     values = {"D": D, "k": k, "f_plus": f_plus, "f_minus": f_minus}
-    motion = simulate(catalogue.two_leg_crawler(), (0.0, float(t[-1])), {}, values)
+    motion = simulate(
+        catalogue.two_leg_crawler(), (0.0, float(t[-1])), initial={}, parameters=values
+    )
     assert motion.outcome.ok
     assert motion.certificate.ok, motion.certificate.verdict
     x_1, x_2 = crawler.simulate(D / 2 * np.sin(t), k, f_plus, f_minus)

@@ -24,7 +24,9 @@ def follow(
 ) -> Trajectory:
     """m = k = P = 1, so that ω = r and F_c = β."""
     span = (0.0, periods * 2 * math.pi / r)
-    trajectory = simulate(catalogue.forced_oscillator(), span, initial, {"F_c": beta, "omega": r})
+    trajectory = simulate(
+        catalogue.forced_oscillator(), span, initial=initial, parameters={"F_c": beta, "omega": r}
+    )
     assert trajectory.outcome.ok
     assert trajectory.certificate.ok, trajectory.certificate.verdict
     return trajectory

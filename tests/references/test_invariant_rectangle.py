@@ -32,7 +32,9 @@ def rectangle(law: str, nu: float, V: float) -> tuple[float, float]:
 def follow(
     law: str, nu: float, V: float, U: float, alpha: float, until: float = 20.0
 ) -> Trajectory:
-    motion = simulate(slider(law), (0.0, until), {"U": U, "alpha": alpha}, {"nu": nu, "V": V})
+    motion = simulate(
+        slider(law), (0.0, until), initial={"U": U, "alpha": alpha}, parameters={"nu": nu, "V": V}
+    )
     assert motion.outcome.ok
     assert motion.certificate.ok, motion.certificate.verdict
     return motion

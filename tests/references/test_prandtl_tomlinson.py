@@ -23,7 +23,10 @@ ETA = prandtl_tomlinson.eta(**LATTICE)
 
 def pulled(V: float, length: float = 1.2, **values: float) -> Trajectory:
     trajectory = simulate(
-        catalogue.prandtl_tomlinson(), (0.0, length / V), {"x": 0.0}, LATTICE | {"V": V} | values
+        catalogue.prandtl_tomlinson(),
+        (0.0, length / V),
+        initial={"x": 0.0},
+        parameters=LATTICE | {"V": V} | values,
     )
     assert trajectory.outcome.ok
     assert trajectory.certificate.ok, trajectory.certificate.verdict

@@ -85,10 +85,12 @@ def test_the_motion_agrees() -> None:
     start = {"tau": SIGMA * MU_0 + 1e-4, "theta": D_C / 1.5}
     size = []
     for factor in (0.98, 1.0, 1.02):
-        motion = simulate(system, (0, 10 * period), start, {"K": factor * k_c})
+        motion = simulate(system, (0, 10 * period), initial=start, parameters={"K": factor * k_c})
         assert motion.certificate.ok
         last = motion.at(np.linspace(9 * period, 10 * period, 400))["tau"]
         size.append(np.max(np.abs(last - SIGMA * MU_0)))
-    first = simulate(system, (0, period), start, {"K": k_c}).at(np.linspace(0, period, 400))["tau"]
+    first = simulate(system, (0, period), initial=start, parameters={"K": k_c}).at(
+        np.linspace(0, period, 400)
+    )["tau"]
     assert size[0] > 1.1 * size[1] > 1.2 * size[2]
     assert size[1] == pytest.approx(np.max(np.abs(first - SIGMA * MU_0)), rel=1e-3)

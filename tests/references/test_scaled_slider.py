@@ -24,7 +24,10 @@ MULTIPLIER = 0.028162086887829495
 
 def follow(gamma: float, until: float, **values: float) -> Trajectory:
     motion = simulate(
-        catalogue.scaled_slider_limit(), (0.0, until), {"beta": 0.0, "gamma": gamma}, values
+        catalogue.scaled_slider_limit(),
+        (0.0, until),
+        initial={"beta": 0.0, "gamma": gamma},
+        parameters=values,
     )
     assert motion.outcome.ok
     assert motion.certificate.ok, motion.certificate.verdict

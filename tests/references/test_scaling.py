@@ -36,7 +36,9 @@ def cycle(nu: float) -> tuple[float, float, float]:
     """γ at the start and at the end of slip and the duration of stick, of the cycle of (3.3)."""
     shift = math.sqrt(nu) * B
     values = {"nu": nu, "V": nu * V_HAT, "shift": shift}
-    motion = simulate(slider(), (0.0, 100.0), {"U": 1.0 + shift, "alpha": 1.0}, values)
+    motion = simulate(
+        slider(), (0.0, 100.0), initial={"U": 1.0 + shift, "alpha": 1.0}, parameters=values
+    )
     # Velocities (U − μ̃)/ν are known to rounding over ν; the slips of smaller ν have less energy
     # than that.
     assert motion.certificate.ok or nu < 1e-5, motion.certificate.verdict
@@ -52,10 +54,17 @@ def test_same_motion_in_scaled_variables() -> None:
     t = np.linspace(0.0, 60.0, 601)
     values = {"nu": nu, "V": nu * V_HAT, "shift": shift}
     original = simulate(
-        slider(), (0.0, 60.0), {"U": 1.0 + shift, "alpha": 1.0}, values, rtol=1e-12
+        slider(),
+        (0.0, 60.0),
+        initial={"U": 1.0 + shift, "alpha": 1.0},
+        parameters=values,
+        rtol=1e-12,
     ).at(t)
     scaled = simulate(
-        catalogue.scaled_slider(), (0.0, 60.0), {"beta": 0.0, "gamma": 0.0}, {"nu": nu, "b": B}
+        catalogue.scaled_slider(),
+        (0.0, 60.0),
+        initial={"beta": 0.0, "gamma": 0.0},
+        parameters={"nu": nu, "b": B},
     ).at(t)
     assert distance(original["alpha"], 1 + nu * scaled["gamma"]) < 1e-11
     mu = np.exp(1 - original["alpha"]) + shift

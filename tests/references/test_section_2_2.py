@@ -46,7 +46,7 @@ def limit(t: Array, minus: float, plus: float) -> Array:
 @pytest.mark.parametrize("ratio", [0.2, 1.0, 1.7])
 def test_constant_thresholds(plus: float, ratio: float) -> None:
     minus = ratio * plus
-    motion = play(LOAD, (plus, minus), SPAN, 0.0)
+    motion = play(LOAD, (plus, minus), SPAN, initial=0.0)
     t = np.linspace(*SPAN, 5001)
     assert np.abs(motion.position(t) - limit(t, minus, plus)).max() < 1e-14 * HEIGHT
     stop = TOP + np.sqrt(minus + plus)  # √(2ρ) if both are ρ
@@ -160,7 +160,7 @@ def running_maximum(
 @pytest.mark.parametrize("name", CASES)
 def test_running_maximum(name: str, epsilon: float) -> None:
     case = CASES[name]
-    motion = play(LOAD, case.given, SPAN, 0.0, epsilon=epsilon)  # type: ignore[arg-type]
+    motion = play(LOAD, case.given, SPAN, initial=0.0, epsilon=epsilon)  # type: ignore[arg-type]
     phases = np.linspace(0, 1, 10_001)
     turn = TOP + np.sqrt(case.minus(phases).min() + case.plus(phases).min())
     t = np.sort(np.random.default_rng(0).uniform(*SPAN, 300))
@@ -197,7 +197,7 @@ def test_error_is_of_order_epsilon(name: str) -> None:
     smallest = float(case.plus(np.linspace(0, 1, 10_001)).min())
     errors = np.empty(len(DECADES))
     for i, epsilon in enumerate(DECADES.tolist()):
-        motion = play(LOAD, case.given, SPAN, 0.0, epsilon=epsilon)  # type: ignore[arg-type]
+        motion = play(LOAD, case.given, SPAN, initial=0.0, epsilon=epsilon)  # type: ignore[arg-type]
         errors[i] = np.abs(motion.z - limit(motion.time, smallest, smallest)).max()
     # z_0 follows a bound at the speed |ℓ′| <= 5, and z_ε catches up once per period, where ρ has
     # its minimum. It moves for a while around that, which takes a share of the order √ε of the
@@ -210,10 +210,10 @@ def test_error_is_of_order_epsilon(name: str) -> None:
 def test_rates_converge_only_as_measures() -> None:
     """∫ φ dz_ε → ∫ φ dz_0 for continuous φ, while the largest rate grows like 1/ε: there is no
     limit in L^p."""
-    averaged = play(LOAD, 0.5, SPAN, 0.0)
+    averaged = play(LOAD, 0.5, SPAN, initial=0.0)
     gaps, speeds = [], []
     for epsilon in (1e-1, 1e-2, 1e-3):
-        motion = play(LOAD, "1 + cos(2*pi*s)/2", SPAN, 0.0, epsilon=epsilon)
+        motion = play(LOAD, "1 + cos(2*pi*s)/2", SPAN, initial=0.0, epsilon=epsilon)
         gaps.append(abs(against(motion) - against(averaged)))
         speeds.append(np.abs(motion.at(motion.time)["d_z"]).max())
         # The way converges, too.

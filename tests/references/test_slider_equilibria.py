@@ -45,7 +45,7 @@ def closed_form(law: str, nu: float, V: float, guess: float) -> tuple[float, flo
 def test_equilibrium_trace_and_determinant(law: str, nu: float, V: float) -> None:
     # Some laws have a second zero at states α < 1, which no motion reaches (theorem 3.1).
     (found,) = equilibria(
-        catalogue.spring_slider(mu=law), {"nu": nu, "V": V}, box={"alpha": (1.0, 40.0)}
+        catalogue.spring_slider(mu=law), parameters={"nu": nu, "V": V}, box={"alpha": (1.0, 40.0)}
     )
     assert isinstance(found, Equilibrium)
     assert found.modes == {"block": "slip-"}

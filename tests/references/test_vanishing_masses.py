@@ -19,14 +19,16 @@ TIMES = np.linspace(0.0, 60.0, 601)
 
 def follow(mass: float, nu: float) -> Trajectory:
     values = {"m_W": mass, "m_b": mass, "m_l": mass, "nu": nu, "g": 2.0 / mass}
-    motion = simulate(catalogue.rocking_toy_inertial(), (0.0, 60.0), WALK, values)
+    motion = simulate(
+        catalogue.rocking_toy_inertial(), (0.0, 60.0), initial=WALK, parameters=values
+    )
     assert motion.outcome.ok
     assert motion.certificate.ok, motion.certificate.verdict
     return motion
 
 
 def errors(motion: Trajectory) -> list[float]:
-    limit = simulate(catalogue.rocking_toy(), (0.0, 60.0), WALK)
+    limit = simulate(catalogue.rocking_toy(), (0.0, 60.0), initial=WALK)
     assert motion.n_switches == limit.n_switches
     return [distance(motion.at(TIMES)[x], limit.at(TIMES)[x]) for x in ("psi", "x_R", "x_L")]
 

@@ -29,7 +29,7 @@ def facts() -> dict[str, float]:
 
 def settled(initial: dict[str, float]) -> tuple[Trajectory, np.ndarray]:
     """A motion to t = 1500 and the last times at which the left leg starts."""
-    motion = simulate(catalogue.rocking_toy(), (0.0, 1500.0), initial)
+    motion = simulate(catalogue.rocking_toy(), (0.0, 1500.0), initial=initial)
     assert motion.outcome.ok
     assert motion.certificate.ok, motion.certificate.verdict
     table = switches(motion)
@@ -74,7 +74,7 @@ def test_energy_fed_in_each_period() -> None:
     X, psi_3 = facts()["X"], facts()["psi_3"]
     fed = 2 * 0.3 * X * (psi_3 + 1.0)
     # The oscillator of section 4.4 dissipates by δψ'² only.
-    motion = simulate(catalogue.rocking_oscillator(), (0.0, 1500.0), {"psi": -1.67})
+    motion = simulate(catalogue.rocking_oscillator(), (0.0, 1500.0), initial={"psi": -1.67})
     assert motion.certificate.ok, motion.certificate.verdict
     back = (motion.events["contact"] == "d_psi = 0") & (motion.events["to"] == "below")
     turns = motion.events[back]["time"].to_numpy()[-6:]
@@ -92,20 +92,23 @@ def test_energy_fed_in_each_period() -> None:
 
 
 def test_oscillator_and_toy_move_alike() -> None:
-    toy = simulate(catalogue.rocking_toy(), (0.0, 100.0), WALK)
-    reduced = simulate(catalogue.rocking_oscillator(), (0.0, 100.0), {"psi": WALK["psi"]})
+    toy = simulate(catalogue.rocking_toy(), (0.0, 100.0), initial=WALK)
+    reduced = simulate(catalogue.rocking_oscillator(), (0.0, 100.0), initial={"psi": WALK["psi"]})
     t = np.linspace(0.0, 100.0, 1001)
     assert distance(toy.at(t)["psi"], reduced.at(t)["psi"]) < 1e-10
 
 
 def test_rest_coexists_with_walking() -> None:
-    motion = simulate(catalogue.rocking_toy(), (0.0, 300.0), {"psi": 0.1, "x_R": 0.0})
+    motion = simulate(catalogue.rocking_toy(), (0.0, 300.0), initial={"psi": 0.1, "x_R": 0.0})
     assert motion.n_switches == 0
     assert abs(motion.final["psi"]) < 1e-3
     # Without rocking nothing moves below P = ρ + H*/2 = 1.7.
     assert (
         simulate(
-            catalogue.rocking_toy(), (0.0, 10.0), {"psi": 0.0, "x_R": 0.0}, {"P": 1.699}
+            catalogue.rocking_toy(),
+            (0.0, 10.0),
+            initial={"psi": 0.0, "x_R": 0.0},
+            parameters={"P": 1.699},
         ).n_switches
         == 0
     )

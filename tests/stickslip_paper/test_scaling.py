@@ -88,7 +88,9 @@ def test_reference_cycle() -> None:
 def test_fixed_point_is_the_cycle() -> None:
     values = {"nu": 0.01, "b": 0.8}
     found = exact("(3.5)", **values).fixed_point()
-    cycle = find_cycle(catalogue.scaled_slider(), {"beta": 0.0, "gamma": found.gamma}, values)
+    cycle = find_cycle(
+        catalogue.scaled_slider(), {"beta": 0.0, "gamma": found.gamma}, parameters=values
+    )
     assert found.period == pytest.approx(cycle.period, rel=1e-10)
     assert found.slip.end == pytest.approx(cycle.extrema["gamma"][1], rel=0.2)
 

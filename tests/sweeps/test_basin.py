@@ -37,7 +37,7 @@ from systems import ode
 def toy_map() -> xr.Dataset:
     return basin(
         catalogue.rocking_toy(),
-        {"psi": (-1.0, 1.0, 15), "d_psi": (-0.9, 0.9, 13)},
+        {"psi": "-1.0:1.0:15", "d_psi": "-0.9:0.9:13"},
         initial={"x_R": 0.0},
     ).dataset
 
@@ -66,7 +66,7 @@ def test_labels_are_what_motions_do() -> None:
         i, j = int(rng.integers(15)), int(rng.integers(13))
         start = {"psi": float(found["psi"][i]), "d_psi": float(found["d_psi"][j]), "x_R": 0.0}
         try:
-            motion = simulate(catalogue.rocking_toy(), (0.0, 1500.0), start)
+            motion = simulate(catalogue.rocking_toy(), (0.0, 1500.0), initial=start)
         except DeclarationError:
             # friction cannot hold d = 0 there: the map starts at the nearest d that it can hold
             continue
@@ -90,7 +90,7 @@ def test_unstable_cycle_is_the_boundary() -> None:
     outside."""
     values = {"V": 0.2255}
     point = continue_equilibrium(SLIDER, "V", (0.2, 0.25)).of_kind("Hopf")[0]
-    barrier = find_cycle(SLIDER, point, values)
+    barrier = find_cycle(SLIDER, point, parameters=values)
     t = np.linspace(barrier.time, barrier.time + barrier.period, 2)[:-1]
     states = barrier.trajectory.at(np.minimum(t, barrier.trajectory.knots.time[-1]))
     middle = np.array([point.state["U"], point.state["alpha"]])
@@ -101,12 +101,12 @@ def test_unstable_cycle_is_the_boundary() -> None:
                 "U": start[0] + np.array([0.0, 1e-6]),
                 "alpha": start[1] + np.array([0.0, 1e-6]),
             }
-            found = basin(SLIDER, axes, values).dataset
+            found = basin(SLIDER, axes, parameters=values).dataset
             assert found["kind"].values.tolist() == [kind]
 
 
 def test_two_wells_of_a_driven_oscillator() -> None:
-    found = basin(duffing(), {"x": (-1.3, 1.3, 6), "v": (-0.1, 0.1, 2)}, {"F": 0.05}).dataset
+    found = basin(duffing(), {"x": "-1.3:1.3:6", "v": "-0.1:0.1:2"}, parameters={"F": 0.05}).dataset
     assert found["kind"].values.tolist() == ["cycle", "cycle"]
     assert found["period"].values == pytest.approx(2 * np.pi / 1.2, rel=1e-12)
     left, right = found["attractor"].values[0, 0], found["attractor"].values[-1, 0]
@@ -121,7 +121,7 @@ def test_moving_frame() -> None:
     Its radius about the stretch F_k/k = 0.6 and the speed V = 0.3 has to stay below V for it never
     to stick.
     """
-    found = basin(dragged(), {"x": (-0.5, 0.5, 3), "d_x": (0.0, 0.5, 2)}).dataset
+    found = basin(dragged(), {"x": "-0.5:0.5:3", "d_x": "0.0:0.5:2"}).dataset
     assert found["kind"].values.tolist() == ["walking"]
     assert found["speed"].values == pytest.approx([0.3])
     x, v = np.meshgrid(found["x"].values, found["d_x"].values, indexing="ij")
@@ -134,7 +134,7 @@ def test_moving_and_shaking_load() -> None:
     """A period of the shaking later the system is the same, V T further on: every motion arrives on
     one gait."""
     values = {"A": 0.5, "F_s": 0.4, "F_k": 0.4, "V": 0.1}
-    found = basin(dragged(), {"x": (-0.3, 0.3, 3), "d_x": (0.0, 0.3, 2)}, values).dataset
+    found = basin(dragged(), {"x": "-0.3:0.3:3", "d_x": "0.0:0.3:2"}, parameters=values).dataset
     assert found["kind"].values.tolist() == ["walking"]
     assert found["speed"].values == pytest.approx([0.1])
     assert np.all(found["attractor"].values == 0)
@@ -142,7 +142,7 @@ def test_moving_and_shaking_load() -> None:
 
 def test_motions_that_stop_or_do_not_arrive() -> None:
     blows_up = ode("blow up", x="x**2 - 1")
-    found = basin(blows_up, {"x": (-2.0, 2.0, 5)}).dataset
+    found = basin(blows_up, {"x": "-2.0:2.0:5"}).dataset
     assert found["kind"].values.tolist() == ["rest", "rest"]
     assert found["stability"].values.tolist() == ["stable", "unstable"]
     assert found["attractor"].values.tolist() == [0, 0, 0, 1, -1]
@@ -152,11 +152,13 @@ def test_motions_that_stop_or_do_not_arrive() -> None:
 @pytest.mark.parametrize(
     ("axes", "message"),
     [
-        ({"phi": (0.0, 1.0, 3)}, "not a state"),
-        ({"psi": (1.0, 0.0, 3)}, "no range"),
-        ({"psi": (0.0, 1.0, 1)}, "no range"),
-        ({"psi": "abc"}, "no range"),
-        ({}, "nothing varies"),
+        ({"phi": "0.0:1.0:3"}, "neither a parameter nor a part of the state"),
+        ({"P": "0.8:1.0:3"}, "not a state"),
+        ({"psi": (-1.0, 1.0, 3)}, "may be a range or three values"),
+        ({"psi": [1.0, 0.0]}, "do not rise"),
+        ({"psi": [0.5]}, "do not rise"),
+        ({"psi": "abc"}, "abc"),
+        ({}, "nothing to vary"),
     ],
 )
 def test_bad_arguments(axes: dict, message: str) -> None:
@@ -167,7 +169,7 @@ def test_bad_arguments(axes: dict, message: str) -> None:
 def test_parameters_are_checked() -> None:
     system: System = catalogue.rocking_toy()
     with pytest.raises(DeclarationError, match="Q"):
-        basin(system, {"psi": (0.0, 1.0, 2)}, {"Q": 1.0})
+        basin(system, {"psi": "0.0:1.0:2"}, parameters={"Q": 1.0})
 
 
 def pendulum(**changes: str) -> System:
@@ -183,9 +185,9 @@ def pendulum(**changes: str) -> System:
 
 def test_rest_is_proved_where_forces_are_not_affine_or_driven() -> None:
     driven = basin(
-        catalogue.forced_oscillator(F_c=0.5, P=0.3), {"x": (-1.0, 1.0, 3), "d_x": (-1.0, 1.0, 2)}
+        catalogue.forced_oscillator(F_c=0.5, P=0.3), {"x": "-1.0:1.0:3", "d_x": "-1.0:1.0:2"}
     ).dataset
-    for found in (basin(pendulum(), {"x": (-2.0, 2.0, 4), "d_x": (-1.0, 1.0, 3)}).dataset, driven):
+    for found in (basin(pendulum(), {"x": "-2.0:2.0:4", "d_x": "-1.0:1.0:3"}).dataset, driven):
         assert found["kind"].values.tolist() == ["rest"]
         assert np.all(found["attractor"].values == 0) and np.all(found["lacking"].values == 0)
 
@@ -195,7 +197,7 @@ def test_rest_under_a_load_that_does_not_repeat_is_not_said() -> None:
     forces can know."""
     gust = pendulum(potential="-cos(x) - 2*exp(-((t - 5000)/3)**2)*x")
     found = basin(
-        gust, {"x": (-0.2, 0.2, 2), "d_x": (-0.1, 0.1, 2)}, settings=Settings(max_time=400.0)
+        gust, {"x": "-0.2:0.2:2", "d_x": "-0.1:0.1:2"}, settings=Settings(max_time=400.0)
     ).dataset
     assert np.all(found["attractor"].values == module.ON_ITS_WAY)
 
@@ -220,7 +222,7 @@ def jenkins(**values: float) -> System:
 def test_an_oscillation_whose_damper_sticks_is_no_rest() -> None:
     """Wherever the damper sticks, the mass swings with the amplitude of the linear oscillator."""
     system = jenkins()
-    found = basin(system, {"x": (-3.0, 3.0, 5), "d_x": (-1.0, 1.0, 4)}, initial={"z": 0.0}).dataset
+    found = basin(system, {"x": "-3.0:3.0:5", "d_x": "-1.0:1.0:4"}, initial={"z": 0.0}).dataset
     assert found["kind"].values.tolist() == ["oscillation"]
     assert found["family"].values.all() and found["certified"].values.all()
     assert np.all(found["attractor"].values == 0) and np.all(found["lacking"].values == 0)
@@ -240,7 +242,7 @@ def test_interruption_keeps_what_has_arrived(monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr(sweep_module, "compute", once)
     monkeypatch.setattr(axes_module, "FEWEST", 4)
-    axes = {"psi": (0.0, 2.0, 3), "d_psi": (0.0, 0.1, 4)}
+    axes = {"psi": "0.0:2.0:3", "d_psi": "0.0:0.1:4"}
     found = basin(catalogue.rocking_toy(), axes, initial={"x_R": 0.0}, workers=1).dataset
     assert found.attrs["interrupted"] == 1
     arrived = found["attractor"].values != module.ON_ITS_WAY
@@ -254,6 +256,6 @@ def test_interrupted_before_anything_has_arrived(monkeypatch: pytest.MonkeyPatch
         raise Stopped
 
     monkeypatch.setattr(sweep_module, "compute", interrupted)
-    found = basin(catalogue.rocking_toy(), {"psi": (-1.0, 1.0, 3), "d_psi": (-1.0, 1.0, 2)}).dataset
+    found = basin(catalogue.rocking_toy(), {"psi": "-1.0:1.0:3", "d_psi": "-1.0:1.0:2"}).dataset
     assert found.sizes["reached"] == 0
     assert (found["attractor"] == module.ON_ITS_WAY).all()

@@ -125,10 +125,13 @@ def test_closed_form_solves_the_linear_equations(name: str) -> None:
 def test_many_motions_end_where_single_ones_do() -> None:
     system, ranges = SYSTEMS["scaled slider"]
     given = spread(ranges, 9)
-    many = ss.simulate_many(system, (0.0, 30.0), None, given).dataset
+    many = ss.simulate_many(system, (0.0, 30.0), initial=None, parameters=given).dataset
     for i in range(9):
         one = ss.simulate(
-            system, (0.0, 30.0), None, {name: float(v[i]) for name, v in given.items()}
+            system,
+            (0.0, 30.0),
+            initial=None,
+            parameters={name: float(v[i]) for name, v in given.items()},
         )
         for name, value in one.final.items():
             assert float(many[f"final_{name}"][i]) == pytest.approx(value, rel=1e-9, abs=1e-9)

@@ -169,7 +169,7 @@ def test_cycles_of_newton(
     found = {
         name: float(v[0]) for name, v in measure_chunk(system, *point, asked, Settings()).items()
     }
-    cycle = find_cycle(system, start, parameters)
+    cycle = find_cycle(system, start, parameters=parameters)
     assert found["outcome"] == Outcome.PERIODIC.code and found["certificate"] < 1e-8
     assert found["period"] == pytest.approx(cycle.period, rel=1e-7)
     assert found["stick_fraction"] == pytest.approx(cycle.stick_time / cycle.period, abs=1e-7)

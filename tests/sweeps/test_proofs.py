@@ -137,7 +137,7 @@ def test_no_kick_is_missed_in_a_basin() -> None:
         contacts={"ground": Contact("d_x", 0.3)},
         span=(0, 50),
     )
-    found = ss.basin(held, {"x": (-0.2, 0.2, 3), "d_x": (-0.1, 0.1, 2)}).dataset
+    found = ss.basin(held, {"x": "-0.2:0.2:3", "d_x": "-0.1:0.1:2"}).dataset
     assert found["kind"].values.tolist() == ["cycle"]
     assert found["certified"].values.all() and np.all(found["attractor"].values == 0)
     kick = 400.0 * 1e-3 * math.sqrt(2.0 * math.pi)

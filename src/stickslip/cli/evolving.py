@@ -1,4 +1,4 @@
-"""The commands ``average_command`` and ``evolve_command``: rate-independent evolutions from model files."""
+"""The commands ``average`` and ``evolve``: rate-independent evolutions from model files."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ class Averaged:
     """
 
     model: EvolutionModel
-    average_command: Average
+    average: Average
 
     @property
     def outcome(self) -> Completion:

@@ -1,4 +1,4 @@
-"""The commands ``run_command``, ``equilibria_command``, ``cycle_command``, ``branch_command`` and ``basin_command``: a system's motion, and
+"""The commands ``run``, ``equilibria``, ``cycle``, ``branch`` and ``basin``: a system's motion, and
 where it ends up in the long run."""
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def run_command(
     span = (system.span[0], system.span[1] if until is None else until)
 
     def work(progress: ShowProgress) -> Trajectory:
-        return simulate(system, span, start, rtol=rtol, progress=progress)
+        return simulate(system, span, initial=start, rtol=rtol, progress=progress)
 
     present("moving", out or folder_of(system.name), MOTION_FILES, work, json_)
 
@@ -140,7 +140,7 @@ def branch_command(
 
     def work(progress: ShowProgress) -> Branch:
         if cycles:
-            return continue_cycle(find_cycle(system, start, at), parameter, (low, high))
+            return continue_cycle(find_cycle(system, start, parameters=at), parameter, (low, high))
         return continue_equilibrium(system, parameter, (low, high), start=start, parameters=at)
 
     folder = out or folder_of(system.name, "branch")
@@ -172,16 +172,15 @@ def basin_command(
     from stickslip import Basin
     from stickslip import basin as find
 
-    axes = {name: grid(name, values) for name, values in spans(over, ("LOW", "HIGH", "N")).items()}
-    if len(axes) != 2:
+    if len(over) != 2:
         raise DeclarationError(
-            "--over", f"{len(axes)} initial values vary", "A map needs two, with --over each"
+            "--over", f"{len(over)} initial values vary", "A map needs two, with --over each"
         )
     start = given(initial)
     system = load_model(model, settings or [])
 
     def work(progress: ShowProgress) -> Basin:
-        return find(system, axes, initial=start)
+        return find(system, over, initial=start, progress=progress)
 
     folder = out or folder_of(system.name, "basin")
     present(f"basin of {system.name}", folder, BASIN, work, json_)
@@ -196,7 +195,7 @@ def given(initial: list[str] | None) -> dict[str, float] | None:
 
 
 def spans(texts: list[str], parts: tuple[str, ...]) -> dict[str, list[float]]:
-    """Read NAME=LOW:HIGH or NAME=LOW:HIGH:N; every number may be a fraction."""
+    """Read NAME=LOW:HIGH; every number may be a fraction."""
     for text in texts:
         if "=" not in text:
             shape = ":".join(parts)
@@ -219,13 +218,3 @@ def spans(texts: list[str], parts: tuple[str, ...]) -> dict[str, list[float]]:
             numbers(assignments([f"{name}={p}"], "--over"), "--over")[name] for p in pieces
         ]
     return found
-
-
-def grid(name: str, values: list[float]) -> tuple[float, float, int]:
-    """A range with a whole number of values."""
-    low, high, number = values
-    if number != int(number) or number < 2:
-        raise DeclarationError(
-            f"--over {name}", f"{number:g} values", "Give a whole number, at least 2"
-        )
-    return low, high, int(number)

@@ -1,4 +1,4 @@
-"""The commands ``sweep_command`` and ``plot_command``: parameter maps."""
+"""The commands ``sweep`` and ``plot``: parameter maps."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ class VectorField:
 
 
 def vector_field(
-    system: System, modes: Mapping[str, str] | None = None, at: Values | None = None
+    system: System, modes: Mapping[str, str] | None = None, *, at: Values | None = None
 ) -> VectorField:
     """The equations of motion of a system while its contacts keep their modes.
 

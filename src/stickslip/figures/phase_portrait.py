@@ -194,7 +194,10 @@ class _Portrait:
         for x in self.x[0] + fractions * np.ptp(self.x):
             for y in self.y[0] + fractions * np.ptp(self.y):
                 motion = simulate(
-                    self.system, (begin, begin + span), {self.across: x, self.up: y}, self.values
+                    self.system,
+                    (begin, begin + span),
+                    initial={self.across: x, self.up: y},
+                    parameters=self.values,
                 )
                 end = motion.knots.time[-1]
                 if end > begin:
@@ -253,7 +256,7 @@ class _Portrait:
     def steady(self, axes: Axes) -> list[Line2D]:
         """Isolated equilibria: full if stable, grey if linearisation does not decide."""
         shown = {}
-        for e in equilibria(self.system, self.values):
+        for e in equilibria(self.system, parameters=self.values):
             if not isinstance(e, Equilibrium):
                 continue
             verdict, fill = _EQUILIBRIA[e.stable]

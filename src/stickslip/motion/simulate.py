@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -16,20 +17,24 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.symbolic import expressions as ex
 
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
+
 _CHUNK = 4096  # steps between looks at the clock and the keyboard
 
 
 def simulate(
     system: System,
     t_span: tuple[float, float] | None = None,
+    *,
     initial: Mapping[str, float] | None = None,
     parameters: Mapping[str, float] | None = None,
-    *,
     rtol: float = 1e-10,
     atol: float = 1e-12,
     max_events: int = 1_000_000,
+    flow: Literal["auto", "taylor"] = "auto",
     progress: Callable[[float], None] | None = None,
-):
+) -> Trajectory:
     """The motion of a system, switch by switch.
 
     Parameters
@@ -46,6 +51,9 @@ def simulate(
         Global quality: relative to the size of the motion, and the smallest size that counts.
     max_events : int
         Limit on the number of events.
+    flow : str
+        ``"auto"``: in closed form where a mode is affine, else by Taylor series. ``"taylor"``:
+        always by Taylor series, to see that both agree.
     progress : callable, optional
         Called now and then with the fraction done.
 
@@ -65,7 +73,9 @@ def simulate(
 
     started = time.perf_counter()
     start, end = check_span(system.span if t_span is None else t_span)
-    problem = pose(system, parameters, rtol, atol, origin=start)
+    if flow not in ("auto", "taylor"):
+        raise DeclarationError("flow", f"{flow!r} is none", 'Choose "auto" or "taylor"')
+    problem = pose(system, parameters, rtol, atol, exact=flow == "auto", origin=start)
     y = problem.initial_state(initial or {})
     check_positive(max_events=max_events)
     code, knots = run_loop(problem, start, end, y, max_events, progress)

@@ -128,9 +128,9 @@ class Ensemble(Result):
 def simulate_many(
     system: System,
     t_span: tuple[float, float] | None = None,
+    *,
     initial: Mapping[str, ArrayLike] | None = None,
     parameters: Mapping[str, ArrayLike] | None = None,
-    *,
     rtol: float = 1e-10,
     atol: float = 1e-12,
     max_events: int = 1_000_000,

@@ -10,10 +10,10 @@ which tells its stability, and belongs to all motions that have settled on it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from stickslip.orbits.equilibria.equilibrium import Equilibrium
 from stickslip.orbits.equilibria.finding import equilibria
 from stickslip.orbits.fields.steady import invariant_directions
 from stickslip.sweeps.map import Basin
-from stickslip.sweeps.request.axes import Axis as RequestAxis
+from stickslip.sweeps.request.axes import Axis, read_axes
 from stickslip.sweeps.request.measures import LACKING
 from stickslip.sweeps.request.plan import Plan
 from stickslip.sweeps.request.user_measures import variable
@@ -43,8 +43,6 @@ if TYPE_CHECKING:
     import xarray
 
     from stickslip.orbits.settling.motions import Settings
-
-Axis = tuple[float, float, int] | Sequence[float] | np.ndarray
 
 _STOPPED = -1  # labels of motions that are on no attractor
 ON_ITS_WAY = -2
@@ -123,29 +121,33 @@ class SettledMotions:
 
 def basin(
     system: System,
-    over: Mapping[str, Axis],
-    parameters: Mapping[str, float] | None = None,
+    over: Mapping[str, Any] | Sequence[str],
     *,
     initial: Mapping[str, float] | None = None,
+    parameters: Mapping[str, float] | None = None,
     settings: Settings | None = None,
     workers: int | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Basin:
     """Which attractor each state of a section of initial states reaches.
 
     Parameters
     ----------
     system : System
-    over : mapping of str to (low, high, number) or 1-D array
-        The states that vary, usually two.
-    parameters : mapping of str to float, optional
-        Values that replace the defaults.
+    over : mapping of str to axis
+        The states that vary, usually two, as for :func:`stickslip.sweep`:
+        ``{"psi": "-2:2:80", "d_psi": "-3:3:80"}``, or arrays of values.
     initial : mapping of str to float, optional
         Of the other states; by default the declared ones. A rate-independent coordinate that
         friction cannot hold there starts at the nearest place at which it can.
+    parameters : mapping of str to float, optional
+        Values that replace the defaults.
     settings : Settings, optional
         How a motion settles, and the accuracy.
     workers : int, optional
         Threads; by default all cores. The result does not depend on it.
+    progress : callable, optional
+        Called now and then with the fraction done.
 
     Returns
     -------
@@ -168,12 +170,13 @@ def basin(
     settings = settings or Settings()
     problem = pose(system, parameters, settings.rtol, settings.atol, origin=system.span[0])
     axes = _axes(system, over)
-    if twice := [name for name in initial or {} if name in axes]:
+    varying = {axis.dimension: axis.values[0] for axis in axes}
+    if twice := [name for name in initial or {} if name in varying]:
         raise DeclarationError(f"initial.{twice[0]}", "it varies along an axis", "Give it once")
     problem.initial_state(dict(initial or {}))  # refuses what is none
     plan = Plan(
         system.with_parameters(**problem.parameters),
-        tuple(RequestAxis((name,), values[None], "list") for name, values in axes.items()),
+        axes,
         _measures(problem),
         {name: float(value) for name, value in (initial or {}).items()},
         settings,
@@ -181,18 +184,21 @@ def basin(
         section=True,
     )
     store = create(plan, None)
-    interrupted = not compute_missing(store, Pool("threads", workers), None)
+    show = None if progress is None else lambda state: progress(state.done / state.total)
+    interrupted = not compute_missing(store, Pool("threads", workers), None, show)
     done = store.outcome.ravel() >= 0
     label = np.full(done.size, ON_ITS_WAY)
     lacks = np.full(done.size, LACKING.index("result"))
     reached = []
     if np.any(done):
         found = _settled(problem, store, done)
-        sizes = [0.5 * np.ptp(axes[x]) if x in axes else 0.0 for x in system.declaration.state]
+        sizes = [
+            0.5 * np.ptp(varying[x]) if x in varying else 0.0 for x in system.declaration.state
+        ]
         census = _Census(problem, found, np.array(sizes))
         label[done], reached = census.label, census.reached
         lacks[done] = found.lacking
-    data = _dataset(system, axes, label, reached, lacks, interrupted)
+    data = _dataset(system, varying, label, reached, lacks, interrupted)
     return Basin(system, dict(problem.parameters), data)
 
 
@@ -234,38 +240,20 @@ def _settled(problem: Problem, store: MapStore, done: Array) -> SettledMotions:
     )
 
 
-def _axes(system: System, over: Mapping[str, Axis]) -> dict[str, Array]:
+def _axes(system: System, over: Mapping[str, Any] | Sequence[str]) -> tuple[Axis, ...]:
     """Values of the states that vary."""
-    axes = {}
-    for name, given in over.items():
-        if name not in system.declaration.state:
+    axes = read_axes(system, over)
+    for axis in axes:
+        (name, *others) = axis.names
+        where = f"over.{','.join(axis.names)}"
+        if others or name not in system.declaration.state:
+            known = ", ".join(system.declaration.state)
+            raise DeclarationError(where, "not a state of the system", f"Choose from {known}")
+        if len(axis) < 2 or not np.all(np.diff(axis.values[0]) > 0.0):
             raise DeclarationError(
-                f"over.{name}",
-                "not a state of the system",
-                f"Choose from {', '.join(system.declaration.state)}",
+                where, "its values do not rise", "Give two or more, as in -2:2:80"
             )
-        try:
-            if isinstance(given, tuple) and len(given) == 3 and isinstance(given[2], int):
-                values = np.linspace(
-                    float(given[0]), float(given[1]), min(max(given[2], 0), _MOST_STATES + 1)
-                )
-            else:
-                values = np.asarray(given, dtype=float)
-        except (TypeError, ValueError):
-            values = np.zeros(0)
-        if (
-            values.ndim != 1
-            or len(values) < 2
-            or not np.all(np.diff(values) > 0.0)
-            or not np.all(np.isfinite(values))
-        ):
-            raise DeclarationError(
-                f"over.{name}", f"{given!r} is no range", "Give (low, high, number), number >= 2"
-            )
-        axes[name] = values
-    if not axes:
-        raise DeclarationError("over", "nothing varies", "Give ranges of one or two states")
-    if math.prod(map(len, axes.values())) > _MOST_STATES:
+    if math.prod(map(len, axes)) > _MOST_STATES:
         raise DeclarationError(
             "over", f"the section has more than {_MOST_STATES:,} states", "Give fewer values"
         )
@@ -338,7 +326,7 @@ class _Census:
             return []
         return [
             e
-            for e in equilibria(self.problem.system, self.problem.parameters)
+            for e in equilibria(self.problem.system, parameters=self.problem.parameters)
             if isinstance(e, Equilibrium)
         ]
 
@@ -394,7 +382,10 @@ class _Census:
         start, period = float(f.time[motion]), float(f.period[motion])
         try:
             ahead = simulate(
-                system, (start, start + _LONG_ENOUGH * period), self._named(f.state[motion]), values
+                system,
+                (start, start + _LONG_ENOUGH * period),
+                initial=self._named(f.state[motion]),
+                parameters=values,
             )
             cycle = find_cycle(system, ahead)
         except (ConvergenceError, DeclarationError):

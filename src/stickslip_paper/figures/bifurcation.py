@@ -62,8 +62,10 @@ def sweep(slider: ss.System, speeds: Array) -> Array:
     state = {"U": 1.5, "alpha": 1.5}
     extent = []
     for V in speeds.tolist():
-        state = ss.simulate(slider, (0.0, 1000.0), state, {"V": V}).final
-        U = ss.simulate(slider, (0.0, 25.0), state, {"V": V}).at(np.linspace(0.0, 25.0, 2501))["U"]
+        state = ss.simulate(slider, (0.0, 1000.0), initial=state, parameters={"V": V}).final
+        U = ss.simulate(slider, (0.0, 25.0), initial=state, parameters={"V": V}).at(
+            np.linspace(0.0, 25.0, 2501)
+        )["U"]
         extent.append((U.min(), U.max()))
     return np.array(extent)
 

@@ -11,8 +11,8 @@ def draw() -> Figure:
     at every phase."""
     load, threshold = "5*t - t**2", "1 + cos(2*pi*s)/2"
     smallest = ss.WeightedL1([threshold]).average().support([1.0])  # of (2.3): Ψ_av(V) = min ρ |V|
-    resolved = ss.play(load, threshold, (0, 5), 0.0, epsilon=0.1)
-    averaged = ss.play(load, smallest, (0, 5), 0.0)
+    resolved = ss.play(load, threshold, (0, 5), initial=0.0, epsilon=0.1)
+    averaged = ss.play(load, smallest, (0, 5), initial=0.0)
     return ss.figures.plot_limit(resolved, averaged)
 
 

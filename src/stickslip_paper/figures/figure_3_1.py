@@ -19,7 +19,7 @@ def draw() -> Figure:
         figure = ss.style.new_figure(7.2, 4.2)
         axes = figure.add_subplot(xlim=(-19.5, 7.5), ylim=(0.0, 2.55))
         for (beta, gamma), duration in _STARTS:
-            motion = ss.simulate(slider, (0.0, duration), {"beta": beta, "gamma": gamma})
+            motion = ss.simulate(slider, (0.0, duration), initial={"beta": beta, "gamma": gamma})
             path = motion.at(np.linspace(0.0, duration, 4001))
             axes.plot(path["beta"], path["gamma"], color=ss.style.SKY, lw=1.1)
             heads(axes, path["beta"], path["gamma"], (0.12, 0.3, 0.6), ss.style.SKY, 12)

@@ -13,7 +13,7 @@ def draw() -> Figure:
     """U and α over three periods of (3.3), stick in grey."""
     slider = ss.catalogue.spring_slider(mu="exp(-(alpha - 1)) + 0.1", nu=0.01, V=0.01)
     settled = ss.simulate(slider, (0.0, 100.0)).final
-    motion = ss.simulate(slider, (0.0, 20.0), settled)
+    motion = ss.simulate(slider, (0.0, 20.0), initial=settled)
     starts = motion.events.query("to == 'stick'")["time"].to_numpy()
     t = np.linspace(starts[0] + 1.0, starts[3] + 1.0, 6001)
     values = motion.at(t)

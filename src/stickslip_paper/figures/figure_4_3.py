@@ -14,8 +14,8 @@ def draw() -> Figure:
     toy = ss.catalogue.rocking_toy()
     operator = ss.HysteresisOperator.of(toy)
     X, end = operator.X, operator.psi_2
-    settled = ss.simulate(toy, (0.0, 1000.0), {"psi": -1.67, "x_R": 0.5}).final
-    walk = ss.simulate(toy, (0.0, 6.0), settled).at(np.linspace(0.0, 5.97, 80))
+    settled = ss.simulate(toy, (0.0, 1000.0), initial={"psi": -1.67, "x_R": 0.5}).final
+    walk = ss.simulate(toy, (0.0, 6.0), initial=settled).at(np.linspace(0.0, 5.97, 80))
     with ss.style.paper_style():
         figure = ss.style.new_figure(7.2, 3.8)
         axes = figure.add_subplot(xlim=(-end, end), ylim=(-1.7, 1.7))

@@ -12,9 +12,9 @@ def draw() -> Figure:
     """(ψ, ψ̇) spirals towards the limit cycle from both sides; ψ, x_R and x_L of the motion from
     inside."""
     toy = ss.catalogue.rocking_toy()
-    inside = ss.simulate(toy, (0.0, 1000.0), {"psi": 0.8, "x_R": -0.8})
-    outside = ss.simulate(toy, (0.0, 60.0), {"psi": 3.0, "x_R": 0.0})
-    cycle = ss.simulate(toy, (0.0, 6.0), inside.final)
+    inside = ss.simulate(toy, (0.0, 1000.0), initial={"psi": 0.8, "x_R": -0.8})
+    outside = ss.simulate(toy, (0.0, 60.0), initial={"psi": 3.0, "x_R": 0.0})
+    cycle = ss.simulate(toy, (0.0, 6.0), initial=inside.final)
     with ss.style.paper_style():
         figure = ss.style.new_figure(8.6, 4.0)
         plane, angle, legs = figure.subplot_mosaic(

@@ -32,10 +32,10 @@ def walking_speed(toy: ss.System, P: float) -> float:
     """Stride over period [m/s] of the motion that a large rocking settles to; 0 if it comes to
     rest."""
     start = {"psi": -1.67, "x_R": P - 0.7}
-    settled = ss.simulate(toy, (0.0, 2000.0), start, {"P": P})
+    settled = ss.simulate(toy, (0.0, 2000.0), initial=start, parameters={"P": P})
     if settled.outcome is ss.Outcome.AT_REST:
         return 0.0
-    motion = ss.simulate(toy, (0.0, 20.0), settled.final, {"P": P})
+    motion = ss.simulate(toy, (0.0, 20.0), initial=settled.final, parameters={"P": P})
     steps = motion.events.query("contact == 'left leg' and to == 'slip+'")
     return float(np.diff(steps["x_L"])[0] / np.diff(steps["time"])[0])
 

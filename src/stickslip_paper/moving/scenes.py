@@ -51,8 +51,8 @@ class Scene:
 def toy_scene(frames: int = 140) -> Scene:
     """Two periods of settled walking: the toy from the side and from behind, and its traces."""
     toy = ss.catalogue.rocking_toy()
-    settled = ss.simulate(toy, (0.0, 1000.0), {"psi": -1.67, "x_R": 0.5}).final
-    motion = ss.simulate(toy, (0.0, 12.0), settled)
+    settled = ss.simulate(toy, (0.0, 1000.0), initial={"psi": -1.67, "x_R": 0.5}).final
+    motion = ss.simulate(toy, (0.0, 12.0), initial=settled)
     # two periods of 5.969 s
     times = np.linspace(0.0, 11.938, 2400)
     t = np.linspace(0.0, 11.938, frames)
@@ -215,7 +215,7 @@ def compactor_scene(frames: int = 140) -> Scene:
     value = system.values
     period = 2 * np.pi / value["Omega"]
     smallest = value["mu"] * (value["m"] * value["g"] - value["F"])
-    motion = ss.simulate(system, (0.0, settling * period), {"x": -smallest / value["k"]})
+    motion = ss.simulate(system, (0.0, settling * period), initial={"x": -smallest / value["k"]})
     start = (settling - turns) * period
     end = settling * period
     times = np.linspace(start, end, 2400)

@@ -33,12 +33,12 @@ def built(declare: Callable[..., ss.System], **given: float | str) -> ss.System:
 
 def rates_of(system: ss.System, modes: Mapping[str, str], values: Values) -> dict[str, float]:
     """Rates of all state variables at a point."""
-    return ss.vector_field(system, modes, {"t": 0.0, **values}).rates_at()
+    return ss.vector_field(system, modes, at={"t": 0.0, **values}).rates_at()
 
 
 def jacobian_of(system: ss.System, modes: Mapping[str, str], values: Values) -> np.ndarray:
     """Jacobian of the rates at a point."""
-    return ss.vector_field(system, modes, {"t": 0.0, **values}).jacobian_at()
+    return ss.vector_field(system, modes, at={"t": 0.0, **values}).jacobian_at()
 
 
 def fact(system: ss.System, name: str, **parameters: float) -> float:

@@ -311,7 +311,9 @@ class _Flow:
     def passage(self, gamma: float, slipping: bool, span: float) -> Passage:
         """From γ on the axis through one phase."""
         for _ in range(_DOUBLINGS):
-            motion = ss.simulate(self.system, (0.0, span), self.state(gamma), self.parameters)
+            motion = ss.simulate(
+                self.system, (0.0, span), initial=self.state(gamma), parameters=self.parameters
+            )
             found = _phase(motion, slipping)
             if found is not None:
                 knots = motion.knots

@@ -255,7 +255,9 @@ def equicontinuity_is_sharp() -> Finding:
     epsilons = [1e-2, 3e-3, 1e-3, 3e-4]
     largest = []
     for epsilon in epsilons:
-        motion = ss.play("5*t - t**2", "1 + cos(2*pi*s)/2", (0.0, 5.0), 0.0, epsilon=epsilon)
+        motion = ss.play(
+            "5*t - t**2", "1 + cos(2*pi*s)/2", (0.0, 5.0), initial=0.0, epsilon=epsilon
+        )
         t = np.union1d(motion.time, np.linspace(0.0, 5.0 - epsilon, 20_001))
         t = t[t <= 5.0 - epsilon]
         change = np.abs(motion.position(t + epsilon**1.25) - motion.position(t))
@@ -271,7 +273,7 @@ def equicontinuity_is_sharp() -> Finding:
 def energy_of_the_limit() -> Finding:
     """The limit satisfies the energy estimate with the averaged potential."""
     average = ss.WeightedL1(["1 + cos(2*pi*s)/2"]).average()
-    motion = ss.play("5*t - t**2", average.value(0.0, [1.0]), (0.0, 5.0), 0.0)
+    motion = ss.play("5*t - t**2", average.value(0.0, [1.0]), (0.0, 5.0), initial=0.0)
     spent = 0.5 * (6.25 - 0.5) + 0.5 * (6.25 - 1.0)
     return together(
         vanishes(motion.certificate["energy balance"].value, 1e-12, "energy residual"),
@@ -288,7 +290,7 @@ def limit_is_stable_at_every_phase() -> Finding:
     """The limit is stable for every phase at every time, not only for the average."""
     potential = ss.WeightedL1(["1 + cos(2*pi*s)/2"])
     average = potential.average()
-    motion = ss.play("5*t - t**2", average.value(0.0, [1.0]), (0.0, 5.0), 0.0)
+    motion = ss.play("5*t - t**2", average.value(0.0, [1.0]), (0.0, 5.0), initial=0.0)
     sampled = potential.sampled(_PHASES)
     t = np.linspace(0.0, 5.0, 200)
     force = 5 * t - t**2 - motion.position(t)

@@ -44,7 +44,7 @@ def smooth(s: Array) -> Array:
 
 def oscillating(epsilon: float, rho: str = _SMOOTH) -> ss.Play:
     """z_ε of section 2.2."""
-    return ss.play(_LOAD, rho, _SPAN, 0.0, epsilon=epsilon)
+    return ss.play(_LOAD, rho, _SPAN, initial=0.0, epsilon=epsilon)
 
 
 def limit(t: Array, least: float = _LEAST) -> Array:
@@ -263,7 +263,7 @@ def last_move_starts_late() -> Finding:
     """The solution rests after the top of the load until the upper bound has come down to it."""
     printed = right = 0.0
     for rho in (0.1, 0.5, 1.0, 2.0, 3.0):
-        start = ss.play(_LOAD, rho, _SPAN, 0.0).events["time"].to_numpy()[-1]
+        start = ss.play(_LOAD, rho, _SPAN, initial=0.0).events["time"].to_numpy()[-1]
         printed = maximum(printed, abs(start - _TOP - np.sqrt(rho)))
         right = maximum(right, abs(start - _TOP - np.sqrt(2 * rho)))
     return corrects(printed, right, 1e-12, "start of the last move")
@@ -281,7 +281,7 @@ def limit_solution() -> Finding:
     for least in (0.1, 0.5, 1.0, 2.5):
         average = ss.WeightedL1([f"{least} + 1 + cos(2*pi*s)"]).average()
         threshold = float(average.bounds()[1][0])  # pyright: ignore[reportAttributeAccessIssue]
-        z = ss.play(_LOAD, threshold, _SPAN, 0.0).position(t)
+        z = ss.play(_LOAD, threshold, _SPAN, initial=0.0).position(t)
         error = maximum(error, float(np.abs(z - limit(t, least)).max()))
     return vanishes(error, 1e-13)
 

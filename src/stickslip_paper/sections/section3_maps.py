@@ -85,8 +85,8 @@ def flight(gamma: float, nu: float, until: float, **values: float) -> tuple[floa
     motion = ss.simulate(
         built(catalogue.scaled_slider_limit),
         (0.0, until),
-        {"beta": 0.0, "gamma": gamma},
-        {"nu": nu, **values},
+        initial={"beta": 0.0, "gamma": gamma},
+        parameters={"nu": nu, **values},
     )
     first = motion.events.iloc[0]
     return float(first["time"]), float(first["gamma"])
@@ -151,7 +151,10 @@ def passage_to_the_focus() -> Finding:
     times = []
     for nu in _VISCOSITIES:
         motion = ss.simulate(
-            catalogue.scaled_slider_limit(), (0.0, 20 * nu), {"gamma": 0.3}, {"nu": nu, "b": 1.0}
+            catalogue.scaled_slider_limit(),
+            (0.0, 20 * nu),
+            initial={"gamma": 0.3},
+            parameters={"nu": nu, "b": 1.0},
         )
         times.append(root(lambda t, m=motion: m.at(t)["beta"] - 1.0, 0.0, 20 * nu))
     return scales(_VISCOSITIES, times, 1.0, 0.02, "time", "ν")
@@ -169,7 +172,10 @@ def height_of_a_slip() -> Finding:
     for nu in _VISCOSITIES:
         time, _ = flight(0.3, nu, 1.0)
         motion = ss.simulate(
-            catalogue.scaled_slider_limit(), (0.0, time), {"gamma": 0.3}, {"nu": nu, "b": 1.0}
+            catalogue.scaled_slider_limit(),
+            (0.0, time),
+            initial={"gamma": 0.3},
+            parameters={"nu": nu, "b": 1.0},
         )
         tops.append(float(motion.at(np.linspace(0, time, 2001))["beta"].max()))
     return scales(_VISCOSITIES, tops, -0.5, 0.02, "largest β", "ν")
@@ -217,7 +223,10 @@ def sticking_orbit() -> Finding:
     time, _ = flight(gamma, nu, 30.0, b=b)
     t = np.linspace(0.0, time, 200)
     motion = ss.simulate(
-        catalogue.scaled_slider_limit(), (0.0, time), {"gamma": gamma}, {"nu": nu, "b": b}
+        catalogue.scaled_slider_limit(),
+        (0.0, time),
+        initial={"gamma": gamma},
+        parameters={"nu": nu, "b": b},
     )
     now = motion.at(t)
     load = (1 - b * math.sqrt(nu)) * t
@@ -410,8 +419,8 @@ def all_solutions_stick() -> Finding:
         motion = ss.simulate(
             catalogue.scaled_slider_limit(),
             (0.0, 40.0),
-            {"beta": beta, "gamma": gamma},
-            {"nu": 0.01},
+            initial={"beta": beta, "gamma": gamma},
+            parameters={"nu": 0.01},
         )
         late = motion.at(np.linspace(20.0, 40.0, 2001))["beta"]
         highest = maximum(highest, float(late.min()))
@@ -431,7 +440,9 @@ def cycle_in_many_digits() -> Finding:
     """The periodic orbit of the piecewise linear system, pieced together from its two flows."""
 
     cycle = ss.find_cycle(
-        catalogue.scaled_slider_limit(), {"beta": 0.0, "gamma": 0.01}, {"nu": 0.01, "b": 1.0}
+        catalogue.scaled_slider_limit(),
+        {"beta": 0.0, "gamma": 0.01},
+        parameters={"nu": 0.01, "b": 1.0},
     )
     return together(
         equals(cycle.period, 0.38862420022020717876 + 7.0673964441874579179, 1e-9, "period"),
@@ -488,7 +499,9 @@ def cycle_is_stable() -> Finding:
     multipliers = []
     for b in (0.7, 1.4):
         cycle = ss.find_cycle(
-            catalogue.scaled_slider_limit(), {"beta": 0.0, "gamma": 0.5}, {"nu": 1e-3, "b": b}
+            catalogue.scaled_slider_limit(),
+            {"beta": 0.0, "gamma": 0.5},
+            parameters={"nu": 1e-3, "b": b},
         )
         multipliers.append(maximum(*abs(cycle.nontrivial)))
     listed = ", ".join(f"{m:.2g}" for m in multipliers)
@@ -549,7 +562,10 @@ def sizes_of_the_solution() -> Finding:
 def _cycle(nu: float) -> ss.Trajectory:
     """A motion that has settled, with b = 1."""
     motion = ss.simulate(
-        catalogue.scaled_slider_limit(), (0.0, 45.0), {"gamma": 0.1}, {"nu": nu, "b": 1.0}
+        catalogue.scaled_slider_limit(),
+        (0.0, 45.0),
+        initial={"gamma": 0.1},
+        parameters={"nu": nu, "b": 1.0},
     )
     return motion
 

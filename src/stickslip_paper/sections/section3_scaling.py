@@ -267,7 +267,7 @@ def limit_steady_state() -> Finding:
         printed = maximum(printed, abs(limit_rates(p)[0] + factor * (nu - 1 / nu)))
         for name in ("beta", "gamma"):
             right = maximum(right, abs(fact(system, f"{name}_star", **_only(system, p)) - p[name]))
-    found = ss.equilibria(system, {"b": 1.2, "mu_0": 1.5, "v_hat": 0.7})
+    found = ss.equilibria(system, parameters={"b": 1.2, "mu_0": 1.5, "v_hat": 0.7})
     one = equals(float(len(found)), 1.0, 0.0, "equilibria")
     right = maximum(right, abs(found[0].state["beta"] - 0.7), abs(found[0].state["gamma"] - 1.05))
     return together(corrects(printed, right, 1e-10, "rate"), one)
@@ -289,8 +289,10 @@ def homogeneous_of_degree_one() -> Finding:
         )
     t = np.linspace(0.0, 20.0, 401)
     system = catalogue.scaled_slider_limit()
-    first = ss.simulate(system, (0.0, 20.0), {"gamma": 0.4}).at(t)["gamma"]
-    other = ss.simulate(system, (0.0, 20.0), {"gamma": 1.2}, {"v_hat": 3.0}).at(t)["gamma"]
+    first = ss.simulate(system, (0.0, 20.0), initial={"gamma": 0.4}).at(t)["gamma"]
+    other = ss.simulate(system, (0.0, 20.0), initial={"gamma": 1.2}, parameters={"v_hat": 3.0}).at(
+        t
+    )["gamma"]
     return together(
         vanishes(error, 1e-12, "field"),
         vanishes(float(np.abs(other - 3 * first).max()), 1e-9, "motions"),
@@ -377,9 +379,14 @@ def slider_tends_to_its_limit() -> Finding:
     errors = []
     for nu in viscosities:
         start = {"U": 1.0 + math.sqrt(nu), "alpha": 1.0}
-        motion = ss.simulate(shifted_slider(), (0.0, 60.0), start, scaled_values(nu))
+        motion = ss.simulate(
+            shifted_slider(), (0.0, 60.0), initial=start, parameters=scaled_values(nu)
+        )
         limit = ss.simulate(
-            catalogue.scaled_slider_limit(), (0.0, 60.0), None, {"nu": nu, "b": 1.0}
+            catalogue.scaled_slider_limit(),
+            (0.0, 60.0),
+            initial=None,
+            parameters={"nu": nu, "b": 1.0},
         )
         ends = at_events(limit, "below", "gamma")[-1]
         errors.append(abs((at_events(motion, "stick", "alpha")[-1] - 1) / nu - ends))
@@ -457,7 +464,9 @@ def _last_phase(nu: float, slip: bool) -> tuple[ss.Trajectory, float, float]:
     """A motion of the slider in the scaling, and the ends of its last complete phase of slip or of
     stick."""
     start = {"U": 1.0 + math.sqrt(nu), "alpha": 1.0}
-    motion = ss.simulate(shifted_slider(), (0.0, 40.0), start, scaled_values(nu), rtol=1e-12)
+    motion = ss.simulate(
+        shifted_slider(), (0.0, 40.0), initial=start, parameters=scaled_values(nu), rtol=1e-12
+    )
     begins, ends = (
         at_events(motion, to) for to in (("slip-", "stick") if slip else ("stick", "slip-"))
     )

@@ -100,7 +100,7 @@ def trace(V: float, nu: float) -> float:
 
 
 def symbolic_rates(modes: dict[str, str]) -> dict[str, Any]:
-    rates = ss.vector_field(slider(), modes, {"U": 2.0, "alpha": 2.0}).rates
+    rates = ss.vector_field(slider(), modes, at={"U": 2.0, "alpha": 2.0}).rates
     return {name: in_sympy(rate) for name, rate in rates.items()}
 
 
@@ -238,7 +238,7 @@ def steady_sliding() -> Finding:
     error = 0.0
     counts = []
     for V in (0.02, 0.1, 0.25, 0.6, 2.0):
-        found = ss.equilibria(slider(), {"V": V}, box={"alpha": (1.0, 20.0)})
+        found = ss.equilibria(slider(), parameters={"V": V}, box={"alpha": (1.0, 20.0)})
         counts.append(len(found))
         state = found[0].state
         U, alpha = steady(V, 0.05)
@@ -255,7 +255,7 @@ def no_equilibrium_in_stick() -> Finding:
     """The slider cannot rest under a moving load."""
     margins = []
     for V in (0.02, 0.1, 0.25, 0.6, 2.0):
-        for found in ss.equilibria(slider(), {"V": V}, box={"alpha": (1.0, 20.0)}):
+        for found in ss.equilibria(slider(), parameters={"V": V}, box={"alpha": (1.0, 20.0)}):
             slips = found.modes == {"block": "slip-"}
             margins.append(found.state["U"] - mu(found.state["alpha"]) if slips else -math.inf)
     return shows(
@@ -382,7 +382,7 @@ def stability_of_steady_sliding() -> Finding:
     wrong = 0
     signs = set()
     for V in np.linspace(0.03, 0.5, 12):
-        found = ss.equilibria(slider(), {"V": float(V)}, box={"alpha": (1.0, 20.0)})[0]
+        found = ss.equilibria(slider(), parameters={"V": float(V)}, box={"alpha": (1.0, 20.0)})[0]
         sign = trace(float(V), 0.05) < 0
         signs.add(sign)
         wrong += found.stable is not bool(sign)
@@ -402,7 +402,7 @@ def steady_state_after_each_plateau() -> Finding:
     state = {"U": 0.5, "alpha": 1.0}
     error = 0.0
     for V in (0.4, 0.8, 0.3):
-        state = ss.simulate(slider(), (0.0, 60.0), state, {"V": V}).final
+        state = ss.simulate(slider(), (0.0, 60.0), initial=state, parameters={"V": V}).final
         U, alpha = steady(V, 0.05)
         error = maximum(error, abs(state["U"] - U), abs(state["alpha"] - alpha))
     return vanishes(error, 1e-6, "largest distance from the steady state at the end of a plateau")
@@ -420,7 +420,7 @@ def stable_periodic_orbit() -> Finding:
     largest = 0.0
     certified = True
     for V in (0.05, 0.1, 0.2):
-        cycle = ss.find_cycle(slider(), None, {"V": V})
+        cycle = ss.find_cycle(slider(), None, parameters={"V": V})
         periods.append(cycle.period)
         largest = maximum(largest, *map(abs, cycle.nontrivial))
         certified &= cycle.trajectory.certificate.ok and trace(V, 0.05) > 0
@@ -488,7 +488,9 @@ def invariant_rectangle() -> Finding:
     alpha_max = 1 + U_max**2 / NU
     for _ in range(12):
         start = {"U": float(rng.choice([0.0, U_max])), "alpha": float(rng.uniform(0, alpha_max))}
-        state = ss.simulate(system, (0.0, 20.0), start, {"nu": NU, "V": _RATE}).knots.state
+        state = ss.simulate(
+            system, (0.0, 20.0), initial=start, parameters={"nu": NU, "V": _RATE}
+        ).knots.state
         excess = maximum(
             excess, -state.min(), (state[:, 0] - U_max).max(), (state[:, 1] - alpha_max).max()
         )
@@ -535,7 +537,9 @@ def period_is_fast() -> Finding:
     viscosities = [5e-2, 1e-2, 2e-3, 5e-4]
     periods = []
     for nu in viscosities:
-        motion = ss.simulate(slider(), (0.0, 60.0), {"U": 1.9, "alpha": 1.1}, {"V": 0.1, "nu": nu})
+        motion = ss.simulate(
+            slider(), (0.0, 60.0), initial={"U": 1.9, "alpha": 1.1}, parameters={"V": 0.1, "nu": nu}
+        )
         starts = at_events(motion, "slip-")
         periods.append(float(starts[-1] - starts[-2]))
     found = scales(viscosities, periods, 0.0, 0.1, "period", "ν")
@@ -569,7 +573,9 @@ def _inward(system: ss.System, U_max: float, alpha_min: float, alpha_max: float)
 
 @cache
 def _stick_slip() -> ss.Trajectory:
-    return ss.simulate(slider(), (0.0, 40.0), {"U": 1.5, "alpha": 1.2}, {"V": 0.1})
+    return ss.simulate(
+        slider(), (0.0, 40.0), initial={"U": 1.5, "alpha": 1.2}, parameters={"V": 0.1}
+    )
 
 
 def _symbols(names: str) -> tuple[Any, ...]:
@@ -590,7 +596,7 @@ def _identity(*differences: Any) -> Finding:
 
 def _at_equilibrium(difference: Callable[[Any, dict[str, Any]], Any]) -> Finding:
     """Whether an expression in the Jacobian vanishes where U = μ̃ + νV."""
-    found = ss.vector_field(slider(), _SLIDING, {"U": 2.0, "alpha": 2.0})
+    found = ss.vector_field(slider(), _SLIDING, at={"U": 2.0, "alpha": 2.0})
     V, nu, alpha, k, alpha_0 = _symbols("V nu alpha k alpha_0")
     law = _law(alpha)
     values = {sp.Symbol("U", real=True): law + nu * V, k: 1, alpha_0: 1}

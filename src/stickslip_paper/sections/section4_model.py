@@ -68,7 +68,9 @@ def threshold(system: ss.System, leg: str, values: dict[str, float]) -> float:
 
 def held(system: ss.System, leg: str, values: dict[str, float]) -> float:
     """The force ∂Φ/∂x on a leg of the library's (4.2)."""
-    return ss.vector_field(system, dict.fromkeys((RIGHT, LEFT), "stick"), values).forces_at()[leg]
+    return ss.vector_field(system, dict.fromkeys((RIGHT, LEFT), "stick"), at=values).forces_at()[
+        leg
+    ]
 
 
 def accelerations(p: dict[str, float]) -> tuple[dict[str, float], float, float]:
@@ -126,7 +128,7 @@ def damped_hamiltonian_system() -> Finding:
     names = "psi x_R x_L d_psi d_x_R d_x_L I_b m_W m_b m_l g delta nu a b c rho psi_star H_star"
     s = dict(zip(names.split(), sp.symbols(names, real=True), strict=True))
     system = catalogue.rocking_toy_inertial()
-    rates = ss.vector_field(system, {RIGHT: "slip+", LEFT: "slip+"}, {"psi": 0.3}).rates
+    rates = ss.vector_field(system, {RIGHT: "slip+", LEFT: "slip+"}, at={"psi": 0.3}).rates
     rate = {name: in_sympy(formula) for name, formula in rates.items()}
     q = [s[x] for x in ("psi", "x_R", "x_L")]
     v = [s[f"d_{x}"] for x in ("psi", "x_R", "x_L")]
@@ -207,7 +209,7 @@ def convention_of_the_loads() -> Finding:
         # The start that (4.2) admits for this load: d on the side to which the free leg has been
         # pulled.
         start = WALK if system is not reversed_toy else {"psi": -1.67, "x_R": -1.31, "x_L": 0.0}
-        speeds.append(mean_speed(ss.simulate(system, (0.0, 200.0), start)))
+        speeds.append(mean_speed(ss.simulate(system, (0.0, 200.0), initial=start)))
     printed, right = speeds
     text = f"H_R(2ψ*) = {load:g}; speed printed {printed:.4f}, corrected {right:.4f}"
     fine = abs(load - 3.0) < 1e-14 and abs(printed) < 1e-6 and right > 0.15
@@ -247,7 +249,12 @@ def trivial_sliding() -> Finding:
     system = catalogue.rocking_toy_inertial()
     error = 0.0
     for m_W in (0.036, 0.04, 0.06, 0.1):
-        motion = ss.simulate(system, (0.0, 20.0), {"psi": 0.0, "x_R": 0.0}, {"m_W": m_W, "nu": 0.5})
+        motion = ss.simulate(
+            system,
+            (0.0, 20.0),
+            initial={"psi": 0.0, "x_R": 0.0},
+            parameters={"m_W": m_W, "nu": 0.5},
+        )
         v = (100.0 * m_W / 2 - 0.2 - 1.5) / 0.5
         error = maximum(error, abs(motion.final["d_x_R"] - v), abs(motion.final["d_x_L"] - v))
         error = maximum(error, abs(fact(system, "sliding_speed", m_W=m_W, nu=0.5) - v))
@@ -265,7 +272,10 @@ def trivial_sliding_threshold() -> Finding:
     speeds = []
     for m_W in (0.0339, 0.0341):
         motion = ss.simulate(
-            catalogue.rocking_toy_inertial(), (0.0, 20.0), {"psi": 0.0, "x_R": 0.0}, {"m_W": m_W}
+            catalogue.rocking_toy_inertial(),
+            (0.0, 20.0),
+            initial={"psi": 0.0, "x_R": 0.0},
+            parameters={"m_W": m_W},
         )
         speeds.append(motion.final["d_x_R"])
     text = f"speeds {speeds[0]:.3g} and {speeds[1]:.3g} at pulls of 1.695 and 1.705; ρ + H*/2 = 1.7"
@@ -281,7 +291,9 @@ def translating_motion_with_inertia() -> Finding:
     """There are time-periodic translating motions of the model with inertia."""
 
     values = {"m_W": 1e-3, "m_b": 1e-3, "m_l": 1e-3, "g": 2000.0, "nu": 0.05}
-    motion = ss.simulate(catalogue.rocking_toy_inertial(), (0.0, 400.0), WALK, values)
+    motion = ss.simulate(
+        catalogue.rocking_toy_inertial(), (0.0, 400.0), initial=WALK, parameters=values
+    )
     cycle = ss.find_cycle(catalogue.rocking_toy_inertial(), motion)
     largest = maximum(*abs(cycle.nontrivial))
     text = (
@@ -309,9 +321,9 @@ def pull_of_the_weight() -> Finding:
     limits = {}
     for name, P in (("printed", 2.0), ("corrected", 1.0)):
         values = {"P": P, "H_star": 5.0}
-        limits[name] = ss.simulate(catalogue.rocking_toy(), (0.0, 30.0), _start(P), values).at(t)[
-            "psi"
-        ]
+        limits[name] = ss.simulate(
+            catalogue.rocking_toy(), (0.0, 30.0), initial=_start(P), parameters=values
+        ).at(t)["psi"]
     for nu in (1e-2, 1e-3):
         values = {
             "m_W": nu**2,
@@ -321,7 +333,9 @@ def pull_of_the_weight() -> Finding:
             "g": 2.0 / nu**2,
             "H_star": 5.0,
         }
-        motion = ss.simulate(catalogue.rocking_toy_inertial(), (0.0, 30.0), _start(1.0), values)
+        motion = ss.simulate(
+            catalogue.rocking_toy_inertial(), (0.0, 30.0), initial=_start(1.0), parameters=values
+        )
         errors.append([float(np.abs(motion.at(t)["psi"] - limits[name]).max()) for name in limits])
     (printed, first), (_, second) = errors
     rate = math.log10(first / second)
@@ -410,7 +424,7 @@ def simplified_leg_equations() -> Finding:
         )
         error = maximum(error, abs(threshold(system, RIGHT, p) - p["rho"] - H_R(p)))
     t = np.linspace(0.0, 60.0, 6001)
-    now = ss.simulate(system, (0.0, 60.0), WALK).at(t)
+    now = ss.simulate(system, (0.0, 60.0), initial=WALK).at(t)
     pull = now["x_R"] - now["x_L"] - 0.3 * now["psi"]
     worst = 0.0
     for leg, sign in ((RIGHT, 1.0), (LEFT, -1.0)):
@@ -438,7 +452,10 @@ def simplified_sliding_threshold() -> Finding:
     for P in (1.699, 1.701):
         try:
             motion = ss.simulate(
-                catalogue.rocking_toy(), (0.0, 5.0), {"psi": 0.0, "x_R": 0.0}, {"P": P}
+                catalogue.rocking_toy(),
+                (0.0, 5.0),
+                initial={"psi": 0.0, "x_R": 0.0},
+                parameters={"P": P},
             )
             outcomes.append(motion.outcome.label if motion.n_switches == 0 else "moves")
         except ss.DeclarationError:

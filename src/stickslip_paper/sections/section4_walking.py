@@ -146,7 +146,7 @@ def hysteresis_operator() -> Finding:
     """For a given angle the distance of the legs is a hysteresis operator, independent of the
     rate."""
     driven = _driven()
-    motion = ss.simulate(driven, (0.0, 20.0), {"x_R": 0.0})
+    motion = ss.simulate(driven, (0.0, 20.0), initial={"x_R": 0.0})
     t = motion.knots.time  # between them the bounds are monotone
     now = motion.at(t)
     lower, upper = curves(1.6 * np.sin(t) + 0.7 * np.sin(0.37 * t))
@@ -154,7 +154,9 @@ def hysteresis_operator() -> Finding:
     for low, high in zip(lower[1:], upper[1:], strict=True):
         d.append(min(max(d[-1], float(low)), float(high)))
     clamp = float(np.abs(now["x_R"] - now["x_L"] - d).max())
-    slow = ss.simulate(driven, (0.0, 40.0), {"x_R": 0.0}, {"tempo": 0.5}).at(2 * t)
+    slow = ss.simulate(driven, (0.0, 40.0), initial={"x_R": 0.0}, parameters={"tempo": 0.5}).at(
+        2 * t
+    )
     same = float(np.abs(now["x_R"] - slow["x_R"]).max())
     return together(vanishes(clamp, 1e-10, "clamped"), vanishes(same, 1e-10, "other speed"))
 
@@ -358,9 +360,9 @@ def reduced_oscillator() -> Finding:
 def oscillator_is_the_toy() -> Finding:
     """The reduced oscillator moves like the toy."""
     t = np.linspace(0.0, 60.0, 601)
-    reduced = ss.simulate(catalogue.rocking_oscillator(), (0.0, 60.0), {"psi": WALK["psi"]}).at(t)[
-        "psi"
-    ]
+    reduced = ss.simulate(
+        catalogue.rocking_oscillator(), (0.0, 60.0), initial={"psi": WALK["psi"]}
+    ).at(t)["psi"]
     psi = _walk().at(t)["psi"]
     inside = shows(
         bool(np.abs(psi).max() < _PSI_2), f"|ψ| ≤ {np.abs(psi).max():.3f} < ψ_2 = {_PSI_2:.3f}"
@@ -397,7 +399,7 @@ def limit_cycle_attracts() -> Finding:
         {"psi": -2.2, "x_R": 0.4, "x_L": 0.0},
         {"psi": -1.3, "x_R": 0.5, "x_L": 0.0},
     ):
-        psi = ss.simulate(catalogue.rocking_toy(), (0.0, 520.0), start).at(
+        psi = ss.simulate(catalogue.rocking_toy(), (0.0, 520.0), initial=start).at(
             np.linspace(500.0, 520.0, 8001)
         )["psi"]
         amplitudes.append(float(np.abs(psi).max()))
@@ -455,7 +457,7 @@ def walking_speed() -> Finding:
 def energy_of_the_switching() -> Finding:
     """The switching of the distance feeds the energy into the rocking that damping takes out."""
     fed = 2 * 0.3 * X * (_PSI_3 + 1.0)
-    motion = ss.simulate(catalogue.rocking_oscillator(), (0.0, 500.0), {"psi": -1.6})
+    motion = ss.simulate(catalogue.rocking_oscillator(), (0.0, 500.0), initial={"psi": -1.6})
     turns = at_events(motion, "below", contact="d_psi = 0")[-2:]
     lost = float(np.diff(motion.at(turns)["dissipated_energy"])[0])
     return together(
@@ -497,8 +499,12 @@ def walking_needs_less_pull() -> Finding:
     batch = ss.simulate_many(
         catalogue.rocking_toy(),
         (0.0, 800.0),
-        {"psi": -1.67, "x_R": [min(P - 0.5, P + 0.3 * -1.67 + 0.2) for P in pulls], "x_L": 0.0},
-        {"P": pulls},
+        initial={
+            "psi": -1.67,
+            "x_R": [min(P - 0.5, P + 0.3 * -1.67 + 0.2) for P in pulls],
+            "x_L": 0.0,
+        },
+        parameters={"P": pulls},
     )
     speeds = (batch["final_x_R"].values - np.array([P - 0.5 for P in pulls])) / 800.0
     text = ", ".join(f"v({P:g}) = {v:.3f}" for P, v in zip(pulls, speeds, strict=True))
@@ -527,7 +533,7 @@ def energy_from_the_forward_motion() -> Finding:
 @claim("section 4.4", "rest and walking coexist", "motions of (4.2) from ψ = 0.1 and from the walk")
 def rest_and_walking_coexist() -> Finding:
     """The rest of the toy is stable, too: walking has to be started."""
-    motion = ss.simulate(catalogue.rocking_toy(), (0.0, 300.0), {"psi": 0.1, "x_R": 0.0})
+    motion = ss.simulate(catalogue.rocking_toy(), (0.0, 300.0), initial={"psi": 0.1, "x_R": 0.0})
     walked = _walk(440.0).final["x_R"]
     left = abs(motion.final["psi"])
     text = (
@@ -542,7 +548,7 @@ def rest_and_walking_coexist() -> Finding:
 
 @cache
 def _walk(until: float = 60.0) -> ss.Trajectory:
-    return ss.simulate(catalogue.rocking_toy(), (0.0, until), WALK)
+    return ss.simulate(catalogue.rocking_toy(), (0.0, until), initial=WALK)
 
 
 @cache

@@ -78,7 +78,7 @@ def test_spring_slider(slider: Branch) -> None:
 
 def test_spring_slider_from_a_simulation(slider: Branch) -> None:
     """The same branch from a stick-slip cycle that a simulation has settled on."""
-    cycle = find_cycle(SLIDER, simulate(SLIDER, (0, 60), None, {"V": 0.15}))
+    cycle = find_cycle(SLIDER, simulate(SLIDER, (0, 60), initial=None, parameters={"V": 0.15}))
     assert cycle.sticks
     assert cycle.stable
     branch = follow(cycle, "V", (0.02, 0.5))
@@ -95,7 +95,9 @@ def test_stick_onset_of_the_spring_slider(slider: Branch) -> None:
     """On one side the relative speed of the cycle just fails to reach 0, on the other it stays
     there for a moment."""
     onset = slider.of_kind("stick onset")[0]
-    before, after = (find_cycle(SLIDER, onset.state, {"V": onset.value + d}) for d in (-1e-7, 1e-7))
+    before, after = (
+        find_cycle(SLIDER, onset.state, parameters={"V": onset.value + d}) for d in (-1e-7, 1e-7)
+    )
     assert before.stick_time == 0.0
     assert 0.0 < after.stick_time < 1e-2
     times = np.linspace(*before.trajectory.t_span, 20_001)
@@ -118,7 +120,7 @@ def test_supercritical_spring_slider() -> None:
     onset = branch.of_kind("stick onset")[0]
     assert 0.7200 < onset.value < 0.7205
     for rate, sticks in ((onset.value - 1e-5, True), (onset.value + 1e-5, False)):
-        settled = simulate(system, (0, 800), onset.state, {"V": rate})
+        settled = simulate(system, (0, 800), initial=onset.state, parameters={"V": rate})
         late = settled.knots.time > 750
         assert np.any(settled.knots.mode[late] == 0) == sticks
 
@@ -131,7 +133,7 @@ def test_hysteresis_of_the_spring_slider() -> None:
     moving = []
     steps = [0.2, 0.2235, 0.2245, 0.2255, 0.2262, 0.2266]
     for speed in [*steps, *reversed(steps)]:
-        motion = simulate(SLIDER, (0, 3000), state, {"V": speed})
+        motion = simulate(SLIDER, (0, 3000), initial=state, parameters={"V": speed})
         state = motion.final
         moving.append(np.ptp(motion.at(np.linspace(2950, 3000, 501))["U"]) > 0.02)
     up = moving[: len(steps)]
@@ -148,7 +150,7 @@ def test_mass_on_belt() -> None:
     point = continue_equilibrium(system, "V", (0.3, 0.8)).of_kind("Hopf")[0]
     assert point.note == "supercritical"
     assert point.value == pytest.approx(critical, rel=1e-11)
-    cycle = find_cycle(system, point, {"V": 0.55})
+    cycle = find_cycle(system, point, parameters={"V": 0.55})
     assert cycle.extrema["d_x"][1] == pytest.approx(2 * math.sqrt(critical**2 - 0.55**2), rel=0.02)
     branch = follow(cycle, "V", (0.1, 0.8))
     assert sorted(kinds(branch)) == ["Hopf", "stick onset"]
@@ -170,7 +172,7 @@ def test_mass_on_belt() -> None:
 @pytest.mark.parametrize("r", [0.8, 1.2])
 def test_den_hartog(r: float) -> None:
     """With more friction the forced oscillator begins to stop where Den Hartog says."""
-    cycle = find_cycle(catalogue.forced_oscillator(), None, {"F_c": 0.3, "omega": r})
+    cycle = find_cycle(catalogue.forced_oscillator(), None, parameters={"F_c": 0.3, "omega": r})
     branch = follow(cycle, "F_c", (0.1, 0.95))
     onset = branch.of_kind("stick onset")
     assert [point.value for point in onset] == pytest.approx([den_hartog.beta_lim(r)], rel=1e-9)
@@ -201,7 +203,7 @@ def test_belt_block() -> None:
 
 def test_normal_form() -> None:
     """r' = r(a − b r²): amplitude and multiplier of every cycle."""
-    branch = follow(find_cycle(planar(), None, {"a": 0.1, "b": -0.1}), "q", (-3.0, -0.2))
+    branch = follow(find_cycle(planar(), None, parameters={"a": 0.1, "b": -0.1}), "q", (-3.0, -0.2))
     assert branch.points["max_x"].values == pytest.approx(
         np.sqrt(0.1 / -branch.points["q"].values), rel=1e-10
     )
@@ -211,7 +213,9 @@ def test_normal_form() -> None:
 
 
 def test_period_doubling() -> None:
-    branch = follow(find_cycle(planar(), None, {**HALF_TURN, "a": -0.1}), "a", (-0.4, 0.2))
+    branch = follow(
+        find_cycle(planar(), None, parameters={**HALF_TURN, "a": -0.1}), "a", (-0.4, 0.2)
+    )
     assert kinds(branch) == ["period doubling"]
     assert branch.special[0].value == pytest.approx(0.0, abs=1e-11)
     a = branch.points["a"].values
@@ -225,7 +229,9 @@ def test_duffing() -> None:
     short cycle again."""
     single = follow(find_cycle(duffing()), "F", (0.15, 0.4))
     double = follow(
-        find_cycle(duffing(), simulate(duffing(), (0, 1000), None, {"F": 0.28})), "F", (0.15, 0.4)
+        find_cycle(duffing(), simulate(duffing(), (0, 1000), initial=None, parameters={"F": 0.28})),
+        "F",
+        (0.15, 0.4),
     )
     assert kinds(single) == ["period doubling"]
     assert kinds(double) == ["period doubling", "period doubling"]
@@ -302,19 +308,27 @@ def test_more_stops() -> None:
     """A slowly forced oscillator stops more often: two grazings at once by symmetry, as simulations
     say."""
     system = catalogue.forced_oscillator()
-    branch = follow(find_cycle(system, None, {"F_c": 0.5, "omega": 0.5}), "omega", (0.15, 0.7))
+    branch = follow(
+        find_cycle(system, None, parameters={"F_c": 0.5, "omega": 0.5}), "omega", (0.15, 0.7)
+    )
     assert sorted(kinds(branch)) == ["grazing", "stick onset"]
     grazing = branch.of_kind("grazing")[0].value
     for omega, stops in ((grazing - 1e-5, 4), (grazing + 1e-5, 2)):
         period = 2 * math.pi / omega
-        start = simulate(system, (0, 20 * period), None, {"F_c": 0.5, "omega": omega}).final
-        motion = simulate(system, (0, period), start, {"F_c": 0.5, "omega": omega})
+        start = simulate(
+            system, (0, 20 * period), initial=None, parameters={"F_c": 0.5, "omega": omega}
+        ).final
+        motion = simulate(
+            system, (0, period), initial=start, parameters={"F_c": 0.5, "omega": omega}
+        )
         assert np.count_nonzero(motion.events["to"] == "stick") == stops
 
 
 def test_torus() -> None:
     """The multipliers exp((−c/2 ± iω)T) of a driven oscillator leave the unit circle at c = 0."""
-    cycle = find_cycle(oscillator(), None, {"mu": 0.0, "c": 0.1, "k": 1.69, "omega": 1.0})
+    cycle = find_cycle(
+        oscillator(), None, parameters={"mu": 0.0, "c": 0.1, "k": 1.69, "omega": 1.0}
+    )
     branch = follow(cycle, "c", (-0.3, 0.3))
     assert kinds(branch) == ["torus"]
     assert branch.special[0].value == pytest.approx(0.0, abs=1e-11)
@@ -326,7 +340,9 @@ def test_torus() -> None:
 
 def test_without_damping() -> None:
     """All multipliers are on the unit circle, which is no torus anywhere, and attracts nothing."""
-    cycle = find_cycle(oscillator(), {"x": 1 / (1 - 0.36)}, {"mu": 0.0, "c": 0.0, "omega": 0.6})
+    cycle = find_cycle(
+        oscillator(), {"x": 1 / (1 - 0.36)}, parameters={"mu": 0.0, "c": 0.0, "omega": 0.6}
+    )
     branch = follow(cycle, "omega", (0.55, 0.65))
     assert not branch.special
     assert np.all(branch.points["stable"].values == -1)
@@ -358,7 +374,7 @@ def test_toy_turns_back_where_its_legs_cease_to_stop() -> None:
     unstable = find_cycle(
         toy,
         {name: float(points[name].values[i]) for name in ("psi", "d_psi", "x_R", "x_L")},
-        values,
+        parameters=values,
     )
     assert unstable.nontrivial[0].real > 1.0
     starts = unstable.trajectory.events
@@ -366,7 +382,7 @@ def test_toy_turns_back_where_its_legs_cease_to_stop() -> None:
     there = unstable.trajectory.at(float(stop))
     for factor, walks in ((0.98, False), (1.02, True)):
         start = {**{name: there[name] for name in unstable.state}, "d_psi": factor * there["d_psi"]}
-        motion = simulate(toy, (0, 600), start, values)
+        motion = simulate(toy, (0, 600), initial=start, parameters=values)
         assert (motion.final["x_R"] - motion.at(550.0)["x_R"] > 0.5) is walks
 
 
@@ -393,7 +409,9 @@ def test_the_end_of_what_is_admissible() -> None:
 
 def test_growth_without_bound() -> None:
     """At resonance an undamped oscillator has no cycle: its amplitude is 1/(1 − ω²)."""
-    cycle = find_cycle(oscillator(), {"x": 1.0 / 0.51}, {"mu": 0.0, "c": 0.0, "omega": 0.7})
+    cycle = find_cycle(
+        oscillator(), {"x": 1.0 / 0.51}, parameters={"mu": 0.0, "c": 0.0, "omega": 0.7}
+    )
     branch = follow(cycle, "omega", (0.6, 1.5))
     assert "grows without bound" in branch.ended
     omega = branch.points["omega"].values

@@ -28,7 +28,7 @@ def onset(system: System, branch: Branch) -> SpecialPoint:
 @pytest.fixture(scope="module")
 def stops() -> SpecialPoint:
     """Where the forced oscillator begins to stop."""
-    cycle = find_cycle(OSCILLATOR, None, {"F_c": 0.7, "omega": 0.8})
+    cycle = find_cycle(OSCILLATOR, None, parameters={"F_c": 0.7, "omega": 0.8})
     return onset(OSCILLATOR, continue_cycle(cycle, "F_c", (0.7, 0.9)))
 
 
@@ -78,7 +78,7 @@ def test_touching() -> None:
     period = float(curve.points["period"][i])
     sticking = []
     for d in (-1e-6, 1e-6):
-        cycle = find_cycle(SLIDER, start_there, {**values, "V": values["V"] + d})
+        cycle = find_cycle(SLIDER, start_there, parameters={**values, "V": values["V"] + d})
         assert cycle.period == pytest.approx(period, rel=1e-3)
         sticking.append(cycle.sticks)
     assert sticking == [False, True]

@@ -30,7 +30,9 @@ def branch(
 ) -> Branch:
     values = {**NUMBERS, **others}
     start = {"x": 0.95 * values["F_s"] / values["k"], "d_x": V}
-    return continue_cycle(find_cycle(stribeck_belt(), start, {**others, "V": V}), parameter, span)
+    return continue_cycle(
+        find_cycle(stribeck_belt(), start, parameters={**others, "V": V}), parameter, span
+    )
 
 
 def clean(branch: Branch, span: tuple[float, float]) -> None:
@@ -79,7 +81,7 @@ def test_one_clean_curve(V: float) -> None:
 def test_against_an_independent_integration(V: float) -> None:
     """One slip from where the belt lets go to where it catches the mass again, and the stick in
     between, by SciPy."""
-    stable = find_cycle(stribeck_belt(), {"x": 0.95, "d_x": V}, {"V": V})
+    stable = find_cycle(stribeck_belt(), {"x": 0.95, "d_x": V}, parameters={"V": V})
     slip, caught, lowest = one_slip(V)
     stick = (1.0 - 0.05 * V - caught) / V
     assert stable.period == pytest.approx(slip + stick, rel=1e-9)

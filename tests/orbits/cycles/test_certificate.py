@@ -42,7 +42,7 @@ CYCLES = {
 @pytest.mark.parametrize("name", CYCLES)
 def test_cycles_are_certified(name: str) -> None:
     system, start, values = CYCLES[name]
-    found = find_cycle(system, start, values).certificate
+    found = find_cycle(system, start, parameters=values).certificate
     assert found.ok, found.describe()
     assert found.verdict == f"certified: {len(found.residuals)} residuals in limits"
     names = [residual.name for residual in found.residuals]
@@ -58,7 +58,7 @@ def bad(certificate: Certificate) -> list[str]:
 
 
 def slider() -> Cycle:
-    return find_cycle(SLIDER, None, {"V": 0.1})
+    return find_cycle(SLIDER, None, parameters={"V": 0.1})
 
 
 def test_a_motion_that_does_not_close() -> None:
@@ -71,10 +71,10 @@ def test_a_motion_that_does_not_close() -> None:
 def test_rest_is_no_cycle() -> None:
     """The oscillator at rest closes after any time; nothing moves."""
     problem = find_cycle(
-        oscillator(), None, {"mu": 0.0, "c": 0.2, "k": 1.7, "omega": 1.3}
+        oscillator(), None, parameters={"mu": 0.0, "c": 0.2, "k": 1.7, "omega": 1.3}
     ).closed.orbit.problem
     still = replace(problem, parameters={**problem.parameters, "F": 0.0})
-    rest = simulate(oscillator(), (0.0, 4.0), {}, still.parameters)
+    rest = simulate(oscillator(), (0.0, 4.0), initial={}, parameters=still.parameters)
     motion = Trajectory(still, (0.0, 4.0), rest.knots, rest.outcome)
     pieces = Pieces(still.compiled.equations)
     found = Recurrence(0.0, np.zeros(2), 4.0, 1, np.zeros(2), 0.0)
@@ -104,7 +104,7 @@ def several_rounds(cycle: Cycle, rounds: int) -> Closed:
 @pytest.mark.parametrize("rounds", [2, 3, 6])
 def test_several_rounds_are_not_a_period(name: str, rounds: int) -> None:
     system, start, values = CYCLES[name]
-    cycle = find_cycle(system, start, values)
+    cycle = find_cycle(system, start, parameters=values)
     longer = several_rounds(cycle, rounds)
     assert longer.orbit.period == pytest.approx(rounds * cycle.period, rel=1e-12)
     assert bad(certify_cycle(longer)) == ["shorter period"]
@@ -116,13 +116,13 @@ def test_a_period_that_has_just_doubled(a: float) -> None:
     """Two rounds about a circle that differ by 2√a from each other are one period, between them is
     an unstable one."""
     values = {"A": 1.0, "a": a, "b": 0.2}
-    double = find_cycle(planar(), {"x": 1.0 + math.sqrt(a), "y": 0.0}, values)
+    double = find_cycle(planar(), {"x": 1.0 + math.sqrt(a), "y": 0.0}, parameters=values)
     assert double.period == pytest.approx(4 * math.pi, rel=1e-14)
     assert double.certificate.ok, double.certificate.describe()
     assert double.stable
     (miss,) = shorter(double.closed).values()
     assert miss == pytest.approx(2 * math.sqrt(a), rel=0.5)
-    single = find_cycle(planar(), {"x": 1.0, "y": 0.0}, values)
+    single = find_cycle(planar(), {"x": 1.0, "y": 0.0}, parameters=values)
     assert single.period == pytest.approx(2 * math.pi, rel=1e-14)
     assert not single.stable
     assert single.certificate.ok, single.certificate.describe()
@@ -152,7 +152,7 @@ def test_wrong_derivatives(wrong: str) -> None:
 def test_minimal_period_from_any_start() -> None:
     """Another cycle, and a motion with a lightly damped transient, lead to one period of the
     drive."""
-    cycle = find_cycle(jenkins(), None, {"omega": 0.72})
+    cycle = find_cycle(jenkins(), None, parameters={"omega": 0.72})
     three = several_rounds(cycle, 3)
     again = from_cycle(three, three.shooting.start, {"omega": 0.721})
     assert again.orbit.period == pytest.approx(2 * math.pi / 0.721, rel=1e-14)

@@ -40,7 +40,9 @@ def check(cycle: Cycle) -> None:
 def test_stable_and_unstable(a: float) -> None:
     radius = math.sqrt(abs(a))
     cycle = find_cycle(
-        planar(), {"x": 1.003 * radius, "y": 0.01}, {"a": a, "b": -a, "q": -math.copysign(1.0, a)}
+        planar(),
+        {"x": 1.003 * radius, "y": 0.01},
+        parameters={"a": a, "b": -a, "q": -math.copysign(1.0, a)},
     )
     check(cycle)
     assert cycle.period == pytest.approx(4 * math.pi, rel=1e-12)
@@ -55,7 +57,7 @@ def test_stable_and_unstable(a: float) -> None:
 def test_strongly_unstable() -> None:
     """r' = r(r² − 1): a neighbour is 10^10.9 times as far a period later, and gone before the
     second is over."""
-    cycle = find_cycle(planar(), {"x": 1.0, "y": 0.0}, {"a": -1.0, "b": 1.0, "q": 1.0})
+    cycle = find_cycle(planar(), {"x": 1.0, "y": 0.0}, parameters={"a": -1.0, "b": 1.0, "q": 1.0})
     check(cycle)
     assert cycle.nontrivial == pytest.approx([math.exp(8 * math.pi)], rel=1e-9)
     assert len(cycle.closed.shooting.stations) > 1
@@ -91,7 +93,7 @@ def test_near_unstable_cycles_of_friction() -> None:
     """The unstable cycle of the spring slider below its fold; a little inside the slider comes to
     rest, outside not."""
     point = continue_equilibrium(SLIDER, "V", (0.2, 0.25)).of_kind("Hopf")[0]
-    cycle = find_cycle(SLIDER, point, {"V": 0.2251})
+    cycle = find_cycle(SLIDER, point, parameters={"V": 0.2251})
     check(cycle)
     assert not cycle.stable
     assert cycle.nontrivial[0].real > 1.0
@@ -99,7 +101,9 @@ def test_near_unstable_cycles_of_friction() -> None:
     state = np.array(list(cycle.state.values()))
     for factor, sticks in ((0.95, False), (1.05, True)):
         start = dict(zip(cycle.state, map(float, middle + factor * (state - middle)), strict=True))
-        assert (simulate(SLIDER, (0, 600), start, {"V": 0.2251}).n_switches > 0) is sticks
+        assert (
+            simulate(SLIDER, (0, 600), initial=start, parameters={"V": 0.2251}).n_switches > 0
+        ) is sticks
 
 
 def test_hopf_point() -> None:
@@ -111,22 +115,26 @@ def test_hopf_point() -> None:
     assert abs(cycle.parameters["V"] - point.value) < 1e-3
     assert cycle.period == pytest.approx(point.period, rel=1e-2)
     with pytest.raises(ConvergenceError, match="born above"):
-        find_cycle(SLIDER, point, {"V": 0.22})
+        find_cycle(SLIDER, point, parameters={"V": 0.22})
 
 
 def test_any_point_of_the_motion() -> None:
     """A settled motion, another cycle, and any of its states lead to the same cycle."""
     values = {"V": 0.1}
-    motion = simulate(SLIDER, (0, 60), {"U": 1.5, "alpha": 1.2}, values)
+    motion = simulate(SLIDER, (0, 60), initial={"U": 1.5, "alpha": 1.2}, parameters=values)
     first = find_cycle(SLIDER, motion)
     check(first)
     rng = np.random.default_rng(1)
     for t in rng.uniform(0, first.period, 6):
         values_there = first.trajectory.at(float(t) + first.time)
-        again = find_cycle(SLIDER, {name: values_there[name] for name in first.state}, values)
+        again = find_cycle(
+            SLIDER, {name: values_there[name] for name in first.state}, parameters=values
+        )
         assert again.period == pytest.approx(first.period, rel=1e-12)
         assert again.nontrivial == pytest.approx(first.nontrivial, rel=1e-9)
-    nearby = find_cycle(SLIDER, find_cycle(SLIDER, first, {"V": 0.12}), values)
+    nearby = find_cycle(
+        SLIDER, find_cycle(SLIDER, first, parameters={"V": 0.12}), parameters=values
+    )
     assert nearby.period == pytest.approx(first.period, rel=1e-12)
     assert nearby.stick_time == pytest.approx(first.stick_time, rel=1e-10)
 
@@ -151,7 +159,7 @@ def test_energy_of_a_cycle() -> None:
 
 def test_driven() -> None:
     """A damped linear oscillator: multipliers exp((−c/2 ± iω)T)."""
-    cycle = find_cycle(oscillator(), None, {"mu": 0.0, "c": 0.2, "k": 1.7, "omega": 1.3})
+    cycle = find_cycle(oscillator(), None, parameters={"mu": 0.0, "c": 0.2, "k": 1.7, "omega": 1.3})
     check(cycle)
     assert cycle.trivial == 0
     assert cycle.period == pytest.approx(2 * math.pi / 1.3, rel=1e-14)
@@ -165,14 +173,14 @@ def test_driven() -> None:
 
 def test_subharmonic() -> None:
     """Past the period doubling the cycle closes after two periods of the drive only."""
-    cycle = find_cycle(planar(), None, HALF_TURN)
+    cycle = find_cycle(planar(), None, parameters=HALF_TURN)
     check(cycle)
     assert cycle.period == pytest.approx(4 * math.pi, rel=1e-14)
     rates = np.array([-2 * 0.15, -0.2 - 0.15])
     assert sorted(cycle.nontrivial.real) == pytest.approx(
         sorted(np.exp(4 * math.pi * rates)), rel=1e-9
     )
-    single = find_cycle(planar(), {"x": 1.0, "y": 0.0}, HALF_TURN)
+    single = find_cycle(planar(), {"x": 1.0, "y": 0.0}, parameters=HALF_TURN)
     assert single.period == pytest.approx(2 * math.pi, rel=1e-14)
     expected = -np.exp(2 * math.pi * np.array([0.15, -0.2]))
     assert sorted(single.nontrivial.real) == pytest.approx(sorted(expected), rel=1e-9)
@@ -193,7 +201,7 @@ def test_moving_frame() -> None:
 def test_moving_frame_and_drive() -> None:
     """A load that moves and shakes: after a period of the shaking the system is the same, V T
     further on."""
-    cycle = find_cycle(dragged(), None, {"A": 0.5, "F_s": 0.4, "F_k": 0.4, "V": 0.1})
+    cycle = find_cycle(dragged(), None, parameters={"A": 0.5, "F_s": 0.4, "F_k": 0.4, "V": 0.1})
     check(cycle)
     turns = cycle.period / math.pi
     assert turns == pytest.approx(round(turns), rel=1e-12)
@@ -225,18 +233,18 @@ def test_contacts_that_stick_together() -> None:
 
 def test_falls_to_rest() -> None:
     with pytest.raises(ConvergenceError, match="comes to rest"):
-        find_cycle(SLIDER, None, {"V": 0.3})
+        find_cycle(SLIDER, None, parameters={"V": 0.3})
     with pytest.raises(ConvergenceError, match="comes to rest"):
         find_cycle(catalogue.rocking_toy(), {"psi": 0.1, "x_R": 0.0})
     with pytest.raises(ConvergenceError, match="comes to rest"):
-        find_cycle(SLIDER, simulate(SLIDER, (0, 300), {"U": 1.65}, {"V": 0.3}))
+        find_cycle(SLIDER, simulate(SLIDER, (0, 300), initial={"U": 1.65}, parameters={"V": 0.3}))
 
 
 def test_dies_out() -> None:
     """A pendulum with hardly any damping never returns to where it was; in the end only rounding
     moves."""
     with pytest.raises(ConvergenceError, match="comes to rest"):
-        find_cycle(oscillator(), {"x": 1.0}, {"mu": 0.0, "F": 0.0, "c": 0.02})
+        find_cycle(oscillator(), {"x": 1.0}, parameters={"mu": 0.0, "F": 0.0, "c": 0.02})
 
 
 def test_newton_does_not_converge() -> None:
@@ -246,28 +254,28 @@ def test_newton_does_not_converge() -> None:
         ConvergenceError,
         match=r"comes to rest.*did not converge; the nearest motion misses by 0\.0",
     ):
-        find_cycle(isola(), {"x": math.sqrt(2), "y": 0.0}, {"a": 1.01})
-    cycle = find_cycle(SLIDER, None, {"V": 0.15})
+        find_cycle(isola(), {"x": math.sqrt(2), "y": 0.0}, parameters={"a": 1.01})
+    cycle = find_cycle(SLIDER, None, parameters={"V": 0.15})
     with pytest.raises(ConvergenceError, match=r"the nearest motion misses by.*continue_cycle"):
-        find_cycle(SLIDER, cycle, {"V": 0.3})
+        find_cycle(SLIDER, cycle, parameters={"V": 0.3})
 
 
 def test_family() -> None:
     """Without friction and damping every amplitude is a cycle: an invariant direction that is no
     translation."""
     with pytest.raises(ConvergenceError, match="come in a family"):
-        find_cycle(oscillator(), {"x": 1.0}, {"mu": 0.0, "F": 0.0})
+        find_cycle(oscillator(), {"x": 1.0}, parameters={"mu": 0.0, "F": 0.0})
 
 
 def test_motion_that_has_not_settled_goes_on() -> None:
     """A motion too short to come back leads to the cycle that it would have settled on."""
-    motion = simulate(SLIDER, (0, 4), None, {"V": 0.1})
+    motion = simulate(SLIDER, (0, 4), initial=None, parameters={"V": 0.1})
     cycle = find_cycle(SLIDER, motion)
     check(cycle)
-    longer = find_cycle(SLIDER, simulate(SLIDER, (0, 60), None, {"V": 0.1}))
+    longer = find_cycle(SLIDER, simulate(SLIDER, (0, 60), initial=None, parameters={"V": 0.1}))
     assert cycle.period == pytest.approx(longer.period, rel=1e-12)
     with pytest.raises(ConvergenceError, match="comes to rest"):
-        find_cycle(SLIDER, simulate(SLIDER, (0, 4), None, {"V": 0.3}))
+        find_cycle(SLIDER, simulate(SLIDER, (0, 4), initial=None, parameters={"V": 0.3}))
 
 
 def test_time_that_does_not_repeat() -> None:
@@ -280,7 +288,7 @@ def test_time_that_does_not_repeat() -> None:
         find_cycle(
             family,
             {"x0": 0.1},
-            {"F0": 1.0, "F1": 1.0, "omega0": 1.0, "omega1": math.sqrt(2), "s0": 0.1},
+            parameters={"F0": 1.0, "F1": 1.0, "omega0": 1.0, "omega1": math.sqrt(2), "s0": 0.1},
         )
 
 
@@ -290,6 +298,6 @@ def test_bad_arguments() -> None:
     with pytest.raises(DeclarationError, match="not a state"):
         find_cycle(SLIDER, [1.0, 2.0, 3.0])
     with pytest.raises(DeclarationError, match="W"):
-        find_cycle(SLIDER, None, {"W": 1.0})
+        find_cycle(SLIDER, None, parameters={"W": 1.0})
     with pytest.raises(DeclarationError, match="a motion of belt_block"):
         find_cycle(SLIDER, simulate(catalogue.belt_block(), (0, 1)))

@@ -38,7 +38,7 @@ def onset(low: float, high: float, z: float = 0.0) -> float:
 @cache
 def branch(omega: float, z: float | None = None) -> Branch:
     start = None if z is None else {"z": z}
-    return continue_cycle(find_cycle(jenkins(), start, {"omega": omega}), "omega", RANGE)
+    return continue_cycle(find_cycle(jenkins(), start, parameters={"omega": omega}), "omega", RANGE)
 
 
 def clean(found: Branch) -> None:
@@ -55,7 +55,7 @@ def clean(found: Branch) -> None:
 
 @pytest.mark.parametrize("z", [0.0, 0.2, -1.1])
 def test_the_given_position_of_rest(z: float) -> None:
-    cycle = find_cycle(jenkins(), {"z": z, "x": z / 3.0}, {"omega": 0.7})
+    cycle = find_cycle(jenkins(), {"z": z, "x": z / 3.0}, parameters={"omega": 0.7})
     assert cycle.certificate.ok, cycle.certificate.describe()
     assert cycle.state["z"] == pytest.approx(z, abs=1e-15)
     assert (cycle.slip_time, cycle.stick_time) == (0.0, pytest.approx(cycle.period))
@@ -74,7 +74,7 @@ def test_the_given_position_of_rest(z: float) -> None:
 def test_one_period_of_the_drive(omega: float) -> None:
     """A transient with complex multipliers comes closest after several periods; the period is one
     all the same."""
-    cycle = find_cycle(jenkins(), None, {"omega": omega})
+    cycle = find_cycle(jenkins(), None, parameters={"omega": omega})
     assert cycle.certificate.ok, cycle.certificate.describe()
     assert cycle.period == pytest.approx(2 * math.pi / omega, rel=1e-14)
 
@@ -122,7 +122,7 @@ def test_carried_along_the_edge() -> None:
 
 def test_left_behind_by_a_falling_load() -> None:
     """Over the load: carried while it rises, one way, then both ways."""
-    cycle = find_cycle(jenkins(), {"z": 0.2, "x": 0.2 / 3}, {"omega": 1.2, "F": 0.02})
+    cycle = find_cycle(jenkins(), {"z": 0.2, "x": 0.2 / 3}, parameters={"omega": 1.2, "F": 0.02})
     found = continue_cycle(cycle, "F", (0.01, 0.2))
     assert found.certificate.ok, found.certificate.describe()
     unit = math.hypot(1.5 - 1.44, 0.02 * 1.2)

@@ -26,7 +26,7 @@ def rest_of(
     system: System, span: tuple[float, float], start: dict[str, float], values: dict[str, float]
 ):
     """The state near which the end of a motion is proved to rest."""
-    motion = simulate(system, span, start, values)
+    motion = simulate(system, span, initial=start, parameters=values)
     pieces = Pieces(motion._problem.compiled.equations)
     w, k = window(motion, pieces), motion.knots
     assert w.symmetry.frame is not None
@@ -121,7 +121,9 @@ def test_rest_that_is_proved(
     """Rest is what a much longer motion tends to."""
     found = rest_of(system, span, start, values)
     assert found is not None
-    later = simulate(system, (span[0], 10.0 * span[1]), start, values).knots.state[-1]
+    later = simulate(
+        system, (span[0], 10.0 * span[1]), initial=start, parameters=values
+    ).knots.state[-1]
     assert found == pytest.approx(later, abs=1e-3)
     if expected is not None:
         assert found == pytest.approx(expected, abs=1e-9)
@@ -149,7 +151,7 @@ def test_rest_under_a_periodic_load() -> None:
     """A load below the friction: seen over a whole period of it, nothing moves, so nothing ever
     will."""
     with pytest.raises(ConvergenceError, match=r"comes to rest: .* it stays near x = 0.1, d_x = 0"):
-        find_cycle(oscillator(), {"x": 0.1}, {"mu": 0.5, "F": 0.3})
+        find_cycle(oscillator(), {"x": 0.1}, parameters={"mu": 0.5, "F": 0.3})
     with pytest.raises(ConvergenceError, match=r"comes to rest: from t = 0 on it stays near x = 0"):
         find_cycle(catalogue.forced_oscillator(F_c=1.2))
 
@@ -158,9 +160,11 @@ def test_rest_under_a_slow_load() -> None:
     """A load whose period is 628: what it can do is bounded, so that nobody has to wait for it."""
     values = {"mu": 0.5, "F": 0.39, "omega": 0.01}
     with pytest.raises(ConvergenceError, match="comes to rest"):
-        find_cycle(oscillator(), {"x": 0.1}, values)
-    assert simulate(oscillator(), (0.0, 3000.0), {"x": 0.1}, values).n_switches == 0
-    moved = find_cycle(oscillator(), {"x": 0.1}, {**values, "F": 0.7})
+        find_cycle(oscillator(), {"x": 0.1}, parameters=values)
+    assert (
+        simulate(oscillator(), (0.0, 3000.0), initial={"x": 0.1}, parameters=values).n_switches == 0
+    )
+    moved = find_cycle(oscillator(), {"x": 0.1}, parameters={**values, "F": 0.7})
     assert moved.slip_time > 0.0
 
 
@@ -198,11 +202,11 @@ def test_members_of_the_family() -> None:
     back at once."""
     system = catalogue.forced_oscillator(F_c=0.2, omega=0.5)
     for x in (1.25, 1.3333, 1.45):
-        last = simulate(system, (0.0, 4 * math.pi), {"x": x}).final
+        last = simulate(system, (0.0, 4 * math.pi), initial={"x": x}).final
         assert (last["x"], last["d_x"]) == pytest.approx((x, 0.0), abs=1e-12)
         with pytest.raises(Family):
             find_cycle(system, {"x": x})
-    last = simulate(system, (0.0, 4 * math.pi), {"x": 1.15}).final
+    last = simulate(system, (0.0, 4 * math.pi), initial={"x": 1.15}).final
     assert abs(last["x"] - 1.15) > 1e-3
 
 
@@ -231,7 +235,7 @@ def test_irregular_motion_is_said_to_be() -> None:
 
 def test_lyapunov_exponent_of_a_cycle() -> None:
     """0 along the motion: nothing parts."""
-    motion = simulate(SLIDER, (0, 2000), None, {"V": 0.2})
+    motion = simulate(SLIDER, (0, 2000), initial=None, parameters={"V": 0.2})
     pieces = Pieces(motion._problem.compiled.equations)
     found = largest_exponent(motion, pieces, window(motion, pieces).sizes)
     assert found is not None
@@ -250,7 +254,7 @@ def test_lyapunov_exponent_of_two_neighbours() -> None:
         viscous="c/2*d_x**2 + d_y**2/2",
         span=(0, 100),
     )
-    motion = simulate(system, (0, 6000), {"x": 0.1, "d_x": 0.2})
+    motion = simulate(system, (0, 6000), initial={"x": 0.1, "d_x": 0.2})
     pieces = Pieces(motion._problem.compiled.equations)
     found = largest_exponent(motion, pieces, window(motion, pieces).sizes)
     assert found is not None
@@ -262,7 +266,7 @@ def test_lyapunov_exponent_of_two_neighbours() -> None:
     for n in range(150):
         t = 10.0 * n
         beside = {**start, "x": start["x"] + 1e-7}
-        one, other = (simulate(system, (t, t + 10.0), s).final for s in (start, beside))
+        one, other = (simulate(system, (t, t + 10.0), initial=s).final for s in (start, beside))
         growth.append(
             math.log(math.dist([one[x] for x in names], [other[x] for x in names]) / 1e-7)
         )

@@ -61,7 +61,7 @@ def test_eigenvalues_are_within_their_bound(kind: str, seed: int) -> None:
 
 
 def test_numbers_are_shown() -> None:
-    (found,) = equilibria(SLIDER, {"V": 0.3}).isolated
+    (found,) = equilibria(SLIDER, parameters={"V": 0.3}).isolated
     assert found.certificate.ok
     names = [residual.name for residual in found.certificate.residuals]
     assert names == ["equations", "nearest guard", "eigenvalues"]
@@ -71,7 +71,7 @@ def test_numbers_are_shown() -> None:
 
 
 def test_a_wrong_state_is_not_certified() -> None:
-    (found,) = equilibria(SLIDER, {"V": 0.3}).isolated
+    (found,) = equilibria(SLIDER, parameters={"V": 0.3}).isolated
     y = np.array(list(found.state.values()))
     field = mode_field(derive(SLIDER.declaration), found.mode, found.region)
     steady = Steady(field, found.parameters, np.zeros((2, 0)), y)
@@ -87,10 +87,10 @@ def test_stability_that_rounding_decides_is_not_decided() -> None:
     """At the Hopf point itself the real part is 0 give or take what the eigenvalues are known
     to."""
     (hopf,) = continue_equilibrium(stribeck_belt(), "V", (0.5, 2.5)).of_kind("Hopf")
-    (there,) = equilibria(stribeck_belt(), {"V": hopf.value}).isolated
+    (there,) = equilibria(stribeck_belt(), parameters={"V": hopf.value}).isolated
     assert there.stable is None
     for V, stable in ((hopf.value - 1e-6, False), (hopf.value + 1e-6, True)):
-        (found,) = equilibria(stribeck_belt(), {"V": V}).isolated
+        (found,) = equilibria(stribeck_belt(), parameters={"V": V}).isolated
         assert found.stable is stable
 
 

@@ -31,12 +31,12 @@ KINDS = {"inertial": Inertial, "viscous": Viscous, "rate-independent": RateIndep
 
 
 def only(system: System, **values: float) -> Equilibrium:
-    (found,) = equilibria(system, values).isolated
+    (found,) = equilibria(system, parameters=values).isolated
     return found
 
 
 def only_set(system: System, **values: float) -> EquilibriumSet:
-    found = equilibria(system, values)
+    found = equilibria(system, parameters=values)
     assert not found.isolated
     (one,) = found.sets
     return one
@@ -115,13 +115,15 @@ def test_more_contacts_than_directions(kind: str) -> None:
 def test_motion_stays_in_the_set_and_leaves_from_outside() -> None:
     system = blocks("inertial")
     found = only_set(system)
-    rest = simulate(system, (0, 20), found.state)
+    rest = simulate(system, (0, 20), initial=found.state)
     assert rest.n_switches == 0
     assert rest.final == pytest.approx(found.state, abs=1e-12)
     corner = {x: found.extent[x][1] for x in "xy"}
-    assert simulate(system, (0, 20), {x: v - 1e-9 for x, v in corner.items()}).n_switches == 0
+    assert (
+        simulate(system, (0, 20), initial={x: v - 1e-9 for x, v in corner.items()}).n_switches == 0
+    )
     beyond = {**corner, "x": corner["x"] + 1e-3}
-    assert simulate(system, (0, 20), beyond).final["x"] < beyond["x"] - 1e-5
+    assert simulate(system, (0, 20), initial=beyond).final["x"] < beyond["x"] - 1e-5
 
 
 def test_the_rocking_toy_at_rest() -> None:
@@ -237,7 +239,7 @@ def test_carried_along_by_a_belt() -> None:
     assert found.modes == {"belt": "stick"}
     assert found.stable
     assert found.drift == pytest.approx({"x": 0.7})
-    assert not len(equilibria(block, {"f": 2.0}))
+    assert not len(equilibria(block, parameters={"f": 2.0}))
 
 
 def test_several_equilibria_with_stability() -> None:
@@ -259,12 +261,14 @@ def test_several_equilibria_with_stability() -> None:
 )
 def test_stability_is_that_of_the_motion(mu: str, nu: float, V: float) -> None:
     system = catalogue.spring_slider(mu=mu)
-    (found,) = equilibria(system, {"nu": nu, "V": V}, box={"alpha": (1.0, 30.0)}).isolated
+    (found,) = equilibria(
+        system, parameters={"nu": nu, "V": V}, box={"alpha": (1.0, 30.0)}
+    ).isolated
     rate = max(z.real for z in found.eigenvalues)
     assume(abs(rate) > 0.1)
     time = 8.0 / abs(rate)
     near = {"U": found.state["U"] + 1e-7, "alpha": found.state["alpha"]}
-    values = simulate(system, (0.0, time), near, {"nu": nu, "V": V}).at(
+    values = simulate(system, (0.0, time), initial=near, parameters={"nu": nu, "V": V}).at(
         np.linspace(0.75 * time, time, 200)
     )
     apart = np.max(np.hypot(values["U"] - found.state["U"], values["alpha"] - found.state["alpha"]))
@@ -301,7 +305,7 @@ def test_only_inside_the_box() -> None:
     [
         (lambda: equilibria(catalogue.forced_oscillator()), "depend on time .*'force'.*find_cycle"),
         (lambda: equilibria("spring_slider"), "expected a System"),  # type: ignore[arg-type]
-        (lambda: equilibria(catalogue.spring_slider(), {"W": 1.0}), "no such parameter"),
+        (lambda: equilibria(catalogue.spring_slider(), parameters={"W": 1.0}), "no such parameter"),
         (
             lambda: equilibria(catalogue.spring_slider(), box={"u": (0, 1)}),
             "box.u: there is no such state",

@@ -26,7 +26,7 @@ def along(
     free: str | None = None,
     directions: Array | None = None,
 ) -> Variation:
-    motion = simulate(system, span, initial, parameters)
+    motion = simulate(system, span, initial=initial, parameters=parameters)
     assert motion.outcome.ok
     return variation(motion, Pieces(motion._problem.compiled.equations, free), directions)
 
@@ -50,7 +50,9 @@ def differences(
     def end(changes: Mapping[str, float]) -> Array:
         start = {name: value + changes.get(name, 0.0) for name, value in first.items()}
         values = {**parameters, free: system.values[free] + changes.get(free, 0.0)}
-        return simulate(system, span, start, {**parameters, free: values[free]}).knots.state[-1]
+        return simulate(
+            system, span, initial=start, parameters={**parameters, free: values[free]}
+        ).knots.state[-1]
 
     return np.column_stack([slope(lambda d, c=c: end({c: d}), 1e-4) for c in (*names, free)])
 

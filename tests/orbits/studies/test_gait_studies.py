@@ -21,7 +21,7 @@ UPRIGHT = {"psi": 0.0, "x_R": 0.0}
 
 
 def test_speed_over_the_pull() -> None:
-    found = gait_study(catalogue.rocking_toy(), "P", [0.55, 0.8, 1.0, 1.2], WALK)
+    found = gait_study(catalogue.rocking_toy(), "P", [0.55, 0.8, 1.0, 1.2], initial=WALK)
     assert found["walks"].values.tolist() == [False, True, True, True]
     P, T = found["P"].values[1:], found["period"].values[1:]
     X = P - 0.2 - 0.3
@@ -41,7 +41,7 @@ def test_speed_over_the_pull() -> None:
 )
 def test_rocking_takes_up_what_the_legs_feed_in(parameter: str, values: list[float]) -> None:
     """δ∮ψ'² = 2cX(ψ₃ + ψ*): for a nearly harmonic rocking πδA²ω."""
-    found = gait_study(catalogue.rocking_toy(), parameter, values, WALK)
+    found = gait_study(catalogue.rocking_toy(), parameter, values, initial=WALK)
     toy = catalogue.rocking_toy()
     for i, value in enumerate(values):
         v = {**toy.values, parameter: value}
@@ -61,7 +61,7 @@ def test_smallest_pull_that_walks() -> None:
     """Without masses walking ends where the amplitude falls to ψ*: the held leg is then not let go
     any more."""
     toy = catalogue.rocking_toy()
-    found = walking_threshold(toy, "P", (0.616, 0.618), WALK, tolerance=1e-4)
+    found = walking_threshold(toy, "P", (0.616, 0.618), initial=WALK, tolerance=1e-4)
     assert found.value == pytest.approx(0.616606, abs=5e-7)
     assert found.gait is not None
     assert found.gait.extrema["psi"] == pytest.approx((-1.0, 1.0), abs=2e-6)
@@ -75,7 +75,9 @@ def test_smallest_pull_that_walks() -> None:
         (found.moving + 1e-3, Outcome.FINISHED),
         (found.still - 1e-2, Outcome.AT_REST),
     ):
-        motion = simulate(toy, (0.0, 2000.0), {"psi": -1.05, "x_R": P - 0.5}, {"P": P})
+        motion = simulate(
+            toy, (0.0, 2000.0), initial={"psi": -1.05, "x_R": P - 0.5}, parameters={"P": P}
+        )
         assert motion.outcome is outcome
 
 
@@ -86,7 +88,7 @@ def test_smallest_pull_that_walks() -> None:
 def test_smallest_pull_that_slides(
     system: str, parameter: str, span: tuple[float, float], pull: float
 ) -> None:
-    found = sliding_threshold(catalogue.get(system), parameter, span, UPRIGHT)
+    found = sliding_threshold(catalogue.get(system), parameter, span, initial=UPRIGHT)
     assert pull * found.value == pytest.approx(1.7, abs=1e-6)
     assert found.gait is None
 
@@ -94,7 +96,7 @@ def test_smallest_pull_that_slides(
 def test_inertia_helps() -> None:
     """With masses the toy walks at a pull (g m_W/2 = g/100) that is too small without."""
     found = walking_threshold(
-        catalogue.rocking_toy_inertial(), "g", (50.0, 60.0), WALK, tolerance=0.02
+        catalogue.rocking_toy_inertial(), "g", (50.0, 60.0), initial=WALK, tolerance=0.02
     )
     assert 0.01 * found.value == pytest.approx(0.5275, abs=2e-3)
 
@@ -102,7 +104,7 @@ def test_inertia_helps() -> None:
 def test_bad_arguments() -> None:
     toy = catalogue.rocking_toy()
     with pytest.raises(DeclarationError, match="at both ends"):
-        sliding_threshold(toy, "P", (0.5, 1.0), UPRIGHT)
+        sliding_threshold(toy, "P", (0.5, 1.0), initial=UPRIGHT)
     with pytest.raises(DeclarationError, match="Q"):
         gait_study(toy, "Q", [1.0])
     with pytest.raises(DeclarationError, match="not a range"):

@@ -28,7 +28,7 @@ WALK = {"psi": -1.67, "x_R": 0.45, "x_L": 0.0}
 def gait(
     system: System, start: dict[str, float] | None = None, values: dict[str, float] | None = None
 ) -> Cycle:
-    found = find_cycle(system, start, values)
+    found = find_cycle(system, start, parameters=values)
     assert found.trajectory.certificate.ok, found.trajectory.certificate.verdict
     assert found.residual < 1e-10
     return found
@@ -114,4 +114,4 @@ def test_crawler(f_plus: float, f_minus: float, k: float) -> None:
 
 def test_crawler_with_a_short_stroke_stays() -> None:
     with pytest.raises(ConvergenceError, match="comes to rest"):
-        find_cycle(catalogue.two_leg_crawler(), None, {"D": 0.15})
+        find_cycle(catalogue.two_leg_crawler(), None, parameters={"D": 0.15})

@@ -79,7 +79,7 @@ def test_loop_feeds_the_energy_of_a_period() -> None:
 def test_legs_of_the_toy_follow_it(start: dict[str, float]) -> None:
     """d of a computed motion is the operator of its ψ, exactly at every switch and turning
     point."""
-    motion = simulate(catalogue.rocking_toy(), (0.0, 40.0), start)
+    motion = simulate(catalogue.rocking_toy(), (0.0, 40.0), initial=start)
     assert motion.certificate.ok
     t = np.union1d(np.linspace(0.0, 40.0, 4001), motion.knots.time)
     values = motion.at(t)
@@ -139,8 +139,10 @@ def test_reduced_oscillator_is_the_toy_in_simple_motion_only() -> None:
     h = operator()
     for start, alike in ((-h.psi_2 + 0.05, True), (-h.psi_2 - 0.3, False)):
         d = float(np.clip(h.X, h.lower(start), h.upper(start)))
-        toy = simulate(catalogue.rocking_toy(), (0.0, 6.0), {"psi": start, "x_R": d, "x_L": 0.0})
-        reduced = simulate(catalogue.rocking_oscillator(), (0.0, 6.0), {"psi": start})
+        toy = simulate(
+            catalogue.rocking_toy(), (0.0, 6.0), initial={"psi": start, "x_R": d, "x_L": 0.0}
+        )
+        reduced = simulate(catalogue.rocking_oscillator(), (0.0, 6.0), initial={"psi": start})
         t = np.linspace(0.0, 6.0, 301)
         miss = distance(toy.at(t)["psi"], reduced.at(t)["psi"])
         assert miss < 1e-10 if alike else miss > 1e-2

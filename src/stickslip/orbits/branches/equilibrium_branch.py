@@ -153,7 +153,7 @@ def _start(
     inside = [values[parameter]] if low <= values[parameter] <= high else []
     tried: dict[str, str] = {}
     for value in [*inside, 0.5 * (low + high), low, high]:
-        found = equilibria(system, {**values, parameter: value})
+        found = equilibria(system, parameters={**values, parameter: value})
         candidates = [e for e in found.isolated if not e.boundary]
         if candidates and start is not None:
             return min(candidates, key=lambda e: _distance(e, start))

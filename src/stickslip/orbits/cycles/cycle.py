@@ -137,7 +137,8 @@ class Cycle(Result):
 
     @cached_property
     def certificate(self) -> Certificate:
-        """What was measured of it; see :func:`stickslip.orbits.cycles.certificate.certify_cycle`."""
+        """What was measured of it; see
+        :func:`stickslip.orbits.cycles.certificate.certify_cycle`."""
         return certify_cycle(self.closed) if self.measured is None else self.measured
 
     @property
@@ -356,6 +357,7 @@ def _complex(pairs: Sequence[Sequence[float]]) -> Array:
 def find_cycle(
     system: System,
     start: Trajectory | Cycle | SpecialPoint | Mapping[str, float] | ArrayLike | None = None,
+    *,
     parameters: Mapping[str, float] | None = None,
 ) -> Cycle:
     """The cycle near a motion, a state, another cycle or a Hopf point.

@@ -41,8 +41,8 @@ _POLISH = 4  # Newton steps that put a point well inside a set onto its equation
 
 def equilibria(
     system: System,
-    parameters: Mapping[str, float] | None = None,
     *,
+    parameters: Mapping[str, float] | None = None,
     box: Mapping[str, tuple[float, float]] | None = None,
 ) -> Equilibria:
     """All equilibria that can be found: sliding ones, and sets of them in stick.

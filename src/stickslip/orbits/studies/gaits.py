@@ -165,8 +165,10 @@ def gait_study(
     system: System,
     parameter: str,
     values: Sequence[float],
-    start: State | None = None,
+    *,
+    initial: State | None = None,
     parameters: Mapping[str, float] | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> GaitStudy:
     """The stable gait of a system over a parameter.
 
@@ -175,11 +177,13 @@ def gait_study(
     system : System
     parameter : str
     values : sequence of float
-    start : mapping of str to float, optional
+    initial : mapping of str to float, optional
         State from which the first gait is looked for; by default the declared one. Each next one
         starts from the last.
     parameters : mapping of str to float, optional
         Values of the others.
+    progress : callable, optional
+        Called with the fraction done before each gait.
 
     Returns
     -------
@@ -202,9 +206,11 @@ def gait_study(
     rows: list[dict[str, object]] = []
     certificates: list[Certificate] = []
     last: Cycle | None = None
-    for value in values:
+    for i, value in enumerate(values):
+        if progress is not None:
+            progress(i / len(values))
         system.declaration.check_range(parameter, float(value))
-        found = _gait(system, last, start, {**(parameters or {}), parameter: float(value)})
+        found = _gait(system, last, initial, {**(parameters or {}), parameter: float(value)})
         if isinstance(found, Cycle):
             last = found
             certificates.append(found.certificate)
@@ -235,9 +241,9 @@ def walking_threshold(
     system: System,
     parameter: str,
     span: tuple[float, float],
-    start: State | None = None,
-    parameters: Mapping[str, float] | None = None,
     *,
+    initial: State | None = None,
+    parameters: Mapping[str, float] | None = None,
     tolerance: float = 1e-6,
 ) -> Threshold:
     """The parameter at which the stable gait appears.
@@ -251,7 +257,7 @@ def walking_threshold(
     parameter : str
     span : (float, float)
         With a gait at one end and none at the other.
-    start : mapping of str to float, optional
+    initial : mapping of str to float, optional
         State from which the gait is looked for; by default the declared one.
     parameters : mapping of str to float, optional
         Values of the others.
@@ -265,7 +271,7 @@ def walking_threshold(
     """
 
     def test(value: float, last: Cycle | None) -> Cycle | str:
-        return _gait(system, last, start, {**(parameters or {}), parameter: value})
+        return _gait(system, last, initial, {**(parameters or {}), parameter: value})
 
     return _bisect(system, parameter, span, test, tolerance)
 
@@ -274,9 +280,9 @@ def sliding_threshold(
     system: System,
     parameter: str,
     span: tuple[float, float],
-    start: State,
-    parameters: Mapping[str, float] | None = None,
     *,
+    initial: State,
+    parameters: Mapping[str, float] | None = None,
     tolerance: float = 1e-6,
 ) -> Threshold:
     """The parameter at which a state of rest begins to slide.
@@ -287,7 +293,7 @@ def sliding_threshold(
     parameter : str
     span : (float, float)
         At rest at one end, sliding at the other.
-    start : mapping of str to float
+    initial : mapping of str to float
         The state of rest.
     parameters, tolerance
         As in :func:`walking_threshold`.
@@ -300,7 +306,7 @@ def sliding_threshold(
 
     def test(value: float, last: Cycle | None) -> Cycle | str | None:
         problem = pose(system, {**(parameters or {}), parameter: value})
-        motion = follow_freely(problem, *system.span, problem.initial_state(start))
+        motion = follow_freely(problem, *system.span, problem.initial_state(initial))
         slides = motion.outcome is Outcome.NO_BOUNDED_RATE or bool(np.any(motion.knots.mode))
         return None if slides else "all contacts stick"
 
@@ -350,7 +356,7 @@ def _gait(
     reason = ""
     for origin in starts:
         try:
-            found = find_cycle(system, origin, dict(values))
+            found = find_cycle(system, origin, parameters=dict(values))
         except ConvergenceError as failure:
             reason = str(failure)
             continue

@@ -302,7 +302,7 @@ class HysteresisOperator:
             lambda t: 0.5 * (self.upper(psi(t)) + self.lower(psi(t))),
             lambda t: 0.5 * (self.upper(psi(t)) - self.lower(psi(t))),
             t_span,
-            initial,
+            initial=initial,
         )
 
     def _nodes(self, start: float, end: float) -> Array:

@@ -80,7 +80,7 @@ class PlayMotion:
             problem.ell,
             thresholds,
             problem.span,
-            float(problem.initial[0]),
+            initial=float(problem.initial[0]),
             epsilon=problem.epsilon,
             stiffness=float(problem.A[0, 0]),
         )

@@ -155,7 +155,7 @@ def plays(load: ArrayLike, radii: ArrayLike, initial: ArrayLike = 0.0) -> Array:
 
 
 def prandtl_ishlinskii(
-    load: ArrayLike, radii: ArrayLike, weights: ArrayLike, initial: ArrayLike = 0.0
+    load: ArrayLike, radii: ArrayLike, weights: ArrayLike, *, initial: ArrayLike = 0.0
 ) -> Array:
     """The Prandtl–Ishlinskii operator Σ w_i z_i, a weighted sum of plays, without storing the
     plays.

@@ -159,6 +159,13 @@ def _axis(key: str, given: Any, seed: int) -> Axis:
     where = f"over.{','.join(names)}"
     if isinstance(given, str):
         return _from_text(names, given, where, seed)
+    if isinstance(given, tuple) and len(given) == 3 and type(given[2]) is int:
+        low, high, number = given
+        raise DeclarationError(
+            where,
+            f"{given!r} may be a range or three values",
+            f'Write "{low}:{high}:{number}", or the list [{low}, {high}, {number}]',
+        )
     try:
         values = np.array(given, dtype=float)
     except (TypeError, ValueError):

@@ -156,14 +156,10 @@ def _by_function(
     for i in range(count):
         if stop[0] != 0:
             raise Stopped
-        here = (
-            {name: float(column[i]) for name, column in given.items()}
-            for given in (initial, parameters)
-        )
         motion = simulate(
             system,
-            None,
-            *here,
+            initial={name: float(column[i]) for name, column in initial.items()},
+            parameters={name: float(column[i]) for name, column in parameters.items()},
             rtol=settings.rtol,
             atol=settings.atol,
             max_events=settings.max_events,
