@@ -13,6 +13,7 @@ import pytest
 
 from stickslip.arrays import Array
 from stickslip.model.system import System
+from stickslip.orbits.settling import motions
 from stickslip.progress import Stopped
 
 calls: list[int] = []
@@ -20,13 +21,7 @@ calls: list[int] = []
 
 
 @dataclass(frozen=True)
-class Settings:
-    tolerance: float = 1e-8
-    rtol: float = 1e-10
-    atol: float = 1e-12
-    max_events: int = 1000
-    max_time: float | None = None
-    longest_cycle: int = 48
+class Settings(motions.Settings):
     pause: float = 0.0
 
 
@@ -35,7 +30,7 @@ def measure_chunk(
     initial: Mapping[str, Array],
     parameters: Mapping[str, Array],
     measures: Sequence[str],
-    settings: Settings,
+    settings: motions.Settings,
     device: str = "cpu",
     stop: Array | None = None,
     section: bool = False,
@@ -43,7 +38,7 @@ def measure_chunk(
     """Rocking toys that walk outside a circle around (P, δ) = (1, 0.1)."""
     given = {**initial, **parameters}
     calls.append(len(next(iter(given.values()))))
-    time.sleep(settings.pause)
+    time.sleep(getattr(settings, "pause", 0.0))
     if stop is not None and stop[0]:
         raise Stopped
     return closed_form(system, given, measures)

@@ -196,7 +196,7 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
         # mass.
         gap = W[rows.u[c], 0]
         rate = mag[nc + c] + mag[2 * nc + c] / abs(Rq[nq + c, nq + c])
-        if abs(gap) > (_ON_SURFACE * last + ROUNDING * near) * rate + ROUNDING * mag[c]:
+        if abs(gap) > (_ON_SURFACE * last + _WIDE * ROUNDING * near) * rate + ROUNDING * mag[c]:
             mode[c] = 1 if gap > 0.0 else -1
             return False
     for c in range(mq):
@@ -392,16 +392,14 @@ def loosen(
 def settle_mode(
     machine: Machine, flow: Flow, lane: Lane, room: float, hold: bool, promised: float
 ) -> tuple[int, float, float, int]:
-    """Find the mode the motion takes now; the work space then holds its Taylor coefficients, or a
-    polynomial instead.
+    """Find the mode the motion takes now; its series, or a polynomial, is left in the work space.
 
     Parameters
     ----------
     room, hold
         Longest step that is wanted; whether sticking contacts are put onto the surface speed.
     promised : float
-        Length of the step that ended here, if it has not been checked whether it keeps its promise;
-        otherwise 0.
+        Length of the step that ended here, if its promise has not been checked; otherwise 0.
 
     Returns
     -------
@@ -437,8 +435,7 @@ def settle_mode(
             )
             if total == 0:
                 return SINGULAR, 0.0, 0.0, 0
-        near = slack * (lane.clock[LAST] + _WIDE * denied)
-        status, h = make_series(machine, flow, lane, room, near, hold or pivots > 1)
+        status, h = make_series(machine, flow, lane, room, slack * denied, hold or pivots > 1)
         known = pivots == 1 and status != SINGULAR
         if known and promised > 0.0 and not keeps(flow, space.W, lane.y, lane.seen, promised):
             return ASTRAY, 0.0, 0.0, 0
