@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
     from stickslip.orbits.branches.equilibrium_curves import fold_curve, hopf_curve
     from stickslip.orbits.branches.onset_curve import stick_onset_curve
+    from stickslip.orbits.continuation.arclength import StepControl
     from stickslip.orbits.continuation.branch import Branch, SpecialPoint
     from stickslip.orbits.cycles.cycle import Cycle, find_cycle
     from stickslip.orbits.equilibria.equilibrium import Equilibria, Equilibrium, EquilibriumSet
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
         walking_threshold,
     )
     from stickslip.orbits.studies.hysteresis import HysteresisOperator
+    from stickslip.rate_independent.averaging.semi_infinite import Intersection
     from stickslip.rate_independent.dissipation import (
         Dissipation,
         Ellipsoid,
@@ -98,6 +100,7 @@ __all__ = [
     "HysteresisOperator",
     "Inertial",
     "Internal",
+    "Intersection",
     "Map",
     "Outcome",
     "Parameter",
@@ -107,6 +110,7 @@ __all__ = [
     "RateIndependent",
     "Settings",
     "SpecialPoint",
+    "StepControl",
     "StickslipError",
     "SupportFunction",
     "System",
@@ -176,7 +180,9 @@ _HOMES = {
     ),
     "Adaptive": "sweeps.adaptive",
     "basin": "sweeps.basin",
-    "Settings": "sweeps.work.chunk",
+    "Settings": "orbits.settling.motions",
+    "StepControl": "orbits.continuation.arclength",
+    "Intersection": "rate_independent.averaging.semi_infinite",
     **dict.fromkeys(["Basin", "Map"], "sweeps.map"),
     "sweep": "sweeps.sweep",
     "Play": "rate_independent.play.operator",

@@ -211,7 +211,8 @@ class Result:
         Parameters
         ----------
         *quantities : str
-            Variables of the dataset, a panel each; by default an overview of everything.
+            Variables of the dataset, a panel each; by default an overview of everything. Or one
+            name of a picture that was added (:func:`stickslip.figures.register`).
         ax : matplotlib.axes.Axes, optional
             Draw into these axes of a figure of yours, all quantities together.
 
@@ -228,7 +229,10 @@ class Result:
         if not quantities:
             return self._said.overview(ax)
         from stickslip.figures.drawing.quantities import plot_quantities
+        from stickslip.figures.drawing.registry import registered
 
+        if len(quantities) == 1 and (draw := registered(type(self), quantities[0])) is not None:
+            return draw(self, ax=ax)
         return plot_quantities(self._said.dataset, quantities, self.along, ax)
 
     def save(self, path: str | Path) -> None:

@@ -1,10 +1,10 @@
 """Pictures of results. Each result draws its own with ``plot()``; here are those of several results
-side by side, and parts to be drawn into axes of your own.
+side by side, and parts to be drawn into axes of your own; :func:`register` adds one of yours.
 
 >>> import stickslip as ss
 >>> threshold = "1 + cos(2*pi*s)/2"
->>> resolved = ss.play("5*t - t**2", threshold, (0, 5), 0.0, epsilon=0.1)
->>> averaged = ss.play("5*t - t**2", 0.5, (0, 5), 0.0)
+>>> resolved = ss.play("5*t - t**2", threshold, (0, 5), initial=0.0, epsilon=0.1)
+>>> averaged = ss.play("5*t - t**2", 0.5, (0, 5), initial=0.0)
 >>> figure = ss.figures.plot_limit(resolved, averaged)
 """
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         plot_path,
         stable_sets,
     )
+    from stickslip.figures.drawing.registry import register
     from stickslip.figures.play import plot_limit, plot_loops
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
     "plot_limit",
     "plot_loops",
     "plot_path",
+    "register",
     "stable_sets",
 ]
 
@@ -36,6 +38,7 @@ _HOMES = {
         ["costs_over_phase", "plot_average", "plot_path", "stable_sets"], "dissipation"
     ),
     **dict.fromkeys(["plot_limit", "plot_loops"], "play"),
+    "register": "drawing.registry",
 }
 
 

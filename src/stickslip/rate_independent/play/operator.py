@@ -115,7 +115,7 @@ def play(
 
     Examples
     --------
-    >>> motion = ss.play("5*t - t**2", "1 + cos(2*pi*s)/2", (0, 5), 0.0, epsilon=0.1)
+    >>> motion = ss.play("5*t - t**2", "1 + cos(2*pi*s)/2", (0, 5), initial=0.0, epsilon=0.1)
     >>> round(motion.final, 6)
     0.7414
     >>> motion.certificate.ok

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import lru_cache
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -26,6 +27,9 @@ from stickslip.symbolic.formulas import NAME, Scope
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
+
+GROUP = "stickslip.measures"
+"""Entry points of measures that other packages add."""
 
 REASONS = ("given", "returned_nan", "returned_no_number", "raised_an_error", "motion_incomplete")
 """Why a function of the motion has no value at a point; 0: it has one."""
@@ -112,7 +116,8 @@ def read_measures(system: System, asked: Sequence[Any]) -> tuple[Measure, ...]:
     asked : sequence of str or callable
         Names of measures, possibly of one coordinate or contact (``"amplitude:psi"``); formulas
         ``"name = formula"`` of measures and parameters; ``"file.py:function"``; functions of a
-        Trajectory.
+        Trajectory, or the names of those that other packages add (entry points of
+        ``stickslip.measures``).
 
     Raises
     ------
@@ -167,8 +172,24 @@ def _measure(system: System, item: Any) -> Measure:
     path, colon, function = item.rpartition(":")
     if colon and path.endswith(".py"):
         return _file_function(path, function)
+    if item not in MEASURES and (entries := entry_points(group=GROUP, name=item)):
+        return _measure(system, _loaded(next(iter(entries))))
     needs_close_look(system, [item])  # refuses what does not exist
     return item
+
+
+def _loaded(entry: EntryPoint) -> Callable[[Trajectory], float]:
+    """The function that another package adds as a measure."""
+    try:
+        function = entry.load()
+    except Exception as error:
+        reason = f"{entry.value} cannot be loaded ({type(error).__name__}: {short(str(error))})"
+        raise StickslipError(f"measure {entry.name}: {reason}") from None
+    if getattr(function, "__name__", "") != entry.name:
+        raise StickslipError(
+            f"measure {entry.name}: {entry.value} is no function of that name. Name them alike"
+        )
+    return function
 
 
 def _check_new_name(name: str) -> None:

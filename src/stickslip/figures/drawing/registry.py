@@ -1,0 +1,56 @@
+"""Pictures that others add to a kind of result, by the name that ``result.plot(name)`` takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from stickslip.errors import DeclarationError
+
+if TYPE_CHECKING:
+    from stickslip.results import Result
+
+_Draw = TypeVar("_Draw", bound=Callable[..., Any])
+
+_drawn: dict[type, dict[str, Callable[..., Any]]] = {}
+
+
+def register(kind: type[Result]) -> Callable[[_Draw], _Draw]:
+    """A function that draws results of a kind is one of their pictures from now on.
+
+    Parameters
+    ----------
+    kind : type
+        Such as :class:`stickslip.Trajectory`; ``stickslip.results.Result`` means every kind.
+
+    Returns
+    -------
+    function
+        A decorator of functions ``(result, ax=None)`` that return a Figure (that of `ax`, if it is
+        given); ``result.plot(name)`` then draws by the function of that name.
+
+    Raises
+    ------
+    DeclarationError
+        If another function has the name.
+    """
+
+    def add(function: _Draw) -> _Draw:
+        name = function.__name__
+        other = _drawn.setdefault(kind, {}).setdefault(name, function)
+        if other is not function and other.__module__ != function.__module__:
+            raise DeclarationError(
+                f"figure '{name}'", f"{other.__module__} has it already", "Choose another name"
+            )
+        _drawn[kind][name] = function
+        return function
+
+    return add
+
+
+def registered(kind: type, name: str) -> Callable[..., Any] | None:
+    """The function that draws results of a kind by a name, if there is one."""
+    for base in kind.__mro__:
+        if name in _drawn.get(base, {}):
+            return _drawn[base][name]
+    return None
