@@ -60,7 +60,7 @@ def own() -> list[str]:
     seconds, cycles = timed(lambda: continue_cycle(find_cycle(SLIDER, hopf), "V", SPAN))
     errors = []
     for V, (period, multiplier) in STICKING.items():
-        cycle = find_cycle(SLIDER, None, parameters={"V": V})
+        cycle = find_cycle(SLIDER, parameters={"V": V})
         errors.append(
             (abs(cycle.period / period - 1), abs(float(cycle.nontrivial[0].real) - multiplier))
         )
@@ -94,8 +94,8 @@ def error(rows: list[Row], V: float) -> tuple[float, float]:
     row = min((row for row in rows if row.period > 1.35), key=lambda row: abs(row.V - V))
     h = 1e-6
     slope = (
-        find_cycle(SLIDER, None, parameters={"V": V + h}).period
-        - find_cycle(SLIDER, None, parameters={"V": V - h}).period
+        find_cycle(SLIDER, parameters={"V": V + h}).period
+        - find_cycle(SLIDER, parameters={"V": V - h}).period
     ) / (2 * h)
     found = min(row.multipliers, key=lambda m: abs(m - multiplier))
     return abs((row.period - slope * (row.V - V)) / period - 1), abs(found - multiplier)

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import pytest
 
-from stickslip.motion import problem, simulate
+from stickslip import simulate
 
 
 @pytest.fixture(params=["closed forms", "Taylor steps"])
 def flow(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Which flow `simulate` takes: closed forms where modes are affine, or Taylor steps
-    everywhere."""
-    monkeypatch.setattr(
-        simulate, "pose", partial(problem.pose, exact=request.param == "closed forms")
-    )
+    """Which flow `simulate` takes where none is asked for: closed forms where modes are affine, or
+    Taylor steps everywhere."""
+    chosen = "auto" if request.param == "closed forms" else "taylor"
+    monkeypatch.setitem(simulate.__kwdefaults__, "flow", chosen)
     return request.param

@@ -46,4 +46,4 @@ def test_family() -> None:
     ones."""
     known = r"come in a family.*still closes if its state is moved along \((d_)?x: "
     with pytest.raises(ConvergenceError, match=known):
-        find_cycle(catalogue.belt_block(), None, parameters=SETS[2])
+        find_cycle(catalogue.belt_block(), parameters=SETS[2])

@@ -27,7 +27,7 @@ GAMMA_B = 0.00590569826359391
 
 
 def cycle(**values: float) -> Cycle:
-    found = find_cycle(catalogue.scaled_slider_limit(), None, parameters=values)
+    found = find_cycle(catalogue.scaled_slider_limit(), parameters=values)
     assert found.trajectory.certificate.ok, found.trajectory.certificate.verdict
     return found
 

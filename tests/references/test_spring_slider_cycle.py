@@ -46,7 +46,7 @@ def slip_starts(cycle: Cycle) -> float:
 
 @pytest.mark.parametrize("V", STICKING)
 def test_sticking(V: float) -> None:
-    cycle = find_cycle(SLIDER, None, parameters={"V": V})
+    cycle = find_cycle(SLIDER, parameters={"V": V})
     period, stick, multiplier = map(float, STICKING[V])
     assert cycle.trajectory.certificate.ok
     assert cycle.period == pytest.approx(period, rel=1e-13)
@@ -70,7 +70,7 @@ def test_unstable(V: float) -> None:
 
 def test_digits() -> None:
     """They are computed again, with fewer of them."""
-    start = slip_starts(find_cycle(SLIDER, None, parameters={"V": 0.15}))
+    start = slip_starts(find_cycle(SLIDER, parameters={"V": 0.15}))
     found = spring_slider.cycle("0.15", "0.05", start, sticks=True, digits=7)
     assert list(map(float, found)) == pytest.approx(list(map(float, STICKING[0.15])), rel=1e-11)
     found = spring_slider.cycle("0.2255", "0.05", 1.4467, sticks=False, digits=7)

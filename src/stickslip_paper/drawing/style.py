@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch
 
 import stickslip as ss
-from stickslip.arrays import Array
+from stickslip_paper.arrays import Array
 
 Point = Sequence[float] | Array
 

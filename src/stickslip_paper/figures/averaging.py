@@ -63,7 +63,7 @@ def draw_rates(axes: Axes, study: xarray.Dataset) -> None:
     axes.set_ylim(top=2e4)
 
 
-_ENTRY = FigureEntry(
+ENTRY = FigureEntry(
     "averaging",
     "Averaging error against ε",
     "The example of section 2.2 for many ε: ℓ(t) = 5t − t², ρ(s) = 1 + cos(2πs)/2, z(0) = 0, "

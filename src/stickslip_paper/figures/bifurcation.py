@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import stickslip as ss
-from stickslip.arrays import Array
+from stickslip_paper.arrays import Array
 from stickslip_paper.drawing.entry import FigureEntry
 from stickslip_paper.drawing.style import arrow
 
@@ -111,7 +111,7 @@ def _finish(axes: Axes, zoom: Axes, hopf: float) -> None:
     axes.legend(loc="lower left", bbox_to_anchor=(0.04, 0.16))
 
 
-_ENTRY = FigureEntry(
+ENTRY = FigureEntry(
     "bifurcation",
     "Steady sliding and stick-slip",
     "What the spring slider (3.3) does at constant V, with μ̃(α) = 2/√α, ν = 0.05, k = α₀ = 1; "

@@ -143,7 +143,7 @@ def ramp_walker(axes: Axes) -> None:
     dimension(axes, place((1.9, -0.4))[0], place((4.1, -0.4))[0], "$d$", (0.03, -0.2))
 
 
-_ENTRY = FigureEntry(
+ENTRY = FigureEntry(
     "1.1",
     "Two machines that wait until friction is small",
     "(A) The plate compactor: an imbalance that turns with the angle Ωt shakes the normal force "

@@ -16,7 +16,7 @@ def draw() -> Figure:
     return ss.figures.plot_limit(resolved, averaged)
 
 
-_ENTRY = FigureEntry(
+ENTRY = FigureEntry(
     "2.1",
     "Oscillating friction and its limit",
     "The energetic solution of (2.1) for the energy z²/2 − ℓ(t)z with ℓ(t) = 5t − t² and "

@@ -53,7 +53,7 @@ def _name_the_parts(axes: Axes) -> None:
     axes.set_ylabel(r"scaled state $\gamma$")
 
 
-_ENTRY = FigureEntry(
+ENTRY = FigureEntry(
     "3.1",
     "Phase plane of the scaled slider",
     "The piecewise linear system (3.6), with the constant v̂/ν(1 − b√ν) corrected, for v̂ = 1 and "

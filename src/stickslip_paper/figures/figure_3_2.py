@@ -78,7 +78,7 @@ def _name_the_parts(left: Axes, right: Axes, maps: ReturnMap) -> None:
     right.set_ylabel(r"$\gamma$ as the next one starts")
 
 
-_ENTRY = FigureEntry(
+ENTRY = FigureEntry(
     "3.2",
     "Poincaré maps of the scaled slider",
     "The return maps of (3.6) on the axis β = 0, for μ₀v̂ = 1 and b = 0.7. Left: "

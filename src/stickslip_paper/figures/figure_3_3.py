@@ -47,7 +47,7 @@ def draw() -> Figure:
     return figure
 
 
-_ENTRY = FigureEntry(
+ENTRY = FigureEntry(
     "3.3",
     "Long stick, short slip",
     "Three periods of the spring slider (3.3) in the original variables. In stick (grey) the "

@@ -145,7 +145,7 @@ def over_the_contact_point(axes: Axes) -> None:
     axes.text(0.0, -0.65, "$x_L$", color=ss.style.VERMILION, ha="center", va="center", fontsize=13)
 
 
-_ENTRY = FigureEntry(
+ENTRY = FigureEntry(
     "4.1",
     "The rocking toy animal",
     "Left: a weight m_W beyond the edge of the table pulls the animal; its two right legs at x_R "

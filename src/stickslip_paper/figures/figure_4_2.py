@@ -70,7 +70,7 @@ def _name_the_parts(axes: Axes, operator: ss.HysteresisOperator, psi_star: float
     axes.set_ylabel("distance of the legs $d = x_R - x_L$  [m]")
 
 
-_ENTRY = FigureEntry(
+ENTRY = FigureEntry(
     "4.2",
     "Where the distance of the legs can be",
     "The sets [G_R⁻, G_R⁺] (blue) and [G_L⁻, G_L⁺] (orange) of section 4.3 over the rocking angle "

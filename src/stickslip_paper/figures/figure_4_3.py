@@ -68,7 +68,7 @@ def _name_the_ticks(axes: Axes, operator: ss.HysteresisOperator, psi_star: float
     ss.style.legend_above(axes)
 
 
-_ENTRY = FigureEntry(
+ENTRY = FigureEntry(
     "4.3",
     "The hysteresis of the legs in simple motions",
     "The two branches of d = 𝐆(ψ, ψ̇) of section 4.4 for |ψ| ≤ ψ₂: Γ(ψ) while ψ rises, −Γ(−ψ) "

@@ -51,7 +51,7 @@ def _label(plane: Axes, angle: Axes, legs: Axes) -> None:
         axes.set_xlim(0.0, 40.0)
 
 
-_ENTRY = FigureEntry(
+ENTRY = FigureEntry(
     "4.4",
     "The toy animal starts to walk",
     "Simulation of the simplified system (4.2). Left: (ψ, ψ̇) spirals towards the stable limit "

@@ -68,7 +68,7 @@ def _name_the_parts(axes: Axes, smallest: float, sliding: float) -> None:
     axes.set_ylabel("walking speed $v$  [m/s]")
 
 
-_ENTRY = FigureEntry(
+ENTRY = FigureEntry(
     "speed",
     "Walking speed against the pull",
     "The simplified toy (4.2) with I_b = 1 kg m², a = 1 N/m, b = 1 N m, c = 0.3 N, ρ = 0.2 N, "

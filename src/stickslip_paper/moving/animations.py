@@ -19,7 +19,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 import stickslip as ss
-from stickslip.arrays import Array
+from stickslip_paper.arrays import Array
 from stickslip_paper.moving.scenes import Scene, compactor_scene, toy_scene
 
 _RATE = 20  # frames per second

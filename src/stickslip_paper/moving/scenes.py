@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 
 import stickslip as ss
-from stickslip.arrays import Array
+from stickslip_paper.arrays import Array
 from stickslip_paper.drawing.sketch import (
     BODY,
     BODY_EDGE,

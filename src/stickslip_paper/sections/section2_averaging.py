@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 import stickslip as ss
-from stickslip.arrays import Array
+from stickslip_paper.arrays import Array
 from stickslip_paper.sections.claim import (
     Finding,
     Verdict,

@@ -9,7 +9,7 @@ import numpy as np
 
 import stickslip as ss
 from stickslip import catalogue
-from stickslip.arrays import Array
+from stickslip_paper.arrays import Array
 from stickslip_paper.sections.claim import (
     Finding,
     Verdict,

@@ -420,7 +420,7 @@ def stable_periodic_orbit() -> Finding:
     largest = 0.0
     certified = True
     for V in (0.05, 0.1, 0.2):
-        cycle = ss.find_cycle(slider(), None, parameters={"V": V})
+        cycle = ss.find_cycle(slider(), parameters={"V": V})
         periods.append(cycle.period)
         largest = maximum(largest, *map(abs, cycle.nontrivial))
         certified &= cycle.trajectory.certificate.ok and trace(V, 0.05) > 0

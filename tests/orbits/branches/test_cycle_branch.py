@@ -172,7 +172,7 @@ def test_mass_on_belt() -> None:
 @pytest.mark.parametrize("r", [0.8, 1.2])
 def test_den_hartog(r: float) -> None:
     """With more friction the forced oscillator begins to stop where Den Hartog says."""
-    cycle = find_cycle(catalogue.forced_oscillator(), None, parameters={"F_c": 0.3, "omega": r})
+    cycle = find_cycle(catalogue.forced_oscillator(), parameters={"F_c": 0.3, "omega": r})
     branch = follow(cycle, "F_c", (0.1, 0.95))
     onset = branch.of_kind("stick onset")
     assert [point.value for point in onset] == pytest.approx([den_hartog.beta_lim(r)], rel=1e-9)
@@ -203,7 +203,7 @@ def test_belt_block() -> None:
 
 def test_normal_form() -> None:
     """r' = r(a − b r²): amplitude and multiplier of every cycle."""
-    branch = follow(find_cycle(planar(), None, parameters={"a": 0.1, "b": -0.1}), "q", (-3.0, -0.2))
+    branch = follow(find_cycle(planar(), parameters={"a": 0.1, "b": -0.1}), "q", (-3.0, -0.2))
     assert branch.points["max_x"].values == pytest.approx(
         np.sqrt(0.1 / -branch.points["q"].values), rel=1e-10
     )
@@ -213,9 +213,7 @@ def test_normal_form() -> None:
 
 
 def test_period_doubling() -> None:
-    branch = follow(
-        find_cycle(planar(), None, parameters={**HALF_TURN, "a": -0.1}), "a", (-0.4, 0.2)
-    )
+    branch = follow(find_cycle(planar(), parameters={**HALF_TURN, "a": -0.1}), "a", (-0.4, 0.2))
     assert kinds(branch) == ["period doubling"]
     assert branch.special[0].value == pytest.approx(0.0, abs=1e-11)
     a = branch.points["a"].values
@@ -308,9 +306,7 @@ def test_more_stops() -> None:
     """A slowly forced oscillator stops more often: two grazings at once by symmetry, as simulations
     say."""
     system = catalogue.forced_oscillator()
-    branch = follow(
-        find_cycle(system, None, parameters={"F_c": 0.5, "omega": 0.5}), "omega", (0.15, 0.7)
-    )
+    branch = follow(find_cycle(system, parameters={"F_c": 0.5, "omega": 0.5}), "omega", (0.15, 0.7))
     assert sorted(kinds(branch)) == ["grazing", "stick onset"]
     grazing = branch.of_kind("grazing")[0].value
     for omega, stops in ((grazing - 1e-5, 4), (grazing + 1e-5, 2)):

@@ -28,7 +28,7 @@ def onset(system: System, branch: Branch) -> SpecialPoint:
 @pytest.fixture(scope="module")
 def stops() -> SpecialPoint:
     """Where the forced oscillator begins to stop."""
-    cycle = find_cycle(OSCILLATOR, None, parameters={"F_c": 0.7, "omega": 0.8})
+    cycle = find_cycle(OSCILLATOR, parameters={"F_c": 0.7, "omega": 0.8})
     return onset(OSCILLATOR, continue_cycle(cycle, "F_c", (0.7, 0.9)))
 
 

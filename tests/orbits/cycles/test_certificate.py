@@ -58,7 +58,7 @@ def bad(certificate: Certificate) -> list[str]:
 
 
 def slider() -> Cycle:
-    return find_cycle(SLIDER, None, parameters={"V": 0.1})
+    return find_cycle(SLIDER, parameters={"V": 0.1})
 
 
 def test_a_motion_that_does_not_close() -> None:
@@ -152,7 +152,7 @@ def test_wrong_derivatives(wrong: str) -> None:
 def test_minimal_period_from_any_start() -> None:
     """Another cycle, and a motion with a lightly damped transient, lead to one period of the
     drive."""
-    cycle = find_cycle(jenkins(), None, parameters={"omega": 0.72})
+    cycle = find_cycle(jenkins(), parameters={"omega": 0.72})
     three = several_rounds(cycle, 3)
     again = from_cycle(three, three.shooting.start, {"omega": 0.721})
     assert again.orbit.period == pytest.approx(2 * math.pi / 0.721, rel=1e-14)

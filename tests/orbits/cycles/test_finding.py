@@ -159,7 +159,7 @@ def test_energy_of_a_cycle() -> None:
 
 def test_driven() -> None:
     """A damped linear oscillator: multipliers exp((−c/2 ± iω)T)."""
-    cycle = find_cycle(oscillator(), None, parameters={"mu": 0.0, "c": 0.2, "k": 1.7, "omega": 1.3})
+    cycle = find_cycle(oscillator(), parameters={"mu": 0.0, "c": 0.2, "k": 1.7, "omega": 1.3})
     check(cycle)
     assert cycle.trivial == 0
     assert cycle.period == pytest.approx(2 * math.pi / 1.3, rel=1e-14)
@@ -173,7 +173,7 @@ def test_driven() -> None:
 
 def test_subharmonic() -> None:
     """Past the period doubling the cycle closes after two periods of the drive only."""
-    cycle = find_cycle(planar(), None, parameters=HALF_TURN)
+    cycle = find_cycle(planar(), parameters=HALF_TURN)
     check(cycle)
     assert cycle.period == pytest.approx(4 * math.pi, rel=1e-14)
     rates = np.array([-2 * 0.15, -0.2 - 0.15])
@@ -201,7 +201,7 @@ def test_moving_frame() -> None:
 def test_moving_frame_and_drive() -> None:
     """A load that moves and shakes: after a period of the shaking the system is the same, V T
     further on."""
-    cycle = find_cycle(dragged(), None, parameters={"A": 0.5, "F_s": 0.4, "F_k": 0.4, "V": 0.1})
+    cycle = find_cycle(dragged(), parameters={"A": 0.5, "F_s": 0.4, "F_k": 0.4, "V": 0.1})
     check(cycle)
     turns = cycle.period / math.pi
     assert turns == pytest.approx(round(turns), rel=1e-12)
@@ -233,7 +233,7 @@ def test_contacts_that_stick_together() -> None:
 
 def test_falls_to_rest() -> None:
     with pytest.raises(ConvergenceError, match="comes to rest"):
-        find_cycle(SLIDER, None, parameters={"V": 0.3})
+        find_cycle(SLIDER, parameters={"V": 0.3})
     with pytest.raises(ConvergenceError, match="comes to rest"):
         find_cycle(catalogue.rocking_toy(), {"psi": 0.1, "x_R": 0.0})
     with pytest.raises(ConvergenceError, match="comes to rest"):
@@ -255,7 +255,7 @@ def test_newton_does_not_converge() -> None:
         match=r"comes to rest.*did not converge; the nearest motion misses by 0\.0",
     ):
         find_cycle(isola(), {"x": math.sqrt(2), "y": 0.0}, parameters={"a": 1.01})
-    cycle = find_cycle(SLIDER, None, parameters={"V": 0.15})
+    cycle = find_cycle(SLIDER, parameters={"V": 0.15})
     with pytest.raises(ConvergenceError, match=r"the nearest motion misses by.*continue_cycle"):
         find_cycle(SLIDER, cycle, parameters={"V": 0.3})
 
@@ -298,6 +298,6 @@ def test_bad_arguments() -> None:
     with pytest.raises(DeclarationError, match="not a state"):
         find_cycle(SLIDER, [1.0, 2.0, 3.0])
     with pytest.raises(DeclarationError, match="W"):
-        find_cycle(SLIDER, None, parameters={"W": 1.0})
+        find_cycle(SLIDER, parameters={"W": 1.0})
     with pytest.raises(DeclarationError, match="a motion of belt_block"):
         find_cycle(SLIDER, simulate(catalogue.belt_block(), (0, 1)))

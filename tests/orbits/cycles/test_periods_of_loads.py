@@ -79,7 +79,7 @@ THREE = 3 * 2 * math.pi / 1.3
 def test_drives_that_are_off() -> None:
     """A drive of amplitude 0 has no period; where it acts, cycles have its period, too."""
     system = loaded(TWO)
-    off = find_cycle(system, None, parameters={"G": 0.0})
+    off = find_cycle(system, parameters={"G": 0.0})
     assert off.period == pytest.approx(THREE / 3, rel=1e-13)
     assert off.certificate.ok
     on = find_cycle(system, off, parameters={"G": 0.01})
@@ -89,16 +89,16 @@ def test_drives_that_are_off() -> None:
     assert again.period == pytest.approx(THREE / 3, rel=1e-13)
     assert again.extrema["x"] == pytest.approx(off.extrema["x"], rel=1e-9)
     # Other parameters that are 0 do not matter.
-    free = find_cycle(system, None, parameters={"G": 0.0, "mu": 0.0})
+    free = find_cycle(system, parameters={"G": 0.0, "mu": 0.0})
     assert free.closed.shooting.setting.clock is not None
     assert free.closed.shooting.setting.clock.zero == {"G"}
 
 
 def test_a_branch_over_the_amplitude_of_a_drive_that_is_off() -> None:
     system = loaded(TWO)
-    found = continue_cycle(find_cycle(system, None, parameters={"G": 0.0}), "G", (0.0, 0.1))
+    found = continue_cycle(find_cycle(system, parameters={"G": 0.0}), "G", (0.0, 0.1))
     assert "the drives have another period" in found.ended
-    whole = continue_cycle(find_cycle(system, None, parameters={"G": 0.05}), "G", (0.04, 0.06))
+    whole = continue_cycle(find_cycle(system, parameters={"G": 0.05}), "G", (0.04, 0.06))
     assert whole.certificate.ok
     assert whole.points["period"].values == pytest.approx(THREE, rel=1e-13)
 
@@ -108,7 +108,7 @@ def test_drives_without_a_common_period() -> None:
     system = loaded("F*cos(omega*t) + G*cos(1.2345*t)")
     with pytest.raises(DeclarationError, match="no common period"):
         find_cycle(system)
-    cycle = find_cycle(system, None, parameters={"G": 0.0})
+    cycle = find_cycle(system, parameters={"G": 0.0})
     assert cycle.period == pytest.approx(THREE / 3, rel=1e-13)
 
 

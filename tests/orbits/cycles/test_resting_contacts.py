@@ -74,7 +74,7 @@ def test_the_given_position_of_rest(z: float) -> None:
 def test_one_period_of_the_drive(omega: float) -> None:
     """A transient with complex multipliers comes closest after several periods; the period is one
     all the same."""
-    cycle = find_cycle(jenkins(), None, parameters={"omega": omega})
+    cycle = find_cycle(jenkins(), parameters={"omega": omega})
     assert cycle.certificate.ok, cycle.certificate.describe()
     assert cycle.period == pytest.approx(2 * math.pi / omega, rel=1e-14)
 

@@ -114,4 +114,4 @@ def test_crawler(f_plus: float, f_minus: float, k: float) -> None:
 
 def test_crawler_with_a_short_stroke_stays() -> None:
     with pytest.raises(ConvergenceError, match="comes to rest"):
-        find_cycle(catalogue.two_leg_crawler(), None, parameters={"D": 0.15})
+        find_cycle(catalogue.two_leg_crawler(), parameters={"D": 0.15})
