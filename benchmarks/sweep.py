@@ -94,9 +94,7 @@ def points(count: int) -> dict[str, Array]:
 def many(given: dict[str, Array], workers: int) -> float:
     """Cycles per second and core of one call."""
     began = time.perf_counter()
-    found = ss.simulate_many(
-        SLIDER, (0.0, SPAN), initial=None, parameters=given, rtol=RTOL, workers=workers
-    )
+    found = ss.simulate_many(SLIDER, (0.0, SPAN), parameters=given, rtol=RTOL, workers=workers)
     return 0.5 * float(found.kinks.sum()) / (time.perf_counter() - began) / workers
 
 

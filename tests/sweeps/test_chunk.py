@@ -125,7 +125,7 @@ def test_closed_form_solves_the_linear_equations(name: str) -> None:
 def test_many_motions_end_where_single_ones_do() -> None:
     system, ranges = SYSTEMS["scaled slider"]
     given = spread(ranges, 9)
-    many = ss.simulate_many(system, (0.0, 30.0), initial=None, parameters=given).dataset
+    many = ss.simulate_many(system, (0.0, 30.0), parameters=given).dataset
     for i in range(9):
         one = ss.simulate(
             system,

@@ -78,7 +78,7 @@ def test_spring_slider(slider: Branch) -> None:
 
 def test_spring_slider_from_a_simulation(slider: Branch) -> None:
     """The same branch from a stick-slip cycle that a simulation has settled on."""
-    cycle = find_cycle(SLIDER, simulate(SLIDER, (0, 60), initial=None, parameters={"V": 0.15}))
+    cycle = find_cycle(SLIDER, simulate(SLIDER, (0, 60), parameters={"V": 0.15}))
     assert cycle.sticks
     assert cycle.stable
     branch = follow(cycle, "V", (0.02, 0.5))
@@ -227,7 +227,7 @@ def test_duffing() -> None:
     short cycle again."""
     single = follow(find_cycle(duffing()), "F", (0.15, 0.4))
     double = follow(
-        find_cycle(duffing(), simulate(duffing(), (0, 1000), initial=None, parameters={"F": 0.28})),
+        find_cycle(duffing(), simulate(duffing(), (0, 1000), parameters={"F": 0.28})),
         "F",
         (0.15, 0.4),
     )
@@ -311,9 +311,7 @@ def test_more_stops() -> None:
     grazing = branch.of_kind("grazing")[0].value
     for omega, stops in ((grazing - 1e-5, 4), (grazing + 1e-5, 2)):
         period = 2 * math.pi / omega
-        start = simulate(
-            system, (0, 20 * period), initial=None, parameters={"F_c": 0.5, "omega": omega}
-        ).final
+        start = simulate(system, (0, 20 * period), parameters={"F_c": 0.5, "omega": omega}).final
         motion = simulate(
             system, (0, period), initial=start, parameters={"F_c": 0.5, "omega": omega}
         )

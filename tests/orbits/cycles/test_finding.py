@@ -269,13 +269,13 @@ def test_family() -> None:
 
 def test_motion_that_has_not_settled_goes_on() -> None:
     """A motion too short to come back leads to the cycle that it would have settled on."""
-    motion = simulate(SLIDER, (0, 4), initial=None, parameters={"V": 0.1})
+    motion = simulate(SLIDER, (0, 4), parameters={"V": 0.1})
     cycle = find_cycle(SLIDER, motion)
     check(cycle)
-    longer = find_cycle(SLIDER, simulate(SLIDER, (0, 60), initial=None, parameters={"V": 0.1}))
+    longer = find_cycle(SLIDER, simulate(SLIDER, (0, 60), parameters={"V": 0.1}))
     assert cycle.period == pytest.approx(longer.period, rel=1e-12)
     with pytest.raises(ConvergenceError, match="comes to rest"):
-        find_cycle(SLIDER, simulate(SLIDER, (0, 4), initial=None, parameters={"V": 0.3}))
+        find_cycle(SLIDER, simulate(SLIDER, (0, 4), parameters={"V": 0.3}))
 
 
 def test_time_that_does_not_repeat() -> None:

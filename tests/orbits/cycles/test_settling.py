@@ -235,7 +235,7 @@ def test_irregular_motion_is_said_to_be() -> None:
 
 def test_lyapunov_exponent_of_a_cycle() -> None:
     """0 along the motion: nothing parts."""
-    motion = simulate(SLIDER, (0, 2000), initial=None, parameters={"V": 0.2})
+    motion = simulate(SLIDER, (0, 2000), parameters={"V": 0.2})
     pieces = Pieces(motion._problem.compiled.equations)
     found = largest_exponent(motion, pieces, window(motion, pieces).sizes)
     assert found is not None
