@@ -119,3 +119,37 @@ def test_the_library_needs_nothing_that_only_the_paper_needs() -> None:
                 for i in imports_of(ast.parse(path.read_text(encoding="utf-8")))
             }
             assert not roots & {"sympy", "PIL", "stickslip_paper"}, name
+
+
+def defined_in(source: str) -> set[str]:
+    """Public names that a module defines itself."""
+    found: set[str] = set()
+    for node in ast.parse(source).body:
+        match node:
+            case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
+                found.add(name)
+            case ast.Assign(targets=targets):
+                names = (part for target in targets for part in ast.walk(target))
+                found |= {part.id for part in names if isinstance(part, ast.Name)}
+            case ast.AnnAssign(target=ast.Name(id=name)):
+                found.add(name)
+    return {name for name in found if not name.startswith("_")}
+
+
+def test_a_public_name_has_one_home() -> None:
+    """What is called by one name in two modules is either one thing, or deserves two names."""
+    homes: dict[str, list[str]] = {}
+    for module, path in MODULES.items():
+        if path.is_relative_to(SOURCE):
+            for name in defined_in(path.read_text(encoding="utf-8")):
+                homes.setdefault(name, []).append(module)
+    assert {name: places for name, places in homes.items() if len(places) > 1} == {}
+
+
+def test_a_second_home_is_found() -> None:
+    assert defined_in("a: int = 1\nB, C = range(2)\n_d = 3\ndef e(): f = 4\n") == {
+        "a",
+        "B",
+        "C",
+        "e",
+    }

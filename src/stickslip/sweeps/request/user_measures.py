@@ -28,7 +28,7 @@ from stickslip.symbolic.formulas import NAME, Scope
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-GROUP = "stickslip.measures"
+MEASURES_GROUP = "stickslip.measures"
 """Entry points of measures that other packages add."""
 
 REASONS = ("given", "returned_nan", "returned_no_number", "raised_an_error", "motion_incomplete")
@@ -172,7 +172,7 @@ def _measure(system: System, item: Any) -> Measure:
     path, colon, function = item.rpartition(":")
     if colon and path.endswith(".py"):
         return _file_function(path, function)
-    if item not in MEASURES and (entries := entry_points(group=GROUP, name=item)):
+    if item not in MEASURES and (entries := entry_points(group=MEASURES_GROUP, name=item)):
         return _measure(system, _loaded(next(iter(entries))))
     needs_close_look(system, [item])  # refuses what does not exist
     return item
