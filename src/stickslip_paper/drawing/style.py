@@ -8,9 +8,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch
+from numpy import ndarray as Array
 
 import stickslip as ss
-from stickslip_paper.arrays import Array
 
 Point = Sequence[float] | Array
 

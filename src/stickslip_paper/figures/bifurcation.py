@@ -6,9 +6,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy import ndarray as Array
 
 import stickslip as ss
-from stickslip_paper.arrays import Array
 from stickslip_paper.drawing.entry import FigureEntry
 from stickslip_paper.drawing.style import arrow
 

@@ -16,10 +16,10 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from numpy import ndarray as Array
 from PIL import Image
 
 import stickslip as ss
-from stickslip_paper.arrays import Array
 from stickslip_paper.moving.scenes import Scene, compactor_scene, toy_scene
 
 _RATE = 20  # frames per second

@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
+from numpy import ndarray as Array
 
 import stickslip as ss
-from stickslip_paper.arrays import Array
 from stickslip_paper.drawing.sketch import (
     BODY,
     BODY_EDGE,

@@ -22,10 +22,10 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy import ndarray as Array
 
 import stickslip as ss
 from stickslip import catalogue
-from stickslip_paper.arrays import Array
 
 if TYPE_CHECKING:
     import xarray

@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+from numpy import ndarray as Array
 
 import stickslip as ss
-from stickslip_paper.arrays import Array
 from stickslip_paper.sections.claim import (
     Finding,
     Verdict,

@@ -9,10 +9,10 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
+from numpy import ndarray as Array
 
 import stickslip as ss
 from stickslip import catalogue
-from stickslip_paper.arrays import Array
 from stickslip_paper.sections.claim import (
     Finding,
     Verdict,

@@ -8,10 +8,10 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from numpy import ndarray as Array
 
 import stickslip as ss
 from stickslip import catalogue
-from stickslip_paper.arrays import Array
 from stickslip_paper.sections.claim import (
     Finding,
     Verdict,

@@ -1,0 +1,50 @@
+"""Measures that other packages add."""
+
+from __future__ import annotations
+
+import sys
+from importlib.metadata import EntryPoint, EntryPoints
+from types import ModuleType
+
+import pytest
+
+import stickslip as ss
+from stickslip.errors import DeclarationError, StickslipError
+from stickslip.sweeps.request import user_measures
+from stickslip.sweeps.request.user_measures import FunctionMeasure, read_measures
+
+TOY = ss.catalogue.rocking_toy()
+
+
+def turns(motion: ss.Trajectory) -> float:
+    """A measure of somebody's."""
+    return float(motion.n_switches)
+
+
+@pytest.fixture(autouse=True)
+def _package(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = ModuleType("somebody")
+    monkeypatch.setattr(module, "turns", turns, raising=False)
+    monkeypatch.setitem(sys.modules, "somebody", module)
+    places = {"turns": "somebody:turns", "missing": "somebody:gone", "other": "somebody:turns"}
+    group = user_measures.MEASURES_GROUP
+    points = EntryPoints(EntryPoint(name, value, group) for name, value in places.items())
+    monkeypatch.setattr(user_measures, "entry_points", lambda **wanted: points.select(**wanted))
+
+
+def test_they_are_asked_for_by_name() -> None:
+    (measure,) = read_measures(TOY, ["turns"])
+    assert isinstance(measure, FunctionMeasure)
+    found = ss.sweep(TOY, {"P": [0.8, 1.0]}, ["turns"]).dataset["turns"]
+    assert found.values.tolist() == [
+        ss.simulate(TOY, parameters={"P": P}).n_switches for P in (0.8, 1.0)
+    ]
+
+
+def test_what_cannot_be_loaded_is_said_when_it_is_asked_for() -> None:
+    with pytest.raises(StickslipError, match=r"measure missing: somebody:gone cannot be loaded"):
+        read_measures(TOY, ["missing"])
+    with pytest.raises(StickslipError, match="no function of that name"):
+        read_measures(TOY, ["other"])
+    with pytest.raises(DeclarationError, match="there is no measure 'nobody'"):
+        read_measures(TOY, ["nobody"])
