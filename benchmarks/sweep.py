@@ -40,6 +40,7 @@ from motion import machine
 from reference_values import PROBLEMS
 from rivals import RIVALS
 from stickslip.arrays import Array
+from stickslip.equations.codegen import printer
 from stickslip.equations.codegen.generate import generate
 from stickslip.equations.derive import derive
 from stickslip.errors import DeclarationError
@@ -331,7 +332,7 @@ def device_table(side: int) -> list[str]:
 
 def source_of(system: ss.System) -> str:
     """The generated code of a system."""
-    return generate(derive(system.declaration)).source
+    return printer.source_of(generate(derive(system.declaration)))
 
 
 def main() -> None:

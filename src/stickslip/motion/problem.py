@@ -22,7 +22,7 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import bounds
 
 if TYPE_CHECKING:
-    from stickslip.equations.codegen.compiled import CompiledSystem
+    from stickslip.equations.native.systems import CompiledSystem
     from stickslip.motion.engine.forms import ClosedForms, Flight
 
 
@@ -62,7 +62,7 @@ class Problem:
     @cached_property
     def compiled(self) -> CompiledSystem:
         """Machine code and layout of the system."""
-        from stickslip.equations.codegen.compiled import compile_system
+        from stickslip.equations.native.systems import compile_system
 
         return compile_system(self.system)
 

@@ -10,9 +10,9 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
-from numba import float64, int64, types, void
 
 from stickslip.arrays import Array
+from stickslip.equations.codegen.interface import INTERFACE, function_type
 from stickslip.equations.codegen.program import Program
 from stickslip.machine_code import njit
 
@@ -38,31 +38,10 @@ _import_array_functions()
 # compiles such a call.
 warnings.filterwarnings("ignore", message="First-class function type feature is experimental")
 
-vector = float64[::1]
-matrix = float64[:, ::1]
-indices = int64[::1]
 if TYPE_CHECKING:
     SETUP = JETS = RESIDUAL = POWERS = Any
 else:
-    SETUP = types.FunctionType(void(vector, vector, matrix, matrix, matrix, vector))
-    JETS = types.FunctionType(
-        int64(
-            float64,
-            vector,
-            indices,
-            indices,
-            vector,
-            matrix,
-            matrix,
-            int64,
-            matrix,
-            matrix,
-            matrix,
-            vector,
-        )
-    )
-    RESIDUAL = types.FunctionType(void(float64, vector, indices, indices, vector, vector, matrix))
-    POWERS = types.FunctionType(void(matrix, indices, vector, vector))
+    SETUP, JETS, RESIDUAL, POWERS = map(function_type, INTERFACE)
 
 # Codes of motion.outcome.Outcome, and three that ask to be called again: with a new record, with a
 # closed form, or for Taylor steps.

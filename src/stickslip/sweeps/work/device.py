@@ -94,7 +94,8 @@ class OnDevice:
         self.block = block
         self.count = len(block.lanes.codes)
         here = block.engine(block.lanes)
-        self.kernels = _kernels(*here.machine)
+        source = block.problem.compiled.by_numba
+        self.kernels = _kernels(source.jets, source.residual, source.powers)
         rules = block.rules._replace(
             most=np.array([*block.rules.most[:2], _TURNS, block.rules.most[3]])
         )

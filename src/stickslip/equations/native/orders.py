@@ -1,0 +1,531 @@
+"""Operations of the tape as machine code: order k of every row from lower orders.
+
+The mathematics is that of :mod:`stickslip.equations.codegen.series`. Written out, each coefficient
+is a register, and what is zero is not there; where that would be too long, coefficients stand in
+memory and a loop runs over the orders. A system whose series are long sums of few terms (linear
+ones too) is faster written out, by a factor of two to five.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from stickslip.equations.codegen.generate import ORDERS, Generated
+from stickslip.equations.native.assembly import Product, Value, constant
+from stickslip.equations.native.routines import Routine
+from stickslip.symbolic.tape import OUTPUTS, Instruction, Op, Scaled
+
+_OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
+_SMALL = 8  # rows of a matrix up to this length are written out
+_MOST_PRODUCTS = 12000  # that are written out
+Order = int | str
+"""A number, or the register of the loop."""
+
+
+class Series(Routine):
+    """The function ``jets``, written out."""
+
+    def __init__(self, generated: Generated) -> None:
+        super().__init__("jets")
+        layout = generated.layout
+        self.generated = generated
+        self.layout = layout
+        self.slots = generated.constants
+        self.clock = len(layout.state)
+        self.kept = frozenset(layout.kept)
+        self.known: dict[tuple[int, Order], Value] = {}
+        self.ready: set[str] = set()
+        self.groups = {
+            (name, i): group
+            for name, groups in generated.coupled.items()
+            for group in groups
+            for i in group
+        }
+
+    def written(self) -> str:
+        """The function."""
+        *checkpoints, last = ORDERS
+        unit = self.load(self.place("W", self.clock, 1))
+        self.begin(unit)
+        for k in range(last):
+            self.order(k)
+            self.integrate(k, self.times(unit, 1.0 / (k + 1)))
+            if k == 0:
+                self.statements(self.generated.sizes)
+            if k + 1 in (1, *checkpoints):
+                self.leave(self.whole("icmp eq", "%N", k + 1), 0)
+        self.lines.append("ret i64 0")
+        return self.text()
+
+    def begin(self, unit: Value) -> None:
+        """Order 0 of the state, and time."""
+        for i in range(self.clock):
+            self.put(i, 0, self.entry("y", i))
+        self.put(self.clock, 0, "%t")
+        self.known[self.clock, 1] = unit
+
+    def order(self, k: Order) -> None:
+        """Order k of all rows."""
+        for instruction in self.layout.instructions:
+            _WRITERS[instruction.op](self, instruction, k)
+
+    def integrate(self, k: int, step: Value) -> None:
+        """Order k + 1 of the state."""
+        for i, row in enumerate(self.layout.rates):
+            self.put(i, k + 1, self.scaled(self.get(row, k), step))
+
+    # -- coefficients ------------------------------------------------------------------------------
+
+    def get(self, row: int, k: Order) -> Value:
+        """A coefficient."""
+        return self.known.get((row, k), 0.0)
+
+    def put(self, row: int, k: Order, value: Value) -> None:
+        """Make a coefficient known; rows that are read are stored, too."""
+        if isinstance(value, str) and value not in self.ready:
+            self.known_now(value)
+            self.ready.add(value)
+        self.known[row, k] = value
+        if k == 0 or row in self.kept:
+            self.store(value, self.place("W", row, int(k)))
+
+    def entry(self, name: str, *index: int) -> Value:
+        """An entry of an array; coefficients of order 0 are known."""
+        if name == "W" and (index[0], 0) in self.known:
+            return self.known[index[0], 0]
+        return super().entry(name, *index)
+
+    def factor(self, part: Scaled) -> Value:
+        """The factor of a term."""
+        return self.scalar(self.slots.scalar(part.factor))
+
+    def linear(self, parts: tuple[Scaled, ...], k: Order) -> Value:
+        """Order k of a linear combination."""
+        terms = [(self.factor(p), self.get(p.row, k)) for p in parts if p.row is not None]
+        if k == 0:
+            terms += [(self.factor(p), 1.0) for p in parts if p.row is None]
+        return self.total(terms)
+
+    # -- sums over orders --------------------------------------------------------------------------
+
+    def before(self, k: Order) -> Order:
+        """k − 1."""
+        assert isinstance(k, int)
+        return k - 1
+
+    def convolution(self, a: int, b: int, k: Order, low: int) -> list[Product]:
+        """Terms of Σ aⱼ bₖ₋ⱼ for low ≤ j ≤ k."""
+        assert isinstance(k, int)
+        return [(self.get(a, j), self.get(b, k - j)) for j in range(low, k + 1)]
+
+    def square(self, a: int, k: Order) -> Value:
+        """Order k of a²: each pair of terms once."""
+        assert isinstance(k, int)
+        terms = [
+            (self._multiple(2.0, self.get(a, j)), self.get(a, k - j)) for j in range((k + 1) // 2)
+        ]
+        if k % 2 == 0:
+            terms.append((self.get(a, k // 2), self.get(a, k // 2)))
+        return self.total(terms)
+
+    def _multiple(self, factor: float, x: Value) -> Value:
+        if isinstance(x, float):
+            return factor * x
+        return self.once((factor, x), lambda: str(self.times(factor, x)))
+
+    def chain(self, a: int, slope: int, k: Order) -> Value:
+        """Order k ≥ 1 of y with y′ = g·a′; the newest coefficient comes last, in one multiplication
+        and one addition."""
+        s = self.total(self.weighted(a, slope, k))
+        return self.total([(self.per(s, k), 1.0), (self.get(a, k), self.get(slope, 0))])
+
+    def weighted(self, a: int, b: int, k: Order) -> list[Product]:
+        """Terms of Σ j aⱼ bₖ₋ⱼ for 1 ≤ j < k."""
+        assert isinstance(k, int)
+        return [(self._multiple(float(j), self.get(a, j)), self.get(b, k - j)) for j in range(1, k)]
+
+    def powered(self, a: int, y: int, p: Value, k: Order) -> list[Product]:
+        """Terms of Σ (j p − (k − j)) aⱼ yₖ₋ⱼ for 1 ≤ j ≤ k."""
+        assert isinstance(k, int)
+        terms = list[Product]()
+        for j in range(1, k + 1):
+            weight = self.fused(float(j), p, float(j - k))
+            terms.append((self.times(weight, self.get(a, j)), self.get(y, k - j)))
+        return terms
+
+    def per(self, s: Value, k: Order) -> Value:
+        """s/k."""
+        assert isinstance(k, int)
+        return self.scaled(s, 1.0 / k)
+
+    def by(self, x: Value, k: Order) -> Value:
+        """k·x."""
+        assert isinstance(k, int)
+        return self._multiple(float(k), x)
+
+    def divided(self, terms: list[Product], above: Value, below: int, k: Order) -> Value:
+        """(above − Σ terms)/b₀; nothing where b has overflowed."""
+        b = self.get(below, 0)
+        rest = self.total([(above, 1.0), *((self.negative(x), y) for x, y in terms)])
+        return self.choose(self.overflown(b), 0.0, self.over(rest, b))
+
+    def overflown(self, b: Value) -> str:
+        """Whether a value is infinite."""
+        return self.once(("inf", b), lambda: self.test("oeq", self.modulus(b), math.inf))
+
+    def solved(self, matrix: str, first: int, solution: int, n: int, k: Order) -> None:
+        """Order k of solution = R·right-hand side, both n consecutive rows."""
+        for i in range(n):
+            self.put(solution + i, k, self.total(self.row_of(matrix, i, first, n, k)))
+
+    def row_of(self, matrix: str, i: int, first: int, n: int, k: Order) -> list[Product]:
+        """Terms of one row of the solution."""
+        group = self.groups.get((matrix, i), range(n))
+        return [(self.inverse(matrix, i, j), self.get(first + j, k)) for j in group]
+
+    def inverse(self, matrix: str, i: int, j: int) -> Value:
+        """An entry of an inverse."""
+        return self.once(("inverse", matrix, i, j), lambda: str(Routine.entry(self, matrix, i, j)))
+
+    def spread(self, matrix: str, i: int, n: int, base: int) -> Value:
+        """Σⱼ |Rᵢⱼ| mag[base + j]."""
+        group = self.groups.get((matrix, i), range(n))
+        if len(group) > _SMALL:
+            return super().spread(matrix, i, n, base)
+        terms = [
+            (self.modulus(self.inverse(matrix, i, j)), self.entry("mag", base + j)) for j in group
+        ]
+        return self.total(terms)
+
+    def first_exp(self, x: Value) -> Value:
+        """exp x, infinite before its derivatives overflow: what is divided by it then is zero, and
+        so are they."""
+        return self.choose(self.test("olt", x, _OVERFLOW), self.call("exp", x), math.inf)
+
+
+# -- the operations --------------------------------------------------------------------------------
+
+
+def _linear(s: Series, i: Instruction, k: Order) -> None:
+    s.put(i.row, k, s.linear(i.parts, k))
+
+
+def _product(s: Series, i: Instruction, k: Order) -> None:
+    a, b = i.inputs
+    s.put(i.row, k, s.square(a, k) if a == b else s.total(s.convolution(a, b, k, 0)))
+
+
+def _quotient(s: Series, i: Instruction, k: Order) -> None:
+    a, b = i.inputs
+    s.put(i.row, k, s.divided(s.convolution(b, i.row, k, 1), s.get(a, k), b, k))
+
+
+def _reciprocal(s: Series, i: Instruction, k: Order) -> None:
+    (b,) = i.inputs
+    above = 1.0 if k == 0 else 0.0
+    s.put(i.row, k, s.divided(s.convolution(b, i.row, k, 1), above, b, k))
+
+
+def _power(s: Series, i: Instruction, k: Order) -> None:
+    """Where y begins with 0, all its orders are 0."""
+    a = i.inputs[0]
+    p = s.factor(i.parts[0])
+    first = s.get(a, 0)
+    if k == 0:
+        size = s.get(i.inputs[1], 0) if i.inputs[1:] else 0.0
+        s.put(i.row, 0, s.first_power(first, p, size))
+        return
+    y = s.get(i.row, 0)
+    there = s.once(("there", y), lambda: s.test("une", y, 0.0))
+    next_one = s.over(s.total(s.powered(a, i.row, p, k)), s.by(first, k))
+    s.put(i.row, k, s.choose(there, next_one, 0.0))
+
+
+def _exp(s: Series, i: Instruction, k: Order) -> None:
+    (a,) = i.inputs
+    s.put(i.row, k, s.first_exp(s.get(a, 0)) if k == 0 else s.chain(a, i.row, k))
+
+
+def _log(s: Series, i: Instruction, k: Order) -> None:
+    (a,) = i.inputs
+    first = s.get(a, 0)
+    if k == 0:
+        s.put(i.row, 0, s.call("log", first))
+        return
+    rest = s.per(s.total(s.weighted(i.row, a, k)), k)
+    s.put(i.row, k, s.over(s.total([(s.get(a, k), 1.0), (s.negative(rest), 1.0)]), first))
+
+
+def _rotation(s: Series, i: Instruction, k: Order) -> None:
+    (a,) = i.inputs
+    sine, cosine = i.row, i.row + 1
+    x = s.get(a, 0)
+    if k == 0:
+        s.put(sine, 0, s.call("sin", x))
+        s.put(cosine, 0, s.call("cos", x))
+        return
+    if i.op is Op.STEADY:
+        turn = s.per(s.get(a, 1), k)
+        up = s.times(turn, s.get(cosine, s.before(k)))
+        down = s.times(turn, s.get(sine, s.before(k)))
+    else:
+        up = s.chain(a, cosine, k)
+        down = s.chain(a, sine, k)
+    s.put(sine, k, up)
+    s.put(cosine, k, s.negative(down))
+
+
+def _hyperbolic(s: Series, i: Instruction, k: Order) -> None:
+    (a,) = i.inputs
+    sine, cosine = i.row, i.row + 1
+    if k == 0:
+        x = s.get(a, 0)
+        up = s.times(0.5, s.first_exp(x))
+        down = s.times(0.5, s.first_exp(s.negative(x)))
+        large = s.test("ogt", s.modulus(x), 1.0)
+        s.put(sine, 0, s.choose(large, s.add(up, s.negative(down)), s.call("sinh", x)))
+        s.put(cosine, 0, s.add(up, down))
+        return
+    up = s.chain(a, cosine, k)
+    down = s.chain(a, sine, k)
+    s.put(sine, k, up)
+    s.put(cosine, k, down)
+
+
+def _chain(s: Series, i: Instruction, k: Order) -> None:
+    a, slope = i.inputs
+    s.put(i.row, k, s.function(i.function, s.get(a, 0)) if k == 0 else s.chain(a, slope, k))
+
+
+def _tangent(s: Series, i: Instruction, k: Order) -> None:
+    """The slope 1 ± y² is a row of its own, one order behind y."""
+    (a,) = i.inputs
+    y, slope = i.row, i.row + 1
+    s.put(y, k, s.function(i.function, s.get(a, 0)) if k == 0 else s.chain(a, slope, k))
+    square = s.square(y, k)
+    signed = square if i.op is Op.TAN else s.negative(square)
+    s.put(slope, k, s.add(1.0, signed) if k == 0 else signed)
+
+
+def _select(s: Series, i: Instruction, k: Order) -> None:
+    above, below = (s.linear((part,), k) for part in i.parts)
+    s.put(i.row, k, s.choose(s.is_above(i.place), above, below) if above != below else above)
+
+
+def _size(s: Series, i: Instruction, k: Order) -> None:
+    if k == 0:
+        terms = [s.linear((part,), 0) for part in i.parts]
+        s.put(i.row, 0, s.total([(s.modulus(x), 1.0) for x in terms]))
+
+
+def _side(s: Series, i: Instruction, k: Order) -> None:
+    """Surface speed in stick; in slip the friction force, against the threshold where it is to be
+    broken."""
+    surface, plus, minus, *static = (s.get(row, k) for row in i.inputs)
+    if i.inputs[1:3] != i.inputs[3:5]:
+        sliding = s.once(
+            ("sliding", i.place),
+            lambda: s.new(f"or i1 {s.is_mode(i.place, 'eq', 1)}, {s.is_mode(i.place, 'eq', -1)}"),
+        )
+        plus, minus = (s.choose(sliding, x, y) for x, y in zip((plus, minus), static, strict=True))
+    s.put(i.row, k, s.by_mode_of(i.place, surface, s.negative(plus), minus))
+
+
+def _speed(s: Series, i: Instruction, k: Order) -> None:
+    mode = s.which("mode", i.place)
+    sign = s.once(("sign", i.place), lambda: s.new(f"sitofp i64 {mode} to double"))
+    s.put(i.row, k, s.times(sign, s.get(i.inputs[0], k)))
+
+
+def _entry(s: Series, i: Instruction, k: Order) -> None:
+    own = s.factor(i.parts[0]) if k == 0 else 0.0
+    stiffness, plus, minus = (s.get(row, k) for row in i.inputs)
+    slips = s.add(stiffness, plus), s.add(stiffness, s.negative(minus))
+    s.put(i.row, k, s.by_mode_of(i.place, own, *slips))
+
+
+def _right(s: Series, i: Instruction, k: Order) -> None:
+    surface, rest, plus, minus = (s.get(row, k) for row in i.inputs)
+    slips = s.negative(s.add(rest, plus)), s.add(s.negative(rest), minus)
+    s.put(i.row, k, s.by_mode_of(i.place, surface, *slips))
+
+
+def _solve(s: Series, i: Instruction, k: Order) -> None:
+    s.solved(i.matrix, i.inputs[0], i.row, i.size, k)
+
+
+def _rates(s: Series, i: Instruction, k: Order) -> None:
+    """Solve A ṙ = b as a series: the inverse at order 0, and what the changes of A take away at the
+    others."""
+    n = i.size
+    (right,) = i.inputs
+    changing = [(j, entry.row) for j, entry in enumerate(i.entries) if entry.inputs]
+    if k == 0:
+        for j, entry in enumerate(i.entries):
+            if entry.inputs:
+                x = s.get(entry.row, 0)
+            else:
+                own, stiffness, plus, minus = map(s.factor, entry.parts)
+                slips = s.add(stiffness, plus), s.add(stiffness, s.negative(minus))
+                x = s.by_mode_of(entry.place, own, *slips)
+            s.store(x, s.place("A", j // n, j % n))
+        done = s.new(f"call i64 @invert(ptr {s.data('A')}, i64 {n}, ptr {s.data('B')})")
+        s.leave(s.whole("icmp eq", done, 0), 1)
+    else:
+        for line in range(n):
+            terms = [
+                (s.negative(x), y)
+                for j, row in changing
+                if j // n == line
+                for x, y in s.convolution(row, i.row + j % n, k, 1)
+            ]
+            if terms:
+                rest = s.total([(s.get(right + line, k), 1.0), *terms])
+                s.put(right + line, k, rest)
+    s.solved("B", right, i.row, n, k)
+
+
+class LoopedSeries(Series):
+    """The same with coefficients in memory and a loop over the orders."""
+
+    unit: Value
+    after: str
+    real: str
+
+    def written(self) -> str:
+        """The function: order 0, which is another matter, and the loop."""
+        self.unit = self.load(self.place("W", self.clock, 1))
+        self.begin(self.unit)
+        self.order(0)
+        self.integrate(0, self.unit)
+        self.statements(self.generated.sizes)
+        start = {place: x for place, x in self.known.items() if place[1] == 0}
+
+        def body(k: str) -> None:
+            self.known = dict(start)
+            self.after = self.whole("add", k, 1)
+            self.real = self.new(f"sitofp i64 {k} to double")
+            following = self.new(f"sitofp i64 {self.after} to double")
+            self.order(k)
+            step = self.over(self.unit, following)
+            for i, row in enumerate(self.layout.rates):
+                self.put(i, self.after, self.times(self.get(row, k), step))
+
+        self.loop(1, "%N", body)
+        self.lines.append("ret i64 0")
+        return self.text()
+
+    def get(self, row: int, k: Order) -> Value:
+        """A coefficient: just made, of order 0, or from memory; of time, one is not zero."""
+        if (row, k) not in self.known:
+            if row == self.clock:
+                return self.choose(self.whole("icmp eq", k, 1), self.unit, 0.0)
+            self.known[row, k] = self.load(self.at(self.row("W", row), k))
+        return self.known[row, k]
+
+    def put(self, row: int, k: Order, value: Value) -> None:
+        """Make a coefficient known, in memory too."""
+        if isinstance(k, int):
+            super().put(row, k, value)
+        else:
+            self.known[row, k] = value
+            self.store(value, self.at(self.row("W", row), k))
+
+    def before(self, k: Order) -> Order:
+        """k − 1."""
+        return self.whole("sub", k, 1)
+
+    def along(
+        self, sum_of: str, a: int, b: int, k: str, limits: tuple[int, str], p: str = ""
+    ) -> str:
+        """A sum over orders from memory."""
+        low, high = limits
+        rows = f"ptr {self.row('W', a)}, ptr {self.row('W', b)}"
+        return self.new(f"call double @{sum_of}({rows}, i64 {k}, i64 {low}, i64 {high}{p})")
+
+    def convolution(self, a: int, b: int, k: Order, low: int) -> list[Product]:
+        """Σ aⱼ bₖ₋ⱼ for low ≤ j ≤ k."""
+        if isinstance(k, int):
+            return super().convolution(a, b, k, low)
+        return [(self.along("cauchy", a, b, k, (low, self.after)), 1.0)]
+
+    def square(self, a: int, k: Order) -> Value:
+        """Order k of a²."""
+        return self.total(self.convolution(a, a, k, 0))
+
+    def weighted(self, a: int, b: int, k: Order) -> list[Product]:
+        """Σ j aⱼ bₖ₋ⱼ for 1 ≤ j < k."""
+        assert isinstance(k, str)
+        return [(self.along("chained", a, b, k, (1, k)), 1.0)]
+
+    def powered(self, a: int, y: int, p: Value, k: Order) -> list[Product]:
+        """Σ (j p − (k − j)) aⱼ yₖ₋ⱼ for 1 ≤ j ≤ k."""
+        assert isinstance(k, str)
+        exponent = f", double {constant(p)}"
+        return [(self.along("powered", a, y, k, (1, self.after), exponent), 1.0)]
+
+    def per(self, s: Value, k: Order) -> Value:
+        """s/k."""
+        return self.over(s, self.real)
+
+    def by(self, x: Value, k: Order) -> Value:
+        """k·x."""
+        return self.times(self.real, x)
+
+    def solved(self, matrix: str, first: int, solution: int, n: int, k: Order) -> None:
+        """Order k of solution = R·right-hand side."""
+        for i in range(n):
+            if len(self.groups.get((matrix, i), range(n))) <= _SMALL:
+                self.put(solution + i, k, self.total(self.row_of(matrix, i, first, n, k)))
+            else:
+                row, column = self.row(matrix, i), self.at(self.row("W", first), k)
+                arguments = f"ptr {row}, ptr {column}, i64 {self.stride('W')}, i64 {n}"
+                self.put(solution + i, k, self.new(f"call double @applied({arguments})"))
+
+
+def series_of(generated: Generated) -> str:
+    """The function ``jets``, written out unless it is too long for that."""
+    products = sum(_products(i, generated.coupled) for i in generated.layout.instructions)
+    return (Series if products <= _MOST_PRODUCTS else LoopedSeries)(generated).written()
+
+
+def _products(i: Instruction, coupled: dict[str, list[list[int]]]) -> int:
+    """Products of an operation at all orders, about."""
+    last = ORDERS[-1]
+    match i.op:
+        case Op.SOLVE:
+            return last * sum(len(group) ** 2 for group in coupled[i.matrix])
+        case Op.RATES:
+            changing = sum(1 for entry in i.entries if entry.inputs)
+            return last * i.size**2 + changing * last**2 // 2
+        case Op.LINEAR | Op.SELECT | Op.SIZE | Op.SIDE | Op.SPEED | Op.ENTRY | Op.RIGHT | Op.STEADY:
+            return last * (1 + len(i.parts))
+        case Op.POWER:
+            return last**2
+    return OUTPUTS.get(i.op, 1) * last**2 // 2
+
+
+_WRITERS: dict[Op, Callable[[Series, Instruction, Order], None]] = {
+    Op.LINEAR: _linear,
+    Op.PRODUCT: _product,
+    Op.QUOTIENT: _quotient,
+    Op.RECIPROCAL: _reciprocal,
+    Op.POWER: _power,
+    Op.EXP: _exp,
+    Op.LOG: _log,
+    Op.ROTATION: _rotation,
+    Op.STEADY: _rotation,
+    Op.HYPERBOLIC: _hyperbolic,
+    Op.CHAIN: _chain,
+    Op.TAN: _tangent,
+    Op.TANH: _tangent,
+    Op.SELECT: _select,
+    Op.SIZE: _size,
+    Op.SIDE: _side,
+    Op.SPEED: _speed,
+    Op.ENTRY: _entry,
+    Op.RIGHT: _right,
+    Op.SOLVE: _solve,
+    Op.RATES: _rates,
+}
