@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from stickslip.symbolic.expressions import Expr
 
 _NAME = re.compile(r"\b[A-Za-z_]\w*")
-_SAFE = {"exp": "safe_exp", "log": "safe_log"}
-"""Functions that :mod:`stickslip.equations.codegen.series` has, without errors."""
 ARGUMENT = "'x"
 """The argument in the formula of a derivative: no formula of a user can name it."""
 _QUARTER = math.pi / 2.0
@@ -133,7 +131,7 @@ class Function:
     def compiled(self, argument: str) -> str:
         """Source text of its value for numba, from that of the argument."""
         if not self.formula:
-            return f"{_SAFE.get(self.name, f'math.{self.name}')}({argument})"
+            return f"math.{self.name}({argument})"
         inside = {"x": f"({argument})"}
         text = _NAME.sub(lambda name: inside.get(name[0], f"math.{name[0]}"), self.formula)
         return f"({text})"
