@@ -3,9 +3,6 @@ the same tape, run by Python itself."""
 
 from __future__ import annotations
 
-import builtins
-import subprocess
-import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -24,24 +21,20 @@ from stickslip import (
     System,
     Viscous,
     catalogue,
-    simulate,
 )
 from stickslip.arrays import Array
 from stickslip.equations.codegen.generate import Generated, Layout, generate
 from stickslip.equations.codegen.interface import INTERFACE
 from stickslip.equations.codegen.printer import source_of
 from stickslip.equations.derive import derive
-from stickslip.equations.native import objects, orders
+from stickslip.equations.native import orders
 from stickslip.equations.native.objects import addresses
 from stickslip.equations.native.systems import MachineFunction, assembly_of
 from stickslip.motion.engine.tables import run_setups
 from stickslip.motion.problem import pose
 from stickslip.motion.steps.arrays import (
     Constants,
-    Instant,
-    Machine,
     Space,
-    coefficients,
     make_space,
 )
 
@@ -107,9 +100,7 @@ def by_python(generated: Generated) -> dict[str, Any]:
 
 def compiled_by_llvm(generated: Generated, folder: Path) -> dict[str, MachineFunction]:
     found = addresses(assembly_of(generated), list(INTERFACE), folder)
-    return {
-        name: MachineFunction(name, at) for name, at in zip(INTERFACE, found, strict=True)
-    }
+    return {name: MachineFunction(name, at) for name, at in zip(INTERFACE, found, strict=True)}
 
 
 @njit

@@ -17,7 +17,7 @@ from stickslip.arrays import Array
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
-from stickslip.symbolic.scalars import SourceText, entry
+from stickslip.symbolic.scalars import SourceText, element
 from stickslip.symbolic.tape import scalars_of
 
 NumericFunction = Callable[[ArrayLike], Array]
@@ -53,7 +53,7 @@ def evaluator(
 def _evaluator(
     expressions: tuple[Expr, ...], names: tuple[str, ...], strict: bool
 ) -> NumericFunction:
-    values = scalars_of(expressions, {name: entry("v", i) for i, name in enumerate(names)})
+    values = scalars_of(expressions, {name: element("v", i) for i, name in enumerate(names)})
     written = SourceText(arrays=True)
     results = [written.text(values[e]) for e in expressions]
     lines = written.lines

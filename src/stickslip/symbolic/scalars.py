@@ -42,7 +42,7 @@ class Scalar:
     value: float = 0.0
 
     def __add__(self, other: Scalar) -> Scalar:
-        return total([self, other])
+        return added([self, other])
 
     def __mul__(self, other: Scalar) -> Scalar:
         return Scalar("product", (self, other))
@@ -55,7 +55,7 @@ class Scalar:
 
     def __abs__(self) -> Scalar:
         if self.op == "number":
-            return number(abs(self.value))
+            return numeral(abs(self.value))
         return Scalar("modulus", (self,))
 
 
@@ -68,20 +68,20 @@ class Store(NamedTuple):
     adding: bool = False
 
 
-def number(value: float) -> Scalar:
+def numeral(value: float) -> Scalar:
     """A constant."""
     return Scalar("number", value=float(value))
 
 
-def entry(name: str, *index: int) -> Scalar:
+def element(name: str, *index: int) -> Scalar:
     """An entry of an array."""
     return Scalar("entry", name=name, index=index)
 
 
-def total(terms: Iterable[Scalar]) -> Scalar:
+def added(terms: Iterable[Scalar]) -> Scalar:
     """A sum; 0 of nothing."""
     terms = tuple(terms)
-    return terms[0] if len(terms) == 1 else Scalar("sum", terms) if terms else number(0.0)
+    return terms[0] if len(terms) == 1 else Scalar("sum", terms) if terms else numeral(0.0)
 
 
 def by_mode(contact: int, stick: Scalar, plus: Scalar, minus: Scalar) -> Scalar:

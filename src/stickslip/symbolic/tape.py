@@ -25,7 +25,7 @@ from stickslip.symbolic.enclosures import slope_of_function
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS, Function, is_wave
 from stickslip.symbolic.intervals import FLOATS
-from stickslip.symbolic.scalars import Scalar, Store, entry, literal, number, total
+from stickslip.symbolic.scalars import Scalar, Store, added, element, literal, numeral
 
 ORIGIN = "t'0"
 """The time at which the clock starts, as a parameter: no formula can name it."""
@@ -126,7 +126,7 @@ class ParameterExpressions:
 
     def scalar(self, e: Expr) -> Scalar:
         """A constant as a number or as ``K[i]``."""
-        return number(ex.number(e)) if e.op == "num" else entry("K", self.slot(e))
+        return numeral(ex.number(e)) if e.op == "num" else element("K", self.slot(e))
 
     def code(self, e: Expr) -> str:
         """Text of a constant: a literal or ``K[i]``."""
@@ -179,7 +179,7 @@ class ParameterExpressions:
 
     def stores(self) -> list[Store]:
         """Statements that fill K from the parameter vector p."""
-        names = {name: entry("p", i) for i, name in enumerate(self.parameters)}
+        names = {name: element("p", i) for i, name in enumerate(self.parameters)}
         values = scalars_of(self.slots, names)
         return [Store("K", (i,), values[e]) for e, i in self.slots.items()]
 
@@ -236,7 +236,7 @@ class _Lowering:
         if self.constants is not None and self.constants.is_constant(e):
             return self.constant(e)
         if e.op == "num":
-            return number(ex.number(e))
+            return numeral(ex.number(e))
         if self.constants is not None and (line := self.constants.affine_in_time(e)) is not None:
             return self.constant(line[0]) * self.names["t"] + self.constant(line[1])
         return self.names[str(e.value)] if e.op == "sym" else None
@@ -247,7 +247,7 @@ class _Lowering:
             case "sum" if ORIGIN in e.symbols and len(e.terms) > 1:
                 return self._exact_sum(e)
             case "sum":
-                return total(self._terms(e))
+                return added(self._terms(e))
             case "prod":
                 factors = [x for base, p in e.terms for x in self._power(base, p)]
                 return Scalar("product", tuple(factors))
@@ -261,29 +261,29 @@ class _Lowering:
                 return Scalar("sign", (guard, above, below))
         constants = self.constants
         phase = constants.phase(e.args[0]) if constants is not None and is_wave(e.op) else None
-        inside = v(e.args[0]) if phase is None else total(self._line(*phase))
+        inside = v(e.args[0]) if phase is None else added(self._line(*phase))
         return Scalar("call", (inside,), name=e.op)
 
     def _exact_sum(self, e: Expr) -> Scalar:
         """A sum in which large terms may cancel: that of the phase of a load that begins late."""
         v = self.value
-        pairs = [number(float(e.value)), number(1.0)]
+        pairs = [numeral(float(e.value)), numeral(1.0)]
         for term, c in e.terms:
             first, p = term.terms[0] if term.op == "prod" else (term, 1.0)
             if p != 1.0:
-                pairs += [number(c), v(term)]
+                pairs += [numeral(c), v(term)]
             else:
-                pairs += [v(first) if c == 1.0 else number(c) * v(first), v(term / first)]
+                pairs += [v(first) if c == 1.0 else numeral(c) * v(first), v(term / first)]
         return Scalar("dot", tuple(pairs))
 
     def _terms(self, e: Expr) -> list[Scalar]:
         if self.constants is not None:
             return self._line(*self.constants.split(e))
-        return [number(float(e.value)), *(number(c) * self.value(term) for term, c in e.terms)]
+        return [numeral(float(e.value)), *(numeral(c) * self.value(term) for term, c in e.terms)]
 
     def _line(self, constant: Expr, rate: Expr, others: list[tuple[Expr, float]]) -> list[Scalar]:
         moving = [self.constant(rate) * self.names["t"]] if rate is not ex.ZERO else []
-        rest = [number(c) * self.value(term) for term, c in others]
+        rest = [numeral(c) * self.value(term) for term, c in others]
         return [self.constant(constant), *moving, *rest]
 
     def _power(self, base: Expr, p: float) -> list[Scalar]:
@@ -294,13 +294,13 @@ class _Lowering:
             return [self.value(base)] * 2
         if p == -1.0:
             return [Scalar("reciprocal", (self.value(base),))]
-        return [self._real_power(base, number(p))]
+        return [self._real_power(base, numeral(p))]
 
     def _real_power(self, base: Expr, p: Scalar) -> Scalar:
         """A power, of a base that may be zero up to rounding where the engine's clock runs."""
         if self.constants is None:
             return Scalar("real_power", (self.value(base), p))
-        return Scalar("first_power", (self.value(base), p, total(self._sizes(base))))
+        return Scalar("first_power", (self.value(base), p, added(self._sizes(base))))
 
     def _sizes(self, e: Expr) -> list[Scalar]:
         """Moduli of the terms of an expression, whatever the region; none if it is one term."""

@@ -26,7 +26,7 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.scalars import Scalar, Store, by_mode, entry, number, total
+from stickslip.symbolic.scalars import Scalar, Store, added, by_mode, element, numeral
 from stickslip.symbolic.tape import (
     ORIGIN,
     Instruction,
@@ -173,13 +173,13 @@ class _Generator:
     def size_of(self, parts: list[Scaled]) -> Scalar:
         """Sum of the moduli of terms."""
         factors = [(self.constants.scalar(p.factor), p) for p in parts]
-        return total(abs(c if p.row is None else _times(c, _start(p.row))) for c, p in factors)
+        return added(abs(c if p.row is None else _times(c, _start(p.row))) for c, p in factors)
 
     def size(self, e: Expr) -> Scalar:
         """The sum of the moduli of the terms of an expression: the scale of its rounding error."""
         if e.op == "sum":
-            parts = [_times(number(abs(c)), self.size(term)) for term, c in e.terms]
-            return total([*parts, *([number(abs(float(e.value)))] if e.value else [])])
+            parts = [_times(numeral(abs(c)), self.size(term)) for term, c in e.terms]
+            return added([*parts, *([numeral(abs(float(e.value)))] if e.value else [])])
         if e.op == "prod" and any(base.op == "sum" and p == 1.0 for base, p in e.terms):
             return Scalar("product", tuple(self.factor_size(base, p) for base, p in e.terms))
         return self.size_of([self.tape.lower(e)])
@@ -189,7 +189,7 @@ class _Generator:
         if base.op == "sum" and p == 1.0 and not self.constants.is_constant(base):
             return self.size(base)
         size = self.size_of([self.tape.lower(base)])
-        return size if p == 1.0 else Scalar("real_power", (size, number(p)))
+        return size if p == 1.0 else Scalar("real_power", (size, numeral(p)))
 
     def block(self, forces: list[Expr], first: int, count: int, stage: int, resolvent: str) -> int:
         """Solve one of the linear problems [x; λ] = R [f; g] order by order; returns the first row
@@ -241,16 +241,16 @@ class _Generator:
         inertial = matrix is self.eq.mass
         scalar = self.constants.scalar
         offset = self.rate_sizes + (0 if inertial else self.nq)
-        terms = {x: [entry("mag", base + i)] for i, x in enumerate(names)}
-        places = {x: entry("mag", offset + i) for i, x in enumerate(names)}
+        terms = {x: [element("mag", base + i)] for i, x in enumerate(names)}
+        places = {x: element("mag", offset + i) for i, x in enumerate(names)}
         for j in range(count):
             for x, weight in self.eq.contacts[first + j].direction.items():
                 terms[x].append(abs(_times(scalar(weight), _start(multipliers + j))))
         for i, x in enumerate(names):
-            self.note(offset + i, total(terms[x]) / abs(scalar(matrix[i][i])))
+            self.note(offset + i, added(terms[x]) / abs(scalar(matrix[i][i])))
         for j in range(count):
             direction = self.eq.contacts[first + j].direction
-            size = total(_times(abs(scalar(w)), places[x]) for x, w in direction.items())
+            size = added(_times(abs(scalar(w)), places[x]) for x, w in direction.items())
             if inertial:
                 self.note(self.nc + first + j, size)
             else:
@@ -314,7 +314,7 @@ class _Generator:
             place = self.rate_sizes + self.nq + self.nz + i
             self.note(place, Scalar("spread", name="B", index=(i, n, base)))
             weight = abs(self.constants.scalar(rate.weight[i]))
-            self.note(c, _times(weight, entry("mag", place)), adding=True)
+            self.note(c, _times(weight, element("mag", place)), adding=True)
             self.note(2 * self.nc + c, self.size(rate.force[i]))
         return first
 
@@ -460,7 +460,7 @@ class _Generator:
 
     def residual(self) -> list[Store]:
         rate = self.eq.rate
-        names = {s: entry("y", i) for i, s in enumerate(self.d.state)} | {"t": _TIME}
+        names = {s: element("y", i) for i, s in enumerate(self.d.state)} | {"t": _TIME}
         acting = self.eq.contacts[self.mq + self.mz :]
         targets = [*rate.force, *(c.plus for c in acting), *(c.minus for c in acting)]
         targets += [term for force in rate.force for term, _ in terms(force)]
@@ -472,16 +472,16 @@ class _Generator:
             plus, minus = v[c.plus], v[c.minus]
             # The largest force so far: what a residual is small against also where the force passes
             # through zero.
-            parts = [abs(number(e) * v[term]) for term, e in terms(rate.force[i])]
-            scale = total([*parts, Scalar("larger", (abs(plus), abs(minus)))])
-            largest = Scalar("larger", (entry("G", self.nr + i), scale))
+            parts = [abs(numeral(e) * v[term]) for term, e in terms(rate.force[i])]
+            scale = added([*parts, Scalar("larger", (abs(plus), abs(minus)))])
+            largest = Scalar("larger", (element("G", self.nr + i), scale))
             stores.append(Store("G", (self.nr + i,), largest))
             force = v[rate.force[i]]
-            away = by_mode(contact, number(0.0), force + plus, force + -minus)
+            away = by_mode(contact, numeral(0.0), force + plus, force + -minus)
             stores.append(Store("G", (i,), away))
             for j in range(self.nr):
                 h, p, q = (v[x[i][j]] for x in (rate.partial, *rate.threshold_partial))
-                own = number(1.0 if i == j else 0.0)
+                own = numeral(1.0 if i == j else 0.0)
                 stores.append(Store("P", (i, j), by_mode(contact, own, h + p, h + -q)))
         return stores
 
@@ -497,7 +497,7 @@ _TIME = Scalar("name", name="t")
 
 def _start(row: int) -> Scalar:
     """Order 0 of a row."""
-    return entry("W", row, 0)
+    return element("W", row, 0)
 
 
 def _times(a: Scalar, b: Scalar) -> Scalar:

@@ -6,31 +6,25 @@ from typing import Any
 
 from numba import float64, int64, types, void
 
-REAL, COUNT, VECTOR, MATRIX, INDICES = "float64", "int64", "vector", "matrix", "indices"
+_SERIES = "Rq:matrix Rz:matrix N:int64 W:matrix A:matrix B:matrix mag:vector"
+_INSTANT = "t:float64 y:vector mode:indices reg:indices K:vector"
 INTERFACE: dict[str, tuple[str, dict[str, str]]] = {
-    "setup": (
-        "void",
-        dict(p=VECTOR, K=VECTOR, M=MATRIX, C=MATRIX, J=MATRIX, omega=VECTOR),
-    ),
-    "jets": (
-        COUNT,
-        dict(t=REAL, y=VECTOR, mode=INDICES, reg=INDICES, K=VECTOR, Rq=MATRIX, Rz=MATRIX)
-        | dict(N=COUNT, W=MATRIX, A=MATRIX, B=MATRIX, mag=VECTOR),
-    ),
-    "residual": (
-        "void",
-        dict(t=REAL, y=VECTOR, mode=INDICES, reg=INDICES, K=VECTOR, G=VECTOR, P=MATRIX),
-    ),
-    "powers": ("void", dict(W=MATRIX, reg=INDICES, K=VECTOR, out=VECTOR)),
+    name: (result, dict(argument.split(":") for argument in arguments.split()))
+    for name, result, arguments in (
+        ("setup", "void", "p:vector K:vector M:matrix C:matrix J:matrix omega:vector"),
+        ("jets", "int64", f"{_INSTANT} {_SERIES}"),
+        ("residual", "void", f"{_INSTANT} G:vector P:matrix"),
+        ("powers", "void", "W:matrix reg:indices K:vector out:vector"),
+    )
 }
 """By name: what a function returns, and its arguments with their kinds."""
 _TYPES: dict[str, Any] = {
     "void": void,
-    REAL: float64,
-    COUNT: int64,
-    VECTOR: float64[::1],
-    MATRIX: float64[:, ::1],
-    INDICES: int64[::1],
+    "float64": float64,
+    "int64": int64,
+    "vector": float64[::1],
+    "matrix": float64[:, ::1],
+    "indices": int64[::1],
 }
 
 

@@ -49,18 +49,6 @@ def _code_of_fma(context: Any, builder: Any, signature: Any, arguments: Any) -> 
 
 
 @njit(**_options)
-def safe_exp(x: float) -> float:
-    """Exponential; overflow gives inf."""
-    return math.exp(x)
-
-
-@njit(**_options)
-def safe_log(x: float) -> float:
-    """Logarithm; NaN for negative arguments."""
-    return math.log(x)
-
-
-@njit(**_options)
 def real_power(x: float, p: float) -> float:
     """Real power; NaN where undefined."""
     return np.power(x, p)

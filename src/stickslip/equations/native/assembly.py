@@ -11,14 +11,14 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Hashable, Sequence
 
-Value = float | str
-Product = tuple[Value, Value]
+Operand = float | str
+Pair = tuple[Operand, Operand]
 
 REAL, WHOLE, POINTER = "double", "i64", "ptr"
 _STRANDS = 4  # in which long sums are added up, so that no instruction waits long for another
 
 
-def constant(x: Value) -> str:
+def constant(x: Operand) -> str:
     """A value as an operand."""
     return x if isinstance(x, str) else f"0x{struct.unpack('<Q', struct.pack('<d', x))[0]:016X}"
 
@@ -47,7 +47,7 @@ class Assembly:
     ) -> None:
         self.head = f"define {'internal ' if inside else ''}{result} @{name}({arguments})"
         self.lines: list[str] = []
-        self._made: dict[str, tuple[Value, ...]] = {}
+        self._made: dict[str, tuple[Operand, ...]] = {}
         self._age: dict[str, int] = {}
         self._once: dict[Hashable, str] = {}
         self._registers = 0
@@ -58,7 +58,7 @@ class Assembly:
         """The whole function."""
         return "\n".join([f"{self.head} {{", "entry:", *self.lines, "}", ""])
 
-    def new(self, instruction: str, *made_of: Value) -> str:
+    def new(self, instruction: str, *made_of: Operand) -> str:
         """The register of an instruction's result, as old as what it is made of."""
         register = f"%v{self._registers}"
         self._registers += 1
@@ -72,11 +72,11 @@ class Assembly:
             self._once[key] = make()
         return self._once[key]
 
-    def age(self, x: Value) -> int:
+    def age(self, x: Operand) -> int:
         """When a value is known: −1 from the start, then by coefficients."""
         return self._age.get(x, -1) if isinstance(x, str) else -1
 
-    def known_now(self, x: Value) -> None:
+    def known_now(self, x: Operand) -> None:
         """A coefficient is ready: what is made of it is newer than all before."""
         if isinstance(x, str):
             self._stores += 1
@@ -84,13 +84,13 @@ class Assembly:
 
     # -- arithmetic ------------------------------------------------------------------------------
 
-    def negative(self, a: Value) -> Value:
+    def negative(self, a: Operand) -> Operand:
         """−a."""
         if isinstance(a, float):
             return -a
         return self.once(("-", a), lambda: self.new(f"fneg double {a}", a))
 
-    def add(self, a: Value, b: Value) -> Value:
+    def add(self, a: Operand, b: Operand) -> Operand:
         """A sum."""
         if isinstance(a, float) and isinstance(b, float):
             return a + b
@@ -98,7 +98,7 @@ class Assembly:
             return a if b == 0.0 else b
         return self.new(f"fadd double {constant(a)}, {constant(b)}", a, b)
 
-    def times(self, a: Value, b: Value) -> Value:
+    def times(self, a: Operand, b: Operand) -> Operand:
         """A product."""
         if isinstance(a, float) and isinstance(b, float):
             return a * b
@@ -110,7 +110,7 @@ class Assembly:
         self._made[product] = (a, b)
         return product
 
-    def fused(self, a: Value, b: Value, c: Value) -> Value:
+    def fused(self, a: Operand, b: Operand, c: Operand) -> Operand:
         """a·b + c, rounded once."""
         if a in (0.0, 1.0) or b in (0.0, 1.0) or c == 0.0:
             return self.add(self.times(a, b), c)
@@ -121,21 +121,21 @@ class Assembly:
         self._made[made] = (a, b, c)
         return made
 
-    def over(self, a: Value, b: Value) -> Value:
+    def over(self, a: Operand, b: Operand) -> Operand:
         """A quotient."""
         if a == 0.0 or b == 1.0:
             return a
         return self.new(f"fdiv double {constant(a)}, {constant(b)}", a, b)
 
-    def total(self, products: Sequence[Product]) -> Value:
+    def total(self, products: Sequence[Pair]) -> Operand:
         """A sum of products: the old ones in strands, what is known last added last."""
         terms = [(a, b) for a, b in products if a != 0.0 and b != 0.0]
         terms.sort(key=lambda term: max(map(self.age, term)))
         old, new = terms[:-2], terms[-2:]
         strands = [old[i::_STRANDS] for i in range(_STRANDS)] if len(old) > _STRANDS else None
-        sums = list[Value]()
+        sums = list[Operand]()
         for strand in [[term] for term in old] if strands is None else strands:
-            s: Value = 0.0
+            s: Operand = 0.0
             for a, b in strand:
                 s = self.fused(a, b, s)
             sums.append(s)
@@ -147,7 +147,7 @@ class Assembly:
             s = self.fused(*self._unwound(a, b), s)
         return s
 
-    def _unwound(self, a: Value, b: Value) -> Product:
+    def _unwound(self, a: Operand, b: Operand) -> Pair:
         """A product without waiting for a product: factors that are known go to what is known."""
         if self.age(a) < self.age(b):
             a, b = b, a
@@ -158,7 +158,7 @@ class Assembly:
                 return base, self.times(factor, b)
         return a, b
 
-    def scaled(self, a: Value, factor: Value) -> Value:
+    def scaled(self, a: Operand, factor: Operand) -> Operand:
         """A value times something known long ago, without waiting for a sum."""
         made = self._made.get(a, ()) if isinstance(a, str) else ()
         if len(made) == 3:
@@ -169,12 +169,12 @@ class Assembly:
 
     # -- functions and choices ---------------------------------------------------------------------
 
-    def call(self, function: str, *operands: Value, to: str = REAL) -> str:
+    def call(self, function: str, *operands: Operand, to: str = REAL) -> str:
         """The value of a function of reals."""
         given = ", ".join(f"double {constant(x)}" for x in operands)
         return self.new(f"call {to} @{function}({given})", *operands)
 
-    def test(self, how: str, a: Value, b: Value) -> str:
+    def test(self, how: str, a: Operand, b: Operand) -> str:
         """A comparison of reals."""
         return self.new(f"fcmp {how} double {constant(a)}, {constant(b)}", a, b)
 
@@ -182,7 +182,7 @@ class Assembly:
         """Whether two tests hold."""
         return self.new(f"and i1 {a}, {b}", a, b)
 
-    def choose(self, test: str, a: Value, b: Value) -> Value:
+    def choose(self, test: str, a: Operand, b: Operand) -> Operand:
         """One of two values."""
         if a == b:
             return a
@@ -202,7 +202,7 @@ class Assembly:
         """What stands at an address."""
         return self.new(f"load {kind}, ptr {address}")
 
-    def store(self, value: Value, address: str) -> None:
+    def store(self, value: Operand, address: str) -> None:
         """Put a real at an address."""
         self.lines.append(f"store double {constant(value)}, ptr {address}")
 
@@ -218,8 +218,8 @@ class Assembly:
         self,
         low: str | int,
         high: str | int,
-        body: Callable[..., Sequence[Value | int] | None],
-        *carried: tuple[str, Value | int],
+        body: Callable[..., Sequence[Operand | int] | None],
+        *carried: tuple[str, Operand | int],
     ) -> list[str]:
         """Follow a body for all whole numbers from `low` to before `high`.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from stickslip.equations.native.assembly import REAL, WHOLE, Assembly, Value
+from stickslip.equations.native.assembly import REAL, WHOLE, Assembly, Operand
 
 _LEAST_PIVOT = 1e-13
 
@@ -13,14 +13,14 @@ _LEAST_PIVOT = 1e-13
 def _sum(f: Assembly, low: str | int, high: str, term: Callable[[str], tuple[str, str]]) -> None:
     """A sum of products as the result of a function."""
 
-    def step(j: str, s: str) -> list[Value]:
+    def step(j: str, s: str) -> list[Operand]:
         return [f.fused(*term(j), s)]
 
     (s,) = f.loop(low, high, step, (REAL, 0.0))
     f.lines.append(f"ret double {s}")
 
 
-def _convolution(name: str, more: str, weight: Callable[[Assembly, str], Value]) -> Assembly:
+def _convolution(name: str, more: str, weight: Callable[[Assembly, str], Operand]) -> Assembly:
     """Σ w(j) a[j] b[k − j] for low ≤ j < high."""
     arguments = f"ptr %a, ptr %b, i64 %k, i64 %low, i64 %high{more}"
     f = Assembly(name, arguments, REAL, inside=True)
@@ -42,7 +42,7 @@ def _chained() -> Assembly:
 
 
 def _powered() -> Assembly:
-    def weight(f: Assembly, j: str) -> Value:
+    def weight(f: Assembly, j: str) -> Operand:
         left = f.whole("sub", j, "%k")
         j, left = (f.new(f"sitofp i64 {x} to double") for x in (j, left))
         return f.fused(j, "%p", left)
@@ -77,7 +77,7 @@ def _balance() -> Assembly:
     there is none."""
     f = Assembly("balance", "ptr %A, i64 %stride, i64 %n", REAL, inside=True)
 
-    def step(j: str, largest: str) -> list[Value]:
+    def step(j: str, largest: str) -> list[Operand]:
         x = f.call("llvm.fabs.f64", f.load(f.at("%A", f.whole("mul", j, "%stride"))))
         return [f.choose(f.test("ogt", x, largest), x, largest)]
 
@@ -104,7 +104,7 @@ def _invert() -> Assembly:
     def over_columns(change: Callable[[str], None], high: str = "%n") -> None:
         f.loop(0, high, change)
 
-    def by(address: str, factor: Value) -> None:
+    def by(address: str, factor: Operand) -> None:
         f.store(f.times(f.load(address), factor), address)
 
     def scale_row(i: str) -> None:
@@ -124,7 +124,7 @@ def _invert() -> Assembly:
         over_columns(lambda i: by(entry("%A", i, j), factor))
 
     def eliminate(c: str) -> None:
-        def larger(i: str, pivot: str, size: str) -> list[Value]:
+        def larger(i: str, pivot: str, size: str) -> list[Operand]:
             x = f.call("llvm.fabs.f64", f.load(entry("%A", i, c)))
             test = f.test("ogt", x, size)
             return [

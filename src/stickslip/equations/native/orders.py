@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable
 
 from stickslip.equations.codegen.generate import ORDERS, Generated
-from stickslip.equations.native.assembly import Product, Value, constant
+from stickslip.equations.native.assembly import Operand, Pair, constant
 from stickslip.equations.native.routines import Routine
 from stickslip.symbolic.tape import OUTPUTS, Instruction, Op, Scaled
 
@@ -34,7 +34,7 @@ class Series(Routine):
         self.slots = generated.constants
         self.clock = len(layout.state)
         self.kept = frozenset(layout.kept)
-        self.known: dict[tuple[int, Order], Value] = {}
+        self.known: dict[tuple[int, Order], Operand] = {}
         self.ready: set[str] = set()
         self.groups = {
             (name, i): group
@@ -58,7 +58,7 @@ class Series(Routine):
         self.lines.append("ret i64 0")
         return self.text()
 
-    def begin(self, unit: Value) -> None:
+    def begin(self, unit: Operand) -> None:
         """Order 0 of the state, and time."""
         for i in range(self.clock):
             self.put(i, 0, self.entry("y", i))
@@ -70,18 +70,18 @@ class Series(Routine):
         for instruction in self.layout.instructions:
             _WRITERS[instruction.op](self, instruction, k)
 
-    def integrate(self, k: int, step: Value) -> None:
+    def integrate(self, k: int, step: Operand) -> None:
         """Order k + 1 of the state."""
         for i, row in enumerate(self.layout.rates):
             self.put(i, k + 1, self.scaled(self.get(row, k), step))
 
     # -- coefficients ------------------------------------------------------------------------------
 
-    def get(self, row: int, k: Order) -> Value:
+    def get(self, row: int, k: Order) -> Operand:
         """A coefficient."""
         return self.known.get((row, k), 0.0)
 
-    def put(self, row: int, k: Order, value: Value) -> None:
+    def put(self, row: int, k: Order, value: Operand) -> None:
         """Make a coefficient known; rows that are read are stored, too."""
         if isinstance(value, str) and value not in self.ready:
             self.known_now(value)
@@ -90,17 +90,17 @@ class Series(Routine):
         if k == 0 or row in self.kept:
             self.store(value, self.place("W", row, int(k)))
 
-    def entry(self, name: str, *index: int) -> Value:
+    def entry(self, name: str, *index: int) -> Operand:
         """An entry of an array; coefficients of order 0 are known."""
         if name == "W" and (index[0], 0) in self.known:
             return self.known[index[0], 0]
         return super().entry(name, *index)
 
-    def factor(self, part: Scaled) -> Value:
+    def factor(self, part: Scaled) -> Operand:
         """The factor of a term."""
         return self.scalar(self.slots.scalar(part.factor))
 
-    def linear(self, parts: tuple[Scaled, ...], k: Order) -> Value:
+    def linear(self, parts: tuple[Scaled, ...], k: Order) -> Operand:
         """Order k of a linear combination."""
         terms = [(self.factor(p), self.get(p.row, k)) for p in parts if p.row is not None]
         if k == 0:
@@ -114,12 +114,12 @@ class Series(Routine):
         assert isinstance(k, int)
         return k - 1
 
-    def convolution(self, a: int, b: int, k: Order, low: int) -> list[Product]:
+    def convolution(self, a: int, b: int, k: Order, low: int) -> list[Pair]:
         """Terms of Σ aⱼ bₖ₋ⱼ for low ≤ j ≤ k."""
         assert isinstance(k, int)
         return [(self.get(a, j), self.get(b, k - j)) for j in range(low, k + 1)]
 
-    def square(self, a: int, k: Order) -> Value:
+    def square(self, a: int, k: Order) -> Operand:
         """Order k of a²: each pair of terms once."""
         assert isinstance(k, int)
         terms = [
@@ -129,48 +129,48 @@ class Series(Routine):
             terms.append((self.get(a, k // 2), self.get(a, k // 2)))
         return self.total(terms)
 
-    def _multiple(self, factor: float, x: Value) -> Value:
+    def _multiple(self, factor: float, x: Operand) -> Operand:
         if isinstance(x, float):
             return factor * x
         return self.once((factor, x), lambda: str(self.times(factor, x)))
 
-    def chain(self, a: int, slope: int, k: Order) -> Value:
+    def chain(self, a: int, slope: int, k: Order) -> Operand:
         """Order k ≥ 1 of y with y′ = g·a′; the newest coefficient comes last, in one multiplication
         and one addition."""
         s = self.total(self.weighted(a, slope, k))
         return self.total([(self.per(s, k), 1.0), (self.get(a, k), self.get(slope, 0))])
 
-    def weighted(self, a: int, b: int, k: Order) -> list[Product]:
+    def weighted(self, a: int, b: int, k: Order) -> list[Pair]:
         """Terms of Σ j aⱼ bₖ₋ⱼ for 1 ≤ j < k."""
         assert isinstance(k, int)
         return [(self._multiple(float(j), self.get(a, j)), self.get(b, k - j)) for j in range(1, k)]
 
-    def powered(self, a: int, y: int, p: Value, k: Order) -> list[Product]:
+    def powered(self, a: int, y: int, p: Operand, k: Order) -> list[Pair]:
         """Terms of Σ (j p − (k − j)) aⱼ yₖ₋ⱼ for 1 ≤ j ≤ k."""
         assert isinstance(k, int)
-        terms = list[Product]()
+        terms = list[Pair]()
         for j in range(1, k + 1):
             weight = self.fused(float(j), p, float(j - k))
             terms.append((self.times(weight, self.get(a, j)), self.get(y, k - j)))
         return terms
 
-    def per(self, s: Value, k: Order) -> Value:
+    def per(self, s: Operand, k: Order) -> Operand:
         """s/k."""
         assert isinstance(k, int)
         return self.scaled(s, 1.0 / k)
 
-    def by(self, x: Value, k: Order) -> Value:
+    def by(self, x: Operand, k: Order) -> Operand:
         """k·x."""
         assert isinstance(k, int)
         return self._multiple(float(k), x)
 
-    def divided(self, terms: list[Product], above: Value, below: int, k: Order) -> Value:
+    def divided(self, terms: list[Pair], above: Operand, below: int, k: Order) -> Operand:
         """(above − Σ terms)/b₀; nothing where b has overflowed."""
         b = self.get(below, 0)
         rest = self.total([(above, 1.0), *((self.negative(x), y) for x, y in terms)])
         return self.choose(self.overflown(b), 0.0, self.over(rest, b))
 
-    def overflown(self, b: Value) -> str:
+    def overflown(self, b: Operand) -> str:
         """Whether a value is infinite."""
         return self.once(("inf", b), lambda: self.test("oeq", self.modulus(b), math.inf))
 
@@ -179,16 +179,16 @@ class Series(Routine):
         for i in range(n):
             self.put(solution + i, k, self.total(self.row_of(matrix, i, first, n, k)))
 
-    def row_of(self, matrix: str, i: int, first: int, n: int, k: Order) -> list[Product]:
+    def row_of(self, matrix: str, i: int, first: int, n: int, k: Order) -> list[Pair]:
         """Terms of one row of the solution."""
         group = self.groups.get((matrix, i), range(n))
         return [(self.inverse(matrix, i, j), self.get(first + j, k)) for j in group]
 
-    def inverse(self, matrix: str, i: int, j: int) -> Value:
+    def inverse(self, matrix: str, i: int, j: int) -> Operand:
         """An entry of an inverse."""
         return self.once(("inverse", matrix, i, j), lambda: str(Routine.entry(self, matrix, i, j)))
 
-    def spread(self, matrix: str, i: int, n: int, base: int) -> Value:
+    def spread(self, matrix: str, i: int, n: int, base: int) -> Operand:
         """Σⱼ |Rᵢⱼ| mag[base + j]."""
         group = self.groups.get((matrix, i), range(n))
         if len(group) > _SMALL:
@@ -198,7 +198,7 @@ class Series(Routine):
         ]
         return self.total(terms)
 
-    def first_exp(self, x: Value) -> Value:
+    def first_exp(self, x: Operand) -> Operand:
         """exp x, infinite before its derivatives overflow: what is divided by it then is zero, and
         so are they."""
         return self.choose(self.test("olt", x, _OVERFLOW), self.call("exp", x), math.inf)
@@ -389,7 +389,7 @@ def _rates(s: Series, i: Instruction, k: Order) -> None:
 class LoopedSeries(Series):
     """The same with coefficients in memory and a loop over the orders."""
 
-    unit: Value
+    unit: Operand
     after: str
     real: str
 
@@ -416,7 +416,7 @@ class LoopedSeries(Series):
         self.lines.append("ret i64 0")
         return self.text()
 
-    def get(self, row: int, k: Order) -> Value:
+    def get(self, row: int, k: Order) -> Operand:
         """A coefficient: just made, of order 0, or from memory; of time, one is not zero."""
         if (row, k) not in self.known:
             if row == self.clock:
@@ -424,7 +424,7 @@ class LoopedSeries(Series):
             self.known[row, k] = self.load(self.at(self.row("W", row), k))
         return self.known[row, k]
 
-    def put(self, row: int, k: Order, value: Value) -> None:
+    def put(self, row: int, k: Order, value: Operand) -> None:
         """Make a coefficient known, in memory too."""
         if isinstance(k, int):
             super().put(row, k, value)
@@ -444,32 +444,32 @@ class LoopedSeries(Series):
         rows = f"ptr {self.row('W', a)}, ptr {self.row('W', b)}"
         return self.new(f"call double @{sum_of}({rows}, i64 {k}, i64 {low}, i64 {high}{p})")
 
-    def convolution(self, a: int, b: int, k: Order, low: int) -> list[Product]:
+    def convolution(self, a: int, b: int, k: Order, low: int) -> list[Pair]:
         """Σ aⱼ bₖ₋ⱼ for low ≤ j ≤ k."""
         if isinstance(k, int):
             return super().convolution(a, b, k, low)
         return [(self.along("cauchy", a, b, k, (low, self.after)), 1.0)]
 
-    def square(self, a: int, k: Order) -> Value:
+    def square(self, a: int, k: Order) -> Operand:
         """Order k of a²."""
         return self.total(self.convolution(a, a, k, 0))
 
-    def weighted(self, a: int, b: int, k: Order) -> list[Product]:
+    def weighted(self, a: int, b: int, k: Order) -> list[Pair]:
         """Σ j aⱼ bₖ₋ⱼ for 1 ≤ j < k."""
         assert isinstance(k, str)
         return [(self.along("chained", a, b, k, (1, k)), 1.0)]
 
-    def powered(self, a: int, y: int, p: Value, k: Order) -> list[Product]:
+    def powered(self, a: int, y: int, p: Operand, k: Order) -> list[Pair]:
         """Σ (j p − (k − j)) aⱼ yₖ₋ⱼ for 1 ≤ j ≤ k."""
         assert isinstance(k, str)
         exponent = f", double {constant(p)}"
         return [(self.along("powered", a, y, k, (1, self.after), exponent), 1.0)]
 
-    def per(self, s: Value, k: Order) -> Value:
+    def per(self, s: Operand, k: Order) -> Operand:
         """s/k."""
         return self.over(s, self.real)
 
-    def by(self, x: Value, k: Order) -> Value:
+    def by(self, x: Operand, k: Order) -> Operand:
         """k·x."""
         return self.times(self.real, x)
 

@@ -4,17 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from stickslip.equations.codegen.interface import (
-    COUNT,
-    INDICES,
-    INTERFACE,
-    MATRIX,
-    REAL,
-    VECTOR,
-)
-from stickslip.equations.native.assembly import WHOLE, Assembly, Value, constant
+from stickslip.equations.codegen.interface import INTERFACE
+from stickslip.equations.native.assembly import WHOLE, Assembly, Operand, constant
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS
-from stickslip.symbolic.scalars import Scalar, Store, number
+from stickslip.symbolic.scalars import Scalar, Store, numeral
 from stickslip.symbolic.tape import scalars_of
 
 _NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a difference may be zero
@@ -30,11 +23,11 @@ def _array(axes: int) -> str:
 
 _KINDS = {
     "void": "void",
-    REAL: "double",
-    COUNT: WHOLE,
-    VECTOR: _array(1),
-    INDICES: _array(1),
-    MATRIX: _array(2),
+    "float64": "double",
+    "int64": WHOLE,
+    "vector": _array(1),
+    "indices": _array(1),
+    "matrix": _array(2),
 }
 
 
@@ -46,7 +39,7 @@ class Routine(Assembly):
         arguments = ", ".join(f"{_KINDS[kind]} %{name}" for name, kind in kinds.items())
         super().__init__(name, arguments, _KINDS[result])
         self._kinds = kinds
-        self._values: dict[Scalar, Value] = {}
+        self._values: dict[Scalar, Operand] = {}
 
     # -- arguments ---------------------------------------------------------------------------------
 
@@ -57,7 +50,7 @@ class Routine(Assembly):
 
     def stride(self, name: str) -> str:
         """From a row to the next, in bytes."""
-        kind = _KINDS[MATRIX]
+        kind = _KINDS["matrix"]
         return self.once(("stride", name), lambda: self.new(f"extractvalue {kind} %{name}, 6, 0"))
 
     def row(self, name: str, i: int) -> str:
@@ -74,7 +67,7 @@ class Routine(Assembly):
             return self.at(self.row(name, index[0]), index[1])
         return self.at(self.data(name), index[0])
 
-    def entry(self, name: str, *index: int) -> Value:
+    def entry(self, name: str, *index: int) -> Operand:
         """An entry of an array; of what is only read, once."""
         if name not in _GIVEN:
             return self.load(self.place(name, *index))
@@ -94,7 +87,7 @@ class Routine(Assembly):
         region = self.which("reg", i)
         return self.once(("above", i), lambda: self.whole("icmp eq", region, 1))
 
-    def by_mode_of(self, i: int, stick: Value, plus: Value, minus: Value) -> Value:
+    def by_mode_of(self, i: int, stick: Operand, plus: Operand, minus: Operand) -> Operand:
         """What depends on the mode of a contact."""
         slip = self.choose(self.is_mode(i, "sgt", 0), plus, minus) if plus != minus else plus
         return self.choose(self.is_mode(i, "eq", 0), stick, slip) if stick != slip else slip
@@ -109,7 +102,7 @@ class Routine(Assembly):
                 self.add(self.entry(name, *place), x) if adding else x, self.place(name, *place)
             )
 
-    def scalar(self, s: Scalar) -> Value:
+    def scalar(self, s: Scalar) -> Operand:
         """A value; what has been made once is known."""
         if s.op in ("number", "name"):
             return s.value if s.op == "number" else f"%{s.name}"
@@ -119,7 +112,7 @@ class Routine(Assembly):
             self._values[s] = self._scalar(s, [self.scalar(x) for x in s.args])
         return self._values[s]
 
-    def _scalar(self, s: Scalar, x: list[Value]) -> Value:
+    def _scalar(self, s: Scalar, x: list[Operand]) -> Operand:
         match s.op:
             case "kept":
                 return x[0]
@@ -155,39 +148,39 @@ class Routine(Assembly):
                 return self.function(s.name, x[0])
         raise NotImplementedError(s.op)
 
-    def _in_turn(self, operation: str, values: list[Value]) -> Value:
+    def _in_turn(self, operation: str, values: list[Operand]) -> Operand:
         """A sum or a product, in the order in which it stands, each operation rounded."""
         result, *others = values
         for x in others:
             result = self._plainly(operation, result, x)
         return result
 
-    def _plainly(self, operation: str, a: Value, b: Value) -> Value:
+    def _plainly(self, operation: str, a: Operand, b: Operand) -> Operand:
         """One operation, as it stands."""
         if operation == "fmul" and 1.0 in (a, b):
             return b if a == 1.0 else a
         return self.new(f"{operation} double {constant(a)}, {constant(b)}", a, b)
 
-    def modulus(self, x: Value) -> Value:
+    def modulus(self, x: Operand) -> Operand:
         """|x|."""
         return abs(x) if isinstance(x, float) else self.call("llvm.fabs.f64", x)
 
-    def function(self, name: str, x: Value) -> Value:
+    def function(self, name: str, x: Operand) -> Operand:
         """The value of a function of formulas."""
         formula = FUNCTIONS[name].made_of
         if formula is None:
             return self.call(name, x)
-        argument = number(x) if isinstance(x, float) else Scalar("name", name=x[1:])
+        argument = Scalar("name", name=x[1:]) if isinstance(x, str) else numeral(x)
         return self.scalar(scalars_of([formula], {ARGUMENT: argument})[formula])
 
-    def _power(self, x: Value, p: Value) -> Value:
+    def _power(self, x: Operand, p: Operand) -> Operand:
         if p == 2.0:
             return self.times(x, x)
         return self.over(1.0, x) if p == -1.0 else self.call("pow", x, p)
 
-    def first_power(self, a: Value, p: Value, size: Value) -> Value:
+    def first_power(self, a: Operand, p: Operand, size: Operand) -> Operand:
         """aᵖ, where a is known up to the rounding error of terms of a size: what may be 0 is 0."""
-        power: Value = self.call("llvm.sqrt.f64", a) if p == 0.5 else self.call("pow", a, p)
+        power: Operand = self.call("llvm.sqrt.f64", a) if p == 0.5 else self.call("pow", a, p)
         if not isinstance(p, float):
             rooted = self.both(self.test("oeq", p, 0.5), self.test("oge", a, 0.0))
             power = self.choose(rooted, self.call("llvm.sqrt.f64", a), power)
@@ -198,16 +191,16 @@ class Routine(Assembly):
             small = self.both(small, self.test("ogt", p, 0.0))
         return self.choose(small, 0.0, power)
 
-    def spread(self, matrix: str, i: int, n: int, base: int) -> Value:
+    def spread(self, matrix: str, i: int, n: int, base: int) -> Operand:
         """Σⱼ |Rᵢⱼ| mag[base + j]."""
         first, last = self.place(matrix, i, 0), self.place("mag", base)
         return self.new(f"call double @spread(ptr {first}, ptr {last}, i64 {n})")
 
-    def _dot(self, x: list[Value]) -> Value:
+    def _dot(self, x: list[Operand]) -> Operand:
         """Σ aᵢbᵢ as if computed with twice as many digits: the algorithm Dot2 of Ogita, Rump and
         Oishi (2005); the product's error comes from a fused operation."""
-        total: Value = 0.0
-        lost: Value = 0.0
+        total: Operand = 0.0
+        lost: Operand = 0.0
         for a, b in zip(x[::2], x[1::2], strict=True):
             product = self._plainly("fmul", a, b)
             error = self.fused(a, b, self.negative(product))
