@@ -3,6 +3,9 @@ the same tape, run by Python itself."""
 
 from __future__ import annotations
 
+import builtins
+import subprocess
+import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -21,15 +24,16 @@ from stickslip import (
     System,
     Viscous,
     catalogue,
+    simulate,
 )
 from stickslip.arrays import Array
 from stickslip.equations.codegen.generate import Generated, Layout, generate
 from stickslip.equations.codegen.interface import INTERFACE
 from stickslip.equations.codegen.printer import source_of
 from stickslip.equations.derive import derive
-from stickslip.equations.native import orders
+from stickslip.equations.native import objects, orders
 from stickslip.equations.native.objects import addresses
-from stickslip.equations.native.systems import MachineFunction, assembly_of
+from stickslip.equations.native.systems import MachineFunction, assembly_of, compile_system
 from stickslip.motion.engine.tables import run_setups
 from stickslip.motion.problem import pose
 from stickslip.motion.steps.arrays import (
@@ -208,3 +212,95 @@ def test_machine_code_is_the_source(
         source["residual"](0.3, y, mode, region, k.K, G[1], P[1])
         np.testing.assert_allclose(G[0], G[1], rtol=1e-14)
         np.testing.assert_allclose(P[0], P[1], rtol=1e-14)
+
+
+# -- machine code on disk --------------------------------------------------------------------------
+
+
+@pytest.fixture
+def shelf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder, and a process that has loaded nothing."""
+    monkeypatch.setattr(objects, "_kept", {})
+    return tmp_path
+
+
+def compiled_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> bool:
+    """Whether the functions of a system had to be compiled, and are not only loaded."""
+    asked = []
+    parse = objects.llvm.parse_assembly
+    monkeypatch.setattr(objects, "_kept", {})
+    monkeypatch.setattr(objects.llvm, "parse_assembly", lambda x: (asked.append(x), parse(x))[1])
+    _, generated = generated_of("spring_slider")
+    code = compiled_by_llvm(generated, folder)
+    monkeypatch.setattr(objects.llvm, "parse_assembly", parse)
+    out = np.zeros(3)
+    call_powers(
+        code["powers"],
+        np.zeros((generated.layout.rows, 25)),
+        np.zeros(0, np.int64),
+        np.ones(len(generated.layout.constants)),
+        out,
+    )
+    return any(asked)
+
+
+def test_machine_code_is_kept(shelf: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert compiled_once(shelf, monkeypatch)
+    (file,) = shelf.iterdir()
+    assert not compiled_once(shelf, monkeypatch)
+    for damaged in (b"", file.read_bytes()[:-1], b"\0" * 100):
+        file.write_bytes(damaged)
+        assert compiled_once(shelf, monkeypatch)
+        assert not compiled_once(shelf, monkeypatch)
+
+
+@pytest.mark.parametrize("part", ["name", "features", "version"])
+def test_another_processor_has_its_own(
+    part: str, shelf: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert compiled_once(shelf, monkeypatch)
+    here = objects.processor()
+    other = {"name": "", "features": "", "version": (1, 0, 0)}[part]
+    monkeypatch.setattr(objects, "processor", lambda: here._replace(**{part: other}))
+    assert compiled_once(shelf, monkeypatch)
+    assert len(list(shelf.iterdir())) == 2
+
+
+def test_a_folder_that_cannot_be_written_is_no_obstacle(
+    shelf: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert compiled_once(shelf / "nowhere", monkeypatch)
+
+
+def test_formulas_never_become_python(shelf: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On the way to machine code, neither source text nor its compiler is asked."""
+    monkeypatch.setenv("STICKSLIP_CACHE", str(shelf))
+    system = System("own", internal={"x": Internal("exp(-x) - 3.25*tanh(x)")})
+    asked = list[str]()
+    with monkeypatch.context() as patch:
+        for name in ("eval", "exec", "compile"):
+            patch.setattr(builtins, name, lambda *_, name=name, **__: asked.append(name))
+        compile_system(system)
+    assert not asked
+    assert [file.suffix for file in (shelf / "stickslip").iterdir()] == [".o"]
+    assert simulate(system, (0.0, 1.0)).outcome.ok
+
+
+def test_a_new_process_finds_it(shelf: Path) -> None:
+    """And a system without a motion imports no compiler."""
+    script = """
+import sys
+import stickslip as ss
+system = ss.catalogue.belt_block()
+assert not {"llvmlite", "numba"} & sys.modules.keys()
+print(ss.simulate(system, (0.0, 5.0)).knots.state[-1].tolist())
+"""
+    env = {"STICKSLIP_CACHE": str(shelf), "PYTHONPATH": ":".join(sys.path), "HOME": str(shelf)}
+    runs = [
+        subprocess.run(
+            [sys.executable, "-c", script], env=env, capture_output=True, text=True, check=True
+        ).stdout
+        for _ in range(2)
+    ]
+    assert runs[0] == runs[1]
+    assert len(list((shelf / "stickslip").glob("*.o"))) == 1

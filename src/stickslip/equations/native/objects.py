@@ -14,7 +14,10 @@ from typing import Any, NamedTuple
 
 from llvmlite import binding as llvm
 
-_SPEED = 1  # of LLVM's code generation: more takes longer, and straight code is no faster for it
+# How hard LLVM's code generation works: more than 1 takes longer, and straight code is no faster
+# for it; for long assembly, 1 would take longer than most motions.
+_SPEED, _SPEED_OF_LONG = 1, 0
+_LONG = 400_000  # characters
 _DIGEST = 32  # bytes, before the machine code in a file
 _LOCK = RLock()
 _kept: dict[str, Any] = {}  # what has been loaded, as long as the process lives
@@ -55,17 +58,18 @@ def addresses(assembly: str, names: list[str], folder: Path) -> list[int]:
         Where machine code is kept.
     """
     with _LOCK:
-        key = hashlib.sha256(repr((assembly, processor(), _SPEED)).encode()).hexdigest()
+        speed = _SPEED if len(assembly) < _LONG else _SPEED_OF_LONG
+        key = hashlib.sha256(repr((assembly, processor(), speed)).encode()).hexdigest()
         if key not in _kept:
-            _kept[key] = _loaded(assembly, folder / f"system_{key[:24]}.o")
+            _kept[key] = _loaded(assembly, folder / f"system_{key[:24]}.o", speed)
         return [_kept[key].get_function_address(name) for name in names]
 
 
-def _loaded(assembly: str, path: Path) -> Any:
+def _loaded(assembly: str, path: Path, speed: int) -> Any:
     """The functions in memory, where they can be called."""
     here = processor()
     target = llvm.Target.from_triple(here.triple).create_target_machine(
-        cpu=here.name, features=here.features, opt=_SPEED, jit=True
+        cpu=here.name, features=here.features, opt=speed, jit=True
     )
     code = _read(path)
     if code is None:

@@ -2,8 +2,7 @@
 
 The mathematics is that of :mod:`stickslip.equations.codegen.series`. Written out, each coefficient
 is a register, and what is zero is not there; where that would be too long, coefficients stand in
-memory and a loop runs over the orders. A system whose series are long sums of few terms (linear
-ones too) is faster written out, by a factor of two to five.
+memory and a loop runs over the orders, up to four times as slowly.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from stickslip.symbolic.tape import OUTPUTS, Instruction, Op, Scaled
 
 _OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
 _SMALL = 8  # rows of a matrix up to this length are written out
-_MOST_PRODUCTS = 12000  # that are written out
+_MOST_PRODUCTS = 4000  # that are written out; beyond, compiling them would take too long
 Order = int | str
 """A number, or the register of the loop."""
 
