@@ -272,6 +272,19 @@ def test_a_folder_that_cannot_be_written_is_no_obstacle(
     assert compiled_once(shelf / "nowhere", monkeypatch)
 
 
+def test_functions_that_llvm_does_not_find(shelf: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are told where the mathematical library of C has them."""
+    told = dict[str, int]()
+    add = objects.llvm.add_symbol
+    monkeypatch.setattr(objects.llvm, "address_of_symbol", lambda name: None)
+    monkeypatch.setattr(
+        objects.llvm, "add_symbol", lambda name, at: (told.update({name: at}), add(name, at))
+    )
+    assert compiled_once(shelf, monkeypatch)
+    assert told
+    assert all(told.values())
+
+
 def test_formulas_never_become_python(shelf: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """On the way to machine code, neither source text nor its compiler is asked."""
     monkeypatch.setenv("STICKSLIP_CACHE", str(shelf))
