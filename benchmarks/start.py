@@ -49,13 +49,13 @@ LARGE = "chain of 40 blocks"
 """Takes numba minutes: now alone."""
 KNOWN: dict[str, tuple[ss.System, float]] = {
     "spring slider": (ss.catalogue.spring_slider(), 5000.0),
-    "scaled slider": (ss.catalogue.scaled_slider(), 50.0),
+    "scaled slider": (ss.catalogue.scaled_slider(), 5000.0),
     "Prandtl-Tomlinson tip": (ss.catalogue.prandtl_tomlinson(), 100.0),
     "rocking toy": (ss.catalogue.rocking_toy(), 1000.0),
     "rocking toy with masses": (ss.catalogue.rocking_toy_inertial(), 1200.0),
     "play between oscillating walls": (ss.catalogue.oscillating_play(), 1000.0),
     "plate compactor": (ss.catalogue.plate_compactor(), 100.0),
-    "chain of 5 blocks": (ss.catalogue.block_chain(N=5), 100.0),
+    "chain of 5 blocks": (ss.catalogue.block_chain(N=5), 500.0),
 }
 
 
