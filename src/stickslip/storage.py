@@ -117,8 +117,8 @@ def kind_of(path: str | Path, known: Container[str]) -> str:
         kind = ""
     if kind not in known:
         raise StickslipError(
-            f"{path}: not a result that this version of stickslip has stored; if an older one wrote "
-            "it, open it with that, or compute it again (xarray reads it in any case)"
+            f"{path}: not a result stored by this version of stickslip; if an older one wrote it, "
+            "open it with that, or compute it again (xarray reads it in any case)"
         )
     return kind
 
