@@ -125,6 +125,7 @@ class Station:
         y = self.origin + self.basis @ xi
         if self.normal.shape[1] == 0:
             return Place(y, self.basis, np.zeros(n), np.zeros(n))
+        # Newton's method across the constraints of the mode; along them lie the free directions.
         for _ in range(3):
             y = y - self.normal @ self._solve(y, t, p)[0]
         _, along, by_time, by_parameter = self._solve(y, t, p)
@@ -420,6 +421,7 @@ class Shooting:
         J = np.zeros((len(x) - bool(self.free), len(x)))
         for j in range(len(legs)):
             self._close(F, J, x, legs, j, shift)
+        # After a period the state is shifted: known shifts by drives, free ones by translations.
         home = slice(*self.first[:2])
         chart = self.stations[0].chart
         J[home, self.time] -= chart @ known.by_time

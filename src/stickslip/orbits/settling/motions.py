@@ -401,6 +401,8 @@ def frames(lanes: Lanes, index: Array) -> Array:
     known = (T.status[place] == AFFINE)[:, :, None]
     matrix = np.where(known[..., None], matrix, 0.0).reshape(len(index), -1, matrix.shape[3])
     load = np.where(known, load, 0.0).reshape(len(index), -1)
+    # Rows of one size, so that none is lost beside the others; then the v of least squares, and how
+    # far it is from solving every row.
     size = np.max(np.abs(matrix), axis=2) + np.abs(load)
     weight = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
     matrix = matrix * weight[:, :, None]

@@ -477,6 +477,7 @@ def lineality(average: Average, least: float) -> Array:
     spanned = np.zeros((n, 0))
     while spanned.shape[1] < n:
         d = rng.normal(size=n)
+        # A point exposed across the known span has a part along d, or K_av is flat in it.
         d -= spanned @ (spanned.T @ d)
         d /= np.linalg.norm(d)
         xi = max(

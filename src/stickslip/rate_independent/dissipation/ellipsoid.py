@@ -126,6 +126,7 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
         kept = squares > 0.0
         if multiplier == 0.0:
             return axes @ np.where(kept, along, 0.0), (axes * kept) @ axes.T
+        # y = S(S + μ)⁻¹ξ on the boundary; its derivative lacks the direction in which μ changes.
         shifted = squares + multiplier
         bent = squares * along / np.square(shifted)
         slope = np.diag(squares / shifted) - np.outer(bent, bent) / float(bent @ (along / shifted))
