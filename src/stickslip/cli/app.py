@@ -24,7 +24,7 @@ _OUR_FAULT = 70
 EXIT_INTERRUPTED = 130
 _P = ParamSpec("_P")
 
-app = typer.Typer(
+app: typer.Typer = typer.Typer(
     name="stickslip",
     help="Exact stick-slip motion of systems with dry friction.",
     epilog="Begin with: stickslip run rocking_toy",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from stickslip.certificates import Certificate
 from stickslip.equations.field import Mode, Region
@@ -91,8 +91,8 @@ class Branch(Result):
         The other parameter of a curve in two parameters.
     """
 
-    KIND = "branch"
-    FORMAT = 3
+    KIND: ClassVar[str] = "branch"
+    FORMAT: ClassVar[int] = 3
 
     system: System
     parameters: dict[str, float]

@@ -15,6 +15,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -163,7 +164,7 @@ class Intersection(Average):
     def sampled(self, phases: Array) -> AtPhases:
         return Together(self, phases)
 
-    def over(self, low: Array, high: Array) -> Stretches:
+    def over(self, low: Array, high: Array) -> Stretches[Any]:
         ends = Together(self, low)
         return FixedTogether(ends, ends)
 

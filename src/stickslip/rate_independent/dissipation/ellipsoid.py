@@ -143,7 +143,7 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
     def bounded(self) -> bool:
         return self.matrix.bounded
 
-    def over(self, low: Array, high: Array) -> Stretches:
+    def over(self, low: Array, high: Array) -> Stretches[Any]:
         S = self.matrix.chord(low, high)
         start, end = (
             SampledEllipsoid(*self._axes(at, s)) for at, s in ((S.start, low), (S.end, high))

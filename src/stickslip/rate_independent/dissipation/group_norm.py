@@ -130,7 +130,7 @@ class GroupNorm(Dissipation, kind="group norm"):
     def bounded(self) -> bool:
         return self.radius.bounded
 
-    def over(self, low: Array, high: Array) -> Stretches:
+    def over(self, low: Array, high: Array) -> Stretches[Any]:
         radii = self.radius.chord(low, high)
         start, end = SampledBalls(self.size, radii.start), SampledBalls(self.size, radii.end)
         return StretchesOfBalls(start, end, radii.off)

@@ -218,7 +218,7 @@ class Polytope(Dissipation, kind="polytope"):
     def bounded(self) -> bool:
         return all(part is None or part.bounded for part in (self.corners, self.faces, self.reach))
 
-    def over(self, low: Array, high: Array) -> Stretches:
+    def over(self, low: Array, high: Array) -> Stretches[Any]:
         if self.corners is not None:
             points = self.corners.chord(low, high)
             hulls = sampled_hulls(self, low, points.start), sampled_hulls(self, high, points.end)

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -110,7 +111,7 @@ class Product(Dissipation):
     def bounded(self) -> bool:
         return all(factor.bounded for factor in self.factors)
 
-    def over(self, low: Array, high: Array) -> Stretches:
+    def over(self, low: Array, high: Array) -> Stretches[Any]:
         factors = tuple(factor.over(low, high) for factor in self.factors)
         start = SampledProduct(self.parts, tuple(factor.start for factor in factors))
         end = SampledProduct(self.parts, tuple(factor.end for factor in factors))
@@ -202,7 +203,7 @@ class StretchesOfProducts(RowWise, Stretches[SampledProduct]):
     parts: list[slice]
     start: SampledProduct
     end: SampledProduct
-    factors: tuple[Stretches, ...]
+    factors: tuple[Stretches[Any], ...]
 
     def between(
         self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array

@@ -62,7 +62,8 @@ class SupportFunction(Dissipation):
             raise DeclarationError(
                 "function", "it cannot be called", "Give a function of the phase s and of v"
             )
-        self.function, self.subgradient = function, subgradient
+        self.function: Callable[[float, Array], float] = function
+        self.subgradient: Callable[[float, Array], ArrayLike] | None = subgradient
         self._dimension = int(dimension)
         self._depends_on_phase = depends_on_phase
         directions = np.random.default_rng(0).normal(size=(len(SAMPLE_PHASES) + 1, dimension))

@@ -133,7 +133,7 @@ class WeightedL1(Dissipation, kind="weighted l1"):
     def bounded(self) -> bool:
         return self.above.bounded and self.below.bounded
 
-    def over(self, low: Array, high: Array) -> Stretches:
+    def over(self, low: Array, high: Array) -> Stretches[Any]:
         above = self.above.chord(low, high)
         below = above if self.below is self.above else self.below.chord(low, high)
         start, end = SampledBoxes(-below.start, above.start), SampledBoxes(-below.end, above.end)

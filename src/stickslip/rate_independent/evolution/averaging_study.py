@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -50,7 +50,7 @@ class AveragingStudy(Result):
         Empty, or what stopped the study early.
     """
 
-    KIND = "averaging study"
+    KIND: ClassVar[str] = "averaging study"
 
     dataset: xarray.Dataset
     certificate: Certificate

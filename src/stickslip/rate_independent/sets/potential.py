@@ -210,7 +210,7 @@ class Dissipation(ABC):
         it is asked for; by default, if it does not depend on the phase."""
         return not self.depends_on_phase
 
-    def over(self, low: Array, high: Array) -> Stretches:
+    def over(self, low: Array, high: Array) -> Stretches[Any]:
         """The potential on stretches of phases, shape (m,) each, within one period: 0 <= low <=
         high <= 1.
 

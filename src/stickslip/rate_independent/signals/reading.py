@@ -16,7 +16,7 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Scope
 
-INTERPOLATIONS = {"linear": Samples, "monotone": MonotoneSamples}
+INTERPOLATIONS: dict[str, type[Samples]] = {"linear": Samples, "monotone": MonotoneSamples}
 """What samples mean between them: straight lines, or monotone cubics (PCHIP)."""
 
 
