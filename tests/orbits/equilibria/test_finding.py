@@ -140,6 +140,7 @@ def test_the_rocking_toy_at_rest() -> None:
     assert found.extent["x_R"] == (-math.inf, math.inf)
     assert found.dimension == 2
     assert found.stable
+    assert found.eigenvalues is not None
     assert len(found.eigenvalues) == 2
     assert found.exact
 
@@ -383,7 +384,7 @@ def test_curves_of_folds_meet_in_a_cusp() -> None:
     )
     (axes,) = curve.plot().axes
     drawn = np.concatenate(
-        [np.asarray(line.get_xydata()) for line in axes.get_lines() if len(line.get_xdata()) > 1]
+        [xy for line in axes.get_lines() if len(xy := np.asarray(line.get_xydata())) > 1]
     )
     assert drawn[:, 0] ** 2 == pytest.approx(4 * drawn[:, 1] ** 3 / 27, abs=1e-12)
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("$p$", "$q$")

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -117,7 +117,7 @@ class Product(Dissipation):
         end = SampledProduct(self.parts, tuple(factor.end for factor in factors))
         return StretchesOfProducts(self.parts, start, end, factors)
 
-    def average(self, tolerance: float = 1e-8) -> Average:
+    def average(self, tolerance: float = 1e-8) -> AveragedProduct:
         """The product of the averages."""
         return AveragedProduct(
             tuple(factor.average(tolerance) for factor in self.factors), self, tolerance
@@ -157,6 +157,10 @@ class AveragedProduct(Average, Product):
     def _together(self) -> Intersection:
         """All factors at once: what was found of it is where the next search starts."""
         return Intersection(self.source, self.tolerance)
+
+    def average(self, tolerance: float = 1e-8) -> Self:
+        """Itself."""
+        return self
 
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
         """The motions of all factors."""

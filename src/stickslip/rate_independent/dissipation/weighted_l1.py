@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -139,7 +139,7 @@ class WeightedL1(Dissipation, kind="weighted l1"):
         start, end = SampledBoxes(-below.start, above.start), SampledBoxes(-below.end, above.end)
         return StretchesOfBoxes(start, end, below.off, above.off)
 
-    def average(self, tolerance: float = 1e-8) -> Average:
+    def average(self, tolerance: float = 1e-8) -> AveragedWeightedL1:
         """Each weight becomes its minimum over the phase, refined to rounding; `tolerance` is not
         needed."""
         above = least_thresholds(self.above)
@@ -195,6 +195,10 @@ class AveragedWeightedL1(Average, WeightedL1):
             for i, (up, down) in enumerate(zip(*numbers.values(), strict=True), start=1)
         ]
         return ClosedForm(terms, {"thresholds": numbers})
+
+    def average(self, tolerance: float = 1e-8) -> Self:
+        """Itself."""
+        return self
 
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
         V = self.vector(V, "V")

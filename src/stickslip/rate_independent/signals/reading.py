@@ -58,7 +58,8 @@ def read(
     if callable(given):
         return CallableSignal(given, where, clock, shape)
     if shape is not None and is_table(given):
-        return INTERPOLATIONS[interpolation](*given, where, clock, shape)
+        times, values = given
+        return INTERPOLATIONS[interpolation](times, values, where, clock, shape)
     return _array(given, where, clock, shape)
 
 
