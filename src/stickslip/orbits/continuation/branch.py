@@ -55,7 +55,7 @@ class SpecialPoint:
     region: Region
     index: int
     period: float | None = None
-    data: dict[str, float] = field(default_factory=dict)
+    data: dict[str, float] = field(default_factory=dict[str, float])
     note: str = ""
 
     def __repr__(self) -> str:
@@ -233,4 +233,6 @@ class Branch(Result):
 
 def _special(entry: Mapping[str, Any]) -> SpecialPoint:
     """A special point as it was stored: lists were tuples."""
-    return SpecialPoint(**{**entry, "mode": tuple(entry["mode"]), "region": tuple(entry["region"])})
+    changed = {"mode": tuple(entry["mode"]), "region": tuple(entry["region"])}
+    known: dict[str, Any] = {**entry, **changed}
+    return SpecialPoint(**known)

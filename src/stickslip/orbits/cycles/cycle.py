@@ -292,7 +292,8 @@ class Cycle(Result):
             "measured": restored_certificate(said["measured"]),
         }
         own = {"system": motion.system, "parameters": dict(motion.parameters), "trajectory": motion}
-        return cls(**{**said, **changed, **own})
+        known: dict[str, Any] = {**said, **changed, **own}
+        return cls(**known)
 
     def cost_of_transport(self, weight: float) -> float:
         """Energy per distance and weight (a force), without dimension."""

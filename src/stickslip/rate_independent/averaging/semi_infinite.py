@@ -110,9 +110,9 @@ class Intersection(Average):
         ConvergenceError
             If the duality gap stays above the tolerance.
         """
-        V = self.vector(V, "V")
-        held = self._resisting(V)
-        return measure_with_sum(self.source, V, held.phases, held.motions, held.xi, held.bound)
+        v = self.vector(V, "V")
+        held = self._resisting(v)
+        return measure_with_sum(self.source, v, held.phases, held.motions, held.xi, held.bound)
 
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
         return float(self.excesses(self.vector(xi, "xi")[None])[0])

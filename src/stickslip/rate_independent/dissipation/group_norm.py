@@ -180,12 +180,12 @@ class AveragedGroupNorm(Average, GroupNorm):
         return self
 
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
-        V = self.vector(V, "V")
+        v = self.vector(V, "V")
         return scheduled(
             self.source,
-            V,
+            v,
             np.repeat(self.phases, self.size),
-            float(self.least.floors @ self.norms(V)),
+            float(self.least.floors @ self.norms(v)),
         )
 
 

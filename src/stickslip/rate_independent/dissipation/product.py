@@ -164,12 +164,12 @@ class AveragedProduct(Average, Product):
 
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
         """The motions of all factors."""
-        V = self.vector(V, "V")
+        v = self.vector(V, "V")
         own = [
-            average.optimal_motion(V[part])
+            average.optimal_motion(v[part])
             for average, part in zip(self.averages, self.parts, strict=True)
         ]
-        motions = np.zeros((sum(len(motion.phases) for motion in own), len(V)))
+        motions = np.zeros((sum(len(motion.phases) for motion in own), len(v)))
         row = 0
         for motion, part in zip(own, self.parts, strict=True):
             motions[row : row + len(motion.phases), part] = motion.motions

@@ -201,13 +201,13 @@ class AveragedWeightedL1(Average, WeightedL1):
         return self
 
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
-        V = self.vector(V, "V")
-        when = np.where(V >= 0, self.upper_phases, self.lower_phases)
+        v = self.vector(V, "V")
+        when = np.where(v >= 0, self.upper_phases, self.lower_phases)
         bound = (
-            np.maximum(V, 0.0) @ self.least_above.floors
-            - np.minimum(V, 0.0) @ self.least_below.floors
+            np.maximum(v, 0.0) @ self.least_above.floors
+            - np.minimum(v, 0.0) @ self.least_below.floors
         )
-        return scheduled(self.source, V, when, float(bound))
+        return scheduled(self.source, v, when, float(bound))
 
 
 @dataclass(frozen=True, eq=False)

@@ -191,7 +191,8 @@ def averaging_study(
             "dissipation", "it does not depend on the phase", "There is nothing to average"
         )
     averaged = _averaged(problem)
-    grid = np.linspace(problem.span[0], problem.span[1], _intervals(problem.n) + 1)
+    start, end = map(float, problem.span)
+    grid = np.linspace(start, end, _intervals(problem.n) + 1)
     limit, limit_gauge = _limit(averaged, grid, tolerance)
     done: list[tuple[Motion, Gauge]] = []
     stopped = ""
