@@ -131,7 +131,7 @@ class HysteresisOperator:
 
     @classmethod
     def of(
-        cls, system: System, parameters: Mapping[str, float] | None = None
+        cls, system: System, *, parameters: Mapping[str, float] | None = None
     ) -> HysteresisOperator:
         """The operator that is inside a system.
 
@@ -231,7 +231,7 @@ class HysteresisOperator:
             low, high = min(max(low, down), up), min(max(high, down), up)
         return float(low), float(high)
 
-    def __call__(self, psi: ArrayLike, initial: float = 0.0) -> Array:
+    def __call__(self, psi: ArrayLike, *, initial: float = 0.0) -> Array:
         """d at samples of ψ, exact if ψ is monotone between them.
 
         Parameters
@@ -253,7 +253,7 @@ class HysteresisOperator:
             d[i] = value = min(max(value, low), high)
         return d
 
-    def path(self, psi: ArrayLike, initial: float = 0.0) -> tuple[Array, Array]:
+    def path(self, psi: ArrayLike, *, initial: float = 0.0) -> tuple[Array, Array]:
         """The polygon that (ψ, d) runs along.
 
         Parameters
@@ -284,10 +284,10 @@ class HysteresisOperator:
         Its area ∮ d dψ, anticlockwise, times the coupling is the energy that a period feeds into ψ.
         """
         start = self([low, high, low])[-1]
-        return self.path([low, high, low], start)
+        return self.path([low, high, low], initial=start)
 
     def driven(
-        self, psi: Callable[[Any], Any], t_span: tuple[float, float], initial: float
+        self, psi: Callable[[Any], Any], t_span: tuple[float, float], *, initial: float
     ) -> Play:
         """d for a function ψ(t), whose turning points are found.
 
