@@ -15,7 +15,7 @@ from stickslip.cli.ending import NOT_CERTIFIED, guarded
 from stickslip.cli.present import Model, ParameterOptions
 from stickslip.results import Summary, certificate_rows
 
-app = typer.Typer(
+app: typer.Typer = typer.Typer(
     name="stickslip",
     help="Exact stick-slip motion of systems with dry friction.",
     epilog="Begin with: stickslip run rocking_toy",

@@ -156,7 +156,7 @@ def run_loop(
     if len(knots.clock) == 0 or clock[NOW] > knots.clock[-1]:
         now = lanes.now
         carried = now.mode[0] == now.settled[0]
-        mode = np.where(carried, now.mode[0], np.sign(now.mode[0]))
+        mode = np.sign(now.mode[0], out=now.mode[0].copy(), where=~carried)
         last = Knots.single(clock[NOW], now.y[0], mode, now.reg[0], problem.origin)
         knots = Knots.joined([knots, last])
     return code, knots

@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -46,7 +46,7 @@ class Ensemble(Result):
         Dimension ``trajectory``.
     """
 
-    KIND = "ensemble"
+    KIND: ClassVar[str] = "ensemble"
 
     system: System
     parameters: dict[str, float]

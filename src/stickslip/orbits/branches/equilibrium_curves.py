@@ -62,8 +62,8 @@ def hopf_curve(
     point: SpecialPoint,
     first: str,
     second: str,
-    ranges: Mapping[str, tuple[float, float]],
     *,
+    ranges: Mapping[str, tuple[float, float]],
     steps: StepControl | None = None,
 ) -> Branch:
     """Follow a Hopf point of an equilibrium while two parameters change.
@@ -100,8 +100,8 @@ def fold_curve(
     point: SpecialPoint,
     first: str,
     second: str,
-    ranges: Mapping[str, tuple[float, float]],
     *,
+    ranges: Mapping[str, tuple[float, float]],
     steps: StepControl | None = None,
 ) -> Branch:
     """Follow a fold of equilibria while two parameters change.

@@ -63,8 +63,8 @@ class Derivatives:
     """
 
     def __init__(self, rates: Sequence[Expr], state: Sequence[str]) -> None:
-        self.state = tuple(state)
-        self.places = list[tuple[int, ...]]()
+        self.state: tuple[str, ...] = tuple(state)
+        self.places: list[tuple[int, ...]] = []
         wanted = list[Expr]()
         for i, rate in enumerate(rates):
             self._collect(rate, (i,), wanted)

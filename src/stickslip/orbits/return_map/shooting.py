@@ -297,18 +297,18 @@ class Shooting:
     ) -> None:
         self.problem = problem
         self.pieces = pieces
-        self.stations = list(stations)
+        self.stations: list[Station] = list(stations)
         self.start = start
         self.setting = setting
-        self.symmetry = setting.symmetry
-        self.free = pieces.free
-        self.release = released(setting.held, setting.sizes)
-        self.first = np.concatenate(
+        self.symmetry: Symmetry = setting.symmetry
+        self.free: str | None = pieces.free
+        self.release: Array = released(setting.held, setting.sizes)
+        self.first: Array = np.concatenate(
             [[0], np.cumsum([s.basis.shape[1] for s in self.stations])]
         ).astype(int)
-        self.time = int(self.first[-1])
-        self.drifts = slice(self.time + 1, self.time + 1 + self.symmetry.shifts.shape[1])
-        self.fixed = self._fixed()
+        self.time: int = int(self.first[-1])
+        self.drifts: slice = slice(self.time + 1, self.time + 1 + self.symmetry.shifts.shape[1])
+        self.fixed: Array = self._fixed()
         self._last: Orbit | None = None
 
     def with_pieces(self, pieces: Pieces, problem: Problem) -> Shooting:

@@ -95,9 +95,9 @@ class Prover:
         self.problem = problem
         self.table = table
         self.rules = rules
-        self.repetition = Repetition(problem.compiled.equations)
-        self.pieces = Pieces(problem.compiled.equations)
-        self.acting = self._acting()
+        self.repetition: Repetition = Repetition(problem.compiled.equations)
+        self.pieces: Pieces = Pieces(problem.compiled.equations)
+        self.acting: Array = self._acting()
 
     def _acting(self) -> Array:
         frequencies = self.problem.compiled.layout.frequencies

@@ -54,7 +54,7 @@ class Parabolas:
         cell = np.arange(CELLS)
         low, high = edges[:-1], edges[1:]
         least, most = matrix.bent(low, high)
-        rows = []
+        rows: list[tuple[Array, ...]] = []
         for shift in _SHIFTS:
             # What three neighbours reach takes in all that lies between: each reaches as far as the
             # next one is.

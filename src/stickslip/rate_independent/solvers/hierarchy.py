@@ -127,7 +127,7 @@ class Hierarchy:
         from pyamg import ruge_stuben_solver
 
         made: list[Any] = ruge_stuben_solver(nodal, max_coarse=_DENSE // A.value.shape[1]).levels
-        self.levels = [Level(A)]
+        self.levels: list[Level] = [Level(A)]
         self.transfers: list[Transfer] = []
         pattern = abs(nodal)
         for fine, _ in pairwise(made):
@@ -145,7 +145,7 @@ class Hierarchy:
         """Make the operators from level `top` on the Hessian at d and its Galerkin products."""
         fine = self.levels[top]
         dirty = np.full(len(d), top != self.top, np.uint8)
-        self.top = top
+        self.top: int = top
         truncate(fine.A, upper, d, fine.H, fine.inverse, fine.whole, dirty)
         for (P, R), coarse in zip(self.transfers[top:], self.levels[top + 1 :], strict=True):
             dirty = galerkin(

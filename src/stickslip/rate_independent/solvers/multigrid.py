@@ -64,7 +64,8 @@ class StepOutcome(Enum):
     )
 
     def __init__(self, label: str, message: str) -> None:
-        self.label, self.message = label, message
+        self.label: str = label
+        self.message: str = message
 
 
 @dataclass(frozen=True)
@@ -118,7 +119,7 @@ class Multigrid:
 
     def __init__(self, A: Any, groups: int = 1) -> None:
         self.groups = groups
-        self.hierarchy = Hierarchy(*block_rows(A, groups))
+        self.hierarchy: Hierarchy = Hierarchy(*block_rows(A, groups))
 
     def step(
         self,
