@@ -104,17 +104,17 @@ def test_memory(turns: list[float], initial: float, index: int) -> None:
     """Return-point memory, no dependence on speed, values between the curves, swings that clip,
     monotone in d."""
     h = operator(index)
-    d = h(turns, initial)
+    d = h(turns, initial=initial)
     assert np.all(d <= h.upper(turns) + 1e-14)
     assert np.all(d >= h.lower(turns) - 1e-14)
     a, b = turns[-2:]
-    assert h([*turns, a, b], initial)[-1] == pytest.approx(d[-1], abs=1e-13)
+    assert h([*turns, a, b], initial=initial)[-1] == pytest.approx(d[-1], abs=1e-13)
     finer = np.concatenate([np.linspace(p, q, 7) for p, q in pairwise(turns)])
-    assert h(finer, initial)[-1] == pytest.approx(d[-1], abs=1e-13)
+    assert h(finer, initial=initial)[-1] == pytest.approx(d[-1], abs=1e-13)
     low, high = h.swing(a, b)
     assert low <= high
     assert d[-1] == pytest.approx(np.clip(d[-2], low, high), abs=1e-14)
-    assert h(turns, initial + 0.1)[-1] >= d[-1] - 1e-14
+    assert h(turns, initial=initial + 0.1)[-1] >= d[-1] - 1e-14
 
 
 def test_path_has_all_corners() -> None:
@@ -122,7 +122,9 @@ def test_path_has_all_corners() -> None:
     psi, d = h.path([-1.6, 1.6, 0.3, 1.5], initial=0.9)
     for i in range(len(psi) - 1):
         middle = 0.5 * (psi[i] + psi[i + 1])
-        assert h([psi[i], middle], d[i])[-1] == pytest.approx(0.5 * (d[i] + d[i + 1]), abs=1e-13)
+        assert h([psi[i], middle], initial=d[i])[-1] == pytest.approx(
+            0.5 * (d[i] + d[i + 1]), abs=1e-13
+        )
 
 
 def test_a_function_of_time() -> None:
@@ -130,7 +132,7 @@ def test_a_function_of_time() -> None:
     play = h.driven(lambda t: 1.5 * np.sin(t), (0.0, 20.0), initial=0.0)
     assert play.certificate.ok
     times = np.union1d(np.pi / 2 * np.arange(1, 13, 2), [0.0, 3.0, 7.7, 20.0])
-    assert play.final == pytest.approx(h(1.5 * np.sin(times), 0.0)[-1], abs=1e-12)
+    assert play.final == pytest.approx(h(1.5 * np.sin(times), initial=0.0)[-1], abs=1e-12)
 
 
 def test_reduced_oscillator_is_the_toy_in_simple_motion_only() -> None:

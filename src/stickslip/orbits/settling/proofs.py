@@ -220,7 +220,7 @@ def affine_fates(
     marks : Marks
     saved : Lane
         Where they are.
-    shifts : array, shape (n, translations)
+    shifts : array, shape (translations, n)
         Translations that change nothing.
     """
     T = lanes.forms

@@ -270,13 +270,13 @@ class HysteresisOperator:
         turns = _checked(psi)
         x = np.concatenate([turns[:1], *(self._nodes(a, b)[1:] for a, b in pairwise(turns))])
         corners = [x[:1]]
-        d = self(x, initial)
+        d = self(x, initial=initial)
         for i in range(len(x) - 1):
             # Between two nodes d rests until it meets a curve, or has left it at the node.
             meets = [self._meets(curve, x[i], x[i + 1], d[i]) for curve in (self.lower, self.upper)]
             corners += [np.array([m for m in meets if m is not None]), x[i + 1 : i + 2]]
         everywhere = np.concatenate(corners)
-        return everywhere, self(everywhere, initial)
+        return everywhere, self(everywhere, initial=initial)
 
     def loop(self, low: float, high: float) -> tuple[Array, Array]:
         """The closed curve on which (ψ, d) settles while ψ goes to and fro between two values.
