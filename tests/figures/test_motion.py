@@ -6,6 +6,7 @@ from __future__ import annotations
 import io
 import subprocess
 import sys
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -21,10 +22,10 @@ from stickslip.model.quantities import contact_key
 
 
 def overview(
-    system: ss.System, end: float | None = None, **more: float
+    system: ss.System, end: float | None = None, **more: Any
 ) -> tuple[ss.Trajectory, Figure, list[Axes]]:
     span = (system.span[0], system.span[1] if end is None else end)
-    trajectory = ss.simulate(system, span, **more)  # type: ignore
+    trajectory = ss.simulate(system, span, **more)
     figure = trajectory.plot()
     return trajectory, figure, [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
 

@@ -124,6 +124,22 @@ def run_loop(
     """Run the compiled loop chunk by chunk; Ctrl-C between two chunks keeps what is done.
 
     The compiled loops count time from the origin of the problem.
+
+    Parameters
+    ----------
+    problem : Problem
+    start, end : float
+    y : array, shape (n,)
+        State at the start.
+    max_events : int
+    progress : callable, optional
+        Is told the fraction of the span that is done.
+
+    Returns
+    -------
+    code : int
+        Of an :class:`Outcome`.
+    knots : Knots
     """
     from stickslip.motion.ensemble import Lanes
     from stickslip.motion.steps.arrays import FULL, NOW, Constants

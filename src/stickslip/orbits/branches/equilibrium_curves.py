@@ -108,6 +108,28 @@ def fold_curve(
 
     Arguments and errors as for :func:`hopf_curve`, with a point of kind ``"fold"``. Special points:
     ``"cusp"``, ``"Bogdanov-Takens"``, ``"zero-Hopf"``, ``"boundary equilibrium"``.
+
+    Parameters
+    ----------
+    system : System
+    point : SpecialPoint
+        Of kind ``"fold"``, of equilibria.
+    first, second : str
+        The two parameters.
+    ranges : mapping of str to (float, float)
+        The range of each.
+    steps : StepControl, optional
+
+    Returns
+    -------
+    Branch
+        Special points: ``"cusp"``, ``"Bogdanov-Takens"``, ``"zero-Hopf"``,
+        ``"boundary equilibrium"``.
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is wrong.
     """
     if isinstance(point, SpecialPoint) and point.kind == "fold" and point.period is not None:
         begins = NOT_SMOOTH in point.note

@@ -147,7 +147,18 @@ class Station:
 
 
 def make_station(part: float, piece: Piece, t: float, y: Array, p: Array, sizes: Array) -> Station:
-    """A station at a state of the cycle; `sizes` are the units of the components."""
+    """A station at a state of the cycle; `sizes` are the units of the components.
+
+    Parameters
+    ----------
+    part : float
+        See :class:`Station`.
+    piece : Piece
+    t : float
+    y : array, shape (n,)
+    p : array, shape (parameters,)
+    sizes : array, shape (n,)
+    """
     n = len(y)
     slopes = piece.bounds(t, y, p).slopes[:, :n] * sizes
     _, s, v = np.linalg.svd(slopes) if len(slopes) else (None, np.zeros(0), np.eye(n))

@@ -139,13 +139,13 @@ class Hierarchy:
             fine.A = fine.P = fine.R = None  # memory
             self.levels.append(Level(coarse_operator(self.levels[-1], self.transfers[-1], pattern)))
         self.factor: Factor | None = None
-        self.top = -1  # the level whose moving nodes the operators belong to
+        self.top: int = -1  # the level whose moving nodes the operators belong to
 
     def truncate(self, top: int, upper: Array, d: Array) -> None:
         """Make the operators from level `top` on the Hessian at d and its Galerkin products."""
         fine = self.levels[top]
         dirty = np.full(len(d), top != self.top, np.uint8)
-        self.top: int = top
+        self.top = top
         truncate(fine.A, upper, d, fine.H, fine.inverse, fine.whole, dirty)
         for (P, R), coarse in zip(self.transfers[top:], self.levels[top + 1 :], strict=True):
             dirty = galerkin(
