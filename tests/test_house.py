@@ -155,13 +155,10 @@ def test_a_second_home_is_found() -> None:
     }
 
 
-# Compiled helpers: what they take is said once, at the tables that they share.
+# Helpers of the tape: what they take is said once, at the tables that they share.
 SHARED_TABLES = (
     "stickslip.equations.codegen",
-    "stickslip.motion.between",
-    "stickslip.motion.engine",
-    "stickslip.motion.steps",
-    "stickslip.orbits.settling.engine",
+    "stickslip.motion.steps.arrays",
     "stickslip.symbolic.tape",
 )
 MANY = 5

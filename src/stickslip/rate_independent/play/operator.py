@@ -162,7 +162,13 @@ def _bounds(
     stiffness: float,
     interpolation: str,
 ) -> PlayBounds:
-    """Load and thresholds as they were given, read."""
+    """Load and thresholds as they were given, read.
+
+    Parameters
+    ----------
+    load, threshold, t_span, epsilon, stiffness, interpolation
+        As of :func:`play`.
+    """
     ell = read(load, "load", OF_TIME, (), interpolation).panels(t_span)
     clock = OF_TIME if epsilon is None else OF_PHASE
     plus, *rest = (
