@@ -159,7 +159,6 @@ def test_a_second_home_is_found() -> None:
 SHARED_TABLES = (
     "stickslip.equations.codegen",
     "stickslip.motion.steps.arrays",
-    "stickslip.symbolic.tape",
 )
 MANY = 5
 
