@@ -18,10 +18,10 @@ os.environ.setdefault(
     "XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 )
 
-import diffrax
-import jax
-import jax.numpy as jnp
-import optimistix
+import diffrax  # type: ignore[import]
+import jax  # type: ignore[import]
+import jax.numpy as jnp  # type: ignore[import]
+import optimistix  # type: ignore[import]
 
 from stickslip.arrays import Array
 
@@ -72,7 +72,12 @@ def follower(span: float, tolerance: float) -> Callable[[Array, Array], tuple[Ar
         return last, switches
 
     many = jax.jit(jax.vmap(motion))
-    return lambda b, nu: tuple(np.asarray(part) for part in many(b, nu))
+
+    def run(b: Array, nu: Array) -> tuple[Array, Array]:
+        last, switches = many(b, nu)
+        return np.asarray(last), np.asarray(switches)
+
+    return run
 
 
 def _rates(t: jax.Array, y: jax.Array, p: tuple[jax.Array, ...]) -> jax.Array:

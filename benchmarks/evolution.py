@@ -79,7 +79,7 @@ class Membrane:
     @classmethod
     def elastic(cls, N: int) -> Membrane:
         stiffness, rigid = pyamg.gallery.linear_elasticity((N, N), format="csr", E=1.0, nu=0.3)
-        A = sp.csr_array(stiffness * float((N + 1) ** 2) + sp.eye_array(stiffness.shape[0]))
+        A = sp.csr_array(stiffness * float((N + 1) ** 2) + sp.eye_array(2 * N * N))
         one = cls.scalar(N)
         return cls(A, one.y, one.x, 2, rigid)
 
@@ -104,7 +104,7 @@ class Membrane:
 
     def steps(
         self, per_period: int, count: int
-    ) -> Iterator[tuple[Array, dict[str, Array], Callable[[Array], None]]]:
+    ) -> Iterator[tuple[Array, dict[str, Any], Callable[[Array], None]]]:
         """Steps of an evolution: r, the stable set, and a function that takes the increment and
         goes on."""
         t = 0.3

@@ -14,16 +14,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
-import clarabel
 import numpy as np
-import osqp
-import piqp
+import osqp  # type: ignore[import]
+import piqp  # type: ignore[import]
 import scipy.sparse as sp
 
 from stickslip.arrays import Array
 
+clarabel: Any = import_module("clarabel")  # compiled, without types
 Program = tuple[Any, Array, Any, Any]  # P, q, E, G: minimise ½ x·P x + q·x, E x = 0, G x ≤ 0
 
 
@@ -76,7 +77,7 @@ def by_osqp(program: Program, tolerance: float) -> tuple[float, Array]:
         q,
         rows,
         lower,
-        np.zeros(rows.shape[0]),
+        np.zeros(len(lower)),
         eps_abs=tolerance,
         eps_rel=tolerance,
         polishing=True,
@@ -97,7 +98,11 @@ def by_clarabel(program: Program, tolerance: float) -> tuple[float, Array]:
     rows = sp.vstack([E, G], "csc")
     upper = sp.triu(P, format="csc")
     began = time.perf_counter()
-    x = clarabel.DefaultSolver(upper, q, rows, np.zeros(rows.shape[0]), cones, options).solve().x
+    x = (
+        clarabel.DefaultSolver(upper, q, rows, np.zeros(E.shape[0] + G.shape[0]), cones, options)
+        .solve()
+        .x
+    )
     return time.perf_counter() - began, np.array(x)
 
 

@@ -237,7 +237,7 @@ def prepare_heyoka(problem: Problem, motion: Callable[..., Switching], **options
 
 def prepare_cvode(problem: Problem, motion: Callable[..., Switching], **options: Any) -> Run:
     """Set up CVODE with a root function, reinitialised at each switch."""
-    from sksundae.cvode import CVODE
+    from sksundae.cvode import CVODE  # type: ignore[import]
 
     switching = motion(problem, math.exp)
     rates, boundary = switching.rates, switching.boundary

@@ -32,6 +32,7 @@ from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import numpy as np
 
@@ -96,7 +97,7 @@ def many(given: dict[str, Array], workers: int) -> float:
     """Cycles per second and core of one call."""
     began = time.perf_counter()
     found = ss.simulate_many(SLIDER, (0.0, SPAN), parameters=given, rtol=RTOL, workers=workers)
-    return 0.5 * float(found.kinks.sum()) / (time.perf_counter() - began) / workers
+    return 0.5 * float(found["kinks"].sum()) / (time.perf_counter() - began) / workers
 
 
 def loop_alone(given: dict[str, Array]) -> float:
@@ -206,7 +207,7 @@ def kernels(given: dict[str, Array], found: dict[str, Array]) -> tuple[float, fl
     inside = [0.0]
     advance = measuring.advance
 
-    def timed(*arguments: object) -> None:
+    def timed(*arguments: Any) -> None:
         began = time.perf_counter()
         advance(*arguments)
         inside[0] += time.perf_counter() - began
@@ -217,7 +218,7 @@ def kernels(given: dict[str, Array], found: dict[str, Array]) -> tuple[float, fl
         start = {name: np.full(len(here["P"]), value) for name, value in PUSH.items()}
         return measure_chunk(TOY, start, here, ("speed",), Settings())
 
-    measuring.advance = timed  # type: ignore[assignment]
+    measuring.advance = timed
     began = time.perf_counter()
     with ThreadPoolExecutor(CORES) as pool:
         parts = list(pool.map(part, range(0, len(given["P"]), 2048)))

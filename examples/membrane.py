@@ -113,7 +113,7 @@ def draw(disc, resolved, averaged, coarse, fast):
 
     with ss.style.paper_style():
         figure = ss.style.new_figure(11.0, 4.2)
-        maps, lines = figure.subfigures(1, 2, width_ratios=[1.7, 1.0])
+        ((maps, lines),) = figure.subfigures(1, 2, squeeze=False, width_ratios=[1.7, 1.0])
         draw_maps(maps, disc, resolved)
         draw_profiles(lines.subplots(), disc, resolved, averaged, coarse, fast)
         return figure
@@ -128,7 +128,8 @@ def draw_maps(figure, disc, resolved):
     k = PER_PERIOD * (disc.periods - 1) + PER_PERIOD // 2
     t, z = resolved.times[k], resolved.z[k]
     slips = disc.on_mesh(z > resolved.z[k - 1])
-    triangles = Triangulation(*disc.mesh.p, disc.mesh.t.T)
+    x, y = disc.mesh.p
+    triangles = Triangulation(x, y, disc.mesh.t.T)
     rho = threshold(t / disc.problem.epsilon, disc.mesh.p[0])
     shown = (
         (

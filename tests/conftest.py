@@ -12,5 +12,7 @@ def flow(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str
     """Which flow `simulate` takes where none is asked for: closed forms where modes are affine, or
     Taylor steps everywhere."""
     chosen = "auto" if request.param == "closed forms" else "taylor"
-    monkeypatch.setitem(simulate.__kwdefaults__, "flow", chosen)
+    defaults = simulate.__kwdefaults__
+    assert defaults is not None
+    monkeypatch.setitem(defaults, "flow", chosen)
     return request.param

@@ -119,7 +119,7 @@ def pair(kind: str) -> System:
 def switches(trajectory: Trajectory) -> pd.DataFrame:
     """The events of contacts, without the kinks of formulas."""
     events = trajectory.events
-    return events[events["contact"].isin(trajectory.system.contacts)].reset_index(drop=True)
+    return events.loc[events["contact"].isin(trajectory.system.contacts)].reset_index(drop=True)
 
 
 def on_grid(trajectory: Trajectory, count: int = 201) -> NDArray[np.float64]:

@@ -1,5 +1,5 @@
-"""The plan of the house and of its companion: how many files a room has, and which way imports
-go."""
+"""The plan of the house and of its companion: how many files a room has, which way imports go, and
+what is said of arguments."""
 
 from __future__ import annotations
 
@@ -153,3 +153,63 @@ def test_a_second_home_is_found() -> None:
         "C",
         "e",
     }
+
+
+# Helpers of the tape: what they take is said once, at the tables that they share.
+SHARED_TABLES = (
+    "stickslip.equations.codegen",
+    "stickslip.motion.steps.arrays",
+)
+MANY = 5
+
+
+def unexplained(module: ast.Module, public: set[str]) -> list[str]:
+    """Public functions, and functions and methods with a public name and many arguments, whose
+    docstrings have no section on their parameters. A method without docstring does what the one
+    does that it stands for."""
+    found = []
+    for owner in (module, *(node for node in module.body if isinstance(node, ast.ClassDef))):
+        for node in owner.body:
+            if not isinstance(node, ast.FunctionDef) or node.name.startswith("_"):
+                continue
+            a = node.args
+            names = [
+                x.arg for x in (*a.posonlyargs, *a.args, *a.kwonlyargs, a.vararg, a.kwarg) if x
+            ]
+            count = len([name for name in names if name not in ("self", "cls")])
+            doc = ast.get_docstring(node)
+            asked = count >= MANY or (owner is module and count and node.name in public)
+            told = doc is not None and "Parameters\n----------\n" in doc
+            inherited = doc is None and isinstance(owner, ast.ClassDef)
+            if asked and not told and not inherited:
+                found.append(node.name)
+    return found
+
+
+def test_many_arguments_are_explained() -> None:
+    public = set(stickslip.__all__)
+    for name, path in MODULES.items():
+        # The options of the commands are explained where they are declared, for --help.
+        if name.startswith((*SHARED_TABLES, "stickslip.cli", "stickslip_paper")):
+            continue
+        assert unexplained(ast.parse(path.read_text(encoding="utf-8")), public) == [], name
+
+
+def test_arguments_without_explanation_are_found() -> None:
+    """The test above can fail."""
+    code = """
+def play(load): "A play."
+def follow(a, b, c, d, *, e): "Follow."
+def told(a, b, c, d, e):
+    '''Told.
+
+    Parameters
+    ----------
+    a, b, c, d, e : float
+    '''
+def few(a, b): "Few."
+class Steps:
+    def between(self, a, b, c, d, e): ...
+    def advance(self, a, b, c, d, e): "Advance."
+"""
+    assert unexplained(ast.parse(code), {"play"}) == ["play", "follow", "advance"]

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from stickslip import machine_code
@@ -61,7 +62,7 @@ def test_modes_with_closed_forms_have_numbers_of_64_bits() -> None:
     from stickslip.motion.engine.flights import mode_key
     from stickslip.motion.engine.forms import MOST_SWITCHES
 
-    assert mode_key.py_func([1] * MOST_SWITCHES, []) < 2**63
+    assert mode_key.py_func(np.full(MOST_SWITCHES, 1, object), np.zeros(0)) < 2**63
 
 
 @pytest.mark.parametrize(("place", "second"), [("stickslip.machine_code", "3"), ("numba", "2")])

@@ -1,13 +1,15 @@
-"""The public face: whoever lives outside the library knows its public names alone, and each of them
-is shown in something that is executed."""
+"""The public face: whoever lives outside the library knows its public names alone, each of them is
+shown in something that is executed, and all are called in the same way."""
 
 from __future__ import annotations
 
 import ast
 import doctest
+import inspect
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -112,3 +114,94 @@ def test_every_public_name_is_shown() -> None:
 def test_names_in_texts_are_not_enough() -> None:
     """The test above can fail."""
     assert public_names('x = ss.play("ss.sweep")  # ss.basin') == {"play"}
+
+
+# --- The shape of calls ---------------------------------------------------------------------------
+
+KEYWORDS = {"initial", "parameters", "rtol", "atol", "progress", "settings", "workers"}
+MOST_POSITIONAL = 4
+
+
+def public_functions() -> Iterator[tuple[str, Any]]:
+    """Every public function, with those of the public modules."""
+    for name in ss.__all__:
+        thing = getattr(ss, name)
+        if inspect.ismodule(thing):
+            for inner in getattr(thing, "__all__", dir(thing)):
+                part = getattr(thing, inner)
+                if inspect.isfunction(part) and part.__module__.startswith(thing.__name__):
+                    yield f"{name}.{inner}", part
+        elif inspect.isfunction(thing):
+            yield name, thing
+
+
+def public_methods() -> Iterator[tuple[str, Any]]:
+    """Every public method and property of the public classes, and what calling them does."""
+    for name in ss.__all__:
+        thing = getattr(ss, name)
+        if not inspect.isclass(thing):
+            continue
+        for owner in thing.__mro__:
+            if owner.__module__.split(".")[0] != "stickslip":
+                continue
+            for inner, part in vars(owner).items():
+                if not inner.startswith("_") or inner in ("__init__", "__call__", "__getitem__"):
+                    yield f"{name}.{inner}", unwrapped(part)
+
+
+def unwrapped(part: Any) -> Any:
+    """The function in a property or a class method."""
+    for inside in ("fget", "func", "__func__"):
+        part = getattr(part, inside, part)
+    return part
+
+
+METHODS = {name: part for name, part in public_methods() if inspect.isfunction(part)}
+FUNCTIONS = dict(public_functions())
+
+
+def unannotated(function: Callable[..., Any]) -> list[str]:
+    """Parameters without annotation, and ``return``."""
+    signature = inspect.signature(function)
+    missing = [
+        name
+        for name, parameter in signature.parameters.items()
+        if parameter.annotation is inspect.Parameter.empty and name not in ("self", "cls")
+    ]
+    return missing + ["return"] * (signature.return_annotation is inspect.Signature.empty)
+
+
+def positional(function: Callable[..., Any]) -> list[str]:
+    """Parameters that may be given by their place."""
+    return [
+        name
+        for name, parameter in inspect.signature(function).parameters.items()
+        if parameter.kind in (parameter.POSITIONAL_ONLY, parameter.POSITIONAL_OR_KEYWORD)
+        and name not in ("self", "cls")
+    ]
+
+
+def test_public_functions_and_methods_say_their_types() -> None:
+    assert len(FUNCTIONS) > 20 and len(METHODS) > 200
+    missing = {name: unannotated(part) for name, part in {**FUNCTIONS, **METHODS}.items()}
+    assert {name: names for name, names in missing.items() if names} == {}
+
+
+def test_options_are_given_by_name() -> None:
+    for name, function in FUNCTIONS.items():
+        assert len(positional(function)) <= MOST_POSITIONAL, name
+        assert not KEYWORDS & set(positional(function)), name
+    # A declaration and a result are made of their fields, in their order.
+    for name, method in METHODS.items():
+        if not name.endswith((".__init__", "Evolution.settled")):
+            assert not KEYWORDS & set(positional(method)), name
+
+
+def test_an_option_without_name_is_found() -> None:
+    """The tests above can fail."""
+
+    def simulate(system, span: tuple[float, float], initial: float = 0.0, *, rtol: float = 0.1):
+        return system, span, initial, rtol
+
+    assert unannotated(simulate) == ["system", "return"]
+    assert positional(simulate) == ["system", "span", "initial"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -97,7 +98,7 @@ def test_says_what_it_is(name: str) -> None:
 
 
 def test_is_read_back_as_it_was_written(name: str, tmp_path: Path) -> None:
-    result = made(name)
+    result: Any = made(name)
     result.save(tmp_path / "result.nc")
     again = ss.open(tmp_path / "result.nc")
     assert type(again) is type(result)

@@ -25,7 +25,9 @@ class DeclarationError(StickslipError, ValueError):
 
     def __init__(self, where: str, reason: str, remedy: str = "") -> None:
         # One line on the terminal, whatever stands in the user's file.
-        self.where, self.reason, self.remedy = (printable(part) for part in (where, reason, remedy))
+        self.where: str = printable(where)
+        self.reason: str = printable(reason)
+        self.remedy: str = printable(remedy)
         text = f"{self.where}: {self.reason}" if where else self.reason
         super().__init__(f"{text}. {self.remedy}" if remedy else text)
 

@@ -99,7 +99,7 @@ def _look_at_all_sources() -> None:
     places = implementation._locator_classes
     ours = [type(f"{place.__name__}OfAllSources", (_AllSources, place), {}) for place in places[:3]]
     implementation._locator_classes = [*ours, *places]
-    caching.IndexDataCacheFile = _ReadableIndex  # type: ignore[misc]
+    caching.IndexDataCacheFile = _ReadableIndex
 
 
 _look_at_all_sources()

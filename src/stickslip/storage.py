@@ -116,7 +116,10 @@ def kind_of(path: str | Path, known: Container[str]) -> str:
     except (OSError, AttributeError):
         kind = ""
     if kind not in known:
-        raise StickslipError(f"{path}: not a result stored by stickslip")
+        raise StickslipError(
+            f"{path}: not a result stored by this version of stickslip; if an older one wrote it, "
+            "open it with that, or compute it again (xarray reads it in any case)"
+        )
     return kind
 
 

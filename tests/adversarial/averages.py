@@ -194,7 +194,7 @@ def planar(
         def best_near(middle: float, width: float) -> tuple[float, float]:
             """The largest product around an angle, and where; small differences keep their
             digits."""
-            found = minimize_scalar(
+            found: Any = minimize_scalar(
                 lambda x: -reach(middle + x) * np.cos(middle + x - toward),
                 bounds=(-width, width),
                 method="bounded",

@@ -8,6 +8,7 @@ the states at the last marks repeat, the smallest lag at which they do is the pe
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -445,7 +446,12 @@ class Settled(NamedTuple):
 
 
 def settle(
-    b: Brute, y: Array, mode: Array, span: float, late: float = 0.0, rounds: int = 4000
+    b: Brute,
+    y: Array,
+    mode: Sequence[int] | Array,
+    span: float,
+    late: float = 0.0,
+    rounds: int = 4000,
 ) -> Settled | None:
     """Follow a motion until it repeats itself; None if events pile up.
 

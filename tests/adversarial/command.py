@@ -158,6 +158,7 @@ def show(rows: list[dict[str, Any]], total: int, seconds: float) -> None:
 
 def main() -> int:
     """Parse the command line, run, and report. Exit code 1 if anything is certified and wrong."""
+    assert __package__ is not None
     parser = argparse.ArgumentParser(
         prog="python -m tests.adversarial", description=sys.modules[__package__].__doc__
     )

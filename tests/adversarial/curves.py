@@ -170,7 +170,7 @@ def least(f: Callable[[Array], Array], narrow: tuple[tuple[float, float], ...]) 
     for k in inner[np.argsort(promised)][:CANDIDATES]:
         centre = s[k]
         half = 0.5 * (s[k + 1] - s[k - 1])
-        found = minimize_scalar(
+        found: Any = minimize_scalar(
             lambda x, centre=centre, half=half: float(f(np.array([centre + half * x]))[0]),
             bounds=((s[k - 1] - centre) / half, (s[k + 1] - centre) / half),
             method="bounded",

@@ -90,9 +90,8 @@ def step(seed: int) -> Outcome:
     sets: Any = psi.sets(np.zeros(1))
     started = time.perf_counter()
     try:
-        states, _ = (BoxSteps if isinstance(sets, Boxes) else ProjectionSteps)(A).advance(
-            np.zeros(n), load[None], sets
-        )
+        steps: Any = BoxSteps(A) if isinstance(sets, Boxes) else ProjectionSteps(A)
+        states, _ = steps.advance(np.zeros(n), load[None], sets)
     except StickslipError:
         return Outcome(kind, np.inf, time.perf_counter() - started)
     seconds = time.perf_counter() - started

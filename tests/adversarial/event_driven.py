@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.integrate import DOP853
@@ -119,9 +119,9 @@ class Run:
             self.limit(Piece(m, self.mode, self.side), self.t, self.y),
             1e-3 * (self.end - self.t),
         )
-        held = set(np.flatnonzero((self.mode == 0) & ~piece.rate))
+        held = set(np.flatnonzero((self.mode == 0) & ~piece.rate).tolist())
         self.check_stable(Piece(m, self.mode, self.side), n, nq)
-        self.decide(held, set(np.flatnonzero(np.abs(kinks) < 1e-14)))
+        self.decide(held, set(np.flatnonzero(np.abs(kinks) < 1e-14).tolist()))
 
     def check_stable(self, piece: Piece, n: int, nq: int) -> None:
         guards = piece.rates(self.t, self.y)[1]
@@ -152,6 +152,7 @@ class Run:
             # force drops.
             contacts = contacts | {int(i) for i in np.flatnonzero((self.mode == 0) & ~now.rate)}
         kinks = kinks | {int(j) for j in np.flatnonzero(close[2 * count :])}
+        mode, side, piece = self.mode, self.side, now
         for _ in range(count + len(self.side) + 2):
             self.land(contacts)
             mode, side = self.choose(contacts, kinks)
@@ -200,6 +201,7 @@ class Run:
                 continue
             candidates.append((np.count_nonzero(new_mode), new_mode, new_side))
         candidates.sort(key=lambda c: c[0])  # what can stick sticks
+        scores: list[Any] = []
         for h in self.h * SHORT:
             scores = [
                 np.min(self.probe(Piece(self.m, c[1], c[2], contacts), h)[watched], initial=np.inf)
@@ -260,7 +262,7 @@ class Run:
         """Rate-independent coordinates that slide are put onto their balance."""
         for _ in range(3 if piece.sliding else 0):
             columns, slope = piece.slopes(self.t, self.y)
-            self.y[columns] -= np.linalg.solve(slope, piece.balance(self.t, self.y).real)
+            self.y[columns] -= np.linalg.solve(slope, np.real(piece.balance(self.t, self.y)))
 
     # -- stepping ----------------------------------------------------------------------------------
 
@@ -396,7 +398,7 @@ class Run:
         q = (c - b) / (tau[j + 1] - tau[j])
         if b > 0.5 * max(p, q) * (tau[j + 1] - tau[j - 1]):
             return None
-        found = minimize_scalar(
+        found: Any = minimize_scalar(
             value, bounds=(tau[j - 1], tau[j + 1]), method="bounded", options={"xatol": 1e-12}
         )
         return float(found.x) if found.fun < 0.0 else None
@@ -446,13 +448,16 @@ def fall(value: Law, a: float, b: float) -> float:
     """Where a guard falls between two times; what is only rounding at one of them is there."""
     if value(a) <= 0.0:
         return a
-    return brentq(value, a, b, xtol=1e-15, rtol=1e-14) if value(b) < 0.0 else b
+    if not value(b) < 0.0:
+        return b
+    root: Any = brentq(value, a, b, xtol=1e-15, rtol=np.float64(1e-14))
+    return root
 
 
 def integrate(
     m: Mechanics,
     span: tuple[float, float],
-    start: Sequence[float],
+    start: Sequence[float] | Array,
     times: Array,
     rtol: float = 1e-12,
 ) -> Motion:
@@ -484,8 +489,9 @@ def integrate(
         outcome = str(error)
     found = run.found
     widths = (len(start), len(start), len(m.J))
-    tables = [
+    states, rates, friction = (
         np.array([f[1 + i] for f in found]).reshape(len(found), width)
         for i, width in enumerate(widths)
-    ]
-    return Motion(np.array([f[0] for f in found]), *tables, run.phases, run.t, outcome, run.steps)
+    )
+    times = np.array([f[0] for f in found])
+    return Motion(times, states, rates, friction, run.phases, run.t, outcome, run.steps)

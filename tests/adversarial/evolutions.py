@@ -370,7 +370,8 @@ def groups_with_a_pulse(rng: Rng) -> dict[str, Any]:
     groups = int(rng.integers(1, 3))
     radii = rng.uniform(0.3, 1.0, groups).tolist()
     loads = [pick(rng, (pulsed, smooth))(rng, span, 1.0) for _ in range(2 * groups)]
-    bounds = [(in_time(constant(r), span),) * 2 for r in radii]
+    edges = [in_time(constant(r), span) for r in radii]
+    bounds = list(zip(edges, edges, strict=True))
     problem = Problem(
         stiffness(rng, 2 * groups, 0.5), loads, np.eye(2 * groups), bounds, True, span
     )
@@ -412,7 +413,8 @@ def averaged_thresholds(rng: Rng) -> dict[str, Any]:
     span = float(rng.uniform(1.0, 10.0))
     n = int(rng.integers(1, 4))
     curves = [with_a_well(rng, float(rng.uniform(0.2, 1.0))) for _ in range(n)]
-    bounds = [(in_time(constant(c.least), span),) * 2 for c in curves]
+    thresholds = [in_time(constant(c.least), span) for c in curves]
+    bounds = list(zip(thresholds, thresholds, strict=True))
     problem = Problem(
         stiffness(rng, n, 0.5),
         [smooth(rng, span, 1.0) for _ in range(n)],

@@ -505,11 +505,11 @@ def measured(case: Case) -> dict[str, Any]:
     from stickslip.orbits.settling.motions import Settings
     from stickslip.sweeps.work.chunk import measure_chunk
 
-    given = (
+    start, table = (
         {name: np.array([value]) for name, value in part.items()}
         for part in (case.initial, case.parameters)
     )
-    found = measure_chunk(case.system, *given, MEASURES, Settings())
+    found = measure_chunk(case.system, start, table, MEASURES, Settings())
     return {name: values[0].item() for name, values in found.items()}
 
 

@@ -77,10 +77,10 @@ class Mechanics:
     """
 
     kinds: tuple[int, int, int, int]
-    J: Sequence[Sequence[float]]
+    J: Sequence[Sequence[float]] | Array
     force: Law
     threshold: Law
-    inertia: Sequence[Sequence[float]] = ()
+    inertia: Sequence[Sequence[float]] | Array = ()
     kinetic: Law | None = None
     belt: Law | None = None
     law: Law | None = None

@@ -129,7 +129,7 @@ class Piece:
         if self.m.belt is None:
             return self.still, self.still
         w = np.asarray(self.m.belt(t + COMPLEX_STEP * 1j), dtype=complex)
-        return w.real, w.imag / COMPLEX_STEP
+        return np.real(w), np.imag(w) / COMPLEX_STEP
 
     def _slide(self, t: float, y: Array, out: Array) -> None:
         """Rates of the rate-independent coordinates that slide."""
@@ -147,9 +147,8 @@ class Piece:
     def along(self, t: float, y: Array, dt: float, dy: Array) -> Array:
         """Derivative of the balance of the sliding rate-independent coordinates along a
         direction."""
-        return (
-            self.balance(t + COMPLEX_STEP * 1j * dt, y + COMPLEX_STEP * 1j * dy).imag / COMPLEX_STEP
-        )
+        beside = self.balance(t + COMPLEX_STEP * 1j * dt, y + COMPLEX_STEP * 1j * dy)
+        return np.imag(beside) / COMPLEX_STEP
 
     def balance(self, t: complex, y: Array) -> Array:
         """f + Jλ of the rate-independent coordinates that slide."""

@@ -109,8 +109,8 @@ def _follow(
 def follow(A: Array, loads: Array, low: Array, high: Array, discs: bool, z: Array) -> Array:
     """States after each load: boxes [low, high], or discs in the plane with the radii `high`."""
     states = np.empty_like(loads)
-    parts = (np.ascontiguousarray(x, dtype=float) for x in (A, loads, low, high))
-    _follow(*parts, discs, np.array(z, dtype=float), states)
+    A, loads, low, high = (np.ascontiguousarray(x, dtype=float) for x in (A, loads, low, high))
+    _follow(A, loads, low, high, discs, np.array(z, dtype=float), states)
     return states
 
 

@@ -19,7 +19,7 @@ from .mechanics import TIME, Array, Law, Mechanics, pair
 def regularised(
     m: Mechanics,
     span: tuple[float, float],
-    start: Sequence[float],
+    start: Sequence[float] | Array,
     times: Array,
     epsilon: float = 1e-5,
 ) -> Array:

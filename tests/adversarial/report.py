@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 from typing import Any
 
@@ -20,7 +20,7 @@ def counts(rows: Iterable[Row]) -> Counter[str]:
     return found
 
 
-def table(rows: list[Row]) -> str:
+def table(rows: Sequence[Row]) -> str:
     """Counts by kind and family, as Markdown."""
     lines = [f"| family | {' | '.join(COLUMNS)} |", "|---|" + "---:|" * len(COLUMNS)]
     for kind, own in grouped(rows, "kind").items():
@@ -29,7 +29,7 @@ def table(rows: list[Row]) -> str:
     return "\n".join(lines)
 
 
-def _line(name: str, rows: list[Row]) -> str:
+def _line(name: str, rows: Sequence[Row]) -> str:
     found = counts(rows)
     return f"| {name} | {' | '.join(str(found[column]) for column in COLUMNS)} |"
 
@@ -42,7 +42,7 @@ def grouped(rows: Iterable[Row], key: str) -> dict[str, list[Row]]:
     return dict(groups)
 
 
-def reasons(rows: list[Row]) -> str:
+def reasons(rows: Sequence[Row]) -> str:
     """Every reason of everything that did not agree: how often, in which families, and its smallest
     reproduction."""
     parts = []
@@ -56,7 +56,7 @@ def reasons(rows: list[Row]) -> str:
     return "\n\n".join(parts)
 
 
-def _example(rows: list[Row]) -> str:
+def _example(rows: Sequence[Row]) -> str:
     families = ", ".join(f"{name} ({len(own)})" for name, own in grouped(rows, "family").items())
     least = min(rows, key=lambda row: len(row.get("reproduction", "")))
     numbers = "\n".join(f"# {name}: {value}" for name, value in least["numbers"].items())
@@ -66,7 +66,7 @@ def _example(rows: list[Row]) -> str:
     return f"Families: {families}.\n\n```python\n{script}\n```"
 
 
-def summary(rows: list[Row]) -> str:
+def summary(rows: Sequence[Row]) -> str:
     """The whole report, as Markdown."""
     off = [
         row["numbers"]["difference"]

@@ -207,7 +207,9 @@ def test_several_contacts_against_time_stepping(family: str, seed: int) -> None:
 
 def test_rate_independent_pair_against_time_stepping() -> None:
     case = next(
-        c for c in (draw("pair with two contacts", s) for s in range(20)) if c.mechanics.kinds[2]
+        c
+        for c in (draw("pair with two contacts", s) for s in range(20))
+        if c.mechanics is not None and c.mechanics.kinds[2]
     )
     n, m = case.parameters, case.mechanics
     assert m is not None

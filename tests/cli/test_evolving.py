@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
+import stickslip as ss
 from stickslip.cli.app import app
 from stickslip.errors import DeclarationError
 from stickslip.model.system import Parameter
@@ -113,6 +114,7 @@ def test_a_file_is_the_evolution_it_says() -> None:
     np.testing.assert_allclose(
         problem.ell.over(np.array([0.3, 1.0])), [[3 * np.sin(0.3), 0.6], [3 * np.sin(1.0), 2.0]]
     )
+    assert isinstance(problem.dissipation, ss.WeightedL1)
     lower, upper = problem.dissipation.bounds(0.1)
     np.testing.assert_allclose(
         upper, 1 + 0.5 * np.cos(2 * np.pi * np.array([0.1, 0.6])), rtol=1e-14
@@ -121,6 +123,7 @@ def test_a_file_is_the_evolution_it_says() -> None:
     assert (problem.epsilon, problem.span) == (0.5, (0.0, 2.0))
     changed = model.configure({"r": 0.25, "rho": "2"}).problem
     np.testing.assert_array_equal(changed.A, [[2.0, 0.25], [0.25, 1.0]])
+    assert isinstance(changed.dissipation, ss.WeightedL1)
     np.testing.assert_array_equal(changed.dissipation.bounds(0.3)[1], [2.0, 2.0])
 
 

@@ -200,7 +200,7 @@ def test_lines_dots_and_small_multiples() -> None:
     line = plot_sweep(sweep(TOY, {"P": "log:0.6:1.6:12"}, ["speed", "period"]).dataset).axes
     assert len(line) == 2
     assert line[1].get_xscale() == "log"
-    np.testing.assert_allclose(line[0].lines[0].get_xdata(), np.geomspace(0.6, 1.6, 12))
+    np.testing.assert_allclose(np.asarray(line[0].lines[0].get_xdata()), np.geomspace(0.6, 1.6, 12))
     dots = plot_sweep(
         sweep(TOY, {"P,delta": "halton:30; 0.6:1.6; 0.01:0.2"}, ["speed"]).dataset
     ).axes

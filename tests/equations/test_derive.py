@@ -153,8 +153,9 @@ class BySympy:
         self.force = {x: self.read(c.force) for x, c in system.coordinates.items()}
         self.drag = {x: self.read(getattr(c, "drag", 0)) for x, c in system.coordinates.items()}
 
-    def read(self, text: str | float, **local: Any) -> Any:
-        return sp.sympify(text, locals={**self.scope, **local})
+    def read(self, text: Any, **local: Any) -> Any:
+        sympify: Any = sp.sympify  # its overloads refuse tables of names
+        return sympify(text, locals={**self.scope, **local})
 
     def symbols(self, kind: str, rate: bool = False) -> list[Any]:
         return [self.scope[f"d_{x}" if rate else x] for x in self.kinds[kind]]

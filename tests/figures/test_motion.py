@@ -6,6 +6,7 @@ from __future__ import annotations
 import io
 import subprocess
 import sys
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 
 import stickslip as ss
 from stickslip.figures.drawing.style import LINES, axis_label, line_colours, symbol
@@ -20,10 +22,10 @@ from stickslip.model.quantities import contact_key
 
 
 def overview(
-    system: ss.System, end: float | None = None, **more: float
+    system: ss.System, end: float | None = None, **more: Any
 ) -> tuple[ss.Trajectory, Figure, list[Axes]]:
     span = (system.span[0], system.span[1] if end is None else end)
-    trajectory = ss.simulate(system, span, **more)  # type: ignore
+    trajectory = ss.simulate(system, span, **more)
     figure = trajectory.plot()
     return trajectory, figure, [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
 
@@ -35,7 +37,7 @@ def labels(panels: list[Axes]) -> list[str]:
 def legend(axes: Axes) -> list[str]:
     shown = [
         axes.get_legend(),
-        *(child for child in axes.artists if isinstance(child, mpl.legend.Legend)),
+        *(child for child in axes.artists if isinstance(child, Legend)),
     ]
     return [text.get_text() for part in shown if part is not None for text in part.get_texts()]
 
@@ -97,9 +99,8 @@ def test_shading_is_where_the_contact_sticks() -> None:
             (c for c in axes.collections if isinstance(c, PolyCollection)),
             key=lambda c: c.get_zorder(),
         )
-        spans = [
-            (path.vertices[:, 0].min(), path.vertices[:, 0].max()) for path in shade.get_paths()
-        ]
+        corners = [np.asarray(path.vertices)[:, 0] for path in shade.get_paths()]
+        spans = [(x.min(), x.max()) for x in corners]
         assert len(spans) > 2
         for start, end in spans:
             inside = np.linspace(start, end, 9)[1:-1]

@@ -59,10 +59,16 @@ def test_gait_diagram() -> None:
     figure = plot_gait(gait(), periods=2)
     bars, positions = figure.axes
     assert [label.get_text() for label in bars.get_yticklabels()] == ["right leg", "left leg"]
-    blue = [c for c in bars.collections if to_hex(c.get_facecolor()[0]).upper() == SLIP[1]]
-    moving = sum(np.ptp(path.vertices[:, 0]) for c in blue for path in c.get_paths())
+    blue = [
+        c
+        for c in bars.collections
+        if to_hex(tuple(np.asarray(c.get_facecolor())[0])).upper() == SLIP[1]
+    ]
+    moving = sum(np.ptp(np.asarray(path.vertices)[:, 0]) for c in blue for path in c.get_paths())
     assert moving == pytest.approx(2 * sum(share.slip_time for share in gait().contacts.values()))
-    assert [text.get_text() for text in bars.get_legend().get_texts()] == ["stick", "slip forward"]
+    legend = bars.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["stick", "slip forward"]
     for line in positions.get_lines():
         x = np.asarray(line.get_ydata())
         assert x[-1] - x[0] == pytest.approx(2 * gait().drift, abs=1e-6)
@@ -87,7 +93,9 @@ def test_return_map_and_cobweb() -> None:
     assert web[1] == pytest.approx([0.8, psi(0.8)])
     steps = web[1::2]
     assert steps[1:, 0] == pytest.approx(steps[:-1, 1])
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
+    legend = axes.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == [
         "lowest order",
         "steeper",
     ]

@@ -212,7 +212,7 @@ def test_a_million_switches_are_drawn() -> None:
     figure.savefig(io.BytesIO(), format="png", dpi=200)
     assert time.process_time() - began < 20.0  # five on an idle machine
     angle = figure.axes[0].get_lines()[0]
-    assert len(angle.get_xdata()) == 4 * COLUMNS
+    assert len(np.asarray(angle.get_xdata())) == 4 * COLUMNS
     late = angles(motion, 9e5, 9.001e5)
     shown = np.asarray(angle.get_ydata())[np.asarray(angle.get_xdata()) > 8e5]
     assert np.max(late) == pytest.approx(np.max(shown), rel=1e-2)

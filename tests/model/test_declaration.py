@@ -371,7 +371,7 @@ WRONG = {
         "expected a table, got",
     ),
     "default as a text": (
-        {"parameters": {"m": Parameter("2")}},
+        {"parameters": {"m": Parameter("2")}},  # pyright: ignore[reportArgumentType]
         "parameters.m.default",
         "expected a number",
     ),
@@ -381,7 +381,7 @@ WRONG = {
         "got true or false",
     ),
     "range as a number": (
-        {"parameters": {"m": Parameter(2.0, range=5)}},
+        {"parameters": {"m": Parameter(2.0, range=5)}},  # pyright: ignore[reportArgumentType]
         "parameters.m.range",
         "expected a text",
     ),

@@ -118,7 +118,11 @@ def test_round_trip_of_texts_and_numbers(text, number, integer):
 
 
 def test_numbers_of_numpy_are_written_as_numbers():
-    system = System(name="s", internal={"a": Internal(np.float64(0.5))}, initial={"a": np.int64(3)})
+    system = System(
+        name="s",
+        internal={"a": Internal(np.float64(0.5))},
+        initial={"a": np.int64(3)},  # pyright: ignore[reportArgumentType]
+    )
     assert loads(dumps(system)) == system
 
 

@@ -237,7 +237,7 @@ def test_root_that_is_an_exact_polynomial() -> None:
 def test_limit_on_events() -> None:
     motion = simulate(oscillator(), (0.0, 100.0), max_events=3)
     whole = simulate(oscillator(), (0.0, 100.0))
-    stopped(motion, Outcome.EVENT_LIMIT, switches(whole)["time"][2])
+    stopped(motion, Outcome.EVENT_LIMIT, switches(whole)["time"].tolist()[2])
     t = on_grid(motion)
     assert distance(motion.at(t)["x"], whole.at(t)["x"]) < 1e-14
 

@@ -53,7 +53,7 @@ def test_known_roots(
         assert found == NONE
         return
     slope = abs(polynomial.polyval(first, polynomial.polyder(c)))
-    uncertain = 50 * rounding(c) / slope
+    uncertain = 50 * rounding(c) / float(slope)
     assume(uncertain < 1e-4)  # else the roots run into each other by rounding
     assert found == pytest.approx(first, abs=uncertain)
 

@@ -31,7 +31,7 @@ STRIDE = 5.969  # its period
 
 
 def follow(
-    system: System, until: float, initial: dict[str, float] | None = None, **values: float
+    system: System, until: float, initial: dict[str, float] | None = None, /, **values: float
 ) -> Trajectory:
     """The motion from t = 0, which has to reach the end and be certified."""
     known = {name: value for name, value in values.items() if name in system.parameters}
@@ -87,7 +87,7 @@ def test_start_on_the_threshold_with_falling_load(kind: str, sign: int) -> None:
     motion = follow(KINDS[kind](), 1.5, **load)
     # The load leaves the threshold at t = 0 and meets the opposite one where f − 1.2 sin t = −f.
     assert table(motion) == [("stick", "slip-" if sign > 0 else "slip+")]
-    assert switches(motion)["time"][0] == pytest.approx(math.asin(1 / 1.2), abs=1e-14)
+    assert switches(motion).loc[0, "time"] == pytest.approx(math.asin(1 / 1.2), abs=1e-14)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -112,7 +112,7 @@ def test_start_with_the_speed_of_the_belt(x: float, time: float) -> None:
     assert table(motion)[:1] == expected
     assert motion.at(0.0)["mode_ground"] == (0 if time else -1)
     if time:
-        assert switches(motion)["time"][0] == pytest.approx(time, abs=1e-14)
+        assert switches(motion).loc[0, "time"] == pytest.approx(time, abs=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,7 @@ def test_start_on_two_boundaries() -> None:
     corner = walk.events[
         (walk.events["contact"] != "left leg") & (walk.events["psi"].sub(1).abs() < 1e-12)
     ]
-    state = corner[corner["d_psi"] < 0].iloc[0]
+    state = corner.loc[corner["d_psi"] < 0].iloc[0]
     start = {name: float(state[name]) for name in ("d_psi", "x_R", "x_L")} | {"psi": 1.0}
     again = follow(catalogue.rocking_toy(), 8.0, start)
     later = switches(walk)["time"] - state["time"]
@@ -315,7 +315,7 @@ def test_threshold_touches_zero_under_load(kind: str) -> None:
         follow(KINDS[kind](s), 40.0, s_1=1.0, F=0.0, f=0.3) for s in (SMOOTH, VARIABLE)
     )
     # s = 1 + cos t falls to the load at cos t = −0.7. The play is at rest once s has been 0.
-    assert switches(smooth)["time"][0] == pytest.approx(math.acos(-0.7), abs=1e-13)
+    assert switches(smooth).loc[0, "time"] == pytest.approx(math.acos(-0.7), abs=1e-13)
     if kind == "rate-independent":
         assert smooth.final["x"] == pytest.approx(0.3, abs=1e-14)
         assert switches(smooth)["time"].tolist() == pytest.approx(
@@ -332,7 +332,7 @@ def test_threshold_is_zero_for_a_while(kind: str) -> None:
     assert motion.n_switches == 0
     assert motion.final["x"] == 0.0
     loaded = follow(KINDS[kind](VARIABLE), 40.0, s_0=0.0, s_1=1.0, F=0.0, f=0.3)
-    assert switches(loaded)["time"][0] == pytest.approx(math.acos(0.3), abs=1e-13)
+    assert switches(loaded).loc[0, "time"] == pytest.approx(math.acos(0.3), abs=1e-13)
     assert gaps(loaded).min() > 1e-4
 
 
@@ -351,7 +351,7 @@ def test_threshold_jumps_below_the_force(kind: str, sign: int) -> None:
     motion = follow(KINDS[kind](VARIABLE), 20.0, jump=-0.9, F=0.0, f=0.3 * sign)
     t = on_grid(motion)
     assert distance(motion.at(t)["x"], sign * DROPPED[kind](t)) < 1e-13
-    assert switches(motion)["time"][0] == pytest.approx(1.0, abs=1e-15)
+    assert switches(motion).loc[0, "time"] == pytest.approx(1.0, abs=1e-15)
     # The mass stops exactly where the threshold holds it again.
     assert motion.n_switches == (2 if kind == "inertial" else 1)
 

@@ -44,7 +44,7 @@ def state(
     V."""
     omega = math.sqrt(k / m)
     delta = F_s - F_k
-    t = np.mod(t, period(m, k, V, F_s, F_k))
+    t = np.mod(np.asarray(t, dtype=float), period(m, k, V, F_s, F_k))
     slips = t < slip_duration(m, k, V, F_s, F_k)
     stuck = t - slip_duration(m, k, V, F_s, F_k)
     x = np.where(

@@ -10,23 +10,24 @@ where F cos ωt leaves the band kx ± μ, which the arc cosine tells.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from mpmath import mp, mpf
 from numpy.typing import ArrayLike, NDArray
 
 DIGITS = 40
+Mpf = Any  # mpmath.mpf: no type checker can tell what it is
 
 
 class Phase(NamedTuple):
     """Motion from `start` to `end` in one mode, the sign of the velocity; `x(t, j)` is the
     derivative x⁽ʲ⁾(t)."""
 
-    start: mpf
-    end: mpf
+    start: Mpf
+    end: Mpf
     mode: int
-    x: Callable[..., mpf]
+    x: Callable[..., Mpf]
 
 
 def phases(
@@ -101,34 +102,42 @@ def state(t: ArrayLike, motion: list[Phase]) -> tuple[NDArray[np.float64], NDArr
     return x.reshape(np.shape(t)), v.reshape(np.shape(t))
 
 
-def _stick(x: mpf) -> Callable[..., mpf]:
+def _stick(x: Mpf) -> Callable[..., Mpf]:
     """Derivatives x⁽ʲ⁾(t) in stick."""
     return lambda _, j=0: x if j == 0 else mpf(0)
 
 
 def _slip(
-    t_0: mpf, x_0: mpf, v_0: mpf, sign: int, m: mpf, k: mpf, mu: mpf, F: mpf, omega: mpf
-) -> tuple[Callable[..., mpf], Callable[[int], mpf]]:
+    t_0: Mpf,
+    x_0: Mpf,
+    v_0: Mpf,
+    sign: int,
+    m: Mpf,
+    k: Mpf,
+    mu: Mpf,
+    F: Mpf,
+    omega: Mpf,
+) -> tuple[Callable[..., Mpf], Callable[[int], Mpf]]:
     """Derivatives x⁽ʲ⁾(t) in slip, and a bound of |x⁽ʲ⁾| for all times."""
     omega_0 = mp.sqrt(k / m)
     V = F / (k - m * omega**2)
     A = x_0 + sign * mu / k - V * mp.cos(omega * t_0)
     B = (v_0 + V * omega * mp.sin(omega * t_0)) / omega_0
 
-    def x(t: mpf, j: int = 0) -> mpf:
+    def x(t: Mpf, j: int = 0) -> Mpf:
         quarter = j * mp.pi / 2
         angle = omega_0 * (t - t_0)
         forced = V * omega**j * mp.cos(omega * t + quarter)
         free = omega_0**j * (A * mp.cos(angle + quarter) + B * mp.sin(angle + quarter))
         return forced + free - (sign * mu / k if j == 0 else 0)
 
-    def bound(j: int) -> mpf:
+    def bound(j: int) -> Mpf:
         return abs(V) * omega**j + mp.hypot(A, B) * omega_0**j
 
     return x, bound
 
 
-def _end_of_stick(t: mpf, x: mpf, k: mpf, mu: mpf, F: mpf, omega: mpf) -> mpf:
+def _end_of_stick(t: Mpf, x: Mpf, k: Mpf, mu: Mpf, F: Mpf, omega: Mpf) -> Mpf:
     """First time after t at which F cos ωt leaves kx ± μ, upward at −acos or downward at +acos;
     infinity if never."""
     ends = [mp.inf]
@@ -141,13 +150,18 @@ def _end_of_stick(t: mpf, x: mpf, k: mpf, mu: mpf, F: mpf, omega: mpf) -> mpf:
 
 
 def _end_of_slip(
-    t_0: mpf, T: mpf, order: int, x: Callable[..., mpf], bound: Callable[[int], mpf], step: mpf
-) -> mpf:
+    t_0: Mpf,
+    T: Mpf,
+    order: int,
+    x: Callable[..., Mpf],
+    bound: Callable[[int], Mpf],
+    step: Mpf,
+) -> Mpf:
     """First zero of x' after t₀ and before T, or infinity; x⁽ʲ⁾(t₀) = 0 for 1 ≤ j < order."""
     # x⁽ᵒʳᵈᵉʳ⁾ keeps its sign at least this long, and with it all lower derivatives.
     a = t_0 + abs(x(t_0, order)) / bound(order + 1)
 
-    def first_zero(a: mpf, b: mpf) -> mpf | None:
+    def first_zero(a: Mpf, b: Mpf) -> Mpf | None:
         middle = (a + b) / 2
         half = (b - a) / 2
         if abs(x(middle, 1)) > half * bound(2):

@@ -15,6 +15,7 @@ and x(τ + π) = −x(τ) on the way up.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -96,7 +97,7 @@ def _S(r: float) -> float:
     > βS/r²."""
     _, U = response(r)
 
-    def ratio(tau: ArrayLike) -> NDArray[np.float64]:
+    def ratio(tau: NDArray[np.float64]) -> NDArray[np.float64]:
         return (r * np.sin(tau / r) + U * r**2 * (np.cos(tau) - np.cos(tau / r))) / np.sin(tau)
 
     # Both ends are 0/0. Their limits, by de l'Hospital, are the conditions that the acceleration
@@ -106,9 +107,7 @@ def _S(r: float) -> float:
     best = tau[np.argmax(ratio(tau))]
     step = tau[1] - tau[0]
     bounds = max(best - step, step), min(best + step, math.pi - step)
-    return max(
-        *ends,
-        -minimize_scalar(
-            lambda s: -ratio(s), bounds=bounds, method="bounded", options={"xatol": 1e-10}
-        ).fun,
+    found: Any = minimize_scalar(
+        lambda s: -ratio(s), bounds=bounds, method="bounded", options={"xatol": 1e-10}
     )
+    return max(*ends, -found.fun)

@@ -15,6 +15,8 @@ h(x, y), which is found from its invariance. With x + iy = ζ for the unit eigen
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import sympy as sp
 
@@ -28,18 +30,20 @@ def first_lyapunov(
         dtype=float,
     )
     values, vectors = np.linalg.eig(A)
-    upper = np.flatnonzero(values.imag > 1e-6 * np.max(np.abs(values)))
-    k = upper[np.argmin(np.abs(values[upper].real))]
-    omega = float(values[k].imag)
+    upper = np.flatnonzero(np.imag(values) > 1e-6 * np.max(np.abs(values)))
+    k = upper[np.argmin(np.abs(np.real(values[upper])))]
+    omega = float(np.imag(values[k]))
     q = vectors[:, k] / np.linalg.norm(vectors[:, k])
     # y = 2 Re(ζq) = x (2 Re q) + y (−2 Im q); the other columns span the invariant complement.
     plane = np.column_stack([2 * q.real, -2 * q.imag])
     left = np.linalg.eig(A.T)
     p = left[1][:, np.argmin(np.abs(left[0] - values[k]))]
-    rest = np.linalg.svd(np.vstack([p.real, p.imag]))[2][2:].T
+    rest = np.linalg.svd(np.vstack([np.real(p), np.imag(p)]))[2][2:].T
     basis = np.column_stack([plane, rest])
     x, y, *w = sp.symbols(f"x y w0:{len(state) - 2}")
-    moved = dict(zip(state, sp.Matrix(at) + sp.Matrix(basis) * sp.Matrix([x, y, *w]), strict=True))
+    moved: Any = dict(
+        zip(state, sp.Matrix(at) + sp.Matrix(basis) * sp.Matrix([x, y, *w]), strict=True)
+    )
     local = sp.Matrix(np.linalg.inv(basis)) * sp.Matrix(
         [r.subs(moved, simultaneous=True) for r in rates]
     )
@@ -48,12 +52,12 @@ def first_lyapunov(
 
 
 def _on_the_centre_manifold(
-    local: sp.Matrix, x: sp.Symbol, y: sp.Symbol, w: list[sp.Symbol], omega: float
-) -> tuple[sp.Expr, sp.Expr]:
+    local: Any, x: sp.Symbol, y: sp.Symbol, w: list[sp.Symbol], omega: float
+) -> tuple[Any, Any]:
     """The field of the plane with w = h(x, y) to second order."""
     if not w:
         return local[0], local[1]
-    zero = dict.fromkeys([x, y, *w], 0)
+    zero: Any = dict.fromkeys([x, y, *w], 0)
     B = sp.Matrix(local[2:]).jacobian(w).subs(zero).evalf()
     unknown = sp.symbols(f"c0:{3 * len(w)}")
     h = [
@@ -67,7 +71,7 @@ def _on_the_centre_manifold(
             for pair, monomial in (((x, x), x**2 / 2), ((x, y), x * y), ((y, y), y**2 / 2))
         )
         driven = sum(B[i, j] * h[j] for j in range(len(w))) + quadratic
-        invariance = sp.expand(
+        invariance: Any = sp.expand(
             sp.diff(h[i], x) * (-omega * y) + sp.diff(h[i], y) * omega * x - driven
         )
         equations += [invariance.coeff(x, a).coeff(y, b) for a, b in ((2, 0), (1, 1), (0, 2))]

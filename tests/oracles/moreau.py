@@ -9,7 +9,7 @@ and row n at t = T.
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
@@ -77,9 +77,9 @@ def moreau(
         if np.shape(samples) != (n + 1, width):
             raise ValueError(f"{name} has the shape {np.shape(samples)}, expected {(n + 1, width)}")
     inverse = np.linalg.inv(M + h * C + h**2 * K)
-    system = (_dense(a) for a in (M, K, J, inverse, J @ inverse @ np.transpose(J)))
-    samples = (_dense(a) for a in (force, threshold, surface_speed, q0, v0))
-    q, v, contact_force, solved = _steps(*system, h, *samples)
+    M, K, J, inverse, W = map(_dense, (M, K, J, inverse, J @ inverse @ np.transpose(J)))
+    samples = map(_dense, (force, threshold, surface_speed, q0, v0))
+    q, v, contact_force, solved = _steps(M, K, J, inverse, W, h, *samples)
     if not solved:
         raise RuntimeError(f"Gauss-Seidel did not converge in {SWEEPS} sweeps")
     return q, v, contact_force
@@ -143,7 +143,7 @@ def rate_independent(A: Array, load: Array, threshold: Array, z0: Array) -> Arra
     return z
 
 
-def _dense(a: Array) -> Array:
+def _dense(a: ArrayLike) -> Array:
     """The one memory layout that the kernels are compiled for."""
     return np.ascontiguousarray(a, dtype=np.float64)
 

@@ -6,6 +6,7 @@ that carries the tip vanishes where the second derivative does, cos(2πx/a) = �
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -50,16 +51,17 @@ def quasistatic(
         return k * (x - support) + force * math.sin(2 * math.pi * x / a)
 
     positions = np.empty(np.size(X))
-    for i, support in enumerate(np.asarray(X, dtype=float)):
+    for i, support in enumerate(np.asarray(X, dtype=float).tolist()):
         # Between its turning points ±turn + na the slope is monotone, and beyond X ± force/k it has
         # one sign.
         end = support - math.copysign(1.001 * force / k, slope(x, support))
         cells = np.arange(math.floor(min(x, end) / a) - 1, math.ceil(max(x, end) / a) + 2)
         nodes = np.union1d(cells * a - turn, cells * a + turn)
         nodes = np.append(nodes[(nodes - x) * (nodes - end) < 0], end)
-        for node in sorted(nodes, key=lambda node: abs(node - x)):
+        for node in sorted(nodes.tolist(), key=lambda node: abs(node - x)):
             if slope(x, support) * slope(node, support) <= 0:
-                x = brentq(slope, x, node, args=(support,), xtol=1e-14 * a)
+                root: Any = brentq(slope, x, node, args=(support,), xtol=1e-14 * a)
+                x = root
                 break
             x = node
         positions[i] = x

@@ -13,6 +13,7 @@ With φ = ln(v/V), ϑ = ln(Vθ/D_c) and time in D_c/V, κ = kD_c/σ:
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -44,11 +45,8 @@ def first_integral(
     hence the periodic motions.
     """
     c = (b - a) / a
-    return (
-        np.exp(log_state) * (np.exp(log_velocity) + c)
-        - log_velocity
-        - (c + 1) * np.asarray(log_state)
-    )
+    phi, theta = np.asarray(log_velocity, float), np.asarray(log_state, float)
+    return np.exp(theta) * (np.exp(phi) + c) - phi - (c + 1) * theta
 
 
 def simulate(
@@ -107,7 +105,7 @@ def growth(ratio: float, a: float, b: float, log_velocity: float = 0.1, cycles: 
 
 
 def _integrate(
-    s: ArrayLike,
+    s: Sequence[float] | NDArray[np.float64],
     kappa: float,
     a: float,
     b: float,
@@ -122,9 +120,10 @@ def _integrate(
         ageing = math.exp(-y[1]) - velocity
         return (kappa * (1 - velocity) - b * ageing) / a, ageing
 
-    def peak(s: float, y: NDArray[np.float64]) -> float:
+    def rise(s: float, y: NDArray[np.float64]) -> float:
         return rates(s, y)[0]
 
+    peak: Any = rise  # a function with attributes, as SciPy wants it
     peak.direction = -1
     peak.terminal = stop_after or False
     times = s if stop_after is None else None

@@ -10,25 +10,26 @@ half-maps take γ on the axis β = 0 from one switch to the next. `Real` inputs 
 read with all their digits.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mpmath import mp, mpf
 
-Real = mpf | float | str
+Mpf = Any  # mpmath.mpf: no type checker can tell what it is
+Real = Any  # such a number, a float, or digits in a text
 
 
 class Cycle(NamedTuple):
     """Stick-slip cycle: γ at the start and at the end of slip, the two durations, the
     multiplier."""
 
-    gamma_slip: mpf
-    gamma_stick: mpf
-    slip_duration: mpf
-    stick_duration: mpf
-    multiplier: mpf
+    gamma_slip: Mpf
+    gamma_stick: Mpf
+    slip_duration: Mpf
+    stick_duration: Mpf
+    multiplier: Mpf
 
 
-def slip(gamma: Real, nu: Real, b: Real, mu_0: Real = 1, v_hat: Real = 1) -> tuple[mpf, mpf]:
+def slip(gamma: Real, nu: Real, b: Real, mu_0: Real = 1, v_hat: Real = 1) -> tuple[Mpf, Mpf]:
     """Half-map Φ⁺: duration of the slip that starts in (0, γ), and γ at its end; in the precision
     of `mpmath.mp`.
 
@@ -52,10 +53,10 @@ def slip(gamma: Real, nu: Real, b: Real, mu_0: Real = 1, v_hat: Real = 1) -> tup
     # growth.
     B = (rate + growth * v_hat) / omega
 
-    def scaled_beta(t: mpf) -> mpf:
+    def scaled_beta(t: Mpf) -> Mpf:
         return v_hat * mp.exp(-growth * t) + B * mp.sin(omega * t) - v_hat * mp.cos(omega * t)
 
-    def beta_rate(t: mpf) -> mpf:
+    def beta_rate(t: Mpf) -> Mpf:
         return mp.exp(growth * t) * (
             rate * mp.cos(omega * t) + (growth * B + omega * v_hat) * mp.sin(omega * t)
         )
@@ -67,7 +68,7 @@ def slip(gamma: Real, nu: Real, b: Real, mu_0: Real = 1, v_hat: Real = 1) -> tup
     return duration, nu * mu_0 * (_rate(0, nu, b, mu_0, v_hat) - beta_rate(duration))
 
 
-def stick(gamma: Real, nu: Real, b: Real, mu_0: Real = 1, v_hat: Real = 1) -> tuple[mpf, mpf]:
+def stick(gamma: Real, nu: Real, b: Real, mu_0: Real = 1, v_hat: Real = 1) -> tuple[Mpf, Mpf]:
     """Half-map Φ⁻: duration T of the stick that starts in (0, γ), and γe^{−T}; in the precision of
     `mpmath.mp`.
 
@@ -98,25 +99,25 @@ def cycle(nu: Real, b: Real, mu_0: Real = 1, v_hat: Real = 1, digits: int = 40) 
         # Φ⁻∘Φ⁺ is convex and increasing, so that Newton's method climbs from 0 to the lower fixed
         # point.
         gamma = mpf(0)
-        change = mp.inf
-        while abs(change) > mpf(10) ** -(digits + 5) * mu_0 * v_hat:
+        while True:
             T_slip, gamma_stick = slip(gamma, *parameters)
             T_stick, image = stick(gamma_stick, *parameters)
             multiplier = mp.exp((b / mp.sqrt(nu) - 1) * T_slip - T_stick)
             slope = multiplier * _rate(gamma, *parameters) / _rate(image, *parameters)
             change = (image - gamma) / (1 - slope)
             gamma += change
-        return Cycle(gamma, gamma_stick, T_slip, T_stick, multiplier)
+            if abs(change) <= mpf(10) ** -(digits + 5) * mu_0 * v_hat:
+                return Cycle(gamma, gamma_stick, T_slip, T_stick, multiplier)
 
 
-def lowest_order_fixed_point(b: Real, mu_0: Real = 1, v_hat: Real = 1, digits: int = 15) -> mpf:
+def lowest_order_fixed_point(b: Real, mu_0: Real = 1, v_hat: Real = 1, digits: int = 15) -> Mpf:
     """Fixed point γ_b of the lowest-order maps Φ⁺(γ) = μ₀v̂ + ρ_b(μ₀v̂ − γ) and Φ⁻(γ) = γ
     exp(−𝒞(μ₀v̂/γ))."""
     with mp.workdps(digits + 15):
         b, mu_0, v_hat = map(mpf, (b, mu_0, v_hat))
         rho_b = mp.exp(mp.pi * b / (2 * mp.sqrt(1 - b**2 / 4)))
 
-        def excess(gamma: mpf) -> mpf:
+        def excess(gamma: Mpf) -> Mpf:
             # The stick map at ν = 0 is the lowest-order one.
             return stick(1 + rho_b * (1 - gamma), 0, 0)[1] - gamma
 
@@ -124,6 +125,6 @@ def lowest_order_fixed_point(b: Real, mu_0: Real = 1, v_hat: Real = 1, digits: i
         return mu_0 * v_hat * mp.findroot(excess, (mpf(0), 1 - mpf(2) ** -20), solver="anderson")
 
 
-def _rate(gamma: mpf | int, nu: mpf, b: mpf, mu_0: mpf, v_hat: mpf) -> mpf:
+def _rate(gamma: Mpf, nu: Mpf, b: Mpf, mu_0: Mpf, v_hat: Mpf) -> Mpf:
     """β' on the axis β = 0."""
     return v_hat * (1 - b * mp.sqrt(nu)) / nu - gamma / (nu * mu_0)

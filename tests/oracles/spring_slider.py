@@ -9,19 +9,20 @@ preprint 2405 (2017). Slip by Taylor series, stick in closed form; the cycle by 
 its multiplier by a difference quotient, both with the digits to spare for that.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mpmath import mp, mpf
 
-Real = mpf | float | str
+Mpf = Any  # mpmath.mpf: no type checker can tell what it is
+Real = Any  # such a number, a float, or digits in a text
 
 
 class Cycle(NamedTuple):
     """Period, time in stick, and multiplier."""
 
-    period: mpf
-    stick_duration: mpf
-    multiplier: mpf
+    period: Mpf
+    stick_duration: Mpf
+    multiplier: Mpf
 
 
 def cycle(V: Real, nu: Real, alpha: Real, sticks: bool, digits: int = 30) -> Cycle:
@@ -36,7 +37,7 @@ def cycle(V: Real, nu: Real, alpha: Real, sticks: bool, digits: int = 30) -> Cyc
         V, nu = mpf(V), mpf(nu)
         level = mpf(0) if sticks else V
 
-        def image(alpha: mpf) -> tuple[mpf, mpf, mpf]:
+        def image(alpha: Mpf) -> tuple[Mpf, Mpf, Mpf]:
             duration, end = _slip(alpha, V, nu, level)
             rest, end = _stick(end, V) if sticks else (mpf(0), end)
             return end, duration, rest
@@ -55,7 +56,7 @@ def cycle(V: Real, nu: Real, alpha: Real, sticks: bool, digits: int = 30) -> Cyc
         return Cycle(duration + rest, rest, slope)
 
 
-def _slip(alpha: mpf, V: mpf, nu: mpf, level: mpf) -> tuple[mpf, mpf]:
+def _slip(alpha: Mpf, V: Mpf, nu: Mpf, level: Mpf) -> tuple[Mpf, Mpf]:
     """From w = level until that again in the same sense (or, from 0, until w falls to it): duration
     and α."""
     order = int(1.3 * mp.dps)
@@ -77,8 +78,8 @@ def _slip(alpha: mpf, V: mpf, nu: mpf, level: mpf) -> tuple[mpf, mpf]:
 
 
 def _series(
-    U: mpf, alpha: mpf, V: mpf, nu: mpf, order: int
-) -> tuple[list[mpf], list[mpf], list[mpf]]:
+    U: Mpf, alpha: Mpf, V: Mpf, nu: Mpf, order: int
+) -> tuple[list[Mpf], list[Mpf], list[Mpf]]:
     """Taylor coefficients of U, α and w; m = α^{−1/2} obeys α m' = −m α'/2."""
     us = [U]
     alphas = [alpha]
@@ -96,7 +97,7 @@ def _series(
     return us, alphas, ws
 
 
-def _root(ws: list[mpf], level: mpf, h: mpf) -> mpf:
+def _root(ws: list[Mpf], level: Mpf, h: Mpf) -> Mpf:
     """Where a polynomial that is above a level somewhere on [0, h] falls to it for good."""
     return mp.findroot(
         lambda s: mp.polyval(ws[::-1], s) - level,
@@ -106,11 +107,11 @@ def _root(ws: list[mpf], level: mpf, h: mpf) -> mpf:
     )
 
 
-def _stick(alpha: mpf, V: mpf) -> tuple[mpf, mpf]:
+def _stick(alpha: Mpf, V: Mpf) -> tuple[Mpf, Mpf]:
     """From the end of slip to the start of the next one: duration and α."""
     U = 2 / mp.sqrt(alpha)
 
-    def short_of(t: mpf) -> mpf:
+    def short_of(t: Mpf) -> Mpf:
         return 2 / mp.sqrt(1 + (alpha - 1) * mp.exp(-t)) - U - V * t
 
     longest = 2 / V

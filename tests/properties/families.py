@@ -105,15 +105,15 @@ class Drawn:
 
     def load(self, t: ArrayLike) -> Array:
         """f at given times, one row each."""
-        return self.F * np.cos(np.outer(t, self.omega) + self.phi)
+        return self.F * np.cos(np.outer(np.asarray(t), self.omega) + self.phi)
 
     def threshold(self, t: ArrayLike) -> Array:
         """Thresholds at given times, one row each."""
-        return self.s + self.r * np.cos(np.outer(t, self.alpha))
+        return self.s + self.r * np.cos(np.outer(np.asarray(t), self.alpha))
 
     def belt(self, t: ArrayLike) -> Array:
         """Surface speeds at given times, one row each."""
-        return self.b * np.sin(np.outer(t, self.beta))
+        return self.b * np.sin(np.outer(np.asarray(t), self.beta))
 
 
 def draw(rng: np.random.Generator, size: int, contacts: int, **given: Array) -> Drawn:

@@ -110,7 +110,7 @@ def test_averages(kind: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     V, W = rng.normal(size=(2, source.dimension))
     size = max(source.value(s, e) for s in PHASES for e in np.eye(source.dimension))
-    slack = 3e-8 * size * (np.linalg.norm(V) + np.linalg.norm(W))
+    slack = 3e-8 * size * float(np.linalg.norm(V) + np.linalg.norm(W))
     value = average.support(V)
     # Ψ_av ≤ Ψ(s, ·), convex, 1-homogeneous.
     assert value <= min(source.value(s, V) for s in PHASES) + slack
@@ -118,7 +118,7 @@ def test_averages(kind: str, seed: int) -> None:
     assert average.support(2.5 * V) == pytest.approx(2.5 * value, abs=3 * slack)
     # The measure adds up to V, costs Ψ_av(V), and no force in K_av says it costs more.
     motion = average.optimal_motion(V)
-    np.testing.assert_allclose(motion.motions.sum(axis=0), V, atol=1e-10 * np.linalg.norm(V))
+    np.testing.assert_allclose(motion.motions.sum(axis=0), V, atol=1e-10 * float(np.linalg.norm(V)))
     spent = sum(source.value(s, v) for s, v in zip(motion.phases, motion.motions, strict=True))
     assert motion.cost == pytest.approx(spent, rel=1e-12)
     assert abs(motion.gap) <= slack
@@ -216,7 +216,7 @@ def test_closed_forms_agree_with_the_exchange(seed: int) -> None:
     V = rng.normal(size=source.dimension)
     general = Intersection(source)
     assert general.support(V) == pytest.approx(
-        source.average().support(V), abs=3e-8 * general.size * np.linalg.norm(V)
+        source.average().support(V), abs=3e-8 * general.size * float(np.linalg.norm(V))
     )
     np.testing.assert_allclose(
         general.project(3 * V), source.average().project(3 * V), atol=1e-6 * general.size

@@ -65,6 +65,7 @@ def test_stability_and_energy_balance(seed: int) -> None:
     t, z = history.times, history.z
     loads = problem.ell.over(t)
     force = loads - z @ problem.A
+    assert isinstance(problem.dissipation, WeightedL1)
     upper = problem.dissipation.above.over(t / problem.epsilon)
     lower = -problem.dissipation.below.over(t / problem.epsilon)
     size = max(upper.max(), -lower.min())
@@ -138,6 +139,7 @@ def test_scaling_and_reflection(seed: int) -> None:
     directions exchanged."""
     problem = random_problem(seed)
     psi = problem.dissipation
+    assert isinstance(psi, WeightedL1)
     plain = evolve(problem, steps=200)
     scale = np.abs(plain.z).max() or 1.0
     knots, values = problem.load
@@ -161,6 +163,7 @@ def test_components_have_no_order(seed: int) -> None:
     rng = np.random.default_rng(seed)
     order = rng.permutation(problem.n)
     psi, (knots, values) = problem.dissipation, problem.load
+    assert isinstance(psi, WeightedL1)
     lower = None if psi.lower is None else [psi.lower[i] for i in order]
     renamed = Evolution(
         problem.A[np.ix_(order, order)],

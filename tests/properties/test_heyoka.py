@@ -58,12 +58,12 @@ class Grammar:
         return f"{self.rng.choice(['sin', 'cos', 'tanh'])}({self.formula(depth)})"
 
 
-def to_heyoka(text: str | float, names: Mapping[str, Any]) -> Any:
+def to_heyoka(text: Any, names: Mapping[str, Any]) -> Any:
     """The same formula as an expression of heyoka."""
 
     def visit(node: ast.expr) -> Any:
         match node:
-            case ast.Constant(value=value):
+            case ast.Constant(value=int() | float() as value):
                 return hy.expression(float(value))
             case ast.Name(id=name):
                 return names[name]
@@ -198,10 +198,9 @@ class OneContact:
         J = np.array([value(hy.diff(direction, a)) for a in v])
         inverse = np.linalg.inv(M)
         f = [
-            -hy.diff(potential, x)
-            - hy.diff(viscous, w)
-            - to_heyoka(system.coordinates[name].drag, scope)
-            for name, x, w in zip(qs, q, v, strict=True)
+            -hy.diff(potential, x) - hy.diff(viscous, w) - to_heyoka(block.drag, scope)
+            for block, x, w in zip(system.coordinates.values(), q, v, strict=True)
+            if isinstance(block, Inertial)
         ]
         u = direction - belt
         free = hy.sum([float(c) * force for c, force in zip(J @ inverse, f, strict=True)])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.optimize import linprog, minimize_scalar
@@ -55,17 +57,17 @@ def test_minima_of_formulas() -> None:
             "weights",
         )
     )
-    inner = minimize_scalar(
+    inner: Any = minimize_scalar(
         lambda s: np.cos(4 * np.pi * s) + 0.1 * np.cos(2 * np.pi * s) + 3, (0.2, 0.25, 0.4)
-    ).fun
-    last = minimize_scalar(
+    )
+    last: Any = minimize_scalar(
         lambda s: np.exp(np.sin(2 * np.pi * s) + np.cos(6 * np.pi * s) / 5),
         (0.7, 0.8, 0.9),
         tol=1e-9,
-    ).fun
+    )
     s = np.linspace(0, 1, 100_001)
-    assert last <= np.exp(np.sin(2 * np.pi * s) + np.cos(6 * np.pi * s) / 5).min() + 1e-12
-    np.testing.assert_allclose(values, [1, 1, inner, 1, 7, 1, last], rtol=1e-13)
+    assert last.fun <= np.exp(np.sin(2 * np.pi * s) + np.cos(6 * np.pi * s) / 5).min() + 1e-12
+    np.testing.assert_allclose(values, [1, 1, inner.fun, 1, 7, 1, last.fun], rtol=1e-13)
     assert sampled == 0 and np.all(floors <= values) and np.all(values - floors <= 1e-13)
     assert phases[0] == pytest.approx(0.3, abs=2e-8)
     assert phases[1] == pytest.approx(1 / 3, abs=1e-13)
@@ -233,7 +235,9 @@ def test_half_spaces_with_moving_normals() -> None:
     source = Polytope(normals=lambda s: turned(SQUARE, np.pi * s / 2), offsets=np.ones(4))
     average = source.average()
     for V in np.array([[1.0, 0.0], [0.3, -2.0]]):
-        assert average.support(V) == pytest.approx(np.linalg.norm(V), abs=3e-8 * np.linalg.norm(V))
+        assert average.support(V) == pytest.approx(
+            np.linalg.norm(V), abs=3e-8 * float(np.linalg.norm(V))
+        )
     np.testing.assert_allclose(average.project([3.0, 4.0]), [0.6, 0.8], atol=1e-7)
 
 

@@ -392,7 +392,7 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
     ),
     "too few offsets": (lambda: Polytope(normals=DIAMOND, offsets=[1, 1]), r"there are 4 normals"),
     "no potential": (
-        lambda: Product((two, 3)),
+        lambda: Product((two, 3)),  # pyright: ignore[reportArgumentType]
         r"factors\[1\]: it is a int, not a dissipation potential",
     ),
     "no factor": (lambda: Product(()), r"factors: there is none"),

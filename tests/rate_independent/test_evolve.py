@@ -46,7 +46,8 @@ def three(**given) -> Evolution:
 
 asymmetric = STIFF + np.array([[0, 0, 0.25], [0, 0, 0], [0, 0, 0]])
 laplacian = sparse.diags_array(
-    [-np.ones(29_999), 2.0 * np.ones(30_000), -np.ones(29_999)], offsets=[-1, 0, 1]
+    [-np.ones(29_999), 2.0 * np.ones(30_000), -np.ones(29_999)],
+    offsets=[-1, 0, 1],  # pyright: ignore[reportArgumentType]
 )
 free = sparse.csr_array(laplacian.copy())
 free[0, 0] = free[-1, -1] = 1.0
@@ -163,7 +164,10 @@ def test_settled_takes_the_nearest_stable_state_in_the_energy_norm() -> None:
 
 def test_settled_with_many_components() -> None:
     n = 2000
-    A = sparse.diags_array([-np.ones(n - 1), 2.1 * np.ones(n), -np.ones(n - 1)], offsets=[-1, 0, 1])
+    A = sparse.diags_array(
+        [-np.ones(n - 1), 2.1 * np.ones(n), -np.ones(n - 1)],
+        offsets=[-1, 0, 1],  # pyright: ignore[reportArgumentType]
+    )
     start = np.sin(np.arange(n) / 50.0) * 30.0
     problem = Evolution.settled(A, lambda t: np.full(n, 0.2), WeightedL1(np.full(n, 0.1)), start)
     force = problem.force(0.0, problem.initial)

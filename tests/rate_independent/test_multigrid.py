@@ -4,9 +4,10 @@ refuses."""
 from __future__ import annotations
 
 from functools import cache
+from importlib import import_module
 from itertools import product
+from typing import Any
 
-import clarabel
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -26,6 +27,8 @@ from stickslip.rate_independent.solvers.multigrid import (
 )
 from stickslip.rate_independent.solvers.smoothing import minimise_block
 
+clarabel: Any = import_module("clarabel")  # compiled, without types
+
 law = settings(max_examples=60, deadline=None, derandomize=True)
 seeds = st.integers(0, 2**32 - 1)
 
@@ -34,7 +37,10 @@ def membrane(N: int) -> tuple[sp.csr_array, Array, Array]:
     """−Δ + 1 on a square grid of N² points, and their coordinates."""
     h = 1.0 / (N + 1)
     second = (
-        sp.diags_array([-np.ones(N - 1), 2.0 * np.ones(N), -np.ones(N - 1)], offsets=[-1, 0, 1])
+        sp.diags_array(
+            [-np.ones(N - 1), 2.0 * np.ones(N), -np.ones(N - 1)],
+            offsets=[-1, 0, 1],  # pyright: ignore[reportArgumentType]
+        )
         / h**2
     )
     line = np.arange(1, N + 1) * h
@@ -126,7 +132,7 @@ def by_clarabel(
     options = clarabel.DefaultSettings()
     options.verbose = False
     options.tol_gap_abs = options.tol_gap_rel = options.tol_feas = 1e-12
-    right = np.zeros(rows.shape[0])
+    right = np.zeros(2 * k if lower is not None else n + k)
     linear = np.concatenate([-r, np.ones(k)])
     return np.array(
         clarabel.DefaultSolver(
@@ -223,7 +229,7 @@ def test_scalar_friction_on_an_unstructured_mesh(degree: int) -> None:
     )
     M = sp.csr_array(mass.assemble(basis))
     A = sp.csr_array(laplace.assemble(basis)) + M
-    weight = np.abs(M).sum(axis=1)
+    weight = abs(M).sum(axis=1)
     x, y = basis.doflocs
     r = weight * 2 * np.sin(3 * x + 1) * np.cos(2 * y)
     upper = weight * (1 + 0.5 * y)
@@ -293,7 +299,7 @@ def test_all_slip() -> None:
     r = 3.0 + x + 0.0 * y
     upper = 1.0 + y
     result = solver.step(r, -upper, upper)
-    assert_allclose(result.delta, spsolve(A.tocsc(), r - upper), rtol=1e-8)
+    assert_allclose(result.delta, np.asarray(spsolve(A.tocsc(), r - upper)), rtol=1e-8)
 
 
 def test_no_friction_is_a_linear_solve() -> None:
@@ -530,7 +536,10 @@ def test_a_step_without_a_minimum_ends() -> None:
     """A body that nothing holds, pushed harder than friction resists: the cycles run out, the
     result is finite."""
     ends = np.r_[1.0, 2.0 * np.ones(28), 1.0]
-    line = sp.diags_array([-np.ones(29), ends, -np.ones(29)], offsets=[-1, 0, 1])
+    line = sp.diags_array(
+        [-np.ones(29), ends, -np.ones(29)],
+        offsets=[-1, 0, 1],  # pyright: ignore[reportArgumentType]
+    )
     free = Multigrid(sp.csr_array(sp.kronsum(line, line) + 1e-14 * sp.eye_array(900)))
     result = free.step(np.full(900, 2.0), -np.ones(900), np.ones(900), max_cycles=20)
     assert result.outcome is not StepOutcome.CONVERGED
@@ -548,12 +557,11 @@ def test_a_step_without_a_minimum_ends() -> None:
         ({"start": np.zeros(2)}, "start: its shape"),
     ],
 )
-def test_steps_that_are_refused(arguments: dict, message: str) -> None:
+def test_steps_that_are_refused(arguments: dict[str, Any], message: str) -> None:
     solver, *_ = membrane_solver(30)
+    given: dict[str, Any] = {"r": np.ones(900), "lower": -np.ones(900), "upper": np.ones(900)}
     with pytest.raises(DeclarationError, match=message):
-        solver.step(
-            **{"r": np.ones(900), "lower": -np.ones(900), "upper": np.ones(900)} | arguments
-        )
+        solver.step(**given | arguments)
 
 
 def test_a_group_at_the_edge_of_rest() -> None:

@@ -320,11 +320,11 @@ def test_thresholds_that_jump_once_a_period(given: Any) -> None:
 def test_stretches_of_panels_join(monkeypatch: pytest.MonkeyPatch) -> None:
     """The panels are walked in chunks; where one ends, z may move, rest or jump."""
     given = ("3*sin(t)", ("0.5 + 0.3*cos(2*pi*s)", "piecewise(s < 1/3, 1, 0.3)"), (0.0, 6.0))
-    whole = play(*given, initial=0.1, epsilon=0.25)  # type: ignore[arg-type]
+    whole = play(*given, initial=0.1, epsilon=0.25)
     assert np.count_nonzero(np.diff(whole.time) == 0.0) > 5
     for size in (1, 2, 3, 7):
         monkeypatch.setattr(nodes, "_CHUNK", size)
-        joined = play(*given, initial=0.1, epsilon=0.25)  # type: ignore[arg-type]
+        joined = play(*given, initial=0.1, epsilon=0.25)
         assert all(
             np.array_equal(one, other) for one, other in zip(whole.nodes, joined.nodes, strict=True)
         )

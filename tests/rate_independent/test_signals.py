@@ -105,12 +105,19 @@ def test_expressions_are_formulas_everywhere() -> None:
     )
     np.testing.assert_array_equal(by_tree.z, by_text.z)
     assert ss.WeightedL1([wave]).average().support([1.0]) == pytest.approx(0.5)
+    # A declaration holds texts, and says so; trees become texts when it is made.
+    given: dict[str, Any] = {
+        "force": ex.call("sin", T),
+        "potential": 0.5 * ex.sym("x") ** 2,
+        "threshold": (ex.num(0.5), 0.25),
+        "unknown": ex.sym("y"),
+    }
     system = ss.System(
         "block",
-        coordinates={"x": ss.Inertial(force=ex.call("sin", T))},
+        coordinates={"x": ss.Inertial(force=given["force"])},
         kinetic="d_x**2/2",
-        potential=0.5 * ex.sym("x") ** 2,
-        contacts={"floor": ss.Contact("d_x", (ex.num(0.5), 0.25))},
+        potential=given["potential"],
+        contacts={"floor": ss.Contact("d_x", given["threshold"])},
     )
     assert system.potential == "0.5*x**2"
     from stickslip.model.system_file import loads
@@ -118,5 +125,8 @@ def test_expressions_are_formulas_everywhere() -> None:
     assert loads(system.to_toml()) == system
     with pytest.raises(DeclarationError, match="potential: unknown name 'y'"):
         ss.System(
-            "block", coordinates={"x": ss.Viscous()}, viscous="d_x**2/2", potential=ex.sym("y")
+            "block",
+            coordinates={"x": ss.Viscous()},
+            viscous="d_x**2/2",
+            potential=given["unknown"],
         )

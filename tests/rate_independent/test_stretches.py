@@ -18,6 +18,7 @@ from stickslip.rate_independent.dissipation import (
     WeightedL1,
 )
 from stickslip.rate_independent.dissipation.parabolas import CELLS, Parabolas
+from stickslip.rate_independent.sets.stretches import RowWise
 from stickslip.rate_independent.signals.formulas import Formulas
 from stickslip.rate_independent.signals.reading import read_phase
 
@@ -138,6 +139,7 @@ def test_no_phase_in_between_is_worse(kind: str, seed: int, sharp: bool, exponen
             if own > 1e-12:
                 assert own <= potential.excess(xi, s) + 1e-11
     # Some of the rows, and joined again, are the same.
+    assert isinstance(stretches, RowWise)
     parts = stretches.taken(np.arange(m) % 2 == 0).joined(stretches.taken(np.arange(m) % 2 == 1))
     order = np.argsort(np.arange(m) % 2, kind="stable")
     for ours, theirs in zip(
@@ -215,7 +217,7 @@ def test_no_eigenvalue_falls_below_its_parabola(seed: int, sharp: bool) -> None:
     rng = np.random.default_rng(seed)
     shape = ellipsoid(rng, sharp)
     assert isinstance(shape, Ellipsoid)
-    parabolas = Parabolas.of(shape.matrix)  # pyright: ignore[reportArgumentType]
+    parabolas = Parabolas.of(shape.matrix)
     for _ in range(10):
         # A force close to the boundary at some phase, which may lie far outside at others.
         phases, direction = rng.uniform(size=1), rng.normal(size=2)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from stickslip.arrays import Array
+from stickslip.certificates import Certificate
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.dissipation import GroupNorm, WeightedL1
 from stickslip.rate_independent.evolution import averaging_study as study_module
@@ -107,6 +108,7 @@ class Ramp:
     steps = 4000
     wall_time = 0.0
     dissipated = 0.0
+    certificate = Certificate(())
 
     def blocks(self) -> Iterator[tuple[Array, Array]]:
         t = np.linspace(0.0, 2.0, 4001)
@@ -160,7 +162,8 @@ def test_the_plane(psi) -> None:
 
 def test_pictures() -> None:
     figure = studied(SMOOTH).plot()
-    labels = [text.get_text() for axes in figure.axes for text in axes.get_legend().get_texts()]
+    legends = [axes.get_legend() for axes in figure.axes]
+    labels = [text.get_text() for part in legends if part is not None for text in part.get_texts()]
     assert (
         len(labels) == 4
         and r"\varepsilon^{0.94}" in labels[0]

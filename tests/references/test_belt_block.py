@@ -34,8 +34,8 @@ def test_cycle(values: dict[str, float]) -> None:
     )
     assert motion.certificate.ok, motion.certificate.verdict
     table = switches(motion)
-    slips = table[table["to"] == "slip-"]["time"].to_numpy()[1:]
-    sticks = table[table["to"] == "stick"]["time"].to_numpy()
+    slips = table.loc[table["to"] == "slip-", "time"].to_numpy()[1:]
+    sticks = table.loc[table["to"] == "stick", "time"].to_numpy()
     assert len(slips) > 15
     # The first stick ends with F = F_s, and from then on the motion is periodic.
     assert distance(np.diff(slips), period) < 1e-10 * period
@@ -55,7 +55,7 @@ def test_printed_numbers() -> None:
         catalogue.belt_block(), (0.0, 100.0), initial={"x": 1.0, "d_x": 0.3}, parameters=PRINTED
     )
     table = switches(motion)
-    starts = table[table["to"] == "slip-"]["time"].to_numpy()
+    starts = table.loc[table["to"] == "slip-", "time"].to_numpy()
     assert np.diff(starts) == pytest.approx(7.0952615, abs=5e-8)
     # The spring force is extreme where the velocity vanishes, once on the way out and once on the
     # way back.

@@ -75,7 +75,7 @@ def test_switches(name: str) -> None:
     expected = np.array([float(time) for time in PROBLEMS[name].switches])
     # In (3.6) sliding is a region of a formula; in (4.2) the ramps of H add kinks that are no
     # switches.
-    kinds = motion.system.contacts or motion.events["contact"].unique()
+    kinds = list(motion.system.contacts) or motion.events["contact"].unique().tolist()
     events = motion.events[motion.events["contact"].isin(kinds)]
     assert len(events) == len(expected) == {"A": 18, "B": 21, "C": 42}[name]
     assert distance(events["time"], expected) < 1e-11

@@ -51,7 +51,7 @@ def test_effective_viscosity(v_0: float) -> None:
     m = 1000.0
     phi = np.linspace(math.asin(v_0 / 2), math.asin(v_0), 20_001)
     time = math.pi * m / 2 * np.trapezoid(np.cos(phi) / phi, phi)
-    motion = simulate(block(), (0.0, time), initial={"d_x": v_0}, parameters={"m": m})
+    motion = simulate(block(), (0.0, float(time)), initial={"d_x": v_0}, parameters={"m": m})
     assert motion.outcome.ok
     assert motion.n_switches > 100
     assert motion.final["d_x"] == pytest.approx(v_0 / 2, abs=2e-3)

@@ -8,7 +8,8 @@ scikit-fem on an unstructured mesh.
 
 from __future__ import annotations
 
-from typing import Any
+from importlib import import_module
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -19,6 +20,8 @@ from stickslip.arrays import Array
 from stickslip.rate_independent.dissipation import GroupNorm, WeightedL1
 from stickslip.rate_independent.evolution.evolution import Evolution
 from stickslip.rate_independent.evolution.evolve import evolve
+
+clarabel: Any = import_module("clarabel")  # compiled, without types
 
 # --- Running maximum ------------------------------------------------------------------------------
 
@@ -86,8 +89,6 @@ def test_uniform_steps_converge_with_first_order() -> None:
 def clarabel_step(A: Any, r: Array, cones: list, rows: Any, offsets: Array, cost: Array) -> Array:
     """Minimise ½ dᵀAd − rᵀd + costᵀt over (d, t) with offsets − rows (d, t) in the cones; returns
     d."""
-    import clarabel
-
     n, extra = len(r), len(cost)
     P = sparse.block_diag([sparse.triu(A), sparse.csc_array((extra, extra))], format="csc")
     settings = clarabel.DefaultSettings()
@@ -111,7 +112,8 @@ def assert_same_minimum(A: Any, r: Array, dissipation: Any, mine: Array, other: 
 def membrane(side: int) -> sparse.csr_array:
     """5-point −Δ + 1 on the unit square."""
     second = sparse.diags_array(
-        [-np.ones(side - 1), 2.0 * np.ones(side), -np.ones(side - 1)], offsets=[-1, 0, 1]
+        [-np.ones(side - 1), 2.0 * np.ones(side), -np.ones(side - 1)],
+        offsets=[-1, 0, 1],  # pyright: ignore[reportArgumentType]
     ) * float((side + 1) ** 2)
     one = sparse.eye_array(side)
     return sparse.csr_array(
@@ -122,10 +124,8 @@ def membrane(side: int) -> sparse.csr_array:
 @pytest.mark.parametrize("solver", ["dense", "multigrid"])
 def test_boxes_agree_with_clarabel(solver: str) -> None:
     """n = 900: three large steps, each against the quadratic program t ≥ upper d, t ≥ lower d."""
-    import clarabel
-
     A = membrane(30)
-    n = A.shape[0]
+    n = 900
     x, y = np.meshgrid(*[np.linspace(0, 1, 30)] * 2)
     upper = 30.0 * (1.5 + np.cos(2 * np.pi * (x.ravel() - y.ravel())))
     lower = 20.0 * np.ones(n)
@@ -145,8 +145,6 @@ def test_boxes_agree_with_clarabel(solver: str) -> None:
 
 def test_groups_agree_with_clarabel() -> None:
     """Planar friction with a dense A, n = 60: |d_g| ≤ t_g as second-order cones."""
-    import clarabel
-
     rng = np.random.default_rng(2)
     root = rng.normal(size=(60, 60))
     A = root @ root.T / 60 + 0.2 * np.eye(60)
@@ -248,7 +246,9 @@ def assembled(count: int) -> tuple[sparse.csr_array, Array, Array]:
         np.ascontiguousarray(points.T), np.ascontiguousarray(Delaunay(points).simplices.T)
     )
     basis = skfem.Basis(mesh, skfem.ElementTriP1())
-    form = skfem.BilinearForm(lambda u, v, w: 0.1 * dot(grad(u), grad(v)) + u * v)
+    form = skfem.BilinearForm(
+        lambda u, v, w: 0.1 * dot(cast(Any, grad(u)), cast(Any, grad(v))) + u * v
+    )
     areas = skfem.LinearForm(lambda v, w: 1.0 * v).assemble(basis)
     return form.assemble(basis), areas, points
 

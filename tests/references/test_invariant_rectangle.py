@@ -85,7 +85,7 @@ def test_a_periodic_orbit_attracts_where_steady_sliding_is_unstable() -> None:
     near = follow(law, nu, V, U + 1e-3, alpha, 200.0)
     assert U_max > U
     for motion in (far, near):
-        stops = motion.events[motion.events["to"] == "stick"]["time"].to_numpy()[-5:]
+        stops = motion.events.loc[motion.events["to"] == "stick", "time"].to_numpy()[-5:]
         assert np.diff(stops) == pytest.approx(4.947746, abs=1e-6)
 
 

@@ -6,6 +6,7 @@ one, 2πV₀/a.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -41,7 +42,7 @@ def test_jumps_at_the_force_of_the_jump() -> None:
     errors = []
     for V in (0.1, 0.03, 0.01):
         motion = pulled(V)
-        time = brentq(
+        time: Any = brentq(
             lambda t, motion=motion: motion.at(t)["x"] - edge, 0.25 / V, 0.5 / V, xtol=1e-13
         )
         errors.append(LATTICE["k"] * (V * time - edge) - prandtl_tomlinson.force_at_jump(**LATTICE))

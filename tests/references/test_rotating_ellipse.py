@@ -4,6 +4,8 @@ One that swings over part of a turn has an average with corners, which is also k
 the angle θ from the long axis, K_av ends where the ellipse turned farthest away does.
 """
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize, minimize_scalar
@@ -48,11 +50,11 @@ def swinging_support(V: np.ndarray, reach: float) -> float:
     # the search.
     kink = np.pi / 2 - reach
     ends = [negative(theta) for theta in (0.0, kink, np.pi / 2)]
-    inner = [
-        minimize_scalar(negative, bounds=b, method="bounded", options={"xatol": 1e-11}).fun
+    inner: list[Any] = [
+        minimize_scalar(negative, bounds=b, method="bounded", options={"xatol": 1e-11})
         for b in ((0, kink), (kink, np.pi / 2))
     ]
-    return -min(*ends, *inner)
+    return -min(*ends, *(found.fun for found in inner))
 
 
 @pytest.fixture(scope="module")

@@ -49,10 +49,10 @@ def test_cycle() -> None:
 def test_any_start_settles_on_it() -> None:
     for gamma in (0.0, 0.9, 3.0):
         events = follow(gamma, 100.0, nu=0.01, b=1.0).events
-        assert events[events["to"] == "above"]["gamma"].iloc[-1] == pytest.approx(
+        assert events.loc[events["to"] == "above", "gamma"].iloc[-1] == pytest.approx(
             GAMMA_SLIP, rel=1e-11
         )
-        assert events[events["to"] == "below"]["gamma"].iloc[-1] == pytest.approx(
+        assert events.loc[events["to"] == "below", "gamma"].iloc[-1] == pytest.approx(
             GAMMA_STICK, rel=1e-11
         )
 
@@ -60,7 +60,7 @@ def test_any_start_settles_on_it() -> None:
 def test_multiplier() -> None:
     def image(gamma: float) -> float:
         events = follow(gamma, SLIP + STICK + 0.1, nu=0.01, b=1.0).events
-        return float(events[events["to"] == "above"]["gamma"].iloc[0])
+        return float(events.loc[events["to"] == "above", "gamma"].iloc[0])
 
     h = 1e-3 * GAMMA_SLIP
     far, near = (image(GAMMA_SLIP + n * h) - image(GAMMA_SLIP - n * h) for n in (2, 1))
@@ -81,7 +81,7 @@ def test_other_parameters(nu: float, b: float, mu_0: float, v_hat: float) -> Non
     assert distance(starts["gamma"] / float(cycle.gamma_slip), 1.0) < 1e-9
     assert distance(stops["gamma"] / float(cycle.gamma_stick), 1.0) < 1e-11
     period = float(cycle.slip_duration + cycle.stick_duration)
-    assert distance(np.diff(starts["time"].to_numpy()), period) < 1e-10
+    assert distance(np.diff(np.asarray(starts["time"])), period) < 1e-10
 
 
 def test_lowest_order_fixed_point() -> None:
@@ -89,5 +89,5 @@ def test_lowest_order_fixed_point() -> None:
     gaps = []
     for nu in (1e-4, 1e-6):
         events = follow(0.4, 60.0, nu=nu, b=1.0).events
-        gaps.append(abs(float(events[events["to"] == "above"]["gamma"].iloc[-1]) - fixed))
+        gaps.append(abs(float(events.loc[events["to"] == "above", "gamma"].iloc[-1]) - fixed))
     assert gaps[0] / gaps[1] == pytest.approx(10, rel=0.1)  # O(√ν)

@@ -43,7 +43,10 @@ def phases(found: Cycle) -> tuple[float, float]:
 def switches(found: Cycle) -> tuple[float, float]:
     """γ at the start and at the end of slip."""
     events = found.trajectory.events
-    return tuple(float(events[events["to"] == to]["gamma"].iloc[0]) for to in ("above", "below"))
+    above, below = (
+        float(events.loc[events["to"] == to, "gamma"].iloc[0]) for to in ("above", "below")
+    )
+    return above, below
 
 
 def test_reference() -> None:

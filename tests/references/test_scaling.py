@@ -27,9 +27,8 @@ def slider() -> System:
     """(3.3) with μ̃(α) = e^{1 − α} + shift."""
     base = catalogue.spring_slider(mu="exp(1 - alpha)")
     functions = {"mu(alpha)": "exp(1 - alpha) + shift"}
-    return replace(
-        base, parameters=base.parameters | parameters(shift=0.0), functions=functions, facts={}
-    )
+    declared = {**base.parameters, **parameters(shift=0.0)}
+    return replace(base, parameters=declared, functions=functions, facts={})
 
 
 def cycle(nu: float) -> tuple[float, float, float]:
@@ -42,7 +41,7 @@ def cycle(nu: float) -> tuple[float, float, float]:
     # Velocities (U − μ̃)/ν are known to rounding over ν; the slips of smaller ν have less energy
     # than that.
     assert motion.certificate.ok or nu < 1e-5, motion.certificate.verdict
-    starts, stops = (motion.events[motion.events["to"] == to] for to in ("slip-", "stick"))
+    starts, stops = (motion.events.loc[motion.events["to"] == to] for to in ("slip-", "stick"))
     time = starts["time"].iloc[-1]
     before = stops[stops["time"] < time].iloc[-1]
     return (starts["alpha"].iloc[-1] - 1) / nu, (before["alpha"] - 1) / nu, time - before["time"]

@@ -8,6 +8,7 @@ Vμ̃′)/ν, trace = −1 − (1 + U*μ̃′)/ν.
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import mpmath as mp
 import numpy as np
@@ -18,7 +19,8 @@ from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from stickslip.orbits.equilibria.equilibrium import Equilibrium
 from stickslip.orbits.equilibria.finding import equilibria
 
-LAWS: dict[str, Callable] = {
+Mpf = Any  # mpmath.mpf: no type checker can tell what it is
+LAWS: dict[str, Callable[[Mpf], Mpf]] = {
     "2/sqrt(alpha)": lambda a: 2 / mp.sqrt(a),
     "0.5 + exp(-(alpha - 1)/0.4)": lambda a: mp.mpf("0.5") + mp.exp(-(a - 1) / mp.mpf("0.4")),
     "2/(1 + alpha)": lambda a: 2 / (1 + a),
@@ -95,7 +97,7 @@ def test_all_hopf_points_and_no_others(law: str) -> None:
         assert stable == -1 or (stable == 1) == (closed_form(law, nu, float(v), float(a))[2] < 0)
 
 
-def _trace(law: str, nu: float, guess: float, V: mp.mpf) -> mp.mpf:
+def _trace(law: str, nu: float, guess: float, V: Mpf) -> Mpf:
     mu = LAWS[law]
     alpha = mp.findroot(lambda a: a - 1 - V * (mu(a) + mp.mpf(nu) * V), mp.mpf(guess))
     return -1 - (1 + (mu(alpha) + mp.mpf(nu) * V) * mp.diff(mu, alpha)) / mp.mpf(nu)

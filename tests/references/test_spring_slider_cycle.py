@@ -41,7 +41,7 @@ SLIPPING = {
 def slip_starts(cycle: Cycle) -> float:
     """α at the start of slip."""
     events = cycle.trajectory.events
-    return float(events[events["from"] == "stick"]["alpha"].iloc[0])
+    return float(events.loc[events["from"] == "stick", "alpha"].iloc[0])
 
 
 @pytest.mark.parametrize("V", STICKING)

@@ -33,9 +33,8 @@ def settled(initial: dict[str, float]) -> tuple[Trajectory, np.ndarray]:
     assert motion.outcome.ok
     assert motion.certificate.ok, motion.certificate.verdict
     table = switches(motion)
-    return motion, table[(table["contact"] == "left leg") & (table["to"] == "slip+")][
-        "time"
-    ].to_numpy()[-6:]
+    starts = (table["contact"] == "left leg") & (table["to"] == "slip+")
+    return motion, table.loc[starts, "time"].to_numpy()[-6:]
 
 
 @pytest.mark.parametrize("initial", [WALK, {"psi": -3.0, "x_R": -0.1}, {"psi": 2.2, "x_R": -0.5}])
@@ -77,7 +76,7 @@ def test_energy_fed_in_each_period() -> None:
     motion = simulate(catalogue.rocking_oscillator(), (0.0, 1500.0), initial={"psi": -1.67})
     assert motion.certificate.ok, motion.certificate.verdict
     back = (motion.events["contact"] == "d_psi = 0") & (motion.events["to"] == "below")
-    turns = motion.events[back]["time"].to_numpy()[-6:]
+    turns = motion.events.loc[back, "time"].to_numpy()[-6:]
     assert np.diff(turns) == pytest.approx(5.969, abs=5e-4)
     assert np.diff(motion.at(turns)["dissipated_energy"]) == pytest.approx(fed, abs=1e-9)
     # The toy loses what the weights lose, 2PX for each leg, and friction takes all but this.

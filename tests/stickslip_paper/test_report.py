@@ -263,7 +263,7 @@ def test_a_picture_that_stops_leaves_the_others(
     def broken() -> None:
         raise ValueError("no ink")
 
-    monkeypatch.setitem(FIGURES, "4.3", replace(FIGURES["4.3"], draw=broken))  # type: ignore[arg-type]
+    monkeypatch.setitem(FIGURES, "4.3", replace(FIGURES["4.3"], draw=broken))
     found = make(Item("figure", "4.3"), tmp_path)
     assert found.error == "ValueError: no ink" and not found.good(None)
 

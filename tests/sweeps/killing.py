@@ -35,7 +35,7 @@ def attempt(store: str, log: str, number: int, begun: int) -> None:
             os.write(begun, b"!")
 
     settings = stand_in.Settings(pause=0.02)
-    sweep(ss.catalogue.rocking_toy(), OVER, MEASURE, store, settings=settings, progress=note)  # type: ignore[arg-type]
+    sweep(ss.catalogue.rocking_toy(), OVER, MEASURE, store, settings=settings, progress=note)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 import pytest
@@ -220,9 +221,9 @@ def test_bad_input_is_named(
     measures: tuple[str, ...],
     words: str,
 ) -> None:
-    given = ({k: np.array(v) for k, v in part.items()} for part in (initial, parameters))
+    start, table = ({k: np.array(v) for k, v in part.items()} for part in (initial, parameters))
     with pytest.raises(DeclarationError, match=words):
-        measure_chunk(TOY, *given, measures, Settings())
+        measure_chunk(TOY, start, table, measures, Settings())
 
 
 def test_speed_needs_a_direction() -> None:
@@ -240,7 +241,7 @@ def test_speed_needs_a_direction() -> None:
         {"longest_cycle": 3},
     ],
 )
-def test_settings_are_checked(bad: dict[str, float]) -> None:
+def test_settings_are_checked(bad: dict[str, Any]) -> None:
     with pytest.raises(DeclarationError, match=next(iter(bad))):
         Settings(**bad)
 

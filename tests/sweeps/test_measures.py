@@ -165,10 +165,9 @@ def test_cycles_of_newton(
         *(f"amplitude:{x}" for x in system.declaration.state),
     ]
     asked += ["speed"] if system.translation else []
-    point = ({k: np.array([v]) for k, v in given.items()} for given in (start, parameters))
-    found = {
-        name: float(v[0]) for name, v in measure_chunk(system, *point, asked, Settings()).items()
-    }
+    point = [{k: np.array([v]) for k, v in given.items()} for given in (start, parameters)]
+    measured = measure_chunk(system, point[0], point[1], asked, Settings())
+    found = {name: float(v[0]) for name, v in measured.items()}
     cycle = find_cycle(system, start, parameters=parameters)
     assert found["outcome"] == Outcome.PERIODIC.code and found["certificate"] < 1e-8
     assert found["period"] == pytest.approx(cycle.period, rel=1e-7)

@@ -53,9 +53,9 @@ def test_killed_twenty_times(tmp_path: Path) -> None:
     settings = stand_in.Settings(pause=0.02)
     stand_in.calls.clear()
     given = (TOY, killing.OVER, killing.MEASURE)
-    resumed = sweep(*given, store, settings=settings).dataset  # type: ignore[arg-type]
+    resumed = sweep(*given, store, settings=settings).dataset
     assert sum(stand_in.calls) <= 1600 - kept[-1][-1]
-    assert equal(resumed, sweep(*given, settings=stand_in.Settings()).dataset)  # type: ignore[arg-type]
+    assert equal(resumed, sweep(*given, settings=stand_in.Settings()).dataset)
     assert not [*tmp_path.rglob("*.partial"), *tmp_path.glob(".toy*")]
 
 

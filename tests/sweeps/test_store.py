@@ -139,7 +139,7 @@ def swing(trajectory: ss.Trajectory) -> float:
     pull = trajectory.parameters["P"]
     if pull == 0.8:
         raise ZeroDivisionError
-    return {0.6: np.nan, 0.7: "far"}.get(pull, trajectory.knots.state[0, 0])  # type: ignore[return-value]
+    return {0.6: np.nan, 0.7: "far"}.get(pull, trajectory.knots.state[0, 0])
 
 
 def test_a_function_of_the_motion_and_why_it_is_missing() -> None:
@@ -211,7 +211,7 @@ def test_another_map_is_refused_and_kept(
         sweep(**{**asked, **changes})  # type: ignore[arg-type]
     assert not stand_in.calls
     same(Map.open(tmp_path / "toy.zarr").dataset, exact())
-    sweep(**{**asked, **changes, "overwrite": True})  # type: ignore[arg-type]
+    sweep(**{**asked, **changes, "overwrite": True})
     assert stand_in.calls
     assert [path.name for path in tmp_path.iterdir()] == ["toy.zarr"]
 

@@ -60,7 +60,7 @@ def test_waves_against_a_fine_grid(seed: int) -> None:
     text = " + ".join(f"{a!r}*cos(2*pi*{k}*(s - {p!r}))" for a, k, p in terms)
     found = least(SCOPE.parse(text, "here"), "s", 0.0, 1.0)
     s = np.linspace(0.0, 1.0, 200_001)
-    sampled = sum(a * np.cos(2 * np.pi * k * (s - p)) for a, k, p in terms).min()
+    sampled = np.sum([a * np.cos(2 * np.pi * k * (s - p)) for a, k, p in terms], axis=0).min()
     assert found.resolved and found.gap <= 1e-12
     assert found.floor <= sampled <= found.value + 1e-5
     assert found.value <= sampled + 1e-13

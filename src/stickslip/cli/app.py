@@ -1,30 +1,21 @@
-"""The commands: what they are called, what they take, and how they end."""
+"""The commands: what they are called, and those that are a few lines."""
 
 from __future__ import annotations
 
-import errno
 import json
-from collections.abc import Callable
-from functools import wraps
 from pathlib import Path
-from typing import Annotated, NoReturn, ParamSpec
+from typing import Annotated
 
 import typer
 
 from stickslip import __version__
 from stickslip.cli import evolving, orbits, sweeping
 from stickslip.cli.added import add_commands
+from stickslip.cli.ending import NOT_CERTIFIED, guarded
 from stickslip.cli.present import Model, ParameterOptions
-from stickslip.errors import StickslipError
 from stickslip.results import Summary, certificate_rows
 
-NOT_CERTIFIED = 1
-_BAD_INPUT = 2
-_OUR_FAULT = 70
-EXIT_INTERRUPTED = 130
-_P = ParamSpec("_P")
-
-app = typer.Typer(
+app: typer.Typer = typer.Typer(
     name="stickslip",
     help="Exact stick-slip motion of systems with dry friction.",
     epilog="Begin with: stickslip run rocking_toy",
@@ -34,37 +25,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
-
-
-def finish(message: str, code: int) -> NoReturn:
-    """End with one line on stderr."""
-    typer.echo(f"stickslip: {message}", err=True)
-    raise typer.Exit(code)
-
-
-def guarded(command: Callable[_P, None]) -> Callable[_P, None]:
-    """Turn everything that can go wrong into one line and an exit code."""
-
-    @wraps(command)
-    def run(*args: _P.args, **kwargs: _P.kwargs) -> None:
-        try:
-            command(*args, **kwargs)
-        except StickslipError as error:
-            finish(str(error), _BAD_INPUT)
-        except KeyboardInterrupt:
-            finish("interrupted; nothing new was written", EXIT_INTERRUPTED)
-        except OSError as error:
-            if error.errno == errno.EPIPE:
-                raise  # the reader has seen enough, as in: stickslip show rocking_toy | head
-            finish(f"{error.filename or 'file'}: {error.strerror or error}", _BAD_INPUT)
-        except typer.Exit:
-            raise
-        except Exception as error:
-            finish(
-                f"a mistake of ours, please report it ({type(error).__name__}: {error})", _OUR_FAULT
-            )
-
-    return run
 
 
 _PAPER = (

@@ -128,7 +128,7 @@ def branch_command(
     from stickslip import Branch, continue_cycle, continue_equilibrium, find_cycle
     from stickslip.orbits.branches.equilibrium_branch import checked_range
 
-    ranges = spans(over, ("LOW", "HIGH"))
+    ranges = spans(over)
     if len(ranges) != 1:
         raise DeclarationError("--over", f"{len(ranges)} parameters vary", "A branch has one")
     parameter, (low, high) = next(iter(ranges.items()))
@@ -194,25 +194,23 @@ def given(initial: list[str] | None) -> dict[str, float] | None:
     return numbers(assignments(initial or [], "--initial"), "--initial") or None
 
 
-def spans(texts: list[str], parts: tuple[str, ...]) -> dict[str, list[float]]:
-    """Read NAME=LOW:HIGH; every number may be a fraction."""
+def spans(texts: list[str]) -> dict[str, list[float]]:
+    """Read NAME=LOW:HIGH; both numbers may be fractions."""
     for text in texts:
         if "=" not in text:
-            shape = ":".join(parts)
             raise DeclarationError(
                 f"--over {text}",
-                f"not of the form NAME={shape}",
-                f"Write it like --over {text}={shape}",
+                "not of the form NAME=LOW:HIGH",
+                f"Write it like --over {text}=LOW:HIGH",
             )
     found = {}
     for name, value in assignments(texts, "--over").items():
         pieces = str(value).split(":")
-        if len(pieces) != len(parts):
-            shape = f"{name}={':'.join(parts)}"
+        if len(pieces) != 2:
             raise DeclarationError(
                 f"--over {name}={value}",
-                f"not of the form {shape}",
-                f"Write it like --over {shape}",
+                f"not of the form {name}=LOW:HIGH",
+                f"Write it like --over {name}=LOW:HIGH",
             )
         found[name] = [
             numbers(assignments([f"{name}={p}"], "--over"), "--over")[name] for p in pieces

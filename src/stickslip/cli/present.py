@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Protocol
 
 import typer
 
+from stickslip.cli.ending import EXIT_INTERRUPTED, NOT_CERTIFIED, finish
 from stickslip.cli.folder import PICTURE, add_picture, result_folder
 from stickslip.cli.report import print_summary, warn, written
 from stickslip.errors import ConvergenceError
@@ -117,8 +118,6 @@ def present(
     heading : mapping, optional
         What the summary says besides: ``title`` and the like of the model file.
     """
-    from stickslip.cli.app import EXIT_INTERRUPTED, NOT_CERTIFIED, finish
-
     began = time.perf_counter()
     with result_folder(folder, files.names) as place:
         try:

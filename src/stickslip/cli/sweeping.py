@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from stickslip.cli.ending import EXIT_INTERRUPTED, finish
 from stickslip.cli.models import assignments, load_model, numbers
 from stickslip.cli.present import Initial, Model, ParameterOptions, folder_of
 from stickslip.cli.report import print_summary
@@ -117,7 +118,6 @@ def sweep_command(
     Exit code: 0 complete, 2 wrong input, 130 interrupted (what was computed is kept).
     """
     from stickslip import sweep as compute
-    from stickslip.cli.app import EXIT_INTERRUPTED, finish
     from stickslip.sweeps.work.chunk import Settings as MapSettings
 
     system = load_model(model, settings or [])

@@ -112,8 +112,8 @@ class Equations:
         self._reader = Reader(system)
         self._declared = system.declaration
         self.frictions: list[Friction] = []
-        self.balances = [self._balance(x) for x in system.coordinates]
-        self.laws = [
+        self.balances: list[Balance] = [self._balance(x) for x in system.coordinates]
+        self.laws: list[Balance] = [
             Balance(Name(f"d_{name}"), "=", self._reader.read(internal.law))
             for name, internal in system.internal.items()
         ]

@@ -48,7 +48,8 @@ class UnicodeWriter:
         Names of the arguments of the system's functions, for partial derivatives.
     """
 
-    minus, gap = "−", " "
+    minus: str = "−"
+    gap: str = " "
 
     def __init__(
         self,
@@ -205,7 +206,8 @@ class UnicodeWriter:
 class LatexWriter(UnicodeWriter):
     """Writes trees for LaTeX."""
 
-    minus, gap = "-", r" \, "
+    minus: str = "-"
+    gap: str = r" \, "
 
     def name(self, name: str) -> str:
         if name == "speed":

@@ -342,7 +342,7 @@ class Reader:
         self._parameters = frozenset(() if system is None else system.parameters)
         self._bodies: dict[str, Node] = {}
         self._read: dict[str, Node] = {}
-        self.definitions = {
+        self.definitions: dict[str, tuple[tuple[str, ...], Node]] = {
             name: (arguments, self._body(name)) for name, (arguments, _) in self._sources.items()
         }
 

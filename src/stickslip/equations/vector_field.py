@@ -12,7 +12,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import derive
-from stickslip.equations.field import MODE_NAMES, Field, mode_field
+from stickslip.equations.field import MODE_NAMES, Field, Mode, Region, mode_field
 from stickslip.errors import DeclarationError, short
 from stickslip.model.declaration import Declaration
 from stickslip.model.system import System
@@ -22,7 +22,7 @@ Values = Mapping[str, float]
 _LONGEST = 1_000_000  # characters of a formula
 _SIGNS = {name: sign for sign, name in MODE_NAMES.items()}
 
-_fields: WeakKeyDictionary[Declaration, dict[tuple, Field]] = WeakKeyDictionary()
+_fields: WeakKeyDictionary[Declaration, dict[tuple[Mode, Region], Field]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -100,7 +100,7 @@ def _phase_bar(axes: Axes, colours: ListedColormap, sets: int) -> None:
     bar.set_ticks(ticks.tolist(), labels=[f"{s:g}" for s in ticks])
     bar.ax.minorticks_off()
     bar.set_label("$K(s)$ at the phase $s$  [periods]")
-    bar.outline.set_visible(False)  # type: ignore[operator]
+    bar.outline.set_visible(False)
 
 
 def _boundary(potential: Dissipation, phases: Array) -> Array:

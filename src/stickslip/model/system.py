@@ -6,11 +6,11 @@ A :class:`System` holds texts and numbers only. Creating one checks the whole de
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import formula_text
@@ -178,12 +178,15 @@ def hold_plain(item: Any) -> None:
 def _plain(value: Any, where: str) -> Any:
     match value:
         case Mapping():
-            return {key: _plain(part, f"{where}.{key}") for key, part in value.items()}
+            table = cast(Mapping[Any, Any], value)
+            return {key: _plain(part, f"{where}.{key}") for key, part in table.items()}
         case list() | tuple():
-            return tuple(_plain(part, f"{where}[{i}]") for i, part in enumerate(value))
+            parts = cast(Sequence[Any], value)
+            return tuple(_plain(part, f"{where}[{i}]") for i, part in enumerate(parts))
         case Expr():
             return formula_text(value, where)
-    return value
+        case _:
+            return value
 
 
 @dataclass(frozen=True)
@@ -233,21 +236,21 @@ class System:
     name: str
     title: str = ""
     source: str = ""
-    parameters: Mapping[str, Parameter] = field(default_factory=dict)
-    functions: Mapping[str, Formula] = field(default_factory=dict)
-    drives: Mapping[str, Formula] = field(default_factory=dict)
-    coordinates: Mapping[str, Coordinate] = field(default_factory=dict)
-    internal: Mapping[str, Internal] = field(default_factory=dict)
+    parameters: Mapping[str, Parameter] = field(default_factory=dict[str, Parameter])
+    functions: Mapping[str, Formula] = field(default_factory=dict[str, Formula])
+    drives: Mapping[str, Formula] = field(default_factory=dict[str, Formula])
+    coordinates: Mapping[str, Coordinate] = field(default_factory=dict[str, Coordinate])
+    internal: Mapping[str, Internal] = field(default_factory=dict[str, Internal])
     kinetic: Formula = 0.0
     potential: Formula = 0.0
     viscous: Formula = 0.0
-    contacts: Mapping[str, Contact] = field(default_factory=dict)
-    translation: Mapping[str, float] = field(default_factory=dict)
-    initial: Mapping[str, float] = field(default_factory=dict)
+    contacts: Mapping[str, Contact] = field(default_factory=dict[str, Contact])
+    translation: Mapping[str, float] = field(default_factory=dict[str, float])
+    initial: Mapping[str, float] = field(default_factory=dict[str, float])
     span: tuple[float, float] = (0.0, 100.0)
     time_unit: str = ""
-    conditions: Mapping[str, Condition] = field(default_factory=dict)
-    facts: Mapping[str, Formula] = field(default_factory=dict)
+    conditions: Mapping[str, Condition] = field(default_factory=dict[str, Condition])
+    facts: Mapping[str, Formula] = field(default_factory=dict[str, Formula])
 
     def __post_init__(self) -> None:
         hold_plain(self)

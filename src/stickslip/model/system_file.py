@@ -63,6 +63,11 @@ _SYSTEMS = toml.Language(
 def load(path: str | PathLike[str]) -> System:
     """The system that a model file declares.
 
+    Parameters
+    ----------
+    path : str or path
+        A model file, TOML.
+
     Raises
     ------
     DeclarationError

@@ -106,7 +106,21 @@ def fill_closed_forms(
 def fill_alike(
     problem: Problem, T: ClosedForms, slot: Array, linear: Linear, moving: Array, core: Array
 ) -> None:
-    """Closed forms of modes in which the same components move and the same contacts stick."""
+    """Closed forms of modes in which the same components move and the same contacts stick.
+
+    Parameters
+    ----------
+    problem : Problem
+    T : ClosedForms
+        Filled.
+    slot : array of int, shape (modes,)
+        Their places in it.
+    linear : Linear
+    moving : array of bool, shape (n,)
+        Which components move.
+    core : array of bool, shape (n,)
+        Which of them the rates of those that move depend on.
+    """
     m = np.flatnonzero(moving)
     modes, good = eigenmodes(linear.D[:, m[:, None], m], core[moving])
     distance = np.abs(1j * linear.omega[:, :, None] - modes[0][:, None, :])
@@ -201,7 +215,21 @@ def fill_signals(
     moving: Array,
     modes: tuple[Array, Array, Array],
 ) -> None:
-    """Store guards and components of the state as signals: those that move are Re V w."""
+    """Store guards and components of the state as signals: those that move are Re V w.
+
+    Parameters
+    ----------
+    problem : Problem
+    T : ClosedForms
+        Filled.
+    slot : array of int, shape (modes,)
+        Their places in it.
+    linear : Linear
+    moving : array of bool, shape (n,)
+        Which components move.
+    modes : tuple of arrays
+        Eigenvalues, and right and left eigenvectors on the components that move.
+    """
     D = linear.D
     E = linear.E
     omega = linear.omega
@@ -268,7 +296,17 @@ def real_or_zero(a: Array, p: Array, direct: Array) -> Array:
 def linearise(
     problem: Problem, constants: Constants, group: Array, mode: Array, region: Array
 ) -> tuple[Linear, Array]:
-    """Modes as matrices, and which of them are of this form."""
+    """Modes as matrices, and which of them are of this form.
+
+    Parameters
+    ----------
+    problem : Problem
+    constants : Constants
+        By group.
+    group : array of int, shape (modes,)
+        Whose constants hold in each mode.
+    mode, region : array of int, shapes (modes, contacts) and (modes, kinks)
+    """
     from stickslip.motion.engine import tables
 
     sizes = problem.rows.sizes

@@ -62,7 +62,20 @@ class Lanes:
         span: tuple[float, float],
         forms: ClosedForms,
     ) -> Lanes:
-        """Lanes at their initial states (lanes × n)."""
+        """Lanes at their initial states (lanes × n).
+
+        Parameters
+        ----------
+        problem : Problem
+        constants : Constants
+            By group.
+        group : array of int, shape (lanes,)
+        states : array, shape (lanes, n)
+        span : (float, float)
+            Start and end, counted from the origin of the problem.
+        forms : ClosedForms
+            Room for those that all lanes share.
+        """
         (t, end), lanes = span, len(states)
         contacts, kinks = len(problem.rows.u), len(problem.rows.kinks)
         counters = np.zeros((lanes, 5), np.int64)

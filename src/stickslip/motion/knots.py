@@ -53,7 +53,16 @@ class Knots:
 
     @classmethod
     def empty(cls, size: int, n: int, contacts: int, kinks: int, origin: float = 0.0) -> Knots:
-        """Room for a number of knots."""
+        """Room for a number of knots.
+
+        Parameters
+        ----------
+        size : int
+            How many.
+        n, contacts, kinks : int
+            Numbers of components of the state, of contacts, and of kinks.
+        origin : float
+        """
         return cls(
             np.zeros(size),
             np.zeros((size, n)),
@@ -67,7 +76,15 @@ class Knots:
     def single(
         cls, clock: float, y: Array, mode: Array, region: Array, origin: float = 0.0
     ) -> Knots:
-        """One knot."""
+        """One knot.
+
+        Parameters
+        ----------
+        clock : float
+            Time since the origin.
+        y, mode, region : array, shapes (n,), (contacts,) and (kinks,)
+        origin : float
+        """
         modes, regions = mode[None].astype(np.int8), region[None].astype(np.int8)
         return cls(np.array([clock]), y[None].copy(), modes, regions, np.array([-1]), origin)
 

@@ -250,6 +250,20 @@ def pose(
 ) -> Problem:
     """Check parameters and tolerances, and bind them to a system.
 
+    Parameters
+    ----------
+    system : System
+    parameters : mapping of str to float, optional
+        Values that replace the defaults.
+    rtol : float
+        Relative accuracy of the motion, between 1e-13 and 1e-3.
+    atol : float
+        What does not matter, between 1e-30 and 1.
+    exact : bool
+        See :class:`Problem`.
+    origin : float
+        Time that clocks count from.
+
     Raises
     ------
     DeclarationError

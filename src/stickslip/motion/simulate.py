@@ -124,6 +124,22 @@ def run_loop(
     """Run the compiled loop chunk by chunk; Ctrl-C between two chunks keeps what is done.
 
     The compiled loops count time from the origin of the problem.
+
+    Parameters
+    ----------
+    problem : Problem
+    start, end : float
+    y : array, shape (n,)
+        State at the start.
+    max_events : int
+    progress : callable, optional
+        Is told the fraction of the span that is done.
+
+    Returns
+    -------
+    code : int
+        Of an :class:`Outcome`.
+    knots : Knots
     """
     from stickslip.motion.ensemble import Lanes
     from stickslip.motion.steps.arrays import FULL, NOW, Constants
@@ -156,7 +172,7 @@ def run_loop(
     if len(knots.clock) == 0 or clock[NOW] > knots.clock[-1]:
         now = lanes.now
         carried = now.mode[0] == now.settled[0]
-        mode = np.where(carried, now.mode[0], np.sign(now.mode[0]))
+        mode = np.sign(now.mode[0], out=now.mode[0].copy(), where=~carried)
         last = Knots.single(clock[NOW], now.y[0], mode, now.reg[0], problem.origin)
         knots = Knots.joined([knots, last])
     return code, knots

@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -46,7 +46,7 @@ class Ensemble(Result):
         Dimension ``trajectory``.
     """
 
-    KIND = "ensemble"
+    KIND: ClassVar[str] = "ensemble"
 
     system: System
     parameters: dict[str, float]
@@ -227,6 +227,18 @@ def follow_all(
 
     Blocks of motions are independent of each other, so that neither threads nor memory matter to
     the result.
+
+    Parameters
+    ----------
+    problem : Problem
+    table : array, shape (motions, parameters)
+    states : array, shape (motions, n)
+        Where they start.
+    span : (float, float)
+    max_events : int
+        Of each motion.
+    workers : int
+        Number of threads.
     """
     shared = bool(np.all(table == table[0]))
     slots = MOTION_SLOTS if shared else BATCH_SLOTS
@@ -264,7 +276,21 @@ def follow_block(
     max_events: int,
     slots: int,
 ) -> tuple[Lane, Array]:
-    """Follow some motions to their end; the closed forms they need are made in between."""
+    """Follow some motions to their end; the closed forms they need are made in between.
+
+    Parameters
+    ----------
+    problem : Problem
+    table : array, shape (motions, parameters)
+    states : array, shape (motions, n)
+        Where they start.
+    span : (float, float)
+        Counted from the origin of the problem.
+    max_events : int
+        Of each motion.
+    slots : int
+        Room for closed forms, for each set of parameters.
+    """
     from stickslip.motion.ensemble import Lanes
 
     sets, group = distinct(table)

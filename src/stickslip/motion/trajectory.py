@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -70,7 +70,7 @@ class Trajectory(Result):
         How the computation ended.
     """
 
-    KIND = "trajectory"
+    KIND: ClassVar[str] = "trajectory"
 
     def __init__(
         self,
@@ -85,7 +85,7 @@ class Trajectory(Result):
         self.knots = knots
         self.outcome = outcome
         self.rtol = rtol
-        self.wall_time = 0.0
+        self.wall_time: float = 0.0
 
     def __repr__(self) -> str:
         return (

@@ -104,7 +104,7 @@ def rounds(store: MapStore, adaptive: Adaptive) -> Iterator[Array]:
 
 def _coarse(grid: Grid) -> list[Cell]:
     """The cells to begin with."""
-    ranges = []
+    ranges: list[list[tuple[int, int]]] = []
     for n in grid.shape:
         stride = 1
         while (n - 1) // (2 * stride) >= _COARSEST:
@@ -150,7 +150,7 @@ def _changes(cell: Cell, known: Array, tables: Sequence[Array], limits: Sequence
 
 
 def _halves(cell: Cell) -> list[Cell]:
-    parts = []
+    parts: list[list[tuple[int, int]]] = []
     for low, high in cell:
         middle = (low + high) // 2
         parts.append([(low, middle), (middle, high)] if high - low > 1 else [(low, high)])

@@ -36,7 +36,7 @@ from stickslip.sweeps.request.measures import LACKING
 from stickslip.sweeps.request.plan import Plan
 from stickslip.sweeps.request.user_measures import variable
 from stickslip.sweeps.store import MapStore, create
-from stickslip.sweeps.sweep import compute_missing
+from stickslip.sweeps.sweep import Progress, compute_missing
 from stickslip.sweeps.work.scheduler import Pool
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ class Attractor:
     state: dict[str, float]
     period: float = 0.0
     speed: float = 0.0
-    extrema: dict[str, tuple[float, float]] = field(default_factory=dict)
+    extrema: dict[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
     certified: bool = True
     family: bool = False
     stability: str = ""
@@ -184,7 +184,12 @@ def basin(
         section=True,
     )
     store = create(plan, None)
-    show = None if progress is None else lambda state: progress(state.done / state.total)
+
+    def share(state: Progress) -> None:
+        assert progress is not None
+        progress(state.done / state.total)
+
+    show = None if progress is None else share
     interrupted = not compute_missing(store, Pool("threads", workers), None, show)
     done = store.outcome.ravel() >= 0
     label = np.full(done.size, ON_ITS_WAY)

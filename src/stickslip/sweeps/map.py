@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -45,8 +45,8 @@ class Map(Result):
         ``excess``. Where it comes from a store, values are read when they are needed.
     """
 
-    KIND = KIND
-    FORMAT = FORMAT
+    KIND: ClassVar[str] = KIND
+    FORMAT: ClassVar[int] = FORMAT
 
     dataset: xarray.Dataset
 
@@ -263,7 +263,7 @@ class Basin(Result):
         As :func:`stickslip.basin` describes it.
     """
 
-    KIND = "basin"
+    KIND: ClassVar[str] = "basin"
 
     system: System
     parameters: dict[str, float]

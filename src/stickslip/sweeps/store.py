@@ -51,14 +51,14 @@ class MapStore:
         self.plan = plan
         self.grid = grid
         self.path = path
-        self.names = list(plan.variables())
+        self.names: list[str] = list(plan.variables())
         # A chunk without a file is one that is not computed, so also chunks without any value get
         # one.
-        self.arrays = {
+        self.arrays: dict[str, Any] = {
             name: _array(group, name).with_config({"write_empty_chunks": True})
             for name in self.names
         }
-        self.outcome = np.full(grid.shape, NOT_COMPUTED, np.int8)
+        self.outcome: Array = np.full(grid.shape, NOT_COMPUTED, np.int8)
 
     @property
     def left(self) -> int:

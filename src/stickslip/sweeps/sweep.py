@@ -167,6 +167,11 @@ def make_plan(
 ) -> Plan:
     """Everything that is asked for, checked.
 
+    Parameters
+    ----------
+    system, over, measure, initial, settings, seed
+        As for :func:`sweep`.
+
     Raises
     ------
     DeclarationError
@@ -220,7 +225,21 @@ def compute_missing(
     progress: Callable[[Progress], None] | None = None,
     device: str = "cpu",
 ) -> bool:
-    """Compute what is missing; True if it came to its end."""
+    """Compute what is missing; True if it came to its end.
+
+    Parameters
+    ----------
+    store : MapStore
+        Filled.
+    pool : Pool
+        Who computes.
+    adaptive : Adaptive or None
+        Which points are computed; by default all.
+    progress : callable, optional
+        Is told of :class:`Progress`.
+    device : str
+        ``"cpu"`` or ``"gpu"``.
+    """
     work = work_of(store.plan, device)
     if pool.scheduler == "processes":
         check_sendable(work)

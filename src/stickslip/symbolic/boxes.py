@@ -97,6 +97,14 @@ def deviation(start: Array, end: Array, value: Box, slope: Box, width: Array) ->
     With slopes between d₁ and d₂ and the slope m of the line, that is (d₂ − m)(m − d₁)/(d₂ − d₁)
     times the width; and it is no more than what its values spread beyond those at the ends. (Up to
     the rounding of these values.)
+
+    Parameters
+    ----------
+    start, end : array, shape (..., boxes)
+        Values at the ends.
+    value, slope : array, shape (2, ..., boxes)
+        Bounds on values and slopes.
+    width : array, shape (boxes,)
     """
     with np.errstate(all="ignore"):
         mean = np.clip((end - start) / width, slope[0], slope[1])

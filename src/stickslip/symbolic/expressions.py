@@ -42,11 +42,11 @@ class Expr:
     def __init__(
         self, op: str, value: float | str, args: tuple[Expr, ...], terms: Terms, key: str
     ) -> None:
-        self.op = op
-        self.value = value
-        self.args = args
-        self.terms = terms
-        self.key = key
+        self.op: str = op
+        self.value: float | str = value
+        self.args: tuple[Expr, ...] = args
+        self.terms: Terms = terms
+        self.key: str = key
         children = [*args, *(child for child, _ in terms)]
         self.symbols: frozenset[str] = frozenset().union(*(c.symbols for c in children))
         if op == "sym":

@@ -26,7 +26,7 @@ def draw() -> Figure:
             (-end, X, ss.style.BLUE, "-", r"$\Gamma(\psi)$, for $\dot\psi > 0$"),
             (end, -X, ss.style.VERMILION, (0, (3, 1.5)), r"$-\Gamma(-\psi)$, for $\dot\psi < 0$"),
         ):
-            branch = operator.path([start, -start], d)
+            branch = operator.path([start, -start], initial=d)
             axes.plot(*branch, color=colour, lw=2.8, ls=dashes, label=label)
             heads(axes, *branch, (0.4, 0.56), colour, 17)
         axes.plot(

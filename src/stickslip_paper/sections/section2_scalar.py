@@ -280,7 +280,7 @@ def limit_solution() -> Finding:
     error = 0.0
     for least in (0.1, 0.5, 1.0, 2.5):
         average = ss.WeightedL1([f"{least} + 1 + cos(2*pi*s)"]).average()
-        threshold = float(average.bounds()[1][0])  # pyright: ignore[reportAttributeAccessIssue]
+        threshold = float(average.bounds()[1][0])
         z = ss.play(_LOAD, threshold, _SPAN, initial=0.0).position(t)
         error = maximum(error, float(np.abs(z - limit(t, least)).max()))
     return vanishes(error, 1e-13)

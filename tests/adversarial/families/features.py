@@ -19,12 +19,12 @@ WAVE = "F*cos(omega*t + phi)"
 WAVES = "F=0 omega=1 phi=0"
 
 
-def each_kind(make: Callable[[Rng, str], Case]) -> Callable[[Rng, str], Case]:
+def each_kind(make: Callable[..., Case]) -> Callable[..., Case]:
     """Register a family for every kind of coordinate."""
     for kind in KINDS:
-        FAMILIES[f"{make.__name__.replace('_', ' ')}, {kind}"] = update_wrapper(
-            partial(make, kind=kind), make
-        )
+        made = partial(make, kind=kind)
+        update_wrapper(made, make)
+        FAMILIES[f"{make.__name__.replace('_', ' ')}, {kind}"] = made
     return make
 
 

@@ -9,7 +9,7 @@ from math import acos, acosh, cos, sin
 
 from stickslip import Contact, Inertial, RateIndependent, System
 
-from ..case import Case, Rng, family, given, pick
+from ..case import C, Case, Rng, family, given, pick
 from ..mechanics import Mechanics
 from .classics import block_on_a_belt, forced, stribeck_belt
 from .several import pair_with_two_contacts
@@ -31,7 +31,7 @@ DIMENSIONS = {
 }
 
 
-def scaled(case: Case, mass: float, length: float, time: float) -> Case:
+def scaled(case: C, mass: float, length: float, time: float) -> C:
     """The same motion in other units."""
 
     def unit(exponents: tuple[int, int, int]) -> float:

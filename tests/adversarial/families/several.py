@@ -443,7 +443,8 @@ HELD = (("F_k", "mu"), ("G_k", "nu"), ("H_k", "xi"))
 def hyperstatic_with_static_above_kinetic(rng: Rng) -> Case:
     """The same, where what is carried at its threshold must not be mistaken for what slides."""
     case = hyperstatic(rng)
-    n = case.parameters | {a: rng.uniform(0.3, 1.0) * case.parameters[b] for a, b in HELD}
+    held = {a: rng.uniform(0.3, 1.0) * case.parameters[b] for a, b in HELD}
+    n = {**case.parameters, **held}
     assert case.mechanics is not None
     mechanics = replace(
         case.mechanics, kinetic=lambda t, x, v, a, side, speed: [n[a] for a, _ in HELD]

@@ -257,6 +257,7 @@ def monodromy(point: SpecialPoint) -> NDArray[np.float64]:
         )
 
     first = point.data["time"]
+    assert point.period is not None
     last = point.data["time"] + point.period
     z = solve_ivp(
         rates, (first, last), np.append(start, np.eye(2)), method="DOP853", rtol=1e-12, atol=1e-13
@@ -327,7 +328,7 @@ def test_torus() -> None:
     assert kinds(branch) == ["torus"]
     assert branch.special[0].value == pytest.approx(0.0, abs=1e-11)
     assert branch.special[0].note == "rotation number 0.3"
-    modulus = np.hypot(branch.points["multiplier_real"], branch.points["multiplier_imag"]).values
+    modulus = np.hypot(*(branch.points[f"multiplier_{part}"].values for part in ("real", "imag")))
     expected = np.exp(-np.pi * branch.points["c"].values)
     assert modulus == pytest.approx(np.column_stack([expected, expected]), rel=1e-9)
 
@@ -341,7 +342,7 @@ def test_without_damping() -> None:
     assert not branch.special
     assert np.all(branch.points["stable"].values == -1)
     assert "neutral" in cycle.describe()
-    modulus = np.hypot(branch.points["multiplier_real"], branch.points["multiplier_imag"]).values
+    modulus = np.hypot(*(branch.points[f"multiplier_{part}"].values for part in ("real", "imag")))
     assert modulus == pytest.approx(np.ones_like(modulus), rel=1e-10)
 
 
@@ -372,7 +373,7 @@ def test_toy_turns_back_where_its_legs_cease_to_stop() -> None:
     )
     assert unstable.nontrivial[0].real > 1.0
     starts = unstable.trajectory.events
-    stop = starts[starts["to"] == "stick"]["time"].iloc[0] + 0.1
+    stop = starts.loc[starts["to"] == "stick", "time"].iloc[0] + 0.1
     there = unstable.trajectory.at(float(stop))
     for factor, walks in ((0.98, False), (1.02, True)):
         start = {**{name: there[name] for name in unstable.state}, "d_psi": factor * there["d_psi"]}

@@ -41,7 +41,7 @@ def slider_onset(nu: float, V: tuple[float, float]) -> SpecialPoint:
 def test_reversing(stops: SpecialPoint) -> None:
     """Den Hartog's limit of non-stop motion."""
     curve = stick_onset_curve(
-        OSCILLATOR, stops, "F_c", "omega", {"F_c": (0.1, 0.824), "omega": (0.75, 0.95)}
+        OSCILLATOR, stops, "F_c", "omega", ranges={"F_c": (0.1, 0.824), "omega": (0.75, 0.95)}
     )
     first, last = curve.ended.split("; ")
     found = {first.removeprefix("first point: "), last.removeprefix("last point: ")}
@@ -58,7 +58,9 @@ def test_touching() -> None:
     """Unstable cycles of the spring slider, next to their fold: the curve meets onsets that were
     found on branches."""
     start = slider_onset(0.05, (0.2, 0.25))
-    curve = stick_onset_curve(SLIDER, start, "V", "nu", {"V": (0.1, 0.3), "nu": (0.044, 0.055)})
+    curve = stick_onset_curve(
+        SLIDER, start, "V", "nu", ranges={"V": (0.1, 0.3), "nu": (0.044, 0.055)}
+    )
     assert (
         curve.ended
         == "first point: nu = 0.044, the end of the range; last point: nu = 0.055, the end of the "
@@ -88,12 +90,14 @@ def test_bad_arguments(stops: SpecialPoint) -> None:
     ranges = {"F_c": (0.1, 0.99), "omega": (0.75, 0.95)}
     hopf = continue_equilibrium(SLIDER, "V", (0.2, 0.25)).of_kind("Hopf")[0]
     with pytest.raises(DeclarationError, match="a special point of kind 'Hopf'"):
-        stick_onset_curve(SLIDER, hopf, "V", "nu", {"V": (0.1, 0.3), "nu": (0.04, 0.06)})
+        stick_onset_curve(SLIDER, hopf, "V", "nu", ranges={"V": (0.1, 0.3), "nu": (0.04, 0.06)})
     with pytest.raises(DeclarationError, match="the same"):
-        stick_onset_curve(OSCILLATOR, stops, "F_c", "F_c", ranges)
+        stick_onset_curve(OSCILLATOR, stops, "F_c", "F_c", ranges=ranges)
     with pytest.raises(DeclarationError, match=r"ranges.omega: it is missing"):
-        stick_onset_curve(OSCILLATOR, stops, "F_c", "omega", {"F_c": (0.1, 0.99)})
+        stick_onset_curve(OSCILLATOR, stops, "F_c", "omega", ranges={"F_c": (0.1, 0.99)})
     with pytest.raises(DeclarationError, match=r"ranges.F_c: the point lies at F_c = 0.81"):
-        stick_onset_curve(OSCILLATOR, stops, "F_c", "omega", {**ranges, "F_c": (0.1, 0.3)})
+        stick_onset_curve(OSCILLATOR, stops, "F_c", "omega", ranges={**ranges, "F_c": (0.1, 0.3)})
     with pytest.raises(DeclarationError, match="weight"):
-        stick_onset_curve(OSCILLATOR, stops, "F_c", "weight", {**ranges, "weight": (0.1, 0.3)})
+        stick_onset_curve(
+            OSCILLATOR, stops, "F_c", "weight", ranges={**ranges, "weight": (0.1, 0.3)}
+        )

@@ -148,7 +148,7 @@ def test_ends_exactly_at_the_ends_of_a_range() -> None:
 def test_hopf_points_in_two_parameters() -> None:
     ranges = {"V": SPAN, "v_s": (0.05, 2.0)}
     (point,) = continue_equilibrium(stribeck_belt(), "V", SPAN).of_kind("Hopf")
-    curve = hopf_curve(stribeck_belt(), point, "V", "v_s", ranges)
+    curve = hopf_curve(stribeck_belt(), point, "V", "v_s", ranges=ranges)
     V, v_s = (curve.points[name].values for name in ("V", "v_s"))
     assert curve.certificate.ok, curve.certificate.describe()
     assert pytest.approx(V, rel=1e-10) == v_s * np.log(0.5 / (0.05 * v_s))
@@ -161,7 +161,7 @@ def test_stick_onsets_in_two_parameters() -> None:
     computed."""
     ranges = {"V": SPAN, "v_s": (0.4, 0.6)}
     onset = branch(1.0).of_kind("stick onset")[0]
-    curve = stick_onset_curve(stribeck_belt(), onset, "V", "v_s", ranges)
+    curve = stick_onset_curve(stribeck_belt(), onset, "V", "v_s", ranges=ranges)
     assert curve.certificate.ok, curve.certificate.describe()
     assert sorted(curve.points["v_s"].values[[0, -1]].tolist()) == [0.4, 0.6]
     for i in (0, -1):
@@ -173,7 +173,7 @@ def test_stick_onsets_in_two_parameters() -> None:
 def test_a_fold_that_is_not_smooth_points_to_the_onset() -> None:
     ranges = {"V": SPAN, "v_s": (0.05, 2.0)}
     with pytest.raises(DeclarationError, match="stick_onset_curve"):
-        fold_curve(stribeck_belt(), branch(1.0).of_kind("fold")[0], "V", "v_s", ranges)
+        fold_curve(stribeck_belt(), branch(1.0).of_kind("fold")[0], "V", "v_s", ranges=ranges)
 
 
 def pictures() -> list[Callable[[], Branch]]:
@@ -181,12 +181,12 @@ def pictures() -> list[Callable[[], Branch]]:
 
     def hopf() -> Branch:
         start = continue_equilibrium(stribeck_belt(), "V", SPAN).of_kind("Hopf")[0]
-        return hopf_curve(stribeck_belt(), start, "V", "v_s", ranges)
+        return hopf_curve(stribeck_belt(), start, "V", "v_s", ranges=ranges)
 
     def onset() -> Branch:
         start = branch(1.0).of_kind("stick onset")[0]
         return stick_onset_curve(
-            stribeck_belt(), start, "V", "v_s", {"V": (2.9, 3.2), "v_s": (0.45, 0.55)}
+            stribeck_belt(), start, "V", "v_s", ranges={"V": (2.9, 3.2), "v_s": (0.45, 0.55)}
         )
 
     return [hopf, onset]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,9 +31,10 @@ def amplitude(omega: float, F: float = 0.3) -> float:
 def onset(low: float, high: float, z: float = 0.0) -> float:
     """Where the force of the damper at z comes to its threshold: the amplitude about z/3 reaches z
     + 2 or 2 − z."""
-    return float(
-        brentq(lambda omega: amplitude(omega) + 2.0 / 3.0 * abs(z) - 2.0, low, high, xtol=1e-15)
+    root: Any = brentq(
+        lambda omega: amplitude(omega) + 2.0 / 3.0 * abs(z) - 2.0, low, high, xtol=1e-15
     )
+    return root
 
 
 @cache
@@ -65,7 +67,7 @@ def test_the_given_position_of_rest(z: float) -> None:
     assert cycle.trivial == 1
     assert cycle.stable
     expected = np.exp((-0.01 + 1j * math.sqrt(1.5 - 1e-4)) * cycle.period)
-    above = cycle.nontrivial[np.argmax(cycle.nontrivial.imag)]
+    above = cycle.nontrivial[np.argmax(np.imag(cycle.nontrivial))]
     assert above == pytest.approx(complex(expected.real, abs(expected.imag)), rel=1e-10)
     assert np.prod(cycle.nontrivial) == pytest.approx(math.exp(-0.02 * cycle.period), rel=1e-10)
 

@@ -140,6 +140,7 @@ def test_the_rocking_toy_at_rest() -> None:
     assert found.extent["x_R"] == (-math.inf, math.inf)
     assert found.dimension == 2
     assert found.stable
+    assert found.eigenvalues is not None
     assert len(found.eigenvalues) == 2
     assert found.exact
 
@@ -371,7 +372,7 @@ def test_folds() -> None:
 def test_curves_of_folds_meet_in_a_cusp() -> None:
     system = flow({"x": "p + q*x - x**3"}, {"x": 1.0}, p=0.0, q=1.0)
     fold = continue_equilibrium(system, "p", (-1.0, 1.0)).of_kind("fold")[0]
-    curve = fold_curve(system, fold, "p", "q", {"p": (-1.0, 1.0), "q": (-1.0, 2.0)})
+    curve = fold_curve(system, fold, "p", "q", ranges={"p": (-1.0, 1.0), "q": (-1.0, 2.0)})
     p, q = curve.points["p"].values, curve.points["q"].values
     assert p**2 == pytest.approx(4 * q**3 / 27, abs=1e-13)
     (cusp,) = curve.special
@@ -383,7 +384,7 @@ def test_curves_of_folds_meet_in_a_cusp() -> None:
     )
     (axes,) = curve.plot().axes
     drawn = np.concatenate(
-        [np.asarray(line.get_xydata()) for line in axes.get_lines() if len(line.get_xdata()) > 1]
+        [xy for line in axes.get_lines() if len(xy := np.asarray(line.get_xydata())) > 1]
     )
     assert drawn[:, 0] ** 2 == pytest.approx(4 * drawn[:, 1] ** 3 / 27, abs=1e-12)
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("$p$", "$q$")
@@ -401,7 +402,7 @@ def test_bogdanov_takens() -> None:
     assert hopf.note == "subcritical"
     assert fold.value == pytest.approx(0.01, rel=1e-13)
     ranges = {"b_1": (-1.0, 1.0), "b_2": (-1.0, 1.0)}
-    folds = fold_curve(system, fold, "b_1", "b_2", ranges)
+    folds = fold_curve(system, fold, "b_1", "b_2", ranges=ranges)
     assert folds.points["b_1"].values == pytest.approx(
         folds.points["b_2"].values ** 2 / 4, abs=1e-12
     )
@@ -410,7 +411,7 @@ def test_bogdanov_takens() -> None:
     assert (organising.parameters["b_1"], organising.parameters["b_2"]) == pytest.approx(
         (0, 0), abs=1e-8
     )
-    hopfs = hopf_curve(system, hopf, "b_1", "b_2", ranges)
+    hopfs = hopf_curve(system, hopf, "b_1", "b_2", ranges=ranges)
     assert hopfs.points["b_1"].values == pytest.approx(0.0, abs=1e-12)
     assert hopfs.points["frequency"].values ** 2 == pytest.approx(
         -hopfs.points["b_2"].values, abs=1e-10
@@ -429,7 +430,7 @@ def test_bautin() -> None:
     (hopf,) = continue_equilibrium(system, "a", (-1.0, 1.0), start={"x": 0.0, "y": 0.0}).of_kind(
         "Hopf"
     )
-    curve = hopf_curve(system, hopf, "a", "b", {"a": (-1.0, 1.0), "b": (-1.0, 1.0)})
+    curve = hopf_curve(system, hopf, "a", "b", ranges={"a": (-1.0, 1.0), "b": (-1.0, 1.0)})
     assert curve.points["lyapunov"].values == pytest.approx(2 * curve.points["b"].values, abs=1e-12)
     (bautin,) = curve.special
     assert bautin.kind == "Bautin"
@@ -439,7 +440,7 @@ def test_bautin() -> None:
 def test_hopf_points_of_the_slider_in_two_parameters() -> None:
     system = catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05)
     (hopf,) = continue_equilibrium(system, "V", (0.02, 0.5)).of_kind("Hopf")
-    curve = hopf_curve(system, hopf, "V", "nu", {"V": (0.02, 0.5), "nu": (0.005, 0.3)})
+    curve = hopf_curve(system, hopf, "V", "nu", ranges={"V": (0.02, 0.5), "nu": (0.005, 0.3)})
     assert curve.ended.count("the end of the range") == 2
     V, nu, U, alpha = (curve.points[name].values for name in ("V", "nu", "U", "alpha"))
     slope = -(alpha**-1.5)
@@ -568,7 +569,7 @@ def test_curves_need_their_point(kind: str) -> None:
     ranges = {"V": (0.02, 0.5), "nu": (0.005, 0.3)}
     if kind == "fold":
         with pytest.raises(DeclarationError, match="special point of kind 'Hopf'"):
-            fold_curve(system, hopf, "V", "nu", ranges)
+            fold_curve(system, hopf, "V", "nu", ranges=ranges)
         return
     for names, given_ranges, message in (
         (("V", "V"), ranges, "are the same"),
@@ -577,7 +578,7 @@ def test_curves_need_their_point(kind: str) -> None:
         (("V", "nu"), {**ranges, "V": (0.3, 0.5)}, r"the point lies at V = 0\.2248"),
     ):
         with pytest.raises(DeclarationError, match=message):
-            hopf_curve(system, hopf, *names, given_ranges)
+            hopf_curve(system, hopf, *names, ranges=given_ranges)
 
 
 def test_more_regions_than_can_be_tried() -> None:

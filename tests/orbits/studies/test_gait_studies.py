@@ -32,7 +32,9 @@ def test_speed_over_the_pull() -> None:
     assert found["amplitude_psi"].values[2] == pytest.approx(1.6235734, abs=1e-6)
     assert "rest" in str(found["note"].values[0])
     assert all(
-        np.all(np.isfinite(found[name])) for name in found.dataset.data_vars if name != "note"
+        np.all(np.isfinite(values))
+        for name, values in found.dataset.data_vars.items()
+        if name != "note"
     )
 
 

@@ -109,7 +109,7 @@ def test_crawler(f_plus: float, f_minus: float, k: float) -> None:
     # Only the easy direction is ever taken, by each leg once.
     assert crawl.dissipated == pytest.approx(2 * min(f_plus, f_minus) * abs(step), rel=1e-11)
     assert crawl.energy_per_distance == pytest.approx(2 * min(f_plus, f_minus), rel=1e-11)
-    assert sorted(crawl.multipliers.real) == [0.0, pytest.approx(1.0)]
+    assert sorted(np.real(crawl.multipliers)) == [0.0, pytest.approx(1.0)]
 
 
 def test_crawler_with_a_short_stroke_stays() -> None:

@@ -29,7 +29,7 @@ SETS = [
 
 @cache
 def operator(index: int = 0) -> HysteresisOperator:
-    return HysteresisOperator.of(catalogue.rocking_toy(), SETS[index])
+    return HysteresisOperator.of(catalogue.rocking_toy(), parameters=SETS[index])
 
 
 @pytest.mark.parametrize("index", range(len(SETS)))
@@ -88,9 +88,9 @@ def test_legs_of_the_toy_follow_it(start: dict[str, float]) -> None:
     turns = np.sum(np.diff(np.sign(values["d_psi"])) != 0)
     assert turns > 10
     # Between samples ψ turns by at most ψ̈ h²/8; the curves have slopes up to 1.2.
-    assert distance(operator()(psi, d[0]), d) < 2e-4
+    assert distance(operator()(psi, initial=d[0]), d) < 2e-4
     moving = np.abs(values["d_psi"]) > 0.1
-    assert distance(operator()(psi, d[0])[moving], d[moving]) < 1e-10 + 2e-4 * (
+    assert distance(operator()(psi, initial=d[0])[moving], d[moving]) < 1e-10 + 2e-4 * (
         np.max(np.abs(psi)) < 1.0
     )
 
@@ -104,33 +104,35 @@ def test_memory(turns: list[float], initial: float, index: int) -> None:
     """Return-point memory, no dependence on speed, values between the curves, swings that clip,
     monotone in d."""
     h = operator(index)
-    d = h(turns, initial)
+    d = h(turns, initial=initial)
     assert np.all(d <= h.upper(turns) + 1e-14)
     assert np.all(d >= h.lower(turns) - 1e-14)
     a, b = turns[-2:]
-    assert h([*turns, a, b], initial)[-1] == pytest.approx(d[-1], abs=1e-13)
+    assert h([*turns, a, b], initial=initial)[-1] == pytest.approx(d[-1], abs=1e-13)
     finer = np.concatenate([np.linspace(p, q, 7) for p, q in pairwise(turns)])
-    assert h(finer, initial)[-1] == pytest.approx(d[-1], abs=1e-13)
+    assert h(finer, initial=initial)[-1] == pytest.approx(d[-1], abs=1e-13)
     low, high = h.swing(a, b)
     assert low <= high
     assert d[-1] == pytest.approx(np.clip(d[-2], low, high), abs=1e-14)
-    assert h(turns, initial + 0.1)[-1] >= d[-1] - 1e-14
+    assert h(turns, initial=initial + 0.1)[-1] >= d[-1] - 1e-14
 
 
 def test_path_has_all_corners() -> None:
     h = operator()
-    psi, d = h.path([-1.6, 1.6, 0.3, 1.5], 0.9)
+    psi, d = h.path([-1.6, 1.6, 0.3, 1.5], initial=0.9)
     for i in range(len(psi) - 1):
         middle = 0.5 * (psi[i] + psi[i + 1])
-        assert h([psi[i], middle], d[i])[-1] == pytest.approx(0.5 * (d[i] + d[i + 1]), abs=1e-13)
+        assert h([psi[i], middle], initial=d[i])[-1] == pytest.approx(
+            0.5 * (d[i] + d[i + 1]), abs=1e-13
+        )
 
 
 def test_a_function_of_time() -> None:
     h = operator()
-    play = h.driven(lambda t: 1.5 * np.sin(t), (0.0, 20.0), 0.0)
+    play = h.driven(lambda t: 1.5 * np.sin(t), (0.0, 20.0), initial=0.0)
     assert play.certificate.ok
     times = np.union1d(np.pi / 2 * np.arange(1, 13, 2), [0.0, 3.0, 7.7, 20.0])
-    assert play.final == pytest.approx(h(1.5 * np.sin(times), 0.0)[-1], abs=1e-12)
+    assert play.final == pytest.approx(h(1.5 * np.sin(times), initial=0.0)[-1], abs=1e-12)
 
 
 def test_reduced_oscillator_is_the_toy_in_simple_motion_only() -> None:
@@ -154,8 +156,8 @@ def test_what_has_no_such_operator() -> None:
     with pytest.raises(DeclarationError, match="not piecewise affine"):
         HysteresisOperator.of(catalogue.rocking_toy(H_R="H_star/2*(1 + tanh(psi))"))
     with pytest.raises(DeclarationError, match="G- is above"):
-        HysteresisOperator.of(catalogue.rocking_toy(), {"P": 2.0})
+        HysteresisOperator.of(catalogue.rocking_toy(), parameters={"P": 2.0})
     with pytest.raises(DeclarationError, match="do not alternate"):
-        HysteresisOperator.of(catalogue.rocking_toy(), {"H_star": 0.5, "P": 0.3}).X  # noqa: B018
+        HysteresisOperator.of(catalogue.rocking_toy(), parameters={"H_star": 0.5, "P": 0.3}).X  # noqa: B018
     with pytest.raises(DeclarationError, match="finite numbers"):
         operator()([0.0, np.nan])

@@ -37,12 +37,13 @@ def register(kind: type[Result]) -> Callable[[_Draw], _Draw]:
 
     def add(function: _Draw) -> _Draw:
         name = function.__name__
-        other = _drawn.setdefault(kind, {}).setdefault(name, function)
-        if other is not function and other.__module__ != function.__module__:
+        own = _drawn.setdefault(kind, {})
+        # A module that is run again brings its functions again.
+        if name in own and own[name].__module__ != function.__module__:
             raise DeclarationError(
-                f"figure '{name}'", f"{other.__module__} has it already", "Choose another name"
+                f"figure '{name}'", f"{own[name].__module__} has it already", "Choose another name"
             )
-        _drawn[kind][name] = function
+        own[name] = function
         return function
 
     return add

@@ -39,7 +39,7 @@ class Columns:
     def __init__(self, start: float, end: float) -> None:
         self.start = start
         self.end = end
-        self.width = end - start or 1.0
+        self.width: float = end - start or 1.0
         self._kept: dict[str, Array] = {}
 
     def absorb(self, t: Array, values: Mapping[str, Array]) -> None:
@@ -167,8 +167,8 @@ class Curve:
 
     def __init__(self, whole: bool, x: Array, y: Array) -> None:
         self.whole = whole
-        self.origin = np.array([np.min(x), np.min(y)])
-        self.size = np.array([np.ptp(x), np.ptp(y)])
+        self.origin: Array = np.array([np.min(x), np.min(y)])
+        self.size: Array = np.array([np.ptp(x), np.ptp(y)])
         self._parts: list[Array] = []
         self._spots: list[Array] = []
         self._count = 0

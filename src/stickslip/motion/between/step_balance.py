@@ -209,7 +209,20 @@ def audit_step(
     steps: Steps,
     tally: Tally,
 ) -> None:
-    """Follow the i-th step again, piece by piece, and measure it."""
+    """Follow the i-th step again, piece by piece, and measure it.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    seen, starts, ends, check
+        As of :func:`audit_steps`.
+    i : int
+        The step.
+    steps : Steps
+    tally : Tally
+        Both are added to.
+    """
     nc = len(flow.rows.u)
     W = flow.space.W
     y = flow.space.trial
@@ -274,7 +287,22 @@ def count_jumps(
     tally: Tally,
 ) -> None:
     """Count the work that a load which jumps at a time does on what is at rest, too, as supplied
-    energy."""
+    energy.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    at : Instant
+        End of the step; its regions become the next ones where a load jumps.
+    next_reg : array of int, shape (kinks,)
+        Regions that begin there.
+    i : int
+        The step.
+    steps : Steps
+    tally : Tally
+        Both are added to.
+    """
     rows = flow.rows
     for j in range(len(rows.timed)):
         if rows.timed[j] == 1 and next_reg[j] != at.reg[j]:
@@ -372,6 +400,18 @@ def counts_for(rows: Rows, mag: Array, r: int, size: float, h: float, acting: fl
     Where a polynomial lasts longer than a series, because something decays, that is as long as a
     series would last, or as the terms of the rate would take to change this part of the state by
     its size: what does not decay counts fully.
+
+    Parameters
+    ----------
+    rows : Rows
+    mag : array
+        Sizes of the terms of what may cancel.
+    r : int
+        Part of the state.
+    size : float
+        Its size.
+    h, acting : float
+        Length of the piece, and how long a series would last.
     """
     place = rows.program.rate_sizes[r]
     if place < 0 or not acting < h or not mag[place] * h > size:
@@ -383,7 +423,22 @@ def counts_for(rows: Rows, mag: Array, r: int, size: float, h: float, acting: fl
 def encloses(
     rows: Rows, space: Space, N: int, h: float, acting: float, factor: float, tally: Tally
 ) -> bool:
-    """Whether what may be between the nodes of a piece is negligible."""
+    """Whether what may be between the nodes of a piece is negligible.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the coefficients, the discs and the powers of the piece.
+    N : int
+        Order of the polynomials.
+    h, acting : float
+        Length of the piece, and how long a series would last.
+    factor : float
+        From the discs to what may be between the nodes.
+    tally : Tally
+        Sizes so far.
+    """
     n = rows.sizes[DIMENSION]
     nc = len(rows.u)
     mag = space.mag
@@ -433,7 +488,22 @@ def measure_piece(
     tally: Tally,
 ) -> None:
     """Evaluate the law at the nodes of a piece, and add up what was found there and what may be
-    between them."""
+    between them.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    piece : StepPiece
+    mode, reg : arrays of int, shapes (contacts,), (kinks,)
+    check : bool
+        Whether more than the work is wanted.
+    i : int
+        The step.
+    steps : Steps
+    tally : Tally
+        Both are added to.
+    """
     rows = flow.rows
     space = flow.space
     n = rows.sizes[DIMENSION]
@@ -479,7 +549,22 @@ def sample_residuals(
     steps: Steps,
     tally: Tally,
 ) -> None:
-    """Keep the residuals p′ − f(p) at a node, and count the rounding errors of the rates."""
+    """Keep the residuals p′ − f(p) at a node, and count the rounding errors of the rates.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the values of the rows at the node; receives the residuals.
+    piece : StepPiece
+    y : array, shape (n,)
+        State at the node.
+    g, i : int
+        The node, and the step.
+    steps : Steps
+    tally : Tally
+        Both are added to.
+    """
     W = space.W
     mag = space.mag
     sizes = rows.program.rate_sizes
@@ -515,6 +600,19 @@ def sample_law(
     """Keep the values of all guards at a node, and the sizes of what they are made of.
 
     A contact has three rows: what must be nonnegative (two of them in stick), and what must vanish.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the values of the rows at the node; receives those of the guards.
+    mode, reg : arrays of int, shapes (contacts,), (kinks,)
+    h : float
+        How long a series would last, in which forces make a velocity.
+    g : int
+        The node.
+    tally : Tally
+        Receives the sizes.
     """
     n = rows.sizes[DIMENSION]
     nc = len(rows.u)
@@ -562,7 +660,19 @@ def sample_law(
 
 @njit(**OPTIONS)
 def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally) -> None:
-    """By how much guards fail on a piece, at the nodes and between them."""
+    """By how much guards fail on a piece, at the nodes and between them.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the guards at the nodes, and the discs.
+    mode : array of int, shape (contacts,)
+    factor : float
+        From the discs to what may be between the nodes; infinite if that is not known.
+    tally : Tally
+        Receives the largest.
+    """
     n = rows.sizes[DIMENSION]
     nc = len(rows.u)
     mag = space.mag
@@ -618,6 +728,21 @@ def judge_departures(
     The friction law alone would allow it: the stated rule is that what can stick sticks. Of several
     that leave together one has reached its threshold; what they carry at rest has to hold all it
     can. Where regions change, or a contact comes to rest, forces may jump, and nothing is asked.
+
+    Parameters
+    ----------
+    flow : Flow
+        Its work space has the polynomials of the last piece.
+    at : Instant
+        End of the step, with the mode and the regions of the step.
+    next_mode, next_reg : arrays of int, shapes (contacts,), (kinks,)
+        Those that begin there.
+    order : int
+        Of the polynomials.
+    h : float
+        Length of the last piece.
+    tally : Tally
+        Receives the largest.
     """
     rows = flow.rows
     W = flow.space.W
@@ -676,6 +801,23 @@ def close_step(
     space).
 
     A time is a rounded number: an end that the motion passes within half a digit of it is right.
+
+    Parameters
+    ----------
+    flow : Flow
+    at : Instant
+        End of the step, with the mode of the step.
+    N : int
+        Order of the polynomials.
+    h : float
+        Length of the last piece.
+    first : array, shape (n,)
+        State at the beginning of the step.
+    i : int
+        The step.
+    steps : Steps
+    tally : Tally
+        Both are added to.
     """
     sizes = flow.rows.sizes
     space = flow.space

@@ -172,6 +172,25 @@ def integrate_affine(
 
     Most systems with closed forms need nothing else, and need not wait until the Taylor steps are
     compiled.
+
+    Parameters
+    ----------
+    rows : Rows
+    constants : Constants
+        By group of lanes with the same parameters (a leading axis).
+    flight : Flight
+    forms : ClosedForms
+    group : array of int, shape (lanes,)
+    codes : array of int, shape (lanes,)
+        FULL, NEED or STEPS where a lane is to go on; receives the outcome code.
+    lanes : Lane
+        Of all lanes (a leading axis).
+    task : Task
+
+    Returns
+    -------
+    int
+        Number of recorded steps.
     """
     count = INT_ZERO
     for i in range(len(codes)):
@@ -189,7 +208,18 @@ def integrate_affine(
 
 @njit(**INLINED)
 def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) -> tuple[int, int]:
-    """Taylor steps up to and including the next event: (outcome code or −1, recorded steps)."""
+    """Taylor steps up to and including the next event: (outcome code or −1, recorded steps).
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    lane : Lane
+        Is moved on.
+    task : Task
+    count : int
+        Steps recorded so far.
+    """
     rows = flow.rows
     space = flow.space
     clock = lane.clock
@@ -277,7 +307,19 @@ def restore_mode(mode: Array, settled: Array) -> None:
 
 @njit(**INLINED)
 def give_up(status: int, rows: Rows, lane: Lane, task: Task, count: int) -> tuple[int, int]:
-    """Outcome code of a motion from which no mode goes on, and the recorded steps."""
+    """Outcome code of a motion from which no mode goes on, and the recorded steps.
+
+    Parameters
+    ----------
+    status : int
+        What was said of the last candidate.
+    rows : Rows
+    lane : Lane
+        Is put back where its last step has left the domain of a formula.
+    task : Task
+    count : int
+        Steps recorded so far.
+    """
     if status == NAN:
         if task.recording and lane.counters[CAUSE] < 0 and count > 1:
             # The last step has left the domain of a formula: its end is no state of the motion.
@@ -320,7 +362,17 @@ def look_ahead(flow: Flow, x: float, h: float) -> None:
 
 @njit(**OPTIONS)
 def count_step(clock: Array, counters: Array, h: float, series: float, t: float) -> None:
-    """Put the clock to the end of a step or of a flight."""
+    """Put the clock to the end of a step or of a flight.
+
+    Parameters
+    ----------
+    clock, counters : arrays
+        Of a lane; they receive what has been done.
+    h, series : float
+        Length of the step (the whole, where an event cuts it), and that of its series.
+    t : float
+        Time at the end.
+    """
     counters[TAKEN] += 1
     clock[LAST], clock[SERIES], clock[RECENT] = h, series, max(series, 0.5 * clock[RECENT])
     clock[NOW] = t
@@ -352,6 +404,20 @@ def fly_on(
     count: int,
 ) -> tuple[int, int]:
     """Closed-form flights from event to event, as long as the modes are flights.
+
+    Parameters
+    ----------
+    T : ClosedForms
+    g : int
+        Group of the lane.
+    flight : Flight
+    rows : Rows
+    omega : array, shape (waves,)
+        Frequencies of the drives.
+    lane : Lane
+    task : Task
+    count : int
+        Steps recorded so far.
 
     Returns
     -------
@@ -450,7 +516,21 @@ def decide(
 @njit(**INLINED)
 def carries(T: ClosedForms, slot: int, flight: Flight, mode: Array, nk: int, drops: Array) -> bool:
     """Whether a contact that does not stick and whose sliding force is not its threshold may be
-    carried by others."""
+    carried by others.
+
+    Parameters
+    ----------
+    T : ClosedForms
+    slot : int
+        Of the mode.
+    flight : Flight
+        With the deciding orders of the guards.
+    mode : array of int, shape (contacts,)
+    nk : int
+        Number of kinks.
+    drops : array of int, shape (contacts,)
+        1 for each contact whose sliding force is not its threshold.
+    """
     if len(mode) > 1:
         for g in range(T.counts[slot, GUARDS]):
             c = contact_of(T.switch[slot, g], nk)
@@ -531,8 +611,18 @@ def probe(
 
     False if the mode is not affine, or if not all are finite.
 
-    `hold` receives the columns that put the velocities of sticking inertial contacts back onto
-    their surface, and the acceleration that a unit of force gives to each.
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    mode, reg : arrays of int, shapes (contacts,), (kinks,)
+    times : array, shape (points,)
+    states : array, shape (points, n)
+    out : array, shape (points, n + 4 contacts + kinks + doubtful)
+        Receives the values.
+    hold : array, shape (contacts, nq + 1)
+        Receives for each sticking inertial contact the column that puts the velocities back onto
+        its surface, and the acceleration that a unit of force gives to it.
     """
     rows = flow.rows
     space = flow.space

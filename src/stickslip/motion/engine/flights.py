@@ -72,7 +72,17 @@ def mode_key(mode: Array, reg: Array) -> int:
 
 @njit(**OPTIONS)
 def find(key: Array, own: Array, first: int, used: int, wanted: int) -> int:
-    """Slot of a mode, or −1."""
+    """Slot of a mode, or −1.
+
+    Parameters
+    ----------
+    key, own : arrays of int
+        Of the closed forms.
+    first, used : int
+        First slot of the group, and how many it uses.
+    wanted : int
+        Number of the mode.
+    """
     for i in range(first, first + used):
         if key[i] == wanted:
             # Not i itself: the compiler would carry the address of every table through this loop.
@@ -113,7 +123,18 @@ def _derive(S: Array, v: Array, k: int) -> None:
 
 @njit(**OPTIONS)
 def _terms(S: Array, G: Array, size: Array, k: int, near: float) -> float:
-    """Size of the terms of G s⁽ᵏ⁾, and of what it changes by within a time."""
+    """Size of the terms of G s⁽ᵏ⁾, and of what it changes by within a time.
+
+    Parameters
+    ----------
+    S : array, shape (ns, ns)
+    G : array, shape (ns,)
+    size : array, shape (orders, ns)
+        First the moduli of s; receives the sizes of the terms of its derivatives up to order k + 1.
+    k : int
+    near : float
+        The time, in the unit of S.
+    """
     for o in range(1, k + 2):
         for i in range(len(S)):
             total = 0.0
@@ -131,7 +152,22 @@ def germs(
     T: ClosedForms, slot: int, f: Flight, omega: Array, fired: int, kinks: int, last: float
 ) -> int:
     """Least guard that becomes negative at once, or −1; the deciding order of each guard is left in
-    the work space."""
+    the work space.
+
+    Parameters
+    ----------
+    T : ClosedForms
+    slot : int
+        Of the mode.
+    f : Flight
+        With s; receives values, sizes of terms, and deciding orders of the guards.
+    omega : array, shape (waves,)
+        Frequencies of the drives.
+    fired, kinks : int
+        The switch that has just fired, or −1, and the number of kinks.
+    last : float
+        Length of the last step.
+    """
     v = f.v
     size = f.size
     orders = f.orders
@@ -222,7 +258,19 @@ def turn(re: float, im: float) -> complex:
 
 @njit(**OPTIONS)
 def _turn_all(lam: Array, r: Array, nb: int, tau: float, turned: Array) -> None:
-    """Changes of the exponentials in a time."""
+    """Changes of the exponentials in a time.
+
+    Parameters
+    ----------
+    lam, r : arrays of complex
+        Exponents λ, and amplitudes.
+    nb : int
+        How many there are.
+    tau : float
+        The time.
+    turned : array of complex
+        Receives r (exp(λτ) − 1).
+    """
     for j in range(nb):
         turned[j] = r[j] * turn(lam[j].real * tau, lam[j].imag * tau) if r[j] != 0.0 else 0.0j
 
@@ -303,7 +351,20 @@ def sort_guards(T: ClosedForms, slot: int, f: Flight, omega: Array) -> int:
 @njit(**INLINED)
 def fly(T: ClosedForms, slot: int, f: Flight, room: float, omega: Array) -> tuple[float, int]:
     """The earliest event within `room`: (duration, guard or −1), with the changes of the
-    exponentials until then."""
+    exponentials until then.
+
+    Parameters
+    ----------
+    T : ClosedForms
+    slot : int
+        Of the mode.
+    f : Flight
+        With s and the deciding orders of the guards; receives the changes.
+    room : float
+        Longest duration.
+    omega : array, shape (waves,)
+        Frequencies of the drives.
+    """
     r = f.r
     a = f.a
     b = f.b
@@ -366,7 +427,22 @@ def fly(T: ClosedForms, slot: int, f: Flight, room: float, omega: Array) -> tupl
 
 @njit(**INLINED)
 def arrive(T: ClosedForms, slot: int, f: Flight, x: Array, tau: float, omega: Array) -> None:
-    """Put x where it is at the end of the flight just found."""
+    """Put x where it is at the end of the flight just found.
+
+    Parameters
+    ----------
+    T : ClosedForms
+    slot : int
+        Of the mode.
+    f : Flight
+        With the changes of the exponentials.
+    x : array, shape (n,)
+        State at the beginning; receives that at the end.
+    tau : float
+        Duration.
+    omega : array, shape (waves,)
+        Frequencies of the drives.
+    """
     n = len(x)
     b = f.b
     turned = f.turned
@@ -394,6 +470,20 @@ def land(T: ClosedForms, slot: int, f: Flight, guard: int, x: Array, last: float
 
     Near resonance, a long flight ends as far from there as its large parts cancel. A one-sided
     power that begins there has no values on the wrong side.
+
+    Parameters
+    ----------
+    T : ClosedForms
+    slot : int
+        Of the mode of the flight.
+    f : Flight
+        With s at the end.
+    guard : int
+        Place among the guards of the mode.
+    x : array, shape (n,)
+        State; is changed.
+    last : float
+        Duration of the flight.
     """
     v = f.v
     _derive(T.S[slot], v, 1)
@@ -408,7 +498,20 @@ def land(T: ClosedForms, slot: int, f: Flight, guard: int, x: Array, last: float
 @njit(**INLINED)
 def admissible(T: ClosedForms, slot: int, f: Flight, x: Array, last: float) -> bool:
     """Whether sticking contacts are at rest and sliding rate-independent ones on their threshold;
-    removes rounding."""
+    removes rounding.
+
+    Parameters
+    ----------
+    T : ClosedForms
+    slot : int
+        Of the mode.
+    f : Flight
+        With s, from which rounding is removed, too.
+    x : array, shape (n,)
+        State; is changed.
+    last : float
+        Length of recent steps.
+    """
     s = f.v[0]
     moduli = f.size[0]
     S = T.S[slot]

@@ -110,7 +110,19 @@ class ClosedForms(NamedTuple):
 def make_closed_forms(
     groups: int, slots: int, n: int, contacts: int, kinks: int, doubtful: int, waves: int
 ) -> ClosedForms:
-    """Empty storage of closed forms."""
+    """Empty storage of closed forms.
+
+    Parameters
+    ----------
+    groups, slots : int
+        Groups of motions with the same parameters, and slots of each.
+    n, contacts, kinks : int
+        Components of the state, and switches of both sorts.
+    doubtful : int
+        Rows that must not become negative.
+    waves : int
+        Frequencies of the drives.
+    """
     guards = kinks + 2 * contacts + doubtful
     m = groups * slots
     ns = n + 2 + 2 * waves
@@ -205,7 +217,17 @@ class Flight(NamedTuple):
 
 
 def make_flight(n: int, contacts: int, kinks: int, doubtful: int, waves: int) -> Flight:
-    """Work space of the flights of a system."""
+    """Work space of the flights of a system.
+
+    Parameters
+    ----------
+    n, contacts, kinks : int
+        Components of the state, and switches of both sorts.
+    doubtful : int
+        Rows that must not become negative.
+    waves : int
+        Frequencies of the drives.
+    """
     z = np.zeros
     c = np.complex128
     orders = GERM_ORDERS + 1

@@ -58,7 +58,20 @@ class GuardRow(NamedTuple):
 @njit(**OPTIONS, fastmath={"reassoc", "contract", "nsz"})
 def fall(W: Array, row: int, shift: int, sign: float, N: int, powers: Array) -> float:
     """Bound Σ max(−cₖ, 0) hᵏ of how far sign·W[row] + W[shift], which starts positive, falls within
-    the step."""
+    the step.
+
+    Parameters
+    ----------
+    W : array
+        Taylor coefficients.
+    row, shift : int
+        Rows; no second one if `shift` is negative.
+    sign : float
+    N : int
+        Number of coefficients.
+    powers : array
+        Of the step h, in the unit of time of the coefficients.
+    """
     total = 0.0
     if shift < 0:
         for k in range(N):
@@ -77,6 +90,25 @@ def germ(
 
     Its coefficients, scaled to the step, are left in c. A zero is known no better than the time at
     which it was found: relative to what the guard does in the steps on both sides.
+
+    Parameters
+    ----------
+    W : array
+        Taylor coefficients.
+    guard : GuardRow
+    N : int
+        Number of coefficients.
+    powers : array
+        Of the step, in the unit of time of the coefficients.
+    slack : float
+        Rounding errors that count as zero.
+    c : array
+        Receives the coefficients.
+
+    Returns
+    -------
+    sign, order : int
+        1 or −1, and the order; 0 and N if the guard vanishes.
     """
     largest = 0.0
     for k in range(N):
@@ -114,7 +146,23 @@ def resting(mode: int) -> bool:
 def stays(
     rows: Rows, space: Space, mode: Array, c: int, N: int, last: float, fired: int, slack: float
 ) -> bool:
-    """Whether the relative velocity of a contact that does not stick vanishes for a while."""
+    """Whether the relative velocity of a contact that does not stick vanishes for a while.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the coefficients, and the powers of the step.
+    mode : array of int, shape (contacts,)
+    c, N : int
+        The contact, and the order of the series.
+    last : float
+        Length of the last step.
+    fired : int
+        The switch that has just fired, or −1.
+    slack : float
+        Rounding errors that count as zero.
+    """
     W = space.W
     mag = space.mag
     nk = len(rows.kinks)
@@ -181,7 +229,19 @@ def guard_of(
     rows: Rows, space: Space, mode: Array, reg: Array, g: int, near: float, precision: float
 ) -> GuardRow:
     """A guard of a mode by its number; zeros are known within the time `near`, in units of that of
-    the coefficients."""
+    the coefficients.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the coefficients, and the powers of the step.
+    mode, reg : arrays of int, shapes (contacts,), (kinks,)
+    g : int
+        The number.
+    near, precision : float
+        As in :class:`GuardRow`.
+    """
     W = space.W
     mag = space.mag
     powers = space.powers
@@ -231,6 +291,17 @@ def scan(
     that may fire).
 
     What is below `slack` rounding errors counts as zero.
+
+    Parameters
+    ----------
+    flow : Flow
+        Its work space has the coefficients and the powers of the step; it receives what may fire.
+    mode, reg : arrays of int, shapes (contacts,), (kinks,)
+    last : float
+        Length of the last step.
+    fired : int
+        The switch that has just fired, or −1.
+    slack : float
     """
     rows = flow.rows
     space = flow.space

@@ -92,7 +92,31 @@ def resolvent(
     R: Array,
 ) -> bool:
     """Inverse of [[A, −Jᵀ], [stick: J, 0; slip: 0, 1]] for contacts first … first+m−1 and
-    coordinates column … ."""
+    coordinates column … .
+
+    Parameters
+    ----------
+    A : array, shape (n, n)
+        Mass matrix, or viscous matrix.
+    n : int
+        Number of coordinates.
+    J : array, shape (contacts, coordinates)
+        Contact directions.
+    first, m : int
+        First contact, and number of contacts.
+    column : int
+        First coordinate.
+    mode : array of int, shape (contacts,)
+    scratch : array
+        Work space, at least of shape (n + m, n + m).
+    R : array, shape (n + m, n + m)
+        Receives the inverse.
+
+    Returns
+    -------
+    bool
+        False if there is none.
+    """
     for i in range(n + m):
         for j in range(n + m):
             scratch[i, j] = 0.0
@@ -212,7 +236,24 @@ def evaluate_mode(
     machine: Machine, flow: Flow, at: Instant, last: float, near: float, hold: bool
 ) -> int:
     """Taylor coefficients of the motion in a mode; y is put back onto the constraints of the
-    mode."""
+    mode.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    at : Instant
+        Its state is put back, and its mode is changed where a contact that is not at rest slips.
+    last, near : float
+        As in :func:`release_or_hold`.
+    hold : bool
+        Whether sticking contacts are put onto the surface speed.
+
+    Returns
+    -------
+    int
+        OK, SINGULAR, NAN, OFF_SURFACE or OVERFLOW.
+    """
     W = flow.space.W
     rows = flow.rows
     while True:
@@ -287,6 +328,17 @@ def flip(guard: int, mode: Array, reg: Array, nk: int, drops: Array) -> int:
 
     What leaves stick has its threshold to break, as long as it is not known which of several
     contacts do: ±2 where the sliding force is another one.
+
+    Parameters
+    ----------
+    guard : int
+        Its number.
+    mode, reg : arrays of int, shapes (contacts,), (kinks,)
+        One of them is changed.
+    nk : int
+        Number of kinks.
+    drops : array of int, shape (contacts,)
+        1 for each contact whose sliding force is not its threshold.
     """
     if guard < nk:
         reg[guard] = 1 - reg[guard]
@@ -317,6 +369,22 @@ def hold_or_slide(
 ) -> bool:
     """Give each contact that does not stick the threshold while others carry it (±2), else its
     sliding force (±1).
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the coefficients, and the powers of the step.
+    mode : array of int, shape (contacts,)
+        Is changed.
+    N : int
+        Order of the series.
+    last : float
+        Length of the last step.
+    fired : int
+        The switch that has just fired, or −1.
+    slack : float
+        Rounding errors that count as zero.
 
     Returns
     -------
@@ -352,6 +420,30 @@ def loosen(
     With more sticking contacts than directions their forces are not unique. Any admissible choice
     gives the same motion; a contact carried at its threshold is a vertex of that choice, and
     pivoting walks from vertex to vertex.
+
+    Parameters
+    ----------
+    J : array, shape (contacts, coordinates)
+        Contact directions.
+    first, m : int
+        First contact that is looked at, and number of them.
+    column, n : int
+        First of their coordinates, and number of them.
+    mode : array of int, shape (contacts,)
+        Is changed.
+    keep : int
+        The contact that has just begun to stick; negative: none.
+    space : Space
+        Receives which switches are concerned.
+    nk : int
+        Number of kinks.
+    drops : array of int, shape (contacts,)
+        1 for each contact whose sliding force is not its threshold.
+
+    Returns
+    -------
+    bool
+        Whether there are any.
     """
     rank = 0
     changed = False
@@ -476,7 +568,24 @@ def make_series(
     machine: Machine, flow: Flow, lane: Lane, room: float, near: float, hold: bool
 ) -> tuple[int, float]:
     """Taylor coefficients of the mode in which a lane is, and the step that they are good for,
-    between two times that can be told apart, as they are recorded."""
+    between two times that can be told apart, as they are recorded.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    lane : Lane
+        Its state is put back onto the constraints of the mode.
+    room, near : float
+        Longest step that is wanted, and (times the slack) longest for which slip was denied here.
+    hold : bool
+        Whether sticking contacts are put onto the surface speed.
+
+    Returns
+    -------
+    status, step
+        As of :func:`evaluate_mode`; 0 unless that is OK.
+    """
     t = lane.clock[NOW]
     here = Instant(t, lane.y, lane.mode, lane.reg)
     status = evaluate_mode(machine, flow, here, lane.clock[RECENT], near, hold)
@@ -611,6 +720,19 @@ def choose_next(
 ) -> tuple[int, int, float]:
     """Put the switches concerned into the next of all their states.
 
+    Parameters
+    ----------
+    touched : array of int, shape (kinks + contacts,)
+        1 for each switch concerned; all contacts are once no state is left.
+    mode, reg : arrays of int, shapes (contacts,), (kinks,)
+        Are changed.
+    drops : array of int, shape (contacts,)
+        1 for each contact whose sliding force is not its threshold.
+    candidate, total : int
+        The number of the next state, and of all states.
+    slack : float
+        Rounding errors that count as zero.
+
     Returns
     -------
     candidate, total, slack
@@ -663,7 +785,19 @@ def candidates(touched: Array, nk: int) -> int:
 @njit(**OPTIONS)
 def choose(candidate: int, touched: Array, mode: Array, reg: Array, drops: Array) -> None:
     """Put the switches concerned into the states that a number stands for; what does not stick is
-    at its threshold."""
+    at its threshold.
+
+    Parameters
+    ----------
+    candidate : int
+        The number.
+    touched : array of int, shape (kinks + contacts,)
+        1 for each switch concerned.
+    mode, reg : arrays of int, shapes (contacts,), (kinks,)
+        Are changed.
+    drops : array of int, shape (contacts,)
+        1 for each contact whose sliding force is not its threshold.
+    """
     nk = len(reg)
     for i in range(len(touched)):
         if touched[i] == 1:

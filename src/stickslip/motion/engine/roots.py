@@ -66,7 +66,19 @@ def value_and_slope(c: Array, d: int, powers: Array) -> tuple[float, float]:
 @njit(**_options)
 def crossing(c: Array, d: int, a: float, b: float, start: float, noise: float) -> float:
     """The root between a and b, where the polynomial is positive at a, negative at b (Newton inside
-    a bracket)."""
+    a bracket).
+
+    Parameters
+    ----------
+    c : array
+        Coefficients.
+    d : int
+        Degree.
+    a, b, start : float
+        The bracket, and the first point that is tried.
+    noise : float
+        Modulus of a value that counts as zero.
+    """
     low, high = a, b
     x = start
     for _ in range(200):

@@ -75,7 +75,16 @@ def first_of_line(c0: float, c1: float, limit: float, rising: int) -> float:
 def first_of_bend(
     c0: float, c1: float, r: float, rate: float, limit: float, floor: float, rising: int
 ) -> float:
-    """First fall of c₀ + c₁x + r exp(λx): convex or concave, so at most one extremum."""
+    """First fall of c₀ + c₁x + r exp(λx): convex or concave, so at most one extremum.
+
+    Parameters
+    ----------
+    c0, c1, r, rate : float
+        Of the signal; `rate` is λ, real and not zero.
+    limit, floor : float
+        End of the search, and rounding error of the values.
+    rising : int
+    """
     start, guess = 0.0, 0.0
     if c1 == 0.0:
         if rising > 0 or r * rate >= 0.0 or not -c0 / r > 0.0:
@@ -108,7 +117,17 @@ def first_of_bend(
 def _root_of_bend(
     c0: float, c1: float, r: float, rate: float, low: float, high: float, guess: float, floor: float
 ) -> float:
-    """The crossing from + to − of c₀ + c₁x + r exp(λx) between low and high."""
+    """The crossing from + to − of c₀ + c₁x + r exp(λx) between low and high.
+
+    Parameters
+    ----------
+    c0, c1, r, rate : float
+        Of the signal; `rate` is λ.
+    low, high, guess : float
+        The bracket, and the first point that is tried.
+    floor : float
+        Rounding error of the values.
+    """
     x = guess if low < guess < high else 0.5 * (low + high)
     for _ in range(100):
         z = r * math.exp(rate * x)
@@ -181,7 +200,16 @@ def first_of_wave(
 
 @njit(**OPTIONS)
 def _root_of_wave(s: Wave, low: float, high: float, guess: float, floor: float) -> float:
-    """The crossing from + to − of a wave between low and high."""
+    """The crossing from + to − of a wave between low and high.
+
+    Parameters
+    ----------
+    s : Wave
+    low, high, guess : float
+        The bracket, and the first point that is tried.
+    floor : float
+        Rounding error of the values.
+    """
     x = guess if low < guess < high else 0.5 * (low + high)
     fast = abs(s.mu) + s.w
     for _ in range(100):
@@ -204,6 +232,17 @@ def _halley(
     the point.
 
     A step h of Halley's method leaves an error of about h³ ((g″/2g′)² − g‴/6g′).
+
+    Parameters
+    ----------
+    x, g, d, dd : float
+        The point; the signal there, its slope and its second derivative.
+    fast : float
+        About |λ|, from which g‴ is estimated.
+    low, high : float
+        The bracket.
+    floor : float
+        Rounding error of the values.
     """
     if abs(g) <= floor / 32.0:
         return x, low, high, True

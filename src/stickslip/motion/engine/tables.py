@@ -21,7 +21,17 @@ def run_setups(setup: SETUP, table: Array, k: Constants) -> None:
 @njit(**OPTIONS)
 def claim(T: ClosedForms, group: Array, mode: Array, region: Array, place: Array) -> None:
     """Give every mode that is asked for the next slot of its group; −1 where it has been asked for
-    before."""
+    before.
+
+    Parameters
+    ----------
+    T : ClosedForms
+        Receives the numbers of the modes.
+    group : array of int, shape (modes,)
+    mode, region : arrays of int, shapes (modes, contacts), (modes, kinks)
+    place : array of int, shape (modes,)
+        Receives the slots.
+    """
     slots = slots_of(T)
     for i in range(len(group)):
         g = group[i]
@@ -47,7 +57,22 @@ def probe_modes(
     found: Array,
 ) -> None:
     """Probe many modes, as :func:`.event_loop.probe` does one; `found` receives whether all values
-    are finite."""
+    are finite.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        Constants by group (a leading axis).
+    group : array of int, shape (modes,)
+    mode, region : arrays of int, shapes (modes, contacts), (modes, kinks)
+    times : array, shape (modes, points)
+    states : array, shape (points, n)
+        The same for all modes.
+    out, hold : arrays
+        As of :func:`.event_loop.probe`, with a leading axis.
+    found : array of bool, shape (modes,)
+    """
     for i in range(len(group)):
         own = flow_of(flow, group[i])
         found[i] = probe(machine, own, mode[i], region[i], times[i], states, out[i], hold[i])

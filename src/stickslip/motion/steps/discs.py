@@ -155,7 +155,18 @@ def tan_disc(b: float, y: float) -> float:
 
 @njit(**OPTIONS)
 def store(W: Array, discs: Array, row: int, ball: float, off: float, near: float) -> None:
-    """Keep the numbers of a row; what is no bound is infinite, or zero."""
+    """Keep the numbers of a row; what is no bound is infinite, or zero.
+
+    Parameters
+    ----------
+    W : array
+        Values of the rows (order 0).
+    discs : array, shape (rows, 4)
+        Receives the numbers.
+    row : int
+    ball, off, near : float
+        B, S and the lower bound of the modulus.
+    """
     discs[row, BALL] = ball if ball < np.inf else np.inf
     discs[row, OFF] = off if off < np.inf else np.inf
     left = abs(W[row, 0]) - discs[row, BALL] - discs[row, OFF]
@@ -164,7 +175,21 @@ def store(W: Array, discs: Array, row: int, ball: float, off: float, near: float
 
 @njit(**OPTIONS)
 def spread_state(W: Array, N: int, powers: Array, rows: Array, discs: Array) -> None:
-    """Discs of parts of the state, which are the polynomials of the table."""
+    """Discs of parts of the state, which are the polynomials of the table.
+
+    Parameters
+    ----------
+    W : array, shape (rows, N + 1)
+        Taylor coefficients.
+    N : int
+        Their order.
+    powers : array, shape (N + 1,)
+        Of the radius H, in the unit of time of the coefficients.
+    rows : array of int
+        Parts of the state.
+    discs : array, shape (rows, 4)
+        Receives their discs.
+    """
     for i in range(len(rows)):
         store(W, discs, rows[i], reach(W[rows[i]], N, powers), 0.0, 0.0)
 
@@ -306,7 +331,24 @@ def spread_function(tape: DiscTape, i: int) -> None:
 def quotient_disc(
     x: float, u: float, s: float, y: float, W: Array, discs: Array, b: int
 ) -> tuple[float, float]:
-    """Disc of a quotient, from the modulus and the disc of its numerator, and its own value y."""
+    """Disc of a quotient, from the modulus and the disc of its numerator, and its own value y.
+
+    Parameters
+    ----------
+    x, u, s : float
+        Modulus, B and S of the numerator.
+    y : float
+        Value of the quotient at the centre.
+    W, discs : arrays
+        Values of the rows (order 0), and their discs.
+    b : int
+        Row of the denominator.
+
+    Returns
+    -------
+    ball, off : float
+        B and S; infinite where the denominator may vanish.
+    """
     v = discs[b, BALL]
     t = discs[b, OFF]
     left = discs[b, _NEAR]
@@ -406,7 +448,21 @@ def spread_choice(tape: DiscTape, mode: Array, reg: Array, i: int) -> None:
 
 @njit(**OPTIONS)
 def copy_disc(W: Array, discs: Array, source: int, other: int, size: float, row: int) -> None:
-    """Disc of a multiple of a row (of a constant: nothing), or of a sum of two."""
+    """Disc of a multiple of a row (of a constant: nothing), or of a sum of two.
+
+    Parameters
+    ----------
+    W : array
+        Values of the rows (order 0).
+    discs : array, shape (rows, 4)
+        Receives the disc.
+    source, other : int
+        The row (negative: a constant), and one that is added to it (negative: none).
+    size : float
+        Modulus of the factor of `source`.
+    row : int
+        Whose disc it is.
+    """
     ball = size * discs[source, BALL] if source >= 0 and size > 0.0 else 0.0
     off = size * discs[source, OFF] if source >= 0 and size > 0.0 else 0.0
     near = size * discs[source, _NEAR] if source >= 0 and other < 0 else 0.0

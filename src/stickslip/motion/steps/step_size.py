@@ -167,6 +167,16 @@ def expand(
 ) -> tuple[int, float]:
     """Taylor coefficients of a known motion in a mode, in units of time that suit it.
 
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    start : Instant
+    room, last : float
+        Longest step that is wanted, and length of the piece before (0: it is the first).
+    seen : array
+        Largest modulus so far of each row that bounds the steps.
+
     Returns
     -------
     order, step
@@ -225,7 +235,17 @@ def fill_powers(powers: Array, h: float) -> None:
 
 @njit(**INLINED)
 def shortened_step(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -> float:
-    """The step, or as much of it as hides nothing."""
+    """The step, or as much of it as hides nothing.
+
+    Parameters
+    ----------
+    flow : Flow
+    mode, reg : arrays of int, shapes (contacts,), (kinks,)
+    h : float
+        The step, for which the series in the work space are good.
+    seen : array
+        Largest modulus so far of each row that bounds the steps.
+    """
     if flow.rows.program.leading[0] > 0:
         for _ in range(_MOST_CUTS):
             excess = unseen(flow, mode, reg, h, seen)
@@ -238,7 +258,17 @@ def shortened_step(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -
 @njit(**INLINED)
 def unseen(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -> float:
     """What the series cannot show within a step, in parts of what it may be: the step is fine if
-    this is at most 1."""
+    this is at most 1.
+
+    Parameters
+    ----------
+    flow : Flow
+    mode, reg : arrays of int, shapes (contacts,), (kinks,)
+    h : float
+        Length of the step.
+    seen : array
+        Largest modulus so far of each row that bounds the steps.
+    """
     p = flow.rows.program
     W = flow.space.W
     discs = flow.space.discs
@@ -315,7 +345,21 @@ def hidden(flow: Flow, h: float, part: float, seen: Array) -> float:
 
 @njit(**OPTIONS)
 def share(worst: float, disc: Array, h: float, part: float, tol: float, size: float) -> float:
-    """The larger of a number and of what is hidden in a row, in parts of what is allowed."""
+    """The larger of a number and of what is hidden in a row, in parts of what is allowed.
+
+    Parameters
+    ----------
+    worst : float
+        The number.
+    disc : array, shape (4,)
+        Of the row, or of its rate.
+    h : float
+        Time for which a rate counts; 1 where `disc` is that of the row itself.
+    part : float
+        Part of a disc that a polynomial may leave out.
+    tol, size : float
+        Local tolerance, and size of the row.
+    """
     found = (
         h * (part / _LOOSE * disc[BALL] + disc[OFF] / tol) / size
         if disc[BALL] > 0.0 or disc[OFF] > 0.0

@@ -171,7 +171,21 @@ def dear(n: int) -> float:
 @njit(**OPTIONS)
 def calm(W: Array, n: int, N: int, h: float, tol: float, atol: float, seen: Array) -> bool:
     """Whether a series is as good as known at a third of its order: its step is bounded by
-    something that decays."""
+    something that decays.
+
+    Parameters
+    ----------
+    W : array, shape (rows, N + 1)
+        Taylor coefficients.
+    n, N : int
+        Components of the state, and order of the series.
+    h : float
+        How long the series is good for.
+    tol, atol : float
+        Local tolerances, as in :class:`stickslip.motion.steps.arrays.Flow`.
+    seen : array
+        Largest modulus so far of each row that bounds the steps.
+    """
     m = N // 3
     x = h / W[n, 1]
     power = x**m
@@ -314,7 +328,17 @@ def tables_of(order: int) -> int:
 @njit(**INLINED)
 def between_nodes(flow: Flow, start: Instant, h: float, step: float, seen: Array) -> float:
     """What may be hidden between the nodes of a polynomial, in parts of what it may be: all rows
-    are bounded on the disc of twice the step."""
+    are bounded on the disc of twice the step.
+
+    Parameters
+    ----------
+    flow : Flow
+    start : Instant
+    h, step : float
+        How long a series is good for, and length of the polynomial.
+    seen : array
+        Largest modulus so far of each row that bounds the steps.
+    """
     W = flow.space.W
     discs = flow.space.discs
     powers = flow.space.reaches
@@ -331,7 +355,20 @@ def between_nodes(flow: Flow, start: Instant, h: float, step: float, seen: Array
 @njit(**OPTIONS)
 def known_to(noise: Array, mag: Array, rounded: Array, r: int, size: float, h: float) -> float:
     """Rounding error of a part of the state of some size, whose rate decides it within the time
-    h."""
+    h.
+
+    Parameters
+    ----------
+    noise : array of int
+        Places in `mag`, as in :class:`stickslip.motion.steps.arrays.Rows`.
+    mag : array
+        Sizes of the terms of what may cancel.
+    rounded : array
+        What rounding errors of the state make of the rates.
+    r : int
+        Part of the state.
+    size, h : float
+    """
     return (
         16.0 * EPSILON * size
         + (rounded[r] + (EPSILON * mag[noise[r]] if noise[r] >= 0 else 0.0)) * h
@@ -352,6 +389,18 @@ def solve_stages(
 
     If so, the values of all rows at the nodes, from the beginning on, are in the table of
     coefficients.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    stages : Stages
+        With the rate at the beginning; receives the states.
+    start : Instant
+    h, step : float
+        How long a series is good for, and H.
+    seen : array
+        Largest modulus so far of each row that bounds the steps.
     """
     y = start.y
     n = len(y)
@@ -414,6 +463,20 @@ def visit(
     and, where it is said, its derivatives anew. These are differences: they matter to how fast
     Newton's method settles, not to where. They tell as well what rounding errors of the state and
     of time make of the rates and of the guards.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    stages : Stages
+        With the states; receives residuals and, where `fresh`, derivatives.
+    start : Instant
+    step : float
+        H.
+    seen : array
+        Largest modulus so far of each row that bounds the steps.
+    fresh, settled : bool
+        Whether derivatives are wanted anew; whether the states have settled.
     """
     y = start.y
     s = flow.order // 2
@@ -452,7 +515,22 @@ def visit(
 
 @njit(**INLINED)
 def begin_node(flow: Flow, stages: Stages, y: Array, i: int, step: float, fresh: bool) -> None:
-    """What is wanted of node i from the values of the rows there, and room for the derivatives."""
+    """What is wanted of node i from the values of the rows there, and room for the derivatives.
+
+    Parameters
+    ----------
+    flow : Flow
+    stages : Stages
+        Receives residuals, rows of the matrix, and values.
+    y : array, shape (n,)
+        State at the beginning of the step.
+    i : int
+        The node, from 0.
+    step : float
+        H.
+    fresh : bool
+        Whether derivatives are wanted anew.
+    """
     V = flow.space.V
     D = SLOPES[tables_of(flow.order)]
     s = flow.order // 2
@@ -484,7 +562,20 @@ def compare(
     flow: Flow, stages: Stages, i: int, c: int, step: float, nudge: float, error: float
 ) -> None:
     """What a change of a part of the state (or of time, behind them) makes of the rates at node i,
-    and an error of the guards."""
+    and an error of the guards.
+
+    Parameters
+    ----------
+    flow : Flow
+    stages : Stages
+        Receives part of a column of the matrix, and what rounding errors make.
+    i, c : int
+        Node, from 0, and part of the state (n: time).
+    step : float
+        H.
+    nudge, error : float
+        The change, and n times the rounding error of that part.
+    """
     V = flow.space.V
     rates = flow.rows.program.rates
     watched = flow.rows.watched
@@ -501,7 +592,19 @@ def compare(
 
 @njit(**OPTIONS)
 def to_legendre(W: Array, s: int, n: int, terms: Array, values: Array) -> None:
-    """Values of all rows at the nodes, as a first value and Legendre polynomials of the change."""
+    """Values of all rows at the nodes, as a first value and Legendre polynomials of the change.
+
+    Parameters
+    ----------
+    W : array, shape (rows, N + 1)
+        Values in columns 0 … s; receives the first value and the terms.
+    s, n : int
+        Stages, and components of the state.
+    terms : array
+        Matrix from values to terms.
+    values : array
+        Work space.
+    """
     for row in range(len(W)):
         for i in range(s + 1):
             values[i] = W[row, i] - W[row, 0]
@@ -561,7 +664,19 @@ def last_terms(flow: Flow, rounded: Array, h: float, seen: Array) -> float:
 
 @njit(**OPTIONS)
 def to_powers(W: Array, s: int, n: int, step: float, values: Array) -> None:
-    """The Legendre polynomials of all rows but time in powers of a unit of time."""
+    """The Legendre polynomials of all rows but time in powers of a unit of time.
+
+    Parameters
+    ----------
+    W : array, shape (rows, N + 1)
+        Terms; receives the coefficients, with the unit of time in row n.
+    s, n : int
+        Stages, and components of the state.
+    step : float
+        Length of the polynomial.
+    values : array
+        Work space.
+    """
     unit = better(step, 1.0)
     for row in range(len(W)):
         factor = 1.0

@@ -379,7 +379,7 @@ class _Follower:
         return piece.path.ended._replace(text=text)
 
     def _stations(self, pieces: list[_Piece]) -> list[_Station]:
-        found = []
+        found: list[_Station] = []
         for k, piece in enumerate(pieces):
             kinds: dict[int, list[Test]] = {}
             for crossing in piece.path.crossings:
@@ -452,12 +452,12 @@ class _Follower:
         residual = ResidualFunction(
             equations, [*names, *(str(u.value) for u in w), str(b.value)], steady.values
         )
-        _, J = steady.residual(self.parameter)(x)
-        z = np.concatenate([x, np.linalg.svd(J)[0][:, -1], [0.0]])
+        _, slopes = steady.residual(self.parameter)(x)
+        z: Array = np.concatenate([x, np.linalg.svd(slopes)[0][:, -1], [0.0]])
         units = self._scale(x, steady.units(x, {self.parameter: self.span}))
         for _ in range(20):
-            F, J = residual(z)
-            z = z - np.linalg.lstsq(J, F, rcond=None)[0]
+            values, slopes = residual(z)
+            z = z - np.linalg.lstsq(slopes, values, rcond=None)[0]
         near = np.all(np.abs(z[: n + 1] - x) <= 5.0 * self.steps.largest * units)
         return z[: n + 1] if near and np.all(np.isfinite(z)) else x
 

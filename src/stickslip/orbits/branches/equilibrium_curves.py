@@ -62,8 +62,8 @@ def hopf_curve(
     point: SpecialPoint,
     first: str,
     second: str,
-    ranges: Mapping[str, tuple[float, float]],
     *,
+    ranges: Mapping[str, tuple[float, float]],
     steps: StepControl | None = None,
 ) -> Branch:
     """Follow a Hopf point of an equilibrium while two parameters change.
@@ -100,14 +100,36 @@ def fold_curve(
     point: SpecialPoint,
     first: str,
     second: str,
-    ranges: Mapping[str, tuple[float, float]],
     *,
+    ranges: Mapping[str, tuple[float, float]],
     steps: StepControl | None = None,
 ) -> Branch:
     """Follow a fold of equilibria while two parameters change.
 
     Arguments and errors as for :func:`hopf_curve`, with a point of kind ``"fold"``. Special points:
     ``"cusp"``, ``"Bogdanov-Takens"``, ``"zero-Hopf"``, ``"boundary equilibrium"``.
+
+    Parameters
+    ----------
+    system : System
+    point : SpecialPoint
+        Of kind ``"fold"``, of equilibria.
+    first, second : str
+        The two parameters.
+    ranges : mapping of str to (float, float)
+        The range of each.
+    steps : StepControl, optional
+
+    Returns
+    -------
+    Branch
+        Special points: ``"cusp"``, ``"Bogdanov-Takens"``, ``"zero-Hopf"``,
+        ``"boundary equilibrium"``.
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is wrong.
     """
     if isinstance(point, SpecialPoint) and point.kind == "fold" and point.period is not None:
         begins = NOT_SMOOTH in point.note

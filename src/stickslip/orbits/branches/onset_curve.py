@@ -74,8 +74,8 @@ def stick_onset_curve(
     point: SpecialPoint,
     first: str,
     second: str,
-    ranges: Mapping[str, tuple[float, float]],
     *,
+    ranges: Mapping[str, tuple[float, float]],
     steps: StepControl | None = None,
 ) -> Branch:
     """Follow the onset of stick while two parameters change.

@@ -154,7 +154,7 @@ class Spacing:
 
     def __init__(self, spans: Mapping[str, tuple[float, float]], modulus: Array) -> None:
         self.spans = spans
-        self.largest = modulus.copy()
+        self.largest: Array = modulus.copy()
 
     def __call__(self, a: Cycle, b: Cycle) -> float:
         widths = []

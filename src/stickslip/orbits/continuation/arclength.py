@@ -177,6 +177,19 @@ def correct(
 ) -> Array:
     """Newton's method on F(x) = 0 and ⟨tangent, (x − guess)/scale⟩ = 0.
 
+    Parameters
+    ----------
+    equations : callable
+        x ↦ F(x) and its Jacobian, shapes (n − 1,) and (n − 1, n).
+    guess, scale, tangent : array, shape (n,)
+        Where to start, units of the unknowns, and a direction in these units.
+    tolerance : float
+        Of the last step, in the norm of these units.
+
+    Returns
+    -------
+    array, shape (n,)
+
     Raises
     ------
     Lost
@@ -211,6 +224,22 @@ def correct_at(
     tolerance: float,
 ) -> Array:
     """Newton's method on F(x) = 0 with one component of x at a given value, exactly.
+
+    Parameters
+    ----------
+    equations : callable
+        x ↦ F(x) and its Jacobian, shapes (n − 1,) and (n − 1, n).
+    guess, scale : array, shape (n,)
+        Where to start, and units of the unknowns.
+    component : int
+    value : float
+        What this component is.
+    tolerance : float
+        Of the last step, in the norm of these units.
+
+    Returns
+    -------
+    array, shape (n,)
 
     Raises
     ------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from stickslip.certificates import Certificate
 from stickslip.equations.field import Mode, Region
@@ -55,7 +55,7 @@ class SpecialPoint:
     region: Region
     index: int
     period: float | None = None
-    data: dict[str, float] = field(default_factory=dict)
+    data: dict[str, float] = field(default_factory=dict[str, float])
     note: str = ""
 
     def __repr__(self) -> str:
@@ -91,8 +91,8 @@ class Branch(Result):
         The other parameter of a curve in two parameters.
     """
 
-    KIND = "branch"
-    FORMAT = 3
+    KIND: ClassVar[str] = "branch"
+    FORMAT: ClassVar[int] = 3
 
     system: System
     parameters: dict[str, float]
@@ -233,4 +233,6 @@ class Branch(Result):
 
 def _special(entry: Mapping[str, Any]) -> SpecialPoint:
     """A special point as it was stored: lists were tuples."""
-    return SpecialPoint(**{**entry, "mode": tuple(entry["mode"]), "region": tuple(entry["region"])})
+    changed = {"mode": tuple(entry["mode"]), "region": tuple(entry["region"])}
+    known: dict[str, Any] = {**entry, **changed}
+    return SpecialPoint(**known)

@@ -139,6 +139,7 @@ def _along(closed: Closed, j: int, matrix: Array, direction: Array) -> Residual:
     for apart in (apart / size for apart in _APART):
         if best.ok:
             break
+        # Differences on both sides cancel the curvature; on one side of a corner there is only one.
         sides = [(sign, _arrived(closed, j, sign * apart * direction)) for sign in (1.0, -1.0)]
         alike = [(sign, end) for sign, end in sides if end is not None and end[1] == here]
         for chosen in (sides, alike):

@@ -13,7 +13,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -94,7 +94,7 @@ class Cycle(Result):
         One period.
     """
 
-    KIND = "cycle"
+    KIND: ClassVar[str] = "cycle"
 
     system: System
     parameters: dict[str, float]
@@ -292,7 +292,8 @@ class Cycle(Result):
             "measured": restored_certificate(said["measured"]),
         }
         own = {"system": motion.system, "parameters": dict(motion.parameters), "trajectory": motion}
-        return cls(**{**said, **changed, **own})
+        known: dict[str, Any] = {**said, **changed, **own}
+        return cls(**known)
 
     def cost_of_transport(self, weight: float) -> float:
         """Energy per distance and weight (a force), without dimension."""

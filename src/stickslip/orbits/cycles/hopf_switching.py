@@ -150,6 +150,7 @@ def _settled(piece: Piece, y: Array, problem: Problem, shifts: Array) -> Array:
     """The equilibrium near a state, at rest up to translations."""
     p, n = parameter_values(problem), len(y)
     across = np.eye(n) - shifts @ np.linalg.pinv(shifts) if shifts.shape[1] else np.eye(n)
+    # Newton's method where translations neither count nor are moved along.
     for _ in range(6):
         J = piece.jacobian(np.zeros(1), y[:, None], p)[0][:, :n]
         y = y - np.linalg.lstsq(across @ J, across @ piece.rates(0.0, y, p), rcond=1e-10)[0]

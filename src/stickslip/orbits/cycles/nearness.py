@@ -19,10 +19,10 @@ class NearPoint:
     """Nearness to an isolated equilibrium, up to translation."""
 
     def __init__(self, state: Array, invariant: Array, sizes: Array) -> None:
-        self.across = np.eye(len(state)) - invariant @ invariant.T
+        self.across: Array = np.eye(len(state)) - invariant @ invariant.T
         size = np.maximum(sizes, np.abs(self.across @ state))
         self.state = state
-        self.sizes = np.where(size > 0.0, size, np.max(size, initial=1e-300))
+        self.sizes: Array = np.where(size > 0.0, size, np.max(size, initial=1e-300))
 
     def distance(self, states: Array) -> Array:
         """Largest difference of a component, in units of the section."""
@@ -38,7 +38,7 @@ class NearCycle:
         self.cycle = cycle
         self.window: Window = window(motion, Pieces(motion._problem.compiled.equations))
         t = self.window.times
-        self.polygon = self._home(
+        self.polygon: Array = self._home(
             np.append(np.linspace(t[:-1], t[1:], _FINER, endpoint=False, axis=1), t[-1])
         )
 

@@ -88,6 +88,8 @@ def eigenvalue_error(steady: Steady, point: Array, sizes: Array) -> tuple[float,
             )
     error = _ROUNDING * terms
     n = len(J)
+    # Bauer and Fike's bound is useless near a defective matrix, Elsner's for large n (R. Bhatia,
+    # *Matrix Analysis*, 1997, chapter VIII).
     bauer_fike = np.linalg.cond(np.linalg.eig(J)[1]) * error
     elsner = (2.0 * np.linalg.norm(J, 2) + error) ** (1.0 - 1.0 / n) * error ** (1.0 / n)
     return min(

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from stickslip.certificates import NOTHING, Certificate, worst
 from stickslip.equations.derive import MotionEquations
@@ -171,7 +171,7 @@ class Equilibria(Result):
         If nothing was found, what came nearest.
     """
 
-    KIND = "equilibria"
+    KIND: ClassVar[str] = "equilibria"
 
     system: System
     parameters: dict[str, float]

@@ -63,8 +63,8 @@ class Derivatives:
     """
 
     def __init__(self, rates: Sequence[Expr], state: Sequence[str]) -> None:
-        self.state = tuple(state)
-        self.places = list[tuple[int, ...]]()
+        self.state: tuple[str, ...] = tuple(state)
+        self.places: list[tuple[int, ...]] = []
         wanted = list[Expr]()
         for i, rate in enumerate(rates):
             self._collect(rate, (i,), wanted)
@@ -119,6 +119,7 @@ def hopf(
     ZeroDivisionError
         If no eigenvalue has an imaginary part.
     """
+    # A q = iωq and Aᵀp = −iωp, with ⟨p, q⟩ = 1.
     A, B, C = derivatives(y, values)
     eigenvalue, q = critical_pair(A)
     omega = float(eigenvalue.imag)
@@ -130,6 +131,7 @@ def hopf(
     def bilinear(u: Array, v: Array) -> Array:
         return np.einsum("ijk,j,k->i", B, u, v)
 
+    # The centre manifold to second order: its constant part and that of twice the frequency.
     cubic = np.einsum("ijkm,j,k,m->i", C, q, q, np.conj(q))
     slow = np.linalg.solve(A, bilinear(q, np.conj(q)))
     fast = np.linalg.solve(2j * omega * np.eye(len(A)) - A, bilinear(q, q))

@@ -3,10 +3,12 @@ and region."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
@@ -62,14 +64,14 @@ class Piece:
 
     def __init__(self, field: Field, free: str | None) -> None:
         self.field = field
-        self.columns = (*field.state, *((free,) if free else ()))
-        self.switches = np.array([g.switch for g in field.guards], dtype=int)
+        self.columns: tuple[str, ...] = (*field.state, *((free,) if free else ()))
+        self.switches: Array = np.array([g.switch for g in field.guards], dtype=int)
         slopes = [[ex.derivative(f, c) for c in self.columns] for f in field.rates]
         moving = {"t", *field.state}
-        self.constant = not any(
+        self.constant: bool = not any(
             e.symbols & moving for row in slopes for e in row[: len(field.state)]
         )
-        self.rates = field.function(field.rates)
+        self.rates: Callable[[ArrayLike, ArrayLike, ArrayLike], Array] = field.function(field.rates)
         self._slopes = field.function([e for row in slopes for e in row])
 
     def jacobian(self, t: Array, y: Array, p: Array) -> Array:
@@ -170,7 +172,8 @@ class Pieces:
     """
 
     def __init__(self, equations: MotionEquations, free: str | None = None) -> None:
-        self.equations, self.free = equations, free
+        self.equations: MotionEquations = equations
+        self.free: str | None = free
         self._made: dict[bytes, Piece] = {}
 
     def __call__(self, mode: Array, region: Array) -> Piece:

@@ -58,7 +58,8 @@ class ResidualFunction:
         values: Mapping[str, float],
         *given: str,
     ) -> None:
-        self.unknowns, self.rows = tuple(unknowns), len(expressions)
+        self.unknowns: tuple[str, ...] = tuple(unknowns)
+        self.rows: int = len(expressions)
         slopes = {
             (i, j): ex.derivative(e, x)
             for i, e in enumerate(expressions)
@@ -70,7 +71,7 @@ class ResidualFunction:
         self._evaluate = evaluator([*expressions, *slopes.values()], [*unknowns, *given, *fixed])
         self._fixed = np.array([values[name] for name in fixed])
         self._places = tuple(np.array(list(slopes), dtype=int).reshape(-1, 2).T)
-        self.affine = not any(d.symbols & set(unknowns) for d in slopes.values())
+        self.affine: bool = not any(d.symbols & set(unknowns) for d in slopes.values())
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """Values and slopes; shapes (rows, …) and (rows, unknowns, …) for x of shape (unknowns,

@@ -195,6 +195,8 @@ def _split(free: Array) -> tuple[Array, Array | None]:
     moving = np.abs(free[0]) > 1e-9 * np.max(np.abs(free), initial=0.0)
     if not np.any(moving):
         return _clean(free[1:]), None
+    # Combinations without a shift of time are shifts of the state; of those that shift it by 1, the
+    # frame is the shortest, up to shifts.
     _, _, v = np.linalg.svd(free[:1])
     shifts = _clean(free[1:] @ v[1:].T)
     frame = free[1:] @ free[0] / (free[0] @ free[0])

@@ -216,6 +216,7 @@ def collocation(J: Array, h: Array) -> Array:
     _, weights, A = gauss()
     steps, s, n, m = J.shape
     Jy = J[..., :n]
+    # The slopes K_i at the nodes solve K_i = J_i(1 + h Σ_j a_ij K_j), all steps at once.
     system = -np.einsum("k,ij,kiab->kiajb", h, A, Jy).reshape(steps, s * n, s * n)
     system[:, np.arange(s * n), np.arange(s * n)] += 1.0
     slopes = np.linalg.solve(system, J.reshape(steps, s * n, m)).reshape(steps, s, n, m)

@@ -167,7 +167,17 @@ class Dip:
 
 
 def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array) -> list[Dip]:
-    """Local minima of the guards inside a phase."""
+    """Local minima of the guards inside a phase.
+
+    Parameters
+    ----------
+    motion : Trajectory
+    piece : Piece
+        That of the phase.
+    a, b : int
+        Knots between which the phase lasts.
+    p : array, shape (parameters,)
+    """
     k = motion.knots
     n = motion.knots.state.shape[1]
     steps = np.array([i for i in range(a, b) if k.time[i + 1] > k.time[i]])
@@ -214,7 +224,18 @@ def _reversals(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> 
 
 def holding(stuck: Piece, switch: int, t: float, y: Array, p: Array) -> float:
     """By how much a contact that sticks is held: the nearer threshold, relative to both. Negative
-    if it slips."""
+    if it slips.
+
+    Parameters
+    ----------
+    stuck : Piece
+        That of a mode in which it sticks.
+    switch : int
+        Number of the contact.
+    t : float
+    y : array, shape (n,)
+    p : array, shape (parameters,)
+    """
     here = stuck.leave(t, y, p)
     forces = here.value[stuck.switches == switch]
     return float(np.min(forces)) / float(np.sum(np.abs(forces)))

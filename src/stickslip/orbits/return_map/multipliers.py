@@ -40,6 +40,7 @@ def spectrum(shooting: Shooting, orbit: Orbit) -> Spectrum:
     """
     n = len(orbit.shift)
     q = int(shooting.first[1])
+    # Leg by leg around; the state with the fewest free directions on the way is kept.
     M = np.eye(q)
     tightest = (shooting.stations[0], np.eye(q))
     for j, leg in enumerate(orbit.legs):
@@ -59,15 +60,20 @@ def spectrum(shooting: Shooting, orbit: Orbit) -> Spectrum:
             )
             tightest = narrow, narrow.chart @ leg.change.after[i][:n, :own] @ M
         M = there.chart @ leg.change.matrix[:n, :own] @ M
+    # A takes changes at the first station to the narrow one: the return map from there is A M A⁻¹,
+    # and what A loses has the multiplier 0.
     narrow, A = tightest
     left = narrow.basis.shape[1]
     W = A @ shooting.unchanged(orbit)
     M = A @ M @ np.linalg.pinv(A)
+    # Positions that are held map onto themselves; the rest is seen where they do not change.
     held = _independent(forms(shooting.setting.held, n) @ narrow.basis, W)
     free = np.linalg.svd(held)[2][len(held) :].T if len(held) else np.eye(left)
     resting = _eigenvalues(held @ M @ np.linalg.pinv(held))
     W = free.T @ W
     M = free.T @ M @ free
+    # Shifts and the direction of the motion span an invariant space: in a basis that begins with it
+    # the matrix is block triangular, and its blocks have the trivial and the other multipliers.
     basis = np.linalg.qr(np.hstack([W, np.eye(len(M))]))[0]
     inner, outer = basis[:, : W.shape[1]], basis[:, W.shape[1] :]
     trivial = np.concatenate([_eigenvalues(inner.T @ M @ inner), resting])

@@ -125,6 +125,7 @@ class Station:
         y = self.origin + self.basis @ xi
         if self.normal.shape[1] == 0:
             return Place(y, self.basis, np.zeros(n), np.zeros(n))
+        # Newton's method across the constraints of the mode; along them lie the free directions.
         for _ in range(3):
             y = y - self.normal @ self._solve(y, t, p)[0]
         _, along, by_time, by_parameter = self._solve(y, t, p)
@@ -146,7 +147,18 @@ class Station:
 
 
 def make_station(part: float, piece: Piece, t: float, y: Array, p: Array, sizes: Array) -> Station:
-    """A station at a state of the cycle; `sizes` are the units of the components."""
+    """A station at a state of the cycle; `sizes` are the units of the components.
+
+    Parameters
+    ----------
+    part : float
+        See :class:`Station`.
+    piece : Piece
+    t : float
+    y : array, shape (n,)
+    p : array, shape (parameters,)
+    sizes : array, shape (n,)
+    """
     n = len(y)
     slopes = piece.bounds(t, y, p).slopes[:, :n] * sizes
     _, s, v = np.linalg.svd(slopes) if len(slopes) else (None, np.zeros(0), np.eye(n))
@@ -296,18 +308,18 @@ class Shooting:
     ) -> None:
         self.problem = problem
         self.pieces = pieces
-        self.stations = list(stations)
+        self.stations: list[Station] = list(stations)
         self.start = start
         self.setting = setting
-        self.symmetry = setting.symmetry
-        self.free = pieces.free
-        self.release = released(setting.held, setting.sizes)
-        self.first = np.concatenate(
+        self.symmetry: Symmetry = setting.symmetry
+        self.free: str | None = pieces.free
+        self.release: Array = released(setting.held, setting.sizes)
+        self.first: Array = np.concatenate(
             [[0], np.cumsum([s.basis.shape[1] for s in self.stations])]
         ).astype(int)
-        self.time = int(self.first[-1])
-        self.drifts = slice(self.time + 1, self.time + 1 + self.symmetry.shifts.shape[1])
-        self.fixed = self._fixed()
+        self.time: int = int(self.first[-1])
+        self.drifts: slice = slice(self.time + 1, self.time + 1 + self.symmetry.shifts.shape[1])
+        self.fixed: Array = self._fixed()
         self._last: Orbit | None = None
 
     def with_pieces(self, pieces: Pieces, problem: Problem) -> Shooting:
@@ -420,6 +432,7 @@ class Shooting:
         J = np.zeros((len(x) - bool(self.free), len(x)))
         for j in range(len(legs)):
             self._close(F, J, x, legs, j, shift)
+        # After a period the state is shifted: known shifts by drives, free ones by translations.
         home = slice(*self.first[:2])
         chart = self.stations[0].chart
         J[home, self.time] -= chart @ known.by_time

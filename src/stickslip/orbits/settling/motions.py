@@ -31,6 +31,7 @@ from stickslip.orbits.settling.engine.tables import (
     PHASE,
     PROVING,
     STUCK,
+    Bench,
     Engine,
     Found,
     Marks,
@@ -229,12 +230,11 @@ class Block:
             if shared
             else problem.empty_forms(count, POINT_SLOTS)
         )
-        self.lanes = Lanes.start(problem, constants, group, states, span, forms)
-        self.twins = Lanes.start(problem, constants, group, states, span, forms)
-        self.saved, home, before = (
-            Lane(*(part.copy() for part in self.lanes.now)) for _ in range(3)
-        )
-        self.prover = Prover(problem, table, self.rules)
+        self.lanes: Lanes = Lanes.start(problem, constants, group, states, span, forms)
+        self.twins: Lanes = Lanes.start(problem, constants, group, states, span, forms)
+        saved, home, before = (Lane(*(part.copy() for part in self.lanes.now)) for _ in range(3))
+        self.saved: Lane = saved
+        self.prover: Prover = Prover(problem, table, self.rules)
         drive = (
             drive_period(np.where(self.prover.acting, constants.omega[group], 0.0))
             if known is None
@@ -247,7 +247,7 @@ class Block:
             self.marks.frame[:] = known.frame
         self.found: Found = make_found(count, n, contacts)
         values = dict(zip(problem.system.parameters, table.T, strict=True))
-        self.excess = excess(problem.compiled.equations, values, states, problem.origin)
+        self.excess: Array = excess(problem.compiled.equations, values, states, problem.origin)
         self.marks.outcome[self.excess > 0.0] = Outcome.OUTSIDE.code
         self.marks.numbers[self.excess > 0.0, PHASE] = DONE
         self.lanes.codes[self.excess > 0.0] = Outcome.OUTSIDE.code
@@ -330,8 +330,15 @@ class Here:
     def __init__(self, block: Block, stop: Array) -> None:
         bench = make_bench(block.problem, _ROOM)
         self.block = block
-        self.engine = block.engine(block.lanes)
-        self.rest = block.marks, block.rules, block.saved, bench, block.found, stop
+        self.engine: Engine = block.engine(block.lanes)
+        self.rest: tuple[Marks, Rules, Lane, Bench, Found, Array] = (
+            block.marks,
+            block.rules,
+            block.saved,
+            bench,
+            block.found,
+            stop,
+        )
 
     def settle(self) -> None:
         """Settle only."""
@@ -351,7 +358,11 @@ class Here:
     def ask(self) -> None:
         """Everything is here."""
 
-    answer = fetch = ask
+    def answer(self) -> None:
+        """Everything is here."""
+
+    def fetch(self) -> None:
+        """Everything is here."""
 
 
 def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
@@ -401,6 +412,8 @@ def frames(lanes: Lanes, index: Array) -> Array:
     known = (T.status[place] == AFFINE)[:, :, None]
     matrix = np.where(known[..., None], matrix, 0.0).reshape(len(index), -1, matrix.shape[3])
     load = np.where(known, load, 0.0).reshape(len(index), -1)
+    # Rows of one size, so that none is lost beside the others; then the v of least squares, and how
+    # far it is from solving every row.
     size = np.max(np.abs(matrix), axis=2) + np.abs(load)
     weight = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
     matrix = matrix * weight[:, :, None]

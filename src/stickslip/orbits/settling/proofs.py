@@ -95,9 +95,9 @@ class Prover:
         self.problem = problem
         self.table = table
         self.rules = rules
-        self.repetition = Repetition(problem.compiled.equations)
-        self.pieces = Pieces(problem.compiled.equations)
-        self.acting = self._acting()
+        self.repetition: Repetition = Repetition(problem.compiled.equations)
+        self.pieces: Pieces = Pieces(problem.compiled.equations)
+        self.acting: Array = self._acting()
 
     def _acting(self) -> Array:
         frequencies = self.problem.compiled.layout.frequencies
@@ -208,7 +208,21 @@ def saved_slots(lanes: Lanes, index: Array, saved: Lane) -> Array:
 def affine_fates(
     lanes: Lanes, index: Array, slot: Array, marks: Marks, saved: Lane, shifts: Array
 ) -> Fates:
-    """What becomes of motions in affine modes, if these last."""
+    """What becomes of motions in affine modes, if these last.
+
+    Parameters
+    ----------
+    lanes : Lanes
+    index : array of int, shape (k,)
+        Which lanes.
+    slot : array of int, shape (k,)
+        Places of the closed forms of their modes.
+    marks : Marks
+    saved : Lane
+        Where they are.
+    shifts : array, shape (translations, n)
+        Translations that change nothing.
+    """
     T = lanes.forms
     y = saved.y[index]
     t = saved.clock[index, NOW]

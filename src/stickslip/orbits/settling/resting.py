@@ -127,6 +127,7 @@ class _Neighbourhood:
         B = self.basis
         units = self.units
         J = self._jacobian(self.piece, y)
+        # In the coordinates of the eigenvectors every part of a deviation shrinks by itself.
         eigenvalues: AnyArray
         eigenvalues, V = np.linalg.eig(J) if J.size else (np.zeros(0), np.zeros((0, 0)))
         if np.any(eigenvalues.real >= -_DECAY * np.max(np.abs(eigenvalues), initial=0.0)):
@@ -134,6 +135,7 @@ class _Neighbourhood:
         inverse = np.linalg.inv(V)
         parts = np.abs(inverse @ (B.T @ ((self.y - y) / units)))
         slowest = np.min(-eigenvalues.real, initial=np.inf)
+        # … as long as the Jacobian is nearly the same within the parallelepiped that they span.
         for direction in (V * parts).T:
             for change in (direction.real, direction.imag):
                 for sign in (_ROOM, -_ROOM):
@@ -141,6 +143,7 @@ class _Neighbourhood:
                     if np.linalg.norm(inverse @ (there - J) @ V, 2) > _CURVED * slowest:
                         return False
         here = self.piece.leave(self.t, y, self.p)
+        # A guard moves by no more than the sum of what each part moves it.
         slopes = here.slopes[:, :n] * units @ B
         reach = np.abs(slopes @ V) @ parts
         terms = self._terms(here, y)

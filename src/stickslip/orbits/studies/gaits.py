@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -76,7 +76,7 @@ class GaitStudy(Result):
         Every residual of the gaits where it is worst.
     """
 
-    KIND = "gait study"
+    KIND: ClassVar[str] = "gait study"
 
     system: System
     parameter: str

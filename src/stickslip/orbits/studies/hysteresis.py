@@ -94,7 +94,7 @@ class PiecewiseAffine:
 
 def _beyond(curve: PiecewiseAffine, level: float) -> Array:
     """How far left of the first and right of the last node a level is passed at the latest."""
-    steps = []
+    steps: list[float] = []
     for height, slope, side in zip(curve.values[[0, -1]], curve.slopes, (-1.0, 1.0), strict=True):
         away = (level - height) / slope if slope else 0.0
         steps.append(side + 2.0 * away if side * away > 0.0 else side)
@@ -131,7 +131,7 @@ class HysteresisOperator:
 
     @classmethod
     def of(
-        cls, system: System, parameters: Mapping[str, float] | None = None
+        cls, system: System, *, parameters: Mapping[str, float] | None = None
     ) -> HysteresisOperator:
         """The operator that is inside a system.
 
@@ -231,7 +231,7 @@ class HysteresisOperator:
             low, high = min(max(low, down), up), min(max(high, down), up)
         return float(low), float(high)
 
-    def __call__(self, psi: ArrayLike, initial: float = 0.0) -> Array:
+    def __call__(self, psi: ArrayLike, *, initial: float = 0.0) -> Array:
         """d at samples of ψ, exact if ψ is monotone between them.
 
         Parameters
@@ -253,7 +253,7 @@ class HysteresisOperator:
             d[i] = value = min(max(value, low), high)
         return d
 
-    def path(self, psi: ArrayLike, initial: float = 0.0) -> tuple[Array, Array]:
+    def path(self, psi: ArrayLike, *, initial: float = 0.0) -> tuple[Array, Array]:
         """The polygon that (ψ, d) runs along.
 
         Parameters
@@ -270,13 +270,13 @@ class HysteresisOperator:
         turns = _checked(psi)
         x = np.concatenate([turns[:1], *(self._nodes(a, b)[1:] for a, b in pairwise(turns))])
         corners = [x[:1]]
-        d = self(x, initial)
+        d = self(x, initial=initial)
         for i in range(len(x) - 1):
             # Between two nodes d rests until it meets a curve, or has left it at the node.
             meets = [self._meets(curve, x[i], x[i + 1], d[i]) for curve in (self.lower, self.upper)]
             corners += [np.array([m for m in meets if m is not None]), x[i + 1 : i + 2]]
         everywhere = np.concatenate(corners)
-        return everywhere, self(everywhere, initial)
+        return everywhere, self(everywhere, initial=initial)
 
     def loop(self, low: float, high: float) -> tuple[Array, Array]:
         """The closed curve on which (ψ, d) settles while ψ goes to and fro between two values.
@@ -284,10 +284,10 @@ class HysteresisOperator:
         Its area ∮ d dψ, anticlockwise, times the coupling is the energy that a period feeds into ψ.
         """
         start = self([low, high, low])[-1]
-        return self.path([low, high, low], start)
+        return self.path([low, high, low], initial=start)
 
     def driven(
-        self, psi: Callable[[Any], Any], t_span: tuple[float, float], initial: float
+        self, psi: Callable[[Any], Any], t_span: tuple[float, float], *, initial: float
     ) -> Play:
         """d for a function ψ(t), whose turning points are found.
 
@@ -363,20 +363,21 @@ class _Declared:
             for c, force in zip(acting, equations.rate.force, strict=True)
         }
         kinks = [ex.substitute(g, known) for g in equations.kinks]
-        used = set().union(*(e.symbols for parts in contacts.values() for e in parts)) - {pair[0]}
+        used = {name for parts in contacts.values() for e in parts for name in e.symbols}
+        used.discard(pair[0])
         if len(used) != 1 or next(iter(used)) not in d.state:
             what = ", ".join(sorted(used)) or "nothing"
             raise DeclarationError(
                 system.name, f"their friction depends on {what}, not on one other state", _REMEDY
             )
         driver = next(iter(used))
-        kinks = [g for g in kinks if g.symbols == {driver}]
+        kinks = [g for g in kinks if g.symbols == frozenset({driver})]
         return cls(driver, pair, contacts, kinks)  # type: ignore[arg-type]
 
     def legs(self) -> dict[str, tuple[PiecewiseAffine, PiecewiseAffine]]:
         """Bounds on d from −s⁺ ≤ λ(ψ, d) ≤ s⁻, where λ is affine in d."""
         nodes = self._corners()
-        found = {}
+        found: dict[str, tuple[PiecewiseAffine, PiecewiseAffine]] = {}
         for name, (force, plus, minus) in self.contacts.items():
             slope = ex.derivative(force, self.pair[0])
             if not ex.is_number(slope) or ex.number(slope) == 0.0:

@@ -55,14 +55,16 @@ class Cover:
         edges = (
             np.arange(PHASE_SAMPLES + 1) / PHASE_SAMPLES if source.depends_on_phase else np.zeros(2)
         )
-        self.low, self.high = edges[:-1], edges[1:]
+        self.low: Array = edges[:-1]
+        self.high: Array = edges[1:]
         if not source.depends_on_phase:
             self.low = self.high = np.zeros(1)
         self.first: Any = source.over(self.low, self.high)
-        self.roots, self.child = len(self.low), np.full(len(self.low), -1, np.intp)
+        self.roots: int = len(self.low)
+        self.child: Index = np.full(len(self.low), -1, np.intp)
         # Rows are stored as they came: block after block.
-        self.blocks = [self.first]
-        self.begins = np.zeros(1, np.intp)
+        self.blocks: list[Any] = [self.first]
+        self.begins: Index = np.zeros(1, np.intp)
 
     def __len__(self) -> int:
         return len(self.low)
@@ -200,7 +202,8 @@ class Cover:
             self.child[new] = len(self) + _PARTS * np.arange(len(new))
             self.blocks.append(self.source.over(low, high))
             self.begins = np.append(self.begins, len(self))
-            self.low, self.high = np.append(self.low, low), np.append(self.high, high)
+            self.low = np.append(self.low, low)
+            self.high = np.append(self.high, high)
             self.child = np.append(self.child, np.full(len(low), -1, np.intp))
         return (self.child[stretches, None] + np.arange(_PARTS)).ravel()
 

@@ -17,7 +17,20 @@ VANISHING_THRESHOLD = 1e-12  # thresholds that count as 0, of the largest
 def measure_with_sum(
     source: Dissipation, V: Array, phases: Array, motions: Array, xi: Array, violation: float
 ) -> OptimalMotion:
-    """A measure with the sum V, what it costs, and what a force ξ says about the least cost."""
+    """A measure with the sum V, what it costs, and what a force ξ says about the least cost.
+
+    Parameters
+    ----------
+    source : Dissipation
+    V : array, shape (n,)
+    phases : array, shape (k,)
+    motions : array, shape (k, n)
+        Of the measure, whose sum is V up to rounding.
+    xi : array, shape (n,)
+        A force.
+    violation : float
+        How far it may lie outside K(s), at most.
+    """
     moving = np.abs(motions).max(axis=1) > 1e-14 * np.abs(V).max(initial=0.0)
     together, sums = gathered(phases[moving], motions[moving])
     if len(sums):

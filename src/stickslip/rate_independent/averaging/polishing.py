@@ -92,6 +92,22 @@ def refined(
     Qξ + Σ v_k = c, v_k is normal to K(s_k) at ξ, and s_k is stationary for the distance of ξ + v_k
     from K(s), whose square is differentiable in s even where Ψ(s, v_k) has a kink. Derivatives are
     differences, in s no wider than half of what K(s) changes on, `scales`, shape (k,).
+
+    Parameters
+    ----------
+    source : Dissipation
+    held : HeldForce
+        Close to the solution.
+    c : array, shape (n,)
+    Q : array, shape (n, n), optional
+        Symmetric; 0 if it is not given.
+    size : float
+        That of the sets, in which ξ is measured.
+    scales : array, shape (k,)
+
+    Returns
+    -------
+    HeldForce
     """
     n = len(c)
     k = len(held.phases)

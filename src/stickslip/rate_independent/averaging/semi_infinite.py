@@ -15,6 +15,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -109,9 +110,9 @@ class Intersection(Average):
         ConvergenceError
             If the duality gap stays above the tolerance.
         """
-        V = self.vector(V, "V")
-        held = self._resisting(V)
-        return measure_with_sum(self.source, V, held.phases, held.motions, held.xi, held.bound)
+        v = self.vector(V, "V")
+        held = self._resisting(v)
+        return measure_with_sum(self.source, v, held.phases, held.motions, held.xi, held.bound)
 
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
         return float(self.excesses(self.vector(xi, "xi")[None])[0])
@@ -163,7 +164,7 @@ class Intersection(Average):
     def sampled(self, phases: Array) -> AtPhases:
         return Together(self, phases)
 
-    def over(self, low: Array, high: Array) -> Stretches:
+    def over(self, low: Array, high: Array) -> Stretches[Any]:
         ends = Together(self, low)
         return FixedTogether(ends, ends)
 
@@ -477,6 +478,7 @@ def lineality(average: Average, least: float) -> Array:
     spanned = np.zeros((n, 0))
     while spanned.shape[1] < n:
         d = rng.normal(size=n)
+        # A point exposed across the known span has a part along d, or K_av is flat in it.
         d -= spanned @ (spanned.T @ d)
         d /= np.linalg.norm(d)
         xi = max(

@@ -14,7 +14,7 @@ from stickslip.errors import DeclarationError
 from stickslip.rate_independent.averaging.semi_infinite import Intersection
 from stickslip.rate_independent.dissipation.parabolas import Parabolas
 from stickslip.rate_independent.sets.cones import ConeForm, ellipsoid
-from stickslip.rate_independent.sets.potential import Average, Dissipation
+from stickslip.rate_independent.sets.potential import Dissipation
 from stickslip.rate_independent.sets.projections import nearest_in_ellipsoid, secular
 from stickslip.rate_independent.sets.stretches import (
     NOWHERE_NEAR,
@@ -126,6 +126,7 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
         kept = squares > 0.0
         if multiplier == 0.0:
             return axes @ np.where(kept, along, 0.0), (axes * kept) @ axes.T
+        # y = S(S + μ)⁻¹ξ on the boundary; its derivative lacks the direction in which μ changes.
         shifted = squares + multiplier
         bent = squares * along / np.square(shifted)
         slope = np.diag(squares / shifted) - np.outer(bent, bent) / float(bent @ (along / shifted))
@@ -143,7 +144,7 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
     def bounded(self) -> bool:
         return self.matrix.bounded
 
-    def over(self, low: Array, high: Array) -> Stretches:
+    def over(self, low: Array, high: Array) -> Stretches[Any]:
         S = self.matrix.chord(low, high)
         start, end = (
             SampledEllipsoid(*self._axes(at, s)) for at, s in ((S.start, low), (S.end, high))
@@ -177,7 +178,7 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
     def cone_form(self, s: float) -> ConeForm:
         return ellipsoid(self.root_at(s))
 
-    def average(self, tolerance: float = 1e-8) -> Average:
+    def average(self, tolerance: float = 1e-8) -> Intersection:
         return Intersection(self, tolerance)
 
 

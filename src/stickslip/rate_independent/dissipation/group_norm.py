@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -130,12 +130,12 @@ class GroupNorm(Dissipation, kind="group norm"):
     def bounded(self) -> bool:
         return self.radius.bounded
 
-    def over(self, low: Array, high: Array) -> Stretches:
+    def over(self, low: Array, high: Array) -> Stretches[Any]:
         radii = self.radius.chord(low, high)
         start, end = SampledBalls(self.size, radii.start), SampledBalls(self.size, radii.end)
         return StretchesOfBalls(start, end, radii.off)
 
-    def average(self, tolerance: float = 1e-8) -> Average:
+    def average(self, tolerance: float = 1e-8) -> AveragedGroupNorm:
         """Each radius becomes its minimum over the phase, refined to rounding; `tolerance` is not
         needed."""
         least = least_thresholds(self.radius)
@@ -175,13 +175,17 @@ class AveragedGroupNorm(Average, GroupNorm):
         terms = [f"{r:.6g} |v_{{group {g}}}|" for g, r in enumerate(radii, start=1)]
         return ClosedForm(terms, {"radii": radii})
 
+    def average(self, tolerance: float = 1e-8) -> Self:
+        """Itself."""
+        return self
+
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
-        V = self.vector(V, "V")
+        v = self.vector(V, "V")
         return scheduled(
             self.source,
-            V,
+            v,
             np.repeat(self.phases, self.size),
-            float(self.least.floors @ self.norms(V)),
+            float(self.least.floors @ self.norms(v)),
         )
 
 

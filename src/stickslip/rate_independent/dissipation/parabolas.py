@@ -54,7 +54,7 @@ class Parabolas:
         cell = np.arange(CELLS)
         low, high = edges[:-1], edges[1:]
         least, most = matrix.bent(low, high)
-        rows = []
+        rows: list[tuple[Array, ...]] = []
         for shift in _SHIFTS:
             # What three neighbours reach takes in all that lies between: each reaches as far as the
             # next one is.
@@ -134,6 +134,7 @@ class Parabolas:
         tables = self.matrix.unwrapped(phases), self.matrix.slope(phases)
         S, slope = (0.5 * (at + at.transpose(0, 2, 1)) for at in tables)
         cell = np.clip(np.floor(phases * CELLS).astype(np.intp), 0, CELLS - 1)
+        # ξ lies in the ellipsoid of S if S − ξξᵀ has no negative eigenvalue (Schur complement).
         values, axes = np.linalg.eigh(S - xi[:, None] * xi)
         across = axes.transpose(0, 2, 1)
         return S, values, across @ slope @ axes, across @ self.middle[:, cell] @ axes, cell

@@ -218,7 +218,7 @@ class Polytope(Dissipation, kind="polytope"):
     def bounded(self) -> bool:
         return all(part is None or part.bounded for part in (self.corners, self.faces, self.reach))
 
-    def over(self, low: Array, high: Array) -> Stretches:
+    def over(self, low: Array, high: Array) -> Stretches[Any]:
         if self.corners is not None:
             points = self.corners.chord(low, high)
             hulls = sampled_hulls(self, low, points.start), sampled_hulls(self, high, points.end)
@@ -325,21 +325,21 @@ class AveragedPolytope(Average, Polytope):
 
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
         """Each face pushes along its normal at the phase at which it is closest."""
-        V = self.vector(V, "V")
+        v = self.vector(V, "V")
         normals, offsets = self.halfspaces_at()
         size = float(offsets.max()) or 1.0
-        length = float(np.abs(V).max())
+        length = float(np.abs(v).max())
         if length == 0.0:
-            return OptimalMotion(np.zeros(0), np.zeros((0, len(V))), 0.0, 0.0)
+            return OptimalMotion(np.zeros(0), np.zeros((0, len(v))), 0.0, 0.0)
         forms = [polyhedron(normals[[j]], offsets[[j]] / size) for j in range(len(normals))]
-        xi, motions = solve_cones(forms, V / length)
+        xi, motions = solve_cones(forms, v / length)
         violation = float(
             np.max(
                 (self.least.values - self.least.floors)
                 / np.linalg.norm(self._given(self.faces).at(0.0), axis=1)
             )
         )
-        return measure_with_sum(self.source, V, self.phases, motions * length, xi * size, violation)
+        return measure_with_sum(self.source, v, self.phases, motions * length, xi * size, violation)
 
 
 def read_table(given: object, where: str) -> Signal:

@@ -256,5 +256,6 @@ def _held(start: Array, end: Array, before: Array, after: Array) -> float:
 def _weights(points: Array, xi: Array) -> Array:
     """Nonnegative weights with the sum 1 whose mean of the points is ξ, or near it."""
     table = np.vstack([points.T, np.full(len(points), float(np.abs(points).max()) or 1.0)])
+    # Least squares, with the sum as one more equation of the size of the others.
     weights = np.linalg.lstsq(table, np.append(xi, table[-1, 0]), rcond=None)[0].clip(min=0.0)
     return weights / weights.sum() if weights.any() else np.full(len(points), 1.0 / len(points))

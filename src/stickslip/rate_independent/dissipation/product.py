@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -110,13 +111,13 @@ class Product(Dissipation):
     def bounded(self) -> bool:
         return all(factor.bounded for factor in self.factors)
 
-    def over(self, low: Array, high: Array) -> Stretches:
+    def over(self, low: Array, high: Array) -> Stretches[Any]:
         factors = tuple(factor.over(low, high) for factor in self.factors)
         start = SampledProduct(self.parts, tuple(factor.start for factor in factors))
         end = SampledProduct(self.parts, tuple(factor.end for factor in factors))
         return StretchesOfProducts(self.parts, start, end, factors)
 
-    def average(self, tolerance: float = 1e-8) -> Average:
+    def average(self, tolerance: float = 1e-8) -> AveragedProduct:
         """The product of the averages."""
         return AveragedProduct(
             tuple(factor.average(tolerance) for factor in self.factors), self, tolerance
@@ -157,14 +158,18 @@ class AveragedProduct(Average, Product):
         """All factors at once: what was found of it is where the next search starts."""
         return Intersection(self.source, self.tolerance)
 
+    def average(self, tolerance: float = 1e-8) -> Self:
+        """Itself."""
+        return self
+
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
         """The motions of all factors."""
-        V = self.vector(V, "V")
+        v = self.vector(V, "V")
         own = [
-            average.optimal_motion(V[part])
+            average.optimal_motion(v[part])
             for average, part in zip(self.averages, self.parts, strict=True)
         ]
-        motions = np.zeros((sum(len(motion.phases) for motion in own), len(V)))
+        motions = np.zeros((sum(len(motion.phases) for motion in own), len(v)))
         row = 0
         for motion, part in zip(own, self.parts, strict=True):
             motions[row : row + len(motion.phases), part] = motion.motions
@@ -202,7 +207,7 @@ class StretchesOfProducts(RowWise, Stretches[SampledProduct]):
     parts: list[slice]
     start: SampledProduct
     end: SampledProduct
-    factors: tuple[Stretches, ...]
+    factors: tuple[Stretches[Any], ...]
 
     def between(
         self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import SupportsFloat
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.averaging.semi_infinite import Intersection
-from stickslip.rate_independent.sets.potential import Average, Dissipation
+from stickslip.rate_independent.sets.potential import Dissipation
 from stickslip.rate_independent.sets.projections import nearest_by_support
 from stickslip.rate_independent.signals.signal import SAMPLE_PHASES, wrapped
 
@@ -45,7 +46,7 @@ class SupportFunction(Dissipation):
 
     def __init__(
         self,
-        function: Callable[[float, Array], float],
+        function: Callable[[float, Array], SupportsFloat],
         dimension: int,
         subgradient: Callable[[float, Array], ArrayLike] | None = None,
         depends_on_phase: bool = True,
@@ -62,7 +63,8 @@ class SupportFunction(Dissipation):
             raise DeclarationError(
                 "function", "it cannot be called", "Give a function of the phase s and of v"
             )
-        self.function, self.subgradient = function, subgradient
+        self.function: Callable[[float, Array], SupportsFloat] = function
+        self.subgradient: Callable[[float, Array], ArrayLike] | None = subgradient
         self._dimension = int(dimension)
         self._depends_on_phase = depends_on_phase
         directions = np.random.default_rng(0).normal(size=(len(SAMPLE_PHASES) + 1, dimension))
@@ -110,7 +112,7 @@ class SupportFunction(Dissipation):
         known: list[Array] = []
         return lambda x: nearest_by_support(self, x, s, None, known, accuracy=1e-4)
 
-    def average(self, tolerance: float = 1e-8) -> Average:
+    def average(self, tolerance: float = 1e-8) -> Intersection:
         return Intersection(self, tolerance)
 
     def _psi(self, s: float, v: Array) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -133,13 +133,13 @@ class WeightedL1(Dissipation, kind="weighted l1"):
     def bounded(self) -> bool:
         return self.above.bounded and self.below.bounded
 
-    def over(self, low: Array, high: Array) -> Stretches:
+    def over(self, low: Array, high: Array) -> Stretches[Any]:
         above = self.above.chord(low, high)
         below = above if self.below is self.above else self.below.chord(low, high)
         start, end = SampledBoxes(-below.start, above.start), SampledBoxes(-below.end, above.end)
         return StretchesOfBoxes(start, end, below.off, above.off)
 
-    def average(self, tolerance: float = 1e-8) -> Average:
+    def average(self, tolerance: float = 1e-8) -> AveragedWeightedL1:
         """Each weight becomes its minimum over the phase, refined to rounding; `tolerance` is not
         needed."""
         above = least_thresholds(self.above)
@@ -196,14 +196,18 @@ class AveragedWeightedL1(Average, WeightedL1):
         ]
         return ClosedForm(terms, {"thresholds": numbers})
 
+    def average(self, tolerance: float = 1e-8) -> Self:
+        """Itself."""
+        return self
+
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
-        V = self.vector(V, "V")
-        when = np.where(V >= 0, self.upper_phases, self.lower_phases)
+        v = self.vector(V, "V")
+        when = np.where(v >= 0, self.upper_phases, self.lower_phases)
         bound = (
-            np.maximum(V, 0.0) @ self.least_above.floors
-            - np.minimum(V, 0.0) @ self.least_below.floors
+            np.maximum(v, 0.0) @ self.least_above.floors
+            - np.minimum(v, 0.0) @ self.least_below.floors
         )
-        return scheduled(self.source, V, when, float(bound))
+        return scheduled(self.source, v, when, float(bound))
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -50,7 +50,7 @@ class AveragingStudy(Result):
         Empty, or what stopped the study early.
     """
 
-    KIND = "averaging study"
+    KIND: ClassVar[str] = "averaging study"
 
     dataset: xarray.Dataset
     certificate: Certificate
@@ -191,7 +191,8 @@ def averaging_study(
             "dissipation", "it does not depend on the phase", "There is nothing to average"
         )
     averaged = _averaged(problem)
-    grid = np.linspace(problem.span[0], problem.span[1], _intervals(problem.n) + 1)
+    start, end = map(float, problem.span)
+    grid = np.linspace(start, end, _intervals(problem.n) + 1)
     limit, limit_gauge = _limit(averaged, grid, tolerance)
     done: list[tuple[Motion, Gauge]] = []
     stopped = ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from functools import cached_property
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from stickslip.rate_independent.evolution.evolution import Evolution
 from stickslip.rate_independent.evolution.evolve import KKT, step_times
 from stickslip.rate_independent.evolution.stepping import March
 from stickslip.rate_independent.solvers.choose import choose_solver
+
+if TYPE_CHECKING:
+    from stickslip.rate_independent.play.operator import Play
 
 _Rows = Callable[[Array], Array]
 TESTS = 5  # continuous functions that rates are tested with: cos(jπ(t − t₀)/T)
@@ -76,7 +79,7 @@ class PlayMotion:
         began = time.perf_counter()
         thresholds = problem.dissipation.thresholds
         assert thresholds is not None
-        self.play = play(
+        self.play: Play = play(
             problem.ell,
             thresholds,
             problem.span,
@@ -84,9 +87,9 @@ class PlayMotion:
             epsilon=problem.epsilon,
             stiffness=float(problem.A[0, 0]),
         )
-        self.steps = len(self.play.time) - 1
-        self.wall_time = time.perf_counter() - began
-        self.dissipated = float(self.play.at(problem.span[1])["dissipated_energy"])
+        self.steps: int = len(self.play.time) - 1
+        self.wall_time: float = time.perf_counter() - began
+        self.dissipated: float = float(self.play.at(problem.span[1])["dissipated_energy"])
 
     @property
     def certificate(self) -> Certificate:
@@ -111,12 +114,12 @@ class SteppedMotion:
         self.tolerance = tolerance
         self.keep = keep
         self.kept: list[tuple[Array, Array]] = []
-        self.steps = 0
-        self.wall_time = 0.0
-        self.dissipated = 0.0
-        self.worst = {"distance": 0.0, "residual": 0.0}
-        self.defect = 0.0
-        self.scale = 0.0
+        self.steps: int = 0
+        self.wall_time: float = 0.0
+        self.dissipated: float = 0.0
+        self.worst: dict[str, float] = {"distance": 0.0, "residual": 0.0}
+        self.defect: float = 0.0
+        self.scale: float = 0.0
 
     @property
     def certificate(self) -> Certificate:
@@ -196,12 +199,12 @@ class Gauge:
         self.A = A
         self.grid = grid
         self.reference = reference
-        self.distance = 0.0
-        self.variation = 0.0
-        self.square = 0.0
-        self.tested = np.zeros((TESTS, A.shape[0]))
+        self.distance: float = 0.0
+        self.variation: float = 0.0
+        self.square: float = 0.0
+        self.tested: Array = np.zeros((TESTS, A.shape[0]))
         self.kept: list[Array] = []
-        self.last = np.empty(0), np.empty((0, A.shape[0]))
+        self.last: tuple[Array, Array] = np.empty(0), np.empty((0, A.shape[0]))
 
     def measure(self, motion: Motion) -> Gauge:
         """Let a motion pass by."""

@@ -130,6 +130,16 @@ class Evolution:
 
         Takes the arguments of `Evolution`. That state is one minimising-movement step away:
         argmin ½⟨Az, z⟩ − ⟨ℓ, z⟩ + Ψ(s, z − initial).
+
+        Parameters
+        ----------
+        A, load, dissipation, initial, *more, **kwargs
+            As for `Evolution`; `initial`, shape (n,), need not be stable.
+
+        Raises
+        ------
+        DeclarationError
+            If an argument is wrong.
         """
         from stickslip.rate_independent.evolution.evolve import nearest_stable
 

@@ -31,6 +31,11 @@ EVOLUTIONS = toml.Language(
 def load_evolution(path: str | PathLike[str]) -> EvolutionModel:
     """The evolution that a model file declares.
 
+    Parameters
+    ----------
+    path : str or path
+        A model file, TOML.
+
     Raises
     ------
     DeclarationError

@@ -271,7 +271,8 @@ class Recording:
     """
 
     def __init__(self, output: Any, observables: dict[str, Observable]) -> None:
-        self.output, self.observables = output, observables
+        self.output: Any = output
+        self.observables: dict[str, Observable] = observables
         for name in observables:
             if name in {
                 *STEP_COLUMNS,
@@ -286,7 +287,8 @@ class Recording:
                     f"observables.{name}", "the name is taken", "Choose another name"
                 )
         self.stride = output if np.ndim(output) == 0 and output is not None else 1
-        self.count, self.size = 0, 0  # steps so far, and numbers kept of z
+        self.count: int = 0  # steps so far
+        self.size: int = 0  # numbers kept of z
         self.kept: list[tuple[Array, Array]] = []
         self.blocks: list[tuple[Array, dict[str, Array], Array]] = []
 

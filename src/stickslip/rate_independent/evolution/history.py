@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -42,8 +42,8 @@ class History(Result):
         Seconds.
     """
 
-    KIND = "evolution"
-    FORMAT = 2
+    KIND: ClassVar[str] = "evolution"
+    FORMAT: ClassVar[int] = 2
 
     dataset: xarray.Dataset
     outcome: EvolutionOutcome

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 from stickslip.errors import DeclarationError, short
 from stickslip.model import toml
@@ -59,11 +59,11 @@ class EvolutionModel:
     name: str
     title: str = ""
     source: str = ""
-    parameters: Mapping[str, Parameter] = field(default_factory=dict)
-    functions: Mapping[str, Formula] = field(default_factory=dict)
+    parameters: Mapping[str, Parameter] = field(default_factory=dict[str, Parameter])
+    functions: Mapping[str, Formula] = field(default_factory=dict[str, Formula])
     A: FormulaTable = ()
     load: FormulaTable = ()
-    dissipation: Mapping[str, Any] = field(default_factory=dict)
+    dissipation: Mapping[str, Any] = field(default_factory=dict[str, Any])
     initial: FormulaTable = ()
     epsilon: Formula = 1.0
     span: tuple[Formula, Formula] = (0.0, 1.0)
@@ -210,12 +210,14 @@ def with_nearest_start(make: Callable[[], Evolution]) -> Evolution:
 def _trees(scope: Scope, value: Any, where: str) -> Any:
     """Formulas in nested tuples as expressions in the variables alone, in nested lists."""
     if isinstance(value, tuple):
-        return [_trees(scope, item, f"{where}[{i}]") for i, item in enumerate(value)]
+        items = cast(tuple[Any, ...], value)
+        return [_trees(scope, item, f"{where}[{i}]") for i, item in enumerate(items)]
     return scope.parse(value, where)
 
 
 def _evaluated(scope: Scope, value: Any, where: str) -> Any:
     """Numbers of formulas in nested tuples."""
     if isinstance(value, tuple):
-        return [_evaluated(scope, item, f"{where}[{i}]") for i, item in enumerate(value)]
+        items = cast(tuple[Any, ...], value)
+        return [_evaluated(scope, item, f"{where}[{i}]") for i, item in enumerate(items)]
     return ex.evaluate(scope.parse(value, where), {})

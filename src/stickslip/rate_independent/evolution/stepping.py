@@ -73,15 +73,17 @@ class March:
         self.problem = problem
         self.nodes = nodes
         self.solver = solver
-        self.state = state
+        self.state: EvolutionState = state
         self.kkt = kkt
         self.tolerance = tolerance
         self.adaptive = adaptive
-        self.weight = largest_weight(problem.dissipation) or float(np.abs(state.load).max()) or 1.0
-        self.length = float(nodes[-1]) - problem.span[0] if len(nodes) else 0.0
-        self.least = _LEAST * _energy_of_load(problem, nodes)
-        self.outcome = EvolutionOutcome.INTERRUPTED
-        self.detail = ""
+        self.weight: float = (
+            largest_weight(problem.dissipation) or float(np.abs(state.load).max()) or 1.0
+        )
+        self.length: float = float(nodes[-1]) - problem.span[0] if len(nodes) else 0.0
+        self.least: float = _LEAST * _energy_of_load(problem, nodes)
+        self.outcome: EvolutionOutcome = EvolutionOutcome.INTERRUPTED
+        self.detail: str = ""
 
     def __iter__(self) -> Iterator[StepBlock]:
         block = size = self.solver.block

@@ -30,7 +30,17 @@ def _two_by_two(
     L: Array, U: Array, M: Array, V: Array, z: Array, w: Array, y: float
 ) -> tuple[float, int]:
     """Samples (L, U) and (M, V) in turn, with states z and w: the last state, and how many have no
-    L <= U."""
+    L <= U.
+
+    Parameters
+    ----------
+    L, U, M, V : array, shape (k,)
+        Bounds at every other sample, and at those that follow them.
+    z, w : array, shape (k,)
+        Written.
+    y : float
+        State before the first sample.
+    """
     wrong = 0
     for k in range(len(L)):
         low = L[k]
@@ -110,6 +120,16 @@ def clamp(lower: ArrayLike, upper: ArrayLike, initial: float, out: Array | None 
 
 @njit(cache=True, fastmath={"reassoc", "nsz"})
 def _weighted_sum(load: Array, r: Array, w: Array, z: Array, out: Array) -> None:
+    """Σ wᵢ zᵢ at every sample, for many plays under one load.
+
+    Parameters
+    ----------
+    load : array, shape (n,)
+    r, w, z : array, shape (m,)
+        Radii, weights, and positions before the first sample, which become those at the last.
+    out : array, shape (n,)
+        Written.
+    """
     for k in range(len(load)):
         x = load[k]
         total = 0.0

@@ -94,6 +94,24 @@ def _sum(a: Array, b: Array) -> Array:
 
 
 def _refuse_negative(c: Array, signal: Panels, name: str, start: Array, end: Array) -> None:
+    """See that a threshold is negative nowhere, up to rounding.
+
+    Parameters
+    ----------
+    c : array, shape (degree + 1, intervals)
+        Chebyshev coefficients of the threshold.
+    signal : Panels
+        The threshold.
+    name : str
+        What the error calls it.
+    start, end : array, shape (intervals,)
+        Times.
+
+    Raises
+    ------
+    DeclarationError
+        If it is negative somewhere.
+    """
     rounding = 4.0 * signal.noise
     doubtful = np.flatnonzero(c[0] - np.sum(np.abs(c[1:]), axis=0) < -rounding)
     if not len(doubtful):
@@ -233,7 +251,19 @@ def _walk(bounds: PlayBounds, start: Array, end: Array, last: Last) -> tuple[Nod
 def _joined(
     panel: Array, x: Array, L: Array, U: Array, last: Last, noise: float
 ) -> tuple[Array, Array]:
-    """L and U at the places; the panels at an edge share one value, unless a bound jumps there."""
+    """L and U at the places; the panels at an edge share one value, unless a bound jumps there.
+
+    Parameters
+    ----------
+    panel, x : array, shape (places,)
+        The panel of each place, and where it is there, in [−1, 1].
+    L, U : array, shape (degree + 1, panels)
+        Chebyshev coefficients of the bounds.
+    last : Last
+        Where the panels before ended.
+    noise : float
+        Differences of z that are rounding.
+    """
     gap = _SMALLEST_JUMP * noise
     low, high = ch.values(L[:, panel], x), ch.values(U[:, panel], x)
     high = np.maximum(low, high)
@@ -250,7 +280,21 @@ def _joined(
 def _arrivals(
     panel: Array, x: Array, L: Array, U: Array, z: Array, mode: Array, noise: float
 ) -> tuple[Array, Array]:
-    """Intervals in which z rests until a bound arrives, and the place of that in the panel."""
+    """Intervals in which z rests until a bound arrives, and the place of that in the panel.
+
+    Parameters
+    ----------
+    panel, x : array, shape (places,)
+        The panel of each place, and where it is there, in [−1, 1].
+    L, U : array, shape (degree + 1, panels)
+        Chebyshev coefficients of the bounds.
+    z : array, shape (places + 1,)
+        Positions, the first one before the first place.
+    mode : array of int, shape (places,)
+        Direction of the motion in the interval that ends at each place; 0 where that is an edge.
+    noise : float
+        Differences of z that are rounding.
+    """
     found = []
     for c, direction in ((L, 1), (U, -1)):
         index = np.flatnonzero(mode == direction)

@@ -12,7 +12,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -162,7 +162,13 @@ def _bounds(
     stiffness: float,
     interpolation: str,
 ) -> PlayBounds:
-    """Load and thresholds as they were given, read."""
+    """Load and thresholds as they were given, read.
+
+    Parameters
+    ----------
+    load, threshold, t_span, epsilon, stiffness, interpolation
+        As of :func:`play`.
+    """
     ell = read(load, "load", OF_TIME, (), interpolation).panels(t_span)
     clock = OF_TIME if epsilon is None else OF_PHASE
     plus, *rest = (
@@ -242,7 +248,7 @@ class Play(Result):
         Load, threshold, span, period, stiffness and interpolation as they were given.
     """
 
-    KIND = "play"
+    KIND: ClassVar[str] = "play"
 
     bounds: PlayBounds
     nodes: Nodes
@@ -322,7 +328,7 @@ class Play(Result):
             raise DeclarationError(
                 "t", "a time is outside the computed span", f"Ask for {first:g} <= t <= {last:g}"
             )
-        k = np.searchsorted(self.time, times, side=side) - 1  # type: ignore[call-overload]
+        k = np.searchsorted(self.time, times, side=side) - 1
         return times, np.clip(k, 0, len(self.mode) - 1)
 
     def _middle(self, k: Array) -> Array:

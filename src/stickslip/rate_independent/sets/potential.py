@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -210,7 +210,7 @@ class Dissipation(ABC):
         it is asked for; by default, if it does not depend on the phase."""
         return not self.depends_on_phase
 
-    def over(self, low: Array, high: Array) -> Stretches:
+    def over(self, low: Array, high: Array) -> Stretches[Any]:
         """The potential on stretches of phases, shape (m,) each, within one period: 0 <= low <=
         high <= 1.
 
@@ -401,7 +401,7 @@ class Average(Dissipation):
         named = f"among the components {listed}{more}"
         return f"Friction vanishes in {count} of {n} directions, {named}: K_av has no interior"
 
-    def average(self, tolerance: float = 1e-8) -> Average:
+    def average(self, tolerance: float = 1e-8) -> Self:
         """Itself."""
         return self
 

@@ -78,6 +78,8 @@ def nearest_in_ellipsoid(root: Array, xi: Array, M: Array | None = None) -> Arra
     rank."""
     if root.shape[1] == 0:
         return np.zeros_like(xi)
+    # With y = root u the metric of u is rootᵀ M root; in its axes the multiplier of |u| ≤ 1 is the
+    # root of one secular equation.
     pulled = root if M is None else M @ root
     eigenvalues, Q = np.linalg.eigh(root.T @ pulled)
     ((u,), (multiplier,)) = secular((Q.T @ (pulled.T @ xi))[None], eigenvalues[None])
@@ -132,6 +134,7 @@ def weights_in_hull(points: Array, xi: Array, M: Array | None = None) -> Array:
     L. Lawson and R. J. Hanson, *Solving Least Squares Problems*, 1974, chapter 23).
     """
     rest = points - xi
+    # In the coordinates of the Cholesky factor the metric is the Euclidean one.
     if M is not None:
         rest = rest @ np.linalg.cholesky(M)
     size = np.linalg.norm(rest, axis=1).max()
@@ -228,6 +231,7 @@ def nearest_in_metric(
     identity = np.eye(len(xi))
 
     def at(y: Array) -> Iterate:
+        # A projected gradient step of ½⟨M(y − ξ), y − ξ⟩; the envelope is what it promises.
         pull = M @ (y - xi)
         image, slope = project(y - step * pull)
         rest = image - y
@@ -243,6 +247,7 @@ def nearest_in_metric(
         size = float(np.linalg.norm(xi)) + float(np.linalg.norm(now.image))
         if now.residual <= 1e-16 * size or idle >= _MOST_IDLE:
             break
+        # The derivative of y − P(y − γM(y − ξ)), P′ a generalised one.
         newton = np.linalg.solve(identity - now.slope @ (identity - step * M), now.image - now.y)
         share = 1.0
         ahead = at(now.y + newton)

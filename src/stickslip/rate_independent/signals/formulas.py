@@ -33,8 +33,8 @@ class Constant(Signal):
     def __init__(self, value: Array, where: str, clock: Variable) -> None:
         self.where = where
         self.clock = clock
-        self.shape = value.shape
-        self.constant = finite(value.copy(), where)
+        self.shape: tuple[int, ...] = value.shape
+        self.constant: Array = finite(value.copy(), where)
         self.constant.flags.writeable = False
 
     def raw(self, u: float) -> Array:

@@ -45,7 +45,7 @@ class CallableSignal(Signal):
         self.where = where
         self.clock = clock
         self.function = function
-        self.shape = np.shape(self.raw(0.0)) if shape is None else shape
+        self.shape: tuple[int, ...] = np.shape(self.raw(0.0)) if shape is None else shape
 
     def raw(self, u: float) -> Any:
         try:

@@ -140,6 +140,23 @@ def fitted(
 ) -> Panels:
     """A function of the clock as polynomials.
 
+    Parameters
+    ----------
+    source : callable
+        Numbers, shape (m,), to values, shape (m, ·).
+    edges : array, shape (k,)
+        Ascending; between them it is expected to be smooth.
+    where : str
+        How errors call it.
+    name : str
+        That of the clock.
+    period : float or None
+        Of the function, if it has one.
+    most : int
+        Number of polynomials that are allowed.
+    growth : callable, optional
+        Bounds on its growth off the real axis, see :mod:`.chebyshev`.
+
     Raises
     ------
     DeclarationError

@@ -16,7 +16,7 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Scope
 
-INTERPOLATIONS = {"linear": Samples, "monotone": MonotoneSamples}
+INTERPOLATIONS: dict[str, type[Samples]] = {"linear": Samples, "monotone": MonotoneSamples}
 """What samples mean between them: straight lines, or monotone cubics (PCHIP)."""
 
 
@@ -58,7 +58,8 @@ def read(
     if callable(given):
         return CallableSignal(given, where, clock, shape)
     if shape is not None and is_table(given):
-        return INTERPOLATIONS[interpolation](*given, where, clock, shape)
+        times, values = given
+        return INTERPOLATIONS[interpolation](times, values, where, clock, shape)
     return _array(given, where, clock, shape)
 
 

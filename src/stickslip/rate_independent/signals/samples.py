@@ -59,7 +59,7 @@ class Samples(Signal):
                 "Sort them, each once",
             )
         self.times = t
-        self.rows = fitting(y, (len(t), *shape), f"{where}, values")
+        self.rows: Array = fitting(y, (len(t), *shape), f"{where}, values")
         if not np.isfinite(self.rows).all():
             k = int(np.argmin(np.isfinite(self.rows.reshape(len(t), -1)).all(axis=1)))
             finite(self.rows[k], where, clock.place(float(t[k])))

@@ -62,7 +62,18 @@ def make_face(A: Array) -> Face:
 
 @njit(cache=True)
 def enter(A: Array, L: Array, order: Array, m: int, k: int) -> None:
-    """Let component k move: a new last row of the factor."""
+    """Let component k move: a new last row of the factor.
+
+    Parameters
+    ----------
+    A, L : array, shape (n, n)
+        The matrix, and its factor on the moving components; L is written.
+    order : array of int, shape (n,)
+        The moving components; written.
+    m : int
+        How many of them there are.
+    k : int
+    """
     square = A[k, k]
     for i in range(m):
         entry = A[k, order[i]]
@@ -97,7 +108,16 @@ def leave_face(L: Array, order: Array, m: int, k: int) -> None:
 
 @njit(cache=True)
 def target(face: Face, r: Array, lower: Array, upper: Array, x: Array) -> None:
-    """The minimiser x on the face of the given signs, 0 on resting components."""
+    """The minimiser x on the face of the given signs, 0 on resting components.
+
+    Parameters
+    ----------
+    face : Face
+    r, lower, upper : array, shape (n,)
+        Force at rest, and its bounds.
+    x : array, shape (n,)
+        Written on the moving components.
+    """
     L = face.L
     order = face.order
     m = face.counts[_MOVING]
@@ -136,7 +156,19 @@ def walk_face(face: Face, d: Array, x: Array) -> float:
 
 @njit(cache=True)
 def release(face: Face, r: Array, lower: Array, upper: Array, noise: float, x: Array) -> None:
-    """Let the resting components move whose forces are out of bounds at the minimiser of a face."""
+    """Let the resting components move whose forces are out of bounds at the minimiser of a face.
+
+    Parameters
+    ----------
+    face : Face
+        Its signs and its factor are written.
+    r, lower, upper : array, shape (n,)
+        Force at rest, and its bounds.
+    noise : float
+        By which a force may be out of bounds.
+    x : array, shape (n,)
+        The minimiser.
+    """
     sign = face.sign
     m = face.counts[_MOVING]
     for i in range(len(x)):
@@ -164,6 +196,18 @@ def solve_face(
 
     Forces within `noise` of a bound are on it. Returns the number of changes, or −1 if there were
     too many.
+
+    Parameters
+    ----------
+    face : Face
+        Where the search begins; written.
+    r, lower, upper : array, shape (n,)
+        Force at rest, and its bounds.
+    noise : float
+    d : array, shape (n,)
+        Written: the increment.
+    x : array, shape (n,)
+        Work space.
     """
     n = len(r)
     count = face.counts
@@ -201,6 +245,19 @@ def advance_boxes(
     """Steps from z through the loads, one row each; returns how many were done.
 
     Bounds have one row per step, or one row for all. z moves along.
+
+    Parameters
+    ----------
+    face : Face
+        Kept from step to step; written.
+    z : array, shape (n,)
+        Written.
+    loads : array, shape (steps, n)
+    lower, upper : array, shape (steps, n) or (1, n)
+    states : array, shape (steps, n)
+        Written.
+    effort : array of int, shape (steps,)
+        Written: changes of the signs in each step.
     """
     A = face.A
     n = len(z)

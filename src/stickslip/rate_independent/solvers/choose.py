@@ -88,8 +88,8 @@ class MultigridSteps:
 
         self.A = A
         self.tolerance = tolerance
-        self.block = max(1, min(64, _BLOCK // A.shape[0]))
-        self.solver = Multigrid(A, groups=together)
+        self.block: int = max(1, min(64, _BLOCK // A.shape[0]))
+        self.solver: Multigrid = Multigrid(A, groups=together)
         self.previous: Array | None = None
 
     def advance(self, z: Array, loads: Array, sets: Any) -> tuple[Array, Array]:

@@ -3,10 +3,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.rate_independent.sets.stable_sets import Boxes, ConvexSets, Discs
+
+if TYPE_CHECKING:
+    from stickslip.rate_independent.solvers.active_set import Face
 
 _ROUNDING = 1e-14  # of a force, relative to the largest of its parts
 _BLOCK = 400_000  # numbers in one array of a block of steps
@@ -24,8 +29,8 @@ class BoxSteps:
     def __init__(self, A: Array) -> None:
         from stickslip.rate_independent.solvers.active_set import make_face
 
-        self.face = make_face(A)
-        self.block = max(1, min(4096, _BLOCK // len(A)))
+        self.face: Face = make_face(A)
+        self.block: int = max(1, min(4096, _BLOCK // len(A)))
 
     def advance(self, z: Array, loads: Array, sets: Boxes) -> tuple[Array, Array]:
         """States after each load (as far as the solver came), and the changes of sign each took."""
@@ -55,9 +60,9 @@ class ProjectionSteps:
 
         self.A = A
         self.block = 64
-        self.factor = cho_factor(A)
+        self.factor: tuple[Array, bool] = cho_factor(A)
         inverse = cho_solve(self.factor, np.eye(len(A)))
-        self.metric = (inverse + inverse.T) / 2.0
+        self.metric: Array = (inverse + inverse.T) / 2.0
 
     def advance(self, z: Array, loads: Array, sets: ConvexSets | Discs) -> tuple[Array, Array]:
         """States after each load, and 1 for each step that moved."""

@@ -127,7 +127,7 @@ class Hierarchy:
         from pyamg import ruge_stuben_solver
 
         made: list[Any] = ruge_stuben_solver(nodal, max_coarse=_DENSE // A.value.shape[1]).levels
-        self.levels = [Level(A)]
+        self.levels: list[Level] = [Level(A)]
         self.transfers: list[Transfer] = []
         pattern = abs(nodal)
         for fine, _ in pairwise(made):
@@ -139,7 +139,7 @@ class Hierarchy:
             fine.A = fine.P = fine.R = None  # memory
             self.levels.append(Level(coarse_operator(self.levels[-1], self.transfers[-1], pattern)))
         self.factor: Factor | None = None
-        self.top = -1  # the level whose moving nodes the operators belong to
+        self.top: int = -1  # the level whose moving nodes the operators belong to
 
     def truncate(self, top: int, upper: Array, d: Array) -> None:
         """Make the operators from level `top` on the Hessian at d and its Galerkin products."""

@@ -124,6 +124,7 @@ def _lowest_ritz_value(A: Any, steps: int = 30) -> float:
     previous = np.zeros_like(v)
     beta = 0.0
     diagonal, below = [], []
+    # Three terms suffice: A is tridiagonal in the basis of the Krylov space.
     for _ in range(steps):
         w = A @ v - beta * previous
         diagonal.append(float(w @ v))

@@ -64,7 +64,8 @@ class StepOutcome(Enum):
     )
 
     def __init__(self, label: str, message: str) -> None:
-        self.label, self.message = label, message
+        self.label: str = label
+        self.message: str = message
 
 
 @dataclass(frozen=True)
@@ -118,7 +119,7 @@ class Multigrid:
 
     def __init__(self, A: Any, groups: int = 1) -> None:
         self.groups = groups
-        self.hierarchy = Hierarchy(*block_rows(A, groups))
+        self.hierarchy: Hierarchy = Hierarchy(*block_rows(A, groups))
 
     def step(
         self,
@@ -212,6 +213,7 @@ class Multigrid:
         R = csr_array((R.value, R.column, R.start), shape=(len(coarse.x), len(law.r)))
         weights = abs(R)
         inner = Law(R @ law.r, weights @ law.lower, weights @ law.upper)
+        # Roughly: only to a part of what is wrong where nothing moves.
         d = self._from_below(depth + 1, inner)
         at_rest, _ = forces(coarse.A, *inner, np.zeros_like(d), coarse.rest)
         self._descend(depth + 1, inner, d, _NESTED * at_rest, _NESTED_CYCLES)
@@ -221,7 +223,25 @@ class Multigrid:
         self, depth: int, law: Law, d: Array, target: float, limit: int
     ) -> tuple[float, int, StepOutcome]:
         """Cycles on one level, which change d, until the residual is at the target; returns it and
-        their number."""
+        their number.
+
+        Parameters
+        ----------
+        depth : int
+            The level; 0 is the finest.
+        law : Law
+            Of that level.
+        d : array, shape (nodes, m)
+            Written.
+        target : float
+            Of the residual.
+        limit : int
+            Most cycles.
+
+        Returns
+        -------
+        residual, cycles, outcome
+        """
         level = self.hierarchy.levels[depth]
         b = np.empty_like(d)
         cycles = 0
@@ -279,7 +299,21 @@ class Multigrid:
 
     def _correct(self, depth: int, law: Law, d: Array, b: Array, newton: Array) -> None:
         """Add as much of a Newton step as lowers J, with or without a stop at the kinks, whichever
-        lowers it more."""
+        lowers it more.
+
+        Parameters
+        ----------
+        depth : int
+            The level; 0 is the finest.
+        law : Law
+            Of that level.
+        d : array, shape (nodes, m)
+            Written.
+        b : array, shape (nodes, m)
+            −∇J where d ≠ 0, and 0 elsewhere.
+        newton : array, shape (nodes, m)
+            The step.
+        """
         p = newton.copy()
         stopped = project(d, p)
         if stopped == 0 and self.groups == 1:
@@ -297,7 +331,17 @@ class Multigrid:
     def _line_search(
         self, depth: int, law: Law, d: Array, b: Array, p: Array
     ) -> tuple[float, float]:
-        """About J(d + t p) − J(d), and its t in [0, 1]."""
+        """About J(d + t p) − J(d), and its t in [0, 1].
+
+        Parameters
+        ----------
+        depth : int
+            The level; 0 is the finest.
+        law : Law
+            Of that level.
+        d, b, p : array, shape (nodes, m)
+            Increment; −∇J where d ≠ 0, and 0 elsewhere; direction.
+        """
         level = self.hierarchy.levels[depth]
         curvature = defect(level.A, level.inverse, b, p, level.rest)
         start = -float(np.vdot(b, p))

@@ -57,7 +57,17 @@ def block_norm(v: Array, i: int) -> float:
 
 @njit(**COMPILED)
 def solve_shifted(B: Array, shift: float, g: Array, L: Array, x: Array) -> None:
-    """Solve (B + shift I) x = g for a small positive definite B by Cholesky; L is work space."""
+    """Solve (B + shift I) x = g for a small positive definite B by Cholesky; L is work space.
+
+    Parameters
+    ----------
+    B : array, shape (m, m)
+    shift : float
+    g : array, shape (m,)
+    L : array, shape (m, m)
+    x : array, shape (m,)
+        Written.
+    """
     m = len(g)
     for c in range(m):
         x[c] = g[c]
@@ -82,6 +92,17 @@ def minimise_block(B: Array, g: Array, radius: float, L: Array, x: Array, y: Arr
     x(λ) = (B + λI)⁻¹g with λ|x(λ)| = radius. Since 1/|x(λ)| is concave and at most (tr B + λ)/|g|,
     Newton's method for 1/|x(λ)| = λ/radius falls monotonically from the start below; one step is
     enough where B is a multiple of I.
+
+    Parameters
+    ----------
+    B : array, shape (m, m)
+        Symmetric positive definite.
+    g : array, shape (m,)
+    radius : float
+    L : array, shape (m, m)
+    x : array, shape (m,)
+        Written.
+    y : array, shape (m,)
     """
     m = len(g)
     size, trace = 0.0, 0.0
@@ -112,7 +133,18 @@ def minimise_block(B: Array, g: Array, radius: float, L: Array, x: Array, y: Arr
 
 @njit(**COMPILED)
 def relax(A: BlockRows, r: Array, lower: Array, upper: Array, d: Array) -> None:
-    """One sweep of nonlinear Gauss–Seidel: every node in turn takes its exact minimiser."""
+    """One sweep of nonlinear Gauss–Seidel: every node in turn takes its exact minimiser.
+
+    Parameters
+    ----------
+    A : BlockRows
+    r : array, shape (nodes, m)
+        Force at d = 0.
+    lower, upper : array, shape (nodes,)
+        Bounds of the force; if m > 1, `upper` is the radius.
+    d : array, shape (nodes, m)
+        Written.
+    """
     start, column, value = A
     m = d.shape[1]
     g = np.empty(m)
@@ -152,6 +184,17 @@ def forces(
 
     Returns the largest distance, also of the nodes at rest, and the largest that exceeds what
     rounding does to ξ.
+
+    Parameters
+    ----------
+    A : BlockRows
+    r : array, shape (nodes, m)
+        Force at d = 0.
+    lower, upper : array, shape (nodes,)
+        Bounds of the force; if m > 1, `upper` is the radius.
+    d : array, shape (nodes, m)
+    b : array, shape (nodes, m)
+        Written.
     """
     start, column, value = A
     m = d.shape[1]
@@ -196,7 +239,19 @@ def forces(
 
 @njit(**COMPILED)
 def gauss_seidel_sweep(H: BlockRows, inverse: Array, b: Array, x: Array, backward: bool) -> None:
-    """One sweep of block Gauss–Seidel for H x = b over the rows that are not empty."""
+    """One sweep of block Gauss–Seidel for H x = b over the rows that are not empty.
+
+    Parameters
+    ----------
+    H : BlockRows
+    inverse : array, shape (nodes, m, m)
+        Inverses of its diagonal blocks; 0 in empty rows.
+    b : array, shape (nodes, m)
+    x : array, shape (nodes, m)
+        Written.
+    backward : bool
+        From the last row to the first.
+    """
     start, column, value = H
     n, m = x.shape
     g = np.empty(m)
@@ -222,7 +277,17 @@ def gauss_seidel_sweep(H: BlockRows, inverse: Array, b: Array, x: Array, backwar
 
 @njit(**COMPILED)
 def defect(H: BlockRows, inverse: Array, b: Array, x: Array, out: Array) -> float:
-    """out = b − H x, zero in empty rows; returns xᵀH x."""
+    """out = b − H x, zero in empty rows; returns xᵀH x.
+
+    Parameters
+    ----------
+    H : BlockRows
+    inverse : array, shape (nodes, m, m)
+        0 in empty rows.
+    b, x : array, shape (nodes, m)
+    out : array, shape (nodes, m)
+        Written.
+    """
     start, column, value = H
     m = x.shape[1]
     total = 0.0
@@ -265,7 +330,15 @@ def project(d: Array, p: Array) -> int:
 
 @njit(**COMPILED)
 def slope_along(lower: Array, upper: Array, d: Array, p: Array, t: float) -> float:
-    """Derivative in t, from the left, of the dissipation of d + t p."""
+    """Derivative in t, from the left, of the dissipation of d + t p.
+
+    Parameters
+    ----------
+    lower, upper : array, shape (nodes,)
+        Bounds of the force; if m > 1, `upper` is the radius.
+    d, p : array, shape (nodes, m)
+    t : float
+    """
     m = d.shape[1]
     total = 0.0
     for i in range(len(d)):

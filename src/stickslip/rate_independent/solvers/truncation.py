@@ -55,6 +55,20 @@ def truncate(
 
     `inverse` tells on entry which rows were empty before; `dirty` tells on entry which rows to
     write in any case and on return which were written.
+
+    Parameters
+    ----------
+    A : BlockRows
+    upper : array, shape (nodes,)
+        Upper bounds of the force, or radii.
+    d : array, shape (nodes, m)
+    H : BlockRows
+        With the pattern of A; its values are written.
+    inverse : array, shape (nodes, m, m)
+        Written: inverses of the diagonal blocks, 0 in empty rows.
+    whole : array of bool, shape (nodes,)
+        Written: which rows are those of A.
+    dirty : array of bool, shape (nodes,)
     """
     start, column, value = A
     m = d.shape[1]
@@ -99,6 +113,22 @@ def galerkin(
     these are.
 
     A is the coarse operator without truncation: rows made of whole rows only are copied from it.
+
+    Parameters
+    ----------
+    H : BlockRows
+        The fine operator.
+    P, R : BlockRows
+        Prolongation and its transpose; one number for all components of a node.
+    whole, dirty : array of bool, shape (fine nodes,)
+        Which rows of H are not truncated, and which have changed.
+    A : BlockRows
+    coarse : BlockRows
+        With the pattern of A; its values are written.
+    inverse : array, shape (nodes, m, m)
+        Written: inverses of its diagonal blocks.
+    coarse_whole : array of bool, shape (nodes,)
+        Written: which rows are made of whole rows only.
     """
     n = len(inverse)
     m = H.value.shape[1]
@@ -133,7 +163,19 @@ def galerkin(
 def add_products(
     H: BlockRows, i: int, weight: float, P: BlockRows, place: Array, coarse: BlockRows
 ) -> None:
-    """Add weight times row i of H P to a coarse row whose columns stand at `place`."""
+    """Add weight times row i of H P to a coarse row whose columns stand at `place`.
+
+    Parameters
+    ----------
+    H : BlockRows
+    i : int
+    weight : float
+    P : BlockRows
+    place : array of int, shape (coarse nodes,)
+        Entry of the row for each column.
+    coarse : BlockRows
+        Its values are written.
+    """
     m = H.value.shape[1]
     for k in range(H.start[i], H.start[i + 1]):
         j = H.column[k]

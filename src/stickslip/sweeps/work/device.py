@@ -92,10 +92,10 @@ class OnDevice:
 
     def __init__(self, block: Block, stop: Array) -> None:
         self.block = block
-        self.count = len(block.lanes.codes)
+        self.count: int = len(block.lanes.codes)
         here = block.engine(block.lanes)
         source = block.problem.compiled.by_numba
-        self.kernels = _kernels(source.jets, source.residual, source.powers)
+        self.kernels: tuple[Any, Any] = _kernels(source.jets, source.residual, source.powers)
         rules = block.rules._replace(
             most=np.array([*block.rules.most[:2], _TURNS, block.rules.most[3]])
         )
@@ -106,16 +106,18 @@ class OnDevice:
         # Machine code is part of the kernels.
         shared = here._replace(machine=0, flow=here.flow._replace(space=0), flight=0)
         engine = each(cuda.to_device, shared)
-        self.engine = engine._replace(flow=engine.flow._replace(space=space), flight=flight)
+        self.engine: Any = engine._replace(flow=engine.flow._replace(space=space), flight=flight)
         twins = block.twins
-        self.twin = self.engine._replace(
+        self.twin: Any = self.engine._replace(
             codes=cuda.to_device(twins.codes), lanes=each(cuda.to_device, twins.now)
         )
-        self.marks, self.rules, self.saved, self.found, self.stop = each(
-            cuda.to_device, (block.marks, rules, block.saved, block.found, np.zeros(1, np.int64))
-        )
+        self.marks: Any = each(cuda.to_device, block.marks)
+        self.rules: Any = each(cuda.to_device, rules)
+        self.saved: Any = each(cuda.to_device, block.saved)
+        self.found: Any = each(cuda.to_device, block.found)
+        self.stop: Any = cuda.to_device(np.zeros(1, np.int64))
         self.bench = bench
-        self.sent = np.zeros_like(here.forms.used)
+        self.sent: Array = np.zeros_like(here.forms.used)
 
     def _for_all(self, part: Array) -> Any:
         """Work space for every thread (a leading axis)."""

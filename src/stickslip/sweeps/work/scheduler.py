@@ -52,7 +52,7 @@ class Interrupt:
     """
 
     def __init__(self, flag: Array | None = None) -> None:
-        self.flag = np.zeros(1, np.int64) if flag is None else flag
+        self.flag: Array = np.zeros(1, np.int64) if flag is None else flag
 
     @property
     def wished(self) -> bool:
@@ -110,9 +110,9 @@ class Pool:
                 "workers", f"{workers} is not a number of workers", "Give at least 1"
             )
         self.scheduler = scheduler
-        self.count = workers or os.cpu_count() or 1
+        self.count: int = workers or os.cpu_count() or 1
         self._shared: Any = None
-        self.flag = np.zeros(1, np.int64)
+        self.flag: Array = np.zeros(1, np.int64)
         if scheduler == "processes":
             self._shared = _context().RawArray("q", 1)
             self.flag = np.frombuffer(self._shared, np.int64)

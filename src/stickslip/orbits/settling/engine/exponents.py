@@ -74,7 +74,23 @@ def grow_lane(
     stop: Array,
     i: int,
 ) -> None:
-    """The exponent of one lane, if it is in the phase of being measured."""
+    """The exponent of one lane, if it is in the phase of being measured.
+
+    Parameters
+    ----------
+    e : Engine
+    twin : Engine
+        The same with lanes of its own.
+    m : Marks
+    rules : Rules
+    saved : Lane
+    bench : Bench
+    found : Found
+        Receives the exponent.
+    stop : array, shape (1,)
+        Not zero once there is a wish to stop.
+    i : int
+    """
     if m.numbers[i, PHASE] == MEASURING and grow_apart(
         e, twin, m, rules, saved, bench, found.exponent, stop, i
     ):
@@ -99,6 +115,21 @@ def grow_apart(
     What slides without mass is on its threshold, from which a change would take it away; so both go
     a bit further before the twin leaves, until it can. NaN where it never can. Returns whether that
     is known, as in :func:`settle`.
+
+    Parameters
+    ----------
+    e : Engine
+    twin : Engine
+        The same with lanes of its own.
+    m : Marks
+    rules : Rules
+    saved : Lane
+    bench : Bench
+    exponent : array, shape (lanes,)
+        Receives the exponent.
+    stop : array, shape (1,)
+        Not zero once there is a wish to stop.
+    i : int
     """
     s = e.lanes
     w = twin.lanes

@@ -106,7 +106,19 @@ def measure(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, i: int
 ) -> bool:
     """Record a lane from its saved state on for the duration in its marks, and measure it; False if
-    it has to wait."""
+    it has to wait.
+
+    Parameters
+    ----------
+    e : Engine
+    m : Marks
+    rules : Rules
+    saved : Lane
+    bench : Bench
+    found : Found
+        Receives what is measured.
+    i : int
+    """
     flow = own_flow(e, i)
     s = e.lanes
     record = bench.record
@@ -183,6 +195,16 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
     After a part of its period a motion is elsewhere, mostly; if it is not, it has to be where it
     was all the way. The first marks give way to the states that are compared; they also tell
     whether anything moves at all.
+
+    Parameters
+    ----------
+    e : Engine
+    m : Marks
+        Receive the duration.
+    rules : Rules
+    saved : Lane
+    bench : Bench
+    i : int
     """
     s = e.lanes
     real = m.real[i]
@@ -246,7 +268,19 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
 
 @njit(**OPTIONS)
 def extend(m: Marks, rules: Rules, i: int, start: float, t: float, y: Array, bench: Bench) -> None:
-    """Widen the range of every component, without frame and translation."""
+    """Widen the range of every component, without frame and translation.
+
+    Parameters
+    ----------
+    m : Marks
+    rules : Rules
+    i : int
+    start, t : float
+        Time from which the frame moves, and time of the state.
+    y : array, shape (n,)
+    bench : Bench
+        Receives the range.
+    """
     v = bench.work[0]
     ends = bench.ends
     for r in range(len(y)):
@@ -308,7 +342,23 @@ def add_steps(
     seen: Array,
     sums: Sums,
 ) -> None:
-    """Measure the steps between the recorded knots, the first of which may have been counted."""
+    """Measure the steps between the recorded knots, the first of which may have been counted.
+
+    Parameters
+    ----------
+    e : Engine
+    flow : Flow
+        With the numbers of the lane.
+    rules : Rules
+    bench : Bench
+        With the record; is added to.
+    count, carried : int
+        Number of knots, and whether the first has been counted (1) or not (0).
+    seen : array
+        Largest modulus so far of each row that bounds the steps.
+    sums : Sums
+        Is added to.
+    """
     record = bench.record
     balance = bench.balance
     work = bench.steps.work
@@ -360,7 +410,19 @@ def energy_at(e: Engine, flow: Flow, bench: Bench, j: int) -> float:
 
 @njit(**INLINED)
 def feel(e: Engine, flow: Flow, t: float, y: Array, bench: Bench, felt: Array) -> None:
-    """Forces and thresholds of the contacts at an instant, in the mode of the first knot."""
+    """Forces and thresholds of the contacts at an instant, in the mode of the first knot.
+
+    Parameters
+    ----------
+    e : Engine
+    flow : Flow
+        With the numbers of the lane.
+    t : float
+    y : array, shape (n,)
+    bench : Bench
+    felt : array, shape (3 contacts,)
+        Receives forces, thresholds s⁺ and thresholds s⁻.
+    """
     rows = flow.rows
     table = bench.table
     nc = len(rows.u)
@@ -421,7 +483,15 @@ def deceives(outcome: int, change: float, closure: float) -> bool:
 @njit(**OPTIONS)
 def forget(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
     """Forget all marks of a lane, which goes on from where it is; a driven one from its last
-    mark."""
+    mark.
+
+    Parameters
+    ----------
+    m : Marks
+    rules : Rules
+    lanes, saved : Lane
+    i : int
+    """
     for j in range(m.kind.shape[1]):
         m.kind[i, j] = _FORGOTTEN
     if m.drive[i] > 0.0:
@@ -434,7 +504,17 @@ def forget(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
 @njit(**OPTIONS)
 def look_closer(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, i: int) -> bool:
     """Let a motion that came from afar settle again by the size of its cycle; False if that is
-    known already."""
+    known already.
+
+    Parameters
+    ----------
+    m : Marks
+    rules : Rules
+    lanes, saved : Lane
+    bench : Bench
+        With the sizes of the components on the cycle.
+    i : int
+    """
     larger = False
     for r in range(m.size.shape[1]):
         larger = larger or m.size[i, r] > 2.0 * bench.ends[2, r]
@@ -473,7 +553,21 @@ def advance(
 def advance_lane(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array, i: int
 ) -> None:
-    """Settle and measure one lane, as far as it comes; its phase is left in the marks."""
+    """Settle and measure one lane, as far as it comes; its phase is left in the marks.
+
+    Parameters
+    ----------
+    e : Engine
+    m : Marks
+    rules : Rules
+    saved : Lane
+    bench : Bench
+    found : Found
+        Receives what is measured.
+    stop : array, shape (1,)
+        Not zero once there is a wish to stop.
+    i : int
+    """
     numbers = m.numbers[i]
     if numbers[PHASE] == SETTLING:
         settle_lane(e, m, rules, saved, bench, stop, i)

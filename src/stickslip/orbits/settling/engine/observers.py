@@ -102,7 +102,19 @@ def widen(c: Array, d: int, h: float, low: float, high: float, stack: Array) -> 
 @njit(**OPTIONS)
 def turning_point(c: Array, d: int, a: float, b: float, rising: bool) -> float:
     """Where the slope of a polynomial of degree d changes its sign between a and b, at which it is
-    rising or not: Newton's method inside a bracket."""
+    rising or not: Newton's method inside a bracket.
+
+    Parameters
+    ----------
+    c : array
+        Coefficients.
+    d : int
+        Degree.
+    a, b : float
+        The bracket.
+    rising : bool
+        Whether the polynomial rises at b.
+    """
     x = 0.5 * (a + b)
     for _ in range(60):
         slope, curvature = 0.0, 0.0

@@ -85,7 +85,20 @@ def remove_shift(v: Array, shifts: Array) -> None:
 
 @njit(**INLINED)
 def gap(m: Marks, i: int, j: int, t: float, y: Array, shifts: Array, out: Array) -> None:
-    """A state minus that of a mark, without frame and translation."""
+    """A state minus that of a mark, without frame and translation.
+
+    Parameters
+    ----------
+    m : Marks
+    i, j : int
+        The lane, and the place of the mark in the ring.
+    t : float
+    y : array, shape (n,)
+        Time and state.
+    shifts : array, shape (translations, n)
+    out : array, shape (n,)
+        Receives the difference.
+    """
     for r in range(len(y)):
         out[r] = y[r] - m.state[i, j, r] - m.frame[i, r] * (t - m.time[i, j])
     remove_shift(out, shifts)
@@ -105,7 +118,18 @@ def miss(v: Array, size: Array, atol: float) -> float:
 
 @njit(**INLINED)
 def grow(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> None:
-    """Keep the largest modulus of every component, as long as the size of a cycle is not known."""
+    """Keep the largest modulus of every component, as long as the size of a cycle is not known.
+
+    Parameters
+    ----------
+    m : Marks
+    rules : Rules
+    i : int
+    t : float
+    y : array, shape (n,)
+        Time and state.
+    work : array, shape (n,)
+    """
     if m.numbers[i, SIZED] == 1:
         return
     for r in range(len(y)):
@@ -117,7 +141,17 @@ def grow(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> Non
 
 @njit(**INLINED)
 def remember(m: Marks, i: int, kind: int, t: float, y: Array) -> None:
-    """Put a mark."""
+    """Put a mark.
+
+    Parameters
+    ----------
+    m : Marks
+    i, kind : int
+        The lane, and the mode as a number; see :func:`mark_kind`.
+    t : float
+    y : array, shape (n,)
+        Time and state.
+    """
     numbers = m.numbers[i]
     here = m.numbers[i, COUNT] % m.time.shape[1]
     m.time[i, here], m.kind[i, here] = t, kind
@@ -138,7 +172,17 @@ def begin_again(m: Marks, i: int, lag: int) -> None:
 
 @njit(**INLINED)
 def distance(m: Marks, rules: Rules, i: int, back: int, work: Array) -> float:
-    """How closely the last mark comes back to the one so many marks before it."""
+    """How closely the last mark comes back to the one so many marks before it.
+
+    Parameters
+    ----------
+    m : Marks
+    rules : Rules
+    i, back : int
+        The lane, and how many marks.
+    work : array, shape (n,)
+        Receives the difference.
+    """
     here = m.numbers[i, COUNT] - 1
     ring = m.time.shape[1]
     gap(
@@ -231,6 +275,15 @@ def extrapolate(
     m: Marks, rules: Rules, i: int, k: int, work: Array, fit: Array
 ) -> tuple[float, float]:
     """Where the last k + 1 returns lead, if the last one is a combination of those before it.
+
+    Parameters
+    ----------
+    m : Marks
+    rules : Rules
+    i, k : int
+        The lane, and how many returns before the last, at most 3.
+    work, fit : arrays, shapes (9, n), (3, 4)
+        Work space.
 
     Returns
     -------

@@ -142,7 +142,20 @@ def own_flow(e: Engine, i: int) -> Flow:
 def follow_lane(
     e: Engine, i: int, end: float, max_events: int, recording: bool, record: Record
 ) -> int:
-    """The event loop for one lane; its code stays behind. Returns the number of recorded steps."""
+    """The event loop for one lane; its code stays behind. Returns the number of recorded steps.
+
+    Parameters
+    ----------
+    e : Engine
+    i : int
+    end : float
+        Time at which to stop.
+    max_events : int
+        Number of events, counted from the beginning of the motion, at which to stop.
+    recording : bool
+    record : Record
+        Receives the steps.
+    """
     a = i
     b = i + 1
     s = e.lanes
@@ -177,7 +190,21 @@ def dies_out(
     e: Engine, m: Marks, rules: Rules, i: int, tolerance: float, look: float, work: Array
 ) -> bool:
     """Whether the rates of a lane, without frame and translation, are so small that nothing more
-    will change."""
+    will change.
+
+    Parameters
+    ----------
+    e : Engine
+    m : Marks
+    rules : Rules
+    i : int
+    tolerance : float
+        Largest change of a component, relative to its size.
+    look : float
+        Time in which the rates make that change.
+    work : array, shape (n,)
+        Receives the changes.
+    """
     flow = own_flow(e, i)
     s = e.lanes
     w = flow.space
@@ -205,6 +232,17 @@ def settle_lane(
 
     That is if a closed form has to be made first, or if there is a wish to stop. What is to be
     measured then starts at the saved state, and lasts as long as the marks say.
+
+    Parameters
+    ----------
+    e : Engine
+    m : Marks
+    rules : Rules
+    saved : Lane
+    bench : Bench
+    stop : array, shape (1,)
+        Not zero once there is a wish to stop.
+    i : int
     """
     s = e.lanes
     numbers = m.numbers[i]
@@ -261,7 +299,18 @@ def settle_lane(
 @njit(**OPTIONS)
 def settle_all(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: Array) -> None:
     """Follow all lanes until they have settled, as far as they come without the host; nothing is
-    measured."""
+    measured.
+
+    Parameters
+    ----------
+    e : Engine
+    m : Marks
+    rules : Rules
+    saved : Lane
+    bench : Bench
+    stop : array, shape (1,)
+        Not zero once there is a wish to stop.
+    """
     for i in range(len(e.codes)):
         if m.numbers[i, PHASE] == SETTLING:
             settle_lane(e, m, rules, saved, bench, stop, i)
@@ -313,7 +362,18 @@ def is_due(
     m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int, happened: bool, work: Array
 ) -> bool:
     """Whether the last mark is to be judged: a new one of a driven motion, or one whose mode has
-    begun."""
+    begun.
+
+    Parameters
+    ----------
+    m : Marks
+    rules : Rules
+    lanes, saved : Lane
+    i : int
+    happened : bool
+        Whether the lane is at an event.
+    work : array, shape (n,)
+    """
     numbers = m.numbers[i]
     t = lanes.clock[i, NOW]
     y = lanes.y[i]
@@ -339,7 +399,15 @@ def is_due(
 
 @njit(**INLINED)
 def put_mark(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
-    """Put a mark at an event, or move the last one if the two coincide."""
+    """Put a mark at an event, or move the last one if the two coincide.
+
+    Parameters
+    ----------
+    m : Marks
+    rules : Rules
+    lanes, saved : Lane
+    i : int
+    """
     numbers = m.numbers[i]
     t = lanes.clock[i, NOW]
     y = lanes.y[i]
@@ -360,7 +428,22 @@ def put_mark(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
 @njit(**INLINED)
 def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> int:
     """See whether a motion that has had no events for a while has come to an end, which the host
-    has to prove."""
+    has to prove.
+
+    Parameters
+    ----------
+    e : Engine
+    m : Marks
+    rules : Rules
+    saved : Lane
+    bench : Bench
+    i : int
+
+    Returns
+    -------
+    int
+        SETTLED if it seems to have, else GO_ON.
+    """
     s = e.lanes
     numbers = m.numbers[i]
     t = e.lanes.clock[i, NOW]
@@ -404,7 +487,22 @@ def consider(
     m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: Array, i: int
 ) -> int:
     """Compare the last mark, at which the saved lane is, with those before it, and decide what is
-    done."""
+    done.
+
+    Parameters
+    ----------
+    m : Marks
+    rules : Rules
+    lanes, saved : Lane
+    work, fit : arrays, shapes (9, n), (3, 4)
+        Work space.
+    i : int
+
+    Returns
+    -------
+    int
+        GO_ON, CARRIED or SETTLED.
+    """
     numbers = m.numbers[i]
     before = m.numbers[i, LAG]
     numbers[PENDING] = 0
@@ -434,7 +532,17 @@ def consider(
 
 @njit(**OPTIONS)
 def leave(m: Marks, saved: Lane, i: int, leapt: int, d: float) -> None:
-    """Keep where the motion itself is, before it is carried on by hand."""
+    """Keep where the motion itself is, before it is carried on by hand.
+
+    Parameters
+    ----------
+    m : Marks
+    saved : Lane
+    i, leapt : int
+        The lane, and how it is carried on: 1 to polish it, −1 by a leap.
+    d : float
+        What the last return misses by.
+    """
     numbers, real = m.numbers[i], m.real[i]
     copy_lane(saved, i, m.home, i)
     numbers[LEAPT], real[MISS] = leapt, d
@@ -446,7 +554,21 @@ def leave(m: Marks, saved: Lane, i: int, leapt: int, d: float) -> None:
 
 @njit(**OPTIONS)
 def carry(m: Marks, lanes: Lane, saved: Lane, i: int, step: Array) -> int:
-    """Carry a motion on by a step, at its last mark."""
+    """Carry a motion on by a step, at its last mark.
+
+    Parameters
+    ----------
+    m : Marks
+    lanes, saved : Lane
+        Receive the new state.
+    i : int
+    step : array, shape (n,)
+
+    Returns
+    -------
+    int
+        CARRIED.
+    """
     last = (m.numbers[i, COUNT] - 1) % m.time.shape[1]
     numbers = m.numbers[i]
     copy_lane(saved, i, m.before, i)
@@ -460,7 +582,24 @@ def carry(m: Marks, lanes: Lane, saved: Lane, i: int, step: Array) -> int:
 
 @njit(**OPTIONS)
 def put_back(m: Marks, lanes: Lane, saved: Lane, i: int, kept: Lane, count: int) -> int:
-    """Put a motion back to where it was at a mark, which is the last one again."""
+    """Put a motion back to where it was at a mark, which is the last one again.
+
+    Parameters
+    ----------
+    m : Marks
+    lanes, saved : Lane
+        Receive where it was.
+    i : int
+    kept : Lane
+        Where it was.
+    count : int
+        Number of marks up to that one.
+
+    Returns
+    -------
+    int
+        CARRIED.
+    """
     numbers = m.numbers[i]
     last = (count - 1) % m.time.shape[1]
     copy_lane(kept, i, saved, i)
@@ -489,7 +628,24 @@ def take_back(m: Marks, lanes: Lane, saved: Lane, i: int) -> int:
 def polish(
     m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: Array, i: int, d: float
 ) -> int:
-    """Carry a motion that seems to have settled on to its cycle, down to rounding."""
+    """Carry a motion that seems to have settled on to its cycle, down to rounding.
+
+    Parameters
+    ----------
+    m : Marks
+    rules : Rules
+    lanes, saved : Lane
+    work, fit : arrays, shapes (9, n), (3, 4)
+        Work space.
+    i : int
+    d : float
+        What the last return misses by.
+
+    Returns
+    -------
+    int
+        GO_ON, CARRIED or SETTLED.
+    """
     numbers = m.numbers[i]
     real = m.real[i]
     lag = m.numbers[i, LAG]
@@ -520,7 +676,23 @@ def polish(
 @njit(**OPTIONS)
 def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int, d: float) -> int:
     """Take the polished cycle for what the motion has settled on, if that was within the tolerance
-    of it."""
+    of it.
+
+    Parameters
+    ----------
+    m : Marks
+    rules : Rules
+    lanes, saved : Lane
+    work : array, shape (n,)
+    i : int
+    d : float
+        What the polished cycle misses by.
+
+    Returns
+    -------
+    int
+        SETTLED, or CARRIED if it is taken back.
+    """
     numbers = m.numbers[i]
     real = m.real[i]
     ring = m.time.shape[1]
@@ -558,7 +730,24 @@ def leap(
     q: float,
 ) -> int:
     """Carry a return that shrinks slowly on to where it leads, if it does so by one factor and
-    every contact slips."""
+    every contact slips.
+
+    Parameters
+    ----------
+    m : Marks
+    rules : Rules
+    lanes, saved : Lane
+    work, fit : arrays, shapes (9, n), (3, 4)
+        Work space.
+    i : int
+    d, q : float
+        What the last return misses by, and the factor by which returns shrink.
+
+    Returns
+    -------
+    int
+        CARRIED, or GO_ON if it does not.
+    """
     numbers = m.numbers[i]
     lag = m.numbers[i, LAG]
     ring = m.time.shape[1]
@@ -576,7 +765,21 @@ def leap(
 
 @njit(**OPTIONS)
 def confirm(m: Marks, lanes: Lane, saved: Lane, i: int, d: float) -> int:
-    """See after a return whether a leap has brought the motion nearer."""
+    """See after a return whether a leap has brought the motion nearer.
+
+    Parameters
+    ----------
+    m : Marks
+    lanes, saved : Lane
+    i : int
+    d : float
+        What the last return misses by.
+
+    Returns
+    -------
+    int
+        CARRIED if the motion is taken back, else GO_ON.
+    """
     numbers, real = m.numbers[i], m.real[i]
     if numbers[TRUE] < numbers[LAG]:
         return _GO_ON
@@ -594,7 +797,19 @@ def confirm(m: Marks, lanes: Lane, saved: Lane, i: int, d: float) -> int:
 @njit(**OPTIONS)
 def put_plane(m: Marks, i: int, t: float, y: Array, work: Array) -> None:
     """Lay a plane through the present state across the motion, whose rates are in the work
-    space."""
+    space.
+
+    Parameters
+    ----------
+    m : Marks
+        Receive the plane.
+    i : int
+    t : float
+    y : array, shape (n,)
+        Time and state.
+    work : array, shape (n,)
+        The rates, up to a factor.
+    """
     copy(y, m.plane[i, 0])
     m.plane[i, 2, 0] = t
     for r in range(len(work)):
@@ -605,7 +820,18 @@ def put_plane(m: Marks, i: int, t: float, y: Array, work: Array) -> None:
 
 @njit(**OPTIONS)
 def height(m: Marks, i: int, t: float, y: Array, shifts: Array, work: Array) -> float:
-    """On which side of the plane a state is, and how far."""
+    """On which side of the plane a state is, and how far.
+
+    Parameters
+    ----------
+    m : Marks
+    i : int
+    t : float
+    y : array, shape (n,)
+        Time and state.
+    shifts : array, shape (translations, n)
+    work : array, shape (n,)
+    """
     for r in range(len(y)):
         work[r] = y[r] - m.plane[i, 0, r] - m.frame[i, r] * (t - m.plane[i, 2, 0])
     remove_shift(work, shifts)
@@ -623,6 +849,21 @@ def cross_plane(
     it says.
 
     A motion that is carried on by hand starts again from there.
+
+    Parameters
+    ----------
+    e : Engine
+    m : Marks
+    rules : Rules
+    saved : Lane
+    bench : Bench
+    i, count : int
+        The lane, and how many steps are recorded.
+
+    Returns
+    -------
+    int
+        GO_ON, CARRIED or SETTLED.
     """
     flow = own_flow(e, i)
     s = flow.space
@@ -679,7 +920,18 @@ def cross_plane(
 def put_at(
     lanes: Lane, i: int, t: float, step: float, y: Array, mode: Array, region: Array
 ) -> None:
-    """Put a lane at a point within a step."""
+    """Put a lane at a point within a step.
+
+    Parameters
+    ----------
+    lanes : Lane
+        Receive the point.
+    i : int
+    t, step : float
+        Time, and length of the step.
+    y : array, shape (n,)
+    mode, region : arrays of int, shapes (contacts,), (kinks,)
+    """
     lanes.clock[i, NOW] = t
     lanes.clock[i, LAST] = step
     lanes.counters[i, CAUSE] = -1

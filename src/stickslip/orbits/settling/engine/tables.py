@@ -264,7 +264,18 @@ class Bench(NamedTuple):
 
 
 def make_marks(drive: Array, ring: int, n: int, contacts: int, home: Lane, before: Lane) -> Marks:
-    """Nothing remembered yet of lanes with these periods of their drives."""
+    """Nothing remembered yet of lanes with these periods of their drives.
+
+    Parameters
+    ----------
+    drive : array, shape (lanes,)
+        The periods; 0 where there is no drive.
+    ring : int
+        Marks that are remembered of each lane.
+    n, contacts : int
+        Components of the state, and contacts.
+    home, before : Lane
+    """
     lanes = len(drive)
     marks = Marks(
         time=np.zeros((lanes, ring)),
