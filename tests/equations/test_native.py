@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numba import njit
+from numba.core.types import WrapperAddressProtocol
 
 from stickslip import (
     Contact,
@@ -28,12 +29,13 @@ from stickslip import (
 )
 from stickslip.arrays import Array
 from stickslip.equations.codegen.generate import Generated, Layout, generate
-from stickslip.equations.codegen.interface import INTERFACE
+from stickslip.machine_code.interface import INTERFACE, signature
 from stickslip.equations.codegen.printer import source_of
 from stickslip.equations.derive import derive
-from stickslip.equations.native import objects, orders
-from stickslip.equations.native.objects import addresses
-from stickslip.equations.native.systems import MachineFunction, assembly_of, compile_system
+from stickslip.equations.native import orders
+from stickslip.machine_code import objects
+from stickslip.machine_code.objects import addresses
+from stickslip.equations.native.systems import assembly_of, compile_system
 from stickslip.motion.engine.tables import run_setups
 from stickslip.motion.problem import pose
 from stickslip.motion.steps.arrays import (
@@ -102,9 +104,23 @@ def by_python(generated: Generated) -> dict[str, Any]:
     return space
 
 
-def compiled_by_llvm(generated: Generated, folder: Path) -> dict[str, MachineFunction]:
+class Handed(WrapperAddressProtocol):
+    """A function in memory that numba's functions accept as an argument."""
+
+    def __init__(self, name: str, address: int) -> None:
+        self.name = name
+        self.address = address
+
+    def __wrapper_address__(self) -> int:
+        return self.address
+
+    def signature(self) -> Any:
+        return signature(self.name)
+
+
+def compiled_by_llvm(generated: Generated, folder: Path) -> dict[str, Handed]:
     found = addresses(assembly_of(generated), list(INTERFACE), folder)
-    return {name: MachineFunction(name, at) for name, at in zip(INTERFACE, found, strict=True)}
+    return {name: Handed(name, at) for name, at in zip(INTERFACE, found, strict=True)}
 
 
 @njit

@@ -7,57 +7,15 @@ import hashlib
 import importlib.util
 import os
 import sys
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from pathlib import Path
 from typing import Any
-
-from platformdirs import user_cache_path
 
 from stickslip.equations.codegen.generate import Generated
 from stickslip.equations.codegen.printer import source_of
 from stickslip.equations.codegen.unroll import written_out
-from stickslip.machine_code import stamp
+from stickslip.machine_code.objects import cache_folder
+from stickslip.machine_code.stamps import stamp
 
 _modules: dict[str, Any] = {}
-
-
-def cache_folder() -> Path:
-    """Folder of generated code: ``$STICKSLIP_CACHE``, else the user's cache folder, else a
-    temporary one."""
-    given = os.environ.get("STICKSLIP_CACHE")
-    folder = Path(given) / "stickslip" if given else user_cache_path("stickslip")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK):
-            return folder
-    except OSError:
-        pass
-    return Path(tempfile.mkdtemp(prefix="stickslip-"))
-
-
-_announced = False
-
-
-@contextmanager
-def announced() -> Iterator[None]:
-    """Say once what takes its time: the first use of the engine on a machine, or after it has
-    changed."""
-    global _announced
-    if _announced:
-        yield
-        return
-    mark = cache_folder() / f"engine_{_key(str(Path(__file__).parent))}.ready"
-    if not mark.exists() and sys.stderr.isatty():
-        print(
-            "stickslip: compiling the engine once for this machine, less than a minute ...",
-            file=sys.stderr,
-        )
-    yield
-    _announced = True
-    with suppress(OSError):
-        mark.touch()
 
 
 def source_module(generated: Generated) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from stickslip.equations.codegen.generate import Generated
-from stickslip.equations.codegen.interface import INTERFACE
+from stickslip.machine_code.interface import INTERFACE
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.functions import FUNCTIONS
 from stickslip.symbolic.scalars import SourceText, Store
@@ -30,6 +30,7 @@ _HEADER = '''"""Generated from a declaration; do not edit."""
 import math
 import numpy as np
 from numba import boolean, cfunc, float64, int64, njit, void
+from stickslip.equations.codegen.fused import fma
 from stickslip.equations.codegen.series import *
 vector, matrix, indices = float64[::1], float64[:, ::1], int64[::1]
 '''

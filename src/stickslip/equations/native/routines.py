@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from stickslip.equations.codegen.interface import INTERFACE
 from stickslip.equations.native.assembly import WHOLE, Assembly, Operand, constant
+from stickslip.machine_code.interface import INTERFACE
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS
 from stickslip.symbolic.scalars import Scalar, Store, numeral
 from stickslip.symbolic.tape import scalars_of

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 from weakref import WeakKeyDictionary
 
-import numba.experimental.function_type  # noqa: F401  # else numba does not know such functions
-from numba.core.types import WrapperAddressProtocol
-
-from stickslip.equations.codegen.compiled import cache_folder, source_module
 from stickslip.equations.codegen.generate import Generated, Layout, generate
-from stickslip.equations.codegen.interface import INTERFACE, signature
 from stickslip.equations.derive import MotionEquations, derive
 from stickslip.equations.native.loops import LOOPS
-from stickslip.equations.native.objects import addresses
 from stickslip.equations.native.orders import series_of
 from stickslip.equations.native.routines import Routine
+from stickslip.machine_code.interface import INTERFACE
+from stickslip.machine_code.kinds import MachineFunction
+from stickslip.machine_code.objects import addresses, cache_folder
 from stickslip.model.declaration import Declaration
 from stickslip.model.system import System
 from stickslip.symbolic.functions import FUNCTIONS
@@ -32,31 +29,6 @@ _CALLED = {
 }
 """Functions from outside, beside those of formulas, which the mathematical library has under the
 same names."""
-
-
-_signature = cache(signature)
-
-
-class MachineFunction(WrapperAddressProtocol):
-    """A function in memory that numba's functions accept as an argument.
-
-    Parameters
-    ----------
-    name : str
-        Of the interface.
-    address : int
-    """
-
-    def __init__(self, name: str, address: int) -> None:
-        self.address = address
-        self._signature = _signature(name)
-
-    def __wrapper_address__(self) -> int:
-        return self.address
-
-    def signature(self) -> Any:
-        """The numba signature; numba asks at every call."""
-        return self._signature
 
 
 @dataclass(frozen=True)
@@ -78,6 +50,8 @@ class CompiledSystem:
     @cached_property
     def by_numba(self) -> Any:
         """The same functions as numba compiles them from Python source."""
+        from stickslip.equations.codegen.compiled import source_module
+
         return source_module(self.generated)
 
 
@@ -92,7 +66,7 @@ def compile_system(system: System) -> CompiledSystem:
         generated = generate(equations)
         found = addresses(assembly_of(generated), list(INTERFACE), cache_folder())
         functions = {
-            name: MachineFunction(name, address)
+            name: MachineFunction(address, name)
             for name, address in zip(INTERFACE, found, strict=True)
         }
         _compiled[declaration] = CompiledSystem(equations, generated, **functions)

@@ -7,26 +7,47 @@ gives the same numbers.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import entry
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
 from stickslip.motion.steps.arrays import (
-    ALLOCATING,
     DIMENSION,
+    OPTIONS,
     POWERS_MADE,
     Flow,
     Instant,
     Machine,
     Record,
+    Rows,
     coefficients,
 )
 from stickslip.motion.steps.stiff import follow_mode
 
 
-@njit(**ALLOCATING)
+class Work(NamedTuple):
+    """Work space between knots: coefficients of all rows, two states, powers, mode and region."""
+
+    V: Array
+    y: Array
+    z: Array
+    power: Array
+    mode: Array
+    reg: Array
+
+
+def make_work(rows: Rows, shape: tuple[int, int]) -> Work:
+    """New work space, with coefficients of that shape."""
+    n = rows.sizes[DIMENSION]
+    mode, reg = np.zeros(len(rows.u), np.int64), np.zeros(len(rows.kinks), np.int64)
+    return Work(np.zeros(shape), np.zeros(n), np.zeros(n), np.zeros(POWERS_MADE), mode, reg)
+
+
+@entry(**OPTIONS)
 def sample(
     machine: Machine,
     flow: Flow,
@@ -34,6 +55,7 @@ def sample(
     knots: Record,
     index: Array,
     times: Array,
+    work: Work,
     out: Array,
 ) -> None:
     """Order-0 values of all rows, then energy, dissipated and supplied power, at given times.
@@ -45,16 +67,14 @@ def sample(
     knots : Record
     index : array of int, shape (times,)
         Knot whose step each time belongs to.
+    work : Work
     out : array, shape (times, rows + 3)
     """
     rows = flow.rows
     W = flow.space.W
     n = rows.sizes[DIMENSION]
-    V = np.zeros((len(W), 2))
-    y = np.zeros(n)
-    z = np.zeros(n)
-    power = np.zeros(POWERS_MADE)
-    mode, reg = np.zeros(len(rows.u), np.int64), np.zeros(len(rows.kinks), np.int64)
+    y, z = work.y, work.z
+    mode, reg = work.mode, work.reg
     last = -1
     base = 0.0
     h = 0.0
@@ -87,9 +107,9 @@ def sample(
             h = max(h, 1e-12 * left)
         for r in range(n):
             z[r] = horner(W[r], order, (times[i] - base) / W[n, 1]) if known else y[r]
-        coefficients(machine, flow, Instant(times[i], z, mode, reg), 1, V)
-        machine.powers(V, reg, flow.k.K, power)
+        coefficients(machine, flow, Instant(times[i], z, mode, reg), 1, work.V)
+        machine.powers(work.V, reg, flow.k.K, work.power)
         for r in range(len(W)):
-            out[i, r] = V[r, 0]
+            out[i, r] = work.V[r, 0]
         for r in range(POWERS_MADE):
-            out[i, len(W) + r] = power[r]
+            out[i, len(W) + r] = work.power[r]

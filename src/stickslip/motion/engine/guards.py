@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.roots import first_crossing
 from stickslip.motion.steps.arrays import (
     DIMENSION,

@@ -17,7 +17,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.guards import contact_of, is_second, scan, stays
 from stickslip.motion.steps.arrays import (
     ASTRAY,

@@ -3,45 +3,14 @@ of arrays."""
 
 from __future__ import annotations
 
-import importlib
-import sys
-import warnings
-from types import ModuleType
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.equations.codegen.interface import INTERFACE, function_type
 from stickslip.equations.codegen.program import Program
-from stickslip.machine_code import njit
-
-
-def _import_array_functions() -> None:
-    """Import numba's array functions but not SciPy's linear algebra, a sixth of the time of a whole
-    short process.
-
-    They only look whether it is there; compiled code that calls it (none of ours) imports it by
-    itself.
-    """
-    blas = "scipy.linalg.cython_blas"
-    if blas not in sys.modules:
-        sys.modules[blas] = ModuleType(blas)
-        try:
-            importlib.import_module("numba.np.arraymath")
-        finally:
-            del sys.modules[blas]
-
-
-_import_array_functions()
-# The engine takes a model's machine code as arguments; numba calls that experimental whenever it
-# compiles such a call.
-warnings.filterwarnings("ignore", message="First-class function type feature is experimental")
-
-if TYPE_CHECKING:
-    SETUP = JETS = RESIDUAL = POWERS = Any
-else:
-    SETUP, JETS, RESIDUAL, POWERS = map(function_type, INTERFACE)
+from stickslip.machine_code.functions import njit
+from stickslip.machine_code.kinds import MachineFunction
 
 # Codes of motion.outcome.Outcome, and three that ask to be called again: with a new record, with a
 # closed form, or for Taylor steps.
@@ -104,8 +73,7 @@ HAPPENED, SWITCHES, CAUSE, CROSSED, TAKEN = range(5)
 
 # The loops allocate nothing and own no array, so that no reference has to be counted (half of the
 # time, where views of arrays are as many as here).
-OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "_nrt": False}
-ALLOCATING: dict[str, Any] = {**OPTIONS, "_nrt": True}
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
 # For functions with one or two callers: their tuples of arrays are hundreds of machine words, which
 # a call would copy. Inlined before they are typed, they are compiled once, not again at every level
 # above them.
@@ -293,14 +261,11 @@ class Task(NamedTuple):
 class Machine(NamedTuple):
     """Machine code of a system: Taylor coefficients of all rows, residual of the rate-independent
     coordinates, and energy with dissipated and supplied power.
-
-    Python hands it over apart from all arrays: numba has to look at the type of a function at every
-    call, and would look at all that comes in the same tuple.
     """
 
-    jets: JETS
-    residual: RESIDUAL
-    powers: POWERS
+    jets: MachineFunction
+    residual: MachineFunction
+    powers: MachineFunction
 
 
 class Flow(NamedTuple):

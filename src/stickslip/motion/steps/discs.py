@@ -34,7 +34,7 @@ from stickslip.equations.codegen.program import (
     THIRD,
     Program,
 )
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import njit
 from stickslip.motion.steps.arrays import INLINED, OPTIONS, Flow
 from stickslip.symbolic.tape import Op
 

@@ -32,7 +32,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.codegen.generate import ORDERS
 from stickslip.equations.codegen.series import invert
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import njit
 from stickslip.motion.steps.arrays import (
     CAUSE,
     DIMENSION,

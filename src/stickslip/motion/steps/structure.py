@@ -18,7 +18,7 @@ from stickslip.equations.codegen.program import (
     SIZE,
     THIRD,
 )
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import njit
 from stickslip.motion.steps.arrays import DIMENSION, INLINED, OPTIONS, Flow
 from stickslip.motion.steps.discs import (
     ENTRY,

@@ -14,7 +14,6 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.equations.codegen.compiled import announced
 from stickslip.errors import DeclarationError
 from stickslip.motion.engine.forms import AFFINE
 from stickslip.motion.ensemble import Lanes
@@ -304,8 +303,7 @@ class Block:
                 if self.known is None and self.problem.compiled.layout.timed and len(need):
                     marks.frame[need] = frames(lanes, need)
                 lanes.codes[need] = FULL
-            with announced():
-                compiled()
+            compiled()
             if stop[0] != 0:
                 raise Stopped
             if np.any(phase == PROVING):

@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numba import config, cuda
-from numba.core.dispatcher import Dispatcher
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
+from stickslip.machine_code.functions import Compiled
 from stickslip.motion.between.step_balance import Steps, Tally
 from stickslip.motion.engine.forms import Flight
 from stickslip.motion.ensemble import Lanes
@@ -227,7 +227,7 @@ def ported(function: Any) -> Any:
 
     Functions are found by the names that the code uses, in its own module or in a module it names.
     """
-    source = function.py_func if isinstance(function, Dispatcher) else function._pyfunc
+    source = function.py_func if isinstance(function, Compiled) else function._pyfunc
     names = source.__code__.co_names
     space = {name: _there(name, value, names) for name, value in source.__globals__.items()}
     return cuda.jit(device=True)(
@@ -239,7 +239,7 @@ def _there(name: str, value: Any, names: tuple[str, ...]) -> Any:
     """What a global name of a function stands for on the GPU, if the function uses these names."""
     if name not in names:
         return value
-    if isinstance(value, Dispatcher):
+    if isinstance(value, Compiled):
         return ported(value)
     if name in _LIBDEVICE and callable(value) and not _SIMULATED:
         return getattr(cuda.libdevice, name)  # pyright: ignore[reportAttributeAccessIssue]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
-
-from numba import float64, int64, types, void
 
 _SERIES = "Rq:matrix Rz:matrix N:int64 W:matrix A:matrix B:matrix mag:vector"
 _INSTANT = "t:float64 y:vector mode:indices reg:indices K:vector"
@@ -18,22 +17,20 @@ INTERFACE: dict[str, tuple[str, dict[str, str]]] = {
     )
 }
 """By name: what a function returns, and its arguments with their kinds."""
-_TYPES: dict[str, Any] = {
-    "void": void,
-    "float64": float64,
-    "int64": int64,
-    "vector": float64[::1],
-    "matrix": float64[:, ::1],
-    "indices": int64[::1],
-}
 
 
+@cache
 def signature(name: str) -> Any:
     """The numba signature of a function."""
+    from numba import float64, int64, void
+
+    types: dict[str, Any] = {
+        "void": void,
+        "float64": float64,
+        "int64": int64,
+        "vector": float64[::1],
+        "matrix": float64[:, ::1],
+        "indices": int64[::1],
+    }
     result, arguments = INTERFACE[name]
-    return _TYPES[result](*(_TYPES[kind] for kind in arguments.values()))
-
-
-def function_type(name: str) -> Any:
-    """The numba type of a function that is handed over."""
-    return types.FunctionType(signature(name))
+    return types[result](*(types[kind] for kind in arguments.values()))

@@ -1,0 +1,206 @@
+"""An entry of the engine as machine code that knows neither numba nor Python: a function of two
+tables, from which it takes its arguments (:mod:`stickslip.machine_code.tables`)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from llvmlite import binding as llvm
+from numba.core import cgutils, codegen, compiler, types
+from numba.extending import intrinsic
+from numba.np.arrayobj import make_array, populate_array
+
+from stickslip.machine_code.caching import njit
+from stickslip.machine_code.kinds import ADDRESS, REAL, TRUTH, Kind, axes, dtype, numba_type
+from stickslip.machine_code.objects import MATHEMATICS, machine, processor
+
+if TYPE_CHECKING:
+    from stickslip.machine_code.functions import Entry
+
+_ERRORS = frozenset(
+    "numba_gil_ensure numba_gil_release numba_unpickle numba_runtime_build_excinfo_struct "
+    "numba_do_raise PyBytes_FromStringAndSize PyErr_Clear PyErr_SetNone PyErr_SetObject "
+    "PyErr_SetString PyErr_WriteUnraisable PyImport_ImportModule PyLong_AsVoidPtr "
+    "PyObject_CallFunctionObjArgs PyObject_GetAttrString PyUnicode_FromString Py_DecRef".split()
+)
+_HELPERS = {
+    "numba_frexp": "define double @numba_frexp(double %x, ptr %n) { "
+    "%m = call double @frexp(double %x, ptr %n) ret double %m }",
+    "numba_ldexp": "define double @numba_ldexp(double %x, i32 %n) { "
+    "%m = call double @ldexp(double %x, i32 %n) ret double %m }",
+}
+_OUTSIDE = """
+declare void @llvm.trap()
+declare double @frexp(double, ptr)
+declare double @ldexp(double, i32)
+"""
+_RESULTS: dict[str, Any] = {
+    "None": types.void,
+    "int": types.int64,
+    "float": types.float64,
+    "bool": types.boolean,
+}
+_WORDS = {"None": "void", "int": "i64", "float": "double", "bool": "i8"}
+
+
+class _Unplaced(codegen.JITCodeLibrary):
+    """Code that is not put into memory: it is only part of other code."""
+
+    def _finalize_final_module(self) -> None:
+        self._finalized = True
+
+
+class Inside(compiler.Compiler):
+    """numba's compiler, of functions that compiled functions call alone: they need no machine code
+    of their own, nor anything by which Python could call them."""
+
+    def define_pipelines(self) -> Any:
+        """As numba does it, with other results."""
+        state = self.state
+        state.flags.no_compile = True
+        state.flags.no_cpython_wrapper = True
+        state.flags.no_cfunc_wrapper = True
+        state.library = _Unplaced(state.targetctx.codegen(), state.func_id.func_qualname)
+        return super().define_pipelines()
+
+    def _compile_core(self) -> Any:
+        # numba knows a function by what Python would call, some method of C: here one that nobody
+        # calls.
+        made = super()._compile_core()._replace(entry_point=[].append)
+        made.library._ensure_finalized()
+        self.state.targetctx.insert_user_function(made.entry_point, made.fndesc, [made.library])
+        return made
+
+
+def bitcode(function: Entry, kind: Kind, symbol: str) -> bytes:
+    """The optimised code of an entry, for one kind of arguments.
+
+    Parameters
+    ----------
+    function : Entry
+    kind : Kind
+        Of the tuple of all arguments.
+    symbol : str
+        Name of the function in the code.
+    """
+    compiled = function.inside
+
+    @intrinsic
+    def taken(typing: Any, wholes: Any, reals: Any) -> Any:
+        """The arguments, out of the tables."""
+
+        def generate(context: Any, builder: Any, signature: Any, tables: Any) -> Any:
+            return _Tables(context, builder, *tables).value(kind)
+
+        return numba_type(kind)(wholes, reals), generate
+
+    tables = types.CPointer(types.int64), types.CPointer(types.float64)
+    signature = _RESULTS[function.result](*tables)
+
+    @njit(signature, pipeline_class=Inside, error_model="numpy", _nrt=False)
+    def called(wholes, reals):
+        return compiled(*taken(wholes, reals))
+
+    made = called.overloads[signature.args]
+    module = llvm.parse_assembly(made.library.get_llvm_str())
+    _close(module, made.fndesc.llvm_func_name, symbol, function.result)
+    return module.as_bitcode()
+
+
+def _close(module: Any, name: str, symbol: str, result: str) -> None:
+    """Have a module stand for itself: one function that C could call, and a body for what it calls
+    of numba and of Python, helpers and paths for errors, none of which our functions raise."""
+    outside = {function.name for function in module.functions if function.is_declaration}
+    asked = {name for name in outside if not name.startswith("llvm.")} - set(MATHEMATICS)
+    unknown = asked - _ERRORS - _HELPERS.keys()
+    if unknown:
+        raise RuntimeError(f"machine code of the engine would need {', '.join(sorted(unknown))}")
+    trap = "define void @{} () {{ call void @llvm.trap() unreachable }}"
+    bodies = [_HELPERS.get(name, trap.format(name)) for name in sorted(asked)]
+    globals_ = [f"@{v.name} = global ptr null" for v in module.global_variables if v.is_declaration]
+    module.link_in(llvm.parse_assembly("\n".join([_OUTSIDE, *globals_, *bodies])))
+    for function in module.functions:
+        if not function.is_declaration:
+            function.linkage = "external" if function.name == name else "internal"
+    word = _WORDS[result]
+    value = "ret void" if word == "void" else f"%r = load {word}, ptr %result ret {word} %r"
+    module.link_in(
+        llvm.parse_assembly(
+            f"""
+declare i32 @{name}(ptr, ptr, ptr, ptr)
+define {word} @{symbol}(ptr %wholes, ptr %reals) {{
+  %result = alloca i64
+  %error = alloca ptr
+  %status = call i32 @{name}(ptr %result, ptr %error, ptr %wholes, ptr %reals)
+  {value}
+}}
+"""
+        )
+    )
+    module.get_function(name).linkage = "internal"
+    passes = llvm.create_new_module_pass_manager()
+    passes.add_global_dead_code_eliminate_pass()
+    options = llvm.create_pipeline_tuning_options()
+    passes.run(module, llvm.create_pass_builder(machine(processor()), options))
+
+
+class _Tables:
+    """Arguments as LLVM's values, read from the tables one after the other."""
+
+    def __init__(self, context: Any, builder: Any, wholes: Any, reals: Any) -> None:
+        self.context = context
+        self.builder = builder
+        self.wholes = wholes
+        self.reals = reals
+        self.read = [0, 0]
+
+    def value(self, kind: Kind) -> Any:
+        """The next argument, of that kind."""
+        if not isinstance(kind, str):
+            parts = [self.value(part) for part in kind[1:]]
+            return self.context.make_tuple(self.builder, numba_type(kind), parts)
+        if ":" in kind:
+            return self._array(kind)
+        if kind == REAL:
+            return self._next(self.reals, 1)
+        whole = self._next(self.wholes, 0)
+        if kind.startswith(ADDRESS):
+            return self._function(kind, whole)
+        # A truth value is one bit here.
+        return self.builder.trunc(whole, cgutils.bool_t) if kind == TRUTH else whole
+
+    def _next(self, table: Any, which: int) -> Any:
+        at = self.context.get_constant(types.intp, self.read[which])
+        self.read[which] += 1
+        return self.builder.load(self.builder.gep(table, [at]))
+
+    def _array(self, kind: str) -> Any:
+        """An array whose entries lie one after the other, owned by whoever calls."""
+        type_ = numba_type(kind)
+        array = make_array(type_)(self.context, self.builder)
+        address = self._next(self.wholes, 0)
+        shape = [self._next(self.wholes, 0) for _ in range(axes(kind))]
+        size = self.context.get_constant(types.intp, dtype(kind).itemsize)
+        strides = []
+        stride = size
+        for length in reversed(shape):
+            strides.insert(0, stride)
+            stride = self.builder.mul(stride, length)
+        populate_array(
+            array,
+            data=self.builder.inttoptr(address, array.data.type),
+            shape=shape,
+            strides=strides,
+            itemsize=size,
+            meminfo=None,
+        )
+        return array._getvalue()
+
+    def _function(self, kind: str, address: Any) -> Any:
+        """A function of a system, as numba hands functions over."""
+        made = cgutils.create_struct_proxy(numba_type(kind))(self.context, self.builder)
+        nothing = cgutils.voidptr_t(None)
+        made.c_addr = self.builder.inttoptr(address, cgutils.voidptr_t)
+        made.py_addr = nothing
+        made.jit_addr = nothing
+        return made._getvalue()

@@ -1,0 +1,67 @@
+"""What shapes machine code: it is good for as long as all these sources stay the same."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import cache
+from pathlib import Path
+
+_PACKAGE = Path(__file__).parent.parent
+_ENGINE = (
+    "motion/steps",
+    "motion/engine",
+    "motion/between",
+    "equations/codegen",
+    "symbolic/tape.py",
+    "machine_code/by_numba.py",
+    "machine_code/interface.py",
+    "machine_code/kinds.py",
+)
+_SHAPED_BY = {
+    "motion": _ENGINE,
+    "equations": _ENGINE,
+    "orbits": (*_ENGINE, "orbits/settling/engine"),
+    "rate_independent": (
+        "rate_independent/signals",
+        "rate_independent/solvers",
+        "rate_independent/play",
+    ),
+}
+"""By the room of a compiled function: files and folders that shape its machine code."""
+
+
+def sources(file: str | Path) -> list[Path]:
+    """Files that shape the machine code of the functions in a file of this package.
+
+    Raises
+    ------
+    KeyError
+        If nothing in that room is compiled.
+    """
+    places = [_PACKAGE / place for place in _SHAPED_BY[_room(file)]]
+    return sorted(
+        path for place in places for path in (place.rglob("*.py") if place.is_dir() else [place])
+    )
+
+
+def inside(file: str | Path) -> bool:
+    """Whether a file is one of this package."""
+    return Path(file).resolve().is_relative_to(_PACKAGE.resolve())
+
+
+def stamp(file: str | Path) -> str:
+    """A name for the text of :func:`sources`."""
+    return _stamp(_room(file))
+
+
+def _room(file: str | Path) -> str:
+    return Path(file).resolve().relative_to(_PACKAGE.resolve()).parts[0]
+
+
+@cache
+def _stamp(room: str) -> str:
+    digest = hashlib.sha256()
+    for path in sources(_PACKAGE / room):
+        digest.update(f"{path.relative_to(_PACKAGE).as_posix()}\n".encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
