@@ -3,15 +3,35 @@ tables, from which it takes its arguments (:mod:`stickslip.machine_code.tables`)
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from llvmlite import binding as llvm
-from numba.core import cgutils, codegen, compiler, types
-from numba.extending import intrinsic
+from numba.core import cgutils, codegen, compiler, ir, types
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import (
+    infer_getattr,
+    intrinsic,
+    lower_getattr_generic,
+    models,
+    register_model,
+)
 from numba.np.arrayobj import make_array, populate_array
 
 from stickslip.machine_code.caching import njit
-from stickslip.machine_code.kinds import ADDRESS, REAL, TRUTH, Kind, axes, dtype, numba_type
+from stickslip.machine_code.kinds import (
+    ADDRESS,
+    PLAIN,
+    REAL,
+    TRUTH,
+    Kind,
+    axes,
+    class_called,
+    dtype,
+    numba_type,
+    sizes,
+)
 from stickslip.machine_code.objects import MATHEMATICS, machine, processor
 
 if TYPE_CHECKING:
@@ -43,16 +63,32 @@ _RESULTS: dict[str, Any] = {
 _WORDS = {"None": "void", "int": "i64", "float": "double", "bool": "i8"}
 
 
-class _Unplaced(codegen.JITCodeLibrary):
-    """Code that is not put into memory: it is only part of other code."""
+class _Part(codegen.JITCodeLibrary):
+    """Code that is only part of other code: it is neither optimised by itself nor put into
+    memory."""
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        ll_module.data_layout = self._codegen._data_layout
+
+    def _optimize_final_module(self) -> None:
+        pass
 
     def _finalize_final_module(self) -> None:
         self._finalized = True
 
 
+class _Whole(_Part):
+    """Code of a function with all its parts, optimised at once."""
+
+    def _optimize_final_module(self) -> None:
+        codegen.JITCodeLibrary._optimize_final_module(self)
+
+
 class Inside(compiler.Compiler):
     """numba's compiler, of functions that compiled functions call alone: they need no machine code
     of their own, nor anything by which Python could call them."""
+
+    library: type[codegen.JITCodeLibrary] = _Part
 
     def define_pipelines(self) -> Any:
         """As numba does it, with other results."""
@@ -60,7 +96,7 @@ class Inside(compiler.Compiler):
         state.flags.no_compile = True
         state.flags.no_cpython_wrapper = True
         state.flags.no_cfunc_wrapper = True
-        state.library = _Unplaced(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library = self.library(state.targetctx.codegen(), state.func_id.func_qualname)
         return super().define_pipelines()
 
     def _compile_core(self) -> Any:
@@ -70,6 +106,12 @@ class Inside(compiler.Compiler):
         made.library._ensure_finalized()
         self.state.targetctx.insert_user_function(made.entry_point, made.fndesc, [made.library])
         return made
+
+
+class _Outermost(Inside):
+    """The same, of the function that C calls."""
+
+    library = _Whole
 
 
 def bitcode(function: Entry, kind: Kind, symbol: str) -> bytes:
@@ -90,21 +132,38 @@ def bitcode(function: Entry, kind: Kind, symbol: str) -> bytes:
         """The arguments, out of the tables."""
 
         def generate(context: Any, builder: Any, signature: Any, tables: Any) -> Any:
-            return _Tables(context, builder, *tables).value(kind)
+            return _Reader(context, builder, *tables).value(kind)
 
-        return numba_type(kind)(wholes, reals), generate
+        return _type_of(kind)(wholes, reals), generate
 
     tables = types.CPointer(types.int64), types.CPointer(types.float64)
     signature = _RESULTS[function.result](*tables)
 
-    @njit(signature, pipeline_class=Inside, error_model="numpy", _nrt=False)
-    def called(wholes, reals):
-        return compiled(*taken(wholes, reals))
+    with _shared_scopes():
+
+        @njit(signature, pipeline_class=_Outermost, error_model="numpy", _nrt=False)
+        def called(wholes, reals):
+            return compiled(*taken(wholes, reals))
 
     made = called.overloads[signature.args]
     module = llvm.parse_assembly(made.library.get_llvm_str())
     _close(module, made.fndesc.llvm_func_name, symbol, function.result)
     return module.as_bitcode()
+
+
+@contextmanager
+def _shared_scopes() -> Iterator[None]:
+    """Have numba copy the names of a function less often: to inline it, it would copy all of them
+    with each of its blocks, two thirds of its time, and only reads them."""
+    before = ir.Scope.__dict__.get("__deepcopy__")
+    ir.Scope.__deepcopy__ = lambda self, memo: self  # pyright: ignore[reportAttributeAccessIssue]
+    try:
+        yield
+    finally:
+        if before is None:
+            del ir.Scope.__deepcopy__  # pyright: ignore[reportAttributeAccessIssue]
+        else:
+            ir.Scope.__deepcopy__ = before  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def _close(module: Any, name: str, symbol: str, result: str) -> None:
@@ -144,8 +203,70 @@ define {word} @{symbol}(ptr %wholes, ptr %reals) {{
     passes.run(module, llvm.create_pass_builder(machine(processor()), options))
 
 
-class _Tables:
-    """Arguments as LLVM's values, read from the tables one after the other."""
+class Tables(types.Type):
+    """numba's type of a tuple that stays in the tables: two addresses, where each table goes on
+    with its parts.
+
+    A part is read where it is asked for. The tuples of the engine have hundreds of parts, which
+    would otherwise be handed from function to function one by one.
+
+    Parameters
+    ----------
+    kind : Kind
+        Of a named tuple.
+    """
+
+    def __init__(self, kind: Kind) -> None:
+        self.kind = kind
+        super().__init__(name=f"Tables{kind}")
+
+    def place(self, name: str) -> int:
+        """Which part has that name, from 1 on; 0 if none has."""
+        fields = class_called(self.kind[0])._fields  # pyright: ignore[reportAttributeAccessIssue]
+        return fields.index(name) + 1 if name in fields else 0
+
+
+def _type_of(kind: Kind) -> Any:
+    """numba's type of what stands in the tables."""
+    if isinstance(kind, str):
+        return numba_type(kind)
+    if kind[0] == PLAIN:
+        return types.BaseTuple.from_types([_type_of(part) for part in kind[1:]])
+    return Tables(kind)
+
+
+@register_model(Tables)
+class _TwoAddresses(models.StructModel):
+    def __init__(self, manager: Any, type_: Any) -> None:
+        super().__init__(
+            manager,
+            type_,
+            [("wholes", types.CPointer(types.int64)), ("reals", types.CPointer(types.float64))],
+        )
+
+
+@infer_getattr
+class _PartsOfTables(AttributeTemplate):
+    key = Tables
+
+    def generic_resolve(self, value: Any, attr: str) -> Any:
+        """The type of a part; None if there is no such part."""
+        place = value.place(attr)
+        return _type_of(value.kind[place]) if place else None
+
+
+@lower_getattr_generic(Tables)
+def _part_of_tables(context: Any, builder: Any, type_: Any, value: Any, attr: str) -> Any:
+    tables = cgutils.create_struct_proxy(type_)(context, builder, value=value)
+    place = type_.place(attr)
+    reader = _Reader(context, builder, tables.wholes, tables.reals)
+    for kind in type_.kind[1:place]:
+        reader.skip(kind)
+    return reader.value(type_.kind[place])
+
+
+class _Reader:
+    """Reads values from the tables, one after the other."""
 
     def __init__(self, context: Any, builder: Any, wholes: Any, reals: Any) -> None:
         self.context = context
@@ -154,13 +275,34 @@ class _Tables:
         self.reals = reals
         self.read = [0, 0]
 
+    def skip(self, kind: Kind) -> None:
+        """Go past a value of that kind."""
+        self.read = [at + size for at, size in zip(self.read, sizes(kind), strict=True)]
+
     def value(self, kind: Kind) -> Any:
-        """The next argument, of that kind."""
-        if not isinstance(kind, str):
+        """The next value, of that kind."""
+        if isinstance(kind, str):
+            return self._array(kind) if ":" in kind else self._number(kind)
+        if kind[0] == PLAIN:
             parts = [self.value(part) for part in kind[1:]]
-            return self.context.make_tuple(self.builder, numba_type(kind), parts)
-        if ":" in kind:
-            return self._array(kind)
+            return self.context.make_tuple(self.builder, _type_of(kind), parts)
+        made = cgutils.create_struct_proxy(Tables(kind))(self.context, self.builder)
+        made.wholes = self._at(self.wholes, 0)
+        made.reals = self._at(self.reals, 1)
+        self.skip(kind)
+        return made._getvalue()
+
+    def _at(self, table: Any, which: int) -> Any:
+        return self.builder.gep(table, [self.context.get_constant(types.intp, self.read[which])])
+
+    def _next(self, table: Any, which: int) -> Any:
+        """The next entry of a table; nobody writes there."""
+        found = self.builder.load(self._at(table, which))
+        found.set_metadata("invariant.load", self.builder.module.add_metadata([]))
+        self.read[which] += 1
+        return found
+
+    def _number(self, kind: str) -> Any:
         if kind == REAL:
             return self._next(self.reals, 1)
         whole = self._next(self.wholes, 0)
@@ -169,15 +311,9 @@ class _Tables:
         # A truth value is one bit here.
         return self.builder.trunc(whole, cgutils.bool_t) if kind == TRUTH else whole
 
-    def _next(self, table: Any, which: int) -> Any:
-        at = self.context.get_constant(types.intp, self.read[which])
-        self.read[which] += 1
-        return self.builder.load(self.builder.gep(table, [at]))
-
     def _array(self, kind: str) -> Any:
         """An array whose entries lie one after the other, owned by whoever calls."""
-        type_ = numba_type(kind)
-        array = make_array(type_)(self.context, self.builder)
+        array = make_array(numba_type(kind))(self.context, self.builder)
         address = self._next(self.wholes, 0)
         shape = [self._next(self.wholes, 0) for _ in range(axes(kind))]
         size = self.context.get_constant(types.intp, dtype(kind).itemsize)

@@ -9,6 +9,8 @@ processors of a level run the same code and have the same bits.
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -39,15 +41,16 @@ SHIPPED = Path(__file__).parent / "shipped"
 # Levels of processors that the engine is built for: 64-bit x86 with fused multiplication and
 # vectors of four numbers (Intel since 2013, AMD since 2015), and all others.
 FAST, PORTABLE = "x86-64-v3", "portable"
-_FEATURES = ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "xsave")
+FEATURES = ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "xsave")
 _SPEED = 2  # how hard LLVM's code generation works on the engine's loops
+
 
 @cache
 def level() -> str:
     """The level of this machine's processor."""
     known = llvm.get_host_cpu_features()
     is_x86 = processor().triple.startswith("x86_64")
-    return FAST if is_x86 and all(known.get(name, False) for name in _FEATURES) else PORTABLE
+    return FAST if is_x86 and all(known.get(name, False) for name in FEATURES) else PORTABLE
 
 
 def target(level: str) -> Processor:
@@ -67,14 +70,41 @@ def prepare(function: Entry, arguments: tuple[Any, ...]) -> Prepared:
     """An entry in memory, for arguments of this kind."""
     kind = (PLAIN, *map(kind_of, arguments))
     name = name_of(function, kind)
-    code = _shipped(name) or _own(function, kind, name)
+    code = _shipped(name) if _filling is None else _for_shipment(function, kind, name, _filling)
     find_functions(MATHEMATICS)
-    engine = loaded(code)
+    engine = loaded(code or _own(function, kind, name))
     _kept.append(engine)
     return Prepared(kind, engine.get_function_address(name), function.result)
 
 
 _kept: list[Any] = []  # machine code in memory, as long as the process lives
+_filling: Path | None = None
+
+
+@contextmanager
+def filled(folder: Path) -> Iterator[None]:
+    """Put the machine code of all entries that are called into a folder, for the processors that
+    numba compiles for."""
+    global _filling
+    _filling = folder
+    try:
+        yield
+    finally:
+        _filling = None
+
+
+def _for_shipment(function: Entry, kind: Kind, name: str, folder: Path) -> bytes:
+    """An entry's machine code in a folder, made if it is not there."""
+    here = target(folder.name)
+    machine_code, bitcode = object_file(folder, name, here), bitcode_file(folder, name)
+    with FileLock(folder / f"{name}.lock"):
+        code = read(machine_code)
+        if code is None or read(bitcode) is None:
+            text = made(function, kind, name)
+            code = from_bitcode(text, here)
+            write(bitcode, text)
+            write(machine_code, code)
+    return code
 
 
 def object_file(folder: Path, name: str, here: Processor) -> Path:

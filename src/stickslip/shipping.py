@@ -1,0 +1,117 @@
+"""The engine's machine code, made before anybody needs it: ``python -m stickslip.shipping``.
+
+A short tour through the library calls every function of the engine that Python calls, and each of
+them is compiled where the tour first comes to it; two tours go side by side, each with half of the
+way. What is up to date is not made again.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from stickslip.machine_code import shelf
+from stickslip.machine_code.stamps import stamp
+
+_COMPLETE = "complete"
+_ENVIRONMENT = {
+    shelf.FAST: {
+        "NUMBA_CPU_NAME": shelf.FAST,
+        "NUMBA_CPU_FEATURES": ",".join(f"+{name}" for name in shelf.FEATURES),
+    },
+    shelf.PORTABLE: {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""},
+}
+
+
+def ship(levels: Sequence[str], folder: Path = shelf.SHIPPED, quiet: bool = False) -> None:
+    """Make the engine's machine code for processors of these levels.
+
+    Parameters
+    ----------
+    levels : sequence of str
+        Of :mod:`stickslip.machine_code.shelf`.
+    folder : Path
+        Receives a folder for each.
+    quiet : bool
+        Say nothing on stderr.
+
+    Raises
+    ------
+    subprocess.CalledProcessError
+        If it cannot be made.
+    """
+    for level in levels:
+        place = folder / level
+        if _is_complete(place):
+            continue
+        shutil.rmtree(place, ignore_errors=True)
+        place.mkdir(parents=True)
+        if not quiet:
+            print(
+                f"stickslip: compiling the engine for {level} processors, once: a minute or two",
+                file=sys.stderr,
+            )
+        environment = {**os.environ, **_ENVIRONMENT[level]}
+        commands = [
+            [sys.executable, "-m", "stickslip.shipping", str(place), part] for part in _TOURS
+        ]
+        tours = [subprocess.Popen(command, env=environment) for command in commands]
+        for tour, command in zip(tours, commands, strict=True):
+            if tour.wait():
+                raise subprocess.CalledProcessError(tour.returncode, command)
+        (place / _COMPLETE).write_text(_facts(), encoding="utf-8")
+
+
+def _facts() -> str:
+    """What machine code is good for."""
+    rooms = Path(__file__).parent / "orbits", Path(__file__).parent / "motion"
+    return "\n".join([*map(stamp, rooms), str(shelf.target(shelf.level())), ""])
+
+
+def _is_complete(place: Path) -> bool:
+    try:
+        return (place / _COMPLETE).read_text(encoding="utf-8") == _facts()
+    except OSError:
+        return False
+
+
+def _taylor() -> None:
+    """Taylor steps, and what is asked of a motion afterwards."""
+    import stickslip as ss
+
+    motion = ss.simulate(ss.catalogue.spring_slider(), (0.0, 3.0), flow="taylor")
+    motion.at(1.0)
+    motion.trace(list(motion.system.initial)[:1], np.array([0.5]), np.array([0]))
+    motion.audit  # noqa: B018
+
+
+def _affine() -> None:
+    """Closed forms, and motions that settle."""
+    import stickslip as ss
+
+    toy = ss.catalogue.rocking_toy()
+    ss.simulate(toy, (0.0, 20.0))
+    ss.sweep(toy, {"P": [1.0, 1.1]}, ["speed", "lyapunov"])
+    ss.find_cycle(toy)
+
+
+_TOURS: dict[str, Callable[[], None]] = {"taylor": _taylor, "affine": _affine}
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Make what is missing for this machine, or for all with ``all``; or go one tour."""
+    if len(arguments) == 2:
+        with shelf.filled(Path(arguments[0])):
+            _TOURS[arguments[1]]()
+    else:
+        ship([shelf.FAST, shelf.PORTABLE] if list(arguments) == ["all"] else [shelf.level()])
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
