@@ -48,7 +48,7 @@ def ship(levels: Sequence[str], folder: Path = shelf.SHIPPED, quiet: bool = Fals
     """
     for level in levels:
         place = folder / level
-        if _is_complete(place):
+        if is_complete(place):
             continue
         shutil.rmtree(place, ignore_errors=True)
         place.mkdir(parents=True)
@@ -65,16 +65,19 @@ def ship(levels: Sequence[str], folder: Path = shelf.SHIPPED, quiet: bool = Fals
         for tour, command in zip(tours, commands, strict=True):
             if tour.wait():
                 raise subprocess.CalledProcessError(tour.returncode, command)
+        for lock in place.glob("*.lock"):
+            lock.unlink()
         (place / _COMPLETE).write_text(_facts(), encoding="utf-8")
 
 
 def _facts() -> str:
     """What machine code is good for."""
     rooms = Path(__file__).parent / "orbits", Path(__file__).parent / "motion"
-    return "\n".join([*map(stamp, rooms), str(shelf.target(shelf.level())), ""])
+    return "\n".join([*map(stamp, rooms), str(shelf.target_of(shelf.level())), ""])
 
 
-def _is_complete(place: Path) -> bool:
+def is_complete(place: Path) -> bool:
+    """Whether the machine code in a folder is all there, of the sources as they are now."""
     try:
         return (place / _COMPLETE).read_text(encoding="utf-8") == _facts()
     except OSError:
@@ -104,7 +107,7 @@ def _affine() -> None:
 _TOURS: dict[str, Callable[[], None]] = {"taylor": _taylor, "affine": _affine}
 
 
-def main(arguments: Sequence[str]) -> None:
+def from_command_line(arguments: Sequence[str]) -> None:
     """Make what is missing for this machine, or for all with ``all``; or go one tour."""
     if len(arguments) == 2:
         with shelf.filled(Path(arguments[0])):
@@ -114,4 +117,4 @@ def main(arguments: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    from_command_line(sys.argv[1:])

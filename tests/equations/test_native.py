@@ -13,8 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numba import njit
-from numba.core.types import WrapperAddressProtocol
 
 from stickslip import (
     Contact,
@@ -29,16 +27,19 @@ from stickslip import (
 )
 from stickslip.arrays import Array
 from stickslip.equations.codegen.generate import Generated, Layout, generate
-from stickslip.machine_code.interface import INTERFACE, signature
 from stickslip.equations.codegen.printer import source_of
 from stickslip.equations.derive import derive
 from stickslip.equations.native import orders
-from stickslip.machine_code import objects
-from stickslip.machine_code.objects import addresses
 from stickslip.equations.native.systems import assembly_of, compile_system
+from stickslip.machine_code import objects
+from stickslip.machine_code.functions import entry_point
+from stickslip.machine_code.interface import INTERFACE
+from stickslip.machine_code.kinds import MachineFunction
+from stickslip.machine_code.objects import addresses
 from stickslip.motion.engine.tables import run_setups
 from stickslip.motion.problem import pose
 from stickslip.motion.steps.arrays import (
+    OPTIONS,
     Constants,
     Space,
     make_space,
@@ -104,37 +105,23 @@ def by_python(generated: Generated) -> dict[str, Any]:
     return space
 
 
-class Handed(WrapperAddressProtocol):
-    """A function in memory that numba's functions accept as an argument."""
-
-    def __init__(self, name: str, address: int) -> None:
-        self.name = name
-        self.address = address
-
-    def __wrapper_address__(self) -> int:
-        return self.address
-
-    def signature(self) -> Any:
-        return signature(self.name)
-
-
-def compiled_by_llvm(generated: Generated, folder: Path) -> dict[str, Handed]:
+def compiled_by_llvm(generated: Generated, folder: Path) -> dict[str, MachineFunction]:
     found = addresses(assembly_of(generated), list(INTERFACE), folder)
-    return {name: Handed(name, at) for name, at in zip(INTERFACE, found, strict=True)}
+    return {name: MachineFunction(at, name) for name, at in zip(INTERFACE, found, strict=True)}
 
 
-@njit
-def call_residual(f, t, y, mode, reg, K, G, P):
+@entry_point(**OPTIONS)
+def call_residual(f, t, y, mode, reg, K, G, P) -> None:
     f(t, y, mode, reg, K, G, P)
 
 
-@njit
-def call_powers(f, W, reg, K, out):
+@entry_point(**OPTIONS)
+def call_powers(f, W, reg, K, out) -> None:
     f(W, reg, K, out)
 
 
-@njit
-def call_jets(f, t, y, mode, reg, K, Rq, Rz, N, s):
+@entry_point(**OPTIONS)
+def call_jets(f, t, y, mode, reg, K, Rq, Rz, N, s) -> int:
     return f(t, y, mode, reg, K, Rq, Rz, N, s.W, s.A, s.B, s.mag)
 
 

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from scipy import special
 
+from flows import taylor_series
 from stickslip import System, Viscous
 from stickslip.motion.engine.modes import resolve
 from stickslip.motion.problem import Problem, pose
-from stickslip.motion.steps.arrays import Instant, coefficients
+from stickslip.motion.steps.arrays import Instant
 from stickslip.motion.steps.discs import BALL, OFF, DiscTape, spread, spread_state
 from stickslip.motion.steps.step_size import fill_powers
 
@@ -58,7 +59,7 @@ def test_rows_stay_in_their_discs(t: float, radius: float) -> None:
     k = p.constants
     y = np.linspace(0.2, 0.9, n)
     resolve(p.rows.sizes, k, space, none)
-    coefficients(p.machine, flow, Instant(t, y, none, none), p.order, space.W)
+    taylor_series(p.machine, flow, Instant(t, y, none, none), p.order, space.W)
     fill_powers(space.reaches, radius)
     space.discs[n, BALL] = radius
     space.discs[n, OFF] = 0.0

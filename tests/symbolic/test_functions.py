@@ -22,11 +22,12 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import stickslip as ss
+from flows import taylor_series
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.motion.engine.modes import resolve
 from stickslip.motion.problem import pose
-from stickslip.motion.steps.arrays import Instant, coefficients
+from stickslip.motion.steps.arrays import Instant
 from stickslip.motion.steps.discs import DiscTape, spread, spread_state
 from stickslip.motion.steps.step_size import fill_powers
 from stickslip.symbolic import expressions as ex
@@ -290,7 +291,7 @@ def test_series_and_discs_of_machine_code() -> None:
     resolve(p.rows.sizes, p.constants, space, none)
     space.W[n, 1] = 1.0
     inverses = space.Rq, space.Rz
-    coefficients(p.machine, flow, Instant(t, y, none, none), p.order, space.W)
+    taylor_series(p.machine, flow, Instant(t, y, none, none), p.order, space.W)
     # The position is the polynomial that stands in the table.
     position = [mp.mpf(c) for c in space.W[0, : p.order + 1][::-1].tolist()]
 

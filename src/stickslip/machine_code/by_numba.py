@@ -23,10 +23,10 @@ from stickslip.machine_code.caching import njit
 from stickslip.machine_code.kinds import (
     ADDRESS,
     PLAIN,
-    REAL,
+    REAL_NUMBER,
     TRUTH,
-    Kind,
-    axes,
+    ArgumentKind,
+    axis_count,
     class_called,
     dtype,
     numba_type,
@@ -114,13 +114,13 @@ class _Outermost(Inside):
     library = _Whole
 
 
-def bitcode(function: Entry, kind: Kind, symbol: str) -> bytes:
+def bitcode(function: Entry, kind: ArgumentKind, symbol: str) -> bytes:
     """The optimised code of an entry, for one kind of arguments.
 
     Parameters
     ----------
     function : Entry
-    kind : Kind
+    kind : ArgumentKind
         Of the tuple of all arguments.
     symbol : str
         Name of the function in the code.
@@ -212,11 +212,11 @@ class Tables(types.Type):
 
     Parameters
     ----------
-    kind : Kind
+    kind : ArgumentKind
         Of a named tuple.
     """
 
-    def __init__(self, kind: Kind) -> None:
+    def __init__(self, kind: ArgumentKind) -> None:
         self.kind = kind
         super().__init__(name=f"Tables{kind}")
 
@@ -226,7 +226,7 @@ class Tables(types.Type):
         return fields.index(name) + 1 if name in fields else 0
 
 
-def _type_of(kind: Kind) -> Any:
+def _type_of(kind: ArgumentKind) -> Any:
     """numba's type of what stands in the tables."""
     if isinstance(kind, str):
         return numba_type(kind)
@@ -275,11 +275,11 @@ class _Reader:
         self.reals = reals
         self.read = [0, 0]
 
-    def skip(self, kind: Kind) -> None:
+    def skip(self, kind: ArgumentKind) -> None:
         """Go past a value of that kind."""
         self.read = [at + size for at, size in zip(self.read, sizes(kind), strict=True)]
 
-    def value(self, kind: Kind) -> Any:
+    def value(self, kind: ArgumentKind) -> Any:
         """The next value, of that kind."""
         if isinstance(kind, str):
             return self._array(kind) if ":" in kind else self._number(kind)
@@ -303,7 +303,7 @@ class _Reader:
         return found
 
     def _number(self, kind: str) -> Any:
-        if kind == REAL:
+        if kind == REAL_NUMBER:
             return self._next(self.reals, 1)
         whole = self._next(self.wholes, 0)
         if kind.startswith(ADDRESS):
@@ -315,7 +315,7 @@ class _Reader:
         """An array whose entries lie one after the other, owned by whoever calls."""
         array = make_array(numba_type(kind))(self.context, self.builder)
         address = self._next(self.wholes, 0)
-        shape = [self._next(self.wholes, 0) for _ in range(axes(kind))]
+        shape = [self._next(self.wholes, 0) for _ in range(axis_count(kind))]
         size = self.context.get_constant(types.intp, dtype(kind).itemsize)
         strides = []
         stride = size

@@ -96,7 +96,7 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Compiled]:
     return lambda function: Compiled(function, options)
 
 
-def entry(**options: Any) -> Callable[[Callable[..., Any]], Entry]:
+def entry_point(**options: Any) -> Callable[[Callable[..., Any]], Entry]:
     """Decorator of a function of the engine that Python calls, with options of
     :func:`numba.njit`."""
     return lambda function: Entry(function, options)

@@ -15,9 +15,9 @@ import numpy as np
 
 from stickslip.machine_code.interface import INTERFACE
 
-Kind = str | tuple[Any, ...]
+ArgumentKind = str | tuple[Any, ...]
 
-REAL, WHOLE, TRUTH, ADDRESS = "fib@"
+REAL_NUMBER, WHOLE_NUMBER, TRUTH, ADDRESS = "fib@"
 PLAIN = "tuple"
 """The class of a tuple without names."""
 
@@ -50,7 +50,7 @@ class MachineFunction(int):
         raise TypeError(f"{self.name} is called by compiled functions alone")
 
 
-def kind_of(value: Any) -> Kind:
+def argument_kind(value: Any) -> ArgumentKind:
     """The kind of an argument.
 
     Raises
@@ -64,13 +64,13 @@ def kind_of(value: Any) -> Kind:
         case bool() | np.bool_():
             return TRUTH
         case int() | np.integer():
-            return WHOLE
+            return WHOLE_NUMBER
         case float():
-            return REAL
+            return REAL_NUMBER
         case np.ndarray():
             return f"{value.dtype.kind}{value.dtype.itemsize}:{value.ndim}"
         case tuple():
-            return (class_name(type(value)), *map(kind_of, value))
+            return (class_name(type(value)), *map(argument_kind, value))
         case _:
             raise TypeError(f"compiled functions take no {type(value).__name__}")
 
@@ -88,7 +88,7 @@ def class_called(name: str) -> type:
     return getattr(importlib.import_module(module), inner)
 
 
-def words(kind: Kind) -> Iterator[str]:
+def words(kind: ArgumentKind) -> Iterator[str]:
     """What a kind is made of, in order, tuples entered."""
     if isinstance(kind, str):
         yield kind
@@ -97,7 +97,7 @@ def words(kind: Kind) -> Iterator[str]:
             yield from words(part)
 
 
-def axes(word: str) -> int:
+def axis_count(word: str) -> int:
     """Number of axes of an array, −1 of a number."""
     return int(word[word.index(":") + 1 :]) if ":" in word else -1
 
@@ -107,12 +107,12 @@ def dtype(word: str) -> Any:
     return np.dtype(word[: word.index(":")])
 
 
-def sizes(kind: Kind) -> tuple[int, int]:
+def sizes(kind: ArgumentKind) -> tuple[int, int]:
     """How many whole numbers (addresses and lengths among them) and real ones say a value of that
     kind."""
     found = list(words(kind))
-    reals = found.count(REAL)
-    wholes = sum(1 if ":" not in word else 1 + axes(word) for word in found) - reals
+    reals = found.count(REAL_NUMBER)
+    wholes = sum(1 if ":" not in word else 1 + axis_count(word) for word in found) - reals
     return wholes, reals
 
 
@@ -126,7 +126,7 @@ def function_type(word: str) -> Any:
     return types.FunctionType(signature(word[1:]))
 
 
-def numba_type(kind: Kind) -> Any:
+def numba_type(kind: ArgumentKind) -> Any:
     """The same kind as numba says it."""
     from numba import from_dtype
     from numba.core import types
@@ -135,8 +135,8 @@ def numba_type(kind: Kind) -> Any:
         if kind.startswith(ADDRESS):
             return function_type(kind)
         if ":" in kind:
-            return types.Array(from_dtype(dtype(kind)), axes(kind), "C")
-        return {REAL: types.float64, WHOLE: types.int64, TRUTH: types.boolean}[kind]
+            return types.Array(from_dtype(dtype(kind)), axis_count(kind), "C")
+        return {REAL_NUMBER: types.float64, WHOLE_NUMBER: types.int64, TRUTH: types.boolean}[kind]
     parts = [numba_type(part) for part in kind[1:]]
     named = class_called(kind[0])
     if named is tuple:

@@ -85,10 +85,10 @@ def addresses(assembly: str, names: list[str], folder: Path) -> list[int]:
     with _LOCK:
         if key not in _kept:
             path = folder / f"system_{key}.o"
-            code = read(path)
+            code = code_of(path)
             if code is None:
                 code = emitted(llvm.parse_assembly(assembly), processor(), speed)
-                write(path, code)
+                keep_code(path, code)
             declared = [line for line in assembly.splitlines() if line.startswith("declare")]
             find_functions([line[line.index("@") + 1 : line.index("(")] for line in declared])
             _kept[key] = loaded(code)
@@ -121,7 +121,7 @@ def loaded(code: bytes) -> Any:
     return engine
 
 
-def read(path: Path) -> bytes | None:
+def code_of(path: Path) -> bytes | None:
     """Machine code of a file; None if there is none, or it is damaged."""
     with suppress(OSError):
         found = path.read_bytes()
@@ -131,7 +131,7 @@ def read(path: Path) -> bytes | None:
     return None
 
 
-def write(path: Path, code: bytes) -> None:
+def keep_code(path: Path, code: bytes) -> None:
     """Keep machine code, whole or not at all."""
     partial = path.with_suffix(f".{os.getpid()}.tmp")
     with suppress(OSError):

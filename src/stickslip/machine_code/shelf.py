@@ -18,18 +18,19 @@ from typing import TYPE_CHECKING, Any
 from filelock import FileLock
 from llvmlite import binding as llvm
 
-from stickslip.machine_code.kinds import PLAIN, Kind, kind_of
+from stickslip.machine_code.kinds import PLAIN, ArgumentKind, argument_kind
 from stickslip.machine_code.objects import (
     MATHEMATICS,
     Processor,
     cache_folder,
+    code_of,
     digest,
     emitted,
     find_functions,
+    keep_code,
     loaded,
+    machine,
     processor,
-    read,
-    write,
 )
 from stickslip.machine_code.stamps import stamp
 from stickslip.machine_code.tables import Prepared
@@ -53,14 +54,14 @@ def level() -> str:
     return FAST if is_x86 and all(known.get(name, False) for name in FEATURES) else PORTABLE
 
 
-def target(level: str) -> Processor:
+def target_of(level: str) -> Processor:
     """What machine code of a level is made for on this machine."""
     here = processor()
     is_x86 = here.triple.startswith("x86_64")
     return here._replace(name=FAST if level == FAST else "x86-64" if is_x86 else "", features="")
 
 
-def name_of(function: Entry, kind: Kind) -> str:
+def name_of(function: Entry, kind: ArgumentKind) -> str:
     """The name of an entry's machine code: for these sources, this kind of arguments."""
     sources = stamp(function.py_func.__code__.co_filename)
     return f"{function.py_func.__name__}_{digest(function.__module__, kind, sources)}"
@@ -68,7 +69,7 @@ def name_of(function: Entry, kind: Kind) -> str:
 
 def prepare(function: Entry, arguments: tuple[Any, ...]) -> Prepared:
     """An entry in memory, for arguments of this kind."""
-    kind = (PLAIN, *map(kind_of, arguments))
+    kind = (PLAIN, *map(argument_kind, arguments))
     name = name_of(function, kind)
     code = _shipped(name) if _filling is None else _for_shipment(function, kind, name, _filling)
     find_functions(MATHEMATICS)
@@ -93,17 +94,17 @@ def filled(folder: Path) -> Iterator[None]:
         _filling = None
 
 
-def _for_shipment(function: Entry, kind: Kind, name: str, folder: Path) -> bytes:
+def _for_shipment(function: Entry, kind: ArgumentKind, name: str, folder: Path) -> bytes:
     """An entry's machine code in a folder, made if it is not there."""
-    here = target(folder.name)
+    here = target_of(folder.name)
     machine_code, bitcode = object_file(folder, name, here), bitcode_file(folder, name)
     with FileLock(folder / f"{name}.lock"):
-        code = read(machine_code)
-        if code is None or read(bitcode) is None:
+        code = code_of(machine_code)
+        if code is None or code_of(bitcode) is None:
             text = made(function, kind, name)
             code = from_bitcode(text, here)
-            write(bitcode, text)
-            write(machine_code, code)
+            keep_code(bitcode, text)
+            keep_code(machine_code, code)
     return code
 
 
@@ -119,35 +120,35 @@ def bitcode_file(folder: Path, name: str) -> Path:
 
 def _shipped(name: str) -> bytes | None:
     """Machine code that came with the package: for this platform, else from its bitcode."""
-    folder, here = SHIPPED / level(), target(level())
+    folder, here = SHIPPED / level(), target_of(level())
     for place in (folder, cache_folder()):
-        code = read(object_file(place, name, here))
+        code = code_of(object_file(place, name, here))
         if code is not None:
             return code
     for path in folder.glob(f"{name}.*.bc"):
         # LLVM reads what older versions have written.
-        bitcode = read(path) if int(path.suffixes[-2][1:]) <= here.version[0] else None
+        bitcode = code_of(path) if int(path.suffixes[-2][1:]) <= here.version[0] else None
         if bitcode is not None:
             code = from_bitcode(bitcode, here)
-            write(object_file(cache_folder(), name, here), code)
+            keep_code(object_file(cache_folder(), name, here), code)
             return code
     return None
 
 
-def _own(function: Entry, kind: Kind, name: str) -> bytes:
+def _own(function: Entry, kind: ArgumentKind, name: str) -> bytes:
     """Machine code for this machine alone, made by numba and kept."""
     here = processor()
     path = object_file(cache_folder(), name, here)
     with FileLock(path.with_suffix(".lock")):
-        code = read(path)
+        code = code_of(path)
         if code is None:
             _announce()
             code = from_bitcode(made(function, kind, name), here)
-            write(path, code)
+            keep_code(path, code)
     return code
 
 
-def made(function: Entry, kind: Kind, name: str) -> bytes:
+def made(function: Entry, kind: ArgumentKind, name: str) -> bytes:
     """Bitcode of an entry, by numba."""
     from stickslip.machine_code.by_numba import bitcode
 
@@ -158,6 +159,7 @@ def from_bitcode(bitcode: bytes, here: Processor) -> bytes:
     """Machine code from LLVM's bitcode."""
     module = llvm.parse_bitcode(bitcode)
     module.triple = here.triple
+    module.data_layout = str(machine(here).target_data)
     return emitted(module, here, _SPEED)
 
 

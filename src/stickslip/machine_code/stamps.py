@@ -31,14 +31,21 @@ _SHAPED_BY = {
 
 
 def sources(file: str | Path) -> list[Path]:
-    """Files that shape the machine code of the functions in a file of this package.
+    """Files that shape the machine code of the functions in a file: of a file outside this package,
+    also that file.
 
     Raises
     ------
     KeyError
-        If nothing in that room is compiled.
+        If nothing in that room of the package is compiled.
     """
-    places = [_PACKAGE / place for place in _SHAPED_BY[_room(file)]]
+    if not inside(file):
+        return [*_files("orbits"), Path(file)]
+    return _files(_room(file))
+
+
+def _files(room: str) -> list[Path]:
+    places = [_PACKAGE / place for place in _SHAPED_BY[room]]
     return sorted(
         path for place in places for path in (place.rglob("*.py") if place.is_dir() else [place])
     )
@@ -51,6 +58,8 @@ def inside(file: str | Path) -> bool:
 
 def stamp(file: str | Path) -> str:
     """A name for the text of :func:`sources`."""
+    if not inside(file):
+        return _stamp("orbits") + hashlib.sha256(Path(file).read_bytes()).hexdigest()
     return _stamp(_room(file))
 
 
@@ -61,7 +70,7 @@ def _room(file: str | Path) -> str:
 @cache
 def _stamp(room: str) -> str:
     digest = hashlib.sha256()
-    for path in sources(_PACKAGE / room):
+    for path in _files(room):
         digest.update(f"{path.relative_to(_PACKAGE).as_posix()}\n".encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()

@@ -10,6 +10,9 @@ does it.
 from __future__ import annotations
 
 import ctypes
+import math
+import operator
+import struct
 import sys
 import sysconfig
 from collections.abc import Callable
@@ -19,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from stickslip.machine_code import kinds
-from stickslip.machine_code.kinds import Kind
+from stickslip.machine_code.kinds import ArgumentKind
 from stickslip.machine_code.objects import addresses, cache_folder
 
 # What a step of the walk is. Its code stands first; then for an array its class, the number of its
@@ -184,7 +187,7 @@ class Prepared:
 
     Parameters
     ----------
-    kind : Kind
+    kind : ArgumentKind
         Of the tuple of all arguments.
     address : int
         Of the function of two tables.
@@ -192,7 +195,7 @@ class Prepared:
         What it returns: ``None``, ``int``, ``float`` or ``bool``.
     """
 
-    def __init__(self, kind: Kind, address: int, result: str) -> None:
+    def __init__(self, kind: ArgumentKind, address: int, result: str) -> None:
         wholes, reals = kinds.sizes(kind)
         self.kind = kind
         self.run = ctypes.CFUNCTYPE(_RESULTS[result], ctypes.c_void_p, ctypes.c_void_p)(address)
@@ -213,36 +216,39 @@ class Prepared:
         return None if wrong else (wholes, reals)
 
 
-def by_python(kind: Kind, arguments: tuple[Any, ...]) -> tuple[Any, Any] | None:
+def by_python(kind: ArgumentKind, arguments: tuple[Any, ...]) -> tuple[Any, Any] | None:
     """The same tables, made by Python."""
     wholes, reals = list[int](), list[float]()
 
-    def take(value: Any, kind: Kind) -> None:
+    def take(value: Any, kind: ArgumentKind) -> None:
         if not isinstance(kind, str):
-            if not isinstance(value, tuple) or len(value) != len(kind) - 1:
-                raise TypeError
-            for part, inner in zip(value, kind[1:], strict=True):
+            parts = value if isinstance(value, tuple) else ()
+            for part, inner in zip(parts, kind[1:], strict=True):
                 take(part, inner)
         elif ":" in kind:
-            if kinds.kind_of(value) != kind or not (value.flags.carray and value.dtype.isnative):
+            if kinds.argument_kind(value) != kind:
                 raise TypeError
+            if not (value.flags.carray and value.dtype.isnative):
+                raise ValueError
             wholes.extend([value.ctypes.data, *value.shape])
-        elif kind == kinds.REAL:
-            reals.append(float(value))
+        elif kind == kinds.REAL_NUMBER:
+            reals.append(math.fsum([value]))  # takes whatever is a number, no text
         else:
-            wholes.append(bool(value) if kind == kinds.TRUTH else value.__index__())
+            whole = int(bool(value)) if kind == kinds.TRUTH else operator.index(value)
+            struct.pack("q", whole)  # has to fit
+            wholes.append(whole)
 
     try:
         take(arguments, kind)
-        return (
-            (ctypes.c_int64 * max(len(wholes), 1))(*wholes),
-            (ctypes.c_double * max(len(reals), 1))(*reals),
-        )
-    except (TypeError, AttributeError, ValueError, OverflowError):
+    except (TypeError, ValueError, OverflowError, struct.error):
         return None
+    return (
+        (ctypes.c_int64 * max(len(wholes), 1))(*wholes),
+        (ctypes.c_double * max(len(reals), 1))(*reals),
+    )
 
 
-def _plan(kind: Kind) -> list[int]:
+def _plan(kind: ArgumentKind) -> list[int]:
     """The steps of the walk over a value of that kind."""
     if not isinstance(kind, str):
         return [
@@ -252,8 +258,8 @@ def _plan(kind: Kind) -> list[int]:
             *(step for part in kind[1:] for step in _plan(part)),
         ]
     if ":" in kind:
-        return [_ARRAY, id(np.ndarray), kinds.dtype(kind).num, kinds.axes(kind)]
-    return [{kinds.REAL: _REAL, kinds.TRUTH: _TRUTH}.get(kind, _WHOLE)]
+        return [_ARRAY, id(np.ndarray), kinds.dtype(kind).num, kinds.axis_count(kind)]
+    return [{kinds.REAL_NUMBER: _REAL, kinds.TRUTH: _TRUTH}.get(kind, _WHOLE)]
 
 
 @cache

@@ -169,7 +169,7 @@ class Trajectory(Result):
         p, k = self._problem, self.knots
         out = np.empty((len(clock), p.compiled.layout.rows + 3))
         flow = p.flow(retracing=True)
-        work = dense.make_work(p.rows, (p.compiled.layout.rows, 2))
+        work = dense.make_scratch(p.rows, (p.compiled.layout.rows, 2))
         dense.sample(p.machine, flow, self._seen, k.record, index, clock, work, out)
         return out
 
@@ -299,7 +299,7 @@ class Trajectory(Result):
         index : array of int, shape (n,)
             Number of the step that each time belongs to; ascending, as are the times in one step.
         """
-        from stickslip.motion.between.dense import make_work
+        from stickslip.motion.between.dense import make_scratch
         from stickslip.motion.between.trace import TOLERANCE, trace_rows
 
         p, k = self._problem, self.knots
@@ -307,7 +307,7 @@ class Trajectory(Result):
         out = np.empty((len(wanted), len(times)))
         flow = p.flow()._replace(tol=TOLERANCE)
         clock = times - k.origin
-        work = make_work(p.rows, (flow.order + 2, len(wanted)))
+        work = make_scratch(p.rows, (flow.order + 2, len(wanted)))
         trace_rows(p.machine, flow, self._seen, k.record, index, clock, wanted, work, out)
         return dict(zip(names, out, strict=True))
 

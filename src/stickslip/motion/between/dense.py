@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import entry
+from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
 from stickslip.motion.steps.arrays import (
@@ -29,7 +29,7 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.stiff import follow_mode
 
 
-class Work(NamedTuple):
+class Scratch(NamedTuple):
     """Work space between knots: coefficients of all rows, two states, powers, mode and region."""
 
     V: Array
@@ -40,14 +40,14 @@ class Work(NamedTuple):
     reg: Array
 
 
-def make_work(rows: Rows, shape: tuple[int, int]) -> Work:
+def make_scratch(rows: Rows, shape: tuple[int, int]) -> Scratch:
     """New work space, with coefficients of that shape."""
     n = rows.sizes[DIMENSION]
     mode, reg = np.zeros(len(rows.u), np.int64), np.zeros(len(rows.kinks), np.int64)
-    return Work(np.zeros(shape), np.zeros(n), np.zeros(n), np.zeros(POWERS_MADE), mode, reg)
+    return Scratch(np.zeros(shape), np.zeros(n), np.zeros(n), np.zeros(POWERS_MADE), mode, reg)
 
 
-@entry(**OPTIONS)
+@entry_point(**OPTIONS)
 def sample(
     machine: Machine,
     flow: Flow,
@@ -55,7 +55,7 @@ def sample(
     knots: Record,
     index: Array,
     times: Array,
-    work: Work,
+    work: Scratch,
     out: Array,
 ) -> None:
     """Order-0 values of all rows, then energy, dissipated and supplied power, at given times.
@@ -67,7 +67,7 @@ def sample(
     knots : Record
     index : array of int, shape (times,)
         Knot whose step each time belongs to.
-    work : Work
+    work : Scratch
     out : array, shape (times, rows + 3)
     """
     rows = flow.rows

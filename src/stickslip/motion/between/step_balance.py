@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import entry, njit
+from stickslip.machine_code.functions import entry_point, njit
 from stickslip.motion.between.nodes import (
     COUNT,
     GAUSS_NODES,
@@ -166,7 +166,7 @@ class StepPiece(NamedTuple):
     factor: float
 
 
-@entry(**OPTIONS)
+@entry_point(**OPTIONS)
 def audit_steps(
     machine: Machine,
     flow: Flow,
@@ -856,7 +856,7 @@ def count_gaps(i: int, steps: Steps, tally: Tally) -> None:
         steps.gap[i, r], steps.noise[i, r] = 0.0, 0.0
 
 
-@entry(**OPTIONS)
+@entry_point(**OPTIONS)
 def judge(
     rows: Rows, tally: Tally, imbalance: float, flow: float, energy: float, residuals: Array
 ) -> None:

@@ -7,8 +7,8 @@ are evaluated, which takes a tenth of the time.
 from __future__ import annotations
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import entry, njit
-from stickslip.motion.between.dense import Work
+from stickslip.machine_code.functions import entry_point, njit
+from stickslip.motion.between.dense import Scratch
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
 from stickslip.motion.steps.arrays import (
@@ -24,7 +24,7 @@ from stickslip.motion.steps.stiff import follow_mode
 TOLERANCE = 1e-12  # of a series relative to the size of its row
 
 
-@entry(**OPTIONS)
+@entry_point(**OPTIONS)
 def trace_rows(
     machine: Machine,
     flow: Flow,
@@ -33,7 +33,7 @@ def trace_rows(
     index: Array,
     times: Array,
     wanted: Array,
-    work: Work,
+    work: Scratch,
     out: Array,
 ) -> None:
     """Values of some rows at given times.
@@ -46,7 +46,7 @@ def trace_rows(
     index : array of int, shape (times,)
         Knot whose step each time belongs to; ascending, and times ascend within a step.
     wanted : array of int, shape (rows,)
-    work : Work
+    work : Scratch
         `V` has the shape (order + 2, rows).
     out : array, shape (rows, times)
     """

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import entry, njit
+from stickslip.machine_code.functions import entry_point, njit
 from stickslip.motion.engine import flights
 from stickslip.motion.engine.forms import (
     AFFINE,
@@ -100,7 +100,7 @@ class Before(NamedTuple):
     cause: int
 
 
-@entry(**OPTIONS)
+@entry_point(**OPTIONS)
 def integrate(
     machine: Machine,
     flow: Flow,
@@ -156,7 +156,7 @@ def integrate(
     return count
 
 
-@entry(**OPTIONS)
+@entry_point(**OPTIONS)
 def integrate_affine(
     rows: Rows,
     constants: Constants,

@@ -169,7 +169,7 @@ def slots_of(T: ClosedForms) -> int:
 
 
 class Flight(NamedTuple):
-    """Work space of one flight.
+    """Scratch space of one flight.
 
     Attributes
     ----------
@@ -217,7 +217,7 @@ class Flight(NamedTuple):
 
 
 def make_flight(n: int, contacts: int, kinks: int, doubtful: int, waves: int) -> Flight:
-    """Work space of the flights of a system.
+    """Scratch space of the flights of a system.
 
     Parameters
     ----------

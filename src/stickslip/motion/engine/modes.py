@@ -108,7 +108,7 @@ def resolvent(
         First coordinate.
     mode : array of int, shape (contacts,)
     scratch : array
-        Work space, at least of shape (n + m, n + m).
+        Scratch space, at least of shape (n + m, n + m).
     R : array, shape (n + m, n + m)
         Receives the inverse.
 

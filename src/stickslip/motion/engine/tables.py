@@ -4,7 +4,7 @@ is asked for."""
 from __future__ import annotations
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import entry
+from stickslip.machine_code.functions import entry_point
 from stickslip.machine_code.kinds import MachineFunction
 from stickslip.motion.engine import flights
 from stickslip.motion.engine.event_loop import probe
@@ -12,14 +12,14 @@ from stickslip.motion.engine.forms import SMOOTH, ClosedForms, slots_of
 from stickslip.motion.steps.arrays import OPTIONS, Constants, Flow, Machine, flow_of
 
 
-@entry(**OPTIONS)
+@entry_point(**OPTIONS)
 def run_setups(setup: MachineFunction, table: Array, k: Constants) -> None:
     """Fill the constants of every group (a leading axis) from its row of parameters."""
     for g in range(len(table)):
         setup(table[g], k.K[g], k.M[g], k.C[g], k.J[g], k.omega[g])
 
 
-@entry(**OPTIONS)
+@entry_point(**OPTIONS)
 def claim(T: ClosedForms, group: Array, mode: Array, region: Array, place: Array) -> None:
     """Give every mode that is asked for the next slot of its group; −1 where it has been asked for
     before.
@@ -44,7 +44,7 @@ def claim(T: ClosedForms, group: Array, mode: Array, region: Array, place: Array
             T.used[g] += 1
 
 
-@entry(**OPTIONS)
+@entry_point(**OPTIONS)
 def probe_modes(
     machine: Machine,
     flow: Flow,

@@ -137,7 +137,7 @@ class Constants(NamedTuple):
 
 
 class Space(NamedTuple):
-    """Work space of the Taylor steps.
+    """Scratch space of the Taylor steps.
 
     Attributes
     ----------
@@ -338,7 +338,7 @@ def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: A
 
 
 def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
-    """Work space for a system."""
+    """Scratch space for a system."""
     n, nq, nz, nr, _, mq, mz, mr, nk = map(int, rows.sizes)
     nc = mq + mz + mr
     z = np.zeros

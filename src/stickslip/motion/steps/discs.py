@@ -68,7 +68,7 @@ class DiscTape(NamedTuple):
     Rq, Rz, B : arrays
         Inverses of the linear problems.
     balls : array
-        Work space of :func:`solve_rate_discs`.
+        Scratch space of :func:`solve_rate_discs`.
     """
 
     program: Program

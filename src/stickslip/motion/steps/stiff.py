@@ -115,7 +115,7 @@ _APART = 4  # distance of two of them
 
 
 class Stages(NamedTuple):
-    """Work space of an implicit step with s stages, for a state of n components.
+    """Scratch space of an implicit step with s stages, for a state of n components.
 
     Attributes
     ----------
@@ -603,7 +603,7 @@ def to_legendre(W: Array, s: int, n: int, terms: Array, values: Array) -> None:
     terms : array
         Matrix from values to terms.
     values : array
-        Work space.
+        Scratch space.
     """
     for row in range(len(W)):
         for i in range(s + 1):
@@ -675,7 +675,7 @@ def to_powers(W: Array, s: int, n: int, step: float, values: Array) -> None:
     step : float
         Length of the polynomial.
     values : array
-        Work space.
+        Scratch space.
     """
     unit = better(step, 1.0)
     for row in range(len(W)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import entry, njit
+from stickslip.machine_code.functions import entry_point, njit
 from stickslip.motion.between.step_balance import (
     ENERGY_BALANCE,
     EQUATIONS,
@@ -534,7 +534,7 @@ def look_closer(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, 
     return True
 
 
-@entry(**OPTIONS)
+@entry_point(**OPTIONS)
 def advance(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array
 ) -> None:

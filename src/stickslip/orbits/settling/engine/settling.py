@@ -26,7 +26,7 @@ from typing import cast
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import entry, njit
+from stickslip.machine_code.functions import entry_point, njit
 from stickslip.motion.engine.event_loop import integrate
 from stickslip.motion.engine.guards import resting
 from stickslip.motion.engine.modes import copy, resolve
@@ -296,7 +296,7 @@ def settle_lane(
             return
 
 
-@entry(**OPTIONS)
+@entry_point(**OPTIONS)
 def settle_all(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: Array) -> None:
     """Follow all lanes until they have settled, as far as they come without the host; nothing is
     measured.
