@@ -30,13 +30,21 @@ _SHAPED_BY = {
     "motion": _ENGINE,
     "equations": _ENGINE,
     "orbits": (*_ENGINE, "orbits/settling/engine"),
+    "orbits/fields": ("motion/steps/arrays.py", "orbits/fields/engine"),
     "rate_independent": (
         "rate_independent/signals",
         "rate_independent/solvers",
         "rate_independent/play",
     ),
 }
-"""By the room of a compiled function: files and folders that shape its machine code."""
+"""By the room of a compiled function, the innermost that is named: files and folders that shape its
+machine code."""
+
+
+def _room(file: str | Path) -> str:
+    path = Path(file).resolve().relative_to(_PACKAGE.resolve())
+    rooms = [folder.as_posix() for folder in (path, *path.parents)]
+    return next((room for room in rooms if room in _SHAPED_BY), rooms[0])
 
 
 def sources(file: str | Path) -> list[Path]:
@@ -47,8 +55,7 @@ def sources(file: str | Path) -> list[Path]:
     KeyError
         If nothing in that room is compiled.
     """
-    room = Path(file).resolve().relative_to(_PACKAGE.resolve()).parts[0]
-    places = [_PACKAGE / place for place in _SHAPED_BY[room]]
+    places = [_PACKAGE / place for place in _SHAPED_BY[_room(file)]]
     return sorted(
         path for place in places for path in (place.rglob("*.py") if place.is_dir() else [place])
     )
@@ -65,7 +72,7 @@ def _stamp(room: str) -> str:
 
 def stamp(file: str | Path) -> str:
     """A name for the text of :func:`sources`."""
-    return _stamp(Path(file).resolve().relative_to(_PACKAGE.resolve()).parts[0])
+    return _stamp(_room(file))
 
 
 class _AllSources:

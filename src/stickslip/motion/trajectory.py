@@ -172,6 +172,16 @@ class Trajectory(Result):
         dense.sample(p.machine, flow, self._seen, k.record, index, clock, out)
         return out
 
+    def _states_at(self, times: Array, index: Array) -> Array:
+        """States at times within the steps of the knots `index`, shape (times, states)."""
+        from stickslip.motion.between import dense
+
+        p, k = self._problem, self.knots
+        out = np.empty((len(times), k.state.shape[1]))
+        flow = p.flow(retracing=True)
+        dense.states_at(p.machine, flow, self._seen, k.record, index, times - k.origin, out)
+        return out
+
     @cached_property
     def _seen(self) -> Array:
         """Sizes of the state, against which steps are measured that follow the motion again."""

@@ -106,8 +106,15 @@ def _find_functions(assembly: str) -> None:
         if line.startswith("declare") and "@llvm." not in line:
             name = line[line.index("@") + 1 : line.index("(")]
             if llvm.address_of_symbol(name) is None:
-                function = getattr(_mathematics(), name)
-                llvm.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
+                llvm.add_symbol(name, address_of(name))
+
+
+def address_of(name: str) -> int:
+    """Where a function of the mathematical library stands."""
+    found = llvm.address_of_symbol(name)
+    if found is None:
+        found = ctypes.cast(getattr(_mathematics(), name), ctypes.c_void_p).value
+    return found
 
 
 @cache

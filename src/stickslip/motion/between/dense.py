@@ -27,7 +27,7 @@ from stickslip.motion.steps.stiff import follow_mode
 
 
 @njit(**ALLOCATING)
-def sample(
+def states_at(
     machine: Machine,
     flow: Flow,
     seen: Array,
@@ -36,7 +36,7 @@ def sample(
     times: Array,
     out: Array,
 ) -> None:
-    """Order-0 values of all rows, then energy, dissipated and supplied power, at given times.
+    """States at given times.
 
     Parameters
     ----------
@@ -45,15 +45,13 @@ def sample(
     knots : Record
     index : array of int, shape (times,)
         Knot whose step each time belongs to.
-    out : array, shape (times, rows + 3)
+    out : array, shape (times, ·)
+        Receives the states in its first columns.
     """
     rows = flow.rows
     W = flow.space.W
     n = rows.sizes[DIMENSION]
-    V = np.zeros((len(W), 2))
     y = np.zeros(n)
-    z = np.zeros(n)
-    power = np.zeros(POWERS_MADE)
     mode, reg = np.zeros(len(rows.u), np.int64), np.zeros(len(rows.kinks), np.int64)
     last = -1
     base = 0.0
@@ -86,10 +84,46 @@ def sample(
             order, h, _ = follow_mode(machine, flow, start, left, h, seen)
             h = max(h, 1e-12 * left)
         for r in range(n):
-            z[r] = horner(W[r], order, (times[i] - base) / W[n, 1]) if known else y[r]
+            out[i, r] = horner(W[r], order, (times[i] - base) / W[n, 1]) if known else y[r]
+
+
+@njit(**ALLOCATING)
+def sample(
+    machine: Machine,
+    flow: Flow,
+    seen: Array,
+    knots: Record,
+    index: Array,
+    times: Array,
+    out: Array,
+) -> None:
+    """Order-0 values of all rows, then energy, dissipated and supplied power, at given times.
+
+    Parameters
+    ----------
+    seen, knots, index, times : arrays and Record
+        See :func:`states_at`.
+    out : array, shape (times, rows + 3)
+    """
+    rows = flow.rows
+    n = rows.sizes[DIMENSION]
+    table = len(flow.space.W)
+    V = np.zeros((table, 2))
+    z = np.zeros(n)
+    power = np.zeros(POWERS_MADE)
+    mode, reg = np.zeros(len(rows.u), np.int64), np.zeros(len(rows.kinks), np.int64)
+    states_at(machine, flow, seen, knots, index, times, out)
+    last = -1
+    for i in range(len(times)):
+        if index[i] != last:
+            last = index[i]
+            copy(knots.mode[last], mode)
+            copy(knots.region[last], reg)
+            resolve(rows.sizes, flow.k, flow.space, mode)
+        copy(out[i, :n], z)
         coefficients(machine, flow, Instant(times[i], z, mode, reg), 1, V)
         machine.powers(V, reg, flow.k.K, power)
-        for r in range(len(W)):
+        for r in range(table):
             out[i, r] = V[r, 0]
         for r in range(POWERS_MADE):
-            out[i, len(W) + r] = power[r]
+            out[i, table + r] = power[r]

@@ -220,7 +220,7 @@ def restarted(
         New units of the state.
     """
     begin = best_start(shooting, orbit)
-    y = orbit.motion._sample(np.array([begin]), np.array([_step(orbit.motion, begin)]))[
+    y = orbit.motion._states_at(np.array([begin]), np.array([_step(orbit.motion, begin)]))[
         0, : len(orbit.shift)
     ]
     shift, start = carried_along(shooting.setting, orbit.problem, begin)
@@ -236,7 +236,7 @@ def restarted(
     ]
     stations = []
     for t, i in sorted({(start, 0), *wanted}):
-        state = motion._sample(np.array([t]), np.array([i]))[0, : len(y)]
+        state = motion._states_at(np.array([t]), np.array([i]))[0, : len(y)]
         piece = shooting.pieces(motion.knots.mode[i], motion.knots.region[i])
         stations.append(
             make_station(
@@ -284,7 +284,7 @@ class Closed:
         part = np.arange(count) / count
         times = k.time[0] + part * self.orbit.period
         steps = np.clip(np.searchsorted(k.time, times, side="right") - 1, 0, len(k.time) - 2)
-        states = self.orbit.motion._sample(times, steps)[:, : len(self.orbit.shift)]
+        states = self.orbit.motion._states_at(times, steps)[:, : len(self.orbit.shift)]
         return states - np.outer(part, self.orbit.shift)
 
     @property
@@ -316,7 +316,7 @@ class Closed:
         begin = float(motion.knots.time[0])
         times = begin + (time - begin) % whole + whole * np.arange(setting.turns)
         steps = np.array([_step(motion, t) for t in times])
-        states = motion._sample(times, steps)[:, : len(self.orbit.shift)]
+        states = motion._states_at(times, steps)[:, : len(self.orbit.shift)]
         return states - np.multiply.outer(np.floor(times / whole), setting.at(problem).turn)
 
 

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.orbits.fields.engine.variations import NODES
 from stickslip.orbits.fields.mode_field import Piece, Pieces
-from stickslip.orbits.fields.variational import gauss
 from stickslip.orbits.return_map.recurrence import segments
 
 if TYPE_CHECKING:
@@ -181,9 +181,9 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array) -> list[Dip
     k = motion.knots
     n = motion.knots.state.shape[1]
     steps = np.array([i for i in range(a, b) if k.time[i + 1] > k.time[i]])
-    times = (k.time[steps][:, None] + np.diff(k.time)[steps][:, None] * gauss()[0]).ravel()
-    index = np.repeat(steps, len(gauss()[0]))
-    guards = piece.felt(times, motion._sample(times, index)[:, :n].T, p)[
+    times = (k.time[steps][:, None] + np.diff(k.time)[steps][:, None] * NODES).ravel()
+    index = np.repeat(steps, len(NODES))
+    guards = piece.felt(times, motion._states_at(times, index)[:, :n].T, p)[
         n : n + len(piece.switches)
     ]
     found = []
@@ -194,7 +194,7 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array) -> list[Dip
 
             def guard(t: float, row: int = row) -> float:
                 at = min(int(np.searchsorted(k.time, t, side="right")) - 1, len(k.time) - 2)
-                y = motion._sample(np.array([t]), np.array([at]))[0, :n]
+                y = motion._states_at(np.array([t]), np.array([at]))[0, :n]
                 return float(piece.felt(t, y, p)[n + row])  # pyright: ignore[reportArgumentType]
 
             found.append(
