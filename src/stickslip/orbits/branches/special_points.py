@@ -89,7 +89,11 @@ class _Finder:
         if distance not in self.seen:
             whole = self.b.length - self.a.length
             ends = {0.0: self.a.x, whole: self.b.x}
-            x = ends[distance] if distance in ends else self.chart.along(self.a, distance, _FINE)
+            x = (
+                ends[distance]
+                if distance in ends
+                else self.chart.along(self.a, distance, _FINE, self.b)
+            )
             motion = self.chart.orbit(x).motion
             order = sequence(motion)
             margin = nearest_change(motion, self.chart.shooting.pieces)
@@ -99,12 +103,12 @@ class _Finder:
 
     def first_change(self, low: float, high: float) -> tuple[Array, float, Sequence]:
         """Unknowns at the change, a distance just beyond it, and the sequence there."""
-        from scipy.optimize import brentq
+        from scipy.optimize import toms748
 
         self(low)
         self(high)
         try:
-            brentq(self, low, high, xtol=1e-13, maxiter=60)
+            toms748(self, low, high, xtol=1e-13, maxiter=60)
         except (Lost, RuntimeError, ValueError, *NOT_DEFINED):
             pass  # what was found so far encloses the change
         beyond = min(s for s, (_, order, _) in self.seen.items() if order != self.here)

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 ModeAndRegion = tuple[tuple[int, ...], tuple[int, ...]]
 Sequence = tuple[ModeAndRegion, ...]
 
+_FAR = 0.1  # a guard that comes down to this part of its size is far from zero
 LOSS = "loss of the cycle"
 
 
@@ -147,8 +148,15 @@ class Dip:
         return float(self.values[1]) / self.scale
 
     def refined(self) -> float:
-        """The minimum by parabolas through the last three points."""
+        """The minimum by parabolas through the last three points; where it is far from zero, by the
+        first of them."""
         t, g = self.times, self.values
+        first, second = np.diff(g) / np.diff(t)
+        bend = (second - first) / (t[2] - t[0])
+        slope = first + bend * (t[1] - t[0])
+        least = float(g[1]) - float(slope**2 / (4.0 * bend)) if bend > 0.0 else float(g[1])
+        if least > _FAR * self.scale:
+            return least / self.scale
         for _ in range(5):
             (a, b, c), (fa, fb, fc) = t, g
             up, down = (b - a) * (fb - fc), (b - c) * (fb - fa)
@@ -183,9 +191,7 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array) -> list[Dip
     steps = np.array([i for i in range(a, b) if k.time[i + 1] > k.time[i]])
     times = (k.time[steps][:, None] + np.diff(k.time)[steps][:, None] * NODES).ravel()
     index = np.repeat(steps, len(NODES))
-    guards = piece.felt(times, motion._states_at(times, index)[:, :n].T, p)[
-        n : n + len(piece.switches)
-    ]
+    guards = piece.felt(times, motion._states_at(times, index).T, p)[n : n + len(piece.switches)]
     found = []
     for row, g in enumerate(guards):
         scale = float(np.max(np.abs(g)))
@@ -194,7 +200,7 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array) -> list[Dip
 
             def guard(t: float, row: int = row) -> float:
                 at = min(int(np.searchsorted(k.time, t, side="right")) - 1, len(k.time) - 2)
-                y = motion._states_at(np.array([t]), np.array([at]))[0, :n]
+                y = motion._states_at(np.array([t]), np.array([at]))[0]
                 return float(piece.felt(t, y, p)[n + row])  # pyright: ignore[reportArgumentType]
 
             found.append(
