@@ -34,7 +34,7 @@ from stickslip.orbits.continuation.driver import (
     follow_branch,
     joined,
 )
-from stickslip.orbits.equilibria.certificate import certify_equilibrium
+from stickslip.orbits.equilibria.certificate import certify_equilibria, certify_equilibrium
 from stickslip.orbits.equilibria.equilibrium import Equilibrium, decays, describe_guard
 from stickslip.orbits.equilibria.finding import autonomous, checked_values, equilibria
 from stickslip.orbits.equilibria.normal_form import Derivatives, hopf
@@ -179,10 +179,12 @@ def _distance(e: Equilibrium, near: Mapping[str, float]) -> float:
 
 @dataclass(frozen=True)
 class _Piece:
-    """A part of a branch within one mode and region."""
+    """A part of a branch within one mode and region, with the certificates of its points and by how
+    much their eigenvalues may be wrong."""
 
     steady: Steady
     path: Path
+    certified: list[tuple[Certificate, float]]
 
 
 @dataclass(frozen=True)
@@ -194,6 +196,7 @@ class _Station:
     point: Point
     kinds: tuple[Test, ...]
     note: str
+    certified: tuple[Certificate, float]
 
 
 class _Follower:
@@ -228,7 +231,11 @@ class _Follower:
         pieces: list[_Piece] = []
 
         def onward(start: Start[Steady], path: Path) -> Start[Steady] | Ending:
-            piece = _Piece(start.of, path)
+            certified = self._certified(start.of, path)
+            if start.problem.accept is None and not all(_solved(found) for found, _ in certified):
+                # Then every point is measured before the next one is looked for.
+                return self._start(start.of, start.x, start.towards, careful=True)
+            piece = _Piece(start.of, path, certified)
             pieces.append(piece)
             guard = self._guard_that_ended(piece)
             end = path.points[-1]
@@ -249,7 +256,16 @@ class _Follower:
     def _steady(self, mode: tuple[int, ...], region: tuple[int, ...], origin: Array) -> Steady:
         return Steady(mode_field(self.eq, mode, region), self.values, self.invariant, origin)
 
-    def _start(self, steady: Steady, x: Array, towards: Array) -> Start[Steady]:
+    def _certified(self, steady: Steady, path: Path) -> list[tuple[Certificate, float]]:
+        """Certificates of the points of a path, each with the one before it beside it."""
+        points = np.array([self._point(steady, point.x) for point in path.points]).T
+        beside = np.roll(points, 1, axis=1)
+        beside[:, 0] = points[:, min(1, points.shape[1] - 1)]
+        return certify_equilibria(steady, points, beside)
+
+    def _start(
+        self, steady: Steady, x: Array, towards: Array, careful: bool = False
+    ) -> Start[Steady]:
         """The part of the branch in one mode."""
         floor = steady.units(x, {self.parameter: self.span})
         problem = CurveProblem(
@@ -258,12 +274,12 @@ class _Follower:
             lambda x, tangent: self._tests(steady, x, tangent),
             dict.fromkeys(range(len(steady.field.guards)), "boundary equilibrium"),
             ranges({self.parameter: self.span}),
-            lambda last, new: self._accept(steady, last, new),
+            (lambda last, new: self._accept(steady, last, new)) if careful else None,
         )
         return Start(steady, problem, x, towards, self.steps)
 
     def _accept(self, steady: Steady, last: Point, new: Point) -> None:
-        """See that a point is a certified equilibrium; its guards are test functions.
+        """See that a point is a certified equilibrium.
 
         Raises
         ------
@@ -273,7 +289,7 @@ class _Follower:
         found = certify_equilibrium(
             steady, self._point(steady, new.x), beside=self._point(steady, last.x)
         )[0]
-        if not found["equations"].ok or not found["eigenvalues"].ok:
+        if not _solved(found):
             raise Lost(f"the next equilibrium is {found.verdict}")
 
     def _scale(self, x: Array, floor: Array) -> Array:
@@ -356,13 +372,7 @@ class _Follower:
             for kind in station.kinds
             for s in self._special(station, kind, i)
         ]
-        beside = [stations[max(i - 1, 0)].point.x for i in range(len(stations))]
-        certified = [
-            certify_equilibrium(
-                s.steady, self._point(s.steady, s.point.x), "", self._point(s.steady, x)
-            )
-            for s, x in zip(stations, beside, strict=True)
-        ]
+        certified = [s.certified for s in stations]
         points = self._dataset(system, stations, certified)
         within = in_range(ranges({self.parameter: self.span}), [s.point.x for s in stations])
         found = worst([found for found, _ in certified])
@@ -392,7 +402,7 @@ class _Follower:
                     "branch point" in kinds.get(j, ()) for j in (i - 1, i, i + 1)
                 ):
                     names.remove("fold")  # where branches cross, one of them may turn
-                found.append(_Station(piece.steady, point, tuple(names), note))
+                found.append(_Station(piece.steady, point, tuple(names), note, piece.certified[i]))
         return found
 
     def _boundary_note(self, piece: _Piece, onward: list[_Piece]) -> str:
@@ -526,6 +536,11 @@ class _Follower:
             margin[members] = np.min(sizes.margins, axis=1, initial=1.0)
             defect[members] = sizes.defect
         return margin, defect
+
+
+def _solved(found: Certificate) -> bool:
+    """Whether the equations are solved and the eigenvalues known; guards are test functions."""
+    return found["equations"].ok and found["eigenvalues"].ok
 
 
 def hopf_test(eigenvalues: Array) -> float:
