@@ -3,7 +3,10 @@ points."""
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +26,7 @@ from stickslip.orbits.continuation.arclength import (
     ranges,
 )
 from stickslip.orbits.return_map.mode_sequence import Sequence, change_of, nearest_change, sequence
+from stickslip.orbits.return_map.recurrence import SHORTEST
 
 if TYPE_CHECKING:
     import xarray
@@ -37,6 +41,8 @@ _MOST_CHANGES = 8  # located within one step
 _TOUCHES = 1e-11  # a margin this small is zero
 _TOGETHER = 1e-6  # changes that are nearer to each other are one
 NOT_SMOOTH = "not smooth: the sequence changes there"  # of a fold
+_MOST_LOOKS = 100  # for one change
+_CLOSE = 1e-13  # a change is enclosed to this length
 _FINE = 1e-11  # corrector's tolerance where a change is located
 APART = 0.3  # neighbours on a branch are at most so far from each other …
 TWICE = 1e-10  # … and at least so far: nearer ones are one
@@ -103,17 +109,61 @@ class _Finder:
 
     def first_change(self, low: float, high: float) -> tuple[Array, float, Sequence]:
         """Unknowns at the change, a distance just beyond it, and the sequence there."""
-        from scipy.optimize import toms748
-
-        self(low)
-        self(high)
-        try:
-            toms748(self, low, high, xtol=1e-13, maxiter=60)
-        except (Lost, RuntimeError, ValueError, *NOT_DEFINED):
-            pass  # what was found so far encloses the change
+        with suppress(Lost, RuntimeError, ValueError, *NOT_DEFINED):
+            # What was found before something fails encloses the change.
+            self._enclose(low, high)
         beyond = min(s for s, (_, order, _) in self.seen.items() if order != self.here)
         x = min(self.seen.values(), key=lambda entry: abs(entry[2]))[0]
         return x, beyond, self.seen[beyond][1]
+
+    def _enclose(self, low: float, high: float) -> None:
+        """Look nearer and nearer to the change.
+
+        The margin goes to zero on this side of the change, linearly or as a square root; beyond it
+        there may be quite another one. So the zero is looked for from this side, and overstepped
+        by as much as it may be off. A phase that is too short to be counted is gone a little early.
+        """
+        on_this_side = [(self(low), low)]
+        self(high)
+        expected = high
+        halved = high - low
+        for look in range(_MOST_LOOKS):
+            margin = on_this_side[-1][0]
+            if not margin > 0.0 or high - low <= _CLOSE:
+                return
+            before, expected = expected, _vanishes_at(on_this_side)
+            error = abs(expected - before)
+            if expected >= high and margin <= 2.0 * SHORTEST:
+                return
+            trial = expected + 4.0 * max(error, _CLOSE) if expected - low <= error else expected
+            if look % 3 == 2:
+                # What does not halve within three looks is halved.
+                trial = trial if high - low <= 0.5 * halved else 0.5 * (low + high)
+                halved = high - low
+            if not low < trial < high:
+                trial = 0.5 * (low + high)
+            value = self(trial)
+            if value >= 0.0:
+                low = trial
+                on_this_side = [*on_this_side[-2:], (value, trial)]
+            else:
+                high = trial
+
+
+def _vanishes_at(points: list[tuple[float, float]]) -> float:
+    """Where a value vanishes that is known at some places, by interpolation of the place; infinite
+    if it does not fall."""
+    if any(later[0] >= earlier[0] for earlier, later in itertools.pairwise(points)):
+        points = points[-2:] if points[-1][0] < points[-2][0] else []
+    if len(points) < 2:
+        return math.inf
+    place = 0.0
+    for i, (value, at) in enumerate(points):
+        weight = 1.0
+        for j, (other, _) in enumerate(points):
+            weight *= other / (other - value) if j != i else 1.0
+        place += weight * at
+    return place
 
 
 def is_flat(path: Path, crossing: Crossing) -> bool:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
+SHORTEST = 1e-9  # a stretch that is shorter than this part of the motion takes no time
 _POINTS = 16  # looked at in every step, at least
 _MOST_STEPS = 4000  # looked at
 _LEAST = 1e-3  # … of what the other components could do to one is its least size
@@ -216,7 +217,7 @@ def segments(knots: Knots) -> list[tuple[int, int]]:
     time = knots.time
     ends = [0, *(np.flatnonzero(changed[: len(time) - 2]) + 1), len(time) - 1]
     span = time[-1] - time[0]
-    return [(int(a), int(b)) for a, b in pairwise(ends) if time[b] - time[a] > 1e-9 * span]
+    return [(int(a), int(b)) for a, b in pairwise(ends) if time[b] - time[a] > SHORTEST * span]
 
 
 def station_time(knots: Knots, pieces: Pieces, found: list[tuple[int, int]]) -> float:
