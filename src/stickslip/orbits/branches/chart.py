@@ -129,15 +129,21 @@ class Chart:
             self.cycles[key] = make_cycle(self.closed(x))
         return self.cycles[key]
 
-    def along(self, start: Point, distance: float, tolerance: float, end: Point) -> Array:
-        """Unknowns at a distance from a point, measured along its tangent, on the way to another
-        one."""
+    def along(self, start: Point, distance: float, tolerance: float, near: Array) -> Array:
+        """Unknowns at a distance from a point, measured along its tangent; they are near some
+        others."""
+        units, tangent = self._ahead(start)
+        return correct(self, start.x + units * tangent * distance, units, tangent, tolerance, near)
+
+    def bent(self, start: Point, end: Point, distance: float) -> Array:
+        """About where the curve is at a distance from a point, on the way to another one."""
+        return curve_between(start, end, *self._ahead(start), distance)
+
+    def _ahead(self, start: Point) -> tuple[Array, Array]:
+        """Units at a point, and its tangent in these."""
         units = self.scale(start.x)
         tangent = start.tangent / units
-        tangent /= np.linalg.norm(tangent)
-        guess = start.x + units * tangent * distance
-        bent = curve_between(start, end, units, tangent, distance)
-        return correct(self, guess, units, tangent, tolerance, bent)
+        return units, tangent / np.linalg.norm(tangent)
 
     def resting_as(self, motion: Trajectory) -> Chart:
         """The same coordinates for cycles on which the same contacts stick throughout as in a

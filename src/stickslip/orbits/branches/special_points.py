@@ -42,6 +42,8 @@ _TOUCHES = 1e-11  # a margin this small is zero
 _TOGETHER = 1e-6  # changes that are nearer to each other are one
 NOT_SMOOTH = "not smooth: the sequence changes there"  # of a fold
 _MOST_LOOKS = 100  # for one change
+_STALLED = 3  # looks without a smaller margin, after which it is what a phase may last uncounted
+_NEARBY = 0.1  # a cycle this near, as a part of the step, says more than the ends of the step
 _CLOSE = 1e-13  # a change is enclosed to this length
 _FINE = 1e-11  # corrector's tolerance where a change is located
 APART = 0.3  # neighbours on a branch are at most so far from each other …
@@ -95,17 +97,25 @@ class _Finder:
         if distance not in self.seen:
             whole = self.b.length - self.a.length
             ends = {0.0: self.a.x, whole: self.b.x}
-            x = (
-                ends[distance]
-                if distance in ends
-                else self.chart.along(self.a, distance, _FINE, self.b)
-            )
+            x = ends[distance] if distance in ends else self._at(distance)
             motion = self.chart.orbit(x).motion
             order = sequence(motion)
             margin = nearest_change(motion, self.chart.shooting.pieces)
             margin = margin if margin > _TOUCHES else 0.0
             self.seen[distance] = x, order, margin if order == self.here else -margin
         return self.seen[distance][2]
+
+    def _at(self, distance: float) -> Array:
+        """Unknowns at a distance, from those nearest to it that are known."""
+        start = None
+        if len(self.seen) > 1:
+            p, q = sorted(self.seen, key=lambda other: abs(other - distance))[:2]
+            if abs(p - distance) <= _NEARBY * (self.b.length - self.a.length):
+                there = self.seen[q][0] - self.seen[p][0]
+                start = self.seen[p][0] + there * ((distance - p) / (q - p))
+        if start is None:
+            start = self.chart.bent(self.a, self.b, distance)
+        return self.chart.along(self.a, distance, _FINE, start)
 
     def first_change(self, low: float, high: float) -> tuple[Array, float, Sequence]:
         """Unknowns at the change, a distance just beyond it, and the sequence there."""
@@ -119,35 +129,75 @@ class _Finder:
     def _enclose(self, low: float, high: float) -> None:
         """Look nearer and nearer to the change.
 
-        The margin goes to zero on this side of the change, linearly or as a square root; beyond it
-        there may be quite another one. So the zero is looked for from this side, and overstepped
-        by as much as it may be off. A phase that is too short to be counted is gone a little early.
+        On one side of it the margin goes to zero, linearly or as a square root; on the other one
+        there may be quite another margin. So the zero is looked for from one side, and overstepped
+        by as much as it may be off. Where a phase is too short to be counted it is gone a little
+        early.
         """
-        on_this_side = [(self(low), low)]
-        self(high)
-        expected = high
+        sides = _Approach(low, self(low)), _Approach(high, self(high))
         halved = high - low
+        least = math.inf
+        stalled = 0
         for look in range(_MOST_LOOKS):
-            margin = on_this_side[-1][0]
-            if not margin > 0.0 or high - low <= _CLOSE:
+            ends = [side.end for side in sides]
+            width = ends[1] - ends[0]
+            if not min(side.margin for side in sides) > 0.0 or width <= _CLOSE:
                 return
-            before, expected = expected, _vanishes_at(on_this_side)
-            error = abs(expected - before)
-            if expected >= high and margin <= 2.0 * SHORTEST:
+            inside = [side for side in sides if ends[0] < side.expected < ends[1]]
+            nearest = min(side.margin for side in sides)
+            stalled = stalled + 1 if nearest >= least else 0
+            least = min(least, nearest)
+            gone = not inside or (stalled >= _STALLED and width <= _TOGETHER)
+            if nearest <= 2.0 * SHORTEST and gone:
                 return
-            trial = expected + 4.0 * max(error, _CLOSE) if expected - low <= error else expected
+            trial = inside[0].trial(sides[1].end - sides[0].end) if inside else math.nan
             if look % 3 == 2:
                 # What does not halve within three looks is halved.
-                trial = trial if high - low <= 0.5 * halved else 0.5 * (low + high)
-                halved = high - low
-            if not low < trial < high:
-                trial = 0.5 * (low + high)
+                trial = trial if width <= 0.5 * halved else math.nan
+                halved = width
+            if not ends[0] < trial < ends[1]:
+                trial = 0.5 * (ends[0] + ends[1])
             value = self(trial)
-            if value >= 0.0:
-                low = trial
-                on_this_side = [*on_this_side[-2:], (value, trial)]
+            beyond = bool(value < 0.0)
+            if beyond and self.seen[trial][1] != self.seen[ends[1]][1]:
+                sides = sides[0], _Approach(trial, value)
             else:
-                high = trial
+                sides[beyond].look(trial, value)
+
+
+class _Approach:
+    """What is known of a margin on one side of where it vanishes.
+
+    Attributes
+    ----------
+    end : float
+        The nearest place.
+    margin : float
+        Its modulus there.
+    expected : float
+        Where it will vanish; infinite if it does not fall.
+    """
+
+    def __init__(self, at: float, value: float) -> None:
+        self._points: list[tuple[float, float]] = []
+        self.expected = math.inf
+        self.look(at, value)
+
+    def look(self, at: float, value: float) -> None:
+        """One more place, nearer than those before."""
+        self.end: float = at
+        self.margin: float = abs(value)
+        self._points = [*self._points[-2:], (self.margin, at)]
+        before, self.expected = self.expected, _vanishes_at(self._points)
+        self._error = abs(self.expected - before)
+
+    def trial(self, width: float) -> float:
+        """Where to look next: where it will vanish, or beyond if that is near."""
+        off = self.expected - self.end
+        error = self._error if self._error < width else 0.0
+        if abs(off) > error:
+            return self.expected
+        return self.expected + math.copysign(4.0 * max(error, _CLOSE), off)
 
 
 def _vanishes_at(points: list[tuple[float, float]]) -> float:
