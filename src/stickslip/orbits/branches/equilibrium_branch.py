@@ -3,9 +3,11 @@ equilibria."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import combinations
+from functools import cache
+from itertools import combinations, groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,7 +40,13 @@ from stickslip.orbits.equilibria.certificate import certify_equilibria, certify_
 from stickslip.orbits.equilibria.equilibrium import Equilibrium, decays, describe_guard
 from stickslip.orbits.equilibria.finding import autonomous, checked_values, equilibria
 from stickslip.orbits.equilibria.normal_form import Derivatives, hopf
-from stickslip.orbits.fields.steady import Array, ResidualFunction, Steady, invariant_directions
+from stickslip.orbits.fields.steady import (
+    Array,
+    ResidualFunction,
+    Steady,
+    invariant_directions,
+    rightmost_first,
+)
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
@@ -294,7 +302,10 @@ class _Follower:
 
     def _scale(self, x: Array, floor: Array) -> Array:
         # The root of their number, so that the state as a whole counts as much as the parameter.
-        return np.append(np.sqrt(len(floor)) * np.maximum(np.abs(x[:-1]), floor), self.width)
+        units = np.empty(len(x))
+        units[:-1] = math.sqrt(len(floor)) * np.maximum(np.abs(x[:-1]), floor)
+        units[-1] = self.width
+        return units
 
     def _point(self, steady: Steady, x: Array) -> Array:
         return steady.point(x[:-1], {self.parameter: x[-1]})
@@ -480,7 +491,7 @@ class _Follower:
         from stickslip.model.quantities import contact_key
 
         points = [self._point(s.steady, s.point.x) for s in stations]
-        spectra = [s.steady.eigenvalues(p) for s, p in zip(stations, points, strict=True)]
+        spectra = [each for part in _by_steady(stations) for each in self._spectra(part)]
         drifts = np.array([s.steady.drift(p) for s, p in zip(stations, points, strict=True)])
         margin, defect = self._certificates(stations, points)
         errors = np.array([error for _, error in certified])
@@ -523,6 +534,13 @@ class _Follower:
             data[f"drift_{state[i]}"] = ("point", drifts[:, i])
         return xr.Dataset(data, attrs={"title": system.title or system.name, "kind": "equilibria"})
 
+    def _spectra(self, stations: list[_Station]) -> Array:
+        """Eigenvalues at stations in one mode, the rightmost first, shape (stations,
+        eigenvalues)."""
+        steady = stations[0].steady
+        points = np.array([self._point(steady, s.point.x) for s in stations]).T
+        return rightmost_first(np.linalg.eigvals(steady.linearisations(points)))
+
     @staticmethod
     def _certificates(stations: list[_Station], points: list[Array]) -> tuple[Array, Array]:
         """Least guard, and violation of the equations, of every point."""
@@ -538,6 +556,16 @@ class _Follower:
         return margin, defect
 
 
+@cache
+def _pairs(count: int) -> tuple[Array, Array]:
+    return np.triu_indices(count, 1)
+
+
+def _by_steady(stations: list[_Station]) -> list[list[_Station]]:
+    """Stations that follow each other in one mode."""
+    return [list(part) for _, part in groupby(stations, key=lambda station: id(station.steady))]
+
+
 def _solved(found: Certificate) -> bool:
     """Whether the equations are solved and the eigenvalues known; guards are test functions."""
     return found["equations"].ok and found["eigenvalues"].ok
@@ -545,7 +573,7 @@ def _solved(found: Certificate) -> bool:
 
 def hopf_test(eigenvalues: Array) -> float:
     """A number that changes its sign where the sum of two eigenvalues vanishes."""
-    first, second = np.triu_indices(len(eigenvalues), 1)
+    first, second = _pairs(len(eigenvalues))
     sums = eigenvalues[first] + eigenvalues[second]
     sizes = np.abs(eigenvalues[first]) + np.abs(eigenvalues[second])
     # Sums that vanish identically, as without damping, are left at zero: their rounding has no sign

@@ -202,8 +202,7 @@ class Steady:
 
     def eigenvalues(self, point: Array) -> Array:
         """Eigenvalues of the linearisation, the rightmost first."""
-        found: Array = np.linalg.eigvals(self.linearisation(point)).astype(complex)
-        return found[np.lexsort((-found.imag, -found.real))]
+        return rightmost_first(np.linalg.eigvals(self.linearisation(point)))
 
     def sizes(self, points: Array, among: Array | None = None) -> Sizes:
         """How large the numbers at some points are, and how well these solve the problem.
@@ -287,6 +286,12 @@ class Steady:
             0.0,
             rates,
         )
+
+
+def rightmost_first(eigenvalues: Array) -> Array:
+    """Eigenvalues, complex, in the order in which they decay; of many matrices those of each."""
+    found = eigenvalues.astype(complex)
+    return np.take_along_axis(found, np.lexsort((-found.imag, -found.real)), axis=-1)
 
 
 def invariant_directions(
