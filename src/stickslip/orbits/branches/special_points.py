@@ -141,16 +141,15 @@ class _Finder:
         for look in range(_MOST_LOOKS):
             ends = [side.end for side in sides]
             width = ends[1] - ends[0]
-            if not min(side.margin for side in sides) > 0.0 or width <= _CLOSE:
+            nearest = min(side.margin for side in sides)
+            if not nearest > 0.0 or width <= _CLOSE:
                 return
             inside = [side for side in sides if ends[0] < side.expected < ends[1]]
-            nearest = min(side.margin for side in sides)
-            stalled = stalled + 1 if nearest >= least else 0
-            least = min(least, nearest)
-            gone = not inside or (stalled >= _STALLED and width <= _TOGETHER)
+            outside = all(abs(side.expected - end) > width for side in sides for end in ends)
+            gone = outside or (stalled >= _STALLED and width <= _TOGETHER)
             if nearest <= 2.0 * SHORTEST and gone:
                 return
-            trial = inside[0].trial(sides[1].end - sides[0].end) if inside else math.nan
+            trial = inside[0].trial(width) if inside else math.nan
             if look % 3 == 2:
                 # What does not halve within three looks is halved.
                 trial = trial if width <= 0.5 * halved else math.nan
@@ -163,6 +162,9 @@ class _Finder:
                 sides = sides[0], _Approach(trial, value)
             else:
                 sides[beyond].look(trial, value)
+            if abs(value) <= 2.0 * SHORTEST:
+                stalled = stalled + 1 if abs(value) > 0.5 * least else 0
+                least = min(least, abs(value))
 
 
 class _Approach:
