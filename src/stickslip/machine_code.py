@@ -30,7 +30,11 @@ _SHAPED_BY = {
     "motion": _ENGINE,
     "equations": _ENGINE,
     "orbits": (*_ENGINE, "orbits/settling/engine"),
-    "orbits/fields": ("motion/steps/arrays.py", "orbits/fields/engine"),
+    "orbits/fields": (
+        "equations/codegen/program.py",
+        "motion/steps/arrays.py",
+        "orbits/fields/engine",
+    ),
     "rate_independent": (
         "rate_independent/signals",
         "rate_independent/solvers",

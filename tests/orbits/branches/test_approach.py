@@ -27,10 +27,11 @@ def finder(margin: Callable[[float], float]) -> tuple[Any, list[float]]:
                 self.seen[distance] = np.array([distance]), order, value
             return self.seen[distance][2]
 
-    ends: Any = SimpleNamespace(length=0.0), SimpleNamespace(length=1.0)
+    first: Any = SimpleNamespace(length=0.0)
+    last: Any = SimpleNamespace(length=1.0)
     here: Any = ("before",)
     chart: Any = None
-    return Finder(chart, *ends, here), looked
+    return Finder(chart, first, last, here), looked
 
 
 MARGINS = {

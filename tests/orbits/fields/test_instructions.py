@@ -15,7 +15,7 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.formulas import Scope
 from stickslip.symbolic.functions import FUNCTIONS, Function
 
-NAMES = ("x", "y", "p", "q")
+NAMES: tuple[str, ...] = ("x", "y", "p", "q")
 FORMULAS = (
     "3",
     "x",

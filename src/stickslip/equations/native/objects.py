@@ -111,9 +111,11 @@ def _find_functions(assembly: str) -> None:
 
 def address_of(name: str) -> int:
     """Where a function of the mathematical library stands."""
-    found = llvm.address_of_symbol(name)
-    if found is None:
-        found = ctypes.cast(getattr(_mathematics(), name), ctypes.c_void_p).value
+    known = llvm.address_of_symbol(name)
+    if known is not None:
+        return int(known)
+    found = ctypes.cast(getattr(_mathematics(), name), ctypes.c_void_p).value
+    assert found is not None
     return found
 
 

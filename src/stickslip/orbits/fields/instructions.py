@@ -20,13 +20,13 @@ from stickslip.orbits.fields.engine.interpreter import (
     CALL,
     NUMBER,
     POWER,
-    PRODUCT,
     REAL_POWER,
     RECIPROCAL,
     SCALED,
     SUMMED,
+    TIMES,
     Instructions,
-    evaluate,
+    interpret,
 )
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -121,7 +121,7 @@ class Listing:
             case "product":
                 out, *factors = places
                 for n, factor in enumerate(factors):
-                    out = self._add(moves, PRODUCT, out, factor, out=out if n else -1)
+                    out = self._add(moves, TIMES, out, factor, out=out if n else -1)
                 return out, moves
             case "reciprocal":
                 return self._add(moves, RECIPROCAL, places[0]), moves
@@ -185,7 +185,7 @@ class Evaluator:
         listing = self.listing
         out = np.empty((len(listing.wanted), given.shape[1]))
         once = listing.once if alike else 0
-        evaluate(self.made, once, listing.places, listing.wanted, given, out)
+        interpret(self.made, once, listing.places, listing.wanted, given, out)
         return out
 
 

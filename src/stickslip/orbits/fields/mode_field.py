@@ -181,11 +181,11 @@ class Pieces:
     def listed(self) -> Listed:
         """Those that were asked for, as instructions."""
         if self._listed is None or len(self._listed.steady) < len(self.made):
-            self._listed = listed(self.made)
+            self._listed = listed_pieces(self.made)
         return self._listed
 
 
-def listed(pieces: list[Piece]) -> Listed:
+def listed_pieces(pieces: list[Piece]) -> Listed:
     """Pieces of one system as instructions."""
     n = len(pieces[0].field.state)
     width = 2 + len(pieces[0].columns)

@@ -25,14 +25,14 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.orbits.fields.engine.interpreter import LANES
 from stickslip.orbits.fields.engine.variations import (
-    AT,
+    ALIKE,
+    BEGINS,
     CORNER,
-    COUNT,
+    ENDS,
     GRAZED,
-    LAST,
+    MEETING,
+    MET,
     PASSED,
-    SAME,
-    SWITCHES,
     Pass,
     jump,
     place_nodes,
@@ -144,7 +144,7 @@ def _prepared(trajectory: Trajectory, pieces: Pieces, directions: Array | None) 
         np.ones(len(number), np.int64),
         after,
         np.zeros(len(number), np.int64),
-        np.zeros(SWITCHES + 1 + listed.switches.shape[1], np.int64),
+        np.zeros(MET + 1 + listed.switches.shape[1], np.int64),
         values,
     )
 
@@ -168,8 +168,8 @@ class _Meeting:
         """Enter what comes after the events at which the pass has stopped; returns the knot from
         which it goes on."""
         event = self.run.event
-        i, last = int(event[AT]), int(event[LAST])
-        switches = [int(s) for s in event[SWITCHES : SWITCHES + event[COUNT]]]
+        i, last = int(event[BEGINS]), int(event[ENDS])
+        switches = [int(s) for s in event[MET : MET + event[MEETING]]]
         self.run.after[i : last + 1] = self._corner(i, last, switches) @ self.run.after[i]
         return last
 
@@ -179,7 +179,7 @@ class _Meeting:
         routes = [self._route(i, last, order) for order in permutations(switches[:3])]
         images = [S @ arrived for S in routes if S is not None]
         size = max((float(np.max(np.abs(image))) for image in images), default=0.0)
-        apart = any(np.max(np.abs(image - images[0])) > SAME * size for image in images)
+        apart = any(np.max(np.abs(image - images[0])) > ALIKE * size for image in images)
         if apart or len(images) < len(routes) or len(switches) > 3:
             self.corners.append(float(self.knots.time[i]))
         return next((S for S in routes if S is not None), np.eye(len(arrived)))

@@ -15,15 +15,14 @@ from numba import float64, int64
 from numba.extending import intrinsic
 
 from stickslip.arrays import Array
+from stickslip.equations.codegen.program import FIRST, OPERATION, RESULT, SECOND
 from stickslip.machine_code import njit
 from stickslip.motion.steps.arrays import ALLOCATING, OPTIONS
 
 LANES = 8  # points of a block
-# Columns of an instruction: operation, place of the result, operands.
-OPERATION, RESULT, FIRST, SECOND = range(4)
 # Operations: a number; a times a number, or added to the result so; a + b, a·b, 1/a, a to a number,
 # aᵇ, and a function of a, whose address is the second operand.
-NUMBER, SCALED, SUMMED, SUM, PRODUCT, RECIPROCAL, POWER, REAL_POWER, CALL = range(9)
+NUMBER, SCALED, SUMMED, SUM, TIMES, RECIPROCAL, POWER, REAL_POWER, CALL = range(9)
 
 
 class Instructions(NamedTuple):
@@ -32,7 +31,7 @@ class Instructions(NamedTuple):
     Attributes
     ----------
     code : array of int, shape (instructions, 4)
-        By the columns from `OPERATION` to `SECOND`.
+        By the columns `OPERATION`, `RESULT` (a place), `FIRST` and `SECOND` (operands).
     numbers : array, shape (instructions,)
         The number of each.
     """
@@ -60,7 +59,7 @@ else:
 
 
 @njit(**OPTIONS)
-def play(made: Instructions, first: int, last: int, values: Array, lanes: int) -> None:
+def perform(made: Instructions, first: int, last: int, values: Array, lanes: int) -> None:
     """Follow some instructions.
 
     Parameters
@@ -98,7 +97,7 @@ def play(made: Instructions, first: int, last: int, values: Array, lanes: int) -
                 out[k] = called(made.code[i, SECOND], a[k])
         else:
             b = values[made.code[i, SECOND]]
-            if operation == PRODUCT:
+            if operation == TIMES:
                 for k in range(lanes):
                     out[k] = a[k] * b[k]
             elif operation == SUM:
@@ -110,7 +109,7 @@ def play(made: Instructions, first: int, last: int, values: Array, lanes: int) -
 
 
 @njit(**ALLOCATING)
-def evaluate(
+def interpret(
     made: Instructions, once: int, places: int, wanted: Array, given: Array, out: Array
 ) -> None:
     """Values at many points.
@@ -138,8 +137,8 @@ def evaluate(
             for i in range(names):
                 for k in range(lanes, LANES):
                     values[i, k] = given[i, 0]
-            play(made, 0, once, values, min(points, LANES))
-        play(made, once, len(made.code), values, lanes)
+            perform(made, 0, once, values, min(points, LANES))
+        perform(made, once, len(made.code), values, lanes)
         for i in range(len(wanted)):
             for k in range(lanes):
                 out[i, start + k] = values[wanted[i], k]

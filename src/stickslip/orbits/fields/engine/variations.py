@@ -9,7 +9,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.machine_code import njit
 from stickslip.motion.steps.arrays import ALLOCATING, OPTIONS
-from stickslip.orbits.fields.engine.interpreter import LANES, Instructions, play
+from stickslip.orbits.fields.engine.interpreter import LANES, Instructions, perform
 
 STAGES = LANES  # Gauss nodes of a step: order 16
 # largest |eigenvalue| × step of a collocation step: its Padé approximant of exp is exact to
@@ -20,14 +20,14 @@ TOGETHER = 1e-9  # events closer than this part of the motion are simultaneous
 # a guard whose rate is this small, relative to its terms and its usual rate, is touched, not
 # crossed
 _TANGENT = 1e-6
-SAME = 1e-8  # derivatives that differ by less, relative to the largest, are the same
+ALIKE = 1e-8  # derivatives that differ by less, relative to the largest, are the same
 _NO_JUMP = 1e-12  # a change of the field this small, relative to its terms, is none
 _LEAST_PIVOT = 0.1  # a pivot below this part of its column is exchanged
 
 # What becomes of an event.
-PASSED, GRAZED, CORNER, UNKNOWN = range(4)
+PASSED, GRAZED, CORNER, UNEXPLAINED = range(4)
 # Entries of Pass.event.
-AT, LAST, COUNT, SWITCHES = range(4)
+BEGINS, ENDS, MEETING, MET = range(4)
 
 
 def gauss() -> tuple[Array, Array, Array]:
@@ -100,8 +100,8 @@ class Pass(NamedTuple):
     outcome : array of int, shape (knots,)
         What became of the event there: `PASSED` or `GRAZED`.
     event : array of int
-        The event at which the pass has stopped: the knot AT which it begins, the LAST that belongs
-        to it, the COUNT of switches that meet there, and these, the one that fired first.
+        The event at which the pass has stopped: the knots at which it begins and ends, the number
+        of switches that are meeting there, and these, the one that fired first.
     values : array, shape (places, LANES)
         Work space of the instructions.
     """
@@ -153,11 +153,22 @@ def put_point(run: Pass, k: int, t: float, y: Array) -> None:
 
 @njit(**ALLOCATING)
 def fastest(listed: Listed, run: Pass, w: int, knot: int, J: Array, work: Array) -> float:
-    """Largest modulus of an eigenvalue of the Jacobian at a knot, from high powers of it."""
+    """Largest modulus of an eigenvalue of the Jacobian at a knot, from high powers of it.
+
+    Parameters
+    ----------
+    listed : Listed
+    run : Pass
+    w : int
+        The piece.
+    knot : int
+    J, work : arrays, shape (states, states)
+        Work space.
+    """
     n = len(J)
     columns = run.after.shape[1]
     put_point(run, 0, run.time[knot], run.state[knot])
-    play(listed.made, listed.slopes[w, 0], listed.slopes[w, 2], run.values, 1)
+    perform(listed.made, listed.slopes[w, 0], listed.slopes[w, 2], run.values, 1)
     for r in range(n):
         for c in range(n):
             J[r, c] = run.values[listed.jacobian[w, r * columns + c], 0]
@@ -259,7 +270,7 @@ def eliminate(system: Array, size: int) -> None:
 
 
 @njit(**OPTIONS)
-def collocate(places: Array, values: Array, h: float, change: Array, system: Array) -> None:
+def gauss_step(places: Array, values: Array, h: float, change: Array, system: Array) -> None:
     """One step of Φ' = J_y Φ + J_p by collocation at the Gauss nodes.
 
     Parameters
@@ -328,24 +339,37 @@ def flow_through(
     even = len(times) == 0
     for g in range(STAGES):
         put_point(run, g, run.time[i], run.state[i])
-    play(listed.made, first, last if even else moving, run.values, STAGES)
+    perform(listed.made, first, last if even else moving, run.values, STAGES)
     if even:
         repeat(listed.jacobian[w], run.values, h, parts, change)
         return
     for part in range(parts):
         for g in range(STAGES):
             put_point(run, g, times[part * STAGES + g], states[part * STAGES + g])
-        play(listed.made, moving, last, run.values, STAGES)
-        collocate(listed.jacobian[w], run.values, h, change, system)
+        perform(listed.made, moving, last, run.values, STAGES)
+        gauss_step(listed.jacobian[w], run.values, h, change, system)
 
 
 @njit(**ALLOCATING)
 def repeat(places: Array, values: Array, h: float, parts: int, change: Array) -> None:
-    """Many equal steps under one Jacobian: its flow over one of them, squared and multiplied."""
+    """Many equal steps under one Jacobian: its flow over one of them, squared and multiplied.
+
+    Parameters
+    ----------
+    places : array of int
+        Of the Jacobian in the table of values.
+    values : array, shape (places, LANES)
+    h : float
+        Length of a step.
+    parts : int
+        Their number.
+    change : array, shape (states, directions)
+        The variation before, and after.
+    """
     n = len(change)
     flow = np.eye(n)
     system = np.empty((STAGES * n, STAGES * n + n))
-    collocate(places, values, h, flow, system)
+    gauss_step(places, values, h, flow, system)
     while parts > 0:
         if parts % 2 == 1:
             change[:] = product(flow, change)
@@ -369,10 +393,20 @@ def product(a: Array, b: Array) -> Array:
 
 
 @njit(**OPTIONS)
-def leave(listed: Listed, run: Pass, w: int, knot: int, out: Leave) -> None:
-    """The guards of a piece at a knot."""
+def guards_at(listed: Listed, run: Pass, w: int, knot: int, out: Leave) -> None:
+    """The guards of a piece at a knot.
+
+    Parameters
+    ----------
+    listed : Listed
+    run : Pass
+    w : int
+        The piece.
+    knot : int
+    out : Leave
+    """
     put_point(run, 0, run.time[knot], run.state[knot])
-    play(listed.made, listed.guards[w, 0], listed.guards[w, 2], run.values, 1)
+    perform(listed.made, listed.guards[w, 0], listed.guards[w, 2], run.values, 1)
     n = run.state.shape[1]
     for r in range(n):
         out.rates[r] = run.values[listed.rates[w, r], 0]
@@ -395,7 +429,17 @@ def leave(listed: Listed, run: Pass, w: int, knot: int, out: Leave) -> None:
 @njit(**OPTIONS)
 def fired(listed: Listed, run: Pass, i: int, last: int, here: Leave) -> int:
     """The guard that fired: of those that belong to the causes, else to a switch that changed, the
-    one at zero; −1 if there is none."""
+    one at zero; −1 if there is none.
+
+    Parameters
+    ----------
+    listed : Listed
+    run : Pass
+    i, last : int
+        The first and the last knot of the events.
+    here : Leave
+        The guards of the piece before.
+    """
     left, right = run.piece[i - 1], run.piece[last]
     named = False
     for j in range(i, last + 1):
@@ -419,7 +463,20 @@ def fired(listed: Listed, run: Pass, i: int, last: int, here: Leave) -> int:
 
 @njit(**OPTIONS)
 def coincide(here: Leave, first: int, among: Array, count: int, arrived: Array) -> bool:
-    """Whether events that coincide do so for all neighbours, too, so that they are one."""
+    """Whether events that coincide do so for all neighbours, too, so that they are one.
+
+    Parameters
+    ----------
+    here : Leave
+    first : int
+        The guard that fired.
+    among : array of int
+        The others, in its first entries.
+    count : int
+        Their number.
+    arrived : array, shape (columns, directions)
+        The variation before the events.
+    """
     largest, apart = 0.0, 0.0
     for d in range(arrived.shape[1]):
         reference = delay(here, first, arrived, d)
@@ -430,7 +487,7 @@ def coincide(here: Leave, first: int, among: Array, count: int, arrived: Array) 
                 return False
             largest = max(largest, abs(other))
             apart = max(apart, abs(other - reference))
-    return apart <= SAME * largest
+    return apart <= ALIKE * largest
 
 
 @njit(**OPTIONS)
@@ -444,8 +501,25 @@ def delay(here: Leave, g: int, arrived: Array, d: int) -> float:
 
 @njit(**OPTIONS)
 def jump(here: Leave, g: int, onward: Array, usual: float, change: Array) -> int:
-    """The variation after one guard, which usually falls at some rate, where the motion goes on
-    with other rates."""
+    """The variation after one guard, where the motion goes on with other rates.
+
+    Parameters
+    ----------
+    here : Leave
+    g : int
+        The guard.
+    onward : array, shape (states,)
+        The rates beyond it.
+    usual : float
+        The rate at which it usually falls.
+    change : array, shape (columns, directions)
+        The variation before, and after.
+
+    Returns
+    -------
+    int
+        `PASSED`, or `GRAZED` where the guard is touched without being crossed: then nothing jumps.
+    """
     n = len(onward)
     largest, size = 0.0, 0.0
     for r in range(n):
@@ -464,27 +538,37 @@ def jump(here: Leave, g: int, onward: Array, usual: float, change: Array) -> int
 
 @njit(**ALLOCATING)
 def pass_event(listed: Listed, run: Pass, i: int, last: int, here: Leave, around: Leave) -> int:
-    """The variation after the events i … last, from that before, which stands at knot i; says what
-    became of it."""
+    """The variation after some events, from that before, which stands at the first of them; says
+    what became of it.
+
+    Parameters
+    ----------
+    listed : Listed
+    run : Pass
+    i, last : int
+        The first and the last knot of the events.
+    here, around : Leave
+        Work space.
+    """
     left, right = run.piece[i - 1], run.piece[last]
     guards = listed.switches.shape[1]
     final = len(run.time) - 1
     usual = np.zeros(guards)
     for knot in (i - 1, min(last + 1, final)):
-        leave(listed, run, left, knot, around)
+        guards_at(listed, run, left, knot, around)
         for g in range(guards):
             if listed.switches[left, g] >= 0 and abs(around.fall[g]) < np.inf:
                 usual[g] = max(usual[g], abs(around.fall[g]))
-    leave(listed, run, right, i, around)
-    leave(listed, run, left, i, here)
+    guards_at(listed, run, right, i, around)
+    guards_at(listed, run, left, i, here)
     g = fired(listed, run, i, last, here)
-    run.event[COUNT] = 1
+    run.event[MEETING] = 1
     if g < 0:
-        return UNKNOWN
+        return UNEXPLAINED
     together = TOGETHER * (run.time[final] - run.time[0])
     others = np.zeros(guards, np.int64)
     count = 0
-    run.event[SWITCHES] = listed.switches[left, g]
+    run.event[MET] = listed.switches[left, g]
     for j in range(guards):
         switch = listed.switches[left, j]
         if switch >= 0 and switch != listed.switches[left, g]:
@@ -492,8 +576,8 @@ def pass_event(listed: Listed, run: Pass, i: int, last: int, here: Leave, around
             if abs(here.value[j]) <= together * abs(here.fall[j]) and falls:
                 others[count] = j
                 count += 1
-                run.event[SWITCHES + count] = switch
-    run.event[COUNT] = 1 + count
+                run.event[MET + count] = switch
+    run.event[MEETING] = 1 + count
     change = run.after[i]
     if count and not coincide(here, g, others, count, change):
         return CORNER
@@ -517,7 +601,8 @@ def vary(listed: Listed, run: Pass, times: Array, states: Array, start: int) -> 
     -------
     int
         `PASSED`; or `CORNER` where guards meet that do not meet for neighbours (the caller has to
-        say what comes after it, and to go on from there), or `UNKNOWN` where no guard has fired.
+        say what comes after it, and to go on from there), or `UNEXPLAINED` where no guard has
+        fired.
     """
     knots, columns, directions = run.after.shape
     n = run.state.shape[1]
@@ -539,9 +624,9 @@ def vary(listed: Listed, run: Pass, times: Array, states: Array, start: int) -> 
         if run.piece[i] != run.piece[i - 1]:
             while last + 2 < knots and run.time[last + 1] - run.time[i] <= 1e-3 * together:
                 last += 1
-            run.event[AT], run.event[LAST] = i, last
+            run.event[BEGINS], run.event[ENDS] = i, last
             code = pass_event(listed, run, i, last, here, around)
-            if code in (CORNER, UNKNOWN):
+            if code in (CORNER, UNEXPLAINED):
                 return code
             run.outcome[i] = code
         for j in range(i, last):
