@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -151,7 +152,7 @@ def put_point(run: Pass, k: int, t: float, y: Array) -> None:
         run.values[1 + r, k] = y[r]
 
 
-@njit(**ALLOCATING)
+@njit(**OPTIONS)
 def fastest(listed: Listed, run: Pass, w: int, knot: int, J: Array, work: Array) -> float:
     """Largest modulus of an eigenvalue of the Jacobian at a knot, from high powers of it.
 
@@ -174,25 +175,25 @@ def fastest(listed: Listed, run: Pass, w: int, knot: int, J: Array, work: Array)
             J[r, c] = run.values[listed.jacobian[w, r * columns + c], 0]
     scale = 0.0  # log of what has been divided out, per factor
     power = 1.0
-    for turn in range(_DOUBLINGS + 1):
-        largest = np.max(np.abs(J))
+    for _ in range(_DOUBLINGS + 1):
+        largest = 0.0
+        for r in range(n):
+            for c in range(n):
+                largest = max(largest, abs(J[r, c]))
         if not 0.0 < largest < np.inf:
             return 0.0
-        scale += np.log(largest) / power
-        if turn == _DOUBLINGS:
-            return np.exp(scale)
+        scale += math.log(largest) / power
         power *= 2.0
         for r in range(n):
             for c in range(n):
-                J[r, c] /= largest
+                work[r, c] = J[r, c] / largest
         for r in range(n):
             for c in range(n):
                 total = 0.0
                 for j in range(n):
-                    total += J[r, j] * J[j, c]
-                work[r, c] = total
-        J[:] = work
-    return 0.0
+                    total += work[r, j] * work[j, c]
+                J[r, c] = total
+    return math.exp(scale)
 
 
 @njit(**ALLOCATING)
@@ -216,7 +217,7 @@ def resolve_steps(listed: Listed, run: Pass, drives: float) -> int:
             rate = max(drives, fastest(listed, run, w, i, J, work))
             if listed.steady[w] == 0:
                 rate = max(rate, fastest(listed, run, w, i + 1, J, work))
-            run.parts[i] = max(1, int(np.ceil(h * rate / _REACH)))
+            run.parts[i] = max(1, math.ceil(h * rate / _REACH))
         nodes += nodes_of(listed, run, i)
     return nodes
 
@@ -328,7 +329,7 @@ def flow_through(
         Work space.
     """
     change = run.after[i + 1]
-    change[:] = run.after[i]
+    put_matrix(run.after[i], change)
     length = run.time[i + 1] - run.time[i]
     if not length > 0.0:
         return
@@ -367,26 +368,38 @@ def repeat(places: Array, values: Array, h: float, parts: int, change: Array) ->
         The variation before, and after.
     """
     n = len(change)
-    flow = np.eye(n)
+    flow, work, moved = np.zeros((n, n)), np.zeros((n, n)), np.zeros(change.shape)
+    for r in range(n):
+        flow[r, r] = 1.0
     system = np.empty((STAGES * n, STAGES * n + n))
     gauss_step(places, values, h, flow, system)
     while parts > 0:
         if parts % 2 == 1:
-            change[:] = product(flow, change)
+            multiply(flow, change, moved)
+            put_matrix(moved, change)
         parts //= 2
-        if parts:
-            flow = product(flow, flow)
+        if parts > 0:
+            multiply(flow, flow, work)
+            put_matrix(work, flow)
 
 
-@njit(**ALLOCATING)
-def product(a: Array, b: Array) -> Array:
+@njit(**OPTIONS)
+def multiply(a: Array, b: Array, out: Array) -> None:
     """The product of two matrices."""
-    out = np.zeros((a.shape[0], b.shape[1]))
     for r in range(a.shape[0]):
+        for c in range(b.shape[1]):
+            out[r, c] = 0.0
         for j in range(a.shape[1]):
             for c in range(b.shape[1]):
                 out[r, c] += a[r, j] * b[j, c]
-    return out
+
+
+@njit(**OPTIONS)
+def put_matrix(a: Array, out: Array) -> None:
+    """Copy a matrix."""
+    for r in range(a.shape[0]):
+        for c in range(a.shape[1]):
+            out[r, c] = a[r, c]
 
 
 # -- at events -------------------------------------------------------------------------------------
@@ -630,7 +643,7 @@ def vary(listed: Listed, run: Pass, times: Array, states: Array, start: int) -> 
                 return code
             run.outcome[i] = code
         for j in range(i, last):
-            run.after[j + 1] = run.after[i]
+            put_matrix(run.after[i], run.after[j + 1])
             node += nodes_of(listed, run, j)
         i = last
     return PASSED
