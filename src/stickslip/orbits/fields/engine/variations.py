@@ -375,16 +375,16 @@ def repeat(places: Array, values: Array, h: float, parts: int, change: Array) ->
     gauss_step(places, values, h, flow, system)
     while parts > 0:
         if parts % 2 == 1:
-            multiply(flow, change, moved)
+            put_product(flow, change, moved)
             put_matrix(moved, change)
         parts //= 2
         if parts > 0:
-            multiply(flow, flow, work)
+            put_product(flow, flow, work)
             put_matrix(work, flow)
 
 
 @njit(**OPTIONS)
-def multiply(a: Array, b: Array, out: Array) -> None:
+def put_product(a: Array, b: Array, out: Array) -> None:
     """The product of two matrices."""
     for r in range(a.shape[0]):
         for c in range(b.shape[1]):
