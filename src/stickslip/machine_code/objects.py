@@ -6,6 +6,7 @@ import ctypes
 import hashlib
 import os
 import tempfile
+from collections.abc import Sequence
 from contextlib import suppress
 from ctypes.util import find_library
 from functools import cache
@@ -139,14 +140,30 @@ def keep_code(path: Path, code: bytes) -> None:
         partial.replace(path)
 
 
-def find_functions(names: list[str]) -> None:
+def find_functions(names: Sequence[str]) -> None:
     """Tell LLVM where functions of C's mathematical library and of Python are that it does not find
     itself."""
     for name in names:
         if not name.startswith("llvm.") and llvm.address_of_symbol(name) is None:
-            library = ctypes.pythonapi if name.startswith("Py") else _mathematics()
             with suppress(AttributeError):  # LLVM says what is missing, if it is called at all
-                llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
+                llvm.add_symbol(name, address_of(name))
+
+
+def address_of(name: str) -> int:
+    """Where a function of C's mathematical library or of Python stands.
+
+    Raises
+    ------
+    AttributeError
+        If there is none of that name.
+    """
+    known = llvm.address_of_symbol(name)
+    if known is not None:
+        return int(known)
+    library = ctypes.pythonapi if name.startswith("Py") else _mathematics()
+    found = ctypes.cast(getattr(library, name), ctypes.c_void_p).value
+    assert found is not None
+    return found
 
 
 @cache

@@ -21,13 +21,21 @@ _SHAPED_BY = {
     "motion": _ENGINE,
     "equations": _ENGINE,
     "orbits": (*_ENGINE, "orbits/settling/engine"),
+    "orbits/fields": (
+        "equations/codegen/program.py",
+        "motion/steps/arrays.py",
+        "orbits/fields/engine",
+        "machine_code/by_numba.py",
+        "machine_code/kinds.py",
+    ),
     "rate_independent": (
         "rate_independent/signals",
         "rate_independent/solvers",
         "rate_independent/play",
     ),
 }
-"""By the room of a compiled function: files and folders that shape its machine code."""
+"""By the room of a compiled function, the innermost that is named: files and folders that shape its
+machine code."""
 
 
 def sources(file: str | Path) -> list[Path]:
@@ -64,7 +72,9 @@ def stamp(file: str | Path) -> str:
 
 
 def _room(file: str | Path) -> str:
-    return Path(file).resolve().relative_to(_PACKAGE.resolve()).parts[0]
+    path = Path(file).resolve().relative_to(_PACKAGE.resolve())
+    rooms = [folder.as_posix() for folder in (path, *path.parents)]
+    return next((room for room in rooms if room in _SHAPED_BY), rooms[0])
 
 
 @cache

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -58,6 +58,23 @@ class Problem:
     exact: bool = True
     boxes: Mapping[str, tuple[float, float]] | None = None
     origin: float = 0.0
+
+    def at(self, parameter: str, value: float) -> Problem:
+        """The same problem with another value of a parameter, within the box of this parameter if
+        there is one.
+
+        It shares all that does not depend on the value: curves ask for thousands of such problems.
+        """
+        other = replace(self, parameters={**self.parameters, parameter: value})
+        shared = ["compiled", "machine", "_places"]
+        if self.boxes is not None:
+            low, high = self.boxes[parameter]
+            if low <= value <= high:
+                shared.append("rows")
+            else:
+                other = replace(other, boxes={**self.boxes, parameter: (value, value)})
+        vars(other).update({name: getattr(self, name) for name in shared})
+        return other
 
     @cached_property
     def compiled(self) -> CompiledSystem:
@@ -153,6 +170,11 @@ class Problem:
     @cached_property
     def rows(self) -> Rows:
         """Where the compiled functions find things."""
+        return self._places._replace(doubtful=self._doubtful())
+
+    @cached_property
+    def _places(self) -> Rows:
+        """The same, without the rows that may become negative for these parameters."""
         layout = self.compiled.layout
         sizes = np.array(
             [layout.sizes[k] for k in ("n", "nq", "nz", "nr", "na", "mq", "mz", "mr", "kinks")]
@@ -170,7 +192,7 @@ class Problem:
             kinks,
             watched,
             np.array(list(noise.values()), dtype=np.int64),
-            self._doubtful(),
+            np.zeros((0, 3), np.int64),
             np.array(
                 [not guard.symbols & {*layout.state} for guard in self.compiled.equations.kinks],
                 dtype=np.int64,

@@ -173,6 +173,18 @@ class Trajectory(Result):
         dense.sample(p.machine, flow, self._seen, k.record, index, clock, work, out)
         return out
 
+    def _states_at(self, times: Array, index: Array) -> Array:
+        """States at times within the steps of the knots `index`, shape (times, states)."""
+        from stickslip.motion.between import dense
+
+        p, k = self._problem, self.knots
+        out = np.empty((len(times), k.state.shape[1]))
+        flow = p.flow(retracing=True)
+        clock = times - k.origin
+        work = dense.make_scratch(p.rows, (0, 2))
+        dense.states_at(p.machine, flow, self._seen, k.record, index, clock, work, out)
+        return out
+
     @cached_property
     def _seen(self) -> Array:
         """Sizes of the state, against which steps are measured that follow the motion again."""

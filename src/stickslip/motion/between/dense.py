@@ -48,7 +48,7 @@ def make_scratch(rows: Rows, shape: tuple[int, int]) -> Scratch:
 
 
 @entry_point(**OPTIONS)
-def sample(
+def states_at(
     machine: Machine,
     flow: Flow,
     seen: Array,
@@ -58,7 +58,7 @@ def sample(
     work: Scratch,
     out: Array,
 ) -> None:
-    """Order-0 values of all rows, then energy, dissipated and supplied power, at given times.
+    """States at given times.
 
     Parameters
     ----------
@@ -68,13 +68,13 @@ def sample(
     index : array of int, shape (times,)
         Knot whose step each time belongs to.
     work : Scratch
-    out : array, shape (times, rows + 3)
+    out : array, shape (times, ·)
+        Receives the states in its first columns.
     """
     rows = flow.rows
     W = flow.space.W
     n = rows.sizes[DIMENSION]
-    y, z = work.y, work.z
-    mode, reg = work.mode, work.reg
+    y, mode, reg = work.y, work.mode, work.reg
     last = -1
     base = 0.0
     h = 0.0
@@ -106,10 +106,44 @@ def sample(
             order, h, _ = follow_mode(machine, flow, start, left, h, seen)
             h = max(h, 1e-12 * left)
         for r in range(n):
-            z[r] = horner(W[r], order, (times[i] - base) / W[n, 1]) if known else y[r]
+            out[i, r] = horner(W[r], order, (times[i] - base) / W[n, 1]) if known else y[r]
+
+
+@entry_point(**OPTIONS)
+def sample(
+    machine: Machine,
+    flow: Flow,
+    seen: Array,
+    knots: Record,
+    index: Array,
+    times: Array,
+    work: Scratch,
+    out: Array,
+) -> None:
+    """Order-0 values of all rows, then energy, dissipated and supplied power, at given times.
+
+    Parameters
+    ----------
+    seen, knots, index, times, work : arrays, Record and Scratch
+        See :func:`states_at`.
+    out : array, shape (times, rows + 3)
+    """
+    rows = flow.rows
+    n = rows.sizes[DIMENSION]
+    table = len(flow.space.W)
+    z, mode, reg = work.z, work.mode, work.reg
+    states_at(machine, flow, seen, knots, index, times, work, out)
+    last = -1
+    for i in range(len(times)):
+        if index[i] != last:
+            last = index[i]
+            copy(knots.mode[last], mode)
+            copy(knots.region[last], reg)
+            resolve(rows.sizes, flow.k, flow.space, mode)
+        copy(out[i, :n], z)
         coefficients(machine, flow, Instant(times[i], z, mode, reg), 1, work.V)
         machine.powers(work.V, reg, flow.k.K, work.power)
-        for r in range(len(W)):
+        for r in range(table):
             out[i, r] = work.V[r, 0]
         for r in range(POWERS_MADE):
-            out[i, len(W) + r] = work.power[r]
+            out[i, table + r] = work.power[r]

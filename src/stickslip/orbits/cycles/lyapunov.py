@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.orbits.fields.engine.variations import TOGETHER
 from stickslip.orbits.fields.mode_field import Pieces
-from stickslip.orbits.fields.variational import TOGETHER, variation
+from stickslip.orbits.fields.variational import variation
 from stickslip.orbits.return_map.recurrence import stretch
 
 if TYPE_CHECKING:
