@@ -21,7 +21,7 @@ from stickslip.shipping import is_complete
 class Inner(NamedTuple):
     matrix: Array
     scale: float
-    count: int
+    number: int
 
 
 class Outer(NamedTuple):
@@ -83,8 +83,8 @@ OTHER = {
         )
     ),
     "not to be written to": changed(flags=READ_ONLY),
-    "a real number for a whole one": changed(inner=ARGUMENTS[0].inner._replace(count=1.5)),
-    "too large": changed(inner=ARGUMENTS[0].inner._replace(count=2**70)),
+    "a real number for a whole one": changed(inner=ARGUMENTS[0].inner._replace(number=1.5)),
+    "too large": changed(inner=ARGUMENTS[0].inner._replace(number=2**70)),
     "no number": changed(inner=ARGUMENTS[0].inner._replace(scale="1")),
 }
 
@@ -102,7 +102,7 @@ def trace(inner: Inner) -> float:
     total = 0.0
     for i in range(min(inner.matrix.shape)):
         total += inner.matrix[i, i]
-    return inner.scale * total + inner.count
+    return inner.scale * total + inner.number
 
 
 @entry_point(**OPTIONS)
@@ -150,9 +150,9 @@ def test_truth_and_numbers() -> None:
 
 def test_what_no_compiled_function_takes_is_named() -> None:
     with pytest.raises(TypeError, match="take no str"):
-        is_large("2")  # pyright: ignore[reportArgumentType]
+        is_large("2")
     with pytest.raises(TypeError, match="take no NoneType"):
-        summed(None, np.zeros(3))  # pyright: ignore[reportArgumentType]
+        summed(None, np.zeros(3))
     with pytest.raises(TypeError, match="jets is called by compiled functions alone"):
         kinds.MachineFunction(1, "jets")(0.0)
 

@@ -141,11 +141,13 @@ def bitcode(function: Entry, kind: ArgumentKind, symbol: str) -> bytes:
 
     with _shared_scopes():
 
-        @njit(signature, pipeline_class=_Outermost, error_model="numpy", _nrt=False)
-        def called(wholes, reals):
-            return compiled(*taken(wholes, reals))
+        @njit(error_model="numpy", _nrt=False, pipeline_class=_Outermost)
+        def called(wholes: Any, reals: Any) -> Any:
+            return compiled(*taken(wholes, reals))  # pyright: ignore[reportCallIssue]
 
-    made = called.overloads[signature.args]
+        dispatcher: Any = called
+        dispatcher.compile(signature)
+    made = dispatcher.overloads[signature.args]
     module = llvm.parse_assembly(made.library.get_llvm_str())
     _close(module, made.fndesc.llvm_func_name, symbol, function.result)
     return module.as_bitcode()
@@ -222,7 +224,7 @@ class Tables(types.Type):
 
     def place(self, name: str) -> int:
         """Which part has that name, from 1 on; 0 if none has."""
-        fields = class_called(self.kind[0])._fields  # pyright: ignore[reportAttributeAccessIssue]
+        fields = class_called(self.kind[0])._fields
         return fields.index(name) + 1 if name in fields else 0
 
 

@@ -23,7 +23,7 @@ _SPEED, _SPEED_OF_LONG = 1, 0
 _LONG = 400_000  # characters
 _DIGEST = 32  # bytes, before the machine code in a file
 # What the engine may call of C's mathematical library.
-MATHEMATICS = (
+MATHEMATICS: list[str] = (
     "acos acosh asin asinh atan atan2 atanh cbrt ceil cos cosh erf exp exp2 expm1 floor fma fmod "
     "frexp hypot ilogb ldexp log log10 log1p log2 pow round sin sinh sqrt tan tanh trunc"
 ).split()

@@ -244,7 +244,7 @@ class Assembly:
         sources = [(WHOLE, low, f"{index}.next")]
         sources += [(kind, x, y) for (kind, x), y in zip(carried, changed, strict=True)]
         for i, (kind, x, y) in enumerate(sources):
-            x, y = (constant(z) if kind == REAL else z for z in (x, y))  # type: ignore[arg-type]
+            x, y = (constant(z) if kind == REAL else z for z in (x, y))
             self.lines[place + i] += f" {kind} [ {x}, %{before} ], [ {y}, %{self._block} ]"
         self._enter(after)
         return values

@@ -280,7 +280,7 @@ def guard_of(
         sign = 1.0 if mode[i] > 0 else -1.0
         size = mag[i]
         rate = mag[nc + i] * unit + abs(W[row, 1])
-    return GuardRow(row, shift, sign, size, rate, around, exact)
+    return GuardRow(row, shift, sign, size, rate, around, exact)  # pyright: ignore[reportArgumentType]
 
 
 @njit(**INLINED)
