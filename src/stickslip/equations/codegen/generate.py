@@ -230,7 +230,7 @@ class _Generator:
     def block_sizes(
         self,
         names: list[str],
-        matrix: list[list[Expr]],
+        matrix: Mapping[tuple[int, int], Expr],
         first: int,
         count: int,
         base: int,
@@ -247,7 +247,7 @@ class _Generator:
             for x, weight in self.eq.contacts[first + j].direction.items():
                 terms[x].append(abs(_times(scalar(weight), _start(multipliers + j))))
         for i, x in enumerate(names):
-            self.note(offset + i, added(terms[x]) / abs(scalar(matrix[i][i])))
+            self.note(offset + i, added(terms[x]) / abs(scalar(matrix[i, i])))
         for j in range(count):
             direction = self.eq.contacts[first + j].direction
             size = added(_times(abs(scalar(w)), places[x]) for x, w in direction.items())
@@ -438,11 +438,9 @@ class _Generator:
         scalar = self.constants.scalar
         axes = {x: j for j, x in enumerate(d.coordinates)}
         entries = [
-            Store(name, (i, j), scalar(e))
+            Store(name, place, scalar(e))
             for name, matrix in (("M", self.eq.mass), ("C", self.eq.damping))
-            for i, row in enumerate(matrix)
-            for j, e in enumerate(row)
-            if e is not ex.ZERO
+            for place, e in matrix.items()
         ]
         entries += [
             Store("J", (i, axes[x]), scalar(e))
@@ -507,21 +505,30 @@ def _times(a: Scalar, b: Scalar) -> Scalar:
 
 
 def _coupled(
-    names: list[str], matrix: list[list[Expr]], directions: Sequence[Mapping[str, Expr]]
+    names: list[str],
+    matrix: Mapping[tuple[int, int], Expr],
+    directions: Sequence[Mapping[str, Expr]],
 ) -> list[list[int]]:
     """Groups of coordinates and contacts that a linear problem [[M, −Jᵀ], [J, 0]] couples."""
-    rows = [
-        {i} | {j for j, e in enumerate(row) if e is not ex.ZERO} for i, row in enumerate(matrix)
-    ]
-    rows += [
-        {len(names) + j, *(names.index(x) for x in direction)}
-        for j, direction in enumerate(directions)
-    ]
-    group = list(range(len(names) + len(directions)))
-    for row in rows:
-        joined = {group[i] for i in row}
-        group = [min(joined) if own in joined else own for own in group]
-    return [[i for i, own in enumerate(group) if own == g] for g in sorted(set(group))]
+    place = {x: i for i, x in enumerate(names)}
+    pairs = [*matrix]
+    for j, direction in enumerate(directions):
+        pairs += [(len(names) + j, place[x]) for x in direction]
+    parent = list(range(len(names) + len(directions)))
+
+    def root(i: int) -> int:
+        while parent[i] != i:
+            parent[i] = parent[parent[i]]
+            i = parent[i]
+        return i
+
+    for i, j in pairs:
+        low, high = sorted((root(i), root(j)))
+        parent[high] = low
+    groups: dict[int, list[int]] = {}
+    for i in range(len(parent)):
+        groups.setdefault(root(i), []).append(i)
+    return list(groups.values())
 
 
 def terms(e: Expr) -> list[tuple[Expr, float]]:
