@@ -212,9 +212,15 @@ class Trajectory(Result):
         )
 
     def _kinetic(self) -> Array:
-        n = self._problem.compiled.layout.sizes["nq"]
+        layout = self._problem.compiled.layout
+        n = layout.sizes["nq"]
         v = self.knots.state[:, n : 2 * n]
-        return 0.5 * np.einsum("ki,ij,kj->k", v, self._problem.constants.M, v)
+        total = np.zeros(len(v))
+        for part in layout.coupled["Rq"]:
+            of_part = v[:, part.coordinates]
+            M = self._problem.constants.M[part.coordinates, : len(part.coordinates)]
+            total += np.einsum("ki,ij,kj->k", of_part, M, of_part)
+        return 0.5 * total
 
     def _integrate(
         self, times: Array, states: Array, index: Array, ends: Array, tally: Tally | None = None

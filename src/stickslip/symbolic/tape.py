@@ -86,8 +86,8 @@ class Instruction:
         `place` is 1, the second elsewhere. SIDE is the right-hand side of contact `place` (inputs:
         surface; friction for u > 0, u < 0; thresholds for u > 0, u < 0), SPEED its |u|. ENTRY (of
         the matrix) and RIGHT belong to the linear problem of the rate-independent coordinates,
-        whose contact is `place`; RATES solves it. SOLVE applies the inverse `matrix` to `size` rows
-        that begin with the input.
+        whose contact is `place`; RATES solves it. SOLVE applies `size` rows of the inverse
+        `matrix`, from `place` on, to as many rows that begin with the input.
     row : int
         Where the result goes (the first row of several).
     inputs : tuple of int

@@ -35,12 +35,6 @@ class Series(Routine):
         self.kept = frozenset(layout.kept)
         self.known: dict[tuple[int, Order], Operand] = {}
         self.ready: set[str] = set()
-        self.groups = {
-            (name, i): group
-            for name, groups in generated.coupled.items()
-            for group in groups
-            for i in group
-        }
 
     def written(self) -> str:
         """The function."""
@@ -173,15 +167,33 @@ class Series(Routine):
         """Whether a value is infinite."""
         return self.once(("inf", b), lambda: self.test("oeq", self.modulus(b), math.inf))
 
-    def solved(self, matrix: str, first: int, solution: int, n: int, k: Order) -> None:
-        """Order k of solution = R·right-hand side, both n consecutive rows."""
+    def solved(self, matrix: str, place: int, first: int, solution: int, n: int, k: Order) -> None:
+        """Order k of solution = R·right-hand side, both n consecutive rows.
+
+        Parameters
+        ----------
+        matrix : str
+            Which inverse R is.
+        place : int
+            Its first row.
+        first, solution : int
+            First rows of the right-hand side and of the solution.
+        n : int
+        k : Order
+        """
         for i in range(n):
-            self.put(solution + i, k, self.total(self.row_of(matrix, i, first, n, k)))
+            self.put(solution + i, k, self.total(self.row_of(matrix, place + i, first, n, k)))
 
     def row_of(self, matrix: str, i: int, first: int, n: int, k: Order) -> list[Pair]:
-        """Terms of one row of the solution."""
-        group = self.groups.get((matrix, i), range(n))
-        return [(self.inverse(matrix, i, j), self.get(first + j, k)) for j in group]
+        """Terms of one row of the solution: row i of the inverse times n rows.
+
+        Parameters
+        ----------
+        matrix : str
+        i, first, n : int
+        k : Order
+        """
+        return [(self.inverse(matrix, i, j), self.get(first + j, k)) for j in range(n)]
 
     def inverse(self, matrix: str, i: int, j: int) -> Operand:
         """An entry of an inverse."""
@@ -189,11 +201,11 @@ class Series(Routine):
 
     def spread(self, matrix: str, i: int, n: int, base: int) -> Operand:
         """Σⱼ |Rᵢⱼ| mag[base + j]."""
-        group = self.groups.get((matrix, i), range(n))
-        if len(group) > _SMALL:
+        if n > _SMALL:
             return super().spread(matrix, i, n, base)
         terms = [
-            (self.modulus(self.inverse(matrix, i, j)), self.entry("mag", base + j)) for j in group
+            (self.modulus(self.inverse(matrix, i, j)), self.entry("mag", base + j))
+            for j in range(n)
         ]
         return self.total(terms)
 
@@ -351,7 +363,7 @@ def _right(s: Series, i: Instruction, k: Order) -> None:
 
 
 def _solve(s: Series, i: Instruction, k: Order) -> None:
-    s.solved(i.matrix, i.inputs[0], i.row, i.size, k)
+    s.solved(i.matrix, i.place, i.inputs[0], i.row, i.size, k)
 
 
 def _rates(s: Series, i: Instruction, k: Order) -> None:
@@ -382,7 +394,7 @@ def _rates(s: Series, i: Instruction, k: Order) -> None:
             if terms:
                 rest = s.total([(s.get(right + line, k), 1.0), *terms])
                 s.put(right + line, k, rest)
-    s.solved("B", right, i.row, n, k)
+    s.solved("B", 0, right, i.row, n, k)
 
 
 class LoopedSeries(Series):
@@ -472,29 +484,28 @@ class LoopedSeries(Series):
         """k·x."""
         return self.times(self.real, x)
 
-    def solved(self, matrix: str, first: int, solution: int, n: int, k: Order) -> None:
-        """Order k of solution = R·right-hand side."""
-        for i in range(n):
-            if len(self.groups.get((matrix, i), range(n))) <= _SMALL:
-                self.put(solution + i, k, self.total(self.row_of(matrix, i, first, n, k)))
-            else:
-                row, column = self.row(matrix, i), self.at(self.row("W", first), k)
+    def solved(self, matrix: str, place: int, first: int, solution: int, n: int, k: Order) -> None:
+        if n <= _SMALL:
+            super().solved(matrix, place, first, solution, n, k)
+        else:
+            for i in range(n):
+                row, column = self.row(matrix, place + i), self.at(self.row("W", first), k)
                 arguments = f"ptr {row}, ptr {column}, i64 {self.stride('W')}, i64 {n}"
                 self.put(solution + i, k, self.new(f"call double @applied({arguments})"))
 
 
 def series_of(generated: Generated) -> str:
     """The function ``jets``, written out unless it is too long for that."""
-    products = sum(_products(i, generated.coupled) for i in generated.layout.instructions)
+    products = sum(map(_products, generated.layout.instructions))
     return (Series if products <= _MOST_PRODUCTS else LoopedSeries)(generated).written()
 
 
-def _products(i: Instruction, coupled: dict[str, list[list[int]]]) -> int:
+def _products(i: Instruction) -> int:
     """Products of an operation at all orders, about."""
     last = ORDERS[-1]
     match i.op:
         case Op.SOLVE:
-            return last * sum(len(group) ** 2 for group in coupled[i.matrix])
+            return last * i.size**2
         case Op.RATES:
             changing = sum(1 for entry in i.entries if entry.inputs)
             return last * i.size**2 + changing * last**2 // 2
