@@ -85,6 +85,7 @@ COUPLED = System(
 SYSTEMS = {name: name for name in catalogue.names()} | {
     system.name: system for system in (EVERYTHING, MIXED, COUPLED)
 }
+SYSTEMS["a long chain"] = catalogue.block_chain(N=40)
 
 
 @cache

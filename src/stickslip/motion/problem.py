@@ -17,7 +17,7 @@ from stickslip.errors import DeclarationError
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
 from stickslip.motion.engine.forms import MOST_SWITCHES, make_closed_forms, make_flight
-from stickslip.motion.steps.arrays import HOME, Constants, Flow, Machine, Rows, Space, make_space
+from stickslip.motion.steps.arrays import PART, Constants, Flow, Machine, Rows, Space, make_space
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import bounds
 
@@ -155,6 +155,8 @@ class Problem:
         tables = (layout.u, layout.force, layout.plus, layout.minus, layout.kinks)
         u, force, plus, minus, kinks = (np.array(table, dtype=np.int64) for table in tables)
         noise = self._places_of_sizes()
+        dropping = {i for i, *_ in layout.kinetic}
+        state = frozenset(layout.state)
         watched = np.array(list(noise), dtype=np.int64)
         return Rows(
             sizes,
@@ -167,13 +169,11 @@ class Problem:
             np.array(list(noise.values()), dtype=np.int64),
             self._doubtful(),
             np.array(
-                [not guard.symbols & {*layout.state} for guard in self.compiled.equations.kinks],
+                [not guard.symbols & state for guard in self.compiled.equations.kinks],
                 dtype=np.int64,
             ),
             self._vanishing(),
-            np.array(
-                [any(i == c for i, *_ in layout.kinetic) for c in range(len(u))], dtype=np.int64
-            ),
+            np.array([c in dropping for c in range(len(u))], dtype=np.int64),
             pack(layout),
             *self._coupling(),
         )
@@ -194,7 +194,7 @@ class Problem:
                 parts.append((matrix, seat, n, m, len(members)))
                 members += [*part.coordinates, *part.contacts]
                 seat += n + m
-        homes[homes[:, HOME] < 0, HOME] = len(parts)
+        homes[homes[:, PART] < 0, PART] = len(parts)
         table = np.array(parts, dtype=np.int64).reshape(-1, 5)
         return table, np.array(members, dtype=np.int64), homes
 
@@ -215,17 +215,16 @@ class Problem:
     def _vanishing(self) -> Array:
         """The part of the state that is zero where a kink is, −1 where it is more than that."""
         equations = self.compiled.equations
-        state = self.compiled.layout.state
+        state = {name: i for i, name in enumerate(self.compiled.layout.state)}
+        felt = state.keys() | {"t"}
         found = []
         for guard in equations.kinks:
-            (name, *others) = sorted(guard.symbols & {*state, "t"}) or [""]
+            (name, *others) = sorted(guard.symbols & felt) or [""]
             alone = (
                 not others and name in state and ex.substitute(guard, {name: ex.ZERO}) is ex.ZERO
             )
             found.append(
-                state.index(name)
-                if alone and not ex.derivative(guard, name).symbols & {name}
-                else -1
+                state[name] if alone and not ex.derivative(guard, name).symbols & {name} else -1
             )
         return np.array(found, dtype=np.int64)
 

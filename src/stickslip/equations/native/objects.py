@@ -17,7 +17,7 @@ from llvmlite import binding as llvm
 # How hard LLVM's code generation works: more than 1 takes longer, and straight code is no faster
 # for it; for long assembly, 1 would take longer than most motions.
 _SPEED, _SPEED_OF_LONG = 1, 0
-_LONG = 400_000  # characters
+_LONG = 400_000  # characters without tables
 _DIGEST = 32  # bytes, before the machine code in a file
 _LOCK = RLock()
 _kept: dict[str, Any] = {}  # what has been loaded, as long as the process lives
@@ -58,7 +58,8 @@ def addresses(assembly: str, names: list[str], folder: Path) -> list[int]:
         Where machine code is kept.
     """
     with _LOCK:
-        speed = _SPEED if len(assembly) < _LONG else _SPEED_OF_LONG
+        code = sum(len(line) for line in assembly.splitlines() if not line.startswith("@"))
+        speed = _SPEED if code < _LONG else _SPEED_OF_LONG
         key = hashlib.sha256(repr((assembly, processor(), speed)).encode()).hexdigest()
         if key not in _kept:
             _kept[key] = _loaded(assembly, folder / f"system_{key[:24]}.o", speed)

@@ -9,10 +9,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cached_property
+from typing import Any
 
 from stickslip.equations.codegen.generate import ORDERS, Generated
+from stickslip.equations.codegen.program import rows_made, rows_read
 from stickslip.equations.native.assembly import Operand, Pair, constant
 from stickslip.equations.native.routines import Routine
+from stickslip.equations.native.tables import (
+    FEWEST_REPETITIONS,
+    Pattern,
+    Tabled,
+    filled_instruction,
+    grouped,
+    pattern_of_instruction,
+)
+from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.tape import OUTPUTS, Instruction, Op, Scaled
 
 _OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
@@ -91,7 +103,8 @@ class Series(Routine):
 
     def factor(self, part: Scaled) -> Operand:
         """The factor of a term."""
-        return self.scalar(self.slots.scalar(part.factor))
+        factor = part.factor
+        return self.scalar(self.slots.scalar(factor) if isinstance(factor, Expr) else factor)
 
     def linear(self, parts: tuple[Scaled, ...], k: Order) -> Operand:
         """Order k of a linear combination."""
@@ -397,8 +410,9 @@ def _rates(s: Series, i: Instruction, k: Order) -> None:
     s.solved("B", 0, right, i.row, n, k)
 
 
-class LoopedSeries(Series):
-    """The same with coefficients in memory and a loop over the orders."""
+class LoopedSeries(Tabled, Series):
+    """The same with coefficients in memory, a loop over the orders, and loops over what is
+    repeated."""
 
     unit: Operand
     after: str
@@ -407,9 +421,10 @@ class LoopedSeries(Series):
     def written(self) -> str:
         """The function: order 0, which is another matter, and the loop."""
         self.unit = self.load(self.place("W", self.clock, 1))
-        self.begin(self.unit)
+        self.loop(0, self.clock, self._start)
+        self.put(self.clock, 0, "%t")
         self.order(0)
-        self.integrate(0, self.unit)
+        self._integrate(0, 1, self.unit)
         self.statements(self.generated.sizes)
         start = {place: x for place, x in self.known.items() if place[1] == 0}
 
@@ -419,13 +434,64 @@ class LoopedSeries(Series):
             self.real = self.new(f"sitofp i64 {k} to double")
             following = self.new(f"sitofp i64 {self.after} to double")
             self.order(k)
-            step = self.over(self.unit, following)
-            for i, row in enumerate(self.layout.rates):
-                self.put(i, self.after, self.times(self.get(row, k), step))
+            self._integrate(k, self.after, self.over(self.unit, following))
 
         self.loop(1, "%N", body)
         self.lines.append("ret i64 0")
         return self.text()
+
+    def _start(self, i: str) -> None:
+        """Order 0 of the state."""
+        value = self.load(self.at(self.data("y"), i))
+        self.store(value, self.at(self.row("W", i), 0))
+
+    @cached_property
+    def groups(self) -> list[tuple[Instruction, list[Pattern]]]:
+        """Instructions that do not need each other: one for all that differ in numbers alone, with
+        these; few are left alone."""
+        tape = self.layout.instructions
+        patterns = [pattern_of_instruction(i, self.slots, self.clock) for i in tape]
+        known = dict[int, int]()
+        levels = list[int]()
+        for i in tape:
+            levels.append(1 + max((known.get(row, 0) for row in rows_read(i)), default=0))
+            known |= dict.fromkeys(rows_made(i), levels[-1])
+        found = list[tuple[Instruction, list[Pattern]]]()
+        for group in grouped(patterns, levels):
+            if len(group) < FEWEST_REPETITIONS:
+                found += [(tape[i], [patterns[i]]) for i in group]
+            else:
+                found.append((tape[group[0]], [patterns[i] for i in group]))
+        return found
+
+    def order(self, k: Order) -> None:
+        """Order k of all rows, group by group."""
+        for pattern, repetitions in self.groups:
+            if len(repetitions) == 1:
+                _WRITERS[pattern.op](self, pattern, k)
+                continue
+
+            def body(wholes: list[Any], reals: list[Any], pattern: Instruction = pattern) -> None:
+                _WRITERS[pattern.op](self, filled_instruction(pattern, wholes, reals), k)
+
+            self.repeat(repetitions, body)
+
+    def _integrate(self, k: Order, after: Order, step: Operand) -> None:
+        """The order after k of the state."""
+
+        def body(wholes: list[Any], _: list[Any]) -> None:
+            i, row = wholes
+            self.put(i, after, self.times(self.get(row, k), step))
+
+        rows = enumerate(self.layout.rates)
+        self.repeat([Pattern(None, [i, row], []) for i, row in rows], body)
+
+    def loop(self, low: Any, high: Any, body: Any, *carried: Any) -> list[str]:
+        """A loop; coefficients that are made inside are in memory after it."""
+        known = dict(self.known)
+        values = super().loop(low, high, body, *carried)
+        self.known = known
+        return values
 
     def get(self, row: int, k: Order) -> Operand:
         """A coefficient: just made, of order 0, or from memory; of time, one is not zero."""
@@ -437,11 +503,8 @@ class LoopedSeries(Series):
 
     def put(self, row: int, k: Order, value: Operand) -> None:
         """Make a coefficient known, in memory too."""
-        if isinstance(k, int):
-            super().put(row, k, value)
-        else:
-            self.known[row, k] = value
-            self.store(value, self.at(self.row("W", row), k))
+        self.known[row, k] = value
+        self.store(value, self.at(self.row("W", row), k))
 
     def before(self, k: Order) -> Order:
         """k − 1."""
@@ -494,10 +557,14 @@ class LoopedSeries(Series):
                 self.put(solution + i, k, self.new(f"call double @applied({arguments})"))
 
 
+def is_long(generated: Generated) -> bool:
+    """Whether the series of a system are too long to be written out."""
+    return sum(map(_products, generated.layout.instructions)) > _MOST_PRODUCTS
+
+
 def series_of(generated: Generated) -> str:
     """The function ``jets``, written out unless it is too long for that."""
-    products = sum(map(_products, generated.layout.instructions))
-    return (Series if products <= _MOST_PRODUCTS else LoopedSeries)(generated).written()
+    return (LoopedSeries if is_long(generated) else Series)(generated).written()
 
 
 def _products(i: Instruction) -> int:

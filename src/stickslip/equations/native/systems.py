@@ -16,8 +16,9 @@ from stickslip.equations.codegen.interface import INTERFACE, signature
 from stickslip.equations.derive import MotionEquations, derive
 from stickslip.equations.native.loops import LOOPS
 from stickslip.equations.native.objects import addresses
-from stickslip.equations.native.orders import series_of
+from stickslip.equations.native.orders import is_long, series_of
 from stickslip.equations.native.routines import Routine
+from stickslip.equations.native.tables import Tabled
 from stickslip.model.declaration import Declaration
 from stickslip.model.system import System
 from stickslip.symbolic.functions import FUNCTIONS
@@ -102,8 +103,9 @@ def compile_system(system: System) -> CompiledSystem:
 def assembly_of(generated: Generated) -> str:
     """The functions of a system as LLVM assembly."""
     functions = [series_of(generated)]
+    long = is_long(generated)
     for name in ("setup", "residual", "powers"):
-        routine = Routine(name)
+        routine = Tabled(name) if long else Routine(name)
         routine.statements(getattr(generated, name))
         routine.lines.append("ret void")
         functions.append(routine.text())

@@ -34,7 +34,6 @@ from stickslip.motion.steps.arrays import (
     FIRST_ROW,
     FULL,
     HAPPENED,
-    HOME,
     INADMISSIBLE,
     INERTIAL,
     INLINED,
@@ -55,6 +54,7 @@ from stickslip.motion.steps.arrays import (
     ON_JUMP,
     ON_VISCOUS,
     OPTIONS,
+    PART,
     PROMISED,
     RATE_INDEPENDENT,
     RECENT,
@@ -641,7 +641,7 @@ def probe(
         for i in range(nq + 1):
             hold[c, i] = 0.0
         if mode[c] == 0:
-            part = rows.homes[c, HOME]
+            part = rows.homes[c, PART]
             first = rows.parts[part, FIRST_ROW]
             for i in range(rows.parts[part, COORDINATES]):
                 q = rows.members[rows.parts[part, MEMBERS] + i]

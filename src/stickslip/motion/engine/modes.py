@@ -27,7 +27,6 @@ from stickslip.motion.steps.arrays import (
     DIMENSION,
     FIRED,
     FIRST_ROW,
-    HOME,
     IMPLICIT,
     INERTIAL,
     INLINED,
@@ -46,6 +45,7 @@ from stickslip.motion.steps.arrays import (
     ON_VISCOUS,
     OPTIONS,
     OVERFLOW,
+    PART,
     PROMISED,
     RATE_INDEPENDENT,
     RECENT,
@@ -233,16 +233,16 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
         rate = mag[nc + c] + mag[2 * nc + c] / abs(own_inverse(rows, space, c))
         if abs(gap) > (_ON_SURFACE * last + _WIDE * ROUNDING * near) * rate + ROUNDING * mag[c]:
             # Contacts of other components hold the same whether this one does or not.
-            if asked[rows.homes[c, HOME]] == 0:
+            if asked[rows.homes[c, PART]] == 0:
                 mode[c] = 1 if gap > 0.0 else -1
-            asked[rows.homes[c, HOME]] = 1
+            asked[rows.homes[c, PART]] = 1
             released = True
     if released:
         return False
     for c in range(mq):
         gap = W[rows.u[c], 0]
         if mode[c] == 0 and gap != 0.0:
-            part = rows.homes[c, HOME]
+            part = rows.homes[c, PART]
             first = rows.parts[part, FIRST_ROW]
             for i in range(rows.parts[part, COORDINATES]):
                 q = rows.members[rows.parts[part, MEMBERS] + i]
@@ -445,7 +445,7 @@ def flip_apart(rows: Rows, space: Space, mode: Array, reg: Array, count: int) ->
     for i in range(count):
         guard = space.labels[i, NUMBER]
         if guard >= nk:
-            home = rows.homes[contact_of(guard, nk), HOME]
+            home = rows.homes[contact_of(guard, nk), PART]
             if asked[home] == 1:
                 continue
             asked[home] = 1

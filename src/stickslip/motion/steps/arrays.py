@@ -100,7 +100,7 @@ PROMISED, STARTED = range(2)
 # Columns of Rows.parts: which inverse (0: inertial, 1: viscous), its first row there, how many
 # coordinates and contacts, and where these begin in Rows.members; columns of Rows.homes.
 MATRIX, FIRST_ROW, COORDINATES, CONTACTS, MEMBERS = range(5)
-HOME, SEAT = range(2)
+PART, SEAT = range(2)
 # Columns of Rows.doubtful.
 DOUBTED, SLIPPING, TOWARDS = range(3)
 # Slots of Lane.clock, and of Lane.counters: see there.
@@ -151,7 +151,7 @@ class Rows(NamedTuple):
     members : array of int
         Coordinates (among those of their kind), then contacts of each component.
     homes : array of int, shape (contacts, 2)
-        Component of each contact (HOME; all that are rate-independent share one behind the others),
+        Component of each contact (PART; all that are rate-independent share one behind the others),
         and its row in the inverse (SEAT).
     """
 
@@ -388,7 +388,7 @@ def lane_of(lanes: Lane, i: int) -> Lane:
 @njit(**INLINED)
 def own_inverse(rows: Rows, space: Space, c: int) -> float:
     """The rate that a unit of force gives to a sticking contact: its entry of the inverse."""
-    part = rows.homes[c, HOME]
+    part = rows.homes[c, PART]
     seat = rows.homes[c, SEAT]
     column = seat - rows.parts[part, FIRST_ROW]
     return float(
