@@ -377,14 +377,19 @@ class Trajectory(Result):
 
     def _attributes(self, name: str) -> dict[str, Any]:
         """Unit and meaning of a published quantity; of a mode, what its numbers stand for."""
-        for contact in self.system.contacts:
-            if name == f"mode_{contact_key(contact)}":
-                flags = {
-                    "flag_values": np.array([-1, 0, 1], np.int8),
-                    "flag_meanings": "slip- stick slip+",
-                }
-                return {"long_name": f"mode of {contact}", **flags}
-        return quantity(self.system, name)
+        contact = self._contact_of_mode.get(name)
+        if contact is None:
+            return quantity(self.system, name)
+        flags = {
+            "flag_values": np.array([-1, 0, 1], np.int8),
+            "flag_meanings": "slip- stick slip+",
+        }
+        return {"long_name": f"mode of {contact}", **flags}
+
+    @cached_property
+    def _contact_of_mode(self) -> dict[str, str]:
+        """Contacts by the names under which their modes are published."""
+        return {f"mode_{contact_key(contact)}": contact for contact in self.system.contacts}
 
     @cached_property
     def events(self) -> pandas.DataFrame:

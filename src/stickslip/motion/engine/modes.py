@@ -503,8 +503,6 @@ def loosen(
     """
     rank = 0
     changed = False
-    basis = space.scratch
-    touched = space.touched
     kept = NOWHERE
     for i in range(m):
         if members[n + i] == keep:
@@ -518,29 +516,37 @@ def loosen(
         c = members[n + i]
         if mode[c] != 0:
             continue
-        size = 0.0
-        for j in range(n):
-            basis[rank, j] = J[c, j]
-            size += basis[rank, j] ** 2
-        for _ in range(2):
-            for r in range(rank):
-                dot = 0.0
-                for j in range(n):
-                    dot += basis[rank, j] * basis[r, j]
-                for j in range(n):
-                    basis[rank, j] -= dot * basis[r, j]
-        left = 0.0
-        for j in range(n):
-            left += basis[rank, j] ** 2
-        if left <= 1e-20 * size:
+        if is_new(J[c], n, space.scratch, rank):
+            rank += 1
+        else:
             mode[c] = 1 + drops[c]
-            touched[nk + c] = 1
+            space.touched[nk + c] = 1
             changed = True
-            continue
-        for j in range(n):
-            basis[rank, j] /= math.sqrt(left)
-        rank += 1
     return changed
+
+
+@njit(**OPTIONS)
+def is_new(direction: Array, n: int, basis: Array, rank: int) -> bool:
+    """Whether a direction is no combination of others; if so, it joins their orthonormal basis."""
+    size = 0.0
+    for j in range(n):
+        basis[rank, j] = direction[j]
+        size += basis[rank, j] ** 2
+    for _ in range(2):
+        for r in range(rank):
+            dot = 0.0
+            for j in range(n):
+                dot += basis[rank, j] * basis[r, j]
+            for j in range(n):
+                basis[rank, j] -= dot * basis[r, j]
+    left = 0.0
+    for j in range(n):
+        left += basis[rank, j] ** 2
+    if left <= 1e-20 * size:
+        return False
+    for j in range(n):
+        basis[rank, j] /= math.sqrt(left)
+    return True
 
 
 @njit(**INLINED)
