@@ -513,7 +513,21 @@ class LoopedSeries(Tabled, Series):
     def along(
         self, sum_of: str, a: int, b: int, k: str, limits: tuple[int, str], p: str = ""
     ) -> str:
-        """A sum over orders from memory."""
+        """A sum over orders from memory.
+
+        Parameters
+        ----------
+        sum_of : str
+            Which loop.
+        a, b : int
+            Rows.
+        k : str
+            Order of the sum.
+        limits : (int, str)
+            First order of a, and the one after the last.
+        p : str
+            More arguments of the loop.
+        """
         low, high = limits
         rows = f"ptr {self.row('W', a)}, ptr {self.row('W', b)}"
         return self.new(f"call double @{sum_of}({rows}, i64 {k}, i64 {low}, i64 {high}{p})")
