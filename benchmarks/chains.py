@@ -167,7 +167,7 @@ def picture(sizes: np.ndarray, low: float, high: float, b: float) -> None:
         known = np.count_nonzero((sizes >= low) & (sizes < high))
         scale = known / (low**-b - high**-b)
         line = scale * inside**-b * (10 ** (b / 8) - 10 ** (-b / 8))
-        axes.loglog(inside, line, color=ss.style.RED, lw=1, label=f"size$^{{-{b:.2f}}}$")
+        axes.loglog(inside, line, color=ss.style.VERMILION, lw=1, label=f"size$^{{-{b:.2f}}}$")
         axes.set_xlabel("size of an event: sum of the slips")
         axes.set_ylabel("events in a quarter of a decade")
         ss.style.legend_above(axes)
@@ -179,8 +179,9 @@ def quakes() -> list[str]:
     sizes, blocks, end, switches = earthquakes(weakening_chain(QUAKE_BLOCKS), SECONDS)
     # the first third is on its way to what goes on
     sizes, blocks = sizes[len(sizes) // 3 :], blocks[len(blocks) // 3 :]
-    low, high = 2e-4, 1.0
+    low, high, end_of_small = 5e-4, 5e-2, 1.0
     b, error = exponent(sizes, low, high)
+    steeper, its_error = exponent(sizes, high, end_of_small)
     picture(sizes, low, high, b)
     great = sizes >= 10.0
     counts = [
@@ -198,11 +199,13 @@ def quakes() -> list[str]:
         f"| events | {table} |",
         "",
         f"Between {low:g} and {high:g} the numbers follow size^(−b) with b = {b:.2f} ± "
-        f"{error:.2f}: {np.log10(high / low):.1f} decades. Above, few, and then a "
+        f"{error:.2f} ({np.log10(high / low):.0f} decades); from there to {end_of_small:g} they "
+        f"fall faster, b = {steeper:.2f} ± {its_error:.2f}. Below stand events of a single block, "
+        "which have a size of their own. Then comes a gap, and a "
         f"bump: {np.count_nonzero(great)} great events of "
         f"{np.median(blocks[great]) if np.any(great) else 0:.0f} blocks (median), which carry "
-        f"{100 * sizes[great].sum() / sizes.sum():.0f} % of all slip. Carlson and Langer see the "
-        "same: a power law of small events, with b near 1, and great events in excess of it.",
+        f"{100 * sizes[great].sum() / sizes.sum():.1f} % of all slip. Carlson and Langer see the "
+        "same kinds: a power law of small events, with b near 1, and great events in excess of it.",
         "",
         "![sizes of events](chains.png)",
         "",
