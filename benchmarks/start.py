@@ -117,7 +117,7 @@ def series(problem: Problem) -> float:
     space = problem.space()
     y = problem.initial_state({}) + 0.01
     for inverse in (space.Rq, space.Rz):
-        inverse[:] = np.eye(len(inverse))
+        inverse[:] = np.eye(*inverse.shape)
     mode, region = (np.zeros(len(rows), np.int64) for rows in (problem.rows.u, problem.rows.kinks))
     given = 0.3, y, mode, region, problem.constants.K, space, problem.order
     many_series(problem.compiled.jets, *given, 1)

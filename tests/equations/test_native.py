@@ -88,6 +88,7 @@ COUPLED = System(
 SYSTEMS = {name: name for name in catalogue.names()} | {
     system.name: system for system in (EVERYTHING, MIXED, COUPLED)
 }
+SYSTEMS["a long chain"] = catalogue.block_chain(N=40)
 
 
 @cache
@@ -134,26 +135,17 @@ def quiet() -> Iterator[None]:
 
 def constants_of(system: System, generated: Generated) -> tuple[Array, Constants]:
     layout = generated.layout
-    s = layout.sizes
     values = np.array([*system.values.values(), 0.0])
-    return values, Constants(
-        K=np.zeros(max(len(layout.constants), 1)),
-        M=np.zeros((s["nq"], s["nq"])),
-        C=np.zeros((s["nz"], s["nz"])),
-        J=np.zeros((len(layout.u), s["nq"] + s["nz"] + s["nr"])),
-        omega=np.zeros(layout.frequencies),
-    )
+    return values, Constants(*(np.zeros(layout.shape(name)) for name in Constants._fields))
 
 
 def fill(space: Space, generated: Generated, rng: np.random.Generator) -> None:
-    """Random inverses, zero where they are zero by their structure; nothing else."""
+    """Random inverses; nothing else."""
     for part in space:
         part[:] = 0
     space.W[len(generated.layout.state), 1] = UNIT
-    for name, groups in generated.coupled.items():
-        for group in groups:
-            at = np.ix_(group, group)
-            getattr(space, name)[at] = rng.normal(size=(len(group), len(group)))
+    for inverse in (space.Rq, space.Rz):
+        inverse[:] = rng.normal(size=inverse.shape)
 
 
 def cases(system: System, layout: Layout) -> Iterator[tuple[Array, Array, Array]]:

@@ -176,7 +176,7 @@ def test_linear_system(seed: int) -> None:
     W = rows(right, free=n)
     assert series.invert(np.vstack([A, np.zeros(n)]), n, R)
     for k in range(ORDER + 1):
-        series.solve_order(R, W, 0, n, n, k)
+        series.solve_order(R, 0, W, 0, n, n, k)
     np.testing.assert_allclose(A @ W[n:], right, rtol=0, atol=1e-12)
 
 

@@ -58,7 +58,7 @@ def test_rows_stay_in_their_discs(t: float, radius: float) -> None:
     n = len(FORCES)
     k = p.constants
     y = np.linspace(0.2, 0.9, n)
-    resolve(p.rows.sizes, k, space, none)
+    resolve(p.rows, k, space, none)
     taylor_series(p.machine, flow, Instant(t, y, none, none), p.order, space.W)
     fill_powers(space.reaches, radius)
     space.discs[n, BALL] = radius

@@ -288,7 +288,7 @@ def test_series_and_discs_of_machine_code() -> None:
     K = p.constants.K
     y = np.full(n, 0.2)
     t = 0.4
-    resolve(p.rows.sizes, p.constants, space, none)
+    resolve(p.rows, p.constants, space, none)
     space.W[n, 1] = 1.0
     inverses = space.Rq, space.Rz
     taylor_series(p.machine, flow, Instant(t, y, none, none), p.order, space.W)

@@ -60,6 +60,7 @@ _RESULTS: dict[str, Any] = {
     "float": types.float64,
     "bool": types.boolean,
 }
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
 _WORDS = {"None": "void", "int": "i64", "float": "double", "bool": "i8"}
 
 
@@ -139,9 +140,11 @@ def bitcode(function: Entry, kind: ArgumentKind, symbol: str) -> bytes:
     tables = types.CPointer(types.int64), types.CPointer(types.float64)
     signature = _RESULTS[function.result](*tables)
 
+    options: dict[str, Any] = {**_OPTIONS, "pipeline_class": _Outermost}
+    outermost: Any = njit(**options)
     with _shared_scopes():
 
-        @njit(error_model="numpy", _nrt=False, pipeline_class=_Outermost)
+        @outermost
         def called(wholes: Any, reals: Any) -> Any:
             return compiled(*taken(wholes, reals))  # pyright: ignore[reportCallIssue]
 

@@ -20,10 +20,10 @@ from platformdirs import user_cache_path
 # How hard LLVM's code generation works: for a system's functions more than 1 takes longer, and
 # straight code is no faster for it; for long assembly, 1 would take longer than most motions.
 _SPEED, _SPEED_OF_LONG = 1, 0
-_LONG = 400_000  # characters
+_LONG = 400_000  # characters without tables
 _DIGEST = 32  # bytes, before the machine code in a file
 # What the engine may call of C's mathematical library.
-MATHEMATICS: list[str] = (
+MATHEMATICS: Sequence[str] = (
     "acos acosh asin asinh atan atan2 atanh cbrt ceil cos cosh erf exp exp2 expm1 floor fma fmod "
     "frexp hypot ilogb ldexp log log10 log1p log2 pow round sin sinh sqrt tan tanh trunc"
 ).split()
@@ -81,7 +81,8 @@ def addresses(assembly: str, names: list[str], folder: Path) -> list[int]:
     folder : Path
         Where machine code is kept.
     """
-    speed = _SPEED if len(assembly) < _LONG else _SPEED_OF_LONG
+    length = sum(len(line) for line in assembly.splitlines() if not line.startswith("@"))
+    speed = _SPEED if length < _LONG else _SPEED_OF_LONG
     key = digest(assembly, processor(), speed)
     with _LOCK:
         if key not in _kept:

@@ -225,9 +225,15 @@ class Trajectory(Result):
         )
 
     def _kinetic(self) -> Array:
-        n = self._problem.compiled.layout.sizes["nq"]
+        layout = self._problem.compiled.layout
+        n = layout.sizes["nq"]
         v = self.knots.state[:, n : 2 * n]
-        return 0.5 * np.einsum("ki,ij,kj->k", v, self._problem.constants.M, v)
+        total = np.zeros(len(v))
+        for part in layout.coupled["Rq"]:
+            of_part = v[:, part.coordinates]
+            M = self._problem.constants.M[part.coordinates, : len(part.coordinates)]
+            total += np.einsum("ki,ij,kj->k", of_part, M, of_part)
+        return 0.5 * total
 
     def _integrate(
         self, times: Array, states: Array, index: Array, ends: Array, tally: Tally | None = None
@@ -386,14 +392,19 @@ class Trajectory(Result):
 
     def _attributes(self, name: str) -> dict[str, Any]:
         """Unit and meaning of a published quantity; of a mode, what its numbers stand for."""
-        for contact in self.system.contacts:
-            if name == f"mode_{contact_key(contact)}":
-                flags = {
-                    "flag_values": np.array([-1, 0, 1], np.int8),
-                    "flag_meanings": "slip- stick slip+",
-                }
-                return {"long_name": f"mode of {contact}", **flags}
-        return quantity(self.system, name)
+        contact = self._contact_of_mode.get(name)
+        if contact is None:
+            return quantity(self.system, name)
+        flags = {
+            "flag_values": np.array([-1, 0, 1], np.int8),
+            "flag_meanings": "slip- stick slip+",
+        }
+        return {"long_name": f"mode of {contact}", **flags}
+
+    @cached_property
+    def _contact_of_mode(self) -> dict[str, str]:
+        """Contacts by the names under which their modes are published."""
+        return {f"mode_{contact_key(contact)}": contact for contact in self.system.contacts}
 
     @cached_property
     def events(self) -> pandas.DataFrame:

@@ -86,8 +86,8 @@ class Instruction:
         `place` is 1, the second elsewhere. SIDE is the right-hand side of contact `place` (inputs:
         surface; friction for u > 0, u < 0; thresholds for u > 0, u < 0), SPEED its |u|. ENTRY (of
         the matrix) and RIGHT belong to the linear problem of the rate-independent coordinates,
-        whose contact is `place`; RATES solves it. SOLVE applies the inverse `matrix` to `size` rows
-        that begin with the input.
+        whose contact is `place`; RATES solves it. SOLVE applies `size` rows of the inverse
+        `matrix`, from `place` on, to as many rows that begin with the input.
     row : int
         Where the result goes (the first row of several).
     inputs : tuple of int
@@ -120,6 +120,10 @@ class ParameterExpressions:
     parameters: list[str]
     slots: dict[Expr, int] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        self._names = frozenset(self.parameters)
+        self._names_and_time = self._names | {"t"}
+
     def slot(self, e: Expr) -> int:
         """Place of a constant in K."""
         return self.slots.setdefault(e, len(self.slots))
@@ -134,7 +138,7 @@ class ParameterExpressions:
 
     def is_constant(self, e: Expr) -> bool:
         """Whether the expression depends on parameters only."""
-        return e.symbols <= set(self.parameters)
+        return e.symbols <= self._names
 
     def affine_in_time(self, e: Expr) -> tuple[Expr, Expr] | None:
         """Rate and value at the origin of an expression that is affine in time, with constant
@@ -143,7 +147,7 @@ class ParameterExpressions:
         Written so, a phase or a load is as exact late as early: the clock of a motion starts from 0
         at its origin.
         """
-        if "t" not in e.symbols or not e.symbols <= {"t", *self.parameters}:
+        if "t" not in e.symbols or not e.symbols <= self._names_and_time:
             return None
         rate = ex.derivative(e, "t")
         if not self.is_constant(rate) or any(n.op == "select" for n in ex.walk([e])):
@@ -338,6 +342,7 @@ class Tape:
         self._products: dict[tuple[int, int], int] = {}
         self._reciprocals: dict[int, int] = {}
         self._pairs: dict[tuple[Op, Expr], int] = {}
+        self._made: dict[int, Instruction] = {}
 
     def new_row(self, stage: int = 0) -> int:
         """A fresh row that becomes known at a stage."""
@@ -357,6 +362,7 @@ class Tape:
             *(part for i in instruction.entries for part in i.parts),
         ]:
             self.constants.scalar(part.factor)
+        self._made.setdefault(instruction.row, instruction)
         self.instructions[stage].append(instruction)
 
     def lower(self, e: Expr) -> Scaled:
@@ -476,7 +482,7 @@ class Tape:
 
     def _terms(self, row: int) -> list[Scaled]:
         """What a row is the sum of, whatever the region."""
-        made = next((i for part in self.instructions.values() for i in part if i.row == row), None)
+        made = self._made.get(row)
         if made is not None and made.op is Op.SELECT:
             return [
                 term

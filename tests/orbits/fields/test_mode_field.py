@@ -59,7 +59,7 @@ def read(
     W = space.W
     space.known[-1] = 1
     W[n, 1] = 1.0
-    if not resolve(rows.sizes, k, space, mode):
+    if not resolve(rows, k, space, mode):
         return False
     if jets(t, y, mode, region, k.K, space.Rq, space.Rz, 1, W, space.A, space.B, space.mag) != OK:
         return False

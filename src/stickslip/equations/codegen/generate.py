@@ -22,6 +22,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from stickslip.equations.coupling import Component, components
 from stickslip.equations.derive import MotionEquations
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
@@ -38,6 +39,7 @@ from stickslip.symbolic.tape import (
 )
 
 ORDERS = (8, 12, 16, 20, 24)  # that a Taylor series may have
+INVERSES = ("Rq", "Rz")  # of the linear problems of inertial and of viscous coordinates
 
 
 @dataclass
@@ -69,6 +71,8 @@ class Layout:
         The tape, in the order of its computation.
     constants : dict of Expr to int
         What stands in K, and where.
+    coupled : dict of str to list of Component
+        For each inverse matrix what its rows stand for, component by component.
     """
 
     state: list[str]
@@ -89,6 +93,24 @@ class Layout:
     frequencies: int = 0
     timed: bool = False
     rate_sizes: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+    coupled: dict[str, list[Component]] = field(default_factory=dict)
+
+    def shape(self, name: str) -> tuple[int, ...]:
+        """Shape of an array that ``setup`` fills; a row of M, C and J has the coordinates of one
+        component."""
+        s = self.sizes
+        widest = {
+            matrix: max((len(part.coordinates) for part in self.coupled[matrix]), default=0)
+            for matrix in INVERSES
+        }
+        shapes = {
+            "K": (max(len(self.constants), 1),),
+            "M": (s["nq"], widest["Rq"]),
+            "C": (s["nz"], widest["Rz"]),
+            "J": (s["mq"] + s["mz"], max(widest.values())),
+            "omega": (self.frequencies,),
+        }
+        return shapes[name]
 
 
 @dataclass
@@ -100,16 +122,12 @@ class Generated:
     layout : Layout
         With the tape, of which ``jets`` makes series.
     constants : ParameterExpressions
-    coupled : dict of str to list of list of int
-        For each inverse matrix the groups of its rows that depend on each other: it is zero between
-        them.
     setup, sizes, residual, powers : list of Store
         Statements of the functions; `sizes`, of ``jets``, fill ``mag`` from order 0.
     """
 
     layout: Layout
     constants: ParameterExpressions
-    coupled: dict[str, list[list[int]]]
     setup: list[Store]
     sizes: list[Store]
     residual: list[Store]
@@ -148,7 +166,6 @@ class _Generator:
         self.tape = Tape(self.constants, rows, self.n + 1, regions)
         self.solves: dict[int, list[Instruction]] = {0: [], 1: [], 2: []}
         self.magnitudes: list[Store] = []
-        self.coupled: dict[str, list[list[int]]] = {}
         self.rate_sizes = 3 * (self.mq + self.mz + self.mr) + len(equations.kinks)
         self.scratch = self.rate_sizes + self.nq + self.nz + self.nr + self.na
         self.nc = self.mq + self.mz + self.mr
@@ -191,11 +208,30 @@ class _Generator:
         size = self.size_of([self.tape.lower(base)])
         return size if p == 1.0 else Scalar("real_power", (size, numeral(p)))
 
-    def block(self, forces: list[Expr], first: int, count: int, stage: int, resolvent: str) -> int:
-        """Solve one of the linear problems [x; λ] = R [f; g] order by order; returns the first row
-        of x."""
+    def block(
+        self, forces: list[Expr], first: int, count: int, stage: int, resolvent: str
+    ) -> list[int]:
+        """Solve one of the linear problems [x; λ] = R [f; g] order by order, component by
+        component; returns the rows of x."""
         tape = self.tape
-        n = len(forces) + count
+        inertial = resolvent == "Rq"
+        names, matrix = (
+            (self.d.inertial, self.eq.mass) if inertial else (self.d.viscous, self.eq.damping)
+        )
+        place = {x: i for i, x in enumerate(names)}
+        directions = [c.direction for c in self.eq.contacts[first : first + count]]
+        coupled = components(
+            len(names), matrix, first, [[place[x] for x in direction] for direction in directions]
+        )
+        self.layout.coupled[resolvent] = coupled
+        # Rows of R in the order of the components, each with its contacts last.
+        seats: dict[int, int] = {}
+        contacts: dict[int, int] = {}
+        for part in coupled:
+            for own, members in ((seats, part.coordinates), (contacts, part.contacts)):
+                for member in members:
+                    own[member] = len(seats) + len(contacts)
+        n = len(seats) + len(contacts)
         right = tape.rows
         for _ in range(n):
             tape.new_row(stage)
@@ -205,56 +241,56 @@ class _Generator:
         base = self.scratch
         self.scratch += n
         for j, f in enumerate(forces):
-            tape.into(f, right + j)
-            self.note(base + j, self.size(f))
-        for j in range(count):
-            self.contact_side(first + j, right + len(forces) + j, stage)
-            self.note(base + len(forces) + j, abs(_start(right + len(forces) + j)))
-        self.solves[stage].append(
-            Instruction(Op.SOLVE, solution, (right,), size=n, matrix=resolvent)
+            tape.into(f, right + seats[j])
+            self.note(base + seats[j], self.size(f))
+        for c, seat in sorted(contacts.items()):
+            self.contact_side(c, right + seat, stage)
+            self.note(base + seat, abs(_start(right + seat)))
+            tape.name(f"lambda:{c}", solution + seat, stage + 1)
+        at = 0
+        for part in coupled:
+            size = len(part.coordinates) + len(part.contacts)
+            self.solves[stage].append(
+                Instruction(
+                    Op.SOLVE, solution + at, (right + at,), place=at, size=size, matrix=resolvent
+                )
+            )
+            for c in part.contacts:
+                where = (contacts[c], size, base + at)
+                self.note(2 * self.nc + c, Scalar("spread", name=resolvent, index=where))
+            at += size
+        self.block_sizes(
+            inertial, matrix, directions, first, [base + seats[j] for j in place.values()]
         )
-        for j in range(count):
-            row = solution + len(forces) + j
-            where = (len(forces) + j, n, base)
-            self.note(2 * self.nc + first + j, Scalar("spread", name=resolvent, index=where))
-            tape.name(f"lambda:{first + j}", row, stage + 1)
-        inertial = resolvent == "Rq"
-        names, matrix = (
-            (self.d.inertial, self.eq.mass) if inertial else (self.d.viscous, self.eq.damping)
-        )
-        directions = [self.eq.contacts[first + j].direction for j in range(count)]
-        self.coupled[resolvent] = _coupled(names, matrix, directions)
-        self.block_sizes(names, matrix, first, count, base, solution + len(forces))
-        return solution
+        return [solution + seats[j] for j in range(len(forces))]
 
     def block_sizes(
         self,
-        names: list[str],
-        matrix: list[list[Expr]],
+        inertial: bool,
+        matrix: Mapping[tuple[int, int], Expr],
+        directions: Sequence[Mapping[str, Expr]],
         first: int,
-        count: int,
-        base: int,
-        multipliers: int,
+        forces: list[int],
     ) -> None:
         """Scales of the rates and of the relative velocities: what they would be if no two forces
-        cancelled."""
-        inertial = matrix is self.eq.mass
+        cancelled; `forces` are the places of their sizes."""
         scalar = self.constants.scalar
+        names = self.d.inertial if inertial else self.d.viscous
         offset = self.rate_sizes + (0 if inertial else self.nq)
-        terms = {x: [element("mag", base + i)] for i, x in enumerate(names)}
+        terms = {x: [element("mag", place)] for x, place in zip(names, forces, strict=True)}
         places = {x: element("mag", offset + i) for i, x in enumerate(names)}
-        for j in range(count):
-            for x, weight in self.eq.contacts[first + j].direction.items():
-                terms[x].append(abs(_times(scalar(weight), _start(multipliers + j))))
+        for c, direction in enumerate(directions, first):
+            for x, weight in direction.items():
+                force = _start(self.tape.names[f"lambda:{c}"])
+                terms[x].append(abs(_times(scalar(weight), force)))
         for i, x in enumerate(names):
-            self.note(offset + i, added(terms[x]) / abs(scalar(matrix[i][i])))
-        for j in range(count):
-            direction = self.eq.contacts[first + j].direction
+            self.note(offset + i, added(terms[x]) / abs(scalar(matrix[i, i])))
+        for c, direction in enumerate(directions, first):
             size = added(_times(abs(scalar(w)), places[x]) for x, w in direction.items())
             if inertial:
-                self.note(self.nc + first + j, size)
+                self.note(self.nc + c, size)
             else:
-                self.note(first + j, size, adding=True)
+                self.note(c, size, adding=True)
 
     def contact_side(self, i: int, row: int, stage: int) -> None:
         """Right-hand side of contact i: the belt in stick, the friction force in slip."""
@@ -355,7 +391,7 @@ class _Generator:
         guards += [row for *_, force, margin in layout.kinetic for row in (force, margin)]
         layout.kept = sorted({*range(self.n), *guards})
         sizes = self.magnitudes
-        return Generated(layout, self.constants, self.coupled, setup, sizes, residual, powers)
+        return Generated(layout, self.constants, setup, sizes, residual, powers)
 
     def lay_out(self) -> None:
         """Rows of everything, in the order in which it can be computed: velocities, rates, laws of
@@ -366,9 +402,9 @@ class _Generator:
         for i in range(self.mq):
             self.velocity(i)
         self.speeds()
-        viscous = self.block(eq.viscous_force, self.mq, self.mz, 0, "Rz") if self.nz else 0
-        for i, z in enumerate(d.viscous):
-            tape.name(f"d_{z}", viscous + i, 1)
+        viscous = self.block(eq.viscous_force, self.mq, self.mz, 0, "Rz")
+        for z, row in zip(d.viscous, viscous, strict=True):
+            tape.name(f"d_{z}", row, 1)
         for i in range(self.mq, self.mq + self.mz):
             self.velocity(i)
         if self.nr:
@@ -385,16 +421,15 @@ class _Generator:
         laws = [tape.row(law) for law in eq.laws]
         for name, row in zip(d.internal, laws, strict=True):
             tape.name(f"d_{name}", row, tape.stage[row]) if f"d_{name}" not in d.state else None
-        inertial = self.block(eq.inertial_force, 0, self.mq, 2, "Rq") if self.nq else 0
+        inertial = self.block(eq.inertial_force, 0, self.mq, 2, "Rq")
         self.law_sizes()
         self.kinetic_laws()
         self.guards()
         layout = self.layout
         layout.named = {f"d_{x}": tape.names[f"d_{x}"] for x in d.coordinates}
         layout.named |= {f"d_{a}": row for a, row in zip(d.internal, laws, strict=True)}
-        layout.named |= {f"dd_{q}": inertial + i for i, q in enumerate(d.inertial)}
-        layout.rates = [*range(self.nq, 2 * self.nq), *(inertial + i for i in range(self.nq))]
-        layout.rates += [*(viscous + i for i in range(self.nz))]
+        layout.named |= {f"dd_{q}": row for q, row in zip(d.inertial, inertial, strict=True)}
+        layout.rates = [*range(self.nq, 2 * self.nq), *inertial, *viscous]
         layout.rates += [*(tape.names[f"d_{r}"] for r in d.rate_independent), *laws]
         stages, solves = tape.instructions, self.solves
         layout.instructions = [
@@ -436,17 +471,22 @@ class _Generator:
     def setup(self) -> list[Store]:
         d = self.d
         scalar = self.constants.scalar
-        axes = {x: j for j, x in enumerate(d.coordinates)}
-        entries = [
-            Store(name, (i, j), scalar(e))
-            for name, matrix in (("M", self.eq.mass), ("C", self.eq.damping))
-            for i, row in enumerate(matrix)
-            for j, e in enumerate(row)
-            if e is not ex.ZERO
-        ]
+        own: dict[str, int] = {}
+        entries = list[Store]()
+        for name, resolvent, names, matrix in (
+            ("M", "Rq", d.inertial, self.eq.mass),
+            ("C", "Rz", d.viscous, self.eq.damping),
+        ):
+            column = {
+                i: j
+                for part in self.layout.coupled[resolvent]
+                for j, i in enumerate(part.coordinates)
+            }
+            own |= {x: column[i] for i, x in enumerate(names)}
+            entries += [Store(name, (i, column[j]), scalar(e)) for (i, j), e in matrix.items()]
         entries += [
-            Store("J", (i, axes[x]), scalar(e))
-            for i, c in enumerate(self.eq.contacts)
+            Store("J", (i, own[x]), scalar(e))
+            for i, c in enumerate(self.eq.contacts[: self.mq + self.mz])
             for x, e in c.direction.items()
         ]
         frequencies = enumerate(self.eq.frequencies)
@@ -504,24 +544,6 @@ def _times(a: Scalar, b: Scalar) -> Scalar:
     """A product of sizes, without factors that are 1."""
     plain = [x for x in (a, b) if x.op != "number" or x.value != 1.0]
     return plain[0] * plain[1] if len(plain) == 2 else plain[0] if plain else a
-
-
-def _coupled(
-    names: list[str], matrix: list[list[Expr]], directions: Sequence[Mapping[str, Expr]]
-) -> list[list[int]]:
-    """Groups of coordinates and contacts that a linear problem [[M, −Jᵀ], [J, 0]] couples."""
-    rows = [
-        {i} | {j for j, e in enumerate(row) if e is not ex.ZERO} for i, row in enumerate(matrix)
-    ]
-    rows += [
-        {len(names) + j, *(names.index(x) for x in direction)}
-        for j, direction in enumerate(directions)
-    ]
-    group = list(range(len(names) + len(directions)))
-    for row in rows:
-        joined = {group[i] for i in row}
-        group = [min(joined) if own in joined else own for own in group]
-    return [[i for i, own in enumerate(group) if own == g] for g in sorted(set(group))]
 
 
 def terms(e: Expr) -> list[tuple[Expr, float]]:

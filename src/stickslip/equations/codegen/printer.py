@@ -140,7 +140,7 @@ def printed(instruction: Instruction, constants: ParameterExpressions) -> list[s
             surface, rest, plus, minus = (f"W[{r}, k]" for r in inputs)
             return [target + _by_mode(i.place, surface, f"-{rest} - {plus}", f"-{rest} + {minus}")]
         case Op.SOLVE:
-            return [f"solve_order({i.matrix}, W, {inputs[0]}, {row}, {i.size}, k)"]
+            return [f"solve_order({i.matrix}, {i.place}, W, {inputs[0]}, {row}, {i.size}, k)"]
         case Op.RATES:
             return _rates(i, constants)
     raise NotImplementedError(i.op)
@@ -214,4 +214,4 @@ def _rates(i: Instruction, constants: ParameterExpressions) -> list[str]:
         f"    if not invert(A, {n}, B):",
         "        return 1",
     ]
-    return [*solved, *later, f"solve_order(B, W, {right}, {i.row}, {n}, k)"]
+    return [*solved, *later, f"solve_order(B, 0, W, {right}, {i.row}, {n}, k)"]

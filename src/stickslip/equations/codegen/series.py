@@ -187,12 +187,13 @@ def hyperbolic_order(W: Array, a: int, sine: int, cosine: int, k: int) -> None:
 
 
 @njit(**_options)
-def solve_order(R: Array, W: Array, first: int, solution: int, n: int, k: int) -> None:
-    """Order k of solution = R·right-hand side, both n consecutive rows."""
+def solve_order(R: Array, place: int, W: Array, first: int, solution: int, n: int, k: int) -> None:
+    """Order k of solution = R·right-hand side, both n consecutive rows, with the rows of R from a
+    place on."""
     for i in range(n):
         s = 0.0
         for j in range(n):
-            s += R[i, j] * W[first + j, k]
+            s += R[place + i, j] * W[first + j, k]
         W[solution + i, k] = s
 
 

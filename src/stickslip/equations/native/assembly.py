@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Hashable, Sequence
+from typing import Any
 
 Operand = float | str
 Pair = tuple[Operand, Operand]
@@ -38,6 +39,7 @@ class Assembly:
 
     Attributes
     ----------
+    name : str
     lines : list of str
         Instructions so far.
     """
@@ -45,11 +47,12 @@ class Assembly:
     def __init__(
         self, name: str, arguments: str, result: str = "void", inside: bool = False
     ) -> None:
+        self.name = name
         self.head = f"define {'internal ' if inside else ''}{result} @{name}({arguments})"
         self.lines: list[str] = []
         self._made: dict[str, tuple[Operand, ...]] = {}
         self._age: dict[str, int] = {}
-        self._once: dict[Hashable, str] = {}
+        self._once: dict[Hashable, Any] = {}
         self._registers = 0
         self._stores = 0
         self._block = "entry"
@@ -231,6 +234,7 @@ class Assembly:
         """
         header, inside, after = self._label(), self._label(), self._label()
         before = self._block
+        known = dict(self._once)
         self.lines.append(f"br label %{header}")
         self._enter(header)
         place = len(self.lines)
@@ -247,6 +251,8 @@ class Assembly:
             x, y = (constant(z) if kind == REAL else z for z in (x, y))
             self.lines[place + i] += f" {kind} [ {x}, %{before} ], [ {y}, %{self._block} ]"
         self._enter(after)
+        # What is made inside is not there if the loop is never entered.
+        self._once = known
         return values
 
     def _label(self) -> str:

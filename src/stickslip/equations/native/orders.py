@@ -9,10 +9,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cached_property
+from typing import Any
 
 from stickslip.equations.codegen.generate import ORDERS, Generated
+from stickslip.equations.codegen.program import rows_made, rows_read
 from stickslip.equations.native.assembly import Operand, Pair, constant
 from stickslip.equations.native.routines import Routine
+from stickslip.equations.native.tables import (
+    FEWEST_REPETITIONS,
+    Pattern,
+    Tabled,
+    filled_instruction,
+    grouped,
+    pattern_of_instruction,
+)
+from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.tape import OUTPUTS, Instruction, Op, Scaled
 
 _OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
@@ -35,12 +47,6 @@ class Series(Routine):
         self.kept = frozenset(layout.kept)
         self.known: dict[tuple[int, Order], Operand] = {}
         self.ready: set[str] = set()
-        self.groups = {
-            (name, i): group
-            for name, groups in generated.coupled.items()
-            for group in groups
-            for i in group
-        }
 
     def written(self) -> str:
         """The function."""
@@ -97,7 +103,8 @@ class Series(Routine):
 
     def factor(self, part: Scaled) -> Operand:
         """The factor of a term."""
-        return self.scalar(self.slots.scalar(part.factor))
+        factor = part.factor
+        return self.scalar(self.slots.scalar(factor) if isinstance(factor, Expr) else factor)
 
     def linear(self, parts: tuple[Scaled, ...], k: Order) -> Operand:
         """Order k of a linear combination."""
@@ -173,15 +180,33 @@ class Series(Routine):
         """Whether a value is infinite."""
         return self.once(("inf", b), lambda: self.test("oeq", self.modulus(b), math.inf))
 
-    def solved(self, matrix: str, first: int, solution: int, n: int, k: Order) -> None:
-        """Order k of solution = R·right-hand side, both n consecutive rows."""
+    def solved(self, matrix: str, place: int, first: int, solution: int, n: int, k: Order) -> None:
+        """Order k of solution = R·right-hand side, both n consecutive rows.
+
+        Parameters
+        ----------
+        matrix : str
+            Which inverse R is.
+        place : int
+            Its first row.
+        first, solution : int
+            First rows of the right-hand side and of the solution.
+        n : int
+        k : Order
+        """
         for i in range(n):
-            self.put(solution + i, k, self.total(self.row_of(matrix, i, first, n, k)))
+            self.put(solution + i, k, self.total(self.row_of(matrix, place + i, first, n, k)))
 
     def row_of(self, matrix: str, i: int, first: int, n: int, k: Order) -> list[Pair]:
-        """Terms of one row of the solution."""
-        group = self.groups.get((matrix, i), range(n))
-        return [(self.inverse(matrix, i, j), self.get(first + j, k)) for j in group]
+        """Terms of one row of the solution: row i of the inverse times n rows.
+
+        Parameters
+        ----------
+        matrix : str
+        i, first, n : int
+        k : Order
+        """
+        return [(self.inverse(matrix, i, j), self.get(first + j, k)) for j in range(n)]
 
     def inverse(self, matrix: str, i: int, j: int) -> Operand:
         """An entry of an inverse."""
@@ -189,11 +214,11 @@ class Series(Routine):
 
     def spread(self, matrix: str, i: int, n: int, base: int) -> Operand:
         """Σⱼ |Rᵢⱼ| mag[base + j]."""
-        group = self.groups.get((matrix, i), range(n))
-        if len(group) > _SMALL:
+        if n > _SMALL:
             return super().spread(matrix, i, n, base)
         terms = [
-            (self.modulus(self.inverse(matrix, i, j)), self.entry("mag", base + j)) for j in group
+            (self.modulus(self.inverse(matrix, i, j)), self.entry("mag", base + j))
+            for j in range(n)
         ]
         return self.total(terms)
 
@@ -351,7 +376,7 @@ def _right(s: Series, i: Instruction, k: Order) -> None:
 
 
 def _solve(s: Series, i: Instruction, k: Order) -> None:
-    s.solved(i.matrix, i.inputs[0], i.row, i.size, k)
+    s.solved(i.matrix, i.place, i.inputs[0], i.row, i.size, k)
 
 
 def _rates(s: Series, i: Instruction, k: Order) -> None:
@@ -382,11 +407,12 @@ def _rates(s: Series, i: Instruction, k: Order) -> None:
             if terms:
                 rest = s.total([(s.get(right + line, k), 1.0), *terms])
                 s.put(right + line, k, rest)
-    s.solved("B", right, i.row, n, k)
+    s.solved("B", 0, right, i.row, n, k)
 
 
-class LoopedSeries(Series):
-    """The same with coefficients in memory and a loop over the orders."""
+class LoopedSeries(Tabled, Series):
+    """The same with coefficients in memory, a loop over the orders, and loops over what is
+    repeated."""
 
     unit: Operand
     after: str
@@ -395,9 +421,10 @@ class LoopedSeries(Series):
     def written(self) -> str:
         """The function: order 0, which is another matter, and the loop."""
         self.unit = self.load(self.place("W", self.clock, 1))
-        self.begin(self.unit)
+        self.loop(0, self.clock, self._start)
+        self.put(self.clock, 0, "%t")
         self.order(0)
-        self.integrate(0, self.unit)
+        self._integrate(0, 1, self.unit)
         self.statements(self.generated.sizes)
         start = {place: x for place, x in self.known.items() if place[1] == 0}
 
@@ -407,13 +434,64 @@ class LoopedSeries(Series):
             self.real = self.new(f"sitofp i64 {k} to double")
             following = self.new(f"sitofp i64 {self.after} to double")
             self.order(k)
-            step = self.over(self.unit, following)
-            for i, row in enumerate(self.layout.rates):
-                self.put(i, self.after, self.times(self.get(row, k), step))
+            self._integrate(k, self.after, self.over(self.unit, following))
 
         self.loop(1, "%N", body)
         self.lines.append("ret i64 0")
         return self.text()
+
+    def _start(self, i: str) -> None:
+        """Order 0 of the state."""
+        value = self.load(self.at(self.data("y"), i))
+        self.store(value, self.at(self.row("W", i), 0))
+
+    @cached_property
+    def groups(self) -> list[tuple[Instruction, list[Pattern]]]:
+        """Instructions that do not need each other: one for all that differ in numbers alone, with
+        these; few are left alone."""
+        tape = self.layout.instructions
+        patterns = [pattern_of_instruction(i, self.slots, self.clock) for i in tape]
+        known = dict[int, int]()
+        levels = list[int]()
+        for i in tape:
+            levels.append(1 + max((known.get(row, 0) for row in rows_read(i)), default=0))
+            known |= dict.fromkeys(rows_made(i), levels[-1])
+        found = list[tuple[Instruction, list[Pattern]]]()
+        for group in grouped(patterns, levels):
+            if len(group) < FEWEST_REPETITIONS:
+                found += [(tape[i], [patterns[i]]) for i in group]
+            else:
+                found.append((tape[group[0]], [patterns[i] for i in group]))
+        return found
+
+    def order(self, k: Order) -> None:
+        """Order k of all rows, group by group."""
+        for pattern, repetitions in self.groups:
+            if len(repetitions) == 1:
+                _WRITERS[pattern.op](self, pattern, k)
+                continue
+
+            def body(wholes: list[Any], reals: list[Any], pattern: Instruction = pattern) -> None:
+                _WRITERS[pattern.op](self, filled_instruction(pattern, wholes, reals), k)
+
+            self.repeat(repetitions, body)
+
+    def _integrate(self, k: Order, after: Order, step: Operand) -> None:
+        """The order after k of the state."""
+
+        def body(wholes: list[Any], _: list[Any]) -> None:
+            i, row = wholes
+            self.put(i, after, self.times(self.get(row, k), step))
+
+        rows = enumerate(self.layout.rates)
+        self.repeat([Pattern(None, [i, row], []) for i, row in rows], body)
+
+    def loop(self, low: Any, high: Any, body: Any, *carried: Any) -> list[str]:
+        """A loop; coefficients that are made inside are in memory after it."""
+        known = dict(self.known)
+        values = super().loop(low, high, body, *carried)
+        self.known = known
+        return values
 
     def get(self, row: int, k: Order) -> Operand:
         """A coefficient: just made, of order 0, or from memory; of time, one is not zero."""
@@ -425,11 +503,8 @@ class LoopedSeries(Series):
 
     def put(self, row: int, k: Order, value: Operand) -> None:
         """Make a coefficient known, in memory too."""
-        if isinstance(k, int):
-            super().put(row, k, value)
-        else:
-            self.known[row, k] = value
-            self.store(value, self.at(self.row("W", row), k))
+        self.known[row, k] = value
+        self.store(value, self.at(self.row("W", row), k))
 
     def before(self, k: Order) -> Order:
         """k − 1."""
@@ -438,7 +513,21 @@ class LoopedSeries(Series):
     def along(
         self, sum_of: str, a: int, b: int, k: str, limits: tuple[int, str], p: str = ""
     ) -> str:
-        """A sum over orders from memory."""
+        """A sum over orders from memory.
+
+        Parameters
+        ----------
+        sum_of : str
+            Which loop.
+        a, b : int
+            Rows.
+        k : str
+            Order of the sum.
+        limits : (int, str)
+            First order of a, and the one after the last.
+        p : str
+            More arguments of the loop.
+        """
         low, high = limits
         rows = f"ptr {self.row('W', a)}, ptr {self.row('W', b)}"
         return self.new(f"call double @{sum_of}({rows}, i64 {k}, i64 {low}, i64 {high}{p})")
@@ -472,29 +561,32 @@ class LoopedSeries(Series):
         """k·x."""
         return self.times(self.real, x)
 
-    def solved(self, matrix: str, first: int, solution: int, n: int, k: Order) -> None:
-        """Order k of solution = R·right-hand side."""
-        for i in range(n):
-            if len(self.groups.get((matrix, i), range(n))) <= _SMALL:
-                self.put(solution + i, k, self.total(self.row_of(matrix, i, first, n, k)))
-            else:
-                row, column = self.row(matrix, i), self.at(self.row("W", first), k)
+    def solved(self, matrix: str, place: int, first: int, solution: int, n: int, k: Order) -> None:
+        if n <= _SMALL:
+            super().solved(matrix, place, first, solution, n, k)
+        else:
+            for i in range(n):
+                row, column = self.row(matrix, place + i), self.at(self.row("W", first), k)
                 arguments = f"ptr {row}, ptr {column}, i64 {self.stride('W')}, i64 {n}"
                 self.put(solution + i, k, self.new(f"call double @applied({arguments})"))
 
 
+def is_long(generated: Generated) -> bool:
+    """Whether the series of a system are too long to be written out."""
+    return sum(map(_products, generated.layout.instructions)) > _MOST_PRODUCTS
+
+
 def series_of(generated: Generated) -> str:
     """The function ``jets``, written out unless it is too long for that."""
-    products = sum(_products(i, generated.coupled) for i in generated.layout.instructions)
-    return (Series if products <= _MOST_PRODUCTS else LoopedSeries)(generated).written()
+    return (LoopedSeries if is_long(generated) else Series)(generated).written()
 
 
-def _products(i: Instruction, coupled: dict[str, list[list[int]]]) -> int:
+def _products(i: Instruction) -> int:
     """Products of an operation at all orders, about."""
     last = ORDERS[-1]
     match i.op:
         case Op.SOLVE:
-            return last * sum(len(group) ** 2 for group in coupled[i.matrix])
+            return last * i.size**2
         case Op.RATES:
             changing = sum(1 for entry in i.entries if entry.inputs)
             return last * i.size**2 + changing * last**2 // 2

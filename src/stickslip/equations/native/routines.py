@@ -39,7 +39,6 @@ class Routine(Assembly):
         arguments = ", ".join(f"{_KINDS[kind]} %{name}" for name, kind in kinds.items())
         super().__init__(name, arguments, _KINDS[result])
         self._kinds = kinds
-        self._values: dict[Scalar, Operand] = {}
 
     # -- arguments ---------------------------------------------------------------------------------
 
@@ -53,7 +52,7 @@ class Routine(Assembly):
         kind = _KINDS["matrix"]
         return self.once(("stride", name), lambda: self.new(f"extractvalue {kind} %{name}, 6, 0"))
 
-    def row(self, name: str, i: int) -> str:
+    def row(self, name: str, i: int | str) -> str:
         """Address of a row of a matrix."""
 
         def make() -> str:
@@ -108,11 +107,12 @@ class Routine(Assembly):
             return s.value if s.op == "number" else f"%{s.name}"
         if s.op == "entry":
             return self.entry(s.name, *s.index)
-        if s not in self._values:
-            self._values[s] = self._scalar(s, [self.scalar(x) for x in s.args])
-        return self._values[s]
+        if s not in self._once:
+            self._once[s] = self._scalar(s)
+        return self._once[s]
 
-    def _scalar(self, s: Scalar, x: list[Operand]) -> Operand:
+    def _scalar(self, s: Scalar) -> Operand:
+        x = [self.scalar(part) for part in s.args]
         match s.op:
             case "kept":
                 return x[0]

@@ -10,8 +10,9 @@ from weakref import WeakKeyDictionary
 from stickslip.equations.codegen.generate import Generated, Layout, generate
 from stickslip.equations.derive import MotionEquations, derive
 from stickslip.equations.native.loops import LOOPS
-from stickslip.equations.native.orders import series_of
+from stickslip.equations.native.orders import is_long, series_of
 from stickslip.equations.native.routines import Routine
+from stickslip.equations.native.tables import Tabled
 from stickslip.machine_code.interface import INTERFACE
 from stickslip.machine_code.kinds import MachineFunction
 from stickslip.machine_code.objects import addresses, cache_folder
@@ -76,8 +77,9 @@ def compile_system(system: System) -> CompiledSystem:
 def assembly_of(generated: Generated) -> str:
     """The functions of a system as LLVM assembly."""
     functions = [series_of(generated)]
+    long = is_long(generated)
     for name in ("setup", "residual", "powers"):
-        routine = Routine(name)
+        routine = Tabled(name) if long else Routine(name)
         routine.statements(getattr(generated, name))
         routine.lines.append("ret void")
         functions.append(routine.text())

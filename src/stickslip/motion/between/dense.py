@@ -89,7 +89,7 @@ def states_at(
             copy(knots.mode[knot], mode)
             copy(knots.region[knot], reg)
             copy(knots.state[knot], y)
-            resolve(rows.sizes, flow.k, flow.space, mode)
+            resolve(rows, flow.k, flow.space, mode)
             known = False
         # the coefficients have to suit what is left of the step
         left = float(knots.time[min(knot + 1, final)]) - base

@@ -70,7 +70,7 @@ def trace_rows(
             copy(knots.mode[knot], mode)
             copy(knots.region[knot], reg)
             copy(knots.state[knot], y)
-            resolve(rows.sizes, flow.k, flow.space, mode)
+            resolve(rows, flow.k, flow.space, mode)
         while fresh or times[i] - base > h:
             if not fresh:
                 for r in range(n):

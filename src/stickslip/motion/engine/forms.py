@@ -169,7 +169,7 @@ def slots_of(T: ClosedForms) -> int:
 
 
 class Flight(NamedTuple):
-    """Scratch space of one flight.
+    """Work space of one flight.
 
     Attributes
     ----------
@@ -217,7 +217,7 @@ class Flight(NamedTuple):
 
 
 def make_flight(n: int, contacts: int, kinks: int, doubtful: int, waves: int) -> Flight:
-    """Scratch space of the flights of a system.
+    """Work space of the flights of a system.
 
     Parameters
     ----------

@@ -153,7 +153,7 @@ def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -
     floor : float
         Rounding error of the values; dips that stay above −floor do not count.
     stack : array, shape (64, 36)
-        Scratch space.
+        Work space.
 
     Returns
     -------

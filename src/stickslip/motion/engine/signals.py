@@ -296,7 +296,7 @@ def first_of_many(
     Parameters
     ----------
     work, stack : arrays, shapes (WINDOW_ORDER + 1,) and that of :func:`.roots.first_crossing`
-        Scratch space.
+        Work space.
     """
     fastest = 0.0
     for j in range(len(s.lam)):

@@ -35,6 +35,7 @@ OFF_SURFACE = 3
 ASTRAY = 4
 OVERFLOW = 5
 
+MOST_IMPLICIT = 500  # components of a state that implicit steps may have: their work space is n²
 AUDIT_NODES = 18  # of an audit, in a piece of a step
 EPSILON = 2.220446049250313e-16
 ROUNDING = 64 * EPSILON
@@ -65,6 +66,10 @@ STORED, DISSIPATED, SUPPLIED = range(3)
 POWERS_MADE = 3
 # Rows of Space.promise.
 PROMISED, STARTED = range(2)
+# Columns of Rows.parts: which inverse (0: inertial, 1: viscous), its first row there, how many
+# coordinates and contacts, and where these begin in Rows.members; columns of Rows.homes.
+MATRIX, FIRST_ROW, COORDINATES, CONTACTS, MEMBERS = range(5)
+PART, SEAT = range(2)
 # Columns of Rows.doubtful.
 DOUBTED, SLIPPING, TOWARDS = range(3)
 # Slots of Lane.clock, and of Lane.counters: see there.
@@ -108,6 +113,14 @@ class Rows(NamedTuple):
         1 for each contact whose sliding force is not its threshold.
     program : Program
         The tape of the system.
+    parts : array of int, shape (components, 5)
+        Components of the linear problems of inertial, then of viscous coordinates, by the columns
+        from `MATRIX` to `MEMBERS`.
+    members : array of int
+        Coordinates (among those of their kind), then contacts of each component.
+    homes : array of int, shape (contacts, 2)
+        Component of each contact (PART; all that are rate-independent share one behind the others),
+        and its row in the inverse (SEAT).
     """
 
     sizes: Array
@@ -123,11 +136,17 @@ class Rows(NamedTuple):
     vanishing: Array
     drops: Array
     program: Program
+    parts: Array
+    members: Array
+    homes: Array
 
 
 class Constants(NamedTuple):
     """Constants, mass matrix, viscous matrix, contact directions and drive frequencies for a set of
-    parameters."""
+    parameters.
+
+    A row of M, C and J has a column for each coordinate of the component that it belongs to.
+    """
 
     K: Array
     M: Array
@@ -137,7 +156,7 @@ class Constants(NamedTuple):
 
 
 class Space(NamedTuple):
-    """Scratch space of the Taylor steps.
+    """Work space of the Taylor steps.
 
     Attributes
     ----------
@@ -147,7 +166,8 @@ class Space(NamedTuple):
     mag : array
         Sizes of the terms of what may cancel: the scale of rounding errors.
     Rq, Rz : arrays
-        Inverses of the linear problems of inertial and viscous coordinates.
+        Inverses of the linear problems of inertial and viscous coordinates, one component below the
+        other.
     A, B, G : arrays
         Matrix, inverse and residual of the rate-independent coordinates.
     discs : array, shape (rows, 4)
@@ -164,6 +184,8 @@ class Space(NamedTuple):
         the state it STARTED from.
     known : array of int
         Mode for which Rq and Rz were made; last entry 0 if they are valid.
+    asked : array of int
+        1 for each component of which a contact has changed its mode.
     stages : array
         Of implicit steps: two matrices and some vectors; see :mod:`stickslip.motion.steps.stiff`.
     """
@@ -192,6 +214,7 @@ class Space(NamedTuple):
     pending: Array
     labels: Array
     known: Array
+    asked: Array
     stages: Array
 
 
@@ -328,6 +351,17 @@ def lane_of(lanes: Lane, i: int) -> Lane:
 
 
 @njit(**INLINED)
+def own_inverse(rows: Rows, space: Space, c: int) -> float:
+    """The rate that a unit of force gives to a sticking contact: its entry of the inverse."""
+    part = rows.homes[c, PART]
+    seat = rows.homes[c, SEAT]
+    column = seat - rows.parts[part, FIRST_ROW]
+    return float(
+        space.Rq[seat, column] if rows.parts[part, MATRIX] == 0 else space.Rz[seat, column]
+    )
+
+
+@njit(**INLINED)
 def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
     """Taylor coefficients of all rows of the tape at an instant, up to an order, in a table; OK, or
     what keeps the equations from being solved."""
@@ -338,13 +372,17 @@ def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: A
 
 
 def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
-    """Scratch space for a system."""
+    """Work space for a system."""
     n, nq, nz, nr, _, mq, mz, mr, nk = map(int, rows.sizes)
     nc = mq + mz + mr
     z = np.zeros
-    big = max(nq + mq, nz + mz)
+    widths = [
+        max((int(p[COORDINATES] + p[CONTACTS]) for p in rows.parts if p[MATRIX] == i), default=0)
+        for i in (0, 1)
+    ]
+    big = max(widths)
     guards = nk + 2 * nc + len(rows.doubtful) + 1
-    implicit = N // 2 * n
+    implicit = N // 2 * n if n <= MOST_IMPLICIT else 0
     W = z((table_rows, N + 1))
     V = z((table_rows, 2))
     W[n, 1] = V[n, 1] = 1.0
@@ -352,8 +390,8 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         W=W,
         V=V,
         mag=z(max(magnitudes, 1)),
-        Rq=z((nq + mq, nq + mq)),
-        Rz=z((nz + mz, nz + mz)),
+        Rq=z((nq + mq, widths[0])),
+        Rz=z((nz + mz, widths[1])),
         A=z((nr + 1, nr)),
         B=z((nr, nr)),
         G=z(2 * nr),
@@ -373,5 +411,6 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         pending=z((guards, N + 1)),
         labels=z((guards, 2), np.int64),
         known=np.ones(mq + mz + 1, np.int64),
+        asked=z(len(rows.parts) + 1, np.int64),
         stages=z((2 * implicit + 7, max(implicit, len(rows.watched), N // 2 + 1))),
     )

@@ -40,6 +40,7 @@ from stickslip.motion.steps.arrays import (
     IMPLICIT,
     INLINED,
     INT_ZERO,
+    MOST_IMPLICIT,
     OK,
     OPTIONS,
     ROUNDING,
@@ -115,7 +116,7 @@ _APART = 4  # distance of two of them
 
 
 class Stages(NamedTuple):
-    """Scratch space of an implicit step with s stages, for a state of n components.
+    """Work space of an implicit step with s stages, for a state of n components.
 
     Attributes
     ----------
@@ -208,7 +209,7 @@ def lingers(flow: Flow, lane: Lane, h: float, room: float) -> bool:
     """
     clock = lane.clock
     n = len(lane.y)
-    if not dear(n) * h < room:
+    if n > MOST_IMPLICIT or not dear(n) * h < room:
         return False
     settled = lane.counters[CAUSE] < 0 and calm(
         flow.space.W, n, flow.order, h, flow.tol, flow.atol, lane.seen
@@ -259,6 +260,7 @@ def follow_mode(
             continue
         if step == 0.0 or not (
             order == N
+            and n <= MOST_IMPLICIT
             and 0.0 < least < room
             and calm(flow.space.W, n, N, h, flow.tol, flow.atol, seen)
         ):
@@ -603,7 +605,7 @@ def to_legendre(W: Array, s: int, n: int, terms: Array, values: Array) -> None:
     terms : array
         Matrix from values to terms.
     values : array
-        Scratch space.
+        Work space.
     """
     for row in range(len(W)):
         for i in range(s + 1):
@@ -675,7 +677,7 @@ def to_powers(W: Array, s: int, n: int, step: float, values: Array) -> None:
     step : float
         Length of the polynomial.
     values : array
-        Scratch space.
+        Work space.
     """
     unit = better(step, 1.0)
     for row in range(len(W)):

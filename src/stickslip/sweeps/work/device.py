@@ -258,7 +258,8 @@ def space_of_thread(s: Any, a: int) -> Any:
         s.W[a], s.V[a], s.mag[a], s.Rq[a], s.Rz[a], s.A[a], s.B[a], s.G[a],
         s.discs[a], s.balls[a], s.reaches[a], s.kinds[a], s.samples[a], s.bernstein[a],
         s.scratch[a], s.stack[a], s.touched[a], s.y0[a], s.trial[a], s.promise[a],
-        s.powers[a], s.pending[a], s.labels[a], s.known[a], s.stages[a],
+        s.powers[a], s.pending[a], s.labels[a], s.known[a], s.asked[a],
+        s.stages[a],
     )  # fmt: skip
 
 

@@ -401,7 +401,7 @@ def energy_at(e: Engine, flow: Flow, bench: Bench, j: int) -> float:
     record = bench.record
     copy(record.mode[j], flight.mode0)
     copy(record.region[j], flight.reg0)
-    resolve(flow.rows.sizes, flow.k, flow.space, flight.mode0)
+    resolve(flow.rows, flow.k, flow.space, flight.mode0)
     knot = Instant(record.time[j], record.state[j], flight.mode0, flight.reg0)
     coefficients(e.machine, flow, knot, 1, bench.table)
     e.machine.powers(bench.table, flight.reg0, flow.k.K, bench.value)
@@ -427,7 +427,7 @@ def feel(e: Engine, flow: Flow, t: float, y: Array, bench: Bench, felt: Array) -
     table = bench.table
     nc = len(rows.u)
     flow.space.known[-1] = 1
-    resolve(rows.sizes, flow.k, flow.space, bench.mode)
+    resolve(rows, flow.k, flow.space, bench.mode)
     coefficients(e.machine, flow, Instant(t, y, bench.mode, bench.region), 1, table)
     for c in range(nc):
         felt[c], felt[nc + c] = table[rows.force[c], 0], table[rows.plus[c], 0]

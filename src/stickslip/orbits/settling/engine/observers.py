@@ -181,7 +181,7 @@ def observe(
             continue
         copy(knots.mode[i], mode)
         copy(knots.region[i], reg)
-        resolve(rows.sizes, flow.k, flow.space, mode)
+        resolve(rows, flow.k, flow.space, mode)
         copy(knots.state[i], y)
         base = knots.time[i]
         left = length

@@ -210,7 +210,7 @@ def dies_out(
     w = flow.space
     w.known[-1] = 1
     w.W[len(work), 1] = 1.0
-    if not resolve(flow.rows.sizes, flow.k, w, s.mode[i]):
+    if not resolve(flow.rows, flow.k, w, s.mode[i]):
         return False
     here = Instant(s.clock[i, NOW], s.y[i], s.mode[i], s.reg[i])
     if coefficients(e.machine, flow, here, 1, w.W) != OK:
@@ -886,7 +886,7 @@ def cross_plane(
         copy(record.mode[j], f.mode0)
         copy(record.region[j], f.reg0)
         s.known[-1] = 1
-        resolve(flow.rows.sizes, flow.k, s, f.mode0)
+        resolve(flow.rows, flow.k, s, f.mode0)
         low = 0.0
         high = after - t
         s.W[len(y), 1] = better(high, 1.0)
