@@ -139,7 +139,7 @@ def sample(
             last = index[i]
             copy(knots.mode[last], mode)
             copy(knots.region[last], reg)
-            resolve(rows.sizes, flow.k, flow.space, mode)
+            resolve(rows, flow.k, flow.space, mode)
         copy(out[i, :n], z)
         coefficients(machine, flow, Instant(times[i], z, mode, reg), 1, work.V)
         machine.powers(work.V, reg, flow.k.K, work.power)
