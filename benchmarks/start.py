@@ -4,12 +4,14 @@ The machine code of a system comes from LLVM alone, written from the tape; befor
 Python source printed from the same tape, as it does for a GPU now. Both roads in turn in one run:
 seconds from a declaration that no cache knows to its first Trajectory (the engine is compiled
 already), in this process and as a whole new one; nanoseconds for a Taylor series; seconds of a
-motion. Minima of the rounds go to ``benchmarks/results/start.md`` with the machine named.
+motion. And the first process after an installation, by what the package came with. Minima of the
+rounds go to ``benchmarks/results/start.md`` with the machine named.
 """
 
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -19,15 +21,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 import stickslip as ss
 from stickslip.equations.codegen.compiled import source_module
 from stickslip.equations.codegen.generate import generate
 from stickslip.equations.derive import derive
 from stickslip.equations.native import systems
+from stickslip.machine_code import shelf
+from stickslip.machine_code.functions import entry_point
+from stickslip.machine_code.interface import INTERFACE
+from stickslip.machine_code.kinds import MachineFunction
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.simulate_many import follow_all
+from stickslip.motion.steps.arrays import OPTIONS
+from stickslip.shipping import is_complete
 
 RESULTS = Path(__file__).parent / "results" / "start.md"
 ROUNDS = 3
@@ -64,8 +71,8 @@ def by_numba(system: ss.System) -> systems.CompiledSystem:
     equations = derive(system.declaration)
     generated = generate(equations)
     code = source_module(generated)
-    functions = code.setup, code.jets, code.residual, code.powers
-    return systems.CompiledSystem(equations, generated, *functions)
+    functions = {name: MachineFunction(getattr(code, name).address, name) for name in INTERFACE}
+    return systems.CompiledSystem(equations, generated, **functions)
 
 
 ROADS: dict[str, Callable[[ss.System], systems.CompiledSystem]] = {
@@ -96,7 +103,7 @@ def whole_process(name: str, road: str) -> float:
         return time.perf_counter() - begun
 
 
-@njit
+@entry_point(**OPTIONS)
 def many_series(
     jets: Any, t: float, y: Any, mode: Any, region: Any, K: Any, space: Any, N: int, count: int
 ) -> None:
@@ -186,11 +193,66 @@ def speeds() -> list[str]:
     return lines
 
 
+FIRST = {
+    "closed forms": "import stickslip as ss; ss.simulate(ss.catalogue.rocking_toy(), (0.0, 20.0))",
+    "Taylor steps": "import stickslip as ss; "
+    "ss.simulate(ss.catalogue.spring_slider(), (0.0, 20.0), flow='taylor')",
+}
+SCIPY = (
+    "from scipy.integrate import solve_ivp; "
+    "solve_ivp(lambda t, y: [y[1], -y[0]], (0.0, 20.0), [1.0, 0.0], rtol=1e-9, atol=1e-9)"
+)
+HIDDEN = """
+from pathlib import Path
+from stickslip.machine_code import shelf
+shelf.SHIPPED = Path({folder!r})
+"""
+
+
+def process(script: str, folder: str) -> float:
+    """Seconds of a process that imports, moves and stops, with that cache folder."""
+    begun = time.perf_counter()
+    env = {**os.environ, "STICKSLIP_CACHE": folder}
+    subprocess.run([sys.executable, "-c", script], env=env, check=True)
+    return time.perf_counter() - begun
+
+
+def fresh_installations() -> list[str]:
+    """The first process after an installation, by what came with it, and a second one."""
+    if not is_complete(shelf.SHIPPED / shelf.level()):
+        raise SystemExit("make machine-code first: the engine is not compiled ahead of time")
+    lines = [
+        "| a fresh installation: import, declare, one motion | machine code shipped, s | bitcode "
+        "shipped, s | by numba, s | second process, s | times SciPy |",
+        "|---|---|---|---|---|---|",
+    ]
+    with tempfile.TemporaryDirectory() as place:
+        bitcode = Path(place) / "bitcode" / shelf.level()
+        bitcode.mkdir(parents=True)
+        for file in (shelf.SHIPPED / shelf.level()).glob("*.bc"):
+            shutil.copy(file, bitcode)
+        for name, script in FIRST.items():
+            seconds = []
+            for shipped in (str(shelf.SHIPPED), str(bitcode.parent), place):
+                hide = HIDDEN.format(folder=shipped)
+                caches = [tempfile.mkdtemp(dir=place) for _ in range(1 if shipped == place else 3)]
+                seconds.append(min(process(hide + script, cache) for cache in caches))
+            cache = tempfile.mkdtemp(dir=place)
+            process(script, cache)
+            pairs = [(process(script, cache), process(SCIPY, cache)) for _ in range(9)]
+            second, scipy = np.min(pairs, axis=0)
+            words = " | ".join(f"{x:.2f}" for x in (*seconds, second, second / scipy))
+            lines.append(f"| {name} | {words} |")
+            print(lines[-1], flush=True)
+    return lines
+
+
 def main() -> None:
     """Run everything, print it and keep it."""
     from motion import machine  # here, so that a new process does not import all rivals
 
-    lines = ["# How soon a new declaration moves", "", machine(), "", *starts(), "", *speeds(), ""]
+    lines = ["# How soon a new declaration moves", "", machine(), ""]
+    lines += [*fresh_installations(), "", *starts(), "", *speeds(), ""]
     print("\n".join(lines))
     RESULTS.write_text("\n".join(lines), encoding="utf-8")
 

@@ -13,11 +13,15 @@ import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stickslip.machine_code import shelf
 from stickslip.machine_code.stamps import stamp
+
+if TYPE_CHECKING:
+    from stickslip.model.system import System
 
 _COMPLETE = "complete"
 _ENVIRONMENT = {
@@ -62,9 +66,13 @@ def ship(levels: Sequence[str], folder: Path = shelf.SHIPPED, quiet: bool = Fals
             [sys.executable, "-m", "stickslip.shipping", str(place), part] for part in _TOURS
         ]
         tours = [subprocess.Popen(command, env=environment) for command in commands]
-        for tour, command in zip(tours, commands, strict=True):
-            if tour.wait():
-                raise subprocess.CalledProcessError(tour.returncode, command)
+        try:
+            for tour, command in zip(tours, commands, strict=True):
+                if tour.wait():
+                    raise subprocess.CalledProcessError(tour.returncode, command)
+        finally:
+            for tour in tours:
+                tour.kill()
         for lock in place.glob("*.lock"):
             lock.unlink()
         (place / _COMPLETE).write_text(_facts(), encoding="utf-8")
@@ -84,11 +92,25 @@ def is_complete(place: Path) -> bool:
         return False
 
 
+def _block_on_a_belt() -> System:
+    """A motion with affine modes and a cycle."""
+    from stickslip import Contact, Inertial, Parameter, System
+
+    return System(
+        "block on a belt",
+        parameters={"V": Parameter(0.3)},
+        coordinates={"x": Inertial()},
+        kinetic="d_x**2/2",
+        potential="x**2/2",
+        contacts={"belt": Contact("d_x", threshold="1", surface_speed="V", kinetic="0.6")},
+    )
+
+
 def _taylor() -> None:
     """Taylor steps, and what is asked of a motion afterwards."""
     import stickslip as ss
 
-    motion = ss.simulate(ss.catalogue.spring_slider(), (0.0, 3.0), flow="taylor")
+    motion = ss.simulate(_block_on_a_belt(), (0.0, 3.0), flow="taylor")
     motion.at(1.0)
     motion.trace(list(motion.system.initial)[:1], np.array([0.5]), np.array([0]))
     motion.audit  # noqa: B018
@@ -98,10 +120,10 @@ def _affine() -> None:
     """Closed forms, and motions that settle."""
     import stickslip as ss
 
-    toy = ss.catalogue.rocking_toy()
-    ss.simulate(toy, (0.0, 20.0))
-    ss.sweep(toy, {"P": [1.0, 1.1]}, ["speed", "lyapunov"])
-    ss.find_cycle(toy)
+    block = _block_on_a_belt()
+    ss.simulate(block, (0.0, 20.0))
+    ss.sweep(block, {"V": [0.3, 0.4]}, ["period", "lyapunov"])
+    ss.find_cycle(block)
 
 
 _TOURS: dict[str, Callable[[], None]] = {"taylor": _taylor, "affine": _affine}

@@ -311,4 +311,4 @@ print(ss.simulate(system, (0.0, 5.0)).knots.state[-1].tolist())
         for _ in range(2)
     ]
     assert runs[0] == runs[1]
-    assert len(list((shelf / "stickslip").glob("*.o"))) == 1
+    assert len(list((shelf / "stickslip").glob(f"{next(iter(INTERFACE))}_*.o"))) == 1

@@ -15,6 +15,7 @@ from stickslip.equations.codegen.generate import generate
 from stickslip.equations.codegen.printer import source_of
 from stickslip.equations.codegen.unroll import written_out
 from stickslip.equations.derive import derive
+from stickslip.machine_code.kinds import MachineFunction
 from stickslip.motion.engine.tables import run_setups
 from stickslip.motion.problem import pose
 from stickslip.motion.steps.arrays import Constants
@@ -62,7 +63,8 @@ def test_written_out_series_are_those_of_the_loops(
         code = module(tmp_path, name, text)
         space = problem.space()
         table = np.array([list(problem.parameters.values())])
-        run_setups(code.setup, table, Constants(*(part[None] for part in constants)))
+        setup = MachineFunction(code.setup.address, "setup")
+        run_setups(setup, table, Constants(*(part[None] for part in constants)))
         space.Rz[:] = np.eye(len(space.Rz))
         mode = np.ones(len(problem.rows.u), np.int64)
         region = np.ones(len(problem.rows.kinks), np.int64)

@@ -86,7 +86,7 @@ def addresses(assembly: str, names: list[str], folder: Path) -> list[int]:
     key = digest(assembly, processor(), speed)
     with _LOCK:
         if key not in _kept:
-            path = folder / f"system_{key}.o"
+            path = folder / f"{names[0]}_{key}.o"
             code = code_of(path)
             if code is None:
                 code = emitted(llvm.parse_assembly(assembly), processor(), speed)

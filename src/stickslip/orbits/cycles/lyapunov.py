@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
-_STEPS = 128  # of the motion between two normalisations
-_MOST = 128  # stretches that are looked at, from the end
+_STEPS = 64  # of the motion between two normalisations
+_MOST = 256  # stretches that are looked at, from the end
 _BLOCKS = 8  # parts of the motion whose exponents are compared
 _CERTAIN = 3.0  # standard errors by which an exponent is positive
 

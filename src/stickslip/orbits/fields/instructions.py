@@ -18,7 +18,7 @@ from stickslip.equations.field import Field
 from stickslip.machine_code.objects import address_of
 from stickslip.orbits.fields.engine.interpreter import (
     CALL,
-    NUMBER,
+    CONSTANT,
     POWER,
     REAL_POWER,
     RECIPROCAL,
@@ -92,7 +92,7 @@ class Listing:
 
     def _number(self, value: float) -> int:
         if value not in self._numbers:
-            self._numbers[value] = self._add(False, NUMBER, 0, 0, value)
+            self._numbers[value] = self._add(False, CONSTANT, 0, 0, value)
         return self._numbers[value]
 
     def _add(
@@ -142,7 +142,7 @@ class Listing:
             parts.append((place, factor.value))
             moves = moves or moving
         if constant.value != 0.0:
-            out = self._add(moves, NUMBER, 0, number=constant.value)
+            out = self._add(moves, CONSTANT, 0, number=constant.value)
         else:
             place, factor = parts.pop(0)
             out = self._add(moves, SCALED, place, number=factor)

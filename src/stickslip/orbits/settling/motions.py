@@ -21,7 +21,7 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
 from stickslip.motion.steps.arrays import FULL, NEED, NOW, Lane
 from stickslip.orbits.fields.stable_set import excess
-from stickslip.orbits.settling.engine import measuring, settling
+from stickslip.orbits.settling.engine import measuring
 from stickslip.orbits.settling.engine.tables import (
     DONE,
     DURATION,
@@ -329,29 +329,30 @@ class Here:
         bench = make_bench(block.problem, _ROOM)
         self.block = block
         self.engine: Engine = block.engine(block.lanes)
-        self.rest: tuple[Marks, Rules, Lane, Bench, Found, Array] = (
+        self.tables: tuple[Marks, Rules, Lane, Bench, Found] = (
             block.marks,
             block.rules,
             block.saved,
             bench,
             block.found,
-            stop,
         )
+        self.stop = stop
 
     def settle(self) -> None:
         """Settle only."""
-        e, (marks, rules, saved, bench, _, stop) = self.engine, self.rest
-        settling.settle_all(e, marks, rules, saved, bench, stop)
+        measuring.advance(self.engine, *self.tables, False, self.stop)
 
     def advance(self) -> None:
         """Settle and measure."""
-        measuring.advance(self.engine, *self.rest)
+        measuring.advance(self.engine, *self.tables, True, self.stop)
 
     def grow_apart(self) -> None:
         """Measure exponents."""
         from stickslip.orbits.settling.engine import exponents
 
-        exponents.grow_all(self.engine, self.block.engine(self.block.twins), *self.rest)
+        exponents.grow_all(
+            self.engine, self.block.engine(self.block.twins), *self.tables, self.stop
+        )
 
     def ask(self) -> None:
         """Everything is here."""

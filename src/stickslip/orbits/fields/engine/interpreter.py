@@ -23,7 +23,7 @@ _ALLOCATING: dict[str, Any] = {**OPTIONS, "cache": True, "_nrt": True}
 LANES = 8  # points of a block
 # Operations: a number; a times a number, or added to the result so; a + b, a·b, 1/a, a to a number,
 # aᵇ, and a function of a, whose address is the second operand.
-NUMBER, SCALED, SUMMED, SUM, TIMES, RECIPROCAL, POWER, REAL_POWER, CALL = range(9)
+CONSTANT, SCALED, SUMMED, SUM, TIMES, RECIPROCAL, POWER, REAL_POWER, CALL = range(9)
 
 
 class Instructions(NamedTuple):
@@ -84,7 +84,7 @@ def perform(made: Instructions, first: int, last: int, values: Array, lanes: int
         elif operation == SCALED:
             for k in range(lanes):
                 out[k] = number * a[k]
-        elif operation == NUMBER:
+        elif operation == CONSTANT:
             for k in range(lanes):
                 out[k] = number
         elif operation == RECIPROCAL:

@@ -48,7 +48,7 @@ def gauss() -> tuple[Array, Array, Array]:
     return c, 0.5 * w, 0.5 * integral @ weighted.T
 
 
-NODES, WEIGHTS, MATRIX = gauss()
+NODES, WEIGHTS, INTEGRALS = gauss()
 
 
 class Listed(NamedTuple):
@@ -298,7 +298,7 @@ def gauss_step(places: Array, values: Array, h: float, change: Array, system: Ar
             for c in range(n):
                 slope = values[places[r * columns + c], i]
                 for j in range(STAGES):
-                    row[j * n + c] = -h * MATRIX[i, j] * slope
+                    row[j * n + c] = -h * INTEGRALS[i, j] * slope
             row[i * n + r] += 1.0
             for d in range(directions):
                 total = 0.0

@@ -536,17 +536,34 @@ def look_closer(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, 
 
 @entry_point(**OPTIONS)
 def advance(
-    e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array
+    e: Engine,
+    m: Marks,
+    rules: Rules,
+    saved: Lane,
+    bench: Bench,
+    found: Found,
+    measured: bool,
+    stop: Array,
 ) -> None:
-    """Settle and measure all lanes, as far as they come without the host.
+    """Settle all lanes, and measure them, as far as they come without the host.
 
     Parameters
     ----------
+    found : Found
+        Receives what is measured.
+    measured : bool
+        Whether they are measured; else they are done once they have settled.
     stop : array, shape (1,)
         Not zero once there is a wish to stop.
     """
     for i in range(len(e.codes)):
-        advance_lane(e, m, rules, saved, bench, found, stop, i)
+        if measured:
+            advance_lane(e, m, rules, saved, bench, found, stop, i)
+        else:
+            if m.numbers[i, PHASE] == SETTLING:
+                settle_lane(e, m, rules, saved, bench, stop, i)
+            if m.numbers[i, PHASE] == MEASURING:
+                m.numbers[i, PHASE] = DONE
 
 
 @njit(**INLINED)

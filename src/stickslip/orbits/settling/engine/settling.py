@@ -26,7 +26,7 @@ from typing import cast
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import entry_point, njit
+from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.event_loop import integrate
 from stickslip.motion.engine.guards import resting
 from stickslip.motion.engine.modes import copy, resolve
@@ -294,28 +294,6 @@ def settle_lane(
             m.real[i, DURATION] = long_look(m, rules, i, s.clock[i, NOW])
             m.outcome[i], numbers[PHASE] = NOT_SETTLED, MEASURING
             return
-
-
-@entry_point(**OPTIONS)
-def settle_all(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: Array) -> None:
-    """Follow all lanes until they have settled, as far as they come without the host; nothing is
-    measured.
-
-    Parameters
-    ----------
-    e : Engine
-    m : Marks
-    rules : Rules
-    saved : Lane
-    bench : Bench
-    stop : array, shape (1,)
-        Not zero once there is a wish to stop.
-    """
-    for i in range(len(e.codes)):
-        if m.numbers[i, PHASE] == SETTLING:
-            settle_lane(e, m, rules, saved, bench, stop, i)
-        if m.numbers[i, PHASE] == MEASURING:
-            m.numbers[i, PHASE] = DONE
 
 
 @njit(**INLINED)
