@@ -21,7 +21,7 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
 from stickslip.motion.steps.arrays import FULL, NEED, NOW, Lane
 from stickslip.orbits.fields.stable_set import excess
-from stickslip.orbits.settling.engine import measuring
+from stickslip.orbits.settling.engine import measuring, settling
 from stickslip.orbits.settling.engine.tables import (
     DONE,
     DURATION,
@@ -329,30 +329,31 @@ class Here:
         bench = make_bench(block.problem, _ROOM)
         self.block = block
         self.engine: Engine = block.engine(block.lanes)
-        self.tables: tuple[Marks, Rules, Lane, Bench, Found] = (
+        self.settling: tuple[Marks, Rules, Lane, Bench] = (
             block.marks,
             block.rules,
             block.saved,
             bench,
-            block.found,
         )
         self.stop = stop
 
     def settle(self) -> None:
         """Settle only."""
-        measuring.advance(self.engine, *self.tables, False, self.stop)
+        settling.settle_all(self.engine, *self.settling, self.stop)
+        phase = self.block.marks.numbers[:, PHASE]
+        phase[phase == MEASURING] = DONE
 
     def advance(self) -> None:
-        """Settle and measure."""
-        measuring.advance(self.engine, *self.tables, True, self.stop)
+        """Measure what has settled, settle the rest."""
+        measuring.measure_all(self.engine, *self.settling, self.block.found, self.stop)
+        settling.settle_all(self.engine, *self.settling, self.stop)
 
     def grow_apart(self) -> None:
         """Measure exponents."""
         from stickslip.orbits.settling.engine import exponents
 
-        exponents.grow_all(
-            self.engine, self.block.engine(self.block.twins), *self.tables, self.stop
-        )
+        twins = self.block.engine(self.block.twins)
+        exponents.grow_all(self.engine, twins, *self.settling, self.block.found, self.stop)
 
     def ask(self) -> None:
         """Everything is here."""

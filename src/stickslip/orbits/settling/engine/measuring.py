@@ -535,35 +535,18 @@ def look_closer(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, 
 
 
 @entry_point(**OPTIONS)
-def advance(
-    e: Engine,
-    m: Marks,
-    rules: Rules,
-    saved: Lane,
-    bench: Bench,
-    found: Found,
-    measured: bool,
-    stop: Array,
+def measure_all(
+    e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array
 ) -> None:
-    """Settle all lanes, and measure them, as far as they come without the host.
+    """Measure all lanes that have settled, as far as they come without the host.
 
     Parameters
     ----------
-    found : Found
-        Receives what is measured.
-    measured : bool
-        Whether they are measured; else they are done once they have settled.
-    stop : array, shape (1,)
-        Not zero once there is a wish to stop.
+    e, m, rules, saved, bench, found, stop : tuples and array
+        As of :func:`advance_lane`.
     """
     for i in range(len(e.codes)):
-        if measured:
-            advance_lane(e, m, rules, saved, bench, found, stop, i)
-        else:
-            if m.numbers[i, PHASE] == SETTLING:
-                settle_lane(e, m, rules, saved, bench, stop, i)
-            if m.numbers[i, PHASE] == MEASURING:
-                m.numbers[i, PHASE] = DONE
+        measure_lane(e, m, rules, saved, bench, found, stop, i)
 
 
 @njit(**INLINED)
@@ -585,9 +568,24 @@ def advance_lane(
         Not zero once there is a wish to stop.
     i : int
     """
-    numbers = m.numbers[i]
-    if numbers[PHASE] == SETTLING:
+    if m.numbers[i, PHASE] == SETTLING:
         settle_lane(e, m, rules, saved, bench, stop, i)
+    measure_lane(e, m, rules, saved, bench, found, stop, i)
+
+
+@njit(**INLINED)
+def measure_lane(
+    e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array, i: int
+) -> None:
+    """Measure a lane if it has settled; it may have to settle again.
+
+    Parameters
+    ----------
+    e, m, rules, saved, bench, found, stop : tuples and array
+        As of :func:`advance_lane`.
+    i : int
+    """
+    numbers = m.numbers[i]
     if (
         numbers[PHASE] == MEASURING
         and stop[0] == 0

@@ -26,7 +26,7 @@ from typing import cast
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import njit
+from stickslip.machine_code.functions import entry_point, njit
 from stickslip.motion.engine.event_loop import integrate
 from stickslip.motion.engine.guards import resting
 from stickslip.motion.engine.modes import copy, resolve
@@ -222,6 +222,25 @@ def dies_out(
 
 
 # -- the loop over marks ---------------------------------------------------------------------------
+
+
+@entry_point(**OPTIONS)
+def settle_all(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: Array) -> None:
+    """Follow all lanes until they have settled, as far as they come without the host.
+
+    Parameters
+    ----------
+    e : Engine
+    m : Marks
+    rules : Rules
+    saved : Lane
+    bench : Bench
+    stop : array, shape (1,)
+        Not zero once there is a wish to stop.
+    """
+    for i in range(len(e.codes)):
+        if m.numbers[i, PHASE] == SETTLING:
+            settle_lane(e, m, rules, saved, bench, stop, i)
 
 
 @njit(**OPTIONS)
