@@ -72,7 +72,8 @@ class Entry(Compiled):
     @property
     def result(self) -> str:
         """What it returns: ``None``, ``int``, ``float`` or ``bool``."""
-        return self.py_func.__annotations__["return"]
+        said = self.py_func.__annotations__["return"]
+        return said if isinstance(said, str) else getattr(said, "__name__", str(said))
 
     def __call__(self, *arguments: Any) -> Any:
         for prepared in self._prepared:
