@@ -72,7 +72,10 @@ def read(
         out[n + 3 * contacts + c] = W[rows.minus[c], 0]
     for j in range(len(rows.kinks)):
         out[n + 4 * contacts + j] = W[rows.kinks[j], 0]
-    return np.isfinite(np.sum(np.abs(out)))
+    finite = True
+    for value in out:
+        finite = finite and bool(np.isfinite(value))
+    return finite
 
 
 def compiled_values(
