@@ -5,14 +5,15 @@ BIN    := .venv/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --prefer-binary --constraint constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test clean
+.PHONY: help demo test wheel machine-code clean
 
 help:
 	@echo "make demo   make the environment, run three examples and the paper, say where the pictures are"
 	@echo "make test   make the environment, check style and types, run the tests"
-	@echo "make clean  remove what these two have made"
+	@echo "make wheel  build the package with the engine's machine code: dist/"
+	@echo "make clean  remove what these have made"
 
-demo: .venv/ready
+demo: .venv/ready machine-code
 	$(BIN)/stickslip run examples/rocking-toy.toml --out out/rocking-toy
 	$(BIN)/stickslip run examples/spring-slider.toml --out out/spring-slider
 	$(BIN)/python examples/play-moving-threshold.py
@@ -23,7 +24,7 @@ demo: .venv/ready
 	@echo "               out/play-moving-threshold/figure-2-1.png"
 	@echo "The paper:     out/paper/index.html"
 
-test: .venv/ready-for-tests
+test: .venv/ready-for-tests machine-code
 	$(BIN)/ruff check .
 	$(BIN)/pyright
 	$(BIN)/pytest -n 2
@@ -33,13 +34,22 @@ test: .venv/ready-for-tests
 	  || { echo "stickslip needs Python 3.11 or newer; name one: make demo PYTHON=python3.12"; exit 1; }
 	$(PYTHON) -m venv .venv
 
+# The engine's machine code for this machine, made once and again after its sources have changed.
+machine-code:
+	@$(BIN)/python -m stickslip.shipping
+
+wheel: .venv/ready
+	$(BIN)/python -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir dist .
+
 .venv/ready: .venv/bin/python pyproject.toml constraints.txt
-	$(INSTALL) --editable '.[paper]'
+	$(INSTALL) hatchling editables
+	$(INSTALL) --no-build-isolation --editable '.[paper]'
 	@touch $@
 
 .venv/ready-for-tests: .venv/bin/python pyproject.toml constraints.txt
-	$(INSTALL) --editable '.[test]'
+	$(INSTALL) hatchling editables
+	$(INSTALL) --no-build-isolation --editable '.[test]'
 	@touch $@ .venv/ready
 
 clean:
-	rm -rf .venv out
+	rm -rf .venv out dist src/stickslip/machine_code/shipped

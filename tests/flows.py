@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from stickslip import Internal, System
+from stickslip.arrays import Array
+from stickslip.machine_code.functions import entry_point
+from stickslip.motion.steps.arrays import OPTIONS, Flow, Instant, Machine, coefficients
 from systems import parameters
 
 
@@ -12,3 +15,9 @@ def flow(laws: dict[str, str], initial: dict[str, float] | None = None, **values
     return System(
         name="flow", parameters=parameters(**values), internal=internal, initial=initial or {}
     )
+
+
+@entry_point(**OPTIONS)
+def taylor_series(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
+    """Taylor coefficients of all rows."""
+    return coefficients(machine, flow, at, order, table)

@@ -158,6 +158,7 @@ def test_a_second_home_is_found() -> None:
 # Helpers of the tape: what they take is said once, at the tables that they share.
 SHARED_TABLES = (
     "stickslip.equations.codegen",
+    "stickslip.equations.native",
     "stickslip.motion.steps.arrays",
 )
 MANY = 5

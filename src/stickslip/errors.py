@@ -69,4 +69,10 @@ def suggestion(name: str, known: Iterable[str], quote: str = "'") -> str:
     close = get_close_matches(name, names, 1)
     if close:
         return f"Did you mean {quote}{close[0]}{quote}?"
-    return f"Known here: {', '.join(names) or 'none'}"
+    return f"Known here: {some(names) or 'none'}"
+
+
+def some(names: list[str], most: int = 60) -> str:
+    """Names for a message, the first and the last ones if they are many."""
+    shown = names if len(names) <= most else [*names[: most // 2], "...", *names[-most // 2 :]]
+    return ", ".join(shown)

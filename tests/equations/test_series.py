@@ -176,7 +176,7 @@ def test_linear_system(seed: int) -> None:
     W = rows(right, free=n)
     assert series.invert(np.vstack([A, np.zeros(n)]), n, R)
     for k in range(ORDER + 1):
-        series.solve_order(R, W, 0, n, n, k)
+        series.solve_order(R, 0, W, 0, n, n, k)
     np.testing.assert_allclose(A @ W[n:], right, rtol=0, atol=1e-12)
 
 
@@ -188,8 +188,6 @@ def test_a_singular_matrix_is_recognised() -> None:
 @pytest.mark.parametrize(
     ("function", "x", "value"),
     [
-        (lambda: series.safe_exp(1000.0), "exp", np.inf),
-        (lambda: series.safe_log(-1.0), "log", np.nan),
         (lambda: series.real_power(-1.0, 0.5), "power", np.nan),
         (lambda: series.reciprocal(0.0), "reciprocal", np.inf),
     ],

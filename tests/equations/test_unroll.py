@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 from stickslip import Internal, Parameter, System, catalogue
-from stickslip.equations.codegen import compiled, unroll
+from stickslip.equations.codegen import unroll
 from stickslip.equations.codegen.generate import generate
+from stickslip.equations.codegen.printer import source_of
 from stickslip.equations.codegen.unroll import written_out
 from stickslip.equations.derive import derive
+from stickslip.machine_code.kinds import MachineFunction
 from stickslip.motion.engine.tables import run_setups
 from stickslip.motion.problem import pose
 from stickslip.motion.steps.arrays import Constants
@@ -50,11 +52,7 @@ def test_written_out_series_are_those_of_the_loops(
     system: System, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(unroll, "ORDERS", (4, 8))
-    # what is compiled with other orders is for this test alone
-    monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path))
-    monkeypatch.setattr(compiled, "_compiled", {})
-    monkeypatch.setattr(compiled, "_modules", {})
-    source = generate(derive(system.declaration)).source
+    source = source_of(generate(derive(system.declaration)))
     long = written_out(source)
     assert "for k in range(N)" not in long
     problem = pose(system)
@@ -65,7 +63,8 @@ def test_written_out_series_are_those_of_the_loops(
         code = module(tmp_path, name, text)
         space = problem.space()
         table = np.array([list(problem.parameters.values())])
-        run_setups(code.setup, table, Constants(*(part[None] for part in constants)))
+        setup = MachineFunction(code.setup.address, "setup")
+        run_setups(setup, table, Constants(*(part[None] for part in constants)))
         space.Rz[:] = np.eye(len(space.Rz))
         mode = np.ones(len(problem.rows.u), np.int64)
         region = np.ones(len(problem.rows.kinks), np.int64)
@@ -102,5 +101,5 @@ def _caller() -> Any:
 
 def test_what_has_no_products_of_series_keeps_its_loops() -> None:
     for system in (catalogue.forced_oscillator(), catalogue.rocking_toy()):
-        source = generate(derive(system.declaration)).source
+        source = source_of(generate(derive(system.declaration)))
         assert written_out(source) == source

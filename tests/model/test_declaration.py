@@ -388,7 +388,7 @@ WRONG = {
     "formula as a list": ({"potential": ["x"]}, "potential", "expected a formula, got a list"),
     "key as a number": ({"initial": {1: 2.0}}, "initial", "a key is not a text"),
     "too many coordinates": (
-        {"coordinates": {f"x_{i}": Inertial() for i in range(300)}},
+        {"coordinates": {f"x_{i}": Inertial() for i in range(50_001)}},
         "coordinates",
         "at most",
     ),

@@ -93,3 +93,40 @@ def test_against_time_stepping() -> None:
         errors.append(np.abs(q[:: n // 200] - ours).max())
     assert errors[0] < 50 * T / 4000
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.2)
+
+
+LONG = 60
+
+
+@pytest.mark.parametrize("coupling", [0.0, 0.5])
+def test_a_long_chain_is_what_its_blocks_are(coupling: float) -> None:
+    """Without springs between them, each of many blocks moves as it would alone; blocks that start
+    alike move alike with them."""
+    rng = np.random.default_rng(5)
+    starts = rng.uniform(-0.9, 0.9, LONG) if coupling == 0.0 else np.full(LONG, 0.3)
+    long = catalogue.block_chain(N=LONG)
+    initial = {f"x_{i}": float(x) for i, x in enumerate(starts, 1)}
+    together = simulate(long, (0.0, 30.0), initial=initial, parameters={"k_c": coupling})
+    assert together.outcome.ok, together.message
+    assert together.certificate.ok, together.certificate.verdict
+    times = np.linspace(0, 30, 151)
+    values = together.at(times)
+    events = together.events
+    for i in range(1, LONG + 1, 7):
+        alone = simulate(catalogue.belt_block(V=0.1), (0.0, 30.0), initial={"x": initial[f"x_{i}"]})
+        np.testing.assert_allclose(values[f"x_{i}"], alone.at(times)["x"], rtol=0, atol=1e-9)
+        own = events.loc[events["contact"] == f"block {i}", "time"]
+        np.testing.assert_allclose(own, alone.events["time"], rtol=0, atol=1e-9)
+
+
+def test_mirror_images_slip_at_the_same_times() -> None:
+    """Pairs of contacts change together, again and again, and nothing else breaks the symmetry."""
+    places = np.random.default_rng(6).uniform(-0.5, 0.5, LONG // 2)
+    initial = {f"x_{i}": float(x) for i, x in enumerate([*places, *places[::-1]], 1)}
+    trajectory = simulate(catalogue.block_chain(N=LONG), (0.0, 10.0), initial=initial)
+    assert trajectory.outcome.ok, trajectory.message
+    mode = trajectory.knots.mode
+    np.testing.assert_array_equal(mode, mode[:, ::-1])
+    state = trajectory.knots.state[:, :LONG]
+    np.testing.assert_allclose(state, state[:, ::-1], rtol=0, atol=1e-9)
+    assert trajectory.n_switches > 100

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from scipy import special
 
+from flows import taylor_series
 from stickslip import System, Viscous
 from stickslip.motion.engine.modes import resolve
 from stickslip.motion.problem import Problem, pose
+from stickslip.motion.steps.arrays import Instant
 from stickslip.motion.steps.discs import BALL, OFF, DiscTape, spread, spread_state
 from stickslip.motion.steps.step_size import fill_powers
 
@@ -50,15 +52,14 @@ def problem() -> Problem:
 @pytest.mark.parametrize("t", [0.0, 0.6, 1.3])
 def test_rows_stay_in_their_discs(t: float, radius: float) -> None:
     p = problem()
-    space = problem().space()
+    flow = p.flow()
+    space = flow.space
     none = np.zeros(0, np.int64)
     n = len(FORCES)
     k = p.constants
     y = np.linspace(0.2, 0.9, n)
-    resolve(p.rows.sizes, k, space, none)
-    p.compiled.jets(
-        t, y, none, none, k.K, space.Rq, space.Rz, p.order, space.W, space.A, space.B, space.mag
-    )
+    resolve(p.rows, k, space, none)
+    taylor_series(p.machine, flow, Instant(t, y, none, none), p.order, space.W)
     fill_powers(space.reaches, radius)
     space.discs[n, BALL] = radius
     space.discs[n, OFF] = 0.0

@@ -6,8 +6,8 @@ from stickslip.errors import DeclarationError
 from stickslip.model.system import Condition, Contact, Inertial, Parameter, System
 from stickslip.symbolic.formulas import is_finite
 
-_MOST = 100
-"""More blocks than this are a task for a program, not for a declaration."""
+_MOST = 20_000
+"""More blocks than this would take minutes to declare."""
 
 
 def block_chain(N: float = 3, **given: float | str) -> System:

@@ -63,8 +63,8 @@ class MotionEquations:
         Ordered by kind: inertial, viscous, then rate-independent in the order of their coordinates.
     inertial_force, viscous_force : list of Expr
         Right-hand sides f.
-    mass, damping : list of list of Expr
-        M of the inertial and C of the viscous coordinates.
+    mass, damping : dict of (int, int) to Expr
+        M of the inertial and C of the viscous coordinates: the entries that there are, row by row.
     laws : list of Expr
     rate : RateProblem
     kinks : list of Expr
@@ -82,8 +82,8 @@ class MotionEquations:
     contacts: list[DryContact]
     inertial_force: list[Expr]
     viscous_force: list[Expr]
-    mass: list[list[Expr]]
-    damping: list[list[Expr]]
+    mass: dict[tuple[int, int], Expr]
+    damping: dict[tuple[int, int], Expr]
     laws: list[Expr]
     rate: RateProblem
     kinks: list[Expr]
@@ -136,21 +136,15 @@ def derive(declaration: Declaration) -> MotionEquations:
 
 
 def _equations_of(d: Declaration) -> MotionEquations:
+    own = {r: i for i, r in enumerate(d.rate_independent)}
     contacts = sorted(
-        d.contacts,
-        key=lambda c: (
-            _KINDS.index(c.kind),
-            d.rate_independent.index(next(iter(c.direction)))
-            if c.kind == Kind.RATE_INDEPENDENT
-            else 0,
-        ),
+        d.contacts, key=lambda c: (_KINDS.index(c.kind), own.get(next(iter(c.direction)), 0))
     )
     contacts = [_name_speed(c, i) for i, c in enumerate(contacts)]
     slope = {x: ex.derivative(d.potential, x) - d.forces[x] for x in d.coordinates}
-    viscous_force = [-slope[z] - _damping(d, z, d.inertial) for z in d.viscous]
-    inertial_force = [
-        -slope[q] - d.drags[q] - _damping(d, q, [*d.inertial, *d.viscous]) for q in d.inertial
-    ]
+    by_inertial, by_all = _damping(d, d.inertial), _damping(d, [*d.inertial, *d.viscous])
+    viscous_force = [-slope[z] - by_inertial.get(z, ex.ZERO) for z in d.viscous]
+    inertial_force = [-slope[q] - d.drags[q] - by_all.get(q, ex.ZERO) for q in d.inertial]
     laws = [d.laws[a] for a in d.internal]
     energy, dissipation, supply = _powers(d, contacts)
     rate = _rate_problem(d, contacts, slope)
@@ -202,14 +196,20 @@ def _name_speed(c: DryContact, i: int) -> DryContact:
     )
 
 
-def _damping(d: Declaration, x: str, others: list[str]) -> Expr:
-    return ex.add(
-        *((d.damping[x, y] * ex.sym(f"d_{y}"), 1.0) for y in others if (x, y) in d.damping)
-    )
+def _damping(d: Declaration, others: list[str]) -> dict[str, Expr]:
+    """Viscous forces by coordinate, as far as they come from the rates of some coordinates."""
+    felt = frozenset(others)
+    found: dict[str, list[tuple[Expr, float]]] = {}
+    for (x, y), entry in d.damping.items():
+        if y in felt:
+            found.setdefault(x, []).append((entry * ex.sym(f"d_{y}"), 1.0))
+    return {x: ex.add(*terms) for x, terms in found.items()}
 
 
-def _matrix(entries: dict[tuple[str, str], Expr], names: list[str]) -> list[list[Expr]]:
-    return [[entries.get((x, y), ex.ZERO) for y in names] for x in names]
+def _matrix(entries: dict[tuple[str, str], Expr], names: list[str]) -> dict[tuple[int, int], Expr]:
+    place = {x: i for i, x in enumerate(names)}
+    found = {(place[x], place[y]): e for (x, y), e in entries.items() if x in place and y in place}
+    return dict(sorted(found.items(), key=lambda item: item[0]))
 
 
 def _rate_problem(
@@ -270,16 +270,17 @@ def _powers(d: Declaration, contacts: list[DryContact]) -> tuple[Expr, Expr, Exp
     variables."""
     energy = d.kinetic + d.potential
     rates = {x: ex.sym(f"d_{x}") for x in (*d.coordinates, *d.internal)}
-    dissipated = 2.0 * d.dissipation + ex.add(*((d.drags[q] * rates[q], 1.0) for q in d.inertial))
-    supplied = ex.derivative(d.potential, "t") + ex.along(
-        d.potential, {a: rates[a] for a in d.internal}
-    )
-    supplied = supplied + ex.add(*((d.forces[x] * rates[x], 1.0) for x in d.coordinates))
+    dissipated = [(2.0 * d.dissipation, 1.0), *((d.drags[q] * rates[q], 1.0) for q in d.inertial)]
+    supplied = [
+        (ex.derivative(d.potential, "t"), 1.0),
+        (ex.along(d.potential, {a: rates[a] for a in d.internal}), 1.0),
+        *((d.forces[x] * rates[x], 1.0) for x in d.coordinates),
+    ]
     for i, c in enumerate(contacts):
         u, force = ex.sym(f"u:{i}"), ex.sym(f"lambda:{i}")
-        dissipated = dissipated - force * u
-        supplied = supplied + force * c.speed
-    return energy, dissipated, supplied
+        dissipated.append((force * u, -1.0))
+        supplied.append((force * c.speed, 1.0))
+    return energy, ex.add(*dissipated), ex.add(*supplied)
 
 
 def _frequencies(used: list[Expr], parameters: list[str]) -> list[Expr]:

@@ -196,7 +196,11 @@ class _Solver:
         return self.fix(moved - c.speed)
 
     def block(
-        self, kind: str, names: list[str], matrix: list[list[Expr]], forces: list[Expr]
+        self,
+        kind: str,
+        names: list[str],
+        matrix: Mapping[tuple[int, int], Expr],
+        forces: list[Expr],
     ) -> list[Expr]:
         """Solve M x − Jᵀλ = f with J x given in stick and λ given in slip; notes λ, returns x."""
         contacts = {i: c for i, c in enumerate(self.eq.contacts) if c.kind == kind}
@@ -218,7 +222,8 @@ class _Solver:
         for i in stuck:
             belt = contacts[i].speed
             right.append(self.fix(belt if kind == Kind.VISCOUS else ex.derivative(belt, "t")))
-        rows = [[*row, *(-j[k] for j in J)] for k, row in enumerate(matrix)]
+        each = range(len(names))
+        rows = [[*(matrix.get((i, k), ex.ZERO) for k in each), *(-j[i] for j in J)] for i in each]
         rows += [[*j, *(ex.ZERO for _ in stuck)] for j in J]
         solution = solve(rows, right)
         self.known |= {f"lambda:{i}": e for i, e in zip(stuck, solution[len(names) :], strict=True)}

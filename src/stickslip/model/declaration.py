@@ -8,9 +8,10 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
+from functools import cached_property
 from typing import TYPE_CHECKING
 
-from stickslip.errors import DeclarationError, short
+from stickslip.errors import DeclarationError, short, some
 from stickslip.model.names import DeclaredNames, Range
 from stickslip.model.schema import check_shape, entry_key
 from stickslip.model.system import Kind
@@ -107,6 +108,11 @@ class Declaration:
         """Names of the state: q, q̇, z, r, α."""
         rates = [f"d_{q}" for q in self.inertial]
         return [*self.inertial, *rates, *self.viscous, *self.rate_independent, *self.internal]
+
+    @cached_property
+    def places(self) -> dict[str, int]:
+        """Where each part of the state stands in it."""
+        return {name: i for i, name in enumerate(self.state)}
 
     def value(self, expression: Expr, values: Mapping[str, float]) -> float:
         """Number of an expression; NaN where it is undefined.
@@ -257,8 +263,9 @@ class _Reader:
         )
         result.kinetic = speeds.parse(system.kinetic, "kinetic")
         result.mass = _quadratic(result.kinetic, result.inertial, "kinetic")
+        heavy = {q for pair in result.mass for q in pair}
         for q in result.inertial:
-            if not any(q in pair for pair in result.mass):
+            if q not in heavy:
                 raise DeclarationError(
                     f"coordinates.{q}",
                     "an inertial coordinate without mass",
@@ -287,10 +294,11 @@ class _Reader:
         _check_definite(result.damping, result.viscous, system.values, "viscous", _VISCOUS_MATRIX)
         both = [*result.inertial, *result.viscous]
         _check_definite(result.damping, both, system.values, "viscous", "viscous matrix", semi=True)
+        state = frozenset(result.state)
         for name, coordinate in system.coordinates.items():
             where = f"coordinates.{name}"
             result.forces[name] = self.motion.parse(coordinate.force, f"{where}.force")
-            _check_slopes(result.forces[name], result.state, f"{where}.force")
+            _check_slopes(result.forces[name], state, f"{where}.force")
             if coordinate.kind == Kind.INERTIAL:
                 result.drags[name] = self.motion.parse(coordinate.drag, f"{where}.drag")  # type: ignore[union-attr]
                 self._check_drag(name, result.drags[name])
@@ -298,7 +306,7 @@ class _Reader:
     def _check_drag(self, name: str, drag: Expr) -> None:
         from stickslip.symbolic.enclosures import bounds
 
-        values = self._initial_values()
+        values = {symbol: self.start[symbol] for symbol in drag.symbols}
         for v in (-10.0, -1.0, -0.1, -1e-3, 1e-3, 0.1, 1.0, 10.0):
             at = {**values, f"d_{name}": v}
             low, high = bounds(drag, {n: (a, a) for n, a in at.items()})
@@ -312,10 +320,18 @@ class _Reader:
 
     def contacts(self) -> None:
         system, result = self.system, self.result
+        self.directions = self.scope(self.rates, why="A direction is a linear combination of rates")
+        self.sliding = self.scope(
+            self.state, self.velocities, {"speed": ex.sym("speed")}, why="Use 'speed' for |u|"
+        )
+        self.order = {f"d_{x}": i for i, x in enumerate(result.coordinates)}
         for name, contact in system.contacts.items():
             result.contacts.append(self._contact(name, contact))
-        for r in result.rate_independent:
-            acting = [c.name for c in result.contacts if r in c.direction]
+        moving = {r: list[str]() for r in result.rate_independent}
+        for c in result.contacts:
+            for x in c.direction.keys() & moving.keys():
+                moving[x].append(c.name)
+        for r, acting in moving.items():
             if not acting:
                 raise DeclarationError(
                     f"coordinates.{r}",
@@ -331,12 +347,10 @@ class _Reader:
 
     def _contact(self, name: str, contact: Contact) -> DryContact:
         where = entry_key("contacts", name)
-        result = self.result
-        scope = self.scope(self.rates, why="A direction is a linear combination of rates")
-        text = scope.parse(contact.direction, f"{where}.direction")
-        direction = {
-            x: c for x in result.coordinates if (c := ex.derivative(text, f"d_{x}")) is not ex.ZERO
-        }
+        text = self.directions.parse(contact.direction, f"{where}.direction")
+        rates = sorted(text.symbols & self.order.keys(), key=self.order.__getitem__)
+        slopes = {rate[2:]: ex.derivative(text, rate) for rate in rates}
+        direction = {x: c for x, c in slopes.items() if c is not ex.ZERO}
         linear = ex.add(*((c * self.rates[f"d_{x}"], 1.0) for x, c in direction.items()))
         if not direction or any(c.symbols & self.rates.keys() for c in direction.values()):
             raise DeclarationError(
@@ -368,10 +382,7 @@ class _Reader:
         plus, minus = self._pair(contact.threshold, f"{where}.threshold", self.motion)
         kinetic = (plus, minus)
         if contact.kinetic is not None:
-            sliding = self.scope(
-                self.state, self.velocities, {"speed": ex.sym("speed")}, why="Use 'speed' for |u|"
-            )
-            kinetic = self._pair(contact.kinetic, f"{where}.kinetic", sliding)
+            kinetic = self._pair(contact.kinetic, f"{where}.kinetic", self.sliding)
             if kind == Kind.RATE_INDEPENDENT:
                 raise DeclarationError(
                     f"{where}.kinetic",
@@ -386,10 +397,10 @@ class _Reader:
                 )
         speed = self.clock.parse(contact.surface_speed, f"{where}.surface_speed")
         check_unit(contact.unit, f"{where}.unit")
-        values = self._initial_values()
+        values = self.start
         for static, sliding_force in zip((plus, minus), kinetic, strict=True):
             self._check_threshold(static, where)
-            at_rest = ex.evaluate(sliding_force, {**values, "speed": 0.0})
+            at_rest = ex.evaluate(sliding_force, values)
             if not 0.0 <= at_rest <= ex.evaluate(static, values) * (1 + 1e-12):
                 raise DeclarationError(
                     f"{where}.kinetic",
@@ -405,10 +416,11 @@ class _Reader:
         return both, both
 
     def _check_threshold(self, threshold: Expr, where: str) -> None:
-        values = self._initial_values()
+        values = self.start
         from stickslip.symbolic.enclosures import bounds
 
-        boxes = {n: (v, v) for n, v in self.system.values.items()}
+        given = self.system.values
+        boxes = {n: (given[n], given[n]) for n in threshold.symbols & given.keys()}
         low, high = bounds(threshold, boxes) if threshold.symbols else (ex.number(threshold),) * 2
         here = ex.evaluate(threshold, values)
         remedy = "A threshold is never negative; write max(..., 0) where it may vanish"
@@ -433,9 +445,10 @@ class _Reader:
         scope = self.scope(
             self.state, self.rates, why="The speed of a contact is known to its kinetic law only"
         )
+        state = frozenset(self.result.state)
         for name, internal in self.system.internal.items():
             self.result.laws[name] = scope.parse(internal.law, f"internal.{name}.law")
-            _check_slopes(self.result.laws[name], self.result.state, f"internal.{name}.law")
+            _check_slopes(self.result.laws[name], state, f"internal.{name}.law")
 
     def known_facts(self) -> None:
         for name, condition in self.system.conditions.items():
@@ -468,6 +481,8 @@ class _Reader:
 
     def _check_translation(self) -> None:
         system, result = self.system, self.result
+        if not system.translation:
+            return
         shift = {x: ex.num(float(w)) for x, w in system.translation.items()}
         formulas = [
             ("potential", result.potential),
@@ -483,10 +498,17 @@ class _Reader:
         for x in result.coordinates:
             formulas += [(f"coordinates.{x}.force", result.forces[x])]
         values = {
-            **self._initial_values(),
+            **self.start,
             **{f"d_{x}": 0.3 for x in result.coordinates},
             "speed": 0.3,
         }
+        states = [
+            {
+                k: v + offset * (1 + 0.1 * i) if k in self.state else v
+                for i, (k, v) in enumerate(values.items())
+            }
+            for offset in (0.0, 0.37, -1.3)
+        ]
         for where, formula in formulas:
             change = ex.along(formula, shift)
             # A potential may tilt (a constant pull); its slope must not change under the shift.
@@ -495,11 +517,7 @@ class _Reader:
                 if where == "potential"
                 else [change]
             )
-            for offset in (0.0, 0.37, -1.3):
-                moved = {
-                    k: v + offset * (1 + 0.1 * i) if k in self.state else v
-                    for i, (k, v) in enumerate(values.items())
-                }
+            for moved in states:
                 if any(
                     abs(ex.evaluate(probe, moved)) > 1e-9 * _size(probe, moved) for probe in tested
                 ):
@@ -509,8 +527,10 @@ class _Reader:
                         "Remove it, or correct the direction",
                     )
 
-    def _initial_values(self) -> dict[str, float]:
-        state = {**dict.fromkeys(self.state, 0.0), **dict.fromkeys(self.rates, 0.0)}
+    @cached_property
+    def start(self) -> dict[str, float]:
+        """Values at the start, at rest where none is declared."""
+        state = dict.fromkeys([*self.state, *self.rates, "speed"], 0.0)
         given = {k: float(v) for k, v in self.system.initial.items() if is_finite(v)}
         return {**state, **given, **self.system.values, "t": float(self.system.span[0])}
 
@@ -518,9 +538,9 @@ class _Reader:
 def check_initial(declaration: Declaration, name: str, value: object) -> None:
     """Refuse an initial value of something that is no part of the state."""
     where = entry_key("initial", name)
-    if name not in declaration.state:
+    if name not in declaration.places:
         raise DeclarationError(
-            where, "not a part of the state", f"The state is {', '.join(declaration.state)}"
+            where, "not a part of the state", f"The state is {some(declaration.state)}"
         )
     if not is_finite(value):
         raise DeclarationError(where, "its value is not a finite number", "Give a number")
@@ -528,33 +548,35 @@ def check_initial(declaration: Declaration, name: str, value: object) -> None:
 
 def _quadratic(form: Expr, names: Iterable[str], where: str) -> dict[tuple[str, str], Expr]:
     """Matrix of a quadratic form in the rates of the named coordinates."""
-    names = list(names)
-    rates = {f"d_{x}" for x in names}
-    _check_slopes(form, sorted(rates), where, 2)
+    order = {f"d_{x}": (i, x) for i, x in enumerate(names)}
+    at_rest = dict.fromkeys(order, ex.ZERO)
+    _check_slopes(form, order, where, 2)
     matrix = {}
-    for i, x in enumerate(names):
-        slope = ex.derivative(form, f"d_{x}")
-        for y in names[: i + 1]:
+    for rate, (i, x) in order.items():
+        slope = ex.derivative(form, rate)
+        for j, y in sorted(order[other] for other in slope.symbols & order.keys()):
+            if j > i:
+                break
             entry = ex.derivative(slope, f"d_{y}")
-            if entry.symbols & rates or any(n.op == "select" for n in ex.walk([entry])):
+            if entry.symbols & order.keys() or any(n.op == "select" for n in ex.walk([entry])):
                 raise DeclarationError(where, f"not quadratic in d_{x}", "Write it like m/2*d_x**2")
             if entry is not ex.ZERO:
                 matrix[x, y] = matrix[y, x] = entry
-        rest = ex.substitute(slope, {r: ex.ZERO for r in rates})
+        rest = ex.substitute(slope, at_rest)
         if rest is not ex.ZERO:
             raise DeclarationError(where, f"it has a part linear in d_{x}", _QUADRATIC)
-    if ex.substitute(form, {r: ex.ZERO for r in rates}) is not ex.ZERO:
+    if ex.substitute(form, at_rest) is not ex.ZERO:
         raise DeclarationError(where, "it has a part without rates", _QUADRATIC)
     return matrix
 
 
 def _check_slopes(formula: Expr, names: Iterable[str], where: str, order: int = 1) -> None:
     """Refuse a formula whose derivatives cannot be formed."""
-    names = list(names)
+    names = frozenset(names)
     try:
         slopes = [formula]
         for _ in range(order):
-            slopes = [ex.derivative(e, name) for e in slopes for name in names if name in e.symbols]
+            slopes = [ex.derivative(e, name) for e in slopes for name in e.symbols & names]
     except ArithmeticError:
         raise DeclarationError(
             where,
@@ -578,16 +600,28 @@ def _check_definite(
     what: str,
     semi: bool = False,
 ) -> None:
-    """Refuse a matrix that is not symmetric positive (semi-)definite, by Cholesky factorisation.
+    """Refuse a matrix that is not symmetric positive (semi-)definite, by Cholesky factorisation of
+    the entries that there are.
 
     Its diagonal is scaled to 1 before pivots are judged: coordinates may have any units.
     """
-    a = [[ex.evaluate(matrix.get((x, y), ex.ZERO), values) for y in names] for x in names]
-    scale = [math.sqrt(abs(a[i][i]) or max(map(abs, a[i])) or 1.0) for i in range(len(a))]
-    a = [[a[i][j] / scale[i] / scale[j] for j in range(len(a))] for i in range(len(a))]
+    place = {x: i for i, x in enumerate(names)}
+    # right of the diagonal and on it
+    rows = [dict[int, float]() for _ in names]
+    largest = [0.0] * len(names)
+    for (x, y), entry in matrix.items():
+        if x in place and y in place:
+            i, j = place[x], place[y]
+            value = ex.evaluate(entry, values)
+            largest[i] = max(largest[i], abs(value))
+            if i <= j:
+                rows[i][j] = value
+    own = [abs(row.get(i, 0.0)) for i, row in enumerate(rows)]
+    scale = [math.sqrt(a or b or 1.0) for a, b in zip(own, largest, strict=True)]
+    rows = [{j: a / scale[i] / scale[j] for j, a in row.items()} for i, row in enumerate(rows)]
     small = 1e-13
-    for k in range(len(a)):
-        pivot = a[k][k]
+    for k, row in enumerate(rows):
+        pivot = row.pop(k, 0.0)
         if not (pivot >= -small if semi else pivot > small):
             kind = "positive semidefinite" if semi else "positive definite"
             raise DeclarationError(
@@ -596,14 +630,14 @@ def _check_definite(
                 "Check signs and missing terms",
             )
         if pivot <= small:
-            if any(abs(a[i][k]) > small for i in range(k + 1, len(a))):
+            if any(abs(a) > small for a in row.values()):
                 raise DeclarationError(
                     where,
                     f"the {what} is not positive semidefinite (at '{names[k]}')",
                     "Check signs and missing terms",
                 )
             continue
-        for i in range(k + 1, len(a)):
-            factor = a[i][k] / pivot
-            for j in range(k, len(a)):
-                a[i][j] -= factor * a[k][j]
+        for i, a in row.items():
+            for j, b in row.items():
+                if j >= i:
+                    rows[i][j] = rows[i].get(j, 0.0) - a / pivot * b

@@ -131,6 +131,8 @@ def reconfigured(model: _M, given: Mapping[str, Formula], sections: tuple[str, .
     DeclarationError
         If a name is neither, or a value is not admissible.
     """
+    if not given:
+        return model
     data: Any = model
     parameters = dict(data.parameters)
     functions = {section: dict(getattr(data, section)) for section in sections}

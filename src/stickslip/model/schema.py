@@ -38,8 +38,9 @@ _CLASSES = {
     "Contact": Contact,
     "Condition": Condition,
 }
-_MOST_ENTRIES = 1000
-_MOST_COORDINATES = 200
+_MOST_ENTRIES = 50_000
+"""In a section: what a computer holds, since all costs are in proportion; what would grow faster is
+limited where it is (:mod:`stickslip.equations.coupling`)."""
 
 
 def check_shape(item: Any, where: str = "") -> None:
@@ -62,10 +63,11 @@ def _check_kind(value: Any, kind: str, where: str) -> None:
     if kind.startswith("Mapping["):
         if not isinstance(value, Mapping):
             raise wrong_kind(value, "table", where)
-        most = _MOST_COORDINATES if where == "coordinates" else _MOST_ENTRIES
-        if len(value) > most:
+        if len(value) > _MOST_ENTRIES:
             raise DeclarationError(
-                where, f"it has {len(value)} entries (at most {most})", "Declare a smaller system"
+                where,
+                f"it has {len(value)} entries (at most {_MOST_ENTRIES})",
+                "Declare a smaller system",
             )
         for name, entry in value.items():
             if not isinstance(name, str):

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.equations.codegen.compiled import announced
 from stickslip.motion.affine_modes import fill_closed_forms
 from stickslip.motion.engine import event_loop
 from stickslip.motion.engine.forms import AFFINE, ClosedForms
@@ -115,13 +114,12 @@ class Lanes:
         p = self.problem
         task = Task(float(end), max_events, record is not None, record or no_record())
         lanes = self.group, self.codes, self.now
-        with announced():
-            if np.any(self.forms.status == AFFINE) and not np.any(self.codes == STEPS):
-                return event_loop.integrate_affine(
-                    p.rows, self.constants, p.flight(), self.forms, *lanes, task
-                )
-            flow = p.flow(self.constants)
-            return event_loop.integrate(p.machine, flow, p.flight(), self.forms, *lanes, task)
+        if np.any(self.forms.status == AFFINE) and not np.any(self.codes == STEPS):
+            return event_loop.integrate_affine(
+                p.rows, self.constants, p.flight(), self.forms, *lanes, task
+            )
+        flow = p.flow(self.constants)
+        return event_loop.integrate(p.machine, flow, p.flight(), self.forms, *lanes, task)
 
     def make_closed_forms(self) -> None:
         """Make the closed forms that lanes are waiting for."""

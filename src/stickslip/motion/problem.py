@@ -4,25 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.equations.codegen.generate import ORDERS
+from stickslip.equations.codegen.generate import INVERSES, ORDERS
 from stickslip.equations.codegen.program import pack
 from stickslip.errors import DeclarationError
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
 from stickslip.motion.engine.forms import MOST_SWITCHES, make_closed_forms, make_flight
-from stickslip.motion.steps.arrays import Constants, Flow, Machine, Rows, Space, make_space
+from stickslip.motion.steps.arrays import PART, Constants, Flow, Machine, Rows, Space, make_space
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import bounds
 
 if TYPE_CHECKING:
-    from stickslip.equations.codegen.compiled import CompiledSystem
+    from stickslip.equations.native.systems import CompiledSystem
     from stickslip.motion.engine.forms import ClosedForms, Flight
 
 
@@ -59,10 +59,27 @@ class Problem:
     boxes: Mapping[str, tuple[float, float]] | None = None
     origin: float = 0.0
 
+    def at(self, parameter: str, value: float) -> Problem:
+        """The same problem with another value of a parameter, within the box of this parameter if
+        there is one.
+
+        It shares all that does not depend on the value: curves ask for thousands of such problems.
+        """
+        other = replace(self, parameters={**self.parameters, parameter: value})
+        shared = ["compiled", "machine", "_places"]
+        if self.boxes is not None:
+            low, high = self.boxes[parameter]
+            if low <= value <= high:
+                shared.append("rows")
+            else:
+                other = replace(other, boxes={**self.boxes, parameter: (value, value)})
+        vars(other).update({name: getattr(self, name) for name in shared})
+        return other
+
     @cached_property
     def compiled(self) -> CompiledSystem:
         """Machine code and layout of the system."""
-        from stickslip.equations.codegen.compiled import compile_system
+        from stickslip.equations.native.systems import compile_system
 
         return compile_system(self.system)
 
@@ -99,14 +116,9 @@ class Problem:
         from stickslip.motion.engine.tables import run_setups
 
         layout = self.compiled.layout
-        s = self.compiled.layout.sizes
         groups = len(table)
         constants = Constants(
-            K=np.zeros((groups, max(len(layout.constants), 1))),
-            M=np.zeros((groups, s["nq"], s["nq"])),
-            C=np.zeros((groups, s["nz"], s["nz"])),
-            J=np.zeros((groups, len(layout.u), s["nq"] + s["nz"] + s["nr"])),
-            omega=np.zeros((groups, layout.frequencies)),
+            *(np.zeros((groups, *layout.shape(name))) for name in Constants._fields)
         )
         run_setups(
             self.compiled.setup, np.column_stack([table, np.full(groups, self.origin)]), constants
@@ -153,6 +165,11 @@ class Problem:
     @cached_property
     def rows(self) -> Rows:
         """Where the compiled functions find things."""
+        return self._places._replace(doubtful=self._doubtful())
+
+    @cached_property
+    def _places(self) -> Rows:
+        """The same, without the rows that may become negative for these parameters."""
         layout = self.compiled.layout
         sizes = np.array(
             [layout.sizes[k] for k in ("n", "nq", "nz", "nr", "na", "mq", "mz", "mr", "kinks")]
@@ -160,6 +177,8 @@ class Problem:
         tables = (layout.u, layout.force, layout.plus, layout.minus, layout.kinks)
         u, force, plus, minus, kinks = (np.array(table, dtype=np.int64) for table in tables)
         noise = self._places_of_sizes()
+        dropping = {i for i, *_ in layout.kinetic}
+        state = frozenset(layout.state)
         watched = np.array(list(noise), dtype=np.int64)
         return Rows(
             sizes,
@@ -170,17 +189,36 @@ class Problem:
             kinks,
             watched,
             np.array(list(noise.values()), dtype=np.int64),
-            self._doubtful(),
+            np.zeros((0, 3), np.int64),
             np.array(
-                [not guard.symbols & {*layout.state} for guard in self.compiled.equations.kinks],
+                [not guard.symbols & state for guard in self.compiled.equations.kinks],
                 dtype=np.int64,
             ),
             self._vanishing(),
-            np.array(
-                [any(i == c for i, *_ in layout.kinetic) for c in range(len(u))], dtype=np.int64
-            ),
+            np.array([c in dropping for c in range(len(u))], dtype=np.int64),
             pack(layout),
+            *self._coupling(),
         )
+
+    def _coupling(self) -> tuple[Array, Array, Array]:
+        """The components of the linear problems, what they have as members, and where each contact
+        is."""
+        layout = self.compiled.layout
+        parts = list[tuple[int, ...]]()
+        members = list[int]()
+        homes = np.full((len(layout.u), 2), -1, np.int64)
+        for matrix, name in enumerate(INVERSES):
+            seat = 0
+            for part in layout.coupled[name]:
+                n, m = len(part.coordinates), len(part.contacts)
+                for j, c in enumerate(part.contacts):
+                    homes[c] = len(parts), seat + n + j
+                parts.append((matrix, seat, n, m, len(members)))
+                members += [*part.coordinates, *part.contacts]
+                seat += n + m
+        homes[homes[:, PART] < 0, PART] = len(parts)
+        table = np.array(parts, dtype=np.int64).reshape(-1, 5)
+        return table, np.array(members, dtype=np.int64), homes
 
     def _places_of_sizes(self) -> dict[int, int]:
         """Rows that bound the step, with the places of the sizes of their terms: the state, then
@@ -199,17 +237,16 @@ class Problem:
     def _vanishing(self) -> Array:
         """The part of the state that is zero where a kink is, −1 where it is more than that."""
         equations = self.compiled.equations
-        state = self.compiled.layout.state
+        state = {name: i for i, name in enumerate(self.compiled.layout.state)}
+        felt = state.keys() | {"t"}
         found = []
         for guard in equations.kinks:
-            (name, *others) = sorted(guard.symbols & {*state, "t"}) or [""]
+            (name, *others) = sorted(guard.symbols & felt) or [""]
             alone = (
                 not others and name in state and ex.substitute(guard, {name: ex.ZERO}) is ex.ZERO
             )
             found.append(
-                state.index(name)
-                if alone and not ex.derivative(guard, name).symbols & {name}
-                else -1
+                state[name] if alone and not ex.derivative(guard, name).symbols & {name} else -1
             )
         return np.array(found, dtype=np.int64)
 

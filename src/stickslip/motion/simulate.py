@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 _CHUNK = 4096  # steps between looks at the clock and the keyboard
+_CHUNK_BYTES = 2**26  # that these may take
 
 
 def simulate(
@@ -153,11 +154,12 @@ def run_loop(
     contacts = lanes.now.mode.shape[1]
     kinks = lanes.now.reg.shape[1]
     pieces: list[Knots] = []
+    most = min(_CHUNK, _CHUNK_BYTES // (8 * len(y) + contacts + kinks + 16) + 1)
     size = 64
     try:
         while lanes.codes[0] >= FULL:
             lanes.make_closed_forms()
-            size = min(2 * size, _CHUNK)
+            size = min(2 * size, most)
             record = Knots.empty(size, len(y), contacts, kinks, problem.origin)
             count = lanes.advance(end, max_events, record.record)
             pieces.append(record.first(count))

@@ -169,7 +169,20 @@ class Trajectory(Result):
         p, k = self._problem, self.knots
         out = np.empty((len(clock), p.compiled.layout.rows + 3))
         flow = p.flow(retracing=True)
-        dense.sample(p.machine, flow, self._seen, k.record, index, clock, out)
+        work = dense.make_scratch(p.rows, (p.compiled.layout.rows, 2))
+        dense.sample(p.machine, flow, self._seen, k.record, index, clock, work, out)
+        return out
+
+    def _states_at(self, times: Array, index: Array) -> Array:
+        """States at times within the steps of the knots `index`, shape (times, states)."""
+        from stickslip.motion.between import dense
+
+        p, k = self._problem, self.knots
+        out = np.empty((len(times), k.state.shape[1]))
+        flow = p.flow(retracing=True)
+        clock = times - k.origin
+        work = dense.make_scratch(p.rows, (0, 2))
+        dense.states_at(p.machine, flow, self._seen, k.record, index, clock, work, out)
         return out
 
     @cached_property
@@ -212,9 +225,15 @@ class Trajectory(Result):
         )
 
     def _kinetic(self) -> Array:
-        n = self._problem.compiled.layout.sizes["nq"]
+        layout = self._problem.compiled.layout
+        n = layout.sizes["nq"]
         v = self.knots.state[:, n : 2 * n]
-        return 0.5 * np.einsum("ki,ij,kj->k", v, self._problem.constants.M, v)
+        total = np.zeros(len(v))
+        for part in layout.coupled["Rq"]:
+            of_part = v[:, part.coordinates]
+            M = self._problem.constants.M[part.coordinates, : len(part.coordinates)]
+            total += np.einsum("ki,ij,kj->k", of_part, M, of_part)
+        return 0.5 * total
 
     def _integrate(
         self, times: Array, states: Array, index: Array, ends: Array, tally: Tally | None = None
@@ -298,6 +317,7 @@ class Trajectory(Result):
         index : array of int, shape (n,)
             Number of the step that each time belongs to; ascending, as are the times in one step.
         """
+        from stickslip.motion.between.dense import make_scratch
         from stickslip.motion.between.trace import TOLERANCE, trace_rows
 
         p, k = self._problem, self.knots
@@ -305,7 +325,8 @@ class Trajectory(Result):
         out = np.empty((len(wanted), len(times)))
         flow = p.flow()._replace(tol=TOLERANCE)
         clock = times - k.origin
-        trace_rows(p.machine, flow, self._seen, k.record, index, clock, wanted, out)
+        work = make_scratch(p.rows, (flow.order + 2, len(wanted)))
+        trace_rows(p.machine, flow, self._seen, k.record, index, clock, wanted, work, out)
         return dict(zip(names, out, strict=True))
 
     def _values(self, clock: Array, index: Array) -> dict[str, Array]:
@@ -371,14 +392,19 @@ class Trajectory(Result):
 
     def _attributes(self, name: str) -> dict[str, Any]:
         """Unit and meaning of a published quantity; of a mode, what its numbers stand for."""
-        for contact in self.system.contacts:
-            if name == f"mode_{contact_key(contact)}":
-                flags = {
-                    "flag_values": np.array([-1, 0, 1], np.int8),
-                    "flag_meanings": "slip- stick slip+",
-                }
-                return {"long_name": f"mode of {contact}", **flags}
-        return quantity(self.system, name)
+        contact = self._contact_of_mode.get(name)
+        if contact is None:
+            return quantity(self.system, name)
+        flags = {
+            "flag_values": np.array([-1, 0, 1], np.int8),
+            "flag_meanings": "slip- stick slip+",
+        }
+        return {"long_name": f"mode of {contact}", **flags}
+
+    @cached_property
+    def _contact_of_mode(self) -> dict[str, str]:
+        """Contacts by the names under which their modes are published."""
+        return {f"mode_{contact_key(contact)}": contact for contact in self.system.contacts}
 
     @cached_property
     def events(self) -> pandas.DataFrame:

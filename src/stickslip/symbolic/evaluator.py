@@ -1,7 +1,7 @@
 """Expressions -> NumPy functions: many places at once, outside the compiled engine.
 
 The source text is made from expression trees by the same lowering as the engine's scalar code
-(:func:`stickslip.symbolic.tape.scalar_code`); it holds numbers, operators and the names defined
+(:func:`stickslip.symbolic.tape.scalars_of`); it holds numbers, operators and the names defined
 here, nothing that a user wrote.
 """
 
@@ -17,7 +17,8 @@ from stickslip.arrays import Array
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
-from stickslip.symbolic.tape import ARRAYS, scalar_code
+from stickslip.symbolic.scalars import SourceText, element
+from stickslip.symbolic.tape import scalars_of
 
 NumericFunction = Callable[[ArrayLike], Array]
 
@@ -52,11 +53,13 @@ def evaluator(
 def _evaluator(
     expressions: tuple[Expr, ...], names: tuple[str, ...], strict: bool
 ) -> NumericFunction:
-    places = {name: f"v[{i}]" for i, name in enumerate(names)}
-    lines, values = scalar_code(expressions, places, dialect=ARRAYS)
+    values = scalars_of(expressions, {name: element("v", i) for i, name in enumerate(names)})
+    written = SourceText(arrays=True)
+    results = [written.text(values[e]) for e in expressions]
+    lines = written.lines
     if strict:
         lines = ["{} = finite({})".format(*line.split(" = ", 1)) for line in lines]
-    lines += [f"out[{i}] = {values[e]}" for i, e in enumerate(expressions)]
+    lines += [f"out[{i}] = {text}" for i, text in enumerate(results)]
     source = "\n    ".join(["def fill(v, out):", *lines, "return out"])
     called = {e.op for e in ex.walk(expressions)} & FUNCTIONS.keys()
     space = {**_NAMES, "finite": _finite, **{name: FUNCTIONS[name].array for name in called}}

@@ -37,7 +37,7 @@ class Expr:
         Height of the tree, which bounds every recursion over it.
     """
 
-    __slots__ = ("_derivatives", "args", "depth", "key", "op", "symbols", "terms", "value")
+    __slots__ = ("_derivatives", "_with", "args", "depth", "key", "op", "symbols", "terms", "value")
 
     def __init__(
         self, op: str, value: float | str, args: tuple[Expr, ...], terms: Terms, key: str
@@ -53,6 +53,16 @@ class Expr:
             self.symbols = frozenset([str(value)])
         self.depth: int = 1 + max((c.depth for c in children), default=0)
         self._derivatives: dict[str, Expr] = {}
+        self._with: dict[str, list[tuple[Expr, float]]] | None = None
+
+    def terms_with(self, name: str) -> list[tuple[Expr, float]]:
+        """The terms that depend on a name: of a long sum, few."""
+        if self._with is None:
+            self._with = {}
+            for term, c in self.terms:
+                for symbol in term.symbols:
+                    self._with.setdefault(symbol, []).append((term, c))
+        return self._with.get(name, [])
 
     def __add__(self, other: Expr | float) -> Expr:
         return add((self, 1.0), (as_expr(other), 1.0))
@@ -287,9 +297,10 @@ def _derivative(e: Expr, name: str) -> Expr:
     if e.op == "sym":
         return ONE
     if e.op == "sum":
-        return add(*((derivative(term, name), c) for term, c in e.terms))
+        return add(*((derivative(term, name), c) for term, c in e.terms_with(name)))
     if e.op == "prod":
-        return add(*((multiply(e, _relative_slope(base, p, name)), p) for base, p in e.terms))
+        changing = [(base, p) for base, p in e.terms if name in base.symbols]
+        return add(*((_slope_of_factor(e, base, p, name), p) for base, p in changing))
     if e.op == "pow":
         base, exponent = e.args
         return e * (
@@ -303,17 +314,21 @@ def _derivative(e: Expr, name: str) -> Expr:
     return at(FUNCTIONS[e.op].slope, x) * derivative(x, name)
 
 
-def _relative_slope(base: Expr, p: float, name: str) -> Expr:
-    """The derivative of a factor, divided by it; of 1/(a + c exp u) and 1/cosh u such that it does
-    not overflow."""
-    if name not in base.symbols:
-        return ZERO
-    if p < 0.0 and (relative := _relative(base)) is not None:
+def _slope_of_factor(e: Expr, base: Expr, p: float, name: str) -> Expr:
+    """A product times the relative slope of a factor."""
+    if p < 0.0:
+        return multiply(e, _relative_slope(base, name))
+    others = (power(other, num(q - 1.0 if other is base else q)) for other, q in e.terms)
+    return multiply(*others, derivative(base, name))
+
+
+def _relative_slope(base: Expr, name: str) -> Expr:
+    """The derivative of a divisor, divided by it; of a + c exp u and cosh u such that it does not
+    overflow."""
+    if (relative := _relative(base)) is not None:
         return at(relative, base.args[0]) * derivative(base.args[0], name)
-    growing = [
-        (term, c) for term, c in base.terms if _relative(term) is ONE and name in term.symbols
-    ]
-    if p < 0.0 and base.op == "sum" and len(growing) == 1:
+    growing = [(term, c) for term, c in base.terms_with(name) if _relative(term) is ONE]
+    if base.op == "sum" and len(growing) == 1:
         # c exp u = base − rest, so that base′/base = u′ + (rest′ − u′ rest)/base.
         (term, c), rate = growing[0], derivative(growing[0][0].args[0], name)
         rest = add((base, 1.0), (term, -c))

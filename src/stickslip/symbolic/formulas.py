@@ -24,13 +24,25 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
 
-_MAX_LENGTH = 4000
+# What is read at once. A sum may be long, since its terms are read one by one; nothing else may,
+# since products of many factors have derivatives of as many terms, and Python's parser recurses.
+_MAX_LENGTH = 4000  # characters
 _MAX_NODES = 1500
 _MAX_DEPTH = 60  # of brackets in one formula
 _MAX_HEIGHT = 120  # of an expression once all functions are inserted
 _MAX_WORK = 40_000  # nodes read for one formula, functions inserted
+_WORK_OF_TERM = 100  # more of them for each term of a long sum
+_LONGEST = 4_000_000  # characters of a sum
+_LONG = 1000  # characters from which a formula is read term by term
+_PIECE = (
+    "_piece"  # names of what has been read of a long formula; names of formulas begin otherwise
+)
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
+_TOKEN = re.compile(
+    r"\s+|(?P<operand>(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][+-]?\d+)?|[A-Za-z]\w*)"
+    r"|(?P<sign>[+-])|(?P<open>\()|(?P<close>\))|(?P<comma>,)|\*\*|[*/<>=]"
+)
 _SIGNATURE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*(?:\(([^()]*)\))?\s*\Z")
 _STRUCTURES = {"sqrt": 1, "abs": 1, "clip": 3, "min": None, "max": None, "piecewise": None}
 _CONSTANTS = {"pi": ex.num(math.pi)}
@@ -204,7 +216,9 @@ class _Reader:
         self.scope = scope
         self.where = where
         self.bound = bound
+        self.held: dict[str, Expr] = {}
         self.count = 0
+        self.pieces = 0
 
     def fail(self, reason: str, remedy: str = "") -> DeclarationError:
         return DeclarationError(self.where, reason, remedy)
@@ -222,16 +236,15 @@ class _Reader:
             )
         if not text.strip():
             raise self.fail("the formula is empty", "Write a formula, or 0")
-        if len(text) > _MAX_LENGTH:
+        if len(text) > _LONGEST:
             raise self.fail(
-                f"the formula has {len(text)} characters (at most {_MAX_LENGTH})",
+                f"the formula has {len(text)} characters (at most {_LONGEST})",
                 "Use functions to shorten it",
             )
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                tree = ast.parse(text.strip().replace("\n", " "), mode="eval")
-            return self.visit(tree.body, 0)
+                return self.whole(text.replace("\n", " "), 0)
         except SyntaxError as error:
             raise self.fail(
                 f"'{short(text)}' is not a formula ({error.msg})", "Check operators and brackets"
@@ -256,6 +269,33 @@ class _Reader:
         meaning = {name: self.name(name) for name in sorted(expression.symbols)}
         return ex.substitute(expression, meaning)
 
+    def whole(self, text: str, depth: int) -> Expr:
+        """The value of a text; a long sum is read term by term, in its brackets, too."""
+        if len(text) <= _LONG:
+            return self.piece(text, depth)
+        terms, brackets = _parts(text)
+        if len(terms) > 1:
+            return ex.add(*((self.whole(term, depth), sign) for term, sign in terms))
+        short_text, end = "", 0
+        for start, stop in brackets:
+            if stop - start > _LONG // 2 and depth < _MAX_DEPTH:
+                name = f"{_PIECE}{len(self.held)}"
+                self.held[name] = self.whole(text[start:stop], depth + 1)
+                short_text += f"{text[end:start]}{name}"
+                end = stop
+        return self.piece(short_text + text[end:], depth)
+
+    def piece(self, text: str, depth: int) -> Expr:
+        """The value of a text that is read at once."""
+        if len(text) > _MAX_LENGTH:
+            raise self.fail(
+                f"a term of the formula has {len(text)} characters (at most {_MAX_LENGTH})",
+                "Use functions to shorten it",
+            )
+        self.count = 0
+        self.pieces += 1
+        return self.visit(ast.parse(text.strip(), mode="eval").body, depth)
+
     def visit(self, node: ast.AST, depth: int) -> Expr:
         self.tally(depth)
         value = self.translate(node, depth)
@@ -274,7 +314,7 @@ class _Reader:
             raise self.fail(
                 "the formula is too long or too deeply nested", "Use functions to shorten it"
             )
-        if self.scope._work > _MAX_WORK:
+        if self.scope._work > _MAX_WORK + _WORK_OF_TERM * self.pieces:
             raise self.fail(
                 "the formula is too long once its functions are inserted",
                 "Simplify the functions it uses",
@@ -314,17 +354,17 @@ class _Reader:
             rest.append((node.op, node.right))
             node = node.left
             self.tally()
-        value = self.visit(node, depth + 1)
+        terms = [(self.visit(node, depth + 1), 1.0)]
         for op, right in reversed(rest):
-            value = self.binary(op, value, self.visit(right, depth + 1))
-        return value
+            operand = self.visit(right, depth + 1)
+            if isinstance(op, ast.Add | ast.Sub):
+                terms.append((operand, 1.0 if isinstance(op, ast.Add) else -1.0))
+            else:
+                terms = [(self.binary(op, _sum(terms), operand), 1.0)]
+        return _sum(terms)
 
     def binary(self, op: ast.operator, a: Expr, b: Expr) -> Expr:
         match op:
-            case ast.Add():
-                return a + b
-            case ast.Sub():
-                return a - b
             case ast.Mult():
                 return a * b
             case ast.Div():
@@ -338,6 +378,8 @@ class _Reader:
     def name(self, name: str) -> Expr:
         if name in self.bound:
             return self.bound[name]
+        if name in self.held:
+            return self.held[name]
         if name in _CONSTANTS:
             return _CONSTANTS[name]
         if name in self.scope.names:
@@ -414,3 +456,43 @@ class _Reader:
         raise self.fail(
             "a condition of piecewise compares two values", "Write x < a, x <= a, x > a or x >= a"
         )
+
+
+def _sum(terms: list[tuple[Expr, float]]) -> Expr:
+    """A sum; one term is itself."""
+    return terms[0][0] if len(terms) == 1 else ex.add(*terms)
+
+
+def _parts(text: str) -> tuple[list[tuple[str, float]], list[tuple[int, int]]]:
+    """The terms of a formula with their signs, and where the insides of those outermost brackets
+    begin and end that hold one value; the text as it is if it is no formula.
+    """
+    depth = place = start = begin = 0
+    ends = listed = False  # whether an operand ends here; whether there are commas in the bracket
+    sign = 1.0
+    terms: list[tuple[str, float]] = []
+    brackets: list[tuple[int, int]] = []
+    while place < len(text):
+        token = _TOKEN.match(text, place)
+        if token is None:
+            return [(text, 1.0)], []
+        place = token.end()
+        match token.lastgroup:
+            case "open":
+                if depth == 0:
+                    begin, listed = place, False
+                depth += 1
+            case "close":
+                depth -= 1
+                if depth == 0 and not listed:
+                    brackets.append((begin, place - 1))
+            case "comma":
+                listed = listed or depth == 1
+            case "sign" if depth == 0 and ends:
+                terms.append((text[start : place - 1], sign))
+                start, sign = place, 1.0 if token.group() == "+" else -1.0
+        if depth < 0:
+            return [(text, 1.0)], []
+        if not token.group().isspace():
+            ends = token.lastgroup in ("operand", "close")
+    return [*terms, (text[start:], sign)], brackets

@@ -16,6 +16,7 @@ a function: see :mod:`stickslip.symbolic.expressions`.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,6 +26,7 @@ from typing import TYPE_CHECKING, Any, Literal
 if TYPE_CHECKING:
     from stickslip.symbolic.expressions import Expr
 
+_NAME = re.compile(r"\b[A-Za-z_]\w*")
 ARGUMENT = "'x"
 """The argument in the formula of a derivative: no formula of a user can name it."""
 _QUARTER = math.pi / 2.0
@@ -50,8 +52,9 @@ class Function:
     relative : str
         The derivative divided by the function, if that is a simple formula: so the derivatives of
         1/f do not overflow with f.
-    code : str
-        Value of ``{}`` in compiled code. By default the function of this name of :mod:`math`.
+    formula : str
+        Value in machine code, a formula in ``x`` of others. By default the function of this name in
+        the mathematical library of C.
     arrays : str
         Where its function of arrays is, as ``"module:name"``. By default `value` is called number
         by number.
@@ -82,7 +85,7 @@ class Function:
     derivative: str
     shown: str = ""
     relative: str = ""
-    code: str = ""
+    formula: str = ""
     arrays: str = ""
     latex: str = ""
     parity: Literal["odd", "even", ""] = ""
@@ -126,13 +129,22 @@ class Function:
         return np.vectorize(self.ieee, otypes=[float])
 
     def compiled(self, argument: str) -> str:
-        """Source text of its value in compiled code, from that of the argument."""
-        return (self.code or f"math.{self.name}({{}})").format(argument)
+        """Source text of its value for numba, from that of the argument."""
+        if not self.formula:
+            return f"math.{self.name}({argument})"
+        inside = {"x": f"({argument})"}
+        text = _NAME.sub(lambda name: inside.get(name[0], f"math.{name[0]}"), self.formula)
+        return f"({text})"
 
     @property
     def in_latex(self) -> str:
         """Its name in LaTeX."""
         return self.latex or rf"\operatorname{{{self.name}}}"
+
+    @cached_property
+    def made_of(self) -> Expr | None:
+        """Its value, an expression of :data:`ARGUMENT`, where C does not have it."""
+        return self._read(self.formula) if self.formula else None
 
     @cached_property
     def slope(self) -> Expr:
@@ -181,7 +193,6 @@ FUNCTIONS: dict[str, Function] = {
             value=math.exp,
             derivative="exp(x)",
             relative="1",
-            code="safe_exp({})",
             arrays="numpy:exp",
             latex=r"\exp",
             limits=(0.0, math.inf),
@@ -193,7 +204,6 @@ FUNCTIONS: dict[str, Function] = {
             name="log",
             value=math.log,
             derivative="1/x",
-            code="safe_log({})",
             arrays="numpy:log",
             latex=r"\log",
             domain=(0.0, math.inf),

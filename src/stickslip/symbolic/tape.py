@@ -4,26 +4,28 @@ A row holds the Taylor coefficients of one quantity along the motion; every inst
 k-th coefficient from coefficients of order at most k of earlier rows. A value that depends on
 parameters only is a constant ``K[i]``.
 
-The tape is data, made from the expression tree alone. It is printed as Python source, which becomes
-machine code (:mod:`stickslip.equations.codegen.printer`), and packed into arrays
+The tape is data, made from the expression tree alone. It is written down as machine code
+(:mod:`stickslip.equations.native`) and as Python source
+(:mod:`stickslip.equations.codegen.printer`), and packed into arrays
 (:mod:`stickslip.equations.codegen.program`), which the engine interprets where it asks other
-questions of the same equations: how large can a row become, is it affine?
+questions of the same equations: how large can a row become, is it affine? What is needed at one
+instant alone is lowered to scalars.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cache
-from typing import NamedTuple
 
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import slope_of_function
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS, Function, is_wave
 from stickslip.symbolic.intervals import FLOATS
+from stickslip.symbolic.scalars import Scalar, Store, added, element, literal, numeral
 
 ORIGIN = "t'0"
 """The time at which the clock starts, as a parameter: no formula can name it."""
@@ -84,8 +86,8 @@ class Instruction:
         `place` is 1, the second elsewhere. SIDE is the right-hand side of contact `place` (inputs:
         surface; friction for u > 0, u < 0; thresholds for u > 0, u < 0), SPEED its |u|. ENTRY (of
         the matrix) and RIGHT belong to the linear problem of the rate-independent coordinates,
-        whose contact is `place`; RATES solves it. SOLVE applies the inverse `matrix` to `size` rows
-        that begin with the input.
+        whose contact is `place`; RATES solves it. SOLVE applies `size` rows of the inverse
+        `matrix`, from `place` on, to as many rows that begin with the input.
     row : int
         Where the result goes (the first row of several).
     inputs : tuple of int
@@ -118,17 +120,25 @@ class ParameterExpressions:
     parameters: list[str]
     slots: dict[Expr, int] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        self._names = frozenset(self.parameters)
+        self._names_and_time = self._names | {"t"}
+
     def slot(self, e: Expr) -> int:
         """Place of a constant in K."""
         return self.slots.setdefault(e, len(self.slots))
 
+    def scalar(self, e: Expr) -> Scalar:
+        """A constant as a number or as ``K[i]``."""
+        return numeral(ex.number(e)) if e.op == "num" else element("K", self.slot(e))
+
     def code(self, e: Expr) -> str:
-        """Code of a constant: a literal or ``K[i]``."""
+        """Text of a constant: a literal or ``K[i]``."""
         return literal(ex.number(e)) if e.op == "num" else f"K[{self.slot(e)}]"
 
     def is_constant(self, e: Expr) -> bool:
         """Whether the expression depends on parameters only."""
-        return e.symbols <= set(self.parameters)
+        return e.symbols <= self._names
 
     def affine_in_time(self, e: Expr) -> tuple[Expr, Expr] | None:
         """Rate and value at the origin of an expression that is affine in time, with constant
@@ -137,7 +147,7 @@ class ParameterExpressions:
         Written so, a phase or a load is as exact late as early: the clock of a motion starts from 0
         at its origin.
         """
-        if "t" not in e.symbols or not e.symbols <= {"t", *self.parameters}:
+        if "t" not in e.symbols or not e.symbols <= self._names_and_time:
             return None
         rate = ex.derivative(e, "t")
         if not self.is_constant(rate) or any(n.op == "select" for n in ex.walk([e])):
@@ -171,181 +181,138 @@ class ParameterExpressions:
             return None
         return 2.0 * ex.call("atan", ex.call("tan", constant / 2.0)), rate, others
 
-    def source(self) -> list[str]:
-        """Body that fills K from the parameter vector p."""
-        names = {name: f"p[{i}]" for i, name in enumerate(self.parameters)}
-        lines, values = scalar_code(self.slots, names)
-        return lines + [f"K[{i}] = {values[e]}" for e, i in self.slots.items()]
+    def stores(self) -> list[Store]:
+        """Statements that fill K from the parameter vector p."""
+        names = {name: element("p", i) for i, name in enumerate(self.parameters)}
+        values = scalars_of(self.slots, names)
+        return [Store("K", (i,), values[e]) for e, i in self.slots.items()]
 
 
-def literal(value: float) -> str:
-    """A float as source text."""
-    return repr(float(value))
-
-
-class Dialect(NamedTuple):
-    """How functions and choices are written.
-
-    Attributes
-    ----------
-    called : callable
-        Name of a function and text of its argument -> text.
-    chosen : str
-        Of ``{test}``, ``{above}`` and ``{below}``.
-    """
-
-    called: Callable[[str, str], str]
-    chosen: str
-
-
-_COMPILED = Dialect(
-    lambda name, argument: FUNCTIONS[name].compiled(argument), "{above} if {test} else {below}"
-)
-"""For numbers, in machine code."""
-ARRAYS = Dialect("{}({})".format, "where({test}, {above}, {below})")
-"""For arrays; functions are called by their names."""
-
-
-def scalar_code(
+def scalars_of(
     targets: Iterable[Expr],
-    names: Mapping[str, str],
-    regions: Mapping[Expr, str] | None = None,
+    names: Mapping[str, Scalar],
+    regions: Mapping[Expr, int] | None = None,
     constants: ParameterExpressions | None = None,
-    dialect: Dialect = _COMPILED,
-) -> tuple[list[str], dict[Expr, str]]:
-    """Straight-line code for expressions: the one printer of values as Python source.
+) -> dict[Expr, Scalar]:
+    """Values of expressions at one instant.
 
     Parameters
     ----------
     targets : iterable of Expr
-    names : mapping of str to str
-        Code of each symbol.
-    regions : mapping of Expr to str, optional
-        Code of the region of each guard; without it the sign of the guard decides.
-    constants : Constants, optional
+    names : mapping of str to Scalar
+        What each symbol stands for.
+    regions : mapping of Expr to int, optional
+        Number of each guard whose region is known; without it the sign of the guard decides.
+    constants : ParameterExpressions, optional
         Where parameter-only expressions stand; ``t`` is then the time since the origin.
-    dialect : Dialect
 
     Returns
     -------
-    lines, values
-        Statements, and the code of each expression's value.
+    dict of Expr to Scalar
+        Of the expressions, and all that they are made of.
     """
-    lines: list[str] = []
-    values: dict[Expr, str] = {}
-
-    def visit(e: Expr) -> str:
-        if e in values:
-            return values[e]
-        if constants is not None and constants.is_constant(e):
-            values[e] = constants.code(e)
-        elif e.op == "num":
-            values[e] = literal(ex.number(e))
-        elif constants is not None and (line := constants.affine_in_time(e)) is not None:
-            values[e] = f"({constants.code(line[0])}*t + {constants.code(line[1])})"
-        elif e.op == "sym":
-            values[e] = names[str(e.value)]
-        else:
-            text = _scalar(e, visit, regions, constants, dialect)
-            values[e] = f"s{len(lines)}"
-            lines.append(f"{values[e]} = {text}")
-        return values[e]
-
+    lowering = _Lowering(names, regions, constants)
     for e in targets:
-        visit(e)
-    return lines, values
+        lowering.value(e)
+    return lowering.values
 
 
-def _scalar(
-    e: Expr,
-    v: Callable[[Expr], str],
-    regions: Mapping[Expr, str] | None,
-    constants: ParameterExpressions | None,
-    dialect: Dialect,
-) -> str:
-    match e.op:
-        case "sum" if ORIGIN in e.symbols and len(e.terms) > 1:
-            return _exact_sum(e, v)
-        case "sum":
-            return " + ".join(_scalar_terms(e, v, constants))
-        case "prod":
-            return "*".join(_scalar_power(base, p, v, constants) for base, p in e.terms)
-        case "pow":
-            return _scalar_real_power(e.args[0], v(e.args[1]), v, constants)
-        case "select":
-            guard, above, below = e.args
-            test = f"{regions[guard]} == 1" if regions is not None else f"{v(guard)} >= 0.0"
-            return dialect.chosen.format(above=v(above), test=test, below=v(below))
-        case _:
-            phase = constants.phase(e.args[0]) if constants is not None and is_wave(e.op) else None
-            inside = (
-                v(e.args[0])
-                if constants is None or phase is None
-                else " + ".join(_scalar_line(*phase, v, constants))
-            )
-            return dialect.called(e.op, inside)
+@dataclass
+class _Lowering:
+    """Expressions -> scalars, each once."""
 
+    names: Mapping[str, Scalar]
+    regions: Mapping[Expr, int] | None
+    constants: ParameterExpressions | None
+    values: dict[Expr, Scalar] = field(default_factory=dict)
 
-def _exact_sum(e: Expr, v: Callable[[Expr], str]) -> str:
-    """A sum in which large terms may cancel: that of the phase of a load that begins late."""
-    pairs = [(literal(float(e.value)), "1.0")]
-    for term, c in e.terms:
-        first, p = term.terms[0] if term.op == "prod" else (term, 1.0)
-        if p != 1.0:
-            pairs.append((literal(c), v(term)))
-        else:
-            pairs.append((v(first) if c == 1.0 else f"{literal(c)}*{v(first)}", v(term / first)))
-    left, right = zip(*pairs, strict=True)
-    return f"dot(({', '.join(left)}), ({', '.join(right)}))"
+    def value(self, e: Expr) -> Scalar:
+        if e not in self.values:
+            self.values[e] = self._plain(e) or Scalar("kept", (self._made(e),))
+        return self.values[e]
 
+    def constant(self, e: Expr) -> Scalar:
+        assert self.constants is not None
+        return self.constants.scalar(e)
 
-def _scalar_terms(
-    e: Expr, v: Callable[[Expr], str], constants: ParameterExpressions | None
-) -> list[str]:
-    if constants is None:
-        return [literal(float(e.value)), *(f"{literal(c)}*{v(term)}" for term, c in e.terms)]
-    return _scalar_line(*constants.split(e), v, constants)
+    def _plain(self, e: Expr) -> Scalar | None:
+        """What needs no variable of its own."""
+        if self.constants is not None and self.constants.is_constant(e):
+            return self.constant(e)
+        if e.op == "num":
+            return numeral(ex.number(e))
+        if self.constants is not None and (line := self.constants.affine_in_time(e)) is not None:
+            return self.constant(line[0]) * self.names["t"] + self.constant(line[1])
+        return self.names[str(e.value)] if e.op == "sym" else None
 
+    def _made(self, e: Expr) -> Scalar:
+        v = self.value
+        match e.op:
+            case "sum" if ORIGIN in e.symbols and len(e.terms) > 1:
+                return self._exact_sum(e)
+            case "sum":
+                return added(self._terms(e))
+            case "prod":
+                factors = [x for base, p in e.terms for x in self._power(base, p)]
+                return Scalar("product", tuple(factors))
+            case "pow":
+                return self._real_power(e.args[0], v(e.args[1]))
+            case "select" if self.regions is not None:
+                guard, above, below = e.args
+                return Scalar("region", (v(above), v(below)), index=(self.regions[guard],))
+            case "select":
+                guard, above, below = map(v, e.args)
+                return Scalar("sign", (guard, above, below))
+        constants = self.constants
+        phase = constants.phase(e.args[0]) if constants is not None and is_wave(e.op) else None
+        inside = v(e.args[0]) if phase is None else added(self._line(*phase))
+        return Scalar("call", (inside,), name=e.op)
 
-def _scalar_line(
-    constant: Expr,
-    rate: Expr,
-    others: list[tuple[Expr, float]],
-    v: Callable[[Expr], str],
-    constants: ParameterExpressions,
-) -> list[str]:
-    moving = [f"{constants.code(rate)}*t"] if rate is not ex.ZERO else []
-    return [constants.code(constant), *moving, *(f"{literal(c)}*{v(term)}" for term, c in others)]
+    def _exact_sum(self, e: Expr) -> Scalar:
+        """A sum in which large terms may cancel: that of the phase of a load that begins late."""
+        v = self.value
+        pairs = [numeral(float(e.value)), numeral(1.0)]
+        for term, c in e.terms:
+            first, p = term.terms[0] if term.op == "prod" else (term, 1.0)
+            if p != 1.0:
+                pairs += [numeral(c), v(term)]
+            else:
+                pairs += [v(first) if c == 1.0 else numeral(c) * v(first), v(term / first)]
+        return Scalar("dot", tuple(pairs))
 
+    def _terms(self, e: Expr) -> list[Scalar]:
+        if self.constants is not None:
+            return self._line(*self.constants.split(e))
+        return [numeral(float(e.value)), *(numeral(c) * self.value(term) for term, c in e.terms)]
 
-def _scalar_power(
-    base: Expr, p: float, v: Callable[[Expr], str], constants: ParameterExpressions | None
-) -> str:
-    if p == 1.0:
-        return v(base)
-    if p == 2.0:
-        return f"{v(base)}*{v(base)}"
-    if p == -1.0:
-        return f"reciprocal({v(base)})"
-    return _scalar_real_power(base, literal(p), v, constants)
+    def _line(self, constant: Expr, rate: Expr, others: list[tuple[Expr, float]]) -> list[Scalar]:
+        moving = [self.constant(rate) * self.names["t"]] if rate is not ex.ZERO else []
+        rest = [numeral(c) * self.value(term) for term, c in others]
+        return [self.constant(constant), *moving, *rest]
 
+    def _power(self, base: Expr, p: float) -> list[Scalar]:
+        """Factors of a power."""
+        if p == 1.0:
+            return [self.value(base)]
+        if p == 2.0:
+            return [self.value(base)] * 2
+        if p == -1.0:
+            return [Scalar("reciprocal", (self.value(base),))]
+        return [self._real_power(base, numeral(p))]
 
-def _scalar_real_power(
-    base: Expr, p: str, v: Callable[[Expr], str], constants: ParameterExpressions | None
-) -> str:
-    """A power, of a base that may be zero up to rounding where the engine's clock runs."""
-    if constants is None:
-        return f"real_power({v(base)}, {p})"
-    return f"first_power({v(base)}, {p}, {_scalar_size(base, v, constants)})"
+    def _real_power(self, base: Expr, p: Scalar) -> Scalar:
+        """A power, of a base that may be zero up to rounding where the engine's clock runs."""
+        if self.constants is None:
+            return Scalar("real_power", (self.value(base), p))
+        return Scalar("first_power", (self.value(base), p, added(self._sizes(base))))
 
-
-def _scalar_size(e: Expr, v: Callable[[Expr], str], constants: ParameterExpressions) -> str:
-    """Sum of the moduli of the terms of an expression, whatever the region; 0 if it is one term."""
-    if e.op == "sum":
-        return " + ".join(f"abs({term})" for term in _scalar_terms(e, v, constants))
-    if e.op == "select":
-        return " + ".join(_scalar_size(part, v, constants) for part in e.args[1:])
-    return "0.0"
+    def _sizes(self, e: Expr) -> list[Scalar]:
+        """Moduli of the terms of an expression, whatever the region; none if it is one term."""
+        if e.op == "sum":
+            return [abs(term) for term in self._terms(e)]
+        if e.op == "select":
+            return [size for part in e.args[1:] for size in self._sizes(part)]
+        return []
 
 
 class Tape:
@@ -375,6 +342,7 @@ class Tape:
         self._products: dict[tuple[int, int], int] = {}
         self._reciprocals: dict[int, int] = {}
         self._pairs: dict[tuple[Op, Expr], int] = {}
+        self._made: dict[int, Instruction] = {}
 
     def new_row(self, stage: int = 0) -> int:
         """A fresh row that becomes known at a stage."""
@@ -391,9 +359,10 @@ class Tape:
         """Add an instruction; its constants get their places."""
         for part in [
             *instruction.parts,
-            *(part for entry in instruction.entries for part in entry.parts),
+            *(part for i in instruction.entries for part in i.parts),
         ]:
-            self.constants.code(part.factor)
+            self.constants.scalar(part.factor)
+        self._made.setdefault(instruction.row, instruction)
         self.instructions[stage].append(instruction)
 
     def lower(self, e: Expr) -> Scaled:
@@ -513,7 +482,7 @@ class Tape:
 
     def _terms(self, row: int) -> list[Scaled]:
         """What a row is the sum of, whatever the region."""
-        made = next((i for part in self.instructions.values() for i in part if i.row == row), None)
+        made = self._made.get(row)
         if made is not None and made.op is Op.SELECT:
             return [
                 term

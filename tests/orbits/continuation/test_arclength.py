@@ -7,7 +7,16 @@ import pytest
 from numpy.typing import NDArray
 
 from stickslip.errors import StickslipError
-from stickslip.orbits.continuation.arclength import Path, StepControl, trace
+from stickslip.orbits.continuation.arclength import (
+    Outgrown,
+    Path,
+    Point,
+    StepControl,
+    Stop,
+    Test,
+    curve_between,
+    trace,
+)
 
 Array = NDArray[np.float64]
 
@@ -161,3 +170,61 @@ def test_components_of_different_size() -> None:
     assert path.ended.text == "p = 1"
     assert path.points[path.crossings[0].index].x == pytest.approx([1e3, 0.0], abs=1e-9)
     assert len(path.points) < 100
+
+
+def test_a_cubic_is_met_by_its_points_and_tangents() -> None:
+    """On both sides of the points, too; measured along a slanted direction in other units."""
+
+    def at(s: float) -> Point:
+        x = np.array([s, 0.3 * s**3 - s**2 + 2.0])
+        return Point(x, 7.0 * np.array([1.0, 0.9 * s**2 - 2.0 * s]), s, {}, 1.0)
+
+    scale, tangent = np.array([0.5, 3.0]), np.array([1.0, 0.0])
+    for s in (-0.4, 0.1, 0.25, 0.7, 1.3):
+        found = curve_between(at(0.1), at(0.7), scale, tangent, (s - 0.1) / 0.5)
+        assert found == pytest.approx(at(s).x, rel=1e-13)
+
+
+def test_a_curve_that_outgrows_its_unknowns_is_handed_on() -> None:
+    """The stretch ends at its last point; nothing shorter is tried."""
+
+    def tests(x: Array, tangent: Array) -> dict[Test, float]:
+        if x[0] > 0.5:
+            raise Outgrown("it needs others")
+        return {}
+
+    path = trace(
+        lambda x: (np.array([x[1] - x[0] ** 2]), np.array([[-2.0 * x[0], 1.0]])),
+        np.array([0.0, 0.0]),
+        np.array([1.0, 0.0]),
+        scale=np.ones_like,
+        tests=tests,
+        endings={},
+        steps=StepControl(first=0.1, largest=0.1),
+    )
+    assert path.ended.stop is Stop.LIMIT
+    assert path.ended.text == "it needs others"
+    assert 0.35 < path.points[-1].x[0] <= 0.5
+
+
+def test_a_zero_is_looked_at_until_it_is_rounding() -> None:
+    """A test function with noise: the place is found to the noise, without looking on and on."""
+    looked = []
+
+    def noisy(x: Array, tangent: Array) -> dict[Test, float]:
+        looked.append(float(x[0]))
+        noise = 1e-13 * np.cos(1e9 * x[0])
+        return {"zero": float(np.tan(x[0]) - 0.3 + noise)}
+
+    path = trace(
+        lambda x: (np.array([x[1]]), np.array([[0.0, 1.0]])),
+        np.array([0.0, 0.0]),
+        np.array([1.0, 0.0]),
+        scale=np.ones_like,
+        tests=noisy,
+        endings={},
+        steps=StepControl(first=0.5, largest=0.5, most=2),
+    )
+    (crossing,) = path.crossings
+    assert path.points[crossing.index].x[0] == pytest.approx(np.arctan(0.3), abs=3e-13)
+    assert len(looked) <= 14

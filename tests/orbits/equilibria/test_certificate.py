@@ -13,7 +13,7 @@ from stickslip import Contact, Inertial, Internal, System, catalogue
 from stickslip.equations.derive import derive
 from stickslip.equations.field import mode_field
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
-from stickslip.orbits.equilibria.certificate import certify_equilibrium, eigenvalue_error
+from stickslip.orbits.equilibria.certificate import certify_equilibrium, eigenvalue_errors
 from stickslip.orbits.equilibria.finding import equilibria
 from stickslip.orbits.fields.steady import Steady
 from systems import parameters
@@ -51,7 +51,7 @@ def test_eigenvalues_are_within_their_bound(kind: str, seed: int) -> None:
         mode_field(derive(system.declaration), (), ()), {}, np.zeros((4, 0)), np.zeros(4)
     )
     point = steady.point(np.zeros(4))
-    error, _ = eigenvalue_error(steady, point, np.ones(4))
+    (error,), _ = eigenvalue_errors(steady, point[:, None], np.ones((1, 4)))
     computed = steady.eigenvalues(point)
     with mpmath.workdps(50):
         exact = [complex(z) for z in mpmath.eig(mpmath.matrix(A.tolist()), left=False, right=False)]

@@ -4,15 +4,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numba import njit
 from numpy.typing import NDArray
 
 from stickslip import Contact, Internal, Parameter, System, Viscous, catalogue
 from stickslip.equations.derive import derive
 from stickslip.equations.field import Field, in_region, mode_field, solve
+from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.modes import resolve
 from stickslip.motion.problem import Problem, pose
-from stickslip.motion.steps.arrays import OK
+from stickslip.motion.steps.arrays import OK, OPTIONS
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from systems import ode, oscillator, pair
@@ -41,7 +41,7 @@ SYSTEMS["everything"] = System(
 )
 
 
-@njit
+@entry_point(**OPTIONS)
 def read(
     jets: Any,
     rows: Any,
@@ -59,7 +59,7 @@ def read(
     W = space.W
     space.known[-1] = 1
     W[n, 1] = 1.0
-    if not resolve(rows.sizes, k, space, mode):
+    if not resolve(rows, k, space, mode):
         return False
     if jets(t, y, mode, region, k.K, space.Rq, space.Rz, 1, W, space.A, space.B, space.mag) != OK:
         return False
@@ -72,7 +72,10 @@ def read(
         out[n + 3 * contacts + c] = W[rows.minus[c], 0]
     for j in range(len(rows.kinks)):
         out[n + 4 * contacts + j] = W[rows.kinks[j], 0]
-    return bool(np.all(np.isfinite(out)))
+    finite = True
+    for value in out:
+        finite = finite and bool(np.isfinite(value))
+    return finite
 
 
 def compiled_values(

@@ -220,9 +220,10 @@ def test_families_have_neighbours_that_are_none() -> None:
 # -- irregular motion ------------------------------------------------------------------------------
 
 
-def test_irregular_motion_is_said_to_be() -> None:
+@pytest.mark.parametrize("start", [0.07, 0.089, 0.1])
+def test_irregular_motion_is_said_to_be(start: float) -> None:
     with pytest.raises(ConvergenceError) as e:
-        find_cycle(catalogue.block_chain(N=3))
+        find_cycle(catalogue.block_chain(N=3), {"x_1": start})
     text = str(e.value)
     assert "no cycle was found within t = 12700" in text
     found = re.search(

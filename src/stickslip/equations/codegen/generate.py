@@ -1,10 +1,10 @@
-"""Equations of motion -> source text of the functions the engine calls.
+"""Equations of motion -> what the functions that the engine calls have to compute, as data.
 
-The generated module has four functions, and ``KEPT``, the rows that are read beyond order 0:
+A system has four functions:
 
 ``setup(p, K, M, C, J, omega)``
     constants, mass matrix, viscous matrix, contact directions and drive frequencies from the
-    parameters;
+    parameters, in arrays of zeros;
 ``jets(t, y, mode, reg, K, Rq, Rz, N, W, A, B, mag)``
     Taylor coefficients of all rows up to order N along the motion in a mode, in powers of the time
     that W holds as the rate of the clock (so that they neither overflow nor vanish); 0, or 1 if the
@@ -17,15 +17,17 @@ The generated module has four functions, and ``KEPT``, the rows that are read be
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from stickslip.equations.codegen.printer import by_mode, printed
+from stickslip.equations.coupling import Component, components
 from stickslip.equations.derive import MotionEquations
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.scalars import Scalar, Store, added, by_mode, element, numeral
 from stickslip.symbolic.tape import (
     ORIGIN,
     Instruction,
@@ -33,18 +35,11 @@ from stickslip.symbolic.tape import (
     ParameterExpressions,
     Scaled,
     Tape,
-    literal,
-    scalar_code,
+    scalars_of,
 )
 
 ORDERS = (8, 12, 16, 20, 24)  # that a Taylor series may have
-_HEADER = '''"""Generated from a declaration; do not edit."""
-import math
-import numpy as np
-from numba import boolean, cfunc, float64, int64, njit, void
-from stickslip.equations.codegen.series import *
-vector, matrix, indices = float64[::1], float64[:, ::1], int64[::1]
-'''
+INVERSES = ("Rq", "Rz")  # of the linear problems of inertial and of viscous coordinates
 
 
 @dataclass
@@ -70,10 +65,14 @@ class Layout:
         Rows of the rates of the state.
     rows : int
         Number of rows of W.
+    kept : list of int
+        Rows that are read beyond order 0.
     instructions : list of Instruction
         The tape, in the order of its computation.
-    constants : list of Expr
-        What stands in K.
+    constants : dict of Expr to int
+        What stands in K, and where.
+    coupled : dict of str to list of Component
+        For each inverse matrix what its rows stand for, component by component.
     """
 
     state: list[str]
@@ -87,25 +86,57 @@ class Layout:
     kinetic: list[tuple[int, int, int, int]] = field(default_factory=list)
     rates: list[int] = field(default_factory=list)
     rows: int = 0
+    kept: list[int] = field(default_factory=list)
     instructions: list[Instruction] = field(default_factory=list)
     constants: dict[Expr, int] = field(default_factory=dict)
     magnitudes: int = 0
     frequencies: int = 0
     timed: bool = False
     rate_sizes: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+    coupled: dict[str, list[Component]] = field(default_factory=dict)
+
+    def shape(self, name: str) -> tuple[int, ...]:
+        """Shape of an array that ``setup`` fills; a row of M, C and J has the coordinates of one
+        component."""
+        s = self.sizes
+        widest = {
+            matrix: max((len(part.coordinates) for part in self.coupled[matrix]), default=0)
+            for matrix in INVERSES
+        }
+        shapes = {
+            "K": (max(len(self.constants), 1),),
+            "M": (s["nq"], widest["Rq"]),
+            "C": (s["nz"], widest["Rz"]),
+            "J": (s["mq"] + s["mz"], max(widest.values())),
+            "omega": (self.frequencies,),
+        }
+        return shapes[name]
 
 
 @dataclass
 class Generated:
-    """Source text and layout of a system's compiled functions."""
+    """What a system's functions compute.
 
-    source: str
+    Attributes
+    ----------
+    layout : Layout
+        With the tape, of which ``jets`` makes series.
+    constants : ParameterExpressions
+    setup, sizes, residual, powers : list of Store
+        Statements of the functions; `sizes`, of ``jets``, fill ``mag`` from order 0.
+    """
+
     layout: Layout
+    constants: ParameterExpressions
+    setup: list[Store]
+    sizes: list[Store]
+    residual: list[Store]
+    powers: list[Store]
 
 
 def generate(equations: MotionEquations) -> Generated:
-    """Generate the module of a system."""
-    return _Generator(equations).module()
+    """Lay out the functions of a system."""
+    return _Generator(equations).generated()
 
 
 class _Generator:
@@ -134,7 +165,7 @@ class _Generator:
         regions = {guard: i for i, guard in enumerate(equations.kinks)}
         self.tape = Tape(self.constants, rows, self.n + 1, regions)
         self.solves: dict[int, list[Instruction]] = {0: [], 1: [], 2: []}
-        self.magnitudes: list[str] = []
+        self.magnitudes: list[Store] = []
         self.rate_sizes = 3 * (self.mq + self.mz + self.mr) + len(equations.kinks)
         self.scratch = self.rate_sizes + self.nq + self.nz + self.nr + self.na
         self.nc = self.mq + self.mz + self.mr
@@ -150,36 +181,57 @@ class _Generator:
         parts.append(Scaled(-belt.factor, belt.row))
         self.layout.u.append(tape.assign(parts, None))
         tape.name(f"u:{i}", self.layout.u[i], tape.stage[self.layout.u[i]])
-        self.magnitudes.append(f"mag[{i}] = {self.size_of(parts)}")
+        self.note(i, self.size_of(parts))
 
-    def size_of(self, parts: list[Scaled]) -> str:
-        code = [(self.constants.code(p.factor), p.row) for p in parts]
-        return (
-            " + ".join(f"abs({c})" if row is None else f"abs({c}*W[{row}, 0])" for c, row in code)
-            or "0.0"
-        )
+    def note(self, place: int, size: Scalar, adding: bool = False) -> None:
+        """A statement that stores a size."""
+        self.magnitudes.append(Store("mag", (place,), size, adding))
 
-    def size(self, e: Expr) -> str:
-        """Code for the sum of the moduli of the terms of an expression: the scale of its rounding
-        error."""
+    def size_of(self, parts: list[Scaled]) -> Scalar:
+        """Sum of the moduli of terms."""
+        factors = [(self.constants.scalar(p.factor), p) for p in parts]
+        return added(abs(c if p.row is None else _times(c, _start(p.row))) for c, p in factors)
+
+    def size(self, e: Expr) -> Scalar:
+        """The sum of the moduli of the terms of an expression: the scale of its rounding error."""
         if e.op == "sum":
-            parts = [f"abs({c!r})*({self.size(term)})" for term, c in e.terms]
-            return " + ".join([*parts, repr(abs(float(e.value)))])
+            parts = [_times(numeral(abs(c)), self.size(term)) for term, c in e.terms]
+            return added([*parts, *([numeral(abs(float(e.value)))] if e.value else [])])
         if e.op == "prod" and any(base.op == "sum" and p == 1.0 for base, p in e.terms):
-            return "*".join(self.factor_size(base, p) for base, p in e.terms)
+            return Scalar("product", tuple(self.factor_size(base, p) for base, p in e.terms))
         return self.size_of([self.tape.lower(e)])
 
-    def factor_size(self, base: Expr, p: float) -> str:
-        """Code for the size of a factor; a difference in brackets is as large as its terms."""
+    def factor_size(self, base: Expr, p: float) -> Scalar:
+        """The size of a factor; a difference in brackets is as large as its terms."""
         if base.op == "sum" and p == 1.0 and not self.constants.is_constant(base):
-            return f"({self.size(base)})"
-        return f"({self.size_of([self.tape.lower(base)])})**{literal(p)}"
+            return self.size(base)
+        size = self.size_of([self.tape.lower(base)])
+        return size if p == 1.0 else Scalar("real_power", (size, numeral(p)))
 
-    def block(self, forces: list[Expr], first: int, count: int, stage: int, resolvent: str) -> int:
-        """Solve one of the linear problems [x; λ] = R [f; g] order by order; returns the first row
-        of x."""
+    def block(
+        self, forces: list[Expr], first: int, count: int, stage: int, resolvent: str
+    ) -> list[int]:
+        """Solve one of the linear problems [x; λ] = R [f; g] order by order, component by
+        component; returns the rows of x."""
         tape = self.tape
-        n = len(forces) + count
+        inertial = resolvent == "Rq"
+        names, matrix = (
+            (self.d.inertial, self.eq.mass) if inertial else (self.d.viscous, self.eq.damping)
+        )
+        place = {x: i for i, x in enumerate(names)}
+        directions = [c.direction for c in self.eq.contacts[first : first + count]]
+        coupled = components(
+            len(names), matrix, first, [[place[x] for x in direction] for direction in directions]
+        )
+        self.layout.coupled[resolvent] = coupled
+        # Rows of R in the order of the components, each with its contacts last.
+        seats: dict[int, int] = {}
+        contacts: dict[int, int] = {}
+        for part in coupled:
+            for own, members in ((seats, part.coordinates), (contacts, part.contacts)):
+                for member in members:
+                    own[member] = len(seats) + len(contacts)
+        n = len(seats) + len(contacts)
         right = tape.rows
         for _ in range(n):
             tape.new_row(stage)
@@ -189,53 +241,56 @@ class _Generator:
         base = self.scratch
         self.scratch += n
         for j, f in enumerate(forces):
-            tape.into(f, right + j)
-            self.magnitudes.append(f"mag[{base + j}] = {self.size(f)}")
-        for j in range(count):
-            self.contact_side(first + j, right + len(forces) + j, stage)
-            self.magnitudes.append(
-                f"mag[{base + len(forces) + j}] = abs(W[{right + len(forces) + j}, 0])"
+            tape.into(f, right + seats[j])
+            self.note(base + seats[j], self.size(f))
+        for c, seat in sorted(contacts.items()):
+            self.contact_side(c, right + seat, stage)
+            self.note(base + seat, abs(_start(right + seat)))
+            tape.name(f"lambda:{c}", solution + seat, stage + 1)
+        at = 0
+        for part in coupled:
+            size = len(part.coordinates) + len(part.contacts)
+            self.solves[stage].append(
+                Instruction(
+                    Op.SOLVE, solution + at, (right + at,), place=at, size=size, matrix=resolvent
+                )
             )
-        self.solves[stage].append(
-            Instruction(Op.SOLVE, solution, (right,), size=n, matrix=resolvent)
+            for c in part.contacts:
+                where = (contacts[c], size, base + at)
+                self.note(2 * self.nc + c, Scalar("spread", name=resolvent, index=where))
+            at += size
+        self.block_sizes(
+            inertial, matrix, directions, first, [base + seats[j] for j in place.values()]
         )
-        for j in range(count):
-            row = solution + len(forces) + j
-            size = " + ".join(
-                f"abs({resolvent}[{len(forces) + j}, {m}])*mag[{base + m}]" for m in range(n)
-            )
-            self.magnitudes.append(f"mag[{2 * self.nc + first + j}] = {size}")
-            tape.name(f"lambda:{first + j}", row, stage + 1)
-        self.block_sizes(forces, first, count, base, solution + len(forces))
-        return solution
+        return [solution + seats[j] for j in range(len(forces))]
 
     def block_sizes(
-        self, forces: list[Expr], first: int, count: int, base: int, multipliers: int
+        self,
+        inertial: bool,
+        matrix: Mapping[tuple[int, int], Expr],
+        directions: Sequence[Mapping[str, Expr]],
+        first: int,
+        forces: list[int],
     ) -> None:
         """Scales of the rates and of the relative velocities: what they would be if no two forces
-        cancelled."""
-        inertial = first == 0 and len(forces) == self.nq and forces is self.eq.inertial_force
-        names, matrix = (
-            (self.d.inertial, self.eq.mass) if inertial else (self.d.viscous, self.eq.damping)
-        )
+        cancelled; `forces` are the places of their sizes."""
+        scalar = self.constants.scalar
+        names = self.d.inertial if inertial else self.d.viscous
         offset = self.rate_sizes + (0 if inertial else self.nq)
+        terms = {x: [element("mag", place)] for x, place in zip(names, forces, strict=True)}
+        places = {x: element("mag", offset + i) for i, x in enumerate(names)}
+        for c, direction in enumerate(directions, first):
+            for x, weight in direction.items():
+                force = _start(self.tape.names[f"lambda:{c}"])
+                terms[x].append(abs(_times(scalar(weight), force)))
         for i, x in enumerate(names):
-            terms = [f"mag[{base + i}]"]
-            for j in range(count):
-                weight = self.eq.contacts[first + j].direction.get(x)
-                if weight is not None:
-                    terms.append(f"abs({self.constants.code(weight)}*W[{multipliers + j}, 0])")
-            total = " + ".join(terms)
-            diagonal = self.constants.code(matrix[i][i])
-            self.magnitudes.append(f"mag[{offset + i}] = ({total})/abs({diagonal})")
-        for j in range(count):
-            direction = self.eq.contacts[first + j].direction
-            size = " + ".join(
-                f"abs({self.constants.code(w)})*mag[{offset + names.index(x)}]"
-                for x, w in direction.items()
-            )
-            place = f"mag[{self.nc + first + j}] =" if inertial else f"mag[{first + j}] +="
-            self.magnitudes.append(f"{place} {size}")
+            self.note(offset + i, added(terms[x]) / abs(scalar(matrix[i, i])))
+        for c, direction in enumerate(directions, first):
+            size = added(_times(abs(scalar(w)), places[x]) for x, w in direction.items())
+            if inertial:
+                self.note(self.nc + c, size)
+            else:
+                self.note(c, size, adding=True)
 
     def contact_side(self, i: int, row: int, stage: int) -> None:
         """Right-hand side of contact i: the belt in stick, the friction force in slip."""
@@ -281,24 +336,22 @@ class _Generator:
             # A contact that slides states a rate of its force; one that sticks a velocity, as large
             # as if it slid.
             plus, minus = (
-                f"{self.size(rate.rest[i])} + {self.size(side[i])}" for side in rate.threshold_rest
+                self.size(rate.rest[i]) + self.size(side[i]) for side in rate.threshold_rest
             )
-            weight = self.constants.code(rate.weight[i])
-            stiffness = self.size(rate.stiffness[i][i])
-            free = f"abs({weight})*over({plus}, {stiffness}) + abs(W[{rows[0]}, 0])"
-            self.magnitudes.append(f"mag[{base + i}] = {by_mode(c, free, plus, minus)}")
+            weight = abs(self.constants.scalar(rate.weight[i]))
+            over = Scalar("over", (plus, self.size(rate.stiffness[i][i])))
+            free = _times(weight, over) + abs(_start(rows[0]))
+            self.note(base + i, by_mode(c, free, plus, minus))
         self.solves[1].append(
             Instruction(Op.RATES, first, (right,), size=n, entries=tuple(entries))
         )
         for i in range(n):
-            inner = " + ".join(f"abs(B[{i}, {m}])*mag[{base + m}]" for m in range(n))
             c = self.mq + self.mz + i
             place = self.rate_sizes + self.nq + self.nz + i
-            self.magnitudes.append(f"mag[{place}] = {inner}")
-            self.magnitudes.append(
-                f"mag[{c}] += abs({self.constants.code(rate.weight[i])})*mag[{place}]"
-            )
-            self.magnitudes.append(f"mag[{2 * self.nc + c}] = {self.size(rate.force[i])}")
+            self.note(place, Scalar("spread", name="B", index=(i, n, base)))
+            weight = abs(self.constants.scalar(rate.weight[i]))
+            self.note(c, _times(weight, element("mag", place)), adding=True)
+            self.note(2 * self.nc + c, self.size(rate.force[i]))
         return first
 
     def entry(self, i: int, j: int) -> Instruction:
@@ -327,20 +380,18 @@ class _Generator:
 
     # -- the functions -----------------------------------------------------------------------------
 
-    def module(self) -> Generated:
-        """Lay the equations out, and print the functions."""
+    def generated(self) -> Generated:
+        """Lay the equations out, and state what the functions compute."""
         self.lay_out()
         residual, powers = self.residual(), self.powers()
-        jets = self.jets()
         setup = self.setup()
         self.finish()
         layout = self.layout
         guards = [*layout.u, *layout.force, *layout.plus, *layout.minus, *layout.kinks]
         guards += [row for *_, force, margin in layout.kinetic for row in (force, margin)]
-        kept = sorted({*range(self.n), *guards})
-        parts = [[_HEADER, f"KEPT = {tuple(kept)}"], setup, jets, residual, powers]
-        lines = [line for part in parts for line in (*part, "")]
-        return Generated("\n".join(lines), layout)
+        layout.kept = sorted({*range(self.n), *guards})
+        sizes = self.magnitudes
+        return Generated(layout, self.constants, setup, sizes, residual, powers)
 
     def lay_out(self) -> None:
         """Rows of everything, in the order in which it can be computed: velocities, rates, laws of
@@ -351,9 +402,9 @@ class _Generator:
         for i in range(self.mq):
             self.velocity(i)
         self.speeds()
-        viscous = self.block(eq.viscous_force, self.mq, self.mz, 0, "Rz") if self.nz else 0
-        for i, z in enumerate(d.viscous):
-            tape.name(f"d_{z}", viscous + i, 1)
+        viscous = self.block(eq.viscous_force, self.mq, self.mz, 0, "Rz")
+        for z, row in zip(d.viscous, viscous, strict=True):
+            tape.name(f"d_{z}", row, 1)
         for i in range(self.mq, self.mq + self.mz):
             self.velocity(i)
         if self.nr:
@@ -366,20 +417,19 @@ class _Generator:
                 tape.name(f"lambda:{c}", tape.row(eq.rate.force[i]), 0)
         # The velocities' own magnitudes are written first, so that the linear problems may add to
         # them.
-        self.magnitudes.sort(key=lambda line: "+=" in line)
+        self.magnitudes.sort(key=lambda store: store.adding)
         laws = [tape.row(law) for law in eq.laws]
         for name, row in zip(d.internal, laws, strict=True):
             tape.name(f"d_{name}", row, tape.stage[row]) if f"d_{name}" not in d.state else None
-        inertial = self.block(eq.inertial_force, 0, self.mq, 2, "Rq") if self.nq else 0
+        inertial = self.block(eq.inertial_force, 0, self.mq, 2, "Rq")
         self.law_sizes()
         self.kinetic_laws()
         self.guards()
         layout = self.layout
         layout.named = {f"d_{x}": tape.names[f"d_{x}"] for x in d.coordinates}
         layout.named |= {f"d_{a}": row for a, row in zip(d.internal, laws, strict=True)}
-        layout.named |= {f"dd_{q}": inertial + i for i, q in enumerate(d.inertial)}
-        layout.rates = [*range(self.nq, 2 * self.nq), *(inertial + i for i in range(self.nq))]
-        layout.rates += [*(viscous + i for i in range(self.nz))]
+        layout.named |= {f"dd_{q}": row for q, row in zip(d.inertial, inertial, strict=True)}
+        layout.rates = [*range(self.nq, 2 * self.nq), *inertial, *viscous]
         layout.rates += [*(tape.names[f"d_{r}"] for r in d.rate_independent), *laws]
         stages, solves = tape.instructions, self.solves
         layout.instructions = [
@@ -401,15 +451,14 @@ class _Generator:
         layout.force = [tape.names[f"lambda:{i}"] for i in range(self.nc)]
         for i, (plus, minus) in enumerate(zip(layout.plus, layout.minus, strict=True)):
             # A force is measured against its threshold, too.
-            self.magnitudes.append(
-                f"mag[{2 * self.nc + i}] += abs(W[{plus}, 0]) + abs(W[{minus}, 0])"
-            )
+            sides = abs(_start(plus)) + abs(_start(minus))
+            self.note(2 * self.nc + i, sides, adding=True)
         for j, guard in enumerate(self.eq.kinks):
             layout.kinks.append(tape.row(guard))
-            self.magnitudes.append(f"mag[{3 * self.nc + j}] = {self.size(guard)}")
+            self.note(3 * self.nc + j, self.size(guard))
 
     def finish(self) -> None:
-        """How large everything has become by printing."""
+        """How large everything has become."""
         layout = self.layout
         first = np.arange(self.rate_sizes, self.scratch)[: self.nq + self.nz + self.nr + self.na]
         layout.rate_sizes = np.concatenate([np.full(self.nq, -1), first]).astype(np.int64)
@@ -419,123 +468,84 @@ class _Generator:
         layout.timed = self.eq.timed
         layout.constants = self.constants.slots
 
-    def setup(self) -> list[str]:
+    def setup(self) -> list[Store]:
         d = self.d
-        code = self.constants.code
-        entries = [
-            (f"M[{i}, {j}]", e) for i, row in enumerate(self.eq.mass) for j, e in enumerate(row)
-        ]
+        scalar = self.constants.scalar
+        own: dict[str, int] = {}
+        entries = list[Store]()
+        for name, resolvent, names, matrix in (
+            ("M", "Rq", d.inertial, self.eq.mass),
+            ("C", "Rz", d.viscous, self.eq.damping),
+        ):
+            column = {
+                i: j
+                for part in self.layout.coupled[resolvent]
+                for j, i in enumerate(part.coordinates)
+            }
+            own |= {x: column[i] for i, x in enumerate(names)}
+            entries += [Store(name, (i, column[j]), scalar(e)) for (i, j), e in matrix.items()]
         entries += [
-            (f"C[{i}, {j}]", e) for i, row in enumerate(self.eq.damping) for j, e in enumerate(row)
+            Store("J", (i, own[x]), scalar(e))
+            for i, c in enumerate(self.eq.contacts[: self.mq + self.mz])
+            for x, e in c.direction.items()
         ]
-        for i, c in enumerate(self.eq.contacts):
-            entries += [
-                (f"J[{i}, {j}]", c.direction.get(x, ex.ZERO)) for j, x in enumerate(d.coordinates)
-            ]
-        fill = [f"{place} = {code(e)}" for place, e in entries]
-        fill += [f"omega[{i}] = abs({code(e)})" for i, e in enumerate(self.eq.frequencies)]
-        return [
-            _compiled("void(vector, vector, matrix, matrix, matrix, vector)"),
-            "def setup(p, K, M, C, J, omega):",
-            *_indent([*self.constants.source(), *fill, "return"]),
-        ]
+        frequencies = enumerate(self.eq.frequencies)
+        entries += [Store("omega", (i,), abs(scalar(e))) for i, e in frequencies]
+        return [*self.constants.stores(), *entries]
 
     def law_sizes(self) -> None:
         """Scales of the rates of the internal variables."""
         for i, law in enumerate(self.eq.laws):
-            self.magnitudes.append(
-                f"mag[{self.rate_sizes + self.nq + self.nz + self.nr + i}] = {self.size(law)}"
-            )
+            self.note(self.rate_sizes + self.nq + self.nz + self.nr + i, self.size(law))
 
-    def jets(self) -> list[str]:
-        n, layout = self.n, self.layout
-        loop = [
-            line
-            for instruction in layout.instructions
-            for line in printed(instruction, self.constants)
-        ]
-        loop += [
-            f"W[{i}, k + 1] = W[{row}, k]*(unit/(k + 1))" for i, row in enumerate(layout.rates)
-        ]
-        body = [
-            f"unit = W[{n}, 1]",
-            f"for i in range({n}):",
-            "    W[i, 0] = y[i]",
-            f"W[{n}, 0] = t",
-            "for k in range(2, N + 1):",
-            f"    W[{n}, k] = 0.0",
-            "for k in range(N):",
-            *_indent(loop),
-            *self.magnitudes,
-            "return 0",
-        ]
-        return [
-            _compiled(
-                "int64(float64, vector, indices, indices, vector, matrix, matrix, int64, "
-                f"{'matrix, ' * 3}vector)"
-            ),
-            "def jets(t, y, mode, reg, K, Rq, Rz, N, W, A, B, mag):",
-            *_indent(body),
-        ]
-
-    def residual(self) -> list[str]:
+    def residual(self) -> list[Store]:
         rate = self.eq.rate
-        names = {s: f"y[{i}]" for i, s in enumerate(self.d.state)}
-        regions = {guard: f"reg[{i}]" for i, guard in enumerate(self.eq.kinks)}
+        names = {s: element("y", i) for i, s in enumerate(self.d.state)} | {"t": _TIME}
         acting = self.eq.contacts[self.mq + self.mz :]
         targets = [*rate.force, *(c.plus for c in acting), *(c.minus for c in acting)]
         targets += [term for force in rate.force for term, _ in terms(force)]
         targets += [e for m in (rate.partial, *rate.threshold_partial) for row in m for e in row]
-        lines, v = scalar_code(targets, names, regions, self.constants)
+        v = scalars_of(targets, names, self.tape.regions, self.constants)
+        stores = list[Store]()
         for i, c in enumerate(acting):
-            m = f"mode[{self.mq + self.mz + i}]"
+            contact = self.mq + self.mz + i
             plus, minus = v[c.plus], v[c.minus]
             # The largest force so far: what a residual is small against also where the force passes
             # through zero.
-            scale = " + ".join(f"abs({e!r}*{v[term]})" for term, e in terms(rate.force[i]))
-            lines.append(
-                f"G[{self.nr + i}] = max(G[{self.nr + i}], {scale} + max(abs({plus}), "
-                f"abs({minus})))"
-            )
-            lines.append(
-                f"G[{i}] = 0.0 if {m} == 0 else {v[rate.force[i]]} + ({plus} if {m} > 0 else "
-                f"-{minus})"
-            )
+            parts = [abs(numeral(e) * v[term]) for term, e in terms(rate.force[i])]
+            scale = added([*parts, Scalar("larger", (abs(plus), abs(minus)))])
+            largest = Scalar("larger", (element("G", self.nr + i), scale))
+            stores.append(Store("G", (self.nr + i,), largest))
+            force = v[rate.force[i]]
+            away = by_mode(contact, numeral(0.0), force + plus, force + -minus)
+            stores.append(Store("G", (i,), away))
             for j in range(self.nr):
                 h, p, q = (v[x[i][j]] for x in (rate.partial, *rate.threshold_partial))
-                own = 1.0 if i == j else 0.0
-                lines.append(
-                    f"P[{i}, {j}] = {own} if {m} == 0 else ({h} + {p} if {m} > 0 else {h} - {q})"
-                )
-        return [
-            _compiled("void(float64, vector, indices, indices, vector, vector, matrix)"),
-            "def residual(t, y, mode, reg, K, G, P):",
-            *_indent([*lines, "return"]),
-        ]
+                own = numeral(1.0 if i == j else 0.0)
+                stores.append(Store("P", (i, j), by_mode(contact, own, h + p, h + -q)))
+        return stores
 
-    def powers(self) -> list[str]:
-        names = {s: f"W[{row}, 0]" for s, row in self.tape.names.items()}
-        regions = {guard: f"reg[{i}]" for i, guard in enumerate(self.eq.kinks)}
+    def powers(self) -> list[Store]:
+        names = {s: _start(row) for s, row in self.tape.names.items()}
         targets = [self.eq.energy, self.eq.dissipation, self.eq.supply]
-        lines, v = scalar_code(targets, names, regions, self.constants)
-        lines = [f"t = W[{self.n}, 0]", *lines]
-        lines += [f"out[{i}] = {v[e]}" for i, e in enumerate(targets)]
-        return [
-            _compiled("void(matrix, indices, vector, vector)"),
-            "def powers(W, reg, K, out):",
-            *_indent([*lines, "return"]),
-        ]
+        v = scalars_of(targets, names, self.tape.regions, self.constants)
+        return [Store("out", (i,), v[e]) for i, e in enumerate(targets)]
+
+
+_TIME = Scalar("name", name="t")
+
+
+def _start(row: int) -> Scalar:
+    """Order 0 of a row."""
+    return element("W", row, 0)
+
+
+def _times(a: Scalar, b: Scalar) -> Scalar:
+    """A product of sizes, without factors that are 1."""
+    plain = [x for x in (a, b) if x.op != "number" or x.value != 1.0]
+    return plain[0] * plain[1] if len(plain) == 2 else plain[0] if plain else a
 
 
 def terms(e: Expr) -> list[tuple[Expr, float]]:
     """Terms of a sum with their coefficients."""
     return list(e.terms) if e.op == "sum" else [(e, 1.0)]
-
-
-def _compiled(signature: str) -> str:
-    """Decorator of a generated function."""
-    return f"@cfunc({signature}, cache=True, nopython=True, error_model='numpy', _nrt=False)"
-
-
-def _indent(lines: list[str]) -> list[str]:
-    return ["    " + line for line in lines]

@@ -1,9 +1,12 @@
-"""Instructions of a tape as Python source: order k of every row."""
+"""The functions of a system as Python source, for a GPU and as the oracle of the machine code."""
 
 from __future__ import annotations
 
+from stickslip.equations.codegen.generate import Generated
+from stickslip.machine_code.interface import INTERFACE
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.functions import FUNCTIONS
+from stickslip.symbolic.scalars import SourceText, Store
 from stickslip.symbolic.tape import Instruction, Op, ParameterExpressions, Scaled
 
 _OF_TWO = {
@@ -22,8 +25,73 @@ _PAIRS = {
 }
 
 
+_OPTIONS = "cache=True, nopython=True, error_model='numpy', _nrt=False"
+_HEADER = '''"""Generated from a declaration; do not edit."""
+import math
+import numpy as np
+from numba import boolean, cfunc, float64, int64, njit, void
+from stickslip.equations.codegen.fused import fma
+from stickslip.equations.codegen.series import *
+vector, matrix, indices = float64[::1], float64[:, ::1], int64[::1]
+'''
+
+
+def source_of(generated: Generated) -> str:
+    """The module of a system, with ``KEPT``, the rows that are read beyond order 0."""
+    bodies = {
+        "setup": [*_statements(generated.setup), "return"],
+        "jets": _jets(generated),
+        "residual": [*_statements(generated.residual), "return"],
+        "powers": [*_statements(generated.powers), "return"],
+    }
+    lines = [_HEADER, f"KEPT = {tuple(generated.layout.kept)}", ""]
+    for name, body in bodies.items():
+        result, arguments = INTERFACE[name]
+        lines += [
+            f"@cfunc({result}({', '.join(arguments.values())}), {_OPTIONS})",
+            f"def {name}({', '.join(arguments)}):",
+            *_indent(body),
+            "",
+        ]
+    return "\n".join(lines)
+
+
+def _statements(stores: list[Store]) -> list[str]:
+    written = SourceText()
+    for store in stores:
+        written.store(store)
+    return written.lines
+
+
+def _jets(generated: Generated) -> list[str]:
+    layout = generated.layout
+    n = len(layout.state)
+    loop = [
+        line
+        for instruction in layout.instructions
+        for line in printed(instruction, generated.constants)
+    ]
+    loop += [f"W[{i}, k + 1] = W[{row}, k]*(unit/(k + 1))" for i, row in enumerate(layout.rates)]
+    return [
+        f"unit = W[{n}, 1]",
+        f"for i in range({n}):",
+        "    W[i, 0] = y[i]",
+        f"W[{n}, 0] = t",
+        "for k in range(2, N + 1):",
+        f"    W[{n}, k] = 0.0",
+        "for k in range(N):",
+        *_indent(loop),
+        *_statements(generated.sizes),
+        "return 0",
+    ]
+
+
+def _indent(lines: list[str]) -> list[str]:
+    return ["    " + line for line in lines]
+
+
 def printed(instruction: Instruction, constants: ParameterExpressions) -> list[str]:
-    """Statements that compute order k of the row of an instruction."""
+    """Statements that compute order k of the row of an instruction of the tape."""
     i = instruction
     row = instruction.row
     inputs: tuple[int, ...] = i.inputs
@@ -70,9 +138,9 @@ def printed(instruction: Instruction, constants: ParameterExpressions) -> list[s
             return [target + _entry(i, constants)]
         case Op.RIGHT:
             surface, rest, plus, minus = (f"W[{r}, k]" for r in inputs)
-            return [target + by_mode(i.place, surface, f"-{rest} - {plus}", f"-{rest} + {minus}")]
+            return [target + _by_mode(i.place, surface, f"-{rest} - {plus}", f"-{rest} + {minus}")]
         case Op.SOLVE:
-            return [f"solve_order({i.matrix}, W, {inputs[0]}, {row}, {i.size}, k)"]
+            return [f"solve_order({i.matrix}, {i.place}, W, {inputs[0]}, {row}, {i.size}, k)"]
         case Op.RATES:
             return _rates(i, constants)
     raise NotImplementedError(i.op)
@@ -91,7 +159,7 @@ def _modulus(part: Scaled, constants: ParameterExpressions) -> str:
     return f"abs({factor})" if part.row is None else f"abs({factor}*W[{part.row}, 0])"
 
 
-def by_mode(contact: int, stick: str, plus: str, minus: str) -> str:
+def _by_mode(contact: int, stick: str, plus: str, minus: str) -> str:
     """What depends on the mode of a contact."""
     return f"{stick} if mode[{contact}] == 0 else ({plus} if mode[{contact}] > 0 else {minus})"
 
@@ -106,7 +174,7 @@ def _side(i: Instruction) -> str:
     broken."""
     surface, plus, minus, static_plus, static_minus = (f"W[{r}, k]" for r in i.inputs)
     if (plus, minus) == (static_plus, static_minus):
-        return by_mode(i.place, surface, f"-{plus}", minus)
+        return _by_mode(i.place, surface, f"-{plus}", minus)
     m = f"mode[{i.place}]"
     breaking = f"(-{static_plus} if {m} > 0 else {static_minus})"
     sliding = f"(-{plus} if {m} > 0 else {minus})"
@@ -117,7 +185,7 @@ def _entry(i: Instruction, constants: ParameterExpressions) -> str:
     """An entry of the matrix that changes along the motion."""
     own = f"({constants.code(i.parts[0].factor)} if k == 0 else 0.0)"
     stiffness, plus, minus = (f"W[{r}, k]" for r in i.inputs)
-    return by_mode(i.place, own, f"{stiffness} + {plus}", f"{stiffness} - {minus}")
+    return _by_mode(i.place, own, f"{stiffness} + {plus}", f"{stiffness} - {minus}")
 
 
 def _rates(i: Instruction, constants: ParameterExpressions) -> list[str]:
@@ -138,7 +206,7 @@ def _rates(i: Instruction, constants: ParameterExpressions) -> list[str]:
             own, stiffness, plus, minus = (constants.code(part.factor) for part in entry.parts)
             first.append(
                 f"{place} = "
-                + by_mode(entry.place, own, f"{stiffness} + {plus}", f"{stiffness} - {minus}")
+                + _by_mode(entry.place, own, f"{stiffness} + {plus}", f"{stiffness} - {minus}")
             )
     solved = [
         "if k == 0:",
@@ -146,4 +214,4 @@ def _rates(i: Instruction, constants: ParameterExpressions) -> list[str]:
         f"    if not invert(A, {n}, B):",
         "        return 1",
     ]
-    return [*solved, *later, f"solve_order(B, W, {right}, {i.row}, {n}, k)"]
+    return [*solved, *later, f"solve_order(B, 0, W, {right}, {i.row}, {n}, k)"]

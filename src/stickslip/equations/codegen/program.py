@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.equations.codegen.generate import Layout
+from stickslip.equations.codegen.generate import INVERSES, Layout
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.tape import OUTPUTS, Instruction, Op, Scaled
@@ -22,7 +22,6 @@ _HIDING = frozenset(
 """Operations whose series may be too small to be seen where a step begins, and yet matter where it
 ends."""
 _MOST_DEGREE = 8  # of a polynomial that a series of every order shows
-_INVERSES = {"Rq": 0, "Rz": 1}
 
 
 class Program(NamedTuple):
@@ -160,7 +159,7 @@ class _Packer:
             self.factors += [j for _, j in changing]
             operands += [start, len(changing)]
         elif i.op is Op.SOLVE:
-            operands.append(_INVERSES[i.matrix])
+            operands.append(INVERSES.index(i.matrix))
         elif i.op in (Op.LINEAR, Op.SELECT):
             operands += [start, len([self.term(part) for part in i.parts])]
         elif i.op is Op.POWER:

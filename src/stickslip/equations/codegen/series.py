@@ -10,12 +10,9 @@ import math
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import lower_builtin, type_callable
 
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import njit
 
 _NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a difference may be zero
 _OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
@@ -24,40 +21,6 @@ _OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
 # visible.
 _exact: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
 _options = {**_exact, "fastmath": {"reassoc", "contract", "nsz"}}
-
-
-def fma(a: float, b: float, c: float) -> float:
-    """a·b + c, compiled to one instruction where the machine has it."""
-    return a * b + c
-
-
-@type_callable(fma)
-def _type_of_fma(context: Any) -> Any:
-    def signature(a: Any, b: Any, c: Any) -> Any:
-        return types.float64(types.float64, types.float64, types.float64)
-
-    return signature
-
-
-@lower_builtin(fma, types.float64, types.float64, types.float64)
-def _code_of_fma(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    real = ir.DoubleType()
-    function = builder.module.declare_intrinsic(
-        "llvm.fmuladd", [real], ir.FunctionType(real, [real] * 3)
-    )
-    return builder.call(function, arguments)
-
-
-@njit(**_options)
-def safe_exp(x: float) -> float:
-    """Exponential; overflow gives inf."""
-    return math.exp(x)
-
-
-@njit(**_options)
-def safe_log(x: float) -> float:
-    """Logarithm; NaN for negative arguments."""
-    return math.log(x)
 
 
 @njit(**_options)
@@ -224,12 +187,13 @@ def hyperbolic_order(W: Array, a: int, sine: int, cosine: int, k: int) -> None:
 
 
 @njit(**_options)
-def solve_order(R: Array, W: Array, first: int, solution: int, n: int, k: int) -> None:
-    """Order k of solution = R·right-hand side, both n consecutive rows."""
+def solve_order(R: Array, place: int, W: Array, first: int, solution: int, n: int, k: int) -> None:
+    """Order k of solution = R·right-hand side, both n consecutive rows, with the rows of R from a
+    place on."""
     for i in range(n):
         s = 0.0
         for j in range(n):
-            s += R[i, j] * W[first + j, k]
+            s += R[place + i, j] * W[first + j, k]
         W[solution + i, k] = s
 
 

@@ -7,36 +7,58 @@ gives the same numbers.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
 from stickslip.motion.steps.arrays import (
-    ALLOCATING,
     DIMENSION,
+    OPTIONS,
     POWERS_MADE,
     Flow,
     Instant,
     Machine,
     Record,
+    Rows,
     coefficients,
 )
 from stickslip.motion.steps.stiff import follow_mode
 
 
-@njit(**ALLOCATING)
-def sample(
+class Scratch(NamedTuple):
+    """Work space between knots: coefficients of all rows, two states, powers, mode and region."""
+
+    V: Array
+    y: Array
+    z: Array
+    power: Array
+    mode: Array
+    reg: Array
+
+
+def make_scratch(rows: Rows, shape: tuple[int, int]) -> Scratch:
+    """New work space, with coefficients of that shape."""
+    n = rows.sizes[DIMENSION]
+    mode, reg = np.zeros(len(rows.u), np.int64), np.zeros(len(rows.kinks), np.int64)
+    return Scratch(np.zeros(shape), np.zeros(n), np.zeros(n), np.zeros(POWERS_MADE), mode, reg)
+
+
+@entry_point(**OPTIONS)
+def states_at(
     machine: Machine,
     flow: Flow,
     seen: Array,
     knots: Record,
     index: Array,
     times: Array,
+    work: Scratch,
     out: Array,
 ) -> None:
-    """Order-0 values of all rows, then energy, dissipated and supplied power, at given times.
+    """States at given times.
 
     Parameters
     ----------
@@ -45,16 +67,14 @@ def sample(
     knots : Record
     index : array of int, shape (times,)
         Knot whose step each time belongs to.
-    out : array, shape (times, rows + 3)
+    work : Scratch
+    out : array, shape (times, ·)
+        Receives the states in its first columns.
     """
     rows = flow.rows
     W = flow.space.W
     n = rows.sizes[DIMENSION]
-    V = np.zeros((len(W), 2))
-    y = np.zeros(n)
-    z = np.zeros(n)
-    power = np.zeros(POWERS_MADE)
-    mode, reg = np.zeros(len(rows.u), np.int64), np.zeros(len(rows.kinks), np.int64)
+    y, mode, reg = work.y, work.mode, work.reg
     last = -1
     base = 0.0
     h = 0.0
@@ -69,7 +89,7 @@ def sample(
             copy(knots.mode[knot], mode)
             copy(knots.region[knot], reg)
             copy(knots.state[knot], y)
-            resolve(rows.sizes, flow.k, flow.space, mode)
+            resolve(rows, flow.k, flow.space, mode)
             known = False
         # the coefficients have to suit what is left of the step
         left = float(knots.time[min(knot + 1, final)]) - base
@@ -86,10 +106,44 @@ def sample(
             order, h, _ = follow_mode(machine, flow, start, left, h, seen)
             h = max(h, 1e-12 * left)
         for r in range(n):
-            z[r] = horner(W[r], order, (times[i] - base) / W[n, 1]) if known else y[r]
-        coefficients(machine, flow, Instant(times[i], z, mode, reg), 1, V)
-        machine.powers(V, reg, flow.k.K, power)
-        for r in range(len(W)):
-            out[i, r] = V[r, 0]
+            out[i, r] = horner(W[r], order, (times[i] - base) / W[n, 1]) if known else y[r]
+
+
+@entry_point(**OPTIONS)
+def sample(
+    machine: Machine,
+    flow: Flow,
+    seen: Array,
+    knots: Record,
+    index: Array,
+    times: Array,
+    work: Scratch,
+    out: Array,
+) -> None:
+    """Order-0 values of all rows, then energy, dissipated and supplied power, at given times.
+
+    Parameters
+    ----------
+    seen, knots, index, times, work : arrays, Record and Scratch
+        See :func:`states_at`.
+    out : array, shape (times, rows + 3)
+    """
+    rows = flow.rows
+    n = rows.sizes[DIMENSION]
+    table = len(flow.space.W)
+    z, mode, reg = work.z, work.mode, work.reg
+    states_at(machine, flow, seen, knots, index, times, work, out)
+    last = -1
+    for i in range(len(times)):
+        if index[i] != last:
+            last = index[i]
+            copy(knots.mode[last], mode)
+            copy(knots.region[last], reg)
+            resolve(rows, flow.k, flow.space, mode)
+        copy(out[i, :n], z)
+        coefficients(machine, flow, Instant(times[i], z, mode, reg), 1, work.V)
+        machine.powers(work.V, reg, flow.k.K, work.power)
+        for r in range(table):
+            out[i, r] = work.V[r, 0]
         for r in range(POWERS_MADE):
-            out[i, len(W) + r] = power[r]
+            out[i, table + r] = work.power[r]

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import njit
 from stickslip.motion.steps.arrays import AUDIT_NODES as COUNT
 from stickslip.motion.steps.arrays import OPTIONS
 

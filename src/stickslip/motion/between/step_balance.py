@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import entry_point, njit
 from stickslip.motion.between.nodes import (
     COUNT,
     GAUSS_NODES,
@@ -61,6 +61,7 @@ from stickslip.motion.steps.arrays import (
     Rows,
     Space,
     coefficients,
+    own_inverse,
 )
 from stickslip.motion.steps.discs import BALL, OFF, SLOPE, spread, spread_state, tape_of
 from stickslip.motion.steps.step_size import LEAST_SIZE, fill_powers, impulse
@@ -166,7 +167,7 @@ class StepPiece(NamedTuple):
     factor: float
 
 
-@njit(**OPTIONS)
+@entry_point(**OPTIONS)
 def audit_steps(
     machine: Machine,
     flow: Flow,
@@ -232,7 +233,7 @@ def audit_step(
     copy(starts.mode[i], mode)
     copy(starts.region[i], reg)
     copy(starts.state[i], y)
-    resolve(flow.rows.sizes, flow.k, flow.space, mode)
+    resolve(flow.rows, flow.k, flow.space, mode)
     base = starts.time[i]
     left = ends.time[i] - base
     last = 0.0
@@ -639,13 +640,8 @@ def sample_law(
         if abs(mode[c]) == 2:
             law[c, _HELD] = most(law[c, _HELD], mag[nc + c] * h if c < mq else mag[c])
         elif mode[c] == 0:
-            matrix, place = (
-                (space.Rq, rows.sizes[INERTIAL] + c)
-                if c < mq
-                else (space.Rz, rows.sizes[VISCOUS] + c - mq)
-            )
             if c < mq + mz:
-                free = mag[2 * nc + c] / abs(matrix[place, place])
+                free = mag[2 * nc + c] / abs(own_inverse(rows, space, c))
                 law[c, _HELD] = most(law[c, _HELD], free * h if c < mq else free)
             else:
                 law[c, _HELD] = most(law[c, _HELD], mag[c])
@@ -856,7 +852,7 @@ def count_gaps(i: int, steps: Steps, tally: Tally) -> None:
         steps.gap[i, r], steps.noise[i, r] = 0.0, 0.0
 
 
-@njit(**OPTIONS)
+@entry_point(**OPTIONS)
 def judge(
     rows: Rows, tally: Tally, imbalance: float, flow: float, energy: float, residuals: Array
 ) -> None:

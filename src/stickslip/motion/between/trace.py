@@ -6,14 +6,12 @@ are evaluated, which takes a tenth of the time.
 
 from __future__ import annotations
 
-import numpy as np
-
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import entry_point, njit
+from stickslip.motion.between.dense import Scratch
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
 from stickslip.motion.steps.arrays import (
-    ALLOCATING,
     DIMENSION,
     OPTIONS,
     Flow,
@@ -26,7 +24,7 @@ from stickslip.motion.steps.stiff import follow_mode
 TOLERANCE = 1e-12  # of a series relative to the size of its row
 
 
-@njit(**ALLOCATING)
+@entry_point(**OPTIONS)
 def trace_rows(
     machine: Machine,
     flow: Flow,
@@ -35,6 +33,7 @@ def trace_rows(
     index: Array,
     times: Array,
     wanted: Array,
+    work: Scratch,
     out: Array,
 ) -> None:
     """Values of some rows at given times.
@@ -47,16 +46,16 @@ def trace_rows(
     index : array of int, shape (times,)
         Knot whose step each time belongs to; ascending, and times ascend within a step.
     wanted : array of int, shape (rows,)
+    work : Scratch
+        `V` has the shape (order + 2, rows).
     out : array, shape (rows, times)
     """
     rows = flow.rows
     W = flow.space.W
     n = rows.sizes[DIMENSION]
-    y = np.zeros(n)
-    value = np.zeros(len(wanted))
-    series = np.zeros((flow.order + 1, len(wanted)))
+    y, mode, reg = work.y, work.mode, work.reg
+    series, value = work.V[:-1], work.V[-1]
     count = len(wanted)
-    mode, reg = np.zeros(len(rows.u), np.int64), np.zeros(len(rows.kinks), np.int64)
     knot = -1
     base = 0.0
     h = 0.0
@@ -71,7 +70,7 @@ def trace_rows(
             copy(knots.mode[knot], mode)
             copy(knots.region[knot], reg)
             copy(knots.state[knot], y)
-            resolve(rows.sizes, flow.k, flow.space, mode)
+            resolve(rows, flow.k, flow.space, mode)
         while fresh or times[i] - base > h:
             if not fresh:
                 for r in range(n):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import entry_point, njit
 from stickslip.motion.engine import flights
 from stickslip.motion.engine.forms import (
     AFFINE,
@@ -26,10 +26,12 @@ from stickslip.motion.engine.roots import value_and_slope
 from stickslip.motion.steps.arrays import (
     ASTRAY,
     CAUSE,
+    COORDINATES,
     CROSSED,
     DIMENSION,
     DOUBTED,
     FINISHED,
+    FIRST_ROW,
     FULL,
     HAPPENED,
     INADMISSIBLE,
@@ -39,6 +41,7 @@ from stickslip.motion.steps.arrays import (
     LAST,
     LIMIT,
     LONG_AGO,
+    MEMBERS,
     NAN,
     NEED,
     NEGATIVE,
@@ -51,9 +54,11 @@ from stickslip.motion.steps.arrays import (
     ON_JUMP,
     ON_VISCOUS,
     OPTIONS,
+    PART,
     PROMISED,
     RATE_INDEPENDENT,
     RECENT,
+    SEAT,
     SERIES,
     SLIPPING,
     STARTED,
@@ -75,6 +80,7 @@ from stickslip.motion.steps.arrays import (
     coefficients,
     flow_of,
     lane_of,
+    own_inverse,
 )
 from stickslip.motion.steps.step_size import fill_powers
 from stickslip.motion.steps.structure import is_affine
@@ -100,7 +106,7 @@ class Before(NamedTuple):
     cause: int
 
 
-@njit(**OPTIONS)
+@entry_point(**OPTIONS)
 def integrate(
     machine: Machine,
     flow: Flow,
@@ -156,7 +162,7 @@ def integrate(
     return count
 
 
-@njit(**OPTIONS)
+@entry_point(**OPTIONS)
 def integrate_affine(
     rows: Rows,
     constants: Constants,
@@ -629,12 +635,18 @@ def probe(
     nq = rows.sizes[INERTIAL]
     space.known[-1] = 1
     space.W[rows.sizes[DIMENSION], 1] = 1.0
-    if not resolve(rows.sizes, flow.k, space, mode):
+    if not resolve(rows, flow.k, space, mode):
         return False
     for c in range(rows.sizes[ON_INERTIAL]):
-        for i in range(nq):
-            hold[c, i] = space.Rq[i, nq + c] if mode[c] == 0 else 0.0
-        hold[c, nq] = 1.0 / abs(space.Rq[nq + c, nq + c]) if mode[c] == 0 else 0.0
+        for i in range(nq + 1):
+            hold[c, i] = 0.0
+        if mode[c] == 0:
+            part = rows.homes[c, PART]
+            first = rows.parts[part, FIRST_ROW]
+            for i in range(rows.parts[part, COORDINATES]):
+                q = rows.members[rows.parts[part, MEMBERS] + i]
+                hold[c, q] = space.Rq[first + i, rows.homes[c, SEAT] - first]
+            hold[c, nq] = 1.0 / abs(own_inverse(rows, space, c))
     for p in range(len(times)):
         at = Instant(times[p], states[p], mode, reg)
         if coefficients(machine, flow, at, 1, space.W) != OK:

@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import entry_point, njit
 from stickslip.motion.engine.forms import (
     EXPONENTS,
     GERM_ORDERS,
@@ -59,7 +59,7 @@ def drive_vector(t: float, omega: Array, s: Array, n: int) -> None:
         s[n + 3 + 2 * m] = math.sin(omega[m] * t)
 
 
-@njit(**OPTIONS)
+@entry_point(**OPTIONS)
 def mode_key(mode: Array, reg: Array) -> int:
     """Number of a mode (0, ±1) and region of at most :data:`.forms.MOST_SWITCHES` switches."""
     key = 1

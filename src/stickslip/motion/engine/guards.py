@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.roots import first_crossing
 from stickslip.motion.steps.arrays import (
     DIMENSION,
@@ -27,7 +27,7 @@ from stickslip.motion.steps.step_size import impulse
 
 # Columns of Space.labels: the number of a guard that may fire, and the degree of its polynomial;
 # negative if it is violated at once.
-_NUMBER, _DEGREE = range(2)
+NUMBER, _DEGREE = range(2)
 
 
 class GuardRow(NamedTuple):
@@ -280,7 +280,7 @@ def guard_of(
         sign = 1.0 if mode[i] > 0 else -1.0
         size = mag[i]
         rate = mag[nc + i] * unit + abs(W[row, 1])
-    return GuardRow(row, shift, sign, size, rate, around, exact)
+    return GuardRow(row, shift, sign, size, rate, around, exact)  # pyright: ignore[reportArgumentType]
 
 
 @njit(**INLINED)
@@ -288,14 +288,15 @@ def scan(
     flow: Flow, mode: Array, reg: Array, last: float, fired: int, slack: float
 ) -> tuple[int, int]:
     """Look at all guards of a mode: (least guard that is violated at once, or −1; number of guards
-    that may fire).
+    that may fire, or of those that are violated).
 
     What is below `slack` rounding errors counts as zero.
 
     Parameters
     ----------
     flow : Flow
-        Its work space has the coefficients and the powers of the step; it receives what may fire.
+        Its work space has the coefficients and the powers of the step; it receives what may fire,
+        or what is violated.
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
     last : float
         Length of the last step.
@@ -312,6 +313,7 @@ def scan(
     nk = len(rows.kinks)
     nc = len(rows.u)
     count = INT_ZERO
+    violated = NOWHERE
     near = last / W[rows.sizes[DIMENSION], 1] + powers[1]
     for g in range(nk + 2 * nc + len(rows.doubtful)):
         if not is_asked(rows.doubtful, mode, nk, g):
@@ -327,18 +329,24 @@ def scan(
         s, order = germ(W, guard, N, powers, slack, c)
         if s == 0:
             continue
-        labels[count, _NUMBER] = g
-        labels[count, _DEGREE] = N - 1 - order
-        if s < 0:
-            if doubt_of(g, nk, nc) < 0:
-                return g, 0
-            labels[count, _DEGREE] = -1
+        doubt = doubt_of(g, nk, nc) >= 0
+        if s < 0 and not doubt:
+            if violated < 0:
+                violated = g
+                count = 0
+            labels[count, NUMBER] = g
+            count += 1
+            continue
+        if violated >= 0:
+            continue
+        labels[count, NUMBER] = g
+        labels[count, _DEGREE] = N - 1 - order if s > 0 else -1
         # a zero at the start is divided out: what remains starts positive
         for k in range(N - order):
             c[k] = c[k + order]
         c[N] = ROUNDING * (guard.size + powers[1] * guard.rate)
         count += 1
-    return -1, count
+    return violated, count
 
 
 @njit(**INLINED)
@@ -350,9 +358,9 @@ def first_event(space: Space, count: int, N: int) -> tuple[float, int]:
     for i in range(count):
         d = space.labels[i, _DEGREE]
         if d < 0:
-            return 0.0, space.labels[i, _NUMBER]
+            return 0.0, space.labels[i, NUMBER]
         x = first_crossing(space.pending[i], d, limit, space.pending[i, N], space.stack)
         if x <= limit:
             limit = x
-            which = space.labels[i, _NUMBER]
+            which = space.labels[i, NUMBER]
     return limit, which

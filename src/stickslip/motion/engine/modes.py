@@ -17,21 +17,27 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
-from stickslip.machine_code import njit
-from stickslip.motion.engine.guards import contact_of, is_second, scan, stays
+from stickslip.machine_code.functions import njit
+from stickslip.motion.engine.guards import NUMBER, contact_of, is_second, scan, stays
 from stickslip.motion.steps.arrays import (
     ASTRAY,
     CAUSE,
+    CONTACTS,
+    COORDINATES,
     DIMENSION,
     FIRED,
+    FIRST_ROW,
     IMPLICIT,
     INERTIAL,
     INLINED,
     INT_ZERO,
     KINKS,
     LAST,
+    MATRIX,
+    MEMBERS,
     NAN,
     NOW,
+    NOWHERE,
     OFF_SURFACE,
     OK,
     ON_INERTIAL,
@@ -39,10 +45,12 @@ from stickslip.motion.steps.arrays import (
     ON_VISCOUS,
     OPTIONS,
     OVERFLOW,
+    PART,
     PROMISED,
     RATE_INDEPENDENT,
     RECENT,
     ROUNDING,
+    SEAT,
     SERIES,
     SINGULAR,
     UNIT,
@@ -55,6 +63,7 @@ from stickslip.motion.steps.arrays import (
     Rows,
     Space,
     coefficients,
+    own_inverse,
 )
 from stickslip.motion.steps.step_size import (
     COARSER,
@@ -76,41 +85,31 @@ _OTHER_FORCES = -2
 _AGAIN = -3
 _ON_SURFACE = 1e-9  # part of its terms by which what has to vanish may be away from zero
 _WIDE = 4.0  # of a step: a velocity that is zero to slip is zero to stick, whose terms are others
+_TOGETHER = 16  # times that the switches of different components are flipped together
 _LOOSER = 1e4  # tolerances by which the rates at the end of a step may break its promise
 
 
 @njit(**OPTIONS)
 def resolvent(
-    A: Array,
-    n: int,
-    J: Array,
-    first: int,
-    m: int,
-    column: int,
-    mode: Array,
-    scratch: Array,
-    R: Array,
+    A: Array, J: Array, members: Array, n: int, m: int, mode: Array, scratch: Array, R: Array
 ) -> bool:
-    """Inverse of [[A, −Jᵀ], [stick: J, 0; slip: 0, 1]] for contacts first … first+m−1 and
-    coordinates column … .
+    """Inverse of [[A, −Jᵀ], [stick: J, 0; slip: 0, 1]] for the coordinates and contacts of one
+    component.
 
     Parameters
     ----------
-    A : array, shape (n, n)
-        Mass matrix, or viscous matrix.
-    n : int
-        Number of coordinates.
-    J : array, shape (contacts, coordinates)
-        Contact directions.
-    first, m : int
-        First contact, and number of contacts.
-    column : int
-        First coordinate.
+    A, J : arrays
+        Mass matrix, or viscous matrix, and contact directions: rows of all coordinates and
+        contacts, with a column for each coordinate of their component.
+    members : array of int, shape (n + m,)
+        The coordinates, then the contacts.
+    n, m : int
+        Numbers of them.
     mode : array of int, shape (contacts,)
     scratch : array
-        Work space, at least of shape (n + m, n + m).
-    R : array, shape (n + m, n + m)
-        Receives the inverse.
+        Work space, at least of shape (n + m + 1, n + m).
+    R : array
+        Receives the inverse in its first rows and columns.
 
     Returns
     -------
@@ -122,42 +121,51 @@ def resolvent(
             scratch[i, j] = 0.0
     for i in range(n):
         for j in range(n):
-            scratch[i, j] = A[i, j]
+            scratch[i, j] = A[members[i], j]
         for c in range(m):
-            scratch[i, n + c] = -J[first + c, column + i]
+            scratch[i, n + c] = -J[members[n + c], i]
     for c in range(m):
-        if mode[first + c] == 0:
+        if mode[members[n + c]] == 0:
             for i in range(n):
-                scratch[n + c, i] = J[first + c, column + i]
+                scratch[n + c, i] = J[members[n + c], i]
         else:
             scratch[n + c, n + c] = 1.0
     return invert(scratch, n + m, R)
 
 
-@njit(**INLINED)
-def resolve(sizes: Array, k: Constants, space: Space, mode: Array) -> bool:
-    """Bring the inverses of the linear problems up to date with the mode; False if one is
-    singular."""
-    nq = sizes[INERTIAL]
-    nz = sizes[VISCOUS]
-    mq = sizes[ON_INERTIAL]
-    mz = sizes[ON_VISCOUS]
+@njit(**OPTIONS)
+def resolve(rows: Rows, k: Constants, space: Space, mode: Array) -> bool:
+    """Bring the inverses of the linear problems up to date with the mode, component by component;
+    False if one is singular."""
     known = space.known
-    same = True
-    for c in range(mq + mz):
-        same = same and known[c] == mode[c]
-    if same and known[mq + mz] == 0:
-        return True
-    for c in range(mq + mz):
-        known[c] = mode[c]
-    known[mq + mz] = 1
-    if nq > 0 and not resolvent(
-        k.M, nq, k.J, INT_ZERO, mq, INT_ZERO, mode, space.scratch, space.Rq
-    ):
-        return False
-    if nz > 0 and not resolvent(k.C, nz, k.J, mq, mz, nq, mode, space.scratch, space.Rz):
-        return False
-    known[mq + mz] = 0
+    last = len(known) - 1
+    fresh = known[last] != 0
+    for p in range(len(rows.parts)):
+        n = rows.parts[p, COORDINATES]
+        m = rows.parts[p, CONTACTS]
+        first = rows.parts[p, MEMBERS]
+        changed = fresh
+        for i in range(first + n, first + n + m):
+            c = rows.members[i]
+            changed = changed or known[c] != mode[c]
+        if not changed:
+            continue
+        known[last] = 1
+        for i in range(first + n, first + n + m):
+            known[rows.members[i]] = mode[rows.members[i]]
+        inertial = rows.parts[p, MATRIX] == 0
+        if not resolvent(
+            k.M if inertial else k.C,
+            k.J,
+            rows.members[first:],
+            n,
+            m,
+            mode,
+            space.scratch,
+            (space.Rq if inertial else space.Rz)[rows.parts[p, FIRST_ROW] :],
+        ):
+            return False
+    known[last] = 0
     return True
 
 
@@ -203,31 +211,42 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
     Returns
     -------
     bool
-        False if a contact was released, so that the mode has changed.
+        False if contacts were released, one of each component, so that the mode has changed.
     """
     rows = flow.rows
-    W = flow.space.W
-    mag = flow.space.mag
-    Rq = flow.space.Rq
+    space = flow.space
+    W = space.W
+    mag = space.mag
     mode = at.mode
+    asked = space.asked
     nc = len(rows.u)
     nq = rows.sizes[INERTIAL]
     mq = rows.sizes[ON_INERTIAL]
+    released = False
+    clear(asked)
     for c in range(mq):
         if mode[c] != 0:
             continue
         # The acceleration that this contact holds back, or could: its force over its effective
         # mass.
         gap = W[rows.u[c], 0]
-        rate = mag[nc + c] + mag[2 * nc + c] / abs(Rq[nq + c, nq + c])
+        rate = mag[nc + c] + mag[2 * nc + c] / abs(own_inverse(rows, space, c))
         if abs(gap) > (_ON_SURFACE * last + _WIDE * ROUNDING * near) * rate + ROUNDING * mag[c]:
-            mode[c] = 1 if gap > 0.0 else -1
-            return False
+            # Contacts of other components hold the same whether this one does or not.
+            if asked[rows.homes[c, PART]] == 0:
+                mode[c] = 1 if gap > 0.0 else -1
+            asked[rows.homes[c, PART]] = 1
+            released = True
+    if released:
+        return False
     for c in range(mq):
         gap = W[rows.u[c], 0]
         if mode[c] == 0 and gap != 0.0:
-            for i in range(nq):
-                at.y[nq + i] -= Rq[i, nq + c] * gap
+            part = rows.homes[c, PART]
+            first = rows.parts[part, FIRST_ROW]
+            for i in range(rows.parts[part, COORDINATES]):
+                q = rows.members[rows.parts[part, MEMBERS] + i]
+                at.y[nq + q] -= space.Rq[first + i, rows.homes[c, SEAT] - first] * gap
     return True
 
 
@@ -257,7 +276,7 @@ def evaluate_mode(
     W = flow.space.W
     rows = flow.rows
     while True:
-        if not resolve(rows.sizes, flow.k, flow.space, at.mode):
+        if not resolve(rows, flow.k, flow.space, at.mode):
             return SINGULAR
         sticking = False
         for c in range(rows.sizes[ON_INERTIAL]):
@@ -402,20 +421,57 @@ def hold_or_slide(
 
 
 @njit(**OPTIONS)
+def flip_apart(rows: Rows, space: Space, mode: Array, reg: Array, count: int) -> int:
+    """Give the switches of violated guards their other states: of each component the contact of
+    least index, or the first kink alone; returns the first switch.
+
+    What other components do decides nothing at the order that violates a guard. If in the end it
+    does, this is repeated, and pivoting goes on with one switch at a time.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        Lists the violated guards, and receives which switches are concerned.
+    mode, reg : arrays of int, shapes (contacts,), (kinks,)
+        Are changed.
+    count : int
+        How many of the violated guards are looked at.
+    """
+    nk = len(reg)
+    asked = space.asked
+    clear(asked)
+    first = NOWHERE
+    for i in range(count):
+        guard = space.labels[i, NUMBER]
+        if guard >= nk:
+            home = rows.homes[contact_of(guard, nk), PART]
+            if asked[home] == 1:
+                continue
+            asked[home] = 1
+        flipped = flip(guard, mode, reg, nk, rows.drops)
+        space.touched[flipped] = 1
+        if first < 0:
+            first = flipped
+        if guard < nk:
+            break
+    return first
+
+
+@njit(**OPTIONS)
 def loosen(
     J: Array,
-    first: int,
-    m: int,
-    column: int,
+    members: Array,
     n: int,
+    m: int,
     mode: Array,
     keep: int,
     space: Space,
     nk: int,
     drops: Array,
 ) -> bool:
-    """Let sticking contacts whose directions depend on those of the others be carried at their
-    threshold (u stays 0).
+    """Let sticking contacts of a component whose directions depend on those of the others be
+    carried at their threshold (u stays 0).
 
     With more sticking contacts than directions their forces are not unique. Any admissible choice
     gives the same motion; a contact carried at its threshold is a vertex of that choice, and
@@ -423,12 +479,12 @@ def loosen(
 
     Parameters
     ----------
-    J : array, shape (contacts, coordinates)
-        Contact directions.
-    first, m : int
-        First contact that is looked at, and number of them.
-    column, n : int
-        First of their coordinates, and number of them.
+    J : array
+        Contact directions, with a column for each coordinate of the component.
+    members : array of int, shape (n + m,)
+        Coordinates and contacts of the component.
+    n, m : int
+        Numbers of them.
     mode : array of int, shape (contacts,)
         Is changed.
     keep : int
@@ -447,37 +503,50 @@ def loosen(
     """
     rank = 0
     changed = False
-    basis = space.scratch
-    touched = space.touched
+    kept = NOWHERE
+    for i in range(m):
+        if members[n + i] == keep:
+            kept = i
     for turn in range(m + 1):
         # The contact that has just begun to stick comes first: it is the one that must not be let
         # go again.
-        c = keep if turn == 0 else first + turn - 1
-        if (turn == 0) != (c == keep) or c < first or c >= first + m or mode[c] != 0:
+        i = kept if turn == 0 else turn - 1
+        if i < 0 or (turn == 0) != (i == kept):
             continue
-        size = 0.0
-        for i in range(n):
-            basis[rank, i] = J[c, column + i]
-            size += basis[rank, i] ** 2
-        for _ in range(2):
-            for r in range(rank):
-                dot = 0.0
-                for i in range(n):
-                    dot += basis[rank, i] * basis[r, i]
-                for i in range(n):
-                    basis[rank, i] -= dot * basis[r, i]
-        left = 0.0
-        for i in range(n):
-            left += basis[rank, i] ** 2
-        if left <= 1e-20 * size:
+        c = members[n + i]
+        if mode[c] != 0:
+            continue
+        if is_new(J[c], n, space.scratch, rank):
+            rank += 1
+        else:
             mode[c] = 1 + drops[c]
-            touched[nk + c] = 1
+            space.touched[nk + c] = 1
             changed = True
-            continue
-        for i in range(n):
-            basis[rank, i] /= math.sqrt(left)
-        rank += 1
     return changed
+
+
+@njit(**OPTIONS)
+def is_new(direction: Array, n: int, basis: Array, rank: int) -> bool:
+    """Whether a direction is no combination of others; if so, it joins their orthonormal basis."""
+    size = 0.0
+    for j in range(n):
+        basis[rank, j] = direction[j]
+        size += basis[rank, j] ** 2
+    for _ in range(2):
+        for r in range(rank):
+            dot = 0.0
+            for j in range(n):
+                dot += basis[rank, j] * basis[r, j]
+            for j in range(n):
+                basis[rank, j] -= dot * basis[r, j]
+    left = 0.0
+    for j in range(n):
+        left += basis[rank, j] ** 2
+    if left <= 1e-20 * size:
+        return False
+    for j in range(n):
+        basis[rank, j] /= math.sqrt(left)
+    return True
 
 
 @njit(**INLINED)
@@ -555,8 +624,8 @@ def settle_mode(
                 pivots = 0
                 continue
             if guard >= 0 and total == 0:
-                flipped = flip(guard, lane.mode, lane.reg, nk, rows.drops)
-                touched[flipped] = 1
+                looked_at = count if pivots <= _TOGETHER else 1
+                flipped = flip_apart(rows, space, lane.mode, lane.reg, looked_at)
         many = pivots > 3 * len(touched) + 8
         carried = status == SINGULAR and total == 0 and let_carry(flow, lane.mode, flipped - nk)
         if total == 0 and (many or (status != OK and not carried)):
@@ -635,7 +704,8 @@ def try_mode(
     guard, count, step, series
         NO_GUARD if the mode is right; the least guard that is violated at once; OTHER_FORCES if
         contacts that do not stick have to have others; AGAIN if a guard vanishes in a polynomial,
-        which has to be a series. Then guards that may fire; the step, and that of the series.
+        which has to be a series. Then the number of guards that may fire, or are violated; the
+        step, and that of the series.
     """
     space = flow.space
     clock = lane.clock
@@ -678,17 +748,15 @@ def try_mode(
 def let_carry(flow: Flow, mode: Array, keep: int) -> bool:
     """Let sticking contacts be carried whose directions depend on those of the others; whether
     there are any."""
-    sizes = flow.rows.sizes
-    drops = flow.rows.drops
-    nk = len(flow.rows.kinks)
-    J = flow.k.J
-    space = flow.space
-    nq = sizes[INERTIAL]
-    mq = sizes[ON_INERTIAL]
-    free = loosen(J, INT_ZERO, mq, INT_ZERO, nq, mode, keep, space, nk, drops)
-    return (
-        loosen(J, mq, sizes[ON_VISCOUS], nq, sizes[VISCOUS], mode, keep, space, nk, drops) or free
-    )
+    rows = flow.rows
+    changed = False
+    for p in range(len(rows.parts)):
+        members = rows.members[rows.parts[p, MEMBERS] :]
+        n = rows.parts[p, COORDINATES]
+        m = rows.parts[p, CONTACTS]
+        if loosen(flow.k.J, members, n, m, mode, keep, flow.space, len(rows.kinks), rows.drops):
+            changed = True
+    return changed
 
 
 # -- every state of the switches concerned ---------------------------------------------------------

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import njit
 
 MAX_DEGREE = 32
 # orders that decide most of the time, where the step is so small that the others hardly matter

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.roots import NONE, first_crossing
 from stickslip.motion.steps.arrays import INLINED, OPTIONS
 

@@ -4,21 +4,22 @@ is asked for."""
 from __future__ import annotations
 
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import entry_point
+from stickslip.machine_code.kinds import MachineFunction
 from stickslip.motion.engine import flights
 from stickslip.motion.engine.event_loop import probe
 from stickslip.motion.engine.forms import SMOOTH, ClosedForms, slots_of
-from stickslip.motion.steps.arrays import OPTIONS, SETUP, Constants, Flow, Machine, flow_of
+from stickslip.motion.steps.arrays import OPTIONS, Constants, Flow, Machine, flow_of
 
 
-@njit(**OPTIONS)
-def run_setups(setup: SETUP, table: Array, k: Constants) -> None:
+@entry_point(**OPTIONS)
+def run_setups(setup: MachineFunction, table: Array, k: Constants) -> None:
     """Fill the constants of every group (a leading axis) from its row of parameters."""
     for g in range(len(table)):
         setup(table[g], k.K[g], k.M[g], k.C[g], k.J[g], k.omega[g])
 
 
-@njit(**OPTIONS)
+@entry_point(**OPTIONS)
 def claim(T: ClosedForms, group: Array, mode: Array, region: Array, place: Array) -> None:
     """Give every mode that is asked for the next slot of its group; −1 where it has been asked for
     before.
@@ -43,7 +44,7 @@ def claim(T: ClosedForms, group: Array, mode: Array, region: Array, place: Array
             T.used[g] += 1
 
 
-@njit(**OPTIONS)
+@entry_point(**OPTIONS)
 def probe_modes(
     machine: Machine,
     flow: Flow,

@@ -3,66 +3,14 @@ of arrays."""
 
 from __future__ import annotations
 
-import importlib
-import sys
-import warnings
-from types import ModuleType
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
-from numba import float64, int64, types, void
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.program import Program
-from stickslip.machine_code import njit
-
-
-def _import_array_functions() -> None:
-    """Import numba's array functions but not SciPy's linear algebra, a sixth of the time of a whole
-    short process.
-
-    They only look whether it is there; compiled code that calls it (none of ours) imports it by
-    itself.
-    """
-    blas = "scipy.linalg.cython_blas"
-    if blas not in sys.modules:
-        sys.modules[blas] = ModuleType(blas)
-        try:
-            importlib.import_module("numba.np.arraymath")
-        finally:
-            del sys.modules[blas]
-
-
-_import_array_functions()
-# The engine takes a model's machine code as arguments; numba calls that experimental whenever it
-# compiles such a call.
-warnings.filterwarnings("ignore", message="First-class function type feature is experimental")
-
-vector = float64[::1]
-matrix = float64[:, ::1]
-indices = int64[::1]
-if TYPE_CHECKING:
-    SETUP = JETS = RESIDUAL = POWERS = Any
-else:
-    SETUP = types.FunctionType(void(vector, vector, matrix, matrix, matrix, vector))
-    JETS = types.FunctionType(
-        int64(
-            float64,
-            vector,
-            indices,
-            indices,
-            vector,
-            matrix,
-            matrix,
-            int64,
-            matrix,
-            matrix,
-            matrix,
-            vector,
-        )
-    )
-    RESIDUAL = types.FunctionType(void(float64, vector, indices, indices, vector, vector, matrix))
-    POWERS = types.FunctionType(void(matrix, indices, vector, vector))
+from stickslip.machine_code.functions import njit
+from stickslip.machine_code.kinds import MachineFunction
 
 # Codes of motion.outcome.Outcome, and three that ask to be called again: with a new record, with a
 # closed form, or for Taylor steps.
@@ -87,6 +35,7 @@ OFF_SURFACE = 3
 ASTRAY = 4
 OVERFLOW = 5
 
+MOST_IMPLICIT = 500  # components of a state that implicit steps may have: their work space is n²
 AUDIT_NODES = 18  # of an audit, in a piece of a step
 EPSILON = 2.220446049250313e-16
 ROUNDING = 64 * EPSILON
@@ -117,6 +66,10 @@ STORED, DISSIPATED, SUPPLIED = range(3)
 POWERS_MADE = 3
 # Rows of Space.promise.
 PROMISED, STARTED = range(2)
+# Columns of Rows.parts: which inverse (0: inertial, 1: viscous), its first row there, how many
+# coordinates and contacts, and where these begin in Rows.members; columns of Rows.homes.
+MATRIX, FIRST_ROW, COORDINATES, CONTACTS, MEMBERS = range(5)
+PART, SEAT = range(2)
 # Columns of Rows.doubtful.
 DOUBTED, SLIPPING, TOWARDS = range(3)
 # Slots of Lane.clock, and of Lane.counters: see there.
@@ -125,8 +78,7 @@ HAPPENED, SWITCHES, CAUSE, CROSSED, TAKEN = range(5)
 
 # The loops allocate nothing and own no array, so that no reference has to be counted (half of the
 # time, where views of arrays are as many as here).
-OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "_nrt": False}
-ALLOCATING: dict[str, Any] = {**OPTIONS, "_nrt": True}
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
 # For functions with one or two callers: their tuples of arrays are hundreds of machine words, which
 # a call would copy. Inlined before they are typed, they are compiled once, not again at every level
 # above them.
@@ -161,6 +113,14 @@ class Rows(NamedTuple):
         1 for each contact whose sliding force is not its threshold.
     program : Program
         The tape of the system.
+    parts : array of int, shape (components, 5)
+        Components of the linear problems of inertial, then of viscous coordinates, by the columns
+        from `MATRIX` to `MEMBERS`.
+    members : array of int
+        Coordinates (among those of their kind), then contacts of each component.
+    homes : array of int, shape (contacts, 2)
+        Component of each contact (PART; all that are rate-independent share one behind the others),
+        and its row in the inverse (SEAT).
     """
 
     sizes: Array
@@ -176,11 +136,17 @@ class Rows(NamedTuple):
     vanishing: Array
     drops: Array
     program: Program
+    parts: Array
+    members: Array
+    homes: Array
 
 
 class Constants(NamedTuple):
     """Constants, mass matrix, viscous matrix, contact directions and drive frequencies for a set of
-    parameters."""
+    parameters.
+
+    A row of M, C and J has a column for each coordinate of the component that it belongs to.
+    """
 
     K: Array
     M: Array
@@ -200,7 +166,8 @@ class Space(NamedTuple):
     mag : array
         Sizes of the terms of what may cancel: the scale of rounding errors.
     Rq, Rz : arrays
-        Inverses of the linear problems of inertial and viscous coordinates.
+        Inverses of the linear problems of inertial and viscous coordinates, one component below the
+        other.
     A, B, G : arrays
         Matrix, inverse and residual of the rate-independent coordinates.
     discs : array, shape (rows, 4)
@@ -217,6 +184,8 @@ class Space(NamedTuple):
         the state it STARTED from.
     known : array of int
         Mode for which Rq and Rz were made; last entry 0 if they are valid.
+    asked : array of int
+        1 for each component of which a contact has changed its mode.
     stages : array
         Of implicit steps: two matrices and some vectors; see :mod:`stickslip.motion.steps.stiff`.
     """
@@ -245,6 +214,7 @@ class Space(NamedTuple):
     pending: Array
     labels: Array
     known: Array
+    asked: Array
     stages: Array
 
 
@@ -314,14 +284,11 @@ class Task(NamedTuple):
 class Machine(NamedTuple):
     """Machine code of a system: Taylor coefficients of all rows, residual of the rate-independent
     coordinates, and energy with dissipated and supplied power.
-
-    Python hands it over apart from all arrays: numba has to look at the type of a function at every
-    call, and would look at all that comes in the same tuple.
     """
 
-    jets: JETS
-    residual: RESIDUAL
-    powers: POWERS
+    jets: MachineFunction
+    residual: MachineFunction
+    powers: MachineFunction
 
 
 class Flow(NamedTuple):
@@ -384,6 +351,17 @@ def lane_of(lanes: Lane, i: int) -> Lane:
 
 
 @njit(**INLINED)
+def own_inverse(rows: Rows, space: Space, c: int) -> float:
+    """The rate that a unit of force gives to a sticking contact: its entry of the inverse."""
+    part = rows.homes[c, PART]
+    seat = rows.homes[c, SEAT]
+    column = seat - rows.parts[part, FIRST_ROW]
+    return float(
+        space.Rq[seat, column] if rows.parts[part, MATRIX] == 0 else space.Rz[seat, column]
+    )
+
+
+@njit(**INLINED)
 def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
     """Taylor coefficients of all rows of the tape at an instant, up to an order, in a table; OK, or
     what keeps the equations from being solved."""
@@ -398,9 +376,13 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
     n, nq, nz, nr, _, mq, mz, mr, nk = map(int, rows.sizes)
     nc = mq + mz + mr
     z = np.zeros
-    big = max(nq + mq, nz + mz)
+    widths = [
+        max((int(p[COORDINATES] + p[CONTACTS]) for p in rows.parts if p[MATRIX] == i), default=0)
+        for i in (0, 1)
+    ]
+    big = max(widths)
     guards = nk + 2 * nc + len(rows.doubtful) + 1
-    implicit = N // 2 * n
+    implicit = N // 2 * n if n <= MOST_IMPLICIT else 0
     W = z((table_rows, N + 1))
     V = z((table_rows, 2))
     W[n, 1] = V[n, 1] = 1.0
@@ -408,8 +390,8 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         W=W,
         V=V,
         mag=z(max(magnitudes, 1)),
-        Rq=z((nq + mq, nq + mq)),
-        Rz=z((nz + mz, nz + mz)),
+        Rq=z((nq + mq, widths[0])),
+        Rz=z((nz + mz, widths[1])),
         A=z((nr + 1, nr)),
         B=z((nr, nr)),
         G=z(2 * nr),
@@ -429,5 +411,6 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         pending=z((guards, N + 1)),
         labels=z((guards, 2), np.int64),
         known=np.ones(mq + mz + 1, np.int64),
+        asked=z(len(rows.parts) + 1, np.int64),
         stages=z((2 * implicit + 7, max(implicit, len(rows.watched), N // 2 + 1))),
     )

@@ -34,7 +34,7 @@ from stickslip.equations.codegen.program import (
     THIRD,
     Program,
 )
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import njit
 from stickslip.motion.steps.arrays import INLINED, OPTIONS, Flow
 from stickslip.symbolic.tape import Op
 
@@ -483,7 +483,7 @@ def side_operand(mode: int) -> int:
 
 @njit(**INLINED)
 def solve_discs(tape: DiscTape, i: int) -> None:
-    """Discs of R b."""
+    """Discs of R b, of one component."""
     code = tape.program.code
     W = tape.W
     discs = tape.discs
@@ -491,12 +491,14 @@ def solve_discs(tape: DiscTape, i: int) -> None:
     row = code[i, RESULT]
     right = code[i, FIRST]
     n = code[i, SIZE]
+    first = code[i, PLACE]
     for j in range(n):
         ball, off = 0.0, 0.0
         for k in range(n):
-            if R[j, k] != 0.0:
-                ball += abs(R[j, k]) * discs[right + k, BALL]
-                off += abs(R[j, k]) * discs[right + k, OFF]
+            weight = abs(R[first + j, k])
+            if weight != 0.0:
+                ball += weight * discs[right + k, BALL]
+                off += weight * discs[right + k, OFF]
         store(W, discs, row + j, ball, off, 0.0)
 
 

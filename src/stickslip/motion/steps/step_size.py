@@ -14,7 +14,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.program import OPERATION, RESULT
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import njit
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     EPSILON,

@@ -32,7 +32,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.codegen.generate import ORDERS
 from stickslip.equations.codegen.series import invert
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import njit
 from stickslip.motion.steps.arrays import (
     CAUSE,
     DIMENSION,
@@ -40,6 +40,7 @@ from stickslip.motion.steps.arrays import (
     IMPLICIT,
     INLINED,
     INT_ZERO,
+    MOST_IMPLICIT,
     OK,
     OPTIONS,
     ROUNDING,
@@ -208,7 +209,7 @@ def lingers(flow: Flow, lane: Lane, h: float, room: float) -> bool:
     """
     clock = lane.clock
     n = len(lane.y)
-    if not dear(n) * h < room:
+    if n > MOST_IMPLICIT or not dear(n) * h < room:
         return False
     settled = lane.counters[CAUSE] < 0 and calm(
         flow.space.W, n, flow.order, h, flow.tol, flow.atol, lane.seen
@@ -259,6 +260,7 @@ def follow_mode(
             continue
         if step == 0.0 or not (
             order == N
+            and n <= MOST_IMPLICIT
             and 0.0 < least < room
             and calm(flow.space.W, n, N, h, flow.tol, flow.atol, seen)
         ):

@@ -18,7 +18,7 @@ from stickslip.equations.codegen.program import (
     SIZE,
     THIRD,
 )
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import njit
 from stickslip.motion.steps.arrays import DIMENSION, INLINED, OPTIONS, Flow
 from stickslip.motion.steps.discs import (
     ENTRY,
@@ -120,7 +120,7 @@ def row_kind(flow: Flow, mode: Array, reg: Array, i: int) -> int:
         threshold = p.code[i, THIRD if mode[c] > 0 else FOURTH]
         kind = kinds[b] | kinds[threshold] if mode[c] != 0 else kinds[a]
     elif op in (SOLVE, RATES):
-        # Which component depends on which is not asked: it is all or nothing.
+        # Which row depends on which is not asked: all that is coupled is of one kind.
         for j in range(p.code[i, SIZE]):
             kind |= kinds[a + j]
         if op == RATES:

@@ -13,13 +13,12 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import StickslipError
 from stickslip.orbits.branches.halving import half_gap
-from stickslip.orbits.continuation.arclength import Point, Test, correct
+from stickslip.orbits.continuation.arclength import Outgrown, Point, Test, correct, curve_between
 from stickslip.orbits.cycles.cycle import Cycle, make_cycle
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import variation
 from stickslip.orbits.return_map.damped_newton import Closed, best_start, restarted, stations_for
 from stickslip.orbits.return_map.held import Held, held_positions, same_held
-from stickslip.orbits.return_map.multipliers import spectrum
 from stickslip.orbits.return_map.recurrence import segments, sizes_of
 from stickslip.orbits.return_map.shooting import Orbit, Shooting, follow_state, parameter_values
 
@@ -94,13 +93,13 @@ class Chart:
     shooting : Shooting
         With a free parameter.
     extent : Extent
-    orbits, cycles : dict
+    candidates, cycles : dict
         Orbits that were computed, and cycles that were looked at, by their unknowns.
     """
 
     shooting: Shooting
     extent: Extent
-    orbits: dict[bytes, Orbit] = field(default_factory=dict)
+    candidates: dict[bytes, Closed] = field(default_factory=dict)
     cycles: dict[bytes, Cycle] = field(default_factory=dict)
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
@@ -110,14 +109,14 @@ class Chart:
 
     def orbit(self, x: Array) -> Orbit:
         """The orbit of some unknowns."""
-        key = x.tobytes()
-        if key not in self.orbits:
-            self.orbits[key] = self.shooting.orbit(x)
-        return self.orbits[key]
+        return self.closed(x).orbit
 
     def closed(self, x: Array) -> Closed:
         """The cycle of some unknowns."""
-        return Closed(self.shooting, self.orbit(x))
+        key = x.tobytes()
+        if key not in self.candidates:
+            self.candidates[key] = Closed(self.shooting, self.shooting.orbit(x))
+        return self.candidates[key]
 
     def scale(self, x: Array) -> Array:
         """Units of the unknowns."""
@@ -130,12 +129,21 @@ class Chart:
             self.cycles[key] = make_cycle(self.closed(x))
         return self.cycles[key]
 
-    def along(self, start: Point, distance: float, tolerance: float) -> Array:
-        """Unknowns at a distance from a point, measured along its tangent."""
+    def along(self, start: Point, distance: float, tolerance: float, near: Array) -> Array:
+        """Unknowns at a distance from a point, measured along its tangent; they are near some
+        others."""
+        units, tangent = self._ahead(start)
+        return correct(self, start.x + units * tangent * distance, units, tangent, tolerance, near)
+
+    def bent(self, start: Point, end: Point, distance: float) -> Array:
+        """About where the curve is at a distance from a point, on the way to another one."""
+        return curve_between(start, end, *self._ahead(start), distance)
+
+    def _ahead(self, start: Point) -> tuple[Array, Array]:
+        """Units at a point, and its tangent in these."""
         units = self.scale(start.x)
         tangent = start.tangent / units
-        tangent /= np.linalg.norm(tangent)
-        return correct(self, start.x + units * tangent * distance, units, tangent, tolerance)
+        return units, tangent / np.linalg.norm(tangent)
 
     def resting_as(self, motion: Trajectory) -> Chart:
         """The same coordinates for cycles on which the same contacts stick throughout as in a
@@ -178,16 +186,17 @@ class Chart:
 
     def tests(self, x: Array, tangent: Array) -> Mapping[Test, float]:
         """Test functions of special points, and of what ends a branch."""
-        orbit = self.orbit(x)
+        closed = self.closed(x)
+        orbit = closed.orbit
         self.check(orbit)
         slope = float(tangent[-1] / self.scale(x)[-1])
         extent = self.extent
-        amplitude = extent.amplitude(self.closed(x))
+        amplitude = extent.amplitude(closed)
         return {
             "fold": slope,
-            **spectral_tests(spectrum(self.shooting, orbit).others, slope),
+            **spectral_tests(closed.spectrum.others, slope),
             "amplitude": amplitude / extent.least - 1.0,
-            "halving": half_gap(self.closed(x)) / extent.halved - 1.0,
+            "halving": half_gap(closed) / extent.halved - 1.0,
             "growth": 1.0 - amplitude / extent.largest,
             "period": 1.0 - orbit.period / (_UNBOUNDED * extent.period),
             "carried": self.carried(x, tangent),
@@ -199,7 +208,9 @@ class Chart:
         Raises
         ------
         OutOfChart
-            If it is not.
+            If it is not: it begins or ends in another mode.
+        Outgrown
+            If it needs another chart.
         """
         shooting = self.shooting
         for station, leg in zip(shooting.stations, orbit.legs, strict=True):
@@ -210,7 +221,7 @@ class Chart:
         if shooting.miss(orbit) > NOT_CLOSED:
             raise OutOfChart("the cycle ends in another mode than it starts in")
         if np.max(np.abs(orbit.x[: shooting.time]), initial=0.0) > _FAR:
-            raise OutOfChart("the cycle has left its chart")
+            raise Outgrown("the cycle has left its chart")
         if shooting.symmetry.frame is not None:
             place = orbit.legs[0].place
             station = shooting.stations[0]
@@ -220,16 +231,18 @@ class Chart:
             )
             motion = station.chart @ rate
             if not shooting.fixed[0] @ motion >= _SLANTED * np.linalg.norm(motion):
-                raise OutOfChart("the motion runs along its section")
+                raise Outgrown("the motion runs along its section")
 
 
 def first_chart(closed: Closed, pieces: Pieces, extent: Extent) -> tuple[Chart, Array]:
     """A chart around a cycle, with the free parameter of the pieces, and its unknowns."""
     problem = closed.orbit.problem
-    # A closed form is made for one set of parameters; here every motion has its own.
-    general = replace(problem, exact=False)
-    shooting = closed.shooting.with_pieces(pieces, general)
     assert pieces.free is not None
+    # A closed form is made for one set of parameters; here every motion has its own.
+    boxes = {name: (value, value) for name, value in problem.parameters.items()}
+    boxes[pieces.free] = (extent.low, extent.high)
+    general = replace(problem, exact=False, boxes=boxes)
+    shooting = closed.shooting.with_pieces(pieces, general)
     orbit = shooting.orbit(np.append(closed.orbit.x, problem.parameters[pieces.free]))
     new, x = restarted(shooting, orbit, len(shooting.stations), chart_sizes(closed, extent))
     return Chart(new, extent), x

@@ -3,9 +3,11 @@ equilibria."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import combinations
+from functools import cache
+from itertools import combinations, groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,11 +36,17 @@ from stickslip.orbits.continuation.driver import (
     follow_branch,
     joined,
 )
-from stickslip.orbits.equilibria.certificate import certify_equilibrium
+from stickslip.orbits.equilibria.certificate import certify_equilibria, certify_equilibrium
 from stickslip.orbits.equilibria.equilibrium import Equilibrium, decays, describe_guard
 from stickslip.orbits.equilibria.finding import autonomous, checked_values, equilibria
 from stickslip.orbits.equilibria.normal_form import Derivatives, hopf
-from stickslip.orbits.fields.steady import Array, ResidualFunction, Steady, invariant_directions
+from stickslip.orbits.fields.steady import (
+    Array,
+    ResidualFunction,
+    Steady,
+    invariant_directions,
+    rightmost_first,
+)
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
@@ -179,10 +187,12 @@ def _distance(e: Equilibrium, near: Mapping[str, float]) -> float:
 
 @dataclass(frozen=True)
 class _Piece:
-    """A part of a branch within one mode and region."""
+    """A part of a branch within one mode and region, with the certificates of its points and by how
+    much their eigenvalues may be wrong."""
 
     steady: Steady
     path: Path
+    certified: list[tuple[Certificate, float]]
 
 
 @dataclass(frozen=True)
@@ -194,6 +204,7 @@ class _Station:
     point: Point
     kinds: tuple[Test, ...]
     note: str
+    certified: tuple[Certificate, float]
 
 
 class _Follower:
@@ -228,7 +239,11 @@ class _Follower:
         pieces: list[_Piece] = []
 
         def onward(start: Start[Steady], path: Path) -> Start[Steady] | Ending:
-            piece = _Piece(start.of, path)
+            certified = self._certified(start.of, path)
+            if start.problem.accept is None and not all(_solved(found) for found, _ in certified):
+                # Then every point is measured before the next one is looked for.
+                return self._start(start.of, start.x, start.towards, careful=True)
+            piece = _Piece(start.of, path, certified)
             pieces.append(piece)
             guard = self._guard_that_ended(piece)
             end = path.points[-1]
@@ -249,7 +264,16 @@ class _Follower:
     def _steady(self, mode: tuple[int, ...], region: tuple[int, ...], origin: Array) -> Steady:
         return Steady(mode_field(self.eq, mode, region), self.values, self.invariant, origin)
 
-    def _start(self, steady: Steady, x: Array, towards: Array) -> Start[Steady]:
+    def _certified(self, steady: Steady, path: Path) -> list[tuple[Certificate, float]]:
+        """Certificates of the points of a path, each with the one before it beside it."""
+        points = np.array([self._point(steady, point.x) for point in path.points]).T
+        beside = np.roll(points, 1, axis=1)
+        beside[:, 0] = points[:, min(1, points.shape[1] - 1)]
+        return certify_equilibria(steady, points, beside)
+
+    def _start(
+        self, steady: Steady, x: Array, towards: Array, careful: bool = False
+    ) -> Start[Steady]:
         """The part of the branch in one mode."""
         floor = steady.units(x, {self.parameter: self.span})
         problem = CurveProblem(
@@ -258,12 +282,12 @@ class _Follower:
             lambda x, tangent: self._tests(steady, x, tangent),
             dict.fromkeys(range(len(steady.field.guards)), "boundary equilibrium"),
             ranges({self.parameter: self.span}),
-            lambda last, new: self._accept(steady, last, new),
+            (lambda last, new: self._accept(steady, last, new)) if careful else None,
         )
         return Start(steady, problem, x, towards, self.steps)
 
     def _accept(self, steady: Steady, last: Point, new: Point) -> None:
-        """See that a point is a certified equilibrium; its guards are test functions.
+        """See that a point is a certified equilibrium.
 
         Raises
         ------
@@ -273,12 +297,15 @@ class _Follower:
         found = certify_equilibrium(
             steady, self._point(steady, new.x), beside=self._point(steady, last.x)
         )[0]
-        if not found["equations"].ok or not found["eigenvalues"].ok:
+        if not _solved(found):
             raise Lost(f"the next equilibrium is {found.verdict}")
 
     def _scale(self, x: Array, floor: Array) -> Array:
         # The root of their number, so that the state as a whole counts as much as the parameter.
-        return np.append(np.sqrt(len(floor)) * np.maximum(np.abs(x[:-1]), floor), self.width)
+        units = np.empty(len(x))
+        units[:-1] = math.sqrt(len(floor)) * np.maximum(np.abs(x[:-1]), floor)
+        units[-1] = self.width
+        return units
 
     def _point(self, steady: Steady, x: Array) -> Array:
         return steady.point(x[:-1], {self.parameter: x[-1]})
@@ -356,13 +383,7 @@ class _Follower:
             for kind in station.kinds
             for s in self._special(station, kind, i)
         ]
-        beside = [stations[max(i - 1, 0)].point.x for i in range(len(stations))]
-        certified = [
-            certify_equilibrium(
-                s.steady, self._point(s.steady, s.point.x), "", self._point(s.steady, x)
-            )
-            for s, x in zip(stations, beside, strict=True)
-        ]
+        certified = [s.certified for s in stations]
         points = self._dataset(system, stations, certified)
         within = in_range(ranges({self.parameter: self.span}), [s.point.x for s in stations])
         found = worst([found for found, _ in certified])
@@ -392,7 +413,7 @@ class _Follower:
                     "branch point" in kinds.get(j, ()) for j in (i - 1, i, i + 1)
                 ):
                     names.remove("fold")  # where branches cross, one of them may turn
-                found.append(_Station(piece.steady, point, tuple(names), note))
+                found.append(_Station(piece.steady, point, tuple(names), note, piece.certified[i]))
         return found
 
     def _boundary_note(self, piece: _Piece, onward: list[_Piece]) -> str:
@@ -470,7 +491,7 @@ class _Follower:
         from stickslip.model.quantities import contact_key
 
         points = [self._point(s.steady, s.point.x) for s in stations]
-        spectra = [s.steady.eigenvalues(p) for s, p in zip(stations, points, strict=True)]
+        spectra = [each for part in _by_steady(stations) for each in self._spectra(part)]
         drifts = np.array([s.steady.drift(p) for s, p in zip(stations, points, strict=True)])
         margin, defect = self._certificates(stations, points)
         errors = np.array([error for _, error in certified])
@@ -513,6 +534,13 @@ class _Follower:
             data[f"drift_{state[i]}"] = ("point", drifts[:, i])
         return xr.Dataset(data, attrs={"title": system.title or system.name, "kind": "equilibria"})
 
+    def _spectra(self, stations: list[_Station]) -> Array:
+        """Eigenvalues at stations in one mode, the rightmost first, shape (stations,
+        eigenvalues)."""
+        steady = stations[0].steady
+        points = np.array([self._point(steady, s.point.x) for s in stations]).T
+        return rightmost_first(np.linalg.eigvals(steady.linearisations(points)))
+
     @staticmethod
     def _certificates(stations: list[_Station], points: list[Array]) -> tuple[Array, Array]:
         """Least guard, and violation of the equations, of every point."""
@@ -528,9 +556,24 @@ class _Follower:
         return margin, defect
 
 
+@cache
+def _pairs(count: int) -> tuple[Array, Array]:
+    return np.triu_indices(count, 1)
+
+
+def _by_steady(stations: list[_Station]) -> list[list[_Station]]:
+    """Stations that follow each other in one mode."""
+    return [list(part) for _, part in groupby(stations, key=lambda station: id(station.steady))]
+
+
+def _solved(found: Certificate) -> bool:
+    """Whether the equations are solved and the eigenvalues known; guards are test functions."""
+    return found["equations"].ok and found["eigenvalues"].ok
+
+
 def hopf_test(eigenvalues: Array) -> float:
     """A number that changes its sign where the sum of two eigenvalues vanishes."""
-    first, second = np.triu_indices(len(eigenvalues), 1)
+    first, second = _pairs(len(eigenvalues))
     sums = eigenvalues[first] + eigenvalues[second]
     sizes = np.abs(eigenvalues[first]) + np.abs(eigenvalues[second])
     # Sums that vanish identically, as without damping, are left at zero: their rounding has no sign

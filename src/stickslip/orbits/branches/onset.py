@@ -18,7 +18,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.orbits.fields.mode_field import Piece, Pieces
-from stickslip.orbits.return_map.mode_sequence import dips, holding
+from stickslip.orbits.return_map.mode_sequence import at_nodes, dips, holding
 from stickslip.orbits.return_map.recurrence import segments
 
 if TYPE_CHECKING:
@@ -76,9 +76,10 @@ def _touching(motion: Trajectory, pieces: Pieces, contact: int) -> list[float]:
     p = _numbers(motion)
     switch = k.region.shape[1] + contact
     margins = []
+    looks = at_nodes(motion)
     for a, b in segments(k):
         if k.mode[a, contact] != 0:
-            low = dips(motion, pieces(k.mode[a], k.region[a]), a, b, p)
+            low = dips(motion, pieces(k.mode[a], k.region[a]), a, b, p, looks)
             margins += [dip.refined() for dip in low if dip.switch == switch]
     for (a, b), begin in _sticks(motion, contact, 1):
         margins.append(_depth(motion, pieces(k.mode[a], k.region[a]), (a, b), begin, switch))

@@ -3,7 +3,10 @@ points."""
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +26,7 @@ from stickslip.orbits.continuation.arclength import (
     ranges,
 )
 from stickslip.orbits.return_map.mode_sequence import Sequence, change_of, nearest_change, sequence
+from stickslip.orbits.return_map.recurrence import SHORTEST
 
 if TYPE_CHECKING:
     import xarray
@@ -37,6 +41,10 @@ _MOST_CHANGES = 8  # located within one step
 _TOUCHES = 1e-11  # a margin this small is zero
 _TOGETHER = 1e-6  # changes that are nearer to each other are one
 NOT_SMOOTH = "not smooth: the sequence changes there"  # of a fold
+_MOST_LOOKS = 100  # for one change
+_STALLED = 3  # looks without a smaller margin, after which it is what a phase may last uncounted
+_NEARBY = 0.1  # a cycle this near, as a part of the step, says more than the ends of the step
+_CLOSE = 1e-13  # a change is enclosed to this length
 _FINE = 1e-11  # corrector's tolerance where a change is located
 APART = 0.3  # neighbours on a branch are at most so far from each other …
 TWICE = 1e-10  # … and at least so far: nearer ones are one
@@ -89,7 +97,7 @@ class _Finder:
         if distance not in self.seen:
             whole = self.b.length - self.a.length
             ends = {0.0: self.a.x, whole: self.b.x}
-            x = ends[distance] if distance in ends else self.chart.along(self.a, distance, _FINE)
+            x = ends[distance] if distance in ends else self._at(distance)
             motion = self.chart.orbit(x).motion
             order = sequence(motion)
             margin = nearest_change(motion, self.chart.shooting.pieces)
@@ -97,19 +105,117 @@ class _Finder:
             self.seen[distance] = x, order, margin if order == self.here else -margin
         return self.seen[distance][2]
 
+    def _at(self, distance: float) -> Array:
+        """Unknowns at a distance, from those nearest to it that are known."""
+        start = None
+        if len(self.seen) > 1:
+            p, q = sorted(self.seen, key=lambda other: abs(other - distance))[:2]
+            if abs(p - distance) <= _NEARBY * (self.b.length - self.a.length):
+                there = self.seen[q][0] - self.seen[p][0]
+                start = self.seen[p][0] + there * ((distance - p) / (q - p))
+        if start is None:
+            start = self.chart.bent(self.a, self.b, distance)
+        return self.chart.along(self.a, distance, _FINE, start)
+
     def first_change(self, low: float, high: float) -> tuple[Array, float, Sequence]:
         """Unknowns at the change, a distance just beyond it, and the sequence there."""
-        from scipy.optimize import brentq
-
-        self(low)
-        self(high)
-        try:
-            brentq(self, low, high, xtol=1e-13, maxiter=60)
-        except (Lost, RuntimeError, ValueError, *NOT_DEFINED):
-            pass  # what was found so far encloses the change
+        with suppress(Lost, RuntimeError, ValueError, *NOT_DEFINED):
+            # What was found before something fails encloses the change.
+            self._enclose(low, high)
         beyond = min(s for s, (_, order, _) in self.seen.items() if order != self.here)
         x = min(self.seen.values(), key=lambda entry: abs(entry[2]))[0]
         return x, beyond, self.seen[beyond][1]
+
+    def _enclose(self, low: float, high: float) -> None:
+        """Look nearer and nearer to the change.
+
+        On one side of it the margin goes to zero, linearly or as a square root; on the other one
+        there may be quite another margin. So the zero is looked for from one side, and overstepped
+        by as much as it may be off. Where a phase is too short to be counted it is gone a little
+        early.
+        """
+        sides = _Approach(low, self(low)), _Approach(high, self(high))
+        halved = high - low
+        least = math.inf
+        stalled = 0
+        for look in range(_MOST_LOOKS):
+            ends = [side.end for side in sides]
+            width = ends[1] - ends[0]
+            nearest = min(side.margin for side in sides)
+            if not nearest > 0.0 or width <= _CLOSE:
+                return
+            inside = [side for side in sides if ends[0] < side.expected < ends[1]]
+            outside = all(abs(side.expected - end) > width for side in sides for end in ends)
+            gone = outside or (stalled >= _STALLED and width <= _TOGETHER)
+            if nearest <= 2.0 * SHORTEST and gone:
+                return
+            trial = inside[0].trial(width) if inside else math.nan
+            if look % 3 == 2:
+                # What does not halve within three looks is halved.
+                trial = trial if width <= 0.5 * halved else math.nan
+                halved = width
+            if not ends[0] < trial < ends[1]:
+                trial = 0.5 * (ends[0] + ends[1])
+            value = self(trial)
+            beyond = bool(value < 0.0)
+            if beyond and self.seen[trial][1] != self.seen[ends[1]][1]:
+                sides = sides[0], _Approach(trial, value)
+            else:
+                sides[beyond].look(trial, value)
+            if abs(value) <= 2.0 * SHORTEST:
+                stalled = stalled + 1 if abs(value) > 0.5 * least else 0
+                least = min(least, abs(value))
+
+
+class _Approach:
+    """What is known of a margin on one side of where it vanishes.
+
+    Attributes
+    ----------
+    end : float
+        The nearest place.
+    margin : float
+        Its modulus there.
+    expected : float
+        Where it will vanish; infinite if it does not fall.
+    """
+
+    def __init__(self, at: float, value: float) -> None:
+        self._points: list[tuple[float, float]] = []
+        self.expected = math.inf
+        self.look(at, value)
+
+    def look(self, at: float, value: float) -> None:
+        """One more place, nearer than those before."""
+        self.end: float = at
+        self.margin: float = abs(value)
+        self._points = [*self._points[-2:], (self.margin, at)]
+        before, self.expected = self.expected, _vanishes_at(self._points)
+        self._error = abs(self.expected - before)
+
+    def trial(self, width: float) -> float:
+        """Where to look next: where it will vanish, or beyond if that is near."""
+        off = self.expected - self.end
+        error = self._error if self._error < width else 0.0
+        if abs(off) > error:
+            return self.expected
+        return self.expected + math.copysign(4.0 * max(error, _CLOSE), off)
+
+
+def _vanishes_at(points: list[tuple[float, float]]) -> float:
+    """Where a value vanishes that is known at some places, by interpolation of the place; infinite
+    if it does not fall."""
+    if any(later[0] >= earlier[0] for earlier, later in itertools.pairwise(points)):
+        points = points[-2:] if points[-1][0] < points[-2][0] else []
+    if len(points) < 2:
+        return math.inf
+    place = 0.0
+    for i, (value, at) in enumerate(points):
+        weight = 1.0
+        for j, (other, _) in enumerate(points):
+            weight *= other / (other - value) if j != i else 1.0
+        place += weight * at
+    return place
 
 
 def is_flat(path: Path, crossing: Crossing) -> bool:

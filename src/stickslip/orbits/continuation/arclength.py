@@ -35,6 +35,9 @@ _BRIDGE = 1e-2  # part of the first step over which the orientation of the curve
 NOT_DEFINED = (ArithmeticError, StickslipError, np.linalg.LinAlgError)
 """What the equations may raise where they are not defined; the step is then shortened."""
 _RESOLVED = 100.0  # a step this much longer than the corrector's tolerance has a direction
+# a test function that is this small, relative to its values at the ends of a step, and has not
+# shrunk by the second part for a few looks, is rounding
+_SMALL, _SHRINKS, _LOOKS = 1e-9, 0.1, 3
 
 
 class Stop(Enum):
@@ -164,16 +167,25 @@ class Path:
     ended: Ending = INTERRUPTED
 
 
-class _NoValue(Exception):
-    """A test function is not defined at a point."""
+class _Found(Exception):
+    """A zero is known as well as it can be."""
 
 
 class Lost(Exception):
     """The corrector does not converge; the message says why."""
 
 
+class Outgrown(StickslipError):
+    """The unknowns no longer suit the curve: it goes on in others."""
+
+
 def correct(
-    equations: FunctionAndJacobian, guess: Array, scale: Array, tangent: Array, tolerance: float
+    equations: FunctionAndJacobian,
+    guess: Array,
+    scale: Array,
+    tangent: Array,
+    tolerance: float,
+    start: Array | None = None,
 ) -> Array:
     """Newton's method on F(x) = 0 and ⟨tangent, (x − guess)/scale⟩ = 0.
 
@@ -185,6 +197,8 @@ def correct(
         Where to start, units of the unknowns, and a direction in these units.
     tolerance : float
         Of the last step, in the norm of these units.
+    start : array, shape (n,), optional
+        Where to start, if that is known better.
 
     Returns
     -------
@@ -195,7 +209,7 @@ def correct(
     Lost
         If it does not converge.
     """
-    x = guess
+    x = guess if start is None else start
     last = np.inf
     for _ in range(12):
         try:
@@ -255,6 +269,29 @@ def correct_at(
     along = np.zeros(len(guess))
     along[component] = 1.0
     return kept(correct(lambda x: equations(kept(x)), kept(guess), scale, along, tolerance))
+
+
+def curve_between(a: Point, b: Point, scale: Array, tangent: Array, along: float) -> Array:
+    """The curve through two points with their tangents (a cubic), where it is at a distance from
+    the first one, measured along a direction; beyond them, too.
+
+    Parameters
+    ----------
+    a, b : Point
+    scale, tangent : array, shape (n,)
+        Units of the unknowns, and the direction in these units.
+    along : float
+
+    Returns
+    -------
+    array, shape (n,)
+    """
+    chord = b.x - a.x
+    length = float(tangent @ (chord / scale))
+    first, last = (point.tangent / (tangent @ (point.tangent / scale)) for point in (a, b))
+    s = along / length
+    bent = (1.0 - s) * (first * length - chord) - s * (last * length - chord)
+    return a.x + s * chord + s * (1.0 - s) * bent
 
 
 def direction(
@@ -371,13 +408,16 @@ class _Tracer:
         tangent = tangent * self.scale(x)
         return Point(x, tangent, length, dict(self.tests(x, tangent)), orientation)
 
-    def step(self, last: Point, along: float, limit: Limit | None = None) -> Point:
+    def step(
+        self, last: Point, along: float, limit: Limit | None = None, other: Point | None = None
+    ) -> Point:
         """The point at a distance along the tangent; or that at a limit, which is there by the
-        tangent."""
+        tangent. `other` is another point of the curve, through which it is bent."""
         units, tangent = self._tangent(last)
         guess = last.x + units * tangent * along
         if limit is None:
-            x = correct(self.equations, guess, units, tangent, self.steps.tolerance)
+            start = guess if other is None else self._bent(last, other, along)
+            x = correct(self.equations, guess, units, tangent, self.steps.tolerance, start)
         else:
             x = correct_at(
                 self.equations, guess, units, limit.component, limit.value, self.steps.tolerance
@@ -387,6 +427,15 @@ class _Tracer:
         return self.point(
             x, *direction(self.equations, x, there, last.tangent / there), last.length + along
         )
+
+    def _bent(self, last: Point, other: Point, along: float) -> Array:
+        """Where the curve through two points is, if that is near the tangent and in the range."""
+        units, tangent = self._tangent(last)
+        straight = last.x + units * tangent * along
+        bent = curve_between(last, other, units, tangent, along)
+        near = np.linalg.norm((bent - straight) / units) <= self.steps.turn * along
+        inside = all(limit.room(bent) >= 0.0 for limit in self.limits.values())
+        return bent if near and inside else straight
 
     def _tangent(self, last: Point) -> tuple[Array, Array]:
         units = self.scale(last.x)
@@ -404,7 +453,7 @@ class _Tracer:
             if step < self.steps.smallest:
                 return Ending(Stop.LOST, failure or "the step became too small"), step
             try:
-                new, reached = self._within(last, step)
+                new, reached = self._within(path, step)
                 bend = self._bend(last, new)
                 # The orientation changes where another branch crosses; with a short step it is
                 # that, and no jump over a gap between two curves.
@@ -415,6 +464,10 @@ class _Tracer:
                     crossings = self._crossings(last, new)
                     break
                 failure = "the curve turns too sharply"
+            except Outgrown as problem:
+                if len(path.points) > 1:
+                    return Ending(Stop.LIMIT, str(problem)), step
+                failure = f"no solution was found further on ({problem})"
             except (Lost, *NOT_DEFINED) as problem:
                 failure = f"no solution was found further on ({problem})"
             step *= 0.5
@@ -444,8 +497,10 @@ class _Tracer:
                 return name
         return ""
 
-    def _within(self, last: Point, step: float) -> tuple[Point, str]:
+    def _within(self, path: Path, step: float) -> tuple[Point, str]:
         """The next point, and the limit that it stands on, if a step leads there or beyond."""
+        last = path.points[-1]
+        before = path.points[-2] if len(path.points) > 1 else None
         units, tangent = self._tangent(last)
         ahead = [
             (self._distance(limit, last.x, units * tangent), name)
@@ -454,7 +509,7 @@ class _Tracer:
         distance, name = min(ahead, default=(np.inf, ""))
         if distance <= step:
             return self._inside(self.step(last, distance, self.limits[name])), name
-        new = self.step(last, step)
+        new = self.step(last, step, other=before)
         beyond = [name for name, limit in self.limits.items() if limit.room(new.x) < 0.0]
         if beyond:
             limit = self.limits[beyond[0]]
@@ -524,25 +579,34 @@ class _Tracer:
     def _locate(self, name: Test, last: Point, new: Point) -> Point:
         """The point of a step at which a test function vanishes, or jumps from one sign to the
         other."""
-        from scipy.optimize import brentq
+        from scipy.optimize import toms748
 
         distance = new.length - last.length
         known = {0.0: last, distance: new}
+        size = max(abs(last.tests[name]), abs(new.tests[name]))
+        least = size
+        stalled = 0
 
         def value(along: float) -> float:
-            if along not in known:
-                point = self.step(last, along)
-                if self._bend(last, point) > self.steps.turn:
-                    raise Lost("the curve turns too sharply")
-                known[along] = point
-            if not np.isfinite(known[along].tests[name]):
-                raise _NoValue
-            return known[along].tests[name]
+            nonlocal least, stalled
+            if along in known:
+                return known[along].tests[name]
+            point = self.step(last, along, other=new)
+            if self._bend(last, point) > self.steps.turn:
+                raise Lost("the curve turns too sharply")
+            known[along] = point
+            found = point.tests[name]
+            stalled = stalled + 1 if abs(found) > _SHRINKS * least else 0
+            least = min(least, abs(found))
+            if not np.isfinite(found) or (least <= _SMALL * size and stalled == _LOOKS):
+                raise _Found
+            return found
 
         # Where it jumps, or is no number in between, the nearest point is the answer.
-        with suppress(_NoValue):
-            brentq(value, 0.0, distance, xtol=1e-15 * distance, maxiter=100, disp=False)
-        return min(known.values(), key=lambda point: abs(point.tests[name]))
+        with suppress(_Found):
+            toms748(value, 0.0, distance, xtol=1e-15 * distance, maxiter=100, disp=False)
+        finite = [point for point in known.values() if np.isfinite(point.tests[name])]
+        return min(finite, key=lambda point: abs(point.tests[name]))
 
 
 def _angle(u: Array, v: Array) -> float:

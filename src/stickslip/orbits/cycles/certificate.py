@@ -16,7 +16,7 @@ from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual
 from stickslip.errors import StickslipError
 from stickslip.orbits.cycles.period import same, shorter
-from stickslip.orbits.fields.variational import TOGETHER
+from stickslip.orbits.fields.engine.variations import TOGETHER
 from stickslip.orbits.return_map.damped_newton import CLOSED, Closed, largest_growth
 from stickslip.orbits.return_map.mode_sequence import Sequence, sequence
 from stickslip.orbits.return_map.shooting import follow_state, parameter_values

@@ -10,16 +10,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.orbits.fields.engine.variations import TOGETHER
 from stickslip.orbits.fields.mode_field import Pieces
-from stickslip.orbits.fields.variational import TOGETHER, variation
+from stickslip.orbits.fields.variational import variation
 from stickslip.orbits.return_map.recurrence import stretch
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
-_STEPS = 128  # of the motion between two normalisations
-_MOST = 128  # stretches that are looked at, from the end
+_STEPS = 64  # of the motion between two normalisations
+_MOST = 256  # stretches that are looked at, from the end
 _BLOCKS = 8  # parts of the motion whose exponents are compared
 _CERTAIN = 3.0  # standard errors by which an exponent is positive
 

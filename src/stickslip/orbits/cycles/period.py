@@ -33,11 +33,12 @@ def shorter(closed: Closed) -> dict[int, float]:
     drive; or those up to the number of times that a component has a maximum.
     """
     sizes = closed.shooting.setting.sizes
-    misses = {}
-    for p in _primes(_rounds(closed)):
-        start, later = closed.samples(p)[:2]
-        misses[p] = float(np.linalg.norm((later - start) / sizes))
-    return misses
+    primes = list(_primes(_rounds(closed)))
+    if not primes:
+        return {}
+    start, *later = closed.states_at(np.array([0.0, *(1.0 / p for p in primes)]))
+    misses = (float(np.linalg.norm((state - start) / sizes)) for state in later)
+    return dict(zip(primes, misses, strict=True))
 
 
 def same(closed: Closed) -> float:
@@ -86,7 +87,7 @@ def _turning_points(closed: Closed) -> int:
     shift = closed.orbit.shift
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
     times = np.linspace(k.time[steps], k.time[steps + 1], _SAMPLES, endpoint=False, axis=1).ravel()
-    states = closed.orbit.motion._sample(times, np.repeat(steps, _SAMPLES))[:, : len(shift)]
+    states = closed.orbit.motion._states_at(times, np.repeat(steps, _SAMPLES))
     home = (
         states - np.outer((times - k.time[0]) / closed.orbit.period, shift)
     ) / closed.shooting.setting.sizes

@@ -48,53 +48,76 @@ def certify_equilibrium(
     float
         By how much the eigenvalues may be wrong.
     """
-    sizes = steady.sizes(
-        point[:, None], None if beside is None else np.column_stack([point, beside])
-    )
-    margin = float(np.min(sizes.margins[0], initial=1.0))
-    error, terms = eigenvalue_error(steady, point, sizes.state[0])
-    residuals = (
-        Residual("equations", float(sizes.defect[0]), SOLVED, note="of their terms"),
-        Residual("nearest guard", margin, -ON_BOUNDARY, least=True, note=nearest),
-        Residual(
-            "eigenvalues",
-            error / terms if terms > 0.0 else error,
-            _KNOWN,
-            note="of the Jacobian's terms",
-        ),
-    )
-    return Certificate(residuals), error
+    other = point if beside is None else beside
+    return certify_equilibria(steady, point[:, None], other[:, None], nearest)[0]
 
 
-def eigenvalue_error(steady: Steady, point: Array, sizes: Array) -> tuple[float, float]:
-    """By how much the eigenvalues at an equilibrium may be wrong, and how large the terms of the
-    Jacobian are.
+def certify_equilibria(
+    steady: Steady, points: Array, beside: Array, nearest: str = ""
+) -> list[tuple[Certificate, float]]:
+    """Measure many equilibria of one mode; see :func:`certify_equilibrium`.
 
-    The Jacobian is known to the rounding of its terms: its own size, and what it changes by with
-    the state.
+    Parameters
+    ----------
+    steady : Steady
+    points, beside : array, shape (states + parameters, points)
+    nearest : str
     """
-    J = steady.linearisation(point)
-    if not J.size:
-        return 0.0, 0.0
-    terms = float(np.linalg.norm(J))
-    for i, size in enumerate(sizes):
-        moved = point.copy()
-        moved[i] += _NEARBY * size
-        if moved[i] > point[i]:
-            terms += (
-                float(np.linalg.norm(steady.linearisation(moved) - J))
-                / (moved[i] - point[i])
-                * size
-            )
+    sizes = steady.sizes_beside(points, beside)
+    margins = np.min(sizes.margins, axis=1, initial=1.0)
+    errors, terms = eigenvalue_errors(steady, points, sizes.state)
+    parts = np.where(terms > 0.0, errors / np.where(terms > 0.0, terms, 1.0), errors)
+    return [
+        (
+            Certificate(
+                (
+                    Residual("equations", float(defect), SOLVED, note="of their terms"),
+                    Residual(
+                        "nearest guard", float(margin), -ON_BOUNDARY, least=True, note=nearest
+                    ),
+                    Residual("eigenvalues", float(part), _KNOWN, note="of the Jacobian's terms"),
+                )
+            ),
+            float(error),
+        )
+        for defect, margin, part, error in zip(sizes.defect, margins, parts, errors, strict=True)
+    ]
+
+
+def eigenvalue_errors(steady: Steady, points: Array, sizes: Array) -> tuple[Array, Array]:
+    """By how much the eigenvalues at equilibria may be wrong, and how large the terms of the
+    Jacobians are, shapes (points,).
+
+    A Jacobian is known to the rounding of its terms: its own size, and what it changes by with the
+    state.
+    """
+    n = sizes.shape[1]
+    count = points.shape[1]
+    moved = np.repeat(points[:, :, None], 1 + n, axis=2)
+    for i in range(n):
+        moved[i, :, 1 + i] += _NEARBY * sizes[:, i]
+    found = steady.linearisations(moved.reshape(len(points), -1))
+    J = found.reshape(count, 1 + n, *found.shape[1:])
+    m = J.shape[-1]
+    if m == 0:
+        return np.zeros(count), np.zeros(count)
+    norms = np.linalg.norm(J - J[:, :1], axis=(2, 3))
+    terms = np.linalg.norm(J[:, 0], axis=(1, 2))
+    for i in range(n):
+        change = moved[i, :, 1 + i] - points[i]
+        terms += (
+            np.where(change > 0.0, norms[:, 1 + i] / np.where(change > 0.0, change, 1.0), 0.0)
+            * (sizes[:, i])
+        )
     error = _ROUNDING * terms
-    n = len(J)
     # Bauer and Fike's bound is useless near a defective matrix, Elsner's for large n (R. Bhatia,
     # *Matrix Analysis*, 1997, chapter VIII).
-    bauer_fike = np.linalg.cond(np.linalg.eig(J)[1]) * error
-    elsner = (2.0 * np.linalg.norm(J, 2) + error) ** (1.0 - 1.0 / n) * error ** (1.0 / n)
-    return min(
-        (float(b) for b in (bauer_fike, elsner) if np.isfinite(b)), default=float("inf")
-    ), terms
+    with np.errstate(all="ignore"):
+        bauer_fike = np.linalg.cond(np.linalg.eig(J[:, 0])[1]) * error
+        spectral = np.linalg.norm(J[:, 0], 2, axis=(1, 2))
+        elsner = (2.0 * spectral + error) ** (1.0 - 1.0 / m) * error ** (1.0 / m)
+    bounds = np.array([bauer_fike, elsner])
+    return np.min(np.where(np.isfinite(bounds), bounds, np.inf), axis=0), terms
 
 
 def certify_set(conditions: Conditions, centre: Array) -> Certificate:

@@ -3,42 +3,18 @@ and region."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Field, mode_field
+from stickslip.orbits.fields.engine.variations import Leave, Listed
+from stickslip.orbits.fields.instructions import Listing, PointFunction, packed
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-
-
-@dataclass(frozen=True)
-class Leaving:
-    """The guards of a piece at a point where the motion may leave it.
-
-    Attributes
-    ----------
-    rates : array, shape (states,)
-        The field f.
-    value : array, shape (guards,)
-    slopes : array, shape (guards, columns)
-        Derivatives with respect to the state and the free parameter.
-    fall : array, shape (guards,)
-        Rates g_t + ∇g·f along the motion.
-    terms : array, shape (guards,)
-        Sum of the moduli of the terms of the rates.
-    """
-
-    rates: Array
-    value: Array
-    slopes: Array
-    fall: Array
-    terms: Array
 
 
 @dataclass(frozen=True)
@@ -66,30 +42,33 @@ class Piece:
         self.field = field
         self.columns: tuple[str, ...] = (*field.state, *((free,) if free else ()))
         self.switches: Array = np.array([g.switch for g in field.guards], dtype=int)
-        slopes = [[ex.derivative(f, c) for c in self.columns] for f in field.rates]
+        rows = [[ex.derivative(f, c) for c in self.columns] for f in field.rates]
         moving = {"t", *field.state}
         self.constant: bool = not any(
-            e.symbols & moving for row in slopes for e in row[: len(field.state)]
+            e.symbols & moving for row in rows for e in row[: len(field.state)]
         )
-        self.rates: Callable[[ArrayLike, ArrayLike, ArrayLike], Array] = field.function(field.rates)
-        self._slopes = field.function([e for row in slopes for e in row])
+        self.slopes: PointFunction = PointFunction(field, [e for row in rows for e in row])
+
+    def rates(self, t: float | Array, y: Array, p: Array) -> Array:
+        """The field, at a point or at many."""
+        return self._rates(t, y, p)
 
     def jacobian(self, t: Array, y: Array, p: Array) -> Array:
         """∂f/∂(y, p) at many points, shape (points, states, columns)."""
-        values = self._slopes(t, y, p)
+        values = self.slopes(t, y, p)
         return np.moveaxis(values.reshape(len(self.field.state), len(self.columns), -1), -1, 0)
 
-    def leave(self, t: float, y: Array, p: Array) -> Leaving:
+    def leave(self, t: float, y: Array, p: Array) -> Leave:
         """The guards at a point."""
         n = len(y)
-        values = self._guards(t, y, p)
+        values = self.guards(t, y, p)
         f = values[:n]
         table = values[n:].reshape(-1, 2 + len(self.columns))
-        value = table[:, 0]
+        value = table[:, 0].copy()
         time = table[:, 1]
-        slopes = table[:, 2:]
+        slopes = table[:, 2:].copy()
         terms = slopes[:, :n] * f
-        return Leaving(
+        return Leave(
             f,
             value,
             slopes,
@@ -132,28 +111,31 @@ class Piece:
         return mode, region
 
     @cached_property
-    def _guards(self):
-        return self.field.function(
-            [*self.field.rates, *self._with_slopes([g.value for g in self.field.guards])]
-        )
+    def _rates(self) -> PointFunction:
+        return PointFunction(self.field, self.field.rates)
+
+    @cached_property
+    def guards(self) -> PointFunction:
+        """Rates, and guards with their derivatives by time and by the columns."""
+        guards = self._with_slopes([g.value for g in self.field.guards])
+        return PointFunction(self.field, [*self.field.rates, *guards])
 
     @property
     def _all(self) -> list[Expr]:
         return [*self.field.rates, *(g.value for g in self.field.guards), *self.field.constraints]
 
     @cached_property
-    def _felt(self):
-        return self.field.function(self._all)
+    def _felt(self) -> PointFunction:
+        return PointFunction(self.field, self._all)
 
     @cached_property
-    def _dependence(self):
-        return self.field.function(
-            [ex.derivative(e, c) for e in self._all for c in ("t", *self.field.state)]
-        )
+    def _dependence(self) -> PointFunction:
+        slopes = [ex.derivative(e, c) for e in self._all for c in ("t", *self.field.state)]
+        return PointFunction(self.field, slopes)
 
     @cached_property
-    def _constraints(self):
-        return self.field.function(self._with_slopes(self.field.constraints))
+    def _constraints(self) -> PointFunction:
+        return PointFunction(self.field, self._with_slopes(self.field.constraints))
 
     def _with_slopes(self, functions: list[Expr]) -> list[Expr]:
         return [
@@ -174,12 +156,67 @@ class Pieces:
     def __init__(self, equations: MotionEquations, free: str | None = None) -> None:
         self.equations: MotionEquations = equations
         self.free: str | None = free
-        self._made: dict[bytes, Piece] = {}
+        self.made: list[Piece] = []
+        self._numbers: dict[bytes, int] = {}
+        self._listed: Listed | None = None
 
     def __call__(self, mode: Array, region: Array) -> Piece:
         """The piece of a mode and region (arrays of int8), as the engine numbers them."""
+        return self.made[self.number(mode, region)]
+
+    def number(self, mode: Array, region: Array) -> int:
+        """Its number among those that were asked for."""
         key = mode.tobytes() + region.tobytes()
-        if key not in self._made:
+        if key not in self._numbers:
             field = mode_field(self.equations, tuple(map(int, mode)), tuple(map(int, region)))
-            self._made[key] = Piece(field, self.free)
-        return self._made[key]
+            self._numbers[key] = len(self.made)
+            self.made.append(Piece(field, self.free))
+        return self._numbers[key]
+
+    def numbers(self, modes: Array, regions: Array) -> Array:
+        """Those of many modes and regions, shape (knots,)."""
+        return np.array([self.number(m, r) for m, r in zip(modes, regions, strict=True)])
+
+    @property
+    def listed(self) -> Listed:
+        """Those that were asked for, as instructions."""
+        if self._listed is None or len(self._listed.steady) < len(self.made):
+            self._listed = listed_pieces(self.made)
+        return self._listed
+
+
+def listed_pieces(pieces: list[Piece]) -> Listed:
+    """Pieces of one system as instructions."""
+    n = len(pieces[0].field.state)
+    width = 2 + len(pieces[0].columns)
+    most = max(len(piece.switches) for piece in pieces)
+    switches = np.full((len(pieces), most), -1)
+    falls = np.zeros((len(pieces), most, width), np.int64)
+    listings: list[Listing] = []
+    spans: list[tuple[int, int, int]] = []
+    begin = 0
+    for w, piece in enumerate(pieces):
+        count = len(piece.switches)
+        switches[w, :count] = piece.switches
+        falls[w, :count] = piece.guards.listing.wanted[n:].reshape(-1, width)
+        for listing in (piece.slopes.listing, piece.guards.listing):
+            end = begin + len(listing.code)
+            spans.append((begin, begin + listing.once, end))
+            listings.append(listing)
+            begin = end
+    return Listed(
+        packed(listings),
+        np.array(spans[::2]),
+        np.array(spans[1::2]),
+        np.array([piece.slopes.listing.wanted for piece in pieces]),
+        np.array([piece.guards.listing.wanted[:n] for piece in pieces]),
+        falls,
+        switches,
+        np.array([[*piece.field.region, *piece.field.mode] for piece in pieces], np.int64),
+        np.array([piece.constant for piece in pieces], np.int64),
+    )
+
+
+def places_of(pieces: list[Piece]) -> int:
+    """Places in the table of values that the instructions of some pieces take."""
+    return max(f.listing.places for piece in pieces for f in (piece.slopes, piece.guards))

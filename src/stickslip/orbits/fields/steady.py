@@ -16,7 +16,7 @@ forms of the changed field are those of the system, besides the ones added.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -25,8 +25,8 @@ import numpy as np
 from stickslip.arrays import AnyArray as Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Field
+from stickslip.orbits.fields.instructions import Evaluator, PointFunction
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
 _NOISE = 1e-13  # a value this small, relative to the terms it is made of, is rounding
@@ -68,18 +68,21 @@ class ResidualFunction:
         slopes = {place: d for place, d in slopes.items() if d is not ex.ZERO}
         used = frozenset().union(*(e.symbols for e in expressions)) if expressions else frozenset()
         fixed = sorted(used - {*unknowns, *given})
-        self._evaluate = evaluator([*expressions, *slopes.values()], [*unknowns, *given, *fixed])
-        self._fixed = np.array([values[name] for name in fixed])
+        self._evaluate = Evaluator(
+            [*expressions, *slopes.values()],
+            [*unknowns, *given, *fixed],
+            len(unknowns) + len(given),
+        )
+        self._fixed = np.array([values[name] for name in fixed], dtype=float)[:, None]
         self._places = tuple(np.array(list(slopes), dtype=int).reshape(-1, 2).T)
         self.affine: bool = not any(d.symbols & set(unknowns) for d in slopes.values())
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """Values and slopes; shapes (rows, …) and (rows, unknowns, …) for x of shape (unknowns,
         …)."""
-        fixed = self._fixed.reshape(-1, *([1] * (x.ndim - 1)))
-        out = self._evaluate(
-            np.concatenate([x, np.broadcast_to(fixed, (len(fixed), *x.shape[1:]))])
-        )
+        points = x.reshape(len(x), -1)
+        fixed = np.broadcast_to(self._fixed, (len(self._fixed), points.shape[1]))
+        out = self._evaluate(np.concatenate([points, fixed])).reshape(-1, *x.shape[1:])
         slopes = np.zeros((self.rows, len(self.unknowns), *x.shape[1:]))
         slopes[self._places] = out[self.rows :]
         return out[: self.rows], slopes
@@ -155,8 +158,8 @@ class Steady:
         return ResidualFunction([*f.rates, *f.constraints], f.state, {}, *f.parameters)
 
     @cached_property
-    def _guards(self) -> Callable[[Array, Array, Array], Array]:
-        return self.field.function([g.value for g in self.field.guards])
+    def _guards(self) -> PointFunction:
+        return PointFunction(self.field, [g.value for g in self.field.guards])
 
     @cached_property
     def _everything(self) -> ResidualFunction:
@@ -178,8 +181,18 @@ class Steady:
 
     def linearisation(self, point: Array) -> Array:
         """∂f/∂y within the constraints and modulo translation."""
+        return self._within(self._local(point)[1])
+
+    def linearisations(self, points: Array) -> Array:
+        """The same at many points, shape (states + parameters, points)."""
+        slopes = np.moveaxis(self._local(points)[1], -1, 0)
         n = len(self.field.state)
-        _, slopes = self._local(point)
+        if slopes.shape[1] == n and self.invariant.shape[1] == 0:
+            return slopes
+        return np.array([self._within(each) for each in slopes])
+
+    def _within(self, slopes: Array) -> Array:
+        n = len(self.field.state)
         J = slopes[:n]
         removed = np.vstack([slopes[n:], self.invariant.T])
         if len(removed) == 0:
@@ -189,8 +202,7 @@ class Steady:
 
     def eigenvalues(self, point: Array) -> Array:
         """Eigenvalues of the linearisation, the rightmost first."""
-        found: Array = np.linalg.eigvals(self.linearisation(point)).astype(complex)
-        return found[np.lexsort((-found.imag, -found.real))]
+        return rightmost_first(np.linalg.eigvals(self.linearisation(point)))
 
     def sizes(self, points: Array, among: Array | None = None) -> Sizes:
         """How large the numbers at some points are, and how well these solve the problem.
@@ -202,6 +214,30 @@ class Steady:
             All points of a branch that these belong to: what is large somewhere is known no better
             elsewhere.
         """
+        values, slopes, state = self._scales(points)
+        n = state.shape[1]
+        largest = np.max(np.abs(points if among is None else among), axis=1)
+        largest[:n] = np.maximum(largest[:n], np.max(state, axis=0))
+        relative = values / np.maximum(np.abs(slopes) @ largest, 1e-300)
+        return Sizes(state, relative[:, n:], np.max(np.abs(relative[:, :n]), axis=1, initial=0.0))
+
+    def sizes_beside(self, points: Array, beside: Array) -> Sizes:
+        """The same for points by themselves, each with another one of its branch beside it.
+
+        Parameters
+        ----------
+        points, beside : array, shape (states + parameters, points)
+        """
+        values, slopes, state = self._scales(points)
+        n = state.shape[1]
+        largest = np.maximum(np.abs(points), np.abs(beside)).T
+        largest[:, :n] = np.maximum(largest[:, :n], state)
+        terms = np.einsum("kij,kj->ki", np.abs(slopes), largest)
+        relative = values / np.maximum(terms, 1e-300)
+        return Sizes(state, relative[:, n:], np.max(np.abs(relative[:, :n]), axis=1, initial=0.0))
+
+    def _scales(self, points: Array) -> tuple[Array, Array, Array]:
+        """Values and slopes of the changed field and of the guards, and scales of the state."""
         n = len(self.field.state)
         values, slopes = (np.moveaxis(a, -1, 0) for a in self._everything(points))
         inverse = np.linalg.pinv(slopes[:, :n, :n])
@@ -209,10 +245,7 @@ class Steady:
         state = np.maximum(
             np.abs(points[:n].T), np.einsum("kij,kj->ki", np.abs(inverse), terms[:, :n])
         )
-        largest = np.max(np.abs(points if among is None else among), axis=1)
-        largest[:n] = np.maximum(largest[:n], np.max(state, axis=0))
-        relative = values / np.maximum(np.abs(slopes) @ largest, 1e-300)
-        return Sizes(state, relative[:, n:], np.max(np.abs(relative[:, :n]), axis=1, initial=0.0))
+        return values, slopes, state
 
     def units(self, x: Array, spans: Mapping[str, tuple[float, float]]) -> Array:
         """Lengths that count on a branch over ranges of parameters, for each component of the
@@ -253,6 +286,12 @@ class Steady:
             0.0,
             rates,
         )
+
+
+def rightmost_first(eigenvalues: Array) -> Array:
+    """Eigenvalues, complex, in the order in which they decay; of many matrices those of each."""
+    found = eigenvalues.astype(complex)
+    return np.take_along_axis(found, np.lexsort((-found.imag, -found.real)), axis=-1)
 
 
 def invariant_directions(

@@ -15,34 +15,34 @@ Differential Equations I*, II.7 (collocation).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import permutations
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.orbits.fields.mode_field import Leaving, Piece, Pieces
+from stickslip.orbits.fields.engine.interpreter import LANES
+from stickslip.orbits.fields.engine.variations import (
+    ALIKE,
+    BEGINS,
+    CORNER,
+    ENDS,
+    GRAZED,
+    MEETING,
+    MET,
+    PASSED,
+    Pass,
+    jump,
+    place_nodes,
+    resolve_steps,
+    vary,
+)
+from stickslip.orbits.fields.mode_field import Piece, Pieces, places_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from stickslip.motion.knots import Knots
     from stickslip.motion.trajectory import Trajectory
-
-
-_STAGES = 8  # Gauss nodes of a step: order 16
-# largest |eigenvalue| × step of a collocation step: its Padé approximant of exp is exact to
-# rounding there
-_REACH = 1.5
-_BATCH = 4096  # collocation steps solved at once
-TOGETHER = 1e-9  # events closer than this part of the motion are simultaneous
-# a guard whose rate is this small, relative to its terms and its usual rate, is touched, not
-# crossed
-_TANGENT = 1e-6
-_SAME = 1e-8  # derivatives that differ by less, relative to the largest, are the same
-_NO_JUMP = 1e-12  # a change of the field this small, relative to its terms, is none
 
 
 @dataclass(frozen=True)
@@ -94,267 +94,102 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
     -------
     Variation
     """
-    k = trajectory.knots
-    p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
-    made = [pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
-    flows = transitions(trajectory, made, p)
-    events = _Events(k, made, p, pieces)
-    first = np.eye(len(made[0].columns)) if directions is None else directions
-    after = np.empty((len(k.time), *first.shape))
-    after[0] = first
-    i = 1
-    while i < len(k.time):
-        arrived = flows[i - 1] @ after[i - 1]
-        last = i
-        if made[i] is not made[i - 1]:
-            last = events.last_of_cluster(i)
-            arrived = events.saltation(i, last, arrived) @ arrived
-        after[i : last + 1] = arrived
-        i = last + 1
-    return Variation(after, made, tuple(events.corners), tuple(events.grazings))
+    run = _prepared(trajectory, pieces, directions)
+    nodes = resolve_steps(pieces.listed, run, _drives(trajectory))
+    index, times = np.empty(nodes, np.int64), np.empty(nodes)
+    place_nodes(pieces.listed, run, index, times)
+    states = trajectory._states_at(times, index)
+    meeting = _Meeting(trajectory, pieces, run)
+    start = 0
+    while (code := vary(pieces.listed, run, times, states, start)) != PASSED:
+        if code != CORNER:
+            raise AssertionError("a mode has changed, and no guard of it has fired")
+        start = meeting.pass_through()
+    grazed = run.time[run.outcome == GRAZED]
+    made = [pieces.made[w] for w in run.piece]
+    grazings = sorted([*map(float, grazed), *meeting.grazings])
+    return Variation(run.after, made, tuple(meeting.corners), tuple(grazings))
 
 
-# -- between events --------------------------------------------------------------------------------
-
-
-def transitions(trajectory: Trajectory, made: list[Piece], p: Array) -> Array:
-    """Transition matrix of (state, p) over each step, shape (steps, m, m)."""
-    k = trajectory.knots
-    n = trajectory.knots.state.shape[1]
-    m = len(made[0].columns)
-    parts = resolution(trajectory, made, p)
-    groups = _steps_by_piece(trajectory.knots, made)
-    flows = np.tile(np.eye(m), (len(parts), 1, 1))
-    even = {piece for piece, _ in groups if piece.constant and m == n}
-    index = np.sort(
-        np.concatenate([np.zeros(0, int), *(steps for piece, steps in groups if piece not in even)])
-    )
-    times, owner, h = gauss_points(k, index, parts[index])
-    states = trajectory._sample(times.ravel(), np.repeat(owner, _STAGES))[:, :n].reshape(
-        -1, _STAGES, n
-    )
-    for piece, steps in groups:
-        if piece in even:
-            J = np.repeat(
-                piece.jacobian(k.time[steps], k.state[steps].T, p)[:, None], _STAGES, axis=1
-            )
-            each = zip(
-                collocation(J, np.diff(k.time)[steps] / parts[steps]), parts[steps], strict=True
-            )
-            flows[steps] = [np.linalg.matrix_power(flow, int(power)) for flow, power in each]
-            continue
-        own = np.isin(owner, steps)
-        pieces = _collocate(piece, times[own], states[own], h[own], p)
-        last = np.cumsum(parts[steps])
-        for step, a, b in zip(steps, last - parts[steps], last, strict=True):
-            flows[step, :n] = _product(pieces[a:b])
-    return flows
-
-
-def _steps_by_piece(k: Knots, made: list[Piece]) -> list[tuple[Piece, Array]]:
-    """The steps that take time, by the piece they are in."""
-    index: dict[Piece, list[int]] = {}
-    for i, h in enumerate(np.diff(k.time)):
-        if h > 0.0:
-            index.setdefault(made[i], []).append(i)
-    return [(piece, np.array(steps)) for piece, steps in index.items()]
-
-
-def resolution(trajectory: Trajectory, made: list[Piece], p: Array) -> Array:
+def resolution(trajectory: Trajectory, pieces: Pieces) -> Array:
     """Number of equal parts of each step in which linear motions are resolved by a Gauss rule."""
+    run = _prepared(trajectory, pieces, None)
+    resolve_steps(pieces.listed, run, _drives(trajectory))
+    return run.parts[:-1]
+
+
+def _drives(trajectory: Trajectory) -> float:
+    """Largest frequency of the loads."""
+    return float(np.max(np.abs(trajectory._problem.constants.omega), initial=0.0))
+
+
+def _prepared(trajectory: Trajectory, pieces: Pieces, directions: Array | None) -> Pass:
+    """The motion as the compiled pass takes it, with the changes of its first state."""
     k = trajectory.knots
-    length = np.diff(k.time)
-    drives = np.max(np.abs(trajectory._problem.constants.omega), initial=0.0)
-    parts = np.ones(len(length), dtype=int)
-    for piece, index in _steps_by_piece(k, made):
-        ends = np.concatenate([index, index + 1])
-        J = piece.jacobian(k.time[ends], k.state[ends].T, p)[:, :, : k.state.shape[1]]
-        fastest = np.maximum(
-            *np.split(np.max(np.abs(np.linalg.eigvals(J)), axis=1, initial=0.0), 2)
-        )
-        parts[index] = np.maximum(
-            1, np.ceil(length[index] * np.maximum(fastest, drives) / _REACH)
-        ).astype(int)
-    return parts
+    n = k.state.shape[1]
+    number = pieces.numbers(k.mode, k.region)
+    columns = n + (pieces.free is not None)
+    first = np.eye(columns) if directions is None else directions
+    after = np.zeros((len(k.clock), *first.shape))
+    after[0] = first
+    listed = pieces.listed
+    values = np.zeros((places_of(pieces.made), LANES))
+    p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
+    values[1 + n : 1 + n + len(p)] = p[:, None]
+    return Pass(
+        k.time,
+        k.state,
+        k.cause,
+        number,
+        np.ones(len(number), np.int64),
+        after,
+        np.zeros(len(number), np.int64),
+        np.zeros(MET + 1 + listed.switches.shape[1], np.int64),
+        values,
+    )
 
 
-def gauss_points(k: Knots, index: Array, parts: Array) -> tuple[Array, Array, Array]:
-    """Gauss nodes of steps divided into parts: times (pieces, stages), step of each piece, and
-    length of each piece."""
-    c = gauss()[0]
-    owner = np.repeat(index, parts)
-    within = np.arange(len(owner)) - np.repeat(np.cumsum(parts) - parts, parts)
-    h = np.repeat((k.time[index + 1] - k.time[index]) / parts, parts)
-    return k.time[owner][:, None] + (within[:, None] + c) * h[:, None], owner, h
+# -- where guards meet -----------------------------------------------------------------------------
 
 
-def _collocate(piece: Piece, times: Array, states: Array, h: Array, p: Array) -> Array:
-    """Upper rows of the transition matrices over collocation steps of one piece, from the states at
-    their nodes."""
-    flows = np.empty((len(h), states.shape[2], len(piece.columns)))
-    for s in range(0, len(h), _BATCH):
-        part = slice(s, s + _BATCH)
-        J = piece.jacobian(times[part].ravel(), states[part].reshape(-1, states.shape[2]).T, p)
-        flows[part] = collocation(J.reshape(-1, _STAGES, *J.shape[1:]), h[part])
-    return flows
+class _Meeting:
+    """Saltation matrices of events that coincide here and not for neighbours: they exist if the
+    order in which the guards are passed does not matter."""
 
-
-def collocation(J: Array, h: Array) -> Array:
-    """Solve Φ' = J_y Φ (+ J_p) over steps by collocation at the Gauss nodes.
-
-    Parameters
-    ----------
-    J : array, shape (steps, stages, n, m)
-        ∂f/∂(y, p) at the nodes.
-    h : array, shape (steps,)
-
-    Returns
-    -------
-    array, shape (steps, n, m)
-        ∂y(end)/∂(y(start), p).
-    """
-    _, weights, A = gauss()
-    steps, s, n, m = J.shape
-    Jy = J[..., :n]
-    # The slopes K_i at the nodes solve K_i = J_i(1 + h Σ_j a_ij K_j), all steps at once.
-    system = -np.einsum("k,ij,kiab->kiajb", h, A, Jy).reshape(steps, s * n, s * n)
-    system[:, np.arange(s * n), np.arange(s * n)] += 1.0
-    slopes = np.linalg.solve(system, J.reshape(steps, s * n, m)).reshape(steps, s, n, m)
-    flow = np.einsum("k,i,kiam->kam", h, weights, slopes)
-    flow[:, np.arange(n), np.arange(n)] += 1.0
-    return flow
-
-
-def _product(flows: Array) -> Array:
-    """Flow over steps one after the other, in pairs."""
-    n = flows.shape[1]
-    while len(flows) > 1:
-        later = flows[1::2]
-        pairs = later[:, :, :n] @ flows[0 : 2 * len(later) : 2]
-        pairs[:, :, n:] += later[:, :, n:]
-        flows = np.concatenate([pairs, flows[2 * len(later) :]])
-    return flows[0]
-
-
-@lru_cache(maxsize=1)
-def gauss() -> tuple[Array, Array, Array]:
-    """Nodes and weights on [0, 1] and the matrix of collocation aᵢⱼ = ∫₀^cᵢ ℓⱼ."""
-    x, w = np.polynomial.legendre.leggauss(_STAGES)
-    c = 0.5 * (x + 1.0)
-    # ℓⱼ = Σ_d (2d + 1)/2 wⱼ P_d(xⱼ) P_d, and ∫P_d = (P_{d+1} − P_{d−1})/(2d + 1), both of which are
-    # stable.
-    P = np.polynomial.legendre.legvander(x, _STAGES)
-    integral = np.empty((_STAGES, _STAGES))
-    integral[:, 0] = x + 1.0
-    for d in range(1, _STAGES):
-        integral[:, d] = (P[:, d + 1] - P[:, d - 1]) / (2 * d + 1)
-    weighted = 0.5 * (2 * np.arange(_STAGES) + 1) * P[:, :_STAGES] * w[:, None]
-    return c, 0.5 * w, 0.5 * integral @ weighted.T
-
-
-# -- at events -------------------------------------------------------------------------------------
-
-
-class _Events:
-    """Saltation matrices of the events of a motion."""
-
-    def __init__(self, knots: Knots, made: list[Piece], p: Array, pieces: Pieces) -> None:
-        self.knots = knots
-        self.made = made
-        self.p = p
+    def __init__(self, trajectory: Trajectory, pieces: Pieces, run: Pass) -> None:
+        self.knots = trajectory.knots
+        self.p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
         self.pieces = pieces
-        self.together = TOGETHER * (knots.time[-1] - knots.time[0])
+        self.run = run
         self.corners: list[float] = []
         self.grazings: list[float] = []
 
-    def last_of_cluster(self, i: int) -> int:
-        """Last of the events that follow event i without any time in between."""
-        time = self.knots.time
-        last = i
-        while last + 2 < len(time) and time[last + 1] - time[i] <= 1e-3 * self.together:
-            last += 1
+    def pass_through(self) -> int:
+        """Enter what comes after the events at which the pass has stopped; returns the knot from
+        which it goes on."""
+        event = self.run.event
+        i, last = int(event[BEGINS]), int(event[ENDS])
+        switches = [int(s) for s in event[MET : MET + event[MEETING]]]
+        self.run.after[i : last + 1] = self._corner(i, last, switches) @ self.run.after[i]
         return last
 
-    def saltation(self, i: int, last: int, arrived: Array) -> Array:
-        """Derivative of the states after the events i … last with respect to those before, along
-        the motion."""
-        left = self.made[i - 1]
-        right = self.made[last]
-        t = float(self.knots.time[i])
-        y = self.knots.state[i]
-        here, f = left.leave(t, y, self.p), right.rates(t, y, self.p)
-        fired = self._fired(left, right, here, self.knots.cause[i : last + 1])
-        usual = self._usual(left, here, i, last)
-        others = np.flatnonzero(
-            (np.abs(here.value) <= self.together * np.abs(here.fall))
-            & (here.fall < -_TANGENT * usual)
-            & (left.switches != left.switches[fired])
-        )
-        if len(others) == 0 or self._coincide(here, [fired, *map(int, others)], arrived):
-            return self._jump(here, fired, f, t, usual[fired])
-        return self._corner(
-            left,
-            right,
-            t,
-            y,
-            [int(left.switches[fired]), *map(int, left.switches[others])],
-            arrived,
-        )
-
-    def _usual(self, left: Piece, here: Leaving, i: int, last: int) -> Array:
-        """How fast the guards fall at most around an event."""
-        around = [here.terms]
-        for knot in (i - 1, min(last + 1, len(self.knots.time) - 1)):
-            fall = left.leave(float(self.knots.time[knot]), self.knots.state[knot], self.p).fall
-            around.append(np.where(np.isfinite(fall), np.abs(fall), 0.0))
-        return np.max(around, axis=0)
-
-    def _fired(self, left: Piece, right: Piece, here: Leaving, cause: Array) -> int:
-        """The guard that fired: of those that belong to the causes, else to a switch that changed,
-        the one at zero."""
-        causes = {int(c) for c in cause if c >= 0}
-        if not causes:
-            causes = {int(s) for s in left.switches if left.setting(s) != right.setting(s)}
-        found = [g for g, s in enumerate(left.switches) if int(s) in causes]
-        return min(found, key=lambda g: abs(here.value[g]) / (abs(here.fall[g]) + 1e-300))
-
-    @staticmethod
-    def _coincide(here: Leaving, guards: list[int], arrived: Array) -> bool:
-        """Whether events that coincide do so for all neighbours, too, so that they are one."""
-        with np.errstate(all="ignore"):
-            delays = here.slopes[guards] / here.fall[guards, None] @ arrived
-            return bool(np.max(np.abs(delays - delays[0])) <= _SAME * np.max(np.abs(delays)))
-
-    def _jump(self, here: Leaving, g: int, f: Array, t: float, usual: float) -> Array:
-        """S for one guard that usually falls at some rate; the motion goes on with the rates f."""
-        S = np.eye(here.slopes.shape[1])
-        if np.max(np.abs(f - here.rates)) <= _NO_JUMP * np.max(np.abs(f) + np.abs(here.rates)):
-            return S
-        if abs(here.fall[g]) <= _TANGENT * usual:
-            self.grazings.append(t)
-        else:
-            S[: len(f)] += np.outer(f - here.rates, here.slopes[g] / here.fall[g])
-        return S
-
-    def _corner(
-        self, left: Piece, right: Piece, t: float, y: Array, switches: list[int], arrived: Array
-    ) -> Array:
-        """S where several guards vanish at once: it exists if the order in which they are passed
-        does not matter."""
-        routes = [self._route(left, right, t, y, order) for order in permutations(switches[:3])]
+    def _corner(self, i: int, last: int, switches: list[int]) -> Array:
+        """S where several guards vanish at once."""
+        arrived = self.run.after[i]
+        routes = [self._route(i, last, order) for order in permutations(switches[:3])]
         images = [S @ arrived for S in routes if S is not None]
         size = max((float(np.max(np.abs(image))) for image in images), default=0.0)
-        apart = any(np.max(np.abs(image - images[0])) > _SAME * size for image in images)
+        apart = any(np.max(np.abs(image - images[0])) > ALIKE * size for image in images)
         if apart or len(images) < len(routes) or len(switches) > 3:
-            self.corners.append(t)
+            self.corners.append(float(self.knots.time[i]))
         return next((S for S in routes if S is not None), np.eye(len(arrived)))
 
-    def _route(
-        self, left: Piece, right: Piece, t: float, y: Array, order: Sequence[int]
-    ) -> Array | None:
+    def _route(self, i: int, last: int, order: Sequence[int]) -> Array | None:
         """S through the switches in an order; None if they do not change in it."""
-        S = np.eye(len(left.columns))
-        piece = left
+        t, y = float(self.knots.time[i]), self.knots.state[i]
+        piece = self.pieces.made[self.run.piece[i - 1]]
+        right = self.pieces.made[self.run.piece[last]]
+        S = np.eye(len(piece.columns))
         for switch in order:
             here = piece.leave(t, y, self.p)
             falling = [g for g in np.flatnonzero(piece.switches == switch) if here.fall[g] < 0.0]
@@ -366,5 +201,6 @@ class _Events:
                 if switch == order[-1]
                 else self.pieces(*piece.switched(switch, right.setting(switch)))
             )
-            S = self._jump(here, g, piece.rates(t, y, self.p), t, here.terms[g]) @ S
+            if jump(here, g, piece.rates(t, y, self.p), here.terms[g], S) == GRAZED:
+                self.grazings.append(t)
         return S

@@ -35,6 +35,7 @@ NEARLY_SINGULAR = 1e-11  # a singular value below this part of the largest is ze
 _STATIONS = (1, 4, 16)  # tried one after the other
 _LONG = 0.1  # a stretch that is shorter than this part of the longest may vanish
 _ACROSS = 0.1  # cosine of what is nearly a right angle
+_SAMPLES = 64  # of a period, that are kept
 _GROWTH = 1e4  # perturbations grow by at most this much between two stations
 
 
@@ -220,7 +221,7 @@ def restarted(
         New units of the state.
     """
     begin = best_start(shooting, orbit)
-    y = orbit.motion._sample(np.array([begin]), np.array([_step(orbit.motion, begin)]))[
+    y = orbit.motion._states_at(np.array([begin]), np.array([_step(orbit.motion, begin)]))[
         0, : len(orbit.shift)
     ]
     shift, start = carried_along(shooting.setting, orbit.problem, begin)
@@ -236,7 +237,7 @@ def restarted(
     ]
     stations = []
     for t, i in sorted({(start, 0), *wanted}):
-        state = motion._sample(np.array([t]), np.array([i]))[0, : len(y)]
+        state = motion._states_at(np.array([t]), np.array([i]))[0]
         piece = shooting.pieces(motion.knots.mode[i], motion.knots.region[i])
         stations.append(
             make_station(
@@ -280,12 +281,21 @@ class Closed:
 
     def samples(self, count: int) -> Array:
         """States at even times of the period, without the drift, shape (count, n)."""
-        k = self.orbit.motion.knots
-        part = np.arange(count) / count
-        times = k.time[0] + part * self.orbit.period
-        steps = np.clip(np.searchsorted(k.time, times, side="right") - 1, 0, len(k.time) - 2)
-        states = self.orbit.motion._sample(times, steps)[:, : len(self.orbit.shift)]
-        return states - np.outer(part, self.orbit.shift)
+        if _SAMPLES % count == 0:
+            return self._sampled[:: _SAMPLES // count]
+        return self.states_at(np.arange(count) / count)
+
+    @cached_property
+    def _sampled(self) -> Array:
+        return self.states_at(np.arange(_SAMPLES) / _SAMPLES)
+
+    def states_at(self, part: Array) -> Array:
+        """States after parts of the period, without the drift, shape (parts, n)."""
+        motion = self.orbit.motion
+        time = motion.knots.time
+        times = time[0] + part * self.orbit.period
+        steps = np.clip(np.searchsorted(time, times, side="right") - 1, 0, len(time) - 2)
+        return motion._states_at(times, steps) - np.outer(part, self.orbit.shift)
 
     @property
     def extent(self) -> float:
@@ -316,7 +326,7 @@ class Closed:
         begin = float(motion.knots.time[0])
         times = begin + (time - begin) % whole + whole * np.arange(setting.turns)
         steps = np.array([_step(motion, t) for t in times])
-        states = motion._sample(times, steps)[:, : len(self.orbit.shift)]
+        states = motion._states_at(times, steps)
         return states - np.multiply.outer(np.floor(times / whole), setting.at(problem).turn)
 
 

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.orbits.fields.engine.variations import NODES
 from stickslip.orbits.fields.mode_field import Piece, Pieces
-from stickslip.orbits.fields.variational import Variation, gauss, variation
+from stickslip.orbits.fields.variational import Variation, variation
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
@@ -115,9 +116,8 @@ def nearest_slip(held: Held, legs: Sequence[tuple[Trajectory, Variation]], piece
     found = [(*_lowest(held, motion, change), j) for j, (motion, change) in enumerate(legs)]
     _, t, i, j = min(found, key=lambda entry: entry[0])
     motion, change = legs[j]
-    k = motion.knots
     piece = change.pieces[i]
-    y = motion._sample(np.array([t]), np.array([i]))[0, : k.state.shape[1]]
+    y = motion._states_at(np.array([t]), np.array([i]))[0]
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
     here, (row, other) = piece.leave(t, y, p), _guards(held, piece)
     both = float(here.value[row] + here.value[other])
@@ -141,14 +141,14 @@ def _lowest(held: Held, motion: Trajectory, change: Variation) -> tuple[float, f
     k = motion.knots
     n = motion.knots.state.shape[1]
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
-    nodes = np.concatenate([[0.0], gauss()[0], [1.0]])
+    nodes = np.concatenate([[0.0], NODES, [1.0]])
     best = (np.inf, 0.0, 0)
     ends = (0.0, 0.0)
 
     def value(t: Array, i: int) -> Array:
         piece = change.pieces[i]
         times = np.atleast_1d(t)
-        states = motion._sample(times, np.full(len(times), i))[:, :n]
+        states = motion._states_at(times, np.full(len(times), i))
         row, other = _guards(held, piece)
         guards = piece.felt(times, states.T, p)[n : n + len(piece.switches)]
         return guards[row] / (guards[row] + guards[other])

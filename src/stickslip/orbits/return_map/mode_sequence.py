@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.orbits.fields.engine.variations import NODES
 from stickslip.orbits.fields.mode_field import Piece, Pieces
-from stickslip.orbits.fields.variational import gauss
 from stickslip.orbits.return_map.recurrence import segments
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 ModeAndRegion = tuple[tuple[int, ...], tuple[int, ...]]
 Sequence = tuple[ModeAndRegion, ...]
 
+_FAR = 0.1  # a guard that comes down to this part of its size is far from zero
 LOSS = "loss of the cycle"
 
 
@@ -123,7 +124,12 @@ def nearest_change(motion: Trajectory, pieces: Pieces) -> float:
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
     period = k.time[-1] - k.time[0]
     margins = [float(k.time[b] - k.time[a]) / period for a, b in found[1:-1]]
-    low = [dip for a, b in found for dip in dips(motion, pieces(k.mode[a], k.region[a]), a, b, p)]
+    looked_at = at_nodes(motion)
+    low = [
+        dip
+        for a, b in found
+        for dip in dips(motion, pieces(k.mode[a], k.region[a]), a, b, p, looked_at)
+    ]
     if low:
         margins.append(min(low, key=lambda dip: dip.value).refined())
     for (_, a), (b, _) in itertools.pairwise(found):
@@ -147,8 +153,15 @@ class Dip:
         return float(self.values[1]) / self.scale
 
     def refined(self) -> float:
-        """The minimum by parabolas through the last three points."""
+        """The minimum by parabolas through the last three points; where it is far from zero, by the
+        first of them."""
         t, g = self.times, self.values
+        first, second = np.diff(g) / np.diff(t)
+        bend = (second - first) / (t[2] - t[0])
+        slope = first + bend * (t[1] - t[0])
+        least = float(g[1]) - float(slope**2 / (4.0 * bend)) if bend > 0.0 else float(g[1])
+        if least > _FAR * self.scale:
+            return least / self.scale
         for _ in range(5):
             (a, b, c), (fa, fb, fc) = t, g
             up, down = (b - a) * (fb - fc), (b - c) * (fb - fa)
@@ -166,7 +179,26 @@ class Dip:
         return max(float(np.min(g)), 0.0) / self.scale
 
 
-def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array) -> list[Dip]:
+@dataclass(frozen=True)
+class Looks:
+    """A motion at the Gauss nodes of its steps: the step, the time and the state of each."""
+
+    index: Array
+    times: Array
+    states: Array
+
+
+def at_nodes(motion: Trajectory) -> Looks:
+    """A motion at the nodes of all steps that take time."""
+    time = motion.knots.time
+    length = np.diff(time)
+    steps = np.flatnonzero(length > 0.0)
+    times = (time[steps][:, None] + length[steps][:, None] * NODES).ravel()
+    index = np.repeat(steps, len(NODES))
+    return Looks(index, times, motion._states_at(times, index))
+
+
+def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Looks) -> list[Dip]:
     """Local minima of the guards inside a phase.
 
     Parameters
@@ -177,30 +209,29 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array) -> list[Dip
     a, b : int
         Knots between which the phase lasts.
     p : array, shape (parameters,)
+    looks : Looks
+        The motion at its nodes.
     """
     k = motion.knots
-    n = motion.knots.state.shape[1]
-    steps = np.array([i for i in range(a, b) if k.time[i + 1] > k.time[i]])
-    times = (k.time[steps][:, None] + np.diff(k.time)[steps][:, None] * gauss()[0]).ravel()
-    index = np.repeat(steps, len(gauss()[0]))
-    guards = piece.felt(times, motion._sample(times, index)[:, :n].T, p)[
-        n : n + len(piece.switches)
-    ]
-    found = []
-    for row, g in enumerate(guards):
-        scale = float(np.max(np.abs(g)))
-        inner = np.flatnonzero((g[1:-1] < g[:-2]) & (g[1:-1] <= g[2:])) + 1
-        for i in inner if scale > 0.0 else ():
+    n = k.state.shape[1]
+    inside = slice(*np.searchsorted(looks.index, (a, b)))
+    times = looks.times[inside]
+    guards = piece.felt(times, looks.states[inside].T, p)[n : n + len(piece.switches)]
+    scales = np.max(np.abs(guards), axis=1, initial=0.0)
+    here = guards[:, 1:-1]
+    lowest = (here < guards[:, :-2]) & (here <= guards[:, 2:]) & (scales[:, None] > 0.0)
 
-            def guard(t: float, row: int = row) -> float:
-                at = min(int(np.searchsorted(k.time, t, side="right")) - 1, len(k.time) - 2)
-                y = motion._sample(np.array([t]), np.array([at]))[0, :n]
-                return float(piece.felt(t, y, p)[n + row])  # pyright: ignore[reportArgumentType]
+    def at(row: int, i: int) -> Dip:
+        def guard(t: float) -> float:
+            knot = min(int(np.searchsorted(k.time, t, side="right")) - 1, len(k.time) - 2)
+            y = motion._states_at(np.array([t]), np.array([knot]))[0]
+            return float(piece.felt(t, y, p)[n + row])  # pyright: ignore[reportArgumentType]
 
-            found.append(
-                Dip(int(piece.switches[row]), times[i - 1 : i + 2], g[i - 1 : i + 2], scale, guard)
-            )
-    return found
+        around = slice(i - 1, i + 2)
+        switch, scale = int(piece.switches[row]), float(scales[row])
+        return Dip(switch, times[around], guards[row, around], scale, guard)
+
+    return [at(int(row), int(i) + 1) for row, i in np.argwhere(lowest)]
 
 
 def _reversals(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> list[float]:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
+SHORTEST = 1e-9  # a stretch that is shorter than this part of the motion takes no time
 _POINTS = 16  # looked at in every step, at least
 _MOST_STEPS = 4000  # looked at
 _LEAST = 1e-3  # … of what the other components could do to one is its least size
@@ -119,12 +120,12 @@ def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
     p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
     every = [pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
     # A flight in closed form may be one step and hold many oscillations.
-    points = _POINTS * (1 + resolution(trajectory, every, p)[steps] // 4)
+    points = _POINTS * (1 + resolution(trajectory, pieces)[steps] // 4)
     times = np.concatenate(
         [np.linspace(k.time[i], k.time[i + 1], c) for i, c in zip(steps, points, strict=True)]
     )
     index = np.repeat(steps, points)
-    states = trajectory._sample(times, index)[:, : k.state.shape[1]]
+    states = trajectory._states_at(times, index)
     made = [every[i] for i in index]
     felt = _felt(trajectory, every, steps, p)
     around = Surroundings(made, times, states, _sizes(states, states, felt))
@@ -150,7 +151,7 @@ def sizes_of(motion: Trajectory, shift: Array, pieces: Pieces) -> Array:
     n = len(shift)
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
     times = np.linspace(k.time[steps], k.time[steps + 1], _POINTS, axis=1).ravel()
-    states = motion._sample(times, np.repeat(steps, _POINTS))[:, :n]
+    states = motion._states_at(times, np.repeat(steps, _POINTS))
     period = k.time[-1] - k.time[0]
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
     made = [pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
@@ -213,11 +214,10 @@ def segments(knots: Knots) -> list[tuple[int, int]]:
     changed = np.any(np.diff(knots.mode, axis=0) != 0, axis=1) | np.any(
         np.diff(knots.region, axis=0) != 0, axis=1
     )
-    ends = [0, *(np.flatnonzero(changed[: len(knots.time) - 2]) + 1), len(knots.time) - 1]
-    span = knots.time[-1] - knots.time[0]
-    return [
-        (int(a), int(b)) for a, b in pairwise(ends) if knots.time[b] - knots.time[a] > 1e-9 * span
-    ]
+    time = knots.time
+    ends = [0, *(np.flatnonzero(changed[: len(time) - 2]) + 1), len(time) - 1]
+    span = time[-1] - time[0]
+    return [(int(a), int(b)) for a, b in pairwise(ends) if time[b] - time[a] > SHORTEST * span]
 
 
 def station_time(knots: Knots, pieces: Pieces, found: list[tuple[int, int]]) -> float:
@@ -286,7 +286,7 @@ def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
     times, steps = _strobe(w, t, sign) if w.symmetry.driven else _passages(w, t, y, here, sign)
     if len(times) == 0:
         return []
-    states = w.trajectory._sample(np.asarray(times), np.asarray(steps))[:, : len(y)]
+    states = w.trajectory._states_at(np.asarray(times), np.asarray(steps))
     turns = np.round((times - t) / w.period).astype(int) if w.period else np.zeros(len(times), int)
     gap = states - y - np.multiply.outer(turns, w.symmetry.turn)
     misses = np.linalg.norm(w.at_home(gap, times - t), axis=1)
@@ -311,7 +311,7 @@ def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
 
 
 def _state(w: Window, t: float, step: int) -> Array:
-    return w.trajectory._sample(np.array([t]), np.array([step]))[0, : len(w.sizes)]
+    return w.trajectory._states_at(np.array([t]), np.array([step]))[0]
 
 
 def _strobe(w: Window, t: float, sign: float) -> tuple[Array, Array]:
@@ -350,7 +350,7 @@ def _passages(w: Window, t: float, y: Array, here: int, sign: float) -> tuple[Ar
     hb = h[found + 1]
     for _ in range(6):
         middle = a - ha * (b - a) / (hb - ha)
-        at = w.trajectory._sample(middle, w.index[found])[:, : len(y)]
+        at = w.trajectory._states_at(middle, w.index[found])
         hm = height(at, middle)
         below = hm <= 0.0
         a, ha = np.where(below, middle, a), np.where(below, hm, ha)

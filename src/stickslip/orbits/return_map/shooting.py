@@ -75,7 +75,7 @@ def with_value(problem: Problem, parameter: str, value: float) -> Problem:
     if value == problem.parameters[parameter]:
         return problem
     problem.system.declaration.check_range(parameter, value)
-    return replace(problem, parameters={**problem.parameters, parameter: value})
+    return problem.at(parameter, value)
 
 
 @dataclass(frozen=True)

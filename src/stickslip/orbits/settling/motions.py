@@ -14,7 +14,6 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.equations.codegen.compiled import announced
 from stickslip.errors import DeclarationError
 from stickslip.motion.engine.forms import AFFINE
 from stickslip.motion.ensemble import Lanes
@@ -304,8 +303,7 @@ class Block:
                 if self.known is None and self.problem.compiled.layout.timed and len(need):
                     marks.frame[need] = frames(lanes, need)
                 lanes.codes[need] = FULL
-            with announced():
-                compiled()
+            compiled()
             if stop[0] != 0:
                 raise Stopped
             if np.any(phase == PROVING):
@@ -331,29 +329,31 @@ class Here:
         bench = make_bench(block.problem, _ROOM)
         self.block = block
         self.engine: Engine = block.engine(block.lanes)
-        self.rest: tuple[Marks, Rules, Lane, Bench, Found, Array] = (
+        self.settling: tuple[Marks, Rules, Lane, Bench] = (
             block.marks,
             block.rules,
             block.saved,
             bench,
-            block.found,
-            stop,
         )
+        self.stop = stop
 
     def settle(self) -> None:
         """Settle only."""
-        e, (marks, rules, saved, bench, _, stop) = self.engine, self.rest
-        settling.settle_all(e, marks, rules, saved, bench, stop)
+        settling.settle_all(self.engine, *self.settling, self.stop)
+        phase = self.block.marks.numbers[:, PHASE]
+        phase[phase == MEASURING] = DONE
 
     def advance(self) -> None:
-        """Settle and measure."""
-        measuring.advance(self.engine, *self.rest)
+        """Measure what has settled, settle the rest."""
+        measuring.measure_all(self.engine, *self.settling, self.block.found, self.stop)
+        settling.settle_all(self.engine, *self.settling, self.stop)
 
     def grow_apart(self) -> None:
         """Measure exponents."""
         from stickslip.orbits.settling.engine import exponents
 
-        exponents.grow_all(self.engine, self.block.engine(self.block.twins), *self.rest)
+        twins = self.block.engine(self.block.twins)
+        exponents.grow_all(self.engine, twins, *self.settling, self.block.found, self.stop)
 
     def ask(self) -> None:
         """Everything is here."""

@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import AnyArray, Array
-from stickslip.orbits.fields.mode_field import Leaving, Piece, Pieces
+from stickslip.orbits.fields.engine.variations import Leave
+from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.symbolic import expressions as ex
 
 _ROUNDING = 1e-13
@@ -118,7 +119,7 @@ class _Neighbourhood:
         return rates - along @ (np.linalg.pinv(along) @ rates)
 
     @staticmethod
-    def _terms(here: Leaving, y: Array) -> Array:
+    def _terms(here: Leave, y: Array) -> Array:
         """Sizes of the terms of the guards."""
         return np.abs(here.slopes[:, : len(y)]) @ np.abs(y) + np.abs(here.value)
 

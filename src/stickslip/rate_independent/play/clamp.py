@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import njit
 
 
 @njit(cache=True, inline="always")

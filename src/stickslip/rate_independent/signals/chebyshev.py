@@ -14,7 +14,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebval, chebvander
 
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import njit
 
 Growth = Callable[[Array, Array, Array], Array]
 

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import njit
 
 _ROUNDING = 16 * 2.2e-16  # of a sum of forces, relative to its largest terms
 _FRESH = 200  # changes, besides ten per component, after which the factor is made anew

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import njit
 from stickslip.rate_independent.solvers.smoothing import (
     COMPILED,
     BlockRows,

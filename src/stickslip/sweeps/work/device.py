@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numba import config, cuda
-from numba.core.dispatcher import Dispatcher
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
+from stickslip.machine_code.functions import Compiled
 from stickslip.motion.between.step_balance import Steps, Tally
 from stickslip.motion.engine.forms import Flight
 from stickslip.motion.ensemble import Lanes
@@ -94,7 +94,8 @@ class OnDevice:
         self.block = block
         self.count: int = len(block.lanes.codes)
         here = block.engine(block.lanes)
-        self.kernels: tuple[Any, Any] = _kernels(*here.machine)
+        source = block.problem.compiled.by_numba
+        self.kernels: tuple[Any, Any] = _kernels(source.jets, source.residual, source.powers)
         rules = block.rules._replace(
             most=np.array([*block.rules.most[:2], _TURNS, block.rules.most[3]])
         )
@@ -226,7 +227,7 @@ def ported(function: Any) -> Any:
 
     Functions are found by the names that the code uses, in its own module or in a module it names.
     """
-    source = function.py_func if isinstance(function, Dispatcher) else function._pyfunc
+    source = function.py_func if isinstance(function, Compiled) else function._pyfunc
     names = source.__code__.co_names
     space = {name: _there(name, value, names) for name, value in source.__globals__.items()}
     return cuda.jit(device=True)(
@@ -238,7 +239,7 @@ def _there(name: str, value: Any, names: tuple[str, ...]) -> Any:
     """What a global name of a function stands for on the GPU, if the function uses these names."""
     if name not in names:
         return value
-    if isinstance(value, Dispatcher):
+    if isinstance(value, Compiled):
         return ported(value)
     if name in _LIBDEVICE and callable(value) and not _SIMULATED:
         return getattr(cuda.libdevice, name)  # pyright: ignore[reportAttributeAccessIssue]
@@ -257,7 +258,8 @@ def space_of_thread(s: Any, a: int) -> Any:
         s.W[a], s.V[a], s.mag[a], s.Rq[a], s.Rz[a], s.A[a], s.B[a], s.G[a],
         s.discs[a], s.balls[a], s.reaches[a], s.kinds[a], s.samples[a], s.bernstein[a],
         s.scratch[a], s.stack[a], s.touched[a], s.y0[a], s.trial[a], s.promise[a],
-        s.powers[a], s.pending[a], s.labels[a], s.known[a], s.stages[a],
+        s.powers[a], s.pending[a], s.labels[a], s.known[a], s.asked[a],
+        s.stages[a],
     )  # fmt: skip
 
 

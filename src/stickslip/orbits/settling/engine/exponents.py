@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import entry_point, njit
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     FINISHED,
@@ -38,7 +38,7 @@ _SKIPPED = 32  # of them that are not counted at first
 _CHANGE = 1e-7  # of the size of the motion
 
 
-@njit(**OPTIONS)
+@entry_point(**OPTIONS)
 def grow_all(
     e: Engine,
     twin: Engine,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import entry_point, njit
 from stickslip.motion.between.step_balance import (
     ENERGY_BALANCE,
     EQUATIONS,
@@ -401,7 +401,7 @@ def energy_at(e: Engine, flow: Flow, bench: Bench, j: int) -> float:
     record = bench.record
     copy(record.mode[j], flight.mode0)
     copy(record.region[j], flight.reg0)
-    resolve(flow.rows.sizes, flow.k, flow.space, flight.mode0)
+    resolve(flow.rows, flow.k, flow.space, flight.mode0)
     knot = Instant(record.time[j], record.state[j], flight.mode0, flight.reg0)
     coefficients(e.machine, flow, knot, 1, bench.table)
     e.machine.powers(bench.table, flight.reg0, flow.k.K, bench.value)
@@ -427,7 +427,7 @@ def feel(e: Engine, flow: Flow, t: float, y: Array, bench: Bench, felt: Array) -
     table = bench.table
     nc = len(rows.u)
     flow.space.known[-1] = 1
-    resolve(rows.sizes, flow.k, flow.space, bench.mode)
+    resolve(rows, flow.k, flow.space, bench.mode)
     coefficients(e.machine, flow, Instant(t, y, bench.mode, bench.region), 1, table)
     for c in range(nc):
         felt[c], felt[nc + c] = table[rows.force[c], 0], table[rows.plus[c], 0]
@@ -534,19 +534,19 @@ def look_closer(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, 
     return True
 
 
-@njit(**OPTIONS)
-def advance(
+@entry_point(**OPTIONS)
+def measure_all(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array
 ) -> None:
-    """Settle and measure all lanes, as far as they come without the host.
+    """Measure all lanes that have settled, as far as they come without the host.
 
     Parameters
     ----------
-    stop : array, shape (1,)
-        Not zero once there is a wish to stop.
+    e, m, rules, saved, bench, found, stop : tuples and array
+        As of :func:`advance_lane`.
     """
     for i in range(len(e.codes)):
-        advance_lane(e, m, rules, saved, bench, found, stop, i)
+        measure_lane(e, m, rules, saved, bench, found, stop, i)
 
 
 @njit(**INLINED)
@@ -568,9 +568,24 @@ def advance_lane(
         Not zero once there is a wish to stop.
     i : int
     """
-    numbers = m.numbers[i]
-    if numbers[PHASE] == SETTLING:
+    if m.numbers[i, PHASE] == SETTLING:
         settle_lane(e, m, rules, saved, bench, stop, i)
+    measure_lane(e, m, rules, saved, bench, found, stop, i)
+
+
+@njit(**INLINED)
+def measure_lane(
+    e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array, i: int
+) -> None:
+    """Measure a lane if it has settled; it may have to settle again.
+
+    Parameters
+    ----------
+    e, m, rules, saved, bench, found, stop : tuples and array
+        As of :func:`advance_lane`.
+    i : int
+    """
+    numbers = m.numbers[i]
     if (
         numbers[PHASE] == MEASURING
         and stop[0] == 0

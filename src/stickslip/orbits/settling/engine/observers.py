@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import entry_point, njit
 from stickslip.motion.between.nodes import GAUSS_NODES as GAUSS_NODES
 from stickslip.motion.between.nodes import GAUSS_WEIGHTS as GAUSS_WEIGHTS
 from stickslip.motion.engine.guards import resting
@@ -34,7 +34,7 @@ _ROUNDED = 1e-15  # part of the terms of a polynomial that its value is known to
 _FLAT = 1e-9  # part of a bracket within which an extremum is known
 
 
-@njit(**OPTIONS)
+@entry_point(**OPTIONS)
 def reset(sums: Sums) -> None:
     """Nothing has been observed yet."""
     for r in range(len(sums.low)):
@@ -135,7 +135,7 @@ def turning_point(c: Array, d: int, a: float, b: float, rising: bool) -> float:
     return x
 
 
-@njit(**OPTIONS)
+@entry_point(**OPTIONS)
 def observe(
     machine: Machine,
     flow: Flow,
@@ -181,7 +181,7 @@ def observe(
             continue
         copy(knots.mode[i], mode)
         copy(knots.region[i], reg)
-        resolve(rows.sizes, flow.k, flow.space, mode)
+        resolve(rows, flow.k, flow.space, mode)
         copy(knots.state[i], y)
         base = knots.time[i]
         left = length

@@ -20,7 +20,7 @@ import math
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.modes import copy
 from stickslip.motion.steps.arrays import INLINED, OPTIONS
 from stickslip.orbits.settling.engine.tables import (

@@ -26,7 +26,7 @@ from typing import cast
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code import njit
+from stickslip.machine_code.functions import entry_point, njit
 from stickslip.motion.engine.event_loop import integrate
 from stickslip.motion.engine.guards import resting
 from stickslip.motion.engine.modes import copy, resolve
@@ -210,7 +210,7 @@ def dies_out(
     w = flow.space
     w.known[-1] = 1
     w.W[len(work), 1] = 1.0
-    if not resolve(flow.rows.sizes, flow.k, w, s.mode[i]):
+    if not resolve(flow.rows, flow.k, w, s.mode[i]):
         return False
     here = Instant(s.clock[i, NOW], s.y[i], s.mode[i], s.reg[i])
     if coefficients(e.machine, flow, here, 1, w.W) != OK:
@@ -222,6 +222,25 @@ def dies_out(
 
 
 # -- the loop over marks ---------------------------------------------------------------------------
+
+
+@entry_point(**OPTIONS)
+def settle_all(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: Array) -> None:
+    """Follow all lanes until they have settled, as far as they come without the host.
+
+    Parameters
+    ----------
+    e : Engine
+    m : Marks
+    rules : Rules
+    saved : Lane
+    bench : Bench
+    stop : array, shape (1,)
+        Not zero once there is a wish to stop.
+    """
+    for i in range(len(e.codes)):
+        if m.numbers[i, PHASE] == SETTLING:
+            settle_lane(e, m, rules, saved, bench, stop, i)
 
 
 @njit(**OPTIONS)
@@ -294,28 +313,6 @@ def settle_lane(
             m.real[i, DURATION] = long_look(m, rules, i, s.clock[i, NOW])
             m.outcome[i], numbers[PHASE] = NOT_SETTLED, MEASURING
             return
-
-
-@njit(**OPTIONS)
-def settle_all(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: Array) -> None:
-    """Follow all lanes until they have settled, as far as they come without the host; nothing is
-    measured.
-
-    Parameters
-    ----------
-    e : Engine
-    m : Marks
-    rules : Rules
-    saved : Lane
-    bench : Bench
-    stop : array, shape (1,)
-        Not zero once there is a wish to stop.
-    """
-    for i in range(len(e.codes)):
-        if m.numbers[i, PHASE] == SETTLING:
-            settle_lane(e, m, rules, saved, bench, stop, i)
-        if m.numbers[i, PHASE] == MEASURING:
-            m.numbers[i, PHASE] = DONE
 
 
 @njit(**INLINED)
@@ -886,7 +883,7 @@ def cross_plane(
         copy(record.mode[j], f.mode0)
         copy(record.region[j], f.reg0)
         s.known[-1] = 1
-        resolve(flow.rows.sizes, flow.k, s, f.mode0)
+        resolve(flow.rows, flow.k, s, f.mode0)
         low = 0.0
         high = after - t
         s.W[len(y), 1] = better(high, 1.0)

@@ -1,0 +1,261 @@
+"""How soon a new declaration moves, and how fast: ``python benchmarks/start.py``.
+
+The machine code of a system comes from LLVM alone, written from the tape; before, numba compiled
+Python source printed from the same tape, as it does for a GPU now. Both roads in turn in one run:
+seconds from a declaration that no cache knows to its first Trajectory (the engine is compiled
+already), in this process and as a whole new one; nanoseconds for a Taylor series; seconds of a
+motion. And the first process after an installation, by what the package came with. Minima of the
+rounds go to ``benchmarks/results/start.md`` with the machine named.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import stickslip as ss
+from stickslip.equations.codegen.compiled import source_module
+from stickslip.equations.codegen.generate import generate
+from stickslip.equations.derive import derive
+from stickslip.equations.native import systems
+from stickslip.machine_code import shelf
+from stickslip.machine_code.functions import entry_point
+from stickslip.machine_code.interface import INTERFACE
+from stickslip.machine_code.kinds import MachineFunction
+from stickslip.motion.problem import Problem, pose
+from stickslip.motion.simulate_many import follow_all
+from stickslip.motion.steps.arrays import OPTIONS
+from stickslip.shipping import is_complete
+
+RESULTS = Path(__file__).parent / "results" / "start.md"
+ROUNDS = 3
+SERIES = 4000  # in one call
+SPAN = (0.0, 20.0)
+NEW: dict[str, Callable[[float], ss.System]] = {
+    "spring slider, another law": lambda x: ss.catalogue.spring_slider(
+        mu=f"0.5 + exp(-(alpha - 1)/{x})"
+    ),
+    "rocking toy, another friction": lambda x: ss.catalogue.rocking_toy(
+        H_R=f"H_star/2*(1 + clip(psi/psi_star, -1, 1)) + {x}*psi**4"
+    ),
+    "chain of 5 blocks": lambda x: ss.catalogue.block_chain(N=5, belt=f"V + {x}*sin(t)"),
+    "chain of 10 blocks": lambda x: ss.catalogue.block_chain(N=10, belt=f"V + {x}*sin(t)"),
+    "chain of 40 blocks": lambda x: ss.catalogue.block_chain(N=40, belt=f"V + {x}*sin(t)"),
+}
+"""By a number that no cache knows."""
+LARGE = "chain of 40 blocks"
+"""Takes numba minutes: now alone."""
+KNOWN: dict[str, tuple[ss.System, float]] = {
+    "spring slider": (ss.catalogue.spring_slider(), 5000.0),
+    "scaled slider": (ss.catalogue.scaled_slider(), 5000.0),
+    "Prandtl-Tomlinson tip": (ss.catalogue.prandtl_tomlinson(), 100.0),
+    "rocking toy": (ss.catalogue.rocking_toy(), 1000.0),
+    "rocking toy with masses": (ss.catalogue.rocking_toy_inertial(), 1200.0),
+    "play between oscillating walls": (ss.catalogue.oscillating_play(), 1000.0),
+    "plate compactor": (ss.catalogue.plate_compactor(), 100.0),
+    "chain of 5 blocks": (ss.catalogue.block_chain(N=5), 500.0),
+}
+
+
+def by_numba(system: ss.System) -> systems.CompiledSystem:
+    """A system as it was compiled before."""
+    equations = derive(system.declaration)
+    generated = generate(equations)
+    code = source_module(generated)
+    functions = {name: MachineFunction(getattr(code, name).address, name) for name in INTERFACE}
+    return systems.CompiledSystem(equations, generated, **functions)
+
+
+ROADS: dict[str, Callable[[ss.System], systems.CompiledSystem]] = {
+    "before": by_numba,
+    "now": systems.compile_system,
+}
+
+
+def first_motion(declared: Callable[[float], ss.System], road: str) -> float:
+    """Seconds from a declaration to its first Trajectory."""
+    number = round(float(np.random.default_rng().uniform(0.3, 0.4)), 12)
+    begun = time.perf_counter()
+    system = declared(number)
+    systems.compile_system = ROADS[road]
+    ss.simulate(system, SPAN)
+    return time.perf_counter() - begun
+
+
+def whole_process(name: str, road: str) -> float:
+    """Seconds of a process that imports, declares, moves and stops."""
+    script = f"import start; start.first_motion(start.NEW[{name!r}], {road!r})"
+    with tempfile.TemporaryDirectory() as folder:
+        env = {**os.environ, "STICKSLIP_CACHE": folder}
+        begun = time.perf_counter()
+        subprocess.run(
+            [sys.executable, "-c", script], cwd=Path(__file__).parent, env=env, check=True
+        )
+        return time.perf_counter() - begun
+
+
+@entry_point(**OPTIONS)
+def many_series(
+    jets: Any, t: float, y: Any, mode: Any, region: Any, K: Any, space: Any, N: int, count: int
+) -> None:
+    """The same series again and again."""
+    for _ in range(count):
+        jets(t, y, mode, region, K, space.Rq, space.Rz, N, space.W, space.A, space.B, space.mag)
+
+
+def posed(system: ss.System, road: str) -> Problem:
+    """A problem with the machine code of a road, for Taylor steps."""
+    problem = pose(system, exact=False)
+    problem.__dict__["compiled"] = ROADS[road](system)
+    return problem
+
+
+def series(problem: Problem) -> float:
+    """Seconds of a Taylor series."""
+    space = problem.space()
+    y = problem.initial_state({}) + 0.01
+    for inverse in (space.Rq, space.Rz):
+        inverse[:] = np.eye(*inverse.shape)
+    mode, region = (np.zeros(len(rows), np.int64) for rows in (problem.rows.u, problem.rows.kinks))
+    given = 0.3, y, mode, region, problem.constants.K, space, problem.order
+    many_series(problem.compiled.jets, *given, 1)
+    begun = time.perf_counter()
+    many_series(problem.compiled.jets, *given, SERIES)
+    return (time.perf_counter() - begun) / SERIES
+
+
+def motion(problem: Problem, end: float) -> float:
+    """Seconds of a motion by Taylor steps."""
+    table = np.array([list(problem.parameters.values())])
+    y = problem.initial_state({})[None]
+    begun = time.perf_counter()
+    follow_all(problem, table, y, (0.0, end), 10**7, 1)
+    return time.perf_counter() - begun
+
+
+def in_turn(rounds: int, measure: Callable[[str], float]) -> tuple[float, float]:
+    """Least seconds of both roads."""
+    found = [[measure(road) for road in ROADS] for _ in range(rounds)]
+    before, now = np.min(found, axis=0)
+    return float(before), float(now)
+
+
+def starts() -> list[str]:
+    """From a declaration to its first Trajectory."""
+    ss.simulate(ss.catalogue.rocking_toy(), SPAN)  # the engine
+    ss.simulate(ss.catalogue.spring_slider(), SPAN)
+    lines = [
+        "| a new declaration → its first Trajectory | before, s | now, s | ratio | whole process "
+        "before, s | now, s |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, declared in NEW.items():
+        if name == LARGE:
+            now = min(first_motion(declared, "now") for _ in range(ROUNDS))
+            process = min(whole_process(name, "now") for _ in range(ROUNDS))
+            lines.append(f"| {name} | minutes | {now:.3f} | | minutes | {process:.2f} |")
+            continue
+        before, now = in_turn(ROUNDS, lambda road, f=declared: first_motion(f, road))
+        whole = in_turn(ROUNDS, lambda road, name=name: whole_process(name, road))
+        lines.append(
+            f"| {name} | {before:.2f} | {now:.3f} | {now / before:.3f} | {whole[0]:.2f} | "
+            f"{whole[1]:.2f} |"
+        )
+        print(lines[-1], flush=True)
+    return lines
+
+
+def speeds() -> list[str]:
+    """Series and motions."""
+    lines = [
+        "| Taylor steps | series before, ns | now, ns | ratio | motion before, ms | now, ms | "
+        "ratio |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for name, (system, end) in KNOWN.items():
+        problems = {road: posed(system, road) for road in ROADS}
+        a, b = in_turn(20, lambda road, p=problems: series(p[road]))
+        c, d = in_turn(25, lambda road, p=problems, end=end: motion(p[road], end))
+        lines.append(
+            f"| {name}, t = {end:g} | {1e9 * a:.0f} | {1e9 * b:.0f} | {b / a:.2f} | {1e3 * c:.2f} "
+            f"| {1e3 * d:.2f} | {d / c:.2f} |"
+        )
+        print(lines[-1], flush=True)
+    return lines
+
+
+FIRST = {
+    "closed forms": "import stickslip as ss; ss.simulate(ss.catalogue.rocking_toy(), (0.0, 20.0))",
+    "Taylor steps": "import stickslip as ss; "
+    "ss.simulate(ss.catalogue.spring_slider(), (0.0, 20.0), flow='taylor')",
+}
+SCIPY = (
+    "from scipy.integrate import solve_ivp; "
+    "solve_ivp(lambda t, y: [y[1], -y[0]], (0.0, 20.0), [1.0, 0.0], rtol=1e-9, atol=1e-9)"
+)
+HIDDEN = """
+from pathlib import Path
+from stickslip.machine_code import shelf
+shelf.SHIPPED = Path({folder!r})
+"""
+
+
+def process(script: str, folder: str) -> float:
+    """Seconds of a process that imports, moves and stops, with that cache folder."""
+    begun = time.perf_counter()
+    env = {**os.environ, "STICKSLIP_CACHE": folder}
+    subprocess.run([sys.executable, "-c", script], env=env, check=True)
+    return time.perf_counter() - begun
+
+
+def fresh_installations() -> list[str]:
+    """The first process after an installation, by what came with it, and a second one."""
+    if not is_complete(shelf.SHIPPED / shelf.level()):
+        raise SystemExit("make machine-code first: the engine is not compiled ahead of time")
+    lines = [
+        "| a fresh installation: import, declare, one motion | machine code shipped, s | bitcode "
+        "shipped, s | by numba, s | second process, s | times SciPy |",
+        "|---|---|---|---|---|---|",
+    ]
+    with tempfile.TemporaryDirectory() as place:
+        bitcode = Path(place) / "bitcode" / shelf.level()
+        bitcode.mkdir(parents=True)
+        for file in (shelf.SHIPPED / shelf.level()).glob("*.bc"):
+            shutil.copy(file, bitcode)
+        for name, script in FIRST.items():
+            seconds = []
+            for shipped in (str(shelf.SHIPPED), str(bitcode.parent), place):
+                hide = HIDDEN.format(folder=shipped)
+                caches = [tempfile.mkdtemp(dir=place) for _ in range(1 if shipped == place else 3)]
+                seconds.append(min(process(hide + script, cache) for cache in caches))
+            cache = tempfile.mkdtemp(dir=place)
+            process(script, cache)
+            pairs = [(process(script, cache), process(SCIPY, cache)) for _ in range(9)]
+            second, scipy = np.min(pairs, axis=0)
+            words = " | ".join(f"{x:.2f}" for x in (*seconds, second, second / scipy))
+            lines.append(f"| {name} | {words} |")
+            print(lines[-1], flush=True)
+    return lines
+
+
+def main() -> None:
+    """Run everything, print it and keep it."""
+    from motion import machine  # here, so that a new process does not import all rivals
+
+    lines = ["# How soon a new declaration moves", "", machine(), ""]
+    lines += [*fresh_installations(), "", *starts(), "", *speeds(), ""]
+    print("\n".join(lines))
+    RESULTS.write_text("\n".join(lines), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

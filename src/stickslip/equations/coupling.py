@@ -1,0 +1,84 @@
+"""Which coordinates and contacts a linear problem [[M, −Jᵀ], [J, 0]] couples: its connected
+components.
+
+A force between blocks of a chain stands on the right-hand side; the matrix knows each block with
+its contact alone. So its inverse is one of small blocks, and all costs are in proportion to their
+number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from stickslip.errors import DeclarationError
+
+_MOST_COORDINATES = 200
+"""That one inverse may couple: its cost grows with their cube."""
+
+
+class Component(NamedTuple):
+    """What one inverse couples: numbers of coordinates (among those of their kind) and of
+    contacts."""
+
+    coordinates: list[int]
+    contacts: list[int]
+
+
+def components(
+    coordinates: int,
+    entries: Iterable[tuple[int, int]],
+    first: int,
+    directions: Sequence[Iterable[int]],
+) -> list[Component]:
+    """The connected components of a linear problem, by their least coordinates.
+
+    Parameters
+    ----------
+    coordinates : int
+        How many there are.
+    entries : iterable of (int, int)
+        Where the matrix is not zero.
+    first : int
+        Number of the first contact.
+    directions : sequence of iterable of int
+        Coordinates that each contact moves.
+
+    Raises
+    ------
+    DeclarationError
+        If one of them is too large.
+    """
+    parent = list(range(coordinates + len(directions)))
+
+    def root(i: int) -> int:
+        while parent[i] != i:
+            parent[i] = parent[parent[i]]
+            i = parent[i]
+        return i
+
+    def join(i: int, j: int) -> None:
+        low, high = sorted((root(i), root(j)))
+        parent[high] = low
+
+    for i, j in entries:
+        join(i, j)
+    for c, moved in enumerate(directions):
+        for i in moved:
+            join(i, coordinates + c)
+    found: dict[int, Component] = {}
+    for i in range(len(parent)):
+        component = found.setdefault(root(i), Component([], []))
+        if i < coordinates:
+            component.coordinates.append(i)
+        else:
+            component.contacts.append(first + i - coordinates)
+    most = max((len(component.coordinates) for component in found.values()), default=0)
+    if most > _MOST_COORDINATES:
+        raise DeclarationError(
+            "coordinates",
+            f"masses, viscosities and contacts couple {most} of them directly"
+            f" (at most {_MOST_COORDINATES})",
+            "Couple them by springs or by resistances (drag, force)",
+        )
+    return list(found.values())

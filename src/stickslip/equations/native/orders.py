@@ -1,0 +1,622 @@
+"""Operations of the tape as machine code: order k of every row from lower orders.
+
+The mathematics is that of :mod:`stickslip.equations.codegen.series`. Written out, each coefficient
+is a register, and what is zero is not there; where that would be too long, coefficients stand in
+memory and a loop runs over the orders, up to four times as slowly.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+from stickslip.equations.codegen.generate import ORDERS, Generated
+from stickslip.equations.codegen.program import rows_made, rows_read
+from stickslip.equations.native.assembly import Operand, Pair, constant
+from stickslip.equations.native.routines import Routine
+from stickslip.equations.native.tables import (
+    FEWEST_REPETITIONS,
+    Pattern,
+    Tabled,
+    filled_instruction,
+    grouped,
+    pattern_of_instruction,
+)
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.tape import OUTPUTS, Instruction, Op, Scaled
+
+_OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
+_SMALL = 8  # rows of a matrix up to this length are written out
+_MOST_PRODUCTS = 4000  # that are written out; beyond, compiling them would take too long
+Order = int | str
+"""A number, or the register of the loop."""
+
+
+class Series(Routine):
+    """The function ``jets``, written out."""
+
+    def __init__(self, generated: Generated) -> None:
+        super().__init__("jets")
+        layout = generated.layout
+        self.generated = generated
+        self.layout = layout
+        self.slots = generated.constants
+        self.clock = len(layout.state)
+        self.kept = frozenset(layout.kept)
+        self.known: dict[tuple[int, Order], Operand] = {}
+        self.ready: set[str] = set()
+
+    def written(self) -> str:
+        """The function."""
+        *checkpoints, last = ORDERS
+        unit = self.load(self.place("W", self.clock, 1))
+        self.begin(unit)
+        for k in range(last):
+            self.order(k)
+            self.integrate(k, self.times(unit, 1.0 / (k + 1)))
+            if k == 0:
+                self.statements(self.generated.sizes)
+            if k + 1 in (1, *checkpoints):
+                self.leave(self.whole("icmp eq", "%N", k + 1), 0)
+        self.lines.append("ret i64 0")
+        return self.text()
+
+    def begin(self, unit: Operand) -> None:
+        """Order 0 of the state, and time."""
+        for i in range(self.clock):
+            self.put(i, 0, self.entry("y", i))
+        self.put(self.clock, 0, "%t")
+        self.known[self.clock, 1] = unit
+
+    def order(self, k: Order) -> None:
+        """Order k of all rows."""
+        for instruction in self.layout.instructions:
+            _WRITERS[instruction.op](self, instruction, k)
+
+    def integrate(self, k: int, step: Operand) -> None:
+        """Order k + 1 of the state."""
+        for i, row in enumerate(self.layout.rates):
+            self.put(i, k + 1, self.scaled(self.get(row, k), step))
+
+    # -- coefficients ------------------------------------------------------------------------------
+
+    def get(self, row: int, k: Order) -> Operand:
+        """A coefficient."""
+        return self.known.get((row, k), 0.0)
+
+    def put(self, row: int, k: Order, value: Operand) -> None:
+        """Make a coefficient known; rows that are read are stored, too."""
+        if isinstance(value, str) and value not in self.ready:
+            self.known_now(value)
+            self.ready.add(value)
+        self.known[row, k] = value
+        if k == 0 or row in self.kept:
+            self.store(value, self.place("W", row, int(k)))
+
+    def entry(self, name: str, *index: int) -> Operand:
+        """An entry of an array; coefficients of order 0 are known."""
+        if name == "W" and (index[0], 0) in self.known:
+            return self.known[index[0], 0]
+        return super().entry(name, *index)
+
+    def factor(self, part: Scaled) -> Operand:
+        """The factor of a term."""
+        factor = part.factor
+        return self.scalar(self.slots.scalar(factor) if isinstance(factor, Expr) else factor)
+
+    def linear(self, parts: tuple[Scaled, ...], k: Order) -> Operand:
+        """Order k of a linear combination."""
+        terms = [(self.factor(p), self.get(p.row, k)) for p in parts if p.row is not None]
+        if k == 0:
+            terms += [(self.factor(p), 1.0) for p in parts if p.row is None]
+        return self.total(terms)
+
+    # -- sums over orders --------------------------------------------------------------------------
+
+    def before(self, k: Order) -> Order:
+        """k − 1."""
+        assert isinstance(k, int)
+        return k - 1
+
+    def convolution(self, a: int, b: int, k: Order, low: int) -> list[Pair]:
+        """Terms of Σ aⱼ bₖ₋ⱼ for low ≤ j ≤ k."""
+        assert isinstance(k, int)
+        return [(self.get(a, j), self.get(b, k - j)) for j in range(low, k + 1)]
+
+    def square(self, a: int, k: Order) -> Operand:
+        """Order k of a²: each pair of terms once."""
+        assert isinstance(k, int)
+        terms = [
+            (self._multiple(2.0, self.get(a, j)), self.get(a, k - j)) for j in range((k + 1) // 2)
+        ]
+        if k % 2 == 0:
+            terms.append((self.get(a, k // 2), self.get(a, k // 2)))
+        return self.total(terms)
+
+    def _multiple(self, factor: float, x: Operand) -> Operand:
+        if isinstance(x, float):
+            return factor * x
+        return self.once((factor, x), lambda: str(self.times(factor, x)))
+
+    def chain(self, a: int, slope: int, k: Order) -> Operand:
+        """Order k ≥ 1 of y with y′ = g·a′; the newest coefficient comes last, in one multiplication
+        and one addition."""
+        s = self.total(self.weighted(a, slope, k))
+        return self.total([(self.per(s, k), 1.0), (self.get(a, k), self.get(slope, 0))])
+
+    def weighted(self, a: int, b: int, k: Order) -> list[Pair]:
+        """Terms of Σ j aⱼ bₖ₋ⱼ for 1 ≤ j < k."""
+        assert isinstance(k, int)
+        return [(self._multiple(float(j), self.get(a, j)), self.get(b, k - j)) for j in range(1, k)]
+
+    def powered(self, a: int, y: int, p: Operand, k: Order) -> list[Pair]:
+        """Terms of Σ (j p − (k − j)) aⱼ yₖ₋ⱼ for 1 ≤ j ≤ k."""
+        assert isinstance(k, int)
+        terms = list[Pair]()
+        for j in range(1, k + 1):
+            weight = self.fused(float(j), p, float(j - k))
+            terms.append((self.times(weight, self.get(a, j)), self.get(y, k - j)))
+        return terms
+
+    def per(self, s: Operand, k: Order) -> Operand:
+        """s/k."""
+        assert isinstance(k, int)
+        return self.scaled(s, 1.0 / k)
+
+    def by(self, x: Operand, k: Order) -> Operand:
+        """k·x."""
+        assert isinstance(k, int)
+        return self._multiple(float(k), x)
+
+    def divided(self, terms: list[Pair], above: Operand, below: int, k: Order) -> Operand:
+        """(above − Σ terms)/b₀; nothing where b has overflowed."""
+        b = self.get(below, 0)
+        rest = self.total([(above, 1.0), *((self.negative(x), y) for x, y in terms)])
+        return self.choose(self.overflown(b), 0.0, self.over(rest, b))
+
+    def overflown(self, b: Operand) -> str:
+        """Whether a value is infinite."""
+        return self.once(("inf", b), lambda: self.test("oeq", self.modulus(b), math.inf))
+
+    def solved(self, matrix: str, place: int, first: int, solution: int, n: int, k: Order) -> None:
+        """Order k of solution = R·right-hand side, both n consecutive rows.
+
+        Parameters
+        ----------
+        matrix : str
+            Which inverse R is.
+        place : int
+            Its first row.
+        first, solution : int
+            First rows of the right-hand side and of the solution.
+        n : int
+        k : Order
+        """
+        for i in range(n):
+            self.put(solution + i, k, self.total(self.row_of(matrix, place + i, first, n, k)))
+
+    def row_of(self, matrix: str, i: int, first: int, n: int, k: Order) -> list[Pair]:
+        """Terms of one row of the solution: row i of the inverse times n rows.
+
+        Parameters
+        ----------
+        matrix : str
+        i, first, n : int
+        k : Order
+        """
+        return [(self.inverse(matrix, i, j), self.get(first + j, k)) for j in range(n)]
+
+    def inverse(self, matrix: str, i: int, j: int) -> Operand:
+        """An entry of an inverse."""
+        return self.once(("inverse", matrix, i, j), lambda: str(Routine.entry(self, matrix, i, j)))
+
+    def spread(self, matrix: str, i: int, n: int, base: int) -> Operand:
+        """Σⱼ |Rᵢⱼ| mag[base + j]."""
+        if n > _SMALL:
+            return super().spread(matrix, i, n, base)
+        terms = [
+            (self.modulus(self.inverse(matrix, i, j)), self.entry("mag", base + j))
+            for j in range(n)
+        ]
+        return self.total(terms)
+
+    def first_exp(self, x: Operand) -> Operand:
+        """exp x, infinite before its derivatives overflow: what is divided by it then is zero, and
+        so are they."""
+        return self.choose(self.test("olt", x, _OVERFLOW), self.call("exp", x), math.inf)
+
+
+# -- the operations --------------------------------------------------------------------------------
+
+
+def _linear(s: Series, i: Instruction, k: Order) -> None:
+    s.put(i.row, k, s.linear(i.parts, k))
+
+
+def _product(s: Series, i: Instruction, k: Order) -> None:
+    a, b = i.inputs
+    s.put(i.row, k, s.square(a, k) if a == b else s.total(s.convolution(a, b, k, 0)))
+
+
+def _quotient(s: Series, i: Instruction, k: Order) -> None:
+    a, b = i.inputs
+    s.put(i.row, k, s.divided(s.convolution(b, i.row, k, 1), s.get(a, k), b, k))
+
+
+def _reciprocal(s: Series, i: Instruction, k: Order) -> None:
+    (b,) = i.inputs
+    above = 1.0 if k == 0 else 0.0
+    s.put(i.row, k, s.divided(s.convolution(b, i.row, k, 1), above, b, k))
+
+
+def _power(s: Series, i: Instruction, k: Order) -> None:
+    """Where y begins with 0, all its orders are 0."""
+    a = i.inputs[0]
+    p = s.factor(i.parts[0])
+    first = s.get(a, 0)
+    if k == 0:
+        size = s.get(i.inputs[1], 0) if i.inputs[1:] else 0.0
+        s.put(i.row, 0, s.first_power(first, p, size))
+        return
+    y = s.get(i.row, 0)
+    there = s.once(("there", y), lambda: s.test("une", y, 0.0))
+    next_one = s.over(s.total(s.powered(a, i.row, p, k)), s.by(first, k))
+    s.put(i.row, k, s.choose(there, next_one, 0.0))
+
+
+def _exp(s: Series, i: Instruction, k: Order) -> None:
+    (a,) = i.inputs
+    s.put(i.row, k, s.first_exp(s.get(a, 0)) if k == 0 else s.chain(a, i.row, k))
+
+
+def _log(s: Series, i: Instruction, k: Order) -> None:
+    (a,) = i.inputs
+    first = s.get(a, 0)
+    if k == 0:
+        s.put(i.row, 0, s.call("log", first))
+        return
+    rest = s.per(s.total(s.weighted(i.row, a, k)), k)
+    s.put(i.row, k, s.over(s.total([(s.get(a, k), 1.0), (s.negative(rest), 1.0)]), first))
+
+
+def _rotation(s: Series, i: Instruction, k: Order) -> None:
+    (a,) = i.inputs
+    sine, cosine = i.row, i.row + 1
+    x = s.get(a, 0)
+    if k == 0:
+        s.put(sine, 0, s.call("sin", x))
+        s.put(cosine, 0, s.call("cos", x))
+        return
+    if i.op is Op.STEADY:
+        turn = s.per(s.get(a, 1), k)
+        up = s.times(turn, s.get(cosine, s.before(k)))
+        down = s.times(turn, s.get(sine, s.before(k)))
+    else:
+        up = s.chain(a, cosine, k)
+        down = s.chain(a, sine, k)
+    s.put(sine, k, up)
+    s.put(cosine, k, s.negative(down))
+
+
+def _hyperbolic(s: Series, i: Instruction, k: Order) -> None:
+    (a,) = i.inputs
+    sine, cosine = i.row, i.row + 1
+    if k == 0:
+        x = s.get(a, 0)
+        up = s.times(0.5, s.first_exp(x))
+        down = s.times(0.5, s.first_exp(s.negative(x)))
+        large = s.test("ogt", s.modulus(x), 1.0)
+        s.put(sine, 0, s.choose(large, s.add(up, s.negative(down)), s.call("sinh", x)))
+        s.put(cosine, 0, s.add(up, down))
+        return
+    up = s.chain(a, cosine, k)
+    down = s.chain(a, sine, k)
+    s.put(sine, k, up)
+    s.put(cosine, k, down)
+
+
+def _chain(s: Series, i: Instruction, k: Order) -> None:
+    a, slope = i.inputs
+    s.put(i.row, k, s.function(i.function, s.get(a, 0)) if k == 0 else s.chain(a, slope, k))
+
+
+def _tangent(s: Series, i: Instruction, k: Order) -> None:
+    """The slope 1 ± y² is a row of its own, one order behind y."""
+    (a,) = i.inputs
+    y, slope = i.row, i.row + 1
+    s.put(y, k, s.function(i.function, s.get(a, 0)) if k == 0 else s.chain(a, slope, k))
+    square = s.square(y, k)
+    signed = square if i.op is Op.TAN else s.negative(square)
+    s.put(slope, k, s.add(1.0, signed) if k == 0 else signed)
+
+
+def _select(s: Series, i: Instruction, k: Order) -> None:
+    above, below = (s.linear((part,), k) for part in i.parts)
+    s.put(i.row, k, s.choose(s.is_above(i.place), above, below) if above != below else above)
+
+
+def _size(s: Series, i: Instruction, k: Order) -> None:
+    if k == 0:
+        terms = [s.linear((part,), 0) for part in i.parts]
+        s.put(i.row, 0, s.total([(s.modulus(x), 1.0) for x in terms]))
+
+
+def _side(s: Series, i: Instruction, k: Order) -> None:
+    """Surface speed in stick; in slip the friction force, against the threshold where it is to be
+    broken."""
+    surface, plus, minus, *static = (s.get(row, k) for row in i.inputs)
+    if i.inputs[1:3] != i.inputs[3:5]:
+        sliding = s.once(
+            ("sliding", i.place),
+            lambda: s.new(f"or i1 {s.is_mode(i.place, 'eq', 1)}, {s.is_mode(i.place, 'eq', -1)}"),
+        )
+        plus, minus = (s.choose(sliding, x, y) for x, y in zip((plus, minus), static, strict=True))
+    s.put(i.row, k, s.by_mode_of(i.place, surface, s.negative(plus), minus))
+
+
+def _speed(s: Series, i: Instruction, k: Order) -> None:
+    mode = s.which("mode", i.place)
+    sign = s.once(("sign", i.place), lambda: s.new(f"sitofp i64 {mode} to double"))
+    s.put(i.row, k, s.times(sign, s.get(i.inputs[0], k)))
+
+
+def _entry(s: Series, i: Instruction, k: Order) -> None:
+    own = s.factor(i.parts[0]) if k == 0 else 0.0
+    stiffness, plus, minus = (s.get(row, k) for row in i.inputs)
+    slips = s.add(stiffness, plus), s.add(stiffness, s.negative(minus))
+    s.put(i.row, k, s.by_mode_of(i.place, own, *slips))
+
+
+def _right(s: Series, i: Instruction, k: Order) -> None:
+    surface, rest, plus, minus = (s.get(row, k) for row in i.inputs)
+    slips = s.negative(s.add(rest, plus)), s.add(s.negative(rest), minus)
+    s.put(i.row, k, s.by_mode_of(i.place, surface, *slips))
+
+
+def _solve(s: Series, i: Instruction, k: Order) -> None:
+    s.solved(i.matrix, i.place, i.inputs[0], i.row, i.size, k)
+
+
+def _rates(s: Series, i: Instruction, k: Order) -> None:
+    """Solve A ṙ = b as a series: the inverse at order 0, and what the changes of A take away at the
+    others."""
+    n = i.size
+    (right,) = i.inputs
+    changing = [(j, entry.row) for j, entry in enumerate(i.entries) if entry.inputs]
+    if k == 0:
+        for j, entry in enumerate(i.entries):
+            if entry.inputs:
+                x = s.get(entry.row, 0)
+            else:
+                own, stiffness, plus, minus = map(s.factor, entry.parts)
+                slips = s.add(stiffness, plus), s.add(stiffness, s.negative(minus))
+                x = s.by_mode_of(entry.place, own, *slips)
+            s.store(x, s.place("A", j // n, j % n))
+        done = s.new(f"call i64 @invert(ptr {s.data('A')}, i64 {n}, ptr {s.data('B')})")
+        s.leave(s.whole("icmp eq", done, 0), 1)
+    else:
+        for line in range(n):
+            terms = [
+                (s.negative(x), y)
+                for j, row in changing
+                if j // n == line
+                for x, y in s.convolution(row, i.row + j % n, k, 1)
+            ]
+            if terms:
+                rest = s.total([(s.get(right + line, k), 1.0), *terms])
+                s.put(right + line, k, rest)
+    s.solved("B", 0, right, i.row, n, k)
+
+
+class LoopedSeries(Tabled, Series):
+    """The same with coefficients in memory, a loop over the orders, and loops over what is
+    repeated."""
+
+    unit: Operand
+    after: str
+    real: str
+
+    def written(self) -> str:
+        """The function: order 0, which is another matter, and the loop."""
+        self.unit = self.load(self.place("W", self.clock, 1))
+        self.loop(0, self.clock, self._start)
+        self.put(self.clock, 0, "%t")
+        self.order(0)
+        self._integrate(0, 1, self.unit)
+        self.statements(self.generated.sizes)
+        start = {place: x for place, x in self.known.items() if place[1] == 0}
+
+        def body(k: str) -> None:
+            self.known = dict(start)
+            self.after = self.whole("add", k, 1)
+            self.real = self.new(f"sitofp i64 {k} to double")
+            following = self.new(f"sitofp i64 {self.after} to double")
+            self.order(k)
+            self._integrate(k, self.after, self.over(self.unit, following))
+
+        self.loop(1, "%N", body)
+        self.lines.append("ret i64 0")
+        return self.text()
+
+    def _start(self, i: str) -> None:
+        """Order 0 of the state."""
+        value = self.load(self.at(self.data("y"), i))
+        self.store(value, self.at(self.row("W", i), 0))
+
+    @cached_property
+    def groups(self) -> list[tuple[Instruction, list[Pattern]]]:
+        """Instructions that do not need each other: one for all that differ in numbers alone, with
+        these; few are left alone."""
+        tape = self.layout.instructions
+        patterns = [pattern_of_instruction(i, self.slots, self.clock) for i in tape]
+        known = dict[int, int]()
+        levels = list[int]()
+        for i in tape:
+            levels.append(1 + max((known.get(row, 0) for row in rows_read(i)), default=0))
+            known |= dict.fromkeys(rows_made(i), levels[-1])
+        found = list[tuple[Instruction, list[Pattern]]]()
+        for group in grouped(patterns, levels):
+            if len(group) < FEWEST_REPETITIONS:
+                found += [(tape[i], [patterns[i]]) for i in group]
+            else:
+                found.append((tape[group[0]], [patterns[i] for i in group]))
+        return found
+
+    def order(self, k: Order) -> None:
+        """Order k of all rows, group by group."""
+        for pattern, repetitions in self.groups:
+            if len(repetitions) == 1:
+                _WRITERS[pattern.op](self, pattern, k)
+                continue
+
+            def body(wholes: list[Any], reals: list[Any], pattern: Instruction = pattern) -> None:
+                _WRITERS[pattern.op](self, filled_instruction(pattern, wholes, reals), k)
+
+            self.repeat(repetitions, body)
+
+    def _integrate(self, k: Order, after: Order, step: Operand) -> None:
+        """The order after k of the state."""
+
+        def body(wholes: list[Any], _: list[Any]) -> None:
+            i, row = wholes
+            self.put(i, after, self.times(self.get(row, k), step))
+
+        rows = enumerate(self.layout.rates)
+        self.repeat([Pattern(None, [i, row], []) for i, row in rows], body)
+
+    def loop(self, low: Any, high: Any, body: Any, *carried: Any) -> list[str]:
+        """A loop; coefficients that are made inside are in memory after it."""
+        known = dict(self.known)
+        values = super().loop(low, high, body, *carried)
+        self.known = known
+        return values
+
+    def get(self, row: int, k: Order) -> Operand:
+        """A coefficient: just made, of order 0, or from memory; of time, one is not zero."""
+        if (row, k) not in self.known:
+            if row == self.clock:
+                return self.choose(self.whole("icmp eq", k, 1), self.unit, 0.0)
+            self.known[row, k] = self.load(self.at(self.row("W", row), k))
+        return self.known[row, k]
+
+    def put(self, row: int, k: Order, value: Operand) -> None:
+        """Make a coefficient known, in memory too."""
+        self.known[row, k] = value
+        self.store(value, self.at(self.row("W", row), k))
+
+    def before(self, k: Order) -> Order:
+        """k − 1."""
+        return self.whole("sub", k, 1)
+
+    def along(
+        self, sum_of: str, a: int, b: int, k: str, limits: tuple[int, str], p: str = ""
+    ) -> str:
+        """A sum over orders from memory.
+
+        Parameters
+        ----------
+        sum_of : str
+            Which loop.
+        a, b : int
+            Rows.
+        k : str
+            Order of the sum.
+        limits : (int, str)
+            First order of a, and the one after the last.
+        p : str
+            More arguments of the loop.
+        """
+        low, high = limits
+        rows = f"ptr {self.row('W', a)}, ptr {self.row('W', b)}"
+        return self.new(f"call double @{sum_of}({rows}, i64 {k}, i64 {low}, i64 {high}{p})")
+
+    def convolution(self, a: int, b: int, k: Order, low: int) -> list[Pair]:
+        """Σ aⱼ bₖ₋ⱼ for low ≤ j ≤ k."""
+        if isinstance(k, int):
+            return super().convolution(a, b, k, low)
+        return [(self.along("cauchy", a, b, k, (low, self.after)), 1.0)]
+
+    def square(self, a: int, k: Order) -> Operand:
+        """Order k of a²."""
+        return self.total(self.convolution(a, a, k, 0))
+
+    def weighted(self, a: int, b: int, k: Order) -> list[Pair]:
+        """Σ j aⱼ bₖ₋ⱼ for 1 ≤ j < k."""
+        assert isinstance(k, str)
+        return [(self.along("chained", a, b, k, (1, k)), 1.0)]
+
+    def powered(self, a: int, y: int, p: Operand, k: Order) -> list[Pair]:
+        """Σ (j p − (k − j)) aⱼ yₖ₋ⱼ for 1 ≤ j ≤ k."""
+        assert isinstance(k, str)
+        exponent = f", double {constant(p)}"
+        return [(self.along("powered", a, y, k, (1, self.after), exponent), 1.0)]
+
+    def per(self, s: Operand, k: Order) -> Operand:
+        """s/k."""
+        return self.over(s, self.real)
+
+    def by(self, x: Operand, k: Order) -> Operand:
+        """k·x."""
+        return self.times(self.real, x)
+
+    def solved(self, matrix: str, place: int, first: int, solution: int, n: int, k: Order) -> None:
+        if n <= _SMALL:
+            super().solved(matrix, place, first, solution, n, k)
+        else:
+            for i in range(n):
+                row, column = self.row(matrix, place + i), self.at(self.row("W", first), k)
+                arguments = f"ptr {row}, ptr {column}, i64 {self.stride('W')}, i64 {n}"
+                self.put(solution + i, k, self.new(f"call double @applied({arguments})"))
+
+
+def is_long(generated: Generated) -> bool:
+    """Whether the series of a system are too long to be written out."""
+    return sum(map(_products, generated.layout.instructions)) > _MOST_PRODUCTS
+
+
+def series_of(generated: Generated) -> str:
+    """The function ``jets``, written out unless it is too long for that."""
+    return (LoopedSeries if is_long(generated) else Series)(generated).written()
+
+
+def _products(i: Instruction) -> int:
+    """Products of an operation at all orders, about."""
+    last = ORDERS[-1]
+    match i.op:
+        case Op.SOLVE:
+            return last * i.size**2
+        case Op.RATES:
+            changing = sum(1 for entry in i.entries if entry.inputs)
+            return last * i.size**2 + changing * last**2 // 2
+        case Op.LINEAR | Op.SELECT | Op.SIZE | Op.SIDE | Op.SPEED | Op.ENTRY | Op.RIGHT | Op.STEADY:
+            return last * (1 + len(i.parts))
+        case Op.POWER:
+            return last**2
+    return OUTPUTS.get(i.op, 1) * last**2 // 2
+
+
+_WRITERS: dict[Op, Callable[[Series, Instruction, Order], None]] = {
+    Op.LINEAR: _linear,
+    Op.PRODUCT: _product,
+    Op.QUOTIENT: _quotient,
+    Op.RECIPROCAL: _reciprocal,
+    Op.POWER: _power,
+    Op.EXP: _exp,
+    Op.LOG: _log,
+    Op.ROTATION: _rotation,
+    Op.STEADY: _rotation,
+    Op.HYPERBOLIC: _hyperbolic,
+    Op.CHAIN: _chain,
+    Op.TAN: _tangent,
+    Op.TANH: _tangent,
+    Op.SELECT: _select,
+    Op.SIZE: _size,
+    Op.SIDE: _side,
+    Op.SPEED: _speed,
+    Op.ENTRY: _entry,
+    Op.RIGHT: _right,
+    Op.SOLVE: _solve,
+    Op.RATES: _rates,
+}

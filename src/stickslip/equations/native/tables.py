@@ -1,0 +1,341 @@
+"""What is repeated, written once: a loop over a table of what tells the repetitions apart.
+
+A chain of blocks has the same few formulas many times. Instructions and statements that differ in
+numbers alone (rows, places, constants) share a pattern; the numbers stand in a table of constants
+beside the code. So code does not grow with a system, and what is written for one is written for
+all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from functools import cached_property
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from stickslip.equations.native.assembly import REAL, WHOLE, Assembly, Operand
+from stickslip.equations.native.routines import Routine
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.scalars import Scalar, Store, element
+from stickslip.symbolic.tape import Instruction, Op, ParameterExpressions, Scaled
+
+FEWEST_REPETITIONS = 16  # repetitions that a loop is made for: fewer are as quick side by side
+_LONG_SUM = 32  # terms of a sum from which they are added up in groups
+
+
+class Whole(str):
+    """A whole number in a register, to which numbers can be added."""
+
+    inside: Assembly
+
+    @classmethod
+    def loaded(cls, f: Assembly, register: str) -> Whole:
+        """That of a register of a function."""
+        made = cls(register)
+        made.inside = f
+        return made
+
+    def __add__(self, other: int) -> Whole:  # type: ignore[override]
+        if other == 0:
+            return self
+        return Whole.loaded(self.inside, self.inside.whole("add", self, other))
+
+
+class Pattern(NamedTuple):
+    """What is the same in all repetitions, and the numbers that tell one from the others."""
+
+    key: Hashable
+    wholes: list[int]
+    reals: list[float]
+
+
+class Tabled(Routine):
+    """A function in which what is repeated is a loop."""
+
+    @cached_property
+    def _bytes(self) -> bytearray:
+        """The table, column by column."""
+        return bytearray()
+
+    @property
+    def _table(self) -> str:
+        return f"@{self.name}.table"
+
+    def text(self) -> str:
+        """The table and the whole function."""
+        if not self._bytes:
+            return super().text()
+        numbers = "\\" + self._bytes.hex("\\")
+        size = len(self._bytes)
+        table = f'{self._table} = internal constant [{size} x i8] c"{numbers}", align 8'
+        return f"{table}\n{super().text()}"
+
+    # -- loops over a table ------------------------------------------------------------------------
+
+    def repeat(
+        self,
+        repetitions: Sequence[Pattern],
+        body: Callable[..., Sequence[Operand | int] | None],
+        *carried: tuple[str, Operand | int],
+    ) -> list[str]:
+        """Follow a body for all repetitions of a pattern.
+
+        Parameters
+        ----------
+        repetitions : sequence of Pattern
+        body : callable
+            Takes the whole numbers and the reals of a repetition, each a number where it is always
+            the same, and the carried values; returns their new ones.
+        carried : tuples (type, first value)
+        """
+        wholes = list(zip(*(p.wholes for p in repetitions), strict=True))
+        reals = list(zip(*(p.reals for p in repetitions), strict=True))
+        own_wholes = [self._column(column, np.int32) for column in wholes]
+        own_reals = [self._column(column, np.float64) for column in reals]
+
+        def step(i: str, *values: str) -> Sequence[Operand | int] | None:
+            numbers = [self._whole(column, i) for column in own_wholes]
+            constants = [
+                column if isinstance(column, float) else self.load(self.at(column, i))
+                for column in own_reals
+            ]
+            return body(numbers, constants, *values)
+
+        return self.loop(0, len(repetitions), step, *carried)
+
+    def _column(self, numbers: Sequence[float], kind: type) -> Any:
+        """The number that is always the same, first and difference of a progression, or the address
+        of a column of the table."""
+        if all(number == numbers[0] for number in numbers):
+            return numbers[0]
+        if kind is np.int32:
+            values = np.array(numbers)
+            steps = np.diff(values)
+            if np.all(steps == steps[0]):
+                return int(values[0]), int(steps[0])
+        self._bytes += bytes(-len(self._bytes) % 8)
+        place = len(self._bytes)
+        self._bytes += np.array(numbers, dtype=kind).tobytes()
+        return self.at(self._table, place, "i8")
+
+    def _whole(self, column: int | tuple[int, int] | str, i: str) -> int | Whole:
+        """A whole number of a repetition."""
+        match column:
+            case int():
+                return column
+            case first, step:
+                register = self.whole("add", self.whole("mul", i, step), first)
+            case _:
+                number = self.load(self.at(str(column), i, "i32"), "i32")
+                register = self.new(f"sext i32 {number} to {WHOLE}")
+        return Whole.loaded(self, register)
+
+    # -- statements --------------------------------------------------------------------------------
+
+    def statements(self, stores: Iterable[Store]) -> None:
+        """Write statements: those of a pattern that do not need each other in one loop."""
+        stores = list(stores)
+        patterns = [_pattern_of(store) for store in stores]
+        for group in grouped(patterns, _levels(stores)):
+            if len(group) < FEWEST_REPETITIONS:
+                super().statements(stores[i] for i in group)
+                continue
+            pattern = stores[group[0]]
+
+            def body(wholes: list[Any], reals: list[Any], pattern: Store = pattern) -> None:
+                filled = _Filling(wholes, reals)
+                place = tuple(filled.whole() for _ in pattern.place)
+                value = filled.scalar(pattern.value)
+                Routine.statements(self, [pattern._replace(place=place, value=value)])
+
+            self.repeat([patterns[i] for i in group], body)
+
+    def _scalar(self, s: Scalar) -> Operand:
+        """A value; long sums are loops."""
+        if s.op != "sum" or len(s.args) < _LONG_SUM:
+            return super()._scalar(s)
+        patterns = [_pattern_of(term) for term in s.args]
+        total: Operand = 0.0
+        for group in grouped(patterns, [0] * len(patterns)):
+            if len(group) < FEWEST_REPETITIONS:
+                for i in group:
+                    total = self.add(total, self.scalar(s.args[i]))
+                continue
+            pattern = s.args[group[0]]
+
+            def body(
+                wholes: list[Any], reals: list[Any], sum_so_far: str, pattern: Scalar = pattern
+            ) -> list[Operand | int]:
+                term = self.scalar(_Filling(wholes, reals).scalar(pattern))
+                return [self.add(sum_so_far, term)]
+
+            (total,) = self.repeat([patterns[i] for i in group], body, (REAL, total))
+        return total
+
+
+def grouped(patterns: Sequence[Pattern], levels: Sequence[int]) -> list[list[int]]:
+    """Numbers of repetitions of one pattern and level, level by level."""
+    groups: dict[Hashable, list[int]] = {}
+    for i in sorted(range(len(patterns)), key=levels.__getitem__):
+        groups.setdefault((levels[i], patterns[i].key), []).append(i)
+    return list(groups.values())
+
+
+# -- patterns of scalars ---------------------------------------------------------------------------
+
+
+def _pattern_of(thing: Store | Scalar) -> Pattern:
+    """The pattern of a statement or a value."""
+    found = Pattern(None, [], [])
+    seen: dict[int, int] = {}
+
+    def visit(s: Scalar) -> Hashable:
+        if id(s) in seen:
+            return seen[id(s)]
+        seen[id(s)] = len(seen)
+        length = 0
+        if s.op == "number":
+            found.reals.append(s.value)
+        elif s.op == "spread":
+            place, length, base = s.index
+            found.wholes.extend((place, base))
+        else:
+            found.wholes.extend(s.index)
+        return s.op, s.name, length, len(s.index), tuple(map(visit, s.args))
+
+    if isinstance(thing, Scalar):
+        return found._replace(key=visit(thing))
+    found.wholes.extend(thing.place)
+    return found._replace(key=(thing.name, len(thing.place), thing.adding, visit(thing.value)))
+
+
+class _Filling:
+    """A pattern with registers for its numbers, in the order in which they were found."""
+
+    def __init__(self, wholes: Iterable[Any], reals: Iterable[Any]) -> None:
+        self._wholes = iter(wholes)
+        self._reals = iter(reals)
+        self._made: dict[int, Scalar] = {}
+
+    def whole(self) -> Any:
+        """The next whole number."""
+        return next(self._wholes)
+
+    def real(self) -> Any:
+        """The next real."""
+        return next(self._reals)
+
+    def scalar(self, s: Scalar) -> Scalar:
+        """The value with these numbers."""
+        if id(s) in self._made:
+            return self._made[id(s)]
+        value, index = s.value, s.index
+        if s.op == "number":
+            value = self.real()
+        elif s.op == "spread":
+            index = (self.whole(), s.index[1], self.whole())
+        else:
+            index = tuple(self.whole() for _ in s.index)
+        args = tuple(map(self.scalar, s.args))
+        self._made[id(s)] = Scalar(s.op, args, s.name, index, value)
+        return self._made[id(s)]
+
+
+def _levels(stores: list[Store]) -> list[int]:
+    """When each statement may be executed: after those that store what it reads or changes."""
+    written: dict[tuple[str, tuple[int, ...]], int] = {}
+    names = {store.name for store in stores}
+    levels = list[int]()
+    for store in stores:
+        needed = _read(store.value, names) | {(store.name, store.place)}
+        levels.append(1 + max((written.get(place, 0) for place in needed), default=0))
+        written[store.name, store.place] = levels[-1]
+    return levels
+
+
+def _read(s: Scalar, names: set[str]) -> set[tuple[str, tuple[int, ...]]]:
+    """Entries of some arrays that a value is made of."""
+    found = set[tuple[str, tuple[int, ...]]]()
+    seen = set[int]()
+
+    def visit(s: Scalar) -> None:
+        if id(s) in seen:
+            return
+        seen.add(id(s))
+        if s.op == "entry" and s.name in names:
+            found.add((s.name, s.index))
+        elif s.op == "spread":
+            _, n, base = s.index
+            found.update(("mag", (base + j,)) for j in range(n))
+        for x in s.args:
+            visit(x)
+
+    visit(s)
+    return found
+
+
+# -- patterns of instructions ----------------------------------------------------------------------
+
+
+def pattern_of_instruction(i: Instruction, slots: ParameterExpressions, clock: int) -> Pattern:
+    """The pattern of an instruction of the tape.
+
+    Parameters
+    ----------
+    i : Instruction
+    slots : ParameterExpressions
+        Where constants stand.
+    clock : int
+        The row of time, which is a pattern of its own.
+    """
+    rows = [i.row, *i.inputs, *(part.row for part in i.parts if part.row is not None)]
+    wholes = [*rows, i.place]
+    reals = list[float]()
+    factors = list[Hashable]()
+    for part in i.parts:
+        known = part.factor.op == "num"
+        if known and i.op is not Op.POWER:
+            reals.append(ex.number(part.factor))
+        elif not known:
+            wholes.append(slots.slot(part.factor))
+        factors.append(
+            (
+                known,
+                part.row is None,
+                ex.number(part.factor) if known and i.op is Op.POWER else None,
+            )
+        )
+    same = tuple(i.inputs.index(row) for row in i.inputs)
+    of_clock = tuple(row == clock for row in rows)
+    alone = id(i) if i.entries else 0
+    key = (i.op, same, of_clock, tuple(factors), i.size, i.matrix, i.function, alone)
+    return Pattern(key, wholes, reals)
+
+
+def filled_instruction(i: Instruction, wholes: list[Any], reals: list[Any]) -> Instruction:
+    """The instruction with registers for its numbers.
+
+    Parameters
+    ----------
+    i : Instruction
+        One of the pattern.
+    wholes, reals : lists
+        As :func:`pattern_of_instruction` lists them.
+    """
+    numbers, constants = iter(wholes), iter(reals)
+    row = next(numbers)
+    inputs = tuple(next(numbers) for _ in i.inputs)
+    rows = [None if part.row is None else next(numbers) for part in i.parts]
+    place = next(numbers)
+    parts = list[Scaled]()
+    for part, own in zip(i.parts, rows, strict=True):
+        factor: Any = part.factor
+        if part.factor.op != "num":
+            factor = element("K", next(numbers))
+        elif i.op is not Op.POWER:
+            factor = Scalar("number", value=next(constants))
+        parts.append(Scaled(cast(Any, factor), own))
+    return Instruction(
+        i.op, row, inputs, tuple(parts), place, i.size, i.matrix, i.function, i.entries
+    )

@@ -1,0 +1,1 @@
+"""First variations of motions, and values of expressions in numbers, in compiled loops."""

@@ -1,0 +1,145 @@
+"""Expressions in numbers, interpreted: what a system's fields, guards and their derivatives are at
+some points, in compiled loops and without anything compiled for that system.
+
+The points of a block are looked at side by side, so that what an instruction costs to be read is
+paid once for all of them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from llvmlite import ir
+from numba import float64, int64
+from numba.extending import intrinsic
+
+from stickslip.arrays import Array
+from stickslip.equations.codegen.program import FIRST, OPERATION, RESULT, SECOND
+from stickslip.machine_code.functions import njit
+from stickslip.motion.steps.arrays import OPTIONS
+
+_ALLOCATING: dict[str, Any] = {**OPTIONS, "cache": True, "_nrt": True}
+LANES = 8  # points of a block
+# Operations: a number; a times a number, or added to the result so; a + b, a·b, 1/a, a to a number,
+# aᵇ, and a function of a, whose address is the second operand.
+CONSTANT, SCALED, SUMMED, SUM, TIMES, RECIPROCAL, POWER, REAL_POWER, CALL = range(9)
+
+
+class Instructions(NamedTuple):
+    """What is done, one after the other, with a table of values.
+
+    Attributes
+    ----------
+    code : array of int, shape (instructions, 4)
+        By the columns `OPERATION`, `RESULT` (a place), `FIRST` and `SECOND` (operands).
+    numbers : array, shape (instructions,)
+        The number of each.
+    """
+
+    code: Array
+    numbers: Array
+
+
+if TYPE_CHECKING:
+
+    def called(address: int, x: float) -> float: ...
+
+else:
+
+    @intrinsic
+    def called(typing_context: Any, address: Any, x: Any) -> Any:
+        """The value of a function of one number, which stands at an address."""
+
+        def call(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            real = ir.DoubleType()
+            function = builder.inttoptr(values[0], ir.FunctionType(real, [real]).as_pointer())
+            return builder.call(function, [values[1]])
+
+        return float64(int64, float64), call
+
+
+@njit(**OPTIONS)
+def perform(made: Instructions, first: int, last: int, values: Array, lanes: int) -> None:
+    """Follow some instructions.
+
+    Parameters
+    ----------
+    made : Instructions
+    first, last : int
+        The instructions from one on, and before another.
+    values : array, shape (places, LANES)
+        What is given, and what comes of it.
+    lanes : int
+        How many columns matter.
+    """
+    for i in range(first, last):
+        operation = made.code[i, OPERATION]
+        out = values[made.code[i, RESULT]]
+        a = values[made.code[i, FIRST]]
+        number = made.numbers[i]
+        if operation == SUMMED:
+            for k in range(lanes):
+                out[k] += number * a[k]
+        elif operation == SCALED:
+            for k in range(lanes):
+                out[k] = number * a[k]
+        elif operation == CONSTANT:
+            for k in range(lanes):
+                out[k] = number
+        elif operation == RECIPROCAL:
+            for k in range(lanes):
+                out[k] = 1.0 / a[k]
+        elif operation == POWER:
+            for k in range(lanes):
+                out[k] = a[k] ** number
+        elif operation == CALL:
+            for k in range(lanes):
+                out[k] = called(made.code[i, SECOND], a[k])
+        else:
+            b = values[made.code[i, SECOND]]
+            if operation == TIMES:
+                for k in range(lanes):
+                    out[k] = a[k] * b[k]
+            elif operation == SUM:
+                for k in range(lanes):
+                    out[k] = a[k] + b[k]
+            else:
+                for k in range(lanes):
+                    out[k] = a[k] ** b[k]
+
+
+@njit(**_ALLOCATING)
+def interpret(
+    made: Instructions, once: int, places: int, wanted: Array, given: Array, out: Array
+) -> None:
+    """Values at many points.
+
+    Parameters
+    ----------
+    made : Instructions
+    once : int
+        So many of them are the same for all points.
+    places : int
+        In the table of values.
+    wanted : array of int
+        Places of what is wanted.
+    given : array, shape (names, points)
+    out : array, shape (wanted, points)
+    """
+    names, points = given.shape
+    values = np.empty((places, LANES))
+    for start in range(0, points, LANES):
+        lanes = min(LANES, points - start)
+        for i in range(names):
+            for k in range(lanes):
+                values[i, k] = given[i, start + k]
+        if start == 0:
+            for i in range(names):
+                for k in range(lanes, LANES):
+                    values[i, k] = given[i, 0]
+            perform(made, 0, once, values, min(points, LANES))
+        perform(made, once, len(made.code), values, lanes)
+        for i in range(len(wanted)):
+            for k in range(lanes):
+                out[i, start + k] = values[wanted[i], k]

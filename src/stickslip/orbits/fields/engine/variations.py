@@ -1,0 +1,658 @@
+"""First variation of a motion in compiled loops: collocation between events, jumps at them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.machine_code.functions import njit
+from stickslip.motion.steps.arrays import OPTIONS
+from stickslip.orbits.fields.engine.interpreter import LANES, Instructions, perform
+
+_KEPT: dict[str, Any] = {**OPTIONS, "cache": True}
+_ALLOCATING: dict[str, Any] = {**OPTIONS, "cache": True, "_nrt": True}
+STAGES = LANES  # Gauss nodes of a step: order 16
+# largest |eigenvalue| × step of a collocation step: its Padé approximant of exp is exact to
+# rounding there
+_REACH = 1.5
+_DOUBLINGS = 6  # ‖J⁶⁴‖ to the power 1/64 is the largest |eigenvalue| up to a few parts in a hundred
+TOGETHER = 1e-9  # events closer than this part of the motion are simultaneous
+# a guard whose rate is this small, relative to its terms and its usual rate, is touched, not
+# crossed
+_TANGENT = 1e-6
+ALIKE = 1e-8  # derivatives that differ by less, relative to the largest, are the same
+_NO_JUMP = 1e-12  # a change of the field this small, relative to its terms, is none
+_LEAST_PIVOT = 0.1  # a pivot below this part of its column is exchanged
+
+# What becomes of an event.
+PASSED, GRAZED, CORNER, UNEXPLAINED = range(4)
+# Entries of Pass.event.
+BEGINS, ENDS, MEETING, MET = range(4)
+
+
+def gauss() -> tuple[Array, Array, Array]:
+    """Nodes and weights on [0, 1] and the matrix of collocation aᵢⱼ = ∫₀^cᵢ ℓⱼ."""
+    x, w = np.polynomial.legendre.leggauss(STAGES)
+    c = 0.5 * (x + 1.0)
+    # ℓⱼ = Σ_d (2d + 1)/2 wⱼ P_d(xⱼ) P_d, and ∫P_d = (P_{d+1} − P_{d−1})/(2d + 1), both of which are
+    # stable.
+    P = np.polynomial.legendre.legvander(x, STAGES)
+    integral = np.empty((STAGES, STAGES))
+    integral[:, 0] = x + 1.0
+    for d in range(1, STAGES):
+        integral[:, d] = (P[:, d + 1] - P[:, d - 1]) / (2 * d + 1)
+    weighted = 0.5 * (2 * np.arange(STAGES) + 1) * P[:, :STAGES] * w[:, None]
+    return c, 0.5 * w, 0.5 * integral @ weighted.T
+
+
+NODES, WEIGHTS, INTEGRALS = gauss()
+
+
+class Listed(NamedTuple):
+    """The pieces of a system as instructions. A column is a component of the state or, last, the
+    free parameter.
+
+    Attributes
+    ----------
+    made : Instructions
+    slopes, guards : arrays of int, shape (pieces, 3)
+        Which of them give the Jacobian, and rates and guards with their slopes: the first that is
+        the same for all points, the first that is not, and the end.
+    jacobian : array of int, shape (pieces, states × columns)
+        Places of the Jacobian in the table of values.
+    rates : array of int, shape (pieces, states)
+        Places of the rates.
+    falls : array of int, shape (pieces, guards, 2 + columns)
+        Places of the guards, of their derivatives by time, and by the columns.
+    switches : array of int, shape (pieces, guards)
+        The switch that each belongs to; −1 where there is none.
+    settings : array of int, shape (pieces, switches)
+    steady : array of int, shape (pieces,)
+        1 where the Jacobian is the same at all states.
+    """
+
+    made: Instructions
+    slopes: Array
+    guards: Array
+    jacobian: Array
+    rates: Array
+    falls: Array
+    switches: Array
+    settings: Array
+    steady: Array
+
+
+class Pass(NamedTuple):
+    """A motion on the way of being differentiated.
+
+    Attributes
+    ----------
+    time : array, shape (knots,)
+    state : array, shape (knots, states)
+    cause : array of int, shape (knots,)
+        The switch that caused each, −1: none.
+    piece : array of int, shape (knots,)
+        Piece of the step that begins at each.
+    parts : array of int, shape (knots,)
+        In which each step is resolved.
+    after : array, shape (knots, columns, directions)
+        Change of (state, p) right after each knot.
+    outcome : array of int, shape (knots,)
+        What became of the event there: `PASSED` or `GRAZED`.
+    event : array of int
+        The event at which the pass has stopped: the knots at which it begins and ends, the number
+        of switches that are meeting there, and these, the one that fired first.
+    values : array, shape (places, LANES)
+        Work space of the instructions.
+    """
+
+    time: Array
+    state: Array
+    cause: Array
+    piece: Array
+    parts: Array
+    after: Array
+    outcome: Array
+    event: Array
+    values: Array
+
+
+class Leave(NamedTuple):
+    """The guards of a piece at a point where the motion may leave it.
+
+    Attributes
+    ----------
+    rates : array, shape (states,)
+        The field f.
+    value : array, shape (guards,)
+    slopes : array, shape (guards, columns)
+        Derivatives with respect to the state and the free parameter.
+    fall : array, shape (guards,)
+        Rates g_t + ∇g·f along the motion.
+    terms : array, shape (guards,)
+        Sum of the moduli of the terms of the rates.
+    """
+
+    rates: Array
+    value: Array
+    slopes: Array
+    fall: Array
+    terms: Array
+
+
+# -- between events --------------------------------------------------------------------------------
+
+
+@njit(**OPTIONS)
+def put_point(run: Pass, k: int, t: float, y: Array) -> None:
+    """Enter a point into the table of values."""
+    run.values[0, k] = t
+    for r in range(len(y)):
+        run.values[1 + r, k] = y[r]
+
+
+@njit(**OPTIONS)
+def fastest(listed: Listed, run: Pass, w: int, knot: int, J: Array, work: Array) -> float:
+    """Largest modulus of an eigenvalue of the Jacobian at a knot, from high powers of it.
+
+    Parameters
+    ----------
+    listed : Listed
+    run : Pass
+    w : int
+        The piece.
+    knot : int
+    J, work : arrays, shape (states, states)
+        Work space.
+    """
+    n = len(J)
+    columns = run.after.shape[1]
+    put_point(run, 0, run.time[knot], run.state[knot])
+    perform(listed.made, listed.slopes[w, 0], listed.slopes[w, 2], run.values, 1)
+    for r in range(n):
+        for c in range(n):
+            J[r, c] = run.values[listed.jacobian[w, r * columns + c], 0]
+    scale = 0.0  # log of what has been divided out, per factor
+    power = 1.0
+    for _ in range(_DOUBLINGS + 1):
+        largest = 0.0
+        for r in range(n):
+            for c in range(n):
+                largest = max(largest, abs(J[r, c]))
+        if not 0.0 < largest < np.inf:
+            return 0.0
+        scale += math.log(largest) / power
+        power *= 2.0
+        for r in range(n):
+            for c in range(n):
+                work[r, c] = J[r, c] / largest
+        for r in range(n):
+            for c in range(n):
+                total = 0.0
+                for j in range(n):
+                    total += work[r, j] * work[j, c]
+                J[r, c] = total
+    return math.exp(scale)
+
+
+@njit(**_ALLOCATING)
+def resolve_steps(listed: Listed, run: Pass, drives: float) -> int:
+    """In how many equal parts each step has to be taken for linear motions to be resolved; returns
+    the number of nodes at which states are wanted.
+
+    Parameters
+    ----------
+    drives : float
+        Largest frequency of the loads.
+    """
+    n = run.state.shape[1]
+    J, work = np.empty((n, n)), np.empty((n, n))
+    nodes = 0
+    for i in range(len(run.time) - 1):
+        h = run.time[i + 1] - run.time[i]
+        run.parts[i] = 1
+        if h > 0.0:
+            w = run.piece[i]
+            rate = max(drives, fastest(listed, run, w, i, J, work))
+            if listed.steady[w] == 0:
+                rate = max(rate, fastest(listed, run, w, i + 1, J, work))
+            run.parts[i] = max(1, math.ceil(h * rate / _REACH))
+        nodes += nodes_of(listed, run, i)
+    return nodes
+
+
+@njit(**OPTIONS)
+def nodes_of(listed: Listed, run: Pass, i: int) -> int:
+    """At how many nodes of a step states are wanted: at none where the Jacobian is the same at
+    all."""
+    even = listed.steady[run.piece[i]] == 1 and run.after.shape[1] == run.state.shape[1]
+    return 0 if even or not run.time[i + 1] > run.time[i] else STAGES * run.parts[i]
+
+
+@njit(**_KEPT)
+def place_nodes(listed: Listed, run: Pass, index: Array, times: Array) -> None:
+    """The step that each of the nodes belongs to, and its time."""
+    place = 0
+    for i in range(len(run.time) - 1):
+        h = (run.time[i + 1] - run.time[i]) / run.parts[i]
+        for j in range(nodes_of(listed, run, i)):
+            index[place] = i
+            times[place] = run.time[i] + (j // STAGES + NODES[j % STAGES]) * h
+            place += 1
+
+
+@njit(**OPTIONS)
+def eliminate(system: Array, size: int) -> None:
+    """Solve linear equations, whose right sides are the columns after the first `size`; their
+    solutions take the place of these."""
+    width = system.shape[1]
+    for c in range(size):
+        best, largest = c, abs(system[c, c])
+        for r in range(c + 1, size):
+            if _LEAST_PIVOT * abs(system[r, c]) > largest:
+                best, largest = r, abs(system[r, c])
+        if best != c:
+            for j in range(c, width):
+                system[c, j], system[best, j] = system[best, j], system[c, j]
+        inverse = 1.0 / system[c, c]
+        for r in range(c + 1, size):
+            factor = system[r, c] * inverse
+            if factor != 0.0:
+                for j in range(c + 1, width):
+                    system[r, j] -= factor * system[c, j]
+    for c in range(size - 1, -1, -1):
+        inverse = 1.0 / system[c, c]
+        for j in range(size, width):
+            total = system[c, j]
+            for r in range(c + 1, size):
+                total -= system[c, r] * system[r, j]
+            system[c, j] = total * inverse
+
+
+@njit(**OPTIONS)
+def gauss_step(places: Array, values: Array, h: float, change: Array, system: Array) -> None:
+    """One step of Φ' = J_y Φ + J_p by collocation at the Gauss nodes.
+
+    Parameters
+    ----------
+    places : array of int, shape (states × columns,)
+        Of the Jacobian in the table of values.
+    values : array, shape (places, LANES)
+        That of the nodes.
+    h : float
+    change : array, shape (columns, directions)
+        Φ before, and after.
+    system : array, shape (STAGES × states, STAGES × states + directions)
+        Work space.
+    """
+    columns, directions = change.shape
+    n = len(places) // columns
+    size = STAGES * n
+    # The slopes K_i at the nodes solve K_i = J_i(Φ + h Σ_j a_ij K_j), all at once.
+    for i in range(STAGES):
+        for r in range(n):
+            row = system[i * n + r]
+            for c in range(n):
+                slope = values[places[r * columns + c], i]
+                for j in range(STAGES):
+                    row[j * n + c] = -h * INTEGRALS[i, j] * slope
+            row[i * n + r] += 1.0
+            for d in range(directions):
+                total = 0.0
+                for c in range(columns):
+                    total += values[places[r * columns + c], i] * change[c, d]
+                row[size + d] = total
+    eliminate(system, size)
+    for r in range(n):
+        for d in range(directions):
+            total = 0.0
+            for i in range(STAGES):
+                total += WEIGHTS[i] * system[i * n + r, size + d]
+            change[r, d] += h * total
+
+
+@njit(**_ALLOCATING)
+def flow_through(
+    listed: Listed, run: Pass, i: int, times: Array, states: Array, system: Array
+) -> None:
+    """The variation after the step from knot i, from that at its beginning.
+
+    Parameters
+    ----------
+    listed : Listed
+    run : Pass
+    i : int
+    times, states : arrays, shapes (nodes,) and (nodes, states)
+        At the nodes of this step.
+    system : array
+        Work space.
+    """
+    change = run.after[i + 1]
+    put_matrix(run.after[i], change)
+    length = run.time[i + 1] - run.time[i]
+    if not length > 0.0:
+        return
+    w = run.piece[i]
+    first, moving, last = listed.slopes[w, 0], listed.slopes[w, 1], listed.slopes[w, 2]
+    parts = run.parts[i]
+    h = length / parts
+    even = len(times) == 0
+    for g in range(STAGES):
+        put_point(run, g, run.time[i], run.state[i])
+    perform(listed.made, first, last if even else moving, run.values, STAGES)
+    if even:
+        repeat(listed.jacobian[w], run.values, h, parts, change)
+        return
+    for part in range(parts):
+        for g in range(STAGES):
+            put_point(run, g, times[part * STAGES + g], states[part * STAGES + g])
+        perform(listed.made, moving, last, run.values, STAGES)
+        gauss_step(listed.jacobian[w], run.values, h, change, system)
+
+
+@njit(**_ALLOCATING)
+def repeat(places: Array, values: Array, h: float, parts: int, change: Array) -> None:
+    """Many equal steps under one Jacobian: its flow over one of them, squared and multiplied.
+
+    Parameters
+    ----------
+    places : array of int
+        Of the Jacobian in the table of values.
+    values : array, shape (places, LANES)
+    h : float
+        Length of a step.
+    parts : int
+        Their number.
+    change : array, shape (states, directions)
+        The variation before, and after.
+    """
+    n = len(change)
+    flow, work, moved = np.zeros((n, n)), np.zeros((n, n)), np.zeros(change.shape)
+    for r in range(n):
+        flow[r, r] = 1.0
+    system = np.empty((STAGES * n, STAGES * n + n))
+    gauss_step(places, values, h, flow, system)
+    while parts > 0:
+        if parts % 2 == 1:
+            put_product(flow, change, moved)
+            put_matrix(moved, change)
+        parts //= 2
+        if parts > 0:
+            put_product(flow, flow, work)
+            put_matrix(work, flow)
+
+
+@njit(**OPTIONS)
+def put_product(a: Array, b: Array, out: Array) -> None:
+    """The product of two matrices."""
+    for r in range(a.shape[0]):
+        for c in range(b.shape[1]):
+            out[r, c] = 0.0
+        for j in range(a.shape[1]):
+            for c in range(b.shape[1]):
+                out[r, c] += a[r, j] * b[j, c]
+
+
+@njit(**OPTIONS)
+def put_matrix(a: Array, out: Array) -> None:
+    """Copy a matrix."""
+    for r in range(a.shape[0]):
+        for c in range(a.shape[1]):
+            out[r, c] = a[r, c]
+
+
+# -- at events -------------------------------------------------------------------------------------
+
+
+@njit(**OPTIONS)
+def guards_at(listed: Listed, run: Pass, w: int, knot: int, out: Leave) -> None:
+    """The guards of a piece at a knot.
+
+    Parameters
+    ----------
+    listed : Listed
+    run : Pass
+    w : int
+        The piece.
+    knot : int
+    out : Leave
+    """
+    put_point(run, 0, run.time[knot], run.state[knot])
+    perform(listed.made, listed.guards[w, 0], listed.guards[w, 2], run.values, 1)
+    n = run.state.shape[1]
+    for r in range(n):
+        out.rates[r] = run.values[listed.rates[w, r], 0]
+    for g in range(listed.falls.shape[1]):
+        if listed.switches[w, g] >= 0:
+            places = listed.falls[w, g]
+            out.value[g] = run.values[places[0], 0]
+            time = run.values[places[1], 0]
+            along, terms = 0.0, 0.0
+            for c in range(len(places) - 2):
+                slope = run.values[places[2 + c], 0]
+                out.slopes[g, c] = slope
+                if c < n:
+                    along += slope * out.rates[c]
+                    terms += abs(slope * out.rates[c])
+            out.fall[g] = time + along
+            out.terms[g] = abs(time) + terms
+
+
+@njit(**OPTIONS)
+def fired(listed: Listed, run: Pass, i: int, last: int, here: Leave) -> int:
+    """The guard that fired: of those that belong to the causes, else to a switch that changed, the
+    one at zero; −1 if there is none.
+
+    Parameters
+    ----------
+    listed : Listed
+    run : Pass
+    i, last : int
+        The first and the last knot of the events.
+    here : Leave
+        The guards of the piece before.
+    """
+    left, right = run.piece[i - 1], run.piece[last]
+    named = False
+    for j in range(i, last + 1):
+        named = named or run.cause[j] >= 0
+    best, least = -1, np.inf
+    for g in range(listed.switches.shape[1]):
+        switch = listed.switches[left, g]
+        if switch < 0:
+            continue
+        meant = False
+        if named:
+            for j in range(i, last + 1):
+                meant = meant or run.cause[j] == switch
+        else:
+            meant = listed.settings[left, switch] != listed.settings[right, switch]
+        off = abs(here.value[g]) / (abs(here.fall[g]) + 1e-300)
+        if meant and (best < 0 or off < least):
+            best, least = g, off
+    return best
+
+
+@njit(**OPTIONS)
+def coincide(here: Leave, first: int, among: Array, count: int, arrived: Array) -> bool:
+    """Whether events that coincide do so for all neighbours, too, so that they are one.
+
+    Parameters
+    ----------
+    here : Leave
+    first : int
+        The guard that fired.
+    among : array of int
+        The others, in its first entries.
+    count : int
+        Their number.
+    arrived : array, shape (columns, directions)
+        The variation before the events.
+    """
+    largest, apart = 0.0, 0.0
+    for d in range(arrived.shape[1]):
+        reference = delay(here, first, arrived, d)
+        largest = max(largest, abs(reference))
+        for i in range(count):
+            other = delay(here, among[i], arrived, d)
+            if not abs(other) < np.inf:
+                return False
+            largest = max(largest, abs(other))
+            apart = max(apart, abs(other - reference))
+    return apart <= ALIKE * largest
+
+
+@njit(**OPTIONS)
+def delay(here: Leave, g: int, arrived: Array, d: int) -> float:
+    """By how much earlier neighbours in a direction pass a guard."""
+    total = 0.0
+    for c in range(len(arrived)):
+        total += here.slopes[g, c] / here.fall[g] * arrived[c, d]
+    return total
+
+
+@njit(**_KEPT)
+def jump(here: Leave, g: int, onward: Array, usual: float, change: Array) -> int:
+    """The variation after one guard, where the motion goes on with other rates.
+
+    Parameters
+    ----------
+    here : Leave
+    g : int
+        The guard.
+    onward : array, shape (states,)
+        The rates beyond it.
+    usual : float
+        The rate at which it usually falls.
+    change : array, shape (columns, directions)
+        The variation before, and after.
+
+    Returns
+    -------
+    int
+        `PASSED`, or `GRAZED` where the guard is touched without being crossed: then nothing jumps.
+    """
+    n = len(onward)
+    largest, size = 0.0, 0.0
+    for r in range(n):
+        largest = max(largest, abs(onward[r] - here.rates[r]))
+        size = max(size, abs(onward[r]) + abs(here.rates[r]))
+    if largest <= _NO_JUMP * size:
+        return PASSED
+    if abs(here.fall[g]) <= _TANGENT * usual:
+        return GRAZED
+    for d in range(change.shape[1]):
+        earlier = delay(here, g, change, d)
+        for r in range(n):
+            change[r, d] += (onward[r] - here.rates[r]) * earlier
+    return PASSED
+
+
+@njit(**_ALLOCATING)
+def pass_event(listed: Listed, run: Pass, i: int, last: int, here: Leave, around: Leave) -> int:
+    """The variation after some events, from that before, which stands at the first of them; says
+    what became of it.
+
+    Parameters
+    ----------
+    listed : Listed
+    run : Pass
+    i, last : int
+        The first and the last knot of the events.
+    here, around : Leave
+        Work space.
+    """
+    left, right = run.piece[i - 1], run.piece[last]
+    guards = listed.switches.shape[1]
+    final = len(run.time) - 1
+    usual = np.zeros(guards)
+    for knot in (i - 1, min(last + 1, final)):
+        guards_at(listed, run, left, knot, around)
+        for g in range(guards):
+            if listed.switches[left, g] >= 0 and abs(around.fall[g]) < np.inf:
+                usual[g] = max(usual[g], abs(around.fall[g]))
+    guards_at(listed, run, right, i, around)
+    guards_at(listed, run, left, i, here)
+    g = fired(listed, run, i, last, here)
+    run.event[MEETING] = 1
+    if g < 0:
+        return UNEXPLAINED
+    together = TOGETHER * (run.time[final] - run.time[0])
+    others = np.zeros(guards, np.int64)
+    count = 0
+    run.event[MET] = listed.switches[left, g]
+    for j in range(guards):
+        switch = listed.switches[left, j]
+        if switch >= 0 and switch != listed.switches[left, g]:
+            falls = here.fall[j] < -_TANGENT * max(usual[j], here.terms[j])
+            if abs(here.value[j]) <= together * abs(here.fall[j]) and falls:
+                others[count] = j
+                count += 1
+                run.event[MET + count] = switch
+    run.event[MEETING] = 1 + count
+    change = run.after[i]
+    if count and not coincide(here, g, others, count, change):
+        return CORNER
+    return jump(here, g, around.rates, max(usual[g], here.terms[g]), change)
+
+
+@njit(**_ALLOCATING)
+def vary(listed: Listed, run: Pass, times: Array, states: Array, start: int) -> int:
+    """The variation along a motion, from a knot on, at which it is known.
+
+    Parameters
+    ----------
+    listed : Listed
+    run : Pass
+    times, states : arrays, shapes (nodes,) and (nodes, states)
+        At all nodes; see :func:`place_nodes`.
+    start : int
+        Knot.
+
+    Returns
+    -------
+    int
+        `PASSED`; or `CORNER` where guards meet that do not meet for neighbours (the caller has to
+        say what comes after it, and to go on from there), or `UNEXPLAINED` where no guard has
+        fired.
+    """
+    knots, columns, directions = run.after.shape
+    n = run.state.shape[1]
+    system = np.empty((STAGES * n, STAGES * n + directions))
+    here = room_to_leave(n, listed.switches.shape[1], columns)
+    around = room_to_leave(n, listed.switches.shape[1], columns)
+    together = TOGETHER * (run.time[knots - 1] - run.time[0])
+    node = 0
+    i = 0
+    while i < knots - 1:
+        after = node + nodes_of(listed, run, i)
+        if i >= start:
+            flow_through(listed, run, i, times[node:after], states[node:after], system)
+        node = after
+        i += 1
+        if i <= start:
+            continue
+        last = i
+        if run.piece[i] != run.piece[i - 1]:
+            while last + 2 < knots and run.time[last + 1] - run.time[i] <= 1e-3 * together:
+                last += 1
+            run.event[BEGINS], run.event[ENDS] = i, last
+            code = pass_event(listed, run, i, last, here, around)
+            if code in (CORNER, UNEXPLAINED):
+                return code
+            run.outcome[i] = code
+        for j in range(i, last):
+            put_matrix(run.after[i], run.after[j + 1])
+            node += nodes_of(listed, run, j)
+        i = last
+    return PASSED
+
+
+@njit(**_ALLOCATING)
+def room_to_leave(states: int, guards: int, columns: int) -> Leave:
+    """Room for what is said of a point."""
+    slopes = np.zeros((guards, columns))
+    return Leave(np.zeros(states), np.zeros(guards), slopes, np.zeros(guards), np.zeros(guards))

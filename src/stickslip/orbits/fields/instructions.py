@@ -1,0 +1,234 @@
+"""Expressions as instructions, for compiled code that interprets them
+(:mod:`stickslip.orbits.fields.engine.interpreter`).
+
+They are lowered as for the engine's scalar code (:func:`stickslip.symbolic.tape.scalars_of`). What
+depends on nothing that moves comes first, so that it is done once for many points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stickslip.arrays import Array
+from stickslip.equations.field import Field
+from stickslip.machine_code.objects import address_of
+from stickslip.orbits.fields.engine.interpreter import (
+    CALL,
+    CONSTANT,
+    POWER,
+    REAL_POWER,
+    RECIPROCAL,
+    SCALED,
+    SUMMED,
+    TIMES,
+    Instructions,
+    interpret,
+)
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS
+from stickslip.symbolic.scalars import Scalar, element
+from stickslip.symbolic.tape import scalars_of
+
+
+class Listing:
+    """Instructions for some expressions.
+
+    Parameters
+    ----------
+    expressions : sequence of Expr
+        Without kinks.
+    names : sequence of str
+        What they depend on; these have the first places in the table of values.
+    moving : int
+        So many of the names differ from point to point, the others do not.
+
+    Attributes
+    ----------
+    wanted : array of int
+        Places of the values of the expressions.
+    places : int
+        In the table of values.
+    once : int
+        So many of the instructions are the same for all points.
+    code : array of int, shape (instructions, 4)
+    numbers : array, shape (instructions,)
+
+    Raises
+    ------
+    ValueError
+        If an expression has kinks.
+    """
+
+    def __init__(self, expressions: Sequence[Expr], names: Sequence[str], moving: int) -> None:
+        if any(e.op == "select" for e in ex.walk(expressions)):
+            raise ValueError("an expression with kinks is not smooth; fix its regions first")
+        self.places: int = len(names)
+        self._moving = moving
+        self._found: dict[Scalar, tuple[int, bool]] = {}
+        self._numbers: dict[float, int] = {}
+        self._fixed: list[tuple[int, int, int, int, float]] = []
+        self._others: list[tuple[int, int, int, int, float]] = []
+        values = scalars_of(expressions, {name: element("v", i) for i, name in enumerate(names)})
+        self.wanted: Array = np.array([self._value(values[e])[0] for e in expressions], np.int64)
+        listed = [*self._fixed, *self._others]
+        self.once: int = len(self._fixed)
+        self.code: Array = np.array([entry[:4] for entry in listed], np.int64).reshape(-1, 4)
+        self.numbers: Array = np.array([entry[4] for entry in listed])
+
+    def _value(self, s: Scalar) -> tuple[int, bool]:
+        """Place of a value, and whether it differs from point to point."""
+        if s.op == "entry":
+            return s.index[0], s.index[0] < self._moving
+        if s.op == "number":
+            return self._number(s.value), False
+        if s not in self._found:
+            self._found[s] = self._value(s.args[0]) if s.op == "kept" else self._made(s)
+        return self._found[s]
+
+    def _number(self, value: float) -> int:
+        if value not in self._numbers:
+            self._numbers[value] = self._add(False, CONSTANT, 0, 0, value)
+        return self._numbers[value]
+
+    def _add(
+        self, moves: bool, operation: int, a: int, b: int = 0, number: float = 0.0, out: int = -1
+    ) -> int:
+        """One more instruction, whose result has a place of its own, or `out`; returns that."""
+        if out < 0:
+            out = self.places
+            self.places += 1
+        (self._others if moves else self._fixed).append((operation, out, a, b, number))
+        return out
+
+    def _made(self, s: Scalar) -> tuple[int, bool]:
+        if s.op == "sum":
+            return self._sum(s.args)
+        if s.op == "call":
+            formula = FUNCTIONS[s.name].made_of
+            if formula is not None:
+                return self._value(scalars_of([formula], {ARGUMENT: s.args[0]})[formula])
+            place, moves = self._value(s.args[0])
+            return self._add(moves, CALL, place, address_of(s.name)), moves
+        parts = [self._value(x) for x in s.args]
+        moves = any(part[1] for part in parts)
+        places = [part[0] for part in parts]
+        match s.op:
+            case "product":
+                out, *factors = places
+                for n, factor in enumerate(factors):
+                    out = self._add(moves, TIMES, out, factor, out=out if n else -1)
+                return out, moves
+            case "reciprocal":
+                return self._add(moves, RECIPROCAL, places[0]), moves
+            case "real_power" if s.args[1].op == "number":
+                return self._add(moves, POWER, places[0], number=s.args[1].value), moves
+            case "real_power":
+                return self._add(moves, REAL_POWER, *places), moves
+        raise NotImplementedError(s.op)
+
+    def _sum(self, terms: Iterable[Scalar]) -> tuple[int, bool]:
+        """A sum, term after term: a number first, then multiples."""
+        constant, *others = terms
+        parts: list[tuple[int, float]] = []
+        moves = False
+        for term in others:
+            factor, x = term.args
+            place, moving = self._value(x)
+            parts.append((place, factor.value))
+            moves = moves or moving
+        if constant.value != 0.0:
+            out = self._add(moves, CONSTANT, 0, number=constant.value)
+        else:
+            place, factor = parts.pop(0)
+            out = self._add(moves, SCALED, place, number=factor)
+        for place, factor in parts:
+            self._add(moves, SUMMED, place, number=factor, out=out)
+        return out, moves
+
+
+class Evaluator:
+    """Values of expressions at many points.
+
+    Parameters
+    ----------
+    expressions : sequence of Expr
+        Without kinks.
+    names : sequence of str
+        What they depend on.
+    moving : int
+        So many of the names differ from point to point.
+
+    Raises
+    ------
+    ValueError
+        If an expression has kinks.
+    """
+
+    def __init__(self, expressions: Sequence[Expr], names: Sequence[str], moving: int) -> None:
+        self.listing: Listing = _listing(tuple(expressions), tuple(names), moving)
+        self.made: Instructions = packed([self.listing])
+
+    def __call__(self, given: Array, alike: bool = True) -> Array:
+        """The values, shape (expressions, points).
+
+        Parameters
+        ----------
+        given : array, shape (names, points)
+        alike : bool
+            Whether those names that do not move are the same for all points.
+        """
+        listing = self.listing
+        out = np.empty((len(listing.wanted), given.shape[1]))
+        once = listing.once if alike else 0
+        interpret(self.made, once, listing.places, listing.wanted, given, out)
+        return out
+
+
+class PointFunction:
+    """Function (t, y, p) -> values of expressions in a field.
+
+    Shapes: t () or (points,), y (states,) or (states, points), p (parameters,) or (parameters,
+    points); result (expressions,) or (expressions, points).
+
+    Parameters
+    ----------
+    field : Field
+    expressions : sequence of Expr
+    """
+
+    def __init__(self, field: Field, expressions: Sequence[Expr]) -> None:
+        self.states: int = len(field.state)
+        self.names: int = len(field.names)
+        self.evaluate: Evaluator = Evaluator(expressions, field.names, 1 + self.states)
+
+    @property
+    def listing(self) -> Listing:
+        """The instructions."""
+        return self.evaluate.listing
+
+    def __call__(self, t: ArrayLike, y: Array, p: Array) -> Array:
+        points = y.shape[1] if y.ndim == 2 else 1
+        given = np.empty((self.names, points))
+        given[0] = t
+        given[1 : 1 + self.states] = y if y.ndim == 2 else y[:, None]
+        given[1 + self.states :] = p if p.ndim == 2 else p[:, None]
+        values = self.evaluate(given, p.ndim == 1)
+        return values if y.ndim == 2 else values[:, 0]
+
+
+def packed(listings: Sequence[Listing]) -> Instructions:
+    """Instructions one listing after the other."""
+    return Instructions(
+        np.concatenate([np.zeros((0, 4), np.int64), *(x.code for x in listings)]),
+        np.concatenate([np.zeros(0), *(x.numbers for x in listings)]),
+    )
+
+
+@lru_cache(maxsize=4096)
+def _listing(expressions: tuple[Expr, ...], names: tuple[str, ...], moving: int) -> Listing:
+    return Listing(expressions, names, moving)

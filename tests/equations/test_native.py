@@ -1,0 +1,314 @@
+"""Machine code written from the tape computes what the Python source computes that is printed from
+the same tape, run by Python itself."""
+
+from __future__ import annotations
+
+import builtins
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stickslip import (
+    Contact,
+    Inertial,
+    Internal,
+    Parameter,
+    RateIndependent,
+    System,
+    Viscous,
+    catalogue,
+    simulate,
+)
+from stickslip.arrays import Array
+from stickslip.equations.codegen.generate import Generated, Layout, generate
+from stickslip.equations.codegen.printer import source_of
+from stickslip.equations.derive import derive
+from stickslip.equations.native import orders
+from stickslip.equations.native.systems import assembly_of, compile_system
+from stickslip.machine_code import objects
+from stickslip.machine_code.functions import entry_point
+from stickslip.machine_code.interface import INTERFACE
+from stickslip.machine_code.kinds import MachineFunction
+from stickslip.machine_code.objects import addresses
+from stickslip.motion.engine.tables import run_setups
+from stickslip.motion.problem import pose
+from stickslip.motion.steps.arrays import (
+    OPTIONS,
+    Constants,
+    Space,
+    make_space,
+)
+
+UNIT = 0.7  # of time, in which the series are
+TRIALS = 12
+
+EVERYTHING = System(
+    "everything",
+    parameters={"p": Parameter(1.7), "w": Parameter(1.3)},
+    internal={
+        "x": Internal(
+            "exp(-x) + log(2 + x**2) + sqrt(1 + x**2) + 1/(2 + x**2) + x/(3 + x**2) + sin(w*t + x)"
+            " + sin(x)*cosh(x) + tanh(x) + tan(x/3) + atan(x) + erf(x) + asinh(x*y)"
+        ),
+        "y": Internal("abs(x)**p + max(x - y, 0)**2 + (1 + y**2)**p + cos(w*t) + y**5 - y**(-2)"),
+    },
+    initial={"x": 0.4, "y": 0.6},
+)
+MIXED = System(
+    "all three kinds",
+    parameters={
+        name: Parameter(value)
+        for name, value in dict(m=2.0, n=1.5, k=1.1, c=0.4, nu=0.7, rho=0.6, w=0.1).items()
+    },
+    coordinates={"x": Inertial(), "y": Inertial(), "z": Viscous(), "r": RateIndependent()},
+    internal={"a": Internal("1 - a*abs(d_z) + w*sin(a)")},
+    kinetic="m/2*d_x**2 + n/2*d_y**2 + d_x*d_y/5",
+    potential="k/2*(x - r)**2 + c/4*z**4 + (z - y)**2/2 - r*cos(t) + r**4/12 + exp(-x)/9",
+    viscous="nu/2*d_z**2 + c/2*(d_x - d_y)**2",
+    contacts={
+        "floor": Contact("d_x - d_y/2", "rho*(1 + x**2)", kinetic="rho/2/(1 + speed)"),
+        "wall": Contact("d_z", ("1 + abs(a)", "2"), surface_speed="0.1*sin(3*t)"),
+        "ground": Contact("d_r", "1 + x**2/5 + r**2/7"),
+    },
+)
+COUPLED = System(
+    "many masses, one rope",
+    parameters={"k": Parameter(1.0)},
+    coordinates={f"x{i}": Inertial() for i in range(10)},
+    kinetic=" + ".join(f"d_x{i}**2/2" for i in range(10)) + " + d_x0*(d_x1 + d_x9)/9",
+    potential=" + ".join(f"k/2*(x{i} - x{i + 1})**2" for i in range(9)),
+    contacts={"rope": Contact(" + ".join(f"d_x{i}" for i in range(10)), "1")},
+)
+SYSTEMS = {name: name for name in catalogue.names()} | {
+    system.name: system for system in (EVERYTHING, MIXED, COUPLED)
+}
+SYSTEMS["a long chain"] = catalogue.block_chain(N=40)
+
+
+@cache
+def generated_of(name: str) -> tuple[System, Generated]:
+    given = SYSTEMS[name]
+    system = catalogue.get(given) if isinstance(given, str) else given
+    return system, generate(derive(system.declaration))
+
+
+def by_python(generated: Generated) -> dict[str, Any]:
+    """The functions as Python runs them."""
+    lines = [line for line in source_of(generated).splitlines() if not line.startswith("@")]
+    space: dict[str, Any] = {}
+    exec(compile("\n".join(lines), "<source>", "exec"), space)
+    return space
+
+
+def compiled_by_llvm(generated: Generated, folder: Path) -> dict[str, MachineFunction]:
+    found = addresses(assembly_of(generated), list(INTERFACE), folder)
+    return {name: MachineFunction(at, name) for name, at in zip(INTERFACE, found, strict=True)}
+
+
+@entry_point(**OPTIONS)
+def call_residual(f, t, y, mode, reg, K, G, P) -> None:
+    f(t, y, mode, reg, K, G, P)
+
+
+@entry_point(**OPTIONS)
+def call_powers(f, W, reg, K, out) -> None:
+    f(W, reg, K, out)
+
+
+@entry_point(**OPTIONS)
+def call_jets(f, t, y, mode, reg, K, Rq, Rz, N, s) -> int:
+    return f(t, y, mode, reg, K, Rq, Rz, N, s.W, s.A, s.B, s.mag)
+
+
+@pytest.fixture(autouse=True)
+def quiet() -> Iterator[None]:
+    """What is infinite or undefined is compared, too."""
+    with np.errstate(all="ignore"):
+        yield
+
+
+def constants_of(system: System, generated: Generated) -> tuple[Array, Constants]:
+    layout = generated.layout
+    values = np.array([*system.values.values(), 0.0])
+    return values, Constants(*(np.zeros(layout.shape(name)) for name in Constants._fields))
+
+
+def fill(space: Space, generated: Generated, rng: np.random.Generator) -> None:
+    """Random inverses; nothing else."""
+    for part in space:
+        part[:] = 0
+    space.W[len(generated.layout.state), 1] = UNIT
+    for inverse in (space.Rq, space.Rz):
+        inverse[:] = rng.normal(size=inverse.shape)
+
+
+def cases(system: System, layout: Layout) -> Iterator[tuple[Array, Array, Array]]:
+    rng = np.random.default_rng(3)
+    start = np.array([float(system.initial.get(name, 0.0)) for name in layout.state])
+    for _ in range(TRIALS):
+        y = start + 0.3 * rng.normal(size=len(start))
+        mode = rng.integers(-2, 3, len(layout.u))
+        yield y, mode, rng.integers(0, 2, len(layout.kinks))
+
+
+def assert_same_series(one: Space, other: Space, layout: Layout, N: int) -> None:
+    n = len(layout.state)
+    np.testing.assert_allclose(one.W[:, 0], other.W[:, 0], rtol=1e-13, atol=1e-14)
+    np.testing.assert_allclose(one.mag, other.mag, rtol=1e-13, atol=1e-300)
+    pairs = [(one.W[layout.kept, :N], other.W[layout.kept, :N])]
+    pairs.append((one.W[:n, : N + 1], other.W[:n, : N + 1]))
+    for got, wanted in pairs:
+        np.testing.assert_array_equal(np.isfinite(got), np.isfinite(wanted))
+        got, wanted = (np.where(np.isfinite(wanted), x, 0.0) for x in (got, wanted))
+        # rounding errors of low orders reach the higher ones
+        size = np.maximum.accumulate(np.max(np.abs(wanted), axis=0, initial=1e-3))
+        assert np.all(np.abs(got - wanted) <= 1e-12 * size)
+
+
+@pytest.mark.parametrize("looped", [False, True], ids=["written out", "looped"])
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_machine_code_is_the_source(
+    name: str, looped: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(orders, "_MOST_PRODUCTS", -1 if looped else 10**9)
+    system, generated = generated_of(name)
+    layout = generated.layout
+    source, code = by_python(generated), compiled_by_llvm(generated, tmp_path)
+    values, k = constants_of(system, generated)
+    source["setup"](values, *k)
+    _, own = constants_of(system, generated)
+    run_setups(code["setup"], values[None], Constants(*(part[None] for part in own)))
+    for got, wanted in zip(own, k, strict=True):
+        np.testing.assert_array_equal(got, wanted)
+    rows = pose(system).rows
+    one, other = (make_space(rows, layout.rows, layout.magnitudes, 24) for _ in range(2))
+    nr = layout.sizes["nr"]
+    for i, (y, mode, region) in enumerate(cases(system, layout)):
+        for N in (1, 8, 24) if i == 0 else (24,):
+            for space in (one, other):
+                fill(space, generated, np.random.default_rng(i))
+            given = (0.3, y, mode, region, k.K, one.Rq, one.Rz, N)
+            result = call_jets(code["jets"], *given, one)
+            assert result == source["jets"](*given, other.W, other.A, other.B, other.mag)
+            if result == 0:
+                assert_same_series(one, other, layout, N)
+        found, wanted = np.zeros(3), np.zeros(3)
+        call_powers(code["powers"], other.W, region, k.K, found)
+        source["powers"](other.W, region, k.K, wanted)
+        np.testing.assert_allclose(found, wanted, rtol=1e-14)
+        G, P = np.zeros((2, 2 * nr)), np.zeros((2, nr + 1, nr))
+        call_residual(code["residual"], 0.3, y, mode, region, k.K, G[0], P[0])
+        source["residual"](0.3, y, mode, region, k.K, G[1], P[1])
+        np.testing.assert_allclose(G[0], G[1], rtol=1e-14)
+        np.testing.assert_allclose(P[0], P[1], rtol=1e-14)
+
+
+# -- machine code on disk --------------------------------------------------------------------------
+
+
+@pytest.fixture
+def shelf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder, and a process that has loaded nothing."""
+    monkeypatch.setattr(objects, "_kept", {})
+    return tmp_path
+
+
+def compiled_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> bool:
+    """Whether the functions of a system had to be compiled, and are not only loaded."""
+    asked = []
+    parse = objects.llvm.parse_assembly
+    monkeypatch.setattr(objects, "_kept", {})
+    monkeypatch.setattr(objects.llvm, "parse_assembly", lambda x: (asked.append(x), parse(x))[1])
+    _, generated = generated_of("spring_slider")
+    code = compiled_by_llvm(generated, folder)
+    monkeypatch.setattr(objects.llvm, "parse_assembly", parse)
+    out = np.zeros(3)
+    call_powers(
+        code["powers"],
+        np.zeros((generated.layout.rows, 25)),
+        np.zeros(0, np.int64),
+        np.ones(len(generated.layout.constants)),
+        out,
+    )
+    return any(asked)
+
+
+def test_machine_code_is_kept(shelf: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert compiled_once(shelf, monkeypatch)
+    (file,) = shelf.iterdir()
+    assert not compiled_once(shelf, monkeypatch)
+    for damaged in (b"", file.read_bytes()[:-1], b"\0" * 100):
+        file.write_bytes(damaged)
+        assert compiled_once(shelf, monkeypatch)
+        assert not compiled_once(shelf, monkeypatch)
+
+
+@pytest.mark.parametrize("part", ["name", "features", "version"])
+def test_another_processor_has_its_own(
+    part: str, shelf: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert compiled_once(shelf, monkeypatch)
+    here = objects.processor()
+    other = {"name": "", "features": "", "version": (1, 0, 0)}[part]
+    monkeypatch.setattr(objects, "processor", lambda: here._replace(**{part: other}))
+    assert compiled_once(shelf, monkeypatch)
+    assert len(list(shelf.iterdir())) == 2
+
+
+def test_a_folder_that_cannot_be_written_is_no_obstacle(
+    shelf: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert compiled_once(shelf / "nowhere", monkeypatch)
+
+
+def test_functions_that_llvm_does_not_find(shelf: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are told where the mathematical library of C has them."""
+    told = dict[str, int]()
+    add = objects.llvm.add_symbol
+    monkeypatch.setattr(objects.llvm, "address_of_symbol", lambda name: None)
+    monkeypatch.setattr(
+        objects.llvm, "add_symbol", lambda name, at: (told.update({name: at}), add(name, at))
+    )
+    assert compiled_once(shelf, monkeypatch)
+    assert told
+    assert all(told.values())
+
+
+def test_formulas_never_become_python(shelf: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On the way to machine code, neither source text nor its compiler is asked."""
+    monkeypatch.setenv("STICKSLIP_CACHE", str(shelf))
+    system = System("own", internal={"x": Internal("exp(-x) - 3.25*tanh(x)")})
+    asked = list[str]()
+    with monkeypatch.context() as patch:
+        for name in ("eval", "exec", "compile"):
+            patch.setattr(builtins, name, lambda *_, name=name, **__: asked.append(name))
+        compile_system(system)
+    assert not asked
+    assert [file.suffix for file in (shelf / "stickslip").iterdir()] == [".o"]
+    assert simulate(system, (0.0, 1.0)).outcome.ok
+
+
+def test_a_new_process_finds_it(shelf: Path) -> None:
+    """And a system without a motion imports no compiler."""
+    script = """
+import sys
+import stickslip as ss
+system = ss.catalogue.belt_block()
+assert not {"llvmlite", "numba"} & sys.modules.keys()
+print(ss.simulate(system, (0.0, 5.0)).knots.state[-1].tolist())
+"""
+    env = {"STICKSLIP_CACHE": str(shelf), "PYTHONPATH": ":".join(sys.path), "HOME": str(shelf)}
+    runs = [
+        subprocess.run(
+            [sys.executable, "-c", script], env=env, capture_output=True, text=True, check=True
+        ).stdout
+        for _ in range(2)
+    ]
+    assert runs[0] == runs[1]
+    assert len(list((shelf / "stickslip").glob(f"{next(iter(INTERFACE))}_*.o"))) == 1
