@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import subprocess
 import sys
@@ -13,9 +14,10 @@ import pytest
 
 from stickslip.arrays import Array
 from stickslip.machine_code import kinds, objects, shelf, tables
-from stickslip.machine_code.functions import entry_point, njit
+from stickslip.machine_code.functions import Entry, entry_point, njit
 from stickslip.motion.steps.arrays import OPTIONS
 from stickslip.shipping import is_complete
+from test_house import MODULES
 
 
 class Inner(NamedTuple):
@@ -252,10 +254,30 @@ def test_other_sources_have_other_machine_code(
     assert shelf.name_of(twice, (kinds.PLAIN, "f")) != before
 
 
+needs_shipment = pytest.mark.skipif(
+    not is_complete(shelf.SHIPPED / shelf.level()),
+    reason="the engine was not compiled ahead of time: make machine-code",
+)
+
+
+@needs_shipment
+def test_all_entries_are_shipped() -> None:
+    """The tours come to every function of the engine that Python calls."""
+    entries = {
+        value.__name__
+        for name in MODULES
+        if name.startswith(("stickslip.motion.", "stickslip.orbits."))
+        for value in vars(importlib.import_module(name)).values()
+        if isinstance(value, Entry)
+    }
+    assert len(entries) > 10
+    shipped = {file.name.rpartition("_")[0] for file in (shelf.SHIPPED / shelf.level()).glob("*.o")}
+    assert entries == shipped
+
+
+@needs_shipment
 def test_a_motion_needs_no_compiler() -> None:
     """What the package is shipped with moves without numba."""
-    if not is_complete(shelf.SHIPPED / shelf.level()):
-        pytest.skip("the engine was not compiled ahead of time: make machine-code")
     script = """
 import sys
 import stickslip as ss

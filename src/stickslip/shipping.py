@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.machine_code import shelf
+from stickslip.machine_code.objects import digest
 from stickslip.machine_code.stamps import stamp
 
 if TYPE_CHECKING:
@@ -81,7 +82,9 @@ def ship(levels: Sequence[str], folder: Path = shelf.SHIPPED, quiet: bool = Fals
 def _facts() -> str:
     """What machine code is good for."""
     rooms = Path(__file__).parent / "orbits", Path(__file__).parent / "motion"
-    return "\n".join([*map(stamp, rooms), str(shelf.target_of(shelf.level())), ""])
+    tours = Path(__file__).read_text(encoding="utf-8")
+    facts = [*map(stamp, rooms), digest(tours), str(shelf.target_of(shelf.level()))]
+    return "\n".join([*facts, ""])
 
 
 def is_complete(place: Path) -> bool:
@@ -112,6 +115,7 @@ def _first_way() -> None:
 
     block = _block_on_a_belt()
     ss.simulate(block, (0.0, 20.0))
+    ss.simulate(block, (0.0, 1.0), initial={"d_x": 0.3})  # carried along by the belt to the end
     ss.find_cycle(block)
 
 
