@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from oracles.fields import function
 from stickslip.arrays import Array
 from stickslip.orbits.fields.engine.variations import Leave
 from stickslip.orbits.fields.mode_field import Piece, Pieces
@@ -98,7 +99,7 @@ def _functions(piece: Piece) -> tuple[Any, Any, Any]:
         for g in field.guards
         for e in (g.value, *(ex.derivative(g.value, c) for c in ("t", *columns)))
     ]
-    return field.function(field.rates), field.function(slopes), field.function(guards)
+    return function(field, field.rates), function(field, slopes), function(field, guards)
 
 
 def _rates(piece: Piece, t: float, y: Array, p: Array) -> Array:

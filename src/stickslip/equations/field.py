@@ -9,18 +9,13 @@ respect to parameters are exact.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
 Mode = tuple[int, ...]
@@ -128,28 +123,6 @@ class Field:
             else:
                 found.append(Guard(c.u if m > 0 else -c.u, switch, 0))
         return found
-
-    def function(
-        self, expressions: Sequence[Expr]
-    ) -> Callable[[ArrayLike, ArrayLike, ArrayLike], Array]:
-        """NumPy function (t, y, p) -> values of expressions.
-
-        Shapes: t () or (…), y (states, …), p (parameters,) or (parameters, …); result (expressions,
-        …).
-        """
-        if any(e.op == "select" for e in ex.walk(expressions)):
-            raise ValueError("an expression with kinks is not smooth; fix its regions first")
-        evaluate = evaluator(expressions, self.names)
-        n = 1 + len(self.state)
-
-        def function(t: ArrayLike, y: ArrayLike, p: ArrayLike) -> Array:
-            y, p = np.asarray(y, dtype=float), np.asarray(p, dtype=float)
-            values = np.empty((len(self.names), *y.shape[1:]))
-            values[0], values[1:n] = t, y
-            values[n:] = p.reshape(p.shape + (1,) * (y.ndim - p.ndim))
-            return evaluate(values)
-
-        return function
 
 
 def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from oracles.fields import function
 from stickslip import catalogue, simulate
 from stickslip.equations.derive import derive
 from stickslip.equations.field import mode_field
@@ -107,7 +108,7 @@ def test_fields_of_the_catalogue(name: str) -> None:
     expressions = [*field.rates, *(g.value for g in field.guards)]
     y = np.random.default_rng(1).uniform(0.1, 0.9, (len(field.state), 11))
     p = np.array(list(system.values.values()))
-    expected = field.function(expressions)(0.3, y, p)
+    expected = function(field, expressions)(0.3, y, p)
     assert PointFunction(field, expressions)(0.3, y, p) == pytest.approx(expected, rel=1e-13)
     one = PointFunction(field, expressions)(0.3, y[:, 4], p)
     assert one == pytest.approx(expected[:, 4], rel=1e-13)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from oracles.fields import function
 from stickslip import Contact, Internal, Parameter, System, Viscous, catalogue
 from stickslip.equations.derive import derive
 from stickslip.equations.field import Field, in_region, mode_field, solve
@@ -13,6 +14,7 @@ from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.modes import resolve
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.steps.arrays import OK, OPTIONS
+from stickslip.orbits.fields.instructions import PointFunction
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from systems import ode, oscillator, pair
@@ -93,7 +95,7 @@ def symbolic_values(field: Field, t: float, y: NDArray, p: NDArray) -> NDArray:
         [getattr(c, name) for c in field.contacts] for name in ("u", "force", "plus", "minus")
     ]
     wanted = [*field.rates, *(e for column in columns for e in column), *field.kinks]
-    return field.function(wanted)(t, y, p)
+    return function(field, wanted)(t, y, p)
 
 
 def random_fields(name: str, count: int) -> list[tuple[Field, float, NDArray, NDArray, NDArray]]:
@@ -131,8 +133,8 @@ def test_same_values_as_the_engine(name: str) -> None:
 )
 def test_slopes_are_those_of_differences(name: str) -> None:
     for field, t, y, p, _ in random_fields(name, 4):
-        rates = field.function(field.rates)
-        jacobian = field.function([e for row in field.jacobian for e in row])(t, y, p).reshape(
+        rates = function(field, field.rates)
+        jacobian = function(field, [e for row in field.jacobian for e in row])(t, y, p).reshape(
             len(y), -1
         )
         h = 1e-6
@@ -147,7 +149,7 @@ def test_slopes_are_those_of_differences(name: str) -> None:
             step = h * np.eye(len(p))[i]
             slope = (rates(t, y, p + step) - rates(t, y, p - step)) / (2 * h)
             scale = np.max(np.abs(slope), initial=1.0)
-            assert field.function(field.slopes(parameter))(t, y, p) == pytest.approx(
+            assert function(field, field.slopes(parameter))(t, y, p) == pytest.approx(
                 slope, rel=1e-6, abs=1e-6 * scale
             )
 
@@ -159,7 +161,7 @@ def test_constraints_do_not_change_along_the_motion(name: str) -> None:
     seen = 0
     for field, t, y, p, _ in random_fields(name, 12):
         seen += len(field.constraints)
-        rates = field.function([field.along(g) for g in field.constraints])(t, y, p)
+        rates = function(field, [field.along(g) for g in field.constraints])(t, y, p)
         assert np.max(np.abs(rates), initial=0.0) < 1e-12
     assert seen > 0
 
@@ -195,10 +197,10 @@ def test_many_states_at_once() -> None:
     p = np.array([0.3, 1.2])
     t = rng.uniform(0, 3, 7)
     y = rng.uniform(0.3, 1.7, (3, 7))
-    together = field.function(field.rates)(t, y, p)
+    together = function(field, field.rates)(t, y, p)
     assert together.shape == (3, 7)
     for k in range(7):
-        one = field.function(field.rates)(t[k], y[:, k], p)
+        one = function(field, field.rates)(t[k], y[:, k], p)
         assert together[:, k] == pytest.approx(one, rel=1e-14)
         exact = [
             ex.evaluate(e, dict(zip(field.names, [t[k], *y[:, k], *p], strict=True)))
@@ -219,7 +221,7 @@ def test_kinks_need_their_region() -> None:
     clipped = ex.clip(x, ex.num(-1.0), ex.num(1.0))
     pendulum = mode_field(derive(ode("pendulum", x="v", v="-sin(x)").declaration), (), ())
     with pytest.raises(ValueError, match="regions"):
-        pendulum.function([clipped])
+        PointFunction(pendulum, [clipped])
     assert evaluator([clipped], ["x"])([[-3.0, 0.5, 3.0]]).tolist() == [[-1.0, 0.5, 1.0]]
     guards = [n.args[0] for n in ex.walk([clipped]) if n.op == "select"]
     values = {0.0: x, 5.0: ex.ONE, -5.0: -ex.ONE}
@@ -243,6 +245,6 @@ def test_linear_systems_of_expressions() -> None:
 
 def test_a_field_without_contacts() -> None:
     field = mode_field(derive(ode("pendulum", x="v", v="-sin(x)").declaration), (), ())
-    assert field.function(field.rates)(0.0, [0.5, 1.0], []).tolist() == [1.0, -np.sin(0.5)]
+    assert function(field, field.rates)(0.0, [0.5, 1.0], []).tolist() == [1.0, -np.sin(0.5)]
     assert field.guards == []
     assert field.constraints == []
