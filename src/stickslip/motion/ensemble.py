@@ -77,10 +77,10 @@ class Lanes:
         """
         (t, end), lanes = span, len(states)
         contacts, kinks = len(problem.rows.u), len(problem.rows.kinks)
-        counters = np.zeros((lanes, 5), np.int64)
+        counters = np.zeros((lanes, 6), np.int64)
         counters[:, CAUSE] = -1
         now = Lane(
-            clock=np.tile([t, 0.0, t, end - t, 0.0, 1.0, -WATCHED, 0.0], (lanes, 1)),
+            clock=np.tile([t, 0.0, t, end - t, 0.0, 1.0, -WATCHED, 0.0, t], (lanes, 1)),
             y=np.array(states, dtype=float),
             seen=np.zeros((lanes, len(problem.rows.watched))),
             mode=np.zeros((lanes, contacts), np.int64),

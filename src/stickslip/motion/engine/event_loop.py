@@ -20,7 +20,7 @@ from stickslip.motion.engine.forms import (
     Flight,
     slots_of,
 )
-from stickslip.motion.engine.guards import contact_of, doubt_of, first_event, resting
+from stickslip.motion.engine.guards import contact_of, doubt_of, first_event, resting, spell
 from stickslip.motion.engine.modes import copy, flip, keeps, let_slide, resolve, settle_mode
 from stickslip.motion.engine.roots import value_and_slope
 from stickslip.motion.steps.arrays import (
@@ -60,7 +60,9 @@ from stickslip.motion.steps.arrays import (
     RECENT,
     SEAT,
     SERIES,
+    SINCE,
     SLIPPING,
+    SPAN,
     STARTED,
     STEPS,
     SWITCHES,
@@ -68,6 +70,7 @@ from stickslip.motion.steps.arrays import (
     TINY,
     UNDEFINED,
     VISCOUS,
+    WORD,
     ZENO,
     Constants,
     Flow,
@@ -86,6 +89,7 @@ from stickslip.motion.steps.step_size import fill_powers
 from stickslip.motion.steps.structure import is_affine
 
 _ZENO_EVENTS = 200
+_TOGETHER = 1e-12  # of the time that a motion may last: events that coincide
 _CLOSEST = 1e-15  # relative difference of times that can be told apart
 _LOOK = (
     64  # steps after which sticking contacts are put onto the surface speed, and a promise is kept
@@ -586,6 +590,10 @@ def fire(guard: int, lane: Lane, rows: Rows, max_events: int) -> int:
     clock = lane.clock
     counters = lane.counters
     nk = len(rows.kinks)
+    # Events that coincide have no order, and what lies between them is no mode of the motion.
+    if clock[NOW] - clock[SINCE] > _TOGETHER * clock[SPAN]:
+        counters[WORD] = spell(counters[WORD], lane.settled, lane.reg)
+    clock[SINCE] = clock[NOW]
     fired = flip(guard, lane.mode, lane.reg, nk, rows.drops)
     if fired < nk and rows.vanishing[fired] >= 0:
         lane.y[rows.vanishing[fired]] = 0.0

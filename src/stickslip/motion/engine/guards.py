@@ -25,6 +25,7 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.step_size import impulse
 
+_PRIME = 576460752303423433  # 2⁵⁹ − 55: five times as much still fits into an integer
 # Columns of Space.labels: the number of a guard that may fire, and the degree of its polynomial;
 # negative if it is violated at once.
 NUMBER, _DEGREE = range(2)
@@ -140,6 +141,20 @@ def resting(mode: int) -> bool:
     """Whether a contact does not slip: it sticks, or others carry it while it is at its
     threshold."""
     return mode == 0 or abs(mode) == 2
+
+
+@njit(**OPTIONS)
+def spell(word: int, mode: Array, region: Array) -> int:
+    """A word, as a number, with one letter more: the mode of each contact and the region of each
+    kink.
+
+    Words that differ have different numbers but for chance (polynomials over a prime field).
+    """
+    for c in range(len(mode)):
+        word = (5 * word + mode[c] + 2) % _PRIME
+    for j in range(len(region)):
+        word = (5 * word + region[j]) % _PRIME
+    return word
 
 
 @njit(**OPTIONS)

@@ -73,8 +73,8 @@ PART, SEAT = range(2)
 # Columns of Rows.doubtful.
 DOUBTED, SLIPPING, TOWARDS = range(3)
 # Slots of Lane.clock, and of Lane.counters: see there.
-NOW, LAST, LONG_AGO, _SPAN, RECENT, UNIT, IMPLICIT, SERIES = range(8)
-HAPPENED, SWITCHES, CAUSE, CROSSED, TAKEN = range(5)
+NOW, LAST, LONG_AGO, SPAN, RECENT, UNIT, IMPLICIT, SERIES, SINCE = range(9)
+HAPPENED, SWITCHES, CAUSE, CROSSED, TAKEN, WORD = range(6)
 
 # The loops allocate nothing and own no array, so that no reference has to be counted (half of the
 # time, where views of arrays are as many as here).
@@ -225,10 +225,10 @@ class Lane(NamedTuple):
     ----------
     clock : array
         By slots: `NOW`, the time; `LAST`, the last step; `LONG_AGO`, when an event was many events
-        ago; `_SPAN`; `RECENT`, the length of recent steps (events that coincide up to rounding make
-        steps of no length); `UNIT`, the unit of time of the Taylor coefficients; `IMPLICIT`, the
-        length of the next implicit step (negative: steps until one is tried); `SERIES`, the step
-        that a series would have been good for.
+        ago; `SPAN`, the time it may last; `RECENT`, the length of recent steps (events that coincide
+        up to rounding make steps of no length); `UNIT`, the unit of time of the Taylor coefficients;
+        `IMPLICIT`, the length of the next implicit step (negative: steps until one is tried);
+        `SERIES`, the step that a series would have been good for; `SINCE`, the last event.
     y : array
         State.
     seen : array
@@ -238,7 +238,8 @@ class Lane(NamedTuple):
         others), the mode before the last event (9: none yet), and region of each kink.
     counters : array of int
         By slots: `HAPPENED`, events; `SWITCHES` of contacts; `CAUSE`, the switch that has just
-        fired, or −1; `CROSSED`, kinks; `TAKEN`, steps.
+        fired, or −1; `CROSSED`, kinks; `TAKEN`, steps; `WORD`, the modes that it has been in, one
+        after the other, as a number (:func:`stickslip.motion.engine.guards.spell`).
     """
 
     clock: Array

@@ -54,6 +54,7 @@ _LOOKS = 4.0  # in a span
 _MARGIN = 0.1
 _RINGS = 2  # longest cycles that are remembered, so that two returns can be compared
 _ENDLESS = np.iinfo(np.int64).max
+MOST_LEAPS = 8  # by which a motion is carried on to its cycle
 _TURNS = 1024  # marks of a single motion after which Ctrl-C is heard
 ATTRACTORS = (Outcome.AT_REST, Outcome.PERIODIC, Outcome.STEADY, Outcome.UNDAMPED)
 MEASURED = (*ATTRACTORS, Outcome.NOT_SETTLED)
@@ -213,7 +214,6 @@ class Block:
     ) -> None:
         count = len(table)
         n = states.shape[1]
-        contacts = len(problem.rows.u)
         constants = problem.constants_of(table[:1] if shared else table)
         group = np.zeros(count, np.int64) if shared else np.arange(count)
         self.problem = problem
@@ -240,11 +240,11 @@ class Block:
             else np.full(count, known.period)
         )
         self.marks: Marks = make_marks(
-            drive, _RINGS * settings.longest_cycle + 1, n, contacts, home, before
+            drive, _RINGS * settings.longest_cycle + 1, n, home, before
         )
         if known is not None:
             self.marks.frame[:] = known.frame
-        self.found: Found = make_found(count, n, contacts)
+        self.found: Found = make_found(count, n, len(problem.rows.u))
         values = dict(zip(problem.system.parameters, table.T, strict=True))
         self.excess: Array = excess(problem.compiled.equations, values, states, problem.origin)
         self.marks.outcome[self.excess > 0.0] = Outcome.OUTSIDE.code
@@ -376,7 +376,9 @@ def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
         real=np.array(
             [0.0, last, look, _MARGIN * settings.tolerance, settings.atol, settings.tolerance]
         ),
-        most=np.array([settings.max_cycles, settings.max_events, _ENDLESS, settings.longest_cycle]),
+        most=np.array(
+            [settings.max_cycles, settings.max_events, _ENDLESS, settings.longest_cycle, MOST_LEAPS]
+        ),
         shifts=np.array([[float(system.translation.get(x, 0.0)) for x in layout.state]]),
         fine=np.array(problem.retrace),
         closely=closely,

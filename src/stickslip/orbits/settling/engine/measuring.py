@@ -76,12 +76,12 @@ from stickslip.orbits.settling.engine.tables import (
     MOTION,
     OPEN,
     PATIENT,
-    PENDING,
     PERIOD,
     PHASE,
     SETTLING,
     SIZED,
     START,
+    STRIDE,
     TRUE,
     Bench,
     Engine,
@@ -496,7 +496,8 @@ def forget(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
         m.kind[i, j] = _FORGOTTEN
     if m.drive[i] > 0.0:
         copy_lane(saved, i, lanes, i)
-    m.numbers[i, TRUE], m.numbers[i, PENDING] = -1, 0
+    m.numbers[i, TRUE] = -1
+    m.numbers[i, STRIDE] = 0
     m.real[i, ASK] = 1.5 * elapsed(m, rules, lanes, i) - 0.5 * rules.real[0]
     begin_again(m, i, 0)
 
@@ -528,7 +529,6 @@ def look_closer(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, 
     copy_lane(saved, i, lanes, i)
     m.numbers[i, SIZED] = 1
     m.numbers[i, TRUE] = 0
-    m.numbers[i, PENDING] = 0
     m.real[i, PATIENT] = np.inf
     begin_again(m, i, m.numbers[i, LAG])
     return True

@@ -31,7 +31,6 @@ from stickslip.orbits.settling.engine.tables import (
     LEAST,
     OPEN,
     PATIENT,
-    PENDING,
     SAME,
     SIZED,
     STALLED,
@@ -41,8 +40,6 @@ from stickslip.orbits.settling.engine.tables import (
     Rules,
 )
 
-_PRIME = 2305843009213693951  # 2⁶¹ − 1: thrice as much still fits into an integer
-UNKNOWN = -8  # kind of a mark whose mode has not begun
 _SURE = 1e-4  # of the tolerance: a miss that needs no factor
 _SHRUNK = 0.98  # of the least miss: a return that has come nearer
 RETURN_PATIENCE = 16  # returns that may come without one that is nearer
@@ -53,21 +50,9 @@ _DOUBLED = 10.0
 _EXACT = 1e-15  # a miss that is none
 _FINEST = 1e-3  # part of the tolerance `atol` that counts for a polished cycle
 _DEPENDENT = 1e-7  # part of a vector that others leave of it, below which it is one of them
-
-
-@njit(**INLINED)
-def mark_kind(mode: Array, region: Array, fired: int) -> int:
-    """The mode and region (before a kink fired) as a number; it is a filter, and equal numbers
-    decide nothing.
-
-    Powers of 3 do not repeat modulo this prime, as those of 2 do after 61.
-    """
-    kind = 1
-    for c in range(len(mode)):
-        kind = (3 * kind + mode[c] + 1) % _PRIME
-    for j in range(len(region)):
-        kind = (3 * kind + (1 - region[j] if j == fired else region[j])) % _PRIME
-    return kind
+MOST_RETURNS = 3  # that are combined
+_FORETOLD = 0.25  # part of a return by which the recurrence of those before it may be wrong
+_WORTH = 24.0  # returns for which a motion rather waits than that its limit is proved
 
 
 @njit(**OPTIONS)
@@ -140,25 +125,28 @@ def grow(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> Non
 
 
 @njit(**INLINED)
-def remember(m: Marks, i: int, kind: int, t: float, y: Array) -> None:
+def remember(m: Marks, i: int, kind: int, word: int, t: float, y: Array) -> None:
     """Put a mark.
 
     Parameters
     ----------
     m : Marks
-    i, kind : int
-        The lane, and the mode as a number; see :func:`mark_kind`.
+    i : int
+        The lane.
+    kind, word : int
+        What has to be the same for marks to be compared, and the modes since the mark before.
     t : float
     y : array, shape (n,)
         Time and state.
     """
     numbers = m.numbers[i]
     here = m.numbers[i, COUNT] % m.time.shape[1]
-    m.time[i, here], m.kind[i, here] = t, kind
+    m.time[i, here] = t
+    m.kind[i, here] = kind
+    m.word[i, here] = word
     copy(y, m.state[i, here])
     numbers[COUNT] += 1
     numbers[TRUE] += 1
-    numbers[PENDING] = 1
 
 
 @njit(**OPTIONS)
@@ -282,7 +270,7 @@ def extrapolate(
     rules : Rules
     i, k : int
         The lane, and how many returns before the last, at most 3.
-    work, fit : arrays, shapes (9, n), (3, 4)
+    work, fit : arrays, shapes (9, n), (4, 4)
         Work space.
 
     Returns
@@ -329,6 +317,155 @@ def extrapolate(
         for j in range(k):
             work[8, r] -= fit[j, 3] * work[j, r]
     return misfit, miss(work[8], size, 0.0)
+
+
+@njit(**INLINED)
+def words_alike(m: Marks, i: int, lag: int, most: int) -> int:
+    """How many marks in a row, at most so many, have the word of that a lag before them."""
+    here = m.numbers[i, COUNT] - 1
+    ring = m.time.shape[1]
+    most = min(most, ring - 1 - lag, here - lag)
+    same = 0
+    while same < most and m.word[i, (here - same) % ring] == m.word[i, (here - same - lag) % ring]:
+        same += 1
+    return same
+
+
+@njit(**OPTIONS)
+def foretold(m: Marks, rules: Rules, i: int, work: Array, fit: Array) -> int:
+    """The order of a linear recurrence of the returns that foretells the last one, and dies out.
+
+    Returns near a cycle are sums of powers of its multipliers. So rⱼ = Σ cₖ rⱼ₊ₖ, counted back from
+    the last return r₀, is fitted to all but the last, by least squares relative to their sizes;
+    that r₀ is what it says is the evidence, and that its roots are within the unit circle that the
+    motion comes to an end.
+
+    Parameters
+    ----------
+    m : Marks
+    rules : Rules
+    i : int
+    work, fit : arrays, shapes (9, n), (4, 4)
+        Work space.
+
+    Returns
+    -------
+    int
+        The order; 0 if there is none, or if waiting takes but a few returns.
+    """
+    lag = m.numbers[i, LAG]
+    here = m.numbers[i, COUNT] - 1
+    ring = m.time.shape[1]
+    n = work.shape[1]
+    known = min(m.numbers[i, TRUE] // lag, (ring - 1) // lag, len(work))
+    known = min(known, 1 + words_alike(m, i, lag, (known - 1) * lag) // lag)
+    if known < 3:
+        return 0
+    for j in range(known):
+        late = (here - j * lag) % ring
+        gap(
+            m,
+            i,
+            (here - (j + 1) * lag) % ring,
+            m.time[i, late],
+            m.state[i, late],
+            rules.shifts,
+            work[j],
+        )
+        for r in range(n):
+            work[j, r] = work[j, r] / m.size[i, r] if m.size[i, r] > 0.0 else 0.0
+    last = largest(work[0])
+    first = largest(work[known - 1])
+    if not 0.0 < last < first:
+        return 0
+    rate = math.log(first / last) / (known - 1)
+    if math.log(last / rules.real[3]) < _WORTH * rate:
+        return 0
+    for k in range(1, min(MOST_RETURNS, n, (known - 1) // 2) + 1):
+        fit_recurrence(work, known, k, fit)
+        wrong = 0.0
+        for r in range(n):
+            guess = 0.0
+            for a in range(k):
+                guess += fit[a, 3] * work[a + 1, r]
+            wrong = max(wrong, abs(guess - work[0, r]))
+        if wrong <= _FORETOLD * last and dies_away(fit, k):
+            return k
+    return 0
+
+
+@njit(**OPTIONS)
+def largest(v: Array) -> float:
+    """Largest modulus of a component."""
+    size = 0.0
+    for r in range(len(v)):
+        size = max(size, abs(v[r]))
+    return size
+
+
+@njit(**OPTIONS)
+def fit_recurrence(work: Array, known: int, k: int, fit: Array) -> None:
+    """The recurrence of order k that returns obey, all but the last, by Givens rotations.
+
+    Parameters
+    ----------
+    work : array, shape (·, n)
+        The returns, the last one first.
+    known, k : int
+        Their number, and the order.
+    fit : array, shape (4, 4)
+        Receives the coefficients, in its last column.
+    """
+    for a in range(4):
+        for b in range(4):
+            fit[a, b] = 0.0
+    row = fit[3]
+    for j in range(1, known - k):
+        size = largest(work[j])
+        for r in range(work.shape[1]):
+            for a in range(k):
+                row[a] = work[j + 1 + a, r] / size if size > 0.0 else 0.0
+            row[3] = work[j, r] / size if size > 0.0 else 0.0
+            for a in range(k):
+                radius = math.hypot(fit[a, a], row[a])
+                if row[a] != 0.0:
+                    turn = row[a] / radius
+                    keep = fit[a, a] / radius
+                    for b in range(a, 4):
+                        above = fit[a, b]
+                        fit[a, b] = keep * above + turn * row[b]
+                        row[b] = keep * row[b] - turn * above
+    scale = abs(fit[0, 0])
+    for a in range(k - 1, -1, -1):
+        for b in range(a + 1, k):
+            fit[a, 3] -= fit[a, b] * fit[b, 3]
+        fit[a, 3] = fit[a, 3] / fit[a, a] if abs(fit[a, a]) > _DEPENDENT * scale else 0.0
+
+
+@njit(**OPTIONS)
+def dies_away(fit: Array, k: int) -> bool:
+    """Whether all roots of zᵏ − Σ c_a zᵏ⁻ᵃ are within the unit circle (Schur and Cohn).
+
+    Parameters
+    ----------
+    fit : array, shape (4, 4)
+        The coefficients in its last column; the last row is work space.
+    k : int
+        At most 3.
+    """
+    a = fit[3]
+    for j in range(k):
+        a[j] = -fit[j, 3]
+    for degree in range(k, 0, -1):
+        end = a[degree - 1]
+        if not abs(end) < 1.0:
+            return False
+        for j in range(degree // 2):
+            low = a[j]
+            high = a[degree - 2 - j]
+            a[j] = (low - end * high) / (1.0 - end * end)
+            a[degree - 2 - j] = (high - end * low) / (1.0 - end * end)
+    return True
 
 
 @njit(**OPTIONS)

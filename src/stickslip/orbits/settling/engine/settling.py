@@ -2,16 +2,16 @@
 
 A motion is looked at at its *marks*. If it is driven, these are the times t₀ + mP, P the period of
 the first drive; if not, its events, where the guard that fires is a natural section (events that
-coincide up to rounding are one); and if it has no events for a while, it is asked whether its rates
-have died out, and whether it comes back through the plane across itself.
+coincide up to rounding are one), and, once the modes between them have been seen to repeat, only
+those after which they begin again; and if it has no events for a while, it is asked whether its
+rates have died out, and whether it comes back through the plane across itself.
 :mod:`stickslip.orbits.settling.engine.returns` says how closely it comes back.
 
-* A motion that seems to have settled is *polished*: carried on by hand to where its returns lead,
-  down to rounding (a step that does not bring it nearer is undone). That this is not farther away
-  than the tolerance is what makes it settled; otherwise it is taken back, and waits.
-* Before that, a slow return with one real factor is carried on by what is missing, if every contact
-  slips in it (one that sticks makes a family of cycles, of which the motion has to choose by
-  itself). The next return confirms it.
+* A motion whose returns go on as they have, which the last one has to confirm, is carried on by
+  hand to where they lead, down to rounding (a step that does not bring it nearer is undone). If
+  that is no farther away than the tolerance, it has settled; otherwise it is proved on the host
+  that the motion comes there by itself (:mod:`stickslip.orbits.settling.attraction`). If it does
+  not, it is taken back, and waits.
 * Rest, steady sliding, and oscillations without any further event are proved on the host
   (:mod:`stickslip.orbits.settling.proofs`), which the motion waits for.
 * Where time stands in one sine or cosine only, the clock is set back to t₀ at every mark, so that
@@ -46,6 +46,8 @@ from stickslip.motion.steps.arrays import (
     OK,
     OPTIONS,
     SERIES,
+    SINCE,
+    WORD,
     Flow,
     Instant,
     Lane,
@@ -57,20 +59,21 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.step_size import better
 from stickslip.motion.steps.stiff import follow_mode as along
 from stickslip.orbits.settling.engine.returns import (
+    MOST_RETURNS,
     RETURN_PATIENCE,
-    UNKNOWN,
     begin_again,
     distance,
     extrapolate,
+    foretold,
     grow,
     has_settled,
     look_back,
     look_wide,
-    mark_kind,
     miss,
     remember,
     remove_shift,
     shortest_lag,
+    words_alike,
 )
 from stickslip.orbits.settling.engine.tables import (
     ASK,
@@ -81,22 +84,21 @@ from stickslip.orbits.settling.engine.tables import (
     EVENTS,
     FLOOR,
     HOME,
-    HOME_KIND,
     LAG,
     LEAPT,
-    LEAST,
     MEASURING,
     MISS,
     PATIENT,
-    PENDING,
     PHASE,
     PROVING,
+    REACH,
     REST,
     SAME,
     SETTLING,
     STALLED,
     START,
     STRETCH,
+    STRIDE,
     TRUE,
     Bench,
     Engine,
@@ -116,18 +118,17 @@ UNRECORDED = cast(bool, np.bool_(False))
 _GO_ON = 0  # what is done after a mark
 _CARRIED = 1
 _SETTLED = 2
-_COINCIDENT = 1e-10  # of the time between looks: events that are one mark
+NO_MODE = 1  # word of a motion that has been in no mode since its last mark
+_BEGUN = -8  # kind of the marks at which the modes of a motion begin to be followed as a whole
+_KEPT = 3  # returns before, that are kept then
 # first periods of a drive in which a look between marks sees what vanishes at them
 _GROWING = 8
 _HALFWAY = 0.618  # of a period: how long before the mark that look is
 _FADED = 100.0  # tolerances that an oscillation may still be away from an equilibrium
-_LEAP = 1e-2  # largest size of what a slow return is carried on by
-_SLOW = 0.6  # factors above this are slow
-_STRAIGHT = 0.1  # how much of what remains of a return may be out of line
+_FARTHEST = 0.5  # largest size of what a motion is carried on by
+_AGAIN = 2.0  # first leaps that the next one may be as long as
 _NEAREST = 1e-14  # a miss that is rounding
 _FITS = 0.1  # part of a return that its combination may leave over
-_MOST_RETURNS = 3  # that are combined
-_MOST_LEAPS = 8  # that polishing may take
 _MOST_POLISHED = 24  # returns that polishing may take
 _WIDER = 1.25  # of a period: in which a smooth motion that is polished comes back
 
@@ -266,13 +267,19 @@ def settle_lane(
     s = e.lanes
     numbers = m.numbers[i]
     drive = m.drive[i]
+    if numbers[LEAPT] < 0:
+        take_back(m, s, saved, i)
     for _ in range(rules.most[2]):
         if stop[0] != 0:
             return
         smooth = numbers[EVENTLESS] == 1
-        events = rules.most[1] if drive > 0.0 else min(s.counters[i, HAPPENED] + 1, rules.most[1])
         count = follow_lane(
-            e, i, next_stop(m, rules, i, s.clock[i, NOW]), events, smooth, bench.record
+            e,
+            i,
+            next_stop(m, rules, i, s.clock[i, NOW]),
+            next_event(m, rules, s, saved, i),
+            smooth,
+            bench.record,
         )
         code = e.codes[i]
         happened = e.codes[i] == LIMIT and s.counters[i, HAPPENED] < rules.most[1]
@@ -287,11 +294,9 @@ def settle_lane(
             return
         verdict = cross_plane(e, m, rules, saved, bench, i, count) if smooth else _GO_ON
         if verdict == _GO_ON and code != FULL:
-            if is_due(m, rules, s, saved, i, happened, bench.work[0]):
+            if put_mark(m, rules, s, saved, i, happened, bench.work[0]):
                 verdict = consider(m, rules, s, saved, bench.work, bench.fit, i)
-            if verdict == _GO_ON and happened:
-                put_mark(m, rules, s, saved, i)
-            elif verdict == _GO_ON:
+            if verdict == _GO_ON and not happened:
                 verdict = look_around(e, m, rules, saved, bench, i)
         if verdict == _SETTLED:
             if drive > 0.0 or m.outcome[i] != PERIODIC:
@@ -332,6 +337,16 @@ def elapsed(m: Marks, rules: Rules, lanes: Lane, i: int) -> float:
 
 
 @njit(**INLINED)
+def next_event(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> int:
+    """Number of the event at which the next mark may be."""
+    if m.drive[i] > 0.0:
+        return rules.most[1]
+    stride = m.numbers[i, STRIDE]
+    last = saved.counters[i, HAPPENED] + stride if stride > 0 else lanes.counters[i, HAPPENED] + 1
+    return min(last, rules.most[1])
+
+
+@njit(**INLINED)
 def next_stop(m: Marks, rules: Rules, i: int, t: float) -> float:
     """The next mark of a driven motion (or a look between its first ones); the next look at any
     other."""
@@ -355,17 +370,17 @@ def next_stop(m: Marks, rules: Rules, i: int, t: float) -> float:
 
 
 @njit(**INLINED)
-def is_due(
+def put_mark(
     m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int, happened: bool, work: Array
 ) -> bool:
-    """Whether the last mark is to be judged: a new one of a driven motion, or one whose mode has
-    begun.
+    """Put a mark, where there is one: at the end of a period of the drive, or at an event.
 
     Parameters
     ----------
     m : Marks
     rules : Rules
     lanes, saved : Lane
+        Where the motion is; and was at its last mark.
     i : int
     happened : bool
         Whether the lane is at an event.
@@ -374,6 +389,7 @@ def is_due(
     numbers = m.numbers[i]
     t = lanes.clock[i, NOW]
     y = lanes.y[i]
+    word = lanes.counters[i, WORD]
     grow(m, rules, i, t, y, work)
     if m.drive[i] > 0.0:
         if t < next_mark(m, rules, i) - 0.5 * _HALFWAY * m.drive[i]:
@@ -381,45 +397,63 @@ def is_due(
         if not rules.timed:
             lanes.clock[i, NOW] = rules.real[0]
             lanes.clock[i, LONG_AGO] = lanes.clock[i, LONG_AGO] - (t - rules.real[0])
-        remember(m, i, 0, lanes.clock[i, NOW], y)
-        copy_lane(lanes, i, saved, i)
-        return True
-    last = (numbers[COUNT] - 1) % m.time.shape[1]
-    if numbers[PENDING] == 0 or (happened and t - m.time[i, last] <= _COINCIDENT * rules.real[2]):
+            lanes.clock[i, SINCE] = lanes.clock[i, SINCE] - (t - rules.real[0])
+        remember(m, i, 0, word, lanes.clock[i, NOW], y)
+    elif happened and word != NO_MODE:
+        ring = m.time.shape[1]
+        last = (numbers[COUNT] - 1) % ring
+        numbers[EVENTLESS] = 0
+        if numbers[STRIDE] > 0:
+            for j in range(min(numbers[COUNT], _KEPT)):
+                before = (last - j) % ring
+                if m.kind[i, before] == _BEGUN:
+                    m.kind[i, before] = m.word[i, before] = word
+            if m.kind[i, last] != word:
+                numbers[STRIDE] = 0
+        remember(m, i, word, word, t, y)
+        m.events[i, (numbers[COUNT] - 1) % ring] = lanes.counters[i, HAPPENED]
+    else:
         return False
-    m.kind[i, last] = mark_kind(lanes.settled[i], lanes.reg[i], lanes.counters[i, CAUSE])
-    for c in range(lanes.settled.shape[1]):
-        if lanes.settled[i, c] != 0:
-            m.slipped[i, c] = numbers[COUNT]
+    lanes.counters[i, WORD] = NO_MODE
+    copy_lane(lanes, i, saved, i)
     return True
 
 
-@njit(**INLINED)
-def put_mark(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
-    """Put a mark at an event, or move the last one if the two coincide.
+@njit(**OPTIONS)
+def begin_strides(m: Marks, i: int) -> None:
+    """From now on marks are put only where the modes of a motion, which have been seen to repeat
+    after a lag, begin again.
 
     Parameters
     ----------
     m : Marks
-    rules : Rules
-    lanes, saved : Lane
     i : int
     """
     numbers = m.numbers[i]
-    t = lanes.clock[i, NOW]
-    y = lanes.y[i]
-    last = (numbers[COUNT] - 1) % m.time.shape[1]
-    if (
-        numbers[EVENTLESS] == 0
-        and numbers[COUNT] > 0
-        and t - m.time[i, last] <= _COINCIDENT * rules.real[2]
-    ):
-        m.time[i, last] = t
-        copy(y, m.state[i, last])
-    else:
-        remember(m, i, UNKNOWN, t, y)
-    numbers[EVENTLESS] = 0
-    copy_lane(lanes, i, saved, i)
+    ring = m.time.shape[1]
+    here = numbers[COUNT] - 1
+    lag = numbers[LAG]
+    # The lag may be a multiple of the shortest after which they do.
+    p = 1
+    same = 0
+    while p < lag and same < lag:
+        same = 0
+        while same < lag and m.kind[i, (here - same) % ring] == m.kind[i, (here - same - p) % ring]:
+            same += 1
+        if same < lag:
+            p += 1
+    numbers[STRIDE] = m.events[i, here % ring] - m.events[i, (here - p) % ring]
+    kept = 1
+    while kept < _KEPT and kept * p <= min(here, ring - 1, numbers[SAME]):
+        source = (here - kept * p) % ring
+        target = (here - kept) % ring
+        m.time[i, target] = m.time[i, source]
+        copy(m.state[i, source], m.state[i, target])
+        kept += 1
+    for j in range(kept):
+        m.kind[i, (here - j) % ring] = _BEGUN
+    numbers[TRUE] = kept - 1
+    begin_again(m, i, 1)
 
 
 @njit(**INLINED)
@@ -460,6 +494,7 @@ def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
     if not ((faded or (calm and rules.closed)) and elapsed(m, rules, s, i) >= m.real[i, ASK]):
         return _GO_ON
     copy_lane(s, i, saved, i)
+    numbers[STRIDE] = 0
     m.real[i, START] = t
     m.real[i, DURATION] = drive if drive > 0.0 else rules.real[2]
     m.outcome[i] = equilibrium(s.mode[i]) if faded else _NOTHING_YET
@@ -491,7 +526,7 @@ def consider(
     m : Marks
     rules : Rules
     lanes, saved : Lane
-    work, fit : arrays, shapes (9, n), (3, 4)
+    work, fit : arrays, shapes (9, n), (4, 4)
         Work space.
     i : int
 
@@ -502,51 +537,92 @@ def consider(
     """
     numbers = m.numbers[i]
     before = m.numbers[i, LAG]
-    numbers[PENDING] = 0
     d = look_back(m, rules, i, work[0])
     lag, leapt = numbers[LAG], numbers[LEAPT]
-    if leapt != 0 and lag != before:
-        return take_back(m, lanes, saved, i)
-    if leapt < 0:
-        return confirm(m, lanes, saved, i, d)
-    if leapt > 0:
+    if leapt != 0:
+        if lag != before:
+            return take_back(m, lanes, saved, i)
         return polish(m, rules, lanes, saved, work, fit, i, d)
     if lag == 0 or numbers[SAME] < 1:
         return _GO_ON
     if has_settled(m, rules, i, d) and not (
         rules.timed and elapsed(m, rules, saved, i) < m.real[i, ASK]
     ):
-        leave(m, saved, i, 1, d)
+        leave(m, saved, i, d)
+        m.real[i, PATIENT] = 0.1 * d
         return polish(m, rules, lanes, saved, work, fit, i, distance(m, rules, i, lag, work[0]))
-    if numbers[STALLED] > RETURN_PATIENCE * lag and d > rules.real[3]:
+    whole = m.drive[i] > 0.0 or numbers[STRIDE] > 0 or numbers[EVENTLESS] == 1
+    if not whole and numbers[SAME] > lag:
+        begin_strides(m, i)
+    elif numbers[STALLED] > RETURN_PATIENCE * lag and d > rules.real[3]:
         look_wide(m, rules, i, work[0])
-    elif m.drive[i] <= 0.0 and numbers[SAME] > 2 * lag and numbers[COUNT] >= numbers[REST]:
-        q = d / m.miss[i, (numbers[COUNT] - 1 - lag) % m.time.shape[1]]
-        if _SLOW < q < 1.0 and d * q <= _LEAP * (1.0 - q):
-            return leap(m, rules, lanes, saved, work, fit, i, d, q)
+    elif whole and rules.most[4] > 0 and numbers[COUNT] >= numbers[REST]:
+        k = foretold(m, rules, i, work, fit)
+        if k > 0:
+            return leap(m, rules, lanes, saved, work, fit, i, d, k)
     return _GO_ON
 
 
 @njit(**OPTIONS)
-def leave(m: Marks, saved: Lane, i: int, leapt: int, d: float) -> None:
+def leave(m: Marks, saved: Lane, i: int, d: float) -> None:
     """Keep where the motion itself is, before it is carried on by hand.
 
     Parameters
     ----------
     m : Marks
     saved : Lane
-    i, leapt : int
-        The lane, and how it is carried on: 1 to polish it, −1 by a leap.
+    i : int
     d : float
         What the last return misses by.
     """
     numbers, real = m.numbers[i], m.real[i]
     copy_lane(saved, i, m.home, i)
-    numbers[LEAPT], real[MISS] = leapt, d
+    numbers[LEAPT] = 1
     numbers[HOME] = numbers[COUNT]
-    numbers[HOME_KIND] = m.kind[i, (numbers[COUNT] - 1) % m.time.shape[1]]
-    if leapt > 0:
-        real[PATIENT] = 0.1 * d
+    real[MISS] = d
+    real[REACH] = 0.0
+
+
+@njit(**OPTIONS)
+def leap(
+    m: Marks,
+    rules: Rules,
+    lanes: Lane,
+    saved: Lane,
+    work: Array,
+    fit: Array,
+    i: int,
+    d: float,
+    k: int,
+) -> int:
+    """Carry a motion on to where its returns lead, a recurrence of order k, unless that is far
+    away.
+
+    Parameters
+    ----------
+    m : Marks
+    rules : Rules
+    lanes, saved : Lane
+    work, fit : arrays, shapes (9, n), (4, 4)
+        Work space.
+    i : int
+    d : float
+        What the last return misses by.
+    k : int
+
+    Returns
+    -------
+    int
+        CARRIED, or GO_ON if it is not.
+    """
+    _, length = extrapolate(m, rules, i, k, work, fit)
+    if not length <= _FARTHEST:
+        return _GO_ON
+    leave(m, saved, i, d)
+    m.numbers[i, LEAPT] = 2
+    m.real[i, REACH] = length
+    m.real[i, STRETCH] = length / d
+    return carry(m, lanes, saved, i, work[8])
 
 
 @njit(**OPTIONS)
@@ -606,7 +682,6 @@ def put_back(m: Marks, lanes: Lane, saved: Lane, i: int, kept: Lane, count: int)
     numbers[COUNT] = count
     numbers[TRUE] = 0
     numbers[LEAPT] = 0
-    numbers[PENDING] = 0
     begin_again(m, i, numbers[LAG])
     return _CARRIED
 
@@ -616,7 +691,6 @@ def take_back(m: Marks, lanes: Lane, saved: Lane, i: int) -> int:
     """Take a motion back to where it was before it was carried on by hand, and let it go on by
     itself."""
     numbers = m.numbers[i]
-    m.kind[i, (numbers[HOME] - 1) % m.time.shape[1]] = numbers[HOME_KIND]
     numbers[REST] = numbers[HOME] + RETURN_PATIENCE * max(numbers[LAG], 1)
     return put_back(m, lanes, saved, i, m.home, numbers[HOME])
 
@@ -632,7 +706,7 @@ def polish(
     m : Marks
     rules : Rules
     lanes, saved : Lane
-    work, fit : arrays, shapes (9, n), (3, 4)
+    work, fit : arrays, shapes (9, n), (4, 4)
         Work space.
     i : int
     d : float
@@ -649,6 +723,8 @@ def polish(
     ring = m.time.shape[1]
     if (numbers[COUNT] - numbers[HOME]) % lag != 0 or numbers[TRUE] < lag:
         return _GO_ON
+    if real[REACH] > 0.0 and words_alike(m, i, lag, lag) < lag:
+        return take_back(m, lanes, saved, i)
     if numbers[TRUE] == lag and numbers[LEAPT] > 1 and d > 0.5 * real[MISS]:
         put_back(m, lanes, saved, i, m.before, numbers[COUNT] - lag)
         numbers[LEAPT] = 1
@@ -657,13 +733,15 @@ def polish(
     if (
         d <= _NEAREST
         or numbers[COUNT] - numbers[HOME] >= _MOST_POLISHED * lag
-        or numbers[LEAPT] > _MOST_LEAPS
+        or numbers[LEAPT] > rules.most[4]
     ):
         return accept(m, rules, lanes, saved, work[0], i, d)
     returns = min(numbers[TRUE] // lag, (ring - 1) // lag)
-    for k in range(1, min(returns - 1, _MOST_RETURNS) + 1):
+    for k in range(1, min(returns - 1, MOST_RETURNS) + 1):
         misfit, length = extrapolate(m, rules, i, k, work, fit)
-        if (misfit <= _FITS or k == _MOST_RETURNS) and length <= rules.real[5]:
+        if (misfit <= _FITS or k == MOST_RETURNS) and length <= max(
+            rules.real[5], _AGAIN * real[REACH]
+        ):
             numbers[LEAPT] += 1
             real[STRETCH] = max(real[STRETCH], length / d)
             return carry(m, lanes, saved, i, work[8])
@@ -673,7 +751,7 @@ def polish(
 @njit(**OPTIONS)
 def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int, d: float) -> int:
     """Take the polished cycle for what the motion has settled on, if that was within the tolerance
-    of it.
+    of it; if not, it has to be proved that it comes there.
 
     Parameters
     ----------
@@ -700,92 +778,19 @@ def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int
             - m.frame[i, r] * (saved.clock[i, NOW] - m.home.clock[i, NOW])
         )
     remove_shift(work, rules.shifts)
-    if not miss(work, m.size[i], rules.real[4]) <= rules.real[5]:
+    here = miss(work, m.size[i], rules.real[4]) <= rules.real[5]
+    if not (here or (real[REACH] > 0.0 and d <= rules.real[3])):
         return take_back(m, lanes, saved, i)
     real[FLOOR] = d
     numbers[LAG], last = shortest_lag(m, rules, i, work), numbers[COUNT] - 1
-    numbers[LEAPT] = 0
+    numbers[LEAPT] = 0 if here else 1
     real[START] = m.time[i, last % ring]
     real[DURATION] = m.drive[i] * numbers[LAG]
     if m.drive[i] <= 0.0:
         real[DURATION] = m.time[i, last % ring] - m.time[i, (last - numbers[LAG]) % ring]
     m.outcome[i] = PERIODIC
-    numbers[PHASE] = PROVING if rules.timed else MEASURING
+    numbers[PHASE] = PROVING if rules.timed or not here else MEASURING
     return _SETTLED
-
-
-@njit(**OPTIONS)
-def leap(
-    m: Marks,
-    rules: Rules,
-    lanes: Lane,
-    saved: Lane,
-    work: Array,
-    fit: Array,
-    i: int,
-    d: float,
-    q: float,
-) -> int:
-    """Carry a return that shrinks slowly on to where it leads, if it does so by one factor and
-    every contact slips.
-
-    Parameters
-    ----------
-    m : Marks
-    rules : Rules
-    lanes, saved : Lane
-    work, fit : arrays, shapes (9, n), (3, 4)
-        Work space.
-    i : int
-    d, q : float
-        What the last return misses by, and the factor by which returns shrink.
-
-    Returns
-    -------
-    int
-        CARRIED, or GO_ON if it does not.
-    """
-    numbers = m.numbers[i]
-    lag = m.numbers[i, LAG]
-    ring = m.time.shape[1]
-    if m.kind[i, (numbers[COUNT] - 1) % ring] < 0 or 2 * lag >= ring:
-        return _GO_ON
-    for c in range(m.slipped.shape[1]):
-        if m.slipped[i, c] <= numbers[COUNT] - lag:
-            return _GO_ON
-    misfit, length = extrapolate(m, rules, i, 1, work, fit)
-    if not (misfit <= _STRAIGHT * (1.0 - q) and length <= _LEAP):
-        return _GO_ON
-    leave(m, saved, i, -1, d)
-    return carry(m, lanes, saved, i, work[8])
-
-
-@njit(**OPTIONS)
-def confirm(m: Marks, lanes: Lane, saved: Lane, i: int, d: float) -> int:
-    """See after a return whether a leap has brought the motion nearer.
-
-    Parameters
-    ----------
-    m : Marks
-    lanes, saved : Lane
-    i : int
-    d : float
-        What the last return misses by.
-
-    Returns
-    -------
-    int
-        CARRIED if the motion is taken back, else GO_ON.
-    """
-    numbers, real = m.numbers[i], m.real[i]
-    if numbers[TRUE] < numbers[LAG]:
-        return _GO_ON
-    if not d <= 0.5 * real[MISS]:
-        return take_back(m, lanes, saved, i)
-    numbers[LEAPT] = 0
-    numbers[STALLED] = 0
-    real[LEAST] = d
-    return _GO_ON
 
 
 # -- motions without events ------------------------------------------------------------------------
@@ -811,7 +816,8 @@ def put_plane(m: Marks, i: int, t: float, y: Array, work: Array) -> None:
     m.plane[i, 2, 0] = t
     for r in range(len(work)):
         m.plane[i, 1, r] = work[r] / m.size[i, r] ** 2 if m.size[i, r] > 0.0 else 0.0
-    m.numbers[i, EVENTLESS], m.numbers[i, PENDING] = 1, 0
+    m.numbers[i, EVENTLESS] = 1
+    m.numbers[i, STRIDE] = 0
     begin_again(m, i, 0)
 
 
@@ -902,7 +908,7 @@ def cross_plane(
             else:
                 low = middle
         point_on(s.W, N, high / unit, s.trial)
-        remember(m, i, -1, t + high, s.trial)
+        remember(m, i, -1, 0, t + high, s.trial)
         copy_lane(lanes, i, saved, i)
         put_at(saved, i, t + high, after - t, s.trial, f.mode0, f.reg0)
         saved.clock[i, SERIES] = series if step > series else after - t

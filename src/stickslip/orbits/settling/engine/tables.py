@@ -37,17 +37,16 @@ DONE = 3
     SAME,
     EVENTS,
     EVENTLESS,
-    PENDING,
+    STRIDE,
     LEAPT,
     STALLED,
     REST,
     HOME,
-    HOME_KIND,
     SIZED,
-) = range(14)
+) = range(13)
 """Columns of :attr:`Marks.numbers`."""
 
-START, DURATION, MISS, FLOOR, STRETCH, OPEN, LEAST, PATIENT, ASK = range(9)
+START, DURATION, MISS, FLOOR, STRETCH, OPEN, LEAST, PATIENT, ASK, REACH = range(10)
 """Columns of :attr:`Marks.real`."""
 
 ENERGY, LAW, MOTION, CLOSURE, PERIOD = range(5)
@@ -85,7 +84,7 @@ class Rules(NamedTuple):
         Start, end and time between looks, counted from the origin of the problem; tolerance of
         waiting, atol, and what may be missing to a cycle.
     most : array of int
-        Periods, events, marks in one call, and marks of a cycle.
+        Periods, events, marks in one call, marks of a cycle, and leaps.
     shifts : array, shape (translations, n)
         Directions, orthogonal to each other, in which the state may be shifted.
     fine : array, shape (2,)
@@ -112,29 +111,30 @@ class Marks(NamedTuple):
 
     Attributes
     ----------
-    time, state, kind, miss : arrays, shapes (lanes, ring), (lanes, ring, n), (lanes, ring), (lanes,
-        ring)
-        The latest marks; the mode of a mark as a number, and how closely it comes back to the mark
-        a lag before it.
-    numbers : array of int, shape (lanes, 14)
+    time, state, miss : arrays, shapes (lanes, ring), (lanes, ring, n), (lanes, ring)
+        The latest marks, and how closely each comes back to the mark a lag before it.
+    kind, word, events : arrays of int, shape (lanes, ring)
+        What has to be the same for marks to be compared; the modes since the mark before, as a
+        number; and how many events there have been.
+    numbers : array of int, shape (lanes, 13)
         PHASE; COUNT of marks; marks made since the state was last changed by hand (TRUE); LAG that
         is looked at; marks at this lag in a row, less one (SAME); EVENTS at the last look; whether
-        the motion has had no events for a while, so that its marks are on a plane (SMOOTH); whether
-        the last mark is still to be judged (PENDING); leaps since the motion was left (LEAPT;
-        negative: one that is not confirmed); marks since returns have last shrunk (STALLED); mark
-        before which there is no other leap (REST); number and kind of the mark that the motion is
-        taken back to (HOME, HOME_KIND); whether the sizes are those of a cycle (SIZED).
-    real : array, shape (lanes, 9)
+        the motion has had no events for a while, so that its marks are on a plane (EVENTLESS);
+        events from mark to mark, once their modes have been seen to repeat (STRIDE, else 0); leaps
+        since the motion was left (LEAPT; negative: what it was taken to has been refused); marks
+        since returns have last shrunk (STALLED); mark before which there is no other leap (REST);
+        number of the mark that the motion is taken back to (HOME); whether the sizes are those of a
+        cycle (SIZED).
+    real : array, shape (lanes, 10)
         START and DURATION of what is measured; last MISS before a leap; miss of the polished cycle
         (FLOOR), how many times farther away than that the cycle may be (STRETCH), and least miss of
         a return that is shorter (OPEN); LEAST miss at this lag; miss below which polishing is tried
-        again (PATIENT); time before which no proof is tried again (ASK).
+        again (PATIENT); time before which no proof is tried again (ASK); length of the first leap
+        (REACH).
     plane : array, shape (lanes, 3, n)
         A state, the normal of the plane through it, and (first) its time.
     size : array, shape (lanes, n)
         Largest modulus of each component; once it has been measured, its size on the cycle.
-    slipped : array of int, shape (lanes, contacts)
-        Last mark before which each contact slipped.
     felt : array, shape (lanes,)
         Change of the forces in what was measured.
     drive : array, shape (lanes,)
@@ -149,13 +149,14 @@ class Marks(NamedTuple):
 
     time: Array
     state: Array
-    kind: Array
     miss: Array
+    kind: Array
+    word: Array
+    events: Array
     numbers: Array
     real: Array
     plane: Array
     size: Array
-    slipped: Array
     felt: Array
     drive: Array
     frame: Array
@@ -222,8 +223,8 @@ class Bench(NamedTuple):
     Attributes
     ----------
     work : array, shape (9, n)
-    fit : array, shape (3, 4)
-        Triangular system of the returns, and its right-hand side.
+    fit : array, shape (4, 4)
+        Triangular system of the returns, its right-hand side, and a row to work on.
     record : Record
         Knots; what does not fit is measured piece by piece.
     steps : Steps
@@ -263,7 +264,7 @@ class Bench(NamedTuple):
     felt: Array
 
 
-def make_marks(drive: Array, ring: int, n: int, contacts: int, home: Lane, before: Lane) -> Marks:
+def make_marks(drive: Array, ring: int, n: int, home: Lane, before: Lane) -> Marks:
     """Nothing remembered yet of lanes with these periods of their drives.
 
     Parameters
@@ -272,21 +273,22 @@ def make_marks(drive: Array, ring: int, n: int, contacts: int, home: Lane, befor
         The periods; 0 where there is no drive.
     ring : int
         Marks that are remembered of each lane.
-    n, contacts : int
-        Components of the state, and contacts.
+    n : int
+        Components of the state.
     home, before : Lane
     """
     lanes = len(drive)
     marks = Marks(
         time=np.zeros((lanes, ring)),
         state=np.zeros((lanes, ring, n)),
-        kind=np.zeros((lanes, ring), np.int64),
         miss=np.zeros((lanes, ring)),
-        numbers=np.zeros((lanes, 14), np.int64),
-        real=np.zeros((lanes, 9)),
+        kind=np.zeros((lanes, ring), np.int64),
+        word=np.zeros((lanes, ring), np.int64),
+        events=np.zeros((lanes, ring), np.int64),
+        numbers=np.zeros((lanes, 13), np.int64),
+        real=np.zeros((lanes, 10)),
         plane=np.zeros((lanes, 3, n)),
         size=np.zeros((lanes, n)),
-        slipped=np.zeros((lanes, contacts), np.int64),
         felt=np.zeros(lanes),
         drive=drive,
         frame=np.zeros((lanes, n)),
@@ -339,7 +341,7 @@ def make_bench(problem: Problem, room: int) -> Bench:
     table[n, 1] = 1.0  # unit of time of its coefficients
     return Bench(
         work=z((9, n)),
-        fit=z((3, 4)),
+        fit=z((4, 4)),
         record=record,
         steps=make_steps(room, n),
         tally=make_tally(problem.rows),
