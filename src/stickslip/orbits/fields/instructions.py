@@ -19,6 +19,7 @@ from stickslip.machine_code.objects import address_of
 from stickslip.orbits.fields.engine.interpreter import (
     CALL,
     CONSTANT,
+    LANES,
     POWER,
     REAL_POWER,
     RECIPROCAL,
@@ -185,7 +186,8 @@ class Evaluator:
         listing = self.listing
         out = np.empty((len(listing.wanted), given.shape[1]))
         once = listing.once if alike else 0
-        interpret(self.made, once, listing.places, listing.wanted, given, out)
+        values = np.empty((listing.places, LANES))
+        interpret(self.made, once, listing.wanted, given, values, out)
         return out
 
 

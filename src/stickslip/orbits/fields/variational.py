@@ -23,20 +23,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.orbits.fields.engine.interpreter import LANES
+from stickslip.motion.between.dense import make_scratch
 from stickslip.orbits.fields.engine.variations import (
     ALIKE,
     BEGINS,
     CORNER,
+    CROWDED,
     ENDS,
     GRAZED,
     MEETING,
     MET,
     PASSED,
+    STAGES,
     Pass,
+    Work,
     jump,
-    place_nodes,
     resolve_steps,
+    room_for_pass,
     vary,
 )
 from stickslip.orbits.fields.mode_field import Piece, Pieces, places_of
@@ -95,17 +98,20 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
     Variation
     """
     run = _prepared(trajectory, pieces, directions)
-    nodes = resolve_steps(pieces.listed, run, _drives(trajectory))
-    index, times = np.empty(nodes, np.int64), np.empty(nodes)
-    place_nodes(pieces.listed, run, index, times)
-    states = trajectory._states_at(times, index)
+    listed = pieces.listed
+    problem = trajectory._problem
+    flow = problem.flow(retracing=True)
+    work = _work(trajectory, pieces, run, 2 * STAGES * len(run.piece))
     meeting = _Meeting(trajectory, pieces, run)
     start = 0
-    while (code := vary(pieces.listed, run, times, states, start)) != PASSED:
-        if code != CORNER:
+    while (code := vary(problem.machine, flow, listed, run, work, start)) != PASSED:
+        if code == CROWDED:
+            work = _work(trajectory, pieces, run, int(run.event[BEGINS]))
+        elif code == CORNER:
+            start = meeting.pass_through()
+        else:
             raise AssertionError("a mode has changed, and no guard of it has fired")
-        start = meeting.pass_through()
-    grazed = run.time[run.outcome == GRAZED]
+    grazed = run.knots.time[run.outcome == GRAZED] + run.origin
     made = [pieces.made[w] for w in run.piece]
     grazings = sorted([*map(float, grazed), *meeting.grazings])
     return Variation(run.after, made, tuple(meeting.corners), tuple(grazings))
@@ -114,39 +120,40 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
 def resolution(trajectory: Trajectory, pieces: Pieces) -> Array:
     """Number of equal parts of each step in which linear motions are resolved by a Gauss rule."""
     run = _prepared(trajectory, pieces, None)
-    resolve_steps(pieces.listed, run, _drives(trajectory))
+    resolve_steps(pieces.listed, run, _work(trajectory, pieces, run, 0))
     return run.parts[:-1]
-
-
-def _drives(trajectory: Trajectory) -> float:
-    """Largest frequency of the loads."""
-    return float(np.max(np.abs(trajectory._problem.constants.omega), initial=0.0))
 
 
 def _prepared(trajectory: Trajectory, pieces: Pieces, directions: Array | None) -> Pass:
     """The motion as the compiled pass takes it, with the changes of its first state."""
     k = trajectory.knots
-    n = k.state.shape[1]
     number = pieces.numbers(k.mode, k.region)
-    columns = n + (pieces.free is not None)
+    columns = k.state.shape[1] + (pieces.free is not None)
     first = np.eye(columns) if directions is None else directions
     after = np.zeros((len(k.clock), *first.shape))
     after[0] = first
-    listed = pieces.listed
-    values = np.zeros((places_of(pieces.made), LANES))
-    p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
-    values[1 + n : 1 + n + len(p)] = p[:, None]
     return Pass(
-        k.time,
-        k.state,
-        k.cause,
+        k.record,
+        trajectory._seen,
+        float(k.origin),
+        float(np.max(np.abs(trajectory._problem.constants.omega), initial=0.0)),
         number,
         np.ones(len(number), np.int64),
         after,
         np.zeros(len(number), np.int64),
-        np.zeros(MET + 1 + listed.switches.shape[1], np.int64),
-        values,
+        np.zeros(MET + 1 + pieces.listed.switches.shape[1], np.int64),
     )
+
+
+def _work(trajectory: Trajectory, pieces: Pieces, run: Pass, nodes: int) -> Work:
+    """Work space of the pass, with room for some nodes."""
+    between = make_scratch(trajectory._problem.rows, (0, 2))
+    _, *shape = run.after.shape
+    work = room_for_pass(pieces.listed, places_of(pieces.made), nodes, tuple(shape), between)
+    p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
+    first = 1 + run.knots.state.shape[1]
+    work.values[first : first + len(p)] = p[:, None]
+    return work
 
 
 # -- where guards meet -----------------------------------------------------------------------------

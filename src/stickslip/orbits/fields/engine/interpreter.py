@@ -16,10 +16,9 @@ from numba.extending import intrinsic
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.program import FIRST, OPERATION, RESULT, SECOND
-from stickslip.machine_code.functions import njit
+from stickslip.machine_code.functions import entry_point, njit
 from stickslip.motion.steps.arrays import OPTIONS
 
-_ALLOCATING: dict[str, Any] = {**OPTIONS, "cache": True, "_nrt": True}
 LANES = 8  # points of a block
 # Operations: a number; a times a number, or added to the result so; a + b, a·b, 1/a, a to a number,
 # aᵇ, and a function of a, whose address is the second operand.
@@ -109,9 +108,9 @@ def perform(made: Instructions, first: int, last: int, values: Array, lanes: int
                     out[k] = a[k] ** b[k]
 
 
-@njit(**_ALLOCATING)
+@entry_point(**OPTIONS)
 def interpret(
-    made: Instructions, once: int, places: int, wanted: Array, given: Array, out: Array
+    made: Instructions, once: int, wanted: Array, given: Array, values: Array, out: Array
 ) -> None:
     """Values at many points.
 
@@ -120,15 +119,14 @@ def interpret(
     made : Instructions
     once : int
         So many of them are the same for all points.
-    places : int
-        In the table of values.
     wanted : array of int
         Places of what is wanted.
     given : array, shape (names, points)
+    values : array, shape (places, LANES)
+        Work space.
     out : array, shape (wanted, points)
     """
     names, points = given.shape
-    values = np.empty((places, LANES))
     for start in range(0, points, LANES):
         lanes = min(LANES, points - start)
         for i in range(names):

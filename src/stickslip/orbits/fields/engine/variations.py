@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import njit
-from stickslip.motion.steps.arrays import OPTIONS
+from stickslip.machine_code.functions import entry_point, njit
+from stickslip.motion.between.dense import Scratch, states_at
+from stickslip.motion.steps.arrays import OPTIONS, Flow, Machine, Record
 from stickslip.orbits.fields.engine.interpreter import LANES, Instructions, perform
 
-_KEPT: dict[str, Any] = {**OPTIONS, "cache": True}
-_ALLOCATING: dict[str, Any] = {**OPTIONS, "cache": True, "_nrt": True}
 STAGES = LANES  # Gauss nodes of a step: order 16
 # largest |eigenvalue| × step of a collocation step: its Padé approximant of exp is exact to
 # rounding there
@@ -27,8 +26,8 @@ ALIKE = 1e-8  # derivatives that differ by less, relative to the largest, are th
 _NO_JUMP = 1e-12  # a change of the field this small, relative to its terms, is none
 _LEAST_PIVOT = 0.1  # a pivot below this part of its column is exchanged
 
-# What becomes of an event.
-PASSED, GRAZED, CORNER, UNEXPLAINED = range(4)
+# What becomes of an event, or of the pass: it may need more room for its nodes.
+PASSED, GRAZED, CORNER, UNEXPLAINED, CROWDED = range(5)
 # Entries of Pass.event.
 BEGINS, ENDS, MEETING, MET = range(4)
 
@@ -90,10 +89,14 @@ class Pass(NamedTuple):
 
     Attributes
     ----------
-    time : array, shape (knots,)
-    state : array, shape (knots, states)
-    cause : array of int, shape (knots,)
-        The switch that caused each, −1: none.
+    knots : Record
+        The motion.
+    seen : array
+        Sizes of the rows that bound its steps; see :class:`stickslip.motion.steps.arrays.Lane`.
+    origin : float
+        The time at which its clock is 0.
+    drives : float
+        Largest frequency of the loads.
     piece : array of int, shape (knots,)
         Piece of the step that begins at each.
     parts : array of int, shape (knots,)
@@ -105,19 +108,17 @@ class Pass(NamedTuple):
     event : array of int
         The event at which the pass has stopped: the knots at which it begins and ends, the number
         of switches that are meeting there, and these, the one that fired first.
-    values : array, shape (places, LANES)
-        Work space of the instructions.
     """
 
-    time: Array
-    state: Array
-    cause: Array
+    knots: Record
+    seen: Array
+    origin: float
+    drives: float
     piece: Array
     parts: Array
     after: Array
     outcome: Array
     event: Array
-    values: Array
 
 
 class Leave(NamedTuple):
@@ -143,38 +144,111 @@ class Leave(NamedTuple):
     terms: Array
 
 
-# -- between events --------------------------------------------------------------------------------
+class Work(NamedTuple):
+    """Work space of a pass.
+
+    Attributes
+    ----------
+    values : array, shape (places, LANES)
+        Of the instructions.
+    index, clock, states : arrays, shapes (room,), (room,) and (room, states)
+        The nodes of all steps: the knot before each, when it is, and the state there.
+    squares : array, shape (4, states, states)
+    moved : array, shape (states, directions)
+    system : array, shape (STAGES × states, STAGES × states + the larger of states and directions)
+    here, around : Leave
+    usual : array, shape (guards,)
+    others : array of int, shape (guards,)
+    between : Scratch
+    """
+
+    values: Array
+    index: Array
+    clock: Array
+    states: Array
+    squares: Array
+    moved: Array
+    system: Array
+    here: Leave
+    around: Leave
+    usual: Array
+    others: Array
+    between: Scratch
 
 
-@njit(**OPTIONS)
-def put_point(run: Pass, k: int, t: float, y: Array) -> None:
-    """Enter a point into the table of values."""
-    run.values[0, k] = t
-    for r in range(len(y)):
-        run.values[1 + r, k] = y[r]
-
-
-@njit(**OPTIONS)
-def fastest(listed: Listed, run: Pass, w: int, knot: int, J: Array, work: Array) -> float:
-    """Largest modulus of an eigenvalue of the Jacobian at a knot, from high powers of it.
+def room_for_pass(
+    listed: Listed, places: int, nodes: int, shape: tuple[int, int], between: Scratch
+) -> Work:
+    """New work space.
 
     Parameters
     ----------
     listed : Listed
-    run : Pass
-    w : int
-        The piece.
-    knot : int
-    J, work : arrays, shape (states, states)
-        Work space.
+    places : int
+        In the table of values.
+    nodes : int
+    shape : (int, int)
+        Columns and directions.
+    between : Scratch
     """
+    columns, directions = shape
+    guards = listed.switches.shape[1]
+    n = listed.rates.shape[1]
+
+    def leave() -> Leave:
+        return Leave(
+            np.zeros(n),
+            np.zeros(guards),
+            np.zeros((guards, columns)),
+            np.zeros(guards),
+            np.zeros(guards),
+        )
+
+    return Work(
+        np.zeros((places, LANES)),
+        np.zeros(nodes, np.int64),
+        np.zeros(nodes),
+        np.zeros((nodes, n)),
+        np.zeros((4, n, n)),
+        np.zeros((n, directions)),
+        np.zeros((STAGES * n, STAGES * n + max(n, directions))),
+        leave(),
+        leave(),
+        np.zeros(guards),
+        np.zeros(guards, np.int64),
+        between,
+    )
+
+
+# -- between events --------------------------------------------------------------------------------
+
+
+@njit(**OPTIONS)
+def time_of(run: Pass, knot: int) -> float:
+    """When a knot is."""
+    return run.knots.time[knot] + run.origin
+
+
+@njit(**OPTIONS)
+def put_point(values: Array, k: int, t: float, y: Array) -> None:
+    """Enter a point into the table of values."""
+    values[0, k] = t
+    for r in range(len(y)):
+        values[1 + r, k] = y[r]
+
+
+@njit(**OPTIONS)
+def fastest(listed: Listed, run: Pass, work: Work, w: int, knot: int) -> float:
+    """Largest modulus of an eigenvalue of the Jacobian of a piece at a knot, from high powers of
+    it."""
+    J, scaled = work.squares[0], work.squares[1]
     n = len(J)
     columns = run.after.shape[1]
-    put_point(run, 0, run.time[knot], run.state[knot])
-    perform(listed.made, listed.slopes[w, 0], listed.slopes[w, 2], run.values, 1)
+    put_point(work.values, 0, time_of(run, knot), run.knots.state[knot])
+    perform(listed.made, listed.slopes[w, 0], listed.slopes[w, 2], work.values, 1)
     for r in range(n):
         for c in range(n):
-            J[r, c] = run.values[listed.jacobian[w, r * columns + c], 0]
+            J[r, c] = work.values[listed.jacobian[w, r * columns + c], 0]
     scale = 0.0  # log of what has been divided out, per factor
     power = 1.0
     for _ in range(_DOUBLINGS + 1):
@@ -188,37 +262,24 @@ def fastest(listed: Listed, run: Pass, w: int, knot: int, J: Array, work: Array)
         power *= 2.0
         for r in range(n):
             for c in range(n):
-                work[r, c] = J[r, c] / largest
-        for r in range(n):
-            for c in range(n):
-                total = 0.0
-                for j in range(n):
-                    total += work[r, j] * work[j, c]
-                J[r, c] = total
+                scaled[r, c] = J[r, c] / largest
+        put_product(scaled, scaled, J)
     return math.exp(scale)
 
 
-@njit(**_ALLOCATING)
-def resolve_steps(listed: Listed, run: Pass, drives: float) -> int:
+@entry_point(**OPTIONS)
+def resolve_steps(listed: Listed, run: Pass, work: Work) -> int:
     """In how many equal parts each step has to be taken for linear motions to be resolved; returns
-    the number of nodes at which states are wanted.
-
-    Parameters
-    ----------
-    drives : float
-        Largest frequency of the loads.
-    """
-    n = run.state.shape[1]
-    J, work = np.empty((n, n)), np.empty((n, n))
+    the number of nodes at which states are wanted."""
     nodes = 0
-    for i in range(len(run.time) - 1):
-        h = run.time[i + 1] - run.time[i]
+    for i in range(len(run.piece) - 1):
+        h = time_of(run, i + 1) - time_of(run, i)
         run.parts[i] = 1
         if h > 0.0:
             w = run.piece[i]
-            rate = max(drives, fastest(listed, run, w, i, J, work))
+            rate = max(run.drives, fastest(listed, run, work, w, i))
             if listed.steady[w] == 0:
-                rate = max(rate, fastest(listed, run, w, i + 1, J, work))
+                rate = max(rate, fastest(listed, run, work, w, i + 1))
             run.parts[i] = max(1, math.ceil(h * rate / _REACH))
         nodes += nodes_of(listed, run, i)
     return nodes
@@ -228,27 +289,27 @@ def resolve_steps(listed: Listed, run: Pass, drives: float) -> int:
 def nodes_of(listed: Listed, run: Pass, i: int) -> int:
     """At how many nodes of a step states are wanted: at none where the Jacobian is the same at
     all."""
-    even = listed.steady[run.piece[i]] == 1 and run.after.shape[1] == run.state.shape[1]
-    return 0 if even or not run.time[i + 1] > run.time[i] else STAGES * run.parts[i]
+    even = listed.steady[run.piece[i]] == 1 and run.after.shape[1] == run.knots.state.shape[1]
+    return 0 if even or not time_of(run, i + 1) > time_of(run, i) else STAGES * run.parts[i]
 
 
-@njit(**_KEPT)
-def place_nodes(listed: Listed, run: Pass, index: Array, times: Array) -> None:
+@njit(**OPTIONS)
+def place_nodes(listed: Listed, run: Pass, work: Work) -> None:
     """The step that each of the nodes belongs to, and its time."""
     place = 0
-    for i in range(len(run.time) - 1):
-        h = (run.time[i + 1] - run.time[i]) / run.parts[i]
+    for i in range(len(run.piece) - 1):
+        begin = time_of(run, i)
+        h = (time_of(run, i + 1) - begin) / run.parts[i]
         for j in range(nodes_of(listed, run, i)):
-            index[place] = i
-            times[place] = run.time[i] + (j // STAGES + NODES[j % STAGES]) * h
+            work.index[place] = i
+            work.clock[place] = begin + (j // STAGES + NODES[j % STAGES]) * h - run.origin
             place += 1
 
 
 @njit(**OPTIONS)
-def eliminate(system: Array, size: int) -> None:
-    """Solve linear equations, whose right sides are the columns after the first `size`; their
-    solutions take the place of these."""
-    width = system.shape[1]
+def eliminate(system: Array, size: int, width: int) -> None:
+    """Solve linear equations, whose right sides are the columns from the first `size` up to a
+    width; their solutions take the place of these."""
     for c in range(size):
         best, largest = c, abs(system[c, c])
         for r in range(c + 1, size):
@@ -285,7 +346,7 @@ def gauss_step(places: Array, values: Array, h: float, change: Array, system: Ar
     h : float
     change : array, shape (columns, directions)
         Φ before, and after.
-    system : array, shape (STAGES × states, STAGES × states + directions)
+    system : array, shape (STAGES × states, at least STAGES × states + directions)
         Work space.
     """
     columns, directions = change.shape
@@ -305,7 +366,7 @@ def gauss_step(places: Array, values: Array, h: float, change: Array, system: Ar
                 for c in range(columns):
                     total += values[places[r * columns + c], i] * change[c, d]
                 row[size + d] = total
-    eliminate(system, size)
+    eliminate(system, size, size + directions)
     for r in range(n):
         for d in range(directions):
             total = 0.0
@@ -314,54 +375,43 @@ def gauss_step(places: Array, values: Array, h: float, change: Array, system: Ar
             change[r, d] += h * total
 
 
-@njit(**_ALLOCATING)
-def flow_through(
-    listed: Listed, run: Pass, i: int, times: Array, states: Array, system: Array
-) -> None:
-    """The variation after the step from knot i, from that at its beginning.
-
-    Parameters
-    ----------
-    listed : Listed
-    run : Pass
-    i : int
-    times, states : arrays, shapes (nodes,) and (nodes, states)
-        At the nodes of this step.
-    system : array
-        Work space.
-    """
+@njit(**OPTIONS)
+def flow_through(listed: Listed, run: Pass, work: Work, i: int, node: int) -> None:
+    """The variation after the step from knot i, from that at its beginning; `node` is the first of
+    its nodes."""
     change = run.after[i + 1]
     put_matrix(run.after[i], change)
-    length = run.time[i + 1] - run.time[i]
+    length = time_of(run, i + 1) - time_of(run, i)
     if not length > 0.0:
         return
     w = run.piece[i]
     first, moving, last = listed.slopes[w, 0], listed.slopes[w, 1], listed.slopes[w, 2]
     parts = run.parts[i]
     h = length / parts
-    even = len(times) == 0
+    even = nodes_of(listed, run, i) == 0
     for g in range(STAGES):
-        put_point(run, g, run.time[i], run.state[i])
-    perform(listed.made, first, last if even else moving, run.values, STAGES)
+        put_point(work.values, g, time_of(run, i), run.knots.state[i])
+    perform(listed.made, first, last if even else moving, work.values, STAGES)
     if even:
-        repeat(listed.jacobian[w], run.values, h, parts, change)
+        repeat(listed.jacobian[w], work, h, parts, change)
         return
     for part in range(parts):
         for g in range(STAGES):
-            put_point(run, g, times[part * STAGES + g], states[part * STAGES + g])
-        perform(listed.made, moving, last, run.values, STAGES)
-        gauss_step(listed.jacobian[w], run.values, h, change, system)
+            put_point(work.values, g, work.clock[node] + run.origin, work.states[node])
+            node += 1
+        perform(listed.made, moving, last, work.values, STAGES)
+        gauss_step(listed.jacobian[w], work.values, h, change, work.system)
 
 
-@njit(**_ALLOCATING)
-def repeat(places: Array, values: Array, h: float, parts: int, change: Array) -> None:
+@njit(**OPTIONS)
+def repeat(places: Array, work: Work, h: float, parts: int, change: Array) -> None:
     """Many equal steps under one Jacobian: its flow over one of them, squared and multiplied.
 
     Parameters
     ----------
     places : array of int
         Of the Jacobian in the table of values.
-    values : array, shape (places, LANES)
+    work : Work
     h : float
         Length of a step.
     parts : int
@@ -370,19 +420,19 @@ def repeat(places: Array, values: Array, h: float, parts: int, change: Array) ->
         The variation before, and after.
     """
     n = len(change)
-    flow, work, moved = np.zeros((n, n)), np.zeros((n, n)), np.zeros(change.shape)
+    flow, square, moved = work.squares[2], work.squares[3], work.moved
     for r in range(n):
-        flow[r, r] = 1.0
-    system = np.empty((STAGES * n, STAGES * n + n))
-    gauss_step(places, values, h, flow, system)
+        for c in range(n):
+            flow[r, c] = 1.0 if r == c else 0.0
+    gauss_step(places, work.values, h, flow, work.system)
     while parts > 0:
         if parts % 2 == 1:
             put_product(flow, change, moved)
             put_matrix(moved, change)
         parts //= 2
         if parts > 0:
-            put_product(flow, flow, work)
-            put_matrix(work, flow)
+            put_product(flow, flow, square)
+            put_matrix(square, flow)
 
 
 @njit(**OPTIONS)
@@ -408,31 +458,33 @@ def put_matrix(a: Array, out: Array) -> None:
 
 
 @njit(**OPTIONS)
-def guards_at(listed: Listed, run: Pass, w: int, knot: int, out: Leave) -> None:
+def guards_at(listed: Listed, run: Pass, values: Array, w: int, knot: int, out: Leave) -> None:
     """The guards of a piece at a knot.
 
     Parameters
     ----------
     listed : Listed
     run : Pass
+    values : array, shape (places, LANES)
+        Work space.
     w : int
         The piece.
     knot : int
     out : Leave
     """
-    put_point(run, 0, run.time[knot], run.state[knot])
-    perform(listed.made, listed.guards[w, 0], listed.guards[w, 2], run.values, 1)
-    n = run.state.shape[1]
+    put_point(values, 0, time_of(run, knot), run.knots.state[knot])
+    perform(listed.made, listed.guards[w, 0], listed.guards[w, 2], values, 1)
+    n = run.knots.state.shape[1]
     for r in range(n):
-        out.rates[r] = run.values[listed.rates[w, r], 0]
+        out.rates[r] = values[listed.rates[w, r], 0]
     for g in range(listed.falls.shape[1]):
         if listed.switches[w, g] >= 0:
             places = listed.falls[w, g]
-            out.value[g] = run.values[places[0], 0]
-            time = run.values[places[1], 0]
+            out.value[g] = values[places[0], 0]
+            time = values[places[1], 0]
             along, terms = 0.0, 0.0
             for c in range(len(places) - 2):
-                slope = run.values[places[2 + c], 0]
+                slope = values[places[2 + c], 0]
                 out.slopes[g, c] = slope
                 if c < n:
                     along += slope * out.rates[c]
@@ -458,7 +510,7 @@ def fired(listed: Listed, run: Pass, i: int, last: int, here: Leave) -> int:
     left, right = run.piece[i - 1], run.piece[last]
     named = False
     for j in range(i, last + 1):
-        named = named or run.cause[j] >= 0
+        named = named or run.knots.cause[j] >= 0
     best, least = -1, np.inf
     for g in range(listed.switches.shape[1]):
         switch = listed.switches[left, g]
@@ -467,7 +519,7 @@ def fired(listed: Listed, run: Pass, i: int, last: int, here: Leave) -> int:
         meant = False
         if named:
             for j in range(i, last + 1):
-                meant = meant or run.cause[j] == switch
+                meant = meant or run.knots.cause[j] == switch
         else:
             meant = listed.settings[left, switch] != listed.settings[right, switch]
         off = abs(here.value[g]) / (abs(here.fall[g]) + 1e-300)
@@ -514,7 +566,7 @@ def delay(here: Leave, g: int, arrived: Array, d: int) -> float:
     return total
 
 
-@njit(**_KEPT)
+@entry_point(**OPTIONS)
 def jump(here: Leave, g: int, onward: Array, usual: float, change: Array) -> int:
     """The variation after one guard, where the motion goes on with other rates.
 
@@ -551,8 +603,8 @@ def jump(here: Leave, g: int, onward: Array, usual: float, change: Array) -> int
     return PASSED
 
 
-@njit(**_ALLOCATING)
-def pass_event(listed: Listed, run: Pass, i: int, last: int, here: Leave, around: Leave) -> int:
+@njit(**OPTIONS)
+def pass_event(listed: Listed, run: Pass, work: Work, i: int, last: int) -> int:
     """The variation after some events, from that before, which stands at the first of them; says
     what became of it.
 
@@ -560,28 +612,28 @@ def pass_event(listed: Listed, run: Pass, i: int, last: int, here: Leave, around
     ----------
     listed : Listed
     run : Pass
+    work : Work
     i, last : int
         The first and the last knot of the events.
-    here, around : Leave
-        Work space.
     """
     left, right = run.piece[i - 1], run.piece[last]
     guards = listed.switches.shape[1]
-    final = len(run.time) - 1
-    usual = np.zeros(guards)
+    final = len(run.piece) - 1
+    here, around, usual, others = work.here, work.around, work.usual, work.others
+    for g in range(guards):
+        usual[g] = 0.0
     for knot in (i - 1, min(last + 1, final)):
-        guards_at(listed, run, left, knot, around)
+        guards_at(listed, run, work.values, left, knot, around)
         for g in range(guards):
             if listed.switches[left, g] >= 0 and abs(around.fall[g]) < np.inf:
                 usual[g] = max(usual[g], abs(around.fall[g]))
-    guards_at(listed, run, right, i, around)
-    guards_at(listed, run, left, i, here)
+    guards_at(listed, run, work.values, right, i, around)
+    guards_at(listed, run, work.values, left, i, here)
     g = fired(listed, run, i, last, here)
     run.event[MEETING] = 1
     if g < 0:
         return UNEXPLAINED
-    together = TOGETHER * (run.time[final] - run.time[0])
-    others = np.zeros(guards, np.int64)
+    together = TOGETHER * (time_of(run, final) - time_of(run, 0))
     count = 0
     run.event[MET] = listed.switches[left, g]
     for j in range(guards):
@@ -599,48 +651,53 @@ def pass_event(listed: Listed, run: Pass, i: int, last: int, here: Leave, around
     return jump(here, g, around.rates, max(usual[g], here.terms[g]), change)
 
 
-@njit(**_ALLOCATING)
-def vary(listed: Listed, run: Pass, times: Array, states: Array, start: int) -> int:
+@entry_point(**OPTIONS)
+def vary(machine: Machine, flow: Flow, listed: Listed, run: Pass, work: Work, start: int) -> int:
     """The variation along a motion, from a knot on, at which it is known.
 
     Parameters
     ----------
+    machine : Machine
+    flow : Flow
+        Tolerances with which the motion is followed again between its knots.
     listed : Listed
     run : Pass
-    times, states : arrays, shapes (nodes,) and (nodes, states)
-        At all nodes; see :func:`place_nodes`.
+    work : Work
     start : int
-        Knot.
+        Knot. From the first one on, states are computed at the nodes.
 
     Returns
     -------
     int
         `PASSED`; or `CORNER` where guards meet that do not meet for neighbours (the caller has to
-        say what comes after it, and to go on from there), or `UNEXPLAINED` where no guard has
-        fired.
+        say what comes after it, and to go on from there), `UNEXPLAINED` where no guard has fired,
+        or `CROWDED` with the number of nodes for which there has to be room as the event.
     """
-    knots, columns, directions = run.after.shape
-    n = run.state.shape[1]
-    system = np.empty((STAGES * n, STAGES * n + directions))
-    here = room_to_leave(n, listed.switches.shape[1], columns)
-    around = room_to_leave(n, listed.switches.shape[1], columns)
-    together = TOGETHER * (run.time[knots - 1] - run.time[0])
+    if start == 0:
+        nodes = resolve_steps(listed, run, work)
+        if nodes > len(work.index):
+            run.event[BEGINS] = nodes
+            return CROWDED
+        place_nodes(listed, run, work)
+        index, clock = work.index[:nodes], work.clock[:nodes]
+        states_at(machine, flow, run.seen, run.knots, index, clock, work.between, work.states)
+    knots = len(run.piece)
+    together = TOGETHER * (time_of(run, knots - 1) - time_of(run, 0))
     node = 0
     i = 0
     while i < knots - 1:
-        after = node + nodes_of(listed, run, i)
         if i >= start:
-            flow_through(listed, run, i, times[node:after], states[node:after], system)
-        node = after
+            flow_through(listed, run, work, i, node)
+        node += nodes_of(listed, run, i)
         i += 1
         if i <= start:
             continue
         last = i
         if run.piece[i] != run.piece[i - 1]:
-            while last + 2 < knots and run.time[last + 1] - run.time[i] <= 1e-3 * together:
+            while last + 2 < knots and time_of(run, last + 1) - time_of(run, i) <= 1e-3 * together:
                 last += 1
             run.event[BEGINS], run.event[ENDS] = i, last
-            code = pass_event(listed, run, i, last, here, around)
+            code = pass_event(listed, run, work, i, last)
             if code in (CORNER, UNEXPLAINED):
                 return code
             run.outcome[i] = code
@@ -649,10 +706,3 @@ def vary(listed: Listed, run: Pass, times: Array, states: Array, start: int) -> 
             node += nodes_of(listed, run, j)
         i = last
     return PASSED
-
-
-@njit(**_ALLOCATING)
-def room_to_leave(states: int, guards: int, columns: int) -> Leave:
-    """Room for what is said of a point."""
-    slopes = np.zeros((guards, columns))
-    return Leave(np.zeros(states), np.zeros(guards), slopes, np.zeros(guards), np.zeros(guards))
