@@ -14,10 +14,12 @@ from stickslip.motion.engine.forms import AFFINE, ClosedForms
 from stickslip.motion.problem import Problem
 from stickslip.motion.steps.arrays import (
     CAUSE,
+    EMPTY_WORD,
     FULL,
     NEED,
     NONE_YET,
     STEPS,
+    WORD,
     Constants,
     Lane,
     Record,
@@ -79,6 +81,7 @@ class Lanes:
         contacts, kinks = len(problem.rows.u), len(problem.rows.kinks)
         counters = np.zeros((lanes, 6), np.int64)
         counters[:, CAUSE] = -1
+        counters[:, WORD] = EMPTY_WORD
         now = Lane(
             clock=np.tile([t, 0.0, t, end - t, 0.0, 1.0, -WATCHED, 0.0, t], (lanes, 1)),
             y=np.array(states, dtype=float),

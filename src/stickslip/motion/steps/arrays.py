@@ -75,6 +75,7 @@ DOUBTED, SLIPPING, TOWARDS = range(3)
 # Slots of Lane.clock, and of Lane.counters: see there.
 NOW, LAST, LONG_AGO, SPAN, RECENT, UNIT, IMPLICIT, SERIES, SINCE = range(9)
 HAPPENED, SWITCHES, CAUSE, CROSSED, TAKEN, WORD = range(6)
+EMPTY_WORD = 1  # of a motion that has been in no mode yet
 
 # The loops allocate nothing and own no array, so that no reference has to be counted (half of the
 # time, where views of arrays are as many as here).
@@ -225,10 +226,11 @@ class Lane(NamedTuple):
     ----------
     clock : array
         By slots: `NOW`, the time; `LAST`, the last step; `LONG_AGO`, when an event was many events
-        ago; `SPAN`, the time it may last; `RECENT`, the length of recent steps (events that coincide
-        up to rounding make steps of no length); `UNIT`, the unit of time of the Taylor coefficients;
-        `IMPLICIT`, the length of the next implicit step (negative: steps until one is tried);
-        `SERIES`, the step that a series would have been good for; `SINCE`, the last event.
+        ago; `SPAN`, the time it may last; `RECENT`, the length of recent steps (events that
+        coincide up to rounding make steps of no length); `UNIT`, the unit of time of the Taylor
+        coefficients; `IMPLICIT`, the length of the next implicit step (negative: steps until one is
+        tried); `SERIES`, the step that a series would have been good for; `SINCE`, the last
+        event.
     y : array
         State.
     seen : array

@@ -190,7 +190,7 @@ class Block:
     ----------
     lanes, twins : Lanes
         The motions, and others that start close to them (with the same closed forms).
-    marks, rules, saved, found
+    marks, rules, saved, found, settling
         See :mod:`stickslip.orbits.settling.engine.tables`.
     excess : array, shape (points,)
         By how much initial states violate |∂Φ| ≤ s; where they do, there is no motion.
@@ -239,14 +239,18 @@ class Block:
             if known is None
             else np.full(count, known.period)
         )
-        self.marks: Marks = make_marks(
-            drive, _RINGS * settings.longest_cycle + 1, n, home, before
-        )
+        self.marks: Marks = make_marks(drive, _RINGS * settings.longest_cycle + 1, n, home, before)
         if known is not None:
             self.marks.frame[:] = known.frame
         self.found: Found = make_found(count, n, len(problem.rows.u))
         values = dict(zip(problem.system.parameters, table.T, strict=True))
         self.excess: Array = excess(problem.compiled.equations, values, states, problem.origin)
+        self.settling: tuple[Marks, Rules, Lane, Bench] = (
+            self.marks,
+            self.rules,
+            self.saved,
+            make_bench(problem, _ROOM),
+        )
         self.marks.outcome[self.excess > 0.0] = Outcome.OUTSIDE.code
         self.marks.numbers[self.excess > 0.0, PHASE] = DONE
         self.lanes.codes[self.excess > 0.0] = Outcome.OUTSIDE.code
@@ -308,7 +312,7 @@ class Block:
                 raise Stopped
             if np.any(phase == PROVING):
                 where.ask()
-                self.prover.prove(self.lanes, marks, self.saved)
+                self.prover.prove(self.lanes, self.engine(self.lanes), self.settling, stop)
                 where.answer()
 
     def _name_rest(self) -> None:
@@ -326,34 +330,27 @@ class Here:
     """The compiled loops on this processor."""
 
     def __init__(self, block: Block, stop: Array) -> None:
-        bench = make_bench(block.problem, _ROOM)
         self.block = block
         self.engine: Engine = block.engine(block.lanes)
-        self.settling: tuple[Marks, Rules, Lane, Bench] = (
-            block.marks,
-            block.rules,
-            block.saved,
-            bench,
-        )
         self.stop = stop
 
     def settle(self) -> None:
         """Settle only."""
-        settling.settle_all(self.engine, *self.settling, self.stop)
+        settling.settle_all(self.engine, *self.block.settling, self.stop)
         phase = self.block.marks.numbers[:, PHASE]
         phase[phase == MEASURING] = DONE
 
     def advance(self) -> None:
         """Measure what has settled, settle the rest."""
-        measuring.measure_all(self.engine, *self.settling, self.block.found, self.stop)
-        settling.settle_all(self.engine, *self.settling, self.stop)
+        measuring.measure_all(self.engine, *self.block.settling, self.block.found, self.stop)
+        settling.settle_all(self.engine, *self.block.settling, self.stop)
 
     def grow_apart(self) -> None:
         """Measure exponents."""
         from stickslip.orbits.settling.engine import exponents
 
         twins = self.block.engine(self.block.twins)
-        exponents.grow_all(self.engine, twins, *self.settling, self.block.found, self.stop)
+        exponents.grow_all(self.engine, twins, *self.block.settling, self.block.found, self.stop)
 
     def ask(self) -> None:
         """Everything is here."""

@@ -26,11 +26,13 @@ from stickslip.motion.engine.forms import AFFINE, GUARDS
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.steps.arrays import NOW
 from stickslip.orbits.fields.mode_field import Pieces
+from stickslip.orbits.settling.attraction import attracted
 from stickslip.orbits.settling.engine.tables import (
     ASK,
     COUNT,
     DURATION,
     FLOOR,
+    LEAPT,
     MEASURING,
     OPEN,
     PATIENT,
@@ -45,7 +47,7 @@ if TYPE_CHECKING:
     from stickslip.motion.ensemble import Lanes
     from stickslip.motion.problem import Problem
     from stickslip.motion.steps.arrays import Lane
-    from stickslip.orbits.settling.engine.tables import Marks, Rules
+    from stickslip.orbits.settling.engine.tables import Bench, Engine, Marks, Rules
 
 
 _AT_REST = Outcome.AT_REST.code
@@ -110,9 +112,28 @@ class Prover:
         )
         return acting.reshape(-1, frequencies)[which.reshape(-1)]
 
-    def prove(self, lanes: Lanes, marks: Marks, saved: Lane) -> None:
-        """Decide all motions that ask: they are measured next, or go on."""
+    def prove(
+        self,
+        lanes: Lanes,
+        engine: Engine,
+        settling: tuple[Marks, Rules, Lane, Bench],
+        stop: Array,
+    ) -> None:
+        """Decide all motions that ask: they are measured next, or go on.
+
+        Parameters
+        ----------
+        lanes : Lanes
+        engine : Engine
+            Their compiled loop.
+        settling : Marks, Rules, Lane and Bench
+        stop : array, shape (1,)
+        """
+        marks, _, saved, _ = settling
+        self._take_back(engine, settling, stop)
         index = np.flatnonzero(marks.numbers[:, PHASE] == PROVING)
+        if len(index) == 0:
+            return
         asked = marks.outcome[index]
         outcome = np.full(len(index), _NOTHING)
         waves = [self.waves(int(i), marks, saved) for i in index]
@@ -120,7 +141,7 @@ class Prover:
         fits = np.array(
             [repeats(found, float(period)) for found, period in zip(waves, periods, strict=True)]
         )
-        cycles = fits & (asked == _PERIODIC)
+        cycles = (asked == _PERIODIC) & (fits | (not self.rules.timed))
         outcome[cycles] = _PERIODIC
         open_ = np.flatnonzero((asked != _PERIODIC) & [found is not None for found in waves])
         if len(open_):
@@ -143,6 +164,7 @@ class Prover:
                         outcome[i] = asked[i]
         done = index[outcome != _NOTHING]
         late = index[outcome == _NOTHING]
+        leapt = marks.numbers[late, LEAPT] > 0
         marks.outcome[index] = outcome
         marks.numbers[done, PHASE] = MEASURING
         marks.numbers[late, PHASE] = SETTLING
@@ -157,8 +179,23 @@ class Prover:
             _LATER * (t[late] - self.rules.real[0]), real[late, DURATION]
         )
         real[late, PATIENT] = np.inf
+        marks.numbers[done, LEAPT] = 0
+        marks.numbers[late[leapt], LEAPT] = -1
         for part, kept in zip(lanes.now, saved, strict=True):
             part[late] = kept[late]
+
+    def _take_back(
+        self, engine: Engine, settling: tuple[Marks, Rules, Lane, Bench], stop: Array
+    ) -> None:
+        """Let motions go on by themselves that do not come to where they were carried by hand."""
+        marks = settling[0]
+        claimed = (marks.numbers[:, PHASE] == PROVING) & (marks.numbers[:, LEAPT] > 0)
+        if not np.any(claimed):
+            return
+        comes = attracted(self.problem, self.pieces, self.table, engine, settling, stop)
+        marks.outcome[claimed & ~comes] = _NOTHING
+        marks.numbers[claimed & ~comes, PHASE] = SETTLING
+        marks.numbers[claimed & ~comes, LEAPT] = -1
 
     def waves(self, i: int, marks: Marks, saved: Lane) -> frozenset[float] | None:
         """Frequencies of all that time does to a motion from now on; None if that is more than

@@ -137,14 +137,23 @@ class OnDevice:
         block = self.block
         marks = self.block.marks
         there = self.marks
-        here = marks.outcome, marks.real, marks.size, block.saved, block.lanes.now, marks.numbers
+        here = (
+            marks.outcome,
+            marks.real,
+            marks.size,
+            marks.home,
+            marks.numbers,
+            block.saved,
+            block.lanes.now,
+        )
         return here, (
             there.outcome,
             there.real,
             there.size,
+            there.home,
+            there.numbers,
             self.saved,
             self.engine.lanes,
-            there.numbers,
         )
 
     def ask(self) -> None:

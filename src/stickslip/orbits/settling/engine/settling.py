@@ -34,6 +34,7 @@ from stickslip.motion.engine.roots import horner
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.steps.arrays import (
     CAUSE,
+    EMPTY_WORD,
     FINISHED,
     FULL,
     HAPPENED,
@@ -118,7 +119,6 @@ UNRECORDED = cast(bool, np.bool_(False))
 _GO_ON = 0  # what is done after a mark
 _CARRIED = 1
 _SETTLED = 2
-NO_MODE = 1  # word of a motion that has been in no mode since its last mark
 _BEGUN = -8  # kind of the marks at which the modes of a motion begin to be followed as a whole
 _KEPT = 3  # returns before, that are kept then
 # first periods of a drive in which a look between marks sees what vanishes at them
@@ -399,7 +399,7 @@ def put_mark(
             lanes.clock[i, LONG_AGO] = lanes.clock[i, LONG_AGO] - (t - rules.real[0])
             lanes.clock[i, SINCE] = lanes.clock[i, SINCE] - (t - rules.real[0])
         remember(m, i, 0, word, lanes.clock[i, NOW], y)
-    elif happened and word != NO_MODE:
+    elif happened and word != EMPTY_WORD:
         ring = m.time.shape[1]
         last = (numbers[COUNT] - 1) % ring
         numbers[EVENTLESS] = 0
@@ -408,13 +408,13 @@ def put_mark(
                 before = (last - j) % ring
                 if m.kind[i, before] == _BEGUN:
                     m.kind[i, before] = m.word[i, before] = word
-            if m.kind[i, last] != word:
+            if m.kind[i, last] != word and numbers[LEAPT] == 0:
                 numbers[STRIDE] = 0
         remember(m, i, word, word, t, y)
         m.events[i, (numbers[COUNT] - 1) % ring] = lanes.counters[i, HAPPENED]
     else:
         return False
-    lanes.counters[i, WORD] = NO_MODE
+    lanes.counters[i, WORD] = EMPTY_WORD
     copy_lane(lanes, i, saved, i)
     return True
 
@@ -481,6 +481,8 @@ def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
     drive = m.drive[i]
     if drive > 0.0 and t > m.time[i, (numbers[COUNT] - 1) % m.time.shape[1]]:
         return _GO_ON  # between two marks
+    if numbers[LEAPT] != 0 and drive <= 0.0 and is_lost(m, rules, i, t):
+        return take_back(m, s, saved, i)
     calm = s.counters[i, HAPPENED] == numbers[EVENTS] and numbers[LEAPT] == 0
     numbers[EVENTS] = s.counters[i, HAPPENED]
     # A contact without friction reverses again and again while everything dies out.
@@ -500,6 +502,16 @@ def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
     m.outcome[i] = equilibrium(s.mode[i]) if faded else _NOTHING_YET
     numbers[PHASE] = PROVING
     return _SETTLED
+
+
+@njit(**INLINED)
+def is_lost(m: Marks, rules: Rules, i: int, t: float) -> bool:
+    """Whether a motion that is carried on by hand does not return: it may have been taken to where
+    it comes to rest."""
+    ring = m.time.shape[1]
+    last = m.numbers[i, COUNT] - 1
+    period = m.time[i, last % ring] - m.time[i, (last - m.numbers[i, LAG]) % ring]
+    return t - m.time[i, last % ring] > 2.0 * max(period, rules.real[2])
 
 
 @njit(**OPTIONS)
